@@ -2,21 +2,25 @@
 //!
 //! How the variance of a pixel's mean falls with the number n of its samples depends on the integrand ([`Integrand`]):
 //!
-//! - Where a sample is a function of its film position, as with edges and textures, samples are stratified. They are kept in groups
-//!   ([`SampleGroups`]), each a stretch of the pixel's sequence whose length is a power of two, and so as evenly distributed over
-//!   the pixel as the sequence guarantees. The variance between the groups' values thus includes the stratification within a group,
-//!   which the variance of single samples does not. Among the groups, the variance of the mean falls as n^(-3/2) (Mitchell,
-//!   Consequences of Stratified Sampling in Graphics, SIGGRAPH 1996, section 3), and that of scrambled Sobol points does, too. Where
-//!   a pixel holds more detail than samples, the error is underestimated by a factor of up to 1.7.
-//! - Where it also depends on random numbers, as with ambient occlusion, soft shadows and paths, nothing but 1/n is certain: the
-//!   variance is that of single samples over n ([`random_variance`]). Stratification makes the error smaller than this.
+//! - Where a sample is a function of its film position, as with edges and textures, samples are stratified. They are
+//!   kept in groups ([`SampleGroups`]), each a stretch of the pixel's sequence whose length is a power of two, and so
+//!   as evenly distributed over the pixel as the sequence guarantees. The variance between the groups' values thus
+//!   includes the stratification within a group, which the variance of single samples does not. Among the groups, the
+//!   variance of the mean falls as n^(-3/2) (Mitchell, Consequences of Stratified Sampling in Graphics, SIGGRAPH 1996,
+//!   section 3), and that of scrambled Sobol points does, too. Where a pixel holds more detail than samples, the error
+//!   is underestimated by a factor of up to 1.7.
+//! - Where it also depends on random numbers, as with ambient occlusion, soft shadows and paths, nothing but 1/n is
+//!   certain: the variance is that of single samples over n, which bounds it from above, pooled with that of the groups
+//!   over their count ([`random_variance`]).
 //!
-//! What no sample has shown has no variance. Three terms bound it, from the first samples of the pixel and the eight around it
-//! ([`FirstSamples`]): their deviation, for features that may pass through the pixel unseen ([`missed_variance`]); their variance, to
-//! which that of few samples is pooled; and their number, for events that are too rare to have been seen ([`unseen_variance`]).
+//! What no sample has shown has no variance. Three terms bound it, from the first samples of the pixel and the eight
+//! around it ([`FirstSamples`]): their deviation, for features that may pass through the pixel unseen
+//! ([`missed_variance`]); their variance, to which that of few samples is pooled; and their number, for events that are
+//! too rare to have been seen ([`unseen_variance`]).
 //!
-//! First samples are taken for every pixel of the tile and its apron ([`super::region::SampledRegion`]), and nothing else is read
-//! from a neighbour. So the result depends on the pixel's place and the settings, not on which other pixels are rendered.
+//! First samples are taken for every pixel of the tile and its apron ([`super::region::SampledRegion`]), and nothing
+//! else is read from a neighbour. So the result depends on the pixel's place and the settings, not on which other
+//! pixels are rendered.
 
 use glam::{DVec3, Vec4};
 
@@ -109,8 +113,9 @@ impl SampleGroups {
         self.power += 1;
     }
 
-    /// The variance of the mean of all samples, per channel, where the groups are stratified; infinite for fewer than two groups.
-    /// `mean` is the mean of the samples without their signs, `mean_sign` the expected sign ([`crate::film::Filter::mean_sign`]).
+    /// The variance of the mean of all samples, per channel, where the groups are stratified; infinite for fewer than
+    /// two groups. `mean` is the mean of the samples without their signs, `mean_sign` the expected sign
+    /// ([`crate::film::Filter::mean_sign`]).
     pub fn variance(&self, mean: DVec3, mean_sign: f64) -> DVec3 {
         // Independent groups would give the groups' variance over their count; stratified ones give its power 3/2.
         self.independent_variance(mean, mean_sign) / f64::from(self.full()).sqrt()
@@ -165,7 +170,8 @@ pub struct Neighbourhood {
 }
 
 impl FirstSamples {
-    /// What the first samples of the pixels `near` say of this pixel. `near` includes it. Pixels that are not finite are left out.
+    /// What the first samples of the pixels `near` say of this pixel. `near` includes it. Pixels that are not finite
+    /// are left out.
     #[inline(always)]
     pub fn neighbourhood<'a>(&self, near: impl IntoIterator<Item = &'a FirstSamples>) -> Neighbourhood {
         let (mut deviation, mut variance, mut count) = (Vec4::ZERO, Vec4::ZERO, 0u32);
@@ -187,23 +193,25 @@ impl FirstSamples {
     }
 }
 
-/// The weight of the neighbourhood's variance in [`random_variance`], in samples: that of the eight neighbours, one sample each.
+/// The weight of the neighbourhood's variance in [`random_variance`], in samples: that of the eight neighbours, one
+/// sample each.
 const PRIOR_SAMPLES: f64 = 8.0;
 
 /// The weight in [`random_variance`] of samples that are not stratified, in groups: half of all groups.
 const PRIOR_GROUPS: f64 = 4.0;
 
-/// The variance of the mean of a pixel's samples of [`Integrand::Random`], per channel; infinite for one sample. `around` is the
-/// variance of a sample in the neighbourhood, `mean_sign` the expected sign of the filter's weights.
+/// The variance of the mean of a pixel's samples of [`Integrand::Random`], per channel; infinite for one sample.
+/// `around` is the variance of a sample in the neighbourhood, `mean_sign` the expected sign of the filter's weights.
 ///
-/// The variance of few samples is often far too low: that of four rays to a light of which a tenth is visible is 0 in two of
-/// three pixels. It is pooled with that around, as the mean of a posterior with a conjugate prior (Gelman and others, Bayesian
-/// Data Analysis, 3rd edition, section 2.6). The larger of the own and the pooled variance counts, because an underestimate ends
-/// the pixel and an overestimate is corrected by further samples.
+/// The variance of few samples is often far too low: that of four rays to a light of which a tenth is visible is 0 in
+/// two of three pixels. It is pooled with that around, as the mean of a posterior with a conjugate prior (Gelman and
+/// others, Bayesian Data Analysis, 3rd edition, section 2.6). The larger of the own and the pooled variance counts,
+/// because an underestimate ends the pixel and an overestimate is corrected by further samples.
 ///
-/// Stratification shows in the groups: their variance over their count has the mean of the true variance or a larger one, as
-/// the samples of a group are stratified and two groups are no less alike than independent ones. It is that of eight numbers at
-/// most, so it is pooled in turn, with the variance of samples that are not stratified, which bounds it from above.
+/// Stratification shows in the groups: their variance over their count has the mean of the true variance or a larger
+/// one, as the samples of a group are stratified and two groups are no less alike than independent ones. It is that of
+/// eight numbers at most, so it is pooled in turn, with the variance of samples that are not stratified, which bounds
+/// it from above.
 pub fn random_variance(
     (samples, groups): (&SampleVariance, &SampleGroups),
     around: Vec4,
@@ -223,12 +231,13 @@ pub fn random_variance(
     (between * degrees + random * PRIOR_GROUPS) / (degrees + PRIOR_GROUPS)
 }
 
-/// The variance of a pixel's value from events that none of `observed` samples of the pixel and its neighbours has shown.
+/// The variance of a pixel's value from events that none of `observed` samples of the pixel and its neighbours has
+/// shown.
 ///
-/// The probability of an event that has not happened in n samples is taken to be 1 / (2 (n + 1)), its posterior mean by Jeffreys'
-/// prior, the beta distribution of parameters 1/2 and 1/2 (Gelman and others, Bayesian Data Analysis, 3rd edition, section 2.8).
-/// Such an event may add or remove as much light as is displayed as white, `white`. In bright pixels this is no longer visible
-/// after a few samples, in black ones after hundreds.
+/// The probability of an event that has not happened in n samples is taken to be 1 / (2 (n + 1)), its posterior mean by
+/// Jeffreys' prior, the beta distribution of parameters 1/2 and 1/2 (Gelman and others, Bayesian Data Analysis, 3rd
+/// edition, section 2.8). Such an event may add or remove as much light as is displayed as white, `white`. In bright
+/// pixels this is no longer visible after a few samples, in black ones after hundreds.
 pub fn unseen_variance(white: f64, observed: u32) -> f64 {
     (white / (2.0 * (f64::from(observed) + 1.0))).powi(2)
 }
@@ -250,9 +259,9 @@ pub fn missed_variance(around: Vec4, taken: u32) -> DVec3 {
     around.truncate().as_dvec3() * (WEIGHT / f64::from(taken).powi(3))
 }
 
-/// The standard error of the displayed value, 1 being white: the larger of the differences to the values displayed for one standard
-/// error above and one below `value`, the largest of the three channels. `displayed` gives display values, 0 to 1. Half the
-/// difference of the two would count for half where one of them is clipped, as in black pixels.
+/// The standard error of the displayed value, 1 being white: the larger of the differences to the values displayed for
+/// one standard error above and one below `value`, the largest of the three channels. `displayed` gives display values,
+/// 0 to 1. Half the difference of the two would count for half where one of them is clipped, as in black pixels.
 pub fn displayed_error(value: DVec3, error: DVec3, displayed: impl Fn(DVec3) -> DVec3) -> f64 {
     let middle = displayed(value);
     let differences = [displayed(value + error) - middle, displayed(value - error) - middle];

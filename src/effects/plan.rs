@@ -180,8 +180,8 @@ impl Plan {
         primary_rays::PrimaryRays.run(tile, context);
     }
 
-    /// Renders a tile. Returns the number of samples that each pixel takes, and their variance. Calls `after_pass` each time the
-    /// stages have run.
+    /// Renders a tile. Returns the number of samples that each pixel takes, and their variance. Calls `after_pass` each
+    /// time the stages have run.
     pub fn sample_statistics(
         &self,
         tile: &mut Tile,

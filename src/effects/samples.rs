@@ -252,7 +252,8 @@ impl TileSamples {
         })
     }
 
-    /// Adds the colours of the pass's rays to their pixels, and their coverage, which is empty without an alpha channel.
+    /// Adds the colours of the pass's rays to their pixels, and their coverage, which is empty without an alpha
+    /// channel.
     pub fn add(&mut self, colours: &[[f32; 3]], coverage: &[f32]) {
         let TileSamples { pass, sums, coverage: covered, variances, .. } = self;
         if let Some(variances) = variances {
@@ -316,8 +317,8 @@ impl TileSamples {
         self.round.1
     }
 
-    /// Begins another round, up to `end` samples, for those of the tile's own live pixels that `keep` accepts by the sum of their
-    /// samples and that of the coverage of these.
+    /// Begins another round, up to `end` samples, for those of the tile's own live pixels that `keep` accepts by the
+    /// sum of their samples and that of the coverage of these.
     pub fn start_round(&mut self, end: u32, keep: impl Fn(usize, &SampleSum, Option<&SampleSum>) -> bool) {
         let TileSamples { live, sums, coverage, region, .. } = self;
         live.retain(|&pixel| {

@@ -73,7 +73,8 @@ pub struct Tile {
     /// The colours of the pixels, row by row from the top. While an effect takes several samples: the colours of the rays of
     /// generation 0.
     pub pixels: Vec<[f32; 3]>,
-    /// For each camera ray, then for each pixel, the part of it that surfaces cover; `None` for pictures without an alpha channel.
+    /// For each camera ray, then for each pixel, the part of it that surfaces cover; `None` for pictures without an
+    /// alpha channel.
     pub coverage: Option<Vec<f32>>,
     /// Whether the stages have to run again, for further samples.
     pub needs_more_samples: bool,
@@ -89,8 +90,8 @@ pub struct Tile {
     pub shading: Box<Scratch>,
     /// For each object, whether a primary ray has hit it.
     pub visible_objects: Vec<bool>,
-    /// For each camera ray, albedo and shading normal of the first surface of its path that is neither a smooth mirror nor clear
-    /// glass; empty without paths, `None` where nothing reads it.
+    /// For each camera ray, albedo and shading normal of the first surface of its path that is neither a smooth mirror
+    /// nor clear glass; empty without paths, `None` where nothing reads it.
     pub scattering: Option<Vec<Option<[[f32; 3]; 2]>>>,
     /// Samples of light that were left out because they were not finite numbers.
     pub discarded_samples: u64,

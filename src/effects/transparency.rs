@@ -281,8 +281,8 @@ impl Layers {
         }
     }
 
-    /// Blends the pixels of a layer under those before it. `covered` is 1 where they show a surface, and empty without an alpha
-    /// channel.
+    /// Blends the pixels of a layer under those before it. `covered` is 1 where they show a surface, and empty without
+    /// an alpha channel.
     fn blend(&mut self, pixels: &[[f32; 3]], covered: &[f32]) {
         let Layers { opacity, transmittance, colour, coverage, .. } = self;
         let weights = transmittance.iter().zip(&*opacity).map(|(left, alpha)| left * alpha);

@@ -31,8 +31,8 @@ impl SampleVariance {
         self.mean
     }
 
-    /// Their unbiased variance: the sum of squared deviations over the count less 1. `None` for one sample, which says nothing
-    /// of it.
+    /// Their unbiased variance: the sum of squared deviations over the count less 1. `None` for one sample, which says
+    /// nothing of it.
     pub fn unbiased(&self) -> Option<DVec3> {
         (self.count > 1).then(|| self.squares / f64::from(self.count - 1))
     }

@@ -61,8 +61,8 @@ pub enum OutputImage {
 }
 
 impl OutputImage {
-    /// The display values of a picture on a black background with alpha, row by row from the top, by which its colours are divided.
-    /// `display` is called with these.
+    /// The display values of a picture on a black background with alpha, row by row from the top, by which its colours
+    /// are divided. `display` is called with these.
     ///
     /// # Errors
     /// As those of [`Film::new`].

@@ -202,15 +202,15 @@ impl RenderJob {
         Ok((film.developed(self.pipeline(), transform)?, statistics))
     }
 
-    /// The display transform that adaptive sampling compares by. An automatic exposure is that of the first samples once
-    /// [`RenderJob::render`] has metered them, and 0 EV before.
+    /// The display transform that adaptive sampling compares by. An automatic exposure is that of the first samples
+    /// once [`RenderJob::render`] has metered them, and 0 EV before.
     fn sampling_display(&self) -> DisplayTransform {
         let display = self.display.in_pipeline(self.pipeline());
         display.transform(self.sampling_exposure.get().copied().unwrap_or(0.0))
     }
 
-    /// Meters the exposure that adaptive sampling compares at, where it is automatic and not yet known: that of the whole
-    /// picture with as many samples a pixel as each takes at least. Returns the statistics of that picture.
+    /// Meters the exposure that adaptive sampling compares at, where it is automatic and not yet known: that of the
+    /// whole picture with as many samples a pixel as each takes at least. Returns the statistics of that picture.
     fn meter_for_sampling(&self, control: &RenderControl) -> Result<Option<Statistics>> {
         let display = self.display.in_pipeline(self.pipeline());
         if !display.is_auto() || !self.plan.is_adaptive() || self.sampling_exposure.get().is_some() {

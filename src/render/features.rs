@@ -1,5 +1,5 @@
-//! Albedo and shading normal of a tile's pixels, for denoisers: means over the samples of a pixel, with the picture's filter,
-//! textures and normal maps.
+//! Albedo and shading normal of a tile's pixels, for denoisers: means over the samples of a pixel, with the picture's
+//! filter, textures and normal maps.
 
 use crate::effects::samples::{SampleSum, TileSamples};
 use crate::effects::tile::{RenderContext, Tile};
@@ -13,7 +13,8 @@ use crate::world::World;
 pub(super) struct Features {
     /// Albedo and normal of the first surface; 0 for the background.
     pub first: [[f32; 3]; 2],
-    /// The same of the first surface of a path that is neither a smooth mirror nor clear glass. Local shading has neither.
+    /// The same of the first surface of a path that is neither a smooth mirror nor clear glass. Local shading has
+    /// neither.
     pub behind_mirrors: [[f32; 3]; 2],
 }
 
@@ -24,8 +25,8 @@ impl Features {
     }
 }
 
-/// The plan that gives the features of a picture, where it is not the picture's own: without light, which decides the samples of
-/// adaptive sampling and the paths behind mirrors.
+/// The plan that gives the features of a picture, where it is not the picture's own: without light, which decides the
+/// samples of adaptive sampling and the paths behind mirrors.
 pub(super) fn plan_without_light(plan: &Plan, world: &World, has_mirrors: bool) -> Option<Plan> {
     let is_needed = [id::TEXTURES, id::NORMAL_MAPS, id::ALPHA, id::ANTIALIASING];
     let decides = plan.is_adaptive() || has_mirrors && plan.effects_on().any(|effect| effect == id::PATH);

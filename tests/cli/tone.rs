@@ -136,8 +136,9 @@ fn colour_and_alpha(workshop: &Workshop, name: &str) -> Vec<[f32; 2]> {
     colour.iter().zip(alpha).map(|(&colour, &alpha)| [colour, alpha]).collect()
 }
 
-/// Colour and alpha come from the same samples, also where their number differs from pixel to pixel: without light, the colour is
-/// the material's times alpha. Both are sums of f64 rounded to f32, so that they differ by two such roundings.
+/// Colour and alpha come from the same samples, also where their number differs from pixel to pixel: without light, the
+/// colour is the material's times alpha. Both are sums of f64 rounded to f32, so that they differ by two such
+/// roundings.
 #[test]
 fn colour_and_alpha_are_of_the_same_samples() {
     let workshop = Workshop::new();
@@ -157,8 +158,8 @@ fn colour_and_alpha_are_of_the_same_samples() {
         }
         assert!(pixels.iter().any(|&[_, alpha]| alpha > 0.1 && alpha < 0.9), "{options}");
     }
-    // A dark ball shows no noise of its own, its silhouette does: beside a light background. Fewer than 1 % of the pixels are off
-    // by more than three times the level, none by more than ten times.
+    // A dark ball shows no noise of its own, its silhouette does: beside a light background. Fewer than 1 % of the
+    // pixels are off by more than three times the level, none by more than ten times.
     let (noisy, limit) = (render("--noise 0.02 --samples 1024"), render("--samples 4096"));
     let off: Vec<f32> = noisy.iter().zip(&limit).map(|(a, b)| (a[1] - b[1]).abs()).collect();
     let beyond = |level: f32| off.iter().filter(|&&off| off > level).count();

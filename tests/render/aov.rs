@@ -119,8 +119,8 @@ fn values_are_those_of_the_rays() {
     }
 }
 
-/// Albedo is the picture without light on a black background: its textures, filter and samples. So are the denoising AOVs, where
-/// nothing mirrors.
+/// Albedo is the picture without light on a black background: its textures, filter and samples. So are the denoising
+/// AOVs, where nothing mirrors.
 #[test]
 fn albedo_is_the_picture_without_light() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -143,9 +143,9 @@ fn albedo_is_the_picture_without_light() {
     }
 }
 
-/// A quarter of each pixel shows a square whose normal map tilts its normal (0, 0, 1) by a known angle: red 204 of 255 is 0.6,
-/// blue 230 is 0.804, so that the unit normal is (0.598, 0.0039, 0.801) up to the sign that the texture's axes give. Its mean
-/// over the pixel is a quarter of that.
+/// A quarter of each pixel shows a square whose normal map tilts its normal (0, 0, 1) by a known angle: red 204 of 255
+/// is 0.6, blue 230 is 0.804, so that the unit normal is (0.598, 0.0039, 0.801) up to the sign that the texture's axes
+/// give. Its mean over the pixel is a quarter of that.
 #[test]
 fn normals_are_those_of_normal_maps_and_filtered() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -182,8 +182,8 @@ fn normals_are_those_of_normal_maps_and_filtered() {
     }
 }
 
-/// A smooth mirror at 45 degrees shows a red wall to its side, a pane of clear glass a blue one behind it: denoising AOVs are
-/// those of the walls, the others those of mirror and glass.
+/// A smooth mirror at 45 degrees shows a red wall to its side, a pane of clear glass a blue one behind it: denoising
+/// AOVs are those of the walls, the others those of mirror and glass.
 #[test]
 fn denoising_aovs_are_of_what_mirrors_and_glass_show() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -230,8 +230,8 @@ fn denoising_aovs_are_of_what_mirrors_and_glass_show() {
     }
 }
 
-/// Panes of opacity 0.4 and 0.6 before a red wall: with one sample the albedo is of the first surface of at least one half, with 256
-/// Sobol points, of which 256 equal parts hold one each, of each by its opacity, to one sample.
+/// Panes of opacity 0.4 and 0.6 before a red wall: with one sample the albedo is of the first surface of at least one
+/// half, with 256 Sobol points, of which 256 equal parts hold one each, of each by its opacity, to one sample.
 #[test]
 fn albedo_of_transparent_surfaces_is_that_of_the_picture() {
     let folder = tempfile::tempdir().expect("a folder");

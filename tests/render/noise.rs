@@ -151,8 +151,8 @@ fn wanted(case: &Case) -> bool {
     std::env::var("KILN_CASES").map_or(true, |names| names.split(',').any(|name| case.name.contains(name)))
 }
 
-/// Of the pixels that end below the limit, fewer than 1 % are off by more than three times the level, and none of these few by
-/// more than ten times.
+/// Of the pixels that end below the limit, fewer than 1 % are off by more than three times the level, and none of these
+/// few by more than ten times.
 #[test]
 fn pixels_end_when_they_are_accurate() {
     for case in small().into_iter().filter(wanted) {
@@ -161,8 +161,9 @@ fn pixels_end_when_they_are_accurate() {
     }
 }
 
-/// The same over large pictures and several seeds, where at most 1 in 100,000 may be off by more than ten times the level:
-/// `KILN_MODELS=... cargo test --release --test render noise:: -- --ignored --nocapture`. `KILN_CASES=alpha,paths` selects some.
+/// The same over large pictures and several seeds, where at most 1 in 100,000 may be off by more than ten times the
+/// level: `KILN_MODELS=... cargo test --release --test render noise:: -- --ignored --nocapture`.
+/// `KILN_CASES=alpha,paths` selects some.
 #[test]
 #[ignore = "takes many minutes"]
 fn pixels_of_large_pictures_end_when_they_are_accurate() {

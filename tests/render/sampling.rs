@@ -287,8 +287,8 @@ fn first_samples_lie_apart_by_their_mean_squares() {
     assert!((few.x / many.x - 8.0).abs() < 1e-9 && few.y == 0.0);
 }
 
-/// Uniform numbers of independent samples decide: an event of probability p with the value h, as an occlusion ray is, or light
-/// of a heavy tail, uniform to the power of 8, whose mean is h / 9 and whose variance h^2 (1 / 17 - 1 / 81).
+/// Uniform numbers of independent samples decide: an event of probability p with the value h, as an occlusion ray is,
+/// or light of a heavy tail, uniform to the power of 8, whose mean is h / 9 and whose variance h^2 (1 / 17 - 1 / 81).
 const LIGHTS: [fn(f64) -> f64; 5] = [
     |u| f64::from(u8::from(u < 0.5)),
     |u| f64::from(u8::from(u < 0.05)),
@@ -297,8 +297,8 @@ const LIGHTS: [fn(f64) -> f64; 5] = [
     |u| 0.5 + 0.1 * u,
 ];
 
-/// The mean and the variance of a sample of each of [`LIGHTS`]: p h and p (1 - p) h^2; 1 and 81 / 17 - 1; of a uniform number 1/2
-/// and 1/12.
+/// The mean and the variance of a sample of each of [`LIGHTS`]: p h and p (1 - p) h^2; 1 and 81 / 17 - 1; of a uniform
+/// number 1/2 and 1/12.
 const MOMENTS: [[f64; 2]; 5] =
     [[0.5, 0.25], [0.05, 0.0475], [0.02, 0.0396], [1.0, 64.0 / 17.0], [0.55, 0.01 / 12.0]];
 
@@ -328,7 +328,8 @@ impl Samples {
     }
 }
 
-/// The first samples of a pixel with such light, and what they and those of the eight around it say, which have the same light.
+/// The first samples of a pixel with such light, and what they and those of the eight around it say, which have the
+/// same light.
 fn first_of_nine(kind: usize, seed: u32, first: u32) -> (Samples, Neighbourhood) {
     let of = |pixel| {
         let mut samples = Samples::default();
@@ -340,10 +341,10 @@ fn first_of_nine(kind: usize, seed: u32, first: u32) -> (Samples, Neighbourhood)
     (nine[0], near[0].neighbourhood(&near))
 }
 
-/// The predicted variance of the mean against the squared error measured over many seeds. The own and the pooled variance, and
-/// that of groups, have the mean of the true one, of which the prediction is the mean of the last and the maximum of the others:
-/// no less than the truth. The maximum of two numbers exceeds their mean by half their difference: for four samples of a rare event
-/// by less than the variance itself.
+/// The predicted variance of the mean against the squared error measured over many seeds. The own and the pooled
+/// variance, and that of groups, have the mean of the true one, of which the prediction is the mean of the last and the
+/// maximum of the others: no less than the truth. The maximum of two numbers exceeds their mean by half their
+/// difference: for four samples of a rare event by less than the variance itself.
 #[test]
 fn predicted_variances_are_those_measured_over_many_seeds() {
     let seeds = 20_000;
@@ -364,10 +365,10 @@ fn predicted_variances_are_those_measured_over_many_seeds() {
     }
 }
 
-/// Pixels of random light, as many of each kind, sampled as the effect does, to the level of 0.02: of those that end below the
-/// limit, fewer than 1 % are off by more than three times the level, none by more than ten times. An error of three standard errors has a probability of 0.0027 by the normal
-/// distribution; ending at the first low estimate adds to that. Black of many samples does not end a pixel that has light in one of a
-/// hundred.
+/// Pixels of random light, as many of each kind, sampled as the effect does, to the level of 0.02: of those that end
+/// below the limit, fewer than 1 % are off by more than three times the level, none by more than ten times. An error of
+/// three standard errors has a probability of 0.0027 by the normal distribution; ending at the first low estimate adds
+/// to that. Black of many samples does not end a pixel that has light in one of a hundred.
 #[test]
 fn pixels_of_random_light_end_when_they_are_accurate() {
     let (level, most, first) = (0.02, 1024, 4);
