@@ -18,14 +18,10 @@ use kiln::geometry::{Precision, PrimId, Ray, Sphere, Triangle};
 /// The corners of a triangle.
 pub type Corners = [DVec3; 3];
 
-/// The share of the repetitions that the gate takes.
-const GATE_SHARE: usize = 4;
-
-/// A quarter of `n`, times the factor that a long run asks for by `KILN_HARD_FACTOR`.
+/// `n`, times the factor that a long run asks for by `KILN_HARD_FACTOR`.
 pub fn times_factor(n: usize) -> usize {
     let factor = std::env::var("KILN_HARD_FACTOR").ok();
-    let factor = factor.map_or(1, |text| text.parse::<usize>().expect("KILN_HARD_FACTOR is a whole number"));
-    (n * factor).div_ceil(GATE_SHARE)
+    n * factor.map_or(1, |text| text.parse::<usize>().expect("KILN_HARD_FACTOR is a whole number"))
 }
 
 /// The nearest point that f32 can hold.

@@ -1,5 +1,5 @@
 //! Path tracing where it is numerically hard: nested indices of refraction, stacked thin walls, media, scales, and closed
-//! rooms in a bright environment. `KILN_HARD_FACTOR` multiplies the samples: 10^9 in all take a factor of 4,000.
+//! rooms in a bright environment. `KILN_HARD_FACTOR` multiplies the samples: 10^9 in all take a factor of 1,000.
 
 use std::fmt::Write as _;
 
