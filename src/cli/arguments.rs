@@ -27,7 +27,7 @@ pub(crate) fn inputs_help(purpose: &str) -> String {
     format!("{purpose}: {endings}; `-` for a {names} on standard input")
 }
 
-/// What is accepted of input files: options of all commands that read them.
+/// Options of all commands that read input files.
 #[derive(Args, Clone)]
 pub(crate) struct ReadingArguments {
     /// Read glTF files that require extensions which kiln does not read; what depends on them is missing or wrong
@@ -37,13 +37,13 @@ pub(crate) struct ReadingArguments {
     /// are trusted. Scene files may name any file
     #[arg(long)]
     allow_outside_references: bool,
-    /// Those of `--limit`, which stands before the command, too.
+    /// The limits of `--limit`, an option of all commands.
     #[arg(skip)]
     pub limits: Limits,
 }
 
 impl ReadingArguments {
-    /// What is asked of the input files.
+    /// The import options of the input files.
     pub(crate) fn options(&self) -> ImportOptions {
         ImportOptions {
             ignore_required_extensions: self.ignore_required_extensions,
@@ -239,7 +239,7 @@ impl Arguments {
         self.time.is_some()
     }
 
-    /// What is asked of the input files.
+    /// The import options of the input files.
     pub(crate) fn import_options(&self) -> ImportOptions {
         let is_posed = self.time.is_some() || self.clip.is_some();
         ImportOptions {

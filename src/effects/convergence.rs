@@ -236,8 +236,7 @@ pub fn random_variance(
 ///
 /// The probability of an event that has not happened in n samples is taken to be 1 / (2 (n + 1)), its posterior mean by
 /// Jeffreys' prior, the beta distribution of parameters 1/2 and 1/2 (Gelman and others, Bayesian Data Analysis, 3rd
-/// edition, section 2.8). Such an event may add or remove as much light as is displayed as white, `white`. In bright
-/// pixels this is no longer visible after a few samples, in black ones after hundreds.
+/// edition, section 2.8). Such an event may add or remove as much light as is displayed as white, `white`.
 pub fn unseen_variance(white: f64, observed: u32) -> f64 {
     (white / (2.0 * (f64::from(observed) + 1.0))).powi(2)
 }
