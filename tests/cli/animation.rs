@@ -16,6 +16,8 @@ use kiln::scene::{AnalyticShape, Camera, Numerics, Placed, Placement, Projection
 use kiln::world::{StandardView, View, World, headlight, recenter};
 
 use crate::common::repository;
+#[cfg(unix)]
+use rustix::process::{Pid, Signal, kill_process};
 
 fn load(file: &Path) -> Scene {
     kiln::import::load(&[file.to_owned()], &mut Warnings::default()).expect("the file can be read")
@@ -442,7 +444,7 @@ fn an_animated_png_holds_the_frames() {
 #[test]
 fn a_signal_leaves_nothing_behind() {
     let folder = tempfile::tempdir().unwrap();
-    for (signal, code, output) in [("-INT", 130, "film.png"), ("-TERM", 143, "f_####.png")] {
+    for (signal, code, output) in [(Signal::INT, 130, "film.png"), (Signal::TERM, 143, "f_####.png")] {
         let inner = tempfile::tempdir_in(folder.path()).unwrap();
         let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("kiln"))
             .current_dir(inner.path())
@@ -450,7 +452,7 @@ fn a_signal_leaves_nothing_behind() {
             .spawn()
             .unwrap();
         std::thread::sleep(std::time::Duration::from_millis(700));
-        std::process::Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+        kill_process(Pid::from_child(&child), signal).unwrap();
         assert_eq!(child.wait().unwrap().code(), Some(code));
         // Only complete frames may be left.
         for name in names(inner.path()) {

@@ -5,6 +5,8 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::common::repository;
+#[cfg(unix)]
+use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 
 /// A temporary folder with a small scene, deleted at the end of the test.
@@ -924,7 +926,7 @@ fn wait(child: &mut Child, limit: Duration) -> Option<std::process::ExitStatus> 
 #[cfg(unix)]
 #[test]
 fn signals_stop_a_long_render_and_leave_nothing_behind() {
-    for (signal, code) in [("TERM", 143), ("INT", 130)] {
+    for (signal, code) in [(Signal::TERM, 143), (Signal::INT, 130)] {
         let workshop = Workshop::new();
         workshop.write("a.png", "an earlier picture");
         let scene = repository("scenes/assignment.toml");
@@ -933,12 +935,10 @@ fn signals_stop_a_long_render_and_leave_nothing_behind() {
         let mut child = command.stderr(Stdio::piped()).spawn().expect("the command starts");
         std::thread::sleep(Duration::from_millis(600));
         assert!(child.try_wait().expect("the child can be waited for").is_none(), "the render is long");
-        let pid = child.id().to_string();
-        let sent = Command::new("kill").args(["-s", signal, &pid]).status().expect("kill is there");
-        assert!(sent.success());
+        kill_process(Pid::from_child(&child), signal).expect("the command runs");
         let start = Instant::now();
         let status = wait(&mut child, Duration::from_secs(2));
-        assert_eq!(status.and_then(|s| s.code()), Some(code), "SIG{signal} after {:?}", start.elapsed());
+        assert_eq!(status.and_then(|s| s.code()), Some(code), "{signal:?} after {:?}", start.elapsed());
         assert_eq!(workshop.names(), ["a.png", "scene.toml"]);
         assert_eq!(workshop.bytes("a.png"), b"an earlier picture");
     }

@@ -7,6 +7,8 @@ use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::common::{self, repository};
+#[cfg(unix)]
+use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
 /// A temporary folder with the small animation of `tests/farm`.
@@ -359,7 +361,7 @@ fn verify_lists_what_is_missing_broken_and_other() {
 #[cfg(unix)]
 #[test]
 fn signals_leave_whole_frames_only() {
-    for (signal, code) in [("TERM", 143), ("INT", 130)] {
+    for (signal, code) in [(Signal::TERM, 143), (Signal::INT, 130)] {
         let workshop = Workshop::new();
         let mut command = workshop.command(
             "render scene.toml -o f_####.png --frames 0-11 --samples 64 --size 480x320 --progress none",
@@ -371,8 +373,7 @@ fn signals_leave_whole_frames_only() {
             std::thread::sleep(Duration::from_millis(5));
         }
         assert!(child.try_wait().expect("the child can be waited for").is_none(), "there are more to come");
-        let sent = Command::new("kill").args(["-s", signal, &child.id().to_string()]).status();
-        assert!(sent.expect("kill is there").success());
+        kill_process(Pid::from_child(&child), signal).expect("the command runs");
         let start = Instant::now();
         let status = child.wait().expect("the child can be waited for");
         // It takes at most a second on a machine that is not busy.
@@ -539,8 +540,7 @@ fn an_interrupt_is_the_last_of_the_json_lines() {
     while !workshop.names().iter().any(|name| name.ends_with(".png")) && start.elapsed().as_secs() < 60 {
         std::thread::sleep(Duration::from_millis(5));
     }
-    let sent = Command::new("kill").args(["-s", "INT", &child.id().to_string()]).status();
-    assert!(sent.expect("kill is there").success());
+    kill_process(Pid::from_child(&child), Signal::INT).expect("the command runs");
     let output = child.wait_with_output().expect("the child can be waited for");
     assert_eq!(output.status.code(), Some(130));
     let found = events(&String::from_utf8(output.stderr).expect("UTF-8"));
@@ -565,8 +565,7 @@ fn a_full_pipe_does_not_hold_an_interrupt_up() {
     let mut child = command.stderr(writer).spawn().expect("the command starts");
     std::thread::sleep(Duration::from_millis(500));
     assert!(child.try_wait().expect("the child can be waited for").is_none(), "it waits to write its error");
-    let sent = Command::new("kill").args(["-s", "INT", &child.id().to_string()]).status();
-    assert!(sent.expect("kill is there").success());
+    kill_process(Pid::from_child(&child), Signal::INT).expect("the command runs");
     let start = Instant::now();
     assert_eq!(child.wait().expect("the child can be waited for").code(), Some(130));
     // It takes at most a second on a machine that is not busy.
