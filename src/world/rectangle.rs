@@ -56,7 +56,8 @@ impl Rectangle {
         };
         let height = -(to_centre / unit).dot(self.normal);
         let seen = SeenRectangle { x: along(0), y: along(1), height };
-        (height > 0.0 && unit.is_finite()).then_some(seen)
+        let has_area = seen.x[0] < seen.x[1] && seen.y[0] < seen.y[1];
+        (height > 0.0 && unit.is_finite() && has_area).then_some(seen)
     }
 
     /// Samples a point as seen from `from`: its coordinates along the edges, 0 to 1. `numbers` are in [0, 1). `None`
@@ -176,6 +177,16 @@ mod tests {
         let close = rectangle.seen_from(DVec3::Z * 1e-200).unwrap().solid_angle();
         assert!((close - 2.0 * PI).abs() < 1e-14);
         assert!(rectangle.seen_from(DVec3::NEG_Z).is_none() && rectangle.seen_from(DVec3::X * 9.0).is_none());
+    }
+
+    /// A side that is rounded away beside the distance to its middle: without an area there is nothing to sample.
+    #[test]
+    fn rectangles_without_a_seen_area_are_not_sampled() {
+        let from = DVec3::new(0.5, 0.5, 1e-30);
+        for size in [[1.0, 1e-30], [1e-30, 1.0]] {
+            let thin = unit_square(size);
+            assert!(thin.sample(from, [0.5; 2]).is_none() && thin.pdf(from, DVec3::ZERO).is_infinite());
+        }
     }
 
     /// The solid angle of the part of a seen rectangle up to x: atan(xy / (z r)) at each corner, with alternating signs. For
