@@ -1,6 +1,7 @@
 //! Every acceleration structure returns the same hits as brute force, bit for bit, for every obvhs preset, on
 //! numerically hard rays.
 
+use crate::common::hard::times_factor;
 use crate::common::{self, Numbers, origin_on_border};
 use glam::DVec3;
 use kiln::bvh::{Layout, Primitive, Slot, Traversal, build};
@@ -128,7 +129,7 @@ fn rays(slots: &[Slot], scale: f64, offset: DVec3, numerics: Numerics) -> Vec<Ra
     let mut numbers = Numbers::new(11);
     let mut rays = Vec::new();
     let infinite = |origin, direction| precision.ray(origin, direction, 0.0, f64::INFINITY);
-    for target in targets(slots, 3000, &mut numbers) {
+    for target in targets(slots, times_factor(3000), &mut numbers) {
         // From anywhere, at the target.
         let origin = offset + (numbers.vector() * 10.0 + 4.0) * scale;
         rays.push(infinite(origin, (target - origin).normalize()));
@@ -139,7 +140,7 @@ fn rays(slots: &[Slot], scale: f64, offset: DVec3, numerics: Numerics) -> Vec<Ra
     }
     // All 26 directions with components in {-1, -0.0, 0.0, 1}, every pattern of signed zeros, through the targets.
     let components = [-1.0, -0.0, 0.0, 1.0];
-    for target in targets(slots, 24, &mut numbers) {
+    for target in targets(slots, times_factor(24), &mut numbers) {
         for x in components {
             for y in components {
                 for z in components {
@@ -165,7 +166,7 @@ fn rays(slots: &[Slot], scale: f64, offset: DVec3, numerics: Numerics) -> Vec<Ra
     }
     // Secondary rays that leave triangles on their borders: anywhere, at other borders, and of every triangle a bundle
     // to one point.
-    for (index, target) in targets(slots, 3000, &mut numbers).into_iter().enumerate() {
+    for (index, target) in targets(slots, times_factor(3000), &mut numbers).into_iter().enumerate() {
         let Primitive::Triangle(Triangle(corners)) = slots[index % slots.len()].primitive else { continue };
         let Some((origin, normal)) = origin_on_border(corners, numerics, &mut numbers) else { continue };
         let direction = if index % 2 == 0 { target - origin } else { numbers.vector() };
@@ -183,7 +184,7 @@ fn rays(slots: &[Slot], scale: f64, offset: DVec3, numerics: Numerics) -> Vec<Ra
             Some(precision.ray(origin, way.normalize(), 0.0, way.length()))
         }));
     }
-    for _ in 0..2000 {
+    for _ in 0..times_factor(2000) {
         rays.push(infinite(offset + (numbers.vector() * 8.0 + 4.0) * scale, numbers.vector().normalize()));
     }
     rays
@@ -363,7 +364,7 @@ fn a_real_mesh_answers_as_brute_force() {
     let slots = slots(triangles.map(Primitive::Triangle).collect());
     let rays = |precision: Precision| {
         let mut numbers = Numbers::new(5);
-        let targets = targets(&slots, 4000, &mut numbers);
+        let targets = targets(&slots, times_factor(4000), &mut numbers);
         let aimed = targets.into_iter().map(|target| {
             let origin = numbers.vector() * 3.0;
             precision.ray(origin, (target - origin).normalize(), 0.0, f64::INFINITY)
@@ -389,7 +390,7 @@ fn closed_meshes_do_not_leak() {
             let mut numbers = Numbers::new(13);
             let mut traversal = Traversal::default();
             let mut leaks = 0;
-            for target in targets(&slots, 40_000, &mut numbers) {
+            for target in targets(&slots, times_factor(40_000), &mut numbers) {
                 let origin = offset + numbers.vector() * (0.3 * scale);
                 let ray = precision.ray(origin, (target - origin).normalize(), 0.0, f64::INFINITY);
                 leaks += usize::from(tree.closest_hit(&ray, &mut traversal).is_none());

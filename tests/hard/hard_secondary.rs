@@ -731,7 +731,7 @@ fn e7_nothing_escapes_from_an_edge_that_is_seen_along_a_turned_wall() {
         let world = closed_world(&triangles, numerics, Layout::default(), false);
         let precision = numerics.ray_precision();
         let (mut rays, mut reached) = (Vec::new(), 0);
-        for _ in 0..times_factor(20_000) {
+        for _ in 0..times_factor(80_000) {
             let wall = rounded(&triangles[numbers.below(triangles.len())], numerics);
             let [u, v, w] = [(); 3].map(|()| 0.01 + numbers.fine_unit());
             let from = (wall[0] * u + wall[1] * v + wall[2] * w) / (u + v + w);

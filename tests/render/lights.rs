@@ -402,7 +402,7 @@ fn lamps_on_planes_light_what_is_below() {
                         numerics: Some(numerics),
                         transport: Some(transport),
                         with,
-                        ..settings(4, 1)
+                        ..settings(1, 1)
                     };
                     let seen = mean(&render(parse(&scene), &settings)).0;
                     assert!(

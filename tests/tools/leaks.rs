@@ -8,7 +8,7 @@ use kiln::bench::{NAMES, PLACEMENTS, engines};
 use kiln::render::RenderControl;
 use serde_json::Value;
 
-const RAYS: u64 = 20_000;
+const RAYS: u64 = 5_000;
 
 fn rows(engine: &str) -> Vec<LeakRow> {
     assert!(NAMES.contains(&engine));
