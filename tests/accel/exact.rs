@@ -206,7 +206,7 @@ fn of_triangles_the_first_is_found() {
     let mut numbers = Numbers::new(4);
     let mut faults = Faults::new("nearest triangle".to_owned());
     let mut count = Count::default();
-    for i in 0..times_factor(5000) {
+    for i in 0..times_factor(10_000) {
         let kind = Kind::nth(i, &mut numbers);
         let first = triangle(kind, &mut numbers);
         let [a, b, c] = first;
