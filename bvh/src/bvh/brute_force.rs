@@ -20,15 +20,7 @@ impl<T: Tier> Accelerator for BruteForce<T> {
     fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
         let mut test = PrimitiveTest::<T>::new(ray);
         traversal.tests.primitives += self.slots.len() as u64;
-        let mut best: Option<Hit> = None;
-        for (index, slot) in (0..).zip(&self.slots) {
-            if let Some(hit) = test.hit(slot, index)
-                && test.is_better(&hit, best.as_ref(), &self.slots)
-            {
-                best = Some(hit);
-            }
-        }
-        best
+        test.closest(&self.slots, 0..self.slots.len() as u32, None)
     }
 
     fn is_occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool {

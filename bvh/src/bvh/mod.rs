@@ -17,6 +17,7 @@ mod preset;
 mod quality;
 pub mod splitmix64;
 mod stored_slot;
+mod traverse;
 mod wide;
 
 pub use api::{Bvh, NotFinite, Update, is_worth_keeping};
@@ -197,16 +198,23 @@ pub(crate) enum Next<D = f64> {
     Stop,
 }
 
+/// Keeps one hit per primitive of those from index `first` on: a split triangle is in several slots.
+pub(crate) fn merge_split(hits: &mut Vec<Hit>, first: usize) {
+    let mut found = hits.split_off(first);
+    found.sort_unstable_by_key(|hit| hit.prim);
+    found.dedup_by_key(|hit| hit.prim);
+    hits.append(&mut found);
+}
+
 /// The memory of traversals, reused from one ray to the next, and their counters. One per thread.
 #[derive(Default)]
 pub struct Traversal {
+    /// For binary trees: that of a structure or of the top level of instances, and that of a mesh.
     stack: Vec<(u32, f32)>,
+    mesh_stack: Vec<(u32, f32)>,
     children: Vec<(wide::Child, f32)>,
     packet: wide::Scratches,
     stream: wide::StreamScratch,
-    /// The nodes at which the rays of a batch start, with entry distances.
-    entries: Vec<(u32, f32)>,
-    instances: instances::Stacks,
     /// A copy of the last rays of a batch, filled up to whole vectors.
     padded: RayBuffer,
     /// The number of tests so far.

@@ -1,5 +1,7 @@
 //! [`StoredSlot`]: a primitive in the precision of a tier, as builds, brute force and the binary tree store it.
 
+use std::ops::Range;
+
 use super::{Primitive, Slot};
 use crate::geometry::{
     Bounds, Corner, Hit, NO_PRIMITIVE, PreparedRay, PrimId, Ray, SlotId, Stored, Tier, Triangle, TriangleHit,
@@ -79,14 +81,26 @@ impl<'a, T: Tier> PrimitiveTest<'a, T> {
         Some(Hit { t, prim: slot.id, slot: SlotId::new(index), barycentrics })
     }
 
-    /// Whether `hit` comes before the best hit so far; both are on primitives of `slots`.
+    /// The closest of `best`, which is a hit on one of `slots`, and the hits on the slots of a range.
     #[inline(always)]
-    pub(crate) fn is_better(&self, hit: &Hit, best: Option<&Hit>, slots: &[StoredSlot<T>]) -> bool {
+    pub(crate) fn closest(
+        &mut self,
+        slots: &[StoredSlot<T>],
+        range: Range<u32>,
+        mut best: Option<Hit>,
+    ) -> Option<Hit> {
         let primitive = |hit: &Hit| &slots[hit.slot.index() as usize].primitive;
-        // A split triangle is in several slots.
-        best.is_none_or(|best| {
-            hit.prim != best.prim
-                && T::is_before(|| *self.ray, [(hit, primitive(hit)), (best, primitive(best))])
-        })
+        for index in range {
+            let Some(hit) = self.hit(&slots[index as usize], index) else { continue };
+            // A split triangle is in several slots.
+            let is_better = best.as_ref().is_none_or(|best| {
+                hit.prim != best.prim
+                    && T::is_before(|| *self.ray, [(&hit, primitive(&hit)), (best, primitive(best))])
+            });
+            if is_better {
+                best = Some(hit);
+            }
+        }
+        best
     }
 }

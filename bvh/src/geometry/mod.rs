@@ -20,7 +20,6 @@
 //! No absolute constant decides a hit: every bound is relative to the numbers it applies to.
 
 mod analytic;
-mod beam;
 mod bounds;
 mod distance;
 mod double;
@@ -46,7 +45,6 @@ pub(crate) mod woop_n;
 mod woop_packet;
 
 pub use analytic::AnalyticShape;
-pub use beam::Beam;
 pub use bounds::{Bounds, BoxTest, DoubleBoxTest, SingleBoxTest, round_up};
 pub use hit_buffer::HitBuffer;
 pub use mesh::{Attribute, Mesh, is_mirror, moved_tangent, normal_matrix};

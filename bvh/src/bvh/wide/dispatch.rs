@@ -110,16 +110,9 @@ impl<T: Tier> Accelerator for Wide<T> {
 
     fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal) {
         let first = hits.len();
-        {
-            let Traversal { children, tests, .. } = traversal;
-            let mut all = |hits: &mut Vec<Hit>| single!(all(self, ray, hits, children, tests));
-            all(hits);
-        }
-        // A split triangle is in several slots.
-        let mut found = hits.split_off(first);
-        found.sort_unstable_by_key(|hit| hit.prim);
-        found.dedup_by_key(|hit| hit.prim);
-        hits.append(&mut found);
+        let Traversal { children, tests, .. } = traversal;
+        single!(all(self, ray, hits, children, tests));
+        crate::bvh::merge_split(hits, first);
     }
 
     fn primitive(&self, slot: SlotId) -> Primitive {
