@@ -75,7 +75,7 @@ impl<'a, T: Tier> PrimitiveTest<'a, T> {
                 T::hit_triangle(prepared, self.ray, corners)?
             }
             Stored::Analytic(shape) => {
-                TriangleHit { t: T::hit_analytic(self.ray, shape)?, barycentrics: [0.0; 2] }
+                TriangleHit { t: shape.hit(self.ray, T::NUMERICS)?, barycentrics: [0.0; 2] }
             }
         };
         Some(Hit { t, prim: slot.id, slot: SlotId::new(index), barycentrics })

@@ -58,7 +58,6 @@ pub use sphere::Sphere;
 pub use tier::Numerics;
 pub use triangle::Triangle;
 
-pub(crate) use analytic::Intersector;
 pub(crate) use bounds::{PRUNE_MARGIN, round_down};
 pub(crate) use double::Double;
 pub(crate) use exact::Exact;

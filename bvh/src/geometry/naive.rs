@@ -12,7 +12,7 @@ use glam::{Vec3, Vec3A};
 use super::bounds::{BoxTest, SingleBoxTest, round_up};
 use super::numerics::{PreparedPacket, PreparedRay};
 use super::simd::Doubles;
-use super::{AnalyticShape, Corner, Ray, Rays, Tier, TriangleHit};
+use super::{Corner, Ray, Rays, Tier, TriangleHit};
 use crate::geometry::Numerics;
 
 /// f32 geometry, decided in f32.
@@ -77,11 +77,6 @@ impl Tier for Naive {
         let [min, max] = Vec3::span(&[a, b, c]);
         let t = within(&test.boxes, ray, t, [min.as_vec3a(), max.as_vec3a()])?;
         Some(TriangleHit { t, barycentrics: [f64::from(v), f64::from(w)] })
-    }
-
-    #[inline(always)]
-    fn hit_analytic(ray: &Ray, shape: &AnalyticShape) -> Option<f64> {
-        shape.hit_fast(ray)
     }
 }
 

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3, Vec3A};
 
 use super::bounds::BoxTest;
-use super::lanes::{HitN, RayN, Triangle4};
+use super::lanes::{HitN, Triangle4};
 use super::naive::FastTest;
 use super::simd::Doubles;
 use super::woop::WoopTest;
@@ -218,6 +218,11 @@ pub(crate) trait PreparedRay: Copy {
     fn prepare_packet<D: Doubles>(rays: Rays, packet: &mut PreparedPacket);
     /// The rays of the packet that was prepared last, and perhaps more.
     fn of_packet(packet: &PreparedPacket) -> &[Self];
+    /// See [`Tier::hit_triangle4`].
+    #[inline(always)]
+    fn hit_triangle4<C: Corner, D: Doubles>(&self, _: &Triangle4<C>) -> HitN<D> {
+        HitN::UNDECIDED
+    }
 }
 
 /// The memory of [`PreparedRay::prepare_packet`].
@@ -273,17 +278,8 @@ pub(crate) trait Tier: Send + Sync + 'static {
 
     /// [`Tier::hit_triangle`] for one ray and four triangles. `D` has four lanes.
     #[inline(always)]
-    fn hit_triangle4<D: Doubles>(_: &Self::Prepared, _triangles: &Triangle4<Self::Corner>) -> HitN<D> {
-        HitN::UNDECIDED
-    }
-
-    /// The test of [`Intersector`](super::Intersector) that belongs to the tier.
-    fn hit_analytic(ray: &Ray, shape: &AnalyticShape) -> Option<f64>;
-
-    /// [`Tier::hit_analytic`] for a ray in each lane.
-    #[inline(always)]
-    fn hit_analytic_n<D: Doubles>(rays: &RayN<D>, shape: &AnalyticShape) -> HitN<D> {
-        if Self::HAS_RAY_N { shape.hit_n(rays) } else { HitN::UNDECIDED }
+    fn hit_triangle4<D: Doubles>(prepared: &Self::Prepared, four: &Triangle4<Self::Corner>) -> HitN<D> {
+        if Self::HAS_RAY_N { prepared.hit_triangle4(four) } else { HitN::UNDECIDED }
     }
 
     /// Whether the first of two hits of a ray is nearer, or equally near with the lower primitive id.

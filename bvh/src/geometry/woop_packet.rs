@@ -2,10 +2,11 @@
 
 use glam::DVec3;
 
+use super::lanes::HitN;
 use super::numerics::{PreparedPacket, PreparedRay};
 use super::simd::Doubles;
 use super::woop::{MajorAxis, WoopTest};
-use super::{PACKET, Ray, Rays};
+use super::{Corner, PACKET, Ray, Rays, Triangle4};
 
 impl PreparedRay for WoopTest {
     #[inline(always)]
@@ -25,6 +26,11 @@ impl PreparedRay for WoopTest {
     #[inline(always)]
     fn of_packet(packet: &PreparedPacket) -> &[Self] {
         &packet.woop
+    }
+
+    #[inline(always)]
+    fn hit_triangle4<C: Corner, D: Doubles>(&self, triangles: &Triangle4<C>) -> HitN<D> {
+        self.hit_triangle4(triangles)
     }
 }
 
