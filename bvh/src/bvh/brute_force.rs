@@ -1,17 +1,17 @@
 //! [`Layout::BruteForce`](super::Layout::BruteForce): every ray against every primitive, the oracle of the tests.
 
 use super::stored_slot::{PrimitiveTest, StoredSlot};
-use super::{Accelerator, Description, Primitive, Quality, Traversal};
+use super::{Accelerator, Description, Primitive, Traversal};
 use crate::geometry::{Hit, Numerics, Ray, SlotId, Tier};
 
 /// A list of primitives.
 pub(crate) struct BruteForce<T: Tier> {
-    slots: Vec<StoredSlot<T>>,
+    slots: Vec<StoredSlot<T::Corner>>,
 }
 
 impl<T: Tier> BruteForce<T> {
     /// A list of the given primitives, in any order.
-    pub(crate) fn new(slots: Vec<StoredSlot<T>>) -> Self {
+    pub(crate) fn new(slots: Vec<StoredSlot<T::Corner>>) -> Self {
         BruteForce { slots }
     }
 }
@@ -36,7 +36,7 @@ impl<T: Tier> Accelerator for BruteForce<T> {
     }
 
     fn primitive(&self, slot: SlotId) -> Primitive {
-        self.slots[slot.index() as usize].primitive()
+        self.slots[slot.index() as usize].primitive.into()
     }
 
     fn numerics(&self) -> Numerics {
@@ -50,11 +50,7 @@ impl<T: Tier> Accelerator for BruteForce<T> {
             isa: super::compiled_isa(),
             nodes: 0,
             slots,
-            bytes: slots * size_of::<StoredSlot<T>>(),
+            bytes: slots * size_of::<StoredSlot<T::Corner>>(),
         }
-    }
-
-    fn quality(&self) -> Option<Quality> {
-        None
     }
 }

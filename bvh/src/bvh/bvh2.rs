@@ -1,4 +1,4 @@
-//! [`Layout::Bvh2`](super::Layout::Bvh2): obvhs's binary tree, traversed with conservative box tests. For
+//! [`Layout::Bvh2`](super::Layout::Bvh2): obvhs's binary tree, traversed with conservative box tests; for
 //! comparisons only.
 //!
 //! Bounds are f32 and rounded outwards, a tier's [`BoxTest`] is conservative, and a hit's t lies within its
@@ -16,12 +16,12 @@ use crate::geometry::{BoxTest, Hit, Numerics, Ray, SlotId, Tier, prune_distance}
 /// A binary bounding volume hierarchy.
 pub(crate) struct Bvh2<T: Tier> {
     nodes: Vec<Bvh2Node>,
-    slots: Vec<StoredSlot<T>>,
+    slots: Vec<StoredSlot<T::Corner>>,
 }
 
 impl<T: Tier> Bvh2<T> {
     /// A tree with leaves that are ranges of `slots`.
-    pub(super) fn new(nodes: Vec<Bvh2Node>, slots: Vec<StoredSlot<T>>) -> Self {
+    pub(super) fn new(nodes: Vec<Bvh2Node>, slots: Vec<StoredSlot<T::Corner>>) -> Self {
         Bvh2 { nodes, slots }
     }
 
@@ -81,7 +81,7 @@ impl<T: Tier> Accelerator for Bvh2<T> {
     }
 
     fn primitive(&self, slot: SlotId) -> Primitive {
-        self.slots[slot.index() as usize].primitive()
+        self.slots[slot.index() as usize].primitive.into()
     }
 
     fn numerics(&self) -> Numerics {
@@ -90,7 +90,7 @@ impl<T: Tier> Accelerator for Bvh2<T> {
 
     fn describe(&self) -> Description {
         let (nodes, slots) = (self.nodes.len(), self.slots.len());
-        let bytes = nodes * size_of::<Bvh2Node>() + slots * size_of::<StoredSlot<T>>();
+        let bytes = nodes * size_of::<Bvh2Node>() + slots * size_of::<StoredSlot<T::Corner>>();
         Description { layout: "bvh2", isa: super::compiled_isa(), nodes, slots, bytes }
     }
 

@@ -39,7 +39,6 @@ mod sphere;
 mod tier;
 mod triangle;
 mod watertight;
-mod widened;
 mod woop;
 pub(crate) mod woop_n;
 mod woop_packet;
@@ -58,7 +57,7 @@ pub use sphere::Sphere;
 pub use tier::Numerics;
 pub use triangle::Triangle;
 
-pub(crate) use bounds::{PRUNE_MARGIN, round_down};
+pub(crate) use bounds::{PRUNE_MARGIN, prune_distance, round_down};
 pub(crate) use double::Double;
 pub(crate) use exact::Exact;
 pub(crate) use lanes::Triangle4;
@@ -66,4 +65,5 @@ pub(crate) use naive::Naive;
 pub(crate) use numerics::{Corner, PreparedPacket, PreparedRay, Stored, Tier};
 pub(crate) use triangle::TriangleHit;
 pub(crate) use watertight::Watertight;
-pub(crate) use widened::{WidenedBoxTest, prune_distance};
+#[cfg(test)]
+pub(crate) use woop::sign_of_determinant;

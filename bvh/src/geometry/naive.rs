@@ -37,15 +37,9 @@ impl PreparedRay for FastTest {
     }
 
     #[inline(always)]
-    fn prepare_packet<D: Doubles>(rays: Rays, packet: &mut PreparedPacket) {
+    fn prepare_packet<'a, D: Doubles>(rays: Rays, packet: &'a mut PreparedPacket) -> &'a [Self] {
         packet.fast.clear();
-        for i in 0..rays.len() {
-            packet.fast.push(FastTest::new(&rays.get(i)));
-        }
-    }
-
-    #[inline(always)]
-    fn of_packet(packet: &PreparedPacket) -> &[Self] {
+        packet.fast.extend(rays.iter().map(|ray| FastTest::new(&ray)));
         &packet.fast
     }
 }

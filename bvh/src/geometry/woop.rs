@@ -249,7 +249,7 @@ fn is_behind<C: Corner>(ray: &Ray, corners: &[C; 3], sheared: &Sheared, sum: f64
 }
 
 /// The sign of the determinant of three rows.
-fn sign_of_determinant([a, b, c]: &[[Expansion; 3]; 3]) -> i32 {
+pub(crate) fn sign_of_determinant([a, b, c]: &[[Expansion; 3]; 3]) -> i32 {
     let term = |(k, i, j): (usize, usize, usize)| {
         a[k].clone() * (b[i].clone() * c[j].clone() - b[j].clone() * c[i].clone())
     };

@@ -19,12 +19,11 @@ use obvhs::bvh2::node::Bvh2Node;
 use super::Preset;
 use super::build::build_nodes;
 use super::traverse::traverse;
-use super::{Accelerator, Description, Next, Primitive, Quality, Slot, Traversal};
+use super::{Accelerator, Description, Next, Primitive, Slot, Traversal};
 use crate::geometry::{
-    Bounds, BoxTest, Corner, Hit, HitBuffer, Numerics, PreparedRay, PrimId, Ray, Rays, SlotId, Stored, Tier,
-    Triangle, prune_distance,
+    Bounds, BoxTest, Corner, Hit, HitBuffer, Mesh, Numerics, Placed, PreparedRay, PrimId, Ray, Rays, SlotId,
+    Stored, Tier, Triangle, prune_distance,
 };
-use crate::geometry::{Mesh, Placed};
 use mesh_bvh::MeshBvh;
 pub use transform::MeshSpace;
 use transform::Transform;
@@ -43,11 +42,11 @@ impl Instance {
         PrimId(self.first.0 + triangle)
     }
 
-    /// The triangles in world space, rounded to the type `C`.
-    pub(super) fn slots<C: Corner>(&self) -> impl Iterator<Item = Slot> {
-        (0..self.placed.triangle_count() as u32).map(|triangle| {
-            let corners = self.placed.corners_of(triangle).map(|corner| C::from_dvec3(corner).to_dvec3());
-            Slot { primitive: Primitive::Triangle(Triangle(corners)), id: self.prim(triangle) }
+    /// The triangles in world space, not rounded.
+    pub(super) fn slots(&self) -> impl Iterator<Item = Slot> {
+        (0..self.placed.triangle_count() as u32).map(|triangle| Slot {
+            primitive: Primitive::Triangle(Triangle(self.placed.corners_of(triangle))),
+            id: self.prim(triangle),
         })
     }
 }
@@ -179,11 +178,8 @@ impl<T: Tier> Instances<T> {
 
     /// The closest hit, given that of `flat`.
     fn closest(&self, ray: &Ray, flat: Option<Hit>, traversal: &mut Traversal) -> Option<Hit> {
-        let stored = |hit: Hit| match self.flat.primitive(hit.slot) {
-            Primitive::Triangle(Triangle(corners)) => Stored::Triangle(corners.map(T::Corner::from_dvec3)),
-            Primitive::Analytic(shape) => Stored::Analytic(shape),
-        };
-        let mut best: Option<(Hit, Stored<T::Corner>)> = flat.map(|hit| (hit, stored(hit)));
+        let mut best: Option<(Hit, Stored<T::Corner>)> =
+            flat.map(|hit| (hit, self.flat.primitive(hit.slot).into()));
         let t_max = best.map_or(ray.t_max, |(hit, _)| hit.t);
         self.each_hit(ray, t_max, traversal, |hit, corners| {
             let stored = Stored::Triangle(corners);
@@ -256,11 +252,6 @@ impl<T: Tier> Accelerator for Instances<T> {
 
     fn numerics(&self) -> Numerics {
         T::NUMERICS
-    }
-
-    fn quality(&self) -> Option<Quality> {
-        // Not defined over two levels and a separate structure.
-        None
     }
 
     fn describe(&self) -> Description {
