@@ -12,8 +12,9 @@ use glam::DVec3;
 use super::samples::SurfaceNumbers;
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::{Choices, Effect, EffectContext, EffectValue, Hook, RayKind, Stage, id};
+use crate::geometry::RayBuffer;
 use crate::scene::PixelSampler;
-use crate::world::{RaySoa, World};
+use crate::world::World;
 
 /// Rays that test whether anything is near.
 pub const RAYS: RayKind = RayKind { name: "ambient-occlusion", is_shadow: false, colour: [170, 200, 140] };
@@ -61,7 +62,7 @@ pub const EFFECT: Effect = Effect {
     bytes: |tile| {
         let factors = tile.generations.iter().map(|generation| vec_bytes(&generation.surfaces.ambient));
         let own = tile.buffers::<Buffers>().map_or(0, |Buffers { numbers, rays, occluded }| {
-            numbers.bytes() + size_of::<Buffers>() + size_of_val(&**rays) + vec_bytes(occluded)
+            numbers.bytes() + size_of::<Buffers>() + rays.bytes() + vec_bytes(occluded)
         });
         own + factors.sum::<usize>()
     },
@@ -88,7 +89,7 @@ fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
 struct Buffers {
     numbers: SurfaceNumbers,
     /// One ray of each surface.
-    rays: Box<RaySoa>,
+    rays: RayBuffer,
     occluded: Vec<bool>,
 }
 
@@ -133,14 +134,13 @@ impl Stage for TestHemispheres {
             factors.clear();
             factors.resize(surfaces.len(), 0.0);
             for k in 0..self.count {
-                rays.set_len(surfaces.len());
-                for i in 0..surfaces.len() {
+                rays.write(0..surfaces.len(), |i| {
                     let ray = surfaces.ray_of()[i] as usize;
                     let sequence = (self.sampler, self.seed, DIMENSION);
                     let pair = numbers.pair(sequence, (&generation.rays, ray), (k, self.count));
                     let direction = above(surfaces.geometric_normal.get(i), pair);
-                    rays.set(i, &precision.ray(origins.get(i), direction, 0.0, self.radius));
-                }
+                    precision.ray(origins.get(i), direction, 0.0, self.radius)
+                });
                 occluded.clear();
                 context.world.accelerator.are_occluded(rays.rays(), occluded, traversal);
                 for (factor, &occluded) in factors.iter_mut().zip(&*occluded) {

@@ -22,11 +22,10 @@ use glam::DVec3;
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::{Effect, EffectContext, EffectValue, Hook, RayClass, RayKind, SecondaryRays, Stage, id, named};
 use crate::film::ColourPipeline;
-use crate::geometry::{Precision, Ray};
+use crate::geometry::{Precision, Ray, RayBuffer};
 use crate::scene::{Glaze, Material};
 use crate::world::{
-    InteractionSoa, PreparedMaterial, RAYS_PER_BATCH, RaySoa, SurfaceInteraction, Vec3Soa, World,
-    simd_dispatch,
+    InteractionSoa, PreparedMaterial, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, World, simd_dispatch,
 };
 
 /// Mirrored rays.
@@ -150,9 +149,8 @@ impl Reflect {
         let RayGeneration { surfaces, origins, .. } = generation;
         let RayGeneration { sources, rays, .. } = next;
         sources.clear();
-        rays.set_len(0);
+        rays.clear();
         let Some(origins) = origins else { return };
-        rays.set_len(surfaces.len());
         let mut all_leave = true;
         for range in &own.glazed {
             sources.extend(range.start as u32..range.end as u32);
@@ -234,15 +232,19 @@ fn mirrored_rays(
     range: &Range<usize>,
     origins: &Vec3Soa,
     precision: Precision,
-    rays: &mut RaySoa,
+    rays: &mut RayBuffer,
 ) -> bool {
     let mut all_leave = true;
-    for i in range.start..range.end.min(RAYS_PER_BATCH) {
-        let mirrored = mirrored(surfaces.view.get(i), surfaces.shading_normal.get(i));
-        let ray = precision.ray(origins.get(i), mirrored, 0.0, f64::INFINITY);
-        rays.set(i, &ray);
-        all_leave &= ray.direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
-    }
+    rays.write(
+        range.clone(),
+        #[inline(always)]
+        |i| {
+            let mirrored = mirrored(surfaces.view.get(i), surfaces.shading_normal.get(i));
+            let ray = precision.ray(origins.get(i), mirrored, 0.0, f64::INFINITY);
+            all_leave &= ray.direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
+            ray
+        },
+    );
     all_leave
 }
 
@@ -277,7 +279,7 @@ impl Stage for Combine {
         // Mirrored rays see the environment, as scattered ones do in path tracing, even where it is no background.
         let Some(environment) = &world.environment else { return };
         for (ray, _) in next.hits.iter().enumerate().filter(|(_, hit)| hit.is_none()) {
-            mix(ray, environment.eval(next.rays.direction.get(ray)));
+            mix(ray, environment.eval(next.rays.get(ray).direction));
         }
     }
 }

@@ -14,8 +14,9 @@ use super::region::SampledRegion;
 use super::tile::{Tile, vec_bytes};
 use super::variance::SampleVariance;
 use crate::film::{ColourPipeline, Filter, Window};
+use crate::geometry::RayBuffer;
 use crate::scene::PixelSampler;
-use crate::world::{RAYS_PER_BATCH, RaySoa, simd_dispatch};
+use crate::world::{RAYS_PER_BATCH, simd_dispatch};
 
 /// How the pixels of a picture are sampled.
 #[derive(Debug, Clone)]
@@ -104,7 +105,7 @@ impl SurfaceNumbers {
     pub(crate) fn pair(
         &self,
         (sampler, seed, dimension): (PixelSampler, u32, u32),
-        (rays, index): (&RaySoa, usize),
+        (rays, index): (&RayBuffer, usize),
         (k, count): (u32, u32),
     ) -> [f64; 2] {
         let (pixel, sample) = match self.samples.get(index) {

@@ -9,9 +9,9 @@ use super::samples::DiscPoints;
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::transparency::transmittance;
 use super::{Effect, EffectContext, Hook, PlanSpec, RayKind, Stage, id, named, shadow_ray};
-use crate::geometry::Numerics;
+use crate::geometry::{Numerics, RayBuffer};
 use crate::shading::{LightSample, LightSoa};
-use crate::world::{InteractionSoa, RaySoa, Vec3Soa, World, simd_dispatch};
+use crate::world::{InteractionSoa, Vec3Soa, World, simd_dispatch};
 
 /// Shadow rays.
 pub const RAYS: RayKind = RayKind { name: "shadow", is_shadow: true, colour: [120, 190, 255] };
@@ -48,7 +48,7 @@ pub const EFFECT: Effect = Effect {
     },
     bytes: |tile| {
         tile.buffers::<Buffers>().map_or(0, |Buffers { rays, occluded, surfaces }| {
-            size_of::<Buffers>() + size_of_val(&**rays) + vec_bytes(occluded) + vec_bytes(surfaces)
+            size_of::<Buffers>() + rays.bytes() + vec_bytes(occluded) + vec_bytes(surfaces)
         })
     },
 };
@@ -57,7 +57,7 @@ pub const EFFECT: Effect = Effect {
 #[derive(Default)]
 struct Buffers {
     /// The shadow rays of all surfaces of a generation, then those that are cast.
-    rays: Box<RaySoa>,
+    rays: RayBuffer,
     /// For each ray that is cast, whether it is occluded.
     occluded: Vec<bool>,
     /// For each ray that is cast, its surface.
@@ -109,9 +109,8 @@ fn test_occlusion(
         shadow_rays(light, surfaces, origins, context.world.numerics(), rays);
         if let Some(directions) = points.and_then(|points| points.of_light(index)) {
             let precision = context.world.numerics().ray_precision();
-            for (i, direction) in directions.iter().enumerate() {
-                rays.set(i, &precision.ray(origins.get(i), *direction, 0.0, f64::INFINITY));
-            }
+            let ray = |i: usize| precision.ray(origins.get(i), directions[i], 0.0, f64::INFINITY);
+            rays.write(0..directions.len(), ray);
         }
         rays.keep(tested);
         occluded.clear();
@@ -149,9 +148,8 @@ fn shadow_rays(
     surfaces: &InteractionSoa,
     origins: &Vec3Soa,
     numerics: Numerics,
-    rays: &mut RaySoa,
+    rays: &mut RayBuffer,
 ) {
-    rays.set_len(surfaces.len());
     // The tier is passed as a constant, so that the loops have no branch on it.
     match numerics {
         Numerics::Naive => simd_dispatch(
@@ -175,21 +173,25 @@ fn rays_to(
     surfaces: &InteractionSoa,
     origins: &Vec3Soa,
     numerics: Numerics,
-    rays: &mut RaySoa,
+    rays: &mut RayBuffer,
 ) {
-    for i in 0..surfaces.len() {
-        let origin = origins.get(i);
-        let seen = light.get(i).seen_from(origin - surfaces.position.get(i));
-        // A light that does not reach the surface may have no direction; the ray is not cast.
-        let normal = surfaces.geometric_normal.get(i);
-        let pick = |a: f64, b: f64| if light.reaches[i] { a } else { b };
-        let direction = DVec3::new(
-            pick(seen.direction.x, normal.x),
-            pick(seen.direction.y, normal.y),
-            pick(seen.direction.z, normal.z),
-        );
-        rays.set(i, &shadow_ray(origin, &LightSample { direction, ..seen }, numerics));
-    }
+    rays.write(
+        0..surfaces.len(),
+        #[inline(always)]
+        |i| {
+            let origin = origins.get(i);
+            let seen = light.get(i).seen_from(origin - surfaces.position.get(i));
+            // A light that does not reach the surface may have no direction; the ray is not cast.
+            let normal = surfaces.geometric_normal.get(i);
+            let pick = |a: f64, b: f64| if light.reaches[i] { a } else { b };
+            let direction = DVec3::new(
+                pick(seen.direction.x, normal.x),
+                pick(seen.direction.y, normal.y),
+                pick(seen.direction.z, normal.z),
+            );
+            shadow_ray(origin, &LightSample { direction, ..seen }, numerics)
+        },
+    );
 }
 
 /// Lists the surfaces whose entry in `reaches` is set.

@@ -9,9 +9,9 @@
 
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::{Effect, EffectContext, Hook, RayKind, Stage, id, named};
-use crate::geometry::HitBuffer;
 use crate::geometry::spawn::{EDGE_DISTANCE, ORIGIN_OFFSET};
-use crate::world::{InteractionSoa, RaySoa, Vec3Soa, World};
+use crate::geometry::{HitBuffer, RayBuffer};
+use crate::world::{InteractionSoa, Vec3Soa, World};
 
 /// Occlusion tests between points and their lifted positions.
 pub const RAYS: RayKind = RayKind { name: "terminator", is_shadow: false, colour: [230, 150, 230] };
@@ -47,7 +47,7 @@ pub const EFFECT: Effect = Effect {
     bytes: |tile| {
         let lifted = tile.generations.iter().filter(|generation| generation.shadow_origins.is_some()).count();
         let own = tile.buffers::<Buffers>().map_or(0, |Buffers { rays, occluded, lifted }| {
-            size_of::<Buffers>() + size_of_val(&**rays) + vec_bytes(occluded) + vec_bytes(lifted)
+            size_of::<Buffers>() + rays.bytes() + vec_bytes(occluded) + vec_bytes(lifted)
         });
         lifted * size_of::<Vec3Soa>() + own
     },
@@ -57,7 +57,7 @@ pub const EFFECT: Effect = Effect {
 #[derive(Default)]
 struct Buffers {
     /// Rays from the ray origins of surfaces to their lifted shadow ray origins.
-    rays: Box<RaySoa>,
+    rays: RayBuffer,
     /// For each ray, whether it is occluded.
     occluded: Vec<bool>,
     /// For each ray, its surface.
@@ -112,7 +112,7 @@ impl Buffers {
         shadow_origins: &mut Vec3Soa,
     ) {
         let numerics = world.numerics();
-        self.rays.set_len(0);
+        self.rays.clear();
         self.lifted.clear();
         for (index, (&ray, &object)) in surfaces.ray_of().iter().zip(surfaces.objects()).enumerate() {
             let Some(hit) = &hits.get(ray as usize) else { continue };

@@ -9,9 +9,9 @@ use std::any::Any;
 use super::RayKind;
 use crate::bvh::Traversal;
 use crate::film::{DisplayTransform, Window};
-use crate::geometry::{Hit, HitBuffer, Ray, Rays};
+use crate::geometry::{Hit, HitBuffer, Ray, RayBuffer, Rays};
 use crate::shading::{LightSoa, Scratch};
-use crate::world::{InteractionSoa, RaySoa, Vec3Soa, View, World};
+use crate::world::{InteractionSoa, Vec3Soa, View, World};
 
 /// The read-only input of every stage.
 pub struct RenderContext<'a> {
@@ -27,7 +27,7 @@ pub struct RenderContext<'a> {
 #[derive(Default)]
 pub struct RayGeneration {
     /// The rays.
-    pub rays: Box<RaySoa>,
+    pub rays: RayBuffer,
     /// For each ray its source: in generation 0 a pixel of the tile, otherwise a surface of the generation before.
     pub sources: Vec<u32>,
     /// For each ray, its closest hit.
@@ -47,7 +47,7 @@ impl RayGeneration {
     pub fn bytes(&self) -> usize {
         let RayGeneration { rays, sources, hits, surfaces, origins, shadow_origins: _, colours } = self;
         size_of::<RayGeneration>()
-            + size_of_val(&**rays)
+            + rays.bytes()
             + vec_bytes(sources)
             + hits.bytes()
             + size_of_val(&**surfaces)

@@ -9,10 +9,10 @@ use glam::DVec3;
 
 use super::World;
 use super::interaction::{FurtherTexels, SurfaceInteraction, Texels};
-use super::soa::{RAYS_PER_BATCH, RaySoa, Vec3Soa, simd_dispatch};
+use super::soa::{RAYS_PER_BATCH, Vec3Soa, simd_dispatch};
 use crate::bvh::Primitive;
 use crate::geometry::spawn::{EdgeTest, SurfacePoint};
-use crate::geometry::{AnalyticShape, HitBuffer, PrimId, SlotId, Triangle};
+use crate::geometry::{AnalyticShape, HitBuffer, PrimId, RayBuffer, SlotId, Triangle};
 
 /// The shortest run of hits on one primitive that is computed in a loop of its own.
 const MIN_RUN: usize = 4;
@@ -179,7 +179,7 @@ impl InteractionSoa {
     }
 
     /// Compacts the hits and finds their runs.
-    fn gather(&mut self, rays: &RaySoa, hits: &HitBuffer) {
+    fn gather(&mut self, rays: &RayBuffer, hits: &HitBuffer) {
         assert!(hits.len() <= RAYS_PER_BATCH, "at most one ray per pixel of a tile");
         self.runs.clear();
         self.texels.clear();
@@ -201,13 +201,10 @@ impl InteractionSoa {
         self.len = len;
         // Of length 1 up to the rounding of the ray's direction, at most 2^-24.
         if len == hits.len() {
-            simd_dispatch(
-                #[inline(always)]
-                || (0..len.min(RAYS_PER_BATCH)).for_each(|i| self.view.set(i, -rays.direction.get(i))),
-            );
+            self.view.set_negated(rays.rays().directions());
         } else {
             for i in 0..len.min(RAYS_PER_BATCH) {
-                self.view.set(i, -rays.direction.get(self.ray_of[i] as usize));
+                self.view.set(i, -rays.get(self.ray_of[i] as usize).direction);
             }
         }
     }
@@ -215,7 +212,7 @@ impl InteractionSoa {
 
 impl World {
     /// Computes the surface interactions of the closest hits of `rays`, at most [`RAYS_PER_BATCH`].
-    pub fn interactions(&self, rays: &RaySoa, hits: &HitBuffer, surfaces: &mut InteractionSoa) {
+    pub fn interactions(&self, rays: &RayBuffer, hits: &HitBuffer, surfaces: &mut InteractionSoa) {
         surfaces.gather(rays, hits);
         let mut end = surfaces.len();
         for index in (0..surfaces.runs.len()).rev() {
@@ -231,7 +228,7 @@ impl World {
         &self,
         run: Run,
         end: usize,
-        rays: &RaySoa,
+        rays: &RayBuffer,
         hits: &HitBuffer,
         surfaces: &mut InteractionSoa,
     ) {

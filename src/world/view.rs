@@ -6,10 +6,10 @@
 use glam::{DVec2, DVec3};
 
 use super::differential::Differential;
-use super::soa::{RAYS_PER_BATCH, RaySoa, simd_dispatch};
+use super::soa::{RAYS_PER_BATCH, simd_dispatch};
 use crate::error::{Error, Result};
 use crate::film::{TILE, Window};
-use crate::geometry::{Precision, Ray};
+use crate::geometry::{Precision, Ray, RayBuffer};
 use crate::scene::{Camera, Projection};
 
 /// The sine of the angle between up and the view direction below which another up is used. The basis loses as many decimal digits
@@ -113,7 +113,7 @@ impl View {
     }
 
     /// Computes the rays through the pixel centres of `window`, at most a tile, row by row from the top.
-    pub fn rays(&self, window: Window, precision: Precision, rays: &mut RaySoa) {
+    pub fn rays(&self, window: Window, precision: Precision, rays: &mut RayBuffer) {
         let Window { x, y, width, height } = window;
         let (mut across, mut up) = ([0.0; RAYS_PER_BATCH], [0.0; RAYS_PER_BATCH]);
         let columns: [f64; TILE as usize] = std::array::from_fn(|i| self.across(centre(x + i as u32)));
@@ -127,7 +127,7 @@ impl View {
 
     /// Computes the rays through film positions, at most [`RAYS_PER_BATCH`], `x` pixels right of and `y` pixels below the picture's
     /// top left corner. Positions may lie outside the picture.
-    pub fn rays_through(&self, x: &[f64], y: &[f64], precision: Precision, rays: &mut RaySoa) {
+    pub fn rays_through(&self, x: &[f64], y: &[f64], precision: Precision, rays: &mut RayBuffer) {
         let (mut across, mut up) = ([0.0; RAYS_PER_BATCH], [0.0; RAYS_PER_BATCH]);
         across.iter_mut().zip(x).for_each(|(across, &x)| *across = self.across(x));
         up.iter_mut().zip(y).for_each(|(up, &y)| *up = self.up(y));
@@ -137,7 +137,7 @@ impl View {
     /// Computes the first `len` rays, through positions in the viewing rectangle.
     fn fill_all(
         &self,
-        rays: &mut RaySoa,
+        rays: &mut RayBuffer,
         len: usize,
         across: &[f64; RAYS_PER_BATCH],
         up: &[f64; RAYS_PER_BATCH],
@@ -162,7 +162,6 @@ impl View {
             }
             (Orthographic, precision) => fill(self, rays, len, across, up, precision),
         }
-        rays.set_len(len);
     }
 
     /// The ray through a position in the viewing rectangle.
@@ -253,15 +252,17 @@ fn centre(pixel: u32) -> f64 {
 #[inline(always)]
 fn fill(
     view: &View,
-    rays: &mut RaySoa,
+    rays: &mut RayBuffer,
     len: usize,
     across: &[f64; RAYS_PER_BATCH],
     up: &[f64; RAYS_PER_BATCH],
     precision: Precision,
 ) {
-    for i in 0..len.min(RAYS_PER_BATCH) {
-        rays.set(i, &view.ray_at(across[i], up[i], precision));
-    }
+    rays.write(
+        0..len,
+        #[inline(always)]
+        |i| view.ray_at(across[i], up[i], precision),
+    );
 }
 
 /// The camera's axes: u to the right, v up, w backwards. `None` where position and target give no direction.
@@ -367,7 +368,7 @@ mod tests {
         assert_eq!(view.ray(3, 2, Precision::Single).origin, DVec3::new(1.5, -0.5, 10.0));
         assert_eq!(view.ray(3, 2, Precision::Single).direction, -DVec3::Z);
         // Two pixels left of the picture and at its bottom right corner.
-        let mut rays = RaySoa::default();
+        let mut rays = RayBuffer::default();
         view.rays_through(&[-2.0, 4.0], &[2.0, 4.0], Precision::Single, &mut rays);
         assert_eq!(rays.get(0).origin, DVec3::new(-4.0, 0.0, 10.0));
         assert_eq!(rays.get(1).origin, DVec3::new(2.0, -2.0, 10.0));

@@ -9,10 +9,10 @@ use crate::common::repository;
 use glam::DVec3;
 use kiln::bvh::Traversal;
 use kiln::film::Window;
-use kiln::geometry::{HitBuffer, Ray};
+use kiln::geometry::{HitBuffer, Ray, RayBuffer};
 use kiln::scene::{Numerics, Projection};
 use kiln::shading::{LightSample, LightSoa, Scratch, ShadingMode, shade, shade_all};
-use kiln::world::{InteractionSoa, RAYS_PER_BATCH, RaySoa, SurfaceInteraction, Vec3Soa};
+use kiln::world::{InteractionSoa, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa};
 
 const SIZE: [u32; 2] = [96, 72];
 
@@ -75,7 +75,7 @@ fn hits(prepared: &Prepared, window: Window) -> (Vec<Ray>, HitBuffer) {
 
 fn check(prepared: &Prepared, what: &str) -> usize {
     let world = &prepared.world;
-    let (mut soa, mut surfaces) = (Box::<RaySoa>::default(), Box::<InteractionSoa>::default());
+    let (mut soa, mut surfaces) = (RayBuffer::default(), Box::<InteractionSoa>::default());
     let (mut colours, mut scratch) = (Box::<Vec3Soa>::default(), Box::<Scratch>::default());
     let mut lights: Vec<Box<LightSoa>> = Vec::new();
     lights.resize_with(world.lights.len(), Box::default);

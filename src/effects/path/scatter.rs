@@ -73,7 +73,7 @@ impl Buffers {
             found.resize(self.paths.len(), None);
         }
         let (generation, next) = tile.this_and_next();
-        next.rays.set_len(0);
+        next.rays.clear();
         next.sources.clear();
         self.next.clear();
         self.next_media.clear();
@@ -163,7 +163,7 @@ impl Buffers {
         let missed = generation.hits.iter().enumerate().filter(|(_, hit)| hit.is_none());
         for (ray, _) in missed {
             let path = self.paths[ray];
-            let direction = generation.rays.direction.get(ray);
+            let direction = generation.rays.get(ray).direction;
             let radiance = if depth == 0 {
                 context.world.background_towards(direction)
             } else {
