@@ -81,6 +81,9 @@ pub mod shading;
 #[cfg(feature = "study")]
 #[doc(hidden)]
 pub mod study;
+#[cfg(feature = "import")]
+#[doc(hidden)]
+pub mod timing;
 #[cfg(feature = "viewer")]
 #[doc(hidden)]
 pub mod viewer;

@@ -10,7 +10,6 @@ use super::arguments::{self, Arguments};
 use super::prepare::load_and_resolve;
 use super::statistics::Seconds;
 use super::{WarningPrinter, print};
-use crate::bench::Spread;
 use crate::bench::effects::{Cost, Costs, Part, measure};
 use crate::effects::{Decision, EFFECTS};
 use crate::error::{Result, Warnings};
@@ -66,8 +65,7 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
 fn to_json(job: &RenderJob, costs: Option<&Costs>) -> Value {
     let settings: serde_json::Map<String, Value> =
         job.metadata.iter().map(|(key, value)| (key.clone(), json!(value))).collect();
-    let spread = |s: Spread| json!({ "lower": s.lower, "median": s.median, "upper": s.upper });
-    let cost = |c: &Cost| json!({ "rays": c.rays, "ms": spread(c.ms), "bytes": c.bytes });
+    let cost = |c: &Cost| json!({ "rays": c.rays, "ms": c.ms, "bytes": c.bytes });
     let effects: Vec<Value> = EFFECTS
         .iter()
         .zip(&job.plan.decisions)
@@ -83,7 +81,7 @@ fn to_json(job: &RenderJob, costs: Option<&Costs>) -> Value {
                 "stages": job.plan.stages().iter().filter(|stage| stage.effect == Some(effect.id)).count(),
                 "adds": part.map(|part| cost(&part.adds)),
                 "share": part.zip(costs).map(|(part, costs)| part.adds.ms.median / costs.whole.ms.median),
-                "alone_ms": part.map(|part| spread(part.alone)),
+                "alone_ms": part.map(|part| part.alone),
             })
         })
         .collect();

@@ -41,7 +41,6 @@ pub(super) fn available(used: &InUse) -> Option<Available> {
 }
 
 /// Bytes used by the process; 0 if the system does not report them.
-#[derive(Default)]
 pub(super) struct InUse {
     /// Resident memory.
     pub resident: u64,
@@ -50,9 +49,27 @@ pub(super) struct InUse {
 }
 
 pub(super) fn in_use() -> InUse {
-    let Some(text) = proc_text("/proc/self/status") else { return InUse::default() };
-    let of = |name: &str| kib_after(&text, name).unwrap_or(0);
-    InUse { resident: of("VmRSS:"), virtual_size: of("VmSize:") }
+    InUse { resident: resident_memory().unwrap_or(0), virtual_size: status("VmSize:").unwrap_or(0) }
+}
+
+/// Resident memory in bytes, where the system reports it.
+pub fn resident_memory() -> Option<u64> {
+    status("VmRSS:")
+}
+
+/// Peak resident memory in bytes since the start or the last [`reset_peak_memory`], where the system reports it.
+pub fn peak_memory() -> Option<u64> {
+    status("VmHWM:")
+}
+
+/// Resets [`peak_memory`] to the resident memory, where the system supports it.
+pub fn reset_peak_memory() {
+    // Linux: proc_pid_clear_refs(5). Other systems have no such file, and no peak.
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+}
+
+fn status(name: &str) -> Option<u64> {
+    kib_after(&proc_text("/proc/self/status")?, name)
 }
 
 /// The value in bytes of the line of `text` that starts with `name`, given in kB (1024 bytes, proc_pid_status(5),

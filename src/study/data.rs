@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use super::advice::{Advice, ParameterStep};
 use super::errors::PictureErrors;
-use crate::bench::{Envelope, Spread};
+use crate::bench::Envelope;
+use crate::timing::Spread;
 
 /// Version of the JSON schema, incremented when a field is removed or changes its meaning.
 pub(crate) const SCHEMA: u32 = 1;
@@ -26,7 +27,7 @@ pub struct Study {
     /// Clock: `processor` or `wall`.
     pub clock: String,
     /// Time for reading the inputs in ms, unless they come from standard input.
-    pub load_ms: Option<Quartiles>,
+    pub load_ms: Option<Spread>,
     /// Noise of the references, one per filter.
     pub floors: Vec<NoiseFloor>,
     /// Differences in ray hits between each tier and `exact`.
@@ -115,30 +116,6 @@ pub struct ChannelAgreement {
     pub equal_means: f64,
 }
 
-/// Quartiles of repeated measurements.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Quartiles {
-    /// 25 % quantile.
-    pub lower: f64,
-    /// 50 % quantile.
-    pub median: f64,
-    /// 75 % quantile.
-    pub upper: f64,
-}
-
-impl Quartiles {
-    /// Quartiles of measurements in any order; `None` if there are none.
-    pub fn of(measurements: &[f64]) -> Option<Self> {
-        let Spread { lower, median, upper } = Spread::of(measurements)?;
-        Some(Quartiles { lower, median, upper })
-    }
-
-    /// Whether the quartile ranges are disjoint.
-    pub fn is_apart_from(&self, other: &Self) -> bool {
-        self.lower > other.upper || other.lower > self.upper
-    }
-}
-
 /// Noise of a converged reference.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NoiseFloor {
@@ -205,9 +182,9 @@ pub struct SettingRow {
     /// Reconstruction filter and its radius in pixels.
     pub filter: String,
     /// Time for preparing the scene, including the acceleration structure, in ms.
-    pub build_ms: Quartiles,
+    pub build_ms: Spread,
     /// Render time in ms.
-    pub trace_ms: Quartiles,
+    pub trace_ms: Spread,
     /// Number of rays of all kinds.
     pub rays: u64,
     /// Number of primary rays.

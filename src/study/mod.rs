@@ -34,7 +34,7 @@ mod work;
 
 pub use advice::{Advice, ParameterStep, advice, steps};
 pub use data::{
-    ChannelAgreement, GeometryErrors, NoiseFloor, Quartiles, ReferenceKind, SettingRow, Significance, Study,
+    ChannelAgreement, GeometryErrors, NoiseFloor, ReferenceKind, SettingRow, Significance, Study,
     TechniqueTest,
 };
 pub use errors::PictureErrors;

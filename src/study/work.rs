@@ -3,7 +3,7 @@
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
 
-use super::data::{GeometryErrors, Quartiles, Significance};
+use super::data::{GeometryErrors, Significance};
 use super::errors::PictureErrors;
 use super::measure::{Options, StudySubject};
 use super::meter::{ProgressMeter, effort};
@@ -11,7 +11,6 @@ use super::pictures::{Comparison, SettingImages, png};
 use super::reference::{ConvergedReference, halves};
 use super::setting::{Setting, WorldKey};
 use super::{geometry, leaks};
-use crate::bench::Clock;
 use crate::error::{Error, Result};
 use crate::film::{Film, FilterShape, Pixel, TILE, Window};
 use crate::geometry::Numerics;
@@ -19,6 +18,7 @@ use crate::job::RenderJob;
 use crate::metrics::ComparedImage;
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Scene;
+use crate::timing::{Clock, Spread};
 use crate::world::{View, World};
 
 /// Maximum number of rays along a side for the comparison of geometry, unless the picture is larger.
@@ -243,7 +243,7 @@ impl StudyRun<'_> {
         &self,
         settings: &mut [MeasuredSetting],
         load: Option<&(dyn Fn() -> Result<()> + Sync)>,
-    ) -> Result<Option<Quartiles>> {
+    ) -> Result<Option<Spread>> {
         let threads = rayon::current_num_threads();
         let mut load_ms = Vec::new();
         let groups = groups(settings);
@@ -274,7 +274,7 @@ impl StudyRun<'_> {
                 }
             }
         }
-        Ok(Quartiles::of(&load_ms))
+        Ok(Spread::of(&load_ms))
     }
 }
 

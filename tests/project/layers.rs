@@ -11,6 +11,7 @@ const MODULES: &[&str] = &[
     "bvh",
     "error",
     "limits",
+    "timing",
     "film",
     "scene",
     "import",

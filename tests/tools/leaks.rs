@@ -3,8 +3,8 @@
 use std::process::{Command, Output};
 use std::sync::atomic::AtomicBool;
 
-use kiln::bench::leaks::{LeakRow, measure};
-use kiln::bench::{NAMES, PLACEMENTS, engines};
+use kiln::bench::PLACEMENTS;
+use kiln::bench::leaks::{LeakRow, NAMES, engines, measure};
 use kiln::render::RenderControl;
 use serde_json::Value;
 
@@ -13,7 +13,7 @@ const RAYS: u64 = 5_000;
 fn rows(engine: &str) -> Vec<LeakRow> {
     assert!(NAMES.contains(&engine));
     let mut engines = engines().0;
-    engines.retain(|e| e.name() == engine);
+    engines.retain(|e| e.label.engine == engine);
     let cancel = AtomicBool::new(false);
     let control = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
     let rows = measure(&engines, RAYS, &control).expect("every structure can be built");

@@ -2,10 +2,12 @@
 
 use std::fmt::Write;
 
+use super::super::Unavailable;
+use super::super::envelope::processor;
 use super::super::plot::{Bar, bars, short};
-use super::super::{Clock, Spread, Unavailable};
 use super::{Kind, NAMES, SpeedRow};
 use crate::error::Result;
+use crate::timing::{Clock, Spread};
 
 const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;color:#222;max-width:960px;margin:2em auto;padding:0 1em}\
 h1{font-size:1.6em}h2{font-size:1.2em;margin-top:2em}svg{max-width:100%;height:auto}\
@@ -149,13 +151,6 @@ fn table(rows: &[SpeedRow]) -> String {
         let _ = writeln!(html, "<td{class}>{wrong}</td></tr>");
     }
     html + "</table></div>\n"
-}
-
-/// Name of the processor.
-fn processor() -> String {
-    let file = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let name = file.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
-    name.map_or_else(|| std::env::consts::ARCH.to_owned(), |(_, name)| name.trim().to_owned())
 }
 
 fn escaped(text: &str) -> String {
