@@ -42,6 +42,7 @@ use message::{Message, WarningPrinter, print_stderr};
 use crate::effects;
 use crate::error::{Error, Result, is_contained};
 use crate::limits;
+use crate::scene::shell_quoted;
 
 #[derive(Parser)]
 #[command(
@@ -128,17 +129,8 @@ fn typed() -> String {
 
 /// The words of the command line, quoted for a shell.
 fn typed_words() -> Vec<String> {
-    let rest = std::env::args_os().skip(1).map(|argument| quoted(&argument.to_string_lossy()));
+    let rest = std::env::args_os().skip(1).map(|argument| shell_quoted(&argument.to_string_lossy()));
     std::iter::once("kiln".to_owned()).chain(rest).collect()
-}
-
-/// A word as a shell reads it.
-fn quoted(word: &str) -> String {
-    let is_plain = word.chars().all(|c| c.is_ascii_alphanumeric() || "-_./=,:".contains(c));
-    match is_plain && !word.is_empty() {
-        true => word.to_owned(),
-        false => format!("'{}'", word.replace('\'', r"'\''")),
-    }
 }
 
 /// Parses the arguments, runs the command and returns its exit code.
@@ -282,15 +274,4 @@ fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool> {
     builder
         .build()
         .map_err(|e| Error::Failed { what: format!("threads cannot be started: {e}"), hint: String::new() })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::quoted;
-
-    #[test]
-    fn words_are_those_of_a_shell() {
-        let words = ["", "a.obj", "a b", "it's"].map(quoted);
-        assert_eq!(words, ["''", "a.obj", "'a b'", r"'it'\''s'"]);
-    }
 }

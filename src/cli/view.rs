@@ -1,7 +1,6 @@
 //! `kiln view`: opens the viewer.
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use clap::Args;
 
@@ -19,16 +18,10 @@ use crate::viewer::{self, CameraSource, Opened, Start};
 pub(crate) struct Command {
     #[command(flatten)]
     pub arguments: Arguments,
-    /// Write what happens in the window, and when, to a file: a line of JSON each
-    #[arg(long, value_name = "FILE")]
-    trace: Option<PathBuf>,
-    /// Measure the pauses of the interface for so many seconds, print the longest, and close the window
-    #[arg(long, allow_hyphen_values = true, value_name = "SECONDS", value_parser = crate::cli::numbers::whole(1..=3600u16))]
-    pauses: Option<u16>,
 }
 
 pub(crate) fn run(command: &Command) -> Result<()> {
-    let Command { arguments, trace, pauses } = command;
+    let arguments = &command.arguments;
     arguments::check(arguments)?;
     viewer::display::check()?;
     if arguments.crop.is_some() {
@@ -50,9 +43,6 @@ pub(crate) fn run(command: &Command) -> Result<()> {
         open: Box::new(move |inputs, warnings| open(&own, inputs, warnings)),
         size: arguments.size,
         threads,
-        trace: trace.clone(),
-        pauses: pauses.map(|seconds| Duration::from_secs(seconds.into())),
-        remembers: pauses.is_none(),
     })
 }
 

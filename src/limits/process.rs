@@ -100,26 +100,14 @@ pub(super) fn machine() -> Option<Machine> {
     Some(Machine { free: sum("MemAvailable:", "SwapFree:")?, all: sum("MemTotal:", "SwapTotal:")? })
 }
 
-/// The strictest limit of the control groups of the process (cgroups(7)), version 2 or 1.
+/// The strictest limit of the control group of the process and of its ancestors (cgroups(7), version 2).
 fn control_group() -> Option<u64> {
     let groups = proc_text("/proc/self/cgroup")?;
-    let limits = groups.lines().flat_map(|line| {
-        let mut parts = line.splitn(3, ':').skip(1);
-        let (controllers, path) = (parts.next().unwrap_or(""), parts.next().unwrap_or("/").to_owned());
-        let (folder, file) = match controllers {
-            "" => ("/sys/fs/cgroup", "memory.max"),
-            names if names.split(',').any(|name| name == "memory") => {
-                ("/sys/fs/cgroup/memory", "memory.limit_in_bytes")
-            }
-            _ => return Vec::new(),
-        };
-        // The limits of all ancestors apply to a group.
-        let above = Path::new(&path).ancestors().map(Path::to_owned).collect::<Vec<_>>();
-        let file_of =
-            |group: &Path| format!("{folder}{}/{file}", group.display().to_string().trim_end_matches('/'));
-        above.iter().filter_map(|group| proc_text(&file_of(group))?.trim().parse::<u64>().ok()).collect()
-    });
-    limits.min()
+    let group = groups.lines().find_map(|line| line.strip_prefix("0::"))?;
+    let limit = |group: &Path| {
+        proc_text(&format!("/sys/fs/cgroup{}/memory.max", group.display()))?.trim().parse::<u64>().ok()
+    };
+    Path::new(group).ancestors().filter_map(limit).min()
 }
 
 /// The limit of the address space (RLIMIT_AS).

@@ -52,7 +52,7 @@ pub use crate::geometry::{
 pub use crate::limits::{Counted, Limits};
 pub use animation::Animation;
 pub use camera::{Camera, Projection, default_size};
-pub use camera_text::INLINE_NAME;
+pub use camera_text::{INLINE_NAME, shell_quoted};
 pub use clip::{Clip, ClipChoice, ClipTime};
 pub use environment::{Environment, EnvironmentImage, EnvironmentSource};
 pub use fill::Fill;

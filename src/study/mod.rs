@@ -45,4 +45,4 @@ pub use plot::error_against_time;
 pub use report::{facts, page};
 pub use setting::{PathVariation, Setting};
 pub use sweep::{Candidate, Omitted, parameters, sweep};
-pub use table::{from_csv, to_csv};
+pub use table::to_csv;

@@ -9,7 +9,7 @@ use crate::film::{ColourPipeline, DisplaySettings};
 use crate::job::{Background, EnvironmentSettings, Look, RenderSettings};
 use crate::scene::{
     Camera, Clip, ClipChoice, ClipTime, INLINE_NAME, ImportOptions, Numerics, Projection, Sampling, Scene,
-    Transport, default_size,
+    Transport, default_size, shell_quoted,
 };
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
@@ -89,7 +89,7 @@ pub struct RenderCommand<'a> {
 
 /// The command as one line, quoted for any POSIX shell.
 pub fn command_line(command: &RenderCommand) -> String {
-    let words: Vec<String> = arguments(command).iter().map(|word| quoted(word)).collect();
+    let words: Vec<String> = arguments(command).iter().map(|word| shell_quoted(word)).collect();
     words.join(" ")
 }
 
@@ -267,15 +267,6 @@ fn is_found_by_name(cameras: &[Camera], camera: &Camera) -> bool {
 /// A file name that is not parsed as an option; `-` stays, as it means standard input.
 fn as_operand(file: &str) -> String {
     if file.starts_with('-') && file != "-" { format!("./{file}") } else { file.to_owned() }
-}
-
-/// An argument quoted for a shell: POSIX.1-2017, Shell Command Language, section 2.2.2, single quotes.
-fn quoted(word: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c);
-    if !word.is_empty() && word.chars().all(is_plain) {
-        return word.to_owned();
-    }
-    format!("'{}'", word.replace('\'', r"'\''"))
 }
 
 #[cfg(test)]

@@ -377,8 +377,9 @@ fn clips_are_chosen_by_name_or_number() {
 
 /// Three clips of a real, skinned model, each at three times: finite, not as at rest, and each different.
 #[test]
-fn the_fox_moves() {
-    let Some(folder) = models("the_fox_moves") else { return };
+#[ignore = "needs KILN_MODELS"]
+fn with_models_the_fox_moves() {
+    let folder = models();
     let file = folder.join("Fox.glb");
     let at = |pose: Option<ClipTime>| {
         let scene = load_with(std::slice::from_ref(&file), &options(pose), &mut Warnings::default())

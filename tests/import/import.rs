@@ -1672,7 +1672,7 @@ const FAULTS: &[(&str, &str, &str)] = &[
     ("\n\n[imag]\n", "3: unknown key `imag`", "did you mean `image`?"),
     ("[image]\nzzz = 1\n", "2: unknown key `zzz`", "known here: width, height, background, colour"),
     ("[image]\ncolour = 'lineal'\n", "2: unknown value `lineal`", "did you mean `linear`?"),
-    ("\n[[sphere]]\nradius = 1\n", "2: missing key `centre`", "give [[sphere]]"),
+    ("\n[[sphere]]\nradius = 1\n", "2: missing key `centre`", "`centre = ...`"),
     ("[[sphere]]\ncentre = [0, 0]\nradius = 1\n", "2: `centre` is [0, 0], expected 3 numbers", "[0, 0, 0]"),
     ("[[sphere]]\ncentre = [0, 0, 0]\nradius = 'big'\n", "3: `radius` is 'big', expected a number", "1.5"),
     ("[image]\nwidth = -1\n", "2: `width` is -1, expected a whole number", ""),

@@ -167,7 +167,7 @@ fn pixels_end_when_they_are_accurate() {
 #[test]
 #[ignore = "takes many minutes"]
 fn pixels_of_large_pictures_end_when_they_are_accurate() {
-    let large = models("noise").as_deref().map(large).unwrap_or_default();
+    let large = large(&models());
     let size = std::env::var("KILN_WIDTH").ok().and_then(|width| width.parse().ok()).unwrap_or(400u32);
     let mut failed = Vec::new();
     for case in small().into_iter().chain(large).filter(wanted) {

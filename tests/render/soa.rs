@@ -23,9 +23,6 @@ fn scenes() -> Vec<PathBuf> {
     files.extend(
         hard.map(|entry| entry.expect("a file").path()).filter(|p| p.extension() == Some("toml".as_ref())),
     );
-    if let Some(models) = common::models("soa") {
-        files.extend(["CornellBox.glb", "Fox.glb", "spot.obj", "teapot.obj"].map(|name| models.join(name)));
-    }
     files
 }
 
@@ -122,10 +119,9 @@ fn check(prepared: &Prepared, what: &str) -> usize {
     seen
 }
 
-#[test]
-fn many_are_as_each_alone() {
+fn check_all(files: impl IntoIterator<Item = PathBuf>) {
     assert_eq!(RAYS_PER_BATCH, 256, "the tiles above are as large as the renderer's");
-    for file in scenes() {
+    for file in files {
         let mut scene = load(&file);
         equip(&mut scene);
         for (numerics, projection) in Numerics::ALL
@@ -138,6 +134,18 @@ fn many_are_as_each_alone() {
             check(&prepare(scene, SIZE, numerics), &what);
         }
     }
+}
+
+#[test]
+fn many_are_as_each_alone() {
+    check_all(scenes());
+}
+
+#[test]
+#[ignore = "needs KILN_MODELS"]
+fn with_models_many_are_as_each_alone() {
+    let models = common::models();
+    check_all(["CornellBox.glb", "Fox.glb", "spot.obj", "teapot.obj"].map(|name| models.join(name)));
 }
 
 /// The assignment's picture has its plane, both spheres and the tetrahedron in it, so that the loops have been asked.
