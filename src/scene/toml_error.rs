@@ -31,7 +31,11 @@ pub(super) fn explain(mut e: toml::de::Error, text: &str) -> TomlError {
         after: text.get(span.end..).unwrap_or_default(),
         path,
     };
-    let explained = of_name(&message, &at).or_else(|| of_type(&message, &at));
+    let out_of_range = || {
+        let what = || format!("`{}` is {}", at.key(), shortened(at.typed));
+        message.starts_with("give ").then(|| (what(), message.clone()))
+    };
+    let explained = of_name(&message, &at).or_else(|| of_type(&message, &at)).or_else(out_of_range);
     let (what, hint) = explained.unwrap_or_else(|| of_syntax(&message, &at));
     TomlError { offset: span.start, what, hint }
 }
