@@ -70,7 +70,7 @@ impl Fingerprint {
             ground,
             has_physical_lights: _,
         } = scene;
-        self.value("picture", &(picture.described().options(), background, ambient));
+        self.value("picture", &(picture.described().entries(), background, ambient));
         if let Some(environment) = environment {
             self.value("environment", environment);
             if let EnvironmentSource::Image(image) = &environment.source {
