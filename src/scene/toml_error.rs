@@ -27,8 +27,13 @@ pub(super) fn explain(mut e: toml::de::Error, text: &str) -> TomlError {
     let path = shown.trim_end().rsplit_once("\nin `").map_or("", |(_, path)| path.trim_end_matches('`'));
     let is_value = text.get(..span.start).is_some_and(|before| before.trim_end().ends_with('='));
     let typed = text.get(span.clone()).unwrap_or_default();
+    let out_of_range = || {
+        let what = || format!("`{}` is {}", path.rsplit('.').next().unwrap_or_default(), shortened(typed));
+        message.starts_with("give ").then(|| (what(), message.clone()))
+    };
     let (what, hint) = of_name(&message, typed)
         .or_else(|| of_type(&message, path, typed, is_value))
+        .or_else(out_of_range)
         .unwrap_or_else(|| of_syntax(&message, path, typed));
     TomlError { offset: span.start, what, hint }
 }

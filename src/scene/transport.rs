@@ -26,14 +26,3 @@ impl Transport {
         }
     }
 }
-
-/// Checks a clamp of indirect light: a radiance above 0.
-///
-/// # Errors
-/// A message that states the valid range.
-pub fn check_clamp(radiance: f64) -> Result<f64, String> {
-    if radiance > 0.0 && radiance.is_finite() {
-        return Ok(radiance);
-    }
-    Err("give a radiance above 0, such as 10; 1 is white".into())
-}

@@ -284,8 +284,8 @@ mod tests {
         let camera = recentering.map_or(camera.clone(), |recentering| recentering.moved(camera));
         let view = View::new(&camera, camera.projection, [101, 101]).unwrap();
         let bounds = scene.bounds();
-        let pipeline = scene.colour.unwrap_or_default();
-        let choices = Choices { sampling: scene.sampling, ..Choices::default() };
+        let pipeline = scene.picture.pipeline();
+        let choices = Choices { sampling: scene.picture.sampling(), ..Choices::default() };
         let world = World::prepare(scene, pipeline, Layout::default(), Numerics::Double);
         let plan = Plan::new(&world, &choices).unwrap();
         Ready { world, view, plan, bounds, recentering }
@@ -424,7 +424,7 @@ mod tests {
         let mut scene = assignment();
         let camera = scene.cameras[0].clone();
         let one = ready(scene.clone(), &camera);
-        scene.sampling.samples = Some(9);
+        scene.picture.samples = Some(crate::scene::Samples::clamped(9));
         let nine = ready(scene, &camera);
         let (a, b) = (one.inspect([40, 60]), nine.inspect([40, 60]));
         assert_eq!((a.samples, b.samples), (1, 9));

@@ -11,10 +11,11 @@ use super::request::{CameraSource, Opened};
 use crate::effects::{Decision, EFFECTS, RayKind, id};
 use crate::film::tone::{Exposure, MAX_EXPOSURE, ToneMap};
 use crate::film::{ColourPipeline, FilterShape};
-use crate::job::{Background, Look, RenderSettings};
+use crate::job::{Look, RenderSettings};
 use crate::render::grouped;
-use crate::scene::{Camera, Numerics, Projection, Sampling};
-use crate::shading::ShadingMode;
+use crate::scene::{
+    Background, Camera, Headlight, Numerics, OptionValue, Projection, Samples, Sampling, ShadingMode,
+};
 use crate::world::StandardView;
 
 /// Data that the panel displays.
@@ -184,23 +185,24 @@ fn look(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
         light.apply(settings);
     }
     ui.horizontal(|ui| {
-        let mut has_colour = settings.background.is_some();
+        let picture = &mut settings.picture;
+        let mut has_colour = picture.background.is_some();
         let check = ui.checkbox(&mut has_colour, "background");
-        let mut colour = match settings.background {
+        let mut colour = match picture.background {
             Some(Background::Colour(colour)) => colour,
             Some(Background::Transparent) => [0; 3],
             None => DEFAULT_BACKGROUND,
         };
         if check.changed() {
-            settings.background = has_colour.then_some(Background::Colour(colour));
+            picture.background = has_colour.then_some(Background::Colour(colour));
         }
         if has_colour && ui.color_edit_button_srgb(&mut colour).changed() {
-            settings.background = Some(Background::Colour(colour));
+            picture.background = Some(Background::Colour(colour));
         }
-        let mut has_ground = settings.ground == Some(true);
+        let mut has_ground = picture.ground == Some(true);
         let check = ui.checkbox(&mut has_ground, "ground").on_hover_text("a matt plane under the scene");
         if check.changed() {
-            settings.ground = has_ground.then_some(true);
+            picture.ground = has_ground.then_some(true);
         }
     });
 }
@@ -225,11 +227,11 @@ impl LightChoice {
         [LightChoice::Own, LightChoice::Headlight, LightChoice::Sky, LightChoice::None];
 
     fn of(settings: &RenderSettings) -> Self {
-        match (settings.environment.source.as_deref(), settings.headlight, settings.look) {
+        match (settings.environment.environment.as_deref(), settings.picture.light, settings.look) {
             (Some("sky"), ..) => LightChoice::Sky,
             (Some(_), ..) => LightChoice::Environment,
-            (None, Some(true), _) | (None, None, Look::Draft) => LightChoice::Headlight,
-            (None, Some(false), _) => LightChoice::None,
+            (None, Some(Headlight::Head), _) | (None, None, Look::Draft) => LightChoice::Headlight,
+            (None, Some(Headlight::None), _) => LightChoice::None,
             (None, None, Look::Studio) => LightChoice::Own,
         }
     }
@@ -255,47 +257,50 @@ impl LightChoice {
     }
 
     fn apply(self, settings: &mut RenderSettings) {
-        (settings.look, settings.headlight, settings.environment.source) = (Look::Studio, None, None);
+        let RenderSettings { look, picture, environment, .. } = settings;
+        (*look, picture.light, environment.environment) = (Look::Studio, None, None);
         match self {
             LightChoice::Own | LightChoice::Environment => {}
-            LightChoice::Headlight => settings.headlight = Some(true),
-            LightChoice::Sky => settings.environment.source = Some("sky".to_owned()),
-            LightChoice::None => settings.headlight = Some(false),
+            LightChoice::Headlight => picture.light = Some(Headlight::Head),
+            LightChoice::Sky => environment.environment = Some("sky".to_owned()),
+            LightChoice::None => picture.light = Some(Headlight::None),
         }
     }
 }
 
 fn render_settings(ui: &mut Ui, rendered: Option<&RenderedImage>, controls: &mut Controls) {
-    let settings = controls.settings();
-    choice(ui, "shading", &mut settings.shading, &ShadingMode::ALL, ShadingMode::name);
-    let mut numerics = settings.numerics.unwrap_or_default();
+    let picture = &mut controls.settings().picture;
+    // What the file or the look says, where nothing else was chosen.
+    let own = rendered.map(|rendered| rendered.prepared.job.settings.picture).unwrap_or_default();
+    let shown = picture.or(own);
+    let mut shading = shown.shading.unwrap_or_default();
+    choice(ui, "shading", &mut shading, &ShadingMode::ALL, ShadingMode::name);
+    if shown.shading.unwrap_or_default() != shading {
+        picture.shading = Some(shading);
+    }
+    let mut numerics = picture.numerics.unwrap_or_default();
     choice(ui, "numerics", &mut numerics, &Numerics::ALL, Numerics::name);
-    let pipelines = [ColourPipeline::Display, ColourPipeline::U8, ColourPipeline::Linear];
-    let mut pipeline = settings.colour.unwrap_or_default();
-    choice(ui, "colour", &mut pipeline, &pipelines, ColourPipeline::name);
-    (settings.numerics, settings.colour) = (Some(numerics), Some(pipeline));
+    let mut pipeline = picture.pipeline();
+    choice(ui, "colour", &mut pipeline, &ColourPipeline::ALL, ColourPipeline::name);
+    (picture.numerics, picture.colour) = (Some(numerics), Some(pipeline));
     if pipeline == ColourPipeline::Linear {
-        // What the file or the look says, where nothing else was chosen.
-        let display =
-            settings.display.or(rendered.map(|rendered| rendered.prepared.job.display).unwrap_or_default());
-        let mut map = display.tone_map.unwrap_or_default();
+        let mut map = shown.tone_map.unwrap_or_default();
         choice(ui, "tone map", &mut map, &ToneMap::ALL, ToneMap::name);
-        if display.tone_map.unwrap_or_default() != map {
-            settings.display.tone_map = Some(map);
+        if shown.tone_map.unwrap_or_default() != map {
+            picture.tone_map = Some(map);
         }
-        let mut own = display.exposure;
-        exposure(ui, &mut own);
-        if own != display.exposure {
-            settings.display.exposure = own;
+        let mut ev = shown.exposure;
+        exposure(ui, &mut ev);
+        if ev != shown.exposure {
+            picture.exposure = ev;
         }
     }
-    let own = rendered.map(|rendered| rendered.prepared.choices.sampling).unwrap_or_default();
-    let sampling = &mut settings.sampling;
-    let mut samples = sampling.samples.unwrap_or_else(|| own.samples_taken());
+    let taken = || own.sampling().samples_taken();
+    let mut samples = picture.samples.map_or_else(taken, Samples::get);
     ui.horizontal(|ui| {
         let drag = ui.add(DragValue::new(&mut samples).range(1..=crate::scene::MAX_SAMPLES).speed(0.2));
         if drag.changed() {
-            sampling.samples = Some(samples);
+            picture.samples = Some(Samples::clamped(samples));
         }
         ui.label(if own.noise.is_some() && samples > 1 {
             "samples a pixel at most"
@@ -304,11 +309,11 @@ fn render_settings(ui: &mut Ui, rendered: Option<&RenderedImage>, controls: &mut
         });
     });
     if samples > 1 {
-        let shape = sampling.or(own).shape_and_radius().0;
+        let shape = shown.filter.unwrap_or_default();
         let mut chosen = shape;
         choice(ui, "filter", &mut chosen, &FilterShape::ALL, FilterShape::name);
         if chosen != shape {
-            (sampling.filter, sampling.filter_radius) = (Some(chosen), None);
+            (picture.filter, picture.filter_radius) = (Some(chosen), None);
         }
     }
 }
@@ -406,29 +411,28 @@ fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut RenderSett
 
 /// Names of the settings of a side, one entry each. `sampling` is that of its picture.
 pub(crate) fn setting_names(settings: &RenderSettings, sampling: &Sampling) -> Vec<String> {
-    let RenderSettings { shading, with, without, .. } = settings;
-    let (numerics, pipeline) = (settings.numerics.unwrap_or_default(), settings.colour.unwrap_or_default());
-    let samples = settings.sampling.samples.unwrap_or_else(|| sampling.samples_taken());
+    let RenderSettings { picture, with, without, .. } = settings;
+    let samples = picture.samples.map_or_else(|| sampling.samples_taken(), Samples::get);
     let mut words = vec![
-        shading.name().to_owned(),
-        numerics.name().into(),
-        pipeline.name().into(),
+        picture.shading.unwrap_or_default().name().to_owned(),
+        picture.numerics.unwrap_or_default().name().into(),
+        picture.pipeline().name().into(),
         if samples == 1 { "1 sample".into() } else { format!("{samples} samples") },
     ];
     if samples > 1 {
-        words.push(settings.sampling.or(*sampling).shape_and_radius().0.name().into());
+        words.push(picture.filter.or(sampling.filter).unwrap_or_default().name().into());
     }
-    let display = settings.display.in_pipeline(pipeline);
+    let display = picture.display().in_pipeline(picture.pipeline());
     words.extend(display.exposure().map(|exposure| format!("exposure {exposure}")));
     words.extend(display.tone_map().map(|map| map.name().to_owned()));
     let light = LightChoice::of(settings);
     if light != LightChoice::Own {
         words.push(format!("light: {}", light.name("")));
     }
-    if let Some(Background::Colour([r, g, b])) = settings.background {
-        words.push(format!("background #{r:02x}{g:02x}{b:02x}"));
+    if let Some(background @ Background::Colour(_)) = picture.background {
+        words.push(format!("background {}", background.text()));
     }
-    if settings.ground == Some(true) {
+    if picture.ground == Some(true) {
         words.push("ground".to_owned());
     }
     words.extend(with.iter().map(|effect| format!("with {effect}")));

@@ -161,6 +161,7 @@ impl World {
         structure: Layout,
         numerics: Numerics,
     ) -> World {
+        let background = scene.background().unwrap_or(fit::BACKGROUND).to_pipeline(pipeline);
         let diagonal = scene.bounds().map_or(0.0, |(min, max)| min.distance(max));
         let to_pipeline = |material: Material| material.map_colours(|colour| colour.to_pipeline(pipeline));
         let mut materials: Vec<PreparedMaterial> =
@@ -211,7 +212,7 @@ impl World {
             ambient: scene.ambient.unwrap_or(DEFAULT_AMBIENT),
             fill: scene.fill,
             diagonal,
-            background: scene.background.unwrap_or(fit::BACKGROUND).to_pipeline(pipeline),
+            background,
             too_small,
             primitive_count,
         }

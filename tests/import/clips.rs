@@ -57,7 +57,11 @@ fn posed(model: &Model, time: Option<f64>, clip: Option<&str>) -> Result<Scene> 
 }
 
 fn options(pose: Option<ClipTime>) -> ImportOptions {
-    ImportOptions { pose, ..ImportOptions::default() }
+    let options = ImportOptions::default();
+    match pose {
+        Some(pose) => options.posed(pose),
+        None => options,
+    }
 }
 
 fn positions(scene: &Scene) -> &[DVec3] {
@@ -334,8 +338,7 @@ fn frames_play_a_clip() {
         kiln::import::inline_camera("{ position = [0, 0, 5], look_at = [0.3, 0.3, 0] }").expect("a camera");
     let settings = RenderSettings {
         camera: CameraChoice::Given(camera),
-        size: Some([32; 2]),
-        ..RenderSettings::default()
+        ..kiln::scene::PictureSettings::of_size([32; 2]).into()
     };
     let still = |time: f64| {
         let moment = ClipTime { clip: second.clone(), time };

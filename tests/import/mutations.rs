@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use kiln::error::Warnings;
-use kiln::job::{self, RenderSettings};
+use kiln::job;
 use kiln::render::RenderControl;
 
 use crate::common::{Numbers, repository};
@@ -70,7 +70,7 @@ fn binary_gltf(json: &[u8]) -> Vec<u8> {
 /// Imports a file and draws it at 4 x 4 pixels.
 fn draws(file: &Path) -> Result<(), kiln::error::Error> {
     let mut warnings = Warnings::default();
-    let settings = RenderSettings { size: Some([4, 4]), ..RenderSettings::default() };
+    let settings = kiln::scene::PictureSettings::of_size([4, 4]).into();
     let job = kiln::import::load(&[file.to_owned()], &mut warnings)
         .and_then(|scene| job::prepare(scene, &settings, &mut warnings));
     job.and_then(|job| job.render::<[f32; 3]>(&RenderControl::default())).map(drop)

@@ -62,7 +62,7 @@ fn camera(half: f64, projection: Projection) -> Camera {
 
 fn scene(picture: DecodedImage, mesh: Mesh, camera: Camera) -> Scene {
     Scene {
-        colour: Some(ColourPipeline::Display),
+        picture: kiln::scene::PictureSettings { colour: Some(ColourPipeline::Display), ..Default::default() },
         cameras: vec![camera],
         materials: vec![textured(Sampler::default())],
         images: vec![picture],

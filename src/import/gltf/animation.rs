@@ -98,7 +98,7 @@ impl Loader<'_> {
 
     /// The poses at the requested time; at rest without one, or the document has no such clip.
     pub(super) fn pose_of_nodes(&mut self, document: &gltf::Document) -> Pose {
-        let Some(asked) = self.source.options.pose.clone() else { return Pose::default() };
+        let Some(asked) = self.source.options.pose() else { return Pose::default() };
         let Some(Clip { name, index, .. }) = asked.clip.find(&self.scene.clips).cloned() else {
             return Pose::default();
         };

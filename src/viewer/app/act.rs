@@ -9,7 +9,7 @@ use super::{App, timeline};
 use crate::error::Result;
 use crate::scene::Camera;
 use crate::viewer::canvas::MouseResult;
-use crate::viewer::command_line::{CommandCamera, RenderCommand, SceneDefaults, command_line};
+use crate::viewer::command_line::{CommandCamera, RenderCommand, command_line};
 use crate::viewer::controls::next;
 use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::inspect::inspect;
@@ -161,7 +161,7 @@ impl App {
             &prepared.job.plan,
             prepared.job.recentering.as_ref(),
             bounds,
-            [prepared.job.display.in_pipeline(prepared.job.pipeline()).known(), shown],
+            [prepared.job.display().known(), shown],
             pixel,
         );
         if let (Some(_), Some(surface), Some(controls)) = (mouse.focused, &found.surface, &mut self.controls)
@@ -189,10 +189,9 @@ impl App {
         let (controls, opened) = (self.controls.as_ref()?, self.opened.as_ref()?);
         let prepared = self.canvas.prepared(controls.side)?;
         let settings = &controls.sides[controls.side];
-        let defaults = SceneDefaults::of(&opened.scene);
         let command = command_line(&RenderCommand {
             inputs: &self.inputs,
-            defaults: &defaults,
+            scene: &opened.scene,
             viewpoint: match &controls.camera_source {
                 CameraSource::Fitted(view) => CommandCamera::Standard(*view),
                 CameraSource::Scene(index) => CommandCamera::Camera(opened.scene.cameras.get(*index)?),

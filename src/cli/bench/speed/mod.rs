@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 
-use super::super::arguments::{ReadingArguments, inputs_help};
+use super::super::arguments::inputs_help;
 use super::super::{WarningPrinter, pool, print};
 use super::with_progress;
 use crate::bench::generate::Family;
@@ -17,6 +17,7 @@ use crate::bench::{Engine, Label, Mesh, Unavailable};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::write_whole;
 use crate::import;
+use crate::scene::ImportOptions;
 use crate::world::recenter;
 
 #[derive(Args)]
@@ -25,7 +26,7 @@ pub(crate) struct Arguments {
     #[arg(value_name = "INPUT", help = format!("{}; a bumpy sphere, if not given", inputs_help("Files to put into one scene")))]
     inputs: Vec<PathBuf>,
     #[command(flatten)]
-    pub reading: ReadingArguments,
+    pub import: ImportOptions,
     /// Rounds that count, after one to warm up; in each of them all engines take turns
     #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 5, value_parser = crate::cli::numbers::whole(1..=1000u32))]
     runs: u32,
@@ -101,7 +102,7 @@ fn subject(arguments: &Arguments) -> Result<(Mesh, ViewSetup)> {
         return Ok((mesh, setup));
     }
     let mut warnings = Warnings::default();
-    let mut scene = import::load_with(&arguments.inputs, &arguments.reading.options(), &mut warnings)?;
+    let mut scene = import::load_with(&arguments.inputs, &arguments.import, &mut warnings)?;
     recenter(&mut scene);
     let triangles = speed::triangles(&scene);
     if triangles.spheres > 0 {
