@@ -41,10 +41,11 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
     if scene.has_settings {
         return;
     }
-    let is_path = settings.transport.map_or(scene.environment.is_some(), |t| t == Transport::Path)
-        || scene.lights.iter().any(|light| light.kind.is_area());
     if !settings.sampling.says_quality() {
-        let most = if is_path { PATH_SAMPLES } else { SAMPLES };
+        let most = match scene.transport_for(settings.transport) {
+            Transport::Path => PATH_SAMPLES,
+            Transport::Whitted => SAMPLES,
+        };
         scene.sampling = Sampling { noise: Some(NOISE), samples: Some(most), ..scene.sampling };
     }
     let RenderSettings { shading, environment, headlight, ground, background, .. } = settings;

@@ -66,7 +66,7 @@ pub use material::{
 };
 pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
 pub use sampling::{MAX_SAMPLES, PixelSampler, Sampling};
-pub use transport::{Transport, check_clamp};
+pub use transport::{Transport, TransportReason, check_clamp};
 pub use up::UpAxis;
 
 use support::{AffineFunction, PointTrees};
@@ -386,6 +386,12 @@ impl Scene {
     /// Whether an object emits light.
     pub fn emits(&self) -> bool {
         self.objects.iter().any(|object| self.materials[object.material.0 as usize].emits())
+    }
+
+    /// The transport that the scene calls for, unless another is chosen: [`Transport::called_for`].
+    pub fn transport_for(&self, choice: Option<Transport>) -> Transport {
+        let has_area_light = self.lights.iter().any(|light| light.kind.is_area());
+        Transport::called_for(choice.or(self.transport), self.environment.is_some(), has_area_light).0
     }
 
     /// Bounding box of all objects, or `None` for an empty scene.

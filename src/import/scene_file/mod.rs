@@ -32,7 +32,7 @@ use meshes::Meshes;
 const MAX_SIDE: u32 = 65_535;
 
 /// Maximum number of glaze bounces. Each bounce that a path reaches needs buffers of about a tenth of a megabyte per
-/// thread; with a weight below 0.991 paths end earlier (`effects::glaze`).
+/// thread; with a weight below 0.991 paths end earlier (`effects::whitted::glaze`).
 const MAX_BOUNCES: u32 = 4096;
 
 /// Maximum of intensities and coefficients, so that their products are finite.

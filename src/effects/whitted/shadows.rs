@@ -5,10 +5,10 @@
 
 use glam::DVec3;
 
-use super::samples::DiscPoints;
-use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
-use super::transparency::transmittance;
-use super::{Effect, EffectContext, Hook, PlanSpec, RayKind, Stage, id, named, shadow_ray};
+use crate::effects::samples::DiscPoints;
+use crate::effects::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
+use crate::effects::transparency::transmittance;
+use crate::effects::{Effect, EffectContext, Hook, PlanSpec, RayKind, Stage, id, named, shadow_ray};
 use crate::geometry::Numerics;
 use crate::shading::{LightSample, LightSoa};
 use crate::world::{InteractionSoa, RaySoa, Vec3Soa, World, simd_dispatch};
@@ -21,14 +21,10 @@ pub const EFFECT: Effect = Effect {
     id: id::SHADOWS,
     summary: "lights are blocked by what stands in their way",
     source: "Whitted, An Improved Illumination Model for Shaded Display, 1980",
-    builds_on: None,
     needs_lights: true,
     is_shading: true,
-    decides_samples: false,
     is_study_switch: true,
-    whitted_only: true,
     rays: &[RAYS],
-    value: None,
     called_for: |world: &World, _| {
         let names: Vec<&str> = world.lights.iter().map(|light| light.name.as_str()).collect();
         named("light", &names).ok_or_else(|| "the scene has no lights".into())
@@ -51,6 +47,7 @@ pub const EFFECT: Effect = Effect {
             size_of::<Buffers>() + size_of_val(&**rays) + vec_bytes(occluded) + vec_bytes(surfaces)
         })
     },
+    ..Effect::NONE
 };
 
 /// Temporary buffers, reused for each light.
@@ -96,8 +93,8 @@ fn test_occlusion(
     continued: Option<RayKind>,
     points: Option<&DiscPoints>,
 ) {
-    let Tile { generations, depth, lights, traversal, recorder, .. } = tile;
-    let RayGeneration { surfaces, origins, shadow_origins, .. } = &generations[*depth];
+    let Tile { generations, current, depth, lights, traversal, recorder, .. } = tile;
+    let RayGeneration { surfaces, origins, shadow_origins, .. } = &generations[*current];
     let Some(origins) = shadow_origins.as_ref().or(origins.as_ref()) else { return };
     let Buffers { rays, occluded, surfaces: tested } = own;
     let (mut cast, mut blocked, mut count) = (0, 0, 0);
@@ -106,12 +103,15 @@ fn test_occlusion(
         if tested.is_empty() {
             continue;
         }
-        shadow_rays(light, surfaces, origins, context.world.numerics(), rays);
-        if let Some(directions) = points.and_then(|points| points.of_light(index)) {
-            let precision = context.world.numerics().ray_precision();
-            for (i, direction) in directions.iter().enumerate() {
-                rays.set(i, &precision.ray(origins.get(i), *direction, 0.0, f64::INFINITY));
+        rays.set_len(surfaces.len());
+        match points.and_then(|points| points.of_light(index)) {
+            Some(directions) => {
+                let precision = context.world.numerics().ray_precision();
+                for (i, direction) in directions.iter().enumerate() {
+                    rays.set(i, &precision.ray(origins.get(i), *direction, 0.0, f64::INFINITY));
+                }
             }
+            None => shadow_rays(light, surfaces, origins, context.world.numerics(), rays),
         }
         rays.keep(tested);
         occluded.clear();
@@ -151,7 +151,6 @@ fn shadow_rays(
     numerics: Numerics,
     rays: &mut RaySoa,
 ) {
-    rays.set_len(surfaces.len());
     // The tier is passed as a constant, so that the loops have no branch on it.
     match numerics {
         Numerics::Naive => simd_dispatch(
