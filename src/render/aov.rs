@@ -10,7 +10,7 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use super::features::{FeatureSums, Features, plan_without_light};
+use super::features::{FeatureSums, Features, first_surfaces, plan_without_light};
 use super::{RenderControl, render_displayed};
 use crate::effects::Plan;
 use crate::effects::tile::{RenderContext, Tile};
