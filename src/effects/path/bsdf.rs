@@ -11,6 +11,7 @@ use crate::world::{PreparedMaterial, SurfaceInteraction};
 impl Vertex<'_> {
     /// The value of the BSDF times the cosine, and its density, for a world direction. 0 where shading and geometric
     /// normal disagree on the side.
+    #[inline]
     pub(super) fn eval(&self, bsdf: &Bsdf, direction: DVec3) -> (DVec3, f64) {
         let local = to_local(&self.frame, direction);
         if (local.z > 0.0) != (direction.dot(self.surface.geometric_normal) > 0.0) {
@@ -21,6 +22,7 @@ impl Vertex<'_> {
 }
 
 /// The parameters of the BSDF, `None` where nothing is scattered.
+#[inline]
 pub(super) fn parameters(
     material: &PreparedMaterial,
     surface: &SurfaceInteraction,

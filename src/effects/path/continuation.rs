@@ -14,6 +14,7 @@ const MAX_SURVIVAL: f64 = 0.95;
 
 impl Vertex<'_> {
     /// The ray, the state and the media with which the path continues; `None` where it ends.
+    #[inline]
     pub(super) fn continued(&self, bsdf: &Bsdf, roulette_from: u32) -> Option<(Ray, Path, Media)> {
         let numbers = &self.numbers;
         let depth = numbers.depth;

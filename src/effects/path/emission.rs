@@ -12,6 +12,7 @@ use crate::world::{PreparedMaterial, SurfaceInteraction};
 impl Scatter {
     /// What a path adds after `bounces` bounces: as it is where light comes to the camera directly or by one surface,
     /// otherwise scaled down until no channel exceeds the clamp.
+    #[inline]
     pub(super) fn clamped(&self, radiance: DVec3, bounces: u32) -> DVec3 {
         let largest = radiance.max_element();
         let exceeds = bounces >= 2 && largest > self.clamp;
@@ -54,6 +55,7 @@ impl Buffers {
     }
 
     /// Adds radiance to a camera ray, or counts it if it is not finite.
+    #[inline]
     pub(super) fn add_radiance(&mut self, camera_ray: u32, radiance: DVec3, stage: &Scatter, depth: u32) {
         if radiance.is_finite() {
             self.radiance[camera_ray as usize] += stage.clamped(radiance, depth);
@@ -65,6 +67,7 @@ impl Buffers {
 
 impl Vertex<'_> {
     /// The radiance that the surface emits towards the ray's origin, weighted for the path.
+    #[inline]
     pub(super) fn emitted(&self, lights: &Lights) -> DVec3 {
         let Vertex { world, surface, path, .. } = self;
         let emission = emission(&world.materials[surface.material as usize], surface);

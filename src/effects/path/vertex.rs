@@ -27,6 +27,7 @@ pub(super) struct Vertex<'a> {
 
 impl<'a> Vertex<'a> {
     /// The vertex at which a path through `media` arrives.
+    #[inline]
     pub(super) fn new(
         world: &'a World,
         surface: SurfaceInteraction,
@@ -49,12 +50,14 @@ impl<'a> Vertex<'a> {
     }
 
     /// The albedo and the shading normal, for denoisers.
+    #[inline]
     pub(super) fn albedo_and_normal(&self) -> [[f32; 3]; 2] {
         let albedo = shade(self.world, ShadingMode::Flat, &self.surface, &[]);
         [albedo, self.surface.shading_normal].map(|value| value.as_vec3().to_array())
     }
 
     /// The origin of a ray that leaves the surface in a direction.
+    #[inline]
     pub(super) fn origin(&self, direction: DVec3) -> DVec3 {
         let (point, normal) = (self.surface.point, self.surface.geometric_normal);
         if direction.dot(normal) > 0.0 {
@@ -65,12 +68,14 @@ impl<'a> Vertex<'a> {
     }
 
     /// The media on the side of a direction.
+    #[inline]
     pub(super) fn media_towards(&self, direction: DVec3) -> Media {
         self.sides[usize::from(direction.dot(self.surface.geometric_normal) <= 0.0)]
     }
 }
 
 /// A world direction in a frame.
+#[inline]
 pub(super) fn to_local([tangent, bitangent, normal]: &[DVec3; 3], v: DVec3) -> DVec3 {
     DVec3::new(v.dot(*tangent), v.dot(*bitangent), v.dot(*normal))
 }

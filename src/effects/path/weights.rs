@@ -14,6 +14,7 @@ fn power_heuristic(own: f64, other: f64) -> f64 {
 }
 
 /// The weight of light found by a BSDF sample of density `own`, where light samples have the density `light`.
+#[inline]
 pub(super) fn bsdf_weight(technique: LightTechnique, own: f64, light: f64) -> f64 {
     match technique {
         LightTechnique::Both => power_heuristic(own, light),
@@ -24,6 +25,7 @@ pub(super) fn bsdf_weight(technique: LightTechnique, own: f64, light: f64) -> f6
 }
 
 /// The weight of a light sample of density `own`, where BSDF samples have the density `bsdf`.
+#[inline]
 pub(super) fn light_weight(technique: LightTechnique, own: f64, bsdf: f64) -> f64 {
     match technique {
         LightTechnique::Both => power_heuristic(own, bsdf),
