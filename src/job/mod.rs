@@ -360,9 +360,11 @@ pub(crate) fn added_light(scene: &Scene) -> Option<AddedLight> {
 
 /// Whether a scene has light: lights, or in path tracing an environment or surfaces that emit.
 pub(crate) fn is_lit(scene: &Scene) -> bool {
-    let transport = scene.picture.transport;
-    let is_path = transport.map_or(scene.environment.is_some(), |transport| transport == Transport::Path);
-    !scene.lights.is_empty() || is_path && (scene.environment.is_some() || scene.emits())
+    let emits = match scene.transport() {
+        Transport::Path => scene.environment.is_some() || scene.emits(),
+        Transport::Whitted => false,
+    };
+    emits || !scene.lights.is_empty()
 }
 
 /// Shading mode, sampling and effect settings of a picture.
@@ -484,19 +486,19 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
             world.numerics().name()
         ));
     }
-    let is_path = plan.effects_on().any(|effect| effect == id::PATH);
-    if is_path && !choices.sampling.is_wanted() {
+    let traces_paths = plan.transport == Transport::Path;
+    if traces_paths && !choices.sampling.is_wanted() {
         warnings.note("paths are traced, with one sample a pixel, which is noisy; try --samples 64");
     }
-    if let (false, Some(clamp)) = (is_path, choices.clamp) {
+    if let (false, Some(clamp)) = (traces_paths, choices.clamp) {
         warnings.push(format!("a clamp of {clamp} changes nothing without path tracing"));
     }
     if let (false, true, Some(name)) =
-        (is_path, choices.shading == ShadingMode::Full, world.area_lights.names.first())
+        (traces_paths, choices.shading == ShadingMode::Full, world.area_lights.names.first())
     {
         warnings.left_out(format!("area lights such as `{name}` light nothing without path tracing"));
     }
-    if !is_path {
+    if !traces_paths {
         let layered = world.materials_in_use().filter(|material| needs_path(material));
         let names: Vec<&str> = layered.map(|material| material.name()).collect();
         if let Some(names) = named("material", &names) {

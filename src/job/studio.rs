@@ -42,9 +42,10 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
     if scene.has_settings {
         return;
     }
-    let is_path = scene.picture.transport.map_or(scene.environment.is_some(), |t| t == Transport::Path)
-        || scene.lights.iter().any(|light| light.kind.is_area());
-    let most = if is_path { PATH_SAMPLES } else { SAMPLES };
+    let most = match scene.transport() {
+        Transport::Path => PATH_SAMPLES,
+        Transport::Whitted => SAMPLES,
+    };
     let sampled = PictureSettings {
         noise: Some(Noise::clamped(NOISE)),
         samples: Some(Samples::clamped(most)),

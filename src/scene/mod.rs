@@ -72,7 +72,7 @@ pub use picture::{Background, Clamp, FilterRadius, Headlight, Noise, PictureSett
 pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
 pub use sampling::{MAX_SAMPLES, PixelSampler, Sampling};
 pub use shading_mode::ShadingMode;
-pub use transport::Transport;
+pub use transport::{Transport, TransportReason};
 pub use up::UpAxis;
 
 use support::{AffineFunction, PointTrees};
@@ -365,6 +365,12 @@ impl Scene {
     /// Whether an object emits light.
     pub fn emits(&self) -> bool {
         self.objects.iter().any(|object| self.materials[object.material.0 as usize].emits())
+    }
+
+    /// The transport that is chosen, or that the scene calls for: [`Transport::called_for`].
+    pub fn transport(&self) -> Transport {
+        let has_area_light = self.lights.iter().any(|light| light.kind.is_area());
+        Transport::called_for(self.picture.transport, self.environment.is_some(), has_area_light).0
     }
 
     /// Bounding box of all objects, or `None` for an empty scene.

@@ -26,3 +26,32 @@ impl Transport {
         }
     }
 }
+
+/// What calls for a transport.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TransportReason {
+    /// It was chosen.
+    Choice,
+    /// An environment.
+    Environment,
+    /// A light with an area.
+    AreaLight,
+    /// Nothing calls for another.
+    Nothing,
+}
+
+impl Transport {
+    /// The transport of a picture, and what calls for it: the choice, otherwise what the scene has.
+    pub fn called_for(
+        choice: Option<Transport>,
+        has_environment: bool,
+        has_area_light: bool,
+    ) -> (Transport, TransportReason) {
+        match choice {
+            Some(transport) => (transport, TransportReason::Choice),
+            None if has_environment => (Transport::Path, TransportReason::Environment),
+            None if has_area_light => (Transport::Path, TransportReason::AreaLight),
+            None => (Transport::Whitted, TransportReason::Nothing),
+        }
+    }
+}

@@ -108,6 +108,8 @@ pub struct WorldObject {
     pub first: PrimId,
     /// Whether its triangles are seen clockwise from the front.
     pub is_mirrored: bool,
+    /// Whether it is an analytic shape, not triangles.
+    pub is_analytic: bool,
     /// Its vertex attributes.
     pub(crate) attributes: attributes::Attributes,
 }
@@ -194,6 +196,7 @@ impl World {
             material: object.material.0,
             first,
             is_mirrored: object.shape.is_mirrored(),
+            is_analytic: matches!(object.shape, Shape::Analytic(_)),
             attributes: attributes.attributes(object.shape, normal_mapped[object.material.0 as usize]),
         });
         let objects = objects.collect();

@@ -52,7 +52,8 @@ fn bits_of(surface: &SurfaceInteraction) -> Vec<u64> {
         surface.shading_normal,
         surface.tint,
     ];
-    let indices = [surface.prim.0, surface.object, surface.material].map(u64::from);
+    let is_turned = u32::from(surface.is_turned);
+    let indices = [surface.hit.prim.0, surface.object, surface.material, is_turned].map(u64::from);
     vectors.into_iter().flat_map(bits).chain(indices).collect()
 }
 

@@ -28,7 +28,7 @@ use crate::scene::{
 use meshes::Meshes;
 
 /// Maximum number of glaze bounces. Each bounce that a path reaches needs buffers of about a tenth of a megabyte per
-/// thread; with a weight below 0.991 paths end earlier (`effects::glaze`).
+/// thread; with a weight below 0.991 paths end earlier (`effects::whitted::glaze`).
 const MAX_BOUNCES: u32 = 4096;
 
 /// Maximum of intensities and coefficients, so that their products are finite.

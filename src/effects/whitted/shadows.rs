@@ -5,10 +5,10 @@
 
 use glam::DVec3;
 
-use super::samples::DiscPoints;
-use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
-use super::transparency::transmittance;
-use super::{Effect, EffectContext, Hook, PlanSpec, RayKind, Stage, id, named, shadow_ray};
+use crate::effects::samples::DiscPoints;
+use crate::effects::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
+use crate::effects::transparency::transmittance;
+use crate::effects::{Effect, EffectContext, Hook, PlanSpec, RayKind, Stage, id, named, shadow_ray};
 use crate::geometry::{Numerics, RayBuffer};
 use crate::shading::{LightSample, LightSoa};
 use crate::world::{InteractionSoa, Vec3Soa, World, simd_dispatch};
@@ -21,14 +21,10 @@ pub const EFFECT: Effect = Effect {
     id: id::SHADOWS,
     summary: "lights are blocked by what stands in their way",
     source: "Whitted, An Improved Illumination Model for Shaded Display, 1980",
-    builds_on: None,
     needs_lights: true,
     is_shading: true,
-    decides_samples: false,
     is_study_switch: true,
-    whitted_only: true,
     rays: &[RAYS],
-    value: None,
     called_for: |world: &World, _| {
         let names: Vec<&str> = world.lights.iter().map(|light| light.name.as_str()).collect();
         named("light", &names).ok_or_else(|| "the scene has no lights".into())
@@ -51,6 +47,7 @@ pub const EFFECT: Effect = Effect {
             size_of::<Buffers>() + rays.bytes() + vec_bytes(occluded) + vec_bytes(surfaces)
         })
     },
+    ..Effect::NONE
 };
 
 /// Temporary buffers, reused for each light.
@@ -96,8 +93,8 @@ fn test_occlusion(
     continued: Option<RayKind>,
     points: Option<&DiscPoints>,
 ) {
-    let Tile { generations, depth, lights, traversal, recorder, .. } = tile;
-    let RayGeneration { surfaces, origins, shadow_origins, .. } = &generations[*depth];
+    let Tile { generations, current, depth, lights, traversal, recorder, .. } = tile;
+    let RayGeneration { surfaces, origins, shadow_origins, .. } = &generations[*current];
     let Some(origins) = shadow_origins.as_ref().or(origins.as_ref()) else { return };
     let Buffers { rays, occluded, surfaces: tested } = own;
     let (mut cast, mut blocked, mut count) = (0, 0, 0);
@@ -106,11 +103,13 @@ fn test_occlusion(
         if tested.is_empty() {
             continue;
         }
-        shadow_rays(light, surfaces, origins, context.world.numerics(), rays);
-        if let Some(directions) = points.and_then(|points| points.of_light(index)) {
-            let precision = context.world.numerics().ray_precision();
-            let ray = |i: usize| precision.ray(origins.get(i), directions[i], 0.0, f64::INFINITY);
-            rays.write(0..directions.len(), ray);
+        match points.and_then(|points| points.of_light(index)) {
+            Some(directions) => {
+                let precision = context.world.numerics().ray_precision();
+                let ray = |i: usize| precision.ray(origins.get(i), directions[i], 0.0, f64::INFINITY);
+                rays.write(0..directions.len(), ray);
+            }
+            None => shadow_rays(light, surfaces, origins, context.world.numerics(), rays),
         }
         rays.keep(tested);
         occluded.clear();

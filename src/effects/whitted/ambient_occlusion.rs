@@ -9,9 +9,10 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use super::samples::SurfaceNumbers;
-use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
-use super::{Choices, Effect, EffectContext, EffectValue, Hook, RayKind, Stage, id};
+use crate::effects::random::Dimension;
+use crate::effects::samples::SurfaceNumbers;
+use crate::effects::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
+use crate::effects::{Choices, Effect, EffectContext, EffectValue, Hook, RayKind, Stage, id};
 use crate::geometry::RayBuffer;
 use crate::scene::PixelSampler;
 use crate::world::World;
@@ -28,20 +29,12 @@ const MAX_RADIUS: f64 = 1e6;
 /// The rays of a surface in a picture of one sample a pixel. More samples share them, but each casts at least one.
 const RAYS_PER_PIXEL: u32 = 32;
 
-/// The dimension of the random numbers.
-const DIMENSION: u32 = u32::MAX - 1;
-
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
     id: id::AMBIENT_OCCLUSION,
     summary: "ambient light is less where other surfaces are near",
     source: "Zhukov and others, An Ambient Light Illumination Model, 1998",
-    builds_on: None,
-    needs_lights: false,
     is_shading: true,
-    decides_samples: false,
-    is_study_switch: false,
-    whitted_only: true,
     rays: &[RAYS],
     value: Some(EffectValue {
         meaning: "radius in diagonals of the scene",
@@ -66,6 +59,7 @@ pub const EFFECT: Effect = Effect {
         });
         own + factors.sum::<usize>()
     },
+    ..Effect::NONE
 };
 
 /// Constant ambient light does without, unless it is asked for.
@@ -125,8 +119,8 @@ impl Stage for TestHemispheres {
         tile.with_buffers(|own: &mut Buffers, tile| {
             let Buffers { numbers, rays, occluded } = own;
             numbers.start(tile);
-            let Tile { generations, depth, traversal, .. } = tile;
-            let generation = &mut generations[*depth];
+            let Tile { generations, current, traversal, .. } = tile;
+            let generation = &mut generations[*current];
             let mut factors = std::mem::take(&mut generation.surfaces.ambient);
             let RayGeneration { surfaces, origins, .. } = &*generation;
             let Some(origins) = origins else { return };
@@ -136,7 +130,7 @@ impl Stage for TestHemispheres {
             for k in 0..self.count {
                 rays.write(0..surfaces.len(), |i| {
                     let ray = surfaces.ray_of()[i] as usize;
-                    let sequence = (self.sampler, self.seed, DIMENSION);
+                    let sequence = (self.sampler, self.seed, Dimension::AMBIENT_OCCLUSION);
                     let pair = numbers.pair(sequence, (&generation.rays, ray), (k, self.count));
                     let direction = above(surfaces.geometric_normal.get(i), pair);
                     precision.ray(origins.get(i), direction, 0.0, self.radius)
