@@ -42,8 +42,8 @@ pub enum StandardView {
 }
 
 names!(StandardView {
-    Auto = "auto", Front = "front", Back = "back", Left = "left", Right = "right", Top = "top", Bottom = "bottom",
-    Iso = "iso",
+    Auto = "auto", Front = "front", Back = "back", Left = "left", Right = "right", Top = "top",
+    Bottom = "bottom", Iso = "iso",
 });
 
 impl StandardView {
