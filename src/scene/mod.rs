@@ -412,28 +412,17 @@ impl Scene {
 
 /// Bounding box of objects among those of `trees`, or `None` where there is none.
 pub(crate) fn bounds(trees: &PointTrees, objects: &[Object]) -> Option<(DVec3, DVec3)> {
-    let value = |axis: usize, sign: f64| move |p: DVec3| sign * p[axis];
-    let of_sphere =
-        |axis: usize, sign: f64| move |centre: DVec3, radius: f64| sign * (centre[axis] + sign * radius);
-    let sides = [0, 1, 2].map(|axis| [1.0, -1.0].map(|sign| (axis, sign)));
-    let functions = sides.as_flattened().iter().map(|&(axis, sign)| {
-        let weight = DVec3::AXES[axis];
-        (value(axis, sign), of_sphere(axis, sign), weight * sign, weight)
-    });
-    let functions: Vec<_> = functions.collect();
-    let functions: Vec<AffineFunction> = functions
-        .iter()
-        .map(|(value, of_sphere, gradient, weight)| AffineFunction {
-            value,
-            of_sphere,
-            gradient: *gradient,
-            weight: *weight,
-            offset: DVec3::ZERO,
-        })
-        .collect();
-    let far = support::maxima(trees, objects, &functions);
+    let side = |axis: usize, sign: f64| AffineFunction {
+        of_sphere: Box::new(move |centre, radius| sign * centre[axis] + radius),
+        gradient: DVec3::AXES[axis] * sign,
+        weight: DVec3::AXES[axis],
+        offset: DVec3::ZERO,
+    };
+    let functions = [0, 1, 2].map(|axis| [1.0, -1.0].map(|sign| side(axis, sign)));
+    let far = support::maxima(trees, objects, functions.as_flattened());
     let [max, min] = [0, 1].map(|k| DVec3::new(far[k], far[2 + k], far[4 + k]));
-    (max.x > f64::NEG_INFINITY).then_some((-min, max))
+    // Not -0.
+    (max.x > f64::NEG_INFINITY).then_some((DVec3::ZERO - min, max))
 }
 
 impl Shape {

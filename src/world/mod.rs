@@ -38,6 +38,7 @@ pub use interaction::{FurtherTexels, SurfaceInteraction, Texels};
 pub use interactions::InteractionSoa;
 pub use mip_map::{MipLevel, MipMap};
 pub use recenter::{Recentering, recenter};
+pub(crate) use soa::simd;
 pub use soa::{RAYS_PER_BATCH, Vec3Soa, simd_dispatch};
 pub use view::{View, basis};
 pub(crate) use volumes::Volumes;

@@ -48,6 +48,17 @@ impl Vec3Soa {
     }
 }
 
+/// [`simd_dispatch`] of an expression.
+macro_rules! simd {
+    ($work:expr) => {
+        $crate::world::simd_dispatch(
+            #[inline(always)]
+            || $work,
+        )
+    };
+}
+pub(crate) use simd;
+
 /// Calls `work` compiled for the widest SIMD instructions of this machine. `work` must be `#[inline(always)]`.
 #[inline(always)]
 pub fn simd_dispatch<R>(work: impl FnOnce() -> R) -> R {

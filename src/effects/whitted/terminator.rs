@@ -9,8 +9,8 @@
 
 use crate::effects::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use crate::effects::{Effect, EffectContext, Hook, RayKind, Stage, id, named};
-use crate::geometry::spawn::{EDGE_DISTANCE, ORIGIN_OFFSET};
 use crate::geometry::RayBuffer;
+use crate::geometry::spawn::{EDGE_DISTANCE, ORIGIN_OFFSET};
 use crate::world::{InteractionSoa, Vec3Soa, World};
 
 /// Occlusion tests between points and their lifted positions.
