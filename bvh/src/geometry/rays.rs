@@ -205,7 +205,11 @@ impl RayBuffer {
     #[inline]
     pub fn get(&self, i: usize) -> Ray {
         assert!(i < self.len, "no ray at {i}");
-        bytemuck::cast(std::array::from_fn::<f64, NUMBERS, _>(|k| self.numbers[k * self.stride + i]))
+        let mut numbers = [0.0; NUMBERS];
+        for (k, number) in numbers.iter_mut().enumerate() {
+            *number = self.numbers[k * self.stride + i];
+        }
+        bytemuck::cast(numbers)
     }
 
     /// Replaces the ray at `i`.
@@ -215,7 +219,10 @@ impl RayBuffer {
     #[inline]
     pub fn set(&mut self, i: usize, ray: &Ray) {
         assert!(i < self.len, "no ray at {i}");
-        self.fill(i..i + 1, ray);
+        let numbers: &[f64; NUMBERS] = bytemuck::cast_ref(ray);
+        for (k, &number) in numbers.iter().enumerate() {
+            self.numbers[k * self.stride + i] = number;
+        }
     }
 
     /// Writes a ray to all of a range, for which there must be room.

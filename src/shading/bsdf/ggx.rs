@@ -42,12 +42,14 @@ impl Ggx {
     }
 
     /// cos (1 + 2 Lambda(cos)), where Lambda is Smith's function of GGX.
+    #[inline]
     fn smith(self, cos: f64) -> f64 {
         let a2 = self.alpha * self.alpha;
         (a2 + (1.0 - a2) * cos * cos).sqrt()
     }
 
     /// Smith's masking G1 of a direction, divided by its cosine.
+    #[inline]
     pub(crate) fn masking_over_cosine(self, cos: f64) -> f64 {
         2.0 / (cos + self.smith(cos))
     }
@@ -57,6 +59,7 @@ impl Ggx {
     /// too.
     ///
     /// `view` and `light` are absolute cosines.
+    #[inline]
     pub(crate) fn shadowing_over_cosine(self, view: f64, light: f64) -> f64 {
         2.0 * light / (view * self.smith(light) + light * self.smith(view))
     }
@@ -64,6 +67,7 @@ impl Ggx {
     /// A normal with the density of those that a view sees, G1 D max(0, v.m) / v.z, by uniform points on spherical
     /// caps (Dupuy and Benyoub, Sampling Visible GGX Normals with Spherical Caps, HPG 2023). `None` where rounding
     /// leaves no normal.
+    #[inline]
     pub(crate) fn sample_visible_normal(self, view: DVec3, numbers: [f64; 2]) -> Option<DVec3> {
         let stretched = DVec3::new(view.x * self.alpha, view.y * self.alpha, view.z).normalize();
         // A point of the cap z > -stretched.z. 1 - z and 1 + z are products and sums of positive numbers.
@@ -82,6 +86,7 @@ impl Ggx {
 }
 
 /// The mirror direction of `view` about `normal`.
+#[inline]
 pub(crate) fn reflect(view: DVec3, normal: DVec3) -> DVec3 {
     normal * (2.0 * view.dot(normal)) - view
 }
