@@ -1,7 +1,7 @@
 //! Quartiles of repeated measurements.
 
 /// Quartiles of measurements.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Spread {
     /// 25 % quantile.
     pub lower: f64,
@@ -21,6 +21,11 @@ impl Spread {
             return None;
         }
         Some(Spread { lower: at(1)?, median: at(2)?, upper: at(3)? })
+    }
+
+    /// Whether the quartile ranges are disjoint.
+    pub fn is_apart_from(&self, other: &Self) -> bool {
+        self.lower > other.upper || other.lower > self.upper
     }
 }
 

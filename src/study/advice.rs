@@ -2,9 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::data::{Quartiles, SettingRow, Significance};
+use super::data::{SettingRow, Significance};
 use super::pareto::TimedError;
 use super::path_sweep;
+use crate::bench::Spread;
 
 /// The fastest setting below an error bound.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -120,7 +121,7 @@ fn equally_fast(row: &SettingRow, rows: &[&SettingRow], below: f64) -> String {
 }
 
 /// Formats a median with its quartiles.
-pub(crate) fn brief(ms: Quartiles) -> String {
+pub(crate) fn brief(ms: Spread) -> String {
     let digits = if ms.median < 10.0 { 2 } else { usize::from(ms.median < 100.0) };
     format!("{:.digits$} ({:.digits$} to {:.digits$})", ms.median, ms.lower, ms.upper)
 }

@@ -3,12 +3,11 @@
 use std::fmt::Write;
 
 use super::advice::{brief, comparable, points};
-use super::data::{
-    ChannelAgreement, GeometryErrors, ReferenceKind, SettingRow, Significance, Study, TechniqueTest,
-};
-use super::errors::PictureErrors;
+use super::data::{GeometryErrors, ReferenceKind, SettingRow, Significance, Study, TechniqueTest};
 use super::pareto::front;
 use crate::effects::EFFECTS;
+use crate::metrics::Figures;
+use crate::metrics::t_test::ChannelTest;
 
 /// Table of differences in ray hits between the tiers and `exact`.
 pub(crate) fn geometry(tiers: &[GeometryErrors]) -> String {
@@ -55,13 +54,13 @@ pub(crate) fn technique_tests(tests: &[TechniqueTest]) -> String {
          finds a light, means and variances are too small together, and the histogram bends until there are enough samples.</p>\n\
          <div class=\"scroll\"><table><tr><th class=\"left\">against both</th><th class=\"left\">channel</th><th>blocks</th><th>difference of means</th>\
          <th>its standard error</th><th>p of equal means</th><th>p of an even histogram</th><th class=\"left\">p-values from 0 to 1</th><th class=\"left\">result</th></tr>\n",
-        first.block, first.samples
+        first.test.block, first.samples
     );
     for test in tests {
-        for channel in &test.channels {
+        for channel in &test.test.channels {
             let even = channel.uniform.map_or("–".into(), scientific);
             let (class, result) =
-                if test.passed { ("left", "no difference") } else { ("left bad", "different") };
+                if test.test.passed { ("left", "no difference") } else { ("left bad", "different") };
             let _ = writeln!(
                 html,
                 "<tr><td class=\"left\">{}</td><td class=\"left\">{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{even}</td>\
@@ -80,7 +79,7 @@ pub(crate) fn technique_tests(tests: &[TechniqueTest]) -> String {
 }
 
 /// Bars of the p-values; half the height is the expected count, twice that and more is the full height.
-fn histogram(channel: &ChannelAgreement) -> String {
+fn histogram(channel: &ChannelTest) -> String {
     const WIDTH: usize = 6;
     const HEIGHT: f64 = 28.0;
     let bins = channel.histogram.len();
@@ -221,7 +220,7 @@ fn cells(row: &SettingRow) -> String {
         Some(errors) if errors.are_none() => {
             "<td colspan=\"6\" class=\"same\">same picture: error 0</td>".into()
         }
-        Some(&PictureErrors { max, rmse, rel_mse, psnr, flip, differing }) => format!(
+        Some(&Figures { max, rmse, rel_mse, psnr, flip, differing }) => format!(
             "<td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.3} %</td>",
             scientific(rmse),
             scientific(max),

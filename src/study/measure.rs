@@ -2,7 +2,7 @@
 
 use rayon::ThreadPool;
 
-use super::data::{Quartiles, ReferenceKind, SCHEMA, SettingRow, Study};
+use super::data::{ReferenceKind, SCHEMA, SettingRow, Study};
 use super::meter::ProgressMeter;
 use super::pictures::{PageImages, png};
 use super::reference::ConvergedReference;
@@ -11,7 +11,7 @@ use super::setting::Setting;
 use super::sweep::{Candidate, sweep};
 use super::work::{MeasuredSetting, StudyRun, filters, prepare};
 use super::{advice, ambient, path_sweep, steps, techniques};
-use crate::bench::{Clock, Envelope};
+use crate::bench::{Clock, Envelope, Spread};
 use crate::effects::{Choices, RayKind};
 use crate::error::{Error, Result};
 use crate::film::Window;
@@ -205,7 +205,7 @@ fn rows(candidates: &[Candidate], settings: &[MeasuredSetting], subject: &StudyS
         };
         let Some(result) = &measured.result else { continue };
         let (Some(build_ms), Some(trace_ms)) =
-            (Quartiles::of(&measured.build_ms), Quartiles::of(&measured.trace_ms))
+            (Spread::of(&measured.build_ms), Spread::of(&measured.trace_ms))
         else {
             continue;
         };

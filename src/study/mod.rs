@@ -13,7 +13,6 @@
 mod advice;
 mod ambient;
 mod data;
-mod errors;
 mod geometry;
 mod html;
 mod leaks;
@@ -34,10 +33,8 @@ mod work;
 
 pub use advice::{Advice, ParameterStep, advice, steps};
 pub use data::{
-    ChannelAgreement, GeometryErrors, NoiseFloor, Quartiles, ReferenceKind, SettingRow, Significance, Study,
-    TechniqueTest,
+    GeometryErrors, NoiseFloor, ReferenceKind, SettingRow, Significance, Study, TechniqueTest,
 };
-pub use errors::PictureErrors;
 pub use measure::{Options, Pools, StudySubject, study};
 pub use pareto::{TimedError, front};
 pub use pictures::{PageImages, RowImages};

@@ -7,9 +7,8 @@ use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
 use super::data::ReferenceKind;
-use super::errors::PictureErrors;
 use crate::error::{Error, Result};
-use crate::metrics::{ComparedImage, Errors, error_map};
+use crate::metrics::{ComparedImage, Errors, Figures, error_map};
 
 /// Number of worst pixels to show enlarged.
 const WORST: usize = 3;
@@ -20,7 +19,7 @@ const MAX_BYTES: usize = 24 << 20;
 /// Comparison of a picture with a reference.
 pub struct Comparison {
     /// Error figures.
-    pub errors: PictureErrors,
+    pub errors: Figures,
     /// The reference as PNG.
     reference: Vec<u8>,
     /// Error map as PNG; `None` if the pictures are equal.
@@ -40,9 +39,10 @@ impl Comparison {
     /// # Errors
     /// Those of [`Errors::between`] and [`png`].
     pub fn new(reference: &ComparedImage, test: &ComparedImage) -> Result<Option<Self>> {
-        let Some(figures) = Errors::between(reference, test)?.figures else { return Ok(None) };
-        let errors = PictureErrors::of(&figures);
-        let worst = figures.worst.iter().take(WORST).map(|worst| [worst.x, worst.y]).collect();
+        let Errors { figures: Some(errors), worst, .. } = Errors::between(reference, test)? else {
+            return Ok(None);
+        };
+        let worst = worst.iter().take(WORST).map(|worst| [worst.x, worst.y]).collect();
         let heat = if errors.are_none() { None } else { Some(heat(reference, test)?) };
         Ok(Some(Comparison { errors, reference: png(reference)?, heat, worst }))
     }

@@ -6,9 +6,10 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::advice::{comparable, points};
-use super::data::{Quartiles, SettingRow};
+use super::data::SettingRow;
 use super::pareto::{TimedError, front};
 use super::path_sweep;
+use crate::bench::Spread;
 use crate::bench::plot::{Drawn, GRID, INK, PALETTE, decades, failed, text};
 use crate::error::Result;
 
@@ -17,7 +18,7 @@ struct Mark {
     /// Index of its group, which determines the colour.
     group: usize,
     /// Time in ms.
-    time: Quartiles,
+    time: Spread,
     /// Error; 0 is drawn on a separate line below all others.
     error: f64,
     /// Label, if not dominated.

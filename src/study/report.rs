@@ -161,7 +161,7 @@ pub fn facts(study: &Study) -> Vec<String> {
         ));
     }
     lines.extend(study.technique_tests.iter().map(|test| {
-        let found = if test.passed { "no difference found" } else { "different" };
+        let found = if test.test.passed { "no difference found" } else { "different" };
         format!("t-test, {} against both (MIS), {} samples: {found}.", test.name, test.samples)
     }));
     for row in study.rows.iter().filter(|row| row.non_finite > 0) {

@@ -1,7 +1,7 @@
 //! Whether the techniques of direct light converge to the same picture: t-tests of BSDF samples and of light samples
 //! against both with multiple importance sampling, after a control of two seeds of the latter.
 
-use super::data::{ChannelAgreement, TechniqueTest};
+use super::data::TechniqueTest;
 use super::path_sweep::technique_named;
 use super::setting::{PathVariation, Setting};
 use super::work::{StudyRun, prepare};
@@ -34,24 +34,7 @@ pub(crate) fn agreement(run: &StudyRun) -> Result<Vec<TechniqueTest>> {
     let test = |(seed, (name, technique)): (u32, (&str, LightTechnique))| {
         let tested = estimate(run, technique, samples, seed)?;
         let name = if name.is_empty() { technique_named(technique) } else { name };
-        let TTest { passed, threshold, channels, .. } = TTest::between(&both, &tested, BLOCK)?;
-        let channels = channels.into_iter().map(|own| ChannelAgreement {
-            channel: own.channel.to_owned(),
-            tested: own.tested,
-            histogram: own.histogram.to_vec(),
-            uniform: own.uniform,
-            difference: own.difference,
-            standard_error: own.standard_error,
-            equal_means: own.equal_means,
-        });
-        Ok(TechniqueTest {
-            name: name.into(),
-            samples,
-            block: BLOCK,
-            passed,
-            threshold,
-            channels: channels.collect(),
-        })
+        Ok(TechniqueTest { name: name.into(), samples, test: TTest::between(&both, &tested, BLOCK)? })
     };
     (2..).zip(pairs).map(test).collect()
 }

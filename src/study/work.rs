@@ -3,20 +3,19 @@
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
 
-use super::data::{GeometryErrors, Quartiles, Significance};
-use super::errors::PictureErrors;
+use super::data::{GeometryErrors, Significance};
 use super::measure::{Options, StudySubject};
 use super::meter::{ProgressMeter, effort};
 use super::pictures::{Comparison, SettingImages, png};
 use super::reference::{ConvergedReference, halves};
 use super::setting::{Setting, WorldKey};
 use super::{geometry, leaks};
-use crate::bench::Clock;
+use crate::bench::{Clock, Spread};
 use crate::error::{Error, Result};
 use crate::film::{Film, FilterShape, Pixel, TILE, Window};
 use crate::geometry::Numerics;
 use crate::job::RenderJob;
-use crate::metrics::ComparedImage;
+use crate::metrics::{ComparedImage, Figures};
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Scene;
 use crate::world::{View, World};
@@ -37,9 +36,9 @@ pub(crate) struct RenderResult {
     pub statistics: Statistics,
     pub structure_bytes: usize,
     pub layout: &'static str,
-    pub limit: Option<PictureErrors>,
+    pub limit: Option<Figures>,
     pub significance: Significance,
-    pub twin: Option<PictureErrors>,
+    pub twin: Option<Figures>,
     pub fingerprint: String,
     pub images: SettingImages,
 }
@@ -243,7 +242,7 @@ impl StudyRun<'_> {
         &self,
         settings: &mut [MeasuredSetting],
         load: Option<&(dyn Fn() -> Result<()> + Sync)>,
-    ) -> Result<Option<Quartiles>> {
+    ) -> Result<Option<Spread>> {
         let threads = rayon::current_num_threads();
         let mut load_ms = Vec::new();
         let groups = groups(settings);
@@ -274,7 +273,7 @@ impl StudyRun<'_> {
                 }
             }
         }
-        Ok(Quartiles::of(&load_ms))
+        Ok(Spread::of(&load_ms))
     }
 }
 

@@ -5,7 +5,7 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use crate::common::repository;
-use kiln::study::{ReferenceKind, SettingRow, Study, from_csv, to_csv};
+use kiln::study::{ReferenceKind, SettingRow, Study, TechniqueTest, from_csv, to_csv};
 
 /// A study of the assignment scene, small and quick, in a folder that goes when the tests end.
 fn made(inputs: &[&str], more: &[&str]) -> (tempfile::TempDir, Output) {
@@ -402,7 +402,7 @@ fn techniques_are_tested_for_agreement() {
     assert_eq!(names, ["control", "BSDF samples", "samples of lights"]);
     let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
     assert!(page.contains("Do the techniques agree?"));
-    for test in &study.technique_tests {
+    for TechniqueTest { name, test, .. } in &study.technique_tests {
         // 48 x 36 pixels are 12 x 9 blocks of 4 x 4. The front of the room is 2 wide and 3.6 away, where 48 pixels are
         // 2 * 3.6 * tan(15 degrees) * 4 / 3 = 2.57: of the 5.3 black columns of pixels on each side, 4 are a column of blocks.
         let tested = test.channels.iter().map(|channel| channel.tested).collect::<Vec<_>>();
@@ -411,7 +411,7 @@ fn techniques_are_tested_for_agreement() {
             assert_eq!(channel.histogram.iter().sum::<u64>(), channel.tested);
             assert!(channel.equal_means >= test.threshold, "{test:?}");
         }
-        assert!(String::from_utf8_lossy(&output.stdout).contains(&format!("t-test, {}", test.name)));
+        assert!(String::from_utf8_lossy(&output.stdout).contains(&format!("t-test, {name}")));
     }
 }
 
