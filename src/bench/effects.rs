@@ -16,7 +16,7 @@ use crate::job::RenderJob;
 use crate::render::{RenderControl, Statistics, render};
 
 /// Cost of a picture.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Cost {
     /// Number of rays of all kinds.
     pub rays: i64,

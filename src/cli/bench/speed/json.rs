@@ -4,7 +4,7 @@ use serde_json::{Map, Value, json};
 
 use super::Report;
 use crate::bench::speed::{Kind, SpeedRow};
-use crate::bench::{Clock, Spread, Unavailable};
+use crate::bench::{Clock, Unavailable};
 
 /// One row per contender, and one with a reason per unavailable library.
 pub(crate) fn rows(report: &Report) -> Value {
@@ -21,12 +21,12 @@ fn measured(row: &SpeedRow, report: &Report) -> Value {
         "preset": label.preset,
         "threads": row.threads,
         "isa": label.isa,
-        "build_ms": spread(row.build_ms),
+        "build_ms": row.build_ms,
         "nodes": row.facts.nodes,
         "depth": row.facts.depth,
         "sah_cost": row.facts.sah_cost,
         "bytes_per_triangle": row.bytes_per_triangle(),
-        "mrays_per_s": by_kind(|kind| row.mrays_per_s(kind).map(spread)),
+        "mrays_per_s": by_kind(|kind| row.mrays_per_s(kind).map(|spread| json!(spread))),
         "tests_per_ray": by_kind(|kind| {
             row.tests_per_ray(kind).map(|[nodes, primitives]| json!({ "nodes": nodes, "primitives": primitives }))
         }),
@@ -54,8 +54,4 @@ fn skipped(absent: &Unavailable) -> Value {
 fn by_kind(value: impl Fn(Kind) -> Option<Value>) -> Value {
     let pairs = Kind::ALL.map(|kind| (kind.name().to_owned(), value(kind).unwrap_or(Value::Null)));
     Value::Object(Map::from_iter(pairs))
-}
-
-fn spread(spread: Spread) -> Value {
-    json!({ "lower": spread.lower, "median": spread.median, "upper": spread.upper })
 }
