@@ -34,6 +34,13 @@ impl Envelope {
         report["rows"] = rows;
         report
     }
+
+    /// Name of the processor.
+    pub(crate) fn processor() -> String {
+        let cpuinfo = read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let name = cpuinfo.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+        name.map_or_else(|| std::env::consts::ARCH.to_owned(), |(_, name)| name.trim().to_owned())
+    }
 }
 
 /// Properties of the machine that the system provides, as names and values.
@@ -41,12 +48,7 @@ fn machine(isa: Option<&str>) -> Vec<[String; 2]> {
     let mut facts: Vec<[String; 2]> = Vec::new();
     let mut add =
         |name: &str, value: Option<String>| facts.extend(value.map(|value| [name.to_owned(), value]));
-    let cpuinfo = read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let field = |name: &str| {
-        let line = cpuinfo.lines().find(|line| line.starts_with(name))?;
-        Some(line.split_once(':')?.1.trim().to_owned())
-    };
-    add("processor", field("model name").or_else(|| Some(std::env::consts::ARCH.to_owned())));
+    add("processor", Some(Envelope::processor()));
     add("logical processors", std::thread::available_parallelism().ok().map(|count| count.to_string()));
     add("system", Some(format!("{} {}", std::env::consts::OS, std::env::consts::ARCH)));
     let governor = read_to_string("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor");

@@ -18,6 +18,7 @@ pub mod effects;
 mod embree;
 mod envelope;
 pub mod generate;
+pub(crate) mod html;
 mod icosphere;
 mod kiln;
 pub mod leaks;

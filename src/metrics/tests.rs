@@ -23,14 +23,7 @@ fn worst(a: &ComparedImage, b: &ComparedImage) -> Vec<Worst> {
 fn identical_images_have_no_error() {
     let a = uniform(0.25, Values::Linear);
     let errors = Errors::between(&a, &a).unwrap();
-    let expected = Figures {
-        max: 0.0,
-        rmse: 0.0,
-        rel_mse: 0.0,
-        psnr: None,
-        flip: 0.0,
-        differing: 0.0,
-    };
+    let expected = Figures { max: 0.0, rmse: 0.0, rel_mse: 0.0, psnr: None, flip: 0.0, differing: 0.0 };
     assert!(errors.same && errors.worst.is_empty());
     assert_eq!(errors.figures, Some(expected));
 }
@@ -85,25 +78,4 @@ fn different_encodings_are_compared_as_display_values() {
     assert!((errors.figures.unwrap().max - 0.235_357).abs() < 1e-6);
     let white = Errors::between(&uniform(1.0, Values::Linear), &uniform(1.0, Values::Display)).unwrap();
     assert!(!white.same && white.figures.unwrap().max == 0.0);
-}
-
-#[test]
-fn non_finite_pixels_are_counted_and_not_averaged() {
-    let a = uniform(0.5, Values::Linear);
-    let mut b = a.clone();
-    b.pixels[(3 * WIDTH + 2) as usize][2] = f32::NAN;
-    b.pixels[(9 * WIDTH + 1) as usize][0] = f32::INFINITY;
-    let errors = Errors::between(&a, &b).unwrap();
-    assert_eq!(errors.non_finite, NonFinite { reference: 0, test: 2, first: Some((2, 3)) });
-    assert_eq!(errors.figures, None);
-    // NaN is not equal to NaN.
-    assert!(!Errors::between(&b, &b).unwrap().same);
-}
-
-#[test]
-fn pictures_of_other_sizes_are_refused() {
-    let a = uniform(0.5, Values::Display);
-    let b = ComparedImage { width: HEIGHT, height: WIDTH, ..a.clone() };
-    let message = Errors::between(&a, &b).unwrap_err().to_string();
-    assert_eq!(message, "sizes differ: 40 x 20 pixels against 20 x 40");
 }

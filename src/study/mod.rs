@@ -17,7 +17,6 @@ mod geometry;
 mod html;
 mod leaks;
 mod measure;
-mod meter;
 mod pareto;
 mod path_sweep;
 mod pictures;
@@ -32,9 +31,7 @@ mod techniques;
 mod work;
 
 pub use advice::{Advice, ParameterStep, advice, steps};
-pub use data::{
-    GeometryErrors, NoiseFloor, ReferenceKind, SettingRow, Significance, Study, TechniqueTest,
-};
+pub use data::{GeometryErrors, NoiseFloor, ReferenceKind, SettingRow, Significance, Study, TechniqueTest};
 pub use measure::{Options, Pools, StudySubject, study};
 pub use pareto::{TimedError, front};
 pub use pictures::{PageImages, RowImages};
@@ -42,4 +39,4 @@ pub use plot::error_against_time;
 pub use report::{facts, page};
 pub use setting::{PathVariation, Setting};
 pub use sweep::{Candidate, Omitted, parameters, sweep};
-pub use table::{from_csv, to_csv};
+pub use table::to_csv;

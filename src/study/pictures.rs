@@ -4,6 +4,8 @@ use std::collections::HashMap;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder};
 use serde::Serialize;
 
 use super::data::ReferenceKind;
@@ -64,18 +66,11 @@ pub(crate) fn png(picture: &ComparedImage) -> Result<Vec<u8>> {
 }
 
 fn encode(width: u32, height: u32, bytes: &[u8]) -> Result<Vec<u8>> {
-    let failed = |e: png::EncodingError| Error::Failed {
-        what: format!("a picture cannot be made: {e}"),
-        hint: String::new(),
-    };
     let mut file = Vec::new();
-    let mut encoder = png::Encoder::new(&mut file, width, height);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_compression(png::Compression::Balanced);
-    let mut writer = encoder.write_header().map_err(failed)?;
-    writer.write_image_data(bytes).map_err(failed)?;
-    writer.finish().map_err(failed)?;
+    // The data URIs of a page are smaller than with the encoder of `film`, which is faster.
+    let encoder = PngEncoder::new_with_quality(&mut file, CompressionType::Default, FilterType::Adaptive);
+    let done = encoder.write_image(bytes, width, height, ExtendedColorType::Rgb8);
+    done.map_err(|e| Error::Failed { what: format!("a picture cannot be made: {e}"), hint: String::new() })?;
     Ok(file)
 }
 
@@ -126,8 +121,8 @@ impl PageImages {
         let limit = limit.map(|limit| files.number(limit));
         let mut pictures = Vec::new();
         for row in rows {
-            let shown = row.and_then(|(index, reference)| Some((settings.get(index)?.as_ref()?, reference)));
-            let compared = shown.and_then(|(shown, reference)| {
+            let compared = row.and_then(|(index, reference)| {
+                let shown = settings.get(index)?.as_ref()?;
                 let comparison = match reference {
                     ReferenceKind::Limit => shown.limit.as_ref(),
                     ReferenceKind::Twin => shown.twin.as_ref(),

@@ -7,6 +7,7 @@ use super::setting::{PathVariation, Setting};
 use super::work::{StudyRun, prepare};
 use crate::effects::LightTechnique;
 use crate::error::{Error, Result};
+use crate::film::channels::ExrChannels;
 use crate::film::{ColourPipeline, Film, FilterShape};
 use crate::metrics::t_test::{CHANNELS, Estimate, TTest};
 use crate::render::aov::{self, AovSelection};
@@ -55,21 +56,17 @@ fn estimate(run: &StudyRun, technique: LightTechnique, samples: u32, seed: u32) 
     let job = prepare(run.subject, &setting)?;
     let (film, _): (Film, _) = run.render(&job, &setting)?;
     let selection = AovSelection::new(&["samples".into(), "variance".into()])?;
-    let channels = aov::channels(&job.aov_source(Some(&film)), &selection, run.meter.control)?;
-    let values = |name: String| {
-        let channel = channels.iter().find(|channel| channel.name == name);
-        channel.map(|channel| channel.values.clone()).ok_or_else(|| Error::Failed {
-            what: format!("the picture has no layer {name}"),
-            hint: String::new(),
-        })
-    };
-    let [r, g, b] = CHANNELS.map(|channel| values(format!("Variance.{channel}")));
-    Ok(Estimate {
+    let channels = aov::channels(&job.aov_source(Some(&film)), &selection, run.control)?;
+    let own = CHANNELS.into_iter().enumerate();
+    let own = own.map(|(c, name)| (name.to_owned(), film.rows().map(|pixel: [f32; 3]| pixel[c]).collect()));
+    let channels = channels.into_iter().map(|channel| (channel.name, channel.values));
+    let channels = ExrChannels {
         width: film.window().width,
         height: film.window().height,
-        means: std::array::from_fn(|c| film.rows().map(|pixel: [f32; 3]| pixel[c]).collect()),
-        variances: [r?, g?, b?],
-        counts: values("Samples.X".into())?,
-        seed: setting.sampling.seed,
-    })
+        channels: own.chain(channels).collect(),
+        settings: Vec::new(),
+    };
+    let estimate =
+        Estimate::unchecked(&channels).map_err(|what| Error::Failed { what, hint: String::new() })?;
+    Ok(Estimate { seed: setting.sampling.seed, ..estimate })
 }
