@@ -12,7 +12,8 @@ use kiln::film::write::{Format, OutputImage, write_picture};
 use kiln::glam::DVec3;
 use kiln::job::{RenderControl, RenderSettings, prepare};
 use kiln::scene::{
-    Camera, Falloff, Light, LightKind, Material, MaterialId, Mesh, Object, Phong, Scene, Shape, Sphere,
+    Camera, Falloff, Light, LightKind, Material, MaterialId, Mesh, Object, Phong, PictureSettings, Scene,
+    Shape, Sphere,
 };
 
 fn main() -> Result<()> {
@@ -23,7 +24,7 @@ fn main() -> Result<()> {
 
 /// The scene. +y is up; there is no unit of length.
 pub fn build_scene() -> Scene {
-    let mut scene = Scene { size: Some([640, 480]), ..Scene::default() };
+    let mut scene = Scene { picture: PictureSettings::of_size([640, 480]), ..Scene::default() };
     let red = scene.add_material(phong("red", [200, 40, 30]));
     let grey = scene.add_material(phong("grey", [180, 180, 180]));
     let corners = [[-4.0, 0.0, -4.0], [-4.0, 0.0, 4.0], [4.0, 0.0, 4.0], [4.0, 0.0, -4.0]];

@@ -9,12 +9,11 @@
 
 use std::path::PathBuf;
 
-use kiln::bench::Mesh;
 use kiln::bench::generate::Family;
 use kiln::bench::speed::{
-    BuiltContender, Contender, Facts, Kind, Label, RayQueue, RaySets, Settings, SpeedRow, Viewpoint,
-    contenders, measure, scene, singly, triangles, view_setup,
+    Kind, RaySets, Settings, SpeedRow, Viewpoint, engines, measure, scene, triangles, view_setup,
 };
+use kiln::bench::{Built, Engine, Facts, Label, Mesh, RayQueue, singly};
 use kiln::error::{Result, Warnings};
 use kiln::geometry::Ray;
 use kiln::glam::Vec3;
@@ -29,11 +28,11 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// Measures [`MedianSplit`] and every engine that is there, in so many rounds on one thread, with the rays of a picture
+/// Measures [`median_split`] and every engine that is there, in so many rounds on one thread, with the rays of a picture
 /// of `size` by `size` pixels.
 pub fn compare(mesh: &Mesh, size: u32, runs: u32) -> Result<Vec<SpeedRow>> {
-    let (mut all, _) = contenders(1);
-    all.push(Box::new(MedianSplit));
+    let (mut all, _) = engines(1);
+    all.push(median_split());
     let ray_sets = RaySets::new(mesh, &view_setup(&scene(mesh), Viewpoint::Outside, size)?);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     measure(&all, mesh, &ray_sets, &Settings { runs, pool: &pool, check: true }, &RenderControl::default())
@@ -60,21 +59,16 @@ pub fn table(rows: &[SpeedRow]) -> String {
 }
 
 /// The engine that is measured.
-pub struct MedianSplit;
-
-impl Contender for MedianSplit {
-    fn label(&self) -> Label {
-        let isa = kiln::bvh::compiled_isa();
-        Label { engine: "mine", layout: "median split", tier: None, preset: None, isa }
-    }
-
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn BuiltContender>> {
+pub fn median_split() -> Engine {
+    let isa = kiln::bvh::compiled_isa();
+    let label = Label { engine: "mine", layout: "median split", tier: None, preset: None, isa };
+    Engine::new(label, |mesh| {
         let triangles = (0..mesh.triangles.len() as u32).map(|id| Triangle { corners: mesh.corners(id), id });
         let mut tree = Tree { nodes: Vec::new(), triangles: triangles.collect() };
         let count = tree.triangles.len();
         tree.split(0, count);
         Ok(Box::new(tree))
-    }
+    })
 }
 
 struct Triangle {
@@ -141,7 +135,7 @@ impl Tree {
     }
 }
 
-impl BuiltContender for Tree {
+impl Built for Tree {
     fn facts(&self) -> Facts {
         let bytes = size_of_val(&self.nodes[..]) + size_of_val(&self.triangles[..]);
         Facts { nodes: Some(self.nodes.len() as u64), bytes: Some(bytes as u64), ..Facts::default() }

@@ -39,6 +39,24 @@
 
 pub use kiln_bvh::{bvh, geometry, glam};
 
+/// Lists the values of an enumeration as `ALL`, and their names for users.
+#[cfg(feature = "import")]
+macro_rules! names {
+    ($type:ty { $($value:ident = $name:literal),* $(,)? }) => {
+        impl $type {
+            /// All values.
+            pub const ALL: [Self; [$($name),*].len()] = [$(Self::$value),*];
+
+            /// The name for users.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$value => $name),*
+                }
+            }
+        }
+    };
+}
+
 // The interface of the library.
 #[cfg(feature = "bench")]
 pub mod bench;
@@ -81,6 +99,9 @@ pub mod shading;
 #[cfg(feature = "study")]
 #[doc(hidden)]
 pub mod study;
+#[cfg(feature = "import")]
+#[doc(hidden)]
+pub mod timing;
 #[cfg(feature = "viewer")]
 #[doc(hidden)]
 pub mod viewer;

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use kiln::error::Warnings;
-use kiln::job::{self, RenderSettings};
+use kiln::job;
 use kiln::render::RenderControl;
-use kiln::scene::{ClipChoice, ClipTime, ImportOptions};
+use kiln::scene::{ClipChoice, ClipTime, ImportOptions, PictureSettings};
 
 /// Writes the data to a file of this name in a folder of this process; the file.
 ///
@@ -32,11 +32,10 @@ pub fn render(file: &Path) {
     let mut warnings = Warnings::default();
     let Ok(scene) = kiln::import::load(&[file.to_owned()], &mut warnings) else { return };
     if !scene.clips.is_empty() {
-        let pose = Some(ClipTime { clip: ClipChoice::First, time: 0.5 });
-        let options = ImportOptions { pose, ..ImportOptions::default() };
+        let options = ImportOptions::default().posed(ClipTime { clip: ClipChoice::First, time: 0.5 });
         let _ = kiln::import::reload(&scene, &options, &mut warnings);
     }
-    let settings = RenderSettings { size: Some([8, 8]), ..RenderSettings::default() };
+    let settings = PictureSettings::of_size([8, 8]).into();
     if let Ok(job) = job::prepare(scene, &settings, &mut warnings) {
         let _ = job.render::<[f32; 3]>(&RenderControl::default());
     }

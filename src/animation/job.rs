@@ -90,7 +90,7 @@ impl AnimationJob {
         if is_turntable && let Some(note) = note_of_part(&list, &timeline) {
             warnings.note(note);
         }
-        let light = job::added_light(&scene, settings);
+        let light = job::added_light(&scene);
         let mut resolved = job::resolve_for(scene, None, camera.clone(), size, settings)?;
         let mine = list.frames().iter().enumerate().filter(|(place, _)| request.share.has(*place));
         let mine: Vec<i32> = mine.map(|(_, &frame)| frame).collect();
@@ -102,13 +102,14 @@ impl AnimationJob {
             return Ok(AnimationJob { animation: None, timeline, frames, skipped, effects_on: 0, resolved });
         };
         let scene = std::mem::take(&mut resolved.scene);
-        job::check_memory(&scene, &resolved.choices, resolved.numerics)?;
+        let (structure, numerics) = (resolved.structure(), resolved.numerics());
+        job::check_memory(&scene, &resolved.choices, numerics)?;
         if let Some(light) = light {
             light.note(warnings);
         }
         building(warnings);
-        let ResolvedJob { pipeline, structure, numerics, .. } = &resolved;
-        let animation = PreparedAnimation::new(scene, &camera, light, *pipeline, *structure, *numerics)?;
+        let pipeline = resolved.settings.picture.pipeline();
+        let animation = PreparedAnimation::new(scene, &camera, light, pipeline, structure, numerics)?;
         let animation = Some(animation);
         let mut made = AnimationJob { animation, timeline, frames, skipped, effects_on: 0, resolved };
         // Errors and warnings of the first frame come before any is rendered.
@@ -125,12 +126,13 @@ impl AnimationJob {
     /// # Errors
     /// Those of [`AnimationJob::frame`] and [`RenderJob::render`].
     pub fn fix_exposure(&mut self, control: &RenderControl) -> Result<Option<f64>> {
-        if !self.resolved.display.is_auto() || self.frames.is_empty() {
+        let display = self.resolved.settings.picture.display();
+        if !display.is_auto() || self.frames.is_empty() {
             return Ok(None);
         }
         let (film, _) = self.frame(0)?.render::<[f32; 3]>(control)?;
-        let ev = self.resolved.display.transform_of(film.rows()).ev();
-        self.resolved.display.exposure = Some(Exposure::Ev(ev));
+        let ev = display.transform_of(film.rows()).ev();
+        self.resolved.settings.picture.exposure = Some(Exposure::Ev(ev));
         set_auto_exposure(&mut self.resolved.metadata, ev);
         Ok(Some(ev))
     }
@@ -144,23 +146,13 @@ impl AnimationJob {
             return Err(Error::Failed { what: "no frame is to be made".into(), hint: String::new() });
         };
         let FrameWorld { world, camera, recentering, .. } = animation.at(self.timeline.time(frame))?;
-        let ResolvedJob {
-            camera: resolved,
-            size,
-            window,
-            share,
-            choices,
-            metadata,
-            display,
-            is_transparent,
-            ..
-        } = &self.resolved;
+        let ResolvedJob { camera: resolved, window, settings, choices, metadata, .. } = &self.resolved;
         let camera = Camera { projection: resolved.projection, ..camera };
-        let job = RenderJob::new(Arc::clone(&world), recentering, camera, *size, choices.clone())?;
+        let size = self.resolved.size();
+        let job = RenderJob::new(Arc::clone(&world), recentering, camera, size, choices.clone())?;
         let mut metadata = metadata.clone();
         metadata.push((FRAME.to_owned(), frame.to_string()));
-        let (window, share, is_transparent) = (*window, *share, *is_transparent);
-        Ok(RenderJob { window, share, metadata, display: *display, is_transparent, ..job })
+        Ok(RenderJob { window: *window, settings: settings.clone(), metadata, ..job })
     }
 }
 

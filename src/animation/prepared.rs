@@ -12,9 +12,7 @@ use crate::film::ColourPipeline;
 use crate::import;
 use crate::job::AddedLight;
 use crate::scene::animation::{Motion, Property, Target, Track};
-use crate::scene::{
-    Animation, Camera, Clip, ClipChoice, ClipTime, ImportOptions, Numerics, Projection, Scene,
-};
+use crate::scene::{Animation, Camera, Clip, ClipChoice, ClipTime, Numerics, Projection, Scene};
 use crate::world::{Recentering, StandardView, World, recenter, turntable_camera};
 
 /// The default duration of a turntable in seconds, and its frames per second.
@@ -130,12 +128,13 @@ impl PreparedAnimation {
         let own = &self.scene;
         let duration = own.animation.as_ref().map_or(0.0, |animation| animation.duration);
         let moment = ClipTime { clip: ClipChoice::Index(clip.index), time: time * duration };
-        let options = ImportOptions { pose: Some(moment), ..own.import_options.clone() };
+        let options = own.import_options.clone().posed(moment);
         let mut scene = import::reload(own, &options, &mut Warnings::default())?;
         let added = own.cameras.iter().skip(scene.cameras.len()).cloned();
         scene.cameras.extend(added);
         let Scene { background, ambient, fill, ground, .. } = *own;
-        Ok(Scene { environment: own.environment.clone(), background, ambient, fill, ground, ..scene })
+        let (picture, environment) = (own.picture, own.environment.clone());
+        Ok(Scene { picture, environment, background, ambient, fill, ground, ..scene })
     }
 }
 

@@ -6,26 +6,16 @@ use bvh::bvh::{Bvh, BvhNode};
 use bvh::ray::Ray as BvhRay;
 use nalgebra::{Point3, Vector3};
 
-use super::Mesh;
-use super::speed::{BuiltContender, Contender, Facts, Kind, Label, RayQueue, singly};
+use super::speed::Kind;
+use super::{Built, Engine, Facts, Label, RayQueue, singly};
 use crate::bvh::{Quality, VisitedNode, quality};
-use crate::error::Result;
 use crate::geometry::Ray;
 
-/// Binary tree.
-struct Binary;
-
-/// The only contender.
-pub(crate) fn contenders() -> Vec<Box<dyn Contender>> {
-    vec![Box::new(Binary)]
-}
-
-impl Contender for Binary {
-    fn label(&self) -> Label {
-        Label { engine: "bvh", layout: "bvh2", tier: None, preset: None, isa: crate::bvh::compiled_isa() }
-    }
-
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn BuiltContender>> {
+/// The only engine.
+pub(crate) fn engines() -> Vec<Engine> {
+    let isa = crate::bvh::compiled_isa();
+    let label = Label { engine: "bvh", layout: "bvh2", tier: None, preset: None, isa };
+    vec![Engine::new(label, |mesh| {
         let triangle = |id: u32| {
             let corners = mesh.corners(id).map(|corner| Point3::from(corner.to_array()));
             Triangle { corners, id, node: 0 }
@@ -33,7 +23,7 @@ impl Contender for Binary {
         let mut triangles: Vec<Triangle> = (0..mesh.triangles.len() as u32).map(triangle).collect();
         let tree = Bvh::build_par(&mut triangles);
         Ok(Box::new(BuiltBinary { tree, triangles }))
-    }
+    })]
 }
 
 struct Triangle {
@@ -128,7 +118,7 @@ impl BuiltBinary {
     }
 }
 
-impl BuiltContender for BuiltBinary {
+impl Built for BuiltBinary {
     fn facts(&self) -> Facts {
         let Quality { depth, sah_cost } = self.quality();
         Facts {

@@ -7,13 +7,12 @@
 
 use std::sync::atomic::AtomicBool;
 
-use super::clock::Clock;
-use super::spread::Spread;
 use crate::effects::{EffectId, Plan};
 use crate::error::Result;
 use crate::film::Film;
 use crate::job::RenderJob;
 use crate::render::{RenderControl, Statistics, render};
+use crate::timing::{Clock, Spread};
 
 /// Cost of a picture.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -120,5 +119,5 @@ pub fn measure(job: &RenderJob, rounds: usize, cancel: &AtomicBool) -> Result<Co
 
 fn spread(measurements: impl Iterator<Item = f64>) -> Spread {
     let measurements: Vec<f64> = measurements.collect();
-    Spread::of(&measurements).unwrap_or(Spread { lower: 0.0, median: 0.0, upper: 0.0 })
+    Spread::of(&measurements).unwrap_or(Spread::exact(0.0))
 }

@@ -34,13 +34,6 @@ impl Envelope {
         report["rows"] = rows;
         report
     }
-
-    /// Name of the processor.
-    pub(crate) fn processor() -> String {
-        let cpuinfo = read_to_string("/proc/cpuinfo").unwrap_or_default();
-        let name = cpuinfo.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
-        name.map_or_else(|| std::env::consts::ARCH.to_owned(), |(_, name)| name.trim().to_owned())
-    }
 }
 
 /// Properties of the machine that the system provides, as names and values.
@@ -48,7 +41,7 @@ fn machine(isa: Option<&str>) -> Vec<[String; 2]> {
     let mut facts: Vec<[String; 2]> = Vec::new();
     let mut add =
         |name: &str, value: Option<String>| facts.extend(value.map(|value| [name.to_owned(), value]));
-    add("processor", Some(Envelope::processor()));
+    add("processor", Some(processor()));
     add("logical processors", std::thread::available_parallelism().ok().map(|count| count.to_string()));
     add("system", Some(format!("{} {}", std::env::consts::OS, std::env::consts::ARCH)));
     let governor = read_to_string("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor");
@@ -58,6 +51,13 @@ fn machine(isa: Option<&str>) -> Vec<[String; 2]> {
     add("instructions the compiler may use", Some(compiled_isa().to_owned()));
     add("build", Some(if cfg!(debug_assertions) { "with debug assertions" } else { "release" }.to_owned()));
     facts
+}
+
+/// Name of the processor.
+pub(super) fn processor() -> String {
+    let file = read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = file.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    name.map_or_else(|| std::env::consts::ARCH.to_owned(), |(_, name)| name.trim().to_owned())
 }
 
 /// Load average of the last minute.

@@ -10,7 +10,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use rayon::prelude::*;
 
 use super::tetrahedron::Tetrahedron;
-use super::{Built, Engine, Icosphere, LEVEL, LeakRayKind, Mesh, PLACEMENTS, kiln, ray};
+use super::{
+    Built, Engine, Icosphere, LEVEL, LeakRayKind, Mesh, PLACEMENTS, Unavailable, embree, gathered, kiln,
+    obvhs, ray, tinybvh,
+};
 use crate::bvh::Layout;
 use crate::error::{Error, Result};
 use crate::geometry::Numerics;
@@ -25,6 +28,14 @@ const TETRAHEDRON_LEVELS: [u32; 2] = [7, 3];
 
 /// Rays per parallel task and progress step.
 const CHUNK: u64 = 4096;
+
+/// All libraries of [`engines`].
+pub const NAMES: [&str; 4] = ["kiln", "obvhs", "embree", "tinybvh"];
+
+/// The available engines in the order of [`NAMES`], and the unavailable libraries.
+pub fn engines() -> (Vec<Engine>, Vec<Unavailable>) {
+    gathered([Ok(kiln::leak_engines()), Ok(obvhs::engines()), embree::leak_engines(), tinybvh()])
+}
 
 /// Result of an engine at a placement.
 #[derive(Debug, Clone, PartialEq)]
@@ -100,7 +111,7 @@ impl Counts {
 ///
 /// # Errors
 /// [`Error::Interrupted`] when cancelled, [`Error::Failed`] if an engine cannot build its structure.
-pub fn measure(engines: &[Box<dyn Engine>], rays: u64, control: &RenderControl) -> Result<Vec<LeakRow>> {
+pub fn measure(engines: &[Engine], rays: u64, control: &RenderControl) -> Result<Vec<LeakRow>> {
     let rays = Counts::of_rays(rays);
     let spheres = PLACEMENTS.map(|placement| Icosphere::new(LEVEL, placement));
     let coarse = PLACEMENTS.map(|placement| Icosphere::new(EXHAUSTIVE_LEVEL, placement));
@@ -115,23 +126,25 @@ pub fn measure(engines: &[Box<dyn Engine>], rays: u64, control: &RenderControl) 
     let [fine_tetrahedra, coarse_tetrahedra] = &tetrahedra;
     let mut rows = Vec::new();
     for engine in engines {
-        let (spheres, tetrahedra) =
-            if engine.is_exhaustive() { (&coarse, coarse_tetrahedra) } else { (&spheres, fine_tetrahedra) };
+        let (spheres, tetrahedra) = match engine.label.layout {
+            kiln::BRUTE_FORCE => (&coarse, coarse_tetrahedra),
+            _ => (&spheres, fine_tetrahedra),
+        };
         for (sphere, tetrahedron) in spheres.iter().zip(tetrahedra) {
-            let followed_through = engine.finds_all_crossings();
             let built = engine.build(&sphere.mesh)?;
-            let mut leaks = primary_leaks(&*built, sphere, rays, followed_through, control, &step)?;
+            let followed_through = built.finds_all_crossings();
+            let mut leaks = primary_leaks(&*built, sphere, rays, control, &step)?;
             let built = engine.build(&tetrahedron.mesh)?;
-            let origins = engine.origins();
+            let origins = built.origins();
             leaks.secondary = count(rays.secondary, control, &step, |index, found| {
                 let (origin, direction) = tetrahedron.secondary_ray(index, origins);
                 built.crossings(origin, direction, found);
                 !Crossings::new(&tetrahedron.mesh, direction, found).leaving
             })?;
             rows.push(LeakRow {
-                engine: engine.name(),
-                layout: engine.layout(),
-                tier: engine.tier(),
+                engine: engine.label.engine,
+                layout: engine.label.layout,
+                tier: engine.label.tier,
                 placement: sphere.placement.name,
                 triangles: sphere.mesh.triangles.len(),
                 followed_through,
@@ -153,15 +166,14 @@ pub(super) fn measure_through(
     rays: Counts,
     control: &RenderControl,
 ) -> Result<Counts> {
-    let built = kiln::built(&sphere.mesh, Layout::default(), numerics);
-    primary_leaks(&*built, sphere, rays, true, control, &|_| {})
+    let built = kiln::engine(Layout::default(), numerics).build(&sphere.mesh)?;
+    primary_leaks(&*built, sphere, rays, control, &|_| {})
 }
 
 fn primary_leaks(
     built: &dyn Built,
     sphere: &Icosphere,
     rays: Counts,
-    followed_through: bool,
     control: &RenderControl,
     step: &(dyn Fn(u64) + Sync),
 ) -> Result<Counts> {
@@ -173,7 +185,9 @@ fn primary_leaks(
             let crossings = Crossings::new(&sphere.mesh, direction, found);
             !match kind {
                 LeakRayKind::Inside | LeakRayKind::AxisAligned | LeakRayKind::Random => crossings.leaving,
-                LeakRayKind::Outside => crossings.entering && (crossings.leaving || !followed_through),
+                LeakRayKind::Outside => {
+                    crossings.entering && (crossings.leaving || !built.finds_all_crossings())
+                }
             }
         })?;
     }
@@ -232,15 +246,13 @@ impl Crossings {
 mod tests {
     use std::sync::atomic::AtomicBool;
 
-    use super::super::engines;
     use super::*;
 
     /// Numbers of rays that leak through `built`, which may lack triangles of `sphere`.
     fn through(built: &dyn Built, sphere: &Icosphere, rays: u64) -> Counts {
         let cancel = AtomicBool::new(false);
         let control = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
-        primary_leaks(built, sphere, Counts::of_rays(rays), true, &control, &|_| {})
-            .expect("nothing cancels it")
+        primary_leaks(built, sphere, Counts::of_rays(rays), &control, &|_| {}).expect("nothing cancels it")
     }
 
     #[test]
@@ -253,7 +265,7 @@ mod tests {
             let open = through(&*engine.build(&open).expect("a structure"), &sphere, 5000);
             // One of 80 triangles: of the rays along the axes, of which half are aimed at nothing in particular, some
             // 1 in 160 find it; of those at vertices and edges, those that the neighbours do not catch.
-            let what = (engine.name(), engine.layout());
+            let what = &engine.label;
             assert!(open.aimed > closed.aimed, "{what:?}: {open:?} {closed:?}");
             assert!(open.outside > closed.outside, "{what:?}: {open:?} {closed:?}");
         }
@@ -265,7 +277,7 @@ mod tests {
         let sphere = Icosphere::new(2, PLACEMENTS[1]);
         let mut open = sphere.mesh.clone();
         open.triangles.pop();
-        let built = kiln::engines()[0].build(&open).expect("a structure");
+        let built = kiln::leak_engines()[0].build(&open).expect("a structure");
         let on = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
             pool.install(|| through(&*built, &sphere, 10_000))
@@ -292,7 +304,7 @@ mod tests {
     fn it_can_be_cancelled() {
         let cancel = AtomicBool::new(true);
         let control = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
-        let outcome = measure(&kiln::engines(), 1_000_000, &control);
+        let outcome = measure(&kiln::leak_engines(), 1_000_000, &control);
         assert!(matches!(outcome, Err(Error::Interrupted)));
     }
 }

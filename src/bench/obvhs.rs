@@ -12,38 +12,19 @@ use obvhs::ray::{INVALID_ID, Ray, RayHit};
 use obvhs::rt_triangle::RtTriangle;
 use obvhs::triangle::Triangle;
 
-use super::speed::{BuiltContender, Contender, Facts, Kind, Label, RayQueue, singly};
-use super::{Built, Engine, Mesh};
+use super::speed::Kind;
+use super::{Built, Engine, Facts, Label, Mesh, RayQueue, singly};
 use crate::bvh::{VisitedNode, quality};
-use crate::error::Result;
 use crate::geometry;
 
-/// Layout of obvhs.
-enum Layout {
-    Bvh2,
-    CwBvh,
-}
-
-/// Engines of all layouts.
-pub(crate) fn engines() -> Vec<Box<dyn Engine>> {
-    vec![Box::new(Layout::Bvh2), Box::new(Layout::CwBvh)]
-}
-
-impl Engine for Layout {
-    fn name(&self) -> &'static str {
-        "obvhs"
-    }
-
-    fn layout(&self) -> &'static str {
-        match self {
-            Layout::Bvh2 => "bvh2",
-            Layout::CwBvh => "cwbvh",
-        }
-    }
-
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Built>> {
-        Ok(Box::new(BuiltObvhs::new(self, mesh)))
-    }
+/// Both layouts.
+pub(crate) fn engines() -> Vec<Engine> {
+    let engine = |layout, is_wide| {
+        let isa = crate::bvh::compiled_isa();
+        let label = Label { engine: "obvhs", layout, tier: None, preset: Some("medium-build"), isa };
+        Engine::new(label, move |mesh| Ok(Box::new(BuiltObvhs::new(is_wide, mesh))))
+    };
+    vec![engine("bvh2", false), engine("cwbvh", true)]
 }
 
 enum Tree {
@@ -58,7 +39,7 @@ struct BuiltObvhs {
 }
 
 impl BuiltObvhs {
-    fn new(layout: &Layout, mesh: &Mesh) -> Self {
+    fn new(is_wide: bool, mesh: &Mesh) -> Self {
         let triangles: Vec<Triangle> = (0..mesh.triangles.len() as u32)
             .map(|id| {
                 let [v0, v1, v2] = mesh.corners(id).map(Vec3A::from);
@@ -67,9 +48,9 @@ impl BuiltObvhs {
             .collect();
         let mut time = Duration::ZERO;
         let parameters = BvhBuildParams::medium_build();
-        let tree = match layout {
-            Layout::Bvh2 => Tree::Bvh2(build_bvh2_from_tris(&triangles, parameters, &mut time)),
-            Layout::CwBvh => Tree::CwBvh(build_cwbvh_from_tris(&triangles, parameters, &mut time)),
+        let tree = match is_wide {
+            false => Tree::Bvh2(build_bvh2_from_tris(&triangles, parameters, &mut time)),
+            true => Tree::CwBvh(build_cwbvh_from_tris(&triangles, parameters, &mut time)),
         };
         let order = tree.order().iter().map(|&id| RtTriangle::from(&triangles[id as usize])).collect();
         BuiltObvhs { tree, triangles: order }
@@ -105,37 +86,6 @@ impl Tree {
 }
 
 impl Built for BuiltObvhs {
-    fn crossings(&self, origin: DVec3, direction: DVec3, found: &mut Vec<u32>) {
-        let ray = Ray::new_inf(origin.as_vec3a(), direction.as_vec3a());
-        let test = |ray: &Ray, slot: usize| {
-            if self.triangles[slot].intersect(ray) < f32::INFINITY {
-                found.push(self.tree.order()[slot]);
-            }
-        };
-        match &self.tree {
-            Tree::Bvh2(tree) => tree.ray_traverse_anyhit(ray, test),
-            Tree::CwBvh(tree) => tree.ray_traverse_anyhit(ray, test),
-        }
-    }
-}
-
-/// Contenders of all layouts.
-pub(crate) fn contenders() -> Vec<Box<dyn Contender>> {
-    vec![Box::new(Layout::Bvh2), Box::new(Layout::CwBvh)]
-}
-
-impl Contender for Layout {
-    fn label(&self) -> Label {
-        let (layout, isa) = (self.layout(), crate::bvh::compiled_isa());
-        Label { engine: "obvhs", layout, tier: None, preset: Some("medium-build"), isa }
-    }
-
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn BuiltContender>> {
-        Ok(Box::new(BuiltObvhs::new(self, mesh)))
-    }
-}
-
-impl BuiltContender for BuiltObvhs {
     fn facts(&self) -> Facts {
         let (nodes, node_bytes, quality) = match &self.tree {
             Tree::Bvh2(tree) => {
@@ -172,5 +122,22 @@ impl BuiltContender for BuiltObvhs {
             return singly(rays, |ray| self.is_occluded(*ray).then_some(0));
         }
         singly(rays, |ray| self.closest(*ray))
+    }
+
+    fn crossings(&self, origin: DVec3, direction: DVec3, found: &mut Vec<u32>) {
+        let ray = Ray::new_inf(origin.as_vec3a(), direction.as_vec3a());
+        let test = |ray: &Ray, slot: usize| {
+            if self.triangles[slot].intersect(ray) < f32::INFINITY {
+                found.push(self.tree.order()[slot]);
+            }
+        };
+        match &self.tree {
+            Tree::Bvh2(tree) => tree.ray_traverse_anyhit(ray, test),
+            Tree::CwBvh(tree) => tree.ray_traverse_anyhit(ray, test),
+        }
+    }
+
+    fn finds_all_crossings(&self) -> bool {
+        true
     }
 }

@@ -5,36 +5,25 @@ use parry3d::partitioning::{BvhNode, TraversalAction};
 use parry3d::query::{Ray as ParryRay, RayCast};
 use parry3d::shape::{CompositeShapeRef, TriMesh};
 
-use super::Mesh;
-use super::speed::{BuiltContender, Contender, Facts, Kind, Label, RayQueue, singly};
-use crate::error::{Error, Result};
+use super::speed::Kind;
+use super::{Built, Engine, Facts, Label, RayQueue, singly};
+use crate::error::Error;
 use crate::geometry::Ray;
 
-/// Binary tree.
-struct Parry;
-
-/// The only contender.
-pub(crate) fn contenders() -> Vec<Box<dyn Contender>> {
-    vec![Box::new(Parry)]
-}
-
-impl Contender for Parry {
-    fn label(&self) -> Label {
-        let isa = crate::bvh::compiled_isa();
-        Label { engine: "parry3d", layout: "trimesh", tier: None, preset: None, isa }
-    }
-
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn BuiltContender>> {
+/// The only engine.
+pub(crate) fn engines() -> Vec<Engine> {
+    let isa = crate::bvh::compiled_isa();
+    let label = Label { engine: "parry3d", layout: "trimesh", tier: None, preset: None, isa };
+    vec![Engine::new(label, |mesh| {
         let vertices = mesh.positions.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
         let failed = |e| Error::Failed { what: format!("parry3d: {e}"), hint: String::new() };
-        let mesh = TriMesh::new(vertices, mesh.triangles.clone()).map_err(failed)?;
-        Ok(Box::new(BuiltParry(mesh)))
-    }
+        Ok(Box::new(BuiltParry(TriMesh::new(vertices, mesh.triangles.clone()).map_err(failed)?)))
+    })]
 }
 
 struct BuiltParry(TriMesh);
 
-impl BuiltContender for BuiltParry {
+impl Built for BuiltParry {
     fn facts(&self) -> Facts {
         let tree = self.0.bvh();
         let area = |node: &BvhNode| f64::from(node.aabb().half_area_or_perimeter());

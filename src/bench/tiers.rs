@@ -14,6 +14,7 @@ use crate::bvh::{Accelerator, Layout, Traversal};
 use crate::error::Result;
 use crate::geometry::{Hit, HitBuffer, Numerics, Precision, Ray, RayBuffer, Rays};
 use crate::render::RenderControl;
+use crate::timing::Spread;
 
 /// Cost and errors of a tier.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,9 +22,9 @@ pub struct TierRow {
     /// The tier.
     pub numerics: Numerics,
     /// Time per ray relative to `naive` in the same run, for primary rays: quartiles over all runs.
-    pub picture: [f64; 3],
+    pub picture: Spread,
     /// The same for incoherent rays from inside at vertices and edges.
-    pub aimed: [f64; 3],
+    pub aimed: Spread,
     /// Leaking rays per million through closed meshes, over all placements and from both sides.
     pub leaks: f64,
     /// False hits, false misses and hits of a wrong primitive per million rays.
@@ -67,8 +68,8 @@ pub fn tiers(rays: u64, runs: u32, control: &RenderControl) -> Result<Vec<TierRo
         (control.progress)(done, Numerics::ALL.len() * (spheres.len() + 1));
         rows.push(TierRow {
             numerics,
-            picture: [1.0; 3],
-            aimed: [1.0; 3],
+            picture: Spread::exact(1.0),
+            aimed: Spread::exact(1.0),
             leaks: leaks as f64 * 1e6 / cast as f64,
             wrong: wrong as f64 * 1e6 / compared as f64,
             worst: worst.max(hits.worst),
@@ -159,7 +160,7 @@ fn check_hit(found: Option<Hit>, reference: &[Hit]) -> (bool, f64) {
 
 /// Quartiles of the times of all tiers relative to the first, in alternating runs on this thread, for primary rays and
 /// for aimed rays.
-fn times(sphere: &Icosphere, runs: u32) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
+fn times(sphere: &Icosphere, runs: u32) -> (Vec<Spread>, Vec<Spread>) {
     let accelerators =
         Numerics::ALL.map(|numerics| kiln::accelerator(&sphere.mesh, Layout::default(), numerics));
     let aimed: Vec<_> = (0..TIMED).map(|index| ray(sphere, LeakRayKind::Inside, index)).collect();
@@ -183,7 +184,10 @@ fn times(sphere: &Icosphere, runs: u32) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
                 times.iter().zip(&mut ratios).for_each(|(time, ratios)| ratios.push(time / times[0]));
             }
             // Run 0 is the warm-up.
-            ratios.into_iter().map(|ratios| quartiles(&ratios[1..])).collect::<Vec<_>>()
+            ratios
+                .into_iter()
+                .map(|ratios| Spread::of(&ratios[1..]).unwrap_or(Spread::exact(1.0)))
+                .collect::<Vec<_>>()
         })
         .into()
 }
@@ -212,15 +216,6 @@ fn picture(sphere: &Icosphere) -> Vec<(DVec3, DVec3)> {
     pixels.map(ray).collect()
 }
 
-/// Lower quartile, median and upper quartile.
-fn quartiles(numbers: &[f64]) -> [f64; 3] {
-    let mut sorted = numbers.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    [1, 2, 3].map(|quarter| {
-        sorted.get((sorted.len() * quarter / 4).min(sorted.len().saturating_sub(1))).copied().unwrap_or(1.0)
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -239,11 +234,5 @@ mod tests {
         assert!(check_hit(Some(hit(1.0, 9)), &reference).0, "not hit at all");
         assert!(check_hit(None, &reference).0 && check_hit(Some(hit(1.0, 3)), &[]).0);
         assert_eq!(check_hit(None, &[]), (false, 0.0));
-    }
-
-    #[test]
-    fn quartiles_by_hand() {
-        assert_eq!(quartiles(&[5.0, 1.0, 4.0, 2.0, 3.0]), [2.0, 3.0, 4.0]);
-        assert_eq!(quartiles(&[2.0]), [2.0; 3]);
     }
 }

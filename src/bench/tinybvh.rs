@@ -1,38 +1,18 @@
 //! tinybvh by its Rust wrapper, with its fastest CPU layout.
 
-use glam::{DVec3, Vec3, Vec4};
+use glam::{Vec3, Vec4};
 use tinybvh_rs::{Intersection, Intersector, Ray, bvh, bvh8_cpu, mbvh};
 
-use super::speed::{BuiltContender, Contender, Facts, Kind, Label, RayQueue, singly};
-use super::{Built, Engine, Mesh};
+use super::speed::Kind;
+use super::{Built, Engine, Label, Mesh, RayQueue, singly};
 use crate::error::{Error, Result};
 use crate::geometry;
 
-/// BVH8_CPU: eight boxes per node, four triangles per leaf, AVX2.
-struct Bvh8Cpu;
-
-/// The engine.
-pub(crate) fn engines() -> Vec<Box<dyn Engine>> {
-    vec![Box::new(Bvh8Cpu)]
-}
-
-impl Engine for Bvh8Cpu {
-    fn name(&self) -> &'static str {
-        "tinybvh"
-    }
-
-    fn layout(&self) -> &'static str {
-        "bvh8-cpu"
-    }
-
-    /// Its rays have no t_min, so that they cannot be continued behind a crossing.
-    fn finds_all_crossings(&self) -> bool {
-        false
-    }
-
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Built>> {
-        Ok(Box::new(BuiltTinybvh::new(mesh)?))
-    }
+/// BVH8_CPU: eight boxes per node, four triangles per leaf, AVX2. Its rays have no t_min, so that they cannot be
+/// continued behind a crossing.
+pub(crate) fn engines() -> Vec<Engine> {
+    let label = Label { engine: "tinybvh", layout: "bvh8-cpu", tier: None, preset: None, isa: "avx2" };
+    vec![Engine::new(label, |mesh| Ok(Box::new(BuiltTinybvh::new(mesh)?)))]
 }
 
 struct BuiltTinybvh(bvh8_cpu::BVH);
@@ -82,39 +62,10 @@ impl Aligned {
     }
 }
 
-impl Built for BuiltTinybvh {
-    fn crossings(&self, origin: DVec3, direction: DVec3, found: &mut Vec<u32>) {
-        let mut ray = Aligned::new(origin.as_vec3(), direction.as_vec3(), f32::INFINITY);
-        self.0.intersect(&mut ray.0);
-        if ray.0.hit.t < tinybvh_rs::INFINITE {
-            found.push(ray.0.hit.prim);
-        }
-    }
-}
-
-/// The contender.
-pub(crate) fn contenders() -> Vec<Box<dyn Contender>> {
-    vec![Box::new(Bvh8Cpu)]
-}
-
-impl Contender for Bvh8Cpu {
-    fn label(&self) -> Label {
-        Label { engine: "tinybvh", layout: "bvh8-cpu", tier: None, preset: None, isa: "avx2" }
-    }
-
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn BuiltContender>> {
-        Ok(Box::new(BuiltTinybvh::new(mesh)?))
-    }
-}
-
 // SAFETY: the tree is not bound to a thread; see above.
 unsafe impl Send for BuiltTinybvh {}
 
-impl BuiltContender for BuiltTinybvh {
-    fn facts(&self) -> Facts {
-        Facts::default()
-    }
-
+impl Built for BuiltTinybvh {
     /// The wrapper has no occlusion query: a hit before t_max is occlusion.
     fn queue<'a>(&'a self, _: Kind, rays: &'a [geometry::Ray]) -> Box<dyn RayQueue + 'a> {
         let own = |ray: &geometry::Ray| {

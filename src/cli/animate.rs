@@ -96,7 +96,6 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         return frames::write_frames(arguments, length, list, &pictures, interrupted);
     }
     check_whole(command)?;
-    super::output::check_alpha(&command.arguments, "a film", false)?;
     let quality = match command.quality {
         QualityName::High => Quality::High,
         QualityName::Low => Quality::Low,
@@ -137,16 +136,14 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
     let LengthArguments { fps, duration } = command.length;
     let request = FrameRequest::all(fps, duration, command.frames.as_ref());
     let mut animation = reporter.load(&pool, &command.arguments, &command.arguments.settings()?, &request)?;
+    let picture = &animation.resolved.settings.picture;
+    super::output::check_alpha(picture.is_transparent(), "a film", false)?;
+    let pipeline = picture.pipeline();
     reporter.fix_exposure(&pool, &mut animation, interrupted)?;
     let window = animation.resolved.window;
     let size = [window.width, window.height];
     format.check(size, animation.timeline.fps())?;
-    let spec = VideoSpec {
-        size,
-        fps: animation.timeline.fps(),
-        frames: animation.frames.len(),
-        pipeline: animation.resolved.pipeline,
-    };
+    let spec = VideoSpec { size, fps: animation.timeline.fps(), frames: animation.frames.len(), pipeline };
     let failed = |e: std::io::Error| Error::output(command.output.as_path(), describe(&e));
     let mut recorder = if is_stream {
         let out = Box::new(BufWriter::with_capacity(1 << 20, std::io::stdout()));

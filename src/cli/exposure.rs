@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::film::tone::{clipped_share, white_exposure};
-use crate::film::{ColourPipeline, Film};
+use crate::film::{ColourPipeline, DisplaySettings, Film};
 use crate::job::RenderJob;
 use crate::render::RenderControl;
 use crate::scene::Sampling;
@@ -19,8 +19,12 @@ pub(crate) fn exposure_for_clipped(
     job: &RenderJob,
     control: &RenderControl,
 ) -> Result<Option<f64>> {
-    let is_set = job.display.exposure.is_some() || job.display.tone_map.is_some();
-    if is_set || job.pipeline() != ColourPipeline::Linear || clipped_share(film) <= 0.5 {
+    let DisplaySettings { exposure, tone_map } = job.settings.picture.display();
+    if exposure.is_some()
+        || tone_map.is_some()
+        || job.pipeline() != ColourPipeline::Linear
+        || clipped_share(film) <= 0.5
+    {
         return Ok(None);
     }
     let size = job.view.size();

@@ -47,11 +47,11 @@ pub(crate) fn load_and_prepare(
     show: &mut dyn FnMut(&str, &Warnings),
 ) -> Result<AnimationJob> {
     show("loading", warnings);
-    let mut scene = timed(&mut seconds.load, || {
-        import::load_with(&arguments.inputs, &arguments.import_options(), warnings)
-    })?;
-    if !arguments.is_still() {
-        play_clip(&mut scene, &arguments.clip())?;
+    let mut scene =
+        timed(&mut seconds.load, || import::load_with(&arguments.inputs, &arguments.import, warnings))?;
+    let reading = &arguments.import.reading;
+    if reading.time.is_none() {
+        play_clip(&mut scene, &reading.clip.clone().unwrap_or_default())?;
     }
     show("preparing", warnings);
     AnimationJob::prepare(scene, settings, request, warnings, |warnings| show("building", warnings))
@@ -133,7 +133,7 @@ impl FrameChecks {
             warnings
                 .push(format!("{non_finite} pixel(s) are not finite numbers, the first in frame {first}"));
         }
-        if hits == 0 && arguments.crop.is_none() {
+        if hits == 0 && arguments.settings.crop.is_none() {
             warnings.push("nothing is in any frame: no primary ray hits anything; try `--camera auto`");
         }
     }
@@ -176,7 +176,6 @@ pub(crate) fn write_frames(
     pictures: &FrameSeries,
     interrupted: &AtomicBool,
 ) -> Result<()> {
-    output::check_alpha(arguments, ".jpg", pictures.format != Format::Jpeg)?;
     let pool = super::pool(arguments.threads)?;
     let mut reporter = FrameReporter::new(pictures.progress);
     let is_there = |frame: i32, metadata: &Metadata| {
@@ -192,10 +191,12 @@ pub(crate) fn write_frames(
         is_there: &is_there,
     };
     let mut animation = reporter.load(&pool, arguments, &settings, &request)?;
+    let is_transparent = animation.resolved.settings.picture.is_transparent();
+    output::check_alpha(is_transparent, ".jpg", pictures.format != Format::Jpeg)?;
     if pictures.format != Format::Exr {
         reporter.fix_exposure(&pool, &mut animation, interrupted)?;
     }
-    let display = animation.resolved.display;
+    let display = animation.resolved.settings.picture.display();
     let skipped = match animation.skipped {
         0 => String::new(),
         n => format!("; {n} were there"),
@@ -207,13 +208,9 @@ pub(crate) fn write_frames(
     let checks = FrameChecks::default();
     let needs = |effects_on: usize| {
         let channels = pictures.selection.channel_count(effects_on) as u64;
-        let bytes = output::bytes_per_pixel(
-            pictures.format,
-            &pictures.selection,
-            channels,
-            display,
-            animation.resolved.is_transparent,
-        ) + write::bytes_per_pixel(pictures.format, channels);
+        let bytes =
+            output::bytes_per_pixel(pictures.format, &pictures.selection, channels, display, is_transparent)
+                + write::bytes_per_pixel(pictures.format, channels);
         (channels, bytes)
     };
     let make = |frame: i32, job: &RenderJob, control: &RenderControl| {

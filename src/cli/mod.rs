@@ -36,12 +36,12 @@ use std::sync::atomic::Ordering;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
-use arguments::ReadingArguments;
 use message::{Message, WarningPrinter, print_stderr};
 
 use crate::effects;
 use crate::error::{Error, Result, is_contained};
 use crate::limits;
+use crate::scene::{ImportOptions, shell_quoted};
 
 #[derive(Parser)]
 #[command(
@@ -104,18 +104,18 @@ enum Command {
 }
 
 impl Command {
-    /// The options of reading input files, if the command reads any.
-    fn reading(&mut self) -> Option<&mut ReadingArguments> {
+    /// The import options, if the command reads input files.
+    fn import(&mut self) -> Option<&mut ImportOptions> {
         Some(match self {
-            Command::Render(command) => &mut command.arguments.reading,
-            Command::Animate(command) => &mut command.arguments.reading,
+            Command::Render(command) => &mut command.arguments.import,
+            Command::Animate(command) => &mut command.arguments.import,
             #[cfg(feature = "viewer")]
-            Command::View(command) => &mut command.arguments.reading,
-            Command::Verify(command) => &mut command.arguments.reading,
-            Command::Explain(command) => &mut command.arguments.reading,
-            Command::Study(command) => &mut command.arguments.reading,
-            Command::Info(arguments) => &mut arguments.reading,
-            Command::Bench(arguments) => &mut arguments.speed.reading,
+            Command::View(command) => &mut command.arguments.import,
+            Command::Verify(command) => &mut command.arguments.import,
+            Command::Explain(command) => &mut command.arguments.import,
+            Command::Study(command) => &mut command.arguments.import,
+            Command::Info(arguments) => &mut arguments.import,
+            Command::Bench(arguments) => &mut arguments.speed.import,
             _ => return None,
         })
     }
@@ -128,17 +128,8 @@ fn typed() -> String {
 
 /// The words of the command line, quoted for a shell.
 fn typed_words() -> Vec<String> {
-    let rest = std::env::args_os().skip(1).map(|argument| quoted(&argument.to_string_lossy()));
+    let rest = std::env::args_os().skip(1).map(|argument| shell_quoted(&argument.to_string_lossy()));
     std::iter::once("kiln".to_owned()).chain(rest).collect()
-}
-
-/// A word as a shell reads it.
-fn quoted(word: &str) -> String {
-    let is_plain = word.chars().all(|c| c.is_ascii_alphanumeric() || "-_./=,:".contains(c));
-    match is_plain && !word.is_empty() {
-        true => word.to_owned(),
-        false => format!("'{}'", word.replace('\'', r"'\''")),
-    }
 }
 
 /// Parses the arguments, runs the command and returns its exit code.
@@ -152,9 +143,9 @@ pub fn main() -> ExitCode {
         limits::set_memory_limit(bytes);
     }
     let Arguments { mut command, limit, .. } = arguments;
-    if let Some(reading) = command.reading() {
+    if let Some(import) = command.import() {
         let with = |limits: limits::Limits, &(counted, most): &_| limits.with(counted, most);
-        reading.limits = limit.iter().fold(reading.limits, with);
+        import.limits = limit.iter().fold(import.limits, with);
     }
     std::panic::set_hook(Box::new(|panic| {
         if is_contained() {
@@ -282,15 +273,4 @@ fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool> {
     builder
         .build()
         .map_err(|e| Error::Failed { what: format!("threads cannot be started: {e}"), hint: String::new() })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::quoted;
-
-    #[test]
-    fn words_are_those_of_a_shell() {
-        let words = ["", "a.obj", "a b", "it's"].map(quoted);
-        assert_eq!(words, ["''", "a.obj", "'a b'", r"'it'\''s'"]);
-    }
 }

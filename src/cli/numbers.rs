@@ -17,11 +17,6 @@ where
     }
 }
 
-/// Parses a number without a range check. `wanted` describes it in the error message.
-pub(crate) fn number<N: FromStr>(text: &str, wanted: &str) -> Result<N, String> {
-    text.trim().parse().map_err(|_| format!("give {wanted}"))
-}
-
 /// A count with its noun in singular or plural.
 pub(crate) fn counted(count: usize, one: &str, many: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { many })
@@ -56,7 +51,6 @@ mod tests {
         for bad in ["0", "17", "-1", "1.5", "", "99999999999999999999"] {
             assert_eq!(parse(bad), Err("give a whole number from 1 to 16".into()), "{bad}");
         }
-        assert_eq!(number::<f64>("x", "a level"), Err("give a level".into()));
     }
 
     #[test]

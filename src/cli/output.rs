@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use super::arguments::Arguments;
 use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
 use crate::film::check::{self, FileState};
@@ -11,11 +10,12 @@ use crate::film::part::{self, part_name, write_part};
 use crate::film::tone::METER_BYTES;
 use crate::film::write::{self, ALPHA, Channel, Format, OutputImage, encode, write_picture};
 use crate::film::{self, DisplaySettings, Film, Pixel, Share, Window};
-use crate::job::RenderJob;
+use crate::job::{RenderJob, metadata};
 use crate::limits;
 use crate::render::aov::{self, AovSelection};
 use crate::render::{RenderControl, Statistics};
 use crate::sample_count::{self, ErrorTarget, StopReason};
+use crate::scene::{PictureSettings, Samples};
 use crate::world::World;
 
 /// Destination of the picture.
@@ -150,8 +150,9 @@ pub(crate) fn check_memory(
     };
     let sampling = if has_accuracy { sample_count::BYTES_PER_PIXEL } else { 0 };
     let format = target.film_format();
-    let each =
-        bytes_per_pixel(format, selection, channels, job.display, job.is_transparent).max(sampling) + writing;
+    let each = bytes_per_pixel(format, selection, channels, job.display(), job.is_transparent())
+        .max(sampling)
+        + writing;
     check_memory_of(job.window, channels, each)
 }
 
@@ -199,11 +200,11 @@ pub(crate) fn render_image(
     selection: &AovSelection,
     control: &RenderControl,
 ) -> Result<(OutputImage, Statistics)> {
-    if format != Format::Exr && !job.is_transparent {
+    if format != Format::Exr && !job.is_transparent() {
         let (film, statistics) = job.render(control)?;
         return Ok((OutputImage::Rgb8(film, job.pipeline()), statistics));
     }
-    let (film, alpha, statistics) = if job.is_transparent {
+    let (film, alpha, statistics) = if job.is_transparent() {
         let (film, statistics) = job.render::<[f32; 4]>(control)?;
         let (film, alpha) = film.split_alpha()?;
         (film, Some(alpha), statistics)
@@ -212,8 +213,7 @@ pub(crate) fn render_image(
         (film, None, statistics)
     };
     if let (Some(alpha), true) = (&alpha, format != Format::Exr) {
-        let display = job.display.in_pipeline(job.pipeline());
-        let display = |pixels: &[[f32; 3]]| display.transform_of(pixels.iter().copied());
+        let display = |pixels: &[[f32; 3]]| job.display().transform_of(pixels.iter().copied());
         return Ok((OutputImage::with_alpha(&film, alpha, job.pipeline(), display)?, statistics));
     }
     let mut channels = aov::channels(&job.aov_source(Some(&film)), selection, control)?;
@@ -225,8 +225,8 @@ pub(crate) fn render_image(
 ///
 /// # Errors
 /// [`Error::Usage`] for anything but PNG and OpenEXR.
-pub(crate) fn check_alpha(arguments: &Arguments, target: &str, has_alpha: bool) -> Result<()> {
-    if arguments.is_transparent() && !has_alpha {
+pub(crate) fn check_alpha(is_transparent: bool, target: &str, has_alpha: bool) -> Result<()> {
+    if is_transparent && !has_alpha {
         let what = format!("{target} has no alpha channel for a transparent background");
         return Err(Error::usage(what, "write .png or .exr, or give --background a colour"));
     }
@@ -249,17 +249,15 @@ pub(crate) fn render_to_accuracy(
         StopReason::MaxSamples | StopReason::NotFinite => warnings.push(sampled.summary(target)),
         _ => warnings.note(sampled.summary(target)),
     }
-    job.metadata.retain(|(key, _)| {
-        !["kiln:samples", "kiln:filter", "kiln:seed", "kiln:sampler"].contains(&key.as_str())
-    });
-    job.metadata.extend(job.choices.sampling.settings());
+    let samples = Some(Samples::clamped(job.choices.sampling.max_samples()));
+    metadata::replace(&mut job.metadata, &PictureSettings { samples, ..job.settings.picture });
     let (window, pipeline) = (job.window, job.pipeline());
     let picture = match format {
         Format::Exr => OutputImage::Float(Film::from_rows(window, &sampled.pixels)?, Vec::new()),
         _ => {
             let mut bytes = vec![[0; 3]; sampled.pixels.len()];
-            let display = job.display.transform_of(sampled.pixels.iter().copied());
-            sampled.statistics.auto_exposure = job.display.is_auto().then_some(display.ev());
+            let display = job.display().transform_of(sampled.pixels.iter().copied());
+            sampled.statistics.auto_exposure = job.display().is_auto().then_some(display.ev());
             Pixel::develop(&sampled.pixels, pipeline, display, &mut bytes);
             OutputImage::Rgb8(Film::from_rows(window, &bytes)?, pipeline)
         }
@@ -328,7 +326,7 @@ pub(crate) fn write(picture: &OutputImage, job: &RenderJob, target: &OutputTarge
     let metadata = &job.metadata;
     match (target, picture) {
         (OutputTarget::Part(file, _, share), OutputImage::Float(film, channels)) => {
-            write_part(film, channels, (job.pipeline(), job.display.known()), metadata, *share, file)
+            write_part(film, channels, (job.pipeline(), job.display().known()), metadata, *share, file)
         }
         (OutputTarget::File(file, format) | OutputTarget::Part(file, format, _), _) => {
             write_picture(picture, metadata, *format, file)

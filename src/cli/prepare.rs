@@ -18,10 +18,9 @@ pub(crate) fn load_and_resolve(
     show: &mut dyn FnMut(&str, &Warnings),
 ) -> Result<ResolvedJob> {
     show("loading", warnings);
-    let scene = timed(&mut seconds.load, || {
-        import::load_with(&arguments.inputs, &arguments.import_options(), warnings)
-    })?;
-    if !scene.clips.is_empty() && scene.import_options.pose.is_none() {
+    let scene =
+        timed(&mut seconds.load, || import::load_with(&arguments.inputs, &arguments.import, warnings))?;
+    if !scene.clips.is_empty() && scene.import_options.pose().is_none() {
         warnings.note("the scene has clips and is drawn at rest; `--time SECONDS` draws a moment of them");
     }
     show("preparing", warnings);

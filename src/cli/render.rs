@@ -10,7 +10,7 @@ use super::frames::{self, FrameSeries, LengthArguments, file_names};
 use super::output::{self, OutputTarget, check_folder, render_image, render_to_accuracy, same_file};
 use super::prepare::{self, timed};
 use super::progress::{Mode, Progress};
-use super::sampling::AccuracyArguments;
+use super::sampling::{AccuracyArguments, warn_of_unused};
 use super::statistics::{self, Seconds};
 use super::{WarningPrinter, exposure};
 use crate::animation::FrameList;
@@ -87,9 +87,6 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     if command.list_outputs {
         return super::print(&format!("{}\n", target.file().display()));
     }
-    output::check_alpha(&command.arguments, ".jpg", target.format() != Format::Jpeg)?;
-    let has_accuracy = command.accuracy.target().is_some();
-    output::check_alpha(&command.arguments, "a picture of --accuracy or --budget", !has_accuracy)?;
     let selection = AovSelection::new(&command.aov)?;
     check_aov_format(command, target.format())?;
     if let Some(file) = &command.stats {
@@ -188,14 +185,16 @@ fn render_to(
         progress.finish(&format!("{} is there", target.file().display()));
         return Ok(());
     }
+    let is_transparent = resolved.settings.picture.is_transparent();
+    output::check_alpha(is_transparent, ".jpg", target.format() != Format::Jpeg)?;
+    let has_target = command.accuracy.target().is_some();
+    output::check_alpha(is_transparent, "a picture of --accuracy or --budget", !has_target)?;
     target.check_writable()?;
     let has_physical_lights = resolved.has_physical_lights;
     progress.phase("building");
     let mut job = timed(&mut seconds.build, || resolved.build(&mut warnings))?;
-    let has_target = command.accuracy.target().is_some();
     output::check_memory(&job, target, selection, has_target)?;
-    let without = &command.arguments.without;
-    command.arguments.sampling.warn_of_unused(&job.choices.sampling, without, has_target, &mut warnings);
+    warn_of_unused(&command.arguments.settings, &job.choices.sampling, has_target, &mut warnings);
     progress.pause(|| printer.print(&warnings, with_notes));
 
     progress.phase("rendering");
@@ -223,7 +222,7 @@ fn render_to(
     if selection.has_primitives() && world.primitive_count() > LARGEST_EXACT_INDEX {
         warnings.push(format!("--aov primitive: indices above {LARGEST_EXACT_INDEX} are rounded"));
     }
-    let is_part = command.arguments.crop.is_some() || job.share != Share::ALL;
+    let is_part = command.arguments.settings.crop.is_some() || job.settings.share != Share::ALL;
     output::warn_about_picture(&command.arguments.inputs, world, &statistics, is_part, &mut warnings);
     progress.clear();
     printer.print(&warnings, with_notes);

@@ -2,9 +2,9 @@
 
 use serde_json::{Map, Value, json};
 
-use crate::bench::memory;
 use crate::effects::{Decision, Plan};
 use crate::error::Warnings;
+use crate::limits;
 use crate::render::{EffectCost, Statistics};
 use crate::world::{Image, World};
 
@@ -81,7 +81,7 @@ pub(crate) fn to_json(
         "stages": stages,
         "non_finite_pixels": statistics.non_finite.0,
         "discarded_samples": statistics.discarded_samples,
-        "peak_memory_bytes": memory::peak(),
+        "peak_memory_bytes": limits::peak_memory(),
         "warnings": warnings.messages(),
         "notes": warnings.notes(),
     })

@@ -63,13 +63,12 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         };
         load_and_resolve(arguments, &settings, &mut Seconds::default(), &mut warnings, show)
     })?;
-    if !resolved.display.is_identity() {
+    if !resolved.settings.picture.display().is_identity() {
         warnings.note("the study compares displayed values without exposure and tone map");
         progress.pause(|| printer.print(&warnings, with_notes));
     }
     let subject = subject(arguments, resolved);
-    let options_of_files = arguments.import_options();
-    let load = || import::load_with(&arguments.inputs, &options_of_files, &mut Warnings::default()).map(drop);
+    let load = || import::load_with(&arguments.inputs, &arguments.import, &mut Warnings::default()).map(drop);
     let is_file = arguments.inputs.iter().all(|input| input != Path::new("-"));
     let load: Option<&(dyn Fn() -> Result<()> + Sync)> = if is_file { Some(&load) } else { None };
 
@@ -140,9 +139,9 @@ fn options(command: &Command, parameters: Vec<&'static str>) -> Options {
 fn subject(arguments: &Arguments, job: ResolvedJob) -> StudySubject {
     let inputs: Vec<String> = arguments.inputs.iter().map(|input| input.display().to_string()).collect();
     let base = Setting {
-        numerics: job.numerics,
-        structure: job.structure,
-        pipeline: job.pipeline,
+        numerics: job.numerics(),
+        structure: job.structure(),
+        pipeline: job.settings.picture.pipeline(),
         sampling: job.choices.sampling,
         bounces: None,
         textures: None,
@@ -152,7 +151,7 @@ fn subject(arguments: &Arguments, job: ResolvedJob) -> StudySubject {
     StudySubject {
         name: inputs.join(" "),
         command: typed(),
-        render_command: render_command(arguments, job.size),
+        render_command: render_command(arguments, job.size()),
         job,
         base,
     }

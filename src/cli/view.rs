@@ -1,7 +1,6 @@
 //! `kiln view`: opens the viewer.
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use clap::Args;
 
@@ -12,26 +11,20 @@ use crate::error::{Error, Result, Warnings};
 use crate::import::{self, FileRead};
 use crate::job::camera::{Viewpoint, nothing_to_look_at};
 use crate::job::{RenderSettings, check_display};
-use crate::scene::{ImportOptions, Scene};
+use crate::scene::{ImportOptions, PictureSettings, Scene};
 use crate::viewer::{self, CameraSource, Opened, Start};
 
 #[derive(Args)]
 pub(crate) struct Command {
     #[command(flatten)]
     pub arguments: Arguments,
-    /// Write what happens in the window, and when, to a file: a line of JSON each
-    #[arg(long, value_name = "FILE")]
-    trace: Option<PathBuf>,
-    /// Measure the pauses of the interface for so many seconds, print the longest, and close the window
-    #[arg(long, allow_hyphen_values = true, value_name = "SECONDS", value_parser = crate::cli::numbers::whole(1..=3600u16))]
-    pauses: Option<u16>,
 }
 
 pub(crate) fn run(command: &Command) -> Result<()> {
-    let Command { arguments, trace, pauses } = command;
+    let arguments = &command.arguments;
     arguments::check(arguments)?;
     viewer::display::check()?;
-    if arguments.crop.is_some() {
+    if arguments.settings.crop.is_some() {
         return Err(Error::usage("--crop has no meaning in a window", "leave it out"));
     }
     if arguments.inputs.iter().any(|input| input == Path::new("-")) {
@@ -50,9 +43,6 @@ pub(crate) fn run(command: &Command) -> Result<()> {
         open: Box::new(move |inputs, warnings| open(&own, inputs, warnings)),
         size: arguments.size,
         threads,
-        trace: trace.clone(),
-        pauses: pauses.map(|seconds| Duration::from_secs(seconds.into())),
-        remembers: pauses.is_none(),
     })
 }
 
@@ -65,14 +55,15 @@ fn open(
 ) -> (Result<Opened>, Vec<FileRead>) {
     // Like camera options, these do not apply to files that were dropped onto the window.
     let is_own = arguments.inputs == inputs;
-    let options = if is_own { arguments.import_options() } else { ImportOptions::default() };
+    let options = if is_own { arguments.import.clone() } else { ImportOptions::default() };
     let (scene, files) = import::load_and_list(inputs, &options, warnings);
     let scene = scene.and_then(|mut scene| {
         // The bar plays a clip, unless a moment of it is asked for.
-        let is_still = is_own && arguments.is_still();
+        let reading = &mut scene.import_options.reading;
+        let is_still = reading.time.is_some();
         if !is_still && inputs.iter().all(|input| input != Path::new("-")) {
-            let pose = scene.import_options.pose.take();
-            play_clip(&mut scene, &pose.map(|pose| pose.clip).unwrap_or_default())?;
+            let clip = reading.clip.take().unwrap_or_default();
+            play_clip(&mut scene, &clip)?;
         }
         initial_view(arguments, inputs, scene, warnings)
     });
@@ -110,10 +101,11 @@ fn initial_view(
             None => CameraSource::Free(camera.into_owned()),
         },
     };
-    let pipeline = requested.colour.or(scene.colour).unwrap_or_default();
-    check_display(requested.display.or(completed.display), pipeline, true)?;
-    let numerics = requested.numerics.or(scene.numerics).unwrap_or_default();
+    let picture = completed.picture;
+    check_display(picture.display(), picture.pipeline(), true)?;
+    let (numerics, colour) = (Some(picture.numerics.unwrap_or_default()), Some(picture.pipeline()));
     let projection = requested.projection;
-    let settings = RenderSettings { numerics: Some(numerics), colour: Some(pipeline), ..requested };
+    let picture = PictureSettings { numerics, colour, ..requested.picture };
+    let settings = RenderSettings { picture, ..requested };
     Ok(Opened { scene, camera_source, projection, size, settings })
 }

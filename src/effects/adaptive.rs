@@ -19,13 +19,7 @@ pub const EFFECT: Effect = Effect {
     summary: "pixels with little noise take fewer samples than others",
     source: "Dammertz and others, A Hierarchical Automatic Stopping Condition for Monte Carlo Global Illumination, 2010",
     builds_on: Some(id::ANTIALIASING),
-    needs_lights: false,
-    is_shading: false,
     decides_samples: true,
-    is_study_switch: false,
-    whitted_only: false,
-    rays: &[],
-    value: None,
     called_for: |_, choices| {
         let sampling = &choices.sampling;
         let Some(level) = sampling.noise else {
@@ -43,6 +37,7 @@ pub const EFFECT: Effect = Effect {
         _ => Vec::new(),
     },
     bytes: |tile| tile.buffers::<Buffers>().map_or(0, Buffers::bytes),
+    ..Effect::NONE
 };
 
 /// The statistics of each pixel of the sampled region.
@@ -180,7 +175,7 @@ impl Stage for TestConvergence {
                 for (pixel, sign, &value) in samples.of_pass(tile.coverage.as_deref().unwrap_or_default()) {
                     alpha.add(pixel, [value; 3], sign as f32);
                 }
-                for &ray in tile.generations[0].surfaces.ray_of() {
+                for &ray in &tile.camera_hits {
                     has_surface[samples.pixel_of(ray)] = true;
                 }
                 if samples.is_round_done() {

@@ -15,14 +15,8 @@ pub const EFFECT: Effect = Effect {
     id: id::ALPHA,
     summary: "surfaces with alpha show what is behind them, in any order, and let light through",
     source: "Enderton and others, Stochastic Transparency, 2010",
-    builds_on: None,
-    needs_lights: false,
-    is_shading: false,
-    decides_samples: false,
     is_study_switch: true,
-    whitted_only: false,
     rays: &[RAYS, SHADOW_RAYS],
-    value: None,
     called_for: |world: &World, _| {
         let transparent = world.objects.iter().filter(|object| world.is_transparent(object));
         let names: Vec<&str> =
@@ -38,4 +32,5 @@ pub const EFFECT: Effect = Effect {
         _ => Vec::new(),
     },
     bytes: |tile| tile.buffers::<Buffers>().map_or(0, Buffers::bytes),
+    ..Effect::NONE
 };

@@ -16,14 +16,7 @@ pub const EFFECT: Effect = Effect {
     id: id::ANTIALIASING,
     summary: "a pixel is the filtered mean of several samples, not what its centre sees",
     source: "pbrt, 4th edition, chapter 8",
-    builds_on: None,
-    needs_lights: false,
-    is_shading: false,
     decides_samples: true,
-    is_study_switch: false,
-    whitted_only: false,
-    rays: &[],
-    value: None,
     called_for: |_, choices| {
         let sampling = &choices.sampling;
         if !sampling.is_wanted() {
@@ -48,6 +41,7 @@ pub const EFFECT: Effect = Effect {
     bytes: |tile| {
         tile.buffers::<TileSamples>().map_or(0, TileSamples::bytes) + vec_bytes(&tile.sample_counts)
     },
+    ..Effect::NONE
 };
 
 /// Fills generation 0 with the rays of the next pass of samples.

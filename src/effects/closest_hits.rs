@@ -21,8 +21,8 @@ impl ClosestHits {
         if let Some(transparency) = self.transparency {
             return transparency::find_hits(tile, world, transparency);
         }
-        let Tile { generations, depth, traversal, .. } = tile;
-        let generation = &mut generations[*depth];
+        let Tile { generations, current, traversal, .. } = tile;
+        let generation = &mut generations[*current];
         generation.hits.clear();
         world.accelerator.closest_hits(generation.rays.rays(), &mut generation.hits, traversal);
         true
@@ -37,17 +37,19 @@ impl Stage for ClosestHits {
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
         let world = context.world;
         let is_first = self.find_hits(tile, world);
-        let Tile { generations, depth, visible_objects, recorder, coverage, .. } = tile;
-        let generation = &mut generations[*depth];
+        let Tile { generations, current, depth, camera_hits, visible_objects, recorder, coverage, .. } = tile;
+        let generation = &mut generations[*current];
         world.interactions(&generation.rays, &generation.hits, &mut generation.surfaces);
         if *depth == 0 {
+            camera_hits.clear();
+            camera_hits.extend(generation.surfaces.ray_of());
             visible_objects.resize(world.objects.len(), false);
             let objects = generation.surfaces.objects().iter();
             objects.for_each(|&object| visible_objects[object as usize] = true);
             if let Some(coverage) = coverage {
                 coverage.clear();
                 coverage.resize(generation.rays.len(), 0.0);
-                generation.surfaces.ray_of().iter().for_each(|&ray| coverage[ray as usize] = 1.0);
+                camera_hits.iter().for_each(|&ray| coverage[ray as usize] = 1.0);
             }
         }
         // A further layer has the rays of the first.

@@ -7,11 +7,12 @@
 //! changes in the [`PlanSpec`], its stages at the [`Hook`]s, its ray kinds, and its buffers, which are kept in the tile by
 //! [`tile::Tile::with_buffers`] and so exist only where the effect runs. A build without an effect:
 //! `RUSTFLAGS='--cfg kiln_without="glaze"'`.
+//!
+//! A picture has one transport, which computes the light that surfaces send towards the camera. Each has one folder and
+//! one line in `registry!`, which makes [`TRANSPORTS`]: [`whitted`] with the effects that only it has, and [`path`].
 
 mod closest_hits;
 pub mod convergence;
-mod local;
-mod pixels;
 mod plan;
 mod primary_rays;
 pub mod random;
@@ -22,6 +23,7 @@ mod texture_points;
 pub mod tile;
 pub mod transparency;
 pub mod variance;
+pub mod whitted;
 
 pub use plan::{Choices, Decision, Plan, PlannedStage, check_names, check_scene};
 pub use ray_origins::shadow_ray;
@@ -31,40 +33,68 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::scene::file::SceneFile;
-use crate::scene::{Sampling, TextureFilter};
+use crate::scene::{Sampling, TextureFilter, TextureSlot, Transport};
 use crate::shading::ShadingMode;
 use crate::world::World;
 use tile::{RenderContext, Tile};
 use transparency::{ContinuedRays, Transparency};
 
-/// Declares the effects, in the order of the plan: name as typed by users, source file, constant in [`id`].
+/// Declares the effects, in the order of the plan: name as typed by users, source file, constant in [`id`]. A transport
+/// that calls for something is an effect, too. The modules of `FOLDER` are declared there.
 macro_rules! registry {
-    ($($name:tt => $file:ident $id:ident,)*) => {
-        $(#[cfg(not(kiln_without = $name))] pub mod $file;)*
+    (
+        effects { $($a:tt => $a_file:ident $a_id:ident,)* }
+        transports { $($b:tt => $b_file:ident $b_id:ident,)* }
+        $(in $folder:ident { $($c:tt => $c_file:ident $c_id:ident,)* })*
+        effects { $($d:tt => $d_file:ident $d_id:ident,)* }
+    ) => {
+        $(#[cfg(not(kiln_without = $a))] pub mod $a_file;)*
+        $(#[cfg(not(kiln_without = $b))] pub mod $b_file;)*
+        $(#[cfg(not(kiln_without = $d))] pub mod $d_file;)*
 
         /// The ids of all effects, also of those that this build leaves out.
         pub mod id {
             use super::EffectId;
-            $(#[doc = concat!("`", $name, "`")] pub const $id: EffectId = EffectId($name);)*
+            $(#[doc = concat!("`", $a, "`")] pub const $a_id: EffectId = EffectId($a);)*
+            $(#[doc = concat!("`", $b, "`")] pub const $b_id: EffectId = EffectId($b);)*
+            $($(#[doc = concat!("`", $c, "`")] pub const $c_id: EffectId = EffectId($c);)*)*
+            $(#[doc = concat!("`", $d, "`")] pub const $d_id: EffectId = EffectId($d);)*
         }
 
         /// All effects of this build, in the order of the plan: each may build on those before it.
-        pub const EFFECTS: &[Effect] = &[$(#[cfg(not(kiln_without = $name))] $file::EFFECT,)*];
+        pub const EFFECTS: &[Effect] = &[
+            $(#[cfg(not(kiln_without = $a))] $a_file::EFFECT,)*
+            $(#[cfg(not(kiln_without = $b))] $b_file::EFFECT,)*
+            $($(#[cfg(not(kiln_without = $c))] $folder::$c_file::EFFECT,)*)*
+            $(#[cfg(not(kiln_without = $d))] $d_file::EFFECT,)*
+        ];
+
+        /// All transports of this build. A picture has the first that is called for; nothing has to call for the last.
+        pub const TRANSPORTS: &[TransportEntry] =
+            &[$(#[cfg(not(kiln_without = $b))] $b_file::TRANSPORT,)* whitted::TRANSPORT];
     };
 }
 
 registry! {
-    "textures" => textures TEXTURES,
-    "normal-maps" => normal_maps NORMAL_MAPS,
-    "alpha" => alpha ALPHA,
-    "path" => path PATH,
-    "shadows" => shadows SHADOWS,
-    "soft-shadows" => soft_shadows SOFT_SHADOWS,
-    "terminator" => terminator TERMINATOR,
-    "ambient-occlusion" => ambient_occlusion AMBIENT_OCCLUSION,
-    "glaze" => glaze GLAZE,
-    "antialiasing" => antialiasing ANTIALIASING,
-    "adaptive" => adaptive ADAPTIVE,
+    effects {
+        "textures" => textures TEXTURES,
+        "normal-maps" => normal_maps NORMAL_MAPS,
+        "alpha" => alpha ALPHA,
+    }
+    transports {
+        "path" => path PATH,
+    }
+    in whitted {
+        "shadows" => shadows SHADOWS,
+        "soft-shadows" => soft_shadows SOFT_SHADOWS,
+        "terminator" => terminator TERMINATOR,
+        "ambient-occlusion" => ambient_occlusion AMBIENT_OCCLUSION,
+        "glaze" => glaze GLAZE,
+    }
+    effects {
+        "antialiasing" => antialiasing ANTIALIASING,
+        "adaptive" => adaptive ADAPTIVE,
+    }
 }
 
 /// Identifies an effect. The constants are in [`id`].
@@ -116,7 +146,7 @@ pub trait Stage: Send + Sync {
     /// The name in statistics.
     fn name(&self) -> &'static str;
 
-    /// Runs the stage. A stage of a ray generation works on the generation [`Tile::depth`].
+    /// Runs the stage. A stage of a ray generation works on the generation [`Tile::current`].
     fn run(&self, tile: &mut Tile, context: &RenderContext);
 }
 
@@ -138,8 +168,6 @@ pub struct Effect {
     pub decides_samples: bool,
     /// Whether `kiln study` varies it by switching it on and off. It varies the others by their values or by the sampling.
     pub is_study_switch: bool,
-    /// Whether it belongs to the transport of local shading, and is off where paths are traced.
-    pub whitted_only: bool,
     /// The kinds of rays that it casts.
     pub rays: &'static [RayKind],
     /// The value it takes, if any.
@@ -155,6 +183,24 @@ pub struct Effect {
 }
 
 impl Effect {
+    /// What an entry does not state.
+    const NONE: Effect = Effect {
+        id: EffectId(""),
+        summary: "",
+        source: "",
+        builds_on: None,
+        needs_lights: false,
+        is_shading: false,
+        decides_samples: false,
+        is_study_switch: false,
+        rays: &[],
+        value: None,
+        called_for: |_, _| Err("nothing calls for it".into()),
+        specify: |_, _| {},
+        stages: |_, _| Vec::new(),
+        bytes: |_| 0,
+    };
+
     /// The name as typed by users.
     pub const fn name(&self) -> &'static str {
         self.id.name()
@@ -169,6 +215,25 @@ pub struct EffectValue {
     pub check: fn(&str) -> Result<(), String>,
 }
 
+/// A transport: how the light that surfaces send towards the camera is computed.
+pub struct TransportEntry {
+    /// The transport.
+    pub transport: Transport,
+    /// The effect by which users switch it, which states what calls for it, its rays and its value; its stages are
+    /// those of the transport. `None` for the transport of pictures that call for no other.
+    pub switch: Option<EffectId>,
+    /// The effects that only it has, off with other transports.
+    pub effects: &'static [EffectId],
+    /// Why effects of other transports are off.
+    pub reason: &'static str,
+    /// The textures beyond glTF's core model that it uses.
+    pub texture_slots: &'static [TextureSlot],
+    /// As [`Effect::specify`], before all effects.
+    pub specify: fn(&EffectContext, &mut PlanSpec),
+    /// As [`Effect::stages`], before those of all effects.
+    pub stages: fn(&EffectContext, Hook) -> Vec<Box<dyn Stage>>,
+}
+
 /// The input of an effect's [`Effect::specify`] and [`Effect::stages`].
 pub struct EffectContext<'a> {
     /// The prepared scene.
@@ -179,7 +244,7 @@ pub struct EffectContext<'a> {
     pub clamp: Option<f64>,
     /// The plan's specification: in [`Effect::specify`] as left by earlier effects, in [`Effect::stages`] complete.
     pub spec: PlanSpec,
-    /// The value that the effect was given.
+    /// The value that the effect, or that of the transport, was given.
     pub value: Option<String>,
 }
 
@@ -191,15 +256,16 @@ impl EffectContext<'_> {
 }
 
 /// The specification of a plan, complete before any stage is listed. Effects change it in their order.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct PlanSpec {
     /// Which terms are shaded.
     pub shading: ShadingMode,
-    /// Whether paths are traced, instead of shading surfaces by the lights that they see.
-    pub is_path: bool,
+    /// Whether the layers of transparent surfaces along a camera ray are shaded one after the other, where a pixel has
+    /// one sample.
+    pub layers: bool,
     /// The kinds of rays that are continued behind surfaces; `None` where all surfaces are opaque.
     pub continued: Option<ContinuedRays>,
-    /// Whether lights are evaluated.
+    /// Whether every light is evaluated at every surface: [`Hook::Lighting`] and [`Hook::AfterLighting`].
     pub lit: bool,
     /// Samples a pixel. Texture footprints shrink with it.
     pub samples: u32,
@@ -272,9 +338,8 @@ impl PlanSpec {
     fn transparency(&self, sampling: &Sampling) -> Option<Transparency> {
         let Sampling { seed, sampler, .. } = *sampling;
         let (seed, sampler) = (seed.unwrap_or(0), sampler.unwrap_or_default());
-        let is_layered = !self.is_path && !self.own_camera_rays;
-        let is_path = self.is_path;
-        let of = |ContinuedRays { rays: kind, .. }| Transparency { is_layered, is_path, sampler, seed, kind };
+        let is_layered = self.layers && !self.own_camera_rays;
+        let of = |ContinuedRays { rays: kind, .. }| Transparency { is_layered, sampler, seed, kind };
         self.continued.map(of)
     }
 }
@@ -286,8 +351,8 @@ pub struct TextureUse {
     pub material_textures: bool,
     /// The normal maps.
     pub normal_maps: bool,
-    /// Whether paths are traced: [`crate::scene::TextureSlot::is_used`].
-    pub is_path: bool,
+    /// The further textures that the transport uses: [`TransportEntry::texture_slots`].
+    pub slots: &'static [TextureSlot],
     /// The filter; `None` for that of each texture's sampler.
     pub filter: Option<TextureFilter>,
 }
@@ -301,6 +366,8 @@ pub struct SecondaryRays {
     pub hits: &'static str,
     /// The effect that casts them.
     pub effect: EffectId,
+    /// Whether surfaces mirror them, so that their differentials follow from those of the rays before.
+    pub are_mirrored: bool,
 }
 
 /// Whether stages belong to the first ray generation or to all later ones, which share one list of stages.
@@ -319,13 +386,18 @@ pub enum Hook {
     Rays,
     /// A generation's surface interactions and ray origins are known; lights are not evaluated yet.
     BeforeLighting(RayClass),
-    /// The lights above each surface's horizon are known. Only where lights are evaluated.
+    /// The transport evaluates lights. Only with [`PlanSpec::lit`].
+    Lighting(RayClass),
+    /// The lights above each surface's horizon are known. Only with [`PlanSpec::lit`].
     AfterLighting(RayClass),
+    /// The transport computes the light of a generation's surfaces.
+    Shading(RayClass),
     /// A generation is shaded. A stage that casts secondary rays fills the next generation ([`Tile::this_and_next`]).
     AfterShading(RayClass),
-    /// All generations are shaded. Runs once for each generation that cast secondary rays, the deepest first.
+    /// All generations are shaded. Runs once for each generation that cast secondary rays, the deepest first. Without
+    /// stages here, generations are not kept.
     AfterGenerations,
-    /// The pixels have their colours.
+    /// The transport gives the pixels their colours, then effects change them.
     Film,
 }
 

@@ -18,14 +18,8 @@ pub const EFFECT: Effect = Effect {
     id: id::NORMAL_MAPS,
     summary: "pictures tilt the normals that surfaces are shaded by",
     source: "glTF 2.0, section 3.9.3; Cook, Shade Trees, 1984",
-    builds_on: None,
     needs_lights: true,
-    is_shading: false,
-    decides_samples: false,
     is_study_switch: true,
-    whitted_only: false,
-    rays: &[],
-    value: None,
     called_for: |world: &World, _| {
         let mapped = world.objects.iter().filter(|object| {
             object.has_tangents() && world.materials[object.material as usize].normal_map().is_some()
@@ -55,6 +49,7 @@ pub const EFFECT: Effect = Effect {
         let own = |Unperturbed(normals): &Unperturbed| shared + size_of::<Unperturbed>() + vec_bytes(normals);
         tile.buffers::<Unperturbed>().map_or(0, own)
     },
+    ..Effect::NONE
 };
 
 /// The surfaces of the current generation whose normals were perturbed, with the normals they had before.
@@ -81,25 +76,21 @@ impl Stage for NormalMaps {
 
 impl NormalMaps {
     fn perturb(&self, own: &Buffers, tile: &mut Tile, world: &World, unperturbed: &mut Vec<(u32, DVec3)>) {
-        let RayGeneration { surfaces, hits, .. } = &mut tile.generations[tile.depth];
+        let RayGeneration { surfaces, .. } = &mut tile.generations[tile.current];
         for part in 0..surfaces.by_material().len() {
             let (material, range) = surfaces.by_material()[part].clone();
             let Some(map) = world.materials[material as usize].normal_map() else { continue };
             let texture = &map.texture;
             let image = &world.images[texture.image.0 as usize];
             let filter = self.texture_use.filter(texture);
-            let points = own.points(tile.depth, texture.coordinates);
+            let points = own.points(tile.current, texture.coordinates);
             if points.is_empty() {
                 continue;
             }
             for i in range {
-                let (Some(point), Some(hit)) = (&points[i], hits.get(surfaces.ray_of()[i] as usize)) else {
-                    continue;
-                };
+                let Some(point) = &points[i] else { continue };
                 let surface = surfaces.get(i);
-                let Some([tangent, bitangent, normal]) = world.tangent_frame(&surface, &hit) else {
-                    continue;
-                };
+                let Some([tangent, bitangent, normal]) = world.tangent_frame(&surface) else { continue };
                 let encoded = look_up(image, TexelEncoding::Data, &texture.sampler, &filter, point);
                 let n = decode(encoded, map.scale);
                 // On the back side bumps are dents.

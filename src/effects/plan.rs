@@ -8,7 +8,7 @@ use super::transparency::Transparency;
 use super::variance::PixelStatistics;
 use super::{
     EFFECTS, Effect, EffectContext, EffectId, EffectValue, Hook, LightTechnique, PathSettings, PlanSpec,
-    RayClass, RayKind, Stage, TextureUse, closest_hits, id, local, pixels, primary_rays, ray_origins,
+    RayClass, RayKind, Stage, TRANSPORTS, TransportEntry, closest_hits, primary_rays, ray_origins,
 };
 use crate::error::{Error, Result};
 use crate::film::Window;
@@ -74,6 +74,8 @@ pub struct Plan {
     clamp: Option<f64>,
     /// The decision on each of [`EFFECTS`].
     pub decisions: Vec<Decision>,
+    /// The transport.
+    pub transport: Transport,
     spec: PlanSpec,
     stages: Vec<PlannedStage>,
     /// The stages of the first generation, of each further generation, of the way back, and of the film.
@@ -91,9 +93,14 @@ impl Plan {
         check_scene(&choices.scene)?;
         let mut decisions: Vec<Decision> =
             EFFECTS.iter().map(|effect| decide(effect, world, choices)).collect();
-        if decisions.iter().any(|decision| decision.effect == id::PATH && decision.on) {
-            for (decision, _) in decisions.iter_mut().zip(EFFECTS).filter(|(_, effect)| effect.whitted_only) {
-                (decision.on, decision.why) = (false, "paths are traced".into());
+        let transport = transport_of(&decisions);
+        for other in TRANSPORTS.iter().filter(|other| other.transport != transport.transport) {
+            let is_other = |decision: &Decision| {
+                other.effects.contains(&decision.effect)
+                    || decision.on && other.switch == Some(decision.effect)
+            };
+            for decision in decisions.iter_mut().filter(|decision| is_other(decision)) {
+                (decision.on, decision.why) = (false, transport.reason.into());
             }
         }
         for (i, effect) in EFFECTS.iter().enumerate().filter(|_| !choices.even_idle) {
@@ -121,51 +128,41 @@ impl Plan {
         (sampling, clamp): (Sampling, Option<f64>),
         decisions: Vec<Decision>,
     ) -> Plan {
-        let mut spec = PlanSpec {
-            shading,
-            is_path: false,
-            continued: None,
-            lit: shading.uses_lights() && !world.lights.is_empty(),
-            samples: 1,
-            texture_use: TextureUse::default(),
-            smooth: false,
-            shadow_rays: false,
-            soft_shadows: false,
-            generations_with_origins: 0,
-            secondary: None,
-            own_camera_rays: false,
-            adaptive: false,
-            is_random: false,
-            light_technique,
-            path,
-        };
-        let mut effects: Vec<(&Effect, EffectContext)> = Vec::new();
-        for (effect, decision) in EFFECTS.iter().zip(&decisions).filter(|(_, decision)| decision.on) {
-            let own =
-                EffectContext { world, sampling: &sampling, clamp, spec, value: decision.value.clone() };
-            (effect.specify)(&own, &mut spec);
-            effects.push((effect, own));
+        let entry = transport_of(&decisions);
+        let mut spec = PlanSpec { shading, samples: 1, light_technique, path, ..PlanSpec::default() };
+        spec.texture_use.slots = entry.texture_slots;
+        let on = EFFECTS.iter().zip(&decisions).filter(|(_, decision)| decision.on);
+        let effects = on.map(|(effect, decision)| (Some(decision), effect.specify, effect.stages));
+        let switch = decisions.iter().find(|decision| entry.switch == Some(decision.effect));
+        let mut contributors = Vec::new();
+        for (decision, specify, stages) in
+            std::iter::once((switch, entry.specify, entry.stages)).chain(effects)
+        {
+            let value = decision.and_then(|decision| decision.value.clone());
+            let context = EffectContext { world, sampling: &sampling, clamp, spec, value };
+            specify(&context, &mut spec);
+            contributors.push(Contributor { effect: decision.map(|d| d.effect), stages, context });
         }
-        effects.iter_mut().for_each(|(_, own)| own.spec = spec);
+        contributors.iter_mut().for_each(|contributor| contributor.context.spec = spec);
         let transparency = spec.transparency(&sampling);
-        let mut builder = PlanBuilder { stages: Vec::new(), effects, spec, transparency };
+        let mut builder = PlanBuilder { stages: Vec::new(), contributors, spec, transparency };
         let parts = builder.build();
-        let stages = builder.stages;
-        Plan { shading, sampling, clamp, decisions, spec, stages, parts }
+        let (stages, transport) = (builder.stages, entry.transport);
+        Plan { shading, sampling, clamp, decisions, transport, spec, stages, parts }
     }
 
     /// Runs all stages on a tile that was started. Calls `done` with the index of each stage after it ran.
     #[inline]
-    pub fn run(&self, tile: &mut Tile, context: &RenderContext, mut done: impl FnMut(usize)) {
+    pub fn run(&self, tile: &mut Tile, context: &RenderContext, mut done: impl FnMut(usize, &Tile)) {
         let [first, secondary, back, film] = &self.parts;
         let mut each = |part: &Range<usize>, tile: &mut Tile| {
             for index in part.clone() {
                 self.stages[index].stage.run(tile, context);
-                done(index);
+                done(index, tile);
             }
         };
         each(first, tile);
-        while !secondary.is_empty() && tile.descend() {
+        while !secondary.is_empty() && tile.descend(!back.is_empty()) {
             each(secondary, tile);
         }
         while tile.ascend() {
@@ -174,20 +171,26 @@ impl Plan {
         each(film, tile);
     }
 
+    /// Whether a stage, by its index, is the last of the camera rays: their surfaces are shaded, and still in the tile.
+    pub fn ends_camera_rays(&self, stage: usize) -> bool {
+        stage + 1 == self.parts[0].end
+    }
+
     /// Fills generation 0 of a tile that was started with the rays through the centres of its pixels, whatever rays the picture
     /// takes.
     pub fn centre_rays(&self, tile: &mut Tile, context: &RenderContext) {
         primary_rays::PrimaryRays.run(tile, context);
     }
 
-    /// Renders a tile. Returns the number of samples that each pixel takes, and their variance. Calls `after_pass` each
-    /// time the stages have run.
-    pub fn sample_statistics(
+    /// Renders a tile. Returns the number of samples that each pixel takes, and their variance. Each time the stages
+    /// have run, calls `after_pass` with what `camera_rays` returned when these were shaded.
+    pub fn sample_statistics<T: Default>(
         &self,
         tile: &mut Tile,
         context: &RenderContext,
         window: Window,
-        mut after_pass: impl FnMut(&mut Tile),
+        camera_rays: impl Fn(&Tile) -> T,
+        mut after_pass: impl FnMut(&mut Tile, T),
     ) -> Vec<PixelStatistics> {
         tile.start(window);
         let takes_samples = self.takes_samples();
@@ -195,8 +198,13 @@ impl Plan {
             tile.with_buffers(|samples: &mut TileSamples, _| samples.measure_variances(true));
         }
         loop {
-            self.run(tile, context, |_| {});
-            after_pass(tile);
+            let mut found = T::default();
+            self.run(tile, context, |stage, tile| {
+                if self.ends_camera_rays(stage) {
+                    found = camera_rays(tile);
+                }
+            });
+            after_pass(tile, found);
             if !tile.needs_more_samples {
                 break;
             }
@@ -237,11 +245,18 @@ impl Plan {
     }
 }
 
+/// The transport, or an effect that is on.
+struct Contributor<'a> {
+    /// The effect that its stages are counted for.
+    effect: Option<EffectId>,
+    stages: fn(&EffectContext, Hook) -> Vec<Box<dyn Stage>>,
+    context: EffectContext<'a>,
+}
+
 /// Collects the stages of a plan.
 struct PlanBuilder<'a> {
     stages: Vec<PlannedStage>,
-    /// The effects that are on.
-    effects: Vec<(&'static Effect, EffectContext<'a>)>,
+    contributors: Vec<Contributor<'a>>,
     spec: PlanSpec,
     transparency: Option<Transparency>,
 }
@@ -257,27 +272,22 @@ impl PlanBuilder<'_> {
         if !self.spec.own_camera_rays {
             self.add(primary_rays::PrimaryRays, None);
         }
-        self.add_hook(Hook::Rays);
+        self.add_hook(Hook::Rays, None);
         self.add_generation(RayClass::Primary);
         let first = part(self);
         if self.spec.secondary.is_some() {
             self.add_generation(RayClass::Secondary);
         }
         let secondary = part(self);
-        self.add_hook(Hook::AfterGenerations);
+        self.add_hook(Hook::AfterGenerations, None);
         let back = part(self);
-        if !self.spec.is_path {
-            self.add(pixels::WritePixels, None);
-        }
-        self.add_hook(Hook::Film);
+        self.add_hook(Hook::Film, None);
         [first, secondary, back, part(self)]
     }
 
     /// Adds the stages of a ray generation.
     fn add_generation(&mut self, class: RayClass) {
-        let PlanSpec {
-            shading, is_path, lit, smooth, generations_with_origins: generations, secondary, ..
-        } = self.spec;
+        let PlanSpec { lit, generations_with_origins: generations, secondary, .. } = self.spec;
         let secondary = secondary.filter(|_| class == RayClass::Secondary);
         let owner = secondary.map(|rays| rays.effect);
         let kind = secondary.map_or(RayKind::PRIMARY, |rays| rays.kind);
@@ -286,26 +296,25 @@ impl PlanBuilder<'_> {
         if generations > u32::from(class == RayClass::Secondary) {
             self.add(ray_origins::RayOrigins { generations }, owner);
         }
-        self.add_hook(Hook::BeforeLighting(class));
+        self.add_hook(Hook::BeforeLighting(class), owner);
         if lit {
-            self.add(local::SampleLights { smooth, mode: shading }, owner);
-            self.add_hook(Hook::AfterLighting(class));
+            self.add_hook(Hook::Lighting(class), owner);
+            self.add_hook(Hook::AfterLighting(class), owner);
         }
-        if !is_path {
-            self.add(local::Shade { mode: shading }, owner);
-        }
-        self.add_hook(Hook::AfterShading(class));
+        self.add_hook(Hook::Shading(class), owner);
+        self.add_hook(Hook::AfterShading(class), owner);
     }
 
     fn add(&mut self, stage: impl Stage + 'static, effect: Option<EffectId>) {
         self.stages.push(PlannedStage { stage: Box::new(stage), effect });
     }
 
-    /// Adds the stages of all effects at a hook.
-    fn add_hook(&mut self, hook: Hook) {
-        for (effect, context) in &self.effects {
-            let stages = (effect.stages)(context, hook).into_iter();
-            self.stages.extend(stages.map(|stage| PlannedStage { stage, effect: Some(effect.id) }));
+    /// Adds the stages of the transport and of all effects at a hook. `owner` is the effect that those of a transport
+    /// without an effect are counted for.
+    fn add_hook(&mut self, hook: Hook, owner: Option<EffectId>) {
+        for Contributor { effect, stages, context } in &self.contributors {
+            let effect = effect.or(owner);
+            self.stages.extend(stages(context, hook).into_iter().map(|stage| PlannedStage { stage, effect }));
         }
     }
 }
@@ -373,9 +382,18 @@ pub fn check_scene(scene: &EffectsSection) -> Result<()> {
     Ok(())
 }
 
-/// Whether an effect is on, for the decisions of others. Effects that it builds on are not considered.
-pub(super) fn is_on(effect: EffectId, world: &World, choices: &Choices) -> bool {
-    EFFECTS.iter().any(|other| other.id == effect && decide(other, world, choices).on)
+/// The transport that some decisions call for.
+fn transport_of(decisions: &[Decision]) -> &'static TransportEntry {
+    let is_on = |effect| decisions.iter().any(|decision| decision.effect == effect && decision.on);
+    let found = TRANSPORTS.iter().find(|entry| entry.switch.is_none_or(is_on));
+    found.expect("the last transport needs no effect")
+}
+
+/// The transport of a picture, for the decisions on effects.
+pub(super) fn transport_for(world: &World, choices: &Choices) -> &'static TransportEntry {
+    let is_switch = |effect: &&Effect| TRANSPORTS.iter().any(|entry| entry.switch == Some(effect.id));
+    let switches = EFFECTS.iter().filter(is_switch).map(|effect| decide(effect, world, choices));
+    transport_of(&switches.collect::<Vec<_>>())
 }
 
 /// Decides whether an effect is computed. In this order: it needs something that calls for it, `--without` and `--with`, the scene

@@ -7,16 +7,64 @@
 
 use sobol_burley::parts::{hash, owen_scramble_rev, u32_to_f32_norm};
 
+use super::PathSettings;
 use crate::geometry::Ray;
 use crate::scene::{MAX_SAMPLES, PixelSampler};
 
-/// Two numbers from 0 to below 1 for a pixel's sample in a dimension other than 0: [`pair`] or [`independent_pair`].
+/// A use of random numbers; the numbers of a sample in different dimensions are independent. All uses are listed here.
+/// Their values determine pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Dimension(u32);
+
+impl Dimension {
+    /// The film position of a camera ray.
+    pub const PIXEL: Dimension = Dimension(0);
+
+    /// Rays of ambient occlusion. Not for paths.
+    pub const AMBIENT_OCCLUSION: Dimension = Dimension(u32::MAX - 1);
+
+    /// Points on the disc of a directional light, by its index. Not for paths.
+    pub fn disc(light: u32) -> Self {
+        Dimension(u32::MAX - 2 - light)
+    }
+
+    /// Which surfaces a ray passes by their opacity; after bounces for paths alone.
+    pub fn opacity(bounces: u32) -> Self {
+        Dimension(u32::MAX - bounces)
+    }
+
+    /// The direction in which a path continues.
+    pub fn direction(bounces: u32) -> Self {
+        Dimension(1 + 4 * bounces)
+    }
+
+    /// The lobe of that direction, and Russian roulette.
+    pub fn lobe_and_roulette(bounces: u32) -> Self {
+        Dimension(2 + 4 * bounces)
+    }
+
+    /// The choice of a light, and of a point on it, for light sample `index` of a path vertex, below
+    /// [`PathSettings::MAX_LIGHT_SAMPLES`].
+    pub fn light(bounces: u32, index: u32) -> [Self; 2] {
+        let further = FURTHER_LIGHT_SAMPLES + 2 * (bounces * PathSettings::MAX_LIGHT_SAMPLES + index);
+        match index {
+            0 => [Dimension(4 + 4 * bounces), Dimension(3 + 4 * bounces)],
+            _ => [Dimension(further), Dimension(further + 1)],
+        }
+    }
+}
+
+/// The first dimension of further light samples, beyond those of the longest path.
+const FURTHER_LIGHT_SAMPLES: u32 = 1 << 20;
+
+/// Two numbers from 0 to below 1 for a pixel's sample in a dimension other than [`Dimension::PIXEL`]: [`pair`] or
+/// [`independent_pair`].
 pub(crate) fn pair_of(
     sampler: PixelSampler,
     pixel: [u32; 2],
     seed: u32,
     sample: u32,
-    dimension: u32,
+    dimension: Dimension,
 ) -> [f32; 2] {
     match sampler {
         PixelSampler::Sobol => pair(pixel, seed, sample, dimension),
@@ -27,37 +75,24 @@ pub(crate) fn pair_of(
 /// Two independent uniform numbers from 0 to below 1 for a pixel's sample in a dimension: two applications of a hash, the first to
 /// pixel, seed and dimension, the second to its result and the sample.
 #[inline(always)]
-pub fn independent_pair([x, y]: [u32; 2], seed: u32, sample: u32, dimension: u32) -> [f32; 2] {
-    let [a, b, c] = pcg3d([x, y, seed.rotate_left(BITS_OF_PURPOSES) ^ hash(dimension)]);
+pub fn independent_pair([x, y]: [u32; 2], seed: u32, sample: u32, dimension: Dimension) -> [f32; 2] {
+    let [a, b, c] = pcg3d([x, y, seed.rotate_left(SEED_BITS) ^ hash(dimension.0)]);
     let [a, b, _] = pcg3d([a, b, c.wrapping_add(sample)]);
     [u32_to_f32_norm(a), u32_to_f32_norm(b)]
 }
 
-/// What random numbers are used for. Each purpose has an independent sequence.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Purpose {
-    /// The film position of a camera ray.
-    Pixel,
-}
+/// The bits that a seed is rotated by before it is mixed with a dimension.
+const SEED_BITS: u32 = 4;
 
-/// The number of low bits of the hash input that hold the purpose.
-const BITS_OF_PURPOSES: u32 = 4;
-
-/// A point of the Sobol sequence in the unit square, with reversed bits. Samples of one index share it in all pixels.
+/// A point of the Sobol sequence in the unit square, with reversed bits: of [`Dimension::PIXEL`]. Samples of one index
+/// share it in all pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Point([u32; 2]);
 
 impl Point {
     /// The point of a sample, 0 to below [`MAX_SAMPLES`].
-    pub fn new(sample: u32, purpose: Purpose) -> Self {
-        let index = (sample % MAX_SAMPLES).reverse_bits();
-        // A shuffled order for each further purpose. Owen scrambling of the index maps aligned blocks of 2^k to such blocks.
-        let shuffled = match purpose as u32 {
-            0 => index,
-            other => owen_scramble_rev(index, hash(other)),
-        };
-        Point(sobol_rev(shuffled))
+    pub fn new(sample: u32) -> Self {
+        Point(sobol_rev((sample % MAX_SAMPLES).reverse_bits()))
     }
 }
 
@@ -68,9 +103,9 @@ pub struct Scramble([u32; 2]);
 impl Scramble {
     /// The scrambling of the pixel in column `x`, row `y` of the whole picture.
     #[inline(always)]
-    pub fn new(x: u32, y: u32, seed: u32, purpose: Purpose) -> Self {
+    pub fn new(x: u32, y: u32, seed: u32) -> Self {
         // Rotated instead of shifted, so that no bit of the seed is lost.
-        let [a, b, _] = pcg3d([x, y, seed.rotate_left(BITS_OF_PURPOSES) ^ purpose as u32]);
+        let [a, b, _] = pcg3d([x, y, seed.rotate_left(SEED_BITS)]);
         Scramble([a, b])
     }
 
@@ -95,12 +130,13 @@ fn pcg3d(v: [u32; 3]) -> [u32; 3] {
     mixed(mixed(spread).map(|c| c ^ (c >> 16)))
 }
 
-/// Two numbers from 0 to below 1 for a pixel's sample in a dimension other than 0, which is that of [`Purpose::Pixel`]. The
-/// points of each dimension are a sequence as above, shuffled independently (padding; pbrt, 4th edition, section 8.7.2).
-pub fn pair([x, y]: [u32; 2], seed: u32, sample: u32, dimension: u32) -> [f32; 2] {
-    let key = hash(dimension);
+/// Two numbers from 0 to below 1 for a pixel's sample in a dimension other than 0, which is that of
+/// [`Dimension::PIXEL`]. The points of each dimension are a sequence as above, shuffled independently (padding; pbrt,
+/// 4th edition, section 8.7.2).
+pub fn pair([x, y]: [u32; 2], seed: u32, sample: u32, dimension: Dimension) -> [f32; 2] {
+    let key = hash(dimension.0);
     let index = owen_scramble_rev((sample % MAX_SAMPLES).reverse_bits(), key);
-    let [a, b, c] = pcg3d([x, y, seed.rotate_left(BITS_OF_PURPOSES) ^ key]);
+    let [a, b, c] = pcg3d([x, y, seed.rotate_left(SEED_BITS) ^ key]);
     // The order of the points, too, is the pixel's own.
     let [first, second] = sobol_rev(owen_scramble_rev(index, c));
     [(first, a), (second, b)]
@@ -161,10 +197,11 @@ mod tests {
     /// the numbers of three samples in a cube, projected on their sum.
     #[test]
     fn independent_numbers_show_no_dependence() {
-        let number = |x: u32, seed, sample, dimension| independent_pair([x, 7], seed, sample, dimension)[0];
+        let number =
+            |x: u32, seed, sample, dimension| independent_pair([x, 7], seed, sample, Dimension(dimension))[0];
         let all = || (0..256).flat_map(|i| (0..256).map(move |j| (i, j)));
         let tests = [
-            uniformity((0..65_536).map(|s| independent_pair([3, 5], 0, s, 2))),
+            uniformity((0..65_536).map(|s| independent_pair([3, 5], 0, s, Dimension(2)))),
             uniformity(all().map(|(i, j)| [number(i, 0, j, 1), number(i, 0, j + 1, 1)])),
             uniformity(all().map(|(i, j)| [number(i, 0, j, 1), number(i, 0, j + 64, 1)])),
             uniformity(all().map(|(i, j)| [number(9, 0, i, j), number(9, 0, i, j + 1)])),
@@ -180,8 +217,26 @@ mod tests {
         ];
         assert!(tests.iter().all(|p| (1e-4..1.0 - 1e-4).contains(p)), "{tests:?}");
         // The test itself: Sobol points are too even, and equal numbers on the diagonal.
-        assert!(uniformity((0..65_536).map(|s| pair([3, 5], 0, s, 2))) > 1.0 - 1e-4);
+        assert!(uniformity((0..65_536).map(|s| pair([3, 5], 0, s, Dimension(2)))) > 1.0 - 1e-4);
         assert!(uniformity((0..65_536).map(|s| [number(3, 0, s, 1); 2])) < 1e-100);
+    }
+
+    /// No two uses that a picture of either transport has share a dimension, up to the longest path and thousands of
+    /// lights.
+    #[test]
+    fn every_use_has_its_own_dimension() {
+        let of_vertex = |bounces| {
+            let lights = (0..PathSettings::MAX_LIGHT_SAMPLES).flat_map(move |i| Dimension::light(bounces, i));
+            let own = [Dimension::opacity, Dimension::direction, Dimension::lobe_and_roulette];
+            own.map(|of| of(bounces)).into_iter().chain(lights)
+        };
+        let path: Vec<Dimension> = (0..=1000).flat_map(of_vertex).chain([Dimension::PIXEL]).collect();
+        let own = [Dimension::PIXEL, Dimension::AMBIENT_OCCLUSION, Dimension::opacity(0)];
+        let whitted: Vec<Dimension> = (0..10_000).map(Dimension::disc).chain(own).collect();
+        for uses in [path, whitted] {
+            let different: std::collections::HashSet<Dimension> = uses.iter().copied().collect();
+            assert_eq!(different.len(), uses.len());
+        }
     }
 
     /// The bits of the crate's table.
@@ -196,7 +251,7 @@ mod tests {
 
     #[test]
     fn every_bit_of_a_seed_counts() {
-        let of = |seed| Scramble::new(3, 5, seed, Purpose::Pixel);
+        let of = |seed| Scramble::new(3, 5, seed);
         for bit in 0..32 {
             assert_ne!(of(0), of(1 << bit), "bit {bit}");
         }

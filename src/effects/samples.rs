@@ -9,13 +9,14 @@ use glam::DVec3;
 
 use super::EffectContext;
 use super::convergence::Criterion;
-use super::random::{self, Point, Purpose, Scramble, independent_pair};
+use super::random::{self, Dimension, Point, Scramble, independent_pair};
 use super::region::SampledRegion;
 use super::tile::{Tile, vec_bytes};
 use super::variance::SampleVariance;
 use crate::film::{ColourPipeline, Filter, Window};
+use crate::geometry::RayBuffer;
 use crate::scene::PixelSampler;
-use crate::world::{RAYS_PER_BATCH, RaySoa, simd_dispatch};
+use crate::world::{RAYS_PER_BATCH, simd_dispatch};
 
 /// How the pixels of a picture are sampled.
 #[derive(Debug, Clone)]
@@ -71,14 +72,23 @@ pub(crate) struct SampleIndex {
     pub(crate) sample: u32,
 }
 
+impl SampleIndex {
+    /// Its random numbers in a dimension.
+    pub(crate) fn pair(&self, sampler: PixelSampler, seed: u32, dimension: Dimension) -> [f32; 2] {
+        random::pair_of(sampler, [self.x, self.y], seed, self.sample, dimension)
+    }
+}
+
 /// Lists the pixel and sample of each camera ray of a tile.
 pub(crate) fn list_samples(tile: &Tile, into: &mut Vec<SampleIndex>) {
     match (tile.buffers::<TileSamples>(), tile.window) {
         (Some(samples), _) => {
             into.extend(samples.rays().map(|(x, y, sample)| SampleIndex { x, y, sample }));
         }
-        (None, Some(window)) => into.extend((0..tile.generations[0].rays.len() as u32).map(|i| {
-            SampleIndex { x: window.x + i % window.width, y: window.y + i / window.width, sample: 0 }
+        (None, Some(window)) => into.extend((0..window.area() as u32).map(|i| SampleIndex {
+            x: window.x + i % window.width,
+            y: window.y + i / window.width,
+            sample: 0,
         })),
         (None, None) => {}
     }
@@ -103,8 +113,8 @@ impl SurfaceNumbers {
     /// Uniform numbers of ray `k` of `count` from a surface, which the ray `index` of `rays` has hit.
     pub(crate) fn pair(
         &self,
-        (sampler, seed, dimension): (PixelSampler, u32, u32),
-        (rays, index): (&RaySoa, usize),
+        (sampler, seed, dimension): (PixelSampler, u32, Dimension),
+        (rays, index): (&RayBuffer, usize),
         (k, count): (u32, u32),
     ) -> [f64; 2] {
         let (pixel, sample) = match self.samples.get(index) {
@@ -178,9 +188,9 @@ impl SamplePass {
             let pixel = u32::from(self.pixels[i]);
             let (x, y) = (window.x + pixel % window.width, window.y + pixel / window.width);
             let numbers = match sampler.kind {
-                PixelSampler::Sobol => Scramble::new(x, y, sampler.seed, Purpose::Pixel).of(self.points[i]),
+                PixelSampler::Sobol => Scramble::new(x, y, sampler.seed).of(self.points[i]),
                 PixelSampler::Independent => {
-                    independent_pair([x, y], sampler.seed, self.samples[i], Purpose::Pixel as u32)
+                    independent_pair([x, y], sampler.seed, self.samples[i], Dimension::PIXEL)
                 }
             };
             let ([right, down], sign) =
@@ -219,13 +229,13 @@ impl TileSamples {
         pass.len = RAYS_PER_BATCH.min(all - self.cast);
         let mut pixel = self.cast % live.len();
         let mut sample = from + (self.cast / live.len()) as u32;
-        let mut point = Point::new(sample, Purpose::Pixel);
+        let mut point = Point::new(sample);
         for i in 0..pass.len {
             (pass.pixels[i], pass.samples[i], pass.points[i]) = (live[pixel], sample, point);
             pixel += 1;
             if pixel == live.len() && i + 1 < pass.len {
                 (pixel, sample) = (0, sample + 1);
-                point = Point::new(sample, Purpose::Pixel);
+                point = Point::new(sample);
             }
         }
         self.cast += pass.len;

@@ -7,13 +7,13 @@ use std::collections::BTreeSet;
 
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::{EffectContext, Hook, Stage, TextureUse};
-use crate::scene::{Filter, TexelEncoding, Texture};
+use crate::scene::{Filter, TexelEncoding, Texture, TextureSlot};
 use crate::world::{Differential, PreparedMaterial, TexturePoint, World};
 
 /// The texture points of a tile.
 #[derive(Default)]
 pub(crate) struct Buffers {
-    /// By depth. Entries beyond the current depth are stale.
+    /// As [`Tile::generations`]. Entries beyond the current one are stale.
     generations: Vec<GenerationBuffers>,
 }
 
@@ -28,8 +28,8 @@ struct GenerationBuffers {
 impl Buffers {
     /// For each surface of a generation, its texture point by a set of texture coordinates; `None` for surfaces without a
     /// texture on that set, empty where all are.
-    pub(crate) fn points(&self, depth: usize, set: u8) -> &[Option<TexturePoint>] {
-        self.generations[depth].points.get(usize::from(set)).map_or(&[], Vec::as_slice)
+    pub(crate) fn points(&self, generation: usize, set: u8) -> &[Option<TexturePoint>] {
+        self.generations[generation].points.get(usize::from(set)).map_or(&[], Vec::as_slice)
     }
 
     /// Bytes of memory.
@@ -46,18 +46,18 @@ impl Buffers {
 /// The further textures of a material that a transport uses, with the encoding of their texels.
 pub(crate) fn further(
     material: &PreparedMaterial,
-    is_path: bool,
+    slots: &'static [TextureSlot],
 ) -> impl Iterator<Item = (Texture, TexelEncoding)> {
-    let used = material.further_textures().iter().filter(move |further| further.slot.is_used(is_path));
+    let used = material.further_textures().iter().filter(move |further| slots.contains(&further.slot));
     used.map(|further| (further.texture, further.slot.encoding()))
 }
 
 impl TextureUse {
     /// The textures of a material that are looked up, with the encoding of their texels.
     fn of<'a>(&self, material: &'a PreparedMaterial) -> impl Iterator<Item = (Texture, TexelEncoding)> + 'a {
-        let TextureUse { material_textures, normal_maps, is_path, .. } = *self;
+        let TextureUse { material_textures, normal_maps, slots, .. } = *self;
         let map = material.normal_map().filter(|_| normal_maps).map(|map| (map.texture, TexelEncoding::Data));
-        let textures = material.textures().chain(further(material, is_path));
+        let textures = material.textures().chain(further(material, slots));
         textures.filter(move |_| material_textures).chain(map)
     }
 
@@ -98,9 +98,9 @@ struct FindTexturePoints {
     sets: Vec<Vec<u8>>,
     /// Whether footprints are needed.
     footprints: bool,
-    /// Whether paths are traced. Their rays beyond the first have no differentials: they sample a lobe, and one texel is a sample
-    /// of a filter over it.
-    is_path: bool,
+    /// Whether secondary rays have footprints: mirrored ones. Those that sample a lobe have none, as one texel is a
+    /// sample of a filter over it.
+    are_mirrored: bool,
     /// The width of a sample in pixels.
     sample_width: f64,
 }
@@ -120,7 +120,7 @@ impl FindTexturePoints {
                 .materials_in_use()
                 .flat_map(of)
                 .any(|(texture, _)| texture_use.filter(&texture).needs_footprint()),
-            is_path: context.spec.is_path,
+            are_mirrored: context.spec.secondary.is_some_and(|rays| rays.are_mirrored),
             sample_width: sample_width(context.spec.samples),
         }
     }
@@ -144,15 +144,15 @@ impl Stage for FindTexturePoints {
 
 impl FindTexturePoints {
     fn find(&self, own: &mut Buffers, tile: &Tile, context: &RenderContext) {
-        let (depth, generation) = (tile.depth, &tile.generations[tile.depth]);
-        if own.generations.len() <= depth {
-            own.generations.resize_with(depth + 1, GenerationBuffers::default);
+        let (current, generation) = (tile.current, &tile.generations[tile.current]);
+        if own.generations.len() <= current {
+            own.generations.resize_with(current + 1, GenerationBuffers::default);
         }
-        let (before, after) = own.generations.split_at_mut(depth);
+        let (before, after) = own.generations.split_at_mut(current);
         let GenerationBuffers { differentials, points } = &mut after[0];
-        let footprints = self.footprints && (depth == 0 || !self.is_path);
-        if footprints && depth > 0 {
-            let (from, before) = (&tile.generations[depth - 1], &before[depth - 1].differentials);
+        let footprints = self.footprints && (tile.depth == 0 || self.are_mirrored);
+        if footprints && tile.depth > 0 {
+            let (from, before) = (&tile.generations[current - 1], &before[current - 1].differentials);
             let differential = |ray: usize| self.differential(context, from, before, ray);
             differentials.clear();
             differentials.extend(mirrored(context.world, from, generation, differential));
@@ -169,12 +169,10 @@ impl FindTexturePoints {
             points.resize(surfaces.len(), None);
             for i in range.clone() {
                 let ray = surfaces.ray_of()[i] as usize;
-                let Some(hit) = generation.hits.get(ray) else { continue };
                 let differential =
                     footprints.then(|| self.differential(context, generation, differentials, ray));
-                let surface = surfaces.get(i);
                 let ray = &generation.rays.get(ray);
-                points[i] = context.world.texture_point(&surface, &hit, ray, differential.as_ref(), set);
+                points[i] = context.world.texture_point(&surfaces.get(i), ray, differential.as_ref(), set);
             }
         }
     }
@@ -189,7 +187,7 @@ impl FindTexturePoints {
     ) -> Differential {
         match secondary.get(ray) {
             Some(differential) => *differential,
-            None => context.view.differential(generation.rays.direction.get(ray)).scaled(self.sample_width),
+            None => context.view.differential(generation.rays.get(ray).direction).scaled(self.sample_width),
         }
     }
 }
@@ -205,9 +203,7 @@ fn mirrored<'a>(
     to.sources.iter().map(move |&source| {
         let ray = from.surfaces.ray_of()[source as usize] as usize;
         let surface = from.surfaces.get(source as usize);
-        from.hits.get(ray).map_or(Differential::default(), |hit| {
-            world.mirrored_differential(&surface, &hit, &from.rays.get(ray), &differential(ray))
-        })
+        world.mirrored_differential(&surface, &from.rays.get(ray), &differential(ray))
     })
 }
 

@@ -13,13 +13,6 @@ pub const EFFECT: Effect = Effect {
     id: id::TEXTURES,
     summary: "pictures on surfaces: nearest, bilinear, mipmap or anisotropic; as each says itself, if not told",
     source: "Williams, Pyramidal Parametrics, 1983; Igehy, Tracing Ray Differentials, 1999",
-    builds_on: None,
-    needs_lights: false,
-    is_shading: false,
-    decides_samples: false,
-    is_study_switch: false,
-    whitted_only: false,
-    rays: &[],
     value: Some(EffectValue {
         meaning: "filter",
         check: |value| match filter(value) {
@@ -28,9 +21,9 @@ pub const EFFECT: Effect = Effect {
         },
     }),
     called_for: |world: &World, choices| {
-        let is_path = plan::is_on(id::PATH, world, choices);
+        let slots = plan::transport_for(world, choices).texture_slots;
         let is_textured = |material: &&PreparedMaterial| {
-            material.textures().chain(texture_points::further(material, is_path)).next().is_some()
+            material.textures().chain(texture_points::further(material, slots)).next().is_some()
         };
         let textured = world.materials_in_use().filter(is_textured);
         let names: Vec<&str> = textured.map(Material::name).collect();
@@ -49,6 +42,7 @@ pub const EFFECT: Effect = Effect {
         let texels = tile.generations.iter().map(|generation| bytes(&generation.surfaces)).sum::<usize>();
         texels + tile.buffers::<Buffers>().filter(|_| texels > 0).map_or(0, Buffers::bytes)
     },
+    ..Effect::NONE
 };
 
 /// The filter of this name.
@@ -74,19 +68,14 @@ impl Stage for Textures {
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
         tile.with_buffers(|own: &mut Buffers, tile| {
-            let points = |set: u8| own.points(tile.depth, set);
-            let RayGeneration { surfaces, .. } = &mut tile.generations[tile.depth];
+            let points = |set: u8| own.points(tile.current, set);
+            let RayGeneration { surfaces, .. } = &mut tile.generations[tile.current];
             let mut texels = std::mem::take(&mut surfaces.texels);
             let mut further = std::mem::take(&mut surfaces.further_texels);
-            let is_path = self.texture_use.is_path;
+            let used = self.texture_use.slots;
+            let of_slots = |material| further_slots(material, used);
             self.look_up(context.world, surfaces, &points, slots, &mut texels);
-            self.look_up(
-                context.world,
-                surfaces,
-                &points,
-                |material| further_slots(material, is_path),
-                &mut further,
-            );
+            self.look_up(context.world, surfaces, &points, of_slots, &mut further);
             (surfaces.texels, surfaces.further_texels) = (texels, further);
         });
     }
@@ -132,7 +121,10 @@ fn slots(material: &PreparedMaterial) -> impl Iterator<Item = Slot<Texels>> + us
 }
 
 /// The further textures that the transport uses.
-fn further_slots(material: &PreparedMaterial, is_path: bool) -> impl Iterator<Item = Slot<FurtherTexels>> {
+fn further_slots<'a>(
+    material: &'a PreparedMaterial,
+    used: &'static [TextureSlot],
+) -> impl Iterator<Item = Slot<FurtherTexels>> + 'a {
     let store = |slot| -> Store<FurtherTexels> {
         match slot {
             TextureSlot::Occlusion => |texels, c| texels.occlusion = c.x,
@@ -145,7 +137,7 @@ fn further_slots(material: &PreparedMaterial, is_path: bool) -> impl Iterator<It
             TextureSlot::SheenRoughness => |texels, c| texels.sheen_roughness = c.x,
         }
     };
-    let used = material.further_textures().iter().filter(move |further| further.slot.is_used(is_path));
+    let used = material.further_textures().iter().filter(move |further| used.contains(&further.slot));
     used.map(move |further| (further.texture, further.slot.encoding(), store(further.slot)))
 }
 

@@ -9,9 +9,9 @@ use std::any::Any;
 use super::RayKind;
 use crate::bvh::Traversal;
 use crate::film::{DisplayTransform, Window};
-use crate::geometry::{Hit, HitBuffer, Ray, Rays};
+use crate::geometry::{Hit, HitBuffer, Ray, RayBuffer, Rays};
 use crate::shading::{LightSoa, Scratch};
-use crate::world::{InteractionSoa, RaySoa, Vec3Soa, View, World};
+use crate::world::{InteractionSoa, Vec3Soa, View, World};
 
 /// The read-only input of every stage.
 pub struct RenderContext<'a> {
@@ -27,9 +27,11 @@ pub struct RenderContext<'a> {
 #[derive(Default)]
 pub struct RayGeneration {
     /// The rays.
-    pub rays: Box<RaySoa>,
+    pub rays: RayBuffer,
     /// For each ray its source: in generation 0 a pixel of the tile, otherwise a surface of the generation before.
     pub sources: Vec<u32>,
+    /// For each ray beyond generation 0, the camera ray whose random numbers it has; empty where rays have their own.
+    pub camera_rays: Vec<u32>,
     /// For each ray, its closest hit.
     pub hits: HitBuffer,
     /// The surface interactions of the rays that hit, in the order of the rays.
@@ -38,21 +40,22 @@ pub struct RayGeneration {
     pub origins: Option<Box<Vec3Soa>>,
     /// For each surface, the origin of its shadow rays; `None` where it is that of all rays.
     pub shadow_origins: Option<Box<Vec3Soa>>,
-    /// For each surface, its colour.
-    pub colours: Box<Vec3Soa>,
+    /// For each surface, its colour; `None` for transports that keep none.
+    pub colours: Option<Box<Vec3Soa>>,
 }
 
 impl RayGeneration {
     /// Bytes of memory, without the buffers that effects add.
     pub fn bytes(&self) -> usize {
-        let RayGeneration { rays, sources, hits, surfaces, origins, shadow_origins: _, colours } = self;
+        let RayGeneration { rays, sources, camera_rays, hits, surfaces, origins, colours, .. } = self;
         size_of::<RayGeneration>()
-            + size_of_val(&**rays)
+            + rays.bytes()
             + vec_bytes(sources)
+            + vec_bytes(camera_rays)
             + hits.bytes()
             + size_of_val(&**surfaces)
             + usize::from(origins.is_some()) * size_of::<Vec3Soa>()
-            + size_of_val(&**colours)
+            + usize::from(colours.is_some()) * size_of::<Vec3Soa>()
     }
 }
 
@@ -66,9 +69,11 @@ pub fn vec_bytes<T>(values: &Vec<T>) -> usize {
 pub struct Tile {
     /// The pixels of the tile.
     pub window: Option<Window>,
-    /// The ray generations.
+    /// The ray generations: all of them where stages go back over them, otherwise the current and the next one.
     pub generations: Vec<RayGeneration>,
-    /// The index of the generation that stages work on.
+    /// The index in `generations` of the one that stages work on.
+    pub current: usize,
+    /// The number of that generation: of the bounces between the camera and its rays.
     pub depth: usize,
     /// The colours of the pixels, row by row from the top. While an effect takes several samples: the colours of the rays of
     /// generation 0.
@@ -88,6 +93,8 @@ pub struct Tile {
     pub lights: Vec<Box<LightSoa>>,
     /// Temporary buffers of shading.
     pub shading: Box<Scratch>,
+    /// The camera rays that hit a surface.
+    pub camera_hits: Vec<u32>,
     /// For each object, whether a primary ray has hit it.
     pub visible_objects: Vec<bool>,
     /// For each camera ray, albedo and shading normal of the first surface of its path that is neither a smooth mirror
@@ -184,7 +191,7 @@ impl Tile {
     /// Begins a tile. Counters continue.
     pub fn start(&mut self, window: Window) {
         self.window = Some(window);
-        self.depth = 0;
+        (self.current, self.depth) = (0, 0);
         self.needs_more_samples = false;
         self.sample_counts.clear();
         self.pixels.clear();
@@ -192,32 +199,38 @@ impl Tile {
 
     /// The current generation, created if it does not exist.
     pub fn generation(&mut self) -> &mut RayGeneration {
-        if self.generations.len() <= self.depth {
-            self.generations.resize_with(self.depth + 1, RayGeneration::default);
+        if self.generations.len() <= self.current {
+            self.generations.resize_with(self.current + 1, RayGeneration::default);
         }
-        &mut self.generations[self.depth]
+        &mut self.generations[self.current]
     }
 
     /// The current generation and the next, created if they do not exist.
     pub fn this_and_next(&mut self) -> (&mut RayGeneration, &mut RayGeneration) {
-        if self.generations.len() <= self.depth + 1 {
-            self.generations.resize_with(self.depth + 2, RayGeneration::default);
+        if self.generations.len() <= self.current + 1 {
+            self.generations.resize_with(self.current + 2, RayGeneration::default);
         }
-        let (before, after) = self.generations.split_at_mut(self.depth + 1);
-        (&mut before[self.depth], &mut after[0])
+        let (before, after) = self.generations.split_at_mut(self.current + 1);
+        (&mut before[self.current], &mut after[0])
     }
 
-    /// Moves on to the next generation if it has rays; returns whether it has.
-    pub fn descend(&mut self) -> bool {
-        let has_rays = self.generations.get(self.depth + 1).is_some_and(|next| !next.rays.is_empty());
-        self.depth += usize::from(has_rays);
+    /// Moves on to the next generation if it has rays; returns whether it has. The buffers of the one before are those
+    /// of the next, unless `keeps_all`.
+    pub fn descend(&mut self, keeps_all: bool) -> bool {
+        let next = self.current + 1;
+        let has_rays = self.generations.get(next).is_some_and(|next| !next.rays.is_empty());
+        if has_rays {
+            self.depth += 1;
+            if keeps_all { self.current = next } else { self.generations.swap(self.current, next) }
+        }
         has_rays
     }
 
-    /// Moves back to the generation before; returns `false` at the first.
+    /// Moves back to the generation before that is kept; returns `false`, at depth 0, where there is none.
     pub fn ascend(&mut self) -> bool {
-        let is_deeper = self.depth > 0;
-        self.depth -= usize::from(is_deeper);
+        let is_deeper = self.current > 0;
+        self.current -= usize::from(is_deeper);
+        self.depth = self.current;
         is_deeper
     }
 

@@ -9,7 +9,7 @@
 //! once a layer, nearest first, and their colours are blended (`over`; Porter and Duff, Compositing Digital Images, SIGGRAPH
 //! 1984). Shadow rays always carry the product of all transmittances.
 
-use super::random;
+use super::random::{self, Dimension};
 use super::samples::{SampleIndex, list_samples};
 use super::tile::{RenderContext, Tile, vec_bytes};
 use super::{RayKind, Stage};
@@ -28,10 +28,6 @@ pub struct ContinuedRays {
     pub(crate) shadow_rays: RayKind,
 }
 
-/// The dimension of the random numbers that decide which surfaces a camera ray passes; that of a path's further rays is
-/// lower by their generation.
-const DIMENSION: u32 = u32::MAX;
-
 /// The opacity from which a surface is visible in AOVs, which hold one surface a pixel.
 pub(crate) const VISIBLE_FROM: f64 = 0.5;
 
@@ -40,8 +36,6 @@ pub(crate) const VISIBLE_FROM: f64 = 0.5;
 pub(crate) struct Transparency {
     /// Whether camera rays see all layers, and not one by random numbers.
     pub(crate) is_layered: bool,
-    /// Whether a camera ray has one ray in each generation, which has random numbers by pixel and sample.
-    pub(crate) is_path: bool,
     /// The random numbers of these rays.
     pub(crate) sampler: PixelSampler,
     /// The seed of the random numbers.
@@ -176,7 +170,7 @@ pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparen
         } else {
             std::mem::swap(&mut own.passing, &mut own.layers.next);
         }
-        let generation = &mut tile.generations[tile.depth];
+        let generation = &mut tile.generations[tile.current];
         generation.hits.clear();
         generation.hits.resize(generation.rays.len());
         if is_layered {
@@ -198,32 +192,26 @@ pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparen
     })
 }
 
-/// The camera ray that a ray of the current generation comes from.
-fn camera_ray(tile: &Tile, index: usize) -> usize {
-    (1..=tile.depth).rev().fold(index, |index, depth| {
-        let surface = tile.generations[depth].sources[index] as usize;
-        tile.generations[depth - 1].surfaces.ray_of()[surface] as usize
-    })
-}
-
 impl Buffers {
     /// Lists the rays of the current generation.
     fn start(&mut self, tile: &Tile, transparency: Transparency) {
-        let Transparency { sampler, seed, is_path, .. } = transparency;
-        let generation = &tile.generations[tile.depth];
-        // The numbers of camera rays and paths are stratified over the samples of a pixel; those of glaze are
-        // independent.
+        let Transparency { sampler, seed, .. } = transparency;
+        let generation = &tile.generations[tile.current];
+        // The numbers of camera rays and of those that have theirs are stratified over the samples of a pixel; others
+        // are independent.
         self.samples.clear();
-        if tile.depth == 0 || is_path {
+        if tile.depth == 0 || !generation.camera_rays.is_empty() {
             list_samples(tile, &mut self.samples);
         }
-        let dimension = DIMENSION - tile.depth as u32;
-        let sample = |index| self.samples.get(if is_path { camera_ray(tile, index) } else { index });
-        let number = |index: usize, ray: &Ray| match sample(index) {
-            Some(&SampleIndex { x, y, sample }) => {
-                random::pair_of(sampler, [x, y], seed, sample, dimension)[0]
-            }
-            None => random::of_ray(ray, seed),
+        let dimension = Dimension::opacity(tile.depth as u32);
+        let camera_ray = |index| match tile.depth {
+            0 => Some(index),
+            _ => generation.camera_rays.get(index).map(|&ray| ray as usize),
+        };
+        let number = |index: usize, ray: &Ray| {
+            let sample = camera_ray(index).and_then(|camera_ray| self.samples.get(camera_ray));
+            sample
+                .map_or_else(|| random::of_ray(ray, seed), |sample| sample.pair(sampler, seed, dimension)[0])
         };
         self.passing.extend(generation.rays.rays().iter().enumerate().map(|(index, ray)| Passing {
             index: index as u32,

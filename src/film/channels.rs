@@ -5,7 +5,7 @@ use std::path::Path;
 
 use exr::prelude::{AttributeValue, ReadChannels, ReadLayers, Text, read};
 
-use super::read::{Read, ReadError, contained, exr_reader, max_block_bytes};
+use super::read::{Read, ReadError, contained, exr_reader};
 use crate::error::Result;
 use crate::limits;
 
@@ -47,14 +47,8 @@ fn decode(bytes: &[u8]) -> Read<ExrChannels> {
     if !bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
         return Err(ReadError::Damaged("not an EXR picture, so it has no channels".into()));
     }
-    for header in exr_reader(bytes)?.headers() {
-        let [width, height] = [header.layer_size.width(), header.layer_size.height()].map(|side| side as u64);
-        // As stored, and converted to `f32`.
-        let channels = header.channels.list.len() as u64;
-        let needed = limits::product(&[width, height, channels, 2 * size_of::<f32>() as u64]);
-        limits::check_claim(needed.saturating_add(max_block_bytes(header)))
-            .map_err(|excess| ReadError::too_large(width, height, &excess))?;
-    }
+    // As stored, and converted to `f32`.
+    exr_reader(bytes, |header| header.channels.list.len() * 2 * size_of::<f32>())?;
     let parse = || {
         read()
             .no_deep_data()

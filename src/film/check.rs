@@ -11,7 +11,7 @@ use std::path::Path;
 use exr::block::reader::ChunksReader;
 use exr::prelude::{AttributeValue, Text};
 
-use super::read::{ReadError, exr_reader, max_block_bytes};
+use super::read::{ReadError, exr_reader};
 use super::write::{FINGERPRINT, FRAME, Format};
 use crate::error::contain;
 use crate::limits;
@@ -51,12 +51,12 @@ pub fn look(file: &Path, format: Format) -> FileState {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return FileState::Missing,
         Err(e) => return FileState::Broken(limits::explain(&e).0),
     };
-    let texts = match format {
-        Format::Png => contain(|| png_texts(&bytes)),
-        Format::Exr => contain(|| exr_texts(&bytes)),
-        Format::Jpeg => Some(Err(ReadError::Damaged("a JPEG does not say whether it is whole".into()))),
+    let texts = || match format {
+        Format::Png => png_texts(&bytes),
+        Format::Exr => exr_texts(&bytes),
+        Format::Jpeg => Err(ReadError::Damaged("a JPEG does not say whether it is whole".into())),
     };
-    match texts {
+    match contain(texts) {
         None => FileState::Broken("damaged: its decoder failed".into()),
         Some(Err(ReadError::Damaged(what))) => FileState::Broken(what),
         Some(Err(ReadError::TooLarge { what, hint })) => FileState::Broken(format!("{what}; {hint}")),
@@ -117,12 +117,7 @@ fn png_length(bytes: &[u8]) -> Option<usize> {
 
 fn exr_texts(bytes: &[u8]) -> Texts {
     let damaged = |e: exr::error::Error| ReadError::Damaged(format!("damaged: {e}"));
-    let reader = exr_reader(bytes)?;
-    for header in reader.headers() {
-        let [width, height] = [header.layer_size.width(), header.layer_size.height()].map(|side| side as u64);
-        limits::check_claim(max_block_bytes(header))
-            .map_err(|excess| ReadError::too_large(width, height, &excess))?;
-    }
+    let reader = exr_reader(bytes, |_| 0)?;
     let Some(first) = reader.headers().first() else {
         return Err(ReadError::Damaged("damaged: without a layer".into()));
     };

@@ -48,6 +48,9 @@ impl Colour {
 }
 
 impl ColourPipeline {
+    /// Every pipeline.
+    pub const ALL: [Self; 3] = [ColourPipeline::Display, ColourPipeline::U8, ColourPipeline::Linear];
+
     /// The name as typed by users.
     pub fn name(self) -> &'static str {
         match self {

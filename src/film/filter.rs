@@ -25,21 +25,9 @@ pub enum FilterShape {
     Mitchell,
 }
 
+names!(FilterShape { Box = "box", Tent = "tent", Gaussian = "gaussian", Mitchell = "mitchell" });
+
 impl FilterShape {
-    /// Every shape.
-    pub const ALL: [FilterShape; 4] =
-        [FilterShape::Box, FilterShape::Tent, FilterShape::Gaussian, FilterShape::Mitchell];
-
-    /// The name as typed by users.
-    pub fn name(self) -> &'static str {
-        match self {
-            FilterShape::Box => "box",
-            FilterShape::Tent => "tent",
-            FilterShape::Gaussian => "gaussian",
-            FilterShape::Mitchell => "mitchell",
-        }
-    }
-
     /// Default radius in pixels: the pixel itself, its bilinear neighbourhood, a standard deviation of half a pixel (as
     /// in pbrt-v4), the paper's support of four pixels.
     pub fn default_radius(self) -> f64 {
@@ -62,11 +50,8 @@ const STEPS: usize = 2048;
 #[derive(Debug, Clone)]
 pub struct Filter {
     shape: FilterShape,
-    radius: f64,
     /// Quantiles of the filter's absolute value on one side of the centre, at equal steps from 0 to 1, in pixels.
     quantiles: Box<[f32; STEPS + 1]>,
-    /// Integral of [`profile`] along one axis, in pixels.
-    integral: f64,
     /// Integral of the absolute value of the filter along one axis.
     absolute: f64,
     /// Distance beyond which the filter is negative, in pixels.
@@ -84,30 +69,7 @@ impl Filter {
             FilterShape::Mitchell => MITCHELL_ZERO * radius,
             _ => f64::INFINITY,
         };
-        let plain = half_integral(shape);
-        Filter {
-            shape,
-            radius,
-            quantiles,
-            integral: 2.0 * plain * radius,
-            absolute: half / plain,
-            sign_change,
-        }
-    }
-
-    /// Shape.
-    pub fn shape(&self) -> FilterShape {
-        self.shape
-    }
-
-    /// Radius in pixels.
-    pub fn radius(&self) -> f64 {
-        self.radius
-    }
-
-    /// Value of the filter at a distance from the centre along one axis, in pixels.
-    pub fn value(&self, x: f64) -> f64 {
-        profile(self.shape, (x / self.radius).abs()) / self.integral
+        Filter { shape, quantiles, absolute: half / half_integral(shape), sign_change }
     }
 
     /// Whether the filter has negative lobes.
@@ -214,35 +176,19 @@ mod tests {
         FilterShape::ALL.map(|shape| Filter::new(shape, shape.default_radius()))
     }
 
-    /// The integral of `x^power` times the filter along one axis, by the midpoint rule.
-    fn moment(filter: &Filter, power: i32, value: impl Fn(f64) -> f64) -> f64 {
-        let n = 100_000;
-        let h = 2.0 * filter.radius() / f64::from(n);
-        (0..n).map(|i| (f64::from(i) + 0.5) * h - filter.radius()).map(|x| x.powi(power) * value(x) * h).sum()
+    /// A filter of the default radius and unit integral along one axis, by the distance from the centre.
+    fn value(shape: FilterShape) -> impl Fn(f64) -> f64 {
+        let radius = shape.default_radius();
+        let integral = 2.0 * half_integral(shape) * radius;
+        move |x| profile(shape, (x / radius).abs()) / integral
     }
 
-    #[test]
-    fn integrals_and_variances_are_the_closed_forms() {
-        // Box of radius r: r^2 / 3. Tent: r^2 / 6. Mitchell and Netravali with B + 2C = 1 reproduce straight lines, and
-        // the second moment of their kernel is B / 3 in steps of one pixel: 1/9 for the default radius.
-        let expected = [0.25 / 3.0, 1.0 / 6.0, f64::NAN, 1.0 / 9.0];
-        for (filter, expected) in usual().iter().zip(expected) {
-            let name = filter.shape().name();
-            assert!((moment(filter, 0, |x| filter.value(x)) - 1.0).abs() < 1e-8, "{name}");
-            assert!(moment(filter, 1, |x| filter.value(x)).abs() < 1e-9, "{name}");
-            let variance = moment(filter, 2, |x| filter.value(x));
-            if expected.is_finite() {
-                assert!((variance - expected).abs() < 1e-6, "{name}: {variance}");
-            }
-        }
-        // The lowered Gaussian, s = 1/2, r = 3 s, e = exp(-9/2), erf = erf(3 / sqrt 2) = 0.997300203936740:
-        // integral of the kernel s sqrt(2 pi) erf - 2 r e; of its second moment s^3 (sqrt(2 pi) erf - 6 e) - 2/3 r^3 e.
-        let (s, e, erf) = (0.5f64, (-4.5f64).exp(), 0.997_300_203_936_740);
-        let root = std::f64::consts::TAU.sqrt() * erf;
-        let r = 3.0 * s;
-        let expected = (s.powi(3) * (root - 6.0 * e) - 2.0 / 3.0 * r.powi(3) * e) / (s * root - 2.0 * r * e);
-        let gaussian = &usual()[2];
-        assert!((moment(gaussian, 2, |x| gaussian.value(x)) - expected).abs() < 1e-8);
+    /// The integral of `x^power` times `f` within the default radius along one axis, by the midpoint rule.
+    fn moment(shape: FilterShape, power: i32, f: impl Fn(f64) -> f64) -> f64 {
+        let n = 100_000;
+        let radius = shape.default_radius();
+        let h = 2.0 * radius / f64::from(n);
+        (0..n).map(|i| (f64::from(i) + 0.5) * h - radius).map(|x| x.powi(power) * f(x) * h).sum()
     }
 
     #[test]
@@ -251,20 +197,21 @@ mod tests {
         // absolute value, up to the table's steps.
         let n = 1 << 16;
         for filter in usual() {
+            let value = value(filter.shape);
             let places: Vec<f64> =
                 (0..n).map(|i| filter.quantile((f64::from(i) + 0.5) / f64::from(n))).collect();
             for power in 0..=4 {
                 let mean: f64 =
                     places.iter().map(|&x| filter.sign(x) * x.powi(power)).sum::<f64>() / f64::from(n);
-                let exact = moment(&filter, power, |x| filter.value(x)) * filter.mean_sign().sqrt();
-                let largest = filter.radius().powi(power).max(1.0);
+                let exact = moment(filter.shape, power, &value) * filter.mean_sign().sqrt();
+                let largest = filter.shape.default_radius().powi(power).max(1.0);
                 assert!(
                     (mean - exact).abs() < 1e-4 * largest,
                     "{} {power}: {mean} {exact}",
-                    filter.shape().name()
+                    filter.shape.name()
                 );
             }
-            assert!(places.is_sorted() && places.iter().all(|x| x.abs() <= filter.radius()));
+            assert!(places.is_sorted() && places.iter().all(|x| x.abs() <= filter.shape.default_radius()));
         }
     }
 
@@ -276,18 +223,19 @@ mod tests {
         let a = 6.0f64 / 7.0;
         let negative = 2.0 * (7.0 / 4.0 * a.powi(4) - 2.0 * a.powi(3)) / 18.0;
         let mitchell = Filter::new(FilterShape::Mitchell, 2.0);
-        assert!((moment(&mitchell, 0, |x| mitchell.value(x).min(0.0)) - negative).abs() < 1e-8);
+        let value = value(FilterShape::Mitchell);
+        assert!((moment(FilterShape::Mitchell, 0, |x| value(x).min(0.0)) - negative).abs() < 1e-8);
         assert!((mitchell.mean_sign() - (1.0 - 2.0 * negative).powi(-2)).abs() < 1e-6);
         // Zero where the sign changes, the paper's values at the centre and one pixel off: (6 - 2B) / 6 and B / 6.
-        assert!(mitchell.value(8.0 / 7.0).abs() < 1e-12);
-        assert!((mitchell.value(0.0) - 8.0 / 9.0).abs() < 1e-9);
-        assert!((mitchell.value(1.0) - 1.0 / 18.0).abs() < 1e-9);
+        assert!(value(8.0 / 7.0).abs() < 1e-12);
+        assert!((value(0.0) - 8.0 / 9.0).abs() < 1e-9);
+        assert!((value(1.0) - 1.0 / 18.0).abs() < 1e-9);
     }
 
     #[test]
     fn others_are_never_negative() {
         for filter in usual().iter().filter(|filter| !filter.is_signed()) {
-            assert!((filter.mean_sign() - 1.0).abs() < 1e-12, "{}", filter.shape().name());
+            assert!((filter.mean_sign() - 1.0).abs() < 1e-12, "{}", filter.shape.name());
             assert_eq!(filter.place([0.0, 0.999_999]).1, 1.0);
         }
     }

@@ -364,13 +364,6 @@ mod tests {
     }
 
     #[test]
-    fn rows_come_back_as_they_were_given() {
-        let window = Window { x: 5, y: 9, width: 37, height: 18 };
-        let rows: Vec<[f32; 3]> = (0..37 * 18).map(|i| [i as f32; 3]).collect();
-        assert_eq!(Film::from_rows(window, &rows).unwrap().rows().collect::<Vec<_>>(), rows);
-    }
-
-    #[test]
     fn non_finite_pixels_are_found_where_they_are() {
         let window = Window { x: 100, y: 200, width: 4, height: 4 };
         let mut pixels = [[0.5; 3]; 16];

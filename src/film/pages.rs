@@ -21,9 +21,6 @@ pub(crate) struct Pages<P> {
 
 impl<P: Pod> Pages<P> {
     /// Allocates `len` values, all zero.
-    ///
-    /// # Errors
-    /// If the system has not enough memory.
     pub(crate) fn new(len: usize) -> std::io::Result<Self> {
         let bytes = len.checked_mul(size_of::<P>()).ok_or(std::io::ErrorKind::OutOfMemory)?;
         let is_large = bytes >= LARGE_PAGE / 2;

@@ -79,9 +79,6 @@ pub fn read_picture(file: &Path) -> Result<Pixels> {
 }
 
 /// Decodes an image as [`read_picture`] does; Radiance HDR, too, as linear light.
-///
-/// # Errors
-/// [`ReadError`].
 pub fn decode_pixels(bytes: Vec<u8>) -> Read<Pixels> {
     // The magic number of OpenEXR, Technical Introduction to OpenEXR, "File Layout".
     if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) { read_exr(bytes) } else { read_bytes(&bytes) }
@@ -98,9 +95,6 @@ fn read_bytes(bytes: &[u8]) -> Read<Pixels> {
 }
 
 /// Decodes a PNG, JPEG, WebP or Radiance HDR image; the caller will allocate another `bytes_each` per pixel.
-///
-/// # Errors
-/// [`ReadError`].
 pub fn decode(bytes: &[u8], bytes_each: u64) -> Read<DynamicImage> {
     let unsupported = || ReadError::Damaged(not_read(bytes));
     let damaged = |e: image::ImageError| match e {
@@ -162,28 +156,29 @@ fn png_size(bytes: &[u8]) -> Option<(u64, u64)> {
     Some((number(16)?, number(20)?))
 }
 
-/// Reads the headers of an OpenEXR image.
-///
-/// # Errors
-/// [`ReadError::Damaged`].
-pub(super) fn exr_reader(bytes: &[u8]) -> Read<exr::block::reader::Reader<Cursor<&[u8]>>> {
-    let damaged = |e: &dyn std::fmt::Display| ReadError::Damaged(format!("damaged: {e}"));
-    match contain(|| exr::block::read(Cursor::new(bytes), false)) {
-        Some(Ok(reader)) => Ok(reader),
-        Some(Err(e)) => Err(damaged(&e)),
-        None => Err(damaged(&"its decoder failed")),
+/// Reads the headers of an OpenEXR image, and checks the memory for `bytes_each` per pixel of a layer and for decoding a
+/// block: compressed, decompressed, and reordered.
+pub(super) fn exr_reader(
+    bytes: &[u8],
+    bytes_each: impl Fn(&exr::meta::header::Header) -> usize,
+) -> Read<exr::block::reader::Reader<Cursor<&[u8]>>> {
+    let parse = || exr::block::read(Cursor::new(bytes), false).map_err(|e| format!("damaged: {e}"));
+    let reader = contained(parse)?;
+    for header in reader.headers() {
+        let [width, height] = [header.layer_size.width(), header.layer_size.height()].map(|side| side as u64);
+        let Vec2(block_width, block_height) = header.max_block_pixel_size();
+        let of_block = [block_width, block_height, header.channels.bytes_per_pixel, 3].map(|n| n as u64);
+        let needed = limits::product(&[width, height, bytes_each(header) as u64]);
+        limits::check_claim(needed.saturating_add(limits::product(&of_block)))
+            .map_err(|excess| ReadError::too_large(width, height, &excess))?;
     }
+    Ok(reader)
 }
 
 fn read_exr(bytes: Vec<u8>) -> Read<Pixels> {
     type Rows = (usize, Vec<[f32; 3]>);
     // Any layer may be the one with the channels.
-    for header in exr_reader(&bytes)?.headers() {
-        let [width, height] = [header.layer_size.width(), header.layer_size.height()].map(|side| side as u64);
-        let needed = limits::product(&[width, height, size_of::<[f32; 3]>() as u64]);
-        limits::check_claim(needed.saturating_add(max_block_bytes(header)))
-            .map_err(|excess| ReadError::too_large(width, height, &excess))?;
-    }
+    exr_reader(&bytes, |_| size_of::<[f32; 3]>())?;
     let parse = || {
         read()
             .no_deep_data()
@@ -209,10 +204,4 @@ fn read_exr(bytes: Vec<u8>) -> Read<Pixels> {
         values: layer.channel_data.pixels.1,
         pipeline: if display { ColourPipeline::Display } else { ColourPipeline::Linear },
     })
-}
-
-/// Maximum memory for decoding one block of a layer: compressed, decompressed, and reordered.
-pub(super) fn max_block_bytes(header: &exr::meta::header::Header) -> u64 {
-    let Vec2(width, height) = header.max_block_pixel_size();
-    limits::product(&[width as u64, height as u64, header.channels.bytes_per_pixel as u64, 3])
 }

@@ -5,7 +5,7 @@ mod curves;
 mod meter;
 mod settings;
 
-pub use meter::{METER_BYTES, auto_exposure, clipped_share, luminance, white_exposure};
+pub use meter::{METER_BYTES, auto_exposure, clipped_share, white_exposure};
 pub use settings::{AutoName, DisplaySettings, Exposure, ExposureValue, MAX_EXPOSURE};
 
 use glam::DVec3;
@@ -29,20 +29,7 @@ pub enum ToneMap {
     Filmic,
 }
 
-impl ToneMap {
-    /// All tone maps.
-    pub const ALL: [Self; 4] = [ToneMap::None, ToneMap::PbrNeutral, ToneMap::Agx, ToneMap::Filmic];
-
-    /// The name as typed by users.
-    pub fn name(self) -> &'static str {
-        match self {
-            ToneMap::None => "none",
-            ToneMap::PbrNeutral => "pbr-neutral",
-            ToneMap::Agx => "agx",
-            ToneMap::Filmic => "filmic",
-        }
-    }
-}
+names!(ToneMap { None = "none", PbrNeutral = "pbr-neutral", Agx = "agx", Filmic = "filmic" });
 
 /// Exposure and tone map with all values known. The default changes nothing. Others are for the linear pipeline only.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -69,9 +69,6 @@ impl<'a> ImageLoader<'a> {
 
     /// Loads a bump map; returns it as a normal map with the factor of its x and y. A grey image is a height map; a
     /// coloured one is taken as a normal map, which some exporters also write under this key.
-    ///
-    /// # Errors
-    /// As those of [`ImageLoader::of_file`].
     pub(crate) fn bump_of_file(
         &mut self,
         scene: &mut Scene,
@@ -183,9 +180,6 @@ fn of_heights(name: &str, image: DynamicImage) -> (DecodedImage, f64) {
 }
 
 /// Decodes an image in memory; returns `None` with a warning if that fails. `place` is named in messages.
-///
-/// # Errors
-/// [`Error::Input`] where it is too large.
 pub(crate) fn of_bytes(
     scene: &mut Scene,
     source: &Source,
@@ -201,9 +195,6 @@ pub(crate) fn of_bytes(
 
 /// Decodes the alpha channel of an image in memory into a grey image called `name`, `value` of each; returns `None` if all are opaque (255), as
 /// without an alpha channel, or it cannot be decoded, of which [`of_bytes`] warns.
-///
-/// # Errors
-/// [`Error::Input`] where it is too large.
 pub(crate) fn alpha_of_bytes(
     scene: &mut Scene,
     place: Place,

@@ -22,9 +22,6 @@ pub(super) fn is_ktx2(bytes: &[u8]) -> bool {
 }
 
 /// Decodes the full-size image; the caller will allocate another `bytes_each` per pixel.
-///
-/// # Errors
-/// [`ReadError`].
 pub(super) fn decode(bytes: &[u8], bytes_each: u64) -> Read<DynamicImage> {
     let damaged = || ReadError::Damaged("not a KTX2 picture of Basis Universal, or damaged".to_owned());
     let number = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));

@@ -273,7 +273,7 @@ pub fn reload(scene: &Scene, options: &ImportOptions, warnings: &mut Warnings) -
 
 /// Checks that an input has the requested variant.
 fn check_variant(scene: &Scene, options: &ImportOptions) -> Result<()> {
-    let Some(name) = options.variant.as_ref().filter(|name| !scene.variants.contains(name)) else {
+    let Some(name) = options.reading.variant.as_ref().filter(|name| !scene.variants.contains(name)) else {
         return Ok(());
     };
     Err(if scene.variants.is_empty() {
@@ -327,13 +327,13 @@ fn load_by(
         let source = Source::open(file, files, options)?;
         let mut one = read_one(&source, warnings)?;
         drop(source);
-        match options.up {
+        match options.reading.up {
             Some(up) if !one.has_settings => one.turn(up),
             Some(_) => {}
             None => note_up(&one, file, warnings),
         }
-        if let Some(crease) = options.smooth.filter(|_| !one.has_settings) {
-            smooth::smooth(&mut one, crease);
+        if let Some(crease) = options.reading.smooth.filter(|_| !one.has_settings) {
+            smooth::smooth(&mut one, crease.get().to_radians());
         }
         sharing::bake_small(&mut one);
         sanitise::sanitise(&mut one, file, warnings);
@@ -361,7 +361,7 @@ fn load_by(
     if scene.animation.is_some() {
         scene.at(0.0)?;
     }
-    check_clip(&scene, options.pose.as_ref())?;
+    check_clip(&scene, options.pose().as_ref())?;
     check_variant(&scene, options)?;
     Ok(scene)
 }

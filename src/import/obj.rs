@@ -32,6 +32,7 @@ use super::tangents::make_tangents;
 use crate::error::{Result, Warnings};
 use crate::scene::{Material, MaterialId, Mesh, Object, Phong, Scene, Shape};
 use assembly::{Assembly, Sizes};
+use material::Converter;
 
 /// Reads an OBJ file, its materials and their textures.
 pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
@@ -84,13 +85,13 @@ fn read_materials(
     scene: &mut Scene,
     warnings: &mut Warnings,
 ) -> Result<HashMap<String, (MaterialId, Transform)>> {
-    let mut images = ImageLoader::new(source);
+    let mut converter = Converter { source, scene, images: ImageLoader::new(source), warnings };
     let mut materials = HashMap::new();
     for library in &assembly.libraries {
-        for definition in mtl::read(source, library, warnings) {
-            let material = material::convert(&definition, source, scene, &mut images, warnings)?;
-            let transform = definition.transform(&source.file, warnings);
-            let id = scene.add_material(material);
+        for definition in mtl::read(source, library, converter.warnings) {
+            let material = converter.convert(&definition)?;
+            let transform = definition.transform(&source.file, converter.warnings);
+            let id = converter.scene.add_material(material);
             materials.insert(definition.material.name, (id, transform));
         }
     }

@@ -32,8 +32,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         body.check_count(element)?;
         match element.name.as_str() {
             "vertex" if mesh != Mesh::default() => {
-                let place = Place::line(&source.file, element.line);
-                return Err(Error::input(place, "a second element `vertex`", "export the file again"));
+                return Err(body.fault_of(element, "a second element `vertex`"));
             }
             "vertex" => body.vertices(element, &mut mesh)?,
             "face" => body.faces(element, &mut mesh, &mut faces)?,
@@ -43,25 +42,21 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     }
     body.end();
     let file = source.file.display();
-    if mesh.triangles.is_empty() && !mesh.positions.is_empty() {
-        warnings.left_out(format!(
-            "{file}: {} vertices without faces; points are not drawn",
-            mesh.positions.len()
-        ));
-    }
-    if faces.too_small > 0 {
-        warnings
-            .left_out(format!("{file}: left out {} face(s) of fewer than three corners", faces.too_small));
-    }
-    if faces.has_uvs {
-        let what = "texture coordinates of faces (`texcoord`) are left out";
-        warnings.left_out(format!("{file}: {what}; those of vertices (`u`, `v`) are read"));
-    }
-    if body.longer > 0 {
-        let what = "line(s) hold more values than the header says; the rest of them is left out";
-        warnings.left_out(format!("{file}: {} {what}", body.longer));
-    }
-    faces.cuts.warn(&source.file, warnings);
+    let (points, Faces { cuts, too_small, has_uvs }) = (mesh.positions.len(), faces);
+    let mut say = |is_said: bool, what: String| {
+        if is_said {
+            warnings.left_out(format!("{file}: {what}"));
+        }
+    };
+    let what = "vertices without faces; points are not drawn";
+    say(mesh.triangles.is_empty() && points > 0, format!("{points} {what}"));
+    say(too_small > 0, format!("left out {too_small} face(s) of fewer than three corners"));
+    let what =
+        "texture coordinates of faces (`texcoord`) are left out; those of vertices (`u`, `v`) are read";
+    say(has_uvs, what.into());
+    let what = "line(s) hold more values than the header says; the rest of them is left out";
+    say(body.longer > 0, format!("{} {what}", body.longer));
+    cuts.warn(&source.file, warnings);
     Ok(source.scene_of(vec![(None, mesh)]))
 }
 
@@ -110,6 +105,11 @@ impl<'a> Body<'a> {
         Error::input(place, what, "export the file again")
     }
 
+    /// An error in the declaration of an element.
+    fn fault_of(&self, element: &Element, what: impl Into<String>) -> Error {
+        Error::input(Place::line(&self.source.file, element.line), what, "export the file again")
+    }
+
     /// Checks that the rest of the file can hold the declared elements.
     fn check_count(&self, element: &Element) -> Result<()> {
         let left = match self.encoding {
@@ -119,9 +119,8 @@ impl<'a> Body<'a> {
         };
         let least = limits::product(&[element.count, element.least_bytes(self.encoding)]);
         if least > left {
-            let Element { count, line, .. } = element;
-            let what = format!("{count} elements take at least {least} bytes; {left} are left");
-            return Err(Error::input(Place::line(&self.source.file, *line), what, "export the file again"));
+            let what = format!("{} elements take at least {least} bytes; {left} are left", element.count);
+            return Err(self.fault_of(element, what));
         }
         Ok(())
     }
@@ -207,32 +206,27 @@ impl<'a> Body<'a> {
     }
 
     fn vertices(&mut self, element: &Element, mesh: &mut Mesh) -> Result<()> {
-        const NAMES: [&[&str]; 11] = [
-            &["x"],
-            &["y"],
-            &["z"],
-            &["nx"],
-            &["ny"],
-            &["nz"],
-            &["red", "diffuse_red"],
-            &["green", "diffuse_green"],
-            &["blue", "diffuse_blue"],
-            &["u", "s", "texture_u"],
-            &["v", "t", "texture_v"],
-        ];
         let slot = |property: &Property| {
-            let name = property.name.as_str();
-            NAMES.iter().position(|names| names.contains(&name)).filter(|_| property.length.is_none())
+            let slot = match property.name.as_str() {
+                "x" => 0,
+                "y" => 1,
+                "z" => 2,
+                "nx" => 3,
+                "ny" => 4,
+                "nz" => 5,
+                "red" | "diffuse_red" => 6,
+                "green" | "diffuse_green" => 7,
+                "blue" | "diffuse_blue" => 8,
+                "u" | "s" | "texture_u" => 9,
+                "v" | "t" | "texture_v" => 10,
+                _ => return None,
+            };
+            Some(slot).filter(|_| property.length.is_none())
         };
         let slots: Vec<Option<usize>> = element.properties.iter().map(slot).collect();
         let has = |of: &[usize]| of.iter().all(|slot| slots.contains(&Some(*slot)));
         if !has(&[0, 1, 2]) {
-            let place = Place::line(&self.source.file, element.line);
-            return Err(Error::input(
-                place,
-                "its vertices have no `x`, `y` and `z`",
-                "export the file again",
-            ));
+            return Err(self.fault_of(element, "its vertices have no `x`, `y` and `z`"));
         }
         let white = |slot: usize| {
             let property = slots.iter().position(|other| *other == Some(slot));
@@ -281,8 +275,7 @@ impl<'a> Body<'a> {
             property.length.is_some() && matches!(property.name.as_str(), "vertex_indices" | "vertex_index")
         };
         if element.count > 0 && !element.properties.iter().any(is_polygon) {
-            let place = Place::line(&self.source.file, element.line);
-            return Err(Error::input(place, "its faces have no `vertex_indices`", "export the file again"));
+            return Err(self.fault_of(element, "its faces have no `vertex_indices`"));
         }
         let is_uv = |property: &Property| property.name == "texcoord";
         faces.has_uvs |= element.count > 0 && element.properties.iter().any(is_uv);
@@ -300,7 +293,8 @@ impl<'a> Body<'a> {
                 polygon.clear();
                 corners.clear();
                 for _ in 0..self.length(length)? {
-                    let index = self.vertex(property.scalar, mesh.positions.len())?;
+                    let index = self.next(property.scalar)?;
+                    let index = self.checked(index, mesh.positions.len())?;
                     polygon.push(index);
                     corners.push(mesh.positions[index as usize]);
                 }
@@ -338,12 +332,6 @@ impl<'a> Body<'a> {
             }
         }
         Ok(())
-    }
-
-    /// Reads a vertex index, below `count`.
-    fn vertex(&mut self, scalar: Scalar, count: usize) -> Result<u32> {
-        let index = self.next(scalar)?;
-        self.checked(index, count)
     }
 
     /// A vertex index, below `count`.

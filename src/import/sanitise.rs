@@ -31,7 +31,7 @@ pub(crate) fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) 
     clean_placed(&mut scene.objects, &mut count);
     for object in &mut scene.objects {
         if let Shape::Mesh(mesh) = &mut object.shape {
-            clean_mesh(mesh, &mut count);
+            clean_mesh(mesh, LARGEST_COORDINATE, &mut count);
         }
     }
     scene.objects.retain(|object| match &object.shape {
@@ -85,14 +85,15 @@ fn is_degenerate(shape: &Shape) -> bool {
     }
 }
 
-fn clean_mesh(mesh: &mut Mesh, count: &mut Count) {
+/// Removes triangles that are invalid: with a corner that is not finite or farther out than `most`, or equal corners.
+fn clean_mesh(mesh: &mut Mesh, most: f64, count: &mut Count) {
     let (positions, triangles) = (&mesh.positions, &mesh.triangles);
     let mut keep = vec![true; triangles.len()];
     for (keep, triangle) in keep.iter_mut().zip(triangles) {
         let corners = triangle.map(|i| positions[i as usize]);
         let counter = if corners.iter().any(|p| !p.is_finite()) {
             &mut count.non_finite
-        } else if corners.iter().any(|p| p.abs().max_element() > LARGEST_COORDINATE) {
+        } else if corners.iter().any(|p| p.abs().max_element() > most) {
             &mut count.too_large
         } else if has_equal_corners(corners) {
             &mut count.equal_corners
@@ -116,7 +117,7 @@ fn clean_placed(objects: &mut [Object], count: &mut Count) {
         others.iter_mut().for_each(|other| other.mesh = Arc::clone(&nothing));
         let mut mesh = Arc::unwrap_or_clone(std::mem::replace(&mut first.mesh, nothing));
         let mut own = Count::default();
-        clean_shared(&mut mesh, &mut own);
+        clean_mesh(&mut mesh, f64::INFINITY, &mut own);
         count.non_finite += own.non_finite * group.len();
         count.equal_corners += own.equal_corners * group.len();
         count.attributes += own.attributes * group.len();
@@ -145,22 +146,6 @@ fn objects_at<'a>(objects: &'a mut [Object], group: &[usize]) -> Vec<&'a mut Pla
     placed.collect()
 }
 
-/// Removes triangles that are invalid in every placement: those with non-finite or equal corners.
-fn clean_shared(mesh: &mut Mesh, count: &mut Count) {
-    let corners = |i: usize| mesh.triangles[i].map(|k| mesh.positions[k as usize]);
-    let keep: Vec<bool> = (0..mesh.triangles.len())
-        .map(|i| {
-            let finite = corners(i).iter().all(|corner| corner.is_finite());
-            let equal = has_equal_corners(corners(i));
-            count.non_finite += usize::from(!finite);
-            count.equal_corners += usize::from(finite && equal);
-            finite && !equal
-        })
-        .collect();
-    mesh.retain(|i| keep[i]);
-    count.attributes += replace_unusable(mesh);
-}
-
 /// Replaces attributes that are not finite in f32 by neutral values: no normal (the geometric normal is used), uv (0,
 /// 0), white, opaque. Negative colours and opacities beyond 0 to 1 are also replaced. Returns the number of replacements.
 fn replace_unusable(mesh: &mut Mesh) -> usize {
@@ -183,53 +168,4 @@ fn replace_unusable(mesh: &mut Mesh) -> usize {
 /// collinear corners may close a T-junction and are kept.
 fn has_equal_corners([a, b, c]: [DVec3; 3]) -> bool {
     a == b || b == c || c == a
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scene::MaterialId;
-
-    fn scene_of(positions: Vec<DVec3>) -> Scene {
-        let triangles = (0..positions.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-        let shape = Shape::Mesh(Mesh { positions, triangles, ..Mesh::default() });
-        let object = Object { name: "m".into(), input: 0, material: MaterialId(0), shape };
-        Scene { objects: vec![object], ..Scene::default() }
-    }
-
-    #[test]
-    fn bad_triangles_go_and_are_counted_good_ones_stay() {
-        let good = [DVec3::ZERO, DVec3::X, DVec3::Y];
-        let mut positions = good.to_vec();
-        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            positions.extend([DVec3::new(bad, 0.0, 0.0), DVec3::X, DVec3::Y]);
-        }
-        positions.extend([DVec3::new(1e19, 0.0, 0.0), DVec3::X, DVec3::Y]);
-        // Collinear: p, p + d, p + 3 d.
-        positions.extend([DVec3::ONE, DVec3::splat(2.0), DVec3::splat(4.0)]);
-        positions.extend([DVec3::X, DVec3::X, DVec3::Y]);
-        let mut scene = scene_of(positions);
-        let mut warnings = Warnings::default();
-        sanitise(&mut scene, Path::new("a.obj"), &mut warnings);
-        // The valid and the collinear triangle, which may close a T-junction.
-        assert_eq!(scene.primitive_count(), 2);
-        assert_eq!(
-            warnings.notes(),
-            ["a.obj: left out 1 triangle(s) with two equal corners, which no ray hits"]
-        );
-        assert_eq!(
-            warnings.messages(),
-            [
-                "a.obj: left out 3 triangle(s) with a vertex that is not a finite number",
-                "a.obj: left out 1 primitive(s) with a coordinate beyond 1e18",
-            ]
-        );
-    }
-
-    #[test]
-    fn an_object_of_nothing_but_bad_triangles_is_gone() {
-        let mut scene = scene_of(vec![DVec3::NAN; 3]);
-        sanitise(&mut scene, Path::new("a.obj"), &mut Warnings::default());
-        assert!(scene.objects.is_empty());
-    }
 }

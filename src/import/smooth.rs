@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use crate::scene::topology::Sets;
 use crate::scene::{Attribute, Mesh, Scene, Shape};
 
 /// Gives every mesh without normals such of its own, `crease` being the greatest angle in radians between the normals of
@@ -53,7 +54,7 @@ fn normals(mesh: &Mesh, crease: f64) -> Attribute<DVec3> {
             edges.entry(edge).and_modify(|(_, several)| *several = true).or_insert((corner, false));
         }
     }
-    let mut sets = Sets((0..3 * corners.len() as u32).collect());
+    let mut sets = Sets::new(3 * corners.len());
     for (&[from, to], &(corner, several)) in &edges {
         let Some(&(opposite, opposite_several)) = edges.get(&[to, from]) else { continue };
         let cosine = faces[corner as usize / 3].dot(faces[opposite as usize / 3]);
@@ -68,10 +69,10 @@ fn normals(mesh: &Mesh, crease: f64) -> Attribute<DVec3> {
     for (triangle, of_triangle) in mesh.triangles.iter().enumerate() {
         let weighted = weighted_normals(of_triangle.map(|i| mesh.positions[i as usize]));
         for (corner, normal) in (3 * triangle as u32..).zip(weighted) {
-            values[sets.of(corner) as usize] += side * normal;
+            values[sets.find(corner) as usize] += side * normal;
         }
     }
-    let triangles = (0..corners.len() as u32).map(|t| [0, 1, 2].map(|k| sets.of(3 * t + k))).collect();
+    let triangles = (0..corners.len() as u32).map(|t| [0, 1, 2].map(|k| sets.find(3 * t + k))).collect();
     Attribute { values, triangles: Some(triangles) }
 }
 
@@ -96,26 +97,6 @@ fn distinct(mesh: &Mesh) -> Vec<u32> {
     let mut known: HashMap<[u64; 3], u32> = HashMap::with_capacity(mesh.positions.len());
     let bits = |p: &DVec3| p.to_array().map(f64::to_bits);
     mesh.positions.iter().zip(0..).map(|(p, i)| *known.entry(bits(p)).or_insert(i)).collect()
-}
-
-/// Disjoint sets of corners, each known by its least (Tarjan, Efficiency of a Good But Not Linear Set Union Algorithm,
-/// 1975, with path halving).
-struct Sets(Vec<u32>);
-
-impl Sets {
-    fn of(&mut self, mut corner: u32) -> u32 {
-        while self.0[corner as usize] != corner {
-            let parent = self.0[corner as usize];
-            self.0[corner as usize] = self.0[parent as usize];
-            corner = parent;
-        }
-        corner
-    }
-
-    fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.of(a), self.of(b));
-        self.0[a.max(b) as usize] = a.min(b);
-    }
 }
 
 #[cfg(test)]

@@ -170,7 +170,6 @@ mod tests {
     use super::*;
     use crate::import::files::Files;
     use crate::scene::Shape;
-    use proptest::prelude::*;
 
     fn read_bytes(bytes: Vec<u8>) -> Result<(Vec<(String, Mesh)>, Warnings)> {
         let mut warnings = Warnings::default();
@@ -263,34 +262,5 @@ mod tests {
         assert_eq!(e.to_string(), "a.stl: byte 284: ends after 4 of 4294967295 triangles");
         let warnings = bytes(binary(b"", 3)).expect("three triangles");
         assert_eq!(warnings.messages(), ["a.stl: left out 50 byte(s) after the last triangle"]);
-    }
-
-    /// Bytes that ASCII files consist of, and an invalid one.
-    const TEXT: &[u8] = b"0123456789- .einf\n\r\xff";
-
-    proptest! {
-        /// Any file is either rejected or read into a consistent scene.
-        #[test]
-        fn damaged_files_do_no_harm(
-            is_text in any::<bool>(),
-            changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), 0..4u8), 1..8),
-        ) {
-            let mut bytes = if is_text { ascii("a", "\n") } else { binary(b"solid", 4) };
-            for (at, byte, how) in changes {
-                let at = at.index(bytes.len());
-                match how {
-                    0 => bytes[at] = byte,
-                    1 => bytes.insert(at, byte),
-                    2 => drop(bytes.remove(at)),
-                    _ => bytes[at] = TEXT[usize::from(byte) % TEXT.len()],
-                }
-            }
-            if let Ok((meshes, _)) = read_bytes(bytes) {
-                for (_, mesh) in meshes {
-                    let count = mesh.positions.len();
-                    prop_assert!(mesh.triangles.iter().flatten().all(|&i| (i as usize) < count));
-                }
-            }
-        }
     }
 }

@@ -16,9 +16,6 @@ pub(crate) enum Resource {
 }
 
 /// Resolves a URI in `source`: `data:`, or a percent-encoded relative path ([`Source::resolve_reference`]).
-///
-/// # Errors
-/// A message about what is wrong.
 pub(crate) fn resolve(uri: &str, source: &Source) -> Result<Resource, String> {
     if let Some(rest) = strip_prefix_ignoring_case(uri, "data:") {
         let (kind, data) = rest.split_once(',').ok_or("a data URI without a comma")?;
@@ -66,20 +63,5 @@ mod tests {
         assert_eq!(resolve("data:application/octet-stream;base64,a2lsbg=="), data);
         assert_eq!(resolve("DATA:;charset=utf-8;BASE64,a2ls\nbg=="), data);
         assert_eq!(resolve("data:,kil%6e"), data);
-    }
-
-    #[test]
-    fn what_cannot_be_used_is_an_error() {
-        for bad in [
-            "%FF.bin",
-            "../a.bin",
-            "/etc/hostname",
-            "a/../../b",
-            "https://a/b",
-            "data:;base64",
-            "data:;base64,!",
-        ] {
-            assert!(resolve(bad).is_err(), "{bad}");
-        }
     }
 }

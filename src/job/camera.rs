@@ -59,9 +59,9 @@ impl Viewpoint<'_> {
     /// Size of the picture in pixels.
     pub fn size(&self, settings: &RenderSettings, scene: &Scene) -> [u32; 2] {
         let camera = if let Viewpoint::Camera(camera) = self { Some(&**camera) } else { None };
-        let size = settings.size.unwrap_or_else(|| default_size(scene.size, camera));
+        let size = settings.picture.size().unwrap_or_else(|| default_size(scene.picture.size(), camera));
         match settings.longest_side {
-            Some(longest) if settings.size.is_none() && settings.crop.is_none() => {
+            Some(longest) if settings.picture.size().is_none() && settings.crop.is_none() => {
                 no_longer_than(longest, size)
             }
             _ => size,

@@ -8,10 +8,11 @@
 //! use kiln::error::Warnings;
 //! use kiln::film::write::{Format, OutputImage, write_picture};
 //! use kiln::job::{RenderControl, RenderSettings, prepare};
+//! use kiln::scene::PictureSettings;
 //!
 //! let mut warnings = Warnings::default();
 //! let scene = kiln::import::load(&["scenes/assignment.toml".into()], &mut warnings)?;
-//! let settings = RenderSettings { size: Some([64, 64]), ..RenderSettings::default() };
+//! let settings = RenderSettings::from(PictureSettings::of_size([64, 64]));
 //! let job = prepare(scene, &settings, &mut warnings)?;
 //! let (film, statistics) = job.render(&RenderControl::default())?;
 //! assert_eq!(statistics.non_finite.0, 0);
@@ -33,7 +34,7 @@ pub use crate::render::{RenderControl, Statistics};
 pub use crate::shading::ShadingMode;
 pub use memory::check_memory;
 pub use metadata::Metadata;
-pub use settings::{Background, CameraChoice, EnvironmentSettings, Look, RenderSettings, check_display};
+pub use settings::{CameraChoice, EnvironmentSettings, Look, RenderSettings, Rotation, check_display};
 
 use std::sync::{Arc, OnceLock};
 
@@ -48,7 +49,9 @@ use crate::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, Pixel
 use crate::import::check_drawable;
 use crate::render::aov::AovSource;
 use crate::render::render_displayed;
-use crate::scene::{Camera, Light, Material, MetallicRoughness, Numerics, Sampling, Scene, Transport};
+use crate::scene::{
+    Camera, Clamp, Light, Material, MetallicRoughness, Numerics, PictureSettings, Sampling, Scene, Transport,
+};
 use crate::world::{
     PreparedMaterial, Recentering, StandardView, View, World, has_radiance, headlight, key_light, opening,
     recenter,
@@ -67,18 +70,14 @@ pub struct RenderJob {
     pub view: View,
     /// Region of the picture that is rendered.
     pub window: Window,
-    /// Share of the tiles that is rendered.
-    pub share: Share,
+    /// The settings: those that were given, and those of the scene.
+    pub settings: RenderSettings,
     /// Shading mode, sampling and effect settings.
     pub choices: Choices,
     /// Stages for the world and the choices.
     pub plan: Plan,
     /// Metadata of the picture.
     pub metadata: Metadata,
-    /// Exposure and tone map of pictures of display values.
-    pub display: DisplaySettings,
-    /// Whether the picture has an alpha channel: that of [`RenderJob::render`] in pixels of four `f32`.
-    pub is_transparent: bool,
     /// The exposure in EV that adaptive sampling compares at, once it is metered.
     pub(crate) sampling_exposure: OnceLock<f64>,
 }
@@ -98,19 +97,16 @@ impl RenderJob {
         let view = View::new(&camera, camera.projection, size)?;
         let plan = Plan::new(&world, &choices)?;
         let window = Window { x: 0, y: 0, width: size[0], height: size[1] };
-        let (share, metadata, display) = (Share::ALL, Metadata::new(), DisplaySettings::default());
         Ok(RenderJob {
             world,
             recentering,
             camera,
             view,
             window,
-            share,
+            settings: RenderSettings::default(),
             choices,
             plan,
-            metadata,
-            display,
-            is_transparent: false,
+            metadata: Metadata::new(),
             sampling_exposure: OnceLock::new(),
         })
     }
@@ -121,19 +117,17 @@ impl RenderJob {
     /// As [`Plan::new`].
     pub fn with_choices(&self, choices: Choices) -> Result<Self> {
         let plan = Plan::new(&self.world, &choices)?;
-        let RenderJob { world, recentering, camera, view, window, share, metadata, .. } = self;
+        let RenderJob { world, recentering, camera, view, window, settings, metadata, .. } = self;
         Ok(RenderJob {
             world: Arc::clone(world),
             recentering: *recentering,
             camera: camera.clone(),
             view: view.clone(),
             window: *window,
-            share: *share,
+            settings: settings.clone(),
             choices,
             plan,
             metadata: metadata.clone(),
-            display: self.display,
-            is_transparent: self.is_transparent,
             sampling_exposure: OnceLock::new(),
         })
     }
@@ -145,7 +139,8 @@ impl RenderJob {
     pub fn with_size(&self, size: [u32; 2]) -> Result<Self> {
         let RenderJob { world, recentering, camera, choices, .. } = self;
         let job = RenderJob::new(Arc::clone(world), *recentering, camera.clone(), size, choices.clone())?;
-        Ok(RenderJob { display: self.display, is_transparent: self.is_transparent, ..job })
+        let settings = RenderSettings { share: Share::ALL, ..self.settings.clone() };
+        Ok(RenderJob { settings, ..job })
     }
 
     /// Replaces the sampling settings and updates the plan.
@@ -164,12 +159,22 @@ impl RenderJob {
         self.world.pipeline
     }
 
+    /// Exposure and tone map of pictures of display values.
+    pub fn display(&self) -> DisplaySettings {
+        self.settings.picture.display().in_pipeline(self.pipeline())
+    }
+
+    /// Whether the picture has an alpha channel: that of [`RenderJob::render`] in pixels of four `f32`.
+    pub fn is_transparent(&self) -> bool {
+        self.settings.picture.is_transparent()
+    }
+
     /// Renders the picture, on the current rayon pool.
     ///
     /// # Errors
     /// [`Error::Interrupted`] if cancelled, [`Error::Failed`] if there is not enough memory for the picture.
     pub fn render<P: Pixel>(&self, control: &RenderControl) -> Result<(Film<P>, Statistics)> {
-        self.render_selected(|place, _| self.share.has(place), control)
+        self.render_selected(|place, _| self.settings.share.has(place), control)
     }
 
     /// Renders the tiles that `is_selected` accepts, by tile index and region. With an automatic exposure, pictures of
@@ -182,7 +187,7 @@ impl RenderJob {
         is_selected: impl Fn(usize, Window) -> bool,
         control: &RenderControl,
     ) -> Result<(Film<P>, Statistics)> {
-        let display = self.display.in_pipeline(self.pipeline());
+        let display = self.display();
         let metered = self.meter_for_sampling(control)?;
         let context =
             RenderContext { world: &self.world, view: &self.view, display: self.sampling_display() };
@@ -205,14 +210,14 @@ impl RenderJob {
     /// The display transform that adaptive sampling compares by. An automatic exposure is that of the first samples
     /// once [`RenderJob::render`] has metered them, and 0 EV before.
     fn sampling_display(&self) -> DisplayTransform {
-        let display = self.display.in_pipeline(self.pipeline());
+        let display = self.display();
         display.transform(self.sampling_exposure.get().copied().unwrap_or(0.0))
     }
 
     /// Meters the exposure that adaptive sampling compares at, where it is automatic and not yet known: that of the
     /// whole picture with as many samples a pixel as each takes at least. Returns the statistics of that picture.
     fn meter_for_sampling(&self, control: &RenderControl) -> Result<Option<Statistics>> {
-        let display = self.display.in_pipeline(self.pipeline());
+        let display = self.display();
         if !display.is_auto() || !self.plan.is_adaptive() || self.sampling_exposure.get().is_some() {
             return Ok(None);
         }
@@ -227,7 +232,7 @@ impl RenderJob {
 
     /// Source of the AOVs of the picture.
     pub fn aov_source<'a>(&'a self, film: Option<&'a Film>) -> AovSource<'a> {
-        let RenderJob { world, recentering, view, plan, window, share, .. } = self;
+        let RenderJob { world, recentering, view, plan, window, settings, .. } = self;
         let display = self.sampling_display();
         AovSource {
             world,
@@ -235,7 +240,7 @@ impl RenderJob {
             view,
             plan,
             window: *window,
-            share: *share,
+            share: settings.share,
             film,
             display,
         }
@@ -250,30 +255,16 @@ pub struct ResolvedJob {
     pub recentering: Option<Recentering>,
     /// Camera with the projection used.
     pub camera: Camera,
-    /// Width and height of the whole picture in pixels.
-    pub size: [u32; 2],
     /// Region of the picture that is rendered.
     pub window: Window,
-    /// Share of the tiles that is rendered.
-    pub share: Share,
+    /// The settings: those that were given, and those of the scene. Size, pipeline and tier of the picture are set.
+    pub settings: RenderSettings,
     /// Shading mode, sampling and effect settings.
     pub choices: Choices,
-    /// The colour pipeline.
-    pub pipeline: ColourPipeline,
-    /// Arithmetic tier.
-    pub numerics: Numerics,
-    /// Layout and build preset of the acceleration structure.
-    pub structure: Layout,
     /// Metadata of the picture.
     pub metadata: Metadata,
-    /// Exposure and tone map of pictures of display values.
-    pub display: DisplaySettings,
-    /// Whether a scene without lights gets a headlight.
-    pub headlight: bool,
     /// Whether lights are in physical units.
     pub has_physical_lights: bool,
-    /// Whether the picture has an alpha channel.
-    pub is_transparent: bool,
 }
 
 /// Prepares a scene for rendering.
@@ -309,7 +300,7 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
         let projection = settings.projection.unwrap_or(camera.projection);
         outside::warn(&scene, &View::new(&camera, projection, size)?, recentering.as_ref(), warnings);
     }
-    if let Some(light) = added_light(&scene, settings) {
+    if let Some(light) = added_light(&scene) {
         scene.lights.extend(light.at(&camera));
         light.note(warnings);
     }
@@ -326,12 +317,11 @@ fn warn_of_dark_lights(scene: &Scene, warnings: &mut Warnings) {
     }
 }
 
-/// Whether a scene gets a headlight: it has no lights, and settings or scene ask for one, or no other light exists.
-fn needs_headlight(scene: &Scene, settings: &RenderSettings) -> bool {
-    let asked_for = settings.headlight.or(scene.headlight);
-    settings.shading.uses_lights()
+/// Whether a scene gets a headlight: it has no lights, and its settings ask for one, or no other light exists.
+fn needs_headlight(scene: &Scene) -> bool {
+    scene.picture.shading.unwrap_or_default().uses_lights()
         && scene.lights.is_empty()
-        && asked_for.unwrap_or_else(|| !is_lit(scene, settings.transport))
+        && scene.picture.light.map_or_else(|| !is_lit(scene), bool::from)
 }
 
 /// The light that is added to a scene, and follows the camera.
@@ -360,23 +350,37 @@ impl AddedLight {
     }
 }
 
-/// The light that a scene gets, if any.
-pub(crate) fn added_light(scene: &Scene, settings: &RenderSettings) -> Option<AddedLight> {
+/// The light that a scene with its settings gets, if any.
+pub(crate) fn added_light(scene: &Scene) -> Option<AddedLight> {
     match scene.has_key_light {
         true => Some(AddedLight::Key),
-        false => needs_headlight(scene, settings).then_some(AddedLight::Headlight),
+        false => needs_headlight(scene).then_some(AddedLight::Headlight),
     }
 }
 
-/// Whether a scene has light: lights, or in path tracing an environment or surfaces that emit. `transport` is that of the
-/// settings.
-pub(crate) fn is_lit(scene: &Scene, transport: Option<Transport>) -> bool {
-    let transport = transport.or(scene.transport);
-    let is_path = transport.map_or(scene.environment.is_some(), |transport| transport == Transport::Path);
-    !scene.lights.is_empty() || is_path && (scene.environment.is_some() || scene.emits())
+/// Whether a scene has light: lights, or in path tracing an environment or surfaces that emit.
+pub(crate) fn is_lit(scene: &Scene) -> bool {
+    let emits = match scene.transport() {
+        Transport::Path => scene.environment.is_some() || scene.emits(),
+        Transport::Whitted => false,
+    };
+    emits || !scene.lights.is_empty()
 }
 
-/// [`resolve`] for a scene that is recentered and has lights, with a given camera.
+/// Shading mode, sampling and effect settings of a picture.
+pub(crate) fn choices(picture: &PictureSettings, settings: &RenderSettings) -> Choices {
+    Choices {
+        shading: picture.shading.unwrap_or_default(),
+        sampling: picture.sampling(),
+        transport: picture.transport,
+        clamp: picture.clamp.map(Clamp::get),
+        with: settings.with.clone(),
+        without: settings.without.clone(),
+        ..Choices::default()
+    }
+}
+
+/// [`resolve`] for a scene that is completed, recentered and has lights, with a given camera.
 ///
 /// # Errors
 /// [`Error::Usage`] for invalid settings.
@@ -387,7 +391,7 @@ pub fn resolve_for(
     size: [u32; 2],
     settings: &RenderSettings,
 ) -> Result<ResolvedJob> {
-    let sampling = settings.sampling.or(scene.sampling);
+    let sampling = scene.picture.sampling();
     let most = sampling.max_samples();
     if let Some(least) = sampling.min_samples.filter(|&least| sampling.noise.is_some() && least > most) {
         let what = format!("at least {least} samples a pixel were asked for, and at most {most}");
@@ -396,87 +400,52 @@ pub fn resolve_for(
     camera.projection = settings.projection.unwrap_or(camera.projection);
     View::new(&camera, camera.projection, size)?;
     let window = camera::window(settings.crop, size)?;
-    let pipeline = settings.colour.or(scene.colour).unwrap_or_default();
-    let numerics = settings.numerics.or(scene.numerics).unwrap_or_default();
-    let mut choices = Choices {
-        shading: settings.shading,
-        sampling,
-        scene: Default::default(),
-        transport: settings.transport.or(scene.transport),
-        clamp: settings.clamp.or(scene.clamp),
-        with: settings.with.clone(),
-        without: settings.without.clone(),
-        even_idle: false,
-        light_technique: Default::default(),
-        path: Default::default(),
-    };
-    let aovs = &settings.aovs;
-    let display = settings.display.or(scene.display);
+    let (pipeline, display) = (scene.picture.pipeline(), scene.picture.display());
     let is_whole = [window.width, window.height] == size && settings.share == Share::ALL;
     check_display(display, pipeline, is_whole)?;
-    let headlight = settings.headlight.or(scene.headlight).unwrap_or(true);
-    let origin = metadata::Origin {
-        recentering: recentering.as_ref(),
-        camera: &camera,
-        size,
-        window,
-        choices: &choices,
-        pipeline,
-        numerics,
-        aovs,
-        display,
-        headlight,
-    };
-    let mut metadata = metadata::metadata(&scene, &origin);
-    let is_transparent = settings.background == Some(Background::Transparent);
-    if is_transparent {
-        metadata::add_to_fingerprint(&mut metadata, "transparent", &true);
+    scene.picture = PictureSettings {
+        colour: Some(pipeline),
+        numerics: Some(scene.picture.numerics.unwrap_or_default()),
+        ground: scene.ground.map(|_| true),
+        ..PictureSettings::of_size(size)
     }
+    .or(scene.picture);
+    let metadata = metadata::metadata(&scene, recentering.as_ref(), &camera, window, settings);
+    let mut choices = choices(&scene.picture, settings);
     choices.scene = std::mem::take(&mut scene.effects);
+    let settings = RenderSettings { picture: scene.picture, ..settings.clone() };
     let has_physical_lights = scene.has_physical_lights;
-    let (share, structure) = (settings.share, Layout::Wide(settings.preset));
-    Ok(ResolvedJob {
-        scene,
-        recentering,
-        camera,
-        size,
-        window,
-        share,
-        choices,
-        pipeline,
-        numerics,
-        structure,
-        metadata,
-        display,
-        headlight,
-        has_physical_lights,
-        is_transparent,
-    })
+    Ok(ResolvedJob { scene, recentering, camera, window, settings, choices, metadata, has_physical_lights })
 }
 
 impl ResolvedJob {
+    /// Width and height of the whole picture in pixels.
+    pub fn size(&self) -> [u32; 2] {
+        let Window { width, height, .. } = self.window;
+        self.settings.picture.size().unwrap_or([width, height])
+    }
+
+    /// Arithmetic tier.
+    pub fn numerics(&self) -> Numerics {
+        self.settings.picture.numerics.unwrap_or_default()
+    }
+
+    /// Layout and build preset of the acceleration structure.
+    pub fn structure(&self) -> Layout {
+        Layout::Wide(self.settings.preset)
+    }
+
     /// Builds the acceleration structure and the plan.
     ///
     /// # Errors
     /// As [`check_memory`] and [`RenderJob::new`].
     pub fn build(self, warnings: &mut Warnings) -> Result<RenderJob> {
-        let ResolvedJob {
-            scene,
-            recentering,
-            camera,
-            size,
-            window,
-            share,
-            choices,
-            metadata,
-            display,
-            is_transparent,
-            ..
-        } = self;
-        check_memory(&scene, &choices, self.numerics)?;
-        let world = World::prepare(scene, self.pipeline, self.structure, self.numerics);
+        let (size, numerics, structure) = (self.size(), self.numerics(), self.structure());
+        let ResolvedJob { scene, recentering, camera, window, settings, choices, metadata, .. } = self;
+        check_memory(&scene, &choices, numerics)?;
+        let world = World::prepare(scene, settings.picture.pipeline(), structure, numerics);
         let job = RenderJob::new(Arc::new(world), recentering, camera, size, choices)?;
-        let job = RenderJob { window, share, metadata, display, is_transparent, ..job };
+        let job = RenderJob { window, settings, metadata, ..job };
         warn_of_job(&job, warnings);
         Ok(job)
     }
@@ -517,19 +486,19 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
             world.numerics().name()
         ));
     }
-    let is_path = plan.effects_on().any(|effect| effect == id::PATH);
-    if is_path && !choices.sampling.is_wanted() {
+    let traces_paths = plan.transport == Transport::Path;
+    if traces_paths && !choices.sampling.is_wanted() {
         warnings.note("paths are traced, with one sample a pixel, which is noisy; try --samples 64");
     }
-    if let (false, Some(clamp)) = (is_path, choices.clamp) {
+    if let (false, Some(clamp)) = (traces_paths, choices.clamp) {
         warnings.push(format!("a clamp of {clamp} changes nothing without path tracing"));
     }
     if let (false, true, Some(name)) =
-        (is_path, choices.shading == ShadingMode::Full, world.area_lights.names.first())
+        (traces_paths, choices.shading == ShadingMode::Full, world.area_lights.names.first())
     {
         warnings.left_out(format!("area lights such as `{name}` light nothing without path tracing"));
     }
-    if !is_path {
+    if !traces_paths {
         let layered = world.materials_in_use().filter(|material| needs_path(material));
         let names: Vec<&str> = layered.map(|material| material.name()).collect();
         if let Some(names) = named("material", &names) {
@@ -577,8 +546,9 @@ mod tests {
     /// An environment is light in path tracing, its default, and no headlight is added; local shading does not see it.
     #[test]
     fn a_headlight_is_added_where_nothing_else_is_light() {
-        let wanted = |scene: &Scene, headlight, transport| {
-            needs_headlight(scene, &RenderSettings { headlight, transport, ..RenderSettings::default() })
+        let wanted = |scene: &Scene, light: Option<bool>, transport| {
+            let own = PictureSettings { light: light.map(Into::into), transport, ..Default::default() };
+            needs_headlight(&Scene { picture: own.or(scene.picture), ..scene.clone() })
         };
         let (path, whitted) = (Some(Transport::Path), Some(Transport::Whitted));
         let mut scene = Scene::default();
@@ -589,7 +559,7 @@ mod tests {
         scene.environment = Some(Environment { source, rotation: 0.0, intensity: 1.0, is_hidden: false });
         assert!(!wanted(&scene, None, None) && !wanted(&scene, None, path) && wanted(&scene, None, whitted));
         assert!(wanted(&scene, Some(true), None));
-        scene.headlight = Some(false);
+        scene.picture.light = Some(false.into());
         assert!(!wanted(&scene, None, whitted));
     }
 }

@@ -7,79 +7,62 @@ use serde::{Deserialize, Serialize};
 use crate::bvh::Preset;
 use crate::effects::EffectId;
 use crate::error::{Error, Result, Warnings};
-use crate::film::{Colour, ColourPipeline, DisplaySettings, Share, Window};
+use crate::film::{ColourPipeline, DisplaySettings, Share, Window};
 use crate::import;
-use crate::scene::{Camera, Environment, Ground, Numerics, Projection, Sampling, Scene, Transport};
-use crate::shading::ShadingMode;
+#[cfg(feature = "cli")]
+use crate::scene::option::parser;
+use crate::scene::option::{OptionValue, options, ranged};
+use crate::scene::{Camera, Environment, Ground, PictureSettings, Projection, Scene};
 use crate::world::StandardView;
 
 /// Render settings. A field that is `None` or empty is taken from the scene, then from defaults.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(default, deny_unknown_fields)]
 pub struct RenderSettings {
     /// Choice of the camera.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub camera: CameraChoice,
-    /// Projection, overriding the camera's.
+    /// Replace the camera's projection
+    #[cfg_attr(feature = "cli", arg(long, value_parser = parser::<Projection>()))]
     pub projection: Option<Projection>,
-    /// Width and height of the picture in pixels.
-    pub size: Option<[u32; 2]>,
-    /// Maximum side length in pixels if neither `size` nor `crop` is given.
+    /// Maximum side length in pixels if neither size nor `crop` is given.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub longest_side: Option<u32>,
-    /// Region of the picture that is rendered.
+    /// Render only this part of the picture: left, top, width and height in pixels
+    #[cfg_attr(feature = "cli", arg(long, allow_hyphen_values = true, value_name = "X,Y,W,H"))]
+    #[cfg_attr(feature = "cli", arg(value_parser = parser::<Window>()))]
     pub crop: Option<Window>,
     /// Share of the tiles that is rendered.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub share: Share,
-    /// Sample count, reconstruction filter and seed.
-    pub sampling: Sampling,
-    /// Arithmetic tier.
-    pub numerics: Option<Numerics>,
-    /// Build preset of the acceleration structure; does not affect the picture.
+    /// Build preset of the acceleration structure; the picture does not depend on it
+    #[cfg_attr(feature = "cli", arg(long = "bvh", value_name = "PRESET", default_value = Preset::default().name()))]
+    #[cfg_attr(feature = "cli", arg(value_parser = parser::<Preset>()))]
     pub preset: Preset,
-    /// Shading mode.
-    pub shading: ShadingMode,
-    /// Transport of light.
-    pub transport: Option<Transport>,
-    /// Largest radiance that a path adds by indirect light, above 0.
-    pub clamp: Option<f64>,
     /// Light from infinitely far away, instead of the scene's.
+    #[cfg_attr(feature = "cli", command(flatten))]
     pub environment: EnvironmentSettings,
-    /// Effects to turn on, each as `NAME` or `NAME=VALUE`.
+    /// Turn an effect on, as `NAME` or `NAME=VALUE`; may be given several times
+    #[cfg_attr(feature = "cli", arg(long, value_name = "EFFECT"))]
     pub with: Vec<String>,
-    /// Effects to turn off.
+    /// Turn an effect off; may be given several times
+    #[cfg_attr(feature = "cli", arg(long, value_name = "EFFECT"))]
     pub without: Vec<String>,
-    /// The colour pipeline.
-    pub colour: Option<ColourPipeline>,
     /// Names of AOVs, as for `kiln render --aov`. They are part of the fingerprint.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub aovs: Vec<String>,
-    /// Exposure and tone map of 8-bit pictures, for the linear pipeline.
-    pub display: DisplaySettings,
-    /// Whether a scene without lights gets a headlight; true if neither settings nor scene say.
-    pub headlight: Option<bool>,
-    /// Whether a ground is put under the scene; false if neither settings nor scene say.
-    pub ground: Option<bool>,
-    /// The background, instead of the scene's.
-    pub background: Option<Background>,
     /// What scenes without a scene file get that their files do not have.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub look: Look,
+    /// Options of the picture, which scene files have, too.
+    #[cfg_attr(feature = "cli", command(flatten))]
+    pub picture: PictureSettings,
 }
 
-/// What rays that hit nothing see.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Background {
-    /// A colour of 8-bit sRGB values.
-    Colour([u8; 3]),
-    /// Black, with an alpha channel in the picture.
-    Transparent,
-}
-
-impl Background {
-    /// The colour.
-    pub fn colour(self) -> Colour {
-        match self {
-            Background::Colour(colour) => Colour::from_u8(colour),
-            Background::Transparent => Colour::from_u8([0; 3]),
-        }
+impl From<PictureSettings> for RenderSettings {
+    fn from(picture: PictureSettings) -> Self {
+        RenderSettings { picture, ..RenderSettings::default() }
     }
 }
 
@@ -123,19 +106,19 @@ impl RenderSettings {
         self.with.iter().rev().find_map(|typed| typed.strip_prefix(effect.name())?.strip_prefix('='))
     }
 
-    /// Gives a scene, in its own coordinates and before anything moves, the environment, background and ground that are
-    /// asked for, and the look.
+    /// Gives a scene, in its own coordinates and before anything moves, these settings, the environment and ground that
+    /// are asked for, and the look.
     ///
     /// # Errors
     /// Those of [`EnvironmentSettings::apply`], and [`Error::Input`] for a ground under a scene without objects.
     pub fn complete(&self, scene: &mut Scene, warnings: &mut Warnings) -> Result<()> {
         super::warn_of_dark_lights(scene, warnings);
         self.environment.apply(scene, warnings)?;
-        scene.background = self.background.map(Background::colour).or(scene.background);
+        scene.picture = self.picture.or(scene.picture);
         if self.look == Look::Studio {
             super::studio::complete(scene, self, warnings);
         }
-        if !self.ground.or(scene.has_ground).unwrap_or(false) {
+        if scene.picture.ground != Some(true) {
             return Ok(());
         }
         scene.ground = scene.bounds().and_then(Ground::under);
@@ -148,16 +131,27 @@ impl RenderSettings {
     }
 }
 
-/// Settings of the environment.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct EnvironmentSettings {
-    /// `sky`, a colour (`#808080` or `808080`), or an equirectangular image in .hdr or .exr; `None` for the scene's.
-    pub source: Option<String>,
-    /// Rotation about +y in degrees, counterclockwise seen from above.
-    pub rotation: Option<f64>,
-    /// Whether rays that hit nothing see the background instead.
-    pub hide: bool,
+options! {
+    /// Settings of the environment.
+    #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct EnvironmentSettings {
+        /// Light from infinitely far away: an equirectangular .hdr or .exr image, `sky`, or one colour. It is the background,
+        /// too, and paths are traced [default: the scene's]
+        [long, value_name = "FILE|sky|#rrggbb", value_parser = parser::<String>()] environment: String,
+        /// Rotation of the environment about +y in degrees, counterclockwise seen from above
+        [long, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()]
+        environment_rotation: Rotation,
+        /// Show the background instead of the environment [default: false]
+        [long, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
+         value_name = "true|false", value_parser = parser::<bool>()]
+        hide_environment: bool,
+    }
+}
+
+ranged! {
+    /// A rotation in degrees.
+    Rotation(f64, "f64") in f64::MIN..=f64::MAX, "give a number of degrees";
 }
 
 impl EnvironmentSettings {
@@ -166,11 +160,11 @@ impl EnvironmentSettings {
     /// # Errors
     /// [`Error::Input`] for a file that cannot be used, [`Error::Usage`] for settings of an environment that is not there.
     pub fn apply(&self, scene: &mut Scene, warnings: &mut Warnings) -> Result<()> {
-        if let Some(source) = &self.source {
+        if let Some(source) = &self.environment {
             let source = import::environment(source, warnings)?;
             scene.environment = Some(Environment { source, rotation: 0.0, intensity: 1.0, is_hidden: false });
         }
-        if self.rotation.is_none() && !self.hide {
+        if self.environment_rotation.is_none() && self.hide_environment.is_none() {
             return Ok(());
         }
         let Some(environment) = &mut scene.environment else {
@@ -179,8 +173,9 @@ impl EnvironmentSettings {
                 "give one by --environment",
             ));
         };
-        environment.rotation = self.rotation.map_or(environment.rotation, f64::to_radians);
-        environment.is_hidden |= self.hide;
+        environment.rotation =
+            self.environment_rotation.map_or(environment.rotation, |degrees| degrees.get().to_radians());
+        environment.is_hidden = self.hide_environment.unwrap_or(environment.is_hidden);
         Ok(())
     }
 }

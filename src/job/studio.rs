@@ -12,9 +12,10 @@ use super::{CameraChoice, EnvironmentSettings, RenderSettings};
 use crate::error::Warnings;
 use crate::film::colour::srgb_encode;
 use crate::film::tone::ToneMap;
-use crate::film::{Colour, ColourPipeline, DisplaySettings};
+use crate::film::{Colour, ColourPipeline};
 use crate::scene::{
-    Environment, EnvironmentImage, EnvironmentSource, Fill, Ground, Sampling, Scene, Transport,
+    Environment, EnvironmentImage, EnvironmentSource, Fill, Ground, Noise, PictureSettings, Samples, Scene,
+    Transport,
 };
 use crate::world::KEY_IRRADIANCE;
 
@@ -41,31 +42,35 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
     if scene.has_settings {
         return;
     }
-    let is_path = settings.transport.map_or(scene.environment.is_some(), |t| t == Transport::Path)
-        || scene.lights.iter().any(|light| light.kind.is_area());
-    if !settings.sampling.says_quality() {
-        let most = if is_path { PATH_SAMPLES } else { SAMPLES };
-        scene.sampling = Sampling { noise: Some(NOISE), samples: Some(most), ..scene.sampling };
-    }
-    let RenderSettings { shading, environment, headlight, ground, background, .. } = settings;
-    let is_chosen = *environment != EnvironmentSettings::default()
-        || headlight.is_some()
+    let most = match scene.transport() {
+        Transport::Path => PATH_SAMPLES,
+        Transport::Whitted => SAMPLES,
+    };
+    let sampled = PictureSettings {
+        noise: Some(Noise::clamped(NOISE)),
+        samples: Some(Samples::clamped(most)),
+        ..PictureSettings::default()
+    };
+    scene.picture = scene.picture.or_look(sampled);
+    let PictureSettings { shading, transport, light, ground, background, .. } = scene.picture;
+    let is_chosen = settings.environment != EnvironmentSettings::default()
+        || light.is_some()
         || ground.is_some()
         || background.is_some();
     if is_chosen {
         scene.ambient = Some(0.0);
         return;
     }
-    if !scene.lights.is_empty() || !shading.uses_lights() {
+    if !scene.lights.is_empty() || !shading.unwrap_or_default().uses_lights() {
         return;
     }
-    let pipeline = settings.colour.unwrap_or_default();
+    let pipeline = scene.picture.pipeline();
     scene.ambient = Some(0.0);
     scene.has_key_light = true;
     if pipeline == ColourPipeline::Linear {
-        scene.display = DisplaySettings { exposure: None, tone_map: Some(ToneMap::PbrNeutral) };
+        scene.picture.tone_map = scene.picture.tone_map.or(Some(ToneMap::PbrNeutral));
     }
-    if settings.transport == Some(Transport::Path) {
+    if transport == Some(Transport::Path) {
         scene.environment = Some(environment_of(FILL));
     } else {
         scene.fill = Some(FILL);
@@ -113,7 +118,7 @@ mod tests {
     use super::*;
     use crate::film::tone::DisplayTransform;
     use crate::geometry::Sphere;
-    use crate::scene::{Camera, Light, MaterialId, Object, Shape};
+    use crate::scene::{Background, Camera, Headlight, Light, MaterialId, Object, Shape};
     use crate::world::headlight;
 
     fn ball() -> Scene {
@@ -128,6 +133,7 @@ mod tests {
 
     fn completed(mut scene: Scene, settings: &RenderSettings) -> Scene {
         let settings = RenderSettings { look: super::super::Look::Studio, ..settings.clone() };
+        scene.picture = settings.picture;
         complete(&mut scene, &settings, &mut Warnings::default());
         scene
     }
@@ -135,7 +141,7 @@ mod tests {
     /// Whether a scene has fill and key light, a ground, a background, and antialiasing.
     fn parts(scene: &Scene) -> [bool; 4] {
         let light = scene.fill.is_some() && scene.has_key_light;
-        [light, scene.ground.is_some(), scene.background.is_some(), scene.sampling.noise.is_some()]
+        [light, scene.ground.is_some(), scene.background.is_some(), scene.picture.noise.is_some()]
     }
 
     #[test]
@@ -159,13 +165,13 @@ mod tests {
     /// Each of the settings that choose a part leaves out the others, and constant ambient light.
     #[test]
     fn a_choice_turns_the_rest_off() {
-        let none = RenderSettings::default();
-        let sky = EnvironmentSettings { source: Some("sky".into()), ..EnvironmentSettings::default() };
+        let none = PictureSettings::default;
+        let sky = EnvironmentSettings { environment: Some("sky".into()), ..EnvironmentSettings::default() };
         for settings in [
-            RenderSettings { environment: sky, ..none.clone() },
-            RenderSettings { headlight: Some(true), ..none.clone() },
-            RenderSettings { ground: Some(true), ..none.clone() },
-            RenderSettings { background: Some(super::super::Background::Transparent), ..none.clone() },
+            RenderSettings { environment: sky, ..RenderSettings::default() },
+            PictureSettings { light: Some(Headlight::Head), ..none() }.into(),
+            PictureSettings { ground: Some(true), ..none() }.into(),
+            PictureSettings { background: Some(Background::Transparent), ..none() }.into(),
         ] {
             let scene = completed(ball(), &settings);
             assert_eq!(
@@ -174,8 +180,8 @@ mod tests {
                 "{settings:?}"
             );
         }
-        let sampled = Sampling { samples: Some(3), ..Sampling::default() };
-        let scene = completed(ball(), &RenderSettings { sampling: sampled, ..none });
+        let sampled = PictureSettings { samples: Some(Samples::clamped(3)), ..none() };
+        let scene = completed(ball(), &sampled.into());
         assert_eq!(parts(&scene), [true, true, true, false]);
     }
 
@@ -189,9 +195,13 @@ mod tests {
     /// Paths have the same fill light, as an environment: the irradiance of a surface that faces up, over pi.
     #[test]
     fn paths_have_the_fill_light() {
-        let settings = RenderSettings { transport: Some(Transport::Path), ..RenderSettings::default() };
+        let settings = PictureSettings { transport: Some(Transport::Path), ..Default::default() }.into();
         let scene = completed(ball(), &settings);
-        assert!(scene.fill.is_none() && scene.has_key_light && scene.sampling.samples == Some(PATH_SAMPLES));
+        assert!(
+            scene.fill.is_none()
+                && scene.has_key_light
+                && scene.picture.sampling().samples == Some(PATH_SAMPLES)
+        );
         let EnvironmentSource::Image(image) = scene.environment.unwrap().source else { panic!("an image") };
         let weight = |row: usize| {
             let [from, to] =

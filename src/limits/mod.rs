@@ -13,6 +13,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 pub use counts::{Counted, Limits, parse_count};
 use process::{ADDRESS_SPACE, Available, available, in_use, machine};
+pub use process::{peak_memory, reset_peak_memory, resident_memory};
 pub use reading::{Refused, RegularFile, explain, read_file, read_standard_input, unreadable};
 
 /// Maximum bytes allocated for sizes claimed in a file, unless `--memory-limit` is given: 16 bytes (four channels of

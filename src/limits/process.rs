@@ -41,7 +41,6 @@ pub(super) fn available(used: &InUse) -> Option<Available> {
 }
 
 /// Bytes used by the process; 0 if the system does not report them.
-#[derive(Default)]
 pub(super) struct InUse {
     /// Resident memory.
     pub resident: u64,
@@ -50,9 +49,27 @@ pub(super) struct InUse {
 }
 
 pub(super) fn in_use() -> InUse {
-    let Some(text) = proc_text("/proc/self/status") else { return InUse::default() };
-    let of = |name: &str| kib_after(&text, name).unwrap_or(0);
-    InUse { resident: of("VmRSS:"), virtual_size: of("VmSize:") }
+    InUse { resident: resident_memory().unwrap_or(0), virtual_size: status("VmSize:").unwrap_or(0) }
+}
+
+/// Resident memory in bytes, where the system reports it.
+pub fn resident_memory() -> Option<u64> {
+    status("VmRSS:")
+}
+
+/// Peak resident memory in bytes since the start or the last [`reset_peak_memory`], where the system reports it.
+pub fn peak_memory() -> Option<u64> {
+    status("VmHWM:")
+}
+
+/// Resets [`peak_memory`] to the resident memory, where the system supports it.
+pub fn reset_peak_memory() {
+    // Linux: proc_pid_clear_refs(5). Other systems have no such file, and no peak.
+    let _ = std::fs::write("/proc/self/clear_refs", "5");
+}
+
+fn status(name: &str) -> Option<u64> {
+    kib_after(&proc_text("/proc/self/status")?, name)
 }
 
 /// The value in bytes of the line of `text` that starts with `name`, given in kB (1024 bytes, proc_pid_status(5),
@@ -83,26 +100,14 @@ pub(super) fn machine() -> Option<Machine> {
     Some(Machine { free: sum("MemAvailable:", "SwapFree:")?, all: sum("MemTotal:", "SwapTotal:")? })
 }
 
-/// The strictest limit of the control groups of the process (cgroups(7)), version 2 or 1.
+/// The strictest limit of the control group of the process and of its ancestors (cgroups(7), version 2).
 fn control_group() -> Option<u64> {
     let groups = proc_text("/proc/self/cgroup")?;
-    let limits = groups.lines().flat_map(|line| {
-        let mut parts = line.splitn(3, ':').skip(1);
-        let (controllers, path) = (parts.next().unwrap_or(""), parts.next().unwrap_or("/").to_owned());
-        let (folder, file) = match controllers {
-            "" => ("/sys/fs/cgroup", "memory.max"),
-            names if names.split(',').any(|name| name == "memory") => {
-                ("/sys/fs/cgroup/memory", "memory.limit_in_bytes")
-            }
-            _ => return Vec::new(),
-        };
-        // The limits of all ancestors apply to a group.
-        let above = Path::new(&path).ancestors().map(Path::to_owned).collect::<Vec<_>>();
-        let file_of =
-            |group: &Path| format!("{folder}{}/{file}", group.display().to_string().trim_end_matches('/'));
-        above.iter().filter_map(|group| proc_text(&file_of(group))?.trim().parse::<u64>().ok()).collect()
-    });
-    limits.min()
+    let group = groups.lines().find_map(|line| line.strip_prefix("0::"))?;
+    let limit = |group: &Path| {
+        proc_text(&format!("/sys/fs/cgroup{}/memory.max", group.display()))?.trim().parse::<u64>().ok()
+    };
+    Path::new(group).ancestors().filter_map(limit).min()
 }
 
 /// The limit of the address space (RLIMIT_AS).

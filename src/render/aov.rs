@@ -10,7 +10,7 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use super::features::{FeatureSums, Features, plan_without_light};
+use super::features::{FeatureSums, Features, first_surfaces, plan_without_light};
 use super::{RenderControl, render_displayed};
 use crate::effects::Plan;
 use crate::effects::tile::{RenderContext, Tile};
@@ -129,7 +129,7 @@ pub const AOVS: &[Aov] = &[
         name: "primitive",
         summary: "index of the triangle or analytic shape; -1 for the background",
         channels: &["Primitive.X"],
-        value: |input| index_of(input, |surface| surface.prim.0),
+        value: |input| index_of(input, |surface| surface.hit.prim.0),
     },
     Aov {
         name: "samples",
@@ -297,12 +297,15 @@ fn of_tile(
     if has(aovs, &FILTERED) {
         let plan = of_features.unwrap_or(source.plan);
         let mut sums = FeatureSums::new(plan, tile);
-        samples = plan.sample_statistics(tile, &context, window, |tile| sums.add_pass(plan, tile, &context));
+        let first = |tile: &Tile| first_surfaces(tile, world);
+        samples = plan.sample_statistics(tile, &context, window, first, |tile, first| {
+            sums.add_pass(plan, tile, first);
+        });
         features = sums.finish(plan, tile);
         is_sampled = of_features.is_none();
     }
     if has(aovs, &["samples", "variance"]) && source.plan.takes_samples() && !is_sampled {
-        samples = source.plan.sample_statistics(tile, &context, window, |_| {});
+        samples = source.plan.sample_statistics(tile, &context, window, |_| (), |_, ()| {});
     }
     tile.start(window);
     source.plan.centre_rays(tile, &context);

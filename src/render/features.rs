@@ -2,9 +2,10 @@
 //! filter, textures and normal maps.
 
 use crate::effects::samples::{SampleSum, TileSamples};
-use crate::effects::tile::{RenderContext, Tile};
+use crate::effects::tile::Tile;
 use crate::effects::{Plan, id, transparency};
 use crate::film::Filter;
+use crate::scene::Transport;
 use crate::shading::{ShadingMode, shade};
 use crate::world::World;
 
@@ -29,7 +30,7 @@ impl Features {
 /// samples of adaptive sampling and the paths behind mirrors.
 pub(super) fn plan_without_light(plan: &Plan, world: &World, has_mirrors: bool) -> Option<Plan> {
     let is_needed = [id::TEXTURES, id::NORMAL_MAPS, id::ALPHA, id::ANTIALIASING];
-    let decides = plan.is_adaptive() || has_mirrors && plan.effects_on().any(|effect| effect == id::PATH);
+    let decides = plan.is_adaptive() || has_mirrors && plan.transport == Transport::Path;
     (!decides).then(|| plan.keeping(world, |i| is_needed.contains(&plan.decisions[i].effect)))
 }
 
@@ -48,9 +49,14 @@ impl FeatureSums {
         FeatureSums { filter: Filter::new(shape, radius), sums: Vec::new(), centres: Vec::new() }
     }
 
-    /// Adds the camera rays of the pass that the stages have run.
-    pub(super) fn add_pass(&mut self, plan: &Plan, tile: &mut Tile, context: &RenderContext) {
-        let rays = of_camera_rays(tile, context.world);
+    /// Adds the camera rays of the pass that the stages have run, with [`first_surfaces`].
+    pub(super) fn add_pass(&mut self, plan: &Plan, tile: &mut Tile, first: Vec<Option<[[f32; 3]; 2]>>) {
+        let behind_mirrors = tile.scattering.as_deref().unwrap_or_default();
+        let with_mirrors = |(ray, first): (usize, Option<[[f32; 3]; 2]>)| {
+            let scattering = behind_mirrors.get(ray).map(|found| found.unwrap_or_default());
+            first.map(|first| Features { first, behind_mirrors: scattering.unwrap_or(first) })
+        };
+        let rays: Vec<Option<Features>> = first.into_iter().enumerate().map(with_mirrors).collect();
         if plan.takes_samples() {
             tile.with_buffers(|samples: &mut TileSamples, _| {
                 self.sums.resize(samples.sums().len(), [SampleSum::default(); 4]);
@@ -86,17 +92,14 @@ impl FeatureSums {
     }
 }
 
-/// The features of each camera ray; `None` where it hits nothing.
-fn of_camera_rays(tile: &Tile, world: &World) -> Vec<Option<Features>> {
-    let generation = &tile.generations[0];
+/// Albedo and normal of each camera ray's surface; `None` where it hits nothing.
+pub(super) fn first_surfaces(tile: &Tile, world: &World) -> Vec<Option<[[f32; 3]; 2]>> {
+    let generation = &tile.generations[tile.current];
     let mut rays = vec![None; generation.rays.len()];
-    let behind_mirrors = tile.scattering.as_deref().unwrap_or_default();
     for (i, &ray) in generation.surfaces.ray_of().iter().enumerate() {
         let surface = generation.surfaces.get(i);
         let albedo = shade(world, ShadingMode::Flat, &surface, &[]);
-        let first = [albedo, surface.shading_normal].map(|value| value.as_vec3().to_array());
-        let scattering = behind_mirrors.get(ray as usize).map(|found| found.unwrap_or_default());
-        rays[ray as usize] = Some(Features { first, behind_mirrors: scattering.unwrap_or(first) });
+        rays[ray as usize] = Some([albedo, surface.shading_normal].map(|value| value.as_vec3().to_array()));
     }
     rays
 }

@@ -128,7 +128,7 @@ fn render_tile<P: Pixel>(
     let now = || control.time_stages.then(Instant::now);
     let mut last = now();
     loop {
-        plan.run(tile, context, |stage| {
+        plan.run(tile, context, |stage, _| {
             let now = now();
             if let (Some(last), Some(now)) = (last, now) {
                 times[stage] += now - last;

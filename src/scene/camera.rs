@@ -15,6 +15,9 @@ pub enum Projection {
 }
 
 impl Projection {
+    /// Both.
+    pub const ALL: [Self; 2] = [Projection::Perspective, Projection::Orthographic];
+
     /// The name as typed by users.
     pub fn name(self) -> &'static str {
         match self {

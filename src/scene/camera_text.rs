@@ -1,5 +1,5 @@
 //! Cameras as text: a `[[camera]]` section of a scene file, or an inline table after `--camera`. Parsing the text
-//! (`import::scene_file::camera`) restores the camera bit by bit.
+//! (`import::scene_file::camera`) restores the camera bit by bit. Also words of a command line.
 
 use std::fmt::Write;
 
@@ -85,6 +85,15 @@ fn number(x: f64) -> String {
     if is_whole { format!("{x}") } else { format!("{x:?}") }
 }
 
+/// A word quoted for a shell where it has to be: POSIX.1-2017, Shell Command Language, section 2.2.2, single quotes.
+pub fn shell_quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', r"'\''"))
+}
+
 /// A TOML basic string on one line.
 fn quoted(text: &str) -> String {
     let mut quoted = String::from("\"");
@@ -131,5 +140,11 @@ mod tests {
         camera.up = -DVec3::Z;
         assert!(camera.to_inline().contains("up = [-0.0, -0.0, -1], "), "{}", camera.to_inline());
         assert!(camera.to_inline().contains("viewing_rectangle = [0.5, 3], "), "{}", camera.to_inline());
+    }
+
+    #[test]
+    fn words_are_those_of_a_shell() {
+        let words = ["", "a.obj", "a b", "it's"].map(shell_quoted);
+        assert_eq!(words, ["''", "a.obj", "'a b'", r"'it'\''s'"]);
     }
 }

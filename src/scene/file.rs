@@ -13,18 +13,16 @@ use super::animation::file::AnimationSection;
 pub use super::colour_value::ColourValue;
 pub use super::effects::{EffectValue, EffectsSection};
 use super::toml_error::{TomlError, check_lists, explain};
-use super::{Numerics, PixelSampler, Projection, Transport, UpAxis};
+use super::{PictureSettings, Projection, UpAxis};
 use crate::error::{Error, Place, Result};
-use crate::film::tone::{Exposure, ExposureValue, ToneMap};
-use crate::film::{ColourPipeline, FilterShape};
 
 /// A scene file.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneFile {
     /// The picture.
-    #[schemars(with = "Option<ImageSection>")]
-    pub image: Option<Spanned<ImageSection>>,
+    #[schemars(with = "Option<PictureSettings>")]
+    pub image: Option<Spanned<PictureSettings>>,
     /// Cameras; the first is the default.
     #[serde(default)]
     #[schemars(with = "Vec<CameraSection>")]
@@ -62,55 +60,6 @@ pub struct SceneFile {
     /// Animation tracks.
     #[schemars(with = "Option<AnimationSection>")]
     pub animation: Option<Spanned<AnimationSection>>,
-}
-
-/// The picture.
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ImageSection {
-    /// Width in pixels.
-    pub width: Option<u32>,
-    /// Height in pixels.
-    pub height: Option<u32>,
-    /// Colour of rays that hit nothing; black if not given.
-    pub background: Option<ColourValue>,
-    /// The colour pipeline; `linear` if not given.
-    pub colour: Option<ColourPipeline>,
-    /// Arithmetic tier of the intersection tests; `watertight` if not given.
-    pub numerics: Option<Numerics>,
-    /// How light is transported; what the scene calls for if not given. The number of bounces is `path` in `[effects]`.
-    pub transport: Option<Transport>,
-    /// Largest radiance that a path adds to a pixel at each surface beyond the first, above 0; 1 is white. It removes
-    /// fireflies, and darkens indirect light. None if not given.
-    #[schemars(with = "Option<f64>")]
-    pub clamp: Option<Spanned<f64>>,
-    /// Samples per pixel, 1 to 65536; 1, at the pixel's centre, if not given. With `noise`, the maximum.
-    #[schemars(with = "Option<u32>")]
-    pub samples: Option<Spanned<i64>>,
-    /// Reconstruction filter; `gaussian` if not given.
-    pub filter: Option<FilterShape>,
-    /// Radius of the filter in pixels; the default of its shape if not given.
-    #[schemars(with = "Option<f64>")]
-    pub filter_radius: Option<Spanned<f64>>,
-    /// Adaptive sampling stops when the standard error of a pixel's displayed value (1 is white) is below this.
-    #[schemars(with = "Option<f64>")]
-    pub noise: Option<Spanned<f64>>,
-    /// Samples per pixel before adaptive sampling estimates the error; 4 if not given.
-    #[schemars(with = "Option<u32>")]
-    pub min_samples: Option<Spanned<i64>>,
-    /// Seed of the random numbers; 0 if not given.
-    pub seed: Option<u32>,
-    /// How the samples of a pixel are related; `sobol` if not given.
-    pub sampler: Option<PixelSampler>,
-    /// Exposure of 8-bit pictures in EV, -64 to 64, or "auto"; 0 if not given. Only with `colour = "linear"`.
-    #[schemars(with = "Option<ExposureValue>")]
-    pub exposure: Option<Exposure>,
-    /// Tone map of 8-bit pictures; none if not given. Only with `colour = "linear"`.
-    pub tone_map: Option<ToneMap>,
-    /// Whether a scene without lights gets a headlight; true if not given.
-    pub headlight: Option<bool>,
-    /// Whether a grey square is put under the lowest point of the objects; false if not given.
-    pub ground: Option<bool>,
 }
 
 /// A camera, defined by a viewing rectangle (or only its height) at a distance, or by a vertical field of view.
@@ -451,6 +400,7 @@ pub fn nearest_name(typed: &str, known: &[&str]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Background;
 
     fn error_of(text: &str) -> Error {
         SceneFile::parse(text, Path::new("a.toml")).unwrap_err()
@@ -497,7 +447,7 @@ mod tests {
     fn colours_both_ways() {
         let parse =
             |value: &str| SceneFile::parse(&format!("[image]\nbackground = {value}\n"), Path::new("a.toml"));
-        let red = Some(ColourValue([124, 10, 2]));
+        let red = Some(Background::Colour([124, 10, 2]));
         let background = |value: &str| parse(value).unwrap().image.unwrap().get_ref().background;
         assert_eq!(background("[124, 10, 2]"), red);
         assert_eq!(background("\"#7c0A02\""), red);

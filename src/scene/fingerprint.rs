@@ -45,14 +45,8 @@ impl Fingerprint {
     /// Adds a scene. All fields are destructured, so that a new field fails to compile until it is hashed.
     pub fn scene(&mut self, scene: &Scene) {
         let Scene {
-            size,
+            picture,
             background,
-            colour,
-            numerics,
-            // In the choices.
-            transport: _,
-            clamp: _,
-            sampling,
             ambient,
             fill,
             environment,
@@ -69,18 +63,14 @@ impl Fingerprint {
             variants: _,
             metadata: _,
             import_options: _,
-            // In the fingerprint of a picture as far as they change it (`job::metadata`).
-            display: _,
             has_left_out: _,
             has_settings: _,
-            headlight: _,
             // A light of the picture.
             has_key_light: _,
-            has_ground: _,
             ground,
             has_physical_lights: _,
         } = scene;
-        self.value("picture", &(size, background, colour, numerics, sampling, ambient));
+        self.value("picture", &(picture.described().entries(), background, ambient));
         if let Some(environment) = environment {
             self.value("environment", environment);
             if let EnvironmentSource::Image(image) = &environment.source {
@@ -160,7 +150,7 @@ impl Fingerprint {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{ImageId, MaterialId, Phong, Placement, Sampler, Sphere, Texture};
+    use crate::scene::{ImageId, MaterialId, Phong, PictureSettings, Placement, Sampler, Sphere, Texture};
     use glam::{DMat4, DVec2, DVec3};
 
     fn of(scene: &Scene) -> String {
@@ -200,8 +190,8 @@ mod tests {
         let changes: [fn(&mut Scene); 9] = [
             |scene| scene.images[0].pixels = vec![[1, 2, 3], [1, 2, 3], [1, 2, 3], [1, 2, 4]].into(),
             |scene| (scene.images[0].width, scene.images[0].height) = (4, 1),
-            |scene| scene.size = Some([1, 2]),
-            |scene| scene.sampling.seed = Some(1),
+            |scene| scene.picture = PictureSettings::of_size([1, 2]),
+            |scene| scene.picture.seed = Some(1),
             |scene| {
                 let Shape::Mesh(mesh) = &mut scene.objects[0].shape else { panic!("a mesh") };
                 mesh.positions[1].x = mesh.positions[1].x.next_up();

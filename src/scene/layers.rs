@@ -112,16 +112,6 @@ impl TextureSlot {
         }
     }
 
-    /// Whether a transport uses it: path tracing, or local shading. Occlusion stands for what path tracing computes;
-    /// local shading has no layers but the dielectric reflection.
-    pub fn is_used(self, is_path: bool) -> bool {
-        match self {
-            TextureSlot::Occlusion => !is_path,
-            TextureSlot::Specular | TextureSlot::SpecularColour => true,
-            _ => is_path,
-        }
-    }
-
     /// The name, for people.
     pub fn name(self) -> &'static str {
         match self {

@@ -310,25 +310,20 @@ impl<C> Material<C> {
 
     /// All textures of the material, with those of the normal map and the opacity.
     pub fn textures_mut(&mut self) -> impl Iterator<Item = &mut Texture> {
-        let (textures, normal_map, opacity, further) = match self {
+        let (own, normal_map, opacity, further) = match self {
             Material::Phong(m) => {
-                ([m.texture.as_mut(), None, None], m.normal_map.as_mut(), m.opacity.as_mut(), None)
+                ([m.texture.as_mut(), None, None], &mut m.normal_map, &mut m.opacity, Default::default())
             }
-            Material::MetallicRoughness(m) => (
-                [
-                    m.base_colour_texture.as_mut(),
-                    m.metallic_roughness_texture.as_mut(),
-                    m.emission_texture.as_mut(),
-                ],
-                m.normal_map.as_mut(),
-                m.opacity.as_mut(),
-                Some(&mut m.further_textures),
-            ),
+            Material::MetallicRoughness(m) => {
+                let own =
+                    [&mut m.base_colour_texture, &mut m.metallic_roughness_texture, &mut m.emission_texture];
+                (own.map(Option::as_mut), &mut m.normal_map, &mut m.opacity, m.further_textures.iter_mut())
+            }
         };
-        let further = further.into_iter().flatten().map(|further| &mut further.texture);
-        let opacity = opacity.and_then(|opacity| opacity.texture.as_mut());
-        let normal_map = normal_map.map(|map| &mut map.texture);
-        textures.into_iter().flatten().chain(normal_map).chain(opacity).chain(further)
+        let normal_map = normal_map.iter_mut().map(|map| &mut map.texture);
+        let opacity = opacity.iter_mut().filter_map(|opacity| opacity.texture.as_mut());
+        let further = further.map(|further| &mut further.texture);
+        own.into_iter().flatten().chain(normal_map).chain(opacity).chain(further)
     }
 
     /// Whether the material uses any texture.

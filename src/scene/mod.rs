@@ -37,8 +37,11 @@ mod ground;
 mod import_options;
 mod layers;
 mod material;
+pub(crate) mod option;
+mod picture;
 mod sampler;
 mod sampling;
+mod shading_mode;
 pub mod support;
 mod toml_error;
 pub mod topology;
@@ -52,27 +55,30 @@ pub use crate::geometry::{
 pub use crate::limits::{Counted, Limits};
 pub use animation::Animation;
 pub use camera::{Camera, Projection, default_size};
-pub use camera_text::INLINE_NAME;
+pub use camera_text::{INLINE_NAME, shell_quoted};
 pub use clip::{Clip, ClipChoice, ClipTime};
 pub use environment::{Environment, EnvironmentImage, EnvironmentSource};
 pub use fill::Fill;
 pub use fingerprint::Fingerprint;
 pub use ground::Ground;
-pub use import_options::ImportOptions;
+pub use import_options::{Degrees, ImportOptions, ReadingOptions, Seconds};
 pub use layers::{FurtherTexture, Layers, TextureSlot, Volume};
 pub use material::{
     DecodedImage, Glaze, Material, MetallicRoughness, NormalMap, Opacity, Phong, Refraction, TexelEncoding,
     Texture,
 };
+pub use option::OptionValue;
+pub use picture::{Background, Clamp, FilterRadius, Headlight, Noise, PictureSettings, Samples, Side};
 pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
 pub use sampling::{MAX_SAMPLES, PixelSampler, Sampling};
-pub use transport::{Transport, check_clamp};
+pub use shading_mode::ShadingMode;
+pub use transport::{Transport, TransportReason};
 pub use up::UpAxis;
 
 use support::{AffineFunction, PointTrees};
 
 use crate::bvh::{Bvh, NotFinite, Preset, Primitive};
-use crate::film::{Colour, ColourPipeline, DisplaySettings};
+use crate::film::Colour;
 use crate::geometry::{PrimId, Triangle};
 use glam::DVec3;
 
@@ -88,20 +94,10 @@ pub struct ImageId(pub u32);
 /// scene is prepared.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
-    /// Width and height of the rendered picture in pixels.
-    pub size: Option<[u32; 2]>,
-    /// Colour of rays that hit nothing.
+    /// Settings of the picture. Those of a render take precedence.
+    pub picture: PictureSettings,
+    /// Colour of rays that hit nothing, where the settings give no background.
     pub background: Option<Colour>,
-    /// Encoding in which light is summed.
-    pub colour: Option<ColourPipeline>,
-    /// Arithmetic tier of the intersection tests.
-    pub numerics: Option<Numerics>,
-    /// Transport of light.
-    pub transport: Option<Transport>,
-    /// Largest radiance that a path adds to a pixel by indirect light; none if `None`.
-    pub clamp: Option<f64>,
-    /// Sample count, reconstruction filter and seed.
-    pub sampling: Sampling,
     /// Intensity of the ambient light, per unit of a material's ambient coefficient.
     pub ambient: Option<f64>,
     /// Further ambient light.
@@ -132,19 +128,13 @@ pub struct Scene {
     pub metadata: Vec<(String, String)>,
     /// What was asked of the input files.
     pub import_options: ImportOptions,
-    /// Exposure and tone map of 8-bit pictures.
-    pub display: DisplaySettings,
     /// Whether primitives were left out because of their coordinates.
     pub has_left_out: bool,
     /// Whether a scene file is among the inputs. Such scenes are rendered as they say.
     pub has_settings: bool,
-    /// Whether a scene without lights gets a headlight.
-    pub headlight: Option<bool>,
     /// Whether the scene gets the key light of the default look, which follows the camera.
     pub has_key_light: bool,
-    /// Whether a ground is put under the scene.
-    pub has_ground: Option<bool>,
-    /// That ground, as it is under the objects before anything moves.
+    /// The ground under the scene, as it is under the objects before anything moves.
     pub ground: Option<Ground>,
     /// Whether lights are in physical units (candela, lux), so that pictures may need an exposure.
     pub has_physical_lights: bool,
@@ -279,13 +269,8 @@ impl Scene {
     pub fn append(&mut self, other: Scene) {
         // Every field is named, so that a new one that is not merged fails to compile.
         let Scene {
-            size,
+            picture,
             background,
-            colour,
-            numerics,
-            transport,
-            clamp,
-            sampling,
             ambient,
             fill,
             environment,
@@ -302,23 +287,15 @@ impl Scene {
             metadata,
             // Of the whole scene.
             import_options: _,
-            display,
             has_left_out,
             has_settings,
-            headlight,
             has_key_light,
-            has_ground,
             ground,
             has_physical_lights,
         } = other;
         let (first_material, first_image) = (self.materials.len() as u32, self.images.len() as u32);
-        self.size = self.size.or(size);
+        self.picture = self.picture.or(picture);
         self.background = self.background.or(background);
-        self.colour = self.colour.or(colour);
-        self.numerics = self.numerics.or(numerics);
-        self.transport = self.transport.or(transport);
-        self.clamp = self.clamp.or(clamp);
-        self.sampling = self.sampling.or(sampling);
         self.ambient = self.ambient.or(ambient);
         self.fill = self.fill.or(fill);
         self.environment = self.environment.take().or(environment);
@@ -329,12 +306,9 @@ impl Scene {
         self.clips.extend(clips);
         self.variants.extend(variants);
         self.metadata.extend(metadata);
-        self.display = self.display.or(display);
         self.has_left_out |= has_left_out;
         self.has_settings |= has_settings;
-        self.headlight = self.headlight.or(headlight);
         self.has_key_light |= has_key_light;
-        self.has_ground = self.has_ground.or(has_ground);
         self.ground = self.ground.or(ground);
         self.has_physical_lights |= has_physical_lights;
         self.images.extend(images);
@@ -348,6 +322,11 @@ impl Scene {
             object.material.0 += first_material;
             object
         }));
+    }
+
+    /// The background of the settings, or that of the scene.
+    pub fn background(&self) -> Option<Colour> {
+        self.picture.background.map(Background::colour).or(self.background)
     }
 
     /// Number of primitives: triangles and analytic shapes.
@@ -367,7 +346,7 @@ impl Scene {
     /// # Errors
     /// [`NotFinite::Primitive`] for coordinates and radii that are not finite in f32.
     pub fn bvh(&self) -> Result<Bvh, NotFinite> {
-        Bvh::with(self.primitives(), Preset::default(), self.numerics.unwrap_or_default())
+        Bvh::with(self.primitives(), Preset::default(), self.picture.numerics.unwrap_or_default())
     }
 
     /// The object that a primitive belongs to, as an index into [`Scene::objects`], and the primitive's index in it;
@@ -386,6 +365,12 @@ impl Scene {
     /// Whether an object emits light.
     pub fn emits(&self) -> bool {
         self.objects.iter().any(|object| self.materials[object.material.0 as usize].emits())
+    }
+
+    /// The transport that is chosen, or that the scene calls for: [`Transport::called_for`].
+    pub fn transport(&self) -> Transport {
+        let has_area_light = self.lights.iter().any(|light| light.kind.is_area());
+        Transport::called_for(self.picture.transport, self.environment.is_some(), has_area_light).0
     }
 
     /// Bounding box of all objects, or `None` for an empty scene.
@@ -427,28 +412,17 @@ impl Scene {
 
 /// Bounding box of objects among those of `trees`, or `None` where there is none.
 pub(crate) fn bounds(trees: &PointTrees, objects: &[Object]) -> Option<(DVec3, DVec3)> {
-    let value = |axis: usize, sign: f64| move |p: DVec3| sign * p[axis];
-    let of_sphere =
-        |axis: usize, sign: f64| move |centre: DVec3, radius: f64| sign * (centre[axis] + sign * radius);
-    let sides = [0, 1, 2].map(|axis| [1.0, -1.0].map(|sign| (axis, sign)));
-    let functions = sides.as_flattened().iter().map(|&(axis, sign)| {
-        let weight = DVec3::AXES[axis];
-        (value(axis, sign), of_sphere(axis, sign), weight * sign, weight)
-    });
-    let functions: Vec<_> = functions.collect();
-    let functions: Vec<AffineFunction> = functions
-        .iter()
-        .map(|(value, of_sphere, gradient, weight)| AffineFunction {
-            value,
-            of_sphere,
-            gradient: *gradient,
-            weight: *weight,
-            offset: DVec3::ZERO,
-        })
-        .collect();
-    let far = support::maxima(trees, objects, &functions);
+    let side = |axis: usize, sign: f64| AffineFunction {
+        of_sphere: Box::new(move |centre, radius| sign * centre[axis] + radius),
+        gradient: DVec3::AXES[axis] * sign,
+        weight: DVec3::AXES[axis],
+        offset: DVec3::ZERO,
+    };
+    let functions = [0, 1, 2].map(|axis| [1.0, -1.0].map(|sign| side(axis, sign)));
+    let far = support::maxima(trees, objects, functions.as_flattened());
     let [max, min] = [0, 1].map(|k| DVec3::new(far[k], far[2 + k], far[4 + k]));
-    (max.x > f64::NEG_INFINITY).then_some((-min, max))
+    // Not -0.
+    (max.x > f64::NEG_INFINITY).then_some((DVec3::ZERO - min, max))
 }
 
 impl Shape {

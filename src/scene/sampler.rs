@@ -75,21 +75,9 @@ pub enum TextureFilter {
     Anisotropic,
 }
 
-impl TextureFilter {
-    /// Every filter.
-    pub const ALL: [TextureFilter; 4] =
-        [TextureFilter::Nearest, TextureFilter::Bilinear, TextureFilter::Mipmap, TextureFilter::Anisotropic];
-
-    /// The name as typed by users.
-    pub fn name(self) -> &'static str {
-        match self {
-            TextureFilter::Nearest => "nearest",
-            TextureFilter::Bilinear => "bilinear",
-            TextureFilter::Mipmap => "mipmap",
-            TextureFilter::Anisotropic => "anisotropic",
-        }
-    }
-}
+names!(TextureFilter {
+    Nearest = "nearest", Bilinear = "bilinear", Mipmap = "mipmap", Anisotropic = "anisotropic",
+});
 
 /// Resolved filters of a texture lookup: a sampler without unspecified parts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -4,7 +4,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::film::FilterShape;
-use crate::film::filter::RADII;
 
 /// Maximum number of samples per pixel: the length of a pixel's random sequence.
 pub const MAX_SAMPLES: u32 = 1 << 16;
@@ -14,9 +13,6 @@ const DEFAULT_SAMPLES: u32 = 16;
 
 /// Default maximum number of samples per pixel if a noise threshold is given.
 const DEFAULT_MAX_SAMPLES: u32 = 256;
-
-/// Smallest noise threshold; f32 display values are not much more accurate.
-const MIN_NOISE: f64 = 1e-6;
 
 /// How the random numbers of a pixel's samples are related.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -42,9 +38,9 @@ impl PixelSampler {
     }
 }
 
-/// Sampling settings; `None` means not given.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+/// Sampling settings of a render: those of [`super::PictureSettings`], and the part of them that it takes. `None` means
+/// not given.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Sampling {
     /// Samples per pixel, 1 to 65536; with `noise`, the maximum.
     pub samples: Option<u32>,
@@ -69,31 +65,10 @@ pub struct Sampling {
 }
 
 impl Sampling {
-    /// Merges two sets of settings; those of `self` take precedence.
-    pub fn or(self, other: Self) -> Self {
-        Sampling {
-            samples: self.samples.or(other.samples),
-            filter: self.filter.or(other.filter),
-            filter_radius: self.filter_radius.or(other.filter_radius),
-            noise: self.noise.or(other.noise),
-            min_samples: self.min_samples.or(other.min_samples),
-            seed: self.seed.or(other.seed),
-            sampler: self.sampler.or(other.sampler),
-            first: self.first.or(other.first),
-            total: self.total.or(other.total),
-        }
-    }
-
     /// Whether the settings differ from one sample at each pixel's centre.
     pub fn is_wanted(&self) -> bool {
         let Sampling { samples, filter, filter_radius, noise, .. } = self;
         samples.is_some_and(|n| n > 1) || filter.is_some() || filter_radius.is_some() || noise.is_some()
-    }
-
-    /// Whether the settings say how many samples are taken or how they are filtered.
-    pub fn says_quality(&self) -> bool {
-        let Sampling { samples, filter, filter_radius, noise, min_samples, .. } = self;
-        samples.or(*min_samples).is_some() || filter.is_some() || filter_radius.or(*noise).is_some()
     }
 
     /// Samples per pixel; with `noise`, the maximum. At least 1.
@@ -129,56 +104,5 @@ impl Sampling {
             seed: self.seed,
             sampler: self.sampler,
         }
-    }
-
-    /// Sampling metadata of a picture; empty for one sample at each pixel's centre.
-    pub fn settings(&self) -> Vec<(String, String)> {
-        if !self.is_wanted() {
-            return Vec::new();
-        }
-        let (shape, radius) = self.shape_and_radius();
-        let mut settings = vec![
-            ("kiln:samples".to_owned(), self.max_samples().to_string()),
-            ("kiln:filter".into(), format!("{} {radius}", shape.name())),
-            ("kiln:seed".into(), self.seed.unwrap_or(0).to_string()),
-        ];
-        let sampler = self.sampler.filter(|&sampler| sampler != PixelSampler::default());
-        settings.extend(sampler.map(|sampler| ("kiln:sampler".into(), sampler.name().into())));
-        settings.extend(self.noise.map(|level| ("kiln:noise".into(), level.to_string())));
-        settings.extend(self.min_samples.map(|least| ("kiln:min-samples".into(), least.to_string())));
-        settings
-    }
-
-    /// Checks a number of samples per pixel.
-    ///
-    /// # Errors
-    /// A message that states the valid range.
-    pub fn check_samples(samples: i64) -> Result<u32, String> {
-        match u32::try_from(samples) {
-            Ok(samples @ 1..=MAX_SAMPLES) => Ok(samples),
-            _ => Err(format!("give a number of samples from 1 to {MAX_SAMPLES}")),
-        }
-    }
-
-    /// Checks a filter radius in pixels.
-    ///
-    /// # Errors
-    /// A message that states the valid range.
-    pub fn check_radius(radius: f64) -> Result<f64, String> {
-        if RADII.contains(&radius) {
-            return Ok(radius);
-        }
-        Err(format!("give a radius in pixels from {} to {}", RADII.start(), RADII.end()))
-    }
-
-    /// Checks a noise threshold; 1 is white.
-    ///
-    /// # Errors
-    /// A message that states the valid range.
-    pub fn check_noise(level: f64) -> Result<f64, String> {
-        if (MIN_NOISE..=1.0).contains(&level) {
-            return Ok(level);
-        }
-        Err("give a standard error from 0.000001 to 1, 1 being white; one step of 8 bits is 0.004".into())
     }
 }

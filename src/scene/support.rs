@@ -12,10 +12,8 @@ use super::{Mesh, Object, Placed, Shape};
 
 /// A function of points that is affine up to rounding.
 pub struct AffineFunction<'a> {
-    /// The function as computed, rounding included.
-    pub value: &'a dyn Fn(DVec3) -> f64,
-    /// Its maximum over a sphere, given centre and radius.
-    pub of_sphere: &'a dyn Fn(DVec3, f64) -> f64,
+    /// Its maximum over a sphere, given centre and radius, as computed, rounding included; of a point with a radius of 0.
+    pub of_sphere: Box<dyn Fn(DVec3, f64) -> f64 + 'a>,
     /// Its gradient.
     pub gradient: DVec3,
     /// Upper bound, on each axis, of the gradient and of every term that it is summed from.
@@ -52,11 +50,9 @@ pub(crate) fn maxima(trees: &PointTrees, objects: &[Object], functions: &[Affine
         match &object.shape {
             Shape::Analytic(shape) => {
                 let (centre, radius) = shape.bounding_sphere();
-                for (best, function) in best.iter_mut().zip(functions) {
-                    *best = best.max((function.of_sphere)(centre, radius));
-                }
+                include(&mut best, functions, centre, radius);
             }
-            Shape::Mesh(mesh) => mesh.corners().for_each(|p| include_point(&mut best, functions, p)),
+            Shape::Mesh(mesh) => mesh.corners().for_each(|p| include(&mut best, functions, p, 0.0)),
             Shape::Placed(one) => placed.push((one, &trees.0[&Arc::as_ptr(&one.mesh)])),
         }
     }
@@ -75,9 +71,9 @@ pub(crate) fn maxima(trees: &PointTrees, objects: &[Object], functions: &[Affine
     best
 }
 
-fn include_point(best: &mut [f64], functions: &[AffineFunction], p: DVec3) {
+fn include(best: &mut [f64], functions: &[AffineFunction], centre: DVec3, radius: f64) {
     for (best, function) in best.iter_mut().zip(functions) {
-        *best = best.max((function.value)(p));
+        *best = best.max((function.of_sphere)(centre, radius));
     }
 }
 
@@ -91,7 +87,7 @@ impl Bound {
     fn of(function: &AffineFunction, placed: &Placed, tree: &PointTree) -> Self {
         let (linear, offset) = placed.placement.as_one();
         let numbers = placed.placement.reach(tree.reach) + function.offset;
-        let offset = (function.value)(offset) + function.weight.dot(numbers) * ROUNDING;
+        let offset = (function.of_sphere)(offset, 0.0) + function.weight.dot(numbers) * ROUNDING;
         Bound { gradient: linear.transpose() * function.gradient, offset }
     }
 
@@ -160,7 +156,7 @@ impl PointTree {
             }
             if node.children == 0 {
                 let points = &self.points[node.first..node.end];
-                let values = points.iter().map(|&p| (function.value)(placed.placement.point(p)));
+                let values = points.iter().map(|&p| (function.of_sphere)(placed.placement.point(p), 0.0));
                 best = values.fold(best, f64::max);
                 continue;
             }

@@ -27,13 +27,31 @@ impl Transport {
     }
 }
 
-/// Checks a clamp of indirect light: a radiance above 0.
-///
-/// # Errors
-/// A message that states the valid range.
-pub fn check_clamp(radiance: f64) -> Result<f64, String> {
-    if radiance > 0.0 && radiance.is_finite() {
-        return Ok(radiance);
+/// What calls for a transport.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TransportReason {
+    /// It was chosen.
+    Choice,
+    /// An environment.
+    Environment,
+    /// A light with an area.
+    AreaLight,
+    /// Nothing calls for another.
+    Nothing,
+}
+
+impl Transport {
+    /// The transport of a picture, and what calls for it: the choice, otherwise what the scene has.
+    pub fn called_for(
+        choice: Option<Transport>,
+        has_environment: bool,
+        has_area_light: bool,
+    ) -> (Transport, TransportReason) {
+        match choice {
+            Some(transport) => (transport, TransportReason::Choice),
+            None if has_environment => (Transport::Path, TransportReason::Environment),
+            None if has_area_light => (Transport::Path, TransportReason::AreaLight),
+            None => (Transport::Whitted, TransportReason::Nothing),
+        }
     }
-    Err("give a radiance above 0, such as 10; 1 is white".into())
 }

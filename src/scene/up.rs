@@ -24,20 +24,9 @@ pub enum UpAxis {
     MinusZ,
 }
 
+names!(UpAxis { X = "x", Y = "y", Z = "z", MinusZ = "-z" });
+
 impl UpAxis {
-    /// Every axis.
-    pub const ALL: [UpAxis; 4] = [UpAxis::X, UpAxis::Y, UpAxis::Z, UpAxis::MinusZ];
-
-    /// The name as typed by users.
-    pub fn name(self) -> &'static str {
-        match self {
-            UpAxis::X => "x",
-            UpAxis::Y => "y",
-            UpAxis::Z => "z",
-            UpAxis::MinusZ => "-z",
-        }
-    }
-
     /// The unit vector in the file.
     pub fn vector(self) -> DVec3 {
         match self {

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::scene::{Falloff, LightKind};
-use crate::world::{InteractionSoa, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, WorldLight, simd_dispatch};
+use crate::world::{InteractionSoa, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, WorldLight, simd};
 
 /// A light sampled at a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -139,25 +139,16 @@ impl LightSoa {
         // The common kinds are passed as constants, so that the loop has no branch on them.
         match &light.kind {
             &LightKind::Directional { direction, angle } => {
-                simd_dispatch(
-                    #[inline(always)]
-                    || self.fill(&LightKind::Directional { direction, angle }, light, surfaces, smooth),
-                );
+                simd!(self.fill(&LightKind::Directional { direction, angle }, light, surfaces, smooth));
             }
-            &LightKind::Point { position, falloff: Falloff::None } => simd_dispatch(
-                #[inline(always)]
-                || {
-                    let kind = LightKind::Point { position, falloff: Falloff::None };
-                    self.fill(&kind, light, surfaces, smooth);
-                },
-            ),
-            &LightKind::Point { position, falloff: Falloff::InverseSquare { range: None } } => simd_dispatch(
-                #[inline(always)]
-                || {
-                    let falloff = Falloff::InverseSquare { range: None };
-                    self.fill(&LightKind::Point { position, falloff }, light, surfaces, smooth);
-                },
-            ),
+            &LightKind::Point { position, falloff: Falloff::None } => simd!({
+                let kind = LightKind::Point { position, falloff: Falloff::None };
+                self.fill(&kind, light, surfaces, smooth);
+            }),
+            &LightKind::Point { position, falloff: Falloff::InverseSquare { range: None } } => simd!({
+                let falloff = Falloff::InverseSquare { range: None };
+                self.fill(&LightKind::Point { position, falloff }, light, surfaces, smooth);
+            }),
             kind => self.fill(kind, light, surfaces, smooth),
         }
     }

@@ -95,8 +95,8 @@ fn specular(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::PrimId;
     use crate::geometry::spawn::SurfacePoint;
+    use crate::geometry::{Hit, PrimId, SlotId};
 
     fn surface(view: DVec3) -> SurfaceInteraction {
         SurfaceInteraction {
@@ -108,7 +108,8 @@ mod tests {
             further_texels: crate::world::FurtherTexels::default(),
             ambient: 1.0,
             tint: DVec3::ONE,
-            prim: PrimId(0),
+            is_turned: false,
+            hit: Hit { t: 1.0, prim: PrimId(0), slot: SlotId::new(0), barycentrics: [0.0; 2] },
             object: 0,
             material: 0,
         }

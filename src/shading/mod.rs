@@ -7,51 +7,14 @@ pub mod normal_map;
 mod phong;
 pub mod texture;
 
+pub use crate::scene::ShadingMode;
 pub use lights::{LightSample, LightSoa};
 pub use phong::Scratch;
 
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
 
 use crate::scene::Material;
 use crate::world::{InteractionSoa, PreparedMaterial, SurfaceInteraction, Vec3Soa, World};
-
-/// Which terms of the shading model are computed, in ascending order.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum ShadingMode {
-    /// The base colour, without light.
-    Flat,
-    /// Ambient light.
-    Ambient,
-    /// Ambient and diffuse light.
-    Diffuse,
-    /// All terms, with highlights and the effects of shading. Typed `phong`.
-    #[default]
-    #[serde(rename = "phong")]
-    Full,
-}
-
-impl ShadingMode {
-    /// Every mode, in ascending order.
-    pub const ALL: [ShadingMode; 4] =
-        [ShadingMode::Flat, ShadingMode::Ambient, ShadingMode::Diffuse, ShadingMode::Full];
-
-    /// The name as typed by users.
-    pub fn name(self) -> &'static str {
-        match self {
-            ShadingMode::Flat => "flat",
-            ShadingMode::Ambient => "ambient",
-            ShadingMode::Diffuse => "diffuse",
-            ShadingMode::Full => "phong",
-        }
-    }
-
-    /// Whether lights are evaluated.
-    pub fn uses_lights(self) -> bool {
-        self >= ShadingMode::Diffuse
-    }
-}
 
 /// Whether lights can change the colour of a material.
 pub fn takes_light(material: &PreparedMaterial, mode: ShadingMode) -> bool {

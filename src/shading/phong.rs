@@ -10,7 +10,7 @@ use glam::DVec3;
 use super::{LightSample, LightSoa, ShadingMode};
 use crate::film::ColourPipeline;
 use crate::scene::Phong;
-use crate::world::{InteractionSoa, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, World, simd_dispatch};
+use crate::world::{InteractionSoa, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, World, simd};
 
 /// The colour of a surface under the given lights.
 #[inline]
@@ -109,23 +109,18 @@ pub(crate) fn shade_all(
             continue;
         }
         let range = range.clone();
-        simd_dispatch(
-            #[inline(always)]
-            || add_light(material, mode, (surfaces, range), light, (colours, scratch)),
-        );
+        simd!(add_light(material, mode, (surfaces, range), light, (colours, scratch)));
     }
     // The pipeline is passed as a constant, so that the loop has no branch on it.
     let emissive = range.clone();
     match pipeline {
         ColourPipeline::U8 => mix(ColourPipeline::U8, material.colour, (surfaces, range), colours),
-        ColourPipeline::Display => simd_dispatch(
-            #[inline(always)]
-            || mix(ColourPipeline::Display, material.colour, (surfaces, range), colours),
-        ),
-        ColourPipeline::Linear => simd_dispatch(
-            #[inline(always)]
-            || mix(ColourPipeline::Linear, material.colour, (surfaces, range), colours),
-        ),
+        ColourPipeline::Display => {
+            simd!(mix(ColourPipeline::Display, material.colour, (surfaces, range), colours));
+        }
+        ColourPipeline::Linear => {
+            simd!(mix(ColourPipeline::Linear, material.colour, (surfaces, range), colours));
+        }
     }
     if material.emission != DVec3::ZERO {
         emissive.for_each(|i| colours.set(i, with_emission(pipeline, material, colours.get(i))));

@@ -3,9 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::advice::{Advice, ParameterStep};
-use crate::bench::{Envelope, Spread};
+use crate::bench::Envelope;
 use crate::metrics::Figures;
 use crate::metrics::t_test::TTest;
+use crate::timing::Spread;
 
 /// Version of the JSON schema, incremented when a field is removed or changes its meaning.
 pub(crate) const SCHEMA: u32 = 1;

@@ -12,12 +12,13 @@ use super::setting::Setting;
 use super::sweep::{Candidate, sweep};
 use super::work::{MeasuredSetting, StudyRun, distinct, filters, prepare};
 use super::{advice, ambient, path_sweep, steps, techniques};
-use crate::bench::{Clock, Envelope, Spread};
+use crate::bench::Envelope;
 use crate::effects::RayKind;
 use crate::error::{Error, Result};
 use crate::geometry::Numerics;
 use crate::job::ResolvedJob;
 use crate::render::RenderControl;
+use crate::timing::{Clock, Spread};
 
 /// Input of a study.
 pub struct StudySubject {

@@ -1,6 +1,6 @@
 //! Pareto front of time and error, with ties.
 
-use crate::bench::Spread;
+use crate::timing::Spread;
 
 /// A setting's time and error.
 #[derive(Debug, Clone, Copy)]

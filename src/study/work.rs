@@ -10,7 +10,6 @@ use super::pictures::{Comparison, SettingImages, png};
 use super::reference::{ConvergedReference, halves};
 use super::setting::Setting;
 use super::{geometry, leaks};
-use crate::bench::{Clock, Spread};
 use crate::error::{Error, Result};
 use crate::film::{Film, FilterShape, Pixel, TILE, Window};
 use crate::geometry::Numerics;
@@ -18,6 +17,7 @@ use crate::job::{RenderJob, ResolvedJob};
 use crate::metrics::{ComparedImage, Figures};
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Scene;
+use crate::timing::{Clock, Spread};
 use crate::world::{View, World};
 
 /// Maximum number of rays along a side for the comparison of geometry, unless the picture is larger.
@@ -51,8 +51,9 @@ pub(crate) fn prepare(subject: &StudySubject, setting: &Setting) -> Result<Rende
 /// The job of a scene in a setting.
 fn job_of(subject: &StudySubject, setting: &Setting, scene: Scene) -> Result<RenderJob> {
     let world = World::prepare(scene, setting.pipeline, setting.structure, setting.numerics);
-    let ResolvedJob { camera, size, window, choices, .. } = &subject.job;
-    let job = RenderJob::new(Arc::new(world), None, camera.clone(), *size, setting.choices(choices))?;
+    let ResolvedJob { camera, window, choices, .. } = &subject.job;
+    let job =
+        RenderJob::new(Arc::new(world), None, camera.clone(), subject.job.size(), setting.choices(choices))?;
     Ok(RenderJob { window: *window, ..job })
 }
 
@@ -118,7 +119,7 @@ impl StudyRun<'_> {
 
     /// Picture size for the comparison of geometry.
     fn size_of_geometry(&self) -> [u32; 2] {
-        let size = self.subject.job.size;
+        let size = self.subject.job.size();
         let most = MAX_RAYS_ACROSS / size[0].max(size[1]).max(1);
         size.map(|side| side * self.options.rays_across.min(most).max(1))
     }

@@ -11,8 +11,7 @@ use super::navigate;
 use super::request::{CameraSource, Opened, RenderRequest};
 use crate::job::RenderSettings;
 use crate::scene::animation::Timeline;
-use crate::scene::{Camera, Numerics, Projection};
-use crate::shading::ShadingMode;
+use crate::scene::{Camera, Numerics, Projection, Samples, ShadingMode};
 use crate::world::StandardView;
 
 /// Flight speed, in distances to the target per second.
@@ -82,7 +81,7 @@ impl Controls {
             self.projection = opened.projection;
         }
         for side in &mut self.sides {
-            let new = &opened.settings;
+            let (side, settings, new) = (&mut side.picture, &settings.picture, &opened.settings.picture);
             // The others are those of the command line, which stays.
             update_unchanged(&mut side.numerics, settings.numerics, new.numerics);
             update_unchanged(&mut side.colour, settings.colour, new.colour);
@@ -201,13 +200,13 @@ impl Controls {
 
     /// Selects the next shading mode.
     pub(crate) fn next_shading(&mut self) {
-        let shading = &mut self.settings().shading;
-        *shading = next(&ShadingMode::ALL, *shading);
+        let shading = &mut self.settings().picture.shading;
+        *shading = Some(next(&ShadingMode::ALL, shading.unwrap_or_default()));
     }
 
     /// Selects the next numerics tier.
     pub(crate) fn next_tier(&mut self) {
-        let numerics = &mut self.settings().numerics;
+        let numerics = &mut self.settings().picture.numerics;
         *numerics = Some(next(&Numerics::ALL, numerics.unwrap_or_default()));
     }
 
@@ -217,8 +216,8 @@ impl Controls {
         match self.sides.len() {
             1 => {
                 let mut second = self.sides[0].clone();
-                second.sampling.samples = Some(if samples > 1 { 1 } else { COMPARED_SAMPLES });
-                second.sampling.noise = None;
+                let compared = if samples > 1 { 1 } else { COMPARED_SAMPLES };
+                (second.picture.samples, second.picture.noise) = (Some(Samples::clamped(compared)), None);
                 self.sides.push(second);
                 self.side = 1;
             }

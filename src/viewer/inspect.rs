@@ -9,7 +9,7 @@ use crate::bvh::{Primitive, Tests, Traversal};
 use crate::effects::tile::{RayRecorder, RecordedRay, RenderContext, Tile, TraceResult};
 use crate::effects::{EFFECTS, EffectId, Plan, RayKind};
 use crate::film::{DisplayTransform, Window};
-use crate::geometry::Hit;
+use crate::geometry::Ray;
 use crate::scene::{Glaze, Material};
 use crate::world::{PreparedMaterial, Recentering, SurfaceInteraction, View, World};
 
@@ -100,11 +100,20 @@ pub fn inspect(
     let context = RenderContext { world, view, display: known };
     let window = Window { x, y, width: 1, height: 1 };
     let mut tile = Tile::default();
+    // Returns the surface that the first camera ray hits.
     let run = |plan: &Plan, tile: &mut Tile| {
         tile.start(window);
-        plan.run(tile, &context, |_| {});
-        while tile.needs_more_samples {
-            plan.run(tile, &context, |_| {});
+        let mut first = None;
+        loop {
+            plan.run(tile, &context, |stage, tile| {
+                let surfaces = &tile.generations[tile.current].surfaces;
+                if plan.ends_camera_rays(stage) && !surfaces.is_empty() {
+                    first.get_or_insert_with(|| surfaces.get(0));
+                }
+            });
+            if !tile.needs_more_samples {
+                return first;
+            }
         }
     };
     run(plan, &mut tile);
@@ -113,19 +122,12 @@ pub fn inspect(
 
     let mut tile = Tile::default();
     tile.recorder = Some(Box::new(RayRecorder::default()));
-    run(&one_ray_per_pixel(world, plan), &mut tile);
+    let interaction = run(&one_ray_per_pixel(world, plan), &mut tile);
     let casts = tile.recorder.take().map_or(Vec::new(), |recorder| recorder.rays);
-    let interaction = tile
-        .generations
-        .first()
-        .and_then(|first| (!first.surfaces.is_empty()).then(|| first.surfaces.get(0)));
     let first = casts.first();
-    let hit =
-        first.and_then(|cast| if let TraceResult::Closest(hit) = cast.result { Some(hit) } else { None });
     let surface = interaction
-        .zip(hit)
         .zip(first)
-        .map(|((interaction, hit), cast)| surface_info(world, recentering, &interaction, &hit, cast));
+        .map(|(interaction, cast)| surface_info(world, recentering, &interaction, &cast.ray));
     let mut traversal = Traversal::default();
     if let Some(cast) = first {
         world.accelerator.closest_hit(&cast.ray, &mut traversal);
@@ -145,10 +147,9 @@ fn surface_info(
     world: &World,
     recentering: Option<&Recentering>,
     surface: &SurfaceInteraction,
-    hit: &Hit,
-    cast: &RecordedRay,
+    ray: &Ray,
 ) -> SurfaceInfo {
-    let object = &world.objects[surface.object as usize];
+    let (object, hit) = (&world.objects[surface.object as usize], &surface.hit);
     let position = surface.point.position;
     let [v, w] = hit.barycentrics;
     let (kind, barycentrics) = match world.accelerator.primitive(hit.slot) {
@@ -166,7 +167,7 @@ fn surface_info(
         geometric_normal: surface.geometric_normal,
         shading_normal: surface.shading_normal,
         barycentrics,
-        uv: world.texture_point(surface, hit, &cast.ray, None, 0).map(|point| point.uv),
+        uv: world.texture_point(surface, ray, None, 0).map(|point| point.uv),
         material: world.materials[surface.material as usize].name().to_owned(),
         material_values: material_values(world, &world.materials[surface.material as usize]),
     }
@@ -284,8 +285,8 @@ mod tests {
         let camera = recentering.map_or(camera.clone(), |recentering| recentering.moved(camera));
         let view = View::new(&camera, camera.projection, [101, 101]).unwrap();
         let bounds = scene.bounds();
-        let pipeline = scene.colour.unwrap_or_default();
-        let choices = Choices { sampling: scene.sampling, ..Choices::default() };
+        let pipeline = scene.picture.pipeline();
+        let choices = Choices { sampling: scene.picture.sampling(), ..Choices::default() };
         let world = World::prepare(scene, pipeline, Layout::default(), Numerics::Double);
         let plan = Plan::new(&world, &choices).unwrap();
         Ready { world, view, plan, bounds, recentering }
@@ -424,7 +425,7 @@ mod tests {
         let mut scene = assignment();
         let camera = scene.cameras[0].clone();
         let one = ready(scene.clone(), &camera);
-        scene.sampling.samples = Some(9);
+        scene.picture.samples = Some(crate::scene::Samples::clamped(9));
         let nine = ready(scene, &camera);
         let (a, b) = (one.inspect([40, 60]), nine.inspect([40, 60]));
         assert_eq!((a.samples, b.samples), (1, 9));

@@ -22,14 +22,12 @@ mod refine;
 mod request;
 mod save;
 mod timeline;
-mod trace;
 pub mod watch;
 
 pub use app::run;
 pub use request::{CameraSource, Opened};
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use crate::error::{Result, Warnings};
 use crate::import::FileRead;
@@ -48,12 +46,6 @@ pub struct Start {
     pub size: Option<[u32; 2]>,
     /// Rendering threads.
     pub threads: rayon::ThreadPool,
-    /// File for the event trace: one JSON object per line, with time stamps.
-    pub trace: Option<PathBuf>,
-    /// Duration for which frame times of the interface are measured before the window closes.
-    pub pauses: Option<Duration>,
-    /// Whether the window's size and settings are stored between runs.
-    pub remembers: bool,
 }
 
 /// The file name without its folder, for window titles.

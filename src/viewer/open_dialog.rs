@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 
 use egui::{Context, Key, ScrollArea, TextEdit, Window};
 
-use super::trace::Trace;
 use crate::import;
 
 /// The list of a folder's files that kiln reads.
@@ -73,13 +72,12 @@ impl OpenDialog {
     }
 
     /// Shows the window.
-    pub(crate) fn show(&mut self, context: &Context, trace: &mut Trace) -> Answer {
+    pub(crate) fn show(&mut self, context: &Context) -> Answer {
         let (mut is_open, mut chosen) = (true, None);
         Window::new("Open file").open(&mut is_open).default_size([420.0, 360.0]).show(context, |ui| {
             ui.label(self.folder.display().to_string());
             let edit = TextEdit::singleline(&mut self.typed).hint_text("a path").desired_width(f32::INFINITY);
             let field = ui.add(edit);
-            trace.place("open path", field.rect, ui.ctx().pixels_per_point());
             if field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter)) && !self.typed.is_empty()
             {
                 chosen = Some(self.typed.clone());
@@ -93,7 +91,6 @@ impl OpenDialog {
                 }
                 for name in &self.names {
                     let row = ui.selectable_label(false, name);
-                    trace.place(&format!("open {name}"), row.rect, ui.ctx().pixels_per_point());
                     if row.clicked() {
                         chosen = Some(name.clone());
                     }

@@ -8,14 +8,14 @@ use super::keys::Action;
 use super::navigate;
 use super::painter::{Comparison, RenderedImage};
 use super::request::{CameraSource, Opened};
-use super::trace::Trace;
 use crate::effects::{Decision, EFFECTS, RayKind, id};
 use crate::film::tone::{Exposure, MAX_EXPOSURE, ToneMap};
 use crate::film::{ColourPipeline, FilterShape};
-use crate::job::{Background, Look, RenderSettings};
+use crate::job::{Look, RenderSettings};
 use crate::render::grouped;
-use crate::scene::{Camera, Numerics, Projection, Sampling};
-use crate::shading::ShadingMode;
+use crate::scene::{
+    Background, Camera, Headlight, Numerics, OptionValue, Projection, Samples, Sampling, ShadingMode,
+};
 use crate::world::StandardView;
 
 /// Data that the panel displays.
@@ -40,23 +40,23 @@ impl PanelContents<'_> {
 }
 
 /// Shows the panel.
-pub(crate) fn show(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trace: &mut Trace) {
+pub(crate) fn show(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
     ui.add_space(8.0);
-    camera(ui, contents, controls, trace);
+    camera(ui, contents, controls);
     ui.separator();
-    comparison(ui, contents, controls, trace);
+    comparison(ui, contents, controls);
     let rendered = contents.rendered[controls.side];
-    look(ui, contents, controls, trace);
+    look(ui, contents, controls);
     ui.separator();
-    render_settings(ui, rendered, controls, trace);
+    render_settings(ui, rendered, controls);
     ui.separator();
     if let Some(rendered) = rendered {
-        effects(ui, rendered, controls.settings(), trace);
+        effects(ui, rendered, controls.settings());
     }
 }
 
 /// Shows the buttons. Returns the action of a clicked button.
-pub(crate) fn buttons(ui: &mut Ui, trace: &mut Trace) -> Option<Action> {
+pub(crate) fn buttons(ui: &mut Ui) -> Option<Action> {
     let all = [
         ("Open file", "a scene, a mesh or a glTF file (Ctrl + O); files can be dropped, too", Action::Open),
         ("Save picture", "as a PNG in this folder (Ctrl + S)", Action::SavePicture),
@@ -69,7 +69,6 @@ pub(crate) fn buttons(ui: &mut Ui, trace: &mut Trace) -> Option<Action> {
     ui.horizontal_wrapped(|ui| {
         for (name, meaning, action) in all {
             let button = ui.button(name).on_hover_text(meaning);
-            place(ui, trace, name, &button);
             if button.clicked() {
                 clicked = Some(action);
             }
@@ -78,7 +77,7 @@ pub(crate) fn buttons(ui: &mut Ui, trace: &mut Trace) -> Option<Action> {
     clicked
 }
 
-fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trace: &mut Trace) {
+fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
     let cameras = &contents.opened.scene.cameras;
     ui.horizontal(|ui| {
         let name = match &controls.camera_source {
@@ -86,7 +85,7 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trace:
             CameraSource::Fitted(view) => view.name().to_owned(),
             CameraSource::Free(_) => "free".to_owned(),
         };
-        let list = ComboBox::from_id_salt("camera").selected_text(name).show_ui(ui, |ui| {
+        ComboBox::from_id_salt("camera").selected_text(name).show_ui(ui, |ui| {
             for (index, camera) in cameras.iter().enumerate() {
                 if ui
                     .selectable_label(controls.camera_source == CameraSource::Scene(index), &camera.name)
@@ -107,9 +106,7 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trace:
                 }
             }
         });
-        place(ui, trace, "camera", &list.response);
         let reset = ui.button("Reset").on_hover_text("back to where it was first seen from (R)");
-        place(ui, trace, "reset", &reset);
         if reset.clicked() {
             controls.reset_camera();
         }
@@ -118,8 +115,7 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trace:
     ui.horizontal(|ui| {
         for projection in [Projection::Perspective, Projection::Orthographic] {
             let button = ui.selectable_label(seen.projection == projection, projection.name());
-            place(ui, trace, projection.name(), &button.clone().on_hover_text("Enter"));
-            if button.clicked() {
+            if button.on_hover_text("Enter").clicked() {
                 controls.project(projection, Some(seen));
             }
         }
@@ -127,38 +123,29 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trace:
     let mut degrees = navigate::field_of_view(seen).to_degrees();
     let slider =
         ui.add(Slider::new(&mut degrees, 1.0..=150.0).text("field of view").suffix("°").logarithmic(true));
-    place(ui, trace, "field of view", &slider);
     // A slider that gets the focus parses its displayed text, which is rounded, and reports a change.
     let before = navigate::field_of_view(seen).to_degrees();
     if slider.changed() && (degrees - before).abs() > 1e-3 * before {
         controls.navigate(Some(seen), |camera| navigate::set_field_of_view(camera, degrees.to_radians()));
     }
-    let shown = ComboBox::from_label("shown").selected_text(controls.display_mode.name()).show_ui(ui, |ui| {
+    ComboBox::from_label("shown").selected_text(controls.display_mode.name()).show_ui(ui, |ui| {
         for shown in DisplayMode::ALL {
             ui.selectable_value(&mut controls.display_mode, shown, shown.name());
         }
     });
-    place(ui, trace, "shown", &shown.response);
 }
 
-/// Writes the rectangle of a control to the trace, for scripts.
-fn place(ui: &Ui, trace: &mut Trace, name: &str, response: &egui::Response) {
-    trace.place(name, response.rect, ui.ctx().pixels_per_point());
-}
-
-fn comparison(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trace: &mut Trace) {
+fn comparison(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
     ui.horizontal(|ui| {
         let mut compares = controls.sides.len() > 1;
         let check =
             ui.checkbox(&mut compares, "Compare").on_hover_text("beside a second setting (X); drag the line");
-        place(ui, trace, "compare", &check);
         if check.changed() {
             controls.switch_comparison(contents.samples_taken());
         }
         if controls.sides.len() > 1 {
             for (side, name) in ["left", "right"].into_iter().enumerate() {
                 let button = ui.selectable_label(controls.side == side, name);
-                place(ui, trace, name, &button);
                 if button.clicked() {
                     controls.side = side;
                 }
@@ -184,40 +171,38 @@ fn comparison(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, tr
 }
 
 /// Light, ground and background, as the options of `kiln render` choose them.
-fn look(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trace: &mut Trace) {
+fn look(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
     let has_settings = contents.opened.scene.has_settings;
     let settings = controls.settings();
     let own = if has_settings || !contents.opened.scene.lights.is_empty() { "the file's" } else { "studio" };
     let mut light = LightChoice::of(settings);
-    let list = ComboBox::from_label("light").selected_text(light.name(own)).show_ui(ui, |ui| {
+    ComboBox::from_label("light").selected_text(light.name(own)).show_ui(ui, |ui| {
         for choice in LightChoice::ALL {
             ui.selectable_value(&mut light, choice, choice.name(own)).on_hover_text(choice.meaning());
         }
     });
-    place(ui, trace, "light", &list.response);
     if light != LightChoice::of(settings) {
         light.apply(settings);
     }
     ui.horizontal(|ui| {
-        let mut has_colour = settings.background.is_some();
+        let picture = &mut settings.picture;
+        let mut has_colour = picture.background.is_some();
         let check = ui.checkbox(&mut has_colour, "background");
-        place(ui, trace, "background", &check);
-        let mut colour = match settings.background {
+        let mut colour = match picture.background {
             Some(Background::Colour(colour)) => colour,
             Some(Background::Transparent) => [0; 3],
             None => DEFAULT_BACKGROUND,
         };
         if check.changed() {
-            settings.background = has_colour.then_some(Background::Colour(colour));
+            picture.background = has_colour.then_some(Background::Colour(colour));
         }
         if has_colour && ui.color_edit_button_srgb(&mut colour).changed() {
-            settings.background = Some(Background::Colour(colour));
+            picture.background = Some(Background::Colour(colour));
         }
-        let mut has_ground = settings.ground == Some(true);
+        let mut has_ground = picture.ground == Some(true);
         let check = ui.checkbox(&mut has_ground, "ground").on_hover_text("a matt plane under the scene");
-        place(ui, trace, "ground", &check);
         if check.changed() {
-            settings.ground = has_ground.then_some(true);
+            picture.ground = has_ground.then_some(true);
         }
     });
 }
@@ -242,11 +227,11 @@ impl LightChoice {
         [LightChoice::Own, LightChoice::Headlight, LightChoice::Sky, LightChoice::None];
 
     fn of(settings: &RenderSettings) -> Self {
-        match (settings.environment.source.as_deref(), settings.headlight, settings.look) {
+        match (settings.environment.environment.as_deref(), settings.picture.light, settings.look) {
             (Some("sky"), ..) => LightChoice::Sky,
             (Some(_), ..) => LightChoice::Environment,
-            (None, Some(true), _) | (None, None, Look::Draft) => LightChoice::Headlight,
-            (None, Some(false), _) => LightChoice::None,
+            (None, Some(Headlight::Head), _) | (None, None, Look::Draft) => LightChoice::Headlight,
+            (None, Some(Headlight::None), _) => LightChoice::None,
             (None, None, Look::Studio) => LightChoice::Own,
         }
     }
@@ -272,53 +257,50 @@ impl LightChoice {
     }
 
     fn apply(self, settings: &mut RenderSettings) {
-        (settings.look, settings.headlight, settings.environment.source) = (Look::Studio, None, None);
+        let RenderSettings { look, picture, environment, .. } = settings;
+        (*look, picture.light, environment.environment) = (Look::Studio, None, None);
         match self {
             LightChoice::Own | LightChoice::Environment => {}
-            LightChoice::Headlight => settings.headlight = Some(true),
-            LightChoice::Sky => settings.environment.source = Some("sky".to_owned()),
-            LightChoice::None => settings.headlight = Some(false),
+            LightChoice::Headlight => picture.light = Some(Headlight::Head),
+            LightChoice::Sky => environment.environment = Some("sky".to_owned()),
+            LightChoice::None => picture.light = Some(Headlight::None),
         }
     }
 }
 
-fn render_settings(
-    ui: &mut Ui,
-    rendered: Option<&RenderedImage>,
-    controls: &mut Controls,
-    trace: &mut Trace,
-) {
-    let settings = controls.settings();
-    choice(ui, trace, "shading", &mut settings.shading, &ShadingMode::ALL, ShadingMode::name);
-    let mut numerics = settings.numerics.unwrap_or_default();
-    choice(ui, trace, "numerics", &mut numerics, &Numerics::ALL, Numerics::name);
-    let pipelines = [ColourPipeline::Display, ColourPipeline::U8, ColourPipeline::Linear];
-    let mut pipeline = settings.colour.unwrap_or_default();
-    choice(ui, trace, "colour", &mut pipeline, &pipelines, ColourPipeline::name);
-    (settings.numerics, settings.colour) = (Some(numerics), Some(pipeline));
+fn render_settings(ui: &mut Ui, rendered: Option<&RenderedImage>, controls: &mut Controls) {
+    let picture = &mut controls.settings().picture;
+    // What the file or the look says, where nothing else was chosen.
+    let own = rendered.map(|rendered| rendered.prepared.job.settings.picture).unwrap_or_default();
+    let shown = picture.or(own);
+    let mut shading = shown.shading.unwrap_or_default();
+    choice(ui, "shading", &mut shading, &ShadingMode::ALL, ShadingMode::name);
+    if shown.shading.unwrap_or_default() != shading {
+        picture.shading = Some(shading);
+    }
+    let mut numerics = picture.numerics.unwrap_or_default();
+    choice(ui, "numerics", &mut numerics, &Numerics::ALL, Numerics::name);
+    let mut pipeline = picture.pipeline();
+    choice(ui, "colour", &mut pipeline, &ColourPipeline::ALL, ColourPipeline::name);
+    (picture.numerics, picture.colour) = (Some(numerics), Some(pipeline));
     if pipeline == ColourPipeline::Linear {
-        // What the file or the look says, where nothing else was chosen.
-        let display =
-            settings.display.or(rendered.map(|rendered| rendered.prepared.job.display).unwrap_or_default());
-        let mut map = display.tone_map.unwrap_or_default();
-        choice(ui, trace, "tone map", &mut map, &ToneMap::ALL, ToneMap::name);
-        if display.tone_map.unwrap_or_default() != map {
-            settings.display.tone_map = Some(map);
+        let mut map = shown.tone_map.unwrap_or_default();
+        choice(ui, "tone map", &mut map, &ToneMap::ALL, ToneMap::name);
+        if shown.tone_map.unwrap_or_default() != map {
+            picture.tone_map = Some(map);
         }
-        let mut own = display.exposure;
-        exposure(ui, trace, &mut own);
-        if own != display.exposure {
-            settings.display.exposure = own;
+        let mut ev = shown.exposure;
+        exposure(ui, &mut ev);
+        if ev != shown.exposure {
+            picture.exposure = ev;
         }
     }
-    let own = rendered.map(|rendered| rendered.prepared.choices.sampling).unwrap_or_default();
-    let sampling = &mut settings.sampling;
-    let mut samples = sampling.samples.unwrap_or_else(|| own.samples_taken());
+    let taken = || own.sampling().samples_taken();
+    let mut samples = picture.samples.map_or_else(taken, Samples::get);
     ui.horizontal(|ui| {
         let drag = ui.add(DragValue::new(&mut samples).range(1..=crate::scene::MAX_SAMPLES).speed(0.2));
-        place(ui, trace, "samples", &drag);
         if drag.changed() {
-            sampling.samples = Some(samples);
+            picture.samples = Some(Samples::clamped(samples));
         }
         ui.label(if own.noise.is_some() && samples > 1 {
             "samples a pixel at most"
@@ -327,29 +309,27 @@ fn render_settings(
         });
     });
     if samples > 1 {
-        let shape = sampling.or(own).shape_and_radius().0;
+        let shape = shown.filter.unwrap_or_default();
         let mut chosen = shape;
-        choice(ui, trace, "filter", &mut chosen, &FilterShape::ALL, FilterShape::name);
+        choice(ui, "filter", &mut chosen, &FilterShape::ALL, FilterShape::name);
         if chosen != shape {
-            (sampling.filter, sampling.filter_radius) = (Some(chosen), None);
+            (picture.filter, picture.filter_radius) = (Some(chosen), None);
         }
     }
 }
 
 /// A slider for a fixed exposure, and a checkbox for the automatic one.
-fn exposure(ui: &mut Ui, trace: &mut Trace, exposure: &mut Option<Exposure>) {
+fn exposure(ui: &mut Ui, exposure: &mut Option<Exposure>) {
     ui.horizontal(|ui| {
         let mut is_auto = *exposure == Some(Exposure::Auto);
         let mut ev = if let Some(Exposure::Ev(ev)) = exposure { *ev } else { 0.0 };
         let range = -MAX_EXPOSURE..=MAX_EXPOSURE;
         let drag = ui.add_enabled(!is_auto, DragValue::new(&mut ev).range(range).speed(0.02).max_decimals(2));
-        place(ui, trace, "exposure", &drag);
         if drag.changed() {
             *exposure = Some(Exposure::Ev(ev));
         }
         ui.label("EV");
         let check = ui.checkbox(&mut is_auto, "auto exposure");
-        place(ui, trace, "auto exposure", &check);
         if check.changed() {
             *exposure = Some(if is_auto { Exposure::Auto } else { Exposure::Ev(0.0) });
         }
@@ -358,21 +338,19 @@ fn exposure(ui: &mut Ui, trace: &mut Trace, exposure: &mut Option<Exposure>) {
 
 fn choice<T: PartialEq + Copy>(
     ui: &mut Ui,
-    trace: &mut Trace,
     label: &str,
     value: &mut T,
     all: &[T],
     name: impl Fn(T) -> &'static str,
 ) {
-    let list = ComboBox::from_label(label).selected_text(name(*value)).show_ui(ui, |ui| {
+    ComboBox::from_label(label).selected_text(name(*value)).show_ui(ui, |ui| {
         for &other in all {
             ui.selectable_value(value, other, name(other));
         }
     });
-    place(ui, trace, label, &list.response);
 }
 
-fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings, trace: &mut Trace) {
+fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings) {
     let (statistics, decisions) = (&rendered.statistics, &rendered.prepared.decisions);
     Grid::new("effects").num_columns(3).spacing([14.0, 4.0]).striped(true).show(ui, |ui| {
         ui.label(RichText::new("effect").weak());
@@ -385,7 +363,7 @@ fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings,
         ui.label(milliseconds(base.sum()));
         ui.end_row();
         for (decision, _) in decisions.iter().filter(|(_, can)| *can) {
-            effect(ui, decision, true, settings, trace);
+            effect(ui, decision, true, settings);
             let cost =
                 statistics.effect_costs.iter().find(|cost| cost.effect == decision.effect && decision.on);
             ui.label(cost.filter(|cost| cost.rays > 0).map_or(String::new(), |cost| count(cost.rays)));
@@ -395,7 +373,7 @@ fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings,
     });
     CollapsingHeader::new("not called for by the scene").show(ui, |ui| {
         for (decision, _) in decisions.iter().filter(|(_, can)| !can) {
-            effect(ui, decision, false, settings, trace);
+            effect(ui, decision, false, settings);
         }
     });
     if rendered.prepared.decisions.iter().any(|(decision, _)| decision.effect == id::GLAZE && decision.on) {
@@ -406,7 +384,6 @@ fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings,
                 ui.add(DragValue::new(&mut bounces).range(0..=64).speed(0.05).custom_formatter(|n, _| {
                     if n == 0.0 { "as the materials say".into() } else { format!("{n}") }
                 }));
-            place(ui, trace, "bounces", &drag);
             if drag.changed() {
                 let value = (bounces > 0).then(|| bounces.to_string());
                 settings.set(id::GLAZE, value.as_deref());
@@ -417,7 +394,7 @@ fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings,
 }
 
 /// Shows an effect's checkbox. `can` is whether the scene uses the effect; otherwise the checkbox is disabled.
-fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut RenderSettings, trace: &mut Trace) {
+fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut RenderSettings) {
     // A change that is not rendered yet is already displayed.
     let is_without = settings.without.iter().any(|name| *name == decision.effect.name());
     let has = settings.with.iter().any(|typed| typed.split('=').next() == Some(decision.effect.name()));
@@ -427,7 +404,6 @@ fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut RenderSett
         EFFECTS.iter().find(|effect| effect.id == decision.effect).map_or("", |effect| effect.summary);
     let text = format!("{meaning}\n{}", decision.why);
     let check = check.on_hover_text(&text).on_disabled_hover_text(&text);
-    place(ui, trace, &format!("effect {}", decision.effect), &check);
     if check.changed() {
         settings.switch(decision.effect, on);
     }
@@ -435,29 +411,28 @@ fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut RenderSett
 
 /// Names of the settings of a side, one entry each. `sampling` is that of its picture.
 pub(crate) fn setting_names(settings: &RenderSettings, sampling: &Sampling) -> Vec<String> {
-    let RenderSettings { shading, with, without, .. } = settings;
-    let (numerics, pipeline) = (settings.numerics.unwrap_or_default(), settings.colour.unwrap_or_default());
-    let samples = settings.sampling.samples.unwrap_or_else(|| sampling.samples_taken());
+    let RenderSettings { picture, with, without, .. } = settings;
+    let samples = picture.samples.map_or_else(|| sampling.samples_taken(), Samples::get);
     let mut words = vec![
-        shading.name().to_owned(),
-        numerics.name().into(),
-        pipeline.name().into(),
+        picture.shading.unwrap_or_default().name().to_owned(),
+        picture.numerics.unwrap_or_default().name().into(),
+        picture.pipeline().name().into(),
         if samples == 1 { "1 sample".into() } else { format!("{samples} samples") },
     ];
     if samples > 1 {
-        words.push(settings.sampling.or(*sampling).shape_and_radius().0.name().into());
+        words.push(picture.filter.or(sampling.filter).unwrap_or_default().name().into());
     }
-    let display = settings.display.in_pipeline(pipeline);
+    let display = picture.display().in_pipeline(picture.pipeline());
     words.extend(display.exposure().map(|exposure| format!("exposure {exposure}")));
     words.extend(display.tone_map().map(|map| map.name().to_owned()));
     let light = LightChoice::of(settings);
     if light != LightChoice::Own {
         words.push(format!("light: {}", light.name("")));
     }
-    if let Some(Background::Colour([r, g, b])) = settings.background {
-        words.push(format!("background #{r:02x}{g:02x}{b:02x}"));
+    if let Some(background @ Background::Colour(_)) = picture.background {
+        words.push(format!("background {}", background.text()));
     }
-    if settings.ground == Some(true) {
+    if picture.ground == Some(true) {
         words.push("ground".to_owned());
     }
     words.extend(with.iter().map(|effect| format!("with {effect}")));

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::job::{CameraChoice, RenderSettings};
-use crate::scene::{Camera, INLINE_NAME, Projection, Scene};
+use crate::scene::{Camera, INLINE_NAME, PictureSettings, Projection, Scene};
 use crate::world::StandardView;
 
 /// Camera of the viewer.
@@ -63,8 +63,8 @@ impl RenderRequest {
                 CameraChoice::Given(Camera { name: INLINE_NAME.to_owned(), ..camera.clone() })
             }
         };
-        let display = side.display.in_pipeline(side.colour.unwrap_or_default());
-        RenderSettings { camera, projection: self.projection, size: Some(self.size), display, ..side.clone() }
+        let picture = PictureSettings::of_size(self.size).or(side.picture).displayable();
+        RenderSettings { camera, projection: self.projection, picture, ..side.clone() }
     }
 }
 

@@ -3,29 +3,19 @@
 use egui::{Key, Slider, Ui};
 
 use super::controls::Controls;
-use super::trace::Trace;
 use crate::scene::animation::Timeline;
 
 /// Shows the bar. `duration` is in seconds.
-pub(crate) fn show(
-    ui: &mut Ui,
-    timeline: &Timeline,
-    duration: f64,
-    controls: &mut Controls,
-    trace: &mut Trace,
-) {
-    let scale = ui.ctx().pixels_per_point();
+pub(crate) fn show(ui: &mut Ui, timeline: &Timeline, duration: f64, controls: &mut Controls) {
     ui.horizontal(|ui| {
         let is_playing = controls.playing.is_some();
         let button = ui.button(if is_playing { "Pause" } else { "Play" }).on_hover_text("Space");
-        trace.place("play", button.rect, scale);
         if button.clicked() {
             controls.play();
         }
         let mut frame = controls.frame(timeline);
         ui.spacing_mut().slider_width = (ui.available_width() - 190.0).max(100.0);
         let slider = ui.add(Slider::new(&mut frame, 0..=timeline.last()).text("frame"));
-        trace.place("scrub", slider.rect, scale);
         // A focused slider handles arrows; Space still starts playback.
         let is_typed = ui.ctx().text_edit_focused();
         if slider.has_focus() && !is_typed && ui.input(|input| input.key_pressed(Key::Space)) {

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::PreparedMaterial;
 use super::rectangle::Rectangle;
-use crate::film::ColourPipeline;
+use crate::film::{Colour, ColourPipeline};
 use crate::scene::{Light, LightKind, Material, MaterialId, Mesh, Object, Phong, Scene, Shape, Sphere};
 
 /// The lights with an area that a scene has.
@@ -77,20 +77,15 @@ fn surface(kind: &LightKind) -> Option<(Shape, Option<Rectangle>, f64)> {
     }
 }
 
-/// A black material of the given emission.
+/// A black material of the given emission, in the numbers of the pipeline.
 fn material(light: &Light, emission: DVec3) -> PreparedMaterial {
-    Material::Phong(Phong {
+    let material = Material::Phong(Phong {
         name: light.name.clone(),
-        colour: DVec3::ZERO,
-        texture: None,
+        colour: Colour::Linear(DVec3::ZERO),
         ambient: 0.0,
         diffuse: 0.0,
-        specular: 0.0,
-        shininess: 1.0,
-        emission,
-        glaze: None,
-        normal_map: None,
-        opacity: None,
-        refraction: None,
-    })
+        emission: Colour::Linear(emission),
+        ..Phong::default()
+    });
+    material.map_colours(|colour| colour.to_pipeline(ColourPipeline::Linear))
 }

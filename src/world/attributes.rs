@@ -63,11 +63,9 @@ impl Attributes {
         match &self.placed {
             None => Some(self.arrays.normals.as_ref()?.of(triangle).map(|n| n.as_dvec3())),
             Some(placed) => {
-                let normals = placed.mesh.normals.as_ref()?;
-                let triangles = normals.triangles.as_ref().unwrap_or(&placed.mesh.triangles);
-                let corners = triangles[triangle as usize];
-                Some(corners.map(|i| {
-                    let normal = placed.placement.normal(normals.values[i as usize]);
+                let normals = corners_of(placed, placed.mesh.normals.as_ref()?, triangle);
+                Some(normals.map(|normal| {
+                    let normal = placed.placement.normal(normal);
                     // As in import, a normal that is not finite becomes zero.
                     unit(if normal.is_finite() { normal } else { DVec3::ZERO }).as_dvec3()
                 }))
@@ -93,14 +91,8 @@ impl Attributes {
         match &self.placed {
             None => Some(self.arrays.tangents.as_ref()?.of(triangle).map(|t| t.as_dvec4())),
             Some(placed) => {
-                let tangents = placed.mesh.tangents.as_ref()?;
-                let triangles = tangents.triangles.as_ref().unwrap_or(&placed.mesh.triangles);
-                let corners = triangles[triangle as usize];
-                Some(
-                    corners.map(|i| {
-                        unit_tangent(placed.placement.tangent(tangents.values[i as usize])).as_dvec4()
-                    }),
-                )
+                let tangents = corners_of(placed, placed.mesh.tangents.as_ref()?, triangle);
+                Some(tangents.map(|tangent| unit_tangent(placed.placement.tangent(tangent)).as_dvec4()))
             }
         }
     }
@@ -122,6 +114,13 @@ impl Attributes {
     pub(crate) fn colours(&self, triangle: u32) -> Option<[Vec3; 3]> {
         Some(self.arrays.colours.as_ref()?.of(triangle))
     }
+}
+
+/// The values of an attribute at a triangle's corners, before the placement.
+#[inline]
+fn corners_of<T: Copy>(placed: &Placed, attribute: &Attribute<T>, triangle: u32) -> [T; 3] {
+    let triangles = attribute.triangles.as_ref().unwrap_or(&placed.mesh.triangles);
+    triangles[triangle as usize].map(|i| attribute.values[i as usize])
 }
 
 /// The normalised vector in f32, for any finite length; zero stays zero.

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use super::World;
 use super::interaction::{SurfaceInteraction, blend};
 use crate::bvh::Primitive;
-use crate::geometry::{Hit, PrimId, Ray};
+use crate::geometry::{PrimId, Ray};
 
 /// A ray differential: the change of a ray from one pixel to the next, to the right and down.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -62,22 +62,21 @@ impl World {
         Some(a * barycentrics[0] + b * barycentrics[1] + c * barycentrics[2])
     }
 
-    /// The texture point at `hit` by a set of texture coordinates; `None` without them. `differential` is that of the ray;
+    /// The texture point of a surface by a set of texture coordinates; `None` without them. `differential` is that of the ray;
     /// without it the footprint is zero.
     pub fn texture_point(
         &self,
         surface: &SurfaceInteraction,
-        hit: &Hit,
         ray: &Ray,
         differential: Option<&Differential>,
         set: u8,
     ) -> Option<TexturePoint> {
-        let object = &self.objects[surface.object as usize];
+        let (object, hit) = (&self.objects[surface.object as usize], &surface.hit);
         let [a, b, c] = object.attributes.uvs(hit.prim.0 - object.first.0, set)?.map(|uv| uv.as_dvec2());
         let [v, w] = hit.barycentrics;
         let mut point = TexturePoint { uv: a * (1.0 - v - w) + b * v + c * w, ..TexturePoint::default() };
         if let Some(differential) = differential
-            && let Some(changes) = self.barycentrics_change(surface, hit, ray, differential)
+            && let Some(changes) = self.barycentrics_change(surface, ray, differential)
         {
             point.footprint = changes.map(|change| change.x * (b - a) + change.y * (c - a));
         }
@@ -89,10 +88,10 @@ impl World {
     fn barycentrics_change(
         &self,
         surface: &SurfaceInteraction,
-        hit: &Hit,
         ray: &Ray,
         differential: &Differential,
     ) -> Option<[DVec2; 2]> {
+        let hit = &surface.hit;
         let Primitive::Triangle(triangle) = self.accelerator.primitive(hit.slot) else { return None };
         let [a, b, c] = triangle.0;
         let (to_b, to_c) = (b - a, c - a);
@@ -107,10 +106,10 @@ impl World {
     pub fn mirrored_differential(
         &self,
         surface: &SurfaceInteraction,
-        hit: &Hit,
         ray: &Ray,
         differential: &Differential,
     ) -> Differential {
+        let hit = &surface.hit;
         let points = differential.at(ray, hit.t, surface.geometric_normal);
         let object = &self.objects[surface.object as usize];
         let mut normals = [DVec3::ZERO; 2];
@@ -124,7 +123,7 @@ impl World {
             }
             Primitive::Triangle(_) => {
                 if let Some(corners) = object.attributes.normals(hit.prim.0 - object.first.0)
-                    && let Some(changes) = self.barycentrics_change(surface, hit, ray, differential)
+                    && let Some(changes) = self.barycentrics_change(surface, ray, differential)
                 {
                     let [v, w] = hit.barycentrics;
                     let sum = blend(corners, [1.0 - v - w, v, w]);

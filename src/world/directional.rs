@@ -75,24 +75,4 @@ mod tests {
             assert!((sum / 1024.0 / PI - 1.0).abs() < 1e-9, "{degrees}: {}", sum / 1024.0 / PI);
         }
     }
-
-    /// A disc of 90 degrees has the solid angle 2 pi (1 - cos 45).
-    #[test]
-    fn the_disc_ends_at_its_radius() {
-        let disc = LightDisc::new(DVec3::NEG_Y, 0.5 * PI, DVec3::ONE).unwrap();
-        assert!((disc.density() * 2.0 * PI * (1.0 - 0.5f64.sqrt()) - 1.0).abs() < 1e-14);
-        let at = |degrees: f64| DVec3::new(degrees.to_radians().sin(), degrees.to_radians().cos(), 0.0);
-        assert!(disc.contains(at(44.999)) && !disc.contains(at(45.001)) && !disc.contains(at(180.0)));
-    }
-
-    #[test]
-    fn a_diameter_below_the_resolution_of_directions_is_none() {
-        for angle in [0.0, -0.0, 1e-300, f64::EPSILON] {
-            assert!(LightDisc::new(DVec3::Y, angle, DVec3::ONE).is_none(), "{angle}");
-        }
-        let tiny = LightDisc::new(DVec3::Y, 1e-15, DVec3::ONE).unwrap();
-        assert!(
-            tiny.radiance.is_finite() && tiny.density().is_finite() && tiny.sample([0.9, 0.3]).is_finite()
-        );
-    }
 }

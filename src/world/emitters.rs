@@ -10,7 +10,7 @@ use super::{Image, PreparedMaterial, SurfaceInteraction};
 use crate::bvh::Primitive;
 use crate::film::colour::luminance;
 use crate::geometry::spawn::SurfacePoint;
-use crate::geometry::{Precision, PrimId, Triangle};
+use crate::geometry::{AnalyticShape, Precision, PrimId, Triangle};
 use crate::scene::{Attribute, Material, Mesh, Object, Shape, Texture};
 
 /// The emissive primitives of a world. Both sides of a surface emit, but only the front of a rectangle light.
@@ -249,12 +249,12 @@ impl Emitters {
     }
 
     /// The density per solid angle with which [`Emitters::sample`] from `from` chooses the point of a surface that a
-    /// ray hit: of a primitive, `local` within its object, whose material emits `emission`. 0 for a textured triangle that
-    /// is not sampled.
+    /// ray hit: of a triangle or of `shape`, `local` within its object, whose material emits `emission`. 0 for a
+    /// textured triangle that is not sampled.
     pub(crate) fn pdf(
         &self,
         surface: &SurfaceInteraction,
-        primitive: &Primitive,
+        shape: Option<AnalyticShape>,
         (local, emission): (u32, DVec3),
         from: DVec3,
     ) -> f64 {
@@ -264,15 +264,15 @@ impl Emitters {
         }
         let density = luminance / self.total();
         let (position, normal) = (surface.point.position, surface.geometric_normal);
-        if let Some(rectangle) = self.rectangle_of(surface.prim) {
+        if let Some(rectangle) = self.rectangle_of(surface.hit.prim) {
             return density * rectangle.area() * rectangle.pdf(from, position);
         }
-        match primitive {
-            Primitive::Triangle(_) => {
+        match shape {
+            None => {
                 let to_light = position - from;
                 density * to_light.length_squared() / to_light.normalize().dot(normal).abs()
             }
-            Primitive::Analytic(shape) => density * shape.area() / shape.solid_angle(from),
+            Some(shape) => density * shape.area() / shape.solid_angle(from),
         }
     }
 }

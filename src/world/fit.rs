@@ -41,33 +41,12 @@ pub enum StandardView {
     Iso,
 }
 
+names!(StandardView {
+    Auto = "auto", Front = "front", Back = "back", Left = "left", Right = "right", Top = "top",
+    Bottom = "bottom", Iso = "iso",
+});
+
 impl StandardView {
-    /// Every view.
-    pub const ALL: [StandardView; 8] = [
-        StandardView::Auto,
-        StandardView::Front,
-        StandardView::Back,
-        StandardView::Left,
-        StandardView::Right,
-        StandardView::Top,
-        StandardView::Bottom,
-        StandardView::Iso,
-    ];
-
-    /// The name as typed by users.
-    pub fn name(self) -> &'static str {
-        match self {
-            StandardView::Auto => "auto",
-            StandardView::Front => "front",
-            StandardView::Back => "back",
-            StandardView::Left => "left",
-            StandardView::Right => "right",
-            StandardView::Top => "top",
-            StandardView::Bottom => "bottom",
-            StandardView::Iso => "iso",
-        }
-    }
-
     /// The unit vector from the scene towards the camera.
     fn backwards(self) -> DVec3 {
         match self {
@@ -227,24 +206,13 @@ pub fn turntable_camera(
         let (sin, cos) = (2.0 * half_angle * f64::from(i)).sin_cos();
         DVec3::new(sin, 0.0, cos)
     };
-    let functions: Vec<_> = (0..SIDES)
-        .map(|i| {
-            let out = direction(i);
-            (move |p: DVec3, radius: f64| (p - middle).dot(out) + radius, out)
-        })
-        .collect();
-    let of_points: Vec<_> = functions.iter().map(|(value, _)| move |p: DVec3| value(p, 0.0)).collect();
-    let functions: Vec<AffineFunction> = functions
-        .iter()
-        .zip(&of_points)
-        .map(|((of_sphere, out), value)| AffineFunction {
-            value,
-            of_sphere,
-            gradient: *out,
-            weight: out.abs(),
-            offset: middle.abs(),
-        })
-        .collect();
+    let side = |out: DVec3| AffineFunction {
+        of_sphere: Box::new(move |p, radius| (p - middle).dot(out) + radius),
+        gradient: out,
+        weight: out.abs(),
+        offset: middle.abs(),
+    };
+    let functions: Vec<_> = (0..SIDES).map(|i| side(direction(i))).collect();
     let reach =
         maxima(&PointTrees::of(&scene.objects), &scene.objects, &functions).into_iter().fold(0.0, f64::max);
     // Squared: once for points between the directions, once for the prism's sides, which lie nearer than its edges.
@@ -285,13 +253,15 @@ struct Extent {
 /// gives the extents for parallel rays.
 fn extent(scene: &Scene, middle: DVec3, [u, v, w]: [DVec3; 3], slope: DVec2) -> Extent {
     let length = DVec2::new(1.0f64.hypot(slope.x), 1.0f64.hypot(slope.y));
-    // The function `sign * across + slope * depth`, its value for a sphere, its gradient and its weights.
-    let side = |sign: f64, across: DVec3, slope: f64, length: f64| {
-        let value = move |p: DVec3, radius: f64| {
+    // The function `sign * across + slope * depth`.
+    let side = |sign: f64, across: DVec3, slope: f64, length: f64| AffineFunction {
+        of_sphere: Box::new(move |p, radius| {
             let p = p - middle;
             sign * p.dot(across) + slope * p.dot(w) + radius * length
-        };
-        (value, across * sign + w * slope, across.abs() + w.abs() * slope)
+        }),
+        gradient: across * sign + w * slope,
+        weight: across.abs() + w.abs() * slope,
+        offset: middle.abs(),
     };
     let functions = [
         side(1.0, u, slope.x, length.x),
@@ -301,18 +271,6 @@ fn extent(scene: &Scene, middle: DVec3, [u, v, w]: [DVec3; 3], slope: DVec2) -> 
         // Towards the camera.
         side(0.0, u, 1.0, 1.0),
     ];
-    let of_points: Vec<_> = functions.iter().map(|(value, ..)| move |p: DVec3| value(p, 0.0)).collect();
-    let functions: Vec<AffineFunction> = functions
-        .iter()
-        .zip(&of_points)
-        .map(|((of_sphere, gradient, weight), value)| AffineFunction {
-            value,
-            of_sphere,
-            gradient: *gradient,
-            weight: *weight,
-            offset: middle.abs(),
-        })
-        .collect();
     let far = maxima(&PointTrees::of(&scene.objects), &scene.objects, &functions);
     Extent { plus: DVec2::new(far[0], far[2]), minus: DVec2::new(far[1], far[3]), nearest: far[4] }
 }

@@ -6,7 +6,7 @@ use super::attributes::vertex_colour;
 use super::{World, WorldObject};
 use crate::bvh::{Primitive, Traversal};
 use crate::geometry::spawn::{ORIGIN_OFFSET, SurfacePoint};
-use crate::geometry::{Hit, Numerics, PrimId, Ray};
+use crate::geometry::{AnalyticShape, Hit, Numerics, Ray};
 
 /// A surface interaction: a point of a surface, seen along a ray.
 #[derive(Debug, Clone, Copy)]
@@ -27,8 +27,10 @@ pub struct SurfaceInteraction {
     pub ambient: f64,
     /// The interpolated vertex colour; white without vertex colours.
     pub tint: DVec3,
-    /// The primitive.
-    pub prim: PrimId,
+    /// Whether the geometric normal is turned: the primitive's own points away from `view`.
+    pub is_turned: bool,
+    /// The hit.
+    pub hit: Hit,
     /// The index of its object.
     pub object: u32,
     /// The index of its material.
@@ -108,15 +110,18 @@ impl World {
             further_texels: FurtherTexels::default(),
             ambient: 1.0,
             tint: DVec3::ONE,
-            prim: hit.prim,
+            is_turned: false,
+            hit: *hit,
             object: object_index,
             material: object.material,
         };
-        let facing = |n: DVec3| if n.dot(ray.direction) > 0.0 { -n } else { n };
+        let is_turned = |n: DVec3| n.dot(ray.direction) > 0.0;
+        let facing = |n: DVec3| if is_turned(n) { -n } else { n };
         match self.accelerator.primitive(hit.slot) {
             Primitive::Analytic(shape) => {
                 let (point, normal) = shape.surface(ray.at(hit.t));
                 surface.point = point;
+                surface.is_turned = is_turned(normal);
                 surface.geometric_normal = facing(normal);
                 surface.shading_normal = surface.geometric_normal;
             }
@@ -124,6 +129,7 @@ impl World {
                 let [v, w] = hit.barycentrics;
                 let barycentrics = [1.0 - v - w, v, w];
                 let point = SurfacePoint::on_triangle(triangle.0, barycentrics);
+                surface.is_turned = is_turned(triangle.normal());
                 let normal = triangle.unit_normal().map_or(view, facing);
                 surface.point = self.with_visible_start(point, normal, view, hit.t);
                 surface.geometric_normal = normal;
@@ -185,8 +191,21 @@ impl World {
         if hits.iter().any(is_certain) { before } else { point }
     }
 
-    /// Whether a hit with an object at `position` is on the back, seen from the direction `view`: on the inside of an
-    /// analytic shape, or where the corners of a triangle are seen clockwise, counterclockwise in a mirrored mesh.
+    /// Whether a surface is seen from the back: from the inside of an analytic shape, or where the corners of a
+    /// triangle are seen clockwise, counterclockwise in a mirrored mesh.
+    pub(crate) fn is_seen_from_back(&self, surface: &SurfaceInteraction) -> bool {
+        surface.is_turned != self.objects[surface.object as usize].is_mirrored
+    }
+
+    /// The analytic shape that a surface is on; `None` for triangles.
+    pub(crate) fn shape_of(&self, surface: &SurfaceInteraction) -> Option<AnalyticShape> {
+        match self.accelerator.primitive(surface.hit.slot) {
+            Primitive::Analytic(shape) => Some(shape),
+            Primitive::Triangle(_) => None,
+        }
+    }
+
+    /// [`World::is_seen_from_back`] for a hit with an object at `position`, seen from the direction `view`.
     pub(crate) fn is_back(&self, object: u32, hit: &Hit, position: DVec3, view: DVec3) -> bool {
         let outward = match self.accelerator.primitive(hit.slot) {
             Primitive::Triangle(triangle) if self.objects[object as usize].is_mirrored => -triangle.normal(),
@@ -194,6 +213,18 @@ impl World {
             Primitive::Analytic(shape) => shape.surface(position).1,
         };
         outward.dot(view) < 0.0
+    }
+
+    /// The origin of a ray that leaves a surface in `direction`, which is below the geometric normal:
+    /// [`World::origin_behind`].
+    pub(crate) fn origin_below(&self, surface: &SurfaceInteraction, direction: DVec3) -> DVec3 {
+        let SurfaceInteraction { point, geometric_normal, view, hit, object, .. } = surface;
+        // Away from edges the point is that of the triangle; triangles without a normal have the view as theirs.
+        let is_plain = point.start == point.position && geometric_normal != view;
+        if is_plain && !self.objects[*object as usize].is_analytic && direction.dot(*geometric_normal) < 0.0 {
+            return point.origin_towards(-*geometric_normal, self.numerics());
+        }
+        self.origin_behind(point.position, direction, hit)
     }
 
     /// The origin of a ray that leaves the surface at `hit`, near `position`, behind the side that was hit, in `direction`. Unlike
@@ -225,11 +256,11 @@ impl World {
         opacity.is_some_and(|o| o.factor < 1.0 || o.texture.is_some() || object.attributes.has_alphas())
     }
 
-    /// The tangent frame at `hit` for a normal map: tangent, bitangent and normal, orthonormal (glTF 2.0, section 3.7.2.1). The
+    /// The tangent frame of a surface for a normal map: tangent, bitangent and normal, orthonormal (glTF 2.0, section 3.7.2.1). The
     /// normal is the mesh's, which may point to the other side than that of `surface`. `None` where the mesh has no tangents, or
     /// the tangent is parallel to the normal.
-    pub fn tangent_frame(&self, surface: &SurfaceInteraction, hit: &Hit) -> Option<[DVec3; 3]> {
-        let object = &self.objects[surface.object as usize];
+    pub fn tangent_frame(&self, surface: &SurfaceInteraction) -> Option<[DVec3; 3]> {
+        let (object, hit) = (&self.objects[surface.object as usize], &surface.hit);
         let local = hit.prim.0 - object.first.0;
         let tangents = object.attributes.tangents(local)?;
         let [v, w] = hit.barycentrics;
@@ -244,10 +275,10 @@ impl World {
         Some([tangent, handedness * normal.cross(tangent), normal])
     }
 
-    /// The point at `hit` lifted above the tangent planes of the triangle's corners (Hanika, Hacking the Shadow Terminator, Ray
+    /// The point of a surface lifted above the tangent planes of the triangle's corners (Hanika, Hacking the Shadow Terminator, Ray
     /// Tracing Gems II, chapter 4, 2021). The point itself where there are no vertex normals.
-    pub fn smooth_point(&self, surface: &SurfaceInteraction, hit: &Hit) -> SurfacePoint {
-        let object = &self.objects[surface.object as usize];
+    pub fn smooth_point(&self, surface: &SurfaceInteraction) -> SurfacePoint {
+        let (object, hit) = (&self.objects[surface.object as usize], &surface.hit);
         let Some(normals) = object.attributes.normals(hit.prim.0 - object.first.0) else {
             return surface.point;
         };

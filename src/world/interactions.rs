@@ -9,10 +9,10 @@ use glam::DVec3;
 
 use super::World;
 use super::interaction::{FurtherTexels, SurfaceInteraction, Texels};
-use super::soa::{RAYS_PER_BATCH, RaySoa, Vec3Soa, simd_dispatch};
+use super::soa::{RAYS_PER_BATCH, Vec3Soa, simd_dispatch};
 use crate::bvh::Primitive;
 use crate::geometry::spawn::{EdgeTest, SurfacePoint};
-use crate::geometry::{AnalyticShape, HitBuffer, PrimId, SlotId, Triangle};
+use crate::geometry::{AnalyticShape, Hit, HitBuffer, PrimId, RayBuffer, SlotId, Triangle};
 
 /// The shortest run of hits on one primitive that is computed in a loop of its own.
 const MIN_RUN: usize = 4;
@@ -39,10 +39,13 @@ pub struct InteractionSoa {
     pub texels: Vec<Texels>,
     /// The values of their further textures; empty where no surface has one.
     pub further_texels: Vec<FurtherTexels>,
-    /// Distances along the rays, and barycentrics v and w.
+    /// See [`SurfaceInteraction::is_turned`].
+    is_turned: [bool; RAYS_PER_BATCH],
+    /// The hits: distances along the rays, barycentrics v and w, primitives and their slots.
     t: [f64; RAYS_PER_BATCH],
     barycentrics: [[f64; RAYS_PER_BATCH]; 2],
     prim: [u32; RAYS_PER_BATCH],
+    slot: [SlotId; RAYS_PER_BATCH],
     object: [u32; RAYS_PER_BATCH],
     material: [u32; RAYS_PER_BATCH],
     ray_of: [u32; RAYS_PER_BATCH],
@@ -72,9 +75,11 @@ impl Default for InteractionSoa {
             ambient: Vec::new(),
             texels: Vec::new(),
             further_texels: Vec::new(),
+            is_turned: [false; RAYS_PER_BATCH],
             t: [0.0; RAYS_PER_BATCH],
             barycentrics: [[0.0; RAYS_PER_BATCH]; 2],
             prim: [0; RAYS_PER_BATCH],
+            slot: [SlotId::new(0); RAYS_PER_BATCH],
             object: [0; RAYS_PER_BATCH],
             material: [0; RAYS_PER_BATCH],
             ray_of: [0; RAYS_PER_BATCH],
@@ -154,10 +159,18 @@ impl InteractionSoa {
             texels: self.texels.get(i).copied().unwrap_or_default(),
             further_texels: self.further_texels.get(i).copied().unwrap_or_default(),
             tint: self.tint.get(i),
-            prim: PrimId(self.prim[i]),
+            is_turned: self.is_turned[i],
+            hit: self.hit(i),
             object: self.object[i],
             material: self.material[i],
         }
+    }
+
+    /// The hit of the interaction at `i`.
+    #[inline(always)]
+    pub fn hit(&self, i: usize) -> Hit {
+        let (prim, barycentrics) = (PrimId(self.prim[i]), [self.barycentrics[0][i], self.barycentrics[1][i]]);
+        Hit { t: self.t[i], prim, slot: self.slot[i], barycentrics }
     }
 
     /// The barycentrics u, v and w of a hit on a triangle.
@@ -173,13 +186,13 @@ impl InteractionSoa {
         self.geometric_normal.set(i, surface.geometric_normal);
         self.shading_normal.set(i, surface.shading_normal);
         self.tint.set(i, surface.tint);
-        self.prim[i] = surface.prim.0;
+        self.is_turned[i] = surface.is_turned;
         self.object[i] = surface.object;
         self.material[i] = surface.material;
     }
 
     /// Compacts the hits and finds their runs.
-    fn gather(&mut self, rays: &RaySoa, hits: &HitBuffer) {
+    fn gather(&mut self, rays: &RayBuffer, hits: &HitBuffer) {
         assert!(hits.len() <= RAYS_PER_BATCH, "at most one ray per pixel of a tile");
         self.runs.clear();
         self.texels.clear();
@@ -192,6 +205,7 @@ impl InteractionSoa {
             self.t[len] = hit.t;
             self.barycentrics[0][len] = hit.barycentrics[0];
             self.barycentrics[1][len] = hit.barycentrics[1];
+            (self.prim[len], self.slot[len]) = (hit.prim.0, hit.slot);
             if last != Some(hit.slot) {
                 last = Some(hit.slot);
                 self.runs.push(Run { start: len, slot: hit.slot, prim: hit.prim });
@@ -201,13 +215,10 @@ impl InteractionSoa {
         self.len = len;
         // Of length 1 up to the rounding of the ray's direction, at most 2^-24.
         if len == hits.len() {
-            simd_dispatch(
-                #[inline(always)]
-                || (0..len.min(RAYS_PER_BATCH)).for_each(|i| self.view.set(i, -rays.direction.get(i))),
-            );
+            self.view.set_negated(rays.rays().directions());
         } else {
             for i in 0..len.min(RAYS_PER_BATCH) {
-                self.view.set(i, -rays.direction.get(self.ray_of[i] as usize));
+                self.view.set(i, -rays.get(self.ray_of[i] as usize).direction);
             }
         }
     }
@@ -215,26 +226,19 @@ impl InteractionSoa {
 
 impl World {
     /// Computes the surface interactions of the closest hits of `rays`, at most [`RAYS_PER_BATCH`].
-    pub fn interactions(&self, rays: &RaySoa, hits: &HitBuffer, surfaces: &mut InteractionSoa) {
+    pub fn interactions(&self, rays: &RayBuffer, hits: &HitBuffer, surfaces: &mut InteractionSoa) {
         surfaces.gather(rays, hits);
         let mut end = surfaces.len();
         for index in (0..surfaces.runs.len()).rev() {
             let run = surfaces.runs[index];
-            self.interactions_of_run(run, end, rays, hits, surfaces);
+            self.interactions_of_run(run, end, rays, surfaces);
             end = run.start;
         }
         surfaces.find_material_ranges();
     }
 
     /// Computes the interactions of a run, which ends before `end`.
-    fn interactions_of_run(
-        &self,
-        run: Run,
-        end: usize,
-        rays: &RaySoa,
-        hits: &HitBuffer,
-        surfaces: &mut InteractionSoa,
-    ) {
+    fn interactions_of_run(&self, run: Run, end: usize, rays: &RayBuffer, surfaces: &mut InteractionSoa) {
         let range = run.start..end;
         if range.len() >= MIN_RUN && self.is_plain(run.prim) {
             match self.accelerator.primitive(run.slot) {
@@ -265,10 +269,8 @@ impl World {
             }
         }
         for i in range {
-            let ray = surfaces.ray_of[i] as usize;
-            if let Some(hit) = &hits.get(ray) {
-                surfaces.set(i, &self.interaction(&rays.get(ray), hit));
-            }
+            let ray = rays.get(surfaces.ray_of[i] as usize);
+            surfaces.set(i, &self.interaction(&ray, &surfaces.hit(i)));
         }
     }
 
@@ -297,10 +299,9 @@ impl World {
         self.objects[self.object_of(prim) as usize].attributes.are_none()
     }
 
-    /// Writes primitive, object and material of a run.
+    /// Writes object and material of a run.
     fn set_indices(&self, prim: PrimId, range: Range<usize>, surfaces: &mut InteractionSoa) {
         let object = self.object_of(prim);
-        surfaces.prim[range.clone()].fill(prim.0);
         surfaces.object[range.clone()].fill(object);
         surfaces.material[range].fill(self.objects[object as usize].material);
     }
@@ -341,6 +342,7 @@ fn finish(surfaces: &mut InteractionSoa, i: usize, point: SurfacePoint, normal: 
     let behind = normal.dot(surfaces.view.get(i)) < 0.0;
     let turn = |c: f64| if behind { -c } else { c };
     let facing = DVec3::new(turn(normal.x), turn(normal.y), turn(normal.z));
+    surfaces.is_turned[i] = behind;
     surfaces.set_point(i, point);
     surfaces.geometric_normal.set(i, facing);
     surfaces.shading_normal.set(i, facing);

@@ -38,7 +38,8 @@ pub use interaction::{FurtherTexels, SurfaceInteraction, Texels};
 pub use interactions::InteractionSoa;
 pub use mip_map::{MipLevel, MipMap};
 pub use recenter::{Recentering, recenter};
-pub use soa::{RAYS_PER_BATCH, RaySoa, Vec3Soa, simd_dispatch};
+pub(crate) use soa::simd;
+pub use soa::{RAYS_PER_BATCH, Vec3Soa, simd_dispatch};
 pub use view::{View, basis};
 pub(crate) use volumes::Volumes;
 
@@ -108,6 +109,8 @@ pub struct WorldObject {
     pub first: PrimId,
     /// Whether its triangles are seen clockwise from the front.
     pub is_mirrored: bool,
+    /// Whether it is an analytic shape, not triangles.
+    pub is_analytic: bool,
     /// Its vertex attributes.
     pub(crate) attributes: attributes::Attributes,
 }
@@ -161,6 +164,7 @@ impl World {
         structure: Layout,
         numerics: Numerics,
     ) -> World {
+        let background = scene.background().unwrap_or(fit::BACKGROUND).to_pipeline(pipeline);
         let diagonal = scene.bounds().map_or(0.0, |(min, max)| min.distance(max));
         let to_pipeline = |material: Material| material.map_colours(|colour| colour.to_pipeline(pipeline));
         let mut materials: Vec<PreparedMaterial> =
@@ -193,6 +197,7 @@ impl World {
             material: object.material.0,
             first,
             is_mirrored: object.shape.is_mirrored(),
+            is_analytic: matches!(object.shape, Shape::Analytic(_)),
             attributes: attributes.attributes(object.shape, normal_mapped[object.material.0 as usize]),
         });
         let objects = objects.collect();
@@ -211,7 +216,7 @@ impl World {
             ambient: scene.ambient.unwrap_or(DEFAULT_AMBIENT),
             fill: scene.fill,
             diagonal,
-            background: scene.background.unwrap_or(fit::BACKGROUND).to_pipeline(pipeline),
+            background,
             too_small,
             primitive_count,
         }

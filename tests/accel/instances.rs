@@ -11,9 +11,10 @@ use crate::common::places::{FAMILIES, Family};
 use crate::common::{Numbers, picture};
 use glam::{DMat4, DVec2, DVec3, DVec4};
 use kiln::bvh::{Layout, Preset, Traversal};
-use kiln::effects::{Choices, RayKind, glaze, shadows};
+use kiln::effects::whitted::{glaze, shadows};
+use kiln::effects::{Choices, RayKind};
 use kiln::film::ColourPipeline;
-use kiln::geometry::{Hit, HitBuffer, Numerics, PrimId, Ray, RayBuffer, Sphere};
+use kiln::geometry::{Hit, HitBuffer, Numerics, PrimId, Ray, RayBuffer, SlotId, Sphere};
 use kiln::scene::{
     Attribute, DecodedImage, Glaze, ImageId, Material, MaterialId, Mesh, NormalMap, Object, Phong, Placed,
     Placement, Sampler, Scene, Shape, Step, Texture,
@@ -162,9 +163,11 @@ fn same_surfaces(shared: &World, flat: &World, rays: &[Ray]) {
         }
         let surface = |(ray, hit): (&Ray, Option<Hit>)| {
             hit.as_ref().map(|hit| {
-                let surface = world.interaction(ray, hit);
-                let smooth = world.smooth_point(&surface, hit);
-                (surface.prim, surface.object, format!("{surface:?} {smooth:?} {:?}", hit.barycentrics))
+                let mut surface = world.interaction(ray, hit);
+                let smooth = world.smooth_point(&surface);
+                // Slots are those of the world's own structure.
+                surface.hit.slot = SlotId::new(0);
+                (hit.prim, surface.object, format!("{surface:?} {smooth:?}"))
             })
         };
         (rays.iter().zip(hits.iter()).map(surface).collect::<Vec<_>>(), occluded)

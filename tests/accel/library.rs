@@ -201,7 +201,8 @@ fn a_scene_is_queried_by_the_numbers_of_its_primitives() {
     assert_eq!(objects, [Some((0, 0)), Some((1, 0)), Some((2, 0)), Some((3, 0)), None]);
     // The tier is the scene's.
     for numerics in Numerics::ALL {
-        let scene = Scene { numerics: Some(numerics), ..scene.clone() };
+        let mut scene = scene.clone();
+        scene.picture.numerics = Some(numerics);
         assert_eq!(scene.bvh().expect("finite").accelerator().numerics(), numerics);
     }
     // A picture's structure hits the same.

@@ -355,8 +355,9 @@ fn any_number_of_rays_is_answered_as_one_by_one() {
 
 /// Real data, with its real degeneracies.
 #[test]
-fn a_real_mesh_answers_as_brute_force() {
-    let Some(folder) = common::models("a_real_mesh_answers_as_brute_force") else { return };
+#[ignore = "needs KILN_MODELS"]
+fn with_models_suzanne_answers_as_brute_force() {
+    let folder = common::models();
     let mut warnings = kiln::error::Warnings::default();
     let scene = kiln::import::load(&[folder.join("suzanne.obj")], &mut warnings).unwrap();
     let kiln::scene::Shape::Mesh(mesh) = &scene.objects[0].shape else { panic!("not a mesh") };

@@ -205,7 +205,8 @@ fn frames_have_the_ground_of_the_scene_at_rest() {
         let file = folder.path().join("a.toml");
         std::fs::write(&file, format!("{text}[[animation.track]]\n{moves}")).unwrap();
         let mut scene = load(&file);
-        let settings = RenderSettings { ground: Some(true), ..RenderSettings::default() };
+        let picture = kiln::scene::PictureSettings { ground: Some(true), ..Default::default() };
+        let settings = RenderSettings::from(picture);
         settings.complete(&mut scene, &mut Warnings::default()).unwrap();
         let ground = scene.ground.expect("a ground");
         assert_eq!(scene.at(0.9).unwrap().ground, Some(ground));

@@ -193,7 +193,7 @@ fn wrong_usage_is_2() {
         ("render scene.toml", "required arguments were not provided: --output <OUT>", ""),
         ("render scene.toml -o a.png --siz 3x3", "unexpected argument '--siz'", "--size"),
         ("render scene.toml -o a.png --size 3", "give it as WIDTHxHEIGHT, such as 640x480", ""),
-        ("render scene.toml -o a.png --size 0x5", "`0` is not a number of pixels from 1 to 65535", ""),
+        ("render scene.toml -o a.png --size 0x5", "give a number of pixels from 1 to 65535", ""),
         ("render scene.toml -o a.png --crop 1,2,3", "give it as X,Y,WIDTH,HEIGHT", ""),
         ("render scene.toml -o a.png --threads 0", "invalid value '0'", ""),
         ("render scene.toml -o a.png --view side", "invalid value 'side'", "possible values"),
@@ -607,7 +607,7 @@ fn what_is_seen_is_rendered_by_its_line() {
     use kiln::viewer::{command_line, navigate};
     let workshop = Workshop::new();
     let mut scene = crate::common::picture::load(&workshop.path("scene.toml"));
-    let defaults = command_line::SceneDefaults::of(&scene);
+    let loaded = scene.clone();
     let mut camera = scene.cameras[0].clone();
     navigate::orbit(&mut camera, glam::DVec2::new(0.3, 0.2));
     navigate::zoom(&mut camera, 1.3);
@@ -615,7 +615,7 @@ fn what_is_seen_is_rendered_by_its_line() {
     let settings = kiln::job::RenderSettings { without: vec!["shadows".into()], ..Default::default() };
     let command = command_line::RenderCommand {
         inputs: &[PathBuf::from("scene.toml")],
-        defaults: &defaults,
+        scene: &loaded,
         viewpoint: command_line::CommandCamera::Camera(&camera),
         projection: camera.projection,
         size: [48, 32],

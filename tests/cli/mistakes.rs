@@ -22,10 +22,32 @@ use In::{Command, Input, Scene, Texture};
 /// words of the hint.
 type Mistake = (In, &'static str, &'static str, &'static str, i32);
 
+/// The hint of errors of syntax.
+const TOML: &str = "a scene file is TOML";
+
 const POINTER: &str = "is a Git LFS pointer; `git lfs pull` fetches the file itself";
 
 const MISTAKES: &[Mistake] = &[
-    // Scene files: numbers.
+    // Scene files: syntax, in the words of the parser.
+    (Scene, "[image]\nwidth = 640px", "a.toml:2: ", TOML, 3),
+    (Scene, "[ambient]\nintensity = 1.1.1", "a.toml:2: ", TOML, 3),
+    (Scene, "[ambient]\nintensity = .5", "a.toml:2: ", TOML, 3),
+    (Scene, "[image]\nwidth = 0640", "a.toml:2: ", TOML, 3),
+    (Scene, "[ambient]\nintensity = 0,5", "a.toml:2: ", TOML, 3),
+    (Scene, "[[sphere]]\ncentre = [0, 0 0]\nradius = 1", "a.toml:2: ", TOML, 3),
+    (Scene, "[[sphere]]\ncentre = (0, 0, 0)\nradius = 1", "a.toml:2: ", TOML, 3),
+    (Scene, "[[sphere]]\ncentre = [0, 0, 0\nradius = 1", "a.toml:3: ", TOML, 3),
+    (Scene, "[image]\nbackground = #ff0000", "a.toml:2: ", TOML, 3),
+    (Scene, "[[mesh]]\nfile = a.obj", "a.toml:2: ", TOML, 3),
+    (Scene, "[[mesh]]\nfile = \"m\\cow.obj\"", "a.toml:2: ", TOML, 3),
+    (Scene, "[[mesh]]\nfile = \"a.obj", "a.toml:2: ", TOML, 3),
+    (Scene, "[image]\nheadlight = True", "a.toml:2: ", TOML, 3),
+    (Scene, "[image]\nwidth: 640", "a.toml:2: ", TOML, 3),
+    (Scene, "[image]\n// big", "a.toml:2: ", TOML, 3),
+    (Scene, "[image]\nwidth = 4 height = 3", "a.toml:2: ", TOML, 3),
+    (Scene, "[image]\nwidth =\nheight = 3", "a.toml:2: ", TOML, 3),
+    (Scene, "[[sphere]\nradius = 1", "a.toml:1: ", TOML, 3),
+    // Numbers.
     (
         Scene,
         "[[sphere]]\ncentre = [0, 0, 0, 7]\nradius = 1",
@@ -44,21 +66,21 @@ const MISTAKES: &[Mistake] = &[
         Scene,
         "[[sphere]]\ncentre = [0, 0, 0]\nradius = 'big'",
         "a.toml:3: `radius` is 'big', expected a number",
-        "write a number, such as 1.5",
+        "such as 1.5",
         3,
     ),
     (
         Scene,
         "[[sphere]]\ncentre = [0, 0, 0]\nradius = \"75\"",
         "a.toml:3: `radius` is \"75\", expected a number",
-        "write the number without quotes: 75",
+        "without quotes",
         3,
     ),
     (
         Scene,
         "[image]\nwidth = \"640\"",
         "a.toml:2: `width` is \"640\", expected a whole number that is 0 or more",
-        "write the number without quotes: 640",
+        "without quotes",
         3,
     ),
     (
@@ -76,24 +98,6 @@ const MISTAKES: &[Mistake] = &[
         3,
     ),
     (Scene, "[image]\nsamples = 1.5", "a.toml:2: `samples` is 1.5, expected a whole number", "such as 3", 3),
-    (Scene, "[image]\nwidth = 640px", "a.toml:2: `640px` is not a number", "write digits alone", 3),
-    (
-        Scene,
-        "[ambient]\nintensity = 1.1.1",
-        "a.toml:2: `1.1.1` is a number with two points",
-        "write one point",
-        3,
-    ),
-    (Scene, "[ambient]\nintensity = .5", "a.toml:2: `.5` lacks a digit", "such as 0.5", 3),
-    (Scene, "[ambient]\nintensity = 5.", "a.toml:2: `5.` lacks a digit", "on both sides of the point", 3),
-    (Scene, "[image]\nwidth = 0640", "a.toml:2: `0640` begins with 0", "leave out the zeros", 3),
-    (
-        Scene,
-        "[ambient]\nintensity = 0,5",
-        "a.toml:2: `intensity` has more than one value: 0,5",
-        "write decimals with a point, 0.5",
-        3,
-    ),
     // Lists of numbers.
     (
         Scene,
@@ -118,27 +122,6 @@ const MISTAKES: &[Mistake] = &[
     ),
     (
         Scene,
-        "[[sphere]]\ncentre = [0, 0 0]\nradius = 1",
-        "a.toml:2: `0 0` is not a number",
-        "commas separate",
-        3,
-    ),
-    (
-        Scene,
-        "[[sphere]]\ncentre = (0, 0, 0)\nradius = 1",
-        "a.toml:2: `centre` has more than one value: (0, 0, 0)",
-        "lists in brackets, [1, 2, 3]",
-        3,
-    ),
-    (
-        Scene,
-        "[[sphere]]\ncentre = [0, 0, 0\nradius = 1",
-        "a.toml:3: a list without its end, or without a comma",
-        "] at its end",
-        3,
-    ),
-    (
-        Scene,
         "[[camera]]\nposition = { x = 0, y = 1, z = 2 }\nlook_at = [0, 0, 0]",
         "a.toml:2: `position` is { x = 0, y = 1, z = 2 }, expected 3 numbers",
         "[0, 0, 0]",
@@ -148,7 +131,7 @@ const MISTAKES: &[Mistake] = &[
         Scene,
         "[[mesh]]\nfile = 'a.obj'\nplacements = [3]",
         "a.toml:3: `placements` holds 3, expected keys in braces",
-        "write { KEY = VALUE }, of the keys rotate, scale, translate",
+        "write { KEY = VALUE }",
         3,
     ),
     // Colours.
@@ -156,7 +139,7 @@ const MISTAKES: &[Mistake] = &[
         Scene,
         "[image]\nbackground = [0.5, 0.2, 0.1]",
         "a.toml:2: `background` is [0.5, 0.2, 0.1], expected a colour",
-        "whole numbers from 0 to 255, or \"#rrggbb\": [128, 51, 26] or \"#80331a\"",
+        "whole numbers from 0 to 255, or \"#rrggbb\"",
         3,
     ),
     (
@@ -173,45 +156,21 @@ const MISTAKES: &[Mistake] = &[
         "from 0 to 255",
         3,
     ),
-    (
-        Scene,
-        "[image]\nbackground = #ff0000",
-        "a.toml:2: `background` has no value, because # begins a comment",
-        "write it in quotes: \"#ff0000\"",
-        3,
-    ),
     // Texts, switches and names.
-    (Scene, "[[mesh]]\nfile = a.obj", "a.toml:2: `a.obj` is not in quotes", "write \"a.obj\"", 3),
-    (
-        Scene,
-        "[[mesh]]\nfile = C:\\m\\a.obj",
-        "a.toml:2: `C:\\m\\a.obj` is not in quotes",
-        "write 'C:\\m\\a.obj'",
-        3,
-    ),
-    (
-        Scene,
-        "[[mesh]]\nfile = \"m\\cow.obj\"",
-        "a.toml:2: the text of `file` has a backslash",
-        "in single quotes",
-        3,
-    ),
-    (Scene, "[[mesh]]\nfile = \"a.obj", "a.toml:2: a text without its closing quote", "at both ends", 3),
     (
         Scene,
         "[[mesh]]\nfile = ['a.obj']",
-        "a.toml:2: `file` is ['a.obj'], expected one text",
-        "write file = \"",
+        "a.toml:2: `file` is ['a.obj'], expected a text",
+        "write one text in quotes",
         3,
     ),
     (
         Scene,
         "[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\nmaterial = 3",
         "a.toml:4: `material` is 3, expected a text",
-        "write it in quotes: \"3\"",
+        "in quotes",
         3,
     ),
-    (Scene, "[image]\nheadlight = True", "a.toml:2: `True` is neither true nor false", "small letters", 3),
     (
         Scene,
         "[image]\nheadlight = 1",
@@ -231,24 +190,7 @@ const MISTAKES: &[Mistake] = &[
     // Keys and sections.
     (Scene, "[image]\nheigth = 480", "a.toml:2: unknown key `heigth`", "did you mean `height`?", 3),
     (Scene, "[[spheres]]\nradius = 1", "a.toml:1: unknown key `spheres`", "did you mean `sphere`?", 3),
-    (
-        Scene,
-        "[[sphere]]\nradius = 1",
-        "a.toml:1: missing key `centre`",
-        "give [[sphere]] a line or an entry `centre = ...`",
-        3,
-    ),
-    (Scene, "[image]\nwidth: 640", "a.toml:2: `width: 640` has no `=` and no value", "write KEY = VALUE", 3),
-    (Scene, "{ \"image\": 3 }", "a.toml:1: `{ \"image\": 3 }` has no `=` and no value", "is TOML", 3),
-    (Scene, "[image]\n// big", "a.toml:2: `// big` has no `=` and no value", "comments after #", 3),
-    (
-        Scene,
-        "[image]\nwidth = 4 height = 3",
-        "a.toml:2: the line goes on after the value of `width`",
-        "one KEY = VALUE in each line",
-        3,
-    ),
-    (Scene, "[image]\nwidth =\nheight = 3", "a.toml:2: `width` has no value", "write width = VALUE", 3),
+    (Scene, "[[sphere]]\nradius = 1", "a.toml:1: missing key `centre`", "add an entry `centre = ...`", 3),
     (Scene, "[image]\nwidth = 3\nwidth = 4", "a.toml:3: `width` is given twice", "keep one", 3),
     (
         Scene,
@@ -288,8 +230,8 @@ const MISTAKES: &[Mistake] = &[
     (
         Scene,
         "[light]\ntype = 'point'\n[light]\ntype = 'point'",
-        "a.toml:3: `[light]` is given twice",
-        "write [[light]] for each",
+        "a.toml:3: `light` is given twice",
+        "[[NAME]]",
         3,
     ),
     (
@@ -297,13 +239,6 @@ const MISTAKES: &[Mistake] = &[
         "[[image]]\nwidth = 3",
         "a.toml:1: `[[image]]` is a list, expected one table",
         "write [image], once",
-        3,
-    ),
-    (
-        Scene,
-        "[[sphere]\nradius = 1",
-        "a.toml:1: `[[sphere]` is not closed",
-        "[[NAME]] where there may be several",
         3,
     ),
     (
@@ -318,7 +253,7 @@ const MISTAKES: &[Mistake] = &[
         Scene,
         "[material.clay]\ncolour = '#808080'\nglaze = 0.3",
         "a.toml:3: `glaze` is 0.3, expected keys in braces",
-        "write glaze = { KEY = VALUE }, of the keys bounces, own_weight, weight",
+        "write { KEY = VALUE }",
         3,
     ),
     (
@@ -332,7 +267,7 @@ const MISTAKES: &[Mistake] = &[
         Scene,
         "[[sphere]]\ncentre = [0, 0, 0]\nposition = [0, 0, 0]\nradius = 1",
         "a.toml:1: `centre` is given twice",
-        "keep one of `centre` and its other names",
+        "keep one",
         3,
     ),
     (
@@ -381,7 +316,7 @@ const MISTAKES: &[Mistake] = &[
         Command,
         "render scene.toml -o a.png --camera {position=[0,0,'5'],look_at=[0,0,0]}",
         "no camera in braces: `position` holds '5', expected a number",
-        "write the number without quotes: 5",
+        "without quotes",
         2,
     ),
     (

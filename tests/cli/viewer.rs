@@ -1,4 +1,4 @@
-//! Tests of the viewer that need no window; `tests/viewer/check-window` opens one.
+//! Tests of the viewer that need no window.
 
 use std::process::Command;
 
@@ -86,11 +86,9 @@ fn without_a_display_that_is_said() {
     assert!(none.starts_with("kiln: error: there is no display to open a window on"), "{none}");
     assert!(none.contains("\nhint: `kiln render` makes pictures without a window"), "{none}");
     assert_eq!(none.lines().count(), 2, "{none}");
-    // A display number that does not exist. Where the libraries of X are missing, the error names them.
+    // A display number that does not exist.
     let silent = view(Some(":54321"));
-    let is_known = silent.starts_with("kiln: error: no X server answers at DISPLAY=:54321\nhint: ")
-        || silent.starts_with("kiln: error: one of X's libraries is missing");
-    assert!(is_known, "{silent}");
+    assert!(silent.starts_with("kiln: error: no window can be opened: "), "{silent}");
     assert_eq!(silent.lines().count(), 2, "{silent}");
 }
 

@@ -35,13 +35,9 @@ pub fn origin_on_border(
     Some((point.origin_towards(normal, numerics), normal))
 }
 
-/// The folder of real models, or `None` with a line that says the test was skipped.
-pub fn models(test: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("KILN_MODELS").map(PathBuf::from);
-    if folder.is_none() {
-        eprintln!("{test}: skipped: KILN_MODELS is not set");
-    }
-    folder
+/// The folder of real models. Tests that call this are ignored by default, and their names begin with `with_models_`.
+pub fn models() -> PathBuf {
+    std::env::var_os("KILN_MODELS").expect("KILN_MODELS names the folder of the models").into()
 }
 
 /// A file of the repository.

@@ -6,10 +6,13 @@ use glam::{DMat4, DVec3};
 use kiln::bvh::{Layout, Traversal};
 use kiln::effects::{Choices, Plan};
 use kiln::error::Warnings;
-use kiln::film::{ColourPipeline, Film, Window};
+use kiln::film::{Film, Window};
 use kiln::geometry::{Hit, Ray};
+use kiln::job::RenderSettings;
 use kiln::render::{RenderControl, Statistics, render};
-use kiln::scene::{AnalyticShape, Falloff, LightKind, Numerics, Scene, Shape, Sphere, Step};
+use kiln::scene::{
+    AnalyticShape, Falloff, LightKind, Numerics, PictureSettings, Sampling, Scene, Shape, Sphere, Step,
+};
 use kiln::world::{StandardView, View, World, fitted_camera, headlight, recenter};
 
 /// A scene from a file.
@@ -23,6 +26,28 @@ pub fn parse(toml: &str) -> Scene {
     let file = folder.path().join("scene.toml");
     std::fs::write(&file, toml).expect("the scene is written");
     load(&file)
+}
+
+/// Settings with a change of their picture.
+pub fn changed(mut settings: RenderSettings, change: impl FnOnce(&mut PictureSettings)) -> RenderSettings {
+    change(&mut settings.picture);
+    settings
+}
+
+/// Sampling settings, and those of `other` where they say none.
+pub fn or(own: Sampling, other: Sampling) -> Sampling {
+    let Sampling { samples, filter, filter_radius, noise, min_samples, seed, sampler, first, total } = own;
+    Sampling {
+        samples: samples.or(other.samples),
+        filter: filter.or(other.filter),
+        filter_radius: filter_radius.or(other.filter_radius),
+        noise: noise.or(other.noise),
+        min_samples: min_samples.or(other.min_samples),
+        seed: seed.or(other.seed),
+        sampler: sampler.or(other.sampler),
+        first: first.or(other.first),
+        total: total.or(other.total),
+    }
 }
 
 /// A scene made ready, seen by its first camera.
@@ -50,8 +75,8 @@ pub fn prepare(mut scene: Scene, size: [u32; 2], numerics: Numerics) -> Prepared
     recenter(&mut scene);
     let camera = scene.cameras[0].clone();
     let view = View::new(&camera, camera.projection, size).expect("a usable camera");
-    let pipeline = scene.colour.unwrap_or(ColourPipeline::Linear);
-    let (scene_effects, sampling, transport) = (scene.effects.clone(), scene.sampling, scene.transport);
+    let (pipeline, sampling) = (scene.picture.pipeline(), scene.picture.sampling());
+    let (scene_effects, transport) = (scene.effects.clone(), scene.picture.transport);
     let world = World::prepare(scene, pipeline, Layout::default(), numerics);
     Prepared { world, view, size, scene_effects, sampling, transport }
 }
@@ -59,7 +84,7 @@ pub fn prepare(mut scene: Scene, size: [u32; 2], numerics: Numerics) -> Prepared
 impl Prepared {
     /// Choices with the scene's effects and, where they say none, its sampling.
     pub fn choices(&self, choices: Choices) -> Choices {
-        let sampling = choices.sampling.or(self.sampling);
+        let sampling = or(choices.sampling, self.sampling);
         let transport = choices.transport.or(self.transport);
         Choices { scene: self.scene_effects.clone(), sampling, transport, ..choices }
     }

@@ -5,9 +5,9 @@ use std::fmt::Write as _;
 
 use glam::{DMat3, DQuat, DVec3};
 use kiln::film::{Window, non_finite};
-use kiln::job::{self, RenderSettings};
+use kiln::job;
 use kiln::render::RenderControl;
-use kiln::scene::{Numerics, Sampling};
+use kiln::scene::{Numerics, PictureSettings, Samples};
 
 use crate::common::Numbers;
 use crate::common::hard::times_factor;
@@ -29,8 +29,8 @@ fn head(position: [f64; 3], look_at: [f64; 3], fov: f64) -> String {
 
 /// The pixels of a scene file, path traced.
 fn pixels(toml: &str, numerics: Numerics, samples: usize) -> Vec<[f32; 3]> {
-    let sampling = Sampling { samples: Some(samples as u32), ..Sampling::default() };
-    let settings = RenderSettings { numerics: Some(numerics), sampling, ..RenderSettings::default() };
+    let samples = Some(Samples::clamped(samples as u32));
+    let settings = PictureSettings { numerics: Some(numerics), samples, ..Default::default() }.into();
     let job = job::prepare(parse(toml), &settings, &mut kiln::error::Warnings::default()).expect("a job");
     let (film, statistics) = job.render::<[f32; 3]>(&RenderControl::default()).expect("a picture");
     assert_eq!((statistics.non_finite.0, statistics.discarded_samples), (0, 0));

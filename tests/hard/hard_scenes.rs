@@ -8,7 +8,6 @@ use crate::common::borders::{TIGHT, sound};
 use crate::common::picture::{equip, prepare};
 use crate::common::repository;
 use kiln::error::Warnings;
-use kiln::film::ColourPipeline;
 use kiln::scene::Numerics;
 
 /// Pixels in 8 bits, row by row from the top.
@@ -156,9 +155,9 @@ impl Gallery {
                 .unwrap_or_else(|e| panic!("{}: {e}", file.display()));
             assert_eq!(warnings.messages(), [""; 0], "{}", file.display());
             equip(&mut scene);
-            let size = scene.size.expect("it gives its size");
+            let size = scene.picture.size().expect("it gives its size");
             assert!(size.iter().all(|side| (64..=128).contains(side)), "{}: {size:?}", file.display());
-            let pipeline = scene.colour.unwrap_or(ColourPipeline::Linear);
+            let pipeline = scene.picture.pipeline();
             let prepared = prepare(scene, size, numerics);
             assert_eq!(prepared.world.too_small, 0, "{}", file.display());
             let bytes = sound(&prepared).to_rgb8(pipeline);

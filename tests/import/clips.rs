@@ -57,7 +57,11 @@ fn posed(model: &Model, time: Option<f64>, clip: Option<&str>) -> Result<Scene> 
 }
 
 fn options(pose: Option<ClipTime>) -> ImportOptions {
-    ImportOptions { pose, ..ImportOptions::default() }
+    let options = ImportOptions::default();
+    match pose {
+        Some(pose) => options.posed(pose),
+        None => options,
+    }
 }
 
 fn positions(scene: &Scene) -> &[DVec3] {
@@ -334,8 +338,7 @@ fn frames_play_a_clip() {
         kiln::import::inline_camera("{ position = [0, 0, 5], look_at = [0.3, 0.3, 0] }").expect("a camera");
     let settings = RenderSettings {
         camera: CameraChoice::Given(camera),
-        size: Some([32; 2]),
-        ..RenderSettings::default()
+        ..kiln::scene::PictureSettings::of_size([32; 2]).into()
     };
     let still = |time: f64| {
         let moment = ClipTime { clip: second.clone(), time };
@@ -377,8 +380,9 @@ fn clips_are_chosen_by_name_or_number() {
 
 /// Three clips of a real, skinned model, each at three times: finite, not as at rest, and each different.
 #[test]
-fn the_fox_moves() {
-    let Some(folder) = models("the_fox_moves") else { return };
+#[ignore = "needs KILN_MODELS"]
+fn with_models_the_fox_moves() {
+    let folder = models();
     let file = folder.join("Fox.glb");
     let at = |pose: Option<ClipTime>| {
         let scene = load_with(std::slice::from_ref(&file), &options(pose), &mut Warnings::default())

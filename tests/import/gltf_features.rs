@@ -5,9 +5,8 @@ use glam::{DVec2, DVec3};
 use image::{DynamicImage, ImageFormat, RgbImage};
 use kiln::error::{Error, Result, Warnings};
 use kiln::import::load_with;
-use kiln::job::RenderSettings;
 use kiln::render::RenderControl;
-use kiln::scene::{ImportOptions, Material, Mesh, Sampling, Scene, Shape};
+use kiln::scene::{Headlight, ImportOptions, Material, Mesh, PictureSettings, Samples, Scene, Shape};
 use serde_json::{Value, json};
 
 use crate::common::borders::Model;
@@ -127,7 +126,8 @@ fn variants_choose_materials() {
     primitive["material"] = json!(0);
     primitive["extensions"] = json!({ "KHR_materials_variants": { "mappings": mappings } });
     let drawn = |variant: Option<&str>| {
-        let options = ImportOptions { variant: variant.map(str::to_owned), ..ImportOptions::default() };
+        let mut options = ImportOptions::default();
+        options.reading.variant = variant.map(str::to_owned);
         let (scene, warnings) = load(&model, &options)?;
         assert_eq!((warnings.len(), scene.variants.as_slice()), (0, &["summer".into(), "winter".into()][..]));
         Ok(scene.materials[scene.objects[0].material.0 as usize].name().to_owned())
@@ -234,12 +234,12 @@ fn square(texture: &Value, set_1: [[f32; 2]; 4]) -> Model {
 fn pixels(model: &Model) -> Vec<[u8; 3]> {
     let (scene, warnings) = read(model);
     assert_eq!(warnings, [] as [&str; 0]);
-    let settings = RenderSettings {
-        size: Some([2, 2]),
-        headlight: Some(false),
-        sampling: Sampling { samples: Some(1), ..Sampling::default() },
-        ..RenderSettings::default()
-    };
+    let settings = PictureSettings {
+        light: Some(Headlight::None),
+        samples: Some(Samples::clamped(1)),
+        ..PictureSettings::of_size([2, 2])
+    }
+    .into();
     let job = kiln::job::prepare(scene, &settings, &mut Warnings::default()).expect("a job");
     let film = job.render::<[f32; 3]>(&RenderControl::default()).expect("a picture").0;
     film.rows().map(|pixel| pixel.map(|channel| (255.0 * channel).round() as u8)).collect()

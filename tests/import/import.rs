@@ -292,6 +292,17 @@ fn obj_files_that_are_odd_in_their_bytes() {
         assert_eq!(triangles(mesh(&scene, 0)), [TRIANGLE], "{what}");
         assert_eq!(warnings, [""; 0], "{what}");
     }
+    // UTF-16 in both byte orders, UTF-8 and Latin-1.
+    let text = "o gr\u{fc}n\nv 0 0 0\r\nv 1 0 0\nv 0 1 0\nf 1 2 3";
+    let units = |bytes: fn(u16) -> [u8; 2]| -> Vec<u8> {
+        "\u{feff}".encode_utf16().chain(text.encode_utf16()).flat_map(bytes).collect()
+    };
+    let latin: Vec<u8> = text.chars().map(|c| u32::from(c) as u8).collect();
+    for bytes in [units(u16::to_le_bytes), units(u16::to_be_bytes), latin, format!("\u{feff}{text}").into()] {
+        let (scene, warnings) = Folder::new().load("odd.obj", bytes);
+        assert_eq!((scene.objects[0].name.as_str(), warnings), ("gr\u{fc}n", vec![]));
+        assert_eq!(triangles(mesh(&scene, 0)), [TRIANGLE]);
+    }
 }
 
 #[test]
@@ -497,13 +508,24 @@ fn mtl_files_in_one_line_in_any_encoding() {
 fn mtl_lines_that_others_stumble_over() {
     let folder = Folder::new();
     // One number is the value of all three channels (MTL text, "Kd r g b": g and b are optional).
-    folder.write("a.mtl", "newmtl a\nKd 0.5\nKs xyz 1 1\nNs 20 # dull\nKe nan 0 0\n");
+    folder.write(
+        "a.mtl",
+        "newmtl a\nKd 0.5\nKs xyz 1 1\nNs 20 # dull\nKe nan 0 0\nKa spectral f.rfl\nd -halo 0.25\n",
+    );
     let (scene, warnings) = folder.load("a.obj", format!("mtllib a.mtl\n{OBJ_TRIANGLE}usemtl a\nf 1 2 3\n"));
     let Material::Phong(material) = &scene.materials[0] else { panic!("{:?}", scene.materials) };
     assert_eq!(material.colour, Colour::Display(DVec3::splat(0.5)));
     assert_eq!((material.specular, material.shininess), (0.0, 20.0));
-    let expected = ["a.mtl:3: `Ks` left out: an invalid value", "a.mtl:5: `Ke` left out: an invalid value"];
-    assert_eq!(warnings, expected);
+    assert_eq!(material.opacity.map(|opacity| opacity.factor), Some(0.25));
+    assert_eq!(
+        warnings,
+        [
+            "a.mtl:3: `Ks` left out: an invalid value",
+            "a.mtl:5: `Ke` left out: an invalid value",
+            "a.mtl:6: `Ka` left out: an invalid value",
+            "a.mtl:7: the option -halo of `d` is left out",
+        ]
+    );
 }
 
 #[test]
@@ -550,6 +572,14 @@ fn obj_faults_name_their_line() {
         ("v 1 2\n", "a.obj:4: `v` with 2 of 3 numbers"),
         ("v 1 2 1.0D+00\nf 1 2 3\n", "a.obj:4: number 3 of `v` cannot be read"),
         ("f 1 \\\n2 3\nf 1 2 9\n", "a.obj:6: vertex 9 does not exist; the file has 3"),
+        ("f 1 2 -4\nf 1 2 9\n", "a.obj:4: vertex -4 does not exist; the file has 3"),
+        ("f 1 2 0\n", "a.obj:4: vertex 0 does not exist; the file has 3"),
+        ("f 1 2 3000000000\n", "a.obj:4: vertex 3000000000 does not exist; the file has 3"),
+        ("f 1 2 -3000000000\n", "a.obj:4: vertex -3000000000 does not exist; the file has 3"),
+        ("f 1/1 2/1 3/1\n", "a.obj:4: texture coordinate 1 does not exist; the file has 0"),
+        ("v 1 2 +-\n", "a.obj:4: number 3 of `v` cannot be read"),
+        ("v 1 2 3 1 red 0\n", "a.obj:4: number 5 of `v` cannot be read"),
+        ("vn 0 1\n", "a.obj:4: `vn` with 2 of 3 numbers"),
     ] {
         let e = Folder::new().fails("a.obj", format!("{OBJ_TRIANGLE}{rest}"));
         assert_eq!(message(&e), expected);
@@ -1159,6 +1189,8 @@ fn gltf_uris_that_cannot_be_followed() {
         ("https://example.org/a.bin", "kiln reads local files only"),
         ("data:application/octet-stream;base64,AAAA", "a.gltf: buffer 0: has 3 bytes; byteLength is 36"),
         ("data:application/octet-stream;base64,!", "a damaged data URI"),
+        ("data:;base64", "a data URI without a comma"),
+        ("a/../../b", "a.gltf: buffer 0: `a/../../b` is outside the file's folder"),
     ] {
         let e = Model::triangle().with("buffers", json!([{ "byteLength": length, "uri": uri }])).fails();
         assert!(message(&e).contains(expected), "{uri}: {e}");
@@ -1670,9 +1702,9 @@ const FAULTS: &[(&str, &str, &str)] = &[
     ("\n[image]\nwidth = 1\nwidth = 2\n", "4: `width` is given twice", "keep one"),
     ("[image]\nheigth = 1\n", "2: unknown key `heigth`", "did you mean `height`?"),
     ("\n\n[imag]\n", "3: unknown key `imag`", "did you mean `image`?"),
-    ("[image]\nzzz = 1\n", "2: unknown key `zzz`", "known here: width, height, background, colour"),
+    ("[image]\nzzz = 1\n", "2: unknown key `zzz`", "known here: width, height, numerics, shading"),
     ("[image]\ncolour = 'lineal'\n", "2: unknown value `lineal`", "did you mean `linear`?"),
-    ("\n[[sphere]]\nradius = 1\n", "2: missing key `centre`", "give [[sphere]]"),
+    ("\n[[sphere]]\nradius = 1\n", "2: missing key `centre`", "`centre = ...`"),
     ("[[sphere]]\ncentre = [0, 0]\nradius = 1\n", "2: `centre` is [0, 0], expected 3 numbers", "[0, 0, 0]"),
     ("[[sphere]]\ncentre = [0, 0, 0]\nradius = 'big'\n", "3: `radius` is 'big', expected a number", "1.5"),
     ("[image]\nwidth = -1\n", "2: `width` is -1, expected a whole number", ""),
@@ -1688,7 +1720,7 @@ const FAULTS: &[(&str, &str, &str)] = &[
         "",
     ),
     // `[image]`.
-    ("[image]\nwidth = 0\nheight = 5\n", "1: a picture of width or height 0", "above 0"),
+    ("[image]\nwidth = 0\nheight = 5\n", "2: `width` is 0", "from 1 to 65535"),
     ("# about the [image]\n\n[image]\nwidth = 5\n", "3: `width` or `height` is missing", "both or neither"),
     ("\n[ambient]\nintensity = -1\n", "2: `intensity` is -1", "0 or more"),
     ("[ambient]\nintensity = nan\n", "1: `intensity` is NaN", "0 or more"),
@@ -1873,7 +1905,7 @@ const FAULTS: &[(&str, &str, &str)] = &[
         "1: the glaze of `a` asks for 20000000 bounces",
         "at most 4096",
     ),
-    ("[image]\nwidth = 4000000000\nheight = 3\n", "1: a picture of 4000000000 x 3 pixels", "at most 65535"),
+    ("[image]\nwidth = 4000000000\nheight = 3\n", "2: `width` is 4000000000", "from 1 to 65535"),
     (
         "[[light]]\nname = 'a'\ntype = 'point'\nposition = [0, 1e120, 0]\n",
         "1: light `a` is beyond 1e100",
@@ -2186,7 +2218,8 @@ fn variants_of_meshes_of_scene_files_can_be_chosen() {
     model.json["meshes"][0]["primitives"][0]["extensions"] = mappings;
     folder.write("a.gltf", model.text());
     let file = folder.write("a.toml", "[[mesh]]\nfile = 'a.gltf'\n");
-    let options = kiln::scene::ImportOptions { variant: Some("red".into()), ..Default::default() };
+    let mut options = kiln::scene::ImportOptions::default();
+    options.reading.variant = Some("red".into());
     let scene = kiln::import::load_with(&[file], &options, &mut Warnings::default()).expect("a scene");
     assert_eq!(scene.materials[scene.objects[0].material.0 as usize].name(), "painted");
 }

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use kiln::error::Warnings;
-use kiln::job::{self, RenderSettings};
+use kiln::job;
 use kiln::render::RenderControl;
 
 use crate::common::{Numbers, repository};
@@ -67,10 +67,27 @@ fn binary_gltf(json: &[u8]) -> Vec<u8> {
     file
 }
 
+/// A triangle in binary PLY.
+fn binary_ply() -> Vec<u8> {
+    let xyz = "property float x\nproperty float y\nproperty float z";
+    let faces = "element face 1\nproperty list uchar int vertex_indices";
+    let header =
+        format!("ply\nformat binary_little_endian 1.0\nelement vertex 3\n{xyz}\n{faces}\nend_header\n");
+    let corners: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    let indices = [3u8, 0, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0];
+    [header.as_bytes(), corners.map(f32::to_le_bytes).as_flattened(), &indices].concat()
+}
+
+/// A triangle in binary STL.
+fn binary_stl() -> Vec<u8> {
+    let facet: [f32; 12] = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    [&[b' '; 80][..], &1u32.to_le_bytes(), facet.map(f32::to_le_bytes).as_flattened(), &[0; 2]].concat()
+}
+
 /// Imports a file and draws it at 4 x 4 pixels.
 fn draws(file: &Path) -> Result<(), kiln::error::Error> {
     let mut warnings = Warnings::default();
-    let settings = RenderSettings { size: Some([4, 4]), ..RenderSettings::default() };
+    let settings = kiln::scene::PictureSettings::of_size([4, 4]).into();
     let job = kiln::import::load(&[file.to_owned()], &mut warnings)
         .and_then(|scene| job::prepare(scene, &settings, &mut warnings));
     job.and_then(|job| job.render::<[f32; 3]>(&RenderControl::default())).map(drop)
@@ -93,6 +110,8 @@ fn damaged_files_are_drawn_or_refused() {
         ("square.gltf", gltf, "square.gltf"),
         ("square.ply", read("assets/import/square.ply"), "square.ply"),
         ("tetrahedron.stl", read("assets/import/tetrahedron.stl"), "tetrahedron.stl"),
+        ("binary.ply", binary_ply(), "binary.ply"),
+        ("binary.stl", binary_stl(), "binary.stl"),
         ("glaze.toml", scene, "glaze.toml"),
     ] {
         let (file, drawn_file) = (folder.path().join(name), folder.path().join(drawn));

@@ -312,8 +312,9 @@ fn the_sunflower_is_one_ball() {
 }
 
 #[test]
-fn ten_thousand_bunnies_take_little_more_than_one() {
-    let Some(models) = common::models("ten_thousand_bunnies_take_little_more_than_one") else { return };
+#[ignore = "needs KILN_MODELS"]
+fn with_models_ten_thousand_bunnies_take_little_more_than_one() {
+    let models = common::models();
     let folder = Folder::new();
     let file = models.join("stanford-bunny.obj");
     let peak = |places: usize| {

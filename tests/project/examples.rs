@@ -21,7 +21,7 @@ use kiln::job::RenderSettings;
 use crate::common::repository;
 
 fn small() -> RenderSettings {
-    RenderSettings { size: Some([64, 48]), ..RenderSettings::default() }
+    kiln::scene::PictureSettings::of_size([64, 48]).into()
 }
 
 /// The colour of a pixel of a file of 64 by 48 pixels.

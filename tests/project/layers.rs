@@ -11,6 +11,7 @@ const MODULES: &[&str] = &[
     "bvh",
     "error",
     "limits",
+    "timing",
     "film",
     "scene",
     "import",
@@ -152,6 +153,12 @@ fn refers_to(text: &str, name: &str) -> bool {
     begins || ["--with ", "--without "].iter().any(|option| text.split(option).skip(1).any(is_name))
 }
 
+/// Whether a file of `src` is that of an effect, or in its folder.
+fn is_of_effect(inside: &str, effect: &str) -> bool {
+    let module = effect.replace('-', "_");
+    inside.strip_prefix("effects/").is_some_and(|file| file.split(['/', '.']).any(|part| part == module))
+}
+
 /// Other files refer to effects by `effects::id` and by the fields of `Effect` and `RayKind`.
 #[test]
 fn effects_are_named_in_their_own_files_alone() {
@@ -165,17 +172,16 @@ fn effects_are_named_in_their_own_files_alone() {
     for file in all {
         let inside = file.strip_prefix(common::repository("src")).expect("a file of src");
         let inside = inside.to_string_lossy().replace('\\', "/");
-        // The registry: `cfg(kiln_without = ...)` takes a literal. Files of unit tests say what users type.
-        if inside == "effects/mod.rs" || inside.ends_with("/tests.rs") {
+        // The registry and the modules of a transport: `cfg(kiln_without = ...)` takes a literal. Files of unit tests
+        // say what users type.
+        if ["effects/mod.rs", "effects/whitted/mod.rs"].contains(&&*inside) || inside.ends_with("/tests.rs") {
             continue;
         }
         let text = std::fs::read_to_string(&file).expect("a source file");
         for string in strings(&text) {
             for (name, effect) in &names {
-                let own = format!("effects/{}.rs", effect.replace('-', "_"));
                 let is_exception = NOT_EFFECTS.contains(&(inside.as_str(), string.as_str()));
-                let is_own = inside == own || inside.starts_with(&own.replace(".rs", "/"));
-                if refers_to(&string, name) && !is_own && !is_exception {
+                if refers_to(&string, name) && !is_of_effect(&inside, effect) && !is_exception {
                     faults.push(format!("{inside}: \"{string}\" names the effect `{effect}`"));
                 }
             }
@@ -188,7 +194,8 @@ fn effects_are_named_in_their_own_files_alone() {
 fn uses_effect(text: &str, module: &str) -> bool {
     let code = text.split("#[cfg(test)]\nmod").next().unwrap_or("");
     let code = code.lines().filter(|line| !line.trim_start().starts_with("//"));
-    let paths = ["super", "effects", "self"].map(|parent| format!("{parent}::{module}::"));
+    let parents = ["super", "effects", "self", "whitted"];
+    let paths = parents.map(|parent| format!("{parent}::{module}::"));
     code.into_iter().any(|line| paths.iter().any(|path| line.contains(path.as_str())))
 }
 
@@ -204,8 +211,7 @@ fn effects_are_used_by_the_registry_alone() {
         let text = std::fs::read_to_string(file).expect("a source file");
         for effect in EFFECTS {
             let module = effect.name().replace('-', "_");
-            let is_own = inside.starts_with(&format!("effects/{module}"));
-            if !is_own && uses_effect(&text, &module) {
+            if !is_of_effect(&inside, effect.name()) && uses_effect(&text, &module) {
                 faults.push(format!("{inside} uses the effect `{}`", effect.name()));
             }
         }

@@ -1,27 +1,24 @@
 //! Surfaces of opacity below 1 against closed forms.
 
-use crate::common::picture::parse;
+use crate::common::picture::{changed, parse};
 use kiln::error::Warnings;
 use kiln::film::{Film, FilterShape};
 use kiln::geometry::Numerics;
 use kiln::job::{RenderControl, RenderSettings, Statistics, prepare};
-use kiln::scene::{Scene, Transport};
+use kiln::scene::{PictureSettings, Samples, Scene, Transport};
 
 /// An odd size, so that the diagonal of a square goes through the centres of pixels.
 const SIZE: u32 = 33;
 
 fn settings(samples: u32, transport: Transport) -> RenderSettings {
-    let mut settings = RenderSettings {
-        size: Some([SIZE; 2]),
+    let picture = PictureSettings {
         transport: Some(transport),
         colour: Some(kiln::film::ColourPipeline::Linear),
-        ..RenderSettings::default()
+        samples: (samples > 1).then(|| Samples::clamped(samples)),
+        filter: (samples > 1).then_some(FilterShape::Box),
+        ..PictureSettings::of_size([SIZE; 2])
     };
-    if samples > 1 {
-        settings.sampling.samples = Some(samples);
-        settings.sampling.filter = Some(FilterShape::Box);
-    }
-    settings
+    picture.into()
 }
 
 fn render(scene: Scene, settings: &RenderSettings) -> (Film, Statistics) {
@@ -72,7 +69,8 @@ fn panes_are_blended_by_depth_and_once_each() {
     for order in [[0, 1, 2], [2, 1, 0], [1, 2, 0]] {
         let panes: String = order.iter().map(|&i| panes[i]).map(|(n, z, g, o)| pane(n, z, g, o)).collect();
         for numerics in Numerics::ALL {
-            let settings = RenderSettings { numerics: Some(numerics), ..settings(1, Transport::Whitted) };
+            let own = settings(1, Transport::Whitted);
+            let settings = changed(own, |picture| picture.numerics = Some(numerics));
             assert_every_pixel(&format!("{VIEW}{panes}"), &settings, expected);
         }
     }
@@ -187,11 +185,10 @@ fn an_opacity_of_one_costs_nothing() {
 fn paths_pass_the_same_surfaces_in_double_and_exact() {
     let scene = || crate::common::picture::load(std::path::Path::new("scenes/effects/alpha.toml"));
     let film = |numerics| {
-        let settings = RenderSettings {
-            size: Some([160, 120]),
-            numerics: Some(numerics),
-            ..settings(6, Transport::Path)
-        };
+        let settings = changed(settings(6, Transport::Path), |picture| {
+            let own = PictureSettings { numerics: Some(numerics), ..PictureSettings::of_size([160, 120]) };
+            *picture = own.or(*picture);
+        });
         red(&render(scene(), &settings).0)
     };
     let (double, exact) = (film(Numerics::Double), film(Numerics::Exact));

@@ -3,6 +3,7 @@
 use crate::common::picture::parse;
 use kiln::error::Warnings;
 use kiln::job::{RenderControl, RenderSettings, prepare};
+use kiln::scene::{PictureSettings, Samples};
 
 const SIZE: u32 = 33;
 
@@ -19,12 +20,9 @@ fn floor(x: f64, half: f64) -> String {
 
 /// The mean over the pixels for a radius in diagonals, which must lie within four standard errors of independent rays.
 fn check(scene: &str, radius: f64, samples: Option<u32>, expected: f64) {
-    let mut settings = RenderSettings {
-        size: Some([SIZE; 2]),
-        with: vec![format!("ambient-occlusion={radius}")],
-        ..RenderSettings::default()
-    };
-    settings.sampling.samples = samples;
+    let samples = samples.map(Samples::clamped);
+    let picture = PictureSettings { samples, ..PictureSettings::of_size([SIZE; 2]) };
+    let settings = RenderSettings { with: vec![format!("ambient-occlusion={radius}")], ..picture.into() };
     let job = prepare(parse(scene), &settings, &mut Warnings::default()).expect("a job");
     let (film, _) = job.render(&RenderControl::default()).expect("a picture");
     let values: Vec<f64> = film.rows().map(|[red, ..]: [f32; 3]| red.into()).collect();

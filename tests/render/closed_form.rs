@@ -15,7 +15,7 @@ fn picture_of(mut scene: Scene, camera: Option<&str>, size: Option<[u32; 2]>, ch
     if let Some(name) = camera {
         scene.cameras.retain(|camera| camera.name == name);
     }
-    let size = size.or(scene.size).expect("a size");
+    let size = size.or(scene.picture.size()).expect("a size");
     common::picture::prepare(scene, size, Numerics::default()).render(choices).0
 }
 

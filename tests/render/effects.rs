@@ -5,7 +5,8 @@
 
 use crate::common::picture::{Prepared, bits, load, parse, prepare};
 use crate::common::repository;
-use kiln::effects::{Choices, EFFECTS, Effect, Plan, RayKind, glaze, id, shadows};
+use kiln::effects::whitted::{glaze, shadows};
+use kiln::effects::{Choices, EFFECTS, Effect, Plan, RayKind, id};
 use kiln::film::{ColourPipeline, Film};
 use kiln::render::{EffectCost, Statistics};
 use kiln::scene::Numerics;

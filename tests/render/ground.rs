@@ -6,7 +6,7 @@ use glam::DVec3;
 use kiln::error::Warnings;
 use kiln::job::metadata::fingerprint_of;
 use kiln::job::{RenderJob, RenderSettings, prepare};
-use kiln::scene::Scene;
+use kiln::scene::{PictureSettings, Scene};
 
 /// A ball of radius 1 that touches the plane y = 0, under a light straight above. Its box has the radius sqrt 3.
 const BALL: &str = "[[sphere]]\ncentre = [0, 1, 0]\nradius = 1\n\
@@ -35,13 +35,15 @@ fn the_ground_is_lit_shadowed_and_ends() {
     let shadow = at(0.0).replace("position = [0, 30, 40]", "position = [0, 1, 9]");
     assert_eq!(mean(&render(parse(&shadow), &settings(1, 1))).0, 0.0);
     // Local shading with the ambient light of 0.25, too.
-    let whitted = RenderSettings { transport: None, with: Vec::new(), ..settings(1, 1) };
+    let local = crate::common::picture::changed(settings(1, 1), |picture| picture.transport = None);
+    let whitted = RenderSettings { with: Vec::new(), ..local };
     check_settings(&at(1.01), &whitted, 0.4 + 0.5 * 0.25);
 }
 
 #[test]
 fn cameras_are_fitted_to_the_objects_alone() {
-    let of = |ground| job(parse(BALL), &RenderSettings { ground, ..RenderSettings::default() });
+    let settings = |ground| PictureSettings { ground, ..PictureSettings::default() }.into();
+    let of = |ground| job(parse(BALL), &settings(ground));
     let (with, without) = (of(Some(true)), of(None));
     assert_eq!(with.camera, without.camera);
     assert_eq!((with.world.primitive_count(), without.world.primitive_count()), (3, 1));
@@ -50,9 +52,7 @@ fn cameras_are_fitted_to_the_objects_alone() {
     assert!(with.metadata.iter().any(is_ground) && !without.metadata.iter().any(is_ground));
     assert_ne!(fingerprint_of(&with.metadata), fingerprint_of(&without.metadata));
     // The option and the key of a scene file are the same; the option comes first.
-    let file = |text: &str, ground| {
-        job(parse(&format!("[image]\n{text}{BALL}")), &RenderSettings { ground, ..RenderSettings::default() })
-    };
+    let file = |text: &str, ground| job(parse(&format!("[image]\n{text}{BALL}")), &settings(ground));
     let (of_file, typed) = (file("ground = true\n", None), file("", Some(true)));
     assert_eq!(fingerprint_of(&of_file.metadata), fingerprint_of(&typed.metadata));
     assert_eq!(file("ground = true\n", Some(false)).world.primitive_count(), 1);

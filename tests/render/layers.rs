@@ -7,8 +7,8 @@ use crate::common::picture::parse;
 use base64::Engine;
 use kiln::error::Warnings;
 use kiln::film::Film;
-use kiln::job::{RenderControl, RenderJob, RenderSettings, prepare};
-use kiln::scene::{Scene, Transport};
+use kiln::job::{RenderControl, RenderJob, prepare};
+use kiln::scene::{PictureSettings, Samples, Scene, Transport};
 use serde_json::{Value, json};
 
 const SIZE: u32 = 16;
@@ -80,10 +80,13 @@ fn job(scene: Scene, transport: Transport) -> RenderJob {
 }
 
 fn job_of(scene: Scene, transport: Transport, samples: u32) -> RenderJob {
-    let mut settings =
-        RenderSettings { size: Some([SIZE; 2]), transport: Some(transport), ..RenderSettings::default() };
-    settings.sampling.samples = Some(samples);
-    settings.sampling.filter = Some(kiln::film::FilterShape::Box);
+    let settings = PictureSettings {
+        transport: Some(transport),
+        samples: Some(Samples::clamped(samples)),
+        filter: Some(kiln::film::FilterShape::Box),
+        ..PictureSettings::of_size([SIZE; 2])
+    }
+    .into();
     prepare(scene, &settings, &mut Warnings::default()).expect("a job")
 }
 

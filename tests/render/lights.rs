@@ -3,13 +3,13 @@
 
 use std::f64::consts::PI;
 
-use crate::common::picture::{parse, placed};
+use crate::common::picture::{changed, parse, placed};
 use crate::path::{FLOOR, SIZE, check, mean, render, settings};
 use glam::{DVec3, dvec3};
 use kiln::effects::id;
 use kiln::error::Warnings;
 use kiln::job::{RenderSettings, prepare};
-use kiln::scene::Transport;
+use kiln::scene::{PictureSettings, Transport};
 
 /// The floor of [`FLOOR`] under a light.
 fn under(light: &str) -> String {
@@ -230,10 +230,9 @@ fn soft_shadows_have_the_part_of_the_disc_that_is_seen() {
     let tangent = 20f64.to_radians().tan();
     let whole = 2.0 * PI * (1.0 - 20f64.to_radians().cos());
     let local = |without: &[&str]| RenderSettings {
-        transport: Some(Transport::Whitted),
         with: Vec::new(),
         without: without.iter().map(|name| (*name).to_owned()).collect(),
-        ..settings(256, 1)
+        ..changed(settings(256, 1), |picture| picture.transport = Some(Transport::Whitted))
     };
     let light = "type = 'directional'\ndirection = [0, -1, 0]\nangle = 40\n";
     let no_ambient = "[ambient]\nintensity = 0\n";
@@ -321,7 +320,7 @@ fn degenerate_area_lights_are_numbers() {
     for numerics in kiln::scene::Numerics::ALL {
         let scene =
             format!("{FLOOR}{rectangles}{spheres}").replace("vertical_fov = 0.001", "vertical_fov = 5");
-        let settings = RenderSettings { numerics: Some(numerics), ..settings(8, 3) };
+        let settings = changed(settings(8, 3), |picture| picture.numerics = Some(numerics));
         // `render` asserts that no sample is not finite.
         assert!(mean(&render(parse(&scene), &settings)).0.is_finite());
     }
@@ -334,7 +333,7 @@ fn area_lights_call_for_paths() {
         "name = 'panel'\ntype = 'rectangle'\nposition = [0, 2, 0]\ndirection = [0, -1, 0]\nsize = [1, 1]",
     );
     let decide = |transport, scene: &str| {
-        let settings = RenderSettings { transport, size: Some([SIZE; 2]), ..RenderSettings::default() };
+        let settings = PictureSettings { transport, ..PictureSettings::of_size([SIZE; 2]) }.into();
         let mut warnings = Warnings::default();
         let job = prepare(parse(scene), &settings, &mut warnings).expect("a job");
         let path =
@@ -398,12 +397,10 @@ fn lamps_on_planes_light_what_is_below() {
             for numerics in kiln::scene::Numerics::ALL {
                 for transport in [Transport::Path, Transport::Whitted] {
                     let with = if transport == Transport::Path { vec!["path=1".into()] } else { Vec::new() };
-                    let settings = RenderSettings {
-                        numerics: Some(numerics),
-                        transport: Some(transport),
-                        with,
-                        ..settings(1, 1)
+                    let own = |picture: &mut PictureSettings| {
+                        (picture.numerics, picture.transport) = (Some(numerics), Some(transport));
                     };
+                    let settings = RenderSettings { with, ..changed(settings(1, 1), own) };
                     let seen = mean(&render(parse(&scene), &settings)).0;
                     assert!(
                         (seen / expected - 1.0).abs() < 2e-3,

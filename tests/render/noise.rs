@@ -4,10 +4,10 @@ use crate::common::{models, repository};
 use glam::DVec3;
 use kiln::error::Warnings;
 use kiln::film::Film;
-use kiln::film::tone::{DisplaySettings, Exposure};
+use kiln::film::tone::Exposure;
 use kiln::job::{Choices, Look, RenderControl, RenderJob, RenderSettings, prepare};
 use kiln::render::aov::{self, AovSelection};
-use kiln::scene::{Camera, Sampling, Transport};
+use kiln::scene::{Camera, PictureSettings, Sampling, Transport};
 use std::path::{Path, PathBuf};
 
 /// A picture, and the greatest number of samples a pixel.
@@ -36,7 +36,10 @@ impl Ended {
 }
 
 fn render(job: &RenderJob, sampling: Sampling) -> (RenderJob, Film) {
-    let choices = Choices { sampling: sampling.or(job.choices.sampling), ..job.choices.clone() };
+    let choices = Choices {
+        sampling: crate::common::picture::or(sampling, job.choices.sampling),
+        ..job.choices.clone()
+    };
     let job = job.with_choices(choices).expect("a plan");
     let film = job.render(&RenderControl::default()).expect("a picture").0;
     (job, film)
@@ -46,7 +49,9 @@ impl Case {
     fn measure(&self, size: [u32; 2], seeds: u32, reference: u32) -> Ended {
         let mut warnings = Warnings::default();
         let scene = kiln::import::load(std::slice::from_ref(&self.file), &mut warnings).expect("a scene");
-        let settings = RenderSettings { size: Some(size), ..self.settings.clone() };
+        let settings = crate::common::picture::changed(self.settings.clone(), |picture| {
+            *picture = PictureSettings::of_size(size).or(*picture);
+        });
         let mut job = prepare(scene, &settings, &mut warnings).expect("a job");
         job.choices.sampling.min_samples = None;
         let own =
@@ -55,7 +60,7 @@ impl Case {
             Choices { sampling: Sampling { noise: None, ..job.choices.sampling }, ..job.choices.clone() };
         let (_, limit) = render(&job.with_choices(noiseless).expect("a plan"), own(reference, 1000));
         // The exposure of the reference, so that both are displayed alike.
-        let display = job.display.in_pipeline(job.pipeline()).transform_of(limit.rows());
+        let display = job.display().transform_of(limit.rows());
         let shown = |pixel: [f32; 3]| display.displayed(job.pipeline(), DVec3::from(pixel.map(f64::from)));
         let mut sum = Ended::default();
         for seed in 0..seeds {
@@ -99,14 +104,14 @@ fn small() -> Vec<Case> {
         most: 256,
     };
     let plain = RenderSettings::default;
-    let auto = DisplaySettings { exposure: Some(Exposure::Auto), tone_map: None };
+    let auto = PictureSettings { exposure: Some(Exposure::Auto), ..PictureSettings::default() };
     vec![
         case("edges", "scenes/assignment.toml", plain()),
         case("textures", "scenes/effects/textures.toml", plain()),
         case("occlusion", "scenes/effects/ambient-occlusion.toml", plain()),
         case("soft light", "scenes/effects/soft-shadows.toml", plain()),
         case("alpha", "scenes/effects/alpha.toml", plain()),
-        case("paths", "scenes/effects/path.toml", RenderSettings { display: auto, ..plain() }),
+        case("paths", "scenes/effects/path.toml", auto.into()),
     ]
 }
 
@@ -120,12 +125,11 @@ fn large(models: &Path) -> Vec<Case> {
             DVec3::Y,
             40f64.to_radians(),
         );
-        let display = DisplaySettings { exposure: Some(exposure), tone_map: None };
+        let picture = PictureSettings { exposure: Some(exposure), ..PictureSettings::default() };
         let settings = RenderSettings {
             camera: kiln::job::CameraChoice::Given(camera),
-            display,
             look: Look::Studio,
-            ..RenderSettings::default()
+            ..picture.into()
         };
         Case { name, file: models.join("kitchen.obj"), settings, level: 0.02, most: 1024 }
     };
@@ -137,7 +141,7 @@ fn large(models: &Path) -> Vec<Case> {
         level,
         most,
     };
-    let path = RenderSettings { transport: Some(Transport::Path), ..studio() };
+    let path = crate::common::picture::changed(studio(), |picture| picture.transport = Some(Transport::Path));
     vec![
         inside("kitchen, 3 EV", Exposure::Ev(3.0)),
         inside("kitchen, auto", Exposure::Auto),
@@ -167,7 +171,7 @@ fn pixels_end_when_they_are_accurate() {
 #[test]
 #[ignore = "takes many minutes"]
 fn pixels_of_large_pictures_end_when_they_are_accurate() {
-    let large = models("noise").as_deref().map(large).unwrap_or_default();
+    let large = large(&models());
     let size = std::env::var("KILN_WIDTH").ok().and_then(|width| width.parse().ok()).unwrap_or(400u32);
     let mut failed = Vec::new();
     for case in small().into_iter().chain(large).filter(wanted) {

@@ -202,8 +202,9 @@ fn what_is_missing_is_said() {
 /// The tangents that are made are those of the file, where it has some: of a model whose own were made by MikkTSpace,
 /// by another program, from other roundings. Nearly all are within 8 degrees and on the same side.
 #[test]
-fn tangents_are_those_of_the_file() {
-    let Some(models) = common::models("normal_maps") else { return };
+#[ignore = "needs KILN_MODELS"]
+fn with_models_tangents_are_those_of_the_file() {
+    let models = common::models();
     let from = models.join("FlightHelmet");
     let folder = tempfile::tempdir().expect("a folder");
     for entry in std::fs::read_dir(&from).expect("the model") {

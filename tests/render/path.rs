@@ -1,26 +1,24 @@
 //! Path tracing against closed forms. Every test states the expected radiance; the mean over pixels must lie within
 //! four standard errors of it, and the standard error must be small enough for the test to mean something.
 
-use crate::common::picture::parse;
+use crate::common::picture::{changed, parse};
 use kiln::error::Warnings;
 use kiln::film::{Film, Window};
 use kiln::job::metadata::fingerprint_of;
 use kiln::job::{RenderControl, RenderJob, RenderSettings, prepare};
-use kiln::scene::{Scene, Transport};
+use kiln::scene::{Clamp, PictureSettings, Samples, Scene, Transport};
 
 pub(crate) const SIZE: u32 = 48;
 
 /// Settings for path tracing with `samples` samples a pixel and `depth` bounces.
 pub(crate) fn settings(samples: u32, depth: u32) -> RenderSettings {
-    let mut settings = RenderSettings {
-        size: Some([SIZE; 2]),
+    let picture = PictureSettings {
         transport: Some(Transport::Path),
-        with: vec![format!("path={depth}")],
-        ..RenderSettings::default()
+        samples: Some(Samples::clamped(samples)),
+        filter: Some(kiln::film::FilterShape::Box),
+        ..PictureSettings::of_size([SIZE; 2])
     };
-    settings.sampling.samples = Some(samples);
-    settings.sampling.filter = Some(kiln::film::FilterShape::Box);
-    settings
+    RenderSettings { with: vec![format!("path={depth}")], ..picture.into() }
 }
 
 pub(crate) fn render(scene: Scene, settings: &RenderSettings) -> Film {
@@ -209,7 +207,8 @@ fn punctual_lights_are_as_bright_as_in_local_shading() {
         "{FLOOR}[ambient]\nintensity = 0\n[[light]]\ntype = 'point'\nposition = [0, 8, 6]\nintensity = 0.5\n"
     );
     let (path, _) = mean(&render(parse(&scene), &settings(1, 1)));
-    let whitted = RenderSettings { transport: None, with: Vec::new(), ..settings(1, 1) };
+    let whitted =
+        RenderSettings { with: Vec::new(), ..changed(settings(1, 1), |picture| picture.transport = None) };
     let (local, _) = mean(&render(parse(&scene), &whitted));
     // The cosine is 8/10.
     assert!((local - 0.4).abs() < 1e-6 && (path - local).abs() < 1e-5, "{path} {local}");
@@ -226,7 +225,7 @@ fn a_clamp_limits_what_paths_add_beyond_the_first_surface() {
     // 0xbc decodes to 0.5028865.
     let albedo = 0.502_886_5f64;
     for clamp in [f64::MAX, 0.2, 0.1] {
-        let settings = RenderSettings { clamp: Some(clamp), ..settings(1, 3) };
+        let settings = changed(settings(1, 3), |picture| picture.clamp = Some(Clamp::clamped(clamp)));
         let (seen, error) = mean(&render(parse(scene), &settings));
         let expected: f64 =
             (0..4).map(|k| if k < 2 { albedo.powi(k) } else { albedo.powi(k).min(clamp) }).sum();
@@ -239,7 +238,9 @@ fn a_clamp_limits_what_paths_add_beyond_the_first_surface() {
 #[test]
 fn a_clamp_leaves_direct_light_as_it_is() {
     let room = format!("{ROOM}[[sphere]]\nmaterial = 'wall'\ncentre = [0, 0, 0]\nradius = 1.5\n");
-    let film = |depth, clamp| render(parse(&room), &RenderSettings { clamp, ..settings(64, depth) });
+    let clamped =
+        |clamp: Option<f64>| move |picture: &mut PictureSettings| picture.clamp = clamp.map(Clamp::clamped);
+    let film = |depth, clamp| render(parse(&room), &changed(settings(64, depth), clamped(clamp)));
     let bits = |film: &Film| film.rows().map(|pixel: [f32; 3]| pixel.map(f32::to_bits)).collect::<Vec<_>>();
     for depth in [0, 1] {
         assert_eq!(bits(&film(depth, None)), bits(&film(depth, Some(1e-9))), "{depth} bounces");
@@ -254,8 +255,9 @@ fn a_clamp_leaves_direct_light_as_it_is() {
 fn a_clamp_is_named() {
     let scene = "[image]\nclamp = 2.5\n[[camera]]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\n\
         [[sphere]]\ncentre = [0, 0, 0]\nradius = 1\n";
-    let job = |transport, clamp| {
-        let settings = RenderSettings { transport, clamp, size: Some([8; 2]), ..RenderSettings::default() };
+    let job = |transport, clamp: Option<f64>| {
+        let clamp = clamp.map(Clamp::clamped);
+        let settings = PictureSettings { transport, clamp, ..PictureSettings::of_size([8; 2]) }.into();
         let mut warnings = Warnings::default();
         let job = prepare(parse(scene), &settings, &mut warnings).expect("a job");
         (job, warnings.messages().join("\n"))
@@ -310,7 +312,7 @@ fn an_environment_calls_for_paths() {
     let scene = "[[camera]]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\n[environment]\nsky = true\n\
         [[sphere]]\ncentre = [0, 0, 0]\nradius = 1\n";
     let traced = |transport| {
-        let settings = RenderSettings { transport, size: Some([8; 2]), ..RenderSettings::default() };
+        let settings = PictureSettings { transport, ..PictureSettings::of_size([8; 2]) }.into();
         let job = prepare(parse(scene), &settings, &mut Warnings::default()).expect("a job");
         job.plan.effects_on().any(|effect| effect == kiln::effects::id::PATH)
     };
@@ -329,8 +331,8 @@ fn local_shading_sees_the_environment() {
              [material.mirror]\ncolour = '#000000'\nspecular = 0\nglaze = {{ weight = 1, own_weight = 0 }}\n\
              [[sphere]]\nmaterial = 'mirror'\ncentre = [0, 0, 0]\nradius = 0.5\n"
         );
-        let settings =
-            RenderSettings { size: Some([9; 2]), headlight: Some(false), ..RenderSettings::default() };
+        let light = Some(kiln::scene::Headlight::None);
+        let settings = PictureSettings { light, ..PictureSettings::of_size([9; 2]) }.into();
         let job = prepare(parse(&scene), &settings, &mut Warnings::default()).expect("a job");
         job.render::<[f32; 3]>(&RenderControl::default()).expect("a picture").0.pixel(x, 4)
     };

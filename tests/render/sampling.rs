@@ -7,7 +7,7 @@ use kiln::effects::convergence::{
     Criterion, FirstSamples, Neighbourhood, SampleGroups, displayed_error, missed_variance, random_variance,
     unseen_variance,
 };
-use kiln::effects::random::{Point, Purpose, Scramble, independent_pair};
+use kiln::effects::random::{Dimension, Point, Scramble, independent_pair};
 use kiln::effects::region::SampledRegion;
 use kiln::effects::samples::SampleSum;
 use kiln::effects::tile::{RenderContext, Tile};
@@ -60,10 +60,10 @@ fn errors(make: fn(&mut Numbers) -> Integrand, most: u32, is_random: bool) -> Ve
     let mut squares = vec![0.0; most as usize];
     for pixel in 0..PIXELS {
         let (value, exact) = make(&mut numbers);
-        let scramble = Scramble::new(pixel, 7, 0, Purpose::Pixel);
+        let scramble = Scramble::new(pixel, 7, 0);
         let mut sum = 0.0;
         for sample in 0..most {
-            let own = scramble.of(Point::new(sample, Purpose::Pixel));
+            let own = scramble.of(Point::new(sample));
             let other = [numbers.unit() as f32, numbers.unit() as f32];
             let ([x, y], _) = filter.place(if is_random { other.map(|u| u.min(0.999_999)) } else { own });
             sum += value(x, y);
@@ -147,10 +147,10 @@ fn every_filter_finds_its_own_moments() {
         (FilterShape::Mitchell, 3.0, 1.0 / 4.0),
     ] {
         let filter = Filter::new(shape, radius);
-        let scramble = Scramble::new(1, 2, 3, Purpose::Pixel);
+        let scramble = Scramble::new(1, 2, 3);
         let mut sum = SampleSum::default();
         for sample in 0..1 << 16 {
-            let ([x, y], sign) = filter.place(scramble.of(Point::new(sample, Purpose::Pixel)));
+            let ([x, y], sign) = filter.place(scramble.of(Point::new(sample)));
             sum.add([x * x + x, y * y, x * y].map(|c| c as f32), sign);
         }
         let value = sum.value(&filter);
@@ -164,10 +164,10 @@ fn equal_samples_have_their_own_colour_as_their_mean() {
         let filter = Filter::new(shape, shape.default_radius());
         for count in 1..200 {
             let colour = [0.1f32, 1.0 / 3.0, 7e-9];
-            let scramble = Scramble::new(count, 2, 3, Purpose::Pixel);
+            let scramble = Scramble::new(count, 2, 3);
             let (mut sum, mut groups) = (SampleSum::default(), SampleGroups::default());
             for sample in 0..count {
-                let (_, sign) = filter.place(scramble.of(Point::new(sample, Purpose::Pixel)));
+                let (_, sign) = filter.place(scramble.of(Point::new(sample)));
                 sum.add(colour, sign);
                 groups.add(colour, sign as f32);
             }
@@ -203,9 +203,9 @@ fn stop(adaptive: Criterion, most: u32, by_neighbours: bool) -> Stopped {
                     to: u32,
                     groups: &mut SampleGroups,
                     samples: &mut SampleVariance| {
-            let scramble = Scramble::new(left + column, top + row, 0, Purpose::Pixel);
+            let scramble = Scramble::new(left + column, top + row, 0);
             for sample in from..to {
-                let ([x, y], sign) = filter.place(scramble.of(Point::new(sample, Purpose::Pixel)));
+                let ([x, y], sign) = filter.place(scramble.of(Point::new(sample)));
                 let colour = [value(x + f64::from(column) - 1.0, y + f64::from(row) - 1.0) as f32; 3];
                 groups.add(colour, sign as f32);
                 samples.add(colour);
@@ -303,7 +303,7 @@ const MOMENTS: [[f64; 2]; 5] =
     [[0.5, 0.25], [0.05, 0.0475], [0.02, 0.0396], [1.0, 64.0 / 17.0], [0.55, 0.01 / 12.0]];
 
 fn light(kind: usize, seed: u32, pixel: u32, sample: u32) -> f64 {
-    LIGHTS[kind](f64::from(independent_pair([pixel, seed], 1, sample, 3)[0]))
+    LIGHTS[kind](f64::from(independent_pair([pixel, seed], 1, sample, Dimension::light(0, 0)[1])[0]))
 }
 
 /// The samples of a pixel in both forms.
@@ -538,7 +538,7 @@ fn single_pixels_have_the_picture_s_bits() {
 
 /// The number of samples of each pixel of a window within a tile.
 fn counts(plan: &Plan, context: &RenderContext, window: Window) -> Vec<u32> {
-    let statistics = plan.sample_statistics(&mut Tile::default(), context, window, |_| {});
+    let statistics = plan.sample_statistics(&mut Tile::default(), context, window, |_| (), |_, ()| {});
     statistics.iter().map(|pixel| pixel.count).collect()
 }
 

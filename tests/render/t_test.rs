@@ -6,23 +6,21 @@ use kiln::film::{Film, FilterShape};
 use kiln::job::{RenderControl, RenderJob, RenderSettings, prepare};
 use kiln::metrics::t_test::{Estimate, TTest};
 use kiln::render::aov::{self, AovSelection};
-use kiln::scene::{PixelSampler, Transport};
+use kiln::scene::{PictureSettings, PixelSampler, Samples, Transport};
 
 const SIZE: u32 = 48;
 
 /// Settings for path tracing with independent samples.
 pub fn settings(samples: u32, depth: u32, seed: u32) -> RenderSettings {
-    let mut settings = RenderSettings {
-        size: Some([SIZE; 2]),
+    let picture = PictureSettings {
         transport: Some(Transport::Path),
-        with: vec![format!("path={depth}")],
-        ..RenderSettings::default()
+        filter: Some(FilterShape::Box),
+        sampler: Some(PixelSampler::Independent),
+        samples: Some(Samples::clamped(samples)),
+        seed: Some(seed),
+        ..PictureSettings::of_size([SIZE; 2])
     };
-    settings.sampling.samples = Some(samples);
-    settings.sampling.filter = Some(FilterShape::Box);
-    settings.sampling.sampler = Some(PixelSampler::Independent);
-    settings.sampling.seed = Some(seed);
-    settings
+    RenderSettings { with: vec![format!("path={depth}")], ..picture.into() }
 }
 
 /// The picture of a job with the statistics of its samples.
@@ -71,9 +69,9 @@ fn mean_and_variance_are_those_of_pictures_of_one_sample() {
     let whole = rendered(&scene, &settings(16, 3, 5));
     let singles: Vec<Vec<[f32; 3]>> = (0..16)
         .map(|i| {
-            let mut one = settings(16, 3, 5);
-            one.sampling = one.sampling.part(i, i + 1);
-            let job = prepare(parse(&scene), &one, &mut Warnings::default()).expect("a job");
+            let settings = settings(16, 3, 5);
+            let mut job = prepare(parse(&scene), &settings, &mut Warnings::default()).expect("a job");
+            job.set_sampling(job.choices.sampling.part(i, i + 1)).expect("a plan");
             let (film, _): (Film, _) = job.render(&RenderControl::default()).expect("a picture");
             film.rows().collect()
         })
@@ -96,7 +94,10 @@ fn mean_and_variance_are_those_of_pictures_of_one_sample() {
 /// One sample a pixel has no variance, and says so.
 #[test]
 fn the_variance_of_one_sample_is_infinite() {
-    let one = rendered(&room(4.0), &RenderSettings { sampling: Default::default(), ..settings(1, 1, 0) });
+    let centred = |picture: &mut PictureSettings| {
+        *picture = PictureSettings { transport: picture.transport, ..PictureSettings::of_size([SIZE; 2]) };
+    };
+    let one = rendered(&room(4.0), &crate::common::picture::changed(settings(1, 1, 0), centred));
     assert!(one.variances.iter().flatten().all(|&variance| variance == f32::INFINITY));
     assert!(one.counts.iter().all(|&count| count == 1.0));
 }
@@ -108,7 +109,7 @@ fn the_variance_predicts_the_error_of_independent_samples() {
     let ratio = |sampler| {
         let of = |samples, seed| {
             let mut settings = settings(samples, 1, seed);
-            settings.sampling.sampler = Some(sampler);
+            settings.picture.sampler = Some(sampler);
             rendered(&scene, &settings)
         };
         let (a, b) = (of(64, 1), of(64, 2));

@@ -62,7 +62,7 @@ fn camera(half: f64, projection: Projection) -> Camera {
 
 fn scene(picture: DecodedImage, mesh: Mesh, camera: Camera) -> Scene {
     Scene {
-        colour: Some(ColourPipeline::Display),
+        picture: kiln::scene::PictureSettings { colour: Some(ColourPipeline::Display), ..Default::default() },
         cameras: vec![camera],
         materials: vec![textured(Sampler::default())],
         images: vec![picture],
@@ -242,13 +242,13 @@ fn mirrored_differentials_are_finite_differences() {
             let hit = world.accelerator.closest_hit(ray, &mut traversal).expect("it is hit");
             let surface = world.interaction(ray, &hit);
             let n = surface.shading_normal;
-            (surface.point.position, ray.direction - 2.0 * ray.direction.dot(n) * n, hit, surface)
+            (surface.point.position, ray.direction - 2.0 * ray.direction.dot(n) * n, surface)
         };
         for (x, y) in [(20, 10), (32, 24), (50, 40)] {
             let ray = prepared.view.ray(x, y, prepared.world.numerics().ray_precision());
             let change = prepared.view.differential(ray.direction);
-            let (point, direction, hit, surface) = mirrored(&ray);
-            let found = world.mirrored_differential(&surface, &hit, &ray, &change);
+            let (point, direction, surface) = mirrored(&ray);
+            let found = world.mirrored_differential(&surface, &ray, &change);
             let step = 2f64.powi(-20);
             for k in 0..2 {
                 let beside = Ray {

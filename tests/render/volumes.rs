@@ -8,7 +8,7 @@ use crate::path::{check, check_settings, mean, render, settings};
 use base64::Engine;
 use kiln::effects::{Choices, LightTechnique};
 use kiln::error::Warnings;
-use kiln::job::{RenderControl, RenderSettings, prepare};
+use kiln::job::{RenderControl, prepare};
 use kiln::scene::Numerics;
 use serde_json::json;
 
@@ -174,7 +174,8 @@ fn a_medium_absorbs_light_on_its_way_to_what_is_inside() {
             volume("outer", 1.0, 1.0)
         );
         for numerics in Numerics::ALL {
-            let settings = RenderSettings { numerics: Some(numerics), ..settings(16, 20) };
+            let own = settings(16, 20);
+            let settings = crate::common::picture::changed(own, |picture| picture.numerics = Some(numerics));
             check_settings(&scene, &settings, expected);
         }
     }

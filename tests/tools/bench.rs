@@ -3,51 +3,42 @@
 use std::process::{Command, Output};
 use std::sync::atomic::AtomicBool;
 
-use kiln::bench::Mesh;
 use kiln::bench::generate::Family;
 use kiln::bench::speed::{
-    BuiltContender, Contender, Kind, Label, NAMES, RaySets, Settings, SpeedRow, Viewpoint, contenders,
-    measure, scene, view_setup,
+    Kind, NAMES, RaySets, Settings, SpeedRow, Viewpoint, engines, measure, scene, view_setup,
 };
-use kiln::error::Result;
+use kiln::bench::{Engine, Mesh};
 use kiln::render::RenderControl;
 use serde_json::Value;
 
-fn measured(contenders: &[Box<dyn Contender>], mesh: &Mesh, threads: usize) -> Vec<SpeedRow> {
+fn measured(engines: &[Engine], mesh: &Mesh, threads: usize) -> Vec<SpeedRow> {
     let setup = view_setup(&scene(mesh), Viewpoint::Outside, 64).expect("a view");
     let ray_sets = RaySets::new(mesh, &setup);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     let cancel = AtomicBool::new(false);
     let control = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
     let settings = Settings { runs: 1, pool: &pool, check: true };
-    measure(contenders, mesh, &ray_sets, &settings, &control).expect("rows")
+    measure(engines, mesh, &ray_sets, &settings, &control).expect("rows")
 }
 
-/// Every contender that is compiled in or there.
-fn all() -> Vec<Box<dyn Contender>> {
-    contenders(1).0
+/// Every engine that is compiled in or there.
+fn all() -> Vec<Engine> {
+    engines(1).0
 }
 
-/// Forgets a triangle.
-struct Forgetful(Box<dyn Contender>);
-
-impl Contender for Forgetful {
-    fn label(&self) -> Label {
-        self.0.label()
-    }
-
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn BuiltContender>> {
+/// An engine that forgets a triangle.
+fn forgetful(engine: Engine) -> Engine {
+    Engine::new(engine.label.clone(), move |mesh| {
         let mut mesh = mesh.clone();
         mesh.triangles.pop();
-        self.0.build(&mesh)
-    }
+        engine.build(&mesh)
+    })
 }
 
 #[test]
-fn a_forgotten_triangle_is_noticed_in_every_contender() {
+fn a_forgotten_triangle_is_noticed_in_every_engine() {
     let mesh = Family::Sphere.mesh(200);
-    let forgetful: Vec<Box<dyn Contender>> =
-        all().into_iter().map(|contender| Box::new(Forgetful(contender)) as Box<dyn Contender>).collect();
+    let forgetful: Vec<Engine> = all().into_iter().map(forgetful).collect();
     for row in measured(&forgetful, &mesh, 2) {
         let wrong = row.wrong.expect("they were compared")[Kind::Random as usize];
         // Of 4096 random rays some 60 % hit the sphere, and 1 in 200 of those the triangle, from inside or outside.
@@ -58,7 +49,7 @@ fn a_forgotten_triangle_is_noticed_in_every_contender() {
 /// Adapters give the right numbers to the right rays: hardly any answer is wrong, and none of kiln's tiers that promise
 /// it.
 #[test]
-fn contenders_answer_as_the_oracle_does() {
+fn engines_answer_as_the_oracle_does() {
     for family in Family::ALL {
         let mesh = family.mesh(2000);
         for row in measured(&all(), &mesh, 2) {

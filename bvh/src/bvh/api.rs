@@ -234,13 +234,6 @@ impl From<[[f64; 3]; 3]> for Primitive {
     }
 }
 
-/// A triangle of three corners.
-impl From<[[f32; 3]; 3]> for Primitive {
-    fn from(corners: [[f32; 3]; 3]) -> Self {
-        Primitive::Triangle(Triangle(corners.map(|corner| corner.map(f64::from).into())))
-    }
-}
-
 /// A sphere of a centre and radius.
 impl From<([f64; 3], f64)> for Primitive {
     fn from((centre, radius): ([f64; 3], f64)) -> Self {

@@ -1,17 +1,17 @@
 //! [`Layout::BruteForce`](super::Layout::BruteForce): every ray against every primitive, the oracle of the tests.
 
 use super::stored_slot::{PrimitiveTest, StoredSlot};
-use super::{Accelerator, Description, Primitive, Quality, Traversal};
+use super::{Accelerator, Description, Primitive, Traversal};
 use crate::geometry::{Hit, Numerics, Ray, SlotId, Tier};
 
 /// A list of primitives.
 pub(crate) struct BruteForce<T: Tier> {
-    slots: Vec<StoredSlot<T>>,
+    slots: Vec<StoredSlot<T::Corner>>,
 }
 
 impl<T: Tier> BruteForce<T> {
     /// A list of the given primitives, in any order.
-    pub(crate) fn new(slots: Vec<StoredSlot<T>>) -> Self {
+    pub(crate) fn new(slots: Vec<StoredSlot<T::Corner>>) -> Self {
         BruteForce { slots }
     }
 }
@@ -20,15 +20,7 @@ impl<T: Tier> Accelerator for BruteForce<T> {
     fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
         let mut test = PrimitiveTest::<T>::new(ray);
         traversal.tests.primitives += self.slots.len() as u64;
-        let mut best: Option<Hit> = None;
-        for (index, slot) in (0..).zip(&self.slots) {
-            if let Some(hit) = test.hit(slot, index)
-                && test.is_better(&hit, best.as_ref(), &self.slots)
-            {
-                best = Some(hit);
-            }
-        }
-        best
+        test.closest(&self.slots, 0..self.slots.len() as u32, None)
     }
 
     fn is_occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool {
@@ -44,7 +36,7 @@ impl<T: Tier> Accelerator for BruteForce<T> {
     }
 
     fn primitive(&self, slot: SlotId) -> Primitive {
-        self.slots[slot.index() as usize].primitive()
+        self.slots[slot.index() as usize].primitive.into()
     }
 
     fn numerics(&self) -> Numerics {
@@ -58,11 +50,7 @@ impl<T: Tier> Accelerator for BruteForce<T> {
             isa: super::compiled_isa(),
             nodes: 0,
             slots,
-            bytes: slots * size_of::<StoredSlot<T>>(),
+            bytes: slots * size_of::<StoredSlot<T::Corner>>(),
         }
-    }
-
-    fn quality(&self) -> Option<Quality> {
-        None
     }
 }

@@ -13,13 +13,13 @@ use obvhs::ploc::PlocBuilder;
 use obvhs::splits::split_aabbs_preset;
 use rayon::prelude::*;
 
+use super::Preset;
 use super::bvh2::Bvh2;
 use super::splitmix64::{GOLDEN, splitmix64};
 use super::stored_slot::StoredSlot;
 use super::wide::{Wide, convert};
-use super::{Preset, Primitive};
 use crate::geometry::simd::{InstructionSet, prefetch};
-use crate::geometry::{Bounds, Tier};
+use crate::geometry::{Bounds, Corner, Stored, Tier};
 
 /// How much the parts of split triangles are enlarged. obvhs leaves gaps of up to 9.7 ulp (measured) at a cut.
 const SPLIT_GAP_ULPS: f32 = 16.0;
@@ -31,11 +31,11 @@ const MAX_JITTER: (u32, f32) = (16, 1.0 / 128.0);
 const JITTER_BITS: u32 = 21;
 
 /// Builds a binary tree over `slots`.
-pub(crate) fn build<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Bvh2<T> {
+pub(crate) fn build<T: Tier>(slots: &[StoredSlot<T::Corner>], preset: Preset) -> Bvh2<T> {
     if slots.is_empty() {
         return Bvh2::new(Vec::new(), Vec::new());
     }
-    let Ploc { tree, of_slot, parameters } = ploc_over_slots(slots, preset);
+    let Ploc { tree, of_slot, parameters } = ploc_over_slots::<T>(slots, preset);
     let (nodes, order) = with_leaves(tree, parameters);
     Bvh2::new(nodes, order.iter().map(|&i| slots[of_slot[i as usize] as usize]).collect())
 }
@@ -60,14 +60,14 @@ fn with_leaves(mut tree: obvhs::bvh2::Bvh2, parameters: BvhBuildParams) -> (Vec<
 
 /// Builds a tree of eight children per node, whose leaves [`convert`] chooses.
 pub(crate) fn build_wide<T: Tier>(
-    slots: &[StoredSlot<T>],
+    slots: &[StoredSlot<T::Corner>],
     preset: Preset,
     instructions: InstructionSet,
 ) -> Wide<T> {
     if slots.is_empty() {
         return convert(&obvhs::bvh2::Bvh2::default(), &[], slots, instructions);
     }
-    let Ploc { mut tree, of_slot, parameters } = ploc_over_slots(slots, preset);
+    let Ploc { mut tree, of_slot, parameters } = ploc_over_slots::<T>(slots, preset);
     ReinsertionOptimizer::default().run(&mut tree, parameters.reinsertion_batch_ratio, None);
     convert(&tree, &of_slot, slots, instructions)
 }
@@ -83,13 +83,13 @@ struct Ploc {
 /// The least number of boxes, slots or leaves per parallel task.
 pub(super) const MIN_PARALLEL: usize = 4096;
 
-fn ploc_over_slots<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Ploc {
+fn ploc_over_slots<T: Tier>(slots: &[StoredSlot<T::Corner>], preset: Preset) -> Ploc {
     let parameters = preset.parameters();
     let whole: Vec<Bounds> = slots.par_iter().with_min_len(MIN_PARALLEL).map(StoredSlot::bounds).collect();
-    let Boxes { boxes, of_slot } = if parameters.pre_split && T::IS_TIGHT {
+    let (boxes, of_slot) = if parameters.pre_split && T::IS_TIGHT {
         split_large_triangles(slots, &whole)
     } else {
-        Boxes { boxes: whole, of_slot: (0..slots.len() as u32).collect() }
+        (whole, (0..slots.len() as u32).collect())
     };
     let tree = ploc(&boxes, parameters);
     Ploc { tree, of_slot, parameters }
@@ -158,28 +158,20 @@ fn set_bounds(tree: &mut obvhs::bvh2::Bvh2, boxes: &[Bounds]) {
     }
 }
 
-/// The input of the builder.
-struct Boxes {
-    /// Bounds of primitives or of parts of them.
-    boxes: Vec<Bounds>,
-    /// The slot of each box.
-    of_slot: Vec<u32>,
-}
-
-/// Bounds of parts of large triangles, and of all other primitives.
-fn split_large_triangles<T: Tier>(slots: &[StoredSlot<T>], whole: &[Bounds]) -> Boxes {
+/// Bounds of parts of large triangles and of all other primitives, and the slot of each.
+fn split_large_triangles<C: Corner>(slots: &[StoredSlot<C>], whole: &[Bounds]) -> (Vec<Bounds>, Vec<u32>) {
     let mut triangles = Vec::with_capacity(slots.len());
     // The slot of each triangle in obvhs's list.
     let mut of_triangle = Vec::with_capacity(slots.len());
     let mut others = Vec::new();
     for (index, slot) in (0..).zip(slots) {
-        match slot.primitive() {
-            Primitive::Triangle(triangle) => {
-                let [v0, v1, v2] = triangle.0.map(|corner| corner.as_vec3a());
+        match slot.primitive {
+            Stored::Triangle(corners) => {
+                let [v0, v1, v2] = corners.map(|corner| corner.to_dvec3().as_vec3a());
                 triangles.push(obvhs::triangle::Triangle { v0, v1, v2 });
                 of_triangle.push(index);
             }
-            Primitive::Analytic(_) => others.push(index),
+            Stored::Analytic(_) => others.push(index),
         }
     }
     let mut parts: Vec<Aabb> = of_triangle.iter().map(|&i: &u32| to_obvhs(whole[i as usize])).collect();
@@ -199,5 +191,5 @@ fn split_large_triangles<T: Tier>(slots: &[StoredSlot<T>], whole: &[Bounds]) -> 
     let mut boxes: Vec<Bounds> = parts.iter().zip(&of_slot).map(closed).collect();
     boxes.extend(others.iter().map(|&i| whole[i as usize]));
     of_slot.extend(others);
-    Boxes { boxes, of_slot }
+    (boxes, of_slot)
 }

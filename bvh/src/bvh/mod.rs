@@ -17,6 +17,7 @@ mod preset;
 mod quality;
 pub mod splitmix64;
 mod stored_slot;
+mod traverse;
 mod wide;
 
 pub use api::{Bvh, NotFinite, Update, is_worth_keeping};
@@ -28,12 +29,10 @@ use brute_force::BruteForce;
 use instances::Instances;
 use stored_slot::StoredSlot;
 
-use glam::{DVec3, Vec3};
-
 use crate::geometry::simd::InstructionSet;
 use crate::geometry::{
-    AnalyticShape, Bounds, Double, Exact, Hit, HitBuffer, Naive, Numerics, Precision, PrimId, Ray, RayBuffer,
-    Rays, SlotId, Tier, Triangle, Watertight,
+    AnalyticShape, Bounds, Double, Exact, Hit, HitBuffer, Naive, Numerics, Precision, PrimId, Ray, Rays,
+    SlotId, Tier, Triangle, Watertight,
 };
 
 /// The geometry of one primitive.
@@ -100,19 +99,17 @@ impl Layout {
             Layout::BruteForce => None,
         }
     }
+
+    /// Every layout except brute force, with every preset.
+    pub fn trees() -> impl Iterator<Item = Layout> {
+        let layouts = [Layout::Bvh2, Layout::Wide, Layout::Avx2, Layout::Portable];
+        layouts.into_iter().flat_map(|layout| Preset::ALL.map(layout))
+    }
 }
 
 impl Default for Layout {
     fn default() -> Self {
         Layout::Wide(Preset::default())
-    }
-}
-
-impl Layout {
-    /// Every layout except brute force, with every preset.
-    pub fn trees() -> impl Iterator<Item = Layout> {
-        let layouts = [Layout::Bvh2, Layout::Wide, Layout::Avx2, Layout::Portable];
-        layouts.into_iter().flat_map(|layout| Preset::ALL.map(layout))
     }
 }
 
@@ -132,15 +129,17 @@ fn build_from(
     numerics: Numerics,
 ) -> Box<dyn Accelerator> {
     fn of<T: Tier>(slots: &mut dyn Iterator<Item = Slot>, layout: Layout) -> Box<dyn Accelerator> {
-        let stored: Vec<StoredSlot<T>> = slots.map(StoredSlot::new).collect();
+        let stored: Vec<StoredSlot<T::Corner>> = slots.map(StoredSlot::new).collect();
         match layout {
-            Layout::Bvh2(preset) => Box::new(build::build(&stored, preset)),
-            Layout::Wide(preset) => Box::new(build::build_wide(&stored, preset, InstructionSet::widest())),
-            Layout::Avx2(preset) => Box::new(build::build_wide(&stored, preset, InstructionSet::avx2())),
-            Layout::Portable(preset) => {
-                Box::new(build::build_wide(&stored, preset, InstructionSet::Portable))
+            Layout::Bvh2(preset) => Box::new(build::build::<T>(&stored, preset)),
+            Layout::Wide(preset) => {
+                Box::new(build::build_wide::<T>(&stored, preset, InstructionSet::widest()))
             }
-            Layout::BruteForce => Box::new(BruteForce::new(stored)),
+            Layout::Avx2(preset) => Box::new(build::build_wide::<T>(&stored, preset, InstructionSet::avx2())),
+            Layout::Portable(preset) => {
+                Box::new(build::build_wide::<T>(&stored, preset, InstructionSet::Portable))
+            }
+            Layout::BruteForce => Box::new(BruteForce::<T>::new(stored)),
         }
     }
     match numerics {
@@ -160,14 +159,7 @@ pub fn build_with_instances(
 ) -> Box<dyn Accelerator> {
     let slots = &mut slots.into_iter();
     let Some(preset) = layout.preset().filter(|_| !instances.is_empty()) else {
-        return match numerics.precision() {
-            Precision::Single => {
-                build(slots.chain(instances.iter().flat_map(Instance::slots::<Vec3>)), layout, numerics)
-            }
-            Precision::Double => {
-                build(slots.chain(instances.iter().flat_map(Instance::slots::<DVec3>)), layout, numerics)
-            }
-        };
+        return build(slots.chain(instances.iter().flat_map(Instance::slots)), layout, numerics);
     };
     let flat = build_from(slots, layout, numerics);
     over_instances(flat, instances, preset, numerics)
@@ -197,18 +189,23 @@ pub(crate) enum Next<D = f64> {
     Stop,
 }
 
+/// Keeps one hit per primitive of those from index `first` on: a split triangle is in several slots.
+pub(crate) fn merge_split(hits: &mut Vec<Hit>, first: usize) {
+    let mut found = hits.split_off(first);
+    found.sort_unstable_by_key(|hit| hit.prim);
+    found.dedup_by_key(|hit| hit.prim);
+    hits.append(&mut found);
+}
+
 /// The memory of traversals, reused from one ray to the next, and their counters. One per thread.
 #[derive(Default)]
 pub struct Traversal {
+    /// For binary trees: that of a structure or of the top level of instances, and that of a mesh.
     stack: Vec<(u32, f32)>,
+    mesh_stack: Vec<(u32, f32)>,
     children: Vec<(wide::Child, f32)>,
     packet: wide::Scratches,
     stream: wide::StreamScratch,
-    /// The nodes at which the rays of a batch start, with entry distances.
-    entries: Vec<(u32, f32)>,
-    instances: instances::Stacks,
-    /// A copy of the last rays of a batch, filled up to whole vectors.
-    padded: RayBuffer,
     /// The number of tests so far.
     pub tests: Tests,
 }
@@ -259,7 +256,9 @@ pub trait Accelerator: Send + Sync {
     }
 
     /// The quality of its tree; `None` without a single tree. Visits every node.
-    fn quality(&self) -> Option<Quality>;
+    fn quality(&self) -> Option<Quality> {
+        None
+    }
 
     /// Appends the closest hit of every ray to `hits`, in order.
     fn closest_hits(&self, rays: Rays, hits: &mut HitBuffer, traversal: &mut Traversal) {

@@ -1,25 +1,20 @@
 //! [`StoredSlot`]: a primitive in the precision of a tier, as builds, brute force and the binary tree store it.
 
+use std::ops::Range;
+
 use super::{Primitive, Slot};
 use crate::geometry::{
     Bounds, Corner, Hit, NO_PRIMITIVE, PreparedRay, PrimId, Ray, SlotId, Stored, Tier, Triangle, TriangleHit,
 };
 
 /// A primitive in the precision of a tier, and its id.
-pub(crate) struct StoredSlot<T: Tier> {
-    pub(super) primitive: Stored<T::Corner>,
+#[derive(Clone, Copy)]
+pub(crate) struct StoredSlot<C> {
+    pub(super) primitive: Stored<C>,
     pub(super) id: PrimId,
 }
 
-impl<T: Tier> Clone for StoredSlot<T> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<T: Tier> Copy for StoredSlot<T> {}
-
-impl<T: Tier> StoredSlot<T> {
+impl<C: Corner> StoredSlot<C> {
     /// Rounds a primitive to the precision of the tier.
     ///
     /// # Panics
@@ -27,26 +22,36 @@ impl<T: Tier> StoredSlot<T> {
     #[inline]
     pub(crate) fn new(slot: Slot) -> Self {
         assert!(slot.id.0 != NO_PRIMITIVE, "the primitive id {NO_PRIMITIVE} is reserved");
-        let primitive = match slot.primitive {
-            Primitive::Triangle(Triangle(corners)) => Stored::Triangle(corners.map(T::Corner::from_dvec3)),
-            Primitive::Analytic(shape) => Stored::Analytic(shape),
-        };
-        StoredSlot { primitive, id: slot.id }
-    }
-
-    /// The primitive in f64, without further rounding.
-    pub(crate) fn primitive(&self) -> Primitive {
-        match self.primitive {
-            Stored::Triangle(corners) => Primitive::Triangle(Triangle(corners.map(Corner::to_dvec3))),
-            Stored::Analytic(shape) => Primitive::Analytic(shape),
-        }
+        StoredSlot { primitive: slot.primitive.into(), id: slot.id }
     }
 
     /// The smallest f32 box around it.
     pub(crate) fn bounds(&self) -> Bounds {
         match &self.primitive {
-            Stored::Triangle(corners) => T::Corner::bounds(corners),
+            Stored::Triangle(corners) => C::bounds(corners),
             Stored::Analytic(shape) => shape.bounds(),
+        }
+    }
+}
+
+/// The primitive rounded to the precision of a tier.
+impl<C: Corner> From<Primitive> for Stored<C> {
+    #[inline]
+    fn from(primitive: Primitive) -> Self {
+        match primitive {
+            Primitive::Triangle(Triangle(corners)) => Stored::Triangle(corners.map(C::from_dvec3)),
+            Primitive::Analytic(shape) => Stored::Analytic(shape),
+        }
+    }
+}
+
+/// The primitive in f64, without further rounding.
+impl<C: Corner> From<Stored<C>> for Primitive {
+    #[inline]
+    fn from(stored: Stored<C>) -> Self {
+        match stored {
+            Stored::Triangle(corners) => Primitive::Triangle(Triangle(corners.map(C::to_dvec3))),
+            Stored::Analytic(shape) => Primitive::Analytic(shape),
         }
     }
 }
@@ -66,27 +71,39 @@ impl<'a, T: Tier> PrimitiveTest<'a, T> {
 
     /// The hit of the ray on the primitive in slot `index`.
     #[inline(always)]
-    pub(crate) fn hit(&mut self, slot: &StoredSlot<T>, index: u32) -> Option<Hit> {
+    pub(crate) fn hit(&mut self, slot: &StoredSlot<T::Corner>, index: u32) -> Option<Hit> {
         let TriangleHit { t, barycentrics } = match &slot.primitive {
             Stored::Triangle(corners) => {
                 let prepared = self.triangles.get_or_insert_with(|| T::Prepared::new(self.ray));
                 T::hit_triangle(prepared, self.ray, corners)?
             }
             Stored::Analytic(shape) => {
-                TriangleHit { t: T::hit_analytic(self.ray, shape)?, barycentrics: [0.0; 2] }
+                TriangleHit { t: shape.hit(self.ray, T::NUMERICS)?, barycentrics: [0.0; 2] }
             }
         };
         Some(Hit { t, prim: slot.id, slot: SlotId::new(index), barycentrics })
     }
 
-    /// Whether `hit` comes before the best hit so far; both are on primitives of `slots`.
+    /// The closest of `best`, which is a hit on one of `slots`, and the hits on the slots of a range.
     #[inline(always)]
-    pub(crate) fn is_better(&self, hit: &Hit, best: Option<&Hit>, slots: &[StoredSlot<T>]) -> bool {
+    pub(crate) fn closest(
+        &mut self,
+        slots: &[StoredSlot<T::Corner>],
+        range: Range<u32>,
+        mut best: Option<Hit>,
+    ) -> Option<Hit> {
         let primitive = |hit: &Hit| &slots[hit.slot.index() as usize].primitive;
-        // A split triangle is in several slots.
-        best.is_none_or(|best| {
-            hit.prim != best.prim
-                && T::is_before(|| *self.ray, [(hit, primitive(hit)), (best, primitive(best))])
-        })
+        for index in range {
+            let Some(hit) = self.hit(&slots[index as usize], index) else { continue };
+            // A split triangle is in several slots.
+            let is_better = best.as_ref().is_none_or(|best| {
+                hit.prim != best.prim
+                    && T::is_before(|| *self.ray, [(&hit, primitive(&hit)), (best, primitive(best))])
+            });
+            if is_better {
+                best = Some(hit);
+            }
+        }
+        best
     }
 }

@@ -1,5 +1,5 @@
-//! Primitives that are not triangles (Embree's user geometry): the interface [`Intersector`], and the closed set
-//! [`AnalyticShape`] that acceleration structures store.
+//! [`AnalyticShape`]: the primitives that are not triangles (Embree's user geometry). Each kind is a type with
+//! methods of the same names.
 
 use glam::DVec3;
 
@@ -7,68 +7,9 @@ use super::distance::Distance;
 use super::lanes::{HitN, RayN};
 use super::simd::Doubles;
 use super::spawn::SurfacePoint;
-use super::{Bounds, Precision, Ray, Sphere};
+use super::{Bounds, Numerics, Precision, Ray, Sphere};
 
-/// The geometry and intersection tests of a primitive that is not a triangle.
-///
-/// Every test returns the least distance with `t_min < t < t_max` at which the ray meets the surface, from either
-/// side, within the interval in which the ray is inside the primitive's own bounds.
-pub(crate) trait Intersector: Copy {
-    /// The name of the kind of shape, such as `sphere`.
-    fn name(&self) -> &'static str;
-
-    /// The smallest f32 box that holds it; not finite if its numbers are not.
-    fn bounds(&self) -> Bounds;
-
-    /// Centre and radius of a sphere that holds it. Packets cull their rays by it.
-    fn bounding_sphere(&self) -> (DVec3, f64);
-
-    /// Whether it has no points, so that every ray misses it.
-    fn is_empty(&self) -> bool;
-
-    /// The shape rounded to the precision of a tier; `None` if that is empty.
-    fn rounded(&self, precision: Precision) -> Option<Self>;
-
-    /// The shape translated by `-origin`, then scaled by `scale`.
-    fn recentred(&self, origin: DVec3, scale: f64) -> Self;
-
-    /// The test in f64.
-    fn hit(&self, ray: &Ray) -> Option<f64>;
-
-    /// The test in f32, of the tier `naive`.
-    fn hit_fast(&self, ray: &Ray) -> Option<f64>;
-
-    /// The test decided exactly, of the tier `exact`; the distance is good to [`super::exact::TOLERANCE`].
-    fn hit_exact(&self, ray: &Ray) -> Option<f64>;
-
-    /// The exact distance.
-    fn exact_distance(&self, ray: &Ray) -> Option<Distance>;
-
-    /// [`Intersector::hit`] for a ray in each lane. Undecided lanes are tested by `hit`.
-    #[inline(always)]
-    fn hit_n<D: Doubles>(&self, _rays: &RayN<D>) -> HitN<D> {
-        HitN::UNDECIDED
-    }
-
-    /// The point of the surface nearest to `point`, and the outward unit normal there.
-    fn surface(&self, point: DVec3) -> (SurfacePoint, DVec3);
-
-    /// The area of the surface.
-    fn area(&self) -> f64;
-
-    /// The solid angle that it subtends at `from`, in steradians.
-    fn solid_angle(&self, from: DVec3) -> f64;
-
-    /// A unit direction from `from` towards the shape, uniform in its solid angle, and the distance to the surface.
-    /// `numbers` are in [0, 1).
-    fn sample_solid_angle(&self, from: DVec3, numbers: [f64; 2]) -> Option<(DVec3, f64)>;
-
-    /// The derivative of the outward unit normal at a point of the surface in the direction `step` of its tangent
-    /// plane.
-    fn normal_derivative(&self, point: DVec3, step: DVec3) -> DVec3;
-}
-
-/// A primitive that is not a triangle; the methods are those of [`Intersector`]. Another kind of shape is another variant, and an arm of `each!`.
+/// A primitive that is not a triangle. Another kind is another variant, and an arm of `each!`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum AnalyticShape {
     /// A sphere.
@@ -84,53 +25,28 @@ macro_rules! each {
     };
 }
 
-/// Methods that call those of the shape.
-macro_rules! delegate {
-    ($($(#[$doc:meta])* $visibility:vis fn $name:ident($($argument:ident: $type:ty),*) -> $result:ty;)*) => {
-        $($(#[$doc])*
-        #[inline(always)]
-        $visibility fn $name(&self, $($argument: $type),*) -> $result {
-            each!(self, shape => shape.$name($($argument),*))
-        })*
-    };
-}
-
 impl AnalyticShape {
     /// A shape without points.
     pub(crate) const EMPTY: AnalyticShape =
         AnalyticShape::Sphere(Sphere { centre: DVec3::ZERO, radius: 0.0 });
 
-    delegate! {
-        /// The name of the kind of shape, such as `sphere`.
-        pub fn name() -> &'static str;
-        /// The smallest f32 box that holds it; not finite if its numbers are not.
-        pub fn bounds() -> Bounds;
-        /// Centre and radius of a sphere that holds it.
-        pub fn bounding_sphere() -> (DVec3, f64);
-        /// The point of the surface nearest to `point`, and the outward unit normal there.
-        pub fn surface(point: DVec3) -> (SurfacePoint, DVec3);
-        /// The derivative of the outward unit normal at a point of the surface in the direction `step` of its tangent
-        /// plane.
-        pub fn normal_derivative(point: DVec3, step: DVec3) -> DVec3;
-        /// The area of the surface.
-        pub fn area() -> f64;
-        /// The solid angle that it subtends at `from`, in steradians.
-        pub fn solid_angle(from: DVec3) -> f64;
-        /// A unit direction from `from` towards the shape, uniform in its solid angle, and the distance to the surface.
-        /// `numbers` are in [0, 1).
-        pub fn sample_solid_angle(from: DVec3, numbers: [f64; 2]) -> Option<(DVec3, f64)>;
-        pub(crate) fn is_empty() -> bool;
-        pub(crate) fn hit(ray: &Ray) -> Option<f64>;
-        pub(crate) fn hit_fast(ray: &Ray) -> Option<f64>;
-        pub(crate) fn hit_exact(ray: &Ray) -> Option<f64>;
-        pub(crate) fn exact_distance(ray: &Ray) -> Option<Distance>;
+    /// The name of the kind of shape, such as `sphere`.
+    pub fn name(&self) -> &'static str {
+        each!(self, shape => shape.name())
     }
 
+    /// The smallest f32 box that holds it; not finite if its numbers are not.
+    pub fn bounds(&self) -> Bounds {
+        each!(self, shape => shape.bounds())
+    }
+
+    /// Centre and radius of a sphere that holds it. Packets cull their rays by it.
     #[inline(always)]
-    pub(crate) fn hit_n<D: Doubles>(&self, rays: &RayN<D>) -> HitN<D> {
-        each!(self, shape => shape.hit_n(rays))
+    pub fn bounding_sphere(&self) -> (DVec3, f64) {
+        each!(self, shape => shape.bounding_sphere())
     }
 
+    /// The shape rounded to the precision of a tier; `None` if that is empty.
     pub(crate) fn rounded(&self, precision: Precision) -> Option<Self> {
         each!(self, shape => shape.rounded(precision).map(Self::from))
     }
@@ -138,6 +54,54 @@ impl AnalyticShape {
     /// The shape translated by `-origin`, then scaled by `scale`.
     pub fn recentred(&self, origin: DVec3, scale: f64) -> Self {
         each!(self, shape => shape.recentred(origin, scale).into())
+    }
+
+    /// The least distance with `t_min < t < t_max` at which the ray meets the surface, from either side, within the
+    /// interval in which the ray is inside the shape's own bounds. In f32 in the tier `naive`, decided exactly and good
+    /// to [`super::exact::TOLERANCE`] in `exact`, else in f64.
+    #[inline(always)]
+    pub(crate) fn hit(&self, ray: &Ray, numerics: Numerics) -> Option<f64> {
+        each!(self, shape => shape.hit(ray, numerics))
+    }
+
+    /// [`AnalyticShape::hit`] in f64 for a ray in each lane. Undecided lanes are tested by `hit`; a new kind may leave
+    /// all undecided.
+    #[inline(always)]
+    pub(crate) fn hit_n<D: Doubles>(&self, rays: &RayN<D>) -> HitN<D> {
+        each!(self, shape => shape.hit_n(rays))
+    }
+
+    /// The exact distance.
+    pub(crate) fn exact_distance(&self, ray: &Ray) -> Option<Distance> {
+        each!(self, shape => shape.exact_distance(ray))
+    }
+
+    /// The point of the surface nearest to `point`, and the outward unit normal there.
+    #[inline(always)]
+    pub fn surface(&self, point: DVec3) -> (SurfacePoint, DVec3) {
+        each!(self, shape => shape.surface(point))
+    }
+
+    /// The derivative of the outward unit normal at a point of the surface in the direction `step` of its tangent
+    /// plane.
+    pub fn normal_derivative(&self, point: DVec3, step: DVec3) -> DVec3 {
+        each!(self, shape => shape.normal_derivative(point, step))
+    }
+
+    /// The area of the surface.
+    pub fn area(&self) -> f64 {
+        each!(self, shape => shape.area())
+    }
+
+    /// The solid angle that it subtends at `from`, in steradians.
+    pub fn solid_angle(&self, from: DVec3) -> f64 {
+        each!(self, shape => shape.solid_angle(from))
+    }
+
+    /// A unit direction from `from` towards the shape, uniform in its solid angle, and the distance to the surface.
+    /// `numbers` are in [0, 1).
+    pub fn sample_solid_angle(&self, from: DVec3, numbers: [f64; 2]) -> Option<(DVec3, f64)> {
+        each!(self, shape => shape.sample_solid_angle(from, numbers))
     }
 }
 

@@ -16,7 +16,7 @@ use super::bounds::DoubleBoxTest;
 use super::distance::{Crossing, Distance};
 use super::expansion::Expansion;
 use super::woop::{Sheared, WoopTest};
-use super::{AnalyticShape, Hit, Ray, Stored, Tier, TriangleHit};
+use super::{Hit, Ray, Stored, Tier, TriangleHit};
 use crate::geometry::Numerics;
 
 /// f64 geometry, decided exactly.
@@ -52,11 +52,6 @@ impl Tier for Exact {
         let certain = least > error || most < -error;
         let weights = if certain { weights } else { decide(test, ray, corners, weights, error)? };
         settle(test, ray, corners, &sheared, weights, error)
-    }
-
-    #[inline(always)]
-    fn hit_analytic(ray: &Ray, shape: &AnalyticShape) -> Option<f64> {
-        shape.hit_exact(ray)
     }
 
     #[inline(always)]

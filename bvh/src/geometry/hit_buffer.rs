@@ -146,13 +146,6 @@ impl HitBuffer {
     }
 }
 
-/// Results of misses are equal whatever their other numbers are.
-impl PartialEq for HitBuffer {
-    fn eq(&self, other: &Self) -> bool {
-        self.len() == other.len() && self.iter().eq(other.iter())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -177,8 +170,5 @@ mod tests {
         hits.set(0, None);
         hits.resize(5);
         assert_eq!(hits.iter().collect::<Vec<_>>(), [None, None, Some(hit), None, None]);
-        let mut same = HitBuffer::default();
-        [None, None, Some(&hit), None, None].into_iter().for_each(|hit| same.push(hit));
-        assert_eq!(hits, same);
     }
 }

@@ -43,12 +43,11 @@ impl<C: Corner> Triangle4<C> {
     /// Four empty lanes.
     pub(crate) const EMPTY: Self = Triangle4 { corners: [[[C::NAN; LANES4]; 3]; 3] };
 
-    /// Writes a triangle to a lane, or empties the lane.
+    /// Writes a triangle to a lane.
     #[inline(always)]
-    pub(crate) fn set(&mut self, lane: usize, triangle: Option<&[C; 3]>) {
-        for k in 0..3 {
-            let [x, y, z] = triangle.map_or([C::NAN; 3], |corners| corners[k].to_array());
-            let corner = &mut self.corners[k];
+    pub(crate) fn set(&mut self, lane: usize, triangle: &[C; 3]) {
+        for (corner, &point) in self.corners.iter_mut().zip(triangle) {
+            let [x, y, z]: [C::Scalar; 3] = point.into();
             (corner[0][lane], corner[1][lane], corner[2][lane]) = (x, y, z);
         }
     }
@@ -70,7 +69,7 @@ impl<C: Corner> Triangle4<C> {
     #[inline(always)]
     fn corner(&self, k: usize, lane: usize) -> C {
         let [x, y, z] = &self.corners[k];
-        C::from_array([x[lane], y[lane], z[lane]])
+        C::from([x[lane], y[lane], z[lane]])
     }
 }
 

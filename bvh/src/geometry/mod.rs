@@ -20,7 +20,6 @@
 //! No absolute constant decides a hit: every bound is relative to the numbers it applies to.
 
 mod analytic;
-mod beam;
 mod bounds;
 mod distance;
 mod double;
@@ -40,13 +39,11 @@ mod sphere;
 mod tier;
 mod triangle;
 mod watertight;
-mod widened;
 mod woop;
 pub(crate) mod woop_n;
 mod woop_packet;
 
 pub use analytic::AnalyticShape;
-pub use beam::Beam;
 pub use bounds::{Bounds, BoxTest, DoubleBoxTest, SingleBoxTest, round_up};
 pub use hit_buffer::HitBuffer;
 pub use mesh::{Attribute, Mesh, is_mirror, moved_tangent, normal_matrix};
@@ -60,8 +57,7 @@ pub use sphere::Sphere;
 pub use tier::Numerics;
 pub use triangle::Triangle;
 
-pub(crate) use analytic::Intersector;
-pub(crate) use bounds::{PRUNE_MARGIN, round_down};
+pub(crate) use bounds::{PRUNE_MARGIN, prune_distance, round_down};
 pub(crate) use double::Double;
 pub(crate) use exact::Exact;
 pub(crate) use lanes::Triangle4;
@@ -69,4 +65,5 @@ pub(crate) use naive::Naive;
 pub(crate) use numerics::{Corner, PreparedPacket, PreparedRay, Stored, Tier};
 pub(crate) use triangle::TriangleHit;
 pub(crate) use watertight::Watertight;
-pub(crate) use widened::{WidenedBoxTest, prune_distance};
+#[cfg(test)]
+pub(crate) use woop::sign_of_determinant;

@@ -12,7 +12,7 @@ use glam::{Vec3, Vec3A};
 use super::bounds::{BoxTest, SingleBoxTest, round_up};
 use super::numerics::{PreparedPacket, PreparedRay};
 use super::simd::Doubles;
-use super::{AnalyticShape, Corner, Ray, Rays, Tier, TriangleHit};
+use super::{Corner, Ray, Rays, Tier, TriangleHit};
 use crate::geometry::Numerics;
 
 /// f32 geometry, decided in f32.
@@ -37,15 +37,9 @@ impl PreparedRay for FastTest {
     }
 
     #[inline(always)]
-    fn prepare_packet<D: Doubles>(rays: Rays, packet: &mut PreparedPacket) {
+    fn prepare_packet<'a, D: Doubles>(rays: Rays, packet: &'a mut PreparedPacket) -> &'a [Self] {
         packet.fast.clear();
-        for i in 0..rays.len() {
-            packet.fast.push(FastTest::new(&rays.get(i)));
-        }
-    }
-
-    #[inline(always)]
-    fn of_packet(packet: &PreparedPacket) -> &[Self] {
+        packet.fast.extend(rays.iter().map(|ray| FastTest::new(&ray)));
         &packet.fast
     }
 }
@@ -77,11 +71,6 @@ impl Tier for Naive {
         let [min, max] = Vec3::span(&[a, b, c]);
         let t = within(&test.boxes, ray, t, [min.as_vec3a(), max.as_vec3a()])?;
         Some(TriangleHit { t, barycentrics: [f64::from(v), f64::from(w)] })
-    }
-
-    #[inline(always)]
-    fn hit_analytic(ray: &Ray, shape: &AnalyticShape) -> Option<f64> {
-        shape.hit_fast(ray)
     }
 }
 

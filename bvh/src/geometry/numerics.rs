@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3, Vec3A};
 
 use super::bounds::BoxTest;
-use super::lanes::{HitN, RayN, Triangle4};
+use super::lanes::{HitN, Triangle4};
 use super::naive::FastTest;
 use super::simd::Doubles;
 use super::woop::WoopTest;
@@ -91,19 +91,17 @@ impl Numerics {
 }
 
 /// A triangle corner in the precision of a tier: [`Vec3`] or [`DVec3`].
-pub(crate) trait Corner: Copy + Send + Sync + 'static {
+pub(crate) trait Corner:
+    Copy + Send + Sync + 'static + From<[<Self as Corner>::Scalar; 3]> + Into<[<Self as Corner>::Scalar; 3]>
+{
     /// The type of a coordinate.
     type Scalar: Copy + Send + Sync + 'static;
     /// NaN.
     const NAN: Self::Scalar;
-    /// x, y and z.
-    fn to_array(self) -> [Self::Scalar; 3];
     /// The first coordinates of a slice, converted to f64.
     fn load<D: Doubles>(coordinates: &[Self::Scalar]) -> D;
     /// Coordinates converted to f64, one for each lane.
     fn gather<D: Doubles>(lane: impl Fn(usize) -> Self::Scalar) -> D;
-    /// From x, y and z.
-    fn from_array(array: [Self::Scalar; 3]) -> Self;
     /// The nearest corner of this precision.
     fn from_dvec3(point: DVec3) -> Self;
     /// The corner in f64, exactly.
@@ -129,16 +127,6 @@ impl Corner for Vec3 {
     #[inline(always)]
     fn gather<D: Doubles>(lane: impl Fn(usize) -> f32) -> D {
         D::from_f32(lane)
-    }
-
-    #[inline(always)]
-    fn to_array(self) -> [f32; 3] {
-        Vec3::to_array(&self)
-    }
-
-    #[inline(always)]
-    fn from_array(array: [f32; 3]) -> Self {
-        Vec3::from_array(array)
     }
 
     fn from_dvec3(point: DVec3) -> Self {
@@ -176,16 +164,6 @@ impl Corner for DVec3 {
         D::from_f64(lane)
     }
 
-    #[inline(always)]
-    fn to_array(self) -> [f64; 3] {
-        DVec3::to_array(&self)
-    }
-
-    #[inline(always)]
-    fn from_array(array: [f64; 3]) -> Self {
-        DVec3::from_array(array)
-    }
-
     fn from_dvec3(point: DVec3) -> Self {
         point.map(|c| Precision::Double.round(c))
     }
@@ -214,10 +192,13 @@ pub(crate) enum Stored<C> {
 pub(crate) trait PreparedRay: Copy {
     /// Prepares a ray.
     fn new(ray: &Ray) -> Self;
-    /// Prepares the rays of a packet, which must be padded. Where this takes vectors, no direction may have zeros.
-    fn prepare_packet<D: Doubles>(rays: Rays, packet: &mut PreparedPacket);
-    /// The rays of the packet that was prepared last, and perhaps more.
-    fn of_packet(packet: &PreparedPacket) -> &[Self];
+    /// Prepares the rays of a packet, and perhaps more. Where this takes vectors, no direction may have zeros.
+    fn prepare_packet<'a, D: Doubles>(rays: Rays, packet: &'a mut PreparedPacket) -> &'a [Self];
+    /// See [`Tier::hit_triangle4`].
+    #[inline(always)]
+    fn hit_triangle4<C: Corner, D: Doubles>(&self, _: &Triangle4<C>) -> HitN<D> {
+        HitN::UNDECIDED
+    }
 }
 
 /// The memory of [`PreparedRay::prepare_packet`].
@@ -273,17 +254,8 @@ pub(crate) trait Tier: Send + Sync + 'static {
 
     /// [`Tier::hit_triangle`] for one ray and four triangles. `D` has four lanes.
     #[inline(always)]
-    fn hit_triangle4<D: Doubles>(_: &Self::Prepared, _triangles: &Triangle4<Self::Corner>) -> HitN<D> {
-        HitN::UNDECIDED
-    }
-
-    /// The test of [`Intersector`](super::Intersector) that belongs to the tier.
-    fn hit_analytic(ray: &Ray, shape: &AnalyticShape) -> Option<f64>;
-
-    /// [`Tier::hit_analytic`] for a ray in each lane.
-    #[inline(always)]
-    fn hit_analytic_n<D: Doubles>(rays: &RayN<D>, shape: &AnalyticShape) -> HitN<D> {
-        if Self::HAS_RAY_N { shape.hit_n(rays) } else { HitN::UNDECIDED }
+    fn hit_triangle4<D: Doubles>(prepared: &Self::Prepared, four: &Triangle4<Self::Corner>) -> HitN<D> {
+        if Self::HAS_RAY_N { prepared.hit_triangle4(four) } else { HitN::UNDECIDED }
     }
 
     /// Whether the first of two hits of a ray is nearer, or equally near with the lower primitive id.

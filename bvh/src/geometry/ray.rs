@@ -85,12 +85,4 @@ mod tests {
         assert_eq!(size_of::<Option<Hit>>(), size_of::<Hit>());
         assert_eq!([0, 7, u32::MAX - 1].map(|index| SlotId::new(index).index()), [0, 7, u32::MAX - 1]);
     }
-
-    #[test]
-    fn ties_go_to_the_lowest_id() {
-        let hit = |t, prim| Hit { t, prim: PrimId(prim), slot: SlotId::new(0), barycentrics: [0.0; 2] };
-        assert!(hit(1.0, 5).is_before(&hit(2.0, 1)));
-        assert!(hit(1.0, 1).is_before(&hit(1.0, 2)));
-        assert!(!hit(1.0, 2).is_before(&hit(1.0, 2)));
-    }
 }

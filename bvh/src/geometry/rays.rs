@@ -1,6 +1,8 @@
 //! Rays as structures of arrays, which queries of many rays take: [`Rays`] borrows the arrays, [`RayBuffer`] owns
 //! them.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::Ray;
@@ -10,34 +12,23 @@ use super::simd::{Doubles, prefetch};
 /// The most rays that are traced together: those of a tile.
 pub(crate) const PACKET: usize = 256;
 
-/// Borrowed rays. All slices have one number for each ray; those of [`Rays::padded`] rays may be longer.
+/// Borrowed rays of a [`RayBuffer`]. Slices are longer by [`PADDING`]: lanes of vectors beyond the last ray hold other
+/// rays of the buffer.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Rays<'a> {
     len: usize,
-    origin: [&'a [f64]; 3],
-    direction: [&'a [f64]; 3],
-    t_min: &'a [f64],
-    t_max: &'a [f64],
+    /// The numbers of a [`Ray`] in their order.
+    numbers: [&'a [f64]; NUMBERS],
 }
 
-impl<'a> Rays<'a> {
-    /// Rays from the coordinates of [`Ray::origin`] and [`Ray::direction`], [`Ray::t_min`] and [`Ray::t_max`], which
-    /// must be as those of [`super::Precision::ray`].
-    ///
-    /// # Panics
-    /// If the slices have different lengths.
-    #[inline]
-    pub fn new(
-        origin: [&'a [f64]; 3],
-        direction: [&'a [f64]; 3],
-        t_min: &'a [f64],
-        t_max: &'a [f64],
-    ) -> Self {
-        let same = origin.iter().chain(&direction).all(|coordinate| coordinate.len() == t_max.len());
-        assert!(same && t_min.len() == t_max.len(), "slices of different lengths");
-        Rays { len: t_max.len(), origin, direction, t_min, t_max }
-    }
+/// Numbers (f64) of a ray.
+const NUMBERS: usize = 8;
+/// The places of the first component of the direction and of the ends among the numbers of a ray.
+const DIRECTION: usize = 3;
+const T_MIN: usize = 6;
+const T_MAX: usize = 7;
 
+impl<'a> Rays<'a> {
     /// The number of rays.
     #[inline(always)]
     pub fn len(&self) -> usize {
@@ -59,29 +50,33 @@ impl<'a> Rays<'a> {
         Ray {
             origin: self.origin(i),
             direction: self.direction(i),
-            t_min: self.t_min[i],
-            t_max: self.t_max[i],
+            t_min: self.numbers[T_MIN][i],
+            t_max: self.t_max(i),
         }
     }
 
     /// The origin of the ray at `i`.
     #[inline(always)]
     pub(crate) fn origin(&self, i: usize) -> DVec3 {
-        let [x, y, z] = self.origin;
-        DVec3::new(x[i], y[i], z[i])
+        DVec3::new(self.numbers[0][i], self.numbers[1][i], self.numbers[2][i])
     }
 
     /// The direction of the ray at `i`.
     #[inline(always)]
     pub(crate) fn direction(&self, i: usize) -> DVec3 {
-        let [x, y, z] = self.direction;
-        DVec3::new(x[i], y[i], z[i])
+        let [x, y, z] = [0, 1, 2].map(|axis| self.numbers[DIRECTION + axis][i]);
+        DVec3::new(x, y, z)
     }
 
     /// `t_max` of the ray at `i`.
     #[inline(always)]
     pub(crate) fn t_max(&self, i: usize) -> f64 {
-        self.t_max[i]
+        self.numbers[T_MAX][i]
+    }
+
+    /// The components of the directions, an array for each axis.
+    pub fn directions(&self) -> [&'a [f64]; 3] {
+        [0, 1, 2].map(|axis| &self.numbers[DIRECTION + axis][..self.len])
     }
 
     /// The rays.
@@ -93,16 +88,7 @@ impl<'a> Rays<'a> {
     #[inline(always)]
     pub fn slice(&self, first: usize, count: usize) -> Self {
         let (first, end) = (first.min(self.len), first.saturating_add(count).min(self.len));
-        let part = |x: &'a [f64]| &x[first..end];
-        let [ox, oy, oz] = self.origin;
-        let [dx, dy, dz] = self.direction;
-        Rays {
-            len: end - first,
-            origin: [part(ox), part(oy), part(oz)],
-            direction: [part(dx), part(dy), part(dz)],
-            t_min: part(self.t_min),
-            t_max: part(self.t_max),
-        }
+        Rays { len: end - first, numbers: self.numbers.map(|x| &x[first..x.len().min(end + PADDING)]) }
     }
 
     /// Slices of `count` rays each; the last may have fewer.
@@ -113,90 +99,79 @@ impl<'a> Rays<'a> {
         (0..self.len().div_ceil(count)).map(move |index| self.slice(index * count, count))
     }
 
-    /// The same rays with slices whose length is a multiple of every vector's lanes: the last ray is repeated, in a copy
-    /// in `buffer` if there are numbers to add.
-    #[inline(always)]
-    pub(crate) fn padded(self, buffer: &'a mut RayBuffer) -> Self {
-        if self.len.is_multiple_of(MAX_FLOATS) { self } else { self.copied_to(buffer) }
-    }
-
-    #[cold]
-    fn copied_to(self, buffer: &'a mut RayBuffer) -> Self {
-        buffer.clear();
-        buffer.extend(self.iter());
-        let last = self.get(self.len - 1);
-        buffer.extend(std::iter::repeat_n(last, self.len.next_multiple_of(MAX_FLOATS) - self.len));
-        Rays { len: self.len, ..buffer.rays() }
-    }
-
     /// A ray for each lane, from index `first` on.
     ///
     /// # Panics
-    /// If fewer rays follow, counting those that [`Rays::padded`] repeats.
+    /// If there is no ray at `first`.
     #[inline(always)]
     pub(crate) fn lanes<D: Doubles>(&self, first: usize) -> RayN<D> {
         RayN {
             origin: self.origin_lanes(first),
             direction: self.direction_lanes(first),
-            t_min: load(self.t_min, first),
-            t_max: load(self.t_max, first),
+            t_min: self.load(T_MIN, first),
+            t_max: self.t_max_lanes(first),
         }
     }
 
     /// The origins of [`Rays::lanes`].
     #[inline(always)]
     pub(crate) fn origin_lanes<D: Doubles>(&self, first: usize) -> [D; 3] {
-        let [x, y, z] = self.origin;
-        [load(x, first), load(y, first), load(z, first)]
+        [self.load(0, first), self.load(1, first), self.load(2, first)]
     }
 
     /// `t_max` of [`Rays::lanes`].
     #[inline(always)]
     pub(crate) fn t_max_lanes<D: Doubles>(&self, first: usize) -> D {
-        load(self.t_max, first)
+        self.load(T_MAX, first)
     }
 
     /// The directions of [`Rays::lanes`].
     #[inline(always)]
     pub(crate) fn direction_lanes<D: Doubles>(&self, first: usize) -> [D; 3] {
-        let [x, y, z] = self.direction;
-        [load(x, first), load(y, first), load(z, first)]
+        [self.load(DIRECTION, first), self.load(DIRECTION + 1, first), self.load(DIRECTION + 2, first)]
     }
 
     /// `t_min` in f32 of twice as many rays as [`Rays::lanes`].
     #[inline(always)]
     pub(crate) fn t_min_floats<D: Doubles>(&self, first: usize) -> D::Floats {
-        D::to_floats(load(self.t_min, first), load(self.t_min, first + D::LANES))
+        self.floats::<D>(T_MIN, first)
     }
 
     /// The coordinates of the origins on an axis, in f32, of twice as many rays as [`Rays::lanes`].
     #[inline(always)]
     pub(crate) fn origin_floats<D: Doubles>(&self, axis: usize, first: usize) -> D::Floats {
-        D::to_floats(load(self.origin[axis], first), load(self.origin[axis], first + D::LANES))
+        self.floats::<D>(axis, first)
     }
 
     /// The components of the directions on an axis, in f32, of twice as many rays as [`Rays::lanes`].
     #[inline(always)]
     pub(crate) fn direction_floats<D: Doubles>(&self, axis: usize, first: usize) -> D::Floats {
-        D::to_floats(load(self.direction[axis], first), load(self.direction[axis], first + D::LANES))
+        self.floats::<D>(DIRECTION + axis, first)
+    }
+
+    #[inline(always)]
+    fn floats<D: Doubles>(&self, number: usize, first: usize) -> D::Floats {
+        D::to_floats(self.load(number, first), self.load(number, first + D::LANES))
+    }
+
+    #[inline(always)]
+    fn load<D: Doubles>(&self, number: usize, first: usize) -> D {
+        D::load_slice(&self.numbers[number][first..first + D::LANES])
     }
 
     /// Prefetches a cache line of each coordinate, at the ray `i`.
     #[inline(always)]
     pub(crate) fn prefetch(&self, i: usize) {
-        for x in self.origin.into_iter().chain(self.direction).chain([self.t_min, self.t_max]) {
+        for x in self.numbers {
             prefetch(x, i);
         }
     }
 }
 
-/// Numbers from index `first` on.
-#[inline(always)]
-fn load<D: Doubles>(x: &[f64], first: usize) -> D {
-    D::load_slice(&x[first..first + D::LANES])
-}
-
 /// Rays in arrays of their own, of any number.
+///
+/// There are [`PADDING`] more numbers behind those of the last ray, always those of one of the rays: whole vectors can
+/// be loaded, and what the rays have in common, these have too.
 #[derive(Debug, Clone, Default)]
 pub struct RayBuffer {
     len: usize,
@@ -206,46 +181,116 @@ pub struct RayBuffer {
     numbers: Vec<f64>,
 }
 
-/// Numbers (f64) of a ray.
-const NUMBERS: usize = 8;
+/// The numbers of each array behind those of the last ray, as many as a vector has lanes at most.
+const PADDING: usize = MAX_FLOATS;
+
+/// The stride of buffers of up to a packet of rays.
+const PACKET_STRIDE: usize = PACKET + 3 * PER_LINE;
 
 impl RayBuffer {
     /// The rays.
     #[inline]
     pub fn rays(&self) -> Rays<'_> {
-        let number = |k: usize| &self.numbers[k * self.stride..k * self.stride + self.len];
-        Rays {
-            len: self.len,
-            origin: [number(0), number(1), number(2)],
-            direction: [number(3), number(4), number(5)],
-            t_min: number(6),
-            t_max: number(7),
+        if self.len == 0 {
+            return Rays::default();
+        }
+        let numbers = std::array::from_fn(|k| &self.numbers[k * self.stride..][..self.len + PADDING]);
+        Rays { len: self.len, numbers }
+    }
+
+    /// The ray at `i`.
+    ///
+    /// # Panics
+    /// If there is none.
+    #[inline]
+    pub fn get(&self, i: usize) -> Ray {
+        assert!(i < self.len, "no ray at {i}");
+        bytemuck::cast(std::array::from_fn::<f64, NUMBERS, _>(|k| self.numbers[k * self.stride + i]))
+    }
+
+    /// Replaces the ray at `i`.
+    ///
+    /// # Panics
+    /// If there is none.
+    #[inline]
+    pub fn set(&mut self, i: usize, ray: &Ray) {
+        assert!(i < self.len, "no ray at {i}");
+        self.fill(i..i + 1, ray);
+    }
+
+    /// Writes a ray to all of a range, for which there must be room.
+    #[inline(always)]
+    fn fill(&mut self, range: Range<usize>, ray: &Ray) {
+        let numbers: &[f64; NUMBERS] = bytemuck::cast_ref(ray);
+        for (k, &number) in numbers.iter().enumerate() {
+            self.numbers[k * self.stride + range.start..k * self.stride + range.end].fill(number);
         }
     }
 
     /// Appends a ray.
     #[inline]
     pub fn push(&mut self, ray: &Ray) {
-        if self.len == self.stride {
-            self.grow();
-        }
-        let numbers: &[f64; NUMBERS] = bytemuck::cast_ref(ray);
-        for (k, &number) in numbers.iter().enumerate() {
-            self.numbers[k * self.stride + self.len] = number;
-        }
+        let at = self.len;
         self.len += 1;
+        if at.is_multiple_of(PADDING) {
+            // Also the padding of this ray and the next ones.
+            self.reserve(at + 2 * PADDING);
+            self.fill(at..at + 2 * PADDING, ray);
+        } else {
+            self.set(at, ray);
+        }
     }
 
-    /// Makes room for more than twice as many rays.
-    #[cold]
-    fn grow(&mut self) {
-        let stride = 2 * self.stride + PER_LINE;
+    /// Makes room for as many numbers in each array.
+    fn reserve(&mut self, count: usize) {
+        if count <= self.stride {
+            return;
+        }
+        let stride = (2 * self.stride + PER_LINE).max(PACKET_STRIDE);
         let mut numbers = vec![0.0; NUMBERS * stride];
         for (to, from) in numbers.chunks_exact_mut(stride).zip(self.numbers.chunks_exact(self.stride.max(1)))
         {
-            to[..self.len].copy_from_slice(&from[..self.len]);
+            to[..self.stride].copy_from_slice(from);
         }
         (self.stride, self.numbers) = (stride, numbers);
+    }
+
+    /// Sets the rays of a range, which ends at 256 at most, to `ray` of their index; these are the last rays then. The
+    /// loop is vectorised where `ray` has no branches.
+    ///
+    /// # Panics
+    /// If the range ends beyond that.
+    #[inline(always)]
+    pub fn write(&mut self, range: Range<usize>, ray: impl FnMut(usize) -> Ray) {
+        assert!(range.end <= PACKET, "{range:?} is more than a packet");
+        if self.stride != PACKET_STRIDE {
+            (self.stride, self.numbers) = (PACKET_STRIDE, vec![0.0; NUMBERS * PACKET_STRIDE]);
+        }
+        let Some(numbers) = self.numbers.first_chunk_mut() else { unreachable!("of this size") };
+        write(numbers, range.clone(), ray);
+        self.len = range.end;
+        self.pad();
+    }
+
+    /// Moves the rays at `indices`, which ascend, to the front; these are the rays then.
+    ///
+    /// # Panics
+    /// If there is no ray at an index.
+    pub fn keep(&mut self, indices: &[u32]) {
+        debug_assert!(indices.is_sorted_by(|a, b| a < b), "indices do not ascend");
+        assert!(indices.last().is_none_or(|&last| (last as usize) < self.len), "no ray at an index");
+        for (to, &from) in indices.iter().enumerate().skip_while(|(to, from)| *to == **from as usize) {
+            self.set(to, &self.get(from as usize));
+        }
+        self.len = indices.len();
+        self.pad();
+    }
+
+    /// Repeats the last ray, as far as [`RayBuffer::push`] does.
+    fn pad(&mut self) {
+        if let Some(last) = self.len.checked_sub(1) {
+            self.fill(self.len..self.len.next_multiple_of(PADDING) + PADDING, &self.get(last));
+        }
     }
 
     /// Removes all rays; memory is kept.
@@ -266,6 +311,25 @@ impl RayBuffer {
     /// Bytes of memory of the arrays.
     pub fn bytes(&self) -> usize {
         self.numbers.capacity() * size_of::<f64>()
+    }
+}
+
+/// The loop of [`RayBuffer::write`], over an array of fixed size: the compiler can rule out that its parts overlap.
+#[inline(always)]
+fn write(
+    numbers: &mut [f64; NUMBERS * PACKET_STRIDE],
+    range: Range<usize>,
+    mut ray: impl FnMut(usize) -> Ray,
+) {
+    for i in range.start..range.end.min(PACKET) {
+        let Ray { origin, direction, t_min, t_max } = ray(i);
+        let mut put = |number: usize, x: f64| numbers[number * PACKET_STRIDE + i] = x;
+        for axis in 0..3 {
+            put(axis, origin[axis]);
+            put(DIRECTION + axis, direction[axis]);
+        }
+        put(T_MIN, t_min);
+        put(T_MAX, t_max);
     }
 }
 
@@ -319,17 +383,35 @@ mod tests {
     }
 
     #[test]
-    fn lanes_beyond_the_end_repeat_the_last_ray() {
-        let (buffer, mut padded): (RayBuffer, _) = ((0..6).map(ray).collect(), RayBuffer::default());
-        let rays = buffer.rays().padded(&mut padded);
-        assert_eq!(rays.iter().collect::<Vec<_>>(), (0..6).map(ray).collect::<Vec<_>>());
-        let lanes = rays.lanes::<<Portable as Simd>::D>(4);
-        let expected = [4, 5, 5, 5].map(ray);
-        for axis in 0..3 {
-            assert_eq!(lanes.origin[axis].array(), expected.map(|ray| ray.origin[axis]));
-            assert_eq!(lanes.direction[axis].array(), expected.map(|ray| ray.direction[axis]));
+    fn lanes_beyond_the_end_are_rays_of_the_buffer() {
+        let check = |rays: Rays, first: usize, expected: [usize; 4]| {
+            let (lanes, expected) = (rays.lanes::<<Portable as Simd>::D>(first), expected.map(ray));
+            for axis in 0..3 {
+                assert_eq!(lanes.origin[axis].array(), expected.map(|ray| ray.origin[axis]));
+                assert_eq!(lanes.direction[axis].array(), expected.map(|ray| ray.direction[axis]));
+            }
+            assert_eq!(lanes.t_min.array(), expected.map(|ray| ray.t_min));
+            assert_eq!(lanes.t_max.array(), expected.map(|ray| ray.t_max));
+        };
+        // Pushed.
+        let mut buffer: RayBuffer = (0..22).map(ray).collect();
+        check(buffer.rays(), 20, [20, 21, 16, 16]);
+        check(buffer.rays().slice(3, 5), 4, [7, 8, 9, 10]);
+        check(buffer.rays().slice(21, 1), 0, [21, 16, 16, 16]);
+        check(buffer.rays().slice(21, 1), 12, [16; 4]);
+        // Selected, and written.
+        buffer.keep(&[0, 1, 2, 3, 7, 20]);
+        check(buffer.rays(), 4, [7, 20, 20, 20]);
+        check(buffer.rays(), 12, [20; 4]);
+        buffer.write(2..PACKET, ray);
+        check(buffer.rays(), 0, [0, 1, 2, 3]);
+        check(buffer.rays(), PACKET - 4, [252, 253, 254, 255]);
+        check(buffer.rays().slice(255, 1), 12, [255; 4]);
+        // Of several packets, at every end.
+        let mut buffer = RayBuffer::default();
+        for last in 0..3 * PACKET {
+            buffer.push(&ray(last));
+            check(buffer.rays().slice(last, 1), PADDING - 4, [last / PADDING * PADDING; 4]);
         }
-        assert_eq!(lanes.t_min.array(), expected.map(|ray| ray.t_min));
-        assert_eq!(lanes.t_max.array(), expected.map(|ray| ray.t_max));
     }
 }

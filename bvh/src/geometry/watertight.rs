@@ -7,11 +7,8 @@
 use glam::Vec3;
 
 use super::bounds::DoubleBoxTest;
-use super::lanes::HitN;
-use super::simd::Doubles;
 use super::woop::WoopTest;
-use super::{AnalyticShape, Ray, Tier, Triangle4, TriangleHit};
-use crate::geometry::Numerics;
+use super::{Numerics, Ray, Tier, TriangleHit};
 
 /// f32 geometry, decided in f64.
 pub(crate) struct Watertight;
@@ -26,15 +23,5 @@ impl Tier for Watertight {
     #[inline(always)]
     fn hit_triangle(test: &WoopTest, ray: &Ray, corners: &[Vec3; 3]) -> Option<TriangleHit> {
         test.hit(ray, corners)
-    }
-
-    #[inline(always)]
-    fn hit_triangle4<D: Doubles>(test: &WoopTest, triangles: &Triangle4<Vec3>) -> HitN<D> {
-        test.hit_triangle4(triangles)
-    }
-
-    #[inline(always)]
-    fn hit_analytic(ray: &Ray, shape: &AnalyticShape) -> Option<f64> {
-        shape.hit(ray)
     }
 }

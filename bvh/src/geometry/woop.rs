@@ -133,13 +133,7 @@ impl WoopTest {
 
     /// The hits on four triangles, with the bits of [`WoopTest::hit`].
     #[inline(always)]
-    pub(crate) fn hit_triangle4<D: Doubles, C: Corner>(&self, triangles: &Triangle4<C>) -> HitN<D> {
-        hit_lanes(&self.relative::<D, C>(triangles), &self.splat::<D>(), self.zero_direction_mask, false)
-    }
-
-    /// The corners of four triangles relative to the ray's origin, axes permuted.
-    #[inline(always)]
-    fn relative<D: Doubles, C: Corner>(&self, triangles: &Triangle4<C>) -> [[D; 3]; 3] {
+    pub(crate) fn hit_triangle4<C: Corner, D: Doubles>(&self, triangles: &Triangle4<C>) -> HitN<D> {
         let axes = self.major.axes();
         let [x, y, z] = self.origin.to_array();
         let origin = [D::splat(x), D::splat(y), D::splat(z)];
@@ -149,20 +143,15 @@ impl WoopTest {
                 moved[place] = C::load::<D>(&corner[axes[place]]) - origin[place];
             }
         }
-        moved
-    }
-
-    /// This ray in all lanes.
-    #[inline(always)]
-    fn splat<D: Doubles>(&self) -> ShearedN<D> {
         let [[sx, sy, _], [x, y, z]] = [self.shear, self.inverse];
         let inverse = [D::splat(x), D::splat(y), D::splat(z)];
-        ShearedN {
+        let ray = ShearedN {
             shear: [D::splat(sx), D::splat(sy), inverse[2]],
             inverse,
             t_min: D::splat(self.t_min),
             t_max: D::splat(self.t_max),
-        }
+        };
+        hit_lanes(&moved, &ray, self.zero_direction_mask, false)
     }
 
     /// The hit of `ray`, for which this was prepared, on a triangle, with `t_min < t < t_max`.
@@ -260,7 +249,7 @@ fn is_behind<C: Corner>(ray: &Ray, corners: &[C; 3], sheared: &Sheared, sum: f64
 }
 
 /// The sign of the determinant of three rows.
-fn sign_of_determinant([a, b, c]: &[[Expansion; 3]; 3]) -> i32 {
+pub(crate) fn sign_of_determinant([a, b, c]: &[[Expansion; 3]; 3]) -> i32 {
     let term = |(k, i, j): (usize, usize, usize)| {
         a[k].clone() * (b[i].clone() * c[j].clone() - b[j].clone() * c[i].clone())
     };

@@ -40,8 +40,7 @@ impl<D: Doubles> Default for PreparedRayN<D> {
 }
 
 impl<D: Doubles> PreparedRayN<D> {
-    /// Prepares padded rays from index `first` on. As `WoopTest::new`, all lanes at
-    /// once.
+    /// Prepares rays from index `first` on. As `WoopTest::new`, all lanes at once.
     ///
     /// # Panics
     /// If there is no such ray.

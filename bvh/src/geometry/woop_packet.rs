@@ -2,10 +2,11 @@
 
 use glam::DVec3;
 
+use super::lanes::HitN;
 use super::numerics::{PreparedPacket, PreparedRay};
 use super::simd::Doubles;
 use super::woop::{MajorAxis, WoopTest};
-use super::{PACKET, Ray, Rays};
+use super::{Corner, PACKET, Ray, Rays, Triangle4};
 
 impl PreparedRay for WoopTest {
     #[inline(always)]
@@ -14,17 +15,18 @@ impl PreparedRay for WoopTest {
     }
 
     #[inline(always)]
-    fn prepare_packet<D: Doubles>(rays: Rays, packet: &mut PreparedPacket) {
+    fn prepare_packet<'a, D: Doubles>(rays: Rays, packet: &'a mut PreparedPacket) -> &'a [Self] {
         let nothing = WoopTest::of_parts(MajorAxis::X, [DVec3::ZERO; 2], [0.0; 3], [0.0; 2]);
         packet.woop.resize(PACKET, nothing);
         for first in (0..rays.len()).step_by(D::LANES) {
             prepare_lanes::<D>(rays, first, &mut packet.woop[first..first + D::LANES]);
         }
+        &packet.woop
     }
 
     #[inline(always)]
-    fn of_packet(packet: &PreparedPacket) -> &[Self] {
-        &packet.woop
+    fn hit_triangle4<C: Corner, D: Doubles>(&self, triangles: &Triangle4<C>) -> HitN<D> {
+        self.hit_triangle4(triangles)
     }
 }
 
@@ -54,31 +56,5 @@ fn prepare_lanes<D: Doubles>(rays: Rays, first: usize, tests: &mut [WoopTest]) {
             [inverse[u][lane], inverse[v][lane], inverse[w][lane]],
             [t_min[lane], t_max[lane]],
         );
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geometry::RayBuffer;
-    use crate::geometry::simd::{Portable, Simd};
-    use glam::DVec3;
-
-    #[test]
-    fn rays_of_a_packet_are_prepared_as_one() {
-        let component = |i: usize| [1.0, -1.0, 0.3, -7.5, 1e-30, 1e30][i % 6];
-        let rays: RayBuffer = (0..216)
-            .map(|i| Ray {
-                origin: DVec3::new(0.1, i as f64, -2.0),
-                direction: DVec3::new(component(i), component(i / 6), component(i / 36)),
-                t_min: 0.0,
-                t_max: 1.0 + i as f64,
-            })
-            .collect();
-        let mut packet = PreparedPacket::default();
-        WoopTest::prepare_packet::<<Portable as Simd>::D>(rays.rays(), &mut packet);
-        for (i, ray) in rays.rays().iter().enumerate() {
-            assert_eq!(WoopTest::of_packet(&packet)[i], WoopTest::new(&ray), "{ray:?}");
-        }
     }
 }

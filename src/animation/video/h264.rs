@@ -35,9 +35,6 @@ pub(crate) struct EncodedFrame {
 
 impl H264 {
     /// An encoder for this number of frames per second.
-    ///
-    /// # Errors
-    /// Those of OpenH264.
     pub(crate) fn new(fps: f64, quality: Quality) -> Result<Self, openh264::Error> {
         // A constant quantiser instead of rate control. 6 more double the quantisation step.
         let step = match quality {
@@ -69,9 +66,6 @@ impl H264 {
     }
 
     /// Encodes the next frame.
-    ///
-    /// # Errors
-    /// Those of OpenH264.
     pub(crate) fn encode(&mut self, picture: &Yuv420) -> Result<EncodedFrame, openh264::Error> {
         let [width, height] = picture.size;
         let planes = YUVSlices::new(

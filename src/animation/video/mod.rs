@@ -202,9 +202,6 @@ impl VideoWriter {
     }
 
     /// A writer to a stream: [`VideoFormat::Y4m`] or [`VideoFormat::Rgb`].
-    ///
-    /// # Errors
-    /// Those of the stream.
     pub fn to_stream(
         mut out: Box<dyn Write + Send>,
         format: VideoFormat,
@@ -217,9 +214,6 @@ impl VideoWriter {
     }
 
     /// Adds the next frame.
-    ///
-    /// # Errors
-    /// Those of the encoder and of the output.
     pub fn add(&mut self, frame: FrameData) -> io::Result<()> {
         match (&mut self.encoder, frame) {
             #[cfg(feature = "video")]
@@ -237,9 +231,6 @@ impl VideoWriter {
     }
 
     /// Completes the video and its file.
-    ///
-    /// # Errors
-    /// Those of the output.
     pub fn finish(self) -> Result<()> {
         let VideoWriter { encoder, file } = self;
         let ended = match encoder {

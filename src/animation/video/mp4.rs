@@ -27,9 +27,6 @@ pub(crate) struct Mp4 {
 
 impl Mp4 {
     /// Begins a file with frames of this size and rate. The temporary file is created in `folder`.
-    ///
-    /// # Errors
-    /// Those of creating the temporary file.
     pub(crate) fn new(folder: &Path, size: [u16; 2], fps: f64) -> io::Result<Self> {
         let frames = io::BufWriter::new(tempfile::tempfile_in(folder)?);
         let timescale = (fps * f64::from(TICKS)).round().max(1.0) as u32;
@@ -37,9 +34,6 @@ impl Mp4 {
     }
 
     /// Adds the next frame.
-    ///
-    /// # Errors
-    /// Those of writing.
     pub(crate) fn add(&mut self, frame: &EncodedFrame) -> io::Result<()> {
         self.frames.write_all(&frame.bytes)?;
         self.sizes.push(frame.bytes.len() as u32);
@@ -50,9 +44,6 @@ impl Mp4 {
     }
 
     /// Writes the file.
-    ///
-    /// # Errors
-    /// Those of reading and writing.
     pub(crate) fn finish(self, parameter_sets: &[Vec<u8>; 2], out: &mut dyn Write) -> io::Result<()> {
         let ftyp = Ftyp {
             major_brand: b"isom".into(),

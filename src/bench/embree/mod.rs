@@ -2,12 +2,10 @@
 //!
 //! Only its public C API is used; names and values are those of `embree4/rtcore*.h` of Embree 4.
 
-mod crossings;
-mod race;
+mod engines;
 mod records;
 
-pub(crate) use crossings::engines;
-pub(crate) use race::contenders;
+pub(crate) use engines::{engines, leak_engines};
 
 use std::ffi::{CString, c_char, c_int, c_uint, c_void};
 use std::path::Path;

@@ -1,15 +1,17 @@
-//! Timing rounds with all contenders interleaved.
+//! Timing rounds with all engines interleaved.
 
 use std::sync::atomic::Ordering;
 
 use rayon::prelude::*;
 
-use super::super::{Clock, Mesh, Spread, memory};
-use super::{BuiltContender, Contender, Facts, Kind, Label, RayQueue, RaySets, ReferenceHits, rays};
+use super::super::{Built, Engine, Facts, Label, Mesh, RayQueue};
+use super::{Kind, RaySets, ReferenceHits, rays};
 use crate::bvh::Tests;
 use crate::error::{Error, Result};
 use crate::geometry::{Numerics, Ray};
+use crate::limits;
 use crate::render::RenderControl;
+use crate::timing::{Clock, Spread};
 
 /// Rays per parallel task, a multiple of the batch size.
 const PORTION: usize = 64 * rays::BATCH;
@@ -30,10 +32,10 @@ impl Settings<'_> {
     }
 }
 
-/// Results of a contender.
+/// Results of an engine.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpeedRow {
-    /// The contender.
+    /// The engine.
     pub label: Label,
     /// Number of threads.
     pub threads: usize,
@@ -99,10 +101,10 @@ pub fn best<'a>(
     of_engine.max_by(|a, b| median(a).total_cmp(&median(b)))
 }
 
-/// Measurements of a contender.
+/// Measurements of an engine.
 struct Measurement<'a> {
-    contender: &'a dyn Contender,
-    ready: Box<dyn BuiltContender>,
+    engine: &'a Engine,
+    ready: Box<dyn Built>,
     build_ms: Vec<f64>,
     seconds: [Vec<f64>; 4],
     tests: [Option<Tests>; 4],
@@ -110,12 +112,12 @@ struct Measurement<'a> {
     peak: Option<u64>,
 }
 
-/// Measures every contender.
+/// Measures every engine.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when cancelled; [`Error::Failed`] if a library cannot build.
 pub fn measure(
-    contenders: &[Box<dyn Contender>],
+    engines: &[Engine],
     mesh: &Mesh,
     ray_sets: &RaySets,
     settings: &Settings,
@@ -123,19 +125,19 @@ pub fn measure(
 ) -> Result<Vec<SpeedRow>> {
     let reference = settings.check.then(|| ReferenceHits::new(mesh, ray_sets));
     let rounds = settings.runs as usize + 1;
-    let steps = contenders.len() * rounds * (1 + Kind::ALL.len());
+    let steps = engines.len() * rounds * (1 + Kind::ALL.len());
     let mut done = 0;
     let mut step = || {
         done += 1;
         (control.progress)(done, steps);
         if control.cancel.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { Ok(()) }
     };
-    let mut measurements = Vec::with_capacity(contenders.len());
+    let mut measurements = Vec::with_capacity(engines.len());
     for round in 0..rounds {
-        for index in 0..contenders.len() {
-            let place = (index + round) % contenders.len();
+        for index in 0..engines.len() {
+            let place = (index + round) % engines.len();
             if round == 0 {
-                measurements.push(Measurement::start(&*contenders[place], mesh, settings)?);
+                measurements.push(Measurement::start(&engines[place], mesh, settings)?);
             } else {
                 measurements[place].build(mesh, settings)?;
             }
@@ -157,31 +159,27 @@ pub fn measure(
     Ok(measurements.iter().map(|lane| lane.row(mesh, ray_sets, settings)).collect())
 }
 
-fn build(
-    contender: &dyn Contender,
-    mesh: &Mesh,
-    settings: &Settings,
-) -> Result<(Box<dyn BuiltContender>, f64)> {
+fn build(engine: &Engine, mesh: &Mesh, settings: &Settings) -> Result<(Box<dyn Built>, f64)> {
     settings.pool.install(|| {
         let clock = Clock::start(settings.threads());
-        let ready = contender.build(mesh)?;
+        let ready = engine.build(mesh)?;
         Ok((ready, clock.seconds() * 1e3))
     })
 }
 
 impl<'a> Measurement<'a> {
     /// Builds once to warm up, untimed, and measures the peak memory.
-    fn start(contender: &'a dyn Contender, mesh: &Mesh, settings: &Settings) -> Result<Self> {
-        memory::reset_peak();
-        let before = memory::resident();
-        let (ready, _) = build(contender, mesh, settings)?;
-        let peak = memory::peak().zip(before).map(|(peak, before)| peak.saturating_sub(before));
+    fn start(engine: &'a Engine, mesh: &Mesh, settings: &Settings) -> Result<Self> {
+        limits::reset_peak_memory();
+        let before = limits::resident_memory();
+        let (ready, _) = build(engine, mesh, settings)?;
+        let peak = limits::peak_memory().zip(before).map(|(peak, before)| peak.saturating_sub(before));
         let (build_ms, seconds) = (Vec::new(), Default::default());
-        Ok(Measurement { contender, ready, build_ms, seconds, tests: [None; 4], wrong: None, peak })
+        Ok(Measurement { engine, ready, build_ms, seconds, tests: [None; 4], wrong: None, peak })
     }
 
     fn build(&mut self, mesh: &Mesh, settings: &Settings) -> Result<()> {
-        let (ready, ms) = build(self.contender, mesh, settings)?;
+        let (ready, ms) = build(self.engine, mesh, settings)?;
         self.ready = ready;
         self.build_ms.push(ms);
         Ok(())
@@ -234,11 +232,10 @@ impl<'a> Measurement<'a> {
             let seconds = self.seconds[kind as usize].iter().filter(|_| rays > 0);
             seconds.map(|seconds| rays as f64 / seconds / 1e6).collect()
         };
-        let nothing = Spread { lower: 0.0, median: 0.0, upper: 0.0 };
         SpeedRow {
-            label: self.contender.label(),
+            label: self.engine.label.clone(),
             threads: settings.threads(),
-            build_ms: Spread::of(&self.build_ms).unwrap_or(nothing),
+            build_ms: Spread::of(&self.build_ms).unwrap_or(Spread::exact(0.0)),
             facts: self.ready.facts(),
             triangles: mesh.triangles.len(),
             rays,

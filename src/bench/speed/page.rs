@@ -2,11 +2,13 @@
 
 use std::fmt::Write;
 
+use super::super::Unavailable;
+use super::super::envelope::processor;
 use super::super::html::{self, escaped};
 use super::super::plot::{Bar, bars, short};
-use super::super::{Clock, Envelope, Spread, Unavailable};
 use super::{Kind, NAMES, SpeedRow};
 use crate::error::Result;
+use crate::timing::{Clock, Spread};
 
 const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;color:#222;max-width:960px;margin:2em auto;padding:0 1em}\
 h1{font-size:1.6em}h2{font-size:1.2em;margin-top:2em}svg{max-width:100%;height:auto}\
@@ -32,7 +34,7 @@ pub fn page(rows: &[SpeedRow], absent: &[Unavailable], subject: &str, runs: u32)
              up. Bars are medians, the dark lines reach from the lower to the upper quartile. Compare within this page only.</p>",
             row.triangles,
             env!("CARGO_PKG_VERSION"),
-            escaped(&Envelope::processor()),
+            escaped(&processor()),
             row.threads,
             Clock::name(row.threads),
             runs

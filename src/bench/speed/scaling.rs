@@ -2,21 +2,23 @@
 
 use std::sync::atomic::Ordering;
 
+use super::super::Engine;
 use super::super::generate::Family;
 use super::super::plot::{Line, Panel, panels};
-use super::super::{Spread, memory};
-use super::{Contender, Kind, RaySets, Settings, SpeedRow, Viewpoint, measure, scene, view_setup};
+use super::{Kind, RaySets, Settings, SpeedRow, Viewpoint, measure, scene, view_setup};
 use crate::error::{Error, Result};
+use crate::limits;
 use crate::render::RenderControl;
+use crate::timing::Spread;
 
 /// Results for a mesh of a kind and size.
 #[derive(Debug, Clone)]
 pub struct ScalingStep {
     /// Kind of mesh.
     pub family: Family,
-    /// One row per contender.
+    /// One row per engine.
     pub rows: Vec<SpeedRow>,
-    /// Peak memory of the process in bytes, including the mesh, the rays and the structures of all contenders.
+    /// Peak memory of the process in bytes, including the mesh, the rays and the structures of all engines.
     pub peak_bytes: Option<u64>,
 }
 
@@ -27,12 +29,12 @@ pub fn sizes(largest: usize) -> Vec<usize> {
         .collect()
 }
 
-/// Measures every contender with every kind and size of mesh, with the rays of a picture of `pixels` by `pixels`.
+/// Measures every engine with every kind and size of mesh, with the rays of a picture of `pixels` by `pixels`.
 ///
 /// # Errors
 /// As `measure`.
 pub fn scaling(
-    contenders: &[Box<dyn Contender>],
+    engines: &[Engine],
     sizes: &[usize],
     pixels: u32,
     settings: &Settings,
@@ -42,13 +44,13 @@ pub fn scaling(
     let total = Family::ALL.len() * sizes.len();
     for family in Family::ALL {
         for &size in sizes {
-            memory::reset_peak();
+            limits::reset_peak_memory();
             let mesh = family.mesh(size);
             let setup = view_setup(&scene(&mesh), Viewpoint::Outside, pixels)?;
             let ray_sets = RaySets::new(&mesh, &setup);
             let inner = RenderControl { cancel: control.cancel, progress: &|_, _| {}, time_stages: false };
-            let rows = measure(contenders, &mesh, &ray_sets, settings, &inner)?;
-            steps.push(ScalingStep { family, rows, peak_bytes: memory::peak() });
+            let rows = measure(engines, &mesh, &ray_sets, settings, &inner)?;
+            steps.push(ScalingStep { family, rows, peak_bytes: limits::peak_memory() });
             (control.progress)(steps.len(), total);
             if control.cancel.load(Ordering::Relaxed) {
                 return Err(Error::Interrupted);

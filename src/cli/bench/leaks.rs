@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 
 use super::super::print;
 use super::{aligned, grouped, with_progress};
-use crate::bench::leaks::{Counts, LeakRow, measure};
-use crate::bench::{NAMES, PLACEMENTS, Unavailable, engines};
+use crate::bench::leaks::{Counts, LeakRow, NAMES, engines, measure};
+use crate::bench::{PLACEMENTS, Unavailable};
 use crate::error::{Error, Result};
 
 #[derive(Args)]
@@ -33,7 +33,7 @@ pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()>
     let (mut engines, mut absent) = engines();
     if !arguments.engine.is_empty() {
         let typed = |name: &str| arguments.engine.iter().any(|engine| engine == name);
-        engines.retain(|engine| typed(engine.name()));
+        engines.retain(|engine| typed(engine.label.engine));
         absent.retain(|absent| typed(absent.name));
         if let Some(Unavailable { name, reason, remedy }) = absent.first() {
             let what = format!("{name}: {reason}");

@@ -9,6 +9,7 @@ use super::super::print;
 use super::{aligned, grouped, with_progress};
 use crate::bench::tiers::{TierRow, tiers};
 use crate::error::Result;
+use crate::timing::Spread;
 
 #[derive(Args)]
 pub(crate) struct Arguments {
@@ -39,14 +40,12 @@ pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()>
 }
 
 fn as_json(rows: &[TierRow], arguments: &Arguments) -> Value {
-    let quartiles =
-        |[lower, median, upper]: [f64; 3]| json!({ "lower": lower, "median": median, "upper": upper });
     let row = |row: &TierRow| {
         json!({
             "tier": row.numerics.name(),
             "rays": arguments.rays,
             "runs": arguments.runs,
-            "relative_time": { "picture": quartiles(row.picture), "aimed": quartiles(row.aimed) },
+            "relative_time": { "picture": row.picture, "aimed": row.aimed },
             "leaks_per_million": row.leaks,
             "wrong_per_million": row.wrong,
             "worst_t_error_ulps": row.worst,
@@ -60,7 +59,7 @@ fn as_text(rows: &[TierRow], arguments: &Arguments) -> String {
         ["tier", "time, picture", "time, aimed", "leaks per million", "wrong per million", "worst t, ulp"];
     let mut lines = vec![titles.map(str::to_owned).to_vec()];
     for row in rows {
-        let time = |[lower, median, upper]: [f64; 3]| format!("{median:.2} ({lower:.2}-{upper:.2})");
+        let time = |Spread { lower, median, upper }: Spread| format!("{median:.2} ({lower:.2}-{upper:.2})");
         let three_digits =
             |x: f64| if x == 0.0 || x >= 10.0 { grouped(x.round() as u64) } else { format!("{x:.3}") };
         let worst = match row.worst {

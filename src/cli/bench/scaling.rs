@@ -9,10 +9,10 @@ use serde_json::Value;
 use super::super::{pool, print};
 use super::speed::{Report, chosen, json};
 use super::{aligned, grouped, three_digits, with_progress};
-use crate::bench::Clock;
 use crate::bench::speed::{self, Kind, ScalingStep, Settings, scaling, sizes};
 use crate::error::Result;
 use crate::film::output::write_whole;
+use crate::timing::Clock;
 
 #[derive(Args)]
 pub(crate) struct Arguments {
@@ -42,14 +42,14 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     let threads = usize::from(arguments.threads);
-    let contenders = match arguments.engine.as_slice() {
+    let engines = match arguments.engine.as_slice() {
         [] => speed::defaults(threads),
         typed => chosen(typed, threads)?.0,
     };
     let timed = pool(Some(arguments.threads))?;
     let steps = with_progress(None, "timing", interrupted, |control| {
         let settings = Settings { runs: arguments.runs, pool: &timed, check: false };
-        scaling(&contenders, &sizes(arguments.largest as usize), arguments.size, &settings, control)
+        scaling(&engines, &sizes(arguments.largest as usize), arguments.size, &settings, control)
     })?;
     if let Some(file) = &arguments.plot {
         let svg = speed::scaling_plot(&steps)?;

@@ -13,11 +13,12 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::arguments::{ReadingArguments, inputs_help};
+use super::arguments::inputs_help;
 use super::print;
 use crate::effects::check_scene;
 use crate::error::{Result, Warnings};
 use crate::import::{self, FileNames};
+use crate::scene::ImportOptions;
 use crate::scene::topology::Topology;
 use rendering::{Memory, Rendering};
 
@@ -30,7 +31,7 @@ pub(crate) struct Arguments {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub reading: ReadingArguments,
+    pub import: ImportOptions,
     /// Build the acceleration structure of large scenes, too, to measure time and memory instead of estimating them
     #[arg(long)]
     build: bool,
@@ -38,7 +39,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut warnings = Warnings::default();
-    let scene = import::load_with(&arguments.inputs, &arguments.reading.options(), &mut warnings)?;
+    let scene = import::load_with(&arguments.inputs, &arguments.import, &mut warnings)?;
     check_scene(&scene.effects)?;
     let after_loading = Memory::now();
     let topology = Topology::of_scene(&scene);

@@ -7,12 +7,11 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::{FileNames, Lines};
-use crate::bench::memory;
 use crate::bvh::Description;
 use crate::effects::Decision;
 use crate::error::{Error, Result, Warnings};
 use crate::job::{self, Look, RenderSettings};
-use crate::limits::Bytes;
+use crate::limits::{self, Bytes};
 use crate::scene::{Attribute, Mesh, Object, Scene, Shape};
 
 /// Stored primitives up to which the acceleration structure is built to measure it, which takes a few seconds.
@@ -164,15 +163,15 @@ impl Rendering {
 }
 
 fn build(scene: Scene, after_loading: &Memory, warnings: &mut Warnings) -> Result<Built> {
-    memory::reset_peak();
-    let before = memory::resident();
+    limits::reset_peak_memory();
+    let before = limits::resident_memory();
     let settings = RenderSettings { look: Look::Studio, ..RenderSettings::default() };
     let resolved = job::resolve(scene, &settings, warnings)?;
     let start = Instant::now();
     let job = resolved.build(warnings)?;
     let seconds = start.elapsed().as_secs_f64();
     // A render does not have what the analysis of the scene has left in the allocator.
-    let growth = memory::peak().zip(before).map(|(peak, before)| peak.saturating_sub(before));
+    let growth = limits::peak_memory().zip(before).map(|(peak, before)| peak.saturating_sub(before));
     let built = growth.zip(after_loading.resident).map(|(growth, loaded)| growth + loaded);
     Ok(Built {
         seconds,
@@ -192,7 +191,7 @@ pub(super) struct Memory {
 
 impl Memory {
     pub(super) fn now() -> Self {
-        Memory { resident: memory::resident(), peak: memory::peak() }
+        Memory { resident: limits::resident_memory(), peak: limits::peak_memory() }
     }
 }
 

@@ -5,10 +5,10 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::scatter::bsdf_weight;
+use super::weights::bsdf_weight;
 use super::{Path, Scatter};
 use crate::effects::{LightTechnique, TextureUse, shadow_ray};
-use crate::geometry::{Hit, Numerics, Ray};
+use crate::geometry::{Numerics, Ray};
 use crate::scene::TexelEncoding;
 use crate::shading::LightSample;
 use crate::shading::texture::look_up;
@@ -140,12 +140,13 @@ impl<'a> Lights<'a> {
     }
 
     /// The weight of the emission found by a path against light samples.
-    pub(super) fn weight_of_emitter(&self, surface: &SurfaceInteraction, hit: &Hit, path: &Path) -> f64 {
+    pub(super) fn weight_of_emitter(&self, surface: &SurfaceInteraction, path: &Path) -> f64 {
         let material = &self.world.materials[surface.material as usize];
         let Some(emission) = sampled_emission(material).filter(|_| path.pdf.is_finite()) else { return 1.0 };
-        let primitive = self.world.accelerator.primitive(hit.slot);
-        let local = hit.prim.0 - self.world.objects[surface.object as usize].first.0;
-        let light_pdf = self.emitters.pdf(surface, &primitive, (local, emission), path.from);
+        let object = &self.world.objects[surface.object as usize];
+        let local = surface.hit.prim.0 - object.first.0;
+        let shape = if object.is_analytic { self.world.shape_of(surface) } else { None };
+        let light_pdf = self.emitters.pdf(surface, shape, (local, emission), path.from);
         bsdf_weight(self.technique, path.pdf, light_pdf / self.per_sample)
     }
 

@@ -3,7 +3,6 @@
 use glam::DVec3;
 
 use crate::bvh::Traversal;
-use crate::geometry::Hit;
 use crate::world::{SurfaceInteraction, World};
 
 /// The most volumes of which a path knows that they hold its vertex. Beyond, those that enclose most are forgotten; a
@@ -112,8 +111,8 @@ pub(super) struct Crossing {
 }
 
 impl Crossing {
-    /// The surface at a hit, which a path from `media` meets.
-    pub(super) fn new(world: &World, media: Media, surface: &SurfaceInteraction, hit: &Hit) -> Self {
+    /// The surface that a path from `media` meets.
+    pub(super) fn new(world: &World, media: Media, surface: &SurfaceInteraction) -> Self {
         let Some(volumes) = &world.volumes else {
             let (passed, sides) = (None, [Media::EMPTY; 2]);
             return Crossing { passed, sides, from_inside: false, is_hidden: false, ior_around: 1.0 };
@@ -121,7 +120,7 @@ impl Crossing {
         let position = surface.point.position;
         let around = media.around(world, position);
         let own = volumes.of_object(surface.object);
-        let from_inside = own.is_some() && world.is_back(surface.object, hit, position, surface.view);
+        let from_inside = own.is_some() && world.is_seen_from_back(surface);
         let closed = own.filter(|&own| volumes.get(own).is_closed);
         let outside = closed.filter(|_| from_inside).map_or(around, |own| around.without(own));
         let inside = closed.map_or(outside, |own| outside.with(own));

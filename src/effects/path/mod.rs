@@ -1,29 +1,44 @@
-//! Path tracing: light that surfaces scatter onto each other (Kajiya, The Rendering Equation, 1986), with next event
-//! estimation, multiple importance sampling and Russian roulette (pbrt, 4th edition, chapter 13).
+//! The transport `path`: light that surfaces scatter onto each other (Kajiya, The Rendering Equation, 1986), with next
+//! event estimation, multiple importance sampling and Russian roulette (pbrt, 4th edition, chapter 13).
 //!
-//! A path of a pixel sample is one ray a generation. At each surface ([`scatter`]) it adds the emitted radiance, the radiance
-//! of sampled lights ([`lights`]), one unless more are asked for, and continues in a direction sampled by the BSDF. Rays of a generation are traced
-//! together, and so are its shadow rays. Random numbers depend on pixel, sample, generation and seed.
+//! A path of a pixel sample is one ray a generation; the rays of two generations are kept. At each vertex ([`vertex`])
+//! a path takes these steps, each a file:
+//! 1. it adds the radiance that the surface emits, or that a ray which hits nothing finds ([`emission`]);
+//! 2. samples of lights ([`lights`]) are listed as shadow rays with what they add, by the value of the BSDF ([`bsdf`])
+//!    and the weights of multiple importance sampling ([`weights`]); the shadow rays of a generation are traced
+//!    together ([`light_samples`]);
+//! 3. the BSDF is sampled, and Russian roulette ends paths ([`continuation`]);
+//! 4. those that go on are the next generation, without gaps ([`Buffers::push`]).
+//!
+//! Random numbers depend on pixel, sample, generation and seed.
 
+mod bsdf;
+mod continuation;
+mod emission;
+mod light_samples;
 mod lights;
 mod media;
-mod scatter;
 #[cfg(test)]
 mod tests;
+mod vertex;
+mod weights;
 
 use glam::DVec3;
 
+use lights::Lights;
 use media::Media;
+use vertex::Vertex;
 
+use super::random::Dimension;
 use super::samples::{SampleIndex, list_samples};
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
-use super::transparency;
 use super::{
     Choices, Effect, EffectContext, EffectValue, Hook, LightTechnique, PathSettings, RayKind, SecondaryRays,
-    Stage, TextureUse, id, named,
+    Stage, TextureUse, TransportEntry, id, named,
 };
-use crate::geometry::RayBuffer;
-use crate::scene::{PixelSampler, Sampling, Transport};
+use crate::geometry::{Ray, RayBuffer};
+use crate::scene::{PixelSampler, Sampling, TextureSlot, Transport, TransportReason};
+use crate::shading::bsdf::Bsdf;
 use crate::world::World;
 
 /// Rays in directions sampled by BSDFs.
@@ -36,16 +51,39 @@ pub const LIGHT_RAYS: RayKind = RayKind { name: "light-sample", is_shadow: true,
 pub const DEFAULT_DEPTH: u32 = PathSettings::DEFAULT_DEPTH;
 
 /// The registry's entry.
+pub(super) const TRANSPORT: TransportEntry = TransportEntry {
+    transport: Transport::Path,
+    switch: Some(id::PATH),
+    effects: &[],
+    reason: "paths are traced",
+    // All but occlusion, which stands for what paths compute.
+    texture_slots: &[
+        TextureSlot::Specular,
+        TextureSlot::SpecularColour,
+        TextureSlot::Transmission,
+        TextureSlot::Clearcoat,
+        TextureSlot::ClearcoatRoughness,
+        TextureSlot::SheenColour,
+        TextureSlot::SheenRoughness,
+    ],
+    specify: |_, spec| {
+        spec.is_random = true;
+        spec.secondary =
+            Some(SecondaryRays { kind: RAYS, hits: "path hits", effect: id::PATH, are_mirrored: false });
+    },
+    stages: |context: &EffectContext, hook| match hook {
+        Hook::Shading(_) => vec![Box::new(Scatter::new(context))],
+        Hook::Film => vec![Box::new(WriteRadiance)],
+        _ => Vec::new(),
+    },
+};
+
+/// The effect by which users switch the transport.
 pub const EFFECT: Effect = Effect {
     id: id::PATH,
     summary: "path tracing: indirect light, soft shadows of emissive surfaces and environments",
     source: "Kajiya, The Rendering Equation, 1986; Veach, Robust Monte Carlo Methods for Light Transport Simulation, 1997",
-    builds_on: None,
-    needs_lights: false,
     is_shading: true,
-    decides_samples: false,
-    is_study_switch: false,
-    whitted_only: false,
     rays: &[RAYS, LIGHT_RAYS],
     value: Some(EffectValue {
         meaning: "number of bounces",
@@ -55,53 +93,39 @@ pub const EFFECT: Effect = Effect {
         },
     }),
     called_for,
-    specify: |_, spec| {
-        spec.is_path = true;
-        spec.is_random = true;
-        spec.texture_use.is_path = true;
-        spec.lit = false;
-        spec.secondary = Some(SecondaryRays { kind: RAYS, hits: "path hits", effect: id::PATH });
-    },
-    stages: |context: &EffectContext, hook| match hook {
-        Hook::AfterShading(_) => vec![Box::new(Scatter::new(context))],
-        Hook::Film => vec![Box::new(WriteRadiance)],
-        _ => Vec::new(),
-    },
     bytes: |tile| {
         let generations: usize = tile.generations.iter().skip(1).map(RayGeneration::bytes).sum();
-        generations + tile.buffers::<Buffers>().map_or(0, Buffers::bytes)
+        tile.buffers::<Buffers>().map_or(0, |own| generations + own.bytes())
     },
+    ..Effect::NONE
 };
 
 /// The limit of bounces that can be asked for.
 const MAX_DEPTH: u32 = 1000;
 
-fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
-    let clamp =
-        choices.clamp.map_or(String::new(), |clamp| format!("; indirect light is clamped to {clamp}"));
-    transport(world, choices).map(|why| why + &clamp)
-}
-
 /// What calls for paths, or speaks against them.
-fn transport(world: &World, choices: &Choices) -> Result<String, String> {
-    match choices.transport {
-        Some(transport @ Transport::Whitted) => Err(format!("the transport is `{}`", transport.name())),
-        Some(transport @ Transport::Path) => Ok(format!("the transport is `{}`", transport.name())),
-        None if world.environment.is_some() => Ok("the scene has an `environment`".into()),
-        None => {
-            let names: Vec<&str> = world.area_lights.names.iter().map(String::as_str).collect();
-            let nothing =
-                || "the scene has no environment and no area light; --transport path asks for it".into();
-            named("area light", &names).ok_or_else(nothing)
+fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
+    let names: Vec<&str> = world.area_lights.names.iter().map(String::as_str).collect();
+    let (transport, reason) =
+        Transport::called_for(choices.transport, world.environment.is_some(), !names.is_empty());
+    let why = match reason {
+        TransportReason::Choice => format!("the transport is `{}`", transport.name()),
+        TransportReason::Environment => "the scene has an `environment`".into(),
+        TransportReason::AreaLight => named("area light", &names).unwrap_or_default(),
+        TransportReason::Nothing => {
+            "the scene has no environment and no area light; --transport path asks for it".into()
         }
+    };
+    if transport != Transport::Path {
+        return Err(why);
     }
+    let clamp = choices.clamp.map(|clamp| format!("; indirect light is clamped to {clamp}"));
+    Ok(why + &clamp.unwrap_or_default())
 }
 
 /// The state of a path.
 #[derive(Debug, Clone, Copy)]
 struct Path {
-    /// Its camera ray, as an index into generation 0.
-    camera_ray: u32,
     /// The product of the BSDF weights and roulette factors so far.
     throughput: DVec3,
     /// The last vertex, from which its light sample was taken. Not the origin of the ray, which is offset: both techniques of
@@ -159,19 +183,21 @@ impl Buffers {
     }
 
     /// Begins the paths of the camera rays.
-    fn start(&mut self, tile: &Tile, world: &World) {
-        let count = tile.generations[0].rays.len();
-        let camera =
-            |camera_ray| Path { camera_ray, throughput: DVec3::ONE, from: DVec3::ZERO, pdf: f64::INFINITY };
+    fn start(&mut self, tile: &mut Tile, world: &World) {
+        let generation = tile.generation();
+        let count = generation.rays.len();
+        generation.camera_rays.clear();
+        generation.camera_rays.extend(0..count as u32);
+        let camera = Path { throughput: DVec3::ONE, from: DVec3::ZERO, pdf: f64::INFINITY };
         self.radiance.clear();
         self.radiance.resize(count, DVec3::ZERO);
         self.paths.clear();
-        self.paths.extend((0..count as u32).map(camera));
+        self.paths.resize(count, camera);
         self.samples.clear();
         list_samples(tile, &mut self.samples);
         self.media.clear();
         if world.volumes.is_some() {
-            let origins = tile.generations[0].rays.rays().iter().map(|ray| ray.origin);
+            let origins = tile.generation().rays.rays().iter().map(|ray| ray.origin);
             Media::at_each(world, origins, &mut self.media);
         }
     }
@@ -212,21 +238,6 @@ impl Scatter {
             clamp: context.clamp.unwrap_or(f64::INFINITY),
         }
     }
-
-    /// What a path adds after `bounces` bounces: as it is where light comes to the camera directly or by one surface,
-    /// otherwise scaled down until no channel exceeds the clamp.
-    fn clamped(&self, radiance: DVec3, bounces: usize) -> DVec3 {
-        let largest = radiance.max_element();
-        let exceeds = bounces >= 2 && largest > self.clamp;
-        if !exceeds {
-            return radiance;
-        }
-        if largest.is_finite() {
-            radiance * (self.clamp / largest)
-        } else {
-            radiance.min(DVec3::splat(self.clamp))
-        }
-    }
 }
 
 impl Stage for Scatter {
@@ -246,30 +257,90 @@ impl Stage for Scatter {
 }
 
 impl Buffers {
-    /// Traces the shadow rays of a generation and adds the radiance of those that are not occluded.
-    fn trace_shadow_rays(&mut self, tile: &mut Tile, world: &World, continued: Option<RayKind>) {
-        let Buffers { shadow_rays, light_paths, occluded, radiance, .. } = self;
-        occluded.clear();
-        world.accelerator.are_occluded(shadow_rays.rays(), occluded, &mut tile.traversal);
-        let mut count = 0;
-        for ((path, ray), occluded) in light_paths.iter().zip(shadow_rays.rays().iter()).zip(&mut *occluded) {
-            let mut transmittance = f64::from(u8::from(!*occluded));
-            if *occluded && continued.is_some() {
-                transmittance = transparency::transmittance(world, &ray, &mut tile.traversal, &mut count);
-                *occluded = transmittance == 0.0;
+    /// Takes the steps of each vertex of a generation, up to the tracing of shadow rays, and fills the next generation.
+    fn scatter(&mut self, tile: &mut Tile, context: &RenderContext, stage: &Scatter) {
+        let world = context.world;
+        let depth = tile.depth as u32;
+        let mut scattering = tile.scattering.take();
+        if let Some(found) = scattering.as_mut().filter(|_| depth == 0) {
+            found.clear();
+            found.resize(self.paths.len(), None);
+        }
+        let (generation, next) = tile.this_and_next();
+        self.clear_next(next);
+        let lights = Lights::new(world, stage);
+        self.discarded = 0;
+        self.add_missed(generation, context, &lights, stage, depth);
+        for (index, &ray) in generation.surfaces.ray_of().iter().enumerate() {
+            let ray = ray as usize;
+            let camera_ray = generation.camera_rays[ray];
+            let media = self.media.get(ray).copied().unwrap_or(Media::EMPTY);
+            let sample = self.samples[camera_ray as usize];
+            let numbers = Numbers { sample, seed: stage.seed, sampler: stage.sampler, depth };
+            let (surface, path) = (generation.surfaces.get(index), self.paths[ray]);
+            let vertex = Vertex::new(world, surface, (camera_ray, path, media), numbers);
+            self.add_radiance(camera_ray, vertex.emitted(&lights), stage, depth);
+            if let Some(found) = &mut scattering
+                && !vertex.bsdf.as_ref().is_some_and(Bsdf::is_delta)
+            {
+                found[camera_ray as usize].get_or_insert_with(|| vertex.albedo_and_normal());
             }
-            if !*occluded {
-                radiance[path.camera_ray as usize] += path.radiance * transmittance;
+            let Some(bsdf) = vertex.bsdf.as_ref().filter(|_| depth < stage.depth) else { continue };
+            self.list_light_samples(&vertex, bsdf, &lights, stage);
+            if let Some(continued) = vertex.continued(bsdf, stage.settings.roulette_from) {
+                self.push(next, continued, (index as u32, camera_ray));
             }
         }
-        if let Some(kind) = continued.filter(|_| count > 0) {
-            tile.count(kind, count, 0);
+        std::mem::swap(&mut self.paths, &mut self.next);
+        std::mem::swap(&mut self.media, &mut self.next_media);
+        tile.scattering = scattering;
+        tile.discarded_samples += self.discarded;
+    }
+
+    fn clear_next(&mut self, next: &mut RayGeneration) {
+        next.rays.clear();
+        next.sources.clear();
+        next.camera_rays.clear();
+        self.next.clear();
+        self.next_media.clear();
+        self.shadow_rays.clear();
+        self.light_paths.clear();
+    }
+
+    /// Adds a path to the next generation, which leaves the surface `source`.
+    fn push(
+        &mut self,
+        next: &mut RayGeneration,
+        (ray, path, media): (Ray, Path, Media),
+        (source, camera_ray): (u32, u32),
+    ) {
+        if !path.throughput.is_finite() {
+            self.discarded += 1;
+            return;
         }
-        if let Some(recorder) = &mut tile.recorder {
-            let sources: Vec<u32> = light_paths.iter().map(|path| path.camera_ray).collect();
-            recorder.record_occlusion(LIGHT_RAYS, tile.depth, None, &sources, shadow_rays.rays(), occluded);
+        next.rays.push(&ray);
+        next.sources.push(source);
+        next.camera_rays.push(camera_ray);
+        self.next.push(path);
+        // Empty in worlds without volumes, as the media of the camera rays are.
+        if !self.media.is_empty() {
+            self.next_media.push(media);
         }
-        tile.count(LIGHT_RAYS, occluded.len(), occluded.iter().filter(|&&occluded| occluded).count());
+    }
+}
+
+/// The random numbers of a path vertex.
+struct Numbers {
+    sample: SampleIndex,
+    seed: u32,
+    sampler: PixelSampler,
+    /// The path's bounces.
+    depth: u32,
+}
+
+impl Numbers {
+    fn of(&self, dimension: Dimension) -> [f64; 2] {
+        self.sample.pair(self.sampler, self.seed, dimension).map(f64::from)
     }
 }
 

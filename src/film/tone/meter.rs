@@ -1,11 +1,12 @@
 //! Measures of a picture in linear light: exposures computed from luminance, and the share of clipped pixels.
 
+use glam::DVec3;
+
 use super::MAX_EXPOSURE;
 use crate::film::Film;
 
-/// Luminance of a linear colour with Rec. 709 primaries (ITU-R BT.709-6, item 3.2).
-pub fn luminance([r, g, b]: [f32; 3]) -> f64 {
-    0.2126 * f64::from(r) + 0.7152 * f64::from(g) + 0.0722 * f64::from(b)
+fn luminance(colour: [f32; 3]) -> f64 {
+    crate::film::colour::luminance(DVec3::from(colour.map(f64::from)))
 }
 
 /// The exposure in EV for a picture, from its luminance: Erik Reinhard, "Parameter Estimation for Photographic Tone

@@ -9,7 +9,7 @@ use crate::film::ColourPipeline;
 pub const MAX_EXPOSURE: f64 = 64.0;
 
 /// Exposure as typed.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(try_from = "ExposureValue", into = "ExposureValue")]
 pub enum Exposure {
     /// Light is multiplied by 2^EV.
@@ -83,8 +83,7 @@ impl std::fmt::Display for Exposure {
 }
 
 /// Exposure and tone map as set by a scene or a user. `None` is unset; unset values have no effect.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct DisplaySettings {
     /// Exposure.
     pub exposure: Option<Exposure>,
@@ -96,14 +95,6 @@ impl DisplaySettings {
     /// Settings that override any others with no effect.
     pub const OFF: Self =
         DisplaySettings { exposure: Some(Exposure::Ev(0.0)), tone_map: Some(ToneMap::None) };
-
-    /// These settings, and those of `other` where these are unset.
-    pub fn or(self, other: Self) -> Self {
-        DisplaySettings {
-            exposure: self.exposure.or(other.exposure),
-            tone_map: self.tone_map.or(other.tone_map),
-        }
-    }
 
     /// The exposure, if it changes values.
     pub fn exposure(self) -> Option<Exposure> {

@@ -5,6 +5,20 @@ use gltf::buffer::View;
 
 use super::Loader;
 
+/// The value of a component of an accessor (glTF 2.0, section 3.6.2.2).
+pub(super) fn normalised(accessor: &gltf::Accessor) -> impl Fn(f64) -> f64 + use<> {
+    let most = match accessor.data_type() {
+        _ if !accessor.normalized() => None,
+        DataType::I8 => Some(127.0),
+        DataType::U8 => Some(255.0),
+        DataType::I16 => Some(32767.0),
+        DataType::U16 => Some(65535.0),
+        DataType::U32 | DataType::F32 => None,
+    };
+    // The least integers are below -1.
+    move |x| most.map_or(x, |most: f64| (x / most).max(-1.0))
+}
+
 impl Loader<'_> {
     /// The elements of an accessor of `N` components each, in f64: normalised integers by section 3.6.2.2 of glTF 2.0;
     /// zeros where there is no buffer view. `None` if the accessor has other elements or lies outside its buffer.
@@ -15,16 +29,12 @@ impl Loader<'_> {
         if let Some(decoded) = self.decoded.get(&accessor.index()) {
             return Some(decoded.as_chunks().0.to_vec());
         }
-        let scale = |most: f64| if accessor.normalized() { most } else { 1.0 };
-        // The least integers are below -1.
-        let signed = |x: f64, most: f64| if accessor.normalized() { (x / most).max(-1.0) } else { x };
+        let normal = normalised(accessor);
         match accessor.data_type() {
-            DataType::I8 => self.read(accessor, |[byte]| signed(f64::from(byte as i8), 127.0)),
-            DataType::U8 => self.read(accessor, |[byte]| f64::from(byte) / scale(255.0)),
-            DataType::I16 => self.read(accessor, |bytes| signed(i16::from_le_bytes(bytes).into(), 32767.0)),
-            DataType::U16 => {
-                self.read(accessor, |bytes| f64::from(u16::from_le_bytes(bytes)) / scale(65535.0))
-            }
+            DataType::I8 => self.read(accessor, |[byte]| normal(f64::from(byte as i8))),
+            DataType::U8 => self.read(accessor, |[byte]| normal(f64::from(byte))),
+            DataType::I16 => self.read(accessor, |bytes| normal(i16::from_le_bytes(bytes).into())),
+            DataType::U16 => self.read(accessor, |bytes| normal(u16::from_le_bytes(bytes).into())),
             DataType::U32 => self.read(accessor, |bytes| u32::from_le_bytes(bytes).into()),
             DataType::F32 => self.read(accessor, |bytes| f32::from_le_bytes(bytes).into()),
         }

@@ -17,6 +17,11 @@ use crate::import::Source;
 use crate::import::uri::{self, Resource};
 use crate::limits;
 
+/// The error for an item of a file.
+pub(super) fn fault(file: &Path, item: impl Into<String>, what: impl Into<String>) -> Error {
+    Error::input(Place::item(file, item.into()), what, "export the file again")
+}
+
 /// Checks the memory limit for meshes, placements and keyframes. Primitives may share accessors, and accessors without a buffer
 /// view take no bytes in the file, so the file size does not bound memory.
 pub(super) fn check_memory(document: &gltf::Document, file: &Path, most: &limits::Limits) -> Result<()> {
@@ -24,9 +29,9 @@ pub(super) fn check_memory(document: &gltf::Document, file: &Path, most: &limits
     nodes.map_err(|(what, hint)| Error::input(file, what, hint))?;
     // Bytes per vertex: positions, normals and colours are three f64, texture coordinates two, tangents four; joints
     // are 8 bytes, weights 16, and skinning matrices 128. An index is read as u32 and stored in a triangle.
-    let bytes_of = |semantic: &gltf::Semantic| match semantic {
-        gltf::Semantic::Joints(_) => 8 + 128,
-        gltf::Semantic::Weights(_) => 16,
+    let bytes_of = |semantic: &Semantic| match semantic {
+        Semantic::Joints(_) => 8 + 128,
+        Semantic::Weights(_) => 16,
         _ => 32,
     };
     // A placement is three vectors and a matrix while it is read, then an object with its name per primitive.
@@ -34,7 +39,7 @@ pub(super) fn check_memory(document: &gltf::Document, file: &Path, most: &limits
     let object = size_of::<crate::scene::Object>() as u64 + 32;
     let of_primitive = |primitive: &gltf::Primitive| {
         // A strip of n indices is n - 2 triangles.
-        let order = primitive.indices().or_else(|| primitive.get(&gltf::Semantic::Positions));
+        let order = primitive.indices().or_else(|| primitive.get(&Semantic::Positions));
         let order = order.map(|accessor| (accessor, 4 + 12));
         let attributes = primitive.attributes().map(|(semantic, accessor)| (accessor, bytes_of(&semantic)));
         attributes
@@ -104,16 +109,14 @@ pub(super) fn check_accessors(document: &gltf::Document, file: &Path) -> Result<
             usable &= fits(Some(values.view()), values.offset(), sparse.count(), size);
         }
         if !usable {
-            let item = Place::item(file, format!("accessor {}", accessor.index()));
             let what = "its elements do not lie inside its buffer view";
-            return Err(Error::input(item, what, "export the file again"));
+            return Err(fault(file, format!("accessor {}", accessor.index()), what));
         }
     }
     for mesh in document.meshes() {
         for primitive in mesh.primitives() {
             let wrong = |what: String| {
-                let item = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
-                Error::input(Place::item(file, item), what, "export the file again")
+                fault(file, format!("mesh {}, primitive {}", mesh.index(), primitive.index()), what)
             };
             if primitive.indices().is_some_and(|indices| !is_index(&indices)) {
                 return Err(wrong("its indices are not unsigned integers".into()));
@@ -135,14 +138,10 @@ pub(super) fn warn_of_types(document: &gltf::Document, file: &Path, warnings: &m
     for mesh in document.meshes() {
         for primitive in mesh.primitives() {
             for (semantic, accessor) in primitive.attributes() {
-                let (place, kind) = ((mesh.index(), primitive.index()), type_of(&accessor));
-                let what = format!(
-                    "{}: mesh {}, primitive {}: {} of type {kind} is not glTF",
-                    file.display(),
-                    place.0,
-                    place.1,
-                    semantic.to_string()
-                );
+                let place =
+                    format!("{}: mesh {}, primitive {}", file.display(), mesh.index(), primitive.index());
+                let what =
+                    format!("{place}: {} of type {} is not glTF", semantic.to_string(), type_of(&accessor));
                 if !is_allowed(&semantic, &accessor) {
                     warnings.left_out(format!("{what}; not used"));
                 } else if !is_quantized && !is_core(&semantic, &accessor) {
@@ -192,13 +191,12 @@ pub(super) fn is_allowed(semantic: &Semantic, accessor: &gltf::Accessor) -> bool
 /// Checks that each image has a URI, or a buffer view and a MIME type, as the `gltf` crate assumes.
 pub(super) fn check_images(document: &gltf::Document, file: &Path) -> Result<()> {
     for (index, image) in document.as_json().images.iter().enumerate() {
-        let fault = match (&image.uri, &image.buffer_view, &image.mime_type) {
+        let what = match (&image.uri, &image.buffer_view, &image.mime_type) {
             (Some(_), ..) | (None, Some(_), Some(_)) => continue,
             (None, Some(_), None) => "has a `bufferView` but no `mimeType`",
             (None, None, _) => "has neither `uri` nor `bufferView`",
         };
-        let item = Place::item(file, format!("image {index}"));
-        return Err(Error::input(item, fault, "export the file again"));
+        return Err(fault(file, format!("image {index}"), what));
     }
     Ok(())
 }
@@ -211,9 +209,7 @@ pub(super) fn load_buffers(
 ) -> Result<Vec<Vec<u8>>> {
     let load = |buffer: gltf::Buffer| {
         let item = format!("buffer {}", buffer.index());
-        let fault = |what: String| {
-            Error::input(Place::item(&source.file, item.clone()), what, "export the file again")
-        };
+        let fault = |what: String| fault(&source.file, item.clone(), what);
         let data = match buffer.source() {
             gltf::buffer::Source::Bin if is_fallback(&root["buffers"][buffer.index()]) => {
                 let length = buffer.length();

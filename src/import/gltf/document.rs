@@ -9,9 +9,10 @@ use gltf::json::validation::{Error as Fault, Validate};
 use serde::Deserialize;
 use serde_json::Value;
 
+use super::check::fault;
 use super::pointer::{self, PointerChannel};
 use super::{Loader, instancing, layers, variants};
-use crate::error::{Error, Place, Result, Warnings, contain};
+use crate::error::{Error, Result, Warnings, contain};
 
 pub(super) const VISIBILITY: &str = "KHR_node_visibility";
 pub(super) const TEXTURE_TRANSFORM: &str = "KHR_texture_transform";
@@ -71,6 +72,10 @@ fn unusable(file: &Path, why: impl std::fmt::Display) -> Error {
     Error::input(file, format!("not a usable glTF file: {why}"), "export it again as glTF 2.0")
 }
 
+fn damaged(file: &Path) -> Error {
+    Error::input(file, "not a usable glTF file", "export it again as glTF 2.0")
+}
+
 /// The error for glTF 1.0, whose JSON has another structure.
 fn version_1(file: &Path) -> Error {
     let hint =
@@ -80,11 +85,10 @@ fn version_1(file: &Path) -> Error {
 
 /// Parses a .gltf or .glb file and repairs its JSON; warns of each repair.
 pub(super) fn parse(bytes: &[u8], file: &Path, warnings: &mut Warnings) -> Result<Json> {
-    let damaged = || Error::input(file, "not a usable glTF file", "export it again as glTF 2.0");
     let (json, blob) = if bytes.starts_with(b"glTF\x01\0\0\0") {
         return Err(version_1(file));
     } else if bytes.starts_with(b"glTF") {
-        let glb = contain(|| gltf::binary::Glb::from_slice(bytes)).ok_or_else(damaged)?;
+        let glb = contain(|| gltf::binary::Glb::from_slice(bytes)).ok_or_else(|| damaged(file))?;
         let glb = glb.map_err(|e| unusable(file, e))?;
         (glb.json, glb.bin.map(std::borrow::Cow::into_owned))
     } else {
@@ -134,8 +138,7 @@ fn check_channels(root: &Value, file: &Path) -> Result<()> {
             } else {
                 continue;
             };
-            let item = Place::item(file, format!("animation {index}, channel {number}"));
-            return Err(Error::input(item, what, "export the file again"));
+            return Err(fault(file, format!("animation {index}, channel {number}"), what));
         }
     }
     Ok(())
@@ -222,8 +225,7 @@ pub(super) fn validated(
     ignore_required: bool,
     warnings: &mut Warnings,
 ) -> Result<gltf::Document> {
-    let damaged = || Error::input(file, "not a usable glTF file", "export it again as glTF 2.0");
-    let json = contain(|| gltf::json::Root::deserialize(root)).ok_or_else(damaged)?;
+    let json = contain(|| gltf::json::Root::deserialize(root)).ok_or_else(|| damaged(file))?;
     // What serde found instead may be any text.
     let reason = |e: serde_json::Error| {
         let text = e.to_string();
@@ -255,7 +257,7 @@ pub(super) fn validated(
             }
         });
     })
-    .ok_or_else(damaged)?;
+    .ok_or_else(|| damaged(file))?;
     match faults.first() {
         Some((path, fault)) => Err(unusable(file, format!("{path}: {fault}"))),
         None => Ok(gltf::Document::from_json_without_validation(json)),
@@ -278,9 +280,8 @@ fn check_positions(json: &gltf::json::Root, file: &Path) -> Result<()> {
         for (index, primitive) in mesh.primitives.iter().enumerate() {
             let accessor = primitive.attributes.get(&positions).map(|accessor| accessor.value());
             if let Some(accessor) = accessor.filter(|&accessor| accessor >= json.accessors.len()) {
-                let item = Place::item(file, format!("mesh {mesh_index}, primitive {index}"));
                 let what = format!("POSITION is accessor {accessor}; there are {}", json.accessors.len());
-                return Err(Error::input(item, what, "export the file again"));
+                return Err(fault(file, format!("mesh {mesh_index}, primitive {index}"), what));
             }
         }
     }

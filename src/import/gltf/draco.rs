@@ -1,12 +1,13 @@
 //! KHR_draco_mesh_compression: primitives compressed by Draco, decoded by `draco-core`.
 
 use draco_core::{DecodeLimits, DecoderBuffer, Mesh, MeshDecoder};
-use gltf::accessor::DataType;
 use gltf::json::Value;
 
 use super::Loader;
+use super::accessor::normalised;
+use super::check::fault;
 use super::look::bytes_of;
-use crate::error::{Error, Place, Result, contain};
+use crate::error::{Result, contain};
 
 pub(super) const NAME: &str = "KHR_draco_mesh_compression";
 
@@ -18,7 +19,7 @@ impl Loader<'_> {
                 let Some(value) = primitive.extension_value(NAME) else { continue };
                 self.decode_primitive(&primitive, value, document).map_err(|what| {
                     let item = format!("mesh {}, primitive {}, {NAME}", mesh.index(), primitive.index());
-                    Error::input(Place::item(&self.source.file, item), what, "export the file again")
+                    fault(&self.source.file, item, what)
                 })?;
             }
         }
@@ -45,7 +46,8 @@ impl Loader<'_> {
             let attribute = attribute.ok_or_else(|| format!("it has no attribute {id}"))?;
             let numbers = attribute.read_f32s(mesh.num_points(), accessor.dimensions().multiplicity());
             let convert = normalised(&accessor);
-            self.decoded.insert(accessor.index(), numbers.into_iter().map(convert).collect());
+            self.decoded
+                .insert(accessor.index(), numbers.into_iter().map(|number| convert(number.into())).collect());
         }
         if let Some(indices) = indices {
             let corners = mesh.faces().as_flattened().iter().map(|point| f64::from(point.0));
@@ -53,19 +55,6 @@ impl Loader<'_> {
         }
         Ok(())
     }
-}
-
-/// The value of a component by section 3.6.2.2 of glTF.
-fn normalised(accessor: &gltf::Accessor) -> impl Fn(f32) -> f64 + use<> {
-    let most = match accessor.data_type() {
-        _ if !accessor.normalized() => None,
-        DataType::I8 => Some(127.0),
-        DataType::U8 => Some(255.0),
-        DataType::I16 => Some(32767.0),
-        DataType::U16 => Some(65535.0),
-        DataType::U32 | DataType::F32 => None,
-    };
-    move |x| most.map_or(f64::from(x), |most| (f64::from(x) / most).max(-1.0))
 }
 
 /// Decodes a mesh. The counts are those of its accessors, whose memory has been checked; seams between attributes may

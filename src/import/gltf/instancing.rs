@@ -3,14 +3,19 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use glam::{DMat4, DQuat, DVec3, DVec4};
+use glam::{DMat4, DQuat, DVec3};
 
 use super::Loader;
-use crate::error::{Error, Place, Result};
+use super::animation::unit;
+use super::check::fault;
+use crate::error::Result;
 use crate::scene::{Mesh, Placed, Placement, Shape};
 
 /// Name of the extension.
 pub(crate) const NAME: &str = "EXT_mesh_gpu_instancing";
+
+/// The attributes that place an instance.
+const ATTRIBUTES: [&str; 3] = ["TRANSLATION", "ROTATION", "SCALE"];
 
 /// Cache of the meshes with several placements.
 #[derive(Default)]
@@ -35,8 +40,7 @@ pub(super) fn first_accessor<'a>(
     document: &'a gltf::Document,
 ) -> Option<gltf::Accessor<'a>> {
     let attributes = node.extension_value(NAME)?.get("attributes")?;
-    let index_of = |key: &str| attributes.get(key)?.as_u64();
-    let index = ["TRANSLATION", "ROTATION", "SCALE"].into_iter().find_map(index_of)?;
+    let index = ATTRIBUTES.into_iter().find_map(|key| attributes.get(key)?.as_u64())?;
     document.accessors().nth(usize::try_from(index).ok()?)
 }
 
@@ -50,32 +54,28 @@ impl Loader<'_> {
         weights: &[f64],
         places: &[DMat4],
     ) -> Result<Vec<Shape>> {
-        let is_placed_once = self.shared.places.get(&mesh.index()).is_none_or(|&places| places < 2);
         // Nodes weigh the morph targets of a mesh differently.
-        if is_placed_once || primitive.morph_targets().len() > 0 {
-            let own = self.primitive(primitive, name, weights)?;
-            let Some(own) = own else { return Ok(Vec::new()) };
-            if let [world_from_mesh] = places {
-                return Ok(vec![moved(own, world_from_mesh)]);
-            }
-            let own = Arc::new(own);
-            let place =
-                |matrix: &DMat4| Shape::Placed(Placed::new(Arc::clone(&own), Placement::new(*matrix)));
-            return Ok(places.iter().map(place).collect());
-        }
+        let is_shared = self.shared.places.get(&mesh.index()).is_some_and(|&places| places > 1)
+            && primitive.morph_targets().len() == 0;
         let key = (mesh.index(), primitive.index());
-        let shared = match self.shared.read.get(&key) {
+        let known = self.shared.read.get(&key).filter(|_| is_shared);
+        let own = match known {
             Some(shared) => shared.clone(),
-            None => {
-                let shared = self.primitive(primitive, name, weights)?.map(Arc::new);
-                self.shared.read.insert(key, shared.clone());
-                shared
-            }
+            None => self.primitive(primitive, name, weights)?.map(Arc::new),
         };
-        let place = |world_from_mesh: &DMat4| {
-            Some(Shape::Placed(Placed::new(shared.clone()?, Placement::new(*world_from_mesh))))
-        };
-        Ok(places.iter().filter_map(place).collect())
+        if is_shared {
+            self.shared.read.insert(key, own.clone());
+        }
+        let Some(own) = own else { return Ok(Vec::new()) };
+        if let [world_from_mesh] = places
+            && !is_shared
+        {
+            let mut mesh = Arc::unwrap_or_clone(own);
+            mesh.transform(world_from_mesh);
+            return Ok(vec![Shape::Mesh(mesh)]);
+        }
+        let place = |matrix: &DMat4| Shape::Placed(Placed::new(Arc::clone(&own), Placement::new(*matrix)));
+        Ok(places.iter().map(place).collect())
     }
 
     /// The placements of a node's mesh: those of the extension, or the node's own transform.
@@ -86,14 +86,11 @@ impl Loader<'_> {
         document: &gltf::Document,
     ) -> Result<Vec<DMat4>> {
         let Some(value) = node.extension_value(NAME) else { return Ok(vec![*world_from_node]) };
-        let fault = |what: &str| {
-            let item = Place::item(&self.source.file, format!("node {}, {NAME}", node.index()));
-            Err(Error::input(item, what, "export the file again"))
-        };
-        let index_of =
-            |key: &str| value.get("attributes").and_then(|attributes| attributes.get(key)?.as_u64());
-        let accessors = ["TRANSLATION", "ROTATION", "SCALE"]
-            .map(|key| index_of(key).map(|index| document.accessors().nth(index as usize)));
+        let fault =
+            |what: &str| Err(fault(&self.source.file, format!("node {}, {NAME}", node.index()), what));
+        let attributes = &value["attributes"];
+        let accessor = |key| attributes[key].as_u64().map(|index| document.accessors().nth(index as usize));
+        let accessors = ATTRIBUTES.map(accessor);
         if accessors.iter().any(|accessor| matches!(accessor, Some(None))) {
             return fault("it names an accessor that is not there");
         }
@@ -101,7 +98,7 @@ impl Loader<'_> {
         let counts = [&translation, &rotation, &scale].map(|accessor| accessor.as_ref().map(|a| a.count()));
         let Some(count) = counts.into_iter().flatten().next() else {
             // Custom attributes alone do not place anything.
-            let is_empty = value.get("attributes").and_then(|a| a.as_object()).is_none_or(|a| a.is_empty());
+            let is_empty = attributes.as_object().is_none_or(|attributes| attributes.is_empty());
             return if is_empty { fault("has no attributes") } else { Ok(vec![*world_from_node]) };
         };
         if counts.into_iter().flatten().any(|other| other != count) {
@@ -116,25 +113,14 @@ impl Loader<'_> {
         else {
             return fault("its translations or scales are not three numbers each");
         };
-        // A quaternion that is not normalised would scale.
-        let unit = |q: [f64; 4]| DVec4::from(q).try_normalize().map_or(DQuat::IDENTITY, DQuat::from_vec4);
-        let rotations: Option<Vec<DQuat>> = match rotation {
+        let rotations = match rotation {
             None => Some(vec![DQuat::IDENTITY; count]),
             Some(accessor) => self.vectors(&accessor).map(|all| all.into_iter().map(unit).collect()),
         };
         let Some(rotations) = rotations else { return fault("its rotations are not quaternions") };
-        Ok(translations
-            .iter()
-            .zip(&rotations)
-            .zip(&scales)
-            .map(|((translation, rotation), scale)| {
-                *world_from_node * DMat4::from_scale_rotation_translation(*scale, *rotation, *translation)
-            })
-            .collect())
+        let place = |((translation, rotation), scale)| {
+            *world_from_node * DMat4::from_scale_rotation_translation(scale, rotation, translation)
+        };
+        Ok(translations.into_iter().zip(rotations).zip(scales).map(place).collect())
     }
-}
-
-fn moved(mut mesh: Mesh, world_from_mesh: &DMat4) -> Shape {
-    mesh.transform(world_from_mesh);
-    Shape::Mesh(mesh)
 }

@@ -128,7 +128,7 @@ impl Loader<'_> {
             }
             let pointer = pointer(extension, key);
             let texture = if is_alpha {
-                self.alpha_texture_at(material, &pointer, document, AlphaUse::Plain)?
+                self.alpha_texture_at(material, &pointer, document, None)?
             } else {
                 self.texture_at(material, &pointer, document)
             };
@@ -157,35 +157,5 @@ impl Loader<'_> {
     }
 }
 
-/// What an alpha channel stands for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) enum AlphaUse {
-    /// Its values.
-    Plain,
-    /// The roughness 1 - factor x alpha, by the bits of the factor.
-    Roughness(u64),
-}
-
-impl AlphaUse {
-    /// The roughness of a glossiness in the alpha channel, with a factor from 0 to 1.
-    pub(super) fn roughness(glossiness: f64) -> Self {
-        AlphaUse::Roughness(glossiness.to_bits())
-    }
-
-    pub(super) fn value(self, alpha: u8) -> u8 {
-        match self {
-            AlphaUse::Plain => alpha,
-            AlphaUse::Roughness(factor) => (255.0 - f64::from_bits(factor) * f64::from(alpha)).round() as u8,
-        }
-    }
-}
-
-/// For the name of the image.
-impl std::fmt::Display for AlphaUse {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            AlphaUse::Plain => write!(f, "alpha"),
-            AlphaUse::Roughness(factor) => write!(f, "roughness by glossiness {}", f64::from_bits(*factor)),
-        }
-    }
-}
+/// What an alpha channel stands for: its values, or the roughness 1 - factor x alpha, by the bits of the factor.
+pub(super) type AlphaUse = Option<u64>;

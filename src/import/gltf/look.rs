@@ -59,7 +59,9 @@ impl Loader<'_> {
     /// from [`Loader::load_images`].
     pub(super) fn alpha_of(&mut self, image: &gltf::Image, alpha_use: AlphaUse) -> Result<Option<ImageId>> {
         let place = Place::item(&self.source.file, format!("image {}", image.index()));
-        let name = format!("{place}, {alpha_use}");
+        let glossiness = alpha_use.map(f64::from_bits);
+        let what = glossiness.map_or("alpha".into(), |factor| format!("roughness by glossiness {factor}"));
+        let name = format!("{place}, {what}");
         if let Some(known) = self.source.files.image(&name) {
             return Ok(Some(self.scene.add_image(known)));
         }
@@ -72,7 +74,10 @@ impl Loader<'_> {
             },
         };
         let Some(bytes) = bytes else { return Ok(None) };
-        images::alpha_of_bytes(&mut self.scene, place, name, &bytes, |alpha| alpha_use.value(alpha))
+        images::alpha_of_bytes(&mut self.scene, place, name, &bytes, |alpha| match glossiness {
+            None => alpha,
+            Some(factor) => (255.0 - factor * f64::from(alpha)).round() as u8,
+        })
     }
 
     /// A texture, with the first texture coordinates.
@@ -152,7 +157,7 @@ impl Loader<'_> {
         };
         let pbr = m.pbr_metallic_roughness();
         let [.., alpha] = pbr.base_color_factor();
-        let texture = self.alpha_texture_at(m, BASE_COLOUR, document, AlphaUse::Plain)?;
+        let texture = self.alpha_texture_at(m, BASE_COLOUR, document, None)?;
         Ok(Some(Opacity { factor: f64::from(alpha).clamp(0.0, 1.0), texture, cutoff }))
     }
 

@@ -8,7 +8,8 @@ use meshopt::{Limits, Workspace, codec};
 use meshoptimizer_rs as meshopt;
 use serde_json::Value;
 
-use crate::error::{Error, Place, Result, contain};
+use super::check::fault;
+use crate::error::{Result, contain};
 
 pub(super) const NAMES: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 
@@ -22,10 +23,7 @@ pub(super) fn decode_views(root: &Value, mut buffers: Vec<Vec<u8>>, file: &Path)
     let views = root["bufferViews"].as_array().into_iter().flatten();
     for (index, view) in views.enumerate() {
         let Some(value) = extension(view) else { continue };
-        let fault = |what: String| {
-            let item = Place::item(file, format!("buffer view {index}, {}", NAMES[0]));
-            Error::input(item, what, "export the file again")
-        };
+        let fault = |what: String| fault(file, format!("buffer view {index}, {}", NAMES[0]), what);
         let decoded = decode(value, &buffers).map_err(&fault)?;
         let (buffer, place) =
             place(view).ok_or_else(|| fault("its byteOffset or byteLength is invalid".into()))?;

@@ -46,7 +46,8 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let bytes = source.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&source.bytes);
     let Json { mut root, blob, pointers } = parse(bytes, file, warnings)?;
     let variants = variants::names(&root);
-    let variant = options.variant.as_ref().and_then(|asked| variants.iter().position(|name| name == asked));
+    let variant =
+        options.reading.variant.as_ref().and_then(|asked| variants.iter().position(|name| name == asked));
     if let Some(variant) = variant {
         variants::choose(&mut root, variant);
     }
@@ -77,8 +78,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     loader.scene.clips = loader.clips(&document, &pointers);
     loader.scene.variants = variants;
     loader.scene.metadata = document::metadata(&root);
-    let clip =
-        options.pose.as_ref().and_then(|pose| Some((pose.clip.find(&loader.scene.clips)?.index, pose.time)));
+    let clip = options.pose().and_then(|pose| Some((pose.clip.find(&loader.scene.clips)?.index, pose.time)));
     if let Some((clip, time)) = clip
         && let Some(animation) = document.animations().nth(clip)
         && loader.set_pointers(&mut root, &animation, &pointers, time)

@@ -7,7 +7,7 @@
 //! what the layer leaves.
 
 use super::Loader;
-use super::layers::{AlphaUse, number, unit_colour};
+use super::layers::{number, unit_colour};
 use crate::error::Result;
 use crate::film::Colour;
 use crate::scene::{FurtherTexture, MetallicRoughness, Opacity, TextureSlot};
@@ -39,7 +39,7 @@ impl Loader<'_> {
         material.base_colour_texture = self.texture_at(of, DIFFUSE, document);
         if let Some(cutoff) = material.opacity.map(|opacity| opacity.cutoff) {
             let alpha = value.get("diffuseFactor").and_then(|factor| factor.get(3));
-            let texture = self.alpha_texture_at(of, DIFFUSE, document, AlphaUse::Plain)?;
+            let texture = self.alpha_texture_at(of, DIFFUSE, document, None)?;
             material.opacity = Some(Opacity { factor: number(alpha, 1.0).clamp(0.0, 1.0), texture, cutoff });
         }
         material.metallic = 0.0;
@@ -53,8 +53,8 @@ impl Loader<'_> {
         let colours = self.texture_at(of, SPECULAR, document);
         material.further_textures.extend(colours.map(|texture| FurtherTexture { slot, texture }));
         // Without an alpha channel the glossiness is its factor.
-        let roughness = AlphaUse::roughness(glossiness);
-        if let Some(roughness) = self.alpha_texture_at(of, SPECULAR, document, roughness)? {
+        let alpha_use = Some(glossiness.to_bits());
+        if let Some(roughness) = self.alpha_texture_at(of, SPECULAR, document, alpha_use)? {
             material.roughness = 1.0;
             material.metallic_roughness_texture = Some(roughness);
         }

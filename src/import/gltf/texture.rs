@@ -72,18 +72,17 @@ impl<'a> Loader<'a> {
         pointer: &str,
         document: &'b gltf::Document,
     ) -> Option<(gltf::Texture<'b>, u8)> {
-        let json = self.json_of(material);
-        let info = json.pointer(pointer)?;
-        let own = Coordinates::of(info);
-        let place = coordinates(json).iter().position(|coordinates| *coordinates == own)?;
-        let index = info["index"].as_u64().and_then(|index| usize::try_from(index).ok());
+        let place = self.coordinates_at(material, pointer);
+        let index = self.json_of(material).pointer(pointer)?["index"]
+            .as_u64()
+            .and_then(|index| usize::try_from(index).ok());
         let texture = index.and_then(|index| document.textures().nth(index));
         if texture.is_none() {
             let name = material.name().unwrap_or("without a name");
             let key = pointer.rsplit('/').next().unwrap_or(pointer);
             self.left_out(format!("material {name}: its {key} does not exist; left out"));
         }
-        Some((texture?, u8::try_from(place).ok()?))
+        Some((texture?, place?))
     }
 
     /// The texture of a material that a JSON pointer names.
@@ -97,10 +96,10 @@ impl<'a> Loader<'a> {
         Some(Texture { coordinates, ..self.texture(&texture)? })
     }
 
-    /// The index in [`crate::scene::Mesh::uvs`] of the normal map of a material; `None` without one.
-    pub(super) fn coordinates_of_normal_map(&self, material: &gltf::Material) -> Option<u8> {
+    /// The index in [`crate::scene::Mesh::uvs`] of the texture of a material that a JSON pointer names; `None` without it.
+    pub(super) fn coordinates_at(&self, material: &gltf::Material, pointer: &str) -> Option<u8> {
         let json = self.json_of(material);
-        let own = Coordinates::of(json.pointer(NORMAL)?);
+        let own = Coordinates::of(json.pointer(pointer)?);
         let place = coordinates(json).iter().position(|coordinates| *coordinates == own)?;
         u8::try_from(place).ok()
     }
@@ -140,20 +139,6 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-
-    /// Turned by 90 degrees counterclockwise as seen with v downwards, (1, 0) becomes (0, -1); scaled before and moved
-    /// after: (1, 1) scaled by (2, 3) is (2, 3), turned (3, -2), moved by (0.5, 0.25) (3.5, -1.75).
-    #[test]
-    fn transforms() {
-        let info = json!({ "texCoord": 1, "extensions": { TEXTURE_TRANSFORM:
-            { "rotation": std::f64::consts::FRAC_PI_2, "scale": [2, 3], "offset": [0.5, 0.25] } } });
-        let Coordinates { set, transform } = Coordinates::of(&info);
-        assert_eq!(set, 1);
-        let is = transform.transform_point2(DVec2::ONE);
-        assert!((is - DVec2::new(3.5, -1.75)).length() < 1e-15, "{is}");
-        let other = json!({ "texCoord": 1, "extensions": { TEXTURE_TRANSFORM: { "texCoord": 3 } } });
-        assert_eq!(Coordinates::of(&other), Coordinates { set: 3, transform: DAffine2::IDENTITY });
-    }
 
     #[test]
     fn coordinates_of_a_material_are_listed_once() {

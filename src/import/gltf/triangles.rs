@@ -5,8 +5,9 @@ use gltf::Semantic;
 use gltf::accessor::{DataType, Dimensions};
 
 use super::Loader;
-use super::check::{NodePlace, is_allowed};
-use crate::error::{Error, Place, Result};
+use super::check::{NodePlace, fault, is_allowed};
+use super::texture::NORMAL;
+use crate::error::Result;
 use crate::import::tangents::make_tangents;
 use crate::scene::{Attribute, Mesh, is_mirror, moved_tangent};
 
@@ -24,10 +25,8 @@ impl Loader<'_> {
             self.left_out(format!("{name}: points and lines are not drawn"));
             return Ok(None);
         }
-        let fault = |what: &str| {
-            let item = Place::item(&self.source.file, format!("{name}, primitive {}", primitive.index()));
-            Error::input(item, what, "export the file again")
-        };
+        let fault =
+            |what: &str| fault(&self.source.file, format!("{name}, primitive {}", primitive.index()), what);
         let Some(positions) = primitive.get(&Semantic::Positions) else {
             self.left_out(format!("{name}: a mesh without positions is not drawn"));
             return Ok(None);
@@ -83,7 +82,7 @@ impl Loader<'_> {
                 "{name}: morph targets that differ from its positions in number are left out"
             ));
         }
-        if let Some(coordinates) = self.coordinates_of_normal_map(&material) {
+        if let Some(coordinates) = self.coordinates_at(&material, NORMAL) {
             make_tangents(&mut mesh, coordinates);
         }
         if out_of_range > 0 {
@@ -138,16 +137,14 @@ impl Loader<'_> {
                 all_fit = false;
                 continue;
             }
-            let read =
-                |accessor: Option<gltf::Accessor>| Some(accessor.map(|accessor| self.dvec3s(&accessor)));
-            let [Some(positions), Some(normals), Some(tangents)] = accessors.map(read) else { continue };
-            if [&positions, &normals, &tangents].into_iter().flatten().any(Option::is_none) {
+            let read = |accessor: Option<gltf::Accessor>| {
+                accessor.map_or(Some(Vec::new()), |accessor| self.dvec3s(&accessor))
+            };
+            let [Some(positions), Some(normals), Some(tangents)] = accessors.map(read) else {
                 all_fit = false;
                 continue;
-            }
-            let by = |values: Option<Option<Vec<DVec3>>>| {
-                values.flatten().into_iter().flatten().map(move |value| value * weight)
             };
+            let by = |values: Vec<DVec3>| values.into_iter().map(move |value| value * weight);
             mesh.positions.iter_mut().zip(by(positions)).for_each(|(position, value)| *position += value);
             let of_mesh = mesh.normals.iter_mut().flat_map(|normals| &mut normals.values);
             of_mesh.zip(by(normals)).for_each(|(normal, value)| *normal += value);
@@ -244,20 +241,5 @@ fn into_triangles(order: &[u32], mode: gltf::mesh::Mode) -> Vec<[u32; 3]> {
             .collect(),
         Mode::TriangleFan => order.windows(2).skip(1).map(|w| [order[0], w[0], w[1]]).collect(),
         _ => order.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn strips_and_fans() {
-        use gltf::mesh::Mode;
-        let order = [5, 6, 7, 8];
-        assert_eq!(into_triangles(&order, Mode::TriangleStrip), [[5, 6, 7], [7, 6, 8]]);
-        assert_eq!(into_triangles(&order, Mode::TriangleFan), [[5, 6, 7], [5, 7, 8]]);
-        assert_eq!(into_triangles(&order, Mode::Triangles), [[5, 6, 7]]);
-        assert!(into_triangles(&[], Mode::TriangleFan).is_empty());
     }
 }

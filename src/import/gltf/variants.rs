@@ -30,29 +30,3 @@ pub(super) fn choose(root: &mut Value, variant: usize) {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use serde_json::json;
-
-    use super::*;
-
-    #[test]
-    fn primitives_take_the_material_of_their_mapping() {
-        let primitive = |material: u32| {
-            json!({ "material": material, "extensions": { NAME: { "mappings": [
-                { "material": 4, "variants": [0, 2] }, { "material": 5, "variants": [1] } ] } } })
-        };
-        let variants = json!({ NAME: { "variants": [{ "name": "a" }, { "name": "b" }, { "name": "c" }] } });
-        let mut root = json!({ "extensions": variants, "meshes": [{ "primitives": [primitive(3), {}] }] });
-        assert_eq!(names(&root), ["a", "b", "c"]);
-        let before = root.clone();
-        for (variant, material) in [(2, 4), (1, 5)] {
-            choose(&mut root, variant);
-            assert_eq!(root["meshes"][0]["primitives"], json!([primitive(material), {}]));
-        }
-        root = before.clone();
-        choose(&mut root, 3);
-        assert_eq!(root, before);
-    }
-}

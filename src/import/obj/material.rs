@@ -8,114 +8,108 @@ use crate::error::{Result, Warnings};
 use crate::film::Colour;
 use crate::import::Source;
 use crate::import::images::{Channels, ImageLoader};
-use crate::scene::{Material, MetallicRoughness, NormalMap, Opacity, Phong, Scene};
+use crate::scene::{ImageId, Material, MetallicRoughness, NormalMap, Opacity, Phong, Scene, Texture};
 
-/// Converts a material.
-///
-/// # Errors
-/// [`Error::Input`](crate::error::Error::Input) if an image exceeds the memory limit.
-pub(super) fn convert(
-    definition: &Definition,
-    source: &Source,
-    scene: &mut Scene,
-    images: &mut ImageLoader,
-    warnings: &mut Warnings,
-) -> Result<Material> {
-    let m = &definition.material;
-    let file = m.diffuse_texture.as_ref().and_then(|name| source.resolve_image(name, warnings));
-    let image = match file {
-        Some(file) => images.of_file(scene, &file, Channels::Colour, warnings)?,
-        None => None,
-    };
-    let texture = image.map(|image| definition.texture(image, "map_Kd"));
-    // MTL does not define a default of Kd; with a texture, white leaves it unchanged.
-    let default = if texture.is_some() { [1.0; 3] } else { [0.8; 3] };
-    let colour = Colour::Display(m.diffuse.unwrap_or(default).into());
-    let opacity = convert_opacity(definition, source, scene, images, warnings)?;
-    let normal_map = convert_normal_map(definition, source, scene, images, warnings)?;
-    if pbr::is_physically_based(m) {
-        let textures = (texture, normal_map);
-        let material = pbr::convert(definition, textures, source, scene, images, warnings)?;
-        // What lets light through by `Tf` has no opacity by `d`, too.
-        let opacity =
-            opacity.filter(|opacity| material.layers.transmission == 0.0 || opacity.texture.is_some());
-        return Ok(Material::MetallicRoughness(MetallicRoughness { opacity, ..material }));
-    }
-    if m.unknown_param.contains_key("map_Ke") {
-        let (file, name) = (source.file.display(), &m.name);
-        warnings
-            .left_out(format!("{file}: material `{name}` has a map_Ke without Pr or Pm; drawn without it"));
-    }
-    let emission = m.emissive.filter(|ke| ke.iter().any(|&c| c > 0.0));
-    let refraction = pbr::refraction(m);
-    let specular = m.specular.map_or(0.0, |ks| ks.into_iter().fold(0.0, f64::max));
-    Ok(Material::Phong(Phong {
-        name: m.name.clone(),
-        colour,
-        texture,
-        specular,
-        shininess: m.shininess.unwrap_or(1.0).max(0.0),
-        emission: Colour::Display(emission.unwrap_or([0.0; 3]).into()),
-        normal_map,
-        opacity: opacity.filter(|opacity| refraction.is_none() || opacity.texture.is_some()),
-        refraction,
-        ..Phong::default()
-    }))
+/// Converts materials, and adds their images to the scene. An image that exceeds the memory limit is an error.
+pub(super) struct Converter<'a> {
+    pub source: &'a Source,
+    pub scene: &'a mut Scene,
+    pub images: ImageLoader<'a>,
+    pub warnings: &'a mut Warnings,
 }
 
-/// A number of a key that `tobj` does not read.
-fn parameter(m: &tobj::Material, key: &str) -> Option<f64> {
-    m.unknown_param.get(key)?.trim().parse().ok().filter(|number: &f64| number.is_finite())
-}
-
-/// Opacity from `d` (or `Tr`, which is 1 - `d`) and `map_d`.
-fn convert_opacity(
-    definition: &Definition,
-    source: &Source,
-    scene: &mut Scene,
-    images: &mut ImageLoader,
-    warnings: &mut Warnings,
-) -> Result<Option<Opacity>> {
-    let m = &definition.material;
-    let factor = m.dissolve.or_else(|| Some(1.0 - parameter(m, "Tr")?)).unwrap_or(1.0).clamp(0.0, 1.0);
-    if factor == 0.0 {
-        let (file, name) = (source.file.display(), &m.name);
-        warnings
-            .push(format!("{file}: material `{name}` has the opacity 0 (`d` or `Tr`) and cannot be seen"));
+impl Converter<'_> {
+    /// The image of a name in an MTL file; `None` without a name, or with a warning if it cannot be read.
+    pub(super) fn image(&mut self, name: Option<&String>, channels: Channels) -> Result<Option<ImageId>> {
+        let file = name.and_then(|name| self.source.resolve_image(name, self.warnings));
+        file.map_or(Ok(None), |file| self.images.of_file(self.scene, &file, channels, self.warnings))
     }
-    let file = m.dissolve_texture.as_ref().and_then(|name| source.resolve_image(name, warnings));
-    let image = match file {
-        Some(file) => images.of_file(scene, &file, Channels::AlphaOrGrey, warnings)?,
-        None => None,
-    };
-    let texture = image.map(|image| definition.texture(image, "map_d"));
-    Ok((factor < 1.0 || texture.is_some()).then_some(Opacity { factor, texture, cutoff: None }))
-}
 
-/// Normal map from `norm`, or from the heights of `map_Bump` or `bump`, scaled by `-bm`.
-fn convert_normal_map(
-    definition: &Definition,
-    source: &Source,
-    scene: &mut Scene,
-    images: &mut ImageLoader,
-    warnings: &mut Warnings,
-) -> Result<Option<NormalMap>> {
-    let m = &definition.material;
-    if let Some(name) = m.unknown_param.get("norm") {
-        if m.normal_texture.is_some() {
-            let (file, name) = (source.file.display(), &m.name);
-            warnings
-                .left_out(format!("{file}: material `{name}` has a normal map; drawn without its bump map"));
+    /// The texture of the map `key`, whose image has this name.
+    fn texture(
+        &mut self,
+        definition: &Definition,
+        key: &str,
+        name: Option<&String>,
+        channels: Channels,
+    ) -> Result<Option<Texture>> {
+        Ok(self.image(name, channels)?.map(|image| definition.texture(image, key)))
+    }
+
+    /// The start of a message about a material.
+    fn about(&self, m: &tobj::Material) -> String {
+        format!("{}: material `{}` has", self.source.file.display(), m.name)
+    }
+
+    /// Converts a material.
+    pub(super) fn convert(&mut self, definition: &Definition) -> Result<Material> {
+        let m = &definition.material;
+        let texture = self.texture(definition, "map_Kd", m.diffuse_texture.as_ref(), Channels::Colour)?;
+        // MTL does not define a default of Kd; with a texture, white leaves it unchanged.
+        let default = if texture.is_some() { [1.0; 3] } else { [0.8; 3] };
+        let colour = Colour::Display(m.diffuse.unwrap_or(default).into());
+        let opacity = self.opacity(definition)?;
+        let normal_map = self.normal_map(definition)?;
+        if pbr::is_physically_based(m) {
+            let material = self.physically_based(definition, texture, normal_map)?;
+            // What lets light through by `Tf` has no opacity by `d`, too.
+            let opacity =
+                opacity.filter(|opacity| material.layers.transmission == 0.0 || opacity.texture.is_some());
+            return Ok(Material::MetallicRoughness(MetallicRoughness { opacity, ..material }));
         }
-        let Some(file) = source.resolve_image(name, warnings) else { return Ok(None) };
-        let image = images.of_file(scene, &file, Channels::Colour, warnings)?;
-        return Ok(image.map(|image| NormalMap { texture: definition.texture(image, "norm"), scale: 1.0 }));
+        if m.unknown_param.contains_key("map_Ke") {
+            let about = self.about(m);
+            self.warnings.left_out(format!("{about} a map_Ke without Pr or Pm; drawn without it"));
+        }
+        let emission = m.emissive.filter(|ke| ke.iter().any(|&c| c > 0.0));
+        let refraction = pbr::refraction(m);
+        let specular = m.specular.map_or(0.0, |ks| ks.into_iter().fold(0.0, f64::max));
+        Ok(Material::Phong(Phong {
+            name: m.name.clone(),
+            colour,
+            texture,
+            specular,
+            shininess: m.shininess.unwrap_or(1.0).max(0.0),
+            emission: Colour::Display(emission.unwrap_or([0.0; 3]).into()),
+            normal_map,
+            opacity: opacity.filter(|opacity| refraction.is_none() || opacity.texture.is_some()),
+            refraction,
+            ..Phong::default()
+        }))
     }
-    let file = m.normal_texture.as_ref().and_then(|name| source.resolve_image(name, warnings));
-    let Some(file) = file else { return Ok(None) };
-    let bump = images.bump_of_file(scene, &file, warnings)?;
-    Ok(bump.map(|(image, steepest)| NormalMap {
-        texture: definition.texture(image, "bump"),
-        scale: steepest * definition.options("bump").multiplier,
-    }))
+
+    /// Opacity from `d` (or `Tr`, which is 1 - `d`) and `map_d`.
+    fn opacity(&mut self, definition: &Definition) -> Result<Option<Opacity>> {
+        let m = &definition.material;
+        let factor = m.dissolve.or_else(|| Some(1.0 - pbr::number(m, "Tr")?)).unwrap_or(1.0).clamp(0.0, 1.0);
+        if factor == 0.0 {
+            let about = self.about(m);
+            self.warnings.push(format!("{about} the opacity 0 (`d` or `Tr`) and cannot be seen"));
+        }
+        let name = m.dissolve_texture.as_ref();
+        let texture = self.texture(definition, "map_d", name, Channels::AlphaOrGrey)?;
+        Ok((factor < 1.0 || texture.is_some()).then_some(Opacity { factor, texture, cutoff: None }))
+    }
+
+    /// Normal map from `norm`, or from the heights of `map_Bump` or `bump`, scaled by `-bm`.
+    fn normal_map(&mut self, definition: &Definition) -> Result<Option<NormalMap>> {
+        let m = &definition.material;
+        if let Some(name) = m.unknown_param.get("norm") {
+            if m.normal_texture.is_some() {
+                let about = self.about(m);
+                self.warnings.left_out(format!("{about} a normal map; drawn without its bump map"));
+            }
+            let texture = self.texture(definition, "norm", Some(name), Channels::Colour)?;
+            return Ok(texture.map(|texture| NormalMap { texture, scale: 1.0 }));
+        }
+        let name = m.normal_texture.as_ref();
+        let Some(file) = name.and_then(|name| self.source.resolve_image(name, self.warnings)) else {
+            return Ok(None);
+        };
+        let bump = self.images.bump_of_file(self.scene, &file, self.warnings)?;
+        Ok(bump.map(|(image, steepest)| NormalMap {
+            texture: definition.texture(image, "bump"),
+            scale: steepest * definition.options("bump").multiplier,
+        }))
+    }
 }

@@ -274,23 +274,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn mtl_values() {
-        let mut warnings = Warnings::default();
-        let text = "newmtl a b\nKd 0.5\nKs xyz 1 1\nKa spectral f.rfl\nillum 2\n# map_Kd\nd -halo 0.25\n\
-            map_Kd -s 1 1 1 -clamp on d\\my tex.png\n";
-        let (clean, _) = normalise(text.as_bytes(), "m.mtl", &mut warnings);
-        assert_eq!(clean, "newmtl a b\nKd 0.5 0.5 0.5\nillum 2\n# \nd 0.25\nmap_Kd d/my tex.png\n");
-        assert_eq!(
-            warnings.messages(),
-            [
-                "m.mtl:3: `Ks` left out: an invalid value",
-                "m.mtl:4: `Ka` left out: an invalid value",
-                "m.mtl:7: the option -halo of `d` is left out",
-            ]
-        );
-    }
-
-    #[test]
     fn options_of_maps() {
         let split = |value| {
             let (MapOptions { scale, offset, is_clamped, multiplier }, left_out, file) = split_options(value);

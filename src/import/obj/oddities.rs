@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::error::Warnings;
 
-/// What is odd about a line.
+/// What is odd about a line, in the order of the warnings.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Oddity {
     /// Points and lines.
@@ -15,12 +15,12 @@ pub(super) enum Oddity {
     Unknown,
     /// More numbers than a vertex has.
     Surplus,
-    /// A coordinate that is infinite or not a number.
-    NotFinite,
-    /// A number that something else follows without a space.
-    Number,
     /// A face of fewer than three corners.
     FewCorners,
+    /// A number that something else follows without a space.
+    Number,
+    /// A coordinate that is infinite or not a number.
+    NotFinite,
 }
 
 /// The first line of each oddity, counted from 0, and the count that is odd.
@@ -48,31 +48,30 @@ impl Oddities {
     /// Adds a warning or a note for each.
     pub(super) fn warn(&self, file: &Path, warnings: &mut Warnings) {
         let file = file.display();
-        let [element, free_form, unknown, surplus, not_finite, number, few_corners] =
-            self.0.map(|first| first.map(|(line, count)| (line + 1, count)));
-        if element.is_some() {
-            warnings.left_out(format!("{file}: points and lines are not drawn"));
-        }
-        if let Some((line, _)) = free_form {
-            warnings.left_out(format!("{file}:{line}: free-form curves and surfaces are not drawn"));
-        }
-        if let Some((line, _)) = unknown {
-            let what = "not a statement of OBJ files; such lines are left out";
-            warnings.left_out(format!("{file}:{line}: {what}"));
-        }
-        if let Some((line, count)) = surplus {
-            let what = "numbers; those beyond x y z, or x y z r g b, are left out";
-            warnings.left_out(format!("{file}:{line}: a vertex of {count} {what}"));
-        }
-        if let Some((line, count)) = few_corners {
-            warnings
-                .left_out(format!("{file}:{line}: a face of {count} corner(s); such faces are not drawn"));
-        }
-        if let Some((line, _)) = number {
-            warnings.push(format!("{file}:{line}: a number with a sign in it is read up to its last sign"));
-        }
-        if let Some((line, _)) = not_finite {
-            warnings.note(format!("{file}:{line}: the first vertex that is not finite"));
+        use Oddity::{Element, FewCorners, FreeForm, NotFinite, Number, Surplus, Unknown};
+        let all =
+            [Element, FreeForm, Unknown, Surplus, FewCorners, Number, NotFinite].into_iter().zip(self.0);
+        for (oddity, line, count) in
+            all.filter_map(|(oddity, first)| first.map(|(line, n)| (oddity, line, n)))
+        {
+            let at = format!("{file}:{}", line + 1);
+            let what = match oddity {
+                Element => format!("{file}: points and lines are not drawn"),
+                FreeForm => format!("{at}: free-form curves and surfaces are not drawn"),
+                Unknown => format!("{at}: not a statement of OBJ files; such lines are left out"),
+                Surplus => {
+                    let what = "numbers; those beyond x y z, or x y z r g b, are left out";
+                    format!("{at}: a vertex of {count} {what}")
+                }
+                FewCorners => format!("{at}: a face of {count} corner(s); such faces are not drawn"),
+                Number => format!("{at}: a number with a sign in it is read up to its last sign"),
+                NotFinite => format!("{at}: the first vertex that is not finite"),
+            };
+            match oddity {
+                Number => warnings.push(what),
+                NotFinite => warnings.note(what),
+                _ => warnings.left_out(what),
+            }
         }
     }
 }

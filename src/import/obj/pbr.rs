@@ -5,12 +5,12 @@
 
 use glam::DVec3;
 
+use super::material::Converter;
 use super::mtl::Definition;
-use crate::error::{Result, Warnings};
+use crate::error::Result;
 use crate::film::Colour;
-use crate::import::Source;
-use crate::import::images::{Channels, ImageLoader};
-use crate::scene::{Layers, MetallicRoughness, NormalMap, Refraction, Scene, Texture, Volume};
+use crate::import::images::Channels;
+use crate::scene::{Layers, MetallicRoughness, NormalMap, Refraction, Texture, Volume};
 
 /// Roughness of the sheen, which MTL cannot say: the default of Blender's Principled BSDF.
 const SHEEN_ROUGHNESS: f64 = 0.5;
@@ -19,7 +19,7 @@ const SHEEN_ROUGHNESS: f64 = 0.5;
 pub(crate) const MAPS: [&str; 3] = ["map_Pr", "map_Pm", "map_Ke"];
 
 /// The number of a key, if it is finite.
-fn number(m: &tobj::Material, key: &str) -> Option<f64> {
+pub(super) fn number(m: &tobj::Material, key: &str) -> Option<f64> {
     m.unknown_param.get(key)?.trim().parse().ok().filter(|number: &f64| number.is_finite())
 }
 
@@ -36,56 +36,54 @@ pub(crate) fn is_physically_based(m: &tobj::Material) -> bool {
         || ["map_Pr", "map_Pm"].into_iter().any(|key| m.unknown_param.contains_key(key))
 }
 
-/// Converts a physically based material with the texture of its colour and its normal map.
-pub(crate) fn convert(
-    definition: &Definition,
-    (texture, normal_map): (Option<Texture>, Option<NormalMap>),
-    source: &Source,
-    scene: &mut Scene,
-    images: &mut ImageLoader,
-    warnings: &mut Warnings,
-) -> Result<MetallicRoughness> {
-    let m = &definition.material;
-    let unit = |value: f64| value.clamp(0.0, 1.0);
-    let unit_of = |key: &str, default: f64| unit(number(m, key).unwrap_or(default));
-    let mut image = |key: &str| {
-        let file = m.unknown_param.get(key).and_then(|name| source.resolve_image(name, warnings));
-        file.map_or(Ok(None), |file| images.of_file(scene, &file, Channels::Colour, warnings))
-    };
-    let [roughness_map, metallic_map, emission_map] = [image("map_Pr")?, image("map_Pm")?, image("map_Ke")?];
-    let both = images.metallic_roughness(scene, roughness_map, metallic_map, &source.file)?;
-    let first = if roughness_map.is_some() { "map_Pr" } else { "map_Pm" };
-    let colour = |value: Option<[f64; 3]>, default: f64| {
-        Colour::Linear(value.map_or(DVec3::splat(default), DVec3::from))
-    };
-    let transmission = filter(m).map_or(0.0, |filter| filter.element_sum() / 3.0);
-    // Exporters without an index write 1.
-    let ior = m.optical_density.filter(|ior| *ior > 1.0 || *ior == 1.0 && transmission > 0.0);
-    Ok(MetallicRoughness {
-        name: m.name.clone(),
-        base_colour: colour(m.diffuse, if texture.is_some() { 1.0 } else { 0.8 }),
-        base_colour_texture: texture,
-        metallic: unit_of("Pm", if metallic_map.is_some() { 1.0 } else { 0.0 }),
-        roughness: unit_of("Pr", 1.0),
-        metallic_roughness_texture: both.map(|image| definition.texture(image, first)),
-        emission: colour(m.emissive, if emission_map.is_some() { 1.0 } else { 0.0 }),
-        emission_texture: emission_map.map(|image| definition.texture(image, "map_Ke")),
-        normal_map,
-        layers: Layers {
-            ior: ior.unwrap_or(1.5),
-            transmission,
-            volume: (transmission > 0.0).then_some(Volume {
-                attenuation_colour: Colour::Linear(DVec3::ONE),
-                attenuation_distance: f64::INFINITY,
-            }),
-            clearcoat: unit_of("Pc", 0.0),
-            clearcoat_roughness: unit_of("Pcr", 0.0),
-            sheen_colour: Colour::Linear(DVec3::splat(unit_of("Ps", 0.0))),
-            sheen_roughness: SHEEN_ROUGHNESS,
-            ..Layers::default()
-        },
-        ..MetallicRoughness::default()
-    })
+impl Converter<'_> {
+    /// Converts a physically based material with the texture of its colour and its normal map.
+    pub(super) fn physically_based(
+        &mut self,
+        definition: &Definition,
+        texture: Option<Texture>,
+        normal_map: Option<NormalMap>,
+    ) -> Result<MetallicRoughness> {
+        let m = &definition.material;
+        let unit_of = |key: &str, default: f64| number(m, key).unwrap_or(default).clamp(0.0, 1.0);
+        let mut image = |key: &str| self.image(m.unknown_param.get(key), Channels::Colour);
+        let [roughness_map, metallic_map, emission_map] =
+            [image("map_Pr")?, image("map_Pm")?, image("map_Ke")?];
+        let file = &self.source.file;
+        let both = self.images.metallic_roughness(self.scene, roughness_map, metallic_map, file)?;
+        let first = if roughness_map.is_some() { "map_Pr" } else { "map_Pm" };
+        let colour = |value: Option<[f64; 3]>, default: f64| {
+            Colour::Linear(value.map_or(DVec3::splat(default), DVec3::from))
+        };
+        let transmission = filter(m).map_or(0.0, |filter| filter.element_sum() / 3.0);
+        // Exporters without an index write 1.
+        let ior = m.optical_density.filter(|ior| *ior > 1.0 || *ior == 1.0 && transmission > 0.0);
+        Ok(MetallicRoughness {
+            name: m.name.clone(),
+            base_colour: colour(m.diffuse, if texture.is_some() { 1.0 } else { 0.8 }),
+            base_colour_texture: texture,
+            metallic: unit_of("Pm", if metallic_map.is_some() { 1.0 } else { 0.0 }),
+            roughness: unit_of("Pr", 1.0),
+            metallic_roughness_texture: both.map(|image| definition.texture(image, first)),
+            emission: colour(m.emissive, if emission_map.is_some() { 1.0 } else { 0.0 }),
+            emission_texture: emission_map.map(|image| definition.texture(image, "map_Ke")),
+            normal_map,
+            layers: Layers {
+                ior: ior.unwrap_or(1.5),
+                transmission,
+                volume: (transmission > 0.0).then_some(Volume {
+                    attenuation_colour: Colour::Linear(DVec3::ONE),
+                    attenuation_distance: f64::INFINITY,
+                }),
+                clearcoat: unit_of("Pc", 0.0),
+                clearcoat_roughness: unit_of("Pcr", 0.0),
+                sheen_colour: Colour::Linear(DVec3::splat(unit_of("Ps", 0.0))),
+                sheen_roughness: SHEEN_ROUGHNESS,
+                ..Layers::default()
+            },
+            ..MetallicRoughness::default()
+        })
+    }
 }
 
 /// The glass of a material without those keys: `illum` 4, 6, 7 or 9, and an index `Ni` above 1. Some exporters write

@@ -78,9 +78,6 @@ impl<'a> Scanner<'a> {
     }
 
     /// The next number of the line. A sign ends it, as for C's `strtod`: `3.1+e2` is 3.1, and noted.
-    ///
-    /// # Errors
-    /// If the next word is not a number.
     pub(super) fn number(&mut self) -> Result<Option<f64>, Unreadable> {
         self.skip_blanks();
         let rest = &self.text[self.at..];
@@ -102,9 +99,6 @@ impl<'a> Scanner<'a> {
     }
 
     /// The next corner of a face, `v`, `v/vt`, `v//vn` or `v/vt/vn`: three indices, [`NONE`] where there is none.
-    ///
-    /// # Errors
-    /// If the next word is not a corner.
     pub(super) fn corner(&mut self) -> Result<Option<[i64; 3]>, Unreadable> {
         self.skip_blanks();
         let start = self.at;
@@ -222,18 +216,5 @@ mod tests {
         for bad in ["x", "1/2/3/4", "1/x", "/1", "1.0", "-", "1/-", "9223372036854775808", "1\\2", "1/2/3/"] {
             assert_eq!(corner(bad), Err(Unreadable), "{bad}");
         }
-    }
-
-    #[test]
-    fn lines_are_cut_where_no_other_cut_would_differ() {
-        let text = b"v 1\\\n2\nv\\\r\n3\r\n\rv";
-        let cuts: Vec<usize> = (0..text.len()).filter_map(|from| next_line(text, from)).collect();
-        assert_eq!([cuts[0], cuts[cuts.len() - 1]], [7, 15]);
-        assert!(cuts.iter().all(|cut| [7, 14, 15].contains(cut)), "{cuts:?}");
-        // A line feed may follow.
-        assert_eq!(
-            (last_line(b"a\nb\r"), last_line(b"a\nb\r\n"), last_line(b"ab")),
-            (Some(2), Some(5), None)
-        );
     }
 }

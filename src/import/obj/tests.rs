@@ -21,26 +21,6 @@ pub(super) fn meshes(scene: &Scene) -> Vec<&Mesh> {
     scene.objects.iter().filter_map(|object| object.shape.mesh()).collect()
 }
 
-fn fault(text: impl Into<Vec<u8>>) -> String {
-    read(&source(text), &mut Warnings::default()).map(|_| ()).unwrap_err().to_string()
-}
-
-#[test]
-fn faults_have_a_line() {
-    let with = |line: &str| fault(format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{line}\n"));
-    assert_eq!(with("f 1 2 4"), "a.obj:4: vertex 4 does not exist; the file has 3");
-    assert_eq!(with("f 1 2 -4\nf 1 2 9"), "a.obj:4: vertex -4 does not exist; the file has 3");
-    assert_eq!(with("f 1 2 0"), "a.obj:4: vertex 0 does not exist; the file has 3");
-    assert_eq!(with("f 1 2 3000000000"), "a.obj:4: vertex 3000000000 does not exist; the file has 3");
-    assert_eq!(with("f 1 2 -3000000000"), "a.obj:4: vertex -3000000000 does not exist; the file has 3");
-    assert_eq!(with("f 1/1 2/1 3/1"), "a.obj:4: texture coordinate 1 does not exist; the file has 0");
-    assert_eq!(with("\n\\\nf 1 2 x"), "a.obj:6: corner 3 of `f` is not v, v/vt, v//vn or v/vt/vn");
-    assert_eq!(with("v 1.0D+00 0 0"), "a.obj:4: number 1 of `v` cannot be read");
-    assert_eq!(with("v 1 2 +-"), "a.obj:4: number 3 of `v` cannot be read");
-    assert_eq!(with("v 1 2 3 1 red 0"), "a.obj:4: number 5 of `v` cannot be read");
-    assert_eq!(with("vn 0 1"), "a.obj:4: `vn` with 2 of 3 numbers");
-}
-
 #[test]
 fn numbers_that_are_not_finite_are_noted_with_their_line() {
     let (_, warnings) = load("v 0 0 0\nv 1e400 0 0\nv nan 1 0\nf 1 2 3\n");
@@ -53,21 +33,6 @@ fn a_sign_ends_a_number() {
     let positions = format!("{:?}", meshes(&scene));
     assert!(positions.contains("3.1") && positions.contains("2.0"), "{positions}");
     assert_eq!(warnings.messages(), ["a.obj:2: a number with a sign in it is read up to its last sign"]);
-}
-
-#[test]
-fn texts_in_utf16_and_latin1() {
-    let text = "o gr\u{fc}n\nv 0 0 0\r\nv 1 0 0\nv 0 1 0\nf 1 2 3";
-    let plain = format!("{:?}", meshes(&load(text).0));
-    let units = |bytes: fn(u16) -> [u8; 2]| -> Vec<u8> {
-        "\u{feff}".encode_utf16().chain(text.encode_utf16()).flat_map(bytes).collect()
-    };
-    let latin: Vec<u8> = text.chars().map(|c| u32::from(c) as u8).collect();
-    for bytes in [units(u16::to_le_bytes), units(u16::to_be_bytes), latin, format!("\u{feff}{text}").into()] {
-        let (scene, warnings) = load(bytes);
-        assert_eq!((scene.objects[0].name.as_str(), warnings.is_empty()), ("gr\u{fc}n", true));
-        assert_eq!(format!("{:?}", meshes(&scene)), plain);
-    }
 }
 
 #[test]

@@ -44,9 +44,6 @@ pub(super) struct Windows<'a> {
 
 impl<'a> Windows<'a> {
     /// The text of `source`, in windows of `size` bytes or more.
-    ///
-    /// # Errors
-    /// [`Error::Input`] if it cannot be read.
     pub(super) fn open(source: &'a Source, size: usize) -> Result<Self> {
         let file = source.file.as_path();
         let (mut reader, mut length) = source.stream()?;
@@ -67,9 +64,6 @@ impl<'a> Windows<'a> {
     }
 
     /// Replaces the contents of `window` by the next lines; by nothing at the end of the text.
-    ///
-    /// # Errors
-    /// [`Error::Input`] if the text cannot be read, or one line exceeds the memory limit.
     pub(super) fn next(&mut self, window: &mut Vec<u8>) -> Result<()> {
         window.clear();
         window.append(&mut self.rest);

@@ -157,9 +157,6 @@ impl Header {
 }
 
 /// Parses the words of a header line.
-///
-/// # Errors
-/// A message about what is wrong.
 fn take_line(
     words: &[&str],
     line: usize,

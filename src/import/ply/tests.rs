@@ -3,7 +3,6 @@
 use super::*;
 use crate::import::files::Files;
 use crate::scene::Shape;
-use proptest::prelude::*;
 
 fn read_bytes(bytes: Vec<u8>) -> Result<(Mesh, Warnings)> {
     let mut warnings = Warnings::default();
@@ -130,35 +129,6 @@ fn files_that_are_cut_off_are_errors_at_every_length() {
         let end = whole.len() - usize::from(encoding == "ascii");
         for length in 0..end {
             assert!(read_bytes(whole[..length].to_vec()).is_err(), "{encoding}, {length} bytes");
-        }
-    }
-}
-
-/// Bytes that ASCII files consist of, and an invalid one.
-const TEXT: &[u8] = b"0123456789- .einf\n\r\xff";
-
-proptest! {
-    /// Any file is either rejected or read into a consistent scene.
-    #[test]
-    fn damaged_files_do_no_harm(
-        encoding in prop::sample::select(vec!["ascii", "binary_little_endian", "binary_big_endian"]),
-        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), 0..4u8), 1..8),
-    ) {
-        let mut bytes = file(encoding, "\n");
-        for (at, byte, how) in changes {
-            let at = at.index(bytes.len());
-            match how {
-                0 => bytes[at] = byte,
-                1 => bytes.insert(at, byte),
-                2 => drop(bytes.remove(at)),
-                _ => bytes[at] = TEXT[usize::from(byte) % TEXT.len()],
-            }
-        }
-        if let Ok((mesh, _)) = read_bytes(bytes) {
-            let count = mesh.positions.len();
-            prop_assert!(mesh.triangles.iter().flatten().all(|&i| (i as usize) < count));
-            prop_assert!(mesh.colours.is_none_or(|colours| colours.values.len() == count));
-            prop_assert!(mesh.normals.is_none_or(|normals| normals.values.len() == count));
         }
     }
 }

@@ -10,29 +10,25 @@ mod camera;
 mod light;
 mod meshes;
 mod metallic_roughness;
-mod sampling;
 
 pub use camera::inline_camera;
 
 use super::Source;
 use crate::error::{Error, Place, Result, Warnings};
-use crate::film::{Colour, ColourPipeline, DisplaySettings};
+use crate::film::{Colour, ColourPipeline};
 use crate::import;
 use crate::scene::file::{
     CameraSection, EnvironmentSection, MaterialSection, MeshSection, SceneFile, SphereSection,
     TrianglesSection, line_of, nearest_name,
 };
 use crate::scene::{
-    Camera, Environment, EnvironmentSource, Glaze, Material, MaterialId, Mesh, Object, Opacity, Phong, Scene,
-    Shape, Sphere, check_clamp,
+    Camera, Environment, EnvironmentSource, Glaze, Material, MaterialId, Mesh, Object, Opacity, Phong,
+    PictureSettings, Scene, Shape, Sphere,
 };
 use meshes::Meshes;
 
-/// Maximum width and height in pixels, as for `--size`.
-const MAX_SIDE: u32 = 65_535;
-
 /// Maximum number of glaze bounces. Each bounce that a path reaches needs buffers of about a tenth of a megabyte per
-/// thread; with a weight below 0.991 paths end earlier (`effects::glaze`).
+/// thread; with a weight below 0.991 paths end earlier (`effects::whitted::glaze`).
 const MAX_BOUNCES: u32 = 4096;
 
 /// Maximum of intensities and coefficients, so that their products are finite.
@@ -147,30 +143,12 @@ impl Builder<'_> {
 
     /// Converts the settings of the whole picture, the cameras and the lights.
     fn picture(&mut self, file: &SceneFile, warnings: &mut Warnings) -> Result<()> {
-        let start = file.image.as_ref().map_or(0, |section| section.span().start);
-        let image = file.image.as_ref().map(|section| section.get_ref().clone()).unwrap_or_default();
-        match (image.width, image.height) {
-            (Some(width), Some(height)) if width.max(height) > MAX_SIDE => {
-                let what = format!("a picture of {width} x {height} pixels");
-                return Err(self.error(start, what, "give at most 65535 for each side"));
-            }
-            (Some(width), Some(height)) if width > 0 && height > 0 => self.scene.size = Some([width, height]),
-            (None, None) => {}
-            (Some(0), _) | (_, Some(0)) => {
-                return Err(self.error(start, "a picture of width or height 0", "give both above 0"));
-            }
-            _ => return Err(self.error(start, "`width` or `height` is missing", "give both or neither")),
+        if let Some(section) = &file.image {
+            self.check_image(section)?;
+            self.scene.picture = *section.get_ref();
         }
-        self.scene.background = Some(Colour::from_u8(image.background.map_or([0; 3], |c| c.0)));
-        self.scene.colour = image.colour;
-        self.scene.numerics = image.numerics;
-        self.scene.transport = image.transport;
-        self.scene.clamp = self.checked(image.clamp.as_ref(), "clamp", check_clamp)?;
-        self.scene.sampling = self.sampling(&image)?;
-        self.scene.display = DisplaySettings { exposure: image.exposure, tone_map: image.tone_map };
+        self.scene.background = Some(Colour::from_u8([0; 3]));
         self.scene.has_settings = true;
-        self.scene.headlight = image.headlight;
-        self.scene.has_ground = image.ground;
         if let Some(section) = &file.ambient
             && let Some(intensity) = section.get_ref().intensity
         {
@@ -196,6 +174,23 @@ impl Builder<'_> {
         for (index, section) in file.light.iter().enumerate() {
             let light = self.light(index, section)?;
             self.scene.lights.push(light);
+        }
+        Ok(())
+    }
+
+    /// Checks keys of `[image]` that belong together.
+    fn check_image(&self, section: &Spanned<PictureSettings>) -> Result<()> {
+        let (start, image) = (section.span().start, section.get_ref());
+        if image.width.is_some() != image.height.is_some() {
+            return Err(self.error(start, "`width` or `height` is missing", "give both or neither"));
+        }
+        let PictureSettings { samples: Some(most), min_samples: Some(least), .. } = image else {
+            return Ok(());
+        };
+        if least > most {
+            let place = start + self.text[start..].find("min_samples").unwrap_or(0);
+            let what = format!("`min_samples` is {}, and `samples` {}", least.get(), most.get());
+            return Err(self.error(place, what, "give `min_samples` at most as many as `samples`"));
         }
         Ok(())
     }

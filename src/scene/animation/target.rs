@@ -41,21 +41,10 @@ pub enum Property {
     Scale,
 }
 
-impl Property {
-    /// The name as typed.
-    pub fn name(self) -> &'static str {
-        match self {
-            Property::Position => "position",
-            Property::LookAt => "look_at",
-            Property::Radius => "radius",
-            Property::Intensity => "intensity",
-            Property::Direction => "direction",
-            Property::Translate => "translate",
-            Property::Rotate => "rotate",
-            Property::Scale => "scale",
-        }
-    }
-}
+names!(Property {
+    Position = "position", LookAt = "look_at", Radius = "radius", Intensity = "intensity",
+    Direction = "direction", Translate = "translate", Rotate = "rotate", Scale = "scale",
+});
 
 /// Mutable access to a target of a track.
 pub(super) enum Subject<'a> {

@@ -3,15 +3,16 @@
 use super::{BoundaryEdge, Topology, Welded};
 
 /// Disjoint sets (Tarjan, Efficiency of a Good But Not Linear Set Union Algorithm, 1975), with path halving.
-struct Sets(Vec<u32>);
+pub(crate) struct Sets(Vec<u32>);
 
 impl Sets {
-    fn new(count: usize) -> Self {
+    /// Sets of one member each.
+    pub(crate) fn new(count: usize) -> Self {
         Sets((0..count as u32).collect())
     }
 
     /// The representative of a set: its lowest member.
-    fn find(&mut self, mut member: u32) -> u32 {
+    pub(crate) fn find(&mut self, mut member: u32) -> u32 {
         while self.0[member as usize] != member {
             let above = self.0[member as usize];
             self.0[member as usize] = self.0[above as usize];
@@ -20,7 +21,8 @@ impl Sets {
         member
     }
 
-    fn join(&mut self, a: u32, b: u32) {
+    /// Joins the sets of two members.
+    pub(crate) fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.find(a), self.find(b));
         self.0[a.max(b) as usize] = a.min(b);
     }

@@ -25,6 +25,7 @@ mod weld;
 use glam::DVec3;
 
 use components::Components;
+pub(crate) use components::Sets;
 use edges::Edges;
 
 /// Topology of triangles.

@@ -27,7 +27,8 @@ pub(crate) struct Glass {
     tint: DVec3,
     /// Weight of the lobe and compensation.
     scale: f64,
-    albedo: DVec3,
+    /// The directional albedo.
+    pub(crate) albedo: DVec3,
 }
 
 /// The parts of light that a microfacet reflects and transmits, and the probability of choosing reflection.
@@ -45,11 +46,6 @@ impl Glass {
         let scale = weight / (reflected.max_element() + transmitted).max(f64::MIN_POSITIVE);
         let albedo = (reflected + tint * transmitted) * scale;
         Glass { ggx, interface, tint, scale, albedo }
-    }
-
-    /// The directional albedo.
-    pub(crate) fn albedo(&self) -> DVec3 {
-        self.albedo
     }
 
     /// The lobe without compensation.

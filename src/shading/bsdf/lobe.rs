@@ -1,13 +1,12 @@
-//! What the lobes of a BSDF have in common.
+//! The lobes of a BSDF: what they have in common, and those that need no file of their own.
+
+use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::clearcoat::Clearcoat;
-use super::diffuse::Diffuse;
 use super::glass::Glass;
 use super::sheen::Sheen;
 use super::specular::Specular;
-use super::thin::ThinTransmission;
 
 /// A lobe for a pair of directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,47 +34,46 @@ pub(crate) enum LobeSample {
 /// A lobe, prepared for a point and view. Its weight in the BSDF is contained.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Lobe {
-    Clearcoat(Clearcoat),
     Sheen(Sheen),
     Specular(Specular),
-    Diffuse(Diffuse),
+    /// Lambert's diffuse reflection with an albedo.
+    Diffuse(DVec3),
     Glass(Glass),
-    ThinTransmission(ThinTransmission),
+    /// Transmission through a thin wall: a reflection, mirrored to the other side.
+    ThinTransmission(Specular),
 }
 
 impl Lobe {
     /// The directional albedo, exact to what the tables state. The choice of lobes depends on it.
     pub(crate) fn albedo(&self) -> DVec3 {
         match self {
-            Lobe::Clearcoat(lobe) => lobe.0.albedo(),
-            Lobe::Sheen(lobe) => lobe.albedo(),
-            Lobe::Specular(lobe) => lobe.albedo(),
-            Lobe::Diffuse(lobe) => lobe.albedo(),
-            Lobe::Glass(lobe) => lobe.albedo(),
-            Lobe::ThinTransmission(lobe) => lobe.albedo(),
+            Lobe::Sheen(lobe) => lobe.albedo,
+            Lobe::Specular(lobe) | Lobe::ThinTransmission(lobe) => lobe.albedo,
+            Lobe::Diffuse(albedo) => *albedo,
+            Lobe::Glass(lobe) => lobe.albedo,
         }
     }
 
     /// Whether only single directions are scattered to.
     pub(crate) fn is_delta(&self) -> bool {
         match self {
-            Lobe::Clearcoat(lobe) => lobe.0.is_delta(),
             Lobe::Sheen(_) | Lobe::Diffuse(_) => false,
-            Lobe::Specular(lobe) => lobe.is_delta(),
+            Lobe::Specular(lobe) | Lobe::ThinTransmission(lobe) => lobe.is_delta(),
             Lobe::Glass(lobe) => lobe.is_delta(),
-            Lobe::ThinTransmission(lobe) => lobe.is_delta(),
         }
     }
 
     /// The lobe for a light direction; zero for delta lobes.
     pub(crate) fn value(&self, view: DVec3, light: DVec3) -> Value {
         match self {
-            Lobe::Clearcoat(lobe) => lobe.0.value(view, light),
             Lobe::Sheen(lobe) => lobe.value(view, light),
             Lobe::Specular(lobe) => lobe.value(view, light),
-            Lobe::Diffuse(lobe) => lobe.value(light),
+            Lobe::Diffuse(albedo) => {
+                let density = light.z.max(0.0) / PI;
+                Value { scattered: *albedo * density, density }
+            }
             Lobe::Glass(lobe) => lobe.value(view, light),
-            Lobe::ThinTransmission(lobe) => lobe.value(view, light),
+            Lobe::ThinTransmission(lobe) => lobe.value(view, mirrored(light)),
         }
     }
 
@@ -83,12 +81,26 @@ impl Lobe {
     pub(crate) fn sample(&self, view: DVec3, numbers: [f64; 3]) -> Option<LobeSample> {
         let [choice, u, v] = numbers;
         match self {
-            Lobe::Clearcoat(lobe) => lobe.0.sample(view, [u, v]),
             Lobe::Sheen(_) => Some(LobeSample::Scattered(Sheen::sample([u, v]))),
             Lobe::Specular(lobe) => lobe.sample(view, [u, v]),
-            Lobe::Diffuse(_) => Some(LobeSample::Scattered(Diffuse::sample([u, v]))),
+            Lobe::Diffuse(_) => Some(LobeSample::Scattered(sample_cosine([u, v]))),
             Lobe::Glass(lobe) => lobe.sample(view, choice, [u, v]),
-            Lobe::ThinTransmission(lobe) => lobe.sample(view, [u, v]),
+            Lobe::ThinTransmission(lobe) => Some(match lobe.sample(view, [u, v])? {
+                LobeSample::Scattered(light) => LobeSample::Scattered(mirrored(light)),
+                LobeSample::Delta(light, throughput) => LobeSample::Delta(mirrored(light), throughput),
+            }),
         }
     }
+}
+
+/// A direction mirrored at the surface.
+fn mirrored(direction: DVec3) -> DVec3 {
+    DVec3::new(direction.x, direction.y, -direction.z)
+}
+
+/// A direction of the hemisphere with the density cos / pi: the cosine is the root of a uniform number.
+fn sample_cosine(numbers: [f64; 2]) -> DVec3 {
+    let sine = numbers[0].sqrt();
+    let (sin, cos) = (2.0 * PI * numbers[1]).sin_cos();
+    DVec3::new(sine * cos, sine * sin, (1.0 - numbers[0]).sqrt())
 }

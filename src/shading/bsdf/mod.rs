@@ -17,10 +17,7 @@
 //! 1e-4 of 1 is no interface.
 
 mod albedo;
-mod clearcoat;
-mod conductor;
 mod dielectric;
-mod diffuse;
 mod fresnel;
 mod ggx;
 mod glass;
@@ -29,7 +26,6 @@ mod lobe;
 mod sheen;
 mod specular;
 mod table;
-mod thin;
 
 #[cfg(test)]
 pub(crate) mod chi_squared;
@@ -41,16 +37,13 @@ mod tests;
 use glam::DVec3;
 
 pub(crate) use albedo::GgxAlbedo;
-use clearcoat::Clearcoat;
 pub(crate) use dielectric::reflectances;
-use diffuse::Diffuse;
 use fresnel::{Fresnel, Interface, relative_index};
 pub(crate) use ggx::Ggx;
 use glass::Glass;
 use lobe::{Lobe, LobeSample, Value};
 use sheen::Sheen;
 use specular::Specular;
-use thin::ThinTransmission;
 
 /// Parameters of a surface point, textures multiplied in. Values out of range are clamped to it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -160,7 +153,7 @@ impl Bsdf {
     /// The BSDF of `parameters` for `view`, a unit vector with `view.z > 0`.
     pub fn new(parameters: &BsdfParameters, view: DVec3) -> Self {
         let view = DVec3::new(view.x, view.y, view.z.clamp(glass::LEAST_COSINE, 1.0));
-        let empty = (Lobe::Diffuse(Diffuse(DVec3::ZERO)), 0.0);
+        let empty = (Lobe::Diffuse(DVec3::ZERO), 0.0);
         let mut bsdf = Bsdf { view, lobes: [empty; MAX_LOBES], count: 0 };
         bsdf.push_layers(&parameters.clamped());
         let total: f64 = bsdf.lobes().map(|(_, weight)| weight).sum();
@@ -185,13 +178,13 @@ impl Bsdf {
     fn push_layers(&mut self, p: &BsdfParameters) {
         let (cos, mut left) = (self.view.z, 1.0);
         if p.clearcoat > 0.0 && !p.from_inside {
-            let coat = Clearcoat::new(p.clearcoat, p.clearcoat_roughness, cos);
-            left *= (1.0 - coat.0.albedo().max_element()).max(0.0);
-            self.push(Lobe::Clearcoat(coat));
+            let coat = Specular::clearcoat(p.clearcoat, p.clearcoat_roughness, cos);
+            left *= (1.0 - coat.albedo.max_element()).max(0.0);
+            self.push(Lobe::Specular(coat));
         }
         if p.sheen_colour != DVec3::ZERO && !p.from_inside {
             let sheen = Sheen::new(p.sheen_colour, p.sheen_roughness, cos).scaled(left);
-            left = (left - sheen.albedo().max_element()).max(0.0);
+            left = (left - sheen.albedo.max_element()).max(0.0);
             self.push(Lobe::Sheen(sheen));
         }
         self.push_base(p, left);
@@ -205,16 +198,17 @@ impl Bsdf {
         let opaque = weight - metal - transparent;
         if p.specular == 0.0 && opaque == weight {
             // Nothing but Lambert; the code below gives the same lobe.
-            return self.push(Lobe::Diffuse(Diffuse(p.base_colour * weight)));
+            return self.push(Lobe::Diffuse(p.base_colour * weight));
         }
         let albedo = GgxAlbedo::new(ggx, cos);
-        let [metal_f0, metal_f90] = conductor::conductor(p.base_colour, &albedo);
-        let [f0, f90] = dielectric::dielectric_layer(p.ior, p.specular, p.specular_colour, &albedo);
+        // Metals: the base colour at normal incidence (glTF 2.0, appendix B.2.1). One of 1 reflects all light.
+        let [metal_f0, metal_f90] = albedo.compensated([p.base_colour, DVec3::ONE]);
+        let [f0, f90] = albedo.compensated(reflectances(p.ior, p.specular, p.specular_colour));
         let left = (1.0 - albedo.of(f0, f90).max_element()).max(0.0);
         // Both reflections have the same distribution: one lobe.
-        let (f0, f90) = (metal_f0 * metal + f0 * opaque, metal_f90 * metal + f90 * opaque);
-        self.push(Lobe::Specular(Specular::new(ggx, Fresnel::Schlick { f0, f90 }, albedo.of(f0, f90))));
-        self.push(Lobe::Diffuse(Diffuse(p.base_colour * (opaque * left))));
+        let factors = [metal_f0 * metal + f0 * opaque, metal_f90 * metal + f90 * opaque];
+        self.push(Lobe::Specular(Specular::schlick(ggx, factors, &albedo)));
+        self.push(Lobe::Diffuse(p.base_colour * (opaque * left)));
         if transparent > 0.0 {
             let eta = relative_index(p.ior, p.from_inside);
             // A thin wall reflects the same whichever medium is denser.
@@ -236,10 +230,10 @@ impl Bsdf {
         let compensation = GgxAlbedo::new(ggx, cos).compensation(f0);
         let albedo = (reflected * compensation).min(DVec3::ONE);
         let fresnel = Fresnel::Exact(*interface, compensation * weight);
-        self.push(Lobe::Specular(Specular::new(ggx, fresnel, albedo * weight)));
+        self.push(Lobe::Specular(Specular { ggx, fresnel, albedo: albedo * weight }));
         let left = if interface.eta.is_infinite() { 0.0 } else { 1.0 - albedo.max_element() };
         let transmitted = p.base_colour * (left * weight);
-        self.push(Lobe::ThinTransmission(ThinTransmission::new(p.roughness, p.ior, transmitted, cos)));
+        self.push(Lobe::ThinTransmission(Specular::thin(p.roughness, p.ior, transmitted, cos)));
     }
 
     /// BSDF times the absolute cosine of `light`, and the density of sampling it, both without delta lobes.

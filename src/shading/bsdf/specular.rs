@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::albedo::GgxAlbedo;
 use super::fresnel::Fresnel;
 use super::ggx::{Ggx, half_vector, reflect};
 use super::lobe::{LobeSample, Value};
@@ -9,20 +10,37 @@ use super::lobe::{LobeSample, Value};
 /// A reflection lobe, D F G2 / (4 |n.v| |n.l|), with weights and compensation in the Fresnel factor.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Specular {
-    ggx: Ggx,
-    fresnel: Fresnel,
-    albedo: DVec3,
+    pub(crate) ggx: Ggx,
+    pub(crate) fresnel: Fresnel,
+    /// The directional albedo.
+    pub(crate) albedo: DVec3,
 }
 
 impl Specular {
-    /// The lobe of a distribution and a Fresnel factor that together have the directional albedo `albedo`.
-    pub(crate) fn new(ggx: Ggx, fresnel: Fresnel, albedo: DVec3) -> Self {
-        Specular { ggx, fresnel, albedo }
+    /// A lobe with Schlick's approximation.
+    pub(crate) fn schlick(ggx: Ggx, [f0, f90]: [DVec3; 2], albedo: &GgxAlbedo) -> Self {
+        Specular { ggx, fresnel: Fresnel::Schlick { f0, f90 }, albedo: albedo.of(f0, f90) }
     }
 
-    /// The directional albedo.
-    pub(crate) fn albedo(&self) -> DVec3 {
-        self.albedo
+    /// The reflection of a clear coat of a weight and roughness, each 0 to 1, for a view with the cosine `cos`: a layer of
+    /// fixed index 1.5 over everything else (KHR_materials_clearcoat). Its albedo is one number.
+    pub(crate) fn clearcoat(weight: f64, roughness: f64, cos: f64) -> Self {
+        const F0: f64 = 0.04;
+        let ggx = Ggx::new(roughness);
+        let albedo = GgxAlbedo::new(ggx, cos);
+        let f90 = albedo.compensation(DVec3::splat(F0)) * weight;
+        Specular::schlick(ggx, [f90 * F0, f90], &albedo)
+    }
+
+    /// The reflection that, mirrored to the other side, is the transmission through a thin wall, for a view with the
+    /// cosine `cos`: light passes straight through and is spread as a reflection would be (KHR_materials_transmission). The
+    /// roughness of the spread falls to 0 with the index of refraction, as in the glTF Sample Renderer. `transmitted` is
+    /// the albedo: it is divided by that of the lobe, so that nothing is lost.
+    pub(crate) fn thin(roughness: f64, ior: f64, transmitted: DVec3, cos: f64) -> Self {
+        let contrast = if ior > 0.0 { ior.max(1.0 / ior) - 1.0 } else { 1.0 };
+        let ggx = Ggx::new(roughness * (2.0 * contrast).clamp(0.0, 1.0));
+        let factor = transmitted / GgxAlbedo::new(ggx, cos).all;
+        Specular { ggx, fresnel: Fresnel::Schlick { f0: factor, f90: factor }, albedo: transmitted }
     }
 
     /// Whether the surface is a mirror.

@@ -4,13 +4,12 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use egui::{Context, Theme, ViewportCommand};
-use serde_json::json;
 
 use super::{App, timeline};
 use crate::error::Result;
 use crate::scene::Camera;
 use crate::viewer::canvas::MouseResult;
-use crate::viewer::command_line::{CommandCamera, RenderCommand, SceneDefaults, command_line};
+use crate::viewer::command_line::{CommandCamera, RenderCommand, command_line};
 use crate::viewer::controls::next;
 use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::inspect::inspect;
@@ -27,7 +26,6 @@ impl App {
         let focus = Focus::of(context);
         let actions = context.input_mut(|input| keys::actions(input, focus));
         for action in actions {
-            self.trace.event("key", json!({ "action": format!("{action:?}") }));
             self.act(context, action);
         }
         context.input(|input| self.held.update(input, focus));
@@ -78,7 +76,6 @@ impl App {
             Action::SaveCamera => self.save_camera(),
             Action::CopyCommand => {
                 if let Some(command) = self.command(&self.output()) {
-                    self.trace.event("command", json!({ "text": command }));
                     context.copy_text(command);
                     self.show_notice("copied the command line that renders this".into());
                 }
@@ -102,7 +99,7 @@ impl App {
     /// Shows the list of files to open, and opens the chosen one.
     pub(super) fn choose_file(&mut self, context: &Context) {
         let Some(dialog) = &mut self.open_dialog else { return };
-        match dialog.show(context, &mut self.trace) {
+        match dialog.show(context) {
             Answer::Open => return,
             Answer::Picked(file) => self.loader.load(vec![file]),
             Answer::Closed => {}
@@ -164,10 +161,9 @@ impl App {
             &prepared.job.plan,
             prepared.job.recentering.as_ref(),
             bounds,
-            [prepared.job.display.in_pipeline(prepared.job.pipeline()).known(), shown],
+            [prepared.job.display().known(), shown],
             pixel,
         );
-        self.trace.event("inspected", super::inspector::to_json(&found));
         if let (Some(_), Some(surface), Some(controls)) = (mouse.focused, &found.surface, &mut self.controls)
         {
             let point = surface.position;
@@ -193,10 +189,9 @@ impl App {
         let (controls, opened) = (self.controls.as_ref()?, self.opened.as_ref()?);
         let prepared = self.canvas.prepared(controls.side)?;
         let settings = &controls.sides[controls.side];
-        let defaults = SceneDefaults::of(&opened.scene);
         let command = command_line(&RenderCommand {
             inputs: &self.inputs,
-            defaults: &defaults,
+            scene: &opened.scene,
             viewpoint: match &controls.camera_source {
                 CameraSource::Fitted(view) => CommandCamera::Standard(*view),
                 CameraSource::Scene(index) => CommandCamera::Camera(opened.scene.cameras.get(*index)?),
@@ -227,7 +222,6 @@ impl App {
         let request = controls.request(opened, prepared.job.view.size());
         let command = self.command(&file).unwrap_or_default();
         let text = format!("saving {}", file.display());
-        self.trace.event("saving", json!({ "text": text }));
         self.notice = Some(Notice::new(text, false));
         self.saving.push(file.clone());
         let (threads, sender, context) = (Arc::clone(&self.threads), self.saved.0.clone(), context.clone());

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use egui::{Context, Panel, RichText, ScrollArea, Ui, ViewportCommand};
+use egui::{Context, Panel, RichText, ScrollArea, Ui};
 
 use super::{App, inspector, timeline};
 use crate::effects::RayKind;
@@ -14,17 +14,6 @@ use crate::viewer::{overlay, timeline as bar};
 pub(super) const PANEL_WIDTH: f32 = 300.0;
 
 impl App {
-    /// Measures frame times if requested, and closes the window when the measurement is complete.
-    pub(super) fn measure(&mut self, context: &Context) {
-        let App { pauses, trace, .. } = self;
-        let Some(report) = pauses.as_mut().and_then(|pauses| pauses.frame(context, trace)) else { return };
-        if let Ok(mut own) = self.report.lock() {
-            own.printed = Some(report);
-        }
-        self.pauses = None;
-        context.send_viewport_cmd(ViewportCommand::Close);
-    }
-
     /// Advances a playing animation once its newest frame was rendered.
     pub(super) fn play(&mut self, context: &Context) {
         let (Some(controls), Some(opened)) = (&mut self.controls, &self.opened) else { return };
@@ -42,7 +31,7 @@ impl App {
 
     pub(super) fn panels(&mut self, ui: &mut Ui) {
         Panel::bottom("status").show(ui, |ui| self.status(ui));
-        let App { controls, opened, canvas, comparison, trace, visible, inspection, names, .. } = self;
+        let App { controls, opened, canvas, comparison, visible, inspection, names, .. } = self;
         let (Some(controls), Some(opened)) = (controls, opened) else { return };
         let (mut clicked, before) = (None, controls.sides.len());
         let mut is_inspecting = true;
@@ -53,13 +42,8 @@ impl App {
                         is_inspecting = inspector::show(ui, found, names);
                     }
                     let rendered = [canvas.rendered(0), canvas.rendered(1)];
-                    panel::show(
-                        ui,
-                        &PanelContents { opened, rendered, comparison: *comparison },
-                        controls,
-                        trace,
-                    );
-                    clicked = panel::buttons(ui, trace);
+                    panel::show(ui, &PanelContents { opened, rendered, comparison: *comparison }, controls);
+                    clicked = panel::buttons(ui);
                 });
             });
         }
@@ -69,7 +53,7 @@ impl App {
         let has_begun = controls.sides.len() > before;
         if let (Some(timeline), Some(animation)) = (timeline(opened), &opened.scene.animation) {
             Panel::bottom("timeline").show(ui, |ui| {
-                bar::show(ui, &timeline, animation.duration, controls, trace);
+                bar::show(ui, &timeline, animation.duration, controls);
             });
         }
         if has_begun {
@@ -89,7 +73,6 @@ impl App {
         let (size, mouse) = self.canvas.show(ui, controls);
         let (split, compares) = (controls.split, controls.sides.len() > 1);
         let rect = self.canvas.rect().unwrap_or(rect);
-        self.trace.place("canvas", rect, context.pixels_per_point());
         self.click(&mouse);
         if compares {
             overlay::sides(&context, rect, split, &self.side_names());

@@ -2,7 +2,6 @@
 
 use egui::{Color32, Grid, Painter, Pos2, Rect, RichText, Stroke, Ui, vec2};
 use glam::DVec2;
-use serde_json::{Value, json};
 
 use crate::import::FileNames;
 use crate::viewer::inspect::{Inspection, RaySegment};
@@ -10,29 +9,6 @@ use crate::viewer::painter::Prepared;
 
 /// Width of the values in points, so that they fit the panel.
 const VALUE_WIDTH: f32 = 172.0;
-
-/// The inspection as JSON, for the event trace.
-pub(crate) fn to_json(inspection: &Inspection) -> Value {
-    let seen = inspection.surface.as_ref().map(|surface_info| {
-        json!({
-            "object": surface_info.object_name,
-            "primitive": surface_info.primitive,
-            "kind": surface_info.kind,
-            "t": surface_info.distance,
-            "position": surface_info.position.to_array(),
-            "geometric_normal": surface_info.geometric_normal.to_array(),
-            "shading_normal": surface_info.shading_normal.to_array(),
-            "barycentrics": surface_info.barycentrics,
-            "material": surface_info.material,
-        })
-    });
-    let rays: Vec<Value> = inspection
-        .rays
-        .iter()
-        .map(|ray| json!({ "kind": ray.kind.name, "hit": ray.hit, "object": ray.object }))
-        .collect();
-    json!({ "pixel": inspection.pixel, "displayed": inspection.displayed, "seen": seen, "rays": rays })
-}
 
 /// Shows the inspection at the top of the panel. Returns `false` when the user closed it.
 pub(crate) fn show(ui: &mut Ui, inspection: &Inspection, names: &FileNames) -> bool {

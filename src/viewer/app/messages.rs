@@ -4,7 +4,6 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use egui::{Context, ViewportCommand};
-use serde_json::json;
 
 use super::App;
 use crate::error::Error;
@@ -20,7 +19,6 @@ impl App {
     /// Handles all pending messages.
     pub(super) fn handle_messages(&mut self, context: &Context) {
         if self.changed.swap(false, Ordering::Relaxed) {
-            self.trace.event("changed", json!({}));
             self.loader.load(self.inputs.clone());
         }
         if let Some(loaded) = self.loader.loaded() {
@@ -40,20 +38,17 @@ impl App {
 
     /// Shows an error until its cause is gone or it is dismissed.
     pub(super) fn show_error(&mut self, text: String) {
-        self.trace.event("error", json!({ "text": text }));
         self.notice = Some(Notice::new(text, true));
     }
 
     /// Shows a notice about a completed action.
     pub(super) fn show_notice(&mut self, text: String) {
-        self.trace.event("notice", json!({ "text": text }));
         self.notice = Some(Notice::new(text, false));
     }
 
     /// Handles loaded files.
     fn handle_loaded(&mut self, context: &Context, loaded: Loaded) {
         let Loaded { inputs, result, files, warnings, .. } = loaded;
-        let watched: Vec<String> = files.iter().map(|read| read.file.display().to_string()).collect();
         let is_same = inputs == self.inputs;
         if is_same || result.is_ok() {
             self.watch(context, files);
@@ -78,14 +73,13 @@ impl App {
         let texts = warnings.messages().iter().chain(warnings.notes());
         self.warnings = texts.map(|text| self.names.shorten(text)).collect();
         self.notice.take_if(|notice| notice.is_error);
-        self.trace.event("opened", json!({ "files": watched }));
         self.opened = Some(opened);
     }
 
     /// Closes the window because of an error.
     fn give_up(&mut self, context: &Context, e: Error) {
         if let Ok(mut report) = self.report.lock() {
-            report.error = Some(e);
+            *report = Some(e);
         }
         context.send_viewport_cmd(ViewportCommand::Close);
     }
@@ -110,9 +104,6 @@ impl App {
             Message::Building => self.is_building = true,
             Message::Image(rendered) => self.handle_image(context, rendered, newest),
             Message::Compared(request, comparison) if request == newest => {
-                let (max, rmse, flip) = (comparison.max, comparison.rmse, comparison.flip);
-                let what = json!({ "order": request, "max": max, "rmse": rmse, "flip": flip });
-                self.trace.event("compared", what);
                 self.comparison = Some(comparison);
             }
             Message::Compared(..) => {}
@@ -132,21 +123,6 @@ impl App {
         if rendered.request == newest && self.failed_request.take_if(|failed| *failed < newest).is_some() {
             self.notice.take_if(|notice| notice.is_error);
         }
-        let what = json!({
-            "order": rendered.request,
-            "side": rendered.side,
-            "factor": rendered.factor,
-            "samples": rendered.samples.0,
-            "last": rendered.is_last,
-            "ms": rendered.time.as_secs_f64() * 1e3,
-            "newest": rendered.request == newest,
-        });
-        self.trace.event("picture", what);
-        self.undisplayed.push(rendered.request);
         self.canvas.take(context, rendered);
-        // The next frame starts after this one was presented; the trace then records the event `shown`.
-        if self.trace.is_on() {
-            context.request_repaint();
-        }
     }
 }

@@ -6,13 +6,12 @@ mod inspector;
 mod messages;
 
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use egui::{CentralPanel, Context, Frame, Ui, ViewportCommand, vec2};
-use serde_json::json;
 
 use super::canvas::Canvas;
 use super::controls::Controls;
@@ -23,7 +22,6 @@ use super::open_dialog::OpenDialog;
 use super::overlay::{self, Notice};
 use super::painter::{Comparison, Message, Painter, Prepared};
 use super::request::{Opened, RenderRequest};
-use super::trace::{Pauses, Trace};
 use super::watch::Watcher;
 use super::{Start, display, name_of};
 use crate::error::{Error, Result};
@@ -49,7 +47,6 @@ const FIRST_IMAGE_WAIT: Duration = Duration::from_millis(12);
 /// # Errors
 /// [`crate::error::Error::Failed`] without a display or OpenGL.
 pub fn run(start: Start) -> Result<()> {
-    let trace = Trace::new(start.trace.as_deref())?;
     let title = start.inputs.first().map_or("kiln".into(), |input| name_of(input));
     let mut viewport = egui::ViewportBuilder::default()
         .with_title(format!("{title} - kiln"))
@@ -61,26 +58,14 @@ pub fn run(start: Start) -> Result<()> {
     let options = eframe::NativeOptions {
         viewport,
         dithering: false,
-        persist_window: start.remembers && start.size.is_none(),
+        persist_window: start.size.is_none(),
         ..eframe::NativeOptions::default()
     };
     let report = Report::default();
-    let printed = Arc::clone(&report);
-    display::open(|is_open| {
-        eframe::run_native(
-            "kiln",
-            options,
-            Box::new(move |creation| {
-                is_open.store(true, Ordering::Relaxed);
-                Ok(Box::new(App::new(creation, start, trace, printed)))
-            }),
-        )
-    })?;
-    let Outcome { printed, error } =
-        report.lock().map(|mut report| std::mem::take(&mut *report)).unwrap_or_default();
-    if let Some(printed) = printed {
-        print!("{printed}");
-    }
+    let own = Arc::clone(&report);
+    let app: eframe::AppCreator = Box::new(move |creation| Ok(Box::new(App::new(creation, start, own))));
+    eframe::run_native("kiln", options, app).map_err(|e| display::explain(&e))?;
+    let error = report.lock().map(|mut report| report.take()).unwrap_or_default();
     error.map_or(Ok(()), Err)
 }
 
@@ -117,8 +102,6 @@ struct App {
     requested: Option<(RenderRequest, u64)>,
     /// Number of the failed request that the notice reports.
     failed_request: Option<u64>,
-    /// Request numbers of images that arrived since the last frame.
-    undisplayed: Vec<u64>,
     comparison: Option<Comparison>,
     /// Inspected pixel, and the prepared render that it belongs to.
     inspection: Option<(Arc<Prepared>, Inspection)>,
@@ -131,8 +114,6 @@ struct App {
     first_size: FirstSize,
     /// Number of resize attempts.
     fit_attempts: u32,
-    trace: Trace,
-    pauses: Option<Pauses>,
     report: Report,
 }
 
@@ -149,19 +130,11 @@ enum FirstSize {
     Window,
 }
 
-/// Result of the window, for the command line.
-#[derive(Default)]
-struct Outcome {
-    /// Text for standard output.
-    printed: Option<String>,
-    /// Error that closed the window.
-    error: Option<Error>,
-}
-
-type Report = Arc<Mutex<Outcome>>;
+/// The error that closed the window, for the command line.
+type Report = Arc<Mutex<Option<Error>>>;
 
 impl App {
-    fn new(creation: &eframe::CreationContext, start: Start, trace: Trace, report: Report) -> Self {
+    fn new(creation: &eframe::CreationContext, start: Start, report: Report) -> Self {
         let threads = Arc::new(start.threads);
         let wake = |context: &Context| {
             let context = context.clone();
@@ -172,12 +145,12 @@ impl App {
         loader.load(start.inputs.clone());
         let remembered: Option<VisibleParts> =
             creation.storage.and_then(|storage| eframe::get_value(storage, eframe::APP_KEY));
-        let first_size = match (start.size, remembered.is_some() && start.remembers) {
+        let first_size = match (start.size, remembered.is_some()) {
             (Some(size), _) => FirstSize::Given(size),
             (None, false) => FirstSize::Scene,
             (None, true) => FirstSize::Window,
         };
-        let mut app = App {
+        App {
             threads,
             painter,
             loader,
@@ -194,7 +167,6 @@ impl App {
             held: HeldKeys::default(),
             requested: None,
             failed_request: None,
-            undisplayed: Vec::new(),
             comparison: None,
             inspection: None,
             notice: None,
@@ -203,12 +175,8 @@ impl App {
             visible: remembered.unwrap_or(VisibleParts { panel: true, keys: false }),
             first_size,
             fit_attempts: 0,
-            trace,
-            pauses: start.pauses.map(Pauses::new),
             report,
-        };
-        app.trace.event("started", json!({}));
-        app
+        }
     }
 
     /// Resizes the window so that the picture has its initial size. This takes several frames, because panels change
@@ -240,7 +208,6 @@ impl App {
             return;
         }
         let number = self.painter.request(request.clone());
-        self.trace.event("order", json!({ "order": number, "size": size, "time": request.time }));
         if request.sides.len() < 2 {
             self.canvas.clear_side(1);
         }
@@ -289,10 +256,6 @@ fn timeline(opened: &Opened) -> Option<Timeline> {
 impl eframe::App for App {
     fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
         let context = ui.ctx().clone();
-        for request in self.undisplayed.drain(..) {
-            self.trace.event("shown", json!({ "order": request }));
-        }
-        self.measure(&context);
         self.handle_messages(&context);
         self.keys(&context);
         let dropped = context.input(|input| input.raw.dropped_files.clone());

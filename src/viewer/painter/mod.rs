@@ -22,7 +22,6 @@ use super::refine::first_factor;
 use super::request::RenderRequest;
 use crate::error::Error;
 use crate::film::DisplayTransform;
-use crate::job::RenderSettings;
 use crate::render::Statistics;
 use crate::scene::Numerics;
 use pass::PipelineImage;
@@ -244,7 +243,8 @@ impl RenderTask<'_> {
             if self.is_outdated() {
                 return Err(Error::Interrupted);
             }
-            let exact = RenderSettings { numerics: Some(Numerics::Exact), ..settings.clone() };
+            let mut exact = settings.clone();
+            exact.picture.numerics = Some(Numerics::Exact);
             let exact = match request.display_mode {
                 DisplayMode::ErrorAgainstExact => Some(cache.prepare(request, &exact)?),
                 _ => None,

@@ -150,7 +150,7 @@ impl<'a> Side<'a> {
         if let (Pass::Samples(from, to), Some(before)) = (pass, &self.picture) {
             mix(&mut pixels, &before.pixels, f64::from(from) / f64::from(to));
         }
-        let display = self.prepared.job.display.in_pipeline(pipeline);
+        let display = self.prepared.job.display();
         let display = display.transform_of(pixels.iter().copied());
         let (image, legend) = match self.request.display_mode {
             DisplayMode::Picture => (image(&pixels, size, pipeline, display), None),

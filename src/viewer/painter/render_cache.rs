@@ -7,10 +7,8 @@ use crate::bvh::Layout;
 use crate::effects::{Choices, Decision, EFFECTS, Plan};
 use crate::error::Warnings;
 use crate::error::{Error, Result};
-use crate::film::DisplaySettings;
 use crate::job::{self, AddedLight, CameraChoice, RenderJob, RenderSettings};
-use crate::scene::{Camera, Sampling, Scene};
-use crate::shading::ShadingMode;
+use crate::scene::{Camera, PictureSettings, Sampling, Scene, ShadingMode};
 use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::refine::SamplingKind;
 use crate::viewer::request::{CameraSource, Opened, RenderRequest};
@@ -34,9 +32,8 @@ struct CachedScene {
     animation: Arc<PreparedAnimation>,
     /// The light that follows the camera.
     light: Option<AddedLight>,
-    /// Sampling and display of the scene, or of the default look.
-    sampling: Sampling,
-    display: DisplaySettings,
+    /// Settings of the scene and of the default look.
+    picture: PictureSettings,
     /// Height of the ground of the default look, in world coordinates.
     ground: Option<f64>,
 }
@@ -126,19 +123,9 @@ impl RenderCache {
             world = Arc::new(world.under(light.at(&lens).into_iter().collect()));
         }
         let scene = &request.opened.scene;
-        let sampling =
-            settings.sampling.or(if side.sampling.says_quality() { scene.sampling } else { cached.sampling });
-        let RenderSettings { shading, transport, clamp, with, without, .. } = settings;
-        let choices = Choices {
-            shading,
-            sampling,
-            scene: scene.effects.clone(),
-            transport: transport.or(scene.transport),
-            clamp: clamp.or(scene.clamp),
-            with,
-            without,
-            ..Choices::default()
-        };
+        let picture = settings.picture.or(scene.picture).or_look(cached.picture);
+        let choices = Choices { scene: scene.effects.clone(), ..job::choices(&picture, &settings) };
+        let sampling = choices.sampling;
         let whole = Plan::new(&world, &choices)?;
         let kind = match (whole.takes_samples(), whole.is_adaptive()) {
             (false, _) => SamplingKind::Centres,
@@ -156,7 +143,7 @@ impl RenderCache {
         };
         let centres = Choices { sampling: Sampling::default(), ..choices.clone() };
         let job = RenderJob::new(world, recentering, lens, request.size, centres)?;
-        let job = RenderJob { display: settings.display.or(cached.display), ..job };
+        let job = RenderJob { settings: RenderSettings { picture, ..settings }, ..job };
         Ok(Arc::new(Prepared { job, camera, decisions, kind, choices }))
     }
 
@@ -169,21 +156,20 @@ impl RenderCache {
             self.scenes.drain(..self.scenes.len().saturating_sub(MAX_WORLDS - 1));
             let mut scene = opened.scene.clone();
             key.settings.complete(&mut scene, &mut Warnings::default())?;
-            let (sampling, display) = (scene.sampling, scene.display);
-            let light = job::added_light(&scene, &key.settings);
+            let picture = scene.picture;
+            let light = job::added_light(&scene);
             if key.is_below_ground {
                 scene.ground = None;
             }
             let ground = scene.ground.filter(|_| scene.has_key_light);
             let camera = scene.cameras.first().cloned().unwrap_or_else(|| placeholder_camera(&scene));
-            let pipeline = key.settings.colour.unwrap_or_default();
-            let numerics = key.settings.numerics.unwrap_or_default();
+            let (pipeline, numerics) = (picture.pipeline(), picture.numerics.unwrap_or_default());
             let structure = Layout::Wide(key.settings.preset);
             let animation = PreparedAnimation::new(scene, &camera, None, pipeline, structure, numerics)?;
             let height = |y: f64| animation.range().map_or(y, |range| (y - range.middle.y) * range.scale);
             let ground = ground.map(|ground| height(ground.centre.y));
             let animation = Arc::new(animation);
-            self.scenes.push((key.clone(), CachedScene { animation, light, sampling, display, ground }));
+            self.scenes.push((key.clone(), CachedScene { animation, light, picture, ground }));
         }
         Ok(self.scenes[self.scenes.len() - 1].1.clone())
     }
@@ -230,26 +216,39 @@ impl RenderCache {
     }
 }
 
-/// The settings that a world depends on: of the camera, whether it is the files'; of the shading, whether it has lights.
+/// The settings without those that no world depends on: of the camera, it depends on whether it is the files'; of the
+/// shading, on whether it has lights.
 fn key_settings(settings: &RenderSettings) -> RenderSettings {
     let camera = match settings.camera {
         CameraChoice::Default | CameraChoice::Given(_) => CameraChoice::Default,
         CameraChoice::Named(_) => CameraChoice::Named(String::new()),
         CameraChoice::Fitted(_) => CameraChoice::Fitted(StandardView::Auto),
     };
+    let lit =
+        |shading: ShadingMode| if shading.uses_lights() { ShadingMode::Full } else { ShadingMode::Flat };
     RenderSettings {
         camera,
-        shading: if settings.shading.uses_lights() { ShadingMode::Full } else { ShadingMode::Flat },
-        numerics: settings.numerics,
-        colour: settings.colour,
-        preset: settings.preset,
-        transport: settings.transport,
-        environment: settings.environment.clone(),
-        headlight: settings.headlight,
-        ground: settings.ground,
-        background: settings.background,
-        look: settings.look,
-        ..RenderSettings::default()
+        projection: None,
+        longest_side: None,
+        with: Vec::new(),
+        without: Vec::new(),
+        picture: PictureSettings {
+            width: None,
+            height: None,
+            shading: settings.picture.shading.map(lit),
+            clamp: None,
+            samples: None,
+            filter: None,
+            filter_radius: None,
+            noise: None,
+            min_samples: None,
+            seed: None,
+            sampler: None,
+            exposure: None,
+            tone_map: None,
+            ..settings.picture
+        },
+        ..settings.clone()
     }
 }
 

@@ -1,14 +1,13 @@
 //! Instances: a tree over the instances (top level) and one tree over each mesh (bottom level).
 //!
 //! Primitives that are not instanced are in a structure of their own, which is traversed first. A ray passes
-//! [`traverse`] for the top level, [`transform`] into the space of the mesh, and [`traverse`] for the tree of
+//! [`traverse()`] for the top level, [`transform`] into the space of the mesh, and [`traverse()`] for the tree of
 //! [`mesh_bvh`]. Boxes are tested in the space of the mesh, triangles in world space on corners that are transformed
 //! one by one with the arithmetic that transforms a copy, so hits have the bits of a copied mesh. Boxes are enlarged
 //! by all that this arithmetic rounds.
 
 mod mesh_bvh;
 mod transform;
-mod traverse;
 
 use std::cell::Cell;
 use std::collections::HashMap;
@@ -19,16 +18,15 @@ use obvhs::bvh2::node::Bvh2Node;
 
 use super::Preset;
 use super::build::build_nodes;
-use super::{Accelerator, Description, Next, Primitive, Quality, Slot, Traversal};
+use super::traverse::traverse;
+use super::{Accelerator, Description, Next, Primitive, Slot, Traversal};
 use crate::geometry::{
-    Bounds, BoxTest, Corner, Hit, HitBuffer, Numerics, PreparedRay, PrimId, Ray, Rays, SlotId, Stored, Tier,
-    Triangle, prune_distance,
+    Bounds, BoxTest, Corner, Hit, HitBuffer, Mesh, Numerics, Placed, PreparedRay, PrimId, Ray, Rays, SlotId,
+    Stored, Tier, Triangle, prune_distance,
 };
-use crate::geometry::{Mesh, Placed};
 use mesh_bvh::MeshBvh;
 pub use transform::MeshSpace;
 use transform::Transform;
-use traverse::traverse;
 
 /// A mesh with a placement.
 pub struct Instance {
@@ -44,11 +42,11 @@ impl Instance {
         PrimId(self.first.0 + triangle)
     }
 
-    /// The triangles in world space, rounded to the type `C`.
-    pub(super) fn slots<C: Corner>(&self) -> impl Iterator<Item = Slot> {
-        (0..self.placed.triangle_count() as u32).map(|triangle| {
-            let corners = self.placed.corners_of(triangle).map(|corner| C::from_dvec3(corner).to_dvec3());
-            Slot { primitive: Primitive::Triangle(Triangle(corners)), id: self.prim(triangle) }
+    /// The triangles in world space, not rounded.
+    pub(super) fn slots(&self) -> impl Iterator<Item = Slot> {
+        (0..self.placed.triangle_count() as u32).map(|triangle| Slot {
+            primitive: Primitive::Triangle(Triangle(self.placed.corners_of(triangle))),
+            id: self.prim(triangle),
         })
     }
 }
@@ -56,13 +54,6 @@ impl Instance {
 /// Whether a mesh with a placement can be an [`Instance`]: not if the placement is singular or nearly so.
 pub fn can_be_instance(placed: &Placed, space: &MeshSpace, numerics: Numerics) -> bool {
     Transform::new(placed, space, numerics).is_some()
-}
-
-/// The traversal stacks of the two levels.
-#[derive(Debug, Default)]
-pub(crate) struct Stacks {
-    top: Vec<(u32, f32)>,
-    bottom: Vec<(u32, f32)>,
 }
 
 /// An instance prepared for rays.
@@ -140,13 +131,13 @@ impl<T: Tier> Instances<T> {
         traversal: &mut Traversal,
         mut found: impl FnMut(Hit, [T::Corner; 3]) -> Option<f64>,
     ) {
-        let Traversal { instances: Stacks { top, bottom }, tests, .. } = traversal;
+        let Traversal { stack, mesh_stack, tests, .. } = traversal;
         let boxes = T::Boxes::new(ray);
         let mut prepared: Option<T::Prepared> = None;
         let mut count = 0;
         let t_max = Cell::new(t_max);
         let enters = |min: Vec3A, max: Vec3A, t_max: f32| boxes.enters(min, max, t_max);
-        traverse(&self.top, prune_distance(t_max.get()), top, &mut count, enters, |leaf, enter| {
+        traverse(&self.top, prune_distance(t_max.get()), stack, &mut count, enters, |leaf, enter| {
             for &index in &self.order[leaf.start as usize..leaf.end as usize] {
                 let PreparedInstance { instance, transform, mesh, slot } = &self.instances[index as usize];
                 let MeshBvh { mesh, nodes, triangles } = &self.meshes[*mesh as usize];
@@ -175,7 +166,7 @@ impl<T: Tier> Instances<T> {
                     }
                     if t_max.get() < before { Next::Shorten(local()) } else { Next::Continue }
                 };
-                let next = traverse(nodes, local(), bottom, &mut tests.nodes, enters, visit);
+                let next = traverse(nodes, local(), mesh_stack, &mut tests.nodes, enters, visit);
                 if let Next::Stop = next {
                     return Next::Stop;
                 }
@@ -187,11 +178,8 @@ impl<T: Tier> Instances<T> {
 
     /// The closest hit, given that of `flat`.
     fn closest(&self, ray: &Ray, flat: Option<Hit>, traversal: &mut Traversal) -> Option<Hit> {
-        let stored = |hit: Hit| match self.flat.primitive(hit.slot) {
-            Primitive::Triangle(Triangle(corners)) => Stored::Triangle(corners.map(T::Corner::from_dvec3)),
-            Primitive::Analytic(shape) => Stored::Analytic(shape),
-        };
-        let mut best: Option<(Hit, Stored<T::Corner>)> = flat.map(|hit| (hit, stored(hit)));
+        let mut best: Option<(Hit, Stored<T::Corner>)> =
+            flat.map(|hit| (hit, self.flat.primitive(hit.slot).into()));
         let t_max = best.map_or(ray.t_max, |(hit, _)| hit.t);
         self.each_hit(ray, t_max, traversal, |hit, corners| {
             let stored = Stored::Triangle(corners);
@@ -264,11 +252,6 @@ impl<T: Tier> Accelerator for Instances<T> {
 
     fn numerics(&self) -> Numerics {
         T::NUMERICS
-    }
-
-    fn quality(&self) -> Option<Quality> {
-        // Not defined over two levels and a separate structure.
-        None
     }
 
     fn describe(&self) -> Description {

@@ -16,8 +16,7 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::geometry::{Mesh, Placed};
-use crate::geometry::{Numerics, Ray, WidenedBoxTest};
+use crate::geometry::{Mesh, Numerics, Placed, Ray, SingleBoxTest};
 
 /// The space of a mesh's tree: that of the mesh, centred and scaled to coordinates of at most 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -142,7 +141,7 @@ impl Transform {
     ///
     /// Starting there keeps f32 coordinates small.
     #[inline]
-    pub(crate) fn local(&self, ray: &Ray, enter: f32) -> (WidenedBoxTest, f64) {
+    pub(crate) fn local(&self, ray: &Ray, enter: f32) -> (SingleBoxTest, f64) {
         let from = ray.origin - self.origin;
         let direction = self.box_from_world * ray.direction;
         // The error of any tier's box test is half of this.
@@ -151,7 +150,7 @@ impl Transform {
         let start = if before > ray.t_min { before } else { ray.t_min };
         let origin = self.box_from_world * from + direction * start;
         let box_error = self.box_error + self.box_error_per_distance * from.abs().max_element();
-        (WidenedBoxTest::new(origin, direction, box_error), start)
+        (SingleBoxTest::widened(origin, direction, box_error), start)
     }
 }
 

@@ -17,8 +17,7 @@ pub(crate) fn applies<T: Tier>(wide: &Wide<T>) -> bool {
     T::HAS_RAY_N && wide.triangles.len() <= MAX_LEAVES && wide.analytic.len() <= MAX_LEAVES
 }
 
-/// Calls `found` with the index of a ray and each of its hits, until it returns [`Next::Stop`] for that ray. `rays`
-/// must be padded.
+/// Calls `found` with the index of a ray and each of its hits, until it returns [`Next::Stop`] for that ray.
 #[inline(always)]
 pub(crate) fn test<T: Tier, S: Simd>(
     wide: &Wide<T>,

@@ -11,9 +11,7 @@ use crate::bvh::{Accelerator, Description, Next, Primitive, Quality, Traversal};
 #[cfg(target_arch = "x86_64")]
 use crate::geometry::simd::{Avx2, Avx512};
 use crate::geometry::simd::{InstructionSet, Portable, Simd};
-use crate::geometry::{
-    Corner, Hit, HitBuffer, Numerics, PACKET, PrimId, Ray, Rays, SlotId, Stored, Tier, Triangle,
-};
+use crate::geometry::{Hit, HitBuffer, Numerics, PACKET, PrimId, Ray, Rays, SlotId, Tier};
 
 /// Fewer rays are not traced as a packet.
 const MIN_PACKET: usize = 16;
@@ -40,93 +38,115 @@ macro_rules! with {
     };
 }
 
-/// Calls `single::$function` with the instruction set and box test that serve the ray. AVX-512 has nothing for single
-/// rays.
-macro_rules! single {
-    ($function:ident($wide:expr, $ray:expr $(, $argument:expr)*)) => {
-        match $wide.instructions {
-            InstructionSet::Portable => {
-                single::$function::<T, Portable, false>($wide, $ray $(, $argument)*)
-            }
-            #[cfg(target_arch = "x86_64")]
-            _ if has_no_zeros($ray) => single::$function::<T, Avx2, true>($wide, $ray $(, $argument)*),
-            #[cfg(target_arch = "x86_64")]
-            _ => single::$function::<T, Avx2, false>($wide, $ray $(, $argument)*),
-        }
-    };
-}
-
 impl<T: Tier> Accelerator for Wide<T> {
     fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
-        let Traversal { children, tests, .. } = traversal;
-        single!(closest(self, ray, children, tests))
+        let mut best: Option<Hit> = None;
+        one::<T, true>(
+            self,
+            ray,
+            traversal,
+            #[inline(always)]
+            |hit| {
+                if !self.is_better(|| *ray, &hit, best.as_ref()) {
+                    return Next::Continue;
+                }
+                best = Some(hit);
+                Next::Shorten(hit.t)
+            },
+        );
+        best
     }
 
     fn is_occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool {
-        let Traversal { children, tests, .. } = traversal;
-        single!(occluded(self, ray, children, tests))
+        let mut occluded = false;
+        one::<T, false>(
+            self,
+            ray,
+            traversal,
+            #[inline(always)]
+            |_| {
+                occluded = true;
+                Next::Stop
+            },
+        );
+        occluded
     }
 
     fn closest_hits(&self, rays: Rays, hits: &mut HitBuffer, traversal: &mut Traversal) {
-        let mut padded = std::mem::take(&mut traversal.padded);
         for [rays, following] in packets(rays) {
-            let rays = rays.padded(&mut padded);
-            if T::IS_TIGHT
-                && rays.len() >= MIN_PACKET
-                && packet_closest(self, [rays, following], hits, traversal)
+            let (first, may_be_packet) = (hits.len(), may_be_packet::<T>(rays));
+            let Traversal { children, tests, packet, .. } = traversal;
+            if may_be_packet
+                && with!(self.instructions, S => packet::closest::<T, S>(
+                    self, [rays, following], hits, packet.of(), children, tests
+                ))
             {
                 continue;
             }
-            if many_closest(self, rays, hits, traversal) {
-                continue;
+            hits.resize(first + rays.len());
+            let is_done = many(
+                self,
+                rays,
+                traversal,
+                #[inline(always)]
+                |ray, hit| {
+                    if !self.is_better(|| rays.get(ray), &hit, hits.get(first + ray).as_ref()) {
+                        return Next::Continue;
+                    }
+                    hits.set(first + ray, Some(&hit));
+                    Next::Shorten(hit.t)
+                },
+            );
+            if !is_done {
+                for (index, ray) in (first..).zip(rays.iter()) {
+                    hits.set(index, self.closest_hit(&ray, traversal).as_ref());
+                }
             }
-            rays.iter().for_each(|ray| hits.push(self.closest_hit(&ray, traversal).as_ref()));
         }
-        traversal.padded = padded;
     }
 
     fn are_occluded(&self, rays: Rays, occluded: &mut Vec<bool>, traversal: &mut Traversal) {
-        let mut padded = std::mem::take(&mut traversal.padded);
         for [rays, following] in packets(rays) {
-            let rays = rays.padded(&mut padded);
-            if T::IS_TIGHT
-                && rays.len() >= MIN_PACKET
-                && packet_occluded(self, [rays, following], occluded, traversal)
+            let (first, may_be_packet) = (occluded.len(), may_be_packet::<T>(rays));
+            let Traversal { children, tests, packet, .. } = traversal;
+            if may_be_packet
+                && with!(self.instructions, S => packet::occluded::<T, S>(
+                    self, [rays, following], occluded, packet.of(), children, tests
+                ))
             {
                 continue;
             }
-            let first = occluded.len();
             occluded.resize(first + rays.len(), false);
             let of_packet = &mut occluded[first..];
-            if many_occluded(self, rays, of_packet, traversal) {
-                continue;
-            }
-            for (ray, occluded) in rays.iter().zip(of_packet) {
-                *occluded = self.is_occluded(&ray, traversal);
+            let is_done = many(
+                self,
+                rays,
+                traversal,
+                #[inline(always)]
+                |ray, _| {
+                    of_packet[ray] = true;
+                    Next::Stop
+                },
+            );
+            if !is_done {
+                for (ray, occluded) in rays.iter().zip(of_packet) {
+                    *occluded = self.is_occluded(&ray, traversal);
+                }
             }
         }
-        traversal.padded = padded;
     }
 
     fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal) {
         let first = hits.len();
-        {
-            let Traversal { children, tests, .. } = traversal;
-            let mut all = |hits: &mut Vec<Hit>| single!(all(self, ray, hits, children, tests));
-            all(hits);
-        }
-        // A split triangle is in several slots.
-        let mut found = hits.split_off(first);
-        found.sort_unstable_by_key(|hit| hit.prim);
-        found.dedup_by_key(|hit| hit.prim);
-        hits.append(&mut found);
+        one::<T, false>(self, ray, traversal, |hit| {
+            hits.push(hit);
+            Next::Continue
+        });
+        crate::bvh::merge_split(hits, first);
     }
 
     fn primitive(&self, slot: SlotId) -> Primitive {
-        match self.stored(slot) {
-            Stored::Triangle(corners) => Primitive::Triangle(Triangle(corners.map(Corner::to_dvec3))),
-            Stored::Analytic(shape) => Primitive::Analytic(shape),
-        }
+        self.stored(slot).into()
     }
 
     fn numerics(&self) -> Numerics {
@@ -146,79 +166,36 @@ impl<T: Tier> Accelerator for Wide<T> {
     }
 }
 
+/// [`single::traverse`] with the instruction set and box test that serve the ray. AVX-512 has nothing for single rays.
+#[inline(always)]
+fn one<T: Tier, const NEAREST: bool>(
+    wide: &Wide<T>,
+    ray: &Ray,
+    Traversal { children, tests, .. }: &mut Traversal,
+    found: impl FnMut(Hit) -> Next,
+) {
+    match wide.instructions {
+        InstructionSet::Portable => {
+            single::traverse::<T, Portable, false, NEAREST>(wide, ray, children, tests, found);
+        }
+        #[cfg(target_arch = "x86_64")]
+        _ if has_no_zeros(ray) => {
+            single::traverse::<T, Avx2, true, NEAREST>(wide, ray, children, tests, found);
+        }
+        #[cfg(target_arch = "x86_64")]
+        _ => single::traverse::<T, Avx2, false, NEAREST>(wide, ray, children, tests, found),
+    }
+}
+
 /// Packets of rays, each with the one after it.
 fn packets(rays: Rays) -> impl Iterator<Item = [Rays; 2]> {
     let following = rays.chunks(PACKET).skip(1).chain([Rays::default()]);
     rays.chunks(PACKET).zip(following).map(|(rays, following)| [rays, following])
 }
 
-/// [`packet::closest`] with the instruction set of the tree.
-fn packet_closest<T: Tier>(
-    wide: &Wide<T>,
-    rays: [Rays; 2],
-    hits: &mut HitBuffer,
-    traversal: &mut Traversal,
-) -> bool {
-    let Traversal { children, tests, packet, .. } = traversal;
-    with!(wide.instructions, S => packet::closest::<T, S>(wide, rays, hits, packet.of(), children, tests))
-}
-
-/// [`packet::occluded`] with the instruction set of the tree.
-fn packet_occluded<T: Tier>(
-    wide: &Wide<T>,
-    rays: [Rays; 2],
-    occluded: &mut Vec<bool>,
-    traversal: &mut Traversal,
-) -> bool {
-    let Traversal { children, tests, packet, .. } = traversal;
-    with!(wide.instructions, S => packet::occluded::<T, S>(wide, rays, occluded, packet.of(), children, tests))
-}
-
-/// [`many`] for closest hits, which are appended.
-fn many_closest<T: Tier>(
-    wide: &Wide<T>,
-    rays: Rays,
-    hits: &mut HitBuffer,
-    traversal: &mut Traversal,
-) -> bool {
-    let first = hits.len();
-    hits.resize(first + rays.len());
-    let is_done = many(
-        wide,
-        rays,
-        traversal,
-        #[inline(always)]
-        |ray, hit| {
-            if !wide.is_better(|| rays.get(ray), &hit, hits.get(first + ray).as_ref()) {
-                return Next::Continue;
-            }
-            hits.set(first + ray, Some(&hit));
-            Next::Shorten(hit.t)
-        },
-    );
-    if !is_done {
-        hits.resize(first);
-    }
-    is_done
-}
-
-/// [`many`] for any hit.
-fn many_occluded<T: Tier>(
-    wide: &Wide<T>,
-    rays: Rays,
-    occluded: &mut [bool],
-    traversal: &mut Traversal,
-) -> bool {
-    many(
-        wide,
-        rays,
-        traversal,
-        #[inline(always)]
-        |ray, _| {
-            occluded[ray] = true;
-            Next::Stop
-        },
-    )
+/// Whether the tier and the number of rays allow a packet.
+fn may_be_packet<T: Tier>(rays: Rays) -> bool {
+    T::IS_TIGHT && rays.len() >= MIN_PACKET
 }
 
 /// Traces incoherent rays by all pairs or as a stream. `false`, with nothing traced, if the instruction set, the tree

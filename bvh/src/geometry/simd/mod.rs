@@ -153,19 +153,12 @@ pub(crate) trait Vector:
 
 /// A vector of f32 numbers.
 pub(crate) trait Floats: Vector<Scalar = f32> {
-    /// As many integers.
-    type Bits: Copy + Send + Sync + 'static + Index<usize, Output = u32> + IndexMut<usize>;
-
     /// `self * b + c`, rounded once or twice.
     fn mul_add(self, b: Self, c: Self) -> Self;
     /// `self * b - c`, rounded once or twice.
     fn mul_sub(self, b: Self, c: Self) -> Self;
-    /// `a` in the lanes of a mask, `b` in the others.
+    /// `a` in the lanes of a mask, `b` in the others, to the bit.
     fn select(mask: u32, a: Self, b: Self) -> Self;
-    /// One integer in all lanes.
-    fn splat_bits(x: u32) -> Self::Bits;
-    /// Writes `x` to the lanes of a mask.
-    fn store_bits(mask: u32, x: u32, to: &mut Self::Bits);
 }
 
 /// A vector of f64 numbers.
@@ -178,7 +171,12 @@ pub(crate) trait Doubles: Vector<Scalar = f64> {
     /// From f32 numbers, one for each lane.
     fn from_f32(lane: impl Fn(usize) -> f32) -> Self;
     /// From f64 numbers, one for each lane.
-    fn from_f64(lane: impl Fn(usize) -> f64) -> Self;
+    #[inline(always)]
+    fn from_f64(lane: impl Fn(usize) -> f64) -> Self {
+        let mut x = Self::ZEROS;
+        (0..Self::LANES).for_each(|i| x[i] = lane(i));
+        Self::load(x)
+    }
     /// To f32, rounded to nearest.
     fn to_floats(low: Self, high: Self) -> Self::Floats;
     /// The absolute value.
@@ -194,7 +192,7 @@ pub(crate) trait Doubles: Vector<Scalar = f64> {
 /// An instruction set and its vectors.
 pub(crate) trait Simd: Copy + Send + Sync + 'static {
     /// Eight f32 numbers: the children of a node.
-    type F8: Floats<Array = [f32; 8], Bits = [u32; 8]>;
+    type F8: Floats<Array = [f32; 8]>;
     /// Four f64 numbers: the triangles of a leaf, for one ray.
     type D4: Doubles<Array = [f64; 4], Floats = Self::F8>;
     /// f32 numbers of packets: a block of rays.
@@ -281,9 +279,10 @@ mod tests {
         let every_third = 0x9249 & F::ALL;
         let is_third = |lane: usize| lane.is_multiple_of(3);
         assert_lanes(F::select(every_third, x, y), |lane| if is_third(lane) { a[lane] } else { 3.3 });
-        let mut bits = F::splat_bits(5);
-        F::store_bits(every_third, 7, &mut bits);
-        assert!((0..F::LANES).all(|lane| bits[lane] == if is_third(lane) { 7 } else { 5 }));
+        let [nan, tiny] = [u32::MAX - 1, 5];
+        let of_bits = |bits| F::splat(f32::from_bits(bits));
+        let bits = F::select(every_third, of_bits(nan), of_bits(tiny)).array();
+        assert!((0..F::LANES).all(|lane| bits[lane].to_bits() == if is_third(lane) { nan } else { tiny }));
         for (found, term) in [(x.mul_add(y, y).array(), 3.3f32), (x.mul_sub(y, y).array(), -3.3)] {
             for lane in 0..F::LANES {
                 let once = (f64::from(a[lane]) * f64::from(3.3f32) + f64::from(term)) as f32;

@@ -106,8 +106,6 @@ vector!(f32);
 vector!(f64);
 
 impl<const N: usize> Floats for Lanes<f32, N> {
-    type Bits = [u32; N];
-
     #[inline(always)]
     fn mul_add(self, b: Self, c: Self) -> Self {
         self * b + c
@@ -122,20 +120,6 @@ impl<const N: usize> Floats for Lanes<f32, N> {
     fn select(mask: u32, a: Self, b: Self) -> Self {
         Lanes(std::array::from_fn(|lane| if mask >> lane & 1 != 0 { a.0[lane] } else { b.0[lane] }))
     }
-
-    #[inline(always)]
-    fn splat_bits(x: u32) -> [u32; N] {
-        [x; N]
-    }
-
-    #[inline(always)]
-    fn store_bits(mask: u32, x: u32, to: &mut [u32; N]) {
-        for (lane, to) in to.iter_mut().enumerate() {
-            if mask >> lane & 1 != 0 {
-                *to = x;
-            }
-        }
-    }
 }
 
 impl Doubles for Lanes<f64, 4> {
@@ -149,11 +133,6 @@ impl Doubles for Lanes<f64, 4> {
     #[inline(always)]
     fn from_f32(lane: impl Fn(usize) -> f32) -> Self {
         Lanes([0, 1, 2, 3].map(|index| f64::from(lane(index))))
-    }
-
-    #[inline(always)]
-    fn from_f64(lane: impl Fn(usize) -> f64) -> Self {
-        Lanes([0, 1, 2, 3].map(lane))
     }
 
     #[inline(always)]

@@ -8,7 +8,7 @@ use crate::geometry::exact::{TOLERANCE, is_ray, is_within};
 /// The least distance within `t_min < t < t_max` at which the ray meets the sphere.
 #[inline(always)]
 pub(crate) fn hit(ray: &Ray, sphere: &Sphere) -> Option<f64> {
-    // As `Sphere::hit`, with error bounds.
+    // As `Sphere::hit_in_f64`, with error bounds.
     let (d, f) = (ray.direction, ray.origin - sphere.centre);
     let (a, ff, rr) = (d.dot(d), f.dot(f), sphere.radius * sphere.radius);
     let b = -f.dot(d);
@@ -63,22 +63,4 @@ fn roots(ray: &Ray, sphere: &Sphere) -> Option<[Distance; 2]> {
     let (direction, to_centre) = (vector(1), minus(&vector(2), &vector(0)));
     let c = dot(&to_centre, &to_centre) - &numbers[9] * &numbers[9];
     Distance::roots(&dot(&direction, &direction), &dot(&to_centre, &direction), &c)
-}
-
-#[cfg(test)]
-mod tests {
-    use glam::DVec3;
-
-    use super::*;
-
-    #[test]
-    fn a_ray_through_a_sphere_by_hand() {
-        let ray =
-            Ray { origin: DVec3::new(3.0, 0.0, -9.0), direction: DVec3::Z, t_min: 0.0, t_max: f64::INFINITY };
-        let sphere = |radius| Sphere { centre: DVec3::ZERO, radius };
-        let distances = |radius| roots(&ray, &sphere(radius)).map(|r| r.map(|r| r.to_f64()));
-        assert_eq!(distances(5.0), Some([5.0, 13.0]));
-        assert_eq!(distances(3.0), Some([9.0, 9.0]));
-        assert_eq!(distances(3.0f64.next_down()), None);
-    }
 }

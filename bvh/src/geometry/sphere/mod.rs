@@ -11,13 +11,12 @@ mod sampling;
 
 use glam::DVec3;
 
-use super::analytic::Intersector;
 use super::bounds::{DOUBLE_MARGIN, clamp_to_bounds};
 use super::distance::Distance;
 use super::lanes::{HitN, RayN};
 use super::simd::Doubles;
 use super::spawn::SurfacePoint;
-use super::{Bounds, Precision, Ray};
+use super::{Bounds, Numerics, Precision, Ray};
 
 /// A sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,6 +27,7 @@ pub struct Sphere {
     pub radius: f64,
 }
 
+/// The methods are those of [`AnalyticShape`](super::AnalyticShape).
 impl Sphere {
     /// Bounds of the sphere in f64, widened by the rounding of the sums.
     #[inline(always)]
@@ -35,54 +35,46 @@ impl Sphere {
         let reach = DVec3::splat(self.radius) + f64::EPSILON * (self.centre.abs() + self.radius);
         [self.centre - reach, self.centre + reach]
     }
-}
 
-impl Intersector for Sphere {
-    fn name(&self) -> &'static str {
+    pub(super) fn name(&self) -> &'static str {
         "sphere"
     }
 
-    fn bounds(&self) -> Bounds {
+    pub(super) fn bounds(&self) -> Bounds {
         let [min, max] = self.bounds_f64();
         Bounds::rounded_out(min, max)
     }
 
     #[inline(always)]
-    fn bounding_sphere(&self) -> (DVec3, f64) {
+    pub(super) fn bounding_sphere(&self) -> (DVec3, f64) {
         (self.centre, self.radius)
     }
 
-    #[inline(always)]
-    fn is_empty(&self) -> bool {
-        self.radius <= 0.0
-    }
-
     /// The radius is stored in f64 in every tier, but a sphere whose radius rounds to 0 is left out.
-    fn rounded(&self, precision: Precision) -> Option<Self> {
+    pub(super) fn rounded(&self, precision: Precision) -> Option<Self> {
         let centre = self.centre.map(|c| Precision::Double.round(c));
         (precision.round(self.radius) > 0.0).then_some(Sphere { centre, radius: self.radius })
     }
 
-    fn recentred(&self, origin: DVec3, scale: f64) -> Self {
+    pub(super) fn recentred(&self, origin: DVec3, scale: f64) -> Self {
         Sphere { centre: (self.centre - origin) * scale, radius: self.radius * scale }
     }
 
     #[inline(always)]
-    fn hit_fast(&self, ray: &Ray) -> Option<f64> {
-        naive::hit(ray, self)
+    pub(super) fn hit(&self, ray: &Ray, numerics: Numerics) -> Option<f64> {
+        match numerics {
+            Numerics::Naive => naive::hit(ray, self),
+            Numerics::Watertight | Numerics::Double => self.hit_in_f64(ray),
+            Numerics::Exact => exact::hit(ray, self),
+        }
     }
 
-    #[inline(always)]
-    fn hit_exact(&self, ray: &Ray) -> Option<f64> {
-        exact::hit(ray, self)
-    }
-
-    fn exact_distance(&self, ray: &Ray) -> Option<Distance> {
+    pub(super) fn exact_distance(&self, ray: &Ray) -> Option<Distance> {
         exact::distance(ray, self)
     }
 
     #[inline(always)]
-    fn hit(&self, ray: &Ray) -> Option<f64> {
+    fn hit_in_f64(&self, ray: &Ray) -> Option<f64> {
         let (d, f) = (ray.direction, ray.origin - self.centre);
         let a = d.dot(d);
         let b = -f.dot(d);
@@ -99,16 +91,16 @@ impl Intersector for Sphere {
         within(t0.min(t1)).or_else(|| within(t0.max(t1)))
     }
 
-    /// The same operations in the same order as [`Sphere::hit`].
+    /// The same operations in the same order as `hit_in_f64`.
     #[inline(always)]
-    fn hit_n<D: Doubles>(&self, rays: &RayN<D>) -> HitN<D> {
+    pub(super) fn hit_n<D: Doubles>(&self, rays: &RayN<D>) -> HitN<D> {
         let (d, centre) = (rays.direction, self.centre.to_array());
         let mut f = rays.origin;
         for (f, centre) in f.iter_mut().zip(centre) {
             *f = *f - D::splat(centre);
         }
         let a = dot(&d, &d);
-        // Times -1 instead of subtracted from 0: `hit` gets -0 for 0.
+        // Times -1 instead of subtracted from 0: `hit_in_f64` gets -0 for 0.
         let b = dot(&f, &d) * D::splat(-1.0);
         let share = b / a;
         let mut nearest = f;
@@ -124,7 +116,7 @@ impl Intersector for Sphere {
         let q = b + (a * discriminant).sqrt().copysign(b);
         let c = dot(&f, &f) - square;
         let (t0, t1) = (c / q, q / a);
-        // NaN roots have no order, and zero direction components give no distances: both are left to `hit`.
+        // NaN roots have no order, and zero direction components give no distances: both are left to it.
         let mut sure = t0.le(t1) | t1.le(t0);
         // As `clamp_to_bounds`.
         let [min, max] = self.bounds_f64();
@@ -161,24 +153,24 @@ impl Intersector for Sphere {
     }
 
     #[inline(always)]
-    fn surface(&self, point: DVec3) -> (SurfacePoint, DVec3) {
+    pub(super) fn surface(&self, point: DVec3) -> (SurfacePoint, DVec3) {
         let normal = (point - self.centre).try_normalize().unwrap_or(DVec3::Y);
         (SurfacePoint::new(self.centre + normal * self.radius, self.centre.abs() + self.radius), normal)
     }
 
-    fn area(&self) -> f64 {
+    pub(super) fn area(&self) -> f64 {
         4.0 * std::f64::consts::PI * self.radius * self.radius
     }
 
-    fn solid_angle(&self, from: DVec3) -> f64 {
+    pub(super) fn solid_angle(&self, from: DVec3) -> f64 {
         sampling::solid_angle(self, from)
     }
 
-    fn sample_solid_angle(&self, from: DVec3, numbers: [f64; 2]) -> Option<(DVec3, f64)> {
+    pub(super) fn sample_solid_angle(&self, from: DVec3, numbers: [f64; 2]) -> Option<(DVec3, f64)> {
         sampling::sample(self, from, numbers)
     }
 
-    fn normal_derivative(&self, _: DVec3, step: DVec3) -> DVec3 {
+    pub(super) fn normal_derivative(&self, _: DVec3, step: DVec3) -> DVec3 {
         step * (1.0 / self.radius)
     }
 }
@@ -186,122 +178,4 @@ impl Intersector for Sphere {
 #[inline(always)]
 fn dot<D: Doubles>([ax, ay, az]: &[D; 3], [bx, by, bz]: &[D; 3]) -> D {
     *ax * *bx + *ay * *by + *az * *bz
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geometry::Precision;
-    #[cfg(target_arch = "x86_64")]
-    use crate::geometry::simd::{Avx2, Avx512};
-    use crate::geometry::simd::{Portable, Simd, Vector};
-    use crate::geometry::{RayBuffer, Rays};
-
-    fn hit(sphere: &Sphere, origin: DVec3, direction: DVec3) -> Option<f64> {
-        sphere.hit(&Precision::Single.ray(origin, direction, 0.0, f64::INFINITY))
-    }
-
-    const BALL: Sphere = Sphere { centre: DVec3::new(0.0, 0.0, 5.0), radius: 2.0 };
-
-    #[test]
-    fn near_root_from_outside_far_root_from_inside_none_behind() {
-        assert_eq!(hit(&BALL, DVec3::ZERO, DVec3::Z), Some(3.0));
-        assert_eq!(hit(&BALL, DVec3::new(0.0, 0.0, 5.0), DVec3::Z), Some(2.0));
-        assert_eq!(hit(&BALL, DVec3::new(0.0, 0.0, 9.0), DVec3::Z), None);
-        // 3-4-5: passing 1.2 from the centre, the half chord is 1.6.
-        let t = hit(&BALL, DVec3::new(f64::from(1.2f32), 0.0, 0.0), DVec3::Z).unwrap();
-        let exact = 5.0 - (4.0 - f64::from(1.2f32).powi(2)).sqrt();
-        assert!((t - exact).abs() < 4.0 * f64::EPSILON * exact);
-    }
-
-    #[test]
-    fn grazing_counts_once_and_beyond_misses() {
-        assert_eq!(hit(&BALL, DVec3::new(2.0, 0.0, 0.0), DVec3::Z), Some(5.0));
-        assert_eq!(hit(&BALL, DVec3::new(f64::from(2.0f32.next_up()), 0.0, 0.0), DVec3::Z), None);
-        assert!(hit(&BALL, DVec3::new(f64::from(2.0f32.next_down()), 0.0, 0.0), DVec3::Z).is_some());
-    }
-
-    #[test]
-    fn a_ray_that_starts_on_the_surface_and_leaves_does_not_hit() {
-        assert_eq!(hit(&BALL, DVec3::new(0.0, 0.0, 3.0), -DVec3::Z), None);
-        assert_eq!(hit(&BALL, DVec3::new(0.0, 0.0, 3.0), DVec3::Z), Some(4.0));
-    }
-
-    /// Compares [`Sphere::hit_n`] with [`Sphere::hit`] bit by bit.
-    fn each_is_as_one<S: Simd>(sphere: &Sphere, rays: Rays) {
-        for group in rays.chunks(S::D::LANES) {
-            let hits = S::run(
-                #[inline(always)]
-                || sphere.hit_n(&group.lanes::<S::D>(0)),
-            );
-            for (lane, ray) in group.iter().enumerate() {
-                if hits.undecided >> lane & 1 == 0 {
-                    let found = (hits.hit >> lane & 1 != 0).then_some(hits.t[lane]);
-                    assert_eq!(
-                        found.map(f64::to_bits),
-                        sphere.hit(&ray).map(f64::to_bits),
-                        "{sphere:?} {ray:?}"
-                    );
-                } else {
-                    let d = ray.direction;
-                    assert!(
-                        d.cmpeq(DVec3::ZERO).any() || (ray.origin - sphere.centre).dot(d) == 0.0,
-                        "{ray:?}"
-                    );
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn several_rays_get_the_bits_of_one() {
-        let mut state = 1u64;
-        let mut unit = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
-        };
-        for (size, away) in [(1.0, 0.0), (1e-4, 1e4), (1e5, 1.0), (1.0, 3.0)] {
-            let sphere = Sphere { centre: DVec3::new(unit(), unit(), unit()) * away, radius: size };
-            let mut rays = RayBuffer::default();
-            for i in 0..4000 {
-                let mut vector = || DVec3::new(unit(), unit(), unit());
-                let (on, other) = (vector().normalize() * size, vector().normalize() * size);
-                // From outside, from inside, from the surface, from near it and from the centre; through it, beside
-                // it, along it.
-                let origin = sphere.centre + on * [3.0, 0.5, 1.0, 1.0 + 1e-9, 0.0, 1e3][i % 6];
-                let towards = sphere.centre + other * [0.7, 1.0, 1.5, 1.0 + 1e-12][i / 6 % 4] - origin;
-                let mut direction = if i % 5 == 0 { on.cross(other) } else { towards }.normalize_or(DVec3::X);
-                if i % 7 == 0 {
-                    direction[i % 3] = 0.0;
-                }
-                let precision = [Precision::Single, Precision::Double][i % 2];
-                let ends = [(0.0, f64::INFINITY), (0.0, 2.0 * size), (1.5 * size, 3.0 * size)][i % 3];
-                rays.push(&precision.ray(origin, direction, ends.0, ends.1));
-            }
-            each_is_as_one::<Portable>(&sphere, rays.rays());
-            #[cfg(target_arch = "x86_64")]
-            if Avx2::is_supported() {
-                each_is_as_one::<Avx2>(&sphere, rays.rays());
-            }
-            #[cfg(target_arch = "x86_64")]
-            if Avx512::is_supported() {
-                each_is_as_one::<Avx512>(&sphere, rays.rays());
-            }
-        }
-    }
-
-    #[test]
-    fn small_and_far_is_decided_right() {
-        // Radius 1e-3 at a distance of 1e4: the f32 textbook form gets 37 % of such rays wrong.
-        let speck = Sphere { centre: DVec3::new(0.0, 0.0, 1e4), radius: f64::from(1e-3f32) };
-        for share in [0.0f64, 0.5, 0.999, 1.001, 2.0] {
-            let x = f64::from((share * speck.radius) as f32);
-            let found = hit(&speck, DVec3::new(x, 0.0, 0.0), DVec3::Z);
-            assert_eq!(found.is_some(), share < 1.0, "{share}");
-            if let Some(t) = found {
-                let exact = 1e4 - (speck.radius * speck.radius - x * x).sqrt();
-                assert!((t - exact).abs() <= 2.0 * f64::EPSILON * exact);
-            }
-        }
-    }
 }

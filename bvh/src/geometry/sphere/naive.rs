@@ -2,7 +2,7 @@
 
 use super::Sphere;
 use crate::geometry::naive::{FastTest, within};
-use crate::geometry::{Intersector, PreparedRay, Ray};
+use crate::geometry::{PreparedRay, Ray};
 
 /// The least distance within `t_min < t < t_max` at which the ray meets the sphere.
 #[inline(always)]

@@ -3,10 +3,11 @@
 use serde_json::{Map, Value, json};
 
 use super::Report;
+use crate::bench::Unavailable;
 use crate::bench::speed::{Kind, SpeedRow};
-use crate::bench::{Clock, Unavailable};
+use crate::timing::Clock;
 
-/// One row per contender, and one with a reason per unavailable library.
+/// One row per engine, and one with a reason per unavailable library.
 pub(crate) fn rows(report: &Report) -> Value {
     let measured = report.rows.iter().map(|row| measured(row, report));
     measured.chain(report.absent.iter().map(skipped)).collect()

@@ -8,17 +8,16 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 
-use super::super::arguments::{ReadingArguments, inputs_help};
+use super::super::arguments::inputs_help;
 use super::super::{WarningPrinter, pool, print};
 use super::with_progress;
 use crate::bench::generate::Family;
-use crate::bench::speed::{
-    self, RaySets, Settings, SpeedRow, ViewSetup, Viewpoint, contenders, measure, page,
-};
-use crate::bench::{Mesh, Unavailable};
+use crate::bench::speed::{self, RaySets, Settings, SpeedRow, ViewSetup, Viewpoint, engines, measure, page};
+use crate::bench::{Engine, Label, Mesh, Unavailable};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::write_whole;
 use crate::import;
+use crate::scene::ImportOptions;
 use crate::world::recenter;
 
 #[derive(Args)]
@@ -27,7 +26,7 @@ pub(crate) struct Arguments {
     #[arg(value_name = "INPUT", help = format!("{}; a bumpy sphere, if not given", inputs_help("Files to put into one scene")))]
     inputs: Vec<PathBuf>,
     #[command(flatten)]
-    pub reading: ReadingArguments,
+    pub import: ImportOptions,
     /// Rounds that count, after one to warm up; in each of them all engines take turns
     #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 5, value_parser = crate::cli::numbers::whole(1..=1000u32))]
     runs: u32,
@@ -66,13 +65,13 @@ pub(crate) struct Report<'a> {
 }
 
 pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
-    let (contenders, absent) = chosen(&arguments.engine, usize::from(arguments.threads))?;
+    let (engines, absent) = chosen(&arguments.engine, usize::from(arguments.threads))?;
     let (mesh, setup) = subject(arguments)?;
     let timed = pool(Some(arguments.threads))?;
     let rows = with_progress(None, "timing", interrupted, |control| {
         let ray_sets = RaySets::new(&mesh, &setup);
         let settings = Settings { runs: arguments.runs, pool: &timed, check: true };
-        measure(&contenders, &mesh, &ray_sets, &settings, control)
+        measure(&engines, &mesh, &ray_sets, &settings, control)
     })?;
     let subject = name(arguments);
     let report = Report { rows: &rows, absent: &absent, subject: &subject, runs: arguments.runs };
@@ -103,7 +102,7 @@ fn subject(arguments: &Arguments) -> Result<(Mesh, ViewSetup)> {
         return Ok((mesh, setup));
     }
     let mut warnings = Warnings::default();
-    let mut scene = import::load_with(&arguments.inputs, &arguments.reading.options(), &mut warnings)?;
+    let mut scene = import::load_with(&arguments.inputs, &arguments.import, &mut warnings)?;
     recenter(&mut scene);
     let triangles = speed::triangles(&scene);
     if triangles.spheres > 0 {
@@ -119,11 +118,11 @@ fn subject(arguments: &Arguments) -> Result<(Mesh, ViewSetup)> {
     Ok((triangles.mesh, setup))
 }
 
-pub(crate) type Chosen = (Vec<Box<dyn speed::Contender>>, Vec<Unavailable>);
+pub(crate) type Chosen = (Vec<Engine>, Vec<Unavailable>);
 
-/// Contenders selected by name: `kiln`, or `kiln/bvh2/exact` for a layout and tier; all without a name.
+/// Engines selected by name: `kiln`, or `kiln/bvh2/exact` for a layout and tier; all without a name.
 pub(crate) fn chosen(typed: &[String], threads: usize) -> Result<Chosen> {
-    let (mut present, mut absent) = contenders(threads);
+    let (mut present, mut absent) = engines(threads);
     if typed.is_empty() {
         return Ok((present, absent));
     }
@@ -133,17 +132,17 @@ pub(crate) fn chosen(typed: &[String], threads: usize) -> Result<Chosen> {
         {
             return Err(Error::Failed { what: format!("{name}: {reason}"), hint: (*remedy).into() });
         }
-        if !present.iter().any(|contender| is_selected(&contender.label(), name)) {
+        if !present.iter().any(|engine| is_selected(&engine.label, name)) {
             let hint = format!("engines are {}; without --engine, all are listed", speed::NAMES.join(", "));
             return Err(Error::usage(format!("no engine is called `{name}`"), hint));
         }
     }
-    present.retain(|contender| typed.iter().any(|name| is_selected(&contender.label(), name)));
+    present.retain(|engine| typed.iter().any(|name| is_selected(&engine.label, name)));
     absent.clear();
     Ok((present, absent))
 }
 
-fn is_selected(label: &speed::Label, name: &str) -> bool {
+fn is_selected(label: &Label, name: &str) -> bool {
     let mut parts = name.split('/');
     let known = [Some(label.layout), label.tier, label.preset];
     parts.next() == Some(label.engine) && parts.all(|part| known.contains(&Some(part)))

@@ -4,10 +4,11 @@ use std::fmt::Write;
 
 use super::super::{aligned, grouped, three_digits};
 use super::Report;
+use crate::bench::Unavailable;
 use crate::bench::speed::{Kind, SpeedRow, best};
-use crate::bench::{Clock, Spread, Unavailable};
+use crate::timing::{Clock, Spread};
 
-/// Tables of throughput, of build and memory, and of the fastest contenders.
+/// Tables of throughput, of build and memory, and of the fastest engines.
 pub(crate) fn tables(report: &Report) -> String {
     let mut text = String::new();
     if let Some(row) = report.rows.first() {

@@ -24,7 +24,7 @@ type Members = Range<u32>;
 pub(crate) fn convert<T: Tier>(
     tree: &Bvh2,
     of_slot: &[u32],
-    slots: &[StoredSlot<T>],
+    slots: &[StoredSlot<T::Corner>],
     instructions: InstructionSet,
 ) -> Wide<T> {
     let mut wide = Wide {
@@ -70,7 +70,7 @@ fn write_nodes<T: Tier>(
     wide: &mut Wide<T>,
     entries: &[Entry],
     members: &[u32],
-    slots: &[StoredSlot<T>],
+    slots: &[StoredSlot<T::Corner>],
 ) -> Vec<Members> {
     let collapse = Collapse::new(entries);
     // The usual size of meshes; the lists grow if necessary.
@@ -131,12 +131,12 @@ fn in_order(slots: &[u32], members: Members) -> ([u32; LANES4], usize) {
 }
 
 impl<C: Corner> TriangleLeaf<C> {
-    fn new<T: Tier<Corner = C>>((members, count): ([u32; LANES4], usize), slots: &[StoredSlot<T>]) -> Self {
+    fn new((members, count): ([u32; LANES4], usize), slots: &[StoredSlot<C>]) -> Self {
         let mut leaf = TriangleLeaf { corners: Triangle4::EMPTY, ids: [NO_PRIMITIVE; LANES4] };
         for (lane, &slot) in members[..count].iter().enumerate() {
             let StoredSlot { primitive, id } = &slots[slot as usize];
             if let Stored::Triangle(corners) = primitive {
-                leaf.corners.set(lane, Some(corners));
+                leaf.corners.set(lane, corners);
                 leaf.ids[lane] = id.0;
             }
         }

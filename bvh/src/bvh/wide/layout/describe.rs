@@ -2,18 +2,13 @@
 
 use super::{Content, Node, TriangleLeaf, WIDTH, Wide};
 use crate::bvh::{Description, Quality, VisitedNode, compiled_isa, quality};
-use crate::geometry::{AnalyticShape, Bounds, NO_PRIMITIVE, PrimId, Tier};
+use crate::geometry::{AnalyticShape, NO_PRIMITIVE, PrimId, Tier};
 
 impl<T: Tier> Wide<T> {
     /// See [`Accelerator::quality`](crate::bvh::Accelerator::quality).
     pub(crate) fn measure(&self) -> Option<Quality> {
         // Nodes are numbered by their index, leaves by the number of nodes plus their node's index and place.
         let nodes = self.nodes.len();
-        let area = |index: usize| -> f64 {
-            let node = &self.nodes[index];
-            let whole = node.places().map(|place| node.bounds(place)).reduce(Bounds::union);
-            whole.map_or(0.0, |b| f64::from(b.half_area()))
-        };
         let visit = |index: usize, children: &mut Vec<usize>| {
             if index < nodes {
                 let node = &self.nodes[index];
@@ -21,7 +16,7 @@ impl<T: Tier> Wide<T> {
                     Content::Node(child) => child as usize,
                     _ => nodes + index * WIDTH + place,
                 }));
-                return VisitedNode { area: area(index), primitives: 0 };
+                return VisitedNode { area: f64::from(node.whole().half_area()), primitives: 0 };
             }
             let (node, place) = (&self.nodes[(index - nodes) / WIDTH], (index - nodes) % WIDTH);
             let primitives = match node.children[place].content() {

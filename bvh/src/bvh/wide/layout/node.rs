@@ -152,6 +152,14 @@ impl Node {
         Bounds { min: side(0), max: side(1) }
     }
 
+    /// The bounds of all children.
+    pub(crate) fn whole(&self) -> Bounds {
+        let least = |axis: usize| self.planes[axis][0].into_iter().fold(f32::INFINITY, f32::min);
+        let greatest = |axis: usize| self.planes[axis][1].into_iter().fold(f32::NEG_INFINITY, f32::max);
+        let [min, max] = [[0, 1, 2].map(least), [0, 1, 2].map(greatest)];
+        Bounds { min: min.into(), max: max.into() }
+    }
+
     /// The occupied places.
     pub(crate) fn places(&self) -> impl Iterator<Item = usize> {
         let present = self.present;

@@ -132,27 +132,11 @@ mod tests {
     /// The tree ((8 7) (6 5)) ((4 3) (2 (1 0))) of primitive indices, level by level. The bounds of node i have
     /// length i.
     fn preorder(is_analytic: impl Fn(u32) -> bool) -> Preorder {
-        let inner = |first: u32| Bvh2Node { first_index: first, ..Bvh2Node::default() };
-        let leaf = |index: u32| Bvh2Node { prim_count: 1, first_index: index, ..Bvh2Node::default() };
-        let nodes = vec![
-            inner(1),
-            inner(3),
-            inner(5),
-            inner(7),
-            inner(9),
-            inner(11),
-            inner(13),
-            leaf(8),
-            leaf(7),
-            leaf(6),
-            leaf(5),
-            leaf(4),
-            leaf(3),
-            leaf(2),
-            inner(15),
-            leaf(1),
-            leaf(0),
-        ];
+        // The first child of a node, or minus 1 minus the primitive of a leaf.
+        let nodes = [1i32, 3, 5, 7, 9, 11, 13, -9, -8, -7, -6, -5, -4, -3, 15, -2, -1].map(|first| {
+            let (first_index, prim_count) = if first > 0 { (first as u32, 0) } else { (!first as u32, 1) };
+            Bvh2Node { first_index, prim_count, ..Bvh2Node::default() }
+        });
         let boxed = |(number, node): (u8, Bvh2Node)| Bvh2Node { max: Vec3::splat(number.into()), ..node };
         let nodes = (0..).zip(nodes).map(boxed).collect();
         let tree = Bvh2 { nodes, primitive_indices: (0..9).collect(), ..Bvh2::default() };

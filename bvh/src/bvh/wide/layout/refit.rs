@@ -14,22 +14,12 @@ use crate::geometry::{AnalyticShape, Bounds, Corner, NO_PRIMITIVE, PrimId, Tier,
 /// Inverted bounds: those of nothing.
 const NOTHING: Bounds = Bounds { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
-/// What moving the primitives changed.
-struct Moved {
-    /// The bounds of triangle leaves.
-    triangles: Vec<Bounds>,
-    /// The bounds of analytic shapes.
-    shapes: Vec<Bounds>,
-    /// Whether a triangle became an analytic shape, or an analytic shape a triangle.
-    is_other_kind: bool,
-}
-
 impl<T: Tier> Wide<T> {
     /// See [`Accelerator::refit`](crate::bvh::Accelerator::refit).
     pub(crate) fn refit_to(&mut self, primitive: &(dyn Fn(PrimId) -> Primitive + Sync)) -> Option<f64> {
         let before = self.cost_at_build.unwrap_or_else(|| self.cost());
         self.cost_at_build = Some(before);
-        let Moved { triangles, shapes, is_other_kind } = self.move_primitives(primitive);
+        let (triangles, shapes, is_other_kind) = self.move_primitives(primitive);
         // Every node stands before its descendants.
         for index in (0..self.nodes.len()).rev() {
             for place in 0..WIDTH {
@@ -39,7 +29,7 @@ impl<T: Tier> Wide<T> {
                 let child = self.nodes[index].children[place];
                 let b = match child.content() {
                     Content::Node(child) => match self.nodes.get(child as usize) {
-                        Some(node) => whole(node),
+                        Some(node) => node.whole(),
                         // A place that was always empty.
                         None => continue,
                     },
@@ -60,8 +50,12 @@ impl<T: Tier> Wide<T> {
         Some(if before > 0.0 && after > 0.0 { after / before } else { 1.0 })
     }
 
-    /// Writes the new primitives.
-    fn move_primitives(&mut self, primitive: &(dyn Fn(PrimId) -> Primitive + Sync)) -> Moved {
+    /// Writes the new primitives. Returns the bounds of triangle leaves and of analytic shapes, and whether a triangle
+    /// became an analytic shape, or an analytic shape a triangle.
+    fn move_primitives(
+        &mut self,
+        primitive: &(dyn Fn(PrimId) -> Primitive + Sync),
+    ) -> (Vec<Bounds>, Vec<Bounds>, bool) {
         let precision = T::NUMERICS.precision();
         let is_other_kind = AtomicBool::new(false);
         let now = |id: PrimId| primitive(id).rounded(precision);
@@ -76,7 +70,7 @@ impl<T: Tier> Wide<T> {
                     Some(Primitive::Triangle(Triangle(corners))) => {
                         let corners = corners.map(T::Corner::from_dvec3);
                         whole = whole.union(T::Corner::bounds(&corners));
-                        leaf.corners.set(lane, Some(&corners));
+                        leaf.corners.set(lane, &corners);
                     }
                     Some(Primitive::Analytic(_)) | None => is_other_kind.store(true, Ordering::Relaxed),
                 }
@@ -95,7 +89,7 @@ impl<T: Tier> Wide<T> {
                 Some(Primitive::Triangle(_)) => is_other_kind.store(true, Ordering::Relaxed),
             }
         }
-        Moved { triangles, shapes, is_other_kind: is_other_kind.into_inner() }
+        (triangles, shapes, is_other_kind.into_inner())
     }
 
     /// The expected number of nodes and leaves entered by a random line through the root (the surface area heuristic,
@@ -105,19 +99,11 @@ impl<T: Tier> Wide<T> {
             let size = (b.max.as_dvec3() - b.min.as_dvec3()).max(glam::DVec3::ZERO);
             size.x * size.y + size.y * size.z + size.z * size.x
         };
-        let root = self.nodes.first().map_or(0.0, |root| area(whole(root)));
+        let root = self.nodes.first().map_or(0.0, |root| area(root.whole()));
         if root <= 0.0 {
             return 0.0;
         }
         let of_node = |node: &Node| -> f64 { node.places().map(|place| area(node.bounds(place))).sum() };
         1.0 + self.nodes.iter().map(of_node).sum::<f64>() / root
     }
-}
-
-/// The bounds of all children of a node.
-fn whole(node: &Node) -> Bounds {
-    let least = |axis: usize| node.planes[axis][0].into_iter().fold(f32::INFINITY, f32::min);
-    let greatest = |axis: usize| node.planes[axis][1].into_iter().fold(f32::NEG_INFINITY, f32::max);
-    let [min, max] = [[0, 1, 2].map(least), [0, 1, 2].map(greatest)];
-    Bounds { min: min.into(), max: max.into() }
 }

@@ -112,17 +112,18 @@ impl Frustum {
         }
         let shear = [0, 1].map(|k| direction[axes[k]] / length[depth]);
         packet.blocks = rays.len().div_ceil(S::F::LANES);
-        let extent = packet.project_parallel(rays, apex.to_array(), axes, flipped, shear);
+        let (intervals, min_depth, reach) =
+            packet.project_parallel(rays, apex.to_array(), axes, flipped, shear);
         let frustum = Frustum {
             axes,
             flipped,
             apex: apex.to_array(),
             spread: 0.0,
             apex_bounds: apex.to_array().map(|x| [round_down(x), round_up(x)]),
-            intervals: extent.intervals.map(|[least, most]| [round_down(least), round_up(most)]),
+            intervals: intervals.map(|[least, most]| [round_down(least), round_up(most)]),
             shear: Some(shear),
-            reach: extent.reach,
-            min_depth: round_down(extent.min_depth),
+            reach,
+            min_depth: round_down(min_depth),
             max_depth: f32::INFINITY,
             inner_depth: f32::INFINITY,
         };

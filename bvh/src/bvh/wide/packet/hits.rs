@@ -16,8 +16,8 @@ pub(crate) struct BestHits<S: Simd> {
     near: [OfBlock<S>; BLOCKS],
     /// Upper bounds of the depths of the best hits.
     pub far: [OfBlock<S>; BLOCKS],
-    /// The slot of an unresolved triangle, [`RESOLVED`] or [`NONE`].
-    slots: [<S::F as Floats>::Bits; BLOCKS],
+    /// The slot of an unresolved triangle, [`RESOLVED`] or [`NONE`], as the bits of an f32: selected as depths are.
+    slots: [OfBlock<S>; BLOCKS],
     /// The resolved hits.
     hits: Vec<Hit>,
 }
@@ -44,7 +44,7 @@ impl<S: Simd> Default for BestHits<S> {
         BestHits {
             near: [S::F::ZEROS; BLOCKS],
             far: [S::F::ZEROS; BLOCKS],
-            slots: [S::F::splat_bits(NONE); BLOCKS],
+            slots: [S::F::splat(f32::from_bits(NONE)).array(); BLOCKS],
             hits: vec![nothing; PACKET],
         }
     }
@@ -60,7 +60,7 @@ impl<S: Simd> BestHits<S> {
             self.near[block] = (near - spread).array();
             self.far[block] = (far + spread).array();
         }
-        self.slots[..rays.blocks].fill(S::F::splat_bits(NONE));
+        self.slots[..rays.blocks].fill(S::F::splat(f32::from_bits(NONE)).array());
     }
 
     /// The rays of a block for which a triangle between two depths is certainly nearer than the best hit, and those
@@ -75,7 +75,8 @@ impl<S: Simd> BestHits<S> {
     pub(crate) fn set_unresolved(&mut self, block: usize, rays: u32, slot: u32, [near, far]: [S::F; 2]) {
         self.near[block] = S::F::select(rays, near, S::F::load(self.near[block])).array();
         self.far[block] = S::F::select(rays, far, S::F::load(self.far[block])).array();
-        S::F::store_bits(rays, slot, &mut self.slots[block]);
+        let slot = S::F::splat(f32::from_bits(slot));
+        self.slots[block] = S::F::select(rays, slot, S::F::load(self.slots[block])).array();
     }
 
     /// Makes every further hit of some rays of a block too far.
@@ -96,14 +97,14 @@ impl<S: Simd> BestHits<S> {
     /// Replaces the unresolved best hit of a ray by the tier's hit on the same triangle.
     #[inline(always)]
     pub(crate) fn resolve(&mut self, ray: usize, hit: &Hit) {
-        self.slots[ray / S::F::LANES % BLOCKS][ray % S::F::LANES] = RESOLVED;
+        self.slots[ray / S::F::LANES % BLOCKS][ray % S::F::LANES] = f32::from_bits(RESOLVED);
         self.hits[ray] = *hit;
     }
 
     /// The slot of a ray; see [`is_unresolved`].
     #[inline(always)]
     pub(crate) fn slot(&self, ray: usize) -> u32 {
-        self.slots[ray / S::F::LANES % BLOCKS][ray % S::F::LANES]
+        self.slots[ray / S::F::LANES % BLOCKS][ray % S::F::LANES].to_bits()
     }
 
     /// The best hit of a ray.

@@ -8,7 +8,8 @@ use crate::geometry::{PACKET, Rays};
 /// The most blocks per packet. A block has a ray for each lane of [`Simd::F`], 8 at least.
 pub(crate) const BLOCKS: usize = PACKET / 8;
 
-/// Rays in blocks, one array per quantity. Lanes beyond the last ray repeat it, but for `ends`, which a packet sets.
+/// Rays in blocks, one array per quantity. Lanes beyond the last ray hold others ([`Rays`]), but for `ends`, which a
+/// packet sets.
 #[repr(C, align(64))]
 pub(crate) struct PacketRays<S: Simd> {
     /// u, v and depth per unit of t of every ray.
@@ -56,16 +57,6 @@ impl<D: Doubles> Extent<D> {
         }
         extent
     }
-}
-
-/// Bounds of parallel rays, for a [`Frustum`](super::frustum::Frustum).
-pub(crate) struct ParallelExtent {
-    /// Bounds of u and v.
-    pub intervals: [[f64; 2]; 2],
-    /// A lower bound of the depths of origins.
-    pub min_depth: f64,
-    /// A bound on coordinates of origins relative to the apex, and on how far the shear moves them.
-    pub reach: f64,
 }
 
 /// What the rays of a packet have in common.
@@ -142,7 +133,8 @@ impl<S: Simd> PacketRays<S> {
     }
 
     /// [`PacketRays::project`] for parallel rays, also loading their ends: u and v are where a ray crosses the plane of
-    /// depth 0. Depth per unit of t is left out.
+    /// depth 0. Depth per unit of t is left out. Returns bounds of u and v, a lower bound of the depths of origins, and
+    /// a bound on coordinates of origins relative to the apex and on how far the shear moves them.
     #[inline(always)]
     pub(crate) fn project_parallel(
         &mut self,
@@ -151,7 +143,7 @@ impl<S: Simd> PacketRays<S> {
         axes: [usize; 3],
         flipped: bool,
         shear: [f64; 2],
-    ) -> ParallelExtent {
+    ) -> ([[f64; 2]; 2], f64, f64) {
         let (slack, zero) = (S::D::splat(SLACK), S::D::splat(0.0));
         let [infinity, nothing] = [S::D::splat(f64::INFINITY), S::D::splat(f64::NEG_INFINITY)];
         let (mut intervals, mut min_depth, mut reach) = ([[infinity, nothing]; 2], infinity, zero);
@@ -185,15 +177,8 @@ impl<S: Simd> PacketRays<S> {
             self.starts[block] = S::D::to_floats(starts[0], starts[1]).array();
             self.ends[block] = S::D::to_floats(ends[0], ends[1]).array();
         }
-        let [[u_least, u_most], [v_least, v_most]] = intervals;
-        ParallelExtent {
-            intervals: [
-                [u_least.reduce_min(), u_most.reduce_max()],
-                [v_least.reduce_min(), v_most.reduce_max()],
-            ],
-            min_depth: min_depth.reduce_min(),
-            reach: reach.reduce_max(),
-        }
+        let intervals = intervals.map(|[least, most]| [least.reduce_min(), most.reduce_max()]);
+        (intervals, min_depth.reduce_min(), reach.reduce_max())
     }
 
     /// Depths before and beyond `t_max` of the rays of a block; without `t_max`, infinite. Where rays are parallel,
@@ -280,8 +265,8 @@ mod tests {
         let endless = Ray { origin: DVec3::ZERO, direction: DVec3::Z, t_min: 0.0, t_max: f64::INFINITY };
         let askew = Ray { direction: DVec3::new(0.6, 0.0, 0.8), ..endless };
         let mut packet = PacketRays::<Portable>::default();
-        let (rays, mut padded) = (RayBuffer::from_iter([endless, askew]), RayBuffer::default());
-        Frustum::new(rays.rays().padded(&mut padded), false, &mut packet).expect("one start");
+        let rays = RayBuffer::from_iter([endless, askew]);
+        Frustum::new(rays.rays(), false, &mut packet).expect("one start");
         assert_eq!(packet.depths(0).map(Vector::array), [[f32::INFINITY; LANES]; 2]);
     }
 }

@@ -9,23 +9,15 @@ use crate::geometry::lanes::{HitN, LANES4, MAX_LANES};
 use crate::geometry::simd::{Doubles, Simd, Vector};
 use crate::geometry::{Hit, HitBuffer, NO_PRIMITIVE, PreparedRay, Ray, SlotId, Tier};
 
-/// A triangle that rays certainly hit.
-pub(crate) struct CertainHit<'a> {
-    pub slot: SlotId,
-    pub corners: &'a [[f64; 3]; 3],
-    /// See [`TrianglePlane::new`].
-    pub sign: f64,
-}
-
 impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
-    /// Records certain hits of rays of a block, between two depths. Returns the rays that must still be tested, and
-    /// whether a best hit changed.
+    /// Records certain hits of rays of a block between two depths, on a triangle given by slot, corners and the sign
+    /// for [`TrianglePlane::new`]. Returns the rays that must still be tested, and whether a best hit changed.
     #[inline(always)]
     pub(super) fn record_certain(
         &mut self,
         block: usize,
         certain: u32,
-        triangle: &CertainHit,
+        (slot, corners, sign): (SlotId, &[[f64; 3]; 3], f64),
         depths: [S::F; 2],
     ) -> (u32, bool) {
         let [nearer, farther] = self.scratch.best.compare(block, depths);
@@ -35,14 +27,14 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
         let mut unknown = certain & !(nearer | farther);
         if !ANY {
             if nearer != 0 {
-                self.scratch.best.set_unresolved(block, nearer, triangle.slot.index(), depths);
+                self.scratch.best.set_unresolved(block, nearer, slot.index(), depths);
             }
             return (unknown, nearer != 0);
         }
         let mut hit = nearer;
         if unknown & within != 0 {
             // Shadow rays start close to the surface that they leave: f64 decides on which side of the triangle.
-            let plane = TrianglePlane::new(triangle.corners, triangle.sign);
+            let plane = TrianglePlane::new(corners, sign);
             for half in 0..2 {
                 let tested = unknown & within & (S::D::ALL << (half * S::D::LANES));
                 if tested == 0 {
@@ -286,19 +278,14 @@ impl TrianglePlane {
 mod tests {
     use super::*;
     use crate::geometry::expansion::Expansion;
+    use crate::geometry::sign_of_determinant;
     use crate::geometry::simd::Portable;
     use glam::DVec3;
 
     /// The sign of H in exact arithmetic.
-    fn exact(corners: &[[f64; 3]; 3], o: DVec3) -> i32 {
-        let [a, b, c] = corners;
-        let side = |p: &[f64; 3], q: &[f64; 3], k: usize| Expansion::difference(p[k], q[k]);
-        let o = o.to_array();
-        let term = |(k, i, j): (usize, usize, usize)| {
-            side(a, &o, k) * (side(b, a, i) * side(c, a, j) - side(b, a, j) * side(c, a, i))
-        };
-        let terms = [(0, 1, 2), (1, 2, 0), (2, 0, 1)].map(term);
-        terms.into_iter().fold(Expansion::default(), |sum, term| sum + term).sign()
+    fn exact([a, b, c]: &[[f64; 3]; 3], o: DVec3) -> i32 {
+        let side = |p: &[f64; 3], q: &[f64; 3]| [0, 1, 2].map(|k| Expansion::difference(p[k], q[k]));
+        sign_of_determinant(&[side(a, &o.to_array()), side(b, a), side(c, a)])
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::edge_functions::EdgeFunctions;
 use super::projected_sphere::ProjectedSphere;
 use super::projected_triangles::ProjectedTriangles;
 use super::rays::BLOCKS;
-use super::resolve::{CertainHit, hit_in_slot};
+use super::resolve::hit_in_slot;
 use crate::bvh::Tests;
 use crate::bvh::wide::layout::{Child, Content, Node, TriangleLeaf, WIDTH, Wide};
 use crate::bvh::wide::single::leaf::{hit_analytic, hit_analytic_n};
@@ -183,8 +183,8 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
         let (certain, mut found) = (overlap.certain & active, false);
         if certain != 0 {
             let depths = edges.depths(lane, &overlap);
-            let hit = CertainHit { slot, corners, sign: edges.signs[lane] };
-            let (unknown, changed) = self.record_certain(block, certain, &hit, depths);
+            let triangle = (slot, corners, edges.signs[lane]);
+            let (unknown, changed) = self.record_certain(block, certain, triangle, depths);
             (undecided, found) = (undecided & !certain | unknown, changed);
         }
         if undecided == 0 {

@@ -79,14 +79,18 @@ pub(crate) fn hit_triangle<T: Tier>(
     Some(Hit { t: hit.t, prim: PrimId(leaf.ids[lane]), slot, barycentrics: hit.barycentrics })
 }
 
-/// The distance of an analytic shape. A analytic shape of radius 0, left by a refit, is missed.
+/// The distance of an analytic shape. The empty one, which a refit leaves, is missed.
 #[inline(never)]
 pub(crate) fn hit_analytic<T: Tier>(ray: &Ray, shape: &AnalyticShape) -> Option<f64> {
-    if shape.is_empty() { None } else { T::hit_analytic(ray, shape) }
+    if *shape == AnalyticShape::EMPTY { None } else { shape.hit(ray, T::NUMERICS) }
 }
 
 /// [`hit_analytic`] for a ray in each lane.
 #[inline(always)]
 pub(crate) fn hit_analytic_n<T: Tier, D: Doubles>(rays: &RayN<D>, shape: &AnalyticShape) -> HitN<D> {
-    if shape.is_empty() { HitN::NONE } else { T::hit_analytic_n(rays, shape) }
+    match *shape {
+        AnalyticShape::EMPTY => HitN::NONE,
+        _ if T::HAS_RAY_N => shape.hit_n(rays),
+        _ => HitN::UNDECIDED,
+    }
 }

@@ -12,83 +12,25 @@ use crate::geometry::{Hit, PreparedRay, Ray, Tier};
 use box_ray::BoxRay;
 use leaf::hits_in_leaf;
 
-/// The closest hit. `FUSED` requires a direction without zeros.
+/// Calls `found` with the hits of the ray until it returns [`Next::Stop`]; nearest boxes first if `NEAREST`. `FUSED`
+/// requires a direction without zeros.
 #[inline(always)]
-pub(crate) fn closest<T: Tier, S: Simd, const FUSED: bool>(
+pub(crate) fn traverse<T: Tier, S: Simd, const FUSED: bool, const NEAREST: bool>(
     wide: &Wide<T>,
     ray: &Ray,
     stack: &mut Vec<(Child, f32)>,
     tests: &mut Tests,
-) -> Option<Hit> {
-    S::run(
-        #[inline(always)]
-        || {
-            let mut best: Option<Hit> = None;
-            traverse::<T, S, FUSED, true>(
-                wide,
-                ray,
-                stack,
-                tests,
-                #[inline(always)]
-                |hit| {
-                    if !wide.is_better(|| *ray, &hit, best.as_ref()) {
-                        return Next::Continue;
-                    }
-                    best = Some(hit);
-                    Next::Shorten(hit.t)
-                },
-            );
-            best
-        },
-    )
-}
-
-/// Whether the ray hits anything. `FUSED` requires a direction without zeros.
-#[inline(always)]
-pub(crate) fn occluded<T: Tier, S: Simd, const FUSED: bool>(
-    wide: &Wide<T>,
-    ray: &Ray,
-    stack: &mut Vec<(Child, f32)>,
-    tests: &mut Tests,
-) -> bool {
-    S::run(
-        #[inline(always)]
-        || {
-            let mut occluded = false;
-            traverse::<T, S, FUSED, false>(
-                wide,
-                ray,
-                stack,
-                tests,
-                #[inline(always)]
-                |_| {
-                    occluded = true;
-                    Next::Stop
-                },
-            );
-            occluded
-        },
-    )
-}
-
-/// Appends every hit, in no order; split triangles several times. `FUSED` requires a direction without zeros.
-#[inline(always)]
-pub(crate) fn all<T: Tier, S: Simd, const FUSED: bool>(
-    wide: &Wide<T>,
-    ray: &Ray,
-    hits: &mut Vec<Hit>,
-    stack: &mut Vec<(Child, f32)>,
-    tests: &mut Tests,
+    found: impl FnMut(Hit) -> Next,
 ) {
-    traverse::<T, S, FUSED, false>(wide, ray, stack, tests, |hit| {
-        hits.push(hit);
-        Next::Continue
-    });
+    S::run(
+        #[inline(always)]
+        move || traverse_by::<T, S, FUSED, NEAREST>(wide, ray, stack, tests, found),
+    );
 }
 
-/// Calls `found` with the hits of the ray until it returns [`Next::Stop`]; nearest boxes first if `NEAREST`.
+/// [`traverse`], to be inlined where the instruction set is enabled.
 #[inline(always)]
-fn traverse<T: Tier, S: Simd, const FUSED: bool, const NEAREST: bool>(
+fn traverse_by<T: Tier, S: Simd, const FUSED: bool, const NEAREST: bool>(
     wide: &Wide<T>,
     ray: &Ray,
     stack: &mut Vec<(Child, f32)>,

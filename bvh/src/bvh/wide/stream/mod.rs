@@ -25,7 +25,7 @@ pub(crate) fn applies<T: Tier, S: Simd>(wide: &Wide<T>, rays: Rays) -> bool {
 }
 
 /// Calls `found` with the index of a ray and each of its hits, nearest boxes first, until it returns [`Next::Stop`]
-/// for that ray. [`applies`] must hold; `rays` must be padded, and no more than a packet.
+/// for that ray. [`applies`] must hold; `rays` must be no more than a packet.
 ///
 /// One function, because `queues` and `next` must stay in registers between the steps.
 #[inline(always)]
@@ -40,8 +40,7 @@ pub(crate) fn traverse<T: Tier, S: Simd>(
     for first in (0..rays.len()).step_by(S::F8::LANES) {
         boxes.fill::<S>(rays, first);
     }
-    T::Prepared::prepare_packet::<S::D4>(rays, triangles);
-    let prepared = T::Prepared::of_packet(triangles);
+    let prepared = T::Prepared::prepare_packet::<S::D4>(rays, triangles);
     let live = rays.len().min(STREAM_WIDTH);
     let mut queues = Queues::default();
     let mut in_flight = [StreamRay::default(); STREAM_WIDTH];

@@ -41,6 +41,17 @@ operators!(D4 Add add _mm256_add_pd Sub sub _mm256_sub_pd Mul mul _mm256_mul_pd 
 operators!(F16 Add add _mm512_add_ps Sub sub _mm512_sub_ps Mul mul _mm512_mul_ps Div div _mm512_div_ps);
 operators!(D8 Add add _mm512_add_pd Sub sub _mm512_sub_pd Mul mul _mm512_mul_pd Div div _mm512_div_pd);
 
+/// Functions whose bodies are intrinsics.
+macro_rules! functions {
+    ($(fn $name:ident($($arguments:tt)*) -> $result:ty { $($body:tt)* })*) => {$(
+        #[inline(always)]
+        fn $name($($arguments)*) -> $result {
+            // SAFETY: see above; slices have a number for each lane, and any numbers make a vector.
+            unsafe { $($body)* }
+        }
+    )*};
+}
+
 /// The operations that differ in nothing but the names of intrinsics.
 macro_rules! vector {
     ($vector:ident $register:ident [$scalar:ty; $lanes:literal] $load:ident $splat:ident $max:ident $min:ident {
@@ -55,64 +66,34 @@ macro_rules! vector {
             const LANES: usize = $lanes;
             const ZEROS: [$scalar; $lanes] = [0.0; $lanes];
 
-            #[inline(always)]
-            fn load(x: [$scalar; $lanes]) -> Self {
-                // SAFETY: any numbers make a vector.
-                $vector(unsafe { std::mem::transmute::<[$scalar; $lanes], $register>(x) })
-            }
-
-            #[inline(always)]
-            fn array(self) -> [$scalar; $lanes] {
-                // SAFETY: a vector has a number for each lane.
-                unsafe { std::mem::transmute::<$register, [$scalar; $lanes]>(self.0) }
-            }
-
-            #[inline(always)]
-            fn load_slice(x: &[$scalar]) -> Self {
-                // SAFETY: the slice has a number for each lane; see above.
-                $vector(unsafe { $load(x[..$lanes].as_ptr()) })
-            }
-
-            #[inline(always)]
-            fn splat(x: $scalar) -> Self {
-                // SAFETY: see above.
-                $vector(unsafe { $splat(x) })
-            }
-
-            #[inline(always)]
-            fn max(self, other: Self) -> Self {
-                // SAFETY: see above.
-                $vector(unsafe { $max(self.0, other.0) })
-            }
-
-            #[inline(always)]
-            fn min(self, other: Self) -> Self {
-                // SAFETY: see above.
-                $vector(unsafe { $min(self.0, other.0) })
-            }
-
-            #[inline(always)]
-            fn le(self, other: Self) -> u32 {
-                // SAFETY: see above.
-                unsafe {
+            functions! {
+                fn load(x: [$scalar; $lanes]) -> Self {
+                    $vector(std::mem::transmute::<[$scalar; $lanes], $register>(x))
+                }
+                fn array(self) -> [$scalar; $lanes] {
+                    std::mem::transmute::<$register, [$scalar; $lanes]>(self.0)
+                }
+                fn load_slice(x: &[$scalar]) -> Self {
+                    $vector($load(x[..$lanes].as_ptr()))
+                }
+                fn splat(x: $scalar) -> Self {
+                    $vector($splat(x))
+                }
+                fn max(self, other: Self) -> Self {
+                    $vector($max(self.0, other.0))
+                }
+                fn min(self, other: Self) -> Self {
+                    $vector($min(self.0, other.0))
+                }
+                fn le(self, other: Self) -> u32 {
                     let ($a, $b) = (self.0, other.0);
                     $le
                 }
-            }
-
-            #[inline(always)]
-            fn reduce_min(self) -> $scalar {
-                // SAFETY: see above.
-                unsafe {
+                fn reduce_min(self) -> $scalar {
                     let $x = self.0;
                     $reduce_min
                 }
-            }
-
-            #[inline(always)]
-            fn reduce_max(self) -> $scalar {
-                // SAFETY: see above.
-                unsafe {
+                fn reduce_max(self) -> $scalar {
                     let $y = self.0;
                     $reduce_max
                 }
@@ -176,76 +157,29 @@ fn lanes_of(mask: u32) -> __m256i {
 }
 
 impl Floats for F8 {
-    type Bits = [u32; 8];
-
-    #[inline(always)]
-    fn mul_add(self, b: Self, c: Self) -> Self {
-        // SAFETY: see above.
-        F8(unsafe { _mm256_fmadd_ps(self.0, b.0, c.0) })
-    }
-
-    #[inline(always)]
-    fn mul_sub(self, b: Self, c: Self) -> Self {
-        // SAFETY: see above.
-        F8(unsafe { _mm256_fmsub_ps(self.0, b.0, c.0) })
-    }
-
-    #[inline(always)]
-    fn select(mask: u32, a: Self, b: Self) -> Self {
-        // SAFETY: see above.
-        F8(unsafe { _mm256_blendv_ps(b.0, a.0, _mm256_castsi256_ps(lanes_of(mask))) })
-    }
-
-    #[inline(always)]
-    fn splat_bits(x: u32) -> [u32; 8] {
-        [x; 8]
-    }
-
-    #[inline(always)]
-    fn store_bits(mask: u32, x: u32, to: &mut [u32; 8]) {
-        // As a whole: masked stores are slow on some processors.
-        // SAFETY: see above.
-        unsafe {
-            let now: __m256i = bytemuck::cast(*to);
-            *to = bytemuck::cast(_mm256_blendv_epi8(now, _mm256_set1_epi32(x as i32), lanes_of(mask)));
+    functions! {
+        fn mul_add(self, b: Self, c: Self) -> Self {
+            F8(_mm256_fmadd_ps(self.0, b.0, c.0))
+        }
+        fn mul_sub(self, b: Self, c: Self) -> Self {
+            F8(_mm256_fmsub_ps(self.0, b.0, c.0))
+        }
+        fn select(mask: u32, a: Self, b: Self) -> Self {
+            F8(_mm256_blendv_ps(b.0, a.0, _mm256_castsi256_ps(lanes_of(mask))))
         }
     }
 }
 
 impl Floats for F16 {
-    type Bits = [u32; 16];
-
-    #[inline(always)]
-    fn mul_add(self, b: Self, c: Self) -> Self {
-        // SAFETY: see above.
-        F16(unsafe { _mm512_fmadd_ps(self.0, b.0, c.0) })
-    }
-
-    #[inline(always)]
-    fn mul_sub(self, b: Self, c: Self) -> Self {
-        // SAFETY: see above.
-        F16(unsafe { _mm512_fmsub_ps(self.0, b.0, c.0) })
-    }
-
-    #[inline(always)]
-    fn select(mask: u32, a: Self, b: Self) -> Self {
-        // SAFETY: see above.
-        F16(unsafe { _mm512_mask_blend_ps(mask as __mmask16, b.0, a.0) })
-    }
-
-    #[inline(always)]
-    fn splat_bits(x: u32) -> [u32; 16] {
-        [x; 16]
-    }
-
-    #[inline(always)]
-    fn store_bits(mask: u32, x: u32, to: &mut [u32; 16]) {
-        // As a whole: masked stores are slow on some processors.
-        // SAFETY: the array has a number for each lane; see above.
-        unsafe {
-            let now = _mm512_loadu_epi32(to.as_ptr().cast());
-            let then = _mm512_mask_set1_epi32(now, mask as __mmask16, x as i32);
-            _mm512_storeu_epi32(to.as_mut_ptr().cast(), then);
+    functions! {
+        fn mul_add(self, b: Self, c: Self) -> Self {
+            F16(_mm512_fmadd_ps(self.0, b.0, c.0))
+        }
+        fn mul_sub(self, b: Self, c: Self) -> Self {
+            F16(_mm512_fmsub_ps(self.0, b.0, c.0))
+        }
+        fn select(mask: u32, a: Self, b: Self) -> Self {
+            F16(_mm512_mask_blend_ps(mask as __mmask16, b.0, a.0))
         }
     }
 }
@@ -253,112 +187,59 @@ impl Floats for F16 {
 impl Doubles for D4 {
     type Floats = F8;
 
-    #[inline(always)]
-    fn load_f32(x: &[f32]) -> Self {
-        // SAFETY: the slice has a number for each lane; see above.
-        D4(unsafe { _mm256_cvtps_pd(_mm_loadu_ps(x[..4].as_ptr())) })
-    }
-
-    #[inline(always)]
-    fn from_f32(lane: impl Fn(usize) -> f32) -> Self {
-        let x = [lane(0), lane(1), lane(2), lane(3)];
-        // SAFETY: see above.
-        D4(unsafe { _mm256_cvtps_pd(bytemuck::cast(x)) })
-    }
-
-    #[inline(always)]
-    fn from_f64(lane: impl Fn(usize) -> f64) -> Self {
-        D4::load([lane(0), lane(1), lane(2), lane(3)])
-    }
-
-    #[inline(always)]
-    fn to_floats(low: Self, high: Self) -> F8 {
-        // SAFETY: see above.
-        F8(unsafe { _mm256_set_m128(_mm256_cvtpd_ps(high.0), _mm256_cvtpd_ps(low.0)) })
-    }
-
-    #[inline(always)]
-    fn abs(self) -> Self {
-        // SAFETY: see above.
-        D4(unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), self.0) })
-    }
-
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        // SAFETY: see above.
-        D4(unsafe { _mm256_sqrt_pd(self.0) })
-    }
-
-    #[inline(always)]
-    fn copysign(self, other: Self) -> Self {
-        // SAFETY: see above.
-        unsafe {
+    functions! {
+        fn load_f32(x: &[f32]) -> Self {
+            D4(_mm256_cvtps_pd(_mm_loadu_ps(x[..4].as_ptr())))
+        }
+        fn from_f32(lane: impl Fn(usize) -> f32) -> Self {
+            D4(_mm256_cvtps_pd(bytemuck::cast([lane(0), lane(1), lane(2), lane(3)])))
+        }
+        fn to_floats(low: Self, high: Self) -> F8 {
+            F8(_mm256_set_m128(_mm256_cvtpd_ps(high.0), _mm256_cvtpd_ps(low.0)))
+        }
+        fn abs(self) -> Self {
+            D4(_mm256_andnot_pd(_mm256_set1_pd(-0.0), self.0))
+        }
+        fn sqrt(self) -> Self {
+            D4(_mm256_sqrt_pd(self.0))
+        }
+        fn copysign(self, other: Self) -> Self {
             let sign = _mm256_set1_pd(-0.0);
             D4(_mm256_or_pd(_mm256_andnot_pd(sign, self.0), _mm256_and_pd(sign, other.0)))
         }
-    }
-
-    #[inline(always)]
-    fn lt(self, other: Self) -> u32 {
-        // SAFETY: see above.
-        unsafe { _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(self.0, other.0)) as u32 }
+        fn lt(self, other: Self) -> u32 {
+            _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(self.0, other.0)) as u32
+        }
     }
 }
 
 impl Doubles for D8 {
     type Floats = F16;
 
-    #[inline(always)]
-    fn load_f32(x: &[f32]) -> Self {
-        // SAFETY: the slice has a number for each lane; see above.
-        D8(unsafe { _mm512_cvtps_pd(_mm256_loadu_ps(x[..8].as_ptr())) })
-    }
-
-    #[inline(always)]
-    fn from_f32(lane: impl Fn(usize) -> f32) -> Self {
-        let x = [lane(0), lane(1), lane(2), lane(3), lane(4), lane(5), lane(6), lane(7)];
-        // SAFETY: see above.
-        D8(unsafe { _mm512_cvtps_pd(bytemuck::cast(x)) })
-    }
-
-    #[inline(always)]
-    fn from_f64(lane: impl Fn(usize) -> f64) -> Self {
-        D8::load([lane(0), lane(1), lane(2), lane(3), lane(4), lane(5), lane(6), lane(7)])
-    }
-
-    #[inline(always)]
-    fn to_floats(low: Self, high: Self) -> F16 {
-        // SAFETY: see above.
-        unsafe {
+    functions! {
+        fn load_f32(x: &[f32]) -> Self {
+            D8(_mm512_cvtps_pd(_mm256_loadu_ps(x[..8].as_ptr())))
+        }
+        fn from_f32(lane: impl Fn(usize) -> f32) -> Self {
+            let x = [lane(0), lane(1), lane(2), lane(3), lane(4), lane(5), lane(6), lane(7)];
+            D8(_mm512_cvtps_pd(bytemuck::cast(x)))
+        }
+        fn to_floats(low: Self, high: Self) -> F16 {
             let low = _mm512_castps256_ps512(_mm512_cvtpd_ps(low.0));
             F16(_mm512_insertf32x8::<1>(low, _mm512_cvtpd_ps(high.0)))
         }
-    }
-
-    #[inline(always)]
-    fn abs(self) -> Self {
-        // SAFETY: see above.
-        D8(unsafe { _mm512_abs_pd(self.0) })
-    }
-
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        // SAFETY: see above.
-        D8(unsafe { _mm512_sqrt_pd(self.0) })
-    }
-
-    #[inline(always)]
-    fn copysign(self, other: Self) -> Self {
-        // SAFETY: see above.
-        unsafe {
+        fn abs(self) -> Self {
+            D8(_mm512_abs_pd(self.0))
+        }
+        fn sqrt(self) -> Self {
+            D8(_mm512_sqrt_pd(self.0))
+        }
+        fn copysign(self, other: Self) -> Self {
             let sign = _mm512_set1_pd(-0.0);
             D8(_mm512_or_pd(_mm512_andnot_pd(sign, self.0), _mm512_and_pd(sign, other.0)))
         }
-    }
-
-    #[inline(always)]
-    fn lt(self, other: Self) -> u32 {
-        // SAFETY: see above.
-        u32::from(unsafe { _mm512_cmp_pd_mask::<_CMP_LT_OQ>(self.0, other.0) })
+        fn lt(self, other: Self) -> u32 {
+            u32::from(_mm512_cmp_pd_mask::<_CMP_LT_OQ>(self.0, other.0))
+        }
     }
 }

@@ -19,14 +19,15 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
-use super::{Effect, EffectContext, EffectValue, Hook, RayClass, RayKind, SecondaryRays, Stage, id, named};
+use crate::effects::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
+use crate::effects::{
+    Effect, EffectContext, EffectValue, Hook, RayClass, RayKind, SecondaryRays, Stage, id, named,
+};
 use crate::film::ColourPipeline;
-use crate::geometry::{Precision, Ray};
+use crate::geometry::{Precision, Ray, RayBuffer};
 use crate::scene::{Glaze, Material};
 use crate::world::{
-    InteractionSoa, PreparedMaterial, RAYS_PER_BATCH, RaySoa, SurfaceInteraction, Vec3Soa, World,
-    simd_dispatch,
+    InteractionSoa, PreparedMaterial, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, World, simd_dispatch,
 };
 
 /// Mirrored rays.
@@ -37,12 +38,7 @@ pub const EFFECT: Effect = Effect {
     id: id::GLAZE,
     summary: "glazed materials mirror what is around them",
     source: "Whitted, An Improved Illumination Model for Shaded Display, 1980",
-    builds_on: None,
-    needs_lights: false,
     is_shading: true,
-    decides_samples: false,
-    is_study_switch: false,
-    whitted_only: true,
     rays: &[RAYS],
     value: Some(EffectValue {
         meaning: "rule for stopping",
@@ -59,7 +55,8 @@ pub const EFFECT: Effect = Effect {
     },
     specify: |context, spec| {
         spec.generations_with_origins = spec.generations_with_origins.max(most_bounces(context));
-        spec.secondary = Some(SecondaryRays { kind: RAYS, hits: "glaze hits", effect: id::GLAZE });
+        spec.secondary =
+            Some(SecondaryRays { kind: RAYS, hits: "glaze hits", effect: id::GLAZE, are_mirrored: true });
     },
     stages: |context: &EffectContext, hook| match hook {
         Hook::AfterShading(RayClass::Secondary) if most_bounces(context) < 2 => Vec::new(),
@@ -71,11 +68,12 @@ pub const EFFECT: Effect = Effect {
     },
     bytes: |tile| {
         let generations: usize = tile.generations.iter().skip(1).map(RayGeneration::bytes).sum();
-        let own = tile.buffers::<Buffers>().map_or(0, |Buffers { glazed, weights, next_weights }| {
-            size_of::<Buffers>() + vec_bytes(glazed) + vec_bytes(weights) + vec_bytes(next_weights)
-        });
-        generations + own
+        tile.buffers::<Buffers>().map_or(0, |Buffers { glazed, weights, next_weights }| {
+            let own = vec_bytes(glazed) + vec_bytes(weights) + vec_bytes(next_weights);
+            size_of::<Buffers>() + own + generations
+        })
     },
+    ..Effect::NONE
 };
 
 /// The value that lets every path take all its bounces.
@@ -139,20 +137,20 @@ impl Stage for Reflect {
 
 impl Reflect {
     fn reflect(&self, own: &mut Buffers, tile: &mut Tile, world: &World) {
-        let depth = tile.depth;
-        self.find_glazed(&mut own.glazed, &tile.generations[depth].surfaces, depth, world);
-        if own.glazed.is_empty() && tile.generations.len() == depth + 1 {
+        let Tile { depth, current, .. } = *tile;
+        self.find_glazed(&mut own.glazed, &tile.generations[current].surfaces, depth, world);
+        if own.glazed.is_empty() && tile.generations.len() == current + 1 {
             // The next generation does not exist; otherwise it has to be emptied.
             return;
         }
         let precision = world.numerics().ray_precision();
         let (generation, next) = tile.this_and_next();
         let RayGeneration { surfaces, origins, .. } = generation;
-        let RayGeneration { sources, rays, .. } = next;
+        let RayGeneration { sources, camera_rays, rays, .. } = next;
         sources.clear();
-        rays.set_len(0);
+        camera_rays.clear();
+        rays.clear();
         let Some(origins) = origins else { return };
-        rays.set_len(surfaces.len());
         let mut all_leave = true;
         for range in &own.glazed {
             sources.extend(range.start as u32..range.end as u32);
@@ -234,15 +232,19 @@ fn mirrored_rays(
     range: &Range<usize>,
     origins: &Vec3Soa,
     precision: Precision,
-    rays: &mut RaySoa,
+    rays: &mut RayBuffer,
 ) -> bool {
     let mut all_leave = true;
-    for i in range.start..range.end.min(RAYS_PER_BATCH) {
-        let mirrored = mirrored(surfaces.view.get(i), surfaces.shading_normal.get(i));
-        let ray = precision.ray(origins.get(i), mirrored, 0.0, f64::INFINITY);
-        rays.set(i, &ray);
-        all_leave &= ray.direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
-    }
+    rays.write(
+        range.clone(),
+        #[inline(always)]
+        |i| {
+            let mirrored = mirrored(surfaces.view.get(i), surfaces.shading_normal.get(i));
+            let ray = precision.ray(origins.get(i), mirrored, 0.0, f64::INFINITY);
+            all_leave &= ray.direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
+            ray
+        },
+    );
     all_leave
 }
 
@@ -262,22 +264,23 @@ impl Stage for Combine {
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
         let (generation, next) = tile.this_and_next();
         let world = context.world;
+        let (Some(colours), Some(next_colours)) = (&mut generation.colours, &next.colours) else { return };
         let mut mix = |ray: usize, mirrored: DVec3| {
             let source = next.sources[ray] as usize;
             let material = generation.surfaces.materials()[source] as usize;
             if let Some(glaze) = world.materials[material].glaze() {
-                let own = generation.colours.get(source);
+                let own = colours.get(source);
                 let mixed = world.pipeline.weighted_combine(own, mirrored, glaze.own_weight, glaze.weight);
-                generation.colours.set(source, mixed);
+                colours.set(source, mixed);
             }
         };
         for (i, &ray) in next.surfaces.ray_of().iter().enumerate() {
-            mix(ray as usize, next.colours.get(i));
+            mix(ray as usize, next_colours.get(i));
         }
         // Mirrored rays see the environment, as scattered ones do in path tracing, even where it is no background.
         let Some(environment) = &world.environment else { return };
         for (ray, _) in next.hits.iter().enumerate().filter(|(_, hit)| hit.is_none()) {
-            mix(ray, environment.eval(next.rays.direction.get(ray)));
+            mix(ray, environment.eval(next.rays.get(ray).direction));
         }
     }
 }
@@ -308,6 +311,7 @@ fn lifted(direction: DVec3, outer: DVec3, precision: Precision) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::{Hit, PrimId, SlotId};
     use proptest::prelude::*;
 
     /// A surface seen from `height` above its plane, its shading normal bent; `None` where that leaves the hemisphere.
@@ -329,7 +333,8 @@ mod tests {
             further_texels: crate::world::FurtherTexels::default(),
             ambient: 1.0,
             tint: DVec3::ONE,
-            prim: crate::geometry::PrimId(0),
+            is_turned: false,
+            hit: Hit { t: 1.0, prim: PrimId(0), slot: SlotId::new(0), barycentrics: [0.0; 2] },
             object: 0,
             material: 0,
         })

@@ -4,9 +4,10 @@
 //! is the share of the disc that is visible, by which the light of its centre is multiplied. A direction below the
 //! horizon of the triangle is mirrored above it, so that a surface does not shade itself.
 
-use super::samples::DiscPoints;
-use super::tile::{RenderContext, Tile};
-use super::{Effect, EffectContext, Hook, Stage, id, named};
+use crate::effects::random::Dimension;
+use crate::effects::samples::DiscPoints;
+use crate::effects::tile::{RenderContext, Tile};
+use crate::effects::{Effect, EffectContext, Hook, Stage, id, named};
 use crate::scene::PixelSampler;
 use crate::world::World;
 
@@ -18,11 +19,6 @@ pub const EFFECT: Effect = Effect {
     builds_on: Some(id::SHADOWS),
     needs_lights: true,
     is_shading: true,
-    decides_samples: false,
-    is_study_switch: false,
-    whitted_only: true,
-    rays: &[],
-    value: None,
     called_for: |world: &World, choices| {
         let discs = world.lights.iter().filter(|light| light.disc.is_some());
         let names: Vec<&str> = discs.map(|light| light.name.as_str()).collect();
@@ -46,10 +42,8 @@ pub const EFFECT: Effect = Effect {
         _ => Vec::new(),
     },
     bytes: |tile| tile.buffers::<DiscPoints>().map_or(0, DiscPoints::bytes),
+    ..Effect::NONE
 };
-
-/// The dimension of the random numbers of the first light; each further light has the one before.
-const DIMENSION: u32 = u32::MAX - 2;
 
 /// Samples the discs of the lights at the surfaces of a generation.
 struct SampleDiscs {
@@ -65,13 +59,13 @@ impl Stage for SampleDiscs {
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
         tile.with_buffers(|DiscPoints { numbers, directions }: &mut DiscPoints, tile| {
             numbers.start(tile);
-            let generation = &tile.generations[tile.depth];
+            let generation = &tile.generations[tile.current];
             let surfaces = &generation.surfaces;
             directions.resize_with(context.world.lights.len(), Vec::new);
             for (index, (directions, light)) in directions.iter_mut().zip(&context.world.lights).enumerate() {
                 directions.clear();
                 let Some(disc) = &light.disc else { continue };
-                let sequence = (self.sampler, self.seed, DIMENSION - index as u32);
+                let sequence = (self.sampler, self.seed, Dimension::disc(index as u32));
                 directions.extend((0..surfaces.len()).map(|i| {
                     let ray = surfaces.ray_of()[i] as usize;
                     let towards = disc.sample(numbers.pair(sequence, (&generation.rays, ray), (0, 1)));

@@ -5,13 +5,13 @@
 
 use glam::DVec3;
 
-use super::samples::DiscPoints;
-use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
-use super::transparency::transmittance;
-use super::{Effect, EffectContext, Hook, PlanSpec, RayKind, Stage, id, named, shadow_ray};
-use crate::geometry::Numerics;
+use crate::effects::samples::DiscPoints;
+use crate::effects::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
+use crate::effects::transparency::transmittance;
+use crate::effects::{Effect, EffectContext, Hook, PlanSpec, RayKind, Stage, id, named, shadow_ray};
+use crate::geometry::{Numerics, RayBuffer};
 use crate::shading::{LightSample, LightSoa};
-use crate::world::{InteractionSoa, RaySoa, Vec3Soa, World, simd_dispatch};
+use crate::world::{InteractionSoa, Vec3Soa, World, simd_dispatch};
 
 /// Shadow rays.
 pub const RAYS: RayKind = RayKind { name: "shadow", is_shadow: true, colour: [120, 190, 255] };
@@ -21,14 +21,10 @@ pub const EFFECT: Effect = Effect {
     id: id::SHADOWS,
     summary: "lights are blocked by what stands in their way",
     source: "Whitted, An Improved Illumination Model for Shaded Display, 1980",
-    builds_on: None,
     needs_lights: true,
     is_shading: true,
-    decides_samples: false,
     is_study_switch: true,
-    whitted_only: true,
     rays: &[RAYS],
-    value: None,
     called_for: |world: &World, _| {
         let names: Vec<&str> = world.lights.iter().map(|light| light.name.as_str()).collect();
         named("light", &names).ok_or_else(|| "the scene has no lights".into())
@@ -48,16 +44,17 @@ pub const EFFECT: Effect = Effect {
     },
     bytes: |tile| {
         tile.buffers::<Buffers>().map_or(0, |Buffers { rays, occluded, surfaces }| {
-            size_of::<Buffers>() + size_of_val(&**rays) + vec_bytes(occluded) + vec_bytes(surfaces)
+            size_of::<Buffers>() + rays.bytes() + vec_bytes(occluded) + vec_bytes(surfaces)
         })
     },
+    ..Effect::NONE
 };
 
 /// Temporary buffers, reused for each light.
 #[derive(Default)]
 struct Buffers {
     /// The shadow rays of all surfaces of a generation, then those that are cast.
-    rays: Box<RaySoa>,
+    rays: RayBuffer,
     /// For each ray that is cast, whether it is occluded.
     occluded: Vec<bool>,
     /// For each ray that is cast, its surface.
@@ -96,8 +93,8 @@ fn test_occlusion(
     continued: Option<RayKind>,
     points: Option<&DiscPoints>,
 ) {
-    let Tile { generations, depth, lights, traversal, recorder, .. } = tile;
-    let RayGeneration { surfaces, origins, shadow_origins, .. } = &generations[*depth];
+    let Tile { generations, current, depth, lights, traversal, recorder, .. } = tile;
+    let RayGeneration { surfaces, origins, shadow_origins, .. } = &generations[*current];
     let Some(origins) = shadow_origins.as_ref().or(origins.as_ref()) else { return };
     let Buffers { rays, occluded, surfaces: tested } = own;
     let (mut cast, mut blocked, mut count) = (0, 0, 0);
@@ -106,12 +103,13 @@ fn test_occlusion(
         if tested.is_empty() {
             continue;
         }
-        shadow_rays(light, surfaces, origins, context.world.numerics(), rays);
-        if let Some(directions) = points.and_then(|points| points.of_light(index)) {
-            let precision = context.world.numerics().ray_precision();
-            for (i, direction) in directions.iter().enumerate() {
-                rays.set(i, &precision.ray(origins.get(i), *direction, 0.0, f64::INFINITY));
+        match points.and_then(|points| points.of_light(index)) {
+            Some(directions) => {
+                let precision = context.world.numerics().ray_precision();
+                let ray = |i: usize| precision.ray(origins.get(i), directions[i], 0.0, f64::INFINITY);
+                rays.write(0..directions.len(), ray);
             }
+            None => shadow_rays(light, surfaces, origins, context.world.numerics(), rays),
         }
         rays.keep(tested);
         occluded.clear();
@@ -149,9 +147,8 @@ fn shadow_rays(
     surfaces: &InteractionSoa,
     origins: &Vec3Soa,
     numerics: Numerics,
-    rays: &mut RaySoa,
+    rays: &mut RayBuffer,
 ) {
-    rays.set_len(surfaces.len());
     // The tier is passed as a constant, so that the loops have no branch on it.
     match numerics {
         Numerics::Naive => simd_dispatch(
@@ -175,21 +172,25 @@ fn rays_to(
     surfaces: &InteractionSoa,
     origins: &Vec3Soa,
     numerics: Numerics,
-    rays: &mut RaySoa,
+    rays: &mut RayBuffer,
 ) {
-    for i in 0..surfaces.len() {
-        let origin = origins.get(i);
-        let seen = light.get(i).seen_from(origin - surfaces.position.get(i));
-        // A light that does not reach the surface may have no direction; the ray is not cast.
-        let normal = surfaces.geometric_normal.get(i);
-        let pick = |a: f64, b: f64| if light.reaches[i] { a } else { b };
-        let direction = DVec3::new(
-            pick(seen.direction.x, normal.x),
-            pick(seen.direction.y, normal.y),
-            pick(seen.direction.z, normal.z),
-        );
-        rays.set(i, &shadow_ray(origin, &LightSample { direction, ..seen }, numerics));
-    }
+    rays.write(
+        0..surfaces.len(),
+        #[inline(always)]
+        |i| {
+            let origin = origins.get(i);
+            let seen = light.get(i).seen_from(origin - surfaces.position.get(i));
+            // A light that does not reach the surface may have no direction; the ray is not cast.
+            let normal = surfaces.geometric_normal.get(i);
+            let pick = |a: f64, b: f64| if light.reaches[i] { a } else { b };
+            let direction = DVec3::new(
+                pick(seen.direction.x, normal.x),
+                pick(seen.direction.y, normal.y),
+                pick(seen.direction.z, normal.z),
+            );
+            shadow_ray(origin, &LightSample { direction, ..seen }, numerics)
+        },
+    );
 }
 
 /// Lists the surfaces whose entry in `reaches` is set.

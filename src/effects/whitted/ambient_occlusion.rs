@@ -9,11 +9,13 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use super::samples::SurfaceNumbers;
-use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
-use super::{Choices, Effect, EffectContext, EffectValue, Hook, RayKind, Stage, id};
+use crate::effects::random::Dimension;
+use crate::effects::samples::SurfaceNumbers;
+use crate::effects::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
+use crate::effects::{Choices, Effect, EffectContext, EffectValue, Hook, RayKind, Stage, id};
+use crate::geometry::RayBuffer;
 use crate::scene::PixelSampler;
-use crate::world::{RaySoa, World};
+use crate::world::World;
 
 /// Rays that test whether anything is near.
 pub const RAYS: RayKind = RayKind { name: "ambient-occlusion", is_shadow: false, colour: [170, 200, 140] };
@@ -27,20 +29,12 @@ const MAX_RADIUS: f64 = 1e6;
 /// The rays of a surface in a picture of one sample a pixel. More samples share them, but each casts at least one.
 const RAYS_PER_PIXEL: u32 = 32;
 
-/// The dimension of the random numbers.
-const DIMENSION: u32 = u32::MAX - 1;
-
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
     id: id::AMBIENT_OCCLUSION,
     summary: "ambient light is less where other surfaces are near",
     source: "Zhukov and others, An Ambient Light Illumination Model, 1998",
-    builds_on: None,
-    needs_lights: false,
     is_shading: true,
-    decides_samples: false,
-    is_study_switch: false,
-    whitted_only: true,
     rays: &[RAYS],
     value: Some(EffectValue {
         meaning: "radius in diagonals of the scene",
@@ -61,10 +55,11 @@ pub const EFFECT: Effect = Effect {
     bytes: |tile| {
         let factors = tile.generations.iter().map(|generation| vec_bytes(&generation.surfaces.ambient));
         let own = tile.buffers::<Buffers>().map_or(0, |Buffers { numbers, rays, occluded }| {
-            numbers.bytes() + size_of::<Buffers>() + size_of_val(&**rays) + vec_bytes(occluded)
+            numbers.bytes() + size_of::<Buffers>() + rays.bytes() + vec_bytes(occluded)
         });
         own + factors.sum::<usize>()
     },
+    ..Effect::NONE
 };
 
 /// Constant ambient light does without, unless it is asked for.
@@ -88,7 +83,7 @@ fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
 struct Buffers {
     numbers: SurfaceNumbers,
     /// One ray of each surface.
-    rays: Box<RaySoa>,
+    rays: RayBuffer,
     occluded: Vec<bool>,
 }
 
@@ -124,8 +119,8 @@ impl Stage for TestHemispheres {
         tile.with_buffers(|own: &mut Buffers, tile| {
             let Buffers { numbers, rays, occluded } = own;
             numbers.start(tile);
-            let Tile { generations, depth, traversal, .. } = tile;
-            let generation = &mut generations[*depth];
+            let Tile { generations, current, traversal, .. } = tile;
+            let generation = &mut generations[*current];
             let mut factors = std::mem::take(&mut generation.surfaces.ambient);
             let RayGeneration { surfaces, origins, .. } = &*generation;
             let Some(origins) = origins else { return };
@@ -133,14 +128,13 @@ impl Stage for TestHemispheres {
             factors.clear();
             factors.resize(surfaces.len(), 0.0);
             for k in 0..self.count {
-                rays.set_len(surfaces.len());
-                for i in 0..surfaces.len() {
+                rays.write(0..surfaces.len(), |i| {
                     let ray = surfaces.ray_of()[i] as usize;
-                    let sequence = (self.sampler, self.seed, DIMENSION);
+                    let sequence = (self.sampler, self.seed, Dimension::AMBIENT_OCCLUSION);
                     let pair = numbers.pair(sequence, (&generation.rays, ray), (k, self.count));
                     let direction = above(surfaces.geometric_normal.get(i), pair);
-                    rays.set(i, &precision.ray(origins.get(i), direction, 0.0, self.radius));
-                }
+                    precision.ray(origins.get(i), direction, 0.0, self.radius)
+                });
                 occluded.clear();
                 context.world.accelerator.are_occluded(rays.rays(), occluded, traversal);
                 for (factor, &occluded) in factors.iter_mut().zip(&*occluded) {

@@ -7,11 +7,11 @@
 //! planes and is not moved. It is not moved either where something lies between it and the lifted point, which the shadow ray would
 //! miss.
 
-use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
-use super::{Effect, EffectContext, Hook, RayKind, Stage, id, named};
-use crate::geometry::HitBuffer;
+use crate::effects::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
+use crate::effects::{Effect, EffectContext, Hook, RayKind, Stage, id, named};
+use crate::geometry::RayBuffer;
 use crate::geometry::spawn::{EDGE_DISTANCE, ORIGIN_OFFSET};
-use crate::world::{InteractionSoa, RaySoa, Vec3Soa, World};
+use crate::world::{InteractionSoa, Vec3Soa, World};
 
 /// Occlusion tests between points and their lifted positions.
 pub const RAYS: RayKind = RayKind { name: "terminator", is_shadow: false, colour: [230, 150, 230] };
@@ -21,14 +21,10 @@ pub const EFFECT: Effect = Effect {
     id: id::TERMINATOR,
     summary: "the shadow line of smooth meshes follows their normals, not their triangles",
     source: "Hanika, Hacking the Shadow Terminator, Ray Tracing Gems II, chapter 4, 2021",
-    builds_on: None,
     needs_lights: true,
     is_shading: true,
-    decides_samples: false,
     is_study_switch: true,
-    whitted_only: true,
     rays: &[RAYS],
-    value: None,
     called_for: |world: &World, _| {
         if world.lights.is_empty() {
             return Err("the scene has no lights".into());
@@ -47,17 +43,18 @@ pub const EFFECT: Effect = Effect {
     bytes: |tile| {
         let lifted = tile.generations.iter().filter(|generation| generation.shadow_origins.is_some()).count();
         let own = tile.buffers::<Buffers>().map_or(0, |Buffers { rays, occluded, lifted }| {
-            size_of::<Buffers>() + size_of_val(&**rays) + vec_bytes(occluded) + vec_bytes(lifted)
+            size_of::<Buffers>() + rays.bytes() + vec_bytes(occluded) + vec_bytes(lifted)
         });
         lifted * size_of::<Vec3Soa>() + own
     },
+    ..Effect::NONE
 };
 
 /// Temporary buffers.
 #[derive(Default)]
 struct Buffers {
     /// Rays from the ray origins of surfaces to their lifted shadow ray origins.
-    rays: Box<RaySoa>,
+    rays: RayBuffer,
     /// For each ray, whether it is occluded.
     occluded: Vec<bool>,
     /// For each ray, its surface.
@@ -79,12 +76,12 @@ impl Stage for LiftOrigins {
 
 fn lift_origins(own: &mut Buffers, tile: &mut Tile, context: &RenderContext) {
     let world = context.world;
-    let Tile { generations, depth, traversal, recorder, .. } = tile;
-    let RayGeneration { surfaces, hits, origins, shadow_origins, .. } = &mut generations[*depth];
+    let Tile { generations, current, depth, traversal, recorder, .. } = tile;
+    let RayGeneration { surfaces, origins, shadow_origins, .. } = &mut generations[*current];
     let Some(origins) = origins else { return };
     let shadow_origins = shadow_origins.get_or_insert_default();
     shadow_origins.clone_from(origins);
-    own.lift(world, surfaces, hits, origins, shadow_origins);
+    own.lift(world, surfaces, origins, shadow_origins);
     let Buffers { rays, occluded, lifted } = own;
     occluded.clear();
     world.accelerator.are_occluded(rays.rays(), occluded, traversal);
@@ -107,20 +104,18 @@ impl Buffers {
         &mut self,
         world: &World,
         surfaces: &InteractionSoa,
-        hits: &HitBuffer,
         origins: &Vec3Soa,
         shadow_origins: &mut Vec3Soa,
     ) {
         let numerics = world.numerics();
-        self.rays.set_len(0);
+        self.rays.clear();
         self.lifted.clear();
-        for (index, (&ray, &object)) in surfaces.ray_of().iter().zip(surfaces.objects()).enumerate() {
-            let Some(hit) = &hits.get(ray as usize) else { continue };
+        for (index, &object) in surfaces.objects().iter().enumerate() {
             if !world.objects[object as usize].is_smooth() {
                 continue;
             }
             let surface = surfaces.get(index);
-            let point = world.smooth_point(&surface, hit);
+            let point = world.smooth_point(&surface);
             // Normals are stored in f32; a lift within their rounding has no meaning.
             let lift = (point.position - surface.point.position).abs().max_element();
             if lift <= EDGE_DISTANCE * point.reach.max_element() {

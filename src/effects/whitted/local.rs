@@ -1,7 +1,7 @@
 //! The stages of local shading: light samples, and the colours they give.
 
-use super::Stage;
-use super::tile::{RayGeneration, RenderContext, Tile};
+use crate::effects::Stage;
+use crate::effects::tile::{RayGeneration, RenderContext, Tile};
 use crate::shading::{ShadingMode, shade_all, takes_light};
 
 /// Samples every light at the surfaces of a generation. Lights below the horizon, and those that the material does not return,
@@ -19,8 +19,8 @@ impl Stage for SampleLights {
     }
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        let Tile { generations, depth, lights, .. } = tile;
-        let surfaces = &generations[*depth].surfaces;
+        let Tile { generations, current, lights, .. } = tile;
+        let surfaces = &generations[*current].surfaces;
         lights.resize_with(context.world.lights.len(), Box::default);
         for (samples, light) in lights.iter_mut().zip(&context.world.lights) {
             samples.sample(light, surfaces, self.smooth);
@@ -45,8 +45,9 @@ impl Stage for Shade {
     }
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        let Tile { generations, depth, lights, shading, .. } = tile;
-        let RayGeneration { surfaces, colours, .. } = &mut generations[*depth];
+        let Tile { generations, current, lights, shading, .. } = tile;
+        let RayGeneration { surfaces, colours, .. } = &mut generations[*current];
+        let colours = colours.get_or_insert_default();
         shade_all(context.world, self.mode, surfaces, lights, colours, shading);
     }
 }

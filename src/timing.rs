@@ -1,6 +1,8 @@
-//! Clock for benchmarks.
+//! Timing: a clock of processor time, and quartiles of repeated measurements.
 
 use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
 
 /// A running clock.
 ///
@@ -46,18 +48,56 @@ fn processor_time() -> Option<f64> {
     None
 }
 
+/// Quartiles of repeated measurements.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Spread {
+    /// 25 % quantile.
+    pub lower: f64,
+    /// 50 % quantile.
+    pub median: f64,
+    /// 75 % quantile.
+    pub upper: f64,
+}
+
+impl Spread {
+    /// Quartiles of measurements in any order; `None` if there are none.
+    pub fn of(measurements: &[f64]) -> Option<Self> {
+        let mut sorted = measurements.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let at = |quarter: usize| sorted.get(sorted.len() * quarter / 4).copied();
+        Some(Spread { lower: at(1)?, median: at(2)?, upper: at(3)? })
+    }
+
+    /// A value without spread.
+    pub fn exact(value: f64) -> Self {
+        Spread { lower: value, median: value, upper: value }
+    }
+
+    /// Whether the quartile ranges are disjoint.
+    pub fn is_apart_from(&self, other: &Self) -> bool {
+        self.lower > other.upper || other.lower > self.upper
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::time::Duration;
 
     #[test]
-    fn sleep_is_not_counted_for_one_thread() {
-        let (one, several) = (Clock::start(1), Clock::start(2));
+    fn several_threads_have_wall_time() {
+        let several = Clock::start(2);
         std::thread::sleep(Duration::from_millis(50));
         assert!(several.seconds() >= 0.05);
-        // Other tests of the same process may run on all threads meanwhile.
-        assert!(one.seconds() >= 0.0 && (Clock::name(1) == "wall" || one.seconds() < 50.0));
         assert_eq!(Clock::name(2), "wall");
+        assert_eq!(Clock::name(1), if cfg!(unix) { "processor" } else { "wall" });
+    }
+
+    #[test]
+    fn quartiles_by_hand() {
+        let spread = |numbers: &[f64]| Spread::of(numbers).map(|s| [s.lower, s.median, s.upper]);
+        assert_eq!(spread(&[5.0, 1.0, 4.0, 2.0, 3.0]), Some([2.0, 3.0, 4.0]));
+        assert_eq!(spread(&[2.0]), Some([2.0; 3]));
+        assert_eq!(spread(&[]), None);
     }
 }

@@ -1,11 +1,12 @@
-//! The traversal of a binary tree with a given box test and leaf function; used for both levels.
+//! The traversal of a binary tree with a given box test and leaf function; used by `bvh2` and for both levels of
+//! `instances`.
 
 use std::ops::Range;
 
 use glam::Vec3A;
 use obvhs::bvh2::node::Bvh2Node;
 
-use crate::bvh::Next;
+use super::Next;
 
 /// Calls `visit` with the range of each leaf whose box `enters` enters, and the entry distance; nearest boxes first.
 /// Adds the number of boxes tested to `count`. Returns [`Next::Stop`] if `visit` did.

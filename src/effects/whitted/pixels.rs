@@ -1,7 +1,7 @@
 //! The stage that writes the colours of surfaces to pixels.
 
-use super::Stage;
-use super::tile::{RenderContext, Tile};
+use crate::effects::Stage;
+use crate::effects::tile::{RayGeneration, RenderContext, Tile};
 use crate::world::{RAYS_PER_BATCH, Vec3Soa, simd_dispatch};
 
 /// Gives every pixel the colour of its surface, of the environment, or of the background.
@@ -15,13 +15,13 @@ impl Stage for WritePixels {
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
         let Tile { generations, pixels, .. } = tile;
         let generation = &generations[0];
-        let surfaces = &generation.surfaces;
+        let RayGeneration { surfaces, colours: Some(colours), .. } = generation else { return };
         pixels.resize(generation.rays.len(), context.world.background.as_vec3().to_array());
         if surfaces.len() == pixels.len() {
             // Every ray hit: surface i belongs to pixel i.
             simd_dispatch(
                 #[inline(always)]
-                || write_all(&generation.colours, pixels),
+                || write_all(colours, pixels),
             );
             return;
         }
@@ -32,8 +32,7 @@ impl Stage for WritePixels {
             }
         }
         for (i, &ray) in surfaces.ray_of().iter().enumerate() {
-            pixels[generation.sources[ray as usize] as usize] =
-                generation.colours.get(i).as_vec3().to_array();
+            pixels[generation.sources[ray as usize] as usize] = colours.get(i).as_vec3().to_array();
         }
     }
 }

@@ -1,0 +1,89 @@
+//! The radiance that paths find: of emissive surfaces, and of what lies infinitely far away.
+
+use glam::DVec3;
+
+use super::lights::Lights;
+use super::vertex::Vertex;
+use super::{Buffers, Scatter};
+use crate::effects::tile::{RayGeneration, RenderContext};
+use crate::scene::Material;
+use crate::world::{PreparedMaterial, SurfaceInteraction};
+
+impl Scatter {
+    /// What a path adds after `bounces` bounces: as it is where light comes to the camera directly or by one surface,
+    /// otherwise scaled down until no channel exceeds the clamp.
+    #[inline]
+    pub(super) fn clamped(&self, radiance: DVec3, bounces: u32) -> DVec3 {
+        let largest = radiance.max_element();
+        let exceeds = bounces >= 2 && largest > self.clamp;
+        if !exceeds {
+            return radiance;
+        }
+        if largest.is_finite() {
+            radiance * (self.clamp / largest)
+        } else {
+            radiance.min(DVec3::splat(self.clamp))
+        }
+    }
+}
+
+impl Buffers {
+    /// Adds the radiance from infinitely far away to the paths whose ray missed. Camera rays see the background where
+    /// the scene has no environment or hides it, and no directional lights.
+    pub(super) fn add_missed(
+        &mut self,
+        generation: &RayGeneration,
+        context: &RenderContext,
+        lights: &Lights,
+        stage: &Scatter,
+        depth: u32,
+    ) {
+        if generation.surfaces.len() == generation.rays.len() {
+            return;
+        }
+        let missed = generation.hits.iter().enumerate().filter(|(_, hit)| hit.is_none());
+        for (ray, _) in missed {
+            let path = self.paths[ray];
+            let direction = generation.rays.get(ray).direction;
+            let radiance = if depth == 0 {
+                context.world.background_towards(direction)
+            } else {
+                lights.radiance_from_infinity(direction, path.pdf)
+            };
+            self.add_radiance(generation.camera_rays[ray], path.throughput * radiance, stage, depth);
+        }
+    }
+
+    /// Adds radiance to a camera ray, or counts it if it is not finite.
+    #[inline]
+    pub(super) fn add_radiance(&mut self, camera_ray: u32, radiance: DVec3, stage: &Scatter, depth: u32) {
+        if radiance.is_finite() {
+            self.radiance[camera_ray as usize] += stage.clamped(radiance, depth);
+        } else {
+            self.discarded += 1;
+        }
+    }
+}
+
+impl Vertex<'_> {
+    /// The radiance that the surface emits towards the ray's origin, weighted for the path.
+    #[inline]
+    pub(super) fn emitted(&self, lights: &Lights) -> DVec3 {
+        let Vertex { world, surface, path, .. } = self;
+        let emission = emission(&world.materials[surface.material as usize], surface);
+        let is_dark_side = world.emitters.is_one_sided(surface.hit.prim) && world.is_seen_from_back(surface);
+        if emission == DVec3::ZERO || is_dark_side {
+            return DVec3::ZERO;
+        }
+        path.throughput * emission * lights.weight_of_emitter(surface, path)
+    }
+}
+
+/// The radiance that a surface emits.
+fn emission(material: &PreparedMaterial, surface: &SurfaceInteraction) -> DVec3 {
+    match material {
+        Material::Phong(m) => m.emission,
+        Material::MetallicRoughness(m) if m.unlit => m.base_colour * surface.tint * surface.texels.colour,
+        Material::MetallicRoughness(m) => m.emission * surface.texels.emission,
+    }
+}

@@ -1,0 +1,41 @@
+//! The transport `whitted`: surfaces are shaded by the lights that they see and by ambient light, and glaze mirrors
+//! (Whitted, An Improved Illumination Model for Shaded Display, 1980).
+
+#[cfg(not(kiln_without = "ambient-occlusion"))]
+pub mod ambient_occlusion;
+#[cfg(not(kiln_without = "glaze"))]
+pub mod glaze;
+mod local;
+mod pixels;
+#[cfg(not(kiln_without = "shadows"))]
+pub mod shadows;
+#[cfg(not(kiln_without = "soft-shadows"))]
+pub mod soft_shadows;
+#[cfg(not(kiln_without = "terminator"))]
+pub mod terminator;
+
+use super::{EffectContext, Hook, PlanSpec, TransportEntry, id};
+use crate::scene::{TextureSlot, Transport};
+
+/// The registry's entry.
+pub(super) const TRANSPORT: TransportEntry = TransportEntry {
+    transport: Transport::Whitted,
+    switch: None,
+    effects: &[id::SHADOWS, id::SOFT_SHADOWS, id::TERMINATOR, id::AMBIENT_OCCLUSION, id::GLAZE],
+    reason: "surfaces are shaded by the lights that they see",
+    // The layers of materials are left out, but for the dielectric reflection.
+    texture_slots: &[TextureSlot::Occlusion, TextureSlot::Specular, TextureSlot::SpecularColour],
+    specify: |context, spec| {
+        spec.lit = spec.shading.uses_lights() && !context.world.lights.is_empty();
+        spec.layers = true;
+    },
+    stages: |context: &EffectContext, hook| {
+        let PlanSpec { shading: mode, smooth, .. } = context.spec;
+        match hook {
+            Hook::Lighting(_) => vec![Box::new(local::SampleLights { smooth, mode })],
+            Hook::Shading(_) => vec![Box::new(local::Shade { mode })],
+            Hook::Film => vec![Box::new(pixels::WritePixels)],
+            _ => Vec::new(),
+        }
+    },
+};

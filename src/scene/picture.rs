@@ -1,0 +1,444 @@
+//! [`PictureSettings`]: what a scene file and the command line can say of a picture. Each option is defined once, here:
+//! the keys of `[image]`, the command's options, merging, metadata, fingerprint and the window's copied command derive
+//! from it.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::colour_value::ColourValue;
+#[cfg(feature = "cli")]
+use super::option::parser;
+use super::option::{OptionValue, named_values, options, ranged};
+use super::sampling::Sampling;
+use super::{MAX_SAMPLES, Numerics, PixelSampler, ShadingMode, Transport};
+use crate::film::filter::RADII;
+use crate::film::tone::{Exposure, ToneMap};
+use crate::film::{Colour, ColourPipeline, DisplaySettings, FilterShape};
+
+options! {
+    /// The picture.
+    #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    pub struct PictureSettings {
+        /// Width in pixels.
+        [skip] width: Side,
+        /// Height in pixels.
+        [skip] height: Side,
+        /// Arithmetic tier of the intersection tests [default: watertight]
+        [long, value_name = "TIER", value_parser = parser::<Numerics>()] numerics: Numerics,
+        /// Terms of the shading model; below `phong` that term is shown alone, without effects [default: phong]
+        [long, value_name = "MODE", value_parser = parser::<ShadingMode>()] shading: ShadingMode,
+        /// Transport of light: `whitted` shades surfaces by the lights that they see, `path` traces paths (indirect light,
+        /// soft shadows) [default: what the scene calls for]
+        [long, value_parser = parser::<Transport>()] transport: Transport,
+        /// Largest radiance that a path adds to a pixel at each surface beyond the first, above 0; 1 is white. It removes
+        /// fireflies, and darkens indirect light [default: none]
+        [long, allow_hyphen_values = true, value_name = "RADIANCE", value_parser = parser::<Clamp>()] clamp: Clamp,
+        /// Samples per pixel, 1 to 65536; with a noise threshold, the maximum [default: 1, at the pixel's centre; 16 with a
+        /// filter, 256 with a noise threshold]
+        [long, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] samples: Samples,
+        /// Reconstruction filter [default: gaussian]
+        [long, value_name = "FILTER", value_parser = parser::<FilterShape>()] filter: FilterShape,
+        /// Radius of the filter in pixels [default: box 0.5, tent 1, gaussian 1.5, mitchell 2]
+        [long, allow_hyphen_values = true, value_name = "PIXELS", value_parser = parser::<FilterRadius>()]
+        filter_radius: FilterRadius,
+        /// Noise threshold of adaptive sampling: a pixel is sampled until the standard error of its displayed value (1 is
+        /// white) is below this
+        [long, allow_hyphen_values = true, value_name = "LEVEL", value_parser = parser::<Noise>()] noise: Noise,
+        /// Samples per pixel before adaptive sampling estimates the error [default: 4]
+        [long, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] min_samples: Samples,
+        /// Seed of the random numbers, besides pixel, sample and dimension [default: 0]
+        [long, allow_hyphen_values = true, value_name = "N", value_parser = parser::<u32>()] seed: u32,
+        /// Relation of a pixel's samples: independent ones are for statistics, such as those of `kiln compare --t-test`, and
+        /// converge more slowly [default: sobol]
+        [long, value_name = "SAMPLER", value_parser = parser::<PixelSampler>()] sampler: PixelSampler,
+        /// Colour pipeline: the encoding in which light is summed [default: linear]
+        [long, value_name = "PIPELINE", value_parser = parser::<ColourPipeline>()] colour: ColourPipeline,
+        /// Exposure of 8-bit pictures, films and the window in EV, -64 to 64, or `auto`, computed from the picture. Only with
+        /// the colour pipeline `linear` [default: 0]
+        [long, allow_hyphen_values = true, value_name = "EV|auto", value_parser = parser::<Exposure>()] exposure: Exposure,
+        /// Tone map of 8-bit pictures, films and the window. Only with the colour pipeline `linear` [default: none]
+        [long, value_name = "CURVE", value_parser = parser::<ToneMap>()] tone_map: ToneMap,
+        /// The light of a scene that has none: a headlight (true in scene files), or none (false) [default: head]
+        #[serde(rename = "headlight")]
+        [long, value_parser = parser::<Headlight>()] light: Headlight,
+        /// Put a grey square under the lowest point of the objects; a camera that fits does not look at it [default: false]
+        [long, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
+         value_name = "true|false", value_parser = parser::<bool>()]
+        ground: bool,
+        /// Colour of rays that hit nothing, or `transparent`, for an alpha channel in .png and .exr [default: black; a light
+        /// grey for files without a scene file]
+        [long, value_name = "COLOUR|transparent", value_parser = parser::<Background>()] background: Background,
+    }
+}
+
+ranged! {
+    /// Width or height of a picture in pixels.
+    Side(u32, "u32") in 1..=65_535, "give a number of pixels from 1 to 65535";
+    /// A number of samples per pixel.
+    Samples(u32, "u32") in 1..=MAX_SAMPLES, "give a number of samples from 1 to 65536";
+    /// Radius of a filter in pixels.
+    FilterRadius(f64, "f64") in RADII, "give a radius in pixels from 0.01 to 32";
+    /// A standard error of displayed values. f32 values are not much more accurate than its minimum.
+    Noise(f64, "f64") in 1e-6..=1.0, "give a standard error from 0.000001 to 1, 1 being white; one step of 8 bits is 0.004";
+    /// A radiance above 0.
+    Clamp(f64, "f64") in f64::MIN_POSITIVE..=f64::MAX, "give a radiance above 0, such as 10; 1 is white";
+}
+
+/// The light of a scene without lights; a boolean in scene files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(from = "bool", into = "bool")]
+pub enum Headlight {
+    /// A headlight.
+    Head,
+    /// None.
+    None,
+}
+
+impl Headlight {
+    const ALL: [Headlight; 2] = [Headlight::Head, Headlight::None];
+
+    fn name(self) -> &'static str {
+        if self.into() { "head" } else { "none" }
+    }
+}
+
+named_values!(Headlight);
+
+impl From<bool> for Headlight {
+    fn from(is_on: bool) -> Self {
+        if is_on { Headlight::Head } else { Headlight::None }
+    }
+}
+
+impl From<Headlight> for bool {
+    fn from(light: Headlight) -> bool {
+        light == Headlight::Head
+    }
+}
+
+/// What rays that hit nothing see.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(from = "BackgroundValue", into = "BackgroundValue")]
+pub enum Background {
+    /// A colour of 8-bit sRGB values.
+    Colour([u8; 3]),
+    /// Black, with an alpha channel in the picture.
+    Transparent,
+}
+
+/// A colour, or "transparent".
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "expected a colour")]
+enum BackgroundValue {
+    /// A colour.
+    Colour(ColourValue),
+    /// The name of [`Background::Transparent`].
+    Named(TransparentName),
+}
+
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+enum TransparentName {
+    Transparent,
+}
+
+impl From<BackgroundValue> for Background {
+    fn from(value: BackgroundValue) -> Self {
+        match value {
+            BackgroundValue::Colour(colour) => Background::Colour(colour.0),
+            BackgroundValue::Named(TransparentName::Transparent) => Background::Transparent,
+        }
+    }
+}
+
+impl From<Background> for BackgroundValue {
+    fn from(background: Background) -> Self {
+        match background {
+            Background::Colour(colour) => BackgroundValue::Colour(ColourValue(colour)),
+            Background::Transparent => BackgroundValue::Named(TransparentName::Transparent),
+        }
+    }
+}
+
+impl OptionValue for Background {
+    fn parse(text: &str) -> Result<Self, String> {
+        if text == "transparent" {
+            return Ok(Background::Transparent);
+        }
+        let colour = ColourValue::of_digits(text).map(|colour| Background::Colour(colour.0));
+        colour.ok_or_else(|| "give a colour as #rrggbb, such as #ffffff, or transparent".into())
+    }
+
+    fn text(&self) -> String {
+        match self {
+            Background::Colour([r, g, b]) => format!("#{r:02x}{g:02x}{b:02x}"),
+            Background::Transparent => "transparent".into(),
+        }
+    }
+}
+
+impl Background {
+    /// The colour.
+    pub fn colour(self) -> Colour {
+        match self {
+            Background::Colour(colour) => Colour::from_u8(colour),
+            Background::Transparent => Colour::from_u8([0; 3]),
+        }
+    }
+}
+
+impl OptionValue for Exposure {
+    fn parse(text: &str) -> Result<Self, String> {
+        text.parse()
+    }
+
+    fn text(&self) -> String {
+        self.to_string()
+    }
+}
+
+impl PictureSettings {
+    /// Settings of a width and a height in pixels, each limited to the range of [`Side`].
+    pub fn of_size([width, height]: [u32; 2]) -> Self {
+        PictureSettings {
+            width: Some(Side::clamped(width)),
+            height: Some(Side::clamped(height)),
+            ..PictureSettings::default()
+        }
+    }
+
+    /// The defaults that do not depend on the scene or on other options.
+    pub fn defaults() -> Self {
+        PictureSettings {
+            numerics: Some(Numerics::default()),
+            shading: Some(ShadingMode::default()),
+            colour: Some(ColourPipeline::default()),
+            exposure: Some(Exposure::Ev(0.0)),
+            tone_map: Some(ToneMap::default()),
+            ..PictureSettings::default()
+        }
+    }
+
+    /// Width and height in pixels, if both are set.
+    pub fn size(&self) -> Option<[u32; 2]> {
+        Some([self.width?.get(), self.height?.get()])
+    }
+
+    /// The sampling settings.
+    pub fn sampling(&self) -> Sampling {
+        Sampling {
+            samples: self.samples.map(Samples::get),
+            filter: self.filter,
+            filter_radius: self.filter_radius.map(FilterRadius::get),
+            noise: self.noise.map(Noise::get),
+            min_samples: self.min_samples.map(Samples::get),
+            seed: self.seed,
+            sampler: self.sampler,
+            first: None,
+            total: None,
+        }
+    }
+
+    /// Exposure and tone map.
+    pub fn display(&self) -> DisplaySettings {
+        DisplaySettings { exposure: self.exposure, tone_map: self.tone_map }
+    }
+
+    /// The colour pipeline.
+    pub fn pipeline(&self) -> ColourPipeline {
+        self.colour.unwrap_or_default()
+    }
+
+    /// Whether the picture has an alpha channel.
+    pub fn is_transparent(&self) -> bool {
+        self.background == Some(Background::Transparent)
+    }
+
+    /// These settings, and those of the default look that these do not set. Settings that say how many samples are
+    /// taken or how they are filtered exclude the look's sampling.
+    pub fn or_look(self, look: Self) -> Self {
+        let PictureSettings { samples, filter, filter_radius, noise, min_samples, .. } = self;
+        let says_quality = samples.or(min_samples).is_some()
+            || filter.is_some()
+            || filter_radius.is_some()
+            || noise.is_some();
+        let look = if says_quality { PictureSettings { samples: None, noise: None, ..look } } else { look };
+        self.or(look)
+    }
+
+    /// These settings, with exposure and tone map without effect unless the pipeline is linear.
+    pub fn displayable(self) -> Self {
+        let DisplaySettings { exposure, tone_map } = self.display().in_pipeline(self.pipeline());
+        PictureSettings { exposure, tone_map, ..self }
+    }
+
+    /// The options that a picture is described by: those that are always stated have their defaults, exposure, tone map
+    /// and light are omitted where they are the defaults.
+    pub fn described(&self) -> Self {
+        let (sampling, display) = (self.sampling(), self.display());
+        let (filter, radius) = sampling.shape_and_radius();
+        let sampled = if sampling.is_wanted() {
+            PictureSettings {
+                samples: Some(Samples::clamped(sampling.max_samples())),
+                filter: Some(filter),
+                filter_radius: Some(FilterRadius::clamped(radius)),
+                seed: self.seed.or(Some(0)),
+                ..*self
+            }
+        } else {
+            *self
+        };
+        PictureSettings {
+            exposure: display.exposure(),
+            tone_map: display.tone_map(),
+            light: self.light.filter(|light| *light == Headlight::None),
+            ..sampled.or(PictureSettings::defaults())
+        }
+    }
+
+    /// The options as on the command line: [`PictureSettings::entries`] with width and height as `size`.
+    pub fn options(&self) -> Vec<(String, String)> {
+        let size = self.size().map(|[width, height]| ("size".to_owned(), format!("{width}x{height}")));
+        let others =
+            self.entries().into_iter().filter(|(name, _)| !["width", "height"].contains(&name.as_str()));
+        size.into_iter().chain(others).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::file::SceneFile;
+    use crate::scene::{Fingerprint, Scene};
+
+    /// Two settings, which give each option another value. None of them is a default.
+    fn both() -> [PictureSettings; 2] {
+        let first = PictureSettings {
+            width: Some(Side(640)),
+            height: Some(Side(480)),
+            numerics: Some(Numerics::Double),
+            shading: Some(ShadingMode::Flat),
+            transport: Some(Transport::Path),
+            clamp: Some(Clamp(2.5)),
+            samples: Some(Samples(8)),
+            filter: Some(FilterShape::Tent),
+            filter_radius: Some(FilterRadius(1.25)),
+            noise: Some(Noise(0.01)),
+            min_samples: Some(Samples(3)),
+            seed: Some(7),
+            sampler: Some(PixelSampler::Independent),
+            colour: Some(ColourPipeline::U8),
+            exposure: Some(Exposure::Ev(-1.5)),
+            tone_map: Some(ToneMap::PbrNeutral),
+            light: Some(Headlight::None),
+            ground: Some(true),
+            background: Some(Background::Transparent),
+        };
+        let second = PictureSettings {
+            width: Some(Side(1)),
+            height: Some(Side(65_535)),
+            numerics: Some(Numerics::Exact),
+            shading: Some(ShadingMode::Ambient),
+            transport: Some(Transport::Whitted),
+            clamp: Some(Clamp(1e-3)),
+            samples: Some(Samples(65_536)),
+            filter: Some(FilterShape::Mitchell),
+            filter_radius: Some(FilterRadius(32.0)),
+            noise: Some(Noise(1e-6)),
+            min_samples: Some(Samples(1)),
+            seed: Some(u32::MAX),
+            sampler: Some(PixelSampler::Sobol),
+            colour: Some(ColourPipeline::Display),
+            exposure: Some(Exposure::Auto),
+            tone_map: Some(ToneMap::Agx),
+            light: Some(Headlight::Head),
+            ground: Some(false),
+            background: Some(Background::Colour([255, 128, 0])),
+        };
+        [first, second]
+    }
+
+    /// Settings of a single option each: its key in scene files, its value there, and the settings.
+    fn single(all: &PictureSettings) -> Vec<(String, String, PictureSettings)> {
+        let values = serde_json::to_value(all).expect("plain data");
+        let each = values.as_object().expect("an object").iter().map(|(key, value)| {
+            let text = format!("[image]\n{key} = {value}\n");
+            let file = SceneFile::parse(&text, std::path::Path::new("a.toml"))
+                .unwrap_or_else(|e| panic!("{e}: {text}"));
+            (key.clone(), value.to_string(), file.image.expect("a section").into_inner())
+        });
+        each.collect()
+    }
+
+    #[test]
+    fn every_option_is_read_written_and_merged() {
+        let [first, second] = both();
+        let of = |picture: PictureSettings| {
+            let mut fingerprint = Fingerprint::default();
+            fingerprint.scene(&Scene { picture, ..Scene::default() });
+            fingerprint.finish()
+        };
+        for (own, other) in [(&first, &second), (&second, &first)] {
+            let mut merged = PictureSettings::default();
+            for (key, value, one) in single(own) {
+                let [(name, text)] =
+                    one.entries().try_into().unwrap_or_else(|e| panic!("{key} = {value}: {e:?}"));
+                assert_eq!(
+                    key,
+                    if name == "light" { "headlight".to_owned() } else { name.replace('-', "_") }
+                );
+                #[cfg(feature = "cli")]
+                assert_eq!(typed(&name, &text), one, "--{name}={text}");
+                assert_eq!(of(one) == of(PictureSettings::default()), text == "head", "{key} = {value}");
+                // The first takes precedence, and changes nothing else.
+                let both = one.or(*other);
+                assert!(both.entries().contains(&(name.clone(), text.clone())), "{both:?}");
+                assert_eq!(
+                    both.entries().iter().filter(|entry| !other.entries().contains(entry)).count(),
+                    1,
+                    "{name}"
+                );
+                merged = merged.or(one);
+            }
+            assert_eq!(merged, *own);
+            let described = own.described().entries();
+            let is_described = |entry: &&(String, String)| described.contains(entry) || entry.1 == "head";
+            assert_eq!(own.entries().iter().find(|entry| !is_described(entry)), None);
+        }
+    }
+
+    /// The settings of an option of the command line. Width and height are set by `--size`.
+    #[cfg(feature = "cli")]
+    fn typed(name: &str, text: &str) -> PictureSettings {
+        #[derive(clap::Parser)]
+        struct Line {
+            #[command(flatten)]
+            picture: PictureSettings,
+        }
+        match name {
+            "width" => PictureSettings { width: Side::parse(text).ok(), ..PictureSettings::default() },
+            "height" => PictureSettings { height: Side::parse(text).ok(), ..PictureSettings::default() },
+            _ => {
+                let line = <Line as clap::Parser>::try_parse_from(["kiln", &format!("--{name}={text}")]);
+                line.unwrap_or_else(|e| panic!("{e}")).picture
+            }
+        }
+    }
+
+    /// A value out of range has the same message in scene files and as text.
+    #[test]
+    fn ranges_have_one_message() {
+        let fault = |key: &str, value: &str| {
+            let text = format!("[image]\n\n{key} = {value}\n");
+            let e = SceneFile::parse(&text, std::path::Path::new("a.toml")).expect_err(&text);
+            assert_eq!(e.to_string(), format!("a.toml:3: `{key}` is {value}"));
+            e.hint().to_owned()
+        };
+        assert_eq!(Err(fault("samples", "0")), Samples::parse("0"));
+        assert_eq!(Err(fault("width", "65536")), Side::parse("65536"));
+        assert_eq!(Err(fault("filter_radius", "-1")), FilterRadius::parse("-1"));
+        assert_eq!(Err(fault("noise", "2.0")), Noise::parse("NaN"));
+        assert_eq!(Err(fault("clamp", "0")), Clamp::parse("x"));
+    }
+}
