@@ -15,7 +15,7 @@ use crate::render::{RenderControl, Statistics, render};
 use crate::timing::{Clock, Spread};
 
 /// Cost of a picture.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Cost {
     /// Number of rays of all kinds.
     pub rays: i64,

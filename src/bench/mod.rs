@@ -18,6 +18,7 @@ mod embree;
 mod engine;
 mod envelope;
 pub mod generate;
+pub(crate) mod html;
 mod icosphere;
 mod kiln;
 pub mod leaks;

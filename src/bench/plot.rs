@@ -56,15 +56,20 @@ pub(crate) const PALETTE: [RGBColor; 7] = [
 ];
 
 pub(crate) const INK: RGBColor = RGBColor(40, 40, 40);
-pub(crate) const WARNING: RGBColor = RGBColor(190, 0, 0);
+const WARNING: RGBColor = RGBColor(190, 0, 0);
 pub(crate) const GRID: RGBColor = RGBColor(225, 225, 225);
 
-pub(crate) fn colour(index: usize) -> RGBColor {
+fn colour(index: usize) -> RGBColor {
     PALETTE[index % PALETTE.len()]
 }
 
 pub(crate) fn text(size: i32) -> TextStyle<'static> {
     ("sans-serif", size).into_font().color(&INK)
+}
+
+/// Text to the right of its position.
+pub(crate) fn left(size: i32, vertical: VPos) -> TextStyle<'static> {
+    text(size).pos(Pos::new(HPos::Left, vertical))
 }
 
 pub(crate) fn failed(e: impl std::fmt::Display) -> Error {
@@ -126,10 +131,8 @@ fn draw_bars<'a>(svg: &'a mut String, unit: &str, bars: &[Bar]) -> Drawn<'a> {
         let middle = || SegmentValue::CenterOf(row);
         let spread = [(bar.value.lower, middle()), (bar.value.upper, middle())];
         chart.draw_series([PathElement::new(spread, INK.stroke_width(2))])?;
-        let anchor = Pos::new(HPos::Left, VPos::Center);
-        let number = Text::new(short(bar.value.median), (8, 0), text(12).pos(anchor));
-        let style = text(12).color(&WARNING).pos(anchor);
-        let warning = Text::new(bar.warning.clone(), (52, 0), style);
+        let number = Text::new(short(bar.value.median), (8, 0), left(12, VPos::Center));
+        let warning = Text::new(bar.warning.clone(), (52, 0), left(12, VPos::Center).color(&WARNING));
         chart.draw_series([EmptyElement::at((bar.value.upper, middle())) + number + warning])?;
     }
     root.present()
@@ -240,8 +243,7 @@ fn draw_legend<'a>(area: &DrawingArea<SVGBackend<'a>, Shift>, panels: &[Panel]) 
         for (from, to) in dashes {
             area.draw(&PathElement::new([(x + from, y), (x + to, y)], style))?;
         }
-        let anchor = Pos::new(HPos::Left, VPos::Center);
-        area.draw(&Text::new(line.name.clone(), (x + 36, y), text(13).pos(anchor)))?;
+        area.draw(&Text::new(line.name.clone(), (x + 36, y), left(13, VPos::Center)))?;
     }
     Ok(())
 }

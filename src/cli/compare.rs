@@ -144,7 +144,7 @@ fn as_json(arguments: &Arguments, errors: &Errors, code: u8) -> String {
     let definitions: Map<String, Value> =
         definitions().into_iter().map(|(name, text)| (name.into(), text.into())).collect();
     let verdict = ["same", "within", "beyond"][usize::from(code)];
-    let report = json!({
+    let mut report = json!({
         "schema": 1,
         "reference": arguments.reference.display().to_string(),
         "test": arguments.test.display().to_string(),
@@ -152,6 +152,9 @@ fn as_json(arguments: &Arguments, errors: &Errors, code: u8) -> String {
         "errors": errors,
         "definitions": definitions,
     });
+    if errors.figures.is_some() {
+        report["errors"]["figures"]["worst"] = json!(errors.worst);
+    }
     format!("{report:#}\n")
 }
 
@@ -184,7 +187,7 @@ fn as_text(arguments: &Arguments, errors: &Errors) -> String {
         };
         let _ = writeln!(text, "  {name:<10} {value:>10}  {definition}");
     }
-    for (i, place) in figures.worst.iter().enumerate() {
+    for (i, place) in errors.worst.iter().enumerate() {
         let head = if i == 0 { "worst" } else { "" };
         let colour = |c: [f32; 3]| c.map(|c| format!("{c:.4}")).join(" ");
         let (reference, test) = (colour(place.reference), colour(place.test));

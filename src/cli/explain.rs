@@ -7,6 +7,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::arguments::{self, Arguments};
+use super::numbers::aligned;
 use super::prepare::load_and_resolve;
 use super::statistics::Seconds;
 use super::{WarningPrinter, print};
@@ -65,7 +66,6 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
 fn to_json(job: &RenderJob, costs: Option<&Costs>) -> Value {
     let settings: serde_json::Map<String, Value> =
         job.metadata.iter().map(|(key, value)| (key.clone(), json!(value))).collect();
-    let cost = |c: &Cost| json!({ "rays": c.rays, "ms": c.ms, "bytes": c.bytes });
     let effects: Vec<Value> = EFFECTS
         .iter()
         .zip(&job.plan.decisions)
@@ -79,7 +79,7 @@ fn to_json(job: &RenderJob, costs: Option<&Costs>) -> Value {
                 "why": decision.why,
                 "value": decision.value,
                 "stages": job.plan.stages().iter().filter(|stage| stage.effect == Some(effect.id)).count(),
-                "adds": part.map(|part| cost(&part.adds)),
+                "adds": part.map(|part| &part.adds),
                 "share": part.zip(costs).map(|(part, costs)| part.adds.ms.median / costs.whole.ms.median),
                 "alone_ms": part.map(|part| part.alone),
             })
@@ -91,8 +91,8 @@ fn to_json(job: &RenderJob, costs: Option<&Costs>) -> Value {
         "settings": settings,
         "effects": effects,
         "measured": costs.map(|costs| json!({
-            "whole": cost(&costs.whole),
-            "base": cost(&costs.base),
+            "whole": costs.whole,
+            "base": costs.base,
             "sum_ms": costs.sum_ms(),
             "rounds": costs.rounds,
             "clock": costs.clock,
@@ -106,35 +106,28 @@ fn part_of<'a>(costs: &'a Costs, decision: &Decision) -> Option<&'a Part> {
 }
 
 fn to_text(decisions: &[Decision], costs: Option<&Costs>) -> String {
-    let mut text = String::new();
-    let width = 2 + decisions
-        .iter()
-        .map(|decision| decision.effect.name().len())
-        .max()
-        .unwrap_or(0)
-        .max("effect".len());
-    let mut line = |name: &str, on: &str, numbers: &str, why: &str| {
-        let row = format!("{name:<width$}{on:<5}{numbers}{why}");
-        let _ = writeln!(text, "{}", row.trim_end());
+    let titles: &[&str] = if costs.is_some() { &["rays", "ms", "share", "bytes", "alone ms"] } else { &[] };
+    let line = |name: &str, on: &str, numbers: Vec<String>, why: &str| {
+        let numbers = numbers.into_iter().chain(std::iter::repeat(String::new())).take(titles.len());
+        [name, on].map(str::to_owned).into_iter().chain(numbers).chain([why.to_owned()]).collect::<Vec<_>>()
     };
-    let blank = if costs.is_some() { " ".repeat(WIDTH) } else { String::new() };
-    let heading =
-        if costs.is_some() { row(["rays", "ms", "share", "bytes", "alone ms"]) } else { String::new() };
-    line("effect", "", &heading, "why");
+    let titles = titles.iter().map(|title| (*title).to_owned()).collect();
+    let mut lines = vec![line("effect", "", titles, "why")];
     if let Some(costs) = costs {
-        line("base", "on", &numbers(&costs.base, costs, None), "what every picture takes");
+        lines.push(line("base", "on", numbers(&costs.base, costs, None), "what every picture takes"));
     }
     for decision in decisions {
         let part = costs.and_then(|costs| Some((part_of(costs, decision)?, costs)));
         let numbers =
-            part.map_or(blank.clone(), |(part, costs)| numbers(&part.adds, costs, Some(part.alone.median)));
+            part.map_or(Vec::new(), |(part, costs)| numbers(&part.adds, costs, Some(part.alone.median)));
         let on = if decision.on { "on" } else { "off" };
-        line(decision.effect.name(), on, &numbers, &decision.why);
+        lines.push(line(decision.effect.name(), on, numbers, &decision.why));
     }
-    let meanings = EFFECTS.iter().map(|effect| format!("{:<width$}{}\n", effect.name(), effect.summary));
-    let meanings = format!("\n{:<width$}what it does\n{}", "effect", meanings.collect::<String>());
     if let Some(costs) = costs {
-        line("whole", "", &numbers(&costs.whole, costs, None), "");
+        lines.push(line("whole", "", numbers(&costs.whole, costs, None), ""));
+    }
+    let mut text = aligned(&lines, |column| column < 2 || column + 1 == lines[0].len());
+    if let Some(costs) = costs {
         let share = costs.sum_ms() / costs.whole.ms.median * 100.0;
         let _ = write!(
             text,
@@ -147,19 +140,15 @@ fn to_text(decisions: &[Decision], costs: Option<&Costs>) -> String {
             costs.whole.ms.upper
         );
     }
-    text + &meanings
+    let meanings = EFFECTS.iter().map(|effect| [effect.name(), effect.summary]);
+    let meanings = [["effect", "what it does"]].into_iter().chain(meanings);
+    let meanings: Vec<Vec<String>> = meanings.map(|line| line.map(str::to_owned).to_vec()).collect();
+    text + "\n" + &aligned(&meanings, |_| true)
 }
 
-/// Total width of the numeric columns.
-const WIDTH: usize = 12 + 11 + 9 + 12 + 12 + 2;
-
-fn row([rays, ms, share, bytes, alone]: [&str; 5]) -> String {
-    format!("{rays:>12}{ms:>11}{share:>9}{bytes:>12}{alone:>12}  ")
-}
-
-fn numbers(cost: &Cost, costs: &Costs, alone: Option<f64>) -> String {
+fn numbers(cost: &Cost, costs: &Costs, alone: Option<f64>) -> Vec<String> {
     let share = cost.ms.median / costs.whole.ms.median * 100.0;
     let alone = alone.map_or(String::new(), |alone| format!("{alone:.2}"));
     let ms = format!("{:.2}", cost.ms.median);
-    row([&cost.rays.to_string(), &ms, &format!("{share:.1} %"), &cost.bytes.to_string(), &alone])
+    vec![cost.rays.to_string(), ms, format!("{share:.1} %"), cost.bytes.to_string(), alone]
 }

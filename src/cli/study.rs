@@ -1,6 +1,5 @@
 //! `kiln study`: error against render time in many settings, as a page, a table and JSON.
 
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
@@ -131,54 +130,30 @@ fn parameters(typed: &[String]) -> Result<Vec<&'static str>> {
 }
 
 fn options(command: &Command, parameters: Vec<&'static str>) -> Options {
-    let rounds = |usual| command.rounds.map_or(usual, u32::from);
-    if command.full {
-        Options {
-            rounds: rounds(15),
-            most_samples: 128,
-            reference_samples: 4096,
-            rays_across: 2,
-            leak_rays: 4_000_000,
-            parameters,
-        }
-    } else {
-        Options {
-            rounds: rounds(7),
-            most_samples: 32,
-            reference_samples: 512,
-            rays_across: 4,
-            leak_rays: 400_000,
-            parameters,
-        }
-    }
+    let (rounds, most_samples, reference_samples, rays_across, leak_rays) =
+        if command.full { (15, 128, 4096, 2, 4_000_000) } else { (7, 32, 512, 4, 400_000) };
+    let rounds = command.rounds.map_or(rounds, u32::from);
+    Options { rounds, most_samples, reference_samples, rays_across, leak_rays, parameters }
 }
 
 fn subject(arguments: &Arguments, job: ResolvedJob) -> StudySubject {
-    let (size, numerics, structure) = (job.size(), job.numerics(), job.structure());
-    let pipeline = job.settings.picture.pipeline();
-    let ResolvedJob { scene, camera, window, choices, metadata, .. } = job;
     let inputs: Vec<String> = arguments.inputs.iter().map(|input| input.display().to_string()).collect();
     let base = Setting {
-        numerics,
-        structure,
-        pipeline,
-        sampling: choices.sampling,
+        numerics: job.numerics(),
+        structure: job.structure(),
+        pipeline: job.settings.picture.pipeline(),
+        sampling: job.choices.sampling,
         bounces: None,
         textures: None,
         without: Vec::new(),
-        path: PathVariation::of(&choices),
+        path: PathVariation::of(&job.choices),
     };
     StudySubject {
         name: inputs.join(" "),
         command: typed(),
-        render_command: render_command(arguments, size),
-        scene,
-        camera,
-        size,
-        window,
-        choices,
+        render_command: render_command(arguments, job.size()),
+        job,
         base,
-        metadata,
     }
 }
 
@@ -209,15 +184,7 @@ fn render_command(arguments: &Arguments, [width, height]: [u32; 2]) -> Vec<Strin
 
 /// The study's advice and notes as text.
 fn text(study: &Study) -> String {
-    let mut text = String::new();
-    for advice in &study.advice {
-        let _ = writeln!(text, "{}", advice.text);
-    }
-    for line in facts(study) {
-        let _ = writeln!(text, "{line}");
-    }
-    for [parameter, why] in &study.left_out {
-        let _ = writeln!(text, "left out: {parameter}: {why}");
-    }
-    text
+    let advice = study.advice.iter().map(|advice| advice.text.clone());
+    let left_out = study.left_out.iter().map(|[parameter, why]| format!("left out: {parameter}: {why}"));
+    advice.chain(facts(study)).chain(left_out).map(|line| line + "\n").collect()
 }

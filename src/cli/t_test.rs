@@ -57,7 +57,7 @@ fn to_text(a: &Path, b: &Path, test: &TTest) -> String {
         let line = format!("  {name:<13}{cells}  {note}");
         let _ = writeln!(text, "{}", line.trim_end());
     };
-    row("p-value", &|channel| channel.channel.to_owned(), "");
+    row("p-value", &|channel| channel.channel.clone(), "");
     for bin in 0..BINS {
         let name = format!("{:.2} to {:.2}", bin as f64 / BINS as f64, (bin + 1) as f64 / BINS as f64);
         row(&name, &|channel| channel.histogram[bin].to_string(), &bar(channels, bin));

@@ -48,9 +48,11 @@ pub(crate) struct Command {
 }
 
 /// A missing, broken or different picture.
+#[derive(serde::Serialize)]
 struct Fault {
     frame: Option<i32>,
-    file: PathBuf,
+    file: String,
+    #[serde(skip)]
     kind: &'static str,
     why: String,
 }
@@ -146,43 +148,36 @@ fn check(files: &[(Option<i32>, PathBuf)], format: Format, fingerprint: Option<&
             }
             FileState::Whole(_) => return None,
         };
-        Some(Fault { frame: *frame, file: file.clone(), kind, why })
+        Some(Fault { frame: *frame, file: file.display().to_string(), kind, why })
     };
     files.iter().zip(&found).filter_map(|(file, found)| fault(file, found)).collect()
 }
 
 /// Prints the faults. Returns the exit code.
 fn report(command: &Command, files: &[(Option<i32>, PathBuf)], faults: &[Fault]) -> Result<u8> {
-    let count = |kind: &str| faults.iter().filter(|fault| fault.kind == kind).count();
+    let of = |kind: &str| faults.iter().filter(|fault| fault.kind == kind).collect::<Vec<_>>();
+    let [missing, broken, other] = ["missing", "broken", "other"].map(of);
+    let good = files.len() - faults.len();
     let again: Vec<String> = faults.iter().filter_map(|fault| fault.frame).map(|f| f.to_string()).collect();
     let again = again.join(",").parse::<FrameList>().map(|list| list.to_string()).unwrap_or_default();
     let text = if command.json {
-        let of = |kind: &str| -> Vec<_> {
-            let faults = faults.iter().filter(|fault| fault.kind == kind);
-            faults
-                .map(|f| json!({ "frame": f.frame, "file": f.file.display().to_string(), "why": f.why }))
-                .collect()
-        };
         let report = json!({
             "schema": 1,
             "pictures": files.len(),
-            "good": files.len() - faults.len(),
-            "missing": of("missing"),
-            "broken": of("broken"),
-            "other": of("other"),
+            "good": good,
+            "missing": missing,
+            "broken": broken,
+            "other": other,
             "again": again,
         });
         format!("{report:#}\n")
     } else {
         let mut text: String =
-            faults.iter().map(|f| format!("{}: {}: {}\n", f.file.display(), f.kind, f.why)).collect();
-        let good = files.len() - faults.len();
+            faults.iter().map(|f| format!("{}: {}: {}\n", f.file, f.kind, f.why)).collect();
+        let [missing, broken, other] = [missing, broken, other].map(|faults| faults.len());
         text += &format!(
-            "{good} of {} good, {} missing, {} broken, {} of other settings\n",
-            files.len(),
-            count("missing"),
-            count("broken"),
-            count("other")
+            "{good} of {} good, {missing} missing, {broken} broken, {other} of other settings\n",
+            files.len()
         );
         if !again.is_empty() {
             text += &format!("to render again: --frames {again}\n");

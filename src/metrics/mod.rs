@@ -13,7 +13,7 @@ pub use compared_image::{ComparedImage, Values, displayed};
 pub use heat::{DECADES, error_map, heat_map};
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
@@ -46,6 +46,9 @@ pub struct Errors {
     pub non_finite: NonFinite,
     /// The figures; `None` if a pixel is not finite.
     pub figures: Option<Figures>,
+    /// Worst pixels in descending order of difference; none if a pixel is not finite.
+    #[serde(skip)]
+    pub worst: Vec<Worst>,
 }
 
 /// Pixels with a channel that is NaN or infinite.
@@ -60,7 +63,7 @@ pub struct NonFinite {
 }
 
 /// Error figures of two finite images, see [`definitions`].
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Figures {
     /// Largest channel difference.
     pub max: f64,
@@ -74,8 +77,13 @@ pub struct Figures {
     pub flip: f64,
     /// Fraction of pixels that differ in any channel, 0 to 1.
     pub differing: f64,
-    /// Worst pixels in descending order of difference.
-    pub worst: Vec<Worst>,
+}
+
+impl Figures {
+    /// Whether the pictures are equal.
+    pub fn are_none(&self) -> bool {
+        self.max == 0.0 && self.differing == 0.0
+    }
 }
 
 /// A pixel with a large difference.
@@ -130,12 +138,12 @@ impl Errors {
                 psnr: (shown > 0.0).then(|| -10.0 * shown.log10()),
                 flip: sum_of(map.len(), |i| f64::from(map[i])) / map.len() as f64,
                 differing: sum_of(a.len(), |i| f64::from(u8::from(a[i] != b[i]))) / a.len() as f64,
-                worst: worst(a, b, width),
             }
         });
+        let worst = if figures.is_some() { worst(a, b, width) } else { Vec::new() };
         // NaN is not equal to NaN.
         let same = reference.values == test.values && reference.pixels == test.pixels;
-        Ok((Errors { width, height, values, same, non_finite, figures }, map))
+        Ok((Errors { width, height, values, same, non_finite, figures, worst }, map))
     }
 }
 

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::data::{SettingRow, Significance};
-use super::pareto::TimedError;
+use super::data::{SettingRow, Significance, Study};
+use super::pareto::{TimedError, front};
 use super::path_sweep;
 use crate::timing::Spread;
 
@@ -58,13 +58,15 @@ pub(crate) fn comparable(rows: &[SettingRow]) -> Vec<&SettingRow> {
     rows.iter().filter(is_comparable).collect()
 }
 
-/// Time and RMS error against the limit of each row.
-pub(crate) fn points(rows: &[&SettingRow]) -> Vec<TimedError> {
-    let point = |row: &&SettingRow| TimedError {
-        time: row.trace_ms,
-        error: row.limit.map_or(f64::NAN, |limit| limit.rmse),
-    };
-    rows.iter().map(point).collect()
+/// Time and error of each row; NaN for a missing error.
+pub(crate) fn points(rows: &[&SettingRow], error: impl Fn(&SettingRow) -> Option<f64>) -> Vec<TimedError> {
+    rows.iter().map(|row| TimedError { time: row.trace_ms, error: error(row).unwrap_or(f64::NAN) }).collect()
+}
+
+/// Rows of the Pareto front of time and RMS error against the limit.
+pub(crate) fn best<'a>(rows: &[&'a SettingRow], study: &Study) -> Vec<&'a SettingRow> {
+    let points = points(rows, |row| row.limit.map(|limit| limit.rmse));
+    front(&points, study.noise_floor()).into_iter().map(|index| rows[index]).collect()
 }
 
 /// Recommendations for round error bounds between the smallest and the largest measured error.

@@ -3,8 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::advice::{Advice, ParameterStep};
-use super::errors::PictureErrors;
 use crate::bench::Envelope;
+use crate::metrics::Figures;
+use crate::metrics::t_test::TTest;
 use crate::timing::Spread;
 
 /// Version of the JSON schema, incremented when a field is removed or changes its meaning.
@@ -80,40 +81,16 @@ impl Study {
     }
 }
 
-/// A t-test of a technique of direct light against multiple importance sampling ([`crate::metrics::t_test`]).
+/// A t-test of a technique of direct light against multiple importance sampling.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TechniqueTest {
     /// Name of the technique; `control` for multiple importance sampling with another seed.
     pub name: String,
     /// Samples per pixel of both pictures.
     pub samples: u32,
-    /// Side in pixels of the blocks that are tested.
-    pub block: u32,
-    /// Whether no difference was found.
-    pub passed: bool,
-    /// The probability below which a difference is reported.
-    pub threshold: f64,
-    /// The result of each channel.
-    pub channels: Vec<ChannelAgreement>,
-}
-
-/// The result of a [`TechniqueTest`] for a channel.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ChannelAgreement {
-    /// Name of the channel.
-    pub channel: String,
-    /// Number of blocks tested.
-    pub tested: u64,
-    /// Their p-values in bins of equal width from 0 to 1.
-    pub histogram: Vec<u64>,
-    /// Probability of a histogram at least as uneven if the pictures converge to the same one; `None` for few blocks.
-    pub uniform: Option<f64>,
-    /// Mean of the tested picture less that of the reference.
-    pub difference: f64,
-    /// Standard error of the difference.
-    pub standard_error: f64,
-    /// Probability of a difference at least as large if the means are equal.
-    pub equal_means: f64,
+    /// The result.
+    #[serde(flatten)]
+    pub test: TTest,
 }
 
 /// Noise of a converged reference.
@@ -201,19 +178,19 @@ pub struct SettingRow {
     /// Number of non-finite pixels. If there are any, there are no errors.
     pub non_finite: usize,
     /// Errors against the limit.
-    pub limit: Option<PictureErrors>,
+    pub limit: Option<Figures>,
     /// Whether the error against the limit exceeds the noise of the limit.
     #[serde(rename = "told")]
     pub significance: Significance,
     /// Errors against the twin.
-    pub twin: Option<PictureErrors>,
+    pub twin: Option<Figures>,
     /// Hash of the picture's bits.
     pub fingerprint: String,
 }
 
 impl SettingRow {
     /// Errors against the reference for this parameter.
-    pub fn errors(&self) -> Option<&PictureErrors> {
+    pub fn errors(&self) -> Option<&Figures> {
         match self.reference {
             ReferenceKind::Limit => self.limit.as_ref(),
             ReferenceKind::Twin => self.twin.as_ref(),

@@ -38,36 +38,29 @@ pub(crate) fn compare(
     control: &RenderControl,
 ) -> Result<GeometryErrors> {
     let pixels: Vec<u32> = (0..size[0] * size[1]).collect();
-    let parts: Vec<(Tally, Vec<f64>, Vec<f64>)> = pixels
-        .par_chunks(BATCH * 16)
-        .map(|pixels| {
-            let [own, exact_hits] = [tier, exact].map(|world| trace(world, view, size[0], pixels));
-            let (mut tally, mut ulps, mut degrees) = (Tally::default(), Vec::new(), Vec::new());
-            for (own, exact) in own.into_iter().zip(exact_hits) {
-                if let Some((error, angle)) = tally.compare(own, exact) {
-                    ulps.push(error);
-                    degrees.push(angle);
-                }
-            }
-            (tally, ulps, degrees)
-        })
-        .collect();
-    let (mut tally, mut ulps, mut degrees) = (Tally::default(), Vec::new(), Vec::new());
-    for (part, more_ulps, more_degrees) in parts {
-        tally.add(&part);
-        ulps.extend(more_ulps);
-        degrees.extend(more_degrees);
-    }
+    let differences = pixels.par_chunks(BATCH * 16).flat_map_iter(|pixels| {
+        let [own, exact_hits] = [tier, exact].map(|world| trace(world, view, size[0], pixels));
+        own.into_iter().zip(exact_hits).map(|(own, exact)| compare_hits(own, exact))
+    });
+    let differences: Vec<Difference> = differences.collect();
+    let count = |kind| differences.iter().filter(|difference| **difference == kind).count() as u64;
+    let errors = |of: fn((f64, f64)) -> f64| {
+        let errors = differences.iter().filter_map(|difference| match difference {
+            Difference::Errors(ulps, degrees) => Some(of((*ulps, *degrees))),
+            _ => None,
+        });
+        quantiles(errors.collect())
+    };
     let (leaks, cast) = super::leaks::count_leaks(closed, tier.numerics(), leak_rays, control)?;
     Ok(GeometryErrors {
         numerics: tier.numerics().name().into(),
         rays: pixels.len() as u64,
-        false_hits: tally.false_hits,
-        false_misses: tally.false_misses,
-        wrong_primitives: tally.wrong,
-        non_finite: tally.non_finite,
-        t_ulps: quantiles(ulps),
-        normal_degrees: quantiles(degrees),
+        false_hits: count(Difference::FalseHit),
+        false_misses: count(Difference::FalseMiss),
+        wrong_primitives: count(Difference::WrongPrimitive),
+        non_finite: count(Difference::NonFinite),
+        t_ulps: errors(|(ulps, _)| ulps),
+        normal_degrees: errors(|(_, degrees)| degrees),
         leaks_per_million: (cast > 0).then(|| leaks as f64 * 1e6 / cast as f64),
         leak_rays: cast,
     })
@@ -89,52 +82,35 @@ fn trace(world: &World, view: &View, width: u32, pixels: &[u32]) -> Vec<Option<G
     rays.rays().iter().zip(hits.iter()).map(found).collect()
 }
 
-/// Counts of differing hits.
-#[derive(Debug, Default, PartialEq)]
-struct Tally {
-    false_hits: u64,
-    false_misses: u64,
-    wrong: u64,
-    non_finite: u64,
+/// Difference of a hit from that of `exact`.
+#[derive(Debug, PartialEq)]
+enum Difference {
+    /// Both miss.
+    None,
+    FalseHit,
+    FalseMiss,
+    WrongPrimitive,
+    NonFinite,
+    /// Equal primitives: error of the distance in f32 ulp, angle between the normals in degrees.
+    Errors(f64, f64),
 }
 
-impl Tally {
-    /// Counts a hit; for the correct primitive, returns the error of the distance in f32 ulp and the angle between the
-    /// normals in degrees.
-    fn compare(&mut self, own: Option<GeometryHit>, truth: Option<GeometryHit>) -> Option<(f64, f64)> {
-        let (own, truth) = match (own, truth) {
-            (None, None) => return None,
-            (Some(_), None) => {
-                self.false_hits += 1;
-                return None;
-            }
-            (None, Some(_)) => {
-                self.false_misses += 1;
-                return None;
-            }
-            (Some(own), Some(truth)) => (own, truth),
-        };
-        if own.prim != truth.prim {
-            self.wrong += 1;
-            return None;
-        }
-        if !(own.t.is_finite() && own.normal.is_finite()) {
-            self.non_finite += 1;
-            return None;
-        }
-        let single = truth.t as f32;
-        let ulp = f64::from(single.next_up()) - f64::from(single);
-        // From the chord, which is precise for small angles.
-        let angle = 2.0 * ((own.normal - truth.normal).length() / 2.0).min(1.0).asin().to_degrees();
-        Some(((own.t - truth.t).abs() / ulp, angle))
+fn compare_hits(own: Option<GeometryHit>, truth: Option<GeometryHit>) -> Difference {
+    let (own, truth) = match (own, truth) {
+        (None, None) => return Difference::None,
+        (Some(_), None) => return Difference::FalseHit,
+        (None, Some(_)) => return Difference::FalseMiss,
+        (Some(own), Some(truth)) if own.prim != truth.prim => return Difference::WrongPrimitive,
+        (Some(own), Some(truth)) => (own, truth),
+    };
+    if !(own.t.is_finite() && own.normal.is_finite()) {
+        return Difference::NonFinite;
     }
-
-    fn add(&mut self, other: &Tally) {
-        self.false_hits += other.false_hits;
-        self.false_misses += other.false_misses;
-        self.wrong += other.wrong;
-        self.non_finite += other.non_finite;
-    }
+    let single = truth.t as f32;
+    let ulp = f64::from(single.next_up()) - f64::from(single);
+    // From the chord, which is precise for small angles.
+    let angle = 2.0 * ((own.normal - truth.normal).length() / 2.0).min(1.0).asin().to_degrees();
+    Difference::Errors((own.t - truth.t).abs() / ulp, angle)
 }
 
 /// Median, 99.9 % quantile (nearest rank) and maximum; `None` for an empty list.
@@ -151,25 +127,23 @@ mod tests {
 
     #[test]
     fn differing_hits_are_classified() {
-        let found = |t: f64, prim: u32| Some(GeometryHit { t, prim, normal: DVec3::Z });
-        let mut tally = Tally::default();
-        assert_eq!(tally.compare(None, None), None);
-        assert_eq!(tally.compare(found(1.0, 3), None), None);
-        assert_eq!(tally.compare(None, found(1.0, 3)), None);
-        assert_eq!(tally.compare(found(1.0, 4), found(1.0, 3)), None);
-        assert_eq!(tally.compare(found(f64::NAN, 3), found(1.0, 3)), None);
+        let found = |t: f64, prim: u32, normal| Some(GeometryHit { t, prim, normal });
+        let truth = found(1.0, 3, DVec3::Z);
         // The ulp of f32 above 1 is 2^-23.
-        assert_eq!(
-            tally.compare(found(1.0 + 3.0 * f64::from(f32::EPSILON), 3), found(1.0, 3)),
-            Some((3.0, 0.0))
-        );
-        assert_eq!(tally, Tally { false_hits: 1, false_misses: 1, wrong: 1, non_finite: 1 });
-    }
-
-    #[test]
-    fn a_right_angle_has_ninety_degrees() {
-        let one = |normal| Some(GeometryHit { t: 1.0, prim: 0, normal });
-        let (_, angle) = Tally::default().compare(one(DVec3::X), one(DVec3::Z)).unwrap();
+        let far = 1.0 + 3.0 * f64::from(f32::EPSILON);
+        for (own, truth, expected) in [
+            (None, None, Difference::None),
+            (truth, None, Difference::FalseHit),
+            (None, truth, Difference::FalseMiss),
+            (found(1.0, 4, DVec3::Z), truth, Difference::WrongPrimitive),
+            (found(f64::NAN, 3, DVec3::Z), truth, Difference::NonFinite),
+            (found(far, 3, DVec3::Z), truth, Difference::Errors(3.0, 0.0)),
+        ] {
+            assert_eq!(compare_hits(own, truth), expected);
+        }
+        let Difference::Errors(_, angle) = compare_hits(found(1.0, 3, DVec3::X), truth) else {
+            panic!("equal hits")
+        };
         assert!((angle - 90.0).abs() < 1e-12, "{angle}");
     }
 

@@ -1,24 +1,23 @@
 //! The course of a study: references, errors, then timing rounds with all settings interleaved.
 
+use std::sync::atomic::AtomicUsize;
+
 use rayon::ThreadPool;
 
 use super::data::{ReferenceKind, SCHEMA, SettingRow, Study};
-use super::meter::ProgressMeter;
 use super::pictures::{PageImages, png};
 use super::reference::ConvergedReference;
 use super::selection::select;
 use super::setting::Setting;
 use super::sweep::{Candidate, sweep};
-use super::work::{MeasuredSetting, StudyRun, filters, prepare};
+use super::work::{MeasuredSetting, StudyRun, distinct, filters, prepare};
 use super::{advice, ambient, path_sweep, steps, techniques};
 use crate::bench::Envelope;
-use crate::effects::{Choices, RayKind};
+use crate::effects::RayKind;
 use crate::error::{Error, Result};
-use crate::film::Window;
 use crate::geometry::Numerics;
-use crate::job::Metadata;
+use crate::job::ResolvedJob;
 use crate::render::RenderControl;
-use crate::scene::{Camera, Scene};
 use crate::timing::{Clock, Spread};
 
 /// Input of a study.
@@ -29,20 +28,10 @@ pub struct StudySubject {
     pub command: String,
     /// The command line of `kiln render` with the same inputs and options, in words.
     pub render_command: Vec<String>,
-    /// The scene.
-    pub scene: Scene,
-    /// The camera, with the projection to use.
-    pub camera: Camera,
-    /// Width and height of the picture in pixels.
-    pub size: [u32; 2],
-    /// The rendered part of the picture.
-    pub window: Window,
-    /// Requested effects.
-    pub choices: Choices,
+    /// The scene, camera, size and settings of the picture.
+    pub job: ResolvedJob,
     /// The base setting.
     pub base: Setting,
-    /// Metadata of the picture, as names and values.
-    pub metadata: Metadata,
 }
 
 /// Extent of a study.
@@ -91,7 +80,8 @@ pub fn study(
 ) -> Result<(Study, PageImages)> {
     let (mut candidates, mut left_out, reference, envelope) = pools.wide.install(|| {
         let job = prepare(subject, &subject.base)?;
-        let (candidates, left_out) = sweep(&subject.scene, &subject.base, &job.plan, options.most_samples);
+        let (candidates, left_out) =
+            sweep(&subject.job.scene, &subject.base, &job.plan, options.most_samples);
         let reference = path_sweep::reference(&subject.base, &job.plan);
         let left_out = left_out.into_iter().filter(|(parameter, _)| {
             // Of a picture without paths, the page does not list what paths have, unless it was asked for.
@@ -114,29 +104,21 @@ pub fn study(
         |parameter: &str| options.parameters.is_empty() || options.parameters.contains(&parameter);
     candidates.retain(|candidate| candidate.base || is_wanted(candidate.parameter));
     left_out.retain(|(parameter, _)| is_wanted(parameter));
-    let mut settings: Vec<MeasuredSetting> = Vec::new();
-    for Candidate { setting, .. } in &candidates {
-        if !settings.iter().any(|measured| measured.setting == *setting) {
-            let setting = setting.clone();
-            settings.push(MeasuredSetting {
-                setting,
-                build_ms: Vec::new(),
-                trace_ms: Vec::new(),
-                result: None,
-            });
-        }
-    }
+    let settings = distinct(candidates.iter().map(|candidate| candidate.setting.clone()));
+    let measured =
+        |setting| MeasuredSetting { setting, build_ms: Vec::new(), trace_ms: Vec::new(), result: None };
+    let mut settings: Vec<MeasuredSetting> = settings.into_iter().map(measured).collect();
     // The limit takes most of the time; it is not needed for the base alone.
     let needs_limit =
         candidates.iter().any(|candidate| !candidate.base && candidate.reference == ReferenceKind::Limit);
     let filters = if needs_limit { filters(&settings) } else { Vec::new() };
     let threads = pools.timed.current_num_threads();
-    let work =
-        StudyRun { subject, options, reference, timed_threads: threads, meter: ProgressMeter::new(control) };
+    let progress = [AtomicUsize::new(0), AtomicUsize::new(1)];
+    let work = StudyRun { subject, options, reference, timed_threads: threads, control, progress };
     work.set_total_work(&settings, filters.len());
 
     let (limits, limit_ms, twins, geometry) = pools.wide.install(|| {
-        let geometry = work.geometry(control)?;
+        let geometry = work.geometry()?;
         let (limits, limit_ms) = work.limits(&filters)?;
         let base_filter = subject.base.sampling.shape_and_radius();
         if let Some(limit) = limits.iter().find(|limit| limit.filter == base_filter) {
@@ -155,8 +137,8 @@ pub fn study(
     let base_limit = limits.iter().find(|limit| limit.filter == subject.base.sampling.shape_and_radius());
     let study = Study {
         envelope,
-        settings: pairs(&subject.metadata),
-        size: [subject.window.width, subject.window.height],
+        settings: pairs(&subject.job.metadata),
+        size: [subject.job.window.width, subject.job.window.height],
         rounds: options.rounds,
         threads,
         clock: Clock::name(threads).into(),
@@ -191,14 +173,14 @@ pub fn study(
 
 /// Options for a picture of the samples of both halves of the limit.
 fn limit_options(work: &StudyRun, limit: Option<&ConvergedReference>) -> Option<String> {
-    let StudySubject { base, choices, .. } = work.subject;
+    let StudySubject { base, job, .. } = work.subject;
     let mut setting = Setting { numerics: Numerics::Exact, ..work.reference.clone() };
     (setting.sampling.samples, setting.sampling.noise) = (Some(limit?.floor.samples), None);
-    setting.options(base, choices)
+    setting.options(base, &job.choices)
 }
 
 fn rows(candidates: &[Candidate], settings: &[MeasuredSetting], subject: &StudySubject) -> Vec<SettingRow> {
-    let pixels = subject.window.area() as f64;
+    let pixels = subject.job.window.area() as f64;
     let mut rows = Vec::new();
     for candidate in candidates {
         let Some(measured) = settings.iter().find(|measured| measured.setting == candidate.setting) else {
@@ -212,7 +194,7 @@ fn rows(candidates: &[Candidate], settings: &[MeasuredSetting], subject: &StudyS
         };
         let (setting, statistics) = (&measured.setting, &result.statistics);
         let (shape, radius) = setting.sampling.shape_and_radius();
-        let options = setting.options(&subject.base, &subject.choices);
+        let options = setting.options(&subject.base, &subject.job.choices);
         let primary_rays = statistics.rays(RayKind::PRIMARY).cast;
         rows.push(SettingRow {
             id: rows.len(),

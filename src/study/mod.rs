@@ -13,12 +13,10 @@
 mod advice;
 mod ambient;
 mod data;
-mod errors;
 mod geometry;
 mod html;
 mod leaks;
 mod measure;
-mod meter;
 mod pareto;
 mod path_sweep;
 mod pictures;
@@ -33,11 +31,7 @@ mod techniques;
 mod work;
 
 pub use advice::{Advice, ParameterStep, advice, steps};
-pub use data::{
-    ChannelAgreement, GeometryErrors, NoiseFloor, ReferenceKind, SettingRow, Significance, Study,
-    TechniqueTest,
-};
-pub use errors::PictureErrors;
+pub use data::{GeometryErrors, NoiseFloor, ReferenceKind, SettingRow, Significance, Study, TechniqueTest};
 pub use measure::{Options, Pools, StudySubject, study};
 pub use pareto::{TimedError, front};
 pub use pictures::{PageImages, RowImages};

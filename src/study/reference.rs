@@ -5,12 +5,11 @@
 //! is half the RMS difference of the halves.
 
 use super::data::{NoiseFloor, Significance};
-use super::errors::PictureErrors;
 use super::setting::Setting;
 use crate::error::Result;
 use crate::film::FilterShape;
 use crate::geometry::Numerics;
-use crate::metrics::ComparedImage;
+use crate::metrics::{ComparedImage, Errors, Figures};
 
 /// Ratio of an error to the noise of the reference from which on it is significant: as squares add up, the noise then
 /// changes it by half a per cent at most.
@@ -48,7 +47,7 @@ impl ConvergedReference {
         (samples, bounces): (u32, Option<u32>),
         [a, b]: &[ComparedImage; 2],
     ) -> Result<Option<Self>> {
-        let Some(errors) = PictureErrors::between(a, b)? else { return Ok(None) };
+        let Some(errors) = Errors::between(a, b)?.figures else { return Ok(None) };
         let mean = |(a, b): (&[f32; 3], &[f32; 3])| {
             std::array::from_fn(|c| ((f64::from(a[c]) + f64::from(b[c])) / 2.0) as f32)
         };
@@ -64,7 +63,7 @@ impl ConvergedReference {
     }
 
     /// Whether an error against this reference exceeds its noise.
-    pub(crate) fn significance(&self, errors: &PictureErrors) -> Significance {
+    pub(crate) fn significance(&self, errors: &Figures) -> Significance {
         if errors.rmse >= SIGNIFICANT_RATIO * self.floor.rmse {
             Significance::Significant
         } else {

@@ -1,8 +1,7 @@
 //! The settings that the page shows first: a quick one and a recommended one.
 
-use super::advice::{comparable, points};
+use super::advice::{best, comparable};
 use super::data::{SettingRow, Study};
-use super::pareto::front;
 
 /// Peak signal-to-noise ratio in dB of an RMS error of one step of 8 bits: 20 log10(255).
 const PSNR_OF_A_STEP: f64 = 48.13;
@@ -21,8 +20,7 @@ pub(crate) struct Selection {
 /// Selects rows of the Pareto front that `kiln render` has options for; `None` if there are none.
 pub(crate) fn select(study: &Study) -> Option<Selection> {
     let rows: Vec<&SettingRow> = comparable(&study.rows).into_iter().filter(|row| row.has_options).collect();
-    let best: Vec<&SettingRow> =
-        front(&points(&rows), study.noise_floor()).into_iter().map(|index| rows[index]).collect();
+    let best = best(&rows, study);
     let is_close = |row: &&&SettingRow| {
         row.limit.is_some_and(|limit| limit.psnr.is_none_or(|psnr| psnr >= PSNR_OF_A_STEP))
     };

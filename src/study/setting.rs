@@ -74,21 +74,14 @@ impl PathVariation {
     }
 }
 
-/// Part of a setting that determines the prepared scene.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct WorldKey {
-    numerics: Numerics,
-    structure: Layout,
-    pipeline: ColourPipeline,
-    bounces: Option<u32>,
-    ambient: Option<f64>,
-}
-
 impl Setting {
-    /// The part that determines the prepared scene.
-    pub fn world_key(&self) -> WorldKey {
-        let &Setting { numerics, structure, pipeline, bounces, .. } = self;
-        WorldKey { numerics, structure, pipeline, bounces, ambient: self.path.ambient }
+    /// Whether both settings have the same prepared scene.
+    pub fn shares_world(&self, other: &Setting) -> bool {
+        let key = |setting: &Setting| {
+            let Setting { numerics, structure, pipeline, bounces, path, .. } = setting;
+            (*numerics, *structure, *pipeline, *bounces, path.ambient)
+        };
+        key(self) == key(other)
     }
 
     /// The twin: the base in `exact` at the sample points of this setting, without rounding to 8 bits in every step.

@@ -69,11 +69,10 @@ pub fn sweep(scene: &Scene, base: &Setting, plan: &Plan, most: u32) -> (Vec<Cand
 
 /// Description of a sampling.
 fn describe_sampling(sampling: &Sampling) -> String {
-    let samples = sampling.max_samples();
     match (sampling.is_wanted(), sampling.noise) {
         (false, _) => "1 sample".into(),
         (_, Some(noise)) => format!("noise {noise}"),
-        (_, None) => format!("{samples} samples"),
+        (_, None) => format!("{} samples", sampling.max_samples()),
     }
 }
 
@@ -95,21 +94,29 @@ impl SweepBuilder<'_> {
         self.candidates.push(Candidate { parameter, name: name.into(), reference, base: false, setting });
     }
 
+    /// Adds the base with a change that leaves the sample points as they are.
+    fn vary(&mut self, parameter: &'static str, name: impl Into<String>, change: impl FnOnce(&mut Setting)) {
+        let mut setting = self.base.clone();
+        change(&mut setting);
+        self.add(parameter, name, ReferenceKind::Twin, setting);
+    }
+
+    /// Whether an effect is on; if it is not, `parameter` is omitted with the reason.
+    fn has(&mut self, parameter: &'static str, plan: &Plan, effect: EffectId) -> bool {
+        let why = reason_off(plan, effect);
+        self.omitted.extend(why.clone().map(|why| (parameter, why)));
+        why.is_none()
+    }
+
     fn numerics(&mut self) {
         for numerics in Numerics::ALL {
-            self.add(
-                "numerics",
-                numerics.name(),
-                ReferenceKind::Twin,
-                Setting { numerics, ..self.base.clone() },
-            );
+            self.vary("numerics", numerics.name(), |setting| setting.numerics = numerics);
         }
     }
 
     fn structures(&mut self, scene: &Scene) {
         for preset in Preset::ALL {
-            let structure = Layout::Wide(preset);
-            self.add("bvh", preset.name(), ReferenceKind::Twin, Setting { structure, ..self.base.clone() });
+            self.vary("bvh", preset.name(), |setting| setting.structure = Layout::Wide(preset));
         }
         let preset = self.base.structure.preset().unwrap_or_default();
         let mut layouts =
@@ -118,7 +125,7 @@ impl SweepBuilder<'_> {
             layouts.push(("layout brute-force", Layout::BruteForce));
         }
         for (name, structure) in layouts {
-            self.add("bvh", name, ReferenceKind::Twin, Setting { structure, ..self.base.clone() });
+            self.vary("bvh", name, |setting| setting.structure = structure);
         }
     }
 
@@ -129,70 +136,54 @@ impl SweepBuilder<'_> {
             return;
         }
         for pipeline in [ColourPipeline::U8, ColourPipeline::Display] {
-            self.add(
-                "colour",
-                pipeline.name(),
-                ReferenceKind::Twin,
-                Setting { pipeline, ..self.base.clone() },
-            );
+            self.vary("colour", pipeline.name(), |setting| setting.pipeline = pipeline);
         }
     }
 
     fn glaze(&mut self, scene: &Scene, plan: &Plan) {
-        if let Some(why) = reason_off(plan, id::GLAZE) {
-            self.omitted.push(("glaze bounces", why));
+        if !self.has("glaze bounces", plan, id::GLAZE) {
             return;
         }
         let most = most_bounces(scene);
-        let mut bounces = 0;
-        while bounces < most {
-            let setting = Setting { bounces: Some(bounces), ..self.base.clone() };
-            self.add("glaze bounces", bounces_named(bounces), ReferenceKind::Twin, setting);
-            bounces = (2 * bounces).max(1);
+        for bounces in [0].into_iter().chain(powers_of_two()).take_while(|bounces| *bounces < most) {
+            self.vary("glaze bounces", bounces_named(bounces), |setting| setting.bounces = Some(bounces));
         }
-        self.add("glaze bounces", bounces_named(most), ReferenceKind::Twin, self.base.clone());
+        self.vary("glaze bounces", bounces_named(most), |_| ());
     }
 
     fn effects(&mut self, plan: &Plan) {
         for effect in EFFECTS.iter().filter(|effect| effect.is_study_switch) {
-            if let Some(why) = reason_off(plan, effect.id) {
-                self.omitted.push((effect.name(), why));
-                continue;
+            if self.has(effect.name(), plan, effect.id) {
+                self.vary(effect.name(), "off", |setting| setting.without.push(effect.id));
+                self.vary(effect.name(), "on", |_| ());
             }
-            let without = [self.base.without.as_slice(), &[effect.id]].concat();
-            self.add(effect.name(), "off", ReferenceKind::Twin, Setting { without, ..self.base.clone() });
-            self.add(effect.name(), "on", ReferenceKind::Twin, self.base.clone());
         }
     }
 
     fn textures(&mut self, plan: &Plan) {
-        if let Some(why) = reason_off(plan, id::TEXTURES) {
-            self.omitted.push(("picture filter", why));
-            return;
-        }
-        for filter in TextureFilter::ALL {
-            let setting = Setting { textures: Some(filter), ..self.base.clone() };
-            self.add("picture filter", filter.name(), ReferenceKind::Twin, setting);
+        if self.has("picture filter", plan, id::TEXTURES) {
+            for filter in TextureFilter::ALL {
+                self.vary("picture filter", filter.name(), |setting| setting.textures = Some(filter));
+            }
         }
     }
 
     fn samples(&mut self, most: u32) {
-        for samples in counts(most) {
+        for samples in powers_of_two().take_while(|&samples| samples <= most) {
             let setting = self.sampled(samples);
             self.add("samples", samples_named(samples), ReferenceKind::Limit, setting);
         }
+        let count = FILTER_SAMPLES.min(most);
         for filter in FilterShape::ALL {
-            let mut setting = self.sampled(FILTER_SAMPLES.min(most));
-            setting.sampling.filter = Some(filter);
-            setting.sampling.filter_radius = None;
-            let name = format!("{} ({})", filter.name(), samples_named(FILTER_SAMPLES.min(most)));
+            let mut setting = self.sampled(count);
+            (setting.sampling.filter, setting.sampling.filter_radius) = (Some(filter), None);
+            let name = format!("{} ({})", filter.name(), samples_named(count));
             self.add("filter", name, ReferenceKind::Limit, setting);
         }
         if most <= FILTER_SAMPLES {
-            self.omitted.push((
-                "noise",
-                format!("at most {most} samples a pixel are looked at; it needs more than {FILTER_SAMPLES}"),
-            ));
+            let why =
+                format!("at most {most} samples a pixel are looked at; it needs more than {FILTER_SAMPLES}");
+            self.omitted.push(("noise", why));
             return;
         }
         for noise in NOISE {
@@ -221,10 +212,8 @@ impl SweepBuilder<'_> {
     }
 }
 
-/// Powers of two up to `most`.
-fn counts(most: u32) -> impl Iterator<Item = u32> {
-    std::iter::successors(Some(1u32), |samples| samples.checked_mul(2))
-        .take_while(move |&samples| samples <= most)
+fn powers_of_two() -> impl Iterator<Item = u32> {
+    std::iter::successors(Some(1u32), |power| power.checked_mul(2))
 }
 
 pub(super) fn samples_named(samples: u32) -> String {

@@ -3,17 +3,13 @@
 use serde_json::Value;
 
 use super::data::SettingRow;
+use super::work::distinct;
 
 /// Rows as CSV with a header line; missing values are empty cells.
 pub fn to_csv(rows: &[SettingRow]) -> String {
     let flat: Vec<Vec<(String, String)>> = rows.iter().map(flattened).collect();
-    let mut names: Vec<&String> = Vec::new();
     // The columns of all rows; rows without errors have fewer.
-    for (name, _) in flat.iter().flatten() {
-        if !names.contains(&name) {
-            names.push(name);
-        }
-    }
+    let names = distinct(flat.iter().flatten().map(|(name, _)| name));
     let is_parent = |name: &str| {
         names.iter().any(|other| other.len() > name.len() && other.starts_with(&format!("{name}.")))
     };
@@ -29,9 +25,7 @@ pub fn to_csv(rows: &[SettingRow]) -> String {
 
 fn flattened(row: &SettingRow) -> Vec<(String, String)> {
     let mut cells = Vec::new();
-    if let Ok(value) = serde_json::to_value(row) {
-        flatten("", &value, &mut cells);
-    }
+    flatten("", &serde_json::json!(row), &mut cells);
     cells
 }
 

@@ -1,12 +1,13 @@
 //! Whether the techniques of direct light converge to the same picture: t-tests of BSDF samples and of light samples
 //! against both with multiple importance sampling, after a control of two seeds of the latter.
 
-use super::data::{ChannelAgreement, TechniqueTest};
+use super::data::TechniqueTest;
 use super::path_sweep::technique_named;
 use super::setting::{PathVariation, Setting};
 use super::work::{StudyRun, prepare};
 use crate::effects::LightTechnique;
 use crate::error::{Error, Result};
+use crate::film::channels::ExrChannels;
 use crate::film::{ColourPipeline, Film, FilterShape};
 use crate::metrics::t_test::{CHANNELS, Estimate, TTest};
 use crate::render::aov::{self, AovSelection};
@@ -34,24 +35,7 @@ pub(crate) fn agreement(run: &StudyRun) -> Result<Vec<TechniqueTest>> {
     let test = |(seed, (name, technique)): (u32, (&str, LightTechnique))| {
         let tested = estimate(run, technique, samples, seed)?;
         let name = if name.is_empty() { technique_named(technique) } else { name };
-        let TTest { passed, threshold, channels, .. } = TTest::between(&both, &tested, BLOCK)?;
-        let channels = channels.into_iter().map(|own| ChannelAgreement {
-            channel: own.channel.to_owned(),
-            tested: own.tested,
-            histogram: own.histogram.to_vec(),
-            uniform: own.uniform,
-            difference: own.difference,
-            standard_error: own.standard_error,
-            equal_means: own.equal_means,
-        });
-        Ok(TechniqueTest {
-            name: name.into(),
-            samples,
-            block: BLOCK,
-            passed,
-            threshold,
-            channels: channels.collect(),
-        })
+        Ok(TechniqueTest { name: name.into(), samples, test: TTest::between(&both, &tested, BLOCK)? })
     };
     (2..).zip(pairs).map(test).collect()
 }
@@ -72,21 +56,17 @@ fn estimate(run: &StudyRun, technique: LightTechnique, samples: u32, seed: u32) 
     let job = prepare(run.subject, &setting)?;
     let (film, _): (Film, _) = run.render(&job, &setting)?;
     let selection = AovSelection::new(&["samples".into(), "variance".into()])?;
-    let channels = aov::channels(&job.aov_source(Some(&film)), &selection, run.meter.control)?;
-    let values = |name: String| {
-        let channel = channels.iter().find(|channel| channel.name == name);
-        channel.map(|channel| channel.values.clone()).ok_or_else(|| Error::Failed {
-            what: format!("the picture has no layer {name}"),
-            hint: String::new(),
-        })
-    };
-    let [r, g, b] = CHANNELS.map(|channel| values(format!("Variance.{channel}")));
-    Ok(Estimate {
+    let channels = aov::channels(&job.aov_source(Some(&film)), &selection, run.control)?;
+    let own = CHANNELS.into_iter().enumerate();
+    let own = own.map(|(c, name)| (name.to_owned(), film.rows().map(|pixel: [f32; 3]| pixel[c]).collect()));
+    let channels = channels.into_iter().map(|channel| (channel.name, channel.values));
+    let channels = ExrChannels {
         width: film.window().width,
         height: film.window().height,
-        means: std::array::from_fn(|c| film.rows().map(|pixel: [f32; 3]| pixel[c]).collect()),
-        variances: [r?, g?, b?],
-        counts: values("Samples.X".into())?,
-        seed: setting.sampling.seed,
-    })
+        channels: own.chain(channels).collect(),
+        settings: Vec::new(),
+    };
+    let estimate =
+        Estimate::unchecked(&channels).map_err(|what| Error::Failed { what, hint: String::new() })?;
+    Ok(Estimate { seed: setting.sampling.seed, ..estimate })
 }

@@ -2,20 +2,19 @@
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::data::{GeometryErrors, Significance};
-use super::errors::PictureErrors;
 use super::measure::{Options, StudySubject};
-use super::meter::{ProgressMeter, effort};
 use super::pictures::{Comparison, SettingImages, png};
 use super::reference::{ConvergedReference, halves};
-use super::setting::{Setting, WorldKey};
+use super::setting::Setting;
 use super::{geometry, leaks};
 use crate::error::{Error, Result};
 use crate::film::{Film, FilterShape, Pixel, TILE, Window};
 use crate::geometry::Numerics;
-use crate::job::RenderJob;
-use crate::metrics::ComparedImage;
+use crate::job::{RenderJob, ResolvedJob};
+use crate::metrics::{ComparedImage, Figures};
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Scene;
 use crate::timing::{Clock, Spread};
@@ -37,36 +36,41 @@ pub(crate) struct RenderResult {
     pub statistics: Statistics,
     pub structure_bytes: usize,
     pub layout: &'static str,
-    pub limit: Option<PictureErrors>,
+    pub limit: Option<Figures>,
     pub significance: Significance,
-    pub twin: Option<PictureErrors>,
+    pub twin: Option<Figures>,
     pub fingerprint: String,
     pub images: SettingImages,
 }
 
 /// The job of the subject in a setting.
 pub(crate) fn prepare(subject: &StudySubject, setting: &Setting) -> Result<RenderJob> {
-    job_of(subject, setting, setting.scene(&subject.scene))
+    job_of(subject, setting, setting.scene(&subject.job.scene))
 }
 
 /// The job of a scene in a setting.
 fn job_of(subject: &StudySubject, setting: &Setting, scene: Scene) -> Result<RenderJob> {
     let world = World::prepare(scene, setting.pipeline, setting.structure, setting.numerics);
-    let (camera, choices) = (subject.camera.clone(), setting.choices(&subject.choices));
-    let job = RenderJob::new(Arc::new(world), None, camera, subject.size, choices)?;
-    Ok(RenderJob { window: subject.window, ..job })
+    let ResolvedJob { camera, window, choices, .. } = &subject.job;
+    let job =
+        RenderJob::new(Arc::new(world), None, camera.clone(), subject.job.size(), setting.choices(choices))?;
+    Ok(RenderJob { window: *window, ..job })
 }
 
 /// The distinct filters of all settings, beginning with that of the base.
 pub(crate) fn filters(settings: &[MeasuredSetting]) -> Vec<(FilterShape, f64)> {
-    let mut filters = Vec::new();
-    for measured in settings {
-        let filter = measured.setting.sampling.shape_and_radius();
-        if !filters.contains(&filter) {
-            filters.push(filter);
+    distinct(settings.iter().map(|measured| measured.setting.sampling.shape_and_radius()))
+}
+
+/// The distinct values in order.
+pub(crate) fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
+    let mut distinct = Vec::new();
+    for value in values {
+        if !distinct.contains(&value) {
+            distinct.push(value);
         }
     }
-    filters
+    distinct
 }
 
 /// Context of all steps.
@@ -79,33 +83,43 @@ pub(crate) struct StudyRun<'a> {
     pub reference: Setting,
     /// Number of threads of timed renders, which determines the clock.
     pub timed_threads: usize,
-    /// Progress.
-    pub meter: ProgressMeter<'a>,
+    /// Cancellation, and receiver of the progress.
+    pub control: &'a RenderControl<'a>,
+    /// Progress so far and in total, in tiles times samples per pixel.
+    pub progress: [AtomicUsize; 2],
+}
+
+/// Approximate work per tile, in samples per pixel.
+fn effort(setting: &Setting) -> usize {
+    let sampling = &setting.sampling;
+    if sampling.is_wanted() { sampling.max_samples() as usize } else { 1 }
 }
 
 impl StudyRun<'_> {
+    /// Adds to the progress.
+    fn step(&self, effort: usize) {
+        let [done, total] = &self.progress;
+        let done = effort + done.fetch_add(effort, Ordering::Relaxed);
+        (self.control.progress)(done, total.load(Ordering::Relaxed).max(done));
+    }
+
     /// Sets the total work of the progress.
     pub(crate) fn set_total_work(&self, settings: &[MeasuredSetting], limits: usize) {
-        let Window { width, height, .. } = self.subject.window;
+        let Window { width, height, .. } = self.subject.job.window;
         let tiles = (width.div_ceil(TILE) * height.div_ceil(TILE)) as usize;
         let once: usize = settings.iter().map(|measured| effort(&measured.setting)).sum();
         let rounds = self.options.rounds as usize;
-        let mut twins: Vec<Setting> = Vec::new();
-        settings.iter().map(|measured| measured.setting.twin(&self.subject.base)).for_each(|twin| {
-            if !twins.contains(&twin) {
-                twins.push(twin);
-            }
-        });
-        let twins: usize = twins.iter().map(effort).sum();
+        let twins: usize = self.twin_settings(settings).iter().map(effort).sum();
         let references: usize =
             (0..limits).map(|index| 2 * self.options.samples_of_limit(index) as usize).sum();
         let samples = references + twins + once * (1 + rounds) + groups(settings).len() * rounds;
-        self.meter.set_total(tiles * samples + self.steps_of_a_tier() * Numerics::ALL.len());
+        let total = tiles * samples + self.steps_of_a_tier() * Numerics::ALL.len();
+        self.progress[1].store(total, Ordering::Relaxed);
     }
 
     /// Picture size for the comparison of geometry.
     fn size_of_geometry(&self) -> [u32; 2] {
-        let size = self.subject.size;
+        let size = self.subject.job.size();
         let most = MAX_RAYS_ACROSS / size[0].max(size[1]).max(1);
         size.map(|side| side * self.options.rays_across.min(most).max(1))
     }
@@ -117,8 +131,8 @@ impl StudyRun<'_> {
     }
 
     /// Differences in ray hits between each tier and `exact`.
-    pub(crate) fn geometry(&self, control: &RenderControl) -> Result<Vec<GeometryErrors>> {
-        let StudySubject { scene, camera, base, .. } = self.subject;
+    pub(crate) fn geometry(&self) -> Result<Vec<GeometryErrors>> {
+        let StudySubject { job: ResolvedJob { scene, camera, .. }, base, .. } = self.subject;
         let size = self.size_of_geometry();
         let view = View::new(camera, camera.projection, size)?;
         let closed = leaks::closed_meshes(scene);
@@ -127,21 +141,16 @@ impl StudyRun<'_> {
         let mut tiers = Vec::new();
         for numerics in Numerics::ALL {
             let tier = world(numerics)?.world;
-            tiers.push(geometry::compare(
-                [&tier, &exact],
-                (&view, size),
-                &closed,
-                self.options.leak_rays,
-                control,
-            )?);
-            self.meter.step(self.steps_of_a_tier());
+            let leak_rays = self.options.leak_rays;
+            tiers.push(geometry::compare([&tier, &exact], (&view, size), &closed, leak_rays, self.control)?);
+            self.step(self.steps_of_a_tier());
         }
         Ok(tiers)
     }
 
     /// Renders a setting that shares the prepared scene of `job`.
     fn render_setting<P: Pixel>(&self, job: &RenderJob, setting: &Setting) -> Result<(Film<P>, Statistics)> {
-        self.render(&job.with_choices(setting.choices(&self.subject.choices))?, setting)
+        self.render(&job.with_choices(setting.choices(&self.subject.job.choices))?, setting)
     }
 
     /// Renders a prepared setting.
@@ -150,8 +159,8 @@ impl StudyRun<'_> {
         job: &RenderJob,
         setting: &Setting,
     ) -> Result<(Film<P>, Statistics)> {
-        let step = |_: usize, _: usize| self.meter.step(effort(setting));
-        let cancel = self.meter.control.cancel;
+        let step = |_: usize, _: usize| self.step(effort(setting));
+        let cancel = self.control.cancel;
         job.render(&RenderControl { cancel, progress: &step, time_stages: false })
     }
 
@@ -179,23 +188,20 @@ impl StudyRun<'_> {
 
     /// Renders every distinct twin.
     pub(crate) fn twins(&self, settings: &[MeasuredSetting]) -> Result<Vec<(Setting, ComparedImage)>> {
-        let mut twins: Vec<(Setting, ComparedImage)> = Vec::new();
-        let mut job: Option<RenderJob> = None;
-        for measured in settings {
-            let twin = measured.setting.twin(&self.subject.base);
-            if twins.iter().any(|(setting, _)| *setting == twin) {
-                continue;
-            }
-            // Twins differ in their sampling only.
-            let job = match &mut job {
-                Some(job) => job,
-                none => none.insert(prepare(self.subject, &twin)?),
-            };
-            let (film, _) = self.render_setting::<[f32; 3]>(job, &twin)?;
+        let twins = self.twin_settings(settings);
+        let Some(first) = twins.first() else { return Ok(Vec::new()) };
+        // Twins differ in their sampling only.
+        let job = prepare(self.subject, first)?;
+        let render = |twin: Setting| {
+            let (film, _) = self.render_setting::<[f32; 3]>(&job, &twin)?;
             let picture = ComparedImage::of_film(&film, twin.pipeline);
-            twins.push((twin, picture));
-        }
-        Ok(twins)
+            Ok::<_, Error>((twin, picture))
+        };
+        twins.into_iter().map(render).collect()
+    }
+
+    fn twin_settings(&self, settings: &[MeasuredSetting]) -> Vec<Setting> {
+        distinct(settings.iter().map(|measured| measured.setting.twin(&self.subject.base)))
     }
 
     /// Renders every setting once, and compares it with its limit and its twin.
@@ -257,7 +263,7 @@ impl StudyRun<'_> {
             for turn in 0..groups.len() {
                 let group = &groups[(round + turn) % groups.len()];
                 let mut first = settings[group[0]].setting.clone();
-                let scene = first.scene(&self.subject.scene);
+                let scene = first.scene(&self.subject.job.scene);
                 let clock = Clock::start(threads);
                 let job = job_of(self.subject, &first, scene)?;
                 let build = 1e3 * clock.seconds();
@@ -266,7 +272,7 @@ impl StudyRun<'_> {
                 self.render_setting::<[u8; 3]>(&job, &first)?;
                 for turn in 0..group.len() {
                     let measured = &mut settings[group[(round + turn) % group.len()]];
-                    let job = job.with_choices(measured.setting.choices(&self.subject.choices))?;
+                    let job = job.with_choices(measured.setting.choices(&self.subject.job.choices))?;
                     let clock = Clock::start(threads);
                     self.render::<[u8; 3]>(&job, &measured.setting)?;
                     measured.trace_ms.push(1e3 * clock.seconds());
@@ -280,15 +286,14 @@ impl StudyRun<'_> {
 
 /// Indices of settings that share a prepared scene.
 fn groups(settings: &[MeasuredSetting]) -> Vec<Vec<usize>> {
-    let mut groups: Vec<(WorldKey, Vec<usize>)> = Vec::new();
-    for (index, measured) in settings.iter().enumerate() {
-        let key = measured.setting.world_key();
-        match groups.iter_mut().find(|(known, _)| *known == key) {
-            Some((_, group)) => group.push(index),
-            None => groups.push((key, vec![index])),
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for (index, MeasuredSetting { setting, .. }) in settings.iter().enumerate() {
+        match groups.iter_mut().find(|group| settings[group[0]].setting.shares_world(setting)) {
+            Some(group) => group.push(index),
+            None => groups.push(vec![index]),
         }
     }
-    groups.into_iter().map(|(_, group)| group).collect()
+    groups
 }
 
 /// Hash of a picture's bits, the same in every run.

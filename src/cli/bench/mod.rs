@@ -74,21 +74,9 @@ fn with_progress<T: Send>(
     result
 }
 
-/// A table with aligned columns: the first `left` columns to the left, the others to the right.
+/// A table with the first `left` columns aligned to the left, the others to the right.
 fn aligned(lines: &[Vec<String>], left: usize) -> String {
-    let columns = lines.iter().map(Vec::len).max().unwrap_or(0);
-    let width =
-        |column: usize| lines.iter().filter_map(|line| line.get(column)).map(|c| c.chars().count()).max();
-    let widths: Vec<usize> = (0..columns).map(|column| width(column).unwrap_or(0)).collect();
-    let mut text = String::new();
-    for line in lines {
-        let cells = line.iter().zip(&widths).enumerate().map(|(column, (cell, &width))| {
-            if column < left { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
-        });
-        text += cells.collect::<Vec<_>>().join("  ").trim_end();
-        text.push('\n');
-    }
-    text
+    super::numbers::aligned(lines, |column| column < left)
 }
 
 /// The number with groups of three digits separated by commas.

@@ -7,11 +7,14 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde_json::{Value, json};
 
-use super::{FileNames, Lines, lights, materials};
+use super::{FileNames, Lines, geometry, lights, materials, objects};
+use crate::error::Result;
 use crate::geometry::Triangle;
+use crate::scene::topology::Topology;
 use crate::scene::{Camera, Mesh, Object, Projection, Scene, Shape};
 
-pub(super) fn to_json(inputs: &[PathBuf], scene: &Scene) -> Value {
+pub(super) fn to_json(inputs: &[PathBuf], scene: &Scene, topology: &Result<Topology>) -> Value {
+    let objects = scene.objects.iter().zip(objects::closed(scene, topology));
     json!({
         "schema": 1,
         "inputs": inputs.iter().map(|i| i.display().to_string()).collect::<Vec<_>>(),
@@ -20,7 +23,7 @@ pub(super) fn to_json(inputs: &[PathBuf], scene: &Scene) -> Value {
         "triangles_without_area": degenerate_triangles(scene),
         "spheres": scene.primitive_count() - triangles(scene),
         "bounds": scene.bounds().map(|(min, max)| json!({ "min": point(min), "max": point(max) })),
-        "objects": scene.objects.iter().map(|object| object_to_json(inputs, scene, object)).collect::<Vec<_>>(),
+        "objects": objects.map(|(object, closed)| object_to_json(inputs, scene, object, closed)).collect::<Vec<_>>(),
         "materials": materials::to_json(scene),
         "textures": scene.images.iter().map(|i| json!({ "name": i.name, "width": i.width, "height": i.height,
             "bytes": size_of_val(&*i.pixels) })).collect::<Vec<_>>(),
@@ -31,29 +34,28 @@ pub(super) fn to_json(inputs: &[PathBuf], scene: &Scene) -> Value {
         "clips": scene.clips.iter().map(|c| json!({ "name": c.name, "duration": c.duration, "channels": c.channels }))
             .collect::<Vec<_>>(),
         "variants": scene.variants,
+        "geometry": geometry::to_json(scene, topology),
         "metadata": scene.metadata.iter().map(|(key, value)| json!({ "name": key, "value": value }))
             .collect::<Vec<_>>(),
     })
 }
 
-fn object_to_json(inputs: &[PathBuf], scene: &Scene, object: &Object) -> Value {
-    let attributes = |mesh: &Mesh| {
+fn object_to_json(inputs: &[PathBuf], scene: &Scene, object: &Object, closed: Option<bool>) -> Value {
+    let kind = if let Shape::Analytic(shape) = &object.shape { shape.name() } else { "mesh" };
+    let attributes = object.shape.mesh().map_or(json!({}), |mesh| {
         json!({
             "normals": mesh.normals.is_some(),
             "texture_coordinates": !mesh.uvs.is_empty(),
             "colours": mesh.colours.is_some(),
         })
-    };
-    let (kind, attributes) = match &object.shape {
-        Shape::Analytic(shape) => (shape.name(), json!({})),
-        Shape::Mesh(mesh) => ("mesh", attributes(mesh)),
-        Shape::Placed(placed) => ("mesh", attributes(&placed.mesh)),
-    };
+    });
     json!({
         "name": object.name,
         "input": inputs[object.input].display().to_string(),
         "kind": kind,
         "primitives": object.shape.primitive_count(),
+        "triangles": objects::triangles(object),
+        "closed": closed,
         "material": scene.materials[object.material.0 as usize].name(),
         "attributes": attributes,
         "shared": matches!(object.shape, Shape::Placed(_)),
@@ -90,7 +92,7 @@ pub(super) fn point(p: DVec3) -> Value {
 }
 
 fn triangles(scene: &Scene) -> usize {
-    scene.objects.iter().filter(|o| o.shape.mesh().is_some()).map(|o| o.shape.primitive_count()).sum()
+    scene.objects.iter().map(objects::triangles).sum()
 }
 
 /// Number of triangles with collinear vertices. They are kept, because those that close a T-vertex can be hit.

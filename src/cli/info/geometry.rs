@@ -1,6 +1,6 @@
 //! Defects of the meshes.
 
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use super::Lines;
 use super::contents::{point, short};
@@ -10,28 +10,24 @@ use crate::scene::topology::{Location, Topology};
 
 pub(super) fn to_json(scene: &Scene, topology: &Result<Topology>) -> Value {
     let Ok(topology) = topology else { return Value::Null };
-    let mut counts = Map::new();
-    let mut firsts = Map::new();
-    for (key, count) in [
-        ("vertices", topology.vertices),
-        ("edges", topology.edges),
-        ("components", topology.components),
-        ("closed_components", topology.closed_components),
-        ("holes", topology.holes),
-    ] {
-        counts.insert(key.into(), json!(count));
-    }
+    let mut report = json!({
+        "vertices": topology.vertices,
+        "edges": topology.edges,
+        "components": topology.components,
+        "closed_components": topology.closed_components,
+        "holes": topology.holes,
+        "t_junctions_cut_off": topology.t_junctions_cut_off,
+        "first": {},
+    });
     for (key, findings, _) in topology.findings() {
-        counts.insert(key.into(), json!(findings.count));
+        report[key] = json!(findings.count);
         if let Some(Location { object, triangle, position }) = findings.first {
             let name = &scene.objects[object].name;
-            let first = json!({ "object": name, "triangle": triangle, "position": point(position) });
-            firsts.insert(key.into(), first);
+            report["first"][key] =
+                json!({ "object": name, "triangle": triangle, "position": point(position) });
         }
     }
-    counts.insert("t_junctions_cut_off".into(), json!(topology.t_junctions_cut_off));
-    counts.insert("first".into(), Value::Object(firsts));
-    Value::Object(counts)
+    report
 }
 
 /// Adds a line on what the triangles are connected to, and one for each kind of defect.

@@ -43,33 +43,27 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     check_scene(&scene.effects)?;
     let after_loading = Memory::now();
     let topology = Topology::of_scene(&scene);
-    let (mut report, mut lines) = (contents::to_json(&arguments.inputs, &scene), Lines::default());
+    let (mut report, mut lines) = (contents::to_json(&arguments.inputs, &scene, &topology), Lines::default());
     let names = FileNames::of(&arguments.inputs);
     contents::add_sizes(&mut lines, &names, &scene);
     objects::add(&mut lines, &scene, &topology);
-    objects::add_to_json(&mut report, &scene, &topology);
     geometry::add(&mut lines, &scene, &topology);
     contents::add_names(&mut lines, &names, &scene);
-    report["geometry"] = geometry::to_json(&scene, &topology);
     let rendering = Rendering::of(scene, arguments.build, &after_loading);
     rendering.add(&mut lines, &names);
     rendering.add_to_json(&mut report);
-    let (of_render, left_out) = (rendering.warnings(), left_out(&warnings, &rendering));
-    for text in warnings.messages().iter().chain(of_render.messages()) {
+    let all = [&warnings, rendering.warnings()];
+    for text in all.into_iter().flat_map(Warnings::messages) {
         lines.add("warning", names.shorten(text));
     }
-    for text in warnings.notes().iter().chain(of_render.notes()) {
+    for text in all.into_iter().flat_map(Warnings::notes) {
         lines.add("note", names.shorten(text));
     }
     report["warnings"] = json!(warnings.messages());
     report["notes"] = json!(warnings.notes());
-    report["left_out"] = json!(left_out);
+    // By the importers and by a render without options.
+    report["left_out"] = all.into_iter().flat_map(Warnings::all_left_out).cloned().collect();
     if arguments.json { print(&format!("{report:#}\n")) } else { print(&lines.0) }
-}
-
-/// What of the inputs is not drawn or not used, by the importers and by a render without options.
-fn left_out(warnings: &Warnings, rendering: &Rendering) -> Vec<String> {
-    [warnings, rendering.warnings()].into_iter().flat_map(Warnings::all_left_out).cloned().collect()
 }
 
 /// Lines of text, each with a label.

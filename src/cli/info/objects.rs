@@ -1,7 +1,5 @@
 //! Objects: number of triangles, and whether each is closed.
 
-use serde_json::{Value, json};
-
 use super::Lines;
 use crate::error::Result;
 use crate::scene::topology::Topology;
@@ -12,7 +10,7 @@ const MOST: usize = 16;
 
 /// Whether each object is closed; `None` where that is not known, and for one without triangles of
 /// three distinct vertices.
-fn closed(scene: &Scene, topology: &Result<Topology>) -> Vec<Option<bool>> {
+pub(super) fn closed(scene: &Scene, topology: &Result<Topology>) -> Vec<Option<bool>> {
     let of_object = |(index, object): (usize, &Object)| match &object.shape {
         // A sphere.
         Shape::Analytic(_) => Some(true),
@@ -21,17 +19,8 @@ fn closed(scene: &Scene, topology: &Result<Topology>) -> Vec<Option<bool>> {
     scene.objects.iter().enumerate().map(of_object).collect()
 }
 
-fn triangles(object: &Object) -> usize {
+pub(super) fn triangles(object: &Object) -> usize {
     if object.shape.mesh().is_some() { object.shape.primitive_count() } else { 0 }
-}
-
-/// Adds `triangles` and `closed` to each of `objects`.
-pub(super) fn add_to_json(report: &mut Value, scene: &Scene, topology: &Result<Topology>) {
-    let rows = report["objects"].as_array_mut().into_iter().flatten();
-    for ((row, object), closed) in rows.zip(&scene.objects).zip(closed(scene, topology)) {
-        row["triangles"] = json!(triangles(object));
-        row["closed"] = json!(closed);
-    }
 }
 
 /// Adds a line for each object.

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::{FileNames, Lines};
 use crate::bvh::Description;
 use crate::effects::Decision;
-use crate::error::{Error, Warnings};
+use crate::error::{Error, Result, Warnings};
 use crate::job::{self, Look, RenderSettings};
 use crate::limits::{self, Bytes};
 use crate::scene::{Attribute, Mesh, Object, Scene, Shape};
@@ -32,16 +32,9 @@ pub(super) struct Rendering {
     mesh_bytes: usize,
     /// Memory of the images without mip maps.
     image_bytes: usize,
-    outcome: Outcome,
+    /// `None` if the scene has more than [`MOST_BUILT`] primitives, an error if it cannot be rendered.
+    outcome: Result<Option<Built>>,
     warnings: Warnings,
-}
-
-enum Outcome {
-    Built(Built),
-    /// The scene has more than [`MOST_BUILT`] primitives.
-    Estimated,
-    /// It cannot be rendered.
-    Failed(Error),
 }
 
 struct Built {
@@ -65,11 +58,9 @@ impl Rendering {
             primitives: scene.primitive_count(),
             mesh_bytes: mesh_bytes(&scene),
             image_bytes: scene.images.iter().map(|image| size_of_val(&*image.pixels)).sum(),
-            outcome: if is_built || stored <= MOST_BUILT {
-                build(scene, after_loading, &mut warnings).map_or_else(Outcome::Failed, Outcome::Built)
-            } else {
-                Outcome::Estimated
-            },
+            outcome: (is_built || stored <= MOST_BUILT)
+                .then(|| build(scene, after_loading, &mut warnings))
+                .transpose(),
             warnings,
         }
     }
@@ -83,20 +74,17 @@ impl Rendering {
     fn bytes(&self) -> [Option<u64>; 2] {
         let stored = self.stored as u64;
         match &self.outcome {
-            Outcome::Built(built) => [Some(built.description.bytes as u64), built.peak],
-            Outcome::Estimated => {
+            Ok(Some(built)) => [Some(built.description.bytes as u64), built.peak],
+            Ok(None) => {
                 let scene = (self.mesh_bytes + self.image_bytes) as u64;
                 [Some(stored * BVH_BYTES), Some(stored * PEAK_BYTES + scene)]
             }
-            Outcome::Failed(_) => [None; 2],
+            Err(_) => [None; 2],
         }
     }
 
     fn built(&self) -> Option<&Built> {
-        match &self.outcome {
-            Outcome::Built(built) => Some(built),
-            _ => None,
-        }
+        self.outcome.as_ref().ok()?.as_ref()
     }
 
     fn mip_map_bytes(&self) -> Option<usize> {
@@ -107,13 +95,13 @@ impl Rendering {
     pub(super) fn add(&self, lines: &mut Lines, names: &FileNames) {
         let count = self.primitives;
         match &self.outcome {
-            Outcome::Failed(error) => {
+            Err(error) => {
                 lines.add("render", format!("not possible: {}", names.shorten(&error.to_string())));
             }
-            Outcome::Estimated => {
+            Ok(None) => {
                 lines.add("build", format!("not measured with {count} primitives; --build does"));
             }
-            Outcome::Built(Built { seconds, threads, description, .. }) => {
+            Ok(Some(Built { seconds, threads, description, .. })) => {
                 let nodes = description.nodes;
                 let what = format!("{count} primitives in {nodes} nodes, on {threads} thread(s)");
                 let time = match *seconds {
@@ -150,10 +138,7 @@ impl Rendering {
             "seconds": built.map(|built| built.seconds),
             "threads": built.map(|built| built.threads),
             "nodes": built.map(|built| built.description.nodes),
-            "error": match &self.outcome {
-                Outcome::Failed(error) => Some(error.to_string()),
-                _ => None,
-            },
+            "error": self.outcome.as_ref().err().map(Error::to_string),
         });
         report["memory"] = json!({
             "meshes": self.mesh_bytes,
@@ -177,7 +162,7 @@ impl Rendering {
     }
 }
 
-fn build(scene: Scene, after_loading: &Memory, warnings: &mut Warnings) -> Result<Built, Error> {
+fn build(scene: Scene, after_loading: &Memory, warnings: &mut Warnings) -> Result<Built> {
     limits::reset_peak_memory();
     let before = limits::resident_memory();
     let settings = RenderSettings { look: Look::Studio, ..RenderSettings::default() };

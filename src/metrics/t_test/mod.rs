@@ -11,7 +11,7 @@ mod estimate;
 
 pub use estimate::{CHANNELS, Estimate};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::distributions::{chi_squared_upper, normal_two_sided, student_two_sided};
 use crate::error::{Error, Result};
@@ -30,7 +30,7 @@ pub const SIGNIFICANCE: f64 = 0.001;
 const MIN_EXPECTED: f64 = 5.0;
 
 /// The result for two pictures.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TTest {
     /// Width of both in pixels.
     pub width: u32,
@@ -48,10 +48,10 @@ pub struct TTest {
 }
 
 /// The result for a channel.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ChannelTest {
     /// The name, R, G or B.
-    pub channel: &'static str,
+    pub channel: String,
     /// Blocks that were tested.
     pub tested: u64,
     /// Blocks without variance in both pictures and with equal values, which are left out.
@@ -185,7 +185,7 @@ fn test_channel(a: &Estimate, b: &Estimate, channel: usize, block: u32) -> Chann
     let chi_squared = if tested == 0 { 0.0 } else { squares.sum::<f64>() / expected };
     let uniform = (expected >= MIN_EXPECTED).then(|| chi_squared_upper(chi_squared, (BINS - 1) as f64));
     ChannelTest {
-        channel: CHANNELS[channel],
+        channel: CHANNELS[channel].into(),
         tested,
         left_out,
         certain,
