@@ -64,8 +64,8 @@ impl<'a> Rays<'a> {
     /// The direction of the ray at `i`.
     #[inline(always)]
     pub(crate) fn direction(&self, i: usize) -> DVec3 {
-        let [x, y, z] = [0, 1, 2].map(|axis| self.numbers[DIRECTION + axis][i]);
-        DVec3::new(x, y, z)
+        let [.., x, y, z, _, _] = self.numbers;
+        DVec3::new(x[i], y[i], z[i])
     }
 
     /// `t_max` of the ray at `i`.
@@ -88,7 +88,11 @@ impl<'a> Rays<'a> {
     #[inline(always)]
     pub fn slice(&self, first: usize, count: usize) -> Self {
         let (first, end) = (first.min(self.len), first.saturating_add(count).min(self.len));
-        Rays { len: end - first, numbers: self.numbers.map(|x| &x[first..x.len().min(end + PADDING)]) }
+        let mut numbers = self.numbers;
+        for x in &mut numbers {
+            *x = &x[first..x.len().min(end + PADDING)];
+        }
+        Rays { len: end - first, numbers }
     }
 
     /// Slices of `count` rays each; the last may have fewer.
