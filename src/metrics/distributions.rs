@@ -2,7 +2,8 @@
 
 use std::f64::consts::SQRT_2;
 
-use statrs::function::{beta::checked_beta_reg, erf::erfc, gamma::checked_gamma_ur};
+use libm::erfc;
+use statrs::function::{beta::checked_beta_reg, gamma::checked_gamma_ur};
 
 /// The probability that |T| is at least `t` for Student's distribution of `degrees` of freedom, which need not be whole:
 /// I(x; degrees / 2, 1 / 2) at x = degrees / (degrees + t^2) (DLMF 8.17.1; Abramowitz and Stegun 26.7.1). NaN for NaN.

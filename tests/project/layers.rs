@@ -111,7 +111,7 @@ const NOT_EFFECTS: &[(&str, &str)] = &[
     ("cli/info/rendering.rs", "textures"),
     ("import/gltf/document.rs", "textures"),
     // The name of an image.
-    ("import/gltf/layers.rs", "alpha"),
+    ("import/gltf/look.rs", "alpha"),
     // A transport.
     ("scene/transport.rs", "path"),
     // A kind of ray of the benchmark.

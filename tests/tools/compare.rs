@@ -217,7 +217,7 @@ fn numbers_that_are_none_are_told_which_there_may_be() {
         ("--seed -1", "give a whole number from 0 to 4294967295"),
         ("--noise much", "give a standard error"),
         ("--crop -1,0,4,4", "give it as X,Y,WIDTH,HEIGHT"),
-        ("--size -8x8", "is not a number of pixels"),
+        ("--size -8x8", "give a number of pixels"),
     ] {
         let (_, said) = shop.code(&format!("render scene.toml -o a.png {options}"), 2);
         assert!(said.contains(wanted), "{options}: {said}");
