@@ -216,7 +216,7 @@ fn the_price_of_accuracy_has_a_row_for_every_tier_and_a_plot() {
     let folder = tempfile::tempdir().expect("a folder");
     let plot = folder.path().join("plot.svg");
     let arguments =
-        format!("price --triangles 500 --size 32 --rays 2000 --runs 1 --json --plot {}", plot.display());
+        format!("price --triangles 500 --size 32 --rays 500 --runs 1 --json --plot {}", plot.display());
     let output = run(&arguments);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let rows = rows(&output, "a bumpy sphere", &format!("bench {arguments}"));
@@ -246,8 +246,6 @@ fn the_price_of_accuracy_has_a_row_for_every_tier_and_a_plot() {
     for word in ["<svg ", "kiln watertight", "obvhs cwbvh", "wrong answers a million aimed rays"] {
         assert!(svg.contains(word), "{word}");
     }
-    let said = run("price --triangles 500 --size 32 --rays 200 --runs 1");
-    assert!(text(&said.stdout).contains("\nwatertight -> double: "), "{}", text(&said.stdout));
 }
 
 #[test]
