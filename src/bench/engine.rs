@@ -101,6 +101,11 @@ pub trait RayQueue: Send {
     /// The hit primitive of each ray in order; for any-hit queries, any number for a hit.
     fn hits(&self) -> Vec<Option<u32>>;
 
+    /// The distances of the hits, of any value where nothing is hit; `None` where they are not compared.
+    fn distances(&self) -> Option<Vec<f64>> {
+        None
+    }
+
     /// Number of intersection tests, if counted.
     fn tests(&self) -> Option<Tests> {
         None

@@ -117,6 +117,10 @@ impl RayQueue for Closest<'_> {
         self.hits.iter().map(|hit| hit.map(|hit| hit.prim.0)).collect()
     }
 
+    fn distances(&self) -> Option<Vec<f64>> {
+        Some(self.hits.iter().map(|hit| hit.map_or(f64::INFINITY, |hit| hit.t)).collect())
+    }
+
     fn tests(&self) -> Option<Tests> {
         Some(self.traversal.tests)
     }

@@ -14,9 +14,7 @@ use super::{
     Built, Engine, Icosphere, LEVEL, LeakRayKind, Mesh, PLACEMENTS, Unavailable, embree, gathered, kiln,
     obvhs, ray, tinybvh,
 };
-use crate::bvh::Layout;
 use crate::error::{Error, Result};
-use crate::geometry::Numerics;
 use crate::render::RenderControl;
 
 /// Subdivision level for engines that test every triangle: 320 triangles.
@@ -154,20 +152,6 @@ pub fn measure(engines: &[Engine], rays: u64, control: &RenderControl) -> Result
         }
     }
     Ok(rows)
-}
-
-/// Casts `rays` primary rays of each kind at a sphere with kiln's default structure in a tier.
-///
-/// # Errors
-/// [`Error::Interrupted`] when cancelled.
-pub(super) fn measure_through(
-    numerics: Numerics,
-    sphere: &Icosphere,
-    rays: Counts,
-    control: &RenderControl,
-) -> Result<Counts> {
-    let built = kiln::engine(Layout::default(), numerics).build(&sphere.mesh)?;
-    primary_leaks(&*built, sphere, rays, control, &|_| {})
 }
 
 fn primary_leaks(

@@ -6,8 +6,8 @@
 //!
 //! - [`effects`]: cost of each effect of a picture.
 //! - [`leaks`]: number of rays that leak through a closed mesh.
+//! - [`price`]: what accuracy costs, in kiln's tiers and in other libraries.
 //! - [`speed`]: ray throughput and number of wrong hits.
-//! - [`tiers`]: cost and errors of kiln's numerics tiers.
 
 #[cfg(feature = "peers")]
 mod bvh_peer;
@@ -27,10 +27,10 @@ mod obvhs;
 #[cfg(feature = "peers")]
 mod parry;
 pub(crate) mod plot;
+pub mod price;
 mod rays;
 pub mod speed;
 mod tetrahedron;
-pub mod tiers;
 #[cfg(all(feature = "tinybvh", target_feature = "avx2"))]
 #[allow(unsafe_code)]
 mod tinybvh;

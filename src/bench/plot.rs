@@ -158,6 +158,75 @@ pub(crate) fn panels(across: &str, panels: &[Panel]) -> Result<String> {
     Ok(svg)
 }
 
+/// A point of a scatter plot.
+pub(crate) struct Point {
+    /// Label beside it.
+    pub name: String,
+    /// Its colour: of the palette, by number.
+    pub colour: usize,
+    /// x above 0, and y of 0 or more.
+    pub place: [f64; 2],
+}
+
+/// Labelled points on logarithmic axes. Those with y = 0 are on a line below all others.
+///
+/// # Errors
+/// [`Error::Failed`] if plotters fails.
+pub(crate) fn scatter(across: &str, upright: &str, points: &[Point]) -> Result<String> {
+    let mut svg = String::new();
+    draw_scatter(&mut svg, across, upright, points).map_err(failed)?;
+    Ok(svg.replacen("<svg ", "<svg role=\"img\" ", 1))
+}
+
+fn draw_scatter<'a>(svg: &'a mut String, across: &str, upright: &str, points: &[Point]) -> Drawn<'a> {
+    let root = SVGBackend::with_string(svg, (760, 460)).into_drawing_area();
+    root.fill(&WHITE)?;
+    let along = decades(points.iter().map(|point| point.place[0]));
+    let errors = || points.iter().map(|point| point.place[1]).filter(|&y| y > 0.0);
+    let power = |round: fn(f64) -> f64, y: f64| 10f64.powf(round(y.log10()));
+    let least = power(f64::floor, errors().fold(1e3, f64::min));
+    let most = power(f64::ceil, errors().fold(1e4, f64::max));
+    // 0 is drawn half a decade below the axis.
+    let zero = least / 10f64.sqrt();
+    let mut chart = ChartBuilder::on(&root)
+        .margin(10)
+        .x_label_area_size(42)
+        .y_label_area_size(64)
+        .build_cartesian_2d((along.start..along.end * 1.4).log_scale(), (zero / 1.5..most).log_scale())?;
+    chart
+        .configure_mesh()
+        .light_line_style(WHITE)
+        .bold_line_style(GRID)
+        .axis_style(INK)
+        .x_label_formatter(&|x| plain(*x))
+        .y_label_formatter(&|y| power_of_ten(*y))
+        .x_desc(across)
+        .y_desc(upright)
+        .label_style(text(13))
+        .axis_desc_style(text(13))
+        .draw()?;
+    chart.draw_series([PathElement::new([(along.start, zero), (along.end * 1.4, zero)], GRID)])?;
+    let origin = chart.backend_coord(&(along.start, zero));
+    root.draw(&Text::new("0", (origin.0 - 8, origin.1), text(13).pos(Pos::new(HPos::Right, VPos::Center))))?;
+    let mut labels: Vec<(i32, i32, i32)> = Vec::new();
+    for Point { name, colour: index, place: [x, y] } in points {
+        let (column, row) = chart.backend_coord(&(*x, if *y > 0.0 { *y } else { zero }));
+        root.draw(&Circle::new((column, row), 5, colour(*index).filled()))?;
+        // Above or below the point where another label is in the way.
+        let width = 8 * name.len() as i32;
+        let is_free = |row: i32| {
+            labels.iter().all(|&(left, right, other)| {
+                (row - other).abs() >= 14 || column + width < left || right < column
+            })
+        };
+        let rows = [0, -15, 15, -30, 30].map(|offset| row + offset);
+        let row = rows.into_iter().find(|&row| is_free(row)).unwrap_or(row);
+        labels.push((column, column + width, row));
+        root.draw(&Text::new(name.clone(), (column + 9, row), left(13, VPos::Center)))?;
+    }
+    root.present()
+}
+
 /// The smallest range that contains the positive `numbers`, with ends of 1, 2 or 5 times a power of ten.
 pub(crate) fn decades(numbers: impl Iterator<Item = f64> + Clone) -> std::ops::Range<f64> {
     let (low, high) = (numbers.clone().fold(f64::INFINITY, f64::min), numbers.fold(0.0, f64::max));

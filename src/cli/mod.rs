@@ -115,7 +115,7 @@ impl Command {
             Command::Explain(command) => &mut command.arguments.import,
             Command::Study(command) => &mut command.arguments.import,
             Command::Info(arguments) => &mut arguments.import,
-            Command::Bench(arguments) => &mut arguments.speed.import,
+            Command::Bench(arguments) => arguments.import(),
             _ => return None,
         })
     }

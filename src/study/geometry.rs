@@ -1,7 +1,7 @@
 //! Differences in ray hits between a tier and `exact`: hits and misses, primitives, distances, normals.
 //!
 //! The rays go through the pixel centres. Each tier uses its own precision, so that the errors of `naive` and
-//! `watertight` include the rounding of vertices to f32. `kiln bench numerics` uses the same f32 input for all tiers
+//! `watertight` include the rounding of vertices to f32. `kiln bench price` uses the same f32 input for all tiers
 //! instead.
 
 use glam::DVec3;

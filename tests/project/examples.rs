@@ -7,6 +7,9 @@ mod build_scene;
 #[path = "../../examples/compare_bvh.rs"]
 mod compare_bvh;
 #[allow(dead_code)]
+#[path = "../../examples/hard_cases.rs"]
+mod hard_cases;
+#[allow(dead_code)]
 #[path = "../../examples/query_rays.rs"]
 mod query_rays;
 #[allow(dead_code)]
@@ -47,7 +50,7 @@ fn every_example_is_tested_and_linked() {
         assert!(page.contains(&format!("](../examples/{name})")), "docs/library.md does not link {name}");
         count += 1;
     }
-    assert!(count >= 4);
+    assert!(count >= 5);
 }
 
 #[test]
@@ -111,4 +114,25 @@ fn compare_bvh_has_a_row_of_its_own_beside_kiln() {
     let table = compare_bvh::table(&rows);
     assert!(table.lines().any(|line| line.starts_with("mine median split ")), "{table}");
     assert_eq!(table.lines().count(), rows.len() + 1);
+}
+
+/// The cases are answered in rational arithmetic, so `exact` is right in all of them; no tier but that of f32 loses a ray.
+#[test]
+fn hard_cases_are_answered_by_every_tier_but_that_of_f32() {
+    let cases = hard_cases::read_cases(&repository("benches/hard-cases")).expect("the cases");
+    assert_eq!(cases.len(), 11);
+    let mut lost_in_f32 = 0;
+    for engine in kiln::bench::speed::engines(1).0 {
+        for case in &cases {
+            let wrong = hard_cases::score(&engine, case).expect("a structure");
+            let tier = (engine.label.engine == "kiln").then_some(engine.label.tier).flatten();
+            match tier {
+                Some("exact") => assert_eq!(wrong, [0; 3], "{:?} {}", engine.label, case.name),
+                Some("watertight" | "double") => assert_eq!(wrong[0], 0, "{:?} {}", engine.label, case.name),
+                Some(_) => lost_in_f32 += wrong[0],
+                None => {}
+            }
+        }
+    }
+    assert!(lost_in_f32 > 0);
 }

@@ -210,6 +210,44 @@ fn scaling_has_a_row_for_every_mesh_and_a_plot() {
     }
 }
 
+/// The tier of f32 loses rays, those above it never; the picture of `exact` is the reference of the others.
+#[test]
+fn the_price_of_accuracy_has_a_row_for_every_tier_and_a_plot() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let plot = folder.path().join("plot.svg");
+    let arguments =
+        format!("price --triangles 500 --size 32 --rays 500 --runs 1 --json --plot {}", plot.display());
+    let output = run(&arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let rows = rows(&output, "a bumpy sphere", &format!("bench {arguments}"));
+    let modes = |engine: &str| -> Vec<&Value> {
+        rows.iter().filter(|row| row["engine"] == engine).map(|row| &row["mode"]).collect()
+    };
+    assert_eq!(modes("kiln"), ["naive", "watertight", "double", "exact"]);
+    assert_eq!(modes("obvhs"), ["bvh2", "cwbvh"]);
+    for row in &rows {
+        let number = |key: &str| row[key].as_f64().unwrap_or_else(|| panic!("{key}: {row}"));
+        let is_closed = ["watertight", "double", "exact"].iter().any(|tier| row["mode"] == *tier);
+        assert_eq!(
+            number("leaks_aimed_per_million") + number("leaks_secondary_per_million") == 0.0,
+            is_closed
+        );
+        assert!(number("wrong_per_million") == 0.0 || !is_closed, "{row}");
+        assert!(row["ns_per_ray"]["primary"]["median"].as_f64() > Some(0.0), "{row}");
+        assert_eq!(row["worst_t_error_ulps"].is_number(), row["engine"] == "kiln");
+        assert_eq!(row["pictures"]["path"]["rms"].is_number(), row["engine"] == "kiln");
+    }
+    let exact = rows.iter().find(|row| row["mode"] == "exact").expect("a row");
+    for transport in ["whitted", "path"] {
+        let picture = &exact["pictures"][transport];
+        assert_eq!((&picture["rms"], &picture["differing_pixels"]), (&0.0.into(), &0.into()));
+    }
+    let svg = std::fs::read_to_string(plot).expect("the plot");
+    for word in ["<svg ", "kiln watertight", "obvhs cwbvh", "wrong answers a million aimed rays"] {
+        assert!(svg.contains(word), "{word}");
+    }
+}
+
 #[test]
 fn asking_for_what_is_not_there_is_an_error() {
     let errors = [

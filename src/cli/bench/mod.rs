@@ -1,9 +1,10 @@
-//! `kiln bench`: comparison of kiln's acceleration structures with other libraries, and of its numerics tiers.
+//! `kiln bench`: comparison of kiln's acceleration structures with other libraries, and the price of accuracy.
 
 mod leaks;
-mod numerics;
+mod price;
 mod scaling;
 mod speed;
+mod subject;
 
 use std::io::IsTerminal;
 use std::sync::atomic::AtomicBool;
@@ -16,6 +17,7 @@ use super::typed;
 use crate::bench::Envelope;
 use crate::error::Result;
 use crate::render::RenderControl;
+use crate::scene::ImportOptions;
 
 #[derive(Args)]
 #[command(args_conflicts_with_subcommands = true)]
@@ -26,12 +28,22 @@ pub(crate) struct Arguments {
     pub speed: speed::Arguments,
 }
 
+impl Arguments {
+    /// The import options.
+    pub(crate) fn import(&mut self) -> &mut ImportOptions {
+        match &mut self.test {
+            Some(Test::Price(arguments)) => &mut arguments.subject.import,
+            _ => &mut self.speed.subject.import,
+        }
+    }
+}
+
 #[derive(Subcommand)]
 enum Test {
     /// How many rays slip through a closed mesh
     Leaks(leaks::Arguments),
-    /// What each tier of numerics costs, and what it gets wrong
-    Numerics(numerics::Arguments),
+    /// What accuracy costs: time and errors of each tier of numerics, and of other libraries
+    Price(price::Arguments),
     /// Building, memory and speed against the number of triangles
     Scaling(scaling::Arguments),
 }
@@ -40,7 +52,7 @@ pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()>
     match &arguments.test {
         None => speed::run(&arguments.speed, interrupted),
         Some(Test::Leaks(arguments)) => leaks::run(arguments, interrupted),
-        Some(Test::Numerics(arguments)) => numerics::run(arguments, interrupted),
+        Some(Test::Price(arguments)) => price::run(arguments, interrupted),
         Some(Test::Scaling(arguments)) => scaling::run(arguments, interrupted),
     }
 }

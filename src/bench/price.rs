@@ -1,0 +1,349 @@
+//! The price of accuracy: what a ray costs in each of kiln's tiers and in other libraries, and what it gets wrong.
+//!
+//! Speed is that of [`speed`](super::speed) on one mesh, errors are those of [`leaks`](super::leaks) and of the rays of
+//! its closed meshes compared with the tier `exact`. All rays have f32 values, so that no tier rounds its input.
+
+use std::sync::atomic::Ordering;
+
+use glam::{DMat3, DVec3};
+use rayon::prelude::*;
+
+use super::speed::{Kind, RaySets, Settings, SpeedRow, measure};
+use super::{
+    Engine, Icosphere, LEVEL, Label, LeakRayKind, Mesh, Numbers, PLACEMENTS, is_nearest, kiln, leaks, ray,
+};
+use crate::bvh::{Accelerator, Layout, Traversal};
+use crate::error::{Error, Result, Warnings};
+use crate::film::Film;
+use crate::geometry::{Numerics, Precision, Ray};
+use crate::job::{Look, RenderJob, RenderSettings, prepare};
+use crate::render::RenderControl;
+use crate::scene::{Scene, Transport};
+use crate::timing::{Clock, Spread};
+
+/// Cost and errors of a library in one mode: a tier of kiln, Embree with or without its robust mode, a layout of others.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PriceRow {
+    /// The library.
+    pub engine: &'static str,
+    /// The mode.
+    pub mode: &'static str,
+    /// Nanoseconds a ray of each kind of [`Kind::ALL`], in the fastest of the library's settings in this mode; `None`
+    /// if there are no rays of the kind.
+    pub ns: [Option<Spread>; 4],
+    /// What it gets wrong.
+    pub errors: RayErrors,
+    /// Pictures in a tier of kiln, by [`TRANSPORTS`].
+    pub pictures: Option<[PicturePrice; 2]>,
+}
+
+impl PriceRow {
+    /// Nanoseconds a ray: the geometric mean of the kinds, so that the ratio of two rows is the mean of their ratios.
+    pub fn mean_ns(&self) -> Option<f64> {
+        let medians: Vec<f64> = self.ns.iter().flatten().map(|ns| ns.median.ln()).collect();
+        (!medians.is_empty()).then(|| (medians.iter().sum::<f64>() / medians.len() as f64).exp())
+    }
+}
+
+/// Errors per million rays.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct RayErrors {
+    /// Leaks of rays at vertices and edges of a closed mesh and along the axes, from inside and outside.
+    pub leaks_aimed: f64,
+    /// Leaks of rays in random directions, from inside.
+    pub leaks_random: f64,
+    /// Leaks of secondary rays, whose origins have kiln's offset in kiln, that of pbrt in other libraries.
+    pub leaks_secondary: f64,
+    /// Of all these rays but secondary ones, and of grazing rays at a giant plane: false hits, false misses and hits of a
+    /// triangle that is not among the nearest.
+    pub wrong: f64,
+    /// Largest error of a distance in f32 ulp, in kiln's tiers.
+    pub worst_t: Option<f64>,
+}
+
+/// Cost and errors of a picture in a tier.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PicturePrice {
+    /// Time in ms.
+    pub ms: Spread,
+    /// Root mean square of the difference to the picture of `exact`, in display values from 0 to 255.
+    pub rms: f64,
+    /// Pixels that differ from it.
+    pub differing: usize,
+}
+
+/// The transports of the pictures.
+pub const TRANSPORTS: [Transport; 2] = [Transport::Whitted, Transport::Path];
+
+/// What is measured.
+pub struct Subject<'a> {
+    /// The mesh for speed.
+    pub mesh: &'a Mesh,
+    /// The rays for speed.
+    pub rays: &'a RaySets,
+    /// The scene for pictures.
+    pub scene: &'a Scene,
+    /// Settings of the pictures, but for tier and transport.
+    pub picture: &'a RenderSettings,
+}
+
+/// Measures kiln's tiers and all available libraries: `runs` timed rounds on `pool`, of one thread, and `rays` aimed rays
+/// from each side at each of [`PLACEMENTS`] for errors, on the current pool.
+///
+/// # Errors
+/// [`Error::Interrupted`] when cancelled, [`Error::Failed`] if a library fails, and those of rendering.
+pub fn price(
+    subject: &Subject,
+    rays: u64,
+    runs: u32,
+    pool: &rayon::ThreadPool,
+    control: &RenderControl,
+) -> Result<Vec<PriceRow>> {
+    let (mut engines, _) = super::speed::engines(1);
+    // Of kiln, the default layout: it is not the fastest of several.
+    engines.retain(|engine| engine.label.engine != "kiln" || is_default(&engine.label));
+    let speeds =
+        measure(&engines, subject.mesh, subject.rays, &Settings { runs, pool, check: false }, control)?;
+    let (mut rows, mut firsts): (Vec<PriceRow>, Vec<Engine>) = Default::default();
+    for (engine, speed) in engines.into_iter().zip(&speeds) {
+        let (name, mode) = (engine.label.engine, mode(&engine.label));
+        let at = rows.iter().position(|row| (row.engine, row.mode) == (name, mode));
+        let at = at.unwrap_or_else(|| {
+            let errors = RayErrors::default();
+            rows.push(PriceRow { engine: name, mode, ns: [None; 4], errors, pictures: None });
+            firsts.push(engine);
+            rows.len() - 1
+        });
+        for (ns, kind) in rows[at].ns.iter_mut().zip(Kind::ALL) {
+            *ns = faster(*ns, nanoseconds(speed, kind));
+        }
+    }
+    let errors = ray_errors(&firsts, rays, control)?;
+    rows.iter_mut().zip(errors).for_each(|(row, errors)| row.errors = errors);
+    let pictures = pool.install(|| pictures(subject, runs, control))?;
+    for (row, pictures) in rows.iter_mut().filter(|row| row.engine == "kiln").zip(pictures) {
+        row.pictures = Some(pictures);
+    }
+    Ok(rows)
+}
+
+fn is_default(label: &Label) -> bool {
+    let default = kiln::engine(Layout::default(), Numerics::default()).label;
+    (label.layout, label.preset) == (default.layout, default.preset)
+}
+
+/// The tier if the library has several, else its layout; single rays and packets of Embree are settings of one mode.
+fn mode(label: &Label) -> &'static str {
+    label.tier.unwrap_or(if label.engine == "embree" { "default" } else { label.layout })
+}
+
+fn nanoseconds(row: &SpeedRow, kind: Kind) -> Option<Spread> {
+    let Spread { lower, median, upper } = row.mrays_per_s(kind)?;
+    Some(Spread { lower: 1e3 / upper, median: 1e3 / median, upper: 1e3 / lower })
+}
+
+fn faster(a: Option<Spread>, b: Option<Spread>) -> Option<Spread> {
+    [a, b].into_iter().flatten().min_by(|a, b| a.median.total_cmp(&b.median))
+}
+
+/// Leaks and wrong hits of each engine.
+fn ray_errors(engines: &[Engine], rays: u64, control: &RenderControl) -> Result<Vec<RayErrors>> {
+    let leak_rows = leaks::measure(engines, rays, control)?;
+    let mut errors: Vec<RayErrors> = leak_rows.chunks(PLACEMENTS.len()).map(of_leaks).collect();
+    let spheres = PLACEMENTS.map(|placement| {
+        let sphere = Icosphere::new(LEVEL, placement);
+        let rays = LeakRayKind::ALL.map(|kind| leak_rays(&sphere, kind, rays));
+        (sphere.mesh, rays.concat())
+    });
+    let mut counts = vec![(0, 0); engines.len()];
+    for (mesh, rays) in spheres.into_iter().chain([(giant_plane(), grazing(rays))]) {
+        let exact = kiln::accelerator(&mesh, Layout::default(), Numerics::Exact);
+        for ((engine, errors), (wrong, compared)) in engines.iter().zip(&mut errors).zip(&mut counts) {
+            if control.cancel.load(Ordering::Relaxed) {
+                return Err(Error::Interrupted);
+            }
+            let built = engine.build(&mesh)?;
+            let mut queue = built.queue(Kind::Random, &rays);
+            queue.run();
+            *wrong += count_wrong(&*exact, &rays, &queue.hits());
+            *compared += rays.len();
+            if let Some(distances) = queue.distances() {
+                let worst = worst_distance(&*exact, &rays, &queue.hits(), &distances);
+                errors.worst_t = Some(errors.worst_t.map_or(worst, |before| before.max(worst)));
+            }
+        }
+    }
+    for (errors, (wrong, compared)) in errors.iter_mut().zip(counts) {
+        errors.wrong = wrong as f64 * 1e6 / compared as f64;
+    }
+    Ok(errors)
+}
+
+/// Leaks per million of an engine over all placements.
+fn of_leaks(rows: &[leaks::LeakRow]) -> RayErrors {
+    let rate = |count: fn(&leaks::Counts) -> u64| {
+        let sum =
+            |of: fn(&leaks::LeakRow) -> &leaks::Counts| rows.iter().map(|row| count(of(row))).sum::<u64>();
+        sum(|row| &row.leaks) as f64 * 1e6 / sum(|row| &row.rays) as f64
+    };
+    RayErrors {
+        leaks_aimed: rate(|counts| counts.primary()),
+        leaks_random: rate(|counts| counts.random),
+        leaks_secondary: rate(|counts| counts.secondary),
+        ..RayErrors::default()
+    }
+}
+
+/// Rays of one kind with f32 values.
+fn leak_rays(sphere: &Icosphere, kind: LeakRayKind, rays: u64) -> Vec<Ray> {
+    let count = *leaks::Counts::of_rays(rays).of(kind);
+    let single = |(origin, direction)| Precision::Single.ray(origin, direction, 0.0, f64::INFINITY);
+    (0..count).into_par_iter().map(|index| single(ray(sphere, kind, index))).collect()
+}
+
+/// A plane of 20,000 x 110,000 at a height of -500, as in the assignment, rotated: axis-aligned distances are easier.
+fn giant_plane() -> Mesh {
+    let [x, z, far, y] = [-1e4, -1e4, 1e5, -500.0];
+    let positions =
+        [(x, z), (x, far), (-x, z), (-x, far)].map(|(x, z)| (tilt() * DVec3::new(x, y, z)).as_vec3());
+    Mesh { positions: positions.to_vec(), triangles: vec![[0, 1, 2], [3, 2, 1]] }
+}
+
+/// A rotation after which no edge and no face is axis-aligned.
+fn tilt() -> DMat3 {
+    DMat3::from_axis_angle(DVec3::new(1.0, 0.3, 0.2).normalize(), 0.4)
+}
+
+/// Rays from 2^-14 to 200 above the plane to points up to 90,000 away; a quarter of them at the plane's diagonal.
+fn grazing(rays: u64) -> Vec<Ray> {
+    let one = |index: u64| {
+        let mut numbers = Numbers::new(4, index);
+        let heights = [200.0, 1.0, 1e-2, 1e-3, 2f64.powi(-14)];
+        let origin =
+            DVec3::new(0.0, -500.0 + heights[numbers.below(heights.len())], 0.0).as_vec3().as_dvec3();
+        let target = if index.is_multiple_of(4) {
+            DVec3::new(-1e4, -500.0, 1e5).lerp(DVec3::new(1e4, -500.0, -1e4), numbers.unit())
+        } else {
+            DVec3::new(1e4 * (2.0 * numbers.unit() - 1.0), -500.0, 9e4 * numbers.unit())
+        };
+        let direction = tilt() * (target - origin).normalize();
+        Precision::Single.ray(tilt() * origin, direction, 0.0, f64::INFINITY)
+    };
+    (0..rays).map(one).collect()
+}
+
+/// Number of answers that differ from those of `exact`; a triangle that [`is_nearest`] is right.
+fn count_wrong(exact: &dyn Accelerator, rays: &[Ray], hits: &[Option<u32>]) -> usize {
+    let is_wrong = |traversal: &mut Traversal, (ray, found): (&Ray, &Option<u32>)| {
+        let nearest = exact.closest_hit(ray, traversal).map(|hit| hit.prim.0);
+        match found {
+            _ if *found == nearest => false,
+            Some(found) if nearest.is_some() => {
+                let mut all = Vec::new();
+                exact.all_hits(ray, &mut all, traversal);
+                !is_nearest(*found, &all)
+            }
+            _ => true,
+        }
+    };
+    rays.par_iter().zip(hits).map_init(Traversal::default, is_wrong).filter(|&is_wrong| is_wrong).count()
+}
+
+/// The largest error of a distance in f32 ulp, of hits on triangles that `exact` hits.
+fn worst_distance(exact: &dyn Accelerator, rays: &[Ray], hits: &[Option<u32>], distances: &[f64]) -> f64 {
+    let error = |traversal: &mut Traversal, ((ray, found), t): ((&Ray, &Option<u32>), &f64)| {
+        let mut all = Vec::new();
+        exact.all_hits(ray, &mut all, traversal);
+        let truth = all.iter().find(|hit| Some(hit.prim.0) == *found);
+        truth.map_or(0.0, |hit| error_in_ulp(*t, hit.t))
+    };
+    rays.par_iter().zip(hits).zip(distances).map_init(Traversal::default, error).reduce(|| 0.0, f64::max)
+}
+
+fn error_in_ulp(t: f64, truth: f64) -> f64 {
+    let single = truth as f32;
+    (t - truth).abs() / (f64::from(single.next_up()) - f64::from(single))
+}
+
+/// Both pictures of the scene in every tier of [`Numerics::ALL`], in turns, on the current pool.
+fn pictures(subject: &Subject, runs: u32, control: &RenderControl) -> Result<Vec<[PicturePrice; 2]>> {
+    let job = |numerics: Numerics, transport: Transport| -> Result<RenderJob> {
+        let mut settings = RenderSettings { look: Look::Studio, ..subject.picture.clone() };
+        (settings.picture.numerics, settings.picture.transport) = (Some(numerics), Some(transport));
+        prepare(subject.scene.clone(), &settings, &mut Warnings::default())
+    };
+    let mut rows = vec![[None; 2]; Numerics::ALL.len()];
+    for (index, transport) in TRANSPORTS.into_iter().enumerate() {
+        let jobs: Vec<RenderJob> =
+            Numerics::ALL.into_iter().map(|numerics| job(numerics, transport)).collect::<Result<_>>()?;
+        let mut films: Vec<Option<Film<[u8; 3]>>> = jobs.iter().map(|_| None).collect();
+        let mut ms = vec![Vec::new(); jobs.len()];
+        for round in 0..=runs {
+            for ((job, film), ms) in jobs.iter().zip(&mut films).zip(&mut ms) {
+                let clock = Clock::start(1);
+                *film = Some(job.render(control)?.0);
+                // Round 0 is the warm-up.
+                if round > 0 {
+                    ms.push(clock.seconds() * 1e3);
+                }
+            }
+        }
+        let films: Vec<_> = films.into_iter().flatten().collect();
+        let Some(exact) = films.last() else { continue };
+        for ((row, film), ms) in rows.iter_mut().zip(&films).zip(&ms) {
+            let ms = Spread::of(ms).unwrap_or(Spread::exact(0.0));
+            let (rms, differing) = difference(film.stored(), exact.stored());
+            row[index] = Some(PicturePrice { ms, rms, differing });
+        }
+    }
+    Ok(rows.into_iter().filter_map(|[whitted, path]| Some([whitted?, path?])).collect())
+}
+
+/// Root mean square over all channels, and the number of pixels that differ.
+fn difference(a: &[[u8; 3]], b: &[[u8; 3]]) -> (f64, usize) {
+    let squares =
+        a.iter().zip(b).flat_map(|(a, b)| a.iter().zip(b)).map(|(a, b)| f64::from(a.abs_diff(*b)).powi(2));
+    let differing = a.iter().zip(b).filter(|(a, b)| a != b).count();
+    ((squares.sum::<f64>() / (3 * a.len().max(1)) as f64).sqrt(), differing)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hits_are_compared_with_the_closest_exact_hit() {
+        // Two squares' halves, at z = 0 and z = -1, and a ray from z = 1.
+        let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
+        let positions = [0.0, -1.0].iter().flat_map(|&z| corners.map(|[x, y]| glam::vec3(x, y, z)));
+        let mesh = Mesh { positions: positions.collect(), triangles: vec![[0, 1, 2], [3, 4, 5]] };
+        let exact = kiln::accelerator(&mesh, Layout::default(), Numerics::Exact);
+        let ray = |x: f64| Precision::Single.ray(DVec3::new(x, 0.25, 1.0), -DVec3::Z, 0.0, f64::INFINITY);
+        let wrong = |x: f64, hit: Option<u32>| count_wrong(&*exact, &[ray(x)], &[hit]);
+        assert_eq!([wrong(0.25, Some(0)), wrong(2.0, None)], [0, 0]);
+        assert_eq!([wrong(0.25, Some(1)), wrong(0.25, None), wrong(2.0, Some(0))], [1, 1, 1]);
+        let three_ulp = 1.0 + 3.0 * f64::from(f32::EPSILON);
+        assert_eq!(worst_distance(&*exact, &[ray(0.25)], &[Some(0)], &[three_ulp]), 3.0);
+    }
+
+    #[test]
+    fn the_difference_of_pictures_by_hand() {
+        let [a, b] = [[[1, 2, 3], [4, 5, 6]], [[1, 2, 3], [4, 5, 9]]];
+        assert_eq!(difference(&a, &b), (1.5f64.sqrt(), 1));
+        assert_eq!(difference(&a, &a), (0.0, 0));
+    }
+
+    #[test]
+    fn the_mean_of_ratios_is_the_ratio_of_means() {
+        let row = |ns: [f64; 4]| PriceRow {
+            engine: "kiln",
+            mode: "fast",
+            ns: ns.map(|ns| Some(Spread::exact(ns))),
+            errors: RayErrors::default(),
+            pictures: None,
+        };
+        let [a, b] = [row([1.0, 2.0, 4.0, 8.0]), row([2.0, 4.0, 8.0, 16.0])];
+        let ratio = b.mean_ns().zip(a.mean_ns()).map(|(b, a)| b / a);
+        assert!((ratio.expect("both have rays") - 2.0).abs() < 1e-12);
+    }
+}
