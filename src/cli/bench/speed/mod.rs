@@ -18,6 +18,7 @@ use crate::error::{Error, Result, Warnings};
 use crate::film::output::write_whole;
 use crate::import;
 use crate::scene::ImportOptions;
+use crate::scene::option::parser;
 use crate::world::recenter;
 
 #[derive(Args)]
@@ -40,8 +41,8 @@ pub(crate) struct Arguments {
     #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 1024, value_parser = crate::cli::numbers::whole(16..=8192u32))]
     size: u32,
     /// Where it is seen from: by the scene's camera or else from outside, from outside, or from its middle
-    #[arg(long, value_name = "PLACE", default_value = "scene", value_parser = Viewpoint::NAMES)]
-    from: String,
+    #[arg(long, value_name = "PLACE", default_value = "scene", value_parser = parser::<Viewpoint>())]
+    from: Viewpoint,
     /// Triangles of the bumpy sphere, about
     #[arg(long, value_name = "N", default_value_t = 1_000_000, conflicts_with = "inputs",
           value_parser = crate::cli::numbers::whole(100..=20_000_000u32))]
@@ -89,13 +90,16 @@ fn name(arguments: &Arguments) -> String {
         .iter()
         .map(|file| file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned())
         .collect();
-    let place = if arguments.from == "scene" { String::new() } else { format!(", from {}", arguments.from) };
+    let place = match arguments.from {
+        Viewpoint::Scene => String::new(),
+        from => format!(", from {}", from.name()),
+    };
     if files.is_empty() { format!("a bumpy sphere{place}") } else { format!("{}{place}", files.join(" ")) }
 }
 
 /// The mesh and the viewpoint.
 fn subject(arguments: &Arguments) -> Result<(Mesh, ViewSetup)> {
-    let from = Viewpoint::named(&arguments.from).unwrap_or_default();
+    let from = arguments.from;
     if arguments.inputs.is_empty() {
         let mesh = Family::Sphere.mesh(arguments.triangles as usize);
         let setup = speed::view_setup(&speed::scene(&mesh), from, arguments.size)?;
