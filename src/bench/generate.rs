@@ -17,19 +17,9 @@ pub enum Family {
     Thin,
 }
 
+names!(Family { Sphere = "sphere", Soup = "soup", Thin = "thin" });
+
 impl Family {
-    /// All kinds.
-    pub const ALL: [Family; 3] = [Family::Sphere, Family::Soup, Family::Thin];
-
-    /// Name of the kind.
-    pub fn name(self) -> &'static str {
-        match self {
-            Family::Sphere => "sphere",
-            Family::Soup => "soup",
-            Family::Thin => "thin",
-        }
-    }
-
     /// A mesh with the nearest possible number of triangles; within 5 % from 1000 triangles on.
     pub fn mesh(self, triangles: usize) -> Mesh {
         match self {
@@ -147,8 +137,6 @@ fn thin(triangles: usize) -> Mesh {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::HashSet;
-
     use super::*;
 
     #[test]
@@ -169,13 +157,7 @@ mod tests {
         let mesh = Family::Sphere.mesh(3200);
         // 8 * 20², and Euler's formula for a closed surface: V = 2 + F / 2.
         assert_eq!((mesh.triangles.len(), mesh.positions.len()), (3200, 1602));
-        let mut edges = HashSet::new();
-        for &[a, b, c] in &mesh.triangles {
-            for edge in [[a, b], [b, c], [c, a]] {
-                assert!(edges.insert(edge), "an edge has two triangles on one side");
-            }
-        }
-        assert!(edges.iter().all(|&[a, b]| edges.contains(&[b, a])), "open");
+        assert!(mesh.is_closed());
         let radii = || mesh.positions.iter().map(|p| p.length());
         assert!(radii().fold(f32::INFINITY, f32::min) < 0.9 && radii().fold(0.0, f32::max) > 1.1);
     }

@@ -19,6 +19,14 @@ impl Mesh {
         self.triangles[triangle as usize].map(|index| self.positions[index as usize])
     }
 
+    /// Whether every edge has its opposite, exactly once.
+    #[cfg(test)]
+    pub(crate) fn is_closed(&self) -> bool {
+        let edges = || self.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+        let distinct: std::collections::HashSet<[u32; 2]> = edges().collect();
+        distinct.len() == edges().count() && edges().all(|[a, b]| distinct.contains(&[b, a]))
+    }
+
     /// Outward normal of a triangle, computed in f64; its length is twice the area.
     pub fn normal(&self, triangle: u32) -> DVec3 {
         let [a, b, c] = self.corners(triangle).map(|corner| corner.as_dvec3());
@@ -130,20 +138,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_edge_has_its_opposite_exactly_once() {
+    fn spheres_are_closed() {
         for placement in PLACEMENTS {
             let mesh = Icosphere::new(4, placement).mesh;
             assert_eq!(mesh.triangles.len(), 20 * 4usize.pow(4));
             // Euler's formula for a closed surface without holes: V - E + F = 2, with 3/2 F edges.
             assert_eq!(mesh.positions.len(), 2 + mesh.triangles.len() / 2);
-            let mut edges = HashSet::new();
-            for &[a, b, c] in &mesh.triangles {
-                for edge in [[a, b], [b, c], [c, a]] {
-                    assert!(edges.insert(edge), "{}: an edge has two triangles on one side", placement.name);
-                }
-            }
-            assert!(edges.iter().all(|&[a, b]| edges.contains(&[b, a])), "{}: open", placement.name);
+            assert!(mesh.is_closed(), "{}", placement.name);
         }
+    }
+
+    #[test]
+    fn a_missing_or_repeated_triangle_is_noticed() {
+        let Mesh { positions, triangles } = Icosphere::new(0, PLACEMENTS[0]).mesh;
+        let mesh =
+            |triangles: &[[u32; 3]]| Mesh { positions: positions.clone(), triangles: triangles.to_vec() };
+        assert!(!mesh(&triangles[1..]).is_closed());
+        assert!(!mesh(&[&triangles[..], &triangles[..1]].concat()).is_closed());
     }
 
     #[test]

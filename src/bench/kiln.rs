@@ -70,18 +70,19 @@ impl Built for BuiltKiln {
     }
 
     fn queue<'a>(&'a self, kind: Kind, rays: &'a [Ray]) -> Box<dyn RayQueue + 'a> {
-        let (accelerator, traversal) = (&*self.0, Traversal::default());
-        let rays = RayBuffer::from(rays);
-        if kind.is_any_hit() {
-            // Filled once, so that its memory pages are mapped.
+        // Filled once, so that their memory pages are mapped.
+        let results = if kind.is_any_hit() {
             let mut occluded = vec![true; rays.len()];
             occluded.clear();
-            return Box::new(Shadows { accelerator, rays, occluded, traversal });
-        }
-        let mut hits = HitBuffer::default();
-        hits.resize(rays.len());
-        hits.clear();
-        Box::new(Closest { accelerator, rays, hits, traversal })
+            Results::Any(occluded)
+        } else {
+            let mut hits = HitBuffer::default();
+            hits.resize(rays.len());
+            hits.clear();
+            Results::Closest(hits)
+        };
+        let traversal = Traversal::default();
+        Box::new(Queue { accelerator: &*self.0, rays: RayBuffer::from(rays), results, traversal })
     }
 
     fn crossings(&self, origin: DVec3, direction: DVec3, found: &mut Vec<u32>) {
@@ -100,47 +101,42 @@ impl Built for BuiltKiln {
     }
 }
 
-/// Closest-hit queries.
-struct Closest<'a> {
+struct Queue<'a> {
     accelerator: &'a dyn Accelerator,
     rays: RayBuffer,
-    hits: HitBuffer,
+    results: Results,
     traversal: Traversal,
 }
 
-impl RayQueue for Closest<'_> {
+/// Results of closest-hit and of any-hit queries.
+enum Results {
+    Closest(HitBuffer),
+    Any(Vec<bool>),
+}
+
+impl RayQueue for Queue<'_> {
     fn run(&mut self) {
-        self.accelerator.closest_hits(self.rays.rays(), &mut self.hits, &mut self.traversal);
+        let Queue { accelerator, rays, results, traversal } = self;
+        match results {
+            Results::Closest(hits) => accelerator.closest_hits(rays.rays(), hits, traversal),
+            Results::Any(occluded) => accelerator.are_occluded(rays.rays(), occluded, traversal),
+        }
     }
 
     fn hits(&self) -> Vec<Option<u32>> {
-        self.hits.iter().map(|hit| hit.map(|hit| hit.prim.0)).collect()
+        match &self.results {
+            Results::Closest(hits) => hits.iter().map(|hit| hit.map(|hit| hit.prim.0)).collect(),
+            Results::Any(occluded) => occluded.iter().map(|&occluded| occluded.then_some(0)).collect(),
+        }
     }
 
     fn distances(&self) -> Option<Vec<f64>> {
-        Some(self.hits.iter().map(|hit| hit.map_or(f64::INFINITY, |hit| hit.t)).collect())
-    }
-
-    fn tests(&self) -> Option<Tests> {
-        Some(self.traversal.tests)
-    }
-}
-
-/// Any-hit queries.
-struct Shadows<'a> {
-    accelerator: &'a dyn Accelerator,
-    rays: RayBuffer,
-    occluded: Vec<bool>,
-    traversal: Traversal,
-}
-
-impl RayQueue for Shadows<'_> {
-    fn run(&mut self) {
-        self.accelerator.are_occluded(self.rays.rays(), &mut self.occluded, &mut self.traversal);
-    }
-
-    fn hits(&self) -> Vec<Option<u32>> {
-        self.occluded.iter().map(|&occluded| occluded.then_some(0)).collect()
+        match &self.results {
+            Results::Closest(hits) => {
+                Some(hits.iter().map(|hit| hit.map_or(f64::INFINITY, |hit| hit.t)).collect())
+            }
+            Results::Any(_) => None,
+        }
     }
 
     fn tests(&self) -> Option<Tests> {

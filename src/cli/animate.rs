@@ -7,9 +7,9 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 
 use super::arguments::{self, Arguments};
-use super::frames::{self, FrameChecks, FrameReporter, FrameSeries, LengthArguments};
+use super::frames::{self, FrameChecks, FrameSeries, LengthArguments};
 use super::output::{check_folder, check_skipping};
-use super::prepare::timed;
+use super::prepare::{Reporter, timed};
 use super::progress::Mode;
 use crate::animation::{
     FileNames, FrameData, FrameList, FrameRequest, Quality, VideoFormat, VideoSpec, VideoWriter,
@@ -132,14 +132,15 @@ fn check_whole(command: &Command) -> Result<()> {
 
 fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &AtomicBool) -> Result<()> {
     let pool = super::pool(command.arguments.threads)?;
-    let mut reporter = FrameReporter::new(command.progress);
+    let mut reporter = Reporter::new(command.progress);
     let LengthArguments { fps, duration } = command.length;
     let request = FrameRequest::all(fps, duration, command.frames.as_ref());
-    let mut animation = reporter.load(&pool, &command.arguments, &command.arguments.settings()?, &request)?;
+    let settings = command.arguments.settings()?;
+    let mut animation = pool.install(|| reporter.load_animation(&command.arguments, &settings, &request))?;
     let picture = &animation.resolved.settings.picture;
     super::output::check_alpha(picture.is_transparent(), "a film", false)?;
     let pipeline = picture.pipeline();
-    reporter.fix_exposure(&pool, &mut animation, interrupted)?;
+    frames::fix_exposure(&mut reporter, &pool, &mut animation, interrupted)?;
     let window = animation.resolved.window;
     let size = [window.width, window.height];
     format.check(size, animation.timeline.fps())?;
@@ -166,7 +167,7 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
         frames::render_all(&animation, &pool, needs, interrupted, &reporter.progress, &make, &mut take)
     })?;
     recorder.finish()?;
-    reporter.finish(&command.arguments, &checks, command.strict)?;
+    frames::finish(&mut reporter, &command.arguments, &checks, command.strict)?;
     reporter.progress.finish(&format!(
         "wrote {} ({} x {}, {} frames, {:.2} s at {} frames a second) in {took:.2} s",
         command.output.display(),

@@ -8,12 +8,12 @@ use serde_json::{Value, json};
 
 use super::arguments::{self, Arguments};
 use super::numbers::aligned;
-use super::prepare::load_and_resolve;
-use super::statistics::Seconds;
-use super::{WarningPrinter, print};
+use super::prepare::Reporter;
+use super::print;
+use super::progress::Mode;
 use crate::bench::effects::{Cost, Costs, Part, measure};
 use crate::effects::{Decision, EFFECTS};
-use crate::error::{Result, Warnings};
+use crate::error::Result;
 use crate::job::RenderJob;
 
 /// Version of the JSON schema; increased when a field changes its meaning or is removed.
@@ -40,18 +40,10 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.arguments)?;
     let threads = command.arguments.threads.or(command.measure.then_some(1));
     let (job, costs) = super::pool(threads)?.install(|| {
-        let (mut warnings, mut printer) = (Warnings::default(), WarningPrinter::default());
-        let mut show = |_: &str, warnings: &Warnings| printer.print(warnings, true);
+        let mut reporter = Reporter::printing([true; 2], Mode::None);
         let settings = command.arguments.settings()?;
-        let resolved = load_and_resolve(
-            &command.arguments,
-            &settings,
-            &mut Seconds::default(),
-            &mut warnings,
-            &mut show,
-        )?;
-        let job = resolved.build(&mut warnings)?;
-        printer.print(&warnings, true);
+        let job = reporter.load_and_resolve(&command.arguments, &settings)?.build(&mut reporter.warnings)?;
+        reporter.show();
         let rounds = command.rounds.into();
         let costs = command.measure.then(|| measure(&job, rounds, interrupted));
         costs.transpose().map(|costs| (job, costs))

@@ -8,17 +8,15 @@ use clap::Args;
 
 use super::arguments::Arguments;
 use super::message::Message;
-use super::prepare::timed;
+use super::prepare::{Reporter, timed};
 use super::progress::{Mode, Progress};
-use super::statistics::Seconds;
-use super::{WarningPrinter, exposure, output};
-use crate::animation::{AnimationJob, FileNames, FrameList, FrameRequest, in_order, play_clip};
+use super::{exposure, output};
+use crate::animation::{AnimationJob, FileNames, FrameList, FrameRequest, in_order};
 use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
 use crate::film::check::look;
 use crate::film::write::{self, Format, OutputImage, write_picture};
 use crate::film::{Film, Share, TILE};
-use crate::import;
 use crate::job::metadata::fingerprint_of;
 use crate::job::{Metadata, RenderJob, RenderSettings};
 use crate::limits;
@@ -34,27 +32,6 @@ pub(crate) struct LengthArguments {
     /// Seconds from beginning to end [default: the scene's, or 10]
     #[arg(long, allow_hyphen_values = true, value_name = "S")]
     pub duration: Option<f64>,
-}
-
-/// Loads the inputs and prepares the data shared by all frames. `show` is called with the name of each phase and the
-/// warnings so far.
-pub(crate) fn load_and_prepare(
-    arguments: &Arguments,
-    settings: &RenderSettings,
-    request: &FrameRequest,
-    seconds: &mut Seconds,
-    warnings: &mut Warnings,
-    show: &mut dyn FnMut(&str, &Warnings),
-) -> Result<AnimationJob> {
-    show("loading", warnings);
-    let mut scene =
-        timed(&mut seconds.load, || import::load_with(&arguments.inputs, &arguments.import, warnings))?;
-    let reading = &arguments.import.reading;
-    if reading.time.is_none() {
-        play_clip(&mut scene, &reading.clip.clone().unwrap_or_default())?;
-    }
-    show("preparing", warnings);
-    AnimationJob::prepare(scene, settings, request, warnings, |warnings| show("building", warnings))
 }
 
 /// Memory limit in bytes of the pictures in flight, if there are more than two.
@@ -177,7 +154,7 @@ pub(crate) fn write_frames(
     interrupted: &AtomicBool,
 ) -> Result<()> {
     let pool = super::pool(arguments.threads)?;
-    let mut reporter = FrameReporter::new(pictures.progress);
+    let mut reporter = Reporter::new(pictures.progress);
     let is_there = |frame: i32, metadata: &Metadata| {
         let found = || look(&pictures.names.of(frame), pictures.format);
         pictures.skip_existing && found().is(fingerprint_of(metadata), Some(frame))
@@ -190,11 +167,11 @@ pub(crate) fn write_frames(
         share: pictures.share,
         is_there: &is_there,
     };
-    let mut animation = reporter.load(&pool, arguments, &settings, &request)?;
+    let mut animation = pool.install(|| reporter.load_animation(arguments, &settings, &request))?;
     let is_transparent = animation.resolved.settings.picture.is_transparent();
     output::check_alpha(is_transparent, ".jpg", pictures.format != Format::Jpeg)?;
     if pictures.format != Format::Exr {
-        reporter.fix_exposure(&pool, &mut animation, interrupted)?;
+        fix_exposure(&mut reporter, &pool, &mut animation, interrupted)?;
     }
     let display = animation.resolved.settings.picture.display();
     let skipped = match animation.skipped {
@@ -234,7 +211,7 @@ pub(crate) fn write_frames(
     timed(&mut took, || {
         render_all(&animation, &pool, needs, interrupted, &reporter.progress, &make, &mut |_, ()| Ok(()))
     })?;
-    reporter.finish(arguments, &checks, pictures.strict)?;
+    finish(&mut reporter, arguments, &checks, pictures.strict)?;
     let ends = [animation.frames.first(), animation.frames.last()].map(|frame| *frame.unwrap_or(&0));
     let [first, last] = ends.map(|frame| pictures.names.of(frame).display().to_string());
     reporter.progress.finish(&format!(
@@ -244,82 +221,30 @@ pub(crate) fn write_frames(
     Ok(())
 }
 
-/// Progress, times and warnings of an animation.
-pub(crate) struct FrameReporter {
-    pub progress: Progress,
-    pub seconds: Seconds,
-    pub warnings: Warnings,
-    printer: WarningPrinter,
-    with_notes: bool,
+/// Replaces an automatic exposure by that of the animation's first frame, and reports it.
+pub(crate) fn fix_exposure(
+    reporter: &mut Reporter,
+    pool: &rayon::ThreadPool,
+    animation: &mut AnimationJob,
+    interrupted: &AtomicBool,
+) -> Result<()> {
+    let control = RenderControl { cancel: interrupted, ..RenderControl::default() };
+    if let Some(ev) = pool.install(|| animation.fix_exposure(&control))? {
+        reporter.warnings.note(format!("the exposure is {ev} EV, from frame 0"));
+        reporter.show();
+    }
+    Ok(())
 }
 
-impl FrameReporter {
-    pub(crate) fn new(mode: Mode) -> Self {
-        FrameReporter {
-            progress: Progress::new(mode),
-            seconds: Seconds::default(),
-            warnings: Warnings::default(),
-            printer: WarningPrinter::default(),
-            with_notes: mode != Mode::None,
-        }
-    }
-
-    /// Loads and prepares the animation, with progress and warnings.
-    pub(crate) fn load(
-        &mut self,
-        pool: &rayon::ThreadPool,
-        arguments: &Arguments,
-        settings: &RenderSettings,
-        request: &FrameRequest,
-    ) -> Result<AnimationJob> {
-        let FrameReporter { progress, seconds, warnings, printer, with_notes } = self;
-        let mut show = |phase: &str, warnings: &Warnings| {
-            progress.pause(|| printer.print(warnings, *with_notes));
-            progress.phase(phase);
-        };
-        // Trees are built on the pool, so the callback needs a lock.
-        let animation = {
-            let show = Mutex::new(&mut show);
-            pool.install(|| {
-                load_and_prepare(arguments, settings, request, seconds, warnings, &mut |phase, warnings| {
-                    if let Ok(mut show) = show.lock() {
-                        show(phase, warnings);
-                    }
-                })
-            })?
-        };
-        progress.pause(|| printer.print(warnings, *with_notes));
-        progress.phase("rendering");
-        Ok(animation)
-    }
-
-    /// Replaces an automatic exposure by that of the animation's first frame, and reports it.
-    pub(crate) fn fix_exposure(
-        &mut self,
-        pool: &rayon::ThreadPool,
-        animation: &mut AnimationJob,
-        interrupted: &AtomicBool,
-    ) -> Result<()> {
-        let control = RenderControl { cancel: interrupted, ..RenderControl::default() };
-        if let Some(ev) = pool.install(|| animation.fix_exposure(&control))? {
-            self.warnings.note(format!("the exposure is {ev} EV, from frame 0"));
-            let FrameReporter { progress, printer, warnings, with_notes, .. } = self;
-            progress.pause(|| printer.print(warnings, *with_notes));
-        }
-        Ok(())
-    }
-
-    /// Prints the warnings about the frames. With `strict`, warnings are an error.
-    pub(crate) fn finish(&mut self, arguments: &Arguments, checks: &FrameChecks, strict: bool) -> Result<()> {
-        checks.warn(arguments, &mut self.warnings);
-        self.progress.clear();
-        self.printer.print(&self.warnings, self.with_notes);
-        if strict && !self.warnings.is_empty() {
-            return Err(Error::Failed {
-                what: format!("{} warning(s), and --strict was given", self.warnings.messages().len()),
-                hint: "the frames were written; mend what the warnings name, or leave --strict out".into(),
-            });
-        }
-        Ok(())
-    }
+/// Prints the warnings about the frames. With `strict`, warnings are an error.
+pub(crate) fn finish(
+    reporter: &mut Reporter,
+    arguments: &Arguments,
+    checks: &FrameChecks,
+    strict: bool,
+) -> Result<()> {
+    checks.warn(arguments, &mut reporter.warnings);
+    reporter.progress.clear();
+    reporter.show();
+    reporter.check(strict, "the frames were")
 }

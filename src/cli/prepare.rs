@@ -1,30 +1,113 @@
-//! Loading of inputs into a resolved job, with timing and progress.
+//! Loading of inputs into a resolved job or an animation, with timing, progress and warnings.
 
 use std::time::Instant;
 
+use super::WarningPrinter;
 use super::arguments::Arguments;
+use super::progress::{Mode, Progress};
 use super::statistics::Seconds;
-use crate::error::{Result, Warnings};
+use crate::animation::{AnimationJob, FrameRequest, play_clip};
+use crate::error::{Error, Result, Warnings};
 use crate::import;
 use crate::job::{RenderSettings, ResolvedJob, resolve};
+use crate::scene::Scene;
 
-/// Loads the inputs and resolves the render settings. `show` is called with the name of each phase and the warnings so
-/// far.
-pub(crate) fn load_and_resolve(
-    arguments: &Arguments,
-    settings: &RenderSettings,
-    seconds: &mut Seconds,
-    warnings: &mut Warnings,
-    show: &mut dyn FnMut(&str, &Warnings),
-) -> Result<ResolvedJob> {
-    show("loading", warnings);
-    let scene =
-        timed(&mut seconds.load, || import::load_with(&arguments.inputs, &arguments.import, warnings))?;
-    if !scene.clips.is_empty() && scene.import_options.pose().is_none() {
-        warnings.note("the scene has clips and is drawn at rest; `--time SECONDS` draws a moment of them");
+/// Progress, times and warnings of a command.
+pub(crate) struct Reporter {
+    pub progress: Progress,
+    pub seconds: Seconds,
+    pub warnings: Warnings,
+    printer: WarningPrinter,
+    /// Whether warnings are printed, and notes.
+    prints: [bool; 2],
+}
+
+impl Reporter {
+    /// Prints warnings, and notes unless there is no progress.
+    pub(crate) fn new(mode: Mode) -> Self {
+        Reporter::printing([true, mode != Mode::None], mode)
     }
-    show("preparing", warnings);
-    timed(&mut seconds.prepare, || resolve(scene, settings, warnings))
+
+    /// `prints`: whether warnings are printed, and notes.
+    pub(crate) fn printing(prints: [bool; 2], mode: Mode) -> Self {
+        Reporter {
+            progress: Progress::new(mode),
+            seconds: Seconds::default(),
+            warnings: Warnings::default(),
+            printer: WarningPrinter::default(),
+            prints,
+        }
+    }
+
+    /// Prints new warnings and notes.
+    pub(crate) fn show(&mut self) {
+        let [warnings, notes] = self.prints;
+        if warnings {
+            self.progress.pause(|| self.printer.print(&self.warnings, notes));
+        }
+    }
+
+    /// Prints new warnings and notes, and begins a phase.
+    pub(crate) fn phase(&mut self, phase: &str) {
+        self.show();
+        self.progress.phase(phase);
+    }
+
+    fn load(&mut self, arguments: &Arguments) -> Result<Scene> {
+        self.phase("loading");
+        let Reporter { seconds, warnings, .. } = self;
+        timed(&mut seconds.load, || import::load_with(&arguments.inputs, &arguments.import, warnings))
+    }
+
+    /// Loads the inputs and resolves the render settings.
+    pub(crate) fn load_and_resolve(
+        &mut self,
+        arguments: &Arguments,
+        settings: &RenderSettings,
+    ) -> Result<ResolvedJob> {
+        let scene = self.load(arguments)?;
+        if !scene.clips.is_empty() && scene.import_options.pose().is_none() {
+            self.warnings
+                .note("the scene has clips and is drawn at rest; `--time SECONDS` draws a moment of them");
+        }
+        self.phase("preparing");
+        timed(&mut self.seconds.prepare, || resolve(scene, settings, &mut self.warnings))
+    }
+
+    /// Loads the inputs and prepares the data shared by all frames.
+    pub(crate) fn load_animation(
+        &mut self,
+        arguments: &Arguments,
+        settings: &RenderSettings,
+        request: &FrameRequest,
+    ) -> Result<AnimationJob> {
+        let mut scene = self.load(arguments)?;
+        let reading = &arguments.import.reading;
+        if reading.time.is_none() {
+            play_clip(&mut scene, &reading.clip.clone().unwrap_or_default())?;
+        }
+        self.phase("preparing");
+        let mut warnings = std::mem::take(&mut self.warnings);
+        let animation = AnimationJob::prepare(scene, settings, request, &mut warnings, |warnings| {
+            self.warnings = warnings.clone();
+            self.phase("building");
+        });
+        self.warnings = warnings;
+        let animation = animation?;
+        self.phase("rendering");
+        Ok(animation)
+    }
+
+    /// With `strict`, warnings are an error. `written` says what was written all the same.
+    pub(crate) fn check(&self, strict: bool, written: &str) -> Result<()> {
+        if !strict || self.warnings.is_empty() {
+            return Ok(());
+        }
+        Err(Error::Failed {
+            what: format!("{} warning(s), and --strict was given", self.warnings.messages().len()),
+            hint: format!("{written} written; mend what the warnings name, or leave --strict out"),
+        })
+    }
 }
 
 /// Calls `work` and adds its time in seconds.

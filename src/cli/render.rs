@@ -8,13 +8,12 @@ use clap::Args;
 use super::arguments::{self, Arguments};
 use super::frames::{self, FrameSeries, LengthArguments, file_names};
 use super::output::{self, OutputTarget, check_folder, render_image, render_to_accuracy, same_file};
-use super::prepare::{self, timed};
-use super::progress::{Mode, Progress};
+use super::prepare::{Reporter, timed};
+use super::progress::Mode;
 use super::sampling::{AccuracyArguments, warn_of_unused};
-use super::statistics::{self, Seconds};
-use super::{WarningPrinter, exposure};
+use super::{exposure, statistics};
 use crate::animation::FrameList;
-use crate::error::{Error, Result, Warnings};
+use crate::error::{Error, Result};
 use crate::film::Share;
 use crate::film::output::write_whole;
 use crate::film::write::{Format, OutputImage};
@@ -158,31 +157,17 @@ fn render_to(
     selection: &AovSelection,
     interrupted: &AtomicBool,
 ) -> Result<()> {
-    let progress = Progress::new(command.progress);
-    let mut warnings = Warnings::default();
-    let mut printer = WarningPrinter::default();
-    let with_notes = command.progress != Mode::None;
-    let mut seconds = Seconds::default();
-
+    let mut reporter = Reporter::new(command.progress);
     let mut settings = command.arguments.settings()?;
     settings.share = command.shard.unwrap_or_default();
     settings.aovs = command.aov.clone();
-    let mut resolved = prepare::load_and_resolve(
-        &command.arguments,
-        &settings,
-        &mut seconds,
-        &mut warnings,
-        &mut |phase, warnings| {
-            progress.pause(|| printer.print(warnings, with_notes));
-            progress.phase(phase);
-        },
-    )?;
+    let mut resolved = reporter.load_and_resolve(&command.arguments, &settings)?;
     if let Some(target) = command.accuracy.target() {
         metadata::add_to_fingerprint(&mut resolved.metadata, "wish", &target);
     }
     if command.skip_existing && target.existing().is(metadata::fingerprint_of(&resolved.metadata), None) {
-        progress.pause(|| printer.print(&warnings, with_notes));
-        progress.finish(&format!("{} is there", target.file().display()));
+        reporter.show();
+        reporter.progress.finish(&format!("{} is there", target.file().display()));
         return Ok(());
     }
     let is_transparent = resolved.settings.picture.is_transparent();
@@ -191,13 +176,12 @@ fn render_to(
     output::check_alpha(is_transparent, "a picture of --accuracy or --budget", !has_target)?;
     target.check_writable()?;
     let has_physical_lights = resolved.has_physical_lights;
-    progress.phase("building");
-    let mut job = timed(&mut seconds.build, || resolved.build(&mut warnings))?;
+    reporter.progress.phase("building");
+    let mut job = timed(&mut reporter.seconds.build, || resolved.build(&mut reporter.warnings))?;
     output::check_memory(&job, target, selection, has_target)?;
-    warn_of_unused(&command.arguments.settings, &job.choices.sampling, has_target, &mut warnings);
-    progress.pause(|| printer.print(&warnings, with_notes));
-
-    progress.phase("rendering");
+    warn_of_unused(&command.arguments.settings, &job.choices.sampling, has_target, &mut reporter.warnings);
+    reporter.phase("rendering");
+    let Reporter { progress, seconds, warnings, .. } = &mut reporter;
     let control = RenderControl {
         cancel: interrupted,
         progress: &|done, total| progress.tiles(done, total),
@@ -205,7 +189,7 @@ fn render_to(
     };
     let (picture, statistics) = timed(&mut seconds.render, || match command.accuracy.target() {
         Some(error_target) => {
-            render_to_accuracy(&mut job, &error_target, target.format(), &control, &mut warnings)
+            render_to_accuracy(&mut job, &error_target, target.format(), &control, warnings)
         }
         None => render_image(&job, target.film_format(), selection, &control),
     })?;
@@ -223,21 +207,17 @@ fn render_to(
         warnings.push(format!("--aov primitive: indices above {LARGEST_EXACT_INDEX} are rounded"));
     }
     let is_part = command.arguments.settings.crop.is_some() || job.settings.share != Share::ALL;
-    output::warn_about_picture(&command.arguments.inputs, world, &statistics, is_part, &mut warnings);
+    output::warn_about_picture(&command.arguments.inputs, world, &statistics, is_part, warnings);
     progress.clear();
-    printer.print(&warnings, with_notes);
+    reporter.show();
 
-    timed(&mut seconds.write, || output::write(&picture, &job, target))?;
+    timed(&mut reporter.seconds.write, || output::write(&picture, &job, target))?;
+    let Reporter { progress, seconds, warnings, .. } = &reporter;
     if let Some(file) = &command.stats {
-        let report = statistics::to_json(&job.metadata, &seconds, world, &job.plan, &statistics, &warnings);
+        let report = statistics::to_json(&job.metadata, seconds, world, &job.plan, &statistics, warnings);
         write_whole(file, |out| writeln!(out, "{report:#}"))?;
     }
-    if command.strict && !warnings.is_empty() {
-        return Err(Error::Failed {
-            what: format!("{} warning(s), and --strict was given", warnings.messages().len()),
-            hint: "the picture was written; mend what the warnings name, or leave --strict out".into(),
-        });
-    }
+    reporter.check(command.strict, "the picture was")?;
     progress.finish(&format!(
         "wrote {} ({} x {}; load {:.2} s, prepare {:.2} s, build {:.2} s, render {:.2} s, write {:.2} s)",
         target.file().display(),

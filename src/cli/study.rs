@@ -6,10 +6,9 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 
 use super::arguments::{self, Arguments};
-use super::prepare::load_and_resolve;
-use super::progress::{Mode, Progress};
-use super::statistics::Seconds;
-use super::{WarningPrinter, print, typed, typed_words};
+use super::prepare::Reporter;
+use super::progress::Mode;
+use super::{print, typed, typed_words};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::write_whole;
 use crate::import;
@@ -50,28 +49,20 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     let _folder = Folder::new(&command.output)?;
     let arguments = &command.arguments;
     let (timed, wide) = (super::pool(Some(arguments.threads.unwrap_or(1)))?, super::pool(arguments.threads)?);
-    let progress = Progress::new(command.progress);
-    let (mut warnings, mut printer) = (Warnings::default(), WarningPrinter::default());
-    let with_notes = command.progress != Mode::None;
-
+    let mut reporter = Reporter::new(command.progress);
     let longest = (!command.full).then_some(LONGEST);
     let settings = RenderSettings { longest_side: longest, look: Look::Draft, ..arguments.settings()? };
-    let resolved = wide.install(|| {
-        let show = &mut |phase: &str, warnings: &Warnings| {
-            progress.pause(|| printer.print(warnings, with_notes));
-            progress.phase(phase);
-        };
-        load_and_resolve(arguments, &settings, &mut Seconds::default(), &mut warnings, show)
-    })?;
+    let resolved = wide.install(|| reporter.load_and_resolve(arguments, &settings))?;
     if !resolved.settings.picture.display().is_identity() {
-        warnings.note("the study compares displayed values without exposure and tone map");
-        progress.pause(|| printer.print(&warnings, with_notes));
+        reporter.warnings.note("the study compares displayed values without exposure and tone map");
+        reporter.show();
     }
     let subject = subject(arguments, resolved);
     let load = || import::load_with(&arguments.inputs, &arguments.import, &mut Warnings::default()).map(drop);
     let is_file = arguments.inputs.iter().all(|input| input != Path::new("-"));
     let load: Option<&(dyn Fn() -> Result<()> + Sync)> = if is_file { Some(&load) } else { None };
 
+    let progress = &reporter.progress;
     progress.phase("studying");
     let control = RenderControl {
         cancel: interrupted,

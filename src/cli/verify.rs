@@ -8,11 +8,11 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::arguments::{self, Arguments};
-use super::frames::{LengthArguments, load_and_prepare};
-use super::prepare::load_and_resolve;
-use super::statistics::Seconds;
+use super::frames::LengthArguments;
+use super::prepare::Reporter;
+use super::progress::Mode;
 use crate::animation::{FileNames, FrameList, FrameRequest};
-use crate::error::{Error, Result, Warnings};
+use crate::error::{Error, Result};
 use crate::film::Share;
 use crate::film::check::{FileState, PictureIdentity, look};
 use crate::film::write::Format;
@@ -79,12 +79,11 @@ pub(crate) fn run(command: &Command) -> Result<u8> {
 
 /// The expected fingerprint and frames.
 fn expected(command: &Command, output: &Path) -> Result<(String, Option<FrameList>)> {
-    let (mut seconds, mut warnings) = (Seconds::default(), Warnings::default());
+    let mut reporter = Reporter::printing([false; 2], Mode::None);
     let settings = RenderSettings { aovs: command.aov.clone(), ..command.arguments.settings()? };
     let is_series = FileNames::parse(output).is_ok_and(|names| names.is_some());
     if command.frames.is_none() && !is_series {
-        let show = &mut |_: &str, _: &Warnings| ();
-        let resolved = load_and_resolve(&command.arguments, &settings, &mut seconds, &mut warnings, show)?;
+        let resolved = reporter.load_and_resolve(&command.arguments, &settings)?;
         return Ok((fingerprint_of(&resolved.metadata).to_owned(), None));
     }
     // All frames are reported as existing, so that no tree is built.
@@ -95,9 +94,7 @@ fn expected(command: &Command, output: &Path) -> Result<(String, Option<FrameLis
         share: Share::ALL,
         is_there: &|_, _| true,
     };
-    let show = &mut |_: &str, _: &Warnings| ();
-    let animation =
-        load_and_prepare(&command.arguments, &settings, &request, &mut seconds, &mut warnings, show)?;
+    let animation = reporter.load_animation(&command.arguments, &settings, &request)?;
     let list = command.frames.clone().unwrap_or_else(|| FrameList::range(0, animation.timeline.last()));
     Ok((fingerprint_of(&animation.resolved.metadata).to_owned(), Some(list)))
 }

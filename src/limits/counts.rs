@@ -38,19 +38,9 @@ impl Default for Limits {
     }
 }
 
+names!(Counted { Triangles = "triangles", Texels = "texels", Nodes = "nodes" });
+
 impl Counted {
-    /// All of them.
-    pub const ALL: [Counted; 3] = [Counted::Triangles, Counted::Texels, Counted::Nodes];
-
-    /// Name on the command line and in messages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Counted::Triangles => "triangles",
-            Counted::Texels => "texels",
-            Counted::Nodes => "nodes",
-        }
-    }
-
     /// Checks a number of them against the limits.
     ///
     /// # Errors

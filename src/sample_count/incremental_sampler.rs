@@ -1,20 +1,20 @@
-//! Rendering of sample ranges and error tiles, with accumulated statistics.
+//! Rendering of sample ranges, with accumulated statistics.
 
 use std::time::Instant;
 
-use super::tile_error::ErrorTiles;
+use super::split_image::SplitImage;
 use super::{ErrorTarget, Metric, SampledImage, StopReason};
 use crate::effects::id;
 use crate::error::{Error, Result};
-use crate::film::{ColourPipeline, Film, TILE, Window};
+use crate::film::{ColourPipeline, Film};
 use crate::job::RenderJob;
 use crate::metrics::Values;
 use crate::render::aov::{self, AovSelection};
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
 
-/// The number of pixels whose centre ray hits an object other than the ground; of all pixels where there are none, or where
-/// the background is an environment.
+/// The number of pixels whose centre ray hits an object other than the ground; of all pixels where there are none, or
+/// where the background is an environment.
 fn subject_pixels(job: &RenderJob, control: &RenderControl) -> Result<usize> {
     let world = &job.world;
     let all = job.window.area();
@@ -36,7 +36,8 @@ pub(crate) struct IncrementalSampler<'a> {
     sampling: Sampling,
     /// Encoding of the film.
     pub values: Values,
-    pub tiles: ErrorTiles,
+    /// The number of pixels that mean errors are of.
+    pub subject_pixels: usize,
     statistics: Option<Statistics>,
 }
 
@@ -47,9 +48,8 @@ impl<'a> IncrementalSampler<'a> {
             ColourPipeline::Linear => Values::Linear,
             ColourPipeline::Display | ColourPipeline::U8 => Values::Display,
         };
-        let tiles = ErrorTiles::new(job.window.width, job.window.height);
         let start = Instant::now();
-        let tiles = tiles.with_subject(subject_pixels(job, control)?);
+        let subject_pixels = subject_pixels(job, control)?;
         job.set_sampling(sampling.part(0, 1))?;
         if !job.plan.takes_samples() {
             let effect = id::ANTIALIASING;
@@ -57,64 +57,23 @@ impl<'a> IncrementalSampler<'a> {
             let hint = format!("leave out --without {effect}, or --accuracy and --budget");
             return Err(Error::usage(what, hint));
         }
-        Ok(IncrementalSampler { job, control, start, sampling, values, tiles, statistics: None })
+        Ok(IncrementalSampler { job, control, start, sampling, values, subject_pixels, statistics: None })
     }
 
-    /// Renders the pixel centres.
-    pub(crate) fn render_centres(&mut self) -> Result<Vec<[f32; 3]>> {
-        let mut pixels = self.black();
-        self.render(
-            Sampling { seed: self.sampling.seed, sampler: self.sampling.sampler, ..Sampling::default() },
-            &|_| true,
-            &mut pixels,
-        )?;
-        Ok(pixels)
+    /// Width of the picture in pixels.
+    pub(crate) fn width(&self) -> usize {
+        self.job.window.width as usize
     }
 
-    /// Mean of the samples `from..to` of the whole picture.
+    /// Mean of the samples `from..to`.
     pub(crate) fn render_samples(&mut self, from: u32, to: u32) -> Result<Vec<[f32; 3]>> {
-        let mut pixels = self.black();
-        self.render_tiles((from, to), &|_| true, &mut pixels)?;
-        Ok(pixels)
-    }
-
-    /// Writes the mean of the samples `from..to` of the selected error tiles to `pixels`; other pixels stay unchanged.
-    pub(crate) fn render_tiles(
-        &mut self,
-        (from, to): (u32, u32),
-        selected: &(dyn Fn(usize) -> bool + Sync),
-        pixels: &mut [[f32; 3]],
-    ) -> Result<()> {
-        self.render(self.sampling.part(from, to), selected, pixels)
-    }
-
-    pub(crate) fn black(&self) -> Vec<[f32; 3]> {
-        vec![[0.0; 3]; self.job.window.area()]
-    }
-
-    fn render(
-        &mut self,
-        sampling: Sampling,
-        selected: &(dyn Fn(usize) -> bool + Sync),
-        pixels: &mut [[f32; 3]],
-    ) -> Result<()> {
-        self.job.set_sampling(sampling)?;
-        let (window, tiles) = (self.job.window, self.tiles);
-        let is_selected = |tile: Window| selected(tiles.index_of(tile.x - window.x, tile.y - window.y));
-        let (film, statistics): (Film, _) =
-            self.job.render_selected(|_, tile| is_selected(tile), self.control)?;
+        self.job.set_sampling(self.sampling.part(from, to))?;
+        let (film, statistics): (Film, _) = self.job.render(self.control)?;
         match &mut self.statistics {
             Some(sum) => sum.add(&statistics),
             none => *none = Some(statistics),
         }
-        for (y, row) in (0..).zip(pixels.chunks_mut(window.width as usize)) {
-            for (i, (own, part)) in (0..).zip(row.chunks_mut(TILE as usize).zip(film.row(y))) {
-                if selected(tiles.index_of(i * TILE, y)) {
-                    own.copy_from_slice(part);
-                }
-            }
-        }
-        Ok(())
+        Ok(film.rows().collect())
     }
 
     pub(crate) fn is_finite(&self) -> bool {
@@ -128,24 +87,15 @@ impl<'a> IncrementalSampler<'a> {
         left.map_or(f64::INFINITY, |left| 0.9 * left * f64::from(samples) / spent)
     }
 
-    /// Whether `samples` fit into the remaining time after the pilot, which costs about two samples.
-    pub(crate) fn has_time_for(&self, samples: u32, target: &ErrorTarget) -> bool {
-        f64::from(samples) <= self.samples_in_time(2, target)
-    }
-
-    /// Sets the job's sampling to `samples`, and returns the picture.
+    /// Sets the job's sampling to that of the picture, and returns it.
     pub(crate) fn finish(
         self,
-        pixels: Vec<[f32; 3]>,
-        samples: u32,
+        image: SplitImage,
         estimate: (Metric, f64),
         reason: StopReason,
     ) -> Result<SampledImage> {
-        let Sampling { seed, sampler, .. } = self.sampling;
-        self.job.set_sampling(match samples {
-            1 => Sampling { seed, sampler, ..Sampling::default() },
-            samples => Sampling { first: None, total: None, ..self.sampling.part(0, samples) },
-        })?;
+        let SplitImage { pixels, samples, .. } = image;
+        self.job.set_sampling(Sampling { first: None, total: None, ..self.sampling.part(0, samples) })?;
         let Some(statistics) = self.statistics else {
             let hint = String::new();
             return Err(Error::Failed { what: "nothing was rendered".into(), hint });

@@ -75,7 +75,7 @@ macro_rules! named_values {
                 <$type>::ALL.iter().map(|value| value.name()).collect()
             }
 
-            fn parse(text: &str) -> Result<Self, String> {
+            fn parse(text: &str) -> std::result::Result<Self, String> {
                 let found = <$type>::ALL.into_iter().find(|value| value.name() == text);
                 found.ok_or_else(|| format!("give one of {}", Self::names().join(", ")))
             }

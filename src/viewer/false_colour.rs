@@ -34,35 +34,19 @@ pub enum DisplayMode {
     ErrorAgainstExact,
 }
 
+names!(DisplayMode {
+    Picture = "picture",
+    Normals = "normals",
+    GeometricNormals = "geometric normals",
+    Depth = "depth",
+    Objects = "objects",
+    Materials = "materials",
+    Primitives = "primitives",
+    NodeTests = "node tests",
+    ErrorAgainstExact = "error against exact",
+});
+
 impl DisplayMode {
-    /// All modes, in the order of the interface.
-    pub const ALL: [DisplayMode; 9] = [
-        DisplayMode::Picture,
-        DisplayMode::Normals,
-        DisplayMode::GeometricNormals,
-        DisplayMode::Depth,
-        DisplayMode::Objects,
-        DisplayMode::Materials,
-        DisplayMode::Primitives,
-        DisplayMode::NodeTests,
-        DisplayMode::ErrorAgainstExact,
-    ];
-
-    /// Name in the interface.
-    pub fn name(self) -> &'static str {
-        match self {
-            DisplayMode::Picture => "picture",
-            DisplayMode::Normals => "normals",
-            DisplayMode::GeometricNormals => "geometric normals",
-            DisplayMode::Depth => "depth",
-            DisplayMode::Objects => "objects",
-            DisplayMode::Materials => "materials",
-            DisplayMode::Primitives => "primitives",
-            DisplayMode::NodeTests => "node tests",
-            DisplayMode::ErrorAgainstExact => "error against exact",
-        }
-    }
-
     /// The displayed AOV; `None` for modes that display rendered pictures.
     pub fn aov(self) -> Option<&'static str> {
         match self {

@@ -1,19 +1,17 @@
 //! End-to-end tests of the command: exit codes, output streams and files.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::common::repository;
+use crate::workshop::{Workshop, text};
 #[cfg(unix)]
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 
-/// A temporary folder with a small scene, deleted at the end of the test.
-pub(super) struct Workshop(tempfile::TempDir);
-
 /// A sphere over a quarter of the picture, under a point light, before a grey background, in the pipeline `display`.
-const SCENE: &str = "
+pub(super) const SCENE: &str = "
 [image]
 width = 24
 height = 16
@@ -41,43 +39,11 @@ material = 'red'
 ";
 
 impl Workshop {
-    pub(super) fn new() -> Self {
-        let workshop = Workshop(tempfile::tempdir().expect("a temporary folder can be made"));
-        workshop.write("scene.toml", SCENE);
-        workshop
-    }
-
-    pub(super) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
-        std::fs::write(self.path(name), bytes).expect("the temporary folder can be written to");
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn command(&self) -> Command {
-        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("kiln"));
-        command.current_dir(self.0.path()).env("RUST_BACKTRACE", "1").stdin(Stdio::null());
-        command
-    }
-
-    pub(super) fn run(&self, arguments: &str) -> Output {
-        self.command().args(arguments.split_whitespace()).output().expect("the command starts")
-    }
-
     /// Runs with `input` on standard input.
     pub(super) fn run_with(&self, arguments: &str, input: &[u8]) -> Output {
         let mut command = assert_cmd::Command::new(assert_cmd::cargo::cargo_bin!("kiln"));
         command.current_dir(self.0.path()).args(arguments.split_whitespace()).write_stdin(input);
         command.output().expect("the command starts")
-    }
-
-    /// Runs a command that must succeed. Returns its standard error.
-    #[track_caller]
-    fn succeed(&self, arguments: &str) -> String {
-        let output = self.run(arguments);
-        assert_eq!(output.status.code(), Some(0), "{arguments}: {}", text(&output.stderr));
-        text(&output.stderr)
     }
 
     /// Runs a command that must fail with `code`. Checks the form of its error, and returns message and hint.
@@ -91,25 +57,9 @@ impl Workshop {
         (error.0.to_owned(), error.1.to_owned())
     }
 
-    fn names(&self) -> Vec<String> {
-        let entries = std::fs::read_dir(self.0.path()).expect("the folder can be read");
-        let mut names: Vec<String> =
-            entries.map(|e| e.expect("an entry").file_name().to_string_lossy().into_owned()).collect();
-        names.sort();
-        names
-    }
-
     fn pixels(&self, name: &str) -> image::RgbImage {
         image::open(self.path(name)).unwrap_or_else(|e| panic!("{name}: {e}")).into_rgb8()
     }
-
-    fn bytes(&self, name: &str) -> Vec<u8> {
-        std::fs::read(self.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
-    }
-}
-
-pub(super) fn text(bytes: &[u8]) -> String {
-    String::from_utf8(bytes.to_vec()).expect("the command writes UTF-8")
 }
 
 /// Checks that the error is one line `kiln: error: ...` and at most one `hint: ...`, without Rust's debug output.
@@ -134,7 +84,7 @@ pub(super) fn check_error(said: &str) -> (&str, &str) {
 
 #[test]
 fn clamps_and_grounds_are_checked() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     for (typed, said) in [("0", "0"), ("-1", "-1"), ("inf", "inf"), ("much", "much")] {
         let (error, hint) = workshop.fail(&format!("render scene.toml -o a.png --clamp {typed}"), 2);
         assert!(error.contains(said) && error.contains("--clamp"), "{error}; {hint}");
@@ -185,7 +135,7 @@ fn the_checker_of_errors_notices() {
 
 #[test]
 fn wrong_usage_is_2() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     for (arguments, error, hint) in [
         ("", "no command given", "--help"),
         ("rendr scene.toml", "unrecognized subcommand 'rendr'", "render"),
@@ -260,7 +210,7 @@ fn wrong_usage_is_2() {
 
 #[test]
 fn inputs_that_cannot_be_used_are_3() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.write("bad.toml", "[image]\nwidht = 3\n");
     workshop.write("bad.obj", "v 0 0 0\nf 1 2 3\n");
     workshop.write("bad.glb", "glTF and nothing else");
@@ -311,7 +261,7 @@ fn inputs_that_cannot_be_used_are_3() {
 
 #[test]
 fn outputs_that_cannot_be_written_are_4() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     std::fs::create_dir(workshop.path("folder.png")).expect("a folder can be made");
     let (said, _) = workshop.fail("render scene.toml -o gone/a.png", 4);
     assert_eq!(said, "gone/a.png: cannot be written: its folder does not exist");
@@ -325,7 +275,7 @@ fn outputs_that_cannot_be_written_are_4() {
 
 #[test]
 fn strict_makes_warnings_1() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.write("a.obj", "mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     let said = workshop.succeed("render a.obj -o a.png --size 8x8");
     assert!(said.contains("kiln: warning: a.obj: materials left out: gone.mtl: no such file\n"), "{said}");
@@ -340,7 +290,7 @@ fn strict_makes_warnings_1() {
 
 #[test]
 fn a_failed_run_keeps_the_picture_that_was_there() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.write("a.png", "an earlier picture");
     workshop.write("bad.obj", "v 0 0 0\nf 1 2 3\n");
     workshop.fail("render bad.obj -o a.png", 3);
@@ -353,7 +303,7 @@ fn a_failed_run_keeps_the_picture_that_was_there() {
 
 #[test]
 fn png_jpeg_and_exr_hold_the_same_picture() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     for name in ["a.png", "a.jpg", "a.exr"] {
         workshop.succeed(&format!("render scene.toml -o {name}"));
     }
@@ -392,7 +342,7 @@ fn exr_pixels(file: &Path, size: (usize, usize)) -> Vec<[f32; 3]> {
 
 #[test]
 fn pictures_say_what_made_them() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.succeed("render scene.toml -o a.png --camera above --crop 1,2,3,4 --without shadows");
     let file = std::fs::File::open(workshop.path("a.png")).expect("it was written");
     let reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().expect("it is a PNG picture");
@@ -415,7 +365,7 @@ fn pictures_say_what_made_them() {
 
 #[test]
 fn names_in_other_alphabets_can_be_written() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.write("κάμινος.toml", SCENE.replace("'front'", "'窯 前'"));
     for name in ["a.png", "a.jpg", "a.exr"] {
         workshop.succeed(&format!("render κάμινος.toml -o {name}"));
@@ -430,7 +380,7 @@ fn names_in_other_alphabets_can_be_written() {
 
 #[test]
 fn standard_output_carries_the_picture_and_only_that() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.succeed("render scene.toml -o a.png");
     let output = workshop.run("render scene.toml -o -");
     assert_eq!(output.status.code(), Some(0));
@@ -439,7 +389,7 @@ fn standard_output_carries_the_picture_and_only_that() {
 
 #[test]
 fn standard_input_carries_a_scene_file_or_a_glb() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.succeed("render scene.toml -o a.png");
     let output = workshop.run_with("render - -o b.png", SCENE.as_bytes());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
@@ -473,34 +423,23 @@ fn glb() -> Vec<u8> {
 }
 
 #[test]
-fn threads_do_not_change_a_byte() {
-    let workshop = Workshop::new();
+fn threads_and_presets_of_the_tree_do_not_change_a_byte() {
+    let workshop = Workshop::with("scene.toml", SCENE);
     let scene = repository("scenes/assignment.toml");
-    for threads in [1, 2] {
-        workshop.succeed(&format!(
-            "render {} -o {threads}.png --size 70x50 --threads {threads}",
-            scene.display()
-        ));
-    }
-    assert!(workshop.bytes("1.png") == workshop.bytes("2.png"));
-}
-
-#[test]
-fn presets_of_the_tree_do_not_change_a_byte() {
-    let workshop = Workshop::new();
-    let scene = repository("scenes/assignment.toml");
-    for preset in kiln::bvh::Preset::ALL.map(kiln::bvh::Preset::name) {
-        workshop.succeed(&format!("render {} -o {preset}.png --size 70x50 --bvh {preset}", scene.display()));
-    }
-    workshop.succeed(&format!("render {} -o default.png --size 70x50", scene.display()));
-    for preset in kiln::bvh::Preset::ALL.map(kiln::bvh::Preset::name) {
-        assert!(workshop.bytes(&format!("{preset}.png")) == workshop.bytes("default.png"), "{preset}");
+    let bytes = |options: &str| {
+        workshop.succeed(&format!("render {} -o a.png --size 70x50 {options}", scene.display()));
+        workshop.bytes("a.png")
+    };
+    let expected = bytes("--threads 1");
+    let presets = kiln::bvh::Preset::ALL.map(|preset| format!("--bvh {}", preset.name()));
+    for options in presets.iter().map(String::as_str).chain(["--threads 2", ""]) {
+        assert!(bytes(options) == expected, "{options}");
     }
 }
 
 #[test]
 fn four_crops_make_the_whole_picture() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let scene = repository("scenes/assignment.toml");
     let render = |name: &str, crop: &str| {
         workshop.succeed(&format!("render {} -o {name} --size 50x40 {crop}", scene.display()));
@@ -519,7 +458,7 @@ fn four_crops_make_the_whole_picture() {
 
 #[test]
 fn cameras_and_views() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     // A wedge without symmetry, so that every view differs.
     let wedge = "v 0 0 0\nv 3 0 0\nv 0 2 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
     workshop.write("wedge.obj", wedge);
@@ -555,7 +494,7 @@ const FRONT: &str = "{ position = [0, 0, 10], look_at = [0, 0, 0] }";
 
 /// A picture by a camera given as an inline table.
 fn render_own(workshop: &Workshop, scene: &str, camera: &str) -> image::RgbImage {
-    let output = workshop.command().args(["render", scene, "-o", "own.png", "--camera", camera]).output();
+    let output = workshop.command("").args(["render", scene, "-o", "own.png", "--camera", camera]).output();
     let output = output.expect("the command starts");
     assert_eq!(output.status.code(), Some(0), "{camera}: {}", text(&output.stderr));
     workshop.pixels("own.png")
@@ -565,7 +504,7 @@ fn render_own(workshop: &Workshop, scene: &str, camera: &str) -> image::RgbImage
 /// recentered.
 #[test]
 fn a_camera_in_braces_is_the_scenes_own() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let far = SCENE
         .replace("[0, 0, 10]", "[1e6, 0, 1000010]")
         .replace("[0, 10, 1]", "[1e6, 10, 1000001]")
@@ -580,7 +519,7 @@ fn a_camera_in_braces_is_the_scenes_own() {
     workshop.write("own.toml", section);
     let said = workshop.succeed("render far.toml own.toml -o a.exr --camera x");
     assert!(said.contains("moved to it"), "{said}");
-    let output = workshop.command().args(["render", "far.toml", "-o", "b.exr", "--camera", own]).output();
+    let output = workshop.command("").args(["render", "far.toml", "-o", "b.exr", "--camera", own]).output();
     assert_eq!(output.expect("the command starts").status.code(), Some(0));
     let pixels = |name: &str| image_bits(&workshop.path(name));
     assert_eq!(pixels("a.exr"), pixels("b.exr"));
@@ -591,7 +530,7 @@ fn a_camera_in_braces_is_the_scenes_own() {
     {
         let arguments: Vec<&str> =
             command.split(' ').chain(["--camera", "{ position = [0, 0, 1], lok_at = [0, 0, 0] }"]).collect();
-        let output = workshop.command().args(arguments).output().expect("the command starts");
+        let output = workshop.command("").args(arguments).output().expect("the command starts");
         let said = text(&output.stderr);
         let (error, hint) = check_error(&said);
         assert_eq!(output.status.code(), Some(2), "{command}: {said}");
@@ -605,7 +544,7 @@ fn a_camera_in_braces_is_the_scenes_own() {
 fn what_is_seen_is_rendered_by_its_line() {
     use kiln::effects::Choices;
     use kiln::viewer::{command_line, navigate};
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let mut scene = crate::common::picture::load(&workshop.path("scene.toml"));
     let loaded = scene.clone();
     let mut camera = scene.cameras[0].clone();
@@ -614,7 +553,7 @@ fn what_is_seen_is_rendered_by_its_line() {
     navigate::pan(&mut camera, glam::DVec2::new(0.1, -0.05), 1.5);
     let settings = kiln::job::RenderSettings { without: vec!["shadows".into()], ..Default::default() };
     let command = command_line::RenderCommand {
-        inputs: &[PathBuf::from("scene.toml")],
+        inputs: &["scene.toml".into()],
         scene: &loaded,
         viewpoint: command_line::CommandCamera::Camera(&camera),
         projection: camera.projection,
@@ -625,7 +564,7 @@ fn what_is_seen_is_rendered_by_its_line() {
         output: Path::new("seen.png"),
     };
     let words = command_line::arguments(&command);
-    let output = workshop.command().args(&words[1..]).output().expect("the command starts");
+    let output = workshop.command("").args(&words[1..]).output().expect("the command starts");
     assert_eq!(output.status.code(), Some(0), "{words:?}: {}", text(&output.stderr));
     scene.cameras[0] = camera;
     let prepared = crate::common::picture::prepare(scene, [48, 32], Default::default());
@@ -641,7 +580,7 @@ fn image_bits(file: &Path) -> Vec<[u32; 3]> {
 
 #[test]
 fn size_is_the_users_then_the_scenes() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.succeed("render scene.toml -o a.png --size 7x5");
     assert_eq!(workshop.pixels("a.png").dimensions(), (7, 5));
     workshop.succeed("render scene.toml -o a.png");
@@ -650,7 +589,7 @@ fn size_is_the_users_then_the_scenes() {
 
 #[test]
 fn a_mesh_beside_the_assignment_scene() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let scene = repository("scenes/assignment.toml");
     // A large triangle between the camera at (0, -200, 500) and its target, the tetrahedron at z = 1216.
     workshop.write("near.obj", "v -400 -400 900\nv 300 -400 900\nv -50 100 900\nf 1 2 3\n");
@@ -671,7 +610,7 @@ fn a_mesh_beside_the_assignment_scene() {
 /// The picture of a mesh does not depend on its position and size.
 #[test]
 fn far_and_extreme_meshes_look_as_near_ones() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let wedge = |scale: f64, offset: f64| {
         let corners = [[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0]];
         let vertex =
@@ -698,7 +637,7 @@ fn far_and_extreme_meshes_look_as_near_ones() {
 /// Files with points and lines only, or with a camera only, are errors; a scene file with a background only is not.
 #[test]
 fn files_without_triangles_are_refused() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.write("lines.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2\nl 1 2 3\np 1\n");
     let camera = json!({ "type": "perspective", "perspective": { "yfov": 1, "znear": 0.1 } });
     let mut lines = json!({
@@ -749,7 +688,7 @@ fn files_without_triangles_are_refused() {
 
 #[test]
 fn a_picture_of_nothing_says_so() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.write("away.toml", SCENE.replace("look_at = [0, 0, 0]", "look_at = [0, 0, 20]"));
     let said = workshop.succeed("render away.toml -o a.png");
     // 24 x 16 pixels, one primary ray each.
@@ -759,7 +698,7 @@ fn a_picture_of_nothing_says_so() {
 /// Only the last part of a path is the pattern of frames.
 #[test]
 fn a_folder_may_be_named_like_a_pattern() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     for folder in ["shot%04d", "take####"] {
         std::fs::create_dir(workshop.path(folder)).expect("a folder");
         workshop.succeed(&format!("render scene.toml -o {folder}/a.png"));
@@ -771,7 +710,7 @@ fn a_folder_may_be_named_like_a_pattern() {
 /// What no tier can draw is an error in a scene file as in a mesh, not a blank picture; a background alone is a picture.
 #[test]
 fn a_scene_of_objects_that_are_all_left_out_is_an_error() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let corners = "v 0 0 0\nv 1e19 0 0\nv 0 1e19 0\nf 1 2 3\n";
     workshop.write("mesh.obj", corners);
     workshop.write("one.obj", corners.replace("e19", ""));
@@ -797,7 +736,7 @@ fn a_scene_of_objects_that_are_all_left_out_is_an_error() {
 /// The phases of `--stats` cover a run. Of 2,000 instances, fitting the camera was the longest, and in none of them.
 #[test]
 fn statistics_cover_all_of_the_time() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let side = 50;
     let mut obj = String::new();
     for i in 0..=side {
@@ -827,7 +766,7 @@ fn statistics_cover_all_of_the_time() {
 
 #[test]
 fn statistics_are_json_with_the_documented_fields() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.succeed("render scene.toml -o a.png --stats a.json --threads 2");
     let stats: Value = serde_json::from_slice(&workshop.bytes("a.json")).expect("it is JSON");
     assert_eq!(stats["schema"], 1);
@@ -881,7 +820,7 @@ fn statistics_are_json_with_the_documented_fields() {
 
 #[test]
 fn progress_is_fit_for_a_log() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     for mode in ["auto", "plain", "json", "none"] {
         let said = workshop.succeed(&format!("render scene.toml -o a.png --progress {mode}"));
         assert!(!said.contains(['\u{1b}', '\r']), "{mode}: {said:?}");
@@ -896,12 +835,12 @@ fn progress_is_fit_for_a_log() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_log_that_cannot_be_written_does_not_stop_the_work() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.write("bad.obj", "f 1 2 3\n");
     for (arguments, code) in [("render scene.toml -o a.png", 0), ("render bad.obj -o b.png", 3), ("rendr", 2)]
     {
         let full = std::fs::File::create("/dev/full").expect("Linux has it");
-        let status = workshop.command().args(arguments.split_whitespace()).stderr(full).status();
+        let status = workshop.command("").args(arguments.split_whitespace()).stderr(full).status();
         assert_eq!(status.expect("the command starts").code(), Some(code), "{arguments}");
     }
     assert_eq!(workshop.pixels("a.png").dimensions(), (24, 16));
@@ -927,10 +866,10 @@ fn wait(child: &mut Child, limit: Duration) -> Option<std::process::ExitStatus> 
 #[test]
 fn signals_stop_a_long_render_and_leave_nothing_behind() {
     for (signal, code) in [(Signal::TERM, 143), (Signal::INT, 130)] {
-        let workshop = Workshop::new();
+        let workshop = Workshop::with("scene.toml", SCENE);
         workshop.write("a.png", "an earlier picture");
         let scene = repository("scenes/assignment.toml");
-        let mut command = workshop.command();
+        let mut command = workshop.command("");
         command.args(["render", "-o", "a.png", "--size", "16000x16000", "--progress", "none"]).arg(&scene);
         let mut child = command.stderr(Stdio::piped()).spawn().expect("the command starts");
         std::thread::sleep(Duration::from_millis(600));
@@ -948,7 +887,7 @@ fn signals_stop_a_long_render_and_leave_nothing_behind() {
 
 #[test]
 fn info_says_what_a_file_holds() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let fixture = repository("assets/import/materials.obj");
     let output = workshop.run(&format!("info {}", fixture.display()));
     assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
@@ -989,7 +928,7 @@ fn info_says_what_a_file_holds() {
 
 #[test]
 fn schema_names_every_key_of_a_scene_file() {
-    let output = Workshop::new().run("schema");
+    let output = Workshop::with("scene.toml", SCENE).run("schema");
     assert_eq!(output.status.code(), Some(0));
     let schema: Value = serde_json::from_slice(&output.stdout).expect("it is JSON");
     for key in ["image", "camera", "ambient", "light", "material", "sphere", "triangles", "mesh", "effects"] {
@@ -999,7 +938,7 @@ fn schema_names_every_key_of_a_scene_file() {
 
 #[test]
 fn completions_help_and_version() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     for shell in ["bash", "zsh", "fish"] {
         let output = workshop.run(&format!("completions {shell}"));
         assert_eq!(output.status.code(), Some(0));
@@ -1017,7 +956,7 @@ fn completions_help_and_version() {
 #[cfg(unix)]
 #[test]
 fn only_regular_files_are_read() {
-    let shop = Workshop::new();
+    let shop = Workshop::with("scene.toml", SCENE);
     let made = Command::new("mkfifo").args([shop.path("pipe.bin"), shop.path("pipe.obj")]).status();
     assert!(made.is_ok_and(|status| status.success()), "mkfifo");
     std::os::unix::fs::symlink("/dev/zero", shop.path("zero.obj")).expect("a link");
@@ -1042,7 +981,7 @@ fn only_regular_files_are_read() {
 #[cfg(target_os = "linux")]
 #[test]
 fn files_longer_than_they_say_are_not_read() {
-    let shop = Workshop::new();
+    let shop = Workshop::with("scene.toml", SCENE);
     std::os::unix::fs::symlink("/proc/self/status", shop.path("long.obj")).expect("a link");
     let (said, _) = shop.fail("info long.obj", 3);
     assert!(said.starts_with("long.obj: is longer than the 0 bytes"), "{said}");
@@ -1053,7 +992,7 @@ fn files_longer_than_they_say_are_not_read() {
 #[test]
 fn pipes_and_devices_are_not_replaced() {
     use std::os::unix::fs::FileTypeExt;
-    let shop = Workshop::new();
+    let shop = Workshop::with("scene.toml", SCENE);
     shop.write("small.toml", "[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\n");
     assert!(Command::new("mkfifo").arg(shop.path("pipe.png")).status().is_ok_and(|made| made.success()));
     let said = shop.fail("render small.toml -o pipe.png --size 8x8 --progress none", 4).0;
@@ -1065,7 +1004,7 @@ fn pipes_and_devices_are_not_replaced() {
 /// The tier that a scene file names is used; the option overrides it.
 #[test]
 fn a_scene_file_names_its_tier() {
-    let shop = Workshop::new();
+    let shop = Workshop::with("scene.toml", SCENE);
     shop.write("exact.toml", "[image]\nnumerics = 'exact'\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\n");
     for (option, expected) in [("", "exact"), ("--numerics fast", "naive"), ("--numerics naive", "naive")] {
         let render = "render exact.toml -o a.png --size 8x8 --progress none --stats a.json";
@@ -1081,7 +1020,7 @@ fn a_scene_file_names_its_tier() {
 #[cfg(target_os = "linux")]
 #[test]
 fn pictures_that_do_not_fit_are_refused_with_what_they_need() {
-    let shop = Workshop::new();
+    let shop = Workshop::with("scene.toml", SCENE);
     let limited = |arguments: &str| {
         let kiln = assert_cmd::cargo::cargo_bin!("kiln").display().to_string();
         let mut command = Command::new("sh");
@@ -1122,7 +1061,7 @@ fn pictures_that_do_not_fit_are_refused_with_what_they_need() {
 #[cfg(target_os = "linux")]
 #[test]
 fn frames_that_do_not_fit_are_refused_by_what_one_needs() {
-    let shop = Workshop::new();
+    let shop = Workshop::with("scene.toml", SCENE);
     let frames = "render scene.toml -o f_####.png --progress none --memory-limit 128M --without shadows";
     let (said, hint) = shop.fail(&format!("{frames} --frames 0-3 --size 8000x8000"), 1);
     assert!(said.starts_with("a picture of 8000 x 8000 pixels needs 184 MiB of memory; "), "{said}");
@@ -1149,7 +1088,7 @@ fn frames_that_do_not_fit_are_refused_by_what_one_needs() {
 #[cfg(target_os = "linux")]
 #[test]
 fn meshes_that_do_not_fit_are_refused_with_what_they_need() {
-    let shop = Workshop::new();
+    let shop = Workshop::with("scene.toml", SCENE);
     let faces = |count: usize| "v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned() + &"f 1 2 3\n".repeat(count);
     shop.write("large.obj", faces(6_000_000));
     shop.write("small.obj", faces(150_000));
@@ -1174,7 +1113,7 @@ fn meshes_that_do_not_fit_are_refused_with_what_they_need() {
 /// triangles, an image of 16 x 16 texels and another of its alpha, and one node.
 #[test]
 fn limits_of_what_files_hold() {
-    let shop = Workshop::new();
+    let shop = Workshop::with("scene.toml", SCENE);
     let model = crate::common::repository("assets/import/codecs/plain.glb");
     let model = model.to_str().expect("UTF-8");
     for (kind, count) in [("triangles", 96), ("texels", 512), ("nodes", 1)] {

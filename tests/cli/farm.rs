@@ -2,67 +2,24 @@
 //! skipping of frames that are up to date, and termination by signals.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::common::{self, repository};
+use crate::workshop::Workshop;
 #[cfg(unix)]
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
-/// A temporary folder with the small animation of `tests/farm`.
-struct Workshop(tempfile::TempDir);
-
-/// Exit code, standard output and standard error of a run.
-struct Said(i32, String, String);
+/// A small animation.
+const SCENE: &[u8] = include_bytes!("../farm/scene.toml");
 
 impl Workshop {
-    fn new() -> Self {
-        let workshop = Workshop(tempfile::tempdir().expect("a temporary folder can be made"));
-        std::fs::copy(repository("tests/farm/scene.toml"), workshop.path("scene.toml")).expect("a copy");
-        workshop
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn command(&self, arguments: &str) -> Command {
-        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("kiln"));
-        command.current_dir(self.0.path()).args(arguments.split_whitespace()).stdin(Stdio::null());
-        command.env_remove("SLURM_CPUS_PER_TASK");
-        command
-    }
-
-    fn run(&self, arguments: &str) -> Said {
-        let Output { status, stdout, stderr } = self.command(arguments).output().expect("the command starts");
-        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-        Said(status.code().expect("no signal"), text(&stdout), text(&stderr))
-    }
-
     /// Runs a command that must end with `code`. Returns standard output, or standard error if that is empty.
     #[track_caller]
     fn ends(&self, code: i32, arguments: &str) -> String {
-        let Said(found, out, err) = self.run(arguments);
-        assert_eq!(found, code, "{arguments}: {out}{err}");
+        let (out, err) = self.code(arguments, code);
         if out.is_empty() { err } else { out }
-    }
-
-    fn bytes(&self, name: &str) -> Vec<u8> {
-        std::fs::read(self.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
-    }
-
-    fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
-        std::fs::write(self.path(name), bytes).expect("the folder can be written to");
-    }
-
-    fn names(&self) -> Vec<String> {
-        let entries = std::fs::read_dir(self.0.path()).expect("the folder can be read");
-        let mut names: Vec<String> =
-            entries.map(|e| e.expect("an entry").file_name().to_string_lossy().into_owned()).collect();
-        names.sort();
-        names
     }
 
     /// The modification time of a file, by which a file that was written again is noticed.
@@ -75,7 +32,7 @@ impl Workshop {
 
 #[test]
 fn a_picture_in_seven_parts_becomes_the_bytes_of_one_run() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     // 90 x 47 pixels are 6 x 3 tiles; those of the last column and row are smaller.
     for (out, more) in [
         ("a.png", ""),
@@ -104,7 +61,7 @@ fn a_picture_in_seven_parts_becomes_the_bytes_of_one_run() {
 
 #[test]
 fn parts_that_make_no_picture_are_refused_in_a_line() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     for i in 1..=3 {
         workshop.ends(0, &format!("render scene.toml -o a.png --progress none --shard {i}/3"));
     }
@@ -139,7 +96,7 @@ fn parts_that_make_no_picture_are_refused_in_a_line() {
 
 #[test]
 fn parts_are_made_again_only_where_they_have_to_be() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let render = "render scene.toml -o a.png --shard 2/3 --skip-existing --progress plain";
     workshop.ends(0, render);
     let first = workshop.bytes("a.2of3.part");
@@ -155,7 +112,7 @@ fn parts_are_made_again_only_where_they_have_to_be() {
 
 #[test]
 fn shares_of_frames_are_dealt_out_in_turn() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let list = |more: &str| {
         workshop.ends(0, &format!("render scene.toml --frames 0-9,11 -o f_%03d.png --list-outputs {more}"))
     };
@@ -175,7 +132,7 @@ fn shares_of_frames_are_dealt_out_in_turn() {
 /// `kiln animate` deals out and skips numbered frames as `kiln render --frames` does, with the same bytes.
 #[test]
 fn animate_shares_and_skips_frames() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let animate = "animate scene.toml -o f_##.png --skip-existing --progress plain --shard";
     workshop.ends(0, &format!("{animate} 2/3"));
     // Of the frames 0 to 11, every third from the second.
@@ -198,7 +155,7 @@ const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
 #[test]
 fn frames_of_a_turntable_have_a_rate_and_a_duration() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.write("a.obj", TRIANGLE);
     let length = "--fps 10 --duration 1";
     let small = "a.obj --size 8x8 --draft";
@@ -235,7 +192,7 @@ fn frames_of_a_turntable_have_a_rate_and_a_duration() {
 #[test]
 fn only_whole_frames_of_the_same_settings_are_skipped() {
     for ending in ["png", "exr"] {
-        let workshop = Workshop::new();
+        let workshop = Workshop::with("scene.toml", SCENE);
         let name = |frame: u32| format!("f_{frame:04}.{ending}");
         let render =
             format!("render scene.toml --frames 0-5 -o f_####.{ending} --skip-existing --progress plain");
@@ -260,13 +217,14 @@ fn only_whole_frames_of_the_same_settings_are_skipped() {
         }
         assert_eq!(workshop.written(&name(0)), before[0], "it is left alone");
     }
-    let said = Workshop::new().ends(2, "render scene.toml --frames 0-5 -o f_####.jpg --skip-existing");
+    let said = Workshop::with("scene.toml", SCENE)
+        .ends(2, "render scene.toml --frames 0-5 -o f_####.jpg --skip-existing");
     assert!(said.contains("JPEG"), "{said}");
 }
 
 #[test]
 fn a_texel_an_option_or_a_vertex_makes_another_picture_and_where_files_lie_does_not() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let texture = |value: u8| {
         let mut picture = image::RgbImage::from_pixel(4, 4, image::Rgb([200, 100, 50]));
         picture.put_pixel(3, 2, image::Rgb([200, value, 50]));
@@ -308,7 +266,7 @@ fn a_texel_an_option_or_a_vertex_makes_another_picture_and_where_files_lie_does_
 
 #[test]
 fn verify_lists_what_is_missing_broken_and_other() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.ends(0, "render scene.toml -o f_####.png --frames 0-11 --progress none");
     let with_scene = "verify scene.toml -o f_####.png";
     let alone = "verify f_####.png --frames 0-11";
@@ -362,7 +320,7 @@ fn verify_lists_what_is_missing_broken_and_other() {
 #[test]
 fn signals_leave_whole_frames_only() {
     for (signal, code) in [(Signal::TERM, 143), (Signal::INT, 130)] {
-        let workshop = Workshop::new();
+        let workshop = Workshop::with("scene.toml", SCENE);
         let mut command = workshop.command(
             "render scene.toml -o f_####.png --frames 0-11 --samples 64 --size 480x320 --progress none",
         );
@@ -393,7 +351,7 @@ fn signals_leave_whole_frames_only() {
 
 #[test]
 fn progress_is_in_the_words_of_who_reads_it() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let start = Instant::now();
     let said = workshop.ends(
         0,
@@ -406,7 +364,7 @@ fn progress_is_in_the_words_of_who_reads_it() {
     assert!(progress.len() as f64 <= seconds + 1.0, "{} lines in {seconds} s", progress.len());
     assert!(said.contains("openjd_status: wrote 12 frame(s)"), "{said}");
     assert!(!said.contains("openjd_fail"), "{said}");
-    let Said(code, out, err) = workshop.run("render none.toml -o f_####.png --frames 0-11 --progress openjd");
+    let (code, out, err) = workshop.said("render none.toml -o f_####.png --frames 0-11 --progress openjd");
     assert_eq!((code, out.as_str()), (3, ""));
     let lines: Vec<&str> = err.lines().collect();
     assert_eq!(lines[0], "openjd_fail: none.toml: no such file");
@@ -464,10 +422,10 @@ fn named<'a>(events: &'a [Value], name: &str) -> Vec<&'a Value> {
 
 #[test]
 fn standard_error_is_json_lines_to_the_end() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.write("a.obj", format!("{TRIANGLE}l 1 2\n"));
     let run = |code: i32, arguments: &str| {
-        let Said(found, out, err) = workshop.run(arguments);
+        let (found, out, err) = workshop.said(arguments);
         assert_eq!((found, out.as_str()), (code, ""), "{arguments}: {err}");
         let found = events(&err);
         assert!(!found.is_empty(), "{arguments}");
@@ -532,7 +490,7 @@ fn standard_error_is_json_lines_to_the_end() {
 #[cfg(unix)]
 #[test]
 fn an_interrupt_is_the_last_of_the_json_lines() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let mut command = workshop
         .command("render scene.toml -o f_####.png --frames 0-11 --samples 64 --size 480x320 --progress json");
     let child = command.stderr(Stdio::piped()).spawn().expect("the command starts");
@@ -557,7 +515,7 @@ fn an_interrupt_is_the_last_of_the_json_lines() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_pipe_does_not_hold_an_interrupt_up() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let (reader, mut writer) = std::io::pipe().expect("a pipe");
     // Linux: 16 pages of 4096 bytes; what kiln adds then blocks.
     std::io::Write::write_all(&mut writer, &[b'x'; 16 * 4096]).expect("they fit");
@@ -576,7 +534,7 @@ fn a_full_pipe_does_not_hold_an_interrupt_up() {
 #[cfg(target_os = "linux")]
 #[test]
 fn threads_follow_the_allocation() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let threads = |command: &mut Command| -> u64 {
         let status =
             command.args(["--stats", "stats.json", "--progress", "none"]).status().expect("it starts");
@@ -616,7 +574,7 @@ fn threads_follow_the_allocation() {
 /// The frames of the scene of these tests differ from each other.
 #[test]
 fn the_frames_of_the_small_animation_differ() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.ends(0, "render scene.toml -o f_####.png --frames 0-11 --progress none");
     let pixels = |frame: usize| {
         image::open(workshop.path(&format!("f_{frame:04}.png"))).expect("a picture").into_rgb8()
@@ -629,7 +587,7 @@ fn the_frames_of_the_small_animation_differ() {
 /// A damaged picture is one line of the report and does not end the run.
 #[test]
 fn verify_needs_no_more_memory_than_a_row_or_a_block() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.write("a.exr", common::oversized_images::exr(60_000, 60_000, &["B", "G", "R"]));
     workshop.write("a.png", common::oversized_images::png(i32::MAX as u32, i32::MAX as u32));
     for name in ["a.exr", "a.png"] {
@@ -658,7 +616,7 @@ fn changed(part: &[u8], change: impl FnOnce(&mut Value), numbers: usize) -> Vec<
 #[test]
 fn corrupt_parts_are_named() {
     use serde_json::json;
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.ends(0, "render scene.toml -o a.png --shard 1/1 --size 16x16 --progress none");
     let part = workshop.bytes("a.1of1.part");
     // 16 x 16 pixels of three f32.

@@ -1,28 +1,14 @@
 //! `kiln info`: defects of meshes, what materials use, sizes, cost, and what is left out.
 
-use std::process::{Command, Stdio};
-
 use crate::common::repository;
+use crate::workshop::{Workshop, text};
 use serde_json::{Value, json};
 
-/// A temporary folder with one file.
-struct Workshop(tempfile::TempDir);
-
 impl Workshop {
-    fn with(name: &str, text: &str) -> Self {
-        let folder = tempfile::tempdir().expect("a temporary folder can be made");
-        std::fs::write(folder.path().join(name), text).expect("it can be written to");
-        Workshop(folder)
-    }
-
     /// The output of `kiln info` with these arguments, which must succeed.
     #[track_caller]
     fn info(&self, arguments: &str) -> String {
-        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("kiln"));
-        command.current_dir(self.0.path()).arg("info").args(arguments.split_whitespace());
-        let output = command.stdin(Stdio::null()).output().expect("the command starts");
-        assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
-        String::from_utf8(output.stdout).expect("UTF-8")
+        self.code(&format!("info {arguments}"), 0).0
     }
 
     #[track_caller]
@@ -206,14 +192,15 @@ fn the_text_has_file_names_and_json_has_paths() {
     std::fs::create_dir(&folder).expect("a folder in it");
     std::fs::rename(workshop.0.path().join("broken.obj"), folder.join("broken.obj")).expect("it is moved");
     let path = folder.join("broken.obj").display().to_string();
-    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("kiln"));
-    let output = command.args(["info", &path]).stdin(Stdio::null()).output().expect("the command starts");
-    let said = String::from_utf8(output.stdout).expect("UTF-8");
+    let info = |options: &str| {
+        let output = workshop.command(&format!("info {options}")).arg(&path).output();
+        text(&output.expect("the command starts").stdout)
+    };
+    let said = info("");
     assert!(said.starts_with("input       broken.obj\n"), "{said}");
     assert!(said.contains("\nwarning     broken.obj:25: free-form curves"), "{said}");
     assert!(!said.contains("a folder"), "{said}");
-    let output = Command::new(assert_cmd::cargo::cargo_bin!("kiln")).args(["info", "--json", &path]).output();
-    let report: Value = serde_json::from_slice(&output.expect("the command starts").stdout).expect("JSON");
+    let report: Value = serde_json::from_str(&info("--json")).expect("JSON");
     assert_eq!(report["inputs"], json!([path]));
     assert_eq!(report["objects"][0]["input"], json!(path));
     assert!(report["warnings"][0].as_str().is_some_and(|text| text.starts_with(&path)));

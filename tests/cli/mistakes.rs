@@ -1,7 +1,8 @@
 //! The commonest mistakes in scene files, on the command line and in input files: message, hint and exit
 //! code. To add one, add a row to [`MISTAKES`].
 
-use super::command::{Workshop, check_error, text};
+use super::command::{SCENE, check_error};
+use crate::workshop::{Workshop, text};
 
 /// Where a mistake is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -485,7 +486,7 @@ const FOREIGN: &[&str] = &[
 
 /// What is wrong with the answer to a mistake, if anything.
 fn fault((place, typed, message, hint, code): &Mistake) -> Option<String> {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let file =
         typed.split_once('\n').map(|(name, contents)| (name, if contents == "LFS" { LFS } else { contents }));
     let arguments = match (place, file) {
@@ -548,7 +549,7 @@ fn a_wrong_answer_is_noticed() {
 #[cfg(target_os = "linux")]
 #[test]
 fn folders_that_take_no_files_are_named() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let output = workshop.run("render scene.toml -o /proc/x.png");
     let said = text(&output.stderr);
     let expected = "/proc/x.png: cannot be written: its folder takes no files; name another folder";
@@ -557,6 +558,6 @@ fn folders_that_take_no_files_are_named() {
 
 #[test]
 fn standard_input_is_no_pointer() {
-    let output = Workshop::new().run_with("render - -o a.png", LFS.as_bytes());
+    let output = Workshop::with("scene.toml", SCENE).run_with("render - -o a.png", LFS.as_bytes());
     assert_eq!(check_error(&text(&output.stderr)).0, format!("-: {POINTER}"));
 }

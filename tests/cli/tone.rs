@@ -1,16 +1,12 @@
 //! Exposure, tone map and headlight end to end: values of PNG against those of EXR, the automatic exposure, parts and
 //! frames, errors, and the warning of clipped pictures.
 
-use std::path::PathBuf;
-use std::process::{Command, Output, Stdio};
-
+use crate::workshop::Workshop;
 use kiln::film::read::read_picture;
 use kiln::film::tone::ToneMap;
 use kiln::film::{ColourPipeline, DisplayTransform};
 
-/// A temporary folder with the scene of a sphere that is much brighter than white where it faces the light.
-struct Workshop(tempfile::TempDir);
-
+/// A sphere that is much brighter than white where it faces the light.
 const SCENE: &str = "
 [image]
 width = 40
@@ -32,44 +28,10 @@ material = 'clay'
 ";
 
 impl Workshop {
-    fn new() -> Self {
-        let workshop = Workshop(tempfile::tempdir().expect("a temporary folder can be made"));
-        workshop.write("scene.toml", SCENE);
-        workshop
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn write(&self, name: &str, text: &str) {
-        std::fs::write(self.path(name), text).expect("the folder can be written to");
-    }
-
-    /// Exit code and standard error.
-    fn run(&self, arguments: &str) -> (i32, String) {
-        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("kiln"));
-        command.current_dir(self.0.path()).args(arguments.split_whitespace()).stdin(Stdio::null());
-        let Output { status, stderr, .. } = command.output().expect("the command starts");
-        (status.code().expect("no signal"), String::from_utf8_lossy(&stderr).into_owned())
-    }
-
     #[track_caller]
-    fn succeed(&self, arguments: &str) -> String {
-        let (code, said) = self.run(arguments);
-        assert_eq!(code, 0, "{arguments}: {said}");
-        said
-    }
-
-    #[track_caller]
-    fn fail(&self, arguments: &str, code: i32, parts: [&str; 2]) {
-        let (found, said) = self.run(arguments);
-        assert_eq!(found, code, "{arguments}: {said}");
+    fn fails(&self, arguments: &str, code: i32, parts: [&str; 2]) {
+        let said = self.code(arguments, code).1;
         assert!(parts.iter().all(|part| said.contains(part)), "{arguments}: {said}");
-    }
-
-    fn bytes(&self, name: &str) -> Vec<u8> {
-        std::fs::read(self.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
     }
 
     /// The values of an EXR.
@@ -77,7 +39,7 @@ impl Workshop {
         read_picture(&self.path(name)).unwrap_or_else(|e| panic!("{name}: {e}")).values
     }
 
-    fn pixels(&self, name: &str) -> Vec<[u8; 3]> {
+    fn colours(&self, name: &str) -> Vec<[u8; 3]> {
         let image = image::open(self.path(name)).unwrap_or_else(|e| panic!("{name}: {e}")).into_rgb8();
         image.pixels().map(|pixel| pixel.0).collect()
     }
@@ -89,7 +51,7 @@ impl Workshop {
 /// straight; EXR has it times alpha. Beside it all is 0.
 #[test]
 fn a_transparent_background_has_alpha_of_the_part_that_is_covered() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.write(
         "half.toml",
         "[image]\nwidth = 41\nheight = 9\nbackground = '#00ff00'\ncolour = 'linear'\n\
@@ -115,7 +77,7 @@ fn a_transparent_background_has_alpha_of_the_part_that_is_covered() {
         let share = edge[channel] / inside[channel];
         assert!((share - 0.5).abs() <= 1.0 / 8.0 && outside[channel] == 0.0, "{edge:?} of {inside:?}");
     }
-    workshop.fail(
+    workshop.fails(
         "render half.toml --background transparent -o a.jpg",
         2,
         ["no alpha channel", ".png or .exr"],
@@ -141,7 +103,7 @@ fn colour_and_alpha(workshop: &Workshop, name: &str) -> Vec<[f32; 2]> {
 /// roundings.
 #[test]
 fn colour_and_alpha_are_of_the_same_samples() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.write("ball.toml", BALL);
     let render = |options: &str| {
         workshop
@@ -169,7 +131,7 @@ fn colour_and_alpha_are_of_the_same_samples() {
 /// The parts of a picture with a transparent background make the file of a single run.
 #[test]
 fn transparent_pictures_are_merged_from_parts() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.write("ball.toml", BALL);
     let options = "--background transparent --noise 0.05 --exposure 2 --tone-map agx";
     for (file, aov) in [("a.png", ""), ("a.exr", "--aov depth")] {
@@ -181,13 +143,13 @@ fn transparent_pictures_are_merged_from_parts() {
         let merge = "merge a.3of3.part a.1of3.part a.2of3.part -o";
         workshop.succeed(&format!("{merge} b.{}", &file[2..]));
         assert!(workshop.bytes(&format!("b.{}", &file[2..])) == whole, "{file}");
-        workshop.fail(&format!("{merge} b.jpg"), 2, ["the parts have", "hint: name a file that ends in"]);
+        workshop.fails(&format!("{merge} b.jpg"), 2, ["the parts have", "hint: name a file that ends in"]);
     }
 }
 
 #[test]
 fn png_is_the_display_transform_of_exr() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.succeed("render scene.toml -o plain.exr");
     let light = workshop.floats("plain.exr");
     assert!(light.iter().any(|pixel| pixel[0] > 2.0), "light above white");
@@ -200,7 +162,7 @@ fn png_is_the_display_transform_of_exr() {
             workshop.succeed(&format!("render scene.toml -o a.png {options}"));
             let display = DisplayTransform::new(ev, map);
             let expected: Vec<_> = light.iter().map(|&c| display.encode(ColourPipeline::Linear, c)).collect();
-            assert_eq!(workshop.pixels("a.png"), expected, "{options}");
+            assert_eq!(workshop.colours("a.png"), expected, "{options}");
             assert!(!seen.contains(&expected), "{options}");
             seen.push(expected);
         }
@@ -208,11 +170,11 @@ fn png_is_the_display_transform_of_exr() {
     // The same by keys of the scene file.
     workshop.write("own.toml", &SCENE.replace("[image]", "[image]\nexposure = -1.5\ntone_map = 'filmic'"));
     workshop.succeed("render own.toml -o own.png");
-    let filmic = seen.iter().position(|pixels| *pixels == workshop.pixels("own.png"));
+    let filmic = seen.iter().position(|pixels| *pixels == workshop.colours("own.png"));
     assert_eq!(filmic, Some(6), "-1.5 EV and the last tone map");
     // Options override the scene file, and options without effect are not in the metadata.
     workshop.succeed("render own.toml -o off.png --exposure 0 --tone-map none");
-    assert_eq!(workshop.pixels("off.png"), seen[1]);
+    assert_eq!(workshop.colours("off.png"), seen[1]);
     workshop.succeed("render scene.toml -o plain.png");
     workshop.succeed("render scene.toml -o same.png --exposure 0 --tone-map none --light head");
     assert_eq!(workshop.bytes("plain.png"), workshop.bytes("same.png"));
@@ -226,13 +188,13 @@ fn png_is_the_display_transform_of_exr() {
 /// Crops have the pixels of the whole picture, and parts merge to the same bytes.
 #[test]
 fn crops_and_parts_have_the_exposure_of_the_whole() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let options = "--exposure 0.3 --tone-map agx --noise 0.02 --samples 16";
     workshop.succeed(&format!("render scene.toml -o whole.png {options} --threads 1"));
     workshop.succeed(&format!("render scene.toml -o crop.png {options} --crop 16,8,20,9"));
-    let whole = workshop.pixels("whole.png");
+    let whole = workshop.colours("whole.png");
     let rows = (8..17).flat_map(|y| &whole[y * 40 + 16..y * 40 + 36]);
-    assert!(rows.eq(workshop.pixels("crop.png").iter()));
+    assert!(rows.eq(workshop.colours("crop.png").iter()));
     for share in 1..=3 {
         workshop.succeed(&format!("render scene.toml -o part.png {options} --shard {share}/3"));
     }
@@ -245,7 +207,7 @@ fn crops_and_parts_have_the_exposure_of_the_whole() {
 /// 0.18028, which sRGB encodes as 0.46169, times 255 = 117.73: 118.
 #[test]
 fn the_automatic_exposure_of_a_uniform_picture() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.write(
         "grey.toml",
         "[image]\nwidth = 33\nheight = 20\nbackground = '#bcbcbc'\n\
@@ -254,9 +216,9 @@ fn the_automatic_exposure_of_a_uniform_picture() {
     let said = workshop.succeed("render grey.toml -o a.png --exposure auto --threads 1");
     assert!(said.contains("kiln: note: the exposure is -1.48 EV"), "{said}");
     assert!(
-        workshop.pixels("a.png").iter().all(|&pixel| pixel == [118; 3]),
+        workshop.colours("a.png").iter().all(|&pixel| pixel == [118; 3]),
         "{:?}",
-        workshop.pixels("a.png")[0]
+        workshop.colours("a.png")[0]
     );
     workshop.succeed("render grey.toml -o b.png --exposure auto --threads 2");
     assert_eq!(workshop.bytes("a.png"), workshop.bytes("b.png"));
@@ -268,12 +230,12 @@ fn the_automatic_exposure_of_a_uniform_picture() {
     let ev =
         said.split("the exposure is ").nth(1).and_then(|rest| rest.split(' ').next()).expect("an exposure");
     workshop.succeed(&format!("render scene.toml -o typed.png --exposure {ev} --tone-map pbr-neutral"));
-    assert_eq!(workshop.pixels("auto.png"), workshop.pixels("typed.png"));
+    assert_eq!(workshop.colours("auto.png"), workshop.colours("typed.png"));
 }
 
 #[test]
 fn wrong_exposures_are_one_clear_line() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     for (options, what, hint) in [
         ("--exposure bright", "give a number of EV from -64 to 64, or \"auto\"", ""),
         ("--exposure 65", "the exposure is 65", "-64 to 64"),
@@ -284,7 +246,7 @@ fn wrong_exposures_are_one_clear_line() {
         ("--exposure auto --crop 0,0,8,8", "computed from a whole picture", "--exposure a number"),
         ("--exposure auto --shard 1/2", "computed from a whole picture", "--exposure a number"),
     ] {
-        workshop.fail(&format!("render scene.toml -o a.png {options}"), 2, [what, hint]);
+        workshop.fails(&format!("render scene.toml -o a.png {options}"), 2, [what, hint]);
     }
     for (lines, what) in [
         ("\nexposure = 99", "own.toml:4: the exposure is 99; give a number of EV from -64 to 64"),
@@ -293,17 +255,17 @@ fn wrong_exposures_are_one_clear_line() {
         ("\nheadlight = 1", "own.toml:4: `headlight` is 1, expected true or false"),
     ] {
         workshop.write("own.toml", &SCENE.replace("[image]", &format!("[image]\n{lines}")));
-        workshop.fail("render own.toml -o a.png", 3, [what, ""]);
+        workshop.fails("render own.toml -o a.png", 3, [what, ""]);
     }
     workshop.write("own.toml", &SCENE.replace("[image]", "[image]\ncolour = 'u8'\ntone_map = 'agx'"));
-    workshop.fail("render own.toml -o a.png", 2, ["the colours are `u8`", "--tone-map none"]);
+    workshop.fails("render own.toml -o a.png", 2, ["the colours are `u8`", "--tone-map none"]);
     assert!(!workshop.path("a.png").exists());
 }
 
 /// All frames have the exposure of frame 0, also a single frame and frames in shares. The sphere approaches the camera.
 #[test]
 fn frames_have_the_exposure_of_the_first() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let moving = "[animation]\nduration = 1\nfps = 4\n[[animation.track]]\nobject = 'ball'\n\
                   lerp = { to = [0, 0, 4], easing = 'linear' }\n";
     let scene = SCENE.replace("[[sphere]]", "[[sphere]]\nname = 'ball'");
@@ -316,7 +278,7 @@ fn frames_have_the_exposure_of_the_first() {
     assert_eq!(workshop.bytes("one_3.png"), workshop.bytes("all_3.png"));
     assert_eq!(workshop.bytes("share_3.png"), workshop.bytes("all_3.png"));
     workshop.succeed(&format!("render moving.toml -o typed_#.png --frames 0-3 --exposure {ev}"));
-    assert_eq!(workshop.pixels("typed_3.png"), workshop.pixels("all_3.png"));
+    assert_eq!(workshop.colours("typed_3.png"), workshop.colours("all_3.png"));
     // The automatic exposure of frame 3 as a picture differs.
     let near = scene.replace("centre = [0, 0, 0]", "centre = [0, 0, 3]");
     workshop.write("near.toml", &near);
@@ -328,7 +290,7 @@ fn frames_have_the_exposure_of_the_first() {
 /// exposure named takes the 99th percentile of luminance to just below 1.
 #[test]
 fn a_clipped_picture_under_physical_lights_names_an_exposure() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     let positions: Vec<u8> =
         [[-9f32, -9., 0.], [9., -9., 0.], [9., 9., 0.], [-9., -9., 0.], [9., 9., 0.], [-9., 9., 0.]]
             .iter()
@@ -387,7 +349,7 @@ fn a_clipped_picture_under_physical_lights_names_an_exposure() {
 
 #[test]
 fn a_headlight_can_be_left_out() {
-    let workshop = Workshop::new();
+    let workshop = Workshop::with("scene.toml", SCENE);
     workshop.write("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     let said = workshop.succeed("render a.obj --draft -o head.png --size 8x8 --light head");
     assert!(said.contains("added a headlight"), "{said}");
@@ -395,15 +357,15 @@ fn a_headlight_can_be_left_out() {
     assert_eq!(workshop.bytes("head.png"), workshop.bytes("default.png"));
     let said = workshop.succeed("render a.obj --draft -o none.png --size 8x8 --light none");
     assert!(!said.contains("headlight"), "{said}");
-    let sum = |name: &str| workshop.pixels(name).into_iter().flatten().map(u64::from).sum::<u64>();
+    let sum = |name: &str| workshop.colours(name).into_iter().flatten().map(u64::from).sum::<u64>();
     assert!(sum("none.png") < sum("head.png"), "{} {}", sum("none.png"), sum("head.png"));
     // The same by a key of the scene file, which the option overrides.
     workshop
         .write("dark.toml", "[image]\nbackground = '#202226'\nheadlight = false\n[[mesh]]\nfile = 'a.obj'\n");
     workshop.succeed("render dark.toml -o dark.png --size 8x8");
-    assert_eq!(workshop.pixels("dark.png"), workshop.pixels("none.png"));
+    assert_eq!(workshop.colours("dark.png"), workshop.colours("none.png"));
     workshop.succeed("render dark.toml -o lit.png --size 8x8 --light head");
-    assert_eq!(workshop.pixels("lit.png"), workshop.pixels("head.png"));
+    assert_eq!(workshop.colours("lit.png"), workshop.colours("head.png"));
     // The same for frames, and for fingerprints.
     workshop.succeed("render a.obj --draft -o f_#.png --frames 0 --size 8x8 --light none");
     let said = workshop.succeed("render a.obj --draft -o f_#.png --frames 0 --size 8x8 --skip-existing");
@@ -411,5 +373,5 @@ fn a_headlight_can_be_left_out() {
     // A light of the file is kept.
     workshop.succeed("render scene.toml -o scene.png");
     workshop.succeed("render scene.toml -o scene-none.png --light none");
-    assert_eq!(workshop.pixels("scene.png"), workshop.pixels("scene-none.png"));
+    assert_eq!(workshop.colours("scene.png"), workshop.colours("scene-none.png"));
 }

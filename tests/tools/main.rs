@@ -2,6 +2,8 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/workshop.rs"]
+mod workshop;
 
 mod bench;
 mod compare;

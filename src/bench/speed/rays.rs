@@ -22,20 +22,9 @@ pub enum Kind {
     Random,
 }
 
+names!(Kind { Primary = "primary", Shadow = "shadow", Diffuse = "diffuse", Random = "random" });
+
 impl Kind {
-    /// All kinds.
-    pub const ALL: [Kind; 4] = [Kind::Primary, Kind::Shadow, Kind::Diffuse, Kind::Random];
-
-    /// Name of the kind.
-    pub fn name(self) -> &'static str {
-        match self {
-            Kind::Primary => "primary",
-            Kind::Shadow => "shadow",
-            Kind::Diffuse => "diffuse",
-            Kind::Random => "random",
-        }
-    }
-
     /// Whether these are any-hit queries.
     pub fn is_any_hit(self) -> bool {
         self == Kind::Shadow

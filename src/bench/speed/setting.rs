@@ -5,7 +5,8 @@ use glam::DVec3;
 use super::super::Mesh;
 use super::ViewSetup;
 use crate::error::{Error, Result};
-use crate::scene::{self, Camera, LightKind, MaterialId, Object, Projection, Scene, Shape};
+use crate::scene::option::named_values;
+use crate::scene::{self, Camera, LightKind, MaterialId, Object, OptionValue, Projection, Scene, Shape};
 use crate::world::{StandardView, View, fitted_camera};
 
 /// Camera position.
@@ -20,20 +21,8 @@ pub enum Viewpoint {
     Inside,
 }
 
-impl Viewpoint {
-    /// Names of all viewpoints.
-    pub const NAMES: [&str; 3] = ["scene", "outside", "inside"];
-
-    /// The viewpoint of a name.
-    pub fn named(name: &str) -> Option<Self> {
-        match name {
-            "scene" => Some(Viewpoint::Scene),
-            "outside" => Some(Viewpoint::Outside),
-            "inside" => Some(Viewpoint::Inside),
-            _ => None,
-        }
-    }
-}
+names!(Viewpoint { Scene = "scene", Outside = "outside", Inside = "inside" });
+named_values!(Viewpoint);
 
 /// Vertical field of view inside in degrees.
 const INSIDE_FIELD_OF_VIEW: f64 = 70.0;

@@ -11,6 +11,7 @@ use crate::bench::generate::Family;
 use crate::bench::speed::{ViewSetup, Viewpoint, scene, triangles, view_setup};
 use crate::error::{Error, Result, Warnings};
 use crate::import;
+use crate::scene::option::parser;
 use crate::scene::{ImportOptions, Scene};
 use crate::world::recenter;
 
@@ -25,8 +26,8 @@ pub(crate) struct Subject {
     #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 1024, value_parser = crate::cli::numbers::whole(16..=8192u32))]
     pub size: u32,
     /// Where it is seen from: by the scene's camera or else from outside, from outside, or from its middle
-    #[arg(long, value_name = "PLACE", default_value = "scene", value_parser = Viewpoint::NAMES)]
-    from: String,
+    #[arg(long, value_name = "PLACE", default_value = "scene", value_parser = parser::<Viewpoint>())]
+    from: Viewpoint,
     /// Triangles of the bumpy sphere, about
     #[arg(long, value_name = "N", default_value_t = 1_000_000, conflicts_with = "inputs",
           value_parser = crate::cli::numbers::whole(100..=20_000_000u32))]
@@ -39,7 +40,10 @@ impl Subject {
         let name =
             |file: &PathBuf| file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();
         let files: Vec<String> = self.inputs.iter().map(name).collect();
-        let place = if self.from == "scene" { String::new() } else { format!(", from {}", self.from) };
+        let place = match self.from {
+            Viewpoint::Scene => String::new(),
+            from => format!(", from {}", from.name()),
+        };
         if files.is_empty() {
             format!("a bumpy sphere{place}")
         } else {
@@ -49,7 +53,7 @@ impl Subject {
 
     /// The scene, its triangles, and the viewpoint.
     pub(crate) fn load(&self) -> Result<(Scene, Mesh, ViewSetup)> {
-        let from = Viewpoint::named(&self.from).unwrap_or_default();
+        let from = self.from;
         if self.inputs.is_empty() {
             let mesh = Family::Sphere.mesh(self.triangles as usize);
             let scene = scene(&mesh);

@@ -253,14 +253,15 @@ impl RenderTask<'_> {
         }
         let passes = sides.iter().map(pass::Side::passes).max().unwrap_or(0);
         for index in 0..passes {
-            for (side, rendered) in sides.iter_mut().enumerate() {
-                let is_first = index == 0;
-                let cancel = self.begin(is_first)?;
-                let Some(made) = rendered.pass(index, &cancel)? else { continue };
-                if let Some(seconds) = made.seconds_per_pixel {
+            for (number, side) in sides.iter_mut().enumerate() {
+                let cancel = self.begin(index == 0)?;
+                let Some((rendered, seconds)) = side.pass(index, &cancel, (self.number, number))? else {
+                    continue;
+                };
+                if let Some(seconds) = seconds {
                     cache.record_seconds(request, seconds);
                 }
-                self.sender.send(Message::Image(Box::new(made.rendered(self.number, side))));
+                self.sender.send(Message::Image(Box::new(rendered)));
             }
         }
         let pictures: Vec<PipelineImage> = sides.into_iter().filter_map(pass::Side::into_picture).collect();

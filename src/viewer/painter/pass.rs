@@ -14,7 +14,7 @@ use crate::film::{ColourPipeline, DisplayTransform, Film, Pixel, TILE};
 use crate::metrics;
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
-use crate::viewer::false_colour::{DisplayMode, FalseColours, Legend, error_against_exact, false_colours};
+use crate::viewer::false_colour::{DisplayMode, FalseColours, error_against_exact, false_colours};
 use crate::viewer::refine::{BATCHES, Pass, SamplingKind, passes};
 use crate::viewer::request::RenderRequest;
 
@@ -45,44 +45,6 @@ pub(crate) struct Side<'a> {
     centres: Option<Vec<[f32; 3]>>,
     /// The exposure that adaptive sampling compares at, metered by the first pass that needs it.
     sampling_exposure: OnceLock<f64>,
-}
-
-/// Result of a pass.
-pub(crate) struct PassOutput {
-    image: ColorImage,
-    display: DisplayTransform,
-    factor: u32,
-    samples: (u32, u32),
-    is_last: bool,
-    time: Duration,
-    statistics: Statistics,
-    legend: Option<Legend>,
-    prepared: Arc<Prepared>,
-    /// Render time in seconds per pixel, if each had one sample.
-    pub seconds_per_pixel: Option<f64>,
-}
-
-impl PassOutput {
-    /// The result with its request number and side.
-    pub(crate) fn rendered(self, request: u64, side: usize) -> RenderedImage {
-        let PassOutput {
-            image, display, factor, samples, is_last, time, statistics, legend, prepared, ..
-        } = self;
-        let image = Arc::new(image);
-        RenderedImage {
-            request,
-            side,
-            image,
-            display,
-            factor,
-            samples,
-            is_last,
-            time,
-            statistics,
-            legend,
-            prepared,
-        }
-    }
 }
 
 impl<'a> Side<'a> {
@@ -121,11 +83,17 @@ impl<'a> Side<'a> {
         self.picture
     }
 
-    /// Renders a pass; `None` if the index is out of range.
+    /// Renders a pass of the request of that number, as its side `side`; `None` if the index is out of range. Returns
+    /// also the render time in seconds per pixel, if each had one sample.
     ///
     /// # Errors
     /// [`crate::error::Error::Interrupted`] when cancelled, and the errors of rendering.
-    pub(crate) fn pass(&mut self, index: usize, cancel: &AtomicBool) -> Result<Option<PassOutput>> {
+    pub(crate) fn pass(
+        &mut self,
+        index: usize,
+        cancel: &AtomicBool,
+        (request, side): (u64, usize),
+    ) -> Result<Option<(RenderedImage, Option<f64>)>> {
         let Some(&pass) = self.passes.get(index) else { return Ok(None) };
         let start = Instant::now();
         let control = RenderControl { cancel, progress: &|_, _| (), time_stages: false };
@@ -179,9 +147,11 @@ impl<'a> Side<'a> {
             self.picture = Some(PipelineImage { size, pixels, pipeline, display });
             self.spend(time, statistics)
         };
-        let prepared = Arc::clone(&self.prepared);
+        let (image, prepared) = (Arc::new(image), Arc::clone(&self.prepared));
         let samples = (taken, most);
-        Ok(Some(PassOutput {
+        let rendered = RenderedImage {
+            request,
+            side,
             image,
             display,
             factor,
@@ -191,8 +161,8 @@ impl<'a> Side<'a> {
             statistics,
             legend,
             prepared,
-            seconds_per_pixel,
-        }))
+        };
+        Ok(Some((rendered, seconds_per_pixel)))
     }
 
     /// Adds the cost of a pass of full size. Returns the sum.
