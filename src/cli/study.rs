@@ -11,7 +11,7 @@ use super::progress::{Mode, Progress};
 use super::statistics::Seconds;
 use super::{WarningPrinter, print, typed, typed_words};
 use crate::error::{Error, Result, Warnings};
-use crate::film::output::write_whole;
+use crate::files::write_whole;
 use crate::import;
 use crate::job::{Look, RenderSettings, ResolvedJob};
 use crate::render::RenderControl;

@@ -32,7 +32,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::scene::file::SceneFile;
+use crate::import::SceneFile;
 use crate::scene::{Sampling, TextureFilter, TextureSlot, Transport};
 use crate::shading::ShadingMode;
 use crate::world::World;

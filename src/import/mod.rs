@@ -14,8 +14,9 @@
 //! ```
 
 mod converters;
+mod dependencies;
 mod environment;
-mod files;
+
 mod gltf;
 mod heights;
 mod images;
@@ -39,19 +40,20 @@ mod uri;
 pub use environment::environment;
 #[cfg(feature = "cli")]
 pub(crate) use names::FileNames;
-pub use scene_file::inline_camera;
+pub use scene_file::{SceneFile, inline_camera};
 
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
-pub use files::{FileRead, Stamp};
+pub use dependencies::{FileRead, Stamp};
 
 use crate::error::{Error, Result, Warnings};
-use crate::limits::{self, Counted, unreadable};
+use crate::files::{self, unreadable};
+use crate::limits::Counted;
 use crate::scene::{
     ClipChoice, ClipTime, ImportOptions, Material, Mesh, Object, Phong, Scene, Shape, UpAxis,
 };
-use files::Files;
+use dependencies::Files;
 
 /// A supported file format.
 pub struct Importer {
@@ -158,7 +160,7 @@ pub(crate) struct Source {
 impl Source {
     fn open(file: &Path, files: &Files, options: &ImportOptions) -> Result<Self> {
         let read = match importer_by_ending(file) {
-            _ if file == Path::new("-") => limits::read_standard_input(),
+            _ if file == Path::new("-") => files::read_standard_input(),
             Some(importer) if importer.streams => Ok(Vec::new()),
             _ => files.read(file),
         };

@@ -30,7 +30,7 @@ mod clip;
 mod colour_value;
 mod effects;
 mod environment;
-pub mod file;
+
 mod fill;
 mod fingerprint;
 mod ground;
@@ -43,7 +43,6 @@ mod sampler;
 mod sampling;
 mod shading_mode;
 pub mod support;
-mod toml_error;
 pub mod topology;
 mod transport;
 mod up;
@@ -57,6 +56,8 @@ pub use animation::Animation;
 pub use camera::{Camera, Projection, default_size};
 pub use camera_text::{INLINE_NAME, shell_quoted};
 pub use clip::{Clip, ClipChoice, ClipTime};
+pub use colour_value::ColourValue;
+pub use effects::{EffectValue, EffectsSection};
 pub use environment::{Environment, EnvironmentImage, EnvironmentSource};
 pub use fill::Fill;
 pub use fingerprint::Fingerprint;
@@ -117,7 +118,7 @@ pub struct Scene {
     /// Input files in order; [`Object::input`] is an index into this list.
     pub inputs: Vec<std::path::PathBuf>,
     /// Effects that the scene turns on or off explicitly, overriding what its contents imply.
-    pub effects: file::EffectsSection,
+    pub effects: EffectsSection,
     /// Animation tracks, if any.
     pub animation: Option<Animation>,
     /// Clips of the input files. Objects, cameras and lights are posed by one of them, or at rest.

@@ -55,7 +55,7 @@ pub struct Prepared {
     pub world: World,
     pub view: View,
     pub size: [u32; 2],
-    pub scene_effects: kiln::scene::file::EffectsSection,
+    pub scene_effects: kiln::scene::EffectsSection,
     pub sampling: kiln::scene::Sampling,
     pub transport: Option<kiln::scene::Transport>,
 }

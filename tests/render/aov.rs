@@ -332,7 +332,7 @@ fn only_selected_aovs_are_computed() {
         view,
         plan: &plan,
         window: film.window(),
-        share: kiln::film::Share::ALL,
+        share: kiln::farm::Share::ALL,
         film: Some(&film),
         display: Default::default(),
     };

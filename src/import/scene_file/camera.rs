@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
+use super::sections::CameraSection;
 use crate::error::{Error, Result};
-use crate::scene::file::CameraSection;
 use crate::scene::{Camera, INLINE_NAME};
 
 /// An error in a camera and a hint.
@@ -95,8 +95,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::import::SceneFile;
     use crate::scene::Projection;
-    use crate::scene::file::SceneFile;
 
     fn back(camera: &Camera) -> [Camera; 2] {
         let section = camera.to_section();

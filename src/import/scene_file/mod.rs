@@ -6,26 +6,29 @@ use glam::DVec3;
 use toml::Spanned;
 
 mod animation;
+mod animation_sections;
 mod camera;
 mod light;
 mod meshes;
 mod metallic_roughness;
+mod sections;
+mod toml_error;
 
 pub use camera::inline_camera;
+pub use sections::SceneFile;
 
 use super::Source;
-use crate::error::{Error, Place, Result, Warnings};
+use crate::error::{Error, Place, Result, Warnings, nearest_name};
 use crate::film::{Colour, ColourPipeline};
 use crate::import;
-use crate::scene::file::{
-    CameraSection, EnvironmentSection, MaterialSection, MeshSection, SceneFile, SphereSection,
-    TrianglesSection, line_of, nearest_name,
-};
 use crate::scene::{
     Camera, Environment, EnvironmentSource, Glaze, Material, MaterialId, Mesh, Object, Opacity, Phong,
     PictureSettings, Scene, Shape, Sphere,
 };
 use meshes::Meshes;
+use sections::{
+    CameraSection, EnvironmentSection, MaterialSection, MeshSection, SphereSection, TrianglesSection, line_of,
+};
 
 /// Maximum number of glaze bounces. Each bounce that a path reaches needs buffers of about a tenth of a megabyte per
 /// thread; with a weight below 0.991 paths end earlier (`effects::whitted::glaze`).

@@ -3,8 +3,7 @@
 use glam::{DMat4, DQuat, DVec3, EulerRot};
 
 use super::Track;
-use crate::error::{Error, Result};
-use crate::scene::file::nearest_name;
+use crate::error::{Error, Result, nearest_name};
 use crate::scene::{AnalyticShape, Camera, Light, LightKind, Object, Scene, Shape, Sphere, Step};
 
 /// Target of a track, by name.

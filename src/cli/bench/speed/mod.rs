@@ -15,7 +15,7 @@ use crate::bench::generate::Family;
 use crate::bench::speed::{self, RaySets, Settings, SpeedRow, ViewSetup, Viewpoint, engines, measure, page};
 use crate::bench::{Engine, Label, Mesh, Unavailable};
 use crate::error::{Error, Result, Warnings};
-use crate::film::output::write_whole;
+use crate::files::write_whole;
 use crate::import;
 use crate::scene::ImportOptions;
 use crate::world::recenter;

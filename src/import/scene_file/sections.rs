@@ -1,4 +1,4 @@
-//! TOML form of a scene, as typed. `import` converts it to a [`super::Scene`], because scene files may name mesh files.
+//! TOML form of a scene, as typed. The other files of this folder convert it to a [`crate::scene::Scene`].
 //!
 //! Unknown keys are errors. The JSON schema for editors is generated from these types and their doc comments.
 
@@ -9,12 +9,10 @@ use serde::Deserialize;
 use toml::Spanned;
 use toml::de::DeTable;
 
-use super::animation::file::AnimationSection;
-pub use super::colour_value::ColourValue;
-pub use super::effects::{EffectValue, EffectsSection};
+use super::animation_sections::AnimationSection;
 use super::toml_error::{TomlError, check_lists, explain};
-use super::{PictureSettings, Projection, UpAxis};
 use crate::error::{Error, Place, Result};
+use crate::scene::{ColourValue, EffectValue, PictureSettings, Projection, UpAxis};
 
 /// A scene file.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
@@ -384,23 +382,14 @@ impl SceneFile {
 }
 
 /// Line number, counted from 1, of the byte at `offset`.
-pub fn line_of(text: &str, offset: usize) -> usize {
+pub(super) fn line_of(text: &str, offset: usize) -> usize {
     1 + text.bytes().take(offset).filter(|&b| b == b'\n').count()
-}
-
-/// "did you mean `x`?" if a known name is similar to `typed`, else the list of all known names.
-pub fn nearest_name(typed: &str, known: &[&str]) -> String {
-    let similarity = |name: &&&str| (strsim::jaro_winkler(typed, name) * 1e6) as u64;
-    match known.iter().max_by_key(similarity) {
-        Some(name) if similarity(&name) >= 800_000 => format!("did you mean `{name}`?"),
-        _ => format!("known here: {}", known.join(", ")),
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Background;
+    use crate::scene::{Background, Clamp, FilterRadius, Noise, OptionValue, Samples, Side};
 
     fn error_of(text: &str) -> Error {
         SceneFile::parse(text, Path::new("a.toml")).unwrap_err()
@@ -454,5 +443,20 @@ mod tests {
         for bad in ["[1, 2]", "[256, 0, 0]", "[0.5, 0.5, 0.5]", "\"#12345\"", "\"#12345é\"", "\"red\""] {
             assert!(parse(bad).is_err(), "{bad}");
         }
+    }
+
+    /// A value out of range has the same message in scene files and as text.
+    #[test]
+    fn ranges_have_one_message() {
+        let fault = |key: &str, value: &str| {
+            let e = error_of(&format!("[image]\n\n{key} = {value}\n"));
+            assert_eq!(e.to_string(), format!("a.toml:3: `{key}` is {value}"));
+            e.hint().to_owned()
+        };
+        assert_eq!(Err(fault("samples", "0")), Samples::parse("0"));
+        assert_eq!(Err(fault("width", "65536")), Side::parse("65536"));
+        assert_eq!(Err(fault("filter_radius", "-1")), FilterRadius::parse("-1"));
+        assert_eq!(Err(fault("noise", "2.0")), Noise::parse("NaN"));
+        assert_eq!(Err(fault("clamp", "0")), Clamp::parse("x"));
     }
 }
