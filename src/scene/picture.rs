@@ -95,14 +95,7 @@ pub enum Headlight {
     None,
 }
 
-impl Headlight {
-    const ALL: [Headlight; 2] = [Headlight::Head, Headlight::None];
-
-    fn name(self) -> &'static str {
-        if self.into() { "head" } else { "none" }
-    }
-}
-
+names!(Headlight { Head = "head", None = "none" });
 named_values!(Headlight);
 
 impl From<bool> for Headlight {
