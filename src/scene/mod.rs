@@ -238,6 +238,44 @@ impl LightKind {
     pub fn is_area(&self) -> bool {
         matches!(self, LightKind::Sphere { .. } | LightKind::Rectangle { .. })
     }
+
+    /// The position; `None` for a light at infinite distance.
+    pub fn position_mut(&mut self) -> Option<&mut DVec3> {
+        match self {
+            LightKind::Point { position, .. }
+            | LightKind::Spot { position, .. }
+            | LightKind::Sphere { position, .. }
+            | LightKind::Rectangle { position, .. } => Some(position),
+            LightKind::Directional { .. } => None,
+        }
+    }
+
+    /// The direction; `None` for a light that shines in all.
+    pub fn direction_mut(&mut self) -> Option<&mut DVec3> {
+        match self {
+            LightKind::Directional { direction, .. }
+            | LightKind::Spot { direction, .. }
+            | LightKind::Rectangle { direction, .. } => Some(direction),
+            LightKind::Point { .. } | LightKind::Sphere { .. } => None,
+        }
+    }
+}
+
+impl Light {
+    /// Scales a light about the origin: surfaces scaled with it look the same.
+    pub fn scale(&mut self, factor: f64) {
+        self.kind.position_mut().into_iter().for_each(|position| *position *= factor);
+        match &mut self.kind {
+            LightKind::Point { falloff: Falloff::InverseSquare { range }, .. }
+            | LightKind::Spot { falloff: Falloff::InverseSquare { range }, .. } => {
+                *range = range.map(|range| range * factor);
+            }
+            LightKind::Sphere { radius, .. } => *radius *= factor,
+            LightKind::Rectangle { size, .. } => *size = size.map(|side| side * factor),
+            LightKind::Directional { .. } | LightKind::Point { .. } | LightKind::Spot { .. } => return,
+        }
+        self.intensity *= factor * factor;
+    }
 }
 
 /// Falloff of a light's intensity with distance.
