@@ -112,46 +112,13 @@ impl From<Headlight> for bool {
 
 /// What rays that hit nothing see.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(from = "BackgroundValue", into = "BackgroundValue")]
+#[serde(rename_all = "lowercase", expecting = "expected a colour")]
 pub enum Background {
-    /// A colour of 8-bit sRGB values.
-    Colour([u8; 3]),
     /// Black, with an alpha channel in the picture.
     Transparent,
-}
-
-/// A colour, or "transparent".
-#[derive(Serialize, Deserialize, JsonSchema)]
-#[serde(untagged, expecting = "expected a colour")]
-enum BackgroundValue {
-    /// A colour.
+    /// A colour of 8-bit sRGB values.
+    #[serde(untagged)]
     Colour(ColourValue),
-    /// The name of [`Background::Transparent`].
-    Named(TransparentName),
-}
-
-#[derive(Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-enum TransparentName {
-    Transparent,
-}
-
-impl From<BackgroundValue> for Background {
-    fn from(value: BackgroundValue) -> Self {
-        match value {
-            BackgroundValue::Colour(colour) => Background::Colour(colour.0),
-            BackgroundValue::Named(TransparentName::Transparent) => Background::Transparent,
-        }
-    }
-}
-
-impl From<Background> for BackgroundValue {
-    fn from(background: Background) -> Self {
-        match background {
-            Background::Colour(colour) => BackgroundValue::Colour(ColourValue(colour)),
-            Background::Transparent => BackgroundValue::Named(TransparentName::Transparent),
-        }
-    }
 }
 
 impl OptionValue for Background {
@@ -159,13 +126,13 @@ impl OptionValue for Background {
         if text == "transparent" {
             return Ok(Background::Transparent);
         }
-        let colour = ColourValue::of_digits(text).map(|colour| Background::Colour(colour.0));
+        let colour = ColourValue::of_digits(text).map(Background::Colour);
         colour.ok_or_else(|| "give a colour as #rrggbb, such as #ffffff, or transparent".into())
     }
 
     fn text(&self) -> String {
         match self {
-            Background::Colour([r, g, b]) => format!("#{r:02x}{g:02x}{b:02x}"),
+            Background::Colour(ColourValue([r, g, b])) => format!("#{r:02x}{g:02x}{b:02x}"),
             Background::Transparent => "transparent".into(),
         }
     }
@@ -175,7 +142,7 @@ impl Background {
     /// The colour.
     pub fn colour(self) -> Colour {
         match self {
-            Background::Colour(colour) => Colour::from_u8(colour),
+            Background::Colour(colour) => Colour::from_u8(colour.0),
             Background::Transparent => Colour::from_u8([0; 3]),
         }
     }
@@ -346,7 +313,7 @@ mod tests {
             tone_map: Some(ToneMap::Agx),
             light: Some(Headlight::Head),
             ground: Some(false),
-            background: Some(Background::Colour([255, 128, 0])),
+            background: Some(Background::Colour(ColourValue([255, 128, 0]))),
         };
         [first, second]
     }

@@ -414,7 +414,7 @@ mod tests {
     fn colours_both_ways() {
         let parse =
             |value: &str| SceneFile::parse(&format!("[image]\nbackground = {value}\n"), Path::new("a.toml"));
-        let red = Some(Background::Colour([124, 10, 2]));
+        let red = Some(Background::Colour(ColourValue([124, 10, 2])));
         let background = |value: &str| parse(value).unwrap().image.unwrap().get_ref().background;
         assert_eq!(background("[124, 10, 2]"), red);
         assert_eq!(background("\"#7c0A02\""), red);
