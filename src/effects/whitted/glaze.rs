@@ -50,8 +50,8 @@ pub const EFFECT: Effect = Effect {
     }),
     called_for: |world: &World, _| {
         let glazed = world.materials_in_use().filter(|material| mirror(material).is_some());
-        let names: Vec<&str> = glazed.map(Material::name).collect();
-        named("material", &names).ok_or_else(|| "no object is of a glazed material".into())
+        named("material", glazed.map(Material::name))
+            .ok_or_else(|| "no object is of a glazed material".into())
     },
     specify: |context, spec| {
         spec.generations_with_origins = spec.generations_with_origins.max(most_bounces(context));

@@ -26,8 +26,8 @@ pub const EFFECT: Effect = Effect {
     is_study_switch: true,
     rays: &[RAYS],
     called_for: |world: &World, _| {
-        let names: Vec<&str> = world.lights.iter().map(|light| light.name.as_str()).collect();
-        named("light", &names).ok_or_else(|| "the scene has no lights".into())
+        let names = world.lights.iter().map(|light| light.name.as_str());
+        named("light", names).ok_or_else(|| "the scene has no lights".into())
     },
     specify: |_, spec| {
         if spec.lit {
