@@ -209,6 +209,15 @@ pub fn is_contained() -> bool {
     CONTAINED.get()
 }
 
+/// "did you mean `x`?" if a known name is similar to `typed`, else the list of all known names.
+pub fn nearest_name(typed: &str, known: &[&str]) -> String {
+    let similarity = |name: &&&str| (strsim::jaro_winkler(typed, name) * 1e6) as u64;
+    match known.iter().max_by_key(similarity) {
+        Some(name) if similarity(&name) >= 800_000 => format!("did you mean `{name}`?"),
+        _ => format!("known here: {}", known.join(", ")),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

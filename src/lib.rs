@@ -63,6 +63,8 @@ pub mod bench;
 #[cfg(feature = "import")]
 pub mod error;
 #[cfg(feature = "import")]
+pub mod farm;
+#[cfg(feature = "import")]
 pub mod film;
 #[cfg(feature = "import")]
 pub mod import;
@@ -81,6 +83,9 @@ pub mod cli;
 #[cfg(feature = "render")]
 #[doc(hidden)]
 pub mod effects;
+#[cfg(feature = "import")]
+#[doc(hidden)]
+pub mod files;
 #[cfg(feature = "import")]
 #[doc(hidden)]
 pub mod limits;

@@ -6,6 +6,6 @@ use kiln::film::write::Format;
 libfuzzer_sys::fuzz_target!(|data: &[u8]| {
     let file = common::file("picture.part", data);
     for format in [Format::Png, Format::Exr] {
-        let _ = kiln::film::part::join(std::slice::from_ref(&file), format);
+        let _ = kiln::farm::join(std::slice::from_ref(&file), format);
     }
 });

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::FrameList;
 use super::prepared::{FrameWorld, PreparedAnimation, turntable};
 use crate::error::{Error, Result, Warnings};
-use crate::film::Share;
+use crate::farm::Share;
 use crate::film::tone::Exposure;
 use crate::film::write::FRAME;
 use crate::job::camera::{Viewpoint, nothing_to_look_at};

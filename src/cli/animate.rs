@@ -15,8 +15,8 @@ use crate::animation::{
     FileNames, FrameData, FrameList, FrameRequest, Quality, VideoFormat, VideoSpec, VideoWriter,
 };
 use crate::error::{Error, Result};
-use crate::film::Share;
-use crate::film::output::describe;
+use crate::farm::Share;
+use crate::files::describe;
 use crate::film::write::Format;
 use crate::job::RenderJob;
 use crate::render::RenderControl;

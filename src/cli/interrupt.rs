@@ -55,7 +55,7 @@ fn wait_and_exit(received: &AtomicUsize) {
     INTERRUPTED.store(true, Ordering::Relaxed);
     // Loading and tree building do not check the flag.
     std::thread::sleep(GRACE_PERIOD);
-    crate::film::output::discard_unfinished();
+    crate::files::discard_unfinished();
     report();
     std::process::exit(i32::from(exit_code()));
 }

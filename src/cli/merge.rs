@@ -7,7 +7,7 @@ use clap::Args;
 use super::message::Message;
 use super::output::{check_folder, same_file};
 use crate::error::{Error, Result};
-use crate::film::part::join;
+use crate::farm::join;
 use crate::film::write::{Format, write_picture};
 
 #[derive(Args)]

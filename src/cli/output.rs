@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
+use crate::farm::{Share, part_name, part_state, write_part};
+use crate::files::{WholeFile, describe};
 use crate::film::check::{self, FileState};
-use crate::film::output::{WholeFile, describe};
-use crate::film::part::{self, part_name, write_part};
 use crate::film::tone::METER_BYTES;
 use crate::film::write::{self, ALPHA, Channel, Format, OutputImage, encode, write_picture};
-use crate::film::{self, DisplaySettings, Film, Pixel, Share, Window};
+use crate::film::{self, DisplaySettings, Film, Pixel, Window};
 use crate::job::{RenderJob, metadata};
 use crate::limits;
 use crate::render::aov::{self, AovSelection};
@@ -91,7 +91,7 @@ impl OutputTarget {
     pub(crate) fn existing(&self) -> FileState {
         match self {
             OutputTarget::File(file, format) => check::look(file, *format),
-            OutputTarget::Part(file, _, share) => part::look(file, *share),
+            OutputTarget::Part(file, _, share) => part_state(file, *share),
             OutputTarget::StandardOutput => FileState::Missing,
         }
     }

@@ -10,7 +10,7 @@ use super::prepare::Reporter;
 use super::progress::Mode;
 use super::{print, typed, typed_words};
 use crate::error::{Error, Result, Warnings};
-use crate::film::output::write_whole;
+use crate::files::write_whole;
 use crate::import;
 use crate::job::{Look, RenderSettings, ResolvedJob};
 use crate::render::RenderControl;

@@ -13,7 +13,7 @@ use super::prepare::Reporter;
 use super::progress::Mode;
 use crate::animation::{FileNames, FrameList, FrameRequest};
 use crate::error::{Error, Result};
-use crate::film::Share;
+use crate::farm::Share;
 use crate::film::check::{FileState, PictureIdentity, look};
 use crate::film::write::Format;
 use crate::job::RenderSettings;

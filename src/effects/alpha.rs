@@ -19,9 +19,8 @@ pub const EFFECT: Effect = Effect {
     rays: &[RAYS, SHADOW_RAYS],
     called_for: |world: &World, _| {
         let transparent = world.objects.iter().filter(|object| world.is_transparent(object));
-        let names: Vec<&str> =
-            transparent.map(|object| world.materials[object.material as usize].name()).collect();
-        named("material", &names).ok_or_else(|| "every surface is opaque".into())
+        let names = transparent.map(|object| world.materials[object.material as usize].name());
+        named("material", names).ok_or_else(|| "every surface is opaque".into())
     },
     specify: |_, spec| {
         spec.continued = Some(ContinuedRays { rays: RAYS, shadow_rays: SHADOW_RAYS });

@@ -32,7 +32,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::scene::file::SceneFile;
+use crate::import::SceneFile;
 use crate::scene::{Sampling, TextureFilter, TextureSlot, Transport};
 use crate::shading::ShadingMode;
 use crate::world::World;
@@ -402,19 +402,17 @@ pub enum Hook {
 }
 
 /// A list of names for [`Effect::called_for`]: "lights `a`, `b` and 1 more". `None` for an empty list.
-pub fn named(noun: &str, names: &[&str]) -> Option<String> {
-    let mut shown: Vec<&str> = Vec::new();
+pub fn named<'a>(noun: &str, names: impl IntoIterator<Item = &'a str>) -> Option<String> {
+    let (mut shown, mut more) = (Vec::new(), 0);
     for name in names {
-        if shown.len() < 3 && !shown.contains(name) {
-            shown.push(name);
-        }
+        if shown.len() < 3 && !shown.contains(&name) { shown.push(name) } else { more += 1 }
     }
     let quoted = shown.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
-    match names.len() - shown.len() {
-        _ if names.is_empty() => None,
-        0 if shown.len() == 1 => Some(format!("{noun} {quoted}")),
-        0 => Some(format!("{noun}s {quoted}")),
-        more => Some(format!("{noun}s {quoted} and {more} more")),
+    match (shown.len(), more) {
+        (0, _) => None,
+        (1, 0) => Some(format!("{noun} {quoted}")),
+        (_, 0) => Some(format!("{noun}s {quoted}")),
+        _ => Some(format!("{noun}s {quoted} and {more} more")),
     }
 }
 
@@ -453,11 +451,11 @@ mod tests {
 
     #[test]
     fn lists_of_names_are_cut_off_after_three() {
-        assert_eq!(named("light", &[]), None);
-        assert_eq!(named("light", &["a"]).unwrap(), "light `a`");
-        assert_eq!(named("light", &["a", "b"]).unwrap(), "lights `a`, `b`");
-        assert_eq!(named("light", &["a", "a", "b"]).unwrap(), "lights `a`, `b` and 1 more");
-        assert_eq!(named("light", &["a", "b", "c", "d", "e"]).unwrap(), "lights `a`, `b`, `c` and 2 more");
+        assert_eq!(named("light", []), None);
+        assert_eq!(named("light", ["a"]).unwrap(), "light `a`");
+        assert_eq!(named("light", ["a", "b"]).unwrap(), "lights `a`, `b`");
+        assert_eq!(named("light", ["a", "a", "b"]).unwrap(), "lights `a`, `b` and 1 more");
+        assert_eq!(named("light", ["a", "b", "c", "d", "e"]).unwrap(), "lights `a`, `b`, `c` and 2 more");
     }
 
     #[test]

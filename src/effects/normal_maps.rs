@@ -24,8 +24,7 @@ pub const EFFECT: Effect = Effect {
         let mapped = world.objects.iter().filter(|object| {
             object.has_tangents() && world.materials[object.material as usize].normal_map().is_some()
         });
-        let names: Vec<&str> = mapped.map(|object| object.name.as_str()).collect();
-        named("object", &names)
+        named("object", mapped.map(|object| object.name.as_str()))
             .map(|names| format!("the normal maps of {names}"))
             .ok_or_else(|| "no mesh has a normal map".into())
     },

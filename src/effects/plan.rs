@@ -10,9 +10,9 @@ use super::{
     EFFECTS, Effect, EffectContext, EffectId, EffectValue, Hook, LightTechnique, PathSettings, PlanSpec,
     RayClass, RayKind, Stage, TRANSPORTS, TransportEntry, closest_hits, primary_rays, ray_origins,
 };
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, nearest_name};
 use crate::film::Window;
-use crate::scene::file::{EffectsSection, nearest_name};
+use crate::scene::EffectsSection;
 use crate::scene::{Sampling, Transport};
 use crate::shading::ShadingMode;
 use crate::world::World;

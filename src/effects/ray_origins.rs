@@ -7,7 +7,7 @@ use super::Stage;
 use super::tile::{RayGeneration, RenderContext, Tile};
 use crate::geometry::{Numerics, Ray};
 use crate::shading::LightSample;
-use crate::world::{InteractionSoa, Vec3Soa, simd_dispatch};
+use crate::world::{InteractionSoa, Vec3Soa, simd};
 
 /// Computes the ray origin of each surface of a generation.
 pub(crate) struct RayOrigins {
@@ -28,14 +28,8 @@ impl Stage for RayOrigins {
         let origins = origins.get_or_insert_default();
         // The tier is passed as a constant, so that the loops have no branch on it.
         match context.world.numerics() {
-            Numerics::Naive => simd_dispatch(
-                #[inline(always)]
-                || find_origins(surfaces, origins, Numerics::Naive),
-            ),
-            _ => simd_dispatch(
-                #[inline(always)]
-                || find_origins(surfaces, origins, Numerics::Watertight),
-            ),
+            Numerics::Naive => simd!(find_origins(surfaces, origins, Numerics::Naive)),
+            _ => simd!(find_origins(surfaces, origins, Numerics::Watertight)),
         }
     }
 }

@@ -16,7 +16,7 @@ use super::variance::SampleVariance;
 use crate::film::{ColourPipeline, Filter, Window};
 use crate::geometry::RayBuffer;
 use crate::scene::PixelSampler;
-use crate::world::{RAYS_PER_BATCH, simd_dispatch};
+use crate::world::{PerRay, RAYS_PER_BATCH, simd};
 
 /// How the pixels of a picture are sampled.
 #[derive(Debug, Clone)]
@@ -151,33 +151,20 @@ pub struct TileSamples {
 }
 
 /// The rays of a pass.
+#[derive(Default)]
 struct SamplePass {
     len: usize,
     /// For each ray, its pixel.
-    pixels: [u16; RAYS_PER_BATCH],
+    pixels: PerRay<u16>,
     /// For each ray, the index of its sample.
-    samples: [u32; RAYS_PER_BATCH],
+    samples: PerRay<u32>,
     /// For each ray, its point of the sequence.
-    points: [Point; RAYS_PER_BATCH],
+    points: PerRay<Point>,
     /// Film positions in pixels, right of and below the picture's top left corner.
-    x: [f64; RAYS_PER_BATCH],
-    y: [f64; RAYS_PER_BATCH],
+    x: PerRay<f64>,
+    y: PerRay<f64>,
     /// Signs of the filter weights, 1 or -1.
-    signs: [f64; RAYS_PER_BATCH],
-}
-
-impl Default for SamplePass {
-    fn default() -> Self {
-        SamplePass {
-            len: 0,
-            pixels: [0; RAYS_PER_BATCH],
-            samples: [0; RAYS_PER_BATCH],
-            points: [Point::default(); RAYS_PER_BATCH],
-            x: [0.0; RAYS_PER_BATCH],
-            y: [0.0; RAYS_PER_BATCH],
-            signs: [1.0; RAYS_PER_BATCH],
-        }
-    }
+    signs: PerRay<f64>,
 }
 
 impl SamplePass {
@@ -239,10 +226,7 @@ impl TileSamples {
             }
         }
         self.cast += pass.len;
-        simd_dispatch(
-            #[inline(always)]
-            || pass.place(region.whole, sampler),
-        );
+        simd!(pass.place(region.whole, sampler));
     }
 
     /// The film positions of the pass's rays in pixels, right of and below the picture's top left corner.
@@ -256,7 +240,7 @@ impl TileSamples {
         let SamplePass { len, pixels, samples, .. } = &*self.pass;
         let Window { x, y, width, .. } = self.region.whole;
         let place = move |pixel: u16| (x + u32::from(pixel) % width, y + u32::from(pixel) / width);
-        pixels[..*len].iter().zip(samples).map(move |(&pixel, &sample)| {
+        pixels[..*len].iter().zip(&**samples).map(move |(&pixel, &sample)| {
             let (x, y) = place(pixel);
             (x, y, sample)
         })
@@ -271,10 +255,10 @@ impl TileSamples {
                 variances[usize::from(pixel)].add(colour);
             }
         }
-        for ((&pixel, &sign), &colour) in pass.pixels[..pass.len].iter().zip(&pass.signs).zip(colours) {
+        for ((&pixel, &sign), &colour) in pass.pixels[..pass.len].iter().zip(&*pass.signs).zip(colours) {
             sums[usize::from(pixel)].add(colour, sign);
         }
-        for ((&pixel, &sign), &part) in pass.pixels[..pass.len].iter().zip(&pass.signs).zip(coverage) {
+        for ((&pixel, &sign), &part) in pass.pixels[..pass.len].iter().zip(&*pass.signs).zip(coverage) {
             covered[usize::from(pixel)].add([part; 3], sign);
         }
     }
@@ -293,7 +277,7 @@ impl TileSamples {
     /// For each ray of the pass, its pixel, its sign and its entry of `values`.
     pub fn of_pass<'a, T>(&'a self, values: &'a [T]) -> impl Iterator<Item = (usize, f64, &'a T)> {
         let SamplePass { len, pixels, signs, .. } = &*self.pass;
-        let rays = pixels[..*len].iter().zip(signs).zip(values);
+        let rays = pixels[..*len].iter().zip(&**signs).zip(values);
         rays.map(|((&pixel, &sign), value)| (usize::from(pixel), sign, value))
     }
 

@@ -26,8 +26,8 @@ pub const EFFECT: Effect = Effect {
             material.textures().chain(texture_points::further(material, slots)).next().is_some()
         };
         let textured = world.materials_in_use().filter(is_textured);
-        let names: Vec<&str> = textured.map(Material::name).collect();
-        named("material", &names).ok_or_else(|| "no object is of a material with a picture".into())
+        named("material", textured.map(Material::name))
+            .ok_or_else(|| "no object is of a material with a picture".into())
     },
     specify: |context, spec| {
         spec.texture_use.material_textures = true;

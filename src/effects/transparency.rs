@@ -16,7 +16,7 @@ use super::{RayKind, Stage};
 use crate::bvh::Traversal;
 use crate::geometry::{Hit, HitBuffer, Ray, RayBuffer};
 use crate::scene::{Interpolation, PixelSampler, TexelEncoding};
-use crate::shading::texture::look_up_full_size;
+use crate::shading::texture::look_at;
 use crate::world::World;
 
 /// The kinds that continued rays are counted as.
@@ -55,7 +55,7 @@ pub(crate) fn opacity(world: &World, hit: &Hit) -> f64 {
     {
         let image = &world.images[texture.image.0 as usize];
         let magnify = texture.sampler.magnify.unwrap_or(Interpolation::Linear);
-        alpha *= look_up_full_size(image, TexelEncoding::Data, &texture.sampler, magnify, uv).x;
+        alpha *= look_at(image, TexelEncoding::Data, &texture.sampler, 0, magnify, uv).x;
     }
     alpha *= world.vertex_alpha(object, hit);
     match opacity.cutoff {

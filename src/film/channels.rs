@@ -7,7 +7,7 @@ use exr::prelude::{AttributeValue, ReadChannels, ReadLayers, Text, read};
 
 use super::read::{Read, ReadError, contained, exr_reader};
 use crate::error::Result;
-use crate::limits;
+use crate::files;
 
 /// The channels and text attributes of an OpenEXR file.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,7 +28,7 @@ impl ExrChannels {
     /// # Errors
     /// [`crate::error::Error::Input`] if the file is missing, damaged, too large, or of another format.
     pub fn open(file: &Path) -> Result<Self> {
-        let bytes = limits::read_file(file).map_err(|e| limits::unreadable(file, &e))?;
+        let bytes = files::read_file(file).map_err(|e| files::unreadable(file, &e))?;
         decode(&bytes).map_err(|e| e.into_error(file))
     }
 

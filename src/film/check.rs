@@ -14,6 +14,7 @@ use exr::prelude::{AttributeValue, Text};
 use super::read::{ReadError, exr_reader};
 use super::write::{FINGERPRINT, FRAME, Format};
 use crate::error::contain;
+use crate::files;
 use crate::limits;
 
 /// State of an output file.
@@ -46,10 +47,10 @@ impl FileState {
 
 /// Checks all of a file: a PNG with the checksums of all its chunks, or an OpenEXR with all of its pixels.
 pub fn look(file: &Path, format: Format) -> FileState {
-    let bytes = match limits::read_file(file) {
+    let bytes = match files::read_file(file) {
         Ok(bytes) => bytes,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return FileState::Missing,
-        Err(e) => return FileState::Broken(limits::explain(&e).0),
+        Err(e) => return FileState::Broken(files::explain(&e).0),
     };
     let texts = || match format {
         Format::Png => png_texts(&bytes),

@@ -47,19 +47,9 @@ impl Colour {
     }
 }
 
+names!(ColourPipeline { Display = "display", U8 = "u8", Linear = "linear" });
+
 impl ColourPipeline {
-    /// Every pipeline.
-    pub const ALL: [Self; 3] = [ColourPipeline::Display, ColourPipeline::U8, ColourPipeline::Linear];
-
-    /// The name as typed by users.
-    pub fn name(self) -> &'static str {
-        match self {
-            ColourPipeline::Display => "display",
-            ColourPipeline::U8 => "u8",
-            ColourPipeline::Linear => "linear",
-        }
-    }
-
     /// Clamps a colour to the range of the pipeline: 8-bit values for `u8`, 0 to 1 for `display` (the range of
     /// `mix_light` in the report, without its rounding), finite f32 for `linear`, because irradiance near a light is
     /// unbounded.

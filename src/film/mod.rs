@@ -18,17 +18,14 @@ pub mod channels;
 pub mod check;
 pub mod colour;
 pub mod filter;
-pub mod output;
+
 mod pages;
-pub mod part;
 pub mod read;
-mod share;
 pub mod tone;
 pub mod write;
 
 pub use colour::{Colour, ColourPipeline};
 pub use filter::{Filter, FilterShape};
-pub use share::Share;
 pub use tone::{DisplaySettings, DisplayTransform};
 
 use pages::Pages;
@@ -172,7 +169,7 @@ impl<P: Pixel> Film<P> {
     }
 
     /// The regions of the picture that the tiles cover, in storage order.
-    fn tile_windows(&self) -> impl Iterator<Item = Window> + use<P> {
+    pub(crate) fn tile_windows(&self) -> impl Iterator<Item = Window> + use<P> {
         let whole = self.window;
         let starts = move |size: u32| (0..size).step_by(TILE as usize);
         starts(whole.height).flat_map(move |y| {

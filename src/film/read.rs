@@ -11,6 +11,7 @@ use image::{DynamicImage, GenericImageView, ImageDecoder, ImageFormat, ImageRead
 
 use super::ColourPipeline;
 use crate::error::{Error, Result, contain};
+use crate::files;
 use crate::limits::{self, Excess};
 
 /// Pixels of an image file and their encoding.
@@ -74,7 +75,7 @@ pub type Read<T> = std::result::Result<T, ReadError>;
 /// # Errors
 /// [`Error::Input`] if the file is missing, damaged, too large, or of another format.
 pub fn read_picture(file: &Path) -> Result<Pixels> {
-    let bytes = limits::read_file(file).map_err(|e| limits::unreadable(file, &e))?;
+    let bytes = files::read_file(file).map_err(|e| files::unreadable(file, &e))?;
     decode_pixels(bytes).map_err(|e| e.into_error(file))
 }
 

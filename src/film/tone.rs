@@ -6,7 +6,7 @@ mod meter;
 mod settings;
 
 pub use meter::{METER_BYTES, auto_exposure, clipped_share, white_exposure};
-pub use settings::{AutoName, DisplaySettings, Exposure, ExposureValue, MAX_EXPOSURE};
+pub use settings::{DisplaySettings, Exposure, MAX_EXPOSURE};
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};

@@ -7,9 +7,9 @@ use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, Text, WritableImage,
 };
 
-use super::output::write_whole;
 use super::{ColourPipeline, DisplayTransform, Film, Pixel};
 use crate::error::{Error, Result};
+use crate::files::write_whole;
 
 /// The image formats that can be written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

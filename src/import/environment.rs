@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::files::Files;
+use super::dependencies::Files;
 use crate::error::{Error, Result, Warnings};
+use crate::files::unreadable;
 use crate::film::{Colour, ColourPipeline, read};
-use crate::limits::unreadable;
-use crate::scene::file::ColourValue;
+use crate::scene::ColourValue;
 use crate::scene::{EnvironmentImage, EnvironmentSource};
 
 /// The source of an environment as typed: `sky`, a colour (`#808080` or `808080`), or a file.

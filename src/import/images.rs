@@ -7,9 +7,10 @@ use std::sync::Arc;
 use image::{DynamicImage, GenericImageView};
 
 use super::Source;
-use super::files::Files;
+use super::dependencies::Files;
 use super::heights::normals_of_heights;
 use crate::error::{Error, Place, Result, Warnings};
+use crate::files;
 use crate::film::read::{self, ReadError};
 use crate::limits::{self, Counted};
 use crate::scene::{DecodedImage, ImageId, Scene};
@@ -153,7 +154,7 @@ const TEXTURE: u64 = 3;
 const HEIGHTS: u64 = 2 + 3 + TEXTURE;
 
 fn open(files: &Files, file: &Path, bytes_each: u64) -> std::result::Result<DynamicImage, ReadError> {
-    let bytes = files.read(file).map_err(|e| ReadError::Damaged(limits::explain(&e).0))?;
+    let bytes = files.read(file).map_err(|e| ReadError::Damaged(files::explain(&e).0))?;
     decode(&bytes, bytes_each)
 }
 

@@ -14,8 +14,9 @@
 //! ```
 
 mod converters;
+mod dependencies;
 mod environment;
-mod files;
+
 mod gltf;
 mod heights;
 mod images;
@@ -39,19 +40,18 @@ mod uri;
 pub use environment::environment;
 #[cfg(feature = "cli")]
 pub(crate) use names::FileNames;
-pub use scene_file::inline_camera;
+pub use scene_file::{SceneFile, inline_camera};
 
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
-pub use files::{FileRead, Stamp};
+pub use dependencies::{FileRead, Stamp};
 
 use crate::error::{Error, Result, Warnings};
-use crate::limits::{self, Counted, unreadable};
-use crate::scene::{
-    ClipChoice, ClipTime, ImportOptions, Material, Mesh, Object, Phong, Scene, Shape, UpAxis,
-};
-use files::Files;
+use crate::files::{self, unreadable};
+use crate::limits::Counted;
+use crate::scene::{ClipChoice, ImportOptions, Material, Mesh, Object, Phong, Scene, Shape, UpAxis};
+use dependencies::Files;
 
 /// A supported file format.
 pub struct Importer {
@@ -158,7 +158,7 @@ pub(crate) struct Source {
 impl Source {
     fn open(file: &Path, files: &Files, options: &ImportOptions) -> Result<Self> {
         let read = match importer_by_ending(file) {
-            _ if file == Path::new("-") => limits::read_standard_input(),
+            _ if file == Path::new("-") => files::read_standard_input(),
             Some(importer) if importer.streams => Ok(Vec::new()),
             _ => files.read(file),
         };
@@ -271,37 +271,31 @@ pub fn reload(scene: &Scene, options: &ImportOptions, warnings: &mut Warnings) -
     load_by(&scene.inputs, &Files::of_scene(scene), options, warnings)
 }
 
-/// Checks that an input has the requested variant.
-fn check_variant(scene: &Scene, options: &ImportOptions) -> Result<()> {
-    let Some(name) = options.reading.variant.as_ref().filter(|name| !scene.variants.contains(name)) else {
-        return Ok(());
+/// Checks that an input has the requested clip and the requested variant.
+fn check_names(scene: &Scene, options: &ImportOptions) -> Result<()> {
+    let list = |names: Vec<&str>| names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+    let unknown = |kind: &str, name: &str, known: String| {
+        Error::usage(format!("no input has a {kind} `{name}`"), format!("their {kind}s: {known}"))
     };
-    Err(if scene.variants.is_empty() {
-        Error::usage("no input has variants of its materials", "leave out --variant")
-    } else {
-        let names: Vec<String> = scene.variants.iter().map(|name| format!("`{name}`")).collect();
-        Error::usage(
-            format!("no input has a variant `{name}`"),
-            format!("their variants: {}", names.join(", ")),
-        )
-    })
-}
-
-/// Checks that an input has the requested clip.
-fn check_clip(scene: &Scene, pose: Option<&ClipTime>) -> Result<()> {
-    let Some(asked) = pose.filter(|asked| asked.clip.find(&scene.clips).is_none()) else {
-        return Ok(());
-    };
-    let names: Vec<String> = scene.clips.iter().map(|clip| format!("`{}`", clip.name)).collect();
-    Err(match &asked.clip {
-        ClipChoice::Named(clip) if !names.is_empty() => Error::usage(
-            format!("no input has a clip `{clip}`"),
-            format!("their clips: {}", names.join(", ")),
-        ),
-        _ => {
-            Error::usage("no input has clips", "leave out --time and --clip, which choose a moment of a clip")
+    if let Some(asked) = options.pose().filter(|asked| asked.clip.find(&scene.clips).is_none()) {
+        let names: Vec<&str> = scene.clips.iter().map(|clip| clip.name.as_str()).collect();
+        return Err(match &asked.clip {
+            ClipChoice::Named(clip) if !names.is_empty() => unknown("clip", clip, list(names)),
+            _ => {
+                let hint = "leave out --time and --clip, which choose a moment of a clip";
+                Error::usage("no input has clips", hint)
+            }
+        });
+    }
+    match &options.reading.variant {
+        Some(_) if scene.variants.is_empty() => {
+            Err(Error::usage("no input has variants of its materials", "leave out --variant"))
         }
-    })
+        Some(name) if !scene.variants.contains(name) => {
+            Err(unknown("variant", name, list(scene.variants.iter().map(String::as_str).collect())))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Reads all inputs as [`load`] does, and lists the files that the result depends on, whether a scene or an error: the
@@ -361,8 +355,7 @@ fn load_by(
     if scene.animation.is_some() {
         scene.at(0.0)?;
     }
-    check_clip(&scene, options.pose().as_ref())?;
-    check_variant(&scene, options)?;
+    check_names(&scene, options)?;
     Ok(scene)
 }
 

@@ -168,7 +168,7 @@ impl Welder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::import::files::Files;
+    use crate::import::dependencies::Files;
     use crate::scene::Shape;
 
     fn read_bytes(bytes: Vec<u8>) -> Result<(Vec<(String, Mesh)>, Warnings)> {

@@ -46,7 +46,7 @@ fn strip_prefix_ignoring_case<'a>(text: &'a str, prefix: &str) -> Option<&'a str
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::import::files::Files;
+    use crate::import::dependencies::Files;
 
     fn resolve(uri: &str) -> Result<Resource, String> {
         let (file, bytes) = (PathBuf::from("in/a.gltf"), Vec::new());

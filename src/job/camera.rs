@@ -4,9 +4,8 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use super::{CameraChoice, RenderSettings};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, nearest_name};
 use crate::film::Window;
-use crate::scene::file::nearest_name;
 use crate::scene::{Camera, Scene, default_size};
 use crate::world::{Recentering, StandardView, fitted_camera};
 

@@ -45,7 +45,8 @@ use crate::effects::convergence::Criterion;
 use crate::effects::tile::RenderContext;
 use crate::effects::{Plan, check_names, check_scene, id, named};
 use crate::error::{Error, Result, Warnings};
-use crate::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, Pixel, Share, Window};
+use crate::farm::Share;
+use crate::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, Pixel, Window};
 use crate::import::check_drawable;
 use crate::render::aov::AovSource;
 use crate::render::render_displayed;
@@ -500,8 +501,7 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     }
     if !traces_paths {
         let layered = world.materials_in_use().filter(|material| needs_path(material));
-        let names: Vec<&str> = layered.map(|material| material.name()).collect();
-        if let Some(names) = named("material", &names) {
+        if let Some(names) = named("material", layered.map(|material| material.name())) {
             warnings.note_left_out(format!(
                 "glass, clear coat or sheen of {names} is drawn by --transport path alone"
             ));

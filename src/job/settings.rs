@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 use crate::bvh::Preset;
 use crate::effects::EffectId;
 use crate::error::{Error, Result, Warnings};
-use crate::film::{ColourPipeline, DisplaySettings, Share, Window};
+use crate::farm::Share;
+use crate::film::{ColourPipeline, DisplaySettings, Window};
 use crate::import;
 #[cfg(feature = "cli")]
 use crate::scene::option::parser;

@@ -1,4 +1,4 @@
-//! Memory limits, and reading of whole files within them.
+//! Memory limits.
 //!
 //! A size in the header of a file is a claim: it is checked by [`check_claim`] before memory is allocated. Sizes of
 //! pictures to render, and of data present in a file, are checked by [`check`]. Both use one limit per process, which
@@ -6,15 +6,14 @@
 
 mod counts;
 mod process;
-mod reading;
 
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 pub use counts::{Counted, Limits, parse_count};
-use process::{ADDRESS_SPACE, Available, available, in_use, machine};
+use process::{ADDRESS_SPACE, Available, machine};
+pub(crate) use process::{available, in_use};
 pub use process::{peak_memory, reset_peak_memory, resident_memory};
-pub use reading::{Refused, RegularFile, explain, read_file, read_standard_input, unreadable};
 
 /// Maximum bytes allocated for sizes claimed in a file, unless `--memory-limit` is given: 16 bytes (four channels of
 /// f32) for each of 16,384 x 16,384 pixels, the largest texture that GPUs support.

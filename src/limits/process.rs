@@ -7,7 +7,7 @@ use super::{RESERVE, user_limit};
 
 /// Memory that the process may still allocate, in bytes, of a limit's total, and the origin of the limit.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Available {
+pub(crate) struct Available {
     pub left: u64,
     pub of: u64,
     pub set_by: &'static str,
@@ -17,7 +17,7 @@ pub(super) const ADDRESS_SPACE: &str = "ulimit -v";
 const THE_MACHINE: &str = "the machine";
 
 /// The available memory under the strictest limit; `None` if the system reports none.
-pub(super) fn available(used: &InUse) -> Option<Available> {
+pub(crate) fn available(used: &InUse) -> Option<Available> {
     let available = |(of, set_by): (u64, &'static str), used: u64| Available {
         left: of.saturating_sub(used).saturating_sub(RESERVE),
         of,
@@ -41,14 +41,14 @@ pub(super) fn available(used: &InUse) -> Option<Available> {
 }
 
 /// Bytes used by the process; 0 if the system does not report them.
-pub(super) struct InUse {
+pub(crate) struct InUse {
     /// Resident memory.
     pub resident: u64,
     /// Address space.
     pub virtual_size: u64,
 }
 
-pub(super) fn in_use() -> InUse {
+pub(crate) fn in_use() -> InUse {
     InUse { resident: resident_memory().unwrap_or(0), virtual_size: status("VmSize:").unwrap_or(0) }
 }
 

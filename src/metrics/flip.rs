@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 
 use crate::film::colour::srgb_decode;
-use crate::world::simd_dispatch;
+use crate::world::simd;
 
 /// Pixels per degree of the field of view, for a display 0.7 m and 3840 pixels wide at a distance of 0.7 m:
 /// `distance * pixels / width * pi / 180` (section 5.1).
@@ -216,14 +216,11 @@ fn convolve_columns(plane: &[f64], width: usize, kernel: &[f64]) -> Plane {
 
 /// Adds weighted rows to `out`.
 fn add_weighted<'a>(out: &mut [f64], kernel: &[f64], row: impl Fn(usize) -> &'a [f64]) {
-    simd_dispatch(
-        #[inline(always)]
-        || {
-            for (i, k) in kernel.iter().enumerate() {
-                out.iter_mut().zip(row(i)).for_each(|(out, v)| *out += v * k);
-            }
-        },
-    );
+    simd!({
+        for (i, k) in kernel.iter().enumerate() {
+            out.iter_mut().zip(row(i)).for_each(|(out, v)| *out += v * k);
+        }
+    });
 }
 
 #[cfg(test)]

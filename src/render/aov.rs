@@ -16,10 +16,10 @@ use crate::effects::Plan;
 use crate::effects::tile::{RenderContext, Tile};
 use crate::effects::transparency::closest_visible;
 use crate::effects::variance::PixelStatistics;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, nearest_name};
+use crate::farm::Share;
 use crate::film::write::Channel;
-use crate::film::{DisplayTransform, Film, Share, Window};
-use crate::scene::file::nearest_name;
+use crate::film::{DisplayTransform, Film, Window};
 use crate::world::{Recentering, SurfaceInteraction, View, World};
 
 /// The input of an AOV: the camera ray of a pixel and its closest hit.

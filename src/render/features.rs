@@ -6,7 +6,7 @@ use crate::effects::tile::Tile;
 use crate::effects::{Plan, id, transparency};
 use crate::film::Filter;
 use crate::scene::Transport;
-use crate::shading::{ShadingMode, shade};
+use crate::shading::base_colour;
 use crate::world::World;
 
 /// The features of a pixel.
@@ -98,7 +98,7 @@ pub(super) fn first_surfaces(tile: &Tile, world: &World) -> Vec<Option<[[f32; 3]
     let mut rays = vec![None; generation.rays.len()];
     for (i, &ray) in generation.surfaces.ray_of().iter().enumerate() {
         let surface = generation.surfaces.get(i);
-        let albedo = shade(world, ShadingMode::Flat, &surface, &[]);
+        let albedo = base_colour(world, &surface);
         rays[ray as usize] = Some([albedo, surface.shading_normal].map(|value| value.as_vec3().to_array()));
     }
     rays

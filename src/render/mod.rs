@@ -19,7 +19,7 @@ use crate::effects::Plan;
 use crate::effects::tile::{RenderContext, Tile};
 use crate::error::{Error, Result};
 use crate::film::{self, ColourPipeline, DisplayTransform, Film, FilmTile, Pixel, Window};
-use crate::world::{View, World, simd_dispatch};
+use crate::world::{View, World, simd};
 
 /// Cancellation and progress of a render.
 pub struct RenderControl<'a> {
@@ -144,10 +144,7 @@ fn render_tile<P: Pixel>(
     }
     P::set_alpha(film.pixels, tile.coverage.as_deref().unwrap_or_default());
     let colours = &tile.pixels;
-    non_finite.extend(simd_dispatch(
-        #[inline(always)]
-        || film::non_finite(film.window, colours),
-    ));
+    non_finite.extend(simd!(film::non_finite(film.window, colours)));
     // Pipeline and identity are passed as constants, so that the loop has no branch on them. `U8` develops as `Display` does.
     let none = DisplayTransform::default();
     match context.world.pipeline {
@@ -157,9 +154,6 @@ fn render_tile<P: Pixel>(
         ColourPipeline::Linear => {
             P::develop(colours, ColourPipeline::Linear, context.display, film.pixels);
         }
-        _ => simd_dispatch(
-            #[inline(always)]
-            || P::develop(colours, ColourPipeline::Display, none, film.pixels),
-        ),
+        _ => simd!(P::develop(colours, ColourPipeline::Display, none, film.pixels)),
     }
 }

@@ -14,18 +14,7 @@ pub enum Projection {
     Orthographic,
 }
 
-impl Projection {
-    /// Both.
-    pub const ALL: [Self; 2] = [Projection::Perspective, Projection::Orthographic];
-
-    /// The name as typed by users.
-    pub fn name(self) -> &'static str {
-        match self {
-            Projection::Perspective => "perspective",
-            Projection::Orthographic => "orthographic",
-        }
-    }
-}
+names!(Projection { Perspective = "perspective", Orthographic = "orthographic" });
 
 /// A camera. It looks from `position` towards `target` through a rectangle at distance `viewpoint_distance`, centred on
 /// the line of sight; at that distance both projections cover the same area.

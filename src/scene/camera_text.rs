@@ -1,8 +1,6 @@
 //! Cameras as text: a `[[camera]]` section of a scene file, or an inline table after `--camera`. Parsing the text
 //! (`import::scene_file::camera`) restores the camera bit by bit. Also words of a command line.
 
-use std::fmt::Write;
-
 use glam::DVec3;
 
 use super::{Camera, Projection};
@@ -94,20 +92,9 @@ pub fn shell_quoted(word: &str) -> String {
     format!("'{}'", word.replace('\'', r"'\''"))
 }
 
-/// A TOML basic string on one line.
+/// A TOML basic string on one line: one of JSON, but for the control character that JSON does not escape.
 fn quoted(text: &str) -> String {
-    let mut quoted = String::from("\"");
-    for c in text.chars() {
-        match c {
-            '"' | '\\' => quoted.extend(['\\', c]),
-            c if c.is_control() => {
-                let _ = write!(quoted, "\\u{:04X}", u32::from(c));
-            }
-            c => quoted.push(c),
-        }
-    }
-    quoted.push('"');
-    quoted
+    serde_json::Value::from(text).to_string().replace('\u{7f}', "\\u007F")
 }
 
 #[cfg(test)]

@@ -30,7 +30,7 @@ mod clip;
 mod colour_value;
 mod effects;
 mod environment;
-pub mod file;
+
 mod fill;
 mod fingerprint;
 mod ground;
@@ -43,7 +43,6 @@ mod sampler;
 mod sampling;
 mod shading_mode;
 pub mod support;
-mod toml_error;
 pub mod topology;
 mod transport;
 mod up;
@@ -57,6 +56,8 @@ pub use animation::Animation;
 pub use camera::{Camera, Projection, default_size};
 pub use camera_text::{INLINE_NAME, shell_quoted};
 pub use clip::{Clip, ClipChoice, ClipTime};
+pub use colour_value::ColourValue;
+pub use effects::{EffectValue, EffectsSection};
 pub use environment::{Environment, EnvironmentImage, EnvironmentSource};
 pub use fill::Fill;
 pub use fingerprint::Fingerprint;
@@ -117,7 +118,7 @@ pub struct Scene {
     /// Input files in order; [`Object::input`] is an index into this list.
     pub inputs: Vec<std::path::PathBuf>,
     /// Effects that the scene turns on or off explicitly, overriding what its contents imply.
-    pub effects: file::EffectsSection,
+    pub effects: EffectsSection,
     /// Animation tracks, if any.
     pub animation: Option<Animation>,
     /// Clips of the input files. Objects, cameras and lights are posed by one of them, or at rest.
@@ -236,6 +237,44 @@ impl LightKind {
     /// Whether the light is a surface in the scene, which rays hit.
     pub fn is_area(&self) -> bool {
         matches!(self, LightKind::Sphere { .. } | LightKind::Rectangle { .. })
+    }
+
+    /// The position; `None` for a light at infinite distance.
+    pub fn position_mut(&mut self) -> Option<&mut DVec3> {
+        match self {
+            LightKind::Point { position, .. }
+            | LightKind::Spot { position, .. }
+            | LightKind::Sphere { position, .. }
+            | LightKind::Rectangle { position, .. } => Some(position),
+            LightKind::Directional { .. } => None,
+        }
+    }
+
+    /// The direction; `None` for a light that shines in all.
+    pub fn direction_mut(&mut self) -> Option<&mut DVec3> {
+        match self {
+            LightKind::Directional { direction, .. }
+            | LightKind::Spot { direction, .. }
+            | LightKind::Rectangle { direction, .. } => Some(direction),
+            LightKind::Point { .. } | LightKind::Sphere { .. } => None,
+        }
+    }
+}
+
+impl Light {
+    /// Scales a light about the origin: surfaces scaled with it look the same.
+    pub fn scale(&mut self, factor: f64) {
+        self.kind.position_mut().into_iter().for_each(|position| *position *= factor);
+        match &mut self.kind {
+            LightKind::Point { falloff: Falloff::InverseSquare { range }, .. }
+            | LightKind::Spot { falloff: Falloff::InverseSquare { range }, .. } => {
+                *range = range.map(|range| range * factor);
+            }
+            LightKind::Sphere { radius, .. } => *radius *= factor,
+            LightKind::Rectangle { size, .. } => *size = size.map(|side| side * factor),
+            LightKind::Directional { .. } | LightKind::Point { .. } | LightKind::Spot { .. } => return,
+        }
+        self.intensity *= factor * factor;
     }
 }
 

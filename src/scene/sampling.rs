@@ -25,18 +25,7 @@ pub enum PixelSampler {
     Independent,
 }
 
-impl PixelSampler {
-    /// Every sampler.
-    pub const ALL: [PixelSampler; 2] = [PixelSampler::Sobol, PixelSampler::Independent];
-
-    /// The name as typed by users.
-    pub fn name(self) -> &'static str {
-        match self {
-            PixelSampler::Sobol => "sobol",
-            PixelSampler::Independent => "independent",
-        }
-    }
-}
+names!(PixelSampler { Sobol = "sobol", Independent = "independent" });
 
 /// Sampling settings of a render: those of [`super::PictureSettings`], and the part of them that it takes. `None` means
 /// not given.

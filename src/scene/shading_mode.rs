@@ -19,21 +19,9 @@ pub enum ShadingMode {
     Full,
 }
 
+names!(ShadingMode { Flat = "flat", Ambient = "ambient", Diffuse = "diffuse", Full = "phong" });
+
 impl ShadingMode {
-    /// Every mode, in ascending order.
-    pub const ALL: [ShadingMode; 4] =
-        [ShadingMode::Flat, ShadingMode::Ambient, ShadingMode::Diffuse, ShadingMode::Full];
-
-    /// The name as typed by users.
-    pub fn name(self) -> &'static str {
-        match self {
-            ShadingMode::Flat => "flat",
-            ShadingMode::Ambient => "ambient",
-            ShadingMode::Diffuse => "diffuse",
-            ShadingMode::Full => "phong",
-        }
-    }
-
     /// Whether lights are evaluated.
     pub fn uses_lights(self) -> bool {
         self >= ShadingMode::Diffuse

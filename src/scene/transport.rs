@@ -14,18 +14,7 @@ pub enum Transport {
     Path,
 }
 
-impl Transport {
-    /// Every transport.
-    pub const ALL: [Transport; 2] = [Transport::Whitted, Transport::Path];
-
-    /// The name as typed by users.
-    pub fn name(self) -> &'static str {
-        match self {
-            Transport::Whitted => "whitted",
-            Transport::Path => "path",
-        }
-    }
-}
+names!(Transport { Whitted = "whitted", Path = "path" });
 
 /// What calls for a transport.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -70,15 +70,10 @@ impl Scene {
             [&mut camera.position, &mut camera.target, &mut camera.up].into_iter().for_each(turned);
         }
         for light in &mut self.lights {
-            match &mut light.kind {
-                LightKind::Point { position, .. } | LightKind::Sphere { position, .. } => turned(position),
-                LightKind::Directional { direction, .. } => turned(direction),
-                LightKind::Spot { position, direction, .. } => {
-                    [position, direction].into_iter().for_each(turned);
-                }
-                LightKind::Rectangle { position, direction, up, .. } => {
-                    [position, direction, up].into_iter().for_each(turned);
-                }
+            light.kind.position_mut().into_iter().for_each(turned);
+            light.kind.direction_mut().into_iter().for_each(turned);
+            if let LightKind::Rectangle { up, .. } = &mut light.kind {
+                turned(up);
             }
         }
     }

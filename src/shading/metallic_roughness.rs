@@ -19,6 +19,11 @@ use crate::world::{SurfaceInteraction, World};
 /// degree.
 const MIN_ROUGHNESS: f64 = 0.045;
 
+/// The base colour of a surface.
+pub(crate) fn base_colour(material: &MetallicRoughness<DVec3>, surface: &SurfaceInteraction) -> DVec3 {
+    material.base_colour * surface.tint * surface.texels.colour
+}
+
 /// The colour of a surface under the given lights.
 pub(crate) fn shade(
     world: &World,
@@ -27,8 +32,8 @@ pub(crate) fn shade(
     surface: &SurfaceInteraction,
     lights: &[LightSample],
 ) -> DVec3 {
-    let base = material.base_colour * surface.tint * surface.texels.colour;
-    if mode == ShadingMode::Flat || material.unlit {
+    let base = base_colour(material, surface);
+    if material.unlit {
         return world.pipeline.clamp(base);
     }
     let metallic = material.metallic * surface.texels.metallic;
@@ -95,24 +100,12 @@ fn specular(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::spawn::SurfacePoint;
     use crate::geometry::{Hit, PrimId, SlotId};
 
     fn surface(view: DVec3) -> SurfaceInteraction {
-        SurfaceInteraction {
-            point: SurfacePoint { position: DVec3::ZERO, start: DVec3::ZERO, reach: DVec3::ZERO },
-            view,
-            geometric_normal: DVec3::Y,
-            shading_normal: DVec3::Y,
-            texels: crate::world::Texels::default(),
-            further_texels: crate::world::FurtherTexels::default(),
-            ambient: 1.0,
-            tint: DVec3::ONE,
-            is_turned: false,
-            hit: Hit { t: 1.0, prim: PrimId(0), slot: SlotId::new(0), barycentrics: [0.0; 2] },
-            object: 0,
-            material: 0,
-        }
+        let hit = Hit { t: 1.0, prim: PrimId(0), slot: SlotId::new(0), barycentrics: [0.0; 2] };
+        let [geometric_normal, shading_normal] = [DVec3::Y; 2];
+        SurfaceInteraction { geometric_normal, shading_normal, ..SurfaceInteraction::facing(view, hit, 0, 0) }
     }
 
     /// Normal incidence at roughness 1: D = 1 / pi, V = 0.5 / (1 + 1), F = F0, so pi D V F = F0 / 4.

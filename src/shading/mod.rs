@@ -24,22 +24,16 @@ pub fn takes_light(material: &PreparedMaterial, mode: ShadingMode) -> bool {
     }
 }
 
-/// The colour of a surface, in the numbers of the pipeline. `lights` are the samples of the lights that reach it.
-pub fn shade(
-    world: &World,
-    mode: ShadingMode,
-    surface: &SurfaceInteraction,
-    lights: &[LightSample],
-) -> DVec3 {
-    match &world.materials[surface.material as usize] {
-        Material::Phong(material) => phong::shade(world, material, mode, surface, lights),
-        Material::MetallicRoughness(material) => {
-            metallic_roughness::shade(world, material, mode, surface, lights)
-        }
-    }
+/// The base colour of a surface, in the numbers of the pipeline.
+pub fn base_colour(world: &World, surface: &SurfaceInteraction) -> DVec3 {
+    world.pipeline.clamp(match &world.materials[surface.material as usize] {
+        Material::Phong(material) => phong::base_colour(material, surface),
+        Material::MetallicRoughness(material) => metallic_roughness::base_colour(material, surface),
+    })
 }
 
-/// Computes the colours of all `surfaces`, with the bits of [`shade`]. Lights are added in the order of `lights`.
+/// Computes the colours of all `surfaces`, in the numbers of the pipeline. Lights are added in the order of `lights`,
+/// where they reach.
 pub fn shade_all(
     world: &World,
     mode: ShadingMode,
@@ -51,16 +45,20 @@ pub fn shade_all(
     let mut samples = Vec::new();
     for (index, range) in surfaces.by_material() {
         let range = range.clone();
-        if let Material::Phong(material) = &world.materials[*index as usize]
-            && material.texture.is_none()
-        {
-            phong::shade_all(world, material, mode, (surfaces, range), lights, (colours, scratch));
+        if mode == ShadingMode::Flat {
+            range.for_each(|i| colours.set(i, base_colour(world, &surfaces.get(i))));
             continue;
         }
-        for i in range {
-            samples.clear();
-            samples.extend(lights.iter().filter(|light| light.reaches[i]).map(|light| light.get(i)));
-            colours.set(i, shade(world, mode, &surfaces.get(i), &samples));
+        match &world.materials[*index as usize] {
+            Material::Phong(material) => {
+                phong::shade(world, material, mode, (surfaces, range), lights, (colours, scratch));
+            }
+            Material::MetallicRoughness(material) => range.for_each(|i| {
+                samples.clear();
+                samples.extend(lights.iter().filter(|light| light.reaches[i]).map(|light| light.get(i)));
+                let colour = metallic_roughness::shade(world, material, mode, &surfaces.get(i), &samples);
+                colours.set(i, colour);
+            }),
         }
     }
 }

@@ -10,40 +10,13 @@ use glam::DVec3;
 use super::{LightSample, LightSoa, ShadingMode};
 use crate::film::ColourPipeline;
 use crate::scene::Phong;
-use crate::world::{InteractionSoa, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, World, simd};
+use crate::world::{InteractionSoa, PerRay, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, World, simd};
 
-/// The colour of a surface under the given lights.
+/// The base colour of a surface.
 #[inline]
-pub(crate) fn shade(
-    world: &World,
-    material: &Phong<DVec3>,
-    mode: ShadingMode,
-    surface: &SurfaceInteraction,
-    lights: &[LightSample],
-) -> DVec3 {
-    let mut colour = material.colour * surface.tint;
-    if material.texture.is_some() {
-        colour *= surface.texels.colour;
-    }
-    if mode == ShadingMode::Flat {
-        return world.pipeline.clamp(colour);
-    }
-    let ambient = world.ambient_at(surface.shading_normal);
-    let mut light = DVec3::splat(material.ambient * ambient * surface.ambient);
-    for sample in lights {
-        let mut returned = material.diffuse * sample.cosine;
-        if has_highlight(material, mode) {
-            let cosine = highlight_cosine(sample, surface.shading_normal, surface.view);
-            returned += material.specular * power(cosine, material.shininess);
-        }
-        light += sample.radiance * returned;
-    }
-    with_emission(world.pipeline, material, world.pipeline.mix_light(colour, light))
-}
-
-/// A surface's colour with the light that it emits.
-fn with_emission(pipeline: ColourPipeline, material: &Phong<DVec3>, colour: DVec3) -> DVec3 {
-    if material.emission == DVec3::ZERO { colour } else { pipeline.clamp(colour + material.emission) }
+pub(crate) fn base_colour(material: &Phong<DVec3>, surface: &SurfaceInteraction) -> DVec3 {
+    let colour = material.colour * surface.tint;
+    if material.texture.is_some() { colour * surface.texels.colour } else { colour }
 }
 
 /// Whether a light can add more than 0.
@@ -64,21 +37,16 @@ fn highlight_cosine(sample: &LightSample, normal: DVec3, view: DVec3) -> f64 {
 }
 
 /// Temporary buffers of [`super::shade_all`].
+#[derive(Default)]
 pub struct Scratch {
     /// `(R.V)^n`.
-    power: [f64; RAYS_PER_BATCH],
+    power: PerRay<f64>,
     /// `R.V` and its repeated squares.
-    square: [f64; RAYS_PER_BATCH],
+    square: PerRay<f64>,
 }
 
-impl Default for Scratch {
-    fn default() -> Self {
-        Scratch { power: [0.0; RAYS_PER_BATCH], square: [0.0; RAYS_PER_BATCH] }
-    }
-}
-
-/// Computes the colours of the `surfaces` in `range`, all of one material without texture, with the bits of [`shade`].
-pub(crate) fn shade_all(
+/// Computes the colours of the `surfaces` in `range`, all of one material.
+pub(crate) fn shade(
     world: &World,
     material: &Phong<DVec3>,
     mode: ShadingMode,
@@ -87,12 +55,6 @@ pub(crate) fn shade_all(
     (colours, scratch): (&mut Vec3Soa, &mut Scratch),
 ) {
     let pipeline = world.pipeline;
-    if mode == ShadingMode::Flat {
-        for i in range {
-            colours.set(i, pipeline.clamp(material.colour * surfaces.tint.get(i)));
-        }
-        return;
-    }
     let ambient = DVec3::splat(material.ambient * world.ambient);
     range.clone().for_each(|i| colours.set(i, ambient));
     if world.fill.is_some() {
@@ -114,6 +76,10 @@ pub(crate) fn shade_all(
     // The pipeline is passed as a constant, so that the loop has no branch on it.
     let emissive = range.clone();
     match pipeline {
+        _ if material.texture.is_some() && !surfaces.texels.is_empty() => range.for_each(|i| {
+            let own = material.colour * surfaces.tint.get(i) * surfaces.texels[i].colour;
+            colours.set(i, pipeline.mix_light(own, colours.get(i)));
+        }),
         ColourPipeline::U8 => mix(ColourPipeline::U8, material.colour, (surfaces, range), colours),
         ColourPipeline::Display => {
             simd!(mix(ColourPipeline::Display, material.colour, (surfaces, range), colours));
@@ -123,7 +89,7 @@ pub(crate) fn shade_all(
         }
     }
     if material.emission != DVec3::ZERO {
-        emissive.for_each(|i| colours.set(i, with_emission(pipeline, material, colours.get(i))));
+        emissive.for_each(|i| colours.set(i, pipeline.clamp(colours.get(i) + material.emission)));
     }
 }
 
@@ -170,7 +136,8 @@ fn mix(
     }
 }
 
-/// [`power`] of each value of `scratch.square`, into `scratch.power`.
+/// Each value of `scratch.square` to the power of `exponent`, into `scratch.power`. Integer exponents are computed by
+/// repeated squaring, which gives the same bits on every machine.
 #[inline(always)]
 fn powers(scratch: &mut Scratch, range: Range<usize>, exponent: f64) {
     let Scratch { power: result, square } = scratch;
@@ -190,21 +157,6 @@ fn powers(scratch: &mut Scratch, range: Range<usize>, exponent: f64) {
     }
 }
 
-/// `base^exponent`. Integer exponents are computed by repeated squaring, which gives the same bits on every machine.
-#[inline]
-fn power(base: f64, exponent: f64) -> f64 {
-    let Some(mut rest) = integer(exponent) else { return base.powf(exponent) };
-    let (mut result, mut square) = (1.0, base);
-    while rest > 0 {
-        if rest & 1 == 1 {
-            result *= square;
-        }
-        square *= square;
-        rest >>= 1;
-    }
-    result
-}
-
 /// The exponent as an integer, if it is one.
 fn integer(exponent: f64) -> Option<u32> {
     (exponent.fract() == 0.0 && exponent <= f64::from(u32::MAX)).then_some(exponent as u32)
@@ -216,6 +168,12 @@ mod tests {
 
     #[test]
     fn whole_powers() {
+        let power = |base: f64, exponent: f64| {
+            let mut scratch = Scratch::default();
+            scratch.square[3] = base;
+            powers(&mut scratch, 3..4, exponent);
+            scratch.power[3]
+        };
         assert_eq!(power(2.0, 16.0), 65536.0);
         assert_eq!(power(0.5, 5.0), 1.0 / 32.0);
         assert_eq!(power(0.0, 0.0), 1.0);

@@ -58,17 +58,6 @@ pub fn look_up(
     sum / count
 }
 
-/// The value of a texture at `uv` in the full-size image, 0 to 1.
-pub(crate) fn look_up_full_size(
-    image: &Image,
-    encoding: TexelEncoding,
-    sampler: &Sampler,
-    lookup: Interpolation,
-    uv: DVec2,
-) -> DVec3 {
-    look_at(image, encoding, sampler, 0, lookup, uv)
-}
-
 /// The level whose texels are `size` times as long as the image's, 0 (the image) to `last`.
 fn level_of(size: f64, last: usize) -> f64 {
     // NaN gives `last`.
@@ -108,8 +97,8 @@ impl Ellipse {
     }
 }
 
-/// The value of a level at `uv`; level 0 is the image.
-fn look_at(
+/// The value of a level at `uv`, 0 to 1; level 0 is the image.
+pub(crate) fn look_at(
     image: &Image,
     encoding: TexelEncoding,
     sampler: &Sampler,

@@ -263,7 +263,8 @@ mod tests {
     use crate::bvh::Layout;
     use crate::effects::{Choices, Plan};
     use crate::error::Warnings;
-    use crate::film::{Share, Window};
+    use crate::farm::Share;
+    use crate::film::Window;
     use crate::metrics::Values;
     use crate::scene::Numerics;
     use crate::world::View;

@@ -14,7 +14,8 @@ use crate::film::{ColourPipeline, FilterShape};
 use crate::job::{Look, RenderSettings};
 use crate::render::grouped;
 use crate::scene::{
-    Background, Camera, Headlight, Numerics, OptionValue, Projection, Samples, Sampling, ShadingMode,
+    Background, Camera, ColourValue, Headlight, Numerics, OptionValue, Projection, Samples, Sampling,
+    ShadingMode,
 };
 use crate::world::StandardView;
 
@@ -189,15 +190,15 @@ fn look(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
         let mut has_colour = picture.background.is_some();
         let check = ui.checkbox(&mut has_colour, "background");
         let mut colour = match picture.background {
-            Some(Background::Colour(colour)) => colour,
+            Some(Background::Colour(colour)) => colour.0,
             Some(Background::Transparent) => [0; 3],
             None => DEFAULT_BACKGROUND,
         };
         if check.changed() {
-            picture.background = has_colour.then_some(Background::Colour(colour));
+            picture.background = has_colour.then_some(Background::Colour(ColourValue(colour)));
         }
         if has_colour && ui.color_edit_button_srgb(&mut colour).changed() {
-            picture.background = Some(Background::Colour(colour));
+            picture.background = Some(Background::Colour(ColourValue(colour)));
         }
         let mut has_ground = picture.ground == Some(true);
         let check = ui.checkbox(&mut has_ground, "ground").on_hover_text("a matt plane under the scene");

@@ -9,7 +9,7 @@ use super::name_of;
 use super::painter::Prepared;
 use super::request::RenderRequest;
 use crate::error::{Result, Warnings};
-use crate::film::output::write_whole;
+use crate::files::write_whole;
 use crate::film::write::{Format, OutputImage, write_picture};
 use crate::film::{ColourPipeline, Film, Window};
 use crate::job::metadata::{add_to_fingerprint, set_auto_exposure};

@@ -93,15 +93,11 @@ impl Default for FurtherTexels {
     }
 }
 
-impl World {
-    /// The surface interaction of `hit`, which must be a hit of `ray` with this world. Texels are left at 1.
+impl SurfaceInteraction {
+    /// A surface at the origin that faces the view, with factors of 1.
     #[inline(always)]
-    pub fn interaction(&self, ray: &Ray, hit: &Hit) -> SurfaceInteraction {
-        let object_index = self.object_of(hit.prim);
-        let object = &self.objects[object_index as usize];
-        // Of length 1 up to the rounding of the ray's direction, at most 2^-24.
-        let view = -ray.direction;
-        let mut surface = SurfaceInteraction {
+    pub(crate) fn facing(view: DVec3, hit: Hit, object: u32, material: u32) -> Self {
+        SurfaceInteraction {
             point: SurfacePoint { position: DVec3::ZERO, start: DVec3::ZERO, reach: DVec3::ZERO },
             view,
             geometric_normal: view,
@@ -111,10 +107,22 @@ impl World {
             ambient: 1.0,
             tint: DVec3::ONE,
             is_turned: false,
-            hit: *hit,
-            object: object_index,
-            material: object.material,
-        };
+            hit,
+            object,
+            material,
+        }
+    }
+}
+
+impl World {
+    /// The surface interaction of `hit`, which must be a hit of `ray` with this world. Texels are left at 1.
+    #[inline(always)]
+    pub fn interaction(&self, ray: &Ray, hit: &Hit) -> SurfaceInteraction {
+        let object_index = self.object_of(hit.prim);
+        let object = &self.objects[object_index as usize];
+        // Of length 1 up to the rounding of the ray's direction, at most 2^-24.
+        let view = -ray.direction;
+        let mut surface = SurfaceInteraction::facing(view, *hit, object_index, object.material);
         let is_turned = |n: DVec3| n.dot(ray.direction) > 0.0;
         let facing = |n: DVec3| if is_turned(n) { -n } else { n };
         match self.accelerator.primitive(hit.slot) {

@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use super::World;
 use super::interaction::{FurtherTexels, SurfaceInteraction, Texels};
-use super::soa::{RAYS_PER_BATCH, Vec3Soa, simd_dispatch};
+use super::soa::{PerRay, RAYS_PER_BATCH, Vec3Soa, simd};
 use crate::bvh::Primitive;
 use crate::geometry::spawn::{EdgeTest, SurfacePoint};
 use crate::geometry::{AnalyticShape, Hit, HitBuffer, PrimId, RayBuffer, SlotId, Triangle};
@@ -18,6 +18,7 @@ use crate::geometry::{AnalyticShape, Hit, HitBuffer, PrimId, RayBuffer, SlotId, 
 const MIN_RUN: usize = 4;
 
 /// [`SurfaceInteraction`]s of the rays that hit, in the order of the rays, as a structure of arrays.
+#[derive(Default)]
 pub struct InteractionSoa {
     len: usize,
     /// The positions.
@@ -40,15 +41,15 @@ pub struct InteractionSoa {
     /// The values of their further textures; empty where no surface has one.
     pub further_texels: Vec<FurtherTexels>,
     /// See [`SurfaceInteraction::is_turned`].
-    is_turned: [bool; RAYS_PER_BATCH],
+    is_turned: PerRay<bool>,
     /// The hits: distances along the rays, barycentrics v and w, primitives and their slots.
-    t: [f64; RAYS_PER_BATCH],
-    barycentrics: [[f64; RAYS_PER_BATCH]; 2],
-    prim: [u32; RAYS_PER_BATCH],
-    slot: [SlotId; RAYS_PER_BATCH],
-    object: [u32; RAYS_PER_BATCH],
-    material: [u32; RAYS_PER_BATCH],
-    ray_of: [u32; RAYS_PER_BATCH],
+    t: PerRay<f64>,
+    barycentrics: [PerRay<f64>; 2],
+    prim: PerRay<u32>,
+    slot: PerRay<u32>,
+    object: PerRay<u32>,
+    material: PerRay<u32>,
+    ray_of: PerRay<u32>,
     runs: Vec<Run>,
     material_ranges: Vec<(u32, Range<usize>)>,
 }
@@ -59,34 +60,6 @@ struct Run {
     start: usize,
     slot: SlotId,
     prim: PrimId,
-}
-
-impl Default for InteractionSoa {
-    fn default() -> Self {
-        InteractionSoa {
-            len: 0,
-            position: Vec3Soa::default(),
-            start: Vec3Soa::default(),
-            reach: Vec3Soa::default(),
-            view: Vec3Soa::default(),
-            geometric_normal: Vec3Soa::default(),
-            shading_normal: Vec3Soa::default(),
-            tint: Vec3Soa::default(),
-            ambient: Vec::new(),
-            texels: Vec::new(),
-            further_texels: Vec::new(),
-            is_turned: [false; RAYS_PER_BATCH],
-            t: [0.0; RAYS_PER_BATCH],
-            barycentrics: [[0.0; RAYS_PER_BATCH]; 2],
-            prim: [0; RAYS_PER_BATCH],
-            slot: [SlotId::new(0); RAYS_PER_BATCH],
-            object: [0; RAYS_PER_BATCH],
-            material: [0; RAYS_PER_BATCH],
-            ray_of: [0; RAYS_PER_BATCH],
-            runs: Vec::new(),
-            material_ranges: Vec::new(),
-        }
-    }
 }
 
 impl InteractionSoa {
@@ -170,7 +143,7 @@ impl InteractionSoa {
     #[inline(always)]
     pub fn hit(&self, i: usize) -> Hit {
         let (prim, barycentrics) = (PrimId(self.prim[i]), [self.barycentrics[0][i], self.barycentrics[1][i]]);
-        Hit { t: self.t[i], prim, slot: self.slot[i], barycentrics }
+        Hit { t: self.t[i], prim, slot: SlotId::new(self.slot[i]), barycentrics }
     }
 
     /// The barycentrics u, v and w of a hit on a triangle.
@@ -205,7 +178,7 @@ impl InteractionSoa {
             self.t[len] = hit.t;
             self.barycentrics[0][len] = hit.barycentrics[0];
             self.barycentrics[1][len] = hit.barycentrics[1];
-            (self.prim[len], self.slot[len]) = (hit.prim.0, hit.slot);
+            (self.prim[len], self.slot[len]) = (hit.prim.0, hit.slot.index());
             if last != Some(hit.slot) {
                 last = Some(hit.slot);
                 self.runs.push(Run { start: len, slot: hit.slot, prim: hit.prim });
@@ -247,19 +220,14 @@ impl World {
                         let point = rays.get(surfaces.ray_of[i] as usize).at(surfaces.t[i]);
                         surfaces.position.set(i, point);
                     }
-                    simd_dispatch(
-                        #[inline(always)]
-                        || on_analytic(surfaces, range.clone(), &shape),
-                    );
+                    simd!(on_analytic(surfaces, range.clone(), &shape));
                     return self.set_indices(run.prim, range, surfaces);
                 }
                 Primitive::Triangle(triangle) => {
                     if let Some(normal) = triangle.unit_normal() {
                         let edges = EdgeTest::new(triangle.0);
-                        let is_any_near = simd_dispatch(
-                            #[inline(always)]
-                            || on_triangle(surfaces, range.clone(), &triangle, normal, &edges),
-                        );
+                        let is_any_near =
+                            simd!(on_triangle(surfaces, range.clone(), &triangle, normal, &edges));
                         if is_any_near {
                             self.move_starts(surfaces, range.clone(), &triangle, &edges);
                         }

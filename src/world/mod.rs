@@ -39,7 +39,7 @@ pub use interactions::InteractionSoa;
 pub use mip_map::{MipLevel, MipMap};
 pub use recenter::{Recentering, recenter};
 pub(crate) use soa::simd;
-pub use soa::{RAYS_PER_BATCH, Vec3Soa, simd_dispatch};
+pub use soa::{PerRay, RAYS_PER_BATCH, Vec3Soa, simd_dispatch};
 pub use view::{View, basis};
 pub(crate) use volumes::Volumes;
 

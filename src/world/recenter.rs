@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use crate::scene::{Camera, Falloff, LightKind, Scene, Shape, Step};
+use crate::scene::{Camera, Scene, Shape, Step};
 
 /// The largest distance from the origin, in sizes of the scene, at which 20 of 24 bits are left for its shape.
 const FAR: f64 = 16.0;
@@ -63,26 +63,8 @@ impl Recentering {
             ground.half_side *= self.scale;
         }
         for light in &mut scene.lights {
-            match &mut light.kind {
-                LightKind::Directional { .. } => {}
-                LightKind::Point { position, falloff } | LightKind::Spot { position, falloff, .. } => {
-                    place(position);
-                    if let Falloff::InverseSquare { range: reach } = falloff {
-                        *reach = reach.map(|reach| reach * self.scale);
-                        light.intensity *= self.scale * self.scale;
-                    }
-                }
-                LightKind::Sphere { position, radius } => {
-                    place(position);
-                    *radius *= self.scale;
-                    light.intensity *= self.scale * self.scale;
-                }
-                LightKind::Rectangle { position, size, .. } => {
-                    place(position);
-                    *size = size.map(|side| side * self.scale);
-                    light.intensity *= self.scale * self.scale;
-                }
-            }
+            light.kind.position_mut().into_iter().for_each(|position| *position -= self.middle);
+            light.scale(self.scale);
         }
     }
 

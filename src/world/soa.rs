@@ -5,6 +5,8 @@
 //! in the same order and without fusing, so the bits are the same on every machine. The arrays have a fixed length and lie in one
 //! struct, so the compiler can rule out that they overlap.
 
+use std::ops::{Deref, DerefMut};
+
 use glam::DVec3;
 
 use crate::film::TILE;
@@ -12,19 +14,39 @@ use crate::film::TILE;
 /// The most rays of a ray generation: one per pixel of a tile.
 pub const RAYS_PER_BATCH: usize = (TILE * TILE) as usize;
 
-/// A vector per ray, as a structure of arrays. Entries beyond the rays in use are stale.
+/// A value per ray. Entries beyond the rays in use are stale.
 #[derive(Debug, Clone)]
-#[repr(align(64))]
-pub struct Vec3Soa {
-    x: [f64; RAYS_PER_BATCH],
-    y: [f64; RAYS_PER_BATCH],
-    z: [f64; RAYS_PER_BATCH],
+pub struct PerRay<T>([T; RAYS_PER_BATCH]);
+
+impl<T: Copy + Default> Default for PerRay<T> {
+    fn default() -> Self {
+        PerRay([T::default(); RAYS_PER_BATCH])
+    }
 }
 
-impl Default for Vec3Soa {
-    fn default() -> Self {
-        Vec3Soa { x: [0.0; RAYS_PER_BATCH], y: [0.0; RAYS_PER_BATCH], z: [0.0; RAYS_PER_BATCH] }
+impl<T> Deref for PerRay<T> {
+    type Target = [T; RAYS_PER_BATCH];
+
+    #[inline(always)]
+    fn deref(&self) -> &Self::Target {
+        &self.0
     }
+}
+
+impl<T> DerefMut for PerRay<T> {
+    #[inline(always)]
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut self.0
+    }
+}
+
+/// A vector per ray, as a structure of arrays.
+#[derive(Debug, Clone, Default)]
+#[repr(align(64))]
+pub struct Vec3Soa {
+    x: PerRay<f64>,
+    y: PerRay<f64>,
+    z: PerRay<f64>,
 }
 
 impl Vec3Soa {

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::common::gltf::Model;
 use crate::common::repository;
 use crate::workshop::{Workshop, text};
 #[cfg(unix)]
@@ -394,32 +395,13 @@ fn standard_input_carries_a_scene_file_or_a_glb() {
     let output = workshop.run_with("render - -o b.png", SCENE.as_bytes());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     assert!(workshop.pixels("a.png") == workshop.pixels("b.png"));
-    let output = workshop.run_with("info - --json", &glb());
+    let output = workshop.run_with("info - --json", &Model::triangle().binary());
     let report: Value = serde_json::from_slice(&output.stdout).expect("it is JSON");
     assert_eq!((&report["triangles"], &report["inputs"][0]), (&1.into(), &"-".into()));
     // Errors in standard input name the file `-`.
     let output = workshop.run_with("info -", b"[image]\nwidht = 1\n");
     assert_eq!(output.status.code(), Some(3));
     assert_eq!(check_error(&text(&output.stderr)).0, "-:2: unknown key `widht`");
-}
-
-/// One triangle as GLB (glTF 2.0, section 4.4): a header, then a JSON and a binary chunk, padded to four bytes.
-fn glb() -> Vec<u8> {
-    let mut json = br#"{"asset":{"version":"2.0"},"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
-        "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"buffers":[{"byteLength":36}],
-        "bufferViews":[{"buffer":0,"byteLength":36}],"accessors":[{"bufferView":0,"componentType":5126,
-        "count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}]}"#
-        .to_vec();
-    json.resize(json.len().next_multiple_of(4), b' ');
-    let data: Vec<u8> = [0f32, 0., 0., 1., 0., 0., 0., 1., 0.].iter().flat_map(|x| x.to_le_bytes()).collect();
-    let mut out = b"glTF\x02\0\0\0".to_vec();
-    out.extend((12 + 8 + json.len() as u32 + 8 + data.len() as u32).to_le_bytes());
-    for (kind, chunk) in [(b"JSON", json), (b"BIN\0", data)] {
-        out.extend((chunk.len() as u32).to_le_bytes());
-        out.extend(kind);
-        out.extend(chunk);
-    }
-    out
 }
 
 #[test]
@@ -640,19 +622,14 @@ fn files_without_triangles_are_refused() {
     let workshop = Workshop::with("scene.toml", SCENE);
     workshop.write("lines.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2\nl 1 2 3\np 1\n");
     let camera = json!({ "type": "perspective", "perspective": { "yfov": 1, "znear": 0.1 } });
-    let mut lines = json!({
-        "asset": { "version": "2.0" }, "scenes": [{ "nodes": [0, 1] }], "scene": 0,
-        "nodes": [{ "camera": 0 }, { "mesh": 0 }],
-        "cameras": [camera],
-        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "mode": 1 }] }],
-        "accessors": [{ "bufferView": 0, "componentType": 5126, "count": 2, "type": "VEC3",
-            "min": [0, 0, 0], "max": [0, 0, 0] }],
-        "bufferViews": [{ "buffer": 0, "byteLength": 24 }],
-        "buffers": [{ "byteLength": 24, "uri": format!("data:application/octet-stream;base64,{}", "A".repeat(32)) }],
-    });
-    workshop.write("lines.gltf", lines.to_string());
-    lines["nodes"][1] = json!({});
-    workshop.write("camera.gltf", lines.to_string());
+    let mut lines = Model::new(&[[0.0; 3]; 2])
+        .with("scenes", json!([{ "nodes": [0, 1] }]))
+        .with("nodes", json!([{ "camera": 0 }, { "mesh": 0 }]))
+        .with("cameras", json!([camera]));
+    lines.primitive()["mode"] = json!(1);
+    workshop.write("lines.gltf", lines.text());
+    lines.json["nodes"][1] = json!({});
+    workshop.write("camera.gltf", lines.text());
     for file in ["lines.obj", "lines.gltf", "camera.gltf", "camera.gltf lines.obj"] {
         let first = file.split(' ').next().unwrap_or_default();
         for command in ["render", "animate", "explain"] {

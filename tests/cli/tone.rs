@@ -5,6 +5,9 @@ use crate::workshop::Workshop;
 use kiln::film::read::read_picture;
 use kiln::film::tone::ToneMap;
 use kiln::film::{ColourPipeline, DisplayTransform};
+use serde_json::json;
+
+use crate::common::gltf::Model;
 
 /// A sphere that is much brighter than white where it faces the light.
 const SCENE: &str = "
@@ -291,35 +294,24 @@ fn frames_have_the_exposure_of_the_first() {
 #[test]
 fn a_clipped_picture_under_physical_lights_names_an_exposure() {
     let workshop = Workshop::with("scene.toml", SCENE);
-    let positions: Vec<u8> =
-        [[-9f32, -9., 0.], [9., -9., 0.], [9., 9., 0.], [-9., -9., 0.], [9., 9., 0.], [-9., 9., 0.]]
-            .iter()
-            .flatten()
-            .flat_map(|c| c.to_le_bytes())
-            .collect();
-    std::fs::write(workshop.path("square.bin"), &positions).expect("a file");
+    let square = [[-9f32, -9., 0.], [9., -9., 0.], [9., 9., 0.], [-9., -9., 0.], [9., 9., 0.], [-9., 9., 0.]];
     let gltf = |intensity: f64| {
-        serde_json::json!({
-            "asset": { "version": "2.0" },
-            "extensionsUsed": ["KHR_lights_punctual"],
-            "extensions": { "KHR_lights_punctual": { "lights": [
-                { "type": "directional", "intensity": intensity } ] } },
-            "scene": 0,
-            "scenes": [{ "nodes": [0, 1, 2] }],
-            "nodes": [
-                { "mesh": 0 },
-                { "extensions": { "KHR_lights_punctual": { "light": 0 } } },
-                { "camera": 0, "translation": [0, 0, 5] }
-            ],
-            "cameras": [{ "type": "perspective", "perspective": { "yfov": 0.7, "znear": 0.1 } }],
-            "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "material": 0 }] }],
-            "materials": [{ "pbrMetallicRoughness": { "metallicFactor": 0 } }],
-            "accessors": [{ "bufferView": 0, "componentType": 5126, "count": 6, "type": "VEC3",
-                "min": [-9, -9, 0], "max": [9, 9, 0] }],
-            "bufferViews": [{ "buffer": 0, "byteLength": 72 }],
-            "buffers": [{ "uri": "square.bin", "byteLength": 72 }]
-        })
-        .to_string()
+        let light = json!({ "type": "directional", "intensity": intensity });
+        let nodes = json!([
+            { "mesh": 0 },
+            { "extensions": { "KHR_lights_punctual": { "light": 0 } } },
+            { "camera": 0, "translation": [0, 0, 5] }
+        ]);
+        let mut model = Model::new(&square);
+        model.primitive()["material"] = json!(0);
+        model
+            .with("extensionsUsed", json!(["KHR_lights_punctual"]))
+            .with("extensions", json!({ "KHR_lights_punctual": { "lights": [light] } }))
+            .with("scenes", json!([{ "nodes": [0, 1, 2] }]))
+            .with("nodes", nodes)
+            .with("cameras", json!([{ "type": "perspective", "perspective": { "yfov": 0.7, "znear": 0.1 } }]))
+            .with("materials", json!([{ "pbrMetallicRoughness": { "metallicFactor": 0 } }]))
+            .text()
     };
     workshop.write("bright.gltf", &gltf(5000.0));
     let said = workshop.succeed("render bright.gltf -o a.png --size 64x48");

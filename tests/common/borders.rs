@@ -6,7 +6,6 @@ use glam::DVec3;
 use kiln::error::{Error, Warnings};
 use kiln::film::Film;
 use kiln::scene::{Camera, Numerics, Projection, Scene};
-use serde_json::{Value, json};
 
 use super::Numbers;
 use super::picture::{Prepared, equip, prepare};
@@ -15,7 +14,7 @@ use super::picture::{Prepared, equip, prepare};
 pub const TIGHT: [Numerics; 3] = [Numerics::Watertight, Numerics::Double, Numerics::Exact];
 
 /// A folder of input files that goes when the test ends.
-pub struct Folder(tempfile::TempDir);
+pub struct Folder(pub tempfile::TempDir);
 
 impl Folder {
     pub fn new() -> Self {
@@ -37,10 +36,10 @@ impl Folder {
     /// The error of a file that cannot be used.
     #[track_caller]
     pub fn fails(&self, name: &str, bytes: impl AsRef<[u8]>) -> Error {
-        match self.read(name, bytes).0 {
-            Ok(_) => panic!("{name} was read, though it is broken"),
-            Err(e) => e,
-        }
+        let e = self.read(name, bytes).0.err();
+        let e = e.unwrap_or_else(|| panic!("{name} was read, though it is broken"));
+        assert!(matches!(e, Error::Input { .. }), "{e:?}");
+        e
     }
 
     fn read(&self, name: &str, bytes: impl AsRef<[u8]>) -> (Result<Scene, Error>, Vec<String>) {
@@ -143,67 +142,4 @@ pub fn under(field: &[[[i64; 3]; 3]], x: i64, y: i64) -> Option<(u32, f64)> {
         }
     }
     best.map(|(id, depth, sum)| (id, depth as f64 / (2 * sum) as f64))
-}
-
-/// A glTF file with one mesh, whose numbers stand in the file as they are given.
-pub struct Model {
-    pub json: Value,
-    bytes: Vec<u8>,
-}
-
-impl Model {
-    pub fn new(positions: &[[f32; 3]]) -> Self {
-        let json = json!({
-            "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }],
-            "nodes": [{ "name": "it", "mesh": 0 }],
-            "meshes": [{ "primitives": [{ "attributes": {} }] }],
-            "bufferViews": [], "accessors": [],
-        });
-        let mut model = Model { json, bytes: Vec::new() };
-        model.attribute("POSITION", positions);
-        model
-    }
-
-    pub fn attribute<const N: usize>(&mut self, name: &str, values: &[[f32; N]]) {
-        let (offset, count) = (self.bytes.len(), values.len());
-        self.bytes.extend(values.iter().flatten().flat_map(|x| x.to_le_bytes()));
-        let view = json!({ "buffer": 0, "byteOffset": offset, "byteLength": self.bytes.len() - offset });
-        let views = self.json["bufferViews"].as_array_mut().expect("it was made as a list");
-        views.push(view);
-        // Bounds are asked for where there are positions; kiln looks at the numbers themselves.
-        let bound = [0.0f32; N].to_vec();
-        let accessor = json!({
-            "bufferView": views.len() - 1, "componentType": 5126, "count": count, "type": format!("VEC{N}"),
-            "min": bound, "max": bound,
-        });
-        let accessors = self.json["accessors"].as_array_mut().expect("it was made as a list");
-        accessors.push(accessor);
-        let index = accessors.len() - 1;
-        self.json["meshes"][0]["primitives"][0]["attributes"][name] = json!(index);
-    }
-
-    /// Replaces the first bytes of an accessor's numbers.
-    pub fn set_bytes(&mut self, accessor: usize, bytes: &[u8]) {
-        let view = self.json["accessors"][accessor]["bufferView"].as_u64().expect("a buffer view") as usize;
-        let offset = self.json["bufferViews"][view]["byteOffset"].as_u64().expect("an offset") as usize;
-        self.bytes[offset..offset + bytes.len()].copy_from_slice(bytes);
-    }
-
-    /// The file as .glb (glTF 2.0, section 4.4): a header of 12 bytes, then chunks padded to four bytes.
-    pub fn binary(&self) -> Vec<u8> {
-        let mut json = self.json.clone();
-        json["buffers"] = json!([{ "byteLength": self.bytes.len() }]);
-        let mut text = json.to_string().into_bytes();
-        text.resize(text.len().next_multiple_of(4), b' ');
-        let mut out = b"glTF".to_vec();
-        let word = |out: &mut Vec<u8>, x: usize| out.extend((x as u32).to_le_bytes());
-        word(&mut out, 2);
-        word(&mut out, 12 + 8 + text.len() + 8 + self.bytes.len());
-        for (kind, chunk) in [(b"JSON", &text), (b"BIN\0", &self.bytes)] {
-            word(&mut out, chunk.len());
-            out.extend(kind);
-            out.extend(chunk);
-        }
-        out
-    }
 }

@@ -5,6 +5,7 @@ pub mod hard;
 pub mod oracle;
 
 pub mod borders;
+pub mod gltf;
 pub mod oversized_images;
 pub mod picture;
 pub mod places;

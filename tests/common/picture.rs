@@ -10,9 +10,7 @@ use kiln::film::{Film, Window};
 use kiln::geometry::{Hit, Ray};
 use kiln::job::RenderSettings;
 use kiln::render::{RenderControl, Statistics, render};
-use kiln::scene::{
-    AnalyticShape, Falloff, LightKind, Numerics, PictureSettings, Sampling, Scene, Shape, Sphere, Step,
-};
+use kiln::scene::{AnalyticShape, Numerics, PictureSettings, Sampling, Scene, Shape, Sphere, Step};
 use kiln::world::{StandardView, View, World, fitted_camera, headlight, recenter};
 
 /// A scene from a file.
@@ -55,7 +53,7 @@ pub struct Prepared {
     pub world: World,
     pub view: View,
     pub size: [u32; 2],
-    pub scene_effects: kiln::scene::file::EffectsSection,
+    pub scene_effects: kiln::scene::EffectsSection,
     pub sampling: kiln::scene::Sampling,
     pub transport: Option<kiln::scene::Transport>,
 }
@@ -149,26 +147,8 @@ pub fn placed(mut scene: Scene, scale: f64, offset: DVec3) -> Scene {
         camera.viewpoint_distance *= scale;
     }
     for light in &mut scene.lights {
-        match &mut light.kind {
-            LightKind::Directional { .. } => {}
-            LightKind::Point { position, falloff } | LightKind::Spot { position, falloff, .. } => {
-                place(position);
-                if let Falloff::InverseSquare { range } = falloff {
-                    *range = range.map(|range| range * scale);
-                    light.intensity *= scale * scale;
-                }
-            }
-            LightKind::Sphere { position, radius } => {
-                place(position);
-                *radius *= scale;
-                light.intensity *= scale * scale;
-            }
-            LightKind::Rectangle { position, size, .. } => {
-                place(position);
-                *size = size.map(|side| side * scale);
-                light.intensity *= scale * scale;
-            }
-        }
+        light.scale(scale);
+        light.kind.position_mut().into_iter().for_each(|position| *position += offset);
     }
     scene
 }

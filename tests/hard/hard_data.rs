@@ -4,7 +4,8 @@
 //! Sizes, positions and transforms are tested in `hard_transforms.rs`.
 
 use crate::common;
-use crate::common::borders::{CUBE, Folder, Model, TIGHT, camera, films, scene, sound};
+use crate::common::borders::{CUBE, Folder, TIGHT, camera, films, scene, sound};
+use crate::common::gltf::Model;
 use crate::common::picture::{bits, equip, prepare};
 use glam::DVec3;
 use kiln::bvh::{Layout, Traversal};
@@ -219,7 +220,7 @@ fn i1_gltf_factors_beyond_the_format_make_light_or_none() {
         let pairs = materials.into_iter().map(|material| (material, plain.clone()));
         for (material, light) in pairs.chain(lights.map(|light| (json!({}), light))) {
             let mut model = Model::new(&cube());
-            model.json["meshes"][0]["primitives"][0]["material"] = json!(0);
+            model.primitive()["material"] = json!(0);
             model.json["materials"] = json!([material]);
             model.json["scenes"][0]["nodes"] = json!([0, 1]);
             let lamp = json!({ "KHR_lights_punctual": { "light": 0 } });

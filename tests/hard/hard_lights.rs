@@ -4,7 +4,8 @@
 //! Not tested here: lights with an area (G2), which path tracing samples; `tests/render/lights.rs` has them.
 
 use crate::common::Numbers;
-use crate::common::borders::{CUBE, Folder, Model, TIGHT, assert_sound, camera, films, scene, sound, tiers};
+use crate::common::borders::{CUBE, Folder, TIGHT, assert_sound, camera, films, scene, sound, tiers};
+use crate::common::gltf::Model;
 use crate::common::picture::{Prepared, picture, prepare};
 use glam::DVec3;
 use kiln::film::Colour;

@@ -5,7 +5,8 @@
 //! common corners differently (J3). Those are gaps in the data, and kiln does not weld vertices.
 
 use crate::common::Numbers;
-use crate::common::borders::{CUBE, Folder, Model, TIGHT, camera, films, scene, sound, tiers};
+use crate::common::borders::{CUBE, Folder, TIGHT, camera, films, scene, sound, tiers};
+use crate::common::gltf::Model;
 use crate::common::picture::{bits, placed, prepare};
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use kiln::film::ColourPipeline;

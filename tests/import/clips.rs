@@ -9,20 +9,8 @@ use kiln::render::RenderControl;
 use kiln::scene::{ClipChoice, ClipTime, ImportOptions, Material, Scene, Shape};
 use serde_json::json;
 
-use crate::common::borders::Model;
+use crate::common::gltf::Model;
 use crate::common::models;
-
-/// Adds an accessor of numbers that is no attribute; its index.
-fn accessor<const N: usize>(model: &mut Model, values: &[[f32; N]]) -> usize {
-    model.attribute("_VALUES", values);
-    let attributes =
-        model.json["meshes"][0]["primitives"][0]["attributes"].as_object_mut().expect("attributes");
-    let index = attributes.remove("_VALUES").and_then(|index| index.as_u64()).expect("an index") as usize;
-    if N == 1 {
-        model.json["accessors"][index]["type"] = json!("SCALAR");
-    }
-    index
-}
 
 /// Adds a clip with one channel.
 fn clip<const N: usize>(
@@ -34,7 +22,7 @@ fn clip<const N: usize>(
     name: &str,
 ) {
     let times: Vec<[f32; 1]> = times.iter().map(|&time| [time]).collect();
-    let (input, output) = (accessor(model, &times), accessor(model, values));
+    let (input, output) = (model.floats(&times), model.floats(values));
     if !model.json["animations"].is_array() {
         model.json["animations"] = json!([]);
     }
@@ -73,11 +61,9 @@ fn assert_near(found: DVec3, expected: [f64; 3]) {
     assert!((found - DVec3::from(expected)).length() < 1e-6, "{found} {expected:?}");
 }
 
-const TRIANGLE: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-
 #[test]
 fn a_node_moves_and_its_children_with_it() {
-    let mut model = Model::new(&TRIANGLE);
+    let mut model = Model::triangle();
     model.json["nodes"] =
         json!([{ "children": [1], "translation": [0, 5, 0] }, { "mesh": 0, "translation": [0, 0, 2] }]);
     clip(&mut model, 0, "translation", &[1.0, 3.0], &[[0.0, 0.0, 0.0], [8.0, 0.0, 0.0]], "Walk");
@@ -106,7 +92,7 @@ fn channels_without_a_property_or_a_node_are_errors_with_their_place() {
         ("translation", 1, "its target is node 1; there are 1"),
         ("weights", 4_000_000_000u64, "its target is node 4000000000; there are 1"),
     ] {
-        let mut model = Model::new(&TRIANGLE);
+        let mut model = Model::triangle();
         clip(&mut model, 0, "translation", &[0.0], &[[0.0; 3]], "Walk");
         let ignored = json!({ "sampler": 0, "target": { "path": "colour" } });
         let bad = json!({ "sampler": 0, "target": { "node": node, "path": path } });
@@ -128,16 +114,14 @@ fn a_skin_bends_at_its_joint() {
     model.attribute("JOINTS_0", &[[0.0f32; 4]; 3]);
     model.attribute("WEIGHTS_0", &[[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]);
     // Joints 0, 1, 0, 0 for every vertex, as bytes.
-    let joints = model.json["meshes"][0]["primitives"][0]["attributes"]["JOINTS_0"]
-        .as_u64()
-        .expect("an index") as usize;
+    let joints = model.primitive()["attributes"]["JOINTS_0"].as_u64().expect("an index") as usize;
     model.json["accessors"][joints]["componentType"] = json!(5121);
     model.json["accessors"][joints]["min"] = json!([0, 0, 0, 0]);
     model.set_bytes(joints, &[[0, 1, 0, 0]; 3].concat());
     let unmoved = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0f32];
     let mut back = unmoved;
     back[12] = -1.0;
-    let matrices = accessor(&mut model, &[unmoved, back]);
+    let matrices = model.floats(&[unmoved, back]);
     model.json["accessors"][matrices]["type"] = json!("MAT4");
     model.json["skins"] = json!([{ "joints": [1, 2], "inverseBindMatrices": matrices }]);
     model.json["nodes"] = json!([
@@ -157,11 +141,10 @@ fn a_skin_bends_at_its_joint() {
 /// Two targets move the first vertex by (4, 0, 0) and (0, 4, 0). The mesh weighs them by 0.5 and 0, the clip by 0 to 1 and 0.25.
 #[test]
 fn morph_targets_are_weighed_by_mesh_node_and_clip() {
-    let mut model = Model::new(&TRIANGLE);
+    let mut model = Model::triangle();
     let none = [0.0f32; 3];
-    let targets = [[4.0, 0.0, 0.0], [0.0, 4.0, 0.0]].map(|by| accessor(&mut model, &[by, none, none]));
-    model.json["meshes"][0]["primitives"][0]["targets"] =
-        json!([{ "POSITION": targets[0] }, { "POSITION": targets[1] }]);
+    let targets = [[4.0, 0.0, 0.0], [0.0, 4.0, 0.0]].map(|by| model.floats(&[by, none, none]));
+    model.primitive()["targets"] = json!([{ "POSITION": targets[0] }, { "POSITION": targets[1] }]);
     model.json["meshes"][0]["weights"] = json!([0.5, 0.0]);
     clip(&mut model, 0, "weights", &[0.0, 2.0], &[[0.0], [0.25], [1.0], [0.25]], "Smile");
     let first = |model: &Model, time| positions(&posed(model, time, None).expect("a scene"))[0];
@@ -173,7 +156,7 @@ fn morph_targets_are_weighed_by_mesh_node_and_clip() {
 
 #[test]
 fn cameras_follow_their_node() {
-    let mut model = Model::new(&TRIANGLE);
+    let mut model = Model::triangle();
     model.json["cameras"] = json!([{ "type": "perspective", "perspective": { "yfov": 1.0, "znear": 0.1 } }]);
     model.json["nodes"] = json!([{ "mesh": 0 }, { "camera": 0, "translation": [0, 0, 9] }]);
     model.json["scenes"] = json!([{ "nodes": [0, 1] }]);
@@ -195,7 +178,7 @@ fn at(model: &Model, time: f64) -> (Scene, Vec<String>) {
 /// Animates the property at a JSON pointer by keyframes of numbers or vectors.
 fn animate_pointer<const N: usize>(model: &mut Model, pointer: &str, times: &[f32], values: &[[f32; N]]) {
     let times: Vec<[f32; 1]> = times.iter().map(|&time| [time]).collect();
-    let (input, output) = (accessor(model, &times), accessor(model, values));
+    let (input, output) = (model.floats(&times), model.floats(values));
     if !model.json["animations"].is_array() {
         model.json["animations"] = json!([{ "samplers": [], "channels": [] }]);
     }
@@ -215,10 +198,10 @@ fn animate_pointer<const N: usize>(model: &mut Model, pointer: &str, times: &[f3
 /// them. What the pointers do not name keeps its value.
 #[test]
 fn pointers_animate_properties() {
-    let mut model = Model::new(&TRIANGLE);
+    let mut model = Model::triangle();
     clip(&mut model, 0, "translation", &[0.0, 2.0], &[[0.0, 0.0, 0.0], [4.0, 0.0, 0.0]], "Walk");
     model.json["materials"] = json!([{ "pbrMetallicRoughness": { "metallicFactor": 0.25 } }]);
-    model.json["meshes"][0]["primitives"][0]["material"] = json!(0);
+    model.primitive()["material"] = json!(0);
     model.json["cameras"] = json!([{ "type": "perspective", "perspective": { "yfov": 1.0, "znear": 0.1 } }]);
     let light = json!({ "type": "point", "intensity": 1.0, "color": [1, 0, 0] });
     model.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [light] } });
@@ -255,7 +238,7 @@ fn pointers_animate_properties() {
 /// A property that does not exist, or that may not be animated: a warning, and the rest is played.
 #[test]
 fn pointers_that_cannot_be_played_are_left_out() {
-    let mut model = Model::new(&TRIANGLE);
+    let mut model = Model::triangle();
     clip(&mut model, 0, "translation", &[0.0, 1.0], &[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]], "Walk");
     let pointers = ["/materials/7/alphaCutoff", "/accessors/0/count", "/nodes/0/mesh"];
     animate_pointer(&mut model, pointers[0], &[0.0, 1.0], &[[0.0], [1.0]]);
@@ -278,7 +261,7 @@ fn pointers_that_cannot_be_played_are_left_out() {
 #[test]
 fn hidden_nodes_are_not_drawn() {
     let visible = |is: bool| json!({ "KHR_node_visibility": { "visible": is } });
-    let mut model = Model::new(&TRIANGLE);
+    let mut model = Model::triangle();
     model.json["nodes"] = json!([{ "children": [1], "extensions": visible(false) }, { "mesh": 0, "extensions": visible(true) }]);
     model.json["scenes"] = json!([{ "nodes": [0] }]);
     let pointer = "/nodes/0/extensions/KHR_node_visibility/visible";
@@ -294,7 +277,7 @@ fn another_pose_keeps_the_images() {
     let folder = tempfile::tempdir().expect("a folder");
     let image = folder.path().join("a.png");
     image::RgbImage::from_pixel(1, 1, image::Rgb([1, 2, 3])).save(&image).expect("a file");
-    let mut model = Model::new(&TRIANGLE);
+    let mut model = Model::triangle();
     model.attribute("TEXCOORD_0", &[[0.0, 0.0]; 3]);
     model.json["images"] = json!([{ "uri": "a.png" }]);
     model.json["textures"] = json!([{ "source": 0 }]);
@@ -314,7 +297,7 @@ fn another_pose_keeps_the_images() {
 /// Without scenes, nodes without a parent are drawn, with what is below them.
 #[test]
 fn without_scenes_the_hierarchy_stands() {
-    let mut model = Model::new(&TRIANGLE);
+    let mut model = Model::triangle();
     model.json["nodes"] = json!([{ "mesh": 0 }, { "translation": [1, 0, 0], "children": [0] }]);
     let json = model.json.as_object_mut().expect("an object");
     json.remove("scene");
@@ -325,7 +308,7 @@ fn without_scenes_the_hierarchy_stands() {
 /// Frame 15 of 30 a second is the picture of 0.5 seconds; the clip moves the triangle out of the middle by then.
 #[test]
 fn frames_play_a_clip() {
-    let mut model = Model::new(&TRIANGLE);
+    let mut model = Model::triangle();
     // Two clips of one name: the second is chosen by its index.
     clip(&mut model, 0, "translation", &[0.0, 1.0], &[[9.0, 0.0, 0.0], [9.0, 0.0, 0.0]], "Walk");
     clip(&mut model, 0, "translation", &[0.0, 1.0], &[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]], "Walk");
@@ -361,7 +344,7 @@ fn frames_play_a_clip() {
 
 #[test]
 fn clips_are_chosen_by_name_or_number() {
-    let mut model = Model::new(&TRIANGLE);
+    let mut model = Model::triangle();
     for (name, x) in [("Walk", 1.0), ("Run", 2.0)] {
         clip(&mut model, 0, "translation", &[0.0], &[[x, 0.0, 0.0]], name);
     }
@@ -374,7 +357,7 @@ fn clips_are_chosen_by_name_or_number() {
         (error.to_string().as_str(), error.hint()),
         ("no input has a clip `Fly`", "their clips: `Walk`, `Run`")
     );
-    let none = posed(&Model::new(&TRIANGLE), Some(1.0), None).expect_err("no clips");
+    let none = posed(&Model::triangle(), Some(1.0), None).expect_err("no clips");
     assert_eq!(none.to_string(), "no input has clips");
 }
 
@@ -405,11 +388,11 @@ fn with_models_the_fox_moves() {
 #[test]
 fn normals_are_normalised_after_all_morph_targets() {
     let normal = |order: [usize; 2]| {
-        let mut model = Model::new(&TRIANGLE);
+        let mut model = Model::triangle();
         model.attribute("NORMAL", &[[0.0f32, 0.0, 1.0]; 3]);
         let none = [0.0f32; 3];
-        let targets = [[4.0, 0.0, 0.0], [0.0, 4.0, 0.0]].map(|by| accessor(&mut model, &[by, none, none]));
-        model.json["meshes"][0]["primitives"][0]["targets"] =
+        let targets = [[4.0, 0.0, 0.0], [0.0, 4.0, 0.0]].map(|by| model.floats(&[by, none, none]));
+        model.primitive()["targets"] =
             json!([{ "NORMAL": targets[order[0]] }, { "NORMAL": targets[order[1]] }]);
         model.json["meshes"][0]["weights"] = json!([1.0, 1.0]);
         let scene = posed(&model, None, None).expect("a scene");
@@ -424,7 +407,7 @@ fn normals_are_normalised_after_all_morph_targets() {
 /// The rotation of a texture transform is an angle: half way from 0 to 1 it is 0.5.
 #[test]
 fn pointers_animate_angles_of_texture_transforms() {
-    let mut model = Model::new(&TRIANGLE);
+    let mut model = Model::triangle();
     model.attribute("TEXCOORD_0", &[[0.0f32, 0.0], [1.0, 0.0], [0.0, 1.0]]);
     let image = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg==";
     model.json["images"] = json!([{ "uri": image }]);
@@ -432,7 +415,7 @@ fn pointers_animate_angles_of_texture_transforms() {
     let transform = json!({ "KHR_texture_transform": { "rotation": 0.0 } });
     let texture = json!({ "index": 0, "extensions": transform });
     model.json["materials"] = json!([{ "pbrMetallicRoughness": { "baseColorTexture": texture } }]);
-    model.json["meshes"][0]["primitives"][0]["material"] = json!(0);
+    model.primitive()["material"] = json!(0);
     let pointer =
         "/materials/0/pbrMetallicRoughness/baseColorTexture/extensions/KHR_texture_transform/rotation";
     animate_pointer(&mut model, pointer, &[0.0, 2.0], &[[0.0], [1.0]]);
@@ -447,12 +430,10 @@ fn pointers_animate_angles_of_texture_transforms() {
 /// A vertex whose weights are 0 moves with the first joint; the others as their weights say.
 #[test]
 fn a_vertex_without_weights_does_not_undo_its_skin() {
-    let mut model = Model::new(&TRIANGLE);
+    let mut model = Model::triangle();
     model.attribute("JOINTS_0", &[[0.0f32; 4]; 3]);
     model.attribute("WEIGHTS_0", &[[0.0f32; 4], [1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]);
-    let joints = model.json["meshes"][0]["primitives"][0]["attributes"]["JOINTS_0"]
-        .as_u64()
-        .expect("an index") as usize;
+    let joints = model.primitive()["attributes"]["JOINTS_0"].as_u64().expect("an index") as usize;
     model.json["accessors"][joints]["componentType"] = json!(5121);
     model.json["accessors"][joints]["min"] = json!([0, 0, 0, 0]);
     model.set_bytes(joints, &[[0u8; 4]; 3].concat());

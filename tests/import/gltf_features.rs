@@ -2,16 +2,13 @@
 //! drawn nevertheless.
 
 use glam::{DVec2, DVec3};
-use image::{DynamicImage, ImageFormat, RgbImage};
 use kiln::error::{Error, Result, Warnings};
 use kiln::import::load_with;
 use kiln::render::RenderControl;
 use kiln::scene::{Headlight, ImportOptions, Material, Mesh, PictureSettings, Samples, Scene, Shape};
 use serde_json::{Value, json};
 
-use crate::common::borders::Model;
-
-const TRIANGLE: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+use crate::common::gltf::{Model, png_uri};
 
 fn load(model: &Model, options: &ImportOptions) -> Result<(Scene, Vec<String>)> {
     let folder = tempfile::tempdir().expect("a folder");
@@ -35,7 +32,7 @@ fn mesh(scene: &Scene) -> &Mesh {
 
 /// Replaces the numbers of an attribute by `bytes`, of another component type.
 fn with_bytes(model: &mut Model, attribute: &str, bytes: &[u8], component: u32, stride: usize) -> Value {
-    let index = model.json["meshes"][0]["primitives"][0]["attributes"][attribute].clone();
+    let index = model.primitive()["attributes"][attribute].clone();
     let number = index.as_u64().expect("an index") as usize;
     model.set_bytes(number, bytes);
     let accessor = &mut model.json["accessors"][number];
@@ -48,7 +45,7 @@ fn with_bytes(model: &mut Model, attribute: &str, bytes: &[u8], component: u32, 
 /// KHR_mesh_quantization: positions of i16 as they are, of i8 normalised (-128 and -127 are -1), with a stride.
 #[test]
 fn quantized_positions() {
-    let mut model = Model::new(&TRIANGLE);
+    let mut model = Model::triangle();
     let shorts: Vec<u8> = [[0i16, 0, 7, 0], [200, 0, 7, 0], [0, -300, 7, 0]]
         .iter()
         .flatten()
@@ -80,7 +77,7 @@ fn quantized_positions() {
 /// Texture coordinates in i8 that are not normalised, as KHR_mesh_quantization allows them.
 #[test]
 fn quantized_texture_coordinates() {
-    let mut model = Model::new(&TRIANGLE);
+    let mut model = Model::triangle();
     model.attribute("TEXCOORD_0", &[[0.0, 0.0]; 3]);
     with_bytes(&mut model, "TEXCOORD_0", &[3, 0, 0, 0, 254, 5, 0, 0, 0, 1, 0, 0], 5120, 4);
     model.json["extensionsUsed"] = json!(["KHR_mesh_quantization"]);
@@ -91,9 +88,9 @@ fn quantized_texture_coordinates() {
 /// An accessor without a buffer view is zeros, but for what a sparse one replaces.
 #[test]
 fn accessors_without_a_buffer_view() {
-    let mut model = Model::new(&TRIANGLE);
-    model.attribute("NORMAL", &TRIANGLE);
-    let number = model.json["meshes"][0]["primitives"][0]["attributes"]["NORMAL"].clone();
+    let mut model = Model::triangle();
+    model.attribute("NORMAL", &[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    let number = model.primitive()["attributes"]["NORMAL"].clone();
     let number = number.as_u64().expect("an index") as usize;
     model.json["accessors"][number].as_object_mut().expect("an object").remove("bufferView");
     let (scene, warnings) = read(&model);
@@ -115,14 +112,14 @@ fn accessors_without_a_buffer_view() {
 /// KHR_materials_variants: the materials of a variant by its name.
 #[test]
 fn variants_choose_materials() {
-    let mut model = Model::new(&TRIANGLE);
+    let mut model = Model::triangle();
     model.json["materials"] = json!([{ "name": "leather" }, { "name": "cloth" }]);
     model.json["extensionsUsed"] = json!(["KHR_materials_variants"]);
     model.json["extensionsRequired"] = json!(["KHR_materials_variants"]);
     let variants = json!([{ "name": "summer" }, { "name": "winter" }]);
     model.json["extensions"] = json!({ "KHR_materials_variants": { "variants": variants } });
     let mappings = json!([{ "material": 1, "variants": [1] }]);
-    let primitive = &mut model.json["meshes"][0]["primitives"][0];
+    let primitive = model.primitive();
     primitive["material"] = json!(0);
     primitive["extensions"] = json!({ "KHR_materials_variants": { "mappings": mappings } });
     let drawn = |variant: Option<&str>| {
@@ -143,7 +140,7 @@ fn variants_choose_materials() {
 
 #[test]
 fn required_extensions_are_ignored_where_asked() {
-    let mut model = Model::new(&TRIANGLE);
+    let mut model = Model::triangle();
     model.json["extensionsRequired"] = json!(["VENDOR_thing"]);
     assert!(load(&model, &ImportOptions::default()).is_err());
     let options = ImportOptions { ignore_required_extensions: true, ..ImportOptions::default() };
@@ -156,14 +153,14 @@ fn required_extensions_are_ignored_where_asked() {
 /// `_`. A scene without nodes is valid.
 #[test]
 fn invalid_files_that_are_drawn() {
-    let mut model = Model::new(&TRIANGLE);
+    let mut model = Model::triangle();
     let accessor = model.json["accessors"][0].as_object_mut().expect("an object");
     accessor.retain(|key, _| key != "min" && key != "max");
     model.json["bufferViews"][0]["byteStride"] = json!(0);
-    model.json["meshes"][0]["primitives"][0]["attributes"]["BATCHID"] = json!(0);
-    model.json["meshes"][0]["primitives"][0]["attributes"]["_MINE"] = json!(0);
+    model.primitive()["attributes"]["BATCHID"] = json!(0);
+    model.primitive()["attributes"]["_MINE"] = json!(0);
     let (scene, warnings) = read(&model);
-    assert_eq!(mesh(&scene).positions, TRIANGLE.map(|p| DVec3::from(p.map(f64::from))));
+    assert_eq!(mesh(&scene).positions, [DVec3::ZERO, DVec3::X, DVec3::Y]);
     let warning = "attribute BATCHID is not an attribute semantic of glTF; application-specific ones begin with `_`; not used";
     assert_eq!(warnings, [warning]);
     model.json["scenes"] = json!([{ "name": "empty" }]);
@@ -177,18 +174,18 @@ fn items_that_are_no_objects() {
         ["accessors", "animations", "bufferViews", "materials", "meshes", "nodes", "scenes", "textures"];
     for key in lists {
         // serde takes a list for the fields of an object in order.
-        let mut model = Model::new(&TRIANGLE);
+        let mut model = Model::triangle();
         model.json[key] = json!([[]]);
         drop(load(&model, &ImportOptions::default()));
         for item in [json!(1), Value::Null, json!("a")] {
-            let mut model = Model::new(&TRIANGLE);
+            let mut model = Model::triangle();
             model.json[key] = json!([item]);
             let e = load(&model, &ImportOptions::default()).expect_err("it is not glTF");
             assert!(e.to_string().contains("not a usable glTF file: "), "{key} = [{item}]: {e}");
         }
     }
     // The same inside of a mesh and of an animation.
-    let mut model = Model::new(&TRIANGLE);
+    let mut model = Model::triangle();
     model.json["meshes"] = json!([{ "primitives": [7] }]);
     assert!(load(&model, &ImportOptions::default()).is_err());
     model.json["animations"] = json!([{ "channels": [7], "samplers": [] }]);
@@ -197,12 +194,7 @@ fn items_that_are_no_objects() {
 
 /// A PNG of 2 by 2 texels as a data URI: red, green / blue, white.
 fn texels() -> String {
-    let pixels = [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255; 3]].concat();
-    let image = DynamicImage::ImageRgb8(RgbImage::from_raw(2, 2, pixels).expect("4 pixels"));
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    image.write_to(&mut bytes, ImageFormat::Png).expect("a PNG");
-    let escaped: String = bytes.get_ref().iter().map(|byte| format!("%{byte:02x}")).collect();
-    format!("data:image/png,{escaped}")
+    png_uri(2, &[[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [255; 4]])
 }
 
 /// A square seen by an orthographic camera whose pixels are the texels of `texture`, an emission texture beside a black
@@ -212,7 +204,7 @@ fn square(texture: &Value, set_1: [[f32; 2]; 4]) -> Model {
     // v grows downwards.
     model.attribute("TEXCOORD_0", &[[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]);
     model.attribute("TEXCOORD_1", &set_1);
-    let primitive = &mut model.json["meshes"][0]["primitives"][0];
+    let primitive = model.primitive();
     (primitive["mode"], primitive["material"]) = (json!(6), json!(0));
     let base = json!({ "baseColorTexture": { "index": 0 }, "baseColorFactor": [0, 0, 0, 1] });
     let material =
@@ -309,7 +301,7 @@ fn the_table_of_extensions_is_true() {
     assert!(rows.len() > 30);
     for row in rows {
         let name = row[0].trim_matches('`');
-        let mut model = Model::new(&TRIANGLE);
+        let mut model = Model::triangle();
         model.json["extensionsUsed"] = json!([name]);
         let (scene, warnings) = read(&model);
         assert_eq!(scene.objects.len(), 1, "{name}");
@@ -368,7 +360,7 @@ fn the_same_mesh_from_both_sides() {
 /// KHR_node_visibility hides meshes and lights, not cameras.
 #[test]
 fn cameras_of_hidden_nodes_stay() {
-    let mut model = Model::new(&TRIANGLE);
+    let mut model = Model::triangle();
     model.json["cameras"] = json!([{ "type": "perspective", "perspective": { "yfov": 1.0, "znear": 0.1 } }]);
     let hidden = json!({ "KHR_node_visibility": { "visible": false } });
     model.json["nodes"] = json!([{ "mesh": 0 }, { "mesh": 0, "camera": 0, "extensions": hidden }]);
@@ -382,7 +374,7 @@ fn cameras_of_hidden_nodes_stay() {
 #[test]
 fn versions_beyond_2_0_are_refused() {
     let of = |version: &str, least: Option<&str>| {
-        let mut model = Model::new(&TRIANGLE);
+        let mut model = Model::triangle();
         model.json["asset"] = json!({ "version": version });
         if let Some(least) = least {
             model.json["asset"]["minVersion"] = json!(least);
@@ -401,8 +393,8 @@ fn versions_beyond_2_0_are_refused() {
 /// EXT_mesh_gpu_instancing with custom attributes alone: the node's mesh once.
 #[test]
 fn instances_without_places_are_the_node() {
-    let mut model = Model::new(&TRIANGLE);
-    let index = model.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"].clone();
+    let mut model = Model::triangle();
+    let index = model.primitive()["attributes"]["POSITION"].clone();
     let instancing = json!({ "EXT_mesh_gpu_instancing": { "attributes": { "_ID": index } } });
     model.json["nodes"] = json!([{ "mesh": 0, "extensions": instancing }]);
     model.json["extensionsUsed"] = json!(["EXT_mesh_gpu_instancing"]);

@@ -5,6 +5,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
+use crate::common::borders::Folder;
+use crate::common::gltf::{FLOAT, Model, UNSIGNED_SHORT, data_uri, png};
 use crate::common::{self, repository};
 use glam::{DVec2, DVec3};
 use kiln::bvh::Layout;
@@ -19,33 +21,6 @@ use kiln::scene::{
 use kiln::shading::ShadingMode;
 use kiln::world::{View, World};
 use serde_json::{Value, json};
-
-/// A temporary folder, deleted at the end of the test.
-struct Folder(tempfile::TempDir);
-
-impl Folder {
-    fn new() -> Self {
-        Folder(tempfile::tempdir().expect("a temporary folder can be made"))
-    }
-
-    fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
-        let file = self.0.path().join(name);
-        std::fs::write(&file, bytes).expect("the temporary folder can be written to");
-        file
-    }
-
-    fn load(&self, name: &str, bytes: impl AsRef<[u8]>) -> (Scene, Vec<String>) {
-        load(&self.write(name, bytes))
-    }
-
-    fn fails(&self, name: &str, bytes: impl AsRef<[u8]>) -> Error {
-        let file = self.write(name, bytes);
-        let result = kiln::import::load(std::slice::from_ref(&file), &mut Warnings::default());
-        let e = result.err().unwrap_or_else(|| panic!("{name} was read, though it is broken"));
-        assert!(matches!(e, Error::Input { .. }), "{e:?}");
-        e
-    }
-}
 
 /// The message of an error, with the file name without its folder.
 fn message(e: &Error) -> String {
@@ -196,30 +171,6 @@ fn obj_bow_ties_are_drawn_and_said() {
     let (scene, warnings) = Folder::new().load("tie.obj", text);
     assert_eq!(scene.primitive_count(), 2);
     assert_eq!(warnings, ["tie.obj: 1 polygon(s) cross themselves and were cut into fans"]);
-}
-
-/// The search for diagonals is bounded, as its time would grow with the cube of the number of corners (9,000: 40 s).
-#[test]
-fn obj_polygons_of_many_corners_end_and_are_whole_where_they_can_be() {
-    let start = std::time::Instant::now();
-    let face = |count: usize, vertex: &dyn Fn(usize) -> usize| {
-        (0..count).map(|i| format!(" {}", vertex(i) + 1)).collect::<String>()
-    };
-    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
-    let round = format!("{corners}f{}\n", face(60_000, &|i| i % 3));
-    let (_, warnings) = Folder::new().load("round.obj", round);
-    assert_eq!(warnings[0], "round.obj: 1 polygon(s) cross themselves and were cut into fans");
-    // A regular polygon of n corners has the area n / 2 sin(2 pi / n).
-    let n = 12_000;
-    let angle = std::f64::consts::TAU / n as f64;
-    let circle: String =
-        (0..n).map(|i| (i as f64 * angle).sin_cos()).map(|(y, x)| format!("v {x} {y} 0\n")).collect();
-    let (scene, warnings) = Folder::new().load("circle.obj", format!("{circle}f{}\n", face(n, &|i| i)));
-    assert_eq!(warnings, [""; 0]);
-    let found = area(&triangles(mesh(&scene, 0)));
-    let expected = n as f64 / 2.0 * angle.sin();
-    assert!((found - expected).abs() < 1e-9, "{found} is not {expected}");
-    assert!(start.elapsed().as_secs() < 30, "{:?}", start.elapsed());
 }
 
 #[test]
@@ -589,117 +540,6 @@ fn obj_faults_name_their_line() {
 
 // --------------------------------------------------------------------------------------------------------------- glTF
 
-/// A builder of glTF files: accessors are packed into one buffer.
-struct Model {
-    json: Value,
-    bytes: Vec<u8>,
-}
-
-const FLOAT: u32 = 5126;
-const UNSIGNED_SHORT: u32 = 5123;
-
-impl Model {
-    fn new() -> Self {
-        let json = json!({
-            "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }],
-            "nodes": [], "meshes": [], "bufferViews": [], "accessors": [],
-        });
-        Model { json, bytes: Vec::new() }
-    }
-
-    /// One mesh with a triangle of [`TRIANGLE`]'s corners.
-    fn triangle() -> Self {
-        let mut model = Model::new();
-        let positions = model.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
-        model.json["meshes"] = json!([{ "primitives": [{ "attributes": { "POSITION": positions } }] }]);
-        model.json["nodes"] = json!([{ "name": "it", "mesh": 0 }]);
-        model
-    }
-
-    fn with(mut self, key: &str, value: Value) -> Self {
-        self.json[key] = value;
-        self
-    }
-
-    fn floats<const N: usize>(&mut self, values: &[[f32; N]]) -> usize {
-        let bytes = values.iter().flatten().flat_map(|x| x.to_le_bytes()).collect();
-        let kind = match N {
-            2 => "VEC2",
-            3 => "VEC3",
-            4 => "VEC4",
-            _ => "MAT4",
-        };
-        let index = self.accessor(bytes, FLOAT, values.len(), kind);
-        let bound = |pick: fn(f32, f32) -> f32| -> Vec<f32> {
-            (0..N).map(|i| values.iter().map(|v| v[i]).reduce(pick).unwrap_or(0.0)).collect()
-        };
-        self.json["accessors"][index]["min"] = json!(bound(f32::min));
-        self.json["accessors"][index]["max"] = json!(bound(f32::max));
-        index
-    }
-
-    fn shorts(&mut self, values: &[u16], kind: &str, count: usize) -> usize {
-        self.accessor(values.iter().flat_map(|x| x.to_le_bytes()).collect(), UNSIGNED_SHORT, count, kind)
-    }
-
-    fn accessor(&mut self, bytes: Vec<u8>, component: u32, count: usize, kind: &str) -> usize {
-        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
-        let (offset, length) = (self.bytes.len(), bytes.len());
-        self.bytes.extend(bytes);
-        let list = |json: &mut Value, key: &str, value: Value| {
-            let list = json[key].as_array_mut().expect("it was made as a list");
-            list.push(value);
-            list.len() - 1
-        };
-        let view = json!({ "buffer": 0, "byteOffset": offset, "byteLength": length });
-        let view = list(&mut self.json, "bufferViews", view);
-        let accessor =
-            json!({ "bufferView": view, "componentType": component, "count": count, "type": kind });
-        list(&mut self.json, "accessors", accessor)
-    }
-
-    /// The file as .gltf with its buffer in a data URI.
-    fn text(&self) -> String {
-        use base64::Engine;
-        let mut json = self.json.clone();
-        if json.get("buffers").is_none() {
-            let data = base64::engine::general_purpose::STANDARD.encode(&self.bytes);
-            let uri = format!("data:application/octet-stream;base64,{data}");
-            json["buffers"] = json!([{ "byteLength": self.bytes.len(), "uri": uri }]);
-        }
-        json.to_string()
-    }
-
-    /// The file as .glb (glTF 2.0, section 4.4): a header of 12 bytes, then chunks padded to four bytes, JSON with
-    /// spaces and binary with zeros.
-    fn binary(&self) -> Vec<u8> {
-        let mut json = self.json.clone();
-        json["buffers"] = json!([{ "byteLength": self.bytes.len() }]);
-        let mut text = json.to_string().into_bytes();
-        text.resize(text.len().next_multiple_of(4), b' ');
-        let mut data = self.bytes.clone();
-        data.resize(data.len().next_multiple_of(4), 0);
-        let mut out = b"glTF".to_vec();
-        let word = |out: &mut Vec<u8>, x: usize| out.extend((x as u32).to_le_bytes());
-        word(&mut out, 2);
-        word(&mut out, 12 + 8 + text.len() + 8 + data.len());
-        for (kind, chunk) in [(b"JSON", text), (b"BIN\0", data)] {
-            word(&mut out, chunk.len());
-            out.extend(kind);
-            out.extend(chunk);
-        }
-        out
-    }
-
-    fn load(&self) -> (Scene, Vec<String>) {
-        Folder::new().load("a.gltf", self.text())
-    }
-
-    fn fails(&self) -> Error {
-        Folder::new().fails("a.gltf", self.text())
-    }
-}
-
 #[test]
 fn gltf_with_a_buffer_whose_name_holds_a_space() {
     let (scene, warnings) = fixture("square.gltf");
@@ -714,13 +554,13 @@ fn gltf_with_a_buffer_whose_name_holds_a_space() {
 #[test]
 fn gltf_primitives_that_name_what_is_not_there() {
     let mut model = Model::triangle();
-    model.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = json!(99);
+    model.primitive()["attributes"]["POSITION"] = json!(99);
     assert_eq!(message(&model.fails()), "a.gltf: mesh 0, primitive 0: POSITION is accessor 99; there are 1");
     for (key, value) in
         [("indices", json!(99)), ("material", json!(99)), ("attributes", json!({"NORMAL": 7}))]
     {
         let mut model = Model::triangle();
-        model.json["meshes"][0]["primitives"][0][key] = value;
+        model.primitive()[key] = value;
         assert!(message(&model.fails()).starts_with("a.gltf: not a usable glTF file: meshes[0]"), "{key}");
     }
 }
@@ -729,7 +569,6 @@ fn gltf_primitives_that_name_what_is_not_there() {
 /// primitives, and sizes in the headers of images.
 #[test]
 fn gltf_sizes_are_checked_before_memory_is_allocated() {
-    use base64::Engine;
     let sparse = json!({ "count": 1, "indices": { "bufferView": 0, "componentType": 5123 }, "values": { "bufferView": 0 } });
     let claim =
         |count: u64| json!({ "componentType": FLOAT, "count": count, "type": "VEC3", "sparse": sparse });
@@ -756,10 +595,8 @@ fn gltf_sizes_are_checked_before_memory_is_allocated() {
         let e = message(&shared.fails());
         assert!(e.starts_with("a.gltf: reading its meshes needs 768.0 GiB of memory; "), "{e}");
     }
-    let data =
-        base64::engine::general_purpose::STANDARD.encode(common::oversized_images::png(60_000, 60_000));
-    let picture =
-        Model::triangle().with("images", json!([{ "uri": format!("data:image/png;base64,{data}") }]));
+    let uri = data_uri("image/png", &common::oversized_images::png(60_000, 60_000));
+    let picture = Model::triangle().with("images", json!([{ "uri": uri }]));
     let e = picture.fails();
     assert!(message(&e).starts_with("a.gltf: image 0: a picture of 60000 x 60000 pixels needs "), "{e}");
 }
@@ -778,7 +615,7 @@ fn gltf_nodes_move_turn_and_stretch_what_they_hold() {
     let half = std::f64::consts::FRAC_1_SQRT_2;
     let mut model = Model::triangle();
     let normals_at = model.floats(&[[0.6, 0.0, 0.8], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0]]);
-    model.json["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = json!(normals_at);
+    model.primitive()["attributes"]["NORMAL"] = json!(normals_at);
     // The outer node rotates by 90 degrees about z and translates by (10, 0, 0); the inner one scales by (2, 3, 1).
     model.json["nodes"] = json!([
         { "children": [1], "translation": [10, 0, 0], "rotation": [0, 0, half, half] },
@@ -801,7 +638,7 @@ fn gltf_nodes_move_turn_and_stretch_what_they_hold() {
 fn gltf_mirrored_nodes_keep_the_outside_outside() {
     let mut model = Model::triangle();
     let normals_at = model.floats(&[[0.6, 0.0, 0.8]; 3]);
-    model.json["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = json!(normals_at);
+    model.primitive()["attributes"]["NORMAL"] = json!(normals_at);
     model.json["nodes"] = json!([{ "mesh": 0, "scale": [-2, 1, 1] }]);
     let (scene, _) = model.load();
     assert_eq!(triangles(mesh(&scene, 0)), [[DVec3::ZERO, v(-2.0, 0.0, 0.0), DVec3::Y]]);
@@ -823,22 +660,11 @@ fn gltf_base_colour_factor_picture_and_vertex_colours() {
     let png = std::fs::read(repository("assets/import/four.png")).expect("the fixture is there");
     let folder = Folder::new();
     folder.write("four.png", png);
-    let mut model = Model::new();
-    let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
-    let position = model.floats(&positions);
-    // glTF counts v from the top: the lower left corner of the square is the lower left corner of the texture.
-    let uv = model.floats(&[[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]);
-    let colour = model.floats(&[[1.0, 1.0, 0.25]; 4]);
-    let indices = model.shorts(&[0, 1, 2, 0, 2, 3], "SCALAR", 6);
-    let attributes = json!({ "POSITION": position, "TEXCOORD_0": uv, "COLOR_0": colour });
-    model.json["nodes"] = json!([{ "mesh": 0 }]);
-    model.json["meshes"] =
-        json!([{ "primitives": [{ "attributes": attributes, "indices": indices, "material": 0 }] }]);
-    model.json["images"] = json!([{ "uri": "four.png" }]);
-    model.json["textures"] = json!([{ "source": 0 }]);
+    let mut model = Model::square();
+    model.attribute("COLOR_0", &[[1.0, 1.0, 0.25]; 4]);
     let pbr = json!({ "baseColorFactor": [1, 0.5, 1, 1], "baseColorTexture": { "index": 0 } });
-    model.json["materials"] = json!([{ "name": "m", "pbrMetallicRoughness": pbr }]);
-    let (scene, warnings) = folder.load("a.gltf", model.text());
+    let material = json!({ "name": "m", "pbrMetallicRoughness": pbr });
+    let (scene, warnings) = folder.load("a.gltf", model.with_texture("four.png", json!({}), material).text());
     assert_eq!(warnings, [""; 0]);
     let Material::MetallicRoughness(material) = &scene.materials[0] else { panic!("{:?}", scene.materials) };
     assert_eq!(material.base_colour, Colour::Linear(v(1.0, 0.5, 1.0)));
@@ -867,32 +693,18 @@ fn gltf_textures_that_cannot_be_drawn_are_named() {
         ),
         (json!({ "source": 0 }), 1, "a.gltf: `node 0` lacks the texture coordinates of its material `m`"),
     ] {
-        let mut model = Model::new();
-        let position = model.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]]);
-        let uv = model.floats(&[[0.0, 1.0], [1.0, 1.0], [1.0, 0.0]]);
-        let attributes = json!({ "POSITION": position, "TEXCOORD_0": uv });
         let pbr = json!({ "baseColorTexture": { "index": 0, "texCoord": set } });
-        let (_, warnings) = folder.load(
-            "a.gltf",
-            model
-                .with("nodes", json!([{ "mesh": 0 }]))
-                .with("meshes", json!([{ "primitives": [{ "attributes": attributes, "material": 0 }] }]))
-                .with("images", json!([{ "uri": "half.png" }]))
-                .with("textures", json!([texture]))
-                .with("materials", json!([{ "name": "m", "pbrMetallicRoughness": pbr }]))
-                .text(),
-        );
+        let material = json!({ "name": "m", "pbrMetallicRoughness": pbr });
+        let model = Model::square().with_texture("half.png", json!({}), material);
+        let model = model.with("nodes", json!([{ "mesh": 0 }])).with("textures", json!([texture]));
+        let (_, warnings) = folder.load("a.gltf", model.text());
         assert!(warnings.len() == 1 && warnings[0].contains(expected), "{warnings:?}");
     }
 }
 
 /// A PNG of 2 by 1 white pixels whose alpha is 0 on the left and 204 (0.8) on the right.
 fn half_transparent_png() -> Vec<u8> {
-    let mut png = std::io::Cursor::new(Vec::new());
-    let pixels = vec![255, 255, 255, 0, 255, 255, 255, 204];
-    let image = image::RgbaImage::from_raw(2, 1, pixels).expect("two pixels");
-    image.write_to(&mut png, image::ImageFormat::Png).expect("it is written to memory");
-    png.into_inner()
+    png(2, &[[255, 255, 255, 0], [255, 255, 255, 204]])
 }
 
 /// The opacity is the product of factor, texture and vertex alpha (glTF 2.0, section 3.9.4); `MASK` compares it with
@@ -902,30 +714,16 @@ fn gltf_alpha_of_factor_picture_and_vertices() {
     let folder = Folder::new();
     folder.write("half.png", half_transparent_png());
     let load = |mode: &str, vertex_alpha: f32, cutoff: Option<f64>| {
-        let mut model = Model::new();
-        let position = model.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]]);
-        let uv = model.floats(&[[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]);
-        let colour = model.floats(&[[1.0, 1.0, 1.0, vertex_alpha]; 4]);
-        let indices = model.shorts(&[0, 1, 2, 0, 2, 3], "SCALAR", 6);
-        let attributes = json!({ "POSITION": position, "TEXCOORD_0": uv, "COLOR_0": colour });
-        let primitive = json!({ "attributes": attributes, "indices": indices, "material": 0 });
+        let mut model = Model::square();
+        model.attribute("COLOR_0", &[[1.0, 1.0, 1.0, vertex_alpha]; 4]);
         let pbr = json!({ "baseColorFactor": [1, 1, 1, 0.5], "baseColorTexture": { "index": 0 } });
         let mut material = json!({ "pbrMetallicRoughness": pbr, "alphaMode": mode });
         if let Some(cutoff) = cutoff {
             material["alphaCutoff"] = json!(cutoff);
         }
         let nearest = json!({ "magFilter": 9728, "minFilter": 9728 });
-        let (scene, warnings) = folder.load(
-            "a.gltf",
-            model
-                .with("nodes", json!([{ "mesh": 0 }]))
-                .with("meshes", json!([{ "primitives": [primitive] }]))
-                .with("images", json!([{ "uri": "half.png" }]))
-                .with("samplers", json!([nearest]))
-                .with("textures", json!([{ "source": 0, "sampler": 0 }]))
-                .with("materials", json!([material]))
-                .text(),
-        );
+        let model = model.with_texture("half.png", nearest, material);
+        let (scene, warnings) = folder.load("a.gltf", model.text());
         assert_eq!(warnings, [""; 0]);
         Scene { background: Some(Colour::from_u8([0; 3])), ..scene }
     };
@@ -971,7 +769,7 @@ fn gltf_without_its_picture_keeps_its_geometry() {
         json!([{ "uri": "gone.png" }, { "uri": "../out.png" }, { "uri": "data:image/png;base64,AAAA" }]);
     model.json["textures"] = json!([{ "source": 0 }, { "source": 1 }, { "source": 2 }]);
     model.json["materials"] = json!([{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }]);
-    model.json["meshes"][0]["primitives"][0]["material"] = json!(0);
+    model.primitive()["material"] = json!(0);
     let (scene, warnings) = model.load();
     assert_eq!(scene.primitive_count(), 1);
     assert_eq!(warnings[0], "gone.png: texture left out: no such file");
@@ -1000,22 +798,11 @@ fn gltf_samplers_and_normal_maps() {
         (json!({ "minFilter": 9987 }), None, minify(Linear, Some(Linear))),
     ] {
         let folder = Folder::new();
-        let mut png = Vec::new();
-        image::RgbImage::from_pixel(1, 1, image::Rgb([128, 128, 255]))
-            .write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)
-            .expect("a picture");
-        folder.write("n.png", png);
-        let mut model = Model::new();
-        let position = model.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
-        let uv = model.floats(&[[0.0, 1.0], [1.0, 1.0], [0.0, 0.0]]);
-        let attributes = json!({ "POSITION": position, "TEXCOORD_0": uv });
-        model.json["nodes"] = json!([{ "mesh": 0 }]);
-        model.json["meshes"] = json!([{ "primitives": [{ "attributes": attributes, "material": 0 }] }]);
-        model.json["images"] = json!([{ "uri": "n.png" }]);
-        model.json["samplers"] = json!([filters]);
-        model.json["textures"] = json!([{ "source": 0, "sampler": 0 }]);
-        model.json["materials"] = json!([{ "normalTexture": { "index": 0, "scale": 0.5 } }]);
-        let (scene, warnings) = folder.load("a.gltf", model.text());
+        folder.write("n.png", png(1, &[[128, 128, 255, 255]]));
+        let mut model = Model::triangle();
+        model.attribute("TEXCOORD_0", &[[0.0, 1.0], [1.0, 1.0], [0.0, 0.0]]);
+        let material = json!({ "normalTexture": { "index": 0, "scale": 0.5 } });
+        let (scene, warnings) = folder.load("a.gltf", model.with_texture("n.png", filters, material).text());
         assert_eq!(warnings, [""; 0]);
         let map = scene.materials[0].normal_map().expect("a normal map");
         assert_eq!(map.scale, 0.5);
@@ -1129,8 +916,7 @@ fn gltf_strips_and_fans_keep_their_sides() {
     for (mode, positions) in [(5, strip), (6, fan)] {
         let mut model = Model::triangle();
         let positions = model.floats(&positions);
-        model.json["meshes"][0]["primitives"][0] =
-            json!({ "attributes": { "POSITION": positions }, "mode": mode });
+        *model.primitive() = json!({ "attributes": { "POSITION": positions }, "mode": mode });
         let (scene, _) = model.load();
         let sides: Vec<DVec3> =
             triangles(mesh(&scene, 0)).iter().map(|[a, b, c]| (*b - *a).cross(*c - *a) / 2.0).collect();
@@ -1142,7 +928,7 @@ fn gltf_strips_and_fans_keep_their_sides() {
 fn gltf_points_and_lines_are_said_to_be_left_out() {
     for mode in 0..4 {
         let mut model = Model::triangle();
-        model.json["meshes"][0]["primitives"][0]["mode"] = json!(mode);
+        model.primitive()["mode"] = json!(mode);
         let (scene, warnings) = model.load();
         assert_eq!(
             (scene.primitive_count(), warnings),
@@ -1162,7 +948,7 @@ fn gltf_skins_are_posed_as_their_joints_stand() {
     let mut bound = identity;
     bound[13] = -1.0;
     let inverse = model.floats::<16>(&[identity, bound]);
-    let attributes = &mut model.json["meshes"][0]["primitives"][0]["attributes"];
+    let attributes = &mut model.primitive()["attributes"];
     attributes["JOINTS_0"] = json!(joints);
     attributes["WEIGHTS_0"] = json!(weights);
     model.json["skins"] = json!([{ "joints": [1, 2], "inverseBindMatrices": inverse }]);
@@ -1210,7 +996,7 @@ fn gltf_accessors_that_reach_outside_are_errors() {
     assert_eq!(message(&model.fails()), "a.gltf: it, primitive 0: its positions lie outside their buffer");
     let mut model = Model::triangle();
     let indices = model.shorts(&[0, 1, 2], "SCALAR", 30);
-    model.json["meshes"][0]["primitives"][0]["indices"] = json!(indices);
+    model.primitive()["indices"] = json!(indices);
     assert_eq!(message(&model.fails()), "a.gltf: accessor 1: its elements do not lie inside its buffer view");
 }
 
@@ -1257,7 +1043,7 @@ fn gltf_attributes_of_types_that_the_format_does_not_give_are_not_used() {
         let mut model = Model::triangle();
         let lanes = kind.chars().last().and_then(|c| c.to_digit(10)).unwrap_or(1) as usize;
         let accessor = model.accessor(vec![0; 3 * lanes * bytes], component, 3, kind);
-        model.json["meshes"][0]["primitives"][0]["attributes"][semantic] = json!(accessor);
+        model.primitive()["attributes"][semantic] = json!(accessor);
         let (scene, warnings) = model.load();
         let expected = format!("a.gltf: mesh 0, primitive 0: {semantic} of type ");
         let [warning] = warnings.as_slice() else { panic!("{warnings:?}") };
@@ -1268,7 +1054,7 @@ fn gltf_attributes_of_types_that_the_format_does_not_give_are_not_used() {
     for (component, bytes) in [(FLOAT, 12), (5122, 6)] {
         let mut model = Model::triangle();
         let indices = model.accessor(vec![0; bytes], component, 3, "SCALAR");
-        model.json["meshes"][0]["primitives"][0]["indices"] = json!(indices);
+        model.primitive()["indices"] = json!(indices);
         let expected = "a.gltf: mesh 0, primitive 0: its indices are not unsigned integers";
         assert_eq!(message(&model.fails()), expected);
     }
@@ -1298,7 +1084,7 @@ fn gltf_indices_out_of_range() {
     // A vertex that is not finite: its triangle is left out and counted.
     let mut model = Model::triangle();
     let indices = model.shorts(&[0, 1, 2, 0, 1, 3], "SCALAR", 6);
-    model.json["meshes"][0]["primitives"][0]["indices"] = json!(indices);
+    model.primitive()["indices"] = json!(indices);
     let (scene, warnings) = model.load();
     assert_eq!(triangles(mesh(&scene, 0)), [TRIANGLE]);
     assert_eq!(warnings, ["a.gltf: it: left out 1 triangle(s) with an index out of range"]);
@@ -1416,9 +1202,7 @@ fn gltf_textures_of_extensions() {
         Clearcoat, ClearcoatRoughness, Occlusion, SheenColour, SheenRoughness, Specular, SpecularColour,
     };
     let folder = Folder::new();
-    image::RgbaImage::from_pixel(1, 1, image::Rgba([1, 2, 3, 4]))
-        .save(folder.0.path().join("a.png"))
-        .expect("a file");
+    folder.write("a.png", png(1, &[[1, 2, 3, 4]]));
     image::RgbImage::from_pixel(1, 1, image::Rgb([1, 2, 3]))
         .save(folder.0.path().join("b.png"))
         .expect("a file");
@@ -1479,9 +1263,7 @@ fn gltf_textures_of_extensions() {
 #[test]
 fn gltf_specular_glossiness_becomes_metallic_roughness() {
     let folder = Folder::new();
-    image::RgbaImage::from_pixel(1, 1, image::Rgba([1, 2, 3, 100]))
-        .save(folder.0.path().join("a.png"))
-        .expect("a file");
+    folder.write("a.png", png(1, &[[1, 2, 3, 100]]));
     let name = "KHR_materials_pbrSpecularGlossiness";
     let value = json!({
         "diffuseFactor": [0.5, 2, 0.25, 1], "diffuseTexture": { "index": 0 }, "specularFactor": [0.1, 0.2, 0.3],
@@ -2214,8 +1996,8 @@ fn variants_of_meshes_of_scene_files_can_be_chosen() {
     model.json["extensions"] = json!({ "KHR_materials_variants": { "variants": [{ "name": "red" }] } });
     model.json["materials"] = json!([{ "name": "plain" }, { "name": "painted" }]);
     let mappings = json!({ "KHR_materials_variants": { "mappings": [{ "material": 1, "variants": [0] }] } });
-    model.json["meshes"][0]["primitives"][0]["material"] = json!(0);
-    model.json["meshes"][0]["primitives"][0]["extensions"] = mappings;
+    model.primitive()["material"] = json!(0);
+    model.primitive()["extensions"] = mappings;
     folder.write("a.gltf", model.text());
     let file = folder.write("a.toml", "[[mesh]]\nfile = 'a.gltf'\n");
     let mut options = kiln::scene::ImportOptions::default();

@@ -4,7 +4,8 @@
 use std::fmt::Write;
 
 use crate::common;
-use crate::common::borders::{Folder, Model};
+use crate::common::borders::Folder;
+use crate::common::gltf::Model;
 use crate::common::picture::{bits, equip, prepare};
 use glam::DQuat;
 use kiln::effects::Choices;
@@ -244,7 +245,7 @@ fn nodes_of_the_same_mesh_share_it() {
     instanced.attribute("_S", &transforms.iter().map(|t| t.2).collect::<Vec<_>>());
     let name = "EXT_mesh_gpu_instancing";
     let attributes = json!({ "TRANSLATION": 2, "ROTATION": 3, "SCALE": 4 });
-    instanced.json["meshes"][0]["primitives"][0]["attributes"] = json!({ "POSITION": 0, "NORMAL": 1 });
+    instanced.primitive()["attributes"] = json!({ "POSITION": 0, "NORMAL": 1 });
     instanced.json["nodes"][0]["extensions"] = json!({ name: { "attributes": attributes } });
     instanced.json["extensionsUsed"] = json!([name]);
     instanced.json["extensionsRequired"] = json!([name]);
@@ -293,7 +294,7 @@ fn places_of_a_node_that_are_not_usable_are_errors() {
         let mut model = Model::new(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
         model.attribute("NORMAL", &[[0.0, 0.0, 1.0]; 3]);
         model.attribute("COLOR_0", &[[1.0, 1.0, 1.0, 1.0]; 2]);
-        model.json["meshes"][0]["primitives"][0]["attributes"] = json!({ "POSITION": 0 });
+        model.primitive()["attributes"] = json!({ "POSITION": 0 });
         model.json["nodes"][0]["extensions"] =
             json!({ "EXT_mesh_gpu_instancing": { "attributes": attributes } });
         let e = folder.fails("a.glb", model.binary());

@@ -13,7 +13,7 @@ use kiln::error::Error;
 use kiln::render::RenderControl;
 use kiln::render::aov::{self, AOVS, AovSelection, AovSource};
 use kiln::scene::Numerics;
-use kiln::shading::{ShadingMode, shade};
+use kiln::shading::base_colour;
 
 const SIZE: [u32; 2] = [48, 36];
 
@@ -103,7 +103,7 @@ fn values_are_those_of_the_rays() {
             assert_eq!(three(layer, xyz), surface.shading_normal.as_vec3().to_array());
         }
         assert_eq!(three("GeometricNormal", xyz), surface.geometric_normal.as_vec3().to_array());
-        let albedo = shade(&prepared.world, ShadingMode::Flat, &surface, &[]);
+        let albedo = base_colour(&prepared.world, &surface);
         for layer in ["Albedo", "DenoisingAlbedo"] {
             assert_eq!(three(layer, rgb), albedo.as_vec3().to_array());
         }
@@ -332,7 +332,7 @@ fn only_selected_aovs_are_computed() {
         view,
         plan: &plan,
         window: film.window(),
-        share: kiln::film::Share::ALL,
+        share: kiln::farm::Share::ALL,
         film: Some(&film),
         display: Default::default(),
     };

@@ -3,8 +3,8 @@
 
 use std::path::PathBuf;
 
+use crate::common::gltf::{Model, png_uri};
 use crate::common::picture::parse;
-use base64::Engine;
 use kiln::error::Warnings;
 use kiln::film::Film;
 use kiln::job::{RenderControl, RenderJob, prepare};
@@ -13,56 +13,24 @@ use serde_json::{Value, json};
 
 const SIZE: u32 = 16;
 
-/// A PNG of RGBA texels as a data URI.
-pub fn data_uri(width: u32, texels: &[[u8; 4]]) -> String {
-    let height = texels.len() as u32 / width;
-    let mut png = std::io::Cursor::new(Vec::new());
-    let image = image::RgbaImage::from_raw(width, height, texels.as_flattened().to_vec());
-    image.expect("whole rows").write_to(&mut png, image::ImageFormat::Png).expect("a picture");
-    let data = base64::engine::general_purpose::STANDARD.encode(png.into_inner());
-    format!("data:image/png;base64,{data}")
-}
-
 /// A glTF file with one square of corners (-1, -1, 0) and (1, 1, 0) that faces +z, with the images as textures in
 /// order, all sampled without interpolation. Texture coordinates begin at the upper left corner. The file stays until
 /// the tests end.
 pub fn square(material: &Value, images: &[String]) -> PathBuf {
-    let numbers: [[f32; 5]; 4] = [
-        [-1.0, -1.0, 0.0, 0.0, 1.0],
-        [1.0, -1.0, 0.0, 1.0, 1.0],
-        [1.0, 1.0, 0.0, 1.0, 0.0],
-        [-1.0, 1.0, 0.0, 0.0, 0.0],
-    ];
-    let mut bytes: Vec<u8> = numbers.as_flattened().iter().flat_map(|x| x.to_le_bytes()).collect();
-    bytes.extend([0u16, 1, 2, 0, 2, 3].iter().flat_map(|i| i.to_le_bytes()));
-    let data = base64::engine::general_purpose::STANDARD.encode(&bytes);
+    let mut model = Model::new(&[[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]);
+    model.attribute("TEXCOORD_0", &[[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]);
+    let indices = model.shorts(&[0, 1, 2, 0, 2, 3], "SCALAR", 6);
+    (model.primitive()["indices"], model.primitive()["material"]) = (json!(indices), json!(0));
     let used: Vec<&String> =
         material["extensions"].as_object().map(|e| e.keys().collect()).unwrap_or_default();
-    let file = json!({
-        "asset": { "version": "2.0" },
-        "extensionsUsed": used,
-        "nodes": [{ "mesh": 0 }],
-        "meshes": [{ "primitives": [
-            { "attributes": { "POSITION": 0, "TEXCOORD_0": 1 }, "indices": 2, "material": 0 }
-        ] }],
-        "materials": [material],
-        "buffers": [{ "byteLength": bytes.len(), "uri": format!("data:application/octet-stream;base64,{data}") }],
-        "bufferViews": [
-            { "buffer": 0, "byteLength": 80, "byteStride": 20 },
-            { "buffer": 0, "byteOffset": 80, "byteLength": 12 },
-        ],
-        "accessors": [
-            { "bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3",
-              "min": [-1, -1, 0], "max": [1, 1, 0] },
-            { "bufferView": 0, "byteOffset": 12, "componentType": 5126, "count": 4, "type": "VEC2" },
-            { "bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR" },
-        ],
-        "images": images.iter().map(|uri| json!({ "uri": uri })).collect::<Vec<_>>(),
-        "samplers": [{ "magFilter": 9728, "minFilter": 9728 }],
-        "textures": (0..images.len()).map(|i| json!({ "source": i, "sampler": 0 })).collect::<Vec<_>>(),
-    });
+    let model = model
+        .with("extensionsUsed", json!(used))
+        .with("materials", json!([material]))
+        .with("images", images.iter().map(|uri| json!({ "uri": uri })).collect())
+        .with("samplers", json!([{ "magFilter": 9728, "minFilter": 9728 }]))
+        .with("textures", (0..images.len()).map(|i| json!({ "source": i, "sampler": 0 })).collect());
     let path = tempfile::tempdir().expect("a folder").keep().join("square.gltf");
-    std::fs::write(&path, file.to_string()).expect("a file");
+    std::fs::write(&path, model.text()).expect("a file");
     path
 }
 
@@ -166,7 +134,7 @@ fn a_texture_of_one_value_is_a_factor() {
     for (extension, factor, texture, texel, value) in cases() {
         let mut by_texture = layered();
         by_texture["extensions"][extension][texture] = json!({ "index": 0 });
-        let image = data_uri(2, &[texel; 4]);
+        let image = png_uri(2, &[texel; 4]);
         let mut by_factor = layered();
         by_factor["extensions"][extension][factor] = value;
         let textured = pixels(&render(scene(&by_texture, &[image], SKY)));
@@ -187,7 +155,7 @@ fn transmission_by_halves() {
             "KHR_materials_transmission": { "transmissionFactor": 1, "transmissionTexture": { "index": 0 } },
         },
     });
-    let image = data_uri(2, &[[0, 255, 255, 255], [255, 0, 0, 0]]);
+    let image = png_uri(2, &[[0, 255, 255, 255], [255, 0, 0, 0]]);
     let lamp = "[material.lamp]\ncolour = '#000000'\nemission = '#ffffff'\n[[triangles]]\nmaterial = 'lamp'\n\
         vertices = [[-9, -9, -2], [9, -9, -2], [9, 9, -2], [-9, 9, -2]]\nindices = [[0, 1, 2], [0, 2, 3]]\n";
     let film = render(scene(&material, &[image], lamp));
@@ -208,7 +176,7 @@ fn layers_by_texture_gain_nothing() {
     }
     let texels: Vec<[u8; 4]> =
         (0..64).map(|i| if (i + i / 8) % 2 == 0 { [255; 4] } else { [0; 4] }).collect();
-    let film = render(scene(&material, &[data_uri(8, &texels)], "[environment]\ncolour = '#ffffff'\n"));
+    let film = render(scene(&material, &[png_uri(8, &texels)], "[environment]\ncolour = '#ffffff'\n"));
     let mean = (0..SIZE * SIZE).map(|i| f64::from(film.pixel(i % SIZE, i / SIZE)[1])).sum::<f64>();
     let mean = mean / f64::from(SIZE * SIZE);
     // Samples of 0 to some 2 in 1024 pixels and samples: a standard error below 0.02.
@@ -220,7 +188,7 @@ fn layers_by_texture_gain_nothing() {
 fn local_shading_pays_nothing_for_textures_of_layers() {
     let mut material = layered();
     material["extensions"]["KHR_materials_clearcoat"]["clearcoatTexture"] = json!({ "index": 0 });
-    let image = data_uri(1, &[[0; 4]]);
+    let image = png_uri(1, &[[0; 4]]);
     let on = |transport| {
         let job = job(scene(&material, std::slice::from_ref(&image), ""), transport);
         job.plan.effects_on().any(|effect| effect == kiln::effects::id::TEXTURES)
@@ -233,7 +201,7 @@ fn local_shading_pays_nothing_for_textures_of_layers() {
 /// is added whole.
 #[test]
 fn occlusion_attenuates_the_ambient_light() {
-    let image = data_uri(2, &[[0, 255, 255, 255], [51, 0, 0, 255]]);
+    let image = png_uri(2, &[[0, 255, 255, 255], [51, 0, 0, 255]]);
     for (strength, lamp, expected) in [
         (1.0, false, [0.0, 0.1]),
         (0.5, false, [0.25, 0.3]),
@@ -263,7 +231,7 @@ fn occlusion_attenuates_the_ambient_light() {
 /// decoded from sRGB: 255 is 1 and 0 is 0.
 #[test]
 fn specular_glossiness_has_its_reflectance() {
-    let image = data_uri(2, &[[255, 255, 255, 255], [0, 0, 0, 255]]);
+    let image = png_uri(2, &[[255, 255, 255, 255], [0, 0, 0, 255]]);
     for (diffuse, specular) in [(0.0, 0.7), (0.5, 0.04), (0.5, 0.5), (1.0, 0.3), (0.8, 1.0)] {
         let material = json!({ "extensions": { "KHR_materials_pbrSpecularGlossiness": {
             "diffuseFactor": [diffuse, diffuse, diffuse, 1], "specularFactor": [specular, specular, specular],

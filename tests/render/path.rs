@@ -145,7 +145,7 @@ fn a_textured_light_has_the_irradiance_of_its_texels() {
         "emissiveFactor": [1, 1, 1], "emissiveTexture": { "index": 0 },
         "extensions": { "KHR_materials_emissive_strength": { "emissiveStrength": 2 } },
     });
-    let file = super::layers::square(&material, &[super::layers::data_uri(3, &texels)]);
+    let file = super::layers::square(&material, &[crate::common::gltf::png_uri(3, &texels)]);
     let lamp = format!(
         "{FLOOR}[[mesh]]\nfile = '{}'\nrotate = [90, 0, 0]\ntranslate = [-0.5, 1, 0]\n",
         file.display()

@@ -1,5 +1,5 @@
-//! Structure-of-arrays code gives the same bits as code for single rays: primary rays, surfaces, lights and colours,
-//! over tiles of all scenes, in every tier.
+//! Structure-of-arrays code gives the same bits as code for single rays: primary rays and surfaces, over tiles of all
+//! scenes, in every tier.
 
 use std::path::PathBuf;
 
@@ -11,12 +11,11 @@ use kiln::bvh::Traversal;
 use kiln::film::Window;
 use kiln::geometry::{HitBuffer, Ray, RayBuffer};
 use kiln::scene::{Numerics, Projection};
-use kiln::shading::{LightSample, LightSoa, Scratch, ShadingMode, shade, shade_all};
-use kiln::world::{InteractionSoa, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa};
+use kiln::world::{InteractionSoa, RAYS_PER_BATCH, SurfaceInteraction};
 
 const SIZE: [u32; 2] = [96, 72];
 
-/// Scenes with spheres, flat and smooth meshes, textures, several kinds of light and materials.
+/// Scenes with spheres, flat and smooth meshes, and several materials.
 fn scenes() -> Vec<PathBuf> {
     let mut files = vec![repository("scenes/assignment.toml")];
     let hard = std::fs::read_dir(repository("scenes/hard")).expect("the hard scenes");
@@ -74,9 +73,6 @@ fn hits(prepared: &Prepared, window: Window) -> (Vec<Ray>, HitBuffer) {
 fn check(prepared: &Prepared, what: &str) -> usize {
     let world = &prepared.world;
     let (mut soa, mut surfaces) = (RayBuffer::default(), Box::<InteractionSoa>::default());
-    let (mut colours, mut scratch) = (Box::<Vec3Soa>::default(), Box::<Scratch>::default());
-    let mut lights: Vec<Box<LightSoa>> = Vec::new();
-    lights.resize_with(world.lights.len(), Box::default);
     let mut seen = 0;
     for window in tiles() {
         let (rays, hits) = hits(prepared, window);
@@ -96,26 +92,6 @@ fn check(prepared: &Prepared, what: &str) -> usize {
             assert_eq!(bits_of(&surfaces.get(i)), bits_of(surface), "{what}, {window:?}, surface {i}");
         }
         seen += expected.len();
-
-        for smooth in [false, true] {
-            for (many, light) in lights.iter_mut().zip(&world.lights) {
-                many.sample(light, &surfaces, smooth);
-                for (i, surface) in expected.iter().enumerate() {
-                    let one = LightSample::new(light, surface, smooth);
-                    assert_eq!(many.reaches[i].then(|| many.get(i)), one, "{what}, {window:?}, surface {i}");
-                }
-            }
-        }
-        for mode in [ShadingMode::Flat, ShadingMode::Ambient, ShadingMode::Diffuse, ShadingMode::Full] {
-            let reaching: &[Box<LightSoa>] = if mode.uses_lights() { &lights } else { &[] };
-            shade_all(world, mode, &surfaces, reaching, &mut colours, &mut scratch);
-            for (i, surface) in expected.iter().enumerate() {
-                let samples: Vec<LightSample> =
-                    reaching.iter().filter(|light| light.reaches[i]).map(|light| light.get(i)).collect();
-                let one = shade(world, mode, surface, &samples);
-                assert_eq!(bits(colours.get(i)), bits(one), "{what}, {mode:?}, {window:?}, surface {i}");
-            }
-        }
     }
     seen
 }

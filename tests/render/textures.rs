@@ -9,7 +9,7 @@ use kiln::effects::{Choices, Plan, id};
 use kiln::film::{ColourPipeline, Window};
 use kiln::geometry::{Ray, Sphere};
 use kiln::render::{RenderControl, render};
-use kiln::scene::file::EffectValue;
+use kiln::scene::EffectValue;
 use kiln::scene::{
     Attribute, Camera, DecodedImage, Glaze, Interpolation, Material, MaterialId, Mesh, Minify, Numerics,
     Object, Phong, Projection, Sampler, Scene, Shape, TexelEncoding, Texture, TextureFilter, Wrap,

@@ -3,9 +3,9 @@
 
 use std::path::PathBuf;
 
+use crate::common::gltf::Model;
 use crate::common::picture::parse;
 use crate::path::{check, check_settings, mean, render, settings};
-use base64::Engine;
 use kiln::effects::{Choices, LightTechnique};
 use kiln::error::Warnings;
 use kiln::job::{RenderControl, prepare};
@@ -67,34 +67,25 @@ fn cube_file(library: &str) -> PathBuf {
 /// A glTF file of that cube in a material of glass that absorbs, placed by the nodes of a scene.
 fn cube_gltf(nodes: &serde_json::Value) -> PathBuf {
     let (vertices, triangles) = box_of([-1.0; 3], [1.0; 3]);
-    let positions = vertices.as_flattened().iter().flat_map(|&x| (x as f32).to_le_bytes());
-    let mut bytes: Vec<u8> = positions.collect();
-    bytes.extend(triangles.as_flattened().iter().flat_map(|&i| (i as u16).to_le_bytes()));
-    let data = base64::engine::general_purpose::STANDARD.encode(&bytes);
-    let file = json!({
-        "asset": { "version": "2.0" },
-        "scene": 0,
-        "scenes": [{ "nodes": [0] }],
-        "nodes": nodes,
-        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1, "material": 0 }] }],
-        "extensionsUsed": ["KHR_materials_transmission", "KHR_materials_volume"],
-        "materials": [{
-            "pbrMetallicRoughness": { "metallicFactor": 0, "roughnessFactor": 0 },
-            "extensions": {
-                "KHR_materials_transmission": { "transmissionFactor": 1 },
-                "KHR_materials_volume": { "thicknessFactor": 1, "attenuationDistance": 1,
-                    "attenuationColor": [GREY, GREY, GREY] },
-            },
-        }],
-        "buffers": [{ "byteLength": bytes.len(), "uri": format!("data:application/octet-stream;base64,{data}") }],
-        "bufferViews": [{ "buffer": 0, "byteLength": 96 }, { "buffer": 0, "byteOffset": 96, "byteLength": 72 }],
-        "accessors": [
-            { "bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3", "min": [-1, -1, -1], "max": [1, 1, 1] },
-            { "bufferView": 1, "componentType": 5123, "count": 36, "type": "SCALAR" },
-        ],
+    let vertices: Vec<[f32; 3]> = vertices.iter().map(|v| v.map(|c| c as f32)).collect();
+    let corners: Vec<u16> = triangles.as_flattened().iter().map(|&i| i as u16).collect();
+    let mut model = Model::new(&vertices);
+    let indices = model.shorts(&corners, "SCALAR", corners.len());
+    (model.primitive()["indices"], model.primitive()["material"]) = (json!(indices), json!(0));
+    let material = json!({
+        "pbrMetallicRoughness": { "metallicFactor": 0, "roughnessFactor": 0 },
+        "extensions": {
+            "KHR_materials_transmission": { "transmissionFactor": 1 },
+            "KHR_materials_volume": { "thicknessFactor": 1, "attenuationDistance": 1,
+                "attenuationColor": [GREY, GREY, GREY] },
+        },
     });
+    let model = model
+        .with("nodes", nodes.clone())
+        .with("extensionsUsed", json!(["KHR_materials_transmission", "KHR_materials_volume"]))
+        .with("materials", json!([material]));
     let path = tempfile::tempdir().expect("a folder").keep().join("cube.gltf");
-    std::fs::write(&path, file.to_string()).expect("a file");
+    std::fs::write(&path, model.text()).expect("a file");
     path
 }
 

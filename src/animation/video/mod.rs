@@ -16,8 +16,8 @@ use std::sync::{Arc, Mutex};
 
 use crate::error::{Error, Result};
 #[cfg(feature = "video")]
-use crate::film::output::folder_of;
-use crate::film::output::{WholeFile, describe};
+use crate::files::folder_of;
+use crate::files::{WholeFile, describe};
 use crate::film::{ColourPipeline, Film};
 use yuv::Yuv420;
 

@@ -14,7 +14,7 @@ use crate::bench::plot::{Point, scatter};
 use crate::bench::price::{self, PicturePrice, PriceRow, TRANSPORTS, price};
 use crate::bench::speed::{Kind, RaySets};
 use crate::error::Result;
-use crate::film::output::write_whole;
+use crate::files::write_whole;
 use crate::job::RenderSettings;
 use crate::scene::{PictureSettings, Transport};
 use crate::timing::Spread;

@@ -11,7 +11,7 @@ use super::speed::{Report, chosen, json};
 use super::{aligned, grouped, three_digits, with_progress};
 use crate::bench::speed::{self, Kind, ScalingStep, Settings, scaling, sizes};
 use crate::error::Result;
-use crate::film::output::write_whole;
+use crate::files::write_whole;
 use crate::timing::Clock;
 
 #[derive(Args)]

@@ -105,13 +105,15 @@ const MAX_DEPTH: u32 = 1000;
 
 /// What calls for paths, or speaks against them.
 fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
-    let names: Vec<&str> = world.area_lights.names.iter().map(String::as_str).collect();
+    let names = &world.area_lights.names;
     let (transport, reason) =
         Transport::called_for(choices.transport, world.environment.is_some(), !names.is_empty());
     let why = match reason {
         TransportReason::Choice => format!("the transport is `{}`", transport.name()),
         TransportReason::Environment => "the scene has an `environment`".into(),
-        TransportReason::AreaLight => named("area light", &names).unwrap_or_default(),
+        TransportReason::AreaLight => {
+            named("area light", names.iter().map(String::as_str)).unwrap_or_default()
+        }
         TransportReason::Nothing => {
             "the scene has no environment and no area light; --transport path asks for it".into()
         }

@@ -5,8 +5,8 @@ use glam::DVec3;
 use super::bsdf::parameters;
 use super::media::{Crossing, Media};
 use super::{Numbers, Path};
+use crate::shading::base_colour;
 use crate::shading::bsdf::Bsdf;
-use crate::shading::{ShadingMode, shade};
 use crate::world::{SurfaceInteraction, World};
 
 /// A surface interaction of a path.
@@ -52,7 +52,7 @@ impl<'a> Vertex<'a> {
     /// The albedo and the shading normal, for denoisers.
     #[inline]
     pub(super) fn albedo_and_normal(&self) -> [[f32; 3]; 2] {
-        let albedo = shade(self.world, ShadingMode::Flat, &self.surface, &[]);
+        let albedo = base_colour(self.world, &self.surface);
         [albedo, self.surface.shading_normal].map(|value| value.as_vec3().to_array())
     }
 

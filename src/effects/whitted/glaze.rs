@@ -27,7 +27,7 @@ use crate::film::ColourPipeline;
 use crate::geometry::{Precision, Ray, RayBuffer};
 use crate::scene::{Glaze, Material};
 use crate::world::{
-    InteractionSoa, PreparedMaterial, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, World, simd_dispatch,
+    InteractionSoa, PreparedMaterial, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, World, simd,
 };
 
 /// Mirrored rays.
@@ -50,8 +50,8 @@ pub const EFFECT: Effect = Effect {
     }),
     called_for: |world: &World, _| {
         let glazed = world.materials_in_use().filter(|material| mirror(material).is_some());
-        let names: Vec<&str> = glazed.map(Material::name).collect();
-        named("material", &names).ok_or_else(|| "no object is of a glazed material".into())
+        named("material", glazed.map(Material::name))
+            .ok_or_else(|| "no object is of a glazed material".into())
     },
     specify: |context, spec| {
         spec.generations_with_origins = spec.generations_with_origins.max(most_bounces(context));
@@ -155,14 +155,8 @@ impl Reflect {
         for range in &own.glazed {
             sources.extend(range.start as u32..range.end as u32);
             all_leave &= match precision {
-                Precision::Single => simd_dispatch(
-                    #[inline(always)]
-                    || mirrored_rays(surfaces, range, origins, Precision::Single, rays),
-                ),
-                Precision::Double => simd_dispatch(
-                    #[inline(always)]
-                    || mirrored_rays(surfaces, range, origins, Precision::Double, rays),
-                ),
+                Precision::Single => simd!(mirrored_rays(surfaces, range, origins, Precision::Single, rays)),
+                Precision::Double => simd!(mirrored_rays(surfaces, range, origins, Precision::Double, rays)),
             };
         }
         if self.min_weight > 0.0 {
@@ -320,23 +314,12 @@ mod tests {
         let along = DVec3::from(along);
         let along = (along - along.dot(outer) * outer).normalize_or(outer.any_orthonormal_vector());
         let smooth = (outer + DVec3::from(bend)).normalize();
+        let hit = Hit { t: 1.0, prim: PrimId(0), slot: SlotId::new(0), barycentrics: [0.0; 2] };
+        let view = (along + height * outer).normalize();
         (smooth.dot(outer) > 0.0).then_some(SurfaceInteraction {
-            point: crate::geometry::spawn::SurfacePoint {
-                position: DVec3::ZERO,
-                start: DVec3::ZERO,
-                reach: DVec3::ZERO,
-            },
-            view: (along + height * outer).normalize(),
             geometric_normal: outer,
             shading_normal: smooth,
-            texels: crate::world::Texels::default(),
-            further_texels: crate::world::FurtherTexels::default(),
-            ambient: 1.0,
-            tint: DVec3::ONE,
-            is_turned: false,
-            hit: Hit { t: 1.0, prim: PrimId(0), slot: SlotId::new(0), barycentrics: [0.0; 2] },
-            object: 0,
-            material: 0,
+            ..SurfaceInteraction::facing(view, hit, 0, 0)
         })
     }
 

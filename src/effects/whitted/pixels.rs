@@ -2,7 +2,7 @@
 
 use crate::effects::Stage;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile};
-use crate::world::{RAYS_PER_BATCH, Vec3Soa, simd_dispatch};
+use crate::world::{RAYS_PER_BATCH, Vec3Soa, simd};
 
 /// Gives every pixel the colour of its surface, of the environment, or of the background.
 pub(crate) struct WritePixels;
@@ -19,10 +19,7 @@ impl Stage for WritePixels {
         pixels.resize(generation.rays.len(), context.world.background.as_vec3().to_array());
         if surfaces.len() == pixels.len() {
             // Every ray hit: surface i belongs to pixel i.
-            simd_dispatch(
-                #[inline(always)]
-                || write_all(colours, pixels),
-            );
+            simd!(write_all(colours, pixels));
             return;
         }
         if context.world.environment.is_some() {

@@ -11,7 +11,7 @@ use crate::effects::transparency::transmittance;
 use crate::effects::{Effect, EffectContext, Hook, PlanSpec, RayKind, Stage, id, named, shadow_ray};
 use crate::geometry::{Numerics, RayBuffer};
 use crate::shading::{LightSample, LightSoa};
-use crate::world::{InteractionSoa, Vec3Soa, World, simd_dispatch};
+use crate::world::{InteractionSoa, Vec3Soa, World, simd};
 
 /// Shadow rays.
 pub const RAYS: RayKind = RayKind { name: "shadow", is_shadow: true, colour: [120, 190, 255] };
@@ -26,8 +26,8 @@ pub const EFFECT: Effect = Effect {
     is_study_switch: true,
     rays: &[RAYS],
     called_for: |world: &World, _| {
-        let names: Vec<&str> = world.lights.iter().map(|light| light.name.as_str()).collect();
-        named("light", &names).ok_or_else(|| "the scene has no lights".into())
+        let names = world.lights.iter().map(|light| light.name.as_str());
+        named("light", names).ok_or_else(|| "the scene has no lights".into())
     },
     specify: |_, spec| {
         if spec.lit {
@@ -151,18 +151,11 @@ fn shadow_rays(
 ) {
     // The tier is passed as a constant, so that the loops have no branch on it.
     match numerics {
-        Numerics::Naive => simd_dispatch(
-            #[inline(always)]
-            || rays_to(light, surfaces, origins, Numerics::Naive, rays),
-        ),
-        Numerics::Watertight => simd_dispatch(
-            #[inline(always)]
-            || rays_to(light, surfaces, origins, Numerics::Watertight, rays),
-        ),
-        Numerics::Double | Numerics::Exact => simd_dispatch(
-            #[inline(always)]
-            || rays_to(light, surfaces, origins, Numerics::Double, rays),
-        ),
+        Numerics::Naive => simd!(rays_to(light, surfaces, origins, Numerics::Naive, rays)),
+        Numerics::Watertight => simd!(rays_to(light, surfaces, origins, Numerics::Watertight, rays)),
+        Numerics::Double | Numerics::Exact => {
+            simd!(rays_to(light, surfaces, origins, Numerics::Double, rays))
+        }
     }
 }
 

@@ -21,8 +21,7 @@ pub const EFFECT: Effect = Effect {
     is_shading: true,
     called_for: |world: &World, choices| {
         let discs = world.lights.iter().filter(|light| light.disc.is_some());
-        let names: Vec<&str> = discs.map(|light| light.name.as_str()).collect();
-        let Some(names) = named("light", &names) else {
+        let Some(names) = named("light", discs.map(|light| light.name.as_str())) else {
             return Err("no directional light has an `angle`".into());
         };
         if !choices.sampling.is_wanted() {

@@ -30,8 +30,7 @@ pub const EFFECT: Effect = Effect {
             return Err("the scene has no lights".into());
         }
         let smooth = world.objects.iter().filter(|object| object.is_smooth());
-        let names: Vec<&str> = smooth.map(|object| object.name.as_str()).collect();
-        named("object", &names)
+        named("object", smooth.map(|object| object.name.as_str()))
             .map(|names| format!("the normals of {names}"))
             .ok_or_else(|| "no mesh has normals of its own".into())
     },

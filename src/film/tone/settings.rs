@@ -1,6 +1,6 @@
 //! Exposure and tone map as set by scenes and users, before an automatic exposure is known.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::{DisplayTransform, ToneMap, auto_exposure};
 use crate::film::ColourPipeline;
@@ -10,53 +10,23 @@ pub const MAX_EXPOSURE: f64 = 64.0;
 
 /// Exposure as typed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(try_from = "ExposureValue", into = "ExposureValue")]
+#[serde(rename_all = "lowercase", expecting = "expected EV from -64 to 64, or \"auto\"")]
 pub enum Exposure {
-    /// Light is multiplied by 2^EV.
-    Ev(f64),
     /// Computed from the picture ([`auto_exposure`]).
     Auto,
-}
-
-/// Exposure in EV, -64 to 64, or "auto".
-#[derive(Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(untagged, expecting = "expected a number of EV or \"auto\"")]
-pub enum ExposureValue {
-    /// EV.
+    /// Light is multiplied by 2^EV.
+    #[serde(untagged, deserialize_with = "ev")]
     Ev(f64),
-    /// From the picture.
-    Named(AutoName),
-}
-
-/// The name of the exposure that is computed from the picture.
-#[derive(Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum AutoName {
-    /// From the picture.
-    Auto,
 }
 
 const EXPOSURE_HINT: &str = "give a number of EV from -64 to 64, or \"auto\"";
 
-impl TryFrom<ExposureValue> for Exposure {
-    type Error = String;
-
-    fn try_from(value: ExposureValue) -> Result<Self, String> {
-        match value {
-            ExposureValue::Named(AutoName::Auto) => Ok(Exposure::Auto),
-            ExposureValue::Ev(ev) if ev.abs() <= MAX_EXPOSURE => Ok(Exposure::Ev(ev)),
-            ExposureValue::Ev(ev) => Err(format!("the exposure is {ev}; {EXPOSURE_HINT}")),
-        }
-    }
+fn in_range(ev: f64) -> Result<f64, &'static str> {
+    if ev.abs() <= MAX_EXPOSURE { Ok(ev) } else { Err(EXPOSURE_HINT) }
 }
 
-impl From<Exposure> for ExposureValue {
-    fn from(exposure: Exposure) -> Self {
-        match exposure {
-            Exposure::Ev(ev) => ExposureValue::Ev(ev),
-            Exposure::Auto => ExposureValue::Named(AutoName::Auto),
-        }
-    }
+fn ev<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    in_range(f64::deserialize(deserializer)?).map_err(serde::de::Error::custom)
 }
 
 impl std::str::FromStr for Exposure {
@@ -65,10 +35,7 @@ impl std::str::FromStr for Exposure {
     fn from_str(text: &str) -> Result<Self, String> {
         match text.trim() {
             "auto" => Ok(Exposure::Auto),
-            number => number
-                .parse()
-                .map_err(|_| EXPOSURE_HINT.to_owned())
-                .and_then(|ev| Exposure::try_from(ExposureValue::Ev(ev))),
+            number => Ok(Exposure::Ev(in_range(number.parse().map_err(|_| EXPOSURE_HINT)?)?)),
         }
     }
 }

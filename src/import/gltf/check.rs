@@ -13,6 +13,7 @@ use super::animation::Pose;
 use super::document::{QUANTIZATION, VISIBILITY};
 use super::instancing;
 use crate::error::{Error, Place, Result, Warnings};
+use crate::files;
 use crate::import::Source;
 use crate::import::uri::{self, Resource};
 use crate::limits;
@@ -224,7 +225,7 @@ pub(super) fn load_buffers(
             gltf::buffer::Source::Uri(text) => match uri::resolve(text, source).map_err(&fault)? {
                 Resource::Data(data) => data,
                 Resource::File(path) => source.files.read(&path).map_err(|e| {
-                    let (what, hint) = limits::explain(&e);
+                    let (what, hint) = files::explain(&e);
                     let item = Place::item(&source.file, item.clone());
                     Error::input(item, format!("{}: {what}", path.display()), hint)
                 })?,

@@ -12,9 +12,9 @@ use glam::{DVec2, dvec2};
 use super::pbr;
 use super::text::{decode_name, without_mark};
 use crate::error::{Warnings, contain};
+use crate::files::unreadable;
 use crate::import::Source;
 use crate::import::lines::Lines;
-use crate::limits::unreadable;
 use crate::scene::{ImageId, Sampler, Texture, Wrap};
 
 /// A material of an MTL file.

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::tests::{load, meshes, source};
 use super::*;
-use crate::import::files::Files;
+use crate::import::dependencies::Files;
 use crate::import::polygon::Triangulator;
 
 /// Pseudorandom numbers below a bound (SplitMix64; Steele et al., "Fast Splittable Pseudorandom Number Generators",

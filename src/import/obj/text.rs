@@ -7,8 +7,9 @@ use std::path::Path;
 
 use super::scanner::{last_line, next_line};
 use crate::error::{Error, Result};
+use crate::files::unreadable;
 use crate::import::Source;
-use crate::limits::{self, unreadable};
+use crate::limits;
 
 /// A name in UTF-8; if it is not, in Latin-1.
 pub(super) fn decode_name(name: &[u8]) -> String {

@@ -1,7 +1,7 @@
 //! PLY files made by hand, whole and damaged.
 
 use super::*;
-use crate::import::files::Files;
+use crate::import::dependencies::Files;
 use crate::scene::Shape;
 
 fn read_bytes(bytes: Vec<u8>) -> Result<(Mesh, Warnings)> {

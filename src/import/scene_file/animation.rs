@@ -3,10 +3,10 @@
 use glam::DVec3;
 
 use super::Builder;
+use super::animation_sections::{AnimationSection, LookAtSection, TrackSection};
+use super::sections::ScaleValue;
 use crate::error::Result;
-use crate::scene::animation::file::{AnimationSection, LookAtSection, TrackSection};
 use crate::scene::animation::{Animation, Goal, Key, Motion, Property, Target, Timeline, Track, Value};
-use crate::scene::file::ScaleValue;
 use toml::Spanned;
 
 impl Builder<'_> {

@@ -4,9 +4,9 @@ use glam::DVec3;
 use toml::Spanned;
 
 use super::Builder;
+use super::sections::{FalloffValue, LightSection, LightType};
 use crate::error::Result;
 use crate::film::Colour;
-use crate::scene::file::{FalloffValue, LightSection, LightType};
 use crate::scene::{Falloff, Light, LightKind};
 
 /// Maximum coordinate of a light, because the square of its distance must not overflow.

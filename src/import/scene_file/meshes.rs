@@ -9,9 +9,9 @@ use glam::{DMat4, DQuat, DVec3};
 use toml::Spanned;
 
 use super::Builder;
+use super::sections::{MeshSection, PlacementValue, ScaleValue, SceneFile, line_of};
 use crate::error::{Error, Place, Result, Warnings};
 use crate::import::{self, Source};
-use crate::scene::file::{MeshSection, PlacementValue, ScaleValue, SceneFile, line_of};
 use crate::scene::{MaterialId, Object, Placed, Placement, Scene, Shape};
 
 /// Cache of mesh files.

@@ -1,9 +1,9 @@
 //! Conversion of the metallic-roughness materials of scene files.
 
 use super::Builder;
+use super::sections::MaterialSection;
 use crate::error::Result;
 use crate::film::Colour;
-use crate::scene::file::MaterialSection;
 use crate::scene::{Layers, Material, MetallicRoughness, Volume};
 
 impl Builder<'_> {

@@ -6,26 +6,29 @@ use glam::DVec3;
 use toml::Spanned;
 
 mod animation;
+mod animation_sections;
 mod camera;
 mod light;
 mod meshes;
 mod metallic_roughness;
+mod sections;
+mod toml_error;
 
 pub use camera::inline_camera;
+pub use sections::SceneFile;
 
 use super::Source;
-use crate::error::{Error, Place, Result, Warnings};
+use crate::error::{Error, Place, Result, Warnings, nearest_name};
 use crate::film::{Colour, ColourPipeline};
 use crate::import;
-use crate::scene::file::{
-    CameraSection, EnvironmentSection, MaterialSection, MeshSection, SceneFile, SphereSection,
-    TrianglesSection, line_of, nearest_name,
-};
 use crate::scene::{
     Camera, Environment, EnvironmentSource, Glaze, Material, MaterialId, Mesh, Object, Opacity, Phong,
     PictureSettings, Scene, Shape, Sphere,
 };
 use meshes::Meshes;
+use sections::{
+    CameraSection, EnvironmentSection, MaterialSection, MeshSection, SphereSection, TrianglesSection, line_of,
+};
 
 /// Maximum number of glaze bounces. Each bounce that a path reaches needs buffers of about a tenth of a megabyte per
 /// thread; with a weight below 0.991 paths end earlier (`effects::whitted::glaze`).
@@ -64,24 +67,6 @@ enum Entry<'a> {
     Sphere(&'a Spanned<SphereSection>),
     Triangles(&'a Spanned<TrianglesSection>),
     Mesh(&'a Spanned<MeshSection>),
-}
-
-impl Entry<'_> {
-    fn start(&self) -> usize {
-        match self {
-            Entry::Sphere(s) => s.span().start,
-            Entry::Triangles(s) => s.span().start,
-            Entry::Mesh(s) => s.span().start,
-        }
-    }
-
-    fn name(&self) -> Option<&str> {
-        match self {
-            Entry::Sphere(s) => s.get_ref().name.as_deref(),
-            Entry::Triangles(s) => s.get_ref().name.as_deref(),
-            Entry::Mesh(s) => s.get_ref().name.as_deref(),
-        }
-    }
 }
 
 struct Builder<'a> {
@@ -292,15 +277,17 @@ impl Builder<'_> {
         Ok(Colour::Linear(colour.to_pipeline(ColourPipeline::Linear) * intensity))
     }
 
-    fn objects(&mut self, file: &SceneFile, warnings: &mut Warnings) -> Result<()> {
-        let mut entries: Vec<Entry> = Vec::new();
-        entries.extend(file.sphere.iter().map(Entry::Sphere));
-        entries.extend(file.triangles.iter().map(Entry::Triangles));
-        entries.extend(file.mesh.iter().map(Entry::Mesh));
-        entries.sort_by_key(Entry::start);
-        let named = entries.iter().map(|entry| (entry.name(), entry.start()));
-        self.warn_of_equal_names("object", named, warnings);
-        for entry in entries {
+    fn objects<'a>(&mut self, file: &'a SceneFile, warnings: &mut Warnings) -> Result<()> {
+        let mut entries: Vec<((Option<&str>, usize), Entry)> = Vec::new();
+        let named = |name: &'a Option<String>, start| (name.as_deref(), start);
+        let spheres = file.sphere.iter();
+        entries.extend(spheres.map(|s| (named(&s.get_ref().name, s.span().start), Entry::Sphere(s))));
+        let triangles = file.triangles.iter();
+        entries.extend(triangles.map(|s| (named(&s.get_ref().name, s.span().start), Entry::Triangles(s))));
+        entries.extend(file.mesh.iter().map(|s| (named(&s.get_ref().name, s.span().start), Entry::Mesh(s))));
+        entries.sort_by_key(|((_, start), _)| *start);
+        self.warn_of_equal_names("object", entries.iter().map(|(named, _)| *named), warnings);
+        for (_, entry) in entries {
             match entry {
                 Entry::Sphere(section) => self.sphere(section)?,
                 Entry::Triangles(section) => self.triangles(section)?,

@@ -3,7 +3,6 @@
 //! A track is a closed-form function of time. Frames do not accumulate error and can be evaluated in any order.
 
 mod easing;
-pub mod file;
 mod motion;
 mod target;
 mod timeline;

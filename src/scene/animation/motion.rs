@@ -113,7 +113,7 @@ impl Track {
                         Subject::Mesh { object, .. } => {
                             let about =
                                 DMat4::from_translation(*around) * DMat4::from_axis_angle(*axis, angle);
-                            Subject::transform(object, &(about * DMat4::from_translation(-*around)));
+                            object.shape.transform(&(about * DMat4::from_translation(-*around)));
                         }
                         other => {
                             let from = other.value(*property, self)?;

@@ -3,9 +3,8 @@
 use glam::{DMat4, DQuat, DVec3, EulerRot};
 
 use super::Track;
-use crate::error::{Error, Result};
-use crate::scene::file::nearest_name;
-use crate::scene::{AnalyticShape, Camera, Light, LightKind, Object, Scene, Shape, Sphere, Step};
+use crate::error::{Error, Result, nearest_name};
+use crate::scene::{AnalyticShape, Camera, Light, LightKind, Object, Scene, Shape, Sphere};
 
 /// Target of a track, by name.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -110,121 +109,83 @@ pub(super) fn centre_of(scene: &Scene, name: &str) -> Option<DVec3> {
 }
 
 impl Subject<'_> {
-    /// Transforms a mesh; does nothing for an analytic shape.
-    pub(super) fn transform(object: &mut Object, map: &DMat4) {
-        match &mut object.shape {
-            Shape::Mesh(mesh) => mesh.transform(map),
-            Shape::Placed(placed) => placed.placement.then(Step::Affine(*map)),
-            Shape::Analytic(_) => {}
+    /// The vector that is a property.
+    fn vector(&mut self, property: Property) -> Option<&mut DVec3> {
+        match (self, property) {
+            (Subject::Camera(camera), Property::Position) => Some(&mut camera.position),
+            (Subject::Camera(camera), Property::LookAt) => Some(&mut camera.target),
+            (Subject::Sphere(sphere), Property::Position) => Some(&mut sphere.centre),
+            (Subject::Light(light), Property::Position) => light.kind.position_mut(),
+            (Subject::Light(light), Property::Direction) => light.kind.direction_mut(),
+            _ => None,
         }
     }
 
     /// Current value of a property.
-    pub(super) fn value(&self, property: Property, track: &Track) -> Result<DVec3> {
-        Ok(match (self, property) {
-            (Subject::Camera(camera), Property::Position) => camera.position,
-            (Subject::Camera(camera), Property::LookAt) => camera.target,
-            (Subject::Sphere(sphere), Property::Position) => sphere.centre,
-            (Subject::Sphere(sphere), Property::Radius) => DVec3::splat(sphere.radius),
-            (Subject::Light(light), Property::Intensity) => DVec3::splat(light.intensity),
-            (Subject::Light(light), Property::Position | Property::Direction) => {
-                match (&light.kind, property) {
-                    (
-                        LightKind::Point { position, .. }
-                        | LightKind::Spot { position, .. }
-                        | LightKind::Sphere { position, .. }
-                        | LightKind::Rectangle { position, .. },
-                        Property::Position,
-                    ) => *position,
-                    (
-                        LightKind::Directional { direction, .. }
-                        | LightKind::Spot { direction, .. }
-                        | LightKind::Rectangle { direction, .. },
-                        Property::Direction,
-                    ) => *direction,
-                    _ => return Err(self.has_no(property, track)),
-                }
-            }
-            (Subject::Mesh { .. }, Property::Translate | Property::Rotate) => DVec3::ZERO,
-            (Subject::Mesh { .. }, Property::Scale) => DVec3::ONE,
-            _ => return Err(self.has_no(property, track)),
-        })
+    pub(super) fn value(&mut self, property: Property, track: &Track) -> Result<DVec3> {
+        if let Some(vector) = self.vector(property) {
+            return Ok(*vector);
+        }
+        match (&*self, property) {
+            (Subject::Sphere(sphere), Property::Radius) => Ok(DVec3::splat(sphere.radius)),
+            (Subject::Light(light), Property::Intensity) => Ok(DVec3::splat(light.intensity)),
+            (Subject::Mesh { .. }, Property::Translate | Property::Rotate) => Ok(DVec3::ZERO),
+            (Subject::Mesh { .. }, Property::Scale) => Ok(DVec3::ONE),
+            _ => Err(self.has_no(property, track)),
+        }
     }
 
     /// Sets a property.
     ///
     /// # Errors
     /// [`Error::Input`] if the target lacks the property or the value is invalid.
-    pub(super) fn set(&mut self, property: Property, value: DVec3, track: &Track) -> Result<()> {
+    pub(super) fn set(&mut self, property: Property, mut value: DVec3, track: &Track) -> Result<()> {
         // Fails if the target lacks the property.
         self.value(property, track)?;
         let bad = |what: &str, hint: &str| Err(track.error(what, hint));
-        match (self, property) {
-            (Subject::Camera(camera), Property::Position) => camera.position = value,
-            (Subject::Camera(camera), Property::LookAt) => camera.target = value,
-            (Subject::Sphere(sphere), Property::Position) => sphere.centre = value,
-            (Subject::Sphere(sphere), Property::Radius) => {
-                if value.x <= 0.0 {
-                    return bad(&format!("comes to a radius of {}", value.x), "keep radii above 0");
-                }
-                sphere.radius = value.x;
+        if property == Property::Direction {
+            let Some(unit) = value.try_normalize() else {
+                let hint = "choose values that do not pass through 0";
+                return bad("comes to a direction of no length", hint);
+            };
+            value = unit;
+        }
+        if let Some(vector) = self.vector(property) {
+            *vector = value;
+            return Ok(());
+        }
+        match self {
+            Subject::Sphere(_) if value.x <= 0.0 => {
+                return bad(&format!("comes to a radius of {}", value.x), "keep radii above 0");
             }
-            (Subject::Light(light), Property::Intensity) => {
-                if value.x < 0.0 {
-                    return bad(
-                        &format!("comes to an intensity of {}", value.x),
-                        "keep intensities at 0 or more",
-                    );
-                }
-                light.intensity = value.x;
+            Subject::Sphere(sphere) => sphere.radius = value.x,
+            Subject::Light(_) if value.x < 0.0 => {
+                return bad(
+                    &format!("comes to an intensity of {}", value.x),
+                    "keep intensities at 0 or more",
+                );
             }
-            (Subject::Light(light), Property::Position) => {
-                if let LightKind::Point { position, .. }
-                | LightKind::Spot { position, .. }
-                | LightKind::Sphere { position, .. }
-                | LightKind::Rectangle { position, .. } = &mut light.kind
-                {
-                    *position = value;
-                }
-            }
-            (Subject::Light(light), _) => {
-                let Some(unit) = value.try_normalize() else {
-                    return bad(
-                        "comes to a direction of no length",
-                        "choose values that do not pass through 0",
-                    );
-                };
-                if let LightKind::Directional { direction, .. }
-                | LightKind::Spot { direction, .. }
-                | LightKind::Rectangle { direction, .. } = &mut light.kind
-                {
-                    *direction = unit;
-                }
-            }
-            (Subject::Mesh { object, centre }, _) => {
+            Subject::Light(light) => light.intensity = value.x,
+            Subject::Mesh { object, centre } => {
                 let linear = match property {
                     Property::Rotate => {
                         let [x, y, z] = value.to_array().map(f64::to_radians);
                         DMat4::from_quat(DQuat::from_euler(EulerRot::ZYX, z, y, x))
                     }
                     Property::Scale if value.to_array().contains(&0.0) => {
-                        return bad(
-                            "comes to a scale of 0",
-                            "a mesh without size cannot be seen; keep factors other than 0",
-                        );
+                        let hint = "a mesh without size cannot be seen; keep factors other than 0";
+                        return bad("comes to a scale of 0", hint);
                     }
                     Property::Scale => DMat4::from_scale(value),
                     _ => {
-                        return {
-                            Subject::transform(object, &DMat4::from_translation(value));
-                            Ok(())
-                        };
+                        object.shape.transform(&DMat4::from_translation(value));
+                        return Ok(());
                     }
                 };
                 let about = DMat4::from_translation(*centre) * linear * DMat4::from_translation(-*centre);
-                Subject::transform(object, &about);
+                object.shape.transform(&about);
             }
-            _ => {}
+            Subject::Camera(_) => {}
         }
         Ok(())
     }

@@ -14,7 +14,7 @@ use super::with_progress;
 use crate::bench::speed::{self, RaySets, Settings, SpeedRow, engines, measure, page};
 use crate::bench::{Engine, Label, Unavailable};
 use crate::error::{Error, Result};
-use crate::film::output::write_whole;
+use crate::files::write_whole;
 
 #[derive(Args)]
 pub(crate) struct Arguments {

@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::{Easing, Property};
-use crate::scene::file::ScaleValue;
+use super::sections::ScaleValue;
+use crate::scene::animation::{Easing, Property};
 
 /// Animation: duration and tracks. With F = fps * duration, frame i shows the scene at time i / F; frames are 0 to F.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]

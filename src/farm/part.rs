@@ -10,12 +10,14 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::check::{FileState, PictureIdentity};
-use super::output::write_whole;
-use super::tone::{Exposure, ToneMap};
-use super::write::{ALPHA, Channel, FINGERPRINT, Format, Metadata, OutputImage, encode};
-use super::{ColourPipeline, DisplayTransform, Film, Pixel, Share, TILE, Window};
+use super::Share;
 use crate::error::{Error, Result};
+use crate::files;
+use crate::files::write_whole;
+use crate::film::check::{FileState, PictureIdentity};
+use crate::film::tone::{Exposure, ToneMap};
+use crate::film::write::{ALPHA, Channel, FINGERPRINT, Format, Metadata, OutputImage, encode};
+use crate::film::{ColourPipeline, DisplayTransform, Film, Pixel, TILE, Window};
 use crate::limits;
 
 const FIRST_LINE: &[u8] = b"kiln part 1\n";
@@ -177,11 +179,11 @@ fn bytes_of_share(window: Window, channels: usize, share: Share) -> u64 {
 }
 
 /// State of the file of a share.
-pub fn look(file: &Path, share: Share) -> FileState {
-    let bytes = match limits::read_file(file) {
+pub fn part_state(file: &Path, share: Share) -> FileState {
+    let bytes = match files::read_file(file) {
         Ok(bytes) => bytes,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return FileState::Missing,
-        Err(e) => return FileState::Broken(limits::explain(&e).0),
+        Err(e) => return FileState::Broken(files::explain(&e).0),
     };
     match open(&bytes) {
         Ok((head, found, _)) if found == share => FileState::Whole(PictureIdentity {
@@ -208,7 +210,7 @@ pub fn join(files: &[PathBuf], format: Format) -> Result<Joined> {
         let wrong = |what: String| {
             Error::input(file.as_path(), what, "give the parts that `kiln render --shard` wrote")
         };
-        let bytes = limits::read_file(file).map_err(|e| limits::unreadable(file, &e))?;
+        let bytes = files::read_file(file).map_err(|e| files::unreadable(file, &e))?;
         let (head, share, numbers) = open(&bytes).map_err(wrong)?;
         let joiner = match &mut joiner {
             Some(joiner) => joiner,
@@ -226,11 +228,11 @@ pub fn join(files: &[PathBuf], format: Format) -> Result<Joined> {
 const MAX_NAMED: usize = 20;
 
 /// Maximum bytes per pixel while parts are joined and the picture is encoded: film and channels, and the buffers of the
-/// encoder ([`super::write::bytes_per_pixel`]), or for 8-bit formats the rows in f32 and three buffers of bytes.
+/// encoder ([`crate::film::write::bytes_per_pixel`]), or for 8-bit formats the rows in f32 and three buffers of bytes.
 fn bytes_per_pixel(format: Format, channels: u64) -> u64 {
     let kept = 4 * (3 + channels);
     kept + if format == Format::Exr {
-        super::write::bytes_per_pixel(format, channels)
+        crate::film::write::bytes_per_pixel(format, channels)
     } else {
         12 + 3 + 3 + 3
     }

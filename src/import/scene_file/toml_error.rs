@@ -4,7 +4,7 @@
 use toml::Spanned;
 use toml::de::DeValue;
 
-use super::file::nearest_name;
+use crate::error::nearest_name;
 
 /// An error in a text.
 pub(super) struct TomlError {

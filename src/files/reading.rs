@@ -3,9 +3,8 @@
 use std::io::{self, Read, Seek};
 use std::path::Path;
 
-use super::process::{available, in_use};
-use super::{Bytes, check};
 use crate::error::Error;
+use crate::limits::{Bytes, available, check, in_use};
 
 /// First line of a Git LFS pointer, and the largest size of one in bytes (Git LFS Specification, "The Pointer").
 const LFS_POINTER: &[u8] = b"version https://git-lfs.github.com/spec/v1";

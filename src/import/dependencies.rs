@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::SystemTime;
 
-use crate::limits::{self, RegularFile};
+use crate::files::{RegularFile, read_file};
 use crate::scene::{DecodedImage, Scene};
 
 /// A file that was opened or looked up.
@@ -89,7 +89,7 @@ impl Files {
     /// Reads a file.
     pub(super) fn read(&self, file: &Path) -> std::io::Result<Vec<u8>> {
         self.add(file);
-        limits::read_file(file)
+        read_file(file)
     }
 
     /// Opens a file for reading.

@@ -1,4 +1,4 @@
-//! TOML form of a scene, as typed. `import` converts it to a [`super::Scene`], because scene files may name mesh files.
+//! TOML form of a scene, as typed. The other files of this folder convert it to a [`crate::scene::Scene`].
 //!
 //! Unknown keys are errors. The JSON schema for editors is generated from these types and their doc comments.
 
@@ -9,12 +9,10 @@ use serde::Deserialize;
 use toml::Spanned;
 use toml::de::DeTable;
 
-use super::animation::file::AnimationSection;
-pub use super::colour_value::ColourValue;
-pub use super::effects::{EffectValue, EffectsSection};
+use super::animation_sections::AnimationSection;
 use super::toml_error::{TomlError, check_lists, explain};
-use super::{PictureSettings, Projection, UpAxis};
 use crate::error::{Error, Place, Result};
+use crate::scene::{ColourValue, EffectValue, PictureSettings, Projection, UpAxis};
 
 /// A scene file.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
@@ -384,48 +382,17 @@ impl SceneFile {
 }
 
 /// Line number, counted from 1, of the byte at `offset`.
-pub fn line_of(text: &str, offset: usize) -> usize {
+pub(super) fn line_of(text: &str, offset: usize) -> usize {
     1 + text.bytes().take(offset).filter(|&b| b == b'\n').count()
-}
-
-/// "did you mean `x`?" if a known name is similar to `typed`, else the list of all known names.
-pub fn nearest_name(typed: &str, known: &[&str]) -> String {
-    let similarity = |name: &&&str| (strsim::jaro_winkler(typed, name) * 1e6) as u64;
-    match known.iter().max_by_key(similarity) {
-        Some(name) if similarity(&name) >= 800_000 => format!("did you mean `{name}`?"),
-        _ => format!("known here: {}", known.join(", ")),
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Background;
+    use crate::scene::{Background, Clamp, FilterRadius, Noise, OptionValue, Samples, Side};
 
     fn error_of(text: &str) -> Error {
         SceneFile::parse(text, Path::new("a.toml")).unwrap_err()
-    }
-
-    #[test]
-    fn unknown_keys_name_line_key_and_nearest() {
-        let e = error_of("[image]\nwidth = 3\nheigth = 4\n");
-        assert_eq!(e.to_string(), "a.toml:3: unknown key `heigth`");
-        assert_eq!(e.hint(), "did you mean `height`?");
-    }
-
-    #[test]
-    fn unknown_values_too() {
-        let e = error_of("[[light]]\ntype = \"pint\"\n");
-        assert_eq!(e.to_string(), "a.toml:2: unknown value `pint`");
-        assert_eq!(e.hint(), "did you mean `point`?");
-    }
-
-    #[test]
-    fn missing_keys_and_wrong_types_have_a_line() {
-        let e = error_of("[image]\nwidth = 1\n\n[[sphere]]\nradius = 1.0\n");
-        assert_eq!(e.to_string(), "a.toml:4: missing key `centre`");
-        let e = error_of("[[sphere]]\ncentre = [0, 0]\nradius = 1.0\n");
-        assert!(e.to_string().starts_with("a.toml:2: "), "{e}");
     }
 
     #[test]
@@ -447,12 +414,27 @@ mod tests {
     fn colours_both_ways() {
         let parse =
             |value: &str| SceneFile::parse(&format!("[image]\nbackground = {value}\n"), Path::new("a.toml"));
-        let red = Some(Background::Colour([124, 10, 2]));
+        let red = Some(Background::Colour(ColourValue([124, 10, 2])));
         let background = |value: &str| parse(value).unwrap().image.unwrap().get_ref().background;
         assert_eq!(background("[124, 10, 2]"), red);
         assert_eq!(background("\"#7c0A02\""), red);
         for bad in ["[1, 2]", "[256, 0, 0]", "[0.5, 0.5, 0.5]", "\"#12345\"", "\"#12345é\"", "\"red\""] {
             assert!(parse(bad).is_err(), "{bad}");
         }
+    }
+
+    /// A value out of range has the same message in scene files and as text.
+    #[test]
+    fn ranges_have_one_message() {
+        let fault = |key: &str, value: &str| {
+            let e = error_of(&format!("[image]\n\n{key} = {value}\n"));
+            assert_eq!(e.to_string(), format!("a.toml:3: `{key}` is {value}"));
+            e.hint().to_owned()
+        };
+        assert_eq!(Err(fault("samples", "0")), Samples::parse("0"));
+        assert_eq!(Err(fault("width", "65536")), Side::parse("65536"));
+        assert_eq!(Err(fault("filter_radius", "-1")), FilterRadius::parse("-1"));
+        assert_eq!(Err(fault("noise", "2.0")), Noise::parse("NaN"));
+        assert_eq!(Err(fault("clamp", "0")), Clamp::parse("x"));
     }
 }

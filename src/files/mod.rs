@@ -1,0 +1,7 @@
+//! Reading of whole files within the memory limits, and atomic writing.
+
+mod reading;
+mod writing;
+
+pub use reading::{Refused, RegularFile, explain, read_file, read_standard_input, unreadable};
+pub use writing::{WholeFile, describe, discard_unfinished, folder_of, write_whole};
