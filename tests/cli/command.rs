@@ -48,7 +48,7 @@ impl Workshop {
 
     /// Runs a command that must fail with `code`. Checks the form of its error, and returns message and hint.
     #[track_caller]
-    fn fail(&self, arguments: &str, code: i32) -> (String, String) {
+    pub(super) fn fail(&self, arguments: &str, code: i32) -> (String, String) {
         let output = self.run(arguments);
         let said = text(&output.stderr);
         assert_eq!(output.status.code(), Some(code), "{arguments}: {said}");
