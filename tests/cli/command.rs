@@ -543,7 +543,7 @@ fn a_camera_in_braces_is_the_scenes_own() {
 #[test]
 fn what_is_seen_is_rendered_by_its_line() {
     use kiln::effects::Choices;
-    use kiln::viewer::{command_line, navigate};
+    use kiln::viewer::{CameraSource, command_line, navigate};
     let workshop = Workshop::with("scene.toml", SCENE);
     let mut scene = crate::common::picture::load(&workshop.path("scene.toml"));
     let loaded = scene.clone();
@@ -555,7 +555,7 @@ fn what_is_seen_is_rendered_by_its_line() {
     let command = command_line::RenderCommand {
         inputs: &["scene.toml".into()],
         scene: &loaded,
-        viewpoint: command_line::CommandCamera::Camera(&camera),
+        viewpoint: &CameraSource::Free(camera.clone()),
         projection: camera.projection,
         size: [48, 32],
         settings: &settings,
