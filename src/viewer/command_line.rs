@@ -5,20 +5,12 @@
 
 use std::path::{Path, PathBuf};
 
+use super::request::CameraSource;
 use crate::job::{Look, RenderSettings};
 use crate::scene::{
     Camera, Clip, INLINE_NAME, ImportOptions, PictureSettings, Projection, Scene, default_size, shell_quoted,
 };
 use crate::world::StandardView;
-
-/// Camera of the command.
-#[derive(Debug, Clone, Copy)]
-pub enum CommandCamera<'a> {
-    /// Any camera in scene coordinates, of the scene or free.
-    Camera(&'a Camera),
-    /// A standard view, fitted by [`crate::world::fitted_camera`] to the picture's aspect ratio and projection.
-    Standard(StandardView),
-}
 
 /// Settings of a `kiln render` command.
 #[derive(Debug, Clone, Copy)]
@@ -29,7 +21,7 @@ pub struct RenderCommand<'a> {
     /// default.
     pub scene: &'a Scene,
     /// Camera. Its own projection is overridden by `projection`.
-    pub viewpoint: CommandCamera<'a>,
+    pub viewpoint: &'a CameraSource,
     /// Projection.
     pub projection: Projection,
     /// Width and height in pixels.
@@ -45,10 +37,18 @@ pub struct RenderCommand<'a> {
 }
 
 impl RenderCommand<'_> {
+    /// The camera, unless it is fitted.
+    fn camera(&self) -> Option<&Camera> {
+        match self.viewpoint {
+            CameraSource::Scene(index) => self.scene.cameras.get(*index),
+            CameraSource::Free(camera) => Some(camera),
+            CameraSource::Fitted(_) => None,
+        }
+    }
+
     /// Width and height in pixels that `kiln render` uses without `--size`.
     pub fn default_size(&self) -> [u32; 2] {
-        let camera = if let CommandCamera::Camera(camera) = self.viewpoint { Some(camera) } else { None };
-        default_size(self.scene.picture.size(), camera)
+        default_size(self.scene.picture.size(), self.camera())
     }
 }
 
@@ -106,17 +106,17 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
 /// Adds the camera option, and returns the projection that the command has without `--projection`.
 fn camera_option(command: &RenderCommand, option: &mut impl FnMut(&str, &str)) -> Projection {
     let cameras = &command.scene.cameras;
-    match command.viewpoint {
-        CommandCamera::Standard(StandardView::Auto) if cameras.is_empty() => Projection::default(),
-        CommandCamera::Standard(StandardView::Auto) => {
-            option("--camera", "auto");
+    match (command.viewpoint, command.camera()) {
+        (CameraSource::Fitted(view), _) => {
+            match view {
+                StandardView::Auto if cameras.is_empty() => {}
+                StandardView::Auto => option("--camera", "auto"),
+                view => option("--view", view.name()),
+            }
             Projection::default()
         }
-        CommandCamera::Standard(view) => {
-            option("--view", view.name());
-            Projection::default()
-        }
-        CommandCamera::Camera(camera) => {
+        (_, None) => Projection::default(),
+        (_, Some(camera)) => {
             let same = |known: &&Camera| {
                 let Camera {
                     name: _,
@@ -196,7 +196,7 @@ mod tests {
         Scene { cameras, picture: PictureSettings::of_size([640, 480]), ..Scene::default() }
     }
 
-    fn plain<'a>(scene: &'a Scene, inputs: &'a [PathBuf], viewpoint: CommandCamera<'a>) -> RenderCommand<'a> {
+    fn plain<'a>(scene: &'a Scene, inputs: &'a [PathBuf], viewpoint: &'a CameraSource) -> RenderCommand<'a> {
         RenderCommand {
             inputs,
             scene,
@@ -222,34 +222,32 @@ mod tests {
     #[test]
     fn what_kiln_does_by_itself_is_not_said() {
         let (scene, inputs) = (scene(), [PathBuf::from("a.toml")]);
-        let of = |camera: &Camera| line(&plain(&scene, &inputs, CommandCamera::Camera(camera)));
-        assert_eq!(of(&scene.cameras[0]), "");
-        assert_eq!(of(&scene.cameras[1]), r"--camera 'a'\''side'");
-        assert_eq!(of(&scene.cameras[2]), "--camera=-x");
+        let of = |viewpoint: &CameraSource| line(&plain(&scene, &inputs, viewpoint));
+        let cameras = [0, 1, 2, 3].map(CameraSource::Scene);
+        assert_eq!(of(&cameras[0]), "");
+        assert_eq!(of(&cameras[1]), r"--camera 'a'\''side'");
+        assert_eq!(of(&cameras[2]), "--camera=-x");
         // `auto` has another meaning.
-        assert!(of(&scene.cameras[3]).starts_with("--camera '{ position = [3, 0, 5], "));
-        let parallel = RenderCommand {
-            projection: Projection::Orthographic,
-            ..plain(&scene, &inputs, CommandCamera::Camera(&scene.cameras[1]))
-        };
+        assert!(of(&cameras[3]).starts_with("--camera '{ position = [3, 0, 5], "));
+        let parallel =
+            RenderCommand { projection: Projection::Orthographic, ..plain(&scene, &inputs, &cameras[1]) };
         assert_eq!(line(&parallel), r"--camera 'a'\''side' --projection orthographic");
-        let of = |view| line(&plain(&scene, &inputs, CommandCamera::Standard(view)));
+        let of = |view| of(&CameraSource::Fitted(view));
         assert_eq!(
             (of(StandardView::Iso), of(StandardView::Auto)),
             ("--view iso".into(), "--camera auto".into())
         );
         let bare = Scene { picture: scene.picture, ..Scene::default() };
-        assert_eq!(line(&plain(&bare, &inputs, CommandCamera::Standard(StandardView::Auto))), "");
+        assert_eq!(line(&plain(&bare, &inputs, &CameraSource::Fitted(StandardView::Auto))), "");
     }
 
     #[test]
     fn a_moved_camera_is_in_braces_with_its_projection() {
         let (scene, inputs) = (scene(), [PathBuf::from("a.toml")]);
         let moved = camera("front", 0.1);
-        let command = RenderCommand {
-            projection: Projection::Orthographic,
-            ..plain(&scene, &inputs, CommandCamera::Camera(&moved))
-        };
+        let viewpoint = CameraSource::Free(moved.clone());
+        let command =
+            RenderCommand { projection: Projection::Orthographic, ..plain(&scene, &inputs, &viewpoint) };
         let text = line(&command);
         assert!(text.starts_with(
             "--camera '{ position = [0.1, 0, 5], look_at = [0, 0, 0], projection = \"orthographic\", "
@@ -273,7 +271,7 @@ mod tests {
              --background #ff8000 --environment garden.hdr --environment-rotation=-90 --hide-environment=true --time=-0.5 \
              --clip Walk --variant red --up=-z --smooth 0.5 --ignore-required-extensions --allow-outside-references";
         let Line { mut settings, import } = read(options);
-        let plain = plain(&scene, &inputs, CommandCamera::Camera(&scene.cameras[0]));
+        let plain = plain(&scene, &inputs, &CameraSource::Scene(0));
         let command = RenderCommand { settings: &settings, import_options: &import, ..plain };
         assert_eq!(arguments(&command)[5..].join(" "), format!("{options} --draft"));
         // What the scene says is not repeated; a size and a limit are.
@@ -301,7 +299,7 @@ mod tests {
             let mut scene = scene();
             scene.cameras[1].name = format!("{name}{spice}");
             let inputs = [PathBuf::from(format!("{spice}{file}")), PathBuf::from("-")];
-            let command = plain(&scene, &inputs, CommandCamera::Camera(&scene.cameras[1]));
+            let command = plain(&scene, &inputs, &CameraSource::Scene(1));
             prop_assert_eq!(read_by_sh(&command_line(&command)), arguments(&command));
         }
     }

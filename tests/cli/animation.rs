@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use assert_cmd::Command;
 use glam::{DMat4, DQuat, DVec3};
 use kiln::animation::{PreparedAnimation, turntable};
 use kiln::bvh::{Layout, Preset};
@@ -16,6 +15,7 @@ use kiln::scene::{AnalyticShape, Camera, Numerics, Placed, Placement, Projection
 use kiln::world::{StandardView, View, World, headlight, recenter};
 
 use crate::common::repository;
+use crate::workshop::{Workshop, text};
 #[cfg(unix)]
 use rustix::process::{Pid, Signal, kill_process};
 
@@ -251,90 +251,63 @@ fn a_turntable_sees_everything_from_all_sides() {
 
 // The command.
 
-fn kiln(folder: &Path) -> Command {
-    let mut command = Command::cargo_bin("kiln").expect("the command is built with the tests");
-    command.current_dir(folder);
-    command
-}
-
-fn scene_file() -> String {
-    repository("scenes/animation.toml").display().to_string()
-}
-
-fn names(folder: &Path) -> Vec<String> {
-    let entries = std::fs::read_dir(folder).unwrap();
-    let mut names: Vec<String> =
-        entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
-    names.sort();
-    names
-}
-
-fn read(file: &Path) -> Vec<u8> {
-    std::fs::read(file).unwrap_or_else(|e| panic!("{}: {e}", file.display()))
-}
+const SCENE: &str = include_str!("../../scenes/animation.toml");
 
 /// The pixels of a PNG.
-fn pixels(file: &Path) -> Vec<u8> {
-    image::open(file).unwrap().to_rgb8().into_raw()
+fn pixels(shop: &Workshop, name: &str) -> Vec<u8> {
+    image::open(shop.path(name)).unwrap().to_rgb8().into_raw()
 }
 
 #[test]
 fn a_frame_alone_has_the_bytes_of_one_among_others() {
-    let folder = tempfile::tempdir().unwrap();
-    let scene = scene_file();
-    let run = |arguments: &[&str]| {
-        kiln(folder.path()).args(["render", &scene, "--size", "40x40"]).args(arguments).assert().success();
-    };
-    run(&["--frames", "7-9,300", "-o", "f_####.png", "--threads", "3"]);
-    run(&["--frames", "8", "-o", "alone.png", "--threads", "1"]);
-    run(&["--frames", "9-7:2", "-o", "again_%02d.png"]);
-    let expected =
-        ["again_07.png", "again_09.png", "alone.png", "f_0007.png", "f_0008.png", "f_0009.png", "f_0300.png"];
-    assert_eq!(names(folder.path()), expected);
-    let bytes = |name: &str| read(&folder.path().join(name));
-    assert_eq!(bytes("alone.png"), bytes("f_0008.png"));
-    assert_eq!(bytes("again_07.png"), bytes("f_0007.png"));
-    assert_eq!(bytes("again_09.png"), bytes("f_0009.png"));
-    assert_ne!(pixels(&folder.path().join("f_0007.png")), pixels(&folder.path().join("f_0008.png")));
-    // `kiln animate` writes the same files.
-    kiln(folder.path())
-        .args(["animate", &scene, "--size", "40x40", "--frames", "8", "-o", "g_####.png"])
-        .assert()
-        .success();
-    assert_eq!(bytes("g_0008.png"), bytes("f_0008.png"));
+    let shop = Workshop::with("scene.toml", SCENE);
+    for arguments in [
+        "render scene.toml --frames 7-9,300 -o f_####.png --threads 3",
+        "render scene.toml --frames 8 -o alone.png --threads 1",
+        "render scene.toml --frames 9-7:2 -o again_%02d.png",
+        // `kiln animate` writes the same files.
+        "animate scene.toml --frames 8 -o g_####.png",
+    ] {
+        shop.succeed(&format!("{arguments} --size 40x40"));
+    }
+    let expected = [
+        "again_07.png",
+        "again_09.png",
+        "alone.png",
+        "f_0007.png",
+        "f_0008.png",
+        "f_0009.png",
+        "f_0300.png",
+        "g_0008.png",
+        "scene.toml",
+    ];
+    assert_eq!(shop.names(), expected);
+    assert_eq!(shop.bytes("alone.png"), shop.bytes("f_0008.png"));
+    assert_eq!(shop.bytes("again_07.png"), shop.bytes("f_0007.png"));
+    assert_eq!(shop.bytes("again_09.png"), shop.bytes("f_0009.png"));
+    assert_eq!(shop.bytes("g_0008.png"), shop.bytes("f_0008.png"));
+    assert_ne!(pixels(&shop, "f_0007.png"), pixels(&shop, "f_0008.png"));
 }
 
 #[test]
 fn wrong_frames_are_one_clear_line() {
-    let folder = tempfile::tempdir().unwrap();
-    let scene = scene_file();
+    let shop = Workshop::with("scene.toml", SCENE);
     for (arguments, code, message) in [
-        (
-            &["--frames", "299-301", "-o", "f_##.png"][..],
-            2,
-            "frame 301 is not in the animation: its frames are 0 to 300",
-        ),
-        (
-            &["--frames", "-2-0", "-o", "f_##.png"],
-            2,
-            "frame -2 is not in the animation: its frames are 0 to 300",
-        ),
-        (&["--frames", "1-3", "-o", "f.png"], 2, "f.png: one name for 3 frames"),
-        (&["--frames", "1-", "-o", "f_##.png"], 2, "`1-` lacks a frame; write ranges as 1-10 or 1-10:2"),
-        (&["--frames", "1", "-o", "no/f_##.png"], 4, "its folder does not exist"),
-        (&["--frames", "1", "-o", "##_##.png"], 2, "##_##.png: several places for the number of the frame"),
+        ("--frames 299-301 -o f_##.png", 2, "frame 301 is not in the animation: its frames are 0 to 300"),
+        ("--frames -2-0 -o f_##.png", 2, "frame -2 is not in the animation: its frames are 0 to 300"),
+        ("--frames 1-3 -o f.png", 2, "f.png: one name for 3 frames"),
+        ("--frames 1- -o f_##.png", 2, "`1-` lacks a frame; write ranges as 1-10 or 1-10:2"),
+        ("--frames 1 -o no/f_##.png", 4, "its folder does not exist"),
+        ("--frames 1 -o ##_##.png", 2, "##_##.png: several places for the number of the frame"),
     ] {
-        let assert = kiln(folder.path()).args(["render", &scene, "--size", "8x8"]).args(arguments).assert();
-        let error = String::from_utf8_lossy(&assert.code(code).get_output().stderr).into_owned();
+        let (error, _) = shop.fail(&format!("render scene.toml --size 8x8 {arguments}"), code);
         assert!(error.contains(message), "{arguments:?}: {error}");
-        assert!(error.starts_with("kiln: error: ") && error.lines().count() <= 2, "{error}");
     }
-    assert_eq!(names(folder.path()), [""; 0]);
+    assert_eq!(shop.names(), ["scene.toml"]);
 }
 
 #[test]
 fn wrong_tracks_are_errors_with_their_line() {
-    let folder = tempfile::tempdir().unwrap();
     let scene =
         "[[sphere]]\nname = \"ball\"\ncentre = [0, 0, 0]\nradius = 1\n\n[animation]\n\n[[animation.track]]\n";
     for (track, message) in [
@@ -367,68 +340,40 @@ fn wrong_tracks_are_errors_with_their_line() {
             "a.toml:10: unknown value `radios`\nhint: did you mean `radius`?",
         ),
     ] {
-        std::fs::write(folder.path().join("a.toml"), format!("{scene}{track}")).unwrap();
-        let assert = kiln(folder.path()).args(["render", "a.toml", "-o", "a.png", "--size", "8x8"]).assert();
-        let error = String::from_utf8_lossy(&assert.code(3).get_output().stderr).into_owned();
+        let shop = Workshop::with("a.toml", format!("{scene}{track}"));
+        let (_, error) = shop.code("render a.toml -o a.png --size 8x8", 3);
         assert!(error.contains(message), "{track}: {error}");
     }
 }
 
 #[test]
 fn a_mesh_without_animation_is_gone_round_once() {
-    let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
-    let run = |arguments: &[&str]| {
-        kiln(folder.path())
-            .args(["animate", "a.obj", "--size", "32x32", "--fps", "4", "--duration", "1"])
-            .args(arguments)
-            .assert()
-            .success();
+    let shop = Workshop::with("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let animate = |output: &str| {
+        let run = shop.run(&format!("animate a.obj --size 32x32 --fps 4 --duration 1 -o {output}"));
+        assert!(run.status.success(), "{}", text(&run.stderr));
+        run.stdout
     };
-    run(&["-o", "f_#.png"]);
+    animate("f_#.png");
     // Four steps of a quarter turn; a fifth frame would equal the first.
-    assert_eq!(names(folder.path()), ["a.obj", "f_0.png", "f_1.png", "f_2.png", "f_3.png"]);
-    let all: Vec<Vec<u8>> = (0..4).map(|i| pixels(&folder.path().join(format!("f_{i}.png")))).collect();
+    assert_eq!(shop.names(), ["a.obj", "f_0.png", "f_1.png", "f_2.png", "f_3.png"]);
+    let all: Vec<Vec<u8>> = (0..4).map(|i| pixels(&shop, &format!("f_{i}.png"))).collect();
     assert!((0..4).all(|i| all[..i].iter().all(|other| *other != all[i])), "all differ");
     // Raw frames have the pixels of the PNG files.
-    let out = kiln(folder.path())
-        .args([
-            "animate",
-            "a.obj",
-            "--size",
-            "32x32",
-            "--fps",
-            "4",
-            "--duration",
-            "1",
-            "-o",
-            "-",
-            "--raw",
-            "rgb",
-        ])
-        .output()
-        .unwrap();
-    assert_eq!(out.stdout, all.concat());
-    let out = kiln(folder.path())
-        .args(["animate", "a.obj", "--size", "32x32", "--fps", "4", "--duration", "1", "-o", "-"])
-        .output()
-        .unwrap();
+    assert_eq!(animate("- --raw rgb"), all.concat());
+    let film = animate("-");
     let header: &[u8] = b"YUV4MPEG2 W32 H32 F4000:1000 Ip A1:1 C444 XCOLORRANGE=LIMITED\n";
-    assert!(out.stdout.starts_with(header));
-    assert_eq!(out.stdout.len(), header.len() + 4 * (b"FRAME\n".len() + 3 * 32 * 32));
+    assert!(film.starts_with(header));
+    assert_eq!(film.len(), header.len() + 4 * (b"FRAME\n".len() + 3 * 32 * 32));
 }
 
 #[test]
 fn an_animated_png_holds_the_frames() {
-    let folder = tempfile::tempdir().unwrap();
-    let scene = scene_file();
+    let shop = Workshop::with("scene.toml", SCENE);
     for output in ["f_#.png", "film.png"] {
-        kiln(folder.path())
-            .args(["animate", &scene, "--size", "24x24", "--frames", "0-6:3", "-o", output])
-            .assert()
-            .success();
+        shop.succeed(&format!("animate scene.toml --size 24x24 --frames 0-6:3 -o {output}"));
     }
-    let file = std::io::BufReader::new(std::fs::File::open(folder.path().join("film.png")).unwrap());
+    let file = std::io::BufReader::new(std::fs::File::open(shop.path("film.png")).unwrap());
     let mut reader = png::Decoder::new(file).read_info().unwrap();
     let control = *reader.info().animation_control().expect("it is animated");
     assert_eq!((control.num_frames, control.num_plays), (3, 0));
@@ -437,28 +382,24 @@ fn an_animated_png_holds_the_frames() {
         reader.next_frame(&mut bytes).unwrap();
         let delay = reader.info().frame_control().unwrap();
         assert_eq!((delay.delay_num, delay.delay_den), (1, 30));
-        assert_eq!(bytes, pixels(&folder.path().join(format!("f_{frame}.png"))));
+        assert_eq!(bytes, pixels(&shop, &format!("f_{frame}.png")));
     }
 }
 
 #[cfg(unix)]
 #[test]
 fn a_signal_leaves_nothing_behind() {
-    let folder = tempfile::tempdir().unwrap();
     for (signal, code, output) in [(Signal::INT, 130, "film.png"), (Signal::TERM, 143, "f_####.png")] {
-        let inner = tempfile::tempdir_in(folder.path()).unwrap();
-        let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("kiln"))
-            .current_dir(inner.path())
-            .args(["animate", &scene_file(), "-o", output, "--progress", "none"])
-            .spawn()
-            .unwrap();
+        let shop = Workshop::with("scene.toml", SCENE);
+        let mut child =
+            shop.command(&format!("animate scene.toml -o {output} --progress none")).spawn().unwrap();
         std::thread::sleep(std::time::Duration::from_millis(700));
         kill_process(Pid::from_child(&child), signal).unwrap();
         assert_eq!(child.wait().unwrap().code(), Some(code));
         // Only complete frames may be left.
-        for name in names(inner.path()) {
+        for name in shop.names().into_iter().filter(|name| name != "scene.toml") {
             assert!(output == "f_####.png" && name.starts_with("f_"), "{name}");
-            assert_eq!(pixels(&inner.path().join(name)).len(), 1024 * 1024 * 3);
+            assert_eq!(pixels(&shop, &name).len(), 1024 * 1024 * 3);
         }
     }
 }
@@ -466,39 +407,37 @@ fn a_signal_leaves_nothing_behind() {
 #[cfg(not(feature = "video"))]
 #[test]
 fn a_build_without_mp4_names_the_feature_that_has_it() {
-    let folder = tempfile::tempdir().unwrap();
-    let assert = kiln(folder.path()).args(["animate", &scene_file(), "-o", "a.mp4"]).assert().code(2);
-    let error = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
-    assert!(error.contains("kiln: error: this kiln was built without .mp4\nhint: "), "{error}");
-    assert!(error.contains("--features full"), "{error}");
-    assert_eq!(names(folder.path()), [""; 0]);
+    let shop = Workshop::with("scene.toml", SCENE);
+    let (error, hint) = shop.fail("animate scene.toml -o a.mp4", 2);
+    assert!(
+        error == "this kiln was built without .mp4" && hint.contains("--features full"),
+        "{error}; {hint}"
+    );
+    assert_eq!(shop.names(), ["scene.toml"]);
 }
 
 /// A film of 76 frames: every fourth of the scene's.
-fn make(folder: &Path, name: &str, more: &[&str]) -> Vec<u8> {
-    let scene = scene_file();
-    let arguments = ["animate", &scene, "--frames", "0-300:4", "-o", name];
-    let assert = kiln(folder).args(arguments).args(more).assert().success();
+fn make(shop: &Workshop, name: &str, more: &str) -> Vec<u8> {
+    let said = shop.succeed(&format!("animate scene.toml --frames 0-300:4 -o {name} {more}"));
     // The encoder prints nothing.
-    assert!(!String::from_utf8_lossy(&assert.get_output().stderr).contains("OpenH264"));
-    read(&folder.join(name))
+    assert!(!said.contains("OpenH264"));
+    shop.bytes(name)
 }
 
 #[test]
 fn equal_films_have_equal_bytes() {
-    let folder = tempfile::tempdir().unwrap();
+    let shop = Workshop::with("scene.toml", SCENE);
     let films = if cfg!(feature = "video") { vec!["a.gif", "a.mp4"] } else { vec!["a.gif"] };
     for name in &films {
-        let one = make(folder.path(), name, &["--size", "63x41", "--threads", "1"]);
-        assert_eq!(one, make(folder.path(), name, &["--size", "63x41", "--threads", "4"]), "{name}");
+        let one = make(&shop, name, "--size 63x41 --threads 1");
+        assert_eq!(one, make(&shop, name, "--size 63x41 --threads 4"), "{name}");
     }
-    assert_eq!(names(folder.path()), films);
+    assert_eq!(shop.names(), [&films[..], &["scene.toml"]].concat());
 }
 
 #[test]
 fn a_gif_lasts_as_long_as_the_animation() {
-    let folder = tempfile::tempdir().unwrap();
-    let bytes = make(folder.path(), "a.gif", &["--size", "20x20"]);
+    let bytes = make(&Workshop::with("scene.toml", SCENE), "a.gif", "--size 20x20");
     let mut decoder = gif::DecodeOptions::new().read_info(&bytes[..]).unwrap();
     let mut delays = Vec::new();
     while let Some(frame) = decoder.read_next_frame().unwrap() {
@@ -544,8 +483,7 @@ mod film {
 
     #[test]
     fn an_mp4_has_its_boxes_before_its_pictures() {
-        let folder = tempfile::tempdir().unwrap();
-        let bytes = make(folder.path(), "a.mp4", &["--size", "62x40"]);
+        let bytes = make(&Workshop::with("scene.toml", SCENE), "a.mp4", "--size 62x40");
         let top = boxes(&bytes, 0);
         let order: Vec<&[u8]> = top.iter().map(|(name, ..)| *name).collect();
         assert_eq!(order, [b"ftyp", b"moov", b"mdat"]);
@@ -589,21 +527,19 @@ mod film {
 
     #[test]
     fn low_quality_is_smaller() {
-        let folder = tempfile::tempdir().unwrap();
+        let shop = Workshop::with("scene.toml", SCENE);
         let [high, low] = ["high", "low"]
-            .map(|quality| make(folder.path(), "b.mp4", &["--size", "256x256", "--quality", quality]).len());
+            .map(|quality| make(&shop, "b.mp4", &format!("--size 256x256 --quality {quality}")).len());
         assert!(2 * low < high, "{low} {high}");
     }
 
     #[test]
     fn sizes_that_h264_has_not_are_refused_before_any_work() {
-        let folder = tempfile::tempdir().unwrap();
+        let shop = Workshop::with("scene.toml", SCENE);
         for size in ["4000x100", "2200x2200", "8x100"] {
-            let assert =
-                kiln(folder.path()).args(["animate", &scene_file(), "-o", "a.mp4", "--size", size]).assert();
-            let error = String::from_utf8_lossy(&assert.code(2).get_output().stderr).into_owned();
+            let (error, _) = shop.fail(&format!("animate scene.toml -o a.mp4 --size {size}"), 2);
             assert!(error.contains("cannot be an .mp4"), "{error}");
         }
-        assert_eq!(names(folder.path()), [""; 0]);
+        assert_eq!(shop.names(), ["scene.toml"]);
     }
 }

@@ -49,7 +49,7 @@ impl Workshop {
 
     /// Runs a command that must fail with `code`. Checks the form of its error, and returns message and hint.
     #[track_caller]
-    fn fail(&self, arguments: &str, code: i32) -> (String, String) {
+    pub(super) fn fail(&self, arguments: &str, code: i32) -> (String, String) {
         let output = self.run(arguments);
         let said = text(&output.stderr);
         assert_eq!(output.status.code(), Some(code), "{arguments}: {said}");
@@ -525,7 +525,7 @@ fn a_camera_in_braces_is_the_scenes_own() {
 #[test]
 fn what_is_seen_is_rendered_by_its_line() {
     use kiln::effects::Choices;
-    use kiln::viewer::{command_line, navigate};
+    use kiln::viewer::{CameraSource, command_line, navigate};
     let workshop = Workshop::with("scene.toml", SCENE);
     let mut scene = crate::common::picture::load(&workshop.path("scene.toml"));
     let loaded = scene.clone();
@@ -537,7 +537,7 @@ fn what_is_seen_is_rendered_by_its_line() {
     let command = command_line::RenderCommand {
         inputs: &["scene.toml".into()],
         scene: &loaded,
-        viewpoint: command_line::CommandCamera::Camera(&camera),
+        viewpoint: &CameraSource::Free(camera.clone()),
         projection: camera.projection,
         size: [48, 32],
         settings: &settings,

@@ -115,9 +115,9 @@ impl Built for BuiltEmbree {
 
     fn crossings(&self, origin: DVec3, direction: DVec3, found: &mut Vec<u32>) {
         let Scene { device, handle, .. } = &self.scene;
-        let mut t_near = 0.0f32;
+        let mut ray = Ray { origin, direction, t_min: 0.0, t_max: f64::INFINITY };
         for _ in 0..MAX_CROSSINGS {
-            let mut query = RayHit::new(origin.as_vec3(), direction.as_vec3(), t_near, f32::INFINITY);
+            let mut query = RayHit::from(&ray);
             // SAFETY: `handle` is a committed scene, and `query` has the layout and alignment of `RTCRayHit`; null
             // arguments are the defaults.
             unsafe { (device.functions.intersect)(*handle, &raw mut query, ptr::null_mut()) };
@@ -125,7 +125,7 @@ impl Built for BuiltEmbree {
                 return;
             }
             found.push(query.primitive);
-            t_near = query.ray.t_far.next_up();
+            ray.t_min = query.ray.t_far.next_up().into();
         }
     }
 

@@ -4,8 +4,6 @@
 use std::ffi::{c_int, c_uint, c_void};
 use std::ptr;
 
-use glam::Vec3;
-
 use crate::geometry::Ray;
 
 /// `RTC_INVALID_GEOMETRY_ID`.
@@ -26,25 +24,18 @@ pub(crate) struct RayOnly {
 
 const _: () = assert!(size_of::<RayOnly>() == 48);
 
-impl RayOnly {
-    pub(crate) fn new(origin: Vec3, direction: Vec3, t_near: f32, t_far: f32) -> Self {
+impl From<&Ray> for RayOnly {
+    fn from(ray: &Ray) -> Self {
         RayOnly {
-            origin: origin.to_array(),
-            t_near,
-            direction: direction.to_array(),
+            origin: ray.origin.as_vec3().to_array(),
+            t_near: ray.t_min as f32,
+            direction: ray.direction.as_vec3().to_array(),
             time: 0.0,
-            t_far,
+            t_far: ray.t_max as f32,
             mask: c_uint::MAX,
             id: 0,
             flags: 0,
         }
-    }
-}
-
-impl From<&Ray> for RayOnly {
-    fn from(ray: &Ray) -> Self {
-        let [near, far] = [ray.t_min, ray.t_max].map(|t| t as f32);
-        RayOnly::new(ray.origin.as_vec3(), ray.direction.as_vec3(), near, far)
     }
 }
 
@@ -62,14 +53,10 @@ pub(crate) struct RayHit {
 
 const _: () = assert!(size_of::<RayHit>() == 96);
 
-impl RayHit {
-    pub(crate) fn new(origin: Vec3, direction: Vec3, t_near: f32, t_far: f32) -> Self {
-        RayHit::of(RayOnly::new(origin, direction, t_near, t_far))
-    }
-
-    fn of(ray: RayOnly) -> Self {
+impl From<&Ray> for RayHit {
+    fn from(ray: &Ray) -> Self {
         RayHit {
-            ray,
+            ray: RayOnly::from(ray),
             normal: [0.0; 3],
             barycentrics: [0.0; 2],
             primitive: NOTHING,
@@ -77,12 +64,6 @@ impl RayHit {
             instance: NOTHING,
             instance_primitive: NOTHING,
         }
-    }
-}
-
-impl From<&Ray> for RayHit {
-    fn from(ray: &Ray) -> Self {
-        RayHit::of(RayOnly::from(ray))
     }
 }
 

@@ -1,18 +1,16 @@
 //! The test of pixels against values computed by hand, and its error and power on numbers of known distributions.
 
 use super::*;
+use crate::bvh::splitmix64::{GOLDEN, splitmix64};
 
-/// Random numbers: splitmix64 (Steele, Lea and Flood, Fast Splittable Pseudorandom Number Generators, 2014).
+/// Random numbers.
 struct Random(u64);
 
 impl Random {
     /// A uniform number, 0 to below 1.
     fn number(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 * 2.0f64.powi(-53)
+        self.0 = self.0.wrapping_add(GOLDEN);
+        (splitmix64(self.0) >> 11) as f64 * 2.0f64.powi(-53)
     }
 }
 

@@ -9,14 +9,13 @@ use super::{App, timeline};
 use crate::error::Result;
 use crate::scene::Camera;
 use crate::viewer::canvas::MouseResult;
-use crate::viewer::command_line::{CommandCamera, RenderCommand, command_line};
+use crate::viewer::command_line::{RenderCommand, command_line};
 use crate::viewer::controls::next;
 use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::inspect::inspect;
 use crate::viewer::keys::{self, Action, CameraMotion, Focus};
 use crate::viewer::open_dialog::{Answer, OpenDialog};
 use crate::viewer::overlay::Notice;
-use crate::viewer::request::CameraSource;
 use crate::viewer::{message_with_hint, navigate, save};
 use crate::world::StandardView;
 
@@ -192,11 +191,7 @@ impl App {
         let command = command_line(&RenderCommand {
             inputs: &self.inputs,
             scene: &opened.scene,
-            viewpoint: match &controls.camera_source {
-                CameraSource::Fitted(view) => CommandCamera::Standard(*view),
-                CameraSource::Scene(index) => CommandCamera::Camera(opened.scene.cameras.get(*index)?),
-                CameraSource::Free(camera) => CommandCamera::Camera(camera),
-            },
+            viewpoint: &controls.camera_source,
             projection: prepared.job.camera.projection,
             size: prepared.job.view.size(),
             settings,
