@@ -267,8 +267,7 @@ impl Joiner {
         check_head(&head, format).map_err(wrong)?;
         let [x, y, width, height] = head.window;
         let window = Window { x, y, width, height };
-        let pipelines = [ColourPipeline::Display, ColourPipeline::U8, ColourPipeline::Linear];
-        let pipeline = pipelines.into_iter().find(|p| p.name() == head.pipeline);
+        let pipeline = ColourPipeline::ALL.into_iter().find(|p| p.name() == head.pipeline);
         let pipeline = pipeline.ok_or_else(|| wrong("of no known colours".into()))?;
         let display = head.display().map_err(wrong)?;
         let expected = bytes_of_share(window, head.channels.len(), share);

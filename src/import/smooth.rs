@@ -145,12 +145,11 @@ mod tests {
 
     #[test]
     fn shared_meshes_stay_shared_and_normals_stay() {
-        use crate::scene::{MaterialId, Object, Placed, Placement};
+        use crate::scene::{Placed, Placement};
         let placed = Placed::new(Arc::new(roof(0.3)), Placement::default());
         let own = Mesh { normals: Some(Attribute::per_position(vec![DVec3::X; 8])), ..roof(0.3) };
         let shapes = [Shape::Placed(placed.clone()), Shape::Placed(placed), Shape::Mesh(own)];
-        let object = |shape| Object { name: "o".into(), input: 0, material: MaterialId(0), shape };
-        let mut scene = Scene { objects: shapes.into_iter().map(object).collect(), ..Scene::default() };
+        let mut scene = Scene::from_iter(shapes);
         assert_eq!(smooth(&mut scene, 1.0), 1);
         let [Shape::Placed(a), Shape::Placed(b), Shape::Mesh(own)] =
             [0, 1, 2].map(|i| &scene.objects[i].shape)

@@ -56,7 +56,7 @@ pub(super) fn guess(scene: &Scene) -> Option<UpAxis> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{MaterialId, Mesh, Object, Shape};
+    use crate::scene::{Mesh, Shape};
 
     /// A pyramid with its tip along an axis.
     fn pyramid(up: UpAxis) -> Scene {
@@ -65,9 +65,7 @@ mod tests {
         let file_from_world = up.world_from_file().transpose();
         let positions = corners.map(|c| file_from_world.transform_point3(c.into())).into();
         let triangles = vec![[0, 1, 2], [0, 2, 3], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]];
-        let shape = Shape::Mesh(Mesh { positions, triangles, ..Mesh::default() });
-        let object = Object { name: "p".into(), input: 0, material: MaterialId(0), shape };
-        Scene { objects: vec![object], ..Scene::default() }
+        Scene::from_iter([Shape::Mesh(Mesh { positions, triangles, ..Mesh::default() })])
     }
 
     #[test]

@@ -290,6 +290,17 @@ pub enum Falloff {
     },
 }
 
+impl FromIterator<Shape> for Scene {
+    /// Objects without names, of the default material.
+    fn from_iter<I: IntoIterator<Item = Shape>>(shapes: I) -> Self {
+        let mut scene = Scene::default();
+        let material = scene.add_material(Material::Phong(Phong::default()));
+        let object = |shape| Object { name: String::new(), input: 0, material, shape };
+        scene.objects.extend(shapes.into_iter().map(object));
+        scene
+    }
+}
+
 impl Scene {
     /// Adds a material and returns its index.
     pub fn add_material(&mut self, material: Material) -> MaterialId {

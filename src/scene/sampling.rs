@@ -90,8 +90,7 @@ impl Sampling {
             filter_radius: Some(radius),
             noise: None,
             min_samples: None,
-            seed: self.seed,
-            sampler: self.sampler,
+            ..*self
         }
     }
 }

@@ -182,7 +182,7 @@ impl Node {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{MaterialId, Placement, Scene};
+    use super::super::{Placement, Scene};
     use super::*;
     use glam::{DMat4, DQuat};
 
@@ -199,7 +199,6 @@ mod tests {
             triangles: (0..1000).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
             ..Mesh::default()
         });
-        let object = |shape| Object { name: "o".into(), input: 0, material: MaterialId(0), shape };
         for far in [0.0, 1e6] {
             let places = (0..100).map(|i| {
                 let [at, scale] = [turn(i) * 3.0 + far, turn(i * 7 + 3).abs() + 0.1];
@@ -208,10 +207,9 @@ mod tests {
                 Placed::new(mesh.clone(), Placement::new(map))
             });
             let placed: Vec<Placed> = places.collect();
-            let copies = placed.iter().map(|p| object(Shape::Mesh(p.bake()))).collect();
-            let shared = placed.into_iter().map(|p| object(Shape::Placed(p))).collect();
-            let bounds = |objects| Scene { objects, ..Scene::default() }.bounds();
-            assert_eq!(bounds(shared), bounds(copies));
+            let copies: Scene = placed.iter().map(|p| Shape::Mesh(p.bake())).collect();
+            let shared: Scene = placed.into_iter().map(Shape::Placed).collect();
+            assert_eq!(shared.bounds(), copies.bounds());
         }
     }
 }

@@ -8,7 +8,7 @@ use glam::{DMat3, DVec2, DVec3};
 use super::view::basis;
 use crate::film::Colour;
 use crate::scene::support::{AffineFunction, PointTrees, maxima};
-use crate::scene::{Camera, Light, LightKind, MaterialId, Mesh, Object, Placed, Projection, Scene, Shape};
+use crate::scene::{Camera, Light, LightKind, Mesh, Placed, Projection, Scene, Shape};
 
 /// The background of scenes that set none.
 pub(crate) const BACKGROUND: Colour = Colour::Display(DVec3::new(32.0 / 255.0, 34.0 / 255.0, 38.0 / 255.0));
@@ -226,8 +226,7 @@ pub fn turntable_camera(
     let positions: Vec<DVec3> = (0..SIDES).flat_map(|i| [edge(i, min.y), edge(i, max.y)]).collect();
     let triangles = (0..SIDES).map(|i| [2 * i, 2 * i + 1, 2 * (i + 1) % (2 * SIDES)]).collect();
     let shape = Shape::Mesh(Mesh { positions, triangles, ..Mesh::default() });
-    let prism = Object { name: String::new(), input: 0, material: MaterialId(0), shape };
-    let prism = Scene { objects: vec![prism], ..Scene::default() };
+    let prism = Scene::from_iter([shape]);
     Some((fitted_camera(&prism, view, aspect, projection)?, middle))
 }
 
@@ -324,22 +323,14 @@ mod tests {
     use crate::world::View;
     use glam::{DMat4, DQuat};
 
-    fn scene_of(shape: Shape) -> Scene {
-        let object = Object { name: "o".into(), input: 0, material: MaterialId(0), shape };
-        Scene { objects: vec![object], ..Scene::default() }
-    }
-
     fn block(size: DVec3, centre: DVec3) -> Scene {
         let corner = |i: usize| {
             let bit = |k: usize| if i >> k & 1 == 1 { 0.5 } else { -0.5 };
             centre + DVec3::new(bit(0), bit(1), bit(2)) * size
         };
         let positions = (0..8).map(corner).collect();
-        scene_of(Shape::Mesh(Mesh {
-            positions,
-            triangles: vec![[0, 1, 2], [3, 4, 5], [6, 7, 0]],
-            ..Mesh::default()
-        }))
+        let triangles = vec![[0, 1, 2], [3, 4, 5], [6, 7, 0]];
+        Scene::from_iter([Shape::Mesh(Mesh { positions, triangles, ..Mesh::default() })])
     }
 
     fn views() -> impl Iterator<Item = (StandardView, Projection)> {
@@ -353,7 +344,7 @@ mod tests {
         let corners = [(0.0, 0.0, 4.0), (1.0, 1.0, -4.0), (-1.0, 1.0, -4.0), (0.0, -1.0, -4.0)];
         let positions = corners.iter().map(|&(x, y, z)| DVec3::new(x, y, z)).collect();
         let triangles = vec![[0, 1, 2], [0, 2, 3], [0, 3, 1]];
-        let scene = scene_of(Shape::Mesh(Mesh { positions, triangles, ..Mesh::default() }));
+        let scene = Scene::from_iter([Shape::Mesh(Mesh { positions, triangles, ..Mesh::default() })]);
         let camera = fitted_camera(&scene, StandardView::Front, 1.0, Projection::Perspective).unwrap();
         // The box is 2 x 2 x 8: a tenth of its diagonal is 0.85.
         assert!(camera.position.z >= 4.84, "{}", camera.position);
@@ -392,8 +383,8 @@ mod tests {
 
     #[test]
     fn a_sphere_touches_the_margin() {
-        let scene =
-            scene_of(Shape::Analytic(Sphere { centre: DVec3::new(3.0, 2.0, 1.0), radius: 2.0 }.into()));
+        let sphere = Sphere { centre: DVec3::new(3.0, 2.0, 1.0), radius: 2.0 };
+        let scene = Scene::from_iter([Shape::Analytic(sphere.into())]);
         let camera = fitted_camera(&scene, StandardView::Front, 1.0, Projection::Perspective).unwrap();
         // Seen from a distance D the sphere's silhouette is a circle of tangent r / sqrt(D^2 - r^2).
         let distance = camera.position.distance(DVec3::new(3.0, 2.0, 1.0));
@@ -426,7 +417,8 @@ mod tests {
         let room = |walls: &[usize]| {
             let quads = walls.iter().map(|&w| quads[w]);
             let triangles = quads.flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
-            scene_of(Shape::Mesh(Mesh { positions: positions.clone(), triangles, ..Mesh::default() }))
+            let mesh = Mesh { positions: positions.clone(), triangles, ..Mesh::default() };
+            Scene::from_iter([Shape::Mesh(mesh)])
         };
         assert_eq!(opening(&room(&[0, 1, 2, 3, 4, 5])), None);
         let towards = |walls: &[usize]| opening(&room(walls)).expect("an opening");
@@ -442,8 +434,8 @@ mod tests {
             let map = DMat4::from_scale_rotation_translation(scale, turn, DVec3::splat(9.0));
             let Shape::Mesh(mesh) = room(&[0, 1, 2, 3, 4]).objects.remove(0).shape else { panic!("a mesh") };
             let placed = Placed::new(Arc::new(mesh), Placement::new(map));
-            let copy = opening(&scene_of(Shape::Mesh(placed.bake()))).expect("an opening");
-            let instance = opening(&scene_of(Shape::Placed(placed))).expect("an opening");
+            let copy = opening(&Scene::from_iter([Shape::Mesh(placed.bake())])).expect("an opening");
+            let instance = opening(&Scene::from_iter([Shape::Placed(placed)])).expect("an opening");
             assert!((copy - instance).length() < 1e-12, "{scale}: {copy} {instance}");
         }
     }

@@ -104,14 +104,11 @@ impl Recentering {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{MaterialId, Mesh, Object};
+    use crate::scene::Mesh;
 
     fn scene_of(positions: Vec<DVec3>) -> Scene {
-        let shape = Shape::Mesh(Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() });
-        Scene {
-            objects: vec![Object { name: "m".into(), input: 0, material: MaterialId(0), shape }],
-            ..Scene::default()
-        }
+        let triangles = vec![[0, 1, 2]];
+        Scene::from_iter([Shape::Mesh(Mesh { positions, triangles, ..Mesh::default() })])
     }
 
     #[test]

@@ -116,7 +116,7 @@ fn c6_every_scale_that_is_let_in_is_the_same() {
 /// those of the mesh itself, with distances scaled by the same power.
 #[test]
 fn c6_every_scale_that_the_border_lets_in_is_brought_into_range() {
-    use kiln::scene::{MaterialId, Mesh, Object, Scene, Shape};
+    use kiln::scene::{Mesh, Scene, Shape};
     let mesh = meshes::soup(200, 0.3, 66);
     let mut numbers = Numbers::new(66);
     let aimed = targets(&mesh, &At::ALL, times_factor(100), &mut numbers);
@@ -128,8 +128,7 @@ fn c6_every_scale_that_the_border_lets_in_is_brought_into_range() {
             let positions = mesh.iter().flatten().map(|p| *p * power(exponent)).collect();
             let indices = (0..mesh.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
             let shape = Shape::Mesh(Mesh { positions, triangles: indices, ..Mesh::default() });
-            let object = Object { name: "soup".into(), input: 0, material: MaterialId(0), shape };
-            let mut scene = Scene { objects: vec![object], ..Scene::default() };
+            let mut scene = Scene::from_iter([shape]);
             let range = kiln::world::recenter(&mut scene);
             assert!(range.is_none_or(|range| range.middle == DVec3::ZERO));
             let scale = power(exponent) * range.map_or(1.0, |range| range.scale);

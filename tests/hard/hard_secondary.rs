@@ -13,7 +13,7 @@ use kiln::effects::{Choices, shadow_ray};
 use kiln::film::ColourPipeline;
 use kiln::geometry::spawn::{EDGE_DISTANCE, ORIGIN_OFFSET, SurfacePoint};
 use kiln::geometry::{HitBuffer, Numerics, PrimId, Ray, RayBuffer, Triangle};
-use kiln::scene::{Attribute, MaterialId, Mesh, Object, Placed, Placement, Scene, Shape};
+use kiln::scene::{Attribute, Mesh, Placed, Placement, Scene, Shape};
 use kiln::shading::LightSample;
 use kiln::world::World;
 
@@ -410,12 +410,7 @@ fn closed_world(triangles: &[[DVec3; 3]], numerics: Numerics, structure: Layout,
     } else {
         vec![Shape::Mesh(mesh)]
     };
-    let object = |shape| Object { name: "it".into(), input: 0, material: MaterialId(0), shape };
-    let scene = Scene {
-        materials: vec![kiln::scene::Material::Phong(kiln::scene::Phong::default())],
-        objects: shapes.into_iter().map(object).collect(),
-        ..Scene::default()
-    };
+    let scene = Scene::from_iter(shapes);
     World::prepare(scene, ColourPipeline::Linear, structure, numerics)
 }
 

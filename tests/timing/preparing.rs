@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use glam::{DMat4, DQuat, DVec3};
 use kiln::error::Warnings;
 use kiln::job::{RenderSettings, resolve};
-use kiln::scene::{Material, Mesh, Object, Phong, Placed, Placement, Scene, Shape};
+use kiln::scene::{Mesh, Placed, Placement, Scene, Shape};
 
 use crate::common::Numbers;
 
@@ -32,15 +32,12 @@ fn instances_are_prepared_in_good_time() {
         ..Mesh::default()
     });
     let mut numbers = Numbers::new(1);
-    let mut scene = Scene::default();
-    let material = scene.add_material(Material::Phong(Phong::default()));
-    scene.objects = (0..20_000)
+    let mut scene: Scene = (0..20_000)
         .map(|_| {
             let (scale, at) = (numbers.vector().abs() + 0.1, numbers.vector() * DVec3::new(50.0, 1.0, 50.0));
             let rotation = DQuat::from_axis_angle(numbers.direction(), 6.0 * numbers.unit());
             let placement = Placement::new(DMat4::from_scale_rotation_translation(scale, rotation, at));
-            let shape = Shape::Placed(Placed::new(sphere.clone(), placement));
-            Object { name: "sphere".into(), input: 0, material, shape }
+            Shape::Placed(Placed::new(sphere.clone(), placement))
         })
         .collect();
     for has_settings in [false, true] {

@@ -3,9 +3,7 @@ use std::sync::Arc;
 use glam::{DMat4, DVec3};
 
 use super::{BoundaryEdge, Topology, Welded, t_junctions};
-use crate::scene::{
-    Attribute, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Scene, Shape, Sphere,
-};
+use crate::scene::{Attribute, Mesh, Placed, Placement, Scene, Shape, Sphere};
 
 /// Corners at the origin and at 1 on each axis; normals point outwards.
 const TETRAHEDRON: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
@@ -187,14 +185,6 @@ fn a_search_without_end_is_cut_off() {
     }
 }
 
-fn scene_of(shapes: Vec<Shape>) -> Scene {
-    let mut scene = Scene::default();
-    let material: MaterialId = scene.add_material(Material::Phong(Phong::default()));
-    scene.objects =
-        shapes.into_iter().map(|shape| Object { name: "m".into(), input: 0, material, shape }).collect();
-    scene
-}
-
 fn tetrahedron(triangles: &[[u32; 3]]) -> Mesh {
     Mesh { positions: corners(), triangles: triangles.into(), ..Mesh::default() }
 }
@@ -204,7 +194,7 @@ fn tetrahedron(triangles: &[[u32; 3]]) -> Mesh {
 fn a_scene_is_welded_across_its_objects() {
     let parts = |third: &[[u32; 3]]| {
         let meshes = [&TETRAHEDRON[..2], &[], third].map(tetrahedron);
-        Topology::of_scene(&scene_of(meshes.map(Shape::Mesh).into())).expect("it fits into memory")
+        Topology::of_scene(&meshes.map(Shape::Mesh).into_iter().collect()).expect("it fits into memory")
     };
     let topology = parts(&TETRAHEDRON[2..]);
     assert_eq!((counts(&topology), found(&topology)), ([4, 6, 1, 1], [0; 7]));
@@ -225,7 +215,7 @@ fn a_shared_mesh_counts_for_each_place() {
         let placement = Placement::new(DMat4::from_translation(DVec3::X * x));
         Shape::Placed(Placed::new(Arc::clone(&mesh), placement))
     };
-    let topology = Topology::of_scene(&scene_of([10.0, 20.0, 30.0].map(place).into())).expect("it fits");
+    let topology = Topology::of_scene(&[10.0, 20.0, 30.0].map(place).into_iter().collect()).expect("it fits");
     assert_eq!((counts(&topology), found(&topology)), ([12, 18, 3, 0], [9, 0, 0, 0, 0, 0, 0]));
     assert_eq!((topology.holes, &topology.closed_objects[..]), (3, &[Some(false); 3][..]));
     // The missing triangle is that of x, y and z; the first triangle has the edge from x to y.
@@ -249,8 +239,9 @@ fn an_object_is_closed_if_all_its_components_are() {
             .collect(),
         ..Mesh::default()
     };
-    let closed_objects =
-        |shapes: Vec<Shape>| Topology::of_scene(&scene_of(shapes)).expect("it fits").closed_objects;
+    let closed_objects = |shapes: Vec<Shape>| {
+        Topology::of_scene(&shapes.into_iter().collect()).expect("it fits").closed_objects
+    };
     assert_eq!(closed_objects(vec![Shape::Mesh(both)]), [Some(false)]);
     let ball = Sphere { centre: DVec3::ZERO, radius: 1.0 };
     let place = |x: f64| {
@@ -274,7 +265,7 @@ fn an_object_is_closed_if_all_its_components_are() {
 fn triangles_against_their_normals() {
     let mut mesh = tetrahedron(&[[0, 1, 2], [0, 2, 1], [2, 1, 0]]);
     let opposed = |mesh: &Mesh| {
-        let scene = scene_of(vec![Shape::Mesh(mesh.clone())]);
+        let scene = Scene::from_iter([Shape::Mesh(mesh.clone())]);
         Topology::of_scene(&scene).expect("it fits").opposed_to_normals
     };
     mesh.normals = Some(Attribute::per_position(vec![DVec3::Z; 4]));
@@ -295,6 +286,6 @@ fn mirrored_meshes_are_not_inside_out() {
     let outward = corners().into_iter().map(|corner| corner - DVec3::splat(0.25)).collect();
     mesh.normals = Some(Attribute::per_position(outward));
     mesh.transform(&DMat4::from_scale(DVec3::new(1.0, -1.0, 1.0)));
-    let topology = Topology::of_scene(&scene_of(vec![Shape::Mesh(mesh)])).expect("it fits");
+    let topology = Topology::of_scene(&Scene::from_iter([Shape::Mesh(mesh)])).expect("it fits");
     assert_eq!(found(&topology), [0; 7]);
 }
