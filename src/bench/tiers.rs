@@ -21,7 +21,7 @@ use crate::timing::Spread;
 pub struct TierRow {
     /// The tier.
     pub numerics: Numerics,
-    /// Time per ray relative to `naive` in the same run, for primary rays: quartiles over all runs.
+    /// Time per ray relative to `fast` in the same run, for primary rays: quartiles over all runs.
     pub picture: Spread,
     /// The same for incoherent rays from inside at vertices and edges.
     pub aimed: Spread,

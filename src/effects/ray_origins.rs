@@ -28,9 +28,9 @@ impl Stage for RayOrigins {
         let origins = origins.get_or_insert_default();
         // The tier is passed as a constant, so that the loops have no branch on it.
         match context.world.numerics() {
-            Numerics::Naive => simd_dispatch(
+            Numerics::Fast => simd_dispatch(
                 #[inline(always)]
-                || find_origins(surfaces, origins, Numerics::Naive),
+                || find_origins(surfaces, origins, Numerics::Fast),
             ),
             _ => simd_dispatch(
                 #[inline(always)]

@@ -27,7 +27,7 @@ pub struct Options {
     keep: Option<PathBuf>,
 }
 
-const TIERS: [&str; 4] = ["naive", "watertight", "double", "exact"];
+const TIERS: [&str; 4] = ["fast", "watertight", "double", "exact"];
 const PAGE: &str = "docs/accuracy.md";
 /// The page explains the columns below the table.
 const HEAD: &str = "| from | to | time | pictures | rays | leaks | error of t |";

@@ -78,7 +78,7 @@ fn as_text(rows: &[TierRow], arguments: &Arguments) -> String {
         ]);
     }
     format!(
-        "Times of a ray on one thread, relative to `naive`: medians and quartiles of {} runs, over an icosphere of 81,920 triangles.\n\
+        "Times of a ray on one thread, relative to `fast`: medians and quartiles of {} runs, over an icosphere of 81,920 triangles.\n\
          Leaks and wrong hits over it at four sizes and places, {} rays aimed at vertices and edges from each side; wrong\n\
          answers and distances, in units of the last place of f32, also over a giant plane at grazing angles. Right is `exact`.\n\n{}",
         arguments.runs,

@@ -151,9 +151,9 @@ fn shadow_rays(
 ) {
     // The tier is passed as a constant, so that the loops have no branch on it.
     match numerics {
-        Numerics::Naive => simd_dispatch(
+        Numerics::Fast => simd_dispatch(
             #[inline(always)]
-            || rays_to(light, surfaces, origins, Numerics::Naive, rays),
+            || rays_to(light, surfaces, origins, Numerics::Fast, rays),
         ),
         Numerics::Watertight => simd_dispatch(
             #[inline(always)]
