@@ -83,7 +83,7 @@ impl Tetrahedron {
         if origins.is_none() {
             point.start = point.position;
         }
-        let origin = point.origin_towards(inwards, origins.unwrap_or(Numerics::Naive));
+        let origin = point.origin_towards(inwards, origins.unwrap_or(Numerics::Fast));
         let along = inwards.cross(numbers.direction()).normalize_or(inwards.any_orthonormal_vector());
         let rise = 10f64.powi(-(numbers.below(9) as i32));
         (origin, (along + rise * inwards).normalize())

@@ -28,7 +28,7 @@ impl Stage for RayOrigins {
         let origins = origins.get_or_insert_default();
         // The tier is passed as a constant, so that the loops have no branch on it.
         match context.world.numerics() {
-            Numerics::Naive => simd!(find_origins(surfaces, origins, Numerics::Naive)),
+            Numerics::Fast => simd!(find_origins(surfaces, origins, Numerics::Fast)),
             _ => simd!(find_origins(surfaces, origins, Numerics::Watertight)),
         }
     }

@@ -104,17 +104,12 @@ named_values!(
 /// A parser for the command line.
 #[cfg(feature = "cli")]
 pub(crate) fn parser<T: OptionValue>() -> clap::builder::ValueParser {
-    use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser, ValueParser};
+    use clap::builder::{PossibleValuesParser, TypedValueParser, ValueParser};
     let names = T::names();
     if names.is_empty() {
         return ValueParser::new(T::parse);
     }
-    // The former name of a tier.
-    let value = |name: &'static str| {
-        if name == "naive" { PossibleValue::new(name).alias("fast") } else { PossibleValue::new(name) }
-    };
-    let names = PossibleValuesParser::new(names.into_iter().map(value));
-    ValueParser::new(names.try_map(|name| T::parse(if name == "fast" { "naive" } else { &name })))
+    ValueParser::new(PossibleValuesParser::new(names).try_map(|name| T::parse(&name)))
 }
 
 /// Declares types of numbers in a range, with the message for others. The type of the number is given twice, the second

@@ -1,6 +1,6 @@
 //! Differences in ray hits between a tier and `exact`: hits and misses, primitives, distances, normals.
 //!
-//! The rays go through the pixel centres. Each tier uses its own precision, so that the errors of `naive` and
+//! The rays go through the pixel centres. Each tier uses its own precision, so that the errors of `fast` and
 //! `watertight` include the rounding of vertices to f32. `kiln bench price` uses the same f32 input for all tiers
 //! instead.
 

@@ -178,7 +178,7 @@ impl World {
     #[cold]
     fn visible_start(&self, point: SurfacePoint, normal: DVec3, view: DVec3, distance: f64) -> SurfacePoint {
         let numerics = self.numerics();
-        if numerics == Numerics::Naive {
+        if numerics == Numerics::Fast {
             return point;
         }
         let before = point.before_hit(view, distance, normal);

@@ -237,7 +237,7 @@ fn assert_equal_to_brute_force(slots: &[Slot], rays: &[Ray], what: &str, numeric
 }
 
 fn assert_equal_in_every_tier(slots: &[Slot], rays: impl Fn(Precision) -> Vec<Ray>, what: &str) {
-    for numerics in Numerics::ALL {
+    for numerics in Numerics::STRICT {
         assert_equal_to_brute_force(slots, &rays(numerics.ray_precision()), what, numerics);
     }
 }
@@ -254,11 +254,7 @@ fn every_preset_answers_as_brute_force() {
         (1e12, DVec3::ZERO),
     ] {
         let slots = mixed(scale, offset);
-        for numerics in Numerics::ALL {
-            // Products of f32 numbers of this size leave the range of f32: nothing is hit, in any structure.
-            if numerics == Numerics::Naive && !(1e-10..=1e10).contains(&scale) {
-                continue;
-            }
+        for numerics in Numerics::STRICT {
             let rays = rays(&slots, scale, offset, numerics);
             assert_equal_to_brute_force(&slots, &rays, &format!("scale {scale}, offset {offset}"), numerics);
         }
@@ -301,7 +297,7 @@ fn lattice_rays_answer_as_brute_force() {
 #[test]
 fn few_primitives_answer_as_brute_force() {
     let all = mixed(1.0, DVec3::ZERO);
-    for numerics in Numerics::ALL {
+    for numerics in Numerics::STRICT {
         let rays = rays(&all, 1.0, DVec3::ZERO, numerics);
         for count in 0..=5 {
             let few: Vec<Slot> = all.iter().rev().take(count).copied().collect();
@@ -324,7 +320,7 @@ fn few_primitives_answer_as_brute_force() {
 fn any_number_of_rays_is_answered_as_one_by_one() {
     let slots = mixed(1.0, DVec3::ZERO);
     let mut traversal = Traversal::default();
-    for numerics in Numerics::ALL {
+    for numerics in Numerics::STRICT {
         let mut all = rays(&slots, 1.0, DVec3::ZERO, numerics);
         // A common origin, which packets need.
         let target = all[0].origin;
@@ -375,6 +371,85 @@ fn with_models_suzanne_answers_as_brute_force() {
     assert_equal_in_every_tier(&slots, rays, "suzanne");
 }
 
+/// The tier `fast`: rays that meet triangles well inside are answered as by `exact`, in every structure, alone and in
+/// batches; at edges, structures differ.
+#[test]
+fn fast_is_right_inside_of_triangles_and_depends_on_structures_at_edges() {
+    let slots = slots(globe(32, 64, DVec3::ZERO, 1.0));
+    let origin = DVec3::new(0.125, -0.25, 0.0625);
+    let ray = |origin: DVec3, target: DVec3| {
+        let (direction, distance) = ((target - origin).normalize(), (target - origin).length());
+        Precision::Single.ray(origin, direction, 0.0, distance)
+    };
+    // Batches with a common sign of the longest component are packets.
+    let sorted = |mut points: Vec<DVec3>| {
+        points.sort_by_key(|p| {
+            let axis = p.abs().max_position();
+            (axis, p[axis] > 0.0)
+        });
+        points
+    };
+    let corners = || {
+        slots.iter().filter_map(|slot| match slot.primitive {
+            Primitive::Triangle(Triangle(corners)) => Some(corners),
+            Primitive::Analytic(_) => None,
+        })
+    };
+    let centres = sorted(corners().map(|[a, b, c]| (a + b + c) / 3.0).collect());
+    let edges = sorted(corners().map(|[a, b, _]| (a + b) / 2.0).collect());
+    let outwards = |to: &[DVec3]| to.iter().map(|p| ray(origin, *p * 2.0)).collect::<Vec<_>>();
+    let answers = |tree: &dyn kiln::bvh::Accelerator, rays: &[Ray]| {
+        let (mut hits, mut traversal) = (HitBuffer::default(), Traversal::default());
+        RayBuffer::from(rays)
+            .rays()
+            .chunks(BATCH)
+            .for_each(|b| tree.closest_hits(b, &mut hits, &mut traversal));
+        let alone: Vec<_> = rays.iter().map(|ray| tree.closest_hit(ray, &mut traversal)).collect();
+        [alone, hits.iter().collect::<Vec<_>>()]
+    };
+    let occluded = |tree: &dyn kiln::bvh::Accelerator, rays: &[Ray]| {
+        let (mut occluded, mut traversal) = (Vec::new(), Traversal::default());
+        RayBuffer::from(rays)
+            .rays()
+            .chunks(BATCH)
+            .for_each(|b| tree.are_occluded(b, &mut occluded, &mut traversal));
+        let alone = rays.iter().map(|ray| tree.is_occluded(ray, &mut traversal));
+        occluded.iter().copied().chain(alone).filter(|x| *x).count()
+    };
+    let exact = build(slots.iter().copied(), Layout::default(), Numerics::Exact);
+    let [expected, _] = answers(&*exact, &outwards(&centres));
+    // Shadow rays from both sides of a triangle, to a point and to a direction.
+    let near = |side: f64| centres.iter().map(move |p| *p * side);
+    let to_point = |side: f64| near(side).map(|p| ray(p, origin)).collect::<Vec<_>>();
+    let parallel = |side: f64| {
+        let facing = near(side).filter(|p| p.z > 0.5);
+        facing.map(|p| Precision::Single.ray(p, DVec3::new(0.125, 0.25, 0.75), 0.0, 1e9)).collect::<Vec<_>>()
+    };
+    let mut at_edges = std::collections::BTreeSet::new();
+    for structure in Layout::trees().chain([Layout::BruteForce]) {
+        let tree = build(slots.iter().copied(), structure, Numerics::Fast);
+        for found in answers(&*tree, &outwards(&centres)) {
+            for (found, expected) in found.iter().zip(&expected) {
+                let (found, expected) = (found.expect("a hit"), expected.expect("a hit"));
+                assert_eq!(found.prim, expected.prim, "{structure:?}");
+                assert!((found.t - expected.t).abs() < 1e-5, "{structure:?}: {found:?}, {expected:?}");
+                for (found, expected) in found.barycentrics.iter().zip(expected.barycentrics) {
+                    assert!((found - expected).abs() < 1e-3, "{structure:?}");
+                }
+            }
+        }
+        let count = parallel(1.0).len();
+        assert_eq!(occluded(&*tree, &to_point(1.0001)), 2 * centres.len(), "{structure:?}");
+        assert_eq!(occluded(&*tree, &to_point(0.9999)), 0, "{structure:?}");
+        assert_eq!(occluded(&*tree, &parallel(0.9999)), 2 * count, "{structure:?}");
+        assert_eq!(occluded(&*tree, &parallel(1.0001)), 0, "{structure:?}");
+        at_edges.extend(
+            answers(&*tree, &outwards(&edges)).map(|hits| hits.into_iter().map(bits).collect::<Vec<_>>()),
+        );
+    }
+    assert!(at_edges.len() > 2, "structures do not differ");
+}
+
 /// No ray from inside a closed mesh gets out, wherever it is aimed, at any scale or place; in the fast tier some do.
 #[test]
 fn closed_meshes_do_not_leak() {
@@ -404,7 +479,7 @@ fn closed_meshes_do_not_leak() {
             }
             assert_eq!(
                 leaks > 0,
-                numerics == Numerics::Naive,
+                numerics == Numerics::Fast,
                 "{leaks} leaks, scale {scale}, offset {offset}, {}",
                 numerics.name()
             );

@@ -71,7 +71,8 @@ fn bits(hit: Option<Hit>) -> Option<(PrimId, u64, [u64; 2])> {
 #[test]
 fn a_refitted_structure_answers_as_brute_force_does() {
     let mut numbers = Numbers::new(71);
-    for (numerics, preset) in Numerics::ALL.into_iter().flat_map(|n| Preset::ALL.map(|preset| (n, preset))) {
+    for (numerics, preset) in Numerics::STRICT.into_iter().flat_map(|n| Preset::ALL.map(|preset| (n, preset)))
+    {
         for structure in [Layout::Wide(preset), Layout::Avx2(preset), Layout::Portable(preset)] {
             let first = crowd(500, &mut numbers);
             let mut refitted = build(slots(&first, numerics), structure, numerics);
@@ -134,7 +135,7 @@ fn boxes_that_all_shrink_alike_cost_as_much_as_before() {
             Primitive::Triangle(Triangle([DVec3::ZERO, DVec3::ONE, inside.clamp(DVec3::ZERO, DVec3::ONE)]))
         })
         .collect();
-    for numerics in Numerics::ALL {
+    for numerics in Numerics::STRICT {
         let mut structure = build(slots(&first, numerics), Layout::default(), numerics);
         let point = Primitive::Triangle(Triangle([DVec3::ZERO; 3]));
         assert_eq!(structure.refit(&|_| point), Some(1.0), "{}", numerics.name());

@@ -983,7 +983,7 @@ fn pipes_and_devices_are_not_replaced() {
 fn a_scene_file_names_its_tier() {
     let shop = Workshop::with("scene.toml", SCENE);
     shop.write("exact.toml", "[image]\nnumerics = 'exact'\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\n");
-    for (option, expected) in [("", "exact"), ("--numerics fast", "naive"), ("--numerics naive", "naive")] {
+    for (option, expected) in [("", "exact"), ("--numerics fast", "fast")] {
         let render = "render exact.toml -o a.png --size 8x8 --progress none --stats a.json";
         shop.succeed(&format!("{render} {option}"));
         let stats: Value = serde_json::from_slice(&shop.bytes("a.json")).expect("JSON");

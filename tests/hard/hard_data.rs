@@ -308,14 +308,14 @@ fn b5_a_mesh_half_of_degenerates_renders_as_the_clean_one() {
     // rounding to f32 moves a coordinate by at most 64 x 2^-24, and so does each of the few operations of a test.
     const NEAR: f64 = 16.0 * 64.0 / (1 << 24) as f64;
     let lines: Vec<[DVec3; 3]> = mixed.iter().skip(1).step_by(2).copied().collect();
-    // In `naive` the ray passes near the line, but t is the quotient of two rounding errors: the hit may be anywhere on
+    // In `fast` the ray passes near the line, but t is the quotient of two rounding errors: the hit may be anywhere on
     // the ray.
     let near_its_line = |found: &Hit, ray: &Ray, numerics: Numerics| {
         let [start, _, end] = lines[found.prim.0 as usize / 2];
         let along = (end - start).normalize();
         let passes = (start - ray.origin).dot(ray.direction.cross(along).normalize()).abs();
         assert!(passes <= NEAR, "{}: the ray passes {passes} from the line", numerics.name());
-        if numerics == Numerics::Naive {
+        if numerics == Numerics::Fast {
             return;
         }
         let from_start = ray.origin + found.t * ray.direction - start;

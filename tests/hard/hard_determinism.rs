@@ -80,7 +80,8 @@ fn l1_the_picture_does_not_depend_on_the_number_of_threads() {
 
 #[test]
 fn l1_the_picture_does_not_depend_on_the_structure() {
-    for (scene, numerics) in views().iter().flat_map(|scene| Numerics::ALL.map(|numerics| (scene, numerics)))
+    for (scene, numerics) in
+        views().iter().flat_map(|scene| Numerics::STRICT.map(|numerics| (scene, numerics)))
     {
         let mut prepared = prepare(scene.clone(), SIZE, numerics);
         let expected = bits(&sound(&prepared), SIZE);
@@ -97,7 +98,8 @@ fn l1_the_picture_does_not_depend_on_where_tiles_begin() {
     let windows =
         [[0, 0, 72, 56], [1, 1, 71, 55], [7, 13, 33, 17], [15, 15, 2, 2], [0, 40, 72, 1], [71, 0, 1, 56]];
     let dots = (0..9).map(|i| [8 * i, 6 * i, 1, 1]);
-    for (scene, numerics) in views().iter().flat_map(|scene| Numerics::ALL.map(|numerics| (scene, numerics)))
+    for (scene, numerics) in
+        views().iter().flat_map(|scene| Numerics::STRICT.map(|numerics| (scene, numerics)))
     {
         let prepared = prepare(scene.clone(), SIZE, numerics);
         let whole = sound(&prepared);

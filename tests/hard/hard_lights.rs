@@ -119,7 +119,7 @@ fn g1_a_lamp_on_a_wall_lights_the_walls_opposite() {
     // Inside a tetrahedron, with the light on a face, on an edge and at a corner: 0.25 + N.L on the faces that do not
     // contain the light. Because of rounding, a shadow ray may hit the face of the light if it rises from that face by
     // less than a quarter, and one that starts near an edge may start behind the other face: there the light may be
-    // occluded. In `naive` the error of the distance to the light's face exceeds the margin by which shadow rays are
+    // occluded. In `fast` the error of the distance to the light's face exceeds the margin by which shadow rays are
     // shortened.
     let corner = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].map(DVec3::from);
     let [a, b, c, _] = corner;
@@ -146,7 +146,7 @@ fn g1_a_lamp_on_a_wall_lights_the_walls_opposite() {
                     let apart =
                         |w: usize| w == wall || height(w, point) > 64.0 * numerics.precision().epsilon();
                     let right = seen || (light == 0.25 && !(0..4).all(|w| rises(w) && apart(w)));
-                    let right = right || numerics == Numerics::Naive;
+                    let right = right || numerics == Numerics::Fast;
                     assert!(stands_on(wall) || right, "{}: {light} at {point}, lamp {lamp}", numerics.name());
                 }
             }

@@ -81,7 +81,7 @@ fn a2_a_wall_is_not_missed_from_far_away() {
             assert_eq!(summary.hit, rays.len(), "{what}: the oracle itself misses");
             assert_eq!(summary.not_exact, 0, "{what}");
             none_gets_out(&what, &slots, &rays, &WATERTIGHT, &STRUCTURES);
-            // Away from edges the tier `naive` hits, too.
+            // Away from edges the tier `fast` hits, too.
             let inside: Vec<Ray> = rays
                 .into_iter()
                 .filter(|r| {
@@ -89,7 +89,7 @@ fn a2_a_wall_is_not_missed_from_far_away() {
                     x.min(y) > 1e-3 && x.max(y) < 0.999 && (x - y).abs() > 1e-3
                 })
                 .collect();
-            none_gets_out(&what, &slots, &inside, &[Numerics::Naive], &STRUCTURES);
+            none_gets_out(&what, &slots, &inside, &[Numerics::Fast], &STRUCTURES);
         }
     }
 }
@@ -137,9 +137,9 @@ fn a5_the_length_of_a_direction_makes_no_difference() {
             let accelerator = build(slots.iter().copied(), structure, tier);
             let answers = RayResults::to_all(&*accelerator, &rays);
             for exponent in [-100, -60, -20, -1, 1, 20, 60, 100] {
-                // The tier `naive` multiplies the squared length and the discriminant of a sphere, which is down to
+                // The tier `fast` multiplies the squared length and the discriminant of a sphere, which is down to
                 // 2^-48 of its squared radius for grazing rays: at 2^-60 the product underflows in f32.
-                if tier == Numerics::Naive && i32::abs(exponent) > 20 {
+                if tier == Numerics::Fast && i32::abs(exponent) > 20 {
                     continue;
                 }
                 let mut faults = Faults::new(format!("{}, {structure:?}, 2^{exponent}", tier.name()));

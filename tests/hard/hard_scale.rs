@@ -41,13 +41,13 @@ fn assert_same_when_doubled(
 }
 
 /// The assignment scene with its camera and lights, scaled by 2^k, k = -40 to 40: the pixels are the same bit for bit.
-/// In `naive`, f32 products overflow or underflow beyond 2^±12.
+/// In `fast`, f32 products overflow or underflow beyond 2^±12.
 #[test]
 fn h1_the_assignment_scene_times_powers_of_two() {
     for projection in PROJECTIONS {
         let scene = assignment(projection);
         for numerics in Numerics::ALL {
-            let most = if numerics == Numerics::Naive { 12 } else { 40 };
+            let most = if numerics == Numerics::Fast { 12 } else { 40 };
             assert_same_when_doubled(&scene, [128, 128], -most..=most, numerics);
         }
     }
@@ -59,8 +59,8 @@ fn h1_the_assignment_scene_times_powers_of_two() {
 fn with_models_h1_the_bunny_times_powers_of_two() {
     let scene = bunny();
     assert_same_when_doubled(&scene, [128, 128], -40..=40, Numerics::Watertight);
-    for numerics in [Numerics::Naive, Numerics::Double, Numerics::Exact] {
-        let far: &[i32] = if numerics == Numerics::Naive { &[-12, 12] } else { &[-40, -21, 21, 40] };
+    for numerics in [Numerics::Fast, Numerics::Double, Numerics::Exact] {
+        let far: &[i32] = if numerics == Numerics::Fast { &[-12, 12] } else { &[-40, -21, 21, 40] };
         assert_same_when_doubled(&scene, [128, 128], far.iter().copied(), numerics);
     }
 }

@@ -283,11 +283,11 @@ fn expectations_are_parsed() {
         |line: &str, tiers: usize, form: Form| assert_eq!(read(line), Some(Ok((tiers, form))), "{line}");
     right("# expect: every pixel is at least #1020ff", 3, Form::Every(Against::AtLeast, grey));
     right("# expect (all tiers): no pixel is #1020ff", 4, Form::Exactly(0, grey));
-    right("# expect (naive, exact): exactly 7 pixels are #1020ff", 2, Form::Exactly(7, grey));
+    right("# expect (fast, exact): exactly 7 pixels are #1020ff", 2, Form::Exactly(7, grey));
     let corner = vec![[1, 2], [2, 2], [1, 3], [2, 3]];
     right("# expect: pixels 1,2 to 2,3 are at most #1020ff", 3, Form::These(corner, Against::AtMost, grey));
     right("# expect: pixels 1,2 9,9 are #1020ff", 3, Form::These(vec![[1, 2], [9, 9]], Against::Equal, grey));
-    right("# expect: same picture in naive, double", 3, Form::Same(vec![Numerics::Naive, Numerics::Double]));
+    right("# expect: same picture in fast, double", 3, Form::Same(vec![Numerics::Fast, Numerics::Double]));
     let three = vec![Numerics::Watertight, Numerics::Double, Numerics::Exact];
     right("# expect: at most 5 pixels differ between watertight, double, exact", 3, Form::Between(5, three));
     right("# expect: at most 5 pixels differ from a.toml", 3, Form::From(5, "a.toml".into()));
@@ -315,20 +315,20 @@ fn unmet_expectations_are_reported() {
     let file = Path::new("a.toml");
     let pixels = vec![[10, 20, 30], [40, 50, 60]];
     let mut gallery = Gallery::default();
-    gallery.0.insert((file.into(), "naive"), Picture { width: 2, pixels: pixels.clone() });
+    gallery.0.insert((file.into(), "fast"), Picture { width: 2, pixels: pixels.clone() });
     let turned = pixels.into_iter().rev().collect();
     gallery.0.insert((file.into(), "exact"), Picture { width: 2, pixels: turned });
     let mut faults = |text: &str| {
-        let line = format!("# expect (naive): {text}");
+        let line = format!("# expect (fast): {text}");
         gallery.faults(file, &expectation(&line).expect("an expectation").expect("a form"))
     };
     assert_eq!(faults("pixels 0,0 are #0a141e"), [""; 0]);
     assert_eq!(faults("every pixel is at most #28323c"), [""; 0]);
-    assert_eq!(faults("pixels 1,0 are #0a141e"), ["naive: pixel 1,0 is #28323c"]);
-    assert_eq!(faults("every pixel is at least #0a141f"), ["naive: pixel 0,0 is #0a141e"]);
-    assert_eq!(faults("pixels 0,1 are #0a141e"), ["naive: pixel 0,1 is outside the picture"]);
-    assert_eq!(faults("no pixel is #28323c"), ["naive: 1 pixels are"]);
-    assert_eq!(faults("same picture in naive, exact"), ["naive and exact: 2 pixels differ"]);
-    assert_eq!(faults("at most 1 pixels differ between naive, exact"), ["naive and exact: 2 pixels differ"]);
-    assert_eq!(faults("at most 2 pixels differ between naive, exact"), [""; 0]);
+    assert_eq!(faults("pixels 1,0 are #0a141e"), ["fast: pixel 1,0 is #28323c"]);
+    assert_eq!(faults("every pixel is at least #0a141f"), ["fast: pixel 0,0 is #0a141e"]);
+    assert_eq!(faults("pixels 0,1 are #0a141e"), ["fast: pixel 0,1 is outside the picture"]);
+    assert_eq!(faults("no pixel is #28323c"), ["fast: 1 pixels are"]);
+    assert_eq!(faults("same picture in fast, exact"), ["fast and exact: 2 pixels differ"]);
+    assert_eq!(faults("at most 1 pixels differ between fast, exact"), ["fast and exact: 2 pixels differ"]);
+    assert_eq!(faults("at most 2 pixels differ between fast, exact"), [""; 0]);
 }

@@ -157,8 +157,8 @@ fn e3_no_light_leaks_through_close_walls() {
                     let distance = (p - point.position).dot(n) * n.dot(normal).signum();
                     let (own_normal, _) = plane(own);
                     let own_normal = own_normal * own_normal.dot(normal).signum();
-                    // The offset of a tier's ray origins: at most two f32 steps, and in `naive` the error of its test.
-                    let error = if numerics == Numerics::Naive { 4.0 * f64::from(f32::EPSILON) } else { 0.0 };
+                    // The offset of a tier's ray origins: at most two f32 steps, and in `fast` the error of its test.
+                    let error = if numerics == Numerics::Fast { 4.0 * f64::from(f32::EPSILON) } else { 0.0 };
                     let start = error * point.reach.dot(own_normal.abs()) + 4.0 * ulp;
                     if distance < start {
                         continue;

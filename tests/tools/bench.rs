@@ -57,7 +57,7 @@ fn engines_answer_as_the_oracle_does() {
                 (row.all_wrong().expect("they were compared"), row.rays.iter().sum::<usize>());
             let label = &row.label;
             assert!(wrong * 100 < rays as u64, "{family:?} {label:?}: {:?} of {rays}", row.wrong);
-            if label.engine == "kiln" && label.tier != Some("naive") {
+            if label.engine == "kiln" && label.tier != Some("fast") {
                 assert_eq!(wrong, 0, "{family:?} {label:?}");
             }
             assert!(row.rates.iter().all(|rates| rates.len() == 1 && rates[0] > 0.0), "{row:?}");
@@ -223,7 +223,7 @@ fn the_price_of_accuracy_has_a_row_for_every_tier_and_a_plot() {
     let modes = |engine: &str| -> Vec<&Value> {
         rows.iter().filter(|row| row["engine"] == engine).map(|row| &row["mode"]).collect()
     };
-    assert_eq!(modes("kiln"), ["naive", "watertight", "double", "exact"]);
+    assert_eq!(modes("kiln"), ["fast", "watertight", "double", "exact"]);
     assert_eq!(modes("obvhs"), ["bvh2", "cwbvh"]);
     for row in &rows {
         let number = |key: &str| row[key].as_f64().unwrap_or_else(|| panic!("{key}: {row}"));

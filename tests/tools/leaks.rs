@@ -26,7 +26,7 @@ fn rows(engine: &str) -> Vec<LeakRow> {
 fn no_ray_slips_through_kilns_structures() {
     for row in rows("kiln") {
         match row.tier {
-            Some("naive") => assert!(row.leaks.total() > RAYS / 20, "{row:?}"),
+            Some("fast") => assert!(row.leaks.total() > RAYS / 20, "{row:?}"),
             _ => assert_eq!(row.leaks.total(), 0, "{row:?}"),
         }
     }

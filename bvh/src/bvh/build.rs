@@ -86,7 +86,7 @@ pub(super) const MIN_PARALLEL: usize = 4096;
 fn ploc_over_slots<T: Tier>(slots: &[StoredSlot<T::Corner>], preset: Preset) -> Ploc {
     let parameters = preset.parameters();
     let whole: Vec<Bounds> = slots.par_iter().with_min_len(MIN_PARALLEL).map(StoredSlot::bounds).collect();
-    let (boxes, of_slot) = if parameters.pre_split && T::IS_TIGHT {
+    let (boxes, of_slot) = if parameters.pre_split {
         split_large_triangles(slots, &whole)
     } else {
         (whole, (0..slots.len() as u32).collect())

@@ -4,7 +4,8 @@
 //! kiln's: `bvh2` over the binary tree, `wide` over nodes of eight children, `instances` over meshes that are placed
 //! many times ([`Instance`]), and `brute_force`, the oracle of the tests. [`Bvh`] is the interface for library users.
 //!
-//! Every layout returns exactly the hits of [`Layout::BruteForce`]: the least t, ties to the lowest primitive id.
+//! Every layout returns exactly the hits of [`Layout::BruteForce`]: the least t, ties to the lowest primitive id. The
+//! tier `fast` is exempt ([`Numerics::Fast`]).
 //! obvhs's own traversal does not: its boxes are tested without margin, tiny direction components are clamped, ties
 //! depend on the layout, and its triangle test loses rays on edges seen from behind.
 
@@ -31,7 +32,7 @@ use stored_slot::StoredSlot;
 
 use crate::geometry::simd::InstructionSet;
 use crate::geometry::{
-    AnalyticShape, Bounds, Double, Exact, Hit, HitBuffer, Naive, Numerics, Precision, PrimId, Ray, Rays,
+    AnalyticShape, Bounds, Double, Exact, Fast, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, Rays,
     SlotId, Tier, Triangle, Watertight,
 };
 
@@ -143,7 +144,7 @@ fn build_from(
         }
     }
     match numerics {
-        Numerics::Naive => of::<Naive>(slots, layout),
+        Numerics::Fast => of::<Fast>(slots, layout),
         Numerics::Watertight => of::<Watertight>(slots, layout),
         Numerics::Double => of::<Double>(slots, layout),
         Numerics::Exact => of::<Exact>(slots, layout),
@@ -172,7 +173,7 @@ fn over_instances(
     numerics: Numerics,
 ) -> Box<dyn Accelerator> {
     match numerics {
-        Numerics::Naive => Box::new(Instances::<Naive>::new(flat, instances, preset)),
+        Numerics::Fast => Box::new(Instances::<Fast>::new(flat, instances, preset)),
         Numerics::Watertight => Box::new(Instances::<Watertight>::new(flat, instances, preset)),
         Numerics::Double => Box::new(Instances::<Double>::new(flat, instances, preset)),
         Numerics::Exact => Box::new(Instances::<Exact>::new(flat, instances, preset)),
@@ -228,7 +229,7 @@ impl std::ops::AddAssign for Tests {
 
 /// An acceleration structure: intersection queries, refitting and description.
 pub trait Accelerator: Send + Sync {
-    /// The closest hit; of hits at equal t, the one with the lowest primitive id.
+    /// The closest hit; of hits at equal t, the one with the lowest primitive id, except in `fast`.
     fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit>;
 
     /// Whether the ray hits anything.

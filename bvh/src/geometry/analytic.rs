@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::distance::Distance;
 use super::lanes::{HitN, RayN};
-use super::simd::Doubles;
+use super::simd::{Doubles, Floats};
 use super::spawn::SurfacePoint;
 use super::{Bounds, Numerics, Precision, Ray, Sphere};
 
@@ -57,7 +57,7 @@ impl AnalyticShape {
     }
 
     /// The least distance with `t_min < t < t_max` at which the ray meets the surface, from either side, within the
-    /// interval in which the ray is inside the shape's own bounds. In f32 in the tier `naive`, decided exactly and good
+    /// interval in which the ray is inside the shape's own bounds. In f32 in the tier `fast`, decided exactly and good
     /// to [`super::exact::TOLERANCE`] in `exact`, else in f64.
     #[inline(always)]
     pub(crate) fn hit(&self, ray: &Ray, numerics: Numerics) -> Option<f64> {
@@ -69,6 +69,17 @@ impl AnalyticShape {
     #[inline(always)]
     pub(crate) fn hit_n<D: Doubles>(&self, rays: &RayN<D>) -> HitN<D> {
         each!(self, shape => shape.hit_n(rays))
+    }
+
+    /// The rays that hit it, one in each lane, and their distances, in f32. For the tier `fast`.
+    #[inline(always)]
+    pub(crate) fn hit_in_f32<F: Floats>(
+        &self,
+        origin: &[F; 3],
+        direction: &[F; 3],
+        ends: [F; 2],
+    ) -> (u32, F) {
+        each!(self, shape => shape.hit_in_f32(origin, direction, ends))
     }
 
     /// The exact distance.

@@ -4,7 +4,7 @@
 //! The tests themselves are in [`super::woop_n`] and [`super::sphere`]; the traversals of `bvh/wide` call them through
 //! [`Tier`](super::Tier).
 
-use super::simd::Doubles;
+use super::simd::{Doubles, Simd, Vector};
 use super::{Corner, Hit, PrimId, SlotId};
 
 /// Lanes of [`Triangle4`].
@@ -52,6 +52,18 @@ impl<C: Corner> Triangle4<C> {
         }
     }
 
+    /// The corners of the triangles of two leaves, in f32, with their coordinates in the order of `axes`.
+    #[inline(always)]
+    pub(crate) fn pair<S: Simd>([low, high]: [&Self; 2], axes: [usize; 3]) -> [[S::F8; 3]; 3] {
+        let mut corners = [[S::F8::splat(0.0); 3]; 3];
+        for (k, corner) in corners.iter_mut().enumerate() {
+            for (at, axis) in corner.iter_mut().zip(axes) {
+                *at = C::pair::<S>(&low.corners[k][axis], &high.corners[k][axis]);
+            }
+        }
+        corners
+    }
+
     /// The triangle in a lane.
     #[inline(always)]
     pub(crate) fn triangle(&self, lane: usize) -> [C; 3] {
@@ -75,7 +87,7 @@ impl<C: Corner> Triangle4<C> {
 
 /// The hit of a ray-primitive pair in each lane. Masks have one bit per lane.
 #[derive(Clone, Copy)]
-pub(crate) struct HitN<D: Doubles> {
+pub(crate) struct HitN<D: Vector> {
     /// Lanes that hit.
     pub hit: u32,
     /// Lanes that must be tested again by the tier's test for one ray.
@@ -86,7 +98,7 @@ pub(crate) struct HitN<D: Doubles> {
     pub barycentrics: [D::Array; 2],
 }
 
-impl<D: Doubles> HitN<D> {
+impl<D: Vector<Scalar: Into<f64>>> HitN<D> {
     /// Misses.
     pub(crate) const NONE: Self = HitN { hit: 0, undecided: 0, t: D::ZEROS, barycentrics: [D::ZEROS; 2] };
     /// Undecided lanes: the result of tiers without a test of several pairs.
@@ -96,10 +108,10 @@ impl<D: Doubles> HitN<D> {
     #[inline(always)]
     pub(crate) fn at(&self, lane: usize, prim: PrimId, slot: SlotId) -> Hit {
         Hit {
-            t: self.t[lane],
+            t: self.t[lane].into(),
             prim,
             slot,
-            barycentrics: [self.barycentrics[0][lane], self.barycentrics[1][lane]],
+            barycentrics: [self.barycentrics[0][lane].into(), self.barycentrics[1][lane].into()],
         }
     }
 }

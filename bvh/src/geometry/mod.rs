@@ -5,7 +5,7 @@
 //!
 //! | tier | rays and corners | boxes tested in | triangles | spheres |
 //! | ---- | ---------------- | --------------- | --------- | ------- |
-//! | [`Naive`] | f32 | f32 | Möller and Trumbore, f32 | Haines and others, f32 |
+//! | [`Fast`] | f32 | f32 | Möller and Trumbore, f32 | Haines and others, f32 |
 //! | [`Watertight`] | rays f64, corners f32 | f32, in trees of two f64 | Woop, Benthin and Wald, f64 | Haines and others, f64 |
 //! | [`Double`] | f64 | f64 | the same | the same |
 //! | [`Exact`] | f64 | f64 | the same with error bounds, then exact | the same with error bounds, then exact |
@@ -13,11 +13,13 @@
 //! In all of them:
 //! - A ray's origin and direction are rounded to the tier's precision first ([`Numerics::ray_precision`]), so box
 //!   tests and primitive tests see the same ray.
-//! - Boxes are f32, rounded outwards, and tested with a margin that absorbs rounding ([`BoxTest`]).
+//! - Boxes are f32, rounded outwards, and tested with a margin that absorbs rounding ([`BoxTest`]); without one in nodes of
+//!   eight in `fast`.
 //! - Triangles are hit from both sides, edges and corners included; a ray in a triangle's plane misses.
 //! - Secondary rays start in front of the surface they leave and of its neighbours ([`spawn`]).
 //!
-//! No absolute constant decides a hit: every bound is relative to the numbers it applies to.
+//! No absolute constant decides a hit: every bound is relative to the numbers it applies to. [`Numerics::Fast`] lists what
+//! `fast` gives up.
 
 mod analytic;
 mod bounds;
@@ -25,10 +27,10 @@ mod distance;
 mod double;
 mod exact;
 pub(crate) mod expansion;
+pub(crate) mod fast;
 mod hit_buffer;
 pub(crate) mod lanes;
 mod mesh;
-mod naive;
 mod numerics;
 mod placed;
 mod ray;
@@ -60,8 +62,8 @@ pub use triangle::Triangle;
 pub(crate) use bounds::{PRUNE_MARGIN, prune_distance, round_down};
 pub(crate) use double::Double;
 pub(crate) use exact::Exact;
+pub(crate) use fast::Fast;
 pub(crate) use lanes::Triangle4;
-pub(crate) use naive::Naive;
 pub(crate) use numerics::{Corner, PreparedPacket, PreparedRay, Stored, Tier};
 pub(crate) use triangle::TriangleHit;
 pub(crate) use watertight::Watertight;

@@ -141,6 +141,12 @@ impl<'a> Rays<'a> {
         self.floats::<D>(T_MIN, first)
     }
 
+    /// `t_max` in f32 of twice as many rays as [`Rays::lanes`].
+    #[inline(always)]
+    pub(crate) fn t_max_floats<D: Doubles>(&self, first: usize) -> D::Floats {
+        self.floats::<D>(T_MAX, first)
+    }
+
     /// The coordinates of the origins on an axis, in f32, of twice as many rays as [`Rays::lanes`].
     #[inline(always)]
     pub(crate) fn origin_floats<D: Doubles>(&self, axis: usize, first: usize) -> D::Floats {

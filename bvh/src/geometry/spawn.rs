@@ -46,7 +46,7 @@
 //!   30 degrees, or a spike with such an opening angle, and a ray aimed that closely at another edge of the
 //!   neighbouring face.
 //!
-//! The tier `naive` rounds the origin to f32, away from the surface, and guarantees nothing at edges.
+//! The tier `fast` rounds the origin to f32, away from the surface, and guarantees nothing at edges.
 
 use glam::DVec3;
 
@@ -122,7 +122,7 @@ impl SurfacePoint {
     /// The origin of a ray that leaves the surface on the side of the unit vector `normal`.
     #[inline(always)]
     pub fn origin_towards(&self, normal: DVec3, numerics: Numerics) -> DVec3 {
-        if numerics == Numerics::Naive {
+        if numerics == Numerics::Fast {
             let error = FAST_ERROR * normal.abs().dot(self.reach);
             return round_away(self.start + normal * error, normal);
         }

@@ -15,13 +15,13 @@ impl PreparedRay for WoopTest {
     }
 
     #[inline(always)]
-    fn prepare_packet<'a, D: Doubles>(rays: Rays, packet: &'a mut PreparedPacket) -> &'a [Self] {
+    fn prepare_packet<'a, D: Doubles>(rays: Rays, packet: &'a mut PreparedPacket) -> &'a mut [Self] {
         let nothing = WoopTest::of_parts(MajorAxis::X, [DVec3::ZERO; 2], [0.0; 3], [0.0; 2]);
         packet.woop.resize(PACKET, nothing);
         for first in (0..rays.len()).step_by(D::LANES) {
             prepare_lanes::<D>(rays, first, &mut packet.woop[first..first + D::LANES]);
         }
-        &packet.woop
+        &mut packet.woop
     }
 
     #[inline(always)]

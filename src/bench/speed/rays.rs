@@ -117,7 +117,7 @@ impl Point {
             Primitive::Analytic(shape) => shape.surface(ray.at(hit.t)),
         };
         let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
-        Point { surface, normal, origin: surface.origin_towards(normal, Numerics::Naive) }
+        Point { surface, normal, origin: surface.origin_towards(normal, Numerics::Fast) }
     }
 }
 
@@ -218,7 +218,7 @@ mod tests {
     fn shadow_rays_end_before_the_light_and_start_on_its_side() {
         let normal = DVec3::Y;
         let surface = SurfacePoint { position: DVec3::ZERO, start: DVec3::ZERO, reach: DVec3::ONE };
-        let point = Point { surface, normal, origin: surface.origin_towards(normal, Numerics::Naive) };
+        let point = Point { surface, normal, origin: surface.origin_towards(normal, Numerics::Fast) };
         let light = DVec3::new(3.0, 4.0, 0.0);
         let ray = shadow(&point, light).expect("a ray");
         // The light is 5 away.

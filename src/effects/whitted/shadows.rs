@@ -151,7 +151,7 @@ fn shadow_rays(
 ) {
     // The tier is passed as a constant, so that the loops have no branch on it.
     match numerics {
-        Numerics::Naive => simd!(rays_to(light, surfaces, origins, Numerics::Naive, rays)),
+        Numerics::Fast => simd!(rays_to(light, surfaces, origins, Numerics::Fast, rays)),
         Numerics::Watertight => simd!(rays_to(light, surfaces, origins, Numerics::Watertight, rays)),
         Numerics::Double | Numerics::Exact => {
             simd!(rays_to(light, surfaces, origins, Numerics::Double, rays))

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use obvhs::bvh2::node::Bvh2Node;
 
 use super::transform::{MeshSpace, Transform};
@@ -25,12 +25,11 @@ pub(crate) struct MeshBvh {
 const BOUNDING_NODES: usize = 64;
 
 impl MeshBvh {
-    /// Builds the tree. Boxes are enlarged by `spread` times their half sizes; see [`Transform::spread`].
-    pub(crate) fn new(mesh: Arc<Mesh>, space: &MeshSpace, spread: &DMat3, preset: Preset) -> Self {
+    /// Builds the tree.
+    pub(crate) fn new(mesh: Arc<Mesh>, space: &MeshSpace, preset: Preset) -> Self {
         let bounds = |triangle: &[u32; 3]| {
             let [min, max] = DVec3::span(&triangle.map(|i| space.point(mesh.positions[i as usize])));
-            let more = *spread * ((max - min) / 2.0);
-            Bounds::rounded_out(min - more, max + more)
+            Bounds::rounded_out(min, max)
         };
         let boxes: Vec<Bounds> = mesh.triangles.iter().map(bounds).collect();
         let (nodes, order) = build_nodes(&boxes, preset.parameters());

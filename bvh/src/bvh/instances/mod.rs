@@ -13,7 +13,7 @@ use std::cell::Cell;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use glam::{DMat3, Vec3A};
+use glam::Vec3A;
 use obvhs::bvh2::node::Bvh2Node;
 
 use super::Preset;
@@ -87,32 +87,23 @@ impl<T: Tier> Instances<T> {
         let triangles = u32::try_from(triangles).expect("primitives are numbered with 32 bits");
         let mut slot = u32::MAX - triangles;
         let mut known: HashMap<*const Mesh, (u32, MeshSpace)> = HashMap::new();
-        let mut meshes: Vec<(Arc<Mesh>, MeshSpace, DMat3)> = Vec::new();
+        let mut meshes: Vec<(Arc<Mesh>, MeshSpace)> = Vec::new();
         let mut prepared = Vec::with_capacity(instances.len());
         for instance in instances {
             let mesh = &instance.placed.mesh;
             let (index, space) = *known.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
                 let space = MeshSpace::of(mesh).expect("a mesh that can be an instance");
-                meshes.push((mesh.clone(), space, DMat3::ZERO));
+                meshes.push((mesh.clone(), space));
                 (meshes.len() as u32 - 1, space)
             });
             let transform =
                 Transform::new(&instance.placed, &space, T::NUMERICS).expect("it can be an instance");
-            let spread = &mut meshes[index as usize].2;
-            let [x, y, z] = [0, 1, 2].map(|k| spread.col(k).max(transform.spread().col(k)));
-            *spread = DMat3::from_cols(x, y, z);
             let first = slot;
             slot += mesh.triangles.len() as u32;
             prepared.push(PreparedInstance { instance, transform, mesh: index, slot: first });
         }
-        let meshes: Vec<MeshBvh> = meshes
-            .into_iter()
-            .map(|(mesh, space, spread)| {
-                // In tiers whose hits lie only in the bounds of their triangle, boxes are enlarged accordingly.
-                let spread = if T::IS_TIGHT { DMat3::ZERO } else { spread };
-                MeshBvh::new(mesh, &space, &spread, preset)
-            })
-            .collect();
+        let meshes: Vec<MeshBvh> =
+            meshes.into_iter().map(|(mesh, space)| MeshBvh::new(mesh, &space, preset)).collect();
         let boxes: Vec<Bounds> =
             prepared.iter().map(|i| meshes[i.mesh as usize].in_world(&i.transform)).collect();
         let mut parameters = preset.parameters();

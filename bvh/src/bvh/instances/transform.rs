@@ -65,14 +65,8 @@ pub(crate) struct Transform {
 ///
 /// In the tiers that decide in f64, a hit's distance is clamped to the bounds of its triangle up to 1 + 2^-26
 /// (`clamp_to_bounds` of [`crate::geometry`]), its barycentrics are good to 2^-32, and transforming a ray takes a few
-/// 2^-53: 2^-25 is more than all together. In `naive` it is clamped to these bounds up to 1 + 2^-21, and may be
-/// anywhere in them.
-fn share_of_distance(numerics: Numerics) -> f64 {
-    match numerics {
-        Numerics::Naive => 1.0 / (1u32 << 20) as f64,
-        Numerics::Watertight | Numerics::Double | Numerics::Exact => 1.0 / (1u32 << 25) as f64,
-    }
-}
+/// 2^-53: 2^-25 is more than all together.
+const SHARE_OF_DISTANCE: f64 = 1.0 / (1u32 << 25) as f64;
 
 /// The largest enlargement of boxes, in half sizes of the mesh, within the range of f32. Along an axis with such
 /// errors boxes cull nothing: the mesh is flattened there, or too far away for the precision of the tier.
@@ -100,30 +94,19 @@ impl Transform {
         let half = out * DVec3::ONE;
         let largest = origin.abs() + half + error;
         let rounding = numerics.precision().epsilon() / 2.0 * largest + f64::from(f32::from_bits(1));
-        let share = share_of_distance(numerics);
-        let off_the_triangle = DVec3::splat(2.0 * half.max_element() * share);
+        let off_the_triangle = DVec3::splat(2.0 * half.max_element() * SHARE_OF_DISTANCE);
         // The deviation of inverse times matrix from the identity, and the rounding of this product.
         let residual =
             (box_from_world * world_from_box - DMat3::IDENTITY).abs() + (back * out) * (8.0 * f64::EPSILON);
-        let mut box_error = back * (error + rounding + off_the_triangle) + residual * DVec3::ONE;
-        if numerics == Numerics::Naive {
-            // A hit anywhere in the bounds of its triangle may lie that far outside the mesh, where f32 rounds.
-            box_error += spread(&back, &out) * DVec3::splat(4.0 * f64::from(f32::EPSILON));
-        }
+        let box_error = back * (error + rounding + off_the_triangle) + residual * DVec3::ONE;
         (box_error.max_element() <= MAX_BOX_ERROR).then_some(Transform {
             world_from_box,
             origin,
             box_from_world,
             box_error,
-            box_error_per_distance: back * DVec3::splat(share),
+            box_error_per_distance: back * DVec3::splat(SHARE_OF_DISTANCE),
             error,
         })
-    }
-
-    /// How far the world-space box of a triangle extends beyond its mesh-space box, per half size of the latter: 0 if
-    /// the placement maps axes to axes.
-    pub(crate) fn spread(&self) -> DMat3 {
-        spread(&self.box_from_world.abs(), &self.world_from_box.abs())
     }
 
     /// Bounds in world space of all corners in a box of the mesh's tree, not yet rounded to f32.
@@ -152,8 +135,4 @@ impl Transform {
         let box_error = self.box_error + self.box_error_per_distance * from.abs().max_element();
         (SingleBoxTest::widened(origin, direction, box_error), start)
     }
-}
-
-fn spread(back: &DMat3, out: &DMat3) -> DMat3 {
-    (*back * *out - DMat3::IDENTITY).abs()
 }

@@ -74,7 +74,7 @@ impl<T: Tier> Accelerator for Wide<T> {
 
     fn closest_hits(&self, rays: Rays, hits: &mut HitBuffer, traversal: &mut Traversal) {
         for [rays, following] in packets(rays) {
-            let (first, may_be_packet) = (hits.len(), may_be_packet::<T>(rays));
+            let (first, may_be_packet) = (hits.len(), rays.len() >= MIN_PACKET);
             let Traversal { children, tests, packet, .. } = traversal;
             if may_be_packet
                 && with!(self.instructions, S => packet::closest::<T, S>(
@@ -107,7 +107,7 @@ impl<T: Tier> Accelerator for Wide<T> {
 
     fn are_occluded(&self, rays: Rays, occluded: &mut Vec<bool>, traversal: &mut Traversal) {
         for [rays, following] in packets(rays) {
-            let (first, may_be_packet) = (occluded.len(), may_be_packet::<T>(rays));
+            let (first, may_be_packet) = (occluded.len(), rays.len() >= MIN_PACKET);
             let Traversal { children, tests, packet, .. } = traversal;
             if may_be_packet
                 && with!(self.instructions, S => packet::occluded::<T, S>(
@@ -191,11 +191,6 @@ fn one<T: Tier, const NEAREST: bool>(
 fn packets(rays: Rays) -> impl Iterator<Item = [Rays; 2]> {
     let following = rays.chunks(PACKET).skip(1).chain([Rays::default()]);
     rays.chunks(PACKET).zip(following).map(|(rays, following)| [rays, following])
-}
-
-/// Whether the tier and the number of rays allow a packet.
-fn may_be_packet<T: Tier>(rays: Rays) -> bool {
-    T::IS_TIGHT && rays.len() >= MIN_PACKET
 }
 
 /// Traces incoherent rays by all pairs or as a stream. `false`, with nothing traced, if the instruction set, the tree

@@ -10,7 +10,7 @@
 //!    - [`all_pairs`]: every ray against every primitive, for scenes of a few primitives;
 //!    - [`single`]: one ray, ordered front to back with a stack.
 //! 3. All of them read the nodes and leaves of [`layout`] and decide hits by the primitive tests of the
-//!    [`Tier`](crate::geometry::Tier), so a hit has the same bits whichever traversal found it.
+//!    [`Tier`](crate::geometry::Tier), so a hit has the same bits whichever traversal found it, except in `fast`.
 //!
 //! The instruction sets ([`Simd`](crate::geometry::simd::Simd)) give the same results: AVX2 with FMA has all traversals,
 //! AVX-512 all but [`single`], portable Rust [`packet`] and [`single`].

@@ -8,7 +8,7 @@
 //!
 //! Code generic over these gives the same bits with each: every operation is one IEEE 754 operation per lane, except
 //! [`Floats::mul_sub`] and [`Floats::mul_add`], which round once or twice. Those two are used for conservative bounds
-//! only, never for a decision.
+//! only, never for a decision, except in the tier `fast`.
 
 mod portable;
 #[cfg(target_arch = "x86_64")]
@@ -17,7 +17,7 @@ mod x86;
 
 use std::ops::{Add, Div, Index, IndexMut, Mul, Sub};
 
-pub(crate) use portable::Portable;
+pub(crate) use portable::{Lanes, Portable};
 #[cfg(target_arch = "x86_64")]
 pub(crate) use x86::{Avx2, Avx512};
 
@@ -145,6 +145,8 @@ pub(crate) trait Vector:
     fn min(self, other: Self) -> Self;
     /// The lanes with `self <= other`.
     fn le(self, other: Self) -> u32;
+    /// The lanes with `self < other`.
+    fn lt(self, other: Self) -> u32;
     /// The least lane; none may be NaN.
     fn reduce_min(self) -> Self::Scalar;
     /// The greatest lane; none may be NaN.
@@ -159,6 +161,10 @@ pub(crate) trait Floats: Vector<Scalar = f32> {
     fn mul_sub(self, b: Self, c: Self) -> Self;
     /// `a` in the lanes of a mask, `b` in the others, to the bit.
     fn select(mask: u32, a: Self, b: Self) -> Self;
+    /// `self`, negated where the sign bit of `other` is set.
+    fn flip(self, other: Self) -> Self;
+    /// The square root, rounded to nearest.
+    fn sqrt(self) -> Self;
 }
 
 /// A vector of f64 numbers.
@@ -185,8 +191,6 @@ pub(crate) trait Doubles: Vector<Scalar = f64> {
     fn sqrt(self) -> Self;
     /// The absolute value of `self` with the sign of `other`.
     fn copysign(self, other: Self) -> Self;
-    /// The lanes with `self < other`.
-    fn lt(self, other: Self) -> u32;
 }
 
 /// An instruction set and its vectors.
@@ -204,6 +208,8 @@ pub(crate) trait Simd: Copy + Send + Sync + 'static {
     fn run<R>(f: impl FnOnce() -> R) -> R;
     /// Prefetches `b[index]` if `of_b`, else `a[index]`; the index may be out of range.
     fn prefetch<A, B>(a: &[A], b: &[B], of_b: bool, index: usize);
+    /// From two arrays.
+    fn pair(low: &[f32; 4], high: &[f32; 4]) -> Self::F8;
     /// From one of two arrays.
     fn planes(pair: &[[f32; 8]; 2], side: Side) -> Self::F8;
     /// The number of lanes with `enter <= leave`, which are written to the front of `to`, sorted by descending
@@ -259,6 +265,7 @@ mod tests {
                     assert_lanes(x.max(y), |lane| if a[lane] > b[lane] { a[lane] } else { b[lane] });
                     assert_lanes(x.min(y), |lane| if a[lane] < b[lane] { a[lane] } else { b[lane] });
                     assert_eq!(x.le(y), mask(&a, &b, |a, b| a <= b));
+                    assert_eq!(x.lt(y), mask(&a, &b, |a, b| a < b));
                     let some: Vec<_> = a.iter().map(|x| if x.is_nan() { 2.0 } else { *x }).collect();
                     let numbers = V::load_slice(&some);
                     assert_eq!(numbers.reduce_min(), some.iter().copied().fold(some[0], <$scalar>::min));
@@ -274,6 +281,13 @@ mod tests {
 
     fn check_floats<F: Floats>() {
         check_numbers_f32::<F>();
+        for (a, b) in pairs(F::LANES) {
+            let narrow = |x: Vec<f64>| x.into_iter().map(|x| x as f32).collect::<Vec<_>>();
+            let (a, b) = (narrow(a), narrow(b));
+            let (x, y) = (F::load_slice(&a), F::load_slice(&b));
+            assert_lanes(x.flip(y), |lane| if b[lane].is_sign_negative() { -a[lane] } else { a[lane] });
+            assert_lanes(x.sqrt(), |lane| a[lane].sqrt());
+        }
         let a: Vec<f32> = (0..F::LANES).map(|lane| lane as f32 + 0.1).collect();
         let (x, y) = (F::load_slice(&a), F::splat(3.3));
         let every_third = 0x9249 & F::ALL;
@@ -296,7 +310,6 @@ mod tests {
         assert_eq!(D::Floats::LANES, 2 * D::LANES);
         for (a, b) in pairs(D::LANES) {
             let (x, y) = (D::load_slice(&a), D::load_slice(&b));
-            assert_eq!(x.lt(y), mask(&a, &b, |a, b| a < b));
             assert_lanes(x.abs(), |lane| a[lane].abs());
             assert_lanes(x.abs().sqrt(), |lane| a[lane].abs().sqrt());
             assert_lanes(x.copysign(y), |lane| a[lane].copysign(b[lane]));
@@ -310,6 +323,7 @@ mod tests {
     }
 
     fn check<S: Simd>() {
+        assert_lanes(S::pair(&[0.0, 1.0, 2.0, 3.0], &[4.0, 5.0, 6.0, 7.0]), |lane| lane as f32);
         check_floats::<S::F8>();
         check_floats::<S::F>();
         check_doubles::<S::D4>();

@@ -90,6 +90,11 @@ macro_rules! vector {
             }
 
             #[inline(always)]
+            fn lt(self, other: Self) -> u32 {
+                self.mask(other, |a, b| a < b)
+            }
+
+            #[inline(always)]
             fn reduce_min(self) -> $scalar {
                 self.0.into_iter().fold(<$scalar>::INFINITY, |a, b| if a < b { a } else { b })
             }
@@ -119,6 +124,16 @@ impl<const N: usize> Floats for Lanes<f32, N> {
     #[inline(always)]
     fn select(mask: u32, a: Self, b: Self) -> Self {
         Lanes(std::array::from_fn(|lane| if mask >> lane & 1 != 0 { a.0[lane] } else { b.0[lane] }))
+    }
+
+    #[inline(always)]
+    fn flip(self, other: Self) -> Self {
+        self.with(other, |a, b| f32::from_bits(a.to_bits() ^ b.to_bits() & (1 << 31)))
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Lanes(self.0.map(f32::sqrt))
     }
 }
 
@@ -155,11 +170,6 @@ impl Doubles for Lanes<f64, 4> {
     fn copysign(self, other: Self) -> Self {
         self.with(other, f64::copysign)
     }
-
-    #[inline(always)]
-    fn lt(self, other: Self) -> u32 {
-        self.mask(other, |a, b| a < b)
-    }
 }
 
 impl Simd for Portable {
@@ -175,6 +185,11 @@ impl Simd for Portable {
 
     #[inline(always)]
     fn prefetch<A, B>(_: &[A], _: &[B], _: bool, _: usize) {}
+
+    #[inline(always)]
+    fn pair([a, b, c, d]: &[f32; 4], [e, f, g, h]: &[f32; 4]) -> Self::F8 {
+        Lanes([*a, *b, *c, *d, *e, *f, *g, *h])
+    }
 
     #[inline(always)]
     fn planes(pair: &[[f32; 8]; 2], side: Side) -> Self::F8 {

@@ -1,4 +1,4 @@
-//! Analytic spheres and their intersection tests: in f64 for one ray and for four here, in f32 in `naive`, exactly in
+//! Analytic spheres and their intersection tests: in f64 for one ray and for four here, in f32 in `fast`, exactly in
 //! `exact`.
 //!
 //! The textbook discriminant `(d.e)^2 - (d.d)(e.e - r^2)` cancels for small or distant spheres. Haines, Günther and
@@ -6,7 +6,7 @@
 //! instead, and compute the root that cancels from the product of both.
 
 mod exact;
-mod naive;
+mod fast;
 mod sampling;
 
 use glam::DVec3;
@@ -14,7 +14,7 @@ use glam::DVec3;
 use super::bounds::{DOUBLE_MARGIN, clamp_to_bounds};
 use super::distance::Distance;
 use super::lanes::{HitN, RayN};
-use super::simd::Doubles;
+use super::simd::{Doubles, Floats};
 use super::spawn::SurfacePoint;
 use super::{Bounds, Numerics, Precision, Ray};
 
@@ -63,10 +63,20 @@ impl Sphere {
     #[inline(always)]
     pub(super) fn hit(&self, ray: &Ray, numerics: Numerics) -> Option<f64> {
         match numerics {
-            Numerics::Naive => naive::hit(ray, self),
+            Numerics::Fast => fast::hit(ray, self),
             Numerics::Watertight | Numerics::Double => self.hit_in_f64(ray),
             Numerics::Exact => exact::hit(ray, self),
         }
+    }
+
+    #[inline(always)]
+    pub(super) fn hit_in_f32<F: Floats>(
+        &self,
+        origin: &[F; 3],
+        direction: &[F; 3],
+        ends: [F; 2],
+    ) -> (u32, F) {
+        fast::hit_n(self, origin, direction, ends)
     }
 
     pub(super) fn exact_distance(&self, ray: &Ray) -> Option<Distance> {

@@ -59,6 +59,16 @@ impl<T: Tier> Wide<T> {
         }
     }
 
+    /// The primitive id in a slot.
+    #[inline(always)]
+    pub(crate) fn prim_in(&self, slot: u32) -> u32 {
+        let slot = slot as usize;
+        match self.triangles.get(slot / LANES4) {
+            Some(leaf) => leaf.ids[slot % LANES4],
+            None => self.analytic[slot - self.triangles.len() * LANES4].1.0,
+        }
+    }
+
     /// Whether `hit` comes before the best hit so far.
     #[inline(always)]
     pub(crate) fn is_better(&self, ray: impl FnOnce() -> Ray, hit: &Hit, best: Option<&Hit>) -> bool {

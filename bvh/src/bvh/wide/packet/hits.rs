@@ -51,14 +51,15 @@ impl<S: Simd> Default for BestHits<S> {
 }
 
 impl<S: Simd> BestHits<S> {
-    /// Removes all hits. Depths are bounded by the rays' `t_max`, off by up to `spread`.
+    /// Removes all hits. Depths are bounded by the rays' `t_max`, off by up to `spread`; `fast`: as they are computed.
     #[inline(always)]
-    pub(crate) fn reset(&mut self, rays: &PacketRays<S>, spread: f32) {
+    pub(crate) fn reset(&mut self, rays: &PacketRays<S>, spread: f32, fast: bool) {
         let spread = S::F::splat(spread);
         for block in 0..rays.blocks {
             let [near, far] = rays.depths(block);
             self.near[block] = (near - spread).array();
-            self.far[block] = (far + spread).array();
+            let far = if fast { rays.depth_of_end(block) } else { far + spread };
+            self.far[block] = far.array();
         }
         self.slots[..rays.blocks].fill(S::F::splat(f32::from_bits(NONE)).array());
     }

@@ -14,10 +14,13 @@
 //! 5. [`resolve`] tests by the [`Tier`], half a block at once, what f32 does not decide: during the traversal, rays
 //!    whose depth bounds overlap; at the end, the closest hits, whose bits must be those of the tier.
 //!
+//! [`fast`] takes the place of 3's leaves, 4 and 5 in fast tiers: f32 decides, without error bounds.
+//!
 //! A packet that diverges too far is abandoned, and its rays are traced otherwise: both entry functions return
 //! `false` then.
 
 mod edge_functions;
+mod fast;
 mod frustum;
 mod hits;
 mod projected_sphere;
@@ -38,7 +41,7 @@ use crate::geometry::{HitBuffer, PACKET, PER_LINE, Rays, Tier, round_up};
 use frustum::Frustum;
 use hits::BestHits;
 use projected_triangles::BlockBounds;
-use rays::{BLOCKS, PacketRays};
+use rays::{BLOCKS, OfBlock, PacketRays};
 
 /// Appends the closest hits of the rays. `false`, with nothing appended, if they must be traced otherwise. The
 /// `following` rays are prefetched.
@@ -65,6 +68,10 @@ pub(crate) fn closest<T: Tier, S: Simd>(
                 #[inline(always)]
                 |index| hits.prefetch(first + index),
             );
+            if is_traversed && T::IS_FAST {
+                packet.append_fast(wide, hits);
+                return true;
+            }
             is_traversed && packet.resolve_all(wide, hits)
         },
     )
@@ -130,6 +137,8 @@ pub(crate) struct Scratch<S: Simd> {
     block_bounds: BlockBounds,
     /// For every block, a depth beyond which none of its rays needs a hit.
     depths: [f32; BLOCKS],
+    /// The barycentrics v and w of the best hits, in fast tiers.
+    barycentrics: [[OfBlock<S>; BLOCKS]; 2],
     /// The rays that are still traced, one mask per block.
     active: [u32; BLOCKS],
     /// Rays prepared for the tier's triangle test.
@@ -143,6 +152,7 @@ impl<S: Simd> Default for Scratch<S> {
             best: BestHits::default(),
             block_bounds: [[[f32::INFINITY; BLOCKS], [f32::NEG_INFINITY; BLOCKS]]; 2],
             depths: [f32::NEG_INFINITY; BLOCKS],
+            barycentrics: [[S::F::ZEROS; BLOCKS]; 2],
             active: [0; BLOCKS],
             prepared: vec![PreparedRayN::default(); PACKET / S::D::LANES],
         }
@@ -171,6 +181,9 @@ impl<'a, T: Tier, S: Simd, const ANY: bool> Packet<'a, T, S, ANY> {
     #[inline(always)]
     fn new(rays: Rays<'a>, following: Rays<'a>, scratch: &'a mut Scratch<S>) -> Option<Self> {
         debug_assert!(rays.len() <= PACKET);
+        if T::IS_FAST && !fast::supports::<S>(rays) {
+            return None;
+        }
         let frustum = Frustum::new(rays, ANY, &mut scratch.rays)?;
         let blocks = scratch.rays.blocks;
         for (k, [least, most]) in scratch.block_bounds.iter_mut().enumerate() {
@@ -189,7 +202,7 @@ impl<'a, T: Tier, S: Simd, const ANY: bool> Packet<'a, T, S, ANY> {
         let in_last_block = rays.len() - (blocks - 1) * S::F::LANES;
         scratch.active[blocks - 1] = S::F::ALL >> (S::F::LANES - in_last_block);
         scratch.rays.ends[blocks - 1].as_mut()[in_last_block..].fill(f32::NEG_INFINITY);
-        scratch.best.reset(&scratch.rays, round_up(frustum.spread));
+        scratch.best.reset(&scratch.rays, round_up(frustum.spread), T::IS_FAST);
         let mut packet = Packet {
             rays,
             following,

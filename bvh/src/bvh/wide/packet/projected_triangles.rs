@@ -86,18 +86,30 @@ impl<S: Simd> ProjectedTriangles<S> {
     /// The blocks of rays that a triangle's bounds overlap, nearer than `depths` of the blocks, as bits.
     #[inline(always)]
     pub(crate) fn blocks(&self, lane: usize, block_bounds: &BlockBounds, depths: &[f32; BLOCKS]) -> u32 {
-        let mut blocks = 0;
-        for first in (0..PACKET / S::F::LANES).step_by(S::F::LANES) {
-            let mut mask = S::F::splat(self.nearest[lane]).le(S::F::load_slice(&depths[first..]));
-            for ([least, most], bounds) in block_bounds.iter().zip(&self.bounds) {
-                let (low, high) = (S::F::splat(bounds[0][lane]), S::F::splat(bounds[1][lane]));
-                let (least, most) = (S::F::load_slice(&least[first..]), S::F::load_slice(&most[first..]));
-                mask &= least.le(high) & low.le(most);
-            }
-            blocks |= mask << first;
-        }
-        blocks
+        let [u, v] = &self.bounds;
+        let bounds = [[u[0][lane], u[1][lane]], [v[0][lane], v[1][lane]]];
+        overlapped::<S>(self.nearest[lane], bounds, block_bounds, depths)
     }
+}
+
+/// The blocks of rays that intervals of u and v overlap, whose depths are not below `nearest`, as bits.
+#[inline(always)]
+pub(crate) fn overlapped<S: Simd>(
+    nearest: f32,
+    bounds: [[f32; 2]; 2],
+    block_bounds: &BlockBounds,
+    depths: &[f32; BLOCKS],
+) -> u32 {
+    let mut blocks = 0;
+    for first in (0..PACKET / S::F::LANES).step_by(S::F::LANES) {
+        let mut mask = S::F::splat(nearest).le(S::F::load_slice(&depths[first..]));
+        for ([least, most], [low, high]) in block_bounds.iter().zip(bounds) {
+            let (least, most) = (S::F::load_slice(&least[first..]), S::F::load_slice(&most[first..]));
+            mask &= least.le(S::F::splat(high)) & S::F::splat(low).le(most);
+        }
+        blocks |= mask << first;
+    }
+    blocks
 }
 
 /// A corner's (u, v) as seen from the apex, and its error.

@@ -195,6 +195,13 @@ impl<S: Simd> PacketRays<S> {
         [near, (far + rounding(far)).max(far)]
     }
 
+    /// The depths at `t_max` of the rays of a block, rounded.
+    #[inline(always)]
+    pub(crate) fn depth_of_end(&self, block: usize) -> S::F {
+        S::F::load(self.projected[2][block])
+            .mul_add(S::F::load(self.ends[block]), S::F::load(self.starts[block]))
+    }
+
     /// Depths before and beyond `t` on one ray.
     #[inline(always)]
     pub(crate) fn depths_at(&self, ray: usize, t: f64) -> [f32; 2] {

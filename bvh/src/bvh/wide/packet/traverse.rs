@@ -89,7 +89,11 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
                     }
                     Some((Content::Analytic(shapes), _)) => {
                         for index in shapes {
-                            self.visit_analytic(wide, index, tests);
+                            if T::IS_FAST {
+                                self.visit_analytic_fast(wide, index, tests);
+                            } else {
+                                self.visit_analytic(wide, index, tests);
+                            }
                         }
                         MAX_QUEUED
                     }
@@ -101,9 +105,13 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
                     if at > self.frustum.max_depth {
                         continue;
                     }
-                    let second =
-                        if S::D::LANES > LANES4 && queue.len() > 0 { Some(queue.remove().0) } else { None };
-                    work += self.visit_triangles(wide, first, second, tests);
+                    let are_two = (S::D::LANES > LANES4 || T::IS_FAST) && queue.len() > 0;
+                    let second = if are_two { Some(queue.remove().0) } else { None };
+                    work += if T::IS_FAST {
+                        self.visit_triangles_fast(wide, first, second, tests)
+                    } else {
+                        self.visit_triangles(wide, first, second, tests)
+                    };
                 }
                 if work > MAX_WORK_PER_RAY[usize::from(ANY)] * self.rays.len() {
                     return false;

@@ -13,8 +13,8 @@ use crate::geometry::simd::{Floats, Side, Simd, Vector};
 use crate::geometry::{PRUNE_MARGIN, Ray, round_down};
 use glam::Vec3;
 
-/// The factor by which the distance at which a ray leaves a box is enlarged: [`PRUNE_MARGIN`], within which the tier
-/// `naive` clamps hits to their own bounds, and 8 u for the different arithmetic here.
+/// The factor by which the distance at which a ray leaves a box is enlarged: [`PRUNE_MARGIN`], and 8 u for the different
+/// arithmetic here.
 pub(crate) const MARGIN: f32 = PRUNE_MARGIN + 4.0 * f32::EPSILON;
 
 /// The share of itself by which an offset is moved. It is off by up to 2 u (an f64 origin is rounded, then
@@ -46,9 +46,9 @@ fn power_of_two_below(x: f64) -> f64 {
 }
 
 impl BoxRay {
-    /// Prepares a ray. `fused` requires a direction without zeros.
+    /// Prepares a ray. `fused` requires a direction without zeros; `fast`: without widening.
     #[inline(always)]
-    pub(crate) fn new(ray: &Ray, fused: bool) -> Self {
+    pub(crate) fn new(ray: &Ray, fused: bool, fast: bool) -> Self {
         let longest = ray.direction.abs().max_element();
         // Directions that are far from length 1 are scaled by a power of two, which is exact.
         let (scale, direction) = if LENGTHS.contains(&longest) {
@@ -64,6 +64,7 @@ impl BoxRay {
         // processors are slow at subnormal ones.
         let underflow = if fused { inverse.abs() } else { Vec3::ZERO };
         let widening = offset.abs() * WIDENING + (underflow + 1.0) * f32::MIN_POSITIVE;
+        let widening = if fast { Vec3::ZERO } else { widening };
         let (greatest, least) = (offset + widening, offset - widening);
         let mut prepared = BoxRay {
             inverse: inverse.to_array(),
@@ -100,14 +101,20 @@ impl BoxRay {
 
     /// The distances at which the ray enters and leaves the boxes of `node`, clamped to `t_min` and `t_max`, the
     /// second with its margin. A box may be entered if the first is not larger. Conservative: every box that contains
-    /// a point of the exact ray between `t_min` and `t_max` is entered.
+    /// a point of the exact ray between `t_min` and `t_max` is entered. `fast`, for rays prepared so: without margins.
     #[inline(always)]
-    pub(crate) fn span<S: Simd, const FUSED: bool>(&self, node: &Node, t_max: f32) -> (S::F8, S::F8) {
+    pub(crate) fn span<S: Simd, const FUSED: bool>(
+        &self,
+        node: &Node,
+        t_max: f32,
+        fast: bool,
+    ) -> (S::F8, S::F8) {
         let mut enter = S::F8::splat(self.t_min);
         let mut leave = S::F8::splat(t_max);
         for axis in 0..3 {
             let (near, inverse) = (self.near[axis], S::F8::splat(self.inverse[axis]));
             let [near_offset, far_offset] = self.offsets[axis];
+            let far_offset = if fast { near_offset } else { far_offset };
             // NaN, from a ray in a plane of the box, is never taken.
             let planes = &node.planes[axis];
             let at_near = distances::<S::F8, FUSED>(S::planes(planes, near), inverse, near_offset);
@@ -115,13 +122,18 @@ impl BoxRay {
             enter = at_near.max(enter);
             leave = at_far.min(leave);
         }
-        (enter, leave * S::F8::splat(MARGIN))
+        (enter, if fast { leave } else { leave * S::F8::splat(MARGIN) })
     }
 
     /// The places of `node` whose boxes the ray enters, as bits, and the entry distances.
     #[inline(always)]
-    pub(crate) fn enter<S: Simd, const FUSED: bool>(&self, node: &Node, t_max: f32) -> (u32, [f32; WIDTH]) {
-        let (enter, leave) = self.span::<S, FUSED>(node, t_max);
+    pub(crate) fn enter<S: Simd, const FUSED: bool>(
+        &self,
+        node: &Node,
+        t_max: f32,
+        fast: bool,
+    ) -> (u32, [f32; WIDTH]) {
+        let (enter, leave) = self.span::<S, FUSED>(node, t_max, fast);
         (enter.le(leave) & node.present, enter.array())
     }
 }

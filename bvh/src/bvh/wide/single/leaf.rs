@@ -1,17 +1,19 @@
 //! The primitive tests of one leaf. Used by the single-ray traversal and by streams.
 
-use crate::bvh::wide::layout::{Child, Content, TriangleLeaf, Wide};
+use std::ops::Range;
+
+use crate::bvh::wide::layout::{Child, Content, TriangleLeaf, WIDTH, Wide};
 use crate::bvh::{Next, Tests};
-use crate::geometry::lanes::{HitN, LANES4, RayN};
+use crate::geometry::lanes::{HitN, LANES4, MASK4, RayN};
 use crate::geometry::simd::{Doubles, Simd};
-use crate::geometry::{AnalyticShape, Hit, PrimId, Ray, SlotId, Tier};
+use crate::geometry::{AnalyticShape, Hit, PreparedRay, PrimId, Ray, SlotId, Tier, Triangle4};
 
 /// Calls `found` with every hit in a leaf until it returns [`Next::Stop`]. Returns what the traversal does next.
 #[inline(always)]
 pub(crate) fn hits_in_leaf<T: Tier, S: Simd>(
     wide: &Wide<T>,
     ray: impl Fn() -> Ray,
-    prepared: &T::Prepared,
+    prepared: &mut T::Prepared,
     leaf: Child,
     tests: &mut Tests,
     mut found: impl FnMut(Hit) -> Next,
@@ -19,6 +21,10 @@ pub(crate) fn hits_in_leaf<T: Tier, S: Simd>(
     let mut next = Next::Continue;
     match leaf.content() {
         Content::Node(_) => {}
+        Content::Triangles(triangles) if T::IS_FAST => {
+            tests.primitives += triangles.len() as u64;
+            next = hits_in_pairs::<T, S>(wide, triangles, prepared, found);
+        }
         Content::Triangles(triangles) => {
             tests.primitives += triangles.len() as u64;
             for index in triangles {
@@ -57,11 +63,47 @@ pub(crate) fn hits_in_leaf<T: Tier, S: Simd>(
                     barycentrics: [0.0; 2],
                 }) {
                     Next::Stop => return Next::Stop,
-                    Next::Shorten(t) => next = Next::Shorten(t),
+                    Next::Shorten(t) => {
+                        prepared.shorten(t);
+                        next = Next::Shorten(t);
+                    }
                     Next::Continue => {}
                 }
             }
         }
+    }
+    next
+}
+
+/// [`hits_in_leaf`] for the leaves of triangles of a fast tier, two at once.
+#[inline(always)]
+fn hits_in_pairs<T: Tier, S: Simd>(
+    wide: &Wide<T>,
+    Range { start, end }: Range<u32>,
+    prepared: &mut T::Prepared,
+    mut found: impl FnMut(Hit) -> Next,
+) -> Next {
+    let (mut next, mut first) = (Next::Continue, start);
+    while first < end {
+        let second = (first + 1).min(end - 1);
+        let leaves = [&wide.triangles[first as usize], &wide.triangles[second as usize]];
+        let corners = Triangle4::pair::<S>([&leaves[0].corners, &leaves[1].corners], [0, 1, 2]);
+        let eight = prepared.hit_in_f32(&corners);
+        let mut lanes = if first == second { eight.hit & MASK4 } else { eight.hit };
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize % WIDTH;
+            lanes &= lanes - 1;
+            let prim = PrimId(leaves[lane / LANES4].ids[lane % LANES4]);
+            match found(eight.at(lane, prim, SlotId::new(first * LANES4 as u32 + lane as u32))) {
+                Next::Stop => return Next::Stop,
+                Next::Shorten(t) => {
+                    prepared.shorten(t);
+                    next = Next::Shorten(t);
+                }
+                Next::Continue => {}
+            }
+        }
+        first += 2;
     }
     next
 }

@@ -40,8 +40,8 @@ fn traverse_by<T: Tier, S: Simd, const FUSED: bool, const NEAREST: bool>(
     if wide.nodes.is_empty() {
         return;
     }
-    let boxes = BoxRay::new(ray, FUSED);
-    let prepared = T::Prepared::new(ray);
+    let boxes = BoxRay::new(ray, FUSED, T::IS_FAST);
+    let mut prepared = T::Prepared::new(ray);
     let mut t_max = boxes.prune_distance(ray.t_max);
     // Every node on the path leaves at most seven children on the stack.
     let room = wide.depth * WIDTH;
@@ -53,7 +53,7 @@ fn traverse_by<T: Tier, S: Simd, const FUSED: bool, const NEAREST: bool>(
     let mut node = &wide.nodes[0];
     loop {
         tests.nodes += 1;
-        let (mask, at) = boxes.enter::<S, FUSED>(node, t_max);
+        let (mask, at) = boxes.enter::<S, FUSED>(node, t_max, T::IS_FAST);
         let mut next = push_children::<NEAREST>(node, mask, &at, stack, &mut top);
         // Visits leaves up to the next node.
         loop {
@@ -74,7 +74,7 @@ fn traverse_by<T: Tier, S: Simd, const FUSED: bool, const NEAREST: bool>(
                 node = &wide.nodes[index as usize];
                 break;
             }
-            match hits_in_leaf::<T, S>(wide, || *ray, &prepared, child, tests, &mut found) {
+            match hits_in_leaf::<T, S>(wide, || *ray, &mut prepared, child, tests, &mut found) {
                 Next::Stop => return,
                 Next::Shorten(t) => t_max = boxes.prune_distance(t),
                 Next::Continue => {}

@@ -31,7 +31,7 @@ impl BoxRays {
     /// Prepares the rays of a vector of f32 from index `first` on, as [`BoxRay::new`], with `t_min` rounded down further.
     /// They must be supported.
     #[inline(always)]
-    pub(crate) fn fill<S: Simd>(&mut self, rays: Rays, first: usize) {
+    pub(crate) fn fill<S: Simd>(&mut self, rays: Rays, first: usize, fast: bool) {
         let (zero, one) = (S::F8::splat(0.0), S::F8::splat(1.0));
         let (mut inverses, mut offsets) = ([S::F8::ZEROS; 3], [[S::F8::ZEROS; 2]; 3]);
         for axis in 0..3 {
@@ -39,7 +39,7 @@ impl BoxRays {
             let offset = rays.origin_floats::<S::D4>(axis, first) * inverse;
             let (of_offset, of_inverse) = (offset.max(zero - offset), inverse.max(zero - inverse));
             let underflow = (of_inverse + one) * S::F8::splat(f32::MIN_POSITIVE);
-            let widening = of_offset * S::F8::splat(WIDENING) + underflow;
+            let widening = if fast { zero } else { of_offset * S::F8::splat(WIDENING) + underflow };
             inverses[axis] = inverse.array();
             offsets[axis] = [(offset + widening).array(), (offset - widening).array()];
         }
@@ -86,10 +86,10 @@ mod tests {
         assert!(BoxRays::supports::<<Portable as Simd>::D4>(rays.rays()));
         let mut packet = BoxRays::default();
         for first in (0..rays.len()).step_by(8) {
-            packet.fill::<Portable>(rays.rays(), first);
+            packet.fill::<Portable>(rays.rays(), first, false);
         }
         for (i, ray) in rays.rays().iter().enumerate() {
-            let (mut found, expected) = (*packet.at(i), BoxRay::new(&ray, true));
+            let (mut found, expected) = (*packet.at(i), BoxRay::new(&ray, true, false));
             assert!(found.t_min <= expected.t_min && f64::from(found.t_min) >= ray.t_min * 0.999_999 - 1e-45);
             found.t_min = expected.t_min;
             assert_eq!(found, expected, "{ray:?}");

@@ -38,7 +38,7 @@ pub(crate) fn traverse<T: Tier, S: Simd>(
 ) {
     let Scratch { boxes, triangles, stacks: Stacks(stacks) } = scratch;
     for first in (0..rays.len()).step_by(S::F8::LANES) {
-        boxes.fill::<S>(rays, first);
+        boxes.fill::<S>(rays, first, T::IS_FAST);
     }
     let prepared = T::Prepared::prepare_packet::<S::D4>(rays, triangles);
     let live = rays.len().min(STREAM_WIDTH);
@@ -57,7 +57,7 @@ pub(crate) fn traverse<T: Tier, S: Simd>(
             let index = usize::from(index) % STREAM_WIDTH;
             let (state, stack) = (&mut in_flight[index], &mut stacks[index].items);
             let node = &wide.nodes[state.child.index()];
-            let (enter, leave) = boxes.at(state.ray).span::<S, true>(node, state.t_max);
+            let (enter, leave) = boxes.at(state.ray).span::<S, true>(node, state.t_max, T::IS_FAST);
             debug_assert!(state.top < ROOM);
             let top = state.top % ROOM;
             let Some(to) = stack[top..top + WIDTH].first_chunk_mut() else { unreachable!("there is room") };
@@ -82,7 +82,7 @@ pub(crate) fn traverse<T: Tier, S: Simd>(
                     wide,
                     #[inline(always)]
                     || rays.get(ray),
-                    &prepared[ray],
+                    &mut prepared[ray],
                     state.child,
                     tests,
                     #[inline(always)]

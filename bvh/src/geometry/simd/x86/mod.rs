@@ -201,6 +201,12 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    fn pair(low: &[f32; 4], high: &[f32; 4]) -> F8 {
+        // SAFETY: see [`Avx2`]; the arrays have four numbers.
+        F8(unsafe { _mm256_set_m128(_mm_loadu_ps(high.as_ptr()), _mm_loadu_ps(low.as_ptr())) })
+    }
+
+    #[inline(always)]
     fn planes(pair: &[[f32; 8]; 2], side: Side) -> F8 {
         // SAFETY: a `Side` is the offset of one of the two arrays; its field is private to `simd`.
         F8(unsafe { _mm256_loadu_ps(pair.as_ptr().byte_add(side.0).cast()) })
@@ -228,6 +234,11 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn prefetch<A, B>(a: &[A], b: &[B], of_b: bool, index: usize) {
         Avx2::prefetch(a, b, of_b, index);
+    }
+
+    #[inline(always)]
+    fn pair(low: &[f32; 4], high: &[f32; 4]) -> F8 {
+        Avx2::pair(low, high)
     }
 
     #[inline(always)]

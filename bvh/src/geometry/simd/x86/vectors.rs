@@ -56,6 +56,7 @@ macro_rules! functions {
 macro_rules! vector {
     ($vector:ident $register:ident [$scalar:ty; $lanes:literal] $load:ident $splat:ident $max:ident $min:ident {
         le: |$a:ident, $b:ident| $le:expr,
+        lt: |$c:ident, $d:ident| $lt:expr,
         reduce_min: |$x:ident| $reduce_min:expr,
         reduce_max: |$y:ident| $reduce_max:expr,
     }) => {
@@ -89,6 +90,10 @@ macro_rules! vector {
                     let ($a, $b) = (self.0, other.0);
                     $le
                 }
+                fn lt(self, other: Self) -> u32 {
+                    let ($c, $d) = (self.0, other.0);
+                    $lt
+                }
                 fn reduce_min(self) -> $scalar {
                     let $x = self.0;
                     $reduce_min
@@ -104,6 +109,7 @@ macro_rules! vector {
 
 vector!(F8 __m256 [f32; 8] _mm256_loadu_ps _mm256_set1_ps _mm256_max_ps _mm256_min_ps {
     le: |a, b| _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b)) as u32,
+    lt: |a, b| _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(a, b)) as u32,
     reduce_min: |x| {
         let x = _mm_min_ps(_mm256_castps256_ps128(x), _mm256_extractf128_ps::<1>(x));
         let x = _mm_min_ps(x, _mm_movehl_ps(x, x));
@@ -118,6 +124,7 @@ vector!(F8 __m256 [f32; 8] _mm256_loadu_ps _mm256_set1_ps _mm256_max_ps _mm256_m
 
 vector!(D4 __m256d [f64; 4] _mm256_loadu_pd _mm256_set1_pd _mm256_max_pd _mm256_min_pd {
     le: |a, b| _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(a, b)) as u32,
+    lt: |a, b| _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(a, b)) as u32,
     reduce_min: |x| {
         let x = _mm_min_pd(_mm256_castpd256_pd128(x), _mm256_extractf128_pd::<1>(x));
         _mm_cvtsd_f64(_mm_min_sd(x, _mm_unpackhi_pd(x, x)))
@@ -130,6 +137,7 @@ vector!(D4 __m256d [f64; 4] _mm256_loadu_pd _mm256_set1_pd _mm256_max_pd _mm256_
 
 vector!(F16 __m512 [f32; 16] _mm512_loadu_ps _mm512_set1_ps _mm512_max_ps _mm512_min_ps {
     le: |a, b| u32::from(_mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b)),
+    lt: |a, b| u32::from(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b)),
     reduce_min: |x| {
         F8(_mm256_min_ps(_mm512_castps512_ps256(x), _mm512_extractf32x8_ps::<1>(x))).reduce_min()
     },
@@ -140,6 +148,7 @@ vector!(F16 __m512 [f32; 16] _mm512_loadu_ps _mm512_set1_ps _mm512_max_ps _mm512
 
 vector!(D8 __m512d [f64; 8] _mm512_loadu_pd _mm512_set1_pd _mm512_max_pd _mm512_min_pd {
     le: |a, b| u32::from(_mm512_cmp_pd_mask::<_CMP_LE_OQ>(a, b)),
+    lt: |a, b| u32::from(_mm512_cmp_pd_mask::<_CMP_LT_OQ>(a, b)),
     reduce_min: |x| {
         D4(_mm256_min_pd(_mm512_castpd512_pd256(x), _mm512_extractf64x4_pd::<1>(x))).reduce_min()
     },
@@ -167,6 +176,12 @@ impl Floats for F8 {
         fn select(mask: u32, a: Self, b: Self) -> Self {
             F8(_mm256_blendv_ps(b.0, a.0, _mm256_castsi256_ps(lanes_of(mask))))
         }
+        fn flip(self, other: Self) -> Self {
+            F8(_mm256_xor_ps(self.0, _mm256_and_ps(other.0, _mm256_set1_ps(-0.0))))
+        }
+        fn sqrt(self) -> Self {
+            F8(_mm256_sqrt_ps(self.0))
+        }
     }
 }
 
@@ -180,6 +195,12 @@ impl Floats for F16 {
         }
         fn select(mask: u32, a: Self, b: Self) -> Self {
             F16(_mm512_mask_blend_ps(mask as __mmask16, b.0, a.0))
+        }
+        fn flip(self, other: Self) -> Self {
+            F16(_mm512_xor_ps(self.0, _mm512_and_ps(other.0, _mm512_set1_ps(-0.0))))
+        }
+        fn sqrt(self) -> Self {
+            F16(_mm512_sqrt_ps(self.0))
         }
     }
 }
@@ -206,9 +227,6 @@ impl Doubles for D4 {
         fn copysign(self, other: Self) -> Self {
             let sign = _mm256_set1_pd(-0.0);
             D4(_mm256_or_pd(_mm256_andnot_pd(sign, self.0), _mm256_and_pd(sign, other.0)))
-        }
-        fn lt(self, other: Self) -> u32 {
-            _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(self.0, other.0)) as u32
         }
     }
 }
@@ -237,9 +255,6 @@ impl Doubles for D8 {
         fn copysign(self, other: Self) -> Self {
             let sign = _mm512_set1_pd(-0.0);
             D8(_mm512_or_pd(_mm512_andnot_pd(sign, self.0), _mm512_and_pd(sign, other.0)))
-        }
-        fn lt(self, other: Self) -> u32 {
-            u32::from(_mm512_cmp_pd_mask::<_CMP_LT_OQ>(self.0, other.0))
         }
     }
 }

@@ -1,0 +1,183 @@
+//! The tier `fast`: f32 throughout, without guarantees. [`Numerics::Fast`] lists what it gives up.
+//!
+//! Möller and Trumbore, Fast, Minimum Storage Ray/Triangle Intersection, Journal of Graphics Tools 2(1) 1997, without
+//! the threshold on small determinants that it suggests, which depends on scale. Edge functions and the distance are
+//! compared before the division. Two triangles compute the edge function of a shared edge from different differences, so
+//! both may reject a ray.
+
+use glam::Vec3;
+
+use super::bounds::SingleBoxTest;
+use super::lanes::HitN;
+use super::numerics::{PreparedPacket, PreparedRay};
+use super::simd::{Doubles, Floats, Lanes, Vector};
+use super::{Hit, PACKET, Ray, Rays, Stored, Tier, TriangleHit};
+use crate::geometry::Numerics;
+
+/// f32 geometry, decided in f32.
+pub(crate) struct Fast;
+
+/// A ray in f32.
+#[derive(Clone, Copy, Default)]
+#[repr(C, align(32))]
+pub(crate) struct FastRay {
+    pub(super) origin: [f32; 3],
+    pub(super) t_min: f32,
+    pub(super) direction: [f32; 3],
+    pub(super) t_max: f32,
+}
+
+/// One number: a vector for tests of one primitive.
+pub(super) type One = Lanes<f32, 1>;
+
+impl PreparedRay for FastRay {
+    #[inline(always)]
+    fn new(ray: &Ray) -> Self {
+        FastRay {
+            origin: ray.origin.as_vec3().to_array(),
+            t_min: ray.t_min as f32,
+            direction: ray.direction.as_vec3().to_array(),
+            t_max: ray.t_max as f32,
+        }
+    }
+
+    #[inline(always)]
+    fn prepare_packet<'a, D: Doubles>(rays: Rays, packet: &'a mut PreparedPacket) -> &'a mut [Self] {
+        packet.fast.resize(PACKET, FastRay::default());
+        for first in (0..rays.len()).step_by(D::Floats::LANES) {
+            let [t_min, t_max] =
+                [rays.t_min_floats::<D>(first).array(), rays.t_max_floats::<D>(first).array()];
+            let (mut origin, mut direction) = ([D::Floats::ZEROS; 3], [D::Floats::ZEROS; 3]);
+            for axis in 0..3 {
+                origin[axis] = rays.origin_floats::<D>(axis, first).array();
+                direction[axis] = rays.direction_floats::<D>(axis, first).array();
+            }
+            for (i, ray) in packet.fast[first..first + D::Floats::LANES].iter_mut().enumerate() {
+                *ray = FastRay {
+                    origin: [origin[0][i], origin[1][i], origin[2][i]],
+                    t_min: t_min[i],
+                    direction: [direction[0][i], direction[1][i], direction[2][i]],
+                    t_max: t_max[i],
+                };
+            }
+        }
+        &mut packet.fast
+    }
+
+    #[inline(always)]
+    fn shorten(&mut self, t: f64) {
+        self.t_max = t as f32;
+    }
+
+    #[inline(always)]
+    fn hit_in_f32<F: Floats>(&self, [a, b, c]: &[[F; 3]; 3]) -> HitN<F> {
+        let ([x, y, z], [dx, dy, dz]) = (self.origin, self.direction);
+        let direction = [F::splat(dx), F::splat(dy), F::splat(dz)];
+        let (to_b, to_c) = (minus(b, a), minus(c, a));
+        let from_a = minus(&[F::splat(x), F::splat(y), F::splat(z)], a);
+        let (p, q) = (cross(&direction, &to_c), cross(&from_a, &to_b));
+        let determinant = dot(&to_b, &p);
+        let size = determinant.flip(determinant);
+        let v = dot(&from_a, &p).flip(determinant);
+        let w = dot(&direction, &q).flip(determinant);
+        // NaN, of empty lanes, is not inside.
+        let inside = F::splat(0.0).le(v.min(w).min(size - v - w));
+        // Most triangles are missed.
+        if inside == 0 {
+            return HitN::NONE;
+        }
+        let depth = dot(&to_c, &q).flip(determinant);
+        let within = (F::splat(self.t_min) * size).lt(depth) & depth.lt(F::splat(self.t_max) * size);
+        let hit = inside & within;
+        if hit == 0 {
+            return HitN::NONE;
+        }
+        let share = F::splat(1.0) / size;
+        let barycentrics = [(v * share).array(), (w * share).array()];
+        HitN { hit, undecided: 0, t: (depth * share).array(), barycentrics }
+    }
+}
+
+impl Tier for Fast {
+    const NUMERICS: Numerics = Numerics::Fast;
+    const IS_FAST: bool = true;
+    type Corner = Vec3;
+    type Boxes = SingleBoxTest;
+    type Prepared = FastRay;
+
+    #[inline(always)]
+    fn hit_triangle(test: &FastRay, _: &Ray, corners: &[Vec3; 3]) -> Option<TriangleHit> {
+        let corners = corners.map(|corner| corner.to_array().map(One::splat));
+        let hit = test.hit_in_f32(&corners);
+        let [[v], [w]] = hit.barycentrics;
+        let hits = TriangleHit { t: hit.t[0].into(), barycentrics: [v.into(), w.into()] };
+        (hit.hit != 0).then_some(hits)
+    }
+
+    #[inline(always)]
+    fn is_before(_: impl FnOnce() -> Ray, [a, b]: [(&Hit, &Stored<Vec3>); 2]) -> bool {
+        a.0.t < b.0.t
+    }
+}
+
+#[inline(always)]
+pub(crate) fn minus<F: Floats>(a: &[F; 3], b: &[F; 3]) -> [F; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+#[inline(always)]
+pub(crate) fn cross<F: Floats>(a: &[F; 3], b: &[F; 3]) -> [F; 3] {
+    [a[1].mul_sub(b[2], a[2] * b[1]), a[2].mul_sub(b[0], a[0] * b[2]), a[0].mul_sub(b[1], a[1] * b[0])]
+}
+
+#[inline(always)]
+pub(crate) fn dot<F: Floats>(a: &[F; 3], b: &[F; 3]) -> F {
+    a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Precision;
+    use crate::geometry::lanes::Triangle4;
+    use crate::geometry::simd::{Portable, Simd};
+    use glam::DVec3;
+
+    /// Triangle k is in the plane z = k + 1, with corners at (0, 0), (8, 0) and (0, 8); every product is exact.
+    fn check<S: Simd>() {
+        S::run(|| {
+            let mut leaves = [Triangle4::EMPTY; 2];
+            for k in 0..7 {
+                let z = (k + 1) as f32;
+                let corners = [Vec3::new(0.0, 0.0, z), Vec3::new(8.0, 0.0, z), Vec3::new(0.0, 8.0, z)];
+                leaves[k / 4].set(k % 4, &corners);
+            }
+            let corners = Triangle4::pair::<S>([&leaves[0], &leaves[1]], [0, 1, 2]);
+            for (x, y) in (-1..10).flat_map(|x| (-1..10).map(move |y| (f64::from(x), f64::from(y)))) {
+                let is_inside = x >= 0.0 && y >= 0.0 && x + y <= 8.0;
+                for (from, side) in [(0.0, 1.0), (16.0, -1.0)] {
+                    // Strictly between planes 2 and 5, which the ends are on.
+                    let at = |z: f64| (z - from) * side;
+                    let (near, far) = (at(2.0).min(at(5.0)), at(2.0).max(at(5.0)));
+                    let ray = Precision::Single.ray(DVec3::new(x, y, from), DVec3::Z * side, near, far);
+                    let hits = FastRay::new(&ray).hit_in_f32(&corners);
+                    assert_eq!(hits.hit, if is_inside { 0b1100 } else { 0 }, "{ray:?}");
+                    for lane in (0..8).filter(|lane| hits.hit >> lane & 1 != 0) {
+                        assert_eq!(f64::from(hits.t[lane]), at((lane + 1) as f64));
+                        let [v, w] = [hits.barycentrics[0][lane], hits.barycentrics[1][lane]];
+                        assert_eq!([f64::from(v), f64::from(w)], [x / 8.0, y / 8.0]);
+                    }
+                }
+            }
+        });
+    }
+
+    #[test]
+    fn eight_triangles_are_hit_exactly_where_f32_is_exact() {
+        check::<Portable>();
+        #[cfg(target_arch = "x86_64")]
+        if crate::geometry::simd::Avx2::is_supported() {
+            check::<crate::geometry::simd::Avx2>();
+        }
+    }
+}
