@@ -51,7 +51,7 @@ use crate::import::check_drawable;
 use crate::render::aov::AovSource;
 use crate::render::render_displayed;
 use crate::scene::{
-    Camera, Clamp, Light, Material, MetallicRoughness, Numerics, PictureSettings, Sampling, Scene, Transport,
+    Camera, Clamp, Light, Material, MetallicRoughness, Numerics, PictureSettings, Sampling, Scene,
 };
 use crate::world::{
     PreparedMaterial, Recentering, StandardView, View, World, has_radiance, headlight, key_light, opening,
@@ -361,11 +361,8 @@ pub(crate) fn added_light(scene: &Scene) -> Option<AddedLight> {
 
 /// Whether a scene has light: lights, or in path tracing an environment or surfaces that emit.
 pub(crate) fn is_lit(scene: &Scene) -> bool {
-    let emits = match scene.transport() {
-        Transport::Path => scene.environment.is_some() || scene.emits(),
-        Transport::Whitted => false,
-    };
-    emits || !scene.lights.is_empty()
+    let emits = || scene.environment.is_some() || scene.emits();
+    !scene.lights.is_empty() || scene.transport().traces_paths() && emits()
 }
 
 /// Shading mode, sampling and effect settings of a picture.
@@ -487,7 +484,7 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
             world.numerics().name()
         ));
     }
-    let traces_paths = plan.transport == Transport::Path;
+    let traces_paths = plan.transport.traces_paths();
     if traces_paths && !choices.sampling.is_wanted() {
         warnings.note("paths are traced, with one sample a pixel, which is noisy; try --samples 64");
     }
@@ -520,7 +517,7 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Environment, EnvironmentSource};
+    use crate::scene::{Environment, EnvironmentSource, Transport};
 
     /// The radiance of a rectangle is the intensity times pi over its area: beyond f64 where that underflows.
     #[test]

@@ -70,7 +70,7 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
     if pipeline == ColourPipeline::Linear {
         scene.picture.tone_map = scene.picture.tone_map.or(Some(ToneMap::PbrNeutral));
     }
-    if transport == Some(Transport::Path) {
+    if transport.is_some_and(Transport::traces_paths) {
         scene.environment = Some(environment_of(FILL));
     } else {
         scene.fill = Some(FILL);

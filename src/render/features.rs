@@ -5,7 +5,6 @@ use crate::effects::samples::{SampleSum, TileSamples};
 use crate::effects::tile::Tile;
 use crate::effects::{Plan, id, transparency};
 use crate::film::Filter;
-use crate::scene::Transport;
 use crate::shading::base_colour;
 use crate::world::World;
 
@@ -30,7 +29,7 @@ impl Features {
 /// samples of adaptive sampling and the paths behind mirrors.
 pub(super) fn plan_without_light(plan: &Plan, world: &World, has_mirrors: bool) -> Option<Plan> {
     let is_needed = [id::TEXTURES, id::NORMAL_MAPS, id::ALPHA, id::ANTIALIASING];
-    let decides = plan.is_adaptive() || has_mirrors && plan.transport == Transport::Path;
+    let decides = plan.is_adaptive() || has_mirrors && plan.transport.traces_paths();
     (!decides).then(|| plan.keeping(world, |i| is_needed.contains(&plan.decisions[i].effect)))
 }
 

@@ -30,6 +30,15 @@ pub enum TransportReason {
 }
 
 impl Transport {
+    /// Whether light is estimated from random paths: environments and surfaces that emit are lights, and colours are
+    /// noisy.
+    pub fn traces_paths(self) -> bool {
+        match self {
+            Transport::Whitted => false,
+            Transport::Path => true,
+        }
+    }
+
     /// The transport of a picture, and what calls for it: the choice, otherwise what the scene has.
     pub fn called_for(
         choice: Option<Transport>,

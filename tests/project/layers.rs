@@ -184,7 +184,7 @@ fn effects_are_named_in_their_own_files_alone() {
             for (name, effect) in &names {
                 let is_exception = NOT_EFFECTS.contains(&(inside.as_str(), string.as_str()));
                 if refers_to(&string, name) && !is_of_effect(&inside, effect) && !is_exception {
-                    faults.push(format!("{inside}: \"{string}\" names the effect `{effect}`"));
+                    faults.push(format!("{inside}: \"{string}\" names the effect `{effect}`: use its `id`, or list the string in NOT_EFFECTS with what it is"));
                 }
             }
         }

@@ -6,7 +6,7 @@
 use crate::common::picture::{Prepared, bits, load, parse, prepare};
 use crate::common::repository;
 use kiln::effects::whitted::{glaze, shadows};
-use kiln::effects::{Choices, EFFECTS, Effect, Plan, RayKind, id};
+use kiln::effects::{Choices, EFFECTS, Effect, Plan, RayKind, TRANSPORTS, id};
 use kiln::film::{ColourPipeline, Film};
 use kiln::render::{EffectCost, Statistics};
 use kiln::scene::Numerics;
@@ -66,7 +66,8 @@ fn a_scene_that_does_not_call_for_an_effect_is_not_billed_for_it() {
         let (film, statistics) = prepared.render(Choices::default());
         nothing_for(effect, &statistics);
         // Asking for another transport or approximation is asking for another picture.
-        if [id::PATH, id::AMBIENT_OCCLUSION].contains(&effect.id) {
+        let is_transport = TRANSPORTS.iter().any(|entry| entry.switch == Some(effect.id));
+        if is_transport || effect.id == id::AMBIENT_OCCLUSION {
             continue;
         }
         // With its stages there all the same, it has nothing to do.
