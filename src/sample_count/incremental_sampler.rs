@@ -80,10 +80,14 @@ impl<'a> IncrementalSampler<'a> {
         self.statistics.as_ref().is_none_or(|statistics| statistics.non_finite.0 == 0)
     }
 
-    /// Number of samples that fit into the remaining time, if the time so far was that of `samples`.
-    pub(crate) fn samples_in_time(&self, samples: u32, target: &ErrorTarget) -> f64 {
-        let spent = self.start.elapsed().as_secs_f64();
-        let left = target.seconds.map(|seconds| (seconds - spent).max(0.0));
+    /// Seconds so far.
+    pub(crate) fn seconds(&self) -> f64 {
+        self.start.elapsed().as_secs_f64()
+    }
+
+    /// Number of samples that fit into the remaining time, if `samples` take `spent` seconds.
+    pub(crate) fn samples_in_time(&self, samples: u32, spent: f64, target: &ErrorTarget) -> f64 {
+        let left = target.seconds.map(|seconds| (seconds - self.seconds()).max(0.0));
         left.map_or(f64::INFINITY, |left| 0.9 * left * f64::from(samples) / spent)
     }
 

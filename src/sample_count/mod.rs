@@ -134,7 +134,7 @@ pub fn render(job: &mut RenderJob, target: &ErrorTarget, control: &RenderControl
         if !sampler.is_finite() {
             break (f64::NAN, StopReason::NotFinite);
         }
-        let samples = image.samples;
+        let (samples, spent) = (image.samples, sampler.seconds());
         let measure = |image: &SplitImage| image.error(metric, &sampler);
         // FLIP costs as much as some samples, so it is measured only if the bound may be met, provided that it falls
         // like the RMS error; perceived errors fall more slowly, or hardly faster.
@@ -150,7 +150,7 @@ pub fn render(job: &mut RenderJob, target: &ErrorTarget, control: &RenderControl
         if samples >= MAX_SAMPLES {
             break (error(), StopReason::MaxSamples);
         }
-        let fit = sampler.samples_in_time(samples, target);
+        let fit = sampler.samples_in_time(samples, spent, target);
         let is_last = measured.is_some_and(|error| is_met(error * HALF_MORE_FACTOR));
         if !is_last && f64::from(samples) <= fit {
             image = image.doubled_with(sampler.render_samples(samples, 2 * samples)?);
@@ -158,7 +158,7 @@ pub fn render(job: &mut RenderJob, target: &ErrorTarget, control: &RenderControl
         }
         let error = error();
         // Measuring has taken time, too.
-        let fit = sampler.samples_in_time(samples, target);
+        let fit = sampler.samples_in_time(samples, spent, target);
         let few = samples / 2;
         let reason = if is_last && f64::from(few) <= fit { StopReason::Reached } else { StopReason::Time };
         let rest = if reason == StopReason::Reached { few } else { fit as u32 };
