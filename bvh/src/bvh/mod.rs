@@ -12,6 +12,7 @@ mod api;
 mod brute_force;
 mod build;
 mod bvh2;
+mod crossings;
 mod instances;
 mod preset;
 mod quality;
@@ -21,6 +22,7 @@ mod traverse;
 mod wide;
 
 pub use api::{Bvh, NotFinite, Update, is_worth_keeping};
+pub use crossings::{Closedness, Containment, Crossing, NotClosed};
 pub use instances::{Instance, MeshSpace, can_be_instance};
 pub use preset::Preset;
 pub use quality::{Quality, VisitedNode, quality};
@@ -31,8 +33,8 @@ use stored_slot::StoredSlot;
 
 use crate::geometry::simd::InstructionSet;
 use crate::geometry::{
-    AnalyticShape, Bounds, Double, Exact, Hit, HitBuffer, Naive, Numerics, Precision, PrimId, Ray, Rays,
-    SlotId, Tier, Triangle, Watertight,
+    AnalyticShape, Bounds, Double, Exact, Hit, HitBuffer, LineTest, Naive, Numerics, Precision, PrimId, Ray,
+    Rays, SlotId, Tier, Triangle, Watertight,
 };
 
 /// The geometry of one primitive.
@@ -206,6 +208,7 @@ pub struct Traversal {
     children: Vec<(wide::Child, f32)>,
     packet: wide::Scratches,
     stream: wide::StreamScratch,
+    sides: Vec<(PrimId, i32)>,
     /// The number of tests so far.
     pub tests: Tests,
 }
@@ -239,6 +242,20 @@ pub trait Accelerator: Send + Sync {
 
     /// The primitive that [`Hit::slot`] refers to.
     fn primitive(&self, slot: SlotId) -> Primitive;
+
+    /// Calls `visit` with every primitive as it is stored; with a split triangle several times.
+    fn each_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive));
+
+    /// Calls `visit` with every primitive that has a point on the ray, or a point at no distance above 0 from it, ends
+    /// included, and perhaps with others; with a split triangle several times.
+    fn each_near_ray(
+        &self,
+        _ray: &LineTest,
+        visit: &mut dyn FnMut(PrimId, Primitive),
+        _traversal: &mut Traversal,
+    ) {
+        self.each_primitive(visit);
+    }
 
     /// The tier of its intersection tests.
     fn numerics(&self) -> Numerics;

@@ -7,7 +7,7 @@ use super::distance::Distance;
 use super::lanes::{HitN, RayN};
 use super::simd::Doubles;
 use super::spawn::SurfacePoint;
-use super::{Bounds, Numerics, Precision, Ray, Sphere};
+use super::{Bounds, Numerics, Precision, Ray, Side, Sphere};
 
 /// A primitive that is not a triangle. Another kind is another variant, and an arm of `each!`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -69,6 +69,16 @@ impl AnalyticShape {
     #[inline(always)]
     pub(crate) fn hit_n<D: Doubles>(&self, rays: &RayN<D>) -> HitN<D> {
         each!(self, shape => shape.hit_n(rays))
+    }
+
+    /// See [`LineTest::cross_shape`](super::LineTest::cross_shape).
+    pub(crate) fn crossings(&self, ray: &Ray) -> [Option<(f64, Side)>; 2] {
+        each!(self, shape => shape.crossings(ray))
+    }
+
+    /// The exact distance at which the ray's line enters or leaves the shape.
+    pub(crate) fn exact_crossing(&self, ray: &Ray, side: Side) -> Option<Distance> {
+        each!(self, shape => shape.exact_crossing(ray, side))
     }
 
     /// The exact distance.

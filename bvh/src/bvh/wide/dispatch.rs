@@ -6,12 +6,12 @@
 use super::layout::Wide;
 use super::packet;
 use super::single;
-use super::{all_pairs, stream};
+use super::{all_pairs, near_ray, stream};
 use crate::bvh::{Accelerator, Description, Next, Primitive, Quality, Traversal};
 #[cfg(target_arch = "x86_64")]
 use crate::geometry::simd::{Avx2, Avx512};
 use crate::geometry::simd::{InstructionSet, Portable, Simd};
-use crate::geometry::{Hit, HitBuffer, Numerics, PACKET, PrimId, Ray, Rays, SlotId, Tier};
+use crate::geometry::{Hit, HitBuffer, LineTest, Numerics, PACKET, PrimId, Ray, Rays, SlotId, Tier};
 
 /// Fewer rays are not traced as a packet.
 const MIN_PACKET: usize = 16;
@@ -147,6 +147,27 @@ impl<T: Tier> Accelerator for Wide<T> {
 
     fn primitive(&self, slot: SlotId) -> Primitive {
         self.stored(slot).into()
+    }
+
+    fn each_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
+        near_ray::each_primitive(self, visit);
+    }
+
+    fn each_near_ray(
+        &self,
+        ray: &LineTest,
+        visit: &mut dyn FnMut(PrimId, Primitive),
+        traversal: &mut Traversal,
+    ) {
+        match self.instructions {
+            InstructionSet::Portable => near_ray::visit::<T, Portable, false>(self, ray, traversal, visit),
+            #[cfg(target_arch = "x86_64")]
+            _ if has_no_zeros(&ray.ray) => {
+                near_ray::visit::<T, Avx2, true>(self, ray, traversal, visit);
+            }
+            #[cfg(target_arch = "x86_64")]
+            _ => near_ray::visit::<T, Avx2, false>(self, ray, traversal, visit),
+        }
     }
 
     fn numerics(&self) -> Numerics {
