@@ -136,6 +136,17 @@ impl Bvh {
         self.accelerator.is_occluded(ray, traversal)
     }
 
+    /// Whether the ray hits, between `t_min` and `t_max`, a primitive that `accepts` returns `true` for. It is called
+    /// with hit primitives only, in no order.
+    pub fn occluded_by(
+        &self,
+        ray: &Ray,
+        mut accepts: impl FnMut(PrimId) -> bool,
+        traversal: &mut Traversal,
+    ) -> bool {
+        self.accelerator.is_occluded_by(ray, &mut accepts, traversal)
+    }
+
     /// Every primitive that the ray hits between `t_min` and `t_max`, sorted by t, those at equal t by id.
     ///
     /// - A primitive has one hit: of a sphere the nearer of two. A ray with `t_min` beyond that hit finds the other.

@@ -67,9 +67,10 @@ impl std::fmt::Display for NotClosed {
 
 impl std::error::Error for NotClosed {}
 
-/// The direction of the rays of [`Bvh::winding_number`]. Rays nearly parallel to an axis meet the fewest boxes; those
+/// The direction of the rays of [`Bvh::winding_number`] and [`Bvh::contains`]. Rays nearly parallel to an axis meet the
+/// fewest boxes; those
 /// parallel to it would meet the edges of axis-aligned models, which takes exact arithmetic.
-pub(crate) const DIRECTION: DVec3 = DVec3::new(3.0 / 64.0, 5.0 / 64.0, 1.0);
+pub const CONTAINS_DIRECTION: DVec3 = DVec3::new(3.0 / 64.0, 5.0 / 64.0, 1.0);
 
 impl Bvh {
     /// The crossings of the ray between `t_min` and `t_max`, in order of distance: each passage through the surface
@@ -103,15 +104,15 @@ impl Bvh {
     ///
     /// Exact for a closed surface as stored ([`Bvh::closedness`]), in every tier. A point on the surface is taken as
     /// moved infinitesimally along +x, then +y, then +z. The point is in f64, coordinates below 2^-250 count as 0;
-    /// NaN has winding number 0. For a surface that is not closed: the crossings of a ray in a fixed direction that
-    /// leave, less those that enter.
+    /// NaN has winding number 0. For a surface that is not closed: the crossings that leave, less those that enter,
+    /// of the ray in [`CONTAINS_DIRECTION`].
     pub fn winding_number(&self, point: impl Into<DVec3>, traversal: &mut Traversal) -> i32 {
         let point = point.into();
         // All bounds are finite in f32.
         if !point.as_vec3().is_finite() {
             return 0;
         }
-        let ray = Precision::Double.ray(point, DIRECTION, 0.0, f64::INFINITY);
+        let ray = Precision::Double.ray(point, CONTAINS_DIRECTION, 0.0, f64::INFINITY);
         let mut sides = take(&mut traversal.sides);
         each_crossing(self.accelerator(), &ray, traversal, |Crossing { prim, side, .. }, _| {
             sides.push((prim, if side == Side::Leaving { 1 } else { -1 }));
@@ -212,4 +213,63 @@ fn closedness(accelerator: &dyn Accelerator) -> Closedness {
         closedness.unbalanced_edges += usize::from(2 * forward != uses.len());
     }
     closedness
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bvh::splitmix64::splitmix64;
+    use crate::bvh::{Layout, Slot, build};
+    use crate::geometry::Numerics;
+
+    /// Crossings of a ray, sorted by id; once each.
+    fn crossings(accelerator: &dyn Accelerator, ray: &Ray) -> Vec<(PrimId, u64, Side)> {
+        let mut found = Vec::new();
+        each_crossing(accelerator, ray, &mut Traversal::default(), |Crossing { t, prim, side }, _| {
+            found.push((prim, t.to_bits(), side));
+        });
+        found.sort_unstable_by_key(|(prim, _, side)| (*prim, *side == Side::Leaving));
+        found.dedup();
+        found
+    }
+
+    #[test]
+    fn every_layout_has_the_crossings_of_brute_force() {
+        let number = |seed: u64| (splitmix64(seed) >> 44) as f64 / f64::from(1 << 19) - 1.0;
+        let vector = |seed: u64| DVec3::from([3 * seed, 3 * seed + 1, 3 * seed + 2].map(number));
+        let slots: Vec<Slot> = (0..400)
+            .map(|id| {
+                let seed = u64::from(id);
+                let corners = [0, 1, 2].map(|k| vector(8 * seed) + vector(8 * seed + 1 + k) * 0.3);
+                let ball = Primitive::from((corners[0].to_array(), 0.1));
+                let primitive = if id % 7 == 0 { ball } else { Primitive::Triangle(Triangle(corners)) };
+                Slot { primitive, id: PrimId(id) }
+            })
+            .collect();
+        let mut count = 0;
+        for numerics in Numerics::ALL {
+            let exhaustive = build(slots.iter().copied(), Layout::BruteForce, numerics);
+            let trees =
+                Layout::trees().map(|layout| (layout, build(slots.iter().copied(), layout, numerics)));
+            let trees: Vec<_> = trees.collect();
+            for seed in 10_000..10_300 {
+                let (origin, direction) = (vector(2 * seed) * 1.5, vector(2 * seed + 1));
+                let axis = DVec3::AXES[seed as usize % 3];
+                let direction = if seed % 3 == 0 { axis } else { direction.normalize() };
+                // Half of them through a corner of a triangle.
+                let corner = match slots[seed as usize % 400].primitive.rounded(numerics.precision()) {
+                    Some(Primitive::Triangle(Triangle([a, ..]))) if seed % 2 == 0 => a - direction,
+                    _ => origin,
+                };
+                let ray = Precision::Double.ray(corner, direction, 0.0, f64::INFINITY);
+                let expected = crossings(&*exhaustive, &ray);
+                for (layout, tree) in &trees {
+                    let name = numerics.name();
+                    assert_eq!(crossings(&**tree, &ray), expected, "{layout:?}, {name}, {ray:?}");
+                }
+                count += expected.len();
+            }
+        }
+        assert!(count > 4000, "{count} crossings");
+    }
 }

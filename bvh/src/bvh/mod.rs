@@ -9,9 +9,11 @@
 //! depend on the layout, and its triangle test loses rays on edges seen from behind.
 
 mod api;
+mod batch;
 mod brute_force;
 mod build;
 mod bvh2;
+mod closest_point;
 mod crossings;
 mod instances;
 mod preset;
@@ -22,10 +24,13 @@ mod traverse;
 mod wide;
 
 pub use api::{Bvh, NotFinite, Update, is_worth_keeping};
-pub use crossings::{Closedness, Containment, Crossing, NotClosed};
+pub use closest_point::ClosestPoint;
+pub use crossings::{CONTAINS_DIRECTION, Closedness, Containment, Crossing, NotClosed};
 pub use instances::{Instance, MeshSpace, can_be_instance};
 pub use preset::Preset;
 pub use quality::{Quality, VisitedNode, quality};
+
+use glam::DVec3;
 
 use brute_force::BruteForce;
 use instances::Instances;
@@ -255,6 +260,31 @@ pub trait Accelerator: Send + Sync {
         _traversal: &mut Traversal,
     ) {
         self.each_primitive(visit);
+    }
+
+    /// Calls `visit` with every primitive that is no farther from a point than the distance that `visit` returned last,
+    /// and perhaps with others.
+    fn each_near_point(
+        &self,
+        _point: DVec3,
+        visit: &mut dyn FnMut(PrimId, Primitive) -> f64,
+        _traversal: &mut Traversal,
+    ) {
+        self.each_primitive(&mut |prim, primitive| {
+            visit(prim, primitive);
+        });
+    }
+
+    /// Whether the ray hits any primitive that `accepts` returns `true` for.
+    fn is_occluded_by(
+        &self,
+        ray: &Ray,
+        accepts: &mut dyn FnMut(PrimId) -> bool,
+        traversal: &mut Traversal,
+    ) -> bool {
+        let mut hits = Vec::new();
+        self.all_hits(ray, &mut hits, traversal);
+        hits.into_iter().any(|hit| accepts(hit.prim))
     }
 
     /// The tier of its intersection tests.

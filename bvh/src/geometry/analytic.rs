@@ -30,6 +30,11 @@ impl AnalyticShape {
     pub(crate) const EMPTY: AnalyticShape =
         AnalyticShape::Sphere(Sphere { centre: DVec3::ZERO, radius: 0.0 });
 
+    /// Whether it is [`AnalyticShape::EMPTY`].
+    pub(crate) fn is_empty(&self) -> bool {
+        *self == Self::EMPTY
+    }
+
     /// The name of the kind of shape, such as `sphere`.
     pub fn name(&self) -> &'static str {
         each!(self, shape => shape.name())

@@ -1,5 +1,6 @@
 //! `kiln bench`: comparison of kiln's acceleration structures with other libraries, and of its numerics tiers.
 
+mod contains;
 mod leaks;
 mod numerics;
 mod scaling;
@@ -28,6 +29,8 @@ pub(crate) struct Arguments {
 
 #[derive(Subcommand)]
 enum Test {
+    /// How often a closed mesh is wrong about containing a point
+    Contains(contains::Arguments),
     /// How many rays slip through a closed mesh
     Leaks(leaks::Arguments),
     /// What each tier of numerics costs, and what it gets wrong
@@ -39,6 +42,7 @@ enum Test {
 pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     match &arguments.test {
         None => speed::run(&arguments.speed, interrupted),
+        Some(Test::Contains(arguments)) => contains::run(arguments, interrupted),
         Some(Test::Leaks(arguments)) => leaks::run(arguments, interrupted),
         Some(Test::Numerics(arguments)) => numerics::run(arguments, interrupted),
         Some(Test::Scaling(arguments)) => scaling::run(arguments, interrupted),

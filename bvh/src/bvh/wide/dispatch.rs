@@ -3,10 +3,12 @@
 //! They are cut into packets. A packet whose rays have nothing in common, or that is abandoned, is traced by all
 //! pairs if the scene is small, else as a stream, else ray by ray.
 
+use glam::DVec3;
+
 use super::layout::Wide;
 use super::packet;
 use super::single;
-use super::{all_pairs, near_ray, stream};
+use super::{all_pairs, near_point, near_ray, stream};
 use crate::bvh::{Accelerator, Description, Next, Primitive, Quality, Traversal};
 #[cfg(target_arch = "x86_64")]
 use crate::geometry::simd::{Avx2, Avx512};
@@ -170,6 +172,29 @@ impl<T: Tier> Accelerator for Wide<T> {
         }
     }
 
+    fn each_near_point(
+        &self,
+        point: DVec3,
+        visit: &mut dyn FnMut(PrimId, Primitive) -> f64,
+        traversal: &mut Traversal,
+    ) {
+        near_point::visit(self, point, visit, traversal);
+    }
+
+    fn is_occluded_by(
+        &self,
+        ray: &Ray,
+        accepts: &mut dyn FnMut(PrimId) -> bool,
+        traversal: &mut Traversal,
+    ) -> bool {
+        let mut occluded = false;
+        one::<T, false>(self, ray, traversal, |hit| {
+            occluded = accepts(hit.prim);
+            if occluded { Next::Stop } else { Next::Continue }
+        });
+        occluded
+    }
+
     fn numerics(&self) -> Numerics {
         T::NUMERICS
     }
@@ -268,5 +293,5 @@ fn many_by<T: Tier, S: Simd>(
 #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
 #[inline(always)]
 fn has_no_zeros(ray: &Ray) -> bool {
-    ray.direction.abs().cmpgt(glam::DVec3::ZERO).all()
+    ray.direction.abs().cmpgt(DVec3::ZERO).all()
 }
