@@ -32,6 +32,26 @@
 //! assert!(!bvh.occluded(&ray, &mut traversal));
 //! # Ok::<(), kiln::bvh::NotFinite>(())
 //! ```
+//!
+//! Crossings of closed surfaces, containment and distances; `docs/library.md` has their guarantees:
+//!
+//! ```
+//! use kiln::bvh::{Bvh, Traversal};
+//! use kiln::geometry::Side;
+//!
+//! let [o, x, y, z] = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+//! let tetrahedron = [[o, y, x], [o, x, z], [o, z, y], [x, y, z]].map(Into::into);
+//! let bvh = Bvh::new(tetrahedron)?;
+//! let traversal = &mut Traversal::default();
+//! assert!(bvh.closedness().is_closed());
+//! assert!(bvh.contains([0.2; 3], traversal).is_inside);
+//! // Along an edge: in at one vertex and out at another, once each.
+//! let ray = bvh.ray([-1.0, 0.0, 0.0], [1.0, 0.0, 0.0])?;
+//! let sides = bvh.crossings(&ray, traversal).into_iter().map(|crossing| crossing.side);
+//! assert!(sides.eq([Side::Entering, Side::Leaving]));
+//! assert!((bvh.signed_distance([0.1; 3], traversal).unwrap() + 0.1).abs() < 1e-12);
+//! # Ok::<(), kiln::bvh::NotFinite>(())
+//! ```
 
 #![warn(unreachable_pub)]
 // Documentation of modules links to what they are made of.

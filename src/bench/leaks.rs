@@ -179,7 +179,7 @@ fn primary_leaks(
 }
 
 /// Number of indices below `rays` for which `is_leak` returns `true`. Its buffer is empty at each call.
-fn count(
+pub(super) fn count(
     rays: u64,
     control: &RenderControl,
     step: &(dyn Fn(u64) + Sync),

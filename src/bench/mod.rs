@@ -4,6 +4,7 @@
 //! An [`Engine`] builds a [`Built`] structure over a [`Mesh`]. To add one: a file here, and a line in [`leaks::engines`]
 //! or [`speed::engines`]. Another crate passes its own to [`speed::measure`]: `examples/compare_bvh.rs`.
 //!
+//! - [`contains`]: number of points that a closed mesh wrongly contains or not.
 //! - [`effects`]: cost of each effect of a picture.
 //! - [`leaks`]: number of rays that leak through a closed mesh.
 //! - [`price`]: what accuracy costs, in kiln's tiers and in other libraries.
@@ -12,6 +13,7 @@
 #[cfg(feature = "peers")]
 mod bvh_peer;
 // `unsafe_code` is allowed for C and C++ libraries only.
+pub mod contains;
 pub mod effects;
 #[allow(unsafe_code)]
 mod embree;

@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod crossings;
 mod exact;
 mod exact_oracle;
 mod instances;

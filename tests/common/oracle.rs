@@ -12,6 +12,7 @@
 mod distance;
 mod filter;
 mod integers;
+pub mod moved;
 mod rounding;
 
 use std::cmp::Ordering;

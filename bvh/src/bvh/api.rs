@@ -1,8 +1,10 @@
 //! [`Bvh`]: the acceleration structure for library users, over their own triangles and spheres.
 
+use std::sync::OnceLock;
+
 use glam::DVec3;
 
-use super::{Accelerator, Layout, Preset, Primitive, Slot, Traversal, build};
+use super::{Accelerator, Closedness, Layout, Preset, Primitive, Slot, Traversal, build};
 use crate::geometry::{AnalyticShape, Hit, HitBuffer, Numerics, PrimId, Ray, Rays, Sphere, Triangle};
 
 /// A bounding volume hierarchy over triangles and spheres. A primitive's id is its index in the list that it was
@@ -13,6 +15,7 @@ pub struct Bvh {
     numerics: Numerics,
     /// Whether each primitive has a rounded form ([`Primitive::rounded`]), and so a slot.
     has_slot: Vec<bool>,
+    pub(super) closedness: OnceLock<Closedness>,
 }
 
 /// The result of [`Bvh::update`].
@@ -83,7 +86,13 @@ impl Bvh {
         let slots =
             (0..).zip(primitives).filter_map(|(id, p)| Some(Slot { primitive: (*p)?, id: PrimId(id) }));
         let has_slot = primitives.iter().map(Option::is_some).collect();
-        Bvh { accelerator: build(slots, layout, numerics), layout, numerics, has_slot }
+        Bvh {
+            accelerator: build(slots, layout, numerics),
+            layout,
+            numerics,
+            has_slot,
+            closedness: OnceLock::new(),
+        }
     }
 
     /// A ray from `origin`, rounded to the precision of the tier. `direction` of any length but 0 is normalised, so t
@@ -127,11 +136,22 @@ impl Bvh {
         self.accelerator.is_occluded(ray, traversal)
     }
 
+    /// Whether the ray hits, between `t_min` and `t_max`, a primitive that `accepts` returns `true` for. It is called
+    /// with hit primitives only, in no order.
+    pub fn occluded_by(
+        &self,
+        ray: &Ray,
+        mut accepts: impl FnMut(PrimId) -> bool,
+        traversal: &mut Traversal,
+    ) -> bool {
+        self.accelerator.is_occluded_by(ray, &mut accepts, traversal)
+    }
+
     /// Every primitive that the ray hits between `t_min` and `t_max`, sorted by t, those at equal t by id.
     ///
     /// - A primitive has one hit: of a sphere the nearer of two. A ray with `t_min` beyond that hit finds the other.
     /// - On a shared edge or corner, every triangle that has it is hit. Their t are equal up to rounding, and no hit is
-    ///   merged: to count the crossings of a surface, merge hits of adjacent triangles, or take rays that meet no edge.
+    ///   merged. Hits are not crossings: those are counted by [`Bvh::crossings`].
     /// - Primitives at the same place are all hit, at equal t.
     ///
     /// The first hit is [`Bvh::closest_hit`]. In the tier `exact` only up to rounding: it decides which hit is closest
@@ -186,6 +206,7 @@ impl Bvh {
             let nothing = Primitive::Analytic(AnalyticShape::EMPTY);
             let relative_cost = self.accelerator.refit(&|id| now[id.0 as usize].unwrap_or(nothing));
             if let Some(relative_cost) = relative_cost.filter(|cost| is_worth_keeping(*cost)) {
+                self.closedness = OnceLock::new();
                 return Ok(Update::Refitted(relative_cost));
             }
         }

@@ -2,7 +2,7 @@
 
 use super::stored_slot::{PrimitiveTest, StoredSlot};
 use super::{Accelerator, Description, Primitive, Traversal};
-use crate::geometry::{Hit, Numerics, Ray, SlotId, Tier};
+use crate::geometry::{Hit, Numerics, PrimId, Ray, SlotId, Tier};
 
 /// A list of primitives.
 pub(crate) struct BruteForce<T: Tier> {
@@ -37,6 +37,10 @@ impl<T: Tier> Accelerator for BruteForce<T> {
 
     fn primitive(&self, slot: SlotId) -> Primitive {
         self.slots[slot.index() as usize].primitive.into()
+    }
+
+    fn each_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
+        self.slots.iter().for_each(|slot| visit(slot.id, slot.primitive.into()));
     }
 
     fn numerics(&self) -> Numerics {

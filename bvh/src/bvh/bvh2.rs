@@ -11,7 +11,7 @@ use obvhs::bvh2::node::Bvh2Node;
 use super::stored_slot::{PrimitiveTest, StoredSlot};
 use super::traverse::traverse;
 use super::{Accelerator, Description, Next, Primitive, Quality, Traversal, VisitedNode, quality};
-use crate::geometry::{BoxTest, Hit, Numerics, Ray, SlotId, Tier, prune_distance};
+use crate::geometry::{BoxTest, Hit, Numerics, PrimId, Ray, SlotId, Tier, prune_distance};
 
 /// A binary bounding volume hierarchy.
 pub(crate) struct Bvh2<T: Tier> {
@@ -82,6 +82,10 @@ impl<T: Tier> Accelerator for Bvh2<T> {
 
     fn primitive(&self, slot: SlotId) -> Primitive {
         self.slots[slot.index() as usize].primitive.into()
+    }
+
+    fn each_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
+        self.slots.iter().for_each(|slot| visit(slot.id, slot.primitive.into()));
     }
 
     fn numerics(&self) -> Numerics {

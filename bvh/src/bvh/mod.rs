@@ -10,9 +10,12 @@
 //! depend on the layout, and its triangle test loses rays on edges seen from behind.
 
 mod api;
+mod batch;
 mod brute_force;
 mod build;
 mod bvh2;
+mod closest_point;
+mod crossings;
 mod instances;
 mod preset;
 mod quality;
@@ -22,9 +25,13 @@ mod traverse;
 mod wide;
 
 pub use api::{Bvh, NotFinite, Update, is_worth_keeping};
+pub use closest_point::ClosestPoint;
+pub use crossings::{CONTAINS_DIRECTION, Closedness, Containment, Crossing, NotClosed};
 pub use instances::{Instance, MeshSpace, can_be_instance};
 pub use preset::Preset;
 pub use quality::{Quality, VisitedNode, quality};
+
+use glam::DVec3;
 
 use brute_force::BruteForce;
 use instances::Instances;
@@ -32,8 +39,8 @@ use stored_slot::StoredSlot;
 
 use crate::geometry::simd::InstructionSet;
 use crate::geometry::{
-    AnalyticShape, Bounds, Double, Exact, Fast, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, Rays,
-    SlotId, Tier, Triangle, Watertight,
+    AnalyticShape, Bounds, Double, Exact, Fast, Hit, HitBuffer, LineTest, Numerics, Precision, PrimId, Ray,
+    Rays, SlotId, Tier, Triangle, Watertight,
 };
 
 /// The geometry of one primitive.
@@ -207,6 +214,7 @@ pub struct Traversal {
     children: Vec<(wide::Child, f32)>,
     packet: wide::Scratches,
     stream: wide::StreamScratch,
+    sides: Vec<(PrimId, i32)>,
     /// The number of tests so far.
     pub tests: Tests,
 }
@@ -240,6 +248,45 @@ pub trait Accelerator: Send + Sync {
 
     /// The primitive that [`Hit::slot`] refers to.
     fn primitive(&self, slot: SlotId) -> Primitive;
+
+    /// Calls `visit` with every primitive as it is stored; with a split triangle several times.
+    fn each_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive));
+
+    /// Calls `visit` with every primitive that has a point on the ray, or a point at no distance above 0 from it, ends
+    /// included, and perhaps with others; with a split triangle several times.
+    fn each_near_ray(
+        &self,
+        _ray: &LineTest,
+        visit: &mut dyn FnMut(PrimId, Primitive),
+        _traversal: &mut Traversal,
+    ) {
+        self.each_primitive(visit);
+    }
+
+    /// Calls `visit` with every primitive that is no farther from a point than the distance that `visit` returned last,
+    /// and perhaps with others.
+    fn each_near_point(
+        &self,
+        _point: DVec3,
+        visit: &mut dyn FnMut(PrimId, Primitive) -> f64,
+        _traversal: &mut Traversal,
+    ) {
+        self.each_primitive(&mut |prim, primitive| {
+            visit(prim, primitive);
+        });
+    }
+
+    /// Whether the ray hits any primitive that `accepts` returns `true` for.
+    fn is_occluded_by(
+        &self,
+        ray: &Ray,
+        accepts: &mut dyn FnMut(PrimId) -> bool,
+        traversal: &mut Traversal,
+    ) -> bool {
+        let mut hits = Vec::new();
+        self.all_hits(ray, &mut hits, traversal);
+        hits.into_iter().any(|hit| accepts(hit.prim))
+    }
 
     /// The tier of its intersection tests.
     fn numerics(&self) -> Numerics;

@@ -7,7 +7,7 @@ use super::distance::Distance;
 use super::lanes::{HitN, RayN};
 use super::simd::{Doubles, Floats};
 use super::spawn::SurfacePoint;
-use super::{Bounds, Numerics, Precision, Ray, Sphere};
+use super::{Bounds, Numerics, Precision, Ray, Side, Sphere};
 
 /// A primitive that is not a triangle. Another kind is another variant, and an arm of `each!`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -29,6 +29,11 @@ impl AnalyticShape {
     /// A shape without points.
     pub(crate) const EMPTY: AnalyticShape =
         AnalyticShape::Sphere(Sphere { centre: DVec3::ZERO, radius: 0.0 });
+
+    /// Whether it is [`AnalyticShape::EMPTY`].
+    pub(crate) fn is_empty(&self) -> bool {
+        *self == Self::EMPTY
+    }
 
     /// The name of the kind of shape, such as `sphere`.
     pub fn name(&self) -> &'static str {
@@ -80,6 +85,16 @@ impl AnalyticShape {
         ends: [F; 2],
     ) -> (u32, F) {
         each!(self, shape => shape.hit_in_f32(origin, direction, ends))
+    }
+
+    /// See [`LineTest::cross_shape`](super::LineTest::cross_shape).
+    pub(crate) fn crossings(&self, ray: &Ray) -> [Option<(f64, Side)>; 2] {
+        each!(self, shape => shape.crossings(ray))
+    }
+
+    /// The exact distance at which the ray's line enters or leaves the shape.
+    pub(crate) fn exact_crossing(&self, ray: &Ray, side: Side) -> Option<Distance> {
+        each!(self, shape => shape.exact_crossing(ray, side))
     }
 
     /// The exact distance.

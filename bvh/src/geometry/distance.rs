@@ -178,7 +178,7 @@ pub(crate) fn dot(a: &Vector, b: &Vector) -> BigInt {
     &a[0] * &b[0] + &a[1] * &b[1] + &a[2] * &b[2]
 }
 
-fn cross(a: &Vector, b: &Vector) -> Vector {
+pub(crate) fn cross(a: &Vector, b: &Vector) -> Vector {
     [(1, 2), (2, 0), (0, 1)].map(|(i, j)| &a[i] * &b[j] - &a[j] * &b[i])
 }
 

@@ -71,7 +71,7 @@ impl Tier for Exact {
 /// edge function, of two products of those, by 32u M P + 300 u^2 M^2; and rounding it by 4u P^2, where P is at most 2
 /// M.
 #[inline(always)]
-fn weight_error(sheared: &Sheared) -> f64 {
+pub(super) fn weight_error(sheared: &Sheared) -> f64 {
     let [a, b, c] = sheared.corners;
     let reach = a.abs().max(b.abs()).max(c.abs()).max_element();
     let lateral = sheared.sheared_xy.as_flattened().iter().fold(0.0, |most: f64, x| most.max(x.abs()));
@@ -109,7 +109,7 @@ fn decide(
 }
 
 /// `direction . ((p - origin) x (q - origin))`, exactly.
-fn triple_product(ray: &Ray, p: DVec3, q: DVec3) -> Expansion {
+pub(super) fn triple_product(ray: &Ray, p: DVec3, q: DVec3) -> Expansion {
     let side = |v: DVec3, k: usize| Expansion::difference(v[k], ray.origin[k]);
     let minor = |i: usize, j: usize| side(p, i) * side(q, j) - side(p, j) * side(q, i);
     let terms = [(0, 1, 2), (1, 2, 0), (2, 0, 1)].into_iter().filter(|&(k, ..)| ray.direction[k] != 0.0);
@@ -158,7 +158,7 @@ fn settle(
 }
 
 /// The distance to a triangle's plane as far as f64 decides it.
-enum PlaneDistance {
+pub(super) enum PlaneDistance {
     /// The distance, to the tolerance.
     At(f64),
     /// At or below 0: a miss.
@@ -169,7 +169,7 @@ enum PlaneDistance {
 
 /// The distance to a triangle's plane in f64.
 #[cold]
-fn plane_distance(ray: &Ray, &[a, b, c]: &[DVec3; 3]) -> PlaneDistance {
+pub(super) fn plane_distance(ray: &Ray, &[a, b, c]: &[DVec3; 3]) -> PlaneDistance {
     let (u, v, to_a) = (b - a, c - a, a - ray.origin);
     let normal = u.cross(v);
     let permanent = u.abs().yzx() * v.abs().zxy() + u.abs().zxy() * v.abs().yzx();

@@ -23,6 +23,7 @@
 
 mod analytic;
 mod bounds;
+mod crossing;
 mod distance;
 mod double;
 mod exact;
@@ -47,6 +48,7 @@ mod woop_packet;
 
 pub use analytic::AnalyticShape;
 pub use bounds::{Bounds, BoxTest, DoubleBoxTest, SingleBoxTest, round_up};
+pub use crossing::{LineTest, Side};
 pub use hit_buffer::HitBuffer;
 pub use mesh::{Attribute, Mesh, is_mirror, moved_tangent, normal_matrix};
 pub use numerics::Precision;
@@ -60,6 +62,7 @@ pub use tier::Numerics;
 pub use triangle::Triangle;
 
 pub(crate) use bounds::{PRUNE_MARGIN, prune_distance, round_down};
+pub(crate) use crossing::order_of_crossings;
 pub(crate) use double::Double;
 pub(crate) use exact::Exact;
 pub(crate) use fast::Fast;

@@ -26,8 +26,8 @@ use super::{Corner, Ray, Triangle, TriangleHit};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct WoopTest {
     /// Axes permuted so that the major axis is the third.
-    origin: DVec3,
-    major: MajorAxis,
+    pub(super) origin: DVec3,
+    pub(super) major: MajorAxis,
     /// The two shears, and the reciprocal of the direction along the major axis.
     pub shear: [f64; 3],
     /// Reciprocals of the direction, axes permuted.

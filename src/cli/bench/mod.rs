@@ -1,5 +1,6 @@
 //! `kiln bench`: comparison of kiln's acceleration structures with other libraries, and the price of accuracy.
 
+mod contains;
 mod leaks;
 mod price;
 mod scaling;
@@ -40,6 +41,8 @@ impl Arguments {
 
 #[derive(Subcommand)]
 enum Test {
+    /// How often a closed mesh is wrong about containing a point
+    Contains(contains::Arguments),
     /// How many rays slip through a closed mesh
     Leaks(leaks::Arguments),
     /// What accuracy costs: time and errors of each tier of numerics, and of other libraries
@@ -51,6 +54,7 @@ enum Test {
 pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     match &arguments.test {
         None => speed::run(&arguments.speed, interrupted),
+        Some(Test::Contains(arguments)) => contains::run(arguments, interrupted),
         Some(Test::Leaks(arguments)) => leaks::run(arguments, interrupted),
         Some(Test::Price(arguments)) => price::run(arguments, interrupted),
         Some(Test::Scaling(arguments)) => scaling::run(arguments, interrupted),

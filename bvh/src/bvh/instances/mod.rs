@@ -241,6 +241,12 @@ impl<T: Tier> Accelerator for Instances<T> {
         }
     }
 
+    fn each_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
+        self.flat.each_primitive(visit);
+        let slots = self.instances.iter().flat_map(|prepared| prepared.instance.slots());
+        slots.for_each(|slot| visit(slot.id, Stored::<T::Corner>::from(slot.primitive).into()));
+    }
+
     fn numerics(&self) -> Numerics {
         T::NUMERICS
     }

@@ -3,15 +3,17 @@
 //! They are cut into packets. A packet whose rays have nothing in common, or that is abandoned, is traced by all
 //! pairs if the scene is small, else as a stream, else ray by ray.
 
+use glam::DVec3;
+
 use super::layout::Wide;
 use super::packet;
 use super::single;
-use super::{all_pairs, stream};
+use super::{all_pairs, near_point, near_ray, stream};
 use crate::bvh::{Accelerator, Description, Next, Primitive, Quality, Traversal};
 #[cfg(target_arch = "x86_64")]
 use crate::geometry::simd::{Avx2, Avx512};
 use crate::geometry::simd::{InstructionSet, Portable, Simd};
-use crate::geometry::{Hit, HitBuffer, Numerics, PACKET, PrimId, Ray, Rays, SlotId, Tier};
+use crate::geometry::{Hit, HitBuffer, LineTest, Numerics, PACKET, PrimId, Ray, Rays, SlotId, Tier};
 
 /// Fewer rays are not traced as a packet.
 const MIN_PACKET: usize = 16;
@@ -149,6 +151,50 @@ impl<T: Tier> Accelerator for Wide<T> {
         self.stored(slot).into()
     }
 
+    fn each_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
+        near_ray::each_primitive(self, visit);
+    }
+
+    fn each_near_ray(
+        &self,
+        ray: &LineTest,
+        visit: &mut dyn FnMut(PrimId, Primitive),
+        traversal: &mut Traversal,
+    ) {
+        match self.instructions {
+            InstructionSet::Portable => near_ray::visit::<T, Portable, false>(self, ray, traversal, visit),
+            #[cfg(target_arch = "x86_64")]
+            _ if has_no_zeros(&ray.ray) => {
+                near_ray::visit::<T, Avx2, true>(self, ray, traversal, visit);
+            }
+            #[cfg(target_arch = "x86_64")]
+            _ => near_ray::visit::<T, Avx2, false>(self, ray, traversal, visit),
+        }
+    }
+
+    fn each_near_point(
+        &self,
+        point: DVec3,
+        visit: &mut dyn FnMut(PrimId, Primitive) -> f64,
+        traversal: &mut Traversal,
+    ) {
+        near_point::visit(self, point, visit, traversal);
+    }
+
+    fn is_occluded_by(
+        &self,
+        ray: &Ray,
+        accepts: &mut dyn FnMut(PrimId) -> bool,
+        traversal: &mut Traversal,
+    ) -> bool {
+        let mut occluded = false;
+        one::<T, false>(self, ray, traversal, |hit| {
+            occluded = accepts(hit.prim);
+            if occluded { Next::Stop } else { Next::Continue }
+        });
+        occluded
+    }
+
     fn numerics(&self) -> Numerics {
         T::NUMERICS
     }
@@ -242,5 +288,5 @@ fn many_by<T: Tier, S: Simd>(
 #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
 #[inline(always)]
 fn has_no_zeros(ray: &Ray) -> bool {
-    ray.direction.abs().cmpgt(glam::DVec3::ZERO).all()
+    ray.direction.abs().cmpgt(DVec3::ZERO).all()
 }

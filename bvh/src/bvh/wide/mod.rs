@@ -18,6 +18,8 @@
 mod all_pairs;
 mod dispatch;
 mod layout;
+mod near_point;
+mod near_ray;
 mod packet;
 mod single;
 mod stream;

@@ -1,9 +1,13 @@
-//! The test of the tier `exact`: that of [`super`] with error bounds, then exact arithmetic.
+//! The test of the tier `exact`: that of [`super`] with error bounds, then exact arithmetic. Crossings in every tier.
+
+use std::cmp::Ordering;
 
 use super::Sphere;
-use crate::geometry::Ray;
+use crate::geometry::crossing::first_sign;
 use crate::geometry::distance::{Distance, Vector, dot, integers, minus};
 use crate::geometry::exact::{TOLERANCE, is_ray, is_within};
+use crate::geometry::expansion::Expansion;
+use crate::geometry::{Ray, Side};
 
 /// The least distance within `t_min < t < t_max` at which the ray meets the sphere.
 #[inline(always)]
@@ -55,8 +59,38 @@ pub(crate) fn distance(ray: &Ray, sphere: &Sphere) -> Option<Distance> {
     roots(ray, sphere)?.into_iter().find(|distance| distance.is_within(ray))
 }
 
+/// The crossings of the moved ray ([`crate::geometry::crossing`]). Where the line only touches the sphere there are
+/// none, unless one end of the ray is there.
+pub(crate) fn crossings(ray: &Ray, sphere: &Sphere) -> [Option<(f64, Side)>; 2] {
+    let roots = if is_ray(ray) { roots(ray, sphere) } else { None };
+    let Some([near, far]) = roots else { return [None; 2] };
+    // Whether the sphere holds the moved point at t, which lies on it otherwise: whether the move shortens the vector
+    // from the centre.
+    let holds = |t: f64| {
+        let from_centre = |k: usize| {
+            Expansion::difference(ray.origin[k], sphere.centre[k])
+                + Expansion::difference(ray.direction[k], 0.0).scaled(t)
+        };
+        first_sign([0, 1, 2].map(from_centre)) < 0
+    };
+    let order = |root: &Distance, t: f64| match t {
+        f64::INFINITY => Ordering::Less,
+        _ => root.cmp(&Distance::of(t)),
+    };
+    let is_inside = |t: f64| match [order(&near, t), order(&far, t)] {
+        [Ordering::Less, Ordering::Greater] => true,
+        [near, far] => (near.is_eq() || far.is_eq()) && holds(t),
+    };
+    let [starts_inside, ends_inside] = [ray.t_min, ray.t_max].map(is_inside);
+    let is_between = |root: &Distance| order(root, ray.t_min).is_ge() && order(root, ray.t_max).is_le();
+    let is_passed = near.cmp(&far).is_lt() && is_between(&near) && is_between(&far);
+    let enters = !starts_inside && (ends_inside || is_passed);
+    let leaves = !ends_inside && (starts_inside || is_passed);
+    [enters.then(|| (near.to_f64(), Side::Entering)), leaves.then(|| (far.to_f64(), Side::Leaving))]
+}
+
 /// The near and far intersection, the roots of `a t^2 - 2 b t + c = 0`. `None` if the line misses the sphere.
-fn roots(ray: &Ray, sphere: &Sphere) -> Option<[Distance; 2]> {
+pub(crate) fn roots(ray: &Ray, sphere: &Sphere) -> Option<[Distance; 2]> {
     let [o, d, m] = [ray.origin, ray.direction, sphere.centre];
     let numbers = integers([o.x, o.y, o.z, d.x, d.y, d.z, m.x, m.y, m.z, sphere.radius]);
     let vector = |i: usize| -> Vector { [0, 1, 2].map(|k| numbers[3 * i + k].clone()) };

@@ -16,7 +16,7 @@ use super::distance::Distance;
 use super::lanes::{HitN, RayN};
 use super::simd::{Doubles, Floats};
 use super::spawn::SurfacePoint;
-use super::{Bounds, Numerics, Precision, Ray};
+use super::{Bounds, Numerics, Precision, Ray, Side};
 
 /// A sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,6 +81,15 @@ impl Sphere {
 
     pub(super) fn exact_distance(&self, ray: &Ray) -> Option<Distance> {
         exact::distance(ray, self)
+    }
+
+    pub(super) fn crossings(&self, ray: &Ray) -> [Option<(f64, Side)>; 2] {
+        exact::crossings(ray, self)
+    }
+
+    pub(super) fn exact_crossing(&self, ray: &Ray, side: Side) -> Option<Distance> {
+        let [near, far] = exact::roots(ray, self)?;
+        Some(if side == Side::Entering { near } else { far })
     }
 
     #[inline(always)]

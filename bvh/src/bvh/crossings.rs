@@ -1,0 +1,275 @@
+//! [`Bvh`]: crossings, winding numbers, containment and closedness.
+
+use std::mem::take;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::{Accelerator, Bvh, Primitive, Traversal};
+use crate::geometry::{LineTest, Precision, PrimId, Ray, Side, Stored, Triangle, order_of_crossings};
+
+/// A passage of a ray through the surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Crossing {
+    /// Distance along the ray.
+    pub t: f64,
+    /// The primitive that is crossed.
+    pub prim: PrimId,
+    /// The side on which it is crossed.
+    pub side: Side,
+}
+
+/// How often the edges of triangles are used. Vertices are those stored, rounded to the tier's precision, and equal if
+/// their coordinates are. Triangles with two equal vertices do not count; spheres have no edges.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Closedness {
+    /// Edges of one triangle.
+    pub boundary_edges: usize,
+    /// Edges of more than two triangles.
+    pub non_manifold_edges: usize,
+    /// Edges that triangles use more often in one direction than in the other: boundary edges, and those between
+    /// triangles with opposite winding.
+    pub unbalanced_edges: usize,
+}
+
+impl Closedness {
+    /// Whether the triangles are one or more closed surfaces with consistent winding, which may touch, intersect or
+    /// contain each other: no edge is unbalanced. Then a winding number does not depend on the direction of the ray.
+    pub fn is_closed(&self) -> bool {
+        self.unbalanced_edges == 0
+    }
+}
+
+/// The result of [`Bvh::contains`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Containment {
+    /// Whether the winding number is not 0. It has a meaning only where `closedness` is closed.
+    pub is_inside: bool,
+    /// That of the surface.
+    pub closedness: Closedness,
+}
+
+/// The error of queries that require a closed surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NotClosed(pub Closedness);
+
+impl std::fmt::Display for NotClosed {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Closedness { boundary_edges, unbalanced_edges, .. } = self.0;
+        write!(
+            f,
+            "the surface is not closed: {boundary_edges} edges have one triangle only, {} are used more often in one \
+             direction than in the other",
+            unbalanced_edges - boundary_edges
+        )
+    }
+}
+
+impl std::error::Error for NotClosed {}
+
+/// The direction of the rays of [`Bvh::winding_number`] and [`Bvh::contains`]. Rays nearly parallel to an axis meet the
+/// fewest boxes; those
+/// parallel to it would meet the edges of axis-aligned models, which takes exact arithmetic.
+pub const CONTAINS_DIRECTION: DVec3 = DVec3::new(3.0 / 64.0, 5.0 / 64.0, 1.0);
+
+impl Bvh {
+    /// The crossings of the ray between `t_min` and `t_max`, in order of distance: each passage through the surface
+    /// once, also through edges and vertices, in the plane of triangles, or from a point of the surface.
+    ///
+    /// Decided by exact arithmetic, in every tier, for the triangles as stored: with corners rounded to the tier's
+    /// precision. Counted are the crossings of a ray moved by less than any number, the same for all triangles
+    /// ([`crate::geometry::crossing`] has the derivation): its origin is infinitesimally farther along +x, then +y,
+    /// then +z. So for a closed surface, of any ray, their number is even from outside and odd from inside, and a
+    /// surface that does not intersect itself is entered and left in turns. Rays that end where another begins have
+    /// the crossings of both together.
+    ///
+    /// t is that of the ray itself, with a relative error below 2^-40; ordered are the exact t of the moved ray, which
+    /// triangles of the same plane have in common: those are ordered by id. A triangle has no more than one crossing,
+    /// one without area none, a sphere up to two.
+    pub fn crossings(&self, ray: &Ray, traversal: &mut Traversal) -> Vec<Crossing> {
+        let mut found = Vec::new();
+        each_crossing(self.accelerator(), ray, traversal, |crossing, primitive| {
+            found.push((crossing, Stored::<DVec3>::from(primitive)));
+        });
+        found.sort_unstable_by(|(a, of_a), (b, of_b)| {
+            order_of_crossings(ray, [(a.t, a.side, of_a), (b.t, b.side, of_b)]).then(a.prim.cmp(&b.prim))
+        });
+        // A split triangle is in several slots.
+        found.dedup_by_key(|(crossing, _)| (crossing.prim, crossing.side));
+        found.into_iter().map(|(crossing, _)| crossing).collect()
+    }
+
+    /// How often the surface winds around a point, counter-clockwise seen from outside: 1 inside of a closed mesh, 0
+    /// outside, -1 inside of one that is turned inside out. Overlapping parts are added.
+    ///
+    /// Exact for a closed surface as stored ([`Bvh::closedness`]), in every tier. A point on the surface is taken as
+    /// moved infinitesimally along +x, then +y, then +z. The point is in f64, coordinates below 2^-250 count as 0;
+    /// NaN has winding number 0. For a surface that is not closed: the crossings that leave, less those that enter,
+    /// of the ray in [`CONTAINS_DIRECTION`].
+    pub fn winding_number(&self, point: impl Into<DVec3>, traversal: &mut Traversal) -> i32 {
+        let point = point.into();
+        // All bounds are finite in f32.
+        if !point.as_vec3().is_finite() {
+            return 0;
+        }
+        let ray = Precision::Double.ray(point, CONTAINS_DIRECTION, 0.0, f64::INFINITY);
+        let mut sides = take(&mut traversal.sides);
+        each_crossing(self.accelerator(), &ray, traversal, |Crossing { prim, side, .. }, _| {
+            sides.push((prim, if side == Side::Leaving { 1 } else { -1 }));
+        });
+        if sides.len() > 1 {
+            // A split triangle is in several slots; a sphere has two sides.
+            sides.sort_unstable();
+            sides.dedup();
+        }
+        let winding_number = sides.drain(..).map(|(_, side)| side).sum();
+        traversal.sides = sides;
+        winding_number
+    }
+
+    /// Whether a point is inside the surface: whether [`Bvh::winding_number`] is not 0; with the edges that keep the
+    /// surface from being closed. The first call after building takes O(n log n) time to find those.
+    pub fn contains(&self, point: impl Into<DVec3>, traversal: &mut Traversal) -> Containment {
+        Containment { is_inside: self.winding_number(point, traversal) != 0, closedness: self.closedness() }
+    }
+
+    /// Whether a point is inside a closed surface.
+    ///
+    /// # Errors
+    /// [`NotClosed`] if the surface is not.
+    pub fn contains_if_closed(
+        &self,
+        point: impl Into<DVec3>,
+        traversal: &mut Traversal,
+    ) -> Result<bool, NotClosed> {
+        self.require_closed()?;
+        Ok(self.winding_number(point, traversal) != 0)
+    }
+
+    /// # Errors
+    /// [`NotClosed`].
+    fn require_closed(&self) -> Result<(), NotClosed> {
+        Some(self.closedness()).filter(Closedness::is_closed).map(|_| ()).ok_or(NotClosed(self.closedness()))
+    }
+
+    /// The edges of the triangles that keep the surface from being closed. Computed at the first call after building or
+    /// [`Bvh::update`], in O(n log n) time and about 150 bytes of memory per triangle.
+    pub fn closedness(&self) -> Closedness {
+        *self.closedness.get_or_init(|| closedness(self.accelerator()))
+    }
+}
+
+/// Calls `found` with the crossings of a ray in no order, and their primitives; those of split triangles several times.
+fn each_crossing(
+    accelerator: &dyn Accelerator,
+    ray: &Ray,
+    traversal: &mut Traversal,
+    mut found: impl FnMut(Crossing, Primitive),
+) {
+    let test = LineTest::new(ray);
+    let mut visit = |prim, primitive| match &primitive {
+        Primitive::Triangle(Triangle(corners)) => {
+            if let Some((t, side)) = test.cross_triangle(corners) {
+                found(Crossing { t, prim, side }, primitive);
+            }
+        }
+        Primitive::Analytic(shape) => {
+            for (t, side) in test.cross_shape(shape).into_iter().flatten() {
+                found(Crossing { t, prim, side }, primitive);
+            }
+        }
+    };
+    accelerator.each_near_ray(&test, &mut visit, traversal);
+}
+
+/// A vertex that is compared by the bits of its coordinates.
+type Vertex = [u64; 3];
+
+fn closedness(accelerator: &dyn Accelerator) -> Closedness {
+    let mut triangles: Vec<(PrimId, [Vertex; 3])> = Vec::new();
+    accelerator.each_primitive(&mut |prim, primitive| {
+        if let Primitive::Triangle(Triangle(corners)) = primitive {
+            // -0 + 0 is 0.
+            let [a, b, c] = corners.map(|corner| corner.to_array().map(|x| (x + 0.0).to_bits()));
+            if a != b && b != c && c != a {
+                triangles.push((prim, [a, b, c]));
+            }
+        }
+    });
+    triangles.par_sort_unstable_by_key(|(prim, _)| *prim);
+    triangles.dedup_by_key(|(prim, _)| *prim);
+    let mut edges: Vec<([Vertex; 2], bool)> = triangles
+        .par_iter()
+        .flat_map_iter(|(_, [a, b, c])| [[*a, *b], [*b, *c], [*c, *a]])
+        .map(|[from, to]| ([from.min(to), from.max(to)], from < to))
+        .collect();
+    drop(triangles);
+    edges.par_sort_unstable();
+    let mut closedness = Closedness::default();
+    for uses in edges.chunk_by(|a, b| a.0 == b.0) {
+        let forward = uses.iter().filter(|(_, is_forward)| *is_forward).count();
+        closedness.boundary_edges += usize::from(uses.len() == 1);
+        closedness.non_manifold_edges += usize::from(uses.len() > 2);
+        closedness.unbalanced_edges += usize::from(2 * forward != uses.len());
+    }
+    closedness
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bvh::splitmix64::splitmix64;
+    use crate::bvh::{Layout, Slot, build};
+    use crate::geometry::Numerics;
+
+    /// Crossings of a ray, sorted by id; once each.
+    fn crossings(accelerator: &dyn Accelerator, ray: &Ray) -> Vec<(PrimId, u64, Side)> {
+        let mut found = Vec::new();
+        each_crossing(accelerator, ray, &mut Traversal::default(), |Crossing { t, prim, side }, _| {
+            found.push((prim, t.to_bits(), side));
+        });
+        found.sort_unstable_by_key(|(prim, _, side)| (*prim, *side == Side::Leaving));
+        found.dedup();
+        found
+    }
+
+    #[test]
+    fn every_layout_has_the_crossings_of_brute_force() {
+        let number = |seed: u64| (splitmix64(seed) >> 44) as f64 / f64::from(1 << 19) - 1.0;
+        let vector = |seed: u64| DVec3::from([3 * seed, 3 * seed + 1, 3 * seed + 2].map(number));
+        let slots: Vec<Slot> = (0..400)
+            .map(|id| {
+                let seed = u64::from(id);
+                let corners = [0, 1, 2].map(|k| vector(8 * seed) + vector(8 * seed + 1 + k) * 0.3);
+                let ball = Primitive::from((corners[0].to_array(), 0.1));
+                let primitive = if id % 7 == 0 { ball } else { Primitive::Triangle(Triangle(corners)) };
+                Slot { primitive, id: PrimId(id) }
+            })
+            .collect();
+        let mut count = 0;
+        for numerics in Numerics::ALL {
+            let exhaustive = build(slots.iter().copied(), Layout::BruteForce, numerics);
+            let trees =
+                Layout::trees().map(|layout| (layout, build(slots.iter().copied(), layout, numerics)));
+            let trees: Vec<_> = trees.collect();
+            for seed in 10_000..10_300 {
+                let (origin, direction) = (vector(2 * seed) * 1.5, vector(2 * seed + 1));
+                let axis = DVec3::AXES[seed as usize % 3];
+                let direction = if seed % 3 == 0 { axis } else { direction.normalize() };
+                // Half of them through a corner of a triangle.
+                let corner = match slots[seed as usize % 400].primitive.rounded(numerics.precision()) {
+                    Some(Primitive::Triangle(Triangle([a, ..]))) if seed % 2 == 0 => a - direction,
+                    _ => origin,
+                };
+                let ray = Precision::Double.ray(corner, direction, 0.0, f64::INFINITY);
+                let expected = crossings(&*exhaustive, &ray);
+                for (layout, tree) in &trees {
+                    let name = numerics.name();
+                    assert_eq!(crossings(&**tree, &ray), expected, "{layout:?}, {name}, {ray:?}");
+                }
+                count += expected.len();
+            }
+        }
+        assert!(count > 4000, "{count} crossings");
+    }
+}

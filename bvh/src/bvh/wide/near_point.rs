@@ -1,0 +1,66 @@
+//! The traversal for closest points: nearest boxes first, up to a distance.
+
+use glam::DVec3;
+
+use super::layout::{Child, Content, Node, WIDTH, Wide};
+use crate::bvh::{Primitive, Traversal};
+use crate::geometry::{NO_PRIMITIVE, PrimId, Tier, Triangle, round_down};
+
+/// See [`Accelerator::each_near_point`](crate::bvh::Accelerator::each_near_point).
+pub(crate) fn visit<T: Tier>(
+    wide: &Wide<T>,
+    point: DVec3,
+    visit: &mut dyn FnMut(PrimId, Primitive) -> f64,
+    Traversal { children: stack, tests, .. }: &mut Traversal,
+) {
+    let mut limit = f64::INFINITY;
+    stack.clear();
+    stack.extend((!wide.nodes.is_empty()).then_some((Child::node(0), 0.0)));
+    while let Some((child, distance)) = stack.pop() {
+        if f64::from(distance) > limit {
+            continue;
+        }
+        match child.content() {
+            Content::Node(index) => {
+                tests.nodes += 1;
+                let node = &wide.nodes[index as usize];
+                let (distances, first) = (distances(node, point), stack.len());
+                let near = node.places().filter(|&place| f64::from(distances[place]) <= limit);
+                stack.extend(near.map(|place| (node.children[place], distances[place])));
+                stack[first..].sort_unstable_by(|a, b| b.1.total_cmp(&a.1));
+            }
+            Content::Triangles(leaves) => {
+                for leaf in &wide.triangles[leaves.start as usize..leaves.end as usize] {
+                    for (lane, &id) in leaf.ids.iter().enumerate().filter(|(_, id)| **id != NO_PRIMITIVE) {
+                        tests.primitives += 1;
+                        let corners = leaf.corners.corners_f64(lane).map(Into::into);
+                        limit = visit(PrimId(id), Primitive::Triangle(Triangle(corners)));
+                    }
+                }
+            }
+            Content::Analytic(shapes) => {
+                for (shape, prim) in &wide.analytic[shapes.start as usize..shapes.end as usize] {
+                    tests.primitives += 1;
+                    limit = visit(*prim, Primitive::Analytic(*shape));
+                }
+            }
+        }
+    }
+}
+
+/// The distances of a point from the boxes of a node, rounded down, and by 2^-23 more for the rounding of the closest
+/// points.
+#[inline(always)]
+fn distances(node: &Node, point: DVec3) -> [f32; WIDTH] {
+    let mut squares = [0.0; WIDTH];
+    for (axis, [lower, upper]) in node.planes.iter().enumerate() {
+        for place in 0..WIDTH {
+            let below = f64::from(lower[place]) - point[axis];
+            let above = point[axis] - f64::from(upper[place]);
+            let beside = below.max(above).max(0.0);
+            squares[place] += beside * beside;
+        }
+    }
+    const SHORTER: f64 = 1.0 - f32::EPSILON as f64;
+    squares.map(|square: f64| round_down(square.sqrt() * SHORTER))
+}

@@ -1,0 +1,84 @@
+//! The traversal for crossings: all primitives that a ray, moved by less than any number, may cross.
+//!
+//! Boxes are tested by [`BoxRay`], which enters every box that has a point on the ray, ends included. A moved ray that
+//! crosses a triangle leaves a point of it on the unmoved ray, so no crossing is lost.
+
+use super::layout::{Child, Content, Wide};
+use super::single::box_ray::BoxRay;
+use crate::bvh::{Primitive, Traversal};
+use crate::geometry::lanes::LANES4;
+use crate::geometry::simd::Simd;
+use crate::geometry::{LineTest, NO_PRIMITIVE, PrimId, Tier, Triangle};
+
+/// Calls `visit` with the primitives of [`Accelerator::each_near_ray`](crate::bvh::Accelerator::each_near_ray). `FUSED`
+/// requires a direction without zeros.
+#[inline(always)]
+pub(crate) fn visit<T: Tier, S: Simd, const FUSED: bool>(
+    wide: &Wide<T>,
+    ray: &LineTest,
+    traversal: &mut Traversal,
+    visit: &mut dyn FnMut(PrimId, Primitive),
+) {
+    S::run(
+        #[inline(always)]
+        || visit_by::<T, S, FUSED>(wide, ray, traversal, visit),
+    );
+}
+
+#[inline(always)]
+fn visit_by<T: Tier, S: Simd, const FUSED: bool>(
+    wide: &Wide<T>,
+    ray: &LineTest,
+    Traversal { children: stack, tests, .. }: &mut Traversal,
+    visit: &mut dyn FnMut(PrimId, Primitive),
+) {
+    if wide.nodes.is_empty() {
+        return;
+    }
+    let boxes = BoxRay::new(&ray.ray, FUSED, false);
+    let t_max = boxes.prune_distance(ray.ray.t_max);
+    stack.clear();
+    stack.push((Child::node(0), 0.0));
+    while let Some((child, _)) = stack.pop() {
+        match child.content() {
+            Content::Node(index) => {
+                tests.nodes += 1;
+                let node = &wide.nodes[index as usize];
+                let (mut places, _) = boxes.enter::<S, FUSED>(node, t_max, false);
+                while places != 0 {
+                    stack.push((node.children[places.trailing_zeros() as usize % node.children.len()], 0.0));
+                    places &= places - 1;
+                }
+            }
+            Content::Triangles(leaves) => {
+                tests.primitives += leaves.len() as u64;
+                for leaf in &wide.triangles[leaves.start as usize..leaves.end as usize] {
+                    let mut lanes = ray.may_cross4::<T::Corner, S::D4>(&leaf.corners);
+                    while lanes != 0 {
+                        let lane = lanes.trailing_zeros() as usize % LANES4;
+                        lanes &= lanes - 1;
+                        let corners = leaf.corners.corners_f64(lane).map(Into::into);
+                        visit(PrimId(leaf.ids[lane]), Primitive::Triangle(Triangle(corners)));
+                    }
+                }
+            }
+            Content::Analytic(shapes) => {
+                tests.primitives += shapes.len() as u64;
+                for (shape, prim) in &wide.analytic[shapes.start as usize..shapes.end as usize] {
+                    visit(*prim, Primitive::Analytic(*shape));
+                }
+            }
+        }
+    }
+}
+
+/// Calls `visit` with the primitive of every slot.
+pub(crate) fn each_primitive<T: Tier>(wide: &Wide<T>, visit: &mut dyn FnMut(PrimId, Primitive)) {
+    for leaf in &wide.triangles {
+        for (lane, &id) in leaf.ids.iter().enumerate().filter(|(_, id)| **id != NO_PRIMITIVE) {
+            let corners = leaf.corners.corners_f64(lane).map(Into::into);
+            visit(PrimId(id), Primitive::Triangle(Triangle(corners)));
+        }
+    }
+    wide.analytic.iter().for_each(|(shape, prim)| visit(*prim, Primitive::Analytic(*shape)));
+}

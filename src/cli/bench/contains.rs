@@ -1,0 +1,101 @@
+//! `kiln bench contains`: wrong answers to whether a closed mesh contains a point, and the rate of the right ones.
+
+use std::sync::atomic::AtomicBool;
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::super::print;
+use super::{aligned, grouped, with_progress};
+use crate::bench::contains::{ContainsRate, ContainsRow, rates, wrong_points};
+use crate::bench::{PLACEMENTS, Unavailable};
+use crate::error::Result;
+use crate::timing::Spread;
+
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Points of each method, over all sizes and places
+    #[arg(long, value_name = "N", default_value_t = 10_000_000,
+          value_parser = crate::cli::numbers::whole(1..=1_000_000_000u64))]
+    points: u64,
+    /// Runs that are timed, after one to warm up
+    #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 5, value_parser = crate::cli::numbers::whole(1..=1000u32))]
+    runs: u32,
+    /// Threads to count on; times are those of one thread
+    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(1..=u16::MAX))]
+    threads: Option<u16>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
+    let ((rows, absent), rates) =
+        with_progress(arguments.threads, "testing points", interrupted, |control| {
+            Ok((wrong_points(arguments.points, control)?, rates(arguments.runs)?))
+        })?;
+    if arguments.json {
+        print(&super::report("generated meshes", as_json(&rows, &rates, absent.as_ref())))
+    } else {
+        print(&as_text(&rows, &rates, absent.as_ref()))
+    }
+}
+
+fn as_json(rows: &[ContainsRow], rates: &[ContainsRate], absent: Option<&Unavailable>) -> Value {
+    let wrong = rows.iter().map(|row| {
+        let rate =
+            rates.iter().find(|rate| row.method == "contains" && Some(rate.numerics.name()) == row.tier);
+        let [vertex, edge, axis] = row.wrong;
+        json!({
+            "engine": row.engine[0],
+            "layout": row.engine[1],
+            "tier": row.tier,
+            "method": row.method,
+            "placement": row.placement,
+            "points": 3 * row.points,
+            "wrong": { "vertex": vertex, "edge": edge, "axis": axis },
+            "mpoints_per_s": rate.map(|rate| rate.contains),
+            "closest_mrays_per_s": rate.map(|rate| rate.closest_hits),
+            "skipped_reason": null,
+        })
+    });
+    let skipped = absent.map(|absent| {
+        let reason = format!("{}; {}", absent.reason, absent.remedy);
+        json!({ "engine": absent.name, "points": 0, "wrong": null, "skipped_reason": reason })
+    });
+    wrong.chain(skipped).collect()
+}
+
+fn as_text(rows: &[ContainsRow], rates: &[ContainsRate], absent: Option<&Unavailable>) -> String {
+    let points = rows.first().map_or(0, |row| row.points);
+    let mut text = format!(
+        "Wrong answers to whether a closed mesh of 81,920 triangles contains a point: of {} points each whose rays\n\
+         pass through vertices / edge midpoints / both, along an axis. `parity`: an odd number of hits.\n\n",
+        grouped(points)
+    );
+    let titles = ["engine", "layout", "tier", "method"].into_iter().chain(PLACEMENTS.map(|p| p.name));
+    let mut lines: Vec<Vec<String>> = vec![titles.map(str::to_owned).collect()];
+    // Consecutive rows differ in their placement.
+    for rows in rows.chunks(PLACEMENTS.len()) {
+        let Some(row) = rows.first() else { continue };
+        let names = [row.engine[0], row.engine[1], row.tier.unwrap_or("-"), row.method].map(str::to_owned);
+        lines.push(
+            names.into_iter().chain(rows.iter().map(|row| row.wrong.map(grouped).join(" / "))).collect(),
+        );
+    }
+    text += &aligned(&lines, 4);
+    text += "\nMillion queries a second on one thread, of random points and of their rays (quartiles):\n\n";
+    let titles = ["tier", "contains", "closest hit", "ratio"];
+    let mut lines = vec![titles.map(str::to_owned).to_vec()];
+    for rate in rates {
+        let quartiles =
+            |Spread { lower, median, upper }: Spread| format!("{median:.2} ({lower:.2}-{upper:.2})");
+        let [contains, closest, ratio] = [rate.contains, rate.closest_hits, rate.ratio].map(quartiles);
+        lines.push(vec![rate.numerics.name().to_owned(), contains, closest, ratio]);
+    }
+    text += &aligned(&lines, 1);
+    if let Some(Unavailable { name, reason, remedy }) = absent {
+        text += &format!("\n{name}: not measured: {reason}; {remedy}\n");
+    }
+    text
+}
