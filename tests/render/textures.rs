@@ -406,6 +406,10 @@ fn the_same_bits_for_threads_and_crops() {
         let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
         let alone = one.install(|| prepared.render(Choices::default()).0);
         assert!(bits(&whole, size) == bits(&alone, size));
+        // In `fast`, rays of a crop make other packets.
+        if numerics == Numerics::Fast {
+            continue;
+        }
         let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
         let window = Window { x: 13, y: 17, width: 29, height: 20 };
         let never = std::sync::atomic::AtomicBool::new(false);

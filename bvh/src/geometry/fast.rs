@@ -37,7 +37,8 @@ impl PreparedRay for FastRay {
             origin: ray.origin.as_vec3().to_array(),
             t_min: ray.t_min as f32,
             direction: ray.direction.as_vec3().to_array(),
-            t_max: ray.t_max as f32,
+            // Distances that overflow are no hits.
+            t_max: (ray.t_max as f32).min(f32::MAX),
         }
     }
 
@@ -45,8 +46,10 @@ impl PreparedRay for FastRay {
     fn prepare_packet<'a, D: Doubles>(rays: Rays, packet: &'a mut PreparedPacket) -> &'a mut [Self] {
         packet.fast.resize(PACKET, FastRay::default());
         for first in (0..rays.len()).step_by(D::Floats::LANES) {
-            let [t_min, t_max] =
-                [rays.t_min_floats::<D>(first).array(), rays.t_max_floats::<D>(first).array()];
+            let [t_min, t_max] = [
+                rays.t_min_floats::<D>(first).array(),
+                rays.t_max_floats::<D>(first).min(D::Floats::splat(f32::MAX)).array(),
+            ];
             let (mut origin, mut direction) = ([D::Floats::ZEROS; 3], [D::Floats::ZEROS; 3]);
             for axis in 0..3 {
                 origin[axis] = rays.origin_floats::<D>(axis, first).array();
@@ -92,9 +95,9 @@ impl PreparedRay for FastRay {
         if hit == 0 {
             return HitN::NONE;
         }
-        let share = F::splat(1.0) / size;
-        let barycentrics = [(v * share).array(), (w * share).array()];
-        HitN { hit, undecided: 0, t: (depth * share).array(), barycentrics }
+        // Divided one by one: the reciprocal may overflow.
+        let barycentrics = [(v / size).array(), (w / size).array()];
+        HitN { hit, undecided: 0, t: (depth / size).array(), barycentrics }
     }
 }
 

@@ -18,20 +18,11 @@ use crate::geometry::{AnalyticShape, HitBuffer, NO_PRIMITIVE, Rays, Tier, Triang
 /// ray starts is decided by the triangle's plane.
 const NEAR: f32 = 1.0 / 1024.0;
 
-/// The triangles of two leaves, relative to the apex of a frustum.
-///
-/// A ray has the direction (u, v, 1), or starts at (u, v, 0). `weights` are the second and third edge function; the
-/// determinant is `linear` and the volume `constant`, or for parallel rays the other way round. The depth is the
-/// volume over the determinant. Oriented so that `constant` is positive.
-#[repr(C, align(64))]
-struct Triangles {
-    /// Coefficients of u, v and 1.
-    weights: [[[f32; WIDTH]; 3]; 2],
-    linear: [[f32; WIDTH]; 3],
-    constant: [f32; WIDTH],
-    /// The normals, and the first corners in world space.
-    normal: [[f32; WIDTH]; 3],
-    corner: [[f32; WIDTH]; 3],
+/// The triangles of two leaves, projected to the (u, v) plane of a frustum.
+struct Projected<S: Simd> {
+    /// The corners in world space, and relative to the apex: coordinates on the axes of u, v and depth.
+    world: [[S::F8; 3]; 3],
+    corners: [[S::F8; 3]; 3],
     /// Least depths, and intervals of u and v; infinite if a corner is not beyond the apex.
     nearest: [f32; WIDTH],
     bounds: [[[f32; WIDTH]; 2]; 2],
@@ -39,9 +30,25 @@ struct Triangles {
     overlapping: u32,
 }
 
-impl Triangles {
+/// The edge functions of the triangles.
+///
+/// A ray has the direction (u, v, 1), or starts at (u, v, 0). `weights` are the second and third edge function; the
+/// determinant is `linear` and the volume `constant`, or for parallel rays the other way round. The depth is the
+/// volume over the determinant. Oriented so that `constant` is positive.
+#[repr(C, align(64))]
+struct Functions {
+    /// Coefficients of u, v and 1.
+    weights: [[[f32; WIDTH]; 3]; 2],
+    linear: [[f32; WIDTH]; 3],
+    constant: [f32; WIDTH],
+    /// The normals, and the first corners in world space.
+    normal: [[f32; WIDTH]; 3],
+    corner: [[f32; WIDTH]; 3],
+}
+
+impl<S: Simd> Projected<S> {
     #[inline(always)]
-    fn new<T: Tier, S: Simd>(leaves: [&Triangle4<T::Corner>; 2], frustum: &Frustum) -> Self {
+    fn new<T: Tier>(leaves: [&Triangle4<T::Corner>; 2], frustum: &Frustum) -> Self {
         let world = Triangle4::pair::<S>(leaves, frustum.axes);
         let mut corners = world;
         for place in 0..3 {
@@ -51,9 +58,8 @@ impl Triangles {
                 corner[place] = if flipped { apex - world[place] } else { world[place] - apex };
             }
         }
-        let [a, b, c] = &corners;
         let (zero, one) = (S::F8::splat(0.0), S::F8::splat(1.0));
-        let (mut nearest, mut farthest) = (a[2], a[2]);
+        let (mut nearest, mut farthest) = (corners[0][2], corners[0][2]);
         let (mut least, mut most) = ([zero; 2], [zero; 2]);
         for (k, corner) in corners.iter().enumerate() {
             let at = match frustum.shear {
@@ -85,53 +91,74 @@ impl Triangles {
             *low = S::F8::select(unbounded, zero - infinite, least[place]).array();
             *high = S::F8::select(unbounded, infinite, most[place]).array();
         }
+        let overlapping = in_depth & (across | unbounded);
+        Projected { world, corners, nearest: nearest.array(), bounds, overlapping }
+    }
+}
+
+impl Functions {
+    #[inline(always)]
+    fn new<S: Simd>(projected: &Projected<S>, frustum: &Frustum) -> Self {
+        let ([a, b, c], zero) = (&projected.corners, S::F8::splat(0.0));
         let (to_b, to_c) = (minus(b, a), minus(c, a));
         let normal = cross(&to_c, &to_b);
         let volume = dot(a, &normal);
         let (weights, linear, constant) = match frustum.shear {
             None => ([cross(a, &to_c), cross(&to_b, a)], normal, volume),
             Some([u, v]) => {
-                let direction = [S::F8::splat(u as f32), S::F8::splat(v as f32), one];
-                let of_start = |p: [S::F8; 3]| [p[0], p[1], zero - dot(&p, a)];
-                let weights = [of_start(cross(&direction, &to_c)), of_start(cross(&to_b, &direction))];
+                let direction = [S::F8::splat(u as f32), S::F8::splat(v as f32), S::F8::splat(1.0)];
+                let (p, q) = (cross(&direction, &to_c), cross(&to_b, &direction));
+                let weights = [[p[0], p[1], zero - dot(&p, a)], [q[0], q[1], zero - dot(&q, a)]];
                 let linear = [zero - normal[0], zero - normal[1], volume];
                 (weights, linear, dot(&direction, &normal))
             }
         };
-        let oriented = |[x, y, z]: [S::F8; 3]| {
-            [x.flip(constant).array(), y.flip(constant).array(), z.flip(constant).array()]
-        };
-        Triangles {
-            weights: [oriented(weights[0]), oriented(weights[1])],
-            linear: oriented(linear),
+        let [x, y, z] = &projected.world[0];
+        let depth = if frustum.flipped { zero - normal[2] } else { normal[2] };
+        Functions {
+            weights: [oriented(weights[0], constant), oriented(weights[1], constant)],
+            linear: oriented(linear, constant),
             constant: constant.flip(constant).array(),
-            normal: oriented([
-                normal[0],
-                normal[1],
-                if frustum.flipped { zero - normal[2] } else { normal[2] },
-            ]),
-            corner: [world[0][0].array(), world[0][1].array(), world[0][2].array()],
-            nearest: nearest.array(),
-            bounds,
-            overlapping: in_depth & (across | unbounded),
+            normal: oriented([normal[0], normal[1], depth], constant),
+            corner: [x.array(), y.array(), z.array()],
         }
     }
+}
+
+/// Three numbers, negated where `sign` is negative.
+#[inline(always)]
+fn oriented<F: Floats<Array = [f32; WIDTH]>>([x, y, z]: [F; 3], sign: F) -> [[f32; WIDTH]; 3] {
+    [x.flip(sign).array(), y.flip(sign).array(), z.flip(sign).array()]
 }
 
 /// Whether all rays start at 0: otherwise they are no packet here.
 #[inline(always)]
 pub(super) fn supports<S: Simd>(rays: Rays) -> bool {
     let zero = S::F::splat(0.0);
-    (0..rays.len()).step_by(S::F::LANES).all(|first| {
+    let mut same = S::F::ALL;
+    for first in (0..rays.len()).step_by(S::F::LANES) {
         let t_min = rays.t_min_floats::<S::D>(first);
-        t_min.flip(t_min).le(zero) == S::F::ALL
-    })
+        same &= t_min.flip(t_min).le(zero);
+    }
+    same == S::F::ALL
 }
 
 /// One number of three in all lanes.
 #[inline(always)]
 fn splat<F: Floats>(numbers: &[[f32; WIDTH]; 3], lane: usize) -> [F; 3] {
     [F::splat(numbers[0][lane]), F::splat(numbers[1][lane]), F::splat(numbers[2][lane])]
+}
+
+/// The numbers of half a block, from a lane on.
+#[inline(always)]
+fn at_half<S: Simd>(x: &OfBlock<S>, first: usize) -> S::D {
+    S::D::load_f32(&x.as_ref()[first..])
+}
+
+/// The value of a linear function of u and v.
+#[inline(always)]
+fn plane<F: Floats>([a, b, c]: &[F; 3], u: F, v: F) -> F {
+    a.mul_add(u, b.mul_add(v, *c))
 }
 
 impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
@@ -146,22 +173,30 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
     ) -> usize {
         let indices = [first, second.unwrap_or(first)];
         let leaves = [&wide.triangles[indices[0] as usize], &wide.triangles[indices[1] as usize]];
-        let triangles = Triangles::new::<T, S>([&leaves[0].corners, &leaves[1].corners], &self.frustum);
-        let mut overlapping = triangles.overlapping & if second.is_some() { u32::MAX } else { MASK4 };
-        let mut work = 1 + usize::from(second.is_some());
-        let mut changed = 0;
+        let projected = Projected::<S>::new::<T>([&leaves[0].corners, &leaves[1].corners], &self.frustum);
+        let (mut blocks, mut lanes) = ([0; WIDTH], 0u32);
+        let mut overlapping = projected.overlapping & if second.is_some() { u32::MAX } else { MASK4 };
         while overlapping != 0 {
             let lane = overlapping.trailing_zeros() as usize % WIDTH;
             overlapping &= overlapping - 1;
-            let [u, v] = &triangles.bounds;
+            let [u, v] = &projected.bounds;
             let bounds = [[u[0][lane], u[1][lane]], [v[0][lane], v[1][lane]]];
             let Scratch { block_bounds, depths, .. } = &*self.scratch;
-            let blocks = overlapped::<S>(triangles.nearest[lane], bounds, block_bounds, depths);
-            if blocks != 0 {
-                work += 2;
-                let slot = indices[lane / LANES4] * LANES4 as u32 + (lane % LANES4) as u32;
-                changed |= self.visit_blocks(&triangles, lane, slot, blocks, tests);
-            }
+            blocks[lane] = overlapped::<S>(projected.nearest[lane], bounds, block_bounds, depths);
+            lanes |= u32::from(blocks[lane] != 0) << lane;
+        }
+        let visits = 1 + usize::from(second.is_some());
+        if lanes == 0 {
+            return visits;
+        }
+        let work = visits + 2 * lanes.count_ones() as usize;
+        let functions = Functions::new(&projected, &self.frustum);
+        let mut changed = 0;
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize % WIDTH;
+            lanes &= lanes - 1;
+            let slot = indices[lane / LANES4] * LANES4 as u32 + (lane % LANES4) as u32;
+            changed |= self.visit_blocks(&functions, lane, slot, blocks[lane], tests);
         }
         self.update_depths(changed);
         work
@@ -171,16 +206,16 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
     #[inline(always)]
     fn visit_blocks(
         &mut self,
-        triangles: &Triangles,
+        functions: &Functions,
         lane: usize,
         slot: u32,
         mut blocks: u32,
         tests: &mut Tests,
     ) -> u32 {
         let weights: [[S::F; 3]; 2] =
-            [splat(&triangles.weights[0], lane), splat(&triangles.weights[1], lane)];
-        let linear: [S::F; 3] = splat(&triangles.linear, lane);
-        let (constant, zero) = (S::F::splat(triangles.constant[lane]), S::F::splat(0.0));
+            [splat(&functions.weights[0], lane), splat(&functions.weights[1], lane)];
+        let linear: [S::F; 3] = splat(&functions.linear, lane);
+        let (constant, zero) = (S::F::splat(functions.constant[lane]), S::F::splat(0.0));
         let is_parallel = self.frustum.shear.is_some();
         let mut changed = 0;
         while blocks != 0 {
@@ -188,8 +223,9 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
             blocks &= blocks - 1;
             let [u, v, _] = &self.scratch.rays.projected;
             let (u, v) = (S::F::load(u[block]), S::F::load(v[block]));
-            let at = |f: &[S::F; 3]| f[0].mul_add(u, f[1].mul_add(v, f[2]));
-            let (second, third, linear) = (at(&weights[0]), at(&weights[1]), at(&linear));
+            let second = plane(&weights[0], u, v);
+            let third = plane(&weights[1], u, v);
+            let linear = plane(&linear, u, v);
             let (determinant, volume) = if is_parallel { (constant, linear) } else { (linear, constant) };
             let first = determinant - second - third;
             let inside = zero.le(second.min(third).min(first)) & self.scratch.active[block];
@@ -200,7 +236,7 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
             let share = S::F::splat(1.0) / determinant;
             let depth = volume * share;
             let found = if ANY {
-                self.occluded_fast(triangles, lane, block, inside, depth)
+                self.occluded_fast(functions, lane, block, inside, depth)
             } else {
                 let (start, far) = self.extent(block);
                 inside & start.lt(depth) & depth.lt(far)
@@ -222,7 +258,7 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
     #[inline(always)]
     fn occluded_fast(
         &self,
-        triangles: &Triangles,
+        functions: &Functions,
         lane: usize,
         block: usize,
         inside: u32,
@@ -244,10 +280,15 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
             return certain;
         }
         let (normal, corner): ([S::F; 3], [S::F; 3]) =
-            (splat(&triangles.normal, lane), splat(&triangles.corner, lane));
+            (splat(&functions.normal, lane), splat(&functions.corner, lane));
         let axes = self.frustum.axes;
-        let origin = |place: usize| self.rays.origin_floats::<S::D>(axes[place], block * S::F::LANES);
-        let height = dot(&normal, &minus(&corner, &[origin(0), origin(1), origin(2)]));
+        let first = block * S::F::LANES;
+        let origin = [
+            self.rays.origin_floats::<S::D>(axes[0], first),
+            self.rays.origin_floats::<S::D>(axes[1], first),
+            self.rays.origin_floats::<S::D>(axes[2], first),
+        ];
+        let height = dot(&normal, &minus(&corner, &origin));
         let zero = S::F::splat(0.0);
         certain | near & if is_parallel { zero.lt(height) } else { height.lt(zero) }
     }
@@ -288,13 +329,18 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
             tests.primitives += u64::from(possible.count_ones());
             let first = block * S::F::LANES;
             let rays = &self.rays;
-            let origin = |axis: usize| rays.origin_floats::<S::D>(axis, first);
-            let direction = |axis: usize| rays.direction_floats::<S::D>(axis, first);
-            let (hit, t) = shape.hit_in_f32(
-                &[origin(0), origin(1), origin(2)],
-                &[direction(0), direction(1), direction(2)],
-                [rays.t_min_floats::<S::D>(first), rays.t_max_floats::<S::D>(first)],
-            );
+            let origin = [
+                rays.origin_floats::<S::D>(0, first),
+                rays.origin_floats::<S::D>(1, first),
+                rays.origin_floats::<S::D>(2, first),
+            ];
+            let direction = [
+                rays.direction_floats::<S::D>(0, first),
+                rays.direction_floats::<S::D>(1, first),
+                rays.direction_floats::<S::D>(2, first),
+            ];
+            let ends = [rays.t_min_floats::<S::D>(first), rays.t_max_floats::<S::D>(first)];
+            let (hit, t) = shape.hit_in_f32(&origin, &direction, ends);
             let (start, far) = self.extent(block);
             let depth = t.mul_add(length, start);
             let found = possible & hit & if ANY { S::F::ALL } else { depth.lt(far) };
@@ -330,13 +376,13 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
                 }
             }
             let (block, half) = (first / S::F::LANES % BLOCKS, first % S::F::LANES);
-            let of_half = |x: &OfBlock<S>| S::D::load_f32(&x.as_ref()[half..]);
             let PacketRays { projected, starts, .. } = &self.scratch.rays;
-            let depth = of_half(&self.scratch.best.far[block]) - of_half(&starts[block]);
+            let depth =
+                at_half::<S>(&self.scratch.best.far[block], half) - at_half::<S>(&starts[block], half);
             let [v, w] = &self.scratch.barycentrics;
             let group = HitN::<S::D> {
-                t: (depth / of_half(&projected[2][block])).array(),
-                barycentrics: [of_half(&v[block]).array(), of_half(&w[block]).array()],
+                t: (depth / at_half::<S>(&projected[2][block], half)).array(),
+                barycentrics: [at_half::<S>(&v[block], half).array(), at_half::<S>(&w[block], half).array()],
                 ..HitN::NONE
             };
             hits.append(count, &prims, &slots, &group);
