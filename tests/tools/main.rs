@@ -5,6 +5,7 @@ mod common;
 
 mod bench;
 mod compare;
+mod contains;
 mod explain;
 mod leaks;
 mod study;
