@@ -1,8 +1,8 @@
 //! Counts wrong answers to whether a closed mesh contains a point.
 //!
 //! The points lie on lines through vertices and edge midpoints, in the direction of the test ray, where rounding or
-//! counting a crossing twice does most harm. They keep away from the facets of an icosphere, so that their distance from
-//! its centre says whether they are inside.
+//! counting a crossing twice does most harm. They keep away from the facets of an icosphere, so that their distance
+//! from its centre says whether they are inside.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 

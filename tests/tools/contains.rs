@@ -1,4 +1,5 @@
-//! `kiln bench contains` prints wrong answers and rates of every tier. That it counts right is tested in `bench::contains`.
+//! `kiln bench contains` prints wrong answers and rates of every tier. That it counts right is tested in
+//! `bench::contains`.
 
 use serde_json::Value;
 

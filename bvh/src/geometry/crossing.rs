@@ -6,8 +6,8 @@
 //! 1990). δ depends neither on the triangles nor on the ray. So all triangles see the same ray.
 //!
 //! With `P = p - o` and `Q = q - o`, an edge from p to q has the edge function `E(p, q) = d . (P x Q)`. The line passes
-//! through a triangle if E has the same sign at its three edges; their sum is `d . n`, with n = `(b - a) x (c - a)`, and
-//! its sign is the side. For the moved ray,
+//! through a triangle if E has the same sign at its three edges; their sum is `d . n`, with n = `(b - a) x (c - a)`,
+//! and its sign is the side. For the moved ray,
 //!
 //! - `E' = d . ((P - δ) x (Q - δ)) = E + δ . (d x (q - p))`. If E is 0, the sign is that of the first component of
 //!   `d x (q - p)` that is not 0. All are 0 only where the edge is parallel to d, or its ends are equal. Its triangles
@@ -22,7 +22,7 @@
 //! the origin is inside; and leaving ones less entering ones are the winding number of the surface around the
 //! origin (Jordan, Brouwer). Triangles without area are crossed by no moved ray, and change nothing.
 //!
-//! A point on the surface is therefore at the place that is infinitesimally farther along +x, for equal x along +y, then
+//! A point on the surface is therefore at the place that is infinitesimally farther along +x, then along +y, then
 //! +z. Of closed surfaces that fill a volume without overlap, each point is in exactly one.
 //!
 //! Crossings are ordered by t'. Only triangles in the same plane are crossed at equal t'; they are ordered by id.
@@ -220,7 +220,8 @@ fn normal(&[a, b, c]: &[DVec3; 3]) -> [Expansion; 3] {
     [(1, 2), (2, 0), (0, 1)].map(|(i, j)| side(b, i) * side(c, j) - side(b, j) * side(c, i))
 }
 
-/// The order of two crossings of a moved ray, given t, side and primitive of each; equal for triangles in the same plane.
+/// The order of two crossings of a moved ray, given t, side and primitive of each; equal for triangles in the same
+/// plane.
 pub(crate) fn order_of_crossings(ray: &Ray, crossings: [(f64, Side, &Stored<DVec3>); 2]) -> Ordering {
     let [a, b] = crossings;
     if (a.0 - b.0).abs() > 4.0 * TOLERANCE * a.0.abs().max(b.0.abs()) {
