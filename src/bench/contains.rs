@@ -1,8 +1,8 @@
 //! Counts wrong answers to whether a closed mesh contains a point.
 //!
 //! The points lie on lines through vertices and edge midpoints, in the direction of the test ray, where rounding or
-//! counting a crossing twice does most harm. They keep away from the facets of an icosphere, so that their distance from its
-//! centre says whether they are inside.
+//! counting a crossing twice does most harm. They keep away from the facets of an icosphere, so that their distance
+//! from its centre says whether they are inside.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -94,11 +94,13 @@ pub struct ContainsRow {
 pub struct ContainsRate {
     /// The tier.
     pub numerics: Numerics,
-    /// Points by [`Bvh::par_contains`].
+    /// Random points by [`Bvh::par_contains`].
     pub contains: Spread,
-    /// The rays of those points by [`Bvh::par_closest_hits`].
+    /// Points whose rays pass through vertices and edge midpoints.
+    pub aimed: Spread,
+    /// The rays of the random points by [`Bvh::par_closest_hits`].
     pub closest_hits: Spread,
-    /// The ratio of both in the same run.
+    /// The ratio of random points to their rays in the same run.
     pub ratio: Spread,
 }
 
@@ -193,6 +195,10 @@ const TIMED: u64 = 200_000;
 /// [`Error::Failed`] if there are no threads.
 pub fn rates(runs: u32) -> Result<Vec<ContainsRate>> {
     let sphere = Icosphere::new(LEVEL, PLACEMENTS[0]);
+    let aimed: Vec<DVec3> = (0..TIMED)
+        .into_par_iter()
+        .map(|index| test_point(&sphere, Aim::ALL[index as usize % 2], index).point)
+        .collect();
     let points: Vec<DVec3> = (0..TIMED)
         .into_par_iter()
         .map(|index| {
@@ -217,14 +223,15 @@ pub fn rates(runs: u32) -> Result<Vec<ContainsRate>> {
             let run = |_| {
                 let contains = rate(&|| drop(std::hint::black_box(bvh.par_contains(&points))));
                 let closest = rate(&|| drop(std::hint::black_box(bvh.par_closest_hits(rays.rays()))));
-                [contains, closest, contains / closest]
+                let aimed = rate(&|| drop(std::hint::black_box(bvh.par_contains(&aimed))));
+                [contains, aimed, closest, contains / closest]
             };
-            let runs: Vec<[f64; 3]> = (0..=runs).map(run).skip(1).collect();
-            let [contains, closest_hits, ratio] = [0, 1, 2].map(|k| {
+            let runs: Vec<[f64; 4]> = (0..=runs).map(run).skip(1).collect();
+            let [contains, aimed, closest_hits, ratio] = [0, 1, 2, 3].map(|k| {
                 let of_runs: Vec<f64> = runs.iter().map(|run| run[k]).collect();
                 Spread::of(&of_runs).unwrap_or(Spread::exact(f64::NAN))
             });
-            Ok(ContainsRate { numerics, contains, closest_hits, ratio })
+            Ok(ContainsRate { numerics, contains, aimed, closest_hits, ratio })
         })
         .collect()
 }
@@ -233,7 +240,8 @@ pub fn rates(runs: u32) -> Result<Vec<ContainsRate>> {
 mod tests {
     use super::*;
 
-    /// Half of the points are inside, and the rays of most pass exactly through their target.
+    /// Points are on lines through the sphere, on a length of 5 radii. The mean chord from a point of the sphere is 1
+    /// radius, along the axis of a target's largest coordinate 2 / 3 to 2: a fifth to two fifths of the points are inside.
     #[test]
     fn points_are_where_they_should_be() {
         for placement in PLACEMENTS {
@@ -241,7 +249,7 @@ mod tests {
             for aim in Aim::ALL {
                 let tests: Vec<_> = (0..2000).map(|index| test_point(&sphere, aim, index)).collect();
                 let inside = tests.iter().filter(|test| test.is_inside).count();
-                assert!((400..1600).contains(&inside), "{}, {aim:?}: {inside}", placement.name);
+                assert!((300..900).contains(&inside), "{}, {aim:?}: {inside}", placement.name);
                 // Outside of all tangent planes, or inside of all.
                 for test in &tests {
                     let distance = |id: u32| {

@@ -241,7 +241,7 @@ fn wrong_exposures_are_one_clear_line() {
     let workshop = Workshop::with("scene.toml", SCENE);
     for (options, what, hint) in [
         ("--exposure bright", "give a number of EV from -64 to 64, or \"auto\"", ""),
-        ("--exposure 65", "the exposure is 65", "-64 to 64"),
+        ("--exposure 65", "invalid value '65'", "-64 to 64"),
         ("--tone-map agks", "invalid value 'agks'", "'agx'"),
         ("--light sun", "invalid value 'sun'", "possible values: head, none"),
         ("--exposure 1 --colour u8", "take linear light, and the colours are `u8`", "--colour linear"),
@@ -252,8 +252,8 @@ fn wrong_exposures_are_one_clear_line() {
         workshop.fails(&format!("render scene.toml -o a.png {options}"), 2, [what, hint]);
     }
     for (lines, what) in [
-        ("\nexposure = 99", "own.toml:4: the exposure is 99; give a number of EV from -64 to 64"),
-        ("\nexposure = 'car'", "own.toml:4: `exposure` is 'car', expected a number of EV or \"auto\""),
+        ("\nexposure = 99", "own.toml:4: `exposure` is 99, expected EV from -64 to 64, or \"auto\""),
+        ("\nexposure = 'car'", "own.toml:4: `exposure` is 'car', expected EV from -64 to 64, or \"auto\""),
         ("\ntone_map = 'agz'", "own.toml:4: unknown value `agz`"),
         ("\nheadlight = 1", "own.toml:4: `headlight` is 1, expected true or false"),
     ] {

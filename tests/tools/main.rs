@@ -7,6 +7,7 @@ mod workshop;
 
 mod bench;
 mod compare;
+mod contains;
 mod explain;
 mod leaks;
 mod study;

@@ -18,8 +18,8 @@ pub struct ClosestPoint {
 
 impl Bvh {
     /// The closest point of the surface; of primitives at equal distance, the one with the lowest id. `None` without
-    /// primitives, and for a point that is not finite. In f64 for the primitives as stored: good to 2^-48 of the largest
-    /// distance to a corner of the triangle on each axis.
+    /// primitives, and for a point that is not finite. In f64 for the primitives as stored: good to 2^-48 of the
+    /// largest distance to a corner of the triangle on each axis.
     pub fn closest_point(&self, point: impl Into<DVec3>, traversal: &mut Traversal) -> Option<ClosestPoint> {
         let point = point.into();
         point.is_finite().then_some(())?;
@@ -40,8 +40,8 @@ impl Bvh {
         best
     }
 
-    /// The distance of a point from the surface, negative inside ([`Bvh::contains`]). Without meaning for a surface that
-    /// is not closed. `None` without primitives, and for a point that is not finite.
+    /// The distance of a point from the surface, negative inside ([`Bvh::contains`]). Without meaning for a surface
+    /// that is not closed. `None` without primitives, and for a point that is not finite.
     pub fn signed_distance(&self, point: impl Into<DVec3>, traversal: &mut Traversal) -> Option<f64> {
         let point = point.into();
         let ClosestPoint { distance, .. } = self.closest_point(point, traversal)?;

@@ -6,8 +6,8 @@
 //! 1990). δ depends neither on the triangles nor on the ray. So all triangles see the same ray.
 //!
 //! With `P = p - o` and `Q = q - o`, an edge from p to q has the edge function `E(p, q) = d . (P x Q)`. The line passes
-//! through a triangle if E has the same sign at its three edges; their sum is `d . n`, with n = `(b - a) x (c - a)`, and
-//! its sign is the side. For the moved ray,
+//! through a triangle if E has the same sign at its three edges; their sum is `d . n`, with n = `(b - a) x (c - a)`,
+//! and its sign is the side. For the moved ray,
 //!
 //! - `E' = d . ((P - δ) x (Q - δ)) = E + δ . (d x (q - p))`. If E is 0, the sign is that of the first component of
 //!   `d x (q - p)` that is not 0. All are 0 only where the edge is parallel to d, or its ends are equal. Its triangles
@@ -22,7 +22,7 @@
 //! the origin is inside; and leaving ones less entering ones are the winding number of the surface around the
 //! origin (Jordan, Brouwer). Triangles without area are crossed by no moved ray, and change nothing.
 //!
-//! A point on the surface is therefore at the place that is infinitesimally farther along +x, for equal x along +y, then
+//! A point on the surface is therefore at the place that is infinitesimally farther along +x, then along +y, then
 //! +z. Of closed surfaces that fill a volume without overlap, each point is in exactly one.
 //!
 //! Crossings are ordered by t'. Only triangles in the same plane are crossed at equal t'; they are ordered by id.
@@ -37,7 +37,7 @@ use super::distance::{Distance, Vector, cross, dot, integers, minus};
 use super::exact::{
     PlaneDistance, TOLERANCE, is_ray, is_within, plane_distance, triple_product, weight_error,
 };
-use super::expansion::Expansion;
+use super::expansion::{Expansion, two_sum};
 use super::lanes::Triangle4;
 use super::simd::Doubles;
 use super::woop::WoopTest;
@@ -126,6 +126,9 @@ impl LineTest {
     /// The sign of the moved line's edge function; 0 for an edge parallel to the ray.
     fn edge_sign(&self, p: DVec3, q: DVec3) -> i32 {
         let d = self.ray.direction;
+        if let Some(sign) = edge_sign_of_few_digits(&self.ray, p, q) {
+            return sign;
+        }
         let along = |k: usize, factor: f64| Expansion::difference(q[k], p[k]).scaled(factor);
         match triple_product(&self.ray, p, q).sign() {
             0 => first_sign([(1, 2), (2, 0), (0, 1)].map(|(i, j)| along(j, d[i]) - along(i, d[j]))),
@@ -177,6 +180,35 @@ impl LineTest {
     }
 }
 
+/// [`LineTest::edge_sign`] in integers of 128 bits; `None` if the coordinates have too many digits. An order of
+/// magnitude faster than expansions, and rays that meet edges exactly have few digits more often than not.
+fn edge_sign_of_few_digits(ray: &Ray, p: DVec3, q: DVec3) -> Option<i32> {
+    let is_exact = |v: DVec3| (0..3).all(|k| two_sum(v[k], -ray.origin[k]).1 == 0.0);
+    (is_exact(p) && is_exact(q)).then_some(())?;
+    let ([p, q], digits) = few_digits([p - ray.origin, q - ray.origin])?;
+    let ([d], of_direction) = few_digits([ray.direction])?;
+    // Three sums of two products of three numbers.
+    (2 * digits + of_direction + 3 < i128::BITS).then_some(())?;
+    let axes = [(0, 1, 2), (1, 2, 0), (2, 0, 1)];
+    let edge: i128 = axes.iter().map(|&(k, i, j)| d[k] * (p[i] * q[j] - p[j] * q[i])).sum();
+    let moved = axes.map(|(_, i, j)| d[i] * (q[j] - p[j]) - d[j] * (q[i] - p[i]));
+    let first = std::iter::once(edge).chain(moved).find(|&sign| sign != 0);
+    Some(first.unwrap_or(0).signum() as i32)
+}
+
+/// Vectors as integers, times a common power of two, and their number of binary digits; `None` for more than 53.
+fn few_digits<const N: usize>(vectors: [DVec3; N]) -> Option<([[i128; 3]; N], u32)> {
+    const DIGITS: i32 = f64::MANTISSA_DIGITS as i32;
+    let largest = vectors.iter().fold(0.0, |most: f64, v| most.max(v.abs().max_element()));
+    let exponent = (largest.to_bits() >> (DIGITS - 1)) as i32 - 1023;
+    // The largest is from 2^(DIGITS - 1) up to 2^DIGITS. It is infinite or NaN for subnormal numbers and 0.
+    let scaled = vectors.map(|v| v * f64::from(DIGITS - 1 - exponent).exp2());
+    scaled.iter().all(|v| v.is_finite() && v.trunc() == *v).then_some(())?;
+    let integers = scaled.map(|v| v.to_array().map(|x| x as i64));
+    let zeros = integers.as_flattened().iter().fold(0, |all, x| all | x).trailing_zeros();
+    Some((integers.map(|v| v.map(|x| i128::from(x >> zeros))), DIGITS as u32 - zeros))
+}
+
 /// The sign of the first number that is not 0.
 pub(super) fn first_sign(numbers: [Expansion; 3]) -> i32 {
     numbers.iter().map(Expansion::sign).find(|&sign| sign != 0).unwrap_or(0)
@@ -188,7 +220,8 @@ fn normal(&[a, b, c]: &[DVec3; 3]) -> [Expansion; 3] {
     [(1, 2), (2, 0), (0, 1)].map(|(i, j)| side(b, i) * side(c, j) - side(b, j) * side(c, i))
 }
 
-/// The order of two crossings of a moved ray, given t, side and primitive of each; equal for triangles in the same plane.
+/// The order of two crossings of a moved ray, given t, side and primitive of each; equal for triangles in the same
+/// plane.
 pub(crate) fn order_of_crossings(ray: &Ray, crossings: [(f64, Side, &Stored<DVec3>); 2]) -> Ordering {
     let [a, b] = crossings;
     if (a.0 - b.0).abs() > 4.0 * TOLERANCE * a.0.abs().max(b.0.abs()) {

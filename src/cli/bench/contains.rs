@@ -55,6 +55,7 @@ fn as_json(rows: &[ContainsRow], rates: &[ContainsRate], absent: Option<&Unavail
             "points": 3 * row.points,
             "wrong": { "vertex": vertex, "edge": edge, "axis": axis },
             "mpoints_per_s": rate.map(|rate| rate.contains),
+            "mpoints_per_s_aimed": rate.map(|rate| rate.aimed),
             "closest_mrays_per_s": rate.map(|rate| rate.closest_hits),
             "skipped_reason": null,
         })
@@ -84,14 +85,15 @@ fn as_text(rows: &[ContainsRow], rates: &[ContainsRate], absent: Option<&Unavail
         );
     }
     text += &aligned(&lines, 4);
-    text += "\nMillion queries a second on one thread, of random points and of their rays (quartiles):\n\n";
-    let titles = ["tier", "contains", "closest hit", "ratio"];
+    text += "\nMillion queries a second on one thread, of random points, of points of the first two kinds, and of\n\
+         rays from the random ones (quartiles):\n\n";
+    let titles = ["tier", "contains", "contains, aimed", "closest hit", "ratio"];
     let mut lines = vec![titles.map(str::to_owned).to_vec()];
     for rate in rates {
         let quartiles =
             |Spread { lower, median, upper }: Spread| format!("{median:.2} ({lower:.2}-{upper:.2})");
-        let [contains, closest, ratio] = [rate.contains, rate.closest_hits, rate.ratio].map(quartiles);
-        lines.push(vec![rate.numerics.name().to_owned(), contains, closest, ratio]);
+        let numbers = [rate.contains, rate.aimed, rate.closest_hits, rate.ratio].map(quartiles);
+        lines.push([rate.numerics.name().to_owned()].into_iter().chain(numbers).collect());
     }
     text += &aligned(&lines, 1);
     if let Some(Unavailable { name, reason, remedy }) = absent {
