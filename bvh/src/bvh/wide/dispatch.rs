@@ -252,23 +252,10 @@ fn many<T: Tier>(
     match wide.instructions {
         InstructionSet::Portable => false,
         #[cfg(target_arch = "x86_64")]
-        InstructionSet::Avx2 if T::IS_FAST && start_together(wide, rays) => false,
-        #[cfg(target_arch = "x86_64")]
         InstructionSet::Avx2 => many_by::<T, Avx2>(wide, rays, traversal, found),
         #[cfg(target_arch = "x86_64")]
         InstructionSet::Avx512 => many_by::<T, Avx512>(wide, rays, traversal, found),
     }
-}
-
-/// Whether the origins of a few of the rays are close together for the size of the tree. Then the nodes that the rays
-/// visit are mostly cached, and in fast tiers single rays take as long as a stream or less (docs/decisions.md).
-#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
-fn start_together<T: Tier>(wide: &Wide<T>, rays: Rays) -> bool {
-    let (Some(root), Some(last)) = (wide.nodes.first(), rays.len().checked_sub(1)) else { return false };
-    let bounds = root.whole();
-    let near = f64::from((bounds.max - bounds.min).max_element()) / 4.0;
-    let from_first = |k: usize| (rays.origin(last * k / 3) - rays.origin(0)).abs().max_element();
-    (1..=3).all(|k| from_first(k) <= near)
 }
 
 /// [`many`] by an instruction set.
