@@ -59,6 +59,8 @@ def score(case, build):
 
 def main():
     for name in sys.argv[1:] or ENGINES:
+        if name not in ENGINES:
+            sys.exit(f"no engine is called {name}; there are {', '.join(ENGINES)}")
         print(f"{name:20} rays missed phantom wrong  error of t (ulp)")
         for case in sorted(Path(__file__).parent.glob("*.csv")):
             print("{:20} {:4} {:6} {:7} {:5} {:17.3g}".format(case.stem, *score(case, ENGINES[name])))

@@ -208,21 +208,28 @@ fn draw_scatter<'a>(svg: &'a mut String, across: &str, upright: &str, points: &[
     chart.draw_series([PathElement::new([(along.start, zero), (along.end * 1.4, zero)], GRID)])?;
     let origin = chart.backend_coord(&(along.start, zero));
     root.draw(&Text::new("0", (origin.0 - 8, origin.1), text(13).pos(Pos::new(HPos::Right, VPos::Center))))?;
-    let mut labels: Vec<(i32, i32, i32)> = Vec::new();
-    for Point { name, colour: index, place: [x, y] } in points {
-        let (column, row) = chart.backend_coord(&(*x, if *y > 0.0 { *y } else { zero }));
+    let place = |[x, y]: [f64; 2]| chart.backend_coord(&(x, if y > 0.0 { y } else { zero }));
+    // Left and right ends and rows of what a label must not cover.
+    let mut taken: Vec<(i32, i32, i32)> = points
+        .iter()
+        .map(|point| place(point.place))
+        .map(|(column, row)| (column - 5, column + 5, row))
+        .collect();
+    for Point { name, colour: index, place: at } in points {
+        let (column, row) = place(*at);
         root.draw(&Circle::new((column, row), 5, colour(*index).filled()))?;
-        // Above or below the point where another label is in the way.
-        let width = 8 * name.len() as i32;
+        // Above or below the point where something is in the way.
+        let (left_end, right_end) = (column + 9, column + 9 + 7 * name.len() as i32);
         let is_free = |row: i32| {
-            labels.iter().all(|&(left, right, other)| {
-                (row - other).abs() >= 14 || column + width < left || right < column
-            })
+            let is_apart = |&(from, to, other): &(i32, i32, i32)| {
+                (row - other).abs() >= 14 || right_end < from || to < left_end
+            };
+            taken.iter().all(is_apart)
         };
         let rows = [0, -15, 15, -30, 30].map(|offset| row + offset);
         let row = rows.into_iter().find(|&row| is_free(row)).unwrap_or(row);
-        labels.push((column, column + width, row));
-        root.draw(&Text::new(name.clone(), (column + 9, row), left(13, VPos::Center)))?;
+        taken.push((left_end, right_end, row));
+        root.draw(&Text::new(name.clone(), (left_end, row), left(13, VPos::Center)))?;
     }
     root.present()
 }

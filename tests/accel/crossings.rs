@@ -154,6 +154,26 @@ fn rays_beside_corners_and_edges_are_decided_exactly() {
     assert!(count > 1_500, "{count} crossings");
 }
 
+/// A ray from a corner, nearly in the plane of a face: whatever the first corner of its triangles, t is 0 and not behind.
+#[test]
+fn a_ray_that_starts_at_a_corner_crosses_what_the_moved_one_does() {
+    let [a, b, c, d] =
+        [[11, -7, -12], [3, 12, -1], [-10, 6, 3], [7, 3, -8]].map(|p| DVec3::from(p.map(f64::from)));
+    let faces = [[a, b, c], [a, d, b], [b, d, c], [c, d, a]];
+    let directions = (-4..=4).flat_map(|x| (-4..=4).flat_map(move |y| (-4..=4).map(move |z| [x, y, z])));
+    let directions =
+        directions.filter(|&direction| direction != [0; 3]).map(|v| DVec3::from(v.map(f64::from)));
+    let ray = |direction| Ray { origin: d, direction, t_min: 0.0, t_max: f64::INFINITY };
+    let rays: Vec<Ray> = directions.map(ray).collect();
+    for turn in 0..3 {
+        let turned = faces.map(|mut face| {
+            face.rotate_left(turn);
+            face
+        });
+        assert!(check(&turned, &rays, 200) > 100);
+    }
+}
+
 #[test]
 fn winding_numbers_of_cells_are_those_of_their_lower_faces() {
     let numbers = &mut Numbers::new(4);

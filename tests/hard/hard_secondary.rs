@@ -658,7 +658,7 @@ fn e7_nothing_escapes_from_an_edge_that_hides_a_face() {
         }
         for numerics in CLOSED {
             let world = closed_world(&triangles, numerics, Layout::default(), false);
-            let (mut rays, mut naive) = (Vec::new(), Vec::new());
+            let (mut rays, mut uncorrected) = (Vec::new(), Vec::new());
             for i in 0..times_factor(3000) {
                 // From the cells on either side of the edge, where one of the faces x = 0 and y = 0 is hidden.
                 let [u, v] = [1.0 - numbers.below(8) as f64 / 8.0, -1.0 + numbers.below(8) as f64 / 8.0];
@@ -680,11 +680,11 @@ fn e7_nothing_escapes_from_an_edge_that_hides_a_face() {
                 let [v, w] = hit.barycentrics;
                 let within = SurfacePoint::on_triangle(corners, [1.0 - v - w, v, w]);
                 let offset = within.origin_towards(surface.geometric_normal, numerics);
-                naive.extend((0..8).map(|_| ray(offset, &mut numbers)));
+                uncorrected.extend((0..8).map(|_| ray(offset, &mut numbers)));
             }
             assert_eq!(escaped(&world, &rays), [0; 3], "{}, reversed: {reversed}", numerics.name());
             // Without the correction of the start, rays from the reported face do escape where it is the hidden one.
-            hidden += escaped(&world, &naive)[0];
+            hidden += escaped(&world, &uncorrected)[0];
         }
     }
     assert!(hidden > 0, "no hidden face was reported");

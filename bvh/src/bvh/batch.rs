@@ -2,7 +2,7 @@
 //!
 //! Rays that are near each other and point in similar directions are traced together, whatever their order: queries are
 //! sorted along a Morton curve through the six coordinates of origin and direction. Results are in the order of the
-//! queries, and those of the queries one by one.
+//! queries; in every tier but `fast` they are those of the queries one by one.
 
 use glam::DVec3;
 use rayon::prelude::*;

@@ -68,8 +68,7 @@ impl std::fmt::Display for NotClosed {
 impl std::error::Error for NotClosed {}
 
 /// The direction of the rays of [`Bvh::winding_number`] and [`Bvh::contains`]. Rays nearly parallel to an axis meet the
-/// fewest boxes; those
-/// parallel to it would meet the edges of axis-aligned models, which takes exact arithmetic.
+/// fewest boxes; those parallel to it would meet the edges of axis-aligned models, which takes exact arithmetic.
 pub const CONTAINS_DIRECTION: DVec3 = DVec3::new(3.0 / 64.0, 5.0 / 64.0, 1.0);
 
 impl Bvh {
@@ -153,7 +152,7 @@ impl Bvh {
     }
 
     /// The edges of the triangles that keep the surface from being closed. Computed at the first call after building or
-    /// [`Bvh::update`], in O(n log n) time and about 150 bytes of memory per triangle.
+    /// [`Bvh::update`], in O(n log n) time and some 250 bytes of memory per triangle.
     pub fn closedness(&self) -> Closedness {
         *self.closedness.get_or_init(|| closedness(self.accelerator()))
     }

@@ -3,7 +3,7 @@
 //! A ray through an edge or a vertex, in the plane of a triangle or from a point of the surface has no definite number
 //! of crossings. So another ray is counted: that from `o + δ`, where `δ = (ε, ε², ε³)` and ε is positive and smaller
 //! than every number in question (simulation of simplicity: Edelsbrunner and Mücke, ACM Transactions on Graphics 9(1),
-//! 1990). δ depends neither on the triangles nor on the ray. So all triangles see the same ray.
+//! 1990). δ depends neither on the triangles nor on the ray. So the ray is the same for all triangles.
 //!
 //! With `P = p - o` and `Q = q - o`, an edge from p to q has the edge function `E(p, q) = d . (P x Q)`. The line passes
 //! through a triangle if E has the same sign at its three edges; their sum is `d . n`, with n = `(b - a) x (c - a)`,

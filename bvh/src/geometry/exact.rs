@@ -184,8 +184,8 @@ pub(super) fn plane_distance(ray: &Ray, &[a, b, c]: &[DVec3; 3]) -> PlaneDistanc
     if within(TOLERANCE / 4.0) {
         return PlaneDistance::At(numerator / denominator);
     }
-    // A ray that leaves the surface it starts on: rounding destroys the distance, not its sign.
-    let behind = numerator.is_sign_negative() != denominator.is_sign_negative();
+    // A ray that leaves the surface it starts on: rounding destroys the distance, not its sign. 0 is not behind.
+    let behind = numerator != 0.0 && numerator.is_sign_negative() != denominator.is_sign_negative();
     if behind && within(0.5) { PlaneDistance::Behind } else { PlaneDistance::Undecided }
 }
 

@@ -65,7 +65,11 @@ fn plot(rows: &[PriceRow]) -> Result<String> {
         Some(Point { name: name(row), colour, place: [row.mean_ns()?, row.errors.wrong] })
     };
     let points: Vec<Point> = rows.iter().filter_map(point).collect();
-    scatter("nanoseconds a ray, mean of four kinds", "wrong answers a million aimed rays", &points)
+    scatter(
+        "nanoseconds a ray, mean of four kinds",
+        "wrong answers a million rays at edges and vertices",
+        &points,
+    )
 }
 
 fn as_json(rows: &[PriceRow], arguments: &Arguments) -> Value {
@@ -94,7 +98,9 @@ fn as_json(rows: &[PriceRow], arguments: &Arguments) -> Value {
 
 fn as_text(rows: &[PriceRow]) -> String {
     let mut text =
-        "Nanoseconds a ray, medians of one thread, in the fastest setting of each library.\n\n".to_owned();
+        "Nanoseconds a ray, medians of one thread: kiln's default layout, and the fastest setting of each mode of other\n\
+         libraries.\n\n"
+        .to_owned();
     let [primary, shadow, diffuse, random] = Kind::ALL.map(Kind::name);
     let titles = ["", primary, shadow, diffuse, random, "mean"];
     let ns = |ns: Option<f64>| ns.map_or("-".into(), three_digits);
@@ -104,9 +110,9 @@ fn as_text(rows: &[PriceRow]) -> String {
     };
     text += &table(&titles, rows.iter().map(times));
 
-    text +=
-        "\nErrors: leaks and wrong answers per million rays, the largest error of a distance in f32 ulp.\n\n";
-    let titles = ["", "leaks, aimed", "random", "secondary", "wrong, aimed", "distance"];
+    text += "\nErrors: leaks and wrong answers per million rays, the largest error of a distance in f32\n\
+         ulp, of hits on a triangle that `exact` hits. `exact` judges.\n\n";
+    let titles = ["", "leaks, aimed", "random", "secondary", "wrong", "distance"];
     let errors = |row: &PriceRow| {
         let errors = &row.errors;
         let rates = [errors.leaks_aimed, errors.leaks_random, errors.leaks_secondary, errors.wrong].map(rate);
