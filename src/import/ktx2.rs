@@ -31,14 +31,17 @@ pub(super) fn decode(bytes: &[u8], bytes_each: u64) -> Read<DynamicImage> {
     limits::check_claim(needed)
         .map_err(|excess| ReadError::too_large(width.into(), height.into(), &excess))?;
     // A few bytes may stand for any number of equal texels.
-    let length = bytes.get(88..96).and_then(|bytes| bytes.try_into().ok()).map_or(0, u64::from_le_bytes);
+    let long = |at: usize| Some(u64::from_le_bytes(bytes.get(at..at + 8)?.try_into().ok()?));
+    let (offset, length) = long(80).zip(long(88)).ok_or_else(damaged)?;
+    if offset.checked_add(length).is_none_or(|end| end > bytes.len() as u64) {
+        return Err(damaged());
+    }
     if limits::product(&[width.into(), height.into()]) > length.saturating_mul(TEXELS_A_BYTE).max(ALWAYS) {
         return Err(damaged());
     }
     // The length of the first level before that compression (section 3.9.6) is at most its blocks and their alpha.
-    let length = bytes.get(96..104).and_then(|bytes| bytes.try_into().ok()).map(u64::from_le_bytes);
     let most = limits::product(&[u64::from(width).div_ceil(4), u64::from(height).div_ceil(4), 32]);
-    if length.is_none_or(|length| length > most) {
+    if long(96).is_none_or(|length| length > most) {
         return Err(damaged());
     }
     let transcode = || {

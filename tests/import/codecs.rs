@@ -5,6 +5,8 @@
 use glam::DVec3;
 use kiln::scene::{DecodedImage, Mesh, Scene, Shape};
 
+use crate::common::borders::Folder;
+use crate::common::gltf::Model;
 use crate::common::repository;
 
 fn load(name: &str) -> Scene {
@@ -112,18 +114,31 @@ fn damaged_codes_are_drawn_or_refused() {
     }
 }
 
-/// Twenty bytes that claim to be 16 x 4194320 texels: refused, not decoded for seconds.
+/// Twenty bytes that claim to be 16 x 4194320 texels, or whose place overflows: refused, not decoded.
 #[test]
-fn textures_of_a_few_bytes_are_not_endless() {
-    let mut bytes = std::fs::read(repository("assets/import/codecs/etc1s.glb")).expect("the file");
-    let identifier = bytes.windows(8).position(|bytes| bytes == b"\xABKTX 20\xBB").expect("a KTX2 image");
-    bytes[identifier + 24..identifier + 28].copy_from_slice(&4_194_320u32.to_le_bytes());
-    let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("a.glb");
-    std::fs::write(&file, bytes).expect("the file is written");
-    let mut warnings = kiln::error::Warnings::default();
-    let scene = kiln::import::load(&[file], &mut warnings).expect("a scene");
-    assert_eq!((scene.images.len(), warnings.messages().len()), (0, 1));
-    let end = "image 0: texture left out: not a KTX2 picture of Basis Universal, or damaged";
-    assert!(warnings.messages()[0].ends_with(end), "{:?}", warnings.messages());
+fn textures_that_claim_too_much_are_left_out() {
+    let original = std::fs::read(repository("assets/import/codecs/etc1s.glb")).expect("the file");
+    let identifier = original.windows(8).position(|bytes| bytes == b"\xABKTX 20\xBB").expect("a KTX2 image");
+    // The height; the offset of the first level (KTX File Format Specification 2.0, section 3).
+    for (at, claim) in [(24, &4_194_320u32.to_le_bytes()[..]), (80, &u64::MAX.to_le_bytes())] {
+        let mut bytes = original.clone();
+        bytes[identifier + at..identifier + at + claim.len()].copy_from_slice(claim);
+        let (scene, warnings) = Folder::new().load("a.glb", bytes);
+        assert_eq!((scene.images.len(), warnings.len()), (0, 1));
+        let end = "image 0: texture left out: not a KTX2 picture of Basis Universal, or damaged";
+        assert!(warnings[0].ends_with(end), "{warnings:?}");
+    }
+}
+
+/// The length of a binary file counts its header of 12 bytes.
+#[test]
+fn a_binary_file_shorter_than_its_header_is_refused() {
+    for length in [0u32, 11] {
+        let mut bytes = Model::triangle().binary();
+        bytes[8..12].copy_from_slice(&length.to_le_bytes());
+        assert!(Folder::new().fails("a.glb", bytes).to_string().contains("not a usable glTF file"));
+    }
+    assert!(
+        Folder::new().fails("a.glb", b"glTF\x02\0\0\0\x0b\0").to_string().contains("not a usable glTF file")
+    );
 }

@@ -88,6 +88,11 @@ pub(super) fn parse(bytes: &[u8], file: &Path, warnings: &mut Warnings) -> Resul
     let (json, blob) = if bytes.starts_with(b"glTF\x01\0\0\0") {
         return Err(version_1(file));
     } else if bytes.starts_with(b"glTF") {
+        // The length of the file counts its header of 12 bytes, which the crate subtracts unchecked.
+        let length = bytes.get(8..12).and_then(|bytes| bytes.try_into().ok()).map(u32::from_le_bytes);
+        if length.is_none_or(|length| length < 12) {
+            return Err(damaged(file));
+        }
         let glb = contain(|| gltf::binary::Glb::from_slice(bytes)).ok_or_else(|| damaged(file))?;
         let glb = glb.map_err(|e| unusable(file, e))?;
         (glb.json, glb.bin.map(std::borrow::Cow::into_owned))
