@@ -8,6 +8,7 @@ use std::sync::atomic::Ordering;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
+use super::plot::{Point, scatter};
 use super::speed::{Kind, RaySets, Settings, SpeedRow, measure};
 use super::{
     Engine, Icosphere, LEVEL, Label, LeakRayKind, Mesh, Numbers, PLACEMENTS, is_nearest, kiln, leaks, ray,
@@ -38,11 +39,30 @@ pub struct PriceRow {
 }
 
 impl PriceRow {
+    /// Library and mode.
+    pub fn name(&self) -> String {
+        format!("{} {}", self.engine, self.mode)
+    }
+
     /// Nanoseconds a ray: the geometric mean of the kinds, so that the ratio of two rows is the mean of their ratios.
     pub fn mean_ns(&self) -> Option<f64> {
         let medians: Vec<f64> = self.ns.iter().flatten().map(|ns| ns.median.ln()).collect();
         (!medians.is_empty()).then(|| (medians.iter().sum::<f64>() / medians.len() as f64).exp())
     }
+}
+
+/// A plot of wrong answers against time, as SVG.
+///
+/// # Errors
+/// [`Error::Failed`] if plotters fails.
+pub fn plot(rows: &[PriceRow]) -> Result<String> {
+    let point = |row: &PriceRow| {
+        let colour = usize::from(row.engine != "kiln") + usize::from(row.engine == "embree");
+        Some(Point { name: row.name(), colour, place: [row.mean_ns()?, row.errors.wrong] })
+    };
+    let points: Vec<Point> = rows.iter().filter_map(point).collect();
+    let wrong = "wrong answers a million rays at edges and vertices";
+    scatter("nanoseconds a ray, mean of four kinds", wrong, &points)
 }
 
 /// Errors per million rays.

@@ -91,7 +91,7 @@ enum Command {
     /// Show what accuracy costs in time: a scene in many settings, each with its time and its error, as a page
     Study(Box<study::Command>),
     /// Measure kiln: leaks beside other libraries, cost and errors of its tiers
-    Bench(bench::Arguments),
+    Bench(Box<bench::Arguments>),
     /// Say how far two pictures are apart
     Compare(compare::Arguments),
     /// Print the JSON schema of scene files, for editors

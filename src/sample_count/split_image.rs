@@ -61,7 +61,8 @@ impl SplitImage {
         let width = sampler.width();
         let [pixels, a, b] =
             [&self.pixels, &self.halves[0], &self.halves[1]].map(|pixels| pixels.chunks(ROWS * width));
-        let of_part = |(shown, (a, b)): (&[[f32; 3]], (&[[f32; 3]], &[[f32; 3]]))| {
+        type Rows<'a> = &'a [[f32; 3]];
+        let of_part = |(shown, (a, b)): (Rows, (Rows, Rows))| {
             let [shown, a, b] = [shown, a, b].map(|pixels| displayed(pixels, sampler.values));
             let displaced = displaced(&shown, [&a, &b], self.error_ratio);
             match metric {

@@ -409,7 +409,11 @@ fn with_models_spot_is_left_as_often_as_entered() {
                 // In turns: spot does not intersect itself.
                 let is_leaving = crossings.iter().map(|(_, is_leaving)| *is_leaving);
                 let in_turns = is_leaving.zip([false, true].into_iter().cycle()).all(|(a, b)| a == b);
-                assert!(crossings.len() % 2 == 0 && in_turns, "{} {ray:?} {crossings:?}", numerics.name());
+                assert!(
+                    crossings.len().is_multiple_of(2) && in_turns,
+                    "{} {ray:?} {crossings:?}",
+                    numerics.name()
+                );
                 assert_eq!(bvh.winding_number(origin, traversal), 0);
                 count += crossings.len();
             }

@@ -171,7 +171,7 @@ fn png_is_the_display_transform_of_exr() {
         }
     }
     // The same by keys of the scene file.
-    workshop.write("own.toml", &SCENE.replace("[image]", "[image]\nexposure = -1.5\ntone_map = 'filmic'"));
+    workshop.write("own.toml", SCENE.replace("[image]", "[image]\nexposure = -1.5\ntone_map = 'filmic'"));
     workshop.succeed("render own.toml -o own.png");
     let filmic = seen.iter().position(|pixels| *pixels == workshop.colours("own.png"));
     assert_eq!(filmic, Some(6), "-1.5 EV and the last tone map");
@@ -257,10 +257,10 @@ fn wrong_exposures_are_one_clear_line() {
         ("\ntone_map = 'agz'", "own.toml:4: unknown value `agz`"),
         ("\nheadlight = 1", "own.toml:4: `headlight` is 1, expected true or false"),
     ] {
-        workshop.write("own.toml", &SCENE.replace("[image]", &format!("[image]\n{lines}")));
+        workshop.write("own.toml", SCENE.replace("[image]", &format!("[image]\n{lines}")));
         workshop.fails("render own.toml -o a.png", 3, [what, ""]);
     }
-    workshop.write("own.toml", &SCENE.replace("[image]", "[image]\ncolour = 'u8'\ntone_map = 'agx'"));
+    workshop.write("own.toml", SCENE.replace("[image]", "[image]\ncolour = 'u8'\ntone_map = 'agx'"));
     workshop.fails("render own.toml -o a.png", 2, ["the colours are `u8`", "--tone-map none"]);
     assert!(!workshop.path("a.png").exists());
 }
@@ -272,7 +272,7 @@ fn frames_have_the_exposure_of_the_first() {
     let moving = "[animation]\nduration = 1\nfps = 4\n[[animation.track]]\nobject = 'ball'\n\
                   lerp = { to = [0, 0, 4], easing = 'linear' }\n";
     let scene = SCENE.replace("[[sphere]]", "[[sphere]]\nname = 'ball'");
-    workshop.write("moving.toml", &format!("{scene}{moving}"));
+    workshop.write("moving.toml", format!("{scene}{moving}"));
     let said = workshop.succeed("render moving.toml -o all_#.png --frames 0-3 --exposure auto");
     let ev =
         said.split("the exposure is ").nth(1).and_then(|rest| rest.split(' ').next()).expect("an exposure");
@@ -313,7 +313,7 @@ fn a_clipped_picture_under_physical_lights_names_an_exposure() {
             .with("materials", json!([{ "pbrMetallicRoughness": { "metallicFactor": 0 } }]))
             .text()
     };
-    workshop.write("bright.gltf", &gltf(5000.0));
+    workshop.write("bright.gltf", gltf(5000.0));
     let said = workshop.succeed("render bright.gltf -o a.png --size 64x48");
     let ev = said.split("try `--exposure ").nth(1).and_then(|rest| rest.split('`').next());
     let ev: f64 = ev.unwrap_or_else(|| panic!("no exposure: {said}")).parse().expect("a number");
@@ -335,7 +335,7 @@ fn a_clipped_picture_under_physical_lights_names_an_exposure() {
     let said = workshop.succeed("render bright.gltf -o f_##.png --frames 0-1 --size 32x24");
     assert_eq!(said.matches("try `--exposure").count(), 1, "{said}");
     // A white surface under 1 lux reflects about 1 / pi.
-    workshop.write("dim.gltf", &gltf(1.0));
+    workshop.write("dim.gltf", gltf(1.0));
     assert!(!workshop.succeed("render dim.gltf -o a.png --size 64x48").contains("warning"));
 }
 

@@ -50,7 +50,7 @@ impl Model {
     }
 
     /// The primitive with a material of one texture, the image at `uri`, sampled by `sampler`.
-    pub fn with_texture(mut self, uri: &str, sampler: Value, material: Value) -> Self {
+    pub fn with_texture(mut self, uri: &str, sampler: &Value, material: &Value) -> Self {
         self.primitive()["material"] = json!(0);
         self.with("images", json!([{ "uri": uri }]))
             .with("samplers", json!([sampler]))

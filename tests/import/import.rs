@@ -664,7 +664,8 @@ fn gltf_base_colour_factor_picture_and_vertex_colours() {
     model.attribute("COLOR_0", &[[1.0, 1.0, 0.25]; 4]);
     let pbr = json!({ "baseColorFactor": [1, 0.5, 1, 1], "baseColorTexture": { "index": 0 } });
     let material = json!({ "name": "m", "pbrMetallicRoughness": pbr });
-    let (scene, warnings) = folder.load("a.gltf", model.with_texture("four.png", json!({}), material).text());
+    let (scene, warnings) =
+        folder.load("a.gltf", model.with_texture("four.png", &json!({}), &material).text());
     assert_eq!(warnings, [""; 0]);
     let Material::MetallicRoughness(material) = &scene.materials[0] else { panic!("{:?}", scene.materials) };
     assert_eq!(material.base_colour, Colour::Linear(v(1.0, 0.5, 1.0)));
@@ -695,7 +696,7 @@ fn gltf_textures_that_cannot_be_drawn_are_named() {
     ] {
         let pbr = json!({ "baseColorTexture": { "index": 0, "texCoord": set } });
         let material = json!({ "name": "m", "pbrMetallicRoughness": pbr });
-        let model = Model::square().with_texture("half.png", json!({}), material);
+        let model = Model::square().with_texture("half.png", &json!({}), &material);
         let model = model.with("nodes", json!([{ "mesh": 0 }])).with("textures", json!([texture]));
         let (_, warnings) = folder.load("a.gltf", model.text());
         assert!(warnings.len() == 1 && warnings[0].contains(expected), "{warnings:?}");
@@ -722,7 +723,7 @@ fn gltf_alpha_of_factor_picture_and_vertices() {
             material["alphaCutoff"] = json!(cutoff);
         }
         let nearest = json!({ "magFilter": 9728, "minFilter": 9728 });
-        let model = model.with_texture("half.png", nearest, material);
+        let model = model.with_texture("half.png", &nearest, &material);
         let (scene, warnings) = folder.load("a.gltf", model.text());
         assert_eq!(warnings, [""; 0]);
         Scene { background: Some(Colour::from_u8([0; 3])), ..scene }
@@ -802,7 +803,8 @@ fn gltf_samplers_and_normal_maps() {
         let mut model = Model::triangle();
         model.attribute("TEXCOORD_0", &[[0.0, 1.0], [1.0, 1.0], [0.0, 0.0]]);
         let material = json!({ "normalTexture": { "index": 0, "scale": 0.5 } });
-        let (scene, warnings) = folder.load("a.gltf", model.with_texture("n.png", filters, material).text());
+        let (scene, warnings) =
+            folder.load("a.gltf", model.with_texture("n.png", &filters, &material).text());
         assert_eq!(warnings, [""; 0]);
         let map = scene.materials[0].normal_map().expect("a normal map");
         assert_eq!(map.scale, 0.5);

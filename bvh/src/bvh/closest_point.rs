@@ -63,8 +63,9 @@ fn offset(point: DVec3, primitive: &Primitive) -> Option<DVec3> {
 fn offset_to_triangle([a, b, c]: [DVec3; 3]) -> DVec3 {
     let on_edge = |from: DVec3, to: DVec3| {
         let along = to - from;
+        let share = -from.dot(along) / along.length_squared();
         // NaN, of an edge without length, becomes 0.
-        from + along * (-from.dot(along) / along.length_squared()).min(1.0).max(0.0)
+        from + along * if share > 0.0 { share.min(1.0) } else { 0.0 }
     };
     let edges = [on_edge(a, b), on_edge(b, c), on_edge(c, a)];
     let nearer = |a: DVec3, b: DVec3| if b.length_squared() < a.length_squared() { b } else { a };

@@ -131,7 +131,7 @@ impl LineTest {
         }
         let along = |k: usize, factor: f64| Expansion::difference(q[k], p[k]).scaled(factor);
         match triple_product(&self.ray, p, q).sign() {
-            0 => first_sign([(1, 2), (2, 0), (0, 1)].map(|(i, j)| along(j, d[i]) - along(i, d[j]))),
+            0 => first_sign(&[(1, 2), (2, 0), (0, 1)].map(|(i, j)| along(j, d[i]) - along(i, d[j]))),
             sign => sign,
         }
     }
@@ -142,7 +142,7 @@ impl LineTest {
         let is_beyond = |t: f64| {
             t < f64::INFINITY
                 && distance.cmp(&Distance::of(t)).then_with(|| {
-                    let along = first_sign(normal(corners));
+                    let along = first_sign(&normal(corners));
                     if side == Side::Leaving { 0.cmp(&along) } else { along.cmp(&0) }
                 }) == Ordering::Greater
         };
@@ -210,7 +210,7 @@ fn few_digits<const N: usize>(vectors: [DVec3; N]) -> Option<([[i128; 3]; N], u3
 }
 
 /// The sign of the first number that is not 0.
-pub(super) fn first_sign(numbers: [Expansion; 3]) -> i32 {
+pub(super) fn first_sign(numbers: &[Expansion; 3]) -> i32 {
     numbers.iter().map(Expansion::sign).find(|&sign| sign != 0).unwrap_or(0)
 }
 

@@ -10,7 +10,6 @@ use serde_json::{Value, json};
 use super::super::{pool, print};
 use super::subject::Subject;
 use super::{aligned, three_digits, with_progress};
-use crate::bench::plot::{Point, scatter};
 use crate::bench::price::{self, PicturePrice, PriceRow, TRANSPORTS, price};
 use crate::bench::speed::{Kind, RaySets};
 use crate::error::Result;
@@ -48,28 +47,11 @@ pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()>
         price(&subject, arguments.rays, arguments.runs, &one, control)
     })?;
     if let Some(file) = &arguments.plot {
-        let svg = plot(&rows)?;
+        let svg = price::plot(&rows)?;
         write_whole(file, |out| out.write_all(svg.as_bytes()))?;
     }
     let subject = arguments.subject.name();
     print(&if arguments.json { super::report(&subject, as_json(&rows, arguments)) } else { as_text(&rows) })
-}
-
-fn name(row: &PriceRow) -> String {
-    format!("{} {}", row.engine, row.mode)
-}
-
-fn plot(rows: &[PriceRow]) -> Result<String> {
-    let point = |row: &PriceRow| {
-        let colour = usize::from(row.engine != "kiln") + usize::from(row.engine == "embree");
-        Some(Point { name: name(row), colour, place: [row.mean_ns()?, row.errors.wrong] })
-    };
-    let points: Vec<Point> = rows.iter().filter_map(point).collect();
-    scatter(
-        "nanoseconds a ray, mean of four kinds",
-        "wrong answers a million rays at edges and vertices",
-        &points,
-    )
 }
 
 fn as_json(rows: &[PriceRow], arguments: &Arguments) -> Value {
@@ -106,7 +88,7 @@ fn as_text(rows: &[PriceRow]) -> String {
     let ns = |ns: Option<f64>| ns.map_or("-".into(), three_digits);
     let times = |row: &PriceRow| {
         let kinds = row.ns.iter().map(|spread| ns(spread.map(|spread| spread.median)));
-        [name(row)].into_iter().chain(kinds).chain([ns(row.mean_ns())]).collect()
+        [row.name()].into_iter().chain(kinds).chain([ns(row.mean_ns())]).collect()
     };
     text += &table(&titles, rows.iter().map(times));
 
@@ -116,7 +98,7 @@ fn as_text(rows: &[PriceRow]) -> String {
     let errors = |row: &PriceRow| {
         let errors = &row.errors;
         let rates = [errors.leaks_aimed, errors.leaks_random, errors.leaks_secondary, errors.wrong].map(rate);
-        [name(row)].into_iter().chain(rates).chain([errors.worst_t.map_or("-".into(), rate)]).collect()
+        [row.name()].into_iter().chain(rates).chain([errors.worst_t.map_or("-".into(), rate)]).collect()
     };
     text += &table(&titles, rows.iter().map(errors));
 
@@ -129,7 +111,7 @@ fn as_text(rows: &[PriceRow]) -> String {
             let Spread { median, .. } = picture.ms;
             [three_digits(median), rate(picture.rms), picture.differing.to_string()]
         });
-        Some([name(row)].into_iter().chain(cells.into_iter().flatten()).collect())
+        Some([row.name()].into_iter().chain(cells.into_iter().flatten()).collect())
     };
     text += &table(&titles, rows.iter().filter_map(pictures));
 

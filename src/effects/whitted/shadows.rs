@@ -154,7 +154,7 @@ fn shadow_rays(
         Numerics::Fast => simd!(rays_to(light, surfaces, origins, Numerics::Fast, rays)),
         Numerics::Watertight => simd!(rays_to(light, surfaces, origins, Numerics::Watertight, rays)),
         Numerics::Double | Numerics::Exact => {
-            simd!(rays_to(light, surfaces, origins, Numerics::Double, rays))
+            simd!(rays_to(light, surfaces, origins, Numerics::Double, rays));
         }
     }
 }

@@ -71,7 +71,7 @@ pub(crate) fn crossings(ray: &Ray, sphere: &Sphere) -> [Option<(f64, Side)>; 2] 
             Expansion::difference(ray.origin[k], sphere.centre[k])
                 + Expansion::difference(ray.direction[k], 0.0).scaled(t)
         };
-        first_sign([0, 1, 2].map(from_centre)) < 0
+        first_sign(&[0, 1, 2].map(from_centre)) < 0
     };
     let order = |root: &Distance, t: f64| match t {
         f64::INFINITY => Ordering::Less,
