@@ -1,6 +1,6 @@
 //! The price of accuracy: what a ray costs in each of kiln's tiers and in other libraries, and what it gets wrong.
 //!
-//! Speed is that of [`speed`](super::speed) on one mesh, errors are those of [`leaks`](super::leaks) and of the rays of
+//! Speed is that of [`speed`](super::speed) on one mesh, errors are those of [`leaks`] and of the rays of
 //! its closed meshes compared with the tier `exact`. All rays have f32 values, so that no tier rounds its input.
 
 use std::sync::atomic::Ordering;

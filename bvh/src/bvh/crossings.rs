@@ -77,7 +77,7 @@ impl Bvh {
     ///
     /// Decided by exact arithmetic, in every tier, for the triangles as stored: with corners rounded to the tier's
     /// precision. Counted are the crossings of a ray moved by less than any number, the same for all triangles
-    /// ([`crate::geometry::crossing`] has the derivation): its origin is infinitesimally farther along +x, then +y,
+    /// (`geometry/crossing.rs` has the derivation): its origin is infinitesimally farther along +x, then +y,
     /// then +z. So for a closed surface, of any ray, their number is even from outside and odd from inside, and a
     /// surface that does not intersect itself is entered and left in turns. Rays that end where another begins have
     /// the crossings of both together.
