@@ -10,21 +10,32 @@ use crate::film::ColourPipeline;
 use crate::film::colour::srgb_encode;
 use crate::scene::{Environment, EnvironmentSource};
 
-/// The rows of the sampling grid of a uniform environment.
-const UNIFORM_ROWS: usize = 64;
-
 /// The environment of a world.
 pub(crate) struct PreparedEnvironment {
     /// Whether camera rays do not see it.
     pub(crate) is_hidden: bool,
+    radiance: Radiance,
+}
+
+/// Radiance by direction, in the numbers of the pipeline.
+enum Radiance {
+    /// The same from everywhere.
+    Uniform(DVec3),
+    Image(RadianceImage),
+}
+
+struct RadianceImage {
     width: usize,
     height: usize,
-    /// Radiance in the numbers of the pipeline, row by row from the top.
+    /// Row by row from the top.
     texels: Vec<[f32; 3]>,
     /// Cosine and sine of the rotation about +y.
     rotation: (f64, f64),
     distribution: BilinearDistribution,
 }
+
+/// The density per solid angle of uniform directions.
+const UNIFORM_DENSITY: f64 = 1.0 / (4.0 * PI);
 
 /// A sampled direction.
 pub(crate) struct EnvironmentSample {
@@ -46,8 +57,7 @@ impl PreparedEnvironment {
             }
             EnvironmentSource::Sky => sky::image(),
             EnvironmentSource::Colour(colour) => {
-                let linear = colour.to_pipeline(ColourPipeline::Linear).as_vec3().to_array();
-                (1, UNIFORM_ROWS, vec![linear; UNIFORM_ROWS])
+                (1, 1, vec![colour.to_pipeline(ColourPipeline::Linear).as_vec3().to_array()])
             }
         };
         for value in texels.as_flattened_mut() {
@@ -57,20 +67,52 @@ impl PreparedEnvironment {
                 _ => srgb_encode(radiance).clamp(0.0, 1.0) as f32,
             };
         }
-        let distribution = BilinearDistribution::new(width, height, &texels);
-        let (sin, cos) = rotation.sin_cos();
-        PreparedEnvironment {
-            is_hidden: *is_hidden,
-            width,
-            height,
-            texels,
-            rotation: (cos, sin),
-            distribution,
+        let radiance = match texels[..] {
+            [texel] => Radiance::Uniform(texel.map(f64::from).into()),
+            _ => {
+                let distribution = BilinearDistribution::new(width, height, &texels);
+                let (sin, cos) = rotation.sin_cos();
+                Radiance::Image(RadianceImage { width, height, texels, rotation: (cos, sin), distribution })
+            }
+        };
+        PreparedEnvironment { is_hidden: *is_hidden, radiance }
+    }
+
+    /// The radiance from a unit direction.
+    pub(crate) fn eval(&self, direction: DVec3) -> DVec3 {
+        match &self.radiance {
+            Radiance::Uniform(radiance) => *radiance,
+            Radiance::Image(image) => image.eval(direction),
         }
     }
 
+    /// Samples a direction; the density is 0 where the environment is black. `numbers` are in [0, 1).
+    pub(crate) fn sample(&self, numbers: [f64; 2]) -> EnvironmentSample {
+        match &self.radiance {
+            Radiance::Uniform(radiance) => {
+                let y = 1.0 - 2.0 * numbers[1];
+                let sine = (1.0 - y * y).max(0.0).sqrt();
+                let (sin, cos) = (2.0 * PI * numbers[0]).sin_cos();
+                let direction = DVec3::new(sine * cos, y, sine * sin);
+                EnvironmentSample { direction, radiance: *radiance, pdf: self.pdf(direction) }
+            }
+            Radiance::Image(image) => image.sample(numbers),
+        }
+    }
+
+    /// The density per solid angle with which [`PreparedEnvironment::sample`] chooses a direction.
+    pub(crate) fn pdf(&self, direction: DVec3) -> f64 {
+        match &self.radiance {
+            Radiance::Uniform(DVec3::ZERO) => 0.0,
+            Radiance::Uniform(_) => UNIFORM_DENSITY,
+            Radiance::Image(image) => image.pdf(direction),
+        }
+    }
+}
+
+impl RadianceImage {
     /// The radiance from a unit direction, interpolated between the four nearest texels.
-    pub(crate) fn eval(&self, direction: DVec3) -> DVec3 {
+    fn eval(&self, direction: DVec3) -> DVec3 {
         let [u, v] = self.image_place(direction);
         let (x, y) = (u * self.width as f64 - 0.5, v * self.height as f64 - 0.5);
         let (left, top) = (x.floor(), y.floor());
@@ -86,15 +128,15 @@ impl PreparedEnvironment {
         upper.lerp(lower, bottom_weight)
     }
 
-    /// Samples a direction; the density is 0 where the environment is black. `numbers` are in [0, 1).
-    pub(crate) fn sample(&self, numbers: [f64; 2]) -> EnvironmentSample {
+    /// See [`PreparedEnvironment::sample`].
+    fn sample(&self, numbers: [f64; 2]) -> EnvironmentSample {
         let [u, v] = self.distribution.sample(numbers);
         let direction = self.direction_of(u, v);
         EnvironmentSample { direction, radiance: self.eval(direction), pdf: self.pdf(direction) }
     }
 
-    /// The density per solid angle with which [`PreparedEnvironment::sample`] chooses a direction.
-    pub(crate) fn pdf(&self, direction: DVec3) -> f64 {
+    /// See [`PreparedEnvironment::pdf`].
+    fn pdf(&self, direction: DVec3) -> f64 {
         let [u, v] = self.image_place(direction);
         let sine = (1.0 - direction.y * direction.y).max(0.0).sqrt();
         let pdf = self.distribution.density(u, v) / (2.0 * PI * PI * sine);
@@ -200,8 +242,9 @@ mod tests {
 
     #[test]
     fn a_black_environment_is_sampled_without_density() {
-        let black = prepared(8, 4, |_, _| 0.0, 0.0);
-        let sample = black.sample([0.3, 0.9]);
-        assert!(sample.direction.is_finite() && sample.radiance == DVec3::ZERO && sample.pdf == 0.0);
+        for black in [prepared(8, 4, |_, _| 0.0, 0.0), prepared(1, 1, |_, _| 0.0, 0.0)] {
+            let sample = black.sample([0.3, 0.9]);
+            assert!(sample.direction.is_finite() && sample.radiance == DVec3::ZERO && sample.pdf == 0.0);
+        }
     }
 }
