@@ -271,6 +271,9 @@ impl Buffers {
         let (generation, next) = tile.this_and_next();
         self.clear_next(next);
         let lights = Lights::new(world, stage);
+        let mut bsdf = Bsdf::EMPTY;
+        // The last vertices of paths add what they emit, and nothing else.
+        let is_last = depth >= stage.depth;
         self.discarded = 0;
         self.add_missed(generation, context, &lights, stage, depth);
         for (index, &ray) in generation.surfaces.ray_of().iter().enumerate() {
@@ -280,14 +283,15 @@ impl Buffers {
             let sample = self.samples[camera_ray as usize];
             let numbers = Numbers { sample, seed: stage.seed, sampler: stage.sampler, depth };
             let (surface, path) = (generation.surfaces.get(index), self.paths[ray]);
-            let vertex = Vertex::new(world, surface, (camera_ray, path, media), numbers);
+            let bsdf = (!is_last || scattering.is_some()).then_some(&mut bsdf);
+            let vertex = Vertex::new(world, surface, (camera_ray, path, media), numbers, bsdf);
             self.add_radiance(camera_ray, vertex.emitted(&lights), stage, depth);
             if let Some(found) = &mut scattering
-                && !vertex.bsdf.as_ref().is_some_and(Bsdf::is_delta)
+                && !vertex.bsdf.is_some_and(Bsdf::is_delta)
             {
                 found[camera_ray as usize].get_or_insert_with(|| vertex.albedo_and_normal());
             }
-            let Some(bsdf) = vertex.bsdf.as_ref().filter(|_| depth < stage.depth) else { continue };
+            let Some(bsdf) = vertex.bsdf.filter(|_| !is_last) else { continue };
             self.list_light_samples(&vertex, bsdf, &lights, stage);
             if let Some(continued) = vertex.continued(bsdf, stage.settings.roulette_from) {
                 self.push(next, continued, (index as u32, camera_ray));

@@ -21,18 +21,19 @@ pub(super) struct Vertex<'a> {
     sides: [Media; 2],
     /// Tangent, bitangent and shading normal.
     pub(super) frame: [DVec3; 3],
-    /// `None` where the surface scatters nothing.
-    pub(super) bsdf: Option<Bsdf>,
+    /// `None` where the surface scatters nothing, or no BSDF was asked for.
+    pub(super) bsdf: Option<&'a Bsdf>,
 }
 
 impl<'a> Vertex<'a> {
-    /// The vertex at which a path through `media` arrives.
+    /// The vertex at which a path through `media` arrives. Its BSDF is written to `bsdf`.
     #[inline]
     pub(super) fn new(
         world: &'a World,
         surface: SurfaceInteraction,
         (camera_ray, path, media): (u32, Path, Media),
         numbers: Numbers,
+        bsdf: Option<&'a mut Bsdf>,
     ) -> Self {
         let material = &world.materials[surface.material as usize];
         // A bent normal that is turned away from the view has no local frame.
@@ -44,8 +45,10 @@ impl<'a> Vertex<'a> {
         let throughput = path.throughput * crossing.transmittance(world, surface.hit.t);
         let path = Path { throughput, ..path };
         let view = to_local(&frame, surface.view);
-        let parameters = parameters(material, &surface, &crossing).filter(|_| view.z > 0.0);
-        let bsdf = parameters.map(|parameters| Bsdf::new(&parameters, view));
+        let bsdf = bsdf.filter(|_| view.z > 0.0).and_then(|bsdf| {
+            bsdf.set(&parameters(material, &surface, &crossing)?, view);
+            Some(&*bsdf)
+        });
         Vertex { world, surface, camera_ray, numbers, path, sides: crossing.sides, frame, bsdf }
     }
 

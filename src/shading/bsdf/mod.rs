@@ -150,15 +150,24 @@ pub struct Bsdf {
 }
 
 impl Bsdf {
+    /// No lobes.
+    pub const EMPTY: Bsdf =
+        Bsdf { view: DVec3::Z, lobes: [(Lobe::Diffuse(DVec3::ZERO), 0.0); MAX_LOBES], count: 0 };
+
     /// The BSDF of `parameters` for `view`, a unit vector with `view.z > 0`.
     pub fn new(parameters: &BsdfParameters, view: DVec3) -> Self {
-        let view = DVec3::new(view.x, view.y, view.z.clamp(glass::LEAST_COSINE, 1.0));
-        let empty = (Lobe::Diffuse(DVec3::ZERO), 0.0);
-        let mut bsdf = Bsdf { view, lobes: [empty; MAX_LOBES], count: 0 };
-        bsdf.push_layers(&parameters.clamped());
-        let total: f64 = bsdf.lobes().map(|(_, weight)| weight).sum();
-        bsdf.lobes[..bsdf.count].iter_mut().for_each(|(_, weight)| *weight /= total);
+        let mut bsdf = Bsdf::EMPTY;
+        bsdf.set(parameters, view);
         bsdf
+    }
+
+    /// Becomes [`Bsdf::new`]. Loops keep one BSDF, as it is large.
+    pub fn set(&mut self, parameters: &BsdfParameters, view: DVec3) {
+        self.view = DVec3::new(view.x, view.y, view.z.clamp(glass::LEAST_COSINE, 1.0));
+        self.count = 0;
+        self.push_layers(&parameters.clamped());
+        let total: f64 = self.lobes().map(|(_, weight)| weight).sum();
+        self.lobes[..self.count].iter_mut().for_each(|(_, weight)| *weight /= total);
     }
 
     fn lobes(&self) -> impl Iterator<Item = &(Lobe, f64)> {
