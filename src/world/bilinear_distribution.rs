@@ -1,4 +1,4 @@
-//! The importance sampling of an environment.
+//! The importance sampling of an environment image.
 //!
 //! Directions are sampled with a density that is interpolated, as the radiance is, between the centres of texels. Its value
 //! there is the luminance above the mean of the whole sphere, because what is not brighter is found by BSDF samples (Karlík

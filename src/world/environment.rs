@@ -17,13 +17,14 @@ pub(crate) struct PreparedEnvironment {
     radiance: Radiance,
 }
 
-/// Radiance by direction, in the numbers of the pipeline.
+/// Radiance by direction, in the values of the colour pipeline.
 enum Radiance {
-    /// The same from everywhere.
+    /// The same from every direction.
     Uniform(DVec3),
     Image(RadianceImage),
 }
 
+/// An equirectangular image, and its sampling.
 struct RadianceImage {
     width: usize,
     height: usize,
@@ -34,7 +35,7 @@ struct RadianceImage {
     distribution: BilinearDistribution,
 }
 
-/// The density per solid angle of uniform directions.
+/// The density per solid angle of directions sampled uniformly on the sphere.
 const UNIFORM_DENSITY: f64 = 1.0 / (4.0 * PI);
 
 /// A sampled direction.
@@ -165,6 +166,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
+    use crate::film::Colour;
     use crate::scene::EnvironmentImage;
 
     fn prepared(
@@ -222,6 +224,9 @@ mod tests {
         for environment in [
             prepared(40, 20, blotchy, 0.7),
             prepared(1, 1, |_, _| 2.0, 0.0),
+            prepared(1, 64, |_, y| 1.0 + y as f32, 0.4),
+            prepared(1, 2, |_, _| 2.0, 0.0),
+            prepared(2, 1, |_, _| 2.0, 0.0),
             prepared(7, 3, |x, _| x as f32, 2.0),
         ] {
             let total = integral(1200, |direction| environment.pdf(direction));
@@ -237,6 +242,42 @@ mod tests {
             });
             let estimate = estimate.sum::<f64>() / f64::from(count * count);
             assert!((estimate / expected - 1.0).abs() < 5e-3, "{estimate} {expected}");
+        }
+    }
+
+    /// In every pipeline, a colour is one radiance, sampled uniformly on the sphere: the mean of the directions is 0, that
+    /// of each squared component 1/3, and the mean of |y| is 1/2.
+    #[test]
+    fn a_colour_is_sampled_uniformly() {
+        let of = |colour: DVec3, pipeline| {
+            let source = EnvironmentSource::Colour(Colour::Linear(colour));
+            let environment = Environment { source, rotation: 0.3, intensity: 0.5, is_hidden: false };
+            PreparedEnvironment::new(&environment, pipeline)
+        };
+        let uniform = of(DVec3::new(0.0, 1.0, 0.5), ColourPipeline::Linear);
+        let count = 400;
+        let number = |i: u32| (f64::from(i) + 0.5) / f64::from(count);
+        let (mut mean, mut squares, mut height) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+        for (i, j) in (0..count).flat_map(|i| (0..count).map(move |j| (i, j))) {
+            let EnvironmentSample { direction, radiance, pdf } = uniform.sample([number(i), number(j)]);
+            assert!((radiance, pdf) == (DVec3::new(0.0, 0.5, 0.25), uniform.pdf(direction)));
+            assert!((pdf * 4.0 * PI - 1.0).abs() < 1e-15 && (direction.length() - 1.0).abs() < 1e-12);
+            mean += direction / f64::from(count * count);
+            squares += direction * direction / f64::from(count * count);
+            height += direction.y.abs() / f64::from(count * count);
+        }
+        assert!(mean.abs().max_element() < 1e-12, "{mean}");
+        // The midpoint rule of y^2 over the interval from -1 to 1 is off by 1 / (3 count^2).
+        assert!((squares - 1.0 / 3.0).abs().max_element() < 1e-5, "{squares}");
+        assert!((height - 0.5).abs() < 1e-12, "{height}");
+        for pipeline in [ColourPipeline::Linear, ColourPipeline::Display, ColourPipeline::U8] {
+            let (black, white) = (of(DVec3::ZERO, pipeline), of(DVec3::ONE, pipeline));
+            let expected = match pipeline {
+                ColourPipeline::Linear => 0.5,
+                _ => f64::from(srgb_encode(0.5) as f32),
+            };
+            assert_eq!(white.eval(DVec3::Y), DVec3::splat(expected));
+            assert_eq!((black.eval(DVec3::Y), black.pdf(DVec3::Y)), (DVec3::ZERO, 0.0));
         }
     }
 

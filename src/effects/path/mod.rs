@@ -272,7 +272,7 @@ impl Buffers {
         self.clear_next(next);
         let lights = Lights::new(world, stage);
         let mut bsdf = Bsdf::EMPTY;
-        // The last vertices of paths add what they emit, and nothing else.
+        // The last vertices of paths only emit; denoising AOVs need to know whether they scatter.
         let is_last = depth >= stage.depth;
         self.discarded = 0;
         self.add_missed(generation, context, &lights, stage, depth);

@@ -21,12 +21,12 @@ pub(super) struct Vertex<'a> {
     sides: [Media; 2],
     /// Tangent, bitangent and shading normal.
     pub(super) frame: [DVec3; 3],
-    /// `None` where the surface scatters nothing, or no BSDF was asked for.
+    /// `None` where the surface scatters nothing, or without storage for one.
     pub(super) bsdf: Option<&'a Bsdf>,
 }
 
 impl<'a> Vertex<'a> {
-    /// The vertex at which a path through `media` arrives. Its BSDF is written to `bsdf`.
+    /// The vertex at which a path through `media` arrives. `bsdf` is the storage of its BSDF; `None` leaves that out.
     #[inline]
     pub(super) fn new(
         world: &'a World,

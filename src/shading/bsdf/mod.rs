@@ -150,7 +150,7 @@ pub struct Bsdf {
 }
 
 impl Bsdf {
-    /// No lobes.
+    /// Without lobes: scatters nothing.
     pub const EMPTY: Bsdf =
         Bsdf { view: DVec3::Z, lobes: [(Lobe::Diffuse(DVec3::ZERO), 0.0); MAX_LOBES], count: 0 };
 
@@ -161,7 +161,7 @@ impl Bsdf {
         bsdf
     }
 
-    /// Becomes [`Bsdf::new`]. Loops keep one BSDF, as it is large.
+    /// Sets the lobes for `parameters` and `view`, as [`Bsdf::new`]. In place, because a `Bsdf` is large.
     pub fn set(&mut self, parameters: &BsdfParameters, view: DVec3) {
         self.view = DVec3::new(view.x, view.y, view.z.clamp(glass::LEAST_COSINE, 1.0));
         self.count = 0;

@@ -35,6 +35,37 @@ fn lobes_are_reciprocal() {
     }
 }
 
+/// A BSDF that is set again is that of the new parameters alone.
+#[test]
+fn a_bsdf_set_again_is_as_new() {
+    let many = BsdfParameters {
+        metallic: 0.3,
+        transmission: 0.5,
+        roughness: 0.4,
+        thin_walled: true,
+        clearcoat: 1.0,
+        sheen_colour: DVec3::ONE,
+        sheen_roughness: 0.5,
+        ..Default::default()
+    };
+    let lambert = BsdfParameters { specular: 0.0, ..dielectric() };
+    let black = BsdfParameters { base_colour: DVec3::ZERO, ..lambert };
+    let mut bsdf = Bsdf::EMPTY;
+    for parameters in [many, lambert, black, many] {
+        bsdf.set(&parameters, view(0.6));
+        let new = Bsdf::new(&parameters, view(0.6));
+        for light in [direction(0.3, 2.0), -direction(0.8, 1.0)] {
+            assert_eq!(bsdf.eval_pdf(light), new.eval_pdf(light));
+        }
+        for choice in [0.0, 0.3, 0.6, 0.99] {
+            assert_eq!(bsdf.sample([choice, 0.2, 0.7]), new.sample([choice, 0.2, 0.7]));
+        }
+        assert_eq!((bsdf.albedo(), bsdf.is_delta()), (new.albedo(), new.is_delta()));
+    }
+    bsdf.set(&black, view(0.6));
+    assert!(bsdf.sample([0.5; 3]).is_none() && bsdf.is_delta());
+}
+
 /// Refraction: f(a, b) / n_b^2 = f(b, a) / n_a^2 (Walter et al. 2007, equation 20 ff.), where b is on the side of
 /// n_b. The compensation is left out, and the frame turned over for views from inside, since z is on the side of the
 /// view.
