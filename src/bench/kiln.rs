@@ -34,17 +34,20 @@ pub(crate) fn leak_engines() -> Vec<Engine> {
     structures.into_iter().flat_map(in_tiers).collect()
 }
 
-/// Engines of the speed test: the default layout in every tier, other layouts and presets in the default tier.
+/// Engines of the speed test: the default layout in every tier, also by AVX2 on machines with more, and other layouts and
+/// presets in the default tier.
 pub(crate) fn engines() -> Vec<Engine> {
     let others = [
         Layout::Bvh2(Preset::default()),
-        Layout::Avx2(Preset::default()),
         Layout::Portable(Preset::default()),
         Layout::Wide(Preset::FastBuild),
         Layout::Wide(Preset::BestTrace),
     ];
-    let tiers = Numerics::ALL.map(|numerics| engine(Layout::default(), numerics));
-    tiers.into_iter().chain(others.map(|structure| engine(structure, Numerics::default()))).collect()
+    let [widest, avx2] = [Layout::default(), Layout::Avx2(Preset::default())]
+        .map(|structure| Numerics::ALL.map(|numerics| engine(structure, numerics)));
+    let avx2 = avx2.into_iter().filter(|engine| engine.label.isa != widest[0].label.isa).collect::<Vec<_>>();
+    let others = others.map(|structure| engine(structure, Numerics::default()));
+    widest.into_iter().chain(avx2).chain(others).collect()
 }
 
 /// Builds a structure of kiln over a mesh.

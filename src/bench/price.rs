@@ -13,7 +13,7 @@ use super::speed::{Kind, RaySets, Settings, SpeedRow, measure};
 use super::{
     Engine, Icosphere, LEVEL, Label, LeakRayKind, Mesh, Numbers, PLACEMENTS, is_nearest, kiln, leaks, ray,
 };
-use crate::bvh::{Accelerator, Layout, Traversal};
+use crate::bvh::{Accelerator, Layout, Preset, Traversal};
 use crate::error::{Error, Result, Warnings};
 use crate::film::Film;
 use crate::geometry::{Numerics, Precision, Ray};
@@ -29,6 +29,8 @@ pub struct PriceRow {
     pub engine: &'static str,
     /// The mode.
     pub mode: &'static str,
+    /// Widest instruction set of its traversal.
+    pub isa: &'static str,
     /// Nanoseconds a ray of each kind of [`Kind::ALL`], in the fastest of the library's settings in this mode; `None`
     /// if there are no rays of the kind.
     pub ns: [Option<Spread>; 4],
@@ -39,9 +41,9 @@ pub struct PriceRow {
 }
 
 impl PriceRow {
-    /// Library and mode.
+    /// Library, mode and instruction set.
     pub fn name(&self) -> String {
-        format!("{} {}", self.engine, self.mode)
+        format!("{} {}, {}", self.engine, self.mode, self.isa)
     }
 
     /// Nanoseconds a ray: the geometric mean of the kinds, so that the ratio of two rows is the mean of their ratios.
@@ -77,7 +79,7 @@ pub struct RayErrors {
     /// Of all these rays but secondary ones, and of grazing rays at a giant plane: false hits, false misses and hits of a
     /// triangle that is not among the nearest.
     pub wrong: f64,
-    /// Largest error of a distance in f32 ulp, in kiln's tiers.
+    /// Largest error of a distance in f32 ulp, of libraries that report it here.
     pub worst_t: Option<f64>,
 }
 
@@ -120,17 +122,17 @@ pub fn price(
     control: &RenderControl,
 ) -> Result<Vec<PriceRow>> {
     let (mut engines, _) = super::speed::engines(1);
-    // Of kiln, the default layout: it is not the fastest of several.
+    // Of kiln, one layout: it is not the fastest of several.
     engines.retain(|engine| engine.label.engine != "kiln" || is_default(&engine.label));
     let speeds =
         measure(&engines, subject.mesh, subject.rays, &Settings { runs, pool, check: false }, control)?;
     let (mut rows, mut firsts): (Vec<PriceRow>, Vec<Engine>) = Default::default();
     for (engine, speed) in engines.into_iter().zip(&speeds) {
-        let (name, mode) = (engine.label.engine, mode(&engine.label));
-        let at = rows.iter().position(|row| (row.engine, row.mode) == (name, mode));
+        let (name, mode, isa) = (engine.label.engine, mode(&engine.label), engine.label.isa);
+        let at = rows.iter().position(|row| (row.engine, row.mode, row.isa) == (name, mode, isa));
         let at = at.unwrap_or_else(|| {
             let errors = RayErrors::default();
-            rows.push(PriceRow { engine: name, mode, ns: [None; 4], errors, pictures: None });
+            rows.push(PriceRow { engine: name, mode, isa, ns: [None; 4], errors, pictures: None });
             firsts.push(engine);
             rows.len() - 1
         });
@@ -141,15 +143,18 @@ pub fn price(
     let errors = ray_errors(&firsts, rays, control)?;
     rows.iter_mut().zip(errors).for_each(|(row, errors)| row.errors = errors);
     let pictures = pool.install(|| pictures(subject, runs, control))?;
+    // The first rows of kiln are those with the widest instructions, which pictures are rendered with.
     for (row, pictures) in rows.iter_mut().filter(|row| row.engine == "kiln").zip(pictures) {
         row.pictures = Some(pictures);
     }
     Ok(rows)
 }
 
+/// Whether it is the default layout, with any instruction set.
 fn is_default(label: &Label) -> bool {
-    let default = kiln::engine(Layout::default(), Numerics::default()).label;
-    (label.layout, label.preset) == (default.layout, default.preset)
+    let layouts = [Layout::default(), Layout::Avx2(Preset::default())];
+    let of_default = |layout| kiln::engine(layout, Numerics::default()).label;
+    layouts.map(of_default).iter().any(|of| (of.layout, of.preset) == (label.layout, label.preset))
 }
 
 /// The tier if the library has several, else its layout; single rays and packets of Embree are settings of one mode.
@@ -358,6 +363,7 @@ mod tests {
         let row = |ns: [f64; 4]| PriceRow {
             engine: "kiln",
             mode: "fast",
+            isa: "avx2",
             ns: ns.map(|ns| Some(Spread::exact(ns))),
             errors: RayErrors::default(),
             pictures: None,

@@ -32,9 +32,18 @@ pub(crate) fn leak_engines() -> Available {
         .into())
 }
 
-/// Engines of the speed test, if the library is available. `threads` is the number of build threads.
+/// Engines of the speed test, if the library is available: with the machine's instruction set, and with AVX2 on machines
+/// with AVX-512. `threads` is the number of build threads.
 pub(crate) fn engines(threads: usize) -> Available {
-    let device = Device::find(&format!("threads={threads}"))?;
+    let widest = Device::find(&format!("threads={threads}"))?;
+    let mut engines = engines_of(widest);
+    if isa(widest) == "avx512" {
+        engines.extend(engines_of(Device::find(&format!("threads={threads},isa=avx2"))?));
+    }
+    Ok(engines)
+}
+
+fn engines_of(device: &'static Device) -> Vec<Engine> {
     let mut calls = vec![
         ("single", Calls::Single, false),
         ("packets-8", Calls::Eight, false),
@@ -53,7 +62,7 @@ pub(crate) fn engines(threads: usize) -> Available {
             engine(device, label, (quality, is_robust), calls, is_coherent)
         })
     };
-    Ok(calls.into_iter().flat_map(of_calls).collect())
+    calls.into_iter().flat_map(of_calls).collect()
 }
 
 fn isa(device: &Device) -> &'static str {
@@ -144,6 +153,9 @@ trait Record: Send {
 
     /// Hit primitive of a ray.
     fn hit(&self, lane: usize) -> Option<u32>;
+
+    /// Distance of a closest hit.
+    fn distance(&self, lane: usize) -> f32;
 }
 
 struct QueuedRays<'a, R> {
@@ -167,6 +179,11 @@ impl<R: Record> RayQueue for QueuedRays<'_, R> {
         let answer = |index: usize| self.records[index / R::WIDTH].hit(index % R::WIDTH);
         (0..self.count).map(answer).collect()
     }
+
+    fn distances(&self) -> Option<Vec<f64>> {
+        let distance = |index: usize| self.records[index / R::WIDTH].distance(index % R::WIDTH).into();
+        Some((0..self.count).map(distance).collect())
+    }
 }
 
 // In all calls below the scene is committed, and records and arguments have the layout and alignment of Embree's types.
@@ -183,6 +200,10 @@ impl Record for RayHit {
     fn hit(&self, _: usize) -> Option<u32> {
         (self.geometry != NOTHING).then_some(self.primitive)
     }
+
+    fn distance(&self, _: usize) -> f32 {
+        self.ray.t_far
+    }
 }
 
 impl Record for RayOnly {
@@ -196,6 +217,10 @@ impl Record for RayOnly {
 
     fn hit(&self, _: usize) -> Option<u32> {
         is_occluded(self.t_far)
+    }
+
+    fn distance(&self, _: usize) -> f32 {
+        self.t_far
     }
 }
 
@@ -221,6 +246,10 @@ macro_rules! packets {
             fn hit(&self, lane: usize) -> Option<u32> {
                 (self.geometry[lane] != NOTHING).then_some(self.primitive[lane])
             }
+
+            fn distance(&self, lane: usize) -> f32 {
+                self.rays.t_far[lane]
+            }
         }
 
         impl Record for Rays<$width> {
@@ -235,6 +264,10 @@ macro_rules! packets {
 
             fn hit(&self, lane: usize) -> Option<u32> {
                 is_occluded(self.t_far[lane])
+            }
+
+            fn distance(&self, lane: usize) -> f32 {
+                self.t_far[lane]
             }
         }
     };

@@ -104,7 +104,7 @@ impl<const N: usize> Rays<N> {
 /// `RTCRayHit8` and `RTCRayHit16`.
 #[repr(C, align(64))]
 pub(crate) struct RayHits<const N: usize> {
-    rays: Rays<N>,
+    pub rays: Rays<N>,
     normal: [[f32; N]; 3],
     barycentrics: [[f32; N]; 2],
     pub primitive: [c_uint; N],

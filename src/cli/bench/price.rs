@@ -64,6 +64,7 @@ fn as_json(rows: &[PriceRow], arguments: &Arguments) -> Value {
         json!({
             "engine": row.engine,
             "mode": row.mode,
+            "isa": row.isa,
             "rays": arguments.rays,
             "runs": arguments.runs,
             "ns_per_ray": Value::Object(ns.into_iter().collect()),
@@ -81,7 +82,7 @@ fn as_json(rows: &[PriceRow], arguments: &Arguments) -> Value {
 fn as_text(rows: &[PriceRow]) -> String {
     let mut text =
         "Nanoseconds a ray, medians of one thread: kiln's default layout, and the fastest setting of each mode of other\n\
-         libraries.\n\n"
+         libraries; on machines with AVX-512 also by AVX2.\n\n"
         .to_owned();
     let [primary, shadow, diffuse, random] = Kind::ALL.map(Kind::name);
     let titles = ["", primary, shadow, diffuse, random, "mean"];

@@ -40,6 +40,36 @@ macro_rules! with {
     };
 }
 
+/// The greatest power of two in [`Backoff`].
+const MAX_DOUBLINGS: u32 = 4;
+
+/// Leaves out packets of a call after several that were abandoned in turn: the next ones are likely to diverge, too, and
+/// what a packet did until it was abandoned is lost. After 1, 2, 3 and so on: 0, 1, 3, up to 2^[`MAX_DOUBLINGS`] - 1.
+#[derive(Default)]
+struct Backoff {
+    abandoned: u32,
+    left_out: u32,
+}
+
+impl Backoff {
+    /// Traces a packet by `trace`, unless it is left out; returns whether it is traced.
+    #[inline(always)]
+    fn tries(&mut self, trace: impl FnOnce() -> bool) -> bool {
+        if self.left_out > 0 {
+            self.left_out -= 1;
+            return false;
+        }
+        let is_traced = trace();
+        if is_traced {
+            self.abandoned = 0;
+        } else {
+            self.left_out = (1 << self.abandoned) - 1;
+            self.abandoned = (self.abandoned + 1).min(MAX_DOUBLINGS);
+        }
+        is_traced
+    }
+}
+
 impl<T: Tier> Accelerator for Wide<T> {
     fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
         let mut best: Option<Hit> = None;
@@ -75,13 +105,16 @@ impl<T: Tier> Accelerator for Wide<T> {
     }
 
     fn closest_hits(&self, rays: Rays, hits: &mut HitBuffer, traversal: &mut Traversal) {
+        let mut backoff = Backoff::default();
         for [rays, following] in packets(rays) {
-            let (first, may_be_packet) = (hits.len(), rays.len() >= MIN_PACKET);
+            let first = hits.len();
             let Traversal { children, tests, packet, .. } = traversal;
-            if may_be_packet
-                && with!(self.instructions, S => packet::closest::<T, S>(
-                    self, [rays, following], hits, packet.of(), children, tests
-                ))
+            if rays.len() >= MIN_PACKET
+                && backoff.tries(|| {
+                    with!(self.instructions, S => packet::closest::<T, S>(
+                        self, [rays, following], hits, packet.of(), children, tests
+                    ))
+                })
             {
                 continue;
             }
@@ -108,13 +141,16 @@ impl<T: Tier> Accelerator for Wide<T> {
     }
 
     fn are_occluded(&self, rays: Rays, occluded: &mut Vec<bool>, traversal: &mut Traversal) {
+        let mut backoff = Backoff::default();
         for [rays, following] in packets(rays) {
-            let (first, may_be_packet) = (occluded.len(), rays.len() >= MIN_PACKET);
+            let first = occluded.len();
             let Traversal { children, tests, packet, .. } = traversal;
-            if may_be_packet
-                && with!(self.instructions, S => packet::occluded::<T, S>(
-                    self, [rays, following], occluded, packet.of(), children, tests
-                ))
+            if rays.len() >= MIN_PACKET
+                && backoff.tries(|| {
+                    with!(self.instructions, S => packet::occluded::<T, S>(
+                        self, [rays, following], occluded, packet.of(), children, tests
+                    ))
+                })
             {
                 continue;
             }
@@ -289,4 +325,28 @@ fn many_by<T: Tier, S: Simd>(
 #[inline(always)]
 fn has_no_zeros(ray: &Ray) -> bool {
     ray.direction.abs().cmpgt(DVec3::ZERO).all()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn packets_are_left_out_after_several_that_were_abandoned() {
+        let mut backoff = Backoff::default();
+        // 1 for a packet that is tried. Abandoned ones leave out 0, 1, 3, 7, 15 and again 15 of those after them.
+        let mut tried = |is_traced: bool| {
+            let mut count = 0;
+            backoff.tries(|| {
+                count += 1;
+                is_traced
+            });
+            count
+        };
+        let places: Vec<usize> = (0..60).filter(|_| tried(false) == 1).collect();
+        assert_eq!(places, [0, 1, 3, 7, 15, 31, 47]);
+        // The 3 that are left out, then one that is traced: all are tried again.
+        assert_eq!([true; 5].map(&mut tried), [0, 0, 0, 1, 1]);
+        assert_eq!([false, false, false, false].map(tried), [1, 1, 0, 1]);
+    }
 }
