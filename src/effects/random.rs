@@ -133,6 +133,7 @@ fn pcg3d(v: [u32; 3]) -> [u32; 3] {
 /// Two numbers from 0 to below 1 for a pixel's sample in a dimension other than 0, which is that of
 /// [`Dimension::PIXEL`]. The points of each dimension are a sequence as above, shuffled independently (padding; pbrt,
 /// 4th edition, section 8.7.2).
+#[inline(always)]
 pub fn pair([x, y]: [u32; 2], seed: u32, sample: u32, dimension: Dimension) -> [f32; 2] {
     let key = hash(dimension.0);
     let index = owen_scramble_rev((sample % MAX_SAMPLES).reverse_bits(), key);
@@ -146,7 +147,7 @@ pub fn pair([x, y]: [u32; 2], seed: u32, sample: u32, dimension: Dimension) -> [
 /// The first two dimensions of the Sobol sequence for the top 16 bits of an index with reversed bits, with reversed bits. The first
 /// is the index itself. The generator matrix of the second is Pascal's triangle modulo 2 (Sobol, 1967), the Kronecker power of
 /// [1 1; 0 1], so that one step a factor multiplies by it.
-#[inline]
+#[inline(always)]
 fn sobol_rev(index_rev: u32) -> [u32; 2] {
     let index = (index_rev & 0xffff_0000).reverse_bits();
     let mut second = index;

@@ -4,6 +4,8 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use super::sin_cos_of_turns;
+
 /// The disc of a directional light.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LightDisc {
@@ -36,7 +38,7 @@ impl LightDisc {
         let height = self.span * x;
         let sin = (height * (2.0 - height)).max(0.0).sqrt();
         let (tangent, bitangent) = self.axis.any_orthonormal_pair();
-        let (sin_angle, cos_angle) = (2.0 * PI * y).sin_cos();
+        let (sin_angle, cos_angle) = sin_cos_of_turns(y);
         let sideways = (tangent * cos_angle + bitangent * sin_angle) * sin;
         (self.axis * (1.0 - height) + sideways).normalize()
     }

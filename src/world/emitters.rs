@@ -9,7 +9,7 @@ use super::rectangle::Rectangle;
 use super::{Image, PreparedMaterial, SurfaceInteraction};
 use crate::bvh::Primitive;
 use crate::film::colour::luminance;
-use crate::geometry::spawn::SurfacePoint;
+use crate::geometry::spawn::{EdgeTest, SurfacePoint};
 use crate::geometry::{AnalyticShape, Precision, PrimId, Triangle};
 use crate::scene::{Attribute, Material, Mesh, Object, Shape, Texture};
 
@@ -37,10 +37,38 @@ struct Emitter {
 }
 
 enum EmitterShape {
-    Primitive(Primitive),
+    Triangle(SampledTriangle),
+    Analytic(AnalyticShape),
     /// A rectangle light by its index, and its triangles as rounded to the tier's precision. Points are sampled on the
     /// exact rectangle, and moved to the same place of the triangles, which rays hit.
     Rectangle(usize, [Triangle; 2]),
+}
+
+/// A triangle, with what all of its points have in common.
+struct SampledTriangle {
+    triangle: Triangle,
+    /// `None` for a triangle too thin to have one, which is not sampled.
+    normal: Option<DVec3>,
+    edges: EdgeTest,
+}
+
+impl SampledTriangle {
+    fn new(triangle: Triangle) -> Self {
+        SampledTriangle { triangle, normal: triangle.unit_normal(), edges: EdgeTest::new(triangle.0) }
+    }
+
+    /// A uniform point, the unit normal and the barycentrics (Heitz, A Low-Distortion Map Between Triangle and Square,
+    /// 2019).
+    fn sample(&self, [x, y]: [f64; 2]) -> Option<(SurfacePoint, DVec3, [f64; 3])> {
+        let (v, w) = if y > x { (0.5 * x, y - 0.5 * x) } else { (x - 0.5 * y, 0.5 * y) };
+        let barycentrics = [1.0 - v - w, v, w];
+        let of = if self.edges.is_near(barycentrics) {
+            SurfacePoint::on_triangle
+        } else {
+            SurfacePoint::in_triangle
+        };
+        Some((of(self.triangle.0, barycentrics), self.normal?, barycentrics))
+    }
 }
 
 /// A point of an emissive surface, as sampled from a point of the scene.
@@ -127,7 +155,11 @@ impl Emitters {
                 let of_texture = textured.as_ref().map(|textured| f64::from(textured[local as usize]));
                 let luminance = of_texture.unwrap_or_else(|| luminance(emission));
                 let area = area(&primitive);
-                let (id, shape) = (PrimId(first.0 + local), EmitterShape::Primitive(primitive));
+                let id = PrimId(first.0 + local);
+                let shape = match primitive {
+                    Primitive::Triangle(triangle) => EmitterShape::Triangle(SampledTriangle::new(triangle)),
+                    Primitive::Analytic(shape) => EmitterShape::Analytic(shape),
+                };
                 list.add(Emitter { shape, id, object: index as u32, material, luminance }, area);
             };
             match &object.shape {
@@ -225,8 +257,8 @@ impl Emitters {
                 let pdf = density * rectangle.area() * rectangle.pdf(from, point.position);
                 (direction, point, normal, [0.0; 3], pdf)
             }
-            EmitterShape::Primitive(Primitive::Triangle(triangle)) => {
-                let (point, normal, barycentrics) = on_triangle(triangle, numbers)?;
+            EmitterShape::Triangle(triangle) => {
+                let (point, normal, barycentrics) = triangle.sample(numbers)?;
                 let to_light = point.position - from;
                 let direction = to_light.try_normalize()?;
                 let cosine = -direction.dot(normal);
@@ -235,7 +267,7 @@ impl Emitters {
                 let pdf = density * to_light.length_squared() / cosine.abs();
                 (direction, point, normal, barycentrics, pdf)
             }
-            EmitterShape::Primitive(Primitive::Analytic(shape)) => {
+            EmitterShape::Analytic(shape) => {
                 let (direction, distance) = shape.sample_solid_angle(from, numbers)?;
                 let (point, outward) = shape.surface(from + direction * distance);
                 let normal = if outward.dot(direction) > 0.0 { -outward } else { outward };
@@ -290,12 +322,4 @@ fn in_halves([lower, upper]: &[Triangle; 2], [x, y]: [f64; 2]) -> Option<(Surfac
     let (triangle, barycentrics) =
         if x >= y { (lower, [1.0 - x, x - y, y]) } else { (upper, [1.0 - y, x, y - x]) };
     Some((SurfacePoint::on_triangle(triangle.0, barycentrics), triangle.unit_normal()?))
-}
-
-/// A uniform point of a triangle, its unit normal and its barycentrics (Heitz, A Low-Distortion Map Between
-/// Triangle and Square, 2019).
-fn on_triangle(triangle: &Triangle, [x, y]: [f64; 2]) -> Option<(SurfacePoint, DVec3, [f64; 3])> {
-    let (v, w) = if y > x { (0.5 * x, y - 0.5 * x) } else { (x - 0.5 * y, 0.5 * y) };
-    let barycentrics = [1.0 - v - w, v, w];
-    Some((SurfacePoint::on_triangle(triangle.0, barycentrics), triangle.unit_normal()?, barycentrics))
 }

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::bilinear_distribution::BilinearDistribution;
-use super::sky;
+use super::{sin_cos_of_turns, sky};
 use crate::film::ColourPipeline;
 use crate::film::colour::srgb_encode;
 use crate::scene::{Environment, EnvironmentSource};
@@ -93,7 +93,7 @@ impl PreparedEnvironment {
             Radiance::Uniform(radiance) => {
                 let y = 1.0 - 2.0 * numbers[1];
                 let sine = (1.0 - y * y).max(0.0).sqrt();
-                let (sin, cos) = (2.0 * PI * numbers[0]).sin_cos();
+                let (sin, cos) = sin_cos_of_turns(numbers[0]);
                 let direction = DVec3::new(sine * cos, y, sine * sin);
                 EnvironmentSample { direction, radiance: *radiance, pdf: self.pdf(direction) }
             }

@@ -22,6 +22,7 @@ mod recenter;
 mod rectangle;
 mod sky;
 mod soa;
+mod turns;
 mod view;
 mod volumes;
 
@@ -40,6 +41,7 @@ pub use mip_map::{MipLevel, MipMap};
 pub use recenter::{Recentering, recenter};
 pub(crate) use soa::simd;
 pub use soa::{PerRay, RAYS_PER_BATCH, Vec3Soa, simd_dispatch};
+pub(crate) use turns::sin_cos_of_turns;
 pub use view::{View, basis};
 pub(crate) use volumes::Volumes;
 

@@ -5,7 +5,6 @@ use glam::DVec3;
 use super::Path;
 use super::media::Media;
 use super::vertex::Vertex;
-use crate::effects::random::Dimension;
 use crate::geometry::Ray;
 use crate::shading::bsdf::{Bsdf, BsdfSample};
 
@@ -17,11 +16,10 @@ impl Vertex<'_> {
     #[inline]
     pub(super) fn continued(&self, bsdf: &Bsdf, roulette_from: u32) -> Option<(Ray, Path, Media)> {
         let numbers = &self.numbers;
-        let depth = numbers.depth;
-        let has_roulette = depth >= roulette_from;
-        let direction = numbers.of(Dimension::direction(depth));
+        let has_roulette = numbers.sequence.depth >= roulette_from;
+        let direction = numbers.direction();
         let [lobe, roulette] = match has_roulette || bsdf.has_choice() {
-            true => numbers.of(Dimension::lobe_and_roulette(depth)),
+            true => numbers.lobe_and_roulette(),
             false => [0.0; 2],
         };
         let (sample, direction) = self.sample_direction(bsdf, lobe, direction)?;

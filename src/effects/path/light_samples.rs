@@ -6,7 +6,6 @@ use super::lights::{LightConnection, Lights};
 use super::vertex::Vertex;
 use super::weights::light_weight;
 use super::{Buffers, LIGHT_RAYS, LightPath, Scatter};
-use crate::effects::random::Dimension;
 use crate::effects::tile::Tile;
 use crate::effects::{RayKind, transparency};
 use crate::geometry::Ray;
@@ -32,7 +31,7 @@ impl Buffers {
                 self.discarded += 1;
                 continue;
             }
-            let radiance = stage.clamped(radiance * samples, vertex.numbers.depth + 1) / samples;
+            let radiance = stage.clamped(radiance * samples, vertex.numbers.sequence.depth + 1) / samples;
             self.shadow_rays.push(&shadow_ray);
             self.light_paths.push(LightPath { camera_ray: vertex.camera_ray, radiance });
         }
@@ -72,8 +71,7 @@ impl Vertex<'_> {
             return None;
         }
         let position = self.surface.point.position;
-        let [choice, point] =
-            Dimension::light(self.numbers.depth, sample).map(|dimension| self.numbers.of(dimension));
+        let [choice, point] = self.numbers.light(sample);
         let LightConnection { direction, radiance, pdf, target } = lights.sample(position, choice, point)?;
         let (value, bsdf_pdf) = self.eval(bsdf, direction);
         let weight = pdf.map_or(1.0, |pdf| light_weight(lights.technique, pdf, bsdf_pdf) / pdf);

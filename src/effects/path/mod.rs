@@ -18,6 +18,7 @@ mod emission;
 mod light_samples;
 mod lights;
 mod media;
+mod numbers;
 #[cfg(test)]
 mod tests;
 mod vertex;
@@ -27,9 +28,9 @@ use glam::DVec3;
 
 use lights::Lights;
 use media::Media;
+use numbers::{GenerationNumbers, Numbers, Sequence};
 use vertex::Vertex;
 
-use super::random::Dimension;
 use super::samples::{SampleIndex, list_samples};
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::{
@@ -164,6 +165,8 @@ struct Buffers {
     /// For each shadow ray, what it adds.
     light_paths: Vec<LightPath>,
     occluded: Vec<bool>,
+    /// The random numbers of a generation; `None` while they are used.
+    numbers: Option<Box<GenerationNumbers>>,
     /// Samples of light in the current generation that were not finite.
     discarded: u64,
 }
@@ -171,7 +174,7 @@ struct Buffers {
 impl Buffers {
     fn bytes(&self) -> usize {
         let Buffers { radiance, samples, paths, next, media, next_media, .. } = self;
-        let Buffers { shadow_rays, light_paths, occluded, .. } = self;
+        let Buffers { shadow_rays, light_paths, occluded, numbers, .. } = self;
         size_of::<Buffers>()
             + vec_bytes(radiance)
             + vec_bytes(samples)
@@ -182,6 +185,7 @@ impl Buffers {
             + shadow_rays.bytes()
             + vec_bytes(light_paths)
             + vec_bytes(occluded)
+            + numbers.as_ref().map_or(0, |_| size_of::<GenerationNumbers>())
     }
 
     /// Begins the paths of the camera rays.
@@ -276,12 +280,18 @@ impl Buffers {
         let is_last = depth >= stage.depth;
         self.discarded = 0;
         self.add_missed(generation, context, &lights, stage, depth);
+        let sequence = Sequence { seed: stage.seed, sampler: stage.sampler, depth };
+        let mut numbers = self.numbers.take().unwrap_or_default();
+        if !is_last {
+            let camera_rays = generation.surfaces.ray_of().iter().map(|&ray| generation.camera_rays[ray as usize]);
+            numbers.fill(camera_rays.map(|ray| self.samples[ray as usize]), sequence);
+        }
         for (index, &ray) in generation.surfaces.ray_of().iter().enumerate() {
             let ray = ray as usize;
             let camera_ray = generation.camera_rays[ray];
             let media = self.media.get(ray).copied().unwrap_or(Media::EMPTY);
             let sample = self.samples[camera_ray as usize];
-            let numbers = Numbers { sample, seed: stage.seed, sampler: stage.sampler, depth };
+            let numbers = Numbers { sequence, sample, generation: &numbers, vertex: index };
             let (surface, path) = (generation.surfaces.get(index), self.paths[ray]);
             let bsdf = (!is_last || scattering.is_some()).then_some(&mut bsdf);
             let vertex = Vertex::new(world, surface, (camera_ray, path, media), numbers, bsdf);
@@ -297,6 +307,7 @@ impl Buffers {
                 self.push(next, continued, (index as u32, camera_ray));
             }
         }
+        self.numbers = Some(numbers);
         std::mem::swap(&mut self.paths, &mut self.next);
         std::mem::swap(&mut self.media, &mut self.next_media);
         tile.scattering = scattering;
@@ -332,21 +343,6 @@ impl Buffers {
         if !self.media.is_empty() {
             self.next_media.push(media);
         }
-    }
-}
-
-/// The random numbers of a path vertex.
-struct Numbers {
-    sample: SampleIndex,
-    seed: u32,
-    sampler: PixelSampler,
-    /// The path's bounces.
-    depth: u32,
-}
-
-impl Numbers {
-    fn of(&self, dimension: Dimension) -> [f64; 2] {
-        self.sample.pair(self.sampler, self.seed, dimension).map(f64::from)
     }
 }
 

@@ -4,7 +4,8 @@ use glam::DVec3;
 
 use super::bsdf::parameters;
 use super::media::{Crossing, Media};
-use super::{Numbers, Path};
+use super::Path;
+use super::numbers::Numbers;
 use crate::shading::base_colour;
 use crate::shading::bsdf::Bsdf;
 use crate::world::{SurfaceInteraction, World};
@@ -14,7 +15,7 @@ pub(super) struct Vertex<'a> {
     pub(super) world: &'a World,
     pub(super) surface: SurfaceInteraction,
     pub(super) camera_ray: u32,
-    pub(super) numbers: Numbers,
+    pub(super) numbers: Numbers<'a>,
     /// The path, with the transmittance up to the surface.
     pub(super) path: Path,
     /// The media in front of the surface and behind it.
@@ -32,7 +33,7 @@ impl<'a> Vertex<'a> {
         world: &'a World,
         surface: SurfaceInteraction,
         (camera_ray, path, media): (u32, Path, Media),
-        numbers: Numbers,
+        numbers: Numbers<'a>,
         bsdf: Option<&'a mut Bsdf>,
     ) -> Self {
         let material = &world.materials[surface.material as usize];

@@ -7,6 +7,8 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use crate::world::sin_cos_of_turns;
+
 /// The least alpha (the square of the roughness) that is integrated as a distribution. Smoother surfaces, of a
 /// perceptual roughness below 0.01 and a highlight of 20 arc seconds, are perfect mirrors or refract perfectly: delta
 /// lobes.
@@ -75,7 +77,7 @@ impl Ggx {
         let below_top = numbers[1] * height;
         let above_bottom = (1.0 - numbers[1]) * height + (1.0 - stretched.z);
         let sine = (below_top * above_bottom).max(0.0).sqrt();
-        let (sin_phi, cos_phi) = (2.0 * PI * numbers[0]).sin_cos();
+        let (sin_phi, cos_phi) = sin_cos_of_turns(numbers[0]);
         let half = DVec3::new(
             (sine * cos_phi + stretched.x) * self.alpha,
             (sine * sin_phi + stretched.y) * self.alpha,

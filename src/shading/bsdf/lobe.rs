@@ -7,6 +7,7 @@ use glam::DVec3;
 use super::glass::Glass;
 use super::sheen::Sheen;
 use super::specular::Specular;
+use crate::world::sin_cos_of_turns;
 
 /// A lobe for a pair of directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -101,6 +102,6 @@ fn mirrored(direction: DVec3) -> DVec3 {
 /// A direction of the hemisphere with the density cos / pi: the cosine is the root of a uniform number.
 fn sample_cosine(numbers: [f64; 2]) -> DVec3 {
     let sine = numbers[0].sqrt();
-    let (sin, cos) = (2.0 * PI * numbers[1]).sin_cos();
+    let (sin, cos) = sin_cos_of_turns(numbers[1]);
     DVec3::new(sine * cos, sine * sin, (1.0 - numbers[0]).sqrt())
 }

@@ -13,6 +13,7 @@ use super::albedo::view_at;
 use super::ggx::half_vector;
 use super::lobe::Value;
 use super::table::{Table, lattice, tent};
+use crate::world::sin_cos_of_turns;
 
 /// The least alpha, of a sheen roughness of 0.1. Below it the lobe is a spike at grazing half vectors.
 const MIN_ALPHA: f64 = 0.01;
@@ -141,7 +142,7 @@ impl Sheen {
     pub(crate) fn sample(numbers: [f64; 2]) -> DVec3 {
         let z = 1.0 - numbers[0];
         let sine = (numbers[0] * (1.0 + z)).sqrt();
-        let (sin, cos) = (2.0 * PI * numbers[1]).sin_cos();
+        let (sin, cos) = sin_cos_of_turns(numbers[1]);
         DVec3::new(sine * cos, sine * sin, z)
     }
 }
