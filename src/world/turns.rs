@@ -17,17 +17,21 @@ const fn series<const N: usize>(first: usize) -> [f64; N] {
     coefficients
 }
 
+/// 1.5 times 2^52: adding it to numbers up to 2^51 rounds them to whole ones, which are the last bits of the sum.
+/// `f64::round_ties_even` is a call without SSE4.1.
+const ROUNDING: f64 = (3u64 << 51) as f64;
+
 /// Sine and cosine of 2 pi times `turns`, off by at most 2^-52. `turns` are from -2^20 to 2^20.
 #[inline(always)]
 pub(crate) fn sin_cos_of_turns(turns: f64) -> (f64, f64) {
     // Quarters are exact, and so is what is left: at most an eighth of a turn, pi / 4 at most. There the first terms left
     // out are x^17 / 17! = 4.6e-17 and x^18 / 18! = 2e-18.
-    let quarters = (4.0 * turns).round_ties_even();
-    let x = (turns - 0.25 * quarters) * std::f64::consts::TAU;
+    let rounded = 4.0 * turns + ROUNDING;
+    let x = (turns - 0.25 * (rounded - ROUNDING)) * std::f64::consts::TAU;
     let square = x * x;
     let sum = |coefficients: &[f64]| coefficients.iter().rev().fold(0.0, |sum, c| sum * square + c);
     let (sin, cos) = (x * sum(&SIN), sum(&COS));
-    let quadrant = quarters as i32;
+    let quadrant = rounded.to_bits() as i32;
     let (a, b) = if quadrant & 1 == 0 { (sin, cos) } else { (cos, sin) };
     let sin = if quadrant & 2 == 0 { a } else { -a };
     let cos = if (quadrant + 1) & 2 == 0 { b } else { -b };
