@@ -32,6 +32,8 @@ struct Emitter {
     id: PrimId,
     object: u32,
     material: u32,
+    /// The emitted radiance without texture.
+    radiance: DVec3,
     /// The luminance of its mean radiance: power by area.
     luminance: f64,
 }
@@ -160,7 +162,8 @@ impl Emitters {
                     Primitive::Triangle(triangle) => EmitterShape::Triangle(SampledTriangle::new(triangle)),
                     Primitive::Analytic(shape) => EmitterShape::Analytic(shape),
                 };
-                list.add(Emitter { shape, id, object: index as u32, material, luminance }, area);
+                let (object, radiance) = (index as u32, emission);
+                list.add(Emitter { shape, id, object, material, radiance, luminance }, area);
             };
             match &object.shape {
                 Shape::Analytic(shape) => add(0, Primitive::Analytic(*shape)),
@@ -189,7 +192,7 @@ impl Emitters {
                 let (shape, id) = (EmitterShape::Rectangle(index, halves), firsts[count + index]);
                 let (object, luminance) = ((count + index) as u32, luminance(emission));
                 let area = list.rectangles[index].area();
-                list.add(Emitter { shape, id, object, material, luminance }, area);
+                list.add(Emitter { shape, id, object, material, radiance: emission, luminance }, area);
             }
         }
         list
@@ -232,18 +235,11 @@ impl Emitters {
 
     /// Samples a point of an emitter that is visible from `from` if nothing stands between; `None` where the sampled
     /// point cannot light it. `choice` and `numbers` are uniform in [0, 1).
-    pub(crate) fn sample(
-        &self,
-        materials: &[PreparedMaterial],
-        from: DVec3,
-        choice: f64,
-        numbers: [f64; 2],
-    ) -> Option<EmitterSample> {
+    pub(crate) fn sample(&self, from: DVec3, choice: f64, numbers: [f64; 2]) -> Option<EmitterSample> {
         let total = self.total();
         let index =
             self.cumulative.partition_point(|&sum| sum <= choice * total).min(self.emitters.len() - 1);
-        let &Emitter { ref shape, id, object, material, luminance } = &self.emitters[index];
-        let radiance = sampled_emission(&materials[material as usize])?;
+        let &Emitter { ref shape, id, object, material, radiance, luminance } = &self.emitters[index];
         let density = luminance / total;
         let (direction, point, normal, barycentrics, pdf) = match shape {
             EmitterShape::Rectangle(index, halves) => {

@@ -21,6 +21,29 @@ impl Vertex<'_> {
     }
 }
 
+/// The albedo of a surface that is Lambert's alone, whose parameters need not be prepared; `None` for others.
+#[inline]
+pub(super) fn diffuse_albedo(
+    material: &PreparedMaterial,
+    surface: &SurfaceInteraction,
+    crossing: &Crossing,
+) -> Option<DVec3> {
+    match material {
+        Material::Phong(m) if m.specular <= 0.0 && m.refraction.is_none() && !crossing.is_hidden => {
+            Some(phong_albedo(m, surface))
+        }
+        _ => None,
+    }
+}
+
+fn phong_albedo(m: &Phong<DVec3>, surface: &SurfaceInteraction) -> DVec3 {
+    unit(m.colour * surface.tint * surface.texels.colour * m.diffuse)
+}
+
+fn unit(colour: DVec3) -> DVec3 {
+    colour.clamp(DVec3::ZERO, DVec3::ONE)
+}
+
 /// The parameters of the BSDF, `None` where nothing is scattered.
 #[inline]
 pub(super) fn parameters(
@@ -36,7 +59,6 @@ pub(super) fn parameters(
             ..BsdfParameters::default()
         });
     }
-    let unit = |colour: DVec3| colour.clamp(DVec3::ZERO, DVec3::ONE);
     let texels = &surface.further_texels;
     let from_inside = crossing.from_inside;
     let parameters = match material {
@@ -68,7 +90,7 @@ pub(super) fn parameters(
         // Blinn's exponent as a width of GGX (Walter and others, Microfacet Models for Refraction, 2007, section 5.2):
         // alpha^2 = 2 / (n + 2). Without a highlight there is no specular layer.
         Material::Phong(m) => BsdfParameters {
-            base_colour: unit(m.colour * surface.tint * surface.texels.colour * m.diffuse),
+            base_colour: phong_albedo(m, surface),
             metallic: 0.0,
             roughness: (2.0 / (m.shininess + 2.0)).sqrt().sqrt().clamp(0.0, 1.0),
             specular: m.specular.clamp(0.0, 1.0),

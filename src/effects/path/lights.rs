@@ -104,7 +104,7 @@ impl<'a> Lights<'a> {
             return Some(LightConnection { direction, radiance, pdf: None, target });
         }
         if index == self.world.lights.len() && !self.emitters.is_empty() {
-            let sample = self.emitters.sample(&self.world.materials, from, choice[1], numbers)?;
+            let sample = self.emitters.sample(from, choice[1], numbers)?;
             let end = sample.point.origin_towards(sample.normal, self.world.numerics());
             return Some(LightConnection {
                 direction: sample.direction,

@@ -56,7 +56,7 @@ fn counts(from: DVec3, count: usize, seed: u64) -> [Vec<f64>; 2] {
     for _ in 0..count {
         let numbers = [random.number(), random.number()];
         let sample =
-            world.emitters.sample(&world.materials, from, random.number(), numbers).expect("a sample");
+            world.emitters.sample(from, random.number(), numbers).expect("a sample");
         assert!((sample.pdf * whole - 1.0).abs() < 1e-12, "{} {}", sample.pdf, 1.0 / whole);
         let point = from + sample.direction * ((2.0 - from.y) / sample.direction.y);
         assert!(point.distance(sample.point.position) < 1e-9);
@@ -105,6 +105,6 @@ fn a_density_of_rectangles_off_by_one_percent_is_rejected() {
 fn rectangles_shine_from_the_front_alone() {
     let world = world();
     for from in [[0.0, 2.5, 0.0], [5.0, 2.0, 0.0], [0.3, 2.0, -0.2], [0.3, f64::INFINITY, 0.0]] {
-        assert!(world.emitters.sample(&world.materials, from.into(), 0.5, [0.3, 0.6]).is_none(), "{from:?}");
+        assert!(world.emitters.sample(from.into(), 0.5, [0.3, 0.6]).is_none(), "{from:?}");
     }
 }

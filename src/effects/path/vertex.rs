@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::bsdf::parameters;
+use super::bsdf::{diffuse_albedo, parameters};
 use super::media::{Crossing, Media};
 use super::Path;
 use super::numbers::Numbers;
@@ -47,7 +47,10 @@ impl<'a> Vertex<'a> {
         let path = Path { throughput, ..path };
         let view = to_local(&frame, surface.view);
         let bsdf = bsdf.filter(|_| view.z > 0.0).and_then(|bsdf| {
-            bsdf.set(&parameters(material, &surface, &crossing)?, view);
+            match diffuse_albedo(material, &surface, &crossing) {
+                Some(albedo) => bsdf.set_diffuse(albedo, view),
+                None => bsdf.set(&parameters(material, &surface, &crossing)?, view),
+            }
             Some(&*bsdf)
         });
         Vertex { world, surface, camera_ray, numbers, path, sides: crossing.sides, frame, bsdf }

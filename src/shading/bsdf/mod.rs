@@ -163,11 +163,24 @@ impl Bsdf {
 
     /// Sets the lobes for `parameters` and `view`, as [`Bsdf::new`]. In place, because a `Bsdf` is large.
     pub fn set(&mut self, parameters: &BsdfParameters, view: DVec3) {
-        self.view = DVec3::new(view.x, view.y, view.z.clamp(glass::LEAST_COSINE, 1.0));
+        self.set_view(view);
         self.count = 0;
         self.push_layers(&parameters.clamped());
         let total: f64 = self.lobes().map(|(_, weight)| weight).sum();
         self.lobes[..self.count].iter_mut().for_each(|(_, weight)| *weight /= total);
+    }
+
+    /// Sets the only lobe to Lambert's diffuse reflection with an albedo, each channel 0 to 1: as [`Bsdf::set`] without
+    /// specular, metal and transmission.
+    #[inline]
+    pub fn set_diffuse(&mut self, albedo: DVec3, view: DVec3) {
+        self.set_view(view);
+        self.lobes[0] = (Lobe::Diffuse(albedo), 1.0);
+        self.count = usize::from(albedo.element_sum() > 0.0);
+    }
+
+    fn set_view(&mut self, view: DVec3) {
+        self.view = DVec3::new(view.x, view.y, view.z.clamp(glass::LEAST_COSINE, 1.0));
     }
 
     fn lobes(&self) -> impl Iterator<Item = &(Lobe, f64)> {
