@@ -62,7 +62,12 @@ pub fn plot(rows: &[PriceRow]) -> Result<String> {
         let colour = usize::from(row.engine != "kiln") + usize::from(row.engine == "embree");
         Some(Point { name: row.name(), colour, place: [row.mean_ns()?, row.errors.wrong] })
     };
-    let points: Vec<Point> = rows.iter().filter_map(point).collect();
+    // By the widest instructions alone, whose rows are the first: labels of more would lie on each other.
+    let is_first = |(index, row): &(usize, &PriceRow)| {
+        !rows[..*index].iter().any(|before| (before.engine, before.mode) == (row.engine, row.mode))
+    };
+    let points: Vec<Point> =
+        rows.iter().enumerate().filter(is_first).filter_map(|(_, row)| point(row)).collect();
     let wrong = "wrong answers a million rays at edges and vertices";
     scatter("nanoseconds a ray, mean of four kinds", wrong, &points)
 }
@@ -79,7 +84,7 @@ pub struct RayErrors {
     /// Of all these rays but secondary ones, and of grazing rays at a giant plane: false hits, false misses and hits of a
     /// triangle that is not among the nearest.
     pub wrong: f64,
-    /// Largest error of a distance in f32 ulp, of libraries that report it here.
+    /// Largest error of a distance in f32 ulp; `None` for libraries whose distances are not read.
     pub worst_t: Option<f64>,
 }
 
@@ -143,8 +148,10 @@ pub fn price(
     let errors = ray_errors(&firsts, rays, control)?;
     rows.iter_mut().zip(errors).for_each(|(row, errors)| row.errors = errors);
     let pictures = pool.install(|| pictures(subject, runs, control))?;
-    // The first rows of kiln are those with the widest instructions, which pictures are rendered with.
-    for (row, pictures) in rows.iter_mut().filter(|row| row.engine == "kiln").zip(pictures) {
+    // Pictures are rendered with the widest instructions.
+    let widest = kiln::engine(Layout::default(), Numerics::default()).label.isa;
+    let is_rendered = |row: &&mut PriceRow| row.engine == "kiln" && row.isa == widest;
+    for (row, pictures) in rows.iter_mut().filter(is_rendered).zip(pictures) {
         row.pictures = Some(pictures);
     }
     Ok(rows)

@@ -49,7 +49,7 @@ enum EmitterShape {
 /// A triangle, with what all of its points have in common.
 struct SampledTriangle {
     triangle: Triangle,
-    /// `None` for a triangle too thin to have one, which is not sampled.
+    /// `None` for a triangle too thin to have one, whose samples give no light.
     normal: Option<DVec3>,
     edges: EdgeTest,
 }
@@ -318,4 +318,27 @@ fn in_halves([lower, upper]: &[Triangle; 2], [x, y]: [f64; 2]) -> Option<(Surfac
     let (triangle, barycentrics) =
         if x >= y { (lower, [1.0 - x, x - y, y]) } else { (upper, [1.0 - y, x, y - x]) };
     Some((SurfacePoint::on_triangle(triangle.0, barycentrics), triangle.unit_normal()?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points near edges and corners are moved inwards as those of every triangle are.
+    #[test]
+    fn points_of_triangles_are_surface_points() {
+        let triangle =
+            Triangle([DVec3::new(1.0, 2.0, 3.0), DVec3::new(4.0, 2.5, 3.0), DVec3::new(1.5, 5.0, 2.0)]);
+        let sampled = SampledTriangle::new(triangle);
+        let nearly_one = 1.0 - f64::EPSILON / 2.0;
+        let mut moved = 0;
+        for numbers in [[0.0, 0.0], [0.5, 0.5], [0.3, 0.6], [nearly_one, 0.0], [0.0, nearly_one], [0.7, 0.2]]
+        {
+            let (point, normal, barycentrics) = sampled.sample(numbers).expect("a normal");
+            assert_eq!(point, SurfacePoint::on_triangle(triangle.0, barycentrics), "{numbers:?}");
+            assert_eq!(Some(normal), triangle.unit_normal());
+            moved += usize::from(point.start != point.position);
+        }
+        assert_eq!(moved, 3);
+    }
 }

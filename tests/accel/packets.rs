@@ -317,3 +317,60 @@ fn ends_on_both_sides_of_a_triangle() {
         }
     }
 }
+
+/// Packets of one call, most of which diverge over 32,768 triangles and are abandoned or left out, some of which do not,
+/// the last of which is not full.
+#[test]
+fn a_call_of_many_packets_answers_as_single_rays() {
+    let mut numbers = Numbers::new(5);
+    let side = 128;
+    let heights: Vec<f64> = (0..(side + 1) * (side + 1)).map(|_| numbers.unit()).collect();
+    let point = |x: usize, y: usize| DVec3::new(x as f64, heights[(side + 1) * y + x], y as f64);
+    let triangles = (0..side * side).map(|i| (i % side, i / side)).flat_map(|(x, y)| {
+        [
+            [point(x, y), point(x + 1, y), point(x + 1, y + 1)],
+            [point(x, y), point(x + 1, y + 1), point(x, y + 1)],
+        ]
+    });
+    let single = |p: DVec3| p.as_vec3().as_dvec3();
+    let slots: Vec<Slot> = (0..)
+        .zip(triangles)
+        .map(|(id, t)| Slot { primitive: Primitive::Triangle(Triangle(t.map(single))), id: PrimId(id) })
+        .collect();
+    let eye = DVec3::new(64.0, 60.0, 40.0);
+    let targets: Vec<DVec3> = (0..15 * TILE + 100)
+        .map(|i| {
+            let is_near = matches!(i / TILE, 5..8);
+            let at = DVec3::new(numbers.unit(), 2.0 * numbers.unit() / 128.0, numbers.unit());
+            if is_near { DVec3::new(50.0, 0.0, 50.0) + at } else { at * 128.0 }
+        })
+        .collect();
+    for numerics in Numerics::STRICT {
+        let ray = |from: DVec3, to: DVec3, t_max| {
+            numerics.ray_precision().ray(from, (to - from).normalize(), 0.0, t_max)
+        };
+        let from_eye: Vec<Ray> = targets.iter().map(|&target| ray(eye, target, f64::INFINITY)).collect();
+        let to_eye: Vec<Ray> = targets.iter().map(|&target| ray(target, eye, target.distance(eye))).collect();
+        for structure in Layout::trees() {
+            let tree = build(slots.iter().copied(), structure, numerics);
+            let (mut traversal, mut hits, mut occluded) =
+                (Traversal::default(), HitBuffer::default(), Vec::new());
+            tree.closest_hits(RayBuffer::from(&from_eye).rays(), &mut hits, &mut traversal);
+            tree.are_occluded(RayBuffer::from(&to_eye).rays(), &mut occluded, &mut traversal);
+            for (index, (ray, found)) in from_eye.iter().zip(hits.iter()).enumerate() {
+                let expected = tree.closest_hit(ray, &mut traversal);
+                assert_eq!(bits(&found), bits(&expected), "ray {index}, {structure:?}, {}", numerics.name());
+            }
+            for (index, (ray, found)) in to_eye.iter().zip(&occluded).enumerate() {
+                let expected = tree.is_occluded(ray, &mut traversal);
+                assert_eq!(*found, expected, "ray {index}, {structure:?}, {}", numerics.name());
+            }
+            let (hit, blocked) =
+                (hits.iter().flatten().count(), occluded.iter().filter(|&&occluded| occluded).count());
+            assert!(
+                hit > 2000 && blocked > 500 && blocked < targets.len() - 500,
+                "{hit} hit, {blocked} blocked"
+            );
+        }
+    }
+}

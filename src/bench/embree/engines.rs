@@ -36,19 +36,17 @@ pub(crate) fn leak_engines() -> Available {
 /// with AVX-512. `threads` is the number of build threads.
 pub(crate) fn engines(threads: usize) -> Available {
     let widest = Device::find(&format!("threads={threads}"))?;
-    let mut engines = engines_of(widest);
+    let mut engines = engines_of(widest, ["single", "packets-8", "packets-8-coherent"]);
     if isa(widest) == "avx512" {
-        engines.extend(engines_of(Device::find(&format!("threads={threads},isa=avx2"))?));
+        let avx2 = Device::find(&format!("threads={threads},isa=avx2"))?;
+        engines.extend(engines_of(avx2, ["single-avx2", "packets-8-avx2", "packets-8-coherent-avx2"]));
     }
     Ok(engines)
 }
 
-fn engines_of(device: &'static Device) -> Vec<Engine> {
-    let mut calls = vec![
-        ("single", Calls::Single, false),
-        ("packets-8", Calls::Eight, false),
-        ("packets-8-coherent", Calls::Eight, true),
-    ];
+fn engines_of(device: &'static Device, [single, packets, coherent]: [&'static str; 3]) -> Vec<Engine> {
+    let mut calls =
+        vec![(single, Calls::Single, false), (packets, Calls::Eight, false), (coherent, Calls::Eight, true)];
     if device.property(NATIVE_RAY16) != 0 {
         calls.extend([("packets-16", Calls::Sixteen, false), ("packets-16-coherent", Calls::Sixteen, true)]);
     }
@@ -154,8 +152,10 @@ trait Record: Send {
     /// Hit primitive of a ray.
     fn hit(&self, lane: usize) -> Option<u32>;
 
-    /// Distance of a closest hit.
-    fn distance(&self, lane: usize) -> f32;
+    /// Distance of a closest hit; `None` in a query for any hit.
+    fn distance(&self, _: usize) -> Option<f32> {
+        None
+    }
 }
 
 struct QueuedRays<'a, R> {
@@ -181,8 +181,8 @@ impl<R: Record> RayQueue for QueuedRays<'_, R> {
     }
 
     fn distances(&self) -> Option<Vec<f64>> {
-        let distance = |index: usize| self.records[index / R::WIDTH].distance(index % R::WIDTH).into();
-        Some((0..self.count).map(distance).collect())
+        let distance = |index: usize| self.records[index / R::WIDTH].distance(index % R::WIDTH);
+        (0..self.count).map(|index| distance(index).map(f64::from)).collect()
     }
 }
 
@@ -201,8 +201,8 @@ impl Record for RayHit {
         (self.geometry != NOTHING).then_some(self.primitive)
     }
 
-    fn distance(&self, _: usize) -> f32 {
-        self.ray.t_far
+    fn distance(&self, _: usize) -> Option<f32> {
+        Some(self.ray.t_far)
     }
 }
 
@@ -217,10 +217,6 @@ impl Record for RayOnly {
 
     fn hit(&self, _: usize) -> Option<u32> {
         is_occluded(self.t_far)
-    }
-
-    fn distance(&self, _: usize) -> f32 {
-        self.t_far
     }
 }
 
@@ -247,8 +243,8 @@ macro_rules! packets {
                 (self.geometry[lane] != NOTHING).then_some(self.primitive[lane])
             }
 
-            fn distance(&self, lane: usize) -> f32 {
-                self.rays.t_far[lane]
+            fn distance(&self, lane: usize) -> Option<f32> {
+                Some(self.rays.t_far[lane])
             }
         }
 
@@ -264,10 +260,6 @@ macro_rules! packets {
 
             fn hit(&self, lane: usize) -> Option<u32> {
                 is_occluded(self.t_far[lane])
-            }
-
-            fn distance(&self, lane: usize) -> f32 {
-                self.t_far[lane]
             }
         }
     };

@@ -283,7 +283,8 @@ impl Buffers {
         let sequence = Sequence { seed: stage.seed, sampler: stage.sampler, depth };
         let mut numbers = self.numbers.take().unwrap_or_default();
         if !is_last {
-            let camera_rays = generation.surfaces.ray_of().iter().map(|&ray| generation.camera_rays[ray as usize]);
+            let camera_rays =
+                generation.surfaces.ray_of().iter().map(|&ray| generation.camera_rays[ray as usize]);
             numbers.fill(camera_rays.map(|ray| self.samples[ray as usize]), sequence);
         }
         for (index, &ray) in generation.surfaces.ray_of().iter().enumerate() {

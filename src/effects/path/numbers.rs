@@ -35,7 +35,7 @@ impl GenerationNumbers {
     /// Computes the numbers of vertices with the given pixels and samples.
     pub(super) fn fill(&mut self, vertices: impl Iterator<Item = SampleIndex>, sequence: Sequence) {
         let mut count = 0;
-        for (i, SampleIndex { x, y, sample }) in vertices.enumerate().take(RAYS_PER_BATCH) {
+        for (i, SampleIndex { x, y, sample }) in vertices.enumerate() {
             (self.pixels[0][i], self.pixels[1][i], self.samples[i]) = (x, y, sample);
             count = i + 1;
         }
@@ -43,7 +43,9 @@ impl GenerationNumbers {
         for (which, dimension) in sequence.dimensions().into_iter().enumerate() {
             match sampler {
                 PixelSampler::Sobol => {
-                    simd!(self.fill_pairs(which, count, |pixel, sample| random::pair(pixel, seed, sample, dimension)));
+                    simd!(self.fill_pairs(which, count, |pixel, sample| random::pair(
+                        pixel, seed, sample, dimension
+                    )));
                 }
                 PixelSampler::Independent => simd!(self.fill_pairs(which, count, |pixel, sample| {
                     random::independent_pair(pixel, seed, sample, dimension)
@@ -108,8 +110,9 @@ mod tests {
         let mut generation = Box::<GenerationNumbers>::default();
         for sampler in [PixelSampler::Sobol, PixelSampler::Independent] {
             let sequence = Sequence { seed: 5, sampler, depth: 2 };
+            generation.fill((0..RAYS_PER_BATCH as u32).map(sample), sequence);
             generation.fill((0..100).map(sample), sequence);
-            for i in 0..100 {
+            for i in 0..RAYS_PER_BATCH as u32 {
                 let numbers =
                     Numbers { sequence, sample: sample(i), generation: &generation, vertex: i as usize };
                 let of = |dimension| sample(i).pair(sampler, 5, dimension).map(f64::from);

@@ -55,8 +55,7 @@ fn counts(from: DVec3, count: usize, seed: u64) -> [Vec<f64>; 2] {
     let mut random = Random(seed);
     for _ in 0..count {
         let numbers = [random.number(), random.number()];
-        let sample =
-            world.emitters.sample(from, random.number(), numbers).expect("a sample");
+        let sample = world.emitters.sample(from, random.number(), numbers).expect("a sample");
         assert!((sample.pdf * whole - 1.0).abs() < 1e-12, "{} {}", sample.pdf, 1.0 / whole);
         let point = from + sample.direction * ((2.0 - from.y) / sample.direction.y);
         assert!(point.distance(sample.point.position) < 1e-9);

@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
+use super::Path;
 use super::bsdf::{diffuse_albedo, parameters};
 use super::media::{Crossing, Media};
-use super::Path;
 use super::numbers::Numbers;
 use crate::shading::base_colour;
 use crate::shading::bsdf::Bsdf;

@@ -6,7 +6,7 @@
 use glam::DVec3;
 
 use super::layout::Wide;
-use super::packet;
+use super::packet::{self, Outcome};
 use super::single;
 use super::{all_pairs, near_point, near_ray, stream};
 use crate::bvh::{Accelerator, Description, Next, Primitive, Quality, Traversal};
@@ -40,11 +40,13 @@ macro_rules! with {
     };
 }
 
-/// The greatest power of two in [`Backoff`].
+/// The largest exponent in [`Backoff`]. Measurements: docs/decisions.md.
 const MAX_DOUBLINGS: u32 = 4;
 
 /// Leaves out packets of a call after several that were abandoned in turn: the next ones are likely to diverge, too, and
 /// what a packet did until it was abandoned is lost. After 1, 2, 3 and so on: 0, 1, 3, up to 2^[`MAX_DOUBLINGS`] - 1.
+/// It serves calls of many packets; nothing is remembered from one call to the next, so that results and counters of a
+/// call depend on its rays alone.
 #[derive(Default)]
 struct Backoff {
     abandoned: u32,
@@ -54,19 +56,21 @@ struct Backoff {
 impl Backoff {
     /// Traces a packet by `trace`, unless it is left out; returns whether it is traced.
     #[inline(always)]
-    fn tries(&mut self, trace: impl FnOnce() -> bool) -> bool {
+    fn tries(&mut self, trace: impl FnOnce() -> Outcome) -> bool {
         if self.left_out > 0 {
             self.left_out -= 1;
             return false;
         }
-        let is_traced = trace();
-        if is_traced {
-            self.abandoned = 0;
-        } else {
-            self.left_out = (1 << self.abandoned) - 1;
-            self.abandoned = (self.abandoned + 1).min(MAX_DOUBLINGS);
+        let outcome = trace();
+        match outcome {
+            Outcome::Traced => self.abandoned = 0,
+            Outcome::Abandoned => {
+                self.left_out = (1 << self.abandoned) - 1;
+                self.abandoned = (self.abandoned + 1).min(MAX_DOUBLINGS);
+            }
+            Outcome::Unsuitable => {}
         }
-        is_traced
+        outcome == Outcome::Traced
     }
 }
 
@@ -335,18 +339,20 @@ mod tests {
     fn packets_are_left_out_after_several_that_were_abandoned() {
         let mut backoff = Backoff::default();
         // 1 for a packet that is tried. Abandoned ones leave out 0, 1, 3, 7, 15 and again 15 of those after them.
-        let mut tried = |is_traced: bool| {
+        let mut tried = |outcome: Outcome| {
             let mut count = 0;
             backoff.tries(|| {
                 count += 1;
-                is_traced
+                outcome
             });
             count
         };
-        let places: Vec<usize> = (0..60).filter(|_| tried(false) == 1).collect();
+        let places: Vec<usize> = (0..60).filter(|_| tried(Outcome::Abandoned) == 1).collect();
         assert_eq!(places, [0, 1, 3, 7, 15, 31, 47]);
         // The 3 that are left out, then one that is traced: all are tried again.
-        assert_eq!([true; 5].map(&mut tried), [0, 0, 0, 1, 1]);
-        assert_eq!([false, false, false, false].map(tried), [1, 1, 0, 1]);
+        assert_eq!([Outcome::Traced; 5].map(&mut tried), [0, 0, 0, 1, 1]);
+        // Those that are no packets cost little, and change nothing.
+        assert_eq!([Outcome::Unsuitable; 3].map(&mut tried), [1, 1, 1]);
+        assert_eq!([Outcome::Abandoned; 4].map(tried), [1, 1, 0, 1]);
     }
 }

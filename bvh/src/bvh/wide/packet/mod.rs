@@ -16,8 +16,7 @@
 //!
 //! [`fast`] takes the place of 3's leaves, 4 and 5 in fast tiers: f32 decides, without error bounds.
 //!
-//! A packet that diverges too far is abandoned, and its rays are traced otherwise: both entry functions return
-//! `false` then.
+//! A packet that diverges too far is abandoned, and its rays are traced otherwise ([`Outcome`]).
 
 mod edge_functions;
 mod fast;
@@ -43,8 +42,23 @@ use hits::BestHits;
 use projected_triangles::BlockBounds;
 use rays::{BLOCKS, OfBlock, PacketRays};
 
-/// Appends the closest hits of the rays. `false`, with nothing appended, if they must be traced otherwise. The
-/// `following` rays are prefetched.
+/// What became of the rays of a packet. If they are not traced, nothing is appended, and they must be traced otherwise.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Outcome {
+    Traced,
+    /// They diverge too far, which was found on the way.
+    Abandoned,
+    /// They have nothing in common, or the tier does not support them.
+    Unsuitable,
+}
+
+impl Outcome {
+    fn traced_if(is_traced: bool) -> Self {
+        if is_traced { Outcome::Traced } else { Outcome::Abandoned }
+    }
+}
+
+/// Appends the closest hits of the rays. The `following` rays are prefetched.
 #[inline(always)]
 pub(crate) fn closest<T: Tier, S: Simd>(
     wide: &Wide<T>,
@@ -53,12 +67,12 @@ pub(crate) fn closest<T: Tier, S: Simd>(
     scratch: &mut Scratch<S>,
     stack: &mut Vec<(Child, f32)>,
     tests: &mut Tests,
-) -> bool {
+) -> Outcome {
     S::run(
         #[inline(always)]
         || {
             let Some(mut packet) = Packet::<T, S, false>::new(rays, following, scratch) else {
-                return false;
+                return Outcome::Unsuitable;
             };
             let first = hits.len();
             let is_traversed = packet.traverse(
@@ -70,15 +84,14 @@ pub(crate) fn closest<T: Tier, S: Simd>(
             );
             if is_traversed && T::IS_FAST {
                 packet.append_fast(wide, hits);
-                return true;
+                return Outcome::Traced;
             }
-            is_traversed && packet.resolve_all(wide, hits)
+            Outcome::traced_if(is_traversed && packet.resolve_all(wide, hits))
         },
     )
 }
 
-/// Appends whether each ray hits anything. `false`, with nothing appended, if they must be traced otherwise. The
-/// `following` rays are prefetched.
+/// Appends whether each ray hits anything. The `following` rays are prefetched.
 #[inline(always)]
 pub(crate) fn occluded<T: Tier, S: Simd>(
     wide: &Wide<T>,
@@ -87,15 +100,15 @@ pub(crate) fn occluded<T: Tier, S: Simd>(
     scratch: &mut Scratch<S>,
     stack: &mut Vec<(Child, f32)>,
     tests: &mut Tests,
-) -> bool {
+) -> Outcome {
     S::run(
         #[inline(always)]
         || {
             let Some(mut packet) = Packet::<T, S, true>::new(rays, following, scratch) else {
-                return false;
+                return Outcome::Unsuitable;
             };
             if !packet.traverse(wide, stack, tests, |_| {}) {
-                return false;
+                return Outcome::Abandoned;
             }
             for first in (0..rays.len()).step_by(S::F::LANES) {
                 packet.prefetch_following(|_| {});
@@ -108,7 +121,7 @@ pub(crate) fn occluded<T: Tier, S: Simd>(
                     occluded.extend_from_slice(&of_block[..rays.len() - first]);
                 }
             }
-            true
+            Outcome::Traced
         },
     )
 }
