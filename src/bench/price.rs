@@ -60,7 +60,8 @@ impl PriceRow {
 pub fn plot(rows: &[PriceRow]) -> Result<String> {
     let point = |row: &PriceRow| {
         let colour = usize::from(row.engine != "kiln") + usize::from(row.engine == "embree");
-        Some(Point { name: row.name(), colour, place: [row.mean_ns()?, row.errors.wrong] })
+        let name = format!("{} {}", row.engine, row.mode);
+        Some(Point { name, colour, place: [row.mean_ns()?, row.errors.wrong] })
     };
     // By the widest instructions alone, whose rows are the first: labels of more would lie on each other.
     let is_first = |(index, row): &(usize, &PriceRow)| {
