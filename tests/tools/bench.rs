@@ -220,11 +220,16 @@ fn the_price_of_accuracy_has_a_row_for_every_tier_and_a_plot() {
     let output = run(&arguments);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
     let rows = rows(&output, "a bumpy sphere", &format!("bench {arguments}"));
-    let modes = |engine: &str| -> Vec<&Value> {
-        rows.iter().filter(|row| row["engine"] == engine).map(|row| &row["mode"]).collect()
+    let modes = |of: &dyn Fn(&Value) -> bool| -> Vec<&Value> {
+        rows.iter().filter(|row| of(row)).map(|row| &row["mode"]).collect()
     };
-    assert_eq!(modes("kiln"), ["fast", "watertight", "double", "exact"]);
-    assert_eq!(modes("obvhs"), ["bvh2", "cwbvh"]);
+    // The widest instructions come first; those of kiln are AVX2 again on a machine with more.
+    let widest = |row: &Value| row["engine"] == "kiln" && row["isa"] == rows[0]["isa"];
+    let tiers = ["fast", "watertight", "double", "exact"];
+    assert_eq!(modes(&widest), tiers);
+    let others = modes(&|row| row["engine"] == "kiln" && row["isa"] != rows[0]["isa"]);
+    assert!(others.is_empty() || others == tiers, "{others:?}");
+    assert_eq!(modes(&|row| row["engine"] == "obvhs"), ["bvh2", "cwbvh"]);
     for row in &rows {
         let number = |key: &str| row[key].as_f64().unwrap_or_else(|| panic!("{key}: {row}"));
         let is_closed = ["watertight", "double", "exact"].iter().any(|tier| row["mode"] == *tier);
@@ -235,7 +240,7 @@ fn the_price_of_accuracy_has_a_row_for_every_tier_and_a_plot() {
         assert!(number("wrong_per_million") == 0.0 || !is_closed, "{row}");
         assert!(row["ns_per_ray"]["primary"]["median"].as_f64() > Some(0.0), "{row}");
         assert_eq!(row["worst_t_error_ulps"].is_number(), row["engine"] == "kiln");
-        assert_eq!(row["pictures"]["path"]["rms"].is_number(), row["engine"] == "kiln");
+        assert_eq!(row["pictures"]["path"]["rms"].is_number(), widest(row));
     }
     let exact = rows.iter().find(|row| row["mode"] == "exact").expect("a row");
     for transport in ["whitted", "path"] {
