@@ -47,8 +47,9 @@ fn rays_slip_through_where_there_are_gaps() {
 fn with_embree_the_robust_mode_loses_fewer_rays_than_the_default() {
     let rows = rows("embree");
     let leaks = |layout: &str| -> u64 {
-        rows.iter().filter(|row| row.layout == layout).map(|row| row.leaks.total()).sum()
+        rows.iter().filter(|row| row.layout == layout).map(|row| row.leaks.primary()).sum()
     };
+    // Without secondary rays, whose origins are this measurement's and not Embree's.
     assert!(leaks("robust") * 10 < leaks("default"), "{} {}", leaks("robust"), leaks("default"));
 }
 
