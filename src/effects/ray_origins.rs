@@ -25,17 +25,21 @@ impl Stage for RayOrigins {
             return;
         }
         let RayGeneration { surfaces, origins, .. } = tile.generation();
-        let origins = origins.get_or_insert_default();
-        // The tier is passed as a constant, so that the loops have no branch on it.
-        match context.world.numerics() {
-            Numerics::Fast => simd!(find_origins(surfaces, origins, Numerics::Fast)),
-            _ => simd!(find_origins(surfaces, origins, Numerics::Watertight)),
-        }
+        find_origins(surfaces, origins.get_or_insert_default(), context.world.numerics());
+    }
+}
+
+/// Computes the origin of rays that leave each surface on the side of its geometric normal.
+pub(crate) fn find_origins(surfaces: &InteractionSoa, origins: &mut Vec3Soa, numerics: Numerics) {
+    // The tier is passed as a constant, so that the loops have no branch on it.
+    match numerics {
+        Numerics::Fast => simd!(compute_origins(surfaces, origins, Numerics::Fast)),
+        _ => simd!(compute_origins(surfaces, origins, Numerics::Watertight)),
     }
 }
 
 #[inline(always)]
-fn find_origins(surfaces: &InteractionSoa, origins: &mut Vec3Soa, numerics: Numerics) {
+fn compute_origins(surfaces: &InteractionSoa, origins: &mut Vec3Soa, numerics: Numerics) {
     for i in 0..surfaces.len() {
         origins.set(i, surfaces.point(i).origin_towards(surfaces.geometric_normal.get(i), numerics));
     }

@@ -9,7 +9,7 @@ use super::rectangle::Rectangle;
 use super::{Image, PreparedMaterial, SurfaceInteraction};
 use crate::bvh::Primitive;
 use crate::film::colour::luminance;
-use crate::geometry::spawn::{EdgeTest, SurfacePoint};
+use crate::geometry::spawn::{EdgeTest, SurfacePoint, point_at, reach_of};
 use crate::geometry::{AnalyticShape, Precision, PrimId, Triangle};
 use crate::scene::{Attribute, Material, Mesh, Object, Shape, Texture};
 
@@ -52,24 +52,55 @@ struct SampledTriangle {
     /// `None` for a triangle too thin to have one, whose samples give no light.
     normal: Option<DVec3>,
     edges: EdgeTest,
+    /// [`SurfacePoint::reach`] of its points.
+    reach: DVec3,
 }
 
 impl SampledTriangle {
     fn new(triangle: Triangle) -> Self {
-        SampledTriangle { triangle, normal: triangle.unit_normal(), edges: EdgeTest::new(triangle.0) }
+        let (normal, edges) = (triangle.unit_normal(), EdgeTest::new(triangle.0));
+        SampledTriangle { triangle, normal, edges, reach: reach_of(triangle.0) }
     }
 
-    /// A uniform point, the unit normal and the barycentrics (Heitz, A Low-Distortion Map Between Triangle and Square,
-    /// 2019).
-    fn sample(&self, [x, y]: [f64; 2]) -> Option<(SurfacePoint, DVec3, [f64; 3])> {
+    /// A uniform point and its barycentrics (Heitz, A Low-Distortion Map Between Triangle and Square, 2019). `density`
+    /// is that of the choice of the triangle times its area.
+    #[inline]
+    fn sample(&self, density: f64, [x, y]: [f64; 2]) -> Option<(TriangleSample, [f64; 3])> {
         let (v, w) = if y > x { (0.5 * x, y - 0.5 * x) } else { (x - 0.5 * y, 0.5 * y) };
         let barycentrics = [1.0 - v - w, v, w];
-        let of = if self.edges.is_near(barycentrics) {
-            SurfacePoint::on_triangle
+        let point = if self.edges.is_near(barycentrics) {
+            SurfacePoint::on_triangle(self.triangle.0, barycentrics)
         } else {
-            SurfacePoint::in_triangle
+            SurfacePoint::new(point_at(self.triangle.0, barycentrics), self.reach)
         };
-        Some((of(self.triangle.0, barycentrics), self.normal?, barycentrics))
+        Some((TriangleSample { point, normal: self.normal?, density }, barycentrics))
+    }
+}
+
+/// A point of an emissive triangle, sampled uniformly.
+pub(crate) struct TriangleSample {
+    /// The point, with what ray origins are computed from.
+    pub(crate) point: SurfacePoint,
+    /// A unit normal.
+    pub(crate) normal: DVec3,
+    /// The density per area.
+    pub(crate) density: f64,
+}
+
+impl TriangleSample {
+    /// The unit vector from `from` towards the point, the unit normal on the side of `from`, and the density per solid
+    /// angle; 0 where the point cannot light `from`.
+    #[inline(always)]
+    pub(crate) fn seen_from(&self, from: DVec3) -> (DVec3, DVec3, f64) {
+        let to_light = self.point.position - from;
+        let scale = 1.0 / to_light.length();
+        let direction = to_light * scale;
+        let cosine = -direction.dot(self.normal);
+        let turn = |c: f64| if cosine < 0.0 { -c } else { c };
+        let normal = DVec3::new(turn(self.normal.x), turn(self.normal.y), turn(self.normal.z));
+        let pdf = self.density * to_light.length_squared() / cosine.abs();
+        let is_possible = (scale > 0.0) & (scale < f64::INFINITY) & (pdf > 0.0) & (pdf < f64::INFINITY);
+        (direction, normal, if is_possible { pdf } else { 0.0 })
     }
 }
 
@@ -233,14 +264,31 @@ impl Emitters {
         self.cumulative.last().copied().unwrap_or(0.0)
     }
 
-    /// Samples a point of an emitter that is visible from `from` if nothing stands between; `None` where the sampled
-    /// point cannot light it. `choice` and `numbers` are uniform in [0, 1).
-    pub(crate) fn sample(&self, from: DVec3, choice: f64, numbers: [f64; 2]) -> Option<EmitterSample> {
+    /// An emitter chosen by power, and the density of that choice over its area.
+    #[inline]
+    fn choose(&self, choice: f64) -> (&Emitter, f64) {
         let total = self.total();
         let index =
             self.cumulative.partition_point(|&sum| sum <= choice * total).min(self.emitters.len() - 1);
-        let &Emitter { ref shape, id, object, material, radiance, luminance } = &self.emitters[index];
-        let density = luminance / total;
+        let emitter = &self.emitters[index];
+        // The choice's area * luminance / total, over the area.
+        (emitter, emitter.luminance / total)
+    }
+
+    /// The sample of [`Emitters::sample`] and its radiance, if it is of a triangle in a world without emission textures.
+    #[inline]
+    pub(crate) fn sample_triangle(&self, choice: f64, numbers: [f64; 2]) -> Option<(TriangleSample, DVec3)> {
+        let (emitter, density) = self.choose(choice);
+        let EmitterShape::Triangle(triangle) = &emitter.shape else { return None };
+        let (sample, _) = triangle.sample(density, numbers).filter(|_| self.textured.is_empty())?;
+        Some((sample, emitter.radiance))
+    }
+
+    /// Samples a point of an emitter that is visible from `from` if nothing stands between; `None` where the sampled
+    /// point cannot light it. `choice` and `numbers` are uniform in [0, 1).
+    pub(crate) fn sample(&self, from: DVec3, choice: f64, numbers: [f64; 2]) -> Option<EmitterSample> {
+        let (emitter, density) = self.choose(choice);
+        let &Emitter { ref shape, id, object, material, radiance, .. } = emitter;
         let (direction, point, normal, barycentrics, pdf) = match shape {
             EmitterShape::Rectangle(index, halves) => {
                 let rectangle = &self.rectangles[*index];
@@ -254,14 +302,9 @@ impl Emitters {
                 (direction, point, normal, [0.0; 3], pdf)
             }
             EmitterShape::Triangle(triangle) => {
-                let (point, normal, barycentrics) = triangle.sample(numbers)?;
-                let to_light = point.position - from;
-                let direction = to_light.try_normalize()?;
-                let cosine = -direction.dot(normal);
-                let normal = if cosine < 0.0 { -normal } else { normal };
-                // Area density 1 / area times the choice's area * luminance / total; converted to solid angle.
-                let pdf = density * to_light.length_squared() / cosine.abs();
-                (direction, point, normal, barycentrics, pdf)
+                let (sample, barycentrics) = triangle.sample(density, numbers)?;
+                let (direction, normal, pdf) = sample.seen_from(from);
+                (direction, sample.point, normal, barycentrics, pdf)
             }
             EmitterShape::Analytic(shape) => {
                 let (direction, distance) = shape.sample_solid_angle(from, numbers)?;
@@ -334,7 +377,8 @@ mod tests {
         let mut moved = 0;
         for numbers in [[0.0, 0.0], [0.5, 0.5], [0.3, 0.6], [nearly_one, 0.0], [0.0, nearly_one], [0.7, 0.2]]
         {
-            let (point, normal, barycentrics) = sampled.sample(numbers).expect("a normal");
+            let (sample, barycentrics) = sampled.sample(1.0, numbers).expect("a normal");
+            let TriangleSample { point, normal, .. } = sample;
             assert_eq!(point, SurfacePoint::on_triangle(triangle.0, barycentrics), "{numbers:?}");
             assert_eq!(Some(normal), triangle.unit_normal());
             moved += usize::from(point.start != point.position);

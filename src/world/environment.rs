@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::bilinear_distribution::BilinearDistribution;
 use super::{sin_cos_of_turns, sky};
@@ -118,15 +118,15 @@ impl RadianceImage {
         let (x, y) = (u * self.width as f64 - 0.5, v * self.height as f64 - 0.5);
         let (left, top) = (x.floor(), y.floor());
         let (right_weight, bottom_weight) = (x - left, y - top);
-        // Columns wrap around; rows end at the poles.
-        let texel = |dx: i64, dy: i64| {
-            let column = (left as i64 + dx).rem_euclid(self.width as i64) as usize;
-            let row = (top as i64 + dy).clamp(0, self.height as i64 - 1) as usize;
-            DVec3::from(self.texels[row * self.width + column].map(f64::from))
+        // Columns wrap around, `left` is from -1 on; rows end at the poles.
+        let left = if left < 0.0 { self.width - 1 } else { (left as usize).min(self.width - 1) };
+        let right = if left + 1 == self.width { 0 } else { left + 1 };
+        let texels = |row: f64| {
+            let row = row.clamp(0.0, self.height as f64 - 1.0) as usize * self.width;
+            let [a, b] = [&self.texels[row + left], &self.texels[row + right]];
+            Vec3::from(*a).as_dvec3().lerp(Vec3::from(*b).as_dvec3(), right_weight)
         };
-        let upper = texel(0, 0).lerp(texel(1, 0), right_weight);
-        let lower = texel(0, 1).lerp(texel(1, 1), right_weight);
-        upper.lerp(lower, bottom_weight)
+        texels(top).lerp(texels(top + 1.0), bottom_weight)
     }
 
     /// See [`PreparedEnvironment::sample`].

@@ -5,8 +5,9 @@ use glam::DVec3;
 use super::attributes::vertex_colour;
 use super::{World, WorldObject};
 use crate::bvh::{Primitive, Traversal};
+use crate::film::ColourPipeline;
 use crate::geometry::spawn::{ORIGIN_OFFSET, SurfacePoint};
-use crate::geometry::{AnalyticShape, Hit, Numerics, Ray};
+use crate::geometry::{AnalyticShape, Hit, Numerics, PrimId, Ray};
 
 /// A surface interaction: a point of a surface, seen along a ray.
 #[derive(Debug, Clone, Copy)]
@@ -142,21 +143,38 @@ impl World {
                 surface.point = self.with_visible_start(point, normal, view, hit.t);
                 surface.geometric_normal = normal;
                 surface.shading_normal = normal;
-                let local = hit.prim.0 - object.first.0;
-                if let Some(normals) = object.attributes.normals(local) {
-                    let smooth = blend(normals, barycentrics);
-                    // Where vertex normals are zero or cancel, the triangle's normal is kept.
-                    if let Some(smooth) = smooth.try_normalize() {
-                        surface.shading_normal = if smooth.dot(normal) < 0.0 { -smooth } else { smooth };
-                    }
+                if let Some(smooth) = object.smooth_normal(hit.prim, barycentrics, normal) {
+                    surface.shading_normal = smooth;
                 }
-                if let Some(colours) = object.attributes.colours(local) {
-                    let linear = blend(colours.map(|c| c.as_dvec3()), barycentrics);
-                    surface.tint = vertex_colour(linear, self.pipeline);
+                if let Some(tint) = object.tint(hit.prim, barycentrics, self.pipeline) {
+                    surface.tint = tint;
                 }
             }
         }
         surface
+    }
+}
+
+impl WorldObject {
+    /// The interpolated vertex normal at a point of a triangle, on the side of the triangle's `normal`. `None` where
+    /// there are none, they are zero, or they cancel.
+    #[inline]
+    pub(super) fn smooth_normal(&self, prim: PrimId, barycentrics: [f64; 3], normal: DVec3) -> Option<DVec3> {
+        let normals = self.attributes.normals(prim.0 - self.first.0)?;
+        let smooth = blend(normals, barycentrics).try_normalize()?;
+        Some(if smooth.dot(normal) < 0.0 { -smooth } else { smooth })
+    }
+
+    /// The interpolated vertex colour at a point of a triangle; `None` where there are none.
+    #[inline]
+    pub(super) fn tint(
+        &self,
+        prim: PrimId,
+        barycentrics: [f64; 3],
+        pipeline: ColourPipeline,
+    ) -> Option<DVec3> {
+        let colours = self.attributes.colours(prim.0 - self.first.0)?;
+        Some(vertex_colour(blend(colours.map(|c| c.as_dvec3()), barycentrics), pipeline))
     }
 }
 

@@ -1,7 +1,7 @@
 //! Surface interactions of a ray generation, as a structure of arrays.
 //!
-//! Runs of adjacent hits on one sphere or flat triangle are computed in one vectorised loop, with the operations of
-//! [`World::interaction`] and so with the same bits.
+//! Runs of adjacent hits on one sphere or flat triangle are computed in one vectorised loop, and so are hits on
+//! different triangles, whose corners are gathered: with the operations of [`World::interaction`] and the same bits.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use super::World;
 use super::interaction::{FurtherTexels, SurfaceInteraction, Texels};
-use super::soa::{PerRay, RAYS_PER_BATCH, Vec3Soa, simd};
+use super::soa::{Flags, PerRay, RAYS_PER_BATCH, Vec3Soa, simd};
 use crate::bvh::Primitive;
 use crate::geometry::spawn::{EdgeTest, SurfacePoint};
 use crate::geometry::{AnalyticShape, Hit, HitBuffer, PrimId, RayBuffer, SlotId, Triangle};
@@ -41,7 +41,7 @@ pub struct InteractionSoa {
     /// The values of their further textures; empty where no surface has one.
     pub further_texels: Vec<FurtherTexels>,
     /// See [`SurfaceInteraction::is_turned`].
-    is_turned: PerRay<bool>,
+    is_turned: Flags,
     /// The hits: distances along the rays, barycentrics v and w, primitives and their slots.
     t: PerRay<f64>,
     barycentrics: [PerRay<f64>; 2],
@@ -50,6 +50,10 @@ pub struct InteractionSoa {
     object: PerRay<u32>,
     material: PerRay<u32>,
     ray_of: PerRay<u32>,
+    /// The corners of triangles that are hit by single rays.
+    corners: [Vec3Soa; 3],
+    /// Whether [`World::interaction`] has to compute an interaction alone.
+    is_alone: Flags,
     runs: Vec<Run>,
     material_ranges: Vec<(u32, Range<usize>)>,
 }
@@ -132,7 +136,7 @@ impl InteractionSoa {
             texels: self.texels.get(i).copied().unwrap_or_default(),
             further_texels: self.further_texels.get(i).copied().unwrap_or_default(),
             tint: self.tint.get(i),
-            is_turned: self.is_turned[i],
+            is_turned: self.is_turned.get(i),
             hit: self.hit(i),
             object: self.object[i],
             material: self.material[i],
@@ -159,7 +163,7 @@ impl InteractionSoa {
         self.geometric_normal.set(i, surface.geometric_normal);
         self.shading_normal.set(i, surface.shading_normal);
         self.tint.set(i, surface.tint);
-        self.is_turned[i] = surface.is_turned;
+        self.is_turned.set(i, surface.is_turned);
         self.object[i] = surface.object;
         self.material[i] = surface.material;
     }
@@ -201,17 +205,29 @@ impl World {
     /// Computes the surface interactions of the closest hits of `rays`, at most [`RAYS_PER_BATCH`].
     pub fn interactions(&self, rays: &RayBuffer, hits: &HitBuffer, surfaces: &mut InteractionSoa) {
         surfaces.gather(rays, hits);
-        let mut end = surfaces.len();
+        // The hits from `single` on are those of runs that are too short.
+        let (mut single, mut end) = (surfaces.len(), surfaces.len());
         for index in (0..surfaces.runs.len()).rev() {
             let run = surfaces.runs[index];
-            self.interactions_of_run(run, end, rays, surfaces);
+            if self.interactions_of_run(run, end, rays, surfaces) {
+                self.interactions_of_single_hits(end..single, rays, surfaces);
+                single = run.start;
+            }
             end = run.start;
         }
+        self.interactions_of_single_hits(0..single, rays, surfaces);
         surfaces.find_material_ranges();
     }
 
-    /// Computes the interactions of a run, which ends before `end`.
-    fn interactions_of_run(&self, run: Run, end: usize, rays: &RayBuffer, surfaces: &mut InteractionSoa) {
+    /// Computes the interactions of a run, which ends before `end`. Returns `false` where its hits are left to be computed
+    /// one by one.
+    fn interactions_of_run(
+        &self,
+        run: Run,
+        end: usize,
+        rays: &RayBuffer,
+        surfaces: &mut InteractionSoa,
+    ) -> bool {
         let range = run.start..end;
         if range.len() >= MIN_RUN && self.is_plain(run.prim) {
             match self.accelerator.primitive(run.slot) {
@@ -221,7 +237,8 @@ impl World {
                         surfaces.position.set(i, point);
                     }
                     simd!(on_analytic(surfaces, range.clone(), &shape));
-                    return self.set_indices(run.prim, range, surfaces);
+                    self.set_indices(run.prim, range, surfaces);
+                    return true;
                 }
                 Primitive::Triangle(triangle) => {
                     if let Some(normal) = triangle.unit_normal() {
@@ -231,14 +248,49 @@ impl World {
                         if is_any_near {
                             self.move_starts(surfaces, range.clone(), &triangle, &edges);
                         }
-                        return self.set_indices(run.prim, range, surfaces);
+                        self.set_indices(run.prim, range, surfaces);
+                        return true;
                     }
                 }
             }
         }
+        false
+    }
+
+    /// Computes the interactions of hits on different primitives.
+    fn interactions_of_single_hits(
+        &self,
+        range: Range<usize>,
+        rays: &RayBuffer,
+        surfaces: &mut InteractionSoa,
+    ) {
+        for i in range.clone() {
+            let primitive = self.accelerator.primitive(SlotId::new(surfaces.slot[i]));
+            surfaces.is_alone.set(i, !matches!(primitive, Primitive::Triangle(_)));
+            if let Primitive::Triangle(triangle) = primitive {
+                for (to, corner) in surfaces.corners.iter_mut().zip(triangle.0) {
+                    to.set(i, corner);
+                }
+            }
+        }
+        simd!(on_triangles(surfaces, range.clone()));
         for i in range {
-            let ray = rays.get(surfaces.ray_of[i] as usize);
-            surfaces.set(i, &self.interaction(&ray, &surfaces.hit(i)));
+            if surfaces.is_alone.get(i) {
+                let ray = rays.get(surfaces.ray_of[i] as usize);
+                surfaces.set(i, &self.interaction(&ray, &surfaces.hit(i)));
+                continue;
+            }
+            let prim = PrimId(surfaces.prim[i]);
+            let index = self.object_of(prim);
+            let object = &self.objects[index as usize];
+            (surfaces.object[i], surfaces.material[i]) = (index, object.material);
+            let barycentrics = surfaces.barycentrics(i);
+            if let Some(normal) = object.smooth_normal(prim, barycentrics, surfaces.geometric_normal.get(i)) {
+                surfaces.shading_normal.set(i, normal);
+            }
+            if let Some(tint) = object.tint(prim, barycentrics, self.pipeline) {
+                surfaces.tint.set(i, tint);
+            }
         }
     }
 
@@ -294,6 +346,23 @@ fn on_triangle(
     is_any_near
 }
 
+/// Computes hits on the triangles of `corners`, without vertex attributes. Those that are near an edge, or on triangles
+/// without normal, have to be computed alone.
+#[inline(always)]
+fn on_triangles(surfaces: &mut InteractionSoa, range: Range<usize>) {
+    for i in range.start..range.end.min(RAYS_PER_BATCH) {
+        let [a, b, c] = &surfaces.corners;
+        let triangle = Triangle([a.get(i), b.get(i), c.get(i)]);
+        let barycentrics = surfaces.barycentrics(i);
+        let (normal, has_normal) = triangle.unit_normal_unchecked();
+        let is_near = EdgeTest::new(triangle.0).is_near(barycentrics);
+        let is_turned = triangle.normal().dot(surfaces.view.get(i)) < 0.0;
+        finish(surfaces, i, SurfacePoint::in_triangle(triangle.0, barycentrics), normal);
+        surfaces.is_turned.set(i, is_turned);
+        surfaces.is_alone.set(i, surfaces.is_alone.get(i) | is_near | !has_normal);
+    }
+}
+
 /// Computes a run on an analytic shape, from positions `ray.at(t)`.
 #[inline(always)]
 fn on_analytic(surfaces: &mut InteractionSoa, range: Range<usize>, shape: &AnalyticShape) {
@@ -310,7 +379,7 @@ fn finish(surfaces: &mut InteractionSoa, i: usize, point: SurfacePoint, normal: 
     let behind = normal.dot(surfaces.view.get(i)) < 0.0;
     let turn = |c: f64| if behind { -c } else { c };
     let facing = DVec3::new(turn(normal.x), turn(normal.y), turn(normal.z));
-    surfaces.is_turned[i] = behind;
+    surfaces.is_turned.set(i, behind);
     surfaces.set_point(i, point);
     surfaces.geometric_normal.set(i, facing);
     surfaces.shading_normal.set(i, facing);

@@ -31,7 +31,7 @@ use environment::PreparedEnvironment;
 
 pub(crate) use area_lights::{AreaLights, has_radiance};
 pub(crate) use directional::LightDisc;
-pub(crate) use emitters::{EmitterSample, Emitters, emission_texture, sampled_emission};
+pub(crate) use emitters::{EmitterSample, Emitters, TriangleSample, emission_texture, sampled_emission};
 pub(crate) use fit::{KEY_IRRADIANCE, key_light, opening};
 pub use fit::{StandardView, fitted_camera, headlight, turntable_camera};
 pub use image::Image;
@@ -40,7 +40,7 @@ pub use interactions::InteractionSoa;
 pub use mip_map::{MipLevel, MipMap};
 pub use recenter::{Recentering, recenter};
 pub(crate) use soa::simd;
-pub use soa::{PerRay, RAYS_PER_BATCH, Vec3Soa, simd_dispatch};
+pub use soa::{Flags, PerRay, RAYS_PER_BATCH, Vec3Soa, simd_dispatch};
 pub(crate) use turns::sin_cos_of_turns;
 pub use view::{View, basis};
 pub(crate) use volumes::Volumes;

@@ -70,6 +70,24 @@ impl Vec3Soa {
     }
 }
 
+/// A flag per ray, as wide as a coordinate: loops that store numbers of several sizes are not vectorised.
+#[derive(Debug, Clone, Default)]
+pub struct Flags(PerRay<u64>);
+
+impl Flags {
+    /// The flag at `i`.
+    #[inline(always)]
+    pub fn get(&self, i: usize) -> bool {
+        self.0[i] != 0
+    }
+
+    /// Sets the flag at `i`.
+    #[inline(always)]
+    pub fn set(&mut self, i: usize, flag: bool) {
+        self.0[i] = u64::from(flag);
+    }
+}
+
 /// [`simd_dispatch`] of an expression.
 macro_rules! simd {
     ($work:expr) => {

@@ -173,13 +173,13 @@ impl EdgeTest {
 
 /// The largest coordinate of the corners, per axis.
 #[inline(always)]
-fn reach_of([a, b, c]: [DVec3; 3]) -> DVec3 {
+pub fn reach_of([a, b, c]: [DVec3; 3]) -> DVec3 {
     a.abs().max(b.abs()).max(c.abs())
 }
 
 /// The point of a triangle with the given barycentrics.
 #[inline(always)]
-fn point_at([a, b, c]: [DVec3; 3], barycentrics: [f64; 3]) -> DVec3 {
+pub fn point_at([a, b, c]: [DVec3; 3], barycentrics: [f64; 3]) -> DVec3 {
     a * barycentrics[0] + b * barycentrics[1] + c * barycentrics[2]
 }
 

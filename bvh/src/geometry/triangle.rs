@@ -38,11 +38,19 @@ impl Triangle {
     /// largest coordinate, of which 2^-53 is the rounding of the edges.
     #[inline(always)]
     pub fn unit_normal(&self) -> Option<DVec3> {
+        let (normal, is_reliable) = self.unit_normal_unchecked();
+        is_reliable.then_some(normal)
+    }
+
+    /// [`Triangle::unit_normal`] without a branch, and whether it is `Some`.
+    #[inline(always)]
+    pub fn unit_normal_unchecked(&self) -> (DVec3, bool) {
         let [a, b, c] = self.0;
         let (normal, reach) = (self.normal(), a.abs().max(b.abs()).max(c.abs()).max_element());
         let area_squared = normal.length_squared();
         let least = ORIGIN_OFFSET * reach;
-        (area_squared > least * least * self.longest_edge_squared()).then(|| normal / area_squared.sqrt())
+        let is_reliable = area_squared > least * least * self.longest_edge_squared();
+        (normal / area_squared.sqrt(), is_reliable)
     }
 
     /// The square of the length of the longest edge.

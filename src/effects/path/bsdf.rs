@@ -1,23 +1,82 @@
-//! The BSDF of a path vertex: its parameters, and its evaluation for a world direction.
+//! The BSDFs of path vertices: their parameters, their values for light samples, and the directions that they sample.
 
 use glam::DVec3;
 
+use super::continuations::Continuations;
+use super::light_samples::LightSamples;
 use super::media::Crossing;
-use super::vertex::{Vertex, to_local};
+use super::numbers::GenerationNumbers;
+use super::vertices::Vertices;
 use crate::scene::{Material, Phong};
-use crate::shading::bsdf::{Bsdf, BsdfParameters};
-use crate::world::{PreparedMaterial, SurfaceInteraction};
+use crate::shading::bsdf::{Bsdf, BsdfParameters, diffuse};
+use crate::world::{InteractionSoa, PreparedMaterial, SurfaceInteraction, World, simd};
 
-impl Vertex<'_> {
-    /// The value of the BSDF times the cosine, and its density, for a world direction. 0 where shading and geometric
-    /// normal disagree on the side.
-    #[inline]
-    pub(super) fn eval(&self, bsdf: &Bsdf, direction: DVec3) -> (DVec3, f64) {
-        let local = to_local(&self.frame, direction);
-        if (local.z > 0.0) != (direction.dot(self.surface.geometric_normal) > 0.0) {
-            return (DVec3::ZERO, 0.0);
+/// Evaluates the BSDFs for the light samples of all vertices and samples a direction of each.
+pub(super) fn scatter(
+    world: &World,
+    surfaces: &InteractionSoa,
+    vertices: &Vertices,
+    numbers: &GenerationNumbers,
+    lights: &mut [Box<LightSamples>],
+    continuations: &mut Continuations,
+) {
+    if vertices.others.len() < vertices.len() {
+        for samples in &mut *lights {
+            simd!(eval_diffuse(vertices, samples));
         }
-        bsdf.eval_pdf(local)
+        simd!(sample_diffuse(vertices, numbers, continuations));
+    }
+    let mut bsdf = Bsdf::EMPTY;
+    for i in vertices.others.iter().map(|&i| i as usize) {
+        let is_set = set(&mut bsdf, world, surfaces, vertices, i);
+        for samples in &mut *lights {
+            let (value, pdf) = if is_set { bsdf.eval_pdf(samples.local.get(i)) } else { (DVec3::ZERO, 0.0) };
+            samples.value.set(i, value);
+            samples.bsdf_pdf[i] = pdf;
+        }
+        let sample = is_set.then(|| {
+            let [[x, y], [lobe, _]] = [numbers.direction(i), numbers.lobe_and_roulette(i)];
+            bsdf.sample([lobe, x, y])
+        });
+        continuations.set(i, sample.flatten());
+        continuations.is_delta.set(i, is_set && bsdf.is_delta());
+    }
+}
+
+/// Sets the BSDF of a vertex, for its view. Returns whether the surface scatters light.
+fn set(bsdf: &mut Bsdf, world: &World, surfaces: &InteractionSoa, vertices: &Vertices, i: usize) -> bool {
+    if !vertices.is_visible(i) {
+        return false;
+    }
+    let surface = surfaces.get(i);
+    let crossing = vertices.crossings.get(i).unwrap_or(&Crossing::NONE);
+    let material = &world.materials[surface.material as usize];
+    let Some(parameters) = parameters(material, &surface, crossing) else { return false };
+    bsdf.set(&parameters, vertices.view.get(i));
+    true
+}
+
+#[inline(always)]
+fn eval_diffuse(vertices: &Vertices, samples: &mut LightSamples) {
+    for i in 0..vertices.len() {
+        let (value, pdf) = diffuse::eval_pdf(vertices.albedo.get(i), samples.local.get(i));
+        samples.value.set(i, value);
+        samples.bsdf_pdf[i] = pdf;
+    }
+}
+
+#[inline(always)]
+fn sample_diffuse(vertices: &Vertices, numbers: &GenerationNumbers, continuations: &mut Continuations) {
+    for i in 0..vertices.len() {
+        let albedo = vertices.albedo.get(i);
+        let direction = diffuse::sample(numbers.direction(i));
+        let (value, pdf) = diffuse::eval_pdf(albedo, direction);
+        let (is_visible, reflects) = (vertices.is_visible(i), albedo.element_sum() > 0.0);
+        let is_possible = is_visible & reflects & (pdf > 0.0);
+        continuations.direction.set(i, direction);
+        continuations.weight.set(i, value / pdf);
+        continuations.pdf[i] = if is_possible { pdf } else { 0.0 };
+        continuations.is_delta.set(i, is_visible & !reflects);
     }
 }
 
@@ -25,19 +84,16 @@ impl Vertex<'_> {
 #[inline]
 pub(super) fn diffuse_albedo(
     material: &PreparedMaterial,
-    surface: &SurfaceInteraction,
-    crossing: &Crossing,
+    surfaces: &InteractionSoa,
+    i: usize,
 ) -> Option<DVec3> {
-    match material {
-        Material::Phong(m) if m.specular <= 0.0 && m.refraction.is_none() && !crossing.is_hidden => {
-            Some(phong_albedo(m, surface))
-        }
-        _ => None,
-    }
+    let Material::Phong(m) = material else { return None };
+    let texel = surfaces.texels.get(i).map_or(DVec3::ONE, |texels| texels.colour);
+    (m.specular <= 0.0 && m.refraction.is_none()).then(|| phong_albedo(m, surfaces.tint.get(i), texel))
 }
 
-fn phong_albedo(m: &Phong<DVec3>, surface: &SurfaceInteraction) -> DVec3 {
-    unit(m.colour * surface.tint * surface.texels.colour * m.diffuse)
+fn phong_albedo(m: &Phong<DVec3>, tint: DVec3, texel: DVec3) -> DVec3 {
+    unit(m.colour * tint * texel * m.diffuse)
 }
 
 fn unit(colour: DVec3) -> DVec3 {
@@ -46,7 +102,7 @@ fn unit(colour: DVec3) -> DVec3 {
 
 /// The parameters of the BSDF, `None` where nothing is scattered.
 #[inline]
-pub(super) fn parameters(
+fn parameters(
     material: &PreparedMaterial,
     surface: &SurfaceInteraction,
     crossing: &Crossing,
@@ -90,7 +146,7 @@ pub(super) fn parameters(
         // Blinn's exponent as a width of GGX (Walter and others, Microfacet Models for Refraction, 2007, section 5.2):
         // alpha^2 = 2 / (n + 2). Without a highlight there is no specular layer.
         Material::Phong(m) => BsdfParameters {
-            base_colour: phong_albedo(m, surface),
+            base_colour: phong_albedo(m, surface.tint, surface.texels.colour),
             metallic: 0.0,
             roughness: (2.0 / (m.shininess + 2.0)).sqrt().sqrt().clamp(0.0, 1.0),
             specular: m.specular.clamp(0.0, 1.0),

@@ -3,11 +3,10 @@
 use glam::DVec3;
 
 use super::lights::Lights;
-use super::vertex::Vertex;
 use super::{Buffers, Scatter};
 use crate::effects::tile::{RayGeneration, RenderContext};
 use crate::scene::Material;
-use crate::world::{PreparedMaterial, SurfaceInteraction};
+use crate::world::{PreparedMaterial, SurfaceInteraction, World};
 
 impl Scatter {
     /// What a path adds after `bounces` bounces: as it is where light comes to the camera directly or by one surface,
@@ -65,17 +64,40 @@ impl Buffers {
     }
 }
 
-impl Vertex<'_> {
-    /// The radiance that the surface emits towards the ray's origin, weighted for the path.
-    #[inline]
-    pub(super) fn emitted(&self, lights: &Lights) -> DVec3 {
-        let Vertex { world, surface, path, .. } = self;
-        let emission = emission(&world.materials[surface.material as usize], surface);
-        let is_dark_side = world.emitters.is_one_sided(surface.hit.prim) && world.is_seen_from_back(surface);
-        if emission == DVec3::ZERO || is_dark_side {
-            return DVec3::ZERO;
+impl Buffers {
+    /// Adds the radiance that the surfaces of a generation emit towards the origins of their rays.
+    pub(super) fn add_emitted(
+        &mut self,
+        generation: &RayGeneration,
+        world: &World,
+        lights: &Lights,
+        stage: &Scatter,
+        depth: u32,
+    ) {
+        for (i, &ray) in generation.surfaces.ray_of().iter().enumerate() {
+            let material = &world.materials[generation.surfaces.materials()[i] as usize];
+            if !may_emit(material) {
+                continue;
+            }
+            let surface = generation.surfaces.get(i);
+            let emission = emission(material, &surface);
+            let is_dark_side =
+                world.emitters.is_one_sided(surface.hit.prim) && world.is_seen_from_back(&surface);
+            if emission == DVec3::ZERO || is_dark_side {
+                continue;
+            }
+            let weight = lights.weight_of_emitter(&surface, &self.paths[ray as usize]);
+            let radiance = self.vertices.throughput.get(i) * emission * weight;
+            self.add_radiance(generation.camera_rays[ray as usize], radiance, stage, depth);
         }
-        path.throughput * emission * lights.weight_of_emitter(surface, path)
+    }
+}
+
+/// Whether a surface of a material emits light somewhere.
+fn may_emit(material: &PreparedMaterial) -> bool {
+    match material {
+        Material::Phong(m) => m.emission != DVec3::ZERO,
+        Material::MetallicRoughness(m) => m.unlit || m.emission != DVec3::ZERO,
     }
 }
 

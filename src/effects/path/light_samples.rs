@@ -1,39 +1,245 @@
-//! Light samples at path vertices: listed as shadow rays with what they add, and traced for a generation.
+//! Light samples of path vertices, as structures of arrays: chosen, listed as shadow rays with what they add, and traced
+//! for a generation.
 
 use glam::DVec3;
 
-use super::lights::{LightConnection, Lights};
-use super::vertex::Vertex;
+use super::lights::{LightConnection, Lights, Target};
+use super::numbers::GenerationNumbers;
+use super::vertices::{Vertices, select};
 use super::weights::light_weight;
 use super::{Buffers, LIGHT_RAYS, LightPath, Scatter};
-use crate::effects::tile::Tile;
-use crate::effects::{RayKind, transparency};
-use crate::geometry::Ray;
-use crate::shading::bsdf::Bsdf;
-use crate::world::World;
+use crate::effects::tile::{RayGeneration, Tile};
+use crate::effects::{LightTechnique, RayKind, shadow_ray, transparency};
+use crate::geometry::spawn::SurfacePoint;
+use crate::geometry::{Numerics, Ray};
+use crate::shading::LightSample;
+use crate::world::{Flags, InteractionSoa, PerRay, TriangleSample, Vec3Soa, World, simd};
 
-impl Buffers {
-    /// Lists the shadow rays to the lights that are sampled at a vertex.
-    pub(super) fn list_light_samples(
+/// A light sample at each vertex of a generation.
+#[derive(Default)]
+pub(super) struct LightSamples {
+    /// Unit vectors towards the sampled points.
+    direction: Vec3Soa,
+    /// The same in the frames of the vertices.
+    pub(super) local: Vec3Soa,
+    /// The incident radiance; from [`LightSamples::find_rays`] on that which the paths gain where it is not occluded.
+    radiance: Vec3Soa,
+    /// The density per solid angle, times the expected number of samples of the light; infinite for lights without
+    /// size, which no BSDF sample reaches; 0 where there is no sample.
+    pdf: PerRay<f64>,
+    /// The distances of lights without size and of what is infinitely far away; 0 for points of surfaces.
+    distance: PerRay<f64>,
+    /// Points of surfaces as ends of shadow rays, in front of the surface.
+    end: Vec3Soa,
+    /// Directions and lengths of shadow rays from above the surface, to points of surfaces and to what is infinitely
+    /// far away.
+    ray_direction: Vec3Soa,
+    t_max: PerRay<f64>,
+    /// Whether the shadow ray is another one.
+    is_special: Flags,
+    /// The value of the BSDF times the cosine, and its density per solid angle.
+    pub(super) value: Vec3Soa,
+    pub(super) bsdf_pdf: PerRay<f64>,
+    /// The sampled points of triangles, at vertices with such samples.
+    triangles: TriangleSamples,
+}
+
+/// [`TriangleSample`]s as a structure of arrays.
+#[derive(Default)]
+struct TriangleSamples {
+    is_set: Flags,
+    position: Vec3Soa,
+    start: Vec3Soa,
+    reach: Vec3Soa,
+    normal: Vec3Soa,
+    density: PerRay<f64>,
+}
+
+impl TriangleSamples {
+    fn set(&mut self, i: usize, sample: &TriangleSample) {
+        let &TriangleSample { point: SurfacePoint { position, start, reach }, normal, density } = sample;
+        self.position.set(i, position);
+        self.start.set(i, start);
+        self.reach.set(i, reach);
+        self.normal.set(i, normal);
+        self.density[i] = density;
+    }
+}
+
+impl LightSamples {
+    /// Takes a light sample of each vertex.
+    pub(super) fn take(
         &mut self,
-        vertex: &Vertex,
-        bsdf: &Bsdf,
-        lights: &Lights,
-        stage: &Scatter,
+        (world, lights): (&World, &Lights),
+        surfaces: &InteractionSoa,
+        vertices: &Vertices,
+        numbers: &GenerationNumbers,
     ) {
-        // Each sample is limited to its share of the clamp.
-        let samples = f64::from(stage.settings.light_samples);
-        for index in 0..stage.settings.light_samples {
-            let Some((shadow_ray, radiance)) = vertex.sample_light(bsdf, lights, index) else {
-                continue;
-            };
-            if !radiance.is_finite() {
-                self.discarded += 1;
+        for i in 0..vertices.len() {
+            let [choice, point] = numbers.light_and_point(i);
+            self.triangles.is_set.set(i, false);
+            self.pdf[i] = 0.0;
+            if !vertices.is_visible(i) {
                 continue;
             }
-            let radiance = stage.clamped(radiance * samples, vertex.numbers.sequence.depth + 1) / samples;
-            self.shadow_rays.push(&shadow_ray);
-            self.light_paths.push(LightPath { camera_ray: vertex.camera_ray, radiance });
+            if let Some((sample, radiance)) = lights.sample_triangle(choice, point) {
+                self.triangles.set(i, &sample);
+                self.triangles.is_set.set(i, true);
+                self.radiance.set(i, radiance);
+            } else if let Some(sample) = lights.sample(surfaces.position.get(i), choice, point) {
+                self.set(i, &sample);
+            }
+        }
+        match world.numerics() {
+            Numerics::Fast => simd!(self.find_directions(lights, surfaces, vertices, Numerics::Fast)),
+            _ => simd!(self.find_directions(lights, surfaces, vertices, Numerics::Watertight)),
+        }
+    }
+
+    fn set(&mut self, i: usize, sample: &LightConnection) {
+        self.direction.set(i, sample.direction);
+        self.radiance.set(i, sample.radiance);
+        self.pdf[i] = sample.pdf.unwrap_or(f64::INFINITY);
+        match &sample.target {
+            Target::Light(distance) => self.distance[i] = *distance,
+            Target::Point(end) => {
+                self.distance[i] = 0.0;
+                self.end.set(i, *end);
+            }
+        }
+    }
+
+    /// Computes what samples of triangles are as seen from the vertices, and directions in the frames of the vertices.
+    /// There is no sample where shading and geometric normal disagree on the side.
+    #[inline(always)]
+    fn find_directions(
+        &mut self,
+        lights: &Lights,
+        surfaces: &InteractionSoa,
+        vertices: &Vertices,
+        numerics: Numerics,
+    ) {
+        let expected = lights.expected();
+        let triangles = &self.triangles;
+        for i in 0..vertices.len() {
+            let (position, start, reach) =
+                (triangles.position.get(i), triangles.start.get(i), triangles.reach.get(i));
+            let point = SurfacePoint { position, start, reach };
+            let sample =
+                TriangleSample { point, normal: triangles.normal.get(i), density: triangles.density[i] };
+            let (direction, normal, pdf) = sample.seen_from(surfaces.position.get(i));
+            let end = point.origin_towards(normal, numerics);
+            let is_set = triangles.is_set.get(i);
+            let direction = select(is_set, direction, self.direction.get(i));
+            let pdf = if is_set { pdf * expected } else { self.pdf[i] };
+            let local = vertices.to_local(i, direction);
+            let is_above = direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
+            self.direction.set(i, direction);
+            self.local.set(i, local);
+            self.pdf[i] = if (local.z > 0.0) == is_above { pdf } else { 0.0 };
+            self.distance[i] = if is_set { 0.0 } else { self.distance[i] };
+            self.end.set(i, select(is_set, end, self.end.get(i)));
+        }
+    }
+
+    /// Computes what the paths gain, and the shadow rays.
+    #[inline(always)]
+    fn find_rays(&mut self, surfaces: &InteractionSoa, vertices: &Vertices, technique: LightTechnique) {
+        for i in 0..vertices.len() {
+            let (pdf, value) = (self.pdf[i], self.value.get(i));
+            let weight = light_weight(technique, pdf, self.bsdf_pdf[i]) / pdf;
+            let weight = if pdf == f64::INFINITY { 1.0 } else { weight };
+            let radiance = vertices.throughput.get(i) * value * self.radiance.get(i) * weight;
+            let is_zero = (radiance.x == 0.0) & (radiance.y == 0.0) & (radiance.z == 0.0);
+            self.radiance.set(i, radiance);
+            self.pdf[i] = if is_zero { 0.0 } else { pdf };
+            let (direction, distance) = (self.direction.get(i), self.distance[i]);
+            let to_end = self.end.get(i) - vertices.origin_above(i);
+            let length = to_end.length();
+            let scale = 1.0 / length;
+            let is_far = distance == f64::INFINITY;
+            let is_above = direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
+            let is_common =
+                is_above & (is_far | ((distance == 0.0) & (scale > 0.0) & (scale < f64::INFINITY)));
+            self.ray_direction.set(i, select(is_far, direction, to_end * scale));
+            self.t_max[i] = if is_far { f64::INFINITY } else { length };
+            self.is_special.set(i, !is_common);
+        }
+    }
+
+    /// The shadow ray of a sample of a vertex; `None` where both ends coincide.
+    #[inline]
+    fn shadow_ray(
+        &self,
+        world: &World,
+        surfaces: &InteractionSoa,
+        vertices: &Vertices,
+        i: usize,
+    ) -> Option<Ray> {
+        if self.is_special.get(i) {
+            let origin = vertices.origin(i, world, surfaces, self.direction.get(i));
+            return self.special_ray(i, (origin, surfaces.position.get(i)), world.numerics());
+        }
+        let precision = world.numerics().ray_precision();
+        Some(precision.ray(vertices.origin_above(i), self.ray_direction.get(i), 0.0, self.t_max[i]))
+    }
+
+    /// The shadow ray from `origin`, of a vertex at `position`.
+    fn special_ray(&self, i: usize, (origin, position): (DVec3, DVec3), numerics: Numerics) -> Option<Ray> {
+        let (direction, distance) = (self.direction.get(i), self.distance[i]);
+        if distance > 0.0 {
+            let light = LightSample { direction, distance, radiance: DVec3::ZERO, cosine: 0.0 };
+            return Some(shadow_ray(origin, &light.seen_from(origin - position), numerics));
+        }
+        let end = self.end.get(i);
+        let direction = (end - origin).try_normalize()?;
+        Some(numerics.ray_precision().ray(origin, direction, 0.0, end.distance(origin)))
+    }
+}
+
+impl Buffers {
+    /// Lists the shadow rays of light samples that light can come from.
+    pub(super) fn list_shadow_rays(
+        &mut self,
+        (world, stage): (&World, &Scatter),
+        generation: &RayGeneration,
+        depth: u32,
+    ) {
+        let Buffers { vertices, lights, .. } = self;
+        let surfaces = &*generation.surfaces;
+        // Each sample is limited to its share of the clamp.
+        let count = f64::from(stage.settings.light_samples);
+        for samples in lights {
+            // The usual technique is passed as a constant, so that the loop has no branch on it.
+            match stage.technique {
+                LightTechnique::Both => {
+                    simd!(samples.find_rays(surfaces, vertices, LightTechnique::Both));
+                }
+                technique => samples.find_rays(surfaces, vertices, technique),
+            }
+            for (i, &ray) in surfaces.ray_of().iter().enumerate() {
+                if samples.pdf[i] == 0.0 {
+                    continue;
+                }
+                let mut radiance = samples.radiance.get(i);
+                let Some(shadow_ray) = samples.shadow_ray(world, surfaces, vertices, i) else { continue };
+                if world.volumes.is_some() {
+                    // What is infinitely far away is in no volume.
+                    let t_max = shadow_ray.t_max;
+                    let end = if t_max.is_finite() { shadow_ray.at(t_max) } else { DVec3::INFINITY };
+                    let direction = samples.direction.get(i);
+                    let media = vertices.media_towards(i, surfaces, direction).around(world, end);
+                    radiance *= media.transmittance(world, t_max);
+                }
+                if !radiance.is_finite() {
+                    self.discarded += 1;
+                    continue;
+                }
+                let radiance = stage.clamped(radiance * count, depth + 1) / count;
+                let camera_ray = generation.camera_rays[ray as usize];
+                self.shadow_rays.push(&shadow_ray);
+                self.light_paths.push(LightPath { camera_ray, radiance });
+            }
         }
     }
 
@@ -61,28 +267,5 @@ impl Buffers {
             recorder.record_occlusion(LIGHT_RAYS, tile.depth, None, &sources, shadow_rays.rays(), occluded);
         }
         tile.count(LIGHT_RAYS, occluded.len(), occluded.iter().filter(|&&occluded| occluded).count());
-    }
-}
-
-impl Vertex<'_> {
-    /// The shadow ray to a sampled light, and the radiance that the path gains if it is not occluded.
-    fn sample_light(&self, bsdf: &Bsdf, lights: &Lights, sample: u32) -> Option<(Ray, DVec3)> {
-        if bsdf.is_delta() {
-            return None;
-        }
-        let position = self.surface.point.position;
-        let [choice, point] = self.numbers.light(sample);
-        let LightConnection { direction, radiance, pdf, target } = lights.sample(position, choice, point)?;
-        let (value, bsdf_pdf) = self.eval(bsdf, direction);
-        let weight = pdf.map_or(1.0, |pdf| light_weight(lights.technique, pdf, bsdf_pdf) / pdf);
-        let radiance = self.path.throughput * value * radiance * weight;
-        if radiance == DVec3::ZERO {
-            return None;
-        }
-        let ray = target.ray(self.origin(direction), position, self.world.numerics())?;
-        // What is infinitely far away is in no volume.
-        let end = if ray.t_max.is_finite() { ray.at(ray.t_max) } else { DVec3::INFINITY };
-        let media = self.media_towards(direction).around(self.world, end);
-        Some((ray, radiance * media.transmittance(self.world, ray.t_max)))
     }
 }

@@ -7,13 +7,13 @@ use glam::DVec3;
 
 use super::weights::bsdf_weight;
 use super::{Path, Scatter};
-use crate::effects::{LightTechnique, TextureUse, shadow_ray};
-use crate::geometry::{Numerics, Ray};
+use crate::effects::{LightTechnique, TextureUse};
 use crate::scene::TexelEncoding;
 use crate::shading::LightSample;
 use crate::shading::texture::look_up;
 use crate::world::{
-    EmitterSample, Emitters, SurfaceInteraction, TexturePoint, World, emission_texture, sampled_emission,
+    EmitterSample, Emitters, SurfaceInteraction, TexturePoint, TriangleSample, World, emission_texture,
+    sampled_emission,
 };
 
 /// The lights of a world.
@@ -26,7 +26,7 @@ pub(super) struct Lights<'a> {
     count: usize,
     /// The expected number of samples of each light at a surface is 1 over this.
     per_sample: f64,
-    pub(super) technique: LightTechnique,
+    technique: LightTechnique,
 }
 
 /// A sampled light as seen from a point.
@@ -45,29 +45,10 @@ pub(super) struct LightConnection {
 
 /// The end of a shadow ray.
 pub(super) enum Target {
-    /// At an infinite distance or at a light without size, which may lie on a surface, as sampled.
-    Light(LightSample),
+    /// At a light without size, which may lie on a surface, or infinitely far away: the distance.
+    Light(f64),
     /// At a point, which is in front of the light's surface.
     Point(DVec3),
-}
-
-impl Target {
-    /// In a direction, at an infinite distance.
-    fn towards(direction: DVec3) -> Self {
-        let distance = f64::INFINITY;
-        Target::Light(LightSample { direction, distance, radiance: DVec3::ZERO, cosine: 0.0 })
-    }
-
-    /// The shadow ray from `origin`, of a point that the light was sampled from; `None` where both ends coincide.
-    pub(super) fn ray(&self, origin: DVec3, from: DVec3, numerics: Numerics) -> Option<Ray> {
-        match self {
-            Target::Light(sample) => Some(shadow_ray(origin, &sample.seen_from(origin - from), numerics)),
-            Target::Point(end) => {
-                let direction = (*end - origin).try_normalize()?;
-                Some(numerics.ray_precision().ray(origin, direction, 0.0, end.distance(origin)))
-            }
-        }
-    }
 }
 
 impl<'a> Lights<'a> {
@@ -80,13 +61,34 @@ impl<'a> Lights<'a> {
         Lights { world, emitters, texture_use, count, per_sample, technique }
     }
 
+    /// The expected number of samples of each light at a surface.
+    pub(super) fn expected(&self) -> f64 {
+        1.0 / self.per_sample
+    }
+
+    fn index(&self, choice: f64) -> usize {
+        ((choice * self.count as f64) as usize).min(self.count - 1)
+    }
+
+    /// The light sample of [`Lights::sample`] before it is seen from a point, with its radiance, if it is of a triangle
+    /// without emission texture.
+    #[inline]
+    pub(super) fn sample_triangle(
+        &self,
+        choice: [f64; 2],
+        numbers: [f64; 2],
+    ) -> Option<(TriangleSample, DVec3)> {
+        let is_emitter = !self.emitters.is_empty() && self.index(choice[0]) == self.world.lights.len();
+        if is_emitter { self.emitters.sample_triangle(choice[1], numbers) } else { None }
+    }
+
     /// Takes one of the light samples of a point; `None` where the sample gives no light there.
     pub(super) fn sample(&self, from: DVec3, choice: [f64; 2], numbers: [f64; 2]) -> Option<LightConnection> {
         if self.count == 0 {
             return None;
         }
-        let expected = 1.0 / self.per_sample;
-        let index = ((choice[0] * self.count as f64) as usize).min(self.count - 1);
+        let expected = self.expected();
+        let index = self.index(choice[0]);
         if let Some(light) = self.world.lights.get(index) {
             if let Some(disc) = &light.disc {
                 let direction = disc.sample(numbers);
@@ -94,13 +96,13 @@ impl<'a> Lights<'a> {
                     direction,
                     radiance: disc.radiance,
                     pdf: Some(disc.density() * expected),
-                    target: Target::towards(direction),
+                    target: Target::Light(f64::INFINITY),
                 });
             }
             let sample = LightSample::towards(light, from)?;
             // An intensity of 1 gives a facing diffuse surface the radiance of its base colour, pi times that of the BSDF.
             let radiance = PI * sample.radiance / expected;
-            let (direction, target) = (sample.direction, Target::Light(sample));
+            let (direction, target) = (sample.direction, Target::Light(sample.distance));
             return Some(LightConnection { direction, radiance, pdf: None, target });
         }
         if index == self.world.lights.len() && !self.emitters.is_empty() {
@@ -120,7 +122,7 @@ impl<'a> Lights<'a> {
             direction: sample.direction,
             radiance: sample.radiance,
             pdf: Some(pdf),
-            target: Target::towards(sample.direction),
+            target: Target::Light(f64::INFINITY),
         })
     }
 

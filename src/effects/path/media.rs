@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::bvh::Traversal;
-use crate::world::{SurfaceInteraction, World};
+use crate::world::{InteractionSoa, World};
 
 /// The most volumes of which a path knows that they hold its vertex. Beyond, those that enclose most are forgotten; a
 /// hit from inside recalls them.
@@ -111,16 +111,24 @@ pub(super) struct Crossing {
 }
 
 impl Crossing {
-    /// The surface that a path from `media` meets.
-    pub(super) fn new(world: &World, media: Media, surface: &SurfaceInteraction) -> Self {
-        let Some(volumes) = &world.volumes else {
-            let (passed, sides) = (None, [Media::EMPTY; 2]);
-            return Crossing { passed, sides, from_inside: false, is_hidden: false, ior_around: 1.0 };
-        };
-        let position = surface.point.position;
-        let around = media.around(world, position);
-        let own = volumes.of_object(surface.object);
-        let from_inside = own.is_some() && world.is_seen_from_back(surface);
+    /// That of worlds without volumes.
+    pub(super) const NONE: Crossing = Crossing {
+        passed: None,
+        sides: [Media::EMPTY; 2],
+        from_inside: false,
+        is_hidden: false,
+        ior_around: 1.0,
+    };
+
+    /// Surface `i`, which a path from `media` meets.
+    pub(super) fn new(world: &World, media: Media, surfaces: &InteractionSoa, i: usize) -> Self {
+        let Some(volumes) = &world.volumes else { return Crossing::NONE };
+        let own = volumes.of_object(surfaces.objects()[i]);
+        if own.is_none() && media == Media::EMPTY {
+            return Crossing::NONE;
+        }
+        let around = media.around(world, surfaces.position.get(i));
+        let from_inside = own.is_some() && world.is_seen_from_back(&surfaces.get(i));
         let closed = own.filter(|&own| volumes.get(own).is_closed);
         let outside = closed.filter(|_| from_inside).map_or(around, |own| around.without(own));
         let inside = closed.map_or(outside, |own| outside.with(own));

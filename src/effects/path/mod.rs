@@ -1,19 +1,20 @@
 //! The transport `path`: light that surfaces scatter onto each other (Kajiya, The Rendering Equation, 1986), with next
 //! event estimation, multiple importance sampling and Russian roulette (pbrt, 4th edition, chapter 13).
 //!
-//! A path of a pixel sample is one ray a generation; the rays of two generations are kept. At each vertex ([`vertex`])
-//! a path takes these steps, each a file:
-//! 1. it adds the radiance that the surface emits, or that a ray which hits nothing finds ([`emission`]);
-//! 2. samples of lights ([`lights`]) are listed as shadow rays with what they add, by the value of the BSDF ([`bsdf`])
-//!    and the weights of multiple importance sampling ([`weights`]); the shadow rays of a generation are traced
-//!    together ([`light_samples`]);
-//! 3. the BSDF is sampled, and Russian roulette ends paths ([`continuation`]);
-//! 4. those that go on are the next generation, without gaps ([`Buffers::push`]).
+//! A path of a pixel sample is one ray a generation; the rays of two generations are kept. The vertices of a generation
+//! ([`vertices`]) take these steps together, each a file:
+//! 1. paths add the radiance that surfaces emit, or that rays which hit nothing find ([`emission`]);
+//! 2. lights ([`lights`]) are sampled ([`light_samples`]);
+//! 3. BSDFs are evaluated for the light samples, and sampled ([`bsdf`]);
+//! 4. light samples are listed as shadow rays with what they add, by the weights of multiple importance sampling
+//!    ([`weights`]), and traced together;
+//! 5. Russian roulette ends paths; those that go on are the next generation, without gaps ([`continuations`]).
 //!
-//! Random numbers depend on pixel, sample, generation and seed.
+//! All but the choice of lights, the BSDFs other than Lambert's, and media are loops without branches over structures of
+//! arrays, which the compiler vectorises. Random numbers depend on pixel, sample, generation and seed.
 
 mod bsdf;
-mod continuation;
+mod continuations;
 mod emission;
 mod light_samples;
 mod lights;
@@ -21,15 +22,17 @@ mod media;
 mod numbers;
 #[cfg(test)]
 mod tests;
-mod vertex;
+mod vertices;
 mod weights;
 
 use glam::DVec3;
 
+use continuations::Continuations;
+use light_samples::LightSamples;
 use lights::Lights;
 use media::Media;
-use numbers::{GenerationNumbers, Numbers, Sequence};
-use vertex::Vertex;
+use numbers::{GenerationNumbers, Sequence};
+use vertices::Vertices;
 
 use super::samples::{SampleIndex, list_samples};
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
@@ -37,10 +40,10 @@ use super::{
     Choices, Effect, EffectContext, EffectValue, Hook, LightTechnique, PathSettings, RayKind, SecondaryRays,
     Stage, TextureUse, TransportEntry, id, named,
 };
-use crate::geometry::{Ray, RayBuffer};
+use crate::geometry::RayBuffer;
 use crate::scene::{PixelSampler, Sampling, TextureSlot, Transport, TransportReason};
-use crate::shading::bsdf::Bsdf;
-use crate::world::World;
+use crate::shading::base_colour;
+use crate::world::{InteractionSoa, World};
 
 /// Rays in directions sampled by BSDFs.
 pub const RAYS: RayKind = RayKind { name: "path", is_shadow: false, colour: [120, 230, 150] };
@@ -165,8 +168,12 @@ struct Buffers {
     /// For each shadow ray, what it adds.
     light_paths: Vec<LightPath>,
     occluded: Vec<bool>,
-    /// The random numbers of a generation; `None` while they are used.
-    numbers: Option<Box<GenerationNumbers>>,
+    /// What the vertices of the current generation have.
+    numbers: Box<GenerationNumbers>,
+    vertices: Box<Vertices>,
+    /// Light samples, each of all vertices.
+    lights: Vec<Box<LightSamples>>,
+    continuations: Box<Continuations>,
     /// Samples of light in the current generation that were not finite.
     discarded: u64,
 }
@@ -174,7 +181,7 @@ struct Buffers {
 impl Buffers {
     fn bytes(&self) -> usize {
         let Buffers { radiance, samples, paths, next, media, next_media, .. } = self;
-        let Buffers { shadow_rays, light_paths, occluded, numbers, .. } = self;
+        let Buffers { shadow_rays, light_paths, occluded, vertices, lights, .. } = self;
         size_of::<Buffers>()
             + vec_bytes(radiance)
             + vec_bytes(samples)
@@ -185,7 +192,11 @@ impl Buffers {
             + shadow_rays.bytes()
             + vec_bytes(light_paths)
             + vec_bytes(occluded)
-            + numbers.as_ref().map_or(0, |_| size_of::<GenerationNumbers>())
+            + size_of::<GenerationNumbers>()
+            + vertices.bytes()
+            + vec_bytes(lights)
+            + lights.len() * size_of::<LightSamples>()
+            + size_of::<Continuations>()
     }
 
     /// Begins the paths of the camera rays.
@@ -263,7 +274,7 @@ impl Stage for Scatter {
 }
 
 impl Buffers {
-    /// Takes the steps of each vertex of a generation, up to the tracing of shadow rays, and fills the next generation.
+    /// Takes the steps of a generation's vertices, up to the tracing of shadow rays, and fills the next generation.
     fn scatter(&mut self, tile: &mut Tile, context: &RenderContext, stage: &Scatter) {
         let world = context.world;
         let depth = tile.depth as u32;
@@ -274,45 +285,69 @@ impl Buffers {
         }
         let (generation, next) = tile.this_and_next();
         self.clear_next(next);
+        self.discarded = 0;
         let lights = Lights::new(world, stage);
-        let mut bsdf = Bsdf::EMPTY;
+        self.add_missed(generation, context, &lights, stage, depth);
+        let surfaces = &*generation.surfaces;
+        self.vertices.begin(world, surfaces, &self.paths, &self.media);
+        self.add_emitted(generation, world, &lights, stage, depth);
         // The last vertices of paths only emit; denoising AOVs need to know whether they scatter.
         let is_last = depth >= stage.depth;
-        self.discarded = 0;
-        self.add_missed(generation, context, &lights, stage, depth);
-        let sequence = Sequence { seed: stage.seed, sampler: stage.sampler, depth };
-        let mut numbers = self.numbers.take().unwrap_or_default();
         if !is_last {
-            let camera_rays =
-                generation.surfaces.ray_of().iter().map(|&ray| generation.camera_rays[ray as usize]);
-            numbers.fill(camera_rays.map(|ray| self.samples[ray as usize]), sequence);
+            let camera_rays = surfaces.ray_of().iter().map(|&ray| generation.camera_rays[ray as usize]);
+            let sequence = Sequence { seed: stage.seed, sampler: stage.sampler, depth };
+            self.numbers.fill(camera_rays.map(|ray| self.samples[ray as usize]), sequence);
+            self.sample_lights((world, &lights, stage), surfaces, sequence);
         }
-        for (index, &ray) in generation.surfaces.ray_of().iter().enumerate() {
-            let ray = ray as usize;
-            let camera_ray = generation.camera_rays[ray];
-            let media = self.media.get(ray).copied().unwrap_or(Media::EMPTY);
-            let sample = self.samples[camera_ray as usize];
-            let numbers = Numbers { sequence, sample, generation: &numbers, vertex: index };
-            let (surface, path) = (generation.surfaces.get(index), self.paths[ray]);
-            let bsdf = (!is_last || scattering.is_some()).then_some(&mut bsdf);
-            let vertex = Vertex::new(world, surface, (camera_ray, path, media), numbers, bsdf);
-            self.add_radiance(camera_ray, vertex.emitted(&lights), stage, depth);
-            if let Some(found) = &mut scattering
-                && !vertex.bsdf.is_some_and(Bsdf::is_delta)
-            {
-                found[camera_ray as usize].get_or_insert_with(|| vertex.albedo_and_normal());
-            }
-            let Some(bsdf) = vertex.bsdf.filter(|_| !is_last) else { continue };
-            self.list_light_samples(&vertex, bsdf, &lights, stage);
-            if let Some(continued) = vertex.continued(bsdf, stage.settings.roulette_from) {
-                self.push(next, continued, (index as u32, camera_ray));
-            }
+        if !is_last || scattering.is_some() {
+            let Buffers { vertices, numbers, lights, continuations, .. } = self;
+            let lights = if is_last { &mut [] } else { &mut lights[..] };
+            bsdf::scatter(world, surfaces, vertices, numbers, lights, continuations);
         }
-        self.numbers = Some(numbers);
+        if let Some(found) = &mut scattering {
+            self.note_scattering(world, generation, found);
+        }
+        if !is_last {
+            self.list_shadow_rays((world, stage), generation, depth);
+            self.list_continuations(world, (generation, next), depth >= stage.settings.roulette_from);
+        }
         std::mem::swap(&mut self.paths, &mut self.next);
         std::mem::swap(&mut self.media, &mut self.next_media);
         tile.scattering = scattering;
         tile.discarded_samples += self.discarded;
+    }
+
+    /// Takes the light samples of all vertices.
+    fn sample_lights(
+        &mut self,
+        (world, lights, stage): (&World, &Lights, &Scatter),
+        surfaces: &InteractionSoa,
+        sequence: Sequence,
+    ) {
+        let Buffers { vertices, numbers, lights: samples, .. } = self;
+        samples.resize_with(stage.settings.light_samples as usize, Box::default);
+        for (index, samples) in (0..).zip(samples) {
+            numbers.fill_light(sequence, index);
+            samples.take((world, lights), surfaces, vertices, numbers);
+        }
+    }
+
+    /// Notes albedo and shading normal, for denoisers, of paths that first meet a surface with a BSDF that is not
+    /// made of delta lobes.
+    fn note_scattering(
+        &self,
+        world: &World,
+        generation: &RayGeneration,
+        found: &mut [Option<[[f32; 3]; 2]>],
+    ) {
+        for (i, &ray) in generation.surfaces.ray_of().iter().enumerate() {
+            let found = &mut found[generation.camera_rays[ray as usize] as usize];
+            if found.is_none() && !self.continuations.is_delta.get(i) {
+                let surface = generation.surfaces.get(i);
+                let values = [base_colour(world, &surface), surface.shading_normal];
+                *found = Some(values.map(|value| value.as_vec3().to_array()));
+            }
+        }
     }
 
     fn clear_next(&mut self, next: &mut RayGeneration) {
@@ -323,27 +358,6 @@ impl Buffers {
         self.next_media.clear();
         self.shadow_rays.clear();
         self.light_paths.clear();
-    }
-
-    /// Adds a path to the next generation, which leaves the surface `source`.
-    fn push(
-        &mut self,
-        next: &mut RayGeneration,
-        (ray, path, media): (Ray, Path, Media),
-        (source, camera_ray): (u32, u32),
-    ) {
-        if !path.throughput.is_finite() {
-            self.discarded += 1;
-            return;
-        }
-        next.rays.push(&ray);
-        next.sources.push(source);
-        next.camera_rays.push(camera_ray);
-        self.next.push(path);
-        // Empty in worlds without volumes, as the media of the camera rays are.
-        if !self.media.is_empty() {
-            self.next_media.push(media);
-        }
     }
 }
 

@@ -14,89 +14,93 @@ pub(super) struct Sequence {
     pub(super) depth: u32,
 }
 
-impl Sequence {
-    /// The dimensions that are computed at once: the light, the point on it, the direction, lobe and roulette.
-    fn dimensions(self) -> [Dimension; 4] {
-        let [light, point] = Dimension::light(self.depth, 0);
-        [light, point, Dimension::direction(self.depth), Dimension::lobe_and_roulette(self.depth)]
-    }
-}
-
-/// The random numbers of the vertices of a generation, as structures of arrays.
+/// The random numbers of the vertices of a generation, each from 0 to below 1, as structures of arrays.
 #[derive(Default)]
 pub(super) struct GenerationNumbers {
+    count: usize,
     pixels: [PerRay<u32>; 2],
     samples: PerRay<u32>,
-    /// For each of [`Sequence::dimensions`], two numbers of each vertex.
-    pairs: [[PerRay<f32>; 2]; 4],
+    /// Two numbers of each vertex: for the choice of a light, the point on it, the direction, lobe and roulette.
+    light: [PerRay<f32>; 2],
+    point: [PerRay<f32>; 2],
+    direction: [PerRay<f32>; 2],
+    lobe_and_roulette: [PerRay<f32>; 2],
 }
 
 impl GenerationNumbers {
-    /// Computes the numbers of vertices with the given pixels and samples.
+    /// Computes the numbers of vertices with the given pixels and samples, but for those of light samples.
     pub(super) fn fill(&mut self, vertices: impl Iterator<Item = SampleIndex>, sequence: Sequence) {
-        let mut count = 0;
+        self.count = 0;
         for (i, SampleIndex { x, y, sample }) in vertices.enumerate() {
             (self.pixels[0][i], self.pixels[1][i], self.samples[i]) = (x, y, sample);
-            count = i + 1;
+            self.count = i + 1;
         }
-        let Sequence { seed, sampler, .. } = sequence;
-        for (which, dimension) in sequence.dimensions().into_iter().enumerate() {
-            match sampler {
-                PixelSampler::Sobol => {
-                    simd!(self.fill_pairs(which, count, |pixel, sample| random::pair(
-                        pixel, seed, sample, dimension
-                    )));
-                }
-                PixelSampler::Independent => simd!(self.fill_pairs(which, count, |pixel, sample| {
-                    random::independent_pair(pixel, seed, sample, dimension)
-                })),
+        self.fill_pairs(sequence, Dimension::direction(sequence.depth), |numbers| &mut numbers.direction);
+        self.fill_pairs(sequence, Dimension::lobe_and_roulette(sequence.depth), |numbers| {
+            &mut numbers.lobe_and_roulette
+        });
+    }
+
+    /// Computes the numbers of light sample `index` of the same vertices.
+    pub(super) fn fill_light(&mut self, sequence: Sequence, index: u32) {
+        let [light, point] = Dimension::light(sequence.depth, index);
+        self.fill_pairs(sequence, light, |numbers| &mut numbers.light);
+        self.fill_pairs(sequence, point, |numbers| &mut numbers.point);
+    }
+
+    fn fill_pairs(
+        &mut self,
+        Sequence { seed, sampler, .. }: Sequence,
+        dimension: Dimension,
+        of: impl Fn(&mut Self) -> &mut [PerRay<f32>; 2],
+    ) {
+        match sampler {
+            PixelSampler::Sobol => {
+                let pair = |pixel, sample| random::pair(pixel, seed, sample, dimension);
+                simd!(self.compute(&of, pair));
+            }
+            PixelSampler::Independent => {
+                let pair = |pixel, sample| random::independent_pair(pixel, seed, sample, dimension);
+                simd!(self.compute(&of, pair));
             }
         }
     }
 
     #[inline(always)]
-    fn fill_pairs(&mut self, which: usize, count: usize, pair: impl Fn([u32; 2], u32) -> [f32; 2]) {
-        let GenerationNumbers { pixels: [x, y], samples, pairs } = self;
-        let [first, second] = &mut pairs[which];
-        for i in 0..count.min(RAYS_PER_BATCH) {
-            [first[i], second[i]] = pair([x[i], y[i]], samples[i]);
+    fn compute(
+        &mut self,
+        of: impl Fn(&mut Self) -> &mut [PerRay<f32>; 2],
+        pair: impl Fn([u32; 2], u32) -> [f32; 2],
+    ) {
+        for i in 0..self.count.min(RAYS_PER_BATCH) {
+            let [first, second] = pair([self.pixels[0][i], self.pixels[1][i]], self.samples[i]);
+            let pairs = of(self);
+            (pairs[0][i], pairs[1][i]) = (first, second);
         }
     }
 
-    fn pair(&self, which: usize, vertex: usize) -> [f64; 2] {
-        self.pairs[which].each_ref().map(|numbers| numbers[vertex].into())
-    }
-}
-
-/// The random numbers of a path vertex, each from 0 to below 1.
-pub(super) struct Numbers<'a> {
-    pub(super) sequence: Sequence,
-    pub(super) sample: SampleIndex,
-    pub(super) generation: &'a GenerationNumbers,
-    /// The index of the vertex in its generation.
-    pub(super) vertex: usize,
-}
-
-impl Numbers<'_> {
-    /// The choice of a light, and of a point on it, for light sample `index`.
-    pub(super) fn light(&self, index: u32) -> [[f64; 2]; 2] {
-        if index == 0 {
-            return [0, 1].map(|which| self.generation.pair(which, self.vertex));
-        }
-        let Sequence { seed, sampler, depth } = self.sequence;
-        Dimension::light(depth, index)
-            .map(|dimension| self.sample.pair(sampler, seed, dimension).map(f64::from))
+    /// The choice of a light, and of a point on it.
+    #[inline(always)]
+    pub(super) fn light_and_point(&self, vertex: usize) -> [[f64; 2]; 2] {
+        [&self.light, &self.point].map(|pair| at(pair, vertex))
     }
 
     /// The direction in which the path continues.
-    pub(super) fn direction(&self) -> [f64; 2] {
-        self.generation.pair(2, self.vertex)
+    #[inline(always)]
+    pub(super) fn direction(&self, vertex: usize) -> [f64; 2] {
+        at(&self.direction, vertex)
     }
 
     /// The lobe of that direction, and Russian roulette.
-    pub(super) fn lobe_and_roulette(&self) -> [f64; 2] {
-        self.generation.pair(3, self.vertex)
+    #[inline(always)]
+    pub(super) fn lobe_and_roulette(&self, vertex: usize) -> [f64; 2] {
+        at(&self.lobe_and_roulette, vertex)
     }
+}
+
+#[inline(always)]
+fn at([first, second]: &[PerRay<f32>; 2], vertex: usize) -> [f64; 2] {
+    [first[vertex].into(), second[vertex].into()]
 }
 
 #[cfg(test)]
@@ -110,16 +114,17 @@ mod tests {
         let mut generation = Box::<GenerationNumbers>::default();
         for sampler in [PixelSampler::Sobol, PixelSampler::Independent] {
             let sequence = Sequence { seed: 5, sampler, depth: 2 };
-            generation.fill((0..RAYS_PER_BATCH as u32).map(sample), sequence);
             generation.fill((0..100).map(sample), sequence);
-            for i in 0..RAYS_PER_BATCH as u32 {
-                let numbers =
-                    Numbers { sequence, sample: sample(i), generation: &generation, vertex: i as usize };
-                let of = |dimension| sample(i).pair(sampler, 5, dimension).map(f64::from);
-                assert_eq!(numbers.light(0), Dimension::light(2, 0).map(of));
-                assert_eq!(numbers.light(1), Dimension::light(2, 1).map(of));
-                assert_eq!(numbers.direction(), of(Dimension::direction(2)));
-                assert_eq!(numbers.lobe_and_roulette(), of(Dimension::lobe_and_roulette(2)));
+            generation.fill((0..RAYS_PER_BATCH as u32).map(sample), sequence);
+            for index in [0, 1] {
+                generation.fill_light(sequence, index);
+                for i in 0..RAYS_PER_BATCH as u32 {
+                    let of = |dimension| sample(i).pair(sampler, 5, dimension).map(f64::from);
+                    let vertex = i as usize;
+                    assert_eq!(generation.light_and_point(vertex), Dimension::light(2, index).map(of));
+                    assert_eq!(generation.direction(vertex), of(Dimension::direction(2)));
+                    assert_eq!(generation.lobe_and_roulette(vertex), of(Dimension::lobe_and_roulette(2)));
+                }
             }
         }
     }

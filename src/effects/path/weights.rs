@@ -4,13 +4,11 @@ use crate::effects::LightTechnique;
 
 /// The power heuristic with exponent 2 (Veach, Robust Monte Carlo Methods for Light Transport Simulation, 1997, section
 /// 9.2.4): the weight of a sample of density `own` beside a technique of density `other`.
+#[inline(always)]
 fn power_heuristic(own: f64, other: f64) -> f64 {
-    if own.is_infinite() {
-        return 1.0;
-    }
     // Scaled, so that no square overflows or underflows.
     let ratio = other / own;
-    1.0 / (1.0 + ratio * ratio)
+    if own.is_infinite() { 1.0 } else { 1.0 / (1.0 + ratio * ratio) }
 }
 
 /// The weight of light found by a BSDF sample of density `own`, where light samples have the density `light`.
@@ -25,7 +23,7 @@ pub(super) fn bsdf_weight(technique: LightTechnique, own: f64, light: f64) -> f6
 }
 
 /// The weight of a light sample of density `own`, where BSDF samples have the density `bsdf`.
-#[inline]
+#[inline(always)]
 pub(super) fn light_weight(technique: LightTechnique, own: f64, bsdf: f64) -> f64 {
     match technique {
         LightTechnique::Both => power_heuristic(own, bsdf),

@@ -1,13 +1,11 @@
 //! The lobes of a BSDF: what they have in common, and those that need no file of their own.
 
-use std::f64::consts::PI;
-
 use glam::DVec3;
 
+use super::diffuse;
 use super::glass::Glass;
 use super::sheen::Sheen;
 use super::specular::Specular;
-use crate::world::sin_cos_of_turns;
 
 /// A lobe for a pair of directions.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,8 +68,8 @@ impl Lobe {
             Lobe::Sheen(lobe) => lobe.value(view, light),
             Lobe::Specular(lobe) => lobe.value(view, light),
             Lobe::Diffuse(albedo) => {
-                let density = light.z.max(0.0) / PI;
-                Value { scattered: *albedo * density, density }
+                let (scattered, density) = diffuse::eval_pdf(*albedo, light);
+                Value { scattered, density }
             }
             Lobe::Glass(lobe) => lobe.value(view, light),
             Lobe::ThinTransmission(lobe) => lobe.value(view, mirrored(light)),
@@ -84,7 +82,7 @@ impl Lobe {
         match self {
             Lobe::Sheen(_) => Some(LobeSample::Scattered(Sheen::sample([u, v]))),
             Lobe::Specular(lobe) => lobe.sample(view, [u, v]),
-            Lobe::Diffuse(_) => Some(LobeSample::Scattered(sample_cosine([u, v]))),
+            Lobe::Diffuse(_) => Some(LobeSample::Scattered(diffuse::sample([u, v]))),
             Lobe::Glass(lobe) => lobe.sample(view, choice, [u, v]),
             Lobe::ThinTransmission(lobe) => Some(match lobe.sample(view, [u, v])? {
                 LobeSample::Scattered(light) => LobeSample::Scattered(mirrored(light)),
@@ -97,11 +95,4 @@ impl Lobe {
 /// A direction mirrored at the surface.
 fn mirrored(direction: DVec3) -> DVec3 {
     DVec3::new(direction.x, direction.y, -direction.z)
-}
-
-/// A direction of the hemisphere with the density cos / pi: the cosine is the root of a uniform number.
-fn sample_cosine(numbers: [f64; 2]) -> DVec3 {
-    let sine = numbers[0].sqrt();
-    let (sin, cos) = sin_cos_of_turns(numbers[1]);
-    DVec3::new(sine * cos, sine * sin, (1.0 - numbers[0]).sqrt())
 }

@@ -18,6 +18,7 @@
 
 mod albedo;
 mod dielectric;
+pub(crate) mod diffuse;
 mod fresnel;
 mod ggx;
 mod glass;
@@ -170,15 +171,6 @@ impl Bsdf {
         self.lobes[..self.count].iter_mut().for_each(|(_, weight)| *weight /= total);
     }
 
-    /// Sets the only lobe to Lambert's diffuse reflection with an albedo, each channel 0 to 1: as [`Bsdf::set`] without
-    /// specular, metal and transmission.
-    #[inline]
-    pub fn set_diffuse(&mut self, albedo: DVec3, view: DVec3) {
-        self.set_view(view);
-        self.lobes[0] = (Lobe::Diffuse(albedo), 1.0);
-        self.count = usize::from(albedo.element_sum() > 0.0);
-    }
-
     fn set_view(&mut self, view: DVec3) {
         self.view = DVec3::new(view.x, view.y, view.z.clamp(glass::LEAST_COSINE, 1.0));
     }
@@ -311,11 +303,6 @@ impl Bsdf {
             is_delta,
             is_transmission: direction.z < 0.0,
         })
-    }
-
-    /// Whether the first number of [`Bsdf::sample`] changes the sample.
-    pub fn has_choice(&self) -> bool {
-        !matches!(self.lobes[..self.count], [(Lobe::Diffuse(_), _)])
     }
 
     /// Whether no light sample can contribute: all lobes are delta functions, or there is none.

@@ -1,0 +1,146 @@
+//! The vertices of a generation of paths, as structures of arrays: their frames, views, throughputs and ray origins.
+//! Entry i belongs to surface interaction i.
+
+use glam::DVec3;
+
+use super::Path;
+use super::bsdf::diffuse_albedo;
+use super::media::{Crossing, Media};
+use crate::effects::ray_origins::find_origins;
+use crate::effects::tile::vec_bytes;
+use crate::world::{InteractionSoa, RAYS_PER_BATCH, Vec3Soa, World, simd};
+
+/// The vertices of a generation.
+#[derive(Default)]
+pub(super) struct Vertices {
+    len: usize,
+    /// The throughput of each path, with the transmittance up to the surface.
+    pub(super) throughput: Vec3Soa,
+    /// Tangents, bitangents and shading normals.
+    pub(super) frame: [Vec3Soa; 3],
+    /// Unit vectors towards the rays' origins, in the frames. No light is scattered where z is not above 0.
+    pub(super) view: Vec3Soa,
+    /// The origins of rays that leave on the side of the geometric normal.
+    origin: Vec3Soa,
+    /// The albedos of surfaces that are Lambert's alone.
+    pub(super) albedo: Vec3Soa,
+    /// The other vertices.
+    pub(super) others: Vec<u32>,
+    /// The media at each surface; empty in worlds without volumes.
+    pub(super) crossings: Vec<Crossing>,
+}
+
+impl Vertices {
+    /// The number of vertices.
+    #[inline(always)]
+    pub(super) fn len(&self) -> usize {
+        self.len.min(RAYS_PER_BATCH)
+    }
+
+    /// Bytes of memory.
+    pub(super) fn bytes(&self) -> usize {
+        size_of::<Vertices>() + vec_bytes(&self.others) + vec_bytes(&self.crossings)
+    }
+
+    /// Begins a generation: `paths` and `media` are those of its rays, `media` empty in worlds without volumes.
+    pub(super) fn begin(
+        &mut self,
+        world: &World,
+        surfaces: &InteractionSoa,
+        paths: &[Path],
+        media: &[Media],
+    ) {
+        self.len = surfaces.len();
+        self.others.clear();
+        self.crossings.clear();
+        for (i, &ray) in surfaces.ray_of().iter().enumerate() {
+            let mut throughput = paths[ray as usize].throughput;
+            if let Some(&media) = media.get(ray as usize) {
+                let crossing = Crossing::new(world, media, surfaces, i);
+                throughput *= crossing.transmittance(world, surfaces.hit(i).t);
+                self.crossings.push(crossing);
+            }
+            self.throughput.set(i, throughput);
+            let material = &world.materials[surfaces.materials()[i] as usize];
+            let is_hidden = self.crossings.get(i).is_some_and(|crossing| crossing.is_hidden);
+            let albedo = diffuse_albedo(material, surfaces, i).filter(|_| !is_hidden);
+            match albedo {
+                Some(albedo) => self.albedo.set(i, albedo),
+                None => self.others.push(i as u32),
+            }
+        }
+        find_origins(surfaces, &mut self.origin, world.numerics());
+        simd!(self.find_frames(surfaces));
+    }
+
+    #[inline(always)]
+    fn find_frames(&mut self, surfaces: &InteractionSoa) {
+        for i in 0..self.len() {
+            let (shading, geometric) = (surfaces.shading_normal.get(i), surfaces.geometric_normal.get(i));
+            let view = surfaces.view.get(i);
+            // A bent normal that is turned away from the view has no local frame.
+            let normal = select(shading.dot(view) > 0.0, shading, geometric);
+            let (tangent, bitangent) = normal.any_orthonormal_pair();
+            self.frame[0].set(i, tangent);
+            self.frame[1].set(i, bitangent);
+            self.frame[2].set(i, normal);
+            self.view.set(i, DVec3::new(view.dot(tangent), view.dot(bitangent), view.dot(normal)));
+        }
+    }
+
+    /// A world direction in the frame of a vertex.
+    #[inline(always)]
+    pub(super) fn to_local(&self, i: usize, v: DVec3) -> DVec3 {
+        let [tangent, bitangent, normal] = &self.frame;
+        DVec3::new(v.dot(tangent.get(i)), v.dot(bitangent.get(i)), v.dot(normal.get(i)))
+    }
+
+    /// A direction in the frame of a vertex as a unit vector of the world.
+    #[inline(always)]
+    pub(super) fn to_world(&self, i: usize, v: DVec3) -> DVec3 {
+        let [tangent, bitangent, normal] = &self.frame;
+        (tangent.get(i) * v.x + bitangent.get(i) * v.y + normal.get(i) * v.z).normalize()
+    }
+
+    /// Whether a surface may scatter light: the view is above its shading normal's horizon.
+    #[inline(always)]
+    pub(super) fn is_visible(&self, i: usize) -> bool {
+        self.view.get(i).z > 0.0
+    }
+
+    /// The origin of a ray that leaves on the side of the geometric normal.
+    #[inline(always)]
+    pub(super) fn origin_above(&self, i: usize) -> DVec3 {
+        self.origin.get(i)
+    }
+
+    /// The origin of a ray that leaves in a direction.
+    #[cold]
+    pub(super) fn origin(
+        &self,
+        i: usize,
+        world: &World,
+        surfaces: &InteractionSoa,
+        direction: DVec3,
+    ) -> DVec3 {
+        if direction.dot(surfaces.geometric_normal.get(i)) > 0.0 {
+            self.origin_above(i)
+        } else {
+            world.origin_below(&surfaces.get(i), direction)
+        }
+    }
+
+    /// The media on the side of a direction.
+    #[inline]
+    pub(super) fn media_towards(&self, i: usize, surfaces: &InteractionSoa, direction: DVec3) -> Media {
+        let is_below = direction.dot(surfaces.geometric_normal.get(i)) <= 0.0;
+        self.crossings.get(i).map_or(Media::EMPTY, |crossing| crossing.sides[usize::from(is_below)])
+    }
+}
+
+/// `a` if the condition holds, otherwise `b`.
+#[inline(always)]
+pub(super) fn select(condition: bool, a: DVec3, b: DVec3) -> DVec3 {
+    let select = |a: f64, b: f64| if condition { a } else { b };
+    DVec3::new(select(a.x, b.x), select(a.y, b.y), select(a.z, b.z))
+}
