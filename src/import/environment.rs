@@ -10,7 +10,7 @@ use crate::film::{Colour, ColourPipeline, read};
 use crate::scene::ColourValue;
 use crate::scene::{EnvironmentImage, EnvironmentSource};
 
-/// The source of an environment as typed: `sky`, a colour (`#808080` or `808080`), or a file.
+/// The source of an environment as typed: `sky`, a colour ([`ColourValue::of_argument`]), or a file.
 ///
 /// # Errors
 /// [`Error::Input`] for a file that cannot be used, [`Error::Usage`] for a colour that is none.
@@ -18,7 +18,7 @@ pub fn environment(typed: &str, warnings: &mut Warnings) -> Result<EnvironmentSo
     if typed == "sky" {
         return Ok(EnvironmentSource::Sky);
     }
-    if let Some(colour) = ColourValue::of_digits(typed) {
+    if let Some(colour) = ColourValue::of_argument(typed) {
         return Ok(EnvironmentSource::Colour(Colour::from_u8(colour.0)));
     }
     let file = Path::new(typed);
@@ -26,7 +26,7 @@ pub fn environment(typed: &str, warnings: &mut Warnings) -> Result<EnvironmentSo
         let what = format!("`{typed}` is neither a colour nor a file");
         return Err(Error::usage(
             what,
-            "give a colour as #rrggbb, such as #808080, `sky`, or a .hdr or .exr file",
+            "give a .hdr or .exr file, `sky`, or a colour as #rrggbb or by a CSS name, such as grey",
         ));
     }
     image(&Files::default(), file, warnings)
@@ -44,7 +44,7 @@ pub(super) fn image(files: &Files, file: &Path, warnings: &mut Warnings) -> Resu
             other => other,
         })?;
     if pipeline != ColourPipeline::Linear {
-        let what = "an environment whose lights end at white; .hdr and .exr hold brighter ones";
+        let what = "an 8-bit environment has no light brighter than white; .hdr and .exr have";
         warnings.note(format!("{}: {what}", file.display()));
     }
     let mut unusable = 0;

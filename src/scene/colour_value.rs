@@ -1,17 +1,27 @@
-//! Colours in scene files.
+//! Colours in scene files and on the command line.
 
+use color::Srgb;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A colour as typed: `[r, g, b]` with integers from 0 to 255, or `"#rrggbb"`.
+/// A colour as typed: `[r, g, b]` with integers from 0 to 255, `"#rrggbb"`, `"#rgb"` or a CSS name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct ColourValue(pub [u8; 3]);
 
 impl ColourValue {
-    /// The colour of six hexadecimal digits, after `#` or alone.
-    pub fn of_digits(text: &str) -> Option<Self> {
-        let digits = text.strip_prefix('#').unwrap_or(text);
-        parse_hex(&format!("#{digits}")).map(ColourValue)
+    /// The colour of a text: `#rrggbb`, `#rgb`, or one of the names of CSS Color Module Level 4, in any case. `None` for
+    /// other forms of CSS, and for `transparent`.
+    pub fn of_text(text: &str) -> Option<Self> {
+        let is_hex = text.starts_with('#') && [4, 7].contains(&text.len());
+        let is_name = text.bytes().all(|b| b.is_ascii_alphabetic());
+        let css = color::parse_color(text).ok().filter(|_| is_hex || is_name)?;
+        let [r, g, b, alpha] = css.to_alpha_color::<Srgb>().to_rgba8().to_u8_array();
+        (alpha == 255).then_some(ColourValue([r, g, b]))
+    }
+
+    /// As [`ColourValue::of_text`]; hexadecimal digits may stand without `#`, which begins a comment in shells.
+    pub fn of_argument(text: &str) -> Option<Self> {
+        Self::of_text(text).or_else(|| Self::of_text(&format!("#{text}")))
     }
 }
 
@@ -26,7 +36,7 @@ impl<'de> Deserialize<'de> for ColourValue {
         match Form::deserialize(deserializer)? {
             Form::Numbers(rgb) => Ok(ColourValue(rgb)),
             Form::Text(text) => {
-                parse_hex(&text).map(ColourValue).ok_or_else(|| serde::de::Error::custom("expected a colour"))
+                ColourValue::of_text(&text).ok_or_else(|| serde::de::Error::custom("expected a colour"))
             }
         }
     }
@@ -39,20 +49,51 @@ impl JsonSchema for ColourValue {
 
     fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
         schemars::json_schema!({
-            "description": "A colour: [r, g, b] with integers from 0 to 255, or \"#rrggbb\".",
+            "description": "A colour: [r, g, b] with integers from 0 to 255, \"#rrggbb\", \"#rgb\" or a CSS name, such as \"white\".",
             "oneOf": [
                 { "type": "array", "items": { "type": "integer", "minimum": 0, "maximum": 255 },
                   "minItems": 3, "maxItems": 3 },
-                { "type": "string", "pattern": "^#[0-9a-fA-F]{6}$" }
+                { "type": "string", "pattern": "^(#([0-9a-fA-F]{3}){1,2}|[a-zA-Z]+)$" }
             ]
         })
     }
 }
 
-fn parse_hex(text: &str) -> Option<[u8; 3]> {
-    let digits =
-        text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()))?;
-    let value = u32::from_str_radix(digits, 16).ok()?;
-    let [_, r, g, b] = value.to_be_bytes();
-    Some([r, g, b])
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_are_hexadecimal_or_names_of_css() {
+        let of = |text: &str| ColourValue::of_text(text).map(|colour| colour.0);
+        assert_eq!((of("#Ff8001"), of("#f80")), (Some([255, 128, 1]), Some([255, 136, 0])));
+        // CSS Color Module Level 4, section 6.1.
+        for (name, rgb) in
+            [("white", [255; 3]), ("Grey", [128; 3]), ("gray", [128; 3]), ("rebeccapurple", [102, 51, 153])]
+        {
+            assert_eq!(of(name), Some(rgb), "{name}");
+        }
+        for bad in [
+            "",
+            "#",
+            "#ff80",
+            "#ff800",
+            "#ff800g",
+            "#ff8001ff",
+            "ff8001",
+            "rgb(1,2,3)",
+            " red",
+            "transparent",
+            "reddish",
+        ] {
+            assert_eq!(of(bad), None, "{bad}");
+        }
+        let argument = |text: &str| ColourValue::of_argument(text).map(|colour| colour.0);
+        assert_eq!(
+            (argument("ff8001"), argument("red"), argument("##ff8001")),
+            (Some([255, 128, 1]), Some([255, 0, 0]), None)
+        );
+        // All 8-bit values are exact.
+        assert!((0..=255u8).all(|v| of(&format!("#{v:02x}{v:02x}{v:02x}")) == Some([v; 3])));
+    }
 }

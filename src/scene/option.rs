@@ -101,6 +101,20 @@ named_values!(
     super::UpAxis,
 );
 
+/// Headings under which the help lists options.
+#[cfg(feature = "cli")]
+pub(crate) mod group {
+    pub(crate) const OUTPUT: &str = "Output";
+    pub(crate) const CAMERA: &str = "Camera";
+    pub(crate) const LIGHT: &str = "Light";
+    pub(crate) const LOOK: &str = "Look";
+    pub(crate) const QUALITY: &str = "Quality";
+    pub(crate) const ANIMATION: &str = "Animation";
+    pub(crate) const INPUT: &str = "Input";
+    pub(crate) const MEASUREMENT: &str = "Measurement";
+    pub(crate) const LIMITS: &str = "Speed and limits";
+}
+
 /// A parser for the command line.
 #[cfg(feature = "cli")]
 pub(crate) fn parser<T: OptionValue>() -> clap::builder::ValueParser {
@@ -163,7 +177,7 @@ macro_rules! ranged {
 pub(crate) use ranged;
 
 /// Declares a struct of options, each an `Option` with its documentation, command-line option (the arguments of clap's
-/// `arg`, or `skip`) and type. Documentation serves as rustdoc, description of the schema and help text.
+/// `arg` with its [`group`], or `skip`) and type. Documentation serves as rustdoc, description of the schema and help text.
 macro_rules! options {
     ($(#[$of_struct:meta])* pub struct $name:ident {
         $($(#[$attribute:meta])* [$($arg:tt)*] $field:ident: $type:ty,)*

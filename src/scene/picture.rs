@@ -6,9 +6,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::colour_value::ColourValue;
-#[cfg(feature = "cli")]
-use super::option::parser;
 use super::option::{OptionValue, named_values, options, ranged};
+#[cfg(feature = "cli")]
+use super::option::{group, parser};
 use super::sampling::Sampling;
 use super::{MAX_SAMPLES, Numerics, PixelSampler, ShadingMode, Transport};
 use crate::film::filter::RADII;
@@ -24,51 +24,58 @@ options! {
         [skip] width: Side,
         /// Height in pixels.
         [skip] height: Side,
-        /// Arithmetic tier of the intersection tests [default: watertight]
-        [long, value_name = "TIER", value_parser = parser::<Numerics>()] numerics: Numerics,
-        /// Terms of the shading model; below `phong` that term is shown alone, without effects [default: phong]
-        [long, value_name = "MODE", value_parser = parser::<ShadingMode>()] shading: ShadingMode,
-        /// Transport of light: `whitted` shades surfaces by the lights that they see, `path` traces paths (indirect light,
-        /// soft shadows) [default: what the scene calls for]
-        [long, value_parser = parser::<Transport>()] transport: Transport,
-        /// Largest radiance that a path adds to a pixel at each surface beyond the first, above 0; 1 is white. It removes
-        /// fireflies, and darkens indirect light [default: none]
-        [long, allow_hyphen_values = true, value_name = "RADIANCE", value_parser = parser::<Clamp>()] clamp: Clamp,
-        /// Samples per pixel, 1 to 65536; with a noise threshold, the maximum [default: 1, at the pixel's centre; 16 with a
-        /// filter, 256 with a noise threshold]
-        [long, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] samples: Samples,
-        /// Reconstruction filter [default: gaussian]
-        [long, value_name = "FILTER", value_parser = parser::<FilterShape>()] filter: FilterShape,
-        /// Radius of the filter in pixels [default: box 0.5, tent 1, gaussian 1.5, mitchell 2]
-        [long, allow_hyphen_values = true, value_name = "PIXELS", value_parser = parser::<FilterRadius>()]
+        /// Arithmetic of the intersection tests: `fast` (f32; rays may leak through edges), `watertight` (f32; closed meshes
+        /// stop every ray), `double` (f64) or `exact` (no rounding) [default: watertight]
+        [long, help_heading = group::QUALITY, display_order = 900, hide_possible_values = true, value_name = "TIER",
+         value_parser = parser::<Numerics>()] numerics: Numerics,
+        /// Shading: `phong` is the full model; `flat` is the surface colour alone, `ambient` and `diffuse` are these terms alone,
+        /// without effects [default: phong]
+        [long, help_heading = group::LOOK, hide_possible_values = true, value_name = "MODE", value_parser = parser::<ShadingMode>()] shading: ShadingMode,
+        /// Light transport: `whitted` (local shading, shadow rays, mirror reflections) or `path` (path tracing: indirect light,
+        /// soft shadows) [default: path in scenes with an environment or area lights, else whitted]
+        [long, help_heading = group::QUALITY, display_order = 3, hide_possible_values = true, value_parser = parser::<Transport>()] transport: Transport,
+        /// Clamp of indirect light: maximum radiance that a path adds at each bounce, above 0; 1 is white. Reduces fireflies
+        /// and darkens indirect light [default: none]
+        [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "RADIANCE", value_parser = parser::<Clamp>()] clamp: Clamp,
+        /// Samples per pixel, 1 to 65536; with a noise threshold, the maximum [default: for meshes 16,
+        /// with path tracing 64; for scene files 1 at the pixel's centre, 16 with a filter, 256 with a noise threshold]
+        [long, help_heading = group::QUALITY, display_order = 0, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] samples: Samples,
+        /// Pixel reconstruction filter [default: gaussian]
+        [long, help_heading = group::QUALITY, value_name = "FILTER", value_parser = parser::<FilterShape>()] filter: FilterShape,
+        /// Filter radius in pixels [default: box 0.5, tent 1, gaussian 1.5, mitchell 2]
+        [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "PIXELS", value_parser = parser::<FilterRadius>()]
         filter_radius: FilterRadius,
-        /// Noise threshold of adaptive sampling: a pixel is sampled until the standard error of its displayed value (1 is
-        /// white) is below this
-        [long, allow_hyphen_values = true, value_name = "LEVEL", value_parser = parser::<Noise>()] noise: Noise,
-        /// Samples per pixel before adaptive sampling estimates the error [default: 4]
-        [long, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] min_samples: Samples,
-        /// Seed of the random numbers, besides pixel, sample and dimension [default: 0]
-        [long, allow_hyphen_values = true, value_name = "N", value_parser = parser::<u32>()] seed: u32,
-        /// Relation of a pixel's samples: independent ones are for statistics, such as those of `kiln compare --t-test`, and
-        /// converge more slowly [default: sobol]
-        [long, value_name = "SAMPLER", value_parser = parser::<PixelSampler>()] sampler: PixelSampler,
-        /// Colour pipeline: the encoding in which light is summed [default: linear]
-        [long, value_name = "PIPELINE", value_parser = parser::<ColourPipeline>()] colour: ColourPipeline,
-        /// Exposure of 8-bit pictures, films and the window in EV, -64 to 64, or `auto`, computed from the picture. Only with
-        /// the colour pipeline `linear` [default: 0]
-        [long, allow_hyphen_values = true, value_name = "EV|auto", value_parser = parser::<Exposure>()] exposure: Exposure,
-        /// Tone map of 8-bit pictures, films and the window. Only with the colour pipeline `linear` [default: none]
-        [long, value_name = "CURVE", value_parser = parser::<ToneMap>()] tone_map: ToneMap,
-        /// The light of a scene that has none: a headlight (true in scene files), or none (false) [default: head]
+        /// Noise threshold of adaptive sampling: sample each pixel until the standard error of its displayed value (1 is white)
+        /// is below this [default: 0.025 for meshes without sampling options, else none]
+        [long, help_heading = group::QUALITY, display_order = 1, allow_hyphen_values = true, value_name = "LEVEL", value_parser = parser::<Noise>()] noise: Noise,
+        /// Minimum samples per pixel of adaptive sampling [default: 4]
+        [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] min_samples: Samples,
+        /// Seed of the random numbers [default: 0]
+        [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "N", value_parser = parser::<u32>()] seed: u32,
+        /// Sampler: `sobol` (Owen-scrambled Sobol sequence) or `independent` (converges more slowly; for `kiln compare
+        /// --t-test`) [default: sobol]
+        [long, help_heading = group::QUALITY, hide_possible_values = true, value_name = "SAMPLER", value_parser = parser::<PixelSampler>()] sampler: PixelSampler,
+        /// Colour arithmetic: `linear` (linear light), `display` (sRGB-encoded values) or `u8` (sRGB-encoded values, rounded to 8
+        /// bits after each step) [default: linear]
+        [long, help_heading = group::LOOK, hide_possible_values = true, value_name = "PIPELINE", value_parser = parser::<ColourPipeline>()] colour: ColourPipeline,
+        /// Exposure in EV, -64 to 64, or `auto`, computed from the picture. For 8-bit pictures, films and the window, with linear
+        /// colour arithmetic [default: 0]
+        [long, help_heading = group::LOOK, display_order = 3, allow_hyphen_values = true, value_name = "EV|auto", value_parser = parser::<Exposure>()] exposure: Exposure,
+        /// Tone map of 8-bit pictures, films and the window, with linear colour arithmetic [default: pbr-neutral for
+        /// meshes without lights, else none]
+        [long, help_heading = group::LOOK, display_order = 4, value_name = "CURVE", value_parser = parser::<ToneMap>()] tone_map: ToneMap,
+        /// Light of scenes without lights: a headlight (in scene files true) or none (false) [default: key light and fill
+        /// light for meshes, headlight for scene files]
         #[serde(rename = "headlight")]
-        [long, value_parser = parser::<Headlight>()] light: Headlight,
-        /// Put a grey square under the lowest point of the objects; a camera that fits does not look at it [default: false]
-        [long, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
+        [long, help_heading = group::LIGHT, value_parser = parser::<Headlight>()] light: Headlight,
+        /// Grey ground square under the objects, which automatic cameras ignore [default: true for meshes without
+        /// lights and cameras, else false]
+        [long, help_heading = group::LOOK, display_order = 1, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
          value_name = "true|false", value_parser = parser::<bool>()]
         ground: bool,
-        /// Colour of rays that hit nothing, or `transparent`, for an alpha channel in .png and .exr [default: black; a light
-        /// grey for files without a scene file]
-        [long, value_name = "COLOUR|transparent", value_parser = parser::<Background>()] background: Background,
+        /// Background colour (#rrggbb or a CSS name such as white), or `transparent` for an alpha channel in .png and .exr
+        /// [default: light grey for meshes, dark grey for meshes with lights or cameras, black for scene files]
+        [long, help_heading = group::LOOK, display_order = 0, value_name = "COLOUR|transparent", value_parser = parser::<Background>()] background: Background,
     }
 }
 
@@ -110,7 +117,7 @@ impl From<Headlight> for bool {
     }
 }
 
-/// What rays that hit nothing see.
+/// The background of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase", expecting = "expected a colour")]
 pub enum Background {
@@ -126,8 +133,9 @@ impl OptionValue for Background {
         if text == "transparent" {
             return Ok(Background::Transparent);
         }
-        let colour = ColourValue::of_digits(text).map(Background::Colour);
-        colour.ok_or_else(|| "give a colour as #rrggbb, such as #ffffff, or transparent".into())
+        let colour = ColourValue::of_argument(text).map(Background::Colour);
+        colour
+            .ok_or_else(|| "give a colour as #rrggbb or by a CSS name, such as white, or transparent".into())
     }
 
     fn text(&self) -> String {

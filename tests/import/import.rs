@@ -1492,7 +1492,7 @@ const FAULTS: &[(&str, &str, &str)] = &[
     ("[[sphere]]\ncentre = [0, 0]\nradius = 1\n", "2: `centre` is [0, 0], expected 3 numbers", "[0, 0, 0]"),
     ("[[sphere]]\ncentre = [0, 0, 0]\nradius = 'big'\n", "3: `radius` is 'big', expected a number", "1.5"),
     ("[image]\nwidth = -1\n", "2: `width` is -1, expected a whole number", ""),
-    ("[image]\nbackground = 'red'\n", "2: `background` is 'red', expected a colour", "#rrggbb"),
+    ("[image]\nbackground = 'reddish'\n", "2: `background` is 'reddish', expected a colour", "#rrggbb"),
     (
         "[image]\n\nbackground = [1, 2, 256]\n",
         "3: `background` is [1, 2, 256], expected a colour",

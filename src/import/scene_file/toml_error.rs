@@ -117,7 +117,7 @@ fn expectation(expected: &str) -> (&str, &'static str) {
         "a sequence" => ("a list", "write it in brackets: [...]"),
         "a colour" => (
             "a colour",
-            "write [r, g, b] in whole numbers from 0 to 255, or \"#rrggbb\", such as \"#ff8000\"",
+            "write [r, g, b] in whole numbers from 0 to 255, \"#rrggbb\" or a CSS name, such as \"white\"",
         ),
         "an array of length 2" => ("2 numbers", "write them in brackets: [0, 0]"),
         "an array of length 3" => ("3 numbers", "write them in brackets: [0, 0, 0]"),
