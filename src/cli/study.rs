@@ -14,9 +14,10 @@ use crate::files::write_whole;
 use crate::import;
 use crate::job::{Look, RenderSettings, ResolvedJob};
 use crate::render::RenderControl;
+use crate::scene::option::group;
 use crate::study::{
-    Options, PathVariation, Pools, Setting, Study, StudySubject, error_against_time, facts, page, study,
-    to_csv,
+    Options, PathVariation, Pools, Setting, Study, StudySubject, error_against_time, facts, headline, page,
+    study, to_csv,
 };
 
 /// Default length of the picture's longer side in pixels.
@@ -24,28 +25,28 @@ const LONGEST: u32 = 256;
 
 #[derive(Args)]
 pub(crate) struct Command {
+    /// Folder for index.html, study.csv, study.json and study.svg, created if it does not exist
+    #[arg(short, long, help_heading = group::OUTPUT, display_order = 0, value_name = "DIR")]
+    output: PathBuf,
     #[command(flatten)]
     pub arguments: Arguments,
-    /// The folder to write index.html, study.csv, study.json and study.svg to; made where there is none
-    #[arg(short, long, value_name = "DIR")]
-    output: PathBuf,
-    /// How often everything is timed, after a round to warm up [default: 7, with --full 15]
-    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(1..=1000u16))]
+    /// Number of timed rounds after a warm-up round [default: 7, with --full 15]
+    #[arg(long, help_heading = group::MEASUREMENT, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(1..=1000u16))]
     rounds: Option<u16>,
-    /// The scene's own size and many more samples, instead of a small picture in about a minute
-    #[arg(long)]
+    /// Full picture size and many more samples, instead of a small picture in about a minute
+    #[arg(long, help_heading = group::MEASUREMENT)]
     full: bool,
-    /// Vary this alone, as the study's table calls it, such as numerics or samples; may be given several times
-    #[arg(long, value_name = "KNOB")]
-    knob: Vec<String>,
-    /// How to show progress, on standard error
-    #[arg(long, value_enum, default_value = "auto")]
+    /// Vary only this parameter, such as numerics or samples; may be repeated
+    #[arg(long, help_heading = group::MEASUREMENT, value_name = "NAME")]
+    parameter: Vec<String>,
+    /// Progress on standard error
+    #[arg(long, help_heading = group::OUTPUT, value_enum, default_value = "auto")]
     progress: Mode,
 }
 
 pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.arguments)?;
-    let parameters = parameters(&command.knob)?;
+    let parameters = parameters(&command.parameter)?;
     let _folder = Folder::new(&command.output)?;
     let arguments = &command.arguments;
     let (timed, wide) = (super::pool(Some(arguments.threads.unwrap_or(1)))?, super::pool(arguments.threads)?);
@@ -114,7 +115,10 @@ fn parameters(typed: &[String]) -> Result<Vec<&'static str>> {
     let known = crate::study::parameters();
     let named = typed.iter().map(|typed| {
         known.iter().copied().find(|parameter| parameter == typed).ok_or_else(|| {
-            Error::usage(format!("there is no knob `{typed}`"), format!("there are {}", known.join(", ")))
+            Error::usage(
+                format!("there is no parameter `{typed}`"),
+                format!("parameters are {}", known.join(", ")),
+            )
         })
     });
     named.collect()
@@ -155,7 +159,7 @@ fn render_command(arguments: &Arguments, [width, height]: [u32; 2]) -> Vec<Strin
     while let Some(word) = typed.next() {
         match word.split_once('=').map_or(word.as_str(), |(name, _)| name) {
             "--full" => {}
-            "-o" | "--output" | "--rounds" | "--knob" | "--progress" => {
+            "-o" | "--output" | "--rounds" | "--parameter" | "--progress" => {
                 if !word.contains('=') {
                     typed.next();
                 }
@@ -173,9 +177,10 @@ fn render_command(arguments: &Arguments, [width, height]: [u32; 2]) -> Vec<Strin
     words
 }
 
-/// The study's advice and notes as text.
+/// The result, the advice and the notes of a study as text.
 fn text(study: &Study) -> String {
     let advice = study.advice.iter().map(|advice| advice.text.clone());
     let left_out = study.left_out.iter().map(|[parameter, why]| format!("left out: {parameter}: {why}"));
-    advice.chain(facts(study)).chain(left_out).map(|line| line + "\n").collect()
+    let first = std::iter::once(headline(study));
+    first.chain(advice).chain(facts(study)).chain(left_out).map(|line| line + "\n").collect()
 }

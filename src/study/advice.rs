@@ -22,7 +22,6 @@ pub struct Advice {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ParameterStep {
     /// Name of the parameter.
-    #[serde(rename = "knob")]
     pub parameter: String,
     /// Index of the first row.
     pub from: usize,
@@ -31,7 +30,7 @@ pub struct ParameterStep {
     /// Ratio of the second median time to the first.
     pub time_ratio: f64,
     /// Whether the quartile ranges of the times are disjoint.
-    pub time_is_apart: bool,
+    pub time_is_significant: bool,
     /// Error of the first row: RMS, or relMSE if `is_relative`.
     pub error_before: Option<f64>,
     /// Error of the second row.
@@ -81,23 +80,25 @@ pub fn advice(rows: &[SettingRow]) -> Vec<Advice> {
         let row = good.min_by(|a, b| a.trace_ms.median.total_cmp(&b.trace_ms.median));
         let text = match row {
             Some(row) => format!(
-                "for an error below {below} (root mean square; 1 is white), the cheapest setting measured was {}: {} ms, error {:.1e}{}{}{}",
+                "fastest setting with an error (RMSE, 1 is white) below {below}: {}: {} ms, error {:.1e}{}{}{}",
                 row.name(),
                 brief(row.trace_ms),
                 error(row),
                 if row.significance == Significance::Insignificant {
-                    ", which the reference's own error blurs"
+                    ", not significant beside the noise of the reference"
                 } else {
                     ""
                 },
                 match (row.has_options, row.options.as_str()) {
                     (true, "") => String::new(),
                     (true, options) => format!("; `{options}`"),
-                    (false, _) => "; no options of `kiln render` make it".into(),
+                    (false, _) => "; no options of `kiln render` give it".into(),
                 },
                 equally_fast(row, &rows, below),
             ),
-            None => format!("no setting measured has an error below {below}; `--full` tries more samples"),
+            None => format!(
+                "no measured setting has an error (RMSE) below {below}; `--full` measures more samples"
+            ),
         };
         advice.push(Advice { below, row: row.map(|row| row.id), text });
     }
@@ -117,8 +118,8 @@ fn equally_fast(row: &SettingRow, rows: &[&SettingRow], below: f64) -> String {
     }
     match names.len() {
         0 => String::new(),
-        1 | 2 => format!("; as quick within the quartiles: {}", names.join(", ")),
-        more => format!("; {more} others are as quick within the quartiles"),
+        1 | 2 => format!("; equally fast within the quartiles: {}", names.join(", ")),
+        more => format!("; {more} others are equally fast within the quartiles"),
     }
 }
 
@@ -141,11 +142,11 @@ fn round_errors(best: f64, worst: f64) -> Vec<f64> {
     inside.into_iter().take(count.min(6)).collect()
 }
 
-/// Comparisons of adjacent settings of each parameter.
+/// Comparisons of adjacent settings of each parameter; not of acceleration structures, which give the same picture.
 pub fn steps(rows: &[SettingRow]) -> Vec<ParameterStep> {
-    let pairs = rows
-        .windows(2)
-        .filter(|pair| pair[0].parameter == pair[1].parameter && pair[0].parameter != "together");
+    let pairs = rows.windows(2).filter(|pair| {
+        pair[0].parameter == pair[1].parameter && !["together", "bvh"].contains(&pair[0].parameter.as_str())
+    });
     pairs
         .map(|pair| {
             let [from, to] = [&pair[0], &pair[1]];
@@ -158,7 +159,7 @@ pub fn steps(rows: &[SettingRow]) -> Vec<ParameterStep> {
                 from: from.id,
                 to: to.id,
                 time_ratio: to.trace_ms.median / from.trace_ms.median,
-                time_is_apart: to.trace_ms.is_apart_from(&from.trace_ms),
+                time_is_significant: to.trace_ms.is_apart_from(&from.trace_ms),
                 error_before: error(from),
                 error_after: error(to),
                 is_relative,

@@ -119,12 +119,11 @@ pub enum ReferenceKind {
 
 /// Whether an error can be distinguished from the noise of the reference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Significance {
     /// It is at least ten times the noise of the reference.
-    #[serde(rename = "apart")]
     Significant,
     /// It is smaller: the true error is between 0 and about this value.
-    #[serde(rename = "within")]
     Insignificant,
 }
 
@@ -134,7 +133,6 @@ pub struct SettingRow {
     /// Index of the row.
     pub id: usize,
     /// Name of the varied parameter.
-    #[serde(rename = "knob")]
     pub parameter: String,
     /// Value of the parameter.
     pub setting: String,
@@ -173,14 +171,12 @@ pub struct SettingRow {
     /// Maximum size of a thread's tile buffers in bytes; depends on the number of threads.
     pub tile_bytes: usize,
     /// Reference for the error of this parameter.
-    #[serde(rename = "judge")]
     pub reference: ReferenceKind,
     /// Number of non-finite pixels. If there are any, there are no errors.
     pub non_finite: usize,
     /// Errors against the limit.
     pub limit: Option<Figures>,
     /// Whether the error against the limit exceeds the noise of the limit.
-    #[serde(rename = "told")]
     pub significance: Significance,
     /// Errors against the twin.
     pub twin: Option<Figures>,
@@ -226,4 +222,11 @@ pub struct GeometryErrors {
     pub leaks_per_million: Option<f64>,
     /// Number of rays cast inside closed meshes.
     pub leak_rays: u64,
+}
+
+impl GeometryErrors {
+    /// `count` of the rays, per million.
+    pub(crate) fn per_million(&self, count: u64) -> f64 {
+        count as f64 * 1e6 / self.rays.max(1) as f64
+    }
 }

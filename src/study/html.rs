@@ -19,30 +19,28 @@ fn marked(is_bad: bool) -> &'static str {
 
 /// Table of differences in ray hits between the tiers and `exact`.
 pub(crate) fn geometry(tiers: &[GeometryErrors]) -> String {
-    let titles = "<tier|rays|false hits|false misses|wrong primitive|not finite|t error, ulp|normals, °|leaks per million";
+    let titles = "<tier|false hits|false misses|wrong primitive|not finite|leaks|t error, ulp|normals, °";
     let row = |tier: &GeometryErrors| {
-        let count = |count: u64| (marked(count > 0), count.to_string());
+        let count = |count: u64| (marked(count > 0), scientific(tier.per_million(count)));
         let three = |values: Option<[f64; 3]>| {
             ("", values.map_or(NONE.into(), |values| values.map(scientific).join(" / ")))
         };
         let leaks = tier.leaks_per_million.map_or("no closed mesh".to_owned(), scientific);
         let cells = vec![
             ("", tier.numerics.clone()),
-            ("", tier.rays.to_string()),
             count(tier.false_hits),
             count(tier.false_misses),
             count(tier.wrong_primitives),
             count(tier.non_finite),
+            (marked(tier.leaks_per_million.is_some_and(|leaks| leaks > 0.0)), leaks),
             three(tier.t_ulps),
             three(tier.normal_degrees),
-            (marked(tier.leaks_per_million.is_some_and(|leaks| leaks > 0.0)), leaks),
         ];
         (String::new(), cells)
     };
-    "<h2>Geometry</h2>\n<p class=\"note\">Rays through the centres of a larger picture's pixels, each tier in its own numbers, \
-     against <code>exact</code>, before any shading. t in units of the last place of f32; angles between normals in degrees: median, 99.9 %, \
-     worst. Leaks: of rays from inside closed meshes, aimed at their edges and vertices, those that hit nothing. Rays of a picture seldom meet an edge \
-     exactly, so a tier can leak without a false miss.</p>\n"
+    "<h2>Geometry</h2>\n<p class=\"note\">Camera rays of each tier against <code>exact</code>, before shading. Counts are per million rays. Leaks: rays from \
+     inside closed meshes, aimed at edges and vertices, that hit nothing; camera rays seldom meet an edge exactly, so a tier can leak without a \
+     false miss. Errors of t in ulps of f32 and of normals in degrees: median, 99.9 % quantile, maximum.</p>\n"
         .to_owned()
         + &table(titles, tiers.iter().map(row))
 }
@@ -115,7 +113,8 @@ pub(crate) fn steps(study: &Study) -> String {
     let titles = "<parameter|<from|<to|time|error before|error after|<gain";
     let rows = study.steps.iter().filter_map(|step| {
         let (from, to) = (study.rows.get(step.from)?, study.rows.get(step.to)?);
-        let time = if step.time_is_apart { format!("× {:.2}", step.time_ratio) } else { "equal".into() };
+        let time =
+            if step.time_is_significant { format!("× {:.2}", step.time_ratio) } else { "equal".into() };
         let error = |error: Option<f64>| match error {
             None => NONE.to_owned(),
             Some(0.0) => "0".into(),
@@ -177,7 +176,7 @@ pub(crate) fn settings(study: &Study) -> String {
         let mut limit = row.limit.map_or(NONE.into(), |limit| scientific(limit.rmse));
         if row.significance == Significance::Insignificant {
             limit = format!(
-                "<span class=\"within\" title=\"cannot be told from the reference's own error\">≈ {limit}</span>"
+                "<span class=\"insignificant\" title=\"not significant beside the noise of the reference\">≈ {limit}</span>"
             );
         }
         let reference = if row.reference == ReferenceKind::Limit { "limit" } else { "exact" };

@@ -36,7 +36,7 @@ pub use measure::{Options, Pools, StudySubject, study};
 pub use pareto::{TimedError, front};
 pub use pictures::{PageImages, RowImages};
 pub use plot::error_against_time;
-pub use report::{facts, page};
+pub use report::{facts, headline, page};
 pub use setting::{PathVariation, Setting};
 pub use sweep::{Candidate, Omitted, parameters, sweep};
 pub use table::to_csv;

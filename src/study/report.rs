@@ -5,7 +5,7 @@ use std::fmt::Write;
 use serde_json::json;
 
 use super::advice::brief;
-use super::data::{NoiseFloor, SettingRow, Study};
+use super::data::{NoiseFloor, ReferenceKind, SettingRow, Study};
 use super::html::{against, geometry, scientific, settings, steps, technique_tests, with_code};
 use super::pictures::PageImages;
 use super::plot::{error_against_time, error_against_twin, error_of_paths};
@@ -28,7 +28,7 @@ pub fn page(study: &Study, pictures: &PageImages) -> Result<String> {
     let paths = error_of_paths(&study.rows)?.map_or(String::new(), |plot| {
         format!(
             "<figure>{plot}<figcaption>Samples and the settings of path tracing: the error of each pixel relative to its own \
-             value, so that visible lights and their edges do not outweigh what they light.</figcaption></figure>"
+             value, so that visible lights and their edges do not dominate.</figcaption></figure>"
         )
     });
     let parts = [
@@ -40,6 +40,7 @@ pub fn page(study: &Study, pictures: &PageImages) -> Result<String> {
         ("clock", study.clock.clone()),
         ("rounds", rounds),
         ("kiln", escaped(&study.envelope.kiln)),
+        ("headline", with_code(&headline(study))),
         ("selection", selection(study, pictures)),
         ("plot of time", error_against_time(&study.rows, study.noise_floor())?),
         ("plot of twins", error_against_twin(&study.rows)?),
@@ -98,7 +99,9 @@ fn selection(study: &Study, pictures: &PageImages) -> String {
     };
     let mut row = |title: &str, row: &SettingRow| {
         let errors = row.limit.map_or(String::new(), |limit| {
-            format!(", RMSE {}, FLIP {}", scientific(limit.rmse), scientific(limit.flip))
+            let differing = 100.0 * limit.differing;
+            let [rmse, flip] = [limit.rmse, limit.flip].map(scientific);
+            format!(", RMSE {rmse}, FLIP {flip}; {differing:.1} % of the pixels differ from the limit")
         });
         let numbers = format!("{} ms{errors}", brief(row.trace_ms));
         figure(title, &row.name(), image(row.id), &numbers, Some(study.command_with(&row.options)));
@@ -118,16 +121,51 @@ fn selection(study: &Study, pictures: &PageImages) -> String {
         "the most accurate that was measured"
     };
     html + &format!(
-        "</div>\n<p class=\"note\">Quick: the fastest setting. Recommended: {recommended}. Limit: the reference of both. Cropped where the quick picture \
-         differs most. Times: median (and quartiles).</p>\n"
+        "</div>\n<p class=\"note\">Quick: the fastest setting. Recommended: {recommended}. Limit: the converged reference. The crops show where \
+         the quick picture differs most from the limit. Times: median (and quartiles).</p>\n"
     )
+}
+
+/// The result in one sentence: what antialiasing and exact arithmetic cost and change; of a study of another parameter,
+/// what its last setting costs.
+pub fn headline(study: &Study) -> String {
+    let of = |parameter: &str| study.rows.iter().filter(|row| row.parameter == parameter).collect::<Vec<_>>();
+    let tier = |numerics: &str| of("numerics").into_iter().find(|row| row.setting == numerics);
+    let recommended = select(study).map(|selection| &study.rows[selection.recommended]);
+    let samples = of("samples").first().copied().zip(recommended);
+    let base = study.rows.iter().find(|row| row.base);
+    let tiers = base.and_then(|base| tier(&base.numerics)).zip(tier("exact"));
+    let pairs = [samples.filter(|(one, more)| more.samples_per_pixel > one.samples_per_pixel), tiers];
+    let mut pairs: Vec<_> = pairs.into_iter().flatten().filter(|(from, to)| from.id != to.id).collect();
+    if let (true, Some(first)) = (pairs.is_empty(), study.rows.iter().find(|row| !row.base)) {
+        pairs.extend(of(&first.parameter).last().map(|last| (first, *last)));
+    }
+    let sentences: Vec<String> = pairs.into_iter().map(|(from, to)| cost_of(from, to)).collect();
+    if sentences.is_empty() { "Nothing was varied.".into() } else { format!("{}.", sentences.join("; ")) }
+}
+
+/// What a setting costs and changes compared to another.
+fn cost_of(from: &SettingRow, to: &SettingRow) -> String {
+    let ratio = to.trace_ms.median / from.trace_ms.median;
+    let digits = usize::from(ratio < 10.0);
+    let change = match (from.errors(), to.errors()) {
+        _ if from.fingerprint == to.fingerprint => "changes no pixel".to_owned(),
+        (Some(before), Some(after)) if to.reference == ReferenceKind::Limit && after.rmse > 0.0 => {
+            format!("divides the error (RMSE) by {}", scientific(before.rmse / after.rmse))
+        }
+        (Some(before), _) => format!("changes {:.2} % of the pixels", 100.0 * before.differing),
+        _ => "changes the picture".to_owned(),
+    };
+    let is_same = from.parameter == to.parameter;
+    let [from, to] = [from, to].map(|row| if is_same { row.setting.clone() } else { row.name() });
+    format!("`{to}` costs {ratio:.digits$} times `{from}` and {change}")
 }
 
 /// List items of advice and facts.
 fn summary(study: &Study) -> String {
     let mut lines: Vec<String> = study.advice.iter().map(|advice| advice.text.clone()).collect();
     if lines.is_empty() {
-        lines.push("No setting was measured against the limit: there is no advice for an error.".into());
+        lines.push("No setting was measured against the limit, so there are no recommendations.".into());
     }
     lines.extend(facts(study));
     lines.iter().map(|line| format!("<li>{}</li>\n", with_code(line))).collect()
@@ -154,18 +192,22 @@ pub fn facts(study: &Study) -> Vec<String> {
     }
     for geometry in &study.geometry {
         let wrong = geometry.false_hits + geometry.false_misses + geometry.wrong_primitives;
+        let rate = |rate: f64| if rate < 1000.0 { scientific(rate) } else { format!("{rate:.0}") };
         let leaks = geometry.leaks_per_million.map_or(String::new(), |leaks| {
-            let leaks = if leaks < 1000.0 { scientific(leaks) } else { format!("{leaks:.0}") };
-            format!("; {leaks} leaks per million of rays aimed at edges from inside")
+            format!("; {} of those aimed at edges from inside closed meshes leak", rate(leaks))
         });
         lines.push(format!(
-            "{}: {} of {} rays find something else than in `exact`{leaks}.",
-            geometry.numerics, wrong, geometry.rays
+            "`{}`: of a million rays, {} differ from `exact` in the primitive that they hit{leaks}.",
+            geometry.numerics,
+            rate(geometry.per_million(wrong))
         ));
     }
     lines.extend(study.technique_tests.iter().map(|test| {
         let found = if test.test.passed { "no difference found" } else { "different" };
-        format!("t-test, {} against both (MIS), {} samples: {found}.", test.name, test.samples)
+        format!(
+            "t-test, {} against multiple importance sampling, {} samples: {found}.",
+            test.name, test.samples
+        )
     }));
     for row in study.rows.iter().filter(|row| row.non_finite > 0) {
         lines.push(format!(
@@ -210,11 +252,11 @@ fn machine(study: &Study) -> String {
 /// A list item on the limit of a filter.
 fn limit(NoiseFloor { filter, samples, rmse, bounces }: &NoiseFloor) -> String {
     let paths = bounces.map_or(String::new(), |bounces| {
-        format!(", paths of at most {bounces} bounces without a clamp of indirect light")
+        format!(", at most {bounces} bounces, without a clamp of indirect light")
     });
     format!(
-        "<li>The limit for the filter {}: <code>exact</code>, {samples} samples a pixel{paths}. Its own error is {} \
-         (root mean square), half the difference of its two halves, which have seeds of their own.</li>\n",
+        "<li>Limit for the filter {}: <code>exact</code>, {samples} samples per pixel{paths}. Its noise is {} (RMSE): half the \
+         difference of its two halves, which have different seeds.</li>\n",
         escaped(filter),
         scientific(*rmse)
     )

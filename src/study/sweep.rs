@@ -41,14 +41,14 @@ pub type Omitted = (&'static str, String);
 pub fn parameters() -> Vec<&'static str> {
     let own = EFFECTS.iter().filter(|effect| effect.is_study_switch).map(Effect::name);
     let first = ["numerics", "bvh", "colour", "glaze bounces"];
-    let last = ["picture filter", "samples", "filter", "noise", "together"];
+    let last = ["texture filter", "samples", "filter", "noise", "together"];
     first.into_iter().chain(own).chain(path_sweep::PARAMETERS).chain(last).collect()
 }
 
 /// The settings of the sweep, beginning with `base`, and the omitted parameters. `plan` is the plan of the base.
 pub fn sweep(scene: &Scene, base: &Setting, plan: &Plan, most: u32) -> (Vec<Candidate>, Vec<Omitted>) {
     let first = Candidate {
-        parameter: "as asked for",
+        parameter: "as given",
         name: describe_sampling(&base.sampling),
         reference: ReferenceKind::Limit,
         base: true,
@@ -161,9 +161,9 @@ impl SweepBuilder<'_> {
     }
 
     fn textures(&mut self, plan: &Plan) {
-        if self.has("picture filter", plan, id::TEXTURES) {
+        if self.has("texture filter", plan, id::TEXTURES) {
             for filter in TextureFilter::ALL {
-                self.vary("picture filter", filter.name(), |setting| setting.textures = Some(filter));
+                self.vary("texture filter", filter.name(), |setting| setting.textures = Some(filter));
             }
         }
     }

@@ -36,7 +36,7 @@ fn files_are_read_with_the_options_of_the_command() {
     std::fs::write(&file, text).expect("a file");
     let buffer = "square two.bin";
     std::fs::copy(repository("assets/import").join(buffer), folder.path().join(buffer)).expect("a file");
-    let options = ["--ignore-required-extensions", "--size", "16x16", "--knob", "bvh"];
+    let options = ["--ignore-required-extensions", "--size", "16x16", "--parameter", "bvh"];
     made(&[file.to_str().expect("UTF-8")], &options);
 }
 
@@ -101,7 +101,7 @@ fn parameters_without_anything_to_do_are_left_out_with_a_reason() {
         study.left_out.iter().find(|[name, _]| name == parameter).map(|[_, why]| why.clone())
     };
     // The assignment has spheres and flat triangles, glaze and a light, but no pictures.
-    assert!(why("picture filter").is_some_and(|why| !why.is_empty()), "{:?}", study.left_out);
+    assert!(why("texture filter").is_some_and(|why| !why.is_empty()), "{:?}", study.left_out);
     assert!(why("glaze bounces").is_none() && why("shadows").is_none());
     for [parameter, _] in &study.left_out {
         assert!(study.rows.iter().all(|row| row.parameter != *parameter), "{parameter}");
@@ -350,9 +350,10 @@ const PATHS: [&str; 6] =
 fn room() -> &'static (tempfile::TempDir, Output) {
     static ROOM: OnceLock<(tempfile::TempDir, Output)> = OnceLock::new();
     ROOM.get_or_init(|| {
-        let knobs = PATHS.iter().chain(&["samples", "together"]).flat_map(|knob| ["--knob", knob]);
+        let parameters =
+            PATHS.iter().chain(&["samples", "together"]).flat_map(|parameter| ["--parameter", parameter]);
         let size = ["--size", "48x36", "--samples", "4"];
-        made(&["scenes/effects/path.toml"], &size.into_iter().chain(knobs).collect::<Vec<_>>())
+        made(&["scenes/effects/path.toml"], &size.into_iter().chain(parameters).collect::<Vec<_>>())
     })
 }
 
@@ -466,14 +467,14 @@ fn the_options_of_paths_make_their_pictures() {
 
 #[test]
 fn paths_that_are_asked_for_alone_are_left_out_with_a_reason() {
-    let (_, output) = made(&["scenes/assignment.toml"], &["--size", "20x12", "--knob", "clamp"]);
+    let (_, output) = made(&["scenes/assignment.toml"], &["--size", "20x12", "--parameter", "clamp"]);
     let printed = String::from_utf8_lossy(&output.stdout);
     assert!(printed.contains("left out: clamp: the scene has no environment"), "{printed}");
 }
 
 #[test]
 fn one_parameter_alone_can_be_varied() {
-    let (folder, _) = made(&["scenes/assignment.toml"], &["--size", "20x12", "--knob", "numerics"]);
+    let (folder, _) = made(&["scenes/assignment.toml"], &["--size", "20x12", "--parameter", "numerics"]);
     let study = read(folder.path());
     // What was asked for, and the four tiers; nothing is held against a picture of many samples.
     assert_eq!(study.rows.len(), 5);
@@ -482,9 +483,9 @@ fn one_parameter_alone_can_be_varied() {
     // Four rays across a pixel.
     assert!(study.geometry.iter().all(|tier| tier.rays == 16 * 20 * 12));
     let output = Command::new(assert_cmd::cargo::cargo_bin!("kiln"))
-        .args(["study", "x.toml", "-o", "x", "--knob", "colours"])
+        .args(["study", "x.toml", "-o", "x", "--parameter", "colours"])
         .output()
         .expect("kiln runs");
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.code() == Some(2) && said.contains("no knob `colours`"), "{said}");
+    assert!(output.status.code() == Some(2) && said.contains("no parameter `colours`"), "{said}");
 }

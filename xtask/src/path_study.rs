@@ -36,7 +36,7 @@ const PARAMETERS: [&str; 7] =
 /// The row that times are relative to.
 const BASE: (&str, &str) = ("indirect light", "paths");
 
-const HEAD: &str = "| knob | setting | time, room | relMSE | FLIP | time, sky | relMSE | FLIP |";
+const HEAD: &str = "| parameter | setting | time, room | relMSE | FLIP | time, sky | relMSE | FLIP |";
 
 /// Parameter, setting and row of one setting.
 fn named(row: &Value) -> (&str, String, &Value) {
@@ -44,7 +44,7 @@ fn named(row: &Value) -> (&str, String, &Value) {
     // The intensity is fitted to the scene, and the samples of all rows but those of `samples` are the same.
     let setting = text("setting").trim_end_matches(" (16 samples)");
     let setting = if setting.ends_with("ambient occlusion") { "ambient occlusion" } else { setting };
-    (text("knob"), setting.to_owned(), row)
+    (text("parameter"), setting.to_owned(), row)
 }
 
 /// Parameter, setting and row of each setting, in the order of [`PARAMETERS`].
@@ -69,7 +69,7 @@ pub fn run(kiln: &Kiln, options: &Options) -> Result<()> {
         println!("{name}");
         let mut arguments = vec!["--rounds", &options.rounds, "--size", &options.size, "--samples", "16"];
         arguments.extend(own);
-        arguments.extend(PARAMETERS.iter().flat_map(|parameter| ["--knob", parameter]));
+        arguments.extend(PARAMETERS.iter().flat_map(|parameter| ["--parameter", parameter]));
         made.push(study(kiln, scene, &folder.join(name), &arguments)?);
     }
     let studies: Vec<_> = made.iter().map(rows).collect();

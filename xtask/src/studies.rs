@@ -89,7 +89,7 @@ pub fn run(kiln: &Kiln, options: &Options) -> Result<bool> {
     );
     for (a, b) in &turned {
         let text = |row: &Value| {
-            ["knob", "setting"].map(|part| row[part].as_str().unwrap_or("?").to_owned()).join(": ")
+            ["parameter", "setting"].map(|part| row[part].as_str().unwrap_or("?").to_owned()).join(": ")
         };
         println!("  {} and {}", text(a), text(b));
     }
