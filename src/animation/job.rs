@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::FrameList;
 use super::prepared::{FrameWorld, PreparedAnimation, turntable};
 use crate::error::{Error, Result, Warnings};
-use crate::farm::Share;
+use crate::farm::Shard;
 use crate::film::tone::Exposure;
 use crate::film::write::FRAME;
 use crate::job::camera::{Viewpoint, nothing_to_look_at};
@@ -25,8 +25,8 @@ pub struct FrameRequest<'a> {
     pub duration: Option<f64>,
     /// The frames; `None` for all.
     pub list: Option<&'a FrameList>,
-    /// The share of the frames to render.
-    pub share: Share,
+    /// The shard of the frames to render.
+    pub shard: Shard,
     /// Whether a frame with this metadata exists already and is skipped.
     pub is_there: &'a (dyn Fn(i32, &Metadata) -> bool + Sync),
 }
@@ -34,7 +34,7 @@ pub struct FrameRequest<'a> {
 impl<'a> FrameRequest<'a> {
     /// All frames of a list.
     pub fn all(fps: Option<f64>, duration: Option<f64>, list: Option<&'a FrameList>) -> Self {
-        FrameRequest { fps, duration, list, share: Share::ALL, is_there: &|_, _| false }
+        FrameRequest { fps, duration, list, shard: Shard::ALL, is_there: &|_, _| false }
     }
 }
 
@@ -73,12 +73,12 @@ impl AnimationJob {
         let (camera, size) = camera_and_size(&mut scene, settings)?;
         let Some(animation) = &mut scene.animation else { return Err(nothing_to_look_at(&scene)) };
         if is_turntable {
-            warnings.note("nothing in the scene moves by itself; the camera goes once round");
+            warnings.note("nothing in the scene moves; the camera orbits once");
         }
         animation.fps = request.fps.unwrap_or(animation.fps);
         animation.duration = request.duration.unwrap_or(animation.duration);
         let timeline = Timeline::new(animation.fps, animation.duration, animation.repeat).map_err(|_| {
-            let what = format!("{} seconds at {} frames a second", animation.duration, animation.fps);
+            let what = format!("{} seconds at {} frames per second", animation.duration, animation.fps);
             Error::usage(what, "give --duration and --fps above 0, and at most a million frames")
         })?;
         let list = request.list.cloned().unwrap_or_else(|| FrameList::range(0, timeline.last()));
@@ -92,7 +92,7 @@ impl AnimationJob {
         }
         let light = job::added_light(&scene);
         let mut resolved = job::resolve_for(scene, None, camera.clone(), size, settings)?;
-        let mine = list.frames().iter().enumerate().filter(|(place, _)| request.share.has(*place));
+        let mine = list.frames().iter().enumerate().filter(|(place, _)| request.shard.has(*place));
         let mine: Vec<i32> = mine.map(|(_, &frame)| frame).collect();
         // In parallel, since checking a file reads all of it.
         let to_do = mine.par_iter().filter(|&&frame| !(request.is_there)(frame, &resolved.metadata));
@@ -143,7 +143,7 @@ impl AnimationJob {
     /// [`Error::Input`] where a track takes a property out of its range, and those of [`RenderJob::new`].
     pub fn frame(&self, frame: i32) -> Result<RenderJob> {
         let Some(animation) = &self.animation else {
-            return Err(Error::Failed { what: "no frame is to be made".into(), hint: String::new() });
+            return Err(Error::Failed { what: "no frame to render".into(), hint: String::new() });
         };
         let FrameWorld { world, camera, recentering, .. } = animation.at(self.timeline.time(frame))?;
         let ResolvedJob { camera: resolved, window, settings, choices, metadata, .. } = &self.resolved;

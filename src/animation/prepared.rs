@@ -150,7 +150,7 @@ pub fn play_clip(scene: &mut Scene, clip: &ClipChoice) -> Result<()> {
     if scene.inputs.iter().any(|input| input.as_os_str() == "-") {
         let hint = "name a file, or hold one moment by --time";
         return Err(Error::usage(
-            "a clip of standard input cannot be played: each frame reads the file again",
+            "clips of standard input cannot be played: each frame reads the file again",
             hint,
         ));
     }

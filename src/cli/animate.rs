@@ -15,60 +15,60 @@ use crate::animation::{
     FileNames, FrameData, FrameList, FrameRequest, Quality, VideoFormat, VideoSpec, VideoWriter,
 };
 use crate::error::{Error, Result};
-use crate::farm::Share;
+use crate::farm::Shard;
 use crate::files::describe;
 use crate::film::write::Format;
 use crate::job::RenderJob;
 use crate::render::RenderControl;
 use crate::render::aov::AovSelection;
+use crate::scene::option::group;
 
 #[derive(Args)]
 pub(crate) struct Command {
+    /// Film to write: .mp4, .gif, .png (animated) or .y4m; a pattern such as frame_####.png for one file per frame; `-` for
+    /// uncompressed frames on standard output
+    #[arg(short, long, help_heading = group::OUTPUT, display_order = 0, value_name = "OUT")]
+    output: PathBuf,
     #[command(flatten)]
     pub arguments: Arguments,
     #[command(flatten)]
     length: LengthArguments,
-    /// The film to write: .mp4, .gif, .png (animated) or .y4m; frame_####.png, .jpg or .exr for a file a frame; `-` for
-    /// frames on standard output, for other programs
-    #[arg(short, long, value_name = "OUT")]
-    output: PathBuf,
-    /// How good an .mp4 is
-    #[arg(long, value_enum, default_value = "high")]
+    /// Quality of an .mp4
+    #[arg(long, help_heading = group::OUTPUT, value_enum, default_value = "high")]
     quality: QualityName,
-    /// Only these frames, such as 1-10, 1-10:2 or 3,7,9-12 [default: all]
-    #[arg(long, value_name = "LIST", allow_hyphen_values = true)]
+    /// Frames to render, such as 1-10, 1-10:2 or 3,7,9-12 [default: all]
+    #[arg(long, help_heading = group::ANIMATION, value_name = "LIST", allow_hyphen_values = true)]
     frames: Option<FrameList>,
-    /// Of numbered frames, render only the I-th of N shares, from 1: every N-th
-    #[arg(long, allow_hyphen_values = true, value_name = "I/N")]
-    shard: Option<Share>,
-    /// Of numbered frames, leave what is there, whole, and made of the same scene with the same settings; .png and .exr
-    /// say so themselves
-    #[arg(long)]
+    /// Render only shard I of N of numbered frames, from 1: every N-th frame
+    #[arg(long, help_heading = group::OUTPUT, allow_hyphen_values = true, value_name = "I/N")]
+    shard: Option<Shard>,
+    /// Skip finished numbered frames of the same scene and settings (a fingerprint is stored in .png and .exr)
+    #[arg(long, help_heading = group::OUTPUT)]
     skip_existing: bool,
-    /// What frames on standard output are: YUV4MPEG2, which says its size and speed itself, or bare red, green and blue
-    #[arg(long, value_enum, default_value = "y4m")]
+    /// Format of frames on standard output
+    #[arg(long, help_heading = group::OUTPUT, value_enum, default_value = "y4m")]
     raw: RawName,
-    /// How to show progress, on standard error
-    #[arg(long, value_enum, default_value = "auto")]
+    /// Progress on standard error
+    #[arg(long, help_heading = group::OUTPUT, value_enum, default_value = "auto")]
     progress: Mode,
-    /// Fail where there would only be warnings
-    #[arg(long)]
+    /// Exit with an error if there are warnings
+    #[arg(long, help_heading = group::OUTPUT)]
     strict: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum QualityName {
-    /// Hardly told from the pictures
+    /// Near the quality of the pictures
     High,
-    /// A few times smaller
+    /// Smaller files
     Low,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum RawName {
-    /// YUV4MPEG2
+    /// YUV4MPEG2, with a header of size and frame rate
     Y4m,
-    /// Red, green and blue of pixel after pixel
+    /// 8-bit RGB without a header
     Rgb,
 }
 
@@ -87,7 +87,7 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
             format,
             selection,
             aovs: Vec::new(),
-            share: command.shard.unwrap_or(Share::ALL),
+            shard: command.shard.unwrap_or(Shard::ALL),
             skip_existing: command.skip_existing,
             progress: command.progress,
             strict: command.strict,
@@ -118,7 +118,7 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
 /// Checks that a film is made as a whole: options of single frames are errors that name the command for frames.
 fn check_whole(command: &Command) -> Result<()> {
     let (option, given) = match (command.shard, command.skip_existing) {
-        (Some(share), _) => ("--shard", format!("--shard {share}")),
+        (Some(shard), _) => ("--shard", format!("--shard {shard}")),
         (None, true) => ("--skip-existing", "--skip-existing".to_owned()),
         (None, false) => return Ok(()),
     };
@@ -127,7 +127,7 @@ fn check_whole(command: &Command) -> Result<()> {
     let names = command.output.with_file_name(format!("{}_####.png", stem.to_string_lossy()));
     let hint =
         format!("write numbered frames: `kiln animate {} {given} -o {}`", inputs.join(" "), names.display());
-    Err(Error::usage(format!("{option} is of numbered frames, and a film is made as a whole"), hint))
+    Err(Error::usage(format!("{option} is for numbered frames, not for a film"), hint))
 }
 
 fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &AtomicBool) -> Result<()> {
@@ -169,7 +169,7 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
     recorder.finish()?;
     frames::finish(&mut reporter, &command.arguments, &checks, command.strict)?;
     reporter.progress.finish(&format!(
-        "wrote {} ({} x {}, {} frames, {:.2} s at {} frames a second) in {took:.2} s",
+        "wrote {} ({} x {}, {} frames, {:.2} s at {} frames per second) in {took:.2} s",
         command.output.display(),
         window.width,
         window.height,

@@ -8,44 +8,45 @@ use crate::effects::{check_names, id};
 use crate::error::{Error, Result};
 use crate::import::{all_endings, inline_camera, names_on_standard_input};
 use crate::job::{CameraChoice, Look, RenderSettings};
+use crate::scene::option::group;
 use crate::scene::{ImportOptions, OptionValue, PictureSettings, Side};
 use crate::world::StandardView;
 
 /// Help text of `INPUT`: purpose and readable formats.
 pub(crate) fn inputs_help(purpose: &str) -> String {
     let (endings, names) = (all_endings(), names_on_standard_input());
-    format!("{purpose}: {endings}; `-` for a {names} on standard input")
+    format!("{purpose}: {endings}; `-` reads a {names} from standard input")
 }
 
 /// Inputs, camera and render settings: options of all commands that render.
 #[derive(Args, Clone)]
 pub(crate) struct Arguments {
-    /// Files to put into one scene.
-    #[arg(required = true, value_name = "INPUT", help = inputs_help("Files to put into one scene"))]
+    /// Input files, combined into one scene.
+    #[arg(required = true, value_name = "INPUT", help = inputs_help("Input files, combined into one scene"))]
     pub inputs: Vec<PathBuf>,
-    /// A camera of the scene by name or by number, `auto` for one that fits, or one of your own in the words of scene
-    /// files: '{ position = [0, 1, 6], look_at = [0, 1, 0], vertical_fov = 40 }'
-    #[arg(long, value_name = "NAME|INDEX|auto|{...}")]
+    /// Camera of the scene by name or index from 0, `auto` for one that frames the scene, or the keys of a camera in scene
+    /// files: '{ position = [0, 1, 6], look_at = [0, 1, 0], vertical_fov = 40 }' [default: the scene's first, else auto]
+    #[arg(long, help_heading = group::CAMERA, value_name = "NAME|INDEX|auto|{...}")]
     pub camera: Option<String>,
-    /// A camera that fits the scene, from a standard side
-    #[arg(long, conflicts_with = "camera", value_parser = ["front", "back", "left", "right", "top", "bottom", "iso"])]
+    /// Standard view that frames the scene [default without a camera: from 35° to the right of the front and 20° above]
+    #[arg(long, help_heading = group::CAMERA, display_order = 0, conflicts_with = "camera", value_parser = ["front", "back", "left", "right", "top", "bottom", "iso"])]
     pub view: Option<String>,
-    /// Size of the picture in pixels
-    #[arg(long, allow_hyphen_values = true, value_name = "WxH", value_parser = parse_size)]
+    /// Picture width and height in pixels [default: the scene's, else 1024x1024]
+    #[arg(long, help_heading = group::OUTPUT, display_order = 1, allow_hyphen_values = true, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<[u32; 2]>,
-    /// Threads to work on [default: all that this process may use; SLURM_CPUS_PER_TASK where that is less]
-    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(1..=u16::MAX))]
-    pub threads: Option<u16>,
-    /// The most bounces of a path, 0 to 1000; 0 shows lights alone, 1 adds direct light [default: 8]
-    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(0..=1000u16))]
-    depth: Option<u16>,
-    #[command(flatten)]
-    pub settings: RenderSettings,
     #[command(flatten)]
     pub import: ImportOptions,
-    /// Files without a scene file as fast as possible: one sample a pixel, a headlight, no ground
-    #[arg(long)]
+    #[command(flatten)]
+    pub settings: RenderSettings,
+    /// Maximum bounces of a path, 0 to 1000; 0 is emission only, 1 adds direct light [default: 8]
+    #[arg(long, help_heading = group::QUALITY, display_order = 4, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(0..=1000u16))]
+    depth: Option<u16>,
+    /// Fast preview of meshes: one sample per pixel, a headlight and a dark background instead of the default look
+    #[arg(long, help_heading = group::LOOK, display_order = 2)]
     draft: bool,
+    /// Number of threads [default: all that this process may use, or SLURM_CPUS_PER_TASK if less]
+    #[arg(long, help_heading = group::LIMITS, display_order = 0, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(1..=u16::MAX))]
+    pub threads: Option<u16>,
 }
 
 fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {

@@ -12,42 +12,42 @@ use crate::film::write::{Format, OutputImage as Written, write_picture};
 use crate::film::{ColourPipeline, Film, Window};
 use crate::limits;
 use crate::metrics::{BYTES_PER_PIXEL, ComparedImage, Errors, Figures, Values, definitions, heat_map};
+use crate::scene::option::group;
 
 #[derive(Args)]
 #[command(
-    after_help = "Exit codes: 0 every number is the same; 1 the pictures differ, within every limit given, or none is given;\n\
-2 beyond a limit, of other size, or with a pixel that is not finite; 3 a picture cannot be read. With --t-test: 0 no difference was\n\
-found, 2 they converge to different pictures, 3 as above or without the channels that it takes.\n\n\
-PNG and JPEG are compared in display values, 0 to 1; two EXR in their own numbers: linear light, but where kiln wrote display values\n\
-and says so in the file. FLIP and PSNR are of what a display shows: linear light encoded by sRGB, clamped to 0 to 1, no exposure, no\n\
-tone mapping; so is everything where one picture is linear and the other not, or with --display. Transparency is left out."
+    after_help = "Exit codes: 0 identical; 1 different, but within all limits; 2 above a limit, of different sizes, or with \
+pixels that are not finite; 3 a picture cannot be read. With --t-test: 0 no difference found; 2 the pictures converge to different \
+values; 3 a picture cannot be read, or has no samples and variance.\n\n\
+PNG and JPEG are compared in display values from 0 to 1, two EXR in the values of the files: linear light, unless kiln stored \
+display values. FLIP and PSNR compare display values: linear light is clamped to 0..1 and encoded as sRGB, without exposure and tone \
+map. With --display, or if only one picture is linear, all metrics do. Alpha is not compared."
 )]
 pub(crate) struct Arguments {
-    /// The reference: .png, .jpg or .exr
+    /// Reference picture: .png, .jpg or .exr
     #[arg(value_name = "A")]
     reference: PathBuf,
-    /// The picture to hold against it
+    /// Picture to compare with the reference
     #[arg(value_name = "B")]
     test: PathBuf,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = group::OUTPUT)]
     json: bool,
-    /// Exit with 2 where max, rmse, relmse, flip or differing (share of pixels, 0 to 1) is above a limit; may be given
-    /// several times
-    #[arg(long, value_name = "METRIC=VALUE", value_parser = parse_limit)]
+    /// Exit with code 2 if max, rmse, relmse, flip or differing (fraction of pixels) is above a limit; may be repeated
+    #[arg(long, help_heading = group::MEASUREMENT, value_name = "METRIC=VALUE", value_parser = parse_limit)]
     fail_above: Vec<(&'static str, f64)>,
-    /// Write FLIP of each pixel as a picture: black is none, then purple, orange and light yellow
-    #[arg(long, value_name = "FILE.png")]
+    /// Write a FLIP error map: black is no error, then purple, orange and light yellow
+    #[arg(long, help_heading = group::OUTPUT, value_name = "FILE.png")]
     heat_map: Option<PathBuf>,
-    /// Compare what a display shows also of two pictures in linear light
-    #[arg(long)]
+    /// Compare display values also of two pictures in linear light
+    #[arg(long, help_heading = group::MEASUREMENT)]
     display: bool,
-    /// Test whether two noisy .exr converge to the same picture: Welch's t-test of each pixel, and the histogram of
-    /// p-values, which is even if they do. Both are of `kiln render --sampler independent --aov samples,variance`
-    #[arg(long, conflicts_with_all = ["fail_above", "heat_map", "display"])]
+    /// Test whether two noisy .exr converge to the same picture by Welch's t-test of each pixel; both must be rendered with
+    /// --sampler independent --aov samples,variance
+    #[arg(long, help_heading = group::MEASUREMENT, conflicts_with_all = ["fail_above", "heat_map", "display"])]
     t_test: bool,
-    /// Test squares of so many pixels a side: fewer p-values, each of less noise
-    #[arg(long, allow_hyphen_values = true, value_name = "PIXELS", default_value_t = 1, requires = "t_test", value_parser = super::numbers::whole(1..=1024_u32))]
+    /// Block size of the t-test in pixels: larger blocks give fewer p-values with less noise
+    #[arg(long, help_heading = group::MEASUREMENT, allow_hyphen_values = true, value_name = "PIXELS", default_value_t = 1, requires = "t_test", value_parser = super::numbers::whole(1..=1024_u32))]
     block: u32,
 }
 
@@ -143,7 +143,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<u8> {
 fn as_json(arguments: &Arguments, errors: &Errors, code: u8) -> String {
     let definitions: Map<String, Value> =
         definitions().into_iter().map(|(name, text)| (name.into(), text.into())).collect();
-    let verdict = ["same", "within", "beyond"][usize::from(code)];
+    let verdict = ["same", "within_limits", "above_limits"][usize::from(code)];
     let mut report = json!({
         "schema": 1,
         "reference": arguments.reference.display().to_string(),

@@ -15,6 +15,7 @@ use crate::bench::effects::{Cost, Costs, Part, measure};
 use crate::effects::{Decision, EFFECTS};
 use crate::error::Result;
 use crate::job::RenderJob;
+use crate::scene::option::group;
 
 /// Version of the JSON schema; increased when a field changes its meaning or is removed.
 const SCHEMA: u32 = 1;
@@ -24,14 +25,13 @@ pub(crate) struct Command {
     #[command(flatten)]
     pub arguments: Arguments,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = group::OUTPUT)]
     json: bool,
-    /// Make the picture with and without each effect, and say what each costs; on one thread where --threads says
-    /// nothing
-    #[arg(long)]
+    /// Measure the cost of each effect by rendering with and without it, on one thread unless --threads is given
+    #[arg(long, help_heading = group::MEASUREMENT)]
     measure: bool,
-    /// How often everything is measured
-    #[arg(long, value_name = "N", default_value = "9", requires = "measure",
+    /// Number of measured rounds
+    #[arg(long, help_heading = group::MEASUREMENT, value_name = "N", default_value = "9", requires = "measure",
         value_parser = crate::cli::numbers::whole(1..=1000u16))]
     rounds: u16,
 }
@@ -106,7 +106,7 @@ fn to_text(decisions: &[Decision], costs: Option<&Costs>) -> String {
     let titles = titles.iter().map(|title| (*title).to_owned()).collect();
     let mut lines = vec![line("effect", "", titles, "why")];
     if let Some(costs) = costs {
-        lines.push(line("base", "on", numbers(&costs.base, costs, None), "what every picture takes"));
+        lines.push(line("base", "on", numbers(&costs.base, costs, None), "the picture without effects"));
     }
     for decision in decisions {
         let part = costs.and_then(|costs| Some((part_of(costs, decision)?, costs)));
@@ -123,9 +123,9 @@ fn to_text(decisions: &[Decision], costs: Option<&Costs>) -> String {
         let share = costs.sum_ms() / costs.whole.ms.median * 100.0;
         let _ = write!(
             text,
-            "\nrays, ms, bytes: what an effect adds to a picture with those above it and none of those below, so that they add\n\
-             up to the whole picture: {share:.1} % of it. alone: what the whole picture saves without this one effect. bytes: held\n\
-             by each thread. Medians of {}, {} time; of half of them, the whole picture took {:.2} to {:.2} ms.\n",
+            "\nrays, ms, bytes: cost of an effect added to the effects above it; the costs add up to {share:.1} % of the whole\n\
+             picture. alone ms: time that the whole picture saves without this effect. bytes: memory per thread. Medians of\n\
+             {}, {} time; quartiles of the whole picture: {:.2} to {:.2} ms.\n",
             super::numbers::counted(costs.rounds, "round", "rounds"),
             costs.clock,
             costs.whole.ms.lower,

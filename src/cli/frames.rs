@@ -14,7 +14,7 @@ use super::{exposure, output};
 use crate::animation::{AnimationJob, FileNames, FrameList, FrameRequest, in_order};
 use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
-use crate::farm::Share;
+use crate::farm::Shard;
 use crate::film::check::look;
 use crate::film::write::{self, Format, OutputImage, write_picture};
 use crate::film::{Film, TILE};
@@ -23,15 +23,16 @@ use crate::job::{Metadata, RenderJob, RenderSettings};
 use crate::limits;
 use crate::render::aov::AovSelection;
 use crate::render::{RenderControl, Statistics};
+use crate::scene::option::group;
 
 /// Frame rate and duration that override the scene's.
 #[derive(Args)]
 pub(crate) struct LengthArguments {
-    /// Frames a second [default: the scene's, or 30]
-    #[arg(long, allow_hyphen_values = true, value_name = "N")]
+    /// Frames per second [default: the scene's, or 30]
+    #[arg(long, help_heading = group::ANIMATION, allow_hyphen_values = true, value_name = "N")]
     pub fps: Option<f64>,
-    /// Seconds from beginning to end [default: the scene's, or 10]
-    #[arg(long, allow_hyphen_values = true, value_name = "S")]
+    /// Duration in seconds [default: the scene's, or 10]
+    #[arg(long, help_heading = group::ANIMATION, allow_hyphen_values = true, value_name = "S")]
     pub duration: Option<f64>,
 }
 
@@ -125,8 +126,8 @@ pub(crate) struct FrameSeries {
     pub selection: AovSelection,
     /// AOV names as typed.
     pub aovs: Vec<String>,
-    /// Share of the frames that this process renders.
-    pub share: Share,
+    /// Shard of the frames that this process renders.
+    pub shard: Shard,
     /// Whether complete existing files with the same settings are kept.
     pub skip_existing: bool,
     pub progress: Mode,
@@ -165,7 +166,7 @@ pub(crate) fn write_frames(
         fps: length.fps,
         duration: length.duration,
         list,
-        share: pictures.share,
+        shard: pictures.shard,
         is_there: &is_there,
     };
     let mut animation = pool.install(|| reporter.load_animation(arguments, &settings, &request))?;
@@ -177,7 +178,7 @@ pub(crate) fn write_frames(
     let display = animation.resolved.settings.picture.display();
     let skipped = match animation.skipped {
         0 => String::new(),
-        n => format!("; {n} were there"),
+        n => format!("; {n} existed"),
     };
     if animation.frames.is_empty() {
         reporter.progress.finish(&format!("no frame to render{skipped}"));

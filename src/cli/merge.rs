@@ -1,4 +1,4 @@
-//! `kiln merge`: combines the parts of a picture.
+//! `kiln merge`: combines the shards of a picture.
 
 use std::path::PathBuf;
 
@@ -9,29 +9,30 @@ use super::output::{check_folder, same_file};
 use crate::error::{Error, Result};
 use crate::farm::join;
 use crate::film::write::{Format, write_picture};
+use crate::scene::option::group;
 
 #[derive(Args)]
 pub(crate) struct Command {
-    /// The parts, in any order: what `kiln render --shard` wrote
-    #[arg(required = true, value_name = "PART")]
-    parts: Vec<PathBuf>,
-    /// The picture to write: .png, .jpg or .exr
-    #[arg(short, long, value_name = "OUT")]
+    /// All shards of the picture, written by `kiln render --shard`, in any order
+    #[arg(required = true, value_name = "SHARD")]
+    shards: Vec<PathBuf>,
+    /// Picture to write: .png, .jpg or .exr
+    #[arg(help_heading = group::OUTPUT, short, long, value_name = "OUT")]
     output: PathBuf,
 }
 
 pub(crate) fn run(command: &Command) -> Result<()> {
-    let Command { parts, output } = command;
+    let Command { shards, output } = command;
     let format = Format::from_path(output)?;
     check_folder(output)?;
-    if let Some(part) = parts.iter().find(|part| same_file(part, output)) {
+    if let Some(shard) = shards.iter().find(|shard| same_file(shard, output)) {
         return Err(Error::usage(
-            format!("{}: both a part and the picture", part.display()),
+            format!("{}: both a shard and the picture", shard.display()),
             "give --output another name",
         ));
     }
-    let (picture, metadata) = join(parts, format)?;
+    let (picture, metadata) = join(shards, format)?;
     write_picture(&picture, &metadata, format, output)?;
-    Message::Done(&format!("wrote {} from {} part(s)", output.display(), parts.len())).print();
+    Message::Done(&format!("wrote {} from {} shard(s)", output.display(), shards.len())).print();
     Ok(())
 }

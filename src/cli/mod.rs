@@ -41,6 +41,7 @@ use message::{Message, WarningPrinter, print_stderr};
 use crate::effects;
 use crate::error::{Error, Result, is_contained};
 use crate::limits;
+use crate::scene::option::group;
 use crate::scene::{ImportOptions, shell_quoted};
 
 #[derive(Parser)]
@@ -54,13 +55,12 @@ use crate::scene::{ImportOptions, shell_quoted};
 struct Arguments {
     #[command(subcommand)]
     command: Command,
-    /// The most memory to use, at least 128M, such as 16G [default: what the process may use, and 4G for the sizes that
-    /// one file gives]
-    #[arg(long, global = true, value_name = "SIZE", value_parser = limits::parse_limit)]
+    /// Maximum memory, such as 16G, at least 128M [default: the available memory; 4G for the sizes in one input file]
+    #[arg(long, global = true, help_heading = group::LIMITS, display_order = 900, value_name = "SIZE", value_parser = limits::parse_limit)]
     memory_limit: Option<u64>,
-    /// The most that input files may hold: triangles=N (with spheres), texels=N or nodes=N; may be given several times
-    /// [default: triangles=4294967295, texels=4294967296, nodes=16777216]
-    #[arg(long, global = true, value_name = "KIND=N", value_parser = limits::parse_count)]
+    /// Maximum contents of input files: triangles=N (with spheres), texels=N or nodes=N; may be repeated [default:
+    /// triangles=4294967295, texels=4294967296, nodes=16777216]
+    #[arg(long, global = true, help_heading = group::LIMITS, display_order = 900, value_name = "KIND=N", value_parser = limits::parse_count)]
     limit: Vec<(limits::Counted, u64)>,
 }
 
@@ -68,37 +68,37 @@ struct Arguments {
 enum Command {
     /// Render a picture
     Render(Box<render::Command>),
-    /// Make a film of an animation, or a turntable of a mesh
+    /// Render an animation, or a turntable of a mesh, to a film or numbered frames
     Animate(Box<animate::Command>),
-    /// Open a window on files, to look around in them
+    /// Open an interactive viewer
     #[cfg(feature = "viewer")]
     View(Box<view::Command>),
-    /// Open a window on files (this kiln was built without the feature `viewer`)
+    /// Open an interactive viewer (not in this build: it needs the feature `viewer`)
     #[cfg(not(feature = "viewer"))]
     #[command(disable_help_flag = true)]
     View {
         #[arg(hide = true, trailing_var_arg = true, allow_hyphen_values = true)]
         _arguments: Vec<std::ffi::OsString>,
     },
-    /// Put together the parts of a picture that `kiln render --shard` made
+    /// Combine the shards of a picture that `kiln render --shard` wrote
     Merge(merge::Command),
-    /// List the frames that are missing, broken, or of other settings
+    /// List frames that are missing, damaged or rendered with different settings
     Verify(Box<verify::Command>),
-    /// Say which effects a picture takes, why, and what each of them costs
+    /// List the effects of a picture, why each is on or off, and its cost
     Explain(Box<explain::Command>),
-    /// Say what files hold, how large it is, and what is odd about it
+    /// Describe input files: contents, bounds, memory and defects
     Info(info::Arguments),
-    /// Show what accuracy costs in time: a scene in many settings, each with its time and its error, as a page
+    /// Measure render time and error of a scene over many settings, as an HTML page
     Study(Box<study::Command>),
-    /// Measure kiln: leaks beside other libraries, cost and errors of its tiers
+    /// Benchmark speed, memory and errors of ray queries, beside other libraries
     Bench(Box<bench::Arguments>),
-    /// Say how far two pictures are apart
+    /// Compare two pictures: maximum difference, RMSE, PSNR, FLIP
     Compare(compare::Arguments),
     /// Print the JSON schema of scene files, for editors
     Schema,
-    /// Print completions for a shell
+    /// Print shell completions
     Completions {
-        /// The shell
+        /// Shell
         shell: clap_complete::Shell,
     },
 }
@@ -164,8 +164,8 @@ pub fn main() -> ExitCode {
             Command::View(arguments) => view::run(&arguments),
             #[cfg(not(feature = "viewer"))]
             Command::View { .. } => Err(Error::usage(
-                "this kiln was built without a window",
-                "`cargo install --path . --features full` has it; `kiln render` makes pictures without",
+                "this build has no viewer",
+                "install it with `cargo install --path . --features full`, or use `kiln render`",
             )),
             Command::Merge(arguments) => merge::run(&arguments),
             Command::Verify(arguments) => return verify::run(&arguments),
@@ -226,7 +226,7 @@ fn report_usage_error(e: &clap::Error) -> ExitCode {
         unknown if unknown.starts_with("unrecognized subcommand") && unknown.contains('.') => {
             "name the command first: kiln render INPUT -o picture.png"
         }
-        _ => "`kiln help` and `kiln help COMMAND` list what there is",
+        _ => "`kiln help` lists the commands, `kiln help COMMAND` its options",
     }
     .to_owned();
     for line in lines {
@@ -273,4 +273,40 @@ fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool> {
     builder
         .build()
         .map_err(|e| Error::Failed { what: format!("threads cannot be started: {e}"), hint: String::new() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// All commands and subcommands.
+    pub(super) fn commands() -> Vec<clap::Command> {
+        let mut all = vec![Arguments::command()];
+        let mut next = 0;
+        while let Some(command) = all.get(next) {
+            all.extend(command.get_subcommands().cloned().collect::<Vec<_>>());
+            next += 1;
+        }
+        all
+    }
+
+    /// The options of a command.
+    pub(super) fn options(command: &clap::Command) -> Vec<clap::Arg> {
+        command
+            .get_opts()
+            .chain(command.get_arguments().filter(|a| !a.get_action().takes_values()))
+            .cloned()
+            .collect()
+    }
+
+    #[test]
+    fn every_option_has_a_group() {
+        let commands = commands();
+        assert!(commands.len() > 15);
+        for command in &commands {
+            for option in options(command) {
+                assert!(option.get_help_heading().is_some(), "{} --{}", command.get_name(), option.get_id());
+            }
+        }
+    }
 }

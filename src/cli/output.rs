@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
-use crate::farm::{Share, part_name, part_state, write_part};
+use crate::farm::{Shard, shard_name, shard_state, write_shard};
 use crate::files::{WholeFile, describe};
 use crate::film::check::{self, FileState};
 use crate::film::tone::METER_BYTES;
@@ -21,8 +21,8 @@ use crate::world::World;
 /// Destination of the picture.
 pub(crate) enum OutputTarget {
     File(PathBuf, Format),
-    /// File for one share of the tiles of a picture of that format.
-    Part(PathBuf, Format, Share),
+    /// File for one shard of the tiles of a picture of that format.
+    Shard(PathBuf, Format, Shard),
     StandardOutput,
 }
 
@@ -35,43 +35,45 @@ impl OutputTarget {
         let format = Format::from_path(output)?;
         let name = output.file_name().unwrap_or_default().to_string_lossy();
         if name.contains("####") || name.contains("%0") {
-            let what = format!("{}: the name of a series of pictures, and there is one", output.display());
-            let hint = "give the picture a name of its own, or the frames of an animation with --frames";
+            let what =
+                format!("{}: a pattern for several files, and this is a single picture", output.display());
+            let hint = "give a plain file name, or --frames for an animation";
             return Err(Error::usage(what, hint));
         }
         check_folder(output)?;
         Ok(OutputTarget::File(output.to_owned(), format))
     }
 
-    /// The target for one share of the picture's tiles.
-    pub(crate) fn part(self, share: Share) -> Result<Self> {
+    /// The target for one shard of the picture's tiles.
+    pub(crate) fn shard(self, shard: Shard) -> Result<Self> {
         match self {
             OutputTarget::File(file, format) => {
-                Ok(OutputTarget::Part(part_name(&file, share), format, share))
+                Ok(OutputTarget::Shard(shard_name(&file, shard), format, shard))
             }
-            _ => {
-                Err(Error::usage("a part of a picture is a file", "give --output a name, such as still.png"))
-            }
+            _ => Err(Error::usage(
+                "a shard of a picture needs a file name",
+                "give --output a name, such as still.png",
+            )),
         }
     }
 
     /// The picture's format.
     pub(crate) fn format(&self) -> Format {
         match self {
-            OutputTarget::File(_, format) | OutputTarget::Part(_, format, _) => *format,
+            OutputTarget::File(_, format) | OutputTarget::Shard(_, format, _) => *format,
             OutputTarget::StandardOutput => Format::Png,
         }
     }
 
-    /// The format that determines the film's pixel type: parts store the pixels as `f32`, like EXR.
+    /// The format that determines the film's pixel type: shards store the pixels as `f32`, like EXR.
     pub(crate) fn film_format(&self) -> Format {
-        if let OutputTarget::Part(..) = self { Format::Exr } else { self.format() }
+        if let OutputTarget::Shard(..) = self { Format::Exr } else { self.format() }
     }
 
     /// The file name; `-` for standard output.
     pub(crate) fn file(&self) -> &Path {
         match self {
-            OutputTarget::File(file, _) | OutputTarget::Part(file, ..) => file,
+            OutputTarget::File(file, _) | OutputTarget::Shard(file, ..) => file,
             OutputTarget::StandardOutput => Path::new("-"),
         }
     }
@@ -82,7 +84,7 @@ impl OutputTarget {
     /// Those of [`WholeFile::create`].
     pub(crate) fn check_writable(&self) -> Result<()> {
         match self {
-            OutputTarget::File(file, _) | OutputTarget::Part(file, ..) => WholeFile::create(file).map(drop),
+            OutputTarget::File(file, _) | OutputTarget::Shard(file, ..) => WholeFile::create(file).map(drop),
             OutputTarget::StandardOutput => Ok(()),
         }
     }
@@ -91,7 +93,7 @@ impl OutputTarget {
     pub(crate) fn existing(&self) -> FileState {
         match self {
             OutputTarget::File(file, format) => check::look(file, *format),
-            OutputTarget::Part(file, _, share) => part_state(file, *share),
+            OutputTarget::Shard(file, _, shard) => shard_state(file, *shard),
             OutputTarget::StandardOutput => FileState::Missing,
         }
     }
@@ -121,11 +123,11 @@ pub(crate) fn check_folder(output: &Path) -> Result<()> {
 /// [`Error::Usage`] for JPEG and standard output.
 pub(crate) fn check_skipping(output: &Path, format: Format) -> Result<()> {
     if format == Format::Jpeg {
-        let what = format!("{}: a JPEG does not say what made it, nor that it is whole", output.display());
+        let what = format!("{}: a JPEG has no fingerprint and no checksum", output.display());
         return Err(Error::usage(what, "with --skip-existing, name a file that ends in .png or .exr"));
     }
     if output == Path::new("-") {
-        return Err(Error::usage("standard output is not there before", "leave --skip-existing out"));
+        return Err(Error::usage("--skip-existing needs an output file", "leave --skip-existing out"));
     }
     Ok(())
 }
@@ -143,7 +145,7 @@ pub(crate) fn check_memory(
     let channels = selection.channel_count(job.plan.effects_on().count()) as u64;
     let writing = match target {
         // Written tile by tile.
-        OutputTarget::Part(..) => 0,
+        OutputTarget::Shard(..) => 0,
         // The encoded file is held in memory; at worst it is slightly larger than its pixels.
         OutputTarget::StandardOutput => 3,
         OutputTarget::File(_, format) => write::bytes_per_pixel(*format, channels),
@@ -301,7 +303,7 @@ pub(crate) fn warn_about_picture(
     }
     let mut shadow = statistics.rays.iter().filter(|(kind, _)| kind.is_shadow);
     if shadow.any(|(_, count)| count.cast > 0 && count.hit == count.cast) {
-        warnings.push("no light reaches anything in the picture: every shadow ray is blocked");
+        warnings.push("no light reaches any visible surface: every shadow ray is blocked");
     }
     if inputs.len() > 1 {
         for (index, file) in inputs.iter().enumerate() {
@@ -325,10 +327,10 @@ pub(crate) fn warn_about_picture(
 pub(crate) fn write(picture: &OutputImage, job: &RenderJob, target: &OutputTarget) -> Result<()> {
     let metadata = &job.metadata;
     match (target, picture) {
-        (OutputTarget::Part(file, _, share), OutputImage::Float(film, channels)) => {
-            write_part(film, channels, (job.pipeline(), job.display().known()), metadata, *share, file)
+        (OutputTarget::Shard(file, _, shard), OutputImage::Float(film, channels)) => {
+            write_shard(film, channels, (job.pipeline(), job.display().known()), metadata, *shard, file)
         }
-        (OutputTarget::File(file, format) | OutputTarget::Part(file, format, _), _) => {
+        (OutputTarget::File(file, format) | OutputTarget::Shard(file, format, _), _) => {
             write_picture(picture, metadata, *format, file)
         }
         (OutputTarget::StandardOutput, _) => {

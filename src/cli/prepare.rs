@@ -68,7 +68,7 @@ impl Reporter {
         let scene = self.load(arguments)?;
         if !scene.clips.is_empty() && scene.import_options.pose().is_none() {
             self.warnings
-                .note("the scene has clips and is drawn at rest; `--time SECONDS` draws a moment of them");
+                .note("the scene has animation clips and is rendered in the rest pose; `--time SECONDS` sets a time");
         }
         self.phase("preparing");
         timed(&mut self.seconds.prepare, || resolve(scene, settings, &mut self.warnings))
@@ -105,7 +105,7 @@ impl Reporter {
         }
         Err(Error::Failed {
             what: format!("{} warning(s), and --strict was given", self.warnings.messages().len()),
-            hint: format!("{written} written; mend what the warnings name, or leave --strict out"),
+            hint: format!("{written} written; fix what the warnings name, or leave --strict out"),
         })
     }
 }

@@ -14,50 +14,50 @@ use super::sampling::{AccuracyArguments, warn_of_unused};
 use super::{exposure, statistics};
 use crate::animation::FrameList;
 use crate::error::{Error, Result};
-use crate::farm::Share;
+use crate::farm::Shard;
 use crate::files::write_whole;
 use crate::film::write::{Format, OutputImage};
 use crate::job::metadata;
 use crate::render::RenderControl;
 use crate::render::aov::{AOVS, AovSelection, EFFECTS, EFFECTS_SUMMARY, LARGEST_EXACT_INDEX};
+use crate::scene::option::group;
 
 #[derive(Args)]
 #[command(after_help = aov_help())]
 pub(crate) struct Command {
+    /// Picture to write: .png, .jpg or .exr; `-` for PNG on standard output; with --frames a pattern such as frame_####.png
+    #[arg(short, long, help_heading = group::OUTPUT, display_order = 0, value_name = "OUT")]
+    output: PathBuf,
     #[command(flatten)]
     pub arguments: Arguments,
     #[command(flatten)]
     accuracy: AccuracyArguments,
-    /// The frames of an animation to render, such as 1-10, 1-10:2 or 3,7,9-12, into files like frame_####.png; a scene
-    /// in which nothing moves is gone round once
-    #[arg(long, value_name = "LIST", allow_hyphen_values = true, conflicts_with_all = ["accuracy", "budget"])]
+    /// Frames to render, such as 1-10, 1-10:2 or 3,7,9-12, one file each; if nothing moves, the camera orbits once
+    #[arg(long, help_heading = group::ANIMATION, display_order = 0, value_name = "LIST", allow_hyphen_values = true, conflicts_with_all = ["accuracy", "budget"])]
     frames: Option<FrameList>,
     #[command(flatten)]
     length: LengthArguments,
-    /// Render only the I-th of N shares, from 1: of --frames every N-th; of one picture every N-th tile, into OUT with
-    /// the ending .IofN.part, for `kiln merge`
-    #[arg(long, allow_hyphen_values = true, value_name = "I/N", conflicts_with_all = ["accuracy", "budget"])]
-    shard: Option<Share>,
-    /// Leave what is there, whole, and made of the same scene with the same settings; .png and .exr say so themselves
-    #[arg(long)]
+    /// Render only shard I of N, from 1: with --frames every N-th frame, else every N-th tile, into OUT with the ending
+    /// .IofN.shard, for `kiln merge`
+    #[arg(long, help_heading = group::OUTPUT, allow_hyphen_values = true, value_name = "I/N", conflicts_with_all = ["accuracy", "budget"])]
+    shard: Option<Shard>,
+    /// Skip finished files of the same scene and settings (a fingerprint is stored in .png and .exr)
+    #[arg(long, help_heading = group::OUTPUT)]
     skip_existing: bool,
-    /// Print the names of the files that would be written, and render nothing
-    #[arg(long)]
+    /// Print the names of the output files without rendering
+    #[arg(long, help_heading = group::OUTPUT)]
     list_outputs: bool,
-    /// The picture to write: .png, .jpg or .exr; `-` for PNG on standard output; with --frames a name with #### or %04d
-    #[arg(short, long, value_name = "OUT")]
-    output: PathBuf,
-    /// AOVs to add to an .exr, separated by commas; their names are listed below
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    /// AOVs to write to an .exr, separated by commas, such as depth,normal; listed below
+    #[arg(long, help_heading = group::OUTPUT, display_order = 2, value_name = "LIST", value_delimiter = ',')]
     aov: Vec<String>,
-    /// How to show progress, on standard error
-    #[arg(long, value_enum, default_value = "auto")]
+    /// Progress on standard error
+    #[arg(long, help_heading = group::OUTPUT, value_enum, default_value = "auto")]
     progress: Mode,
-    /// Write what was done to a JSON file
-    #[arg(long, value_name = "FILE")]
+    /// Write statistics (times, rays, memory) to a JSON file
+    #[arg(long, help_heading = group::OUTPUT, value_name = "FILE")]
     stats: Option<PathBuf>,
-    /// Fail where there would only be warnings
-    #[arg(long)]
+    /// Exit with an error if there are warnings
+    #[arg(long, help_heading = group::OUTPUT)]
     strict: bool,
 }
 
@@ -80,8 +80,8 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     if command.skip_existing {
         output::check_skipping(&command.output, target.format())?;
     }
-    if let Some(share) = command.shard {
-        target = target.part(share)?;
+    if let Some(shard) = command.shard {
+        target = target.shard(shard)?;
     }
     if command.list_outputs {
         return super::print(&format!("{}\n", target.file().display()));
@@ -105,8 +105,8 @@ fn check_still(length: &LengthArguments) -> Result<()> {
     match given.iter().find(|(_, value)| value.is_some()) {
         None => Ok(()),
         Some((option, _)) => {
-            let what = format!("{option} is of the frames of an animation, and this is one picture");
-            let hint = "name the frames, such as --frames 0-59 -o frame_####.png; --time is the moment of one picture";
+            let what = format!("{option} is for animations, and this is a single picture");
+            let hint = "give --frames, such as --frames 0-59 -o frame_####.png, or --time for one picture";
             Err(Error::usage(what, hint))
         }
     }
@@ -123,17 +123,20 @@ fn check_aov_format(command: &Command, format: Format) -> Result<()> {
 /// Renders frames of an animation to one file each.
 fn render_frames(command: &Command, list: &FrameList, interrupted: &AtomicBool) -> Result<()> {
     if command.stats.is_some() {
-        return Err(Error::usage("--stats is of one picture, and these are frames", "leave one of them out"));
+        return Err(Error::usage(
+            "--stats is for single pictures, not for --frames",
+            "leave one of them out",
+        ));
     }
     let format = Format::from_path(&command.output)?;
     check_aov_format(command, format)?;
     if command.skip_existing {
         output::check_skipping(&command.output, format)?;
     }
-    let share = command.shard.unwrap_or(Share::ALL);
+    let shard = command.shard.unwrap_or(Shard::ALL);
     let names = file_names(&command.output, list)?;
     if command.list_outputs {
-        let mine = list.frames().iter().enumerate().filter(|(place, _)| share.has(*place));
+        let mine = list.frames().iter().enumerate().filter(|(place, _)| shard.has(*place));
         let text: String = mine.map(|(_, &frame)| format!("{}\n", names.of(frame).display())).collect();
         return super::print(&text);
     }
@@ -142,7 +145,7 @@ fn render_frames(command: &Command, list: &FrameList, interrupted: &AtomicBool) 
         format,
         selection: AovSelection::new(&command.aov)?,
         aovs: command.aov.clone(),
-        share,
+        shard,
         skip_existing: command.skip_existing,
         progress: command.progress,
         strict: command.strict,
@@ -159,15 +162,17 @@ fn render_to(
 ) -> Result<()> {
     let mut reporter = Reporter::new(command.progress);
     let mut settings = command.arguments.settings()?;
-    settings.share = command.shard.unwrap_or_default();
+    settings.shard = command.shard.unwrap_or_default();
     settings.aovs = command.aov.clone();
     let mut resolved = reporter.load_and_resolve(&command.arguments, &settings)?;
     if let Some(target) = command.accuracy.target() {
-        metadata::add_to_fingerprint(&mut resolved.metadata, "wish", &target);
+        metadata::add_to_fingerprint(&mut resolved.metadata, "sampling_target", &target);
     }
     if command.skip_existing && target.existing().is(metadata::fingerprint_of(&resolved.metadata), None) {
         reporter.show();
-        reporter.progress.finish(&format!("{} is there", target.file().display()));
+        reporter
+            .progress
+            .finish(&format!("{} exists with the same scene and settings", target.file().display()));
         return Ok(());
     }
     let is_transparent = resolved.settings.picture.is_transparent();
@@ -206,7 +211,7 @@ fn render_to(
     if selection.has_primitives() && world.primitive_count() > LARGEST_EXACT_INDEX {
         warnings.push(format!("--aov primitive: indices above {LARGEST_EXACT_INDEX} are rounded"));
     }
-    let is_part = command.arguments.settings.crop.is_some() || job.settings.share != Share::ALL;
+    let is_part = command.arguments.settings.crop.is_some() || job.settings.shard != Shard::ALL;
     output::warn_about_picture(&command.arguments.inputs, world, &statistics, is_part, warnings);
     progress.clear();
     reporter.show();

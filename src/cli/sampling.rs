@@ -6,17 +6,18 @@ use crate::effects::{EffectId, id};
 use crate::error::Warnings;
 use crate::job::RenderSettings;
 use crate::sample_count::{ErrorTarget, Metric};
+use crate::scene::option::group;
 use crate::scene::{PictureSettings, Sampling};
 
 /// Options of `kiln render` with which the number of samples is chosen automatically.
 #[derive(Args)]
 pub(crate) struct AccuracyArguments {
-    /// As many samples as it takes for FLIP, RMSE or MAX (of displayed values, 1 is white) to the truth to be below a
-    /// value: the truth is the antialiased picture, that of ever more samples
-    #[arg(long, allow_hyphen_values = true, value_name = "METRIC=VALUE", value_parser = parse_accuracy, conflicts_with_all = ["samples", "noise", "min_samples", "aov"])]
+    /// Sample until the estimated error is below a value: FLIP, RMSE or MAX of displayed values (1 is white) against the
+    /// converged picture
+    #[arg(long, help_heading = group::QUALITY, display_order = 2, allow_hyphen_values = true, value_name = "METRIC=VALUE", value_parser = parse_accuracy, conflicts_with_all = ["samples", "noise", "min_samples", "aov"])]
     accuracy: Option<(Metric, f64)>,
-    /// As many samples as fit into so many seconds of rendering; with --accuracy no more than it needs
-    #[arg(long, allow_hyphen_values = true, value_name = "SECONDS", value_parser = parse_seconds, conflicts_with_all = ["samples", "noise", "min_samples", "aov"])]
+    /// Sample for this time in seconds; with --accuracy, stop early where its error is reached
+    #[arg(long, help_heading = group::QUALITY, display_order = 2, allow_hyphen_values = true, value_name = "SECONDS", value_parser = parse_seconds, conflicts_with_all = ["samples", "noise", "min_samples", "aov"])]
     budget: Option<f64>,
 }
 
@@ -70,18 +71,17 @@ pub(crate) fn warn_of_unused(
             ..PictureSettings::default()
         };
         for (option, _) in unused.entries() {
-            warnings.push(format!("--{option} changes nothing: there is no antialiasing"));
+            warnings.push(format!("--{option} changes nothing without the effect `antialiasing`"));
         }
         return;
     }
     if noise.is_some() && is_without(id::ADAPTIVE) {
-        warnings.push("--noise changes nothing: every pixel takes all samples without adaptive");
+        warnings.push("--noise changes nothing without the effect `adaptive`");
     }
     if min_samples.is_some() && sampling.noise.is_none() {
-        warnings.push("--min-samples changes nothing: without --noise every pixel takes all samples");
+        warnings.push("--min-samples changes nothing without --noise");
     }
     if seed.is_some() && !sampling.is_wanted() && !has_target {
-        warnings
-            .push("--seed changes nothing: one sample a pixel, through its centre; --samples asks for more");
+        warnings.push("--seed changes nothing: one sample per pixel, at its centre; --samples takes more");
     }
 }

@@ -71,10 +71,10 @@ pub(crate) fn to_json(
         },
         "instruction_set": description.isa,
         "effects": effects,
-        "pictures": {
+        "textures": {
             "count": world.images.len(),
             "bytes": world.images.iter().map(|image| size_of_val(&*image.pixels)).sum::<usize>(),
-            "pyramid_bytes": world.images.iter().map(Image::mip_map_bytes).sum::<usize>(),
+            "mip_map_bytes": world.images.iter().map(Image::mip_map_bytes).sum::<usize>(),
         },
         "rays": rays,
         "tests": { "nodes": statistics.tests.nodes, "primitives": statistics.tests.primitives },

@@ -31,7 +31,7 @@ fn to_json(a: &Path, b: &Path, test: &TTest) -> String {
         "schema": 1,
         "reference": a.display().to_string(),
         "test": b.display().to_string(),
-        "verdict": if test.passed { "within" } else { "beyond" },
+        "verdict": if test.passed { "no_difference" } else { "different" },
         "t_test": test,
     });
     format!("{report:#}\n")

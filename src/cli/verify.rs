@@ -13,37 +13,38 @@ use super::prepare::Reporter;
 use super::progress::Mode;
 use crate::animation::{FileNames, FrameList, FrameRequest};
 use crate::error::{Error, Result};
-use crate::farm::Share;
+use crate::farm::Shard;
 use crate::film::check::{FileState, PictureIdentity, look};
 use crate::film::write::Format;
 use crate::job::RenderSettings;
 use crate::job::metadata::fingerprint_of;
 use crate::render::aov::AovSelection;
+use crate::scene::option::group;
 
 #[derive(Args)]
 #[command(
-    after_help = "Without --output, INPUT is the name of the pictures, and they are held to each other:\n  \
+    after_help = "Without --output, INPUT is the pattern of the pictures; all must have the same scene and settings:\n  \
     kiln verify frame_####.png --frames 0-99\n\
-    With it, they are held to what the scene and the settings would give, and all options are as for `kiln render`:\n  \
+    With --output, the pictures must be those that `kiln render` would write with the same options:\n  \
     kiln verify scene.toml -o frame_####.png --frames 0-99\n\
-    Exit code: 0 where every picture is as it should be, 1 where one is not."
+    Exit code: 0 if every picture is valid, else 1."
 )]
 pub(crate) struct Command {
+    /// Pictures to check, .png or .exr, as a pattern such as frame_####.png or frame_%04d.png
+    #[arg(short, long, help_heading = group::OUTPUT, display_order = 0, value_name = "PATTERN")]
+    output: Option<PathBuf>,
     #[command(flatten)]
     pub arguments: Arguments,
     #[command(flatten)]
     length: LengthArguments,
-    /// The pictures: .png or .exr, with #### or %04d for the number of a frame
-    #[arg(short, long, value_name = "NAME")]
-    output: Option<PathBuf>,
-    /// The frames that there should be [default: all of the animation, where a scene is given]
-    #[arg(long, value_name = "LIST", allow_hyphen_values = true)]
+    /// Expected frames [default: all of the animation, if a scene is given]
+    #[arg(long, help_heading = group::ANIMATION, display_order = 0, value_name = "LIST", allow_hyphen_values = true)]
     frames: Option<FrameList>,
-    /// The AOVs that the pictures have, as for `kiln render`
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    /// AOVs of the pictures, as for `kiln render`
+    #[arg(long, help_heading = group::OUTPUT, value_name = "LIST", value_delimiter = ',')]
     aov: Vec<String>,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = group::OUTPUT)]
     json: bool,
 }
 
@@ -61,8 +62,8 @@ pub(crate) fn run(command: &Command) -> Result<u8> {
     let Some(output) = &command.output else {
         let [name] = command.arguments.inputs.as_slice() else {
             return Err(Error::usage(
-                "several names of pictures",
-                "give one, or the pictures' name with --output",
+                "several patterns of pictures",
+                "give one, or a scene and the pattern as --output",
             ));
         };
         let files = files(name, command.frames.as_ref())?;
@@ -91,7 +92,7 @@ fn expected(command: &Command, output: &Path) -> Result<(String, Option<FrameLis
         fps: command.length.fps,
         duration: command.length.duration,
         list: command.frames.as_ref(),
-        share: Share::ALL,
+        shard: Shard::ALL,
         is_there: &|_, _| true,
     };
     let animation = reporter.load_animation(&command.arguments, &settings, &request)?;
@@ -102,7 +103,7 @@ fn expected(command: &Command, output: &Path) -> Result<(String, Option<FrameLis
 /// The expected files with their frames.
 fn files(name: &Path, list: Option<&FrameList>) -> Result<Vec<(Option<i32>, PathBuf)>> {
     if Format::from_path(name)? == Format::Jpeg {
-        let what = format!("{}: a JPEG does not say what made it, nor that it is whole", name.display());
+        let what = format!("{}: a JPEG has no fingerprint and no checksum", name.display());
         return Err(Error::usage(what, "name .png or .exr pictures"));
     }
     let names = FileNames::parse(name).map_err(|what| Error::usage(what, "give the name one ####"))?;
@@ -110,7 +111,7 @@ fn files(name: &Path, list: Option<&FrameList>) -> Result<Vec<(Option<i32>, Path
         (Some(names), Some(list)) => Ok(list.frames().iter().map(|&f| (Some(f), names.of(f))).collect()),
         (None, None) => Ok(vec![(None, name.to_owned())]),
         (None, Some(list)) if list.frames().len() == 1 => Ok(vec![(Some(list.frames()[0]), name.to_owned())]),
-        (Some(_), None) => Err(Error::usage("which frames there should be is not said", "give --frames")),
+        (Some(_), None) => Err(Error::usage("the expected frames are not known", "give --frames")),
         (None, Some(_)) => {
             let what = format!("{}: one name for several frames", name.display());
             Err(Error::usage(what, "give the name a place for their number, such as frame_####.png"))
@@ -134,14 +135,15 @@ fn check(files: &[(Option<i32>, PathBuf)], format: Format, fingerprint: Option<&
             FileState::Missing => ("missing", "no such file".to_owned()),
             FileState::Broken(why) => ("broken", why.clone()),
             FileState::Whole(PictureIdentity { fingerprint: None, .. }) => {
-                ("other", "does not say what made it".into())
+                ("different", "no fingerprint of kiln in the file".into())
             }
-            FileState::Whole(made) if made.fingerprint.as_deref() != wanted => {
-                ("other", "made of another scene, with other settings or by another kiln".into())
-            }
+            FileState::Whole(made) if made.fingerprint.as_deref() != wanted => (
+                "different",
+                "rendered from another scene, with other settings or by another version of kiln".into(),
+            ),
             // A single file without an expected fingerprint may be any frame.
             FileState::Whole(made) if made.frame != *frame && (frame.is_some() || fingerprint.is_some()) => {
-                ("other", made.frame.map_or("not a frame".into(), |frame| format!("is frame {frame}")))
+                ("different", made.frame.map_or("not a frame".into(), |frame| format!("is frame {frame}")))
             }
             FileState::Whole(_) => return None,
         };
@@ -153,27 +155,27 @@ fn check(files: &[(Option<i32>, PathBuf)], format: Format, fingerprint: Option<&
 /// Prints the faults. Returns the exit code.
 fn report(command: &Command, files: &[(Option<i32>, PathBuf)], faults: &[Fault]) -> Result<u8> {
     let of = |kind: &str| faults.iter().filter(|fault| fault.kind == kind).collect::<Vec<_>>();
-    let [missing, broken, other] = ["missing", "broken", "other"].map(of);
-    let good = files.len() - faults.len();
+    let [missing, broken, different] = ["missing", "broken", "different"].map(of);
+    let valid = files.len() - faults.len();
     let again: Vec<String> = faults.iter().filter_map(|fault| fault.frame).map(|f| f.to_string()).collect();
     let again = again.join(",").parse::<FrameList>().map(|list| list.to_string()).unwrap_or_default();
     let text = if command.json {
         let report = json!({
             "schema": 1,
             "pictures": files.len(),
-            "good": good,
+            "valid": valid,
             "missing": missing,
             "broken": broken,
-            "other": other,
-            "again": again,
+            "different": different,
+            "to_render": again,
         });
         format!("{report:#}\n")
     } else {
         let mut text: String =
             faults.iter().map(|f| format!("{}: {}: {}\n", f.file, f.kind, f.why)).collect();
-        let [missing, broken, other] = [missing, broken, other].map(|faults| faults.len());
+        let [missing, broken, different] = [missing, broken, different].map(|faults| faults.len());
         text += &format!(
-            "{good} of {} good, {missing} missing, {broken} broken, {other} of other settings\n",
+            "{valid} of {} valid, {missing} missing, {broken} broken, {different} with different settings\n",
             files.len()
         );
         if !again.is_empty() {

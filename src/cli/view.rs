@@ -25,7 +25,7 @@ pub(crate) fn run(command: &Command) -> Result<()> {
     arguments::check(arguments)?;
     viewer::display::check()?;
     if arguments.settings.crop.is_some() {
-        return Err(Error::usage("--crop has no meaning in a window", "leave it out"));
+        return Err(Error::usage("the viewer shows the whole picture, without --crop", "leave it out"));
     }
     if arguments.inputs.iter().any(|input| input == Path::new("-")) {
         return Err(Error::usage(

@@ -16,20 +16,20 @@ use crate::scene::PixelSampler;
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
     id: id::ADAPTIVE,
-    summary: "pixels with little noise take fewer samples than others",
+    summary: "adaptive sampling: fewer samples for pixels with little noise",
     source: "Dammertz and others, A Hierarchical Automatic Stopping Condition for Monte Carlo Global Illumination, 2010",
     builds_on: Some(id::ANTIALIASING),
     decides_samples: true,
     called_for: |_, choices| {
         let sampling = &choices.sampling;
         let Some(level) = sampling.noise else {
-            return Err("no level of noise is given; --noise does".into());
+            return Err("no noise threshold; --noise sets one".into());
         };
         let (floor, most) = (Criterion::new(sampling).min_samples, sampling.max_samples());
         if floor == most {
             return Err(format!("every pixel takes {most} sample(s) anyway"));
         }
-        Ok(format!("`noise` {level}, {floor} to {most} samples a pixel"))
+        Ok(format!("`noise` {level}, {floor} to {most} samples per pixel"))
     },
     specify: |_, spec: &mut PlanSpec| spec.adaptive = true,
     stages: |context: &EffectContext, hook| match hook {

@@ -13,7 +13,7 @@ pub const SHADOW_RAYS: RayKind = RayKind { name: "alpha-shadow", is_shadow: true
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
     id: id::ALPHA,
-    summary: "surfaces with alpha show what is behind them, in any order, and let light through",
+    summary: "alpha transparency of surfaces, independent of their order, also for shadow rays",
     source: "Enderton and others, Stochastic Transparency, 2010",
     is_study_switch: true,
     rays: &[RAYS, SHADOW_RAYS],

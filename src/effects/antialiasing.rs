@@ -14,18 +14,18 @@ const SAMPLES_OF_PARTS: u32 = 64;
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
     id: id::ANTIALIASING,
-    summary: "a pixel is the filtered mean of several samples, not what its centre sees",
+    summary: "several filtered samples per pixel instead of one at its centre",
     source: "pbrt, 4th edition, chapter 8",
     decides_samples: true,
     called_for: |_, choices| {
         let sampling = &choices.sampling;
         if !sampling.is_wanted() {
-            return Err("one sample a pixel, through its centre; --samples asks for more".into());
+            return Err("one sample per pixel, at its centre; --samples takes more".into());
         }
         let filter = sampling.shape_and_radius();
         let (samples, name, radius) = (sampling.max_samples(), filter.0.name(), filter.1);
         let up_to = if sampling.noise.is_some() { "up to " } else { "" };
-        Ok(format!("{up_to}{samples} sample(s) a pixel, filter `{name}` of radius {radius}"))
+        Ok(format!("{up_to}{samples} sample(s) per pixel, filter `{name}` of radius {radius}"))
     },
     specify: |context: &EffectContext, spec| {
         spec.own_camera_rays = true;

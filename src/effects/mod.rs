@@ -209,8 +209,10 @@ impl Effect {
 
 /// A value that an effect takes: `--with NAME=VALUE`, and `NAME = VALUE` in a scene file.
 pub struct EffectValue {
-    /// What it is, such as "samples a pixel".
+    /// What it is, such as "filter".
     pub meaning: &'static str,
+    /// The value in the help, such as "FILTER".
+    pub placeholder: &'static str,
     /// Checks a value; `Err` says what is wrong with it.
     pub check: fn(&str) -> Result<(), String>,
 }

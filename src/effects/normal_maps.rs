@@ -16,7 +16,7 @@ use crate::world::World;
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
     id: id::NORMAL_MAPS,
-    summary: "pictures tilt the normals that surfaces are shaded by",
+    summary: "normal and bump maps of materials",
     source: "glTF 2.0, section 3.9.3; Cook, Shade Trees, 1984",
     needs_lights: true,
     is_study_switch: true,

@@ -335,7 +335,7 @@ fn check_value(effect: &Effect, value: &str) -> std::result::Result<(), (String,
     let name = effect.id;
     match &effect.value {
         None => Err((format!("`{name}` takes no value, and `{value}` was given"), "leave it out".into())),
-        Some(EffectValue { meaning, check }) => check(value).map_err(|what| {
+        Some(EffectValue { meaning, check, .. }) => check(value).map_err(|what| {
             (format!("`{value}` cannot be the {meaning} of `{name}`: {what}"), String::new())
         }),
     }
@@ -355,11 +355,11 @@ pub fn check_names(with: &[String], without: &[String]) -> Result<()> {
     }
     if let Some(typed) = without.iter().find(|typed| typed.contains('=')) {
         let name = name_and_value(typed).0;
-        let hint = format!("ask for `--without {name}`, or for another value by `--with`");
-        return Err(Error::usage(format!("`{typed}` is a value to do without"), hint));
+        let hint = format!("give `--without {name}`, or another value by `--with`");
+        return Err(Error::usage(format!("--without takes no value: `{typed}`"), hint));
     }
     match with.iter().find(|typed| without.iter().any(|other| other == name_and_value(typed).0)) {
-        Some(both) => Err(Error::usage(format!("both with and without `{both}`"), "ask for one of the two")),
+        Some(both) => Err(Error::usage(format!("both with and without `{both}`"), "give one of the two")),
         None => Ok(()),
     }
 }

@@ -11,10 +11,11 @@ use crate::world::{FurtherTexels, InteractionSoa, PreparedMaterial, Texels, Text
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
     id: id::TEXTURES,
-    summary: "pictures on surfaces: nearest, bilinear, mipmap or anisotropic; as each says itself, if not told",
+    summary: "image textures; filter: nearest, bilinear, mipmap or anisotropic [default: each texture's sampler]",
     source: "Williams, Pyramidal Parametrics, 1983; Igehy, Tracing Ray Differentials, 1999",
     value: Some(EffectValue {
         meaning: "filter",
+        placeholder: "FILTER",
         check: |value| match filter(value) {
             Some(_) => Ok(()),
             None => Err(format!("filters are {}", TextureFilter::ALL.map(TextureFilter::name).join(", "))),

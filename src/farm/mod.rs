@@ -1,7 +1,7 @@
-//! Work divided among machines: shares of frames or tiles, and the parts of a picture.
+//! Shards of a render on several machines: of frames, or of the tiles of a picture.
 
-mod part;
-mod share;
+mod shard;
+mod shard_file;
 
-pub use part::{Joined, join, part_name, part_state, write_part};
-pub use share::Share;
+pub use shard::Shard;
+pub use shard_file::{Joined, join, shard_name, shard_state, write_shard};

@@ -388,7 +388,7 @@ fn warn_of_unused_textures(scene: &Scene, file: &Path, warnings: &mut Warnings) 
         let material = &scene.materials[object.material.0 as usize];
         if material.is_textured() && object.shape.mesh().is_none_or(|mesh| mesh.uvs.is_empty()) {
             warnings.left_out(format!(
-                "{}: `{}` lacks the texture coordinates of its material `{}`; drawn without its pictures",
+                "{}: `{}` lacks the texture coordinates of its material `{}`; drawn without its textures",
                 file.display(),
                 object.name,
                 material.name()

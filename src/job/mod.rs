@@ -45,7 +45,7 @@ use crate::effects::convergence::Criterion;
 use crate::effects::tile::RenderContext;
 use crate::effects::{Plan, check_names, check_scene, id, named};
 use crate::error::{Error, Result, Warnings};
-use crate::farm::Share;
+use crate::farm::Shard;
 use crate::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, Pixel, Window};
 use crate::import::check_drawable;
 use crate::render::aov::AovSource;
@@ -140,7 +140,7 @@ impl RenderJob {
     pub fn with_size(&self, size: [u32; 2]) -> Result<Self> {
         let RenderJob { world, recentering, camera, choices, .. } = self;
         let job = RenderJob::new(Arc::clone(world), *recentering, camera.clone(), size, choices.clone())?;
-        let settings = RenderSettings { share: Share::ALL, ..self.settings.clone() };
+        let settings = RenderSettings { shard: Shard::ALL, ..self.settings.clone() };
         Ok(RenderJob { settings, ..job })
     }
 
@@ -175,7 +175,7 @@ impl RenderJob {
     /// # Errors
     /// [`Error::Interrupted`] if cancelled, [`Error::Failed`] if there is not enough memory for the picture.
     pub fn render<P: Pixel>(&self, control: &RenderControl) -> Result<(Film<P>, Statistics)> {
-        self.render_selected(|place, _| self.settings.share.has(place), control)
+        self.render_selected(|place, _| self.settings.shard.has(place), control)
     }
 
     /// Renders the tiles that `is_selected` accepts, by tile index and region. With an automatic exposure, pictures of
@@ -241,7 +241,7 @@ impl RenderJob {
             view,
             plan,
             window: *window,
-            share: settings.share,
+            shard: settings.shard,
             film,
             display,
         }
@@ -289,7 +289,7 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     warn_of_recentering(recentering.as_ref(), warnings);
     let viewpoint = Viewpoint::of(&settings.camera, &scene, recentering.as_ref())?;
     if matches!(viewpoint, Viewpoint::Fitted(StandardView::Auto)) && opening(&scene).is_some() {
-        warnings.note("the surface is open to one side; the view is from there");
+        warnings.note("the surface is open to one side; the camera looks in from there");
     }
     let size = viewpoint.size(settings, &scene);
     let camera = viewpoint.camera(settings, &scene, size)?;
@@ -392,14 +392,14 @@ pub fn resolve_for(
     let sampling = scene.picture.sampling();
     let most = sampling.max_samples();
     if let Some(least) = sampling.min_samples.filter(|&least| sampling.noise.is_some() && least > most) {
-        let what = format!("at least {least} samples a pixel were asked for, and at most {most}");
+        let what = format!("the minimum of {least} samples per pixel is above the maximum of {most}");
         return Err(Error::usage(what, "give a lower --min-samples or a higher --samples"));
     }
     camera.projection = settings.projection.unwrap_or(camera.projection);
     View::new(&camera, camera.projection, size)?;
     let window = camera::window(settings.crop, size)?;
     let (pipeline, display) = (scene.picture.pipeline(), scene.picture.display());
-    let is_whole = [window.width, window.height] == size && settings.share == Share::ALL;
+    let is_whole = [window.width, window.height] == size && settings.shard == Shard::ALL;
     check_display(display, pipeline, is_whole)?;
     scene.picture = PictureSettings {
         colour: Some(pipeline),
@@ -456,8 +456,8 @@ pub const HEADLIGHT: &str = "no light in the scene; added a headlight";
 pub fn warn_of_recentering(recentering: Option<&Recentering>, warnings: &mut Warnings) {
     if let Some(recentering) = recentering {
         warnings.note(match recentering.scale {
-            1.0 => "the scene lies far from the origin; moved to it, to keep its digits",
-            _ => "the scene's size is beyond what f32 holds well; scaled by a power of two",
+            1.0 => "the scene is far from the origin; moved to it for precision",
+            _ => "the scene is too large or too small for f32; scaled by a power of two",
         });
     }
 }
@@ -486,7 +486,7 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     }
     let traces_paths = plan.transport.traces_paths();
     if traces_paths && !choices.sampling.is_wanted() {
-        warnings.note("paths are traced, with one sample a pixel, which is noisy; try --samples 64");
+        warnings.note("path tracing with one sample per pixel is noisy; try --samples 64");
     }
     if let (false, Some(clamp)) = (traces_paths, choices.clamp) {
         warnings.push(format!("a clamp of {clamp} changes nothing without path tracing"));
@@ -494,7 +494,7 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     if let (false, true, Some(name)) =
         (traces_paths, choices.shading == ShadingMode::Full, world.area_lights.names.first())
     {
-        warnings.left_out(format!("area lights such as `{name}` light nothing without path tracing"));
+        warnings.left_out(format!("area lights such as `{name}` give no light without path tracing"));
     }
     if !traces_paths {
         let layered = world.materials_in_use().filter(|material| needs_path(material));

@@ -5,14 +5,16 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::bvh::Preset;
+#[cfg(feature = "cli")]
+use crate::effects::EFFECTS;
 use crate::effects::EffectId;
 use crate::error::{Error, Result, Warnings};
-use crate::farm::Share;
+use crate::farm::Shard;
 use crate::film::{ColourPipeline, DisplaySettings, Window};
 use crate::import;
-#[cfg(feature = "cli")]
-use crate::scene::option::parser;
 use crate::scene::option::{OptionValue, options, ranged};
+#[cfg(feature = "cli")]
+use crate::scene::option::{group, parser};
 use crate::scene::{Camera, Environment, Ground, PictureSettings, Projection, Scene};
 use crate::world::StandardView;
 
@@ -24,41 +26,59 @@ pub struct RenderSettings {
     /// Choice of the camera.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub camera: CameraChoice,
-    /// Replace the camera's projection
-    #[cfg_attr(feature = "cli", arg(long, value_parser = parser::<Projection>()))]
+    /// Projection [default: the camera's]
+    #[cfg_attr(feature = "cli", arg(long, help_heading = group::CAMERA, value_parser = parser::<Projection>()))]
     pub projection: Option<Projection>,
     /// Maximum side length in pixels if neither size nor `crop` is given.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub longest_side: Option<u32>,
-    /// Render only this part of the picture: left, top, width and height in pixels
-    #[cfg_attr(feature = "cli", arg(long, allow_hyphen_values = true, value_name = "X,Y,W,H"))]
+    /// Render only this rectangle of the picture: left, top, width and height in pixels
+    #[cfg_attr(feature = "cli", arg(long, help_heading = group::OUTPUT, allow_hyphen_values = true, value_name = "X,Y,W,H"))]
     #[cfg_attr(feature = "cli", arg(value_parser = parser::<Window>()))]
     pub crop: Option<Window>,
-    /// Share of the tiles that is rendered.
+    /// Shard of the tiles that is rendered.
     #[cfg_attr(feature = "cli", arg(skip))]
-    pub share: Share,
-    /// Build preset of the acceleration structure; the picture does not depend on it
-    #[cfg_attr(feature = "cli", arg(long = "bvh", value_name = "PRESET", default_value = Preset::default().name()))]
-    #[cfg_attr(feature = "cli", arg(value_parser = parser::<Preset>()))]
-    pub preset: Preset,
+    pub shard: Shard,
     /// Light from infinitely far away, instead of the scene's.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub environment: EnvironmentSettings,
-    /// Turn an effect on, as `NAME` or `NAME=VALUE`; may be given several times
-    #[cfg_attr(feature = "cli", arg(long, value_name = "EFFECT"))]
+    /// Effects to turn on, as `NAME` or `NAME=VALUE`.
+    #[cfg_attr(feature = "cli", arg(long, help_heading = group::LOOK, display_order = 910, value_name = "EFFECT"))]
+    #[cfg_attr(feature = "cli", arg(help = with_help()))]
     pub with: Vec<String>,
-    /// Turn an effect off; may be given several times
-    #[cfg_attr(feature = "cli", arg(long, value_name = "EFFECT"))]
+    /// Effects to turn off, by name.
+    #[cfg_attr(feature = "cli", arg(long, help_heading = group::LOOK, display_order = 911, value_name = "EFFECT"))]
+    #[cfg_attr(
+        feature = "cli",
+        arg(help = "Turn an effect off, by its name as for --with; may be repeated")
+    )]
     pub without: Vec<String>,
     /// Names of AOVs, as for `kiln render --aov`. They are part of the fingerprint.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub aovs: Vec<String>,
-    /// What scenes without a scene file get that their files do not have.
+    /// Default look of scenes without a scene file.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub look: Look,
     /// Options of the picture, which scene files have, too.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub picture: PictureSettings,
+    /// Build preset of the acceleration structure: build time against render time, for the same picture
+    #[cfg_attr(feature = "cli", arg(long = "bvh", help_heading = group::LIMITS, display_order = 1, value_name = "PRESET", default_value = Preset::default().name()))]
+    #[cfg_attr(feature = "cli", arg(value_parser = parser::<Preset>()))]
+    pub preset: Preset,
+}
+
+/// The help of `--with`: the names of all effects.
+#[cfg(feature = "cli")]
+fn with_help() -> String {
+    let effects = EFFECTS.iter().map(|effect| match &effect.value {
+        Some(value) => format!("{}[={}]", effect.id, value.placeholder),
+        None => effect.id.to_string(),
+    });
+    format!(
+        "Turn an effect on (described by `kiln explain`); may be repeated: {}",
+        effects.collect::<Vec<_>>().join(", ")
+    )
 }
 
 impl From<PictureSettings> for RenderSettings {
@@ -67,7 +87,7 @@ impl From<PictureSettings> for RenderSettings {
     }
 }
 
-/// What scenes without a scene file get that their files do not have. Scene files say themselves how they look.
+/// The default light, ground, background and sampling of scenes without a scene file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Look {
@@ -128,7 +148,7 @@ impl RenderSettings {
         }
         let file = scene.inputs.first().map_or(Path::new("-"), PathBuf::as_path);
         let hint = "leave --ground (`ground` of [image]) out, or add something that has a size";
-        Err(Error::input(file, "there is nothing in it to put a ground under", hint))
+        Err(Error::input(file, "no object in it to put a ground under", hint))
     }
 }
 
@@ -137,14 +157,14 @@ options! {
     #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct EnvironmentSettings {
-        /// Light from infinitely far away: an equirectangular .hdr or .exr image, `sky`, or one colour. It is the background,
-        /// too, and paths are traced [default: the scene's]
-        [long, value_name = "FILE|sky|#rrggbb", value_parser = parser::<String>()] environment: String,
+        /// Environment light and background: an equirectangular .hdr or .exr image, `sky`, or a colour. Turns path tracing on
+        /// [default: the scene's]
+        [long, help_heading = group::LIGHT, value_name = "FILE|sky|COLOUR", value_parser = parser::<String>()] environment: String,
         /// Rotation of the environment about +y in degrees, counterclockwise seen from above
-        [long, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()]
+        [long, help_heading = group::LIGHT, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()]
         environment_rotation: Rotation,
-        /// Show the background instead of the environment [default: false]
-        [long, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
+        /// Light the scene by the environment, but show the background colour behind it [default: false]
+        [long, help_heading = group::LIGHT, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
          value_name = "true|false", value_parser = parser::<bool>()]
         hide_environment: bool,
     }
@@ -203,14 +223,14 @@ pub enum CameraChoice {
 pub fn check_display(display: DisplaySettings, pipeline: ColourPipeline, is_whole: bool) -> Result<()> {
     if !display.is_identity() && pipeline != ColourPipeline::Linear {
         let what =
-            format!("exposure and tone map take linear light, and the colours are `{}`", pipeline.name());
+            format!("exposure and tone map need the colour arithmetic `linear`, not `{}`", pipeline.name());
         let hint = "give --colour linear, or --exposure 0 --tone-map none";
         return Err(Error::usage(what, hint));
     }
     if display.is_auto() && !is_whole {
-        let what = "`auto` exposure is computed from a whole picture, and this is a part of one";
+        let what = "`auto` exposure is computed from the whole picture, and this is a part";
         let hint =
-            "give --exposure a number, such as the one that a whole picture, maybe a small one, reports";
+            "give --exposure a number, such as the one reported for the whole picture, which may be small";
         return Err(Error::usage(what, hint));
     }
     Ok(())

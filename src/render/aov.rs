@@ -17,7 +17,7 @@ use crate::effects::tile::{RenderContext, Tile};
 use crate::effects::transparency::closest_visible;
 use crate::effects::variance::PixelStatistics;
 use crate::error::{Error, Result, nearest_name};
-use crate::farm::Share;
+use crate::farm::Shard;
 use crate::film::write::Channel;
 use crate::film::{DisplayTransform, Film, Window};
 use crate::world::{Recentering, SurfaceInteraction, View, World};
@@ -70,7 +70,7 @@ pub const AOVS: &[Aov] = &[
     },
     Aov {
         name: "position",
-        summary: "point in the scene's own coordinates; 0 for the background",
+        summary: "hit point in scene coordinates; 0 for the background",
         channels: &["Position.X", "Position.Y", "Position.Z"],
         value: |input| {
             of_surface(input, |surface| {
@@ -85,25 +85,25 @@ pub const AOVS: &[Aov] = &[
     },
     Aov {
         name: "normal",
-        summary: "normal for shading, on the camera's side, mean of the samples; 0 for the background",
+        summary: "shading normal towards the camera, mean of the samples; 0 for the background",
         channels: &["Normal.X", "Normal.Y", "Normal.Z"],
         value: |input| input.features.first[1],
     },
     Aov {
         name: "geometric-normal",
-        summary: "unit normal of the shape or triangle itself, towards the camera; 0 for the background",
+        summary: "unit normal of the triangle or shape, towards the camera; 0 for the background",
         channels: &["GeometricNormal.X", "GeometricNormal.Y", "GeometricNormal.Z"],
         value: |input| of_surface(input, |surface| surface.geometric_normal.as_vec3().to_array()),
     },
     Aov {
         name: "albedo",
-        summary: "colour of the surface, without light, mean of the samples; 0 for the background",
+        summary: "surface colour without lighting, mean of the samples; 0 for the background",
         channels: &["Albedo.R", "Albedo.G", "Albedo.B"],
         value: |input| input.features.first[0],
     },
     Aov {
         name: DENOISING[0],
-        summary: "`albedo` of the first surface of each path that is no smooth mirror and no clear glass",
+        summary: "`albedo` of the first surface that is neither a smooth mirror nor clear glass",
         channels: &["DenoisingAlbedo.R", "DenoisingAlbedo.G", "DenoisingAlbedo.B"],
         value: |input| input.features.behind_mirrors[0],
     },
@@ -115,7 +115,7 @@ pub const AOVS: &[Aov] = &[
     },
     Aov {
         name: "object",
-        summary: "index of the object in the description, from 0; -1 for the background",
+        summary: "index of the object, from 0; -1 for the background",
         channels: &["Object.X"],
         value: |input| index_of(input, |surface| surface.object),
     },
@@ -145,7 +145,7 @@ pub const AOVS: &[Aov] = &[
     },
     Aov {
         name: "node-tests",
-        summary: "number of boxes that the camera ray, traced by itself, is tested against",
+        summary: "number of boxes of the acceleration structure tested by the camera ray",
         channels: &["NodeTests.X"],
         value: |input| [input.node_tests as f32, 0.0, 0.0],
     },
@@ -215,8 +215,8 @@ pub struct AovSource<'a> {
     pub plan: &'a Plan,
     /// The part of the picture that was rendered.
     pub window: Window,
-    /// The share of its tiles that was rendered.
-    pub share: Share,
+    /// The shard of its tiles that was rendered.
+    pub shard: Shard,
     /// The picture, if it exists. It saves rendering it again for the AOV of the effects.
     pub film: Option<&'a Film>,
     /// The display transform of the picture, which adaptive sampling reads.
@@ -252,7 +252,7 @@ fn pixel_channels(source: &AovSource, aovs: &[&Aov], control: &RenderControl) ->
     // A film of the same window has the same tiles as the picture.
     let mut tiles: Film<[u8; 3]> = Film::new(source.window)?;
     tiles.tiles_mut().into_par_iter().enumerate().for_each_init(Tile::default, |tile, (place, part)| {
-        if !source.share.has(place) || control.cancel.load(std::sync::atomic::Ordering::Relaxed) {
+        if !source.shard.has(place) || control.cancel.load(std::sync::atomic::Ordering::Relaxed) {
             return;
         }
         let values = of_tile(source, of_features.as_ref(), aovs, tile, part.window);
@@ -334,7 +334,7 @@ fn of_tile(
 
 /// The picture without effects, and what each effect adds.
 fn effect_channels(source: &AovSource, control: &RenderControl) -> Result<Vec<Channel>> {
-    let &AovSource { world, view, plan, window, share, film, display, .. } = source;
+    let &AovSource { world, view, plan, window, shard, film, display, .. } = source;
     let context = RenderContext { world, view, display };
     let on: Vec<usize> = (0..plan.decisions.len()).filter(|&i| plan.decisions[i].on).collect();
     let mut before: Option<Vec<[f32; 3]>> = None;
@@ -345,7 +345,7 @@ fn effect_channels(source: &AovSource, control: &RenderControl) -> Result<Vec<Ch
             film.rows().collect()
         } else {
             let plan = plan.keeping(world, |i| on[..count].contains(&i));
-            let is_selected = |place: usize, _: Window| share.has(place);
+            let is_selected = |place: usize, _: Window| shard.has(place);
             let control = RenderControl { time_stages: false, ..*control };
             render_displayed::<[f32; 3]>(&context, &plan, window, is_selected, &control)?.0.rows().collect()
         };

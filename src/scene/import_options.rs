@@ -1,8 +1,8 @@
 //! What is asked of the files of a scene when they are read.
 
-#[cfg(feature = "cli")]
-use super::option::parser;
 use super::option::{OptionValue, options, ranged};
+#[cfg(feature = "cli")]
+use super::option::{group, parser};
 use super::{ClipChoice, ClipTime, UpAxis};
 use crate::limits::Limits;
 
@@ -13,12 +13,11 @@ pub struct ImportOptions {
     /// Options with a value.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub reading: ReadingOptions,
-    /// Read glTF files that require extensions which kiln does not read; what depends on them is missing or wrong
-    #[cfg_attr(feature = "cli", arg(long))]
+    /// Read glTF files that require unsupported extensions; what depends on these is missing or wrong
+    #[cfg_attr(feature = "cli", arg(long, help_heading = group::INPUT))]
     pub ignore_required_extensions: bool,
-    /// Read files that meshes reference outside of their folder, such as `../wood.png` of a material: for meshes that
-    /// are trusted. Scene files may name any file
-    #[cfg_attr(feature = "cli", arg(long))]
+    /// Follow references of mesh files outside their folder, such as a texture ../wood.png; only for trusted files
+    #[cfg_attr(feature = "cli", arg(long, help_heading = group::INPUT))]
     pub allow_outside_references: bool,
     /// The most that the files may hold: `--limit`, an option of all commands.
     #[cfg_attr(feature = "cli", arg(skip))]
@@ -29,18 +28,17 @@ options! {
     /// Choices that importers take, by value.
     #[derive(Debug, Clone, Default, PartialEq)]
     pub struct ReadingOptions {
-        /// Pose what the clips of the input files animate at this time, in seconds; before the first and after the last
-        /// keyframe, their values hold [default: at rest]
-        [long, allow_hyphen_values = true, value_name = "SECONDS", value_parser = parser::<Seconds>()] time: Seconds,
-        /// The clip, by its name or its number from 0 [default: the first]
-        [long, value_name = "NAME|INDEX", value_parser = parser::<ClipChoice>()] clip: ClipChoice,
-        /// The variant of the materials of glTF files, by its name (KHR_materials_variants) [default: the file's materials]
-        [long, value_name = "NAME", value_parser = parser::<String>()] variant: String,
-        /// The axis that points up in the files, but scene files [default: y]
-        [long, allow_hyphen_values = true, value_name = "AXIS", value_parser = parser::<UpAxis>()] up: UpAxis,
-        /// Shade meshes without normals smoothly, but for edges where triangles turn by more than this many degrees; in
-        /// files that are no scene files [default without a number: 30]
-        [long, value_name = "DEG", num_args = 0..=1, default_missing_value = "30", value_parser = parser::<Degrees>()]
+        /// Time in seconds at which glTF animations are evaluated [default: the rest pose]
+        [long, help_heading = group::INPUT, allow_hyphen_values = true, value_name = "SECONDS", value_parser = parser::<Seconds>()] time: Seconds,
+        /// Animation clip of a glTF file, by name or index from 0 [default: the first]
+        [long, help_heading = group::INPUT, value_name = "NAME|INDEX", value_parser = parser::<ClipChoice>()] clip: ClipChoice,
+        /// Material variant of glTF files (KHR_materials_variants), by name [default: the file's materials]
+        [long, help_heading = group::INPUT, value_name = "NAME", value_parser = parser::<String>()] variant: String,
+        /// Up axis of mesh files [default: y]
+        [long, help_heading = group::INPUT, display_order = 0, allow_hyphen_values = true, value_name = "AXIS", value_parser = parser::<UpAxis>()] up: UpAxis,
+        /// Smooth normals for mesh files without normals; edges with a larger angle than this in degrees stay sharp [default
+        /// without a number: 30]
+        [long, help_heading = group::INPUT, display_order = 1, value_name = "DEG", num_args = 0..=1, default_missing_value = "30", value_parser = parser::<Degrees>()]
         smooth: Degrees,
     }
 }

@@ -137,7 +137,7 @@ pub fn of_channels(mode: DisplayMode, world: &World, channels: &[Channel]) -> Fa
 /// [`Error::Usage`] if the sizes differ.
 pub fn error_against_exact(picture: &ComparedImage, exact: &ComparedImage) -> Result<FalseColours> {
     if (picture.width, picture.height) != (exact.width, exact.height) {
-        return Err(Error::usage("pictures of two sizes", "compare pictures of one size"));
+        return Err(Error::usage("the pictures have different sizes", "compare pictures of one size"));
     }
     let same = picture.displayed() == exact.displayed();
     let text = "largest difference of a channel as displayed, on a logarithmic scale";
@@ -263,7 +263,7 @@ mod tests {
     use crate::bvh::Layout;
     use crate::effects::{Choices, Plan};
     use crate::error::Warnings;
-    use crate::farm::Share;
+    use crate::farm::Shard;
     use crate::film::Window;
     use crate::metrics::Values;
     use crate::scene::Numerics;
@@ -284,7 +284,7 @@ mod tests {
             view: &view,
             plan: &plan,
             window,
-            share: Share::ALL,
+            shard: Shard::ALL,
             film: None,
             display: Default::default(),
         };

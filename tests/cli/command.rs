@@ -105,7 +105,7 @@ fn clamps_and_grounds_are_checked() {
         "explain empty.toml --ground",
     ] {
         let (error, hint) = workshop.fail(command, 3);
-        assert_eq!(error, "empty.toml: there is nothing in it to put a ground under", "{command}");
+        assert_eq!(error, "empty.toml: no object in it to put a ground under", "{command}");
         assert!(hint.contains("leave --ground"), "{hint}");
     }
     workshop.succeed("render scene.toml -o b.png --ground --view front");
@@ -176,12 +176,12 @@ fn wrong_usage_is_2() {
         ),
         (
             "render scene.toml -o a.png --with glaze --without glaze=every-bounce",
-            "`glaze=every-bounce` is a value to do without",
+            "--without takes no value: `glaze=every-bounce`",
             "`--without glaze`",
         ),
         (
             "render scene.toml -o a.png --noise 0.1 --min-samples 500",
-            "at least 500 samples a pixel were asked for, and at most 256",
+            "the minimum of 500 samples per pixel is above the maximum of 256",
             "a higher --samples",
         ),
         (
@@ -195,10 +195,10 @@ fn wrong_usage_is_2() {
             "--size",
         ),
         ("render scene.toml -o a.png --crop 4294967295,0,1,1", "the crop reaches outside", ""),
-        ("render scene.toml -o frame_####.png", "the name of a series of pictures", ""),
-        ("render scene.toml -o frame_%04d.png", "the name of a series of pictures", ""),
+        ("render scene.toml -o frame_####.png", "a pattern for several files", ""),
+        ("render scene.toml -o frame_%04d.png", "a pattern for several files", ""),
         // The name of a folder is no pattern.
-        ("render scene.toml -o a####%04d/frame_%04d.png", "the name of a series of pictures", ""),
+        ("render scene.toml -o a####%04d/frame_%04d.png", "a pattern for several files", ""),
         ("render - - -o a.png", "standard input can be read once", ""),
         ("render scene.toml -o a.png --stats ./a.png", "both the picture and its statistics", "another file"),
     ] {

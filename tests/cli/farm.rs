@@ -1,4 +1,4 @@
-//! Features for render farms: metadata of pictures, division of a picture into shares and merging to the same bytes,
+//! Features for render farms: metadata of pictures, division of a picture into shards and merging to the same bytes,
 //! skipping of frames that are up to date, and termination by signals.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -28,10 +28,10 @@ impl Workshop {
     }
 }
 
-// -------------------------------------------------------------------------------------------------- parts of a picture
+// -------------------------------------------------------------------------------------------------- shards of a picture
 
 #[test]
-fn a_picture_in_seven_parts_becomes_the_bytes_of_one_run() {
+fn a_picture_in_seven_shards_becomes_the_bytes_of_one_run() {
     let workshop = Workshop::with("scene.toml", SCENE);
     // 90 x 47 pixels are 6 x 3 tiles; those of the last column and row are smaller.
     for (out, more) in [
@@ -44,17 +44,17 @@ fn a_picture_in_seven_parts_becomes_the_bytes_of_one_run() {
         let render = format!("render scene.toml --size 90x47 {more} -o {out} --progress none");
         workshop.ends(0, &render);
         let whole = workshop.bytes(out);
-        let mut parts = Vec::new();
+        let mut shards = Vec::new();
         for i in 1..=7 {
-            let part = workshop.ends(0, &format!("{render} --shard {i}/7 --list-outputs"));
+            let shard = workshop.ends(0, &format!("{render} --shard {i}/7 --list-outputs"));
             workshop.ends(0, &format!("{render} --shard {i}/7 --threads {}", 1 + i % 3));
-            parts.push(part.trim().to_owned());
+            shards.push(shard.trim().to_owned());
         }
-        assert_eq!(parts[1], format!("{}.2of7.part", &out[..1]));
-        // Parts in any order, also with one of them twice.
-        parts.rotate_left(3);
-        parts.push(parts[0].clone());
-        workshop.ends(0, &format!("merge {} -o joined.{}", parts.join(" "), &out[2..]));
+        assert_eq!(shards[1], format!("{}.2of7.shard", &out[..1]));
+        // Shards in any order, also with one of them twice.
+        shards.rotate_left(3);
+        shards.push(shards[0].clone());
+        workshop.ends(0, &format!("merge {} -o joined.{}", shards.join(" "), &out[2..]));
         assert_eq!(workshop.bytes(&format!("joined.{}", &out[2..])), whole, "{out} {more}");
     }
 }
@@ -67,51 +67,51 @@ fn parts_that_make_no_picture_are_refused_in_a_line() {
     }
     workshop.ends(0, "render scene.toml -o b.png --progress none --shard 2/3 --without shadows");
     workshop.ends(0, "render scene.toml -o c.png --progress none --shard 2/4");
-    let part = workshop.bytes("a.2of3.part");
-    workshop.write("short.part", &part[..part.len() - 40]);
-    let mut wrong = part.clone();
-    wrong[part.len() / 2] ^= 1;
-    workshop.write("wrong.part", wrong);
-    workshop.write("text.part", "hello");
+    let shard = workshop.bytes("a.2of3.shard");
+    workshop.write("short.shard", &shard[..shard.len() - 40]);
+    let mut wrong = shard.clone();
+    wrong[shard.len() / 2] ^= 1;
+    workshop.write("wrong.shard", wrong);
+    workshop.write("text.shard", "hello");
     for (second, says) in [
-        ("", "kiln: error: a.1of3.part: part 2 of 3 is missing\n"),
+        ("", "kiln: error: a.1of3.shard: shard 2 of 3 is missing\n"),
         (
-            "b.2of3.part",
-            "kiln: error: b.2of3.part: a part of another scene or of other settings than a.1of3.part\n",
+            "b.2of3.shard",
+            "kiln: error: b.2of3.shard: a shard of another scene or with other settings than a.1of3.shard\n",
         ),
-        ("c.2of4.part", "kiln: error: c.2of4.part: one of 4 parts, where a.1of3.part is one of 3\n"),
-        ("short.part", "kiln: error: short.part: the part is not whole; make it again\n"),
-        ("wrong.part", "kiln: error: wrong.part: the part is not whole; make it again\n"),
-        ("text.part", "kiln: error: text.part: not a part of a picture\n"),
-        ("scene.toml", "kiln: error: scene.toml: not a part of a picture\n"),
-        ("none.part", "kiln: error: none.part: no such file\n"),
+        ("c.2of4.shard", "kiln: error: c.2of4.shard: one of 4 shards; a.1of3.shard is one of 3\n"),
+        ("short.shard", "kiln: error: short.shard: the shard is damaged; render it again\n"),
+        ("wrong.shard", "kiln: error: wrong.shard: the shard is damaged; render it again\n"),
+        ("text.shard", "kiln: error: text.shard: not a shard of a picture\n"),
+        ("scene.toml", "kiln: error: scene.toml: not a shard of a picture\n"),
+        ("none.shard", "kiln: error: none.shard: no such file\n"),
     ] {
-        let said = workshop.ends(3, &format!("merge a.1of3.part {second} a.3of3.part -o joined.png"));
+        let said = workshop.ends(3, &format!("merge a.1of3.shard {second} a.3of3.shard -o joined.png"));
         assert!(said.starts_with(says), "{second}: {said}");
         assert_eq!(said.lines().count(), 2, "an error and a hint: {said}");
         assert!(!workshop.path("joined.png").exists());
     }
-    workshop.ends(0, "merge a.1of3.part a.2of3.part a.3of3.part -o joined.png");
+    workshop.ends(0, "merge a.1of3.shard a.2of3.shard a.3of3.shard -o joined.png");
 }
 
 #[test]
-fn parts_are_made_again_only_where_they_have_to_be() {
+fn shards_are_made_again_only_where_they_have_to_be() {
     let workshop = Workshop::with("scene.toml", SCENE);
     let render = "render scene.toml -o a.png --shard 2/3 --skip-existing --progress plain";
     workshop.ends(0, render);
-    let first = workshop.bytes("a.2of3.part");
-    assert!(workshop.ends(0, render).contains("a.2of3.part is there"));
-    assert!(!workshop.ends(0, &format!("{render} --samples 4")).contains("is there"));
-    assert!(!workshop.ends(0, render).contains("is there"));
-    workshop.write("a.2of3.part", &first[..first.len() - 1]);
-    assert!(!workshop.ends(0, render).contains("is there"));
-    assert_eq!(workshop.bytes("a.2of3.part"), first);
+    let first = workshop.bytes("a.2of3.shard");
+    assert!(workshop.ends(0, render).contains("a.2of3.shard exists with"));
+    assert!(!workshop.ends(0, &format!("{render} --samples 4")).contains("exists with"));
+    assert!(!workshop.ends(0, render).contains("exists with"));
+    workshop.write("a.2of3.shard", &first[..first.len() - 1]);
+    assert!(!workshop.ends(0, render).contains("exists with"));
+    assert_eq!(workshop.bytes("a.2of3.shard"), first);
 }
 
 // -------------------------------------------------------------------------------------------------------------- frames
 
 #[test]
-fn shares_of_frames_are_dealt_out_in_turn() {
+fn shards_of_frames_are_dealt_out_in_turn() {
     let workshop = Workshop::with("scene.toml", SCENE);
     let list = |more: &str| {
         workshop.ends(0, &format!("render scene.toml --frames 0-9,11 -o f_%03d.png --list-outputs {more}"))
@@ -121,7 +121,7 @@ fn shares_of_frames_are_dealt_out_in_turn() {
     assert_eq!(workshop.names(), ["scene.toml"], "nothing is rendered");
     workshop.ends(0, "render scene.toml --frames 0-9,11 -o f_%03d.png --shard 2/4 --progress none");
     assert_eq!(workshop.names(), ["f_001.png", "f_005.png", "f_009.png", "scene.toml"]);
-    // More shares than frames: the last ones are empty, which is not an error.
+    // More shards than frames: the last ones are empty, which is not an error.
     let said = workshop.ends(0, "render scene.toml --frames 1-3 -o f_%03d.png --shard 4/4 --progress plain");
     assert!(said.contains("no frame to render"), "{said}");
     for wrong in ["0/4", "5/4", "2"] {
@@ -131,16 +131,16 @@ fn shares_of_frames_are_dealt_out_in_turn() {
 
 /// `kiln animate` deals out and skips numbered frames as `kiln render --frames` does, with the same bytes.
 #[test]
-fn animate_shares_and_skips_frames() {
+fn animate_shards_and_skips_frames() {
     let workshop = Workshop::with("scene.toml", SCENE);
     let animate = "animate scene.toml -o f_##.png --skip-existing --progress plain --shard";
     workshop.ends(0, &format!("{animate} 2/3"));
     // Of the frames 0 to 11, every third from the second.
     assert_eq!(workshop.names(), ["f_01.png", "f_04.png", "f_07.png", "f_10.png", "scene.toml"]);
-    assert!(workshop.ends(0, &format!("{animate} 2/3")).contains("no frame to render; 4 were there"));
+    assert!(workshop.ends(0, &format!("{animate} 2/3")).contains("no frame to render; 4 existed"));
     let said = workshop.ends(0, &format!("{animate} 1/1"));
     assert!(
-        said.contains("wrote 8 frame(s), f_00.png to f_11.png") && said.contains("; 4 were there"),
+        said.contains("wrote 8 frame(s), f_00.png to f_11.png") && said.contains("; 4 existed"),
         "{said}"
     );
     workshop.ends(0, "verify scene.toml -o f_##.png");
@@ -166,13 +166,13 @@ fn frames_of_a_turntable_have_a_rate_and_a_duration() {
     assert!(render(&format!("--frames 0-1 {length}")).contains(note));
     assert!(
         render(&format!("--frames 4,5 {length} --shard 2/2")).contains(note),
-        "of the list, not the share"
+        "of the list, not the shard"
     );
     // 3 of 300 frames, 30 a second for 10 seconds.
     assert!(render("--frames 150-152").contains("3 of 300 frames: 3.6 of the turn's"));
     for list in ["0-9", "3", "0-8:2"] {
         let said = render(&format!("--frames {list} {length}"));
-        assert!(said.contains("goes once round") && !said.contains(" of the turn's"), "{list}: {said}");
+        assert!(said.contains("orbits once") && !said.contains(" of the turn's"), "{list}: {said}");
     }
     let said = workshop.ends(0, "render scene.toml --frames 0-1 -o s_#.png --progress plain");
     assert!(!said.contains(" of the turn's"), "an animation of its own: {said}");
@@ -197,10 +197,10 @@ fn only_whole_frames_of_the_same_settings_are_skipped() {
         let render =
             format!("render scene.toml --frames 0-5 -o f_####.{ending} --skip-existing --progress plain");
         let said = workshop.ends(0, &render);
-        assert!(!said.contains("were there"), "{said}");
+        assert!(!said.contains("existed"), "{said}");
         let right: Vec<Vec<u8>> = (0..6).map(|frame| workshop.bytes(&name(frame))).collect();
         let before: Vec<_> = (0..6).map(|frame| workshop.written(&name(frame))).collect();
-        assert!(workshop.ends(0, &render).contains("no frame to render; 6 were there"));
+        assert!(workshop.ends(0, &render).contains("no frame to render; 6 existed"));
         // Frame 1 is truncated, 2 has other settings, 3 is another frame, 4 is empty, 5 is missing.
         workshop.write(&name(1), &right[1][..right[1].len() - 1]);
         workshop.ends(
@@ -211,7 +211,7 @@ fn only_whole_frames_of_the_same_settings_are_skipped() {
         workshop.write(&name(4), "");
         std::fs::remove_file(workshop.path(&name(5))).expect("it is there");
         let said = workshop.ends(0, &render);
-        assert!(said.contains("wrote 5 frame(s)") && said.contains("; 1 were there"), "{said}");
+        assert!(said.contains("wrote 5 frame(s)") && said.contains("; 1 existed"), "{said}");
         for (frame, right) in (0..6).zip(&right) {
             assert!(workshop.bytes(&name(frame)) == *right, "frame {frame}");
         }
@@ -265,13 +265,16 @@ fn a_texel_an_option_or_a_vertex_makes_another_picture_and_where_files_lie_does_
 }
 
 #[test]
-fn verify_lists_what_is_missing_broken_and_other() {
+fn verify_lists_what_is_missing_broken_and_different() {
     let workshop = Workshop::with("scene.toml", SCENE);
     workshop.ends(0, "render scene.toml -o f_####.png --frames 0-11 --progress none");
     let with_scene = "verify scene.toml -o f_####.png";
     let alone = "verify f_####.png --frames 0-11";
     for verify in [with_scene, alone] {
-        assert_eq!(workshop.ends(0, verify), "12 of 12 good, 0 missing, 0 broken, 0 of other settings\n");
+        assert_eq!(
+            workshop.ends(0, verify),
+            "12 of 12 valid, 0 missing, 0 broken, 0 with different settings\n"
+        );
     }
     std::fs::remove_file(workshop.path("f_0002.png")).expect("it is there");
     let bytes = workshop.bytes("f_0003.png");
@@ -284,23 +287,23 @@ fn verify_lists_what_is_missing_broken_and_other() {
         let lines: Vec<&str> = said.lines().collect();
         assert_eq!(lines[0], "f_0002.png: missing: no such file");
         assert_eq!(lines[1], "f_0003.png: broken: ends too early");
-        assert_eq!(lines[2], "f_0004.png: other: is frame 5");
-        assert!(lines[3].starts_with("f_0007.png: other: made of another scene"), "{}", lines[3]);
-        assert_eq!(lines[4], "f_0009.png: other: does not say what made it");
-        assert_eq!(lines[5], "7 of 12 good, 1 missing, 1 broken, 3 of other settings");
+        assert_eq!(lines[2], "f_0004.png: different: is frame 5");
+        assert!(lines[3].starts_with("f_0007.png: different: rendered from another scene"), "{}", lines[3]);
+        assert_eq!(lines[4], "f_0009.png: different: no fingerprint of kiln in the file");
+        assert_eq!(lines[5], "7 of 12 valid, 1 missing, 1 broken, 3 with different settings");
         assert_eq!(lines[6], "to render again: --frames 2-4,7,9");
         let report: Value =
             serde_json::from_str(&workshop.ends(1, &format!("{verify} --json"))).expect("JSON");
         assert_eq!(
-            (&report["schema"], &report["pictures"], &report["good"]),
+            (&report["schema"], &report["pictures"], &report["valid"]),
             (&1.into(), &12.into(), &7.into())
         );
         assert_eq!(report["missing"][0]["frame"], 2);
         assert_eq!(report["broken"][0]["file"], "f_0003.png");
         let other: Vec<&Value> =
-            report["other"].as_array().expect("a list").iter().map(|f| &f["frame"]).collect();
+            report["different"].as_array().expect("a list").iter().map(|f| &f["frame"]).collect();
         assert_eq!(other, [4, 7, 9]);
-        assert_eq!(report["again"], "2-4,7,9");
+        assert_eq!(report["to_render"], "2-4,7,9");
     }
     workshop.ends(0, "render scene.toml -o f_####.png --frames 2-4,7,9 --progress none");
     workshop.ends(0, with_scene);
@@ -466,7 +469,7 @@ fn standard_error_is_json_lines_to_the_end() {
             false,
         ),
         (4, "render scene.toml --frames 0-2 -o g_#.png", "g_1.png: is a folder; name a file in it", false),
-        (2, "animate scene.toml -o a.gif --shard 1/2", "--shard is of numbered frames", true),
+        (2, "animate scene.toml -o a.gif --shard 1/2", "--shard is for numbered frames", true),
         (2, "render scene.toml --sise 2x2", "unexpected argument '--sise' found", true),
         (2, "rendr scene.toml", "unrecognized subcommand 'rendr'", true),
         (2, "info scene.toml", "unexpected argument '--progress' found", true),
@@ -600,9 +603,9 @@ fn verify_needs_no_more_memory_than_a_row_or_a_block() {
     workshop.ends(0, "verify a.png");
 }
 
-/// A part with a changed header or length of values, and the matching hash.
-fn changed(part: &[u8], change: impl FnOnce(&mut Value), numbers: usize) -> Vec<u8> {
-    let lines: Vec<&[u8]> = part.splitn(3, |&b| b == b'\n').collect();
+/// A shard with a changed header or length of values, and the matching hash.
+fn changed(shard: &[u8], change: impl FnOnce(&mut Value), numbers: usize) -> Vec<u8> {
+    let lines: Vec<&[u8]> = shard.splitn(3, |&b| b == b'\n').collect();
     let mut head: Value = serde_json::from_slice(lines[1]).expect("a head");
     change(&mut head);
     let mut bytes = [lines[0], b"\n", head.to_string().as_bytes(), b"\n"].concat();
@@ -612,52 +615,56 @@ fn changed(part: &[u8], change: impl FnOnce(&mut Value), numbers: usize) -> Vec<
     bytes
 }
 
-/// Errors in a part name the part, and not the picture to be written.
+/// Errors in a shard name the shard, and not the picture to be written.
 #[test]
-fn corrupt_parts_are_named() {
+fn corrupt_shards_are_named() {
     use serde_json::json;
     let workshop = Workshop::with("scene.toml", SCENE);
     workshop.ends(0, "render scene.toml -o a.png --shard 1/1 --size 16x16 --progress none");
-    let part = workshop.bytes("a.1of1.part");
+    let shard = workshop.bytes("a.1of1.shard");
     // 16 x 16 pixels of three f32.
     let whole = 16 * 16 * 12;
     let channels = |count: usize| (0..count).map(|i| format!("Layer{i}.X")).collect::<Vec<_>>();
     let cases: [(&str, Vec<u8>, &str); 8] = [
         (
             "empty",
-            changed(&part, |head| head["window"] = json!([0, 0, 0, 0]), 0),
+            changed(&shard, |head| head["window"] = json!([0, 0, 0, 0]), 0),
             "is 0 x 0 pixels at (0, 0)",
         ),
         (
             "far",
-            changed(&part, |head| head["window"] = json!(vec![u32::MAX; 4]), whole),
+            changed(&shard, |head| head["window"] = json!(vec![u32::MAX; 4]), whole),
             "is 4294967295 x 4294967295",
         ),
         (
             "channels",
-            changed(&part, |head| head["channels"] = json!(channels(1000)), whole),
-            "the part has too few",
+            changed(&shard, |head| head["channels"] = json!(channels(1000)), whole),
+            "the shard has too few",
         ),
-        ("more", changed(&part, |_| (), whole + 4), "the part has too many pixels"),
+        ("more", changed(&shard, |_| (), whole + 4), "the shard has too many pixels"),
         (
             "twice",
-            changed(&part, |head| head["channels"] = json!(["R"]), whole / 3 * 4),
+            changed(&shard, |head| head["channels"] = json!(["R"]), whole / 3 * 4),
             "has settings or channels",
         ),
         (
             "nul",
-            changed(&part, |head| head["channels"] = json!(["a\0b"]), whole / 3 * 4),
+            changed(&shard, |head| head["channels"] = json!(["a\0b"]), whole / 3 * 4),
             "has a channel `a\\u{0}b`",
         ),
-        ("key", changed(&part, |head| head["metadata"][0][0] = json!("compression"), whole), "has a setting"),
-        // The last of a million shares of 40,000 x 40,000 pixels: six tiles of the 6,250,000.
         (
-            "share",
+            "key",
+            changed(&shard, |head| head["metadata"][0][0] = json!("compression"), whole),
+            "has a setting",
+        ),
+        // The last of a million shards of 40,000 x 40,000 pixels: six tiles of the 6,250,000.
+        (
+            "shard",
             changed(
-                &part,
+                &shard,
                 |head| {
                     head["window"] = json!([0, 0, 40_000, 40_000]);
-                    head["share"] = json!(1_000_000);
+                    head["shard"] = json!(1_000_000);
                     head["of"] = json!(1_000_000);
                 },
                 6 * 256 * 12,
@@ -666,10 +673,10 @@ fn corrupt_parts_are_named() {
         ),
     ];
     for (name, bytes, expected) in cases {
-        workshop.write(&format!("{name}.part"), bytes);
-        let said = workshop.ends(3, &format!("merge {name}.part -o out.exr"));
-        assert!(said.starts_with(&format!("kiln: error: {name}.part: {expected}")), "{name}: {said}");
+        workshop.write(&format!("{name}.shard"), bytes);
+        let said = workshop.ends(3, &format!("merge {name}.shard -o out.exr"));
+        assert!(said.starts_with(&format!("kiln: error: {name}.shard: {expected}")), "{name}: {said}");
         assert!(!workshop.path("out.exr").exists(), "{name}");
     }
-    workshop.ends(0, "merge a.1of1.part -o out.png");
+    workshop.ends(0, "merge a.1of1.shard -o out.png");
 }

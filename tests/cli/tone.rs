@@ -1,4 +1,4 @@
-//! Exposure, tone map and headlight end to end: values of PNG against those of EXR, the automatic exposure, parts and
+//! Exposure, tone map and headlight end to end: values of PNG against those of EXR, the automatic exposure, shards and
 //! frames, errors, and the warning of clipped pictures.
 
 use crate::workshop::Workshop;
@@ -140,10 +140,10 @@ fn transparent_pictures_are_merged_from_parts() {
     for (file, aov) in [("a.png", ""), ("a.exr", "--aov depth")] {
         workshop.succeed(&format!("render ball.toml {options} {aov} -o {file}"));
         let whole = workshop.bytes(file);
-        for part in 1..=3 {
-            workshop.succeed(&format!("render ball.toml {options} {aov} -o {file} --shard {part}/3"));
+        for shard in 1..=3 {
+            workshop.succeed(&format!("render ball.toml {options} {aov} -o {file} --shard {shard}/3"));
         }
-        let merge = "merge a.3of3.part a.1of3.part a.2of3.part -o";
+        let merge = "merge a.3of3.shard a.1of3.shard a.2of3.shard -o";
         workshop.succeed(&format!("{merge} b.{}", &file[2..]));
         assert!(workshop.bytes(&format!("b.{}", &file[2..])) == whole, "{file}");
         workshop.fails(&format!("{merge} b.jpg"), 2, ["the parts have", "hint: name a file that ends in"]);
@@ -184,7 +184,7 @@ fn png_is_the_display_transform_of_exr() {
     // Options with an effect are in the metadata and the fingerprint.
     let whole = format!("{:?}", String::from_utf8_lossy(&workshop.bytes("own.png")));
     assert!(whole.contains("kiln:exposure") && whole.contains("kiln:tone-map"));
-    assert!(workshop.succeed("render own.toml -o own.png --skip-existing").contains("is there"));
+    assert!(workshop.succeed("render own.toml -o own.png --skip-existing").contains("exists with"));
     assert!(workshop.succeed("render own.toml -o own.png --skip-existing --exposure 2").contains("wrote"));
 }
 
@@ -198,11 +198,11 @@ fn crops_and_parts_have_the_exposure_of_the_whole() {
     let whole = workshop.colours("whole.png");
     let rows = (8..17).flat_map(|y| &whole[y * 40 + 16..y * 40 + 36]);
     assert!(rows.eq(workshop.colours("crop.png").iter()));
-    for share in 1..=3 {
-        workshop.succeed(&format!("render scene.toml -o part.png {options} --shard {share}/3"));
+    for shard in 1..=3 {
+        workshop.succeed(&format!("render scene.toml -o merged.png {options} --shard {shard}/3"));
     }
-    workshop.succeed("merge part.1of3.part part.2of3.part part.3of3.part -o part.png");
-    assert_eq!(workshop.bytes("part.png"), workshop.bytes("whole.png"));
+    workshop.succeed("merge merged.1of3.shard merged.2of3.shard merged.3of3.shard -o merged.png");
+    assert_eq!(workshop.bytes("merged.png"), workshop.bytes("whole.png"));
 }
 
 /// A background of 188 alone is (188 / 255 + 0.055) / 1.055 to the power 2.4 = 0.50289 in linear light, so the
@@ -244,10 +244,10 @@ fn wrong_exposures_are_one_clear_line() {
         ("--exposure 65", "invalid value '65'", "-64 to 64"),
         ("--tone-map agks", "invalid value 'agks'", "'agx'"),
         ("--light sun", "invalid value 'sun'", "possible values: head, none"),
-        ("--exposure 1 --colour u8", "take linear light, and the colours are `u8`", "--colour linear"),
+        ("--exposure 1 --colour u8", "need the colour arithmetic `linear`, not `u8`", "--colour linear"),
         ("--tone-map agx --colour display", "the colours are `display`", "--exposure 0 --tone-map none"),
-        ("--exposure auto --crop 0,0,8,8", "computed from a whole picture", "--exposure a number"),
-        ("--exposure auto --shard 1/2", "computed from a whole picture", "--exposure a number"),
+        ("--exposure auto --crop 0,0,8,8", "computed from the whole picture", "--exposure a number"),
+        ("--exposure auto --shard 1/2", "computed from the whole picture", "--exposure a number"),
     ] {
         workshop.fails(&format!("render scene.toml -o a.png {options}"), 2, [what, hint]);
     }
@@ -265,7 +265,7 @@ fn wrong_exposures_are_one_clear_line() {
     assert!(!workshop.path("a.png").exists());
 }
 
-/// All frames have the exposure of frame 0, also a single frame and frames in shares. The sphere approaches the camera.
+/// All frames have the exposure of frame 0, also a single frame and frames in shards. The sphere approaches the camera.
 #[test]
 fn frames_have_the_exposure_of_the_first() {
     let workshop = Workshop::with("scene.toml", SCENE);
@@ -277,9 +277,9 @@ fn frames_have_the_exposure_of_the_first() {
     let ev =
         said.split("the exposure is ").nth(1).and_then(|rest| rest.split(' ').next()).expect("an exposure");
     workshop.succeed("render moving.toml -o one_#.png --frames 3 --exposure auto");
-    workshop.succeed("render moving.toml -o share_#.png --frames 0-3 --shard 2/2 --exposure auto");
+    workshop.succeed("render moving.toml -o shard_#.png --frames 0-3 --shard 2/2 --exposure auto");
     assert_eq!(workshop.bytes("one_3.png"), workshop.bytes("all_3.png"));
-    assert_eq!(workshop.bytes("share_3.png"), workshop.bytes("all_3.png"));
+    assert_eq!(workshop.bytes("shard_3.png"), workshop.bytes("all_3.png"));
     workshop.succeed(&format!("render moving.toml -o typed_#.png --frames 0-3 --exposure {ev}"));
     assert_eq!(workshop.colours("typed_3.png"), workshop.colours("all_3.png"));
     // The automatic exposure of frame 3 as a picture differs.

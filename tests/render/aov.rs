@@ -335,7 +335,7 @@ fn only_selected_aovs_are_computed() {
         view,
         plan: &plan,
         window: film.window(),
-        share: kiln::farm::Share::ALL,
+        shard: kiln::farm::Shard::ALL,
         film: Some(&film),
         display: Default::default(),
     };

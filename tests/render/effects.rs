@@ -218,7 +218,7 @@ fn values_are_checked() {
     };
     assert_eq!(error("glaez").1, "did you mean `glaze`?");
     assert!(error("shadows=3").0.contains("`shadows` takes no value"));
-    assert!(error("glaze=never").0.contains("`never` cannot be the rule for stopping of `glaze`"));
+    assert!(error("glaze=never").0.contains("`never` cannot be the number of bounces of `glaze`"));
 }
 
 #[test]

@@ -345,7 +345,7 @@ fn area_lights_call_for_paths() {
     let (on, _, warnings) = decide(Some(Transport::Whitted), &scene);
     assert_eq!(
         (on, warnings.as_str()),
-        (false, "area lights such as `panel` light nothing without path tracing")
+        (false, "area lights such as `panel` give no light without path tracing")
     );
     // A light without intensity calls for nothing.
     assert!(!decide(None, &format!("{scene}intensity = 0\n")).0);

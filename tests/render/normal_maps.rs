@@ -194,7 +194,7 @@ fn what_is_missing_is_said() {
     image::RgbImage::new(1, 1).save(folder.path().join("gone.png")).unwrap();
     let messages = said(&file);
     assert!(
-        messages.contains("lacks the texture coordinates of its material `m`; drawn without its pictures"),
+        messages.contains("lacks the texture coordinates of its material `m`; drawn without its textures"),
         "{messages}"
     );
 }

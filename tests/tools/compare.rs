@@ -81,14 +81,17 @@ fn json_has_every_figure_and_its_definition() {
     exr(&shop.path("b.exr"), 8, [0.5, 1.0, 0.5]);
     exr(&shop.path("nan.exr"), 8, [f32::NAN; 3]);
     let report = shop.json("compare a.exr b.exr --json");
-    assert_eq!((&report["verdict"], &report["errors"]["values"]), (&"within".into(), &"linear".into()));
+    assert_eq!(
+        (&report["verdict"], &report["errors"]["values"]),
+        (&"within_limits".into(), &"linear".into())
+    );
     assert_eq!(report["errors"]["figures"]["max"], 0.5);
     assert_eq!(report["errors"]["figures"]["worst"][0]["x"], 3);
     assert_eq!(report["definitions"].as_object().map(|all| all.len()), Some(6));
     let report = shop.json("compare a.exr nan.exr --json");
     assert_eq!(
         (&report["verdict"], &report["errors"]["figures"]),
-        (&"beyond".into(), &serde_json::Value::Null)
+        (&"above_limits".into(), &serde_json::Value::Null)
     );
     // sRGB encodes 0.5 as 0.735357 and 1 as 1.
     let shown = shop.json("compare a.exr b.exr --json --display");

@@ -85,7 +85,7 @@ impl VideoFormat {
             let fits = width.max(height) <= long && width.min(height) <= short;
             if !fits || width.min(height) < h264::SMALLEST {
                 return Err(Error::usage(
-                    format!("a film of {width} x {height} pixels cannot be an .mp4 of kiln's"),
+                    format!("kiln cannot write an .mp4 of {width} x {height} pixels"),
                     format!("give --size, 16x16 to {long}x{short}, or write frames: -o frame_####.png"),
                 ));
             }
@@ -95,7 +95,7 @@ impl VideoFormat {
         }
         // Players show frames of 1/100 s for 1/10 s.
         if self == VideoFormat::Gif && fps > 50.0 {
-            let what = format!("{fps} frames a second are more than a .gif can show");
+            let what = format!("{fps} frames per second are too many for a .gif");
             return Err(Error::usage(what, "give --fps 50 or fewer, or write an .mp4 or an animated .png"));
         }
         Ok(())

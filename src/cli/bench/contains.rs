@@ -10,22 +10,24 @@ use super::{aligned, grouped, with_progress};
 use crate::bench::contains::{ContainsRate, ContainsRow, rates, wrong_points};
 use crate::bench::{PLACEMENTS, Unavailable};
 use crate::error::Result;
+use crate::scene::option::group;
 use crate::timing::Spread;
 
 #[derive(Args)]
+#[command(next_help_heading = group::MEASUREMENT)]
 pub(crate) struct Arguments {
-    /// Points of each method, over all sizes and places
+    /// Number of points per method, over all mesh sizes and placements
     #[arg(long, value_name = "N", default_value_t = 10_000_000,
           value_parser = crate::cli::numbers::whole(1..=1_000_000_000u64))]
     points: u64,
-    /// Runs that are timed, after one to warm up
+    /// Number of timed rounds after a warm-up round
     #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 5, value_parser = crate::cli::numbers::whole(1..=1000u32))]
     runs: u32,
-    /// Threads to count on; times are those of one thread
-    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(1..=u16::MAX))]
+    /// Number of threads that count wrong answers; times are of one thread [default: all]
+    #[arg(long, help_heading = group::LIMITS, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(1..=u16::MAX))]
     threads: Option<u16>,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = group::OUTPUT)]
     json: bool,
 }
 

@@ -11,20 +11,22 @@ use super::{aligned, grouped, with_progress};
 use crate::bench::leaks::{Counts, LeakRow, NAMES, engines, measure};
 use crate::bench::{PLACEMENTS, Unavailable};
 use crate::error::{Error, Result};
+use crate::scene::option::group;
 
 #[derive(Args)]
+#[command(next_help_heading = group::MEASUREMENT)]
 pub(crate) struct Arguments {
-    /// Rays aimed at the mesh from each side, at each size and place; 6 in a hundred more go along the axes
+    /// Number of rays aimed at vertices and edges, from each side, per mesh size and placement; 6 % more are parallel to axes
     #[arg(long, value_name = "N", default_value_t = 1_000_000,
           value_parser = crate::cli::numbers::whole(1..=1_000_000_000u64))]
     rays: u64,
-    /// Threads to use; as many as the machine has, if not given
-    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(1..=u16::MAX))]
+    /// Number of threads [default: all]
+    #[arg(long, help_heading = group::LIMITS, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(1..=u16::MAX))]
     threads: Option<u16>,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = group::OUTPUT)]
     json: bool,
-    /// An engine to ask; all that are there, if not given
+    /// Engine to test; may be repeated [default: all that are available]
     #[arg(long, value_name = "NAME", value_parser = NAMES)]
     engine: Vec<String>,
 }

@@ -41,13 +41,13 @@ impl Arguments {
 
 #[derive(Subcommand)]
 enum Test {
-    /// How often a closed mesh is wrong about containing a point
+    /// Count wrong answers of point containment in closed meshes
     Contains(contains::Arguments),
-    /// How many rays slip through a closed mesh
+    /// Count rays that leak through closed meshes
     Leaks(leaks::Arguments),
-    /// What accuracy costs: time and errors of each tier of numerics, and of other libraries
+    /// Measure time and errors of each numerics tier, and of other libraries
     Price(price::Arguments),
-    /// Building, memory and speed against the number of triangles
+    /// Measure build time, memory and speed against the number of triangles
     Scaling(scaling::Arguments),
 }
 

@@ -15,6 +15,7 @@ use crate::bench::speed::{Kind, RaySets};
 use crate::error::Result;
 use crate::files::write_whole;
 use crate::job::RenderSettings;
+use crate::scene::option::group;
 use crate::scene::{PictureSettings, Transport};
 use crate::timing::Spread;
 
@@ -22,18 +23,18 @@ use crate::timing::Spread;
 pub(crate) struct Arguments {
     #[command(flatten)]
     pub subject: Subject,
-    /// Rays aimed at closed meshes from each side, at each of four sizes and places, to count errors
-    #[arg(long, value_name = "N", default_value_t = 100_000,
+    /// Number of rays aimed at closed meshes to count errors, from each side, per mesh size and placement
+    #[arg(long, help_heading = group::MEASUREMENT, value_name = "N", default_value_t = 100_000,
           value_parser = crate::cli::numbers::whole(1..=100_000_000u64))]
     rays: u64,
-    /// Rounds that count, after one to warm up; in each of them all take turns, on one thread
-    #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 5, value_parser = crate::cli::numbers::whole(1..=1000u32))]
+    /// Number of timed rounds on one thread, after a warm-up round
+    #[arg(long, help_heading = group::MEASUREMENT, allow_hyphen_values = true, value_name = "N", default_value_t = 5, value_parser = crate::cli::numbers::whole(1..=1000u32))]
     runs: u32,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = group::OUTPUT)]
     json: bool,
     /// Write a plot of wrong answers against time as SVG
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, help_heading = group::OUTPUT, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
 }
 

@@ -12,31 +12,33 @@ use super::{aligned, grouped, three_digits, with_progress};
 use crate::bench::speed::{self, Kind, ScalingStep, Settings, scaling, sizes};
 use crate::error::Result;
 use crate::files::write_whole;
+use crate::scene::option::group;
 use crate::timing::Clock;
 
 #[derive(Args)]
+#[command(next_help_heading = group::MEASUREMENT)]
 pub(crate) struct Arguments {
-    /// Triangles of the largest meshes; the others have a tenth, a hundredth and so on, down to a thousand
+    /// Number of triangles of the largest mesh; the others have a tenth, a hundredth and so on, down to 1000
     #[arg(long, value_name = "N", default_value_t = 10_000_000,
           value_parser = crate::cli::numbers::whole(1000..=100_000_000u32))]
     largest: u32,
-    /// Rounds that count, after one to warm up; in each of them all engines take turns
+    /// Number of timed rounds after a warm-up round
     #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 5, value_parser = crate::cli::numbers::whole(1..=1000u32))]
     runs: u32,
-    /// Threads to build and to cast rays on
-    #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 1, value_parser = crate::cli::numbers::whole(1..=u16::MAX))]
+    /// Number of threads for building and tracing
+    #[arg(long, help_heading = group::LIMITS, allow_hyphen_values = true, value_name = "N", default_value_t = 1, value_parser = crate::cli::numbers::whole(1..=u16::MAX))]
     threads: u16,
-    /// An engine to measure, as `kiln bench` names them; kiln as it renders and Embree, if not given
+    /// Engine to measure, named as by `kiln bench`; may be repeated [default: the default layout of kiln, and Embree]
     #[arg(long, value_name = "NAME")]
     engine: Vec<String>,
-    /// Pixels along each side of the picture that rays are cast for
+    /// Width and height in pixels of the picture that rays are generated for
     #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 512, value_parser = crate::cli::numbers::whole(16..=8192u32))]
     size: u32,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = group::OUTPUT)]
     json: bool,
-    /// Write a plot
-    #[arg(long, value_name = "FILE.svg")]
+    /// Write a plot as SVG
+    #[arg(long, help_heading = group::OUTPUT, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
 }
 

@@ -11,27 +11,27 @@ use crate::bench::generate::Family;
 use crate::bench::speed::{ViewSetup, Viewpoint, scene, triangles, view_setup};
 use crate::error::{Error, Result, Warnings};
 use crate::import;
-use crate::scene::option::parser;
+use crate::scene::option::{group, parser};
 use crate::scene::{ImportOptions, Scene};
 use crate::world::recenter;
 
 #[derive(Args)]
 pub(crate) struct Subject {
-    /// Files to put into one scene; a bumpy sphere, if not given.
-    #[arg(value_name = "INPUT", help = format!("{}; a bumpy sphere, if not given", inputs_help("Files to put into one scene")))]
+    /// Input files; a generated mesh without.
+    #[arg(value_name = "INPUT", help = inputs_help("Input files, combined into one scene") + " [default: a generated mesh]")]
     inputs: Vec<PathBuf>,
-    #[command(flatten)]
-    pub import: ImportOptions,
-    /// Width and height in pixels of the picture that rays are cast for
-    #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 1024, value_parser = crate::cli::numbers::whole(16..=8192u32))]
+    /// Width and height in pixels of the picture that rays are generated for
+    #[arg(long, help_heading = group::MEASUREMENT, allow_hyphen_values = true, value_name = "N", default_value_t = 1024, value_parser = crate::cli::numbers::whole(16..=8192u32))]
     pub size: u32,
-    /// Where it is seen from: by the scene's camera or else from outside, from outside, or from its middle
-    #[arg(long, value_name = "PLACE", default_value = "scene", value_parser = parser::<Viewpoint>())]
+    /// Origin of the camera rays: the scene's camera (without one, outside), outside the mesh, or inside it
+    #[arg(long, help_heading = group::MEASUREMENT, value_name = "PLACE", default_value = "scene", value_parser = parser::<Viewpoint>())]
     from: Viewpoint,
-    /// Triangles of the bumpy sphere, about
-    #[arg(long, value_name = "N", default_value_t = 1_000_000, conflicts_with = "inputs",
+    /// Approximate number of triangles of the generated mesh, a bumpy sphere
+    #[arg(long, help_heading = group::MEASUREMENT, value_name = "N", default_value_t = 1_000_000, conflicts_with = "inputs",
           value_parser = crate::cli::numbers::whole(100..=20_000_000u32))]
     triangles: u32,
+    #[command(flatten)]
+    pub import: ImportOptions,
 }
 
 impl Subject {

@@ -133,7 +133,10 @@ pub(super) fn add_sizes(lines: &mut Lines, names: &FileNames, scene: &Scene) {
     if !shared.is_empty() {
         let (places, kept) = shared.values().fold((0, 0), |(p, k), (places, mesh)| (p + places, k + mesh));
         let meshes = shared.len();
-        lines.add("shared", format!("{places} objects are places of {meshes} mesh(es) of {kept} triangles"));
+        lines.add(
+            "shared",
+            format!("{places} objects are placements of {meshes} mesh(es) with {kept} triangles"),
+        );
     }
     if let flat @ 1.. = degenerate_triangles(scene) {
         lines.add("no area", format!("{flat} triangle(s), kept because they may close T-vertices"));

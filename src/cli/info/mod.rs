@@ -19,21 +19,22 @@ use crate::effects::check_scene;
 use crate::error::{Result, Warnings};
 use crate::import::{self, FileNames};
 use crate::scene::ImportOptions;
+use crate::scene::option::group;
 use crate::scene::topology::Topology;
 use rendering::{Memory, Rendering};
 
 #[derive(Args)]
 pub(crate) struct Arguments {
-    /// Files to look at.
-    #[arg(required = true, value_name = "INPUT", help = inputs_help("Files to look at"))]
+    /// Files to describe, as one scene.
+    #[arg(required = true, value_name = "INPUT", help = inputs_help("Files to describe, as one scene"))]
     inputs: Vec<PathBuf>,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = group::OUTPUT)]
     json: bool,
     #[command(flatten)]
     pub import: ImportOptions,
-    /// Build the acceleration structure of large scenes, too, to measure time and memory instead of estimating them
-    #[arg(long)]
+    /// Build the acceleration structure of large scenes too, to measure its time and memory instead of estimating them
+    #[arg(long, help_heading = group::MEASUREMENT)]
     build: bool,
 }
 

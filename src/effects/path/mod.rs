@@ -91,6 +91,7 @@ pub const EFFECT: Effect = Effect {
     rays: &[RAYS, LIGHT_RAYS],
     value: Some(EffectValue {
         meaning: "number of bounces",
+        placeholder: "BOUNCES",
         check: |value| match value.parse::<u32>() {
             Ok(0..=MAX_DEPTH) => Ok(()),
             _ => Err(format!("give a number from 0 to {MAX_DEPTH}")),
@@ -119,7 +120,7 @@ fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
             named("area light", names.iter().map(String::as_str)).unwrap_or_default()
         }
         TransportReason::Nothing => {
-            "the scene has no environment and no area light; --transport path asks for it".into()
+            "the scene has no environment and no area light; --transport path turns it on".into()
         }
     };
     if transport != Transport::Path {

@@ -32,12 +32,13 @@ const RAYS_PER_PIXEL: u32 = 32;
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
     id: id::AMBIENT_OCCLUSION,
-    summary: "ambient light is less where other surfaces are near",
+    summary: "ambient occlusion: nearby surfaces reduce ambient light",
     source: "Zhukov and others, An Ambient Light Illumination Model, 1998",
     is_shading: true,
     rays: &[RAYS],
     value: Some(EffectValue {
         meaning: "radius in diagonals of the scene",
+        placeholder: "RADIUS",
         check: |value| match value.parse::<f64>() {
             Ok(radius) if radius > 0.0 && radius <= MAX_RADIUS => Ok(()),
             _ => Err(format!("give a number above 0, at most {MAX_RADIUS}")),
@@ -66,16 +67,16 @@ pub const EFFECT: Effect = Effect {
 fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
     let name = id::AMBIENT_OCCLUSION.name();
     if world.fill.is_some() {
-        return Ok("the fill light has no shadows of its own".into());
+        return Ok("the fill light casts no shadows".into());
     }
     let typed = choices.with.iter().any(|typed| typed.split('=').next() == Some(name));
     if !typed && !choices.scene.get(name).is_some_and(|value| value.is_on()) {
-        return Err("nothing asks for it".into());
+        return Err("off by default; --with turns it on".into());
     }
     if !world.has_ambient() {
         return Err("there is no ambient light".into());
     }
-    Ok(format!("`{name}` is asked for"))
+    Ok("there is ambient light".into())
 }
 
 /// Temporary buffers.

@@ -36,16 +36,17 @@ pub const RAYS: RayKind = RayKind { name: "glaze", is_shadow: false, colour: [12
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
     id: id::GLAZE,
-    summary: "glazed materials mirror what is around them",
+    summary: "mirror reflections of glazed materials",
     source: "Whitted, An Improved Illumination Model for Shaded Display, 1980",
     is_shading: true,
     rays: &[RAYS],
     value: Some(EffectValue {
-        meaning: "rule for stopping",
+        meaning: "number of bounces",
+        placeholder: "BOUNCES|every-bounce",
         check: |value| match value.parse::<u32>() {
             Ok(1..) => Ok(()),
             _ if value == EVERY_BOUNCE => Ok(()),
-            _ => Err(format!("give the most bounces, a number from 1, or `{EVERY_BOUNCE}`")),
+            _ => Err(format!("give the maximum number of bounces, from 1, or `{EVERY_BOUNCE}`")),
         },
     }),
     called_for: |world: &World, _| {

@@ -19,7 +19,7 @@ pub const RAYS: RayKind = RayKind { name: "shadow", is_shadow: true, colour: [12
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
     id: id::SHADOWS,
-    summary: "lights are blocked by what stands in their way",
+    summary: "shadows: a shadow ray from each surface to each light",
     source: "Whitted, An Improved Illumination Model for Shaded Display, 1980",
     needs_lights: true,
     is_shading: true,

@@ -14,7 +14,7 @@ use crate::world::World;
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
     id: id::SOFT_SHADOWS,
-    summary: "lights with an apparent diameter have soft shadows",
+    summary: "soft shadows of lights with an apparent diameter",
     source: "Cook, Porter and Carpenter, Distributed Ray Tracing, 1984",
     builds_on: Some(id::SHADOWS),
     needs_lights: true,
@@ -25,7 +25,7 @@ pub const EFFECT: Effect = Effect {
             return Err("no directional light has an `angle`".into());
         };
         if !choices.sampling.is_wanted() {
-            return Err("one sample a pixel has no soft shadow; --samples asks for more".into());
+            return Err("one sample per pixel has no soft shadow; --samples takes more".into());
         }
         Ok(format!("the apparent diameter of {names}"))
     },

@@ -19,7 +19,7 @@ pub const RAYS: RayKind = RayKind { name: "terminator", is_shadow: false, colour
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
     id: id::TERMINATOR,
-    summary: "the shadow line of smooth meshes follows their normals, not their triangles",
+    summary: "shadow terminator of smooth meshes by shading normals instead of triangles",
     source: "Hanika, Hacking the Shadow Terminator, Ray Tracing Gems II, chapter 4, 2021",
     needs_lights: true,
     is_shading: true,

@@ -84,7 +84,7 @@ pub(crate) fn camera(section: &CameraSection, name: &str) -> std::result::Result
 /// [`Error::Usage`] if it is invalid.
 pub fn inline_camera(text: &str) -> Result<Camera> {
     let section = CameraSection::parse_inline(text)
-        .map_err(|(what, hint)| Error::usage(format!("no camera in braces: {what}"), hint))?;
+        .map_err(|(what, hint)| Error::usage(format!("--camera {{...}} is not valid: {what}"), hint))?;
     camera(&section, INLINE_NAME).map_err(|fault| Error::usage(fault.what, fault.hint))
 }
 
@@ -187,9 +187,9 @@ mod tests {
                 "did you mean `position`?",
             ),
             ("{ position = [0, 0, 5] }", "missing key `look_at`", ""),
-            ("{ position = [0, 0, 5]", "no camera in braces: ", ""),
-            ("{ position = [0, 0], look_at = [0, 0, 5] }", "no camera in braces: ", ""),
-            ("{ position = [0, 0, 1], look_at = [0, 0, 5] } [[sphere]]", "no camera in braces: ", ""),
+            ("{ position = [0, 0, 5]", "--camera {...} is not valid: ", ""),
+            ("{ position = [0, 0], look_at = [0, 0, 5] }", "--camera {...} is not valid: ", ""),
+            ("{ position = [0, 0, 1], look_at = [0, 0, 5] } [[sphere]]", "--camera {...} is not valid: ", ""),
             (
                 "{ position = [0, 0, 1], look_at = [0, 0, 5], viewing_height = 3 }",
                 "too much or too little of its lens",

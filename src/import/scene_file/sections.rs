@@ -28,7 +28,7 @@ pub struct SceneFile {
     /// Ambient light.
     #[schemars(with = "Option<AmbientSection>")]
     pub ambient: Option<Spanned<AmbientSection>>,
-    /// Light from infinitely far away, from every direction; paths are traced then.
+    /// Environment light. It turns path tracing on.
     #[schemars(with = "Option<EnvironmentSection>")]
     pub environment: Option<Spanned<EnvironmentSection>>,
     /// Lights.
@@ -94,7 +94,7 @@ pub struct AmbientSection {
     pub intensity: Option<f64>,
 }
 
-/// Light from infinitely far away: one of `file`, `sky` and `colour`. It is the background, too.
+/// Environment light and background: one of `file`, `sky` and `colour`.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EnvironmentSection {
@@ -104,13 +104,13 @@ pub struct EnvironmentSection {
     /// A sky with a hazy sun 40 degrees high.
     #[serde(default)]
     pub sky: bool,
-    /// One radiance in every direction; white is 1.
+    /// Constant radiance; white is 1.
     pub colour: Option<ColourValue>,
     /// Rotation about +y in degrees, counterclockwise seen from above; 0 if not given.
     pub rotation: Option<f64>,
     /// Factor of the radiance; 1 if not given.
     pub intensity: Option<f64>,
-    /// If true, rays that hit nothing see the background instead.
+    /// Whether the background colour is shown instead of the environment.
     #[serde(default)]
     pub hide: bool,
 }
@@ -121,13 +121,13 @@ pub struct EnvironmentSection {
 pub enum LightType {
     /// A point light at `position`.
     Point,
-    /// A light at infinite distance that shines along `direction`.
+    /// A directional light along `direction`.
     Directional,
     /// A point light at `position`, restricted to a cone along `direction` or towards `look_at`.
     Spot,
-    /// A shining sphere of `radius` around `position`, for path tracing.
+    /// A spherical area light of `radius` around `position`, for path tracing.
     Sphere,
-    /// A rectangle of `size` around `position` that shines along `direction` or towards `look_at`, for path tracing.
+    /// A rectangular area light of `size` around `position`, along `direction` or towards `look_at`, for path tracing.
     Rectangle,
 }
 
@@ -201,15 +201,15 @@ pub struct MaterialSection {
     pub emission: Option<ColourValue>,
     /// Factor of the emitted light; 1 if not given.
     pub emission_intensity: Option<f64>,
-    /// A faint mirror reflection over the surface.
+    /// Mirror reflection, blended with the surface's own colour.
     pub glaze: Option<GlazeSection>,
     /// 0 for a dielectric, 1 for a metal; 0 if not given.
     pub metallic: Option<f64>,
     /// 0 for a mirror, 1 for a fully rough surface; 1 if not given.
     pub roughness: Option<f64>,
-    /// The part of the surface that covers what is behind it, 0 to 1; 1 if not given.
+    /// Opacity, 0 to 1; 1 if not given.
     pub opacity: Option<f64>,
-    /// What the extensions of glTF add, used by path tracing.
+    /// Layers and medium, as in extensions of glTF; used by path tracing.
     pub layers: Option<LayersSection>,
 }
 
@@ -242,7 +242,7 @@ pub struct LayersSection {
     pub sheen_roughness: Option<f64>,
 }
 
-/// A faint mirror reflection over a surface.
+/// Mirror reflection, blended with a surface's own colour.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GlazeSection {
@@ -307,8 +307,7 @@ pub struct MeshSection {
     pub file: String,
     /// The axis of the file that points up; y if not given.
     pub up: Option<UpAxis>,
-    /// The point that the mesh stands on, after everything else: that in the middle of its bounds at their lower side. Instead
-    /// of `translate`.
+    /// Point that the mesh is moved to, instead of `translate`: the centre of the lower side of its bounds lies there.
     pub at: Option<[f64; 3]>,
     /// Size to which the longest side of its bounds is scaled, after `scale` and `rotate`. The mesh stands on the origin, or on `at`.
     pub fit: Option<f64>,

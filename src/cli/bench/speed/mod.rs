@@ -15,25 +15,27 @@ use crate::bench::speed::{self, RaySets, Settings, SpeedRow, engines, measure, p
 use crate::bench::{Engine, Label, Unavailable};
 use crate::error::{Error, Result};
 use crate::files::write_whole;
+use crate::scene::option::group;
 
 #[derive(Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
     pub subject: Subject,
-    /// Rounds that count, after one to warm up; in each of them all engines take turns
-    #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 5, value_parser = crate::cli::numbers::whole(1..=1000u32))]
+    /// Number of timed rounds after a warm-up round
+    #[arg(long, help_heading = group::MEASUREMENT, allow_hyphen_values = true, value_name = "N", default_value_t = 5, value_parser = crate::cli::numbers::whole(1..=1000u32))]
     runs: u32,
-    /// Threads to build and to cast rays on
-    #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 1, value_parser = crate::cli::numbers::whole(1..=u16::MAX))]
+    /// Number of threads for building and tracing
+    #[arg(long, help_heading = group::LIMITS, allow_hyphen_values = true, value_name = "N", default_value_t = 1, value_parser = crate::cli::numbers::whole(1..=u16::MAX))]
     threads: u16,
-    /// An engine to time, or `/` and its layout, tier or preset after it; all that are there, if not given
-    #[arg(long, value_name = "NAME")]
+    /// Engine to measure, such as kiln, embree/high or kiln/bvh2/exact (layout, tier or preset after `/`); may be repeated
+    /// [default: all that are available]
+    #[arg(long, help_heading = group::MEASUREMENT, value_name = "NAME")]
     engine: Vec<String>,
     /// Print JSON
-    #[arg(long)]
+    #[arg(long, help_heading = group::OUTPUT)]
     json: bool,
-    /// Write a page with plots, which needs nothing besides itself
-    #[arg(long, value_name = "FILE.html")]
+    /// Write a self-contained HTML page with plots
+    #[arg(long, help_heading = group::OUTPUT, value_name = "FILE.html")]
     page: Option<PathBuf>,
 }
 

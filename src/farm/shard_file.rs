@@ -1,8 +1,8 @@
-//! Parts of a picture rendered on several machines: film values of some of its tiles, and joining them.
+//! Files of shards of a picture: film values of some of its tiles; and merging them.
 //!
-//! A part is one file: the line `kiln part 1`; a line of JSON (picture, share, names of the further channels); for each
-//! tile of the share, in order, red, green and blue of each pixel, then each further channel, as little-endian f32; the
-//! BLAKE3 hash of all that, 32 bytes. Parts hold film values, not 8-bit values, so that the joined picture is quantised
+//! A shard is one file: the line `kiln shard 1`; a line of JSON ([`Header`]); for each
+//! tile of the shard, in order, red, green and blue of each pixel, then each further channel, as little-endian f32; the
+//! BLAKE3 hash of all that, 32 bytes. Shards hold film values, not 8-bit values, so that the joined picture is quantised
 //! and encoded once, like that of a single run.
 
 use std::collections::BTreeSet;
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::Share;
+use super::Shard;
 use crate::error::{Error, Result};
 use crate::files;
 use crate::files::write_whole;
@@ -20,13 +20,13 @@ use crate::film::write::{ALPHA, Channel, FINGERPRINT, Format, Metadata, OutputIm
 use crate::film::{ColourPipeline, DisplayTransform, Film, Pixel, TILE, Window};
 use crate::limits;
 
-const FIRST_LINE: &[u8] = b"kiln part 1\n";
+const FIRST_LINE: &[u8] = b"kiln shard 1\n";
 const HASH: usize = blake3::OUT_LEN;
 
-/// Header of a part: properties of the whole picture, and the share.
+/// Header of a shard: properties of the whole picture, and the shard.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Header {
-    share: u32,
+    shard: u32,
     of: u32,
     /// Left, top, width, height.
     window: [u32; 4],
@@ -46,7 +46,7 @@ impl Header {
             Ok(Exposure::Ev(ev)) if self.pipeline == ColourPipeline::Linear.name() => {
                 Ok(DisplayTransform::new(ev, *map))
             }
-            _ => Err("of no known exposure".into()),
+            _ => Err("has an unknown exposure".into()),
         }
     }
 
@@ -55,28 +55,28 @@ impl Header {
     }
 }
 
-/// File name of a share of the picture `output`: `still.2of7.part` beside `still.png`.
-pub fn part_name(output: &Path, share: Share) -> PathBuf {
-    output.with_extension(format!("{}of{}.part", share.index(), share.of()))
+/// File name of a shard of the picture `output`: `still.2of7.shard` beside `still.png`.
+pub fn shard_name(output: &Path, shard: Shard) -> PathBuf {
+    output.with_extension(format!("{}of{}.shard", shard.index(), shard.of()))
 }
 
-/// Writes a share of a picture atomically. Film and channels are those of the whole picture; only the tiles of the
-/// share need be filled.
+/// Writes a shard of a picture atomically. Film and channels are those of the whole picture; only the tiles of the
+/// shard need be filled.
 ///
 /// # Errors
 /// [`Error::Output`] if the file cannot be written.
-pub fn write_part(
+pub fn write_shard(
     film: &Film,
     channels: &[Channel],
     (pipeline, display): (ColourPipeline, DisplayTransform),
     metadata: &Metadata,
-    share: Share,
+    shard: Shard,
     file: &Path,
 ) -> Result<()> {
     let window = film.window();
     let head = Header {
-        share: share.index(),
-        of: share.of(),
+        shard: shard.index(),
+        of: shard.of(),
         window: [window.x, window.y, window.width, window.height],
         pipeline: pipeline.name().into(),
         display: (!display.is_identity()).then(|| (display.ev().to_string(), display.tone_map())),
@@ -91,7 +91,7 @@ pub fn write_part(
         };
         put(FIRST_LINE)?;
         put(format!("{}\n", serde_json::to_string(&head)?).as_bytes())?;
-        for (_, tile) in film.tile_windows().enumerate().filter(|(i, _)| share.has(*i)) {
+        for (_, tile) in film.tile_windows().enumerate().filter(|(i, _)| shard.has(*i)) {
             let mut bytes = Vec::with_capacity(tile.area() * 4 * (3 + channels.len()));
             for (x, y) in pixels_of(window, tile) {
                 film.pixel(x, y).iter().for_each(|c| bytes.extend(c.to_le_bytes()));
@@ -116,20 +116,20 @@ fn pixels_of(window: Window, tile: Window) -> impl Iterator<Item = (u32, u32)> {
     (0..tile.height).flat_map(move |y| (0..tile.width).map(move |x| (left + x, top + y)))
 }
 
-/// Checks a part and parses its header; returns the bytes of the values too.
-fn open(bytes: &[u8]) -> std::result::Result<(Header, Share, &[u8]), String> {
-    let rest = bytes.strip_prefix(FIRST_LINE).ok_or("not a part of a picture")?;
+/// Checks a shard and parses its header; returns the bytes of the values too.
+fn open(bytes: &[u8]) -> std::result::Result<(Header, Shard, &[u8]), String> {
+    let rest = bytes.strip_prefix(FIRST_LINE).ok_or("not a shard of a picture")?;
     let end = bytes.len().checked_sub(HASH).filter(|&end| end >= FIRST_LINE.len());
-    let (said, hash) = bytes.split_at(end.ok_or("the part ends too early")?);
+    let (said, hash) = bytes.split_at(end.ok_or("the shard ends too early")?);
     if blake3::hash(said).as_bytes() != hash {
-        return Err("the part is not whole; make it again".into());
+        return Err("the shard is damaged; render it again".into());
     }
-    let line = rest.iter().position(|&b| b == b'\n').ok_or("the part has no head")?;
-    let head: Header =
-        serde_json::from_slice(&rest[..line]).map_err(|e| format!("not a part of this kiln: {e}"))?;
-    let share = Share::new(head.share, head.of).ok_or("the part is of no share")?;
-    let numbers = rest.get(line + 1..rest.len() - HASH).ok_or("the part ends too early")?;
-    Ok((head, share, numbers))
+    let line = rest.iter().position(|&b| b == b'\n').ok_or("the shard has no header")?;
+    let head: Header = serde_json::from_slice(&rest[..line])
+        .map_err(|e| format!("not a shard of this version of kiln: {e}"))?;
+    let shard = Shard::new(head.shard, head.of).ok_or("the index of the shard is out of range")?;
+    let numbers = rest.get(line + 1..rest.len() - HASH).ok_or("the shard ends too early")?;
+    Ok((head, shard, numbers))
 }
 
 /// Maximum width and height: those of JPEG; PNG and OpenEXR allow more.
@@ -153,7 +153,7 @@ fn check_head(head: &Header, format: Format) -> std::result::Result<(), String> 
     if let Some(name) = head.channels.iter().find(|name| !is_name(name)) {
         return Err(format!("has a channel `{}`, which kiln does not write", shown(name)));
     }
-    // Encoding a single pixel detects metadata that the encoder rejects as a fault of the part, not of the output.
+    // Encoding a single pixel detects metadata that the encoder rejects as a fault of the shard, not of the output.
     let window = Window { x: 0, y: 0, width: 1, height: 1 };
     let film = |e: Error| e.to_string();
     let picture = if format == Format::Exr {
@@ -166,31 +166,31 @@ fn check_head(head: &Header, format: Format) -> std::result::Result<(), String> 
         .map_err(|e| format!("has settings or channels that cannot be written: {e}"))
 }
 
-/// Bytes of the values in a share of a picture.
-fn bytes_of_share(window: Window, channels: usize, share: Share) -> u64 {
+/// Bytes of the values in a shard of a picture.
+fn bytes_of_shard(window: Window, channels: usize, shard: Shard) -> u64 {
     let columns = window.width.div_ceil(TILE) as usize;
     let tiles = columns * window.height.div_ceil(TILE) as usize;
     let side = |whole: u32, tile: usize| TILE.min(whole - tile as u32 * TILE) as usize;
-    let pixels: usize = (share.index() as usize - 1..tiles)
-        .step_by(share.of() as usize)
+    let pixels: usize = (shard.index() as usize - 1..tiles)
+        .step_by(shard.of() as usize)
         .map(|tile| side(window.width, tile % columns) * side(window.height, tile / columns))
         .sum();
     limits::product(&[pixels as u64, 3 + channels as u64, size_of::<f32>() as u64])
 }
 
-/// State of the file of a share.
-pub fn part_state(file: &Path, share: Share) -> FileState {
+/// State of the file of a shard.
+pub fn shard_state(file: &Path, shard: Shard) -> FileState {
     let bytes = match files::read_file(file) {
         Ok(bytes) => bytes,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return FileState::Missing,
         Err(e) => return FileState::Broken(files::explain(&e).0),
     };
     match open(&bytes) {
-        Ok((head, found, _)) if found == share => FileState::Whole(PictureIdentity {
+        Ok((head, found, _)) if found == shard => FileState::Whole(PictureIdentity {
             fingerprint: head.fingerprint().map(str::to_owned),
             frame: None,
         }),
-        Ok((_, found, _)) => FileState::Broken(format!("is part {found}")),
+        Ok((_, found, _)) => FileState::Broken(format!("is shard {found}")),
         Err(what) => FileState::Broken(what),
     }
 }
@@ -198,36 +198,36 @@ pub fn part_state(file: &Path, share: Share) -> FileState {
 /// A joined picture and its metadata.
 pub type Joined = (OutputImage, Vec<(String, String)>);
 
-/// Joins the parts of a picture, in the pixel format of `format`.
+/// Joins the shards of a picture, in the pixel format of `format`.
 ///
 /// # Errors
-/// [`Error::Input`] if a part is missing, damaged, or of another picture; [`Error::Usage`] if the parts have further
+/// [`Error::Input`] if a shard is missing, damaged, or of another picture; [`Error::Usage`] if the shards have further
 /// channels and the format does not support them.
 pub fn join(files: &[PathBuf], format: Format) -> Result<Joined> {
     let mut joiner: Option<Joiner> = None;
     let there = files.iter().filter_map(|file| std::fs::metadata(file).ok()).map(|about| about.len()).sum();
     for file in files {
         let wrong = |what: String| {
-            Error::input(file.as_path(), what, "give the parts that `kiln render --shard` wrote")
+            Error::input(file.as_path(), what, "give the shards that `kiln render --shard` wrote")
         };
         let bytes = files::read_file(file).map_err(|e| files::unreadable(file, &e))?;
-        let (head, share, numbers) = open(&bytes).map_err(wrong)?;
+        let (head, shard, numbers) = open(&bytes).map_err(wrong)?;
         let joiner = match &mut joiner {
             Some(joiner) => joiner,
-            none => none.insert(Joiner::new((file, there), head.clone(), share, numbers, format)?),
+            none => none.insert(Joiner::new((file, there), head.clone(), shard, numbers, format)?),
         };
-        joiner.add(&head, share, numbers).map_err(wrong)?;
+        joiner.add(&head, shard, numbers).map_err(wrong)?;
     }
     let Some(joiner) = joiner else {
-        return Err(Error::usage("no part is given", "give the parts that `kiln render --shard` wrote"));
+        return Err(Error::usage("no shard is given", "give the shards that `kiln render --shard` wrote"));
     };
     joiner.finish(format)
 }
 
-/// Maximum number of missing parts listed in a message.
+/// Maximum number of missing shards listed in a message.
 const MAX_NAMED: usize = 20;
 
-/// Maximum bytes per pixel while parts are joined and the picture is encoded: film and channels, and the buffers of the
+/// Maximum bytes per pixel while shards are joined and the picture is encoded: film and channels, and the buffers of the
 /// encoder ([`crate::film::write::bytes_per_pixel`]), or for 8-bit formats the rows in f32 and three buffers of bytes.
 fn bytes_per_pixel(format: Format, channels: u64) -> u64 {
     let kept = 4 * (3 + channels);
@@ -240,7 +240,7 @@ fn bytes_per_pixel(format: Format, channels: u64) -> u64 {
 
 /// A picture that is being joined.
 struct Joiner {
-    /// File of the first part.
+    /// File of the first shard.
     file: PathBuf,
     head: Header,
     pipeline: ColourPipeline,
@@ -248,37 +248,37 @@ struct Joiner {
     window: Window,
     film: Film,
     channels: Vec<Channel>,
-    /// Indices of the shares added.
+    /// Indices of the shards added.
     has: BTreeSet<u32>,
 }
 
 impl Joiner {
-    /// Starts with the first part. Memory for the whole picture is allocated after the size of the part's values and
-    /// the memory limit are checked. `there` is the total size of all parts.
+    /// Starts with the first shard. Memory for the whole picture is allocated after the size of the shard's values and
+    /// the memory limit are checked. `there` is the total size of all shards.
     fn new(
         (file, there): (&Path, u64),
         head: Header,
-        share: Share,
+        shard: Shard,
         numbers: &[u8],
         format: Format,
     ) -> Result<Self> {
         let wrong =
-            |what: String| Error::input(file, what, "give the parts that `kiln render --shard` wrote");
+            |what: String| Error::input(file, what, "give the shards that `kiln render --shard` wrote");
         check_head(&head, format).map_err(wrong)?;
         let [x, y, width, height] = head.window;
         let window = Window { x, y, width, height };
         let pipeline = ColourPipeline::ALL.into_iter().find(|p| p.name() == head.pipeline);
-        let pipeline = pipeline.ok_or_else(|| wrong("of no known colours".into()))?;
+        let pipeline = pipeline.ok_or_else(|| wrong("has an unknown colour arithmetic".into()))?;
         let display = head.display().map_err(wrong)?;
-        let expected = bytes_of_share(window, head.channels.len(), share);
+        let expected = bytes_of_shard(window, head.channels.len(), shard);
         if expected != numbers.len() as u64 {
             let what = if expected > numbers.len() as u64 { "few" } else { "many" };
-            return Err(wrong(format!("the part has too {what} pixels")));
+            return Err(wrong(format!("the shard has too {what} pixels")));
         }
         let channels = head.channels.len() as u64;
         let times_area = |each: u64| limits::product(&[width.into(), height.into(), each]);
         let needed = times_area(bytes_per_pixel(format, channels));
-        // If the parts are as large as the picture, its size is not merely claimed by a header.
+        // If the shards are as large as the picture, its size is not merely claimed by a header.
         let is_there = times_area(4 * (3 + channels)) <= there;
         let checked = if is_there { limits::check(needed) } else { limits::check_claim(needed) };
         checked.map_err(|excess| {
@@ -301,23 +301,23 @@ impl Joiner {
         })
     }
 
-    fn add(&mut self, head: &Header, share: Share, numbers: &[u8]) -> std::result::Result<(), String> {
+    fn add(&mut self, head: &Header, shard: Shard, numbers: &[u8]) -> std::result::Result<(), String> {
         let first = self.file.display();
         if head.fingerprint() != self.head.fingerprint() {
-            return Err(format!("a part of another scene or of other settings than {first}"));
+            return Err(format!("a shard of another scene or with other settings than {first}"));
         }
         if head.of != self.head.of {
-            return Err(format!("one of {} parts, where {first} is one of {}", head.of, self.head.of));
+            return Err(format!("one of {} shards; {first} is one of {}", head.of, self.head.of));
         }
         // Equal fingerprints imply equal headers, unless a file was edited.
-        if *head != (Header { share: head.share, ..self.head.clone() }) {
-            return Err(format!("does not go with {first}"));
+        if *head != (Header { shard: head.shard, ..self.head.clone() }) {
+            return Err(format!("has a different header than {first}"));
         }
         let window = self.window;
         let mut numbers =
             numbers.chunks_exact(4).map(|four| f32::from_le_bytes([four[0], four[1], four[2], four[3]]));
-        let mut number = || numbers.next().ok_or("the part has too few pixels");
-        for (_, tile) in self.film.tiles_mut().into_iter().enumerate().filter(|(i, _)| share.has(*i)) {
+        let mut number = || numbers.next().ok_or("the shard has too few pixels");
+        for (_, tile) in self.film.tiles_mut().into_iter().enumerate().filter(|(i, _)| shard.has(*i)) {
             for channel in tile.pixels.as_flattened_mut() {
                 *channel = number()?;
             }
@@ -328,22 +328,22 @@ impl Joiner {
             }
         }
         if number().is_ok() {
-            return Err("the part has too many pixels".into());
+            return Err("the shard has too many pixels".into());
         }
-        self.has.insert(share.index());
+        self.has.insert(shard.index());
         Ok(())
     }
 
     fn finish(self, format: Format) -> Result<Joined> {
-        let missing = (1..=self.head.of).filter(|share| !self.has.contains(share));
-        let mut named: Vec<String> = missing.clone().take(MAX_NAMED).map(|share| share.to_string()).collect();
+        let missing = (1..=self.head.of).filter(|shard| !self.has.contains(shard));
+        let mut named: Vec<String> = missing.clone().take(MAX_NAMED).map(|shard| shard.to_string()).collect();
         if !named.is_empty() {
             let more = missing.count() - named.len();
             if more > 0 {
                 named.push(format!("and {more} more"));
             }
-            let what = format!("part {} of {} is missing", named.join(", "), self.head.of);
-            let hint = "render it with --shard, and give all parts";
+            let what = format!("shard {} of {} is missing", named.join(", "), self.head.of);
+            let hint = "render it with --shard, and give all shards";
             return Err(Error::input(self.file.as_path(), what, hint));
         }
         let metadata = self.head.metadata;
@@ -355,7 +355,7 @@ impl Joiner {
         {
             if format == Format::Jpeg {
                 return Err(Error::usage(
-                    "the parts have an alpha channel, and only .png and .exr hold it",
+                    "the shards have an alpha channel, and only .png and .exr hold it",
                     "name a file that ends in .png or .exr",
                 ));
             }
@@ -364,7 +364,7 @@ impl Joiner {
         }
         if !self.channels.is_empty() {
             return Err(Error::usage(
-                "the parts have AOVs, and only .exr holds them",
+                "the shards have AOVs, and only .exr holds them",
                 "name a file that ends in .exr",
             ));
         }

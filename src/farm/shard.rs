@@ -3,59 +3,59 @@
 use std::fmt;
 use std::str::FromStr;
 
-/// The `index`-th of `of` shares, counted from 1. Items are assigned round-robin, so that neighbouring items, which
-/// take similar time, go to different shares. The assignment is deterministic.
+/// The `index`-th of `of` shards, counted from 1. Items are assigned round-robin, so that neighbouring items, which
+/// take similar time, go to different shards. The assignment is deterministic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(try_from = "String", into = "String")]
-pub struct Share {
+pub struct Shard {
     index: u32,
     of: u32,
 }
 
-impl Share {
-    /// The only share: all items.
-    pub const ALL: Share = Share { index: 1, of: 1 };
+impl Shard {
+    /// The only shard: all items.
+    pub const ALL: Shard = Shard { index: 1, of: 1 };
 
-    /// The `index`-th of `of` shares; `None` unless 1 <= index <= of <= a million.
+    /// The `index`-th of `of` shards; `None` unless 1 <= index <= of <= a million.
     pub fn new(index: u32, of: u32) -> Option<Self> {
-        ((1..=of).contains(&index) && of <= 1_000_000).then_some(Share { index, of })
+        ((1..=of).contains(&index) && of <= 1_000_000).then_some(Shard { index, of })
     }
 
-    /// Index of the share, counted from 1.
+    /// Index of the shard, counted from 1.
     pub fn index(self) -> u32 {
         self.index
     }
 
-    /// Number of shares.
+    /// Number of shards.
     pub fn of(self) -> u32 {
         self.of
     }
 
-    /// Whether the item at index `place`, from 0, belongs to the share.
+    /// Whether the item at index `place`, from 0, belongs to the shard.
     pub fn has(self, place: usize) -> bool {
         place % self.of as usize == self.index as usize - 1
     }
 }
 
-impl fmt::Display for Share {
+impl fmt::Display for Shard {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}/{}", self.index, self.of)
     }
 }
 
-impl Default for Share {
+impl Default for Shard {
     fn default() -> Self {
-        Share::ALL
+        Shard::ALL
     }
 }
 
-impl From<Share> for String {
-    fn from(share: Share) -> String {
-        share.to_string()
+impl From<Shard> for String {
+    fn from(shard: Shard) -> String {
+        shard.to_string()
     }
 }
 
-impl TryFrom<String> for Share {
+impl TryFrom<String> for Shard {
     type Error = String;
 
     fn try_from(text: String) -> Result<Self, String> {
@@ -63,15 +63,15 @@ impl TryFrom<String> for Share {
     }
 }
 
-impl FromStr for Share {
+impl FromStr for Shard {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
         let numbers =
             text.split_once('/').and_then(|(i, n)| Some((i.trim().parse().ok()?, n.trim().parse().ok()?)));
         numbers
-            .and_then(|(index, of)| Share::new(index, of))
-            .ok_or_else(|| "give it as I/N, the I-th of N shares counted from 1, such as 2/7".into())
+            .and_then(|(index, of)| Shard::new(index, of))
+            .ok_or_else(|| "give it as I/N, the I-th of N shards counted from 1, such as 2/7".into())
     }
 }
 
@@ -82,12 +82,12 @@ mod tests {
     #[test]
     fn every_thing_belongs_to_one_share() {
         for of in 1..9 {
-            let shares: Vec<Share> = (1..=of).map(|i| format!("{i}/{of}").parse().unwrap()).collect();
+            let shards: Vec<Shard> = (1..=of).map(|i| format!("{i}/{of}").parse().unwrap()).collect();
             for place in 0..30 {
-                assert_eq!(shares.iter().filter(|share| share.has(place)).count(), 1, "{place} of {of}");
+                assert_eq!(shards.iter().filter(|shard| shard.has(place)).count(), 1, "{place} of {of}");
             }
-            // The sizes of shares differ by at most one item.
-            let counts = shares.iter().map(|share| (0..30).filter(|&place| share.has(place)).count());
+            // The sizes of shards differ by at most one item.
+            let counts = shards.iter().map(|shard| (0..30).filter(|&place| shard.has(place)).count());
             let counts: Vec<usize> = counts.collect();
             assert!(counts.iter().max().unwrap() - counts.iter().min().unwrap() <= 1, "{counts:?}");
         }
@@ -96,7 +96,7 @@ mod tests {
     #[test]
     fn shares_that_are_none_are_refused() {
         for text in ["", "1", "0/4", "5/4", "1/0", "-1/4", "1/4/2", "a/b"] {
-            assert!(text.parse::<Share>().is_err(), "{text}");
+            assert!(text.parse::<Shard>().is_err(), "{text}");
         }
     }
 }
