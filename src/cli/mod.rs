@@ -25,6 +25,7 @@ mod render;
 mod sampling;
 mod statistics;
 mod study;
+mod synonyms;
 mod t_test;
 mod verify;
 #[cfg(feature = "viewer")]
@@ -210,7 +211,7 @@ fn exit_code(e: &Error) -> u8 {
 
 /// Prints help and version to standard output; other parse errors to standard error, as one line and a hint.
 fn report_usage_error(e: &clap::Error) -> ExitCode {
-    use clap::error::ErrorKind;
+    use clap::error::{ContextKind, ContextValue, ErrorKind};
     if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
         return if e.print().is_ok() { ExitCode::SUCCESS } else { ExitCode::from(4) };
     }
@@ -240,6 +241,11 @@ fn report_usage_error(e: &clap::Error) -> ExitCode {
         } else if line.starts_with("[possible values") {
             hint = line.trim_matches(['[', ']']).to_owned();
         }
+    }
+    if let (ErrorKind::UnknownArgument, Some(ContextValue::String(typed))) =
+        (e.kind(), e.get(ContextKind::InvalidArg))
+    {
+        hint = synonyms::hint(typed).map_or(hint, str::to_owned);
     }
     if first.ends_with("--output <OUT>") {
         hint = "name the file to write, such as -o picture.png".to_owned();

@@ -305,6 +305,21 @@ const MISTAKES: &[Mistake] = &[
         2,
     ),
     (Command, "render scene.toml -o a.png --siz 3x3", "unexpected argument '--siz'", "--size", 2),
+    (Command, "render scene.toml -o a.png --fov 40", "unexpected argument '--fov'", "vertical_fov = 40", 2),
+    (
+        Command,
+        "render scene.toml -o a.png --denoise",
+        "unexpected argument '--denoise'",
+        "--aov denoising-albedo",
+        2,
+    ),
+    (
+        Command,
+        "animate scene.toml -o a.gif --depth-of-field=2",
+        "unexpected argument '--depth-of-field'",
+        "no aperture",
+        2,
+    ),
     (Command, "render scene.toml -o a.png --size 640", "give it as WIDTHxHEIGHT, such as 640x480", "", 2),
     (
         Command,
