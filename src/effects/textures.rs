@@ -28,7 +28,7 @@ pub const EFFECT: Effect = Effect {
         };
         let textured = world.materials_in_use().filter(is_textured);
         named("material", textured.map(Material::name))
-            .ok_or_else(|| "no object is of a material with a picture".into())
+            .ok_or_else(|| "no material of an object has a texture".into())
     },
     specify: |context, spec| {
         spec.texture_use.material_textures = true;

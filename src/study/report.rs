@@ -135,30 +135,32 @@ pub fn headline(study: &Study) -> String {
     let samples = of("samples").first().copied().zip(recommended);
     let base = study.rows.iter().find(|row| row.base);
     let tiers = base.and_then(|base| tier(&base.numerics)).zip(tier("exact"));
-    let pairs = [samples.filter(|(one, more)| more.samples_per_pixel > one.samples_per_pixel), tiers];
-    let mut pairs: Vec<_> = pairs.into_iter().flatten().filter(|(from, to)| from.id != to.id).collect();
-    if let (true, Some(first)) = (pairs.is_empty(), study.rows.iter().find(|row| !row.base)) {
-        pairs.extend(of(&first.parameter).last().map(|last| (first, *last)));
+    let samples = samples.filter(|(one, more)| more.samples_per_pixel > one.samples_per_pixel);
+    let tiers = tiers.filter(|(from, to)| from.id != to.id);
+    let samples = samples.map(|(one, more)| format!("Antialiasing by {}", cost_of(one, more)));
+    let mut sentences: Vec<String> =
+        samples.into_iter().chain(tiers.map(|(base, exact)| cost_of(base, exact))).collect();
+    if let (true, Some(first)) = (sentences.is_empty(), study.rows.iter().find(|row| !row.base)) {
+        sentences.extend(of(&first.parameter).last().map(|last| cost_of(first, last)));
     }
-    let sentences: Vec<String> = pairs.into_iter().map(|(from, to)| cost_of(from, to)).collect();
     if sentences.is_empty() { "Nothing was varied.".into() } else { format!("{}.", sentences.join("; ")) }
 }
 
 /// What a setting costs and changes compared to another.
 fn cost_of(from: &SettingRow, to: &SettingRow) -> String {
-    let ratio = to.trace_ms.median / from.trace_ms.median;
-    let digits = usize::from(ratio < 10.0);
+    let brief = |ratio: f64| format!("{ratio:.0$}", usize::from(ratio < 10.0));
+    let ratio = brief(to.trace_ms.median / from.trace_ms.median);
     let change = match (from.errors(), to.errors()) {
         _ if from.fingerprint == to.fingerprint => "changes no pixel".to_owned(),
         (Some(before), Some(after)) if to.reference == ReferenceKind::Limit && after.rmse > 0.0 => {
-            format!("divides the error (RMSE) by {}", scientific(before.rmse / after.rmse))
+            format!("divides the error (RMSE) by {}", brief(before.rmse / after.rmse))
         }
         (Some(before), _) => format!("changes {:.2} % of the pixels", 100.0 * before.differing),
         _ => "changes the picture".to_owned(),
     };
     let is_same = from.parameter == to.parameter;
     let [from, to] = [from, to].map(|row| if is_same { row.setting.clone() } else { row.name() });
-    format!("`{to}` costs {ratio:.digits$} times `{from}` and {change}")
+    format!("`{to}` costs {ratio} times `{from}` and {change}")
 }
 
 /// List items of advice and facts.

@@ -33,7 +33,7 @@ fn every_effect_is_there_with_its_reason() {
     let line = |name: &str| said.lines().find(|line| line.starts_with(name)).unwrap_or_default().to_owned();
     assert!(line("shadows").contains(" on ") && line("shadows").ends_with("light `lamp`"), "{said}");
     assert!(line("glaze").contains(" off ") && line("glaze").ends_with("--without glaze"), "{said}");
-    assert!(line("terminator").ends_with("no mesh has normals of its own"), "{said}");
+    assert!(line("terminator").ends_with("no mesh has vertex normals"), "{said}");
 }
 
 #[test]

@@ -227,6 +227,32 @@ fn advice_is_printed_and_is_that_of_the_front() {
     }
 }
 
+/// The first sentence, on the page and printed, has the figures of the rows that it names.
+#[test]
+fn the_report_begins_with_its_result() {
+    let (folder, output) = tiny();
+    let study = read(folder.path());
+    let printed = String::from_utf8_lossy(&output.stdout);
+    let sentence = printed.lines().next().expect("a line");
+    let row = |name: &str| study.rows.iter().find(|row| row.name() == name).expect("a row");
+    let (base, exact) = (row("numerics: watertight"), row("numerics: exact"));
+    let ratio = exact.trace_ms.median / base.trace_ms.median;
+    let ratio = if ratio < 10.0 { format!("{ratio:.1}") } else { format!("{ratio:.0}") };
+    let change = match base.twin.expect("finite") {
+        _ if base.fingerprint == exact.fingerprint => "changes no pixel.".to_owned(),
+        twin => format!("changes {:.2} % of the pixels.", 100.0 * twin.differing),
+    };
+    assert!(sentence.starts_with("Antialiasing by `"), "{sentence}");
+    assert!(
+        sentence.ends_with(&format!("; `exact` costs {ratio} times `watertight` and {change}")),
+        "{sentence}"
+    );
+    let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
+    assert!(page.contains("</h1>\n<p><b>Antialiasing by <code>"));
+    // Acceleration structures change no picture, so that none is a next step.
+    assert!(study.steps.iter().all(|step| step.parameter != "bvh"));
+}
+
 /// The page begins with crops of a quick picture, a recommended one and the limit, each with a command that makes it.
 #[test]
 fn the_page_begins_with_three_pictures_and_their_commands() {

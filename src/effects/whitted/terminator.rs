@@ -32,7 +32,7 @@ pub const EFFECT: Effect = Effect {
         let smooth = world.objects.iter().filter(|object| object.is_smooth());
         named("object", smooth.map(|object| object.name.as_str()))
             .map(|names| format!("the normals of {names}"))
-            .ok_or_else(|| "no mesh has normals of its own".into())
+            .ok_or_else(|| "no mesh has vertex normals".into())
     },
     specify: |_, spec| spec.smooth = true,
     stages: |context: &EffectContext, hook| match hook {
