@@ -245,7 +245,7 @@ fn report_usage_error(e: &clap::Error) -> ExitCode {
     if let (ErrorKind::UnknownArgument, Some(ContextValue::String(typed))) =
         (e.kind(), e.get(ContextKind::InvalidArg))
     {
-        hint = synonyms::hint(typed).map_or(hint, str::to_owned);
+        hint = synonyms::hint(typed).unwrap_or(hint);
     }
     if first.ends_with("--output <OUT>") {
         hint = "name the file to write, such as -o picture.png".to_owned();

@@ -1,5 +1,7 @@
 //! Names under which other programs have an option, and what to use here: hints about unknown options.
 
+use crate::effects::{EFFECTS, EffectId, id};
+
 /// Keys of a camera on the command line.
 macro_rules! camera {
     ($start:literal) => {
@@ -26,7 +28,7 @@ const SYNONYMS: &[(&[&str], &str)] = &[
         "give width and height together, such as --size 1920x1080",
     ),
     (
-        &["region", "border", "cropwindow", "crop-window", "pixel", "tile"],
+        &["region", "border", "cropwindow", "crop-window"],
         "render a rectangle of the picture by --crop X,Y,W,H",
     ),
     (
@@ -42,7 +44,7 @@ const SYNONYMS: &[(&[&str], &str)] = &[
     // Camera.
     (
         &["fov", "field-of-view", "vertical-fov", "focal-length", "lens", "camera-view-angle"],
-        camera!("give the field of view with a camera"),
+        camera!("give a camera with vertical_fov"),
     ),
     (
         &[
@@ -59,7 +61,7 @@ const SYNONYMS: &[(&[&str], &str)] = &[
             "camera-zoom-factor",
             "camera-direction",
         ],
-        camera!("give position and target of a camera"),
+        camera!("give a camera with position and target"),
     ),
     (
         &[
@@ -72,7 +74,7 @@ const SYNONYMS: &[(&[&str], &str)] = &[
             "camera-focal-point",
             "camera-view-up",
         ],
-        camera!("give position and target of a camera"),
+        camera!("give a camera with position and target"),
     ),
     (
         &["ortho", "orthographic", "perspective", "camera-orthographic"],
@@ -118,14 +120,12 @@ const SYNONYMS: &[(&[&str], &str)] = &[
         &["headlight", "lights", "light-intensity", "light-type"],
         "use --light head or --light none; --exposure EV changes the brightness",
     ),
-    (&["ao", "ambient-occlusion", "ssao"], "use --with ambient-occlusion"),
-    (&["shadow", "shadows", "no-shadows"], "use --with shadows or --without shadows"),
     // Look.
     (
         &["bg", "bgcolor", "bg-color", "bg-colour", "background-color", "background-colour", "clear-color"],
         "use --background with #rrggbb, a CSS name or `transparent`",
     ),
-    (&["alpha", "transparent", "film-transparent", "no-background"], "use --background transparent"),
+    (&["transparent", "film-transparent", "no-background"], "use --background transparent"),
     (
         &["floor", "grid", "plane", "ground-plane", "shadow-catcher"],
         "use --ground for a ground under the objects",
@@ -144,40 +144,23 @@ const SYNONYMS: &[(&[&str], &str)] = &[
         &["wireframe", "wire", "edges", "show-edges", "mesh-edges"],
         "there are no wireframes; --aov primitive writes the triangle of each pixel",
     ),
-    (&["texture", "textures", "no-textures"], "use --with textures=nearest or --without textures"),
     // Quality.
     (
         &["spp", "sample-count", "samples-per-pixel", "n-samples", "pixelsamples", "cycles-samples"],
         "use --samples N",
     ),
     (
-        &["aa", "anti-alias", "antialias", "antialiasing", "anti-aliasing", "msaa", "ssaa", "supersampling"],
-        "use --samples N, or --without antialiasing",
-    ),
-    (
         &["denoise", "denoiser", "denoising", "oidn", "optix", "no-denoise"],
         "denoise with another program, such as Open Image Denoise: an .exr with --aov denoising-albedo,denoising-normal has its inputs; \
          or use --noise LEVEL for a picture with less noise",
     ),
-    (
-        &["noise-threshold", "adaptive-threshold", "adaptive", "threshold"],
-        "use --noise LEVEL, such as --noise 0.01",
-    ),
+    (&["noise-threshold", "adaptive-threshold", "threshold"], "use --noise LEVEL, such as --noise 0.01"),
     (
         &["bounces", "max-depth", "maxdepth", "max-bounces", "ray-depth", "trace-depth", "recursion"],
-        "use --depth N for path tracing, --with glaze=N for mirror reflections",
+        "use --depth N for path tracing, or the value of glaze in --with for mirror reflections",
     ),
     (
-        &[
-            "integrator",
-            "renderer",
-            "path",
-            "path-tracing",
-            "pathtracing",
-            "raytracing",
-            "gi",
-            "global-illumination",
-        ],
+        &["integrator", "renderer", "path-tracing", "pathtracing", "raytracing", "gi", "global-illumination"],
         "use --transport whitted or --transport path",
     ),
     (
@@ -230,10 +213,24 @@ const SYNONYMS: &[(&[&str], &str)] = &[
     (&["memory", "max-memory", "mem-limit"], "use --memory-limit SIZE"),
 ];
 
+/// The same for effects, whose own names are known, too.
+const EFFECT_SYNONYMS: &[(&[&str], EffectId)] = &[
+    (&["ao", "ssao"], id::AMBIENT_OCCLUSION),
+    (&["no-shadows", "shadow-rays"], id::SHADOWS),
+    (&["texture", "no-textures"], id::TEXTURES),
+    (&["aa", "anti-alias", "antialias", "anti-aliasing", "msaa", "ssaa", "supersampling"], id::ANTIALIASING),
+];
+
 /// The hint about an option that there is not, as typed: `--fov` or `--fov=40`.
-pub(super) fn hint(typed: &str) -> Option<&'static str> {
+pub(super) fn hint(typed: &str) -> Option<String> {
     let name = typed.split('=').next()?.trim_start_matches('-').to_ascii_lowercase().replace('_', "-");
-    SYNONYMS.iter().find(|(names, _)| names.contains(&name.as_str())).map(|(_, hint)| *hint)
+    let effect = EFFECTS.iter().map(|effect| effect.id).find(|id| id.name() == name);
+    let synonym =
+        || EFFECT_SYNONYMS.iter().find(|(names, _)| names.contains(&name.as_str())).map(|(_, id)| *id);
+    if let Some(effect) = effect.or_else(synonym) {
+        return Some(format!("use --with {effect} or --without {effect}"));
+    }
+    SYNONYMS.iter().find(|(names, _)| names.contains(&name.as_str())).map(|(_, hint)| (*hint).to_owned())
 }
 
 #[cfg(test)]
@@ -242,7 +239,6 @@ mod tests {
 
     use super::super::tests::{commands, options};
     use super::*;
-    use crate::effects::EFFECTS;
     use crate::render::aov::AOVS;
 
     #[test]
@@ -250,8 +246,12 @@ mod tests {
         let known: BTreeSet<String> =
             commands().iter().flat_map(options).filter_map(|o| o.get_long().map(str::to_owned)).collect();
         let mut seen = BTreeSet::new();
-        for (names, hint) in SYNONYMS {
-            for name in *names {
+        let of_effects =
+            EFFECT_SYNONYMS.iter().map(|(names, effect)| (*names, hint(effect.name()).expect("an effect")));
+        let all = SYNONYMS.iter().map(|(names, hint)| (*names, (*hint).to_owned())).chain(of_effects);
+        for (names, hint) in all {
+            for name in names {
+                assert!(!EFFECTS.iter().any(|effect| effect.name() == *name), "--{name} is an effect");
                 assert!(!known.contains(*name), "--{name} is an option");
                 assert!(seen.insert(*name), "--{name} has two hints");
             }
@@ -263,7 +263,9 @@ mod tests {
                 count += 1;
                 let value = words.peek().copied().unwrap_or_default();
                 let is_known = match option {
-                    "with" | "without" => EFFECTS.iter().any(|effect| effect.name() == value),
+                    "with" | "without" => {
+                        value.is_empty() || EFFECTS.iter().any(|effect| effect.name() == value)
+                    }
                     "aov" => AOVS.iter().any(|aov| aov.name == value) || value.is_empty(),
                     _ => true,
                 };

@@ -14,7 +14,7 @@ impl ColourValue {
     pub fn of_text(text: &str) -> Option<Self> {
         let is_hex = text.starts_with('#') && [4, 7].contains(&text.len());
         let is_name = text.bytes().all(|b| b.is_ascii_alphabetic());
-        let css = color::parse_color(text).ok().filter(|_| is_hex || is_name)?;
+        let css = (is_hex || is_name).then(|| color::parse_color(&text.to_ascii_lowercase()).ok())??;
         let [r, g, b, alpha] = css.to_alpha_color::<Srgb>().to_rgba8().to_u8_array();
         (alpha == 255).then_some(ColourValue([r, g, b]))
     }

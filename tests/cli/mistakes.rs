@@ -313,13 +313,7 @@ const MISTAKES: &[Mistake] = &[
         "--aov denoising-albedo",
         2,
     ),
-    (
-        Command,
-        "animate scene.toml -o a.gif --depth-of-field=2",
-        "unexpected argument '--depth-of-field'",
-        "no aperture",
-        2,
-    ),
+    (Command, "animate scene.toml -o a.gif --dof=2", "unexpected argument '--dof'", "no aperture", 2),
     (Command, "render scene.toml -o a.png --size 640", "give it as WIDTHxHEIGHT, such as 640x480", "", 2),
     (
         Command,

@@ -133,7 +133,7 @@ fn colour_and_alpha_are_of_the_same_samples() {
 
 /// The parts of a picture with a transparent background make the file of a single run.
 #[test]
-fn transparent_pictures_are_merged_from_parts() {
+fn transparent_pictures_are_merged_from_shards() {
     let workshop = Workshop::with("scene.toml", SCENE);
     workshop.write("ball.toml", BALL);
     let options = "--background transparent --noise 0.05 --exposure 2 --tone-map agx";
@@ -146,7 +146,7 @@ fn transparent_pictures_are_merged_from_parts() {
         let merge = "merge a.3of3.shard a.1of3.shard a.2of3.shard -o";
         workshop.succeed(&format!("{merge} b.{}", &file[2..]));
         assert!(workshop.bytes(&format!("b.{}", &file[2..])) == whole, "{file}");
-        workshop.fails(&format!("{merge} b.jpg"), 2, ["the parts have", "hint: name a file that ends in"]);
+        workshop.fails(&format!("{merge} b.jpg"), 2, ["the shards have", "hint: name a file that ends in"]);
     }
 }
 
@@ -245,7 +245,7 @@ fn wrong_exposures_are_one_clear_line() {
         ("--tone-map agks", "invalid value 'agks'", "'agx'"),
         ("--light sun", "invalid value 'sun'", "possible values: head, none"),
         ("--exposure 1 --colour u8", "need the colour arithmetic `linear`, not `u8`", "--colour linear"),
-        ("--tone-map agx --colour display", "the colours are `display`", "--exposure 0 --tone-map none"),
+        ("--tone-map agx --colour display", "`linear`, not `display`", "--exposure 0 --tone-map none"),
         ("--exposure auto --crop 0,0,8,8", "computed from the whole picture", "--exposure a number"),
         ("--exposure auto --shard 1/2", "computed from the whole picture", "--exposure a number"),
     ] {

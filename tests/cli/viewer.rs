@@ -102,6 +102,6 @@ fn without_a_window_that_is_said() {
         .code(2)
         .stdout("");
     let error = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
-    assert!(error.starts_with("kiln: error: this kiln was built without a window\nhint: "), "{error}");
+    assert!(error.starts_with("kiln: error: this build has no viewer\nhint: "), "{error}");
     assert!(error.contains("--features full"), "{error}");
 }

@@ -1369,7 +1369,7 @@ fn environments_of_eight_bits() {
     let source = kiln::import::environment(file.to_str().expect("UTF-8"), &mut warnings).expect("an image");
     let kiln::scene::EnvironmentSource::Image(image) = source else { panic!("{source:?}") };
     assert!((image.pixels[0][0] - 0.5029).abs() < 1e-4, "{:?}", image.pixels);
-    assert!(warnings.notes()[0].contains("lights end at white"), "{:?}", warnings.notes());
+    assert!(warnings.notes()[0].contains("no light brighter than white"), "{:?}", warnings.notes());
 }
 
 #[test]

@@ -108,6 +108,7 @@ const NOT_EFFECTS: &[(&str, &str)] = &[
     ("viewer/inspect.rs", "glaze"),
     ("import/scene_file/metallic_roughness.rs", "glaze"),
     // The images of a file.
+    ("cli/statistics.rs", "textures"),
     ("cli/info/contents.rs", "textures"),
     ("cli/info/materials.rs", "textures"),
     ("cli/info/rendering.rs", "textures"),

@@ -76,7 +76,7 @@ fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
     if !world.has_ambient() {
         return Err("there is no ambient light".into());
     }
-    Ok("there is ambient light".into())
+    Ok("the scene has `ambient` light".into())
 }
 
 /// Temporary buffers.

@@ -417,7 +417,8 @@ mod tests {
         let background = |value: &str| parse(value).unwrap().image.unwrap().get_ref().background;
         assert_eq!(background("[124, 10, 2]"), red);
         assert_eq!(background("\"#7c0A02\""), red);
-        for bad in ["[1, 2]", "[256, 0, 0]", "[0.5, 0.5, 0.5]", "\"#12345\"", "\"#12345é\"", "\"red\""] {
+        assert_eq!(background("\"Navy\""), Some(Background::Colour(ColourValue([0, 0, 128]))));
+        for bad in ["[1, 2]", "[256, 0, 0]", "[0.5, 0.5, 0.5]", "\"#12345\"", "\"#12345é\"", "\"reddish\""] {
             assert!(parse(bad).is_err(), "{bad}");
         }
     }
