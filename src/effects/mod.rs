@@ -93,6 +93,7 @@ registry! {
     }
     effects {
         "antialiasing" => antialiasing ANTIALIASING,
+        "depth-of-field" => depth_of_field DEPTH_OF_FIELD,
         "adaptive" => adaptive ADAPTIVE,
     }
 }

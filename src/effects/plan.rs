@@ -30,6 +30,8 @@ pub struct Choices {
     pub transport: Option<Transport>,
     /// Largest radiance that a path adds by indirect light; none if `None`.
     pub clamp: Option<f64>,
+    /// Whose lens, and its aperture and focus, as text; `None` for a pinhole.
+    pub lens: Option<String>,
     /// Effects that the user asks for, each as `NAME` or `NAME=VALUE`.
     pub with: Vec<String>,
     /// Effects that the user excludes.
@@ -41,6 +43,20 @@ pub struct Choices {
     pub light_technique: LightTechnique,
     /// How paths are estimated.
     pub path: PathSettings,
+}
+
+impl Choices {
+    /// Whether options or the scene turn an effect on or off, and the value that they give it.
+    pub fn switch(&self, effect: EffectId) -> (Option<bool>, Option<String>) {
+        let said = self.scene.get(effect.name());
+        let asked_for =
+            self.with.iter().map(|typed| name_and_value(typed)).rfind(|(n, _)| *n == effect.name());
+        let value = asked_for.and_then(|(_, value)| Some(value?.to_owned()));
+        let value = value.or_else(|| said.and_then(|said| said.value()));
+        let is_off = self.without.iter().any(|name| name == effect.name());
+        let on = if is_off { Some(false) } else { asked_for.map(|_| true).or(said.map(|said| said.is_on())) };
+        (on, value)
+    }
 }
 
 /// Whether an effect is computed, and why.
@@ -401,12 +417,11 @@ pub(super) fn transport_for(world: &World, choices: &Choices) -> &'static Transp
 fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {
     let name = effect.name();
     let said = choices.scene.get(name);
-    let asked_for = choices.with.iter().map(|typed| name_and_value(typed)).rfind(|(n, _)| *n == name);
-    let value = asked_for.and_then(|(_, value)| Some(value?.to_owned()));
-    let value = value.or_else(|| said.and_then(|said| said.value()));
+    let is_asked_for = choices.with.iter().any(|typed| name_and_value(typed).0 == name);
+    let (_, value) = choices.switch(effect.id);
     let decision = |on, why: String| Decision { effect: effect.id, on, why, value: value.clone() };
     let calls = match (effect.called_for)(world, choices) {
-        Err(nothing) if choices.even_idle && asked_for.is_some() => {
+        Err(nothing) if choices.even_idle && is_asked_for => {
             return decision(true, format!("--with {name}, though {nothing}"));
         }
         Err(nothing) => return decision(false, nothing),
@@ -418,7 +433,7 @@ fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {
     if choices.without.iter().any(|n| n == name) {
         return decision(false, format!("--without {name}"));
     }
-    if asked_for.is_some() {
+    if is_asked_for {
         return decision(true, format!("--with {name}; {calls}"));
     }
     match said.map(|said| said.is_on()) {

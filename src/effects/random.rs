@@ -20,6 +20,9 @@ impl Dimension {
     /// The film position of a camera ray.
     pub const PIXEL: Dimension = Dimension(0);
 
+    /// The point of the camera's lens.
+    pub const LENS: Dimension = Dimension(1 << 30);
+
     /// Rays of ambient occlusion. Not for paths.
     pub const AMBIENT_OCCLUSION: Dimension = Dimension(u32::MAX - 1);
 
@@ -231,8 +234,9 @@ mod tests {
             let own = [Dimension::opacity, Dimension::direction, Dimension::lobe_and_roulette];
             own.map(|of| of(bounces)).into_iter().chain(lights)
         };
-        let path: Vec<Dimension> = (0..=1000).flat_map(of_vertex).chain([Dimension::PIXEL]).collect();
-        let own = [Dimension::PIXEL, Dimension::AMBIENT_OCCLUSION, Dimension::opacity(0)];
+        let path: Vec<Dimension> =
+            (0..=1000).flat_map(of_vertex).chain([Dimension::PIXEL, Dimension::LENS]).collect();
+        let own = [Dimension::PIXEL, Dimension::LENS, Dimension::AMBIENT_OCCLUSION, Dimension::opacity(0)];
         let whitted: Vec<Dimension> = (0..10_000).map(Dimension::disc).chain(own).collect();
         for uses in [path, whitted] {
             let different: std::collections::HashSet<Dimension> = uses.iter().copied().collect();

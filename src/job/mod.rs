@@ -23,6 +23,7 @@
 //! ```
 
 pub mod camera;
+mod lens;
 mod memory;
 pub mod metadata;
 mod outside;
@@ -51,7 +52,8 @@ use crate::import::check_drawable;
 use crate::render::aov::AovSource;
 use crate::render::render_displayed;
 use crate::scene::{
-    Camera, Clamp, Light, Material, MetallicRoughness, Numerics, PictureSettings, Sampling, Scene,
+    Camera, Clamp, EffectsSection, Light, Material, MetallicRoughness, Numerics, PictureSettings, Sampling,
+    Scene,
 };
 use crate::world::{
     PreparedMaterial, Recentering, StandardView, View, World, has_radiance, headlight, key_light, opening,
@@ -93,9 +95,10 @@ impl RenderJob {
         recentering: Option<Recentering>,
         camera: Camera,
         size: [u32; 2],
-        choices: Choices,
+        mut choices: Choices,
     ) -> Result<Self> {
-        let view = View::new(&camera, camera.projection, size)?;
+        let mut view = View::new(&camera, camera.projection, size)?;
+        lens::set(&mut view, &mut choices, &camera, &world, recentering.as_ref())?;
         let plan = Plan::new(&world, &choices)?;
         let window = Window { x: 0, y: 0, width: size[0], height: size[1] };
         Ok(RenderJob {
@@ -112,11 +115,12 @@ impl RenderJob {
         })
     }
 
-    /// The same picture with other choices; the world is shared.
+    /// The same picture with other choices; the world and the lens are shared.
     ///
     /// # Errors
     /// As [`Plan::new`].
     pub fn with_choices(&self, choices: Choices) -> Result<Self> {
+        let choices = Choices { lens: self.choices.lens.clone(), ..choices };
         let plan = Plan::new(&self.world, &choices)?;
         let RenderJob { world, recentering, camera, view, window, settings, metadata, .. } = self;
         Ok(RenderJob {
@@ -365,17 +369,28 @@ pub(crate) fn is_lit(scene: &Scene) -> bool {
     !scene.lights.is_empty() || scene.transport().traces_paths() && emits()
 }
 
-/// Shading mode, sampling and effect settings of a picture.
-pub(crate) fn choices(picture: &PictureSettings, settings: &RenderSettings) -> Choices {
-    Choices {
+/// Shading mode, sampling and effect settings of a picture by a camera. A picture with a lens gets the samples that it needs.
+///
+/// # Errors
+/// [`Error::Usage`] for a lens of an orthographic camera.
+pub(crate) fn choices(
+    picture: &mut PictureSettings,
+    scene: EffectsSection,
+    camera: &Camera,
+    settings: &RenderSettings,
+) -> Result<Choices> {
+    let mut choices = Choices {
         shading: picture.shading.unwrap_or_default(),
         sampling: picture.sampling(),
+        scene,
         transport: picture.transport,
         clamp: picture.clamp.map(Clamp::get),
         with: settings.with.clone(),
         without: settings.without.clone(),
         ..Choices::default()
-    }
+    };
+    lens::complete(picture, &mut choices, camera)?;
+    Ok(choices)
 }
 
 /// [`resolve`] for a scene that is completed, recentered and has lights, with a given camera.
@@ -408,9 +423,8 @@ pub fn resolve_for(
         ..PictureSettings::of_size(size)
     }
     .or(scene.picture);
+    let choices = choices(&mut scene.picture, scene.effects.clone(), &camera, settings)?;
     let metadata = metadata::metadata(&scene, recentering.as_ref(), &camera, window, settings);
-    let mut choices = choices(&scene.picture, settings);
-    choices.scene = std::mem::take(&mut scene.effects);
     let settings = RenderSettings { picture: scene.picture, ..settings.clone() };
     let has_physical_lights = scene.has_physical_lights;
     Ok(ResolvedJob { scene, recentering, camera, window, settings, choices, metadata, has_physical_lights })

@@ -32,7 +32,7 @@ const DARK_BACKGROUND: DVec3 = DVec3::new(0.048_072, 0.049_622, 0.053_014);
 /// Standard error of displayed values at which pixels are sampled no further; the most samples, and those of paths.
 const NOISE: f64 = 0.025;
 const SAMPLES: u32 = 16;
-const PATH_SAMPLES: u32 = 64;
+pub(super) const PATH_SAMPLES: u32 = 64;
 
 /// Rows of the fill light as an image for path tracing.
 const ROWS: u32 = 64;

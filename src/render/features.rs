@@ -28,7 +28,7 @@ impl Features {
 /// The plan that gives the features of a picture, where it is not the picture's own: without light, which decides the
 /// samples of adaptive sampling and the paths behind mirrors.
 pub(super) fn plan_without_light(plan: &Plan, world: &World, has_mirrors: bool) -> Option<Plan> {
-    let is_needed = [id::TEXTURES, id::NORMAL_MAPS, id::ALPHA, id::ANTIALIASING];
+    let is_needed = [id::TEXTURES, id::NORMAL_MAPS, id::ALPHA, id::ANTIALIASING, id::DEPTH_OF_FIELD];
     let decides = plan.is_adaptive() || has_mirrors && plan.transport.traces_paths();
     (!decides).then(|| plan.keeping(world, |i| is_needed.contains(&plan.decisions[i].effect)))
 }

@@ -3,6 +3,8 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::Lens;
+
 /// Projection of a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -37,6 +39,9 @@ pub struct Camera {
     pub view_width: Option<f64>,
     /// Distance from `position` to the viewing rectangle (the focal length).
     pub viewpoint_distance: f64,
+    /// Its thin lens; `None` for a pinhole.
+    #[serde(default)]
+    pub lens: Option<Lens>,
 }
 
 impl Camera {
@@ -59,6 +64,7 @@ impl Camera {
             view_height: 2.0 * distance * (vertical_field_of_view / 2.0).tan(),
             view_width: None,
             viewpoint_distance: distance,
+            lens: None,
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 
-use super::{Camera, Projection};
+use super::{Camera, Focus, Projection};
 
 /// Default name of cameras given as inline tables.
 pub const INLINE_NAME: &str = "inline";
@@ -46,6 +46,20 @@ impl Camera {
             (None, None) => {
                 entries.push(("viewing_height", number(self.view_height)));
                 entries.push(("viewpoint_distance", number(self.viewpoint_distance)));
+            }
+        }
+        if let Some(lens) = &self.lens {
+            entries.push(("aperture_radius", number(lens.radius)));
+            match lens.focus {
+                Focus::Auto => {}
+                Focus::Distance(distance) => entries.push(("focus_distance", number(distance))),
+                Focus::Point(point) => entries.push(("focus_at", list(&point.to_array()))),
+            }
+            if lens.blades != 0 {
+                entries.push(("blades", lens.blades.to_string()));
+            }
+            if lens.blade_rotation != 0.0 {
+                entries.push(("blade_rotation", number(lens.blade_rotation)));
             }
         }
         entries

@@ -36,6 +36,7 @@ mod fingerprint;
 mod ground;
 mod import_options;
 mod layers;
+pub(crate) mod lens;
 mod material;
 pub(crate) mod option;
 mod picture;
@@ -64,6 +65,7 @@ pub use fingerprint::Fingerprint;
 pub use ground::Ground;
 pub use import_options::{Degrees, ImportOptions, ReadingOptions, Seconds};
 pub use layers::{FurtherTexture, Layers, TextureSlot, Volume};
+pub use lens::{Focus, Lens};
 pub use material::{
     DecodedImage, Glaze, Material, MetallicRoughness, NormalMap, Opacity, Phong, Refraction, TexelEncoding,
     Texture,

@@ -127,10 +127,11 @@ fn camera_option(command: &RenderCommand, option: &mut impl FnMut(&str, &str)) -
                     view_height,
                     view_width,
                     viewpoint_distance,
+                    lens,
                 } = camera;
                 (position, target, up) == (&known.position, &known.target, &known.up)
-                    && (view_height, view_width, viewpoint_distance)
-                        == (&known.view_height, &known.view_width, &known.viewpoint_distance)
+                    && (view_height, view_width, viewpoint_distance, lens)
+                        == (&known.view_height, &known.view_width, &known.viewpoint_distance, &known.lens)
             };
             match cameras.iter().find(same) {
                 Some(known) if *known == cameras[0] => known.projection,

@@ -185,6 +185,7 @@ pub fn fitted_camera(
         view_height,
         view_width: None,
         viewpoint_distance: rectangle_at,
+        lens: None,
     })
 }
 

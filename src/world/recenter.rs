@@ -84,6 +84,7 @@ impl Recentering {
         own.view_height /= self.scale;
         own.view_width = camera.view_width.map(|width| width / self.scale);
         own.viewpoint_distance /= self.scale;
+        own.lens = camera.lens.map(|lens| lens.moved(1.0 / self.scale, |point| self.point_back(point)));
         own
     }
 
@@ -98,6 +99,7 @@ impl Recentering {
         camera.view_height *= self.scale;
         camera.view_width = camera.view_width.map(|width| width * self.scale);
         camera.viewpoint_distance *= self.scale;
+        camera.lens = camera.lens.map(|lens| lens.moved(self.scale, |p| (p - self.middle) * self.scale));
     }
 }
 

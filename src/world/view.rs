@@ -6,6 +6,7 @@
 use glam::{DVec2, DVec3};
 
 use super::differential::Differential;
+use super::lens::ThinLens;
 use super::soa::{RAYS_PER_BATCH, simd};
 use crate::error::{Error, Result};
 use crate::film::{TILE, Window};
@@ -17,19 +18,20 @@ use crate::scene::{Camera, Projection};
 const SMALLEST_SINE: f64 = 1e-6;
 
 /// The largest coordinate of a ray origin: f32 represents it, with a margin for sums.
-const FARTHEST: f64 = f32::MAX as f64 / 4.0;
+pub(super) const FARTHEST: f64 = f32::MAX as f64 / 4.0;
 
 /// A camera prepared for a picture of a given size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
-    position: DVec3,
-    u: DVec3,
-    v: DVec3,
-    w: DVec3,
+    pub(super) position: DVec3,
+    pub(super) u: DVec3,
+    pub(super) v: DVec3,
+    pub(super) w: DVec3,
     projection: Projection,
-    distance: f64,
-    rectangle: DVec2,
+    pub(super) distance: f64,
+    pub(super) rectangle: DVec2,
     size: DVec2,
+    pub(super) lens: Option<ThinLens>,
 }
 
 impl View {
@@ -65,6 +67,7 @@ impl View {
             distance: camera.viewpoint_distance * scale,
             rectangle: rectangle * scale,
             size,
+            lens: None,
         };
         let usable = view.rectangle.is_finite() && view.rectangle.min_element() > 0.0;
         if !(usable && view.distance > 0.0 && view.distance.is_finite()) {
@@ -343,6 +346,7 @@ mod tests {
             view_height: 4.0,
             view_width: Some(4.0),
             viewpoint_distance: 10.0,
+            lens: None,
         }
     }
 

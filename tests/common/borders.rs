@@ -68,6 +68,7 @@ pub fn camera(position: DVec3, target: DVec3, projection: Projection, side: f64,
         view_height: side,
         view_width: Some(side),
         viewpoint_distance: distance,
+        lens: None,
     }
 }
 

@@ -56,6 +56,8 @@ pub struct Prepared {
     pub scene_effects: kiln::scene::EffectsSection,
     pub sampling: kiln::scene::Sampling,
     pub transport: Option<kiln::scene::Transport>,
+    /// As `Choices::lens`.
+    pub lens: Option<String>,
 }
 
 /// Gives a scene a camera and a light where it has none, as the command does.
@@ -72,11 +74,15 @@ pub fn equip(scene: &mut Scene) {
 pub fn prepare(mut scene: Scene, size: [u32; 2], numerics: Numerics) -> Prepared {
     recenter(&mut scene);
     let camera = scene.cameras[0].clone();
-    let view = View::new(&camera, camera.projection, size).expect("a usable camera");
+    let mut view = View::new(&camera, camera.projection, size).expect("a usable camera");
     let (pipeline, sampling) = (scene.picture.pipeline(), scene.picture.sampling());
     let (scene_effects, transport) = (scene.effects.clone(), scene.picture.transport);
     let world = World::prepare(scene, pipeline, Layout::default(), numerics);
-    Prepared { world, view, size, scene_effects, sampling, transport }
+    let lens = camera.lens.filter(|lens| lens.radius > 0.0).map(|lens| {
+        view.set_lens(&camera, lens, None, &world).expect("a usable lens");
+        format!("camera `{}`", camera.name)
+    });
+    Prepared { world, view, size, scene_effects, sampling, transport, lens }
 }
 
 impl Prepared {
@@ -84,7 +90,7 @@ impl Prepared {
     pub fn choices(&self, choices: Choices) -> Choices {
         let sampling = or(choices.sampling, self.sampling);
         let transport = choices.transport.or(self.transport);
-        Choices { scene: self.scene_effects.clone(), sampling, transport, ..choices }
+        Choices { scene: self.scene_effects.clone(), sampling, transport, lens: self.lens.clone(), ..choices }
     }
 
     pub fn render(&self, choices: Choices) -> (Film, Statistics) {
@@ -145,6 +151,7 @@ pub fn placed(mut scene: Scene, scale: f64, offset: DVec3) -> Scene {
         camera.view_height *= scale;
         camera.view_width = camera.view_width.map(|width| width * scale);
         camera.viewpoint_distance *= scale;
+        camera.lens = camera.lens.map(|lens| lens.moved(scale, |p| p * scale + offset));
     }
     for light in &mut scene.lights {
         light.scale(scale);

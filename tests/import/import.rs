@@ -16,7 +16,8 @@ use kiln::film::{Colour, ColourPipeline, Window};
 use kiln::render::{RenderControl, render};
 use kiln::scene::Numerics;
 use kiln::scene::{
-    Camera, Falloff, Interpolation, LightKind, Material, Mesh, Minify, Projection, Scene, Shape, Wrap,
+    Camera, Falloff, Focus, Interpolation, Lens, LightKind, Material, Mesh, Minify, Projection, Scene, Shape,
+    Wrap,
 };
 use kiln::shading::ShadingMode;
 use kiln::world::{View, World};
@@ -92,6 +93,7 @@ fn seen(scene: Scene, min: [f64; 2], max: [f64; 2], size: [u32; 2]) -> Vec<[u8; 
         view_height: max[1] - min[1],
         view_width: Some(max[0] - min[0]),
         viewpoint_distance: 100.0,
+        lens: None,
     };
     let pipeline = ColourPipeline::Display;
     let world = World::prepare(scene, pipeline, Layout::default(), Numerics::default());
@@ -864,6 +866,36 @@ fn gltf_cameras_see_the_same_rectangle() {
     // xmag and ymag are half the width and half the height, at any distance.
     assert_eq!(scene.cameras[1].projection, Projection::Orthographic);
     assert_sees(&scene.cameras[1], [200, 100], [v(-3.0, -1.5, 4.0), v(3.0, 1.5, -7.0)]);
+}
+
+/// Blender exports a camera's custom properties as extras; other extras are not the lens's, and what is wrong is left out.
+#[test]
+fn gltf_cameras_have_the_lens_of_their_extras() {
+    let camera = |extras: serde_json::Value| {
+        let perspective = json!({ "yfov": 1.0, "znear": 0.1 });
+        Model::triangle()
+            .with("scenes", json!([{ "nodes": [0, 1] }]))
+            .with("nodes", json!([{ "mesh": 0 }, { "name": "c", "camera": 0, "translation": [0, 0, 9] }]))
+            .with("cameras", json!([{ "type": "perspective", "perspective": perspective, "extras": extras }]))
+            .load()
+    };
+    let (scene, warnings) = camera(
+        json!({ "aperture_radius": 0.5, "focus_at": [0, 1, 2], "blades": 7, "blade_rotation": 5, "owner": "me" }),
+    );
+    assert_eq!(warnings, [""; 0]);
+    let lens = Lens { radius: 0.5, focus: Focus::Point(v(0.0, 1.0, 2.0)), blades: 7, blade_rotation: 5.0 };
+    assert_eq!(scene.cameras[0].lens, Some(lens));
+    for pinhole in [json!({ "owner": "me" }), json!("text")] {
+        let (scene, warnings) = camera(pinhole);
+        assert_eq!((scene.cameras[0].lens, warnings.len()), (None, 0));
+    }
+    for (wrong, why) in
+        [(json!({ "f_stop": "wide" }), "invalid type"), (json!({ "f_stop": 0 }), "no f-number")]
+    {
+        let (scene, warnings) = camera(wrong);
+        assert_eq!(scene.cameras[0].lens, None);
+        assert!(warnings.len() == 1 && warnings[0].contains(why), "{warnings:?}");
+    }
 }
 
 #[test]

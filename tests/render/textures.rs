@@ -57,6 +57,7 @@ fn camera(half: f64, projection: Projection) -> Camera {
         view_height: 2.0 * half,
         view_width: Some(2.0 * half),
         viewpoint_distance: 1.0,
+        lens: None,
     }
 }
 

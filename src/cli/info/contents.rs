@@ -11,7 +11,7 @@ use super::{FileNames, Lines, geometry, lights, materials, objects};
 use crate::error::Result;
 use crate::geometry::Triangle;
 use crate::scene::topology::Topology;
-use crate::scene::{Camera, Mesh, Object, Projection, Scene, Shape};
+use crate::scene::{Camera, Focus, Mesh, Object, Projection, Scene, Shape};
 
 pub(super) fn to_json(inputs: &[PathBuf], scene: &Scene, topology: &Result<Topology>) -> Value {
     let objects = scene.objects.iter().zip(objects::closed(scene, topology));
@@ -76,13 +76,22 @@ fn camera_to_json(camera: &Camera) -> Value {
         "target": point(camera.target),
         "field_of_view": field_of_view(camera),
         "view_height": camera.view_height,
+        "lens": camera.lens,
     })
 }
 
 fn camera_text(camera: &Camera) -> String {
     let (name, projection) = (&camera.name, camera.projection.name());
+    let lens = camera.lens.map_or(String::new(), |lens| {
+        let focus = match lens.focus {
+            Focus::Auto => "what is in the centre".into(),
+            Focus::Distance(distance) => format!("a distance of {}", distance as f32),
+            Focus::Point(point) => short(point),
+        };
+        format!(", aperture of radius {}, focus on {focus}", lens.radius as f32)
+    });
     match field_of_view(camera) {
-        Some(degrees) => format!("{name} ({projection}, {degrees:.1} degrees high)"),
+        Some(degrees) => format!("{name} ({projection}, {degrees:.1} degrees high{lens})"),
         None => format!("{name} ({projection}, {} high)", camera.view_height as f32),
     }
 }

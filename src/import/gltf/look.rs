@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use glam::{DMat4, DVec3};
 use gltf::material::AlphaMode;
+use serde::Deserialize;
 
 use super::document::NO_IMAGE;
 use super::layers::AlphaUse;
@@ -12,6 +13,7 @@ use super::{Loader, dvec3};
 use crate::error::{Place, Result};
 use crate::film::Colour;
 use crate::import::images::{self, Channels, ImageLoader};
+use crate::import::scene_file::{LensSection, lens};
 use crate::import::uri::{self, Resource};
 use crate::scene::{
     Camera, Falloff, ImageId, Interpolation, Light, LightKind, Material, MetallicRoughness, Minify,
@@ -186,7 +188,7 @@ impl Loader<'_> {
             return;
         }
         let target = position + forward;
-        self.scene.cameras.push(Camera {
+        let mut found = Camera {
             name,
             position,
             target,
@@ -195,7 +197,19 @@ impl Loader<'_> {
             view_height,
             view_width,
             viewpoint_distance: 1.0,
-        });
+            lens: None,
+        };
+        let extras = &self.root["cameras"][camera.index()]["extras"];
+        if extras.is_object() {
+            let keys = LensSection::deserialize(extras).map_err(|e| e.to_string());
+            match keys.and_then(|keys| lens(&keys, &found).map_err(|fault| fault.what)) {
+                Ok(lens) => found.lens = lens,
+                Err(e) => {
+                    self.left_out(format!("extras of camera {}: {e}; its lens is left out", found.name));
+                }
+            }
+        }
+        self.scene.cameras.push(found);
     }
 
     pub(super) fn light(

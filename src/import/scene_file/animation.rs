@@ -101,7 +101,7 @@ impl Builder<'_> {
     }
 
     fn value(&self, start: usize, property: Property, value: ScaleValue) -> Result<Value> {
-        let one = matches!(property, Property::Radius | Property::Intensity);
+        let one = matches!(property, Property::Radius | Property::Intensity | Property::FocusDistance);
         let (value, fits) = match value {
             ScaleValue::Uniform(number) => (DVec3::splat(number), one || property == Property::Scale),
             ScaleValue::PerAxis(numbers) => (DVec3::from(numbers), !one),

@@ -2,9 +2,10 @@
 
 use glam::DVec3;
 
-use super::sections::CameraSection;
+use super::sections::{CameraSection, LensSection};
 use crate::error::{Error, Result};
-use crate::scene::{Camera, INLINE_NAME};
+use crate::scene::lens::{field_of_view, radius_of};
+use crate::scene::{Camera, Focus, INLINE_NAME, Lens, Projection};
 
 /// An error in a camera and a hint.
 #[derive(Debug)]
@@ -43,14 +44,19 @@ pub(crate) fn camera(section: &CameraSection, name: &str) -> std::result::Result
         _ => None,
     };
     let is_one_at_most = s.viewing_rectangle.is_none() || s.viewing_height.is_none();
-    match (rectangle, s.viewpoint_distance, s.vertical_fov) {
+    let fov = match (s.vertical_fov, s.focal_length) {
+        (None, Some(millimetres)) => Some(field_of_view(millimetres)),
+        (degrees, _) => degrees.map(f64::to_radians),
+    };
+    let is_one_at_most = is_one_at_most && (s.vertical_fov.is_none() || s.focal_length.is_none());
+    let camera = match (rectangle, s.viewpoint_distance, fov) {
         (Some((width, height)), Some(distance), None) => {
             if [width.unwrap_or(1.0), height, distance].iter().any(|&x| !(x > 0.0 && x.is_finite())) {
                 let what = format!("camera `{name}` has a viewing rectangle or distance that is not above 0");
                 let hint = "give `viewing_rectangle` or `viewing_height`, and `viewpoint_distance`, above 0";
                 return Err(Fault::new(what, hint));
             }
-            Ok(Camera {
+            Camera {
                 name,
                 position,
                 target,
@@ -59,23 +65,75 @@ pub(crate) fn camera(section: &CameraSection, name: &str) -> std::result::Result
                 view_height: height,
                 view_width: width,
                 viewpoint_distance: distance,
-            })
+                lens: None,
+            }
         }
         (None, None, fov) if is_one_at_most => {
-            let degrees = fov.unwrap_or(40.0);
-            if !(degrees > 0.0 && degrees < 180.0) {
-                let what = format!("camera `{name}` has a field of view of {degrees} degrees");
-                return Err(Fault::new(what, "give `vertical_fov` above 0 and below 180"));
+            let fov = fov.unwrap_or(40f64.to_radians());
+            if !(fov > 0.0 && fov < std::f64::consts::PI) {
+                let what =
+                    format!("camera `{name}` has a field of view of {} degrees", fov.to_degrees() as f32);
+                return Err(Fault::new(
+                    what,
+                    "give `vertical_fov` above 0 and below 180, or `focal_length` above 0",
+                ));
             }
-            let camera = Camera::from_field_of_view(name, position, target, up, degrees.to_radians());
-            Ok(Camera { projection: s.projection, ..camera })
+            let camera = Camera::from_field_of_view(name, position, target, up, fov);
+            Camera { projection: s.projection, ..camera }
         }
         _ => {
             let what = format!("camera `{name}` says too much or too little of its lens");
-            let hint = "give `viewing_rectangle` or `viewing_height` with `viewpoint_distance`, or `vertical_fov` alone";
-            Err(Fault::new(what, hint))
+            let hint = "give `viewing_rectangle` or `viewing_height` with `viewpoint_distance`, or one of `vertical_fov` and \
+                        `focal_length`";
+            return Err(Fault::new(what, hint));
         }
+    };
+    let lens = lens(&s.lens(), &camera)?;
+    Ok(Camera { lens, ..camera })
+}
+
+/// Converts the keys of the lens of a camera; `None` where none is given.
+pub(crate) fn lens(section: &LensSection, camera: &Camera) -> std::result::Result<Option<Lens>, Fault> {
+    let LensSection { aperture_radius, f_stop, focus_distance, focus_at, blades, blade_rotation } = *section;
+    let fault = |what: &str, hint| Err(Fault::new(format!("camera `{}` {what}", camera.name), hint));
+    let radius = match (aperture_radius, f_stop) {
+        (Some(_), Some(_)) => return fault("has two apertures", "give `aperture_radius` or `f_stop`"),
+        (radius, None) => radius.unwrap_or(0.0),
+        (None, Some(number)) if number.is_nan() || number <= 0.0 => {
+            return fault("has no f-number", "give `f_stop` above 0");
+        }
+        (None, Some(number)) => radius_of(number, camera.view_height / camera.viewpoint_distance),
+    };
+    let focus = match (focus_distance, focus_at) {
+        (Some(_), Some(_)) => return fault("focuses twice", "give `focus_distance` or `focus_at`"),
+        (Some(distance), None) => Focus::Distance(distance),
+        (None, Some(point)) => Focus::Point(point.into()),
+        (None, None) => Focus::Auto,
+    };
+    let blade_rotation = blade_rotation.unwrap_or(0.0);
+    let focus_numbers = focus_at.unwrap_or([focus_distance.unwrap_or(1.0); 3]);
+    if !(radius >= 0.0 && radius.is_finite()) {
+        return fault("has an unusable aperture", "give a finite `aperture_radius`, 0 or more, or `f_stop`");
     }
+    if !focus_numbers.iter().all(|c| c.is_finite()) || focus_distance.is_some_and(|distance| distance <= 0.0)
+    {
+        return fault("has an unusable focus", "give a finite `focus_distance` above 0, or `focus_at`");
+    }
+    if matches!(blades, Some(1 | 2)) || !blade_rotation.is_finite() {
+        return fault(
+            "has no shape of an aperture",
+            "give `blades` of 3 or more, or 0, and a finite `blade_rotation`",
+        );
+    }
+    if radius > 0.0 && camera.projection == Projection::Orthographic {
+        return fault(
+            "has an aperture and parallel rays",
+            "leave out the aperture, or give `projection = \"perspective\"`",
+        );
+    }
+    let lens = Lens { radius, focus, blades: blades.unwrap_or(0), blade_rotation };
+    let is_given = aperture_radius.or(f_stop).or(focus_distance).is_some() || lens != Lens::default();
+    Ok(is_given.then_some(lens))
 }
 
 /// Parses an inline camera with the keys of `[[camera]]`: `{ position = [0, 0, 5], look_at = [0, 0, 0] }`.
@@ -133,13 +191,27 @@ mod tests {
         [number(), number(), number()].prop_map(DVec3::from)
     }
 
+    fn any_lens() -> impl Strategy<Value = Option<Lens>> {
+        let focus = prop_oneof![
+            Just(Focus::Auto),
+            above_zero().prop_map(Focus::Distance),
+            point().prop_map(Focus::Point),
+        ];
+        let blades = prop_oneof![Just(0u32), 3..u32::MAX];
+        let lens = (number().prop_map(f64::abs), focus, blades, number());
+        prop::option::of(lens.prop_map(|(radius, focus, blades, rotation)| {
+            // A rotation by -0 is not printed.
+            Lens { radius, focus, blades, blade_rotation: rotation + 0.0 }
+        }))
+    }
+
     fn any_camera() -> impl Strategy<Value = Camera> {
         let up = prop_oneof![Just(DVec3::Y), point()].prop_filter("has a length", |&up| up != DVec3::ZERO);
-        let lens = (above_zero(), prop::option::of(above_zero()), above_zero());
+        let rectangle = (above_zero(), prop::option::of(above_zero()), above_zero());
         let name = prop_oneof!["[a-z]{0,8}", any::<String>(), Just(INLINE_NAME.to_owned())];
-        (name, point(), point(), up, any::<bool>(), lens).prop_filter_map(
+        (name, point(), point(), up, any::<bool>(), rectangle, any_lens()).prop_filter_map(
             "looks somewhere",
-            |(name, position, target, up, parallel, (view_height, view_width, viewpoint_distance))| {
+            |(name, position, target, up, parallel, (view_height, view_width, viewpoint_distance), lens)| {
                 let projection = if parallel { Projection::Orthographic } else { Projection::Perspective };
                 let camera = Camera {
                     name,
@@ -150,6 +222,7 @@ mod tests {
                     view_height,
                     view_width,
                     viewpoint_distance,
+                    lens: lens.map(|lens| Lens { radius: if parallel { 0.0 } else { lens.radius }, ..lens }),
                 };
                 (position != target).then_some(camera)
             },
@@ -174,6 +247,39 @@ mod tests {
             for read in back(&camera) {
                 prop_assert_eq!(bits(&read), bits(&camera));
             }
+        }
+    }
+
+    /// On a film of 24 mm height: 24 mm see 1 high at a distance of 1, and f/2 has an aperture of 12 mm.
+    #[test]
+    fn millimetres_and_f_numbers_are_those_of_full_frame_film() {
+        let text = "{ position = [0, 0, 5], look_at = [0, 0, 0], focal_length = 24, f_stop = 2, focus_distance = 3 }";
+        let camera = inline_camera(text).expect("a camera");
+        assert!((camera.view_height / camera.viewpoint_distance - 1.0).abs() < 1e-15, "{camera:?}");
+        let lens = camera.lens.expect("a lens");
+        assert!((lens.radius / 0.006 - 1.0).abs() < 1e-15, "{lens:?}");
+        assert_eq!((lens.focus, lens.blades), (Focus::Distance(3.0), 0));
+    }
+
+    #[test]
+    fn a_lens_says_what_is_wrong_with_it() {
+        for (keys, what, hint) in [
+            ("aperture_radius = 1, f_stop = 2", "two apertures", "`aperture_radius` or `f_stop`"),
+            ("aperture_radius = -1", "unusable aperture", "0 or more"),
+            ("f_stop = 0", "no f-number", "above 0"),
+            ("focus_distance = 1, focus_at = [0, 0, 0]", "focuses twice", "`focus_distance` or `focus_at`"),
+            ("focus_distance = 0", "unusable focus", "above 0"),
+            ("focus_at = [0, inf, 0]", "unusable focus", "finite"),
+            ("aperture_radius = 1, blades = 2", "no shape of an aperture", "3 or more"),
+            ("blade_rotation = nan", "no shape of an aperture", "finite"),
+            ("aperture_radius = 1, projection = 'orthographic'", "parallel rays", "perspective"),
+            ("focal_length = 0", "a field of view of 180 degrees", "`focal_length` above 0"),
+            ("focal_length = 50, vertical_fov = 40", "too much or too little", "one of `vertical_fov`"),
+        ] {
+            let text = format!("{{ position = [0, 0, 5], look_at = [0, 0, 0], {keys} }}");
+            let e = inline_camera(&text).expect_err(&text);
+            assert!(e.to_string().contains(what) && !e.to_string().contains('\n'), "{text}: {e}");
+            assert!(e.hint().contains(hint) && !e.hint().contains('\n'), "{text}: {}", e.hint());
         }
     }
 

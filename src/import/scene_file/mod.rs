@@ -15,6 +15,8 @@ mod sections;
 mod toml_error;
 
 pub use camera::inline_camera;
+pub(super) use camera::lens;
+pub(super) use sections::LensSection;
 pub use sections::SceneFile;
 
 use super::Source;

@@ -84,6 +84,41 @@ pub struct CameraSection {
     pub viewpoint_distance: Option<f64>,
     /// Vertical field of view in degrees, instead of rectangle and distance; 40 if neither is given.
     pub vertical_fov: Option<f64>,
+    /// Focal length in millimetres on film of 36 x 24 mm, instead of the field of view.
+    pub focal_length: Option<f64>,
+    /// Radius of the lens in world units; what is not in focus is blurred. 0 if not given.
+    pub aperture_radius: Option<f64>,
+    /// f-number of the lens, instead of its radius; a world unit is a metre.
+    pub f_stop: Option<f64>,
+    /// Distance of the plane of focus along the view direction; the first surface in the centre of the picture if not given.
+    pub focus_distance: Option<f64>,
+    /// A point in the plane of focus, instead of its distance.
+    pub focus_at: Option<[f64; 3]>,
+    /// Corners of the aperture; a circle if 0 or not given.
+    pub blades: Option<u32>,
+    /// Rotation of the corners in degrees, counterclockwise; at 0, one is to the right.
+    pub blade_rotation: Option<f64>,
+}
+
+/// The lens of a camera: keys of [`CameraSection`], and of the `extras` of glTF's cameras.
+#[derive(Debug, Clone, Copy, Default, Deserialize)]
+pub(crate) struct LensSection {
+    pub(super) aperture_radius: Option<f64>,
+    pub(super) f_stop: Option<f64>,
+    pub(super) focus_distance: Option<f64>,
+    pub(super) focus_at: Option<[f64; 3]>,
+    pub(super) blades: Option<u32>,
+    pub(super) blade_rotation: Option<f64>,
+}
+
+impl CameraSection {
+    /// The keys of the lens.
+    pub(super) fn lens(&self) -> LensSection {
+        let CameraSection {
+            aperture_radius, f_stop, focus_distance, focus_at, blades, blade_rotation, ..
+        } = *self;
+        LensSection { aperture_radius, f_stop, focus_distance, focus_at, blades, blade_rotation }
+    }
 }
 
 /// Ambient light.

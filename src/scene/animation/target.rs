@@ -4,7 +4,7 @@ use glam::{DMat4, DQuat, DVec3, EulerRot};
 
 use super::Track;
 use crate::error::{Error, Result, nearest_name};
-use crate::scene::{AnalyticShape, Camera, Light, LightKind, Object, Scene, Shape, Sphere};
+use crate::scene::{AnalyticShape, Camera, Focus, Lens, Light, LightKind, Object, Scene, Shape, Sphere};
 
 /// Target of a track, by name.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -26,6 +26,8 @@ pub enum Property {
     Position,
     /// Look-at point of a camera.
     LookAt,
+    /// Focus distance of a camera's lens.
+    FocusDistance,
     /// Radius of a sphere.
     Radius,
     /// Intensity of a light.
@@ -41,7 +43,7 @@ pub enum Property {
 }
 
 names!(Property {
-    Position = "position", LookAt = "look_at", Radius = "radius", Intensity = "intensity",
+    Position = "position", LookAt = "look_at", FocusDistance = "focus_distance", Radius = "radius", Intensity = "intensity",
     Direction = "direction", Translate = "translate", Rotate = "rotate", Scale = "scale",
 });
 
@@ -127,6 +129,10 @@ impl Subject<'_> {
             return Ok(*vector);
         }
         match (&*self, property) {
+            (
+                Subject::Camera(Camera { lens: Some(Lens { focus: Focus::Distance(distance), .. }), .. }),
+                Property::FocusDistance,
+            ) => Ok(DVec3::splat(*distance)),
             (Subject::Sphere(sphere), Property::Radius) => Ok(DVec3::splat(sphere.radius)),
             (Subject::Light(light), Property::Intensity) => Ok(DVec3::splat(light.intensity)),
             (Subject::Mesh { .. }, Property::Translate | Property::Rotate) => Ok(DVec3::ZERO),
@@ -185,14 +191,21 @@ impl Subject<'_> {
                 let about = DMat4::from_translation(*centre) * linear * DMat4::from_translation(-*centre);
                 object.shape.transform(&about);
             }
-            Subject::Camera(_) => {}
+            Subject::Camera(_) if value.x <= 0.0 => {
+                return bad(&format!("comes to a focus distance of {}", value.x), "keep distances above 0");
+            }
+            Subject::Camera(camera) => {
+                camera.lens = camera.lens.map(|lens| Lens { focus: Focus::Distance(value.x), ..lens });
+            }
         }
         Ok(())
     }
 
     fn has_no(&self, property: Property, track: &Track) -> Error {
         let (what, has) = match self {
-            Subject::Camera(_) => ("a camera", "position or look_at"),
+            Subject::Camera(_) => {
+                ("a camera", "position or look_at, or its focus_distance if [[camera]] gives one")
+            }
             Subject::Light(light) => match light.kind {
                 LightKind::Point { .. } => ("a point light", "position or intensity"),
                 LightKind::Directional { .. } => ("a directional light", "direction or intensity"),

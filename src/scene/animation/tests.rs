@@ -4,7 +4,8 @@ use glam::DVec3;
 
 use super::*;
 use crate::scene::{
-    AnalyticShape, Camera, Light, LightKind, MaterialId, Mesh, Object, Placed, Placement, Shape, Sphere,
+    AnalyticShape, Camera, Focus, Lens, Light, LightKind, MaterialId, Mesh, Object, Placed, Placement, Shape,
+    Sphere,
 };
 
 fn scene(motion: Motion, target: Target) -> Scene {
@@ -47,6 +48,30 @@ fn first_sphere(scene: &Scene) -> Sphere {
 
 fn centre(scene: &Scene) -> DVec3 {
     first_sphere(scene).centre
+}
+
+/// Focus distances are those of lenses that have one.
+#[test]
+fn a_focus_distance_moves() {
+    let motion = Motion::Lerp {
+        property: Property::FocusDistance,
+        from: None,
+        to: DVec3::splat(6.0),
+        easing: Easing::Linear,
+    };
+    let mut scene = scene(motion, Target::Camera("c".into()));
+    let at = |scene: &Scene, time| scene.at(time).map(|scene| scene.cameras[0].lens);
+    for lens in [None, Some(Lens::default())] {
+        scene.cameras[0].lens = lens;
+        assert!(at(&scene, 0.5).unwrap_err().to_string().contains("no `focus_distance`"));
+    }
+    let lens = |distance| Some(Lens { radius: 1.0, focus: Focus::Distance(distance), ..Lens::default() });
+    scene.cameras[0].lens = lens(2.0);
+    assert_eq!(at(&scene, 0.25).unwrap(), lens(3.0));
+    let Some(Animation { tracks, .. }) = &mut scene.animation else { panic!("an animation") };
+    let Motion::Lerp { to, .. } = &mut tracks[0].motion else { panic!("a lerp") };
+    *to = DVec3::splat(-2.0);
+    assert!(at(&scene, 1.0).unwrap_err().to_string().contains("a focus distance of -2"));
 }
 
 #[test]

@@ -27,6 +27,7 @@ fn cameras() -> impl Strategy<Value = Camera> {
                 view_height: height * scale,
                 view_width: width.map(|width| width * scale),
                 viewpoint_distance: distance * scale,
+                lens: None,
             })
         },
     )

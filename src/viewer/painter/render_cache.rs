@@ -123,10 +123,17 @@ impl RenderCache {
             world = Arc::new(world.under(light.at(&lens).into_iter().collect()));
         }
         let scene = &request.opened.scene;
-        let picture = settings.picture.or(scene.picture).or_look(cached.picture);
-        let choices = Choices { scene: scene.effects.clone(), ..job::choices(&picture, &settings) };
+        let mut picture = settings.picture.or(scene.picture).or_look(cached.picture);
+        let choices = job::choices(&mut picture, scene.effects.clone(), &lens, &settings)?;
         let sampling = choices.sampling;
-        let whole = Plan::new(&world, &choices)?;
+        let camera = match &request.camera_source {
+            CameraSource::Free(camera) => Camera { projection: lens.projection, ..camera.clone() },
+            _ => recentering.map_or_else(|| lens.clone(), |recentering| recentering.moved_back(&lens)),
+        };
+        let centres = Choices { sampling: Sampling::default(), ..choices.clone() };
+        let job = RenderJob::new(world, recentering, lens, request.size, centres)?;
+        let choices = Choices { lens: job.choices.lens.clone(), ..choices };
+        let whole = Plan::new(&job.world, &choices)?;
         let kind = match (whole.takes_samples(), whole.is_adaptive()) {
             (false, _) => SamplingKind::Centres,
             (true, false) => SamplingKind::Samples(sampling.max_samples()),
@@ -134,15 +141,9 @@ impl RenderCache {
         };
         let decisions = EFFECTS.iter().zip(whole.decisions);
         let mut decisions: Vec<(Decision, bool)> = decisions
-            .map(|(effect, decision)| (decision, (effect.called_for)(&world, &choices).is_ok()))
+            .map(|(effect, decision)| (decision, (effect.called_for)(&job.world, &choices).is_ok()))
             .collect();
         decisions.sort_by_key(|(_, can)| !can);
-        let camera = match &request.camera_source {
-            CameraSource::Free(camera) => Camera { projection: lens.projection, ..camera.clone() },
-            _ => recentering.map_or_else(|| lens.clone(), |recentering| recentering.moved_back(&lens)),
-        };
-        let centres = Choices { sampling: Sampling::default(), ..choices.clone() };
-        let job = RenderJob::new(world, recentering, lens, request.size, centres)?;
         let job = RenderJob { settings: RenderSettings { picture, ..settings }, ..job };
         Ok(Arc::new(Prepared { job, camera, decisions, kind, choices }))
     }

@@ -1,0 +1,75 @@
+//! Depth of field: camera rays start on the lens of the camera ([`crate::world::ThinLens`]), another point of it for each
+//! sample of a pixel.
+
+use super::random::Dimension;
+use super::samples::{SampleIndex, list_samples};
+use super::tile::{RenderContext, Tile, vec_bytes};
+use super::{Effect, EffectContext, EffectValue, Hook, Stage, id};
+use crate::scene::PixelSampler;
+use crate::world::{PerRay, Vec3Soa};
+
+/// The largest blur that can be asked for, in heights of the picture.
+const MAX_BLUR: f64 = 100.0;
+
+/// The registry's entry.
+pub const EFFECT: Effect = Effect {
+    id: id::DEPTH_OF_FIELD,
+    summary: "points off the plane of focus are blurred by the aperture of the camera's lens",
+    source: "Cook, Porter and Carpenter, Distributed Ray Tracing, 1984",
+    is_study_switch: true,
+    value: Some(EffectValue {
+        meaning: "blur of points infinitely far away in heights of the picture",
+        check: |value| match value.parse::<f64>() {
+            Ok(blur) if blur > 0.0 && blur <= MAX_BLUR => Ok(()),
+            _ => Err(format!("give a number above 0, at most {MAX_BLUR}")),
+        },
+    }),
+    called_for: |_, choices| choices.lens.clone().ok_or_else(|| "the camera has no aperture".into()),
+    specify: |_, spec| spec.is_random = true,
+    stages: |context: &EffectContext, hook| match hook {
+        Hook::Rays => {
+            let (sampler, seed) = (context.sampling.sampler.unwrap_or_default(), context.sampling.seed);
+            vec![Box::new(LensRays { sampler, seed: seed.unwrap_or(0) })]
+        }
+        _ => Vec::new(),
+    },
+    bytes: |tile| {
+        let bytes = |buffers: &Buffers| size_of_val(buffers) + vec_bytes(&buffers.samples);
+        tile.buffers::<Buffers>().map_or(0, bytes)
+    },
+    ..Effect::NONE
+};
+
+#[derive(Default)]
+struct Buffers {
+    samples: Vec<SampleIndex>,
+    /// For each ray, its random numbers.
+    numbers: PerRay<[f64; 2]>,
+    /// For each ray, the opposite of its direction.
+    backwards: Vec3Soa,
+}
+
+/// Moves the camera rays onto the lens.
+struct LensRays {
+    sampler: PixelSampler,
+    seed: u32,
+}
+
+impl Stage for LensRays {
+    fn name(&self) -> &'static str {
+        "lens"
+    }
+
+    fn run(&self, tile: &mut Tile, context: &RenderContext) {
+        tile.with_buffers(|Buffers { samples, numbers, backwards }: &mut Buffers, tile| {
+            samples.clear();
+            list_samples(tile, samples);
+            for (numbers, sample) in numbers.iter_mut().zip(samples) {
+                *numbers = sample.pair(self.sampler, self.seed, Dimension::LENS).map(f64::from);
+            }
+            let rays = &mut tile.generation().rays;
+            backwards.set_negated(rays.rays().directions());
+            context.view.put_on_lens(rays, backwards, numbers, context.world.numerics().ray_precision());
+        });
+    }
+}

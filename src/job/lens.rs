@@ -1,0 +1,70 @@
+//! The lens of a picture: the camera's, or the one that depth of field is asked for with.
+
+use crate::effects::{Choices, id};
+use crate::error::{Error, Result};
+use crate::scene::{Camera, Focus, Lens, PictureSettings, Projection, Samples};
+use crate::world::{Recentering, View, World};
+
+/// Samples a pixel of pictures with a lens where none are asked for: those of paths in the default look.
+const SAMPLES: u32 = super::studio::PATH_SAMPLES;
+
+/// Blur of points infinitely far away, in heights of the picture, where depth of field is asked for without a value and the
+/// camera has no aperture.
+const BLUR: f64 = 0.05;
+
+/// The lens of a picture and the blur that replaces its radius; `None` for a pinhole. A camera that says nothing of its lens
+/// focuses on its target, which for one that fits a scene is in the plane of the centre of the bounds.
+fn lens(camera: &Camera, choices: &Choices) -> Option<(Lens, Option<f64>)> {
+    let (switch, value) = choices.switch(id::DEPTH_OF_FIELD);
+    let lens = camera.lens.unwrap_or(Lens { focus: Focus::Point(camera.target), ..Lens::default() });
+    let blur = value.and_then(|value| value.parse().ok());
+    let blur = blur.or((switch == Some(true) && lens.radius == 0.0).then_some(BLUR));
+    (lens.radius > 0.0 || blur.is_some()).then_some((lens, blur))
+}
+
+/// Gives the view of a camera its lens, and the choices what [`Choices::lens`] says of it.
+///
+/// # Errors
+/// As [`View::set_lens`].
+pub(super) fn set(
+    view: &mut View,
+    choices: &mut Choices,
+    camera: &Camera,
+    world: &World,
+    recentering: Option<&Recentering>,
+) -> Result<()> {
+    choices.lens = None;
+    if let (Some((lens, blur)), Projection::Perspective) = (lens(camera, choices), camera.projection) {
+        view.set_lens(camera, lens, blur, world)?;
+        let scale = recentering.map_or(1.0, |recentering| recentering.scale);
+        choices.lens = view.lens().map(|lens| {
+            let [radius, focus] = [lens.radius, lens.focus].map(|length| (length / scale) as f32);
+            format!(
+                "camera `{}`: an aperture of radius {radius}, in focus at a distance of {focus}",
+                camera.name
+            )
+        });
+    }
+    Ok(())
+}
+
+/// Gives a picture with a lens several samples a pixel, where its settings say nothing of them: one is noise.
+///
+/// # Errors
+/// [`Error::Usage`] for an orthographic camera.
+pub(super) fn complete(picture: &mut PictureSettings, choices: &mut Choices, camera: &Camera) -> Result<()> {
+    let is_off = choices.switch(id::DEPTH_OF_FIELD).0 == Some(false);
+    if is_off || lens(camera, choices).is_none() {
+        return Ok(());
+    }
+    if camera.projection == Projection::Orthographic {
+        let what = format!("camera `{}` is orthographic, and parallel rays pass no lens", camera.name);
+        let hint = format!("give --projection perspective, or --without {}", id::DEPTH_OF_FIELD);
+        return Err(Error::usage(what, hint));
+    }
+    if picture.samples.is_none() && !choices.sampling.is_wanted() {
+        picture.samples = Some(Samples::clamped(SAMPLES));
+        choices.sampling = picture.sampling();
+    }
+    Ok(())
+}
