@@ -1,12 +1,12 @@
 //! Depth of field: camera rays start on the lens of the camera ([`crate::world::ThinLens`]), another point of it for each
 //! sample of a pixel.
 
-use super::random::Dimension;
+use super::random::{Dimension, independent_pair, pair};
 use super::samples::{SampleIndex, list_samples};
 use super::tile::{RenderContext, Tile, vec_bytes};
 use super::{Effect, EffectContext, EffectValue, Hook, Stage, id};
 use crate::scene::PixelSampler;
-use crate::world::{PerRay, Vec3Soa};
+use crate::world::{PerRay, Vec3Soa, simd};
 
 /// The largest blur that can be asked for, in heights of the picture.
 const MAX_BLUR: f64 = 100.0;
@@ -16,6 +16,7 @@ pub const EFFECT: Effect = Effect {
     id: id::DEPTH_OF_FIELD,
     summary: "points off the plane of focus are blurred by the aperture of the camera's lens",
     source: "Cook, Porter and Carpenter, Distributed Ray Tracing, 1984",
+    decides_samples: true,
     is_study_switch: true,
     value: Some(EffectValue {
         meaning: "blur of points infinitely far away in heights of the picture",
@@ -64,12 +65,32 @@ impl Stage for LensRays {
         tile.with_buffers(|Buffers { samples, numbers, backwards }: &mut Buffers, tile| {
             samples.clear();
             list_samples(tile, samples);
-            for (numbers, sample) in numbers.iter_mut().zip(samples) {
-                *numbers = sample.pair(self.sampler, self.seed, Dimension::LENS).map(f64::from);
+            let seed = self.seed;
+            match self.sampler {
+                PixelSampler::Sobol => simd!(draw(
+                    numbers,
+                    samples,
+                    #[inline(always)]
+                    |pixel, sample| pair(pixel, seed, sample, Dimension::LENS)
+                )),
+                PixelSampler::Independent => simd!(draw(
+                    numbers,
+                    samples,
+                    #[inline(always)]
+                    |pixel, sample| independent_pair(pixel, seed, sample, Dimension::LENS)
+                )),
             }
             let rays = &mut tile.generation().rays;
             backwards.set_negated(rays.rays().directions());
             context.view.put_on_lens(rays, backwards, numbers, context.world.numerics().ray_precision());
         });
+    }
+}
+
+/// Computes the random numbers of samples, by pixel and sample.
+#[inline(always)]
+fn draw(numbers: &mut PerRay<[f64; 2]>, samples: &[SampleIndex], pair: impl Fn([u32; 2], u32) -> [f32; 2]) {
+    for (numbers, sample) in numbers.iter_mut().zip(samples) {
+        *numbers = pair([sample.x, sample.y], sample.sample).map(f64::from);
     }
 }

@@ -30,7 +30,8 @@ pub struct Choices {
     pub transport: Option<Transport>,
     /// Largest radiance that a path adds by indirect light; none if `None`.
     pub clamp: Option<f64>,
-    /// Whose lens, and its aperture and focus, as text; `None` for a pinhole.
+    /// The lens of the camera, as text; `None` for a pinhole. [`World`] has no cameras, so whoever gives a view its lens
+    /// ([`crate::world::View::set_lens`]) sets this, too.
     pub lens: Option<String>,
     /// Effects that the user asks for, each as `NAME` or `NAME=VALUE`.
     pub with: Vec<String>,

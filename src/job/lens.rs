@@ -35,17 +35,24 @@ pub(super) fn set(
 ) -> Result<()> {
     choices.lens = None;
     if let (Some((lens, blur)), Projection::Perspective) = (lens(camera, choices), camera.projection) {
+        let name = format!("camera `{}`", camera.name);
+        if is_off(choices) {
+            choices.lens = Some(name);
+            return Ok(());
+        }
         view.set_lens(camera, lens, blur, world)?;
         let scale = recentering.map_or(1.0, |recentering| recentering.scale);
         choices.lens = view.lens().map(|lens| {
             let [radius, focus] = [lens.radius, lens.focus].map(|length| (length / scale) as f32);
-            format!(
-                "camera `{}`: an aperture of radius {radius}, in focus at a distance of {focus}",
-                camera.name
-            )
+            format!("{name}: an aperture of radius {radius}, in focus at a distance of {focus}")
         });
     }
     Ok(())
+}
+
+/// Whether options or the scene turn depth of field off.
+fn is_off(choices: &Choices) -> bool {
+    choices.switch(id::DEPTH_OF_FIELD).0 == Some(false)
 }
 
 /// Gives a picture with a lens several samples a pixel, where its settings say nothing of them: one is noise.
@@ -53,8 +60,7 @@ pub(super) fn set(
 /// # Errors
 /// [`Error::Usage`] for an orthographic camera.
 pub(super) fn complete(picture: &mut PictureSettings, choices: &mut Choices, camera: &Camera) -> Result<()> {
-    let is_off = choices.switch(id::DEPTH_OF_FIELD).0 == Some(false);
-    if is_off || lens(camera, choices).is_none() {
+    if is_off(choices) || lens(camera, choices).is_none() {
         return Ok(());
     }
     if camera.projection == Projection::Orthographic {

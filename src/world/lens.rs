@@ -26,25 +26,34 @@ pub struct ThinLens {
     blades: f64,
     /// Rotation of the corners in turns.
     rotation: f64,
+    /// Distance of an edge from the centre, and half its length, in radii.
+    edge: DVec2,
 }
 
 impl ThinLens {
+    fn new(radius: f64, focus: f64, lens: &Lens) -> Self {
+        let (blades, rotation) = (f64::from(lens.blades), lens.blade_rotation.rem_euclid(360.0) / 360.0);
+        let (half, distance) = if lens.blades == 0 { (0.0, 1.0) } else { sin_cos_of_turns(0.5 / blades) };
+        ThinLens { radius, focus, blades, rotation, edge: DVec2::new(distance, half) }
+    }
+
     /// A point of the aperture, to the right and up, in units of its radius. Uniform in area for uniform `numbers`: the second
     /// is the place on the edge, and the square root of the first the distance from the centre.
     #[inline(always)]
-    fn point(&self, [distance, place]: [f64; 2]) -> DVec2 {
+    fn point(&self, [distance, place]: [f64; 2], is_circle: bool) -> DVec2 {
         let unit = |turns: f64| {
             let (sin, cos) = sin_cos_of_turns(turns + self.rotation);
             DVec2::new(cos, sin)
         };
-        let edge = if self.blades == 0.0 {
+        let place_on_edge = if is_circle {
             unit(place)
         } else {
-            let corner = (place * self.blades).floor();
-            let [from, to] = [corner, corner + 1.0].map(|corner| unit(corner / self.blades));
-            from + (place * self.blades - corner) * (to - from)
+            let along = place * self.blades;
+            let corner = along.floor();
+            let outwards = unit((corner + 0.5) / self.blades);
+            self.edge.x * outwards + (2.0 * (along - corner) - 1.0) * self.edge.y * outwards.perp()
         };
-        distance.sqrt() * edge
+        distance.sqrt() * place_on_edge
     }
 }
 
@@ -83,8 +92,7 @@ impl View {
         if !(radius / focus <= FARTHEST && self.position.abs().max_element() + radius <= FARTHEST) {
             return unusable("has an aperture beyond kiln's numbers", "give it a smaller one");
         }
-        let rotation = lens.blade_rotation.rem_euclid(360.0) / 360.0;
-        self.lens = Some(ThinLens { radius, focus, blades: lens.blades.into(), rotation });
+        self.lens = Some(ThinLens::new(radius, focus, &lens));
         Ok(())
     }
 
@@ -97,19 +105,36 @@ impl View {
         numbers: &PerRay<[f64; 2]>,
         precision: Precision,
     ) {
+        // Shape and precision are passed as constants, so that the loops have no branch on them.
+        use Precision::{Double, Single};
         let Some(lens) = self.lens else { return };
-        let len = rays.len();
-        simd!(rays.write(
-            0..len,
+        match (lens.blades == 0.0, precision) {
+            (true, Single) => simd!(self.fill_lens((lens, true), rays, backwards, numbers, Single)),
+            (true, Double) => simd!(self.fill_lens((lens, true), rays, backwards, numbers, Double)),
+            (false, Single) => simd!(self.fill_lens((lens, false), rays, backwards, numbers, Single)),
+            (false, Double) => simd!(self.fill_lens((lens, false), rays, backwards, numbers, Double)),
+        }
+    }
+
+    #[inline(always)]
+    fn fill_lens(
+        &self,
+        (lens, is_circle): (ThinLens, bool),
+        rays: &mut RayBuffer,
+        backwards: &Vec3Soa,
+        numbers: &PerRay<[f64; 2]>,
+        precision: Precision,
+    ) {
+        rays.write(
+            0..rays.len(),
             #[inline(always)]
-            |i| self.lens_ray(lens, backwards.get(i), numbers[i], precision)
-        ));
+            |i| self.lens_ray(lens, backwards.get(i), lens.point(numbers[i], is_circle), precision),
+        );
     }
 
     /// The ray through a point of the lens that meets the camera ray of direction `-backwards` in the plane of focus.
     #[inline(always)]
-    fn lens_ray(&self, lens: ThinLens, backwards: DVec3, numbers: [f64; 2], precision: Precision) -> Ray {
-        let point = lens.point(numbers);
+    fn lens_ray(&self, lens: ThinLens, backwards: DVec3, point: DVec2, precision: Precision) -> Ray {
         let offset = point.x * self.u + point.y * self.v;
         // In units of the distance of the plane of focus.
         let direction = -backwards / backwards.dot(self.w) - lens.radius / lens.focus * offset;
@@ -121,11 +146,11 @@ impl View {
 mod tests {
     use super::*;
 
-    fn second_moment(blades: f64) -> (f64, DVec2) {
-        let lens = ThinLens { radius: 1.0, focus: 1.0, blades, rotation: 0.1 };
+    fn second_moment(blades: u32) -> (f64, DVec2) {
+        let lens = ThinLens::new(1.0, 1.0, &Lens { blades, blade_rotation: 40.0, ..Lens::default() });
         // The centres of a grid of equal squares, a whole number of them on each side of the aperture.
         let centre = |i: u32| (f64::from(i) + 0.5) / 720.0;
-        let points = (0..720 * 720).map(|i| lens.point([centre(i % 720), centre(i / 720)]));
+        let points = (0..720 * 720).map(|i| lens.point([centre(i % 720), centre(i / 720)], blades == 0));
         let (mut moment, mut mean) = (0.0, DVec2::ZERO);
         for point in points {
             moment += point.length_squared() / (720.0 * 720.0);
@@ -138,8 +163,8 @@ mod tests {
     /// points are `s (a + t (b - a))` with `E s^2 = 1 / 2`, and `E |a + t (b - a)|^2 = (2 + cos angle) / 3` between the corners.
     #[test]
     fn apertures_have_their_second_moments() {
-        for blades in [0.0f64, 3.0, 5.0, 6.0, 9.0] {
-            let cos = if blades == 0.0 { 1.0 } else { (std::f64::consts::TAU / blades).cos() };
+        for blades in [0, 3, 5, 6, 9] {
+            let cos = if blades == 0 { 1.0 } else { (std::f64::consts::TAU / f64::from(blades)).cos() };
             let (moment, mean) = second_moment(blades);
             assert!((moment / ((2.0 + cos) / 6.0) - 1.0).abs() < 1e-4, "{blades} blades: {moment}");
             assert!(mean.length() < 1e-12, "{blades} blades: {mean}");

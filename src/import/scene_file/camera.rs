@@ -111,12 +111,12 @@ pub(crate) fn lens(section: &LensSection, camera: &Camera) -> std::result::Resul
         (None, None) => Focus::Auto,
     };
     let blade_rotation = blade_rotation.unwrap_or(0.0);
-    let focus_numbers = focus_at.unwrap_or([focus_distance.unwrap_or(1.0); 3]);
     if !(radius >= 0.0 && radius.is_finite()) {
         return fault("has an unusable aperture", "give a finite `aperture_radius`, 0 or more, or `f_stop`");
     }
-    if !focus_numbers.iter().all(|c| c.is_finite()) || focus_distance.is_some_and(|distance| distance <= 0.0)
-    {
+    let is_usable = focus_distance.is_none_or(|distance| distance > 0.0 && distance.is_finite())
+        && focus_at.is_none_or(|point| point.iter().all(|c| c.is_finite()));
+    if !is_usable {
         return fault("has an unusable focus", "give a finite `focus_distance` above 0, or `focus_at`");
     }
     if matches!(blades, Some(1 | 2)) || !blade_rotation.is_finite() {

@@ -43,8 +43,8 @@ pub enum Property {
 }
 
 names!(Property {
-    Position = "position", LookAt = "look_at", FocusDistance = "focus_distance", Radius = "radius", Intensity = "intensity",
-    Direction = "direction", Translate = "translate", Rotate = "rotate", Scale = "scale",
+    Position = "position", LookAt = "look_at", FocusDistance = "focus_distance", Radius = "radius",
+    Intensity = "intensity", Direction = "direction", Translate = "translate", Rotate = "rotate", Scale = "scale",
 });
 
 /// Mutable access to a target of a track.
