@@ -107,6 +107,7 @@ name = 'wide'
 position = [0, 0, 10]
 look_at = [0, 0, 0]
 vertical_fov = 90
+focus_distance = 2
 [[camera]]
 name = 'flat'
 projection = 'orthographic'
@@ -158,6 +159,8 @@ fn materials_cameras_and_lights_are_described() {
     );
     let of_camera = |index: usize| report["cameras"][index]["field_of_view"].as_f64();
     assert!(of_camera(0).is_some_and(|degrees| (degrees - 90.0).abs() < 1e-12) && of_camera(1).is_none());
+    let lens = json!({ "radius": 0.0, "focus": { "distance": 2.0 }, "blades": 0, "blade_rotation": 0.0 });
+    assert_eq!((&report["cameras"][0]["lens"], &report["cameras"][1]["lens"]), (&lens, &Value::Null));
     // Local shading, the default, does not draw glass.
     let left_out = report["left_out"].as_array().expect("a list");
     assert!(
@@ -171,7 +174,8 @@ fn materials_cameras_and_lights_are_described() {
     for line in [
         "material    glass (metallic-roughness): opacity by blend, factor 0.5; transmission 1; ior 1.33; volume\n",
         "material    lamp (phong): emission (3, 3, 3); unused\n",
-        "cameras     2: wide (perspective, 90.0 degrees high), flat (orthographic, 3 high)\n",
+        "cameras     2: wide (perspective, 90.0 degrees high, aperture of radius 0, focus on a distance of 2), \
+         flat (orthographic, 3 high)\n",
         "lights      1: sun (directional, intensity 2.5)\n",
         "effects     alpha, shadows\n",
     ] {

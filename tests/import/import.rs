@@ -885,10 +885,8 @@ fn gltf_cameras_have_the_lens_of_their_extras() {
     assert_eq!(warnings, [""; 0]);
     let lens = Lens { radius: 0.5, focus: Focus::Point(v(0.0, 1.0, 2.0)), blades: 7, blade_rotation: 5.0 };
     assert_eq!(scene.cameras[0].lens, Some(lens));
-    for pinhole in [json!({ "owner": "me" }), json!("text")] {
-        let (scene, warnings) = camera(pinhole);
-        assert_eq!((scene.cameras[0].lens, warnings.len()), (None, 0));
-    }
+    let (scene, warnings) = camera(json!({ "owner": "me" }));
+    assert_eq!((scene.cameras[0].lens, warnings.len()), (None, 0));
     for (wrong, why) in
         [(json!({ "f_stop": "wide" }), "invalid type"), (json!({ "f_stop": 0 }), "no f-number")]
     {

@@ -173,6 +173,12 @@ fn what_is_in_the_centre_is_in_focus() {
     assert_eq!(focus(&scene("aperture_radius = 0.1", &in_front)), 5.5);
     let beside = "[[sphere]]\ncentre = [2, 0, -6]\nradius = 0.5\nmaterial = 'lamp'\n";
     assert_eq!(focus(&scene("aperture_radius = 0.1", beside)), 1.0);
+    // A point behind the camera is an error, but not of a picture without a lens.
+    let behind = scene("aperture_radius = 0.1\nfocus_at = [0, 0, 1]", beside);
+    let error = prepare(parse(&behind), &none, &mut Warnings::default()).err().expect("no focus");
+    assert!(error.to_string().contains("`c` focuses behind itself"), "{error}");
+    let off = RenderSettings { without: vec![id::DEPTH_OF_FIELD.name().into()], ..none };
+    assert!(job(&behind, &off).view.lens().is_none());
 }
 
 /// A fitted camera's target is in the plane of the centre of the bounds. Asked for without a value, the diameter of the lens is 0.05 of

@@ -53,7 +53,8 @@ pub(crate) fn camera(section: &CameraSection, name: &str) -> std::result::Result
         (Some((width, height)), Some(distance), None) => {
             if [width.unwrap_or(1.0), height, distance].iter().any(|&x| !(x > 0.0 && x.is_finite())) {
                 let what = format!("camera `{name}` has a viewing rectangle or distance that is not above 0");
-                let hint = "give `viewing_rectangle` or `viewing_height`, and `viewpoint_distance`, above 0";
+                let hint = "give `viewing_rectangle` or `viewing_height` with `viewpoint_distance`, or `vertical_fov` alone, or \
+                        `focal_length` alone";
                 return Err(Fault::new(what, hint));
             }
             Camera {
@@ -274,7 +275,7 @@ mod tests {
             ("blade_rotation = nan", "no shape of an aperture", "finite"),
             ("aperture_radius = 1, projection = 'orthographic'", "parallel rays", "perspective"),
             ("focal_length = 0", "a field of view of 180 degrees", "`focal_length` above 0"),
-            ("focal_length = 50, vertical_fov = 40", "too much or too little", "one of `vertical_fov`"),
+            ("focal_length = 50, vertical_fov = 40", "too much or too little", "`focal_length` alone"),
         ] {
             let text = format!("{{ position = [0, 0, 5], look_at = [0, 0, 0], {keys} }}");
             let e = inline_camera(&text).expect_err(&text);
