@@ -19,6 +19,7 @@ pub const EFFECT: Effect = Effect {
     decides_samples: true,
     is_study_switch: true,
     value: Some(EffectValue {
+        placeholder: "BLUR",
         meaning: "blur of points infinitely far away in heights of the picture",
         check: |value| match value.parse::<f64>() {
             Ok(blur) if blur > 0.0 && blur <= MAX_BLUR => Ok(()),
