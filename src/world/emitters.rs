@@ -278,9 +278,12 @@ impl Emitters {
     /// The sample of [`Emitters::sample`] and its radiance, if it is of a triangle in a world without emission textures.
     #[inline]
     pub(crate) fn sample_triangle(&self, choice: f64, numbers: [f64; 2]) -> Option<(TriangleSample, DVec3)> {
+        if !self.textured.is_empty() {
+            return None;
+        }
         let (emitter, density) = self.choose(choice);
         let EmitterShape::Triangle(triangle) = &emitter.shape else { return None };
-        let (sample, _) = triangle.sample(density, numbers).filter(|_| self.textured.is_empty())?;
+        let (sample, _) = triangle.sample(density, numbers)?;
         Some((sample, emitter.radiance))
     }
 

@@ -50,10 +50,10 @@ pub struct InteractionSoa {
     object: PerRay<u32>,
     material: PerRay<u32>,
     ray_of: PerRay<u32>,
-    /// The corners of triangles that are hit by single rays.
+    /// The corners of triangles whose hits are no runs.
     corners: [Vec3Soa; 3],
-    /// Whether [`World::interaction`] has to compute an interaction alone.
-    is_alone: Flags,
+    /// Whether an interaction is left to [`World::interaction`].
+    is_scalar: Flags,
     runs: Vec<Run>,
     material_ranges: Vec<(u32, Range<usize>)>,
 }
@@ -219,8 +219,8 @@ impl World {
         surfaces.find_material_ranges();
     }
 
-    /// Computes the interactions of a run, which ends before `end`. Returns `false` where its hits are left to be computed
-    /// one by one.
+    /// Computes the interactions of a run, which ends before `end`. Returns `false` where its hits are left to
+    /// [`World::interactions_of_single_hits`].
     fn interactions_of_run(
         &self,
         run: Run,
@@ -266,7 +266,7 @@ impl World {
     ) {
         for i in range.clone() {
             let primitive = self.accelerator.primitive(SlotId::new(surfaces.slot[i]));
-            surfaces.is_alone.set(i, !matches!(primitive, Primitive::Triangle(_)));
+            surfaces.is_scalar.set(i, !matches!(primitive, Primitive::Triangle(_)));
             if let Primitive::Triangle(triangle) = primitive {
                 for (to, corner) in surfaces.corners.iter_mut().zip(triangle.0) {
                     to.set(i, corner);
@@ -275,7 +275,7 @@ impl World {
         }
         simd!(on_triangles(surfaces, range.clone()));
         for i in range {
-            if surfaces.is_alone.get(i) {
+            if surfaces.is_scalar.get(i) {
                 let ray = rays.get(surfaces.ray_of[i] as usize);
                 surfaces.set(i, &self.interaction(&ray, &surfaces.hit(i)));
                 continue;
@@ -346,8 +346,8 @@ fn on_triangle(
     is_any_near
 }
 
-/// Computes hits on the triangles of `corners`, without vertex attributes. Those that are near an edge, or on triangles
-/// without normal, have to be computed alone.
+/// Computes hits on the triangles of `corners`, without vertex attributes. Those near an edge, or on triangles without
+/// normal, are left to [`World::interaction`].
 #[inline(always)]
 fn on_triangles(surfaces: &mut InteractionSoa, range: Range<usize>) {
     for i in range.start..range.end.min(RAYS_PER_BATCH) {
@@ -359,7 +359,7 @@ fn on_triangles(surfaces: &mut InteractionSoa, range: Range<usize>) {
         let is_turned = triangle.normal().dot(surfaces.view.get(i)) < 0.0;
         finish(surfaces, i, SurfacePoint::in_triangle(triangle.0, barycentrics), normal);
         surfaces.is_turned.set(i, is_turned);
-        surfaces.is_alone.set(i, surfaces.is_alone.get(i) | is_near | !has_normal);
+        surfaces.is_scalar.set(i, surfaces.is_scalar.get(i) | is_near | !has_normal);
     }
 }
 

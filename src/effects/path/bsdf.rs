@@ -11,8 +11,9 @@ use crate::scene::{Material, Phong};
 use crate::shading::bsdf::{Bsdf, BsdfParameters, diffuse};
 use crate::world::{InteractionSoa, PreparedMaterial, SurfaceInteraction, World, simd};
 
-/// Evaluates the BSDFs for the light samples of all vertices and samples a direction of each.
-pub(super) fn scatter(
+/// Evaluates the BSDFs for the light samples of all vertices and samples a direction of each. Without random numbers
+/// these directions mean nothing, only whether BSDFs are made of delta lobes.
+pub(super) fn eval_and_sample(
     world: &World,
     surfaces: &InteractionSoa,
     vertices: &Vertices,
@@ -20,17 +21,22 @@ pub(super) fn scatter(
     lights: &mut [Box<LightSamples>],
     continuations: &mut Continuations,
 ) {
-    if vertices.others.len() < vertices.len() {
+    if vertices.general.len() < vertices.len() {
         for samples in &mut *lights {
             simd!(eval_diffuse(vertices, samples));
         }
         simd!(sample_diffuse(vertices, numbers, continuations));
     }
     let mut bsdf = Bsdf::EMPTY;
-    for i in vertices.others.iter().map(|&i| i as usize) {
+    for i in vertices.general.iter().map(|&i| i as usize) {
         let is_set = set(&mut bsdf, world, surfaces, vertices, i);
+        let is_delta = !is_set || bsdf.is_delta();
         for samples in &mut *lights {
-            let (value, pdf) = if is_set { bsdf.eval_pdf(samples.local.get(i)) } else { (DVec3::ZERO, 0.0) };
+            if is_delta || samples.pdf[i] == 0.0 {
+                samples.pdf[i] = 0.0;
+                continue;
+            }
+            let (value, pdf) = bsdf.eval_pdf(samples.local.get(i));
             samples.value.set(i, value);
             samples.bsdf_pdf[i] = pdf;
         }
@@ -39,7 +45,7 @@ pub(super) fn scatter(
             bsdf.sample([lobe, x, y])
         });
         continuations.set(i, sample.flatten());
-        continuations.is_delta.set(i, is_set && bsdf.is_delta());
+        continuations.is_delta.set(i, is_set && is_delta);
     }
 }
 
@@ -73,7 +79,7 @@ fn sample_diffuse(vertices: &Vertices, numbers: &GenerationNumbers, continuation
         let (value, pdf) = diffuse::eval_pdf(albedo, direction);
         let (is_visible, reflects) = (vertices.is_visible(i), albedo.element_sum() > 0.0);
         let is_possible = is_visible & reflects & (pdf > 0.0);
-        continuations.direction.set(i, direction);
+        continuations.local.set(i, direction);
         continuations.weight.set(i, value / pdf);
         continuations.pdf[i] = if is_possible { pdf } else { 0.0 };
         continuations.is_delta.set(i, is_visible & !reflects);

@@ -1,4 +1,4 @@
-//! How paths go on: directions sampled by BSDFs, and Russian roulette.
+//! Continuation of paths: directions sampled by BSDFs, and Russian roulette.
 
 use super::numbers::GenerationNumbers;
 use super::vertices::{Vertices, select};
@@ -13,16 +13,19 @@ const MAX_SURVIVAL: f64 = 0.95;
 /// A direction sampled at each vertex of a generation.
 #[derive(Default)]
 pub(super) struct Continuations {
-    /// Unit vectors: in the frames of the vertices, from [`Continuations::find_rays`] on in the world.
-    pub(super) direction: Vec3Soa,
-    /// The value of the BSDF times the cosine over the density; from [`Continuations::find_rays`] on the throughput.
+    /// Unit vectors in the frames of the vertices.
+    pub(super) local: Vec3Soa,
+    /// The value of the BSDF times the cosine over the density.
     pub(super) weight: Vec3Soa,
-    /// The density per solid angle; infinite for delta lobes; 0 where the path ends.
+    /// The density per solid angle; infinite for delta lobes; 0 where the path ends, and other arrays mean nothing.
     pub(super) pdf: PerRay<f64>,
     /// Whether the BSDF has delta lobes alone, or none.
     pub(super) is_delta: Flags,
-    /// From [`Continuations::find_rays`] on, whether the direction is on the side of the geometric normal.
+    /// Unit vectors in the world.
+    direction: Vec3Soa,
+    /// Whether these are on the side of the geometric normal.
     is_above: Flags,
+    throughput: Vec3Soa,
 }
 
 impl Continuations {
@@ -32,7 +35,7 @@ impl Continuations {
             self.pdf[i] = 0.0;
             return;
         };
-        self.direction.set(i, direction);
+        self.local.set(i, direction);
         self.weight.set(i, weight);
         self.pdf[i] = if is_delta { f64::INFINITY } else { pdf };
     }
@@ -40,7 +43,7 @@ impl Continuations {
     /// Computes directions in the world and throughputs. Paths end where shading and geometric normal disagree on the
     /// side, and by Russian roulette where `has_roulette`.
     #[inline(always)]
-    fn find_rays(
+    fn find_throughputs(
         &mut self,
         surfaces: &InteractionSoa,
         vertices: &Vertices,
@@ -48,7 +51,7 @@ impl Continuations {
         has_roulette: bool,
     ) {
         for i in 0..vertices.len() {
-            let local = self.direction.get(i);
+            let local = self.local.get(i);
             let direction = vertices.to_world(i, local);
             let is_above = direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
             let throughput = vertices.throughput.get(i) * self.weight.get(i);
@@ -60,14 +63,14 @@ impl Continuations {
             let continues = ((local.z > 0.0) == is_above) & survives & !is_zero;
             self.is_above.set(i, is_above);
             self.direction.set(i, direction);
-            self.weight.set(i, throughput);
+            self.throughput.set(i, throughput);
             self.pdf[i] = if continues { self.pdf[i] } else { 0.0 };
         }
     }
 }
 
 impl Buffers {
-    /// Fills the next generation with the paths that go on.
+    /// Fills the next generation with the continuing paths.
     pub(super) fn list_continuations(
         &mut self,
         world: &World,
@@ -77,9 +80,9 @@ impl Buffers {
         let Buffers { vertices, continuations, numbers, .. } = self;
         let surfaces = &*generation.surfaces;
         let precision = world.numerics().ray_precision();
-        simd!(continuations.find_rays(surfaces, vertices, numbers, has_roulette));
+        simd!(continuations.find_throughputs(surfaces, vertices, numbers, has_roulette));
         for (i, &ray) in surfaces.ray_of().iter().enumerate() {
-            let (pdf, throughput) = (continuations.pdf[i], continuations.weight.get(i));
+            let (pdf, throughput) = (continuations.pdf[i], continuations.throughput.get(i));
             if pdf == 0.0 {
                 continue;
             }

@@ -62,9 +62,7 @@ impl Buffers {
             self.discarded += 1;
         }
     }
-}
 
-impl Buffers {
     /// Adds the radiance that the surfaces of a generation emit towards the origins of their rays.
     pub(super) fn add_emitted(
         &mut self,

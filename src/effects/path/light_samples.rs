@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 
-use super::lights::{LightConnection, Lights, Target};
+use super::lights::{LightConnection, Lights};
 use super::numbers::GenerationNumbers;
 use super::vertices::{Vertices, select};
 use super::weights::light_weight;
@@ -22,11 +22,11 @@ pub(super) struct LightSamples {
     direction: Vec3Soa,
     /// The same in the frames of the vertices.
     pub(super) local: Vec3Soa,
-    /// The incident radiance; from [`LightSamples::find_rays`] on that which the paths gain where it is not occluded.
+    /// The incident radiance.
     radiance: Vec3Soa,
     /// The density per solid angle, times the expected number of samples of the light; infinite for lights without
-    /// size, which no BSDF sample reaches; 0 where there is no sample.
-    pdf: PerRay<f64>,
+    /// size, which no BSDF sample reaches; 0 where there is no sample, and other arrays mean nothing.
+    pub(super) pdf: PerRay<f64>,
     /// The distances of lights without size and of what is infinitely far away; 0 for points of surfaces.
     distance: PerRay<f64>,
     /// Points of surfaces as ends of shadow rays, in front of the surface.
@@ -35,18 +35,18 @@ pub(super) struct LightSamples {
     /// far away.
     ray_direction: Vec3Soa,
     t_max: PerRay<f64>,
-    /// Whether the shadow ray is another one.
+    /// Whether the shadow ray is not that: it starts below the surface, ends at a light without size, or has no length.
     is_special: Flags,
     /// The value of the BSDF times the cosine, and its density per solid angle.
     pub(super) value: Vec3Soa,
     pub(super) bsdf_pdf: PerRay<f64>,
-    /// The sampled points of triangles, at vertices with such samples.
-    triangles: TriangleSamples,
+    /// The radiance that the paths gain where the light is not occluded.
+    contribution: Vec3Soa,
 }
 
-/// [`TriangleSample`]s as a structure of arrays.
+/// [`TriangleSample`]s as a structure of arrays, at vertices whose light sample is one.
 #[derive(Default)]
-struct TriangleSamples {
+pub(super) struct TriangleSamples {
     is_set: Flags,
     position: Vec3Soa,
     start: Vec3Soa,
@@ -74,39 +74,37 @@ impl LightSamples {
         surfaces: &InteractionSoa,
         vertices: &Vertices,
         numbers: &GenerationNumbers,
+        triangles: &mut TriangleSamples,
     ) {
         for i in 0..vertices.len() {
             let [choice, point] = numbers.light_and_point(i);
-            self.triangles.is_set.set(i, false);
+            triangles.is_set.set(i, false);
             self.pdf[i] = 0.0;
             if !vertices.is_visible(i) {
                 continue;
             }
             if let Some((sample, radiance)) = lights.sample_triangle(choice, point) {
-                self.triangles.set(i, &sample);
-                self.triangles.is_set.set(i, true);
+                triangles.set(i, &sample);
+                triangles.is_set.set(i, true);
                 self.radiance.set(i, radiance);
             } else if let Some(sample) = lights.sample(surfaces.position.get(i), choice, point) {
                 self.set(i, &sample);
             }
         }
         match world.numerics() {
-            Numerics::Fast => simd!(self.find_directions(lights, surfaces, vertices, Numerics::Fast)),
-            _ => simd!(self.find_directions(lights, surfaces, vertices, Numerics::Watertight)),
+            Numerics::Fast => {
+                simd!(self.find_directions(lights, surfaces, vertices, triangles, Numerics::Fast));
+            }
+            _ => simd!(self.find_directions(lights, surfaces, vertices, triangles, Numerics::Watertight)),
         }
     }
 
     fn set(&mut self, i: usize, sample: &LightConnection) {
         self.direction.set(i, sample.direction);
         self.radiance.set(i, sample.radiance);
-        self.pdf[i] = sample.pdf.unwrap_or(f64::INFINITY);
-        match &sample.target {
-            Target::Light(distance) => self.distance[i] = *distance,
-            Target::Point(end) => {
-                self.distance[i] = 0.0;
-                self.end.set(i, *end);
-            }
-        }
+        self.pdf[i] = sample.pdf;
+        self.distance[i] = sample.distance;
+        self.end.set(i, sample.end);
     }
 
     /// Computes what samples of triangles are as seen from the vertices, and directions in the frames of the vertices.
@@ -117,10 +115,10 @@ impl LightSamples {
         lights: &Lights,
         surfaces: &InteractionSoa,
         vertices: &Vertices,
+        triangles: &TriangleSamples,
         numerics: Numerics,
     ) {
         let expected = lights.expected();
-        let triangles = &self.triangles;
         for i in 0..vertices.len() {
             let (position, start, reach) =
                 (triangles.position.get(i), triangles.start.get(i), triangles.reach.get(i));
@@ -131,7 +129,7 @@ impl LightSamples {
             let end = point.origin_towards(normal, numerics);
             let is_set = triangles.is_set.get(i);
             let direction = select(is_set, direction, self.direction.get(i));
-            let pdf = if is_set { pdf * expected } else { self.pdf[i] };
+            let pdf = if is_set { (pdf * expected).min(f64::MAX) } else { self.pdf[i] };
             let local = vertices.to_local(i, direction);
             let is_above = direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
             self.direction.set(i, direction);
@@ -142,16 +140,21 @@ impl LightSamples {
         }
     }
 
-    /// Computes what the paths gain, and the shadow rays.
+    /// Computes contributions and shadow rays.
     #[inline(always)]
-    fn find_rays(&mut self, surfaces: &InteractionSoa, vertices: &Vertices, technique: LightTechnique) {
+    fn find_contributions(
+        &mut self,
+        surfaces: &InteractionSoa,
+        vertices: &Vertices,
+        technique: LightTechnique,
+    ) {
         for i in 0..vertices.len() {
             let (pdf, value) = (self.pdf[i], self.value.get(i));
             let weight = light_weight(technique, pdf, self.bsdf_pdf[i]) / pdf;
             let weight = if pdf == f64::INFINITY { 1.0 } else { weight };
             let radiance = vertices.throughput.get(i) * value * self.radiance.get(i) * weight;
             let is_zero = (radiance.x == 0.0) & (radiance.y == 0.0) & (radiance.z == 0.0);
-            self.radiance.set(i, radiance);
+            self.contribution.set(i, radiance);
             self.pdf[i] = if is_zero { 0.0 } else { pdf };
             let (direction, distance) = (self.direction.get(i), self.distance[i]);
             let to_end = self.end.get(i) - vertices.origin_above(i);
@@ -178,14 +181,14 @@ impl LightSamples {
     ) -> Option<Ray> {
         if self.is_special.get(i) {
             let origin = vertices.origin(i, world, surfaces, self.direction.get(i));
-            return self.special_ray(i, (origin, surfaces.position.get(i)), world.numerics());
+            return self.special_ray(i, origin, surfaces.position.get(i), world.numerics());
         }
         let precision = world.numerics().ray_precision();
         Some(precision.ray(vertices.origin_above(i), self.ray_direction.get(i), 0.0, self.t_max[i]))
     }
 
-    /// The shadow ray from `origin`, of a vertex at `position`.
-    fn special_ray(&self, i: usize, (origin, position): (DVec3, DVec3), numerics: Numerics) -> Option<Ray> {
+    /// The shadow ray from `origin`, of a vertex at `position`, to any light.
+    fn special_ray(&self, i: usize, origin: DVec3, position: DVec3, numerics: Numerics) -> Option<Ray> {
         let (direction, distance) = (self.direction.get(i), self.distance[i]);
         if distance > 0.0 {
             let light = LightSample { direction, distance, radiance: DVec3::ZERO, cosine: 0.0 };
@@ -198,30 +201,30 @@ impl LightSamples {
 }
 
 impl Buffers {
-    /// Lists the shadow rays of light samples that light can come from.
+    /// Lists the shadow rays of light samples with a contribution.
     pub(super) fn list_shadow_rays(
         &mut self,
         (world, stage): (&World, &Scatter),
         generation: &RayGeneration,
         depth: u32,
     ) {
-        let Buffers { vertices, lights, .. } = self;
+        let Buffers { vertices, light_samples, .. } = self;
         let surfaces = &*generation.surfaces;
         // Each sample is limited to its share of the clamp.
         let count = f64::from(stage.settings.light_samples);
-        for samples in lights {
+        for samples in light_samples {
             // The usual technique is passed as a constant, so that the loop has no branch on it.
             match stage.technique {
                 LightTechnique::Both => {
-                    simd!(samples.find_rays(surfaces, vertices, LightTechnique::Both));
+                    simd!(samples.find_contributions(surfaces, vertices, LightTechnique::Both));
                 }
-                technique => samples.find_rays(surfaces, vertices, technique),
+                technique => samples.find_contributions(surfaces, vertices, technique),
             }
             for (i, &ray) in surfaces.ray_of().iter().enumerate() {
                 if samples.pdf[i] == 0.0 {
                     continue;
                 }
-                let mut radiance = samples.radiance.get(i);
+                let mut radiance = samples.contribution.get(i);
                 let Some(shadow_ray) = samples.shadow_ray(world, surfaces, vertices, i) else { continue };
                 if world.volumes.is_some() {
                     // What is infinitely far away is in no volume.
@@ -267,5 +270,141 @@ impl Buffers {
             recorder.record_occlusion(LIGHT_RAYS, tile.depth, None, &sources, shadow_rays.rays(), occluded);
         }
         tile.count(LIGHT_RAYS, occluded.len(), occluded.iter().filter(|&&occluded| occluded).count());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bvh::{Layout, Traversal};
+    use crate::effects::path::Path;
+    use crate::effects::path::numbers::Sequence;
+    use crate::effects::samples::SampleIndex;
+    use crate::effects::{PathSettings, TextureUse};
+    use crate::film::{Colour, ColourPipeline};
+    use crate::geometry::{HitBuffer, Mesh, RayBuffer};
+    use crate::scene::{
+        Environment, EnvironmentSource, Falloff, Light, LightKind, Material, MaterialId, Object, Phong,
+        PixelSampler, Scene, Shape,
+    };
+    use crate::world::RAYS_PER_BATCH;
+
+    /// A floor, a lamp of two triangles that crosses it, a point light and a uniform environment.
+    fn world(numerics: Numerics) -> World {
+        let quad = |corners: [[f64; 3]; 4]| Mesh {
+            positions: corners.map(DVec3::from).to_vec(),
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            ..Mesh::default()
+        };
+        let object = |material, mesh| Object {
+            name: String::new(),
+            input: 0,
+            material: MaterialId(material),
+            shape: Shape::Mesh(mesh),
+        };
+        let lamp = Phong { emission: Colour::Linear(DVec3::new(3.0, 2.0, 1.0)), ..Phong::default() };
+        let kind = LightKind::Point { position: DVec3::new(0.3, 1.2, 0.1), falloff: Falloff::None };
+        let colour = Colour::Linear(DVec3::ONE);
+        let scene = Scene {
+            materials: vec![Material::Phong(Phong::default()), Material::Phong(lamp)],
+            objects: vec![
+                object(0, quad([[-2.0, 0.0, -2.0], [-2.0, 0.0, 2.0], [2.0, 0.0, 2.0], [2.0, 0.0, -2.0]])),
+                object(1, quad([[0.2, -0.5, -1.0], [1.3, 0.8, -1.0], [1.3, 0.8, 1.0], [0.2, -0.5, 1.0]])),
+            ],
+            lights: vec![Light { name: String::new(), colour, intensity: 1.0, kind }],
+            environment: Some(Environment {
+                source: EnvironmentSource::Colour(colour),
+                rotation: 0.0,
+                intensity: 0.5,
+                is_hidden: false,
+            }),
+            ..Scene::default()
+        };
+        World::prepare(scene, ColourPipeline::Linear, Layout::default(), numerics)
+    }
+
+    /// The surfaces that rays from one point meet.
+    fn surfaces(world: &World) -> Box<InteractionSoa> {
+        let (mut rays, mut hits) = (RayBuffer::default(), HitBuffer::default());
+        let from = DVec3::new(-0.4, 1.1, 0.2);
+        for i in 0..RAYS_PER_BATCH {
+            let to = DVec3::new((i % 16) as f64 / 4.0 - 1.9, 0.0, (i / 16) as f64 / 4.0 - 1.9);
+            let precision = world.numerics().ray_precision();
+            rays.push(&precision.ray(from, (to - from).normalize(), 0.0, f64::INFINITY));
+        }
+        world.accelerator.closest_hits(rays.rays(), &mut hits, &mut Traversal::default());
+        let mut surfaces = Box::default();
+        world.interactions(&rays, &hits, &mut surfaces);
+        surfaces
+    }
+
+    /// What loops compute for all vertices are the samples and the shadow rays of each vertex alone, in every tier.
+    #[test]
+    fn light_samples_of_a_generation_are_those_of_each_vertex() {
+        for numerics in Numerics::ALL {
+            let world = world(numerics);
+            let surfaces = surfaces(&world);
+            let stage = Scatter {
+                depth: 3,
+                seed: 1,
+                continued: None,
+                sampler: PixelSampler::Sobol,
+                technique: LightTechnique::Both,
+                settings: PathSettings::default(),
+                texture_use: TextureUse {
+                    material_textures: false,
+                    normal_maps: false,
+                    slots: &[],
+                    filter: None,
+                },
+                clamp: f64::INFINITY,
+            };
+            let lights = Lights::new(&world, &stage);
+            let mut vertices = Box::<Vertices>::default();
+            let path = Path { throughput: DVec3::ONE, from: DVec3::ZERO, pdf: 1.0 };
+            vertices.begin(&world, &surfaces, &[path; RAYS_PER_BATCH], &[]);
+            vertices.find_frames(&world, &surfaces);
+            let mut numbers = Box::<GenerationNumbers>::default();
+            let sequence = Sequence { seed: 1, sampler: PixelSampler::Sobol, depth: 1 };
+            let pixels = (0..surfaces.len() as u32).map(|x| SampleIndex { x, y: 0, sample: 0 });
+            numbers.fill(pixels, sequence);
+            numbers.fill_light(sequence, 0);
+            let mut samples = Box::<LightSamples>::default();
+            samples.take((&world, &lights), &surfaces, &vertices, &numbers, &mut Box::default());
+            for i in 0..vertices.len() {
+                samples.bsdf_pdf[i] = 0.3;
+                samples.value.set(i, DVec3::ONE);
+            }
+            samples.find_contributions(&surfaces, &vertices, LightTechnique::Both);
+            let mut kinds = [0; 4];
+            for i in 0..vertices.len() {
+                let [choice, point] = numbers.light_and_point(i);
+                let position = surfaces.position.get(i);
+                let alone = lights.sample(position, choice, point).filter(|sample| {
+                    let is_above = sample.direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
+                    (vertices.to_local(i, sample.direction).z > 0.0) == is_above
+                });
+                let Some(alone) = alone else {
+                    assert_eq!(samples.pdf[i], 0.0, "{numerics:?}, vertex {i}");
+                    kinds[3] += 1;
+                    continue;
+                };
+                assert_eq!((samples.direction.get(i), samples.pdf[i]), (alone.direction, alone.pdf));
+                assert_eq!((samples.distance[i], samples.radiance.get(i)), (alone.distance, alone.radiance));
+                if alone.distance == 0.0 {
+                    assert_eq!(samples.end.get(i), alone.end);
+                }
+                let origin = vertices.origin(i, &world, &surfaces, alone.direction);
+                let ray = samples.special_ray(i, origin, position, numerics);
+                assert_eq!(
+                    samples.shadow_ray(&world, &surfaces, &vertices, i),
+                    ray,
+                    "{numerics:?}, vertex {i}"
+                );
+                let kind = [0.0, f64::INFINITY].iter().position(|&of| of == alone.distance).unwrap_or(2);
+                kinds[kind] += 1;
+            }
+            assert!(kinds.into_iter().all(|count| count > 3), "{kinds:?}");
+        }
     }
 }

@@ -36,19 +36,21 @@ pub(super) struct LightConnection {
     /// The incident radiance; for lights without size divided by the expected number of samples of the light. Not yet
     /// divided by `pdf`.
     pub(super) radiance: DVec3,
-    /// The density per solid angle, times the expected number of samples of the light (Veach 1997, section 9.2.2); `None`
-    /// for lights without size, which no BSDF sample reaches.
-    pub(super) pdf: Option<f64>,
-    /// Where the shadow ray ends.
-    pub(super) target: Target,
+    /// The density per solid angle, times the expected number of samples of the light (Veach 1997, section 9.2.2);
+    /// infinite for lights without size, which no BSDF sample reaches.
+    pub(super) pdf: f64,
+    /// The distance of a light without size, which may lie on a surface; infinite for what is infinitely far away; 0 for
+    /// a point of a surface.
+    pub(super) distance: f64,
+    /// That point, moved in front of its surface.
+    pub(super) end: DVec3,
 }
 
-/// The end of a shadow ray.
-pub(super) enum Target {
-    /// At a light without size, which may lie on a surface, or infinitely far away: the distance.
-    Light(f64),
-    /// At a point, which is in front of the light's surface.
-    Point(DVec3),
+impl LightConnection {
+    /// A sample of what is infinitely far away.
+    fn at_infinity(direction: DVec3, radiance: DVec3, pdf: f64) -> Self {
+        LightConnection { direction, radiance, pdf, distance: f64::INFINITY, end: DVec3::ZERO }
+    }
 }
 
 impl<'a> Lights<'a> {
@@ -92,38 +94,30 @@ impl<'a> Lights<'a> {
         if let Some(light) = self.world.lights.get(index) {
             if let Some(disc) = &light.disc {
                 let direction = disc.sample(numbers);
-                return Some(LightConnection {
-                    direction,
-                    radiance: disc.radiance,
-                    pdf: Some(disc.density() * expected),
-                    target: Target::Light(f64::INFINITY),
-                });
+                let pdf = disc.density() * expected;
+                return Some(LightConnection::at_infinity(direction, disc.radiance, pdf));
             }
             let sample = LightSample::towards(light, from)?;
             // An intensity of 1 gives a facing diffuse surface the radiance of its base colour, pi times that of the BSDF.
             let radiance = PI * sample.radiance / expected;
-            let (direction, target) = (sample.direction, Target::Light(sample.distance));
-            return Some(LightConnection { direction, radiance, pdf: None, target });
+            let LightSample { direction, distance, .. } = sample;
+            let (pdf, end) = (f64::INFINITY, DVec3::ZERO);
+            return Some(LightConnection { direction, radiance, pdf, distance, end });
         }
         if index == self.world.lights.len() && !self.emitters.is_empty() {
             let sample = self.emitters.sample(from, choice[1], numbers)?;
-            let end = sample.point.origin_towards(sample.normal, self.world.numerics());
             return Some(LightConnection {
                 direction: sample.direction,
                 radiance: sample.radiance * self.emission_texel(&sample),
-                pdf: Some(sample.pdf * expected),
-                target: Target::Point(end),
+                pdf: (sample.pdf * expected).min(f64::MAX),
+                distance: 0.0,
+                end: sample.point.origin_towards(sample.normal, self.world.numerics()),
             });
         }
         let environment = self.world.environment.as_ref()?;
         let sample = environment.sample(numbers);
         let pdf = sample.pdf * expected;
-        (pdf > 0.0).then_some(LightConnection {
-            direction: sample.direction,
-            radiance: sample.radiance,
-            pdf: Some(pdf),
-            target: Target::Light(f64::INFINITY),
-        })
+        (pdf > 0.0).then_some(LightConnection::at_infinity(sample.direction, sample.radiance, pdf))
     }
 
     /// The radiance from infinitely far away for a BSDF sample of density `pdf`: of the environment and of the discs of

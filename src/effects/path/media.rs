@@ -111,7 +111,7 @@ pub(super) struct Crossing {
 }
 
 impl Crossing {
-    /// That of worlds without volumes.
+    /// A surface with no medium on either side.
     pub(super) const NONE: Crossing = Crossing {
         passed: None,
         sides: [Media::EMPTY; 2],

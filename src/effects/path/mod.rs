@@ -8,7 +8,7 @@
 //! 3. BSDFs are evaluated for the light samples, and sampled ([`bsdf`]);
 //! 4. light samples are listed as shadow rays with what they add, by the weights of multiple importance sampling
 //!    ([`weights`]), and traced together;
-//! 5. Russian roulette ends paths; those that go on are the next generation, without gaps ([`continuations`]).
+//! 5. Russian roulette ends paths; the others are the next generation, without gaps ([`continuations`]).
 //!
 //! All but the choice of lights, the BSDFs other than Lambert's, and media are loops without branches over structures of
 //! arrays, which the compiler vectorises. Random numbers depend on pixel, sample, generation and seed.
@@ -28,7 +28,7 @@ mod weights;
 use glam::DVec3;
 
 use continuations::Continuations;
-use light_samples::LightSamples;
+use light_samples::{LightSamples, TriangleSamples};
 use lights::Lights;
 use media::Media;
 use numbers::{GenerationNumbers, Sequence};
@@ -173,7 +173,8 @@ struct Buffers {
     numbers: Box<GenerationNumbers>,
     vertices: Box<Vertices>,
     /// Light samples, each of all vertices.
-    lights: Vec<Box<LightSamples>>,
+    light_samples: Vec<Box<LightSamples>>,
+    triangle_samples: Box<TriangleSamples>,
     continuations: Box<Continuations>,
     /// Samples of light in the current generation that were not finite.
     discarded: u64,
@@ -182,7 +183,7 @@ struct Buffers {
 impl Buffers {
     fn bytes(&self) -> usize {
         let Buffers { radiance, samples, paths, next, media, next_media, .. } = self;
-        let Buffers { shadow_rays, light_paths, occluded, vertices, lights, .. } = self;
+        let Buffers { shadow_rays, light_paths, occluded, vertices, light_samples, .. } = self;
         size_of::<Buffers>()
             + vec_bytes(radiance)
             + vec_bytes(samples)
@@ -195,8 +196,9 @@ impl Buffers {
             + vec_bytes(occluded)
             + size_of::<GenerationNumbers>()
             + vertices.bytes()
-            + vec_bytes(lights)
-            + lights.len() * size_of::<LightSamples>()
+            + vec_bytes(light_samples)
+            + light_samples.len() * size_of::<LightSamples>()
+            + size_of::<TriangleSamples>()
             + size_of::<Continuations>()
     }
 
@@ -298,12 +300,16 @@ impl Buffers {
             let camera_rays = surfaces.ray_of().iter().map(|&ray| generation.camera_rays[ray as usize]);
             let sequence = Sequence { seed: stage.seed, sampler: stage.sampler, depth };
             self.numbers.fill(camera_rays.map(|ray| self.samples[ray as usize]), sequence);
+            self.vertices.find_frames(world, surfaces);
             self.sample_lights((world, &lights, stage), surfaces, sequence);
         }
+        if is_last && scattering.is_some() {
+            self.vertices.find_frames(world, surfaces);
+        }
         if !is_last || scattering.is_some() {
-            let Buffers { vertices, numbers, lights, continuations, .. } = self;
-            let lights = if is_last { &mut [] } else { &mut lights[..] };
-            bsdf::scatter(world, surfaces, vertices, numbers, lights, continuations);
+            let Buffers { vertices, numbers, light_samples, continuations, .. } = self;
+            let light_samples = if is_last { &mut [] } else { &mut light_samples[..] };
+            bsdf::eval_and_sample(world, surfaces, vertices, numbers, light_samples, continuations);
         }
         if let Some(found) = &mut scattering {
             self.note_scattering(world, generation, found);
@@ -325,11 +331,11 @@ impl Buffers {
         surfaces: &InteractionSoa,
         sequence: Sequence,
     ) {
-        let Buffers { vertices, numbers, lights: samples, .. } = self;
-        samples.resize_with(stage.settings.light_samples as usize, Box::default);
-        for (index, samples) in (0..).zip(samples) {
+        let Buffers { vertices, numbers, light_samples, triangle_samples, .. } = self;
+        light_samples.resize_with(stage.settings.light_samples as usize, Box::default);
+        for (index, samples) in (0..).zip(light_samples) {
             numbers.fill_light(sequence, index);
-            samples.take((world, lights), surfaces, vertices, numbers);
+            samples.take((world, lights), surfaces, vertices, numbers, triangle_samples);
         }
     }
 

@@ -1,4 +1,4 @@
-//! The random numbers of path vertices, those that most vertices take computed for a generation at once.
+//! The random numbers of path vertices, computed for a generation at once.
 
 use crate::effects::random::{self, Dimension};
 use crate::effects::samples::SampleIndex;

@@ -1,5 +1,6 @@
 //! The vertices of a generation of paths, as structures of arrays: their frames, views, throughputs and ray origins.
-//! Entry i belongs to surface interaction i.
+//! Entry i belongs to surface interaction i. Loops compute all entries, also those that mean nothing, from whatever an
+//! earlier generation left there; which ones count is said with each array.
 
 use glam::DVec3;
 
@@ -18,14 +19,14 @@ pub(super) struct Vertices {
     pub(super) throughput: Vec3Soa,
     /// Tangents, bitangents and shading normals.
     pub(super) frame: [Vec3Soa; 3],
-    /// Unit vectors towards the rays' origins, in the frames. No light is scattered where z is not above 0.
+    /// Unit vectors towards the rays' origins, in the frames; see [`Vertices::is_visible`].
     pub(super) view: Vec3Soa,
     /// The origins of rays that leave on the side of the geometric normal.
     origin: Vec3Soa,
-    /// The albedos of surfaces that are Lambert's alone.
+    /// The albedos of surfaces whose BSDF is Lambert's alone.
     pub(super) albedo: Vec3Soa,
-    /// The other vertices.
-    pub(super) others: Vec<u32>,
+    /// The vertices whose BSDF is another one.
+    pub(super) general: Vec<u32>,
     /// The media at each surface; empty in worlds without volumes.
     pub(super) crossings: Vec<Crossing>,
 }
@@ -39,7 +40,7 @@ impl Vertices {
 
     /// Bytes of memory.
     pub(super) fn bytes(&self) -> usize {
-        size_of::<Vertices>() + vec_bytes(&self.others) + vec_bytes(&self.crossings)
+        size_of::<Vertices>() + vec_bytes(&self.general) + vec_bytes(&self.crossings)
     }
 
     /// Begins a generation: `paths` and `media` are those of its rays, `media` empty in worlds without volumes.
@@ -51,7 +52,7 @@ impl Vertices {
         media: &[Media],
     ) {
         self.len = surfaces.len();
-        self.others.clear();
+        self.general.clear();
         self.crossings.clear();
         for (i, &ray) in surfaces.ray_of().iter().enumerate() {
             let mut throughput = paths[ray as usize].throughput;
@@ -66,15 +67,19 @@ impl Vertices {
             let albedo = diffuse_albedo(material, surfaces, i).filter(|_| !is_hidden);
             match albedo {
                 Some(albedo) => self.albedo.set(i, albedo),
-                None => self.others.push(i as u32),
+                None => self.general.push(i as u32),
             }
         }
+    }
+
+    /// Computes frames, views and ray origins.
+    pub(super) fn find_frames(&mut self, world: &World, surfaces: &InteractionSoa) {
         find_origins(surfaces, &mut self.origin, world.numerics());
-        simd!(self.find_frames(surfaces));
+        simd!(self.compute_frames(surfaces));
     }
 
     #[inline(always)]
-    fn find_frames(&mut self, surfaces: &InteractionSoa) {
+    fn compute_frames(&mut self, surfaces: &InteractionSoa) {
         for i in 0..self.len() {
             let (shading, geometric) = (surfaces.shading_normal.get(i), surfaces.geometric_normal.get(i));
             let view = surfaces.view.get(i);
@@ -115,7 +120,7 @@ impl Vertices {
     }
 
     /// The origin of a ray that leaves in a direction.
-    #[cold]
+    #[inline]
     pub(super) fn origin(
         &self,
         i: usize,
