@@ -157,7 +157,7 @@ const SYNONYMS: &[(&[&str], &str)] = &[
     (&["noise-threshold", "adaptive-threshold", "threshold"], "use --noise LEVEL, such as --noise 0.01"),
     (
         &["bounces", "max-depth", "maxdepth", "max-bounces", "ray-depth", "trace-depth", "recursion"],
-        "use --depth N for path tracing, or the value of glaze in --with for mirror reflections",
+        "use --depth N for path tracing; mirror reflections have their limit in --with",
     ),
     (
         &["integrator", "renderer", "path-tracing", "pathtracing", "raytracing", "gi", "global-illumination"],

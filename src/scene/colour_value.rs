@@ -14,7 +14,9 @@ impl ColourValue {
     pub fn of_text(text: &str) -> Option<Self> {
         let is_hex = text.starts_with('#') && [4, 7].contains(&text.len());
         let is_name = text.bytes().all(|b| b.is_ascii_alphabetic());
-        let css = (is_hex || is_name).then(|| color::parse_color(&text.to_ascii_lowercase()).ok())??;
+        // The crate spells grey with an a.
+        let text = text.to_ascii_lowercase().replace("grey", "gray");
+        let css = (is_hex || is_name).then(|| color::parse_color(&text).ok())??;
         let [r, g, b, alpha] = css.to_alpha_color::<Srgb>().to_rgba8().to_u8_array();
         (alpha == 255).then_some(ColourValue([r, g, b]))
     }
@@ -68,9 +70,13 @@ mod tests {
         let of = |text: &str| ColourValue::of_text(text).map(|colour| colour.0);
         assert_eq!((of("#Ff8001"), of("#f80")), (Some([255, 128, 1]), Some([255, 136, 0])));
         // CSS Color Module Level 4, section 6.1.
-        for (name, rgb) in
-            [("white", [255; 3]), ("Grey", [128; 3]), ("gray", [128; 3]), ("rebeccapurple", [102, 51, 153])]
-        {
+        for (name, rgb) in [
+            ("white", [255; 3]),
+            ("Grey", [128; 3]),
+            ("gray", [128; 3]),
+            ("darkslategrey", [47, 79, 79]),
+            ("rebeccapurple", [102, 51, 153]),
+        ] {
             assert_eq!(of(name), Some(rgb), "{name}");
         }
         for bad in [

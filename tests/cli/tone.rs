@@ -261,7 +261,7 @@ fn wrong_exposures_are_one_clear_line() {
         workshop.fails("render own.toml -o a.png", 3, [what, ""]);
     }
     workshop.write("own.toml", SCENE.replace("[image]", "[image]\ncolour = 'u8'\ntone_map = 'agx'"));
-    workshop.fails("render own.toml -o a.png", 2, ["the colours are `u8`", "--tone-map none"]);
+    workshop.fails("render own.toml -o a.png", 2, ["`linear`, not `u8`", "--tone-map none"]);
     assert!(!workshop.path("a.png").exists());
 }
 
