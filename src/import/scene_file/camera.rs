@@ -53,8 +53,7 @@ pub(crate) fn camera(section: &CameraSection, name: &str) -> std::result::Result
         (Some((width, height)), Some(distance), None) => {
             if [width.unwrap_or(1.0), height, distance].iter().any(|&x| !(x > 0.0 && x.is_finite())) {
                 let what = format!("camera `{name}` has a viewing rectangle or distance that is not above 0");
-                let hint = "give `viewing_rectangle` or `viewing_height` with `viewpoint_distance`, or `vertical_fov` alone, or \
-                        `focal_length` alone";
+                let hint = "give `viewing_rectangle` or `viewing_height`, and `viewpoint_distance`, above 0";
                 return Err(Fault::new(what, hint));
             }
             Camera {
@@ -84,8 +83,8 @@ pub(crate) fn camera(section: &CameraSection, name: &str) -> std::result::Result
         }
         _ => {
             let what = format!("camera `{name}` says too much or too little of its lens");
-            let hint = "give `viewing_rectangle` or `viewing_height` with `viewpoint_distance`, or one of `vertical_fov` and \
-                        `focal_length`";
+            let hint = "give `viewing_rectangle` or `viewing_height` with `viewpoint_distance`, or `vertical_fov` alone, or \
+                        `focal_length` alone";
             return Err(Fault::new(what, hint));
         }
     };
