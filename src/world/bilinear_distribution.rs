@@ -29,6 +29,8 @@ pub(super) struct BilinearDistribution {
     cells: Vec<f32>,
     /// Cumulative sums of the rows of cells.
     sums: Vec<f64>,
+    /// The cosines of the polar angles of their upper edges, and of the last lower edge.
+    cosines: Vec<f64>,
 }
 
 impl BilinearDistribution {
@@ -36,8 +38,10 @@ impl BilinearDistribution {
     pub(super) fn new(width: usize, height: usize, texels: &[[f32; 3]]) -> Self {
         let (columns, rows) = (width.min(MOST_COLUMNS), height.min(MOST_COLUMNS / 2));
         let weights = mean_luminance(width, height, texels, columns, rows);
-        let mut distribution =
-            BilinearDistribution { columns, rows, weights, cells: Vec::new(), sums: Vec::new() };
+        let (cells, sums, cosines) = (Vec::new(), Vec::new(), Vec::new());
+        let mut distribution = BilinearDistribution { columns, rows, weights, cells, sums, cosines };
+        let edges = (0..=rows).map(|row| distribution.edges(row)[0]).chain([1.0]);
+        distribution.cosines = edges.map(|edge| libm::cos(PI * edge)).collect();
         distribution.accumulate();
         // The sum is the integral over longitude and the cosine of the polar angle, in units of a column.
         let mean = distribution.total() / (2.0 * columns as f64);
@@ -54,7 +58,7 @@ impl BilinearDistribution {
         self.sums.clear();
         let mut total = 0.0;
         for row in 0..=self.rows {
-            let [top, bottom] = self.edges(row).map(|edge| (PI * edge).cos());
+            let [top, bottom] = [self.cosines[row], self.cosines[row + 1]];
             let mut sum = 0.0f32;
             for column in 0..self.columns {
                 sum += (self.corners(column, row).iter().sum::<f64>() / 4.0 * (top - bottom)) as f32;
@@ -108,7 +112,7 @@ impl BilinearDistribution {
         let (across, down) = (x - column as f64, (v - top) / (bottom - top));
         let [a, b, c, d] = self.corners(column, row);
         // Within a cell the density is bilinear in the unit square; the cell's probability is that of its solid angle.
-        let solid_angle = (PI * top).cos() - (PI * bottom).cos();
+        let solid_angle = self.cosines[row] - self.cosines[row + 1];
         let weight = lerp(lerp(a, b, across), lerp(c, d, across), down);
         weight * solid_angle / total * self.columns as f64 / (bottom - top)
     }

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::sin_cos_of_turns;
+use crate::geometry::sin_cos_of_turns;
 
 /// The disc of a directional light.
 #[derive(Debug, Clone, Copy)]
@@ -25,7 +25,7 @@ impl LightDisc {
     /// radiance L and angular radius h straight above has the irradiance of the integral of L cos t over its solid
     /// angle, 2 pi L times the integral of cos t sin t from 0 to h, which is pi L sin^2 h. So L = intensity / sin^2 h.
     pub(super) fn new(direction: DVec3, angle: f64, intensity: DVec3) -> Option<Self> {
-        let (sin, sin_of_half) = ((0.5 * angle).sin(), (0.25 * angle).sin());
+        let (sin, sin_of_half) = (libm::sin(0.5 * angle), libm::sin(0.25 * angle));
         (sin > f64::EPSILON).then(|| LightDisc {
             radiance: intensity / (sin * sin),
             axis: -direction,

@@ -5,9 +5,10 @@ use std::f64::consts::PI;
 use glam::{DVec3, Vec3};
 
 use super::bilinear_distribution::BilinearDistribution;
-use super::{sin_cos_of_turns, sky};
+use super::sky;
 use crate::film::ColourPipeline;
 use crate::film::colour::srgb_encode;
+use crate::geometry::sin_cos_of_turns;
 use crate::scene::{Environment, EnvironmentSource};
 
 /// The environment of a world.
@@ -72,7 +73,7 @@ impl PreparedEnvironment {
             [texel] => Radiance::Uniform(texel.map(f64::from).into()),
             _ => {
                 let distribution = BilinearDistribution::new(width, height, &texels);
-                let (sin, cos) = rotation.sin_cos();
+                let (sin, cos) = libm::sincos(*rotation);
                 Radiance::Image(RadianceImage { width, height, texels, rotation: (cos, sin), distribution })
             }
         };
@@ -149,12 +150,12 @@ impl RadianceImage {
     fn image_place(&self, direction: DVec3) -> [f64; 2] {
         let (cos, sin) = self.rotation;
         let (x, z) = (direction.x * cos - direction.z * sin, direction.x * sin + direction.z * cos);
-        [0.5 + z.atan2(x) / (2.0 * PI), direction.y.clamp(-1.0, 1.0).acos() / PI]
+        [0.5 + libm::atan2(z, x) / (2.0 * PI), libm::acos(direction.y.clamp(-1.0, 1.0)) / PI]
     }
 
     fn direction_of(&self, u: f64, v: f64) -> DVec3 {
-        let (sin_longitude, cos_longitude) = ((u - 0.5) * 2.0 * PI).sin_cos();
-        let (sine, y) = (v * PI).sin_cos();
+        let (sin_longitude, cos_longitude) = sin_cos_of_turns(u - 0.5);
+        let (sine, y) = sin_cos_of_turns(0.5 * v);
         let (x, z) = (sine * cos_longitude, sine * sin_longitude);
         let (cos, sin) = self.rotation;
         DVec3::new(x * cos + z * sin, y, z * cos - x * sin)

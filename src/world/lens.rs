@@ -9,10 +9,10 @@ use glam::{DVec2, DVec3};
 
 use super::soa::{PerRay, Vec3Soa, simd};
 use super::view::FARTHEST;
-use super::{View, World, sin_cos_of_turns};
+use super::{View, World};
 use crate::bvh::Traversal;
 use crate::error::{Error, Result};
-use crate::geometry::{Precision, Ray, RayBuffer};
+use crate::geometry::{Precision, Ray, RayBuffer, sin_cos_of_turns};
 use crate::scene::{Camera, Focus, Lens};
 
 /// The lens of a [`View`].

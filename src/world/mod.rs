@@ -23,7 +23,6 @@ mod recenter;
 mod rectangle;
 mod sky;
 mod soa;
-mod turns;
 mod view;
 mod volumes;
 
@@ -43,7 +42,6 @@ pub use mip_map::{MipLevel, MipMap};
 pub use recenter::{Recentering, recenter};
 pub(crate) use soa::simd;
 pub use soa::{Flags, PerRay, RAYS_PER_BATCH, Vec3Soa, simd_dispatch};
-pub(crate) use turns::sin_cos_of_turns;
 pub use view::{View, basis};
 pub(crate) use volumes::Volumes;
 

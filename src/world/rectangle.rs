@@ -102,7 +102,7 @@ impl SeenRectangle {
         let volume = height * (x1 - x0) * (y1 - y0);
         let triangle = |a: DVec3, b: DVec3, c: DVec3| {
             let [la, lb, lc] = [a, b, c].map(DVec3::length);
-            2.0 * volume.atan2(la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb)
+            2.0 * libm::atan2(volume, la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb)
         };
         triangle(a, b, c) + triangle(a, c, d)
     }
@@ -112,16 +112,17 @@ impl SeenRectangle {
         let SeenRectangle { x: [x0, x1], y: [y0, y1], height: z } = *self;
         // The inner angle between the edges at (x, y); its cosine is `product` over the lengths (x, z) and (y, z), its
         // sine z times the length (x, y, z) over them.
-        let angle = |x: f64, y: f64, product: f64| (z * x.hypot(y).hypot(z)).atan2(product);
+        let angle =
+            |x: f64, y: f64, product: f64| libm::atan2(z * libm::hypot(libm::hypot(x, y), z), product);
         // The part of the solid angle left of the sampled x is u of the whole.
         let left = (PI - angle(x0, y1, x0 * y1)) + (PI - angle(x0, y0, -x0 * y0));
         let a = u * self.solid_angle() + left;
         // Ureña's f = (cos a b0 - b1) / sin a with b0 = -y0 / near and b1 = y1 / far, which are close to 1 in grazing
         // views: written with 1 - b0, 1 - b1 and 1 - cos a, which have no cancellation there.
-        let (near, far) = (y0.hypot(z), y1.hypot(z));
+        let (near, far) = (libm::hypot(y0, z), libm::hypot(y1, z));
         let below_one =
             |y: f64, length: f64| if y > 0.0 { z / length * (z / (length + y)) } else { 1.0 - y / length };
-        let f = (below_one(y1, far) - below_one(-y0, near)) / a.sin() + y0 / near * (0.5 * a).tan();
+        let f = (below_one(y1, far) - below_one(-y0, near)) / libm::sin(a) + y0 / near * libm::tan(0.5 * a);
         // His x = cu z / sqrt(1 - cu^2) with cu = 1 / sqrt(f^2 + b0^2), and 1 - b0^2 = z^2 / near^2.
         let below = (f - z / near) * (f + z / near);
         let x = z.copysign(f) / below.sqrt();

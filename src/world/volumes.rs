@@ -65,7 +65,7 @@ impl Volume {
 
     /// The transmittance over a distance (Beer and Lambert).
     pub(crate) fn transmittance(&self, distance: f64) -> DVec3 {
-        self.attenuation.map_or(DVec3::ONE, |(colour, unit)| colour.powf(distance / unit))
+        self.attenuation.map_or(DVec3::ONE, |(colour, unit)| colour.map(|c| libm::pow(c, distance / unit)))
     }
 }
 

@@ -41,6 +41,7 @@ pub mod spawn;
 mod sphere;
 mod tier;
 mod triangle;
+mod turns;
 mod watertight;
 mod woop;
 pub(crate) mod woop_n;
@@ -60,6 +61,7 @@ pub use rays::{RayBuffer, Rays};
 pub use sphere::Sphere;
 pub use tier::Numerics;
 pub use triangle::Triangle;
+pub use turns::sin_cos_of_turns;
 
 pub(crate) use bounds::{PRUNE_MARGIN, prune_distance, round_down};
 pub(crate) use crossing::order_of_crossings;

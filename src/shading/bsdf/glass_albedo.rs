@@ -65,7 +65,7 @@ fn of_a_mirror(eta: f64, cos: f64) -> [f64; 2] {
 /// The position of a relative index or its inverse: the cube root of the amplitude
 /// (n - 1) / (n + 1), 0.58 for n = 1.5.
 fn index_to_unit(eta: f64) -> f64 {
-    normal_reflectance(eta).sqrt().cbrt()
+    libm::cbrt(normal_reflectance(eta).sqrt())
 }
 
 /// The table of one side of the interface. The reflected parts are stored as differences to those of the smooth

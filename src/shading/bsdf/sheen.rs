@@ -13,7 +13,7 @@ use super::albedo::view_at;
 use super::ggx::half_vector;
 use super::lobe::Value;
 use super::table::{Table, lattice, tent};
-use crate::world::sin_cos_of_turns;
+use crate::geometry::sin_cos_of_turns;
 
 /// The least alpha, of a sheen roughness of 0.1. Below it the lobe is a spike at grazing half vectors.
 const MIN_ALPHA: f64 = 0.01;
@@ -46,7 +46,7 @@ impl Charlie {
     fn density(self, normal: DVec3) -> f64 {
         let inverse = 1.0 / self.alpha;
         let sine2 = (normal.x * normal.x + normal.y * normal.y).min(1.0);
-        (2.0 + inverse) * sine2.powf(0.5 * inverse) / (2.0 * PI)
+        (2.0 + inverse) * libm::pow(sine2, 0.5 * inverse) / (2.0 * PI)
     }
 
     /// The masking function Lambda as fitted in section 2.
@@ -55,8 +55,8 @@ impl Charlie {
         let mix = |rough: f64, smooth: f64| rough + (smooth - rough) * t;
         let (a, b, c) = (mix(21.5473, 25.3245), mix(3.82987, 3.32435), mix(0.19823, 0.16801));
         let (d, e) = (mix(-1.97760, -1.27393), mix(-4.32054, -4.85967));
-        let l = |x: f64| a / (1.0 + b * x.powf(c)) + d * x + e;
-        if cos < 0.5 { l(cos).exp() } else { (2.0 * l(0.5) - l((1.0 - cos).max(0.0))).exp() }
+        let l = |x: f64| a / (1.0 + b * libm::pow(x, c)) + d * x + e;
+        libm::exp(if cos < 0.5 { l(cos) } else { 2.0 * l(0.5) - l((1.0 - cos).max(0.0)) })
     }
 
     /// Lambda at a cosine of at least [`MIN_COSINE`].

@@ -6,6 +6,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::Sphere;
+use crate::geometry::sin_cos_of_turns;
 use crate::geometry::spawn::ORIGIN_OFFSET;
 
 /// The solid angle of a sphere seen from `from`, in steradians: 4 pi from inside.
@@ -36,7 +37,7 @@ pub(crate) fn sample(sphere: &Sphere, from: DVec3, [x, y]: [f64; 2]) -> Option<(
     let cos = 1.0 - span * x;
     let sin = (span * x * (2.0 - span * x)).max(0.0).sqrt();
     let (tangent, bitangent) = axis.any_orthonormal_pair();
-    let (sin_angle, cos_angle) = (2.0 * PI * y).sin_cos();
+    let (sin_angle, cos_angle) = sin_cos_of_turns(y);
     let direction = (axis * cos + (tangent * cos_angle + bitangent * sin_angle) * sin).normalize();
     // The nearer root from outside, the farther from inside. On the silhouette the half chord is 0 up to rounding.
     let half_chord = (sphere.radius * sphere.radius - distance * distance * sin * sin).max(0.0).sqrt();
