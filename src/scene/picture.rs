@@ -24,8 +24,9 @@ options! {
         [skip] width: Side,
         /// Height in pixels.
         [skip] height: Side,
-        /// Arithmetic of the intersection tests: `fast` (f32; rays may leak through edges), `watertight` (f32; closed meshes
-        /// stop every ray), `double` (f64) or `exact` (no rounding) [default: watertight]
+        /// Arithmetic of the intersection tests: `fast` (f32; rays may leak through edges), `watertight` (corners in f32, tests
+        /// in f64; no ray leaks out of closed meshes), `double` (f64) or `exact` (as double, decided without rounding)
+        /// [default: watertight]
         [long, help_heading = group::QUALITY, display_order = 900, hide_possible_values = true, value_name = "TIER",
          value_parser = parser::<Numerics>()] numerics: Numerics,
         /// Shading: `phong` is the full model; `flat` is the surface colour alone, `ambient` and `diffuse` are these terms alone,
