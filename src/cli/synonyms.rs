@@ -81,18 +81,8 @@ const SYNONYMS: &[(&[&str], &str)] = &[
         "use --projection orthographic or --projection perspective",
     ),
     (
-        &[
-            "dof",
-            "depth-of-field",
-            "aperture",
-            "fstop",
-            "f-stop",
-            "focus",
-            "focus-distance",
-            "lens-radius",
-            "blur",
-        ],
-        "cameras have no aperture: everything is in focus; --aov depth writes distances for a compositor",
+        &["aperture", "fstop", "f-stop", "focus", "focus-distance", "lens-radius"],
+        camera!("give a camera with f_stop or aperture_radius, focus_distance or focus_at"),
     ),
     (
         &["motion-blur", "shutter", "shutter-speed"],
@@ -217,6 +207,7 @@ const SYNONYMS: &[(&[&str], &str)] = &[
 const EFFECT_SYNONYMS: &[(&[&str], EffectId)] = &[
     (&["ao", "ssao"], id::AMBIENT_OCCLUSION),
     (&["no-shadows", "shadow-rays"], id::SHADOWS),
+    (&["dof", "blur", "bokeh"], id::DEPTH_OF_FIELD),
     (&["texture", "no-textures"], id::TEXTURES),
     (&["aa", "anti-alias", "antialias", "anti-aliasing", "msaa", "ssaa", "supersampling"], id::ANTIALIASING),
 ];
