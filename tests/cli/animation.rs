@@ -538,7 +538,7 @@ mod film {
         let shop = Workshop::with("scene.toml", SCENE);
         for size in ["4000x100", "2200x2200", "8x100"] {
             let (error, _) = shop.fail(&format!("animate scene.toml -o a.mp4 --size {size}"), 2);
-            assert!(error.contains("cannot be an .mp4"), "{error}");
+            assert!(error.contains("cannot write an .mp4"), "{error}");
         }
         assert_eq!(shop.names(), ["scene.toml"]);
     }
