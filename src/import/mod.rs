@@ -403,8 +403,10 @@ fn note_up(scene: &Scene, file: &Path, warnings: &mut Warnings) {
         return;
     }
     let file_name = file.display();
-    match up::guess(scene).map(UpAxis::name) {
-        Some(name) => {
+    match up::guess(scene) {
+        Some(UpAxis::Y) => {}
+        Some(up) => {
+            let name = up.name();
             warnings
                 .note(format!("{file_name}: seems to stand upright with {name} up; --up {name} turns it"));
         }

@@ -1,56 +1,156 @@
-//! Which way is up in a file: a guess from its format and the shape of its meshes.
+//! Which way is up in a file: a guess from resting poses and the symmetry of its meshes. Measurements:
+//! docs/decisions.md.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3, Vec3Swizzles};
 
 use crate::scene::{Scene, UpAxis};
-
-/// The share of the bounds' cross-section that a base covers, and the most that the lower side in y covers beside it.
-const BASE: f64 = 0.1;
-const NO_BASE: f64 = 0.01;
 
 /// The least share of its area by which a surface faces an axis, for a height field above it.
 const HEIGHT_FIELD: f64 = 0.7;
 
 /// How far a base's corners are from the lowest point, in sizes of the bounds.
-const THICKNESS: f64 = 1e-3;
+const THICKNESS: f64 = 0.01;
 
-/// The axis that a mesh seems to stand upright in, where that is not y: it has a flat base at its lower end in that axis,
-/// and none in y; or it is a height field above it.
+/// Directions in which the polygon of a base has its corners.
+const CORNERS: usize = 16;
+
+/// The share of the bounds' cross-section that a base with legs or wheels touches at most, and how much more than a base
+/// without the area between them counts.
+const LEGS_TOUCH: f64 = 0.15;
+const LEGS_COUNT: f64 = 4.0;
+
+/// The least score of an axis; that of the only axis along which the mesh is not symmetric; the share of the largest
+/// asymmetry below which it is symmetric; and how many times the score of both directions of y another axis has.
+const LEAST: f64 = 0.05;
+const LEAST_OF_ONLY: f64 = 0.002;
+const SYMMETRIC: f64 = 0.3;
+const MARGIN: f64 = 3.0;
+
+/// Points of the surface that are compared with those of its mirror images.
+const POINTS: usize = 512;
+
+/// The axis that a mesh seems to stand upright in: it rests stably on its lower end in that axis, preferably on legs or
+/// wheels, and is not its own mirror image along it; or it is a height field above it. `None` where that is not clear.
 pub(super) fn guess(scene: &Scene) -> Option<UpAxis> {
     let (min, max) = scene.bounds()?;
-    let size = max - min;
-    let cross_section = |up: DVec3| {
-        let sides = size * (DVec3::ONE - up.abs());
-        sides.x * sides.y + sides.y * sides.z + sides.z * sides.x
-    };
+    let (size, middle) = (max - min, min / 2.0 + max / 2.0);
+    if size.min_element() <= 0.0 {
+        return None;
+    }
     let axes = UpAxis::ALL.map(UpAxis::vector);
-    let (mut bases, mut sum, mut area) = ([0.0; 4], DVec3::ZERO, 0.0);
+    let mut bases: Vec<Base> = axes.iter().chain([&DVec3::NEG_Y]).map(|&up| Base::new(up, size)).collect();
+    let (mut sum, mut area, mut moment) = (DVec3::ZERO, 0.0, DVec3::ZERO);
     scene.for_each_triangle(|corners| {
-        let [a, b, c] = corners;
+        let [a, b, c] = corners.map(|corner| corner - middle);
         let twice = (b - a).cross(c - a);
         sum += twice;
         area += twice.length();
-        for (axis, base) in axes.iter().zip(&mut bases) {
-            let (positive, negative) = (axis.max(DVec3::ZERO), axis.min(DVec3::ZERO));
-            let lowest = min.dot(positive) + max.dot(negative);
-            let thickness = THICKNESS * size.dot(axis.abs());
-            if corners.iter().all(|corner| corner.dot(*axis) - lowest <= thickness) {
-                *base += 0.5 * twice.dot(*axis).abs();
+        moment += twice.length() * (a + b + c) / 3.0;
+        bases.iter_mut().for_each(|base| base.add([a, b, c], twice));
+    });
+    let is_height_field = |up: &UpAxis| sum.dot(up.vector()) > HEIGHT_FIELD * area;
+    if let Some(up) = UpAxis::ALL.into_iter().find(is_height_field) {
+        return Some(up);
+    }
+    let asymmetry = asymmetry(scene, middle, area);
+    let asymmetry = asymmetry / asymmetry.max_element().max(f64::MIN_POSITIVE);
+    let scores: Vec<f64> =
+        bases.iter().map(|base| asymmetry.dot(base.up.abs()) * base.score(size, moment / area)).collect();
+    let best = (0..axes.len()).max_by(|&a, &b| scores[a].total_cmp(&scores[b]))?;
+    let others = asymmetry * (DVec3::ONE - axes[best].abs());
+    let least = if others.max_element() < SYMMETRIC { LEAST_OF_ONLY } else { LEAST };
+    // Files have y up where nothing speaks against it, so another axis has to beat y alone.
+    let is_rival = |k: usize| axes[best] == DVec3::Y || bases[k].up.y != 0.0;
+    let is_clear = (0..bases.len()).all(|k| k == best || !is_rival(k) || scores[best] >= MARGIN * scores[k]);
+    (scores[best] >= least && is_clear).then_some(UpAxis::ALL[best])
+}
+
+/// The lower end of a mesh in an axis, relative to the centre of the bounds.
+struct Base {
+    up: DVec3,
+    /// Height up to which the corners of triangles belong to the base.
+    top: f64,
+    /// The farthest corners in [`CORNERS`] directions, counterclockwise about `up`, with their distances.
+    farthest: [(f64, DVec3); CORNERS],
+    /// Area of the triangles that lie in the base, seen from below.
+    contact: f64,
+}
+
+impl Base {
+    fn new(up: DVec3, size: DVec3) -> Self {
+        let top = (THICKNESS - 0.5) * size.dot(up.abs());
+        Base { up, top, farthest: [(f64::NEG_INFINITY, DVec3::ZERO); CORNERS], contact: 0.0 }
+    }
+
+    /// Adds a triangle with twice its area vector.
+    fn add(&mut self, corners: [DVec3; 3], twice: DVec3) {
+        let low = corners.map(|corner| corner.dot(self.up) <= self.top);
+        if low == [true; 3] {
+            self.contact += 0.5 * twice.dot(self.up).abs();
+        }
+        // The other two axes, right-handed with `up`.
+        let u = self.up.zxy();
+        let v = self.up.cross(u);
+        for (corner, _) in corners.into_iter().zip(low).filter(|(_, is_low)| *is_low) {
+            let at = DVec2::new(corner.dot(u), corner.dot(v));
+            for (i, farthest) in self.farthest.iter_mut().enumerate() {
+                let distance = at.dot(DVec2::from_angle(std::f64::consts::TAU * i as f64 / CORNERS as f64));
+                if distance > farthest.0 {
+                    *farthest = (distance, corner);
+                }
             }
         }
-    });
-    let is_solid = size.min_element() > 0.0;
-    let is_height_field = |up: &UpAxis| sum.dot(up.vector()) > HEIGHT_FIELD * area;
-    if let Some(up) = UpAxis::ALL.into_iter().find(is_height_field).filter(|_| is_solid) {
-        return Some(up).filter(|&up| up != UpAxis::Y);
     }
-    let share = |k: usize| bases[k] / cross_section(axes[k]);
-    let (_, best) = (0..4).filter(|&k| UpAxis::ALL[k] != UpAxis::Y).map(|k| (share(k), k)).fold(
-        (BASE, None),
-        |(most, best), (share, k)| if share > most { (share, Some(k)) } else { (most, best) },
-    );
-    let has_base_in_y = share(1) > NO_BASE;
-    best.map(|k| UpAxis::ALL[k]).filter(|_| !has_base_in_y && is_solid)
+
+    /// The area of the polygon that the mesh rests on, as a share of the cross-section of the bounds; that between legs or
+    /// wheels counts more. 0 where the centre of the surface is not above it, so that the mesh would fall over.
+    fn score(&self, size: DVec3, centre: DVec3) -> f64 {
+        let across = |a: DVec3, b: DVec3| a.cross(b).dot(self.up);
+        let edges = || (0..CORNERS).map(|i| (self.farthest[i].1, self.farthest[(i + 1) % CORNERS].1));
+        if edges().any(|(a, b)| across(b - a, centre - a) < 0.0) {
+            return 0.0;
+        }
+        let sides = size * (DVec3::ONE - self.up.abs());
+        let section = sides.x * sides.y + sides.y * sides.z + sides.z * sides.x;
+        let area = edges().map(|(a, b)| across(a, b)).sum::<f64>() / 2.0 / section;
+        let contact = self.contact / section;
+        let between_legs = if contact < LEGS_TOUCH { (area - contact).max(0.0) } else { 0.0 };
+        area + LEGS_COUNT * between_legs
+    }
+}
+
+/// By how much the surface differs from its mirror images at the centre of the bounds along x, y and z: the mean distance
+/// from points of it to the nearest of an image, less that to the nearest other.
+fn asymmetry(scene: &Scene, middle: DVec3, twice_area: f64) -> DVec3 {
+    let mut points: Vec<DVec3> = Vec::with_capacity(POINTS);
+    let mut passed = 0.0;
+    scene.for_each_triangle(|[a, b, c]| {
+        passed += (b - a).cross(c - a).length();
+        while points.len() < POINTS && (points.len() as f64 + 0.5) * twice_area <= passed * POINTS as f64 {
+            // The R2 sequence (M. Roberts, 2018), folded into the triangle.
+            let [s, t] =
+                [0.754_877_666_246_692_7, 0.569_840_290_998_053_2].map(|x| (x * points.len() as f64).fract());
+            let [s, t] = if s + t > 1.0 { [1.0 - s, 1.0 - t] } else { [s, t] };
+            points.push(a - middle + s * (b - a) + t * (c - a));
+        }
+    });
+    let mean = |mirror: DVec3, others: bool| {
+        let nearest = |(i, &point): (usize, &DVec3)| {
+            let distances = points.iter().enumerate().filter(|&(k, _)| !others || k != i);
+            distances
+                .map(|(_, other)| (point * mirror).distance_squared(*other))
+                .fold(f64::INFINITY, f64::min)
+                .sqrt()
+        };
+        points.iter().enumerate().map(nearest).sum::<f64>() / points.len().max(1) as f64
+    };
+    let own = mean(DVec3::ONE, true);
+    DVec3::AXES
+        .map(|axis| (mean(DVec3::ONE - 2.0 * axis, false) - own).max(0.0))
+        .into_iter()
+        .zip(DVec3::AXES)
+        .map(|(distance, axis)| distance * axis)
+        .sum()
 }
 
 #[cfg(test)]
@@ -71,8 +171,7 @@ mod tests {
     #[test]
     fn a_base_says_where_up_is() {
         for up in UpAxis::ALL {
-            let expected = (up != UpAxis::Y).then_some(up);
-            assert_eq!(guess(&pyramid(up)), expected, "{}", up.name());
+            assert_eq!(guess(&pyramid(up)), Some(up), "{}", up.name());
         }
         assert_eq!(guess(&Scene::default()), None);
     }
@@ -85,8 +184,249 @@ mod tests {
             let Shape::Mesh(mesh) = &mut scene.objects[0].shape else { unreachable!() };
             mesh.triangles = vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]];
             mesh.positions[4] *= 0.1;
-            assert_eq!(guess(&scene), (up != UpAxis::Y).then_some(up), "{}", up.name());
+            assert_eq!(guess(&scene), Some(up), "{}", up.name());
         }
+    }
+
+    /// A mesh with y up, of boxes, discs and balls.
+    #[derive(Clone, Default)]
+    struct Model(Mesh);
+
+    impl Model {
+        /// A surface over a grid of two parameters from 0 to 1.
+        fn add(mut self, grid: [u32; 2], at: impl Fn(f64, f64) -> DVec3) -> Self {
+            let (Mesh { positions, triangles, .. }, [m, n]) = (&mut self.0, grid);
+            let first = positions.len() as u32;
+            for i in 0..=m {
+                positions
+                    .extend((0..=n).map(|k| at(f64::from(i) / f64::from(m), f64::from(k) / f64::from(n))));
+            }
+            for (i, k) in (0..m).flat_map(|i| (0..n).map(move |k| (i, k))) {
+                let [a, b] = [first + i * (n + 1) + k, first + (i + 1) * (n + 1) + k];
+                triangles.extend([[a, a + 1, b], [b, a + 1, b + 1]]);
+            }
+            self
+        }
+
+        /// A box.
+        fn block(self, centre: [f64; 3], size: [f64; 3]) -> Self {
+            let (c, half) = (DVec3::from(centre), DVec3::from(size) / 2.0);
+            [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|w| [w, -w]).fold(self, |model, w| {
+                let (u, v) = (w.zxy(), w.cross(w.zxy()));
+                model.add([1, 1], |s, t| c + half * (w + (2.0 * s - 1.0) * u + (2.0 * t - 1.0) * v))
+            })
+        }
+
+        /// A cone frustum along an axis, with its ends.
+        fn disc(self, centre: [f64; 3], axis: DVec3, [from, to]: [f64; 2], height: f64) -> Self {
+            let (u, v) = (axis.zxy(), axis.cross(axis.zxy()));
+            self.add([3, 24], |s, t| {
+                let (sin, cos) = (std::f64::consts::TAU * t).sin_cos();
+                let radius = [0.0, from, to, 0.0][(3.0 * s).round() as usize];
+                let along = if s < 0.5 { -0.5 } else { 0.5 };
+                DVec3::from(centre) + radius * (cos * u + sin * v) + along * height * axis
+            })
+        }
+
+        fn ball(self, centre: [f64; 3], radii: [f64; 3]) -> Self {
+            self.add([16, 32], |s, t| {
+                let (sin, cos) = (std::f64::consts::PI * s).sin_cos();
+                let (sin_t, cos_t) = (std::f64::consts::TAU * t).sin_cos();
+                DVec3::from(centre) + DVec3::from(radii) * DVec3::new(sin * cos_t, cos, sin * sin_t)
+            })
+        }
+
+        /// Four legs of a thickness below a rectangle of a width and a depth.
+        fn legs(self, [width, height, depth]: [f64; 3], thick: f64) -> Self {
+            corners().fold(self, |model, [x, z]| {
+                let at = [x * (width - thick) / 2.0, height / 2.0, z * (depth - thick) / 2.0];
+                model.block(at, [thick, height, thick])
+            })
+        }
+
+        /// Pairs of wheels along z.
+        fn wheels(self, along: &[f64], width: f64, radius: f64, thick: f64) -> Self {
+            along
+                .iter()
+                .flat_map(|&z| [[-0.5, z], [0.5, z]])
+                .fold(self, |model, [x, z]| model.disc([x * width, radius, z], DVec3::X, [radius; 2], thick))
+        }
+
+        /// The scene of the mesh in a file whose up axis is `up`.
+        fn scene(&self, up: UpAxis) -> Scene {
+            let mut mesh = self.0.clone();
+            mesh.transform(&up.world_from_file().transpose());
+            Scene::from_iter([Shape::Mesh(mesh)])
+        }
+    }
+
+    fn corners() -> impl Iterator<Item = [f64; 2]> {
+        [-1.0, 1.0].into_iter().flat_map(|x| [-1.0, 1.0].map(|z| [x, z]))
+    }
+
+    /// Furniture, vehicles, vessels, buildings and animals. The shapes of a few say little: a shelf and a mug with a lid
+    /// are nearly the same upside down, a boat does not stand on its keel.
+    fn models() -> Vec<(&'static str, Model)> {
+        let new = Model::default;
+        let (y, sides) = (DVec3::Y, [-1.0, 1.0]);
+        let shelf =
+            (0..5).fold(new(), |m, i| m.block([0.0, 0.02 + 0.4 * f64::from(i), 0.0], [0.8, 0.03, 0.3]));
+        let stool = (0..3)
+            .map(|i| (2.1 * f64::from(i)).sin_cos())
+            .fold(new(), |m, (sin, cos)| m.disc([0.12 * cos, 0.3, 0.12 * sin], y, [0.02; 2], 0.6));
+        let dog = corners().fold(new(), |m, [x, z]| m.disc([0.1 * x, 0.22, 0.28 * z], y, [0.04, 0.05], 0.45));
+        let robot = sides.into_iter().fold(new(), |m, x| {
+            let m = m
+                .block([0.15 * x, 0.42, 0.0], [0.18, 0.84, 0.2])
+                .block([0.4 * x, 1.15, 0.0], [0.14, 0.7, 0.16]);
+            m.block([0.15 * x, 0.04, 0.06], [0.2, 0.08, 0.34])
+        });
+        let boat_side = |x: f64| {
+            move |s: f64, t: f64| DVec3::new(x * (1.0 + 0.3 * t) * (1.0 - s), t + 0.2 * s, 7.0 * s - 3.0)
+        };
+        let boat = sides.into_iter().fold(new(), |m, x| m.add([1, 1], boat_side(x)));
+        vec![
+            ("table", new().block([0.0, 0.73, 0.0], [1.6, 0.04, 0.8]).legs([1.5, 0.71, 0.7], 0.06)),
+            (
+                "table with flush legs",
+                new().block([0.0, 0.73, 0.0], [1.6, 0.04, 0.8]).legs([1.6, 0.71, 0.8], 0.06),
+            ),
+            (
+                "chair",
+                new()
+                    .block([0.0, 0.45, 0.0], [0.45, 0.04, 0.45])
+                    .block([0.0, 0.7, -0.2], [0.45, 0.46, 0.04])
+                    .legs([0.45, 0.43, 0.45], 0.04),
+            ),
+            ("stool", stool.disc([0.0, 0.6, 0.0], y, [0.18; 2], 0.04)),
+            (
+                "round table",
+                new()
+                    .disc([0.0, 0.72, 0.0], y, [0.5; 2], 0.04)
+                    .disc([0.0, 0.35, 0.0], y, [0.04; 2], 0.7)
+                    .disc([0.0, 0.015, 0.0], y, [0.25; 2], 0.03),
+            ),
+            (
+                "sofa",
+                new()
+                    .block([0.0, 0.2, 0.0], [2.0, 0.4, 0.9])
+                    .block([0.0, 0.6, -0.35], [2.0, 0.4, 0.2])
+                    .block([-0.9, 0.5, 0.1], [0.2, 0.2, 0.7])
+                    .block([0.9, 0.5, 0.1], [0.2, 0.2, 0.7]),
+            ),
+            (
+                "bed",
+                new()
+                    .block([0.0, 0.25, 0.0], [1.6, 0.3, 2.0])
+                    .block([0.0, 0.5, -1.0], [1.6, 1.0, 0.06])
+                    .legs([1.6, 0.1, 2.0], 0.08),
+            ),
+            (
+                "shelf",
+                shelf.block([-0.4, 0.8, 0.0], [0.03, 1.65, 0.3]).block([0.4, 0.8, 0.0], [0.03, 1.65, 0.3]),
+            ),
+            (
+                "desk",
+                new()
+                    .block([0.0, 0.73, 0.0], [1.4, 0.03, 0.7])
+                    .block([0.5, 0.36, 0.0], [0.35, 0.7, 0.65])
+                    .block([-0.68, 0.36, 0.0], [0.04, 0.7, 0.65]),
+            ),
+            (
+                "lamp",
+                new()
+                    .disc([0.0, 0.02, 0.0], y, [0.15; 2], 0.04)
+                    .disc([0.0, 0.4, 0.0], y, [0.015; 2], 0.75)
+                    .disc([0.0, 0.85, 0.0], y, [0.22, 0.12], 0.25),
+            ),
+            (
+                "bottle",
+                new()
+                    .disc([0.0, 0.12, 0.0], y, [0.04; 2], 0.24)
+                    .disc([0.0, 0.26, 0.0], y, [0.04, 0.015], 0.04)
+                    .disc([0.0, 0.31, 0.0], y, [0.015; 2], 0.06),
+            ),
+            (
+                "mug",
+                new()
+                    .disc([0.0, 0.05, 0.0], y, [0.04, 0.042], 0.1)
+                    .block([0.06, 0.05, 0.0], [0.03, 0.06, 0.01]),
+            ),
+            (
+                "tower",
+                new().block([0.0, 10.0, 0.0], [8.0, 20.0, 6.0]).disc([0.0, 22.0, 0.0], y, [4.0, 0.1], 4.0),
+            ),
+            (
+                "tree",
+                new().disc([0.0, 0.5, 0.0], y, [0.1; 2], 1.0).disc([0.0, 2.0, 0.0], y, [1.0, 0.05], 2.0),
+            ),
+            (
+                "car",
+                new()
+                    .block([0.0, 0.55, 0.0], [1.7, 0.5, 4.2])
+                    .block([0.0, 1.05, -0.2], [1.5, 0.5, 2.0])
+                    .wheels(&[-1.3, 1.3], 1.6, 0.33, 0.2),
+            ),
+            (
+                "truck",
+                new()
+                    .block([0.0, 1.2, 2.2], [2.2, 2.0, 1.6])
+                    .block([0.0, 1.6, -1.2], [2.4, 2.4, 5.0])
+                    .wheels(&[-3.0, -2.0, 2.2], 2.2, 0.5, 0.3),
+            ),
+            ("bus", new().block([0.0, 1.7, 0.0], [2.5, 2.6, 11.0]).wheels(&[-3.5, 3.5], 2.3, 0.5, 0.3)),
+            (
+                "bicycle",
+                new()
+                    .wheels(&[-0.5, 0.5], 0.0, 0.35, 0.04)
+                    .block([0.0, 0.6, 0.0], [0.04, 0.05, 0.9])
+                    .block([0.0, 0.95, 0.4], [0.5, 0.03, 0.03])
+                    .block([0.0, 0.9, -0.2], [0.15, 0.05, 0.25]),
+            ),
+            (
+                "plane",
+                new()
+                    .disc([0.0, 1.2, 0.0], DVec3::Z, [0.5; 2], 8.0)
+                    .block([0.0, 1.1, 0.5], [9.0, 0.12, 1.4])
+                    .block([0.0, 2.2, -3.7], [0.1, 1.6, 0.8])
+                    .block([0.0, 1.5, -3.7], [3.0, 0.1, 0.7])
+                    .wheels(&[0.2], 2.4, 0.3, 0.2)
+                    .wheels(&[3.0], 0.0, 0.25, 0.15),
+            ),
+            (
+                "tractor",
+                new()
+                    .block([0.0, 1.0, 0.6], [0.7, 0.7, 1.8])
+                    .block([0.0, 1.5, -0.7], [1.2, 1.5, 1.1])
+                    .wheels(&[-0.8], 1.8, 0.8, 0.4)
+                    .wheels(&[1.1], 1.4, 0.45, 0.25),
+            ),
+            ("boat", boat.block([0.0, 1.6, -1.0], [1.4, 1.2, 2.0]).block([0.0, 0.5, -2.95], [2.6, 1.0, 0.1])),
+            ("robot", robot.block([0.0, 1.2, 0.0], [0.6, 0.7, 0.3]).ball([0.0, 1.75, 0.0], [0.2; 3])),
+            (
+                "dog",
+                dog.ball([0.0, 0.55, 0.0], [0.16, 0.17, 0.4])
+                    .ball([0.0, 0.8, 0.42], [0.12, 0.13, 0.17])
+                    .disc([0.0, 0.68, -0.45], y, [0.02, 0.03], 0.25),
+            ),
+        ]
+    }
+
+    /// The guess finds the axis of at least two thirds of the models in files with another axis than y, and finds another
+    /// axis in one at most of those with y up.
+    #[test]
+    fn models_stand_upright() {
+        let models = models();
+        let found = |up: UpAxis| models.iter().map(move |(name, model)| (*name, guess(&model.scene(up))));
+        let turned = UpAxis::ALL.into_iter().filter(|&up| up != UpAxis::Y);
+        let missed: Vec<_> = turned
+            .flat_map(|up| {
+                found(up).filter(move |(_, guess)| *guess != Some(up)).map(move |m| (up.name(), m))
+            })
+            .collect();
+        assert!(missed.len() <= models.len(), "{} of {}: {missed:?}", missed.len(), 3 * models.len());
+        let wrong: Vec<_> = found(UpAxis::Y).filter(|(_, up)| up.is_some_and(|up| up != UpAxis::Y)).collect();
+        assert!(20 * wrong.len() <= models.len(), "{wrong:?}");
     }
 
     /// A box stands on any side.
