@@ -70,7 +70,7 @@ impl AnimationJob {
         crate::import::check_drawable(&scene)?;
         settings.complete(&mut scene, warnings)?;
         let is_turntable = scene.animation.is_none();
-        let (camera, size) = camera_and_size(&mut scene, settings)?;
+        let (camera, size) = camera_and_size(&mut scene, settings, warnings)?;
         let Some(animation) = &mut scene.animation else { return Err(nothing_to_look_at(&scene)) };
         if is_turntable {
             warnings.note("nothing in the scene moves; the camera orbits once");
@@ -171,8 +171,13 @@ fn note_of_part(list: &FrameList, timeline: &Timeline) -> Option<String> {
 }
 
 /// The camera and the size of the frames. A scene without animation becomes a turntable.
-fn camera_and_size(scene: &mut Scene, settings: &RenderSettings) -> Result<(Camera, [u32; 2])> {
+fn camera_and_size(
+    scene: &mut Scene,
+    settings: &RenderSettings,
+    warnings: &mut Warnings,
+) -> Result<(Camera, [u32; 2])> {
     let viewpoint = Viewpoint::of(&settings.camera, scene, None)?;
+    viewpoint.report(settings, scene, warnings);
     let size = viewpoint.size(settings, scene);
     if scene.animation.is_some() {
         let camera = viewpoint.camera(settings, scene, size)?;
@@ -183,6 +188,7 @@ fn camera_and_size(scene: &mut Scene, settings: &RenderSettings) -> Result<(Came
         Viewpoint::Fitted(view) => (None, view),
     };
     let aspect = f64::from(size[0]) / f64::from(size[1]);
-    let camera = turntable(scene, camera, view, aspect, settings.projection.unwrap_or_default());
+    let framing = settings.framing(view, scene);
+    let camera = turntable(scene, camera, framing, aspect, settings.projection.unwrap_or_default());
     Ok((camera.ok_or_else(|| nothing_to_look_at(scene))?, size))
 }

@@ -13,7 +13,7 @@ use crate::import;
 use crate::job::AddedLight;
 use crate::scene::animation::{Motion, Property, Target, Track};
 use crate::scene::{Animation, Camera, Clip, ClipChoice, ClipTime, Numerics, Projection, Scene};
-use crate::world::{Recentering, StandardView, World, recenter, turntable_camera};
+use crate::world::{Framing, Recentering, World, recenter, turntable_camera};
 
 /// The default duration of a turntable in seconds, and its frames per second.
 const TURNTABLE: (f64, f64) = (10.0, 30.0);
@@ -162,11 +162,11 @@ pub fn play_clip(scene: &mut Scene, clip: &ClipChoice) -> Result<()> {
 }
 
 /// Adds an animation to the scene: `camera` orbits once around the point it looks at. Without a camera, one that sees
-/// the whole scene from all sides, beginning at `view`. Returns the camera; `None` for a scene without extent.
+/// the whole scene from all sides, beginning as `framing` says. Returns the camera; `None` for a scene without extent.
 pub fn turntable(
     scene: &mut Scene,
     camera: Option<Camera>,
-    view: StandardView,
+    framing: impl Into<Framing>,
     aspect: f64,
     projection: Projection,
 ) -> Option<Camera> {
@@ -175,7 +175,7 @@ pub fn turntable(
             let target = camera.target;
             (camera, target)
         }
-        None => turntable_camera(scene, view, aspect, projection)?,
+        None => turntable_camera(scene, framing, aspect, projection)?,
     };
     let orbit = |property| Track {
         target: Target::Camera(camera.name.clone()),

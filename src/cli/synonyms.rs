@@ -43,28 +43,16 @@ const SYNONYMS: &[(&[&str], &str)] = &[
     (&["layers", "passes", "render-pass", "gbuffer"], "write further channels to an .exr by --aov"),
     // Camera.
     (
-        &["fov", "field-of-view", "vertical-fov", "focal-length", "lens", "camera-view-angle"],
-        camera!("give a camera with vertical_fov"),
+        &["field-of-view", "vertical-fov", "camera-view-angle"],
+        "use --fov DEG for the automatic camera, or vertical_fov in the table of --camera",
     ),
+    (&["focal-length", "lens"], camera!("give a camera with focal_length instead of vertical_fov")),
+    (&["orbit", "yaw", "rotate", "camera-azimuth-angle"], "turn the automatic camera by --azimuth DEG"),
+    (&["pitch", "camera-elevation-angle"], "raise the automatic camera by --elevation DEG"),
+    (&["dolly", "camera-zoom-factor"], "use --zoom FACTOR"),
     (
         &[
-            "azimuth",
-            "elevation",
-            "orbit",
-            "yaw",
-            "pitch",
-            "rotate",
-            "zoom",
-            "dolly",
-            "camera-azimuth-angle",
-            "camera-elevation-angle",
-            "camera-zoom-factor",
             "camera-direction",
-        ],
-        camera!("give a camera with position and target"),
-    ),
-    (
-        &[
             "eye",
             "position",
             "camera-position",
@@ -74,7 +62,7 @@ const SYNONYMS: &[(&[&str], &str)] = &[
             "camera-focal-point",
             "camera-view-up",
         ],
-        camera!("give a camera with position and target"),
+        camera!("give a camera with position and look_at"),
     ),
     (
         &["ortho", "orthographic", "perspective", "camera-orthographic"],

@@ -81,6 +81,8 @@ fn initial_view(
     if arguments.inputs != inputs {
         // Camera options do not apply to files that were dropped onto the window.
         (arguments.camera, arguments.view) = (None, None);
+        let picture = &mut arguments.settings.picture;
+        *picture = PictureSettings { azimuth: None, elevation: None, zoom: None, fov: None, ..*picture };
         arguments.inputs = inputs.to_vec();
     }
     check_scene(&scene.effects)?;
@@ -93,6 +95,7 @@ fn initial_view(
     let mut completed = scene.clone();
     requested.complete(&mut completed, warnings)?;
     let viewpoint = Viewpoint::of(&requested.camera, &scene, None)?;
+    viewpoint.report(&requested, &scene, warnings);
     let size = viewpoint.size(&requested, &scene);
     let camera_source = match viewpoint {
         Viewpoint::Fitted(view) => CameraSource::Fitted(view),

@@ -4,9 +4,10 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use super::{CameraChoice, RenderSettings};
-use crate::error::{Error, Result, nearest_name};
+use crate::error::{Error, Result, Warnings, nearest_name};
 use crate::film::Window;
-use crate::scene::{Camera, Scene, default_size};
+use crate::scene::support::PointTrees;
+use crate::scene::{Camera, Projection, Scene, bounds, default_size};
 use crate::world::{Recentering, StandardView, fitted_camera};
 
 /// A camera, given or to be fitted.
@@ -48,10 +49,35 @@ impl Viewpoint<'_> {
                     Error::usage(format!("there is no camera `{name}`"), hint)
                 })
             }
-            CameraChoice::Default => Ok(match scene.cameras.first() {
+            CameraChoice::Default => Ok(match scene.default_camera() {
                 Some(camera) => Viewpoint::Camera(Cow::Borrowed(camera)),
                 None => Viewpoint::Fitted(StandardView::Auto),
             }),
+        }
+    }
+
+    /// Notes why cameras of the files are not used, and warns of options of automatic cameras that change nothing.
+    pub fn report(&self, settings: &RenderSettings, scene: &Scene, warnings: &mut Warnings) {
+        let framing = settings.picture.or(scene.picture).of_automatic_camera();
+        match self {
+            Viewpoint::Camera(camera) if !framing.is_empty() => warnings.push(format!(
+                "{} changes nothing: the camera is `{}`, not automatic; give --camera auto, or --view",
+                framing.join(", "),
+                camera.name
+            )),
+            Viewpoint::Fitted(_) if settings.camera == CameraChoice::Default && !scene.cameras.is_empty() => {
+                warnings.note(
+                    "several files: the automatic camera shows them all; --camera NAME chooses one of their own",
+                );
+            }
+            _ => {}
+        }
+        if matches!(self, Viewpoint::Fitted(_)) && scene.inputs.len() > 1 && !scene.has_settings {
+            note_small_inputs(scene, warnings);
+        }
+        let is_parallel = settings.projection == Some(Projection::Orthographic);
+        if matches!(self, Viewpoint::Fitted(_)) && is_parallel && framing.iter().any(|name| name == "fov") {
+            warnings.push("fov changes nothing in an orthographic picture; use zoom");
         }
     }
 
@@ -77,9 +103,31 @@ impl Viewpoint<'_> {
             Viewpoint::Fitted(view) => {
                 let aspect = f64::from(size[0]) / f64::from(size[1]);
                 let projection = settings.projection.unwrap_or_default();
-                fitted_camera(scene, view, aspect, projection).ok_or_else(|| nothing_to_look_at(scene))
+                fitted_camera(scene, settings.framing(view, scene), aspect, projection)
+                    .ok_or_else(|| nothing_to_look_at(scene))
             }
         }
+    }
+}
+
+/// The size of the objects of an input, as a share of those of the largest, below which a note names it.
+const SMALL: f64 = 0.02;
+
+/// Notes the mesh files whose objects are much smaller than those of another, as files in other units are.
+fn note_small_inputs(scene: &Scene, warnings: &mut Warnings) {
+    let trees = PointTrees::of(&scene.objects);
+    let of_inputs = scene.objects.chunk_by(|a, b| a.input == b.input);
+    let sizes = of_inputs.filter_map(|objects| {
+        let (min, max) = bounds(&trees, objects)?;
+        Some(((max - min).length(), scene.inputs[objects[0].input].display()))
+    });
+    let sizes: Vec<_> = sizes.collect();
+    let Some((most, largest)) = sizes.iter().max_by(|a, b| a.0.total_cmp(&b.0)) else { return };
+    for (size, file) in sizes.iter().filter(|(size, _)| *size < SMALL * most) {
+        let percent = (100.0 * size / most) as f32;
+        warnings.note(format!(
+            "{file} is {percent:.2} % as large as {largest}; a scene file places meshes with a scale"
+        ));
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::film::Window;
 use crate::film::write::FINGERPRINT;
-use crate::scene::{Camera, Fingerprint, INLINE_NAME, OptionValue, PictureSettings, Scene};
+use crate::scene::{Camera, Fingerprint, OptionValue, PictureSettings, Scene};
 use crate::world::Recentering;
 
 use super::RenderSettings;
@@ -35,17 +35,17 @@ pub fn metadata(
         input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned()
     };
     let inputs: Vec<String> = scene.inputs.iter().map(name).collect();
-    let camera_name = if camera.name == INLINE_NAME {
-        let moved_back =
-            recentering.map_or_else(|| camera.clone(), |recentering| recentering.moved_back(camera));
-        moved_back.to_inline()
-    } else {
-        camera.name.clone()
+    let is_it = |own: &Camera| own.name == camera.name && own.position == camera.position;
+    let camera_text = match scene.cameras.iter().any(is_it) {
+        true => camera.name.clone(),
+        false => recentering
+            .map_or_else(|| camera.clone(), |recentering| recentering.moved_back(camera))
+            .to_inline(),
     };
     let mut metadata = vec![
         ("Software".to_owned(), format!("kiln {}", env!("CARGO_PKG_VERSION"))),
         ("kiln:inputs".into(), inputs.join(" ")),
-        ("kiln:camera".into(), camera_name),
+        ("kiln:camera".into(), camera_text),
         ("kiln:projection".into(), camera.projection.name().into()),
     ];
     metadata.extend(entries(&scene.picture));

@@ -35,8 +35,11 @@ pub use crate::render::{RenderControl, Statistics};
 pub use crate::shading::ShadingMode;
 pub use memory::check_memory;
 pub use metadata::Metadata;
-pub use settings::{CameraChoice, EnvironmentSettings, Look, RenderSettings, Rotation, check_display};
+#[cfg(feature = "viewer")]
+pub(crate) use settings::is_fitted;
+pub use settings::{CameraChoice, EnvironmentSettings, Look, RenderSettings, check_display};
 
+use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
@@ -292,6 +295,8 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     let recentering = recenter(&mut scene);
     warn_of_recentering(recentering.as_ref(), warnings);
     let viewpoint = Viewpoint::of(&settings.camera, &scene, recentering.as_ref())?;
+    viewpoint.report(settings, &scene, warnings);
+    let is_of_mesh_file = !scene.has_settings && matches!(viewpoint, Viewpoint::Camera(Cow::Borrowed(_)));
     if matches!(viewpoint, Viewpoint::Fitted(StandardView::Auto)) && opening(&scene).is_some() {
         warnings.note("the surface is open to one side; the camera looks in from there");
     }
@@ -301,9 +306,13 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
         scene.ground = None;
     }
     // Files place their objects for their cameras; a scene file is written by hand.
-    if scene.has_settings {
+    if scene.has_settings || is_of_mesh_file {
         let projection = settings.projection.unwrap_or(camera.projection);
-        outside::warn(&scene, &View::new(&camera, projection, size)?, recentering.as_ref(), warnings);
+        let view = View::new(&camera, projection, size)?;
+        match is_of_mesh_file {
+            true => outside::note_framing(&scene, &camera, &view, warnings),
+            false => outside::warn(&scene, &view, recentering.as_ref(), warnings),
+        }
     }
     if let Some(light) = added_light(&scene) {
         scene.lights.extend(light.at(&camera));

@@ -1,10 +1,10 @@
-//! Objects that lie outside the picture.
+//! Objects that lie outside the picture, or are small in it.
 
 use glam::{DVec2, DVec3};
 
 use crate::error::Warnings;
 use crate::scene::support::PointTrees;
-use crate::scene::{Object, Placed, Scene, Shape, bounds};
+use crate::scene::{Camera, Object, Placed, Scene, Shape, bounds};
 use crate::world::{Recentering, View};
 
 /// Names in a warning; the others are counted.
@@ -59,11 +59,50 @@ fn outside_at(object: &Object, trees: &PointTrees, view: &View) -> Option<DVec3>
     (is_behind || is_beside).then_some(min / 2.0 + max / 2.0)
 }
 
+/// The least share of the picture that the visible part of the bounds covers, and the least share of the bounds that is
+/// visible, without a note.
+const LEAST_COVERED: f64 = 0.02;
+const LEAST_VISIBLE: f64 = 0.5;
+
+/// Points of a regular grid along each side of the bounds, whose places in the picture stand for those of the bounds.
+const GRID: usize = 9;
+
+/// Notes that a camera of a mesh file leaves its objects small or mostly outside the picture. A camera within the bounds,
+/// such as one in a room, does not see all of them.
+pub(super) fn note_framing(scene: &Scene, camera: &Camera, view: &View, warnings: &mut Warnings) {
+    let Some((min, max)) = scene.bounds() else { return };
+    if (camera.position.cmpge(min) & camera.position.cmple(max)).all() {
+        return;
+    }
+    let size = DVec2::from(view.size().map(f64::from));
+    let along = |i: usize, k: usize| {
+        let t = (i / GRID.pow(k as u32) % GRID) as f64 / (GRID - 1) as f64;
+        min[k] * (1.0 - t) + max[k] * t
+    };
+    let all = (0..GRID.pow(3)).map(|i| view.project(DVec3::from_array([0, 1, 2].map(|k| along(i, k)))));
+    let is_in_picture = |p: &DVec2| p.cmpge(DVec2::ZERO).all() && p.cmple(size).all();
+    let visible: Vec<DVec2> =
+        all.filter_map(|(p, is_before)| is_before.then_some(p)).filter(is_in_picture).collect();
+    let corner = |pick: fn(DVec2, DVec2) -> DVec2| visible.iter().copied().reduce(pick).unwrap_or_default();
+    let covered = corner(DVec2::max) - corner(DVec2::min);
+    let name = &camera.name;
+    if (visible.len() as f64) < LEAST_VISIBLE * GRID.pow(3) as f64 {
+        warnings.note(format!(
+            "camera `{name}` sees less than half of the objects' bounds; `--camera auto` sees everything"
+        ));
+    } else if covered.x * covered.y < LEAST_COVERED * size.x * size.y {
+        warnings.note(format!(
+            "camera `{name}` shows the objects on less than {} % of the picture; `--camera auto` fills it",
+            100.0 * LEAST_COVERED
+        ));
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::geometry::Sphere;
-    use crate::scene::{Camera, MaterialId};
+    use crate::scene::MaterialId;
 
     /// Seen from (0, 0, 5) along -z with 90 degrees: at z = 0 the picture reaches to 5 on every side.
     #[test]
@@ -92,5 +131,26 @@ mod tests {
         );
         // Nothing at all in the picture is reported with the picture.
         assert_eq!(warned(vec![ball("right", 9.0, 0.0)]), "");
+    }
+
+    /// The same camera sees a ball of radius 0.7, whose bounds cover (1.4 / 8.6)^2 = 2.6 % of the picture at their near side
+    /// and 1.5 % at half the size; of one at x = 5, a half; of one at x = 6, less. Within the bounds it does not count.
+    #[test]
+    fn a_camera_that_shows_little_is_named() {
+        let noted = |x: f64, radius: f64| {
+            let shape = Shape::Analytic(Sphere { centre: DVec3::new(x, 0.0, 0.0), radius }.into());
+            let object = Object { name: "ball".into(), input: 0, material: MaterialId(0), shape };
+            let half = std::f64::consts::FRAC_PI_2;
+            let camera = Camera::from_field_of_view("c".into(), DVec3::Z * 5.0, DVec3::ZERO, DVec3::Y, half);
+            let view = View::new(&camera, camera.projection, [80, 80]).unwrap();
+            let mut warnings = Warnings::default();
+            let scene = Scene { objects: vec![object], ..Scene::default() };
+            note_framing(&scene, &camera, &view, &mut warnings);
+            warnings.notes().concat()
+        };
+        assert_eq!((noted(0.0, 0.7), noted(4.5, 1.0), noted(6.0, 7.0)), Default::default());
+        assert!(noted(0.0, 0.4).contains("`c` shows the objects on less than 2 %"), "{}", noted(0.0, 0.4));
+        assert!(noted(6.0, 1.0).contains("less than half of the objects' bounds"), "{}", noted(6.0, 1.0));
+        assert!(noted(99.0, 1.0).contains("`--camera auto`"));
     }
 }

@@ -12,11 +12,11 @@ use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
 use crate::film::{ColourPipeline, DisplaySettings, Window};
 use crate::import;
-use crate::scene::option::{OptionValue, options, ranged};
+use crate::scene::option::options;
 #[cfg(feature = "cli")]
 use crate::scene::option::{group, parser};
-use crate::scene::{Camera, Environment, Ground, PictureSettings, Projection, Scene};
-use crate::world::StandardView;
+use crate::scene::{Camera, Environment, Ground, PictureSettings, Projection, Rotation, Scene};
+use crate::world::{Framing, StandardView};
 
 /// Render settings. A field that is `None` or empty is taken from the scene, then from defaults.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -127,6 +127,15 @@ impl RenderSettings {
         self.with.iter().rev().find_map(|typed| typed.strip_prefix(effect.name())?.strip_prefix('='))
     }
 
+    /// How a fitted camera looks at a scene from a side, by these settings and those of the scene.
+    pub(crate) fn framing(&self, view: StandardView, scene: &Scene) -> Framing {
+        let mut framing = Framing::from(view);
+        if self.look == Look::Studio && !scene.has_settings {
+            framing.field_of_view = super::studio::FIELD_OF_VIEW;
+        }
+        framing.with(&self.picture.or(scene.picture))
+    }
+
     /// Gives a scene, in its own coordinates and before anything moves, these settings, the environment and ground that
     /// are asked for, and the look.
     ///
@@ -170,11 +179,6 @@ options! {
     }
 }
 
-ranged! {
-    /// A rotation in degrees.
-    Rotation(f64, "f64") in f64::MIN..=f64::MAX, "give a number of degrees";
-}
-
 impl EnvironmentSettings {
     /// Gives a scene the environment that is asked for.
     ///
@@ -214,6 +218,25 @@ pub enum CameraChoice {
     Fitted(StandardView),
     /// A camera in the scene's coordinates.
     Given(Camera),
+}
+
+impl CameraChoice {
+    /// Whether the camera was made for the files, rather than to frame the scene: one of theirs, or one that is given in
+    /// its place. Given cameras with the name of a standard view, such as those of metadata, frame the scene.
+    pub(crate) fn is_of_file(&self, scene: &Scene) -> bool {
+        match self {
+            CameraChoice::Named(_) => true,
+            CameraChoice::Fitted(_) => false,
+            CameraChoice::Given(camera) if is_fitted(camera, scene) => false,
+            CameraChoice::Default | CameraChoice::Given(_) => scene.default_camera().is_some(),
+        }
+    }
+}
+
+/// Whether a camera has the name of a standard view, as fitted ones have, and no camera of the scene has it.
+pub(crate) fn is_fitted(camera: &Camera, scene: &Scene) -> bool {
+    let is_own = || scene.cameras.iter().any(|own| own.name == camera.name);
+    StandardView::ALL.iter().any(|view| view.name() == camera.name) && !is_own()
 }
 
 /// Checks exposure and tone map against the pipeline, and that an automatic exposure has a whole picture.

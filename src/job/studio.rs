@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::{CameraChoice, EnvironmentSettings, RenderSettings};
+use super::{EnvironmentSettings, RenderSettings};
 use crate::error::Warnings;
 use crate::film::colour::srgb_encode;
 use crate::film::tone::ToneMap;
@@ -21,6 +21,9 @@ use crate::world::KEY_IRRADIANCE;
 
 /// The fill light. A white surface that faces up reflects 0.41 of it, one that faces sideways 0.3.
 const FILL: Fill = Fill { above: 0.46, below: 0.14 };
+
+/// The vertical field of view of automatic cameras, in degrees.
+pub(super) const FIELD_OF_VIEW: f64 = 30.0;
 
 /// The albedo of the ground.
 const GROUND_ALBEDO: f64 = 0.86;
@@ -75,12 +78,7 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
     } else {
         scene.fill = Some(FILL);
     }
-    let is_of_file = match &settings.camera {
-        CameraChoice::Default | CameraChoice::Given(_) => !scene.cameras.is_empty(),
-        CameraChoice::Named(_) => true,
-        CameraChoice::Fitted(_) => false,
-    };
-    if is_of_file {
+    if settings.camera.is_of_file(scene) {
         if pipeline == ColourPipeline::Linear {
             scene.background = scene.background.or(Some(Colour::Linear(DARK_BACKGROUND)));
         }
@@ -90,9 +88,7 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
     }
     scene.ground = scene.bounds().and_then(Ground::under).map(|g| Ground { albedo: GROUND_ALBEDO, ..g });
     scene.background = Some(background_colour(pipeline));
-    warnings.note(
-        "no light and no camera in the files: light, ground and background are added; --draft adds a headlight",
-    );
+    warnings.note("no light in the files: light, ground and background are added; --draft adds a headlight");
 }
 
 /// The colour of the ground where nothing shades it.
@@ -115,6 +111,7 @@ fn environment_of(fill: Fill) -> Environment {
 
 #[cfg(test)]
 mod tests {
+    use super::super::CameraChoice;
     use super::*;
     use crate::film::tone::DisplayTransform;
     use crate::geometry::Sphere;

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::Lens;
+use super::{Lens, Scene};
 
 /// Projection of a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
@@ -69,6 +69,17 @@ impl Camera {
     }
 }
 
+impl Scene {
+    /// The camera of a picture for which none is chosen: the first. `None`, for one that is fitted, if there is none, or if
+    /// objects come from each of several mesh files, as a file's camera frames the objects of that file alone.
+    pub fn default_camera(&self) -> Option<&Camera> {
+        let has_objects = |input| self.objects.iter().any(|object| object.input == input);
+        let inputs = self.inputs.len();
+        let is_combined = inputs > 1 && !self.has_settings && (0..inputs).all(has_objects);
+        self.cameras.first().filter(|_| !is_combined)
+    }
+}
+
 /// Default width and height of a picture.
 const DEFAULT_SIZE: [u32; 2] = [1024, 1024];
 
@@ -82,4 +93,30 @@ pub fn default_size(of_scene: Option<[u32; 2]>, camera: Option<&Camera>) -> [u32
         Some(shape.map(|pixels| pixels.round().max(1.0) as u32))
     };
     of_scene.or_else(|| camera.and_then(shape)).unwrap_or(DEFAULT_SIZE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{MaterialId, Mesh, Object, Shape};
+    use super::*;
+
+    /// A file of cameras alone, and a scene file, say what all objects are seen by; one of several meshes does not.
+    #[test]
+    fn a_camera_of_one_of_several_meshes_is_not_the_default() {
+        let object = |input| Object {
+            name: "mesh".into(),
+            input,
+            material: MaterialId(0),
+            shape: Shape::Mesh(Mesh::default()),
+        };
+        let camera = Camera::from_field_of_view("c".into(), DVec3::Z, DVec3::ZERO, DVec3::Y, 1.0);
+        let of = |objects: &[usize], has_settings| {
+            let objects = objects.iter().map(|&input| object(input)).collect();
+            let inputs = vec!["a.obj".into(), "b.glb".into()];
+            let scene =
+                Scene { objects, inputs, has_settings, cameras: vec![camera.clone()], ..Scene::default() };
+            scene.default_camera().is_some()
+        };
+        assert_eq!([of(&[0, 1], false), of(&[0, 1], true), of(&[0, 0], false)], [false, true, true]);
+    }
 }

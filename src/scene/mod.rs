@@ -71,7 +71,10 @@ pub use material::{
     Texture,
 };
 pub use option::OptionValue;
-pub use picture::{Background, Clamp, FilterRadius, Headlight, Noise, PictureSettings, Samples, Side};
+pub use picture::{
+    Background, Clamp, FieldOfView, FilterRadius, Headlight, Noise, PictureSettings, Rotation, Samples, Side,
+    Zoom,
+};
 pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
 pub use sampling::{MAX_SAMPLES, PixelSampler, Sampling};
 pub use shading_mode::ShadingMode;

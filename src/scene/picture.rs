@@ -24,6 +24,15 @@ options! {
         [skip] width: Side,
         /// Height in pixels.
         [skip] height: Side,
+        /// Rotation of the automatic camera about the scene's vertical, in degrees to the right of --view [default: 0]
+        [long, help_heading = group::CAMERA, display_order = 1, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()] azimuth: Rotation,
+        /// Rotation of the automatic camera upwards from --view, in degrees, as far as straight above or below [default: 0]
+        [long, help_heading = group::CAMERA, display_order = 2, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()] elevation: Rotation,
+        /// Magnification of the automatic camera's picture about its centre, 0.001 to 1000; 1 frames the scene [default: 1]
+        [long, help_heading = group::CAMERA, display_order = 3, allow_hyphen_values = true, value_name = "FACTOR", value_parser = parser::<Zoom>()] zoom: Zoom,
+        /// Vertical field of view of the automatic camera in degrees, 0.1 to 170 [default: 30 for meshes, 40 with --draft
+        /// and for scene files]
+        [long, help_heading = group::CAMERA, display_order = 4, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<FieldOfView>()] fov: FieldOfView,
         /// Arithmetic of the intersection tests: `fast` (f32; rays may leak through edges), `watertight` (corners in f32, tests
         /// in f64; no ray leaks out of closed meshes), `double` (f64) or `exact` (as double, decided without rounding)
         /// [default: watertight]
@@ -83,6 +92,12 @@ options! {
 ranged! {
     /// Width or height of a picture in pixels.
     Side(u32, "u32") in 1..=65_535, "give a number of pixels from 1 to 65535";
+    /// A rotation in degrees.
+    Rotation(f64, "f64") in f64::MIN..=f64::MAX, "give a number of degrees";
+    /// A magnification.
+    Zoom(f64, "f64") in 0.001..=1000.0, "give a factor from 0.001 to 1000, such as 2";
+    /// A vertical field of view in degrees.
+    FieldOfView(f64, "f64") in 0.1..=170.0, "give degrees from 0.1 to 170, such as 30";
     /// A number of samples per pixel.
     Samples(u32, "u32") in 1..=MAX_SAMPLES, "give a number of samples from 1 to 65536";
     /// Radius of a filter in pixels.
@@ -167,7 +182,16 @@ impl OptionValue for Exposure {
     }
 }
 
+/// The options that an automatic camera alone has.
+const OF_AUTOMATIC_CAMERA: [&str; 4] = ["azimuth", "elevation", "zoom", "fov"];
+
 impl PictureSettings {
+    /// Names of the options that are set and change automatic cameras alone.
+    pub fn of_automatic_camera(&self) -> Vec<String> {
+        let entries = self.entries().into_iter().map(|(name, _)| name);
+        entries.filter(|name| OF_AUTOMATIC_CAMERA.contains(&name.as_str())).collect()
+    }
+
     /// Settings of a width and a height in pixels, each limited to the range of [`Side`].
     pub fn of_size([width, height]: [u32; 2]) -> Self {
         PictureSettings {
@@ -285,6 +309,10 @@ mod tests {
         let first = PictureSettings {
             width: Some(Side(640)),
             height: Some(Side(480)),
+            azimuth: Some(Rotation(-30.5)),
+            elevation: Some(Rotation(10.0)),
+            zoom: Some(Zoom(1.5)),
+            fov: Some(FieldOfView(24.0)),
             numerics: Some(Numerics::Double),
             shading: Some(ShadingMode::Flat),
             transport: Some(Transport::Path),
@@ -306,6 +334,10 @@ mod tests {
         let second = PictureSettings {
             width: Some(Side(1)),
             height: Some(Side(65_535)),
+            azimuth: Some(Rotation(720.0)),
+            elevation: Some(Rotation(-90.0)),
+            zoom: Some(Zoom(1e-3)),
+            fov: Some(FieldOfView(170.0)),
             numerics: Some(Numerics::Exact),
             shading: Some(ShadingMode::Ambient),
             transport: Some(Transport::Whitted),

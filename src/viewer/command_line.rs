@@ -5,10 +5,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::request::CameraSource;
+use super::request::{CameraSource, given};
 use crate::job::{Look, RenderSettings};
 use crate::scene::{
-    Camera, Clip, INLINE_NAME, ImportOptions, PictureSettings, Projection, Scene, default_size, shell_quoted,
+    Camera, Clip, ImportOptions, PictureSettings, Projection, Scene, default_size, shell_quoted,
 };
 use crate::world::StandardView;
 
@@ -109,7 +109,7 @@ fn camera_option(command: &RenderCommand, option: &mut impl FnMut(&str, &str)) -
     match (command.viewpoint, command.camera()) {
         (CameraSource::Fitted(view), _) => {
             match view {
-                StandardView::Auto if cameras.is_empty() => {}
+                StandardView::Auto if command.scene.default_camera().is_none() => {}
                 StandardView::Auto => option("--camera", "auto"),
                 view => option("--view", view.name()),
             }
@@ -134,14 +134,13 @@ fn camera_option(command: &RenderCommand, option: &mut impl FnMut(&str, &str)) -
                         == (&known.view_height, &known.view_width, &known.viewpoint_distance, &known.lens)
             };
             match cameras.iter().find(same) {
-                Some(known) if *known == cameras[0] => known.projection,
+                Some(known) if command.scene.default_camera() == Some(known) => known.projection,
                 Some(known) if is_found_by_name(cameras, known) => {
                     option("--camera", &known.name);
                     known.projection
                 }
                 _ => {
-                    let own =
-                        Camera { name: INLINE_NAME.into(), projection: command.projection, ..camera.clone() };
+                    let own = Camera { projection: command.projection, ..given(camera, command.scene) };
                     option("--camera", &own.to_inline());
                     command.projection
                 }
@@ -171,6 +170,7 @@ mod tests {
 
     use super::*;
     use crate::limits::{Counted, Limits};
+    use crate::scene::INLINE_NAME;
     use clap::Parser;
 
     static NO_IMPORT_OPTIONS: LazyLock<ImportOptions> = LazyLock::new(ImportOptions::default);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::job::{CameraChoice, RenderSettings};
+use crate::job::{CameraChoice, RenderSettings, is_fitted};
 use crate::scene::{Camera, INLINE_NAME, PictureSettings, Projection, Scene};
 use crate::world::StandardView;
 
@@ -59,13 +59,20 @@ impl RenderRequest {
         let camera = match &self.camera_source {
             CameraSource::Scene(index) => CameraChoice::Named(index.to_string()),
             CameraSource::Fitted(view) => CameraChoice::Fitted(*view),
-            CameraSource::Free(camera) => {
-                CameraChoice::Given(Camera { name: INLINE_NAME.to_owned(), ..camera.clone() })
-            }
+            CameraSource::Free(camera) => CameraChoice::Given(given(camera, &self.opened.scene)),
         };
         let picture = PictureSettings::of_size(self.size).or(side.picture).displayable();
         RenderSettings { camera, projection: self.projection, picture, ..side.clone() }
     }
+}
+
+/// A camera moved by the user, as `kiln render` takes it: with a name only if it was fitted.
+pub(super) fn given(camera: &Camera, scene: &Scene) -> Camera {
+    let mut camera = camera.clone();
+    if !is_fitted(&camera, scene) {
+        camera.name = INLINE_NAME.to_owned();
+    }
+    camera
 }
 
 impl PartialEq for RenderRequest {

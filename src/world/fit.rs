@@ -8,12 +8,15 @@ use glam::{DMat3, DVec2, DVec3};
 use super::view::basis;
 use crate::film::Colour;
 use crate::scene::support::{AffineFunction, PointTrees, maxima};
-use crate::scene::{Camera, Light, LightKind, Mesh, Placed, Projection, Scene, Shape};
+use crate::scene::{
+    Camera, FieldOfView, Light, LightKind, Mesh, PictureSettings, Placed, Projection, Rotation, Scene, Shape,
+    Zoom,
+};
 
 /// The background of scenes that set none.
 pub(crate) const BACKGROUND: Colour = Colour::Display(DVec3::new(32.0 / 255.0, 34.0 / 255.0, 38.0 / 255.0));
 
-/// The vertical field of view of fitted cameras, in degrees.
+/// The vertical field of view of fitted cameras by default, in degrees.
 const FIELD_OF_VIEW: f64 = 40.0;
 
 /// The share of the picture that is left free on each of the tightest sides.
@@ -59,6 +62,58 @@ impl StandardView {
             StandardView::Bottom => -DVec3::Y,
             StandardView::Iso => DVec3::ONE.normalize(),
         }
+    }
+}
+
+/// How a fitted camera looks at a scene.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Framing {
+    /// The side.
+    pub view: StandardView,
+    /// Rotation from the side about +y in degrees, counterclockwise seen from above.
+    pub azimuth: f64,
+    /// Rotation upwards in degrees, as far as straight above or below.
+    pub elevation: f64,
+    /// Magnification of the picture, about its centre.
+    pub zoom: f64,
+    /// Vertical field of view in degrees at a magnification of 1.
+    pub field_of_view: f64,
+}
+
+impl From<StandardView> for Framing {
+    fn from(view: StandardView) -> Self {
+        Framing { view, azimuth: 0.0, elevation: 0.0, zoom: 1.0, field_of_view: FIELD_OF_VIEW }
+    }
+}
+
+impl Framing {
+    /// The framing from a side by settings; those that are not set keep their values.
+    pub fn with(self, picture: &PictureSettings) -> Self {
+        Framing {
+            view: self.view,
+            azimuth: picture.azimuth.map_or(self.azimuth, Rotation::get),
+            elevation: picture.elevation.map_or(self.elevation, Rotation::get),
+            zoom: picture.zoom.map_or(self.zoom, Zoom::get),
+            field_of_view: picture.fov.map_or(self.field_of_view, FieldOfView::get),
+        }
+    }
+
+    /// The unit vector towards the camera and an up vector, after rotation of the unit vector towards the side.
+    fn turned(&self, side: DVec3) -> (DVec3, DVec3) {
+        if self.azimuth == 0.0 && self.elevation == 0.0 {
+            return (side, DVec3::Y);
+        }
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let azimuth = side.x.atan2(side.z) + (self.azimuth % 360.0).to_radians();
+        let elevation = side.y.clamp(-1.0, 1.0).asin() + self.elevation.to_radians();
+        let elevation = elevation.clamp(-quarter, quarter);
+        (from(azimuth, elevation), from(azimuth, elevation + quarter))
+    }
+
+    /// The vertical field of view after magnification, in degrees with six decimals, so that it has a short text.
+    fn magnified(&self) -> f64 {
+        let half = (self.field_of_view.to_radians() / 2.0).tan() / self.zoom;
+        ((2.0 * half.atan()).to_degrees() * 1e6).round() / 1e6
     }
 }
 
@@ -135,23 +190,26 @@ fn from(azimuth: f64, elevation: f64) -> DVec3 {
     DVec3::new(sa * ce, se, ca * ce)
 }
 
-/// A camera that looks at the whole scene from a standard view, with 5 % of the picture free on the tightest sides.
+/// A camera that looks at the whole scene, with 5 % of the picture free on the tightest sides before magnification.
 /// `aspect` is the picture's width divided by its height. `None` for a scene without extent.
 pub fn fitted_camera(
     scene: &Scene,
-    view: StandardView,
+    framing: impl Into<Framing>,
     aspect: f64,
     projection: Projection,
 ) -> Option<Camera> {
-    let backwards = match view {
+    let framing = framing.into();
+    let view = framing.view;
+    let side = match view {
         StandardView::Auto => opening(scene).unwrap_or(view.backwards()),
         _ => view.backwards(),
     };
-    let [u, v, w] = basis(backwards, DVec3::ZERO, DVec3::Y)?;
+    let (backwards, up) = framing.turned(side);
+    let [u, v, w] = basis(backwards, DVec3::ZERO, up)?;
     let (min, max) = scene.bounds()?;
     // Relative to the centre of the scene, to avoid cancellation for scenes far from the origin.
     let middle = min / 2.0 + max / 2.0;
-    let half_height = (FIELD_OF_VIEW.to_radians() / 2.0).tan();
+    let half_height = (framing.field_of_view.to_radians() / 2.0).tan();
     let k = (1.0 - 2.0 * MARGIN) * DVec2::new(half_height * aspect, half_height);
     let slope = match projection {
         Projection::Perspective => k,
@@ -176,18 +234,20 @@ pub fn fitted_camera(
     let position = middle + sideways.x * u + sideways.y * v + distance * w;
     let target = position - w * rectangle_at;
     let usable = rectangle_at > 0.0 && view_height > 0.0 && target != position;
-    (usable && position.is_finite()).then(|| Camera {
-        name: view.name().into(),
-        position,
-        target,
-        up: v,
-        projection,
-        view_height,
-        view_width: None,
-        viewpoint_distance: rectangle_at,
-        lens: None,
+    if !usable || !position.is_finite() {
+        return None;
+    }
+    let up = if w.y.abs() < STEEP { DVec3::Y } else { v };
+    let fov = framing.magnified().to_radians();
+    let camera = Camera::from_field_of_view(view.name().into(), position, target, up, fov);
+    Some(match projection {
+        Projection::Perspective => camera,
+        Projection::Orthographic => Camera { projection, view_height: view_height / framing.zoom, ..camera },
     })
 }
+
+/// The cosine of the angle to the vertical from which a fitted camera has an up vector other than +y.
+const STEEP: f64 = 0.999;
 
 /// The camera of a turntable and the point it turns around: it sees the whole scene from every angle about the vertical axis
 /// through the scene's centre, and begins where [`fitted_camera`] would look from. `None` for a scene without extent.
@@ -196,10 +256,11 @@ pub fn fitted_camera(
 /// farther out than its largest extent along 64 directions divided by the cosine of half the angle between them.
 pub fn turntable_camera(
     scene: &Scene,
-    view: StandardView,
+    framing: impl Into<Framing>,
     aspect: f64,
     projection: Projection,
 ) -> Option<(Camera, DVec3)> {
+    let framing = framing.into();
     let (min, max) = scene.bounds()?;
     let middle = min / 2.0 + max / 2.0;
     let half_angle = std::f64::consts::PI / f64::from(SIDES);
@@ -218,7 +279,7 @@ pub fn turntable_camera(
         maxima(&PointTrees::of(&scene.objects), &scene.objects, &functions).into_iter().fold(0.0, f64::max);
     // Squared: once for points between the directions, once for the prism's sides, which lie nearer than its edges.
     let radius = reach / half_angle.cos().powi(2);
-    let backwards = view.backwards();
+    let (backwards, _) = framing.turned(framing.view.backwards());
     let start = backwards.x.atan2(backwards.z);
     let edge = |i: u32, y: f64| {
         let (sin, cos) = (start + 2.0 * half_angle * f64::from(i)).sin_cos();
@@ -228,7 +289,7 @@ pub fn turntable_camera(
     let triangles = (0..SIDES).map(|i| [2 * i, 2 * i + 1, 2 * (i + 1) % (2 * SIDES)]).collect();
     let shape = Shape::Mesh(Mesh { positions, triangles, ..Mesh::default() });
     let prism = Scene::from_iter([shape]);
-    Some((fitted_camera(&prism, view, aspect, projection)?, middle))
+    Some((fitted_camera(&prism, framing, aspect, projection)?, middle))
 }
 
 /// The sides of the prism of [`turntable_camera`], which is less than 1 % larger than the cylinder.
@@ -467,5 +528,36 @@ mod tests {
         // Elevation 30 degrees: y = -sin 30. Azimuth 20 degrees to the right: x / z = tan 20.
         assert!((direction.y + 0.5).abs() < 1e-15);
         assert!((direction.x / direction.z - 20f64.to_radians().tan()).abs() < 1e-15 && direction.x < 0.0);
+    }
+
+    /// Turned by 90 degrees to the right, the front is the right; raised beyond the pole, it is the top, with what was in
+    /// front below in the picture. Magnified twice, the picture is half as high; all cameras fit what they look at.
+    #[test]
+    fn a_framing_starts_from_its_view() {
+        let scene = block(DVec3::new(1.0, 2.0, 3.0), DVec3::new(5.0, 0.0, 0.0));
+        let fit = |framing: Framing, projection| fitted_camera(&scene, framing, 1.5, projection).unwrap();
+        let front = Framing::from(StandardView::Front);
+        for projection in [Projection::Perspective, Projection::Orthographic] {
+            let same = |framing: Framing, view: StandardView| {
+                let [turned, known] = [fit(framing, projection), fit(view.into(), projection)];
+                assert!(turned.position.distance(known.position) < 1e-12, "{turned:?} {known:?}");
+                assert!((turned.view_height - known.view_height).abs() < 1e-12, "{turned:?} {known:?}");
+                assert!(turned.up.distance(known.up) < 1e-12, "{turned:?} {known:?}");
+            };
+            same(Framing { azimuth: 90.0, ..front }, StandardView::Right);
+            same(Framing { azimuth: -450.0, ..front }, StandardView::Left);
+            same(Framing { elevation: 120.0, ..front }, StandardView::Top);
+            same(
+                Framing { azimuth: -45.0, elevation: -35.264_389_682_754_654, ..StandardView::Iso.into() },
+                StandardView::Front,
+            );
+            let [once, twice] = [1.0, 2.0].map(|zoom| fit(Framing { zoom, ..front }, projection));
+            assert_eq!(once.position, twice.position);
+            let height = |camera: &Camera| camera.view_height / camera.viewpoint_distance;
+            // The field of view has six decimals.
+            assert!((height(&once) / height(&twice) - 2.0).abs() < 1e-6, "{once:?} {twice:?}");
+        }
+        let wide = fit(Framing { field_of_view: 90.0, ..front }, Projection::Perspective);
+        assert!((wide.view_height / wide.viewpoint_distance - 2.0).abs() < 1e-12);
     }
 }

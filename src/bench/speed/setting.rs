@@ -82,7 +82,7 @@ pub fn view_setup(scene: &Scene, from: Viewpoint, size: u32) -> Result<ViewSetup
     let outside =
         || fitted_camera(scene, StandardView::Auto, 1.0, Projection::Perspective).ok_or_else(nothing);
     let camera = match from {
-        Viewpoint::Scene => scene.cameras.first().cloned().map_or_else(outside, Ok)?,
+        Viewpoint::Scene => scene.default_camera().cloned().map_or_else(outside, Ok)?,
         Viewpoint::Outside => outside()?,
         Viewpoint::Inside => inside(bounds),
     };

@@ -12,7 +12,7 @@ use crate::effects::Decision;
 use crate::error::{Error, Result, Warnings};
 use crate::job::{self, Look, RenderSettings};
 use crate::limits::{self, Bytes};
-use crate::scene::{Attribute, Mesh, Object, Scene, Shape};
+use crate::scene::{Attribute, Mesh, Object, Scene, Shape, shell_quoted};
 
 /// Stored primitives up to which the acceleration structure is built to measure it, which takes a few seconds.
 const MOST_BUILT: usize = 4_000_000;
@@ -41,6 +41,8 @@ struct Built {
     seconds: f64,
     threads: usize,
     description: Description,
+    /// The camera as a table of `--camera`.
+    camera: String,
     /// Bytes of the mip maps of each image.
     mip_maps: Vec<usize>,
     decisions: Vec<Decision>,
@@ -125,6 +127,7 @@ impl Rendering {
         if let Some(built) = self.built() {
             let on = built.decisions.iter().filter(|decision| decision.on);
             let on: Vec<&str> = on.map(|decision| decision.effect.name()).collect();
+            lines.add("view", format!("--camera {}", shell_quoted(&built.camera)));
             lines.add("effects", if on.is_empty() { "none".into() } else { on.join(", ") });
         }
     }
@@ -154,7 +157,9 @@ impl Rendering {
                 .collect::<Vec<_>>()
         });
         report["effects"] = json!(decisions);
-        report["render"] = json!({ "warnings": self.warnings.messages(), "notes": self.warnings.notes() });
+        let camera = built.map(|built| &built.camera);
+        report["render"] =
+            json!({ "camera": camera, "warnings": self.warnings.messages(), "notes": self.warnings.notes() });
         let mip_maps = built.map_or(&[][..], |built| &built.mip_maps);
         for (texture, bytes) in report["textures"].as_array_mut().into_iter().flatten().zip(mip_maps) {
             texture["mip_map_bytes"] = json!(bytes);
@@ -167,6 +172,10 @@ fn build(scene: Scene, after_loading: &Memory, warnings: &mut Warnings) -> Resul
     let before = limits::resident_memory();
     let settings = RenderSettings { look: Look::Studio, ..RenderSettings::default() };
     let resolved = job::resolve(scene, &settings, warnings)?;
+    let camera = resolved.recentering.map_or_else(
+        || resolved.camera.to_inline(),
+        |recentering| recentering.moved_back(&resolved.camera).to_inline(),
+    );
     let start = Instant::now();
     let job = resolved.build(warnings)?;
     let seconds = start.elapsed().as_secs_f64();
@@ -176,6 +185,7 @@ fn build(scene: Scene, after_loading: &Memory, warnings: &mut Warnings) -> Resul
     Ok(Built {
         seconds,
         threads: rayon::current_num_threads(),
+        camera,
         description: job.world.accelerator.describe(),
         mip_maps: job.world.images.iter().map(|image| image.mip_map_bytes()).collect(),
         decisions: job.plan.decisions,

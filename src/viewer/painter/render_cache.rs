@@ -12,7 +12,7 @@ use crate::scene::{Camera, PictureSettings, Sampling, Scene, ShadingMode};
 use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::refine::SamplingKind;
 use crate::viewer::request::{CameraSource, Opened, RenderRequest};
-use crate::world::{Recentering, StandardView, fitted_camera};
+use crate::world::{Framing, Recentering, StandardView, fitted_camera};
 
 /// Number of cached worlds: two sides of a comparison and the exact reference.
 const MAX_WORLDS: usize = 3;
@@ -61,8 +61,8 @@ pub(crate) struct RenderCache {
     frames: Vec<(Key, f64, Arc<FrameWorld>)>,
     /// The recentered scene, if the worlds are recentered.
     recentered_scene: Option<Arc<Scene>>,
-    /// Fitted cameras, each with its view and aspect ratio.
-    fitted_cameras: Vec<(StandardView, f64, Camera)>,
+    /// Fitted cameras, each with its framing and aspect ratio.
+    fitted_cameras: Vec<(Framing, f64, Camera)>,
     /// Render time in seconds per pixel at one sample, by display mode.
     seconds: Vec<(DisplayMode, f64)>,
 }
@@ -72,7 +72,7 @@ impl RenderCache {
     pub(crate) fn has_worlds(&self, request: &RenderRequest) -> bool {
         let same = self.opened.as_ref().is_some_and(|opened| Arc::ptr_eq(opened, &request.opened));
         let has = |side: &RenderSettings| {
-            let settings = key_settings(&request.render_settings(side));
+            let settings = key_settings(&request.render_settings(side), &request.opened.scene);
             self.scenes.iter().any(|(key, _)| key.settings == settings)
         };
         same && request.sides.iter().all(has)
@@ -101,13 +101,17 @@ impl RenderCache {
             *self = RenderCache { opened: Some(Arc::clone(&request.opened)), ..RenderCache::default() };
         }
         let settings = request.render_settings(side);
-        let mut key = Key { settings: key_settings(&settings), is_below_ground: false };
+        let mut key =
+            Key { settings: key_settings(&settings, &request.opened.scene), is_below_ground: false };
         let mut cached = self.scene(&request.opened, &key)?;
         let mut frame = self.frame(&cached.animation, &key, request.time)?;
         let recentering = frame.recentering;
         let mut lens = match &request.camera_source {
             CameraSource::Scene(index) => frame.cameras.get(*index).unwrap_or(&frame.camera).clone(),
-            CameraSource::Fitted(view) => self.fit(request, *view, cached.animation.range())?,
+            CameraSource::Fitted(view) => {
+                let framing = settings.framing(*view, &request.opened.scene);
+                self.fit(request, framing, cached.animation.range())?
+            }
             CameraSource::Free(camera) => {
                 recentering.map_or_else(|| camera.clone(), |recentering| recentering.moved(camera))
             }
@@ -191,12 +195,12 @@ impl RenderCache {
     fn fit(
         &mut self,
         request: &RenderRequest,
-        view: StandardView,
+        framing: Framing,
         recentering: Option<Recentering>,
     ) -> Result<Camera> {
         let aspect = f64::from(request.size[0]) / f64::from(request.size[1]);
         if let Some((.., camera)) =
-            self.fitted_cameras.iter().find(|(known, at, _)| (*known, *at) == (view, aspect))
+            self.fitted_cameras.iter().find(|(known, at, _)| (*known, *at) == (framing, aspect))
         {
             return Ok(camera.clone());
         }
@@ -207,23 +211,22 @@ impl RenderCache {
         }
         let scene = self.recentered_scene.as_deref().unwrap_or(&request.opened.scene);
         let projection = request.projection.unwrap_or_default();
-        let camera = fitted_camera(scene, view, aspect, projection).ok_or_else(|| Error::Failed {
+        let camera = fitted_camera(scene, framing, aspect, projection).ok_or_else(|| Error::Failed {
             what: "there is nothing to look at".into(),
             hint: "`kiln info` says what the file holds".into(),
         })?;
-        self.fitted_cameras.retain(|(known, ..)| *known != view);
-        self.fitted_cameras.push((view, aspect, camera.clone()));
+        self.fitted_cameras.retain(|(known, ..)| *known != framing);
+        self.fitted_cameras.push((framing, aspect, camera.clone()));
         Ok(camera)
     }
 }
 
 /// The settings without those that no world depends on: of the camera, it depends on whether it is the files'; of the
 /// shading, on whether it has lights.
-fn key_settings(settings: &RenderSettings) -> RenderSettings {
-    let camera = match settings.camera {
-        CameraChoice::Default | CameraChoice::Given(_) => CameraChoice::Default,
-        CameraChoice::Named(_) => CameraChoice::Named(String::new()),
-        CameraChoice::Fitted(_) => CameraChoice::Fitted(StandardView::Auto),
+fn key_settings(settings: &RenderSettings, scene: &Scene) -> RenderSettings {
+    let camera = match settings.camera.is_of_file(scene) {
+        true => CameraChoice::Named(String::new()),
+        false => CameraChoice::Fitted(StandardView::Auto),
     };
     let lit =
         |shading: ShadingMode| if shading.uses_lights() { ShadingMode::Full } else { ShadingMode::Flat };
@@ -236,6 +239,10 @@ fn key_settings(settings: &RenderSettings) -> RenderSettings {
         picture: PictureSettings {
             width: None,
             height: None,
+            azimuth: None,
+            elevation: None,
+            zoom: None,
+            fov: None,
             shading: settings.picture.shading.map(lit),
             clamp: None,
             samples: None,
