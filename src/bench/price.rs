@@ -17,9 +17,9 @@ use crate::bvh::{Accelerator, Layout, Preset, Traversal};
 use crate::error::{Error, Result, Warnings};
 use crate::film::Film;
 use crate::geometry::{Numerics, Precision, Ray};
-use crate::job::{Look, RenderJob, RenderSettings, prepare};
+use crate::job::{RenderJob, RenderSettings, prepare};
 use crate::render::RenderControl;
-use crate::scene::{Scene, Transport};
+use crate::scene::{Look, Scene, Transport};
 use crate::timing::{Clock, Spread};
 
 /// Cost and errors of a library in one mode: a tier of kiln, Embree with or without its robust mode, a layout of others.
@@ -301,7 +301,7 @@ fn error_in_ulp(t: f64, truth: f64) -> f64 {
 /// Both pictures of the scene in every tier of [`Numerics::ALL`], in turns, on the current pool.
 fn pictures(subject: &Subject, runs: u32, control: &RenderControl) -> Result<Vec<[PicturePrice; 2]>> {
     let job = |numerics: Numerics, transport: Transport| -> Result<RenderJob> {
-        let mut settings = RenderSettings { look: Look::Studio, ..subject.picture.clone() };
+        let mut settings = RenderSettings { mesh_look: Look::Studio, ..subject.picture.clone() };
         (settings.picture.numerics, settings.picture.transport) = (Some(numerics), Some(transport));
         prepare(subject.scene.clone(), &settings, &mut Warnings::default())
     };

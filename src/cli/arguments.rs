@@ -7,9 +7,9 @@ use clap::Args;
 use crate::effects::{check_names, id};
 use crate::error::{Error, Result};
 use crate::import::{all_endings, inline_camera, names_on_standard_input};
-use crate::job::{CameraChoice, Look, RenderSettings};
+use crate::job::{CameraChoice, RenderSettings};
 use crate::scene::option::group;
-use crate::scene::{ImportOptions, OptionValue, PictureSettings, Side};
+use crate::scene::{ImportOptions, Look, OptionValue, PictureSettings, Side};
 use crate::world::StandardView;
 
 /// Help text of `INPUT`: purpose and readable formats.
@@ -82,8 +82,8 @@ impl Arguments {
         let size = self.size.map(PictureSettings::of_size).unwrap_or_default();
         let mut settings = self.settings.clone();
         settings.with.extend(self.depth.map(|depth| id::PATH.with_value(depth)));
-        let (picture, look) =
-            (size.or(settings.picture), if self.draft { Look::Draft } else { Look::Studio });
-        Ok(RenderSettings { camera, picture, look, ..settings })
+        let look = self.draft.then_some(Look::Draft);
+        let picture = PictureSettings { look, ..size.or(settings.picture) };
+        Ok(RenderSettings { camera, picture, mesh_look: Look::Studio, ..settings })
     }
 }

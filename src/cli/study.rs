@@ -12,8 +12,9 @@ use super::{print, typed, typed_words};
 use crate::error::{Error, Result, Warnings};
 use crate::files::write_whole;
 use crate::import;
-use crate::job::{Look, RenderSettings, ResolvedJob};
+use crate::job::{RenderSettings, ResolvedJob};
 use crate::render::RenderControl;
+use crate::scene::Look;
 use crate::scene::option::group;
 use crate::study::{
     Options, PathVariation, Pools, Setting, Study, StudySubject, error_against_time, facts, headline, page,
@@ -52,7 +53,7 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     let (timed, wide) = (super::pool(Some(arguments.threads.unwrap_or(1)))?, super::pool(arguments.threads)?);
     let mut reporter = Reporter::new(command.progress);
     let longest = (!command.full).then_some(LONGEST);
-    let settings = RenderSettings { longest_side: longest, look: Look::Draft, ..arguments.settings()? };
+    let settings = RenderSettings { longest_side: longest, mesh_look: Look::Draft, ..arguments.settings()? };
     let resolved = wide.install(|| reporter.load_and_resolve(arguments, &settings))?;
     if !resolved.settings.picture.display().is_identity() {
         reporter.warnings.note("the study compares displayed values without exposure and tone map");

@@ -37,7 +37,7 @@ pub use memory::check_memory;
 pub use metadata::Metadata;
 #[cfg(feature = "viewer")]
 pub(crate) use settings::is_fitted;
-pub use settings::{CameraChoice, EnvironmentSettings, Look, RenderSettings, check_display};
+pub use settings::{CameraChoice, EnvironmentSettings, RenderSettings, check_display};
 
 use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
@@ -302,7 +302,8 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     }
     let size = viewpoint.size(settings, &scene);
     let camera = viewpoint.camera(settings, &scene, size)?;
-    if scene.ground.is_some_and(|ground| scene.has_key_light && camera.position.y <= ground.centre.y) {
+    if scene.ground.is_some_and(|ground| ground.is_hidden_from_below && camera.position.y <= ground.centre.y)
+    {
         scene.ground = None;
     }
     // Files place their objects for their cameras; a scene file is written by hand.

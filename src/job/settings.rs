@@ -15,7 +15,7 @@ use crate::import;
 use crate::scene::option::options;
 #[cfg(feature = "cli")]
 use crate::scene::option::{group, parser};
-use crate::scene::{Camera, Environment, Ground, PictureSettings, Projection, Rotation, Scene};
+use crate::scene::{Camera, Environment, Ground, Look, PictureSettings, Projection, Rotation, Scene};
 use crate::world::{Framing, StandardView};
 
 /// Render settings. A field that is `None` or empty is taken from the scene, then from defaults.
@@ -56,9 +56,9 @@ pub struct RenderSettings {
     /// Names of AOVs, as for `kiln render --aov`. They are part of the fingerprint.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub aovs: Vec<String>,
-    /// Default look of scenes without a scene file.
+    /// Look of scenes without a scene file where [`PictureSettings::look`] chooses none.
     #[cfg_attr(feature = "cli", arg(skip))]
-    pub look: Look,
+    pub mesh_look: Look,
     /// Options of the picture, which scene files have, too.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub picture: PictureSettings,
@@ -85,19 +85,6 @@ impl From<PictureSettings> for RenderSettings {
     fn from(picture: PictureSettings) -> Self {
         RenderSettings { picture, ..RenderSettings::default() }
     }
-}
-
-/// The default light, ground, background and sampling of scenes without a scene file.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Look {
-    /// A headlight and ambient light, on a dark background, with one sample a pixel.
-    #[default]
-    Draft,
-    /// Antialiasing; where files have no light, a key light and fill light; where they have no camera, too, a ground and
-    /// a light background. No light, ground or background where the settings choose one of environment, headlight, ground and
-    /// background.
-    Studio,
 }
 
 impl RenderSettings {
@@ -127,10 +114,16 @@ impl RenderSettings {
         self.with.iter().rev().find_map(|typed| typed.strip_prefix(effect.name())?.strip_prefix('='))
     }
 
+    /// The look of a scene.
+    pub(super) fn look(&self, scene: &Scene) -> Look {
+        let default = if scene.has_settings { Look::Draft } else { self.mesh_look };
+        self.picture.or(scene.picture).look.unwrap_or(default)
+    }
+
     /// How a fitted camera looks at a scene from a side, by these settings and those of the scene.
     pub(crate) fn framing(&self, view: StandardView, scene: &Scene) -> Framing {
         let mut framing = Framing::from(view);
-        if self.look == Look::Studio && !scene.has_settings {
+        if self.look(scene) == Look::Studio {
             framing.field_of_view = super::studio::FIELD_OF_VIEW;
         }
         framing.with(&self.picture.or(scene.picture))
@@ -145,13 +138,11 @@ impl RenderSettings {
         super::warn_of_dark_lights(scene, warnings);
         self.environment.apply(scene, warnings)?;
         scene.picture = self.picture.or(scene.picture);
-        if self.look == Look::Studio {
-            super::studio::complete(scene, self, warnings);
-        }
-        if scene.picture.ground != Some(true) {
+        super::studio::complete(scene, self, warnings);
+        if scene.picture.ground != Some(true) || scene.ground.is_some() {
             return Ok(());
         }
-        scene.ground = scene.bounds().and_then(Ground::under);
+        scene.ground = scene.bounds().and_then(|bounds| Ground::default().under(bounds));
         if scene.ground.is_some() {
             return Ok(());
         }

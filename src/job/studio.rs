@@ -8,14 +8,14 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::{EnvironmentSettings, RenderSettings};
+use super::RenderSettings;
 use crate::error::Warnings;
 use crate::film::colour::srgb_encode;
 use crate::film::tone::ToneMap;
 use crate::film::{Colour, ColourPipeline};
 use crate::scene::{
-    Environment, EnvironmentImage, EnvironmentSource, Fill, Ground, Noise, PictureSettings, Samples, Scene,
-    Transport,
+    Environment, EnvironmentImage, EnvironmentSource, Fill, Ground, Look, Noise, PictureSettings, Samples,
+    Scene, Transport,
 };
 use crate::world::KEY_IRRADIANCE;
 
@@ -40,9 +40,9 @@ pub(super) const PATH_SAMPLES: u32 = 64;
 /// Rows of the fill light as an image for path tracing.
 const ROWS: u32 = 64;
 
-/// Completes a scene by the default look: [`RenderSettings::look`].
+/// Completes a scene by the default look, each part on its own: sampling, light, tone map, ground and background.
 pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &mut Warnings) {
-    if scene.has_settings {
+    if settings.look(scene) == Look::Draft {
         return;
     }
     let most = match scene.transport() {
@@ -56,39 +56,53 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
     };
     scene.picture = scene.picture.or_look(sampled);
     let PictureSettings { shading, transport, light, ground, background, .. } = scene.picture;
-    let is_chosen = settings.environment != EnvironmentSettings::default()
-        || light.is_some()
-        || ground.is_some()
-        || background.is_some();
-    if is_chosen {
-        scene.ambient = Some(0.0);
-        return;
-    }
-    if !scene.lights.is_empty() || !shading.unwrap_or_default().uses_lights() {
-        return;
-    }
+    let is_lit = scene.lights.is_empty() && shading.unwrap_or_default().uses_lights();
     let pipeline = scene.picture.pipeline();
-    scene.ambient = Some(0.0);
-    scene.has_key_light = true;
-    if pipeline == ColourPipeline::Linear {
-        scene.picture.tone_map = scene.picture.tone_map.or(Some(ToneMap::PbrNeutral));
-    }
-    if transport.is_some_and(Transport::traces_paths) {
-        scene.environment = Some(environment_of(FILL));
-    } else {
-        scene.fill = Some(FILL);
-    }
-    if settings.camera.is_of_file(scene) {
+    let has_environment = scene.environment.is_some();
+    scene.has_key_light = is_lit && light.is_none() && !has_environment;
+    if is_lit {
+        scene.ambient = scene.ambient.or(Some(0.0));
         if pipeline == ColourPipeline::Linear {
-            scene.background = scene.background.or(Some(Colour::Linear(DARK_BACKGROUND)));
+            scene.picture.tone_map = scene.picture.tone_map.or(Some(ToneMap::PbrNeutral));
         }
-        warnings
-            .note("no light in the files: a key light and fill light are added; --draft adds a headlight");
-        return;
     }
-    scene.ground = scene.bounds().and_then(Ground::under).map(|g| Ground { albedo: GROUND_ALBEDO, ..g });
-    scene.background = Some(background_colour(pipeline));
-    warnings.note("no light in the files: light, ground and background are added; --draft adds a headlight");
+    if scene.has_key_light {
+        if transport.is_some_and(Transport::traces_paths) {
+            scene.environment = Some(environment_of(FILL));
+        } else {
+            scene.fill = Some(FILL);
+        }
+    }
+    let is_of_file = settings.camera.is_of_file(scene);
+    // A visible environment has a horizon of its own.
+    let is_open = scene.environment.as_ref().is_none_or(|environment| environment.is_hidden);
+    let has_studio = is_lit && !is_of_file && is_open;
+    if ground.unwrap_or(has_studio) {
+        let look = Ground { albedo: GROUND_ALBEDO, is_hidden_from_below: true, ..Ground::default() };
+        scene.ground = scene.bounds().and_then(|bounds| look.under(bounds));
+        scene.picture.ground = ground.or(scene.ground.map(|_| true));
+    }
+    if has_studio || is_lit && scene.ground.is_some() {
+        scene.background = Some(background_colour(pipeline));
+    } else if is_lit && pipeline == ColourPipeline::Linear {
+        scene.background = Some(Colour::Linear(DARK_BACKGROUND));
+    }
+    let added = [
+        (scene.has_key_light, "light"),
+        (ground.is_none() && scene.ground.is_some(), "ground"),
+        (has_studio && background.is_none(), "background"),
+    ];
+    let added: Vec<&str> = added.iter().filter(|(is_added, _)| *is_added).map(|(_, name)| *name).collect();
+    if let Some((last, before)) = added.split_last() {
+        let camera = if is_of_file { "" } else { " and no camera" };
+        let (before, verb) = match before {
+            [] => (String::new(), "is"),
+            _ => (format!("{} and ", before.join(", ")), "are"),
+        };
+        warnings.note(format!(
+            "no light{camera} in the files: {before}{last} {verb} added; --draft adds a headlight"
+        ));
+    }
 }
 
 /// The colour of the ground where nothing shades it.
@@ -115,6 +129,7 @@ mod tests {
     use super::*;
     use crate::film::tone::DisplayTransform;
     use crate::geometry::Sphere;
+    use crate::job::EnvironmentSettings;
     use crate::scene::{Background, Camera, Headlight, Light, MaterialId, Object, Shape};
     use crate::world::headlight;
 
@@ -129,7 +144,7 @@ mod tests {
     }
 
     fn completed(mut scene: Scene, settings: &RenderSettings) -> Scene {
-        let settings = RenderSettings { look: super::super::Look::Studio, ..settings.clone() };
+        let settings = RenderSettings { mesh_look: Look::Studio, ..settings.clone() };
         scene.picture = settings.picture;
         complete(&mut scene, &settings, &mut Warnings::default());
         scene
@@ -159,27 +174,63 @@ mod tests {
         assert_eq!(parts(&completed(Scene { has_settings: true, ..ball() }, &none)), [false; 4]);
     }
 
-    /// Each of the settings that choose a part leaves out the others, and constant ambient light.
+    /// Each of the settings that choose a part changes that part alone.
     #[test]
-    fn a_choice_turns_the_rest_off() {
+    fn parts_are_independent() {
         let none = PictureSettings::default;
-        let sky = EnvironmentSettings { environment: Some("sky".into()), ..EnvironmentSettings::default() };
-        for settings in [
-            RenderSettings { environment: sky, ..RenderSettings::default() },
-            PictureSettings { light: Some(Headlight::Head), ..none() }.into(),
-            PictureSettings { ground: Some(true), ..none() }.into(),
-            PictureSettings { background: Some(Background::Transparent), ..none() }.into(),
-        ] {
-            let scene = completed(ball(), &settings);
-            assert_eq!(
-                (parts(&scene), scene.ambient),
-                ([false, false, false, true], Some(0.0)),
-                "{settings:?}"
-            );
+        let parts_of = |settings: &RenderSettings| {
+            let scene = completed(ball(), settings);
+            assert_eq!((scene.ambient, scene.picture.tone_map), (Some(0.0), Some(ToneMap::PbrNeutral)));
+            parts(&scene)
+        };
+        let environment = |hide: bool| EnvironmentSettings {
+            environment: Some("sky".into()),
+            hide_environment: Some(hide),
+            ..EnvironmentSettings::default()
+        };
+        let lit_by =
+            |hide: bool| RenderSettings { environment: environment(hide), ..RenderSettings::default() };
+        // An environment that is seen is the background.
+        let mut sky = ball();
+        lit_by(false).environment.apply(&mut sky, &mut Warnings::default()).unwrap();
+        assert_eq!(parts(&completed(sky, &lit_by(false)))[..2], [false; 2]);
+        let mut hidden = ball();
+        lit_by(true).environment.apply(&mut hidden, &mut Warnings::default()).unwrap();
+        assert_eq!(parts(&completed(hidden, &lit_by(true))), [false, true, true, true]);
+        for light in [Headlight::Head, Headlight::None] {
+            let chosen = PictureSettings { light: Some(light), ..none() };
+            assert_eq!(parts_of(&chosen.into()), [false, true, true, true]);
         }
-        let sampled = PictureSettings { samples: Some(Samples::clamped(3)), ..none() };
-        let scene = completed(ball(), &sampled.into());
-        assert_eq!(parts(&scene), [true, true, true, false]);
+        for (ground, has_ground) in [(true, true), (false, false)] {
+            let chosen = PictureSettings { ground: Some(ground), ..none() };
+            assert_eq!(parts_of(&chosen.into()), [true, has_ground, true, true]);
+        }
+        let chosen = PictureSettings { background: Some(Background::Transparent), ..none() };
+        assert_eq!(parts_of(&chosen.into()), [true; 4]);
+        let chosen = PictureSettings { samples: Some(Samples::clamped(3)), ..none() };
+        assert_eq!(parts_of(&chosen.into()), [true, true, true, false]);
+        // Under the camera of a file a ground brings its background.
+        let ground = PictureSettings { ground: Some(true), ..none() };
+        let with_camera = completed(Scene { cameras: vec![camera()], ..ball() }, &ground.into());
+        assert_eq!(with_camera.background, Some(background_colour(ColourPipeline::Linear)));
+    }
+
+    /// A scene file has the look if it says so, a mesh unless `--draft` says otherwise.
+    #[test]
+    fn the_look_is_chosen() {
+        let of = |has_settings, look: Option<Look>| {
+            let picture = PictureSettings { look, ..PictureSettings::default() };
+            let scene = Scene { has_settings, background: Some(Colour::from_u8([0; 3])), ..ball() };
+            parts(&completed(scene, &picture.into()))[0]
+        };
+        assert_eq!(
+            [None, Some(Look::Studio), Some(Look::Draft)].map(|look| of(true, look)),
+            [false, true, false]
+        );
+        assert_eq!(
+            [None, Some(Look::Studio), Some(Look::Draft)].map(|look| of(false, look)),
+            [true, true, false]
+        );
     }
 
     /// Displayed by the tone map, the dark background is that of other scenes.

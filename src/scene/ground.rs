@@ -22,14 +22,23 @@ pub struct Ground {
     pub half_side: f64,
     /// Its albedo, of all channels.
     pub albedo: f64,
+    /// Whether it is left out where the camera is not above it.
+    pub is_hidden_from_below: bool,
+}
+
+/// A ground that is asked for, without a size.
+impl Default for Ground {
+    fn default() -> Self {
+        Ground { centre: DVec3::ZERO, half_side: 0.0, albedo: ALBEDO, is_hidden_from_below: false }
+    }
 }
 
 impl Ground {
-    /// The ground under a bounding box, whose radius is half its diagonal. `None` for a box without size.
-    pub fn under((min, max): (DVec3, DVec3)) -> Option<Self> {
+    /// This ground under a bounding box, whose radius is half its diagonal. `None` for a box without size.
+    pub fn under(self, (min, max): (DVec3, DVec3)) -> Option<Self> {
         let (middle, radius) = (min / 2.0 + max / 2.0, (max / 2.0 - min / 2.0).length());
         let centre = DVec3::new(middle.x, min.y - GAP * radius, middle.z);
-        let ground = Ground { centre, half_side: REACH * radius, albedo: ALBEDO };
+        let ground = Ground { centre, half_side: REACH * radius, ..self };
         (radius > 0.0 && ground.half_side.is_finite()).then_some(ground)
     }
 }
@@ -41,7 +50,8 @@ mod tests {
     /// A box of 2 by 4 by 4 has the radius 3.
     #[test]
     fn the_ground_is_under_the_box() {
-        let ground = Ground::under((DVec3::new(1.0, -5.0, 0.0), DVec3::new(3.0, -1.0, 4.0))).unwrap();
+        let bounds = (DVec3::new(1.0, -5.0, 0.0), DVec3::new(3.0, -1.0, 4.0));
+        let ground = Ground::default().under(bounds).unwrap();
         assert_eq!((ground.centre.x, ground.centre.z, ground.half_side), (2.0, 2.0, 60.0));
         assert!(ground.centre.y < -5.0 && ground.centre.y > -5.001);
     }
@@ -49,7 +59,7 @@ mod tests {
     #[test]
     fn a_point_has_no_ground() {
         for (min, max) in [(DVec3::ONE, DVec3::ONE), (-DVec3::MAX, DVec3::MAX), (DVec3::NAN, DVec3::ONE)] {
-            assert_eq!(Ground::under((min, max)), None);
+            assert_eq!(Ground::default().under((min, max)), None);
         }
     }
 }

@@ -72,8 +72,8 @@ pub use material::{
 };
 pub use option::OptionValue;
 pub use picture::{
-    Background, Clamp, FieldOfView, FilterRadius, Headlight, Noise, PictureSettings, Rotation, Samples, Side,
-    Zoom,
+    Background, Clamp, FieldOfView, FilterRadius, Headlight, Look, Noise, PictureSettings, Rotation, Samples,
+    Side, Zoom,
 };
 pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
 pub use sampling::{MAX_SAMPLES, PixelSampler, Sampling};

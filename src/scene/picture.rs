@@ -24,6 +24,10 @@ options! {
         [skip] width: Side,
         /// Height in pixels.
         [skip] height: Side,
+        /// Look: `studio` adds antialiasing, light, tone map, ground and background, each where the scene has none and no
+        /// option chooses it; `draft` adds a headlight where there is no light [default: studio for meshes, draft for
+        /// scene files]
+        [skip] look: Look,
         /// Rotation of the automatic camera about the scene's vertical, in degrees to the right of --view [default: 0]
         [long, help_heading = group::CAMERA, display_order = 1, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()] azimuth: Rotation,
         /// Rotation of the automatic camera upwards from --view, in degrees, as far as straight above or below [default: 0]
@@ -75,7 +79,7 @@ options! {
         /// meshes without lights, else none]
         [long, help_heading = group::LOOK, display_order = 4, value_name = "CURVE", value_parser = parser::<ToneMap>()] tone_map: ToneMap,
         /// Light of scenes without lights: a headlight (in scene files true) or none (false) [default: key light and fill
-        /// light for meshes, headlight for scene files]
+        /// light with the look `studio`, else a headlight]
         #[serde(rename = "headlight")]
         [long, help_heading = group::LIGHT, value_parser = parser::<Headlight>()] light: Headlight,
         /// Grey ground square under the objects, which automatic cameras ignore [default: true for meshes without
@@ -107,6 +111,21 @@ ranged! {
     /// A radiance above 0.
     Clamp(f64, "f64") in f64::MIN_POSITIVE..=f64::MAX, "give a radiance above 0, such as 10; 1 is white";
 }
+
+/// What a picture gets that neither the scene nor an option says.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Look {
+    /// A headlight and ambient light, on a dark background, with one sample a pixel.
+    #[default]
+    Draft,
+    /// Antialiasing; light and a tone map where files have no light; where they have no camera, too, a ground and a light
+    /// background.
+    Studio,
+}
+
+names!(Look { Draft = "draft", Studio = "studio" });
+named_values!(Look);
 
 /// The light of a scene without lights; a boolean in scene files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -313,6 +332,7 @@ mod tests {
             elevation: Some(Rotation(10.0)),
             zoom: Some(Zoom(1.5)),
             fov: Some(FieldOfView(24.0)),
+            look: Some(Look::Studio),
             numerics: Some(Numerics::Double),
             shading: Some(ShadingMode::Flat),
             transport: Some(Transport::Path),
@@ -338,6 +358,7 @@ mod tests {
             elevation: Some(Rotation(-90.0)),
             zoom: Some(Zoom(1e-3)),
             fov: Some(FieldOfView(170.0)),
+            look: Some(Look::Draft),
             numerics: Some(Numerics::Exact),
             shading: Some(ShadingMode::Ambient),
             transport: Some(Transport::Whitted),
@@ -407,7 +428,7 @@ mod tests {
         }
     }
 
-    /// The settings of an option of the command line. Width and height are set by `--size`.
+    /// The settings of an option of the command line. Width and height are set by `--size`, the look by `--draft`.
     #[cfg(feature = "cli")]
     fn typed(name: &str, text: &str) -> PictureSettings {
         #[derive(clap::Parser)]
@@ -418,6 +439,7 @@ mod tests {
         match name {
             "width" => PictureSettings { width: Side::parse(text).ok(), ..PictureSettings::default() },
             "height" => PictureSettings { height: Side::parse(text).ok(), ..PictureSettings::default() },
+            "look" => PictureSettings { look: Look::parse(text).ok(), ..PictureSettings::default() },
             _ => {
                 let line = <Line as clap::Parser>::try_parse_from(["kiln", &format!("--{name}={text}")]);
                 line.unwrap_or_else(|e| panic!("{e}")).picture

@@ -6,9 +6,9 @@
 use std::path::{Path, PathBuf};
 
 use super::request::{CameraSource, given};
-use crate::job::{Look, RenderSettings};
+use crate::job::RenderSettings;
 use crate::scene::{
-    Camera, Clip, ImportOptions, PictureSettings, Projection, Scene, default_size, shell_quoted,
+    Camera, Clip, ImportOptions, Look, PictureSettings, Projection, Scene, default_size, shell_quoted,
 };
 use crate::world::StandardView;
 
@@ -82,7 +82,8 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
     settings.with.iter().for_each(|effect| option("--with", effect));
     settings.without.iter().for_each(|effect| option("--without", effect));
     let colour = settings.picture.colour.or(scene.picture.colour);
-    let own = PictureSettings { width: None, height: None, colour, ..settings.picture }.displayable();
+    let own =
+        PictureSettings { width: None, height: None, look: None, colour, ..settings.picture }.displayable();
     let defaults = scene.picture.or(PictureSettings::defaults()).entries();
     let changed = own.entries().into_iter().filter(|entry| !defaults.contains(entry));
     for (name, value) in changed.chain(settings.environment.entries()) {
@@ -97,7 +98,9 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
         option(&format!("--{name}"), value);
     }
     words.extend(import.iter().filter(|(_, value)| value.is_none()).map(|(name, _)| format!("--{name}")));
-    if settings.look == Look::Draft && !scene.has_settings {
+    let default = if scene.has_settings { Look::Draft } else { Look::Studio };
+    let is_draft = settings.picture.look.unwrap_or(settings.mesh_look) == Look::Draft;
+    if is_draft && scene.picture.look.unwrap_or(default) == Look::Studio {
         words.push("--draft".to_owned());
     }
     words
@@ -176,7 +179,7 @@ mod tests {
     static NO_IMPORT_OPTIONS: LazyLock<ImportOptions> = LazyLock::new(ImportOptions::default);
 
     static STUDIO: LazyLock<RenderSettings> =
-        LazyLock::new(|| RenderSettings { look: Look::Studio, ..RenderSettings::default() });
+        LazyLock::new(|| RenderSettings { mesh_look: Look::Studio, ..RenderSettings::default() });
 
     /// Arguments into which `sh` splits the line.
     fn read_by_sh(line: &str) -> Vec<String> {
@@ -276,7 +279,7 @@ mod tests {
         let command = RenderCommand { settings: &settings, import_options: &import, ..plain };
         assert_eq!(arguments(&command)[5..].join(" "), format!("{options} --draft"));
         // What the scene says is not repeated; a size and a limit are.
-        settings = RenderSettings { look: Look::Studio, ..of_scene.into() };
+        settings = RenderSettings { mesh_look: Look::Studio, ..of_scene.into() };
         let import = ImportOptions { limits: Limits::DEFAULT.with(Counted::Nodes, 7), ..Default::default() };
         let command =
             RenderCommand { settings: &settings, import_options: &import, size: [320, 200], ..plain };

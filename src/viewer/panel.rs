@@ -11,10 +11,10 @@ use super::request::{CameraSource, Opened};
 use crate::effects::{Decision, EFFECTS, RayKind, id};
 use crate::film::tone::{Exposure, MAX_EXPOSURE, ToneMap};
 use crate::film::{ColourPipeline, FilterShape};
-use crate::job::{Look, RenderSettings};
+use crate::job::RenderSettings;
 use crate::render::grouped;
 use crate::scene::{
-    Background, Camera, ColourValue, Headlight, Numerics, OptionValue, Projection, Samples, Sampling,
+    Background, Camera, ColourValue, Headlight, Look, Numerics, OptionValue, Projection, Samples, Sampling,
     ShadingMode,
 };
 use crate::world::StandardView;
@@ -174,6 +174,7 @@ fn comparison(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
 /// Light, ground and background, as the options of `kiln render` choose them.
 fn look(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
     let has_settings = contents.opened.scene.has_settings;
+    let shown = contents.rendered[controls.side].map(|rendered| rendered.prepared.job.settings.picture);
     let settings = controls.settings();
     let own = if has_settings || !contents.opened.scene.lights.is_empty() { "the file's" } else { "studio" };
     let mut light = LightChoice::of(settings);
@@ -200,10 +201,10 @@ fn look(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
         if has_colour && ui.color_edit_button_srgb(&mut colour).changed() {
             picture.background = Some(Background::Colour(ColourValue(colour)));
         }
-        let mut has_ground = picture.ground == Some(true);
+        let mut has_ground = picture.or(shown.unwrap_or_default()).ground == Some(true);
         let check = ui.checkbox(&mut has_ground, "ground").on_hover_text("a matt plane under the scene");
         if check.changed() {
-            picture.ground = has_ground.then_some(true);
+            picture.ground = Some(has_ground);
         }
     });
 }
@@ -228,12 +229,12 @@ impl LightChoice {
         [LightChoice::Own, LightChoice::Headlight, LightChoice::Sky, LightChoice::None];
 
     fn of(settings: &RenderSettings) -> Self {
-        match (settings.environment.environment.as_deref(), settings.picture.light, settings.look) {
+        match (settings.environment.environment.as_deref(), settings.picture.light, settings.picture.look) {
             (Some("sky"), ..) => LightChoice::Sky,
             (Some(_), ..) => LightChoice::Environment,
-            (None, Some(Headlight::Head), _) | (None, None, Look::Draft) => LightChoice::Headlight,
+            (None, Some(Headlight::Head), _) | (None, None, Some(Look::Draft)) => LightChoice::Headlight,
             (None, Some(Headlight::None), _) => LightChoice::None,
-            (None, None, Look::Studio) => LightChoice::Own,
+            (None, None, _) => LightChoice::Own,
         }
     }
 
@@ -258,8 +259,8 @@ impl LightChoice {
     }
 
     fn apply(self, settings: &mut RenderSettings) {
-        let RenderSettings { look, picture, environment, .. } = settings;
-        (*look, picture.light, environment.environment) = (Look::Studio, None, None);
+        let RenderSettings { picture, environment, .. } = settings;
+        (picture.look, picture.light, environment.environment) = (None, None, None);
         match self {
             LightChoice::Own | LightChoice::Environment => {}
             LightChoice::Headlight => picture.light = Some(Headlight::Head),

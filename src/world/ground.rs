@@ -25,7 +25,7 @@ mod tests {
 
     #[test]
     fn the_ground_is_counterclockwise_from_above() {
-        let ground = Ground { centre: DVec3::ONE, half_side: 2.0, albedo: 0.5 };
+        let ground = Ground { centre: DVec3::ONE, half_side: 2.0, ..Ground::default() };
         let Shape::Mesh(mesh) = object(&ground, MaterialId(0)).shape else { panic!("a mesh") };
         for triangle in mesh.triangles {
             let [a, b, c] = triangle.map(|i| mesh.positions[i as usize]);

@@ -5,9 +5,9 @@ use glam::DVec3;
 use kiln::error::Warnings;
 use kiln::film::Film;
 use kiln::film::tone::Exposure;
-use kiln::job::{Choices, Look, RenderControl, RenderJob, RenderSettings, prepare};
+use kiln::job::{Choices, RenderControl, RenderJob, RenderSettings, prepare};
 use kiln::render::aov::{self, AovSelection};
-use kiln::scene::{Camera, PictureSettings, Sampling, Transport};
+use kiln::scene::{Camera, Look, PictureSettings, Sampling, Transport};
 use std::path::{Path, PathBuf};
 
 /// A picture, and the greatest number of samples a pixel.
@@ -128,12 +128,12 @@ fn large(models: &Path) -> Vec<Case> {
         let picture = PictureSettings { exposure: Some(exposure), ..PictureSettings::default() };
         let settings = RenderSettings {
             camera: kiln::job::CameraChoice::Given(camera),
-            look: Look::Studio,
+            mesh_look: Look::Studio,
             ..picture.into()
         };
         Case { name, file: models.join("kitchen.obj"), settings, level: 0.02, most: 1024 }
     };
-    let studio = || RenderSettings { look: Look::Studio, ..RenderSettings::default() };
+    let studio = || RenderSettings { mesh_look: Look::Studio, ..RenderSettings::default() };
     let model = |name, file: &str, settings, level, most| Case {
         name,
         file: models.join(file),

@@ -10,9 +10,9 @@ use super::{FileNames, Lines};
 use crate::bvh::Description;
 use crate::effects::Decision;
 use crate::error::{Error, Result, Warnings};
-use crate::job::{self, Look, RenderSettings};
+use crate::job::{self, RenderSettings};
 use crate::limits::{self, Bytes};
-use crate::scene::{Attribute, Mesh, Object, Scene, Shape, shell_quoted};
+use crate::scene::{Attribute, Look, Mesh, Object, Scene, Shape, shell_quoted};
 
 /// Stored primitives up to which the acceleration structure is built to measure it, which takes a few seconds.
 const MOST_BUILT: usize = 4_000_000;
@@ -170,7 +170,7 @@ impl Rendering {
 fn build(scene: Scene, after_loading: &Memory, warnings: &mut Warnings) -> Result<Built> {
     limits::reset_peak_memory();
     let before = limits::resident_memory();
-    let settings = RenderSettings { look: Look::Studio, ..RenderSettings::default() };
+    let settings = RenderSettings { mesh_look: Look::Studio, ..RenderSettings::default() };
     let resolved = job::resolve(scene, &settings, warnings)?;
     let camera = resolved.recentering.map_or_else(
         || resolved.camera.to_inline(),

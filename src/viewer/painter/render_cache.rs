@@ -166,7 +166,7 @@ impl RenderCache {
             if key.is_below_ground {
                 scene.ground = None;
             }
-            let ground = scene.ground.filter(|_| scene.has_key_light);
+            let ground = scene.ground.filter(|ground| ground.is_hidden_from_below);
             let camera = scene.cameras.first().cloned().unwrap_or_else(|| placeholder_camera(&scene));
             let (pipeline, numerics) = (picture.pipeline(), picture.numerics.unwrap_or_default());
             let structure = Layout::Wide(key.settings.preset);
