@@ -141,11 +141,12 @@ impl TestConvergence {
             true => Integrand::Random,
             false => Integrand::Stratified,
         };
+        let catches = context.world.shadow_catcher().is_some();
         TestConvergence {
             sampler,
             criterion: Criterion::new(context.sampling),
             colour: integrand(context.spec.is_random),
-            alpha: integrand(context.spec.continued.is_some()),
+            alpha: integrand(context.spec.continued.is_some() || catches && context.spec.is_random),
         }
     }
 }

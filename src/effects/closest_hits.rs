@@ -37,7 +37,8 @@ impl Stage for ClosestHits {
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
         let world = context.world;
         let is_first = self.find_hits(tile, world);
-        let Tile { generations, current, depth, camera_hits, visible_objects, recorder, coverage, .. } = tile;
+        let Tile { generations, current, depth, camera_hits, visible_objects, recorder, coverage, caught, .. } =
+            tile;
         let generation = &mut generations[*current];
         world.interactions(&generation.rays, &generation.hits, &mut generation.surfaces);
         if *depth == 0 {
@@ -50,6 +51,11 @@ impl Stage for ClosestHits {
                 coverage.clear();
                 coverage.resize(generation.rays.len(), 0.0);
                 camera_hits.iter().for_each(|&ray| coverage[ray as usize] = 1.0);
+                let surfaces = &generation.surfaces;
+                let is_caught = |i: &usize| world.shadow_catcher() == Some(surfaces.objects()[*i]);
+                let found = (0..surfaces.len()).filter(is_caught);
+                caught.clear();
+                caught.extend(found.map(|i| (surfaces.ray_of()[i], surfaces.position.get(i))));
             }
         }
         // A further layer has the rays of the first.

@@ -19,6 +19,7 @@ pub mod random;
 mod ray_origins;
 pub mod region;
 pub mod samples;
+mod shadow_catcher;
 mod texture_points;
 pub mod tile;
 pub mod transparency;

@@ -6,6 +6,8 @@
 
 use std::any::Any;
 
+use glam::DVec3;
+
 use super::RayKind;
 use crate::bvh::Traversal;
 use crate::film::{DisplayTransform, Window};
@@ -81,6 +83,9 @@ pub struct Tile {
     /// For each camera ray, then for each pixel, the part of it that surfaces cover; `None` for pictures without an
     /// alpha channel.
     pub coverage: Option<Vec<f32>>,
+    /// The camera rays that hit a ground of which the picture shows the shadows alone, and where
+    /// ([`super::shadow_catcher`]); empty without `coverage`.
+    pub caught: Vec<(u32, DVec3)>,
     /// Whether the stages have to run again, for further samples.
     pub needs_more_samples: bool,
     /// Samples taken for each finished pixel; empty where each has one.

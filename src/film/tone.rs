@@ -91,6 +91,24 @@ impl DisplayTransform {
         }
     }
 
+    /// The light that is displayed as `displayed`, a displayed linear colour: the inverse of [`DisplayTransform::apply`].
+    /// Of colours that the tone map cannot display, light near them. `None` for tone maps without a closed inverse.
+    pub fn light_of(self, displayed: DVec3) -> Option<DVec3> {
+        match self.tone_map {
+            ToneMap::None => Some(displayed / self.scale),
+            ToneMap::PbrNeutral => Some(curves::pbr_neutral_inverse(displayed) / self.scale),
+            ToneMap::Agx | ToneMap::Filmic => None,
+        }
+    }
+
+    /// Light that is displayed as a surface before a backdrop: `light` of the surface times the part that it covers, and
+    /// the displayed linear colour of the backdrop. With tone maps without a closed inverse the backdrop is light, too.
+    pub fn over(self, light: DVec3, coverage: f64, backdrop: DVec3) -> DVec3 {
+        let behind = backdrop * (1.0 - coverage);
+        let own = if coverage > 0.0 { self.apply(light / coverage) * coverage } else { DVec3::ZERO };
+        self.light_of(own + behind).unwrap_or(light + behind)
+    }
+
     /// Display values of a colour in the encoding of `pipeline`, 0 to 1, before quantisation.
     pub fn displayed(self, pipeline: ColourPipeline, colour: DVec3) -> DVec3 {
         let colour = if self.is_identity() { colour } else { self.apply(colour) };

@@ -11,10 +11,10 @@ use glam::DVec3;
 use super::RenderSettings;
 use crate::error::Warnings;
 use crate::film::colour::srgb_encode;
-use crate::film::tone::ToneMap;
+use crate::film::tone::{DisplayTransform, ToneMap};
 use crate::film::{Colour, ColourPipeline};
 use crate::scene::{
-    Environment, EnvironmentImage, EnvironmentSource, Fill, Ground, Look, Noise, PictureSettings, Samples,
+    Background, Environment, EnvironmentImage, EnvironmentSource, Fill, Ground, Look, Noise, OptionValue, PictureSettings, Samples,
     Scene, Transport,
 };
 use crate::world::KEY_IRRADIANCE;
@@ -59,11 +59,12 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
     let is_lit = scene.lights.is_empty() && shading.unwrap_or_default().uses_lights();
     let pipeline = scene.picture.pipeline();
     let has_environment = scene.environment.is_some();
+    scene.has_backdrop = background.is_some();
     scene.has_key_light = is_lit && light.is_none() && !has_environment;
     if is_lit {
         scene.ambient = scene.ambient.or(Some(0.0));
-        if pipeline == ColourPipeline::Linear {
-            scene.picture.tone_map = scene.picture.tone_map.or(Some(ToneMap::PbrNeutral));
+        if pipeline == ColourPipeline::Linear && scene.picture.tone_map.is_none() {
+            scene.picture.tone_map = Some(tone_map(background, warnings));
         }
     }
     if scene.has_key_light {
@@ -105,6 +106,22 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
     }
 }
 
+/// The tone map before a background: none where it cannot display that.
+fn tone_map(background: Option<Background>, warnings: &mut Warnings) -> ToneMap {
+    let shown = DisplayTransform::new(0.0, ToneMap::PbrNeutral);
+    if let Some(background @ Background::Colour(colour)) = background {
+        let light = shown.light_of(background.colour().to_pipeline(ColourPipeline::Linear)).unwrap_or_default();
+        if shown.encode(ColourPipeline::Linear, light.as_vec3().to_array()) != colour.0 {
+            warnings.note(format!(
+                "the default tone map displays no colour as saturated as the background {}; left out",
+                background.text()
+            ));
+            return ToneMap::None;
+        }
+    }
+    ToneMap::PbrNeutral
+}
+
 /// The colour of the ground where nothing shades it.
 fn background_colour(pipeline: ColourPipeline) -> Colour {
     let light = KEY_IRRADIANCE + FILL.diffuse(DVec3::Y);
@@ -127,10 +144,9 @@ fn environment_of(fill: Fill) -> Environment {
 mod tests {
     use super::super::CameraChoice;
     use super::*;
-    use crate::film::tone::DisplayTransform;
     use crate::geometry::Sphere;
     use crate::job::EnvironmentSettings;
-    use crate::scene::{Background, Camera, Headlight, Light, MaterialId, Object, Shape};
+    use crate::scene::{Camera, ColourValue, Headlight, Light, MaterialId, Object, Shape};
     use crate::world::headlight;
 
     fn ball() -> Scene {
@@ -238,6 +254,14 @@ mod tests {
     fn the_dark_background_is_displayed_as_without_a_tone_map() {
         let shown = DisplayTransform::new(0.0, ToneMap::PbrNeutral);
         assert_eq!(shown.encode(ColourPipeline::Linear, DARK_BACKGROUND.as_vec3().to_array()), [32, 34, 38]);
+    }
+
+    /// Greys and white are displayed as the background, as is what is not too saturated; red is not.
+    #[test]
+    fn a_background_that_the_tone_map_cannot_display_turns_it_off() {
+        let of = |colour| tone_map(Some(Background::Colour(ColourValue(colour))), &mut Warnings::default());
+        assert_eq!([[255; 3], [0; 3], [32, 34, 38], [70, 130, 180]].map(of), [ToneMap::PbrNeutral; 4]);
+        assert_eq!([[255, 0, 0], [255, 128, 0]].map(of), [ToneMap::None; 2]);
     }
 
     /// Paths have the same fill light, as an environment: the irradiance of a surface that faces up, over pi.

@@ -13,6 +13,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Instant;
 
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::effects::Plan;
@@ -80,7 +81,7 @@ pub fn render_displayed<P: Pixel>(
             return;
         }
         let taken = idle.lock().ok().and_then(|mut idle| idle.pop());
-        let mut worker = taken.unwrap_or_else(|| Box::new(Worker::new(plan, P::HAS_ALPHA)));
+        let mut worker = taken.unwrap_or_else(|| Box::new(Worker::new(plan, P::HAS_ALPHA || context.world.backdrop.is_some())));
         render_tile(plan, context, &mut tile, &mut worker, control);
         if let Ok(mut idle) = idle.lock() {
             idle.push(worker);
@@ -114,6 +115,14 @@ impl Worker {
     }
 }
 
+/// Puts the colours of pixels before a backdrop, each with the part of it that it covers.
+fn put_before(backdrop: DVec3, display: DisplayTransform, colours: &mut [[f32; 3]], coverage: &[f32]) {
+    for (colour, &part) in colours.iter_mut().zip(coverage).filter(|(_, part)| **part < 1.0) {
+        let before = display.over(Vec3::from(*colour).as_dvec3(), part.into(), backdrop);
+        *colour = before.as_vec3().to_array();
+    }
+}
+
 /// Renders a tile: runs the stages of the plan, repeatedly while more samples are needed, then converts the pixels for
 /// the film.
 fn render_tile<P: Pixel>(
@@ -142,8 +151,14 @@ fn render_tile<P: Pixel>(
             return;
         }
     }
-    P::set_alpha(film.pixels, tile.coverage.as_deref().unwrap_or_default());
-    let colours = &tile.pixels;
+    let Tile { pixels: colours, coverage, .. } = tile;
+    if let Some(coverage) = coverage {
+        coverage.iter_mut().for_each(|part| *part = part.clamp(0.0, 1.0));
+        P::set_alpha(film.pixels, coverage);
+        if let (Some(backdrop), false) = (context.world.backdrop, P::HAS_ALPHA) {
+            put_before(backdrop, context.display, colours, coverage);
+        }
+    }
     non_finite.extend(simd!(film::non_finite(film.window, colours)));
     // Pipeline and identity are passed as constants, so that the loop has no branch on them. `U8` develops as `Display` does.
     let none = DisplayTransform::default();

@@ -68,6 +68,7 @@ impl Fingerprint {
             // A light of the picture.
             has_key_light: _,
             ground,
+            has_backdrop,
             has_physical_lights: _,
         } = scene;
         self.value("picture", &(picture.described().entries(), background, ambient));
@@ -98,6 +99,9 @@ impl Fingerprint {
         }
         if let Some(ground) = ground {
             self.value("ground", ground);
+        }
+        if *has_backdrop {
+            self.bytes("backdrop", &[]);
         }
         // The places in files are not hashed.
         effects.iter().for_each(|(name, value, _)| self.value("effect", &(name, value)));

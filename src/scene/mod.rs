@@ -142,6 +142,9 @@ pub struct Scene {
     pub has_key_light: bool,
     /// The ground under the scene, as it is under the objects before anything moves.
     pub ground: Option<Ground>,
+    /// Whether the background is a backdrop: put behind the picture after exposure and tone map, in the colour that it
+    /// has without them. The ground then shows its shadows alone, on the backdrop.
+    pub has_backdrop: bool,
     /// Whether lights are in physical units (candela, lux), so that pictures may need an exposure.
     pub has_physical_lights: bool,
 }
@@ -346,6 +349,7 @@ impl Scene {
             has_settings,
             has_key_light,
             ground,
+            has_backdrop,
             has_physical_lights,
         } = other;
         let (first_material, first_image) = (self.materials.len() as u32, self.images.len() as u32);
@@ -365,6 +369,7 @@ impl Scene {
         self.has_settings |= has_settings;
         self.has_key_light |= has_key_light;
         self.ground = self.ground.or(ground);
+        self.has_backdrop |= has_backdrop;
         self.has_physical_lights |= has_physical_lights;
         self.images.extend(images);
         self.materials.extend(materials.into_iter().map(|mut material| {

@@ -84,8 +84,10 @@ pub struct World {
     pub(crate) fill: Option<Fill>,
     /// The diagonal of the box around the objects, without the ground and lights with an area.
     pub(crate) diagonal: f64,
-    /// The colour of rays that hit nothing, in the numbers of the pipeline.
+    /// The colour of rays that hit nothing, in the numbers of the pipeline; black with a backdrop.
     pub background: DVec3,
+    /// The colour behind the picture, in the numbers of the pipeline: [`Scene::has_backdrop`].
+    pub(crate) backdrop: Option<DVec3>,
     /// The environment.
     pub(crate) environment: Option<Arc<PreparedEnvironment>>,
     /// The emissive surfaces.
@@ -167,6 +169,7 @@ impl World {
         numerics: Numerics,
     ) -> World {
         let background = scene.background().unwrap_or(fit::BACKGROUND).to_pipeline(pipeline);
+        let backdrop = scene.has_backdrop.then_some(background);
         let diagonal = scene.bounds().map_or(0.0, |(min, max)| min.distance(max));
         let to_pipeline = |material: Material| material.map_colours(|colour| colour.to_pipeline(pipeline));
         let mut materials: Vec<PreparedMaterial> =
@@ -218,7 +221,8 @@ impl World {
             ambient: scene.ambient.unwrap_or(DEFAULT_AMBIENT),
             fill: scene.fill,
             diagonal,
-            background,
+            background: if backdrop.is_some() { DVec3::ZERO } else { background },
+            backdrop,
             too_small,
             primitive_count,
         }
@@ -238,6 +242,11 @@ impl World {
     #[inline]
     pub(crate) fn ambient_at(&self, normal: DVec3) -> f64 {
         self.ambient + self.fill.map_or(0.0, |fill| fill.diffuse(normal))
+    }
+
+    /// The index of the object that shows its shadows alone, the ground before a backdrop.
+    pub(crate) fn shadow_catcher(&self) -> Option<u32> {
+        self.ground.filter(|_| self.backdrop.is_some())
     }
 
     /// The materials that objects use.

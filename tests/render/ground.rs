@@ -5,8 +5,9 @@ use crate::path::{check_settings, mean, render, settings};
 use glam::DVec3;
 use kiln::error::Warnings;
 use kiln::job::metadata::fingerprint_of;
-use kiln::job::{RenderJob, RenderSettings, prepare};
-use kiln::scene::{PictureSettings, Scene};
+use kiln::film::ColourPipeline;
+use kiln::job::{RenderControl, RenderJob, RenderSettings, prepare};
+use kiln::scene::{Background, ColourValue, Look, PictureSettings, Scene, Transport};
 
 /// A ball of radius 1 that touches the plane y = 0, under a light straight above. Its box has the radius sqrt 3.
 const BALL: &str = "[[sphere]]\ncentre = [0, 1, 0]\nradius = 1\n\
@@ -81,5 +82,69 @@ fn the_ground_of_a_recentered_scene() {
         let scene = placed(parse(&at(1.05)), scale, offset);
         let (seen, _) = mean(&render(scene, &settings(1, 1)));
         assert!((seen - 0.4).abs() < 1e-6, "{scale} {offset}: {seen}");
+    }
+}
+
+/// The transparent picture of a mesh's default look over a colour is the picture before that background: the light is
+/// the same, and so are the shadows on the ground. Alpha is of displayed linear light, so the sum is exact but for f32,
+/// and for white, which stands for 0.9975: 0.0025.
+#[test]
+fn a_transparent_picture_over_a_colour_is_that_before_the_colour() {
+    let studio = |background: Option<Background>, transport| {
+        let size = PictureSettings::of_size([32, 32]);
+        let picture = PictureSettings { background, transport, ..size };
+        job(mesh(), &RenderSettings { mesh_look: Look::Studio, ..picture.into() })
+    };
+    for transport in [None, Some(Transport::Path)] {
+        let transparent = studio(Some(Background::Transparent), transport);
+        let (film, _) = transparent.render::<[f32; 4]>(&RenderControl::default()).unwrap();
+        let display = transparent.display().known();
+        let shadows = film.rows().filter(|&[r, g, b, alpha]| [r, g, b] == [0.0; 3] && alpha > 0.1).count();
+        assert!(shadows > 10, "{shadows} pixels of shadow");
+        for colour in [[255; 3], [70, 130, 180]] {
+            let background = Background::Colour(ColourValue(colour));
+            let (before, _) =
+                studio(Some(background), transport).render::<[f32; 3]>(&RenderControl::default()).unwrap();
+            let backdrop = background.colour().to_pipeline(ColourPipeline::Linear);
+            for ([r, g, b, alpha], shown) in film.rows().zip(before.rows()) {
+                let alpha = f64::from(alpha);
+                let own = DVec3::new(r.into(), g.into(), b.into());
+                let own = if alpha > 0.0 { display.apply(own / alpha) * alpha } else { DVec3::ZERO };
+                let expected = own + backdrop * (1.0 - alpha);
+                let shown = display.apply(DVec3::from(shown.map(f64::from)));
+                assert!((shown - expected).abs().max_element() < 0.0026, "{colour:?}: {shown} {expected}");
+            }
+            // The corner shows the colour itself.
+            let corner = display.encode(ColourPipeline::Linear, before.pixel(0, 0));
+            assert_eq!(corner, colour);
+        }
+    }
+}
+
+/// A ball as a scene without a scene file.
+fn mesh() -> Scene {
+    Scene { has_settings: false, picture: PictureSettings::default(), ..parse(BALL.split("[[light]]").next().unwrap()) }
+}
+
+/// Before a transparent background the alpha of the ground is the part of its light that is missing: none beside the
+/// ball, the part of the light in its shadow. Without ambient light, all of it.
+#[test]
+fn the_alpha_of_a_shadow_is_the_missing_light() {
+    let alpha = |text: &str, settings: &RenderSettings| {
+        let text = text.replace("[image]\n", "[image]\nlook = 'studio'\n").replace("#ffffff", "transparent");
+        let job = job(parse(&text), settings);
+        let (film, _) = job.render::<[f32; 4]>(&RenderControl::default()).unwrap();
+        let count = film.rows().count();
+        film.rows().map(|pixel| f64::from(pixel[3])).sum::<f64>() / count as f64
+    };
+    // Past the ball: the line is 9.4 / 9.01 from its centre.
+    let shadow = at(0.8).replace("position = [0.8, 30, 40]", "position = [9.8, 0.5, 0]");
+    let paths = settings(1, 1);
+    let local = crate::common::picture::changed(settings(1, 1), |picture| picture.transport = None);
+    let whitted = RenderSettings { with: Vec::new(), ..local };
+    for (settings, expected) in [(&paths, 1.0), (&whitted, 0.8 / (0.8 + 0.25))] {
+        let found = alpha(&shadow, settings);
+        assert!((found - expected).abs() < 1e-6, "{found} {expected}");
+        assert!(alpha(&at(1.01), settings).abs() < 1e-6);
     }
 }

@@ -35,6 +35,7 @@ use numbers::{GenerationNumbers, Sequence};
 use vertices::Vertices;
 
 use super::samples::{SampleIndex, list_samples};
+use super::shadow_catcher::catch_shadows;
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::{
     Choices, Effect, EffectContext, EffectValue, Hook, LightTechnique, PathSettings, RayKind, SecondaryRays,
@@ -383,5 +384,6 @@ impl Stage for WriteRadiance {
             let pixel = |&radiance: &DVec3| pipeline.clamp(radiance).as_vec3().to_array();
             tile.pixels.extend(own.radiance.iter().map(pixel));
         });
+        catch_shadows(tile, context.world, true);
     }
 }

@@ -1,8 +1,9 @@
 //! The stage that writes the colours of surfaces to pixels.
 
 use crate::effects::Stage;
+use crate::effects::shadow_catcher::catch_shadows;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile};
-use crate::world::{RAYS_PER_BATCH, Vec3Soa, simd};
+use crate::world::{RAYS_PER_BATCH, Vec3Soa, World, simd};
 
 /// Gives every pixel the colour of its surface, of the environment, or of the background.
 pub(crate) struct WritePixels;
@@ -13,24 +14,28 @@ impl Stage for WritePixels {
     }
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        let Tile { generations, pixels, .. } = tile;
-        let generation = &generations[0];
-        let RayGeneration { surfaces, colours: Some(colours), .. } = generation else { return };
-        pixels.resize(generation.rays.len(), context.world.background.as_vec3().to_array());
-        if surfaces.len() == pixels.len() {
-            // Every ray hit: surface i belongs to pixel i.
-            simd!(write_all(colours, pixels));
-            return;
+        write(tile, context.world);
+        catch_shadows(tile, context.world, false);
+    }
+}
+
+fn write(tile: &mut Tile, world: &World) {
+    let Tile { generations, pixels, .. } = tile;
+    let generation = &generations[0];
+    let RayGeneration { surfaces, colours: Some(colours), .. } = generation else { return };
+    pixels.resize(generation.rays.len(), world.background.as_vec3().to_array());
+    if surfaces.len() == pixels.len() {
+        // Every ray hit: surface i belongs to pixel i.
+        simd!(write_all(colours, pixels));
+        return;
+    }
+    if world.environment.is_some() {
+        for (ray, &source) in generation.rays.rays().iter().zip(&generation.sources) {
+            pixels[source as usize] = world.background_towards(ray.direction).as_vec3().to_array();
         }
-        if context.world.environment.is_some() {
-            for (ray, &source) in generation.rays.rays().iter().zip(&generation.sources) {
-                pixels[source as usize] =
-                    context.world.background_towards(ray.direction).as_vec3().to_array();
-            }
-        }
-        for (i, &ray) in surfaces.ray_of().iter().enumerate() {
-            pixels[generation.sources[ray as usize] as usize] = colours.get(i).as_vec3().to_array();
-        }
+    }
+    for (i, &ray) in surfaces.ray_of().iter().enumerate() {
+        pixels[generation.sources[ray as usize] as usize] = colours.get(i).as_vec3().to_array();
     }
 }
 

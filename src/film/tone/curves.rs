@@ -3,6 +3,10 @@
 
 use glam::{DMat3, DVec3, dvec3};
 
+const F90: f64 = 0.04;
+const KS: f64 = 0.8 - F90;
+const KD: f64 = 0.15;
+
 /// Khronos PBR Neutral (Khronos Group, ToneMapping repository, PBR_Neutral/README.md, 2024).
 ///
 /// With F90 = 0.04, Ks = 0.8 - F90, Kd = 0.15, x the smallest channel:
@@ -10,9 +14,6 @@ use glam::{DMat3, DVec3, dvec3};
 /// p <= Ks: c - f. Else (c - f) g pn / p + pn (1 - g), where pn = 1 - (1 - Ks)^2 / (p + 1 - 2 Ks) and
 /// g = 1 / (Kd (p - pn) + 1).
 pub(crate) fn pbr_neutral(colour: DVec3) -> DVec3 {
-    const F90: f64 = 0.04;
-    const KS: f64 = 0.8 - F90;
-    const KD: f64 = 0.15;
     let x = colour.min_element();
     let offset = if x <= 2.0 * F90 { x - x * x / (4.0 * F90) } else { F90 };
     let shifted = colour - offset;
@@ -23,6 +24,28 @@ pub(crate) fn pbr_neutral(colour: DVec3) -> DVec3 {
     let new_peak = 1.0 - (1.0 - KS) * (1.0 - KS) / (peak + 1.0 - 2.0 * KS);
     let g = 1.0 / (KD * (peak - new_peak) + 1.0);
     (shifted * (new_peak / peak * g) + new_peak * (1.0 - g)).clamp(DVec3::ZERO, DVec3::ONE)
+}
+
+/// Displayed light up to which [`pbr_neutral_inverse`] inverts: infinite light is displayed as 1, this as 255 of 255.
+const WHITE: f64 = 0.9975;
+
+/// The light that [`pbr_neutral`] displays as a colour, or as one near it where it displays none so: it takes away
+/// saturation from bright colours.
+///
+/// With the names above, p = (1 - Ks)^2 / (1 - pn) - 1 + 2 Ks where the largest channel pn exceeds Ks, and
+/// c - f = (shown - pn (1 - g)) p / (g pn). The smallest channel y of c - f is x^2 / (4 F90) for x <= 2 F90, so
+/// x = sqrt(4 F90 y), else x = y + F90.
+pub(crate) fn pbr_neutral_inverse(shown: DVec3) -> DVec3 {
+    let shown = shown.clamp(DVec3::ZERO, DVec3::splat(WHITE));
+    let new_peak = shown.max_element();
+    let mut shifted = shown;
+    if new_peak > KS {
+        let peak = (1.0 - KS) * (1.0 - KS) / (1.0 - new_peak) - 1.0 + 2.0 * KS;
+        let g = 1.0 / (KD * (peak - new_peak) + 1.0);
+        shifted = ((shown - new_peak * (1.0 - g)) * (peak / (g * new_peak))).max(DVec3::ZERO);
+    }
+    let y = shifted.min_element();
+    shifted + if y <= F90 { (4.0 * F90 * y).sqrt() - y } else { F90 }
 }
 
 /// AgX, base look (Troy Sobotka, AgX for OpenColorIO, 2022), in the minimal form of Benjamin Wrensch, "Minimal AgX
@@ -91,6 +114,22 @@ mod tests {
         // (2, 0, 0): offset 0, p = 2; pn = 1 - 0.0576 / 1.48 = 0.9610811;
         // g = 1 / (0.15 * 1.0389189 + 1) = 0.8651733; red pn g + pn (1 - g) = pn, others pn (1 - g) = 0.1295794.
         close(pbr_neutral(dvec3(2.0, 0.0, 0.0)), [0.9610811, 0.1295794, 0.1295794], 1e-7);
+    }
+
+    /// Light of every brightness and saturation is found again from what is displayed of it, up to white.
+    #[test]
+    fn neutral_is_inverted() {
+        for colour in [dvec3(0.5, 0.2, 0.1), dvec3(0.04, 0.3, 0.2), dvec3(0.7, 0.0, 0.02), dvec3(1.0, 0.9, 0.8)] {
+            for brightness in [0.01, 1.0, 4.0, 20.0] {
+                let light = colour * brightness;
+                let found = pbr_neutral_inverse(pbr_neutral(light));
+                assert!((found - light).abs().max_element() < 1e-9 * brightness.max(1.0), "{light} {found}");
+            }
+        }
+        assert_eq!(pbr_neutral_inverse(DVec3::ZERO), DVec3::ZERO);
+        close(pbr_neutral(pbr_neutral_inverse(DVec3::ONE)), [WHITE; 3], 1e-12);
+        // 254.5 of 255 is displayed as 255: ((254.5 / 255 + 0.055) / 1.055)^2.4 = 0.9956.
+        assert!(WHITE > 0.9956);
     }
 
     #[test]
