@@ -37,8 +37,17 @@ impl Stage for ClosestHits {
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
         let world = context.world;
         let is_first = self.find_hits(tile, world);
-        let Tile { generations, current, depth, camera_hits, visible_objects, recorder, coverage, caught, .. } =
-            tile;
+        let Tile {
+            generations,
+            current,
+            depth,
+            camera_hits,
+            visible_objects,
+            recorder,
+            coverage,
+            caught,
+            ..
+        } = tile;
         let generation = &mut generations[*current];
         world.interactions(&generation.rays, &generation.hits, &mut generation.surfaces);
         if *depth == 0 {

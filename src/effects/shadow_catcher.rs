@@ -26,7 +26,9 @@ pub(crate) fn catch_shadows(tile: &mut Tile, world: &World, is_path: bool) {
 
 /// The luminance of a point of the ground without objects above it, and without area lights and emissive surfaces.
 fn unshadowed(world: &World, position: DVec3, is_path: bool) -> f64 {
-    let material = world.shadow_catcher().map(|ground| &world.materials[world.objects[ground as usize].material as usize]);
+    let material = world
+        .shadow_catcher()
+        .map(|ground| &world.materials[world.objects[ground as usize].material as usize]);
     let Some(Material::Phong(material)) = material else { return 0.0 };
     let mut light = match &world.environment {
         Some(environment) if is_path => environment.diffuse_from_above(),

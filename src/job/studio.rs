@@ -14,8 +14,8 @@ use crate::film::colour::srgb_encode;
 use crate::film::tone::{DisplayTransform, ToneMap};
 use crate::film::{Colour, ColourPipeline};
 use crate::scene::{
-    Background, Environment, EnvironmentImage, EnvironmentSource, Fill, Ground, Look, Noise, OptionValue, PictureSettings, Samples,
-    Scene, Transport,
+    Background, Environment, EnvironmentImage, EnvironmentSource, Fill, Ground, Look, Noise, OptionValue,
+    PictureSettings, Samples, Scene, Transport,
 };
 use crate::world::KEY_IRRADIANCE;
 
@@ -110,7 +110,8 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
 fn tone_map(background: Option<Background>, warnings: &mut Warnings) -> ToneMap {
     let shown = DisplayTransform::new(0.0, ToneMap::PbrNeutral);
     if let Some(background @ Background::Colour(colour)) = background {
-        let light = shown.light_of(background.colour().to_pipeline(ColourPipeline::Linear)).unwrap_or_default();
+        let light =
+            shown.light_of(background.colour().to_pipeline(ColourPipeline::Linear)).unwrap_or_default();
         if shown.encode(ColourPipeline::Linear, light.as_vec3().to_array()) != colour.0 {
             warnings.note(format!(
                 "the default tone map displays no colour as saturated as the background {}; left out",

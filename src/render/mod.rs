@@ -81,7 +81,8 @@ pub fn render_displayed<P: Pixel>(
             return;
         }
         let taken = idle.lock().ok().and_then(|mut idle| idle.pop());
-        let mut worker = taken.unwrap_or_else(|| Box::new(Worker::new(plan, P::HAS_ALPHA || context.world.backdrop.is_some())));
+        let mut worker = taken
+            .unwrap_or_else(|| Box::new(Worker::new(plan, P::HAS_ALPHA || context.world.backdrop.is_some())));
         render_tile(plan, context, &mut tile, &mut worker, control);
         if let Ok(mut idle) = idle.lock() {
             idle.push(worker);

@@ -4,8 +4,8 @@ use crate::common::picture::{parse, placed};
 use crate::path::{check_settings, mean, render, settings};
 use glam::DVec3;
 use kiln::error::Warnings;
-use kiln::job::metadata::fingerprint_of;
 use kiln::film::ColourPipeline;
+use kiln::job::metadata::fingerprint_of;
 use kiln::job::{RenderControl, RenderJob, RenderSettings, prepare};
 use kiln::scene::{Background, ColourValue, Look, PictureSettings, Scene, Transport};
 
@@ -123,7 +123,11 @@ fn a_transparent_picture_over_a_colour_is_that_before_the_colour() {
 
 /// A ball as a scene without a scene file.
 fn mesh() -> Scene {
-    Scene { has_settings: false, picture: PictureSettings::default(), ..parse(BALL.split("[[light]]").next().unwrap()) }
+    Scene {
+        has_settings: false,
+        picture: PictureSettings::default(),
+        ..parse(BALL.split("[[light]]").next().unwrap())
+    }
 }
 
 /// Before a transparent background the alpha of the ground is the part of its light that is missing: none beside the

@@ -119,7 +119,9 @@ mod tests {
     /// Light of every brightness and saturation is found again from what is displayed of it, up to white.
     #[test]
     fn neutral_is_inverted() {
-        for colour in [dvec3(0.5, 0.2, 0.1), dvec3(0.04, 0.3, 0.2), dvec3(0.7, 0.0, 0.02), dvec3(1.0, 0.9, 0.8)] {
+        for colour in
+            [dvec3(0.5, 0.2, 0.1), dvec3(0.04, 0.3, 0.2), dvec3(0.7, 0.0, 0.02), dvec3(1.0, 0.9, 0.8)]
+        {
             for brightness in [0.01, 1.0, 4.0, 20.0] {
                 let light = colour * brightness;
                 let found = pbr_neutral_inverse(pbr_neutral(light));
