@@ -27,6 +27,7 @@ mod lens;
 mod memory;
 pub mod metadata;
 mod outside;
+mod path_calls;
 mod settings;
 mod studio;
 

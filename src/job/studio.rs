@@ -8,7 +8,8 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::RenderSettings;
+use super::{RenderSettings, path_calls};
+use crate::effects::{id, named};
 use crate::error::Warnings;
 use crate::film::colour::srgb_encode;
 use crate::film::tone::{DisplayTransform, ToneMap};
@@ -34,6 +35,7 @@ const DARK_BACKGROUND: DVec3 = DVec3::new(0.048_072, 0.049_622, 0.053_014);
 
 /// Standard error of displayed values at which pixels are sampled no further; the most samples, and those of paths.
 const NOISE: f64 = 0.025;
+const PATH_NOISE: f64 = 0.035;
 const SAMPLES: u32 = 16;
 pub(super) const PATH_SAMPLES: u32 = 64;
 
@@ -45,22 +47,23 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
     if settings.look(scene) == Look::Draft {
         return;
     }
-    let most = match scene.transport() {
-        Transport::Path => PATH_SAMPLES,
-        Transport::Whitted => SAMPLES,
+    let has_lamps = call_for_paths(scene, settings, warnings);
+    let (noise, most) = match scene.transport() {
+        Transport::Path => (PATH_NOISE, PATH_SAMPLES),
+        Transport::Whitted => (NOISE, SAMPLES),
     };
     let sampled = PictureSettings {
-        noise: Some(Noise::clamped(NOISE)),
+        noise: Some(Noise::clamped(noise)),
         samples: Some(Samples::clamped(most)),
         ..PictureSettings::default()
     };
     scene.picture = scene.picture.or_look(sampled);
-    let PictureSettings { shading, transport, light, ground, background, .. } = scene.picture;
+    let PictureSettings { shading, light, ground, background, .. } = scene.picture;
     let is_lit = scene.lights.is_empty() && shading.unwrap_or_default().uses_lights();
     let pipeline = scene.picture.pipeline();
     let has_environment = scene.environment.is_some();
     scene.has_backdrop = background.is_some();
-    scene.has_key_light = is_lit && light.is_none() && !has_environment;
+    scene.has_key_light = is_lit && !has_lamps && light.is_none() && !has_environment;
     if is_lit {
         scene.ambient = scene.ambient.or(Some(0.0));
         if pipeline == ColourPipeline::Linear && scene.picture.tone_map.is_none() {
@@ -68,7 +71,7 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
         }
     }
     if scene.has_key_light {
-        if transport.is_some_and(Transport::traces_paths) {
+        if scene.transport().traces_paths() {
             scene.environment = Some(environment_of(FILL));
         } else {
             scene.fill = Some(FILL);
@@ -77,7 +80,7 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
     let is_of_file = settings.camera.is_of_file(scene);
     // A visible environment has a horizon of its own.
     let is_open = scene.environment.as_ref().is_none_or(|environment| environment.is_hidden);
-    let has_studio = is_lit && !is_of_file && is_open;
+    let has_studio = is_lit && !has_lamps && !is_of_file && is_open;
     if ground.unwrap_or(has_studio) {
         let look = Ground { albedo: GROUND_ALBEDO, is_hidden_from_below: true, ..Ground::default() };
         scene.ground = scene.bounds().and_then(|bounds| look.under(bounds));
@@ -106,6 +109,26 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
     }
 }
 
+/// Finds out whether the materials of a scene call for path tracing, and notes that in the scene unless a transport is
+/// chosen. Returns whether emissive surfaces light it.
+fn call_for_paths(scene: &mut Scene, settings: &RenderSettings, warnings: &mut Warnings) -> bool {
+    let can_trace = scene.picture.transport.is_none_or(Transport::traces_paths);
+    let is_off = settings.without.iter().any(|name| name == id::PATH.name())
+        || scene.effects.get(id::PATH.name()).is_some_and(|said| !said.is_on());
+    if !can_trace || is_off || !scene.picture.shading.unwrap_or_default().uses_lights() {
+        return false;
+    }
+    let lamps = path_calls::lighting(scene);
+    let has_lamps = !lamps.is_empty();
+    let emitting = named("emission of material", lamps);
+    let transmitting = named("transmission of material", path_calls::transmitting(scene));
+    scene.path_call = emitting.or(transmitting);
+    if let (Some(call), None) = (&scene.path_call, scene.picture.transport) {
+        warnings.note(format!("{call}: paths are traced; --transport whitted leaves them out"));
+    }
+    has_lamps
+}
+
 /// The tone map before a background: none where it cannot display that.
 fn tone_map(background: Option<Background>, warnings: &mut Warnings) -> ToneMap {
     let shown = DisplayTransform::new(0.0, ToneMap::PbrNeutral);
@@ -123,9 +146,12 @@ fn tone_map(background: Option<Background>, warnings: &mut Warnings) -> ToneMap 
     ToneMap::PbrNeutral
 }
 
+/// What a white surface that faces up reflects of key and fill light.
+pub(super) const LIGHT_FROM_ABOVE: f64 = KEY_IRRADIANCE + FILL.diffuse_up();
+
 /// The colour of the ground where nothing shades it.
 fn background_colour(pipeline: ColourPipeline) -> Colour {
-    let light = KEY_IRRADIANCE + FILL.diffuse(DVec3::Y);
+    let light = LIGHT_FROM_ABOVE;
     match pipeline {
         ColourPipeline::Linear => Colour::Linear(DVec3::splat(GROUND_ALBEDO * light)),
         _ => Colour::Display(DVec3::splat(srgb_encode(GROUND_ALBEDO) * light)),

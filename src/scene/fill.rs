@@ -24,11 +24,16 @@ impl Fill {
         self.mean() + self.slope() * (2.0 / 3.0) * normal.y
     }
 
-    fn mean(&self) -> f64 {
+    /// [`Fill::diffuse`] of a surface that faces up.
+    pub const fn diffuse_up(&self) -> f64 {
+        self.mean() + self.slope() * (2.0 / 3.0)
+    }
+
+    const fn mean(&self) -> f64 {
         0.5 * (self.above + self.below)
     }
 
-    fn slope(&self) -> f64 {
+    const fn slope(&self) -> f64 {
         0.5 * (self.above - self.below)
     }
 }

@@ -65,6 +65,7 @@ impl Fingerprint {
             import_options: _,
             has_left_out: _,
             has_settings: _,
+            path_call,
             // A light of the picture.
             has_key_light: _,
             ground,
@@ -99,6 +100,9 @@ impl Fingerprint {
         }
         if let Some(ground) = ground {
             self.value("ground", ground);
+        }
+        if path_call.is_some() {
+            self.bytes("paths", &[]);
         }
         if *has_backdrop {
             self.bytes("backdrop", &[]);

@@ -138,6 +138,8 @@ pub struct Scene {
     pub has_left_out: bool,
     /// Whether a scene file is among the inputs. Such scenes are rendered as they say.
     pub has_settings: bool,
+    /// What of its materials calls for path tracing, in words; for scenes with the default look.
+    pub path_call: Option<String>,
     /// Whether the scene gets the key light of the default look, which follows the camera.
     pub has_key_light: bool,
     /// The ground under the scene, as it is under the objects before anything moves.
@@ -347,6 +349,7 @@ impl Scene {
             import_options: _,
             has_left_out,
             has_settings,
+            path_call,
             has_key_light,
             ground,
             has_backdrop,
@@ -367,6 +370,7 @@ impl Scene {
         self.metadata.extend(metadata);
         self.has_left_out |= has_left_out;
         self.has_settings |= has_settings;
+        self.path_call = self.path_call.take().or(path_call);
         self.has_key_light |= has_key_light;
         self.ground = self.ground.or(ground);
         self.has_backdrop |= has_backdrop;
@@ -430,7 +434,8 @@ impl Scene {
     /// The transport that is chosen, or that the scene calls for: [`Transport::called_for`].
     pub fn transport(&self) -> Transport {
         let has_area_light = self.lights.iter().any(|light| light.kind.is_area());
-        Transport::called_for(self.picture.transport, self.environment.is_some(), has_area_light).0
+        let (choice, has_environment) = (self.picture.transport, self.environment.is_some());
+        Transport::called_for(choice, has_environment, has_area_light, self.path_call.is_some()).0
     }
 
     /// Bounding box of all objects, or `None` for an empty scene.

@@ -46,7 +46,7 @@ options! {
         /// without effects [default: phong]
         [long, help_heading = group::LOOK, hide_possible_values = true, value_name = "MODE", value_parser = parser::<ShadingMode>()] shading: ShadingMode,
         /// Light transport: `whitted` (local shading, shadow rays, mirror reflections) or `path` (path tracing: indirect light,
-        /// soft shadows) [default: path in scenes with an environment or area lights, else whitted]
+        /// soft shadows) [default: path in scenes with an environment or area lights and meshes with glass or lamps, else whitted]
         [long, help_heading = group::QUALITY, display_order = 3, hide_possible_values = true, value_parser = parser::<Transport>()] transport: Transport,
         /// Clamp of indirect light: maximum radiance that a path adds at each bounce, above 0; 1 is white. Reduces fireflies
         /// and darkens indirect light [default: none]
@@ -60,7 +60,7 @@ options! {
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "PIXELS", value_parser = parser::<FilterRadius>()]
         filter_radius: FilterRadius,
         /// Noise threshold of adaptive sampling: sample each pixel until the standard error of its displayed value (1 is white)
-        /// is below this [default: 0.025 for meshes without sampling options, else none]
+        /// is below this [default: for meshes without sampling options 0.025, with path tracing 0.035, else none]
         [long, help_heading = group::QUALITY, display_order = 1, allow_hyphen_values = true, value_name = "LEVEL", value_parser = parser::<Noise>()] noise: Noise,
         /// Minimum samples per pixel of adaptive sampling [default: 4]
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] min_samples: Samples,

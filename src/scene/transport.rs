@@ -25,6 +25,8 @@ pub enum TransportReason {
     Environment,
     /// A light with an area.
     AreaLight,
+    /// Materials that transmit light or light others ([`super::Scene::path_call`]).
+    Material,
     /// Nothing calls for another.
     Nothing,
 }
@@ -44,9 +46,11 @@ impl Transport {
         choice: Option<Transport>,
         has_environment: bool,
         has_area_light: bool,
+        has_path_call: bool,
     ) -> (Transport, TransportReason) {
         match choice {
             Some(transport) => (transport, TransportReason::Choice),
+            None if has_path_call => (Transport::Path, TransportReason::Material),
             None if has_environment => (Transport::Path, TransportReason::Environment),
             None if has_area_light => (Transport::Path, TransportReason::AreaLight),
             None => (Transport::Whitted, TransportReason::Nothing),

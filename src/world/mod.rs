@@ -96,6 +96,8 @@ pub struct World {
     pub(crate) volumes: Option<Arc<Volumes>>,
     /// The lights of the scene that are such surfaces.
     pub(crate) area_lights: Arc<AreaLights>,
+    /// [`Scene::path_call`].
+    pub(crate) path_call: Option<Arc<str>>,
     /// The number of analytic shapes left out because they are empty in the tier's precision.
     pub too_small: usize,
     primitive_count: usize,
@@ -223,6 +225,7 @@ impl World {
             diagonal,
             background: if backdrop.is_some() { DVec3::ZERO } else { background },
             backdrop,
+            path_call: scene.path_call.map(Into::into),
             too_small,
             primitive_count,
         }
