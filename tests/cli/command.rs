@@ -341,16 +341,64 @@ fn exr_pixels(file: &Path, size: (usize, usize)) -> Vec<[f32; 3]> {
     picture.layer_data.channel_data.pixels
 }
 
+/// The metadata of a PNG picture.
+fn metadata(workshop: &Workshop, name: &str) -> impl Fn(&str) -> Option<String> {
+    let file = std::fs::File::open(workshop.path(name)).expect("it was written");
+    let reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().expect("it is a PNG picture");
+    move |key: &str| {
+        let chunk = reader.info().utf8_text.iter().find(|chunk| chunk.keyword == key);
+        chunk.map(|chunk| chunk.get_text().expect("it is UTF-8"))
+    }
+}
+
+/// Given again, the automatic camera that metadata and `kiln info` print makes the same picture: of a mesh, of one beside a
+/// camera, which alone would leave out ground and background, and of two meshes.
+#[test]
+fn an_automatic_camera_can_be_given_again() {
+    let workshop =
+        Workshop::with("a.obj", "v 0 0 0\nv 4 0 0\nv 0 3 0\nv 0 0 2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
+    workshop.write("b.obj", "v 9 0 0\nv 9.01 0 0\nv 9 0.01 0\nf 1 2 3\n");
+    workshop.write(
+        "eye.gltf",
+        r#"{ "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }], "nodes": [{ "camera": 0 }],
+        "cameras": [{ "type": "perspective", "perspective": { "yfov": 0.7, "znear": 0.1 } }] }"#,
+    );
+    for (inputs, options) in [
+        ("a.obj", ""),
+        ("a.obj", "--view iso --azimuth=-30 --elevation 10 --zoom 1.5 --fov 50"),
+        ("a.obj", "--projection orthographic --zoom 0.5"),
+        ("a.obj eye.gltf", "--camera auto"),
+        ("a.obj b.obj", ""),
+    ] {
+        let said = workshop.succeed(&format!("render {inputs} -o a.png --size 24x16 {options}"));
+        assert_eq!(said.contains("b.obj is 0."), inputs.contains("b.obj"), "{said}");
+        let table = metadata(&workshop, "a.png")("kiln:camera").expect("a camera");
+        let given = table.replace(' ', "");
+        workshop.succeed(&format!("render {inputs} -o b.png --size 24x16 --camera {given}"));
+        workshop.succeed("compare a.png b.png");
+        if options.is_empty() {
+            assert_eq!(workshop.bytes("a.png"), workshop.bytes("b.png"), "{table}");
+        }
+    }
+    workshop.succeed("render a.obj -o a.png --size 16x16");
+    let table = metadata(&workshop, "a.png")("kiln:camera").expect("a camera");
+    assert!(
+        table.starts_with("{ name = \"auto\", position = [") && table.ends_with("vertical_fov = 30 }"),
+        "{table}"
+    );
+    let info = workshop.run("info a.obj --json");
+    let report: serde_json::Value = serde_json::from_slice(&info.stdout).expect("JSON");
+    assert_eq!(report["render"]["camera"], table.as_str());
+    // The options change nothing of another camera.
+    let said = workshop.succeed("render a.obj eye.gltf -o a.png --size 16x16 --azimuth 30");
+    assert!(said.contains("warning: azimuth changes nothing: the camera is `"), "{said}");
+}
+
 #[test]
 fn pictures_say_what_made_them() {
     let workshop = Workshop::with("scene.toml", SCENE);
     workshop.succeed("render scene.toml -o a.png --camera above --crop 1,2,3,4 --without shadows");
-    let file = std::fs::File::open(workshop.path("a.png")).expect("it was written");
-    let reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().expect("it is a PNG picture");
-    let said = |key: &str| {
-        let chunk = reader.info().utf8_text.iter().find(|chunk| chunk.keyword == key);
-        chunk.map(|chunk| chunk.get_text().expect("it is UTF-8"))
-    };
+    let said = metadata(&workshop, "a.png");
     assert_eq!(said("kiln:samples"), None);
     for (key, value) in [
         ("kiln:camera", "above"),

@@ -305,7 +305,13 @@ const MISTAKES: &[Mistake] = &[
         2,
     ),
     (Command, "render scene.toml -o a.png --siz 3x3", "unexpected argument '--siz'", "--size", 2),
-    (Command, "render scene.toml -o a.png --fov 40", "unexpected argument '--fov'", "vertical_fov = 40", 2),
+    (
+        Command,
+        "render scene.toml -o a.png --field-of-view 40",
+        "unexpected argument '--field-of-view'",
+        "--fov DEG",
+        2,
+    ),
     (
         Command,
         "render scene.toml -o a.png --denoise",
