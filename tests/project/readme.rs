@@ -84,7 +84,10 @@ fn the_first_two_commands_are_the_main_job_and_the_tests() {
     let lines = shell_lines(&read_page("README.md").text);
     assert_eq!(
         lines[..2],
-        ["cargo run --release -- render scenes/assignment.toml -o assignment.png", "cargo test --release"]
+        [
+            "cargo run --release -- render scenes/assignment.toml --samples 16 -o assignment.png",
+            "cargo test --release"
+        ]
     );
 }
 
