@@ -26,7 +26,7 @@ pub(crate) struct Arguments {
     pub inputs: Vec<PathBuf>,
     /// Camera of the scene by name or index from 0, `auto` for one that frames the scene, or the keys of a camera in scene
     /// files: '{ position = [0, 1, 6], look_at = [0, 1, 0], vertical_fov = 40 }' [default: the scene's first, else auto]
-    #[arg(long, help_heading = group::CAMERA, value_name = "NAME|INDEX|auto|{...}")]
+    #[arg(long, help_heading = group::CAMERA, display_order = 1, value_name = "NAME|INDEX|auto|{...}")]
     pub camera: Option<String>,
     /// Standard view that frames the scene [default without a camera: from 35° to the right of the front and 20° above]
     #[arg(long, help_heading = group::CAMERA, display_order = 0, conflicts_with = "camera", value_parser = ["front", "back", "left", "right", "top", "bottom", "iso"])]

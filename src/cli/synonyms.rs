@@ -44,7 +44,7 @@ const SYNONYMS: &[(&[&str], &str)] = &[
     // Camera.
     (
         &["field-of-view", "vertical-fov", "camera-view-angle"],
-        "use --fov DEG for the automatic camera, or vertical_fov in the table of --camera",
+        "use --fov DEG for the automatic camera, or vertical_fov among the keys of --camera",
     ),
     (&["focal-length", "lens"], camera!("give a camera with focal_length instead of vertical_fov")),
     (&["orbit", "yaw", "rotate", "camera-azimuth-angle"], "turn the automatic camera by --azimuth DEG"),

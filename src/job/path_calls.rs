@@ -22,7 +22,7 @@ pub(super) fn transmitting(scene: &Scene) -> Vec<&str> {
         Material::Phong(m) => m.refraction.is_some(),
         Material::MetallicRoughness(m) => !m.unlit && m.layers.transmission > 0.0,
     };
-    let materials = scene.objects.iter().map(|object| &scene.materials[object.material.0 as usize]);
+    let materials = scene.objects.iter().filter_map(|object| scene.materials.get(object.material.0 as usize));
     materials.filter(transmits).map(Material::name).collect()
 }
 
@@ -31,7 +31,7 @@ pub(super) fn transmitting(scene: &Scene) -> Vec<&str> {
 pub(super) fn lighting(scene: &Scene) -> Vec<&str> {
     let (mut names, mut power) = (Vec::new(), 0.0);
     for object in &scene.objects {
-        let material = &scene.materials[object.material.0 as usize];
+        let Some(material) = scene.materials.get(object.material.0 as usize) else { continue };
         let radiance = mean_radiance(material, &scene.images);
         if radiance > 0.0 {
             // A diffuse emitter, of one side.

@@ -29,14 +29,14 @@ options! {
         /// scene files]
         [skip] look: Look,
         /// Rotation of the automatic camera about the scene's vertical, in degrees to the right of --view [default: 0]
-        [long, help_heading = group::CAMERA, display_order = 1, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()] azimuth: Rotation,
+        [long, help_heading = group::CAMERA, display_order = 2, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()] azimuth: Rotation,
         /// Rotation of the automatic camera upwards from --view, in degrees, as far as straight above or below [default: 0]
-        [long, help_heading = group::CAMERA, display_order = 2, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()] elevation: Rotation,
+        [long, help_heading = group::CAMERA, display_order = 3, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()] elevation: Rotation,
         /// Magnification of the automatic camera's picture about its centre, 0.001 to 1000; 1 frames the scene [default: 1]
-        [long, help_heading = group::CAMERA, display_order = 3, allow_hyphen_values = true, value_name = "FACTOR", value_parser = parser::<Zoom>()] zoom: Zoom,
+        [long, help_heading = group::CAMERA, display_order = 4, allow_hyphen_values = true, value_name = "FACTOR", value_parser = parser::<Zoom>()] zoom: Zoom,
         /// Vertical field of view of the automatic camera in degrees, 0.1 to 170 [default: 30 for meshes, 40 with --draft
         /// and for scene files]
-        [long, help_heading = group::CAMERA, display_order = 4, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<FieldOfView>()] fov: FieldOfView,
+        [long, help_heading = group::CAMERA, display_order = 5, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<FieldOfView>()] fov: FieldOfView,
         /// Arithmetic of the intersection tests: `fast` (f32; rays may leak through edges), `watertight` (corners in f32, tests
         /// in f64; no ray leaks out of closed meshes), `double` (f64) or `exact` (as double, decided without rounding)
         /// [default: watertight]

@@ -307,8 +307,8 @@ const MISTAKES: &[Mistake] = &[
     (Command, "render scene.toml -o a.png --siz 3x3", "unexpected argument '--siz'", "--size", 2),
     (
         Command,
-        "render scene.toml -o a.png --field-of-view 40",
-        "unexpected argument '--field-of-view'",
+        "render scene.toml -o a.png --vertical-fov 40",
+        "unexpected argument '--vertical-fov'",
         "--fov DEG",
         2,
     ),
@@ -319,7 +319,13 @@ const MISTAKES: &[Mistake] = &[
         "--aov denoising-albedo",
         2,
     ),
-    (Command, "animate scene.toml -o a.gif --dof=2", "unexpected argument '--dof'", "no aperture", 2),
+    (
+        Command,
+        "animate scene.toml -o a.gif --dof=2",
+        "unexpected argument '--dof'",
+        "--with depth-of-field",
+        2,
+    ),
     (Command, "render scene.toml -o a.png --size 640", "give it as WIDTHxHEIGHT, such as 640x480", "", 2),
     (
         Command,

@@ -1516,7 +1516,11 @@ const FAULTS: &[(&str, &str, &str)] = &[
     ("\n[image]\nwidth = 1\nwidth = 2\n", "4: `width` is given twice", "keep one"),
     ("[image]\nheigth = 1\n", "2: unknown key `heigth`", "did you mean `height`?"),
     ("\n\n[imag]\n", "3: unknown key `imag`", "did you mean `image`?"),
-    ("[image]\nzzz = 1\n", "2: unknown key `zzz`", "known here: width, height, numerics, shading"),
+    (
+        "[image]\nzzz = 1\n",
+        "2: unknown key `zzz`",
+        "known here: width, height, look, azimuth, elevation, zoom, fov, numerics, shading",
+    ),
     ("[image]\ncolour = 'lineal'\n", "2: unknown value `lineal`", "did you mean `linear`?"),
     ("\n[[sphere]]\nradius = 1\n", "2: missing key `centre`", "`centre = ...`"),
     ("[[sphere]]\ncentre = [0, 0]\nradius = 1\n", "2: `centre` is [0, 0], expected 3 numbers", "[0, 0, 0]"),

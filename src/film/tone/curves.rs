@@ -125,7 +125,10 @@ mod tests {
             for brightness in [0.01, 1.0, 4.0, 20.0] {
                 let light = colour * brightness;
                 let found = pbr_neutral_inverse(pbr_neutral(light));
-                assert!((found - light).abs().max_element() < 1e-9 * brightness.max(1.0), "{light} {found}");
+                // The smallest channel x, up to 0.08, is displayed as x^2 / 0.16: roundings e of the display, a few
+                // units in the last place of the peak, move an x of 0 by the root of 0.16 e, and all channels with it.
+                let bound = (0.16 * 16.0 * f64::EPSILON * brightness.max(1.0)).sqrt();
+                assert!((found - light).abs().max_element() < bound, "{light} {found}");
             }
         }
         assert_eq!(pbr_neutral_inverse(DVec3::ZERO), DVec3::ZERO);
