@@ -494,7 +494,7 @@ const FOREIGN: &[&str] = &[
     "map,",
     "sequence",
     "variant",
-    "field",
+    "field `",
     "invalid type",
     "integer",
 ];
