@@ -30,8 +30,8 @@ pub struct Choices {
     pub transport: Option<Transport>,
     /// Largest radiance that a path adds by indirect light; none if `None`.
     pub clamp: Option<f64>,
-    /// The lens of the camera, as text; `None` for a pinhole. [`World`] has no cameras, so whoever gives a view its lens
-    /// ([`crate::world::View::set_lens`]) sets this, too.
+    /// The lens of the camera, as text; `None` for a pinhole. Must be set with [`crate::world::View::set_lens`], since
+    /// [`World`] has no cameras.
     pub lens: Option<String>,
     /// Effects that the user asks for, each as `NAME` or `NAME=VALUE`.
     pub with: Vec<String>,

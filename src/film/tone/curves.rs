@@ -116,7 +116,7 @@ mod tests {
         close(pbr_neutral(dvec3(2.0, 0.0, 0.0)), [0.9610811, 0.1295794, 0.1295794], 1e-7);
     }
 
-    /// Light of every brightness and saturation is found again from what is displayed of it, up to white.
+    /// The inverse of the tone map returns the light, for every brightness and saturation, up to display white.
     #[test]
     fn neutral_is_inverted() {
         for colour in
