@@ -130,8 +130,9 @@ impl AnimationJob {
         if !display.is_auto() || self.frames.is_empty() {
             return Ok(None);
         }
-        let (film, _) = self.frame(0)?.render::<[f32; 3]>(control)?;
-        let ev = display.transform_of(film.rows()).ev();
+        let first = self.frame(0)?;
+        let (film, _) = first.render::<[f32; 3]>(control)?;
+        let ev = first.display_transform(film.rows(), control)?.ev();
         self.resolved.settings.picture.exposure = Some(Exposure::Ev(ev));
         set_auto_exposure(&mut self.resolved.metadata, ev);
         Ok(Some(ev))

@@ -5,10 +5,6 @@ use crate::film::tone::{clipped_share, white_exposure};
 use crate::film::{ColourPipeline, DisplaySettings, Film};
 use crate::job::RenderJob;
 use crate::render::RenderControl;
-use crate::scene::Sampling;
-
-/// Longest side in pixels of the picture that [`exposure_for_clipped`] is computed from.
-const METER_SIZE: u32 = 128;
 
 /// An exposure in EV for a picture of which more than half of the pixels are clipped: it takes the 99th percentile of
 /// luminance to white. From a small render of the whole picture with one sample a pixel, so that crops agree.
@@ -27,10 +23,7 @@ pub(crate) fn exposure_for_clipped(
     {
         return Ok(None);
     }
-    let size = job.view.size();
-    let scale = (f64::from(METER_SIZE) / f64::from(size[0].max(size[1]))).min(1.0);
-    let mut small = job.with_size(size.map(|side| ((f64::from(side) * scale).round() as u32).max(1)))?;
-    small.set_sampling(Sampling::default())?;
+    let small = job.to_be_metered(None)?;
     let control = RenderControl { progress: &|_, _| (), ..*control };
     let (film, _) = small.render::<[f32; 3]>(&control)?;
     Ok(white_exposure(film.rows()).filter(|&ev| ev < 0.0))

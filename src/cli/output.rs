@@ -258,7 +258,7 @@ pub(crate) fn render_to_accuracy(
         Format::Exr => OutputImage::Float(Film::from_rows(window, &sampled.pixels)?, Vec::new()),
         _ => {
             let mut bytes = vec![[0; 3]; sampled.pixels.len()];
-            let display = job.display().transform_of(sampled.pixels.iter().copied());
+            let display = job.display_transform(sampled.pixels.iter().copied(), &control)?;
             sampled.statistics.auto_exposure = job.display().is_auto().then_some(display.ev());
             Pixel::develop(&sampled.pixels, pipeline, display, &mut bytes);
             OutputImage::Rgb8(Film::from_rows(window, &bytes)?, pipeline)
@@ -302,7 +302,7 @@ pub(crate) fn warn_about_picture(
         return;
     }
     let mut shadow = statistics.rays.iter().filter(|(kind, _)| kind.is_shadow);
-    if shadow.any(|(_, count)| count.cast > 0 && count.hit == count.cast) {
+    if world.fill.is_none() && shadow.any(|(_, count)| count.cast > 0 && count.hit == count.cast) {
         warnings.push("no light reaches any visible surface: every shadow ray is blocked");
     }
     if inputs.len() > 1 {

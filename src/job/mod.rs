@@ -51,19 +51,24 @@ use crate::effects::tile::RenderContext;
 use crate::effects::{Plan, check_names, check_scene, id, named};
 use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
+use crate::film::tone::{Exposure, mean_exposure};
 use crate::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, Pixel, Window};
 use crate::import::check_drawable;
-use crate::render::aov::AovSource;
+use crate::render::aov::{self, AovSelection, AovSource};
 use crate::render::render_displayed;
 use crate::scene::{
-    Camera, Clamp, EffectsSection, Light, Material, MetallicRoughness, Numerics, PictureSettings, Sampling,
-    Scene,
+    Camera, Clamp, EffectsSection, Light, Look, Material, MetallicRoughness, Numerics, PictureSettings,
+    Sampling, Scene,
 };
 use crate::world::{
     PreparedMaterial, Recentering, StandardView, View, World, has_radiance, headlight, key_light, opening,
     recenter,
 };
 use camera::Viewpoint;
+
+/// Longest side in pixels of a picture that is metered before it is rendered, and its samples a pixel.
+const METER_SIZE: u32 = 128;
+const METER_SAMPLES: u32 = 8;
 
 /// A picture that is ready to be rendered.
 pub struct RenderJob {
@@ -211,7 +216,7 @@ impl RenderJob {
         }
         let (film, statistics): (Film, _) =
             render_displayed(&context, &self.plan, self.window, is_selected, control)?;
-        let transform = display.transform_of(film.rows());
+        let transform = self.display_transform(film.rows(), control)?;
         let statistics = Statistics { auto_exposure: Some(transform.ev()), ..with_metering(statistics) };
         Ok((film.developed(self.pipeline(), transform)?, statistics))
     }
@@ -235,8 +240,56 @@ impl RenderJob {
         job.set_sampling(self.choices.sampling.part(0, samples))?;
         let control = RenderControl { progress: &|_, _| (), ..*control };
         let (film, statistics): (Film, _) = job.render_selected(|_, _| true, &control)?;
-        self.sampling_exposure.get_or_init(|| display.transform_of(film.rows()).ev());
+        let ev = job.display_transform(film.rows(), &control)?.ev();
+        self.sampling_exposure.get_or_init(|| ev);
         Ok(Some(statistics))
+    }
+
+    /// The display transform of the picture with these colours, row by row from the top. An automatic exposure is that of
+    /// [`RenderJob::subject`].
+    ///
+    /// # Errors
+    /// As [`RenderJob::subject`].
+    pub fn display_transform(
+        &self,
+        colours: impl Iterator<Item = [f32; 3]>,
+        control: &RenderControl,
+    ) -> Result<DisplayTransform> {
+        let display = self.display();
+        if !display.is_auto() {
+            return Ok(display.known());
+        }
+        let subject = colours.zip(self.subject(control)?).filter(|(_, is_shown)| *is_shown);
+        Ok(display.transform_of(subject.map(|(colour, _)| colour)))
+    }
+
+    /// For each pixel, row by row from the top, whether its centre ray hits an object other than the ground; `true` for
+    /// all where no pixel's does.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] if cancelled, [`Error::Failed`] if there is not enough memory.
+    pub fn subject(&self, control: &RenderControl) -> Result<Vec<bool>> {
+        let selection = AovSelection::new(&["object".to_owned()])?;
+        let objects = aov::channels(&self.aov_source(None), &selection, control)?;
+        let ground = self.world.ground.map(|index| index as f32);
+        let is_subject = |&object: &f32| object >= 0.0 && Some(object) != ground;
+        let mut found: Vec<bool> = objects[0].values.iter().map(is_subject).collect();
+        if !found.contains(&true) {
+            found.fill(true);
+        }
+        Ok(found)
+    }
+
+    /// The whole picture in a small size with so many samples a pixel, to be metered: crops and shards agree.
+    ///
+    /// # Errors
+    /// As [`RenderJob::new`].
+    pub fn to_be_metered(&self, samples: Option<u32>) -> Result<Self> {
+        let size = self.view.size();
+        let scale = (f64::from(METER_SIZE) / f64::from(size[0].max(size[1]))).min(1.0);
+        let mut small = self.with_size(size.map(|side| ((f64::from(side) * scale).round() as u32).max(1)))?;
+        small.set_sampling(Sampling { samples, ..Sampling::default() })?;
+        Ok(small)
     }
 
     /// Source of the AOVs of the picture.
@@ -274,6 +327,8 @@ pub struct ResolvedJob {
     pub metadata: Metadata,
     /// Whether lights are in physical units.
     pub has_physical_lights: bool,
+    /// Whether the exposure is metered once the scene is built, as the default look says.
+    pub meters: bool,
 }
 
 /// Prepares a scene for rendering.
@@ -292,6 +347,7 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     check_names(&settings.with, &settings.without)?;
     check_scene(&scene.effects)?;
     check_drawable(&scene)?;
+    let chosen_exposure = settings.picture.exposure.or(scene.picture.exposure);
     settings.complete(&mut scene, warnings)?;
     let recentering = recenter(&mut scene);
     warn_of_recentering(recentering.as_ref(), warnings);
@@ -320,7 +376,30 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
         scene.lights.extend(light.at(&camera));
         light.note(warnings);
     }
-    resolve_for(scene, recentering, camera, size, settings)
+    let is_auto = scene.picture.exposure == Some(Exposure::Auto);
+    let is_default = chosen_exposure.is_none() && (is_auto || is_inside(&scene, settings, &camera));
+    // What is put before a backdrop is displayed when it is rendered.
+    let meters = is_default || is_auto && scene.has_backdrop;
+    if meters {
+        scene.picture.exposure = None;
+    }
+    let mut resolved = resolve_for(scene, recentering, camera, size, settings)?;
+    if meters {
+        resolved.meters = true;
+        metadata::add_to_fingerprint(&mut resolved.metadata, "metered", &true);
+    }
+    Ok(resolved)
+}
+
+/// Whether the default look shows a scene from within its bounds, where little of its light may arrive.
+fn is_inside(scene: &Scene, settings: &RenderSettings, camera: &Camera) -> bool {
+    let contains =
+        |(min, max): (DVec3, DVec3)| (camera.position.cmpgt(min) & camera.position.cmplt(max)).all();
+    let picture = &scene.picture;
+    settings.look(scene) == Look::Studio
+        && picture.pipeline() == ColourPipeline::Linear
+        && picture.shading.unwrap_or_default().uses_lights()
+        && scene.bounds().is_some_and(contains)
 }
 
 /// Warns of lights that have an area and no radiance, because their extent is too small or too large.
@@ -438,7 +517,17 @@ pub fn resolve_for(
     let metadata = metadata::metadata(&scene, recentering.as_ref(), &camera, window, settings);
     let settings = RenderSettings { picture: scene.picture, ..settings.clone() };
     let has_physical_lights = scene.has_physical_lights;
-    Ok(ResolvedJob { scene, recentering, camera, window, settings, choices, metadata, has_physical_lights })
+    Ok(ResolvedJob {
+        scene,
+        recentering,
+        camera,
+        window,
+        settings,
+        choices,
+        metadata,
+        has_physical_lights,
+        meters: false,
+    })
 }
 
 impl ResolvedJob {
@@ -464,11 +553,28 @@ impl ResolvedJob {
     /// As [`check_memory`] and [`RenderJob::new`].
     pub fn build(self, warnings: &mut Warnings) -> Result<RenderJob> {
         let (size, numerics, structure) = (self.size(), self.numerics(), self.structure());
-        let ResolvedJob { scene, recentering, camera, window, settings, choices, metadata, .. } = self;
+        let ResolvedJob { scene, recentering, camera, window, settings, choices, metadata, meters, .. } =
+            self;
         check_memory(&scene, &choices, numerics)?;
         let world = World::prepare(scene, settings.picture.pipeline(), structure, numerics);
         let job = RenderJob::new(Arc::new(world), recentering, camera, size, choices)?;
-        let job = RenderJob { window, settings, metadata, ..job };
+        let mut job = RenderJob { window, settings, metadata, ..job };
+        if meters {
+            let (small, control) = (job.to_be_metered(Some(METER_SAMPLES))?, RenderControl::default());
+            let (film, _) = small.render::<[f32; 3]>(&control)?;
+            let subject = film.rows().zip(small.subject(&control)?).filter(|(_, is_shown)| *is_shown);
+            let subject: Vec<[f32; 3]> = subject.map(|(colour, _)| colour).collect();
+            let picture = &mut job.settings.picture;
+            let ev = mean_exposure(&subject, picture.tone_map.unwrap_or_default());
+            picture.exposure = Some(Exposure::Ev(ev));
+            if job.choices.clamp.is_none() && job.world.path_call.is_some() {
+                picture.clamp = Some(studio::white(ev));
+                job.choices.clamp = picture.clamp.map(Clamp::get);
+                job.plan = Plan::new(&job.world, &job.choices)?;
+            }
+            metadata::replace(&mut job.metadata, &job.settings.picture);
+            warnings.note(format!("the exposure is {ev} EV, metered; --exposure 0 leaves light as it is"));
+        }
         warn_of_job(&job, warnings);
         Ok(job)
     }

@@ -12,11 +12,11 @@ use super::{RenderSettings, path_calls};
 use crate::effects::{id, named};
 use crate::error::Warnings;
 use crate::film::colour::srgb_encode;
-use crate::film::tone::{DisplayTransform, ToneMap};
+use crate::film::tone::{DisplayTransform, Exposure, ToneMap};
 use crate::film::{Colour, ColourPipeline};
 use crate::scene::{
-    Background, Environment, EnvironmentImage, EnvironmentSource, Fill, Ground, Look, Noise, OptionValue,
-    PictureSettings, Samples, Scene, Transport,
+    Background, Clamp, Environment, EnvironmentImage, EnvironmentSource, Fill, Ground, Look, Noise,
+    OptionValue, PictureSettings, Samples, Scene, Transport,
 };
 use crate::world::KEY_IRRADIANCE;
 
@@ -35,9 +35,12 @@ const DARK_BACKGROUND: DVec3 = DVec3::new(0.048_072, 0.049_622, 0.053_014);
 
 /// Standard error of displayed values at which pixels are sampled no further; the most samples, and those of paths.
 const NOISE: f64 = 0.025;
-const PATH_NOISE: f64 = 0.035;
 const SAMPLES: u32 = 16;
 pub(super) const PATH_SAMPLES: u32 = 64;
+
+/// The same of paths that only the materials call for. Their indirect light is clamped to white.
+const CALLED_NOISE: f64 = 0.06;
+const CALLED_SAMPLES: u32 = 36;
 
 /// Rows of the fill light as an image for path tracing.
 const ROWS: u32 = 64;
@@ -48,9 +51,10 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
         return;
     }
     let has_lamps = call_for_paths(scene, settings, warnings);
-    let (noise, most) = match scene.transport() {
-        Transport::Path => (PATH_NOISE, PATH_SAMPLES),
-        Transport::Whitted => (NOISE, SAMPLES),
+    let (noise, most) = match (scene.transport(), &scene.path_call) {
+        (Transport::Path, Some(_)) => (CALLED_NOISE, CALLED_SAMPLES),
+        (Transport::Path, None) => (NOISE, PATH_SAMPLES),
+        (Transport::Whitted, _) => (NOISE, SAMPLES),
     };
     let sampled = PictureSettings {
         noise: Some(Noise::clamped(noise)),
@@ -66,9 +70,24 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
     scene.has_key_light = is_lit && !has_lamps && light.is_none() && !has_environment;
     if is_lit {
         scene.ambient = scene.ambient.or(Some(0.0));
-        if pipeline == ColourPipeline::Linear && scene.picture.tone_map.is_none() {
+    }
+    let is_bright = has_lamps || scene.has_physical_lights;
+    if pipeline == ColourPipeline::Linear && (is_lit || is_bright) {
+        if scene.picture.tone_map.is_none() {
             scene.picture.tone_map = Some(tone_map(background, warnings));
         }
+        if is_bright {
+            scene.picture.exposure = scene.picture.exposure.or(Some(Exposure::Auto));
+        }
+    }
+    // A metered exposure is not known yet.
+    let ev = match scene.picture.exposure {
+        Some(Exposure::Ev(ev)) => Some(ev),
+        Some(Exposure::Auto) => None,
+        None => Some(0.0),
+    };
+    if scene.path_call.is_some() && pipeline == ColourPipeline::Linear {
+        scene.picture.clamp = scene.picture.clamp.or(ev.map(white));
     }
     if scene.has_key_light {
         if scene.transport().traces_paths() {
@@ -122,11 +141,18 @@ fn call_for_paths(scene: &mut Scene, settings: &RenderSettings, warnings: &mut W
     let has_lamps = !lamps.is_empty();
     let emitting = named("emission of material", lamps);
     let transmitting = named("transmission of material", path_calls::transmitting(scene));
-    scene.path_call = emitting.or(transmitting);
-    if let (Some(call), None) = (&scene.path_call, scene.picture.transport) {
+    if scene.picture.transport.is_none() {
+        scene.path_call = emitting.or(transmitting);
+    }
+    if let Some(call) = &scene.path_call {
         warnings.note(format!("{call}: paths are traced; --transport whitted leaves them out"));
     }
     has_lamps
+}
+
+/// The clamp of paths that the materials call for: the light that an exposure shows as white.
+pub(super) fn white(ev: f64) -> Clamp {
+    Clamp::clamped((-ev).exp2())
 }
 
 /// The tone map before a background: none where it cannot display that.

@@ -9,7 +9,6 @@ use crate::error::{Error, Result};
 use crate::film::{ColourPipeline, Film};
 use crate::job::RenderJob;
 use crate::metrics::Values;
-use crate::render::aov::{self, AovSelection};
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
 
@@ -21,11 +20,7 @@ fn subject_pixels(job: &RenderJob, control: &RenderControl) -> Result<usize> {
     if world.environment.as_ref().is_some_and(|environment| !environment.is_hidden) {
         return Ok(all);
     }
-    let objects = aov::channels(&job.aov_source(None), &AovSelection::new(&["object".to_owned()])?, control)?;
-    let ground = world.ground.map(|index| index as f32);
-    let is_subject = |&&object: &&f32| object >= 0.0 && Some(object) != ground;
-    let count = objects[0].values.iter().filter(is_subject).count();
-    Ok(if count == 0 { all } else { count })
+    Ok(job.subject(control)?.into_iter().filter(|is_shown| *is_shown).count())
 }
 
 /// Renders ranges of the picture's samples, and accumulates their statistics.

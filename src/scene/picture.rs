@@ -52,7 +52,7 @@ options! {
         /// and darkens indirect light [default: none]
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "RADIANCE", value_parser = parser::<Clamp>()] clamp: Clamp,
         /// Samples per pixel, 1 to 65536; with a noise threshold, the maximum [default: for meshes 16,
-        /// with path tracing 64; for scene files 1 at the pixel's centre, 16 with a filter, 256 with a noise threshold]
+        /// with glass or lamps 36, with path tracing 64; for scene files 1 at the pixel's centre, 16 with a filter, 256 with a noise threshold]
         [long, help_heading = group::QUALITY, display_order = 0, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] samples: Samples,
         /// Pixel reconstruction filter [default: gaussian]
         [long, help_heading = group::QUALITY, value_name = "FILTER", value_parser = parser::<FilterShape>()] filter: FilterShape,
@@ -60,7 +60,7 @@ options! {
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "PIXELS", value_parser = parser::<FilterRadius>()]
         filter_radius: FilterRadius,
         /// Noise threshold of adaptive sampling: sample each pixel until the standard error of its displayed value (1 is white)
-        /// is below this [default: for meshes without sampling options 0.025, with path tracing 0.035, else none]
+        /// is below this [default: for meshes without sampling options 0.025, with glass or lamps 0.06, else none]
         [long, help_heading = group::QUALITY, display_order = 1, allow_hyphen_values = true, value_name = "LEVEL", value_parser = parser::<Noise>()] noise: Noise,
         /// Minimum samples per pixel of adaptive sampling [default: 4]
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] min_samples: Samples,
@@ -73,7 +73,7 @@ options! {
         /// bits after each step) [default: linear]
         [long, help_heading = group::LOOK, hide_possible_values = true, value_name = "PIPELINE", value_parser = parser::<ColourPipeline>()] colour: ColourPipeline,
         /// Exposure in EV, -64 to 64, or `auto`, computed from the picture. For 8-bit pictures, films and the window, with linear
-        /// colour arithmetic [default: 0]
+        /// colour arithmetic [default: metered for meshes with lamps or physical lights and seen from inside, else 0]
         [long, help_heading = group::LOOK, display_order = 3, allow_hyphen_values = true, value_name = "EV|auto", value_parser = parser::<Exposure>()] exposure: Exposure,
         /// Tone map of 8-bit pictures, films and the window, with linear colour arithmetic [default: pbr-neutral for
         /// meshes without lights, else none]

@@ -314,11 +314,11 @@ fn a_clipped_picture_under_physical_lights_names_an_exposure() {
             .text()
     };
     workshop.write("bright.gltf", gltf(5000.0));
-    let said = workshop.succeed("render bright.gltf -o a.png --size 64x48");
+    let said = workshop.succeed("render bright.gltf --draft -o a.png --size 64x48");
     let ev = said.split("try `--exposure ").nth(1).and_then(|rest| rest.split('`').next());
     let ev: f64 = ev.unwrap_or_else(|| panic!("no exposure: {said}")).parse().expect("a number");
     assert_eq!(said.matches("kiln: warning: ").count(), 1, "{said}");
-    workshop.succeed("render bright.gltf -o a.exr --size 64x48");
+    workshop.succeed("render bright.gltf --draft -o a.exr --size 64x48");
     let luminance =
         |[r, g, b]: [f32; 3]| 0.2126 * f64::from(r) + 0.7152 * f64::from(g) + 0.0722 * f64::from(b);
     let mut all: Vec<f64> = workshop.floats("a.exr").into_iter().map(luminance).collect();
@@ -329,14 +329,25 @@ fn a_clipped_picture_under_physical_lights_names_an_exposure() {
     assert!((-11.5..-10.0).contains(&ev), "{ev}");
     for quiet in [&format!("--exposure {ev}"), "--tone-map agx", "--exposure 0", "-o a.exr"] {
         let output = if quiet.starts_with("-o") { "" } else { "-o b.png" };
-        let said = workshop.succeed(&format!("render bright.gltf {output} --size 64x48 {quiet}"));
+        let said = workshop.succeed(&format!("render bright.gltf --draft {output} --size 64x48 {quiet}"));
         assert!(!said.contains("kiln: warning: "), "{quiet}: {said}");
     }
-    let said = workshop.succeed("render bright.gltf -o f_##.png --frames 0-1 --size 32x24");
+    let said = workshop.succeed("render bright.gltf --draft -o f_##.png --frames 0-1 --size 32x24");
     assert_eq!(said.matches("try `--exposure").count(), 1, "{said}");
     // A white surface under 1 lux reflects about 1 / pi.
     workshop.write("dim.gltf", gltf(1.0));
-    assert!(!workshop.succeed("render dim.gltf -o a.png --size 64x48").contains("warning"));
+    assert!(!workshop.succeed("render dim.gltf --draft -o a.png --size 64x48").contains("warning"));
+    // The default look meters both, and shows the same: the log-average of a surface of one luminance is 0.18.
+    for file in ["bright", "dim"] {
+        let said = workshop.succeed(&format!("render {file}.gltf -o {file}.png --size 64x48"));
+        assert!(said.contains("kiln: note: the exposure is") && !said.contains("warning"), "{said}");
+        let crop = workshop.succeed(&format!("render {file}.gltf -o crop.png --size 64x48 --crop 8,8,16,16"));
+        assert_eq!(crop.contains("the exposure is"), said.contains("the exposure is"), "{crop}");
+        let shown = workshop.colours(&format!("{file}.png"));
+        let mean = shown.as_flattened().iter().map(|&value| f64::from(value)).sum::<f64>()
+            / (3 * shown.len()) as f64;
+        assert!((0.3..0.5).contains(&(mean / 255.0)), "{file}: {mean}");
+    }
 }
 
 #[test]

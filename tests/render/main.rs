@@ -13,6 +13,7 @@ mod golden;
 mod ground;
 mod layers;
 mod lights;
+mod look;
 mod noise;
 mod normal_maps;
 mod path;

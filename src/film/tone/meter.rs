@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use super::MAX_EXPOSURE;
-use crate::film::Film;
+use super::{DisplayTransform, MAX_EXPOSURE, ToneMap};
+use crate::film::{ColourPipeline, Film};
 
 fn luminance(colour: [f32; 3]) -> f64 {
     crate::film::colour::luminance(DVec3::from(colour.map(f64::from)))
@@ -45,6 +45,33 @@ pub fn white_exposure(colours: impl Iterator<Item = [f32; 3]>) -> Option<f64> {
     (percentile > 0.0 && percentile.is_finite()).then(|| (-percentile.log2() * 10.0).floor() / 10.0)
 }
 
+/// The mean display value of [`mean_exposure`]: about what `pbr-neutral` shows of light of 0.18.
+const MEAN: f64 = 0.42;
+
+/// The exposure in EV at which a tone map shows a picture with a mean display value of 0.42, rounded to 1/100 EV. It
+/// rises with the exposure, so it is found by bisection. 0 for a picture without light.
+pub fn mean_exposure(colours: &[[f32; 3]], tone_map: ToneMap) -> f64 {
+    let lit = |&&colour: &&[f32; 3]| luminance(colour) > 0.0 && luminance(colour).is_finite();
+    let lit: Vec<[f32; 3]> = colours.iter().filter(lit).copied().collect();
+    if lit.is_empty() {
+        return 0.0;
+    }
+    let mean = |ev: f64| {
+        let shown = DisplayTransform::new(ev, tone_map);
+        let of = |colour: &[f32; 3]| {
+            let colour = DVec3::from(colour.map(f64::from));
+            shown.displayed(ColourPipeline::Linear, colour).clamp(DVec3::ZERO, DVec3::ONE).element_sum() / 3.0
+        };
+        lit.iter().map(of).sum::<f64>() / lit.len() as f64
+    };
+    let (mut low, mut high) = (-MAX_EXPOSURE, MAX_EXPOSURE);
+    while high - low > 1e-3 {
+        let middle = 0.5 * (low + high);
+        if mean(middle) < MEAN { low = middle } else { high = middle }
+    }
+    rounded(low, 100.0)
+}
+
 /// The share of pixels, 0 to 1, with a channel at 255.
 pub fn clipped_share(film: &Film<[u8; 3]>) -> f64 {
     let clipped = film.stored().iter().filter(|pixel| pixel.contains(&255)).count();
@@ -80,6 +107,18 @@ mod tests {
         let mixed = [[0.36; 3], [0.0; 3], [f32::NAN; 3], [f32::INFINITY; 3], [-1.0; 3]];
         assert_eq!(auto_exposure(mixed.into_iter()), -1.0);
         assert_eq!(auto_exposure(std::iter::repeat_n([0.0; 3], 9)), 0.0);
+    }
+
+    /// Grey of 0.42 is ((0.42 + 0.055) / 1.055)^2.4 = 0.14731 in linear light: light of half is one stop below. Black does
+    /// not count.
+    #[test]
+    fn the_mean_display_value_is_that_of_a_grey() {
+        let light = ((0.42f64 + 0.055) / 1.055).powf(2.4);
+        let grey = vec![[(0.5 * light) as f32; 3], [0.0; 3]];
+        assert_eq!(mean_exposure(&grey, ToneMap::None), 1.0);
+        // pbr-neutral takes 0.04 off.
+        assert_eq!(mean_exposure(&[[(light + 0.04) as f32; 3]], ToneMap::PbrNeutral), 0.0);
+        assert_eq!(mean_exposure(&[[0.0; 3]], ToneMap::None), 0.0);
     }
 
     #[test]

@@ -118,8 +118,8 @@ impl<'a> Side<'a> {
         if let (Pass::Samples(from, to), Some(before)) = (pass, &self.picture) {
             mix(&mut pixels, &before.pixels, f64::from(from) / f64::from(to));
         }
-        let display = self.prepared.job.display();
-        let display = display.transform_of(pixels.iter().copied());
+        let display =
+            self.prepared.job.with_size(size)?.display_transform(pixels.iter().copied(), &control)?;
         let (image, legend) = match self.request.display_mode {
             DisplayMode::Picture => (image(&pixels, size, pipeline, display), None),
             _ => {
