@@ -88,11 +88,6 @@ impl From<PictureSettings> for RenderSettings {
 }
 
 impl RenderSettings {
-    /// The look of a scene that has these settings.
-    pub(crate) fn look(&self, scene: &Scene) -> Look {
-        scene.picture.look.unwrap_or(if scene.has_settings { Look::Draft } else { self.mesh_look })
-    }
-
     /// Turns an effect on or off, overriding the scene.
     pub fn switch(&mut self, effect: EffectId, on: bool) {
         self.set_switch(effect, if on { Some(None) } else { None });
