@@ -15,13 +15,19 @@ use crate::film::colour::srgb_encode;
 use crate::film::tone::{DisplayTransform, Exposure, ToneMap};
 use crate::film::{Colour, ColourPipeline};
 use crate::scene::{
-    Background, Clamp, Environment, EnvironmentImage, EnvironmentSource, Fill, Ground, Look, Noise,
+    Background, Clamp, Environment, EnvironmentImage, EnvironmentSource, Fill, FillZone, Ground, Look, Noise,
     OptionValue, PictureSettings, Samples, Scene, Transport,
 };
 use crate::world::KEY_IRRADIANCE;
 
-/// The fill light. A white surface that faces up reflects 0.41 of it, one that faces sideways 0.3.
-const FILL: Fill = Fill { above: 0.46, below: 0.14 };
+/// The fill light: a floor, a dark wall with a ring of lights, and a softbox overhead, so that metals have edges to reflect. A
+/// white surface that faces up reflects 0.39 of it, one that faces sideways 0.31.
+const FILL: Fill = {
+    const fn zone(from: f64, radiance: f64) -> FillZone {
+        FillZone { from, radiance }
+    }
+    Fill { zones: [zone(-1.0, 0.3), zone(-0.05, 0.08), zone(0.2, 0.7), zone(0.45, 0.08), zone(0.75, 0.55)] }
+};
 
 /// The vertical field of view of automatic cameras, in degrees.
 pub(super) const FIELD_OF_VIEW: f64 = 30.0;
@@ -43,7 +49,7 @@ const CALLED_NOISE: f64 = 0.06;
 const CALLED_SAMPLES: u32 = 36;
 
 /// Rows of the fill light as an image for path tracing.
-const ROWS: u32 = 64;
+const ROWS: u32 = 512;
 
 /// Completes a scene by the default look, each part on its own: sampling, light, tone map, ground and background.
 pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &mut Warnings) {
@@ -186,8 +192,8 @@ fn background_colour(pipeline: ColourPipeline) -> Colour {
 
 /// Fill light as an environment that the camera does not see.
 fn environment_of(fill: Fill) -> Environment {
-    let height = |row: u32| (std::f64::consts::PI * (f64::from(row) + 0.5) / f64::from(ROWS)).cos();
-    let pixels = (0..ROWS).map(|row| [fill.radiance(DVec3::Y * height(row)) as f32; 3]).collect();
+    let height = |row: u32| (std::f64::consts::PI * f64::from(row) / f64::from(ROWS)).cos();
+    let pixels = (0..ROWS).map(|row| [fill.mean_radiance(height(row + 1), height(row)) as f32; 3]).collect();
     let image = EnvironmentImage { name: "fill light".into(), width: 1, height: ROWS, pixels };
     let source = EnvironmentSource::Image(Arc::new(image));
     Environment { source, rotation: 0.0, intensity: 1.0, is_hidden: true }
@@ -335,6 +341,6 @@ mod tests {
         };
         let upper = image.pixels.iter().enumerate().take(ROWS as usize / 2);
         let irradiance: f64 = upper.map(|(row, pixel)| weight(row) * f64::from(pixel[0])).sum();
-        assert!((irradiance - FILL.diffuse(DVec3::Y)).abs() < 1e-3, "{irradiance}");
+        assert!((irradiance - FILL.diffuse_up()).abs() < 1e-3, "{irradiance}");
     }
 }

@@ -60,7 +60,7 @@ pub use clip::{Clip, ClipChoice, ClipTime};
 pub use colour_value::ColourValue;
 pub use effects::{EffectValue, EffectsSection};
 pub use environment::{Environment, EnvironmentImage, EnvironmentSource};
-pub use fill::Fill;
+pub use fill::{Fill, FillZone};
 pub use fingerprint::Fingerprint;
 pub use ground::Ground;
 pub use import_options::{Degrees, ImportOptions, ReadingOptions, Seconds};

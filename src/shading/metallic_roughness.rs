@@ -12,8 +12,8 @@ use glam::DVec3;
 
 use super::bsdf::{Ggx, GgxAlbedo, reflectances};
 use super::{LightSample, ShadingMode};
-use crate::scene::{Fill, MetallicRoughness};
-use crate::world::{SurfaceInteraction, World};
+use crate::scene::MetallicRoughness;
+use crate::world::{PreparedFill, SurfaceInteraction, World};
 
 /// The lower limit of the roughness, since a perfect mirror reflects point lights in no pixel. It gives a highlight of about one
 /// degree.
@@ -48,7 +48,7 @@ pub(crate) fn shade(
     let unoccluded = 1.0 + material.occlusion_strength * (surface.further_texels.occlusion - 1.0);
     let mut ambient = world.ambient * (diffuse + f0);
     if let Some(fill) = &world.fill {
-        ambient += diffuse * fill.diffuse(surface.shading_normal);
+        ambient += diffuse * fill.diffuse(surface.shading_normal.y);
         ambient += reflected_fill(fill, surface, [f0, f90], roughness);
     }
     let mut sum = emission + surface.ambient * unoccluded * ambient;
@@ -62,16 +62,21 @@ pub(crate) fn shade(
     world.pipeline.clamp(sum)
 }
 
-/// The fill light that the GGX lobe reflects: the radiance from the lobe's dominant direction (Lagarde and de Rousiers, Moving
-/// Frostbite to Physically Based Rendering, 2014, section 4.9.3) times the lobe's directional albedo.
-fn reflected_fill(fill: &Fill, surface: &SurfaceInteraction, [f0, f90]: [DVec3; 2], roughness: f64) -> DVec3 {
+/// The fill light that the GGX lobe reflects: the mean radiance around the lobe's dominant direction (Lagarde and de Rousiers,
+/// Moving Frostbite to Physically Based Rendering, 2014, section 4.9.3) times the lobe's directional albedo.
+fn reflected_fill(
+    fill: &PreparedFill,
+    surface: &SurfaceInteraction,
+    [f0, f90]: [DVec3; 2],
+    roughness: f64,
+) -> DVec3 {
     let (normal, view) = (surface.shading_normal, surface.view);
     let ggx = Ggx::new(roughness.max(MIN_ROUGHNESS));
     let cosine = normal.dot(view).clamp(0.0, 1.0);
     let smoothness = 1.0 - ggx.alpha();
     let mirrored = 2.0 * normal.dot(view) * normal - view;
     let towards = normal.lerp(mirrored, smoothness * (smoothness.sqrt() + ggx.alpha())).normalize_or(normal);
-    GgxAlbedo::new(ggx, cosine).of(f0, f90) * fill.radiance(towards)
+    GgxAlbedo::new(ggx, cosine).of(f0, f90) * fill.reflected(towards.y, ggx.alpha())
 }
 
 /// pi times the product of the GGX distribution, Smith's height-correlated visibility (Heitz, Understanding the Masking-Shadowing

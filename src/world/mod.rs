@@ -12,6 +12,7 @@ mod directional;
 mod emission_texture;
 mod emitters;
 mod environment;
+mod fill;
 mod fit;
 mod ground;
 mod image;
@@ -32,6 +33,7 @@ use environment::PreparedEnvironment;
 pub(crate) use area_lights::{AreaLights, has_radiance};
 pub(crate) use directional::LightDisc;
 pub(crate) use emitters::{EmitterSample, Emitters, TriangleSample, emission_texture, sampled_emission};
+pub(crate) use fill::PreparedFill;
 pub use fit::{Framing, StandardView, fitted_camera, headlight, turntable_camera};
 pub(crate) use fit::{KEY_IRRADIANCE, key_light, opening};
 pub use image::Image;
@@ -53,7 +55,7 @@ use glam::DVec3;
 use crate::bvh::{self, Accelerator, Instance, Layout, MeshSpace, Slot};
 use crate::film::ColourPipeline;
 use crate::geometry::{Numerics, PrimId};
-use crate::scene::{Fill, Light, LightKind, Material, MaterialId, Mesh, Object, Scene, Shape};
+use crate::scene::{Light, LightKind, Material, MaterialId, Mesh, Object, Scene, Shape};
 
 /// The intensity of the ambient light where no input sets it.
 pub const DEFAULT_AMBIENT: f64 = 0.25;
@@ -81,7 +83,7 @@ pub struct World {
     /// The intensity of the ambient light.
     pub ambient: f64,
     /// Further ambient light, of local shading.
-    pub(crate) fill: Option<Fill>,
+    pub(crate) fill: Option<PreparedFill>,
     /// The diagonal of the box around the objects, without the ground and lights with an area.
     pub(crate) diagonal: f64,
     /// The colour of rays that hit nothing, in the numbers of the pipeline; black with a backdrop.
@@ -221,7 +223,7 @@ impl World {
             lights: world_lights(scene.lights, pipeline),
             pipeline,
             ambient: scene.ambient.unwrap_or(DEFAULT_AMBIENT),
-            fill: scene.fill,
+            fill: scene.fill.as_ref().map(PreparedFill::new),
             diagonal,
             background: if backdrop.is_some() { DVec3::ZERO } else { background },
             backdrop,
@@ -244,7 +246,7 @@ impl World {
     /// The ambient light that a white diffuse surface with this shading normal reflects where nothing is near.
     #[inline]
     pub(crate) fn ambient_at(&self, normal: DVec3) -> f64 {
-        self.ambient + self.fill.map_or(0.0, |fill| fill.diffuse(normal))
+        self.ambient + self.fill.as_ref().map_or(0.0, |fill| fill.diffuse(normal.y))
     }
 
     /// The index of the object that shows its shadows alone, the ground before a backdrop.
