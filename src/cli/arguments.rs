@@ -64,6 +64,12 @@ pub(crate) fn check(arguments: &Arguments) -> Result<()> {
 }
 
 impl Arguments {
+    /// The choices of importers.
+    pub(crate) fn reading(&self) -> ImportOptions {
+        let is_draft = self.draft || self.settings.picture.look == Some(Look::Draft);
+        ImportOptions { smooths_meshes: !is_draft, ..self.import.clone() }
+    }
+
     /// The render settings.
     ///
     /// # Errors

@@ -56,7 +56,7 @@ impl Reporter {
     fn load(&mut self, arguments: &Arguments) -> Result<Scene> {
         self.phase("loading");
         let Reporter { seconds, warnings, .. } = self;
-        timed(&mut seconds.load, || import::load_with(&arguments.inputs, &arguments.import, warnings))
+        timed(&mut seconds.load, || import::load_with(&arguments.inputs, &arguments.reading(), warnings))
     }
 
     /// Loads the inputs and resolves the render settings.

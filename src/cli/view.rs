@@ -55,7 +55,11 @@ fn open(
 ) -> (Result<Opened>, Vec<FileRead>) {
     // Like camera options, these do not apply to files that were dropped onto the window.
     let is_own = arguments.inputs == inputs;
-    let options = if is_own { arguments.import.clone() } else { ImportOptions::default() };
+    let options = if is_own {
+        arguments.reading()
+    } else {
+        ImportOptions { smooths_meshes: true, ..ImportOptions::default() }
+    };
     let (scene, files) = import::load_and_list(inputs, &options, warnings);
     let scene = scene.and_then(|mut scene| {
         // The bar plays a clip, unless a moment of it is asked for.

@@ -50,7 +50,7 @@ pub use dependencies::{FileRead, Stamp};
 use crate::error::{Error, Result, Warnings};
 use crate::files::{self, unreadable};
 use crate::limits::Counted;
-use crate::scene::{ClipChoice, ImportOptions, Material, Mesh, Object, Phong, Scene, Shape, UpAxis};
+use crate::scene::{ClipChoice, Degrees, ImportOptions, Material, Mesh, Object, Phong, Scene, Shape, UpAxis};
 use dependencies::Files;
 
 /// A supported file format.
@@ -61,6 +61,8 @@ pub struct Importer {
     pub endings: &'static [&'static str],
     /// Whether the format describes a whole scene (cameras, lights, settings) rather than a mesh.
     pub is_scene_file: bool,
+    /// Whether the format says that a mesh without normals is flat.
+    is_flat: bool,
     /// Magic bytes that identify the format on standard input. A format without any cannot be read from there, except
     /// scene files, which are the fallback.
     starts: &'static [&'static [u8]],
@@ -75,6 +77,7 @@ pub const IMPORTERS: &[Importer] = &[
         name: "scene file",
         endings: &["toml"],
         is_scene_file: true,
+        is_flat: false,
         starts: &[],
         streams: false,
         read: scene_file::read,
@@ -83,6 +86,7 @@ pub const IMPORTERS: &[Importer] = &[
         name: "Wavefront OBJ",
         endings: &["obj"],
         is_scene_file: false,
+        is_flat: false,
         starts: &[],
         streams: true,
         read: obj::read,
@@ -92,6 +96,7 @@ pub const IMPORTERS: &[Importer] = &[
         name: "glTF",
         endings: &["gltf", "glb"],
         is_scene_file: false,
+        is_flat: true,
         starts: &[b"glTF", b"{"],
         streams: false,
         read: gltf::read,
@@ -100,6 +105,7 @@ pub const IMPORTERS: &[Importer] = &[
         name: "PLY",
         endings: &["ply"],
         is_scene_file: false,
+        is_flat: false,
         starts: &[b"ply\n", b"ply\r"],
         streams: false,
         read: ply::read,
@@ -108,6 +114,7 @@ pub const IMPORTERS: &[Importer] = &[
         name: "STL",
         endings: &["stl"],
         is_scene_file: false,
+        is_flat: false,
         starts: &[],
         streams: false,
         read: stl::read,
@@ -320,14 +327,17 @@ fn load_by(
     for (index, file) in inputs.iter().enumerate() {
         let source = Source::open(file, files, options)?;
         let mut one = read_one(&source, warnings)?;
+        let smooths = options.smooths_meshes && !importer_for(&source)?.is_flat;
+        let default_crease = smooths.then_some(ImportOptions::CREASE);
         drop(source);
         match options.reading.up {
             Some(up) if !one.has_settings => one.turn(up),
             Some(_) => {}
             None => note_up(&one, file, warnings),
         }
-        if let Some(crease) = options.reading.smooth.filter(|_| !one.has_settings) {
-            smooth::smooth(&mut one, crease.get().to_radians());
+        let crease = options.reading.smooth.map(Degrees::get).or(default_crease);
+        if let Some(crease) = crease.filter(|&crease| crease > 0.0 && !one.has_settings) {
+            smooth::smooth(&mut one, crease.to_radians());
         }
         sharing::bake_small(&mut one);
         sanitise::sanitise(&mut one, file, warnings);

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::scene::topology::Sets;
 use crate::scene::{Attribute, Mesh, Scene, Shape};
@@ -33,58 +34,89 @@ pub(super) fn smooth(scene: &mut Scene, crease: f64) -> usize {
     count
 }
 
-/// The normals of the corners of a mesh. Corners at one position, to the bit, share a normal if smooth edges connect
-/// their triangles there: the sum of the triangles' normals, weighted by their angles at the position (Thürmer and
-/// Wüthrich, Computing Vertex Normals from Polygonal Facets, 1998). Two triangles share an edge if they are the only ones
-/// that have it, in opposite directions.
+/// The normals of the corners of a mesh. Corners at one position share a normal if smooth edges connect their triangles
+/// there: the sum of the triangles' normals, weighted by their angles at the position (Thürmer and Wüthrich, Computing
+/// Vertex Normals from Polygonal Facets, 1998). Two triangles share an edge if they are the only ones that have it, in
+/// opposite directions.
 fn normals(mesh: &Mesh, crease: f64) -> Attribute<DVec3> {
     let positions = distinct(mesh);
-    let corners: Vec<[u32; 3]> = mesh.triangles.iter().map(|t| t.map(|i| positions[i as usize])).collect();
     let face = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|i| mesh.positions[i as usize]);
         (b - a).cross(c - a).normalize_or_zero()
     };
-    let faces: Vec<DVec3> = mesh.triangles.iter().map(face).collect();
-    // Half edges by their ends: the corner that each starts from, and whether there are several.
-    let mut edges: HashMap<[u32; 2], (u32, bool)> = HashMap::with_capacity(3 * corners.len());
-    for (triangle, of_triangle) in corners.iter().enumerate() {
-        for k in 0..3 {
-            let corner = (3 * triangle + k) as u32;
-            let edge = [of_triangle[k], of_triangle[(k + 1) % 3]];
-            edges.entry(edge).and_modify(|(_, several)| *several = true).or_insert((corner, false));
-        }
-    }
-    let mut sets = Sets::new(3 * corners.len());
-    for (&[from, to], &(corner, several)) in &edges {
-        let Some(&(opposite, opposite_several)) = edges.get(&[to, from]) else { continue };
-        let cosine = faces[corner as usize / 3].dot(faces[opposite as usize / 3]);
-        if several || opposite_several || from > to || cosine < crease.cos() {
-            continue;
-        }
-        sets.join(corner, next(opposite));
-        sets.join(next(corner), opposite);
-    }
+    let faces: Vec<DVec3> = mesh.triangles.par_iter().map(face).collect();
+    let is_smooth = |a: u32, b: u32| faces[a as usize / 3].dot(faces[b as usize / 3]) >= crease.cos();
+    let position = |corner: u32| positions[mesh.triangles[corner as usize / 3][corner as usize % 3] as usize];
+    let (corners, ends) = corners_by_position(mesh, &positions);
     let side = if mesh.is_mirrored { -1.0 } else { 1.0 };
-    let mut values = vec![DVec3::ZERO; 3 * corners.len()];
-    for (triangle, of_triangle) in mesh.triangles.iter().enumerate() {
-        let weighted = weighted_normals(of_triangle.map(|i| mesh.positions[i as usize]));
-        for (corner, normal) in (3 * triangle as u32..).zip(weighted) {
-            values[sets.find(corner) as usize] += side * normal;
+    let mut values = Vec::with_capacity(mesh.positions.len());
+    let mut triangles = vec![[0; 3]; mesh.triangles.len()];
+    let (mut edges, mut values_of_sets, mut start) = (Vec::new(), Vec::new(), 0);
+    for end in ends {
+        let around = &corners[start..end];
+        start = end;
+        // The edges that begin here and those that end here: their other end, and the triangle's index among those here.
+        edges.clear();
+        for (i, &corner) in (0u32..).zip(around) {
+            edges.push((position(next(corner)), true, i));
+            edges.push((position(next(next(corner))), false, i));
+        }
+        edges.sort_unstable();
+        let mut sets = Sets::new(around.len());
+        for shared in edges.chunk_by(|a, b| a.0 == b.0) {
+            if let [(_, false, ended), (_, true, begun)] = *shared
+                && is_smooth(around[ended as usize], around[begun as usize])
+            {
+                sets.join(ended, begun);
+            }
+        }
+        values_of_sets.clear();
+        values_of_sets.resize(around.len(), u32::MAX);
+        for (i, &corner) in (0u32..).zip(around) {
+            let value = &mut values_of_sets[sets.find(i) as usize];
+            if *value == u32::MAX {
+                *value = values.len() as u32;
+                values.push(DVec3::ZERO);
+            }
+            let (triangle, k) = (corner as usize / 3, corner as usize % 3);
+            let at = mesh.triangles[triangle].map(|i| mesh.positions[i as usize]);
+            values[*value as usize] += side * weighted_normal(at, k);
+            triangles[triangle][k] = *value;
         }
     }
-    let triangles = (0..corners.len() as u32).map(|t| [0, 1, 2].map(|k| sets.find(3 * t + k))).collect();
     Attribute { values, triangles: Some(triangles) }
+}
+
+/// The corners of a mesh by their position, in order, and where each position's corners end.
+fn corners_by_position(mesh: &Mesh, positions: &[u32]) -> (Vec<u32>, Vec<usize>) {
+    let of_corners = || mesh.triangles.as_flattened().iter().map(|&i| positions[i as usize] as usize);
+    let mut ends = vec![0; positions.len() + 1];
+    of_corners().for_each(|position| ends[position + 1] += 1);
+    for i in 0..positions.len() {
+        ends[i + 1] += ends[i];
+    }
+    let mut corners = vec![0; 3 * mesh.triangles.len()];
+    for (corner, position) in (0..).zip(of_corners()) {
+        corners[ends[position]] = corner;
+        ends[position] += 1;
+    }
+    // Each start has moved to its end.
+    ends.pop();
+    (corners, ends)
 }
 
 /// The unit normal of a triangle times its angle at each corner; zero where it has none.
 pub(super) fn weighted_normals(corners: [DVec3; 3]) -> [DVec3; 3] {
-    std::array::from_fn(|i| {
-        let [a, b, c] = [0, 1, 2].map(|k| corners[(i + k) % 3]);
-        let (b, c) = ((b - a).normalize_or_zero(), (c - a).normalize_or_zero());
-        let normal = b.cross(c);
-        // An angle of 0 or 180 degrees has no normal.
-        normal.normalize_or_zero() * normal.length().atan2(b.dot(c))
-    })
+    std::array::from_fn(|i| weighted_normal(corners, i))
+}
+
+/// The unit normal of a triangle times its angle at one corner.
+fn weighted_normal(corners: [DVec3; 3], i: usize) -> DVec3 {
+    let [a, b, c] = [0, 1, 2].map(|k| corners[(i + k) % 3]);
+    let (b, c) = ((b - a).normalize_or_zero(), (c - a).normalize_or_zero());
+    let normal = b.cross(c);
+    // An angle of 0 or 180 degrees has no normal.
+    normal.normalize_or_zero() * normal.length().atan2(b.dot(c))
 }
 
 /// The next corner of a triangle.
@@ -92,11 +124,17 @@ fn next(corner: u32) -> u32 {
     if corner % 3 == 2 { corner - 2 } else { corner + 1 }
 }
 
-/// For each position of a mesh, the first that is equal to the bit.
+/// For each position of a mesh, the first that is equal.
 fn distinct(mesh: &Mesh) -> Vec<u32> {
-    let mut known: HashMap<[u64; 3], u32> = HashMap::with_capacity(mesh.positions.len());
-    let bits = |p: &DVec3| p.to_array().map(f64::to_bits);
-    mesh.positions.iter().zip(0..).map(|(p, i)| *known.entry(bits(p)).or_insert(i)).collect()
+    // Adding 0 turns -0 into 0.
+    let bits = |p: &DVec3| (*p + 0.0).to_array().map(f64::to_bits);
+    let mut sorted: Vec<([u64; 3], u32)> = mesh.positions.iter().map(bits).zip(0..).collect();
+    sorted.par_sort_unstable();
+    let mut first = vec![0; sorted.len()];
+    for equal in sorted.chunk_by(|a, b| a.0 == b.0) {
+        equal.iter().for_each(|&(_, index)| first[index as usize] = equal[0].1);
+    }
+    first
 }
 
 #[cfg(test)]

@@ -19,6 +19,10 @@ pub struct ImportOptions {
     /// Follow references of mesh files outside their folder, such as a texture ../wood.png; only for trusted files
     #[cfg_attr(feature = "cli", arg(long, help_heading = group::INPUT))]
     pub allow_outside_references: bool,
+    /// Whether meshes without normals get smooth ones at an angle of [`ImportOptions::CREASE`] where `smooth` says none, as in the
+    /// default look; not those of glTF, which are flat by its specification.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub smooths_meshes: bool,
     /// The most that the files may hold: `--limit`, an option of all commands.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub limits: Limits,
@@ -36,8 +40,8 @@ options! {
         [long, help_heading = group::INPUT, value_name = "NAME", value_parser = parser::<String>()] variant: String,
         /// Up axis of mesh files [default: y]
         [long, help_heading = group::INPUT, display_order = 0, allow_hyphen_values = true, value_name = "AXIS", value_parser = parser::<UpAxis>()] up: UpAxis,
-        /// Smooth normals for mesh files without normals; edges with a larger angle than this in degrees stay sharp [default
-        /// without a number: 30]
+        /// Smooth normals for mesh files without normals; edges with a larger angle than this in degrees stay sharp, all
+        /// with 0 [default: 30 for OBJ, PLY and STL files, else flat]
         [long, help_heading = group::INPUT, display_order = 1, value_name = "DEG", num_args = 0..=1, default_missing_value = "30", value_parser = parser::<Degrees>()]
         smooth: Degrees,
     }
@@ -65,6 +69,9 @@ impl OptionValue for ClipChoice {
 }
 
 impl ImportOptions {
+    /// The angle in degrees above which edges stay sharp by default.
+    pub const CREASE: f64 = 30.0;
+
     /// Options that pose the scene.
     pub fn posed(mut self, ClipTime { clip, time }: ClipTime) -> Self {
         (self.reading.clip, self.reading.time) = (Some(clip), Some(Seconds::clamped(time)));
@@ -81,7 +88,13 @@ impl ImportOptions {
 
     /// Name and value of each option that is set, as on the command line. Flags have no value.
     pub fn entries(&self) -> Vec<(String, Option<String>)> {
-        let ImportOptions { reading, ignore_required_extensions, allow_outside_references, limits } = self;
+        let ImportOptions {
+            reading,
+            ignore_required_extensions,
+            allow_outside_references,
+            limits,
+            smooths_meshes: _,
+        } = self;
         let mut entries: Vec<_> =
             reading.entries().into_iter().map(|(name, value)| (name, Some(value))).collect();
         entries.extend(

@@ -16,8 +16,8 @@ use kiln::film::{Colour, ColourPipeline, Window};
 use kiln::render::{RenderControl, render};
 use kiln::scene::Numerics;
 use kiln::scene::{
-    Camera, Falloff, Focus, Interpolation, Lens, LightKind, Material, Mesh, Minify, Projection, Scene, Shape,
-    Wrap,
+    Camera, Degrees, Falloff, Focus, ImportOptions, Interpolation, Lens, LightKind, Material, Mesh, Minify,
+    Projection, ReadingOptions, Scene, Shape, Wrap,
 };
 use kiln::shading::ShadingMode;
 use kiln::world::{View, World};
@@ -744,25 +744,43 @@ fn gltf_alpha_of_factor_picture_and_vertices() {
     assert_eq!(quarters(load("MASK", 1.0, Some(0.39))), [[0; 3], [255; 3], [0; 3], [255; 3]]);
 }
 
-/// `d` is the opacity; `Tr` is its complement and used if there is no `d`; `map_d` is a factor, the alpha channel of
+/// `d` is the opacity; `Tr` is its complement and used if there is no `d`, but 1 means opaque; `map_d` is a factor, the alpha channel of
 /// the image or its grey values if it has none.
 #[test]
 fn obj_opacity_of_numbers_and_pictures() {
     let folder = Folder::new();
     folder.write("half.png", half_transparent_png());
     let mtl = "newmtl a\nd 0.25\nTr 0.25\nnewmtl b\nTr 0.25\nnewmtl c\nmap_d half.png\nnewmtl e\nd 1\nTr 0\n\
-               newmtl f\nd 0\n";
+               newmtl f\nd 0\nnewmtl g\nTr 1\n";
     folder.write("a.mtl", mtl);
     let faces: String =
-        ["a", "b", "c", "e", "f"].map(|name| format!("usemtl {name}\nf 1/1 2/1 3/1\n")).concat();
+        ["a", "b", "c", "e", "f", "g"].map(|name| format!("usemtl {name}\nf 1/1 2/1 3/1\n")).concat();
     let obj = format!("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n{faces}");
     let (scene, warnings) = folder.load("a.obj", obj);
-    assert_eq!(warnings, ["a.obj: material `f` has the opacity 0 (`d` or `Tr`) and cannot be seen"]);
+    assert_eq!(warnings, ["a.obj: material `f` has the opacity 0 (`d`) and cannot be seen"]);
     let opacity = |i: usize| scene.materials[i].opacity();
-    let factors: Vec<Option<f64>> = (0..5).map(|i| opacity(i).map(|o| o.factor)).collect();
-    assert_eq!(factors, [Some(0.25), Some(0.75), Some(1.0), None, Some(0.0)]);
+    let factors: Vec<Option<f64>> = (0..6).map(|i| opacity(i).map(|o| o.factor)).collect();
+    assert_eq!(factors, [Some(0.25), Some(0.75), Some(1.0), None, Some(0.0), None]);
     let texture = opacity(2).and_then(|o| o.texture).expect("map_d is a texture");
     assert_eq!(scene.images[texture.image.0 as usize].pixels[..], [[0; 3], [204; 3]]);
+}
+
+/// By default the look smooths meshes of formats that say nothing of normals that are missing; in glTF they are flat.
+#[test]
+fn meshes_without_normals_are_smooth_by_default() {
+    let folder = Folder::new();
+    let obj = folder.write("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let glb = folder.write("a.glb", Model::triangle().binary());
+    let has_normals = |file: &Path, smooths_meshes, degrees: Option<f64>| {
+        let reading = ReadingOptions { smooth: degrees.map(Degrees::clamped), ..ReadingOptions::default() };
+        let options = ImportOptions { reading, smooths_meshes, ..ImportOptions::default() };
+        let scene =
+            kiln::import::load_with(&[file.to_owned()], &options, &mut Warnings::default()).expect("a scene");
+        scene.objects[0].shape.mesh().expect("a mesh").normals.is_some()
+    };
+    assert!(has_normals(&obj, true, None) && !has_normals(&obj, false, None));
+    assert!(!has_normals(&obj, true, Some(0.0)) && has_normals(&obj, false, Some(30.0)));
+    assert!(!has_normals(&glb, true, None) && has_normals(&glb, true, Some(30.0)));
 }
 
 #[test]
