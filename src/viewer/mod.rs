@@ -21,6 +21,7 @@ mod panel;
 mod refine;
 mod request;
 mod save;
+mod theme;
 mod timeline;
 pub mod watch;
 

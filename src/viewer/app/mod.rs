@@ -23,7 +23,7 @@ use super::overlay::{self, Notice};
 use super::painter::{Comparison, Message, Painter, Prepared};
 use super::request::{Opened, RenderRequest};
 use super::watch::Watcher;
-use super::{Start, display, name_of};
+use super::{Start, display, name_of, theme};
 use crate::error::{Error, Result};
 use crate::import::FileNames;
 use crate::scene::animation::Timeline;
@@ -140,6 +140,7 @@ impl App {
             let context = context.clone();
             move || context.request_repaint()
         };
+        theme::set(&creation.egui_ctx);
         let painter = Painter::new(Arc::clone(&threads), wake(&creation.egui_ctx));
         let mut loader = Loader::new(start.open, Arc::clone(&threads), wake(&creation.egui_ctx));
         loader.load(start.inputs.clone());
