@@ -91,6 +91,9 @@ pub const NOTHING: [u8; 3] = [20, 24, 52];
 const FARTHEST: f32 = 40.0;
 const NEAREST: f32 = 250.0;
 
+/// Percentiles of the depths that have these grey levels, so that a few far pixels do not make all others equal.
+const DEPTH_PERCENTILES: [usize; 2] = [5, 95];
+
 /// Number of colours of a bar.
 const BAR: usize = 64;
 
@@ -107,7 +110,12 @@ pub fn false_colours(mode: DisplayMode, source: &AovSource, control: &RenderCont
         let what = format!("{}: shown by pictures, not by what is known of their pixels", mode.name());
         return Err(Error::usage(what, ""));
     };
-    let channels = aov::channels(source, &AovSelection::new(&[aov.to_owned()])?, control)?;
+    let mut aovs = vec![aov.to_owned()];
+    if mode == DisplayMode::Depth {
+        // Which pixels are the ground.
+        aovs.extend(DisplayMode::Objects.aov().map(str::to_owned));
+    }
+    let channels = aov::channels(source, &AovSelection::new(&aovs)?, control)?;
     Ok(of_channels(mode, source.world, &channels))
 }
 
@@ -118,7 +126,11 @@ pub fn of_channels(mode: DisplayMode, world: &World, channels: &[Channel]) -> Fa
         (DisplayMode::Normals | DisplayMode::GeometricNormals, [x, y, z]) => {
             normals(mode, &x.values, &y.values, &z.values)
         }
-        (DisplayMode::Depth, _) => depths(first),
+        (DisplayMode::Depth, [_, objects, ..]) => {
+            let ground = world.ground.map(|ground| ground as f32);
+            depths(first, |i| objects.values.get(i).copied() == ground)
+        }
+        (DisplayMode::Depth, _) => depths(first, |_| false),
         (DisplayMode::Objects, _) => {
             let name = |id: usize| world.objects.get(id).map(|object| object.name.clone());
             ids("each object has a colour", first, name)
@@ -172,16 +184,40 @@ fn normals(mode: DisplayMode, x: &[f32], y: &[f32], z: &[f32]) -> FalseColours {
     FalseColours { pixels, legend: Legend { text: text.into(), bar: Vec::new(), ends: None, swatches } }
 }
 
-fn depths(depths: &[f32]) -> FalseColours {
-    let finite = || depths.iter().copied().filter(|depth| depth.is_finite());
-    let (nearest, farthest) = (finite().fold(f32::INFINITY, f32::min), finite().fold(0.0, f32::max));
+/// Depths, scaled by those of the pixels that are not `ground`, unless they all are.
+fn depths(depths: &[f32], is_ground: impl Fn(usize) -> bool) -> FalseColours {
+    let finite = |with_ground: bool| -> Vec<f32> {
+        let counts = |&(i, depth): &(usize, f32)| depth.is_finite() && (with_ground || !is_ground(i));
+        depths.iter().copied().enumerate().filter(counts).map(|(_, depth)| depth).collect()
+    };
+    let mut scaled = finite(false);
+    if scaled.is_empty() {
+        scaled = finite(true);
+    }
+    scaled.sort_unstable_by(f32::total_cmp);
+    let at = |percentile: usize| {
+        let index = scaled.len().saturating_sub(1) * percentile / 100;
+        scaled.get(index).copied().unwrap_or(f32::INFINITY)
+    };
+    let [nearest, farthest] = DEPTH_PERCENTILES.map(at);
     let grey = |share: f32| [(NEAREST + (FARTHEST - NEAREST) * share).round() as u8; 3];
     // A single depth is drawn as the nearest.
-    let share = |depth: f32| if farthest > nearest { (depth - nearest) / (farthest - nearest) } else { 0.0 };
+    let share = |depth: f32| match farthest > nearest {
+        true => ((depth - nearest) / (farthest - nearest)).clamp(0.0, 1.0),
+        false => 0.0,
+    };
     let colour = |depth: &f32| if depth.is_finite() { grey(share(*depth)) } else { NOTHING };
     let is_something = nearest.is_finite();
     let legend = Legend {
-        text: if is_something { "distance from the camera" } else { "nothing is seen" }.into(),
+        text: match is_something {
+            true => {
+                let [near, far] = DEPTH_PERCENTILES;
+                format!(
+                    "distance from the camera, from the {near}th to the {far}th percentile of the objects' pixels"
+                )
+            }
+            false => "nothing is seen".into(),
+        },
         bar: (0..BAR).map(|i| grey(i as f32 / (BAR - 1) as f32)).collect(),
         ends: is_something.then(|| [short(nearest), short(farthest)]),
         swatches: vec![(NOTHING, "nothing".into())],
@@ -312,10 +348,22 @@ mod tests {
         assert!(bottom > higher, "{bottom} {higher}");
         assert_eq!(depths.pixels.iter().map(|p| p[0]).max(), Some(250));
         assert_eq!(depths.pixels.iter().filter(|p| **p != NOTHING).map(|p| p[0]).min(), Some(40));
-        let even = super::depths(&[2.0, 2.0, f32::INFINITY]);
+        let even = super::depths(&[2.0, 2.0, f32::INFINITY], |_| false);
         assert_eq!(even.pixels, [[250; 3], [250; 3], NOTHING]);
         assert_eq!(even.legend.ends, Some(["2".into(), "2".into()]));
-        assert_eq!(super::depths(&[f32::INFINITY]).legend.ends, None);
+        assert_eq!(super::depths(&[f32::INFINITY], |_| false).legend.ends, None);
+        // Of 101 depths the percentiles 5 and 95 have the indices 5 and 95: a far pixel does not change them.
+        let mut ramp: Vec<f32> = (0..=100).map(|i| i as f32).collect();
+        ramp[100] = 1e9;
+        let scaled = super::depths(&ramp, |_| false);
+        assert_eq!(scaled.legend.ends, Some(["5".into(), "95".into()]));
+        // Half-way between them: 250 - 210 / 2.
+        let grey = [0, 5, 50, 95, 100].map(|i| scaled.pixels[i][0]);
+        assert_eq!(grey, [250, 250, 145, 40, 40]);
+        // Where all from 21 on are the ground, the 21 others have their indices 1 and 19 at the ends.
+        assert_eq!(super::depths(&ramp, |i| i > 20).legend.ends, Some(["1".into(), "19".into()]));
+        // A ground alone is scaled by its own depths.
+        assert_eq!(super::depths(&ramp, |_| true).pixels, scaled.pixels);
     }
 
     #[test]
