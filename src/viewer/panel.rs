@@ -7,6 +7,7 @@ use super::false_colour::DisplayMode;
 use super::keys::Action;
 use super::navigate;
 use super::painter::{Comparison, RenderedImage};
+use super::refine::SamplingKind;
 use super::request::{CameraSource, Opened};
 use crate::effects::{Decision, EFFECTS, RayKind, id};
 use crate::film::tone::{Exposure, MAX_EXPOSURE, ToneMap};
@@ -447,7 +448,13 @@ pub(crate) fn progress_text(rendered: &RenderedImage) -> String {
     let [width, height] = rendered.image.size;
     let time = milliseconds(rendered.time);
     match (rendered.samples, rendered.factor) {
-        ((taken, most), 1) if most > 1 => format!("{width} x {height}, {taken} of {most} samples, {time} ms"),
+        ((taken, most), 1) if most > 1 => {
+            let samples = match rendered.prepared.kind {
+                SamplingKind::Adaptive => format!("about {taken} of at most {most} samples a pixel"),
+                _ => format!("{taken} of {most} samples"),
+            };
+            format!("{width} x {height}, {samples}, {time} ms")
+        }
         _ => format!("{width} x {height}, {time} ms"),
     }
 }

@@ -58,7 +58,7 @@ pub(crate) struct RenderedImage {
     pub display: DisplayTransform,
     /// Width and height of an image pixel, in pixels of the request.
     pub factor: u32,
-    /// Samples per pixel so far, and in total; the maximum if sampling is adaptive.
+    /// Samples per pixel so far, and in total; the mean of the picture and the maximum if sampling is adaptive.
     pub samples: (u32, u32),
     /// Whether this is the last pass.
     pub is_last: bool,

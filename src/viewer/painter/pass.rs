@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::RenderedImage;
 use super::render_cache::Prepared;
+use crate::effects::RayKind;
 use crate::error::Result;
 use crate::film::{ColourPipeline, DisplayTransform, Film, Pixel, TILE};
 use crate::metrics;
@@ -135,11 +136,6 @@ impl<'a> Side<'a> {
         };
         let is_once = matches!(pass, Pass::Coarse(_)) || most == 1;
         let seconds_per_pixel = is_once.then(|| time.as_secs_f64() / (pixels.len() as f64));
-        let taken = match pass {
-            Pass::Coarse(_) => 1,
-            Pass::Samples(_, to) => to,
-            Pass::Whole | Pass::Tiles(_) => most,
-        };
         let (time, statistics) = if let Pass::Coarse(factor) = pass {
             self.centres = (factor == 1).then_some(pixels);
             (time, statistics)
@@ -148,7 +144,15 @@ impl<'a> Side<'a> {
             self.spend(time, statistics)
         };
         let (image, prepared) = (Arc::new(image), Arc::clone(&self.prepared));
-        let samples = (taken, most);
+        let taken = match pass {
+            Pass::Coarse(_) | Pass::Whole => 1,
+            Pass::Samples(_, to) => to,
+            Pass::Tiles(_) => {
+                let cast = statistics.rays(RayKind::PRIMARY).cast as f64;
+                (cast / f64::from(size[0]) / f64::from(size[1])).round() as u32
+            }
+        };
+        let samples = (taken.clamp(1, most), most);
         let rendered = RenderedImage {
             request,
             side,
