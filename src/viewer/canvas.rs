@@ -6,11 +6,12 @@ use egui::{
     Color32, CursorIcon, PointerButton, Pos2, Rect, Response, Sense, TextureHandle, TextureOptions, Ui, pos2,
     vec2,
 };
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use super::controls::Controls;
 use super::navigate;
 use super::painter::{Prepared, RenderedImage};
+use crate::bvh::Traversal;
 
 /// Camera rotation in radians for a drag across the picture's height.
 const TURN: f64 = std::f64::consts::PI;
@@ -136,6 +137,20 @@ impl Canvas {
         inside.then(|| [(share.x * size[0] as f32) as u32, (share.y * size[1] as f32) as u32])
     }
 
+    /// The scene point that a pixel of the picture shows.
+    pub(crate) fn surface(&self, [x, y]: [u32; 2]) -> Option<DVec3> {
+        let job = &self.prepared(0)?.job;
+        let ray = job.view.ray(x, y, job.world.numerics().ray_precision());
+        let hit = job.world.accelerator.closest_hit(&ray, &mut Traversal::default())?;
+        let point = ray.at(hit.t);
+        Some(job.recentering.map_or(point, |recentering| recentering.point_back(point)))
+    }
+
+    /// The scene point in the middle of the picture.
+    pub(crate) fn middle(&self) -> Option<DVec3> {
+        self.surface(self.prepared(0)?.job.view.size().map(|side| side / 2))
+    }
+
     fn mouse(&mut self, ui: &Ui, response: &Response, controls: &mut Controls) -> MouseResult {
         let Some(rect) = self.rect else { return MouseResult::default() };
         let camera_shown = self.prepared(0).map(|prepared| prepared.camera.clone());
@@ -175,7 +190,9 @@ impl Canvas {
                 let at = DVec2::new(f64::from(from_middle.x), f64::from(-from_middle.y))
                     / f64::from(rect.height());
                 let aspect = f64::from(rect.aspect_ratio());
-                controls.navigate(camera_shown, |camera| navigate::zoom_at(camera, factor, at, aspect));
+                let pixel = response.hover_pos().and_then(|place| self.pixel(place));
+                let surface = pixel.and_then(|pixel| self.surface(pixel));
+                controls.zoom(camera_shown, factor, surface, (at, aspect));
             }
         }
         let pixel = response.interact_pointer_pos().and_then(|place| self.pixel(place));

@@ -46,6 +46,10 @@ pub(crate) struct Controls {
     pub split: f32,
     /// Vertical field of view of the last perspective camera, in radians.
     angle: f64,
+    /// The camera after and before the last change of the projection.
+    switched: Option<[Camera; 2]>,
+    /// Diameter of the bounding box of the scene.
+    scene_size: f64,
     /// Initial camera, projection and settings of the opened files.
     start: (CameraSource, Option<Projection>, RenderSettings),
 }
@@ -64,6 +68,8 @@ impl Controls {
             side: 0,
             split: 0.5,
             angle: 40f64.to_radians(),
+            switched: None,
+            scene_size: size_of(opened),
             start: (camera_source.clone(), *projection, settings.clone()),
         }
     }
@@ -89,6 +95,7 @@ impl Controls {
         if opened.scene.animation.is_none() {
             (self.time, self.playing) = (0.0, None);
         }
+        self.scene_size = size_of(opened);
         self.start = (opened.camera_source.clone(), opened.projection, opened.settings.clone());
     }
 
@@ -129,10 +136,30 @@ impl Controls {
         }
     }
 
-    /// Flies and orbits for `seconds` of held keys, and zooms by pressed keys.
+    /// Magnifies by `factor` what is under the mouse: the scene point `surface`, which is approached and not passed; where
+    /// there is none, the point at the target's distance. Position and aspect ratio are those of [`navigate::zoom_at`].
+    pub(crate) fn zoom(
+        &mut self,
+        displayed: Option<&Camera>,
+        factor: f64,
+        surface: Option<DVec3>,
+        (at, aspect): (DVec2, f64),
+    ) {
+        let size = self.scene_size;
+        self.navigate(displayed, |camera| {
+            let factor = navigate::limited_zoom(camera, factor, size);
+            match surface {
+                Some(point) => navigate::zoom_about(camera, factor, point),
+                None => navigate::zoom_at(camera, factor, at, aspect),
+            }
+        });
+    }
+
+    /// Flies and orbits for `seconds` of held keys, and zooms by pressed keys towards the scene point `middle`.
     pub(crate) fn drive(
         &mut self,
         displayed: Option<&Camera>,
+        middle: Option<DVec3>,
         drive: CameraMotion,
         seconds: f64,
         fast: bool,
@@ -146,19 +173,32 @@ impl Controls {
             if orbit != DVec2::ZERO {
                 navigate::orbit(camera, orbit * TURN * seconds);
             }
-            if zoom != 0.0 {
-                navigate::zoom(camera, (zoom * ZOOM).exp2());
-            }
         });
+        if zoom != 0.0 {
+            self.zoom(displayed, (zoom * ZOOM).exp2(), middle, (DVec2::ZERO, 1.0));
+        }
     }
 
     /// Sets the projection. `displayed` is the camera of the displayed picture.
     pub(crate) fn project(&mut self, projection: Projection, displayed: Option<&Camera>) {
+        if let Some(camera) = displayed.filter(|camera| camera.projection == Projection::Perspective) {
+            self.angle = navigate::field_of_view(camera);
+        }
         let angle = self.angle;
-        match &self.camera_source {
-            CameraSource::Free(_) => {
-                self.navigate(displayed, |camera| navigate::switch_projection(camera, projection, angle));
-            }
+        match self.camera_source.clone() {
+            CameraSource::Free(before) => match self.switched.take() {
+                Some([after, first]) if after == before && first.projection == projection => {
+                    self.camera_source = CameraSource::Free(first);
+                }
+                _ => {
+                    self.navigate(displayed, |camera| {
+                        navigate::switch_projection(camera, projection, angle);
+                    });
+                    if let CameraSource::Free(after) = &self.camera_source {
+                        self.switched = Some([after.clone(), before]);
+                    }
+                }
+            },
             // A scene camera's viewing rectangle is valid for both projections.
             _ => self.projection = Some(projection),
         }
@@ -259,6 +299,10 @@ impl Controls {
     }
 }
 
+fn size_of(opened: &Opened) -> f64 {
+    opened.scene.bounds().map_or(f64::NAN, |(min, max)| (max - min).length())
+}
+
 fn frame_of(timeline: &Timeline, time: f64) -> f64 {
     time / timeline.time(1)
 }
@@ -274,4 +318,41 @@ fn update_unchanged<T: PartialEq + Copy>(value: &mut T, old: T, new: T) {
 pub(crate) fn next<T: PartialEq + Copy>(all: &[T], value: T) -> T {
     let at = all.iter().position(|other| *other == value).map_or(0, |at| at + 1);
     all[at % all.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Scene;
+
+    fn controls(camera: Camera) -> Controls {
+        let camera_source = CameraSource::Free(camera);
+        let settings = RenderSettings::default();
+        Controls::new(&Opened {
+            scene: Scene::default(),
+            camera_source,
+            projection: None,
+            size: [4, 3],
+            settings,
+        })
+    }
+
+    /// The projection's key, pressed twice, gives the same camera to the bit, and so does the key that resets it.
+    #[test]
+    fn the_projection_switches_back_to_the_same_camera() {
+        let camera =
+            Camera::from_field_of_view("c".into(), DVec3::new(5.0, 7.0, 9.0), DVec3::ONE, DVec3::Y, 0.7);
+        let mut camera = Camera { viewpoint_distance: 0.3, ..camera };
+        camera.view_height *= 0.1;
+        let mut controls = controls(camera.clone());
+        controls.switch_projection(None);
+        let CameraSource::Free(parallel) = controls.camera_source.clone() else { panic!("moved") };
+        assert_eq!(parallel.projection, Projection::Orthographic);
+        controls.switch_projection(Some(&parallel));
+        assert_eq!(controls.camera_source, CameraSource::Free(camera.clone()));
+        controls.navigate(None, |camera| navigate::zoom(camera, 2.0));
+        controls.switch_projection(None);
+        controls.reset_camera();
+        assert_eq!(controls.camera_source, CameraSource::Free(camera));
+    }
 }

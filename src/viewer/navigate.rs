@@ -29,6 +29,9 @@ const LEVEL: f64 = 1e-9;
 /// `f64`.
 const NEAREST: f64 = 1.0 / (1u64 << 32) as f64;
 
+/// Heights of the picture at the target's distance at which zooming ends, relative to the scene's size.
+const HEIGHTS: [f64; 2] = [1e-5, 10.0];
+
 /// Range of the vertical field of view that can be set, in radians.
 const ANGLES: [f64; 2] = [1e-4, 2.9];
 
@@ -93,6 +96,16 @@ pub fn zoom_at(camera: &mut Camera, factor: f64, at: DVec2, aspect: f64) {
     let Some(pose) = CameraPose::of(camera) else { return };
     let at = at * height_at_target(camera, &pose, aspect);
     zoom_about(camera, factor, camera.target + at.x * pose.u + at.y * pose.v);
+}
+
+/// The zoom factor, limited so that the height of the picture at the target's distance stays in proportion to the size
+/// of the scene.
+pub fn limited_zoom(camera: &Camera, factor: f64, size: f64) -> f64 {
+    let Some(pose) = CameraPose::of(camera) else { return factor };
+    // Of the widest picture, so that the viewing rectangle is not extended.
+    let share = height_at_target(camera, &pose, f64::INFINITY) / size;
+    let [least, most] = HEIGHTS;
+    if share.is_finite() { factor.min((share / least).max(1.0)).max((share / most).min(1.0)) } else { factor }
 }
 
 /// [`zoom`] that keeps the position of a scene point in the picture.

@@ -117,18 +117,40 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
     ui.horizontal(|ui| {
         for projection in [Projection::Perspective, Projection::Orthographic] {
             let button = ui.selectable_label(seen.projection == projection, projection.name());
-            if button.on_hover_text("Enter").clicked() {
+            let meaning = match projection {
+                Projection::Perspective => "distant things are smaller, as for the eye (Enter)",
+                Projection::Orthographic => "parallel lines stay parallel, as in drawings to scale (Enter)",
+            };
+            if button.on_hover_text(meaning).clicked() {
                 controls.project(projection, Some(seen));
             }
         }
     });
-    let mut degrees = navigate::field_of_view(seen).to_degrees();
-    let slider =
-        ui.add(Slider::new(&mut degrees, 1.0..=150.0).text("field of view").suffix("°").logarithmic(true));
-    // A slider that gets the focus parses its displayed text, which is rounded, and reports a change.
-    let before = navigate::field_of_view(seen).to_degrees();
-    if slider.changed() && (degrees - before).abs() > 1e-3 * before {
-        controls.navigate(Some(seen), |camera| navigate::set_field_of_view(camera, degrees.to_radians()));
+    let (before, meaning) = match seen.projection {
+        Projection::Perspective => (
+            navigate::field_of_view(seen).to_degrees(),
+            "the vertical angle that is seen: small as through a telephoto lens, large to show a whole room",
+        ),
+        Projection::Orthographic => (seen.view_height, "the height that is seen, in units of the scene"),
+    };
+    let mut value = before;
+    let control = ui.horizontal(|ui| match seen.projection {
+        Projection::Perspective => {
+            ui.add(Slider::new(&mut value, 1.0..=150.0).text("field of view").suffix("°").logarithmic(true))
+        }
+        Projection::Orthographic => {
+            let range = f64::MIN_POSITIVE..=f64::MAX;
+            let drag = ui.add(DragValue::new(&mut value).range(range).speed(before * 0.01));
+            drag | ui.label("height")
+        }
+    });
+    let control = control.inner.on_hover_text(meaning);
+    // A control that gets the focus parses its displayed text, which is rounded, and reports a change.
+    if control.changed() && (value - before).abs() > 1e-3 * before {
+        controls.navigate(Some(seen), |camera| match seen.projection {
+            Projection::Perspective => navigate::set_field_of_view(camera, value.to_radians()),
+            Projection::Orthographic => navigate::zoom(camera, before / value),
+        });
     }
     ComboBox::from_label("shown").selected_text(controls.display_mode.name()).show_ui(ui, |ui| {
         for shown in DisplayMode::ALL {

@@ -36,7 +36,7 @@ impl App {
         let camera = self.displayed_camera();
         if let Some(controls) = &mut self.controls {
             // A slow frame must not move the camera by a large step.
-            controls.drive(camera.as_ref(), motion, seconds.min(0.1), fast);
+            controls.drive(camera.as_ref(), self.canvas.middle(), motion, seconds.min(0.1), fast);
         }
         context.request_repaint();
     }

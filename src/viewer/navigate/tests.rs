@@ -349,3 +349,40 @@ fn switching_there_and_back_keeps_the_lens() {
     assert!((field_of_view(&camera) - 0.7).abs() < 1e-12);
     assert!((distance(&camera) * 10.0 / distance(&before) - 1.0).abs() < 1e-12);
 }
+
+/// Heights of the picture at the target: 2 * 10 * tan(0.35), of a scene of size 10.
+#[test]
+fn zooming_ends_in_proportion_to_the_scene() {
+    let size = 10.0;
+    for projection in [Projection::Perspective, Projection::Orthographic] {
+        for (step, end) in [(2.0, HEIGHTS[0] * size), (0.5, HEIGHTS[1] * size)] {
+            let mut camera =
+                Camera::from_field_of_view("c".into(), DVec3::Z * 10.0, DVec3::ZERO, DVec3::Y, 0.7);
+            camera.projection = projection;
+            for _ in 0..100 {
+                let factor = limited_zoom(&camera, step, size);
+                zoom(&mut camera, factor);
+            }
+            let pose = CameraPose::of(&camera).unwrap();
+            let height = height_at_target(&camera, &pose, f64::INFINITY);
+            assert!((height / end - 1.0).abs() < 1e-9, "{projection:?} {height} {end}");
+            // The other way is free.
+            assert_eq!(limited_zoom(&camera, 1.0 / step, size), 1.0 / step);
+        }
+    }
+}
+
+/// A surface point that is zoomed to stays in front of the camera and in its place of the picture.
+#[test]
+fn zooming_to_a_surface_does_not_pass_it() {
+    let mut camera = Camera::from_field_of_view("c".into(), DVec3::Z * 10.0, DVec3::ZERO, DVec3::Y, 0.7);
+    let point = DVec3::new(0.5, 0.25, 4.0);
+    let before = projected(&camera, 1.0, point);
+    for _ in 0..60 {
+        zoom_about(&mut camera, 1.25, point);
+        assert!(camera.position.z > point.z);
+        assert!((projected(&camera, 1.0, point) - before).length() < 1e-6);
+    }
+    // 6 * 1.25^-60 = 9.2e-6 above the surface.
+    assert!((camera.position.z - point.z) < 1e-5);
+}

@@ -199,9 +199,11 @@ impl RenderCache {
         recentering: Option<Recentering>,
     ) -> Result<Camera> {
         let aspect = f64::from(request.size[0]) / f64::from(request.size[1]);
-        if let Some((.., camera)) =
-            self.fitted_cameras.iter().find(|(known, at, _)| (*known, *at) == (framing, aspect))
-        {
+        let projection = request.projection.unwrap_or_default();
+        let is_it = |(known, at, camera): &&(Framing, f64, Camera)| {
+            (*known, *at, camera.projection) == (framing, aspect, projection)
+        };
+        if let Some((.., camera)) = self.fitted_cameras.iter().find(is_it) {
             return Ok(camera.clone());
         }
         if let (None, Some(recentering)) = (&self.recentered_scene, recentering) {
@@ -210,7 +212,6 @@ impl RenderCache {
             self.recentered_scene = Some(Arc::new(scene));
         }
         let scene = self.recentered_scene.as_deref().unwrap_or(&request.opened.scene);
-        let projection = request.projection.unwrap_or_default();
         let camera = fitted_camera(scene, framing, aspect, projection).ok_or_else(|| Error::Failed {
             what: "there is nothing to look at".into(),
             hint: "`kiln info` says what the file holds".into(),
