@@ -54,10 +54,34 @@ fn name_of(file: &Path) -> String {
     file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned()
 }
 
+/// At most `length` characters of a name: all, or its start and its end.
+fn elided(name: &str, length: usize) -> String {
+    let count = name.chars().count();
+    if count <= length {
+        return name.to_owned();
+    }
+    let end = (length - 1) / 2;
+    let start = name.chars().take(length - 1 - end);
+    start.chain(['…']).chain(name.chars().skip(count - end)).collect()
+}
+
 /// The error's message, followed by its hint on a line of its own.
 fn message_with_hint(e: &crate::error::Error) -> String {
     match e.hint() {
         "" => e.to_string(),
         hint => format!("{e}\n{hint}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::elided;
+
+    #[test]
+    fn long_names_lose_their_middle() {
+        assert_eq!(elided("short.obj", 9), "short.obj");
+        // Four characters of each end and the ellipsis; of eight characters four of the start and three of the end.
+        assert_eq!(elided("a-long-name.obj", 9), "a-lo….obj");
+        assert_eq!(elided("größer-äöüß.obj", 8), "größ…obj");
     }
 }

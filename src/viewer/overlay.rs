@@ -3,14 +3,25 @@
 use std::time::{Duration, Instant};
 
 use egui::{
-    Align2, Area, Color32, Context, Frame, Grid, Id, Pos2, Rect, RichText, Sense, Stroke, Window, pos2, vec2,
+    Align2, Area, Color32, Context, Frame, Grid, Id, Label, Pos2, Rect, RichText, Sense, Stroke, Window,
+    pos2, vec2,
 };
 
+use super::elided;
 use super::false_colour::Legend;
 use super::keys::LIST;
 
-/// Display time of a notice that is not an error.
-const NOTICE_TIME: Duration = Duration::from_secs(5);
+/// Display time of a notice that is not an error, and of each of its characters.
+const NOTICE_TIME: [Duration; 2] = [Duration::from_secs(3), Duration::from_millis(60)];
+
+/// Characters of a name in the legend.
+const NAME_LENGTH: usize = 40;
+
+/// Width of most characters, in points.
+const CHARACTER_WIDTH: f32 = 7.0;
+
+/// Height of a line of the side labels with its distances, in points.
+const SIDES_HEIGHT: f32 = 36.0;
 
 /// A message over the picture.
 pub(crate) struct Notice {
@@ -29,7 +40,9 @@ impl Notice {
 
     /// Whether the display time is over. Errors have no time limit.
     pub(crate) fn is_over(&self, context: &Context) -> bool {
-        let left = NOTICE_TIME.saturating_sub(self.since.elapsed());
+        let [least, of_character] = NOTICE_TIME;
+        let time = least + of_character * self.text.len() as u32;
+        let left = time.saturating_sub(self.since.elapsed());
         if !self.is_error {
             context.request_repaint_after(left);
         }
@@ -37,10 +50,12 @@ impl Notice {
     }
 }
 
-/// Shows a notice at the top of the picture. Returns whether it was dismissed.
-pub(crate) fn notice(context: &Context, rect: Rect, notice: &Notice) -> bool {
+/// Shows a notice at the top of the picture, below the labels of a comparison. Returns whether it was dismissed.
+pub(crate) fn notice(context: &Context, rect: Rect, compares: bool, notice: &Notice) -> bool {
     let mut dismissed = false;
-    let area = Area::new(Id::unique("notice")).fixed_pos(rect.min + vec2(12.0, 12.0)).constrain_to(rect);
+    let top = if compares { SIDES_HEIGHT } else { 0.0 };
+    let area =
+        Area::new(Id::unique("notice")).fixed_pos(rect.min + vec2(12.0, 12.0 + top)).constrain_to(rect);
     area.show(context, |ui| {
         let stroke = if notice.is_error { ui.visuals().error_fg_color } else { ui.visuals().hyperlink_color };
         Frame::popup(ui.style()).stroke(Stroke::new(1.5, stroke)).show(ui, |ui| {
@@ -63,18 +78,18 @@ pub(crate) fn notice(context: &Context, rect: Rect, notice: &Notice) -> bool {
 
 /// Shows the list of keys.
 pub(crate) fn keys(context: &Context, open: &mut bool) {
-    Window::new("Keys").open(open).resizable(false).collapsible(false).default_pos(pos2(40.0, 40.0)).show(
-        context,
-        |ui| {
-            Grid::new("keys").num_columns(2).striped(true).show(ui, |ui| {
-                for (keys, meaning) in LIST {
-                    ui.label(RichText::new(*keys).monospace());
-                    ui.label(*meaning);
-                    ui.end_row();
-                }
-            });
-        },
-    );
+    let window = Window::new("Keys").open(open).resizable(false).collapsible(false);
+    // It scrolls in a low window.
+    let height = context.viewport_rect().height() - 100.0;
+    window.default_pos(pos2(40.0, 20.0)).vscroll(true).default_height(height).show(context, |ui| {
+        Grid::new("keys").num_columns(2).striped(true).show(ui, |ui| {
+            for (keys, meaning) in LIST {
+                ui.label(RichText::new(*keys).strong());
+                ui.label(*meaning);
+                ui.end_row();
+            }
+        });
+    });
 }
 
 /// Shows the legend of false colours at the bottom of the picture.
@@ -84,6 +99,7 @@ pub(crate) fn legend(context: &Context, rect: Rect, legend: &Legend) {
         .fixed_pos(rect.left_bottom() + vec2(12.0, -12.0));
     area.interactable(false).show(context, |ui| {
         Frame::popup(ui.style()).show(ui, |ui| {
+            ui.set_max_width(rect.width() - 60.0);
             ui.label(&legend.text);
             if let (false, Some([low, high])) = (legend.bar.is_empty(), &legend.ends) {
                 ui.horizontal(|ui| {
@@ -102,7 +118,7 @@ pub(crate) fn legend(context: &Context, rect: Rect, legend: &Legend) {
                 ui.horizontal(|ui| {
                     let (swatch, _) = ui.allocate_exact_size(vec2(12.0, 12.0), Sense::hover());
                     ui.painter().rect_filled(swatch, 2.0, Color32::from_rgb(*r, *g, *b));
-                    ui.label(name);
+                    ui.label(elided(name, NAME_LENGTH));
                 });
             }
         });
@@ -112,16 +128,23 @@ pub(crate) fn legend(context: &Context, rect: Rect, legend: &Legend) {
 /// Shows the labels of the two sides of a comparison at the top of the picture.
 pub(crate) fn sides(context: &Context, rect: Rect, split: f32, names: &[String; 2]) {
     let line = rect.left() + split * rect.width();
-    let places: [(Align2, Pos2); 2] = [
-        (Align2::RIGHT_TOP, pos2(line - 10.0, rect.top() + 8.0)),
-        (Align2::LEFT_TOP, pos2(line + 10.0, rect.top() + 8.0)),
+    // Anchor, position and width of each.
+    let places: [(Align2, Pos2, f32); 2] = [
+        (Align2::RIGHT_TOP, pos2(line - 10.0, rect.top() + 8.0), line - rect.left()),
+        (Align2::LEFT_TOP, pos2(line + 10.0, rect.top() + 8.0), rect.right() - line),
     ];
-    for ((anchor, place), name) in places.into_iter().zip(names) {
+    for ((anchor, place, width), name) in places.into_iter().zip(names) {
         let id = Id::unique(("side", name, anchor.x() as u8 as usize));
+        let length = ((width - 50.0) / CHARACTER_WIDTH).max(0.0) as usize;
+        if length < 3 {
+            continue;
+        }
         Area::new(id).pivot(anchor).fixed_pos(place).constrain_to(rect).interactable(false).show(
             context,
             |ui| {
-                Frame::popup(ui.style()).show(ui, |ui| ui.label(name));
+                Frame::popup(ui.style()).show(ui, |ui| {
+                    ui.add(Label::new(elided(name, length)).extend());
+                });
             },
         );
     }

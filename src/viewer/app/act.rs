@@ -90,8 +90,11 @@ impl App {
     /// Says how to change a comparison that was just started.
     pub(super) fn explain_comparison(&mut self) {
         if self.controls.as_ref().is_some_and(|controls| controls.sides.len() > 1) {
-            let how = "the panel changes the side that is chosen there, left or right; drag the line; X ends the comparison";
-            self.show_notice(format!("comparing with another number of samples\n{how}"));
+            let how = "Choose left or right in the panel, and change the settings of that side.\n\
+                       Drag the line between them. X ends the comparison.";
+            self.show_notice(format!(
+                "Two settings side by side: at first they differ in their samples.\n{how}"
+            ));
         }
     }
 

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use egui::{Context, Panel, RichText, ScrollArea, Ui};
+use egui::{Context, Label, Panel, RichText, ScrollArea, Ui};
 
 use super::{App, inspector, timeline};
 use crate::effects::RayKind;
@@ -68,10 +68,12 @@ impl App {
     pub(super) fn picture(&mut self, ui: &mut Ui) {
         let context = ui.ctx().clone();
         let rect = ui.available_rect_before_wrap();
-        self.notice.take_if(|notice| notice.is_over(&context) || overlay::notice(&context, rect, notice));
+        let compares = self.controls.as_ref().is_some_and(|controls| controls.sides.len() > 1);
+        self.notice
+            .take_if(|notice| notice.is_over(&context) || overlay::notice(&context, rect, compares, notice));
         let Some(controls) = &mut self.controls else { return };
         let (size, mouse) = self.canvas.show(ui, controls);
-        let (split, compares) = (controls.split, controls.sides.len() > 1);
+        let split = controls.split;
         let rect = self.canvas.rect().unwrap_or(rect);
         self.click(&mouse);
         if compares {
@@ -98,11 +100,13 @@ impl App {
                 (None, _) if self.loader.is_reading() || self.opened.is_some() => "loading".to_owned(),
                 (None, _) => "nothing to show yet".to_owned(),
             });
-            for what in
-                rendered.map(image_warnings).into_iter().flatten().chain(self.warnings.iter().cloned())
-            {
+            let warnings =
+                rendered.map(image_warnings).into_iter().flatten().chain(self.warnings.iter().cloned());
+            let warnings: Vec<String> = warnings.collect();
+            if !warnings.is_empty() {
                 ui.separator();
-                ui.label(RichText::new(what).weak());
+                let line = RichText::new(warnings.join("; ")).weak();
+                ui.add(Label::new(line).truncate()).on_hover_text(warnings.join("\n"));
             }
         });
     }

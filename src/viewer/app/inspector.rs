@@ -1,14 +1,37 @@
 //! Pixel inspector: its part of the panel, and the pixel's rays drawn over the picture.
 
-use egui::{Color32, Grid, Painter, Pos2, Rect, RichText, Stroke, Ui, vec2};
+use egui::{Color32, Grid, Painter, Pos2, Rect, RichText, ScrollArea, Stroke, Ui, vec2};
 use glam::DVec2;
 
 use crate::import::FileNames;
+use crate::viewer::elided;
 use crate::viewer::inspect::{Inspection, RaySegment};
 use crate::viewer::painter::Prepared;
 
 /// Width of the values in points, so that they fit the panel.
 const VALUE_WIDTH: f32 = 172.0;
+
+/// What values of the inspection mean.
+const MEANINGS: &[(&str, &str)] = &[
+    ("t", "distance along the camera's ray, in units of the scene"),
+    ("geometric normal", "the direction that the triangle or shape faces, of length 1"),
+    (
+        "shading normal",
+        "the direction that light is computed with: interpolated between corners, with normal maps",
+    ),
+    ("barycentrics", "weights of the three corners at this point of the triangle; their sum is 1"),
+    ("texture", "coordinates in the image of the texture: 0 to 1 is the whole image"),
+    ("tests", "what the ray was tested against in the tree of boxes; many tests take long"),
+];
+
+/// Characters of a name in a line of the panel.
+const NAME_LENGTH: usize = 28;
+
+/// Number of bounces up to which rays are indented.
+const MAX_INDENT: usize = 4;
+
+/// Part of the panel's height that the inspection may take; it scrolls within.
+const HEIGHT_SHARE: f32 = 0.5;
 
 /// Shows the inspection at the top of the panel. Returns `false` when the user closed it.
 pub(crate) fn show(ui: &mut Ui, inspection: &Inspection, names: &FileNames) -> bool {
@@ -21,8 +44,11 @@ pub(crate) fn show(ui: &mut Ui, inspection: &Inspection, names: &FileNames) -> b
         ui.label(format!("#{r:02x}{g:02x}{b:02x}")).on_hover_text(format!("{r} {g} {b}"));
         is_open = !ui.small_button("x").on_hover_text("Esc").clicked();
     });
-    surface(ui, inspection, names);
-    rays(ui, &inspection.rays, names);
+    let height = ui.available_height() * HEIGHT_SHARE;
+    ScrollArea::vertical().id_salt("inspection").max_height(height).show(ui, |ui| {
+        rays(ui, &inspection.rays, names);
+        surface(ui, inspection, names);
+    });
     ui.separator();
     is_open
 }
@@ -37,8 +63,11 @@ fn surface(ui: &mut Ui, inspection: &Inspection, names: &FileNames) {
         ui,
         |ui| {
             let mut row = |name: &str, value: String| {
-                ui.label(RichText::new(name).weak());
-                ui.label(RichText::new(value).monospace().size(11.0));
+                let label = ui.label(RichText::new(name).weak());
+                if let Some((_, meaning)) = MEANINGS.iter().find(|(other, _)| *other == name) {
+                    label.on_hover_text(*meaning);
+                }
+                elided_label(ui, &value);
                 ui.end_row();
             };
             row("object", names.shorten(&surface_info.object_name));
@@ -74,20 +103,37 @@ fn digits(x: f64) -> String {
     format!("{x:.*}", 6usize.saturating_sub(before.max(1)))
 }
 
+/// A name in one line, a long one without its middle; the whole name on hover.
+fn elided_label(ui: &mut Ui, name: &str) {
+    let shown = elided(name, NAME_LENGTH);
+    let is_whole = shown == name;
+    let label = ui.label(shown);
+    if !is_whole {
+        label.on_hover_text(name);
+    }
+}
+
 fn rays(ui: &mut Ui, rays: &[RaySegment], names: &FileNames) {
     for ray in rays {
         let object = ray.object.as_ref().map(|object| names.shorten(object));
-        let result = match (&object, &ray.light) {
-            (Some(object), Some(light)) => format!("towards `{light}`, blocked by `{object}`"),
-            (None, Some(light)) => format!("reaches `{light}`"),
-            (Some(object), None) => format!("hits `{object}`"),
+        let result = |length: usize| match (&object, &ray.light) {
+            (Some(object), Some(light)) => {
+                format!("towards {}, blocked by {}", elided(light, length), elided(object, length))
+            }
+            (None, Some(light)) => format!("reaches {}", elided(light, length)),
+            (Some(object), None) => format!("hits {}", elided(object, length)),
             (None, None) if ray.hit => "blocked".into(),
             (None, None) => "hits nothing".into(),
         };
         ui.horizontal_wrapped(|ui| {
-            ui.add_space(10.0 * ray.depth as f32);
-            ui.label(RichText::new(ray.kind.name).color(colour(ray)));
-            ui.label(result);
+            ui.add_space(10.0 * ray.depth.min(MAX_INDENT) as f32);
+            let (swatch, _) = ui.allocate_exact_size(vec2(10.0, 10.0), egui::Sense::hover());
+            ui.painter().rect_filled(swatch, 2.0, colour(ray));
+            let (shown, whole) = (result(NAME_LENGTH), result(usize::MAX));
+            let label = ui.label(format!("{}: {shown}", ray.kind.name));
+            if shown != whole {
+                label.on_hover_text(whole);
+            }
         });
     }
 }
