@@ -40,7 +40,7 @@ pub(crate) fn run(command: &Command) -> Result<()> {
     let own = arguments.clone();
     viewer::run(Start {
         inputs: arguments.inputs.clone(),
-        open: Box::new(move |inputs, warnings| open(&own, inputs, warnings)),
+        open: Box::new(move |inputs, options, warnings| open(&own, inputs, options, warnings)),
         size: arguments.size,
         threads,
     })
@@ -51,14 +51,15 @@ pub(crate) fn run(command: &Command) -> Result<()> {
 fn open(
     arguments: &Arguments,
     inputs: &[PathBuf],
+    chosen: Option<&ImportOptions>,
     warnings: &mut Warnings,
 ) -> (Result<Opened>, Vec<FileRead>) {
     // Like camera options, these do not apply to files that were dropped onto the window.
     let is_own = arguments.inputs == inputs;
-    let options = if is_own {
-        arguments.reading()
-    } else {
-        ImportOptions { smooths_meshes: true, ..ImportOptions::default() }
+    let options = match chosen {
+        Some(options) => options.clone(),
+        None if is_own => arguments.reading(),
+        None => ImportOptions { smooths_meshes: true, ..ImportOptions::default() },
     };
     let (scene, files) = import::load_and_list(inputs, &options, warnings);
     let scene = scene.and_then(|mut scene| {

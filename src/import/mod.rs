@@ -445,6 +445,12 @@ pub(crate) fn has_known_ending(file: &Path) -> bool {
     importer_by_ending(file).is_some()
 }
 
+/// Whether a file has the extension of an image that lights a scene as its environment.
+#[cfg(feature = "viewer")]
+pub(crate) fn is_environment_file(file: &Path) -> bool {
+    ["hdr", "exr"].contains(&ending(file).as_str())
+}
+
 fn ending(file: &Path) -> String {
     file.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase()
 }

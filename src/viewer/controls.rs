@@ -1,5 +1,6 @@
 //! State of the user's controls, from which render requests are made.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -11,7 +12,7 @@ use super::navigate;
 use super::request::{CameraSource, Opened, RenderRequest};
 use crate::job::RenderSettings;
 use crate::scene::animation::Timeline;
-use crate::scene::{Camera, Numerics, Projection, Samples, ShadingMode};
+use crate::scene::{Camera, ImportOptions, Numerics, Projection, Samples, ShadingMode};
 use crate::world::StandardView;
 
 /// Flight speed, in distances to the target per second.
@@ -42,6 +43,8 @@ pub(crate) struct Controls {
     pub sides: Vec<RenderSettings>,
     /// Index of the side that the panel edits.
     pub side: usize,
+    /// Options with which the files are to be read again.
+    pub reading: Option<ImportOptions>,
     /// Position of the line between two sides, as a fraction of the width.
     pub split: f32,
     /// Vertical field of view of the last perspective camera, in radians.
@@ -66,6 +69,7 @@ impl Controls {
             display_mode: DisplayMode::default(),
             sides: vec![settings.clone()],
             side: 0,
+            reading: None,
             split: 0.5,
             angle: 40f64.to_radians(),
             switched: None,
@@ -268,6 +272,13 @@ impl Controls {
         }
     }
 
+    /// Lights the side that the panel edits by an image of the surroundings.
+    pub(crate) fn light_by(&mut self, file: &Path) {
+        let settings = self.settings();
+        settings.picture.light = None;
+        settings.environment.environment = Some(file.to_string_lossy().into_owned());
+    }
+
     /// Starts or pauses playback.
     pub(crate) fn play(&mut self) {
         self.playing = match self.playing {
@@ -282,6 +293,11 @@ impl Controls {
         if self.playing.is_some() {
             self.playing = Some((Instant::now(), self.time));
         }
+    }
+
+    /// Goes to the start of the animation.
+    pub(crate) fn restart(&mut self) {
+        (self.time, self.playing) = (0.0, self.playing.map(|_| (Instant::now(), 0.0)));
     }
 
     /// Advances playback to the current whole frame, in a loop. `duration` is in seconds.

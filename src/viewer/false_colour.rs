@@ -47,6 +47,25 @@ names!(DisplayMode {
 });
 
 impl DisplayMode {
+    /// What is displayed, and when one wants it.
+    pub fn meaning(self) -> &'static str {
+        match self {
+            DisplayMode::Picture => "the rendered picture",
+            DisplayMode::Normals => {
+                "directions that surfaces are shaded with; shows seams and inverted normals"
+            }
+            DisplayMode::GeometricNormals => "directions that the triangles face; shows how fine a mesh is",
+            DisplayMode::Depth => "distance from the camera, near light and far dark",
+            DisplayMode::Objects => "a colour for each object; shows what the file calls them",
+            DisplayMode::Materials => "a colour for each material; shows what has the same surface",
+            DisplayMode::Primitives => "a colour for each triangle or sphere; shows the mesh",
+            DisplayMode::NodeTests => "boxes that the camera ray is tested against; shows what takes long",
+            DisplayMode::ErrorAgainstExact => {
+                "difference from exact arithmetic; shows where rounding changes the picture"
+            }
+        }
+    }
+
     /// The displayed AOV; `None` for modes that display rendered pictures.
     pub fn aov(self) -> Option<&'static str> {
         match self {

@@ -142,6 +142,7 @@ pub(crate) const LIST: &[(&str, &str)] = &[
     ("Space", "play or pause the animation"),
     (", and .", "one frame back or forth; Backspace for the first"),
     ("Ctrl + O", "open a file"),
+    ("Drop files", "open them together; .hdr and .exr light the scene"),
     ("Ctrl + S", "save the picture"),
     ("Ctrl + K", "save the camera, for a scene file"),
     ("Ctrl + L", "copy the command line that renders the picture"),

@@ -8,6 +8,7 @@ use super::Open;
 use super::request::Opened;
 use crate::error::{Result, Warnings};
 use crate::import::FileRead;
+use crate::scene::ImportOptions;
 
 /// Result of a load request.
 pub(crate) struct Loaded {
@@ -15,6 +16,8 @@ pub(crate) struct Loaded {
     pub number: u64,
     /// Requested files.
     pub inputs: Vec<PathBuf>,
+    /// Requested options, if they were chosen in the window.
+    pub options: Option<ImportOptions>,
     /// Scene, or the error.
     pub result: Result<Opened>,
     /// Every file that was read or looked for.
@@ -47,16 +50,16 @@ impl Loader {
     }
 
     /// Starts loading files. Results of earlier requests are discarded.
-    pub(crate) fn load(&mut self, inputs: Vec<PathBuf>) {
+    pub(crate) fn load(&mut self, inputs: Vec<PathBuf>, options: Option<ImportOptions>) {
         self.number += 1;
         let number = self.number;
         let (open, threads) = (Arc::clone(&self.open), Arc::clone(&self.threads));
         let (sender, wake) = (self.sender.clone(), Arc::clone(&self.wake));
         std::thread::spawn(move || {
             let mut warnings = Warnings::default();
-            let (result, files) = threads.install(|| open(&inputs, &mut warnings));
+            let (result, files) = threads.install(|| open(&inputs, options.as_ref(), &mut warnings));
             // The receiver is dropped when the window closes.
-            let _ = sender.send(Loaded { number, inputs, result, files, warnings });
+            let _ = sender.send(Loaded { number, inputs, options, result, files, warnings });
             wake();
         });
     }

@@ -10,6 +10,7 @@ pub mod command_line;
 mod controls;
 pub mod display;
 pub mod false_colour;
+mod help;
 pub mod inspect;
 mod keys;
 mod loader;
@@ -32,10 +33,15 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Result, Warnings};
 use crate::import::FileRead;
+use crate::scene::ImportOptions;
 
-/// Reads input files. Returns the scene with its initial camera and settings, and every file that was read or looked
-/// for. Warnings are added to the second argument.
-pub type Open = Box<dyn Fn(&[PathBuf], &mut Warnings) -> (Result<Opened>, Vec<FileRead>) + Send + Sync>;
+/// Reads input files with the options that were chosen in the window; `None` for those of the command line. Returns the
+/// scene with its initial camera and settings, and every file that was read or looked for. Adds warnings.
+pub type Open = Box<
+    dyn Fn(&[PathBuf], Option<&ImportOptions>, &mut Warnings) -> (Result<Opened>, Vec<FileRead>)
+        + Send
+        + Sync,
+>;
 
 /// Start parameters of the viewer.
 pub struct Start {

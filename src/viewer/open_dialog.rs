@@ -42,9 +42,11 @@ impl OpenDialog {
             let name = |entry: std::fs::DirEntry| {
                 let name = entry.file_name().to_string_lossy().into_owned();
                 let is_hidden = name.starts_with('.');
-                match entry.path().is_dir() {
+                let file = entry.path();
+                let is_known = import::has_known_ending(&file) || import::is_environment_file(&file);
+                match file.is_dir() {
                     true => Some(format!("{name}/")),
-                    false => import::has_known_ending(&entry.path()).then_some(name),
+                    false => is_known.then_some(name),
                 }
                 .filter(|_| !is_hidden)
             };
@@ -119,12 +121,12 @@ mod tests {
     #[test]
     fn folders_come_first_and_other_files_are_not_listed() {
         let folder = tempfile::tempdir().expect("a folder");
-        for name in ["b.obj", "A.glb", "notes.txt", ".hidden.obj"] {
+        for name in ["b.obj", "A.glb", "sky.HDR", "notes.txt", ".hidden.obj"] {
             std::fs::write(folder.path().join(name), "").expect("a file");
         }
         std::fs::create_dir(folder.path().join("sub")).expect("a folder");
         let mut dialog = OpenDialog::beside(Some(&folder.path().join("b.obj")));
-        assert_eq!(dialog.names, ["sub/", "A.glb", "b.obj"]);
+        assert_eq!(dialog.names, ["sub/", "A.glb", "b.obj", "sky.HDR"]);
         assert_eq!(dialog.pick("sub/"), None);
         assert!(dialog.names.is_empty() && dialog.folder.ends_with("sub"));
         dialog.enter(folder.path().join("none"));

@@ -1,22 +1,25 @@
 //! The side panel: camera, render settings, and the cost of each effect.
 
+use std::path::Path;
+
 use egui::{CollapsingHeader, ComboBox, DragValue, Grid, RichText, Slider, Ui};
 
 use super::controls::Controls;
 use super::false_colour::DisplayMode;
+use super::help::{self, PanelOption, explain};
 use super::keys::Action;
-use super::navigate;
 use super::painter::{Comparison, RenderedImage};
 use super::refine::SamplingKind;
 use super::request::{CameraSource, Opened};
+use super::{name_of, navigate};
 use crate::effects::{Decision, EFFECTS, RayKind, id};
 use crate::film::tone::{Exposure, MAX_EXPOSURE, ToneMap};
 use crate::film::{ColourPipeline, FilterShape};
-use crate::job::RenderSettings;
+use crate::job::{EnvironmentSettings, RenderSettings};
 use crate::render::grouped;
 use crate::scene::{
-    Background, Camera, ColourValue, Headlight, Look, Numerics, OptionValue, Projection, Samples, Sampling,
-    ShadingMode,
+    Background, Camera, ClipChoice, ColourValue, Headlight, ImportOptions, Look, Numerics, OptionValue,
+    PictureSettings, Projection, Rotation, Samples, Sampling, Scene, ShadingMode, UpAxis,
 };
 use crate::world::StandardView;
 
@@ -41,33 +44,39 @@ impl PanelContents<'_> {
     }
 }
 
-/// Shows the panel.
-pub(crate) fn show(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
+/// Shows the panel. Returns the action that was chosen.
+pub(crate) fn show(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) -> Option<Action> {
     ui.add_space(8.0);
     camera(ui, contents, controls);
     ui.separator();
     comparison(ui, contents, controls);
     let rendered = contents.rendered[controls.side];
-    look(ui, contents, controls);
+    let action = light(ui, contents, controls);
+    ground_and_background(ui, contents, controls);
+    reading(ui, contents.opened, controls);
     ui.separator();
     render_settings(ui, rendered, controls);
     ui.separator();
     if let Some(rendered) = rendered {
         effects(ui, rendered, controls.settings());
     }
+    action
 }
 
 /// Shows the buttons. Returns the action of a clicked button.
 pub(crate) fn buttons(ui: &mut Ui) -> Option<Action> {
     let all = [
-        ("Open file", "a scene, a mesh or a glTF file (Ctrl + O); files can be dropped, too", Action::Open),
+        (
+            "Open file",
+            "a scene, a mesh, a glTF file, or an .hdr or .exr environment (Ctrl + O); files can be dropped, too",
+            Action::Open,
+        ),
         ("Save picture", "as a PNG in this folder (Ctrl + S)", Action::SavePicture),
         ("Save camera", "as TOML, for a scene file (Ctrl + K)", Action::SaveCamera),
         ("Copy command", "the command line that renders this (Ctrl + L)", Action::CopyCommand),
         ("Keys", "what keys and mouse do (?)", Action::Help),
     ];
     let mut clicked = None;
-    ui.separator();
     ui.horizontal_wrapped(|ui| {
         for (name, meaning, action) in all {
             let button = ui.button(name).on_hover_text(meaning);
@@ -152,11 +161,13 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
             Projection::Orthographic => navigate::zoom(camera, before / value),
         });
     }
-    ComboBox::from_label("shown").selected_text(controls.display_mode.name()).show_ui(ui, |ui| {
+    let list = ComboBox::from_label("shown").selected_text(controls.display_mode.name()).show_ui(ui, |ui| {
         for shown in DisplayMode::ALL {
-            ui.selectable_value(&mut controls.display_mode, shown, shown.name());
+            let entry = ui.selectable_value(&mut controls.display_mode, shown, shown.name());
+            entry.on_hover_text(shown.meaning());
         }
     });
+    list.response.on_hover_text("the picture, or what is known of each pixel as colours with a legend (V)");
 }
 
 fn comparison(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
@@ -186,7 +197,11 @@ fn comparison(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
     }
     match contents.comparison {
         Some(Comparison { max, rmse, flip }) => {
-            ui.label(format!("apart: FLIP {flip:.4}, RMSE {rmse:.2e}, max {max:.2e}"));
+            let label = ui.label(format!("apart: FLIP {flip:.4}, RMSE {rmse:.2e}, max {max:.2e}"));
+            label.on_hover_text(
+                "FLIP: how different the pictures look, from 0, the same, to 1\nRMSE: root of the mean squared \
+                 difference of the values; white is 1\nmax: the largest difference of a value",
+            );
         }
         None => {
             ui.label(RichText::new("apart: …").weak());
@@ -194,26 +209,62 @@ fn comparison(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
     }
 }
 
-/// Light, ground and background, as the options of `kiln render` choose them.
-fn look(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
-    let has_settings = contents.opened.scene.has_settings;
-    let shown = contents.rendered[controls.side].map(|rendered| rendered.prepared.job.settings.picture);
+/// The light and its environment, as the options of `kiln render` choose them. Returns an action if a file is to be
+/// chosen.
+fn light(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) -> Option<Action> {
+    let scene = &contents.opened.scene;
     let settings = controls.settings();
-    let own = if has_settings || !contents.opened.scene.lights.is_empty() { "the file's" } else { "studio" };
-    let mut light = LightChoice::of(settings);
-    ComboBox::from_label("light").selected_text(light.name(own)).show_ui(ui, |ui| {
+    let own = if scene.has_settings || !scene.lights.is_empty() { "the file's" } else { "studio" };
+    let own = if settings.look(scene) == Look::Draft && own == "studio" { "draft" } else { own };
+    let (before, typed) = (LightChoice::of(settings), settings.environment.environment.clone());
+    let mut light = before;
+    let file = typed.as_deref().filter(|_| before == LightChoice::Environment).map(Path::new);
+    let text = file.map_or(before.name(own).to_owned(), name_of);
+    let mut asks_for_file = false;
+    ComboBox::from_label("light").selected_text(text).show_ui(ui, |ui| {
         for choice in LightChoice::ALL {
-            ui.selectable_value(&mut light, choice, choice.name(own)).on_hover_text(choice.meaning());
+            let entry = ui.selectable_value(&mut light, choice, choice.name(own));
+            let entry = entry.on_hover_text(choice.meaning());
+            asks_for_file |= entry.clicked() && choice == LightChoice::Environment;
         }
     });
-    if light != LightChoice::of(settings) {
-        light.apply(settings);
+    if asks_for_file {
+        return Some(Action::Open);
     }
+    let has_environment = scene.environment.is_some();
+    if light != before {
+        light.apply(settings);
+        if !has_environment && settings.environment.environment.is_none() {
+            settings.environment = EnvironmentSettings::default();
+        }
+    }
+    if has_environment || settings.environment.environment.is_some() {
+        let rotation = &mut settings.environment.environment_rotation;
+        let own = scene.environment.as_ref().filter(|_| typed.is_none());
+        let own = own.map_or(0.0, |environment| environment.rotation.to_degrees());
+        let mut degrees = rotation.map_or(own, Rotation::get);
+        let slider = ui.add(Slider::new(&mut degrees, -180.0..=180.0).text("rotation").suffix("°"));
+        if explain(slider, help::ROTATION).changed() {
+            *rotation = Some(Rotation::clamped(degrees));
+        }
+    }
+    None
+}
+
+/// Boxes that show what the picture has, and change that alone.
+fn ground_and_background(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
+    let scene = &contents.opened.scene;
+    let shown = contents.rendered[controls.side].map(|rendered| rendered.prepared.job.settings.picture);
+    let settings = controls.settings();
+    let mut is_draft = settings.look(scene) == Look::Draft;
+    let of_files = RenderSettings { picture: PictureSettings::default(), ..settings.clone() };
+    let can_be_studio = of_files.look(scene) == Look::Studio;
     ui.horizontal(|ui| {
         let picture = &mut settings.picture;
-        let mut has_colour = picture.background.is_some();
-        let check = ui.checkbox(&mut has_colour, "background");
-        let mut colour = match picture.background {
+        let background = picture.background.or(scene.picture.background);
+        let mut has_colour = background.is_some();
+        let check = explain(ui.checkbox(&mut has_colour, "background"), help::BACKGROUND);
+        let mut colour = match background {
             Some(Background::Colour(colour)) => colour.0,
             Some(Background::Transparent) => [0; 3],
             None => DEFAULT_BACKGROUND,
@@ -225,11 +276,48 @@ fn look(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
             picture.background = Some(Background::Colour(ColourValue(colour)));
         }
         let mut has_ground = picture.or(shown.unwrap_or_default()).ground == Some(true);
-        let check = ui.checkbox(&mut has_ground, "ground").on_hover_text("a matt plane under the scene");
+        let check = explain(ui.checkbox(&mut has_ground, "ground"), help::GROUND);
         if check.changed() {
             picture.ground = Some(has_ground);
         }
+        let meaning = "a fast preview: one sample a pixel, a headlight and a dark background (--draft)";
+        if can_be_studio && ui.checkbox(&mut is_draft, "draft").on_hover_text(meaning).changed() {
+            picture.look = is_draft.then_some(Look::Draft);
+        }
     });
+}
+
+/// The clip that is played and the axis that points up. A change reads the files again.
+fn reading(ui: &mut Ui, opened: &Opened, controls: &mut Controls) {
+    let Scene { clips, animation, has_settings, .. } = &opened.scene;
+    let own = opened.import_options();
+    let mut reading = own.reading.clone();
+    let plays_tracks = animation.as_ref().is_some_and(|animation| animation.clip.is_none());
+    let played = reading.clip.clone().unwrap_or_default().find(clips);
+    if let (Some(played), false) = (played, plays_tracks) {
+        let list = ComboBox::from_label("clip").selected_text(&played.name).show_ui(ui, |ui| {
+            for clip in clips {
+                let entry = ui.selectable_label(std::ptr::eq(clip, played), &clip.name);
+                if entry.on_hover_text(format!("{:.2} s", clip.duration)).clicked() {
+                    (reading.clip, reading.time) = (Some(ClipChoice::Index(clip.index)), None);
+                    controls.restart();
+                }
+            }
+        });
+        explain(list.response, help::CLIP);
+    }
+    if !has_settings {
+        let before = reading.up.unwrap_or_default();
+        let mut up = before;
+        choice(ui, help::UP, &mut up, &UpAxis::ALL, UpAxis::name);
+        if up != before {
+            reading.up = Some(up);
+            controls.reset_camera();
+        }
+    }
+    if reading != own.reading {
+        controls.reading = Some(ImportOptions { reading, ..own });
+    }
 }
 
 /// The colour that the control of the background begins with, sRGB.
@@ -242,22 +330,27 @@ enum LightChoice {
     Own,
     Headlight,
     Sky,
-    /// Another environment, which the command line named.
+    /// An image of the surroundings, or a colour that the command line named.
     Environment,
     None,
 }
 
 impl LightChoice {
-    const ALL: [LightChoice; 4] =
-        [LightChoice::Own, LightChoice::Headlight, LightChoice::Sky, LightChoice::None];
+    const ALL: [LightChoice; 5] = [
+        LightChoice::Own,
+        LightChoice::Headlight,
+        LightChoice::Sky,
+        LightChoice::Environment,
+        LightChoice::None,
+    ];
 
     fn of(settings: &RenderSettings) -> Self {
-        match (settings.environment.environment.as_deref(), settings.picture.light, settings.picture.look) {
-            (Some("sky"), ..) => LightChoice::Sky,
-            (Some(_), ..) => LightChoice::Environment,
-            (None, Some(Headlight::Head), _) | (None, None, Some(Look::Draft)) => LightChoice::Headlight,
-            (None, Some(Headlight::None), _) => LightChoice::None,
-            (None, None, _) => LightChoice::Own,
+        match (settings.environment.environment.as_deref(), settings.picture.light) {
+            (Some("sky"), _) => LightChoice::Sky,
+            (Some(_), _) => LightChoice::Environment,
+            (None, Some(Headlight::Head)) => LightChoice::Headlight,
+            (None, Some(Headlight::None)) => LightChoice::None,
+            (None, None) => LightChoice::Own,
         }
     }
 
@@ -266,24 +359,29 @@ impl LightChoice {
             LightChoice::Own => own,
             LightChoice::Headlight => "headlight",
             LightChoice::Sky => "sky",
-            LightChoice::Environment => "environment",
+            LightChoice::Environment => "environment ...",
             LightChoice::None => "none",
         }
     }
 
     fn meaning(self) -> &'static str {
         match self {
-            LightChoice::Own => "the lights of the file; without any, a key light, fill light and a ground",
+            LightChoice::Own => {
+                "the lights of the file; without any, a key light and fill light, with draft a headlight"
+            }
             LightChoice::Headlight => "a light at the camera, where the file has none (--light head)",
             LightChoice::Sky => "a clear sky with the sun (--environment sky)",
-            LightChoice::Environment => "the environment of the command line",
+            LightChoice::Environment => {
+                "an image of the surroundings, .hdr or .exr, as light and background (--environment FILE); such a \
+                 file can be dropped onto the window, too"
+            }
             LightChoice::None => "no light but the file's (--light none)",
         }
     }
 
     fn apply(self, settings: &mut RenderSettings) {
         let RenderSettings { picture, environment, .. } = settings;
-        (picture.look, picture.light, environment.environment) = (None, None, None);
+        (picture.light, environment.environment) = (None, None);
         match self {
             LightChoice::Own | LightChoice::Environment => {}
             LightChoice::Headlight => picture.light = Some(Headlight::Head),
@@ -299,18 +397,18 @@ fn render_settings(ui: &mut Ui, rendered: Option<&RenderedImage>, controls: &mut
     let own = rendered.map(|rendered| rendered.prepared.job.settings.picture).unwrap_or_default();
     let shown = picture.or(own);
     let mut shading = shown.shading.unwrap_or_default();
-    choice(ui, "shading", &mut shading, &ShadingMode::ALL, ShadingMode::name);
+    choice(ui, help::SHADING, &mut shading, &ShadingMode::ALL, ShadingMode::name);
     if shown.shading.unwrap_or_default() != shading {
         picture.shading = Some(shading);
     }
     let mut numerics = picture.numerics.unwrap_or_default();
-    choice(ui, "numerics", &mut numerics, &Numerics::ALL, Numerics::name);
+    choice(ui, help::NUMERICS, &mut numerics, &Numerics::ALL, Numerics::name);
     let mut pipeline = picture.pipeline();
-    choice(ui, "colour", &mut pipeline, &ColourPipeline::ALL, ColourPipeline::name);
+    choice(ui, help::COLOUR, &mut pipeline, &ColourPipeline::ALL, ColourPipeline::name);
     (picture.numerics, picture.colour) = (Some(numerics), Some(pipeline));
     if pipeline == ColourPipeline::Linear {
         let mut map = shown.tone_map.unwrap_or_default();
-        choice(ui, "tone map", &mut map, &ToneMap::ALL, ToneMap::name);
+        choice(ui, help::TONE_MAP, &mut map, &ToneMap::ALL, ToneMap::name);
         if shown.tone_map.unwrap_or_default() != map {
             picture.tone_map = Some(map);
         }
@@ -324,7 +422,7 @@ fn render_settings(ui: &mut Ui, rendered: Option<&RenderedImage>, controls: &mut
     let mut samples = picture.samples.map_or_else(taken, Samples::get);
     ui.horizontal(|ui| {
         let drag = ui.add(DragValue::new(&mut samples).range(1..=crate::scene::MAX_SAMPLES).speed(0.2));
-        if drag.changed() {
+        if explain(drag, help::SAMPLES).changed() {
             picture.samples = Some(Samples::clamped(samples));
         }
         ui.label(if own.noise.is_some() && samples > 1 {
@@ -336,7 +434,7 @@ fn render_settings(ui: &mut Ui, rendered: Option<&RenderedImage>, controls: &mut
     if samples > 1 {
         let shape = shown.filter.unwrap_or_default();
         let mut chosen = shape;
-        choice(ui, "filter", &mut chosen, &FilterShape::ALL, FilterShape::name);
+        choice(ui, help::FILTER, &mut chosen, &FilterShape::ALL, FilterShape::name);
         if chosen != shape {
             (picture.filter, picture.filter_radius) = (Some(chosen), None);
         }
@@ -353,33 +451,37 @@ fn exposure(ui: &mut Ui, exposure: &mut Option<Exposure>) {
         if drag.changed() {
             *exposure = Some(Exposure::Ev(ev));
         }
+        explain(drag, help::EXPOSURE);
         ui.label("EV");
-        let check = ui.checkbox(&mut is_auto, "auto exposure");
+        let check = explain(ui.checkbox(&mut is_auto, "auto exposure"), help::EXPOSURE);
         if check.changed() {
             *exposure = Some(if is_auto { Exposure::Auto } else { Exposure::Ev(0.0) });
         }
     });
 }
 
+/// A list of the values of an option.
 fn choice<T: PartialEq + Copy>(
     ui: &mut Ui,
-    label: &str,
+    option: PanelOption,
     value: &mut T,
     all: &[T],
     name: impl Fn(T) -> &'static str,
 ) {
-    ComboBox::from_label(label).selected_text(name(*value)).show_ui(ui, |ui| {
+    let label = option.name.replace('-', " ");
+    let list = ComboBox::from_label(label).selected_text(name(*value)).show_ui(ui, |ui| {
         for &other in all {
             ui.selectable_value(value, other, name(other));
         }
     });
+    explain(list.response, option);
 }
 
 fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings) {
     let (statistics, decisions) = (&rendered.statistics, &rendered.prepared.decisions);
     Grid::new("effects").num_columns(3).spacing([14.0, 4.0]).striped(true).show(ui, |ui| {
         ui.label(RichText::new("effect").weak());
-        ui.label(RichText::new("rays").weak());
+        ui.label(RichText::new("rays").weak()).on_hover_text("rays that the effect casts for the picture");
         ui.label(RichText::new("CPU ms").weak()).on_hover_text("processor time of all threads together");
         ui.end_row();
         ui.label("every picture");
@@ -413,7 +515,7 @@ fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings)
                 let value = (bounces > 0).then(|| bounces.to_string());
                 settings.set(id::GLAZE, value.as_deref());
             }
-            ui.label("bounces at most");
+            ui.label("bounces at most").on_hover_text("mirror images within mirror images; more take longer");
         });
     }
 }
@@ -450,9 +552,10 @@ pub(crate) fn setting_names(settings: &RenderSettings, sampling: &Sampling) -> V
     let display = picture.display().in_pipeline(picture.pipeline());
     words.extend(display.exposure().map(|exposure| format!("exposure {exposure}")));
     words.extend(display.tone_map().map(|map| map.name().to_owned()));
-    let light = LightChoice::of(settings);
-    if light != LightChoice::Own {
-        words.push(format!("light: {}", light.name("")));
+    match (LightChoice::of(settings), &settings.environment.environment) {
+        (LightChoice::Own, _) => {}
+        (LightChoice::Environment, Some(file)) => words.push(format!("light: {}", name_of(Path::new(file)))),
+        (light, _) => words.push(format!("light: {}", light.name(""))),
     }
     if let Some(background @ Background::Colour(_)) = picture.background {
         words.push(format!("background {}", background.text()));

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::job::{CameraChoice, RenderSettings, is_fitted};
-use crate::scene::{Camera, INLINE_NAME, PictureSettings, Projection, Scene};
+use crate::scene::{Camera, ClipChoice, INLINE_NAME, ImportOptions, PictureSettings, Projection, Scene};
 use crate::world::StandardView;
 
 /// Camera of the viewer.
@@ -30,6 +30,16 @@ pub struct Opened {
     pub size: [u32; 2],
     /// Initial render settings, with numerics and colour pipeline.
     pub settings: RenderSettings,
+}
+
+impl Opened {
+    /// Options that read the files again, with the clip that is played.
+    pub(crate) fn import_options(&self) -> ImportOptions {
+        let mut options = self.scene.import_options.clone();
+        let clip = self.scene.animation.as_ref().and_then(|animation| animation.clip.as_ref());
+        options.reading.clip = clip.map(|clip| ClipChoice::Index(clip.index)).or(options.reading.clip.take());
+        options
+    }
 }
 
 /// Request for a picture.

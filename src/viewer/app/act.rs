@@ -7,6 +7,7 @@ use egui::{Context, Theme, ViewportCommand};
 
 use super::{App, timeline};
 use crate::error::Result;
+use crate::import;
 use crate::scene::Camera;
 use crate::viewer::canvas::MouseResult;
 use crate::viewer::command_line::{RenderCommand, command_line};
@@ -58,7 +59,7 @@ impl App {
                     None => Some(OpenDialog::beside(inputs.first().map(PathBuf::as_path))),
                 };
             }
-            Action::Reload => self.loader.load(self.inputs.clone()),
+            Action::Reload => self.reload(),
             Action::FullScreen => {
                 let is_full = context.input(|input| input.viewport().fullscreen.unwrap_or(false));
                 context.send_viewport_cmd(ViewportCommand::Fullscreen(!is_full));
@@ -103,10 +104,28 @@ impl App {
         let Some(dialog) = &mut self.open_dialog else { return };
         match dialog.show(context) {
             Answer::Open => return,
-            Answer::Picked(file) => self.loader.load(vec![file]),
+            Answer::Picked(file) => self.open_files(vec![file]),
             Answer::Closed => {}
         }
         self.open_dialog = None;
+    }
+
+    /// Opens files together. An image of the surroundings becomes the environment, of these files if there are any.
+    pub(super) fn open_files(&mut self, files: Vec<PathBuf>) {
+        let is_input = |file: &PathBuf| !import::is_environment_file(file);
+        let (inputs, mut environments): (Vec<_>, Vec<_>) = files.into_iter().partition(is_input);
+        self.opened_environment = environments.pop();
+        if inputs.is_empty() {
+            self.light_by_opened_environment();
+        } else {
+            self.loader.load(inputs, None);
+        }
+    }
+
+    pub(super) fn light_by_opened_environment(&mut self) {
+        if let (Some(file), Some(controls)) = (self.opened_environment.take(), &mut self.controls) {
+            controls.light_by(&file);
+        }
     }
 
     /// Performs an action that changes the render request.

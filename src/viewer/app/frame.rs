@@ -37,13 +37,14 @@ impl App {
         let mut is_inspecting = true;
         if visible.panel {
             Panel::right("panel").exact_size(PANEL_WIDTH).show(ui, |ui| {
-                ScrollArea::vertical().show(ui, |ui| {
-                    if let Some((_, found)) = inspection {
-                        is_inspecting = inspector::show(ui, found, names);
-                    }
+                Panel::bottom("buttons").show(ui, |ui| clicked = panel::buttons(ui));
+                if let Some((_, found)) = inspection {
+                    is_inspecting = inspector::show(ui, found, names);
+                }
+                ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                     let rendered = [canvas.rendered(0), canvas.rendered(1)];
-                    panel::show(ui, &PanelContents { opened, rendered, comparison: *comparison }, controls);
-                    clicked = panel::buttons(ui);
+                    let contents = PanelContents { opened, rendered, comparison: *comparison };
+                    clicked = clicked.or(panel::show(ui, &contents, controls));
                 });
             });
         }
@@ -51,10 +52,14 @@ impl App {
             *inspection = None;
         }
         let has_begun = controls.sides.len() > before;
+        let reading = controls.reading.take();
         if let (Some(timeline), Some(animation)) = (timeline(opened), &opened.scene.animation) {
             Panel::bottom("timeline").show(ui, |ui| {
                 bar::show(ui, &timeline, animation.duration, controls);
             });
+        }
+        if let Some(options) = reading {
+            self.loader.load(self.inputs.clone(), Some(options));
         }
         if has_begun {
             self.explain_comparison();

@@ -19,7 +19,7 @@ impl App {
     /// Handles all pending messages.
     pub(super) fn handle_messages(&mut self, context: &Context) {
         if self.changed.swap(false, Ordering::Relaxed) {
-            self.loader.load(self.inputs.clone());
+            self.reload();
         }
         if let Some(loaded) = self.loader.loaded() {
             self.handle_loaded(context, loaded);
@@ -48,7 +48,7 @@ impl App {
 
     /// Handles loaded files.
     fn handle_loaded(&mut self, context: &Context, loaded: Loaded) {
-        let Loaded { inputs, result, files, warnings, .. } = loaded;
+        let Loaded { inputs, options, result, files, warnings, .. } = loaded;
         let is_same = inputs == self.inputs;
         if is_same || result.is_ok() {
             self.watch(context, files);
@@ -64,16 +64,23 @@ impl App {
             Some(controls) if is_same => controls.reopened(&opened),
             controls => *controls = Some(Controls::new(&opened)),
         }
+        self.import_options = options;
         if !is_same {
             let title = inputs.first().map_or("kiln".into(), |input| name_of(input));
             context.send_viewport_cmd(ViewportCommand::Title(format!("{title} - kiln")));
             (self.inputs, self.inspection) = (inputs, None);
             self.names = FileNames::of(&self.inputs);
         }
+        self.light_by_opened_environment();
         let texts = warnings.messages().iter().chain(warnings.notes());
         self.warnings = texts.map(|text| self.names.shorten(text)).collect();
         self.notice.take_if(|notice| notice.is_error);
         self.opened = Some(opened);
+    }
+
+    /// Reads the files again.
+    pub(super) fn reload(&mut self) {
+        self.loader.load(self.inputs.clone(), self.import_options.clone());
     }
 
     /// Closes the window because of an error.

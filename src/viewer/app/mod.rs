@@ -26,6 +26,7 @@ use super::watch::Watcher;
 use super::{Start, display, name_of, theme};
 use crate::error::{Error, Result};
 use crate::import::FileNames;
+use crate::scene::ImportOptions;
 use crate::scene::animation::Timeline;
 use frame::PANEL_WIDTH;
 
@@ -89,6 +90,10 @@ struct App {
     /// Files that are being written.
     saving: Vec<PathBuf>,
     inputs: Vec<PathBuf>,
+    /// Options of reading the inputs that were chosen in the window.
+    import_options: Option<ImportOptions>,
+    /// The environment of files that are being opened.
+    opened_environment: Option<PathBuf>,
     /// Shortens paths in texts.
     names: FileNames,
     /// The list of files to open, if shown.
@@ -143,7 +148,7 @@ impl App {
         theme::set(&creation.egui_ctx);
         let painter = Painter::new(Arc::clone(&threads), wake(&creation.egui_ctx));
         let mut loader = Loader::new(start.open, Arc::clone(&threads), wake(&creation.egui_ctx));
-        loader.load(start.inputs.clone());
+        loader.load(start.inputs.clone(), None);
         let remembered: Option<VisibleParts> =
             creation.storage.and_then(|storage| eframe::get_value(storage, eframe::APP_KEY));
         let first_size = match (start.size, remembered.is_some()) {
@@ -162,6 +167,8 @@ impl App {
             names: FileNames::of(&start.inputs),
             open_dialog: None,
             inputs: start.inputs,
+            import_options: None,
+            opened_environment: None,
             opened: None,
             controls: None,
             canvas: Canvas::default(),
@@ -261,7 +268,7 @@ impl eframe::App for App {
         self.keys(&context);
         let dropped = context.input(|input| input.raw.dropped_files.clone());
         if !dropped.is_empty() {
-            self.loader.load(dropped.into_iter().map(|file| file.path().to_owned()).collect());
+            self.open_files(dropped.into_iter().map(|file| file.path().to_owned()).collect());
         }
         self.play(&context);
         self.panels(ui);
