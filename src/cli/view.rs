@@ -117,3 +117,41 @@ fn initial_view(
     let settings = RenderSettings { picture, ..requested };
     Ok(Opened { scene, camera_source, projection, size, settings })
 }
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+    use crate::scene::{ReadingOptions, UpAxis};
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        arguments: Arguments,
+    }
+
+    /// What is chosen in the window replaces the options of the command line, which files of others do not get.
+    #[test]
+    fn files_are_read_with_the_options_of_the_window() {
+        let [own, other] = ["assets/import/l.obj", "assets/import/materials.obj"]
+            .map(|file| vec![Path::new(env!("CARGO_MANIFEST_DIR")).join(file)]);
+        let mut arguments = Line::parse_from(["kiln", "--up", "z", "a.obj"]).arguments;
+        arguments.inputs = own.clone();
+        let turned = |up| ImportOptions {
+            reading: ReadingOptions { up, ..ReadingOptions::default() },
+            ..ImportOptions::default()
+        };
+        for (inputs, chosen, up) in [
+            (&own, None, Some(UpAxis::Z)),
+            (&own, Some(turned(Some(UpAxis::X))), Some(UpAxis::X)),
+            (&other, None, None),
+        ] {
+            let (opened, _) = open(&arguments, inputs, chosen.as_ref(), &mut Warnings::default());
+            let opened = opened.unwrap_or_else(|e| panic!("{e}"));
+            let expected = import::load_and_list(inputs, &turned(up), &mut Warnings::default()).0;
+            assert_eq!(opened.scene.bounds(), expected.unwrap_or_else(|e| panic!("{e}")).bounds());
+            assert_eq!(opened.import_options(), turned(up));
+        }
+    }
+}

@@ -30,7 +30,7 @@ const LEVEL: f64 = 1e-9;
 const NEAREST: f64 = 1.0 / (1u64 << 32) as f64;
 
 /// Heights of the picture at the target's distance at which zooming ends, relative to the scene's size.
-const HEIGHTS: [f64; 2] = [1e-5, 10.0];
+const HEIGHTS: [f64; 2] = [1e-5, 5.0];
 
 /// Range of the vertical field of view that can be set, in radians.
 const ANGLES: [f64; 2] = [1e-4, 2.9];

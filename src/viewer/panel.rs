@@ -11,7 +11,7 @@ use super::keys::Action;
 use super::painter::{Comparison, RenderedImage};
 use super::refine::SamplingKind;
 use super::request::{CameraSource, Opened};
-use super::{name_of, navigate};
+use super::{elided, name_of, navigate};
 use crate::effects::{Decision, EFFECTS, RayKind, id};
 use crate::film::tone::{Exposure, MAX_EXPOSURE, ToneMap};
 use crate::film::{ColourPipeline, FilterShape};
@@ -22,6 +22,9 @@ use crate::scene::{
     PictureSettings, Projection, Rotation, Samples, Sampling, Scene, ShadingMode, UpAxis,
 };
 use crate::world::StandardView;
+
+/// Characters of a name that a closed list shows.
+const LIST_LENGTH: usize = 13;
 
 /// Data that the panel displays.
 pub(crate) struct PanelContents<'a> {
@@ -96,7 +99,8 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
             CameraSource::Fitted(view) => view.name().to_owned(),
             CameraSource::Free(_) => "free".to_owned(),
         };
-        ComboBox::from_id_salt("camera").selected_text(name).show_ui(ui, |ui| {
+        let list = ComboBox::from_id_salt("camera").selected_text(elided(&name, LIST_LENGTH));
+        let list = list.show_ui(ui, |ui| {
             for (index, camera) in cameras.iter().enumerate() {
                 if ui
                     .selectable_label(controls.camera_source == CameraSource::Scene(index), &camera.name)
@@ -117,6 +121,7 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
                 }
             }
         });
+        list.response.on_hover_text(format!("the camera: {name}"));
         let reset = ui.button("Reset").on_hover_text("back to where it was first seen from (R)");
         if reset.clicked() {
             controls.reset_camera();
@@ -221,13 +226,15 @@ fn light(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) -> Opti
     let file = typed.as_deref().filter(|_| before == LightChoice::Environment).map(Path::new);
     let text = file.map_or(before.name(own).to_owned(), name_of);
     let mut asks_for_file = false;
-    ComboBox::from_label("light").selected_text(text).show_ui(ui, |ui| {
+    let list = ComboBox::from_label("light").selected_text(elided(&text, LIST_LENGTH));
+    let list = list.show_ui(ui, |ui| {
         for choice in LightChoice::ALL {
             let entry = ui.selectable_value(&mut light, choice, choice.name(own));
             let entry = entry.on_hover_text(choice.meaning());
             asks_for_file |= entry.clicked() && choice == LightChoice::Environment;
         }
     });
+    list.response.on_hover_text(typed.as_deref().unwrap_or(before.meaning()));
     if asks_for_file {
         return Some(Action::Open);
     }
@@ -295,7 +302,8 @@ fn reading(ui: &mut Ui, opened: &Opened, controls: &mut Controls) {
     let plays_tracks = animation.as_ref().is_some_and(|animation| animation.clip.is_none());
     let played = reading.clip.clone().unwrap_or_default().find(clips);
     if let (Some(played), false) = (played, plays_tracks) {
-        let list = ComboBox::from_label("clip").selected_text(&played.name).show_ui(ui, |ui| {
+        let list = ComboBox::from_label("clip").selected_text(elided(&played.name, LIST_LENGTH));
+        let list = list.show_ui(ui, |ui| {
             for clip in clips {
                 let entry = ui.selectable_label(std::ptr::eq(clip, played), &clip.name);
                 if entry.on_hover_text(format!("{:.2} s", clip.duration)).clicked() {
@@ -359,7 +367,7 @@ impl LightChoice {
             LightChoice::Own => own,
             LightChoice::Headlight => "headlight",
             LightChoice::Sky => "sky",
-            LightChoice::Environment => "environment ...",
+            LightChoice::Environment => "environment",
             LightChoice::None => "none",
         }
     }
@@ -591,4 +599,30 @@ fn milliseconds(time: std::time::Duration) -> String {
 /// The number with groups of thousands separated by spaces.
 fn count(number: u64) -> String {
     grouped(number, ' ')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A light leaves look, ground and background as they are.
+    #[test]
+    fn a_light_changes_nothing_else() {
+        let picture = PictureSettings {
+            look: Some(Look::Draft),
+            ground: Some(true),
+            background: Some(Background::Transparent),
+            ..PictureSettings::default()
+        };
+        let before = RenderSettings::from(picture);
+        for light in LightChoice::ALL.into_iter().filter(|light| *light != LightChoice::Environment) {
+            let mut settings = before.clone();
+            settings.environment.environment = Some("garden.hdr".into());
+            assert_eq!(LightChoice::of(&settings), LightChoice::Environment);
+            light.apply(&mut settings);
+            assert_eq!(LightChoice::of(&settings), light);
+            (settings.picture.light, settings.environment) = (None, EnvironmentSettings::default());
+            assert_eq!(settings, before);
+        }
+    }
 }

@@ -97,3 +97,26 @@ impl PartialEq for RenderRequest {
             && self.sides == other.sides
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Clip;
+    use crate::scene::animation::Animation;
+
+    /// The clip that is played is kept when another option changes.
+    #[test]
+    fn the_played_clip_is_read_again() {
+        let clip = Clip { name: "Run".into(), index: 2, duration: 1.0, channels: 1, digest: String::new() };
+        let animation =
+            Animation { fps: 30.0, duration: 1.0, repeat: true, tracks: Vec::new(), clip: Some(clip) };
+        let opened = Opened {
+            scene: Scene { animation: Some(animation), ..Scene::default() },
+            camera_source: CameraSource::Scene(0),
+            projection: None,
+            size: [4, 3],
+            settings: RenderSettings::default(),
+        };
+        assert_eq!(opened.import_options().reading.clip, Some(ClipChoice::Index(2)));
+    }
+}

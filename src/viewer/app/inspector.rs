@@ -3,6 +3,7 @@
 use egui::{Color32, Grid, Painter, Pos2, Rect, RichText, ScrollArea, Stroke, Ui, vec2};
 use glam::DVec2;
 
+use crate::effects::EFFECTS;
 use crate::import::FileNames;
 use crate::viewer::elided;
 use crate::viewer::inspect::{Inspection, RaySegment};
@@ -26,6 +27,9 @@ const MEANINGS: &[(&str, &str)] = &[
 
 /// Characters of a name in a line of the panel.
 const NAME_LENGTH: usize = 28;
+
+/// Characters of the label of a value.
+const LABEL_LENGTH: usize = 16;
 
 /// Number of bounces up to which rays are indented.
 const MAX_INDENT: usize = 4;
@@ -63,10 +67,9 @@ fn surface(ui: &mut Ui, inspection: &Inspection, names: &FileNames) {
         ui,
         |ui| {
             let mut row = |name: &str, value: String| {
-                let label = ui.label(RichText::new(name).weak());
-                if let Some((_, meaning)) = MEANINGS.iter().find(|(other, _)| *other == name) {
-                    label.on_hover_text(*meaning);
-                }
+                let label = ui.label(RichText::new(elided(name, LABEL_LENGTH)).weak());
+                let meaning = MEANINGS.iter().find(|(other, _)| *other == name);
+                label.on_hover_text(meaning.map_or(name, |(_, meaning)| meaning));
                 elided_label(ui, &value);
                 ui.end_row();
             };
@@ -130,10 +133,9 @@ fn rays(ui: &mut Ui, rays: &[RaySegment], names: &FileNames) {
             let (swatch, _) = ui.allocate_exact_size(vec2(10.0, 10.0), egui::Sense::hover());
             ui.painter().rect_filled(swatch, 2.0, colour(ray));
             let (shown, whole) = (result(NAME_LENGTH), result(usize::MAX));
-            let label = ui.label(format!("{}: {shown}", ray.kind.name));
-            if shown != whole {
-                label.on_hover_text(whole);
-            }
+            let effect = EFFECTS.iter().find(|effect| Some(effect.id) == ray.effect);
+            let meaning = effect.map_or("the ray from the camera through the pixel", |effect| effect.summary);
+            ui.label(format!("{}: {shown}", ray.kind.name)).on_hover_text(format!("{whole}\n{meaning}"));
         });
     }
 }
