@@ -8,8 +8,10 @@ pub(crate) fn set(context: &Context) {
     for theme in [Theme::Dark, Theme::Light] {
         context.set_visuals_of(theme, visuals(theme));
     }
-    // Bars that show where lists go on.
-    context.all_styles_mut(|style| style.spacing.scroll = ScrollStyle::thin());
+    // Bars that show where lists go on, and room for the lists of the panel.
+    context.all_styles_mut(|style| {
+        (style.spacing.scroll, style.spacing.combo_height) = (ScrollStyle::thin(), 320.0);
+    });
 }
 
 fn visuals(theme: Theme) -> Visuals {

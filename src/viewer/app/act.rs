@@ -88,7 +88,7 @@ impl App {
         }
     }
 
-    /// Says how to change a comparison that was just started.
+    /// Says how to change a comparison that was just started, until it ends.
     pub(super) fn explain_comparison(&mut self) {
         if self.controls.as_ref().is_some_and(|controls| controls.sides.len() > 1) {
             let how = "Choose left or right in the panel, and change the settings of that side.\n\
@@ -96,6 +96,8 @@ impl App {
             self.show_notice(format!(
                 "Two settings side by side: at first they differ in their samples.\n{how}"
             ));
+        } else {
+            self.notice.take_if(|notice| !notice.is_error);
         }
     }
 
@@ -114,16 +116,11 @@ impl App {
     pub(super) fn open_files(&mut self, files: Vec<PathBuf>) {
         let is_input = |file: &PathBuf| !import::is_environment_file(file);
         let (inputs, mut environments): (Vec<_>, Vec<_>) = files.into_iter().partition(is_input);
-        self.opened_environment = environments.pop();
-        if inputs.is_empty() {
-            self.light_by_opened_environment();
-        } else {
+        let environment = environments.pop();
+        if !inputs.is_empty() {
+            self.opened_environment = environment;
             self.loader.load(inputs, None);
-        }
-    }
-
-    pub(super) fn light_by_opened_environment(&mut self) {
-        if let (Some(file), Some(controls)) = (self.opened_environment.take(), &mut self.controls) {
+        } else if let (Some(file), Some(controls)) = (environment, &mut self.controls) {
             controls.light_by(&file);
         }
     }

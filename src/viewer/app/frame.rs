@@ -51,7 +51,7 @@ impl App {
         if !is_inspecting {
             *inspection = None;
         }
-        let has_begun = controls.sides.len() > before;
+        let compares_anew = controls.sides.len() != before;
         let reading = controls.reading.take();
         if let (Some(timeline), Some(animation)) = (timeline(opened), &opened.scene.animation) {
             Panel::bottom("timeline").show(ui, |ui| {
@@ -61,7 +61,7 @@ impl App {
         if let Some(options) = reading {
             self.loader.load(self.inputs.clone(), Some(options));
         }
-        if has_begun {
+        if compares_anew {
             self.explain_comparison();
         }
         if let Some(action) = clicked {

@@ -70,7 +70,7 @@ fn surface(ui: &mut Ui, inspection: &Inspection, names: &FileNames) {
                 let label = ui.label(RichText::new(elided(name, LABEL_LENGTH)).weak());
                 let meaning = MEANINGS.iter().find(|(other, _)| *other == name);
                 label.on_hover_text(meaning.map_or(name, |(_, meaning)| meaning));
-                elided_label(ui, &value);
+                value_label(ui, &value);
                 ui.end_row();
             };
             row("object", names.shorten(&surface_info.object_name));
@@ -106,13 +106,14 @@ fn digits(x: f64) -> String {
     format!("{x:.*}", 6usize.saturating_sub(before.max(1)))
 }
 
-/// A name in one line, a long one without its middle; the whole name on hover.
-fn elided_label(ui: &mut Ui, name: &str) {
-    let shown = elided(name, NAME_LENGTH);
-    let is_whole = shown == name;
+/// A value whose long words, such as file names, lose their middle; the whole value on hover.
+fn value_label(ui: &mut Ui, value: &str) {
+    let words: Vec<String> = value.split(' ').map(|word| elided(word, NAME_LENGTH)).collect();
+    let shown = words.join(" ");
+    let is_whole = shown == value;
     let label = ui.label(shown);
     if !is_whole {
-        label.on_hover_text(name);
+        label.on_hover_text(value);
     }
 }
 

@@ -49,7 +49,7 @@ impl App {
     /// Handles loaded files.
     fn handle_loaded(&mut self, context: &Context, loaded: Loaded) {
         let Loaded { inputs, options, result, files, warnings, .. } = loaded;
-        let is_same = inputs == self.inputs;
+        let (is_same, environment) = (inputs == self.inputs, self.opened_environment.take());
         if is_same || result.is_ok() {
             self.watch(context, files);
         }
@@ -64,6 +64,9 @@ impl App {
             Some(controls) if is_same => controls.reopened(&opened),
             controls => *controls = Some(Controls::new(&opened)),
         }
+        if let (Some(file), Some(controls)) = (environment, &mut self.controls) {
+            controls.light_by(&file);
+        }
         self.import_options = options;
         if !is_same {
             let title = inputs.first().map_or("kiln".into(), |input| name_of(input));
@@ -71,7 +74,6 @@ impl App {
             (self.inputs, self.inspection) = (inputs, None);
             self.names = FileNames::of(&self.inputs);
         }
-        self.light_by_opened_environment();
         let texts = warnings.messages().iter().chain(warnings.notes());
         self.warnings = texts.map(|text| self.names.shorten(text)).collect();
         self.notice.take_if(|notice| notice.is_error);
