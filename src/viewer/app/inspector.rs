@@ -106,9 +106,10 @@ fn digits(x: f64) -> String {
     format!("{x:.*}", 6usize.saturating_sub(before.max(1)))
 }
 
-/// A value whose long words, such as file names, lose their middle; the whole value on hover.
+/// A value with files by their names, long words without their middle; the whole value on hover.
 fn value_label(ui: &mut Ui, value: &str) {
-    let words: Vec<String> = value.split(' ').map(|word| elided(word, NAME_LENGTH)).collect();
+    let name = |word: &str| elided(word.rsplit(['/', '\\']).next().unwrap_or(word), NAME_LENGTH);
+    let words: Vec<String> = value.split(' ').map(name).collect();
     let shown = words.join(" ");
     let is_whole = shown == value;
     let label = ui.label(shown);
