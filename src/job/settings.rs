@@ -115,7 +115,7 @@ impl RenderSettings {
     }
 
     /// The look of a scene.
-    pub(super) fn look(&self, scene: &Scene) -> Look {
+    pub(crate) fn look(&self, scene: &Scene) -> Look {
         let default = if scene.has_settings { Look::Draft } else { self.mesh_look };
         self.picture.or(scene.picture).look.unwrap_or(default)
     }

@@ -106,17 +106,21 @@ fn a_transparent_picture_over_a_colour_is_that_before_the_colour() {
             let (before, _) =
                 studio(Some(background), transport).render::<[f32; 3]>(&RenderControl::default()).unwrap();
             let backdrop = background.colour().to_pipeline(ColourPipeline::Linear);
-            for ([r, g, b, alpha], shown) in film.rows().zip(before.rows()) {
+            let mut free = 0;
+            for ([r, g, b, alpha], before) in film.rows().zip(before.rows()) {
                 let alpha = f64::from(alpha);
                 let own = DVec3::new(r.into(), g.into(), b.into());
                 let own = if alpha > 0.0 { display.apply(own / alpha) * alpha } else { DVec3::ZERO };
                 let expected = own + backdrop * (1.0 - alpha);
-                let shown = display.apply(DVec3::from(shown.map(f64::from)));
+                let shown = display.apply(DVec3::from(before.map(f64::from)));
                 assert!((shown - expected).abs().max_element() < 0.0026, "{colour:?}: {shown} {expected}");
+                // Where nothing is missing, the colour itself is shown.
+                if alpha == 0.0 {
+                    assert_eq!(display.encode(ColourPipeline::Linear, before), colour);
+                    free += 1;
+                }
             }
-            // The corner shows the colour itself.
-            let corner = display.encode(ColourPipeline::Linear, before.pixel(0, 0));
-            assert_eq!(corner, colour);
+            assert!(free > 10, "{free} pixels without shadow");
         }
     }
 }
