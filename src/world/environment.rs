@@ -179,9 +179,14 @@ impl RadianceImage {
 
     /// The place in the image of a direction, from 0 at the left and top to 1.
     fn image_place(&self, direction: DVec3) -> [f64; 2] {
+        let v = libm::acos(direction.y.clamp(-1.0, 1.0)) / PI;
+        // One column is alike all around.
+        if self.width == 1 {
+            return [0.5, v];
+        }
         let (cos, sin) = self.rotation;
         let (x, z) = (direction.x * cos - direction.z * sin, direction.x * sin + direction.z * cos);
-        [0.5 + libm::atan2(z, x) / (2.0 * PI), libm::acos(direction.y.clamp(-1.0, 1.0)) / PI]
+        [0.5 + libm::atan2(z, x) / (2.0 * PI), v]
     }
 
     fn direction_of(&self, u: f64, v: f64) -> DVec3 {

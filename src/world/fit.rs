@@ -358,7 +358,7 @@ const KEY_INTENSITY: f64 = 0.72;
 /// What a white surface that faces up reflects of the key light.
 pub(crate) const KEY_IRRADIANCE: f64 = KEY_INTENSITY * KEY_SINE;
 
-/// The key light of the default look: a directional light of 10 degrees from 40 degrees left of the camera and 52 degrees
+/// The key light of the default look: a directional light of 24 degrees from 40 degrees left of the camera and 52 degrees
 /// above the horizon. Its height is that above +y, so that it lights a ground alike from every side.
 pub(crate) fn key_light(camera: &Camera) -> Light {
     let backwards = camera.position - camera.target;
@@ -374,7 +374,7 @@ pub(crate) fn key_light(camera: &Camera) -> Light {
         name: "key".into(),
         colour: Colour::Display(DVec3::ONE),
         intensity: KEY_INTENSITY,
-        kind: LightKind::Directional { direction: -towards.normalize(), angle: 10f64.to_radians() },
+        kind: LightKind::Directional { direction: -towards.normalize(), angle: 24f64.to_radians() },
     }
 }
 

@@ -33,8 +33,8 @@ pub(crate) struct Volumes {
 pub(crate) struct Volume {
     /// The index of refraction; 1 for one that no light enters.
     pub(crate) ior: f64,
-    /// The transmittance by channel over a distance.
-    attenuation: Option<(DVec3, f64)>,
+    /// The absorption coefficient by channel, per unit of length; infinite for what nothing passes.
+    absorption: Option<DVec3>,
     /// Whether the surface is closed and has one winding. Otherwise nothing is inside, and the back alone tells that a
     /// ray came through the medium.
     pub(crate) is_closed: bool,
@@ -45,17 +45,17 @@ pub(crate) struct Volume {
 impl Volume {
     /// The volume of a material, without a surface; `None` for an opaque or thin one.
     fn new(material: &PreparedMaterial) -> Option<Self> {
-        let (ior, attenuation) = match material {
+        let (ior, absorption) = match material {
             Material::MetallicRoughness(m) => {
                 let volume = m.layers.volume.filter(|_| m.layers.transmission > 0.0)?;
                 let colour = volume.attenuation_colour.clamp(DVec3::ZERO, DVec3::ONE);
                 let distance = volume.attenuation_distance;
-                (m.layers.ior, distance.is_finite().then_some((colour, distance)))
+                (m.layers.ior, distance.is_finite().then(|| colour.map(|c| -libm::log(c) / distance)))
             }
             Material::Phong(Phong { refraction, .. }) => ((*refraction)?.ior, None),
         };
         let ior = if ior > 0.0 && ior.is_finite() { ior } else { 1.0 };
-        Some(Volume { ior, attenuation, is_closed: false, bounds: [DVec3::ZERO; 2] })
+        Some(Volume { ior, absorption, is_closed: false, bounds: [DVec3::ZERO; 2] })
     }
 
     /// Whether a point may be inside. `false` is certain of a closed surface.
@@ -65,7 +65,9 @@ impl Volume {
 
     /// The transmittance over a distance (Beer and Lambert).
     pub(crate) fn transmittance(&self, distance: f64) -> DVec3 {
-        self.attenuation.map_or(DVec3::ONE, |(colour, unit)| colour.map(|c| libm::pow(c, distance / unit)))
+        // 0 times infinity is nothing absorbed: `max` leaves out what is not a number.
+        let passed = |coefficient: f64| libm::exp(-(coefficient * distance).max(0.0));
+        self.absorption.map_or(DVec3::ONE, |absorption| absorption.map(passed))
     }
 }
 

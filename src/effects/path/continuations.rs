@@ -99,7 +99,9 @@ impl Buffers {
             next.rays.push(&precision.ray(origin, direction, 0.0, f64::INFINITY));
             next.sources.push(i as u32);
             next.camera_rays.push(generation.camera_rays[ray as usize]);
-            self.next.push(Path { throughput, pdf, from: surfaces.position.get(i) });
+            let before = self.paths[ray as usize].bounces;
+            let bounces = if before == 0 && pdf.is_infinite() { 0 } else { before + 1 };
+            self.next.push(Path { throughput, pdf, from: surfaces.position.get(i), bounces });
             if world.volumes.is_some() {
                 self.next_media.push(vertices.media_towards(i, surfaces, direction));
             }

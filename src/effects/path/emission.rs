@@ -9,8 +9,8 @@ use crate::scene::Material;
 use crate::world::{PreparedMaterial, SurfaceInteraction, World};
 
 impl Scatter {
-    /// What a path adds after `bounces` bounces: as it is where light comes to the camera directly or by one surface,
-    /// otherwise scaled down until no channel exceeds the clamp.
+    /// What a path adds after some `bounces`, as paths count them: as it is where light comes to the camera directly or by one surface, otherwise
+    /// scaled down until no channel exceeds the clamp.
     #[inline]
     pub(super) fn clamped(&self, radiance: DVec3, bounces: u32) -> DVec3 {
         let largest = radiance.max_element();
@@ -49,15 +49,15 @@ impl Buffers {
             } else {
                 lights.radiance_from_infinity(direction, path.pdf)
             };
-            self.add_radiance(generation.camera_rays[ray], path.throughput * radiance, stage, depth);
+            self.add_radiance(generation.camera_rays[ray], path.throughput * radiance, stage, path.bounces);
         }
     }
 
     /// Adds radiance to a camera ray, or counts it if it is not finite.
     #[inline]
-    pub(super) fn add_radiance(&mut self, camera_ray: u32, radiance: DVec3, stage: &Scatter, depth: u32) {
+    pub(super) fn add_radiance(&mut self, camera_ray: u32, radiance: DVec3, stage: &Scatter, bounces: u32) {
         if radiance.is_finite() {
-            self.radiance[camera_ray as usize] += stage.clamped(radiance, depth);
+            self.radiance[camera_ray as usize] += stage.clamped(radiance, bounces);
         } else {
             self.discarded += 1;
         }
@@ -70,7 +70,6 @@ impl Buffers {
         world: &World,
         lights: &Lights,
         stage: &Scatter,
-        depth: u32,
     ) {
         for (i, &ray) in generation.surfaces.ray_of().iter().enumerate() {
             let material = &world.materials[generation.surfaces.materials()[i] as usize];
@@ -84,9 +83,10 @@ impl Buffers {
             if emission == DVec3::ZERO || is_dark_side {
                 continue;
             }
-            let weight = lights.weight_of_emitter(&surface, &self.paths[ray as usize]);
+            let path = &self.paths[ray as usize];
+            let weight = lights.weight_of_emitter(&surface, path);
             let radiance = self.vertices.throughput.get(i) * emission * weight;
-            self.add_radiance(generation.camera_rays[ray as usize], radiance, stage, depth);
+            self.add_radiance(generation.camera_rays[ray as usize], radiance, stage, path.bounces);
         }
     }
 }

@@ -206,7 +206,6 @@ impl Buffers {
         &mut self,
         (world, stage): (&World, &Scatter),
         generation: &RayGeneration,
-        depth: u32,
     ) {
         let Buffers { vertices, light_samples, .. } = self;
         let surfaces = &*generation.surfaces;
@@ -238,7 +237,7 @@ impl Buffers {
                     self.discarded += 1;
                     continue;
                 }
-                let radiance = stage.clamped(radiance * count, depth + 1) / count;
+                let radiance = stage.clamped(radiance * count, self.paths[ray as usize].bounces + 1) / count;
                 let camera_ray = generation.camera_rays[ray as usize];
                 self.shadow_rays.push(&shadow_ray);
                 self.light_paths.push(LightPath { camera_ray, radiance });
@@ -361,7 +360,7 @@ mod tests {
             };
             let lights = Lights::new(&world, &stage);
             let mut vertices = Box::<Vertices>::default();
-            let path = Path { throughput: DVec3::ONE, from: DVec3::ZERO, pdf: 1.0 };
+            let path = Path { throughput: DVec3::ONE, from: DVec3::ZERO, pdf: 1.0, bounces: 0 };
             vertices.begin(&world, &surfaces, &[path; RAYS_PER_BATCH], &[]);
             vertices.find_frames(&world, &surfaces);
             let mut numbers = Box::<GenerationNumbers>::default();

@@ -144,6 +144,9 @@ struct Path {
     /// The density per solid angle with which the BSDF sampled the current ray; infinite for camera rays and for
     /// directions that no light sample can reach.
     pdf: f64,
+    /// The number of surfaces that it scattered at, without the smooth mirrors and the clear glass that it met first: through
+    /// these it sees as a camera ray does.
+    bounces: u32,
 }
 
 /// A shadow ray's path and the radiance that it adds if unoccluded.
@@ -211,7 +214,7 @@ impl Buffers {
         let count = generation.rays.len();
         generation.camera_rays.clear();
         generation.camera_rays.extend(0..count as u32);
-        let camera = Path { throughput: DVec3::ONE, from: DVec3::ZERO, pdf: f64::INFINITY };
+        let camera = Path { throughput: DVec3::ONE, from: DVec3::ZERO, pdf: f64::INFINITY, bounces: 0 };
         self.radiance.clear();
         self.radiance.resize(count, DVec3::ZERO);
         self.paths.clear();
@@ -296,7 +299,7 @@ impl Buffers {
         self.add_missed(generation, context, &lights, stage, depth);
         let surfaces = &*generation.surfaces;
         self.vertices.begin(world, surfaces, &self.paths, &self.media);
-        self.add_emitted(generation, world, &lights, stage, depth);
+        self.add_emitted(generation, world, &lights, stage);
         // The last vertices of paths only emit; denoising AOVs need to know whether they scatter.
         let is_last = depth >= stage.depth;
         if !is_last {
@@ -318,7 +321,7 @@ impl Buffers {
             self.note_scattering(world, generation, found);
         }
         if !is_last {
-            self.list_shadow_rays((world, stage), generation, depth);
+            self.list_shadow_rays((world, stage), generation);
             self.list_continuations(world, (generation, next), depth >= stage.settings.roulette_from);
         }
         std::mem::swap(&mut self.paths, &mut self.next);
