@@ -50,9 +50,31 @@ fn hits_are_before_the_maximum_distance() {
         let ray = bvh.ray_within([0.5, 0.0, 0.0], [0.0, 0.0, 1.0], 4.0).expect("finite");
         assert!(!bvh.occluded(&ray, &mut Traversal::default()), "{}", numerics.name());
         for t_max in [f64::NAN, 0.0, -1.0, f64::NEG_INFINITY] {
-            assert_eq!(bvh.ray_within([0.0; 3], [1.0; 3], t_max), Err(NotFinite::Ray));
+            assert_eq!(bvh.ray_within([0.0; 3], [1.0; 3], t_max), Err(NotFinite::Distance));
         }
     }
+}
+
+/// A batch has the rays that are made one by one, and names the first that is not valid.
+#[test]
+fn batches_of_rays_are_those_made_one_by_one() {
+    let bvh = Bvh::new(square(4.0)).expect("finite");
+    let (origins, directions) =
+        ([[0.0; 3], [1.0, 2.0, 3.0], [0.5; 3]], [[0.0, 0.0, 2.0], [1.0; 3], [3.0; 3]]);
+    let rays = bvh.rays(&origins, &directions, |index| 1.0 + index as f64).expect("finite");
+    assert_eq!(rays.rays().len(), 3);
+    for (index, ray) in rays.rays().iter().enumerate() {
+        let t_max = 1.0 + index as f64;
+        assert_eq!(Ok(ray), bvh.ray_within(origins[index], directions[index], t_max), "{index}");
+    }
+    let of = |origins: &[[f64; 3]], directions: &[[f64; 3]], t_max: f64| {
+        bvh.rays(origins, directions, |_| t_max).err()
+    };
+    let nan = [[0.0; 3], [f64::NAN; 3], [f64::NAN; 3]];
+    assert_eq!(of(&nan, &directions, 1.0), Some((1, NotFinite::Origin)));
+    assert_eq!(of(&origins, &nan, 1.0), Some((0, NotFinite::Direction)));
+    assert_eq!(of(&origins, &directions, f64::NAN), Some((0, NotFinite::Distance)));
+    assert_eq!(of(&[], &[], 0.0), None);
 }
 
 /// Squares at the heights 3, 1 and 2, the last of them twice, and a ball from 5 to 7.

@@ -226,13 +226,13 @@ fn what_is_not_finite_is_an_error_and_changes_nothing() {
     }
     let down = bvh.ray([0.0, 1.0, 0.25], [0.0, -1.0, 0.0]).expect("finite");
     assert!(bvh.occluded(&down, &mut Traversal::default()));
-    for (origin, direction) in [
-        ([f64::NAN; 3], [1.0; 3]),
-        ([0.0; 3], [0.0; 3]),
-        ([0.0; 3], [f64::INFINITY; 3]),
-        ([1e39; 3], [1.0; 3]),
+    for (origin, direction, why) in [
+        ([f64::NAN; 3], [1.0; 3], NotFinite::Origin),
+        ([0.0; 3], [0.0; 3], NotFinite::Direction),
+        ([0.0; 3], [f64::INFINITY; 3], NotFinite::Direction),
+        ([1e39; 3], [1.0; 3], NotFinite::Origin),
     ] {
-        assert_eq!(bvh.ray(origin, direction), Err(NotFinite::Ray));
+        assert_eq!(bvh.ray(origin, direction), Err(why));
     }
 }
 

@@ -5,7 +5,9 @@ use std::sync::OnceLock;
 use glam::DVec3;
 
 use super::{Accelerator, Closedness, Layout, Preset, Primitive, Slot, Traversal, build};
-use crate::geometry::{AnalyticShape, Hit, HitBuffer, Numerics, PrimId, Ray, Rays, Sphere, Triangle};
+use crate::geometry::{
+    AnalyticShape, Hit, HitBuffer, Numerics, PrimId, Ray, RayBuffer, Rays, Sphere, Triangle,
+};
 
 /// A bounding volume hierarchy over triangles and spheres. A primitive's id is its index in the list that it was
 /// built from. The [crate documentation](crate) has an example.
@@ -32,8 +34,12 @@ pub enum Update {
 pub enum NotFinite {
     /// In a primitive.
     Primitive(usize),
-    /// In a ray, or its direction is zero, or its maximum distance is not above 0.
-    Ray,
+    /// In the origin of a ray.
+    Origin,
+    /// In the direction of a ray, or it is zero.
+    Direction,
+    /// The maximum distance of a ray is NaN or not above 0.
+    Distance,
 }
 
 impl std::fmt::Display for NotFinite {
@@ -43,10 +49,9 @@ impl std::fmt::Display for NotFinite {
                 f,
                 "primitive {index} has a coordinate or a radius that is not finite, or too large for f32"
             ),
-            NotFinite::Ray => f.write_str(
-                "a ray needs an origin of finite f32 numbers, a direction of finite numbers, not all of them 0, and a \
-                 maximum distance above 0",
-            ),
+            NotFinite::Origin => f.write_str("the origin of a ray is not finite, or too large for f32"),
+            NotFinite::Direction => f.write_str("the direction of a ray is not finite, or zero"),
+            NotFinite::Distance => f.write_str("the maximum distance of a ray is not above 0"),
         }
     }
 }
@@ -99,7 +104,7 @@ impl Bvh {
     /// is a distance.
     ///
     /// # Errors
-    /// [`NotFinite::Ray`], also for an origin that exceeds f32.
+    /// [`NotFinite::Origin`], also if it exceeds f32, and [`NotFinite::Direction`].
     pub fn ray(&self, origin: impl Into<DVec3>, direction: impl Into<DVec3>) -> Result<Ray, NotFinite> {
         self.ray_within(origin, direction, f64::INFINITY)
     }
@@ -108,7 +113,7 @@ impl Bvh {
     /// the distance of the light as `t_max`.
     ///
     /// # Errors
-    /// [`NotFinite::Ray`], also if `t_max` is NaN or not above 0. It may be infinite.
+    /// As [`Bvh::ray`], and [`NotFinite::Distance`]. `t_max` may be infinite.
     pub fn ray_within(
         &self,
         origin: impl Into<DVec3>,
@@ -117,13 +122,36 @@ impl Bvh {
     ) -> Result<Ray, NotFinite> {
         let (origin, direction) = (origin.into(), direction.into());
         let largest = direction.abs().max_element();
-        let is_valid = origin.as_vec3().is_finite() && direction.is_finite() && largest > 0.0 && t_max > 0.0;
-        if !is_valid {
-            return Err(NotFinite::Ray);
+        if !origin.as_vec3().is_finite() {
+            return Err(NotFinite::Origin);
+        }
+        if !direction.is_finite() || largest == 0.0 {
+            return Err(NotFinite::Direction);
+        }
+        if t_max.is_nan() || t_max <= 0.0 {
+            return Err(NotFinite::Distance);
         }
         // Divided first: the square of the length could overflow or underflow.
         let direction = (direction / largest).normalize();
         Ok(self.numerics.ray_precision().ray(origin, direction, 0.0, t_max))
+    }
+
+    /// [`Bvh::ray_within`] of each origin with the direction at the same index, and the distance that `t_max` returns
+    /// for that index.
+    ///
+    /// # Errors
+    /// The first index whose ray is not valid, and why.
+    pub fn rays(
+        &self,
+        origins: &[[f64; 3]],
+        directions: &[[f64; 3]],
+        t_max: impl Fn(usize) -> f64,
+    ) -> Result<RayBuffer, (usize, NotFinite)> {
+        let mut rays = RayBuffer::default();
+        for (index, (&origin, &direction)) in origins.iter().zip(directions).enumerate() {
+            rays.push(&self.ray_within(origin, direction, t_max(index)).map_err(|why| (index, why))?);
+        }
+        Ok(rays)
     }
 
     /// The closest hit; of hits at equal t, the one with the lowest id.
