@@ -50,7 +50,8 @@ pub(crate) struct Arguments {
 }
 
 fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
-    let (width, height) = text.split_once(['x', 'X']).ok_or("give it as WIDTHxHEIGHT, such as 640x480")?;
+    let (width, height) =
+        text.split_once(['x', 'X', ',']).ok_or("give it as WIDTHxHEIGHT, such as 640x480")?;
     Ok([Side::parse(width)?.get(), Side::parse(height)?.get()])
 }
 

@@ -19,6 +19,7 @@ mod merge;
 mod message;
 mod numbers;
 mod output;
+pub mod picture;
 mod prepare;
 mod progress;
 mod render;
@@ -31,8 +32,10 @@ mod verify;
 #[cfg(feature = "viewer")]
 mod view;
 
+use std::ffi::OsString;
 use std::io::Write;
 use std::process::ExitCode;
+use std::sync::OnceLock;
 use std::sync::atomic::Ordering;
 
 use clap::{CommandFactory, Parser, Subcommand};
@@ -122,6 +125,9 @@ impl Command {
     }
 }
 
+/// The words of the command line after the command's name.
+static TYPED: OnceLock<Vec<OsString>> = OnceLock::new();
+
 /// The typed command, quoted for a shell.
 fn typed() -> String {
     typed_words().join(" ")
@@ -129,14 +135,21 @@ fn typed() -> String {
 
 /// The words of the command line, quoted for a shell.
 fn typed_words() -> Vec<String> {
-    let rest = std::env::args_os().skip(1).map(|argument| shell_quoted(&argument.to_string_lossy()));
+    let words = TYPED.get().into_iter().flatten();
+    let rest = words.map(|argument| shell_quoted(&argument.to_string_lossy()));
     std::iter::once("kiln".to_owned()).chain(rest).collect()
 }
 
-/// Parses the arguments, runs the command and returns its exit code.
+/// Runs the command of this process and returns its exit code.
 pub fn main() -> ExitCode {
-    message::set_syntax(std::env::args_os());
-    let arguments = match Arguments::try_parse() {
+    ExitCode::from(run(std::env::args_os().skip(1).collect()))
+}
+
+/// Parses the words after the command's name, runs the command and returns its exit code. For one call a process.
+pub fn run(words: Vec<OsString>) -> u8 {
+    let words = TYPED.get_or_init(|| words);
+    message::set_syntax(words.iter().cloned());
+    let arguments = match Arguments::try_parse_from([OsString::from("kiln")].iter().chain(words)) {
         Ok(arguments) => arguments,
         Err(e) => return report_usage_error(&e),
     };
@@ -185,17 +198,17 @@ pub fn main() -> ExitCode {
         done.map(|()| 0)
     });
     match result {
-        Ok(Ok(code)) => ExitCode::from(code),
+        Ok(Ok(code)) => code,
         // Errors after an interrupt are consequences of it.
         Ok(Err(e)) if e == Error::Interrupted || interrupted.load(Ordering::Relaxed) => {
             Message::Interrupted { exit_code: interrupt::exit_code() }.print();
-            ExitCode::from(interrupt::exit_code())
+            interrupt::exit_code()
         }
         Ok(Err(e)) => {
             Message::Error { what: &e.to_string(), hint: e.hint(), exit_code: exit_code(&e) }.print();
-            ExitCode::from(exit_code(&e))
+            exit_code(&e)
         }
-        Err(_) => ExitCode::from(1),
+        Err(_) => 1,
     }
 }
 
@@ -210,16 +223,24 @@ fn exit_code(e: &Error) -> u8 {
 }
 
 /// Prints help and version to standard output; other parse errors to standard error, as one line and a hint.
-fn report_usage_error(e: &clap::Error) -> ExitCode {
-    use clap::error::{ContextKind, ContextValue, ErrorKind};
+fn report_usage_error(e: &clap::Error) -> u8 {
+    use clap::error::ErrorKind;
     if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
-        return if e.print().is_ok() { ExitCode::SUCCESS } else { ExitCode::from(4) };
+        return if e.print().is_ok() { 0 } else { 4 };
     }
-    if e.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
-        let hint = "`kiln --help` lists them";
-        Message::Error { what: "no command given", hint, exit_code: 2 }.print();
-        return ExitCode::from(2);
-    }
+    let (what, hint) = match e.kind() {
+        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            ("no command given".to_owned(), "`kiln --help` lists them".to_owned())
+        }
+        _ => usage_error(e),
+    };
+    Message::Error { what: &what, hint: &hint, exit_code: 2 }.print();
+    2
+}
+
+/// What is wrong with the arguments, and a hint.
+fn usage_error(e: &clap::Error) -> (String, String) {
+    use clap::error::{ContextKind, ContextValue, ErrorKind};
     let text = e.render().to_string();
     let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
     let mut first = lines.next().unwrap_or("wrong usage").trim_start_matches("error: ").to_owned();
@@ -250,8 +271,7 @@ fn report_usage_error(e: &clap::Error) -> ExitCode {
     if first.ends_with("--output <OUT>") {
         hint = "name the file to write, such as -o picture.png".to_owned();
     }
-    Message::Error { what: &first, hint: &hint, exit_code: 2 }.print();
-    ExitCode::from(2)
+    (first, hint)
 }
 
 fn print(text: &str) -> Result<()> {

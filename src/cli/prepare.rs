@@ -66,10 +66,7 @@ impl Reporter {
         settings: &RenderSettings,
     ) -> Result<ResolvedJob> {
         let scene = self.load(arguments)?;
-        if !scene.clips.is_empty() && scene.import_options.pose().is_none() {
-            self.warnings
-                .note("the scene has animation clips and is rendered in the rest pose; `--time SECONDS` sets a time");
-        }
+        note_rest_pose(&scene, &mut self.warnings);
         self.phase("preparing");
         timed(&mut self.seconds.prepare, || resolve(scene, settings, &mut self.warnings))
     }
@@ -107,6 +104,15 @@ impl Reporter {
             what: format!("{} warning(s), and --strict was given", self.warnings.messages().len()),
             hint: format!("{written} written; fix what the warnings name, or leave --strict out"),
         })
+    }
+}
+
+/// Notes that a scene with clips is at rest.
+pub(crate) fn note_rest_pose(scene: &Scene, warnings: &mut Warnings) {
+    if !scene.clips.is_empty() && scene.import_options.pose().is_none() {
+        warnings.note(
+            "the scene has animation clips and is rendered in the rest pose; `--time SECONDS` sets a time",
+        );
     }
 }
 

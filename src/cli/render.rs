@@ -13,13 +13,13 @@ use super::progress::Mode;
 use super::sampling::{AccuracyArguments, warn_of_unused};
 use super::{exposure, statistics};
 use crate::animation::FrameList;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
 use crate::files::write_whole;
 use crate::film::write::{Format, OutputImage};
-use crate::job::metadata;
-use crate::render::RenderControl;
+use crate::job::{RenderJob, metadata};
 use crate::render::aov::{AOVS, AovSelection, EFFECTS, EFFECTS_SUMMARY, LARGEST_EXACT_INDEX};
+use crate::render::{RenderControl, Statistics};
 use crate::scene::option::group;
 
 #[derive(Args)]
@@ -198,26 +198,21 @@ fn render_to(
         }
         None => render_image(&job, target.film_format(), selection, &control),
     })?;
-    if let Some(ev) = statistics.auto_exposure {
-        metadata::set_auto_exposure(&mut job.metadata, ev);
-        warnings.note(format!("the exposure is {ev} EV"));
-    }
-    if let (OutputImage::Rgb8(film, _), true) = (&picture, has_physical_lights)
-        && let Some(ev) = timed(&mut seconds.render, || exposure::exposure_for_clipped(film, &job, &control))?
-    {
-        warnings.push(exposure::clipped_warning(ev));
-    }
-    let (world, window) = (&job.world, job.window);
-    if selection.has_primitives() && world.primitive_count() > LARGEST_EXACT_INDEX {
-        warnings.push(format!("--aov primitive: indices above {LARGEST_EXACT_INDEX} are rounded"));
-    }
-    let is_part = command.arguments.settings.crop.is_some() || job.settings.shard != Shard::ALL;
-    output::warn_about_picture(&command.arguments.inputs, world, &statistics, is_part, warnings);
+    let about = PictureContext {
+        inputs: &command.arguments.inputs,
+        selection,
+        is_part: command.arguments.settings.crop.is_some() || job.settings.shard != Shard::ALL,
+        has_physical_lights,
+    };
+    timed(&mut seconds.render, || {
+        warn_of_result(&mut job, &picture, &statistics, &about, &control, warnings)
+    })?;
     progress.clear();
     reporter.show();
 
     timed(&mut reporter.seconds.write, || output::write(&picture, &job, target))?;
     let Reporter { progress, seconds, warnings, .. } = &reporter;
+    let (world, window) = (&job.world, job.window);
     if let Some(file) = &command.stats {
         let report = statistics::to_json(&job.metadata, seconds, world, &job.plan, &statistics, warnings);
         write_whole(file, |out| writeln!(out, "{report:#}"))?;
@@ -234,5 +229,40 @@ fn render_to(
         seconds.render,
         seconds.write
     ));
+    Ok(())
+}
+
+/// What warnings about a picture depend on beside the picture.
+pub(super) struct PictureContext<'a> {
+    pub inputs: &'a [PathBuf],
+    pub selection: &'a AovSelection,
+    /// Whether the picture is a part of another.
+    pub is_part: bool,
+    pub has_physical_lights: bool,
+}
+
+/// Adds an automatic exposure to the metadata, and warns about what is in the picture.
+pub(super) fn warn_of_result(
+    job: &mut RenderJob,
+    picture: &OutputImage,
+    statistics: &Statistics,
+    context: &PictureContext,
+    control: &RenderControl,
+    warnings: &mut Warnings,
+) -> Result<()> {
+    if let Some(ev) = statistics.auto_exposure {
+        metadata::set_auto_exposure(&mut job.metadata, ev);
+        warnings.note(format!("the exposure is {ev} EV"));
+    }
+    if let (OutputImage::Rgb8(film, _), true) = (picture, context.has_physical_lights)
+        && let Some(ev) = exposure::exposure_for_clipped(film, job, control)?
+    {
+        warnings.push(exposure::clipped_warning(ev));
+    }
+    let world = &job.world;
+    if context.selection.has_primitives() && world.primitive_count() > LARGEST_EXACT_INDEX {
+        warnings.push(format!("--aov primitive: indices above {LARGEST_EXACT_INDEX} are rounded"));
+    }
+    output::warn_about_picture(context.inputs, world, statistics, context.is_part, warnings);
     Ok(())
 }

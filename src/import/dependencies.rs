@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::SystemTime;
 
-use crate::files::{RegularFile, read_file};
+use crate::files::{RegularFile, read_file, read_standard_input};
 use crate::scene::{DecodedImage, Scene};
 
 /// A file that was opened or looked up.
@@ -72,9 +72,16 @@ pub(super) struct Files {
     record: Rc<RefCell<BTreeMap<PathBuf, Option<Stamp>>>>,
     /// Images that were decoded when the same files were read before, by their names.
     images: Rc<HashMap<String, DecodedImage>>,
+    /// What is read in place of standard input.
+    standard_input: Option<Rc<Vec<u8>>>,
 }
 
 impl Files {
+    /// Files with these contents in place of standard input.
+    pub(super) fn with_standard_input(bytes: Vec<u8>) -> Self {
+        Files { standard_input: Some(Rc::new(bytes)), ..Files::default() }
+    }
+
     /// Files that were read before into a scene, whose images need not be decoded again.
     pub(super) fn of_scene(scene: &Scene) -> Self {
         let images = scene.images.iter().map(|image| (image.name.clone(), image.clone()));
@@ -90,6 +97,11 @@ impl Files {
     pub(super) fn read(&self, file: &Path) -> std::io::Result<Vec<u8>> {
         self.add(file);
         read_file(file)
+    }
+
+    /// Reads standard input.
+    pub(super) fn read_standard_input(&self) -> std::io::Result<Vec<u8>> {
+        self.standard_input.as_ref().map_or_else(read_standard_input, |bytes| Ok(bytes.to_vec()))
     }
 
     /// Opens a file for reading.

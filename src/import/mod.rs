@@ -48,7 +48,7 @@ use std::path::{Component, Path, PathBuf};
 pub use dependencies::{FileRead, Stamp};
 
 use crate::error::{Error, Result, Warnings};
-use crate::files::{self, unreadable};
+use crate::files::unreadable;
 use crate::limits::Counted;
 use crate::scene::{ClipChoice, Degrees, ImportOptions, Material, Mesh, Object, Phong, Scene, Shape, UpAxis};
 use dependencies::Files;
@@ -165,7 +165,7 @@ pub(crate) struct Source {
 impl Source {
     fn open(file: &Path, files: &Files, options: &ImportOptions) -> Result<Self> {
         let read = match importer_by_ending(file) {
-            _ if file == Path::new("-") => files::read_standard_input(),
+            _ if file == Path::new("-") => files.read_standard_input(),
             Some(importer) if importer.streams => Ok(Vec::new()),
             _ => files.read(file),
         };
@@ -267,6 +267,20 @@ pub fn load(inputs: &[PathBuf], warnings: &mut Warnings) -> Result<Scene> {
 /// [`Error::Input`] if a file cannot be used, [`Error::Usage`] if none of them has the clip or the variant.
 pub fn load_with(inputs: &[PathBuf], options: &ImportOptions, warnings: &mut Warnings) -> Result<Scene> {
     load_by(inputs, &Files::default(), options, warnings)
+}
+
+/// Reads an input from memory, as `-` is read from standard input: a scene file, glTF or PLY. Files that it references
+/// are relative to the working directory.
+///
+/// # Errors
+/// As those of [`load_with`].
+pub fn load_bytes(bytes: Vec<u8>, options: &ImportOptions, warnings: &mut Warnings) -> Result<Scene> {
+    load_by(&["-".into()], &Files::with_standard_input(bytes), options, warnings)
+}
+
+/// Removes what cannot be rendered from a scene that was built in code, as from files. `name` is the scene in warnings.
+pub fn sanitise(scene: &mut Scene, name: &str, warnings: &mut Warnings) {
+    sanitise::sanitise(scene, Path::new(name), warnings);
 }
 
 /// Reads the inputs of a scene again, in another pose or variant. Images that it has by the same names are not decoded

@@ -151,6 +151,12 @@ pub const AOVS: &[Aov] = &[
     },
 ];
 
+/// The name of the AOV of a channel; for a channel of an effect, its layer.
+pub fn name_of(channel: &str) -> &str {
+    let aov = AOVS.iter().find(|aov| aov.channels.contains(&channel));
+    aov.map_or_else(|| channel.split('.').next().unwrap_or(channel), |aov| aov.name)
+}
+
 /// The largest index up to which all are exact in the f32 channels.
 pub const LARGEST_EXACT_INDEX: usize = 1 << 24;
 

@@ -1,0 +1,164 @@
+"""Scenes and their pictures."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+from . import _kiln, _toml
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    Source = "str | os.PathLike | Sequence[str | os.PathLike] | bytes | Mapping[str, Any] | Any"
+
+
+def _text(value) -> str:
+    if hasattr(value, "item"):
+        value = value.item()
+    if isinstance(value, (str, os.PathLike)):
+        return os.fspath(value)
+    if isinstance(value, (int, float)):
+        return repr(value)
+    raise TypeError(f"an option takes no value of the type {type(value).__name__}")
+
+
+def _options(options: Mapping[str, Any]) -> list[tuple[str, bool | str | list[str]]]:
+    """Options as their names and what would be typed for them."""
+
+    def typed(value):
+        if isinstance(value, bool) or type(value).__name__ == "bool_":
+            return bool(value)
+        if isinstance(value, Mapping):
+            return _toml.value(dict(value))
+        if isinstance(value, (list, tuple)) or getattr(value, "ndim", 0) > 0:
+            return [_text(part) for part in value]
+        return _text(value)
+
+    return [(name, typed(value)) for name, value in options.items() if value is not None]
+
+
+def _load(source: Source, options: Mapping[str, Any], with_picture: bool) -> _kiln.Scene:
+    """Reads a scene; without `with_picture`, options of the picture are an error."""
+    named = _options(options)
+    if isinstance(source, Mapping):
+        source = _toml.document(dict(source)).encode()
+    if hasattr(source, "export"):  # of trimesh
+        source = source.export(file_type="glb")
+    if isinstance(source, (bytes, bytearray, memoryview)):
+        return _kiln.Scene.parse(bytes(source), named, with_picture)
+    files = [source] if isinstance(source, (str, os.PathLike)) else list(source)
+    for file in files:
+        os.stat(file)  # raises FileNotFoundError and the like
+    return _kiln.Scene.load(files, named, with_picture)
+
+
+class Scene:
+    """A scene: meshes, spheres, materials, lights and cameras.
+
+    source: a file or several (.toml, .obj, .gltf, .glb, .ply, .stl), the contents of a .toml, .glb or .ply file as bytes,
+    the keys of a scene file as a dict (docs/scene-files.md), a mesh or a scene of trimesh, or nothing.
+    options: those of `kiln render` that say how files are read, such as up="z" or smooth=30.
+
+    Scenes from a scene file or a dict are rendered as these say; others get a default look: light, ground, background.
+    Raises ValueError for contents that cannot be used, OSError for files that cannot be opened; warns (KilnWarning) of
+    what is left out.
+    """
+
+    def __init__(self, source: Source = None, **options: Any) -> None:
+        if source is None and options:
+            raise ValueError("options of a scene say how files are read, and there are none")
+        self._scene = _kiln.Scene() if source is None else _load(source, options, False)
+
+    def add(
+        self,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        *,
+        material: str | Mapping[str, Any] | None = None,
+        normals: ArrayLike | None = None,
+        uvs: ArrayLike | None = None,
+        colours: ArrayLike | None = None,
+        transforms: ArrayLike | None = None,
+        name: str = "mesh",
+    ) -> None:
+        """Adds triangles.
+
+        vertices: (n, 3) float64. faces: (m, 3) integers, counterclockwise seen from the front.
+        material: the name of a material of the scene, or the keys of one in scene files, such as {"colour": "#b5651d"}.
+        normals: (n, 3) shading normals. uvs: (n, 2) texture coordinates, (0, 0) at the picture's top left corner.
+        colours: (n, 3), multiplied with the material's: uint8 in sRGB, or float in linear light, 0 to 1.
+        transforms: (k, 4, 4) affine maps, one for each instance. name: the object's.
+        """
+        if isinstance(material, Mapping):
+            number = len(self.materials)
+            names = {f"{name} {number}": dict(material)}
+            self._scene.append_materials(_load({"material": names}, {}, False))
+            material = next(iter(names))
+        self._scene.add(vertices, faces, name, material, normals, uvs, colours, transforms)
+
+    def update(self, source: Source, **options: Any) -> None:
+        """Adds all of another scene, given as for Scene(): for example cameras and lights from a dict. Of settings of
+        the whole picture that both have, the earlier ones stay."""
+        self._scene.append(source._scene if isinstance(source, Scene) else _load(source, options, False))
+
+    def mesh(self, *, tier: str = "watertight", preset: str = "balanced") -> _kiln.Mesh:
+        """The triangles of the scene for queries, with spheres, in the order of the scene."""
+        return self._scene.mesh(tier, preset)
+
+    @property
+    def bounds(self) -> list[list[float]] | None:
+        """The least and the greatest corner of the bounding box; None without objects."""
+        return self._scene.bounds()
+
+    @property
+    def cameras(self) -> list[str]:
+        """The names of the cameras."""
+        return self._scene.names()[0]
+
+    @property
+    def materials(self) -> list[str]:
+        """The names of the materials."""
+        return self._scene.names()[1]
+
+    @property
+    def objects(self) -> list[str]:
+        """The names of the objects, which the AOV `object` counts."""
+        return self._scene.names()[2]
+
+    def __len__(self) -> int:
+        """The number of triangles and spheres."""
+        return len(self._scene)
+
+    def __repr__(self) -> str:
+        return f"<kiln.Scene of {len(self)} primitives in {len(self.objects)} objects>"
+
+    def _repr_png_(self) -> bytes | None:
+        """A picture for notebooks."""
+        return render(self, size=(512, 384))._repr_png_() if len(self) else None
+
+
+def render(
+    source: Scene | Source,
+    *,
+    dtype: Literal["uint8", "float32"] = "uint8",
+    aovs: Sequence[str] = (),
+    progress: Callable[[int, int], None] | None = None,
+    **options: Any,
+) -> _kiln.Picture:
+    """Renders a picture as the command `kiln render` does.
+
+    source: a Scene, or what Scene() takes.
+    dtype: "uint8" for display values, "float32" for values before exposure, tone map and encoding.
+    aovs: names of further arrays, such as "depth" and "normal" (docs/aovs.md), or "all".
+    progress: called with the number of finished tiles and of all tiles, from the calling thread.
+    options: those of `kiln render` (docs/command-line.md), `-` as `_`: size=(640, 480), samples=64, camera="front",
+    view="iso", transport="path", background="transparent", with_=["shadows"], draft=True, ... A camera may be a dict
+    with the keys of one in scene files.
+
+    Raises ValueError for options and scenes that cannot be used, and KeyboardInterrupt at once; warns (KilnWarning) of
+    what the command warns of.
+    """
+    scene = source._scene if isinstance(source, Scene) else _load(source, options, True)
+    return _kiln.render(scene, _options(options), dtype, list(aovs), progress)

@@ -1,0 +1,138 @@
+//! Arrays of numpy: checked input in the layout that the library reads, and output without copies.
+
+use numpy::{Element, PyArray1, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// The array of an argument with elements of the kinds `kinds` (numpy's letters), converted to `dtype` in C order. Only
+/// an array that has this type and order is not copied.
+fn converted<'py>(
+    value: &Bound<'py, PyAny>,
+    name: &str,
+    kinds: &str,
+    dtype: &str,
+) -> PyResult<Bound<'py, PyAny>> {
+    let py = value.py();
+    let numpy = py.import("numpy")?;
+    let array = numpy.call_method1("asarray", (value,)).map_err(|e| {
+        let is_value = e.is_instance_of::<PyValueError>(py) || e.is_instance_of::<PyTypeError>(py);
+        if is_value { PyValueError::new_err(format!("{name}: not an array: {}", e.value(py))) } else { e }
+    })?;
+    let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+    // An empty list has the type f64.
+    let is_empty = array.getattr("size")?.extract::<usize>()? == 0;
+    if !kinds.contains(&kind) && !is_empty {
+        let what = if kinds.contains('f') { "numbers" } else { "integers" };
+        let given = array.getattr("dtype")?;
+        return Err(PyValueError::new_err(format!("{name}: expected {what}, not the dtype {given}")));
+    }
+    let options = PyDict::new(py);
+    options.set_item("dtype", dtype)?;
+    options.set_item("requirements", "CA")?;
+    // Values beyond the type become infinite, which is checked where they are used.
+    let ignored = PyDict::new(py);
+    ignored.set_item("over", "ignore")?;
+    ignored.set_item("invalid", "ignore")?;
+    let state = numpy.call_method("errstate", (), Some(&ignored))?;
+    state.call_method0("__enter__")?;
+    let array = numpy.call_method("require", (array,), Some(&options));
+    state.call_method1("__exit__", (py.None(), py.None(), py.None()))?;
+    array
+}
+
+fn rows<'py, T: Element>(
+    value: &Bound<'py, PyAny>,
+    name: &str,
+    width: usize,
+    (kinds, dtype): (&str, &str),
+) -> PyResult<PyReadonlyArray2<'py, T>> {
+    let array = converted(value, name, kinds, dtype)?;
+    let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+    if !(shape.len() == 2 && shape[1] == width || shape == [0]) {
+        let shape = array.getattr("shape")?;
+        return Err(PyValueError::new_err(format!("{name}: expected the shape (n, {width}), not {shape}")));
+    }
+    let array = array.call_method1("reshape", (-1, width))?;
+    Ok(array.extract()?)
+}
+
+/// A row of numbers an element.
+pub(crate) fn numbers<'py>(
+    value: &Bound<'py, PyAny>,
+    name: &str,
+    width: usize,
+) -> PyResult<PyReadonlyArray2<'py, f64>> {
+    rows(value, name, width, ("fiu", "float64"))
+}
+
+/// A number for each of `count` rows of another argument: one for all, or an array of the shape (n,).
+pub(crate) fn column(value: &Bound<PyAny>, name: &str, other: &str, count: usize) -> PyResult<Vec<f64>> {
+    let array = converted(value, name, "fiu", "float64")?;
+    let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+    if shape.is_empty() {
+        return Ok(vec![array.extract()?; count]);
+    }
+    if shape.len() != 1 {
+        let shape = array.getattr("shape")?;
+        return Err(PyValueError::new_err(format!("{name}: expected the shape (n,), not {shape}")));
+    }
+    check_rows((name, shape[0]), (other, count))?;
+    let array: PyReadonlyArray1<f64> = array.extract()?;
+    Ok(array.as_slice()?.to_vec())
+}
+
+/// Vertex indices of triangles, each below `count`.
+pub(crate) fn triangles(value: &Bound<PyAny>, name: &str, count: usize) -> PyResult<Vec<[u32; 3]>> {
+    let array: PyReadonlyArray2<i64> = rows(value, name, 3, ("iu", "int64"))?;
+    let faces = array.as_slice()?.as_chunks().0.iter().enumerate();
+    let triangle = |(row, face): (usize, &[i64; 3])| {
+        let is_vertex = |index: &i64| usize::try_from(*index).is_ok_and(|index| index < count);
+        match face.iter().find(|index| !is_vertex(index)) {
+            None => Ok(face.map(|index| index as u32)),
+            Some(index) => Err(PyValueError::new_err(format!(
+                "{name}: row {row} has the vertex {index}, and there are {count} vertices"
+            ))),
+        }
+    };
+    faces.map(triangle).collect()
+}
+
+/// The rows of an array of [`numbers`] with as many columns as `N`.
+pub(crate) fn chunks<'a, const N: usize>(array: &'a PyReadonlyArray2<f64>) -> PyResult<&'a [[f64; N]]> {
+    Ok(array.as_slice()?.as_chunks().0)
+}
+
+/// An error unless two arguments have as many rows.
+pub(crate) fn check_rows((name, count): (&str, usize), (other, expected): (&str, usize)) -> PyResult<()> {
+    if count == expected {
+        return Ok(());
+    }
+    let what = format!("{name}: {count} rows, and {other} has {expected}");
+    Err(PyValueError::new_err(what))
+}
+
+/// Checks that rows are finite in f32, which bounds are in.
+pub(crate) fn check_finite(rows: &[[f64; 3]], name: &str) -> PyResult<()> {
+    let is_finite = |row: &[f64; 3]| row.iter().all(|&x| (x as f32).is_finite());
+    match rows.iter().position(|row| !is_finite(row)) {
+        None => Ok(()),
+        Some(row) => {
+            Err(PyValueError::new_err(format!("{name}: row {row} is not finite, or too large for f32")))
+        }
+    }
+}
+
+/// An array with the elements of a vector.
+pub(crate) fn vector<'py, T: Element>(py: Python<'py>, values: Vec<T>) -> Bound<'py, PyAny> {
+    PyArray1::from_vec(py, values).into_any()
+}
+
+/// An array of this shape with the elements of a vector.
+pub(crate) fn shaped<'py, T: Element>(
+    py: Python<'py>,
+    values: Vec<T>,
+    shape: &[usize],
+) -> PyResult<Bound<'py, PyAny>> {
+    PyArray1::from_vec(py, values).call_method1("reshape", (shape.to_vec(),))
+}

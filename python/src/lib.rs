@@ -1,0 +1,119 @@
+//! The native part of the Python module `kiln`: arguments and results of the library's functions, and nothing that the
+//! library lacks. The Python part is `python/kiln`.
+
+mod arrays;
+mod mesh;
+mod picture;
+mod scene;
+
+use std::ffi::{CString, OsString};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+
+use kiln::error::{Error, Warnings};
+use pyo3::exceptions::{PyKeyboardInterrupt, PyOSError, PyRuntimeError, PyUserWarning, PyValueError};
+use pyo3::prelude::*;
+
+pyo3::create_exception!(
+    kiln,
+    KilnWarning,
+    PyUserWarning,
+    "Something that is left out, replaced or without meaning."
+);
+
+/// How often signals and progress are looked at while a thread works.
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
+
+/// The stack of such a thread, as that of a main thread.
+const STACK: usize = 8 << 20;
+
+/// The exception of an error.
+fn raised(error: &Error) -> PyErr {
+    let text = match error.hint() {
+        "" => error.to_string(),
+        hint => format!("{error}; {hint}"),
+    };
+    match error {
+        Error::Input { .. } | Error::Usage { .. } => PyValueError::new_err(text),
+        Error::Output { .. } => PyOSError::new_err(text),
+        Error::Failed { .. } => PyRuntimeError::new_err(text),
+        Error::Interrupted => PyKeyboardInterrupt::new_err(()),
+    }
+}
+
+/// Issues a warning at the line that called the module.
+fn warn(py: Python, text: &str) -> PyResult<()> {
+    let text = CString::new(text.replace('\0', " "))?;
+    PyErr::warn(py, &py.get_type::<KilnWarning>(), &text, 1)
+}
+
+fn warn_all(py: Python, warnings: &Warnings) -> PyResult<()> {
+    warnings.messages().iter().try_for_each(|text| warn(py, text))
+}
+
+/// Runs `work` in another thread, and calls `report` with the GIL from time to time. When a signal handler or `report`
+/// raises, `cancel` is set, the exception is returned at once, and the thread ends by itself.
+fn interruptible<T: Send + 'static>(
+    py: Python,
+    cancel: &Arc<AtomicBool>,
+    mut report: impl FnMut(Python) -> PyResult<()>,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> PyResult<T> {
+    let (done, waiting) = channel();
+    let thread = std::thread::Builder::new().stack_size(STACK).spawn(move || {
+        // Nobody waits after an exception.
+        let _ = done.send(work());
+    });
+    let thread = thread.map_err(|e| PyRuntimeError::new_err(format!("a thread cannot be started: {e}")))?;
+    let cancelled = |e| {
+        cancel.store(true, Ordering::Relaxed);
+        Err(e)
+    };
+    let mut waiting = waiting;
+    loop {
+        let received;
+        (waiting, received) = py.detach(move || {
+            let received = waiting.recv_timeout(POLL_INTERVAL);
+            (waiting, received)
+        });
+        if let Err(e) = report(py).and_then(|()| py.check_signals()) {
+            return cancelled(e);
+        }
+        match received {
+            Ok(result) => return Ok(result),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => {
+                let panic = thread.join().err().and_then(|panic| panic.downcast::<String>().ok());
+                let what = panic.map_or_else(|| "a fault in kiln itself".to_owned(), |text| *text);
+                return Err(PyRuntimeError::new_err(what));
+            }
+        }
+    }
+}
+
+/// Runs the command `kiln` with the words after its name, and returns its exit code. For one call a process.
+#[pyfunction]
+fn run_command(py: Python, words: Vec<OsString>) -> u8 {
+    py.detach(|| kiln::cli::run(words))
+}
+
+/// The native part of `kiln`.
+#[pymodule]
+fn _kiln(module: &Bound<PyModule>) -> PyResult<()> {
+    // Panics of parsers are caught and become errors.
+    let hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !kiln::error::is_contained() {
+            hook(panic);
+        }
+    }));
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("KilnWarning", module.py().get_type::<KilnWarning>())?;
+    module.add_class::<mesh::Mesh>()?;
+    module.add_class::<scene::Scene>()?;
+    module.add_class::<picture::Picture>()?;
+    module.add_function(wrap_pyfunction!(picture::render, module)?)?;
+    module.add_function(wrap_pyfunction!(run_command, module)?)
+}

@@ -1,0 +1,250 @@
+//! Scenes from files, memory and arrays.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use kiln::cli::picture::{Options, Value};
+use kiln::error::{Error, Result, Warnings};
+use kiln::film::{Colour, ColourPipeline};
+use kiln::glam::{DMat4, DVec2, DVec3};
+use kiln::import;
+use kiln::scene::{Attribute, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Shape};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use crate::arrays::{check_finite, check_rows, chunks, numbers, triangles};
+use crate::{interruptible, raised, warn_all};
+
+/// The value of an option; of these types, the first that fits.
+#[derive(FromPyObject)]
+pub(crate) enum OptionValue {
+    Switch(bool),
+    Text(String),
+    List(Vec<String>),
+}
+
+/// Options by name.
+pub(crate) type NamedOptions = Vec<(String, OptionValue)>;
+
+pub(crate) fn parse_options(options: NamedOptions) -> PyResult<Options> {
+    let value = |value| match value {
+        OptionValue::Switch(is_on) => Value::Switch(is_on),
+        OptionValue::Text(text) => Value::Text(text),
+        OptionValue::List(parts) => Value::List(parts),
+    };
+    let options: Vec<_> = options.into_iter().map(|(name, given)| (name, value(given))).collect();
+    Options::parse(&options).map_err(|e| raised(&e))
+}
+
+/// A scene, shared with the pictures that are being rendered of it.
+#[pyclass(module = "kiln._kiln")]
+#[derive(Default)]
+pub(crate) struct Scene {
+    pub(crate) scene: Arc<kiln::scene::Scene>,
+}
+
+/// Reads a scene in a thread of its own. Without `with_picture`, options of the picture are an error.
+fn read(
+    py: Python,
+    options: NamedOptions,
+    with_picture: bool,
+    work: impl FnOnce(&Options, &mut Warnings) -> Result<kiln::scene::Scene> + Send + 'static,
+) -> PyResult<Scene> {
+    let options = parse_options(options)?;
+    if !with_picture && options.has_picture().map_err(|e| raised(&e))? {
+        let what = "options of the picture are for render(), those of a scene say how files are read";
+        return Err(PyValueError::new_err(what));
+    }
+    let (scene, warnings) = interruptible(
+        py,
+        &Arc::default(),
+        |_| Ok(()),
+        move || {
+            let mut warnings = Warnings::default();
+            (work(&options, &mut warnings), warnings)
+        },
+    )?;
+    warn_all(py, &warnings)?;
+    Ok(Scene { scene: Arc::new(scene.map_err(|e| raised(&e))?) })
+}
+
+#[pymethods]
+impl Scene {
+    #[new]
+    fn new() -> Self {
+        Scene::default()
+    }
+
+    /// Reads files.
+    #[staticmethod]
+    fn load(py: Python, files: Vec<PathBuf>, options: NamedOptions, with_picture: bool) -> PyResult<Self> {
+        read(py, options, with_picture, move |options, warnings| {
+            import::load_with(&files, options.import(), warnings)
+        })
+    }
+
+    /// Reads the contents of a file.
+    #[staticmethod]
+    fn parse(py: Python, contents: Vec<u8>, options: NamedOptions, with_picture: bool) -> PyResult<Self> {
+        read(py, options, with_picture, move |options, warnings| {
+            import::load_bytes(contents, options.import(), warnings)
+        })
+    }
+
+    /// Adds all of another scene.
+    fn append(&mut self, other: &Bound<Scene>) -> PyResult<()> {
+        let other = other.try_borrow()?.scene.as_ref().clone();
+        Arc::make_mut(&mut self.scene).append(other);
+        Ok(())
+    }
+
+    /// Adds the materials and images of another scene.
+    fn append_materials(&mut self, other: &Bound<Scene>) -> PyResult<()> {
+        let kiln::scene::Scene { materials, images, .. } = other.try_borrow()?.scene.as_ref().clone();
+        Arc::make_mut(&mut self.scene).append(kiln::scene::Scene { materials, images, ..Default::default() });
+        Ok(())
+    }
+
+    /// Adds triangles, once for each of `transforms`. `material` is the name of a material of the scene.
+    #[pyo3(signature = (vertices, faces, name, material, normals, uvs, colours, transforms))]
+    #[allow(clippy::too_many_arguments)]
+    fn add(
+        &mut self,
+        vertices: &Bound<PyAny>,
+        faces: &Bound<PyAny>,
+        name: String,
+        material: Option<&str>,
+        normals: Option<&Bound<PyAny>>,
+        uvs: Option<&Bound<PyAny>>,
+        colours: Option<&Bound<PyAny>>,
+        transforms: Option<&Bound<PyAny>>,
+    ) -> PyResult<()> {
+        let py = vertices.py();
+        let vertices = numbers(vertices, "vertices", 3)?;
+        let positions: &[[f64; 3]] = chunks(&vertices)?;
+        check_finite(positions, "vertices")?;
+        let per_vertex = |value: Option<&Bound<PyAny>>, argument| {
+            value.map(|value| attribute(value, argument, positions.len())).transpose()
+        };
+        let mesh = Mesh {
+            triangles: triangles(faces, "faces", positions.len())?,
+            positions: positions.iter().map(|&position| position.into()).collect(),
+            normals: per_vertex(normals, "normals")?,
+            colours: colours.map(|value| linear_colours(value, positions.len())).transpose()?,
+            uvs: uvs.map(|value| coordinates(value, positions.len())).transpose()?.into_iter().collect(),
+            ..Mesh::default()
+        };
+        let shapes = match transforms {
+            None => vec![Shape::Mesh(mesh)],
+            Some(transforms) => placed(mesh, transforms)?,
+        };
+        let material = self.material(material)?;
+        let object = |shape| Object { name: name.clone(), input: 0, material, shape };
+        let mut added =
+            kiln::scene::Scene { objects: shapes.into_iter().map(object).collect(), ..Default::default() };
+        let mut warnings = Warnings::default();
+        import::sanitise(&mut added, &name, &mut warnings);
+        let scene = Arc::make_mut(&mut self.scene);
+        scene.has_left_out |= added.has_left_out;
+        scene.objects.extend(added.objects);
+        warn_all(py, &warnings)
+    }
+
+    /// The triangles and spheres for queries.
+    fn mesh(&self, py: Python, tier: &str, preset: &str) -> PyResult<crate::mesh::Mesh> {
+        let primitives: Vec<_> = self.scene.primitives().collect();
+        crate::mesh::Mesh::of(py, primitives.into_iter(), (tier, preset))
+    }
+
+    /// The number of triangles and spheres.
+    fn __len__(&self) -> usize {
+        self.scene.primitive_count()
+    }
+
+    /// The least and the greatest corner of the bounding box; `None` for a scene without objects.
+    fn bounds(&self) -> Option<[[f64; 3]; 2]> {
+        self.scene.bounds().map(|(min, max)| [min.to_array(), max.to_array()])
+    }
+
+    /// The names of the cameras, the materials and the objects.
+    fn names(&self) -> (Vec<String>, Vec<String>, Vec<String>) {
+        let scene = &self.scene;
+        (
+            scene.cameras.iter().map(|camera| camera.name.clone()).collect(),
+            scene.materials.iter().map(|material| material.name().to_owned()).collect(),
+            scene.objects.iter().map(|object| object.name.clone()).collect(),
+        )
+    }
+}
+
+impl Scene {
+    /// The last material of a name; without a name, the one of files without materials.
+    fn material(&mut self, name: Option<&str>) -> PyResult<MaterialId> {
+        let Some(name) = name else {
+            return Ok(Arc::make_mut(&mut self.scene).add_material(Material::Phong(Phong::default())));
+        };
+        let known = &self.scene.materials;
+        let found = known.iter().rposition(|material| material.name() == name);
+        found.map(|index| MaterialId(index as u32)).ok_or_else(|| {
+            let names: Vec<&str> = known.iter().map(Material::name).collect();
+            let hint = kiln::error::nearest_name(name, &names);
+            raised(&Error::usage(format!("material: the scene has none of the name `{name}`"), hint))
+        })
+    }
+}
+
+/// Vectors that go with the vertices.
+fn attribute(value: &Bound<PyAny>, name: &str, count: usize) -> PyResult<Attribute<DVec3>> {
+    let array = numbers(value, name, 3)?;
+    let rows = chunks(&array)?;
+    check_rows((name, rows.len()), ("vertices", count))?;
+    check_finite(rows, name)?;
+    Ok(Attribute::per_position(rows.iter().map(|&row| row.into()).collect()))
+}
+
+/// Colours that go with the vertices; bytes are sRGB.
+fn linear_colours(value: &Bound<PyAny>, count: usize) -> PyResult<Attribute<DVec3>> {
+    let array = value.py().import("numpy")?.call_method1("asarray", (value,))?;
+    let is_srgb = array.getattr("dtype")?.eq("uint8")?;
+    let mut colours = attribute(&array, "colours", count)?;
+    if is_srgb {
+        for colour in &mut colours.values {
+            *colour = Colour::from_u8(colour.to_array().map(|c| c as u8)).to_pipeline(ColourPipeline::Linear);
+        }
+    }
+    match colours.values.iter().position(|colour| colour.min_element() < 0.0 || colour.max_element() > 1.0) {
+        None => Ok(colours),
+        Some(row) => Err(PyValueError::new_err(format!(
+            "colours: row {row} is not from 0 to 1; give linear light, or sRGB as uint8"
+        ))),
+    }
+}
+
+/// Texture coordinates that go with the vertices.
+fn coordinates(value: &Bound<PyAny>, count: usize) -> PyResult<Attribute<DVec2>> {
+    let array = numbers(value, "uvs", 2)?;
+    let rows: &[[f64; 2]] = chunks(&array)?;
+    check_rows(("uvs", rows.len()), ("vertices", count))?;
+    Ok(Attribute::per_position(rows.iter().map(|&row| row.into()).collect()))
+}
+
+/// A mesh with each of the transforms, (k, 4, 4) in numpy's order of rows.
+fn placed(mesh: Mesh, transforms: &Bound<PyAny>) -> PyResult<Vec<Shape>> {
+    let rows = transforms.py().import("numpy")?.call_method1("asarray", (transforms,))?;
+    let shape: Vec<usize> = rows.getattr("shape")?.extract()?;
+    if shape.len() != 3 || shape[1..] != [4, 4] {
+        let shape = rows.getattr("shape")?;
+        return Err(PyValueError::new_err(format!("transforms: expected the shape (k, 4, 4), not {shape}")));
+    }
+    let rows = numbers(&rows.call_method1("reshape", (shape[0], 16))?, "transforms", 16)?;
+    let mesh = Arc::new(mesh);
+    let place = |(index, matrix): (usize, &[f64; 16])| {
+        let matrix = DMat4::from_cols_array(matrix).transpose();
+        if !matrix.is_finite() || matrix.row(3).to_array() != [0.0, 0.0, 0.0, 1.0] {
+            let what = format!("transforms: {index} is not an affine map; its last row must be 0, 0, 0, 1");
+            return Err(PyValueError::new_err(what));
+        }
+        Ok(Shape::Placed(Placed::new(Arc::clone(&mesh), Placement::new(matrix))))
+    };
+    chunks(&rows)?.iter().enumerate().map(place).collect()
+}

@@ -1,0 +1,56 @@
+"""A plugin of pytest that puts kiln in the place of both of trimesh's ray intersectors:
+
+    PYTHONPATH=python/tests/trimesh pytest -p kiln_backend TRIMESH/tests/test_ray.py TRIMESH/tests/test_ray_upstream.py
+
+Tests in files named test_ray* fail if they make no call of kiln.
+"""
+
+import sys
+import types
+
+import pytest
+import trimesh
+from trimesh import ray
+
+import kiln
+import kiln.trimesh
+
+calls = 0
+
+
+def counted(name):
+    function = getattr(kiln.trimesh.RayMeshIntersector, name)
+
+    def call(self, *arguments, **options):
+        global calls
+        calls += 1
+        return function(self, *arguments, **options)
+
+    return call
+
+
+QUERIES = ["intersects_id", "intersects_location", "intersects_first", "intersects_any", "contains_points"]
+RayMeshIntersector = type(
+    "RayMeshIntersector", (kiln.trimesh.RayMeshIntersector,), {name: counted(name) for name in QUERIES}
+)
+
+# trimesh binds Embree's class by the name of this module, which need not be importable.
+embree = types.ModuleType("trimesh.ray.ray_pyembree")
+embree.RayMeshIntersector = RayMeshIntersector
+sys.modules[embree.__name__] = ray.ray_pyembree = embree
+ray.has_embree = True
+ray.ray_triangle.RayMeshIntersector = RayMeshIntersector
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item):
+    global calls
+    calls = 0
+    result = yield
+    if item.path.name.startswith("test_ray") and calls == 0:
+        pytest.fail("the test made no call of kiln", pytrace=False)
+    return result
+
+
+def pytest_report_header():
+    return f"rays by kiln {kiln.__version__} in trimesh {trimesh.__version__}"

@@ -1,0 +1,259 @@
+//! Pictures in memory, for programs: the options of `kiln render` by name, and its picture.
+
+use std::path::Path;
+
+use clap::{ArgAction, Args, FromArgMatches};
+
+use super::arguments::{self, Arguments};
+use super::output::{check_alpha, check_memory_of, render_image};
+use super::prepare::note_rest_pose;
+use super::render::{PictureContext, warn_of_result};
+use super::usage_error;
+use crate::error::{Error, Result, Warnings};
+use crate::film::write::{ALPHA, Channel, Format, OutputImage, encode, write_picture};
+use crate::film::{ColourPipeline, DisplayTransform};
+use crate::job::{Metadata, RenderSettings, resolve};
+use crate::render::RenderControl;
+use crate::render::aov::{self, AovSelection};
+use crate::scene::{ImportOptions, Scene};
+
+/// The value of an option.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Value {
+    /// On or off.
+    Switch(bool),
+    /// As typed.
+    Text(String),
+    /// The parts of a value, or the values of an option that may be repeated.
+    List(Vec<String>),
+}
+
+/// Options of `kiln render` that concern the inputs and the picture.
+pub struct Options(Arguments);
+
+impl Options {
+    /// Parses options by name: `tone_map` is `--tone-map`, and `with_` is `--with`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`], as for the command.
+    pub fn parse(options: &[(String, Value)]) -> Result<Self> {
+        // Inputs are not among the words.
+        let inputs = |argument: clap::Arg| argument.required(false);
+        let command = Arguments::augment_args(clap::Command::new("kiln")).mut_arg("inputs", inputs);
+        let mut words = vec!["kiln".to_owned()];
+        for (name, value) in options {
+            let long = name.trim_end_matches('_').replace('_', "-");
+            let known = command.get_arguments().find(|argument| argument.get_long() == Some(&long));
+            let action = known.map(clap::Arg::get_action);
+            match value {
+                Value::Switch(true) => words.push(format!("--{long}")),
+                Value::Switch(false) if action.is_some_and(|action| !action.takes_values()) => {}
+                Value::Switch(false) => words.push(format!("--{long}=false")),
+                Value::Text(text) => words.push(format!("--{long}={text}")),
+                Value::List(parts) if matches!(action, Some(ArgAction::Append)) => {
+                    words.extend(parts.iter().map(|part| format!("--{long}={part}")));
+                }
+                Value::List(parts) => words.push(format!("--{long}={}", parts.join(","))),
+            }
+        }
+        let parsed = command.try_get_matches_from(words);
+        let parsed = parsed.and_then(|matches| Arguments::from_arg_matches(&matches));
+        let arguments = parsed.map_err(|e| {
+            let (what, hint) = usage_error(&e);
+            Error::usage(what, hint)
+        })?;
+        arguments::check(&arguments)?;
+        Ok(Options(arguments))
+    }
+
+    /// Options of the inputs.
+    pub fn import(&self) -> &ImportOptions {
+        &self.0.import
+    }
+
+    /// Whether there are options of the inputs.
+    pub fn has_import(&self) -> bool {
+        self.0.import != ImportOptions::default()
+    }
+
+    /// Whether there are options of the picture.
+    ///
+    /// # Errors
+    /// As those of [`Options::parse`].
+    pub fn has_picture(&self) -> Result<bool> {
+        Ok(self.0.threads.is_some() || self.0.settings()? != Options::parse(&[])?.0.settings()?)
+    }
+}
+
+/// A rendered picture.
+pub struct Picture {
+    image: OutputImage,
+    /// The AOVs of 8-bit pictures; others have them among their channels.
+    channels: Vec<Channel>,
+    metadata: Metadata,
+    pipeline: ColourPipeline,
+    display: DisplayTransform,
+}
+
+/// Renders a scene as `kiln render` does, and warns of what it warns of. `format` decides the type of the pixels: f32 for
+/// OpenEXR, else 8-bit display values.
+///
+/// # Errors
+/// As those of the command.
+pub fn render(
+    scene: Scene,
+    options: &Options,
+    format: Format,
+    aovs: &[String],
+    control: &RenderControl,
+    warnings: &mut Warnings,
+) -> Result<Picture> {
+    let selection = AovSelection::new(aovs)?;
+    let settings = RenderSettings { aovs: aovs.to_vec(), ..options.0.settings()? };
+    super::pool(options.0.threads)?.install(|| {
+        let inputs = scene.inputs.clone();
+        note_rest_pose(&scene, warnings);
+        let resolved = resolve(scene, &settings, warnings)?;
+        let has_physical_lights = resolved.has_physical_lights;
+        let mut job = resolved.build(warnings)?;
+        let channels = selection.channel_count(job.plan.effects_on().count()) as u64;
+        // Colours and alpha are rendered together, split, and copied.
+        check_memory_of(job.window, channels, 2 * (4 * (4 + channels) + 12) + selection.bytes_per_pixel())?;
+        let none = AovSelection::new(&[])?;
+        let in_film = if format == Format::Exr { &selection } else { &none };
+        let (image, statistics) = render_image(&job, format, in_film, control)?;
+        let context = PictureContext {
+            inputs: &inputs,
+            selection: &selection,
+            is_part: settings.crop.is_some(),
+            has_physical_lights,
+        };
+        warn_of_result(&mut job, &image, &statistics, &context, control, warnings)?;
+        let (channels, display) = match &image {
+            OutputImage::Float(film, _) => (Vec::new(), job.display_transform(film.rows(), control)?),
+            _ => (aov::channels(&job.aov_source(None), &selection, control)?, DisplayTransform::default()),
+        };
+        let pipeline = job.pipeline();
+        Ok(Picture { image, channels, metadata: job.metadata, pipeline, display })
+    })
+}
+
+impl Picture {
+    /// The picture: f32 values, or 8-bit display values.
+    pub fn image(&self) -> &OutputImage {
+        &self.image
+    }
+
+    /// The alpha channel of f32 pictures.
+    pub fn alpha(&self) -> Option<&Channel> {
+        self.float_channels().iter().find(|channel| channel.name == ALPHA)
+    }
+
+    /// The AOVs by name, each with its channels.
+    pub fn aovs(&self) -> Vec<(&str, Vec<&Channel>)> {
+        let mut all: Vec<(&str, Vec<&Channel>)> = Vec::new();
+        for channel in
+            self.channels.iter().chain(self.float_channels()).filter(|channel| channel.name != ALPHA)
+        {
+            let name = aov::name_of(&channel.name);
+            match all.last_mut() {
+                Some((last, channels)) if *last == name => channels.push(channel),
+                _ => all.push((name, vec![channel])),
+            }
+        }
+        all
+    }
+
+    fn float_channels(&self) -> &[Channel] {
+        if let OutputImage::Float(_, channels) = &self.image { channels } else { &[] }
+    }
+
+    /// What made the picture: names and values.
+    pub fn metadata(&self) -> &Metadata {
+        &self.metadata
+    }
+
+    /// The picture as the contents of a PNG file.
+    ///
+    /// # Errors
+    /// [`Error::Failed`] if there is not enough memory.
+    pub fn png(&self) -> Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        let displayed = self.displayed()?;
+        let image = displayed.as_ref().unwrap_or(&self.image);
+        encode(image, &self.metadata, Format::Png, &mut bytes)
+            .map_err(|e| Error::output(Path::new("-"), e))?;
+        Ok(bytes)
+    }
+
+    /// Writes the picture to a file, in the format of its name: f32 pictures to all formats, others to PNG and JPEG.
+    ///
+    /// # Errors
+    /// [`Error::Output`], and [`Error::Usage`] for a format that does not hold the picture.
+    pub fn write(&self, file: &Path) -> Result<()> {
+        let format = Format::from_path(file)?;
+        let displayed = if format == Format::Exr { None } else { self.displayed()? };
+        let image = displayed.as_ref().unwrap_or(&self.image);
+        check_alpha(matches!(image, OutputImage::Rgba8(..)), ".jpg", format != Format::Jpeg)?;
+        if format == Format::Exr && !matches!(image, OutputImage::Float(..)) {
+            let what =
+                format!("{}: OpenEXR holds f32 values, and the picture has 8-bit values", file.display());
+            return Err(Error::usage(what, "render with float values, or name a file that ends in .png"));
+        }
+        write_picture(image, &self.metadata, format, file)
+    }
+
+    /// The picture in 8-bit display values; `None` if it is.
+    fn displayed(&self) -> Result<Option<OutputImage>> {
+        let OutputImage::Float(film, _) = &self.image else { return Ok(None) };
+        Ok(Some(match self.alpha() {
+            Some(alpha) => OutputImage::with_alpha(film, &alpha.values, self.pipeline, |_| self.display)?,
+            None => OutputImage::Rgb8(film.developed(self.pipeline, self.display)?, self.pipeline),
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(options: &[(&str, Value)]) -> Result<Options> {
+        let named: Vec<_> = options.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
+        Options::parse(&named)
+    }
+
+    #[test]
+    fn options_are_those_of_the_command() {
+        let text = |text: &str| Value::Text(text.into());
+        let list = |parts: &[&str]| Value::List(parts.iter().map(|&part| part.into()).collect());
+        let options = parse(&[
+            ("size", list(&["64", "48"])),
+            ("tone_map", text("agx")),
+            ("with_", list(&["shadows", "glaze=2"])),
+            ("crop", list(&["1", "2", "3", "4"])),
+            ("draft", Value::Switch(false)),
+            ("ground", Value::Switch(false)),
+            ("exposure", text("-1.5")),
+        ])
+        .expect("valid options");
+        let settings = options.0.settings().expect("valid settings");
+        assert_eq!(settings.picture.size(), Some([64, 48]));
+        assert_eq!(settings.with, ["shadows", "glaze=2"]);
+        assert_eq!(settings.crop.map(|crop| [crop.x, crop.y, crop.width, crop.height]), Some([1, 2, 3, 4]));
+        assert_eq!((settings.picture.look, settings.picture.ground), (None, Some(false)));
+        assert_eq!(options.has_picture(), Ok(true));
+        assert!(!options.has_import());
+        let up = parse(&[("up", text("z"))]).expect("valid options");
+        assert!(up.has_import() && up.has_picture() == Ok(false));
+    }
+
+    #[test]
+    fn mistakes_get_the_message_of_the_command() {
+        let mistake = |name: &str, value: Value| parse(&[(name, value)]).err().expect("a mistake");
+        let sampels = mistake("sampels", Value::Text("4".into()));
+        assert_eq!(sampels.to_string(), "unexpected argument '--sampels' found");
+        assert!(sampels.hint().contains("--samples"), "{}", sampels.hint());
+        let none = mistake("samples", Value::Text("0".into()));
+        assert!(none.to_string().contains("give a number of samples from 1 to 65536"), "{none}");
+    }
+}
