@@ -17,6 +17,9 @@ pub struct Options {
     /// Target triples, such as x86_64-unknown-linux-gnu
     #[arg(required = true, value_name = "TARGET")]
     targets: Vec<String>,
+    /// Cargo.toml of the package whose crates are listed
+    #[arg(long, value_name = "FILE", default_value = "Cargo.toml")]
+    manifest: PathBuf,
 }
 
 /// How the names of licence files begin, in lower case.
@@ -30,11 +33,11 @@ fn text<'a>(package: &'a Value, field: &str) -> &'a str {
     package[field].as_str().unwrap_or("None")
 }
 
-/// The packages that the default features need at run time on a target, without kiln.
-fn linked(target: &str) -> Result<Vec<Value>> {
+/// The packages that the default features of a package need at run time on a target, without kiln's own.
+fn linked(manifest: &Path, target: &str) -> Result<Vec<Value>> {
     let mut command = Command::new("cargo");
-    let done =
-        output(command.args(["metadata", "--locked", "--format-version", "1", "--filter-platform", target]))?;
+    command.args(["metadata", "--locked", "--format-version", "1", "--filter-platform", target]);
+    let done = output(command.arg("--manifest-path").arg(manifest))?;
     let mut metadata: Value = serde_json::from_slice(&done.stdout)?;
     let nodes: HashMap<&str, &Value> =
         list(&metadata["resolve"]["nodes"]).iter().map(|node| (text(node, "id"), node)).collect();
@@ -47,9 +50,9 @@ fn linked(target: &str) -> Result<Vec<Value>> {
             rest.extend(normal.map(|dep| text(dep, "pkg")));
         }
     }
-    found.remove(root);
     let Value::Array(packages) = metadata["packages"].take() else { return Err("no packages".into()) };
-    Ok(packages.into_iter().filter(|package| found.contains(text(package, "id"))).collect())
+    let is_linked = |package: &Value| found.contains(text(package, "id")) && !package["source"].is_null();
+    Ok(packages.into_iter().filter(is_linked).collect())
 }
 
 /// The files of a folder whose name is wanted, sorted.
@@ -96,7 +99,7 @@ fn title(package: &Value) -> String {
 pub fn run(options: &Options) -> Result<()> {
     let mut packages = BTreeMap::new();
     for target in &options.targets {
-        for package in linked(target)? {
+        for package in linked(&options.manifest, target)? {
             packages.insert(["name", "version", "id"].map(|field| text(&package, field).to_owned()), package);
         }
     }

@@ -8,6 +8,7 @@ mod run;
 mod sampling;
 mod studies;
 mod study;
+mod wheel;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -36,6 +37,7 @@ enum Task {
     MakeStudy(study::Options),
     MakeEffects(effects::Options),
     ThirdPartyLicences(licences::Options),
+    Wheel(wheel::Options),
 }
 
 /// Runs the task. Returns `false` if a check failed.
@@ -50,6 +52,7 @@ fn task(arguments: &Arguments) -> run::Result<bool> {
         Task::MakeStudy(options) => study::run(&kiln()?, options).map(|()| true),
         Task::MakeEffects(_) => effects::run(&kiln()?).map(|()| true),
         Task::ThirdPartyLicences(options) => licences::run(options).map(|()| true),
+        Task::Wheel(options) => wheel::run_all(options).map(|()| true),
     }
 }
 
