@@ -22,7 +22,7 @@ fn converted<'py>(
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
     // An empty list has the type f64.
     let is_empty = array.getattr("size")?.extract::<usize>()? == 0;
-    if !kinds.contains(&kind) && !is_empty {
+    if !kinds.contains(&kind) && !(is_empty && kind == "f") {
         let what = if kinds.contains('f') { "numbers" } else { "integers" };
         let given = array.getattr("dtype")?;
         return Err(PyValueError::new_err(format!("{name}: expected {what}, not the dtype {given}")));
@@ -41,7 +41,7 @@ fn converted<'py>(
     array
 }
 
-fn rows<'py, T: Element>(
+fn checked_rows<'py, T: Element>(
     value: &Bound<'py, PyAny>,
     name: &str,
     width: usize,
@@ -63,7 +63,7 @@ pub(crate) fn numbers<'py>(
     name: &str,
     width: usize,
 ) -> PyResult<PyReadonlyArray2<'py, f64>> {
-    rows(value, name, width, ("fiu", "float64"))
+    checked_rows(value, name, width, ("fiu", "float64"))
 }
 
 /// A number for each of `count` rows of another argument: one for all, or an array of the shape (n,).
@@ -84,7 +84,7 @@ pub(crate) fn column(value: &Bound<PyAny>, name: &str, other: &str, count: usize
 
 /// Vertex indices of triangles, each below `count`.
 pub(crate) fn triangles(value: &Bound<PyAny>, name: &str, count: usize) -> PyResult<Vec<[u32; 3]>> {
-    let array: PyReadonlyArray2<i64> = rows(value, name, 3, ("iu", "int64"))?;
+    let array: PyReadonlyArray2<i64> = checked_rows(value, name, 3, ("iu", "int64"))?;
     let faces = array.as_slice()?.as_chunks().0.iter().enumerate();
     let triangle = |(row, face): (usize, &[i64; 3])| {
         let is_vertex = |index: &i64| usize::try_from(*index).is_ok_and(|index| index < count);
@@ -126,6 +126,12 @@ pub(crate) fn check_finite(rows: &[[f64; 3]], name: &str) -> PyResult<()> {
 /// An array with the elements of a vector.
 pub(crate) fn vector<'py, T: Element>(py: Python<'py>, values: Vec<T>) -> Bound<'py, PyAny> {
     PyArray1::from_vec(py, values).into_any()
+}
+
+/// An array with a row of three an element of a vector, whose memory it takes over.
+pub(crate) fn rows(py: Python, values: Vec<[f64; 3]>) -> PyResult<Bound<PyAny>> {
+    let shape = [values.len(), 3];
+    shaped(py, values.into_flattened(), &shape)
 }
 
 /// An array of this shape with the elements of a vector.

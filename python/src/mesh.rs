@@ -1,13 +1,13 @@
 //! `kiln.Mesh`: ray and point queries of triangles.
 
-use kiln::bvh::{Bvh, NotClosed, NotFinite, Preset, Primitive};
-use kiln::geometry::{Hit, Numerics, Ray, RayBuffer, Side};
+use kiln::bvh::{Bvh, Crossing, Lists, NotClosed, NotFinite, Preset, Primitive, RayArrays, RayList};
+use kiln::geometry::{Hit, Numerics, Ray, Side};
 use kiln::glam::DVec3;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-use crate::arrays::{check_finite, check_rows, chunks, column, numbers, shaped, triangles, vector};
+use crate::arrays::{check_finite, check_rows, chunks, column, numbers, rows, triangles, vector};
 use crate::warn;
 
 /// Triangles for ray and point queries, immutable, for any number of threads.
@@ -28,38 +28,36 @@ pub(crate) struct Mesh {
 }
 
 /// Hits of rays in the arrays of the results.
-#[derive(Default)]
 struct Columns {
     triangle: Vec<i64>,
     distance: Vec<f64>,
-    location: Vec<f64>,
-    barycentrics: Vec<f64>,
+    location: Vec<[f64; 3]>,
+    barycentrics: Vec<[f64; 3]>,
 }
 
 impl Columns {
-    fn push(&mut self, ray: &Ray, hit: Option<&Hit>) {
-        let Some(hit) = hit else {
-            self.triangle.push(-1);
-            self.distance.push(f64::NAN);
-            self.location.extend([f64::NAN; 3]);
-            self.barycentrics.extend([f64::NAN; 3]);
-            return;
-        };
+    /// Misses.
+    fn new(len: usize) -> Self {
+        Columns {
+            triangle: vec![-1; len],
+            distance: vec![f64::NAN; len],
+            location: vec![[f64::NAN; 3]; len],
+            barycentrics: vec![[f64::NAN; 3]; len],
+        }
+    }
+
+    #[inline]
+    fn set(&mut self, index: usize, ray: &Ray, hit: &Hit) {
         let [v, w] = hit.barycentrics;
-        self.triangle.push(hit.prim.0.into());
-        self.distance.push(hit.t);
-        self.location.extend(ray.at(hit.t).to_array());
-        self.barycentrics.extend([1.0 - v - w, v, w]);
+        self.triangle[index] = hit.prim.0.into();
+        self.distance[index] = hit.t;
+        self.location[index] = ray.at(hit.t).to_array();
+        self.barycentrics[index] = [1.0 - v - w, v, w];
     }
 
     fn arrays<'py>(self, py: Python<'py>) -> PyResult<[Bound<'py, PyAny>; 4]> {
-        let shape = [self.triangle.len(), 3];
-        Ok([
-            vector(py, self.triangle),
-            vector(py, self.distance),
-            shaped(py, self.location, &shape)?,
-            shaped(py, self.barycentrics, &shape)?,
-        ])
+        let Columns { triangle, distance, location, barycentrics } = self;
+        Ok([vector(py, triangle), vector(py, distance), rows(py, location)?, rows(py, barycentrics)?])
     }
 }
 
@@ -70,6 +68,15 @@ fn result<'py>(
     fields: impl IntoIterator<Item = Bound<'py, PyAny>, IntoIter: ExactSizeIterator>,
 ) -> PyResult<Bound<'py, PyAny>> {
     py.import("kiln._results")?.getattr(name)?.call1(PyTuple::new(py, fields)?)
+}
+
+/// For each value, the index of its list.
+fn index_of_values<T>(lists: &Lists<T>) -> Vec<i64> {
+    let mut index = Vec::with_capacity(lists.values().len());
+    for (number, list) in (0..).zip(lists.iter()) {
+        index.extend(std::iter::repeat_n(number, list.len()));
+    }
+    index
 }
 
 /// The tier and the preset of their names.
@@ -105,7 +112,7 @@ impl Mesh {
         origins: &Bound<PyAny>,
         directions: &Bound<PyAny>,
         max_distance: Option<&Bound<PyAny>>,
-        query: impl FnOnce(&Bvh, &RayBuffer) -> R + Send,
+        query: impl FnOnce(&Bvh, RayArrays) -> R + Send,
     ) -> PyResult<R> {
         let py = origins.py();
         let [origins, directions] = [numbers(origins, "origins", 3)?, numbers(directions, "directions", 3)?];
@@ -113,8 +120,8 @@ impl Mesh {
         check_rows(("directions", directions.len()), ("origins", origins.len()))?;
         let max_distance = max_distance.map(|value| column(value, "max_distance", "origins", origins.len()));
         let max_distance = max_distance.transpose()?;
-        let t_max = |index: usize| max_distance.as_ref().map_or(f64::INFINITY, |each| each[index]);
-        py.detach(|| self.bvh.rays(origins, directions, t_max).map(|rays| query(&self.bvh, &rays))).map_err(
+        let t_max = max_distance.as_deref();
+        py.detach(|| self.bvh.rays(origins, directions, t_max).map(|rays| query(&self.bvh, rays))).map_err(
             |(row, why)| {
                 let argument = match why {
                     NotFinite::Direction => "directions",
@@ -186,9 +193,10 @@ impl Mesh {
         max_distance: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let columns = self.with_rays(origins, directions, max_distance, |bvh, rays| {
-            let mut columns = Columns::default();
-            let hits = bvh.par_closest_hits(rays.rays());
-            rays.rays().iter().zip(&hits).for_each(|(ray, hit)| columns.push(&ray, hit.as_ref()));
+            let mut columns = Columns::new(rays.len());
+            bvh.par_each_closest_hit(&rays, |index, ray, hit| {
+                hit.iter().for_each(|hit| columns.set(index, ray, hit));
+            });
             columns
         })?;
         let py = origins.py();
@@ -203,7 +211,7 @@ impl Mesh {
         directions: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let query = |bvh: &Bvh, rays: &RayBuffer| bvh.par_are_occluded(rays.rays());
+        let query = |bvh: &Bvh, rays: RayArrays| bvh.par_are_occluded(rays);
         Ok(vector(origins.py(), self.with_rays(origins, directions, max_distance, query)?))
     }
 
@@ -217,11 +225,10 @@ impl Mesh {
         max_distance: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let (index, columns) = self.with_rays(origins, directions, max_distance, |bvh, rays| {
-            let (mut index, mut columns) = (Vec::new(), Columns::default());
-            let all = bvh.par_all_hits(rays.rays());
-            for (number, (ray, hits)) in (0i64..).zip(rays.rays().iter().zip(&all)) {
-                index.extend(std::iter::repeat_n(number, hits.len()));
-                hits.iter().for_each(|hit| columns.push(&ray, Some(hit)));
+            let all = bvh.par_all_hits(rays);
+            let (index, mut columns) = (index_of_values(&all), Columns::new(all.values().len()));
+            for (place, (&ray, hit)) in index.iter().zip(all.values()).enumerate() {
+                columns.set(place, &rays.get(ray as usize), hit);
             }
             (index, columns)
         })?;
@@ -243,24 +250,20 @@ impl Mesh {
     ) -> PyResult<Bound<'py, PyAny>> {
         let (index, triangle, distance, location, entering) =
             self.with_rays(origins, directions, max_distance, |bvh, rays| {
-                let mut columns = (Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new());
-                let all = bvh.par_crossings(rays.rays());
-                for (number, (ray, crossings)) in (0i64..).zip(rays.rays().iter().zip(&all)) {
-                    for crossing in crossings {
-                        columns.0.push(number);
-                        columns.1.push(i64::from(crossing.prim.0));
-                        columns.2.push(crossing.t);
-                        columns.3.extend(ray.at(crossing.t).to_array());
-                        columns.4.push(crossing.side == Side::Entering);
-                    }
-                }
-                columns
+                let all = bvh.par_crossings(rays);
+                let (index, values) = (index_of_values(&all), all.values());
+                let at =
+                    |(&ray, crossing): (&i64, &Crossing)| rays.get(ray as usize).at(crossing.t).to_array();
+                let location: Vec<[f64; 3]> = index.iter().zip(values).map(at).collect();
+                let triangle: Vec<i64> = values.iter().map(|crossing| crossing.prim.0.into()).collect();
+                let distance: Vec<f64> = values.iter().map(|crossing| crossing.t).collect();
+                let entering: Vec<bool> =
+                    values.iter().map(|crossing| crossing.side == Side::Entering).collect();
+                (index, triangle, distance, location, entering)
             })?;
         let py = origins.py();
-        let shape = [index.len(), 3];
-        let location = shaped(py, location, &shape)?;
-        let fields =
-            [vector(py, index), vector(py, triangle), vector(py, distance), location, vector(py, entering)];
+        let [index, triangle] = [index, triangle].map(|column| vector(py, column));
+        let fields = [index, triangle, vector(py, distance), rows(py, location)?, vector(py, entering)];
         result(py, "Crossings", fields)
     }
 
@@ -284,15 +287,14 @@ impl Mesh {
         let (location, distance, triangle) = self.with_points(points, |bvh, points| {
             let mut columns = (Vec::new(), Vec::new(), Vec::new());
             for closest in bvh.par_closest_points(points) {
-                columns.0.extend(closest.map_or([f64::NAN; 3], |closest| closest.point.to_array()));
+                columns.0.push(closest.map_or([f64::NAN; 3], |closest| closest.point.to_array()));
                 columns.1.push(closest.map_or(f64::NAN, |closest| closest.distance));
                 columns.2.push(closest.map_or(-1, |closest| i64::from(closest.prim.0)));
             }
             columns
         })?;
         let py = points.py();
-        let shape = [distance.len(), 3];
-        let fields = [shaped(py, location, &shape)?, vector(py, distance), vector(py, triangle)];
+        let fields = [rows(py, location)?, vector(py, distance), vector(py, triangle)];
         result(py, "ClosestPoints", fields)
     }
 

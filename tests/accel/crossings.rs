@@ -356,16 +356,16 @@ fn batches_are_answered_in_their_order() {
         let (all, crossed) = (bvh.par_all_hits(rays), bvh.par_crossings(rays));
         assert!([hits.len(), occluded.len(), all.len(), crossed.len()].iter().all(|&len| len == rays.len()));
         for (index, ray) in rays.iter().enumerate() {
-            assert_eq!(all[index], bvh.all_hits(&ray, traversal));
             assert_eq!(crossed[index], bvh.crossings(&ray, traversal));
             // In `fast`, packets and streams have hits of their own.
             if numerics != Numerics::Fast {
+                assert_eq!(all[index], bvh.all_hits(&ray, traversal));
                 assert_eq!(hits[index], bvh.closest_hit(&ray, traversal));
                 assert_eq!(occluded[index], hits[index].is_some());
             }
             // Any hit but those on even triangles.
             let is_odd = |prim: PrimId| prim.0 % 2 == 1;
-            let expected = all[index].iter().any(|hit| is_odd(hit.prim));
+            let expected = bvh.all_hits(&ray, traversal).iter().any(|hit| is_odd(hit.prim));
             assert_eq!(bvh.occluded_by(&ray, is_odd, traversal), expected);
         }
         let (winding_numbers, (inside, closedness)) =

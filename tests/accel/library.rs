@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::common::Numbers;
-use kiln::bvh::{Bvh, Layout, NotFinite, Preset, Primitive, Slot, Traversal, build};
+use kiln::bvh::{Bvh, Layout, NotFinite, Preset, Primitive, RayList, Slot, Traversal, build};
 use kiln::film::ColourPipeline;
 use kiln::geometry::{Hit, Numerics, PrimId, Triangle};
 use kiln::glam::{DMat4, DVec3};
@@ -61,14 +61,18 @@ fn batches_of_rays_are_those_made_one_by_one() {
     let bvh = Bvh::new(square(4.0)).expect("finite");
     let (origins, directions) =
         ([[0.0; 3], [1.0, 2.0, 3.0], [0.5; 3]], [[0.0, 0.0, 2.0], [1.0; 3], [3.0; 3]]);
-    let rays = bvh.rays(&origins, &directions, |index| 1.0 + index as f64).expect("finite");
-    assert_eq!(rays.rays().len(), 3);
-    for (index, ray) in rays.rays().iter().enumerate() {
-        let t_max = 1.0 + index as f64;
-        assert_eq!(Ok(ray), bvh.ray_within(origins[index], directions[index], t_max), "{index}");
+    let distances = [1.0, 2.0, 3.0];
+    for t_max in [None, Some(&distances[..1]), Some(&distances[..])] {
+        let rays = bvh.rays(&origins, &directions, t_max).expect("finite");
+        assert_eq!(rays.len(), 3);
+        for index in 0..3 {
+            let t_max = t_max.map_or(f64::INFINITY, |each| each[index.min(each.len() - 1)]);
+            let ray = bvh.ray_within(origins[index], directions[index], t_max);
+            assert_eq!(Ok(rays.get(index)), ray, "{index}");
+        }
     }
     let of = |origins: &[[f64; 3]], directions: &[[f64; 3]], t_max: f64| {
-        bvh.rays(origins, directions, |_| t_max).err()
+        bvh.rays(origins, directions, Some(&[t_max])).err()
     };
     let nan = [[0.0; 3], [f64::NAN; 3], [f64::NAN; 3]];
     assert_eq!(of(&nan, &directions, 1.0), Some((1, NotFinite::Origin)));

@@ -250,6 +250,32 @@ fn coordinates_that_boxes_cannot_hold_are_an_error_in_every_tier() {
     }
 }
 
+/// Batches of rays from the ends of f32, where distances to boxes are infinite, have the hits of single rays.
+#[test]
+fn batches_from_the_ends_of_f32_are_those_of_single_rays() {
+    let triangles = (0..200u32).map(|i| {
+        let (x, y) = (f64::from(i % 20), f64::from(i / 20));
+        Primitive::from([[x, y, 0.0], [x + 1.0, y, 0.0], [x, y + 1.0, 1.0]])
+    });
+    for numerics in Numerics::STRICT {
+        let bvh = Bvh::with(triangles.clone(), Preset::default(), numerics).expect("finite");
+        for size in [1.0, 1e30, 3.4e38] {
+            let corners = (0..300).map(|i| [-1.0, 1.0, 0.5].map(|x| x * size * f64::from(1 - 2 * (i % 2))));
+            let origins: Vec<[f64; 3]> = corners.collect();
+            let towards = |(i, origin): (usize, &[f64; 3])| {
+                [0, 1, 2].map(|k| -origin[k] / size + ((3 * i + k) % 7) as f64 * 0.01)
+            };
+            let directions: Vec<[f64; 3]> = origins.iter().enumerate().map(towards).collect();
+            let rays = bvh.rays(&origins, &directions, None).expect("finite");
+            let (hits, traversal) = (bvh.par_closest_hits(rays), &mut Traversal::default());
+            for (i, hit) in hits.into_iter().enumerate() {
+                let ray = bvh.ray(origins[i], directions[i]).expect("finite");
+                assert_eq!(hit, bvh.closest_hit(&ray, traversal), "{size:e}, {}", numerics.name());
+            }
+        }
+    }
+}
+
 /// A direction of any length is normalised: the same hits, at the same distances, from 1e-300 to 1e300.
 #[test]
 fn directions_of_any_length_give_the_same_distance() {

@@ -3,10 +3,11 @@
 use std::sync::OnceLock;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
-use super::{Accelerator, Closedness, Layout, Preset, Primitive, Slot, Traversal, build};
+use super::{Accelerator, Closedness, Layout, Preset, Primitive, RayList, Slot, Traversal, build};
 use crate::geometry::{
-    AnalyticShape, Hit, HitBuffer, Numerics, PrimId, Ray, RayBuffer, Rays, Sphere, Triangle,
+    AnalyticShape, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, Rays, Sphere, Triangle,
 };
 
 /// A bounding volume hierarchy over triangles and spheres. A primitive's id is its index in the list that it was
@@ -121,37 +122,34 @@ impl Bvh {
         t_max: f64,
     ) -> Result<Ray, NotFinite> {
         let (origin, direction) = (origin.into(), direction.into());
-        let largest = direction.abs().max_element();
-        if !origin.as_vec3().is_finite() {
-            return Err(NotFinite::Origin);
-        }
-        if !direction.is_finite() || largest == 0.0 {
-            return Err(NotFinite::Direction);
-        }
-        if t_max.is_nan() || t_max <= 0.0 {
-            return Err(NotFinite::Distance);
-        }
-        // Divided first: the square of the length could overflow or underflow.
-        let direction = (direction / largest).normalize();
-        Ok(self.numerics.ray_precision().ray(origin, direction, 0.0, t_max))
+        check_ray(origin, direction, t_max)?;
+        Ok(ray_of(self.numerics.ray_precision(), origin, direction, t_max))
     }
 
-    /// [`Bvh::ray_within`] of each origin with the direction at the same index, and the distance that `t_max` returns
-    /// for that index.
+    /// [`Bvh::ray_within`] of each origin with the direction at the same index; with `t_max` of one number for all rays,
+    /// or one for each, or `None` for infinity.
     ///
     /// # Errors
     /// The first index whose ray is not valid, and why.
-    pub fn rays(
+    pub fn rays<'a>(
         &self,
-        origins: &[[f64; 3]],
-        directions: &[[f64; 3]],
-        t_max: impl Fn(usize) -> f64,
-    ) -> Result<RayBuffer, (usize, NotFinite)> {
-        let mut rays = RayBuffer::default();
-        for (index, (&origin, &direction)) in origins.iter().zip(directions).enumerate() {
-            rays.push(&self.ray_within(origin, direction, t_max(index)).map_err(|why| (index, why))?);
-        }
-        Ok(rays)
+        origins: &'a [[f64; 3]],
+        directions: &'a [[f64; 3]],
+        t_max: Option<&'a [f64]>,
+    ) -> Result<RayArrays<'a>, (usize, NotFinite)> {
+        let len = origins.len().min(directions.len());
+        let rays = RayArrays {
+            origins: &origins[..len],
+            directions,
+            t_max,
+            precision: self.numerics.ray_precision(),
+        };
+        let check = |index: usize| {
+            check_ray(origins[index].into(), directions[index].into(), rays.t_max(index))
+                .err()
+                .map(|why| (index, why))
+        };
+        (0..len).into_par_iter().with_min_len(1 << 12).find_map_first(check).map_or(Ok(rays), Err)
     }
 
     /// The closest hit; of hits at equal t, the one with the lowest id.
@@ -251,6 +249,65 @@ impl Bvh {
     pub fn accelerator(&self) -> &dyn Accelerator {
         &*self.accelerator
     }
+}
+
+/// Rays from arrays of origins and directions, checked by [`Bvh::rays`], of any length but 0.
+#[derive(Debug, Clone, Copy)]
+pub struct RayArrays<'a> {
+    origins: &'a [[f64; 3]],
+    directions: &'a [[f64; 3]],
+    t_max: Option<&'a [f64]>,
+    precision: Precision,
+}
+
+impl RayArrays<'_> {
+    fn t_max(&self, index: usize) -> f64 {
+        match self.t_max {
+            None => f64::INFINITY,
+            Some(&[one]) => one,
+            Some(each) => each.get(index).copied().unwrap_or(f64::NAN),
+        }
+    }
+}
+
+impl RayList for RayArrays<'_> {
+    fn len(&self) -> usize {
+        self.origins.len()
+    }
+
+    #[inline]
+    fn get(&self, index: usize) -> Ray {
+        let (origin, direction) = (self.origins[index].into(), self.directions[index].into());
+        ray_of(self.precision, origin, direction, self.t_max(index))
+    }
+
+    #[inline]
+    fn place(&self, index: usize) -> [DVec3; 2] {
+        let direction = DVec3::from(self.directions[index]);
+        [self.origins[index].into(), direction * direction.abs().max_element().recip()]
+    }
+}
+
+/// # Errors
+/// As those of [`Bvh::ray_within`].
+fn check_ray(origin: DVec3, direction: DVec3, t_max: f64) -> Result<(), NotFinite> {
+    if !origin.as_vec3().is_finite() {
+        return Err(NotFinite::Origin);
+    }
+    if !direction.is_finite() || direction == DVec3::ZERO {
+        return Err(NotFinite::Direction);
+    }
+    if t_max.is_nan() || t_max <= 0.0 {
+        return Err(NotFinite::Distance);
+    }
+    Ok(())
+}
+
+#[inline]
+fn ray_of(precision: Precision, origin: DVec3, direction: DVec3, t_max: f64) -> Ray {
+    // Divided first: the square of the length could overflow or underflow.
+    let direction = (direction / direction.abs().max_element()).normalize();
+    precision.ray(origin, direction, 0.0, t_max)
 }
 
 /// The primitives rounded to the precision of the tier; `None` for those without a rounded form.

@@ -24,7 +24,8 @@ mod stored_slot;
 mod traverse;
 mod wide;
 
-pub use api::{Bvh, NotFinite, Update, is_worth_keeping};
+pub use api::{Bvh, NotFinite, RayArrays, Update, is_worth_keeping};
+pub use batch::{Lists, RayList};
 pub use closest_point::ClosestPoint;
 pub use crossings::{CONTAINS_DIRECTION, Closedness, Containment, Crossing, NotClosed};
 pub use instances::{Instance, MeshSpace, can_be_instance};
@@ -245,6 +246,21 @@ pub trait Accelerator: Send + Sync {
 
     /// Appends every hit of the ray to `hits`, in no order. On an edge or corner, all triangles that share it are hit.
     fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal);
+
+    /// Appends every hit of every ray to `hits`, with the index of the ray, in no order; with a split triangle perhaps
+    /// several times.
+    fn each_hit(&self, rays: Rays, hits: &mut Vec<(usize, Hit)>, traversal: &mut Traversal) {
+        let mut found = Vec::new();
+        for (index, ray) in rays.iter().enumerate() {
+            self.all_hits(&ray, &mut found, traversal);
+            hits.extend(found.drain(..).map(|hit| (index, hit)));
+        }
+    }
+
+    /// Whether incoherent rays of a batch are traced as streams, in whose order nothing is gained by neighbours.
+    fn has_streams(&self) -> bool {
+        false
+    }
 
     /// The primitive that [`Hit::slot`] refers to.
     fn primitive(&self, slot: SlotId) -> Primitive;

@@ -187,6 +187,34 @@ impl<T: Tier> Accelerator for Wide<T> {
         crate::bvh::merge_split(hits, first);
     }
 
+    fn each_hit(&self, rays: Rays, hits: &mut Vec<(usize, Hit)>, traversal: &mut Traversal) {
+        for (packet, rays) in rays.chunks(PACKET).enumerate() {
+            let first = packet * PACKET;
+            let is_done = many(
+                self,
+                rays,
+                traversal,
+                #[inline(always)]
+                |ray, hit| {
+                    hits.push((first + ray, hit));
+                    Next::Continue
+                },
+            );
+            if !is_done {
+                for (index, ray) in (first..).zip(rays.iter()) {
+                    one::<T, false>(self, &ray, traversal, |hit| {
+                        hits.push((index, hit));
+                        Next::Continue
+                    });
+                }
+            }
+        }
+    }
+
+    fn has_streams(&self) -> bool {
+        !matches!(self.instructions, InstructionSet::Portable)
+    }
+
     fn primitive(&self, slot: SlotId) -> Primitive {
         self.stored(slot).into()
     }

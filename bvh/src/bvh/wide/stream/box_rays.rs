@@ -14,7 +14,8 @@ impl Default for BoxRays {
 }
 
 impl BoxRays {
-    /// Whether the directions have no zeros and need no scaling.
+    /// Whether the directions have no zeros and need no scaling, and the offsets are finite in f32: from an infinite one
+    /// the ray would enter the infinite boxes of empty places.
     #[inline(always)]
     pub(crate) fn supports<D: Doubles>(rays: Rays) -> bool {
         let (zero, least, most) = (D::splat(0.0), D::splat(*LENGTHS.start()), D::splat(*LENGTHS.end()));
@@ -24,6 +25,11 @@ impl BoxRays {
             let [x, y, z] = [x.abs(), y.abs(), z.abs()];
             let longest = x.max(y).max(z);
             supported &= zero.lt(x) & zero.lt(y) & zero.lt(z) & least.le(longest) & longest.le(most);
+            // Half the range, so that the widened offset is finite, too.
+            let range = D::splat(f64::from(f32::MAX / 2.0));
+            for (origin, direction) in rays.origin_lanes::<D>(first).into_iter().zip([x, y, z]) {
+                supported &= origin.abs().le(range * direction);
+            }
         }
         supported == D::ALL
     }
