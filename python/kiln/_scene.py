@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING, Any, Literal
 from . import _kiln, _toml
 
 if TYPE_CHECKING:
+    from typing import TypeAlias
+
     from numpy.typing import ArrayLike
 
-    Source = "str | os.PathLike | Sequence[str | os.PathLike] | bytes | Mapping[str, Any] | Any"
+    # Any is a mesh or a scene of trimesh.
+    Source: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | bytes | Mapping[str, Any] | Any
 
 
 def _text(value) -> str:
@@ -44,7 +47,7 @@ def _load(source: Source, options: Mapping[str, Any], with_picture: bool) -> _ki
     named = _options(options)
     if isinstance(source, Mapping):
         source = _toml.document(dict(source)).encode()
-    if hasattr(source, "export"):  # of trimesh
+    elif hasattr(source, "export"):  # of trimesh
         source = source.export(file_type="glb")
     if isinstance(source, (bytes, bytearray, memoryview)):
         return _kiln.Scene.parse(bytes(source), named, with_picture)

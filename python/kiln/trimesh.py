@@ -26,7 +26,7 @@ class RayMeshIntersector:
     def __init__(self, geometry, scale_to_box: bool = True, *, tier: str = "double") -> None:
         self.mesh = geometry
         self.tier = tier
-        self._built = None
+        self._built: tuple[int, Mesh] | None = None
 
     def _queries(self) -> Mesh:
         state = hash(self.mesh)
@@ -41,7 +41,7 @@ class RayMeshIntersector:
         multiple_hits: bool = True,
         max_hits: int | None = None,
         return_locations: bool = False,
-    ) -> tuple[NDArray[np.int64], ...]:
+    ) -> tuple[NDArray, ...]:
         """The triangles that rays hit, the rays, and with `return_locations` the points.
 
         multiple_hits: every passage through the surface, sorted by ray and distance, else the closest hit of each ray.
@@ -70,7 +70,7 @@ class RayMeshIntersector:
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
         """The points where rays hit the mesh, the rays and the triangles: locations (m, 3), index_ray (m,) and index_tri
         (m,). Options as those of `intersects_id`."""
-        options = {**options, "return_locations": True}
+        options["return_locations"] = True
         index_tri, index_ray, locations = self.intersects_id(ray_origins, ray_directions, multiple_hits, **options)
         return locations, index_ray, index_tri
 

@@ -22,7 +22,7 @@ pub struct Options {
 }
 
 /// What the tests need beside the wheel; trimesh's tests need the second list, too.
-const PACKAGES: [&str; 6] = ["maturin>=1.9,<2", "numpy", "pytest", "hypothesis", "trimesh", "scipy"];
+const PACKAGES: [&str; 7] = ["maturin>=1.9,<2", "numpy", "pytest", "hypothesis", "trimesh", "scipy", "mypy"];
 const PACKAGES_OF_TRIMESH: [&str; 8] =
     ["embreex==4.4.*", "rtree", "shapely", "networkx", "manifold3d", "lxml", "jsonschema", "pillow"];
 
@@ -53,6 +53,7 @@ pub fn run_all(options: &Options) -> Result<()> {
     run(python(&build).arg(&wheels))?;
     let wheel = std::fs::read_dir(&wheels)?.next().ok_or("maturin made no wheel")??.path();
     run(python(&["-m", "pip", "install", "--quiet"]).arg(&wheel))?;
+    run(&mut python(&["-m", "mypy", "--ignore-missing-imports", "python/kiln"]))?;
     run(&mut python(&["-m", "pytest", "--quiet", "python/tests"]))?;
     if let Some(trimesh) = &options.trimesh {
         let tests = ["test_ray.py", "test_ray_upstream.py"].map(|file| trimesh.join("tests").join(file));

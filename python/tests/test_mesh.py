@@ -1,0 +1,115 @@
+"""Queries of kiln.Mesh: derived values, and brute force."""
+
+import numpy as np
+import pytest
+from conftest import TETRAHEDRON, icosphere
+
+import kiln
+
+
+def test_first(tetrahedron):
+    # Up through the base z = 0 and out at x + y + z = 1; the direction of length 2 does not scale distances.
+    hits = tetrahedron.first([[0.25, 0.25, -1], [5, 5, 5]], [[0, 0, 2], [1, 0, 0]])
+    assert hits.triangle.tolist() == [0, -1]
+    assert hits.distance[0] == 1 and np.isnan(hits.distance[1])
+    assert hits.location[0].tolist() == [0.25, 0.25, 0] and np.isnan(hits.location[1]).all()
+    # Corners of triangle 0: (0, 0), (0, 1) and (1, 0).
+    assert np.allclose(hits.barycentrics[0], [0.5, 0.25, 0.25]) and np.isnan(hits.barycentrics[1]).all()
+
+
+def test_any_and_max_distance(tetrahedron):
+    origins, directions = [[0.25, 0.25, -1]] * 2, [[0, 0, 1]] * 2
+    assert tetrahedron.any(origins, directions).tolist() == [True, True]
+    assert tetrahedron.any(origins, directions, 1.0).tolist() == [False, False]
+    assert tetrahedron.any(origins, directions, max_distance=[1.0, 1.5]).tolist() == [False, True]
+    assert tetrahedron.first(origins, directions, np.float32(0.5)).triangle.tolist() == [-1, -1]
+
+
+def test_all_is_sorted(tetrahedron):
+    hits = tetrahedron.all([[0.25, 0.25, 3], [9, 9, 9], [0.25, 0.25, -1]], [[0, 0, -1], [0, 0, 1], [0, 0, 1]])
+    assert hits.ray.tolist() == [0, 0, 2, 2]
+    assert hits.triangle.tolist() == [3, 0, 0, 3]
+    assert hits.distance.tolist() == [2.5, 3, 1, 1.5]
+
+
+def test_an_edge_is_hit_twice_and_crossed_once(tetrahedron):
+    # Through the middle of the edge from (1, 0, 0) to (0, 1, 0) in z = 0, which the base and the slope share.
+    origins, directions = [[1.0, 1.0, 0.5]], [[-0.5, -0.5, -0.5]]
+    assert tetrahedron.all(origins, directions).triangle.tolist() == [0, 3]
+    crossings = tetrahedron.crossings([[0.1, 0.2, -1.0]], [[0.4, 0.3, 1.0]])
+    assert crossings.ray.tolist() == [0, 0] and crossings.entering.tolist() == [True, False]
+
+
+def test_points(tetrahedron):
+    points = [[0.1, 0.1, 0.1], [0.2, 0.2, -1], [2, 0, 0]]
+    assert tetrahedron.contains(points).tolist() == [True, False, False]
+    assert tetrahedron.winding_number(points).tolist() == [1, 0, 0]
+    closest = tetrahedron.closest_point(points)
+    assert closest.distance == pytest.approx([0.1, 1, 1])
+    assert np.allclose(closest.location[1:], [[0.2, 0.2, 0], [1, 0, 0]])
+    assert tetrahedron.signed_distance(points) == pytest.approx([-0.1, 1, 1])
+
+
+def test_inside_out_and_open():
+    vertices, faces = TETRAHEDRON
+    inverted = kiln.Mesh(vertices, faces[:, ::-1])
+    assert inverted.winding_number([[0.1, 0.1, 0.1]]).tolist() == [-1]
+    opened = kiln.Mesh(vertices, faces[1:])
+    assert opened.closedness() == (3, 0, 3) and not opened.closedness().is_closed
+    for query in (opened.contains, opened.winding_number, opened.signed_distance):
+        with pytest.warns(kiln.KilnWarning, match="not closed: 3 edges have one triangle only"):
+            query([[0.1, 0.1, 0.1]])
+    assert opened.closest_point([[0.1, 0.1, 0.1]]).distance.tolist() == pytest.approx([0.1])
+
+
+@pytest.mark.parametrize("tier", ["fast", "watertight", "double", "exact"])
+def test_brute_force(tier):
+    """The plane of each triangle in numpy; rays that pass near an edge are left out."""
+    random = np.random.default_rng(1)
+    vertices, faces = icosphere(1)
+    mesh = kiln.Mesh(vertices, faces, tier=tier)
+    assert mesh.tier == tier and len(mesh) == 80
+    origins, directions = random.normal(size=(2, 300, 3))
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    distance = np.einsum("rtk,tk->rt", a[None] - origins[:, None], normal) / (unit @ normal.T)
+    point = origins[:, None] + distance[..., None] * unit[:, None]
+    edge = lambda p, q: np.einsum("rtk,tk->rt", np.cross(q - p, point - p), normal)
+    inside = np.minimum(np.minimum(edge(a, b), edge(b, c)), edge(c, a)) / np.einsum("tk,tk->t", normal, normal)
+    clear = ((np.abs(inside) > 1e-4) & (np.abs(distance) > 1e-4)).all(axis=1)
+    assert clear.sum() > 200
+    found = mesh.all(origins, directions)
+    for ray in np.flatnonzero(clear):
+        hit = np.flatnonzero((inside[ray] > 0) & (distance[ray] > 0))
+        hit = hit[np.argsort(distance[ray, hit])]
+        assert found.triangle[found.ray == ray].tolist() == hit.tolist()
+        assert np.allclose(found.distance[found.ray == ray], distance[ray, hit], rtol=1e-4)
+    first = mesh.first(origins, directions)
+    starts = np.searchsorted(found.ray, np.arange(300))
+    has = np.isin(np.arange(300), found.ray)
+    assert (first.triangle[has] == found.triangle[starts[has]]).all() and (first.triangle[~has] == -1).all()
+    assert (mesh.any(origins, directions) == has).all()
+
+
+def test_closed_meshes_do_not_leak():
+    """Rays from inside through every vertex and the middle of every edge, and to points of the surface."""
+    vertices, faces = icosphere(3)
+    mesh = kiln.Mesh(vertices, faces)
+    middles = (vertices[faces] + vertices[np.roll(faces, 1, axis=1)]).reshape(-1, 3) / 2
+    targets = np.concatenate([vertices, middles, vertices[faces].mean(axis=1)])
+    for origin in ([0, 0, 0], [0.3, -0.2, 0.1]):
+        origins = np.tile(np.array(origin, float), (len(targets), 1))
+        assert mesh.any(origins, targets - origins).all()
+        crossings = mesh.crossings(origins, targets - origins)
+        assert (crossings.ray == np.arange(len(targets))).all() and not crossings.entering.any()
+
+
+def test_threads_share_a_mesh(sphere):
+    from concurrent.futures import ThreadPoolExecutor
+
+    origins, directions = np.random.default_rng(2).normal(size=(2, 5000, 3))
+    expected = sphere.first(origins, directions).triangle
+    with ThreadPoolExecutor(8) as pool:
+        for found in pool.map(lambda _: sphere.first(origins, directions).triangle, range(32)):
+            assert (found == expected).all()

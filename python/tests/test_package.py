@@ -1,0 +1,85 @@
+"""The package: import, command, types, examples of the documentation."""
+
+import ast
+import importlib.metadata
+import inspect
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import kiln
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = Path(kiln.__file__).parent
+
+
+def python(code: str) -> str:
+    return subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
+
+
+def test_import_is_fast_and_imports_neither_numpy_nor_trimesh():
+    code = """
+import sys, time
+start = time.perf_counter()
+import kiln
+print(time.perf_counter() - start, {"numpy", "trimesh"} & set(sys.modules))
+import kiln.trimesh
+print("trimesh" in sys.modules)
+"""
+    runs = [python(code).split() for _ in range(3)]
+    assert min(float(seconds) for seconds, *_ in runs) < 0.1
+    assert all(rest == ["set()", "False"] for _, *rest in runs)
+
+
+def test_command(tmp_path):
+    command = Path(sys.executable).with_name("kiln")
+    version = subprocess.run([command, "--version"], check=True, capture_output=True, text=True).stdout
+    assert version == f"kiln {kiln.__version__}\n"
+    assert kiln.__version__ == importlib.metadata.version("kiln-bvh")
+    missing = subprocess.run([command, "render", "missing.obj", "-o", tmp_path / "a.png"], capture_output=True, text=True)
+    assert missing.returncode == 3 and "missing.obj: no such file" in missing.stderr
+    assert subprocess.run([command, "rendr"], capture_output=True).returncode == 2
+
+
+def members(tree: ast.AST) -> set[str]:
+    """The public names of a stub, with those of its classes."""
+    found = set()
+    for node in tree.body:
+        if isinstance(node, (ast.ClassDef, ast.FunctionDef)):
+            found.add(node.name)
+        if isinstance(node, ast.ClassDef):
+            found |= {f"{node.name}.{item.name}" for item in node.body if isinstance(item, ast.FunctionDef)}
+    return {name for name in found if not name.split(".")[-1].startswith("__")}
+
+
+def test_stubs_have_what_the_module_has():
+    from kiln import _kiln
+
+    assert (PACKAGE / "py.typed").exists()
+    actual = {name for name, _ in inspect.getmembers(_kiln) if not name.startswith("__")}
+    for name in list(actual):
+        value = getattr(_kiln, name)
+        if inspect.isclass(value) and not issubclass(value, Warning):
+            actual |= {f"{name}.{item}" for item in vars(value) if not item.startswith("__")}
+    assert members(ast.parse((PACKAGE / "_kiln.pyi").read_text())) == actual
+
+
+def test_everything_public_is_documented():
+    for owner in (kiln, kiln.Mesh, kiln.Picture, kiln.Scene):
+        for name, value in inspect.getmembers(owner):
+            if not name.startswith("_"):
+                assert inspect.getdoc(value), name
+
+
+def test_examples(tmp_path, monkeypatch):
+    """The examples of docs/python.md, one after the other."""
+    monkeypatch.chdir(tmp_path)
+    examples = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "python.md").read_text(), re.DOTALL)
+    assert len(examples) >= 10
+    names = {}
+    for number, code in enumerate(examples):
+        exec(compile(code, f"example {number}", "exec"), names)
+    # That of the package index.
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "python" / "README.md").read_text(), re.DOTALL)
+    exec(compile(code, "README.md", "exec"), {})

@@ -1,0 +1,185 @@
+"""Pictures and scenes."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import TETRAHEDRON, icosphere
+
+import kiln
+
+ROOT = Path(__file__).parents[2]
+SCENE = ROOT / "scenes" / "assignment.toml"
+BALL = {"sphere": [{"centre": [0, 0, 0], "radius": 1, "material": "red"}], "material": {"red": {"colour": "#ff0000"}}}
+FRONT = {"position": [0, 0, 5], "look_at": [0, 0, 0], "vertical_fov": 40}
+
+
+def test_a_picture_is_that_of_the_command(tmp_path):
+    options = ["--size", "80x60", "--samples", "4", "--filter-radius", "0.75", "--without", "shadows"]
+    command = [sys.executable, "-m", "kiln", "render", SCENE, "-o", tmp_path / "command.png", *options]
+    subprocess.run(command, check=True, capture_output=True)
+    picture = kiln.render(SCENE, size=(80, 60), samples=4, filter_radius=0.75, without=["shadows"])
+    assert picture.pixels.shape == (60, 80, 3) and picture.pixels.dtype == np.uint8
+    picture.save(tmp_path / "module.png")
+    assert (tmp_path / "module.png").read_bytes() == (tmp_path / "command.png").read_bytes()
+    assert picture._repr_png_() == (tmp_path / "command.png").read_bytes()
+    assert (np.asarray(picture) == picture.pixels).all()
+
+
+def test_values_and_aovs(tmp_path):
+    """A ball of radius 1 seen from 5 away: the middle pixel of an odd size looks along the axis."""
+    picture = kiln.render(
+        BALL, camera=FRONT, size=(41, 41), dtype="float32", aovs=["depth", "normal", "object"], background="transparent"
+    )
+    assert picture.pixels.shape == (41, 41, 4) and picture.pixels.dtype == np.float32
+    assert list(picture.aovs) == ["depth", "normal", "object"]
+    depth, normal, objects = picture.aovs.values()
+    assert depth.shape == (41, 41) and normal.shape == (41, 41, 3)
+    assert depth[20, 20] == pytest.approx(4, abs=1e-6) and np.isinf(depth[0, 0])
+    assert normal[20, 20] == pytest.approx([0, 0, 1], abs=1e-6)
+    # Alpha is the part of the picture that the ball covers, and objects are counted from 0.
+    assert (picture.pixels[..., 3] == (objects == 0)).all() and (objects[0] == -1).all()
+    red, green, blue = picture.pixels[20, 20, :3]
+    assert red > 0 and green == blue == 0
+    picture.save(tmp_path / "ball.exr")
+    picture.save(tmp_path / "ball.png")
+    assert (tmp_path / "ball.exr").read_bytes()[:4] == b"\x76\x2f\x31\x01"
+    of_bytes = kiln.render(BALL, camera=FRONT, size=(41, 41), aovs=["depth"], background="transparent")
+    assert of_bytes.pixels.shape == (41, 41, 4) and (of_bytes.aovs["depth"] == depth).all()
+    with pytest.raises(ValueError, match="OpenEXR holds f32 values"):
+        of_bytes.save(tmp_path / "bytes.exr")
+
+
+def test_scenes_of_arrays():
+    vertices, faces = icosphere(2)
+    scene = kiln.Scene()
+    scene.add(vertices, faces, name="ball", material={"colour": "#00ff00"})
+    moves = np.tile(np.eye(4), (2, 1, 1))
+    moves[:, 0, 3] = [3, -3]
+    colours = np.full((4, 3), [255, 0, 0], np.uint8)
+    scene.add(*TETRAHEDRON, name="piece", transforms=moves, colours=colours, material={"colour": "#ffffff"})
+    scene.update({"camera": [{"name": "front", "position": [0, 0, 12], "look_at": [0, 0, 0], "vertical_fov": 40}]})
+    assert len(scene) == len(faces) + 2 * 4
+    assert scene.objects == ["ball", "piece", "piece"] and scene.cameras == ["front"]
+    assert np.allclose(scene.bounds, [[-3, -1, -1], [4, 1, 1]])
+    # Queries of the same scene, in its order.
+    mesh = scene.mesh(tier="double")
+    assert mesh.first([[3.2, 0.2, -5]], [[0, 0, 1]]).triangle.tolist() == [len(faces)]
+    picture = kiln.render(scene, size=(90, 60), shading="flat", aovs=["object"])
+    shown = picture.aovs["object"]
+    # Flat colours are those of the material and of the vertices.
+    assert set(map(tuple, picture.pixels[shown == 0])) == {(0, 255, 0)}
+    assert set(map(tuple, picture.pixels[shown == 1])) == {(255, 0, 0)}
+    assert set(map(tuple, picture.pixels[shown == -1])) == {(0, 0, 0)}
+
+
+def test_scenes_of_trimesh_and_bytes():
+    trimesh = pytest.importorskip("trimesh")
+    mesh = trimesh.creation.icosphere()
+    scene = kiln.Scene(trimesh.Scene([mesh, mesh.copy().apply_translation([3, 0, 0])]))
+    assert len(scene) == 2 * len(mesh.faces) and np.allclose(scene.bounds, [[-1, -1, -1], [4, 1, 1]], atol=1e-6)
+    assert len(kiln.Scene(mesh)) == len(kiln.Scene(mesh.export(file_type="ply"))) == len(mesh.faces)
+    assert kiln.Scene(mesh)._repr_png_()[1:4] == b"PNG"
+
+
+def test_files_and_their_options():
+    mesh = ROOT / "assets" / "import" / "tetrahedron.stl"
+    y_up, z_up = kiln.Scene(mesh, up="y"), kiln.Scene([mesh], up="z")
+    assert len(y_up) == len(z_up) == 4
+    # z up: (x, y, z) becomes (x, z, -y).
+    (low, high), turned = y_up.bounds, z_up.bounds
+    assert np.allclose(turned, [[low[0], low[2], -high[1]], [high[0], high[2], -low[1]]])
+    assert kiln.render(mesh, up="z", size=(8, 8), draft=True).pixels.shape == (8, 8, 3)
+
+
+@pytest.mark.parametrize(
+    "call, error, what",
+    [
+        (lambda: kiln.render("missing.obj"), FileNotFoundError, "missing.obj"),
+        (lambda: kiln.render(BALL, sampels=4), ValueError, "--sampels.*--samples"),
+        (lambda: kiln.render(BALL, samples=0), ValueError, "from 1 to 65536"),
+        (lambda: kiln.render(BALL, size=(8,)), ValueError, "WIDTHxHEIGHT"),
+        (lambda: kiln.render(BALL, camera="back"), ValueError, "camera"),
+        (lambda: kiln.render(BALL, aovs=["depht"]), ValueError, "did you mean `depth`"),
+        (lambda: kiln.render(BALL, dtype="float64"), ValueError, "neither uint8 nor float32"),
+        (lambda: kiln.render(BALL, samples=object()), TypeError, "object"),
+        (lambda: kiln.render(kiln.Scene(BALL), up="z"), ValueError, "Scene"),
+        (lambda: kiln.render({"spere": []}), ValueError, "unknown key `spere`; did you mean `sphere`"),
+        (lambda: kiln.Scene(BALL, samples=4), ValueError, "options of the picture"),
+        (lambda: kiln.Scene(b"nonsense"), ValueError, "-:1"),
+        (lambda: kiln.Scene().add([[0, 0]], []), ValueError, "^vertices"),
+        (lambda: kiln.Scene().add(*TETRAHEDRON, material="gold"), ValueError, "^material: .*`gold`"),
+        (lambda: kiln.Scene().add(*TETRAHEDRON, colours=[[2, 0, 0]] * 4), ValueError, "^colours: row 0"),
+        (lambda: kiln.Scene().add(*TETRAHEDRON, normals=[[1, 0, 0]]), ValueError, "^normals: 1 rows"),
+        (lambda: kiln.Scene().add(*TETRAHEDRON, transforms=np.eye(4)), ValueError, r"^transforms: .*\(4, 4\)"),
+        (lambda: kiln.Scene().add(*TETRAHEDRON, transforms=[np.ones((4, 4))]), ValueError, "affine"),
+    ],
+)
+def test_mistakes(call, error, what):
+    with pytest.raises(error, match=what):
+        call()
+
+
+def test_warnings():
+    with pytest.warns(kiln.KilnWarning, match="nothing is in the picture"):
+        kiln.render(BALL, camera={**FRONT, "look_at": [0, 0, 9]}, size=(8, 8))
+    scene = kiln.Scene()
+    with pytest.warns(kiln.KilnWarning, match="far: left out 1 primitive"):
+        scene.add([[0, 0, 0], [1e19, 0, 0], [0, 1, 0]], [[0, 1, 2]], name="far")
+
+
+def test_progress():
+    calls = []
+    main = threading.get_ident()
+    kiln.render(SCENE, size=(320, 240), samples=64, progress=lambda *tiles: calls.append((*tiles, threading.get_ident())))
+    done, total, threads = zip(*calls)
+    assert list(done) == sorted(set(done)) and done[-1] == total[-1] == 300 and set(threads) == {main}
+
+
+class Stop(Exception):
+    pass
+
+
+def test_an_exception_of_progress_ends_the_picture():
+    def stop(_done, _total):
+        raise Stop
+
+    start = time.monotonic()
+    with pytest.raises(Stop):
+        kiln.render(SCENE, size=(2000, 2000), samples=4096, progress=stop)
+    assert time.monotonic() - start < 10
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows sends no SIGINT to one process")
+@pytest.mark.parametrize("transport", ["whitted", "path"])
+def test_keyboard_interrupt(transport):
+    """Within a second of the signal, also where a tile takes longer."""
+    threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    start = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        kiln.render(SCENE, size=(2000, 2000), samples=65536, transport=transport)
+    assert time.monotonic() - start < 1.5
+    # The next picture is not disturbed.
+    assert kiln.render(SCENE, size=(16, 16)).pixels.any()
+
+
+def test_other_threads_run_while_a_picture_is_rendered():
+    ticks = []
+    stop = threading.Event()
+
+    def tick():
+        while not stop.wait(0.01):
+            ticks.append(time.monotonic())
+
+    thread = threading.Thread(target=tick)
+    thread.start()
+    kiln.render(SCENE, size=(640, 480), samples=64)
+    stop.set()
+    thread.join()
+    assert len(ticks) > 10
