@@ -181,8 +181,8 @@ impl Mesh {
         self.bvh.accelerator().numerics().name()
     }
 
-    /// The closest hit of every ray: Hits of n rows, with the triangle -1 and nan for a ray that hits nothing. Of hits at
-    /// equal distance, the one of the lowest triangle.
+    /// The closest hit of every ray: Hits of n rows, with the triangle -1 and nan for a ray that hits nothing. Of hits
+    /// at equal distance, the one of the lowest triangle.
     ///
     /// origins, directions: (n, 3) float64. max_distance: a number or (n,) float64 above 0; hits are nearer.
     #[pyo3(signature = (origins, directions, max_distance = None))]
@@ -267,15 +267,15 @@ impl Mesh {
         result(py, "Crossings", fields)
     }
 
-    /// Whether points are inside the surface: (n,) bool, whether the winding number is not 0. Exact for a closed surface;
-    /// warns of another. points: (n, 3) float64.
+    /// Whether points are inside the surface: (n,) bool, whether the winding number is not 0. Exact for a closed
+    /// surface; warns of another. points: (n, 3) float64.
     fn contains<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         self.warn_if_open(points.py())?;
         Ok(vector(points.py(), self.with_points(points, |bvh, points| bvh.par_contains(points).0)?))
     }
 
-    /// How often the surface winds around points: (n,) int32, 1 inside of a closed mesh and 0 outside. Warns of a surface
-    /// that is not closed. points: (n, 3) float64.
+    /// How often the surface winds around points: (n,) int32, 1 inside of a closed mesh and 0 outside. Warns of a
+    /// surface that is not closed. points: (n, 3) float64.
     fn winding_number<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         self.warn_if_open(points.py())?;
         Ok(vector(points.py(), self.with_points(points, Bvh::par_winding_numbers)?))
@@ -298,8 +298,8 @@ impl Mesh {
         result(py, "ClosestPoints", fields)
     }
 
-    /// The distances of points from the surface, negative inside: (n,) float64; nan for a mesh without triangles. Warns of
-    /// a surface that is not closed. points: (n, 3) float64.
+    /// The distances of points from the surface, negative inside: (n,) float64; nan for a mesh without triangles. Warns
+    /// of a surface that is not closed. points: (n, 3) float64.
     fn signed_distance<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         self.warn_if_open(points.py())?;
         let distances = self.with_points(points, Bvh::par_signed_distances)?;

@@ -21,9 +21,9 @@ use crate::{interruptible, raised, warn_all};
 #[pyclass(frozen, module = "kiln")]
 pub(crate) struct Picture {
     picture: picture::Picture,
-    /// The pixels, row by row from the top: (height, width, 3), or (height, width, 4) with a transparent background; uint8
-    /// display values whose colours are not multiplied by alpha, or float32 values in the scene's colour space, multiplied
-    /// by alpha.
+    /// The pixels, row by row from the top: (height, width, 3), or (height, width, 4) with a transparent background;
+    /// uint8 display values whose colours are not multiplied by alpha, or float32 values in the scene's colour space,
+    /// multiplied by alpha.
     #[pyo3(get)]
     pixels: Py<PyAny>,
     /// The AOVs by name: (height, width) float32, or (height, width, 3).
@@ -132,8 +132,8 @@ fn shape(window: Window, channels: usize) -> [usize; 3] {
 
 #[pymethods]
 impl Picture {
-    /// Writes the picture to a .png, .jpg or .exr file, with its metadata. Only float32 pictures are written to .exr, with
-    /// their AOVs.
+    /// Writes the picture to a .png, .jpg or .exr file, with its metadata. Only float32 pictures are written to .exr,
+    /// with their AOVs.
     fn save(&self, py: Python, file: PathBuf) -> PyResult<()> {
         py.detach(|| self.picture.write(&file)).map_err(|e| raised(&e))
     }

@@ -88,7 +88,9 @@ def times(name, mesh):
     native.intersects_first(origins[:1], directions[:1])
     start = clock()
     native.intersects_first(origins[few], directions[few])
-    print(f"  trimesh without embreex: {(clock() - start) * rays / len(origins[few]):.0f} s, from {len(origins[few])} rays")
+    print(
+        f"  trimesh without embreex: {(clock() - start) * rays / len(origins[few]):.0f} s, from {len(origins[few])} rays"
+    )
 
 
 def errors():
@@ -108,7 +110,10 @@ def errors():
     inner = np.linalg.norm(vertices[faces].mean(axis=1), axis=1).min()
     clear = (radius < inner) | (radius > 1)
     points, inside = points[clear], (radius < inner)[clear]
-    engines = {"kiln": kiln.trimesh.RayMeshIntersector(mesh), "trimesh with embreex": ray_pyembree.RayMeshIntersector(mesh)}
+    engines = {
+        "kiln": kiln.trimesh.RayMeshIntersector(mesh),
+        "trimesh with embreex": ray_pyembree.RayMeshIntersector(mesh),
+    }
     native = ray_triangle.RayMeshIntersector(mesh)
     print(f"a closed sphere of {len(faces)} triangles, {count} rays, {len(points)} points")
     for name, engine in engines.items():

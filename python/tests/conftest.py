@@ -13,7 +13,9 @@ def icosphere(subdivisions: int) -> tuple[np.ndarray, np.ndarray]:
     vertices = np.array([np.roll(v, k) for k in range(3) for v in vertices])
     distance = np.linalg.norm(vertices[:, None] - vertices[None], axis=2)
     near = np.isclose(distance, 2)
-    faces = [(a, b, c) for a in range(12) for b in range(a) for c in range(b) if near[a, b] and near[b, c] and near[c, a]]
+    faces = [
+        (a, b, c) for a in range(12) for b in range(a) for c in range(b) if near[a, b] and near[b, c] and near[c, a]
+    ]
     faces = [(a, b, c) if np.linalg.det(vertices[[a, b, c]]) > 0 else (a, c, b) for a, b, c in faces]
     vertices /= np.linalg.norm(vertices[0])
     for _ in range(subdivisions):

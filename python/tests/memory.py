@@ -1,6 +1,6 @@
 """Resident memory over many builds and queries, and over pictures: it must not grow.
 
-    python memory.py [BUILDS]
+python memory.py [BUILDS]
 """
 
 import gc

@@ -37,7 +37,9 @@ def test_command(tmp_path):
     version = subprocess.run([command, "--version"], check=True, capture_output=True, text=True).stdout
     assert version == f"kiln {kiln.__version__}\n"
     assert kiln.__version__ == importlib.metadata.version("kiln-bvh")
-    missing = subprocess.run([command, "render", "missing.obj", "-o", tmp_path / "a.png"], capture_output=True, text=True)
+    missing = subprocess.run(
+        [command, "render", "missing.obj", "-o", tmp_path / "a.png"], capture_output=True, text=True
+    )
     assert missing.returncode == 3 and "missing.obj: no such file" in missing.stderr
     assert subprocess.run([command, "rendr"], capture_output=True).returncode == 2
 

@@ -137,7 +137,9 @@ def test_warnings():
 def test_progress():
     calls = []
     main = threading.get_ident()
-    kiln.render(SCENE, size=(320, 240), samples=64, progress=lambda *tiles: calls.append((*tiles, threading.get_ident())))
+    kiln.render(
+        SCENE, size=(320, 240), samples=64, progress=lambda *tiles: calls.append((*tiles, threading.get_ident()))
+    )
     done, total, threads = zip(*calls)
     assert list(done) == sorted(set(done)) and done[-1] == total[-1] == 300 and set(threads) == {main}
 

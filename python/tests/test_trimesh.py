@@ -92,7 +92,12 @@ def test_issue_2534_a_cavity_is_outside():
     outer, inner = trimesh.creation.box(extents=[1] * 3), trimesh.creation.box(extents=[0.1] * 3)
     inner.invert()
     mesh = with_kiln(trimesh.util.concatenate([outer, inner]))
-    assert mesh.contains([[0, 0, 0], [0.2, 0, 0], [0.04, 0.04, 0.04], [0.06, 0, 0]]).tolist() == [False, True, False, True]
+    assert mesh.contains([[0, 0, 0], [0.2, 0, 0], [0.04, 0.04, 0.04], [0.06, 0, 0]]).tolist() == [
+        False,
+        True,
+        False,
+        True,
+    ]
     points = np.random.default_rng(0).uniform(-0.6, 0.6, (100_000, 3))
     expected = (np.abs(points) < 0.5).all(axis=1) & ~(np.abs(points) < 0.05).all(axis=1)
     assert (mesh.contains(points) == expected).all()

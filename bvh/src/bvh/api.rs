@@ -126,8 +126,8 @@ impl Bvh {
         Ok(ray_of(self.numerics.ray_precision(), origin, direction, t_max))
     }
 
-    /// [`Bvh::ray_within`] of each origin with the direction at the same index; with `t_max` of one number for all rays,
-    /// or one for each, or `None` for infinity.
+    /// [`Bvh::ray_within`] of each origin with the direction at the same index; with `t_max` of one number for all
+    /// rays, or one for each, or `None` for infinity.
     ///
     /// # Errors
     /// The first index whose ray is not valid, and why.

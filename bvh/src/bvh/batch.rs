@@ -235,8 +235,8 @@ fn lists<T: Copy + Send>(
     Lists { ends, values }
 }
 
-/// Calls `trace` with groups of rays in [`Worker::rays`], and `done` with the indices of a group and its result, a group
-/// at a time.
+/// Calls `trace` with groups of rays in [`Worker::rays`], and `done` with the indices of a group and its result, a
+/// group at a time.
 fn trace_groups<G: Send>(
     rays: &impl RayList,
     is_sorted: bool,
@@ -294,8 +294,9 @@ impl Iterator for Indices<'_> {
     }
 }
 
-/// Calls `work` on all threads with groups of neighbouring queries of `count`, and `done` with each group and its result,
-/// a group at a time in no order. `of` is the origin and direction of a query, by which queries are sorted if `is_sorted`.
+/// Calls `work` on all threads with groups of neighbouring queries of `count`, and `done` with each group and its
+/// result, a group at a time in no order. `of` is the origin and direction of a query, by which queries are sorted if
+/// `is_sorted`.
 fn in_groups<G: Send>(
     count: usize,
     is_sorted: bool,
