@@ -68,8 +68,8 @@ class RayMeshIntersector:
         multiple_hits: bool = True,
         **options,
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
-        """The points where rays hit the mesh, the rays and the triangles: locations (m, 3), index_ray (m,) and index_tri
-        (m,). Options as those of `intersects_id`."""
+        """The points where rays hit the mesh, the rays and the triangles: locations (m, 3), index_ray (m,) and
+        index_tri (m,). Options as those of `intersects_id`."""
         options["return_locations"] = True
         index_tri, index_ray, locations = self.intersects_id(ray_origins, ray_directions, multiple_hits, **options)
         return locations, index_ray, index_tri

@@ -3,8 +3,8 @@ where these are installed: the table of docs/python.md.
 
     KILN_MODELS=/path/to/models python benchmark.py [RAYS]
 
-Seconds are those of a clock, the best of three runs, by libraries in turns; --cpu takes processor time instead, for machines
-that do other work. RAYON_NUM_THREADS=1 restricts kiln to one thread; embreex has one anyway.
+Seconds are those of a clock, the best of three runs, by libraries in turns; --cpu takes processor time instead, for
+machines that do other work. RAYON_NUM_THREADS=1 restricts kiln to one thread; embreex has one anyway.
 """
 
 import os
@@ -89,7 +89,8 @@ def times(name, mesh):
     start = clock()
     native.intersects_first(origins[few], directions[few])
     print(
-        f"  trimesh without embreex: {(clock() - start) * rays / len(origins[few]):.0f} s, from {len(origins[few])} rays"
+        f"  trimesh without embreex: {(clock() - start) * rays / len(origins[few]):.0f} s, "
+        f"from {len(origins[few])} rays"
     )
 
 

@@ -1,5 +1,5 @@
-"""Calls of kiln.Mesh with arguments of any kind: none may end the interpreter, or raise anything but ValueError, TypeError
-and OverflowError.
+"""Calls of kiln.Mesh with arguments of any kind: none may end the interpreter, or raise anything but ValueError,
+TypeError and OverflowError.
 
     python fuzz.py [CALLS] [SEED]
 """
@@ -61,7 +61,7 @@ def mesh():
 
 QUERIES = ["first", "any", "all", "crossings", "contains", "winding_number", "closest_point", "signed_distance"]
 current, failed = kiln.Mesh([], []), 0
-for call in range(calls):
+for _ in range(calls):
     try:
         if random.random() < 0.1:
             current = mesh()

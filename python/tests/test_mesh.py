@@ -75,7 +75,10 @@ def test_brute_force(tier):
     unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     distance = np.einsum("rtk,tk->rt", a[None] - origins[:, None], normal) / (unit @ normal.T)
     point = origins[:, None] + distance[..., None] * unit[:, None]
-    edge = lambda p, q: np.einsum("rtk,tk->rt", np.cross(q - p, point - p), normal)
+
+    def edge(p, q):
+        return np.einsum("rtk,tk->rt", np.cross(q - p, point - p), normal)
+
     inside = np.minimum(np.minimum(edge(a, b), edge(b, c)), edge(c, a)) / np.einsum("tk,tk->t", normal, normal)
     clear = ((np.abs(inside) > 1e-4) & (np.abs(distance) > 1e-4)).all(axis=1)
     assert clear.sum() > 200
