@@ -22,7 +22,7 @@ fn converted<'py>(
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
     // An empty list has the type f64.
     let is_empty = array.getattr("size")?.extract::<usize>()? == 0;
-    if !kinds.contains(&kind) && !(is_empty && kind == "f") {
+    if !(kinds.contains(&kind) || is_empty && kind == "f") {
         let what = if kinds.contains('f') { "numbers" } else { "integers" };
         let given = array.getattr("dtype")?;
         return Err(PyValueError::new_err(format!("{name}: expected {what}, not the dtype {given}")));
@@ -54,7 +54,7 @@ fn checked_rows<'py, T: Element>(
         return Err(PyValueError::new_err(format!("{name}: expected the shape (n, {width}), not {shape}")));
     }
     let array = array.call_method1("reshape", (-1, width))?;
-    Ok(array.extract()?)
+    array.extract()
 }
 
 /// A row of numbers an element.

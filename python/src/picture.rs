@@ -45,7 +45,7 @@ pub(crate) fn render(
     options: NamedOptions,
     dtype: &str,
     aovs: Vec<String>,
-    progress: Option<Py<PyAny>>,
+    progress: Option<&Bound<PyAny>>,
 ) -> PyResult<Picture> {
     let format = match dtype {
         "uint8" => Format::Png,
@@ -61,11 +61,11 @@ pub(crate) fn render(
     let cancel = Arc::new(AtomicBool::new(false));
     let tiles = Arc::new([AtomicUsize::new(0), AtomicUsize::new(0)]);
     let mut reported = 0;
-    let report = |py: Python| {
+    let report = |_: Python| {
         let [done, total] = [0, 1].map(|k| tiles[k].load(Ordering::Relaxed));
-        if let Some(progress) = progress.as_ref().filter(|_| done > reported) {
+        if let Some(progress) = progress.filter(|_| done > reported) {
             reported = done;
-            progress.call1(py, (done, total))?;
+            progress.call1((done, total))?;
         }
         Ok(())
     };
@@ -135,7 +135,7 @@ impl Picture {
     /// Writes the picture to a .png, .jpg or .exr file, with its metadata. Only float32 pictures are written to .exr,
     /// with their AOVs.
     fn save(&self, py: Python, file: PathBuf) -> PyResult<()> {
-        py.detach(|| self.picture.write(&file)).map_err(|e| raised(&e))
+        py.detach(move || self.picture.write(&file)).map_err(|e| raised(&e))
     }
 
     fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {

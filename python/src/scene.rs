@@ -112,7 +112,7 @@ impl Scene {
         &mut self,
         vertices: &Bound<PyAny>,
         faces: &Bound<PyAny>,
-        name: String,
+        name: &str,
         material: Option<&str>,
         normals: Option<&Bound<PyAny>>,
         uvs: Option<&Bound<PyAny>>,
@@ -139,11 +139,11 @@ impl Scene {
             Some(transforms) => placed(mesh, transforms)?,
         };
         let material = self.material(material)?;
-        let object = |shape| Object { name: name.clone(), input: 0, material, shape };
+        let object = |shape| Object { name: name.to_owned(), input: 0, material, shape };
         let mut added =
             kiln::scene::Scene { objects: shapes.into_iter().map(object).collect(), ..Default::default() };
         let mut warnings = Warnings::default();
-        import::sanitise(&mut added, &name, &mut warnings);
+        import::sanitise(&mut added, name, &mut warnings);
         let scene = Arc::make_mut(&mut self.scene);
         scene.has_left_out |= added.has_left_out;
         scene.objects.extend(added.objects);

@@ -36,7 +36,7 @@ const SPREAD: [u32; 1 << BITS] = {
 };
 
 /// Rays of a batch.
-pub trait RayList: Sync {
+pub trait RayList: Copy + Sync {
     /// The number of rays.
     fn len(&self) -> usize;
 
@@ -199,14 +199,17 @@ impl Bvh {
     }
 }
 
+/// Results of rays, each with the index of its ray.
+type Found<T> = Vec<(usize, T)>;
+
 /// The results of `work`, which appends those of some rays with the index of each ray among them, in order.
 fn lists<T: Copy + Send>(
     rays: &impl RayList,
     is_sorted: bool,
-    work: impl Fn(Rays, &mut Vec<(usize, T)>, &mut Traversal) + Sync,
+    work: impl Fn(Rays, &mut Found<T>, &mut Traversal) + Sync,
 ) -> Lists<T> {
     let mut ends = vec![0; rays.len()];
-    let mut groups: Vec<(Vec<usize>, Vec<(usize, T)>)> = Vec::new();
+    let mut groups: Vec<(Vec<usize>, Found<T>)> = Vec::new();
     let trace = |worker: &mut Worker| {
         let mut found = Vec::new();
         work(worker.rays.rays(), &mut found, &mut worker.traversal);
