@@ -44,9 +44,8 @@ const NOISE: f64 = 0.025;
 const SAMPLES: u32 = 16;
 pub(super) const PATH_SAMPLES: u32 = 64;
 
-/// The same of paths that only the materials call for. Their indirect light is clamped to white.
-const CALLED_NOISE: f64 = 0.06;
-const CALLED_SAMPLES: u32 = 36;
+/// The noise of paths that only the materials call for. Their indirect light is clamped to white.
+const CALLED_NOISE: f64 = 0.055;
 
 /// Rows of the fill light as an image for path tracing.
 const ROWS: u32 = 512;
@@ -58,7 +57,7 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
     }
     let has_lamps = call_for_paths(scene, settings, warnings);
     let (noise, most) = match (scene.transport(), &scene.path_call) {
-        (Transport::Path, Some(_)) => (CALLED_NOISE, CALLED_SAMPLES),
+        (Transport::Path, Some(_)) => (CALLED_NOISE, PATH_SAMPLES),
         (Transport::Path, None) => (NOISE, PATH_SAMPLES),
         (Transport::Whitted, _) => (NOISE, SAMPLES),
     };

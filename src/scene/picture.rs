@@ -52,7 +52,7 @@ options! {
         /// and darkens indirect light [default: none]
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "RADIANCE", value_parser = parser::<Clamp>()] clamp: Clamp,
         /// Samples per pixel, 1 to 65536; with a noise threshold, the maximum [default: for meshes 16,
-        /// with glass or lamps 36, with path tracing 64; for scene files 1 at the pixel's centre, 16 with a filter, 256 with a noise threshold]
+        /// with path tracing 64; for scene files 1 at the pixel's centre, 16 with a filter, 256 with a noise threshold]
         [long, help_heading = group::QUALITY, display_order = 0, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] samples: Samples,
         /// Pixel reconstruction filter [default: gaussian]
         [long, help_heading = group::QUALITY, value_name = "FILTER", value_parser = parser::<FilterShape>()] filter: FilterShape,
@@ -60,7 +60,7 @@ options! {
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "PIXELS", value_parser = parser::<FilterRadius>()]
         filter_radius: FilterRadius,
         /// Noise threshold of adaptive sampling: sample each pixel until the standard error of its displayed value (1 is white)
-        /// is below this [default: for meshes without sampling options 0.025, with glass or lamps 0.06, else none]
+        /// is below this [default: for meshes without sampling options 0.025, with glass or lamps 0.055, else none]
         [long, help_heading = group::QUALITY, display_order = 1, allow_hyphen_values = true, value_name = "LEVEL", value_parser = parser::<Noise>()] noise: Noise,
         /// Minimum samples per pixel of adaptive sampling [default: 4]
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] min_samples: Samples,
