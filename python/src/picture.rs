@@ -54,7 +54,7 @@ pub(crate) fn render(
     };
     let options = parse_options(options)?;
     let scene = Arc::clone(&scene.try_borrow()?.scene);
-    if options.has_import() && scene.import_options != *options.import() {
+    if options.has_import() && scene.import_options != options.import() {
         let what = "options of how files are read are for Scene(), which has read them";
         return Err(PyValueError::new_err(what));
     }

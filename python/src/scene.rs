@@ -79,7 +79,7 @@ impl Scene {
     #[staticmethod]
     fn load(py: Python, files: Vec<PathBuf>, options: NamedOptions, with_picture: bool) -> PyResult<Self> {
         read(py, options, with_picture, move |options, warnings| {
-            import::load_with(&files, options.import(), warnings)
+            import::load_with(&files, &options.import(), warnings)
         })
     }
 
@@ -87,7 +87,7 @@ impl Scene {
     #[staticmethod]
     fn parse(py: Python, contents: Vec<u8>, options: NamedOptions, with_picture: bool) -> PyResult<Self> {
         read(py, options, with_picture, move |options, warnings| {
-            import::load_bytes(contents, options.import(), warnings)
+            import::load_bytes(contents, &options.import(), warnings)
         })
     }
 

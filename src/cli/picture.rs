@@ -67,8 +67,8 @@ impl Options {
     }
 
     /// Options of the inputs.
-    pub fn import(&self) -> &ImportOptions {
-        &self.0.import
+    pub fn import(&self) -> ImportOptions {
+        self.0.reading()
     }
 
     /// Whether there are options of the inputs.
