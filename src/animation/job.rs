@@ -11,7 +11,7 @@ use crate::farm::Shard;
 use crate::film::tone::Exposure;
 use crate::film::write::FRAME;
 use crate::job::camera::{Viewpoint, nothing_to_look_at};
-use crate::job::metadata::set_auto_exposure;
+use crate::job::metadata::{self, set_auto_exposure};
 use crate::job::{self, Metadata, RenderControl, RenderJob, RenderSettings, ResolvedJob};
 use crate::scene::animation::Timeline;
 use crate::scene::{Camera, Scene};
@@ -68,6 +68,7 @@ impl AnimationJob {
     ) -> Result<Self> {
         crate::effects::check_scene(&scene.effects)?;
         crate::import::check_drawable(&scene)?;
+        let chosen_exposure = settings.picture.exposure.or(scene.picture.exposure);
         settings.complete(&mut scene, warnings)?;
         let is_turntable = scene.animation.is_none();
         let (camera, size) = camera_and_size(&mut scene, settings, warnings)?;
@@ -91,7 +92,11 @@ impl AnimationJob {
             warnings.note(note);
         }
         let light = job::added_light(&scene);
+        let meters = job::leave_to_metering(&mut scene, chosen_exposure, settings, &camera);
         let mut resolved = job::resolve_for(scene, None, camera.clone(), size, settings)?;
+        if meters {
+            resolved.set_metering();
+        }
         let mine = list.frames().iter().enumerate().filter(|(place, _)| request.shard.has(*place));
         let mine: Vec<i32> = mine.map(|(_, &frame)| frame).collect();
         // In parallel, since checking a file reads all of it.
@@ -120,14 +125,26 @@ impl AnimationJob {
         Ok(made)
     }
 
-    /// Replaces an automatic exposure by that of frame 0, the animation's first, whichever frames are rendered: so all
-    /// frames, also those of other runs, have the same. Returns its EV, if the exposure is automatic.
+    /// Replaces an automatic or metered exposure by that of frame 0, the animation's first, whichever frames are rendered: so
+    /// all frames, also those of other runs, have the same. Returns its EV, if there is one.
     ///
     /// # Errors
     /// Those of [`AnimationJob::frame`] and [`RenderJob::render`].
     pub fn fix_exposure(&mut self, control: &RenderControl) -> Result<Option<f64>> {
         let display = self.resolved.settings.picture.display();
-        if !display.is_auto() || self.frames.is_empty() {
+        if self.frames.is_empty() {
+            return Ok(None);
+        }
+        if self.resolved.meters {
+            let mut first = self.frame(0)?;
+            let ev = first.meter(control)?;
+            let resolved = &mut self.resolved;
+            (resolved.settings.picture, resolved.choices.clamp) =
+                (first.settings.picture, first.choices.clamp);
+            metadata::replace(&mut resolved.metadata, &resolved.settings.picture);
+            return Ok(Some(ev));
+        }
+        if !display.is_auto() {
             return Ok(None);
         }
         let first = self.frame(0)?;

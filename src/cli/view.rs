@@ -140,6 +140,7 @@ mod tests {
         arguments.inputs = own.clone();
         let turned = |up| ImportOptions {
             reading: ReadingOptions { up, ..ReadingOptions::default() },
+            smooths_meshes: true,
             ..ImportOptions::default()
         };
         for (inputs, chosen, up) in [

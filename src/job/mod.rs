@@ -292,6 +292,27 @@ impl RenderJob {
         Ok(small)
     }
 
+    /// Sets the exposure from a small render of the whole picture, and the clamp of paths that materials call for. Returns the EV.
+    ///
+    /// # Errors
+    /// As [`RenderJob::render`].
+    pub(crate) fn meter(&mut self, control: &RenderControl) -> Result<f64> {
+        let small = self.to_be_metered(Some(METER_SAMPLES))?;
+        let (film, _) = small.render::<[f32; 3]>(control)?;
+        let subject = film.rows().zip(small.subject(control)?).filter(|(_, is_shown)| *is_shown);
+        let subject: Vec<[f32; 3]> = subject.map(|(colour, _)| colour).collect();
+        let picture = &mut self.settings.picture;
+        let ev = mean_exposure(&subject, picture.tone_map.unwrap_or_default());
+        picture.exposure = Some(Exposure::Ev(ev));
+        if self.choices.clamp.is_none() && self.world.path_call.is_some() {
+            picture.clamp = Some(studio::white(ev));
+            self.choices.clamp = picture.clamp.map(Clamp::get);
+            self.plan = Plan::new(&self.world, &self.choices)?;
+        }
+        metadata::replace(&mut self.metadata, &self.settings.picture);
+        Ok(ev)
+    }
+
     /// Source of the AOVs of the picture.
     pub fn aov_source<'a>(&'a self, film: Option<&'a Film>) -> AovSource<'a> {
         let RenderJob { world, recentering, view, plan, window, settings, .. } = self;
@@ -376,19 +397,30 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
         scene.lights.extend(light.at(&camera));
         light.note(warnings);
     }
+    let meters = leave_to_metering(&mut scene, chosen_exposure, settings, &camera);
+    let mut resolved = resolve_for(scene, recentering, camera, size, settings)?;
+    if meters {
+        resolved.set_metering();
+    }
+    Ok(resolved)
+}
+
+/// Whether the exposure of a scene is metered once it is built, given what was chosen before the default look completed the
+/// settings. If so, the scene has none.
+pub(crate) fn leave_to_metering(
+    scene: &mut Scene,
+    chosen: Option<Exposure>,
+    settings: &RenderSettings,
+    camera: &Camera,
+) -> bool {
     let is_auto = scene.picture.exposure == Some(Exposure::Auto);
-    let is_default = chosen_exposure.is_none() && (is_auto || is_inside(&scene, settings, &camera));
+    let is_default = chosen.is_none() && (is_auto || is_inside(scene, settings, camera));
     // What is put before a backdrop is displayed when it is rendered.
     let meters = is_default || is_auto && scene.has_backdrop;
     if meters {
         scene.picture.exposure = None;
     }
-    let mut resolved = resolve_for(scene, recentering, camera, size, settings)?;
-    if meters {
-        resolved.meters = true;
-        metadata::add_to_fingerprint(&mut resolved.metadata, "metered", &true);
-    }
-    Ok(resolved)
+    meters
 }
 
 /// Whether the default look shows a scene from within its bounds, where little of its light may arrive.
@@ -531,6 +563,12 @@ pub fn resolve_for(
 }
 
 impl ResolvedJob {
+    /// Lets the exposure be metered.
+    pub(crate) fn set_metering(&mut self) {
+        self.meters = true;
+        metadata::add_to_fingerprint(&mut self.metadata, "metered", &true);
+    }
+
     /// Width and height of the whole picture in pixels.
     pub fn size(&self) -> [u32; 2] {
         let Window { width, height, .. } = self.window;
@@ -560,19 +598,7 @@ impl ResolvedJob {
         let job = RenderJob::new(Arc::new(world), recentering, camera, size, choices)?;
         let mut job = RenderJob { window, settings, metadata, ..job };
         if meters {
-            let (small, control) = (job.to_be_metered(Some(METER_SAMPLES))?, RenderControl::default());
-            let (film, _) = small.render::<[f32; 3]>(&control)?;
-            let subject = film.rows().zip(small.subject(&control)?).filter(|(_, is_shown)| *is_shown);
-            let subject: Vec<[f32; 3]> = subject.map(|(colour, _)| colour).collect();
-            let picture = &mut job.settings.picture;
-            let ev = mean_exposure(&subject, picture.tone_map.unwrap_or_default());
-            picture.exposure = Some(Exposure::Ev(ev));
-            if job.choices.clamp.is_none() && job.world.path_call.is_some() {
-                picture.clamp = Some(studio::white(ev));
-                job.choices.clamp = picture.clamp.map(Clamp::get);
-                job.plan = Plan::new(&job.world, &job.choices)?;
-            }
-            metadata::replace(&mut job.metadata, &job.settings.picture);
+            let ev = job.meter(&RenderControl::default())?;
             warnings.note(format!("the exposure is {ev} EV, metered; --exposure 0 leaves light as it is"));
         }
         warn_of_job(&job, warnings);

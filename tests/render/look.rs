@@ -1,10 +1,11 @@
 //! The default look: what calls for path tracing, and the exposure of lamps.
 
 use crate::common::picture::parse;
+use kiln::animation::{AnimationJob, FrameList, FrameRequest};
 use kiln::effects::id;
 use kiln::error::Warnings;
 use kiln::film::tone::Exposure;
-use kiln::film::{ColourPipeline, Film};
+use kiln::film::{ColourPipeline, Film, Window};
 use kiln::job::{RenderControl, RenderJob, RenderSettings, prepare};
 use kiln::scene::{Look, PictureSettings, Transport};
 
@@ -76,4 +77,25 @@ fn rooms_are_exposed() {
     // An exposure that is chosen is kept.
     let chosen = job("look = 'studio'\nexposure = 0", ROOM, &RenderSettings::default());
     assert_eq!(chosen.settings.picture.exposure, Some(Exposure::Ev(0.0)));
+}
+
+/// A part of an animation has the exposure of the whole, which is that of a picture of frame 0.
+#[test]
+fn animations_are_exposed_by_frame_0() {
+    let exposure = |crop: Option<Window>| {
+        let scene = parse(&format!("[image]\nwidth = 48\nheight = 48\nlook = 'studio'\n{ROOM}"));
+        let settings = RenderSettings { crop, ..RenderSettings::default() };
+        let list = FrameList::range(0, 1);
+        let request = FrameRequest::all(None, None, Some(&list));
+        let mut animation =
+            AnimationJob::prepare(scene, &settings, &request, &mut Warnings::default(), |_| ())
+                .expect("frames");
+        let ev = animation.fix_exposure(&RenderControl::default()).expect("an exposure");
+        assert_eq!(animation.frame(1).expect("a frame").settings.picture.exposure, ev.map(Exposure::Ev));
+        ev
+    };
+    let still = job("look = 'studio'", ROOM, &RenderSettings::default()).settings.picture.exposure;
+    let whole = exposure(None);
+    assert_eq!(whole.map(Exposure::Ev), still);
+    assert_eq!(exposure(Some(Window { x: 3, y: 5, width: 9, height: 7 })), whole);
 }
