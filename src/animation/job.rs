@@ -92,7 +92,9 @@ impl AnimationJob {
             warnings.note(note);
         }
         let light = job::added_light(&scene);
-        let meters = job::leave_to_metering(&mut scene, chosen_exposure, settings, &camera);
+        let mut picture = scene.picture;
+        let meters = job::leave_to_metering(&mut picture, chosen_exposure, &scene, settings, &camera);
+        scene.picture = picture;
         let mut resolved = job::resolve_for(scene, None, camera.clone(), size, settings)?;
         if meters {
             resolved.set_metering();

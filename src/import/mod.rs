@@ -61,7 +61,7 @@ pub struct Importer {
     pub endings: &'static [&'static str],
     /// Whether the format describes a whole scene (cameras, lights, settings) rather than a mesh.
     pub is_scene_file: bool,
-    /// Whether the format says that a mesh without normals is flat.
+    /// Whether the format specifies flat shading for a mesh without normals.
     is_flat: bool,
     /// Magic bytes that identify the format on standard input. A format without any cannot be read from there, except
     /// scene files, which are the fallback.

@@ -52,13 +52,13 @@ use crate::effects::{Plan, check_names, check_scene, id, named};
 use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
 use crate::film::tone::{Exposure, mean_exposure};
-use crate::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, Pixel, Window};
+use crate::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, FilterShape, Pixel, Window};
 use crate::import::check_drawable;
 use crate::render::aov::{self, AovSelection, AovSource};
 use crate::render::render_displayed;
 use crate::scene::{
     Camera, Clamp, EffectsSection, Light, Look, Material, MetallicRoughness, Numerics, PictureSettings,
-    Sampling, Scene,
+    Projection, Sampling, Scene,
 };
 use crate::world::{
     PreparedMaterial, Recentering, StandardView, View, World, has_radiance, headlight, key_light, opening,
@@ -288,7 +288,13 @@ impl RenderJob {
         let size = self.view.size();
         let scale = (f64::from(METER_SIZE) / f64::from(size[0].max(size[1]))).min(1.0);
         let mut small = self.with_size(size.map(|side| ((f64::from(side) * scale).round() as u32).max(1)))?;
-        small.set_sampling(Sampling { samples, ..Sampling::default() })?;
+        // Pictures with a backdrop have the range of a display.
+        if small.world.backdrop.is_some() {
+            small.world = Arc::new(small.world.without_backdrop());
+        }
+        // Without light from beside the objects, which a wider filter would mix in.
+        let filter = samples.is_some().then_some(FilterShape::Box);
+        small.set_sampling(Sampling { samples, filter, ..Sampling::default() })?;
         Ok(small)
     }
 
@@ -305,7 +311,7 @@ impl RenderJob {
         let ev = mean_exposure(&subject, picture.tone_map.unwrap_or_default());
         picture.exposure = Some(Exposure::Ev(ev));
         if self.choices.clamp.is_none() && self.world.path_call.is_some() {
-            picture.clamp = Some(studio::white(ev));
+            picture.clamp = Some(studio::white_clamp(ev));
             self.choices.clamp = picture.clamp.map(Clamp::get);
             self.plan = Plan::new(&self.world, &self.choices)?;
         }
@@ -348,7 +354,7 @@ pub struct ResolvedJob {
     pub metadata: Metadata,
     /// Whether lights are in physical units.
     pub has_physical_lights: bool,
-    /// Whether the exposure is metered once the scene is built, as the default look says.
+    /// Whether [`ResolvedJob::build`] meters the exposure, as the default look says.
     pub meters: bool,
 }
 
@@ -397,7 +403,9 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
         scene.lights.extend(light.at(&camera));
         light.note(warnings);
     }
-    let meters = leave_to_metering(&mut scene, chosen_exposure, settings, &camera);
+    let mut picture = scene.picture;
+    let meters = leave_to_metering(&mut picture, chosen_exposure, &scene, settings, &camera);
+    scene.picture = picture;
     let mut resolved = resolve_for(scene, recentering, camera, size, settings)?;
     if meters {
         resolved.set_metering();
@@ -405,30 +413,31 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     Ok(resolved)
 }
 
-/// Whether the exposure of a scene is metered once it is built, given what was chosen before the default look completed the
-/// settings. If so, the scene has none.
+/// Whether the exposure of a scene is metered once it is built. If so, its completed settings get none. `chosen` is the exposure
+/// before the default look completed them.
 pub(crate) fn leave_to_metering(
-    scene: &mut Scene,
+    picture: &mut PictureSettings,
     chosen: Option<Exposure>,
+    scene: &Scene,
     settings: &RenderSettings,
     camera: &Camera,
 ) -> bool {
-    let is_auto = scene.picture.exposure == Some(Exposure::Auto);
-    let is_default = chosen.is_none() && (is_auto || is_inside(scene, settings, camera));
-    // What is put before a backdrop is displayed when it is rendered.
-    let meters = is_default || is_auto && scene.has_backdrop;
+    let is_studio = settings.look(scene) == Look::Studio;
+    let is_auto = picture.exposure == Some(Exposure::Auto);
+    let is_default = chosen.is_none() && (is_auto || is_studio && is_inside(scene, picture, camera));
+    // Pictures with a backdrop are tone mapped while they are rendered, so the exposure must be known first.
+    let meters = is_default || is_auto && is_studio && picture.background.is_some();
     if meters {
-        scene.picture.exposure = None;
+        picture.exposure = None;
     }
     meters
 }
 
-/// Whether the default look shows a scene from within its bounds, where little of its light may arrive.
-fn is_inside(scene: &Scene, settings: &RenderSettings, camera: &Camera) -> bool {
+/// Whether a scene is seen from within its bounds, where little of its light may arrive.
+fn is_inside(scene: &Scene, picture: &PictureSettings, camera: &Camera) -> bool {
     let contains =
         |(min, max): (DVec3, DVec3)| (camera.position.cmpgt(min) & camera.position.cmplt(max)).all();
-    let picture = &scene.picture;
-    settings.look(scene) == Look::Studio
+    camera.projection == Projection::Perspective
         && picture.pipeline() == ColourPipeline::Linear
         && picture.shading.unwrap_or_default().uses_lights()
         && scene.bounds().is_some_and(contains)
@@ -599,7 +608,7 @@ impl ResolvedJob {
         let mut job = RenderJob { window, settings, metadata, ..job };
         if meters {
             let ev = job.meter(&RenderControl::default())?;
-            warnings.note(format!("the exposure is {ev} EV, metered; --exposure 0 leaves light as it is"));
+            warnings.note(format!("the exposure is {ev} EV, metered; --exposure 0 turns this off"));
         }
         warn_of_job(&job, warnings);
         Ok(job)

@@ -21,12 +21,12 @@ use crate::scene::{
 use crate::world::KEY_IRRADIANCE;
 
 /// The fill light: a floor, a dark wall with a ring of lights, and a softbox overhead, so that metals have edges to reflect. A
-/// white surface that faces up reflects 0.39 of it, one that faces sideways 0.31.
+/// white surface that faces up reflects 0.38 of it, one that faces sideways 0.37.
 const FILL: Fill = {
     const fn zone(from: f64, radiance: f64) -> FillZone {
         FillZone { from, radiance }
     }
-    Fill { zones: [zone(-1.0, 0.3), zone(-0.05, 0.08), zone(0.2, 0.7), zone(0.45, 0.08), zone(0.75, 0.55)] }
+    Fill { zones: [zone(-1.0, 0.45), zone(-0.05, 0.1), zone(0.2, 0.6), zone(0.45, 0.1), zone(0.75, 0.55)] }
 };
 
 /// The vertical field of view of automatic cameras, in degrees.
@@ -92,7 +92,7 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
         None => Some(0.0),
     };
     if scene.path_call.is_some() && pipeline == ColourPipeline::Linear {
-        scene.picture.clamp = scene.picture.clamp.or(ev.map(white));
+        scene.picture.clamp = scene.picture.clamp.or(ev.map(white_clamp));
     }
     if scene.has_key_light {
         if scene.transport().traces_paths() {
@@ -112,6 +112,9 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
     }
     if has_studio || is_lit && scene.ground.is_some() {
         scene.background = Some(background_colour(pipeline));
+    } else if background.is_none() && is_bright && is_open && scene.ground.is_none() {
+        // Not light, so that no exposure changes it.
+        scene.has_backdrop = true;
     } else if is_lit && pipeline == ColourPipeline::Linear {
         scene.background = Some(Colour::Linear(DARK_BACKGROUND));
     }
@@ -150,14 +153,14 @@ fn call_for_paths(scene: &mut Scene, settings: &RenderSettings, warnings: &mut W
         scene.path_call = emitting.or(transmitting);
     }
     if let Some(call) = &scene.path_call {
-        warnings.note(format!("{call}: paths are traced; --transport whitted leaves them out"));
+        warnings.note(format!("{call}: path tracing is on; --transport whitted turns it off"));
     }
     has_lamps
 }
 
-/// The clamp of paths that the materials call for: the light that an exposure shows as white.
-pub(super) fn white(ev: f64) -> Clamp {
-    Clamp::clamped((-ev).exp2())
+/// The clamp of paths that the materials call for: the light that an exposure shows as white, to 1/1000.
+pub(super) fn white_clamp(ev: f64) -> Clamp {
+    Clamp::clamped(1e-3 * (1e3 * (-ev).exp2()).round().max(1.0))
 }
 
 /// The tone map before a background: none where it cannot display that.

@@ -11,8 +11,8 @@ pub struct FillZone {
     pub radiance: f64,
 }
 
-/// Ambient light from around the +y axis, as by the walls, lights and floor of a studio: radiance that is constant in zones of
-/// height. For local shading, which evaluates it without its shadows; paths have it as an environment.
+/// Ambient radiance that is piecewise constant in the sine of elevation, as of the walls, lights and floor of a studio. Local
+/// shading evaluates it without its shadows; path tracing uses it as an environment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fill {
     /// From below, the first from -1.

@@ -19,7 +19,7 @@ pub struct ImportOptions {
     /// Follow references of mesh files outside their folder, such as a texture ../wood.png; only for trusted files
     #[cfg_attr(feature = "cli", arg(long, help_heading = group::INPUT))]
     pub allow_outside_references: bool,
-    /// Whether meshes without normals get smooth ones at an angle of [`ImportOptions::CREASE`] where `smooth` says none, as in the
+    /// Whether meshes without normals get smooth ones at an angle of [`ImportOptions::CREASE`] if `smooth` is not given, as in the
     /// default look; not those of glTF, which are flat by its specification.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub smooths_meshes: bool,
@@ -40,8 +40,8 @@ options! {
         [long, help_heading = group::INPUT, value_name = "NAME", value_parser = parser::<String>()] variant: String,
         /// Up axis of mesh files [default: y]
         [long, help_heading = group::INPUT, display_order = 0, allow_hyphen_values = true, value_name = "AXIS", value_parser = parser::<UpAxis>()] up: UpAxis,
-        /// Smooth normals for mesh files without normals; edges with a larger angle than this in degrees stay sharp, all
-        /// with 0 [default: 30 for OBJ, PLY and STL files, else flat]
+        /// Smooth normals for mesh files without normals, up to this crease angle in degrees, 0 to 180; 0 is flat shading [default
+        /// without a number: 30] [default: 30 for OBJ, PLY and STL files, glTF files are flat]
         [long, help_heading = group::INPUT, display_order = 1, value_name = "DEG", num_args = 0..=1, default_missing_value = "30", value_parser = parser::<Degrees>()]
         smooth: Degrees,
     }

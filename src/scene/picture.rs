@@ -28,9 +28,9 @@ options! {
         /// option chooses it; `draft` adds a headlight where there is no light [default: studio for meshes, draft for
         /// scene files]
         [skip] look: Look,
-        /// Rotation of the automatic camera about the scene's vertical, in degrees to the right of --view [default: 0]
+        /// Orbit of the automatic camera around the vertical axis, in degrees to the right of --view [default: 0]
         [long, help_heading = group::CAMERA, display_order = 2, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()] azimuth: Rotation,
-        /// Rotation of the automatic camera upwards from --view, in degrees, as far as straight above or below [default: 0]
+        /// Orbit of the automatic camera upwards from --view, in degrees, at most to straight above or below [default: 0]
         [long, help_heading = group::CAMERA, display_order = 3, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()] elevation: Rotation,
         /// Magnification of the automatic camera's picture about its centre, 0.001 to 1000; 1 frames the scene [default: 1]
         [long, help_heading = group::CAMERA, display_order = 4, allow_hyphen_values = true, value_name = "FACTOR", value_parser = parser::<Zoom>()] zoom: Zoom,
@@ -42,14 +42,14 @@ options! {
         /// [default: watertight]
         [long, help_heading = group::QUALITY, display_order = 900, hide_possible_values = true, value_name = "TIER",
          value_parser = parser::<Numerics>()] numerics: Numerics,
-        /// Shading: `phong` is the full model; `flat` is the surface colour alone, `ambient` and `diffuse` are these terms alone,
-        /// without effects [default: phong]
+        /// Shading: `phong` is the full model, `flat` the surface colour alone, `ambient` and `diffuse` that term alone; all but
+        /// `phong` without effects [default: phong]
         [long, help_heading = group::LOOK, hide_possible_values = true, value_name = "MODE", value_parser = parser::<ShadingMode>()] shading: ShadingMode,
         /// Light transport: `whitted` (local shading, shadow rays, mirror reflections) or `path` (path tracing: indirect light,
-        /// soft shadows) [default: path in scenes with an environment or area lights and meshes with glass or lamps, else whitted]
+        /// soft shadows) [default: path in scenes with an environment or area lights, and for meshes with transmissive or emissive materials, else whitted]
         [long, help_heading = group::QUALITY, display_order = 3, hide_possible_values = true, value_parser = parser::<Transport>()] transport: Transport,
         /// Clamp of indirect light: maximum radiance that a path adds at each bounce, above 0; 1 is white. Reduces fireflies
-        /// and darkens indirect light [default: none]
+        /// and darkens indirect light [default: none; display white where materials of meshes call for path tracing]
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "RADIANCE", value_parser = parser::<Clamp>()] clamp: Clamp,
         /// Samples per pixel, 1 to 65536; with a noise threshold, the maximum [default: for meshes 16,
         /// with path tracing 64; for scene files 1 at the pixel's centre, 16 with a filter, 256 with a noise threshold]
@@ -60,7 +60,7 @@ options! {
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "PIXELS", value_parser = parser::<FilterRadius>()]
         filter_radius: FilterRadius,
         /// Noise threshold of adaptive sampling: sample each pixel until the standard error of its displayed value (1 is white)
-        /// is below this [default: for meshes without sampling options 0.025, with glass or lamps 0.055, else none]
+        /// is below this [default: for meshes without sampling options 0.025, 0.055 where transmissive or emissive materials call for path tracing, else none]
         [long, help_heading = group::QUALITY, display_order = 1, allow_hyphen_values = true, value_name = "LEVEL", value_parser = parser::<Noise>()] noise: Noise,
         /// Minimum samples per pixel of adaptive sampling [default: 4]
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] min_samples: Samples,
@@ -72,17 +72,18 @@ options! {
         /// Colour arithmetic: `linear` (linear light), `display` (sRGB-encoded values) or `u8` (sRGB-encoded values, rounded to 8
         /// bits after each step) [default: linear]
         [long, help_heading = group::LOOK, hide_possible_values = true, value_name = "PIPELINE", value_parser = parser::<ColourPipeline>()] colour: ColourPipeline,
-        /// Exposure in EV, -64 to 64, or `auto`, computed from the picture. For 8-bit pictures, films and the window, with linear
-        /// colour arithmetic [default: metered for meshes with lamps or physical lights and seen from inside, else 0]
+        /// Exposure in stops (EV), -64 to 64, or `auto`, computed from the picture. For 8-bit pictures, films and the window, with
+        /// linear colour arithmetic [default: automatic for meshes with emissive materials or glTF lights, or with the camera
+        /// inside the scene, else 0]
         [long, help_heading = group::LOOK, display_order = 3, allow_hyphen_values = true, value_name = "EV|auto", value_parser = parser::<Exposure>()] exposure: Exposure,
         /// Tone map of 8-bit pictures, films and the window, with linear colour arithmetic [default: pbr-neutral for
-        /// meshes without lights, else none]
+        /// meshes, else none]
         [long, help_heading = group::LOOK, display_order = 4, value_name = "CURVE", value_parser = parser::<ToneMap>()] tone_map: ToneMap,
-        /// Light of scenes without lights: a headlight (in scene files true) or none (false) [default: key light and fill
-        /// light with the look `studio`, else a headlight]
+        /// Light of scenes without lights: a headlight at the camera (in scene files true) or none (false) [default: studio
+        /// light for meshes, a headlight with --draft and for scene files]
         #[serde(rename = "headlight")]
         [long, help_heading = group::LIGHT, value_parser = parser::<Headlight>()] light: Headlight,
-        /// Grey ground square under the objects, which automatic cameras ignore [default: true for meshes without
+        /// Grey ground plane under the objects, ignored by automatic cameras and hidden from below [default: true for meshes without
         /// lights and cameras, else false]
         [long, help_heading = group::LOOK, display_order = 1, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
          value_name = "true|false", value_parser = parser::<bool>()]

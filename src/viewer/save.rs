@@ -12,7 +12,7 @@ use crate::error::{Result, Warnings};
 use crate::files::write_whole;
 use crate::film::write::{Format, OutputImage, write_picture};
 use crate::film::{ColourPipeline, Film, Window};
-use crate::job::metadata::{add_to_fingerprint, set_auto_exposure};
+use crate::job::metadata::{add_to_fingerprint, replace, set_auto_exposure};
 use crate::job::resolve;
 use crate::render::RenderControl;
 
@@ -58,12 +58,19 @@ pub(crate) fn picture(
     file: &Path,
 ) -> Result<()> {
     let RenderRequest { opened, time, sides, .. } = request;
-    let job = prepared.job.with_choices(prepared.choices.clone())?;
-    let (film, statistics) = job.render(&RenderControl::default())?;
+    let control = RenderControl::default();
+    let mut job = prepared.job.with_choices(prepared.choices.clone())?;
+    if prepared.meters {
+        job.meter(&control)?;
+    }
+    let (film, statistics) = job.render(&control)?;
     let settings = request.render_settings(&sides[side]);
     let mut metadata = resolve(opened.scene.clone(), &settings, &mut Warnings::default())?.metadata;
     if *time != 0.0 {
         add_to_fingerprint(&mut metadata, "time", time);
+    }
+    if prepared.meters {
+        replace(&mut metadata, &job.settings.picture);
     }
     if let Some(ev) = statistics.auto_exposure {
         set_auto_exposure(&mut metadata, ev);

@@ -180,7 +180,7 @@ impl RadianceImage {
     /// The place in the image of a direction, from 0 at the left and top to 1.
     fn image_place(&self, direction: DVec3) -> [f64; 2] {
         let v = libm::acos(direction.y.clamp(-1.0, 1.0)) / PI;
-        // One column is alike all around.
+        // An image of one column does not depend on the azimuth.
         if self.width == 1 {
             return [0.5, v];
         }

@@ -21,7 +21,7 @@ struct Edge {
     is_low: bool,
     /// Sine and cosine of half the angle between the axis of the cap and the circle.
     half: [f64; 2],
-    /// What the radiance above the circle exceeds that below by.
+    /// Radiance above the circle minus radiance below it.
     step: f64,
 }
 
@@ -66,7 +66,7 @@ impl PreparedFill {
     }
 }
 
-/// The part of a lobe in a cap, see [`PreparedFill::reflected`]: sine and cosine of half the angle between the axis of the cap
+/// The fraction of a GGX lobe inside a spherical cap, see [`PreparedFill::reflected`]: sine and cosine of half the angle between the axis of the cap
 /// and its edge, up to 45 degrees, and between the axis and the centre of the lobe, up to 90 degrees.
 #[inline]
 fn part_in_cap([edge_sin, edge_cos]: [f64; 2], [sin, cos]: [f64; 2], alpha: f64) -> f64 {

@@ -249,6 +249,11 @@ impl World {
         self.ambient + self.fill.as_ref().map_or(0.0, |fill| fill.diffuse(normal.y))
     }
 
+    /// The world with a black background instead of its backdrop.
+    pub(crate) fn without_backdrop(&self) -> World {
+        World { backdrop: None, ..self.clone() }
+    }
+
     /// The index of the object that shows its shadows alone, the ground before a backdrop.
     pub(crate) fn shadow_catcher(&self) -> Option<u32> {
         self.ground.filter(|_| self.backdrop.is_some())

@@ -33,7 +33,7 @@ pub(crate) struct Volumes {
 pub(crate) struct Volume {
     /// The index of refraction; 1 for one that no light enters.
     pub(crate) ior: f64,
-    /// The absorption coefficient by channel, per unit of length; infinite for what nothing passes.
+    /// The absorption coefficient by channel, per unit of length; infinite for an opaque medium.
     absorption: Option<DVec3>,
     /// Whether the surface is closed and has one winding. Otherwise nothing is inside, and the back alone tells that a
     /// ray came through the medium.
@@ -65,7 +65,7 @@ impl Volume {
 
     /// The transmittance over a distance (Beer and Lambert).
     pub(crate) fn transmittance(&self, distance: f64) -> DVec3 {
-        // 0 times infinity is nothing absorbed: `max` leaves out what is not a number.
+        // `f64::max` turns the NaN of 0 times infinity into 0.
         let passed = |coefficient: f64| libm::exp(-(coefficient * distance).max(0.0));
         self.absorption.map_or(DVec3::ONE, |absorption| absorption.map(passed))
     }

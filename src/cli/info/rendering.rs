@@ -171,7 +171,9 @@ fn build(scene: Scene, after_loading: &Memory, warnings: &mut Warnings) -> Resul
     limits::reset_peak_memory();
     let before = limits::resident_memory();
     let settings = RenderSettings { mesh_look: Look::Studio, ..RenderSettings::default() };
-    let resolved = job::resolve(scene, &settings, warnings)?;
+    let mut resolved = job::resolve(scene, &settings, warnings)?;
+    // Nothing is rendered.
+    resolved.meters = false;
     let camera = resolved.recentering.map_or_else(
         || resolved.camera.to_inline(),
         |recentering| recentering.moved_back(&resolved.camera).to_inline(),

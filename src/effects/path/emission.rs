@@ -9,7 +9,7 @@ use crate::scene::Material;
 use crate::world::{PreparedMaterial, SurfaceInteraction, World};
 
 impl Scatter {
-    /// What a path adds after some `bounces`, as paths count them: as it is where light comes to the camera directly or by one surface, otherwise
+    /// What a path adds after `bounces` (`Path::bounces`): as it is where light comes to the camera directly or by one surface, otherwise
     /// scaled down until no channel exceeds the clamp.
     #[inline]
     pub(super) fn clamped(&self, radiance: DVec3, bounces: u32) -> DVec3 {

@@ -144,8 +144,7 @@ struct Path {
     /// The density per solid angle with which the BSDF sampled the current ray; infinite for camera rays and for
     /// directions that no light sample can reach.
     pdf: f64,
-    /// The number of surfaces that it scattered at, without the smooth mirrors and the clear glass that it met first: through
-    /// these it sees as a camera ray does.
+    /// The number of scattering events, not counting leading perfectly specular ones.
     bounces: u32,
 }
 

@@ -45,15 +45,18 @@ pub fn white_exposure(colours: impl Iterator<Item = [f32; 3]>) -> Option<f64> {
     (percentile > 0.0 && percentile.is_finite()).then(|| (-percentile.log2() * 10.0).floor() / 10.0)
 }
 
-/// The mean display value of [`mean_exposure`]: about what `pbr-neutral` shows of light of 0.18.
+/// The mean display value of [`mean_exposure`]: about what `pbr-neutral` shows of light of 0.18; and the least, which keeps bright
+/// pixels below white.
 const MEAN: f64 = 0.42;
+const LEAST_MEAN: f64 = 0.25;
 
-/// The exposure in EV at which a tone map shows a picture with a mean display value of 0.42, rounded to 1/100 EV. It
-/// rises with the exposure, so it is found by bisection. 0 for a picture without light.
+/// The exposure in EV at which a tone map shows the lit pixels of a picture with a mean display value of 0.42, or darker, down
+/// to 0.25, where the luminance of more than 5 % of them would exceed 1. Rounded to 1/100 EV. The mean rises with the exposure,
+/// so it is found by bisection. 0 where less than 5 % of the pixels are lit.
 pub fn mean_exposure(colours: &[[f32; 3]], tone_map: ToneMap) -> f64 {
     let lit = |&&colour: &&[f32; 3]| luminance(colour) > 0.0 && luminance(colour).is_finite();
     let lit: Vec<[f32; 3]> = colours.iter().filter(lit).copied().collect();
-    if lit.is_empty() {
+    if lit.is_empty() || 20 * lit.len() < colours.len() {
         return 0.0;
     }
     let mean = |ev: f64| {
@@ -64,12 +67,18 @@ pub fn mean_exposure(colours: &[[f32; 3]], tone_map: ToneMap) -> f64 {
         };
         lit.iter().map(of).sum::<f64>() / lit.len() as f64
     };
-    let (mut low, mut high) = (-MAX_EXPOSURE, MAX_EXPOSURE);
-    while high - low > 1e-3 {
-        let middle = 0.5 * (low + high);
-        if mean(middle) < MEAN { low = middle } else { high = middle }
-    }
-    rounded(low, 100.0)
+    let exposure_of = |wanted: f64| {
+        let (mut low, mut high) = (-MAX_EXPOSURE, MAX_EXPOSURE);
+        while high - low > 1e-3 {
+            let middle = 0.5 * (low + high);
+            if mean(middle) < wanted { low = middle } else { high = middle }
+        }
+        low
+    };
+    let mut luminances: Vec<f64> = lit.iter().copied().map(luminance).collect();
+    let rank = (luminances.len() * 95).div_ceil(100) - 1;
+    let bright = *luminances.select_nth_unstable_by(rank, f64::total_cmp).1;
+    rounded(exposure_of(MEAN).min(exposure_of(LEAST_MEAN).max(-bright.log2())), 100.0)
 }
 
 /// The share of pixels, 0 to 1, with a channel at 255.
@@ -119,6 +128,18 @@ mod tests {
         // pbr-neutral takes 0.04 off.
         assert_eq!(mean_exposure(&[[(light + 0.04) as f32; 3]], ToneMap::PbrNeutral), 0.0);
         assert_eq!(mean_exposure(&[[0.0; 3]], ToneMap::None), 0.0);
+        // Of a fifth at 2 and the rest at 0.01, the fifth is shown as white at -1 EV. Then the mean is that of 1 and, of
+        // 0.005, 12.92 * 0.005 = 0.0646, or by the power 1.055 * 0.005^(1/2.4) - 0.055 = 0.061: 0.249, so it is 0.25 that
+        // decides, little above.
+        let bright: Vec<[f32; 3]> = [2.0, 0.01, 0.01, 0.01, 0.01].map(|l| [l; 3]).into();
+        let ev = mean_exposure(&bright, ToneMap::None);
+        assert!((-1.0..=-0.9).contains(&ev), "{ev}");
+        // Of 2 % above white nothing is kept, and where next to nothing is lit.
+        let mut few = vec![[(0.5 * light) as f32; 3]; 98];
+        few.extend([[50.0; 3]; 2]);
+        assert!(mean_exposure(&few, ToneMap::None) > 0.9);
+        let dark: Vec<[f32; 3]> = (0..100).map(|i| [f32::from(u8::from(i < 4)); 3]).collect();
+        assert_eq!(mean_exposure(&dark, ToneMap::None), 0.0);
     }
 
     #[test]

@@ -87,7 +87,9 @@ impl Converter<'_> {
             None if transparency < 1.0 => (1.0 - transparency).min(1.0),
             None => {
                 let about = self.about(m);
-                self.warnings.note(format!("{about} `Tr 1`; drawn opaque, as exporters mean that"));
+                self.warnings.note(format!(
+                    "{about} `Tr 1`; treated as opaque, as some exporters write it for opaque materials"
+                ));
                 1.0
             }
         };

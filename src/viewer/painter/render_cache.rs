@@ -7,6 +7,7 @@ use crate::bvh::Layout;
 use crate::effects::{Choices, Decision, EFFECTS, Plan};
 use crate::error::Warnings;
 use crate::error::{Error, Result};
+use crate::film::tone::Exposure;
 use crate::job::{self, AddedLight, CameraChoice, RenderJob, RenderSettings};
 use crate::scene::{Camera, PictureSettings, Sampling, Scene, ShadingMode};
 use crate::viewer::false_colour::DisplayMode;
@@ -51,6 +52,8 @@ pub(crate) struct Prepared {
     pub kind: SamplingKind,
     /// Effects and sampling of the final image.
     pub choices: Choices,
+    /// Whether `kiln render` meters the exposure; the window shows an automatic one.
+    pub meters: bool,
 }
 
 /// Cached data of the opened files.
@@ -128,12 +131,17 @@ impl RenderCache {
         }
         let scene = &request.opened.scene;
         let mut picture = settings.picture.or(scene.picture).or_look(cached.picture);
-        let choices = job::choices(&mut picture, scene.effects.clone(), &lens, &settings)?;
-        let sampling = choices.sampling;
         let camera = match &request.camera_source {
             CameraSource::Free(camera) => Camera { projection: lens.projection, ..camera.clone() },
             _ => recentering.map_or_else(|| lens.clone(), |recentering| recentering.moved_back(&lens)),
         };
+        let chosen = settings.picture.exposure.or(scene.picture.exposure);
+        let meters = job::leave_to_metering(&mut picture, chosen, scene, &settings, &camera);
+        if meters {
+            picture.exposure = Some(Exposure::Auto);
+        }
+        let choices = job::choices(&mut picture, scene.effects.clone(), &lens, &settings)?;
+        let sampling = choices.sampling;
         let centres = Choices { sampling: Sampling::default(), ..choices.clone() };
         let job = RenderJob::new(world, recentering, lens, request.size, centres)?;
         let choices = Choices { lens: job.choices.lens.clone(), ..choices };
@@ -149,7 +157,7 @@ impl RenderCache {
             .collect();
         decisions.sort_by_key(|(_, can)| !can);
         let job = RenderJob { settings: RenderSettings { picture, ..settings }, ..job };
-        Ok(Arc::new(Prepared { job, camera, decisions, kind, choices }))
+        Ok(Arc::new(Prepared { job, camera, decisions, kind, choices, meters }))
     }
 
     /// The scene of a key, completed as for `kiln render`.
