@@ -1,5 +1,9 @@
 """Queries of kiln.Mesh: derived values, and brute force."""
 
+import os
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from conftest import TETRAHEDRON, icosphere
@@ -116,3 +120,38 @@ def test_threads_share_a_mesh(sphere):
     with ThreadPoolExecutor(8) as pool:
         for found in pool.map(lambda _: sphere.first(origins, directions).triangle, range(32)):
             assert (found == expected).all()
+
+
+def obj_triangles(file: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and triangles of an .obj file whose faces are all triangles."""
+    lines = [line.split() for line in file.read_text().splitlines()]
+    vertices = np.array([line[1:4] for line in lines if line[:1] == ["v"]], float)
+    faces = [[int(corner.split("/")[0]) for corner in line[1:]] for line in lines if line[:1] == ["f"]]
+    return vertices, np.array(faces) - 1
+
+
+@pytest.mark.skipif("KILN_MODELS" not in os.environ, reason="KILN_MODELS is not set")
+def test_rays_of_ambient_occlusion_leave_the_triangles_of_their_vertex():
+    """The example of docs/python.md at coordinates of 100, where steps of f32 are 2**-17. Where the surface is concave,
+    a triangle rightly occludes directions that point below its plane; no ray hits one whose plane it leaves."""
+    text = (Path(__file__).parents[2] / "docs" / "python.md").read_text()
+    names = {"np": np}
+    exec(re.search(r"^def ambient_rays.*?(?=\n\n)", text, re.DOTALL | re.MULTILINE)[0], names)
+    vertices, faces = obj_triangles(Path(os.environ["KILN_MODELS"]) / "spot.obj")
+    vertices += 100
+    count = 64
+    origins, directions = names["ambient_rays"](vertices, faces, count)
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
+
+    def self_hits(mesh, origins):
+        hits = mesh.all(origins, directions)
+        is_own = (faces[hits.triangle] == (hits.ray // count)[:, None]).any(axis=1)
+        leaves = np.einsum("hk,hk->h", directions[hits.ray], normals[hits.triangle]) >= 0
+        return np.count_nonzero(is_own & leaves)
+
+    mesh = kiln.Mesh(vertices, faces, tier="double")
+    assert self_hits(mesh, origins) == 0
+    assert 0.05 < mesh.any(origins, directions).mean() < 0.5
+    # Without the offset, and with vertices rounded to f32, there are such hits.
+    assert self_hits(kiln.Mesh(vertices, faces), np.repeat(vertices, count, axis=0)) > 1000
