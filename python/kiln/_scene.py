@@ -17,7 +17,15 @@ if TYPE_CHECKING:
     Source: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | bytes | Mapping[str, Any] | Any
 
 
+def _is_bool(value) -> bool:
+    """Whether a value is a bool of Python or numpy."""
+    is_scalar = getattr(value, "ndim", None) == 0
+    return isinstance(value, bool) or is_scalar and value.dtype.kind == "b"
+
+
 def _text(value) -> str:
+    if _is_bool(value):
+        raise TypeError("an option takes no bool in a list")
     if hasattr(value, "item"):
         value = value.item()
     if isinstance(value, (str, os.PathLike)):
@@ -31,7 +39,7 @@ def _options(options: Mapping[str, Any]) -> list[tuple[str, bool | str | list[st
     """Options as their names and what would be typed for them."""
 
     def typed(value):
-        if isinstance(value, bool) or type(value).__name__ == "bool_":
+        if _is_bool(value):
             return bool(value)
         if isinstance(value, Mapping):
             return _toml.value(dict(value))

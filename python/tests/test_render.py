@@ -98,6 +98,12 @@ def test_files_and_their_options():
     assert kiln.render(mesh, up="z", size=(8, 8), draft=True).pixels.shape == (8, 8, 3)
 
 
+@pytest.mark.parametrize("yes, no", [(True, False), (np.True_, np.False_), (np.array(True), np.array(False))])
+def test_switches(yes, no):
+    pictures = [kiln.render(SCENE, size=(8, 6), draft=draft) for draft in (yes, no)]
+    assert [picture.metadata.get("kiln:look") for picture in pictures] == ["draft", None]
+
+
 @pytest.mark.parametrize(
     "call, error, what",
     [
@@ -109,6 +115,8 @@ def test_files_and_their_options():
         (lambda: kiln.render(BALL, aovs=["depht"]), ValueError, "did you mean `depth`"),
         (lambda: kiln.render(BALL, dtype="float64"), ValueError, "neither uint8 nor float32"),
         (lambda: kiln.render(BALL, samples=object()), TypeError, "object"),
+        (lambda: kiln.render(BALL, size=[8, True]), TypeError, "no bool in a list"),
+        (lambda: kiln.render(BALL, size=np.array([True, False])), TypeError, "no bool in a list"),
         (lambda: kiln.render(kiln.Scene(BALL), up="z"), ValueError, "Scene"),
         (lambda: kiln.render({"spere": []}), ValueError, "unknown key `spere`; did you mean `sphere`"),
         (lambda: kiln.Scene(BALL, samples=4), ValueError, "options of the picture"),
