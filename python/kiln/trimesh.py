@@ -15,8 +15,38 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
+def _rows(value: ArrayLike, name: str) -> NDArray[np.float64]:
+    """An argument as (n, 3) float64."""
+    try:
+        rows = np.asarray(value, np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name}: not an array of numbers: {error}") from None
+    if rows.shape == (0,):
+        return rows.reshape(0, 3)
+    if rows.ndim != 2 or rows.shape[1] != 3:
+        raise ValueError(f"{name}: expected the shape (n, 3), not {rows.shape}")
+    return rows
+
+
+def _rays(ray_origins: ArrayLike, ray_directions: ArrayLike) -> tuple[NDArray[np.int64], NDArray, NDArray]:
+    """The indices, origins and directions of the valid rays: finite, with a direction that is not 0."""
+    origins, directions = _rows(ray_origins, "ray_origins"), _rows(ray_directions, "ray_directions")
+    if len(origins) != len(directions):
+        raise ValueError(f"ray_directions: {len(directions)} rows, and ray_origins has {len(origins)}")
+    is_valid = np.isfinite(origins).all(axis=1) & np.isfinite(directions).all(axis=1) & directions.any(axis=1)
+    is_beyond = is_valid & (np.abs(origins) > np.finfo(np.float32).max).any(axis=1)
+    if is_beyond.any():
+        raise ValueError(f"ray_origins: row {np.argmax(is_beyond)} is too large for f32")
+    if is_valid.all():
+        return np.arange(len(origins)), origins, directions
+    return np.flatnonzero(is_valid), origins[is_valid], directions[is_valid]
+
+
 class RayMeshIntersector:
     """Ray queries on a mesh of trimesh.
+
+    Rays whose direction is 0 or whose numbers are not finite hit nothing, and no mesh contains points whose numbers are
+    not finite, as in trimesh. Raises ValueError for origins beyond f32. `mesh.copy()` has trimesh's own queries again.
 
     geometry: the mesh. It may change: the tree is built at the first query after a change.
     tier: the arithmetic that decides hits, in float64 by default, as trimesh's own.
@@ -44,21 +74,23 @@ class RayMeshIntersector:
     ) -> tuple[NDArray, ...]:
         """The triangles that rays hit, the rays, and with `return_locations` the points.
 
-        multiple_hits: every passage through the surface, sorted by ray and distance, else the closest hit of each ray.
-        A ray through an edge or a corner passes once. max_hits: of each ray, the closest ones.
+        multiple_hits: every crossing of the surface, sorted by ray and distance, else the closest hit of each ray.
+        A ray through an edge or a corner crosses once. max_hits: of each ray, the closest ones.
 
         Returns index_tri (m,), index_ray (m,) and locations (m, 3).
         """
+        valid, origins, directions = _rays(ray_origins, ray_directions)
         if multiple_hits:
-            index_ray, index_tri, _, locations, _ = self._queries().crossings(ray_origins, ray_directions)
+            index_ray, index_tri, _, locations, _ = self._queries().crossings(origins, directions)
             if max_hits is not None and len(index_ray) > 0:
                 first = np.searchsorted(index_ray, index_ray)
                 kept = np.arange(len(index_ray)) - first < max_hits
                 index_ray, index_tri, locations = index_ray[kept], index_tri[kept], locations[kept]
         else:
-            hits = self._queries().first(ray_origins, ray_directions)
+            hits = self._queries().first(origins, directions)
             index_ray = np.flatnonzero(hits.triangle >= 0)
             index_tri, locations = hits.triangle[index_ray], hits.location[index_ray]
+        index_ray = valid[index_ray]
         return (index_tri, index_ray, locations) if return_locations else (index_tri, index_ray)
 
     def intersects_location(
@@ -76,15 +108,26 @@ class RayMeshIntersector:
 
     def intersects_first(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> NDArray[np.int64]:
         """The first triangle that each ray hits, or -1: (n,)."""
-        return self._queries().first(ray_origins, ray_directions).triangle
+        valid, origins, directions = _rays(ray_origins, ray_directions)
+        triangles = np.full(len(ray_origins), -1, np.int64)
+        triangles[valid] = self._queries().first(origins, directions).triangle
+        return triangles
 
     def intersects_any(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> NDArray[np.bool_]:
         """Whether each ray hits the mesh: (n,)."""
-        return self._queries().any(ray_origins, ray_directions)
+        valid, origins, directions = _rays(ray_origins, ray_directions)
+        hit = np.zeros(len(ray_origins), bool)
+        hit[valid] = self._queries().any(origins, directions)
+        return hit
 
     def contains_points(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Whether the mesh contains points: (n,). Warns (KilnWarning) of a mesh that is not closed."""
-        return self._queries().contains(points)
+        points = _rows(points, "points")
+        # Vertices are finite in f32.
+        is_near = (np.abs(points) <= np.finfo(np.float32).max).all(axis=1)
+        inside = np.zeros(len(points), bool)
+        inside[is_near] = self._queries().contains(points[is_near])
+        return inside
 
     def __getstate__(self) -> dict:
         return {**self.__dict__, "_built": None}

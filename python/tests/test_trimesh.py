@@ -41,6 +41,59 @@ def test_options(box):
     assert box.contains([[0.5, 0.5, 0.5], [1.5, 0, 0]]).tolist() == [True, False]
 
 
+def test_invalid_rays_hit_nothing(box):
+    nan, inf = np.nan, np.inf
+    origins = [[0.2, 0.1, -5], [0.2, 0.1, -5], [0.2, nan, -5], [0.2, 0.1, -5], [0.2, 0.1, -inf], [0.2, 0.1, -5]]
+    directions = [[0, 0, 0], [0, 0, 1], [0, 0, 1], [0, nan, 1], [0, 0, 1], [0, 0, inf]]
+    own = trimesh.creation.box(extents=[2, 2, 2], use_embree=False)
+    for multiple_hits in (True, False):
+        _, rays = box.ray.intersects_id(origins, directions, multiple_hits=multiple_hits)
+        assert rays.tolist() == [1] * (1 + multiple_hits)
+        locations, rays, triangles = box.ray.intersects_location(origins, directions, multiple_hits=multiple_hits)
+        assert rays.tolist() == [1] * (1 + multiple_hits) and locations[0].tolist() == [0.2, 0.1, -1]
+    first = box.ray.intersects_first(origins, directions)
+    assert first.dtype == np.int64 and (first >= 0).tolist() == [False, True, False, False, False, False]
+    assert box.ray.intersects_any(origins, directions).tolist() == (first >= 0).tolist()
+    none = box.ray.intersects_location([[nan] * 3], [[0, 0, 1]])
+    assert [part.shape for part in none] == [(0, 3), (0,), (0,)]
+    points = [[0, nan, 0], [0.5, 0.2, 0.1], [inf, 0, 0], [1e300, 0, 0]]
+    assert box.ray.contains_points(points).tolist() == own.contains(points).tolist() == [False, True, False, False]
+
+
+def test_thickness_with_a_zero_normal(box):
+    """Of a cube: 2 from a side to the opposite one, and nothing is hit without a direction."""
+    points, normals = [[0.3, 0.2, 1], [0.3, 0.2, 1]], [[0, 0, 1], [0, 0, 0]]
+    assert trimesh.proximity.thickness(box, points, normals=normals, method="ray") == pytest.approx([2, np.inf])
+    spheres = trimesh.proximity.thickness(box, points, normals=normals)
+    own = trimesh.creation.box(extents=[2, 2, 2], use_embree=False)
+    assert spheres == pytest.approx(trimesh.proximity.thickness(own, points, normals=normals))
+
+
+def test_types_of_arguments(box):
+    below = np.array([[0, 0, -5]]), np.array([[0, 0, 1]])
+    for dtype in (object, np.float16, np.int8, ">f4"):
+        assert box.ray.intersects_any(*[array.astype(dtype) for array in below]).tolist() == [True]
+    assert box.ray.intersects_any([], []).shape == box.ray.intersects_first([], []).shape == (0,)
+    assert box.ray.intersects_location([], [])[0].shape == (0, 3) and box.ray.contains_points([]).shape == (0,)
+
+
+@pytest.mark.parametrize(
+    "origins, directions, what",
+    [
+        ([0, 0, 1], [[0, 0, 1]], r"^ray_origins: .*\(3,\)"),
+        ([[0, 0, 1]], [[0, 1]], r"^ray_directions: .*\(1, 2\)"),
+        ([[0, 0, 1]], [[0, 0, 1]] * 2, "^ray_directions: 2 rows, and ray_origins has 1"),
+        ([[0, 0, "a"]], [[0, 0, 1]], "^ray_origins: not an array of numbers"),
+        ([[0, 0, 1]], [[0, 0, {}]], "^ray_directions: not an array of numbers"),
+        ([[0, 0, 1], [0, 0, 1e39]], [[0, 0, 1]] * 2, "^ray_origins: row 1 is too large for f32"),
+    ],
+)
+def test_mistakes_name_the_argument(box, origins, directions, what):
+    for query in (box.ray.intersects_id, box.ray.intersects_first, box.ray.intersects_any):
+        with pytest.raises(ValueError, match=what):
+            query(origins, directions)
+
+
 def test_the_tree_follows_the_mesh(box):
     below = [[0, 0, -5]], [[0, 0, 1]]
     assert box.ray.intersects_location(*below, multiple_hits=False)[0].tolist() == [[0, 0, -1]]
