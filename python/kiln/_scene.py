@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from . import _kiln, _toml
@@ -11,7 +11,7 @@ from . import _kiln, _toml
 if TYPE_CHECKING:
     from typing import TypeAlias
 
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, DTypeLike
 
     # Any is a mesh or a scene of trimesh.
     Source: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | bytes | Mapping[str, Any] | Any
@@ -38,28 +38,41 @@ def _text(value) -> str:
 def _options(options: Mapping[str, Any]) -> list[tuple[str, bool | str | list[str]]]:
     """Options as their names and what would be typed for them."""
 
-    def typed(value):
+    def typed(name, value):
         if _is_bool(value):
             return bool(value)
         if isinstance(value, Mapping):
-            return _toml.value(dict(value))
+            return _toml.value(value, name)
         if isinstance(value, (list, tuple)) or getattr(value, "ndim", 0) > 0:
             return [_text(part) for part in value]
         return _text(value)
 
-    return [(name, typed(value)) for name, value in options.items() if value is not None]
+    return [(name, typed(name, value)) for name, value in options.items() if value is not None]
+
+
+def _files(source) -> list[str | os.PathLike[str]]:
+    """The files of a source that is one or several."""
+    files = [source] if isinstance(source, (str, os.PathLike)) else source
+    wrong = type(source).__name__
+    if isinstance(files, Iterable):
+        files = list(files)
+        strangers = [type(file).__name__ for file in files if not isinstance(file, (str, os.PathLike))]
+        if not strangers:
+            return files
+        wrong = f"{wrong} of {strangers[0]}"
+    raise TypeError(f"source: expected a file, Scene, dict, bytes or a mesh of trimesh, not {wrong}")
 
 
 def _load(source: Source, options: Mapping[str, Any], with_picture: bool) -> _kiln.Scene:
     """Reads a scene; without `with_picture`, options of the picture are an error."""
     named = _options(options)
     if isinstance(source, Mapping):
-        source = _toml.document(dict(source)).encode()
+        source = _toml.document(source).encode()
     elif hasattr(source, "export"):  # of trimesh
         source = source.export(file_type="glb")
     if isinstance(source, (bytes, bytearray, memoryview)):
         return _kiln.Scene.parse(bytes(source), named, with_picture)
-    files = [source] if isinstance(source, (str, os.PathLike)) else list(source)
+    files = _files(source)
     for file in files:
         os.stat(file)  # raises FileNotFoundError and the like
     return _kiln.Scene.load(files, named, with_picture)
@@ -153,16 +166,16 @@ class Scene:
 def render(
     source: Scene | Source,
     *,
-    dtype: Literal["uint8", "float32"] = "uint8",
-    aovs: Sequence[str] = (),
+    dtype: Literal["uint8", "float32"] | DTypeLike = "uint8",
+    aovs: str | Sequence[str] = (),
     progress: Callable[[int, int], None] | None = None,
     **options: Any,
 ) -> _kiln.Picture:
     """Renders a picture as the command `kiln render` does.
 
     source: a Scene, or what Scene() takes.
-    dtype: "uint8" for display values, "float32" for values before exposure, tone map and encoding.
-    aovs: names of further arrays, such as "depth" and "normal" (docs/aovs.md), or "all".
+    dtype: "uint8" for display values, "float32" for values before exposure, tone map and encoding; or numpy's types.
+    aovs: the name of a further array or several, such as "depth" and "normal" (docs/aovs.md), or "all".
     progress: called with the number of finished tiles and of all tiles, from the calling thread.
     options: those of `kiln render` (docs/command-line.md), `-` as `_`: size=(640, 480), samples=64, camera="front",
     view="iso", transport="path", background="transparent", with_=["shadows"], draft=True, ... A camera may be a dict
@@ -171,5 +184,12 @@ def render(
     Raises ValueError for options and scenes that cannot be used, and KeyboardInterrupt at once; warns (KilnWarning) of
     what the command warns of.
     """
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress: expected a function, not {type(progress).__name__}")
+    if not isinstance(dtype, str):
+        from numpy import dtype as numpy_dtype  # importing kiln does not import numpy
+
+        dtype = numpy_dtype(dtype).name
+    aovs = [aovs] if isinstance(aovs, str) else list(aovs)
     scene = source._scene if isinstance(source, Scene) else _load(source, options, True)
-    return _kiln.render(scene, _options(options), dtype, list(aovs), progress)
+    return _kiln.render(scene, _options(options), dtype, aovs, progress)

@@ -2,10 +2,11 @@
 
 import json
 import os
+from collections.abc import Mapping
 
 
-def value(given) -> str:
-    """A value in one line. Arrays of numpy are lists."""
+def value(given, key: str = "") -> str:
+    """A value in one line; `key` is for errors. Arrays of numpy are lists, and entries of None are left out of tables."""
     if hasattr(given, "tolist"):
         given = given.tolist()
     if isinstance(given, bool):
@@ -15,13 +16,17 @@ def value(given) -> str:
     if isinstance(given, (str, os.PathLike)):
         # A string of JSON is one of TOML, but for DEL.
         return json.dumps(os.fspath(given), ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(given, dict):
-        return "{ " + ", ".join(f"{value(str(key))} = {value(item)}" for key, item in given.items()) + " }"
+    if isinstance(given, Mapping):
+        return "{ " + ", ".join(_entries(given, f"{key}." if key else "")) + " }"
     if isinstance(given, (list, tuple)):
-        return "[" + ", ".join(map(value, given)) + "]"
-    raise TypeError(f"a scene has no place for a value of the type {type(given).__name__}")
+        return "[" + ", ".join(value(item, key) for item in given) + "]"
+    raise TypeError(f"unsupported type {type(given).__name__} for key `{key}`")
 
 
-def document(table: dict) -> str:
+def _entries(table: Mapping, prefix: str = "") -> list[str]:
+    return [f"{value(str(key))} = {value(item, f'{prefix}{key}')}" for key, item in table.items() if item is not None]
+
+
+def document(table: Mapping) -> str:
     """A table as a document, an entry a line."""
-    return "".join(f"{value(str(key))} = {value(item)}\n" for key, item in table.items())
+    return "".join(f"{entry}\n" for entry in _entries(table))

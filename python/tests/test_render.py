@@ -118,6 +118,14 @@ def test_switches(yes, no):
         (lambda: kiln.render(BALL, size=[8, True]), TypeError, "no bool in a list"),
         (lambda: kiln.render(BALL, size=np.array([True, False])), TypeError, "no bool in a list"),
         (lambda: kiln.render(kiln.Scene(BALL), up="z"), ValueError, "Scene"),
+        (lambda: kiln.render(BALL, progress=True), TypeError, "^progress: expected a function, not bool"),
+        (lambda: kiln.render(BALL, dtype=np.float64), ValueError, "neither uint8 nor float32"),
+        (lambda: kiln.render(BALL, camera={"position": 1j}), TypeError, "type complex for key `camera.position`"),
+        (lambda: kiln.Scene({"light": [{"type": b""}]}), TypeError, "type bytes for key `light.type`"),
+        (lambda: kiln.render(5), TypeError, "^source: expected a file, Scene, dict, bytes or .*, not int$"),
+        (lambda: kiln.render(None), TypeError, "not NoneType$"),
+        (lambda: kiln.Scene([1]), TypeError, "not list of int$"),
+        (lambda: kiln.Scene(np.zeros((2, 3))), TypeError, "not ndarray of ndarray$"),
         (lambda: kiln.render({"spere": []}), ValueError, "unknown key `spere`; did you mean `sphere`"),
         (lambda: kiln.Scene(BALL, samples=4), ValueError, "options of the picture"),
         (lambda: kiln.Scene(b"nonsense"), ValueError, "-:1"),
@@ -132,6 +140,22 @@ def test_switches(yes, no):
 def test_mistakes(call, error, what):
     with pytest.raises(error, match=what):
         call()
+
+
+def test_values_of_none_are_left_out():
+    ball = {**BALL, "sphere": [{**BALL["sphere"][0], "name": None}], "light": None}
+    assert len(kiln.Scene(ball)) == 1
+    pictures = [
+        kiln.render(scene, camera=camera, size=(8, 8), aovs="depth").aovs["depth"]
+        for scene, camera in [(BALL, FRONT), (ball, {**FRONT, "roll": None})]
+    ]
+    assert (pictures[0] == pictures[1]).all()
+
+
+@pytest.mark.parametrize("dtype", ["float32", np.float32, np.dtype("f4"), "uint8", np.uint8])
+def test_types_of_pixels(dtype):
+    picture = kiln.render(BALL, camera=FRONT, size=(8, 8), dtype=dtype, aovs="depth")
+    assert picture.pixels.dtype == np.dtype(dtype) and list(picture.aovs) == ["depth"]
 
 
 def test_warnings():
