@@ -28,18 +28,18 @@ def _rows(value: ArrayLike, name: str) -> NDArray[np.float64]:
     return rows
 
 
-def _rays(ray_origins: ArrayLike, ray_directions: ArrayLike) -> tuple[NDArray[np.int64], NDArray, NDArray]:
-    """The indices, origins and directions of the valid rays: finite, with a direction that is not 0."""
+def _rays(ray_origins: ArrayLike, ray_directions: ArrayLike) -> tuple[NDArray[np.bool_], NDArray, NDArray]:
+    """Whether each ray is valid: finite, with a direction that is not 0. The origins and directions of those that are."""
     origins, directions = _rows(ray_origins, "ray_origins"), _rows(ray_directions, "ray_directions")
     if len(origins) != len(directions):
         raise ValueError(f"ray_directions: {len(directions)} rows, and ray_origins has {len(origins)}")
-    is_valid = np.isfinite(origins).all(axis=1) & np.isfinite(directions).all(axis=1) & directions.any(axis=1)
+    is_valid = np.isfinite(origins).all(axis=1) & np.isfinite(directions).all(axis=1) & (directions != 0).any(axis=1)
     is_beyond = is_valid & (np.abs(origins) > np.finfo(np.float32).max).any(axis=1)
     if is_beyond.any():
         raise ValueError(f"ray_origins: row {np.argmax(is_beyond)} is too large for f32")
     if is_valid.all():
-        return np.arange(len(origins)), origins, directions
-    return np.flatnonzero(is_valid), origins[is_valid], directions[is_valid]
+        return is_valid, origins, directions
+    return is_valid, origins[is_valid], directions[is_valid]
 
 
 class RayMeshIntersector:
@@ -79,7 +79,7 @@ class RayMeshIntersector:
 
         Returns index_tri (m,), index_ray (m,) and locations (m, 3).
         """
-        valid, origins, directions = _rays(ray_origins, ray_directions)
+        is_valid, origins, directions = _rays(ray_origins, ray_directions)
         if multiple_hits:
             index_ray, index_tri, _, locations, _ = self._queries().crossings(origins, directions)
             if max_hits is not None and len(index_ray) > 0:
@@ -90,7 +90,7 @@ class RayMeshIntersector:
             hits = self._queries().first(origins, directions)
             index_ray = np.flatnonzero(hits.triangle >= 0)
             index_tri, locations = hits.triangle[index_ray], hits.location[index_ray]
-        index_ray = valid[index_ray]
+        index_ray = np.flatnonzero(is_valid)[index_ray]
         return (index_tri, index_ray, locations) if return_locations else (index_tri, index_ray)
 
     def intersects_location(
@@ -108,16 +108,16 @@ class RayMeshIntersector:
 
     def intersects_first(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> NDArray[np.int64]:
         """The first triangle that each ray hits, or -1: (n,)."""
-        valid, origins, directions = _rays(ray_origins, ray_directions)
-        triangles = np.full(len(ray_origins), -1, np.int64)
-        triangles[valid] = self._queries().first(origins, directions).triangle
+        is_valid, origins, directions = _rays(ray_origins, ray_directions)
+        triangles = np.full(len(is_valid), -1, np.int64)
+        triangles[is_valid] = self._queries().first(origins, directions).triangle
         return triangles
 
     def intersects_any(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> NDArray[np.bool_]:
         """Whether each ray hits the mesh: (n,)."""
-        valid, origins, directions = _rays(ray_origins, ray_directions)
-        hit = np.zeros(len(ray_origins), bool)
-        hit[valid] = self._queries().any(origins, directions)
+        is_valid, origins, directions = _rays(ray_origins, ray_directions)
+        hit = np.zeros(len(is_valid), np.bool_)
+        hit[is_valid] = self._queries().any(origins, directions)
         return hit
 
     def contains_points(self, points: ArrayLike) -> NDArray[np.bool_]:
@@ -125,7 +125,7 @@ class RayMeshIntersector:
         points = _rows(points, "points")
         # Vertices are finite in f32.
         is_near = (np.abs(points) <= np.finfo(np.float32).max).all(axis=1)
-        inside = np.zeros(len(points), bool)
+        inside = np.zeros(len(points), np.bool_)
         inside[is_near] = self._queries().contains(points[is_near])
         return inside
 
