@@ -38,7 +38,7 @@ class AllHits(NamedTuple):
 
 
 class Crossings(NamedTuple):
-    """Passages of rays through the surface: a row for each of m passages, sorted by ray, then distance."""
+    """Crossings of rays and the surface: a row for each of m, sorted by ray, then distance."""
 
     ray: NDArray[np.int64]
     """(m,) index of the ray."""
@@ -49,7 +49,7 @@ class Crossings(NamedTuple):
     location: NDArray[np.float64]
     """(m, 3) point on the ray."""
     entering: NDArray[np.bool_]
-    """(m,) whether the ray passes from the front, the side from which the corners run counterclockwise, to the back."""
+    """(m,) whether the ray goes from the front, the side from which the corners run counterclockwise, to the back."""
 
 
 class ClosestPoints(NamedTuple):

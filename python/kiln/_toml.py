@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 
 def value(given, key: str = "") -> str:
-    """A value in one line; `key` is for errors. Arrays of numpy are lists, and entries of None are left out of tables."""
+    """A value in one line; `key` is for errors. Arrays of numpy become lists; tables leave out entries of None."""
     if hasattr(given, "tolist"):
         given = given.tolist()
     if isinstance(given, bool):

@@ -29,7 +29,7 @@ def _rows(value: ArrayLike, name: str) -> NDArray[np.float64]:
 
 
 def _rays(ray_origins: ArrayLike, ray_directions: ArrayLike) -> tuple[NDArray[np.bool_], NDArray, NDArray]:
-    """Whether each ray is valid: finite, with a direction that is not 0. The origins and directions of those that are."""
+    """Whether each ray is valid, finite with a direction that is not 0; origins and directions of the valid rays."""
     origins, directions = _rows(ray_origins, "ray_origins"), _rows(ray_directions, "ray_directions")
     if len(origins) != len(directions):
         raise ValueError(f"ray_directions: {len(directions)} rows, and ray_origins has {len(origins)}")

@@ -54,6 +54,16 @@ def test_points(tetrahedron):
     assert tetrahedron.signed_distance(points) == pytest.approx([-0.1, 1, 1])
 
 
+def test_the_surface_is_decided_by_perturbation(tetrahedron):
+    """Points and the ends of rays are taken as infinitesimally farther along +x, +y and +z: faces at 0 are inside."""
+    points = [[0, 0.2, 0.2], [0.2, 0, 0.2], [0.2, 0.2, 0], [0, 0, 0], [0.25, 0.25, 0.5]]
+    assert tetrahedron.contains(points).tolist() == [True, True, True, True, False]
+    # To the base, at distance 1, and to the slope, at distance 1.
+    origins, directions = [[0.25, 0.25, -1], [0.25, 0.25, 1.5]], [[0, 0, 1], [0, 0, -1]]
+    assert tetrahedron.crossings(origins, directions, 1.0).ray.tolist() == [0]
+    assert tetrahedron.all(origins, directions, 1.0).ray.tolist() == []
+
+
 def test_inside_out_and_open():
     vertices, faces = TETRAHEDRON
     inverted = kiln.Mesh(vertices, faces[:, ::-1])
