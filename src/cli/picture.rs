@@ -95,8 +95,8 @@ pub struct Picture {
     display: DisplayTransform,
 }
 
-/// Renders a scene as `kiln render` does, and warns of what it warns of. `format` decides the type of the pixels: f32
-/// for OpenEXR, else 8-bit display values.
+/// Renders a scene as `kiln render` does, with the same warnings. `format` decides the type of the pixels: f32 for
+/// OpenEXR, else 8-bit display values.
 ///
 /// # Errors
 /// As those of the command.
