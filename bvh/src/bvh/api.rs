@@ -131,19 +131,22 @@ impl Bvh {
     ///
     /// # Errors
     /// The first index whose ray is not valid, and why.
+    ///
+    /// # Panics
+    /// If there are not as many directions as origins, or not as many `t_max`.
     pub fn rays<'a>(
         &self,
         origins: &'a [[f64; 3]],
         directions: &'a [[f64; 3]],
         t_max: Option<&'a [f64]>,
     ) -> Result<RayArrays<'a>, (usize, NotFinite)> {
-        let len = origins.len().min(directions.len());
-        let rays = RayArrays {
-            origins: &origins[..len],
-            directions,
-            t_max,
-            precision: self.numerics.ray_precision(),
-        };
+        let len = origins.len();
+        assert_eq!(len, directions.len(), "a direction for each origin");
+        assert!(
+            t_max.is_none_or(|t_max| [1, len].contains(&t_max.len())),
+            "one `t_max`, or one for each ray"
+        );
+        let rays = RayArrays { origins, directions, t_max, precision: self.numerics.ray_precision() };
         let check = |index: usize| {
             check_ray(origins[index].into(), directions[index].into(), rays.t_max(index))
                 .err()
@@ -265,7 +268,7 @@ impl RayArrays<'_> {
         match self.t_max {
             None => f64::INFINITY,
             Some(&[one]) => one,
-            Some(each) => each.get(index).copied().unwrap_or(f64::NAN),
+            Some(each) => each[index],
         }
     }
 }

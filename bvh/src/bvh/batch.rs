@@ -1,21 +1,23 @@
 //! [`Bvh`]: queries of many rays or points on all threads of the current rayon pool.
 //!
-//! Queries that traverse the tree one by one are sorted along a Morton curve through the six coordinates of origin and
-//! direction, so that those near each other follow each other, whatever their order. Streams prefetch instead; sorting
-//! rays for them takes longer than it saves (docs/decisions.md). Results are in the order of the queries; in every tier
-//! but `fast` they are those of the queries one by one.
-
-use std::ops::Index;
-use std::sync::{Mutex, PoisonError};
+//! A task answers a group of consecutive queries. Those that traverse the tree one by one are answered along a Morton
+//! curve through the six coordinates of origin and direction, so that neighbours follow each other. Streams prefetch
+//! instead; sorting rays for them takes longer than it saves (docs/decisions.md). In every tier but `fast`, results are
+//! those of the queries one by one.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::crossings::{each_crossing_of_rays, in_order, winding_ray};
+use super::lists::{ListGroup, Lists};
 use super::{Bvh, Closedness, ClosestPoint, Crossing, Traversal};
-use crate::geometry::{Hit, HitBuffer, Ray, RayBuffer, Rays};
+use crate::geometry::{Hit, HitBuffer, PACKET, Ray, RayBuffer, Rays, Side};
 
-/// Queries of a parallel task.
-const CHUNK: usize = 4096;
+/// The queries of a task.
+pub(super) const GROUP: usize = 1 << 12;
+
+/// The points of a task for closest points: of more that are sorted, neighbours are nearer (docs/decisions.md).
+const POINTS: usize = 1 << 14;
 
 /// Bits of each coordinate on the Morton curve.
 const BITS: usize = 5;
@@ -65,52 +67,23 @@ impl RayList for Rays<'_> {
     }
 }
 
-/// A list of results for each query.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Lists<T> {
-    /// The end of each list among the values.
-    ends: Vec<usize>,
-    values: Vec<T>,
-}
-
-impl<T> Lists<T> {
-    /// The number of lists.
-    pub fn len(&self) -> usize {
-        self.ends.len()
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.ends.is_empty()
-    }
-
-    /// The lists.
-    pub fn iter(&self) -> impl ExactSizeIterator<Item = &[T]> {
-        (0..self.len()).map(|index| &self[index])
-    }
-
-    /// The values of all lists.
-    pub fn values(&self) -> &[T] {
-        &self.values
-    }
-}
-
-impl<T> Index<usize> for Lists<T> {
-    type Output = [T];
-
-    fn index(&self, index: usize) -> &[T] {
-        let start = index.checked_sub(1).map_or(0, |before| self.ends[before]);
-        &self.values[start..self.ends[index]]
-    }
-}
-
-/// The memory of a thread.
+/// The memory of a task.
 #[derive(Default)]
 struct Worker {
     traversal: Traversal,
+    order: Order,
     rays: RayBuffer,
     hits: HitBuffer,
     occluded: Vec<bool>,
+}
+
+impl Worker {
+    /// Loads `count` rays from index `first` on. `is_sorted`: along the curve.
+    fn load(&mut self, rays: &impl RayList, first: usize, count: usize, is_sorted: bool) {
+        self.order.fill(count, is_sorted, |index| rays.place(first + index));
+        self.rays.clear();
+        self.rays.extend(self.order.indices().map(|index| rays.get(first + index)));
+    }
 }
 
 impl Bvh {
@@ -119,19 +92,24 @@ impl Bvh {
         !self.accelerator().has_streams()
     }
 
-    /// Calls `found` with the index of every ray, the ray and [`Bvh::closest_hit`] of it, in no order.
-    pub fn par_each_closest_hit(
+    /// Calls `set` with the place of every ray among `places`, the ray and [`Bvh::closest_hit`] of it. There must be as
+    /// many places as rays.
+    ///
+    /// # Panics
+    /// If there are more.
+    pub fn par_each_closest_hit<P: Send>(
         &self,
         rays: &impl RayList,
-        mut found: impl FnMut(usize, &Ray, Option<Hit>) + Send,
+        places: impl IndexedParallelIterator<Item = P>,
+        set: impl Fn(&mut P, &Ray, Option<Hit>) + Sync,
     ) {
-        let trace = |worker: &mut Worker| {
-            worker.hits.clear();
-            self.accelerator().closest_hits(worker.rays.rays(), &mut worker.hits, &mut worker.traversal);
-        };
-        trace_groups(rays, self.sorts(), trace, |indices, (), worker| {
-            for ((index, ray), hit) in indices.zip(worker.rays.rays().iter()).zip(worker.hits.iter()) {
-                found(index, &ray, hit);
+        places.chunks(GROUP).enumerate().for_each_init(Worker::default, |worker, (group, mut places)| {
+            worker.load(rays, group * GROUP, places.len(), self.sorts());
+            let Worker { rays, hits, traversal, order, .. } = worker;
+            hits.clear();
+            self.accelerator().closest_hits(rays.rays(), hits, traversal);
+            for ((index, ray), hit) in order.indices().zip(rays.rays().iter()).zip(hits.iter()) {
+                set(&mut places[index], &ray, hit);
             }
         });
     }
@@ -139,216 +117,205 @@ impl Bvh {
     /// [`Bvh::closest_hit`] of every ray.
     pub fn par_closest_hits(&self, rays: impl RayList) -> Vec<Option<Hit>> {
         let mut hits = vec![None; rays.len()];
-        self.par_each_closest_hit(&rays, |index, _, hit| hits[index] = hit);
+        self.par_each_closest_hit(&rays, hits.par_iter_mut(), |place, _, hit| **place = hit);
         hits
     }
 
     /// [`Bvh::occluded`] of every ray.
     pub fn par_are_occluded(&self, rays: impl RayList) -> Vec<bool> {
-        let mut occluded = vec![false; rays.len()];
-        let trace = |worker: &mut Worker| {
-            worker.occluded.clear();
-            self.accelerator().are_occluded(worker.rays.rays(), &mut worker.occluded, &mut worker.traversal);
-        };
-        trace_groups(&rays, self.sorts(), trace, |indices, (), worker| {
-            indices.zip(&worker.occluded).for_each(|(index, &is_occluded)| occluded[index] = is_occluded);
-        });
-        occluded
+        let mut results = vec![false; rays.len()];
+        results.par_chunks_mut(GROUP).enumerate().for_each_init(
+            Worker::default,
+            |worker, (group, results)| {
+                worker.load(&rays, group * GROUP, results.len(), self.sorts());
+                let Worker { rays, occluded, traversal, order, .. } = worker;
+                occluded.clear();
+                self.accelerator().are_occluded(rays.rays(), occluded, traversal);
+                order.indices().zip(occluded).for_each(|(index, is_occluded)| results[index] = *is_occluded);
+            },
+        );
+        results
     }
 
     /// [`Bvh::all_hits`] of every ray.
     pub fn par_all_hits(&self, rays: impl RayList) -> Lists<Hit> {
-        lists(&rays, self.sorts(), |rays, found, traversal| {
+        let trace = |rays: Rays, found: &mut Vec<(usize, Hit)>, traversal: &mut Traversal| {
             self.accelerator().each_hit(rays, found, traversal);
-            found.sort_unstable_by(|(i, a), (j, b)| {
-                i.cmp(j).then(a.t.total_cmp(&b.t)).then(a.prim.cmp(&b.prim))
+        };
+        let finish = |_, found: &[(usize, Hit)], places: &mut [u32], list: &mut Vec<Hit>| {
+            let hit = |place: &u32| &found[*place as usize].1;
+            places.sort_unstable_by(|a, b| {
+                let [a, b] = [a, b].map(hit);
+                a.t.total_cmp(&b.t).then(a.prim.cmp(&b.prim))
             });
             // A split triangle is in several slots.
-            found.dedup_by_key(|(index, hit)| (*index, hit.prim));
-        })
+            list.extend(places.chunk_by(|a, b| hit(a).prim == hit(b).prim).map(|same| hit(&same[0])));
+        };
+        self.lists(&rays, trace, finish)
     }
 
     /// [`Bvh::crossings`] of every ray.
     pub fn par_crossings(&self, rays: impl RayList) -> Lists<Crossing> {
-        lists(&rays, true, |rays, found, traversal| {
-            for (index, ray) in rays.iter().enumerate() {
-                found.extend(self.crossings(&ray, traversal).into_iter().map(|crossing| (index, crossing)));
+        let trace = |rays: Rays, found: &mut Vec<(usize, _)>, traversal: &mut Traversal| {
+            each_crossing_of_rays(self.accelerator(), rays, traversal, |index, crossing, primitive| {
+                found.push((index, (crossing, primitive.into())));
+            });
+        };
+        let finish = |index, found: &[_], places: &mut [u32], list: &mut Vec<Crossing>| {
+            list.extend(in_order(&rays.get(index), found, places));
+        };
+        self.lists(&rays, trace, finish)
+    }
+
+    /// The lists of rays. `trace` appends results of the rays of a packet, each with the index of its ray among them, in
+    /// any order; `finish` appends the list of a ray, given its index, all results and the places of its own among them.
+    fn lists<R: Send, T: Send>(
+        &self,
+        rays: &impl RayList,
+        trace: impl Fn(Rays, &mut Vec<(usize, R)>, &mut Traversal) + Sync,
+        finish: impl Fn(usize, &[(usize, R)], &mut [u32], &mut Vec<T>) + Sync,
+    ) -> Lists<T> {
+        let memory = || (Worker::default(), Vec::new(), Vec::new());
+        let of_group = |(worker, found, places): &mut (Worker, Vec<_>, Vec<u32>), group| {
+            let first = group * GROUP;
+            let count = GROUP.min(rays.len() - first);
+            worker.load(rays, first, count, self.sorts());
+            found.clear();
+            for (packet, rays) in worker.rays.rays().chunks(PACKET).enumerate() {
+                let before = found.len();
+                trace(rays, found, &mut worker.traversal);
+                for (index, _) in &mut found[before..] {
+                    *index = worker.order.index(packet * PACKET + *index);
+                }
             }
-        })
+            // Sorted by ray, by counting.
+            let mut ends = vec![0; count];
+            found.iter().for_each(|(index, _)| ends[*index] += 1);
+            let mut sum = 0;
+            for end in &mut ends {
+                (*end, sum) = (sum, sum + *end);
+            }
+            places.resize(found.len(), 0);
+            for (place, (index, _)) in (0..).zip(found.iter()) {
+                places[ends[*index]] = place;
+                ends[*index] += 1;
+            }
+            let (mut values, mut start) = (Vec::with_capacity(found.len()), 0);
+            for (index, end) in ends.iter_mut().enumerate() {
+                finish(first + index, found, &mut places[start..*end], &mut values);
+                (start, *end) = (*end, values.len());
+            }
+            ListGroup { ends, values }
+        };
+        let groups = (0..rays.len().div_ceil(GROUP)).into_par_iter().map_init(memory, of_group);
+        Lists::of(groups.collect())
     }
 
     /// [`Bvh::winding_number`] of every point.
     pub fn par_winding_numbers(&self, points: &[DVec3]) -> Vec<i32> {
-        each_point(points, |point, traversal| self.winding_number(point, traversal))
+        let mut results = vec![0; points.len()];
+        let memory = || (Worker::default(), Vec::new(), Vec::new());
+        results.par_chunks_mut(GROUP).zip(points.par_chunks(GROUP)).for_each_init(
+            memory,
+            |(worker, indices, sides), (results, points)| {
+                worker.order.fill(points.len(), self.sorts(), |index| [points[index], DVec3::ZERO]);
+                indices.clear();
+                worker.rays.clear();
+                for index in worker.order.indices() {
+                    if let Some(ray) = winding_ray(points[index]) {
+                        indices.push(index);
+                        worker.rays.push(&ray);
+                    }
+                }
+                for (indices, rays) in indices.chunks(PACKET).zip(worker.rays.rays().chunks(PACKET)) {
+                    let found = |index: usize, Crossing { prim, side, .. }, _| {
+                        sides.push((index, prim, if side == Side::Leaving { 1 } else { -1 }));
+                    };
+                    each_crossing_of_rays(self.accelerator(), rays, &mut worker.traversal, found);
+                    // A split triangle is in several slots; a sphere has two sides.
+                    sides.sort_unstable();
+                    sides.dedup();
+                    sides.drain(..).for_each(|(index, _, side)| results[indices[index]] += side);
+                }
+            },
+        );
+        results
     }
 
     /// [`Bvh::contains`] of every point: whether it is inside, and the closedness of the surface.
     pub fn par_contains(&self, points: &[DVec3]) -> (Vec<bool>, Closedness) {
-        let is_inside = |point, traversal: &mut Traversal| self.winding_number(point, traversal) != 0;
-        (each_point(points, is_inside), self.closedness())
+        let is_inside = self.par_winding_numbers(points).into_iter().map(|number| number != 0);
+        (is_inside.collect(), self.closedness())
     }
 
     /// [`Bvh::closest_point`] of every point.
     pub fn par_closest_points(&self, points: &[DVec3]) -> Vec<Option<ClosestPoint>> {
-        each_point(points, |point, traversal| self.closest_point(point, traversal))
+        let mut results = vec![None; points.len()];
+        results.par_chunks_mut(POINTS).zip(points.par_chunks(POINTS)).for_each_init(
+            Worker::default,
+            |worker, (results, points)| {
+                worker.order.fill(points.len(), true, |index| [points[index], DVec3::ZERO]);
+                for index in worker.order.indices() {
+                    results[index] = self.closest_point(points[index], &mut worker.traversal);
+                }
+            },
+        );
+        results
     }
 
     /// [`Bvh::signed_distance`] of every point.
     pub fn par_signed_distances(&self, points: &[DVec3]) -> Vec<Option<f64>> {
-        each_point(points, |point, traversal| self.signed_distance(point, traversal))
+        let closest = self.par_closest_points(points);
+        let signed = |(closest, winding_number): (&Option<ClosestPoint>, _)| {
+            closest.map(|closest| if winding_number == 0 { closest.distance } else { -closest.distance })
+        };
+        closest.iter().zip(self.par_winding_numbers(points)).map(signed).collect()
     }
 }
 
-/// Results of rays, each with the index of its ray.
-type Found<T> = Vec<(usize, T)>;
-
-/// The results of `work`, which appends those of some rays with the index of each ray among them, in order.
-fn lists<T: Copy + Send>(
-    rays: &impl RayList,
-    is_sorted: bool,
-    work: impl Fn(Rays, &mut Found<T>, &mut Traversal) + Sync,
-) -> Lists<T> {
-    let mut ends = vec![0; rays.len()];
-    let mut groups: Vec<(Vec<usize>, Found<T>)> = Vec::new();
-    let trace = |worker: &mut Worker| {
-        let mut found = Vec::new();
-        work(worker.rays.rays(), &mut found, &mut worker.traversal);
-        found
-    };
-    trace_groups(rays, is_sorted, trace, |indices, found, _| groups.push((indices.collect(), found)));
-    for (indices, found) in &groups {
-        found.iter().for_each(|(place, _)| ends[indices[*place]] += 1);
-    }
-    // Where each list starts, and after it is filled, ends.
-    let mut count = 0;
-    for end in &mut ends {
-        (*end, count) = (count, count + *end);
-    }
-    let Some(&(_, any)) = groups.iter().find_map(|(_, found)| found.first()) else {
-        return Lists { ends, values: Vec::new() };
-    };
-    let mut values = vec![any; count];
-    for (indices, found) in groups {
-        for (place, value) in found {
-            let end = &mut ends[indices[place]];
-            values[*end] = value;
-            *end += 1;
-        }
-    }
-    Lists { ends, values }
+/// The order in which the queries of a group are answered.
+#[derive(Default)]
+struct Order {
+    /// The index of a query in the lower half of each; its place on the curve in the upper half.
+    keys: Vec<u64>,
 }
 
-/// Calls `trace` with groups of rays in [`Worker::rays`], and `done` with the indices of a group and its result, a
-/// group at a time.
-fn trace_groups<G: Send>(
-    rays: &impl RayList,
-    is_sorted: bool,
-    trace: impl Fn(&mut Worker) -> G + Sync,
-    mut done: impl FnMut(Indices, G, &Worker) + Send,
-) {
-    in_groups(
-        rays.len(),
-        is_sorted,
-        |index| rays.place(index),
-        |indices, worker| {
-            worker.rays.clear();
-            worker.rays.extend(indices.map(|index| rays.get(index)));
-            trace(worker)
-        },
-        |indices, group, worker| done(indices, group, worker),
-    );
-}
-
-/// The results of `work` in the order of the points.
-fn each_point<R: Default + Clone + Send>(
-    points: &[DVec3],
-    work: impl Fn(DVec3, &mut Traversal) -> R + Sync,
-) -> Vec<R> {
-    let mut results = vec![R::default(); points.len()];
-    in_groups(
-        points.len(),
-        true,
-        |index| [points[index], DVec3::ZERO],
-        |indices, worker| -> Vec<R> {
-            indices.map(|index| work(points[index], &mut worker.traversal)).collect()
-        },
-        |indices, group, _| indices.zip(group).for_each(|(index, result)| results[index] = result),
-    );
-    results
-}
-
-/// Indices of queries.
-#[derive(Clone)]
-struct Indices<'a> {
-    first: usize,
-    /// The index beyond `first` in the lower half of each.
-    keys: std::slice::Iter<'a, u64>,
-}
-
-impl Iterator for Indices<'_> {
-    type Item = usize;
-
-    fn next(&mut self) -> Option<usize> {
-        self.keys.next().map(|&key| self.first + key as u32 as usize)
-    }
-
-    fn size_hint(&self) -> (usize, Option<usize>) {
-        self.keys.size_hint()
-    }
-}
-
-/// Calls `work` on all threads with groups of neighbouring queries of `count`, and `done` with each group and its
-/// result, a group at a time in no order. `of` is the origin and direction of a query, by which queries are sorted if
-/// `is_sorted`.
-fn in_groups<G: Send>(
-    count: usize,
-    is_sorted: bool,
-    of: impl Fn(usize) -> [DVec3; 2] + Sync,
-    work: impl Fn(Indices, &mut Worker) -> G + Sync,
-    done: impl FnMut(Indices, G, &Worker) + Send,
-) {
-    let bounds =
-        |a: [[DVec3; 2]; 2], b: [[DVec3; 2]; 2]| [0, 1].map(|k| [a[k][0].min(b[k][0]), a[k][1].max(b[k][1])]);
-    let none = || [[DVec3::INFINITY, DVec3::NEG_INFINITY]; 2];
-    // What is not finite has no place.
-    let finite = |vectors: [DVec3; 2]| vectors.iter().all(|v| v.is_finite()).then_some(vectors);
-    let placed = if is_sorted { count } else { 0 };
-    let extents = (0..placed)
-        .into_par_iter()
-        .with_min_len(CHUNK)
-        .filter_map(|index| finite(of(index)))
-        .map(|vectors| vectors.map(|v| [v, v]))
-        .reduce(none, bounds)
-        .map(|[min, max]| (min, ((1 << BITS) as f64 - 0.5) / (max - min).max_element()));
-    let key = |index: usize| {
-        let mut key = 0;
+impl Order {
+    /// The order of `count` queries, whose origin and direction are `of` their index; `is_sorted`: along the curve.
+    fn fill(&mut self, count: usize, is_sorted: bool, of: impl Fn(usize) -> [DVec3; 2]) {
+        self.keys.clear();
+        self.keys.extend(0..count as u64);
         if !is_sorted {
-            return key;
+            return;
         }
-        for (v, (min, scale)) in of(index).into_iter().zip(extents) {
-            for axis in 0..3 {
-                // NaN, of equal coordinates, becomes 0.
-                let cell = ((v[axis] - min[axis]) * scale) as usize;
-                key = key << 1 | SPREAD[cell.min((1 << BITS) - 1)];
-            }
-        }
-        key
-    };
-    let done = Mutex::new(done);
-    let mut first = 0;
-    while first < count {
-        let end = count.min(first.saturating_add(1 << 31));
-        let part = (0..(end - first) as u32).into_par_iter().with_min_len(CHUNK);
-        let mut keys: Vec<u64> =
-            part.map(|index| u64::from(key(first + index as usize)) << 32 | u64::from(index)).collect();
-        if is_sorted {
-            keys.par_sort_unstable();
-        }
-        keys.par_chunks(CHUNK).for_each_init(Worker::default, |worker, keys| {
-            let indices = Indices { first, keys: keys.iter() };
-            let group = work(indices.clone(), worker);
-            done.lock().unwrap_or_else(PoisonError::into_inner)(indices, group, worker);
+        // What is not finite has no place.
+        let finite = (0..count).map(&of).filter(|vectors| vectors.iter().all(|v| v.is_finite()));
+        let none = [[DVec3::INFINITY, DVec3::NEG_INFINITY]; 2];
+        let bounds = finite.fold(none, |bounds, vectors| {
+            [0, 1].map(|k| [bounds[k][0].min(vectors[k]), bounds[k][1].max(vectors[k])])
         });
-        first = end;
+        let grid = bounds.map(|[min, max]| (min, ((1 << BITS) as f64 - 0.5) / (max - min).max_element()));
+        for (index, key) in self.keys.iter_mut().enumerate() {
+            let mut place = 0;
+            for (v, (min, scale)) in of(index).into_iter().zip(grid) {
+                for axis in 0..3 {
+                    // NaN, of equal coordinates, becomes 0.
+                    let cell = ((v[axis] - min[axis]) * scale) as usize;
+                    place = place << 1 | SPREAD[cell.min((1 << BITS) - 1)];
+                }
+            }
+            *key |= u64::from(place) << 32;
+        }
+        self.keys.sort_unstable();
+    }
+
+    /// The index of the query at a place.
+    fn index(&self, place: usize) -> usize {
+        self.keys[place] as u32 as usize
+    }
+
+    /// The indices of the queries.
+    fn indices(&self) -> impl ExactSizeIterator<Item = usize> {
+        self.keys.iter().map(|&key| key as u32 as usize)
     }
 }

@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{Accelerator, Bvh, Primitive, Traversal};
-use crate::geometry::{LineTest, Precision, PrimId, Ray, Side, Stored, Triangle, order_of_crossings};
+use crate::geometry::{LineTest, Precision, PrimId, Ray, Rays, Side, Stored, Triangle, order_of_crossings};
 
 /// A passage of a ray through the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -88,14 +88,10 @@ impl Bvh {
     pub fn crossings(&self, ray: &Ray, traversal: &mut Traversal) -> Vec<Crossing> {
         let mut found = Vec::new();
         each_crossing(self.accelerator(), ray, traversal, |crossing, primitive| {
-            found.push((crossing, Stored::<DVec3>::from(primitive)));
+            found.push((0, (crossing, primitive.into())));
         });
-        found.sort_unstable_by(|(a, of_a), (b, of_b)| {
-            order_of_crossings(ray, [(a.t, a.side, of_a), (b.t, b.side, of_b)]).then(a.prim.cmp(&b.prim))
-        });
-        // A split triangle is in several slots.
-        found.dedup_by_key(|(crossing, _)| (crossing.prim, crossing.side));
-        found.into_iter().map(|(crossing, _)| crossing).collect()
+        let mut places: Vec<u32> = (0..found.len() as u32).collect();
+        in_order(ray, &found, &mut places).collect()
     }
 
     /// How often the surface winds around a point, counter-clockwise seen from outside: 1 inside of a closed mesh, 0
@@ -106,12 +102,7 @@ impl Bvh {
     /// NaN has winding number 0. For a surface that is not closed: the crossings that leave, less those that enter,
     /// of the ray in [`CONTAINS_DIRECTION`].
     pub fn winding_number(&self, point: impl Into<DVec3>, traversal: &mut Traversal) -> i32 {
-        let point = point.into();
-        // All bounds are finite in f32.
-        if !point.as_vec3().is_finite() {
-            return 0;
-        }
-        let ray = Precision::Double.ray(point, CONTAINS_DIRECTION, 0.0, f64::INFINITY);
+        let Some(ray) = winding_ray(point.into()) else { return 0 };
         let mut sides = take(&mut traversal.sides);
         each_crossing(self.accelerator(), &ray, traversal, |Crossing { prim, side, .. }, _| {
             sides.push((prim, if side == Side::Leaving { 1 } else { -1 }));
@@ -158,6 +149,29 @@ impl Bvh {
     }
 }
 
+/// The ray whose crossings give the winding number around a point; `None` for a point outside of all bounds, which are
+/// finite in f32.
+pub(super) fn winding_ray(point: DVec3) -> Option<Ray> {
+    let is_finite = point.as_vec3().is_finite();
+    is_finite.then(|| Precision::Double.ray(point, CONTAINS_DIRECTION, 0.0, f64::INFINITY))
+}
+
+/// The crossings of a ray in their order, once each: a split triangle is in several slots. Of those that were found, they
+/// are at `places`, which are sorted.
+pub(super) fn in_order(
+    ray: &Ray,
+    found: &[(usize, (Crossing, Stored<DVec3>))],
+    places: &mut [u32],
+) -> impl Iterator<Item = Crossing> {
+    let at = |place: &u32| &found[*place as usize].1;
+    places.sort_unstable_by(|a, b| {
+        let [(a, of_a), (b, of_b)] = [a, b].map(at);
+        order_of_crossings(ray, [(a.t, a.side, of_a), (b.t, b.side, of_b)]).then(a.prim.cmp(&b.prim))
+    });
+    let key = move |place: &u32| (at(place).0.prim, at(place).0.side);
+    places.chunk_by(move |a, b| key(a) == key(b)).map(move |same| at(&same[0]).0)
+}
+
 /// Calls `found` with the crossings of a ray in no order, and their primitives; those of split triangles several times.
 fn each_crossing(
     accelerator: &dyn Accelerator,
@@ -166,7 +180,27 @@ fn each_crossing(
     mut found: impl FnMut(Crossing, Primitive),
 ) {
     let test = LineTest::new(ray);
-    let mut visit = |prim, primitive| match &primitive {
+    let mut visit = |prim, primitive| cross(&test, prim, primitive, &mut found);
+    accelerator.each_near_ray(&test, &mut visit, traversal);
+}
+
+/// The same for the rays of a packet; `found` also takes the index of the ray.
+pub(super) fn each_crossing_of_rays(
+    accelerator: &dyn Accelerator,
+    rays: Rays,
+    traversal: &mut Traversal,
+    mut found: impl FnMut(usize, Crossing, Primitive),
+) {
+    let mut visit = |index, test: &LineTest, prim, primitive| {
+        cross(test, prim, primitive, |crossing, primitive| found(index, crossing, primitive));
+    };
+    accelerator.each_near_rays(rays, &mut visit, traversal);
+}
+
+/// Calls `found` with the crossings of a ray and a primitive.
+#[inline(always)]
+fn cross(test: &LineTest, prim: PrimId, primitive: Primitive, mut found: impl FnMut(Crossing, Primitive)) {
+    match &primitive {
         Primitive::Triangle(Triangle(corners)) => {
             if let Some((t, side)) = test.cross_triangle(corners) {
                 found(Crossing { t, prim, side }, primitive);
@@ -177,8 +211,7 @@ fn each_crossing(
                 found(Crossing { t, prim, side }, primitive);
             }
         }
-    };
-    accelerator.each_near_ray(&test, &mut visit, traversal);
+    }
 }
 
 /// A vertex that is compared by the bits of its coordinates.
@@ -219,17 +252,36 @@ mod tests {
     use super::*;
     use crate::bvh::splitmix64::splitmix64;
     use crate::bvh::{Layout, Slot, build};
-    use crate::geometry::Numerics;
+    use crate::geometry::{Numerics, PACKET, RayBuffer};
 
-    /// Crossings of a ray, sorted by id; once each.
-    fn crossings(accelerator: &dyn Accelerator, ray: &Ray) -> Vec<(PrimId, u64, Side)> {
+    /// Crossings sorted by id; once each.
+    type Found = Vec<(PrimId, u64, Side)>;
+
+    fn sort(mut found: Found) -> Found {
+        found.sort_unstable_by_key(|(prim, _, side)| (*prim, *side == Side::Leaving));
+        found.dedup();
+        found
+    }
+
+    fn crossings(accelerator: &dyn Accelerator, ray: &Ray) -> Found {
         let mut found = Vec::new();
         each_crossing(accelerator, ray, &mut Traversal::default(), |Crossing { t, prim, side }, _| {
             found.push((prim, t.to_bits(), side));
         });
-        found.sort_unstable_by_key(|(prim, _, side)| (*prim, *side == Side::Leaving));
-        found.dedup();
-        found
+        sort(found)
+    }
+
+    /// The crossings of each ray, of all together.
+    fn crossings_of_packets(accelerator: &dyn Accelerator, rays: &RayBuffer) -> Vec<Found> {
+        let mut found = vec![Vec::new(); rays.len()];
+        let of_packets = found.chunks_mut(PACKET).zip(rays.rays().chunks(PACKET));
+        for (found, rays) in of_packets {
+            let traversal = &mut Traversal::default();
+            each_crossing_of_rays(accelerator, rays, traversal, |index, Crossing { t, prim, side }, _| {
+                found[index].push((prim, t.to_bits(), side));
+            });
+        }
+        found.into_iter().map(sort).collect()
     }
 
     #[test]
@@ -251,6 +303,8 @@ mod tests {
             let trees =
                 Layout::trees().map(|layout| (layout, build(slots.iter().copied(), layout, numerics)));
             let trees: Vec<_> = trees.collect();
+            // Rays with zeros in their direction are not traced as streams.
+            let mut packets = [(); 2].map(|()| (RayBuffer::default(), Vec::new()));
             for seed in 10_000..10_300 {
                 let (origin, direction) = (vector(2 * seed) * 1.5, vector(2 * seed + 1));
                 let axis = DVec3::AXES[seed as usize % 3];
@@ -267,6 +321,14 @@ mod tests {
                     assert_eq!(crossings(&**tree, &ray), expected, "{layout:?}, {name}, {ray:?}");
                 }
                 count += expected.len();
+                let (rays, of_rays) = &mut packets[usize::from(seed % 3 == 0)];
+                rays.push(&ray);
+                of_rays.push(expected);
+            }
+            for (rays, expected) in &packets {
+                for (layout, tree) in &trees {
+                    assert_eq!(crossings_of_packets(&**tree, rays), *expected, "{layout:?}");
+                }
             }
         }
         // More than one for each ray in each tier.

@@ -17,6 +17,7 @@ mod bvh2;
 mod closest_point;
 mod crossings;
 mod instances;
+mod lists;
 mod preset;
 mod quality;
 pub mod splitmix64;
@@ -25,10 +26,11 @@ mod traverse;
 mod wide;
 
 pub use api::{Bvh, NotFinite, RayArrays, Update, is_worth_keeping};
-pub use batch::{Lists, RayList};
+pub use batch::RayList;
 pub use closest_point::ClosestPoint;
 pub use crossings::{CONTAINS_DIRECTION, Closedness, Containment, Crossing, NotClosed};
 pub use instances::{Instance, MeshSpace, can_be_instance};
+pub use lists::Lists;
 pub use preset::Preset;
 pub use quality::{Quality, VisitedNode, quality};
 
@@ -247,8 +249,8 @@ pub trait Accelerator: Send + Sync {
     /// Appends every hit of the ray to `hits`, in no order. On an edge or corner, all triangles that share it are hit.
     fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal);
 
-    /// Appends every hit of every ray to `hits`, with the index of the ray, in no order; with a split triangle perhaps
-    /// several times.
+    /// Appends every hit of every ray of a packet to `hits`, with the index of the ray, in no order; with a split triangle
+    /// perhaps several times.
     fn each_hit(&self, rays: Rays, hits: &mut Vec<(usize, Hit)>, traversal: &mut Traversal) {
         let mut found = Vec::new();
         for (index, ray) in rays.iter().enumerate() {
@@ -277,6 +279,20 @@ pub trait Accelerator: Send + Sync {
         _traversal: &mut Traversal,
     ) {
         self.each_primitive(visit);
+    }
+
+    /// [`Accelerator::each_near_ray`] of every ray of a packet; `visit` also takes the index of the ray and its test.
+    fn each_near_rays(
+        &self,
+        rays: Rays,
+        visit: &mut dyn FnMut(usize, &LineTest, PrimId, Primitive),
+        traversal: &mut Traversal,
+    ) {
+        for (index, ray) in rays.iter().enumerate() {
+            let test = LineTest::new(&ray);
+            let mut visit = |prim, primitive| visit(index, &test, prim, primitive);
+            self.each_near_ray(&test, &mut visit, traversal);
+        }
     }
 
     /// Calls `visit` with every primitive that is no farther from a point than the distance that `visit` returned last,

@@ -228,7 +228,7 @@ pub(crate) fn order_of_crossings(ray: &Ray, crossings: [(f64, Side, &Stored<DVec
         return a.0.total_cmp(&b.0);
     }
     if let [(_, _, Stored::Triangle(a)), (_, _, Stored::Triangle(b))] = crossings {
-        return order_of_triangles(ray, a, b);
+        return if is_same_plane(a, b) { Ordering::Equal } else { order_of_triangles(ray, a, b) };
     }
     let exact = |(_, side, primitive): (f64, Side, &Stored<DVec3>)| match primitive {
         Stored::Triangle(corners) => Distance::to_triangle(ray, corners).map(|crossing| crossing.distance),
@@ -238,6 +238,13 @@ pub(crate) fn order_of_crossings(ray: &Ray, crossings: [(f64, Side, &Stored<DVec
     // Both have been crossed, so there are distances. Where they are equal, shapes come before triangles.
     let order = exact(a).zip(exact(b)).map_or(Ordering::Equal, |(a, b)| a.cmp(&b));
     order.then(is_triangle(a.2).cmp(&is_triangle(b.2)))
+}
+
+/// Whether triangles with an area are obviously in the same plane: one of constant x, y or z, or all corners are the same.
+/// Models have many of both.
+fn is_same_plane(a: &[DVec3; 3], b: &[DVec3; 3]) -> bool {
+    let is_constant = |k: usize| a.iter().chain(b).all(|corner| corner[k] == a[0][k]);
+    (0..3).any(is_constant) || a.iter().all(|corner| b.contains(corner))
 }
 
 #[cold]
@@ -261,4 +268,36 @@ fn order_of_triangles(ray: &Ray, a: &[DVec3; 3], b: &[DVec3; 3]) -> Ordering {
     let ((a, across_a), (b, across_b)) = (plane(2), plane(5));
     let orders = a.iter().zip(&b).map(|(a, b)| (a * &across_b).cmp(&(b * &across_a)));
     orders.fold(Ordering::Equal, Ordering::then)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bvh::splitmix64::splitmix64;
+
+    #[test]
+    fn triangles_of_an_obvious_plane_have_no_order() {
+        let number = |seed: u64| (splitmix64(seed) >> 40) as f64 / f64::from(1 << 23) - 1.0;
+        let vector = |seed: u64| DVec3::from([3 * seed, 3 * seed + 1, 3 * seed + 2].map(number));
+        let mut counts = [0; 2];
+        for seed in 0..600 {
+            let a = [0, 1, 2].map(|k| vector(8 * seed + k));
+            // Turned, or of one constant coordinate, or neither.
+            let b = [3, 4, 5].map(|k| vector(8 * seed + k));
+            let flat = |v: DVec3| DVec3::new(0.1 * v.x, 0.7, v.z);
+            let [a, b] = [[a, [a[2], a[1], a[0]]], [a.map(flat), b.map(flat)], [a, b]][seed as usize % 3];
+            let ray = Ray {
+                origin: vector(8 * seed + 6),
+                direction: vector(8 * seed + 7),
+                t_min: 0.0,
+                t_max: f64::INFINITY,
+            };
+            let order = order_of_triangles(&ray, &a, &b);
+            if is_same_plane(&a, &b) {
+                assert_eq!(order, Ordering::Equal, "{a:?}, {b:?}");
+            }
+            counts[usize::from(is_same_plane(&a, &b))] += 1;
+        }
+        assert_eq!(counts, [200, 400]);
+    }
 }

@@ -188,25 +188,22 @@ impl<T: Tier> Accelerator for Wide<T> {
     }
 
     fn each_hit(&self, rays: Rays, hits: &mut Vec<(usize, Hit)>, traversal: &mut Traversal) {
-        for (packet, rays) in rays.chunks(PACKET).enumerate() {
-            let first = packet * PACKET;
-            let is_done = many(
-                self,
-                rays,
-                traversal,
-                #[inline(always)]
-                |ray, hit| {
-                    hits.push((first + ray, hit));
+        let is_done = many(
+            self,
+            rays,
+            traversal,
+            #[inline(always)]
+            |ray, hit| {
+                hits.push((ray, hit));
+                Next::Continue
+            },
+        );
+        if !is_done {
+            for (index, ray) in rays.iter().enumerate() {
+                one::<T, false>(self, &ray, traversal, |hit| {
+                    hits.push((index, hit));
                     Next::Continue
-                },
-            );
-            if !is_done {
-                for (index, ray) in (first..).zip(rays.iter()) {
-                    one::<T, false>(self, &ray, traversal, |hit| {
-                        hits.push((index, hit));
-                        Next::Continue
-                    });
-                }
+                });
             }
         }
     }
@@ -237,6 +234,28 @@ impl<T: Tier> Accelerator for Wide<T> {
             }
             #[cfg(target_arch = "x86_64")]
             _ => near_ray::visit::<T, Avx2, false>(self, ray, traversal, visit),
+        }
+    }
+
+    fn each_near_rays(
+        &self,
+        rays: Rays,
+        visit: &mut dyn FnMut(usize, &LineTest, PrimId, Primitive),
+        traversal: &mut Traversal,
+    ) {
+        let is_done = match self.instructions {
+            InstructionSet::Portable => false,
+            #[cfg(target_arch = "x86_64")]
+            InstructionSet::Avx2 => near_ray::visit_packet::<T, Avx2>(self, rays, traversal, visit),
+            #[cfg(target_arch = "x86_64")]
+            InstructionSet::Avx512 => near_ray::visit_packet::<T, Avx512>(self, rays, traversal, visit),
+        };
+        if !is_done {
+            for (index, ray) in rays.iter().enumerate() {
+                let test = LineTest::new(&ray);
+                let mut visit = |prim, primitive| visit(index, &test, prim, primitive);
+                self.each_near_ray(&test, &mut visit, traversal);
+            }
         }
     }
 
@@ -345,7 +364,7 @@ fn many_by<T: Tier, S: Simd>(
             }
             let is_stream = stream::applies::<T, S>(wide, rays);
             if is_stream {
-                stream::traverse::<T, S>(wide, rays, stream, tests, found);
+                stream::each_hit::<T, S>(wide, rays, stream, tests, found);
             }
             is_stream
         },

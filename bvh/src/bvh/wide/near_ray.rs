@@ -5,10 +5,11 @@
 
 use super::layout::{Child, Content, Wide};
 use super::single::box_ray::BoxRay;
-use crate::bvh::{Primitive, Traversal};
+use super::stream;
+use crate::bvh::{Primitive, Tests, Traversal};
 use crate::geometry::lanes::LANES4;
 use crate::geometry::simd::Simd;
-use crate::geometry::{LineTest, NO_PRIMITIVE, PrimId, Tier, Triangle};
+use crate::geometry::{LineTest, NO_PRIMITIVE, PrimId, Rays, Tier, Triangle};
 
 /// Calls `visit` with the primitives of [`Accelerator::each_near_ray`](crate::bvh::Accelerator::each_near_ray). `FUSED`
 /// requires a direction without zeros.
@@ -50,23 +51,72 @@ fn visit_by<T: Tier, S: Simd, const FUSED: bool>(
                     places &= places - 1;
                 }
             }
-            Content::Triangles(leaves) => {
-                tests.primitives += leaves.len() as u64;
-                for leaf in &wide.triangles[leaves.start as usize..leaves.end as usize] {
-                    let mut lanes = ray.may_cross4::<T::Corner, S::D4>(&leaf.corners);
-                    while lanes != 0 {
-                        let lane = lanes.trailing_zeros() as usize % LANES4;
-                        lanes &= lanes - 1;
-                        let corners = leaf.corners.corners_f64(lane).map(Into::into);
-                        visit(PrimId(leaf.ids[lane]), Primitive::Triangle(Triangle(corners)));
-                    }
+            _ => visit_leaf::<T, S>(wide, ray, child, tests, visit),
+        }
+    }
+}
+
+/// [`visit`] for the rays of a packet, as a stream. `false`, with nothing visited, if the tree or the rays do not allow
+/// it.
+#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
+#[inline(always)]
+pub(crate) fn visit_packet<T: Tier, S: Simd>(
+    wide: &Wide<T>,
+    rays: Rays,
+    Traversal { stream: scratch, tests, .. }: &mut Traversal,
+    visit: &mut dyn FnMut(usize, &LineTest, PrimId, Primitive),
+) -> bool {
+    S::run(
+        #[inline(always)]
+        move || {
+            let is_stream = stream::applies::<T, S>(wide, rays);
+            if is_stream {
+                let prepared: Vec<LineTest> = rays.iter().map(|ray| LineTest::new(&ray)).collect();
+                stream::each_leaf::<T, S>(
+                    wide,
+                    rays,
+                    scratch,
+                    tests,
+                    #[inline(always)]
+                    |index, leaf, tests| {
+                        let test = &prepared[index];
+                        let mut visit = |prim, primitive| visit(index, test, prim, primitive);
+                        visit_leaf::<T, S>(wide, test, leaf, tests, &mut visit);
+                    },
+                );
+            }
+            is_stream
+        },
+    )
+}
+
+/// The primitives of a leaf.
+#[inline(always)]
+fn visit_leaf<T: Tier, S: Simd>(
+    wide: &Wide<T>,
+    ray: &LineTest,
+    leaf: Child,
+    tests: &mut Tests,
+    visit: &mut dyn FnMut(PrimId, Primitive),
+) {
+    match leaf.content() {
+        Content::Node(_) => {}
+        Content::Triangles(leaves) => {
+            tests.primitives += leaves.len() as u64;
+            for leaf in &wide.triangles[leaves.start as usize..leaves.end as usize] {
+                let mut lanes = ray.may_cross4::<T::Corner, S::D4>(&leaf.corners);
+                while lanes != 0 {
+                    let lane = lanes.trailing_zeros() as usize % LANES4;
+                    lanes &= lanes - 1;
+                    let corners = leaf.corners.corners_f64(lane).map(Into::into);
+                    visit(PrimId(leaf.ids[lane]), Primitive::Triangle(Triangle(corners)));
                 }
             }
-            Content::Analytic(shapes) => {
-                tests.primitives += shapes.len() as u64;
-                for (shape, prim) in &wide.analytic[shapes.start as usize..shapes.end as usize] {
-                    visit(*prim, Primitive::Analytic(*shape));
-                }
+        }
+        Content::Analytic(shapes) => {
+            tests.primitives += shapes.len() as u64;
+            for (shape, prim) in &wide.analytic[shapes.start as usize..shapes.end as usize] {
+                visit(*prim, Primitive::Analytic(*shape));
             }
         }
     }

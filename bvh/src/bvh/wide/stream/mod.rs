@@ -26,21 +26,77 @@ pub(crate) fn applies<T: Tier, S: Simd>(wide: &Wide<T>, rays: Rays) -> bool {
 
 /// Calls `found` with the index of a ray and each of its hits, nearest boxes first, until it returns [`Next::Stop`]
 /// for that ray. [`applies`] must hold; `rays` must be no more than a packet.
-///
-/// One function, because `queues` and `next` must stay in registers between the steps.
 #[inline(always)]
-pub(crate) fn traverse<T: Tier, S: Simd>(
+pub(crate) fn each_hit<T: Tier, S: Simd>(
     wide: &Wide<T>,
     rays: Rays,
-    scratch: &mut Scratch,
+    Scratch { boxes, triangles, stacks }: &mut Scratch,
     tests: &mut Tests,
     mut found: impl FnMut(usize, Hit) -> Next,
 ) {
-    let Scratch { boxes, triangles, stacks: Stacks(stacks) } = scratch;
-    for first in (0..rays.len()).step_by(S::F8::LANES) {
-        boxes.fill::<S>(rays, first, T::IS_FAST);
-    }
     let prepared = T::Prepared::prepare_packet::<S::D4>(rays, triangles);
+    traverse::<T, S>(
+        wide,
+        rays,
+        (boxes, stacks),
+        T::IS_FAST,
+        tests,
+        #[inline(always)]
+        |ray, leaf, tests| {
+            hits_in_leaf::<T, S>(
+                wide,
+                #[inline(always)]
+                || rays.get(ray),
+                &mut prepared[ray],
+                leaf,
+                tests,
+                #[inline(always)]
+                |hit| found(ray, hit),
+            )
+        },
+    );
+}
+
+/// Calls `visit` with the index of a ray and each leaf whose box has a point on it, between `t_min` and `t_max`, ends
+/// included. As for [`each_hit`], [`applies`] must hold, and `rays` be no more than a packet.
+#[inline(always)]
+pub(crate) fn each_leaf<T: Tier, S: Simd>(
+    wide: &Wide<T>,
+    rays: Rays,
+    Scratch { boxes, stacks, .. }: &mut Scratch,
+    tests: &mut Tests,
+    mut visit: impl FnMut(usize, Child, &mut Tests),
+) {
+    traverse::<T, S>(
+        wide,
+        rays,
+        (boxes, stacks),
+        false,
+        tests,
+        #[inline(always)]
+        |ray, leaf, tests| {
+            visit(ray, leaf, tests);
+            Next::Continue
+        },
+    );
+}
+
+/// Calls `visit` with the index of a ray and each leaf that it enters, until it returns [`Next::Stop`] for that ray.
+/// `fast`: boxes are tested without margins.
+///
+/// One function, because `queues` and `next` must stay in registers between the steps.
+#[inline(always)]
+fn traverse<T: Tier, S: Simd>(
+    wide: &Wide<T>,
+    rays: Rays,
+    (boxes, Stacks(stacks)): (&mut BoxRays, &mut Stacks),
+    fast: bool,
+    tests: &mut Tests,
+    mut visit: impl FnMut(usize, Child, &mut Tests) -> Next,
+) {
+    for first in (0..rays.len()).step_by(S::F8::LANES) {
+        boxes.fill::<S>(rays, first, fast);
+    }
     let live = rays.len().min(STREAM_WIDTH);
     let mut queues = Queues::default();
     let mut in_flight = [StreamRay::default(); STREAM_WIDTH];
@@ -57,7 +113,7 @@ pub(crate) fn traverse<T: Tier, S: Simd>(
             let index = usize::from(index) % STREAM_WIDTH;
             let (state, stack) = (&mut in_flight[index], &mut stacks[index].items);
             let node = &wide.nodes[state.child.index()];
-            let (enter, leave) = boxes.at(state.ray).span::<S, true>(node, state.t_max, T::IS_FAST);
+            let (enter, leave) = boxes.at(state.ray).span::<S, true>(node, state.t_max, fast);
             debug_assert!(state.top < ROOM);
             let top = state.top % ROOM;
             let Some(to) = stack[top..top + WIDTH].first_chunk_mut() else { unreachable!("there is room") };
@@ -77,17 +133,7 @@ pub(crate) fn traverse<T: Tier, S: Simd>(
             for &index in &ready[..len] {
                 let index = usize::from(index) % STREAM_WIDTH;
                 let (state, stack) = (&mut in_flight[index], &mut stacks[index].items);
-                let ray = state.ray;
-                let after = hits_in_leaf::<T, S>(
-                    wide,
-                    #[inline(always)]
-                    || rays.get(ray),
-                    &mut prepared[ray],
-                    state.child,
-                    tests,
-                    #[inline(always)]
-                    |hit| found(ray, hit),
-                );
+                let after = visit(state.ray, state.child, tests);
                 match after {
                     Next::Stop => state.top = 1,
                     Next::Shorten(t) => state.t_max = prune_distance(t),
