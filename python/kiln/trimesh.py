@@ -64,6 +64,15 @@ class RayMeshIntersector:
             self._built = state, Mesh(self.mesh.vertices, self.mesh.faces, tier=self.tier)
         return self._built[1]
 
+    def _answer(self, query: str, ray_origins: ArrayLike, ray_directions: ArrayLike):
+        """The result of a query of Mesh for the valid rays, and the indices of these; None for all."""
+        answer = getattr(self._queries(), query)
+        try:
+            return answer(ray_origins, ray_directions), None
+        except ValueError:
+            is_valid, origins, directions = _rays(ray_origins, ray_directions)
+            return answer(origins, directions), np.flatnonzero(is_valid)
+
     def intersects_id(
         self,
         ray_origins: ArrayLike,
@@ -79,18 +88,19 @@ class RayMeshIntersector:
 
         Returns index_tri (m,), index_ray (m,) and locations (m, 3).
         """
-        is_valid, origins, directions = _rays(ray_origins, ray_directions)
         if multiple_hits:
-            index_ray, index_tri, _, locations, _ = self._queries().crossings(origins, directions)
+            crossings, valid = self._answer("crossings", ray_origins, ray_directions)
+            index_ray, index_tri, locations = crossings.ray, crossings.triangle, crossings.location
             if max_hits is not None and len(index_ray) > 0:
                 first = np.searchsorted(index_ray, index_ray)
                 kept = np.arange(len(index_ray)) - first < max_hits
                 index_ray, index_tri, locations = index_ray[kept], index_tri[kept], locations[kept]
         else:
-            hits = self._queries().first(origins, directions)
+            hits, valid = self._answer("first", ray_origins, ray_directions)
             index_ray = np.flatnonzero(hits.triangle >= 0)
             index_tri, locations = hits.triangle[index_ray], hits.location[index_ray]
-        index_ray = np.flatnonzero(is_valid)[index_ray]
+        if valid is not None:
+            index_ray = valid[index_ray]
         return (index_tri, index_ray, locations) if return_locations else (index_tri, index_ray)
 
     def intersects_location(
@@ -108,16 +118,20 @@ class RayMeshIntersector:
 
     def intersects_first(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> NDArray[np.int64]:
         """The first triangle that each ray hits, or -1: (n,)."""
-        is_valid, origins, directions = _rays(ray_origins, ray_directions)
-        triangles = np.full(len(is_valid), -1, np.int64)
-        triangles[is_valid] = self._queries().first(origins, directions).triangle
+        hits, valid = self._answer("first", ray_origins, ray_directions)
+        if valid is None:
+            return hits.triangle
+        triangles = np.full(len(ray_origins), -1, np.int64)
+        triangles[valid] = hits.triangle
         return triangles
 
     def intersects_any(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> NDArray[np.bool_]:
         """Whether each ray hits the mesh: (n,)."""
-        is_valid, origins, directions = _rays(ray_origins, ray_directions)
-        hit = np.zeros(len(is_valid), np.bool_)
-        hit[is_valid] = self._queries().any(origins, directions)
+        is_hit, valid = self._answer("any", ray_origins, ray_directions)
+        if valid is None:
+            return is_hit
+        hit = np.zeros(len(ray_origins), np.bool_)
+        hit[valid] = is_hit
         return hit
 
     def contains_points(self, points: ArrayLike) -> NDArray[np.bool_]:

@@ -1,6 +1,10 @@
 //! Arrays of numpy: checked input in the layout that the library reads, and output without copies.
 
-use numpy::{Element, PyArray1, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::ndarray::{Dim, Dimension};
+use numpy::{
+    Element, PyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray,
+    PyReadwriteArray2,
+};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -141,4 +145,26 @@ pub(crate) fn shaped<'py, T: Element>(
     shape: &[usize],
 ) -> PyResult<Bound<'py, PyAny>> {
     PyArray1::from_vec(py, values).call_method1("reshape", (shape.to_vec(),))
+}
+
+/// An array of this shape, of zeros whose memory is not touched yet. Without memory for it, a `MemoryError`.
+pub(crate) fn zeros<'py, T: Element, const N: usize>(
+    py: Python<'py>,
+    shape: [usize; N],
+) -> PyResult<PyReadwriteArray<'py, T, Dim<[usize; N]>>>
+where
+    Dim<[usize; N]>: Dimension,
+{
+    let array = py.import("numpy")?.call_method1("zeros", (shape.to_vec(), T::get_dtype(py)))?;
+    Ok(array.cast_into::<PyArray<T, Dim<[usize; N]>>>()?.try_readwrite()?)
+}
+
+/// The rows of an array of [`zeros`] with three columns.
+pub(crate) fn vectors<'a>(array: &'a mut PyReadwriteArray2<f64>) -> PyResult<&'a mut [[f64; 3]]> {
+    Ok(array.as_slice_mut()?.as_chunks_mut().0)
+}
+
+/// An array of [`zeros`] as an object.
+pub(crate) fn any<'py, T: Element, D: Dimension>(array: &PyReadwriteArray<'py, T, D>) -> Bound<'py, PyAny> {
+    array.as_any().clone()
 }

@@ -5,6 +5,7 @@ mod arrays;
 mod mesh;
 mod picture;
 mod scene;
+mod threads;
 
 use std::ffi::{CString, OsString};
 use std::sync::Arc;
@@ -25,9 +26,6 @@ pyo3::create_exception!(
 
 /// How often signals and progress are looked at while a thread works.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
-
-/// The stack of such a thread, as that of a main thread.
-const STACK: usize = 8 << 20;
 
 /// The exception of an error.
 fn raised(error: &Error) -> PyErr {
@@ -53,8 +51,8 @@ fn warn_all(py: Python, warnings: &Warnings) -> PyResult<()> {
     warnings.messages().iter().try_for_each(|text| warn(py, text))
 }
 
-/// Runs `work` in another thread, and calls `report` with the GIL from time to time. When a signal handler or `report`
-/// raises, `cancel` is set, the exception is returned at once, and the thread ends by itself.
+/// Runs `work` in the pool, and calls `report` with the GIL from time to time. When a signal handler or `report`
+/// raises, `cancel` is set, the exception is returned at once, and `work` ends by itself.
 fn interruptible<T: Send + 'static>(
     py: Python,
     cancel: &Arc<AtomicBool>,
@@ -62,9 +60,10 @@ fn interruptible<T: Send + 'static>(
     work: impl FnOnce() -> T + Send + 'static,
 ) -> PyResult<T> {
     let (done, waiting) = channel();
-    let thread = std::thread::Builder::new().stack_size(STACK).spawn(move || {
+    let pool = threads::pool(py)?;
+    let thread = std::thread::Builder::new().spawn(move || {
         // Nobody waits after an exception.
-        let _ = done.send(work());
+        let _ = done.send(pool.install(work));
     });
     let thread = thread.map_err(|e| PyRuntimeError::new_err(format!("a thread cannot be started: {e}")))?;
     let cancelled = |e| {

@@ -1,13 +1,18 @@
 //! `kiln.Mesh`: ray and point queries of triangles.
 
-use kiln::bvh::{Bvh, Crossing, Lists, NotClosed, NotFinite, Preset, Primitive, RayArrays, RayList};
+use kiln::bvh::{Bvh, Crossing, NotClosed, NotFinite, Preset, Primitive, RayArrays, RayList};
 use kiln::geometry::{Hit, Numerics, Ray, Side};
 use kiln::glam::DVec3;
+use numpy::{PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
+use rayon::prelude::*;
 
-use crate::arrays::{check_finite, check_rows, chunks, column, numbers, rows, triangles, vector};
+use crate::arrays::{
+    any, check_finite, check_rows, chunks, column, numbers, rows, triangles, vector, vectors, zeros,
+};
+use crate::threads::in_threads;
 use crate::warn;
 
 /// Triangles for ray and point queries, immutable, for any number of threads.
@@ -27,37 +32,79 @@ pub(crate) struct Mesh {
     primitives: usize,
 }
 
-/// Hits of rays in the arrays of the results.
-struct Columns {
-    triangle: Vec<i64>,
-    distance: Vec<f64>,
-    location: Vec<[f64; 3]>,
-    barycentrics: Vec<[f64; 3]>,
+/// The arrays of hits, being filled.
+struct Columns<'py> {
+    triangle: PyReadwriteArray1<'py, i64>,
+    distance: PyReadwriteArray1<'py, f64>,
+    location: PyReadwriteArray2<'py, f64>,
+    barycentrics: PyReadwriteArray2<'py, f64>,
 }
 
-impl Columns {
-    /// Misses.
-    fn new(len: usize) -> Self {
-        Columns {
-            triangle: vec![-1; len],
-            distance: vec![f64::NAN; len],
-            location: vec![[f64::NAN; 3]; len],
-            barycentrics: vec![[f64::NAN; 3]; len],
-        }
+/// Their elements for a ray.
+type Row<'a> = (&'a mut i64, &'a mut f64, &'a mut [f64; 3], &'a mut [f64; 3]);
+
+impl<'py> Columns<'py> {
+    fn new(py: Python<'py>, len: usize) -> PyResult<Self> {
+        let (triangle, distance) = (zeros(py, [len])?, zeros(py, [len])?);
+        Ok(Columns { triangle, distance, location: zeros(py, [len, 3])?, barycentrics: zeros(py, [len, 3])? })
     }
 
-    #[inline]
-    fn set(&mut self, index: usize, ray: &Ray, hit: &Hit) {
-        let [v, w] = hit.barycentrics;
-        self.triangle[index] = hit.prim.0.into();
-        self.distance[index] = hit.t;
-        self.location[index] = ray.at(hit.t).to_array();
-        self.barycentrics[index] = [1.0 - v - w, v, w];
+    fn rows(&mut self) -> PyResult<impl IndexedParallelIterator<Item = Row<'_>>> {
+        let (triangle, distance) = (self.triangle.as_slice_mut()?, self.distance.as_slice_mut()?);
+        let (location, barycentrics) = (vectors(&mut self.location)?, vectors(&mut self.barycentrics)?);
+        Ok((triangle, distance, location, barycentrics).into_par_iter())
     }
 
-    fn arrays<'py>(self, py: Python<'py>) -> PyResult<[Bound<'py, PyAny>; 4]> {
-        let Columns { triangle, distance, location, barycentrics } = self;
-        Ok([vector(py, triangle), vector(py, distance), rows(py, location)?, rows(py, barycentrics)?])
+    fn arrays(&self) -> [Bound<'py, PyAny>; 4] {
+        [any(&self.triangle), any(&self.distance), any(&self.location), any(&self.barycentrics)]
+    }
+}
+
+/// Writes the hit of a ray, or a miss.
+#[inline]
+fn set((triangle, distance, location, barycentrics): &mut Row, ray: &Ray, hit: Option<&Hit>) {
+    let Some(hit) = hit else {
+        (**triangle, **distance) = (-1, f64::NAN);
+        [**location, **barycentrics] = [[f64::NAN; 3]; 2];
+        return;
+    };
+    let [v, w] = hit.barycentrics;
+    (**triangle, **distance) = (hit.prim.0.into(), hit.t);
+    [**location, **barycentrics] = [ray.at(hit.t).to_array(), [1.0 - v - w, v, w]];
+}
+
+/// The arguments of a query of rays.
+struct RayArguments<'py> {
+    origins: PyReadonlyArray2<'py, f64>,
+    directions: PyReadonlyArray2<'py, f64>,
+    max_distance: Option<Vec<f64>>,
+}
+
+impl<'py> RayArguments<'py> {
+    fn new(
+        origins: &Bound<'py, PyAny>,
+        directions: &Bound<'py, PyAny>,
+        max_distance: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Self> {
+        let [origins, directions] = [numbers(origins, "origins", 3)?, numbers(directions, "directions", 3)?];
+        let count = chunks::<3>(&origins)?.len();
+        check_rows(("directions", chunks::<3>(&directions)?.len()), ("origins", count))?;
+        let max_distance = max_distance.map(|value| column(value, "max_distance", "origins", count));
+        Ok(RayArguments { origins, directions, max_distance: max_distance.transpose()? })
+    }
+
+    /// The rays, checked.
+    fn rays(&self, py: Python, bvh: &Bvh) -> PyResult<RayArrays<'_>> {
+        let [origins, directions] = [chunks(&self.origins)?, chunks(&self.directions)?];
+        let t_max = self.max_distance.as_deref();
+        in_threads(py, || bvh.rays(origins, directions, t_max))?.map_err(|(row, why)| {
+            let argument = match why {
+                NotFinite::Direction => "directions",
+                NotFinite::Distance => "max_distance",
+                NotFinite::Origin | NotFinite::Primitive(_) => "origins",
+            };
+            PyValueError::new_err(format!("{argument}: row {row}: {why}"))
+        })
     }
 }
 
@@ -68,15 +115,6 @@ fn result<'py>(
     fields: impl IntoIterator<Item = Bound<'py, PyAny>, IntoIter: ExactSizeIterator>,
 ) -> PyResult<Bound<'py, PyAny>> {
     py.import("kiln._results")?.getattr(name)?.call1(PyTuple::new(py, fields)?)
-}
-
-/// For each value, the index of its list.
-fn index_of_values<T>(lists: &Lists<T>) -> Vec<i64> {
-    let mut index = Vec::with_capacity(lists.values().len());
-    for (number, list) in (0..).zip(lists.iter()) {
-        index.extend(std::iter::repeat_n(number, list.len()));
-    }
-    index
 }
 
 /// The tier and the preset of their names.
@@ -101,36 +139,9 @@ impl Mesh {
     ) -> PyResult<Self> {
         let (numerics, preset) = named(tier, preset)?;
         let count = primitives.len();
-        let bvh = py.detach(|| Bvh::with(primitives, preset, numerics));
+        let bvh = in_threads(py, || Bvh::with(primitives, preset, numerics))?;
         let bvh = bvh.map_err(|why| PyValueError::new_err(format!("vertices: {why}")))?;
         Ok(Mesh { bvh, primitives: count })
-    }
-
-    /// Calls `query` with the rays, without the GIL.
-    fn with_rays<R: Send>(
-        &self,
-        origins: &Bound<PyAny>,
-        directions: &Bound<PyAny>,
-        max_distance: Option<&Bound<PyAny>>,
-        query: impl FnOnce(&Bvh, RayArrays) -> R + Send,
-    ) -> PyResult<R> {
-        let py = origins.py();
-        let [origins, directions] = [numbers(origins, "origins", 3)?, numbers(directions, "directions", 3)?];
-        let [origins, directions] = [chunks(&origins)?, chunks(&directions)?];
-        check_rows(("directions", directions.len()), ("origins", origins.len()))?;
-        let max_distance = max_distance.map(|value| column(value, "max_distance", "origins", origins.len()));
-        let max_distance = max_distance.transpose()?;
-        let t_max = max_distance.as_deref();
-        py.detach(|| self.bvh.rays(origins, directions, t_max).map(|rays| query(&self.bvh, rays))).map_err(
-            |(row, why)| {
-                let argument = match why {
-                    NotFinite::Direction => "directions",
-                    NotFinite::Distance => "max_distance",
-                    NotFinite::Origin | NotFinite::Primitive(_) => "origins",
-                };
-                PyValueError::new_err(format!("{argument}: row {row}: {why}"))
-            },
-        )
     }
 
     /// Calls `query` with the points, without the GIL.
@@ -142,13 +153,15 @@ impl Mesh {
         let array = numbers(points, "points", 3)?;
         let rows = chunks(&array)?;
         check_finite(rows, "points")?;
-        let points: Vec<DVec3> = rows.iter().map(|&row| row.into()).collect();
-        array.py().detach(|| Ok(query(&self.bvh, &points)))
+        in_threads(array.py(), || {
+            let points: Vec<DVec3> = rows.par_iter().map(|&row| row.into()).collect();
+            query(&self.bvh, &points)
+        })
     }
 
     /// Warns where inside and outside have no meaning.
     fn warn_if_open(&self, py: Python) -> PyResult<()> {
-        let closedness = py.detach(|| self.bvh.closedness());
+        let closedness = in_threads(py, || self.bvh.closedness())?;
         if closedness.is_closed() { Ok(()) } else { warn(py, &NotClosed(closedness).to_string()) }
     }
 }
@@ -161,6 +174,7 @@ impl Mesh {
         let py = vertices.py();
         let vertices = numbers(vertices, "vertices", 3)?;
         let vertices: &[[f64; 3]] = chunks(&vertices)?;
+        check_finite(vertices, "vertices")?;
         let faces = triangles(faces, "faces", vertices.len())?;
         let corners = faces.iter().map(|face| face.map(|index| vertices[index as usize]).into());
         Mesh::of(py, corners, (tier, preset))
@@ -192,15 +206,15 @@ impl Mesh {
         directions: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let columns = self.with_rays(origins, directions, max_distance, |bvh, rays| {
-            let mut columns = Columns::new(rays.len());
-            bvh.par_each_closest_hit(&rays, |index, ray, hit| {
-                hit.iter().for_each(|hit| columns.set(index, ray, hit));
-            });
-            columns
-        })?;
         let py = origins.py();
-        result(py, "Hits", columns.arrays(py)?)
+        let arguments = RayArguments::new(origins, directions, max_distance)?;
+        let rays = arguments.rays(py, &self.bvh)?;
+        let mut columns = Columns::new(py, rays.len())?;
+        let rows = columns.rows()?;
+        in_threads(py, || {
+            self.bvh.par_each_closest_hit(&rays, rows, |row, ray, hit| set(row, ray, hit.as_ref()));
+        })?;
+        result(py, "Hits", columns.arrays())
     }
 
     /// Whether each ray hits anything: (n,) bool. Arguments as for `first`.
@@ -211,8 +225,10 @@ impl Mesh {
         directions: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let query = |bvh: &Bvh, rays: RayArrays| bvh.par_are_occluded(rays);
-        Ok(vector(origins.py(), self.with_rays(origins, directions, max_distance, query)?))
+        let py = origins.py();
+        let arguments = RayArguments::new(origins, directions, max_distance)?;
+        let rays = arguments.rays(py, &self.bvh)?;
+        Ok(vector(py, in_threads(py, || self.bvh.par_are_occluded(rays))?))
     }
 
     /// Every hit of every ray: AllHits, sorted by ray, then distance, then triangle. A ray through an edge or a corner
@@ -224,21 +240,24 @@ impl Mesh {
         directions: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (index, columns) = self.with_rays(origins, directions, max_distance, |bvh, rays| {
-            let all = bvh.par_all_hits(rays);
-            let (index, mut columns) = (index_of_values(&all), Columns::new(all.values().len()));
-            for (place, (&ray, hit)) in index.iter().zip(all.values()).enumerate() {
-                columns.set(place, &rays.get(ray as usize), hit);
-            }
-            (index, columns)
-        })?;
         let py = origins.py();
-        let [triangle, distance, location, barycentrics] = columns.arrays(py)?;
-        result(py, "AllHits", [vector(py, index), triangle, distance, location, barycentrics])
+        let arguments = RayArguments::new(origins, directions, max_distance)?;
+        let rays = arguments.rays(py, &self.bvh)?;
+        let all = in_threads(py, || self.bvh.par_all_hits(rays))?;
+        let (mut index, mut columns) = (zeros(py, [all.values()])?, Columns::new(py, all.values())?);
+        let (indices, rows) = (index.as_slice_mut()?.par_iter_mut(), columns.rows()?);
+        in_threads(py, move || {
+            all.par_each(indices.zip(rows), |(index, mut row), ray, hit| {
+                *index = ray as i64;
+                set(&mut row, &rays.get(ray), Some(hit));
+            });
+        })?;
+        let [triangle, distance, location, barycentrics] = columns.arrays();
+        result(py, "AllHits", [any(&index), triangle, distance, location, barycentrics])
     }
 
-    /// Every passage of every ray through the surface, once each, also through edges and corners: Crossings, sorted by
-    /// ray, then distance. Exact: a ray through a closed surface enters and leaves it in turns. A ray that runs in the
+    /// Every crossing of every ray and the surface, once each, also through edges and corners: Crossings, sorted by ray,
+    /// then distance. Exact: a ray through a closed surface enters and leaves it in turns. A ray that runs in the
     /// plane of a triangle or starts on it is taken as infinitesimally farther along +x, then +y, then +z.
     /// Arguments as for `first`.
     #[pyo3(signature = (origins, directions, max_distance = None))]
@@ -248,22 +267,32 @@ impl Mesh {
         directions: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let (index, triangle, distance, location, entering) =
-            self.with_rays(origins, directions, max_distance, |bvh, rays| {
-                let all = bvh.par_crossings(rays);
-                let (index, values) = (index_of_values(&all), all.values());
-                let at =
-                    |(&ray, crossing): (&i64, &Crossing)| rays.get(ray as usize).at(crossing.t).to_array();
-                let location: Vec<[f64; 3]> = index.iter().zip(values).map(at).collect();
-                let triangle: Vec<i64> = values.iter().map(|crossing| crossing.prim.0.into()).collect();
-                let distance: Vec<f64> = values.iter().map(|crossing| crossing.t).collect();
-                let entering: Vec<bool> =
-                    values.iter().map(|crossing| crossing.side == Side::Entering).collect();
-                (index, triangle, distance, location, entering)
-            })?;
         let py = origins.py();
-        let [index, triangle] = [index, triangle].map(|column| vector(py, column));
-        let fields = [index, triangle, vector(py, distance), rows(py, location)?, vector(py, entering)];
+        let arguments = RayArguments::new(origins, directions, max_distance)?;
+        let rays = arguments.rays(py, &self.bvh)?;
+        let all = in_threads(py, || self.bvh.par_crossings(rays))?;
+        let len = all.values();
+        let [mut index, mut triangle] = [zeros(py, [len])?, zeros(py, [len])?];
+        let (mut distance, mut location) = (zeros(py, [len])?, zeros(py, [len, 3])?);
+        let mut entering = zeros(py, [len])?;
+        let places = (
+            index.as_slice_mut()?,
+            triangle.as_slice_mut()?,
+            distance.as_slice_mut()?,
+            vectors(&mut location)?,
+            entering.as_slice_mut()?,
+        );
+        in_threads(py, || {
+            let write = |place: (&mut i64, &mut i64, &mut f64, &mut [f64; 3], &mut bool),
+                         ray: usize,
+                         crossing: &Crossing| {
+                let Crossing { t, prim, side } = *crossing;
+                (*place.0, *place.1, *place.2) = (ray as i64, prim.0.into(), t);
+                (*place.3, *place.4) = (rays.get(ray).at(t).to_array(), side == Side::Entering);
+            };
+            all.par_each(places.into_par_iter(), write);
+        })?;
+        let fields = [any(&index), any(&triangle), any(&distance), any(&location), any(&entering)];
         result(py, "Crossings", fields)
     }
 
@@ -308,7 +337,7 @@ impl Mesh {
 
     /// The edges that keep the surface from being closed: Closedness. Computed at the first call.
     fn closedness<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let closedness = py.detach(|| self.bvh.closedness());
+        let closedness = in_threads(py, || self.bvh.closedness())?;
         let counts = [closedness.boundary_edges, closedness.non_manifold_edges, closedness.unbalanced_edges];
         let counts = counts.map(|count| count.into_pyobject(py).map(Bound::into_any));
         let [boundary, non_manifold, unbalanced] = counts;

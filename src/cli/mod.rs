@@ -285,7 +285,10 @@ fn print(text: &str) -> Result<()> {
 
 /// Creates the thread pool. The default number of threads is [`std::thread::available_parallelism`], which respects
 /// affinity and cgroup quota, limited by Slurm's allocation, for clusters that do not enforce it.
-fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool> {
+///
+/// # Errors
+/// [`Error::Failed`] where threads cannot be started.
+pub fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool> {
     let allocated =
         std::env::var("SLURM_CPUS_PER_TASK").ok().and_then(|n| n.parse::<usize>().ok()).filter(|&n| n > 0);
     let number = match (threads, allocated) {
