@@ -65,6 +65,13 @@ def test_an_interrupted_command_ends_as_the_binary_does(tmp_path, number):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_licences_are_in_the_wheel():
+    files = [file for file in importlib.metadata.files("kiln-bvh") if "licenses" in file.parts]
+    texts = {file.name: file.read_text() for file in files}
+    for name in ("LICENSE-APACHE", "LICENSE-MIT"):
+        assert texts[name] == (ROOT / name).read_text()
+
+
 def members(tree: ast.AST) -> set[str]:
     """The public names of a stub, with those of its classes."""
     found = set()
