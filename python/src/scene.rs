@@ -12,7 +12,7 @@ use kiln::scene::{Attribute, Material, MaterialId, Mesh, Object, Phong, Placed, 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::arrays::{check_finite, check_rows, chunks, numbers, triangles};
+use crate::arrays::{FLOATS, check_finite, check_rows, chunks, converted, numbers, triangles};
 use crate::{interruptible, raised, warn_all};
 
 /// The value of an option; of these types, the first that fits.
@@ -204,9 +204,8 @@ fn attribute(value: &Bound<PyAny>, name: &str, count: usize) -> PyResult<Attribu
 
 /// Colours that go with the vertices; bytes are sRGB.
 fn linear_colours(value: &Bound<PyAny>, count: usize) -> PyResult<Attribute<DVec3>> {
-    let array = value.py().import("numpy")?.call_method1("asarray", (value,))?;
-    let is_srgb = array.getattr("dtype")?.eq("uint8")?;
-    let mut colours = attribute(&array, "colours", count)?;
+    let is_srgb = value.getattr_opt("dtype")?.is_some_and(|dtype| dtype.eq("uint8").unwrap_or(false));
+    let mut colours = attribute(value, "colours", count)?;
     if is_srgb {
         for colour in &mut colours.values {
             *colour = Colour::from_u8(colour.to_array().map(|c| c as u8)).to_pipeline(ColourPipeline::Linear);
@@ -225,12 +224,13 @@ fn coordinates(value: &Bound<PyAny>, count: usize) -> PyResult<Attribute<DVec2>>
     let array = numbers(value, "uvs", 2)?;
     let rows: &[[f64; 2]] = chunks(&array)?;
     check_rows(("uvs", rows.len()), ("vertices", count))?;
+    check_finite(rows, "uvs")?;
     Ok(Attribute::per_position(rows.iter().map(|&row| row.into()).collect()))
 }
 
 /// A mesh with each of the transforms, (k, 4, 4) in numpy's order of rows.
 fn placed(mesh: Mesh, transforms: &Bound<PyAny>) -> PyResult<Vec<Shape>> {
-    let rows = transforms.py().import("numpy")?.call_method1("asarray", (transforms,))?;
+    let rows = converted(transforms, "transforms", FLOATS)?;
     let shape: Vec<usize> = rows.getattr("shape")?.extract()?;
     if shape.len() != 3 || shape[1..] != [4, 4] {
         let shape = rows.getattr("shape")?;
