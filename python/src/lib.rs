@@ -43,10 +43,21 @@ fn raised(error: &Error) -> PyErr {
     }
 }
 
-/// Issues a warning at the line that called the module.
+/// Issues a warning at the line that called the package, also by way of trimesh.
 fn warn(py: Python, text: &str) -> PyResult<()> {
     let text = CString::new(text.replace('\0', " "))?;
-    PyErr::warn(py, &py.get_type::<KilnWarning>(), &text, 1)
+    let is_between = |frame: &Bound<PyAny>| {
+        let module =
+            frame.getattr("f_globals").and_then(|names| names.get_item("__name__")?.extract::<String>());
+        module.is_ok_and(|module| matches!(module.split('.').next(), Some("kiln" | "trimesh")))
+    };
+    let mut level = 1;
+    let mut frame = py.import("sys")?.call_method0("_getframe").ok();
+    while let Some(inner) = frame.filter(is_between) {
+        level += 1;
+        frame = inner.getattr_opt("f_back")?.filter(|outer| !outer.is_none());
+    }
+    PyErr::warn(py, &py.get_type::<KilnWarning>(), &text, level)
 }
 
 fn warn_all(py: Python, warnings: &Warnings) -> PyResult<()> {
