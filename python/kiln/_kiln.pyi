@@ -49,7 +49,7 @@ class Picture:
     def _repr_png_(self) -> bytes: ...
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]: ...
 
-_Options = list[tuple[str, bool | str | list[str]]]
+_Options = list[tuple[str, bool | str | list[str] | None]]
 
 @final
 class Scene:

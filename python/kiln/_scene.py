@@ -23,31 +23,31 @@ def _is_bool(value) -> bool:
     return isinstance(value, bool) or is_scalar and value.dtype.kind == "b"
 
 
-def _text(value) -> str:
-    if _is_bool(value):
-        raise TypeError("an option takes no bool in a list")
-    if hasattr(value, "item"):
+def _text(value, name: str) -> str:
+    if getattr(value, "ndim", None) == 0:
         value = value.item()
     if isinstance(value, (str, os.PathLike)):
         return os.fspath(value)
-    if isinstance(value, (int, float)):
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
         return repr(value)
-    raise TypeError(f"an option takes no value of the type {type(value).__name__}")
+    raise TypeError(f"{name}: expected text or numbers, not {type(value).__name__}")
 
 
-def _options(options: Mapping[str, Any]) -> list[tuple[str, bool | str | list[str]]]:
+def _options(options: Mapping[str, Any]) -> list[tuple[str, bool | str | list[str] | None]]:
     """Options as their names and what would be typed for them."""
 
     def typed(name, value):
+        if value is None:
+            return None
         if _is_bool(value):
             return bool(value)
         if isinstance(value, Mapping):
             return _toml.value(value, name)
         if isinstance(value, (list, tuple)) or getattr(value, "ndim", 0) > 0:
-            return [_text(part) for part in value]
-        return _text(value)
+            return [_text(part, name) for part in value]
+        return _text(value, name)
 
-    return [(name, typed(name, value)) for name, value in options.items() if value is not None]
+    return [(name, typed(name, value)) for name, value in options.items()]
 
 
 def _files(source) -> list[str | os.PathLike[str]]:
@@ -58,7 +58,8 @@ def _files(source) -> list[str | os.PathLike[str]]:
         files = list(files)
         strangers = [type(file).__name__ for file in files if not isinstance(file, (str, os.PathLike))]
         if not strangers:
-            return files
+            # The command's name of standard input is a file here.
+            return [os.path.join(os.curdir, "-") if os.fspath(file) == "-" else file for file in files]
         wrong = f"{wrong} of {strangers[0]}"
     raise TypeError(f"source: expected a file, Scene, dict, bytes or a mesh of trimesh, not {wrong}")
 
@@ -118,7 +119,10 @@ class Scene:
         if isinstance(material, Mapping):
             number = len(self.materials)
             names = {f"{name} {number}": dict(material)}
-            self._scene.append_materials(_load({"material": names}, {}, False))
+            try:
+                self._scene.append_materials(_load({"material": names}, {}, False))
+            except ValueError as error:
+                raise ValueError("material" + str(error).removeprefix("source:1")) from None
             material = next(iter(names))
         self._scene.add(vertices, faces, name, material, normals, uvs, colours, transforms)
 
@@ -190,6 +194,9 @@ def render(
         from numpy import dtype as numpy_dtype  # importing kiln does not import numpy
 
         dtype = numpy_dtype(dtype).name
-    aovs = [aovs] if isinstance(aovs, str) else list(aovs)
+    names = list(aovs) if isinstance(aovs, Iterable) and not isinstance(aovs, str) else [aovs]
+    for name in names:
+        if not isinstance(name, str):
+            raise TypeError(f"aovs: expected names, not {type(name).__name__}")
     scene = source._scene if isinstance(source, Scene) else _load(source, options, True)
-    return _kiln.render(scene, _options(options), dtype, aovs, progress)
+    return _kiln.render(scene, _options(options), dtype, names, progress)

@@ -12,6 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
+use kiln::cli::picture::{by_name, error_by_name};
 use kiln::error::{Error, Warnings};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyOSError, PyRuntimeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
@@ -31,10 +32,7 @@ const STACK: usize = 8 << 20;
 
 /// The exception of an error.
 fn raised(error: &Error) -> PyErr {
-    let text = match error.hint() {
-        "" => error.to_string(),
-        hint => format!("{error}; {hint}"),
-    };
+    let text = of_source(error_by_name(error));
     match error {
         Error::Input { .. } | Error::Usage { .. } => PyValueError::new_err(text),
         Error::Output { .. } => PyOSError::new_err(text),
@@ -43,9 +41,14 @@ fn raised(error: &Error) -> PyErr {
     }
 }
 
+/// A message with `source` for the name of what was read from memory.
+fn of_source(text: String) -> String {
+    text.strip_prefix("-:").map(|rest| format!("source:{rest}")).unwrap_or(text)
+}
+
 /// Issues a warning at the line that called the package, also by way of trimesh.
 fn warn(py: Python, text: &str) -> PyResult<()> {
-    let text = CString::new(text.replace('\0', " "))?;
+    let text = CString::new(of_source(by_name(text)).replace('\0', " "))?;
     let is_between = |frame: &Bound<PyAny>| {
         let module =
             frame.getattr("f_globals").and_then(|names| names.get_item("__name__")?.extract::<String>());

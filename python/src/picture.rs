@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use kiln::cli::picture;
+use kiln::cli::picture::{self, by_name};
 use kiln::error::Warnings;
 use kiln::film::Window;
 use kiln::film::write::{Channel, Format, OutputImage};
@@ -85,7 +85,7 @@ pub(crate) fn render(
     })?;
     warn_all(py, &warnings)?;
     let rendered = rendered.map_err(|e| raised(&e))?;
-    Picture::new(py, rendered, warnings.notes().to_vec())
+    Picture::new(py, rendered, warnings.notes().iter().map(|note| by_name(note)).collect())
 }
 
 impl Picture {

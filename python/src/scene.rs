@@ -23,14 +23,15 @@ pub(crate) enum OptionValue {
     List(Vec<String>),
 }
 
-/// Options by name.
-pub(crate) type NamedOptions = Vec<(String, OptionValue)>;
+/// Options by name; `None` for those left at their default.
+pub(crate) type NamedOptions = Vec<(String, Option<OptionValue>)>;
 
 pub(crate) fn parse_options(options: NamedOptions) -> PyResult<Options> {
     let value = |value| match value {
-        OptionValue::Switch(is_on) => Value::Switch(is_on),
-        OptionValue::Text(text) => Value::Text(text),
-        OptionValue::List(parts) => Value::List(parts),
+        None => Value::Default,
+        Some(OptionValue::Switch(is_on)) => Value::Switch(is_on),
+        Some(OptionValue::Text(text)) => Value::Text(text),
+        Some(OptionValue::List(parts)) => Value::List(parts),
     };
     let options: Vec<_> = options.into_iter().map(|(name, given)| (name, value(given))).collect();
     Options::parse(&options).map_err(|e| raised(&e))
