@@ -53,19 +53,18 @@ _Options = list[tuple[str, bool | str | list[str] | None]]
 
 @final
 class Scene:
-    def __new__(cls) -> Scene: ...
+    def __new__(cls, other: Scene | None = None) -> Scene: ...
     @staticmethod
     def load(files: list[str | PathLike[str]], options: _Options, with_picture: bool) -> Scene: ...
     @staticmethod
     def parse(contents: bytes, options: _Options, with_picture: bool) -> Scene: ...
     def append(self, other: Scene) -> None: ...
-    def append_materials(self, other: Scene) -> None: ...
     def add(
         self,
         vertices: ArrayLike,
         faces: ArrayLike,
         name: str,
-        material: str | None,
+        material: str | Scene | None,
         normals: ArrayLike | None,
         uvs: ArrayLike | None,
         colours: ArrayLike | None,

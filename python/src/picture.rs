@@ -53,7 +53,7 @@ pub(crate) fn render(
         _ => return Err(PyValueError::new_err(format!("dtype: `{dtype}` is neither uint8 nor float32"))),
     };
     let options = parse_options(options)?;
-    let scene = Arc::clone(&scene.try_borrow()?.scene);
+    let scene = scene.get().now();
     if options.has_import() && scene.import_options != options.import() {
         let what = "options of how files are read are for Scene(), which has read them";
         return Err(PyValueError::new_err(what));
