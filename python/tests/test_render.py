@@ -207,6 +207,21 @@ def test_a_file_of_the_name_of_standard_input(tmp_path, monkeypatch):
         kiln.Scene("-")
 
 
+def test_arrays_of_a_picture_are_read_only():
+    picture = kiln.render(BALL, camera=FRONT, size=(4, 3), aovs=["depth", "normal"])
+    for array in (picture.pixels, *picture.aovs.values(), np.asarray(picture)):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+    # A copy is independent, of any type.
+    for copied in (np.array(picture), picture.__array__(copy=True), picture.__array__(np.float64, copy=True)):
+        assert (copied == picture.pixels).all()
+        copied[:] = 1 + copied[0, 0, 0]
+        assert (copied != picture.pixels).any()
+    assert picture.__array__(copy=False) is picture.pixels
+    with pytest.raises(ValueError, match="float64"):
+        picture.__array__(np.float64, copy=False)
+
+
 def test_progress():
     calls = []
     main = threading.get_ident()
