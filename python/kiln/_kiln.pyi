@@ -49,23 +49,22 @@ class Picture:
     def _repr_png_(self) -> bytes: ...
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]: ...
 
-_Options = list[tuple[str, bool | str | list[str]]]
+_Options = list[tuple[str, bool | str | list[str] | None]]
 
 @final
 class Scene:
-    def __new__(cls) -> Scene: ...
+    def __new__(cls, other: Scene | None = None) -> Scene: ...
     @staticmethod
     def load(files: list[str | PathLike[str]], options: _Options, with_picture: bool) -> Scene: ...
     @staticmethod
     def parse(contents: bytes, options: _Options, with_picture: bool) -> Scene: ...
     def append(self, other: Scene) -> None: ...
-    def append_materials(self, other: Scene) -> None: ...
     def add(
         self,
         vertices: ArrayLike,
         faces: ArrayLike,
         name: str,
-        material: str | None,
+        material: str | Scene | None,
         normals: ArrayLike | None,
         uvs: ArrayLike | None,
         colours: ArrayLike | None,

@@ -23,31 +23,31 @@ def _is_bool(value) -> bool:
     return isinstance(value, bool) or is_scalar and value.dtype.kind == "b"
 
 
-def _text(value) -> str:
-    if _is_bool(value):
-        raise TypeError("an option takes no bool in a list")
-    if hasattr(value, "item"):
+def _text(value, name: str) -> str:
+    if getattr(value, "ndim", None) == 0:
         value = value.item()
     if isinstance(value, (str, os.PathLike)):
         return os.fspath(value)
-    if isinstance(value, (int, float)):
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
         return repr(value)
-    raise TypeError(f"an option takes no value of the type {type(value).__name__}")
+    raise TypeError(f"{name}: expected text or numbers, not {type(value).__name__}")
 
 
-def _options(options: Mapping[str, Any]) -> list[tuple[str, bool | str | list[str]]]:
+def _options(options: Mapping[str, Any]) -> list[tuple[str, bool | str | list[str] | None]]:
     """Options as their names and what would be typed for them."""
 
     def typed(name, value):
+        if value is None:
+            return None
         if _is_bool(value):
             return bool(value)
         if isinstance(value, Mapping):
             return _toml.value(value, name)
         if isinstance(value, (list, tuple)) or getattr(value, "ndim", 0) > 0:
-            return [_text(part) for part in value]
-        return _text(value)
+            return [_text(part, name) for part in value]
+        return _text(value, name)
 
-    return [(name, typed(name, value)) for name, value in options.items() if value is not None]
+    return [(name, typed(name, value)) for name, value in options.items()]
 
 
 def _files(source) -> list[str | os.PathLike[str]]:
@@ -58,7 +58,8 @@ def _files(source) -> list[str | os.PathLike[str]]:
         files = list(files)
         strangers = [type(file).__name__ for file in files if not isinstance(file, (str, os.PathLike))]
         if not strangers:
-            return files
+            # The command's name of standard input is a file here.
+            return [os.path.join(os.curdir, "-") if os.fspath(file) == "-" else file for file in files]
         wrong = f"{wrong} of {strangers[0]}"
     raise TypeError(f"source: expected a file, Scene, dict, bytes or a mesh of trimesh, not {wrong}")
 
@@ -66,6 +67,10 @@ def _files(source) -> list[str | os.PathLike[str]]:
 def _load(source: Source, options: Mapping[str, Any], with_picture: bool) -> _kiln.Scene:
     """Reads a scene; without `with_picture`, options of the picture are an error."""
     named = _options(options)
+    if isinstance(source, Scene):
+        if any(value is not None for _, value in named):
+            raise ValueError("options of how files are read are for the Scene() that has read them")
+        return _kiln.Scene(source._scene)
     if isinstance(source, Mapping):
         source = _toml.document(source).encode()
     elif hasattr(source, "export"):  # of trimesh
@@ -82,12 +87,13 @@ class Scene:
     """A scene: meshes, spheres, materials, lights and cameras.
 
     source: a file or several (.toml, .obj, .gltf, .glb, .ply, .stl), the contents of a .toml, .glb or .ply file as
-    bytes, the keys of a scene file as a dict (docs/scene-files.md), a mesh or a scene of trimesh, or nothing.
+    bytes, the keys of a scene file as a dict (docs/scene-files.md), a mesh or a scene of trimesh, a Scene to copy, or
+    nothing.
     options: those of `kiln render` that say how files are read, such as up="z" or smooth=30.
 
     Scenes from a scene file or a dict are rendered as these say; others get a default look: light, ground, background.
     Raises ValueError for contents that cannot be used, OSError for files that cannot be opened; warns (KilnWarning)
-    of what is left out.
+    of what is left out. Any number of threads may use and change a scene.
     """
 
     def __init__(self, source: Source = None, **options: Any) -> None:
@@ -107,7 +113,7 @@ class Scene:
         transforms: ArrayLike | None = None,
         name: str = "mesh",
     ) -> None:
-        """Adds triangles.
+        """Adds triangles, all of them or, if it raises, nothing.
 
         vertices: (n, 3) float64. faces: (m, 3) integers, counterclockwise seen from the front.
         material: the name of a material of the scene, or the keys of one in scene files, such as {"colour": "#b5651d"}.
@@ -115,17 +121,20 @@ class Scene:
         colours: (n, 3), multiplied with the material's: uint8 in sRGB, or float in linear light, 0 to 1.
         transforms: (k, 4, 4) affine maps, one for each instance. name: the object's.
         """
+        chosen: str | _kiln.Scene | None
         if isinstance(material, Mapping):
-            number = len(self.materials)
-            names = {f"{name} {number}": dict(material)}
-            self._scene.append_materials(_load({"material": names}, {}, False))
-            material = next(iter(names))
-        self._scene.add(vertices, faces, name, material, normals, uvs, colours, transforms)
+            try:
+                chosen = _load({"material": {f"{name} {len(self.materials)}": dict(material)}}, {}, False)
+            except ValueError as error:
+                raise ValueError("material" + str(error).removeprefix("source:1")) from None
+        else:
+            chosen = material
+        self._scene.add(vertices, faces, name, chosen, normals, uvs, colours, transforms)
 
     def update(self, source: Source, **options: Any) -> None:
         """Adds all of another scene, given as for Scene(): for example cameras and lights from a dict. Of settings of
         the whole picture that both have, the earlier ones stay."""
-        self._scene.append(source._scene if isinstance(source, Scene) else _load(source, options, False))
+        self._scene.append(_load(source, options, False))
 
     def mesh(self, *, tier: str = "watertight", preset: str = "balanced") -> _kiln.Mesh:
         """The triangles of the scene for queries, with spheres, in the order of the scene."""
@@ -150,6 +159,12 @@ class Scene:
     def objects(self) -> list[str]:
         """The names of the objects, which the AOV `object` counts."""
         return self._scene.names()[2]
+
+    def __copy__(self) -> Scene:
+        return Scene(self)
+
+    def __deepcopy__(self, _memo) -> Scene:
+        return Scene(self)
 
     def __len__(self) -> int:
         """The number of triangles and spheres."""
@@ -190,6 +205,9 @@ def render(
         from numpy import dtype as numpy_dtype  # importing kiln does not import numpy
 
         dtype = numpy_dtype(dtype).name
-    aovs = [aovs] if isinstance(aovs, str) else list(aovs)
+    names = list(aovs) if isinstance(aovs, Iterable) and not isinstance(aovs, str) else [aovs]
+    for name in names:
+        if not isinstance(name, str):
+            raise TypeError(f"aovs: expected names, not {type(name).__name__}")
     scene = source._scene if isinstance(source, Scene) else _load(source, options, True)
-    return _kiln.render(scene, _options(options), dtype, aovs, progress)
+    return _kiln.render(scene, _options(options), dtype, names, progress)

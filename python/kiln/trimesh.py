@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 def _rows(value: ArrayLike, name: str) -> NDArray[np.float64]:
     """An argument as (n, 3) float64."""
+    if np.ma.is_masked(value):
+        raise ValueError(f"{name}: has masked entries")
     try:
         rows = np.asarray(value, np.float64)
     except (TypeError, ValueError) as error:

@@ -2,20 +2,22 @@
 
 use numpy::ndarray::{Dim, Dimension};
 use numpy::{
-    Element, PyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray,
-    PyReadwriteArray2,
+    Element, PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    PyReadwriteArray, PyReadwriteArray2, PyUntypedArrayMethods,
 };
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyFloat};
+
+/// Kinds of elements that become f64, and its name.
+pub(crate) const FLOATS: (&str, &str) = ("fiu", "float64");
 
 /// The array of an argument with elements of the kinds `kinds` (numpy's letters), converted to `dtype` in C order. Only
 /// an array that has this type and order is not copied.
-fn converted<'py>(
+pub(crate) fn converted<'py>(
     value: &Bound<'py, PyAny>,
     name: &str,
-    kinds: &str,
-    dtype: &str,
+    (kinds, dtype): (&str, &str),
 ) -> PyResult<Bound<'py, PyAny>> {
     let py = value.py();
     let numpy = py.import("numpy")?;
@@ -23,6 +25,7 @@ fn converted<'py>(
         let is_value = e.is_instance_of::<PyValueError>(py) || e.is_instance_of::<PyTypeError>(py);
         if is_value { PyValueError::new_err(format!("{name}: not an array: {}", e.value(py))) } else { e }
     })?;
+    check_unmasked(value, name)?;
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
     // An empty list has the type f64.
     let is_empty = array.getattr("size")?.extract::<usize>()? == 0;
@@ -45,13 +48,38 @@ fn converted<'py>(
     array
 }
 
+/// An error if a masked array has masked entries: their values are not meant.
+fn check_unmasked(value: &Bound<PyAny>, name: &str) -> PyResult<()> {
+    if !value.hasattr("mask")? {
+        return Ok(());
+    }
+    let masked = value.py().import("numpy.ma")?;
+    if !masked.call_method1("is_masked", (value,))?.is_truthy()? {
+        return Ok(());
+    }
+    // A masked number has no rows.
+    let rows = masked.call_method1("getmaskarray", (value,))?.call_method0("nonzero");
+    let row = rows.and_then(|rows| rows.get_item(0)?.get_item(0)?.extract::<usize>()).unwrap_or(0);
+    Err(PyValueError::new_err(format!("{name}: row {row} has masked entries")))
+}
+
+/// The argument itself, if it has the type, shape and order that are read, without a call of numpy.
+fn as_given<'py, T: Element>(value: &Bound<'py, PyAny>, width: usize) -> Option<PyReadonlyArray2<'py, T>> {
+    let array = value.cast_exact::<PyArray2<T>>().ok()?;
+    let is_read = array.is_c_contiguous() && array.is_aligned() && array.shape()[1] == width;
+    is_read.then(|| array.try_readonly().ok())?
+}
+
 fn checked_rows<'py, T: Element>(
     value: &Bound<'py, PyAny>,
     name: &str,
     width: usize,
     (kinds, dtype): (&str, &str),
 ) -> PyResult<PyReadonlyArray2<'py, T>> {
-    let array = converted(value, name, kinds, dtype)?;
+    if let Some(array) = as_given(value, width) {
+        return Ok(array);
+    }
+    let array = converted(value, name, (kinds, dtype))?;
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
     if !(shape.len() == 2 && shape[1] == width || shape == [0]) {
         let shape = array.getattr("shape")?;
@@ -67,12 +95,15 @@ pub(crate) fn numbers<'py>(
     name: &str,
     width: usize,
 ) -> PyResult<PyReadonlyArray2<'py, f64>> {
-    checked_rows(value, name, width, ("fiu", "float64"))
+    checked_rows(value, name, width, FLOATS)
 }
 
 /// A number for each of `count` rows of another argument: one for all, or an array of the shape (n,).
 pub(crate) fn column(value: &Bound<PyAny>, name: &str, other: &str, count: usize) -> PyResult<Vec<f64>> {
-    let array = converted(value, name, "fiu", "float64")?;
+    if let Ok(number) = value.cast_exact::<PyFloat>() {
+        return Ok(vec![number.value(); count]);
+    }
+    let array = converted(value, name, FLOATS)?;
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
     if shape.is_empty() {
         return Ok(vec![array.extract()?; count]);
@@ -89,13 +120,16 @@ pub(crate) fn column(value: &Bound<PyAny>, name: &str, other: &str, count: usize
 /// Vertex indices of triangles, each below `count`.
 pub(crate) fn triangles(value: &Bound<PyAny>, name: &str, count: usize) -> PyResult<Vec<[u32; 3]>> {
     let array: PyReadonlyArray2<i64> = checked_rows(value, name, 3, ("iu", "int64"))?;
+    // Indices from 2^63 are negative in i64.
+    let is_unsigned = value.getattr_opt("dtype")?.is_some_and(|dtype| dtype.eq("uint64").unwrap_or(false));
     let faces = array.as_slice()?.as_chunks().0.iter().enumerate();
     let triangle = |(row, face): (usize, &[i64; 3])| {
         let is_vertex = |index: &i64| usize::try_from(*index).is_ok_and(|index| index < count);
         match face.iter().find(|index| !is_vertex(index)) {
             None => Ok(face.map(|index| index as u32)),
             Some(index) => Err(PyValueError::new_err(format!(
-                "{name}: row {row} has the vertex {index}, and there are {count} vertices"
+                "{name}: row {row} has the vertex {}, and there are {count} vertices",
+                if is_unsigned { i128::from(*index as u64) } else { i128::from(*index) }
             ))),
         }
     };
@@ -117,8 +151,8 @@ pub(crate) fn check_rows((name, count): (&str, usize), (other, expected): (&str,
 }
 
 /// Checks that rows are finite in f32, which bounds are in.
-pub(crate) fn check_finite(rows: &[[f64; 3]], name: &str) -> PyResult<()> {
-    let is_finite = |row: &[f64; 3]| row.iter().all(|&x| (x as f32).is_finite());
+pub(crate) fn check_finite<const N: usize>(rows: &[[f64; N]], name: &str) -> PyResult<()> {
+    let is_finite = |row: &[f64; N]| row.iter().all(|&x| (x as f32).is_finite());
     match rows.iter().position(|row| !is_finite(row)) {
         None => Ok(()),
         Some(row) => {
@@ -127,7 +161,7 @@ pub(crate) fn check_finite(rows: &[[f64; 3]], name: &str) -> PyResult<()> {
     }
 }
 
-/// An array with the elements of a vector.
+/// An array with the elements of a vector, whose memory it takes over.
 pub(crate) fn vector<'py, T: Element>(py: Python<'py>, values: Vec<T>) -> Bound<'py, PyAny> {
     PyArray1::from_vec(py, values).into_any()
 }
@@ -138,13 +172,13 @@ pub(crate) fn rows(py: Python, values: Vec<[f64; 3]>) -> PyResult<Bound<PyAny>> 
     shaped(py, values.into_flattened(), &shape)
 }
 
-/// An array of this shape with the elements of a vector.
+/// An array of this shape with the elements of a vector, whose memory it takes over.
 pub(crate) fn shaped<'py, T: Element>(
     py: Python<'py>,
     values: Vec<T>,
     shape: &[usize],
 ) -> PyResult<Bound<'py, PyAny>> {
-    PyArray1::from_vec(py, values).call_method1("reshape", (shape.to_vec(),))
+    Ok(PyArray1::from_vec(py, values).reshape(shape)?.into_any())
 }
 
 /// An array of this shape, of zeros whose memory is not touched yet. Without memory for it, a `MemoryError`.

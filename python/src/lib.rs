@@ -13,6 +13,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
+use kiln::cli::picture::{by_name, error_by_name};
 use kiln::error::{Error, Warnings};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyOSError, PyRuntimeError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
@@ -29,10 +30,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// The exception of an error.
 fn raised(error: &Error) -> PyErr {
-    let text = match error.hint() {
-        "" => error.to_string(),
-        hint => format!("{error}; {hint}"),
-    };
+    let text = of_source(error_by_name(error));
     match error {
         Error::Input { .. } | Error::Usage { .. } => PyValueError::new_err(text),
         Error::Output { .. } => PyOSError::new_err(text),
@@ -41,10 +39,26 @@ fn raised(error: &Error) -> PyErr {
     }
 }
 
-/// Issues a warning at the line that called the module.
+/// A message with `source` for the name of what was read from memory.
+fn of_source(text: String) -> String {
+    text.strip_prefix("-:").map(|rest| format!("source:{rest}")).unwrap_or(text)
+}
+
+/// Issues a warning at the line that called the package, also by way of trimesh.
 fn warn(py: Python, text: &str) -> PyResult<()> {
-    let text = CString::new(text.replace('\0', " "))?;
-    PyErr::warn(py, &py.get_type::<KilnWarning>(), &text, 1)
+    let text = CString::new(of_source(by_name(text)).replace('\0', " "))?;
+    let is_between = |frame: &Bound<PyAny>| {
+        let module =
+            frame.getattr("f_globals").and_then(|names| names.get_item("__name__")?.extract::<String>());
+        module.is_ok_and(|module| matches!(module.split('.').next(), Some("kiln" | "trimesh")))
+    };
+    let mut level = 1;
+    let mut frame = py.import("sys")?.call_method0("_getframe").ok();
+    while let Some(inner) = frame.filter(is_between) {
+        level += 1;
+        frame = inner.getattr_opt("f_back")?.filter(|outer| !outer.is_none());
+    }
+    PyErr::warn(py, &py.get_type::<KilnWarning>(), &text, level)
 }
 
 fn warn_all(py: Python, warnings: &Warnings) -> PyResult<()> {

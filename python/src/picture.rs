@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use kiln::cli::picture;
+use kiln::cli::picture::{self, by_name};
 use kiln::error::Warnings;
 use kiln::film::Window;
 use kiln::film::write::{Channel, Format, OutputImage};
@@ -23,10 +23,10 @@ pub(crate) struct Picture {
     picture: picture::Picture,
     /// The pixels, row by row from the top: (height, width, 3), or (height, width, 4) with a transparent background;
     /// uint8 display values whose colours are not multiplied by alpha, or float32 values in the scene's colour space,
-    /// multiplied by alpha.
+    /// multiplied by alpha. Read-only, as what `save` writes does not change: `numpy.array(picture)` is a copy.
     #[pyo3(get)]
     pixels: Py<PyAny>,
-    /// The AOVs by name: (height, width) float32, or (height, width, 3).
+    /// The AOVs by name: (height, width) float32, or (height, width, 3); read-only.
     #[pyo3(get)]
     aovs: Py<PyDict>,
     /// What made the picture: names and values, as in the metadata of files.
@@ -53,7 +53,7 @@ pub(crate) fn render(
         _ => return Err(PyValueError::new_err(format!("dtype: `{dtype}` is neither uint8 nor float32"))),
     };
     let options = parse_options(options)?;
-    let scene = Arc::clone(&scene.try_borrow()?.scene);
+    let scene = scene.get().now();
     if options.has_import() && scene.import_options != options.import() {
         let what = "options of how files are read are for Scene(), which has read them";
         return Err(PyValueError::new_err(what));
@@ -85,7 +85,7 @@ pub(crate) fn render(
     })?;
     warn_all(py, &warnings)?;
     let rendered = rendered.map_err(|e| raised(&e))?;
-    Picture::new(py, rendered, warnings.notes().to_vec())
+    Picture::new(py, rendered, warnings.notes().iter().map(|note| by_name(note)).collect())
 }
 
 impl Picture {
@@ -116,14 +116,19 @@ impl Picture {
                 (0..window.area()).flat_map(|i| channels.iter().map(move |channel| channel.values[i]));
             let shape = shape(window, count);
             let shape = if count == 1 { &shape[..2] } else { &shape[..] };
-            aovs.set_item(name, shaped::<f32>(py, values.collect(), shape)?)?;
+            aovs.set_item(name, read_only(shaped::<f32>(py, values.collect(), shape)?)?)?;
         }
         for (name, value) in picture.metadata() {
             metadata.set_item(name, value)?;
         }
-        let (pixels, aovs, metadata) = (pixels.unbind(), aovs.unbind(), metadata.unbind());
+        let (pixels, aovs, metadata) = (read_only(pixels)?.unbind(), aovs.unbind(), metadata.unbind());
         Ok(Picture { picture, pixels, aovs, metadata, notes })
     }
+}
+
+fn read_only(array: Bound<PyAny>) -> PyResult<Bound<PyAny>> {
+    array.call_method1("setflags", (false,))?;
+    Ok(array)
 }
 
 fn shape(window: Window, channels: usize) -> [usize; 3] {
@@ -143,7 +148,7 @@ impl Picture {
         Ok(PyBytes::new(py, &bytes))
     }
 
-    /// The pixels.
+    /// The pixels: read-only, or a copy.
     #[pyo3(signature = (dtype = None, copy = None))]
     fn __array__<'py>(
         &self,
@@ -155,6 +160,11 @@ impl Picture {
         options.set_item("dtype", dtype)?;
         // Before numpy 2, `copy` is a boolean.
         let function = if copy == Some(true) { "array" } else { "asarray" };
-        py.import("numpy")?.call_method(function, (&self.pixels,), Some(&options))
+        let array = py.import("numpy")?.call_method(function, (&self.pixels,), Some(&options))?;
+        if copy == Some(false) && !array.is(&self.pixels) {
+            let dtype = array.getattr("dtype")?;
+            return Err(PyValueError::new_err(format!("pixels cannot become {dtype} without a copy")));
+        }
+        Ok(array)
     }
 }

@@ -1,7 +1,7 @@
 //! Scenes from files, memory and arrays.
 
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use kiln::cli::picture::{Options, Value};
 use kiln::error::{Error, Result, Warnings};
@@ -9,10 +9,10 @@ use kiln::film::{Colour, ColourPipeline};
 use kiln::glam::{DMat4, DVec2, DVec3};
 use kiln::import;
 use kiln::scene::{Attribute, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Shape};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
-use crate::arrays::{check_finite, check_rows, chunks, numbers, triangles};
+use crate::arrays::{FLOATS, check_finite, check_rows, chunks, converted, numbers, triangles};
 use crate::{interruptible, raised, warn_all};
 
 /// The value of an option; of these types, the first that fits.
@@ -23,24 +23,26 @@ pub(crate) enum OptionValue {
     List(Vec<String>),
 }
 
-/// Options by name.
-pub(crate) type NamedOptions = Vec<(String, OptionValue)>;
+/// Options by name; `None` for those left at their default.
+pub(crate) type NamedOptions = Vec<(String, Option<OptionValue>)>;
 
 pub(crate) fn parse_options(options: NamedOptions) -> PyResult<Options> {
     let value = |value| match value {
-        OptionValue::Switch(is_on) => Value::Switch(is_on),
-        OptionValue::Text(text) => Value::Text(text),
-        OptionValue::List(parts) => Value::List(parts),
+        None => Value::Default,
+        Some(OptionValue::Switch(is_on)) => Value::Switch(is_on),
+        Some(OptionValue::Text(text)) => Value::Text(text),
+        Some(OptionValue::List(parts)) => Value::List(parts),
     };
     let options: Vec<_> = options.into_iter().map(|(name, given)| (name, value(given))).collect();
     Options::parse(&options).map_err(|e| raised(&e))
 }
 
-/// A scene, shared with the pictures that are being rendered of it.
-#[pyclass(module = "kiln._kiln")]
+/// A scene, shared with the pictures that are being rendered of it, for any number of threads.
+#[pyclass(frozen, module = "kiln._kiln")]
 #[derive(Default)]
 pub(crate) struct Scene {
-    pub(crate) scene: Arc<kiln::scene::Scene>,
+    /// Nothing of Python is called while it is locked.
+    scene: Mutex<Arc<kiln::scene::Scene>>,
 }
 
 /// Reads a scene in a thread of its own. Without `with_picture`, options of the picture are an error.
@@ -65,14 +67,16 @@ fn read(
         },
     )?;
     warn_all(py, &warnings)?;
-    Ok(Scene { scene: Arc::new(scene.map_err(|e| raised(&e))?) })
+    Ok(Scene { scene: Mutex::new(Arc::new(scene.map_err(|e| raised(&e))?)) })
 }
 
 #[pymethods]
 impl Scene {
+    /// A scene without anything, or a copy.
     #[new]
-    fn new() -> Self {
-        Scene::default()
+    #[pyo3(signature = (other = None))]
+    fn new(other: Option<&Bound<Scene>>) -> Self {
+        Scene { scene: Mutex::new(other.map(|other| other.get().now()).unwrap_or_default()) }
     }
 
     /// Reads files.
@@ -92,28 +96,21 @@ impl Scene {
     }
 
     /// Adds all of another scene.
-    fn append(&mut self, other: &Bound<Scene>) -> PyResult<()> {
-        let other = other.try_borrow()?.scene.as_ref().clone();
-        Arc::make_mut(&mut self.scene).append(other);
-        Ok(())
+    fn append(&self, other: &Bound<Scene>) {
+        let other = Arc::unwrap_or_clone(other.get().now());
+        Arc::make_mut(&mut self.lock()).append(other);
     }
 
-    /// Adds the materials and images of another scene.
-    fn append_materials(&mut self, other: &Bound<Scene>) -> PyResult<()> {
-        let kiln::scene::Scene { materials, images, .. } = other.try_borrow()?.scene.as_ref().clone();
-        Arc::make_mut(&mut self.scene).append(kiln::scene::Scene { materials, images, ..Default::default() });
-        Ok(())
-    }
-
-    /// Adds triangles, once for each of `transforms`. `material` is the name of a material of the scene.
+    /// Adds triangles, once for each of `transforms`. `material` is the name of a material of the scene, or a scene
+    /// whose only material is added. Nothing is added by a call that raises.
     #[pyo3(signature = (vertices, faces, name, material, normals, uvs, colours, transforms))]
     #[allow(clippy::too_many_arguments)]
     fn add(
-        &mut self,
+        &self,
         vertices: &Bound<PyAny>,
         faces: &Bound<PyAny>,
         name: &str,
-        material: Option<&str>,
+        material: Option<&Bound<PyAny>>,
         normals: Option<&Bound<PyAny>>,
         uvs: Option<&Bound<PyAny>>,
         colours: Option<&Bound<PyAny>>,
@@ -139,36 +136,50 @@ impl Scene {
             Some(transforms) => placed(mesh, transforms)?,
         };
         let material = self.material(material)?;
-        let object = |shape| Object { name: name.to_owned(), input: 0, material, shape };
+        let object = |shape| Object { name: name.to_owned(), input: 0, material: MaterialId(0), shape };
         let mut added =
             kiln::scene::Scene { objects: shapes.into_iter().map(object).collect(), ..Default::default() };
         let mut warnings = Warnings::default();
         import::sanitise(&mut added, name, &mut warnings);
-        let scene = Arc::make_mut(&mut self.scene);
+        // Warnings may be errors.
+        warn_all(py, &warnings)?;
+        let mut scene = self.lock();
+        let scene = Arc::make_mut(&mut scene);
+        let material = match material {
+            ChosenMaterial::Known(id) => id,
+            ChosenMaterial::Default => scene.add_material(Material::Phong(Phong::default())),
+            ChosenMaterial::Given(given) => {
+                let id = MaterialId(scene.materials.len() as u32);
+                let kiln::scene::Scene { materials, images, .. } = Arc::unwrap_or_clone(given);
+                scene.append(kiln::scene::Scene { materials, images, ..Default::default() });
+                id
+            }
+        };
         scene.has_left_out |= added.has_left_out;
-        scene.objects.extend(added.objects);
-        warn_all(py, &warnings)
+        scene.objects.extend(added.objects.into_iter().map(|object| Object { material, ..object }));
+        Ok(())
     }
 
     /// The triangles and spheres for queries.
     fn mesh(&self, py: Python, tier: &str, preset: &str) -> PyResult<crate::mesh::Mesh> {
-        let primitives: Vec<_> = self.scene.primitives().collect();
+        let scene = self.now();
+        let primitives: Vec<_> = scene.primitives().collect();
         crate::mesh::Mesh::of(py, primitives.into_iter(), (tier, preset))
     }
 
     /// The number of triangles and spheres.
     fn __len__(&self) -> usize {
-        self.scene.primitive_count()
+        self.lock().primitive_count()
     }
 
     /// The least and the greatest corner of the bounding box; `None` for a scene without objects.
     fn bounds(&self) -> Option<[[f64; 3]; 2]> {
-        self.scene.bounds().map(|(min, max)| [min.to_array(), max.to_array()])
+        self.lock().bounds().map(|(min, max)| [min.to_array(), max.to_array()])
     }
 
     /// The names of the cameras, the materials and the objects.
     fn names(&self) -> (Vec<String>, Vec<String>, Vec<String>) {
-        let scene = &self.scene;
+        let scene = self.lock();
         (
             scene.cameras.iter().map(|camera| camera.name.clone()).collect(),
             scene.materials.iter().map(|material| material.name().to_owned()).collect(),
@@ -177,17 +188,43 @@ impl Scene {
     }
 }
 
+/// The material of added triangles.
+enum ChosenMaterial {
+    /// Of files without materials.
+    Default,
+    /// Of the scene.
+    Known(MaterialId),
+    /// The only one of another scene, with its images.
+    Given(Arc<kiln::scene::Scene>),
+}
+
 impl Scene {
-    /// The last material of a name; without a name, the one of files without materials.
-    fn material(&mut self, name: Option<&str>) -> PyResult<MaterialId> {
-        let Some(name) = name else {
-            return Ok(Arc::make_mut(&mut self.scene).add_material(Material::Phong(Phong::default())));
+    fn lock(&self) -> MutexGuard<'_, Arc<kiln::scene::Scene>> {
+        self.scene.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The scene as it is now. Later changes are made to a copy.
+    pub(crate) fn now(&self) -> Arc<kiln::scene::Scene> {
+        Arc::clone(&self.lock())
+    }
+
+    /// The last material of a name, or that of a [`Scene`].
+    fn material(&self, given: Option<&Bound<PyAny>>) -> PyResult<ChosenMaterial> {
+        let Some(given) = given else { return Ok(ChosenMaterial::Default) };
+        if let Ok(given) = given.cast::<Scene>() {
+            return Ok(ChosenMaterial::Given(given.get().now()));
+        }
+        let Ok(name) = given.extract::<String>() else {
+            let what = format!("material: expected a name or a dict, not {}", given.get_type().name()?);
+            return Err(PyTypeError::new_err(what));
         };
-        let known = &self.scene.materials;
+        let scene = self.now();
+        let known = &scene.materials;
         let found = known.iter().rposition(|material| material.name() == name);
-        found.map(|index| MaterialId(index as u32)).ok_or_else(|| {
+        found.map(|index| ChosenMaterial::Known(MaterialId(index as u32))).ok_or_else(|| {
             let names: Vec<&str> = known.iter().map(Material::name).collect();
-            let hint = kiln::error::nearest_name(name, &names);
+            let hint =
+                if names.is_empty() { String::new() } else { kiln::error::nearest_name(&name, &names) };
             raised(&Error::usage(format!("material: the scene has none of the name `{name}`"), hint))
         })
     }
@@ -204,9 +241,8 @@ fn attribute(value: &Bound<PyAny>, name: &str, count: usize) -> PyResult<Attribu
 
 /// Colours that go with the vertices; bytes are sRGB.
 fn linear_colours(value: &Bound<PyAny>, count: usize) -> PyResult<Attribute<DVec3>> {
-    let array = value.py().import("numpy")?.call_method1("asarray", (value,))?;
-    let is_srgb = array.getattr("dtype")?.eq("uint8")?;
-    let mut colours = attribute(&array, "colours", count)?;
+    let is_srgb = value.getattr_opt("dtype")?.is_some_and(|dtype| dtype.eq("uint8").unwrap_or(false));
+    let mut colours = attribute(value, "colours", count)?;
     if is_srgb {
         for colour in &mut colours.values {
             *colour = Colour::from_u8(colour.to_array().map(|c| c as u8)).to_pipeline(ColourPipeline::Linear);
@@ -225,12 +261,13 @@ fn coordinates(value: &Bound<PyAny>, count: usize) -> PyResult<Attribute<DVec2>>
     let array = numbers(value, "uvs", 2)?;
     let rows: &[[f64; 2]] = chunks(&array)?;
     check_rows(("uvs", rows.len()), ("vertices", count))?;
+    check_finite(rows, "uvs")?;
     Ok(Attribute::per_position(rows.iter().map(|&row| row.into()).collect()))
 }
 
 /// A mesh with each of the transforms, (k, 4, 4) in numpy's order of rows.
 fn placed(mesh: Mesh, transforms: &Bound<PyAny>) -> PyResult<Vec<Shape>> {
-    let rows = transforms.py().import("numpy")?.call_method1("asarray", (transforms,))?;
+    let rows = converted(transforms, "transforms", FLOATS)?;
     let shape: Vec<usize> = rows.getattr("shape")?.extract()?;
     if shape.len() != 3 || shape[1..] != [4, 4] {
         let shape = rows.getattr("shape")?;

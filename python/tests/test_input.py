@@ -58,6 +58,10 @@ def test_types(dtype):
     assert hits.triangle.tolist() == [3] and hits.distance.tolist() == [7]
 
 
+def test_masked_arrays_without_masked_entries_are_arrays():
+    assert len(kiln.Mesh(np.ma.array(VERTICES), np.ma.array(FACES, mask=False))) == 4
+
+
 def test_nothing():
     empty = kiln.Mesh(np.zeros((0, 3)), np.zeros((0, 3), int))
     assert len(empty) == 0 == len(kiln.Mesh([], []))
@@ -70,6 +74,11 @@ def test_nothing():
         assert mesh.first(none, none).location.shape == (0, 3)
         assert mesh.all(none, none).location.shape == mesh.crossings(none, none).location.shape == (0, 3)
         assert mesh.any(none, none).shape == mesh.contains(none).shape == mesh.signed_distance(none).shape == (0,)
+
+
+def masked(array: np.ndarray) -> np.ma.MaskedArray:
+    """The array with a masked entry in row 1."""
+    return np.ma.array(array, mask=np.arange(array.size).reshape(array.shape) == array.shape[1])
 
 
 ROW = [[0.0, 0.0, 1.0]]
@@ -87,7 +96,17 @@ MISTAKES = [
     ("faces", lambda m: kiln.Mesh(VERTICES, FACES.astype(float)), "integers, not the dtype float64"),
     ("faces", lambda m: kiln.Mesh(VERTICES, [[0, 1, 4]]), "row 0 has the vertex 4, and there are 4 vertices"),
     ("faces", lambda m: kiln.Mesh(VERTICES, [[0, 1, -1]]), "vertex -1"),
-    ("faces", lambda m: kiln.Mesh(VERTICES, np.array([[0, 1, 2**63]], "u8")), "vertex"),
+    ("faces", lambda m: kiln.Mesh(VERTICES, np.array([[0, 1, 2], [0, 1, 2**63]], "u8")), f"row 1 has the vertex {2**63}"),
+    ("faces", lambda m: kiln.Mesh(VERTICES, np.array([[0, 2**64 - 1, 2]], "u8")), f"row 0 has the vertex {2**64 - 1}"),
+    ("faces", lambda m: kiln.Mesh(VERTICES, masked(FACES)), "row 1 has masked entries"),
+    ("vertices", lambda m: kiln.Mesh(masked(VERTICES), FACES), "row 1 has masked entries"),
+    ("vertices", lambda m: kiln.Scene().add(VERTICES * [[1], [1], [1e39], [1]], FACES), "row 2 .*too large for f32"),
+    ("colours", lambda m: kiln.Scene().add(VERTICES, FACES, colours=masked(FACES[:, :3] * 0.1)), "masked"),
+    ("colours", lambda m: kiln.Scene().add(VERTICES, FACES, colours=masked(VERTICES.astype("u1"))), "masked"),
+    ("uvs", lambda m: kiln.Scene().add(VERTICES, FACES, uvs=[[0, 0], [0, 0], [np.nan, 0], [0, 0]]), "row 2 is not finite"),
+    ("transforms", lambda m: kiln.Scene().add(VERTICES, FACES, transforms=np.ma.masked_less([np.eye(4)], 1)), "masked"),
+    ("transforms", lambda m: kiln.Scene().add(VERTICES, FACES, transforms=[[[1j]]]), "numbers, not the dtype complex128"),
+    ("transforms", lambda m: kiln.Scene().add(VERTICES, FACES, transforms=5), r"shape \(k, 4, 4\), not \(\)"),
     ("tier", lambda m: kiln.Mesh(VERTICES, FACES, tier="slow"), "fast, watertight, double, exact"),
     ("preset", lambda m: kiln.Mesh(VERTICES, FACES, preset="best"), "best-trace"),
     ("origins", lambda m: m.first([[0, 0, np.nan]], ROW), "row 0"),
@@ -99,6 +118,8 @@ MISTAKES = [
     ("max_distance", lambda m: m.any(ROW, ROW, 0), "above 0"),
     ("max_distance", lambda m: m.any(ROW, ROW, [1.0, 2.0]), "2 rows, and origins has 1"),
     ("max_distance", lambda m: m.any(ROW, ROW, "far"), "numbers"),
+    ("max_distance", lambda m: m.any(ROW, ROW, np.ma.masked_all(1)), "row 0 has masked entries"),
+    ("max_distance", lambda m: m.any(ROW, ROW, np.ma.masked), "masked"),
     ("points", lambda m: m.contains([[0, 0, np.inf]]), "row 0"),
     ("points", lambda m: m.closest_point([[0, 0, 1e200]]), "too large"),
     ("points", lambda m: m.signed_distance(5), r"\(\)"),

@@ -3,10 +3,15 @@
 import ast
 import importlib.metadata
 import inspect
+import json
+import os
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
 
 import kiln
 
@@ -42,6 +47,29 @@ def test_command(tmp_path):
     )
     assert missing.returncode == 3 and "missing.obj: no such file" in missing.stderr
     assert subprocess.run([command, "rendr"], capture_output=True).returncode == 2
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows sends no SIGINT to one process")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_command_ends_as_the_binary_does(tmp_path, number):
+    """Exit code 128 + number, the last message of `--progress json`, no traceback and no file."""
+    command = [Path(sys.executable).with_name("kiln"), "render", ROOT / "scenes" / "assignment.toml"]
+    options = ["-o", tmp_path / "a.png", "--size", "2000x2000", "--samples", "65536", "--progress", "json"]
+    with subprocess.Popen([*command, *options], stderr=subprocess.PIPE, text=True) as process:
+        first = process.stderr.readline()  # the picture is begun
+        process.send_signal(number)
+        _, rest = process.communicate(timeout=30)
+    events = [json.loads(line) for line in (first + rest).splitlines()]
+    assert events[-1] == {"event": "interrupted", "exit_code": 128 + number}
+    assert process.returncode == 128 + number
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_licences_are_in_the_wheel():
+    files = [file for file in importlib.metadata.files("kiln-bvh") if "licenses" in file.parts]
+    texts = {file.name: file.read_text() for file in files}
+    for name in ("LICENSE-APACHE", "LICENSE-MIT"):
+        assert texts[name] == (ROOT / name).read_text()
 
 
 def members(tree: ast.AST) -> set[str]:

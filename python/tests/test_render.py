@@ -108,15 +108,41 @@ def test_switches(yes, no):
     "call, error, what",
     [
         (lambda: kiln.render("missing.obj"), FileNotFoundError, "missing.obj"),
-        (lambda: kiln.render(BALL, sampels=4), ValueError, "--sampels.*--samples"),
-        (lambda: kiln.render(BALL, samples=0), ValueError, "from 1 to 65536"),
+        (lambda: kiln.render(BALL, sampels=4), ValueError, "^unknown option `sampels`; did you mean `samples`\\?$"),
+        (lambda: kiln.render(BALL, sampels=None), ValueError, "^unknown option `sampels`"),
+        (lambda: kiln.Scene(BALL, smoth=None), ValueError, "^unknown option `smoth`; did you mean `smooth`"),
+        (lambda: kiln.render(BALL, witout="shadows"), ValueError, "did you mean `without`"),
+        (lambda: kiln.render(BALL, wiht=["shadows"]), ValueError, "did you mean `with_`"),
+        (lambda: kiln.render(BALL, help=True), ValueError, "^unknown option `help`"),
+        (lambda: kiln.render(BALL, samples__=4), ValueError, "^unknown option `samples__`; did you mean `samples`"),
+        (lambda: kiln.render(BALL, samples_=4), ValueError, "^unknown option `samples_`"),
+        (lambda: kiln.render(BALL, output="a.png"), ValueError, "^unknown option `output`"),
+        (lambda: kiln.render(BALL, spp=4), ValueError, "^unknown option `spp`; use samples=N$"),
+        (lambda: kiln.render(BALL, tonemap="agx"), ValueError, "^unknown option `tonemap`; use tone_map$"),
+        (lambda: kiln.render(BALL, layers="depth"), ValueError, "^unknown option `layers`; .* by aovs$"),
+        (lambda: kiln.render(BALL, shadows=True), ValueError, '; use with_="shadows" or without="shadows"$'),
+        (lambda: kiln.render(BALL, samples=0), ValueError, "'0' for 'samples': give .* from 1 to 65536$"),
+        (lambda: kiln.render(BALL, samples=True), ValueError, "for 'samples' but none was supplied$"),
+        (lambda: kiln.render(BALL, view="side"), ValueError, "'side' for 'view'; possible values: front, "),
+        (lambda: kiln.render(BALL, without="path=2"), ValueError, "^without takes no value.*by `with_`$"),
+        (lambda: kiln.render(BALL, draft="yes"), ValueError, "^`draft` is on or off; give True or False$"),
+        (lambda: kiln.render(BALL, aov="depth"), ValueError, "^unknown option `aov`; did you mean `aovs`"),
+        (lambda: kiln.render(BALL, aovs=None), TypeError, "^aovs: expected names, not NoneType$"),
+        (lambda: kiln.render(BALL, aovs=["depth", 5]), TypeError, "^aovs: expected names, not int$"),
+        (lambda: kiln.render(BALL, size=np.ones((2, 2))), TypeError, "^size: .*, not ndarray$"),
+        (lambda: kiln.Scene().add(*TETRAHEDRON, material={"color": 1}), ValueError, "^material: .*`color`; did you"),
+        (lambda: kiln.Scene().add(*TETRAHEDRON, material=5), TypeError, "^material: .*, not int$"),
+        (lambda: kiln.render(BALL, view="top", camera="auto"), ValueError, "'view' cannot be used with 'camera'$"),
+        (lambda: kiln.render(BALL, transport="path", with_="fog"), ValueError, "fog"),
+        (lambda: kiln.render({}, camera=None), ValueError, "^source: "),
+        (lambda: kiln.render("-"), FileNotFoundError, "-"),
         (lambda: kiln.render(BALL, size=(8,)), ValueError, "WIDTHxHEIGHT"),
         (lambda: kiln.render(BALL, camera="back"), ValueError, "camera"),
         (lambda: kiln.render(BALL, aovs=["depht"]), ValueError, "did you mean `depth`"),
         (lambda: kiln.render(BALL, dtype="float64"), ValueError, "neither uint8 nor float32"),
-        (lambda: kiln.render(BALL, samples=object()), TypeError, "object"),
-        (lambda: kiln.render(BALL, size=[8, True]), TypeError, "no bool in a list"),
-        (lambda: kiln.render(BALL, size=np.array([True, False])), TypeError, "no bool in a list"),
+        (lambda: kiln.render(BALL, samples=object()), TypeError, "^samples: .*, not object$"),
+        (lambda: kiln.render(BALL, size=[8, True]), TypeError, "^size: .*, not bool$"),
+        (lambda: kiln.render(BALL, size=np.array([True, False])), TypeError, "^size: .*, not bool$"),
         (lambda: kiln.render(kiln.Scene(BALL), up="z"), ValueError, "Scene"),
         (lambda: kiln.render(BALL, progress=True), TypeError, "^progress: expected a function, not bool"),
         (lambda: kiln.render(BALL, dtype=np.float64), ValueError, "neither uint8 nor float32"),
@@ -128,7 +154,7 @@ def test_switches(yes, no):
         (lambda: kiln.Scene(np.zeros((2, 3))), TypeError, "not ndarray of ndarray$"),
         (lambda: kiln.render({"spere": []}), ValueError, "unknown key `spere`; did you mean `sphere`"),
         (lambda: kiln.Scene(BALL, samples=4), ValueError, "options of the picture"),
-        (lambda: kiln.Scene(b"nonsense"), ValueError, "-:1"),
+        (lambda: kiln.Scene(b"nonsense"), ValueError, "^source:1: "),
         (lambda: kiln.Scene().add([[0, 0]], []), ValueError, "^vertices"),
         (lambda: kiln.Scene().add(*TETRAHEDRON, material="gold"), ValueError, "^material: .*`gold`"),
         (lambda: kiln.Scene().add(*TETRAHEDRON, colours=[[2, 0, 0]] * 4), ValueError, "^colours: row 0"),
@@ -164,6 +190,36 @@ def test_warnings():
     scene = kiln.Scene()
     with pytest.warns(kiln.KilnWarning, match="far: left out 1 primitive"):
         scene.add([[0, 0, 0], [1e19, 0, 0], [0, 1, 0]], [[0, 1, 2]], name="far")
+
+
+def test_messages_name_options_as_arguments():
+    with pytest.warns(kiln.KilnWarning, match="nothing is in the picture: .*try `camera=\"auto\"`"):
+        kiln.render(BALL, camera={**FRONT, "look_at": [0, 0, 9]}, size=(8, 8))
+    notes = kiln.render(kiln.Scene({"sphere": BALL["sphere"], "material": BALL["material"]}), size=(8, 8)).notes
+    assert not any("--" in note for note in notes)
+
+
+def test_a_file_of_the_name_of_standard_input(tmp_path, monkeypatch):
+    """Python's standard input is not read."""
+    monkeypatch.chdir(tmp_path)
+    Path("-").write_bytes((ROOT / "assets" / "import" / "tetrahedron.stl").read_bytes())
+    with pytest.raises(ValueError, match="^./-: "):
+        kiln.Scene("-")
+
+
+def test_arrays_of_a_picture_are_read_only():
+    picture = kiln.render(BALL, camera=FRONT, size=(4, 3), aovs=["depth", "normal"])
+    for array in (picture.pixels, *picture.aovs.values(), np.asarray(picture)):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+    # A copy is independent, of any type.
+    for copied in (np.array(picture), picture.__array__(copy=True), picture.__array__(np.float64, copy=True)):
+        assert (copied == picture.pixels).all()
+        copied[:] = 1 + copied[0, 0, 0]
+        assert (copied != picture.pixels).any()
+    assert picture.__array__(copy=False) is picture.pixels
+    with pytest.raises(ValueError, match="float64"):
+        picture.__array__(np.float64, copy=False)
 
 
 def test_progress():

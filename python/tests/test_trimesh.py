@@ -86,6 +86,7 @@ def test_types_of_arguments(box):
         ([[0, 0, "a"]], [[0, 0, 1]], "^ray_origins: not an array of numbers"),
         ([[0, 0, 1]], [[0, 0, {}]], "^ray_directions: not an array of numbers"),
         ([[0, 0, 1], [0, 0, 1e39]], [[0, 0, 1]] * 2, "^ray_origins: row 1 is too large for f32"),
+        (np.ma.masked_less([[0, 0, 1]], 1), [[0, 0, 1]], "^ray_origins: .*masked entries"),
     ],
 )
 def test_mistakes_name_the_argument(box, origins, directions, what):

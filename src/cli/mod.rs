@@ -17,6 +17,7 @@ mod info;
 mod interrupt;
 mod merge;
 mod message;
+mod names;
 mod numbers;
 mod output;
 pub mod picture;

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use clap::{ArgAction, Args, FromArgMatches};
+use clap::{ArgAction, FromArgMatches};
 
 use super::arguments::{self, Arguments};
+use super::names::{argument, command, name_of, unknown};
 use super::output::{check_alpha, check_memory_of, render_image};
 use super::prepare::note_rest_pose;
 use super::render::{PictureContext, warn_of_result};
@@ -17,9 +18,13 @@ use crate::render::RenderControl;
 use crate::render::aov::{self, AovSelection};
 use crate::scene::{ImportOptions, Scene};
 
+pub use super::names::{by_name, error_by_name};
+
 /// The value of an option.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {
+    /// As if the option were not given.
+    Default,
     /// On or off.
     Switch(bool),
     /// As typed.
@@ -35,22 +40,24 @@ impl Options {
     /// Parses options by name: `tone_map` is `--tone-map`, and `with_` is `--with`.
     ///
     /// # Errors
-    /// [`Error::Usage`], as for the command.
+    /// [`Error::Usage`], as for the command. [`error_by_name`] names options as they are here.
     pub fn parse(options: &[(String, Value)]) -> Result<Self> {
-        // Inputs are not among the words.
-        let inputs = |argument: clap::Arg| argument.required(false);
-        let command = Arguments::augment_args(clap::Command::new("kiln")).mut_arg("inputs", inputs);
+        let command = command();
         let mut words = vec!["kiln".to_owned()];
         for (name, value) in options {
-            let long = name.trim_end_matches('_').replace('_', "-");
-            let known = command.get_arguments().find(|argument| argument.get_long() == Some(&long));
-            let action = known.map(clap::Arg::get_action);
+            let argument =
+                argument(&command, |long| name_of(long) == *name).ok_or_else(|| unknown(&command, name))?;
+            let (long, action) = (argument.get_long().unwrap_or_default(), argument.get_action());
             match value {
+                Value::Default => {}
                 Value::Switch(true) => words.push(format!("--{long}")),
-                Value::Switch(false) if action.is_some_and(|action| !action.takes_values()) => {}
+                Value::Switch(false) if !action.takes_values() => {}
                 Value::Switch(false) => words.push(format!("--{long}=false")),
+                _ if !action.takes_values() => {
+                    return Err(Error::usage(format!("`{name}` is on or off"), "give True or False"));
+                }
                 Value::Text(text) => words.push(format!("--{long}={text}")),
-                Value::List(parts) if matches!(action, Some(ArgAction::Append)) => {
+                Value::List(parts) if matches!(action, ArgAction::Append) => {
                     words.extend(parts.iter().map(|part| format!("--{long}={part}")));
                 }
                 Value::List(parts) => words.push(format!("--{long}={}", parts.join(","))),
@@ -249,11 +256,20 @@ mod tests {
 
     #[test]
     fn mistakes_get_the_message_of_the_command() {
-        let mistake = |name: &str, value: Value| parse(&[(name, value)]).err().expect("a mistake");
-        let sampels = mistake("sampels", Value::Text("4".into()));
-        assert_eq!(sampels.to_string(), "unexpected argument '--sampels' found");
-        assert!(sampels.hint().contains("--samples"), "{}", sampels.hint());
-        let none = mistake("samples", Value::Text("0".into()));
-        assert!(none.to_string().contains("give a number of samples from 1 to 65536"), "{none}");
+        let mistake =
+            |name: &str, value: Value| error_by_name(&parse(&[(name, value)]).err().expect("a mistake"));
+        let unknown = "unknown option `sampels`; did you mean `samples`?";
+        assert_eq!(mistake("sampels", Value::Text("4".into())), unknown);
+        assert_eq!(mistake("sampels", Value::Default), unknown);
+        assert_eq!(
+            mistake("samples", Value::Text("0".into())),
+            "invalid value '0' for 'samples': give a number of samples from 1 to 65536"
+        );
+        for name in ["help", "version", "output", "inputs", "samples__", "samples_", "with__", "", "_"] {
+            assert!(
+                mistake(name, Value::Switch(true)).starts_with(&format!("unknown option `{name}`; ")),
+                "{name}"
+            );
+        }
     }
 }

@@ -216,8 +216,10 @@ pub(super) fn hint(typed: &str) -> Option<String> {
 mod tests {
     use std::collections::BTreeSet;
 
+    use super::super::names::error_by_name;
     use super::super::tests::{commands, options};
     use super::*;
+    use crate::error::Error;
     use crate::render::aov::AOVS;
 
     #[test]
@@ -252,6 +254,8 @@ mod tests {
             }
             assert!(count > 0 || hint.contains("`kiln "), "{hint}");
             assert!(!hint.ends_with('.') && hint.len() < 200, "{hint}");
+            let by_name = error_by_name(&Error::usage("unknown", hint));
+            assert!(!by_name.contains("--") && !by_name.contains("`kiln "), "{by_name}");
         }
     }
 
