@@ -8,9 +8,9 @@ use clap::Args;
 
 use super::arguments::Arguments;
 use super::message::Message;
+use super::output;
 use super::prepare::{Reporter, timed};
 use super::progress::{Mode, Progress};
-use super::{exposure, output};
 use crate::animation::{AnimationJob, FileNames, FrameList, FrameRequest, in_order};
 use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
@@ -19,7 +19,7 @@ use crate::film::check::look;
 use crate::film::write::{self, Format, OutputImage, write_picture};
 use crate::film::{Film, TILE};
 use crate::job::metadata::fingerprint_of;
-use crate::job::{Metadata, RenderJob, RenderSettings};
+use crate::job::{Metadata, RenderJob, RenderSettings, clipped_warning};
 use crate::limits;
 use crate::render::aov::AovSelection;
 use crate::render::{RenderControl, Statistics};
@@ -95,7 +95,7 @@ impl FrameChecks {
         control: &RenderControl,
     ) -> Result<()> {
         if animation.resolved.has_physical_lights && animation.frames.first() == Some(&frame) {
-            let ev = exposure::exposure_for_clipped(film, job, control)?;
+            let ev = job.exposure_for_clipped(film, control)?;
             self.1.lock().iter_mut().for_each(|found| **found = ev);
         }
         Ok(())
@@ -104,7 +104,7 @@ impl FrameChecks {
     /// Warns about non-finite pixels, empty frames and clipping.
     pub(crate) fn warn(&self, arguments: &Arguments, warnings: &mut Warnings) {
         if let Ok(Some(ev)) = self.1.lock().map(|found| *found) {
-            warnings.push(exposure::clipped_warning(ev));
+            warnings.push(clipped_warning(ev));
         }
         let Ok(checks) = self.0.lock() else { return };
         let (hits, non_finite, first) = *checks;

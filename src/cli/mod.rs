@@ -11,7 +11,6 @@ mod arguments;
 mod bench;
 mod compare;
 mod explain;
-mod exposure;
 mod frames;
 mod info;
 mod interrupt;
@@ -96,7 +95,7 @@ enum Command {
     /// Measure render time and error of a scene over many settings, as an HTML page
     Study(Box<study::Command>),
     /// Benchmark speed, memory and errors of ray queries, beside other libraries
-    Bench(Box<bench::Arguments>),
+    Bench(Box<bench::Command>),
     /// Compare two pictures: maximum difference, RMSE, PSNR, FLIP
     Compare(compare::Arguments),
     /// Print the JSON schema of scene files, for editors
@@ -327,6 +326,16 @@ mod tests {
             .chain(command.get_arguments().filter(|a| !a.get_action().takes_values()))
             .cloned()
             .collect()
+    }
+
+    /// clap itself checks this in builds with debug assertions alone. A group is named after the type of its options.
+    #[test]
+    fn groups_of_options_have_names_of_their_own() {
+        for command in &commands() {
+            let mut names: Vec<_> = command.get_groups().map(clap::ArgGroup::get_id).collect();
+            names.sort();
+            assert!(names.is_sorted_by(|a, b| a < b), "{}: {names:?}", command.get_name());
+        }
     }
 
     #[test]

@@ -11,13 +11,13 @@ use super::output::{self, OutputTarget, check_folder, render_image, render_to_ac
 use super::prepare::{Reporter, timed};
 use super::progress::Mode;
 use super::sampling::{AccuracyArguments, warn_of_unused};
-use super::{exposure, statistics};
+use super::statistics;
 use crate::animation::FrameList;
 use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
 use crate::files::write_whole;
 use crate::film::write::{Format, OutputImage};
-use crate::job::{RenderJob, metadata};
+use crate::job::{RenderJob, clipped_warning, metadata};
 use crate::render::aov::{AOVS, AovSelection, EFFECTS, EFFECTS_SUMMARY, LARGEST_EXACT_INDEX};
 use crate::render::{RenderControl, Statistics};
 use crate::scene::option::group;
@@ -255,9 +255,9 @@ pub(super) fn warn_of_result(
         warnings.note(format!("the exposure is {ev} EV"));
     }
     if let (OutputImage::Rgb8(film, _), true) = (picture, context.has_physical_lights)
-        && let Some(ev) = exposure::exposure_for_clipped(film, job, control)?
+        && let Some(ev) = job.exposure_for_clipped(film, control)?
     {
-        warnings.push(exposure::clipped_warning(ev));
+        warnings.push(clipped_warning(ev));
     }
     let world = &job.world;
     if context.selection.has_primitives() && world.primitive_count() > LARGEST_EXACT_INDEX {

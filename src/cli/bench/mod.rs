@@ -22,14 +22,14 @@ use crate::scene::ImportOptions;
 
 #[derive(Args)]
 #[command(args_conflicts_with_subcommands = true)]
-pub(crate) struct Arguments {
+pub(crate) struct Command {
     #[command(subcommand)]
     test: Option<Test>,
     #[command(flatten)]
     pub speed: speed::Arguments,
 }
 
-impl Arguments {
+impl Command {
     /// The import options.
     pub(crate) fn import(&mut self) -> &mut ImportOptions {
         match &mut self.test {
@@ -51,7 +51,7 @@ enum Test {
     Scaling(scaling::Arguments),
 }
 
-pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
+pub(crate) fn run(arguments: &Command, interrupted: &AtomicBool) -> Result<()> {
     match &arguments.test {
         None => speed::run(&arguments.speed, interrupted),
         Some(Test::Contains(arguments)) => contains::run(arguments, interrupted),

@@ -1,0 +1,133 @@
+//! Metering: the exposure of a picture from a small render of it.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::{RenderControl, RenderJob, RenderSettings, metadata, studio};
+use crate::effects::Plan;
+use crate::error::Result;
+use crate::film::tone::{Exposure, clipped_share, mean_exposure, white_exposure};
+use crate::film::{ColourPipeline, DisplaySettings, Film, FilterShape};
+use crate::render::aov::{self, AovSelection};
+use crate::scene::{Camera, Clamp, Look, PictureSettings, Projection, Sampling, Scene};
+
+/// Longest side in pixels of a picture that is metered before it is rendered, and its samples a pixel.
+const METER_SIZE: u32 = 128;
+const METER_SAMPLES: u32 = 8;
+
+impl RenderJob {
+    /// For each pixel, row by row from the top, whether its centre ray hits an object other than the ground; `true` for
+    /// all where no pixel's does.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`] if cancelled, [`Error::Failed`] if there is not enough memory.
+    pub fn subject(&self, control: &RenderControl) -> Result<Vec<bool>> {
+        let selection = AovSelection::new(&["object".to_owned()])?;
+        let objects = aov::channels(&self.aov_source(None), &selection, control)?;
+        let ground = self.world.ground.map(|index| index as f32);
+        let is_subject = |&object: &f32| object >= 0.0 && Some(object) != ground;
+        let mut found: Vec<bool> = objects[0].values.iter().map(is_subject).collect();
+        if !found.contains(&true) {
+            found.fill(true);
+        }
+        Ok(found)
+    }
+
+    /// The whole picture in a small size with so many samples a pixel, to be metered: crops and shards agree.
+    ///
+    /// # Errors
+    /// As [`RenderJob::new`].
+    pub fn to_be_metered(&self, samples: Option<u32>) -> Result<Self> {
+        let size = self.view.size();
+        let scale = (f64::from(METER_SIZE) / f64::from(size[0].max(size[1]))).min(1.0);
+        let mut small = self.with_size(size.map(|side| ((f64::from(side) * scale).round() as u32).max(1)))?;
+        // Pictures with a backdrop have the range of a display.
+        if small.world.backdrop.is_some() {
+            small.world = Arc::new(small.world.without_backdrop());
+        }
+        // Without light from beside the objects, which a wider filter would mix in.
+        let filter = samples.is_some().then_some(FilterShape::Box);
+        small.set_sampling(Sampling { samples, filter, ..Sampling::default() })?;
+        Ok(small)
+    }
+
+    /// Sets the exposure from a small render of the whole picture, and the clamp of paths that materials call for. Returns the EV.
+    ///
+    /// # Errors
+    /// As [`RenderJob::render`].
+    pub(crate) fn meter(&mut self, control: &RenderControl) -> Result<f64> {
+        let small = self.to_be_metered(Some(METER_SAMPLES))?;
+        let (film, _) = small.render::<[f32; 3]>(control)?;
+        let subject = film.rows().zip(small.subject(control)?).filter(|(_, is_shown)| *is_shown);
+        let subject: Vec<[f32; 3]> = subject.map(|(colour, _)| colour).collect();
+        let picture = &mut self.settings.picture;
+        let ev = mean_exposure(&subject, picture.tone_map.unwrap_or_default());
+        picture.exposure = Some(Exposure::Ev(ev));
+        if self.choices.clamp.is_none() && self.world.path_call.is_some() {
+            picture.clamp = Some(studio::white_clamp(ev));
+            self.choices.clamp = picture.clamp.map(Clamp::get);
+            self.plan = Plan::new(&self.world, &self.choices)?;
+        }
+        metadata::replace(&mut self.metadata, &self.settings.picture);
+        Ok(ev)
+    }
+
+    /// An exposure in EV for a picture of which more than half of the pixels are clipped: it takes the 99th percentile of
+    /// luminance to white. From a small render of the whole picture with one sample a pixel, so that crops agree.
+    ///
+    /// `None` if less is clipped, if an exposure or a tone map was chosen, or if a lower exposure does not help.
+    pub(crate) fn exposure_for_clipped(
+        &self,
+        film: &Film<[u8; 3]>,
+        control: &RenderControl,
+    ) -> Result<Option<f64>> {
+        let DisplaySettings { exposure, tone_map } = self.settings.picture.display();
+        if exposure.is_some()
+            || tone_map.is_some()
+            || self.pipeline() != ColourPipeline::Linear
+            || clipped_share(film) <= 0.5
+        {
+            return Ok(None);
+        }
+        let small = self.to_be_metered(None)?;
+        let control = RenderControl { progress: &|_, _| (), ..*control };
+        let (film, _) = small.render::<[f32; 3]>(&control)?;
+        Ok(white_exposure(film.rows()).filter(|&ev| ev < 0.0))
+    }
+}
+
+/// The warning for a clipped picture.
+pub(crate) fn clipped_warning(ev: f64) -> String {
+    format!("most of the picture is clipped, because lights are in physical units; try `--exposure {ev}`")
+}
+
+/// Whether the exposure of a scene is metered once it is built. If so, its completed settings get none. `chosen` is the exposure
+/// before the default look completed them.
+pub(crate) fn leave_to_metering(
+    picture: &mut PictureSettings,
+    chosen: Option<Exposure>,
+    scene: &Scene,
+    settings: &RenderSettings,
+    camera: &Camera,
+) -> bool {
+    let is_studio = settings.look(scene) == Look::Studio;
+    let is_auto = picture.exposure == Some(Exposure::Auto);
+    let is_default = chosen.is_none() && (is_auto || is_studio && is_inside(scene, picture, camera));
+    // Pictures with a backdrop are tone mapped while they are rendered, so the exposure must be known first.
+    let meters = is_default || is_auto && is_studio && picture.background.is_some();
+    if meters {
+        picture.exposure = None;
+    }
+    meters
+}
+
+/// Whether a scene is seen from within its bounds, where little of its light may arrive.
+fn is_inside(scene: &Scene, picture: &PictureSettings, camera: &Camera) -> bool {
+    let contains =
+        |(min, max): (DVec3, DVec3)| (camera.position.cmpgt(min) & camera.position.cmplt(max)).all();
+    camera.projection == Projection::Perspective
+        && picture.pipeline() == ColourPipeline::Linear
+        && picture.shading.unwrap_or_default().uses_lights()
+        && scene.bounds().is_some_and(contains)
+}
