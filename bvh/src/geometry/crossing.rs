@@ -272,32 +272,29 @@ fn order_of_triangles(ray: &Ray, a: &[DVec3; 3], b: &[DVec3; 3]) -> Ordering {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::bvh::splitmix64::splitmix64;
+    use proptest::prelude::*;
 
-    #[test]
-    fn triangles_of_an_obvious_plane_have_no_order() {
-        let number = |seed: u64| (splitmix64(seed) >> 40) as f64 / f64::from(1 << 23) - 1.0;
-        let vector = |seed: u64| DVec3::from([3 * seed, 3 * seed + 1, 3 * seed + 2].map(number));
-        let mut counts = [0; 2];
-        for seed in 0..600 {
-            let a = [0, 1, 2].map(|k| vector(8 * seed + k));
-            // Turned, or of one constant coordinate, or neither.
-            let b = [3, 4, 5].map(|k| vector(8 * seed + k));
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn triangles_of_an_obvious_plane_have_no_order(
+            points in prop::array::uniform8(prop::array::uniform3(-1.0..1.0f64)),
+            kind in 0..3usize,
+        ) {
+            let [a, b, c, d, e, f, origin, direction] = points.map(DVec3::from);
             let flat = |v: DVec3| DVec3::new(0.1 * v.x, 0.7, v.z);
-            let [a, b] = [[a, [a[2], a[1], a[0]]], [a.map(flat), b.map(flat)], [a, b]][seed as usize % 3];
-            let ray = Ray {
-                origin: vector(8 * seed + 6),
-                direction: vector(8 * seed + 7),
-                t_min: 0.0,
-                t_max: f64::INFINITY,
+            // Turned, or of one constant coordinate, or neither.
+            let (one, other) = match kind {
+                0 => ([a, b, c], [c, b, a]),
+                1 => ([a, b, c].map(flat), [d, e, f].map(flat)),
+                _ => ([a, b, c], [d, e, f]),
             };
-            let order = order_of_triangles(&ray, &a, &b);
-            if is_same_plane(&a, &b) {
-                assert_eq!(order, Ordering::Equal, "{a:?}, {b:?}");
+            let ray = Ray { origin, direction, t_min: 0.0, t_max: f64::INFINITY };
+            prop_assert_eq!(is_same_plane(&one, &other), kind < 2);
+            if kind < 2 {
+                prop_assert_eq!(order_of_triangles(&ray, &one, &other), Ordering::Equal);
             }
-            counts[usize::from(is_same_plane(&a, &b))] += 1;
         }
-        assert_eq!(counts, [200, 400]);
     }
 }
