@@ -9,7 +9,7 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyFloat};
 
-/// Kinds of elements that become f64, and its name.
+/// Numpy's kinds of element types that are converted to f64, and the name of that type.
 pub(crate) const FLOATS: (&str, &str) = ("fiu", "float64");
 
 /// The array of an argument with elements of the kinds `kinds` (numpy's letters), converted to `dtype` in C order. Only
@@ -48,7 +48,7 @@ pub(crate) fn converted<'py>(
     array
 }
 
-/// An error if a masked array has masked entries: their values are not meant.
+/// An error if a masked array has masked entries.
 fn check_unmasked(value: &Bound<PyAny>, name: &str) -> PyResult<()> {
     if !value.hasattr("mask")? {
         return Ok(());
@@ -57,13 +57,13 @@ fn check_unmasked(value: &Bound<PyAny>, name: &str) -> PyResult<()> {
     if !masked.call_method1("is_masked", (value,))?.is_truthy()? {
         return Ok(());
     }
-    // A masked number has no rows.
+    // A masked scalar has no row.
     let rows = masked.call_method1("getmaskarray", (value,))?.call_method0("nonzero");
     let row = rows.and_then(|rows| rows.get_item(0)?.get_item(0)?.extract::<usize>()).unwrap_or(0);
     Err(PyValueError::new_err(format!("{name}: row {row} has masked entries")))
 }
 
-/// The argument itself, if it has the type, shape and order that are read, without a call of numpy.
+/// The array without a copy or a call of numpy, if its type, shape and order are those that the library reads.
 fn as_given<'py, T: Element>(value: &Bound<'py, PyAny>, width: usize) -> Option<PyReadonlyArray2<'py, T>> {
     let array = value.cast_exact::<PyArray2<T>>().ok()?;
     let is_read = array.is_c_contiguous() && array.is_aligned() && array.shape()[1] == width;

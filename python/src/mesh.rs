@@ -3,7 +3,7 @@
 use kiln::bvh::{Bvh, Crossing, NotClosed, NotFinite, Preset, Primitive, RayArrays, RayList};
 use kiln::geometry::{Hit, Numerics, Ray, Side};
 use kiln::glam::DVec3;
-use numpy::{PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
+use numpy::{PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -20,7 +20,7 @@ use crate::warn;
 /// Mesh(vertices, faces, *, tier="watertight", preset="balanced")
 ///
 /// vertices: (n, 3) float64, finite in f32. faces: (m, 3) integers below n, counterclockwise seen from the front.
-/// tier: the arithmetic that decides hits: "fast" (f32, rays may leak through edges), "watertight" (vertices rounded to
+/// tier: the arithmetic that decides hits: "fast" (f32, rays may miss what they hit), "watertight" (vertices rounded to
 /// f32), "double" (vertices in f64) or "exact". preset: "fast-build", "balanced" or "best-trace".
 ///
 /// Distances are in the units of the vertices; directions need not have length 1. Queries release the GIL and use all
@@ -32,7 +32,7 @@ pub(crate) struct Mesh {
     primitives: usize,
 }
 
-/// The arrays of hits, being filled.
+/// Output arrays of hits.
 struct Columns<'py> {
     triangle: PyReadwriteArray1<'py, i64>,
     distance: PyReadwriteArray1<'py, f64>,
@@ -40,7 +40,7 @@ struct Columns<'py> {
     barycentrics: PyReadwriteArray2<'py, f64>,
 }
 
-/// Their elements for a ray.
+/// The elements of a hit in [`Columns`].
 type Row<'a> = (&'a mut i64, &'a mut f64, &'a mut [f64; 3], &'a mut [f64; 3]);
 
 impl<'py> Columns<'py> {
@@ -144,25 +144,25 @@ impl Mesh {
         Ok(Mesh { bvh, primitives: count })
     }
 
-    /// Calls `query` with the points, without the GIL.
+    /// Calls `query` with the points, without the GIL. Before that, warns of a surface that is not closed, where
+    /// `needs_inside`.
     fn with_points<R: Send>(
         &self,
         points: &Bound<PyAny>,
+        needs_inside: bool,
         query: impl FnOnce(&Bvh, &[DVec3]) -> R + Send,
     ) -> PyResult<R> {
+        let py = points.py();
         let array = numbers(points, "points", 3)?;
-        let rows = chunks(&array)?;
-        check_finite(rows, "points")?;
-        in_threads(array.py(), || {
-            let points: Vec<DVec3> = rows.par_iter().map(|&row| row.into()).collect();
-            query(&self.bvh, &points)
-        })
-    }
-
-    /// Warns where inside and outside have no meaning.
-    fn warn_if_open(&self, py: Python) -> PyResult<()> {
-        let closedness = in_threads(py, || self.bvh.closedness())?;
-        if closedness.is_closed() { Ok(()) } else { warn(py, &NotClosed(closedness).to_string()) }
+        check_finite::<3>(chunks(&array)?, "points")?;
+        if needs_inside {
+            let closedness = in_threads(py, || self.bvh.closedness())?;
+            if !closedness.is_closed() {
+                warn(py, &NotClosed(closedness).to_string())?;
+            }
+        }
+        let rows: &[[f64; 3]] = chunks(&array)?;
+        in_threads(py, || query(&self.bvh, bytemuck::cast_slice(rows)))
     }
 }
 
@@ -173,11 +173,21 @@ impl Mesh {
     fn new(vertices: &Bound<PyAny>, faces: &Bound<PyAny>, tier: &str, preset: &str) -> PyResult<Self> {
         let py = vertices.py();
         let vertices = numbers(vertices, "vertices", 3)?;
+        // Before the vertices are borrowed: conversions may call Python, which may change them.
+        let faces = triangles(faces, "faces", vertices.shape()[0])?;
         let vertices: &[[f64; 3]] = chunks(&vertices)?;
         check_finite(vertices, "vertices")?;
-        let faces = triangles(faces, "faces", vertices.len())?;
         let corners = faces.iter().map(|face| face.map(|index| vertices[index as usize]).into());
         Mesh::of(py, corners, (tier, preset))
+    }
+
+    /// The mesh itself, which does not change.
+    fn __copy__(slf: Py<Self>) -> Py<Self> {
+        slf
+    }
+
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<PyAny>) -> Py<Self> {
+        slf
     }
 
     /// The number of triangles.
@@ -196,9 +206,10 @@ impl Mesh {
     }
 
     /// The closest hit of every ray: Hits of n rows, with the triangle -1 and nan for a ray that hits nothing. Of hits
-    /// at equal distance, the one of the lowest triangle.
+    /// at equal distance, the one of the lowest triangle, but in tier "fast".
     ///
-    /// origins, directions: (n, 3) float64. max_distance: a number or (n,) float64 above 0; hits are nearer.
+    /// origins, directions: (n, 3) float64. max_distance: a number or (n,) float64 above 0, infinite by default. Hits are
+    /// at 0 < distance < max_distance: a ray from a point of the surface does not hit it there.
     #[pyo3(signature = (origins, directions, max_distance = None))]
     fn first<'py>(
         &self,
@@ -232,7 +243,9 @@ impl Mesh {
     }
 
     /// Every hit of every ray: AllHits, sorted by ray, then distance, then triangle. A ray through an edge or a corner
-    /// hits every triangle there; `crossings` counts it once. Arguments as for `first`.
+    /// hits every triangle there; `crossings` counts it once. A sphere has its nearer hit alone. In tier "exact", whose
+    /// `first` compares exact distances, hits whose distances round to nearly the same may be in another order.
+    /// Arguments as for `first`.
     #[pyo3(signature = (origins, directions, max_distance = None))]
     fn all<'py>(
         &self,
@@ -257,8 +270,9 @@ impl Mesh {
     }
 
     /// Every crossing of every ray and the surface, once each, also through edges and corners: Crossings, sorted by ray,
-    /// then distance. Exact: a ray through a closed surface enters and leaves it in turns. A ray that runs in the
-    /// plane of a triangle or starts on it is taken as infinitesimally farther along +x, then +y, then +z.
+    /// then distance. Exact: a ray through a closed surface enters and leaves it in turns. The origin is perturbed
+    /// infinitesimally along +x, then +y, then +z (simulation of simplicity), which decides for rays that run in the plane
+    /// of a triangle or start on it.
     /// Arguments as for `first`.
     #[pyo3(signature = (origins, directions, max_distance = None))]
     fn crossings<'py>(
@@ -299,21 +313,19 @@ impl Mesh {
     /// Whether points are inside the surface: (n,) bool, whether the winding number is not 0. Exact for a closed
     /// surface; warns of another. points: (n, 3) float64.
     fn contains<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        self.warn_if_open(points.py())?;
-        Ok(vector(points.py(), self.with_points(points, |bvh, points| bvh.par_contains(points).0)?))
+        Ok(vector(points.py(), self.with_points(points, true, |bvh, points| bvh.par_contains(points).0)?))
     }
 
     /// How often the surface winds around points: (n,) int32, 1 inside of a closed mesh and 0 outside. Warns of a
     /// surface that is not closed. points: (n, 3) float64.
     fn winding_number<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        self.warn_if_open(points.py())?;
-        Ok(vector(points.py(), self.with_points(points, Bvh::par_winding_numbers)?))
+        Ok(vector(points.py(), self.with_points(points, true, Bvh::par_winding_numbers)?))
     }
 
     /// The closest points of the surface: ClosestPoints of n rows, with the triangle -1 and nan for a mesh without
     /// triangles. points: (n, 3) float64.
     fn closest_point<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        let (location, distance, triangle) = self.with_points(points, |bvh, points| {
+        let (location, distance, triangle) = self.with_points(points, false, |bvh, points| {
             let mut columns = (Vec::new(), Vec::new(), Vec::new());
             for closest in bvh.par_closest_points(points) {
                 columns.0.push(closest.map_or([f64::NAN; 3], |closest| closest.point.to_array()));
@@ -330,8 +342,7 @@ impl Mesh {
     /// The distances of points from the surface, negative inside: (n,) float64; nan for a mesh without triangles. Warns
     /// of a surface that is not closed. points: (n, 3) float64.
     fn signed_distance<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        self.warn_if_open(points.py())?;
-        let distances = self.with_points(points, Bvh::par_signed_distances)?;
+        let distances = self.with_points(points, true, Bvh::par_signed_distances)?;
         Ok(vector(points.py(), distances.into_iter().map(|distance| distance.unwrap_or(f64::NAN)).collect()))
     }
 

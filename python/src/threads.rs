@@ -6,10 +6,11 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use rayon::ThreadPool;
 
-/// The pool of the process with this id. A process that was forked has no threads of its parent's pool.
+/// The pool, and the id of the process that made it. In a forked process, the threads of its parent's pool do not run.
 static POOL: Mutex<Option<(u32, &'static ThreadPool)>> = Mutex::new(None);
 
-/// The pool of this process, as that of the command. It is locked with the GIL held, which a thread that forks holds, too.
+/// The pool of this process, as that of the command. [`POOL`] is locked with the GIL held alone. A thread that forks holds
+/// the GIL, so no other thread has the lock at that time.
 pub(crate) fn pool(_py: Python) -> PyResult<&'static ThreadPool> {
     let locked = POOL.lock();
     let mut pool = locked.map_err(|_| PyRuntimeError::new_err("threads cannot be started"))?;
@@ -18,7 +19,7 @@ pub(crate) fn pool(_py: Python) -> PyResult<&'static ThreadPool> {
         Some((owner, pool)) if owner == process => Ok(pool),
         _ => {
             let new = kiln::cli::pool(None).map_err(|e| crate::raised(&e))?;
-            // That of a parent process is never dropped: its threads are not here to end.
+            // Leaked: dropping a pool would wait for threads, which a forked process does not have.
             let new: &'static ThreadPool = Box::leak(Box::new(new));
             *pool = Some((process, new));
             Ok(new)

@@ -383,6 +383,28 @@ fn batches_are_answered_in_their_order() {
     }
 }
 
+/// Threads that ask for the first time at once, while others of their pool do, too, all get the answer.
+#[test]
+fn threads_may_ask_for_closedness_at_once() {
+    let (sender, receiver) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("threads");
+        let numbers = &mut Numbers::new(11);
+        let triangles: Vec<_> = (0..20_000).map(|_| [0; 3].map(|_| numbers.vector())).collect();
+        for _ in 0..30 {
+            let bvh = &built(&triangles, Numerics::Watertight, Preset::FastBuild);
+            std::thread::scope(|scope| {
+                for _ in 0..4 {
+                    scope.spawn(|| pool.install(|| assert_eq!(bvh.closedness().boundary_edges, 60_000)));
+                }
+            });
+        }
+        sender.send(()).expect("the test waits");
+    });
+    let is_done = receiver.recv_timeout(std::time::Duration::from_secs(120));
+    assert!(is_done.is_ok(), "threads wait for each other");
+}
+
 /// Rays along all axes, exactly through all vertices and edge midpoints of a closed mesh, from far outside.
 #[test]
 #[ignore = "needs KILN_MODELS"]

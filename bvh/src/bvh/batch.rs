@@ -16,7 +16,7 @@ use crate::geometry::{Hit, HitBuffer, PACKET, Ray, RayBuffer, Rays, Side};
 /// The queries of a task.
 pub(super) const GROUP: usize = 1 << 12;
 
-/// The points of a task for closest points: of more that are sorted, neighbours are nearer (docs/decisions.md).
+/// The points of a task for closest points. The more are sorted together, the closer are neighbours (docs/decisions.md).
 const POINTS: usize = 1 << 14;
 
 /// Bits of each coordinate on the Morton curve.
@@ -50,7 +50,7 @@ pub trait RayList: Copy + Sync {
     /// The ray at `index`, which is below the number of rays.
     fn get(&self, index: usize) -> Ray;
 
-    /// The origin of that ray, and its direction, whose longest component or length is 1, by which rays are sorted.
+    /// The origin of that ray, and its direction, scaled to a length or a longest component of 1. Rays are sorted by these.
     fn place(&self, index: usize) -> [DVec3; 2] {
         let Ray { origin, direction, .. } = self.get(index);
         [origin, direction]
@@ -67,7 +67,7 @@ impl RayList for Rays<'_> {
     }
 }
 
-/// The memory of a task.
+/// The scratch buffers of a task.
 #[derive(Default)]
 struct Worker {
     traversal: Traversal,
@@ -175,7 +175,7 @@ impl Bvh {
         trace: impl Fn(Rays, &mut Vec<(usize, R)>, &mut Traversal) + Sync,
         finish: impl Fn(usize, &[(usize, R)], &mut [u32], &mut Vec<T>) + Sync,
     ) -> Lists<T> {
-        let memory = || (Worker::default(), Vec::new(), Vec::new());
+        let scratch = || (Worker::default(), Vec::new(), Vec::new());
         let of_group = |(worker, found, places): &mut (Worker, Vec<_>, Vec<u32>), group| {
             let first = group * GROUP;
             let count = GROUP.min(rays.len() - first);
@@ -207,16 +207,16 @@ impl Bvh {
             }
             ListGroup { ends, values }
         };
-        let groups = (0..rays.len().div_ceil(GROUP)).into_par_iter().map_init(memory, of_group);
+        let groups = (0..rays.len().div_ceil(GROUP)).into_par_iter().map_init(scratch, of_group);
         Lists::of(groups.collect())
     }
 
     /// [`Bvh::winding_number`] of every point.
     pub fn par_winding_numbers(&self, points: &[DVec3]) -> Vec<i32> {
         let mut results = vec![0; points.len()];
-        let memory = || (Worker::default(), Vec::new(), Vec::new());
+        let scratch = || (Worker::default(), Vec::new(), Vec::new());
         results.par_chunks_mut(GROUP).zip(points.par_chunks(GROUP)).for_each_init(
-            memory,
+            scratch,
             |(worker, indices, sides), (results, points)| {
                 worker.order.fill(points.len(), self.sorts(), |index| [points[index], DVec3::ZERO]);
                 indices.clear();
@@ -288,7 +288,7 @@ impl Order {
         if !is_sorted {
             return;
         }
-        // What is not finite has no place.
+        // NaN and infinity do not count.
         let finite = (0..count).map(&of).filter(|vectors| vectors.iter().all(|v| v.is_finite()));
         let none = [[DVec3::INFINITY, DVec3::NEG_INFINITY]; 2];
         let bounds = finite.fold(none, |bounds, vectors| {

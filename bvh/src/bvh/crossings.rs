@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::{Accelerator, Bvh, Primitive, Traversal};
 use crate::geometry::{LineTest, Precision, PrimId, Ray, Rays, Side, Stored, Triangle, order_of_crossings};
 
-/// A passage of a ray through the surface.
+/// A crossing of a ray and the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crossing {
     /// Distance along the ray.
@@ -82,9 +82,9 @@ impl Bvh {
     /// surface that does not intersect itself is entered and left in turns. Rays that end where another begins have
     /// the crossings of both together.
     ///
-    /// t is that of the ray itself, with a relative error below 2^-40; ordered are the exact t of the moved ray, which
-    /// triangles of the same plane have in common: those are ordered by id. A triangle has no more than one crossing,
-    /// one without area none, a sphere up to two.
+    /// t is that of the ray itself, with a relative error below 2^-40, and does not decrease; ordered are the exact t of the
+    /// moved ray, which triangles of the same plane have in common: those are ordered by id. A triangle has no more than
+    /// one crossing, one without area none, a sphere up to two.
     pub fn crossings(&self, ray: &Ray, traversal: &mut Traversal) -> Vec<Crossing> {
         let mut found = Vec::new();
         each_crossing(self.accelerator(), ray, traversal, |crossing, primitive| {
@@ -145,7 +145,12 @@ impl Bvh {
     /// The edges of the triangles that keep the surface from being closed. Computed at the first call after building or
     /// [`Bvh::update`], in O(n log n) time and some 250 bytes of memory per triangle.
     pub fn closedness(&self) -> Closedness {
-        *self.closedness.get_or_init(|| closedness(self.accelerator()))
+        if let Some(known) = self.closedness.get() {
+            return *known;
+        }
+        // Not while the cell is locked: a thread that waits for parts of this work may take up other work that asks, too.
+        let found = closedness(self.accelerator());
+        *self.closedness.get_or_init(|| found)
     }
 }
 
@@ -169,7 +174,13 @@ pub(super) fn in_order(
         order_of_crossings(ray, [(a.t, a.side, of_a), (b.t, b.side, of_b)]).then(a.prim.cmp(&b.prim))
     });
     let key = move |place: &u32| (at(place).0.prim, at(place).0.side);
-    places.chunk_by(move |a, b| key(a) == key(b)).map(move |same| at(&same[0]).0)
+    // Rounded values of ascending numbers: the greater of two is as good a value for the second.
+    let mut least = 0.0;
+    places.chunk_by(move |a, b| key(a) == key(b)).map(move |same| {
+        let crossing = at(&same[0]).0;
+        least = crossing.t.max(least);
+        Crossing { t: least, ..crossing }
+    })
 }
 
 /// Calls `found` with the crossings of a ray in no order, and their primitives; those of split triangles several times.

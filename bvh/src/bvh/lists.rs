@@ -24,7 +24,7 @@ pub(super) struct ListGroup<T> {
     pub values: Vec<T>,
 }
 
-/// The place of a value.
+/// The list that a value is in: its group, and its index in that group.
 #[derive(Clone, Copy, Default)]
 struct Place {
     group: usize,
@@ -63,9 +63,9 @@ impl<T> Lists<T> {
         self.starts[self.groups.len()]
     }
 
-    /// The place of the value at `index`, which is searched from another place on that is likely to be near.
-    fn place_of(&self, index: usize, near: Place) -> Place {
-        let Place { mut group, mut list } = near;
+    /// The list of the value at `index` of all. Lists are searched from `hint` on.
+    fn place_of(&self, index: usize, hint: Place) -> Place {
+        let Place { mut group, mut list } = hint;
         if !(self.starts[group]..self.starts[group + 1]).contains(&index) {
             (group, list) = (self.starts.partition_point(|&start| start <= index) - 1, 0);
         }
@@ -89,10 +89,10 @@ impl<T: Sync> Lists<T> {
         places: impl IndexedParallelIterator<Item = P>,
         set: impl Fn(P, usize, &T) + Sync + Send,
     ) {
-        // Neighbours are visited by the same thread, so that a value is mostly in the list of the one before, or the next.
-        places.enumerate().with_min_len(GROUP).for_each_init(Place::default, |near, (index, place)| {
-            *near = self.place_of(index, *near);
-            let Place { group, list } = *near;
+        // A thread visits consecutive values, so that a value is mostly in the same list as the one before, or the next.
+        places.enumerate().with_min_len(GROUP).for_each_init(Place::default, |last, (index, place)| {
+            *last = self.place_of(index, *last);
+            let Place { group, list } = *last;
             let value = &self.groups[group].values[index - self.starts[group]];
             set(place, group * GROUP + list, value);
         });
