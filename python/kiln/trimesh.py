@@ -136,7 +136,7 @@ class RayMeshIntersector:
         hits, valid = self._answer("first", ray_origins, ray_directions)
         if valid is None:
             return hits.triangle
-        triangles = np.full(len(ray_origins), -1, np.int64)
+        triangles = np.full(np.shape(ray_origins)[0], -1, np.int64)
         triangles[valid] = hits.triangle
         return triangles
 
@@ -145,7 +145,7 @@ class RayMeshIntersector:
         is_hit, valid = self._answer("any", ray_origins, ray_directions)
         if valid is None:
             return is_hit
-        hit = np.zeros(len(ray_origins), np.bool_)
+        hit = np.zeros(np.shape(ray_origins)[0], np.bool_)
         hit[valid] = is_hit
         return hit
 
