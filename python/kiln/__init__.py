@@ -1,6 +1,21 @@
 """Ray queries on triangle meshes (Mesh), pictures (render, Scene), and trimesh's interface (kiln.trimesh)."""
 
+from typing import TYPE_CHECKING
+
 from ._kiln import KilnWarning, Mesh, Picture, __version__
 from ._scene import Scene, render
+
+if TYPE_CHECKING:
+    from . import trimesh as trimesh
+else:
+
+    def __getattr__(name: str):
+        # kiln.trimesh imports numpy, which takes longer than kiln.
+        if name == "trimesh":
+            from importlib import import_module
+
+            return import_module(".trimesh", __name__)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 __all__ = ["KilnWarning", "Mesh", "Picture", "Scene", "__version__", "render"]

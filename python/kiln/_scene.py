@@ -27,16 +27,18 @@ def _text(value, name: str) -> str:
     if getattr(value, "ndim", None) == 0:
         value = value.item()
     if isinstance(value, (str, os.PathLike)):
-        return os.fspath(value)
+        return _toml.unicode(os.fspath(value), name)
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return repr(value)
+        # Beyond 2**53, where not all integers are floats, they keep their exponent.
+        is_whole = isinstance(value, float) and value.is_integer() and abs(value) <= 2**53
+        return repr(int(value) if is_whole else value)
     raise TypeError(f"{name}: expected text or numbers, not {type(value).__name__}")
 
 
 def _options(options: Mapping[str, Any]) -> list[tuple[str, bool | str | list[str] | None]]:
-    """Options as their names and what would be typed for them."""
+    """Options as their names and the text of their values."""
 
-    def typed(name, value):
+    def text(name, value):
         if value is None:
             return None
         if _is_bool(value):
@@ -47,7 +49,21 @@ def _options(options: Mapping[str, Any]) -> list[tuple[str, bool | str | list[st
             return [_text(part, name) for part in value]
         return _text(value, name)
 
-    return [(name, typed(name, value)) for name, value in options.items()]
+    return [(_toml.unicode(name, "options"), text(name, value)) for name, value in options.items()]
+
+
+def _dtype(given: Any) -> str:
+    """The name of a type of pixels."""
+    if isinstance(given, str) and given in ("uint8", "float32"):
+        return given
+    from numpy import dtype  # importing kiln does not import numpy
+
+    try:
+        return dtype(given).name
+    except Exception:  # of a type that depends on what is given
+        if isinstance(given, str):
+            raise ValueError(f"dtype: {given!a} is neither uint8 nor float32") from None
+        raise TypeError(f"dtype: expected a type of numpy or its name, not {type(given).__name__}") from None
 
 
 def _files(source) -> list[str | os.PathLike[str]]:
@@ -56,11 +72,11 @@ def _files(source) -> list[str | os.PathLike[str]]:
     wrong = type(source).__name__
     if isinstance(files, Iterable):
         files = list(files)
-        strangers = [type(file).__name__ for file in files if not isinstance(file, (str, os.PathLike))]
-        if not strangers:
+        others = [type(file).__name__ for file in files if not isinstance(file, (str, os.PathLike))]
+        if not others:
             # The command's name of standard input is a file here.
             return [os.path.join(os.curdir, "-") if os.fspath(file) == "-" else file for file in files]
-        wrong = f"{wrong} of {strangers[0]}"
+        wrong = f"{wrong} of {others[0]}"
     raise TypeError(f"source: expected a file, Scene, dict, bytes or a mesh of trimesh, not {wrong}")
 
 
@@ -98,7 +114,8 @@ class Scene:
 
     def __init__(self, source: Source = None, **options: Any) -> None:
         if source is None and options:
-            raise ValueError("options of a scene say how files are read, and there are none")
+            names = ", ".join(ascii(name)[1:-1] for name in options)
+            raise ValueError(f"{names}: a Scene without a source is empty and has no options")
         self._scene = _kiln.Scene() if source is None else _load(source, options, False)
 
     def add(
@@ -113,22 +130,27 @@ class Scene:
         transforms: ArrayLike | None = None,
         name: str = "mesh",
     ) -> None:
-        """Adds triangles, all of them or, if it raises, nothing.
+        """Adds triangles; nothing if it raises.
+
+        Triangles with two equal corners or a coordinate beyond 1e18 are left out, with a warning (KilnWarning): indices
+        of triangles are those of what is left.
 
         vertices: (n, 3) float64. faces: (m, 3) integers, counterclockwise seen from the front.
         material: the name of a material of the scene, or the keys of one in scene files, such as {"colour": "#b5651d"}.
-        normals: (n, 3) shading normals. uvs: (n, 2) texture coordinates, (0, 0) at the picture's top left corner.
+        normals: (n, 3) shading normals. uvs: (n, 2) texture coordinates, (0, 0) at the texture's top left corner.
         colours: (n, 3), multiplied with the material's: uint8 in sRGB, or float in linear light, 0 to 1.
         transforms: (k, 4, 4) affine maps, one for each instance. name: the object's.
         """
         chosen: str | _kiln.Scene | None
+        if isinstance(name, str):
+            _toml.unicode(name, "name")
         if isinstance(material, Mapping):
             try:
                 chosen = _load({"material": {f"{name} {len(self.materials)}": dict(material)}}, {}, False)
             except ValueError as error:
                 raise ValueError("material" + str(error).removeprefix("source:1")) from None
         else:
-            chosen = material
+            chosen = _toml.unicode(material, "material") if isinstance(material, str) else material
         self._scene.add(vertices, faces, name, chosen, normals, uvs, colours, transforms)
 
     def update(self, source: Source, **options: Any) -> None:
@@ -137,7 +159,11 @@ class Scene:
         self._scene.append(_load(source, options, False))
 
     def mesh(self, *, tier: str = "watertight", preset: str = "balanced") -> _kiln.Mesh:
-        """The triangles of the scene for queries, with spheres, in the order of the scene."""
+        """The triangles and spheres of the scene for queries.
+
+        The `triangle` of a result is the index of the primitive in the order of the scene, without triangles that were
+        left out when they were added or read. `all` returns the nearer hit of a sphere, `crossings` both.
+        """
         return self._scene.mesh(tier, preset)
 
     @property
@@ -157,7 +183,7 @@ class Scene:
 
     @property
     def objects(self) -> list[str]:
-        """The names of the objects, which the AOV `object` counts."""
+        """The names of the objects, by the indices of the AOV `object`."""
         return self._scene.names()[2]
 
     def __copy__(self) -> Scene:
@@ -190,7 +216,7 @@ def render(
 
     source: a Scene, or what Scene() takes.
     dtype: "uint8" for display values, "float32" for values before exposure, tone map and encoding; or numpy's types.
-    aovs: the name of a further array or several, such as "depth" and "normal" (docs/aovs.md), or "all".
+    aovs: the names of further arrays, such as "depth" and "normal" (docs/aovs.md), or "all".
     progress: called with the number of finished tiles and of all tiles, from the calling thread.
     options: those of `kiln render` (docs/command-line.md), `-` as `_`: size=(640, 480), samples=64, camera="front",
     view="iso", transport="path", background="transparent", with_=["shadows"], draft=True, ... A camera may be a dict
@@ -201,13 +227,12 @@ def render(
     """
     if progress is not None and not callable(progress):
         raise TypeError(f"progress: expected a function, not {type(progress).__name__}")
-    if not isinstance(dtype, str):
-        from numpy import dtype as numpy_dtype  # importing kiln does not import numpy
-
-        dtype = numpy_dtype(dtype).name
-    names = list(aovs) if isinstance(aovs, Iterable) and not isinstance(aovs, str) else [aovs]
+    if isinstance(aovs, str):
+        aovs = [name.strip() for name in aovs.split(",")]
+    names = list(aovs) if isinstance(aovs, Iterable) else [aovs]
     for name in names:
         if not isinstance(name, str):
             raise TypeError(f"aovs: expected names, not {type(name).__name__}")
+        _toml.unicode(name, "aovs")
     scene = source._scene if isinstance(source, Scene) else _load(source, options, True)
-    return _kiln.render(scene, _options(options), dtype, names, progress)
+    return _kiln.render(scene, _options(options), _dtype(dtype), names, progress)

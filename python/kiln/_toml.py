@@ -5,6 +5,15 @@ import os
 from collections.abc import Mapping
 
 
+def unicode(text: str, name: str) -> str:
+    """A text that can be encoded; `name` is for the error."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise ValueError(f"{name}: {ascii(text)} has surrogates, which are not text") from None
+    return text
+
+
 def value(given, key: str = "") -> str:
     """A value in one line; `key` is for errors. Arrays of numpy become lists; tables leave out entries of None."""
     if hasattr(given, "tolist"):
@@ -15,7 +24,7 @@ def value(given, key: str = "") -> str:
         return repr(given)
     if isinstance(given, (str, os.PathLike)):
         # A string of JSON is one of TOML, but for DEL.
-        return json.dumps(os.fspath(given), ensure_ascii=False).replace("\x7f", "\\u007f")
+        return json.dumps(unicode(os.fspath(given), key), ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(given, Mapping):
         return "{ " + ", ".join(_entries(given, f"{key}." if key else "")) + " }"
     if isinstance(given, (list, tuple)):
@@ -24,7 +33,8 @@ def value(given, key: str = "") -> str:
 
 
 def _entries(table: Mapping, prefix: str = "") -> list[str]:
-    return [f"{value(str(key))} = {value(item, f'{prefix}{key}')}" for key, item in table.items() if item is not None]
+    entries = [(str(key), item) for key, item in table.items() if item is not None]
+    return [f"{value(key, 'key')} = {value(item, prefix + key)}" for key, item in entries]
 
 
 def document(table: Mapping) -> str:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import operator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,13 +17,18 @@ if TYPE_CHECKING:
 
 
 def _rows(value: ArrayLike, name: str) -> NDArray[np.float64]:
-    """An argument as (n, 3) float64."""
-    if np.ma.is_masked(value):
-        raise ValueError(f"{name}: has masked entries")
+    """An argument as (n, 3) float64, from the types that Mesh takes."""
     try:
-        rows = np.asarray(value, np.float64)
+        array = np.asarray(value)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"{name}: not an array of numbers: {error}") from None
+        raise ValueError(f"{name}: not an array: {error}") from None
+    if np.ma.is_masked(value):
+        row = np.atleast_1d(np.ma.getmaskarray(np.ma.asarray(value))).nonzero()[0][0]
+        raise ValueError(f"{name}: row {row} has masked entries")
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"{name}: expected numbers, not the dtype {array.dtype}")
+    with np.errstate(over="ignore", invalid="ignore"):
+        rows = array.astype(np.float64, copy=False)
     if rows.shape == (0,):
         return rows.reshape(0, 3)
     if rows.ndim != 2 or rows.shape[1] != 3:
@@ -48,7 +54,8 @@ class RayMeshIntersector:
     """Ray queries on a mesh of trimesh.
 
     Rays whose direction is 0 or whose numbers are not finite hit nothing, and no mesh contains points whose numbers are
-    not finite, as in trimesh. Raises ValueError for origins beyond f32. `mesh.copy()` has trimesh's own queries again.
+    not finite, as in trimesh. Raises ValueError for origins beyond f32. A copy of a trimesh mesh uses trimesh's own
+    intersector again.
 
     geometry: the mesh. It may change: the tree is built at the first query after a change.
     tier: the arithmetic that decides hits, in float64 by default, as trimesh's own.
@@ -56,6 +63,7 @@ class RayMeshIntersector:
     """
 
     def __init__(self, geometry, scale_to_box: bool = True, *, tier: str = "double") -> None:
+        Mesh([], [], tier=tier)  # checks the tier
         self.mesh = geometry
         self.tier = tier
         self._built: tuple[int, Mesh] | None = None
@@ -86,21 +94,26 @@ class RayMeshIntersector:
         """The triangles that rays hit, the rays, and with `return_locations` the points.
 
         multiple_hits: every crossing of the surface, sorted by ray and distance, else the closest hit of each ray.
-        A ray through an edge or a corner crosses once. max_hits: of each ray, the closest ones.
+        A ray through an edge or a corner crosses once. max_hits: the number of closest hits that are kept of each ray.
 
         Returns index_tri (m,), index_ray (m,) and locations (m, 3).
         """
+        if max_hits is not None:
+            try:
+                max_hits = operator.index(max_hits)
+            except TypeError:
+                raise TypeError(f"max_hits: expected an integer, not {type(max_hits).__name__}") from None
         if multiple_hits:
             crossings, valid = self._answer("crossings", ray_origins, ray_directions)
             index_ray, index_tri, locations = crossings.ray, crossings.triangle, crossings.location
-            if max_hits is not None and len(index_ray) > 0:
-                first = np.searchsorted(index_ray, index_ray)
-                kept = np.arange(len(index_ray)) - first < max_hits
-                index_ray, index_tri, locations = index_ray[kept], index_tri[kept], locations[kept]
         else:
             hits, valid = self._answer("first", ray_origins, ray_directions)
             index_ray = np.flatnonzero(hits.triangle >= 0)
             index_tri, locations = hits.triangle[index_ray], hits.location[index_ray]
+        if max_hits is not None and len(index_ray) > 0:
+            first = np.searchsorted(index_ray, index_ray)
+            kept = np.arange(len(index_ray)) - first < max_hits
+            index_ray, index_tri, locations = index_ray[kept], index_tri[kept], locations[kept]
         if valid is not None:
             index_ray = valid[index_ray]
         return (index_tri, index_ray, locations) if return_locations else (index_tri, index_ray)
@@ -123,7 +136,7 @@ class RayMeshIntersector:
         hits, valid = self._answer("first", ray_origins, ray_directions)
         if valid is None:
             return hits.triangle
-        triangles = np.full(len(ray_origins), -1, np.int64)
+        triangles = np.full(np.shape(ray_origins)[0], -1, np.int64)
         triangles[valid] = hits.triangle
         return triangles
 
@@ -132,7 +145,7 @@ class RayMeshIntersector:
         is_hit, valid = self._answer("any", ray_origins, ray_directions)
         if valid is None:
             return is_hit
-        hit = np.zeros(len(ray_origins), np.bool_)
+        hit = np.zeros(np.shape(ray_origins)[0], np.bool_)
         hit[valid] = is_hit
         return hit
 

@@ -13,9 +13,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
-use kiln::cli::picture::{by_name, error_by_name};
+use kiln::cli::picture::{by_name, error_by_name, is_of_memory};
 use kiln::error::{Error, Warnings};
-use pyo3::exceptions::{PyKeyboardInterrupt, PyOSError, PyRuntimeError, PyUserWarning, PyValueError};
+use pyo3::exceptions::{
+    PyKeyboardInterrupt, PyMemoryError, PyOSError, PyRuntimeError, PyUserWarning, PyValueError,
+};
 use pyo3::prelude::*;
 
 pyo3::create_exception!(
@@ -30,9 +32,11 @@ const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// The exception of an error.
 fn raised(error: &Error) -> PyErr {
-    let text = of_source(error_by_name(error));
+    let text = error_by_name(error);
     match error {
-        Error::Input { .. } | Error::Usage { .. } => PyValueError::new_err(text),
+        Error::Input { .. } => PyValueError::new_err(of_source(text)),
+        Error::Usage { .. } => PyValueError::new_err(text),
+        Error::Failed { .. } if is_of_memory(error) => PyMemoryError::new_err(text),
         Error::Output { .. } => PyOSError::new_err(text),
         Error::Failed { .. } => PyRuntimeError::new_err(text),
         Error::Interrupted => PyKeyboardInterrupt::new_err(()),
@@ -76,7 +80,7 @@ fn interruptible<T: Send + 'static>(
     let (done, waiting) = channel();
     let pool = threads::pool(py)?;
     let thread = std::thread::Builder::new().spawn(move || {
-        // Nobody waits after an exception.
+        // Fails after an exception, when the result is not received.
         let _ = done.send(pool.install(work));
     });
     let thread = thread.map_err(|e| PyRuntimeError::new_err(format!("a thread cannot be started: {e}")))?;
@@ -99,14 +103,15 @@ fn interruptible<T: Send + 'static>(
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => {
                 let panic = thread.join().err().and_then(|panic| panic.downcast::<String>().ok());
-                let what = panic.map_or_else(|| "a fault in kiln itself".to_owned(), |text| *text);
+                let what = panic.map_or_else(|| "internal error".to_owned(), |text| *text);
                 return Err(PyRuntimeError::new_err(what));
             }
         }
     }
 }
 
-/// Runs the command `kiln` with the words after its name, and returns its exit code. For one call a process.
+/// Runs the command `kiln` with the words after its name, and returns its exit code. It is called at most
+/// once per process.
 #[pyfunction]
 fn run_command(py: Python, words: Vec<OsString>) -> u8 {
     py.detach(|| kiln::cli::run(words))

@@ -11,9 +11,10 @@ use kiln::import;
 use kiln::scene::{Attribute, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Shape};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::PyString;
 
 use crate::arrays::{FLOATS, check_finite, check_rows, chunks, converted, numbers, triangles};
-use crate::{interruptible, raised, warn_all};
+use crate::{interruptible, raised, warn, warn_all};
 
 /// The value of an option; of these types, the first that fits.
 #[derive(FromPyObject)]
@@ -141,8 +142,9 @@ impl Scene {
             kiln::scene::Scene { objects: shapes.into_iter().map(object).collect(), ..Default::default() };
         let mut warnings = Warnings::default();
         import::sanitise(&mut added, name, &mut warnings);
-        // Warnings may be errors.
+        // Warnings may be errors. What is left out shifts indices of triangles, so notes are warnings, too.
         warn_all(py, &warnings)?;
+        warnings.notes().iter().try_for_each(|text| warn(py, text))?;
         let mut scene = self.lock();
         let scene = Arc::make_mut(&mut scene);
         let material = match material {
@@ -214,10 +216,11 @@ impl Scene {
         if let Ok(given) = given.cast::<Scene>() {
             return Ok(ChosenMaterial::Given(given.get().now()));
         }
-        let Ok(name) = given.extract::<String>() else {
+        let Ok(name) = given.cast::<PyString>() else {
             let what = format!("material: expected a name or a dict, not {}", given.get_type().name()?);
             return Err(PyTypeError::new_err(what));
         };
+        let name: String = name.extract()?;
         let scene = self.now();
         let known = &scene.materials;
         let found = known.iter().rposition(|material| material.name() == name);
@@ -277,9 +280,12 @@ fn placed(mesh: Mesh, transforms: &Bound<PyAny>) -> PyResult<Vec<Shape>> {
     let mesh = Arc::new(mesh);
     let place = |(index, matrix): (usize, &[f64; 16])| {
         let matrix = DMat4::from_cols_array(matrix).transpose();
-        if !matrix.is_finite() || matrix.row(3).to_array() != [0.0, 0.0, 0.0, 1.0] {
-            let what = format!("transforms: {index} is not an affine map; its last row must be 0, 0, 0, 1");
-            return Err(PyValueError::new_err(what));
+        let mistake = |what| PyValueError::new_err(format!("transforms: matrix {index}{what}"));
+        if !matrix.is_finite() {
+            return Err(mistake(" is not finite"));
+        }
+        if matrix.row(3).to_array() != [0.0, 0.0, 0.0, 1.0] {
+            return Err(mistake(": the last row must be 0, 0, 0, 1"));
         }
         Ok(Shape::Placed(Placed::new(Arc::clone(&mesh), Placement::new(matrix))))
     };

@@ -37,6 +37,18 @@ print("trimesh" in sys.modules)
     assert all(rest == ["set()", "False"] for _, *rest in runs)
 
 
+def test_kiln_trimesh_is_imported_where_it_is_used():
+    code = """
+import kiln
+print(kiln.trimesh.RayMeshIntersector.__name__, kiln.trimesh is __import__("kiln.trimesh").trimesh)
+try:
+    kiln.trimsh
+except AttributeError as error:
+    print(error)
+"""
+    assert python(code).splitlines() == ["RayMeshIntersector True", "module 'kiln' has no attribute 'trimsh'"]
+
+
 def test_command(tmp_path):
     command = Path(sys.executable).with_name("kiln")
     version = subprocess.run([command, "--version"], check=True, capture_output=True, text=True).stdout

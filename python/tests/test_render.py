@@ -17,6 +17,7 @@ import kiln
 ROOT = Path(__file__).parents[2]
 SCENE = ROOT / "scenes" / "assignment.toml"
 BALL = {"sphere": [{"centre": [0, 0, 0], "radius": 1, "material": "red"}], "material": {"red": {"colour": "#ff0000"}}}
+NANS = np.full((4, 4), np.nan)
 FRONT = {"position": [0, 0, 5], "look_at": [0, 0, 0], "vertical_fov": 40}
 
 
@@ -122,7 +123,22 @@ def test_switches(yes, no):
         (lambda: kiln.render(BALL, layers="depth"), ValueError, "^unknown option `layers`; .* by aovs$"),
         (lambda: kiln.render(BALL, shadows=True), ValueError, '; use with_="shadows" or without="shadows"$'),
         (lambda: kiln.render(BALL, samples=0), ValueError, "'0' for 'samples': give .* from 1 to 65536$"),
-        (lambda: kiln.render(BALL, samples=True), ValueError, "for 'samples' but none was supplied$"),
+        (lambda: kiln.render(BALL, samples=True, size=(8, 8)), ValueError, "^`samples` takes a value, not True$"),
+        (lambda: kiln.render(BALL, fov=True, size=(8, 8)), ValueError, "^`fov` takes a value, not True$"),
+        (lambda: kiln.render(BALL, exposure=False), ValueError, "^`exposure` takes a value, not False$"),
+        (lambda: kiln.render(BALL, samples=1.5), ValueError, "'1.5' for 'samples'"),
+        (lambda: kiln.render(BALL, view=chr(0xD800)), ValueError, r"^view: '\\ud800' has surrogates"),
+        (lambda: kiln.render(BALL, without=[chr(0xD800)]), ValueError, "^without: .* has surrogates"),
+        (lambda: kiln.render(BALL, aovs=chr(0xD800)), ValueError, "^aovs: .* has surrogates"),
+        (lambda: kiln.render(BALL, dtype=chr(0xD800)), ValueError, "^dtype: "),
+        (lambda: kiln.render(BALL, **{chr(0xD800): 1}), ValueError, "^options: .* has surrogates"),
+        (lambda: kiln.render(BALL, camera={"name": chr(0xD800)}), ValueError, "^camera.name: .* has surrogates"),
+        (lambda: kiln.Scene().add(*TETRAHEDRON, name=chr(0xD800)), ValueError, "^name: .* has surrogates"),
+        (lambda: kiln.Scene().add(*TETRAHEDRON, material=chr(0xD800)), ValueError, "^material: .* has surrogates"),
+        (lambda: kiln.Scene(up="z"), ValueError, "^up: a Scene without a source is empty and has no options$"),
+        (lambda: kiln.render(BALL, size=(60000, 60000)), MemoryError, "^a picture of 60000 x 60000 pixels needs"),
+        (lambda: kiln.render(BALL, size=(8, 8)).save("-"), ValueError, "^-: not a picture format .* ends in .png"),
+        (lambda: kiln.render(BALL, size=(8, 8)).save(""), ValueError, "^no name of a file; .* ends in .png"),
         (lambda: kiln.render(BALL, view="side"), ValueError, "'side' for 'view'; possible values: front, "),
         (lambda: kiln.render(BALL, without="path=2"), ValueError, "^without takes no value.*by `with_`$"),
         (lambda: kiln.render(BALL, draft="yes"), ValueError, "^`draft` is on or off; give True or False$"),
@@ -145,6 +161,10 @@ def test_switches(yes, no):
         (lambda: kiln.render(BALL, size=np.array([True, False])), TypeError, "^size: .*, not bool$"),
         (lambda: kiln.render(kiln.Scene(BALL), up="z"), ValueError, "Scene"),
         (lambda: kiln.render(BALL, progress=True), TypeError, "^progress: expected a function, not bool"),
+        (lambda: kiln.render(BALL, dtype="f8"), ValueError, "`float64` is neither uint8 nor float32"),
+        (lambda: kiln.render(BALL, dtype="float"), ValueError, "`float64` is neither uint8 nor float32"),
+        (lambda: kiln.render(BALL, dtype="pixels"), ValueError, "^dtype: 'pixels' is neither uint8 nor float32$"),
+        (lambda: kiln.render(BALL, dtype=3), TypeError, "^dtype: expected a type of numpy or its name, not int$"),
         (lambda: kiln.render(BALL, dtype=np.float64), ValueError, "neither uint8 nor float32"),
         (lambda: kiln.render(BALL, camera={"position": 1j}), TypeError, "type complex for key `camera.position`"),
         (lambda: kiln.Scene({"light": [{"type": b""}]}), TypeError, "type bytes for key `light.type`"),
@@ -160,7 +180,8 @@ def test_switches(yes, no):
         (lambda: kiln.Scene().add(*TETRAHEDRON, colours=[[2, 0, 0]] * 4), ValueError, "^colours: row 0"),
         (lambda: kiln.Scene().add(*TETRAHEDRON, normals=[[1, 0, 0]]), ValueError, "^normals: 1 rows"),
         (lambda: kiln.Scene().add(*TETRAHEDRON, transforms=np.eye(4)), ValueError, r"^transforms: .*\(4, 4\)"),
-        (lambda: kiln.Scene().add(*TETRAHEDRON, transforms=[np.ones((4, 4))]), ValueError, "affine"),
+        (lambda: kiln.Scene().add(*TETRAHEDRON, transforms=[np.ones((4, 4))]), ValueError, "matrix 0: .* 0, 0, 0, 1$"),
+        (lambda: kiln.Scene().add(*TETRAHEDRON, transforms=[np.eye(4), NANS]), ValueError, "matrix 1 is not finite$"),
     ],
 )
 def test_mistakes(call, error, what):
@@ -178,10 +199,37 @@ def test_values_of_none_are_left_out():
     assert (pictures[0] == pictures[1]).all()
 
 
-@pytest.mark.parametrize("dtype", ["float32", np.float32, np.dtype("f4"), "uint8", np.uint8])
+@pytest.mark.parametrize("dtype", ["float32", "f4", np.float32, np.dtype("f4"), "uint8", "u1", np.uint8])
 def test_types_of_pixels(dtype):
     picture = kiln.render(BALL, camera=FRONT, size=(8, 8), dtype=dtype, aovs="depth")
     assert picture.pixels.dtype == np.dtype(dtype) and list(picture.aovs) == ["depth"]
+
+
+def test_whole_floats_and_lists_in_one_text():
+    """16.0 is 16, and names with commas are lists."""
+    pictures = [
+        kiln.render(BALL, camera=FRONT, **options)
+        for options in [
+            {"samples": 4, "size": (16, 12), "without": ["shadows", "glaze"], "aovs": ["depth", "normal"]},
+            {"samples": 4.0, "size": np.array([16.0, 12.0]), "without": "shadows,glaze", "aovs": "depth, normal"},
+        ]
+    ]
+    assert pictures[0].metadata == pictures[1].metadata and list(pictures[1].aovs) == ["depth", "normal"]
+    assert (pictures[0].pixels == pictures[1].pixels).all() and pictures[1].pixels.shape == (12, 16, 3)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of the address space")
+def test_errors_of_memory_give_no_advice_for_a_shell():
+    code = f"""
+import kiln, resource
+resource.setrlimit(resource.RLIMIT_AS, (4 << 30, 4 << 30))
+try:
+    kiln.render({BALL!r}, size=(20000, 20000), dtype="float32")
+except MemoryError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.endswith("; give a smaller size, render it in parts with crop\n"), done
 
 
 def test_warnings():

@@ -65,6 +65,21 @@ def test_changes_whose_warning_is_an_error_are_not_made(scene):
             assert state(scene) == before
 
 
+@pytest.mark.parametrize("transforms", [None, [np.eye(4)] * 2])
+def test_triangles_that_are_left_out_are_a_warning(transforms):
+    """Two equal corners: indices are those of the other triangles."""
+    scene = kiln.Scene()
+    with pytest.warns(kiln.KilnWarning, match=r"^part: left out [12] triangle\(s\) with two equal corners"):
+        scene.add(VERTICES, [[0, 1, 1], *FACES], name="part", transforms=transforms)
+    assert len(scene) == 4 * len(transforms or [0])
+    assert scene.mesh().first([[0.25, 0.25, -1]], [[0, 0, 1]]).triangle.tolist() == [0]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(kiln.KilnWarning):
+            scene.add(VERTICES, [[0, 1, 1]])
+    assert scene.objects == ["part"] * len(transforms or [0])
+
+
 def test_materials_of_dicts(scene):
     # A name that is taken: the object gets the material that was given with it.
     scene.add(VERTICES + [2, 0, 0], FACES, material="first 0", name="second")

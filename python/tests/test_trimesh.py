@@ -71,7 +71,7 @@ def test_thickness_with_a_zero_normal(box):
 
 def test_types_of_arguments(box):
     below = np.array([[0, 0, -5]]), np.array([[0, 0, 1]])
-    for dtype in (object, np.float16, np.int8, ">f4"):
+    for dtype in (np.float16, np.int8, ">f4", np.longdouble):
         assert box.ray.intersects_any(*[array.astype(dtype) for array in below]).tolist() == [True]
     assert box.ray.intersects_any([], []).shape == box.ray.intersects_first([], []).shape == (0,)
     assert box.ray.intersects_location([], [])[0].shape == (0, 3) and box.ray.contains_points([]).shape == (0,)
@@ -83,16 +83,55 @@ def test_types_of_arguments(box):
         ([0, 0, 1], [[0, 0, 1]], r"^ray_origins: .*\(3,\)"),
         ([[0, 0, 1]], [[0, 1]], r"^ray_directions: .*\(1, 2\)"),
         ([[0, 0, 1]], [[0, 0, 1]] * 2, "^ray_directions: 2 rows, and ray_origins has 1"),
-        ([[0, 0, "a"]], [[0, 0, 1]], "^ray_origins: not an array of numbers"),
-        ([[0, 0, 1]], [[0, 0, {}]], "^ray_directions: not an array of numbers"),
+        ([[0, 0, "a"]], [[0, 0, 1]], "^ray_origins: expected numbers, not the dtype <U"),
+        ([[0, 0, 1]], [[0, 0, {}]], "^ray_directions: expected numbers, not the dtype object$"),
+        (np.array([[0, 0, 1]], object), [[0, 0, 1]], "^ray_origins: expected numbers, not the dtype object$"),
+        (np.array([[0, 0, 1j]]), [[0, 0, 1]], "^ray_origins: expected numbers, not the dtype complex128$"),
+        ([[False, False, True]], [[0, 0, 1]], "^ray_origins: expected numbers, not the dtype bool$"),
+        ([[0, 0, 1], [0]], [[0, 0, 1]], "^ray_origins: not an array: "),
+        ([[0, 0, 1]], np.ma.masked, "^ray_directions: row 0 has masked entries$"),
         ([[0, 0, 1], [0, 0, 1e39]], [[0, 0, 1]] * 2, "^ray_origins: row 1 is too large for f32"),
-        (np.ma.masked_less([[0, 0, 1]], 1), [[0, 0, 1]], "^ray_origins: .*masked entries"),
+        (np.ma.masked_less([[1, 1, 1], [0, 0, 1]], 1), [[0, 0, 1]] * 2, "^ray_origins: row 1 has masked entries$"),
     ],
 )
+@pytest.mark.filterwarnings("error")
 def test_mistakes_name_the_argument(box, origins, directions, what):
     for query in (box.ray.intersects_id, box.ray.intersects_first, box.ray.intersects_any):
         with pytest.raises(ValueError, match=what):
             query(origins, directions)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("points", [np.ones((1, 3), complex), np.ones((1, 3), object), np.ones((1, 3), bool)])
+def test_points_are_numbers(box, points):
+    with pytest.raises(ValueError, match="^points: expected numbers, not the dtype"):
+        box.ray.contains_points(points)
+
+
+@pytest.mark.filterwarnings("error")
+def test_numbers_beyond_float64_are_not_finite(box):
+    huge = np.array([[0, 0, np.longdouble("1e4000")]])
+    if np.isfinite(huge).all():  # longdouble is not float64 everywhere
+        assert not box.ray.intersects_any(huge, [[0, 0, -1]]).any() and not box.ray.contains_points(huge).any()
+
+
+def test_max_hits(box):
+    """Of a ray through both sides of a cube, and one that misses it."""
+    rays = [[0.25, 0.5, -5], [9, 9, 9]], [[0, 0, 2], [0, 0, 1]]
+    for multiple_hits, counts in [(True, [0, 1, 2, 2]), (False, [0, 1, 1, 1])]:
+        for max_hits, count in zip([0, np.int8(1), 2, None], counts):
+            found = box.ray.intersects_id(*rays, multiple_hits, max_hits, True)
+            assert [len(part) for part in found] == [count] * 3
+        for wrong in (1.0, "1", [1]):
+            with pytest.raises(TypeError, match=f"^max_hits: expected an integer, not {type(wrong).__name__}$"):
+                box.ray.intersects_id(*rays, multiple_hits, wrong)
+            with pytest.raises(TypeError, match="^max_hits"):
+                box.ray.intersects_location(*rays, multiple_hits, max_hits=wrong)
+
+
+def test_a_wrong_tier_is_an_error_at_once(box):
+    with pytest.raises(ValueError, match="^tier: `slow` is none of fast, "):
+        kiln.trimesh.RayMeshIntersector(box, tier="slow")
 
 
 def test_the_tree_follows_the_mesh(box):

@@ -100,10 +100,12 @@ fn value_of<'a>(argument: &clap::Arg, text: &'a str) -> Option<(String, &'a str)
     Some((written, &text[1 + value.len()..]))
 }
 
-/// A hint [`by_name`], up to the part that only the command can follow.
+/// A hint [`by_name`], up to the part that is for the command and its shell.
 fn hint_by_name(hint: &str) -> String {
     let hint = by_name(hint);
-    let Some(unknown) = ["--", "`kiln "].iter().filter_map(|start| hint.find(start)).min() else {
+    let Some(unknown) =
+        ["--", "`kiln ", "raise the limit of the shell"].iter().filter_map(|start| hint.find(start)).min()
+    else {
         return hint;
     };
     let end = [", ", "; "].iter().filter_map(|separator| hint[..unknown].rfind(separator)).max();
@@ -154,6 +156,10 @@ mod tests {
     fn hints_end_before_what_only_the_command_has() {
         for (hint, said) in [
             ("give a smaller --size, or give --memory-limit 3G", "give a smaller size"),
+            (
+                "give a smaller --size, or raise the limit of the shell: ulimit -v unlimited",
+                "give a smaller size",
+            ),
             ("--view iso; `kiln view` finds a camera", "view=\"iso\""),
             ("`kiln help` lists the commands, `kiln help COMMAND` its options", ""),
         ] {

@@ -48,13 +48,23 @@ impl Options {
             let argument =
                 argument(&command, |long| name_of(long) == *name).ok_or_else(|| unknown(&command, name))?;
             let (long, action) = (argument.get_long().unwrap_or_default(), argument.get_action());
+            let is_switch = !action.takes_values();
+            let may_lack_value = argument.get_num_args().is_some_and(|count| count.min_values() == 0);
             match value {
                 Value::Default => {}
-                Value::Switch(true) => words.push(format!("--{long}")),
-                Value::Switch(false) if !action.takes_values() => {}
-                Value::Switch(false) => words.push(format!("--{long}=false")),
-                _ if !action.takes_values() => {
+                Value::Switch(true) if is_switch || may_lack_value => words.push(format!("--{long}")),
+                Value::Switch(false) if is_switch => {}
+                Value::Switch(false) if may_be_false(argument) => words.push(format!("--{long}=false")),
+                Value::Switch(is_on) => {
+                    let given = if *is_on { "True" } else { "False" };
+                    return Err(Error::usage(format!("`{name}` takes a value, not {given}"), ""));
+                }
+                _ if is_switch => {
                     return Err(Error::usage(format!("`{name}` is on or off"), "give True or False"));
+                }
+                // Names and values of effects have no commas.
+                Value::Text(text) if matches!(action, ArgAction::Append) => {
+                    words.extend(text.split(',').map(|part| format!("--{long}={}", part.trim())));
                 }
                 Value::Text(text) => words.push(format!("--{long}={text}")),
                 Value::List(parts) if matches!(action, ArgAction::Append) => {
@@ -90,6 +100,17 @@ impl Options {
     pub fn has_picture(&self) -> Result<bool> {
         Ok(self.0.threads.is_some() || self.0.settings()? != Options::parse(&[])?.0.settings()?)
     }
+}
+
+/// Whether `false` is a value of an option.
+fn may_be_false(argument: &clap::Arg) -> bool {
+    argument.get_possible_values().iter().any(|value| value.get_name() == "false")
+}
+
+/// Whether an error says that there is too little memory.
+pub fn is_of_memory(error: &Error) -> bool {
+    // As written by `limits::Excess` and `Film::new`.
+    matches!(error, Error::Failed { what, .. } if what.contains(" of memory"))
 }
 
 /// A rendered picture.
@@ -198,6 +219,9 @@ impl Picture {
     /// # Errors
     /// [`Error::Output`], and [`Error::Usage`] for a format that does not hold the picture.
     pub fn write(&self, file: &Path) -> Result<()> {
+        if file.as_os_str().is_empty() {
+            return Err(Error::usage("no name of a file", "name one that ends in .png, .jpg or .exr"));
+        }
         let format = Format::from_path(file)?;
         let displayed = if format == Format::Exr { None } else { self.displayed()? };
         let image = displayed.as_ref().unwrap_or(&self.image);
@@ -223,6 +247,7 @@ impl Picture {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::film::Window;
 
     fn parse(options: &[(&str, Value)]) -> Result<Options> {
         let named: Vec<_> = options.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
@@ -237,6 +262,7 @@ mod tests {
             ("size", list(&["64", "48"])),
             ("tone_map", text("agx")),
             ("with_", list(&["shadows", "glaze=2"])),
+            ("without", text("normal-maps, textures")),
             ("crop", list(&["1", "2", "3", "4"])),
             ("draft", Value::Switch(false)),
             ("ground", Value::Switch(false)),
@@ -246,12 +272,21 @@ mod tests {
         let settings = options.0.settings().expect("valid settings");
         assert_eq!(settings.picture.size(), Some([64, 48]));
         assert_eq!(settings.with, ["shadows", "glaze=2"]);
+        assert_eq!(settings.without, ["normal-maps", "textures"]);
         assert_eq!(settings.crop.map(|crop| [crop.x, crop.y, crop.width, crop.height]), Some([1, 2, 3, 4]));
         assert_eq!((settings.picture.look, settings.picture.ground), (None, Some(false)));
         assert_eq!(options.has_picture(), Ok(true));
         assert!(!options.has_import());
         let up = parse(&[("up", text("z"))]).expect("valid options");
         assert!(up.has_import() && up.has_picture() == Ok(false));
+    }
+
+    #[test]
+    fn too_large_pictures_are_errors_of_memory() {
+        let window = Window { x: 0, y: 0, width: u32::MAX, height: u32::MAX };
+        let error = check_memory_of(window, 0, 1 << 20).expect_err("too large");
+        assert!(is_of_memory(&error), "{error}");
+        assert!(!is_of_memory(&Error::usage("a picture of memory", "")));
     }
 
     #[test]
@@ -265,6 +300,17 @@ mod tests {
             mistake("samples", Value::Text("0".into())),
             "invalid value '0' for 'samples': give a number of samples from 1 to 65536"
         );
+        for (name, is_on, said) in [
+            ("fov", true, "True"),
+            ("with_", true, "True"),
+            ("fov", false, "False"),
+            ("smooth", false, "False"),
+        ] {
+            // The option after it is not its value.
+            let given = [(name, Value::Switch(is_on)), ("size", Value::Text("8x8".into()))];
+            let mistake = error_by_name(&parse(&given).err().expect("a mistake"));
+            assert_eq!(mistake, format!("`{name}` takes a value, not {said}"));
+        }
         for name in ["help", "version", "output", "inputs", "samples__", "samples_", "with__", "", "_"] {
             assert!(
                 mistake(name, Value::Switch(true)).starts_with(&format!("unknown option `{name}`; ")),
