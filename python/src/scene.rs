@@ -119,17 +119,19 @@ impl Scene {
     ) -> PyResult<()> {
         let py = vertices.py();
         let vertices = numbers(vertices, "vertices", 3)?;
-        let positions: &[[f64; 3]] = chunks(&vertices)?;
-        check_finite(positions, "vertices")?;
+        let rows: &[[f64; 3]] = chunks(&vertices)?;
+        check_finite(rows, "vertices")?;
+        // Copied before other arguments are converted, which may call Python.
+        let positions: Vec<DVec3> = rows.iter().map(|&row| row.into()).collect();
         let per_vertex = |value: Option<&Bound<PyAny>>, argument| {
             value.map(|value| attribute(value, argument, positions.len())).transpose()
         };
         let mesh = Mesh {
             triangles: triangles(faces, "faces", positions.len())?,
-            positions: positions.iter().map(|&position| position.into()).collect(),
             normals: per_vertex(normals, "normals")?,
             colours: colours.map(|value| linear_colours(value, positions.len())).transpose()?,
             uvs: uvs.map(|value| coordinates(value, positions.len())).transpose()?.into_iter().collect(),
+            positions,
             ..Mesh::default()
         };
         let shapes = match transforms {

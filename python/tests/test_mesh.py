@@ -1,7 +1,10 @@
 """Queries of kiln.Mesh: derived values, and brute force."""
 
+import copy
 import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -165,3 +168,40 @@ def test_rays_of_ambient_occlusion_leave_the_triangles_of_their_vertex():
     assert 0.05 < mesh.any(origins, directions).mean() < 0.5
     # Without the offset, and with vertices rounded to f32, there are such hits.
     assert self_hits(kiln.Mesh(vertices, faces), np.repeat(vertices, count, axis=0)) > 1000
+
+
+def test_threads_may_ask_at_once_whether_a_surface_is_closed():
+    program = """
+from concurrent.futures import ThreadPoolExecutor
+import sys
+sys.path.insert(0, sys.argv[1])
+import kiln
+from conftest import icosphere
+vertices, faces = icosphere(5)
+with ThreadPoolExecutor(4) as pool:
+    for _ in range(20):
+        mesh = kiln.Mesh(vertices, faces)
+        assert all(list(pool.map(mesh.contains, [[[0, 0, 0]]] * 4)))
+"""
+    folder = os.path.dirname(__file__)
+    subprocess.run([sys.executable, "-c", program, folder], check=True, timeout=60)
+
+
+def test_a_copy_of_a_mesh_is_the_mesh():
+    mesh = kiln.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    assert copy.copy(mesh) is mesh and copy.deepcopy([mesh])[0] is mesh
+
+
+def test_distances_of_crossings_do_not_descend():
+    # Triangles around a common edge, which rays cross at distances that differ by their rounding alone.
+    angles = np.linspace(0, np.pi, 40, endpoint=False)
+    tips = np.stack([np.cos(angles), np.sin(angles), np.zeros(40)], axis=1)
+    vertices = np.concatenate([[[0, 0, -1], [0, 0, 1]], tips])
+    mesh = kiln.Mesh(vertices, [[0, 1, k + 2] for k in range(40)], tier="double")
+    random = np.random.default_rng(3)
+    targets = np.stack([np.zeros(5000), np.zeros(5000), random.uniform(-0.9, 0.9, 5000)], axis=1)
+    origins = random.normal(size=(5000, 3))
+    found = mesh.crossings(origins, targets - origins)
+    same = found.ray[1:] == found.ray[:-1]
+    assert same.sum() > 1000
+    assert (np.diff(found.distance)[same] >= 0).all()
