@@ -19,7 +19,7 @@ use crate::film::check::look;
 use crate::film::write::{self, Format, OutputImage, write_picture};
 use crate::film::{Film, TILE};
 use crate::job::metadata::fingerprint_of;
-use crate::job::{Metadata, RenderJob, RenderSettings, clipped_warning};
+use crate::job::{Metadata, RenderJob, RenderSettings};
 use crate::limits;
 use crate::render::aov::AovSelection;
 use crate::render::{RenderControl, Statistics};
@@ -221,6 +221,11 @@ pub(crate) fn write_frames(
         animation.frames.len()
     ));
     Ok(())
+}
+
+/// The warning of [`RenderJob::exposure_for_clipped`].
+pub(super) fn clipped_warning(ev: f64) -> String {
+    format!("most of the picture is clipped, because lights are in physical units; try `--exposure {ev}`")
 }
 
 /// Replaces an automatic exposure by that of the animation's first frame, and reports it.

@@ -17,7 +17,7 @@ use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
 use crate::files::write_whole;
 use crate::film::write::{Format, OutputImage};
-use crate::job::{RenderJob, clipped_warning, metadata};
+use crate::job::{RenderJob, metadata};
 use crate::render::aov::{AOVS, AovSelection, EFFECTS, EFFECTS_SUMMARY, LARGEST_EXACT_INDEX};
 use crate::render::{RenderControl, Statistics};
 use crate::scene::option::group;
@@ -257,7 +257,7 @@ pub(super) fn warn_of_result(
     if let (OutputImage::Rgb8(film, _), true) = (picture, context.has_physical_lights)
         && let Some(ev) = job.exposure_for_clipped(film, control)?
     {
-        warnings.push(clipped_warning(ev));
+        warnings.push(frames::clipped_warning(ev));
     }
     let world = &job.world;
     if context.selection.has_primitives() && world.primitive_count() > LARGEST_EXACT_INDEX {

@@ -77,11 +77,10 @@ impl RenderJob {
     /// luminance to white. From a small render of the whole picture with one sample a pixel, so that crops agree.
     ///
     /// `None` if less is clipped, if an exposure or a tone map was chosen, or if a lower exposure does not help.
-    pub(crate) fn exposure_for_clipped(
-        &self,
-        film: &Film<[u8; 3]>,
-        control: &RenderControl,
-    ) -> Result<Option<f64>> {
+    ///
+    /// # Errors
+    /// As [`RenderJob::render`].
+    pub fn exposure_for_clipped(&self, film: &Film<[u8; 3]>, control: &RenderControl) -> Result<Option<f64>> {
         let DisplaySettings { exposure, tone_map } = self.settings.picture.display();
         if exposure.is_some()
             || tone_map.is_some()
@@ -95,11 +94,6 @@ impl RenderJob {
         let (film, _) = small.render::<[f32; 3]>(&control)?;
         Ok(white_exposure(film.rows()).filter(|&ev| ev < 0.0))
     }
-}
-
-/// The warning for a clipped picture.
-pub(crate) fn clipped_warning(ev: f64) -> String {
-    format!("most of the picture is clipped, because lights are in physical units; try `--exposure {ev}`")
 }
 
 /// Whether the exposure of a scene is metered once it is built. If so, its completed settings get none. `chosen` is the exposure

@@ -37,7 +37,7 @@ pub use crate::render::{RenderControl, Statistics};
 pub use crate::shading::ShadingMode;
 pub use memory::check_memory;
 pub use metadata::Metadata;
-pub(crate) use metering::{clipped_warning, leave_to_metering};
+pub(crate) use metering::leave_to_metering;
 #[cfg(feature = "viewer")]
 pub(crate) use settings::is_fitted;
 pub use settings::{CameraChoice, EnvironmentSettings, RenderSettings, check_display};
