@@ -21,7 +21,7 @@ impl RenderJob {
     /// all where no pixel's does.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] if cancelled, [`Error::Failed`] if there is not enough memory.
+    /// As [`RenderJob::render`].
     pub fn subject(&self, control: &RenderControl) -> Result<Vec<bool>> {
         let selection = AovSelection::new(&["object".to_owned()])?;
         let objects = aov::channels(&self.aov_source(None), &selection, control)?;
