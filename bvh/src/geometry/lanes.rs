@@ -104,6 +104,18 @@ impl<D: Vector<Scalar: Into<f64>>> HitN<D> {
     /// Undecided lanes: the result of tiers without a test of several pairs.
     pub(crate) const UNDECIDED: Self = HitN { undecided: D::ALL, ..Self::NONE };
 
+    /// Takes distances and barycentrics of other hits in some lanes.
+    #[inline(always)]
+    pub(crate) fn select(&mut self, lanes: u32, other: &Self)
+    where
+        D: Doubles,
+    {
+        self.t = D::select(lanes, D::load(other.t), D::load(self.t)).array();
+        for (to, of) in self.barycentrics.iter_mut().zip(other.barycentrics) {
+            *to = D::select(lanes, D::load(of), D::load(*to)).array();
+        }
+    }
+
     /// The hit in a lane, on primitive `prim` in `slot`.
     #[inline(always)]
     pub(crate) fn at(&self, lane: usize, prim: PrimId, slot: SlotId) -> Hit {

@@ -4,7 +4,7 @@
 //! Operations and their order are those of the test for one ray, so the results have the same bits. Lanes where that
 //! test would branch off (cancellation, zero direction components, sides that f64 does not decide) come back undecided.
 
-use super::lanes::{HitN, Triangle4};
+use super::lanes::{HitN, RayN, Triangle4};
 use super::simd::Doubles;
 use super::woop::{CANCELLED, MajorAxis, NEAR};
 use super::{Corner, Rays};
@@ -125,6 +125,60 @@ impl<D: Doubles> PreparedRayN<D> {
         hits.hit &= !self.unsupported;
         hits.undecided |= self.unsupported;
         hits
+    }
+}
+
+/// Rays prepared for triangles of their own, axes permuted so that each ray's major axis is the third.
+pub(crate) struct PreparedEachN<D: Doubles> {
+    rays: PreparedRayN<D>,
+    /// The lanes whose x is the major axis, and of the others those whose y is.
+    x_first: u32,
+    y_first: u32,
+}
+
+impl<D: Doubles> PreparedEachN<D> {
+    /// Prepares a ray for each lane.
+    #[inline(always)]
+    pub(crate) fn new(rays: &RayN<D>) -> Self {
+        let (zero, one) = (D::splat(0.0), D::splat(1.0));
+        let [x, y, z] = rays.direction;
+        let [x, y, z] = [x.abs(), y.abs(), z.abs()];
+        let mut each = PreparedEachN {
+            rays: PreparedRayN { t_min: rays.t_min.array(), t_max: rays.t_max.array(), ..Default::default() },
+            x_first: y.le(x) & z.le(x),
+            y_first: z.le(y),
+        };
+        let direction = each.permuted(&rays.direction);
+        let origin = each.permuted(&rays.origin);
+        let inverse = [one / direction[0], one / direction[1], one / direction[2]];
+        each.rays.origin = [origin[0].array(), origin[1].array(), origin[2].array()];
+        each.rays.inverse = [inverse[0].array(), inverse[1].array(), inverse[2].array()];
+        each.rays.shear = [(direction[0] * inverse[2]).array(), (direction[1] * inverse[2]).array()];
+        each.rays.unsupported = x.le(zero) | y.le(zero) | z.le(zero);
+        each
+    }
+
+    /// A vector in each lane by [`MajorAxis::axes`].
+    #[inline(always)]
+    fn permuted(&self, &[x, y, z]: &[D; 3]) -> [D; 3] {
+        let (of_x, of_y) = (self.x_first, self.y_first);
+        [
+            D::select(of_x, y, D::select(of_y, z, x)),
+            D::select(of_x, z, D::select(of_y, x, y)),
+            D::select(of_x, x, D::select(of_y, y, z)),
+        ]
+    }
+
+    /// The hits of the rays on the triangles with corners `corners[k][axis]`.
+    #[inline(always)]
+    pub(crate) fn hit(&self, corners: &[[D; 3]; 3]) -> HitN<D> {
+        let origin = load::<D>(&self.rays.origin);
+        let mut from_origin = [[origin[0]; 3]; 3];
+        for (corner, from_origin) in corners.iter().zip(&mut from_origin) {
+            let [x, y, z] = self.permuted(corner);
+            *from_origin = [x - origin[0], y - origin[1], z - origin[2]];
+        }
+        self.rays.hit_from_origin(&from_origin, false)
     }
 }
 

@@ -122,6 +122,10 @@ impl<T: Tier> Accelerator for Wide<T> {
             {
                 continue;
             }
+            if let Some(few) = &self.few {
+                with!(self.instructions, S => all_pairs::closest::<T, S>(self, few, rays, hits, traversal));
+                continue;
+            }
             hits.resize(first + rays.len());
             let is_done = many(
                 self,
@@ -156,6 +160,10 @@ impl<T: Tier> Accelerator for Wide<T> {
                     ))
                 })
             {
+                continue;
+            }
+            if let Some(few) = &self.few {
+                with!(self.instructions, S => all_pairs::occluded::<T, S>(self, few, rays, occluded, traversal));
                 continue;
             }
             occluded.resize(first + rays.len(), false);
@@ -326,8 +334,8 @@ fn packets(rays: Rays) -> impl Iterator<Item = [Rays; 2]> {
     rays.chunks(PACKET).zip(following).map(|(rays, following)| [rays, following])
 }
 
-/// Traces incoherent rays by all pairs or as a stream. `false`, with nothing traced, if the instruction set, the tree
-/// or the rays do not allow either.
+/// Traces incoherent rays as a stream. `false`, with nothing traced, if the instruction set, the tree or the rays do not
+/// allow it.
 #[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables))]
 #[inline(always)]
 fn many<T: Tier>(
@@ -354,14 +362,9 @@ fn many_by<T: Tier, S: Simd>(
     Traversal { stream, tests, .. }: &mut Traversal,
     found: impl FnMut(usize, Hit) -> Next,
 ) -> bool {
-    let are_all_pairs = all_pairs::applies(wide);
     S::run(
         #[inline(always)]
         move || {
-            if are_all_pairs {
-                all_pairs::test::<T, S>(wide, rays, tests, found);
-                return true;
-            }
             let is_stream = stream::applies::<T, S>(wide, rays);
             if is_stream {
                 stream::each_hit::<T, S>(wide, rays, stream, tests, found);

@@ -17,6 +17,8 @@ mod x86;
 
 use std::ops::{Add, Div, Index, IndexMut, Mul, Sub};
 
+use super::lanes::MAX_LANES;
+
 pub(crate) use portable::{Lanes, Portable};
 #[cfg(target_arch = "x86_64")]
 pub(crate) use x86::{Avx2, Avx512};
@@ -167,6 +169,9 @@ pub(crate) trait Floats: Vector<Scalar = f32> {
     fn sqrt(self) -> Self;
 }
 
+/// The entries of tables for [`Doubles::look_up`].
+pub(crate) const TABLE: usize = 32;
+
 /// A vector of f64 numbers.
 pub(crate) trait Doubles: Vector<Scalar = f64> {
     /// A vector of twice as many f32 numbers.
@@ -182,6 +187,16 @@ pub(crate) trait Doubles: Vector<Scalar = f64> {
         let mut x = Self::ZEROS;
         (0..Self::LANES).for_each(|i| x[i] = lane(i));
         Self::load(x)
+    }
+    /// See [`Floats::select`].
+    fn select(mask: u32, a: Self, b: Self) -> Self;
+    /// An entry of a table for each lane, by the index of the lane; any entry for indices from [`TABLE`] on.
+    #[inline(always)]
+    fn look_up(table: &[f64; TABLE], indices: &[u32; MAX_LANES]) -> Self {
+        Self::from_f64(
+            #[inline(always)]
+            |lane| table[indices[lane] as usize % TABLE],
+        )
     }
     /// To f32, rounded to nearest.
     fn to_floats(low: Self, high: Self) -> Self::Floats;
@@ -311,6 +326,10 @@ mod tests {
         for (a, b) in pairs(D::LANES) {
             let (x, y) = (D::load_slice(&a), D::load_slice(&b));
             assert_lanes(x.abs(), |lane| a[lane].abs());
+            let table: [f64; TABLE] = std::array::from_fn(|index| a[index % a.len()] + index as f64);
+            let indices = std::array::from_fn(|lane| ((lane * 11 + 5) % TABLE) as u32);
+            assert_lanes(D::look_up(&table, &indices), |lane| table[indices[lane] as usize]);
+            assert_lanes(D::select(5, x, y), |lane| if lane == 0 || lane == 2 { a[lane] } else { b[lane] });
             assert_lanes(x.abs().sqrt(), |lane| a[lane].abs().sqrt());
             assert_lanes(x.copysign(y), |lane| a[lane].copysign(b[lane]));
             assert_lanes(D::from_f64(|lane| b[lane]), |lane| b[lane]);

@@ -151,6 +151,11 @@ impl Doubles for Lanes<f64, 4> {
     }
 
     #[inline(always)]
+    fn select(mask: u32, a: Self, b: Self) -> Self {
+        Lanes(std::array::from_fn(|lane| if mask >> lane & 1 != 0 { a.0[lane] } else { b.0[lane] }))
+    }
+
+    #[inline(always)]
     fn to_floats(low: Self, high: Self) -> Lanes<f32, 8> {
         let ([a, b, c, d], [e, f, g, h]) = (low.0, high.0);
         Lanes([a, b, c, d, e, f, g, h].map(|x| x as f32))

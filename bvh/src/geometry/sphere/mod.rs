@@ -110,13 +110,68 @@ impl Sphere {
         within(t0.min(t1)).or_else(|| within(t0.max(t1)))
     }
 
-    /// The same operations in the same order as `hit_in_f64`.
     #[inline(always)]
     pub(super) fn hit_n<D: Doubles>(&self, rays: &RayN<D>) -> HitN<D> {
-        let (d, centre) = (rays.direction, self.centre.to_array());
+        let [x, y, z] = self.centre.to_array();
+        let centre = [D::splat(x), D::splat(y), D::splat(z)];
+        SphereN { centre, radius: D::splat(self.radius) }.hit(rays)
+    }
+
+    #[inline(always)]
+    pub(super) fn surface(&self, point: DVec3) -> (SurfacePoint, DVec3) {
+        let normal = (point - self.centre).try_normalize().unwrap_or(DVec3::Y);
+        (SurfacePoint::new(self.centre + normal * self.radius, self.centre.abs() + self.radius), normal)
+    }
+
+    pub(super) fn area(&self) -> f64 {
+        4.0 * std::f64::consts::PI * self.radius * self.radius
+    }
+
+    pub(super) fn solid_angle(&self, from: DVec3) -> f64 {
+        sampling::solid_angle(self, from)
+    }
+
+    pub(super) fn sample_solid_angle(&self, from: DVec3, numbers: [f64; 2]) -> Option<(DVec3, f64)> {
+        sampling::sample(self, from, numbers)
+    }
+
+    pub(super) fn normal_derivative(&self, _: DVec3, step: DVec3) -> DVec3 {
+        step * (1.0 / self.radius)
+    }
+}
+
+/// A sphere in each lane.
+pub(crate) struct SphereN<D> {
+    pub centre: [D; 3],
+    pub radius: D,
+}
+
+impl<D: Doubles> SphereN<D> {
+    /// The rays that certainly miss because they start outside and lead away, if `t_min` is not negative. What they are
+    /// decided by is off by less than 2^-49 of the sums of absolute values. A line that meets the sphere does so within its
+    /// bounds, which then lie behind the origin, too.
+    #[inline(always)]
+    pub(crate) fn behind(&self, rays: &RayN<D>) -> u32 {
+        let mut f = rays.origin;
+        for (f, &centre) in f.iter_mut().zip(&self.centre) {
+            *f = *f - centre;
+        }
+        let [squares, square] = [dot(&f, &f), self.radius * self.radius];
+        let d = &rays.direction;
+        let slack = D::splat(16.0 * f64::EPSILON);
+        let sizes = (f[0] * d[0]).abs() + (f[1] * d[1]).abs() + (f[2] * d[2]).abs();
+        let outside = ((squares + square) * slack).lt(squares - square);
+        outside & (sizes * slack).lt(dot(&f, d)) & D::splat(0.0).le(rays.t_min)
+    }
+
+    /// The hits, by the same operations in the same order as [`Sphere::hit_in_f64`].
+    #[inline(always)]
+    pub(crate) fn hit(&self, rays: &RayN<D>) -> HitN<D> {
+        let &SphereN { centre, radius } = self;
+        let d = rays.direction;
         let mut f = rays.origin;
         for (f, centre) in f.iter_mut().zip(centre) {
-            *f = *f - D::splat(centre);
+            *f = *f - centre;
         }
         let a = dot(&d, &d);
         // Times -1 instead of subtracted from 0: `hit_in_f64` gets -0 for 0.
@@ -126,7 +181,7 @@ impl Sphere {
         for (nearest, d) in nearest.iter_mut().zip(d) {
             *nearest = *nearest + d * share;
         }
-        let square = D::splat(self.radius * self.radius);
+        let square = radius * radius;
         let discriminant = square - dot(&nearest, &nearest);
         let met = !discriminant.lt(D::splat(0.0)) & D::ALL;
         if met == 0 {
@@ -138,14 +193,15 @@ impl Sphere {
         // NaN roots have no order, and zero direction components give no distances: both are left to it.
         let mut sure = t0.le(t1) | t1.le(t0);
         // As `clamp_to_bounds`.
-        let [min, max] = self.bounds_f64();
         let mut enter = D::splat(f64::NEG_INFINITY);
         let mut leave = D::splat(f64::INFINITY);
         for axis in 0..3 {
             let inverse = D::splat(1.0) / d[axis];
             sure &= inverse.abs().lt(D::splat(f64::INFINITY));
-            let low = (D::splat(min[axis]) - rays.origin[axis]) * inverse;
-            let high = (D::splat(max[axis]) - rays.origin[axis]) * inverse;
+            // As `Sphere::bounds_f64`.
+            let reach = radius + D::splat(f64::EPSILON) * (centre[axis].abs() + radius);
+            let low = (centre[axis] - reach - rays.origin[axis]) * inverse;
+            let high = (centre[axis] + reach - rays.origin[axis]) * inverse;
             enter = low.min(high).max(enter);
             leave = low.max(high).min(leave);
         }
@@ -169,28 +225,6 @@ impl Sphere {
             }
         }
         hits
-    }
-
-    #[inline(always)]
-    pub(super) fn surface(&self, point: DVec3) -> (SurfacePoint, DVec3) {
-        let normal = (point - self.centre).try_normalize().unwrap_or(DVec3::Y);
-        (SurfacePoint::new(self.centre + normal * self.radius, self.centre.abs() + self.radius), normal)
-    }
-
-    pub(super) fn area(&self) -> f64 {
-        4.0 * std::f64::consts::PI * self.radius * self.radius
-    }
-
-    pub(super) fn solid_angle(&self, from: DVec3) -> f64 {
-        sampling::solid_angle(self, from)
-    }
-
-    pub(super) fn sample_solid_angle(&self, from: DVec3, numbers: [f64; 2]) -> Option<(DVec3, f64)> {
-        sampling::sample(self, from, numbers)
-    }
-
-    pub(super) fn normal_derivative(&self, _: DVec3, step: DVec3) -> DVec3 {
-        step * (1.0 / self.radius)
     }
 }
 

@@ -14,6 +14,7 @@ mod refit;
 pub(crate) use convert::convert;
 pub(crate) use node::{Child, Content, Node, WIDTH};
 
+use super::all_pairs::FewPrimitives;
 use crate::geometry::lanes::LANES4;
 use crate::geometry::simd::InstructionSet;
 use crate::geometry::{AnalyticShape, Corner, Hit, PrimId, Ray, SlotId, Stored, Tier, Triangle4};
@@ -28,6 +29,8 @@ pub(crate) struct Wide<T: Tier> {
     pub analytic: Vec<(AnalyticShape, PrimId)>,
     /// The number of nodes on the longest path from the root.
     pub depth: usize,
+    /// The primitives once more where there are few.
+    pub few: Option<Box<FewPrimitives>>,
     /// The instruction set of its traversals.
     pub instructions: InstructionSet,
     /// The cost by the surface area heuristic before the first refit.

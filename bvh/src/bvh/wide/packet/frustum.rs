@@ -27,6 +27,13 @@ pub(crate) const SLACK: f64 = 8.0 * f32::EPSILON as f64;
 /// The largest distance of a ray from the common end, relative to the shortest ray. Wider frusta cull too little.
 pub(crate) const MAX_SPREAD: f64 = 1.0 / 65536.0;
 
+/// Whether two rays end so close to each other that a packet with both may have a common end.
+#[inline(always)]
+fn may_end_together(rays: Rays, [i, j]: [usize; 2]) -> bool {
+    let end = |i: usize| rays.origin(i) + rays.t_max(i) * rays.direction(i);
+    (end(i) - end(j)).abs().max_element() <= rays.t_max(i).min(rays.t_max(j)) * MAX_SPREAD
+}
+
 /// A frustum around rays with a common origin, end (`to_end`) or direction. The apex is the common origin or end.
 pub(crate) struct Frustum {
     /// The axes of u, v and depth.
@@ -65,7 +72,9 @@ impl Frustum {
             return Self::parallel(rays, packet);
         }
         // Rejects most incoherent packets early.
-        if !to_end && rays.origin(rays.len() / 2) != rays.origin(0) {
+        if to_end && !may_end_together(rays, [0, rays.len() / 2])
+            || !to_end && rays.origin(rays.len() / 2) != rays.origin(0)
+        {
             return None;
         }
         let common = packet.fill(rays, to_end);

@@ -6,7 +6,8 @@ use super::hits::{BestHit, is_resolved, is_unresolved};
 use crate::bvh::wide::layout::Wide;
 use crate::bvh::wide::single::leaf::hit_triangle;
 use crate::geometry::lanes::{HitN, LANES4, MAX_LANES};
-use crate::geometry::simd::{Doubles, Simd, Vector};
+use crate::geometry::plane::TrianglePlane;
+use crate::geometry::simd::{Simd, Vector};
 use crate::geometry::{Hit, HitBuffer, NO_PRIMITIVE, PreparedRay, Ray, SlotId, Tier};
 
 impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
@@ -223,97 +224,4 @@ pub(crate) fn hit_in_slot<T: Tier>(wide: &Wide<T>, ray: &Ray, slot: SlotId) -> O
 #[inline(always)]
 fn prim_in_slot<T: Tier>(wide: &Wide<T>, slot: SlotId) -> u32 {
     wide.triangles[slot.index() as usize / LANES4].ids[slot.index() as usize % LANES4]
-}
-
-/// The plane of a triangle, which decides on which side of the triangle rays start.
-///
-/// For a point o, H = n . (A - o) with n = (B - A) x (C - A) is the signed distance to the plane times twice the area.
-/// In max norms, let M = |A - o|, p = |B - A| and q = |C - A|: no corner is farther from o than M, M + p and M + q.
-/// H as computed here is off by less than 48 u M p q: six products of three differences, with 8 roundings each.
-/// The tier's test has the sign of H if that is above 168 u M (M + p) (M + q) (see `side` in `geometry::woop_n`);
-/// u = 2^-53.
-struct TrianglePlane {
-    corner: [f64; 3],
-    /// n, oriented so that H of the apex is positive.
-    normal: [f64; 3],
-    /// p and q.
-    sizes: [f64; 2],
-}
-
-/// 256 u, more than the sum of both bounds.
-const SIDE_SLACK: f64 = 128.0 * f64::EPSILON;
-
-impl TrianglePlane {
-    /// The plane of a triangle; `sign` is the sign of H at the apex.
-    #[inline(always)]
-    fn new([a, b, c]: &[[f64; 3]; 3], sign: f64) -> Self {
-        let minus = |p: &[f64; 3], q: &[f64; 3]| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
-        let size = |p: &[f64; 3]| p[0].abs().max(p[1].abs()).max(p[2].abs());
-        let (p, q) = (minus(b, a), minus(c, a));
-        let normal = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
-        TrianglePlane {
-            corner: *a,
-            normal: [normal[0] * sign, normal[1] * sign, normal[2] * sign],
-            sizes: [size(&p), size(&q)],
-        }
-    }
-
-    /// The rays that certainly start on the apex's side of the plane, and those that certainly start on the other side.
-    #[inline(always)]
-    fn sides<D: Doubles>(&self, origins: [D; 3]) -> [u32; 2] {
-        let nothing = D::splat(0.0);
-        let (mut height, mut reach) = (nothing, nothing);
-        for ((corner, normal), origin) in self.corner.iter().zip(&self.normal).zip(origins) {
-            let to_corner = D::splat(*corner) - origin;
-            height = D::splat(*normal) * to_corner + height;
-            reach = to_corner.abs().max(reach);
-        }
-        let [p, q] = self.sizes.map(|size| reach + D::splat(size));
-        let error = reach * D::splat(SIDE_SLACK) * (p * q);
-        [error.lt(height), height.lt(nothing - error)]
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::geometry::expansion::Expansion;
-    use crate::geometry::sign_of_determinant;
-    use crate::geometry::simd::Portable;
-    use glam::DVec3;
-
-    /// The sign of H in exact arithmetic.
-    fn exact([a, b, c]: &[[f64; 3]; 3], o: DVec3) -> i32 {
-        let side = |p: &[f64; 3], q: &[f64; 3]| [0, 1, 2].map(|k| Expansion::difference(p[k], q[k]));
-        sign_of_determinant(&[side(a, &o.to_array()), side(b, a), side(c, a)])
-    }
-
-    #[test]
-    fn a_side_that_is_sure_is_right() {
-        let mut state = 7u64;
-        let mut unit = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
-        };
-        let (mut sure, mut unsure) = (0, 0);
-        for i in 0..20_000 {
-            let away = [0.0, 3.0, 1e3][i % 3];
-            let mut corner = || [away + unit(), away + unit(), away + unit()];
-            let corners = [corner(), corner(), corner()];
-            let [a, b, c] = corners.map(DVec3::from);
-            // In the plane up to f64's rounding, or off it by a few units in the last place of f64 or f32.
-            let beside = [0.0, 1e-16, 1e-15, 1e-13, 1e-7][i / 3 % 5] * (away + 1.0) * unit();
-            let (v, w) = (unit(), unit());
-            let origin = a + v * (b - a) + w * (c - a) + beside * (b - a).cross(c - a).normalize();
-            let [before, beyond] =
-                TrianglePlane::new(&corners, 1.0).sides(origin.to_array().map(<Portable as Simd>::D::splat));
-            match exact(&corners, origin) {
-                sign if before & 1 != 0 => assert!(sign > 0, "{corners:?} {origin:?}"),
-                sign if beyond & 1 != 0 => assert!(sign < 0, "{corners:?} {origin:?}"),
-                _ => unsure += 1,
-            }
-            sure += i32::from((before | beyond) & 1 != 0);
-        }
-        assert!(sure > 2000 && unsure > 2000, "{sure} sure, {unsure} not");
-    }
 }

@@ -4,7 +4,8 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Sub};
 
-use crate::geometry::simd::{Doubles, Floats, Vector};
+use crate::geometry::lanes::MAX_LANES;
+use crate::geometry::simd::{Doubles, Floats, TABLE, Vector};
 
 /// Eight f32 numbers.
 #[derive(Clone, Copy)]
@@ -215,6 +216,10 @@ impl Doubles for D4 {
         fn from_f32(lane: impl Fn(usize) -> f32) -> Self {
             D4(_mm256_cvtps_pd(bytemuck::cast([lane(0), lane(1), lane(2), lane(3)])))
         }
+        fn select(mask: u32, a: Self, b: Self) -> Self {
+            let lanes = _mm256_cvtepi32_epi64(_mm256_castsi256_si128(lanes_of(mask)));
+            D4(_mm256_blendv_pd(b.0, a.0, _mm256_castsi256_pd(lanes)))
+        }
         fn to_floats(low: Self, high: Self) -> F8 {
             F8(_mm256_set_m128(_mm256_cvtpd_ps(high.0), _mm256_cvtpd_ps(low.0)))
         }
@@ -241,6 +246,18 @@ impl Doubles for D8 {
         fn from_f32(lane: impl Fn(usize) -> f32) -> Self {
             let x = [lane(0), lane(1), lane(2), lane(3), lane(4), lane(5), lane(6), lane(7)];
             D8(_mm512_cvtps_pd(bytemuck::cast(x)))
+        }
+        fn look_up(table: &[f64; TABLE], indices: &[u32; MAX_LANES]) -> Self {
+            let indices = _mm512_cvtepu32_epi64(bytemuck::cast(*indices));
+            let [a, b] = [_mm512_loadu_pd(table[..8].as_ptr()), _mm512_loadu_pd(table[8..16].as_ptr())];
+            let [c, d] = [_mm512_loadu_pd(table[16..24].as_ptr()), _mm512_loadu_pd(table[24..].as_ptr())];
+            let low = _mm512_permutex2var_pd(a, indices, b);
+            let high = _mm512_permutex2var_pd(c, indices, d);
+            let is_high = _mm512_test_epi64_mask(indices, _mm512_set1_epi64(16));
+            D8(_mm512_mask_blend_pd(is_high, low, high))
+        }
+        fn select(mask: u32, a: Self, b: Self) -> Self {
+            D8(_mm512_mask_blend_pd(mask as __mmask8, b.0, a.0))
         }
         fn to_floats(low: Self, high: Self) -> F16 {
             let low = _mm512_castps256_ps512(_mm512_cvtpd_ps(low.0));

@@ -1,0 +1,453 @@
+//! Tests of rays against primitives in f32 with error bounds, a ray in each lane: which rays certainly miss, which
+//! certainly hit, and between which distances. What they leave open is decided by the [`Tier`](super::Tier).
+//!
+//! In the bounds u = 2^-24 is the rounding of f32, and S bounds the coordinates of ray origins relative to a point of the
+//! primitive: S = R + A, where R and A are the largest coordinates of the origins and of that point. Directions have
+//! length 1 up to a twentieth, else a lane is not [`RaysInF32::supported`]; the bounds use 1.05 for the largest
+//! component. Coordinates are at most 2^30, so nothing overflows; a bound on underflow is added ([`UNDERFLOW`]).
+
+use super::bounds::{round_down, round_up};
+use super::simd::{Doubles, Floats, Vector};
+use super::{Rays, Sphere};
+
+/// A ray in each lane, in f32.
+pub(crate) struct RaysInF32<F> {
+    origin: [F; 3],
+    direction: [F; 3],
+    /// 1 over the square of the direction's length.
+    inverse_square: F,
+    t_min: F,
+    /// See [`super::Ray::t_max`].
+    pub t_max: F,
+    /// The lanes that estimates are valid for.
+    pub supported: u32,
+}
+
+/// What f32 says of a primitive and the ray in each lane.
+pub(crate) struct Estimate<F> {
+    /// The rays that may hit.
+    pub possible: u32,
+    /// Of these, the rays that certainly hit, if `t_max` allows.
+    pub certain: u32,
+    /// Bounds of the distance at which certain rays hit. They differ from the tier's distance by 4 u of that at least.
+    pub near: F,
+    /// See `near`.
+    pub far: F,
+}
+
+/// Bounds of the errors of a primitive's estimates for some rays.
+#[derive(Clone, Copy)]
+pub(crate) struct Errors([f32; 4]);
+
+impl Errors {
+    /// Of nothing.
+    pub(crate) const NONE: Self = Errors([0.0; 4]);
+
+    // Without `array::map`, which is not always inlined.
+    #[inline(always)]
+    fn splat<F: Floats>(&self) -> [F; 4] {
+        let [a, b, c, d] = self.0;
+        [F::splat(a), F::splat(b), F::splat(c), F::splat(d)]
+    }
+}
+
+/// The largest coordinate of supported rays and primitives.
+const MAX_COORDINATE: f32 = (1u32 << 30) as f32;
+
+/// u.
+const U: f64 = f32::EPSILON as f64 / 2.0;
+
+/// The largest component of a direction.
+const DIRECTION: f64 = 1.05;
+
+/// A bound on what underflows: 2^-149 for each of less than a hundred operations, times factors that are below 2^62.
+const UNDERFLOW: f64 = 1.0 / (1u128 << 80) as f64;
+
+impl<F: Floats> RaysInF32<F> {
+    /// Twice as many rays as [`Rays::lanes`], from index `first` on.
+    #[inline(always)]
+    pub(crate) fn new<D: Doubles<Floats = F>>(rays: Rays, first: usize) -> Self {
+        let origin = origins::<D>(rays, first);
+        let direction = [
+            rays.direction_floats::<D>(0, first),
+            rays.direction_floats::<D>(1, first),
+            rays.direction_floats::<D>(2, first),
+        ];
+        let square = dot(&direction, &direction);
+        let is_unit = F::splat(0.9).le(square) & square.le(F::splat(1.1));
+        RaysInF32 {
+            origin,
+            direction,
+            inverse_square: F::splat(1.0) / square,
+            t_min: rays.t_min_floats::<D>(first),
+            t_max: rays.t_max_floats::<D>(first),
+            supported: is_unit & reach(&origin).le(F::splat(MAX_COORDINATE)),
+        }
+    }
+}
+
+/// The largest coordinate of the origins of supported rays: R.
+#[inline(always)]
+pub(crate) fn reach_of_origins<D: Doubles>(rays: Rays) -> f64 {
+    let mut largest = D::Floats::splat(0.0);
+    for first in (0..rays.len()).step_by(D::Floats::LANES) {
+        let origin = origins::<D>(rays, first);
+        // Lanes that are not supported may have any coordinate.
+        largest = reach(&origin).min(D::Floats::splat(MAX_COORDINATE)).max(largest);
+    }
+    // Coordinates are rounded to f32.
+    f64::from(largest.reduce_max()) * (1.0 + 2.0 * U)
+}
+
+#[inline(always)]
+fn origins<D: Doubles>(rays: Rays, first: usize) -> [D::Floats; 3] {
+    [rays.origin_floats::<D>(0, first), rays.origin_floats::<D>(1, first), rays.origin_floats::<D>(2, first)]
+}
+
+#[inline(always)]
+fn reach<F: Floats>([x, y, z]: &[F; 3]) -> F {
+    let zero = F::splat(0.0);
+    let abs = |x: F| x.max(zero - x);
+    abs(*x).max(abs(*y)).max(abs(*z))
+}
+
+/// A triangle for [`TriangleInF32::estimate`]. For rays o + t d, with edges p and q from corner a and n = p x q, the test
+/// computes (Möller and Trumbore, Fast, Minimum Storage Ray/Triangle Intersection, 1997)
+///
+///     s = o - a,  c = s x d,  v = q . c,  w = -p . c,  sum = -n . d,  u = sum - v - w,  t = n . s / sum
+///
+/// where v, w and u have the sign of `sum` if the ray's line crosses the triangle.
+///
+/// # Errors
+/// With P, Q and N for the largest components of p, q and n:
+/// - s is off by 2 u S: the origin, the corner (in tiers with corners in f64) and the difference are rounded.
+/// - c is off by 9 u S, or 10 without fused operations, times the largest direction; no component exceeds 2 S.
+/// - v is off by 54 u Q S at most: each of three products by 11 u Q S, and by six roundings of sums up to 6 Q S. w alike.
+/// - `sum` is off by 15 u N, and by 2^-48 P Q, since n is a difference of products in f64.
+/// - u is off by what these are, and by two roundings of numbers up to 3 N + 6 (P + Q) S. So all three are off by less than
+///   80 u (P + Q) S + 24 u N.
+/// - n . s is off by 18 u N S, and by 3 * 2^-48 P Q S.
+///
+/// The tier computes the same edge functions as sheared ones, divided by the largest component of the direction. Their
+/// error ([`super::woop`]) is less than 132 * 2^-53 of the square of the largest coordinate of a corner relative to the
+/// origin, which is at most S + P + Q. Its distance is a mean of the corners' depths by these weights. Times `sum`, it is
+/// off by 3 * 132 * 2^-53 of the cube of that, and by 100 * 2^-53 for the roundings of the mean. A ray that is certainly
+/// inside meets no sliver in the sense of the tier, because it is inside by more than the error of f64.
+pub(crate) struct TriangleInF32 {
+    corner: [f32; 3],
+    p: [f32; 3],
+    q: [f32; 3],
+    normal: [f32; 3],
+    /// The largest coordinate of the corner, P + Q, and N.
+    sizes: [f64; 3],
+}
+
+/// The largest share of `sum` that its error may be where a distance is computed.
+const MAX_SUM_ERROR: f32 = 1.0 / 128.0;
+
+impl TriangleInF32 {
+    pub(crate) fn new([a, b, c]: &[[f64; 3]; 3]) -> Self {
+        let minus = |x: &[f64; 3], y: &[f64; 3]| [x[0] - y[0], x[1] - y[1], x[2] - y[2]];
+        let (p, q) = (minus(b, a), minus(c, a));
+        let normal = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
+        let size = |x: &[f64; 3]| x[0].abs().max(x[1].abs()).max(x[2].abs());
+        let sizes = [size(a), size(&p) + size(&q), size(&normal)];
+        let f32s = |x: [f64; 3]| x.map(|x| x as f32);
+        TriangleInF32 { corner: f32s(*a), p: f32s(p), q: f32s(q), normal: f32s(normal), sizes }
+    }
+
+    /// Whether its coordinates are not too large for f32.
+    pub(crate) fn is_supported(&self) -> bool {
+        self.sizes[0] + self.sizes[1] <= f64::from(MAX_COORDINATE)
+    }
+
+    /// The bounds of the errors of u, v and w, of `sum`, and of n . s, for origins whose coordinates are at most `reach`.
+    #[inline(always)]
+    pub(crate) fn errors(&self, reach: f64) -> Errors {
+        let [corner, edges, normal] = self.sizes;
+        let s = reach + corner;
+        // P Q is at most a quarter of the square of P + Q.
+        let [roundings, product, farthest] = [2f64.powi(-48), edges * edges / 4.0, s + edges];
+        let weight = 80.0 * U * edges * s + 24.0 * U * normal + 2f64.powi(-45) * farthest * farthest;
+        let sum = 16.0 * U * normal + roundings * product;
+        let height =
+            24.0 * U * normal * s + 4.0 * roundings * product * s + 2f64.powi(-42) * farthest.powi(3);
+        Errors([weight * DIRECTION, sum * DIRECTION, height, 0.0].map(|error| round_up(error + UNDERFLOW)))
+    }
+
+    /// The rays that may hit, that certainly hit, and where.
+    #[inline(always)]
+    pub(crate) fn estimate<F: Floats>(&self, errors: &Errors, rays: &RaysInF32<F>) -> Estimate<F> {
+        let zero = F::splat(0.0);
+        let ([ox, oy, oz], d) = (rays.origin, &rays.direction);
+        let [ax, ay, az] = splat(&self.corner);
+        let s = [ox - ax, oy - ay, oz - az];
+        let c = [
+            s[1].mul_sub(d[2], s[2] * d[1]),
+            s[2].mul_sub(d[0], s[0] * d[2]),
+            s[0].mul_sub(d[1], s[1] * d[0]),
+        ];
+        let normal = splat(&self.normal);
+        let v = dot(&splat(&self.q), &c);
+        let w = zero - dot(&splat(&self.p), &c);
+        let sum = zero - dot(&normal, d);
+        let u = sum - v - w;
+        let [weight_error, sum_error, height_error, _] = errors.splat();
+        let (least, most) = (u.min(v).min(w), u.max(v).max(w));
+        let possible = (zero - weight_error).le(least) | most.le(weight_error);
+        if possible == 0 {
+            return Estimate { possible: 0, certain: 0, near: zero, far: zero };
+        }
+        let inside = weight_error.lt(least) | most.lt(zero - weight_error);
+        let inverse = F::splat(1.0) / sum;
+        let size = inverse.max(zero - inverse);
+        let t = dot(&normal, &s) * inverse;
+        let share = sum_error * size;
+        let steady = inside & share.le(F::splat(MAX_SUM_ERROR));
+        // Where `share` is at most 1 / 128, the error of a quotient is at most 128 / 127 of what a bound of first order gives.
+        let relative = share + F::splat(16.0 * U as f32);
+        let error = height_error.mul_add(size, t.max(zero - t) * relative) * F::splat(1.02);
+        let (near, far) = (t - error, t + error);
+        Estimate {
+            possible: possible & !(steady & far.le(rays.t_min)),
+            certain: steady & rays.t_min.lt(near),
+            near,
+            far,
+        }
+    }
+}
+
+/// A sphere for [`SphereInF32::estimate`]. With f = o - centre, the ray's line passes the centre nearest at
+/// t = -f . d / d . d, at a distance of m = |f + t d|, and meets the sphere half a chord before and after that.
+///
+/// # Errors
+/// f is off by 2 u S, t by 42 u S, f + t d by 55 u S on each axis, so m by less than 100 u S, and its square by 8 u of itself
+/// besides. The square of half the chord is then off by 200 u S r + (100 u S)^2 + 8 u r^2, half the chord itself by that
+/// over its computed value. The tier's roundings are those of f64, 2^-29 of these.
+pub(crate) struct SphereInF32 {
+    centre: [f32; 3],
+    radius: f64,
+    /// The square of the radius.
+    square: f32,
+    /// The largest coordinate of the centre.
+    size: f64,
+}
+
+impl SphereInF32 {
+    pub(crate) fn new(&Sphere { centre, radius }: &Sphere) -> Self {
+        let size = centre.abs().max_element();
+        let centre = centre.to_array().map(|x| x as f32);
+        let square = (radius * radius) as f32;
+        SphereInF32 { centre, radius, square, size }
+    }
+
+    /// See [`TriangleInF32::is_supported`].
+    pub(crate) fn is_supported(&self) -> bool {
+        self.size + self.radius <= f64::from(MAX_COORDINATE)
+    }
+
+    /// The errors of t and of the square of half the chord, and the squares of m beyond which rays certainly miss and
+    /// below which lines certainly meet the sphere, for origins whose coordinates are at most `reach`.
+    #[inline(always)]
+    pub(crate) fn errors(&self, reach: f64) -> Errors {
+        let r = self.radius;
+        let error = 100.0 * U * (reach + self.size) + UNDERFLOW;
+        let margin = 16.0 * U;
+        let outside = (r + error).powi(2) * (1.0 + margin);
+        let inside = (r - error).max(0.0).powi(2) * (1.0 - margin);
+        let of_square = 2.0 * error * r + error * error + margin * r * r;
+        Errors([round_up(error), round_up(of_square), round_up(outside), round_down(inside)])
+    }
+
+    /// The rays that may hit, that certainly hit, and where.
+    #[inline(always)]
+    pub(crate) fn estimate<F: Floats>(&self, errors: &Errors, rays: &RaysInF32<F>) -> Estimate<F> {
+        let [of_nearest, of_square, outside, inside] = errors.splat();
+        let (zero, d) = (F::splat(0.0), &rays.direction);
+        let mut f = rays.origin;
+        for (f, &centre) in f.iter_mut().zip(&self.centre) {
+            *f = *f - F::splat(centre);
+        }
+        let nearest = zero - dot(&f, d) * rays.inverse_square;
+        let mut m = f;
+        for (m, &d) in m.iter_mut().zip(d) {
+            *m = nearest.mul_add(d, *m);
+        }
+        let square = dot(&m, &m);
+        let possible = square.le(outside);
+        if possible == 0 {
+            return Estimate { possible: 0, certain: 0, near: zero, far: zero };
+        }
+        let inside = square.lt(inside);
+        let half = ((F::splat(self.square) - square) * rays.inverse_square).max(zero).sqrt();
+        let size = nearest.max(zero - nearest) + half;
+        // 1 / d . d is at most 1 / 0.9.
+        let of_half = of_square * F::splat(1.2) / half;
+        let error = size.mul_add(F::splat(16.0 * U as f32), of_nearest + of_half);
+        let (first, second) = (nearest - half, nearest + half);
+        let is_first = rays.t_min.lt(first - error);
+        let is_behind = (first + error).le(rays.t_min);
+        let is_second = is_behind & rays.t_min.lt(second - error);
+        let is_beyond = is_behind & (second + error).le(rays.t_min);
+        let t = F::select(is_first, first, second);
+        let certain = inside & (is_first | is_second);
+        Estimate { possible: possible & !(inside & is_beyond), certain, near: t - error, far: t + error }
+    }
+}
+
+#[inline(always)]
+fn splat<F: Floats>(x: &[f32; 3]) -> [F; 3] {
+    [F::splat(x[0]), F::splat(x[1]), F::splat(x[2])]
+}
+
+#[inline(always)]
+fn dot<F: Floats>(a: &[F; 3], b: &[F; 3]) -> F {
+    a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::simd::{Portable, Simd};
+    use crate::geometry::{
+        AnalyticShape, Double, Numerics, Precision, PreparedRay, Ray, RayBuffer, Tier, Watertight,
+    };
+    use glam::DVec3;
+
+    type F = <Portable as Simd>::F;
+    type D = <Portable as Simd>::D;
+
+    /// Random numbers from -1 to 1.
+    struct Numbers(u64);
+
+    impl Numbers {
+        fn unit(&mut self) -> f64 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (self.0 >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
+        }
+
+        fn vector(&mut self) -> DVec3 {
+            DVec3::new(self.unit(), self.unit(), self.unit())
+        }
+
+        /// One of some scales.
+        fn scale(&mut self, scales: &[f64]) -> f64 {
+            scales[((self.unit() + 1.0) / 2.0 * scales.len() as f64) as usize % scales.len()]
+        }
+    }
+
+    /// How many rays certainly missed, certainly hit, and were left open.
+    #[derive(Debug, Default)]
+    struct Counts {
+        missed: usize,
+        hit: usize,
+        open: usize,
+    }
+
+    impl Counts {
+        /// Checks what an estimate says of a ray against the tier's distance.
+        fn check(&mut self, estimate: &Estimate<F>, t: Option<f64>, what: &dyn Fn() -> String) {
+            if estimate.possible & 1 == 0 {
+                self.missed += 1;
+                assert_eq!(t, None, "a hit is certainly missed: {}", what());
+            } else if estimate.certain & 1 != 0 {
+                self.hit += 1;
+                let [near, far] = [estimate.near, estimate.far].map(|x| f64::from(x.array()[0]));
+                let t = t.unwrap_or_else(|| panic!("a miss is certainly hit: {}", what()));
+                let slack = 4.0 * U * t;
+                assert!(near + slack <= t && t + slack <= far, "{t} is not in {near}..{far}: {}", what());
+            } else {
+                self.open += 1;
+            }
+        }
+    }
+
+    /// Distances from edges and surfaces.
+    const BESIDE: [f64; 8] = [0.0, 1e-15, 1e-9, 1e-7, 1e-5, 1e-2, 0.1, 0.3];
+
+    fn buffer(precision: Precision, origin: DVec3, towards: DVec3, t_min: f64) -> (RayBuffer, Ray) {
+        let mut rays = RayBuffer::default();
+        let ray = precision.ray(origin, towards.normalize(), t_min, f64::INFINITY);
+        rays.push(&ray);
+        (rays, ray)
+    }
+
+    fn check_triangles<T: Tier>(numbers: &mut Numbers) -> Counts {
+        let mut counts = Counts::default();
+        let precision = T::NUMERICS.precision();
+        for _ in 0..40_000 {
+            let (size, away) = (numbers.scale(&[1e-4, 1.0, 30.0]), numbers.scale(&[0.0, 1.0, 1.0, 1e3, 1e6]));
+            let centre = numbers.vector() * away;
+            let thin = numbers.scale(&[1.0, 1.0, 1.0, 1e-3, 1e-9]);
+            let [a, b] = [centre + numbers.vector() * size, centre + numbers.vector() * size];
+            let c = a + (b - a) * numbers.unit() + numbers.vector() * (size * thin);
+            let corners = [a, b, c].map(|corner| corner.map(|x| precision.round(x)));
+            // A point near an edge, or anywhere in the triangle; the ray passes it, starts there, or runs along.
+            let [v, w] = [0.5 + 0.5 * numbers.unit(), numbers.scale(&BESIDE)];
+            let target =
+                corners[0] + (corners[1] - corners[0]) * v * (1.0 - w) + (corners[2] - corners[0]) * w;
+            let target = target + numbers.vector() * (numbers.scale(&BESIDE) * size);
+            let distance = numbers.scale(&[0.0, 1e-12, 1e-6, 1.0, 1.0, 1.0, 1e3]);
+            let origin = target + numbers.vector() * (distance * size);
+            let towards = if distance > 0.0 { target - origin } else { numbers.vector() };
+            let t_min = numbers.scale(&[0.0, 0.0, 0.5]) * size;
+            let (rays, ray) = buffer(T::NUMERICS.ray_precision(), origin, towards, t_min);
+            let triangle = TriangleInF32::new(&corners.map(|corner| corner.to_array()));
+            let errors = triangle.errors(reach_of_origins::<D>(rays.rays()));
+            let estimate = triangle.estimate(&errors, &RaysInF32::<F>::new::<D>(rays.rays(), 0));
+            let tier = corners.map(<T::Corner as crate::geometry::Corner>::from_dvec3);
+            let hit = T::hit_triangle(&T::Prepared::new(&ray), &ray, &tier);
+            counts.check(&estimate, hit.map(|hit| hit.t), &|| format!("{corners:?} {ray:?}"));
+        }
+        counts
+    }
+
+    #[test]
+    fn what_is_certain_of_triangles_is_what_the_tier_finds() {
+        let mut numbers = Numbers(7);
+        for counts in [check_triangles::<Watertight>(&mut numbers), check_triangles::<Double>(&mut numbers)] {
+            let Counts { missed, hit, open } = counts;
+            assert!(missed > 2000 && hit > 2000 && open > 2000, "{counts:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_certain_of_spheres_is_what_the_tier_finds() {
+        let (mut numbers, mut counts) = (Numbers(11), Counts::default());
+        for _ in 0..80_000 {
+            let (radius, away) = (numbers.scale(&[1e-4, 1.0, 30.0]), numbers.scale(&[0.0, 1.0, 1e3, 1e6]));
+            let centre = numbers.vector() * away;
+            let sphere = Sphere { centre, radius };
+            // A point on or near the surface, or near the silhouette.
+            let outward = numbers.vector().normalize();
+            let point = centre + outward * (radius * (1.0 + numbers.unit() * numbers.scale(&BESIDE)));
+            let across = outward.cross(numbers.vector()).normalize();
+            let slope = numbers.scale(&[0.0, 1e-9, 1e-4, 1.0, 1.0, 1.0]) * numbers.unit();
+            let direction = (across + outward * slope).normalize();
+            let origin = point - direction * (radius * numbers.scale(&[0.0, 1e-9, 1.0, 1e3]));
+            let t_min = numbers.scale(&[0.0, 0.0, 0.5]) * radius;
+            let (rays, ray) = buffer(Precision::Double, origin, direction, t_min);
+            let test = SphereInF32::new(&sphere);
+            let errors = test.errors(reach_of_origins::<D>(rays.rays()));
+            let estimate = test.estimate(&errors, &RaysInF32::<F>::new::<D>(rays.rays(), 0));
+            let hit = AnalyticShape::from(sphere).hit(&ray, Numerics::Watertight);
+            counts.check(&estimate, hit, &|| format!("{sphere:?} {ray:?}"));
+        }
+        assert!(counts.missed > 2000 && counts.hit > 2000 && counts.open > 2000, "{counts:?}");
+    }
+
+    /// Rays whose direction has another length, or that start too far away, are left to the tier.
+    #[test]
+    fn unsupported_rays_are_named() {
+        let mut rays = RayBuffer::default();
+        for (x, length) in [(1.0, 1.0), (1e10, 1.0), (f64::NAN, 1.0), (1.0, 0.5), (1.0, 2.0), (1.0, f64::NAN)]
+        {
+            let (origin, direction) = (DVec3::splat(x), DVec3::X * length);
+            rays.push(&Ray { origin, direction, t_min: 0.0, t_max: 1.0 });
+        }
+        let supported = RaysInF32::<F>::new::<D>(rays.rays(), 0).supported;
+        assert_eq!(supported & 0b11_1111, 1);
+        // The reach is that of the others, up to the limit.
+        assert_eq!(reach_of_origins::<D>(rays.rays()), f64::from(MAX_COORDINATE) * (1.0 + 2.0 * U));
+    }
+}
