@@ -3,7 +3,7 @@
 use super::tile::{RenderContext, Tile};
 use super::transparency::{self, Transparency};
 use super::{RayKind, Stage};
-use crate::world::World;
+use crate::world::{HitOrder, World};
 
 /// Finds the closest hits of a generation's rays and computes their surface interactions.
 pub(crate) struct ClosestHits {
@@ -11,6 +11,8 @@ pub(crate) struct ClosestHits {
     pub kind: RayKind,
     /// The name in statistics.
     pub name: &'static str,
+    /// The order of their surface interactions.
+    pub order: HitOrder,
     /// How rays pass through surfaces; `None` where all are opaque.
     pub transparency: Option<Transparency>,
 }
@@ -49,7 +51,7 @@ impl Stage for ClosestHits {
             ..
         } = tile;
         let generation = &mut generations[*current];
-        world.interactions(&generation.rays, &generation.hits, &mut generation.surfaces);
+        world.interactions(&generation.rays, &generation.hits, self.order, &mut generation.surfaces);
         if *depth == 0 {
             camera_hits.clear();
             camera_hits.extend(generation.surfaces.ray_of());

@@ -15,7 +15,7 @@ use crate::film::Window;
 use crate::scene::EffectsSection;
 use crate::scene::{Sampling, Transport};
 use crate::shading::ShadingMode;
-use crate::world::World;
+use crate::world::{HitOrder, World};
 
 /// What a plan is made from, beside the world.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -309,7 +309,10 @@ impl PlanBuilder<'_> {
         let owner = secondary.map(|rays| rays.effect);
         let kind = secondary.map_or(RayKind::PRIMARY, |rays| rays.kind);
         let name = secondary.map_or("primary hits", |rays| rays.hits);
-        self.add(closest_hits::ClosestHits { kind, name, transparency: self.transparency }, owner);
+        let is_incoherent = secondary.is_some_and(|rays| !rays.are_mirrored);
+        let order = if is_incoherent { HitOrder::Primitives } else { HitOrder::Rays };
+        let transparency = self.transparency;
+        self.add(closest_hits::ClosestHits { kind, name, order, transparency }, owner);
         if generations > u32::from(class == RayClass::Secondary) {
             self.add(ray_origins::RayOrigins { generations }, owner);
         }

@@ -17,7 +17,19 @@ use crate::geometry::{AnalyticShape, Hit, HitBuffer, PrimId, RayBuffer, SlotId, 
 /// The shortest run of hits on one primitive that is computed in a loop of its own.
 const MIN_RUN: usize = 4;
 
-/// [`SurfaceInteraction`]s of the rays that hit, in the order of the rays, as a structure of arrays.
+/// The scenes whose hits are sorted have this many primitives at most.
+const MAX_SORTED: usize = 64;
+
+/// The order of surface interactions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HitOrder {
+    /// That of the rays.
+    Rays,
+    /// By primitive in scenes with few, else that of the rays: for incoherent rays.
+    Primitives,
+}
+
+/// [`SurfaceInteraction`]s of the rays that hit, in a [`HitOrder`], as a structure of arrays.
 #[derive(Default)]
 pub struct InteractionSoa {
     len: usize,
@@ -50,6 +62,8 @@ pub struct InteractionSoa {
     object: PerRay<u32>,
     material: PerRay<u32>,
     ray_of: PerRay<u32>,
+    /// The rays in the order of their hits, where these are sorted.
+    sorted: PerRay<u32>,
     /// The corners of triangles whose hits are no runs.
     corners: [Vec3Soa; 3],
     /// Whether an interaction is left to [`World::interaction`].
@@ -169,15 +183,17 @@ impl InteractionSoa {
     }
 
     /// Compacts the hits and finds their runs.
-    fn gather(&mut self, rays: &RayBuffer, hits: &HitBuffer) {
+    fn gather(&mut self, rays: &RayBuffer, hits: &HitBuffer, order: HitOrder) {
         assert!(hits.len() <= RAYS_PER_BATCH, "at most one ray per pixel of a tile");
         self.runs.clear();
         self.texels.clear();
         self.further_texels.clear();
+        let is_sorted = order == HitOrder::Primitives && self.sort(hits);
         let mut len = 0;
         let mut last = None;
-        for (index, hit) in (0..).zip(hits.iter()) {
-            let Some(hit) = hit else { continue };
+        for place in 0..hits.len() {
+            let index = if is_sorted { self.sorted[place] } else { place as u32 };
+            let Some(hit) = hits.get(index as usize) else { continue };
             self.ray_of[len] = index;
             self.t[len] = hit.t;
             self.barycentrics[0][len] = hit.barycentrics[0];
@@ -191,7 +207,7 @@ impl InteractionSoa {
         }
         self.len = len;
         // Of length 1 up to the rounding of the ray's direction, at most 2^-24.
-        if len == hits.len() {
+        if len == hits.len() && !is_sorted {
             self.view.set_negated(rays.rays().directions());
         } else {
             for i in 0..len.min(RAYS_PER_BATCH) {
@@ -201,10 +217,42 @@ impl InteractionSoa {
     }
 }
 
+impl InteractionSoa {
+    /// Sorts the rays by the primitives that they hit, so that runs are long, in scenes with few primitives; rays that hit
+    /// nothing are last. Returns whether it did.
+    fn sort(&mut self, hits: &HitBuffer) -> bool {
+        let key = |i: usize| hits.get(i).map_or(MAX_SORTED, |hit| hit.prim.0 as usize);
+        let mut ends = [0; MAX_SORTED + 1];
+        for i in 0..hits.len() {
+            match ends.get_mut(key(i)) {
+                Some(count) => *count += 1,
+                None => return false,
+            }
+        }
+        let mut end = 0;
+        for count in &mut ends {
+            end += *count;
+            *count = end - *count;
+        }
+        for i in 0..hits.len() {
+            let place = &mut ends[key(i)];
+            self.sorted[*place % RAYS_PER_BATCH] = i as u32;
+            *place += 1;
+        }
+        true
+    }
+}
+
 impl World {
     /// Computes the surface interactions of the closest hits of `rays`, at most [`RAYS_PER_BATCH`].
-    pub fn interactions(&self, rays: &RayBuffer, hits: &HitBuffer, surfaces: &mut InteractionSoa) {
-        surfaces.gather(rays, hits);
+    pub fn interactions(
+        &self,
+        rays: &RayBuffer,
+        hits: &HitBuffer,
+        order: HitOrder,
+        surfaces: &mut InteractionSoa,
+    ) {
+        surfaces.gather(rays, hits, order);
         // The hits from `single` on are those of runs that are too short.
         let (mut single, mut end) = (surfaces.len(), surfaces.len());
         for index in (0..surfaces.runs.len()).rev() {

@@ -38,7 +38,7 @@ pub use fit::{Framing, StandardView, fitted_camera, headlight, turntable_camera}
 pub(crate) use fit::{KEY_IRRADIANCE, key_light, opening};
 pub use image::Image;
 pub use interaction::{FurtherTexels, SurfaceInteraction, Texels};
-pub use interactions::InteractionSoa;
+pub use interactions::{HitOrder, InteractionSoa};
 pub use lens::ThinLens;
 pub use mip_map::{MipLevel, MipMap};
 pub use recenter::{Recentering, recenter};

@@ -86,16 +86,17 @@ fn sample_diffuse(vertices: &Vertices, numbers: &GenerationNumbers, continuation
     }
 }
 
-/// The albedo of a surface that is Lambert's alone, whose parameters need not be prepared; `None` for others.
+/// Whether the BSDF of a material is Lambert's alone.
+pub(super) fn is_diffuse(material: &PreparedMaterial) -> bool {
+    matches!(material, Material::Phong(m) if m.specular <= 0.0 && m.refraction.is_none())
+}
+
+/// The albedo of a surface of a material that [`is_diffuse`].
 #[inline]
-pub(super) fn diffuse_albedo(
-    material: &PreparedMaterial,
-    surfaces: &InteractionSoa,
-    i: usize,
-) -> Option<DVec3> {
-    let Material::Phong(m) = material else { return None };
+pub(super) fn diffuse_albedo(material: &PreparedMaterial, surfaces: &InteractionSoa, i: usize) -> DVec3 {
+    let Material::Phong(m) = material else { return DVec3::ZERO };
     let texel = surfaces.texels.get(i).map_or(DVec3::ONE, |texels| texels.colour);
-    (m.specular <= 0.0 && m.refraction.is_none()).then(|| phong_albedo(m, surfaces.tint.get(i), texel))
+    phong_albedo(m, surfaces.tint.get(i), texel)
 }
 
 fn phong_albedo(m: &Phong<DVec3>, tint: DVec3, texel: DVec3) -> DVec3 {

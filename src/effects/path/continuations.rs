@@ -1,7 +1,7 @@
 //! Continuation of paths: directions sampled by BSDFs, and Russian roulette.
 
 use super::numbers::GenerationNumbers;
-use super::vertices::{Vertices, select};
+use super::vertices::{List, Vertices, select};
 use super::{Buffers, Path};
 use crate::effects::tile::RayGeneration;
 use crate::shading::bsdf::BsdfSample;
@@ -26,6 +26,10 @@ pub(super) struct Continuations {
     /// Whether these are on the side of the geometric normal.
     is_above: Flags,
     throughput: Vec3Soa,
+    /// The origins of the rays.
+    origin: Vec3Soa,
+    /// The vertices at which paths continue.
+    continuing: List,
 }
 
 impl Continuations {
@@ -61,6 +65,7 @@ impl Continuations {
             let throughput = select(has_roulette, throughput / survival, throughput);
             let is_zero = (throughput.x == 0.0) & (throughput.y == 0.0) & (throughput.z == 0.0);
             let continues = ((local.z > 0.0) == is_above) & survives & !is_zero;
+            self.origin.set(i, vertices.origin_above(i));
             self.is_above.set(i, is_above);
             self.direction.set(i, direction);
             self.throughput.set(i, throughput);
@@ -81,29 +86,31 @@ impl Buffers {
         let surfaces = &*generation.surfaces;
         let precision = world.numerics().ray_precision();
         simd!(continuations.find_throughputs(surfaces, vertices, numbers, has_roulette));
-        for (i, &ray) in surfaces.ray_of().iter().enumerate() {
-            let (pdf, throughput) = (continuations.pdf[i], continuations.throughput.get(i));
-            if pdf == 0.0 {
-                continue;
+        let Continuations { continuing, pdf, direction, throughput, origin, is_above, .. } = &mut **continuations;
+        let is_finite = |i: usize| throughput.get(i).is_finite();
+        continuing.fill(vertices.len(), |i| pdf[i] != 0.0);
+        self.discarded += continuing.retain(is_finite);
+        for i in continuing.iter().filter(|&i| !is_above.get(i)) {
+            origin.set(i, vertices.origin(i, world, surfaces, direction.get(i)));
+        }
+        simd!(next.rays.write(
+            0..continuing.len(),
+            #[inline(always)]
+            |k| {
+                let i = continuing.get(k);
+                precision.ray(origin.get(i), direction.get(i), 0.0, f64::INFINITY)
             }
-            if !throughput.is_finite() {
-                self.discarded += 1;
-                continue;
-            }
-            let direction = continuations.direction.get(i);
-            let origin = if continuations.is_above.get(i) {
-                vertices.origin_above(i)
-            } else {
-                vertices.origin(i, world, surfaces, direction)
-            };
-            next.rays.push(&precision.ray(origin, direction, 0.0, f64::INFINITY));
+        ));
+        for i in continuing.iter() {
+            let ray = surfaces.ray_of()[i] as usize;
             next.sources.push(i as u32);
-            next.camera_rays.push(generation.camera_rays[ray as usize]);
-            let before = self.paths[ray as usize].bounces;
-            let bounces = if before == 0 && pdf.is_infinite() { 0 } else { before + 1 };
-            self.next.push(Path { throughput, pdf, from: surfaces.position.get(i), bounces });
+            next.camera_rays.push(generation.camera_rays[ray]);
+            let before = self.paths[ray].bounces;
+            let bounces = if before == 0 && pdf[i].is_infinite() { 0 } else { before + 1 };
+            let (throughput, from) = (throughput.get(i), surfaces.position.get(i));
+            self.next.push(Path { throughput, pdf: pdf[i], from, bounces });
             if world.volumes.is_some() {
-                self.next_media.push(vertices.media_towards(i, surfaces, direction));
+                self.next_media.push(vertices.media_towards(i, surfaces, direction.get(i)));
             }
         }
     }

@@ -71,22 +71,26 @@ impl Buffers {
         lights: &Lights,
         stage: &Scatter,
     ) {
-        for (i, &ray) in generation.surfaces.ray_of().iter().enumerate() {
-            let material = &world.materials[generation.surfaces.materials()[i] as usize];
+        let surfaces = &generation.surfaces;
+        for (material, range) in surfaces.by_material() {
+            let material = &world.materials[*material as usize];
             if !may_emit(material) {
                 continue;
             }
-            let surface = generation.surfaces.get(i);
-            let emission = emission(material, &surface);
-            let is_dark_side =
-                world.emitters.is_one_sided(surface.hit.prim) && world.is_seen_from_back(&surface);
-            if emission == DVec3::ZERO || is_dark_side {
-                continue;
+            for i in range.clone() {
+                let surface = surfaces.get(i);
+                let emission = emission(material, &surface);
+                let is_dark_side =
+                    world.emitters.is_one_sided(surface.hit.prim) && world.is_seen_from_back(&surface);
+                if emission == DVec3::ZERO || is_dark_side {
+                    continue;
+                }
+                let ray = surfaces.ray_of()[i] as usize;
+                let path = &self.paths[ray];
+                let weight = lights.weight_of_emitter(&surface, path);
+                let radiance = self.vertices.throughput.get(i) * emission * weight;
+                self.add_radiance(generation.camera_rays[ray], radiance, stage, path.bounces);
             }
-            let path = &self.paths[ray as usize];
-            let weight = lights.weight_of_emitter(&surface, path);
-            let radiance = self.vertices.throughput.get(i) * emission * weight;
-            self.add_radiance(generation.camera_rays[ray as usize], radiance, stage, path.bounces);
         }
     }
 }

@@ -5,13 +5,13 @@ use glam::DVec3;
 
 use super::lights::{LightConnection, Lights};
 use super::numbers::GenerationNumbers;
-use super::vertices::{Vertices, select};
+use super::vertices::{List, Vertices, select};
 use super::weights::light_weight;
 use super::{Buffers, LIGHT_RAYS, LightPath, Scatter};
-use crate::effects::tile::{RayGeneration, Tile};
+use crate::effects::tile::{RayGeneration, Tile, vec_bytes};
 use crate::effects::{LightTechnique, RayKind, shadow_ray, transparency};
 use crate::geometry::spawn::SurfacePoint;
-use crate::geometry::{Numerics, Ray};
+use crate::geometry::{Numerics, Precision, Ray, RayBuffer};
 use crate::shading::LightSample;
 use crate::world::{Flags, InteractionSoa, PerRay, TriangleSample, Vec3Soa, World, simd};
 
@@ -31,17 +31,22 @@ pub(super) struct LightSamples {
     distance: PerRay<f64>,
     /// Points of surfaces as ends of shadow rays, in front of the surface.
     end: Vec3Soa,
-    /// Directions and lengths of shadow rays from above the surface, to points of surfaces and to what is infinitely
-    /// far away.
+    /// Origins, directions and lengths of shadow rays.
+    ray_origin: Vec3Soa,
     ray_direction: Vec3Soa,
     t_max: PerRay<f64>,
-    /// Whether the shadow ray is not that: it starts below the surface, ends at a light without size, or has no length.
+    /// Whether the shadow ray starts below the surface, ends at a light without size, or has no length.
     is_special: Flags,
     /// The value of the BSDF times the cosine, and its density per solid angle.
     pub(super) value: Vec3Soa,
     pub(super) bsdf_pdf: PerRay<f64>,
     /// The radiance that the paths gain where the light is not occluded.
     contribution: Vec3Soa,
+    /// The vertices with a shadow ray.
+    lit: List,
+    /// The shadow rays of these, and what each adds.
+    shadow_rays: RayBuffer,
+    light_paths: Vec<LightPath>,
 }
 
 /// [`TriangleSample`]s as a structure of arrays, at vertices whose light sample is one.
@@ -67,6 +72,17 @@ impl TriangleSamples {
 }
 
 impl LightSamples {
+    /// Bytes of memory.
+    pub(super) fn bytes(&self) -> usize {
+        size_of::<Self>() + self.shadow_rays.bytes() + vec_bytes(&self.light_paths)
+    }
+
+    /// Removes the shadow rays.
+    pub(super) fn clear_rays(&mut self) {
+        self.shadow_rays.clear();
+        self.light_paths.clear();
+    }
+
     /// Takes a light sample of each vertex.
     pub(super) fn take(
         &mut self,
@@ -164,27 +180,55 @@ impl LightSamples {
             let is_above = direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
             let is_common =
                 is_above & (is_far | ((distance == 0.0) & (scale > 0.0) & (scale < f64::INFINITY)));
+            self.ray_origin.set(i, vertices.origin_above(i));
             self.ray_direction.set(i, select(is_far, direction, to_end * scale));
             self.t_max[i] = if is_far { f64::INFINITY } else { length };
             self.is_special.set(i, !is_common);
         }
     }
 
-    /// The shadow ray of a sample of a vertex; `None` where both ends coincide.
+    /// Lists the vertices with a shadow ray, and completes the special ones. Returns the number of samples with a
+    /// contribution that is not finite.
+    fn list_rays(&mut self, world: &World, surfaces: &InteractionSoa, vertices: &Vertices) -> u64 {
+        let mut lit = std::mem::take(&mut self.lit);
+        lit.fill(vertices.len(), |i| self.pdf[i] != 0.0);
+        let discarded = lit.retain(|i| self.contribution.get(i).is_finite());
+        lit.retain(|i| !self.is_special.get(i) || self.set_special_ray(world, surfaces, vertices, i));
+        self.lit = lit;
+        discarded
+    }
+
+    /// Sets the special shadow ray of a vertex; `false` where both ends coincide.
     #[inline]
-    fn shadow_ray(
-        &self,
+    fn set_special_ray(
+        &mut self,
         world: &World,
         surfaces: &InteractionSoa,
         vertices: &Vertices,
         i: usize,
-    ) -> Option<Ray> {
-        if self.is_special.get(i) {
-            let origin = vertices.origin(i, world, surfaces, self.direction.get(i));
-            return self.special_ray(i, origin, surfaces.position.get(i), world.numerics());
+    ) -> bool {
+        let origin = vertices.origin(i, world, surfaces, self.direction.get(i));
+        let ray = self.special_ray(i, origin, surfaces.position.get(i), world.numerics());
+        if let Some(Ray { origin, direction, t_max, .. }) = ray {
+            self.ray_origin.set(i, origin);
+            self.ray_direction.set(i, direction);
+            self.t_max[i] = t_max;
         }
-        let precision = world.numerics().ray_precision();
-        Some(precision.ray(vertices.origin_above(i), self.ray_direction.get(i), 0.0, self.t_max[i]))
+        ray.is_some()
+    }
+
+    /// Writes the listed shadow rays.
+    #[inline(always)]
+    fn write_rays(&mut self, precision: Precision) {
+        let LightSamples { lit, shadow_rays, ray_origin, ray_direction, t_max, .. } = self;
+        shadow_rays.write(
+            0..lit.len(),
+            #[inline(always)]
+            |k| {
+                let i = lit.get(k);
+                precision.ray(ray_origin.get(i), ray_direction.get(i), 0.0, t_max[i])
+            },
+        );
     }
 
     /// The shadow ray from `origin`, of a vertex at `position`, to any light.
@@ -219,56 +263,74 @@ impl Buffers {
                 }
                 technique => samples.find_contributions(surfaces, vertices, technique),
             }
-            for (i, &ray) in surfaces.ray_of().iter().enumerate() {
-                if samples.pdf[i] == 0.0 {
-                    continue;
-                }
+            self.discarded += samples.list_rays(world, surfaces, vertices);
+            simd!(samples.write_rays(world.numerics().ray_precision()));
+            for (k, i) in samples.lit.iter().enumerate() {
+                let ray = surfaces.ray_of()[i] as usize;
                 let mut radiance = samples.contribution.get(i);
-                let Some(shadow_ray) = samples.shadow_ray(world, surfaces, vertices, i) else { continue };
                 if world.volumes.is_some() {
                     // What is infinitely far away is in no volume.
+                    let shadow_ray = samples.shadow_rays.get(k);
                     let t_max = shadow_ray.t_max;
                     let end = if t_max.is_finite() { shadow_ray.at(t_max) } else { DVec3::INFINITY };
                     let direction = samples.direction.get(i);
                     let media = vertices.media_towards(i, surfaces, direction).around(world, end);
                     radiance *= media.transmittance(world, t_max);
                 }
-                if !radiance.is_finite() {
-                    self.discarded += 1;
-                    continue;
+                if stage.clamp < f64::INFINITY {
+                    radiance = stage.clamped(radiance * count, self.paths[ray].bounces + 1) / count;
                 }
-                let radiance = stage.clamped(radiance * count, self.paths[ray as usize].bounces + 1) / count;
-                let camera_ray = generation.camera_rays[ray as usize];
-                self.shadow_rays.push(&shadow_ray);
-                self.light_paths.push(LightPath { camera_ray, radiance });
+                samples.light_paths.push(LightPath { camera_ray: generation.camera_rays[ray], radiance });
             }
         }
     }
 
     /// Traces the shadow rays of a generation and adds the radiance of those that are not occluded.
     pub(super) fn trace_shadow_rays(&mut self, tile: &mut Tile, world: &World, continued: Option<RayKind>) {
-        let Buffers { shadow_rays, light_paths, occluded, radiance, .. } = self;
-        occluded.clear();
-        world.accelerator.are_occluded(shadow_rays.rays(), occluded, &mut tile.traversal);
-        let mut count = 0;
-        for ((path, ray), occluded) in light_paths.iter().zip(shadow_rays.rays().iter()).zip(&mut *occluded) {
-            let mut transmittance = f64::from(u8::from(!*occluded));
-            if *occluded && continued.is_some() {
-                transmittance = transparency::transmittance(world, &ray, &mut tile.traversal, &mut count);
-                *occluded = transmittance == 0.0;
+        let Buffers { light_samples, occluded, radiance, .. } = self;
+        for LightSamples { shadow_rays, light_paths, .. } in light_samples.iter().map(|samples| &**samples) {
+            occluded.clear();
+            world.accelerator.are_occluded(shadow_rays.rays(), occluded, &mut tile.traversal);
+            match continued {
+                None => {
+                    for (path, &occluded) in light_paths.iter().zip(&*occluded) {
+                        // Without a branch, which would be mispredicted.
+                        let gained = if occluded { DVec3::ZERO } else { path.radiance };
+                        radiance[path.camera_ray as usize] += gained;
+                    }
+                }
+                Some(kind) => {
+                    let mut count = 0;
+                    let rays = shadow_rays.rays().iter();
+                    for ((path, ray), occluded) in light_paths.iter().zip(rays).zip(&mut *occluded) {
+                        let mut transmittance = 1.0;
+                        if *occluded {
+                            transmittance =
+                                transparency::transmittance(world, &ray, &mut tile.traversal, &mut count);
+                            *occluded = transmittance == 0.0;
+                        }
+                        if !*occluded {
+                            radiance[path.camera_ray as usize] += path.radiance * transmittance;
+                        }
+                    }
+                    if count > 0 {
+                        tile.count(kind, count, 0);
+                    }
+                }
             }
-            if !*occluded {
-                radiance[path.camera_ray as usize] += path.radiance * transmittance;
+            if let Some(recorder) = &mut tile.recorder {
+                let sources: Vec<u32> = light_paths.iter().map(|path| path.camera_ray).collect();
+                recorder.record_occlusion(
+                    LIGHT_RAYS,
+                    tile.depth,
+                    None,
+                    &sources,
+                    shadow_rays.rays(),
+                    occluded,
+                );
             }
+            tile.count(LIGHT_RAYS, occluded.len(), occluded.iter().filter(|&&occluded| occluded).count());
         }
-        if let Some(kind) = continued.filter(|_| count > 0) {
-            tile.count(kind, count, 0);
-        }
-        if let Some(recorder) = &mut tile.recorder {
-            let sources: Vec<u32> = light_paths.iter().map(|path| path.camera_ray).collect();
-            recorder.record_occlusion(LIGHT_RAYS, tile.depth, None, &sources, shadow_rays.rays(), occluded);
-        }
-        tile.count(LIGHT_RAYS, occluded.len(), occluded.iter().filter(|&&occluded| occluded).count());
     }
 }
 
@@ -286,7 +348,7 @@ mod tests {
         Environment, EnvironmentSource, Falloff, Light, LightKind, Material, MaterialId, Object, Phong,
         PixelSampler, Scene, Shape,
     };
-    use crate::world::RAYS_PER_BATCH;
+    use crate::world::{HitOrder, RAYS_PER_BATCH};
 
     /// A floor, a lamp of two triangles that crosses it, a point light and a uniform environment.
     fn world(numerics: Numerics) -> World {
@@ -333,7 +395,7 @@ mod tests {
         }
         world.accelerator.closest_hits(rays.rays(), &mut hits, &mut Traversal::default());
         let mut surfaces = Box::default();
-        world.interactions(&rays, &hits, &mut surfaces);
+        world.interactions(&rays, &hits, HitOrder::Rays, &mut surfaces);
         surfaces
     }
 
@@ -375,6 +437,8 @@ mod tests {
                 samples.value.set(i, DVec3::ONE);
             }
             samples.find_contributions(&surfaces, &vertices, LightTechnique::Both);
+            samples.list_rays(&world, &surfaces, &vertices);
+            samples.write_rays(world.numerics().ray_precision());
             let mut kinds = [0; 4];
             for i in 0..vertices.len() {
                 let [choice, point] = numbers.light_and_point(i);
@@ -395,11 +459,8 @@ mod tests {
                 }
                 let origin = vertices.origin(i, &world, &surfaces, alone.direction);
                 let ray = samples.special_ray(i, origin, position, numerics);
-                assert_eq!(
-                    samples.shadow_ray(&world, &surfaces, &vertices, i),
-                    ray,
-                    "{numerics:?}, vertex {i}"
-                );
+                let place = samples.lit.iter().position(|listed| listed == i);
+                assert_eq!(place.map(|k| samples.shadow_rays.get(k)), ray, "{numerics:?}, vertex {i}");
                 let kind = [0.0, f64::INFINITY].iter().position(|&of| of == alone.distance).unwrap_or(2);
                 kinds[kind] += 1;
             }

@@ -41,7 +41,6 @@ use super::{
     Choices, Effect, EffectContext, EffectValue, Hook, LightTechnique, PathSettings, RayKind, SecondaryRays,
     Stage, TextureUse, TransportEntry, id, named,
 };
-use crate::geometry::RayBuffer;
 use crate::scene::{PixelSampler, Sampling, TextureSlot, Transport, TransportReason};
 use crate::shading::base_colour;
 use crate::world::{InteractionSoa, World};
@@ -170,9 +169,7 @@ struct Buffers {
     /// worlds without volumes.
     media: Vec<Media>,
     next_media: Vec<Media>,
-    shadow_rays: RayBuffer,
-    /// For each shadow ray, what it adds.
-    light_paths: Vec<LightPath>,
+    /// For each shadow ray of a light sample, whether it is occluded.
     occluded: Vec<bool>,
     /// What the vertices of the current generation have.
     numbers: Box<GenerationNumbers>,
@@ -188,7 +185,7 @@ struct Buffers {
 impl Buffers {
     fn bytes(&self) -> usize {
         let Buffers { radiance, samples, paths, next, media, next_media, .. } = self;
-        let Buffers { shadow_rays, light_paths, occluded, vertices, light_samples, .. } = self;
+        let Buffers { occluded, vertices, light_samples, .. } = self;
         size_of::<Buffers>()
             + vec_bytes(radiance)
             + vec_bytes(samples)
@@ -196,13 +193,11 @@ impl Buffers {
             + vec_bytes(next)
             + vec_bytes(media)
             + vec_bytes(next_media)
-            + shadow_rays.bytes()
-            + vec_bytes(light_paths)
             + vec_bytes(occluded)
             + size_of::<GenerationNumbers>()
             + vertices.bytes()
             + vec_bytes(light_samples)
-            + light_samples.len() * size_of::<LightSamples>()
+            + light_samples.iter().map(|samples| samples.bytes()).sum::<usize>()
             + size_of::<TriangleSamples>()
             + size_of::<Continuations>()
     }
@@ -368,8 +363,7 @@ impl Buffers {
         next.camera_rays.clear();
         self.next.clear();
         self.next_media.clear();
-        self.shadow_rays.clear();
-        self.light_paths.clear();
+        self.light_samples.iter_mut().for_each(|samples| samples.clear_rays());
     }
 }
 

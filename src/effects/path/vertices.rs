@@ -5,11 +5,11 @@
 use glam::DVec3;
 
 use super::Path;
-use super::bsdf::diffuse_albedo;
+use super::bsdf::{diffuse_albedo, is_diffuse};
 use super::media::{Crossing, Media};
 use crate::effects::ray_origins::find_origins;
 use crate::effects::tile::vec_bytes;
-use crate::world::{InteractionSoa, RAYS_PER_BATCH, Vec3Soa, World, simd};
+use crate::world::{InteractionSoa, PerRay, RAYS_PER_BATCH, Vec3Soa, World, simd};
 
 /// The vertices of a generation.
 #[derive(Default)]
@@ -62,12 +62,16 @@ impl Vertices {
                 self.crossings.push(crossing);
             }
             self.throughput.set(i, throughput);
-            let material = &world.materials[surfaces.materials()[i] as usize];
-            let is_hidden = self.crossings.get(i).is_some_and(|crossing| crossing.is_hidden);
-            let albedo = diffuse_albedo(material, surfaces, i).filter(|_| !is_hidden);
-            match albedo {
-                Some(albedo) => self.albedo.set(i, albedo),
-                None => self.general.push(i as u32),
+        }
+        for (material, range) in surfaces.by_material() {
+            let material = &world.materials[*material as usize];
+            let are_hidden = |i: usize| self.crossings.get(i).is_some_and(|crossing| crossing.is_hidden);
+            if !is_diffuse(material) || !self.crossings.is_empty() && range.clone().any(are_hidden) {
+                self.general.extend(range.start as u32..range.end as u32);
+                continue;
+            }
+            for i in range.clone() {
+                self.albedo.set(i, diffuse_albedo(material, surfaces, i));
             }
         }
     }
@@ -140,6 +144,55 @@ impl Vertices {
     pub(super) fn media_towards(&self, i: usize, surfaces: &InteractionSoa, direction: DVec3) -> Media {
         let is_below = direction.dot(surfaces.geometric_normal.get(i)) <= 0.0;
         self.crossings.get(i).map_or(Media::EMPTY, |crossing| crossing.sides[usize::from(is_below)])
+    }
+}
+
+/// Some vertices of a generation, in ascending order.
+#[derive(Default)]
+pub(super) struct List {
+    len: usize,
+    vertices: PerRay<u32>,
+}
+
+impl List {
+    /// The number of listed vertices.
+    #[inline(always)]
+    pub(super) fn len(&self) -> usize {
+        self.len.min(RAYS_PER_BATCH)
+    }
+
+    /// The listed vertex at `k`, below [`List::len`].
+    #[inline(always)]
+    pub(super) fn get(&self, k: usize) -> usize {
+        self.vertices[k] as usize % RAYS_PER_BATCH
+    }
+
+    /// The listed vertices.
+    pub(super) fn iter(&self) -> impl Iterator<Item = usize> {
+        (0..self.len()).map(|k| self.get(k))
+    }
+
+    /// Lists the vertices below `count` that `is_listed` accepts. Without branches, which would be mispredicted.
+    #[inline(always)]
+    pub(super) fn fill(&mut self, count: usize, is_listed: impl Fn(usize) -> bool) {
+        self.len = 0;
+        for i in 0..count.min(RAYS_PER_BATCH) {
+            self.vertices[self.len % RAYS_PER_BATCH] = i as u32;
+            self.len += usize::from(is_listed(i));
+        }
+    }
+
+    /// Keeps the listed vertices that `is_kept` accepts. Returns the number of the others.
+    #[inline(always)]
+    pub(super) fn retain(&mut self, mut is_kept: impl FnMut(usize) -> bool) -> u64 {
+        let before = self.len();
+        self.len = 0;
+        for k in 0..before {
+            let i = self.get(k);
+            self.vertices[self.len % RAYS_PER_BATCH] = i as u32;
+            self.len += usize::from(is_kept(i));
+        }
+        (before - self.len) as u64
     }
 }
 
