@@ -31,6 +31,9 @@ pub(super) struct BilinearDistribution {
     sums: Vec<f64>,
     /// The cosines of the polar angles of their upper edges, and of the last lower edge.
     cosines: Vec<f64>,
+    /// The densities in them over the interpolated weight. Within a cell the density is bilinear in the unit square; the
+    /// cell's probability is that of its solid angle.
+    factors: Vec<f64>,
 }
 
 impl BilinearDistribution {
@@ -38,8 +41,8 @@ impl BilinearDistribution {
     pub(super) fn new(width: usize, height: usize, texels: &[[f32; 3]]) -> Self {
         let (columns, rows) = (width.min(MOST_COLUMNS), height.min(MOST_COLUMNS / 2));
         let weights = mean_luminance(width, height, texels, columns, rows);
-        let (cells, sums, cosines) = (Vec::new(), Vec::new(), Vec::new());
-        let mut distribution = BilinearDistribution { columns, rows, weights, cells, sums, cosines };
+        let (cells, sums, cosines, factors) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let mut distribution = BilinearDistribution { columns, rows, weights, cells, sums, cosines, factors };
         let edges = (0..=rows).map(|row| distribution.edges(row)[0]).chain([1.0]);
         distribution.cosines = edges.map(|edge| libm::cos(PI * edge)).collect();
         distribution.accumulate();
@@ -49,6 +52,13 @@ impl BilinearDistribution {
             *weight = (f64::from(*weight) - mean).max(LEAST_SHARE * f64::from(*weight)) as f32;
         }
         distribution.accumulate();
+        let factor = |row: usize| {
+            let [top, bottom] = distribution.edges(row);
+            let solid_angle = distribution.cosines[row] - distribution.cosines[row + 1];
+            let total = distribution.total();
+            if total > 0.0 { solid_angle / total * columns as f64 / (bottom - top) } else { 0.0 }
+        };
+        distribution.factors = (0..=rows).map(factor).collect();
         distribution
     }
 
@@ -99,22 +109,26 @@ impl BilinearDistribution {
         [((column as f64 + 0.5 + across) / self.columns as f64).fract(), lerp(top, bottom, down)]
     }
 
+    /// The weights of all texels, row by row from the top, if the grid is that of an image of this size.
+    pub(super) fn weights_of(&self, width: usize, height: usize) -> Option<&[f32]> {
+        (self.columns == width && self.rows == height).then_some(&self.weights[..])
+    }
+
+    /// The density in a row of cells, relative to the unit square, over the interpolated weight.
+    #[inline]
+    pub(super) fn factor(&self, row: usize) -> f64 {
+        self.factors[row]
+    }
+
     /// The density at a place, relative to the unit square.
-    pub(super) fn density(&self, u: f64, v: f64) -> f64 {
-        let total = self.total();
-        if total <= 0.0 {
-            return 0.0;
-        }
+    pub(super) fn density(&self, [u, v]: [f64; 2]) -> f64 {
         let x = (u * self.columns as f64 - 0.5).rem_euclid(self.columns as f64);
         let column = (x as usize).min(self.columns - 1);
         let row = ((v * self.rows as f64 + 0.5) as usize).min(self.rows);
         let [top, bottom] = self.edges(row);
         let (across, down) = (x - column as f64, (v - top) / (bottom - top));
         let [a, b, c, d] = self.corners(column, row);
-        // Within a cell the density is bilinear in the unit square; the cell's probability is that of its solid angle.
-        let solid_angle = self.cosines[row] - self.cosines[row + 1];
-        let weight = lerp(lerp(a, b, across), lerp(c, d, across), down);
-        weight * solid_angle / total * self.columns as f64 / (bottom - top)
+        lerp(lerp(a, b, across), lerp(c, d, across), down) * self.factors[row]
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, DVec4, Vec4};
 
 use super::bilinear_distribution::BilinearDistribution;
 use super::sky;
@@ -29,11 +29,13 @@ enum Radiance {
 struct RadianceImage {
     width: usize,
     height: usize,
-    /// Row by row from the top.
-    texels: Vec<[f32; 3]>,
+    /// RGB and, where the grid of the distribution is that of the image, the density's weight, row by row from the top.
+    texels: Vec<[f32; 4]>,
     /// Cosine and sine of the rotation about +y.
     rotation: (f64, f64),
     distribution: BilinearDistribution,
+    /// Whether texels have the density's weights.
+    has_weights: bool,
 }
 
 /// The density per solid angle of directions sampled uniformly on the sphere.
@@ -73,8 +75,15 @@ impl PreparedEnvironment {
             [texel] => Radiance::Uniform(texel.map(f64::from).into()),
             _ => {
                 let distribution = BilinearDistribution::new(width, height, &texels);
+                let weights = distribution.weights_of(width, height);
+                let has_weights = weights.is_some();
+                let weights = weights.unwrap_or_default();
+                let weights = weights.iter().copied().chain(std::iter::repeat(0.0));
+                let texels =
+                    texels.iter().zip(weights).map(|(&[r, g, b], weight)| [r, g, b, weight]).collect();
                 let (sin, cos) = libm::sincos(*rotation);
-                Radiance::Image(RadianceImage { width, height, texels, rotation: (cos, sin), distribution })
+                let rotation = (cos, sin);
+                Radiance::Image(RadianceImage { width, height, texels, rotation, distribution, has_weights })
             }
         };
         PreparedEnvironment { is_hidden: *is_hidden, radiance }
@@ -84,7 +93,7 @@ impl PreparedEnvironment {
     pub(crate) fn eval(&self, direction: DVec3) -> DVec3 {
         match &self.radiance {
             Radiance::Uniform(radiance) => *radiance,
-            Radiance::Image(image) => image.eval(direction),
+            Radiance::Image(image) => image.at(image.image_place(direction)).0.truncate(),
         }
     }
 
@@ -99,43 +108,60 @@ impl PreparedEnvironment {
     /// Samples a direction; the density is 0 where the environment is black. `numbers` are in [0, 1).
     pub(crate) fn sample(&self, numbers: [f64; 2]) -> EnvironmentSample {
         match &self.radiance {
-            Radiance::Uniform(radiance) => {
+            Radiance::Uniform(_) => {
                 let y = 1.0 - 2.0 * numbers[1];
                 let sine = (1.0 - y * y).max(0.0).sqrt();
                 let (sin, cos) = sin_cos_of_turns(numbers[0]);
                 let direction = DVec3::new(sine * cos, y, sine * sin);
-                EnvironmentSample { direction, radiance: *radiance, pdf: self.pdf(direction) }
+                let (radiance, pdf) = self.eval_pdf(direction);
+                EnvironmentSample { direction, radiance, pdf }
             }
             Radiance::Image(image) => image.sample(numbers),
         }
     }
 
-    /// The density per solid angle with which [`PreparedEnvironment::sample`] chooses a direction.
-    pub(crate) fn pdf(&self, direction: DVec3) -> f64 {
+    /// The radiance from a unit direction, and the density per solid angle with which [`PreparedEnvironment::sample`]
+    /// chooses it.
+    pub(crate) fn eval_pdf(&self, direction: DVec3) -> (DVec3, f64) {
         match &self.radiance {
-            Radiance::Uniform(DVec3::ZERO) => 0.0,
-            Radiance::Uniform(_) => UNIFORM_DENSITY,
-            Radiance::Image(image) => image.pdf(direction),
+            Radiance::Uniform(DVec3::ZERO) => (DVec3::ZERO, 0.0),
+            Radiance::Uniform(radiance) => (*radiance, UNIFORM_DENSITY),
+            Radiance::Image(image) => image.eval_pdf(image.image_place(direction), direction.y),
         }
     }
 }
 
 impl RadianceImage {
-    /// The radiance from a unit direction, interpolated between the four nearest texels.
-    fn eval(&self, direction: DVec3) -> DVec3 {
-        let [u, v] = self.image_place(direction);
+    /// The texel at a place of the image, interpolated between the four nearest ones, and the row of these from the top, 0
+    /// where both are of the first.
+    #[inline]
+    fn at(&self, [u, v]: [f64; 2]) -> (DVec4, usize) {
         let (x, y) = (u * self.width as f64 - 0.5, v * self.height as f64 - 0.5);
-        let (left, top) = (x.floor(), y.floor());
-        let (right_weight, bottom_weight) = (x - left, y - top);
-        // Columns wrap around, `left` is from -1 on; rows end at the poles.
-        let left = if left < 0.0 { self.width - 1 } else { (left as usize).min(self.width - 1) };
+        // Columns wrap around, `left` and `top` are from -1 on; rows end at the poles. `f64::floor` would be a call.
+        let floor = |x: f64| x as i64 - i64::from(x < 0.0);
+        let (left, top) = (floor(x), floor(y));
+        let (right_weight, bottom_weight) = (x - left as f64, y - top as f64);
+        let row = ((top + 1) as usize).min(self.height);
+        let left = if left < 0 { self.width - 1 } else { (left as usize).min(self.width - 1) };
         let right = if left + 1 == self.width { 0 } else { left + 1 };
-        let texels = |row: f64| {
-            let row = row.clamp(0.0, self.height as f64 - 1.0) as usize * self.width;
-            let [a, b] = [&self.texels[row + left], &self.texels[row + right]];
-            Vec3::from(*a).as_dvec3().lerp(Vec3::from(*b).as_dvec3(), right_weight)
+        let texels = |row: usize| {
+            let row = &self.texels[row * self.width..][..self.width];
+            let [a, b] = [Vec4::from(row[left]).as_dvec4(), Vec4::from(row[right]).as_dvec4()];
+            a.lerp(b, right_weight)
         };
-        texels(top).lerp(texels(top + 1.0), bottom_weight)
+        (texels(row.saturating_sub(1)).lerp(texels(row.min(self.height - 1)), bottom_weight), row)
+    }
+
+    /// See [`PreparedEnvironment::eval_pdf`]: of the direction of a place, whose height is `y`.
+    fn eval_pdf(&self, place: [f64; 2], y: f64) -> (DVec3, f64) {
+        let (texel, row) = self.at(place);
+        let density = match self.has_weights {
+            true => texel.w * self.distribution.factor(row),
+            false => self.distribution.density(place),
+        };
+        let pdf = density / (2.0 * PI * PI * (1.0 - y * y).max(0.0).sqrt());
+        // At the poles a cell has no solid angle.
+        (texel.truncate(), if pdf.is_finite() { pdf } else { 0.0 })
     }
 
     /// See [`PreparedEnvironment::diffuse_from_above`]. A ring of the sphere between the angles a and b from the pole has
@@ -144,7 +170,8 @@ impl RadianceImage {
         const RINGS: usize = 8;
         let mean = |row: usize| {
             let texels = &self.texels[row * self.width..][..self.width];
-            texels.iter().map(|&texel| Vec3::from(texel).as_dvec3()).sum::<DVec3>() / self.width as f64
+            texels.iter().map(|&texel| Vec4::from(texel).truncate().as_dvec3()).sum::<DVec3>()
+                / self.width as f64
         };
         let means: Vec<DVec3> = (0..self.height).map(mean).collect();
         let rings = self.height * RINGS;
@@ -163,18 +190,10 @@ impl RadianceImage {
 
     /// See [`PreparedEnvironment::sample`].
     fn sample(&self, numbers: [f64; 2]) -> EnvironmentSample {
-        let [u, v] = self.distribution.sample(numbers);
-        let direction = self.direction_of(u, v);
-        EnvironmentSample { direction, radiance: self.eval(direction), pdf: self.pdf(direction) }
-    }
-
-    /// See [`PreparedEnvironment::pdf`].
-    fn pdf(&self, direction: DVec3) -> f64 {
-        let [u, v] = self.image_place(direction);
-        let sine = (1.0 - direction.y * direction.y).max(0.0).sqrt();
-        let pdf = self.distribution.density(u, v) / (2.0 * PI * PI * sine);
-        // At the poles a cell has no solid angle.
-        if pdf.is_finite() { pdf } else { 0.0 }
+        let place = self.distribution.sample(numbers);
+        let direction = self.direction_of(place);
+        let (radiance, pdf) = self.eval_pdf(place, direction.y);
+        EnvironmentSample { direction, radiance, pdf }
     }
 
     /// The place in the image of a direction, from 0 at the left and top to 1.
@@ -189,7 +208,7 @@ impl RadianceImage {
         [0.5 + libm::atan2(z, x) / (2.0 * PI), v]
     }
 
-    fn direction_of(&self, u: f64, v: f64) -> DVec3 {
+    fn direction_of(&self, [u, v]: [f64; 2]) -> DVec3 {
         let (sin_longitude, cos_longitude) = sin_cos_of_turns(u - 0.5);
         let (sine, y) = sin_cos_of_turns(0.5 * v);
         let (x, z) = (sine * cos_longitude, sine * sin_longitude);
@@ -280,7 +299,7 @@ mod tests {
             prepared(2, 1, |_, _| 2.0, 0.0),
             prepared(7, 3, |x, _| x as f32, 2.0),
         ] {
-            let total = integral(1200, |direction| environment.pdf(direction));
+            let total = integral(1200, |direction| environment.eval_pdf(direction).1);
             assert!((total - 1.0).abs() < 2e-3, "{total}");
             let expected = integral(1200, |direction| environment.eval(direction).x);
             let count = 400;
@@ -311,7 +330,7 @@ mod tests {
         let (mut mean, mut squares, mut height) = (DVec3::ZERO, DVec3::ZERO, 0.0);
         for (i, j) in (0..count).flat_map(|i| (0..count).map(move |j| (i, j))) {
             let EnvironmentSample { direction, radiance, pdf } = uniform.sample([number(i), number(j)]);
-            assert!((radiance, pdf) == (DVec3::new(0.0, 0.5, 0.25), uniform.pdf(direction)));
+            assert!((radiance, pdf) == (DVec3::new(0.0, 0.5, 0.25), UNIFORM_DENSITY));
             assert!((pdf * 4.0 * PI - 1.0).abs() < 1e-15 && (direction.length() - 1.0).abs() < 1e-12);
             mean += direction / f64::from(count * count);
             squares += direction * direction / f64::from(count * count);
@@ -328,7 +347,7 @@ mod tests {
                 _ => f64::from(srgb_encode(0.5) as f32),
             };
             assert_eq!(white.eval(DVec3::Y), DVec3::splat(expected));
-            assert_eq!((black.eval(DVec3::Y), black.pdf(DVec3::Y)), (DVec3::ZERO, 0.0));
+            assert_eq!((black.eval(DVec3::Y), black.eval_pdf(DVec3::Y).1), (DVec3::ZERO, 0.0));
         }
     }
 

@@ -129,8 +129,8 @@ impl<'a> Lights<'a> {
             .map(|disc| disc.radiance * bsdf_weight(self.technique, pdf, disc.density() / self.per_sample))
             .sum();
         if let Some(environment) = &self.world.environment {
-            let light_pdf = environment.pdf(direction) / self.per_sample;
-            radiance += environment.eval(direction) * bsdf_weight(self.technique, pdf, light_pdf);
+            let (seen, light_pdf) = environment.eval_pdf(direction);
+            radiance += seen * bsdf_weight(self.technique, pdf, light_pdf / self.per_sample);
         }
         radiance
     }
