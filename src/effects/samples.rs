@@ -168,9 +168,9 @@ struct SamplePass {
 }
 
 impl SamplePass {
-    /// Computes the film positions and signs.
+    /// Computes the film positions and signs. `filter` is [`Filter::place`].
     #[inline(always)]
-    fn place(&mut self, window: Window, sampler: &Sampler) {
+    fn place(&mut self, window: Window, sampler: &Sampler, filter: impl Fn([f32; 2]) -> ([f64; 2], f64)) {
         for i in 0..self.len.min(RAYS_PER_BATCH) {
             let pixel = u32::from(self.pixels[i]);
             let (x, y) = (window.x + pixel % window.width, window.y + pixel / window.width);
@@ -180,8 +180,7 @@ impl SamplePass {
                     independent_pair([x, y], sampler.seed, self.samples[i], Dimension::PIXEL)
                 }
             };
-            let ([right, down], sign) =
-                if sampler.centred { ([0.0; 2], 1.0) } else { sampler.filter.place(numbers) };
+            let ([right, down], sign) = if sampler.centred { ([0.0; 2], 1.0) } else { filter(numbers) };
             self.x[i] = f64::from(x) + 0.5 + right;
             self.y[i] = f64::from(y) + 0.5 + down;
             self.signs[i] = sign;
@@ -226,7 +225,21 @@ impl TileSamples {
             }
         }
         self.cast += pass.len;
-        simd!(pass.place(region.whole, sampler));
+        match sampler.filter.box_radius() {
+            // Without the table of other filters, whose look-ups take longer than the rest.
+            Some(radius) => simd!(pass.place(
+                region.whole,
+                sampler,
+                #[inline(always)]
+                |[x, y]| ([x, y].map(|u| (2.0 * f64::from(u) - 1.0) * radius), 1.0)
+            )),
+            None => simd!(pass.place(
+                region.whole,
+                sampler,
+                #[inline(always)]
+                |numbers| sampler.filter.place(numbers)
+            )),
+        }
     }
 
     /// The film positions of the pass's rays in pixels, right of and below the picture's top left corner.

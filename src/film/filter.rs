@@ -82,6 +82,11 @@ impl Filter {
         self.absolute.powi(-2)
     }
 
+    /// Whether every place within the radius is as likely: half the width of the box, for a filter that is one.
+    pub fn box_radius(&self) -> Option<f64> {
+        (self.shape == FilterShape::Box).then(|| f64::from(self.quantiles[STEPS]))
+    }
+
     /// Maps two random numbers in [0, 1) to a sample position relative to the pixel's centre, in pixels, and the
     /// sample's sign. Monotone in both numbers, so that stratification is preserved.
     #[inline(always)]

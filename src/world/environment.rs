@@ -39,7 +39,16 @@ struct RadianceImage {
 }
 
 /// The density per solid angle of directions sampled uniformly on the sphere.
-const UNIFORM_DENSITY: f64 = 1.0 / (4.0 * PI);
+pub(crate) const UNIFORM_DENSITY: f64 = 1.0 / (4.0 * PI);
+
+/// A direction of that density.
+#[inline(always)]
+pub(crate) fn uniform_direction(numbers: [f64; 2]) -> DVec3 {
+    let y = 1.0 - 2.0 * numbers[1];
+    let sine = (1.0 - y * y).max(0.0).sqrt();
+    let (sin, cos) = sin_cos_of_turns(numbers[0]);
+    DVec3::new(sine * cos, y, sine * sin)
+}
 
 /// A sampled direction.
 pub(crate) struct EnvironmentSample {
@@ -97,6 +106,14 @@ impl PreparedEnvironment {
         }
     }
 
+    /// The radiance, if it is the same from every direction and above 0: directions are sampled by [`uniform_direction`].
+    pub(crate) fn uniform_radiance(&self) -> Option<DVec3> {
+        match &self.radiance {
+            Radiance::Uniform(radiance) => Some(*radiance).filter(|&radiance| radiance != DVec3::ZERO),
+            Radiance::Image(_) => None,
+        }
+    }
+
     /// The irradiance of a surface that faces up, over pi: what it reflects if it is white and diffuse.
     pub(crate) fn diffuse_from_above(&self) -> DVec3 {
         match &self.radiance {
@@ -109,10 +126,7 @@ impl PreparedEnvironment {
     pub(crate) fn sample(&self, numbers: [f64; 2]) -> EnvironmentSample {
         match &self.radiance {
             Radiance::Uniform(_) => {
-                let y = 1.0 - 2.0 * numbers[1];
-                let sine = (1.0 - y * y).max(0.0).sqrt();
-                let (sin, cos) = sin_cos_of_turns(numbers[0]);
-                let direction = DVec3::new(sine * cos, y, sine * sin);
+                let direction = uniform_direction(numbers);
                 let (radiance, pdf) = self.eval_pdf(direction);
                 EnvironmentSample { direction, radiance, pdf }
             }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::attributes::vertex_colour;
-use super::{World, WorldObject};
+use super::{InteractionSoa, World, WorldObject};
 use crate::bvh::{Primitive, Traversal};
 use crate::film::ColourPipeline;
 use crate::geometry::spawn::{ORIGIN_OFFSET, SurfacePoint};
@@ -242,15 +242,16 @@ impl World {
     }
 
     /// The origin of a ray that leaves a surface in `direction`, which is below the geometric normal:
-    /// [`World::origin_behind`].
-    pub(crate) fn origin_below(&self, surface: &SurfaceInteraction, direction: DVec3) -> DVec3 {
-        let SurfaceInteraction { point, geometric_normal, view, hit, object, .. } = surface;
-        // Away from edges the point is that of the triangle; triangles without a normal have the view as theirs.
-        let is_plain = point.start == point.position && geometric_normal != view;
-        if is_plain && !self.objects[*object as usize].is_analytic && direction.dot(*geometric_normal) < 0.0 {
-            return point.origin_towards(-*geometric_normal, self.numerics());
+    /// [`World::origin_behind`] by what is known of the surface, where that is enough.
+    #[inline]
+    pub(crate) fn origin_below(&self, surfaces: &InteractionSoa, i: usize, direction: DVec3) -> DVec3 {
+        let (point, normal) = (surfaces.point(i), surfaces.geometric_normal.get(i));
+        // Away from edges the point is that of the surface; triangles without a normal have the view as theirs.
+        let is_plain = point.start == point.position && normal != surfaces.view.get(i);
+        if is_plain && direction.dot(normal) < 0.0 {
+            return point.origin_towards(-normal, self.numerics());
         }
-        self.origin_behind(point.position, direction, hit)
+        self.origin_behind(point.position, direction, &surfaces.hit(i))
     }
 
     /// The origin of a ray that leaves the surface at `hit`, near `position`, behind the side that was hit, in `direction`. Unlike

@@ -29,6 +29,7 @@ mod volumes;
 
 pub use differential::{Differential, TexturePoint};
 use environment::PreparedEnvironment;
+pub(crate) use environment::{UNIFORM_DENSITY, uniform_direction};
 
 pub(crate) use area_lights::{AreaLights, has_radiance};
 pub(crate) use directional::LightDisc;

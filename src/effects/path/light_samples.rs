@@ -13,11 +13,15 @@ use crate::effects::{LightTechnique, RayKind, shadow_ray, transparency};
 use crate::geometry::spawn::SurfacePoint;
 use crate::geometry::{Numerics, Precision, Ray, RayBuffer};
 use crate::shading::LightSample;
-use crate::world::{Flags, InteractionSoa, PerRay, TriangleSample, Vec3Soa, World, simd};
+use crate::world::{
+    Flags, InteractionSoa, PerRay, TriangleSample, UNIFORM_DENSITY, Vec3Soa, World, simd, uniform_direction,
+};
 
 /// A light sample at each vertex of a generation.
 #[derive(Default)]
 pub(super) struct LightSamples {
+    /// Whether the sample is one of a uniform environment.
+    is_uniform: Flags,
     /// Unit vectors towards the sampled points.
     direction: Vec3Soa,
     /// The same in the frames of the vertices.
@@ -95,8 +99,14 @@ impl LightSamples {
         for i in 0..vertices.len() {
             let [choice, point] = numbers.light_and_point(i);
             triangles.is_set.set(i, false);
+            self.is_uniform.set(i, false);
             self.pdf[i] = 0.0;
             if !vertices.is_visible(i) {
+                continue;
+            }
+            if let Some(radiance) = lights.uniform_radiance(choice) {
+                self.is_uniform.set(i, true);
+                self.radiance.set(i, radiance);
                 continue;
             }
             if let Some((sample, radiance)) = lights.sample_triangle(choice, point) {
@@ -106,6 +116,9 @@ impl LightSamples {
             } else if let Some(sample) = lights.sample(surfaces.position.get(i), choice, point) {
                 self.set(i, &sample);
             }
+        }
+        if lights.has_uniform() {
+            simd!(self.find_uniform_directions(lights, vertices, numbers));
         }
         match world.numerics() {
             Numerics::Fast => {
@@ -121,6 +134,19 @@ impl LightSamples {
         self.pdf[i] = sample.pdf;
         self.distance[i] = sample.distance;
         self.end.set(i, sample.end);
+    }
+
+    /// Computes samples of a uniform environment.
+    #[inline(always)]
+    fn find_uniform_directions(&mut self, lights: &Lights, vertices: &Vertices, numbers: &GenerationNumbers) {
+        let density = UNIFORM_DENSITY * lights.expected();
+        for i in 0..vertices.len() {
+            let [_, point] = numbers.light_and_point(i);
+            let is_set = self.is_uniform.get(i);
+            self.direction.set(i, select(is_set, uniform_direction(point), self.direction.get(i)));
+            self.pdf[i] = if is_set { density } else { self.pdf[i] };
+            self.distance[i] = if is_set { f64::INFINITY } else { self.distance[i] };
+        }
     }
 
     /// Computes what samples of triangles are as seen from the vertices, and directions in the frames of the vertices.

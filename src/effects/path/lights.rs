@@ -26,6 +26,8 @@ pub(super) struct Lights<'a> {
     count: usize,
     /// The expected number of samples of each light at a surface is 1 over this.
     per_sample: f64,
+    /// The radiance of a uniform environment.
+    uniform: Option<DVec3>,
     technique: LightTechnique,
 }
 
@@ -60,7 +62,8 @@ impl<'a> Lights<'a> {
         let count =
             world.lights.len() + usize::from(!emitters.is_empty()) + usize::from(world.environment.is_some());
         let per_sample = count as f64 / f64::from(settings.light_samples);
-        Lights { world, emitters, texture_use, count, per_sample, technique }
+        let uniform = world.environment.as_ref().and_then(|environment| environment.uniform_radiance());
+        Lights { world, emitters, texture_use, count, per_sample, uniform, technique }
     }
 
     /// The expected number of samples of each light at a surface.
@@ -82,6 +85,17 @@ impl<'a> Lights<'a> {
     ) -> Option<(TriangleSample, DVec3)> {
         let is_emitter = !self.emitters.is_empty() && self.index(choice[0]) == self.world.lights.len();
         if is_emitter { self.emitters.sample_triangle(choice[1], numbers) } else { None }
+    }
+
+    /// The radiance of the environment, if `choice` is that and it is uniform.
+    #[inline]
+    pub(super) fn uniform_radiance(&self, choice: [f64; 2]) -> Option<DVec3> {
+        self.uniform.filter(|_| self.index(choice[0]) + 1 == self.count)
+    }
+
+    /// Whether the environment is uniform.
+    pub(super) fn has_uniform(&self) -> bool {
+        self.uniform.is_some()
     }
 
     /// Takes one of the light samples of a point; `None` where the sample gives no light there.

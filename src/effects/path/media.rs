@@ -25,7 +25,17 @@ impl Media {
         Some(self.0[0]).filter(|&volume| volume != NONE)
     }
 
+    /// Whether there are none: the first would be one.
+    #[inline]
+    fn is_empty(&self) -> bool {
+        self.0[0] == NONE
+    }
+
     fn with(mut self, volume: u32) -> Self {
+        if self.is_empty() {
+            self.0[0] = volume;
+            return self;
+        }
         let at = self.0.partition_point(|&other| other < volume);
         if at < CAPACITY {
             self.0.copy_within(at..CAPACITY - 1, at + 1);
@@ -35,6 +45,9 @@ impl Media {
     }
 
     fn without(mut self, volume: u32) -> Self {
+        if self.0[..2] == [volume, NONE] {
+            return Media::EMPTY;
+        }
         if let Some(at) = self.0.iter().position(|&other| other == volume) {
             self.0.copy_within(at + 1.., at);
             self.0[CAPACITY - 1] = NONE;
@@ -45,9 +58,10 @@ impl Media {
     /// Those of the volumes that may hold a point. Drops volumes that were left unseen: by a surface that coincides with
     /// another, or that was passed by its opacity.
     pub(super) fn around(self, world: &World, point: DVec3) -> Self {
-        let Some(volumes) = world.volumes.as_ref().filter(|_| self != Media::EMPTY) else { return self };
-        let kept = self.0.into_iter().filter(|&v| v != NONE && volumes.get(v).may_hold(point));
-        kept.fold(Media::EMPTY, Media::with)
+        let Some(volumes) = world.volumes.as_ref().filter(|_| !self.is_empty()) else { return self };
+        let held = || self.0.into_iter().take_while(|&v| v != NONE);
+        let may_hold = |v: &u32| volumes.get(*v).may_hold(point);
+        if held().all(|v| may_hold(&v)) { self } else { held().filter(may_hold).fold(Media::EMPTY, Media::with) }
     }
 
     /// The transmittance of the medium over a distance.
@@ -124,7 +138,7 @@ impl Crossing {
     pub(super) fn new(world: &World, media: Media, surfaces: &InteractionSoa, i: usize) -> Self {
         let Some(volumes) = &world.volumes else { return Crossing::NONE };
         let own = volumes.of_object(surfaces.objects()[i]);
-        if own.is_none() && media == Media::EMPTY {
+        if own.is_none() && media.is_empty() {
             return Crossing::NONE;
         }
         let around = media.around(world, surfaces.position.get(i));

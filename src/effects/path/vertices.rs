@@ -135,7 +135,7 @@ impl Vertices {
         if direction.dot(surfaces.geometric_normal.get(i)) > 0.0 {
             self.origin_above(i)
         } else {
-            world.origin_below(&surfaces.get(i), direction)
+            world.origin_below(surfaces, i, direction)
         }
     }
 

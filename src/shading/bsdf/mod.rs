@@ -214,15 +214,9 @@ impl Bsdf {
             // Nothing but Lambert; the code below gives the same lobe.
             return self.push(Lobe::Diffuse(p.base_colour * weight));
         }
-        let albedo = GgxAlbedo::new(ggx, cos);
-        // Metals: the base colour at normal incidence (glTF 2.0, appendix B.2.1). One of 1 reflects all light.
-        let [metal_f0, metal_f90] = albedo.compensated([p.base_colour, DVec3::ONE]);
-        let [f0, f90] = albedo.compensated(reflectances(p.ior, p.specular, p.specular_colour));
-        let left = (1.0 - albedo.of(f0, f90).max_element()).max(0.0);
-        // Both reflections have the same distribution: one lobe.
-        let factors = [metal_f0 * metal + f0 * opaque, metal_f90 * metal + f90 * opaque];
-        self.push(Lobe::Specular(Specular::schlick(ggx, factors, &albedo)));
-        self.push(Lobe::Diffuse(p.base_colour * (opaque * left)));
+        if metal + opaque > 0.0 {
+            self.push_reflection(p, ggx, [metal, opaque]);
+        }
         if transparent > 0.0 {
             let eta = relative_index(p.ior, p.from_inside);
             // A thin wall reflects the same whichever medium is denser.
@@ -234,6 +228,22 @@ impl Bsdf {
                 self.push(Lobe::Glass(Glass::new(ggx, interface, p.base_colour, transparent, cos)));
             }
         }
+    }
+
+    /// The reflection of metal and of opaque dielectric, which have the same distribution and are one lobe, and the diffuse
+    /// reflection below the dielectric.
+    fn push_reflection(&mut self, p: &BsdfParameters, ggx: Ggx, [metal, opaque]: [f64; 2]) {
+        let albedo = GgxAlbedo::new(ggx, self.view.z);
+        // Metals: the base colour at normal incidence (glTF 2.0, appendix B.2.1). One of 1 reflects all light.
+        let mut factors = albedo.compensated([p.base_colour, DVec3::ONE]).map(|factor| factor * metal);
+        let mut diffuse = DVec3::ZERO;
+        if opaque > 0.0 {
+            let [f0, f90] = albedo.compensated(reflectances(p.ior, p.specular, p.specular_colour));
+            factors = [factors[0] + f0 * opaque, factors[1] + f90 * opaque];
+            diffuse = p.base_colour * (opaque * (1.0 - albedo.of(f0, f90).max_element()).max(0.0));
+        }
+        self.push(Lobe::Specular(Specular::schlick(ggx, factors, &albedo)));
+        self.push(Lobe::Diffuse(diffuse));
     }
 
     /// The reflection of a thin wall, and what passes through it, times `weight`.
