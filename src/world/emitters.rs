@@ -62,19 +62,64 @@ impl SampledTriangle {
         SampledTriangle { triangle, normal, edges, reach: reach_of(triangle.0) }
     }
 
-    /// A uniform point and its barycentrics (Heitz, A Low-Distortion Map Between Triangle and Square, 2019). `density`
-    /// is that of the choice of the triangle times its area.
+    /// A point, and whether it is near an edge, where its start must be moved.
+    #[inline(always)]
+    fn point(&self, barycentrics: [f64; 3]) -> (SurfacePoint, bool) {
+        let point = SurfacePoint::new(point_at(self.triangle.0, barycentrics), self.reach);
+        (point, self.edges.is_near(barycentrics))
+    }
+
+    /// A uniform point and its barycentrics. `density` is that of the choice of the triangle times its area.
     #[inline]
-    fn sample(&self, density: f64, [x, y]: [f64; 2]) -> Option<(TriangleSample, [f64; 3])> {
-        let (v, w) = if y > x { (0.5 * x, y - 0.5 * x) } else { (x - 0.5 * y, 0.5 * y) };
-        let barycentrics = [1.0 - v - w, v, w];
-        let point = if self.edges.is_near(barycentrics) {
-            SurfacePoint::on_triangle(self.triangle.0, barycentrics)
-        } else {
-            SurfacePoint::new(point_at(self.triangle.0, barycentrics), self.reach)
-        };
+    fn sample(&self, density: f64, numbers: [f64; 2]) -> Option<(TriangleSample, [f64; 3])> {
+        let barycentrics = barycentrics_at(numbers);
+        let (mut point, is_near) = self.point(barycentrics);
+        if is_near {
+            point = SurfacePoint::on_triangle(self.triangle.0, barycentrics);
+        }
         Some((TriangleSample { point, normal: self.normal?, density }, barycentrics))
     }
+}
+
+/// The emissive triangles of a world that has one or two, as a quadrilateral lamp, to be sampled without branches.
+pub(crate) struct TwoTriangles<'a> {
+    /// The same twice if there is one.
+    triangles: [&'a SampledTriangle; 2],
+    normals: [DVec3; 2],
+    densities: [f64; 2],
+    radiances: [DVec3; 2],
+    /// The choice from which the second is chosen, times the total power, and that power.
+    second_from: f64,
+    total: f64,
+}
+
+impl TwoTriangles<'_> {
+    /// The sample of [`Emitters::sample_triangle`], its radiance, and whether it is near an edge, where
+    /// [`Emitters::sample_triangle`] moves its start.
+    #[inline(always)]
+    pub(crate) fn sample(&self, choice: f64, numbers: [f64; 2]) -> (TriangleSample, DVec3, bool) {
+        let is_second = self.second_from <= choice * self.total;
+        let select = |[a, b]: [f64; 2]| if is_second { b } else { a };
+        let select_all =
+            |[a, b]: [DVec3; 2]| DVec3::new(select([a.x, b.x]), select([a.y, b.y]), select([a.z, b.z]));
+        let barycentrics = barycentrics_at(numbers);
+        let [(first, is_near_first), (second, is_near_second)] =
+            [self.triangles[0].point(barycentrics), self.triangles[1].point(barycentrics)];
+        let position = select_all([first.position, second.position]);
+        let point = SurfacePoint::new(position, select_all([first.reach, second.reach]));
+        let (normal, density) = (select_all(self.normals), select(self.densities));
+        let is_near = if is_second { is_near_second } else { is_near_first };
+        (TriangleSample { point, normal, density }, select_all(self.radiances), is_near)
+    }
+}
+
+/// The barycentrics of a uniform point of a triangle (Heitz, A Low-Distortion Map Between Triangle and Square, 2019).
+#[inline(always)]
+fn barycentrics_at([x, y]: [f64; 2]) -> [f64; 3] {
+    let is_upper = y > x;
+    let v = if is_upper { 0.5 * x } else { x - 0.5 * y };
+    let w = if is_upper { y - 0.5 * x } else { 0.5 * y };
+    [1.0 - v - w, v, w]
 }
 
 /// A point of an emissive triangle, sampled uniformly.
@@ -285,6 +330,27 @@ impl Emitters {
         let EmitterShape::Triangle(triangle) = &emitter.shape else { return None };
         let (sample, _) = triangle.sample(density, numbers)?;
         Some((sample, emitter.radiance))
+    }
+
+    /// The emitters, if they are one or two triangles without texture.
+    pub(crate) fn two_triangles(&self) -> Option<TwoTriangles<'_>> {
+        let (first, last) = match &self.emitters[..] {
+            [one] => (one, one),
+            [first, last] => (first, last),
+            _ => return None,
+        };
+        let (EmitterShape::Triangle(a), EmitterShape::Triangle(b)) = (&first.shape, &last.shape) else {
+            return None;
+        };
+        let total = self.total();
+        self.textured.is_empty().then_some(TwoTriangles {
+            triangles: [a, b],
+            normals: [a.normal?, b.normal?],
+            densities: [first, last].map(|emitter| emitter.luminance / total),
+            radiances: [first.radiance, last.radiance],
+            second_from: self.cumulative[0],
+            total,
+        })
     }
 
     /// Samples a point of an emitter that is visible from `from` if nothing stands between; `None` where the sampled

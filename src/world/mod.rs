@@ -33,7 +33,9 @@ pub(crate) use environment::{UNIFORM_DENSITY, uniform_direction};
 
 pub(crate) use area_lights::{AreaLights, has_radiance};
 pub(crate) use directional::LightDisc;
-pub(crate) use emitters::{EmitterSample, Emitters, TriangleSample, emission_texture, sampled_emission};
+pub(crate) use emitters::{
+    EmitterSample, Emitters, TriangleSample, TwoTriangles, emission_texture, sampled_emission,
+};
 pub(crate) use fill::PreparedFill;
 pub use fit::{Framing, StandardView, fitted_camera, headlight, turntable_camera};
 pub(crate) use fit::{KEY_IRRADIANCE, key_light, opening};

@@ -14,13 +14,18 @@ use crate::film::TILE;
 /// The most rays of a ray generation: one per pixel of a tile.
 pub const RAYS_PER_BATCH: usize = (TILE * TILE) as usize;
 
+/// Unused values behind those of the rays. Arrays of numbers then have an odd number of cache lines: a loop over many
+/// arrays would otherwise read and write lines that compete for the same cache sets.
+const PADDING: usize = 8;
+
 /// A value per ray. Entries beyond the rays in use are stale.
 #[derive(Debug, Clone)]
-pub struct PerRay<T>([T; RAYS_PER_BATCH]);
+#[repr(align(64))]
+pub struct PerRay<T>([T; RAYS_PER_BATCH + PADDING]);
 
 impl<T: Copy + Default> Default for PerRay<T> {
     fn default() -> Self {
-        PerRay([T::default(); RAYS_PER_BATCH])
+        PerRay([T::default(); RAYS_PER_BATCH + PADDING])
     }
 }
 
@@ -29,14 +34,16 @@ impl<T> Deref for PerRay<T> {
 
     #[inline(always)]
     fn deref(&self) -> &Self::Target {
-        &self.0
+        let Some(values) = self.0.first_chunk() else { unreachable!("as many and the padding") };
+        values
     }
 }
 
 impl<T> DerefMut for PerRay<T> {
     #[inline(always)]
     fn deref_mut(&mut self) -> &mut Self::Target {
-        &mut self.0
+        let Some(values) = self.0.first_chunk_mut() else { unreachable!("as many and the padding") };
+        values
     }
 }
 

@@ -14,14 +14,12 @@ use crate::geometry::spawn::SurfacePoint;
 use crate::geometry::{Numerics, Precision, Ray, RayBuffer};
 use crate::shading::LightSample;
 use crate::world::{
-    Flags, InteractionSoa, PerRay, TriangleSample, UNIFORM_DENSITY, Vec3Soa, World, simd, uniform_direction,
+    Flags, InteractionSoa, PerRay, TriangleSample, TwoTriangles, UNIFORM_DENSITY, Vec3Soa, World, simd, uniform_direction,
 };
 
 /// A light sample at each vertex of a generation.
 #[derive(Default)]
 pub(super) struct LightSamples {
-    /// Whether the sample is one of a uniform environment.
-    is_uniform: Flags,
     /// Unit vectors towards the sampled points.
     direction: Vec3Soa,
     /// The same in the frames of the vertices.
@@ -62,17 +60,30 @@ pub(super) struct TriangleSamples {
     reach: Vec3Soa,
     normal: Vec3Soa,
     density: PerRay<f64>,
+    radiance: Vec3Soa,
 }
 
 impl TriangleSamples {
-    fn set(&mut self, i: usize, sample: &TriangleSample) {
+    fn get(&self, i: usize) -> TriangleSample {
+        let (position, start, reach) = (self.position.get(i), self.start.get(i), self.reach.get(i));
+        let point = SurfacePoint { position, start, reach };
+        TriangleSample { point, normal: self.normal.get(i), density: self.density[i] }
+    }
+
+    fn set(&mut self, i: usize, sample: &TriangleSample, radiance: DVec3) {
         let &TriangleSample { point: SurfacePoint { position, start, reach }, normal, density } = sample;
         self.position.set(i, position);
         self.start.set(i, start);
         self.reach.set(i, reach);
         self.normal.set(i, normal);
         self.density[i] = density;
+        self.radiance.set(i, radiance);
     }
+}
+
+/// A tier for [`SurfacePoint::origin_towards`], as a constant: loops then have no branch on it.
+const fn numerics<const FAST: bool>() -> Numerics {
+    if FAST { Numerics::Fast } else { Numerics::Watertight }
 }
 
 impl LightSamples {
@@ -96,36 +107,138 @@ impl LightSamples {
         numbers: &GenerationNumbers,
         triangles: &mut TriangleSamples,
     ) {
+        simd!(self.clear(vertices, triangles));
+        let (two, uniform) = (lights.two_triangles(), lights.uniform_radiance());
+        if let Some(radiance) = uniform {
+            simd!(self.sample_uniform(radiance, lights, vertices, numbers));
+        }
+        if !lights.are_all(two.is_some(), uniform.is_some()) {
+            self.sample_others((lights, two.is_some()), surfaces, vertices, numbers, triangles);
+        }
+        match (two, world.numerics()) {
+            (Some(two), Numerics::Fast) => {
+                self.connect_two::<true>(&two, lights, surfaces, vertices, numbers);
+            }
+            (Some(two), _) => self.connect_two::<false>(&two, lights, surfaces, vertices, numbers),
+            (None, Numerics::Fast) => self.connect_listed::<true>(triangles, lights, surfaces, vertices),
+            (None, _) => self.connect_listed::<false>(triangles, lights, surfaces, vertices),
+        }
+    }
+
+    /// Removes all samples.
+    #[inline(always)]
+    fn clear(&mut self, vertices: &Vertices, triangles: &mut TriangleSamples) {
+        for i in 0..vertices.len() {
+            triangles.is_set.set(i, false);
+            self.pdf[i] = 0.0;
+        }
+    }
+
+    /// Samples a uniform environment.
+    #[inline(always)]
+    fn sample_uniform(
+        &mut self,
+        radiance: DVec3,
+        lights: &Lights,
+        vertices: &Vertices,
+        numbers: &GenerationNumbers,
+    ) {
+        let density = UNIFORM_DENSITY * lights.expected();
         for i in 0..vertices.len() {
             let [choice, point] = numbers.light_and_point(i);
-            triangles.is_set.set(i, false);
-            self.is_uniform.set(i, false);
-            self.pdf[i] = 0.0;
-            if !vertices.is_visible(i) {
-                continue;
-            }
-            if let Some(radiance) = lights.uniform_radiance(choice) {
-                self.is_uniform.set(i, true);
-                self.radiance.set(i, radiance);
+            let is_chosen = vertices.is_visible(i) & lights.is_environment(choice);
+            self.direction.set(i, select(is_chosen, uniform_direction(point), self.direction.get(i)));
+            self.radiance.set(i, select(is_chosen, radiance, self.radiance.get(i)));
+            self.pdf[i] = if is_chosen { density } else { self.pdf[i] };
+            self.distance[i] = if is_chosen { f64::INFINITY } else { self.distance[i] };
+        }
+    }
+
+    /// Samples lights for the vertices that have no sample yet, but for emitters if `are_emitters_left`.
+    fn sample_others(
+        &mut self,
+        (lights, are_emitters_left): (&Lights, bool),
+        surfaces: &InteractionSoa,
+        vertices: &Vertices,
+        numbers: &GenerationNumbers,
+        triangles: &mut TriangleSamples,
+    ) {
+        for i in 0..vertices.len() {
+            let [choice, point] = numbers.light_and_point(i);
+            let is_left = are_emitters_left && lights.is_emitter(choice);
+            if !vertices.is_visible(i) || is_left || self.pdf[i] > 0.0 {
                 continue;
             }
             if let Some((sample, radiance)) = lights.sample_triangle(choice, point) {
-                triangles.set(i, &sample);
+                triangles.set(i, &sample, radiance);
                 triangles.is_set.set(i, true);
-                self.radiance.set(i, radiance);
             } else if let Some(sample) = lights.sample(surfaces.position.get(i), choice, point) {
                 self.set(i, &sample);
             }
         }
-        if lights.has_uniform() {
-            simd!(self.find_uniform_directions(lights, vertices, numbers));
-        }
-        match world.numerics() {
-            Numerics::Fast => {
-                simd!(self.find_directions(lights, surfaces, vertices, triangles, Numerics::Fast));
+    }
+
+    /// Samples one or two triangles where these are chosen, and computes directions.
+    #[inline(always)]
+    fn connect_two<const FAST: bool>(
+        &mut self,
+        two: &TwoTriangles,
+        lights: &Lights,
+        surfaces: &InteractionSoa,
+        vertices: &Vertices,
+        numbers: &GenerationNumbers,
+    ) {
+        let is_set = |i: usize| vertices.is_visible(i) & lights.is_emitter(numbers.light_and_point(i)[0]);
+        let is_any_near = simd!(self.find_directions::<FAST>(
+            lights,
+            surfaces,
+            vertices,
+            #[inline(always)]
+            |i| {
+                let [choice, point] = numbers.light_and_point(i);
+                let (sample, radiance, is_near) = two.sample(choice[1], point);
+                (is_set(i), sample, radiance, is_near)
             }
-            _ => simd!(self.find_directions(lights, surfaces, vertices, triangles, Numerics::Watertight)),
+        ));
+        if is_any_near {
+            self.move_ends::<FAST>(lights, surfaces, numbers, (0..vertices.len()).filter(|&i| is_set(i)));
         }
+    }
+
+    /// Moves the ends of shadow rays near edges of their triangle.
+    #[cold]
+    fn move_ends<const FAST: bool>(
+        &mut self,
+        lights: &Lights,
+        surfaces: &InteractionSoa,
+        numbers: &GenerationNumbers,
+        vertices: impl Iterator<Item = usize>,
+    ) {
+        for i in vertices {
+            let [choice, point] = numbers.light_and_point(i);
+            if let Some((sample, _)) = lights.sample_triangle(choice, point) {
+                let (_, normal, _) = sample.seen_from(surfaces.position.get(i));
+                self.end.set(i, sample.point.origin_towards(normal, numerics::<FAST>()));
+            }
+        }
+    }
+
+    /// Computes directions to listed samples of triangles.
+    #[inline(always)]
+    fn connect_listed<const FAST: bool>(
+        &mut self,
+        triangles: &TriangleSamples,
+        lights: &Lights,
+        surfaces: &InteractionSoa,
+        vertices: &Vertices,
+    ) {
+        simd!(self.find_directions::<FAST>(
+            lights,
+            surfaces,
+            vertices,
+            #[inline(always)]
+            |i| (triangles.is_set.get(i), triangles.get(i), triangles.radiance.get(i), false)
+        ));
     }
 
     fn set(&mut self, i: usize, sample: &LightConnection) {
@@ -136,50 +249,36 @@ impl LightSamples {
         self.end.set(i, sample.end);
     }
 
-    /// Computes samples of a uniform environment.
-    #[inline(always)]
-    fn find_uniform_directions(&mut self, lights: &Lights, vertices: &Vertices, numbers: &GenerationNumbers) {
-        let density = UNIFORM_DENSITY * lights.expected();
-        for i in 0..vertices.len() {
-            let [_, point] = numbers.light_and_point(i);
-            let is_set = self.is_uniform.get(i);
-            self.direction.set(i, select(is_set, uniform_direction(point), self.direction.get(i)));
-            self.pdf[i] = if is_set { density } else { self.pdf[i] };
-            self.distance[i] = if is_set { f64::INFINITY } else { self.distance[i] };
-        }
-    }
-
     /// Computes what samples of triangles are as seen from the vertices, and directions in the frames of the vertices.
-    /// There is no sample where shading and geometric normal disagree on the side.
+    /// There is no sample where shading and geometric normal disagree on the side. `sample` returns whether there is such
+    /// a sample, the sample, its radiance, and a flag; returns whether any sample has the flag.
     #[inline(always)]
-    fn find_directions(
+    fn find_directions<const FAST: bool>(
         &mut self,
         lights: &Lights,
         surfaces: &InteractionSoa,
         vertices: &Vertices,
-        triangles: &TriangleSamples,
-        numerics: Numerics,
-    ) {
+        sample: impl Fn(usize) -> (bool, TriangleSample, DVec3, bool),
+    ) -> bool {
         let expected = lights.expected();
+        let mut is_any = false;
         for i in 0..vertices.len() {
-            let (position, start, reach) =
-                (triangles.position.get(i), triangles.start.get(i), triangles.reach.get(i));
-            let point = SurfacePoint { position, start, reach };
-            let sample =
-                TriangleSample { point, normal: triangles.normal.get(i), density: triangles.density[i] };
+            let (is_set, sample, radiance, flag) = sample(i);
+            is_any |= is_set & flag;
             let (direction, normal, pdf) = sample.seen_from(surfaces.position.get(i));
-            let end = point.origin_towards(normal, numerics);
-            let is_set = triangles.is_set.get(i);
+            let end = sample.point.origin_towards(normal, numerics::<FAST>());
             let direction = select(is_set, direction, self.direction.get(i));
             let pdf = if is_set { (pdf * expected).min(f64::MAX) } else { self.pdf[i] };
             let local = vertices.to_local(i, direction);
             let is_above = direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
             self.direction.set(i, direction);
             self.local.set(i, local);
+            self.radiance.set(i, select(is_set, radiance, self.radiance.get(i)));
             self.pdf[i] = if (local.z > 0.0) == is_above { pdf } else { 0.0 };
             self.distance[i] = if is_set { 0.0 } else { self.distance[i] };
             self.end.set(i, select(is_set, end, self.end.get(i)));
         }
+        is_any
     }
 
     /// Computes contributions and shadow rays.

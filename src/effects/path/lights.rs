@@ -12,7 +12,7 @@ use crate::scene::TexelEncoding;
 use crate::shading::LightSample;
 use crate::shading::texture::look_up;
 use crate::world::{
-    EmitterSample, Emitters, SurfaceInteraction, TexturePoint, TriangleSample, World, emission_texture,
+    EmitterSample, Emitters, TwoTriangles, SurfaceInteraction, TexturePoint, TriangleSample, World, emission_texture,
     sampled_emission,
 };
 
@@ -26,8 +26,6 @@ pub(super) struct Lights<'a> {
     count: usize,
     /// The expected number of samples of each light at a surface is 1 over this.
     per_sample: f64,
-    /// The radiance of a uniform environment.
-    uniform: Option<DVec3>,
     technique: LightTechnique,
 }
 
@@ -62,8 +60,7 @@ impl<'a> Lights<'a> {
         let count =
             world.lights.len() + usize::from(!emitters.is_empty()) + usize::from(world.environment.is_some());
         let per_sample = count as f64 / f64::from(settings.light_samples);
-        let uniform = world.environment.as_ref().and_then(|environment| environment.uniform_radiance());
-        Lights { world, emitters, texture_use, count, per_sample, uniform, technique }
+        Lights { world, emitters, texture_use, count, per_sample, technique }
     }
 
     /// The expected number of samples of each light at a surface.
@@ -71,8 +68,40 @@ impl<'a> Lights<'a> {
         1.0 / self.per_sample
     }
 
+    #[inline(always)]
     fn index(&self, choice: f64) -> usize {
-        ((choice * self.count as f64) as usize).min(self.count - 1)
+        ((choice * self.count as f64) as usize).min(self.count.wrapping_sub(1))
+    }
+
+    /// Whether a choice is one of the emitters. Without a branch, as the next.
+    #[inline(always)]
+    pub(super) fn is_emitter(&self, choice: [f64; 2]) -> bool {
+        let (at, first) = (choice[0] * self.count as f64, self.world.lights.len() as f64);
+        let is_last = self.world.environment.is_none();
+        !self.emitters.is_empty() & (first <= at) & (is_last | (at < first + 1.0))
+    }
+
+    /// Whether a choice is the environment, if there is one.
+    #[inline(always)]
+    pub(super) fn is_environment(&self, choice: [f64; 2]) -> bool {
+        (self.count as f64) - 1.0 <= choice[0] * self.count as f64
+    }
+
+    /// The radiance of a uniform environment.
+    pub(super) fn uniform_radiance(&self) -> Option<DVec3> {
+        self.world.environment.as_ref()?.uniform_radiance()
+    }
+
+    /// See [`Emitters::two_triangles`].
+    pub(super) fn two_triangles(&self) -> Option<TwoTriangles<'_>> {
+        self.emitters.two_triangles()
+    }
+
+    /// Whether there are no lights but the emitters, if these are counted, and the environment, if that is.
+    pub(super) fn are_all(&self, emitters: bool, environment: bool) -> bool {
+        self.world.lights.is_empty()
+            && (emitters || self.emitters.is_empty())
+            && (environment || self.world.environment.is_none())
     }
 
     /// The light sample of [`Lights::sample`] before it is seen from a point, with its radiance, if it is of a triangle
@@ -83,19 +112,7 @@ impl<'a> Lights<'a> {
         choice: [f64; 2],
         numbers: [f64; 2],
     ) -> Option<(TriangleSample, DVec3)> {
-        let is_emitter = !self.emitters.is_empty() && self.index(choice[0]) == self.world.lights.len();
-        if is_emitter { self.emitters.sample_triangle(choice[1], numbers) } else { None }
-    }
-
-    /// The radiance of the environment, if `choice` is that and it is uniform.
-    #[inline]
-    pub(super) fn uniform_radiance(&self, choice: [f64; 2]) -> Option<DVec3> {
-        self.uniform.filter(|_| self.index(choice[0]) + 1 == self.count)
-    }
-
-    /// Whether the environment is uniform.
-    pub(super) fn has_uniform(&self) -> bool {
-        self.uniform.is_some()
+        if self.is_emitter(choice) { self.emitters.sample_triangle(choice[1], numbers) } else { None }
     }
 
     /// Takes one of the light samples of a point; `None` where the sample gives no light there.

@@ -31,6 +31,9 @@ pub(crate) struct FewPrimitives {
     /// For each index, slot and primitive; one entry more, of no primitive.
     slots: [u32; TABLE + 1],
     prims: [u32; TABLE + 1],
+    /// The largest coordinate of the primitives, up to rounding, and the bounds of errors of rays that start within.
+    reach: f64,
+    errors: [Errors; TABLE],
     /// For each index, the corners of a triangle and the numbers of its plane, or centre and radius of a sphere.
     corners: [[[f64; TABLE]; 3]; 3],
     planes: [[f64; TABLE]; PLANE_NUMBERS],
@@ -49,6 +52,8 @@ impl FewPrimitives {
             spheres: Vec::new(),
             slots: [0; TABLE + 1],
             prims: [NO_PRIMITIVE; TABLE + 1],
+            reach: 0.0,
+            errors: [Errors::NONE; TABLE],
             corners: [[[0.0; TABLE]; 3]; 3],
             planes: [[0.0; TABLE]; PLANE_NUMBERS],
             centres: [[0.0; TABLE]; 3],
@@ -71,6 +76,7 @@ impl FewPrimitives {
                 return None;
             }
             few.triangles.push(triangle);
+            few.reach = corners.iter().flatten().fold(few.reach, |reach, x| reach.max(x.abs()));
             (few.slots[count], few.prims[count]) = (slot as u32, id);
             for (to, corner) in few.corners.iter_mut().zip(corners) {
                 to.iter_mut().zip(corner).for_each(|(to, x)| to[count] = x);
@@ -85,11 +91,15 @@ impl FewPrimitives {
                 return None;
             }
             few.spheres.push(in_f32);
+            few.reach = few.reach.max(sphere.centre.abs().max_element() + sphere.radius);
             (few.slots[count], few.prims[count]) = (wide.slot_of_analytic(index).index(), id.0);
             few.centres.iter_mut().zip(sphere.centre.to_array()).for_each(|(to, x)| to[count] = x);
             few.radii[count] = sphere.radius;
             count += 1;
         }
+        // Origins of secondary rays lie on surfaces, up to 2^-23 of their coordinates.
+        few.reach *= 1.0 + 1.0 / f64::from(1 << 20);
+        few.errors = few.errors_within(few.reach);
         Some(few)
     }
 
@@ -97,22 +107,31 @@ impl FewPrimitives {
         self.triangles.len() + self.spheres.len()
     }
 
-    /// The bounds of errors for rays.
-    #[inline(always)]
-    fn errors<D: Doubles>(&self, rays: Rays) -> [Errors; MAX_PRIMITIVES] {
-        let reach = reach_of_origins::<D>(rays);
-        let mut all = [Errors::NONE; MAX_PRIMITIVES];
+    /// The bounds of errors for rays whose origins have coordinates up to `reach`.
+    fn errors_within(&self, reach: f64) -> [Errors; TABLE] {
+        let mut all = [Errors::NONE; TABLE];
         let (of_triangles, of_spheres) = all.split_at_mut(self.triangles.len());
         of_triangles.iter_mut().zip(&self.triangles).for_each(|(to, triangle)| *to = triangle.errors(reach));
         of_spheres.iter_mut().zip(&self.spheres).for_each(|(to, sphere)| *to = sphere.errors(reach));
         all
     }
 
+    /// The bounds of errors for rays, in `of_rays` where they start outside of the scene.
+    #[inline(always)]
+    fn errors<'a, D: Doubles>(&'a self, rays: Rays, of_rays: &'a mut [Errors; TABLE]) -> &'a [Errors; TABLE] {
+        let reach = reach_of_origins::<D>(rays);
+        if reach <= self.reach {
+            return &self.errors;
+        }
+        *of_rays = self.errors_within(reach);
+        of_rays
+    }
+
     /// Calls `visit` with the index and the estimate of each primitive that a ray may hit.
     #[inline(always)]
     fn each<F: Floats>(
         &self,
-        errors: &[Errors; MAX_PRIMITIVES],
+        errors: &[Errors; TABLE],
         rays: &RaysInF32<F>,
         mut visit: impl FnMut(u32, Estimate<F>),
     ) {
@@ -287,10 +306,11 @@ pub(crate) fn closest<T: Tier, S: Simd>(
     S::run(
         #[inline(always)]
         || {
-            let errors = few.errors::<S::D>(rays);
+            let mut of_rays = [Errors::NONE; TABLE];
+            let errors = few.errors::<S::D>(rays, &mut of_rays);
             hits.reserve(rays.len());
             for first in (0..rays.len()).step_by(S::F::LANES) {
-                closest_of_group::<T, S>((wide, few, &errors), rays, first, hits, traversal);
+                closest_of_group::<T, S>((wide, few, errors), rays, first, hits, traversal);
             }
         },
     );
@@ -298,7 +318,7 @@ pub(crate) fn closest<T: Tier, S: Simd>(
 
 #[inline(always)]
 fn closest_of_group<T: Tier, S: Simd>(
-    (wide, few, errors): (&Wide<T>, &FewPrimitives, &[Errors; MAX_PRIMITIVES]),
+    (wide, few, errors): (&Wide<T>, &FewPrimitives, &[Errors; TABLE]),
     rays: Rays,
     first: usize,
     hits: &mut HitBuffer,
@@ -383,9 +403,10 @@ pub(crate) fn occluded<T: Tier, S: Simd>(
     S::run(
         #[inline(always)]
         || {
-            let errors = few.errors::<S::D>(rays);
+            let mut of_rays = [Errors::NONE; TABLE];
+            let errors = few.errors::<S::D>(rays, &mut of_rays);
             for first in (0..rays.len()).step_by(S::F::LANES) {
-                let hit = occluded_of_group::<T, S>((wide, few, &errors), rays, first, traversal);
+                let hit = occluded_of_group::<T, S>((wide, few, errors), rays, first, traversal);
                 let count = S::F::LANES.min(rays.len() - first);
                 occluded.extend((0..count).map(|lane| hit >> lane & 1 != 0));
             }
@@ -396,7 +417,7 @@ pub(crate) fn occluded<T: Tier, S: Simd>(
 /// The rays of a group that hit anything.
 #[inline(always)]
 fn occluded_of_group<T: Tier, S: Simd>(
-    (wide, few, errors): (&Wide<T>, &FewPrimitives, &[Errors; MAX_PRIMITIVES]),
+    (wide, few, errors): (&Wide<T>, &FewPrimitives, &[Errors; TABLE]),
     rays: Rays,
     first: usize,
     traversal: &mut Traversal,
