@@ -36,6 +36,13 @@ pub(super) struct BilinearDistribution {
     factors: Vec<f64>,
 }
 
+/// A cell of a distribution, chosen by two numbers, and what is left of these, 0 to 1.
+pub(crate) struct Cell {
+    column: usize,
+    row: usize,
+    numbers: [f64; 2],
+}
+
 impl BilinearDistribution {
     /// The distribution for an image of RGB texels in longitude and latitude, row by row from the top.
     pub(super) fn new(width: usize, height: usize, texels: &[[f32; 3]]) -> Self {
@@ -71,7 +78,8 @@ impl BilinearDistribution {
             let [top, bottom] = [self.cosines[row], self.cosines[row + 1]];
             let mut sum = 0.0f32;
             for column in 0..self.columns {
-                sum += (self.corners(column, row).iter().sum::<f64>() / 4.0 * (top - bottom)) as f32;
+                let corners = self.corners(column, row, |index| self.weights[index]);
+                sum += (corners.iter().sum::<f64>() / 4.0 * (top - bottom)) as f32;
                 self.cells.push(sum);
             }
             total += f64::from(sum);
@@ -89,24 +97,40 @@ impl BilinearDistribution {
         [centre(row as f64 - 0.5), centre(row as f64 + 0.5)]
     }
 
-    /// The densities at the corners of a cell: top left, top right, bottom left, bottom right.
-    fn corners(&self, column: usize, row: usize) -> [f64; 4] {
-        let right = (column + 1) % self.columns;
-        let (above, below) = (row.saturating_sub(1), row.min(self.rows - 1));
-        [(above, column), (above, right), (below, column), (below, right)]
-            .map(|(row, column)| f64::from(self.weights[row * self.columns + column]))
+    /// The weights at the corners of a cell, top left, top right, bottom left, bottom right, from those of the texels of the
+    /// grid by their index.
+    fn corners(&self, column: usize, row: usize, weight: impl Fn(usize) -> f32) -> [f64; 4] {
+        let right = if column + 1 == self.columns { 0 } else { column + 1 };
+        let (above, below) = (row.saturating_sub(1) * self.columns, row.min(self.rows - 1) * self.columns);
+        let at = |index: usize| f64::from(weight(index));
+        [at(above + column), at(above + right), at(below + column), at(below + right)]
     }
 
-    /// A place, 0 to 1 from the left and the top, by two numbers in [0, 1).
-    pub(super) fn sample(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+    /// The cell that two numbers in [0, 1) choose.
+    #[inline]
+    pub(super) fn cell(&self, [x, y]: [f64; 2]) -> Cell {
         let (row, y) = position(&self.sums, y * self.total(), f64::from);
         let cells = &self.cells[row * self.columns..][..self.columns];
         let (column, x) = position(cells, x * f64::from(cells[self.columns - 1]), f64::from);
-        let [a, b, c, d] = self.corners(column, row);
+        Cell { column, row, numbers: [x, y] }
+    }
+
+    /// The place in a cell, 0 to 1 from the left and the top of the image. `weight` is that of a texel of the grid.
+    #[inline]
+    pub(super) fn sample(&self, cell: &Cell, weight: impl Fn(usize) -> f32) -> [f64; 2] {
+        let &Cell { column, row, numbers: [x, y] } = cell;
+        let [a, b, c, d] = self.corners(column, row, weight);
         let down = sample_linear(y, a + b, c + d);
         let across = sample_linear(x, lerp(a, c, down), lerp(b, d, down));
         let [top, bottom] = self.edges(row);
-        [((column as f64 + 0.5 + across) / self.columns as f64).fract(), lerp(top, bottom, down)]
+        let u = (column as f64 + 0.5 + across) / self.columns as f64;
+        [if u < 1.0 { u } else { u - 1.0 }, lerp(top, bottom, down)]
+    }
+
+    /// The weight of a texel of the grid.
+    #[inline]
+    pub(super) fn weight(&self, index: usize) -> f32 {
+        self.weights[index]
     }
 
     /// The weights of all texels, row by row from the top, if the grid is that of an image of this size.
@@ -127,7 +151,7 @@ impl BilinearDistribution {
         let row = ((v * self.rows as f64 + 0.5) as usize).min(self.rows);
         let [top, bottom] = self.edges(row);
         let (across, down) = (x - column as f64, (v - top) / (bottom - top));
-        let [a, b, c, d] = self.corners(column, row);
+        let [a, b, c, d] = self.corners(column, row, |index| self.weights[index]);
         lerp(lerp(a, b, across), lerp(c, d, across), down) * self.factors[row]
     }
 }

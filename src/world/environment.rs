@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use glam::{DVec3, DVec4, Vec4};
 
-use super::bilinear_distribution::BilinearDistribution;
+use super::bilinear_distribution::{BilinearDistribution, Cell};
 use super::sky;
 use crate::film::ColourPipeline;
 use crate::film::colour::srgb_encode;
@@ -127,20 +127,44 @@ impl PreparedEnvironment {
         match &self.radiance {
             Radiance::Uniform(_) => {
                 let direction = uniform_direction(numbers);
-                let (radiance, pdf) = self.eval_pdf(direction);
+                let (radiance, pdf) = self.eval_pdf(direction, [0.0; 2]);
                 EnvironmentSample { direction, radiance, pdf }
             }
-            Radiance::Image(image) => image.sample(numbers),
+            Radiance::Image(image) => image.sample(&image.distribution.cell(numbers)),
+        }
+    }
+
+    /// Samples a direction for each pair of numbers, and calls `found` with its index and the sample: searches first, then
+    /// what depends on their results, so that reads of memory overlap.
+    pub(crate) fn sample_each(
+        &self,
+        numbers: impl Iterator<Item = [f64; 2]>,
+        cells: &mut Vec<Cell>,
+        mut found: impl FnMut(usize, EnvironmentSample),
+    ) {
+        let Radiance::Image(image) = &self.radiance else {
+            return numbers.enumerate().for_each(|(index, numbers)| found(index, self.sample(numbers)));
+        };
+        cells.clear();
+        cells.extend(numbers.map(|numbers| image.distribution.cell(numbers)));
+        cells.iter().enumerate().for_each(|(index, cell)| found(index, image.sample(cell)));
+    }
+
+    /// The place of a unit direction in the image; anything without one.
+    pub(crate) fn place(&self, direction: DVec3) -> [f64; 2] {
+        match &self.radiance {
+            Radiance::Uniform(_) => [0.0; 2],
+            Radiance::Image(image) => image.image_place(direction),
         }
     }
 
     /// The radiance from a unit direction, and the density per solid angle with which [`PreparedEnvironment::sample`]
-    /// chooses it.
-    pub(crate) fn eval_pdf(&self, direction: DVec3) -> (DVec3, f64) {
+    /// chooses it. `place` is its [`PreparedEnvironment::place`].
+    pub(crate) fn eval_pdf(&self, direction: DVec3, place: [f64; 2]) -> (DVec3, f64) {
         match &self.radiance {
             Radiance::Uniform(DVec3::ZERO) => (DVec3::ZERO, 0.0),
             Radiance::Uniform(radiance) => (*radiance, UNIFORM_DENSITY),
-            Radiance::Image(image) => image.eval_pdf(image.image_place(direction), direction.y),
+            Radiance::Image(image) => image.eval_pdf(place, direction.y),
         }
     }
 }
@@ -202,9 +226,12 @@ impl RadianceImage {
         (0..rings.div_ceil(2)).map(of_ring).sum()
     }
 
-    /// See [`PreparedEnvironment::sample`].
-    fn sample(&self, numbers: [f64; 2]) -> EnvironmentSample {
-        let place = self.distribution.sample(numbers);
+    /// Samples a direction of a cell.
+    fn sample(&self, cell: &Cell) -> EnvironmentSample {
+        let place = match self.has_weights {
+            true => self.distribution.sample(cell, |index| self.texels[index][3]),
+            false => self.distribution.sample(cell, |index| self.distribution.weight(index)),
+        };
         let direction = self.direction_of(place);
         let (radiance, pdf) = self.eval_pdf(place, direction.y);
         EnvironmentSample { direction, radiance, pdf }
@@ -313,7 +340,8 @@ mod tests {
             prepared(2, 1, |_, _| 2.0, 0.0),
             prepared(7, 3, |x, _| x as f32, 2.0),
         ] {
-            let total = integral(1200, |direction| environment.eval_pdf(direction).1);
+            let total =
+                integral(1200, |direction| environment.eval_pdf(direction, environment.place(direction)).1);
             assert!((total - 1.0).abs() < 2e-3, "{total}");
             let expected = integral(1200, |direction| environment.eval(direction).x);
             let count = 400;
@@ -361,7 +389,10 @@ mod tests {
                 _ => f64::from(srgb_encode(0.5) as f32),
             };
             assert_eq!(white.eval(DVec3::Y), DVec3::splat(expected));
-            assert_eq!((black.eval(DVec3::Y), black.eval_pdf(DVec3::Y).1), (DVec3::ZERO, 0.0));
+            assert_eq!(
+                (black.eval(DVec3::Y), black.eval_pdf(DVec3::Y, black.place(DVec3::Y)).1),
+                (DVec3::ZERO, 0.0)
+            );
         }
     }
 

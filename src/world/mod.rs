@@ -27,6 +27,7 @@ mod soa;
 mod view;
 mod volumes;
 
+pub(crate) use bilinear_distribution::Cell as EnvironmentCell;
 pub use differential::{Differential, TexturePoint};
 use environment::PreparedEnvironment;
 pub(crate) use environment::{UNIFORM_DENSITY, uniform_direction};
@@ -275,12 +276,18 @@ impl World {
         (self.objects.partition_point(|object| object.first <= prim) - 1) as u32
     }
 
-    /// The radiance that a camera ray in this direction sees if it hits nothing.
-    pub(crate) fn background_towards(&self, direction: DVec3) -> DVec3 {
+    /// The radiance that a camera ray in this direction sees if it hits nothing. `place` is that of the direction in the
+    /// environment, if there is one.
+    pub(crate) fn background_towards(&self, direction: DVec3, place: [f64; 2]) -> DVec3 {
         match &self.environment {
-            Some(environment) if !environment.is_hidden => environment.eval(direction),
+            Some(environment) if !environment.is_hidden => environment.eval_pdf(direction, place).0,
             _ => self.background,
         }
+    }
+
+    /// The place of a unit direction in the environment; anything without one.
+    pub(crate) fn environment_place(&self, direction: DVec3) -> [f64; 2] {
+        self.environment.as_ref().map_or([0.0; 2], |environment| environment.place(direction))
     }
 
     /// The number of primitives in the scene.

@@ -40,14 +40,19 @@ impl Buffers {
         if generation.surfaces.len() == generation.rays.len() {
             return;
         }
-        let missed = generation.hits.iter().enumerate().filter(|(_, hit)| hit.is_none());
-        for (ray, _) in missed {
+        self.missed.fill(generation.rays.len(), |ray| generation.hits.get(ray).is_none());
+        // In a loop of its own, so that the next one reads texels for several rays at once.
+        self.places.clear();
+        let place = |ray: usize| context.world.environment_place(generation.rays.get(ray).direction);
+        self.places.extend(self.missed.iter().map(place));
+        for k in 0..self.missed.len() {
+            let (ray, place) = (self.missed.get(k), self.places[k]);
             let path = self.paths[ray];
             let direction = generation.rays.get(ray).direction;
             let radiance = if depth == 0 {
-                context.world.background_towards(direction)
+                context.world.background_towards(direction, place)
             } else {
-                lights.radiance_from_infinity(direction, path.pdf)
+                lights.radiance_from_infinity(direction, path.pdf, place)
             };
             self.add_radiance(generation.camera_rays[ray], path.throughput * radiance, stage, path.bounces);
         }

@@ -14,7 +14,7 @@ use crate::geometry::spawn::SurfacePoint;
 use crate::geometry::{Numerics, Precision, Ray, RayBuffer};
 use crate::shading::LightSample;
 use crate::world::{
-    Flags, InteractionSoa, PerRay, TriangleSample, TwoTriangles, UNIFORM_DENSITY, Vec3Soa, World, simd, uniform_direction,
+    EnvironmentCell, Flags, InteractionSoa, PerRay, TriangleSample, TwoTriangles, UNIFORM_DENSITY, Vec3Soa, World, simd, uniform_direction,
 };
 
 /// A light sample at each vertex of a generation.
@@ -105,15 +105,18 @@ impl LightSamples {
         surfaces: &InteractionSoa,
         vertices: &Vertices,
         numbers: &GenerationNumbers,
-        triangles: &mut TriangleSamples,
+        (triangles, cells): (&mut TriangleSamples, &mut Vec<EnvironmentCell>),
     ) {
         simd!(self.clear(vertices, triangles));
         let (two, uniform) = (lights.two_triangles(), lights.uniform_radiance());
         if let Some(radiance) = uniform {
             simd!(self.sample_uniform(radiance, lights, vertices, numbers));
         }
-        if !lights.are_all(two.is_some(), uniform.is_some()) {
+        if lights.has_others(two.is_some()) {
             self.sample_others((lights, two.is_some()), surfaces, vertices, numbers, triangles);
+        }
+        if uniform.is_none() && world.environment.is_some() {
+            self.sample_environment(lights, vertices, numbers, cells);
         }
         match (two, world.numerics()) {
             (Some(two), Numerics::Fast) => {
@@ -154,7 +157,24 @@ impl LightSamples {
         }
     }
 
-    /// Samples lights for the vertices that have no sample yet, but for emitters if `are_emitters_left`.
+    /// Samples an environment image.
+    fn sample_environment(
+        &mut self,
+        lights: &Lights,
+        vertices: &Vertices,
+        numbers: &GenerationNumbers,
+        cells: &mut Vec<EnvironmentCell>,
+    ) {
+        let mut chosen = std::mem::take(&mut self.lit);
+        chosen.fill(vertices.len(), |i| {
+            vertices.is_visible(i) & lights.is_environment(numbers.light_and_point(i)[0])
+        });
+        let points = chosen.iter().map(|i| numbers.light_and_point(i)[1]);
+        lights.sample_environment(points, cells, |k, sample| self.set(chosen.get(k), &sample));
+        self.lit = chosen;
+    }
+
+    /// Samples punctual lights, and emitters unless `are_emitters_left`.
     fn sample_others(
         &mut self,
         (lights, are_emitters_left): (&Lights, bool),
@@ -166,7 +186,7 @@ impl LightSamples {
         for i in 0..vertices.len() {
             let [choice, point] = numbers.light_and_point(i);
             let is_left = are_emitters_left && lights.is_emitter(choice);
-            if !vertices.is_visible(i) || is_left || self.pdf[i] > 0.0 {
+            if !vertices.is_visible(i) || is_left || lights.is_environment(choice) {
                 continue;
             }
             if let Some((sample, radiance)) = lights.sample_triangle(choice, point) {
@@ -556,7 +576,7 @@ mod tests {
             numbers.fill(pixels, sequence);
             numbers.fill_light(sequence, 0);
             let mut samples = Box::<LightSamples>::default();
-            samples.take((&world, &lights), &surfaces, &vertices, &numbers, &mut Box::default());
+            samples.take((&world, &lights), &surfaces, &vertices, &numbers, (&mut Box::default(), &mut Vec::new()));
             for i in 0..vertices.len() {
                 samples.bsdf_pdf[i] = 0.3;
                 samples.value.set(i, DVec3::ONE);

@@ -12,7 +12,7 @@ use crate::scene::TexelEncoding;
 use crate::shading::LightSample;
 use crate::shading::texture::look_up;
 use crate::world::{
-    EmitterSample, Emitters, TwoTriangles, SurfaceInteraction, TexturePoint, TriangleSample, World, emission_texture,
+    EmitterSample, Emitters, EnvironmentCell, TwoTriangles, SurfaceInteraction, TexturePoint, TriangleSample, World, emission_texture,
     sampled_emission,
 };
 
@@ -81,10 +81,10 @@ impl<'a> Lights<'a> {
         !self.emitters.is_empty() & (first <= at) & (is_last | (at < first + 1.0))
     }
 
-    /// Whether a choice is the environment, if there is one.
+    /// Whether a choice is the environment.
     #[inline(always)]
     pub(super) fn is_environment(&self, choice: [f64; 2]) -> bool {
-        (self.count as f64) - 1.0 <= choice[0] * self.count as f64
+        self.world.environment.is_some() & ((self.count as f64) - 1.0 <= choice[0] * self.count as f64)
     }
 
     /// The radiance of a uniform environment.
@@ -97,11 +97,9 @@ impl<'a> Lights<'a> {
         self.emitters.two_triangles()
     }
 
-    /// Whether there are no lights but the emitters, if these are counted, and the environment, if that is.
-    pub(super) fn are_all(&self, emitters: bool, environment: bool) -> bool {
-        self.world.lights.is_empty()
-            && (emitters || self.emitters.is_empty())
-            && (environment || self.world.environment.is_none())
+    /// Whether there are lights besides the environment, or besides the emitters, too, if these are `sampled`.
+    pub(super) fn has_others(&self, sampled: bool) -> bool {
+        !self.world.lights.is_empty() || !(sampled || self.emitters.is_empty())
     }
 
     /// The light sample of [`Lights::sample`] before it is seen from a point, with its radiance, if it is of a triangle
@@ -113,6 +111,22 @@ impl<'a> Lights<'a> {
         numbers: [f64; 2],
     ) -> Option<(TriangleSample, DVec3)> {
         if self.is_emitter(choice) { self.emitters.sample_triangle(choice[1], numbers) } else { None }
+    }
+
+    /// Calls `found` with the index of a pair of numbers and the light sample of the environment, where that has a density.
+    pub(super) fn sample_environment(
+        &self,
+        numbers: impl Iterator<Item = [f64; 2]>,
+        cells: &mut Vec<EnvironmentCell>,
+        mut found: impl FnMut(usize, LightConnection),
+    ) {
+        let Some(environment) = &self.world.environment else { return };
+        environment.sample_each(numbers, cells, |index, sample| {
+            let pdf = sample.pdf * self.expected();
+            if pdf > 0.0 {
+                found(index, LightConnection::at_infinity(sample.direction, sample.radiance, pdf));
+            }
+        });
     }
 
     /// Takes one of the light samples of a point; `None` where the sample gives no light there.
@@ -152,15 +166,15 @@ impl<'a> Lights<'a> {
     }
 
     /// The radiance from infinitely far away for a BSDF sample of density `pdf`: of the environment and of the discs of
-    /// directional lights, each weighted against its own light samples.
-    pub(super) fn radiance_from_infinity(&self, direction: DVec3, pdf: f64) -> DVec3 {
+    /// directional lights, each weighted against its own light samples. `place` is [`World::environment_place`].
+    pub(super) fn radiance_from_infinity(&self, direction: DVec3, pdf: f64, place: [f64; 2]) -> DVec3 {
         let discs = self.world.lights.iter().filter_map(|light| light.disc.as_ref());
         let seen = discs.filter(|disc| disc.contains(direction));
         let mut radiance: DVec3 = seen
             .map(|disc| disc.radiance * bsdf_weight(self.technique, pdf, disc.density() / self.per_sample))
             .sum();
         if let Some(environment) = &self.world.environment {
-            let (seen, light_pdf) = environment.eval_pdf(direction);
+            let (seen, light_pdf) = environment.eval_pdf(direction, place);
             radiance += seen * bsdf_weight(self.technique, pdf, light_pdf / self.per_sample);
         }
         radiance

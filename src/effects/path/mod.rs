@@ -32,7 +32,7 @@ use light_samples::{LightSamples, TriangleSamples};
 use lights::Lights;
 use media::Media;
 use numbers::{GenerationNumbers, Sequence};
-use vertices::Vertices;
+use vertices::{List, Vertices};
 
 use super::samples::{SampleIndex, list_samples};
 use super::shadow_catcher::catch_shadows;
@@ -43,7 +43,7 @@ use super::{
 };
 use crate::scene::{PixelSampler, Sampling, TextureSlot, Transport, TransportReason};
 use crate::shading::base_colour;
-use crate::world::{InteractionSoa, World};
+use crate::world::{EnvironmentCell, InteractionSoa, World};
 
 /// Rays in directions sampled by BSDFs.
 pub const RAYS: RayKind = RayKind { name: "path", is_shadow: false, colour: [120, 230, 150] };
@@ -171,6 +171,11 @@ struct Buffers {
     next_media: Vec<Media>,
     /// For each shadow ray of a light sample, whether it is occluded.
     occluded: Vec<bool>,
+    /// The rays of the current generation that hit nothing, and the places of their directions in the environment.
+    missed: Box<List>,
+    places: Vec<[f64; 2]>,
+    /// Cells of the environment that light samples are taken in.
+    cells: Vec<EnvironmentCell>,
     /// What the vertices of the current generation have.
     numbers: Box<GenerationNumbers>,
     vertices: Box<Vertices>,
@@ -185,7 +190,7 @@ struct Buffers {
 impl Buffers {
     fn bytes(&self) -> usize {
         let Buffers { radiance, samples, paths, next, media, next_media, .. } = self;
-        let Buffers { occluded, vertices, light_samples, .. } = self;
+        let Buffers { occluded, places, cells, vertices, light_samples, .. } = self;
         size_of::<Buffers>()
             + vec_bytes(radiance)
             + vec_bytes(samples)
@@ -194,6 +199,9 @@ impl Buffers {
             + vec_bytes(media)
             + vec_bytes(next_media)
             + vec_bytes(occluded)
+            + size_of::<List>()
+            + vec_bytes(places)
+            + vec_bytes(cells)
             + size_of::<GenerationNumbers>()
             + vertices.bytes()
             + vec_bytes(light_samples)
@@ -331,11 +339,11 @@ impl Buffers {
         surfaces: &InteractionSoa,
         sequence: Sequence,
     ) {
-        let Buffers { vertices, numbers, light_samples, triangle_samples, .. } = self;
+        let Buffers { vertices, numbers, light_samples, triangle_samples, cells, .. } = self;
         light_samples.resize_with(stage.settings.light_samples as usize, Box::default);
         for (index, samples) in (0..).zip(light_samples) {
             numbers.fill_light(sequence, index);
-            samples.take((world, lights), surfaces, vertices, numbers, triangle_samples);
+            samples.take((world, lights), surfaces, vertices, numbers, (triangle_samples, cells));
         }
     }
 
