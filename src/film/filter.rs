@@ -82,7 +82,7 @@ impl Filter {
         self.absolute.powi(-2)
     }
 
-    /// Whether every place within the radius is as likely: half the width of the box, for a filter that is one.
+    /// Half the width of a box filter, in pixels, within which all places are equally likely; `None` for other shapes.
     pub fn box_radius(&self) -> Option<f64> {
         (self.shape == FilterShape::Box).then(|| f64::from(self.quantiles[STEPS]))
     }

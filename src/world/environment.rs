@@ -170,8 +170,8 @@ impl PreparedEnvironment {
 }
 
 impl RadianceImage {
-    /// The texel at a place of the image, interpolated between the four nearest ones, and the row of these from the top, 0
-    /// where both are of the first.
+    /// The texel at a place of the image, interpolated between the four nearest ones, and the row of cells that it is
+    /// in: 0 above the centres of the first row.
     #[inline]
     fn at(&self, [u, v]: [f64; 2]) -> (DVec4, usize) {
         let (x, y) = (u * self.width as f64 - 0.5, v * self.height as f64 - 0.5);

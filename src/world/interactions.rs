@@ -17,7 +17,7 @@ use crate::geometry::{AnalyticShape, Hit, HitBuffer, PrimId, RayBuffer, SlotId, 
 /// The shortest run of hits on one primitive that is computed in a loop of its own.
 const MIN_RUN: usize = 4;
 
-/// The scenes whose hits are sorted have this many primitives at most.
+/// Batches are sorted whose hits are on primitives of lower numbers than this.
 const MAX_SORTED: usize = 64;
 
 /// The order of surface interactions.
@@ -25,7 +25,7 @@ const MAX_SORTED: usize = 64;
 pub enum HitOrder {
     /// That of the rays.
     Rays,
-    /// By primitive in scenes with few, else that of the rays: for incoherent rays.
+    /// By primitive in batches that hit the first 64 of a scene alone, else that of the rays: for incoherent rays.
     Primitives,
 }
 
@@ -215,12 +215,11 @@ impl InteractionSoa {
             }
         }
     }
-}
 
-impl InteractionSoa {
-    /// Sorts the rays by the primitives that they hit, so that runs are long, in scenes with few primitives; rays that hit
-    /// nothing are last. Returns whether it did.
+    /// Sorts the rays by the primitives that they hit, so that runs are long; rays that hit nothing are last. Returns whether
+    /// it did: see [`HitOrder`].
     fn sort(&mut self, hits: &HitBuffer) -> bool {
+        // A hit on primitive 64 has the key of a miss; `gather` leaves out misses only.
         let key = |i: usize| hits.get(i).map_or(MAX_SORTED, |hit| hit.prim.0 as usize);
         let mut ends = [0; MAX_SORTED + 1];
         for i in 0..hits.len() {

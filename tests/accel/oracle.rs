@@ -5,6 +5,7 @@ use crate::common::hard::times_factor;
 use crate::common::{self, Numbers, origin_on_border};
 use glam::DVec3;
 use kiln::bvh::{Layout, Primitive, Slot, Traversal, build};
+use kiln::geometry::spawn::SurfacePoint;
 use kiln::geometry::{
     AnalyticShape, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, RayBuffer, Sphere, Triangle,
 };
@@ -312,6 +313,77 @@ fn few_primitives_answer_as_brute_force() {
                 }
             }
         }
+    }
+}
+
+/// Rays that leave the surfaces which others hit: with and without an end, at a point of another primitive.
+fn secondary_rays(slots: &[Slot], rays: &[Ray], numerics: Numerics, numbers: &mut Numbers) -> Vec<Ray> {
+    let oracle = build(slots.iter().copied(), Layout::BruteForce, numerics);
+    let mut traversal = Traversal::default();
+    let targets = targets(slots, rays.len(), numbers);
+    let mut secondary = Vec::new();
+    for (ray, target) in rays.iter().zip(targets) {
+        let Some(hit) = oracle.closest_hit(ray, &mut traversal) else { continue };
+        let (point, normal) = match oracle.primitive(hit.slot) {
+            Primitive::Analytic(shape) => shape.surface(ray.at(hit.t)),
+            Primitive::Triangle(triangle) => {
+                let [v, w] = hit.barycentrics;
+                let Some(normal) = triangle.unit_normal() else { continue };
+                (SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]), normal)
+            }
+        };
+        for side in [1.0, -1.0] {
+            let origin = point.origin_towards(normal * side, numerics);
+            let Some(direction) = (target - origin).try_normalize() else { continue };
+            for t_max in [f64::INFINITY, origin.distance(target)] {
+                secondary.push(numerics.ray_precision().ray(origin, direction, 0.0, t_max));
+            }
+        }
+    }
+    secondary
+}
+
+/// Small scenes, up to and beyond the number of primitives that are tested without a tree: batches of camera-like,
+/// secondary and shadow rays, of any length; equal primitives, whose hits are ties; rays that f32 cannot represent.
+#[test]
+fn batches_in_small_scenes_answer_as_brute_force() {
+    let mut numbers = Numbers::new(5);
+    let all = mixed(1.0, DVec3::ZERO);
+    for numerics in Numerics::STRICT {
+        let mut hit_count = 0;
+        for count in [1, 2, 3, 7, 12, 31, 32, 33, 40] {
+            let mut slots: Vec<Slot> = all.iter().step_by(all.len() / count).take(count).copied().collect();
+            if count > 2 {
+                slots[count - 1].primitive = slots[0].primitive;
+            }
+            let mut rays = rays(&slots, 1.0, DVec3::ZERO, numerics);
+            let secondary = secondary_rays(&slots, &rays, numerics, &mut numbers);
+            rays.extend(secondary);
+            let odd = |origin: DVec3, direction| Ray { origin, direction, t_min: 0.0, t_max: f64::INFINITY };
+            rays.push(odd(DVec3::splat(1e10), DVec3::splat(-1.0).normalize()));
+            rays.push(odd(rays[0].origin, rays[0].direction * 0.5));
+            let oracle = build(slots.iter().copied(), Layout::BruteForce, numerics);
+            let mut traversal = Traversal::default();
+            let expected: Vec<_> =
+                rays.iter().map(|ray| bits(oracle.closest_hit(ray, &mut traversal))).collect();
+            hit_count += expected.iter().flatten().count();
+            for structure in Layout::trees() {
+                let tree = build(slots.iter().copied(), structure, numerics);
+                for size in [1, 7, 17, 256] {
+                    let (mut hits, mut occluded) = (HitBuffer::default(), Vec::new());
+                    for batch in RayBuffer::from(&rays[..]).rays().chunks(size) {
+                        tree.closest_hits(batch, &mut hits, &mut traversal);
+                        tree.are_occluded(batch, &mut occluded, &mut traversal);
+                    }
+                    for (i, (ray, expected)) in rays.iter().zip(&expected).enumerate() {
+                        let what = || format!("{count} primitives, {structure:?}, {size} rays, {ray:?}");
+                        assert_eq!(bits(hits.get(i)), *expected, "{numerics:?}, {}", what());
+                        assert_eq!(occluded[i], expected.is_some(), "{numerics:?}, {}", what());
+                    }
+                }
+            }
+        }
+        assert!(hit_count > 5000, "{hit_count}");
     }
 }
 

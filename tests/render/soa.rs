@@ -11,7 +11,7 @@ use kiln::bvh::Traversal;
 use kiln::film::Window;
 use kiln::geometry::{HitBuffer, Ray, RayBuffer};
 use kiln::scene::{Numerics, Projection};
-use kiln::world::{InteractionSoa, RAYS_PER_BATCH, SurfaceInteraction};
+use kiln::world::{HitOrder, InteractionSoa, RAYS_PER_BATCH, SurfaceInteraction};
 
 const SIZE: [u32; 2] = [96, 72];
 
@@ -88,20 +88,25 @@ fn check(prepared: &Prepared, what: &str) -> usize {
                 scattered.push(&rays[i]);
                 scattered_hits.push(hits.get(i).as_ref());
             }
-            world.interactions(&scattered, &scattered_hits, &mut surfaces);
-            let expected: Vec<SurfaceInteraction> = scattered
-                .rays()
-                .iter()
-                .zip(scattered_hits.iter())
-                .filter_map(|(ray, hit)| Some(world.interaction(&ray, &hit?)))
-                .collect();
-            assert_eq!(surfaces.len(), expected.len());
-            let parts: usize = surfaces.by_material().iter().map(|(_, range)| range.len()).sum();
-            assert_eq!(parts, expected.len());
-            for (i, surface) in expected.iter().enumerate() {
-                assert_eq!(bits_of(&surfaces.get(i)), bits_of(surface), "{what}, {window:?}, surface {i}");
+            for order in [HitOrder::Rays, HitOrder::Primitives] {
+                world.interactions(&scattered, &scattered_hits, order, &mut surfaces);
+                let count = scattered_hits.iter().flatten().count();
+                assert_eq!(surfaces.len(), count);
+                let parts: usize = surfaces.by_material().iter().map(|(_, range)| range.len()).sum();
+                assert_eq!(parts, count);
+                for (i, &ray) in surfaces.ray_of().iter().enumerate() {
+                    let hit = scattered_hits.get(ray as usize).expect("rays of surfaces hit");
+                    let expected = world.interaction(&scattered.get(ray as usize), &hit);
+                    let found = bits_of(&surfaces.get(i));
+                    assert_eq!(found, bits_of(&expected), "{what}, {window:?}, {order:?}, surface {i}");
+                }
+                let mut rays = surfaces.ray_of().to_vec();
+                assert!(order != HitOrder::Rays || rays.is_sorted());
+                rays.sort_unstable();
+                rays.dedup();
+                assert_eq!(rays.len(), count, "each ray once");
+                seen += count;
             }
-            seen += expected.len();
         }
     }
     seen
@@ -140,5 +145,5 @@ fn with_models_many_are_as_each_alone() {
 #[test]
 fn the_loops_are_asked() {
     let prepared = prepare(load(&repository("scenes/assignment.toml")), SIZE, Numerics::Watertight);
-    assert!(check(&prepared, "assignment") > 4000);
+    assert!(check(&prepared, "assignment") > 8000);
 }

@@ -23,24 +23,24 @@ pub(crate) struct RaysInF32<F> {
     pub supported: u32,
 }
 
-/// What f32 says of a primitive and the ray in each lane.
+/// Bounds in f32 on the hits of a primitive, for the ray in each lane.
 pub(crate) struct Estimate<F> {
     /// The rays that may hit.
     pub possible: u32,
     /// Of these, the rays that certainly hit, if `t_max` allows.
     pub certain: u32,
-    /// Bounds of the distance at which certain rays hit. They differ from the tier's distance by 4 u of that at least.
+    /// A lower bound of the tier's distance of certain hits, less by a relative margin of 4 u.
     pub near: F,
-    /// See `near`.
+    /// An upper bound of it, with the same margin.
     pub far: F,
 }
 
-/// Bounds of the errors of a primitive's estimates for some rays.
+/// Bounds of the errors of a primitive's estimates, as its `errors` returns them.
 #[derive(Clone, Copy)]
 pub(crate) struct Errors([f32; 4]);
 
 impl Errors {
-    /// Of nothing.
+    /// Zeros, for unused entries.
     pub(crate) const NONE: Self = Errors([0.0; 4]);
 
     // Without `array::map`, which is not always inlined.
@@ -54,13 +54,13 @@ impl Errors {
 /// The largest coordinate of supported rays and primitives.
 const MAX_COORDINATE: f32 = (1u32 << 30) as f32;
 
-/// u.
+/// The unit roundoff of f32, 2^-24.
 const U: f64 = f32::EPSILON as f64 / 2.0;
 
 /// The largest component of a direction.
 const DIRECTION: f64 = 1.05;
 
-/// A bound on what underflows: 2^-149 for each of less than a hundred operations, times factors that are below 2^62.
+/// A bound on the error from underflow: 2^-149 for each of less than a hundred operations, times factors below 2^62.
 const UNDERFLOW: f64 = 1.0 / (1u128 << 80) as f64;
 
 impl<F: Floats> RaysInF32<F> {
@@ -175,7 +175,7 @@ impl TriangleInF32 {
         Errors([weight * DIRECTION, sum * DIRECTION, height, 0.0].map(|error| round_up(error + UNDERFLOW)))
     }
 
-    /// The rays that may hit, that certainly hit, and where.
+    /// Estimates the hits of the rays.
     #[inline(always)]
     pub(crate) fn estimate<F: Floats>(&self, errors: &Errors, rays: &RaysInF32<F>) -> Estimate<F> {
         let zero = F::splat(0.0);
@@ -217,13 +217,17 @@ impl TriangleInF32 {
     }
 }
 
+/// More than what squares and their sums lose to underflow.
+const SQUARE_UNDERFLOW: f64 = f32::MIN_POSITIVE as f64;
+
 /// A sphere for [`SphereInF32::estimate`]. With f = o - centre, the ray's line passes the centre nearest at
 /// t = -f . d / d . d, at a distance of m = |f + t d|, and meets the sphere half a chord before and after that.
 ///
 /// # Errors
 /// f is off by 2 u S, t by 42 u S, f + t d by 55 u S on each axis, so m by less than 100 u S, and its square by 8 u of itself
 /// besides. The square of half the chord is then off by 200 u S r + (100 u S)^2 + 8 u r^2, half the chord itself by that
-/// over its computed value. The tier's roundings are those of f64, 2^-29 of these.
+/// over its computed value. The tier's roundings are those of f64, 2^-29 of these. Squares of less than 2^-125 underflow by
+/// 2^-147 in sum ([`SQUARE_UNDERFLOW`]).
 pub(crate) struct SphereInF32 {
     centre: [f32; 3],
     radius: f64,
@@ -253,13 +257,13 @@ impl SphereInF32 {
         let r = self.radius;
         let error = 100.0 * U * (reach + self.size) + UNDERFLOW;
         let margin = 16.0 * U;
-        let outside = (r + error).powi(2) * (1.0 + margin);
-        let inside = (r - error).max(0.0).powi(2) * (1.0 - margin);
-        let of_square = 2.0 * error * r + error * error + margin * r * r;
+        let outside = (r + error).powi(2) * (1.0 + margin) + SQUARE_UNDERFLOW;
+        let inside = (r - error).max(0.0).powi(2) * (1.0 - margin) - SQUARE_UNDERFLOW;
+        let of_square = 2.0 * error * r + error * error + margin * r * r + SQUARE_UNDERFLOW;
         Errors([round_up(error), round_up(of_square), round_up(outside), round_down(inside)])
     }
 
-    /// The rays that may hit, that certainly hit, and where.
+    /// Estimates the hits of the rays.
     #[inline(always)]
     pub(crate) fn estimate<F: Floats>(&self, errors: &Errors, rays: &RaysInF32<F>) -> Estimate<F> {
         let [of_nearest, of_square, outside, inside] = errors.splat();
@@ -434,6 +438,25 @@ mod tests {
             counts.check(&estimate, hit, &|| format!("{sphere:?} {ray:?}"));
         }
         assert!(counts.missed > 2000 && counts.hit > 2000 && counts.open > 2000, "{counts:?}");
+    }
+
+    /// Squares of lengths of 1e-23 are subnormal in f32.
+    #[test]
+    fn tiny_spheres_are_not_missed() {
+        let (mut numbers, mut counts) = (Numbers(13), Counts::default());
+        for _ in 0..40_000 {
+            let sphere = Sphere { centre: DVec3::ZERO, radius: 10f64.powf(-22.5 + 0.5 * numbers.unit()) };
+            let point = numbers.vector().normalize() * sphere.radius * (1.0 - 1e-7 * numbers.unit().abs());
+            let direction = point.cross(numbers.vector() * sphere.radius).normalize();
+            let (rays, ray) =
+                buffer(Precision::Double, point - direction * sphere.radius * 2.0, direction, 0.0);
+            let test = SphereInF32::new(&sphere);
+            let errors = test.errors(reach_of_origins::<D>(rays.rays()));
+            let estimate = test.estimate(&errors, &RaysInF32::<F>::new::<D>(rays.rays(), 0));
+            let hit = AnalyticShape::from(sphere).hit(&ray, Numerics::Watertight);
+            counts.check(&estimate, hit, &|| format!("{sphere:?} {ray:?}"));
+        }
+        assert!(counts.open > 10_000, "{counts:?}");
     }
 
     /// Rays whose direction has another length, or that start too far away, are left to the tier.

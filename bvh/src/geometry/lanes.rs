@@ -104,7 +104,7 @@ impl<D: Vector<Scalar: Into<f64>>> HitN<D> {
     /// Undecided lanes: the result of tiers without a test of several pairs.
     pub(crate) const UNDECIDED: Self = HitN { undecided: D::ALL, ..Self::NONE };
 
-    /// Takes distances and barycentrics of other hits in some lanes.
+    /// Replaces distances and barycentrics in some lanes by those of other hits; masks are left.
     #[inline(always)]
     pub(crate) fn select(&mut self, lanes: u32, other: &Self)
     where

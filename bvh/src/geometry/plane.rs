@@ -75,8 +75,7 @@ impl<D: Doubles> TrianglePlane<D> {
         [error.lt(height), height.lt(D::splat(0.0) - error)]
     }
 
-    /// The rays that the tier certainly misses because their lines cross the plane behind their origins, if `t_min` is not
-    /// negative.
+    /// The rays, of unit direction, whose triangle the tier certainly misses because it lies behind the origin.
     ///
     /// The distance to the plane is H over n . d. Where |n . d| is above 2^-36 of the square of the largest coordinate of a
     /// corner relative to the origin, the depth that the tier computes is off by less than 2^-7 of that coordinate: it is near
@@ -93,7 +92,7 @@ impl<D: Doubles> TrianglePlane<D> {
         let least = farthest * farthest * D::splat(SLOPE_SLACK);
         let below = error.lt(height) & along.lt(zero - least);
         let above = height.lt(zero - error) & least.lt(along);
-        (below | above) & zero.le(rays.t_min)
+        below | above
     }
 }
 

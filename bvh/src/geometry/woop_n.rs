@@ -1,5 +1,6 @@
-//! The watertight triangle test (`woop`) for a ray-triangle pair in each lane: rays and one triangle, rays with a
-//! triangle each, or one ray and four triangles (`WoopTest::hit_triangle4`).
+//! The watertight triangle test (`woop`) for a ray-triangle pair in each lane: rays and one triangle or a triangle each
+//! ([`PreparedRayN`], rays of one major axis), rays of any major axis with a triangle each ([`PreparedEachN`]), or one ray
+//! and four triangles (`WoopTest::hit_triangle4`).
 //!
 //! Operations and their order are those of the test for one ray, so the results have the same bits. Lanes where that
 //! test would branch off (cancellation, zero direction components, sides that f64 does not decide) come back undecided.

@@ -1,7 +1,7 @@
 //! Continuation of paths: directions sampled by BSDFs, and Russian roulette.
 
 use super::numbers::GenerationNumbers;
-use super::vertices::{List, Vertices, select};
+use super::vertices::{IndexList, Vertices, select};
 use super::{Buffers, Path};
 use crate::effects::tile::RayGeneration;
 use crate::shading::bsdf::BsdfSample;
@@ -29,7 +29,7 @@ pub(super) struct Continuations {
     /// The origins of the rays.
     origin: Vec3Soa,
     /// The vertices at which paths continue.
-    continuing: List,
+    continuing: IndexList,
 }
 
 impl Continuations {

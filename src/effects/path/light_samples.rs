@@ -1,18 +1,14 @@
-//! Light samples of path vertices, as structures of arrays: chosen, listed as shadow rays with what they add, and traced
-//! for a generation.
+//! Light samples of path vertices, as structures of arrays.
 
 use glam::DVec3;
 
 use super::lights::{LightConnection, Lights};
 use super::numbers::GenerationNumbers;
-use super::vertices::{List, Vertices, select};
-use super::weights::light_weight;
-use super::{Buffers, LIGHT_RAYS, LightPath, Scatter};
-use crate::effects::tile::{RayGeneration, Tile, vec_bytes};
-use crate::effects::{LightTechnique, RayKind, shadow_ray, transparency};
+use super::vertices::{IndexList, Vertices, select};
+use super::LightPath;
+use crate::effects::tile::vec_bytes;
 use crate::geometry::spawn::SurfacePoint;
-use crate::geometry::{Numerics, Precision, Ray, RayBuffer};
-use crate::shading::LightSample;
+use crate::geometry::{Numerics, RayBuffer};
 use crate::world::{
     EnvironmentCell, Flags, InteractionSoa, PerRay, TriangleSample, TwoTriangles, UNIFORM_DENSITY, Vec3Soa, World, simd, uniform_direction,
 };
@@ -21,34 +17,34 @@ use crate::world::{
 #[derive(Default)]
 pub(super) struct LightSamples {
     /// Unit vectors towards the sampled points.
-    direction: Vec3Soa,
+    pub(super) direction: Vec3Soa,
     /// The same in the frames of the vertices.
     pub(super) local: Vec3Soa,
     /// The incident radiance.
-    radiance: Vec3Soa,
+    pub(super) radiance: Vec3Soa,
     /// The density per solid angle, times the expected number of samples of the light; infinite for lights without
     /// size, which no BSDF sample reaches; 0 where there is no sample, and other arrays mean nothing.
     pub(super) pdf: PerRay<f64>,
     /// The distances of lights without size and of what is infinitely far away; 0 for points of surfaces.
-    distance: PerRay<f64>,
+    pub(super) distance: PerRay<f64>,
     /// Points of surfaces as ends of shadow rays, in front of the surface.
-    end: Vec3Soa,
+    pub(super) end: Vec3Soa,
     /// Origins, directions and lengths of shadow rays.
-    ray_origin: Vec3Soa,
-    ray_direction: Vec3Soa,
-    t_max: PerRay<f64>,
+    pub(super) ray_origin: Vec3Soa,
+    pub(super) ray_direction: Vec3Soa,
+    pub(super) t_max: PerRay<f64>,
     /// Whether the shadow ray starts below the surface, ends at a light without size, or has no length.
-    is_special: Flags,
+    pub(super) is_special: Flags,
     /// The value of the BSDF times the cosine, and its density per solid angle.
     pub(super) value: Vec3Soa,
     pub(super) bsdf_pdf: PerRay<f64>,
     /// The radiance that the paths gain where the light is not occluded.
-    contribution: Vec3Soa,
+    pub(super) contribution: Vec3Soa,
     /// The vertices with a shadow ray.
-    lit: List,
+    pub(super) lit: IndexList,
     /// The shadow rays of these, and what each adds.
-    shadow_rays: RayBuffer,
-    light_paths: Vec<LightPath>,
+    pub(super) shadow_rays: RayBuffer,
+    pub(super) light_paths: Vec<LightPath>,
 }
 
 /// [`TriangleSample`]s as a structure of arrays, at vertices whose light sample is one.
@@ -112,8 +108,8 @@ impl LightSamples {
         if let Some(radiance) = uniform {
             simd!(self.sample_uniform(radiance, lights, vertices, numbers));
         }
-        if lights.has_others(two.is_some()) {
-            self.sample_others((lights, two.is_some()), surfaces, vertices, numbers, triangles);
+        if lights.has_others(two.as_ref()) {
+            self.sample_others((lights, two.as_ref()), surfaces, vertices, numbers, triangles);
         }
         if uniform.is_none() && world.environment.is_some() {
             self.sample_environment(lights, vertices, numbers, cells);
@@ -174,10 +170,10 @@ impl LightSamples {
         self.lit = chosen;
     }
 
-    /// Samples punctual lights, and emitters unless `are_emitters_left`.
+    /// Samples punctual lights, and emitters unless these are `two` triangles.
     fn sample_others(
         &mut self,
-        (lights, are_emitters_left): (&Lights, bool),
+        (lights, two): (&Lights, Option<&TwoTriangles>),
         surfaces: &InteractionSoa,
         vertices: &Vertices,
         numbers: &GenerationNumbers,
@@ -185,8 +181,8 @@ impl LightSamples {
     ) {
         for i in 0..vertices.len() {
             let [choice, point] = numbers.light_and_point(i);
-            let is_left = are_emitters_left && lights.is_emitter(choice);
-            if !vertices.is_visible(i) || is_left || lights.is_environment(choice) {
+            let is_of_two = two.is_some() && lights.is_emitter(choice);
+            if !vertices.is_visible(i) || is_of_two || lights.is_environment(choice) {
                 continue;
             }
             if let Some((sample, radiance)) = lights.sample_triangle(choice, point) {
@@ -271,7 +267,7 @@ impl LightSamples {
 
     /// Computes what samples of triangles are as seen from the vertices, and directions in the frames of the vertices.
     /// There is no sample where shading and geometric normal disagree on the side. `sample` returns whether there is such
-    /// a sample, the sample, its radiance, and a flag; returns whether any sample has the flag.
+    /// a sample, the sample, its radiance, and whether it is near an edge. Returns whether any is.
     #[inline(always)]
     fn find_directions<const FAST: bool>(
         &mut self,
@@ -281,10 +277,10 @@ impl LightSamples {
         sample: impl Fn(usize) -> (bool, TriangleSample, DVec3, bool),
     ) -> bool {
         let expected = lights.expected();
-        let mut is_any = false;
+        let mut is_any_near = false;
         for i in 0..vertices.len() {
-            let (is_set, sample, radiance, flag) = sample(i);
-            is_any |= is_set & flag;
+            let (is_set, sample, radiance, is_near) = sample(i);
+            is_any_near |= is_set & is_near;
             let (direction, normal, pdf) = sample.seen_from(surfaces.position.get(i));
             let end = sample.point.origin_towards(normal, numerics::<FAST>());
             let direction = select(is_set, direction, self.direction.get(i));
@@ -298,184 +294,7 @@ impl LightSamples {
             self.distance[i] = if is_set { 0.0 } else { self.distance[i] };
             self.end.set(i, select(is_set, end, self.end.get(i)));
         }
-        is_any
-    }
-
-    /// Computes contributions and shadow rays.
-    #[inline(always)]
-    fn find_contributions(
-        &mut self,
-        surfaces: &InteractionSoa,
-        vertices: &Vertices,
-        technique: LightTechnique,
-    ) {
-        for i in 0..vertices.len() {
-            let (pdf, value) = (self.pdf[i], self.value.get(i));
-            let weight = light_weight(technique, pdf, self.bsdf_pdf[i]) / pdf;
-            let weight = if pdf == f64::INFINITY { 1.0 } else { weight };
-            let radiance = vertices.throughput.get(i) * value * self.radiance.get(i) * weight;
-            let is_zero = (radiance.x == 0.0) & (radiance.y == 0.0) & (radiance.z == 0.0);
-            self.contribution.set(i, radiance);
-            self.pdf[i] = if is_zero { 0.0 } else { pdf };
-            let (direction, distance) = (self.direction.get(i), self.distance[i]);
-            let to_end = self.end.get(i) - vertices.origin_above(i);
-            let length = to_end.length();
-            let scale = 1.0 / length;
-            let is_far = distance == f64::INFINITY;
-            let is_above = direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
-            let is_common =
-                is_above & (is_far | ((distance == 0.0) & (scale > 0.0) & (scale < f64::INFINITY)));
-            self.ray_origin.set(i, vertices.origin_above(i));
-            self.ray_direction.set(i, select(is_far, direction, to_end * scale));
-            self.t_max[i] = if is_far { f64::INFINITY } else { length };
-            self.is_special.set(i, !is_common);
-        }
-    }
-
-    /// Lists the vertices with a shadow ray, and completes the special ones. Returns the number of samples with a
-    /// contribution that is not finite.
-    fn list_rays(&mut self, world: &World, surfaces: &InteractionSoa, vertices: &Vertices) -> u64 {
-        let mut lit = std::mem::take(&mut self.lit);
-        lit.fill(vertices.len(), |i| self.pdf[i] != 0.0);
-        let discarded = lit.retain(|i| self.contribution.get(i).is_finite());
-        lit.retain(|i| !self.is_special.get(i) || self.set_special_ray(world, surfaces, vertices, i));
-        self.lit = lit;
-        discarded
-    }
-
-    /// Sets the special shadow ray of a vertex; `false` where both ends coincide.
-    #[inline]
-    fn set_special_ray(
-        &mut self,
-        world: &World,
-        surfaces: &InteractionSoa,
-        vertices: &Vertices,
-        i: usize,
-    ) -> bool {
-        let origin = vertices.origin(i, world, surfaces, self.direction.get(i));
-        let ray = self.special_ray(i, origin, surfaces.position.get(i), world.numerics());
-        if let Some(Ray { origin, direction, t_max, .. }) = ray {
-            self.ray_origin.set(i, origin);
-            self.ray_direction.set(i, direction);
-            self.t_max[i] = t_max;
-        }
-        ray.is_some()
-    }
-
-    /// Writes the listed shadow rays.
-    #[inline(always)]
-    fn write_rays(&mut self, precision: Precision) {
-        let LightSamples { lit, shadow_rays, ray_origin, ray_direction, t_max, .. } = self;
-        shadow_rays.write(
-            0..lit.len(),
-            #[inline(always)]
-            |k| {
-                let i = lit.get(k);
-                precision.ray(ray_origin.get(i), ray_direction.get(i), 0.0, t_max[i])
-            },
-        );
-    }
-
-    /// The shadow ray from `origin`, of a vertex at `position`, to any light.
-    fn special_ray(&self, i: usize, origin: DVec3, position: DVec3, numerics: Numerics) -> Option<Ray> {
-        let (direction, distance) = (self.direction.get(i), self.distance[i]);
-        if distance > 0.0 {
-            let light = LightSample { direction, distance, radiance: DVec3::ZERO, cosine: 0.0 };
-            return Some(shadow_ray(origin, &light.seen_from(origin - position), numerics));
-        }
-        let end = self.end.get(i);
-        let direction = (end - origin).try_normalize()?;
-        Some(numerics.ray_precision().ray(origin, direction, 0.0, end.distance(origin)))
-    }
-}
-
-impl Buffers {
-    /// Lists the shadow rays of light samples with a contribution.
-    pub(super) fn list_shadow_rays(
-        &mut self,
-        (world, stage): (&World, &Scatter),
-        generation: &RayGeneration,
-    ) {
-        let Buffers { vertices, light_samples, .. } = self;
-        let surfaces = &*generation.surfaces;
-        // Each sample is limited to its share of the clamp.
-        let count = f64::from(stage.settings.light_samples);
-        for samples in light_samples {
-            // The usual technique is passed as a constant, so that the loop has no branch on it.
-            match stage.technique {
-                LightTechnique::Both => {
-                    simd!(samples.find_contributions(surfaces, vertices, LightTechnique::Both));
-                }
-                technique => samples.find_contributions(surfaces, vertices, technique),
-            }
-            self.discarded += samples.list_rays(world, surfaces, vertices);
-            simd!(samples.write_rays(world.numerics().ray_precision()));
-            for (k, i) in samples.lit.iter().enumerate() {
-                let ray = surfaces.ray_of()[i] as usize;
-                let mut radiance = samples.contribution.get(i);
-                if world.volumes.is_some() {
-                    // What is infinitely far away is in no volume.
-                    let shadow_ray = samples.shadow_rays.get(k);
-                    let t_max = shadow_ray.t_max;
-                    let end = if t_max.is_finite() { shadow_ray.at(t_max) } else { DVec3::INFINITY };
-                    let direction = samples.direction.get(i);
-                    let media = vertices.media_towards(i, surfaces, direction).around(world, end);
-                    radiance *= media.transmittance(world, t_max);
-                }
-                if stage.clamp < f64::INFINITY {
-                    radiance = stage.clamped(radiance * count, self.paths[ray].bounces + 1) / count;
-                }
-                samples.light_paths.push(LightPath { camera_ray: generation.camera_rays[ray], radiance });
-            }
-        }
-    }
-
-    /// Traces the shadow rays of a generation and adds the radiance of those that are not occluded.
-    pub(super) fn trace_shadow_rays(&mut self, tile: &mut Tile, world: &World, continued: Option<RayKind>) {
-        let Buffers { light_samples, occluded, radiance, .. } = self;
-        for LightSamples { shadow_rays, light_paths, .. } in light_samples.iter().map(|samples| &**samples) {
-            occluded.clear();
-            world.accelerator.are_occluded(shadow_rays.rays(), occluded, &mut tile.traversal);
-            match continued {
-                None => {
-                    for (path, &occluded) in light_paths.iter().zip(&*occluded) {
-                        // Without a branch, which would be mispredicted.
-                        let gained = if occluded { DVec3::ZERO } else { path.radiance };
-                        radiance[path.camera_ray as usize] += gained;
-                    }
-                }
-                Some(kind) => {
-                    let mut count = 0;
-                    let rays = shadow_rays.rays().iter();
-                    for ((path, ray), occluded) in light_paths.iter().zip(rays).zip(&mut *occluded) {
-                        let mut transmittance = 1.0;
-                        if *occluded {
-                            transmittance =
-                                transparency::transmittance(world, &ray, &mut tile.traversal, &mut count);
-                            *occluded = transmittance == 0.0;
-                        }
-                        if !*occluded {
-                            radiance[path.camera_ray as usize] += path.radiance * transmittance;
-                        }
-                    }
-                    if count > 0 {
-                        tile.count(kind, count, 0);
-                    }
-                }
-            }
-            if let Some(recorder) = &mut tile.recorder {
-                let sources: Vec<u32> = light_paths.iter().map(|path| path.camera_ray).collect();
-                recorder.record_occlusion(
-                    LIGHT_RAYS,
-                    tile.depth,
-                    None,
-                    &sources,
-                    shadow_rays.rays(),
-                    occluded,
-                );
-            }
-            tile.count(LIGHT_RAYS, occluded.len(), occluded.iter().filter(|&&occluded| occluded).count());
-        }
+        is_any_near
     }
 }
 
@@ -483,7 +302,8 @@ impl Buffers {
 mod tests {
     use super::*;
     use crate::bvh::{Layout, Traversal};
-    use crate::effects::path::Path;
+    use crate::effects::LightTechnique;
+    use crate::effects::path::{Path, Scatter};
     use crate::effects::path::numbers::Sequence;
     use crate::effects::samples::SampleIndex;
     use crate::effects::{PathSettings, TextureUse};
@@ -495,8 +315,8 @@ mod tests {
     };
     use crate::world::{HitOrder, RAYS_PER_BATCH};
 
-    /// A floor, a lamp of two triangles that crosses it, a point light and a uniform environment.
-    fn world(numerics: Numerics) -> World {
+    /// A floor, a lamp of some triangles that crosses it, a uniform environment, and perhaps a point light.
+    fn world(numerics: Numerics, triangles: usize, has_point: bool) -> World {
         let quad = |corners: [[f64; 3]; 4]| Mesh {
             positions: corners.map(DVec3::from).to_vec(),
             triangles: vec![[0, 1, 2], [0, 2, 3]],
@@ -511,13 +331,18 @@ mod tests {
         let lamp = Phong { emission: Colour::Linear(DVec3::new(3.0, 2.0, 1.0)), ..Phong::default() };
         let kind = LightKind::Point { position: DVec3::new(0.3, 1.2, 0.1), falloff: Falloff::None };
         let colour = Colour::Linear(DVec3::ONE);
+        let light = Light { name: String::new(), colour, intensity: 1.0, kind };
+        let mut lamp_mesh = quad([[0.2, -0.5, -1.0], [1.3, 0.8, -1.0], [1.3, 0.8, 1.0], [0.2, -0.5, 1.0]]);
+        lamp_mesh.positions.push(DVec3::new(-1.0, 0.9, 1.2));
+        lamp_mesh.triangles.push([1, 2, 4]);
+        lamp_mesh.triangles.truncate(triangles);
         let scene = Scene {
             materials: vec![Material::Phong(Phong::default()), Material::Phong(lamp)],
             objects: vec![
                 object(0, quad([[-2.0, 0.0, -2.0], [-2.0, 0.0, 2.0], [2.0, 0.0, 2.0], [2.0, 0.0, -2.0]])),
-                object(1, quad([[0.2, -0.5, -1.0], [1.3, 0.8, -1.0], [1.3, 0.8, 1.0], [0.2, -0.5, 1.0]])),
+                object(1, lamp_mesh),
             ],
-            lights: vec![Light { name: String::new(), colour, intensity: 1.0, kind }],
+            lights: if has_point { vec![light] } else { Vec::new() },
             environment: Some(Environment {
                 source: EnvironmentSource::Colour(colour),
                 rotation: 0.0,
@@ -547,8 +372,12 @@ mod tests {
     /// What loops compute for all vertices are the samples and the shadow rays of each vertex alone, in every tier.
     #[test]
     fn light_samples_of_a_generation_are_those_of_each_vertex() {
-        for numerics in Numerics::ALL {
-            let world = world(numerics);
+        let lamps = [(1, true), (2, true), (3, true), (2, false), (3, false)];
+        let mut kinds = [0; 4];
+        for (numerics, (triangles, has_point)) in
+            Numerics::ALL.into_iter().flat_map(|numerics| lamps.map(|lamp| (numerics, lamp)))
+        {
+            let world = world(numerics, triangles, has_point);
             let surfaces = surfaces(&world);
             let stage = Scatter {
                 depth: 3,
@@ -584,7 +413,6 @@ mod tests {
             samples.find_contributions(&surfaces, &vertices, LightTechnique::Both);
             samples.list_rays(&world, &surfaces, &vertices);
             samples.write_rays(world.numerics().ray_precision());
-            let mut kinds = [0; 4];
             for i in 0..vertices.len() {
                 let [choice, point] = numbers.light_and_point(i);
                 let position = surfaces.position.get(i);
@@ -609,7 +437,7 @@ mod tests {
                 let kind = [0.0, f64::INFINITY].iter().position(|&of| of == alone.distance).unwrap_or(2);
                 kinds[kind] += 1;
             }
-            assert!(kinds.into_iter().all(|count| count > 0), "{kinds:?}");
         }
+        assert!(kinds.into_iter().all(|count| count > 0), "{kinds:?}");
     }
 }

@@ -70,10 +70,10 @@ impl<'a> Lights<'a> {
 
     #[inline(always)]
     fn index(&self, choice: f64) -> usize {
-        ((choice * self.count as f64) as usize).min(self.count.wrapping_sub(1))
+        ((choice * self.count as f64) as usize).min(self.count - 1)
     }
 
-    /// Whether a choice is one of the emitters. Without a branch, as the next.
+    /// Whether a choice is one of the emitters. Without branches, for loops over vertices.
     #[inline(always)]
     pub(super) fn is_emitter(&self, choice: [f64; 2]) -> bool {
         let (at, first) = (choice[0] * self.count as f64, self.world.lights.len() as f64);
@@ -81,7 +81,7 @@ impl<'a> Lights<'a> {
         !self.emitters.is_empty() & (first <= at) & (is_last | (at < first + 1.0))
     }
 
-    /// Whether a choice is the environment.
+    /// Whether a choice is the environment. Without branches.
     #[inline(always)]
     pub(super) fn is_environment(&self, choice: [f64; 2]) -> bool {
         self.world.environment.is_some() & ((self.count as f64) - 1.0 <= choice[0] * self.count as f64)
@@ -97,9 +97,9 @@ impl<'a> Lights<'a> {
         self.emitters.two_triangles()
     }
 
-    /// Whether there are lights besides the environment, or besides the emitters, too, if these are `sampled`.
-    pub(super) fn has_others(&self, sampled: bool) -> bool {
-        !self.world.lights.is_empty() || !(sampled || self.emitters.is_empty())
+    /// Whether there are lights without size or discs, or emitters other than one or two triangles.
+    pub(super) fn has_others(&self, two: Option<&TwoTriangles>) -> bool {
+        !self.world.lights.is_empty() || two.is_none() && !self.emitters.is_empty()
     }
 
     /// The light sample of [`Lights::sample`] before it is seen from a point, with its radiance, if it is of a triangle

@@ -25,7 +25,7 @@ impl Media {
         Some(self.0[0]).filter(|&volume| volume != NONE)
     }
 
-    /// Whether there are none: the first would be one.
+    /// Whether there are no volumes: empty entries are last.
     #[inline]
     fn is_empty(&self) -> bool {
         self.0[0] == NONE

@@ -6,8 +6,8 @@
 //! 1. paths add the radiance that surfaces emit, or that rays which hit nothing find ([`emission`]);
 //! 2. lights ([`lights`]) are sampled ([`light_samples`]);
 //! 3. BSDFs are evaluated for the light samples, and sampled ([`bsdf`]);
-//! 4. light samples are listed as shadow rays with what they add, by the weights of multiple importance sampling
-//!    ([`weights`]), and traced together;
+//! 4. light samples are listed as shadow rays with what they add ([`shadow_rays`]), by the weights of multiple importance
+//!    sampling ([`weights`]), and traced together;
 //! 5. Russian roulette ends paths; the others are the next generation, without gaps ([`continuations`]).
 //!
 //! All but the choice of lights, the BSDFs other than Lambert's, and media are loops without branches over structures of
@@ -20,6 +20,7 @@ mod light_samples;
 mod lights;
 mod media;
 mod numbers;
+mod shadow_rays;
 #[cfg(test)]
 mod tests;
 mod vertices;
@@ -32,7 +33,7 @@ use light_samples::{LightSamples, TriangleSamples};
 use lights::Lights;
 use media::Media;
 use numbers::{GenerationNumbers, Sequence};
-use vertices::{List, Vertices};
+use vertices::{IndexList, Vertices};
 
 use super::samples::{SampleIndex, list_samples};
 use super::shadow_catcher::catch_shadows;
@@ -172,7 +173,7 @@ struct Buffers {
     /// For each shadow ray of a light sample, whether it is occluded.
     occluded: Vec<bool>,
     /// The rays of the current generation that hit nothing, and the places of their directions in the environment.
-    missed: Box<List>,
+    missed: Box<IndexList>,
     places: Vec<[f64; 2]>,
     /// Cells of the environment that light samples are taken in.
     cells: Vec<EnvironmentCell>,
@@ -199,7 +200,7 @@ impl Buffers {
             + vec_bytes(media)
             + vec_bytes(next_media)
             + vec_bytes(occluded)
-            + size_of::<List>()
+            + size_of::<IndexList>()
             + vec_bytes(places)
             + vec_bytes(cells)
             + size_of::<GenerationNumbers>()

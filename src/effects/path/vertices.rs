@@ -147,49 +147,49 @@ impl Vertices {
     }
 }
 
-/// Some vertices of a generation, in ascending order.
+/// Indices of vertices or rays of a generation, in ascending order.
 #[derive(Default)]
-pub(super) struct List {
+pub(super) struct IndexList {
     len: usize,
-    vertices: PerRay<u32>,
+    indices: PerRay<u32>,
 }
 
-impl List {
-    /// The number of listed vertices.
+impl IndexList {
+    /// The number of indices.
     #[inline(always)]
     pub(super) fn len(&self) -> usize {
         self.len.min(RAYS_PER_BATCH)
     }
 
-    /// The listed vertex at `k`, below [`List::len`].
+    /// The index at `k`, below [`IndexList::len`].
     #[inline(always)]
     pub(super) fn get(&self, k: usize) -> usize {
-        self.vertices[k] as usize % RAYS_PER_BATCH
+        self.indices[k] as usize % RAYS_PER_BATCH
     }
 
-    /// The listed vertices.
+    /// The indices.
     pub(super) fn iter(&self) -> impl Iterator<Item = usize> {
         (0..self.len()).map(|k| self.get(k))
     }
 
-    /// Lists the vertices below `count` that `is_listed` accepts. Without branches, which would be mispredicted.
+    /// Lists the indices below `count` that `is_listed` accepts. Without branches, which would be mispredicted.
     #[inline(always)]
     pub(super) fn fill(&mut self, count: usize, is_listed: impl Fn(usize) -> bool) {
         self.len = 0;
         for i in 0..count.min(RAYS_PER_BATCH) {
-            self.vertices[self.len % RAYS_PER_BATCH] = i as u32;
+            self.indices[self.len % RAYS_PER_BATCH] = i as u32;
             self.len += usize::from(is_listed(i));
         }
     }
 
-    /// Keeps the listed vertices that `is_kept` accepts. Returns the number of the others.
+    /// Keeps the indices that `is_kept` accepts. Returns the number of the others.
     #[inline(always)]
     pub(super) fn retain(&mut self, mut is_kept: impl FnMut(usize) -> bool) -> u64 {
         let before = self.len();
         self.len = 0;
         for k in 0..before {
             let i = self.get(k);
-            self.vertices[self.len % RAYS_PER_BATCH] = i as u32;
+            self.indices[self.len % RAYS_PER_BATCH] = i as u32;
             self.len += usize::from(is_kept(i));
         }
         (before - self.len) as u64

@@ -13,7 +13,7 @@
 //!    [`Tier`](crate::geometry::Tier), so a hit has the same bits whichever traversal found it, except in `fast`.
 //!
 //! The instruction sets ([`Simd`](crate::geometry::simd::Simd)) give the same results: AVX2 with FMA has all traversals,
-//! AVX-512 all but [`single`], portable Rust [`packet`] and [`single`].
+//! AVX-512 all but [`single`], portable Rust [`packet`], [`all_pairs`] and [`single`].
 
 mod all_pairs;
 mod dispatch;

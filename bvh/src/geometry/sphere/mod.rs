@@ -147,8 +147,8 @@ pub(crate) struct SphereN<D> {
 }
 
 impl<D: Doubles> SphereN<D> {
-    /// The rays that certainly miss because they start outside and lead away, if `t_min` is not negative. What they are
-    /// decided by is off by less than 2^-49 of the sums of absolute values. A line that meets the sphere does so within its
+    /// The rays that certainly miss because they start outside and lead away. What they are decided by is off by less
+    /// than 2^-49 of the sums of absolute values. A line that meets the sphere does so within its
     /// bounds, which then lie behind the origin, too.
     #[inline(always)]
     pub(crate) fn behind(&self, rays: &RayN<D>) -> u32 {
@@ -161,7 +161,7 @@ impl<D: Doubles> SphereN<D> {
         let slack = D::splat(16.0 * f64::EPSILON);
         let sizes = (f[0] * d[0]).abs() + (f[1] * d[1]).abs() + (f[2] * d[2]).abs();
         let outside = ((squares + square) * slack).lt(squares - square);
-        outside & (sizes * slack).lt(dot(&f, d)) & D::splat(0.0).le(rays.t_min)
+        outside & (sizes * slack).lt(dot(&f, d))
     }
 
     /// The hits, by the same operations in the same order as [`Sphere::hit_in_f64`].

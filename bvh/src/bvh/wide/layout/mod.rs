@@ -29,7 +29,7 @@ pub(crate) struct Wide<T: Tier> {
     pub analytic: Vec<(AnalyticShape, PrimId)>,
     /// The number of nodes on the longest path from the root.
     pub depth: usize,
-    /// The primitives once more where there are few.
+    /// Copies of the primitives for [`all_pairs`](super::all_pairs); `None` in larger scenes.
     pub few: Option<Box<FewPrimitives>>,
     /// The instruction set of its traversals.
     pub instructions: InstructionSet,
