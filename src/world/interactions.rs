@@ -8,6 +8,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::World;
+use super::hit_order::{HitOrder, sort};
 use super::interaction::{FurtherTexels, SurfaceInteraction, Texels};
 use super::soa::{Flags, PerRay, RAYS_PER_BATCH, Vec3Soa, simd};
 use crate::bvh::Primitive;
@@ -16,18 +17,6 @@ use crate::geometry::{AnalyticShape, Hit, HitBuffer, PrimId, RayBuffer, SlotId, 
 
 /// The shortest run of hits on one primitive that is computed in a loop of its own.
 const MIN_RUN: usize = 4;
-
-/// Batches are sorted whose hits are on primitives of lower numbers than this.
-const MAX_SORTED: usize = 64;
-
-/// The order of surface interactions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum HitOrder {
-    /// That of the rays.
-    Rays,
-    /// By primitive in batches that hit the first 64 of a scene alone, else that of the rays: for incoherent rays.
-    Primitives,
-}
 
 /// [`SurfaceInteraction`]s of the rays that hit, in a [`HitOrder`], as a structure of arrays.
 #[derive(Default)]
@@ -188,7 +177,7 @@ impl InteractionSoa {
         self.runs.clear();
         self.texels.clear();
         self.further_texels.clear();
-        let is_sorted = order == HitOrder::Primitives && self.sort(hits);
+        let is_sorted = order == HitOrder::Primitives && sort(hits, &mut self.sorted);
         let mut len = 0;
         let mut last = None;
         for place in 0..hits.len() {
@@ -214,31 +203,6 @@ impl InteractionSoa {
                 self.view.set(i, -rays.get(self.ray_of[i] as usize).direction);
             }
         }
-    }
-
-    /// Sorts the rays by the primitives that they hit, so that runs are long; rays that hit nothing are last. Returns whether
-    /// it did: see [`HitOrder`].
-    fn sort(&mut self, hits: &HitBuffer) -> bool {
-        // A hit on primitive 64 has the key of a miss; `gather` leaves out misses only.
-        let key = |i: usize| hits.get(i).map_or(MAX_SORTED, |hit| hit.prim.0 as usize);
-        let mut ends = [0; MAX_SORTED + 1];
-        for i in 0..hits.len() {
-            match ends.get_mut(key(i)) {
-                Some(count) => *count += 1,
-                None => return false,
-            }
-        }
-        let mut end = 0;
-        for count in &mut ends {
-            end += *count;
-            *count = end - *count;
-        }
-        for i in 0..hits.len() {
-            let place = &mut ends[key(i)];
-            self.sorted[*place % RAYS_PER_BATCH] = i as u32;
-            *place += 1;
-        }
-        true
     }
 }
 

@@ -15,6 +15,7 @@ mod environment;
 mod fill;
 mod fit;
 mod ground;
+mod hit_order;
 mod image;
 mod interaction;
 mod interactions;
@@ -22,6 +23,7 @@ mod lens;
 mod mip_map;
 mod recenter;
 mod rectangle;
+mod sampled_triangle;
 mod sky;
 mod soa;
 mod view;
@@ -34,18 +36,18 @@ pub(crate) use environment::{UNIFORM_DENSITY, uniform_direction};
 
 pub(crate) use area_lights::{AreaLights, has_radiance};
 pub(crate) use directional::LightDisc;
-pub(crate) use emitters::{
-    EmitterSample, Emitters, TriangleSample, TwoTriangles, emission_texture, sampled_emission,
-};
+pub(crate) use emitters::{EmitterSample, Emitters, emission_texture, sampled_emission};
 pub(crate) use fill::PreparedFill;
 pub use fit::{Framing, StandardView, fitted_camera, headlight, turntable_camera};
 pub(crate) use fit::{KEY_IRRADIANCE, key_light, opening};
+pub use hit_order::HitOrder;
 pub use image::Image;
 pub use interaction::{FurtherTexels, SurfaceInteraction, Texels};
-pub use interactions::{HitOrder, InteractionSoa};
+pub use interactions::InteractionSoa;
 pub use lens::ThinLens;
 pub use mip_map::{MipLevel, MipMap};
 pub use recenter::{Recentering, recenter};
+pub(crate) use sampled_triangle::{TriangleSample, TwoTriangles};
 pub(crate) use soa::simd;
 pub use soa::{Flags, PerRay, RAYS_PER_BATCH, Vec3Soa, simd_dispatch};
 pub use view::{View, basis};
