@@ -86,7 +86,8 @@ impl Buffers {
         let surfaces = &*generation.surfaces;
         let precision = world.numerics().ray_precision();
         simd!(continuations.find_throughputs(surfaces, vertices, numbers, has_roulette));
-        let Continuations { continuing, pdf, direction, throughput, origin, is_above, .. } = &mut **continuations;
+        let Continuations { continuing, pdf, direction, throughput, origin, is_above, .. } =
+            &mut **continuations;
         let is_finite = |i: usize| throughput.get(i).is_finite();
         continuing.fill(vertices.len(), |i| pdf[i] != 0.0);
         self.discarded += continuing.retain(is_finite);

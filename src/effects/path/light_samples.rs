@@ -2,15 +2,16 @@
 
 use glam::DVec3;
 
+use super::LightPath;
 use super::lights::{LightConnection, Lights};
 use super::numbers::GenerationNumbers;
 use super::vertices::{IndexList, Vertices, select};
-use super::LightPath;
 use crate::effects::tile::vec_bytes;
 use crate::geometry::spawn::SurfacePoint;
 use crate::geometry::{Numerics, RayBuffer};
 use crate::world::{
-    EnvironmentCell, Flags, InteractionSoa, PerRay, TriangleSample, TwoTriangles, UNIFORM_DENSITY, Vec3Soa, World, simd, uniform_direction,
+    EnvironmentCell, Flags, InteractionSoa, PerRay, TriangleSample, TwoTriangles, UNIFORM_DENSITY, Vec3Soa,
+    World, simd, uniform_direction,
 };
 
 /// A light sample at each vertex of a generation.
@@ -303,8 +304,8 @@ mod tests {
     use super::*;
     use crate::bvh::{Layout, Traversal};
     use crate::effects::LightTechnique;
-    use crate::effects::path::{Path, Scatter};
     use crate::effects::path::numbers::Sequence;
+    use crate::effects::path::{Path, Scatter};
     use crate::effects::samples::SampleIndex;
     use crate::effects::{PathSettings, TextureUse};
     use crate::film::{Colour, ColourPipeline};
@@ -405,7 +406,13 @@ mod tests {
             numbers.fill(pixels, sequence);
             numbers.fill_light(sequence, 0);
             let mut samples = Box::<LightSamples>::default();
-            samples.take((&world, &lights), &surfaces, &vertices, &numbers, (&mut Box::default(), &mut Vec::new()));
+            samples.take(
+                (&world, &lights),
+                &surfaces,
+                &vertices,
+                &numbers,
+                (&mut Box::default(), &mut Vec::new()),
+            );
             for i in 0..vertices.len() {
                 samples.bsdf_pdf[i] = 0.3;
                 samples.value.set(i, DVec3::ONE);

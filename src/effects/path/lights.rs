@@ -12,8 +12,8 @@ use crate::scene::TexelEncoding;
 use crate::shading::LightSample;
 use crate::shading::texture::look_up;
 use crate::world::{
-    EmitterSample, Emitters, EnvironmentCell, TwoTriangles, SurfaceInteraction, TexturePoint, TriangleSample, World, emission_texture,
-    sampled_emission,
+    EmitterSample, Emitters, EnvironmentCell, SurfaceInteraction, TexturePoint, TriangleSample, TwoTriangles,
+    World, emission_texture, sampled_emission,
 };
 
 /// The lights of a world.

@@ -61,7 +61,11 @@ impl Media {
         let Some(volumes) = world.volumes.as_ref().filter(|_| !self.is_empty()) else { return self };
         let held = || self.0.into_iter().take_while(|&v| v != NONE);
         let may_hold = |v: &u32| volumes.get(*v).may_hold(point);
-        if held().all(|v| may_hold(&v)) { self } else { held().filter(may_hold).fold(Media::EMPTY, Media::with) }
+        if held().all(|v| may_hold(&v)) {
+            self
+        } else {
+            held().filter(may_hold).fold(Media::EMPTY, Media::with)
+        }
     }
 
     /// The transmittance of the medium over a distance.

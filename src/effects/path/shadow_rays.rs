@@ -89,7 +89,13 @@ impl LightSamples {
     }
 
     /// The shadow ray from `origin`, of a vertex at `position`, to any light.
-    pub(super) fn special_ray(&self, i: usize, origin: DVec3, position: DVec3, numerics: Numerics) -> Option<Ray> {
+    pub(super) fn special_ray(
+        &self,
+        i: usize,
+        origin: DVec3,
+        position: DVec3,
+        numerics: Numerics,
+    ) -> Option<Ray> {
         let (direction, distance) = (self.direction.get(i), self.distance[i]);
         if distance > 0.0 {
             let light = LightSample { direction, distance, radiance: DVec3::ZERO, cosine: 0.0 };
