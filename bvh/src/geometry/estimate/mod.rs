@@ -209,7 +209,8 @@ mod tests {
             let target = target + numbers.vector() * (numbers.scale(&BESIDE) * size);
             let distance = numbers.scale(&[0.0, 1e-12, 1e-6, 1.0, 1.0, 1.0, 1e3]);
             let origin = target + numbers.vector() * (distance * size);
-            let towards = if distance > 0.0 { target - origin } else { numbers.vector() };
+            // Far from the origin of coordinates, both may be rounded to the same point.
+            let towards = if target != origin { target - origin } else { numbers.vector() };
             let t_min = numbers.scale(&[0.0, 0.0, 0.5]) * size;
             let (rays, ray) = buffer(T::NUMERICS.ray_precision(), origin, towards, t_min);
             let triangle = TriangleInF32::new(&corners.map(|corner| corner.to_array()));
