@@ -7,7 +7,9 @@ use crate::geometry::simd::Floats;
 /// A triangle for [`TriangleInF32::estimate`]. For rays o + t d, with edges p and q from corner a and n = p x q, the test
 /// computes (Möller and Trumbore, Fast, Minimum Storage Ray/Triangle Intersection, 1997)
 ///
-///     s = o - a,  c = s x d,  v = q . c,  w = -p . c,  sum = -n . d,  u = sum - v - w,  t = n . s / sum
+/// ```text
+/// s = o - a,  c = s x d,  v = q . c,  w = -p . c,  sum = -n . d,  u = sum - v - w,  t = n . s / sum
+/// ```
 ///
 /// where v, w and u have the sign of `sum` if the ray's line crosses the triangle.
 ///
