@@ -77,6 +77,13 @@ impl Vec3Soa {
     }
 }
 
+/// `a` if the condition holds, otherwise `b`, without a branch.
+#[inline(always)]
+pub fn select(condition: bool, a: DVec3, b: DVec3) -> DVec3 {
+    let select = |a: f64, b: f64| if condition { a } else { b };
+    DVec3::new(select(a.x, b.x), select(a.y, b.y), select(a.z, b.z))
+}
+
 /// A flag per ray, as wide as a coordinate: loops that store numbers of several sizes are not vectorised.
 #[derive(Debug, Clone, Default)]
 pub struct Flags(PerRay<u64>);

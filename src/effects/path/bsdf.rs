@@ -1,51 +1,206 @@
 //! The BSDFs of path vertices: their parameters, their values for light samples, and the directions that they sample.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::continuations::Continuations;
 use super::light_samples::LightSamples;
 use super::media::Crossing;
 use super::numbers::GenerationNumbers;
-use super::vertices::Vertices;
-use crate::scene::{Material, Phong};
-use crate::shading::bsdf::{Bsdf, BsdfParameters, diffuse};
-use crate::world::{InteractionSoa, PreparedMaterial, SurfaceInteraction, World, simd};
+use super::reflections::Reflections;
+use super::smooth_glass::SmoothGlasses;
+use super::vertices::{Members, Vertices};
+use crate::effects::tile::vec_bytes;
+use crate::scene::{Layers, Material, Phong, TextureSlot};
+use crate::shading::bsdf::{Bsdf, BsdfParameters, Ggx, diffuse};
+use crate::world::{InteractionSoa, PreparedMaterial, Vec3Soa, World, simd};
 
-/// Evaluates the BSDFs for the light samples of all vertices and samples a direction of each. Without random numbers
-/// these directions mean nothing, only whether BSDFs are made of delta lobes.
-pub(super) fn eval_and_sample(
-    world: &World,
-    surfaces: &InteractionSoa,
-    vertices: &Vertices,
-    numbers: &GenerationNumbers,
-    lights: &mut [Box<LightSamples>],
-    continuations: &mut Continuations,
-) {
-    if vertices.general.len() < vertices.len() {
-        for samples in &mut *lights {
-            simd!(eval_diffuse(vertices, samples));
-        }
-        simd!(sample_diffuse(vertices, numbers, continuations));
-    }
-    let mut bsdf = Bsdf::EMPTY;
-    for i in vertices.general.iter().map(|&i| i as usize) {
-        let is_set = set(&mut bsdf, world, surfaces, vertices, i);
-        let is_delta = !is_set || bsdf.is_delta();
-        for samples in &mut *lights {
-            if is_delta || samples.pdf[i] == 0.0 {
-                samples.pdf[i] = 0.0;
-                continue;
+/// The BSDFs of the vertices of a generation, by class. What a vertex has in more than one class, the later decides.
+#[derive(Default)]
+pub(super) struct Bsdfs {
+    /// Vertices with Lambert's BSDF alone, and their albedos.
+    diffuse: Members,
+    albedo: Vec3Soa,
+    reflections: Reflections,
+    smooth_glass: SmoothGlasses,
+    /// All other vertices.
+    general: Vec<u32>,
+}
+
+/// The classes of BSDFs.
+#[derive(Clone, Copy)]
+enum Class {
+    Diffuse,
+    Reflection,
+    SmoothGlass,
+    General,
+}
+
+impl Class {
+    /// The class of all surfaces of a material.
+    fn of(material: &PreparedMaterial) -> Self {
+        match material {
+            Material::Phong(Phong { refraction: Some(_), .. }) => Class::SmoothGlass,
+            Material::Phong(m) if m.specular <= 0.0 => Class::Diffuse,
+            Material::Phong(_) => Class::Reflection,
+            Material::MetallicRoughness(m) => {
+                let Layers { transmission, clearcoat, sheen_colour, volume, .. } = m.layers;
+                let has_texture = |slot| m.further_textures.iter().any(|texture| texture.slot == slot);
+                if m.unlit || clearcoat > 0.0 || sheen_colour != DVec3::ZERO {
+                    Class::General
+                } else if transmission <= 0.0 {
+                    Class::Reflection
+                } else if transmission >= 1.0
+                    && !has_texture(TextureSlot::Transmission)
+                    && volume.is_some()
+                    && m.metallic <= 0.0
+                    && Ggx::new(m.roughness).is_delta()
+                {
+                    Class::SmoothGlass
+                } else {
+                    Class::General
+                }
             }
-            let (value, pdf) = bsdf.eval_pdf(samples.local.get(i));
+        }
+    }
+}
+
+impl Bsdfs {
+    /// Bytes of memory.
+    pub(super) fn bytes(&self) -> usize {
+        size_of::<Self>() + vec_bytes(&self.general)
+    }
+
+    /// Finds the BSDFs of a generation.
+    pub(super) fn find(&mut self, world: &World, surfaces: &InteractionSoa, vertices: &Vertices) {
+        self.diffuse.clear();
+        self.reflections.members.clear();
+        self.smooth_glass.members.clear();
+        self.general.clear();
+        for (material, range) in surfaces.by_material() {
+            let material = &world.materials[*material as usize];
+            let class = Class::of(material);
+            // Where surfaces are hidden, none reflects light.
+            let is_hidden = |i: usize| vertices.crossings.get(i).is_some_and(|crossing| crossing.is_hidden);
+            if !vertices.crossings.is_empty() && range.clone().any(is_hidden) {
+                for i in range.clone() {
+                    let class = if is_hidden(i) { Class::SmoothGlass } else { class };
+                    self.add(class, material, surfaces, vertices, i..i + 1);
+                }
+            } else {
+                self.add(class, material, surfaces, vertices, range.clone());
+            }
+        }
+        let Bsdfs { reflections, .. } = self;
+        simd!(reflections.find_positions(vertices));
+        reflections.look_up();
+    }
+
+    /// Adds vertices with surfaces of one class and material.
+    fn add(
+        &mut self,
+        class: Class,
+        material: &PreparedMaterial,
+        surfaces: &InteractionSoa,
+        vertices: &Vertices,
+        range: Range<usize>,
+    ) {
+        let parameters = |i: usize| {
+            let crossing = vertices.crossings.get(i).unwrap_or(&Crossing::NONE);
+            parameters(material, surfaces, i, crossing).unwrap_or_default()
+        };
+        match class {
+            Class::Diffuse => {
+                for i in range.clone() {
+                    self.albedo.set(i, diffuse_albedo(material, surfaces, i));
+                }
+                self.diffuse.push(range);
+            }
+            Class::Reflection => {
+                for i in range.clone() {
+                    self.reflections.set(i, &parameters(i));
+                }
+                self.reflections.members.push(range);
+            }
+            Class::SmoothGlass => {
+                for i in range.clone() {
+                    self.smooth_glass.set(i, &parameters(i));
+                }
+                self.smooth_glass.members.push(range);
+            }
+            Class::General => self.general.extend(range.start as u32..range.end as u32),
+        }
+    }
+
+    /// Evaluates the BSDFs for the light samples of all vertices and samples a direction of each. Without random numbers
+    /// these directions mean nothing, only whether BSDFs are made of delta lobes.
+    pub(super) fn eval_and_sample(
+        &self,
+        world: &World,
+        surfaces: &InteractionSoa,
+        vertices: &Vertices,
+        numbers: &GenerationNumbers,
+        lights: &mut [Box<LightSamples>],
+        continuations: &mut Continuations,
+    ) {
+        for samples in &mut *lights {
+            simd!(self.eval_diffuse(samples));
+            simd!(self.reflections.eval(vertices, samples));
+            simd!(self.smooth_glass.drop_light_samples(samples));
+        }
+        simd!(self.sample_diffuse(vertices, numbers, continuations));
+        simd!(self.reflections.sample(vertices, numbers, continuations));
+        simd!(self.smooth_glass.sample(vertices, numbers, continuations));
+        let mut bsdf = Bsdf::EMPTY;
+        for i in self.general.iter().map(|&i| i as usize) {
+            let is_set = set(&mut bsdf, world, surfaces, vertices, i);
+            let is_delta = !is_set || bsdf.is_delta();
+            for samples in &mut *lights {
+                if is_delta || samples.pdf[i] == 0.0 {
+                    samples.pdf[i] = 0.0;
+                    continue;
+                }
+                let (value, pdf) = bsdf.eval_pdf(samples.local.get(i));
+                samples.value.set(i, value);
+                samples.bsdf_pdf[i] = pdf;
+            }
+            let sample = is_set.then(|| {
+                let [[x, y], [lobe, _]] = [numbers.direction(i), numbers.lobe_and_roulette(i)];
+                bsdf.sample([lobe, x, y])
+            });
+            continuations.set(i, sample.flatten());
+            continuations.is_delta.set(i, is_set && is_delta);
+        }
+    }
+
+    #[inline(always)]
+    fn eval_diffuse(&self, samples: &mut LightSamples) {
+        for i in self.diffuse.range() {
+            let (value, pdf) = diffuse::eval_pdf(self.albedo.get(i), samples.local.get(i));
             samples.value.set(i, value);
             samples.bsdf_pdf[i] = pdf;
         }
-        let sample = is_set.then(|| {
-            let [[x, y], [lobe, _]] = [numbers.direction(i), numbers.lobe_and_roulette(i)];
-            bsdf.sample([lobe, x, y])
-        });
-        continuations.set(i, sample.flatten());
-        continuations.is_delta.set(i, is_set && is_delta);
+    }
+
+    #[inline(always)]
+    fn sample_diffuse(
+        &self,
+        vertices: &Vertices,
+        numbers: &GenerationNumbers,
+        continuations: &mut Continuations,
+    ) {
+        for i in self.diffuse.range() {
+            let albedo = self.albedo.get(i);
+            let direction = diffuse::sample(numbers.direction(i));
+            let (value, pdf) = diffuse::eval_pdf(albedo, direction);
+            let (is_visible, reflects) = (vertices.is_visible(i), albedo.element_sum() > 0.0);
+            let is_possible = is_visible & reflects & (pdf > 0.0);
+            continuations.local.set(i, direction);
+            continuations.weight.set(i, value / pdf);
+            continuations.pdf[i] = if is_possible { pdf } else { 0.0 };
+            continuations.is_delta.set(i, is_visible & !reflects);
+        }
     }
 }
 
@@ -54,46 +209,16 @@ fn set(bsdf: &mut Bsdf, world: &World, surfaces: &InteractionSoa, vertices: &Ver
     if !vertices.is_visible(i) {
         return false;
     }
-    let surface = surfaces.get(i);
     let crossing = vertices.crossings.get(i).unwrap_or(&Crossing::NONE);
-    let material = &world.materials[surface.material as usize];
-    let Some(parameters) = parameters(material, &surface, crossing) else { return false };
+    let material = &world.materials[surfaces.materials()[i] as usize];
+    let Some(parameters) = parameters(material, surfaces, i, crossing) else { return false };
     bsdf.set(&parameters, vertices.view.get(i));
     true
 }
 
-#[inline(always)]
-fn eval_diffuse(vertices: &Vertices, samples: &mut LightSamples) {
-    for i in 0..vertices.len() {
-        let (value, pdf) = diffuse::eval_pdf(vertices.albedo.get(i), samples.local.get(i));
-        samples.value.set(i, value);
-        samples.bsdf_pdf[i] = pdf;
-    }
-}
-
-#[inline(always)]
-fn sample_diffuse(vertices: &Vertices, numbers: &GenerationNumbers, continuations: &mut Continuations) {
-    for i in 0..vertices.len() {
-        let albedo = vertices.albedo.get(i);
-        let direction = diffuse::sample(numbers.direction(i));
-        let (value, pdf) = diffuse::eval_pdf(albedo, direction);
-        let (is_visible, reflects) = (vertices.is_visible(i), albedo.element_sum() > 0.0);
-        let is_possible = is_visible & reflects & (pdf > 0.0);
-        continuations.local.set(i, direction);
-        continuations.weight.set(i, value / pdf);
-        continuations.pdf[i] = if is_possible { pdf } else { 0.0 };
-        continuations.is_delta.set(i, is_visible & !reflects);
-    }
-}
-
-/// Whether the BSDF of a material is Lambert's alone.
-pub(super) fn is_diffuse(material: &PreparedMaterial) -> bool {
-    matches!(material, Material::Phong(m) if m.specular <= 0.0 && m.refraction.is_none())
-}
-
-/// The albedo of a surface of a material that [`is_diffuse`].
+/// The albedo of a surface of class [`Class::Diffuse`].
 #[inline]
-pub(super) fn diffuse_albedo(material: &PreparedMaterial, surfaces: &InteractionSoa, i: usize) -> DVec3 {
+fn diffuse_albedo(material: &PreparedMaterial, surfaces: &InteractionSoa, i: usize) -> DVec3 {
     let Material::Phong(m) = material else { return DVec3::ZERO };
     let texel = surfaces.texels.get(i).map_or(DVec3::ONE, |texels| texels.colour);
     phong_albedo(m, surfaces.tint.get(i), texel)
@@ -111,7 +236,8 @@ fn unit(colour: DVec3) -> DVec3 {
 #[inline]
 fn parameters(
     material: &PreparedMaterial,
-    surface: &SurfaceInteraction,
+    surfaces: &InteractionSoa,
+    i: usize,
     crossing: &Crossing,
 ) -> Option<BsdfParameters> {
     if crossing.is_hidden {
@@ -122,24 +248,26 @@ fn parameters(
             ..BsdfParameters::default()
         });
     }
-    let texels = &surface.further_texels;
+    let tint = surfaces.tint.get(i);
+    let texels = surfaces.texels.get(i).copied().unwrap_or_default();
+    let further = surfaces.further_texels.get(i).copied().unwrap_or_default();
     let from_inside = crossing.from_inside;
     let parameters = match material {
         Material::MetallicRoughness(m) if m.unlit => return None,
         Material::MetallicRoughness(m) => BsdfParameters {
-            base_colour: unit(m.base_colour * surface.tint * surface.texels.colour),
-            metallic: (m.metallic * surface.texels.metallic).clamp(0.0, 1.0),
-            roughness: (m.roughness * surface.texels.roughness).clamp(0.0, 1.0),
+            base_colour: unit(m.base_colour * tint * texels.colour),
+            metallic: (m.metallic * texels.metallic).clamp(0.0, 1.0),
+            roughness: (m.roughness * texels.roughness).clamp(0.0, 1.0),
             ior: m.layers.ior,
-            specular: m.layers.specular * texels.specular,
-            specular_colour: m.layers.specular_colour * texels.specular_colour,
-            transmission: m.layers.transmission * texels.transmission,
+            specular: m.layers.specular * further.specular,
+            specular_colour: m.layers.specular_colour * further.specular_colour,
+            transmission: m.layers.transmission * further.transmission,
             thin_walled: m.layers.volume.is_none(),
             from_inside,
-            clearcoat: m.layers.clearcoat * texels.clearcoat,
-            clearcoat_roughness: m.layers.clearcoat_roughness * texels.clearcoat_roughness,
-            sheen_colour: m.layers.sheen_colour * texels.sheen_colour,
-            sheen_roughness: m.layers.sheen_roughness * texels.sheen_roughness,
+            clearcoat: m.layers.clearcoat * further.clearcoat,
+            clearcoat_roughness: m.layers.clearcoat_roughness * further.clearcoat_roughness,
+            sheen_colour: m.layers.sheen_colour * further.sheen_colour,
+            sheen_roughness: m.layers.sheen_roughness * further.sheen_roughness,
         },
         Material::Phong(Phong { refraction: Some(glass), .. }) => BsdfParameters {
             base_colour: unit(glass.filter),
@@ -153,7 +281,7 @@ fn parameters(
         // Blinn's exponent as a width of GGX (Walter and others, Microfacet Models for Refraction, 2007, section 5.2):
         // alpha^2 = 2 / (n + 2). Without a highlight there is no specular layer.
         Material::Phong(m) => BsdfParameters {
-            base_colour: phong_albedo(m, surface.tint, surface.texels.colour),
+            base_colour: phong_albedo(m, tint, texels.colour),
             metallic: 0.0,
             roughness: (2.0 / (m.shininess + 2.0)).sqrt().sqrt().clamp(0.0, 1.0),
             specular: m.specular.clamp(0.0, 1.0),

@@ -1,11 +1,11 @@
 //! Continuation of paths: directions sampled by BSDFs, and Russian roulette.
 
 use super::numbers::GenerationNumbers;
-use super::vertices::{IndexList, Vertices, select};
+use super::vertices::{IndexList, Members, Vertices};
 use super::{Buffers, Path};
 use crate::effects::tile::RayGeneration;
-use crate::shading::bsdf::BsdfSample;
-use crate::world::{Flags, InteractionSoa, PerRay, Vec3Soa, World, simd};
+use crate::shading::bsdf::{BsdfSample, DirectionSample};
+use crate::world::{Flags, InteractionSoa, PerRay, Vec3Soa, World, select, simd};
 
 /// The highest probability with which roulette lets a path continue.
 const MAX_SURVIVAL: f64 = 0.95;
@@ -42,6 +42,24 @@ impl Continuations {
         self.local.set(i, direction);
         self.weight.set(i, weight);
         self.pdf[i] = if is_delta { f64::INFINITY } else { pdf };
+    }
+
+    /// Sets the sample of a vertex with a class of BSDF, if it is a member.
+    #[inline(always)]
+    pub(super) fn set_member(
+        &mut self,
+        members: &Members,
+        vertices: &Vertices,
+        i: usize,
+        sample: DirectionSample,
+        is_delta: bool,
+    ) {
+        let (is_member, is_visible) = (members.has(i), vertices.is_visible(i));
+        let pdf = if is_visible { sample.pdf } else { 0.0 };
+        self.local.set(i, select(is_member, sample.direction, self.local.get(i)));
+        self.weight.set(i, select(is_member, sample.weight, self.weight.get(i)));
+        self.pdf[i] = if is_member { pdf } else { self.pdf[i] };
+        self.is_delta.set(i, (is_member & is_visible & is_delta) | (!is_member & self.is_delta.get(i)));
     }
 
     /// Computes directions in the world and throughputs. Paths end where shading and geometric normal disagree on the

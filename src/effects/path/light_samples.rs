@@ -5,13 +5,13 @@ use glam::DVec3;
 use super::LightPath;
 use super::lights::{LightConnection, Lights};
 use super::numbers::GenerationNumbers;
-use super::vertices::{IndexList, Vertices, select};
+use super::vertices::{IndexList, Vertices};
 use crate::effects::tile::vec_bytes;
 use crate::geometry::spawn::SurfacePoint;
 use crate::geometry::{Numerics, RayBuffer};
 use crate::world::{
     EnvironmentCell, Flags, InteractionSoa, PerRay, TriangleSample, TwoTriangles, UNIFORM_DENSITY, Vec3Soa,
-    World, simd, uniform_direction,
+    World, select, simd, uniform_direction,
 };
 
 /// A light sample at each vertex of a generation.

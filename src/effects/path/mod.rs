@@ -20,7 +20,9 @@ mod light_samples;
 mod lights;
 mod media;
 mod numbers;
+mod reflections;
 mod shadow_rays;
+mod smooth_glass;
 #[cfg(test)]
 mod tests;
 mod vertices;
@@ -28,6 +30,7 @@ mod weights;
 
 use glam::DVec3;
 
+use bsdf::Bsdfs;
 use continuations::Continuations;
 use light_samples::{LightSamples, TriangleSamples};
 use lights::Lights;
@@ -180,6 +183,7 @@ struct Buffers {
     /// What the vertices of the current generation have.
     numbers: Box<GenerationNumbers>,
     vertices: Box<Vertices>,
+    bsdfs: Box<Bsdfs>,
     /// Light samples, each of all vertices.
     light_samples: Vec<Box<LightSamples>>,
     triangle_samples: Box<TriangleSamples>,
@@ -191,7 +195,7 @@ struct Buffers {
 impl Buffers {
     fn bytes(&self) -> usize {
         let Buffers { radiance, samples, paths, next, media, next_media, .. } = self;
-        let Buffers { occluded, places, cells, vertices, light_samples, .. } = self;
+        let Buffers { occluded, places, cells, vertices, bsdfs, light_samples, .. } = self;
         size_of::<Buffers>()
             + vec_bytes(radiance)
             + vec_bytes(samples)
@@ -205,6 +209,7 @@ impl Buffers {
             + vec_bytes(cells)
             + size_of::<GenerationNumbers>()
             + vertices.bytes()
+            + bsdfs.bytes()
             + vec_bytes(light_samples)
             + light_samples.iter().map(|samples| samples.bytes()).sum::<usize>()
             + size_of::<TriangleSamples>()
@@ -316,9 +321,10 @@ impl Buffers {
             self.vertices.find_frames(world, surfaces);
         }
         if !is_last || scattering.is_some() {
-            let Buffers { vertices, numbers, light_samples, continuations, .. } = self;
+            let Buffers { vertices, bsdfs, numbers, light_samples, continuations, .. } = self;
             let light_samples = if is_last { &mut [] } else { &mut light_samples[..] };
-            bsdf::eval_and_sample(world, surfaces, vertices, numbers, light_samples, continuations);
+            bsdfs.find(world, surfaces, vertices);
+            bsdfs.eval_and_sample(world, surfaces, vertices, numbers, light_samples, continuations);
         }
         if let Some(found) = &mut scattering {
             self.note_scattering(world, generation, found);

@@ -3,14 +3,14 @@
 use glam::DVec3;
 
 use super::light_samples::LightSamples;
-use super::vertices::{Vertices, select};
+use super::vertices::Vertices;
 use super::weights::light_weight;
 use super::{Buffers, LIGHT_RAYS, LightPath, Scatter};
 use crate::effects::tile::{RayGeneration, Tile};
 use crate::effects::{LightTechnique, RayKind, shadow_ray, transparency};
 use crate::geometry::{Numerics, Precision, Ray};
 use crate::shading::LightSample;
-use crate::world::{InteractionSoa, World, simd};
+use crate::world::{InteractionSoa, World, select, simd};
 
 impl LightSamples {
     /// Computes contributions and shadow rays.

@@ -2,14 +2,15 @@
 //! Entry i belongs to surface interaction i. Loops compute all entries, also those that mean nothing, from whatever an
 //! earlier generation left there; which ones count is said with each array.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::Path;
-use super::bsdf::{diffuse_albedo, is_diffuse};
 use super::media::{Crossing, Media};
 use crate::effects::ray_origins::find_origins;
 use crate::effects::tile::vec_bytes;
-use crate::world::{InteractionSoa, PerRay, RAYS_PER_BATCH, Vec3Soa, World, simd};
+use crate::world::{Flags, InteractionSoa, PerRay, RAYS_PER_BATCH, Vec3Soa, World, select, simd};
 
 /// The vertices of a generation.
 #[derive(Default)]
@@ -23,10 +24,6 @@ pub(super) struct Vertices {
     pub(super) view: Vec3Soa,
     /// The origins of rays that leave on the side of the geometric normal.
     origin: Vec3Soa,
-    /// The albedos of surfaces whose BSDF is Lambert's alone.
-    pub(super) albedo: Vec3Soa,
-    /// The vertices whose BSDF is another one.
-    pub(super) general: Vec<u32>,
     /// The media at each surface; empty in worlds without volumes.
     pub(super) crossings: Vec<Crossing>,
 }
@@ -40,7 +37,7 @@ impl Vertices {
 
     /// Bytes of memory.
     pub(super) fn bytes(&self) -> usize {
-        size_of::<Vertices>() + vec_bytes(&self.general) + vec_bytes(&self.crossings)
+        size_of::<Vertices>() + vec_bytes(&self.crossings)
     }
 
     /// Begins a generation: `paths` and `media` are those of its rays, `media` empty in worlds without volumes.
@@ -52,7 +49,6 @@ impl Vertices {
         media: &[Media],
     ) {
         self.len = surfaces.len();
-        self.general.clear();
         self.crossings.clear();
         for (i, &ray) in surfaces.ray_of().iter().enumerate() {
             let mut throughput = paths[ray as usize].throughput;
@@ -62,17 +58,6 @@ impl Vertices {
                 self.crossings.push(crossing);
             }
             self.throughput.set(i, throughput);
-        }
-        for (material, range) in surfaces.by_material() {
-            let material = &world.materials[*material as usize];
-            let are_hidden = |i: usize| self.crossings.get(i).is_some_and(|crossing| crossing.is_hidden);
-            if !is_diffuse(material) || !self.crossings.is_empty() && range.clone().any(are_hidden) {
-                self.general.extend(range.start as u32..range.end as u32);
-                continue;
-            }
-            for i in range.clone() {
-                self.albedo.set(i, diffuse_albedo(material, surfaces, i));
-            }
         }
     }
 
@@ -196,9 +181,39 @@ impl IndexList {
     }
 }
 
-/// `a` if the condition holds, otherwise `b`.
-#[inline(always)]
-pub(super) fn select(condition: bool, a: DVec3, b: DVec3) -> DVec3 {
-    let select = |a: f64, b: f64| if condition { a } else { b };
-    DVec3::new(select(a.x, b.x), select(a.y, b.y), select(a.z, b.z))
+/// The vertices with a class of BSDF. Loops compute all vertices of the range from the first to the last of them.
+#[derive(Default)]
+pub(super) struct Members {
+    start: usize,
+    end: usize,
+    is_member: Flags,
+}
+
+impl Members {
+    /// Removes all.
+    pub(super) fn clear(&mut self) {
+        (self.start, self.end) = (0, 0);
+    }
+
+    /// Adds vertices, after those of lower index.
+    pub(super) fn push(&mut self, range: Range<usize>) {
+        if self.end == 0 {
+            (self.start, self.end) = (range.start, range.start);
+        }
+        (self.end..range.start).for_each(|between| self.is_member.set(between, false));
+        range.clone().for_each(|i| self.is_member.set(i, true));
+        self.end = range.end;
+    }
+
+    /// The vertices from the first to the last member.
+    #[inline(always)]
+    pub(super) fn range(&self) -> Range<usize> {
+        self.start..self.end.min(RAYS_PER_BATCH)
+    }
+
+    /// Whether a vertex of the range is a member.
+    #[inline(always)]
+    pub(super) fn has(&self, i: usize) -> bool {
+        self.is_member.get(i)
+    }
 }

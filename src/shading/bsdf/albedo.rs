@@ -19,6 +19,9 @@ const NODES: [usize; 2] = [46, 44];
 /// Points of the quadrature of a node: azimuths of half a turn, and polar positions.
 const POINTS: [usize; 2] = [24, 40];
 
+/// The values of smooth surfaces, which the table leaves out.
+pub(crate) const OF_A_MIRROR: [f64; 2] = [1.0, 0.0];
+
 /// The directional albedos of the reflection lobe of one roughness and view.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct GgxAlbedo {
@@ -31,34 +34,43 @@ pub(crate) struct GgxAlbedo {
 impl GgxAlbedo {
     /// The albedos of a view with the cosine `cos`, 0 to 1. A smooth surface is a mirror.
     pub(crate) fn new(ggx: Ggx, cos: f64) -> Self {
-        let weight = schlick_weight(cos);
-        if ggx.is_delta() {
-            return GgxAlbedo { all: 1.0, schlick: weight };
-        }
+        let values = if ggx.is_delta() { OF_A_MIRROR } else { Self::table().at(to_unit(ggx, cos)) };
+        Self::from_values(values, cos)
+    }
+
+    /// The table of all rough surfaces, over [`to_unit`]. Its values are those of [`GgxAlbedo::from_values`].
+    pub(crate) fn table() -> &'static Table<2, 2> {
         static TABLE: OnceLock<Table<2, 2>> = OnceLock::new();
-        let table = TABLE.get_or_init(|| {
+        TABLE.get_or_init(|| {
             Table::new(NODES, |position| {
                 let (ggx, cos) = from_unit(position);
                 let albedo = integrate(ggx, cos, POINTS);
                 [albedo.all, albedo.schlick / albedo.all - schlick_weight(cos)]
             })
-        });
-        let [all, excess] = table.at(to_unit(ggx, cos));
-        GgxAlbedo { all, schlick: (all * (excess + weight)).clamp(0.0, all) }
+        })
+    }
+
+    /// The albedos by values of the table for the cosine `cos`, or by [`OF_A_MIRROR`].
+    #[inline(always)]
+    pub(crate) fn from_values([all, excess]: [f64; 2], cos: f64) -> Self {
+        GgxAlbedo { all, schlick: (all * (excess + schlick_weight(cos))).max(0.0).min(all) }
     }
 
     /// Turquin's compensation for a reflectance at normal incidence.
+    #[inline(always)]
     pub(crate) fn compensation(&self, f0: DVec3) -> DVec3 {
         DVec3::ONE + f0 * ((1.0 - self.all) / self.all)
     }
 
     /// Fresnel factors at normal and grazing incidence with the compensation of multiple scattering.
+    #[inline(always)]
     pub(crate) fn compensated(&self, [f0, f90]: [DVec3; 2]) -> [DVec3; 2] {
         let compensation = self.compensation(f0);
         [f0 * compensation, f90 * compensation]
     }
 
     /// The albedo for Schlick's approximation between `f0` and `f90`.
+    #[inline(always)]
     pub(crate) fn of(&self, f0: DVec3, f90: DVec3) -> DVec3 {
         f0 * (self.all - self.schlick) + f90 * self.schlick
     }
@@ -67,6 +79,7 @@ impl GgxAlbedo {
 /// The position in the table. Masking depends on cosine / alpha at grazing views and hardly on the cosine elsewhere:
 /// the coordinate is 1 - sqrt(1 - sqrt(x)) of x = cos (1 + alpha) / (cos + alpha), which spreads both ends. The other
 /// is the perceptual roughness.
+#[inline(always)]
 pub(crate) fn to_unit(ggx: Ggx, cos: f64) -> [f64; 2] {
     let alpha = ggx.alpha();
     let least = MIN_ALPHA.sqrt();

@@ -41,33 +41,38 @@ pub(crate) fn normal_reflectance(eta: f64) -> f64 {
 ///
 /// `eta` is the relative index (see [`relative_index`]), `cos` the cosine of the angle of incidence, 0 to 1.
 pub(crate) fn refracted_cosine(eta: f64, cos: f64) -> Option<f64> {
+    let (refracted, is_total) = refraction(eta, cos);
+    (!is_total).then_some(refracted)
+}
+
+/// [`refracted_cosine`] without branches: the cosine, and whether reflection is total, where it means nothing.
+#[inline(always)]
+pub(crate) fn refraction(eta: f64, cos: f64) -> (f64, bool) {
     // 1 - sin^2 / eta^2 = (eta^2 - 1 + cos^2) / eta^2, without the loss of digits of 1 - cos^2 at grazing angles.
     let numerator = (eta - 1.0) * (eta + 1.0) + cos * cos;
-    if eta.is_infinite() {
-        return Some(1.0);
-    }
-    (numerator > 0.0 && eta > 0.0).then(|| (numerator.sqrt() / eta).min(1.0))
+    let is_infinite = eta == f64::INFINITY;
+    let refracted = (numerator.max(0.0).sqrt() / eta).min(1.0);
+    let refracts = is_infinite | ((numerator > 0.0) & (eta > 0.0));
+    (if is_infinite { 1.0 } else { refracted }, !refracts)
 }
 
 /// The reflectance of a dielectric interface for unpolarised light, 0 to 1; 1 in total internal reflection.
 ///
 /// Fresnel's equations as in Walter et al., Microfacet Models for Refraction through Rough Surfaces, EGSR 2007,
 /// equation 22, written with the refracted cosine. Arguments as for [`refracted_cosine`].
+#[inline(always)]
 pub(crate) fn dielectric(eta: f64, cos: f64) -> f64 {
-    if eta == 1.0 {
-        return 0.0;
-    }
-    if eta.is_infinite() {
-        return 1.0;
-    }
-    let Some(refracted) = refracted_cosine(eta, cos) else { return 1.0 };
+    let (refracted, is_total) = refraction(eta, cos);
     let perpendicular = (cos - eta * refracted) / (cos + eta * refracted);
     let parallel = (eta * cos - refracted) / (eta * cos + refracted);
-    (0.5 * (perpendicular * perpendicular + parallel * parallel)).min(1.0)
+    let partial = (0.5 * (perpendicular * perpendicular + parallel * parallel)).min(1.0);
+    let reflectance = if is_total | (eta == f64::INFINITY) { 1.0 } else { partial };
+    if eta == 1.0 { 0.0 } else { reflectance }
 }
 
 /// Schlick's weight (1 - cos)^5 of the reflectance at grazing incidence (An Inexpensive BRDF Model for
 /// Physically-based Rendering, Computer Graphics Forum 13(3), 1994).
+#[inline(always)]
 pub(crate) fn schlick_weight(cos: f64) -> f64 {
     let x = (1.0 - cos).clamp(0.0, 1.0);
     let square = x * x;
@@ -133,16 +138,17 @@ impl Interface {
     }
 
     /// The reflectance by channel, 0 to 1, at the cosine between view and (microfacet) normal.
+    #[inline(always)]
     pub(crate) fn reflectance(&self, cos: f64) -> DVec3 {
-        if self.eta < 1.0 && refracted_cosine(self.eta, cos).is_none() {
-            return DVec3::ONE;
-        }
-        (self.offset + self.slope * dielectric(self.eta, cos)).clamp(DVec3::ZERO, DVec3::ONE)
+        let is_total = (self.eta < 1.0) & refraction(self.eta, cos).1;
+        let modified = (self.offset + self.slope * dielectric(self.eta, cos)).clamp(DVec3::ZERO, DVec3::ONE);
+        if is_total { DVec3::ONE } else { modified }
     }
 
     /// The part of light that is transmitted, 0 to 1, where `reflectance` is reflected. It is one number, so that a
     /// coloured reflection does not tint the transmission in the complementary colour, as KHR_materials_specular
     /// states.
+    #[inline(always)]
     pub(crate) fn transmittance(&self, reflectance: DVec3) -> f64 {
         if self.eta.is_infinite() { 0.0 } else { 1.0 - reflectance.max_element() }
     }

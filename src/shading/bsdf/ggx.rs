@@ -22,21 +22,25 @@ pub(crate) struct Ggx {
 
 impl Ggx {
     /// The distribution of a perceptual roughness, 0 to 1: alpha is its square (glTF 2.0, appendix B.2.3).
+    #[inline(always)]
     pub(crate) fn new(roughness: f64) -> Self {
         Ggx { alpha: roughness * roughness }
     }
 
     /// Alpha, 0 to 1.
+    #[inline(always)]
     pub(crate) fn alpha(self) -> f64 {
         self.alpha
     }
 
     /// Whether the surface is smooth: its lobe is a delta function.
+    #[inline(always)]
     pub(crate) fn is_delta(self) -> bool {
         self.alpha < MIN_ALPHA
     }
 
     /// The density of microfacet normals, D: their area per solid angle and macroscopic area.
+    #[inline(always)]
     pub(crate) fn density(self, normal: DVec3) -> f64 {
         let a2 = self.alpha * self.alpha;
         let t = normal.x * normal.x + normal.y * normal.y + a2 * normal.z * normal.z;
@@ -44,14 +48,14 @@ impl Ggx {
     }
 
     /// cos (1 + 2 Lambda(cos)), where Lambda is Smith's function of GGX.
-    #[inline]
+    #[inline(always)]
     fn smith(self, cos: f64) -> f64 {
         let a2 = self.alpha * self.alpha;
         (a2 + (1.0 - a2) * cos * cos).sqrt()
     }
 
     /// Smith's masking G1 of a direction, divided by its cosine.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn masking_over_cosine(self, cos: f64) -> f64 {
         2.0 / (cos + self.smith(cos))
     }
@@ -61,9 +65,21 @@ impl Ggx {
     /// too.
     ///
     /// `view` and `light` are absolute cosines.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn shadowing_over_cosine(self, view: f64, light: f64) -> f64 {
         2.0 * light / (view * self.smith(light) + light * self.smith(view))
+    }
+
+    /// The reflection between two directions, without the Fresnel factor and without branches: D G2 / (4 |n.v|), the
+    /// density of [`reflect`] at [`Ggx::visible_normal`], and v.h. The first two are 0 where nothing is reflected.
+    #[inline(always)]
+    pub(crate) fn reflection(self, view: DVec3, light: DVec3) -> (f64, f64, f64) {
+        let (half, v_h, exists) = half_vector_or_any(view, light);
+        let is_reflected = exists & (light.z > 0.0) & !self.is_delta();
+        let density = 0.25 * self.density(half);
+        let select = |value: f64| if is_reflected { value } else { 0.0 };
+        let scattered = select(density * self.shadowing_over_cosine(view.z, light.z));
+        (scattered, select(density * self.masking_over_cosine(view.z)), v_h)
     }
 
     /// A normal with the density of those that a view sees, G1 D max(0, v.m) / v.z, by uniform points on spherical
@@ -71,6 +87,13 @@ impl Ggx {
     /// leaves no normal.
     #[inline]
     pub(crate) fn sample_visible_normal(self, view: DVec3, numbers: [f64; 2]) -> Option<DVec3> {
+        let (normal, exists) = self.visible_normal(view, numbers);
+        exists.then_some(normal)
+    }
+
+    /// [`Ggx::sample_visible_normal`] without branches: the normal, and whether there is one.
+    #[inline(always)]
+    pub(crate) fn visible_normal(self, view: DVec3, numbers: [f64; 2]) -> (DVec3, bool) {
         let stretched = DVec3::new(view.x * self.alpha, view.y * self.alpha, view.z).normalize();
         // A point of the cap z > -stretched.z. 1 - z and 1 + z are products and sums of positive numbers.
         let height = 1.0 + stretched.z;
@@ -83,12 +106,14 @@ impl Ggx {
             (sine * sin_phi + stretched.y) * self.alpha,
             (1.0 - numbers[1]) * height,
         );
-        half.try_normalize().filter(|normal| normal.z > 0.0)
+        let scale = half.length_recip();
+        let normal = half * scale;
+        (normal, (scale > 0.0) & (scale < f64::INFINITY) & (normal.z > 0.0))
     }
 }
 
 /// The mirror direction of `view` about `normal`.
-#[inline]
+#[inline(always)]
 pub(crate) fn reflect(view: DVec3, normal: DVec3) -> DVec3 {
     normal * (2.0 * view.dot(normal)) - view
 }
@@ -100,10 +125,17 @@ pub(crate) fn refract(view: DVec3, normal: DVec3, eta: f64, v_m: f64, refracted:
 
 /// The half vector of view and light, and its cosine to either. `None` where they are opposite.
 pub(crate) fn half_vector(view: DVec3, light: DVec3) -> Option<(DVec3, f64)> {
+    let (half, cos, exists) = half_vector_or_any(view, light);
+    exists.then_some((half, cos))
+}
+
+/// [`half_vector`] without branches: also whether there is one.
+#[inline(always)]
+fn half_vector_or_any(view: DVec3, light: DVec3) -> (DVec3, f64, bool) {
     let sum = view + light;
     // v.h = |v + l| / 2, without the loss of digits of v.h.
     let length = sum.length();
-    (length > 1e-150).then(|| (sum / length, (0.5 * length).min(1.0)))
+    (sum / length, (0.5 * length).min(1.0), length > 1e-150)
 }
 
 #[cfg(test)]

@@ -10,11 +10,13 @@
 
 use glam::DVec3;
 
+use super::DirectionSample;
 use super::albedo::GgxAlbedo;
-use super::fresnel::{Interface, refracted_cosine};
+use super::fresnel::{Interface, refracted_cosine, refraction};
 use super::ggx::{Ggx, half_vector, reflect, refract};
 use super::glass_albedo::GlassAlbedo;
 use super::lobe::{LobeSample, Value};
+use crate::world::select;
 
 /// The least cosine between a light and the surface, far below the rounding of unit vectors.
 pub(crate) const LEAST_COSINE: f64 = 1e-200;
@@ -106,28 +108,54 @@ impl Glass {
 
     /// A direction: reflection or refraction by `choice`, at a visible normal. `None`: masked or absorbed.
     pub(crate) fn sample(&self, view: DVec3, choice: f64, numbers: [f64; 2]) -> Option<LobeSample> {
-        let eta = self.interface.eta;
-        let smooth = self.is_delta();
-        let normal = if smooth { DVec3::Z } else { self.ggx.sample_visible_normal(view, numbers)? };
+        if self.is_delta() {
+            let smooth = SmoothGlass { interface: self.interface, tint: self.tint };
+            let DirectionSample { direction, weight, pdf } = smooth.sample(view, choice);
+            return (pdf > 0.0).then_some(LobeSample::Delta(direction, weight * self.scale));
+        }
+        let normal = self.ggx.sample_visible_normal(view, numbers)?;
         let v_m = view.dot(normal).clamp(0.0, 1.0);
         let split = self.split(v_m);
         if choice < split.probability {
             let light = reflect(view, normal);
-            return match smooth {
-                true => Some(LobeSample::Delta(light, split.reflected / split.probability)),
-                false => (light.z > 0.0).then_some(LobeSample::Scattered(light)),
-            };
+            return (light.z > 0.0).then_some(LobeSample::Scattered(light));
         }
         if split.transmitted == DVec3::ZERO {
             return None;
         }
-        let light = match eta {
-            1.0 => -view,
-            _ => refract(view, normal, eta, v_m, refracted_cosine(eta, v_m)?).normalize(),
-        };
-        match smooth {
-            true => Some(LobeSample::Delta(light, split.transmitted / (1.0 - split.probability))),
-            false => (light.z < 0.0).then_some(LobeSample::Scattered(light)),
+        let eta = self.interface.eta;
+        let light = refract(view, normal, eta, v_m, refracted_cosine(eta, v_m)?).normalize();
+        (light.z < 0.0).then_some(LobeSample::Scattered(light))
+    }
+}
+
+/// A smooth interface, or none, of a transparent volume, without branches.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SmoothGlass {
+    pub(crate) interface: Interface,
+    /// Factor of the transmitted light.
+    pub(crate) tint: DVec3,
+}
+
+impl SmoothGlass {
+    /// The reflected or refracted direction, by `choice`.
+    #[inline(always)]
+    pub(crate) fn sample(&self, view: DVec3, choice: f64) -> DirectionSample {
+        let eta = self.interface.eta;
+        let reflected = self.interface.reflectance(view.z);
+        let transmitted = self.tint * self.interface.transmittance(reflected);
+        let (r, t) = (reflected.element_sum(), transmitted.element_sum());
+        let probability = if r + t > 0.0 { r / (r + t) } else { 0.0 };
+        let is_reflected = choice < probability;
+        let (refracted, is_total) = refraction(eta, view.z);
+        let through = DVec3::new(-view.x / eta, -view.y / eta, -refracted).normalize();
+        let through = select(eta == 1.0, -view, through);
+        let direction = select(is_reflected, DVec3::new(-view.x, -view.y, view.z), through);
+        let is_possible = (is_reflected | ((t > 0.0) & !is_total)) & (direction.z != 0.0);
+        DirectionSample {
+            direction,
+            weight: select(is_reflected, reflected / probability, transmitted / (1.0 - probability)),
+            pdf: if is_possible { f64::INFINITY } else { 0.0 },
         }
     }
 }

@@ -24,6 +24,7 @@ mod ggx;
 mod glass;
 mod glass_albedo;
 mod lobe;
+mod reflection;
 mod sheen;
 mod specular;
 mod table;
@@ -37,11 +38,14 @@ mod tests;
 
 use glam::DVec3;
 
-pub(crate) use albedo::GgxAlbedo;
+pub(crate) use albedo::{GgxAlbedo, OF_A_MIRROR, to_unit};
 pub(crate) use dielectric::reflectances;
-use fresnel::{Fresnel, Interface, relative_index};
+use fresnel::Fresnel;
+pub(crate) use fresnel::{Interface, relative_index};
 pub(crate) use ggx::Ggx;
+pub(crate) use reflection::{Reflection, ReflectionParameters};
 use glass::Glass;
+pub(crate) use glass::SmoothGlass;
 use lobe::{Lobe, LobeSample, Value};
 use sheen::Sheen;
 use specular::Specular;
@@ -98,9 +102,15 @@ impl Default for BsdfParameters {
     }
 }
 
+/// A view with a cosine that can be divided by.
+#[inline(always)]
+pub(crate) fn clamped_view(view: DVec3) -> DVec3 {
+    DVec3::new(view.x, view.y, view.z.clamp(glass::LEAST_COSINE, 1.0))
+}
+
 impl BsdfParameters {
     /// The parameters with all values in range. A thin wall has no inside.
-    fn clamped(&self) -> Self {
+    pub(crate) fn clamped(&self) -> Self {
         let unit = |value: f64| if value > 0.0 { value.min(1.0) } else { 0.0 };
         let colour = |value: DVec3| DVec3::new(unit(value.x), unit(value.y), unit(value.z));
         let positive = |value: f64| if value > 0.0 { value.min(f64::MAX) } else { 0.0 };
@@ -138,6 +148,17 @@ pub struct BsdfSample {
     pub is_transmission: bool,
 }
 
+/// A light direction sampled without branches.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct DirectionSample {
+    /// Unit vector, away from the surface.
+    pub(crate) direction: DVec3,
+    /// Factor of the throughput: BSDF times absolute cosine over density.
+    pub(crate) weight: DVec3,
+    /// The density per solid angle; infinite for delta lobes; 0 where the light is absorbed, and the rest means nothing.
+    pub(crate) pdf: f64,
+}
+
 /// The most lobes that a material has at once: clearcoat, sheen, specular, diffuse, and two of a thin wall.
 const MAX_LOBES: usize = 6;
 
@@ -172,7 +193,7 @@ impl Bsdf {
     }
 
     fn set_view(&mut self, view: DVec3) {
-        self.view = DVec3::new(view.x, view.y, view.z.clamp(glass::LEAST_COSINE, 1.0));
+        self.view = clamped_view(view);
     }
 
     fn lobes(&self) -> impl Iterator<Item = &(Lobe, f64)> {
@@ -210,10 +231,6 @@ impl Bsdf {
         let metal = weight * p.metallic;
         let transparent = (weight - metal) * p.transmission;
         let opaque = weight - metal - transparent;
-        if p.specular == 0.0 && opaque == weight {
-            // Nothing but Lambert; the code below gives the same lobe.
-            return self.push(Lobe::Diffuse(p.base_colour * weight));
-        }
         if metal + opaque > 0.0 {
             self.push_reflection(p, ggx, [metal, opaque]);
         }
@@ -234,14 +251,8 @@ impl Bsdf {
     /// reflection below the dielectric.
     fn push_reflection(&mut self, p: &BsdfParameters, ggx: Ggx, [metal, opaque]: [f64; 2]) {
         let albedo = GgxAlbedo::new(ggx, self.view.z);
-        // Metals: the base colour at normal incidence (glTF 2.0, appendix B.2.1). One of 1 reflects all light.
-        let mut factors = albedo.compensated([p.base_colour, DVec3::ONE]).map(|factor| factor * metal);
-        let mut diffuse = DVec3::ZERO;
-        if opaque > 0.0 {
-            let [f0, f90] = albedo.compensated(reflectances(p.ior, p.specular, p.specular_colour));
-            factors = [factors[0] + f0 * opaque, factors[1] + f90 * opaque];
-            diffuse = p.base_colour * (opaque * (1.0 - albedo.of(f0, f90).max_element()).max(0.0));
-        }
+        let reflectances = reflectances(p.ior, p.specular, p.specular_colour);
+        let (factors, diffuse) = reflection::factors(p.base_colour, [metal, opaque], reflectances, &albedo);
         self.push(Lobe::Specular(Specular::schlick(ggx, factors, &albedo)));
         self.push(Lobe::Diffuse(diffuse));
     }

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::albedo::GgxAlbedo;
 use super::fresnel::Fresnel;
-use super::ggx::{Ggx, half_vector, reflect};
+use super::ggx::{Ggx, reflect};
 use super::lobe::{LobeSample, Value};
 
 /// A reflection lobe, D F G2 / (4 |n.v| |n.l|), with weights and compensation in the Fresnel factor.
@@ -53,12 +53,8 @@ impl Specular {
         if light.z <= 0.0 || self.is_delta() {
             return Value::ZERO;
         }
-        let Some((half, v_h)) = half_vector(view, light) else { return Value::ZERO };
-        let density = 0.25 * self.ggx.density(half);
-        Value {
-            scattered: self.fresnel.at(v_h) * (density * self.ggx.shadowing_over_cosine(view.z, light.z)),
-            density: density * self.ggx.masking_over_cosine(view.z),
-        }
+        let (scattered, density, v_h) = self.ggx.reflection(view, light);
+        Value { scattered: self.fresnel.at(v_h) * scattered, density }
     }
 
     /// A direction from a visible normal. `None`: below the surface.
