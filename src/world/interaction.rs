@@ -217,12 +217,6 @@ impl World {
         if hits.iter().any(is_certain) { before } else { point }
     }
 
-    /// Whether a surface is seen from the back: from the inside of an analytic shape, or where the corners of a
-    /// triangle are seen clockwise, counterclockwise in a mirrored mesh.
-    pub(crate) fn is_seen_from_back(&self, surface: &SurfaceInteraction) -> bool {
-        surface.is_turned != self.objects[surface.object as usize].is_mirrored
-    }
-
     /// The analytic shape that a surface is on; `None` for triangles.
     pub(crate) fn shape_of(&self, surface: &SurfaceInteraction) -> Option<AnalyticShape> {
         match self.accelerator.primitive(surface.hit.slot) {
@@ -231,7 +225,7 @@ impl World {
         }
     }
 
-    /// [`World::is_seen_from_back`] for a hit with an object at `position`, seen from the direction `view`.
+    /// [`World::is_seen_from_back`] of a hit with an object at `position`, seen from the direction `view`.
     pub(crate) fn is_back(&self, object: u32, hit: &Hit, position: DVec3, view: DVec3) -> bool {
         let outward = match self.accelerator.primitive(hit.slot) {
             Primitive::Triangle(triangle) if self.objects[object as usize].is_mirrored => -triangle.normal(),

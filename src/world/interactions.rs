@@ -230,6 +230,13 @@ impl World {
         surfaces.find_material_ranges();
     }
 
+    /// Whether a surface is seen from the back: from the inside of an analytic shape, or where the corners of a
+    /// triangle are seen clockwise, counterclockwise in a mirrored mesh.
+    #[inline]
+    pub(crate) fn is_seen_from_back(&self, surfaces: &InteractionSoa, i: usize) -> bool {
+        surfaces.is_turned.get(i) != self.objects[surfaces.object[i] as usize].is_mirrored
+    }
+
     /// Computes the interactions of a run, which ends before `end`. Returns `false` where its hits are left to
     /// [`World::interactions_of_single_hits`].
     fn interactions_of_run(

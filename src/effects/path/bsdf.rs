@@ -81,11 +81,10 @@ impl Bsdfs {
         for (material, range) in surfaces.by_material() {
             let material = &world.materials[*material as usize];
             let class = Class::of(material);
-            // Where surfaces are hidden, none reflects light.
-            let is_hidden = |i: usize| vertices.crossings.get(i).is_some_and(|crossing| crossing.is_hidden);
-            if !vertices.crossings.is_empty() && range.clone().any(is_hidden) {
+            if vertices.is_any_hidden(range.clone()) {
                 for i in range.clone() {
-                    let class = if is_hidden(i) { Class::SmoothGlass } else { class };
+                    // There is no interface, whatever the material.
+                    let class = if vertices.crossing(i).is_hidden { Class::SmoothGlass } else { class };
                     self.add(class, material, surfaces, vertices, i..i + 1);
                 }
             } else {
@@ -107,8 +106,7 @@ impl Bsdfs {
         range: Range<usize>,
     ) {
         let parameters = |i: usize| {
-            let crossing = vertices.crossings.get(i).unwrap_or(&Crossing::NONE);
-            parameters(material, surfaces, i, crossing).unwrap_or_default()
+            parameters(material, surfaces, i, vertices.crossing(i)).unwrap_or_default()
         };
         match class {
             Class::Diffuse => {
@@ -209,9 +207,8 @@ fn set(bsdf: &mut Bsdf, world: &World, surfaces: &InteractionSoa, vertices: &Ver
     if !vertices.is_visible(i) {
         return false;
     }
-    let crossing = vertices.crossings.get(i).unwrap_or(&Crossing::NONE);
     let material = &world.materials[surfaces.materials()[i] as usize];
-    let Some(parameters) = parameters(material, surfaces, i, crossing) else { return false };
+    let Some(parameters) = parameters(material, surfaces, i, vertices.crossing(i)) else { return false };
     bsdf.set(&parameters, vertices.view.get(i));
     true
 }

@@ -120,17 +120,19 @@ impl Buffers {
                 precision.ray(origin.get(i), direction.get(i), 0.0, f64::INFINITY)
             }
         ));
-        for i in continuing.iter() {
-            let ray = surfaces.ray_of()[i] as usize;
-            next.sources.push(i as u32);
-            next.camera_rays.push(generation.camera_rays[ray]);
-            let before = self.paths[ray].bounces;
+        // In a loop each: an iterator of known length is appended without checks of the capacity.
+        let ray_of = |i: usize| surfaces.ray_of()[i] as usize;
+        next.sources.extend(continuing.iter().map(|i| i as u32));
+        next.camera_rays.extend(continuing.iter().map(|i| generation.camera_rays[ray_of(i)]));
+        self.next.extend(continuing.iter().map(|i| {
+            let before = self.paths[ray_of(i)].bounces;
             let bounces = if before == 0 && pdf[i].is_infinite() { 0 } else { before + 1 };
             let (throughput, from) = (throughput.get(i), surfaces.position.get(i));
-            self.next.push(Path { throughput, pdf: pdf[i], from, bounces });
-            if world.volumes.is_some() {
-                self.next_media.push(vertices.media_towards(i, surfaces, direction.get(i)));
-            }
+            Path { throughput, pdf: pdf[i], from, bounces }
+        }));
+        if world.volumes.is_some() {
+            let media = |i: usize| vertices.media_towards(i, surfaces, direction.get(i));
+            self.next_media.extend(continuing.iter().map(media));
         }
     }
 }

@@ -86,7 +86,7 @@ impl Buffers {
                 let surface = surfaces.get(i);
                 let emission = emission(material, &surface);
                 let is_dark_side =
-                    world.emitters.is_one_sided(surface.hit.prim) && world.is_seen_from_back(&surface);
+                    world.emitters.is_one_sided(surface.hit.prim) && world.is_seen_from_back(surfaces, i);
                 if emission == DVec3::ZERO || is_dark_side {
                     continue;
                 }

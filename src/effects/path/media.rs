@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use crate::bvh::Traversal;
-use crate::world::{InteractionSoa, World};
+use crate::effects::tile::vec_bytes;
+use crate::world::{InteractionSoa, Volumes, World};
 
 /// The most volumes of which a path knows that they hold its vertex. Beyond, those that enclose most are forgotten; a
 /// hit from inside recalls them.
@@ -14,11 +15,11 @@ const NONE: u32 = u32::MAX;
 
 /// The closed volumes that hold a point, in the order of their precedence, those entered several times as often.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Media([u32; CAPACITY]);
+struct Media([u32; CAPACITY]);
 
 impl Media {
     /// Outside of all volumes.
-    pub(super) const EMPTY: Media = Media([NONE; CAPACITY]);
+    const EMPTY: Media = Media([NONE; CAPACITY]);
 
     /// The volume that is the medium.
     fn medium(self) -> Option<u32> {
@@ -55,34 +56,20 @@ impl Media {
         self
     }
 
+    /// The volumes, in order.
+    fn volumes(&self) -> impl Iterator<Item = u32> {
+        self.0.into_iter().take_while(|&volume| volume != NONE)
+    }
+
     /// Those of the volumes that may hold a point. Drops volumes that were left unseen: by a surface that coincides with
     /// another, or that was passed by its opacity.
-    pub(super) fn around(self, world: &World, point: DVec3) -> Self {
-        let Some(volumes) = world.volumes.as_ref().filter(|_| !self.is_empty()) else { return self };
-        let held = || self.0.into_iter().take_while(|&v| v != NONE);
-        let may_hold = |v: &u32| volumes.get(*v).may_hold(point);
-        if held().all(|v| may_hold(&v)) {
+    fn around(self, volumes: &Volumes, point: DVec3) -> Self {
+        let may_hold = |volume: &u32| volumes.get(*volume).may_hold(point);
+        if self.volumes().all(|volume| may_hold(&volume)) {
             self
         } else {
-            held().filter(may_hold).fold(Media::EMPTY, Media::with)
+            self.volumes().filter(may_hold).fold(Media::EMPTY, Media::with)
         }
-    }
-
-    /// The transmittance of the medium over a distance.
-    pub(super) fn transmittance(self, world: &World, distance: f64) -> DVec3 {
-        transmittance(world, self.medium(), distance)
-    }
-
-    /// Lists the volumes that hold each of some points, of which consecutive ones may be equal.
-    pub(super) fn at_each(world: &World, points: impl Iterator<Item = DVec3>, media: &mut Vec<Media>) {
-        let mut traversal = Traversal::default();
-        let mut last = (DVec3::NAN, Media::EMPTY);
-        media.extend(points.map(|point| {
-            if point != last.0 {
-                last = (point, Media::at(world, point, &mut traversal));
-            }
-            last.1
-        }));
     }
 
     /// The volumes that hold a point: those whose nearest surface along a ray is met from inside.
@@ -113,13 +100,22 @@ impl Media {
     }
 }
 
+/// A set of volumes in a [`MediaTable`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct MediaId(u32);
+
+impl MediaId {
+    /// Outside of all volumes.
+    pub(super) const EMPTY: MediaId = MediaId(0);
+}
+
 /// A surface that a path meets, as far as media are concerned.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Crossing {
     /// The medium that the path came through.
     passed: Option<u32>,
     /// The closed volumes in front of the surface, on the path's side, and behind it.
-    pub(super) sides: [Media; 2],
+    pub(super) sides: [MediaId; 2],
     /// Whether the surface bounds a volume and the path came through that.
     pub(super) from_inside: bool,
     /// Whether a volume that goes before that of the surface is on both sides, so that there is no interface.
@@ -132,38 +128,130 @@ impl Crossing {
     /// A surface with no medium on either side.
     pub(super) const NONE: Crossing = Crossing {
         passed: None,
-        sides: [Media::EMPTY; 2],
+        sides: [MediaId::EMPTY; 2],
         from_inside: false,
         is_hidden: false,
         ior_around: 1.0,
     };
 
-    /// Surface `i`, which a path from `media` meets.
-    pub(super) fn new(world: &World, media: Media, surfaces: &InteractionSoa, i: usize) -> Self {
-        let Some(volumes) = &world.volumes else { return Crossing::NONE };
-        let own = volumes.of_object(surfaces.objects()[i]);
-        if own.is_none() && media.is_empty() {
-            return Crossing::NONE;
-        }
-        let around = media.around(world, surfaces.position.get(i));
-        let from_inside = own.is_some() && world.is_seen_from_back(&surfaces.get(i));
-        let closed = own.filter(|&own| volumes.get(own).is_closed);
-        let outside = closed.filter(|_| from_inside).map_or(around, |own| around.without(own));
-        let inside = closed.map_or(outside, |own| outside.with(own));
-        let medium = outside.medium();
-        Crossing {
-            passed: own.filter(|_| from_inside).map_or(around, |own| outside.with(own)).medium(),
-            sides: if from_inside { [inside, outside] } else { [outside, inside] },
-            from_inside,
-            is_hidden: medium.zip(closed).is_some_and(|(medium, own)| medium <= own),
-            ior_around: medium.map_or(1.0, |medium| volumes.get(medium).ior),
-        }
-    }
-
     /// The transmittance of what the path came through, over a distance.
+    #[inline]
     pub(super) fn transmittance(&self, world: &World, distance: f64) -> DVec3 {
         transmittance(world, self.passed, distance)
     }
+}
+
+/// What a [`Crossing`] depends on: the volumes around the surface, its own, and whether the path is inside that.
+type CrossingKey = (MediaId, Option<u32>, bool);
+
+/// The sets of volumes that hold the vertices of some paths, and the surfaces between them. Few are different.
+#[derive(Default)]
+pub(super) struct MediaTable {
+    sets: Vec<Media>,
+    crossings: Vec<(CrossingKey, Crossing)>,
+}
+
+/// The latest entries of a [`MediaTable`] that are searched. One that is not found there is added again.
+const SEARCHED: usize = 8;
+
+impl MediaTable {
+    /// Bytes of memory.
+    pub(super) fn bytes(&self) -> usize {
+        vec_bytes(&self.sets) + vec_bytes(&self.crossings)
+    }
+
+    /// Begins new paths, and lists the volumes that hold their origins, of which consecutive ones may be equal.
+    pub(super) fn start(
+        &mut self,
+        world: &World,
+        origins: impl Iterator<Item = DVec3>,
+        media: &mut Vec<MediaId>,
+    ) {
+        self.crossings.clear();
+        self.sets.clear();
+        self.sets.push(Media::EMPTY);
+        let mut traversal = Traversal::default();
+        let mut last = (DVec3::NAN, MediaId::EMPTY);
+        media.extend(origins.map(|point| {
+            if point != last.0 {
+                last = (point, self.id(Media::at(world, point, &mut traversal)));
+            }
+            last.1
+        }));
+    }
+
+    fn id(&mut self, media: Media) -> MediaId {
+        if media.is_empty() {
+            return MediaId::EMPTY;
+        }
+        let known = latest(self.sets.len()).find(|&id| self.sets[id] == media);
+        let id = known.unwrap_or_else(|| {
+            self.sets.push(media);
+            self.sets.len() - 1
+        });
+        MediaId(id as u32)
+    }
+
+    /// The entry of surface `i`, which a path within `media` meets.
+    #[inline]
+    pub(super) fn meet(&mut self, world: &World, media: MediaId, surfaces: &InteractionSoa, i: usize) -> u32 {
+        let own = world.volumes.as_ref().and_then(|volumes| volumes.of_object(surfaces.objects()[i]));
+        let from_inside = own.is_some() && world.is_seen_from_back(surfaces, i);
+        let key = (self.around(world, media, surfaces.position.get(i)), own, from_inside);
+        let known = latest(self.crossings.len()).find(|&entry| self.crossings[entry].0 == key);
+        known.unwrap_or_else(|| self.add_crossing(world, key)) as u32
+    }
+
+    /// Those of the volumes that may hold a point.
+    #[inline]
+    fn around(&mut self, world: &World, media: MediaId, point: DVec3) -> MediaId {
+        let Some(volumes) = world.volumes.as_ref().filter(|_| media != MediaId::EMPTY) else { return media };
+        let all = self.sets[media.0 as usize];
+        let around = all.around(volumes, point);
+        if around == all { media } else { self.id(around) }
+    }
+
+    #[cold]
+    fn add_crossing(&mut self, world: &World, key: CrossingKey) -> usize {
+        let (around, own, from_inside) = key;
+        let crossing = world.volumes.as_ref().map_or(Crossing::NONE, |volumes| {
+            let around = self.sets[around.0 as usize];
+            let closed = own.filter(|&own| volumes.get(own).is_closed);
+            let outside = closed.filter(|_| from_inside).map_or(around, |own| around.without(own));
+            let inside = closed.map_or(outside, |own| outside.with(own));
+            let medium = outside.medium();
+            let sides = if from_inside { [inside, outside] } else { [outside, inside] };
+            Crossing {
+                passed: own.filter(|_| from_inside).map_or(around, |own| outside.with(own)).medium(),
+                sides: sides.map(|side| self.id(side)),
+                from_inside,
+                is_hidden: medium.zip(closed).is_some_and(|(medium, own)| medium <= own),
+                ior_around: medium.map_or(1.0, |medium| volumes.get(medium).ior),
+            }
+        });
+        self.crossings.push((key, crossing));
+        self.crossings.len() - 1
+    }
+
+    /// A surface by its entry.
+    #[inline]
+    pub(super) fn crossing(&self, entry: u32) -> &Crossing {
+        &self.crossings[entry as usize].1
+    }
+
+    /// The transmittance over a ray that starts within `media` and ends at a point at a distance.
+    #[inline]
+    pub(super) fn transmittance(&self, world: &World, media: MediaId, end: DVec3, distance: f64) -> DVec3 {
+        let Some(volumes) = world.volumes.as_ref().filter(|_| media != MediaId::EMPTY) else {
+            return DVec3::ONE;
+        };
+        transmittance(world, self.sets[media.0 as usize].around(volumes, end).medium(), distance)
+    }
+}
+
+/// The latest of some entries, the last first.
+fn latest(count: usize) -> impl Iterator<Item = usize> {
+    (count.saturating_sub(SEARCHED)..count).rev()
 }
 
 /// The transmittance of a volume over a distance; 1 outside of all.

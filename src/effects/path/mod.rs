@@ -34,7 +34,7 @@ use bsdf::Bsdfs;
 use continuations::Continuations;
 use light_samples::{LightSamples, TriangleSamples};
 use lights::Lights;
-use media::Media;
+use media::MediaId;
 use numbers::{GenerationNumbers, Sequence};
 use vertices::{IndexList, Vertices};
 
@@ -171,8 +171,8 @@ struct Buffers {
     next: Vec<Path>,
     /// For each ray of the current generation, the volumes that it runs through, and the same for the next. Empty in
     /// worlds without volumes.
-    media: Vec<Media>,
-    next_media: Vec<Media>,
+    media: Vec<MediaId>,
+    next_media: Vec<MediaId>,
     /// For each shadow ray of a light sample, whether it is occluded.
     occluded: Vec<bool>,
     /// The rays of the current generation that hit nothing, and the places of their directions in the environment.
@@ -232,7 +232,7 @@ impl Buffers {
         self.media.clear();
         if world.volumes.is_some() {
             let origins = tile.generation().rays.rays().iter().map(|ray| ray.origin);
-            Media::at_each(world, origins, &mut self.media);
+            self.vertices.media.start(world, origins, &mut self.media);
         }
     }
 }

@@ -50,11 +50,12 @@ impl Reflections {
 
     /// Replaces positions in the table by its values.
     pub(super) fn look_up(&mut self) {
-        let table = GgxAlbedo::table();
         for i in self.members.range() {
-            let is_delta = Ggx::new(self.roughness[i]).is_delta();
-            let values =
-                if is_delta { OF_A_MIRROR } else { table.at([self.table[0][i], self.table[1][i]]) };
+            // The table is built when it is first needed.
+            let values = match Ggx::new(self.roughness[i]).is_delta() {
+                true => OF_A_MIRROR,
+                false => GgxAlbedo::table().at([self.table[0][i], self.table[1][i]]),
+            };
             (self.table[0][i], self.table[1][i]) = values.into();
         }
     }

@@ -128,23 +128,24 @@ impl Buffers {
             }
             self.discarded += samples.list_rays(world, surfaces, vertices);
             simd!(samples.write_rays(world.numerics().ray_precision()));
-            for (k, i) in samples.lit.iter().enumerate() {
+            let LightSamples { lit, shadow_rays, light_paths, contribution, direction, .. } = &mut **samples;
+            light_paths.extend((0..lit.len()).map(|k| {
+                let i = lit.get(k);
                 let ray = surfaces.ray_of()[i] as usize;
-                let mut radiance = samples.contribution.get(i);
+                let mut radiance = contribution.get(i);
                 if world.volumes.is_some() {
                     // What is infinitely far away is in no volume.
-                    let shadow_ray = samples.shadow_rays.get(k);
+                    let shadow_ray = shadow_rays.get(k);
                     let t_max = shadow_ray.t_max;
                     let end = if t_max.is_finite() { shadow_ray.at(t_max) } else { DVec3::INFINITY };
-                    let direction = samples.direction.get(i);
-                    let media = vertices.media_towards(i, surfaces, direction).around(world, end);
-                    radiance *= media.transmittance(world, t_max);
+                    let media = vertices.media_towards(i, surfaces, direction.get(i));
+                    radiance *= vertices.media.transmittance(world, media, end, t_max);
                 }
                 if stage.clamp < f64::INFINITY {
                     radiance = stage.clamped(radiance * count, self.paths[ray].bounces + 1) / count;
                 }
-                samples.light_paths.push(LightPath { camera_ray: generation.camera_rays[ray], radiance });
-            }
+                LightPath { camera_ray: generation.camera_rays[ray], radiance }
+            }));
         }
     }
 

@@ -7,7 +7,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::Path;
-use super::media::{Crossing, Media};
+use super::media::{Crossing, MediaId, MediaTable};
 use crate::effects::ray_origins::find_origins;
 use crate::effects::tile::vec_bytes;
 use crate::world::{Flags, InteractionSoa, PerRay, RAYS_PER_BATCH, Vec3Soa, World, select, simd};
@@ -24,8 +24,9 @@ pub(super) struct Vertices {
     pub(super) view: Vec3Soa,
     /// The origins of rays that leave on the side of the geometric normal.
     origin: Vec3Soa,
-    /// The media at each surface; empty in worlds without volumes.
-    pub(super) crossings: Vec<Crossing>,
+    pub(super) media: MediaTable,
+    /// The entry of each surface in `media`; empty in worlds without volumes.
+    crossings: Vec<u32>,
 }
 
 impl Vertices {
@@ -37,7 +38,7 @@ impl Vertices {
 
     /// Bytes of memory.
     pub(super) fn bytes(&self) -> usize {
-        size_of::<Vertices>() + vec_bytes(&self.crossings)
+        size_of::<Vertices>() + self.media.bytes() + vec_bytes(&self.crossings)
     }
 
     /// Begins a generation: `paths` and `media` are those of its rays, `media` empty in worlds without volumes.
@@ -46,16 +47,16 @@ impl Vertices {
         world: &World,
         surfaces: &InteractionSoa,
         paths: &[Path],
-        media: &[Media],
+        media: &[MediaId],
     ) {
         self.len = surfaces.len();
         self.crossings.clear();
         for (i, &ray) in surfaces.ray_of().iter().enumerate() {
             let mut throughput = paths[ray as usize].throughput;
             if let Some(&media) = media.get(ray as usize) {
-                let crossing = Crossing::new(world, media, surfaces, i);
-                throughput *= crossing.transmittance(world, surfaces.hit(i).t);
-                self.crossings.push(crossing);
+                let entry = self.media.meet(world, media, surfaces, i);
+                throughput *= self.media.crossing(entry).transmittance(world, surfaces.hit(i).t);
+                self.crossings.push(entry);
             }
             self.throughput.set(i, throughput);
         }
@@ -124,11 +125,23 @@ impl Vertices {
         }
     }
 
-    /// The media on the side of a direction.
+    /// The media at a surface.
     #[inline]
-    pub(super) fn media_towards(&self, i: usize, surfaces: &InteractionSoa, direction: DVec3) -> Media {
+    pub(super) fn crossing(&self, i: usize) -> &Crossing {
+        self.crossings.get(i).map_or(&Crossing::NONE, |&entry| self.media.crossing(entry))
+    }
+
+    /// Whether any surface of a range is no interface: see [`Crossing::is_hidden`].
+    #[inline]
+    pub(super) fn is_any_hidden(&self, mut range: Range<usize>) -> bool {
+        !self.crossings.is_empty() && range.any(|i| self.crossing(i).is_hidden)
+    }
+
+    /// The volumes on the side of a direction.
+    #[inline]
+    pub(super) fn media_towards(&self, i: usize, surfaces: &InteractionSoa, direction: DVec3) -> MediaId {
         let is_below = direction.dot(surfaces.geometric_normal.get(i)) <= 0.0;
-        self.crossings.get(i).map_or(Media::EMPTY, |crossing| crossing.sides[usize::from(is_below)])
+        self.crossing(i).sides[usize::from(is_below)]
     }
 }
 
