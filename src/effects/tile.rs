@@ -13,6 +13,8 @@ use crate::bvh::Traversal;
 use crate::film::{DisplayTransform, Window};
 use crate::geometry::{Hit, HitBuffer, Ray, RayBuffer, Rays};
 use crate::shading::{LightSoa, Scratch};
+#[cfg(doc)]
+use crate::world::RAYS_PER_BATCH;
 use crate::world::{InteractionSoa, Vec3Soa, View, World};
 
 /// The read-only input of every stage.
@@ -25,7 +27,7 @@ pub struct RenderContext<'a> {
     pub display: DisplayTransform,
 }
 
-/// The rays of one generation with their hits and shading, at most one ray per pixel of the tile.
+/// The rays of one generation with their hits and shading, at most [`RAYS_PER_BATCH`] rays.
 #[derive(Default)]
 pub struct RayGeneration {
     /// The rays.

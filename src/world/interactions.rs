@@ -173,7 +173,7 @@ impl InteractionSoa {
 
     /// Compacts the hits and finds their runs.
     fn gather(&mut self, rays: &RayBuffer, hits: &HitBuffer, order: HitOrder) {
-        assert!(hits.len() <= RAYS_PER_BATCH, "at most one ray per pixel of a tile");
+        assert!(hits.len() <= RAYS_PER_BATCH, "at most {RAYS_PER_BATCH} rays");
         self.runs.clear();
         self.texels.clear();
         self.further_texels.clear();

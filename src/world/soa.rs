@@ -11,8 +11,9 @@ use glam::DVec3;
 
 use crate::film::TILE;
 
-/// The most rays of a ray generation: one per pixel of a tile.
-pub const RAYS_PER_BATCH: usize = (TILE * TILE) as usize;
+/// The most rays of a ray generation: two per pixel of a tile. Of fewer, few are left after some bounces; the arrays of more
+/// do not stay in cache.
+pub const RAYS_PER_BATCH: usize = 2 * (TILE * TILE) as usize;
 
 /// Unused values behind those of the rays. Arrays of numbers then have an odd number of cache lines: a loop over many
 /// arrays would otherwise read and write lines that compete for the same cache sets.

@@ -9,8 +9,8 @@ use super::Ray;
 use super::lanes::{MAX_FLOATS, RayN};
 use super::simd::{Doubles, prefetch};
 
-/// The most rays that are traced together: those of a tile.
-pub(crate) const PACKET: usize = 256;
+/// The most rays that are traced together.
+pub(crate) const PACKET: usize = 512;
 
 /// Borrowed rays of a [`RayBuffer`]. Slices are longer by [`PADDING`]: lanes of vectors beyond the last ray hold other
 /// rays of the buffer.
@@ -77,6 +77,11 @@ impl<'a> Rays<'a> {
     /// The components of the directions, an array for each axis.
     pub fn directions(&self) -> [&'a [f64]; 3] {
         [0, 1, 2].map(|axis| &self.numbers[DIRECTION + axis][..self.len])
+    }
+
+    /// The components of the origins, an array for each axis.
+    pub fn origins(&self) -> [&'a [f64]; 3] {
+        [0, 1, 2].map(|axis| &self.numbers[axis][..self.len])
     }
 
     /// The rays.
@@ -272,7 +277,7 @@ impl RayBuffer {
         (self.stride, self.numbers) = (stride, numbers);
     }
 
-    /// Sets the rays of a range, which ends at 256 at most, to `ray` of their index; these are the last rays then. The
+    /// Sets the rays of a range, which ends at 512 at most, to `ray` of their index; these are the last rays then. The
     /// loop is vectorised where `ray` has no branches.
     ///
     /// # Panics

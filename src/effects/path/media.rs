@@ -164,7 +164,7 @@ impl MediaTable {
     pub(super) fn start(
         &mut self,
         world: &World,
-        origins: impl Iterator<Item = DVec3>,
+        [x, y, z]: [&[f64]; 3],
         media: &mut Vec<MediaId>,
     ) {
         self.crossings.clear();
@@ -172,7 +172,8 @@ impl MediaTable {
         self.sets.push(Media::EMPTY);
         let mut traversal = Traversal::default();
         let mut last = (DVec3::NAN, MediaId::EMPTY);
-        media.extend(origins.map(|point| {
+        media.extend(x.iter().zip(y).zip(z).map(|((&x, &y), &z)| {
+            let point = DVec3::new(x, y, z);
             if point != last.0 {
                 last = (point, self.id(Media::at(world, point, &mut traversal)));
             }

@@ -231,8 +231,7 @@ impl Buffers {
         list_samples(tile, &mut self.samples);
         self.media.clear();
         if world.volumes.is_some() {
-            let origins = tile.generation().rays.rays().iter().map(|ray| ray.origin);
-            self.vertices.media.start(world, origins, &mut self.media);
+            self.vertices.media.start(world, tile.generation().rays.rays().origins(), &mut self.media);
         }
     }
 }

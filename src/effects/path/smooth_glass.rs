@@ -11,9 +11,10 @@ use crate::world::{PerRay, Vec3Soa};
 #[derive(Default)]
 pub(super) struct SmoothGlasses {
     pub(super) members: Members,
+    /// The relative index of refraction.
     eta: PerRay<f64>,
-    offset: Vec3Soa,
-    slope: Vec3Soa,
+    specular: PerRay<f64>,
+    specular_colour: Vec3Soa,
     tint: Vec3Soa,
 }
 
@@ -22,11 +23,9 @@ impl SmoothGlasses {
     #[inline(always)]
     pub(super) fn set(&mut self, i: usize, parameters: &BsdfParameters) {
         let p = parameters.clamped();
-        let eta = relative_index(p.ior, p.from_inside);
-        let Interface { eta, offset, slope } = Interface::new(eta, p.specular, p.specular_colour);
-        self.eta[i] = eta;
-        self.offset.set(i, offset);
-        self.slope.set(i, slope);
+        self.eta[i] = relative_index(p.ior, p.from_inside);
+        self.specular[i] = p.specular;
+        self.specular_colour.set(i, p.specular_colour);
         self.tint.set(i, p.base_colour);
     }
 
@@ -47,8 +46,7 @@ impl SmoothGlasses {
         continuations: &mut Continuations,
     ) {
         for i in self.members.range() {
-            let interface =
-                Interface { eta: self.eta[i], offset: self.offset.get(i), slope: self.slope.get(i) };
+            let interface = Interface::new(self.eta[i], self.specular[i], self.specular_colour.get(i));
             let glass = SmoothGlass { interface, tint: self.tint.get(i) };
             let [lobe, _] = numbers.lobe_and_roulette(i);
             let sample = glass.sample(clamped_view(vertices.view.get(i)), lobe);

@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use crate::world::select;
+
 /// Relative indices of refraction outside of this factor of 1 are infinite: the reflectance at normal incidence, of at
 /// least 1 - 4e-6, is taken as 1. It keeps the squares of the index finite.
 const MAX_INDEX: f64 = 1e6;
@@ -29,12 +31,10 @@ pub(crate) fn relative_index(ior: f64, from_inside: bool) -> f64 {
 }
 
 /// The reflectance at normal incidence, ((eta - 1) / (eta + 1))^2.
+#[inline(always)]
 pub(crate) fn normal_reflectance(eta: f64) -> f64 {
-    if eta.is_infinite() {
-        return 1.0;
-    }
     let amplitude = (eta - 1.0) / (eta + 1.0);
-    amplitude * amplitude
+    if eta == f64::INFINITY { 1.0 } else { amplitude * amplitude }
 }
 
 /// The cosine of the refracted direction, by Snell's law. `None`: total internal reflection.
@@ -121,19 +121,19 @@ pub(crate) struct Interface {
 
 impl Interface {
     /// The interface of a relative index and the factors of KHR_materials_specular.
+    #[inline(always)]
     pub(crate) fn new(eta: f64, specular: f64, specular_colour: DVec3) -> Self {
         let f0 = normal_reflectance(eta);
-        if eta == 1.0 {
-            return Interface { eta, offset: DVec3::ZERO, slope: DVec3::ZERO };
-        }
         let modified = (specular_colour * f0).min(DVec3::ONE) * specular;
-        if f0 >= 1.0 {
-            return Interface { eta, offset: modified, slope: DVec3::ZERO };
-        }
         let slope = (DVec3::splat(specular) - modified) / (1.0 - f0);
         // F90 - slope instead of F0 - slope * f0: exactly 0 with default factors.
-        let offset = if modified == DVec3::splat(f0) { DVec3::ZERO } else { DVec3::splat(specular) - slope };
-        let slope = if modified == DVec3::splat(f0) { DVec3::ONE } else { slope };
+        let offset = DVec3::splat(specular) - slope;
+        let is_default = (modified.x == f0) & (modified.y == f0) & (modified.z == f0);
+        let (offset, slope) = (select(is_default, DVec3::ZERO, offset), select(is_default, DVec3::ONE, slope));
+        let reflects_all = f0 >= 1.0;
+        let (offset, slope) = (select(reflects_all, modified, offset), select(reflects_all, DVec3::ZERO, slope));
+        let is_none = eta == 1.0;
+        let (offset, slope) = (select(is_none, DVec3::ZERO, offset), select(is_none, DVec3::ZERO, slope));
         Interface { eta, offset, slope }
     }
 
