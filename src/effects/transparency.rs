@@ -11,7 +11,7 @@
 
 use super::random::{self, Dimension};
 use super::samples::{SampleIndex, list_samples};
-use super::tile::{RenderContext, Tile, vec_bytes};
+use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::{RayKind, Stage};
 use crate::bvh::Traversal;
 use crate::geometry::{Hit, HitBuffer, Ray, RayBuffer};
@@ -165,24 +165,22 @@ pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparen
         let is_layered = transparency.is_layered && tile.depth == 0;
         let is_first = !(is_layered && tile.needs_more_samples);
         own.passing.clear();
+        if is_layered {
+            own.layers.start(tile.generation().rays.len(), is_first);
+        }
         if is_first {
-            own.start(tile, transparency);
+            own.trace_first(tile, world, transparency, is_layered);
         } else {
             std::mem::swap(&mut own.passing, &mut own.layers.next);
+            let generation = tile.generation();
+            generation.hits.clear();
+            generation.hits.resize(generation.rays.len());
         }
         let generation = &mut tile.generations[tile.current];
-        generation.hits.clear();
-        generation.hits.resize(generation.rays.len());
-        if is_layered {
-            own.layers.start(generation.rays.len(), is_first);
-        }
-        let mut continued = if is_first { 0 } else { own.passing.len() };
-        loop {
-            own.trace(world, &mut generation.hits, &mut tile.traversal, is_layered);
-            if own.passing.is_empty() {
-                break;
-            }
+        let mut continued = 0;
+        while !own.passing.is_empty() {
             continued += own.passing.len();
+            own.trace(world, &mut generation.hits, &mut tile.traversal, is_layered);
         }
         let hit = generation.hits.iter().flatten().count();
         if continued > 0 {
@@ -193,32 +191,51 @@ pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparen
 }
 
 impl Buffers {
-    /// Lists the rays of the current generation.
-    fn start(&mut self, tile: &Tile, transparency: Transparency) {
-        let Transparency { sampler, seed, .. } = transparency;
-        let generation = &tile.generations[tile.current];
-        // The numbers of camera rays and of those that have theirs are stratified over the samples of a pixel; others
-        // are independent.
+    /// Traces the rays of the current generation once. Those that pass the surface go to `passing`.
+    fn trace_first(
+        &mut self,
+        tile: &mut Tile,
+        world: &World,
+        transparency: Transparency,
+        is_layered: bool,
+    ) {
+        let Tile { generations, current, traversal, .. } = tile;
+        let RayGeneration { rays, hits, .. } = &mut generations[*current];
+        hits.clear();
+        world.accelerator.closest_hits(rays.rays(), hits, traversal);
         self.samples.clear();
-        if tile.depth == 0 || !generation.camera_rays.is_empty() {
+        for index in 0..tile.generation().rays.len() {
+            let generation = tile.generation();
+            let Some(hit) = generation.hits.get(index) else { continue };
+            let alpha = opacity(world, &hit);
+            // Nearly all rays; they need no random number.
+            if alpha == 1.0 {
+                continue;
+            }
+            generation.hits.set(index, None);
+            let ray = generation.rays.get(index);
+            let number = f64::from(self.number(tile, index, &ray, transparency));
+            let mut passing = Passing { index: index as u32, distance: 0.0, number, ray };
+            if self.layers.pass(&mut passing, &hit, alpha, world, &mut tile.generation().hits, is_layered) {
+                self.passing.push(passing);
+            }
+        }
+    }
+
+    /// The random number of a ray of the current generation. Those of camera rays, and of rays that have theirs, are
+    /// stratified over the samples of a pixel; others are independent.
+    fn number(&mut self, tile: &mut Tile, index: usize, ray: &Ray, transparency: Transparency) -> f32 {
+        let Transparency { sampler, seed, .. } = transparency;
+        let depth = tile.depth;
+        let camera_ray = match depth {
+            0 => Some(index),
+            _ => tile.generation().camera_rays.get(index).map(|&ray| ray as usize),
+        };
+        let Some(camera_ray) = camera_ray else { return random::of_ray(ray, seed) };
+        if self.samples.is_empty() {
             list_samples(tile, &mut self.samples);
         }
-        let dimension = Dimension::opacity(tile.depth as u32);
-        let camera_ray = |index| match tile.depth {
-            0 => Some(index),
-            _ => generation.camera_rays.get(index).map(|&ray| ray as usize),
-        };
-        let number = |index: usize, ray: &Ray| {
-            let sample = camera_ray(index).and_then(|camera_ray| self.samples.get(camera_ray));
-            sample
-                .map_or_else(|| random::of_ray(ray, seed), |sample| sample.pair(sampler, seed, dimension)[0])
-        };
-        self.passing.extend(generation.rays.rays().iter().enumerate().map(|(index, ray)| Passing {
-            index: index as u32,
-            distance: 0.0,
-            number: f64::from(number(index, &ray)),
-            ray,
-        }));
+        self.samples[camera_ray].pair(sampler, seed, Dimension::opacity(depth as u32))[0]
     }
 
     /// Traces the rays on their way once. Rays that stop write their hit; the others stay in `passing`, behind the surface.
@@ -229,31 +246,44 @@ impl Buffers {
         found.clear();
         world.accelerator.closest_hits(rays.rays(), found, traversal);
         let mut found = found.iter();
-        passing.retain_mut(|ray| {
-            let Some(Some(hit)) = found.next() else { return false };
-            let alpha = opacity(world, &hit);
-            let stops = if is_layered { alpha > 0.0 } else { ray.number < alpha };
-            let distance = ray.distance + hit.t;
-            if stops {
-                hits.set(ray.index as usize, Some(&Hit { t: distance, ..hit }));
-                if !is_layered || alpha == 1.0 {
-                    return false;
-                }
-                layers.opacity[ray.index as usize] = alpha;
-            } else {
-                // Uniform again, given that the ray passed.
-                ray.number = (ray.number - alpha) / (1.0 - alpha);
-            }
-            (ray.ray, ray.distance) = (behind(world, &ray.ray, &hit), distance);
-            if stops {
-                layers.next.push(*ray);
-            }
-            !stops
+        passing.retain_mut(|ray| match found.next() {
+            Some(Some(hit)) => layers.pass(ray, &hit, opacity(world, &hit), world, hits, is_layered),
+            _ => false,
         });
     }
 }
 
 impl Layers {
+    /// Moves a ray behind a hit with a surface of opacity `alpha`, if it passes that. A ray that stops writes its hit, and
+    /// goes on in the next layer. Returns whether it passes.
+    fn pass(
+        &mut self,
+        ray: &mut Passing,
+        hit: &Hit,
+        alpha: f64,
+        world: &World,
+        hits: &mut HitBuffer,
+        is_layered: bool,
+    ) -> bool {
+        let stops = if is_layered { alpha > 0.0 } else { ray.number < alpha };
+        let distance = ray.distance + hit.t;
+        if stops {
+            hits.set(ray.index as usize, Some(&Hit { t: distance, ..*hit }));
+            if !is_layered || alpha == 1.0 {
+                return false;
+            }
+            self.opacity[ray.index as usize] = alpha;
+        } else {
+            // Uniform again, given that the ray passed.
+            ray.number = (ray.number - alpha) / (1.0 - alpha);
+        }
+        (ray.ray, ray.distance) = (behind(world, &ray.ray, hit), distance);
+        if stops {
+            self.next.push(*ray);
+        }
+        !stops
+    }
+
     /// Begins a layer of `count` pixels.
     fn start(&mut self, count: usize, is_first: bool) {
         self.next.clear();
