@@ -88,18 +88,18 @@ impl NormalMaps {
             }
             for i in range {
                 let Some(point) = &points[i] else { continue };
-                let surface = surfaces.get(i);
-                let Some([tangent, bitangent, normal]) = world.tangent_frame(&surface) else { continue };
+                let shading = surfaces.shading_normal.get(i);
+                let frame = world.tangent_frame(surfaces.objects()[i], &surfaces.hit(i), shading);
+                let Some([tangent, bitangent, normal]) = frame else { continue };
                 let encoded = look_up(image, TexelEncoding::Data, &texture.sampler, &filter, point);
                 let n = decode(encoded, map.scale);
                 // On the back side bumps are dents.
-                let side = normal.dot(surface.shading_normal).signum();
+                let side = normal.dot(shading).signum();
                 let tilted = side * (n.x * tangent + n.y * bitangent + n.z * normal);
                 if let Some(tilted) = tilted.try_normalize() {
-                    let held =
-                        limit_tilt(surface.shading_normal, tilted, surface.geometric_normal, surface.view);
-                    surfaces.shading_normal.set(i, held);
-                    unperturbed.push((i as u32, surface.shading_normal));
+                    let (outer, view) = (surfaces.geometric_normal.get(i), surfaces.view.get(i));
+                    surfaces.shading_normal.set(i, limit_tilt(shading, tilted, outer, view));
+                    unperturbed.push((i as u32, shading));
                 }
             }
         }

@@ -172,7 +172,8 @@ impl FindTexturePoints {
                 let differential =
                     footprints.then(|| self.differential(context, generation, differentials, ray));
                 let ray = &generation.rays.get(ray);
-                points[i] = context.world.texture_point(&surfaces.get(i), ray, differential.as_ref(), set);
+                let hit = (surfaces.objects()[i], &surfaces.hit(i), surfaces.geometric_normal.get(i));
+                points[i] = context.world.texture_point(hit, ray, differential.as_ref(), set);
             }
         }
     }

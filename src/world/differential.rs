@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use super::World;
 use super::interaction::{SurfaceInteraction, blend};
 use crate::bvh::Primitive;
-use crate::geometry::{PrimId, Ray};
+use crate::geometry::{Hit, PrimId, Ray};
 
 /// A ray differential: the change of a ray from one pixel to the next, to the right and down.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -62,21 +62,22 @@ impl World {
         Some(a * barycentrics[0] + b * barycentrics[1] + c * barycentrics[2])
     }
 
-    /// The texture point of a surface by a set of texture coordinates; `None` without them. `differential` is that of the ray;
-    /// without it the footprint is zero.
+    /// The texture point of a hit with an object by a set of texture coordinates; `None` without them. `normal` is the
+    /// geometric normal, `differential` that of the ray; without it the footprint is zero.
+    #[inline]
     pub fn texture_point(
         &self,
-        surface: &SurfaceInteraction,
+        (object, hit, normal): (u32, &Hit, DVec3),
         ray: &Ray,
         differential: Option<&Differential>,
         set: u8,
     ) -> Option<TexturePoint> {
-        let (object, hit) = (&self.objects[surface.object as usize], &surface.hit);
+        let object = &self.objects[object as usize];
         let [a, b, c] = object.attributes.uvs(hit.prim.0 - object.first.0, set)?.map(|uv| uv.as_dvec2());
         let [v, w] = hit.barycentrics;
         let mut point = TexturePoint { uv: a * (1.0 - v - w) + b * v + c * w, ..TexturePoint::default() };
         if let Some(differential) = differential
-            && let Some(changes) = self.barycentrics_change(surface, ray, differential)
+            && let Some(changes) = self.barycentrics_change(hit, normal, ray, differential)
         {
             point.footprint = changes.map(|change| change.x * (b - a) + change.y * (c - a));
         }
@@ -87,18 +88,18 @@ impl World {
     /// shapes than triangles.
     fn barycentrics_change(
         &self,
-        surface: &SurfaceInteraction,
+        hit: &Hit,
+        normal: DVec3,
         ray: &Ray,
         differential: &Differential,
     ) -> Option<[DVec2; 2]> {
-        let hit = &surface.hit;
         let Primitive::Triangle(triangle) = self.accelerator.primitive(hit.slot) else { return None };
         let [a, b, c] = triangle.0;
         let (to_b, to_c) = (b - a, c - a);
-        let normal = to_b.cross(to_c);
-        // p = v to_b + w to_c, so p x to_c = v normal and to_b x p = w normal.
-        let scaled = normal / normal.length_squared();
-        let moved = differential.at(ray, hit.t, surface.geometric_normal);
+        let area = to_b.cross(to_c);
+        // p = v to_b + w to_c, so p x to_c = v area and to_b x p = w area.
+        let scaled = area / area.length_squared();
+        let moved = differential.at(ray, hit.t, normal);
         Some(moved.map(|p| DVec2::new(p.cross(to_c).dot(scaled), to_b.cross(p).dot(scaled))))
     }
 
@@ -123,7 +124,7 @@ impl World {
             }
             Primitive::Triangle(_) => {
                 if let Some(corners) = object.attributes.normals(hit.prim.0 - object.first.0)
-                    && let Some(changes) = self.barycentrics_change(surface, ray, differential)
+                    && let Some(changes) = self.barycentrics_change(hit, surface.geometric_normal, ray, differential)
                 {
                     let [v, w] = hit.barycentrics;
                     let sum = blend(corners, [1.0 - v - w, v, w]);

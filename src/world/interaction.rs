@@ -277,18 +277,19 @@ impl World {
         opacity.is_some_and(|o| o.factor < 1.0 || o.texture.is_some() || object.attributes.has_alphas())
     }
 
-    /// The tangent frame of a surface for a normal map: tangent, bitangent and normal, orthonormal (glTF 2.0, section 3.7.2.1). The
-    /// normal is the mesh's, which may point to the other side than that of `surface`. `None` where the mesh has no tangents, or
-    /// the tangent is parallel to the normal.
-    pub fn tangent_frame(&self, surface: &SurfaceInteraction) -> Option<[DVec3; 3]> {
-        let (object, hit) = (&self.objects[surface.object as usize], &surface.hit);
+    /// The tangent frame at a hit with an object for a normal map: tangent, bitangent and normal, orthonormal (glTF 2.0, section
+    /// 3.7.2.1). The normal is the mesh's, which may point to the other side than `shading_normal`. `None` where the mesh has no
+    /// tangents, or the tangent is parallel to the normal.
+    #[inline]
+    pub fn tangent_frame(&self, object: u32, hit: &Hit, shading_normal: DVec3) -> Option<[DVec3; 3]> {
+        let object = &self.objects[object as usize];
         let local = hit.prim.0 - object.first.0;
         let tangents = object.attributes.tangents(local)?;
         let [v, w] = hit.barycentrics;
         let barycentrics = [1.0 - v - w, v, w];
         let smooth = blend(object.attributes.normals(local)?, barycentrics);
-        let side = if smooth.dot(surface.shading_normal) < 0.0 { -1.0 } else { 1.0 };
-        let normal = side * surface.shading_normal;
+        let side = if smooth.dot(shading_normal) < 0.0 { -1.0 } else { 1.0 };
+        let normal = side * shading_normal;
         let tangent = blend(tangents.map(|t| t.truncate()), barycentrics);
         let tangent = (tangent - tangent.dot(normal) * normal).try_normalize()?;
         let handedness =
