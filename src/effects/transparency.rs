@@ -192,13 +192,7 @@ pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparen
 
 impl Buffers {
     /// Traces the rays of the current generation once. Those that pass the surface go to `passing`.
-    fn trace_first(
-        &mut self,
-        tile: &mut Tile,
-        world: &World,
-        transparency: Transparency,
-        is_layered: bool,
-    ) {
+    fn trace_first(&mut self, tile: &mut Tile, world: &World, transparency: Transparency, is_layered: bool) {
         let Tile { generations, current, traversal, .. } = tile;
         let RayGeneration { rays, hits, .. } = &mut generations[*current];
         hits.clear();

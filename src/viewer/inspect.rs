@@ -167,7 +167,9 @@ fn surface_info(
         geometric_normal: surface.geometric_normal,
         shading_normal: surface.shading_normal,
         barycentrics,
-        uv: world.texture_point((surface.object, &surface.hit, surface.geometric_normal), ray, None, 0).map(|point| point.uv),
+        uv: world
+            .texture_point((surface.object, &surface.hit, surface.geometric_normal), ray, None, 0)
+            .map(|point| point.uv),
         material: world.materials[surface.material as usize].name().to_owned(),
         material_values: material_values(world, &world.materials[surface.material as usize]),
     }

@@ -230,3 +230,45 @@ impl Guide {
         (index, if weight > 0.0 { ((at - before) / weight).clamp(0.0, 1.0) } else { 0.5 })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The entry and the place in it are those of a search through all sums: of even weights, of few that are not 0, and at
+    /// numbers just below the ends of a guide's parts.
+    #[test]
+    fn searches_by_guide_find_what_full_searches_do() {
+        let weights: [fn(usize) -> f32; 4] = [
+            |_| 1.0,
+            |i| if i % 100 == 7 { 3.0 } else { 0.0 },
+            |i| (i as f32).powi(3),
+            |i| f32::from(i == 999),
+        ];
+        for (weight, len) in
+            weights.into_iter().flat_map(|weight| [1000, 1024, 2048].map(|len| (weight, len)))
+        {
+            let sums: Vec<f32> = (0..len)
+                .scan(0.0, |sum, i| {
+                    *sum += weight(i);
+                    Some(*sum)
+                })
+                .collect();
+            let guide = Guide::new(&sums);
+            for k in 0..100_000u32 {
+                let part = f64::from(k % 64) / 64.0;
+                let number = match k % 3 {
+                    0 => f64::from(k) / 100_000.0,
+                    1 => part,
+                    _ => (part - f64::from(f32::EPSILON)).max(0.0),
+                };
+                let at = number * f64::from(sums[len - 1]);
+                let expected = sums.partition_point(|&sum| f64::from(sum) <= at).min(len - 1);
+                let (index, within) = guide.position(&sums, number);
+                assert_eq!(index, expected, "{number} of {len}");
+                let before = if index == 0 { 0.0 } else { f64::from(sums[index - 1]) };
+                assert!((before + within * f64::from(sums[index]) - within * before - at).abs() <= 1e-9 * at);
+            }
+        }
+    }
+}

@@ -124,7 +124,8 @@ impl World {
             }
             Primitive::Triangle(_) => {
                 if let Some(corners) = object.attributes.normals(hit.prim.0 - object.first.0)
-                    && let Some(changes) = self.barycentrics_change(hit, surface.geometric_normal, ray, differential)
+                    && let Some(changes) =
+                        self.barycentrics_change(hit, surface.geometric_normal, ray, differential)
                 {
                     let [v, w] = hit.barycentrics;
                     let sum = blend(corners, [1.0 - v - w, v, w]);

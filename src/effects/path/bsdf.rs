@@ -105,9 +105,8 @@ impl Bsdfs {
         vertices: &Vertices,
         range: Range<usize>,
     ) {
-        let parameters = |i: usize| {
-            parameters(material, surfaces, i, vertices.crossing(i)).unwrap_or_default()
-        };
+        let parameters =
+            |i: usize| parameters(material, surfaces, i, vertices.crossing(i)).unwrap_or_default();
         match class {
             Class::Diffuse => {
                 for i in range.clone() {

@@ -161,12 +161,7 @@ impl MediaTable {
     }
 
     /// Begins new paths, and lists the volumes that hold their origins, of which consecutive ones may be equal.
-    pub(super) fn start(
-        &mut self,
-        world: &World,
-        [x, y, z]: [&[f64]; 3],
-        media: &mut Vec<MediaId>,
-    ) {
+    pub(super) fn start(&mut self, world: &World, [x, y, z]: [&[f64]; 3], media: &mut Vec<MediaId>) {
         self.crossings.clear();
         self.sets.clear();
         self.sets.push(Media::EMPTY);

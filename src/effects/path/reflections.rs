@@ -7,8 +7,8 @@ use super::light_samples::LightSamples;
 use super::numbers::GenerationNumbers;
 use super::vertices::{Members, Vertices};
 use crate::shading::bsdf::{
-    BsdfParameters, Ggx, GgxAlbedo, OF_A_MIRROR, Reflection, ReflectionParameters, clamped_view, reflectances,
-    to_unit,
+    BsdfParameters, Ggx, GgxAlbedo, OF_A_MIRROR, Reflection, ReflectionParameters, clamped_view,
+    reflectances, to_unit,
 };
 use crate::world::{PerRay, Vec3Soa, select};
 

@@ -129,9 +129,11 @@ impl Interface {
         // F90 - slope instead of F0 - slope * f0: exactly 0 with default factors.
         let offset = DVec3::splat(specular) - slope;
         let is_default = (modified.x == f0) & (modified.y == f0) & (modified.z == f0);
-        let (offset, slope) = (select(is_default, DVec3::ZERO, offset), select(is_default, DVec3::ONE, slope));
+        let (offset, slope) =
+            (select(is_default, DVec3::ZERO, offset), select(is_default, DVec3::ONE, slope));
         let reflects_all = f0 >= 1.0;
-        let (offset, slope) = (select(reflects_all, modified, offset), select(reflects_all, DVec3::ZERO, slope));
+        let (offset, slope) =
+            (select(reflects_all, modified, offset), select(reflects_all, DVec3::ZERO, slope));
         let is_none = eta == 1.0;
         let (offset, slope) = (select(is_none, DVec3::ZERO, offset), select(is_none, DVec3::ZERO, slope));
         Interface { eta, offset, slope }

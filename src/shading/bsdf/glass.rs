@@ -180,3 +180,51 @@ pub(crate) fn albedos(ggx: Ggx, interface: &Interface, cos: f64) -> (DVec3, f64)
     let scattered = a * all + b * glass.scattered + (1.0 - a - b) * glass.without_partial;
     (reflected, (scattered - reflected.max_element()).clamp(0.0, 1.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::chi_squared::Random;
+    use super::super::fresnel::relative_index;
+    use super::super::{Bsdf, BsdfParameters};
+    use super::*;
+
+    /// Directions are those of [`Bsdf`], bit for bit, and weights up to the rounding of its compensation, which is 1: from
+    /// outside and inside, of any index, coloured, also where there is no interface or all light is reflected.
+    #[test]
+    fn smooth_glass_as_the_general_bsdf() {
+        let mut random = Random(5);
+        let mut seen = [0; 3];
+        for case in 0..20_000usize {
+            let mut number = || random.number();
+            let ior = [1.0, 1.5, 0.0, 1.0 + 2.0 * number(), 0.5][case % 5];
+            let p = BsdfParameters {
+                base_colour: DVec3::new(number(), if case % 7 == 0 { 0.0 } else { 0.5 }, 1.0),
+                metallic: 0.0,
+                roughness: 0.0,
+                ior,
+                specular: if case % 3 == 0 { number() } else { 1.0 },
+                specular_colour: if case % 4 == 0 { DVec3::new(0.5, 1.0, 3.0) } else { DVec3::ONE },
+                transmission: 1.0,
+                from_inside: case % 2 == 0,
+                ..BsdfParameters::default()
+            };
+            let (z, x) = (number().max(1e-3), number());
+            let sine = (1.0 - z * z).sqrt();
+            let view = DVec3::new(sine * x, sine * (1.0 - x * x).sqrt(), z);
+            let eta = relative_index(p.ior, p.from_inside);
+            let interface = Interface::new(eta, p.specular, p.specular_colour);
+            let choice = number();
+            let sample = SmoothGlass { interface, tint: p.base_colour }.sample(view, choice);
+            let Some(expected) = Bsdf::new(&p, view).sample([choice, 0.3, 0.7]) else {
+                assert_eq!(sample.pdf, 0.0, "{p:?}");
+                seen[2] += 1;
+                continue;
+            };
+            assert_eq!((sample.direction, sample.pdf), (expected.direction, f64::INFINITY), "{p:?}");
+            let difference = (sample.weight - expected.weight).abs().max_element();
+            assert!(difference <= 1e-14 * expected.weight.max_element(), "{p:?}: {difference}");
+            seen[usize::from(expected.is_transmission)] += 1;
+        }
+        assert!(seen.iter().all(|&count| count > 300), "{seen:?}");
+    }
+}

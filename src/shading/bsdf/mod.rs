@@ -43,10 +43,10 @@ pub(crate) use dielectric::reflectances;
 use fresnel::Fresnel;
 pub(crate) use fresnel::{Interface, relative_index};
 pub(crate) use ggx::Ggx;
-pub(crate) use reflection::{Reflection, ReflectionParameters};
 use glass::Glass;
 pub(crate) use glass::SmoothGlass;
 use lobe::{Lobe, LobeSample, Value};
+pub(crate) use reflection::{Reflection, ReflectionParameters};
 use sheen::Sheen;
 use specular::Specular;
 
