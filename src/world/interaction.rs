@@ -235,8 +235,8 @@ impl World {
         outward.dot(view) < 0.0
     }
 
-    /// The origin of a ray that leaves a surface in `direction`, which is below the geometric normal:
-    /// [`World::origin_behind`] by what is known of the surface, where that is enough.
+    /// [`World::origin_behind`] of a surface, for a `direction` below its geometric normal. Away from edges the primitive is not
+    /// read.
     #[inline]
     pub(crate) fn origin_below(&self, surfaces: &InteractionSoa, i: usize, direction: DVec3) -> DVec3 {
         let (point, normal) = (surfaces.point(i), surfaces.geometric_normal.get(i));

@@ -64,8 +64,8 @@ impl Reflection {
     #[inline(always)]
     pub(crate) fn is_delta(&self) -> bool {
         // NaN is not above 0.
-        let has_diffuse = self.probabilities[1] > 0.0;
-        !has_diffuse & (self.ggx.is_delta() | !(self.probabilities[0] > 0.0))
+        let [is_reflected, is_diffuse] = [self.probabilities[0] > 0.0, self.probabilities[1] > 0.0];
+        !is_diffuse & (self.ggx.is_delta() | !is_reflected)
     }
 
     #[inline(always)]
