@@ -30,7 +30,7 @@ pub(super) struct BilinearDistribution {
     /// Cumulative sums of the rows of cells.
     sums: Vec<f64>,
     /// Where searches in `sums` and in each row of `cells` begin and end.
-    row_guide: Box<Guide>,
+    row_guide: Guide,
     column_guides: Vec<Guide>,
     /// The cosines of the polar angles of their upper edges, and of the last lower edge.
     cosines: Vec<f64>,
@@ -57,7 +57,7 @@ impl BilinearDistribution {
             weights,
             cells: Vec::new(),
             sums: Vec::new(),
-            row_guide: Box::new(Guide::new::<f64>(&[])),
+            row_guide: Guide::new::<f64>(&[]),
             column_guides: Vec::new(),
             cosines: Vec::new(),
             factors: Vec::new(),
@@ -78,7 +78,7 @@ impl BilinearDistribution {
             if total > 0.0 { solid_angle / total * columns as f64 / (bottom - top) } else { 0.0 }
         };
         distribution.factors = (0..=rows).map(factor).collect();
-        *distribution.row_guide = Guide::new(&distribution.sums);
+        distribution.row_guide = Guide::new(&distribution.sums);
         distribution.column_guides = distribution.cells.chunks_exact(columns).map(Guide::new).collect();
         distribution
     }

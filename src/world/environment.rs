@@ -22,7 +22,7 @@ pub(crate) struct PreparedEnvironment {
 enum Radiance {
     /// The same from every direction.
     Uniform(DVec3),
-    Image(RadianceImage),
+    Image(Box<RadianceImage>),
 }
 
 /// An equirectangular image, and its sampling.
@@ -92,7 +92,8 @@ impl PreparedEnvironment {
                     texels.iter().zip(weights).map(|(&[r, g, b], weight)| [r, g, b, weight]).collect();
                 let (sin, cos) = libm::sincos(*rotation);
                 let rotation = (cos, sin);
-                Radiance::Image(RadianceImage { width, height, texels, rotation, distribution, has_weights })
+                let image = RadianceImage { width, height, texels, rotation, distribution, has_weights };
+                Radiance::Image(Box::new(image))
             }
         };
         PreparedEnvironment { is_hidden: *is_hidden, radiance }
