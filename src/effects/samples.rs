@@ -1,7 +1,7 @@
 //! The samples of a tile's pixels: their positions, their order and their sums.
 //!
-//! The plan's stages run once per pass, each with at most [`RAYS_PER_BATCH`] rays: one through each pixel while all are sampled,
-//! several through each where few are left ([`super::convergence`]). A round is the passes between two convergence tests. The
+//! The plan's stages run once per pass, each with at most [`RAYS_PER_BATCH`] rays: two through each pixel while all are sampled,
+//! more through each where few are left ([`super::convergence`]). A round is the passes between two convergence tests. The
 //! samples of a pixel and their order depend on the pixel alone. Where the test reads neighbours, the pixels around a tile are
 //! sampled with it and discarded ([`SampledRegion`]), so that crops and tilings do not change a pixel.
 
@@ -141,6 +141,8 @@ pub struct TileSamples {
     coverage: Vec<SampleSum>,
     /// The pixels that are still sampled, in ascending order.
     live: Vec<u16>,
+    /// For each pixel of the region, its column and row in the picture.
+    places: Vec<[u32; 2]>,
     /// The samples of the current round: first index, and end.
     round: (u32, u32),
     /// Rays of the round that were cast, over all pixels.
@@ -154,8 +156,10 @@ pub struct TileSamples {
 #[derive(Default)]
 struct SamplePass {
     len: usize,
-    /// For each ray, its pixel.
+    /// For each ray, its pixel of the region, and the column and row of that in the picture.
     pixels: PerRay<u16>,
+    columns: PerRay<u32>,
+    rows: PerRay<u32>,
     /// For each ray, the index of its sample.
     samples: PerRay<u32>,
     /// For each ray, its point of the sequence.
@@ -170,10 +174,9 @@ struct SamplePass {
 impl SamplePass {
     /// Computes the film positions and signs. `filter` is [`Filter::place`].
     #[inline(always)]
-    fn place(&mut self, window: Window, sampler: &Sampler, filter: impl Fn([f32; 2]) -> ([f64; 2], f64)) {
+    fn place(&mut self, sampler: &Sampler, filter: impl Fn([f32; 2]) -> ([f64; 2], f64)) {
         for i in 0..self.len.min(RAYS_PER_BATCH) {
-            let pixel = u32::from(self.pixels[i]);
-            let (x, y) = (window.x + pixel % window.width, window.y + pixel / window.width);
+            let (x, y) = (self.columns[i], self.rows[i]);
             let numbers = match sampler.kind {
                 PixelSampler::Sobol => Scramble::new(x, y, sampler.seed).of(self.points[i]),
                 PixelSampler::Independent => {
@@ -203,6 +206,9 @@ impl TileSamples {
         }
         self.live.clear();
         self.live.extend(0..pixels as u16);
+        let Window { x, y, width, height } = region.whole;
+        self.places.clear();
+        self.places.extend((y..y + height).flat_map(|row| (x..x + width).map(move |column| [column, row])));
         self.round = (sampler.first, sampler.floor);
         self.cast = 0;
     }
@@ -211,13 +217,14 @@ impl TileSamples {
     pub fn next_pass(&mut self, sampler: &Sampler) {
         let (from, to) = self.round;
         let all = self.live.len() * (to - from) as usize;
-        let TileSamples { live, pass, region, .. } = self;
+        let TileSamples { live, places, pass, .. } = self;
         pass.len = RAYS_PER_BATCH.min(all - self.cast);
         let mut pixel = self.cast % live.len();
         let mut sample = from + (self.cast / live.len()) as u32;
         let mut point = Point::new(sample);
         for i in 0..pass.len {
             (pass.pixels[i], pass.samples[i], pass.points[i]) = (live[pixel], sample, point);
+            [pass.columns[i], pass.rows[i]] = places[usize::from(live[pixel])];
             pixel += 1;
             if pixel == live.len() && i + 1 < pass.len {
                 (pixel, sample) = (0, sample + 1);
@@ -228,13 +235,11 @@ impl TileSamples {
         match sampler.filter.box_radius() {
             // Without the table of other filters, whose look-ups take longer than the rest.
             Some(radius) => simd!(pass.place(
-                region.whole,
                 sampler,
                 #[inline(always)]
                 |[x, y]| ([x, y].map(|u| (2.0 * f64::from(u) - 1.0) * radius), 1.0)
             )),
             None => simd!(pass.place(
-                region.whole,
                 sampler,
                 #[inline(always)]
                 |numbers| sampler.filter.place(numbers)
@@ -250,13 +255,9 @@ impl TileSamples {
 
     /// For each ray of the pass, the column and row of its pixel, and the index of its sample.
     pub fn rays(&self) -> impl Iterator<Item = (u32, u32, u32)> {
-        let SamplePass { len, pixels, samples, .. } = &*self.pass;
-        let Window { x, y, width, .. } = self.region.whole;
-        let place = move |pixel: u16| (x + u32::from(pixel) % width, y + u32::from(pixel) / width);
-        pixels[..*len].iter().zip(&**samples).map(move |(&pixel, &sample)| {
-            let (x, y) = place(pixel);
-            (x, y, sample)
-        })
+        let SamplePass { len, columns, rows, samples, .. } = &*self.pass;
+        let places = columns[..*len].iter().zip(&**rows);
+        places.zip(&**samples).map(|((&x, &y), &sample)| (x, y, sample))
     }
 
     /// Adds the colours of the pass's rays to their pixels, and their coverage, which is empty without an alpha
@@ -364,8 +365,9 @@ impl TileSamples {
 
     /// Bytes of memory.
     pub fn bytes(&self) -> usize {
-        let TileSamples { sums, coverage, live, pass, variances, .. } = self;
+        let TileSamples { sums, coverage, live, places, pass, variances, .. } = self;
         size_of::<TileSamples>()
+            + vec_bytes(places)
             + vec_bytes(sums)
             + vec_bytes(coverage)
             + variances.as_ref().map_or(0, vec_bytes)

@@ -165,13 +165,15 @@ pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparen
         let is_layered = transparency.is_layered && tile.depth == 0;
         let is_first = !(is_layered && tile.needs_more_samples);
         own.passing.clear();
+        if !is_first {
+            std::mem::swap(&mut own.passing, &mut own.layers.next);
+        }
         if is_layered {
             own.layers.start(tile.generation().rays.len(), is_first);
         }
         if is_first {
             own.trace_first(tile, world, transparency, is_layered);
         } else {
-            std::mem::swap(&mut own.passing, &mut own.layers.next);
             let generation = tile.generation();
             generation.hits.clear();
             generation.hits.resize(generation.rays.len());
@@ -229,7 +231,9 @@ impl Buffers {
         if self.samples.is_empty() {
             list_samples(tile, &mut self.samples);
         }
-        self.samples[camera_ray].pair(sampler, seed, Dimension::opacity(depth as u32))[0]
+        let dimension = Dimension::opacity(depth as u32);
+        let sample = self.samples.get(camera_ray);
+        sample.map_or_else(|| random::of_ray(ray, seed), |sample| sample.pair(sampler, seed, dimension)[0])
     }
 
     /// Traces the rays on their way once. Rays that stop write their hit; the others stay in `passing`, behind the surface.

@@ -239,8 +239,9 @@ mod tests {
     /// numbers just below the ends of a guide's parts.
     #[test]
     fn searches_by_guide_find_what_full_searches_do() {
-        let weights: [fn(usize) -> f32; 4] = [
+        let weights: [fn(usize) -> f32; 5] = [
             |_| 1.0,
+            |_| 0.0,
             |i| if i % 100 == 7 { 3.0 } else { 0.0 },
             |i| (i as f32).powi(3),
             |i| f32::from(i == 999),
@@ -260,7 +261,7 @@ mod tests {
                 let number = match k % 3 {
                     0 => f64::from(k) / 100_000.0,
                     1 => part,
-                    _ => (part - f64::from(f32::EPSILON)).max(0.0),
+                    _ => (if part > 0.0 { part } else { 1.0 }) - f64::from(f32::EPSILON) / 2.0,
                 };
                 let at = number * f64::from(sums[len - 1]);
                 let expected = sums.partition_point(|&sum| f64::from(sum) <= at).min(len - 1);

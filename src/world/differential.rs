@@ -96,9 +96,9 @@ impl World {
         let Primitive::Triangle(triangle) = self.accelerator.primitive(hit.slot) else { return None };
         let [a, b, c] = triangle.0;
         let (to_b, to_c) = (b - a, c - a);
-        let area = to_b.cross(to_c);
-        // p = v to_b + w to_c, so p x to_c = v area and to_b x p = w area.
-        let scaled = area / area.length_squared();
+        let cross = to_b.cross(to_c);
+        // p = v to_b + w to_c, so p x to_c = v cross and to_b x p = w cross.
+        let scaled = cross / cross.length_squared();
         let moved = differential.at(ray, hit.t, normal);
         Some(moved.map(|p| DVec2::new(p.cross(to_c).dot(scaled), to_b.cross(p).dot(scaled))))
     }

@@ -9,7 +9,7 @@ use crate::film::ColourPipeline;
 use crate::film::colour::srgb_decode;
 use crate::scene::{DecodedImage, TexelEncoding};
 
-/// The value of each 8-bit value of data: a read takes less time than a division.
+/// The value of each 8-bit value of data.
 static DATA: [f64; 256] = {
     let (mut values, mut i) = ([0.0; 256], 0);
     while i < values.len() {

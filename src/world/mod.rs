@@ -48,8 +48,8 @@ pub use lens::ThinLens;
 pub use mip_map::{MipLevel, MipMap};
 pub use recenter::{Recentering, recenter};
 pub(crate) use sampled_triangle::{TriangleSample, TwoTriangles};
-pub(crate) use soa::simd;
-pub use soa::{Flags, PerRay, RAYS_PER_BATCH, Vec3Soa, select, simd_dispatch};
+pub use soa::{Flags, PerRay, RAYS_PER_BATCH, Vec3Soa, simd_dispatch};
+pub(crate) use soa::{select, simd};
 pub use view::{View, basis};
 pub(crate) use volumes::Volumes;
 

@@ -1,4 +1,4 @@
-//! A vector for each ray of a tile as a structure of arrays, and the dispatch of loops over arrays to the widest SIMD
+//! A vector for each ray of a batch as a structure of arrays, and the dispatch of loops over arrays to the widest SIMD
 //! instructions.
 //!
 //! A loop over such arrays without branches is vectorised by the compiler. Vector instructions do the operations of the scalar code
@@ -11,8 +11,8 @@ use glam::DVec3;
 
 use crate::film::TILE;
 
-/// The most rays of a ray generation: two per pixel of a tile. Of fewer, few are left after some bounces; the arrays of more
-/// do not stay in cache.
+/// The most rays of a ray generation: two per pixel of a tile. Smaller batches are nearly empty after some bounces; larger ones
+/// exceed the second-level cache. Measurements: docs/decisions.md.
 pub const RAYS_PER_BATCH: usize = 2 * (TILE * TILE) as usize;
 
 /// Unused values behind those of the rays. Arrays of numbers then have an odd number of cache lines: a loop over many
@@ -80,7 +80,7 @@ impl Vec3Soa {
 
 /// `a` if the condition holds, otherwise `b`, without a branch.
 #[inline(always)]
-pub fn select(condition: bool, a: DVec3, b: DVec3) -> DVec3 {
+pub(crate) fn select(condition: bool, a: DVec3, b: DVec3) -> DVec3 {
     let select = |a: f64, b: f64| if condition { a } else { b };
     DVec3::new(select(a.x, b.x), select(a.y, b.y), select(a.z, b.z))
 }

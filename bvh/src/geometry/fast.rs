@@ -11,7 +11,7 @@ use super::bounds::SingleBoxTest;
 use super::lanes::HitN;
 use super::numerics::{PreparedPacket, PreparedRay};
 use super::simd::{Doubles, Floats, Lanes, Vector};
-use super::{Hit, PACKET, Ray, Rays, Stored, Tier, TriangleHit};
+use super::{BATCH, Hit, Ray, Rays, Stored, Tier, TriangleHit};
 use crate::geometry::Numerics;
 
 /// f32 geometry, decided in f32.
@@ -44,7 +44,7 @@ impl PreparedRay for FastRay {
 
     #[inline(always)]
     fn prepare_packet<'a, D: Doubles>(rays: Rays, packet: &'a mut PreparedPacket) -> &'a mut [Self] {
-        packet.fast.resize(PACKET, FastRay::default());
+        packet.fast.resize(BATCH, FastRay::default());
         for first in (0..rays.len()).step_by(D::Floats::LANES) {
             let [t_min, t_max] = [
                 rays.t_min_floats::<D>(first).array(),

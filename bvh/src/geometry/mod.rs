@@ -58,7 +58,7 @@ pub use numerics::Precision;
 pub use placed::{Placed, Placement, Step};
 pub(crate) use ray::NO_PRIMITIVE;
 pub use ray::{Hit, PrimId, Ray, SlotId};
-pub(crate) use rays::{PACKET, PER_LINE};
+pub(crate) use rays::{BATCH, PACKET, PER_LINE};
 pub use rays::{RayBuffer, Rays};
 pub use sphere::Sphere;
 pub(crate) use sphere::SphereN;

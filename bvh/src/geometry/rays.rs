@@ -9,8 +9,11 @@ use super::Ray;
 use super::lanes::{MAX_FLOATS, RayN};
 use super::simd::{Doubles, prefetch};
 
-/// The most rays that are traced together.
-pub(crate) const PACKET: usize = 512;
+/// The most rays of a packet.
+pub(crate) const PACKET: usize = 256;
+
+/// The most rays that [`RayBuffer::write`] sets, and that a stream traces.
+pub(crate) const BATCH: usize = 512;
 
 /// Borrowed rays of a [`RayBuffer`]. Slices are longer by [`PADDING`]: lanes of vectors beyond the last ray hold other
 /// rays of the buffer.
@@ -200,7 +203,7 @@ pub struct RayBuffer {
 const PADDING: usize = MAX_FLOATS;
 
 /// The stride of buffers of up to a packet of rays.
-const PACKET_STRIDE: usize = PACKET + 3 * PER_LINE;
+const BATCH_STRIDE: usize = BATCH + 3 * PER_LINE;
 
 impl RayBuffer {
     /// The rays.
@@ -268,7 +271,7 @@ impl RayBuffer {
         if count <= self.stride {
             return;
         }
-        let stride = (2 * self.stride + PER_LINE).max(PACKET_STRIDE);
+        let stride = (2 * self.stride + PER_LINE).max(BATCH_STRIDE);
         let mut numbers = vec![0.0; NUMBERS * stride];
         for (to, from) in numbers.chunks_exact_mut(stride).zip(self.numbers.chunks_exact(self.stride.max(1)))
         {
@@ -284,9 +287,9 @@ impl RayBuffer {
     /// If the range ends beyond that.
     #[inline(always)]
     pub fn write(&mut self, range: Range<usize>, ray: impl FnMut(usize) -> Ray) {
-        assert!(range.end <= PACKET, "{range:?} is more than a packet");
-        if self.stride != PACKET_STRIDE {
-            (self.stride, self.numbers) = (PACKET_STRIDE, vec![0.0; NUMBERS * PACKET_STRIDE]);
+        assert!(range.end <= BATCH, "{range:?} is more than {BATCH}");
+        if self.stride != BATCH_STRIDE {
+            (self.stride, self.numbers) = (BATCH_STRIDE, vec![0.0; NUMBERS * BATCH_STRIDE]);
         }
         let Some(numbers) = self.numbers.first_chunk_mut() else { unreachable!("of this size") };
         write(numbers, range.clone(), ray);
@@ -339,13 +342,13 @@ impl RayBuffer {
 /// The loop of [`RayBuffer::write`], over an array of fixed size: the compiler can rule out that its parts overlap.
 #[inline(always)]
 fn write(
-    numbers: &mut [f64; NUMBERS * PACKET_STRIDE],
+    numbers: &mut [f64; NUMBERS * BATCH_STRIDE],
     range: Range<usize>,
     mut ray: impl FnMut(usize) -> Ray,
 ) {
-    for i in range.start..range.end.min(PACKET) {
+    for i in range.start..range.end.min(BATCH) {
         let Ray { origin, direction, t_min, t_max } = ray(i);
-        let mut put = |number: usize, x: f64| numbers[number * PACKET_STRIDE + i] = x;
+        let mut put = |number: usize, x: f64| numbers[number * BATCH_STRIDE + i] = x;
         for axis in 0..3 {
             put(axis, origin[axis]);
             put(DIRECTION + axis, direction[axis]);
@@ -425,10 +428,10 @@ mod tests {
         buffer.keep(&[0, 1, 2, 3, 7, 20]);
         check(buffer.rays(), 4, [7, 20, 20, 20]);
         check(buffer.rays(), 12, [20; 4]);
-        buffer.write(2..PACKET, ray);
+        buffer.write(2..BATCH, ray);
         check(buffer.rays(), 0, [0, 1, 2, 3]);
-        check(buffer.rays(), PACKET - 4, [252, 253, 254, 255]);
-        check(buffer.rays().slice(255, 1), 12, [255; 4]);
+        check(buffer.rays(), BATCH - 4, [508, 509, 510, 511]);
+        check(buffer.rays().slice(511, 1), 12, [511; 4]);
         // Of several packets, at every end.
         let mut buffer = RayBuffer::default();
         for last in 0..3 * PACKET {

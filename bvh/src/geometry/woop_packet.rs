@@ -6,7 +6,7 @@ use super::lanes::HitN;
 use super::numerics::{PreparedPacket, PreparedRay};
 use super::simd::Doubles;
 use super::woop::{MajorAxis, WoopTest};
-use super::{Corner, PACKET, Ray, Rays, Triangle4};
+use super::{BATCH, Corner, Ray, Rays, Triangle4};
 
 impl PreparedRay for WoopTest {
     #[inline(always)]
@@ -17,7 +17,7 @@ impl PreparedRay for WoopTest {
     #[inline(always)]
     fn prepare_packet<'a, D: Doubles>(rays: Rays, packet: &'a mut PreparedPacket) -> &'a mut [Self] {
         let nothing = WoopTest::of_parts(MajorAxis::X, [DVec3::ZERO; 2], [0.0; 3], [0.0; 2]);
-        packet.woop.resize(PACKET, nothing);
+        packet.woop.resize(BATCH, nothing);
         for first in (0..rays.len()).step_by(D::LANES) {
             prepare_lanes::<D>(rays, first, &mut packet.woop[first..first + D::LANES]);
         }

@@ -8,7 +8,7 @@ use super::continuations::Continuations;
 use super::light_samples::LightSamples;
 use super::media::Crossing;
 use super::numbers::GenerationNumbers;
-use super::reflections::Reflections;
+use super::opaque_bsdfs::OpaqueBsdfs;
 use super::smooth_glass::SmoothGlasses;
 use super::vertices::{Members, Vertices};
 use crate::effects::tile::vec_bytes;
@@ -16,13 +16,13 @@ use crate::scene::{Layers, Material, Phong, TextureSlot};
 use crate::shading::bsdf::{Bsdf, BsdfParameters, Ggx, diffuse};
 use crate::world::{InteractionSoa, PreparedMaterial, Vec3Soa, World, simd};
 
-/// The BSDFs of the vertices of a generation, by class. What a vertex has in more than one class, the later decides.
+/// The BSDFs of the vertices of a generation, by class.
 #[derive(Default)]
 pub(super) struct Bsdfs {
     /// Vertices with Lambert's BSDF alone, and their albedos.
     diffuse: Members,
     albedo: Vec3Soa,
-    reflections: Reflections,
+    opaque: OpaqueBsdfs,
     smooth_glass: SmoothGlasses,
     /// All other vertices.
     general: Vec<u32>,
@@ -32,7 +32,7 @@ pub(super) struct Bsdfs {
 #[derive(Clone, Copy)]
 enum Class {
     Diffuse,
-    Reflection,
+    Opaque,
     SmoothGlass,
     General,
 }
@@ -43,14 +43,14 @@ impl Class {
         match material {
             Material::Phong(Phong { refraction: Some(_), .. }) => Class::SmoothGlass,
             Material::Phong(m) if m.specular <= 0.0 => Class::Diffuse,
-            Material::Phong(_) => Class::Reflection,
+            Material::Phong(_) => Class::Opaque,
             Material::MetallicRoughness(m) => {
                 let Layers { transmission, clearcoat, sheen_colour, volume, .. } = m.layers;
                 let has_texture = |slot| m.further_textures.iter().any(|texture| texture.slot == slot);
                 if m.unlit || clearcoat > 0.0 || sheen_colour != DVec3::ZERO {
                     Class::General
                 } else if transmission <= 0.0 {
-                    Class::Reflection
+                    Class::Opaque
                 } else if transmission >= 1.0
                     && !has_texture(TextureSlot::Transmission)
                     && volume.is_some()
@@ -75,7 +75,7 @@ impl Bsdfs {
     /// Finds the BSDFs of a generation.
     pub(super) fn find(&mut self, world: &World, surfaces: &InteractionSoa, vertices: &Vertices) {
         self.diffuse.clear();
-        self.reflections.members.clear();
+        self.opaque.members.clear();
         self.smooth_glass.members.clear();
         self.general.clear();
         for (material, range) in surfaces.by_material() {
@@ -91,9 +91,7 @@ impl Bsdfs {
                 self.add(class, material, surfaces, vertices, range.clone());
             }
         }
-        let Bsdfs { reflections, .. } = self;
-        simd!(reflections.find_positions(vertices));
-        reflections.look_up();
+        self.opaque.find_albedos(vertices);
     }
 
     /// Adds vertices with surfaces of one class and material.
@@ -105,8 +103,10 @@ impl Bsdfs {
         vertices: &Vertices,
         range: Range<usize>,
     ) {
-        let parameters =
-            |i: usize| parameters(material, surfaces, i, vertices.crossing(i)).unwrap_or_default();
+        let parameters = |i: usize| {
+            let parameters = parameters(material, surfaces, i, vertices.crossing(i));
+            parameters.unwrap_or_else(|| unreachable!("the class of unlit materials is the general one"))
+        };
         match class {
             Class::Diffuse => {
                 for i in range.clone() {
@@ -114,11 +114,11 @@ impl Bsdfs {
                 }
                 self.diffuse.push(range);
             }
-            Class::Reflection => {
+            Class::Opaque => {
                 for i in range.clone() {
-                    self.reflections.set(i, &parameters(i));
+                    self.opaque.set(i, &parameters(i));
                 }
-                self.reflections.members.push(range);
+                self.opaque.members.push(range);
             }
             Class::SmoothGlass => {
                 for i in range.clone() {
@@ -141,13 +141,14 @@ impl Bsdfs {
         lights: &mut [Box<LightSamples>],
         continuations: &mut Continuations,
     ) {
+        // The loops over Lambert's BSDFs write all vertices of their range; those of later classes are written again.
         for samples in &mut *lights {
             simd!(self.eval_diffuse(samples));
-            simd!(self.reflections.eval(vertices, samples));
+            simd!(self.opaque.eval(vertices, samples));
             simd!(self.smooth_glass.drop_light_samples(samples));
         }
         simd!(self.sample_diffuse(vertices, numbers, continuations));
-        simd!(self.reflections.sample(vertices, numbers, continuations));
+        simd!(self.opaque.sample(vertices, numbers, continuations));
         simd!(self.smooth_glass.sample(vertices, numbers, continuations));
         let mut bsdf = Bsdf::EMPTY;
         for i in self.general.iter().map(|&i| i as usize) {
@@ -285,4 +286,131 @@ fn parameters(
         },
     };
     Some(BsdfParameters { ior: parameters.ior / crossing.ior_around, ..parameters })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bvh::{Layout, Traversal};
+    use crate::effects::path::Path;
+    use crate::effects::path::numbers::Sequence;
+    use crate::effects::samples::SampleIndex;
+    use crate::film::{Colour, ColourPipeline};
+    use crate::geometry::{HitBuffer, Numerics, RayBuffer, Sphere};
+    use crate::scene::{
+        AnalyticShape, MaterialId, MetallicRoughness, Object, PixelSampler, Refraction, Scene, Shape, Volume,
+    };
+    use crate::world::{HitOrder, RAYS_PER_BATCH};
+
+    /// Materials of all classes.
+    fn materials() -> Vec<Material> {
+        let colour = Colour::Linear(DVec3::new(0.9, 0.5, 0.2));
+        let phong = Phong { colour, ..Phong::default() };
+        let glass = Phong { refraction: Some(Refraction { ior: 1.5, filter: colour }), ..phong.clone() };
+        let rough = |metallic, roughness, layers| MetallicRoughness {
+            base_colour: colour,
+            metallic,
+            roughness,
+            layers,
+            ..MetallicRoughness::default()
+        };
+        let volume = Volume { attenuation_colour: colour, attenuation_distance: f64::INFINITY };
+        let transparent = Layers { transmission: 1.0, volume: Some(volume), ..Layers::default() };
+        let of = Material::MetallicRoughness;
+        vec![
+            Material::Phong(phong.clone()),
+            Material::Phong(Phong { specular: 0.5, shininess: 30.0, ..phong }),
+            Material::Phong(glass),
+            of(rough(1.0, 0.3, Layers::default())),
+            of(rough(1.0, 0.0, Layers::default())),
+            of(rough(0.0, 0.5, Layers::default())),
+            of(rough(0.0, 0.0, transparent.clone())),
+            of(rough(0.0, 0.4, transparent)),
+            of(rough(0.3, 0.4, Layers { clearcoat: 1.0, ..Layers::default() })),
+            of(MetallicRoughness { unlit: true, ..rough(0.0, 0.5, Layers::default()) }),
+        ]
+    }
+
+    /// A grid of spheres, the materials of which are those of their numbers plus `shift`, and far away one of glass whose inside
+    /// the surface of a larger one divides.
+    fn world(shift: usize) -> World {
+        let materials = materials();
+        let sphere = |material: usize, x: f64, y: f64, radius| Object {
+            name: String::new(),
+            input: 0,
+            material: MaterialId(material as u32),
+            shape: Shape::Analytic(AnalyticShape::from(Sphere { centre: DVec3::new(x, y, 0.0), radius })),
+        };
+        let grid =
+            (0..40).map(|k| sphere((k + shift) % materials.len(), (k % 8) as f64, (k / 8) as f64, 0.45));
+        let objects = grid.chain([sphere(2, 50.0, 0.0, 0.5), sphere(6, 52.0, 0.0, 2.0)]).collect();
+        let scene = Scene { materials, objects, ..Scene::default() };
+        World::prepare(scene, ColourPipeline::Linear, Layout::default(), Numerics::Watertight)
+    }
+
+    /// What the loops of the classes give is what the general BSDF gives for each vertex, whatever an earlier generation left in
+    /// the arrays.
+    #[test]
+    fn bsdfs_of_a_generation_are_those_of_each_vertex() {
+        let (mut bsdfs, mut lights) = (Box::<Bsdfs>::default(), vec![Box::<LightSamples>::default()]);
+        let (mut continuations, mut numbers) =
+            (Box::<Continuations>::default(), Box::<GenerationNumbers>::default());
+        let (mut hidden, mut seen) = (0, [0; 4]);
+        for (shift, order) in [(0, HitOrder::Rays), (3, HitOrder::Primitives), (7, HitOrder::Rays)] {
+            let world = world(shift);
+            let sequence = Sequence { seed: shift as u32, sampler: PixelSampler::Independent, depth: 1 };
+            numbers.fill((0..RAYS_PER_BATCH as u32).map(|x| SampleIndex { x, y: 0, sample: 0 }), sequence);
+            let (mut rays, mut hits) = (RayBuffer::default(), HitBuffer::default());
+            for i in 0..RAYS_PER_BATCH {
+                let [u, v] = numbers.direction(i);
+                let [from, to] = if i % 8 == 0 {
+                    [DVec3::new(49.7, 0.0, 0.0), DVec3::new(52.0, u, v)]
+                } else {
+                    [DVec3::new(3.0, 2.0, 9.0), DVec3::new(8.0 * u - 0.5, 5.0 * v - 0.5, 0.0)]
+                };
+                let precision = world.numerics().ray_precision();
+                rays.push(&precision.ray(from, (to - from).normalize(), 0.0, f64::INFINITY));
+            }
+            world.accelerator.closest_hits(rays.rays(), &mut hits, &mut Traversal::default());
+            let mut surfaces = Box::default();
+            world.interactions(&rays, &hits, order, &mut surfaces);
+            let (mut vertices, mut media) = (Box::<Vertices>::default(), Vec::new());
+            vertices.media.start(&world, rays.rays().origins(), &mut media);
+            let path = Path { throughput: DVec3::ONE, from: DVec3::ZERO, pdf: 1.0, bounces: 0 };
+            vertices.begin(&world, &surfaces, &[path; RAYS_PER_BATCH], &media);
+            vertices.find_frames(&world, &surfaces);
+            for i in 0..vertices.len() {
+                let [u, v] = numbers.lobe_and_roulette(i);
+                lights[0].local.set(i, DVec3::new(u - 0.5, v - 0.5, 0.7 * u - 0.1).normalize());
+                lights[0].pdf[i] = 1.0;
+            }
+            bsdfs.find(&world, &surfaces, &vertices);
+            bsdfs.eval_and_sample(&world, &surfaces, &vertices, &numbers, &mut lights, &mut continuations);
+            let mut bsdf = Bsdf::EMPTY;
+            for i in 0..vertices.len() {
+                hidden += usize::from(vertices.crossing(i).is_hidden);
+                let is_set = set(&mut bsdf, &world, &surfaces, &vertices, i);
+                let scatters = is_set && !bsdf.is_delta();
+                assert_eq!(lights[0].pdf[i], f64::from(u8::from(scatters)));
+                assert_eq!(continuations.is_delta.get(i), is_set && !scatters);
+                if scatters {
+                    let value = (lights[0].value.get(i), lights[0].bsdf_pdf[i]);
+                    assert_eq!(value, bsdf.eval_pdf(lights[0].local.get(i)));
+                }
+                let [[u, v], [lobe, _]] = [numbers.direction(i), numbers.lobe_and_roulette(i)];
+                let Some(expected) = is_set.then(|| bsdf.sample([lobe, u, v])).flatten() else {
+                    assert_eq!(continuations.pdf[i], 0.0);
+                    seen[0] += 1;
+                    continue;
+                };
+                seen[1 + usize::from(expected.is_delta) + usize::from(expected.is_transmission)] += 1;
+                let pdf = if expected.is_delta { f64::INFINITY } else { expected.pdf };
+                assert_eq!((continuations.local.get(i), continuations.pdf[i]), (expected.direction, pdf));
+                // The general BSDF divides smooth glass by its albedo, which is 1 up to rounding.
+                let difference = (continuations.weight.get(i) - expected.weight).abs().max_element();
+                assert!(difference <= 1e-14 * expected.weight.max_element());
+            }
+        }
+        assert!(hidden > 20 && seen.iter().all(|&count| count > 20), "{hidden} {seen:?}");
+    }
 }

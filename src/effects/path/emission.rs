@@ -43,10 +43,12 @@ impl Buffers {
         self.missed.fill(generation.rays.len(), |ray| generation.hits.get(ray).is_none());
         // In a loop of its own, so that the next one reads texels for several rays at once.
         self.places.clear();
-        let place = |ray: usize| context.world.environment_place(generation.rays.get(ray).direction);
-        self.places.extend(self.missed.iter().map(place));
+        if lights.uniform_radiance().is_none() {
+            let place = |ray: usize| context.world.environment_place(generation.rays.get(ray).direction);
+            self.places.extend(self.missed.iter().map(place));
+        }
         for k in 0..self.missed.len() {
-            let (ray, place) = (self.missed.get(k), self.places[k]);
+            let (ray, place) = (self.missed.get(k), self.places.get(k).copied().unwrap_or_default());
             let path = self.paths[ray];
             let direction = generation.rays.get(ray).direction;
             let radiance = if depth == 0 {

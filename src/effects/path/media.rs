@@ -151,7 +151,8 @@ pub(super) struct MediaTable {
     crossings: Vec<(CrossingKey, Crossing)>,
 }
 
-/// The latest entries of a [`MediaTable`] that are searched. One that is not found there is added again.
+/// The latest entries of a [`MediaTable`] that are searched. One that is not found there is added again, so that a search
+/// takes few steps and there are no more entries than vertices.
 const SEARCHED: usize = 8;
 
 impl MediaTable {
@@ -180,7 +181,7 @@ impl MediaTable {
         if media.is_empty() {
             return MediaId::EMPTY;
         }
-        let known = latest(self.sets.len()).find(|&id| self.sets[id] == media);
+        let known = latest_indices(self.sets.len()).find(|&id| self.sets[id] == media);
         let id = known.unwrap_or_else(|| {
             self.sets.push(media);
             self.sets.len() - 1
@@ -194,7 +195,7 @@ impl MediaTable {
         let own = world.volumes.as_ref().and_then(|volumes| volumes.of_object(surfaces.objects()[i]));
         let from_inside = own.is_some() && world.is_seen_from_back(surfaces, i);
         let key = (self.around(world, media, surfaces.position.get(i)), own, from_inside);
-        let known = latest(self.crossings.len()).find(|&entry| self.crossings[entry].0 == key);
+        let known = latest_indices(self.crossings.len()).find(|&entry| self.crossings[entry].0 == key);
         known.unwrap_or_else(|| self.add_crossing(world, key)) as u32
     }
 
@@ -245,8 +246,8 @@ impl MediaTable {
     }
 }
 
-/// The latest of some entries, the last first.
-fn latest(count: usize) -> impl Iterator<Item = usize> {
+/// The indices of the latest of some entries, the last first.
+fn latest_indices(count: usize) -> impl Iterator<Item = usize> {
     (count.saturating_sub(SEARCHED)..count).rev()
 }
 
@@ -261,6 +262,23 @@ fn transmittance(world: &World, medium: Option<u32>, distance: f64) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Sets have the numbers of the volumes that they were given, also where there are more than a search finds, and the empty one
+    /// has one number.
+    #[test]
+    fn sets_are_found_by_their_numbers() {
+        let mut table = MediaTable { sets: vec![Media::EMPTY], ..MediaTable::default() };
+        let set =
+            |volume: u32| (0..volume % 3).fold(Media::EMPTY.with(volume), |set, more| set.with(100 + more));
+        let ids: Vec<MediaId> = (0..60).map(|k| table.id(set(k % 25))).collect();
+        for (k, id) in (0..).zip(&ids) {
+            assert_eq!(table.sets[id.0 as usize], set(k % 25));
+        }
+        // The latest are found again; nothing is a set of its own.
+        let count = table.sets.len();
+        assert_eq!((table.id(set(59 % 25)), table.id(Media::EMPTY)), (ids[59], MediaId::EMPTY));
+        assert_eq!(table.sets.len(), count);
+    }
 
     /// Volumes come in their order of precedence and leave one at a time; of too many the last are forgotten.
     #[test]

@@ -5,12 +5,13 @@
 //! ([`vertices`]) take these steps together, each a file:
 //! 1. paths add the radiance that surfaces emit, or that rays which hit nothing find ([`emission`]);
 //! 2. lights ([`lights`]) are sampled ([`light_samples`]);
-//! 3. BSDFs are evaluated for the light samples, and sampled ([`bsdf`]);
+//! 3. BSDFs are evaluated for the light samples, and sampled ([`bsdf`]), by class: Lambert's, those of metal and opaque
+//!    dielectric ([`opaque_bsdfs`]), of [`smooth_glass`], and all others;
 //! 4. light samples are listed as shadow rays with what they add ([`shadow_rays`]), by the weights of multiple importance
 //!    sampling ([`weights`]), and traced together;
 //! 5. Russian roulette ends paths; the others are the next generation, without gaps ([`continuations`]).
 //!
-//! All but the choice of lights, the BSDFs other than Lambert's, and media are loops without branches over structures of
+//! All but the choice of lights, the BSDFs of the last class, and media are loops without branches over structures of
 //! arrays, which the compiler vectorises. Random numbers depend on pixel, sample, generation and seed.
 
 mod bsdf;
@@ -20,7 +21,7 @@ mod light_samples;
 mod lights;
 mod media;
 mod numbers;
-mod reflections;
+mod opaque_bsdfs;
 mod shadow_rays;
 mod smooth_glass;
 #[cfg(test)]

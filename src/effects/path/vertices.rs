@@ -24,8 +24,9 @@ pub(super) struct Vertices {
     pub(super) view: Vec3Soa,
     /// The origins of rays that leave on the side of the geometric normal.
     origin: Vec3Soa,
+    /// The media on both sides of surfaces.
     pub(super) media: MediaTable,
-    /// The entry of each surface in `media`; empty in worlds without volumes.
+    /// The entry of each surface in that; empty in worlds without volumes.
     crossings: Vec<u32>,
 }
 
@@ -228,5 +229,22 @@ impl Members {
     #[inline(always)]
     pub(super) fn has(&self, i: usize) -> bool {
         self.is_member.get(i)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Gaps between members are none, whatever was there before.
+    #[test]
+    fn members_are_those_of_the_ranges() {
+        let mut members = Members::default();
+        for ranges in [vec![0..3, 3..RAYS_PER_BATCH], vec![3..5, 9..10, 10..14], vec![], vec![7..8, 8..9]] {
+            members.clear();
+            ranges.iter().for_each(|range| members.push(range.clone()));
+            let found: Vec<usize> = members.range().filter(|&i| members.has(i)).collect();
+            assert_eq!(found, ranges.into_iter().flatten().collect::<Vec<_>>());
+        }
     }
 }

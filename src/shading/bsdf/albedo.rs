@@ -19,9 +19,6 @@ const NODES: [usize; 2] = [46, 44];
 /// Points of the quadrature of a node: azimuths of half a turn, and polar positions.
 const POINTS: [usize; 2] = [24, 40];
 
-/// The values of smooth surfaces, which the table leaves out.
-pub(crate) const OF_A_MIRROR: [f64; 2] = [1.0, 0.0];
-
 /// The directional albedos of the reflection lobe of one roughness and view.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct GgxAlbedo {
@@ -34,23 +31,33 @@ pub(crate) struct GgxAlbedo {
 impl GgxAlbedo {
     /// The albedos of a view with the cosine `cos`, 0 to 1. A smooth surface is a mirror.
     pub(crate) fn new(ggx: Ggx, cos: f64) -> Self {
-        let values = if ggx.is_delta() { OF_A_MIRROR } else { Self::table().at(to_unit(ggx, cos)) };
-        Self::from_values(values, cos)
+        Self::from_values(Self::values(ggx, Self::position(ggx, cos)), cos)
     }
 
-    /// The table of all rough surfaces, over [`to_unit`]. Its values are those of [`GgxAlbedo::from_values`].
-    pub(crate) fn table() -> &'static Table<2, 2> {
+    /// The position of a view with the cosine `cos` in the table.
+    #[inline(always)]
+    pub(crate) fn position(ggx: Ggx, cos: f64) -> [f64; 2] {
+        to_unit(ggx, cos)
+    }
+
+    /// The values of the table at a position. It is built when it is first needed.
+    #[inline]
+    pub(crate) fn values(ggx: Ggx, position: [f64; 2]) -> [f64; 2] {
+        if ggx.is_delta() {
+            return [1.0, 0.0];
+        }
         static TABLE: OnceLock<Table<2, 2>> = OnceLock::new();
-        TABLE.get_or_init(|| {
+        let table = TABLE.get_or_init(|| {
             Table::new(NODES, |position| {
                 let (ggx, cos) = from_unit(position);
                 let albedo = integrate(ggx, cos, POINTS);
                 [albedo.all, albedo.schlick / albedo.all - schlick_weight(cos)]
             })
-        })
+        });
+        table.at(position)
     }
 
-    /// The albedos by values of the table for the cosine `cos`, or by [`OF_A_MIRROR`].
+    /// The albedos by the values of the table, for the cosine `cos`.
     #[inline(always)]
     pub(crate) fn from_values([all, excess]: [f64; 2], cos: f64) -> Self {
         GgxAlbedo { all, schlick: (all * (excess + schlick_weight(cos))).max(0.0).min(all) }

@@ -24,7 +24,7 @@ mod ggx;
 mod glass;
 mod glass_albedo;
 mod lobe;
-mod reflection;
+mod opaque;
 mod sheen;
 mod specular;
 mod table;
@@ -38,7 +38,7 @@ mod tests;
 
 use glam::DVec3;
 
-pub(crate) use albedo::{GgxAlbedo, OF_A_MIRROR, to_unit};
+pub(crate) use albedo::GgxAlbedo;
 pub(crate) use dielectric::reflectances;
 use fresnel::Fresnel;
 pub(crate) use fresnel::{Interface, relative_index};
@@ -46,7 +46,7 @@ pub(crate) use ggx::Ggx;
 use glass::Glass;
 pub(crate) use glass::SmoothGlass;
 use lobe::{Lobe, LobeSample, Value};
-pub(crate) use reflection::{Reflection, ReflectionParameters};
+pub(crate) use opaque::{OpaqueBsdf, OpaqueParameters};
 use sheen::Sheen;
 use specular::Specular;
 
@@ -252,7 +252,7 @@ impl Bsdf {
     fn push_reflection(&mut self, p: &BsdfParameters, ggx: Ggx, [metal, opaque]: [f64; 2]) {
         let albedo = GgxAlbedo::new(ggx, self.view.z);
         let reflectances = reflectances(p.ior, p.specular, p.specular_colour);
-        let (factors, diffuse) = reflection::factors(p.base_colour, [metal, opaque], reflectances, &albedo);
+        let (factors, diffuse) = opaque::factors(p.base_colour, [metal, opaque], reflectances, &albedo);
         self.push(Lobe::Specular(Specular::schlick(ggx, factors, &albedo)));
         self.push(Lobe::Diffuse(diffuse));
     }

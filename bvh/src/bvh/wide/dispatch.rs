@@ -1,7 +1,9 @@
 //! [`Accelerator`] for the BVH8: chooses the traversal for the rays of a call, and the instruction set.
 //!
 //! They are cut into packets. A packet whose rays have nothing in common, or that is abandoned, is traced by all
-//! pairs if the scene is small, else as a stream, else ray by ray.
+//! pairs if the scene is small, else as a stream, with such packets beside it, else ray by ray.
+
+use std::ops::Range;
 
 use glam::DVec3;
 
@@ -13,7 +15,7 @@ use crate::bvh::{Accelerator, Description, Next, Primitive, Quality, Traversal};
 #[cfg(target_arch = "x86_64")]
 use crate::geometry::simd::{Avx2, Avx512};
 use crate::geometry::simd::{InstructionSet, Portable, Simd};
-use crate::geometry::{Hit, HitBuffer, LineTest, Numerics, PACKET, PrimId, Ray, Rays, SlotId, Tier};
+use crate::geometry::{BATCH, Hit, HitBuffer, LineTest, Numerics, PACKET, PrimId, Ray, Rays, SlotId, Tier};
 
 /// Fewer rays are not traced as a packet.
 const MIN_PACKET: usize = 16;
@@ -74,6 +76,86 @@ impl Backoff {
     }
 }
 
+/// Consecutive rays that no packet traces, at most [`BATCH`]: one stream traces them.
+#[derive(Default)]
+struct Waiting(Range<usize>);
+
+impl Waiting {
+    /// Adds rays. Returns those that must be traced before, which may be none.
+    fn add(&mut self, rays: Range<usize>) -> Range<usize> {
+        if self.0.end == rays.start && rays.end - self.0.start <= BATCH {
+            self.0.end = rays.end;
+            return 0..0;
+        }
+        std::mem::replace(&mut self.0, rays)
+    }
+}
+
+impl<T: Tier> Wide<T> {
+    /// Finds the closest hits of a range of rays as a stream, or one by one; that of the first ray of all is at `first`.
+    fn stream_closest(
+        &self,
+        rays: Rays,
+        range: Range<usize>,
+        hits: &mut HitBuffer,
+        first: usize,
+        traversal: &mut Traversal,
+    ) {
+        if range.is_empty() {
+            return;
+        }
+        let (first, rays) = (first + range.start, rays.slice(range.start, range.len()));
+        let is_done = many(
+            self,
+            rays,
+            traversal,
+            #[inline(always)]
+            |ray, hit| {
+                if !self.is_better(|| rays.get(ray), &hit, hits.get(first + ray).as_ref()) {
+                    return Next::Continue;
+                }
+                hits.set(first + ray, Some(&hit));
+                Next::Shorten(hit.t)
+            },
+        );
+        if !is_done {
+            for (index, ray) in (first..).zip(rays.iter()) {
+                hits.set(index, self.closest_hit(&ray, traversal).as_ref());
+            }
+        }
+    }
+
+    /// Finds for a range of rays whether each is occluded, as [`Wide::stream_closest`].
+    fn stream_occluded(
+        &self,
+        rays: Rays,
+        range: Range<usize>,
+        occluded: &mut [bool],
+        traversal: &mut Traversal,
+    ) {
+        if range.is_empty() {
+            return;
+        }
+        let rays = rays.slice(range.start, range.len());
+        let occluded = &mut occluded[range];
+        let is_done = many(
+            self,
+            rays,
+            traversal,
+            #[inline(always)]
+            |ray, _| {
+                occluded[ray] = true;
+                Next::Stop
+            },
+        );
+        if !is_done {
+            for (ray, occluded) in rays.iter().zip(occluded) {
+                *occluded = self.is_occluded(&ray, traversal);
+            }
+        }
+    }
+}
+
 impl<T: Tier> Accelerator for Wide<T> {
     fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
         let mut best: Option<Hit> = None;
@@ -109,9 +191,10 @@ impl<T: Tier> Accelerator for Wide<T> {
     }
 
     fn closest_hits(&self, rays: Rays, hits: &mut HitBuffer, traversal: &mut Traversal) {
-        let mut backoff = Backoff::default();
-        for [rays, following] in packets(rays) {
-            let first = hits.len();
+        let (all, first) = (rays, hits.len());
+        let (mut backoff, mut waiting) = (Backoff::default(), Waiting::default());
+        for [rays, following] in packets(all) {
+            let start = hits.len() - first;
             let Traversal { children, tests, packet, .. } = traversal;
             if rays.len() >= MIN_PACKET
                 && backoff.tries(|| {
@@ -126,32 +209,18 @@ impl<T: Tier> Accelerator for Wide<T> {
                 with!(self.instructions, S => all_pairs::closest::<T, S>(self, few, rays, hits, traversal));
                 continue;
             }
-            hits.resize(first + rays.len());
-            let is_done = many(
-                self,
-                rays,
-                traversal,
-                #[inline(always)]
-                |ray, hit| {
-                    if !self.is_better(|| rays.get(ray), &hit, hits.get(first + ray).as_ref()) {
-                        return Next::Continue;
-                    }
-                    hits.set(first + ray, Some(&hit));
-                    Next::Shorten(hit.t)
-                },
-            );
-            if !is_done {
-                for (index, ray) in (first..).zip(rays.iter()) {
-                    hits.set(index, self.closest_hit(&ray, traversal).as_ref());
-                }
-            }
+            let end = start + rays.len();
+            hits.resize(first + end);
+            self.stream_closest(all, waiting.add(start..end), hits, first, traversal);
         }
+        self.stream_closest(all, waiting.0, hits, first, traversal);
     }
 
     fn are_occluded(&self, rays: Rays, occluded: &mut Vec<bool>, traversal: &mut Traversal) {
-        let mut backoff = Backoff::default();
-        for [rays, following] in packets(rays) {
-            let first = occluded.len();
+        let (all, first) = (rays, occluded.len());
+        let (mut backoff, mut waiting) = (Backoff::default(), Waiting::default());
+        for [rays, following] in packets(all) {
+            let start = occluded.len() - first;
             let Traversal { children, tests, packet, .. } = traversal;
             if rays.len() >= MIN_PACKET
                 && backoff.tries(|| {
@@ -166,24 +235,11 @@ impl<T: Tier> Accelerator for Wide<T> {
                 with!(self.instructions, S => all_pairs::occluded::<T, S>(self, few, rays, occluded, traversal));
                 continue;
             }
-            occluded.resize(first + rays.len(), false);
-            let of_packet = &mut occluded[first..];
-            let is_done = many(
-                self,
-                rays,
-                traversal,
-                #[inline(always)]
-                |ray, _| {
-                    of_packet[ray] = true;
-                    Next::Stop
-                },
-            );
-            if !is_done {
-                for (ray, occluded) in rays.iter().zip(of_packet) {
-                    *occluded = self.is_occluded(&ray, traversal);
-                }
-            }
+            let end = start + rays.len();
+            occluded.resize(first + end, false);
+            self.stream_occluded(all, waiting.add(start..end), &mut occluded[first..], traversal);
         }
+        self.stream_occluded(all, waiting.0, &mut occluded[first..], traversal);
     }
 
     fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal) {

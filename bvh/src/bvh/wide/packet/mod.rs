@@ -1,4 +1,4 @@
-//! The traversal for packets: up to 512 rays with a common origin (primary rays), a common end (shadow rays to a
+//! The traversal for packets: up to 256 rays with a common origin (primary rays), a common end (shadow rays to a
 //! light) or a common direction (shadow rays to a directional light).
 //!
 //! A packet passes these files:

@@ -2,14 +2,14 @@
 
 use crate::bvh::wide::single::box_ray::{BoxRay, LENGTHS, WIDENING};
 use crate::geometry::simd::{Doubles, Simd, Vector};
-use crate::geometry::{PACKET, Rays};
+use crate::geometry::{BATCH, Rays};
 
 /// A [`BoxRay`] for each ray.
 pub(crate) struct BoxRays(Vec<BoxRay>);
 
 impl Default for BoxRays {
     fn default() -> Self {
-        BoxRays(vec![BoxRay::of_parts([1.0; 3], [[0.0; 2]; 3], 0.0); PACKET])
+        BoxRays(vec![BoxRay::of_parts([1.0; 3], [[0.0; 2]; 3], 0.0); BATCH])
     }
 }
 

@@ -9,9 +9,9 @@ use super::fresnel::schlick_weight;
 use super::ggx::{Ggx, reflect};
 use crate::world::select;
 
-/// Parameters of [`Reflection`] at a surface point, each number 0 to 1.
+/// Parameters of [`OpaqueBsdf`] at a surface point, each number 0 to 1.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct ReflectionParameters {
+pub(crate) struct OpaqueParameters {
     pub(crate) base_colour: DVec3,
     pub(crate) metallic: f64,
     pub(crate) ggx: Ggx,
@@ -21,7 +21,7 @@ pub(crate) struct ReflectionParameters {
 
 /// A BSDF without clearcoat, sheen and transmission, for one view.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Reflection {
+pub(crate) struct OpaqueBsdf {
     ggx: Ggx,
     /// Fresnel factors at normal and grazing incidence.
     f0: DVec3,
@@ -48,16 +48,16 @@ pub(crate) fn factors(
     ([metal_f0 * metal + f0 * opaque, metal_f90 * metal + f90 * opaque], diffuse)
 }
 
-impl Reflection {
+impl OpaqueBsdf {
     /// The BSDF for a view whose albedos are given.
     #[inline(always)]
-    pub(crate) fn new(p: &ReflectionParameters, albedo: &GgxAlbedo) -> Self {
+    pub(crate) fn new(p: &OpaqueParameters, albedo: &GgxAlbedo) -> Self {
         let weights = [p.metallic, 1.0 - p.metallic];
         let ([f0, f90], diffuse) = factors(p.base_colour, weights, p.reflectances, albedo);
         let weights = [albedo.of(f0, f90).element_sum(), diffuse.element_sum()];
         let total = weights[0] + weights[1];
         let probabilities = [weights[0] / total, weights[1] / total];
-        Reflection { ggx: p.ggx, f0, f90, diffuse, probabilities }
+        OpaqueBsdf { ggx: p.ggx, f0, f90, diffuse, probabilities }
     }
 
     /// Whether no light sample can contribute: a mirror, or black.
@@ -136,14 +136,14 @@ mod tests {
             let bsdf = Bsdf::new(&p, view);
             let ggx = Ggx::new(roughness);
             let reflectances = reflectances(p.ior, specular, p.specular_colour);
-            let parameters = ReflectionParameters { base_colour, metallic, ggx, reflectances };
-            let reflection = Reflection::new(&parameters, &GgxAlbedo::new(ggx, view.z));
-            assert_eq!(reflection.is_delta(), bsdf.is_delta(), "{p:?}");
+            let parameters = OpaqueParameters { base_colour, metallic, ggx, reflectances };
+            let opaque = OpaqueBsdf::new(&parameters, &GgxAlbedo::new(ggx, view.z));
+            assert_eq!(opaque.is_delta(), bsdf.is_delta(), "{p:?}");
             if !bsdf.is_delta() {
-                assert_eq!(reflection.eval_pdf(view, light), bsdf.eval_pdf(light), "{p:?}");
+                assert_eq!(opaque.eval_pdf(view, light), bsdf.eval_pdf(light), "{p:?}");
             }
             let numbers = [number(), number(), number()];
-            let sample = reflection.sample(view, numbers);
+            let sample = opaque.sample(view, numbers);
             match bsdf.sample(numbers) {
                 None => assert_eq!(sample.pdf, 0.0, "{p:?}"),
                 Some(expected) => {

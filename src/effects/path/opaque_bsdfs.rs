@@ -1,4 +1,4 @@
-//! The BSDFs of surfaces without clearcoat, sheen and transmission ([`Reflection`]), as structures of arrays.
+//! The BSDFs of surfaces of metal and opaque dielectrics ([`OpaqueBsdf`]), as structures of arrays.
 
 use glam::DVec3;
 
@@ -7,14 +7,13 @@ use super::light_samples::LightSamples;
 use super::numbers::GenerationNumbers;
 use super::vertices::{Members, Vertices};
 use crate::shading::bsdf::{
-    BsdfParameters, Ggx, GgxAlbedo, OF_A_MIRROR, Reflection, ReflectionParameters, clamped_view,
-    reflectances, to_unit,
+    BsdfParameters, Ggx, GgxAlbedo, OpaqueBsdf, OpaqueParameters, clamped_view, reflectances,
 };
-use crate::world::{PerRay, Vec3Soa, select};
+use crate::world::{PerRay, Vec3Soa, select, simd};
 
 /// The parameters of such BSDFs.
 #[derive(Default)]
-pub(super) struct Reflections {
+pub(super) struct OpaqueBsdfs {
     pub(super) members: Members,
     base_colour: Vec3Soa,
     metallic: PerRay<f64>,
@@ -22,11 +21,12 @@ pub(super) struct Reflections {
     /// The reflectances of the dielectric at normal and at grazing incidence.
     f0: Vec3Soa,
     f90: Vec3Soa,
-    /// Positions in the table of albedos, then its values.
-    table: [PerRay<f64>; 2],
+    /// Positions in the table of albedos, and its values there.
+    position: [PerRay<f64>; 2],
+    albedo: [PerRay<f64>; 2],
 }
 
-impl Reflections {
+impl OpaqueBsdfs {
     /// Sets the BSDF of a vertex.
     #[inline(always)]
     pub(super) fn set(&mut self, i: usize, parameters: &BsdfParameters) {
@@ -39,39 +39,37 @@ impl Reflections {
         self.f90.set(i, f90);
     }
 
-    /// Computes positions in the table of albedos.
-    #[inline(always)]
-    pub(super) fn find_positions(&mut self, vertices: &Vertices) {
-        for i in self.members.range() {
-            let position = to_unit(Ggx::new(self.roughness[i]), clamped_view(vertices.view.get(i)).z);
-            (self.table[0][i], self.table[1][i]) = position.into();
+    /// Looks up the albedos.
+    pub(super) fn find_albedos(&mut self, vertices: &Vertices) {
+        simd!(self.find_positions(vertices));
+        for i in self.members.range().filter(|&i| self.members.has(i)) {
+            let position = [self.position[0][i], self.position[1][i]];
+            let values = GgxAlbedo::values(Ggx::new(self.roughness[i]), position);
+            (self.albedo[0][i], self.albedo[1][i]) = values.into();
         }
     }
 
-    /// Replaces positions in the table by its values.
-    pub(super) fn look_up(&mut self) {
+    #[inline(always)]
+    fn find_positions(&mut self, vertices: &Vertices) {
         for i in self.members.range() {
-            // The table is built when it is first needed.
-            let values = match Ggx::new(self.roughness[i]).is_delta() {
-                true => OF_A_MIRROR,
-                false => GgxAlbedo::table().at([self.table[0][i], self.table[1][i]]),
-            };
-            (self.table[0][i], self.table[1][i]) = values.into();
+            let cos = clamped_view(vertices.view.get(i)).z;
+            let position = GgxAlbedo::position(Ggx::new(self.roughness[i]), cos);
+            (self.position[0][i], self.position[1][i]) = position.into();
         }
     }
 
     /// The BSDF of a vertex, and the view.
     #[inline(always)]
-    fn get(&self, vertices: &Vertices, i: usize) -> (Reflection, DVec3) {
+    fn get(&self, vertices: &Vertices, i: usize) -> (OpaqueBsdf, DVec3) {
         let view = clamped_view(vertices.view.get(i));
-        let parameters = ReflectionParameters {
+        let parameters = OpaqueParameters {
             base_colour: self.base_colour.get(i),
             metallic: self.metallic[i],
             ggx: Ggx::new(self.roughness[i]),
             reflectances: [self.f0.get(i), self.f90.get(i)],
         };
-        let albedo = GgxAlbedo::from_values([self.table[0][i], self.table[1][i]], view.z);
-        (Reflection::new(&parameters, &albedo), view)
+        let albedo = GgxAlbedo::from_values([self.albedo[0][i], self.albedo[1][i]], view.z);
+        (OpaqueBsdf::new(&parameters, &albedo), view)
     }
 
     /// Evaluates the BSDFs for light samples.
@@ -79,9 +77,9 @@ impl Reflections {
     pub(super) fn eval(&self, vertices: &Vertices, samples: &mut LightSamples) {
         for i in self.members.range() {
             let is_member = self.members.has(i);
-            let (reflection, view) = self.get(vertices, i);
-            let (value, pdf) = reflection.eval_pdf(view, samples.local.get(i));
-            let is_delta = is_member & reflection.is_delta();
+            let (bsdf, view) = self.get(vertices, i);
+            let (value, pdf) = bsdf.eval_pdf(view, samples.local.get(i));
+            let is_delta = is_member & bsdf.is_delta();
             samples.value.set(i, select(is_member, value, samples.value.get(i)));
             samples.bsdf_pdf[i] = if is_member { pdf } else { samples.bsdf_pdf[i] };
             samples.pdf[i] = if is_delta { 0.0 } else { samples.pdf[i] };
@@ -97,10 +95,10 @@ impl Reflections {
         continuations: &mut Continuations,
     ) {
         for i in self.members.range() {
-            let (reflection, view) = self.get(vertices, i);
+            let (bsdf, view) = self.get(vertices, i);
             let [[u, v], [lobe, _]] = [numbers.direction(i), numbers.lobe_and_roulette(i)];
-            let sample = reflection.sample(view, [lobe, u, v]);
-            continuations.set_member(&self.members, vertices, i, sample, reflection.is_delta());
+            let sample = bsdf.sample(view, [lobe, u, v]);
+            continuations.set_member(&self.members, vertices, i, sample, bsdf.is_delta());
         }
     }
 }
