@@ -394,17 +394,18 @@ fn any_number_of_rays_is_answered_as_one_by_one() {
     let mut traversal = Traversal::default();
     for numerics in Numerics::STRICT {
         let mut all = rays(&slots, 1.0, DVec3::ZERO, numerics);
-        // A common origin, which packets need.
-        let target = all[0].origin;
+        // A common origin, which packets need, between incoherent rays.
+        let (target, start) = (all[0].origin, all.len());
         all.extend((0..300).map(|i| {
             let aside = DVec3::new(f64::from(i % 17) - 8.0, f64::from(i / 17) - 8.0, 0.0) / 40.0;
             numerics.precision().ray(target, (aside - target).normalize(), 0.0, f64::INFINITY)
         }));
+        all.extend_from_within(..700);
         for structure in Layout::trees() {
             let tree = build(slots.iter().copied(), structure, numerics);
-            for count in [0, 1, 7, 8, 9, 15, 16, 17, 31, 33, 255, 256, 257, 300] {
-                for first in [0, all.len() - 300] {
-                    let some = &all[first..first + count];
+            for count in [0, 1, 7, 8, 9, 15, 16, 17, 31, 33, 255, 256, 257, 300, 511, 513, 900] {
+                for first in [0, start, start - 256, start - 300] {
+                    let some = &all[first..(first + count).min(all.len())];
                     let (mut hits, mut occluded) = (HitBuffer::default(), Vec::new());
                     tree.closest_hits(RayBuffer::from(some).rays(), &mut hits, &mut traversal);
                     tree.are_occluded(RayBuffer::from(some).rays(), &mut occluded, &mut traversal);

@@ -113,7 +113,7 @@ fn check(prepared: &Prepared, what: &str) -> usize {
 }
 
 fn check_all(files: impl IntoIterator<Item = PathBuf>) {
-    assert_eq!(RAYS_PER_BATCH, 256, "the tiles above are as large as the renderer's");
+    assert_eq!(RAYS_PER_BATCH, 2 * 16 * 16, "two rays for each pixel of the tiles above");
     for file in files {
         let mut scene = load(&file);
         equip(&mut scene);
