@@ -9,6 +9,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use super::guide::{find, guide};
 use crate::film::colour::luminance;
 
 /// The most columns of the sampling grid; it has half as many rows.
@@ -16,6 +17,9 @@ const MOST_COLUMNS: usize = 2048;
 
 /// The least part of the luminance that is the density, before it is normalised.
 const LEAST_SHARE: f64 = 0.1;
+
+/// The parts of guides.
+const GUIDE_PARTS: usize = 64;
 
 /// A distribution over the image whose density, per solid angle, is bilinear between the centres of the texels of a grid,
 /// as the radiance is.
@@ -29,9 +33,9 @@ pub(super) struct BilinearDistribution {
     cells: Vec<f32>,
     /// Cumulative sums of the rows of cells.
     sums: Vec<f64>,
-    /// Where searches in `sums` and in each row of `cells` begin and end.
-    row_guide: Guide,
-    column_guides: Vec<Guide>,
+    /// The guides of `sums` and of each row of `cells`, of [`GUIDE_PARTS`] parts.
+    row_guide: [u16; GUIDE_PARTS + 1],
+    column_guides: Vec<[u16; GUIDE_PARTS + 1]>,
     /// The cosines of the polar angles of their upper edges, and of the last lower edge.
     cosines: Vec<f64>,
     /// The densities in them over the interpolated weight. Within a cell the density is bilinear in the unit square; the
@@ -57,7 +61,7 @@ impl BilinearDistribution {
             weights,
             cells: Vec::new(),
             sums: Vec::new(),
-            row_guide: Guide::new::<f64>(&[]),
+            row_guide: [0; GUIDE_PARTS + 1],
             column_guides: Vec::new(),
             cosines: Vec::new(),
             factors: Vec::new(),
@@ -78,8 +82,8 @@ impl BilinearDistribution {
             if total > 0.0 { solid_angle / total * columns as f64 / (bottom - top) } else { 0.0 }
         };
         distribution.factors = (0..=rows).map(factor).collect();
-        distribution.row_guide = Guide::new(&distribution.sums);
-        distribution.column_guides = distribution.cells.chunks_exact(columns).map(Guide::new).collect();
+        distribution.row_guide = guide_array(&distribution.sums);
+        distribution.column_guides = distribution.cells.chunks_exact(columns).map(guide_array).collect();
         distribution
     }
 
@@ -123,9 +127,9 @@ impl BilinearDistribution {
     /// The cell that two numbers in [0, 1) choose.
     #[inline]
     pub(super) fn cell(&self, [x, y]: [f64; 2]) -> Cell {
-        let (row, y) = self.row_guide.position(&self.sums, y);
+        let (row, y) = find(&self.row_guide, &self.sums, y);
         let cells = &self.cells[row * self.columns..][..self.columns];
-        let (column, x) = self.column_guides[row].position(cells, x);
+        let (column, x) = find(&self.column_guides[row], cells, x);
         Cell { column, row, numbers: [x, y] }
     }
 
@@ -188,6 +192,11 @@ fn mean_luminance(width: usize, height: usize, texels: &[[f32; 3]], columns: usi
     cells
 }
 
+fn guide_array<T: Copy + Into<f64>>(sums: &[T]) -> [u16; GUIDE_PARTS + 1] {
+    let mut entries = guide(sums, GUIDE_PARTS);
+    std::array::from_fn(|_| entries.next().unwrap_or_default() as u16)
+}
+
 fn lerp(a: f64, b: f64, t: f64) -> f64 {
     a + (b - a) * t
 }
@@ -196,80 +205,4 @@ fn lerp(a: f64, b: f64, t: f64) -> f64 {
 fn sample_linear(number: f64, a: f64, b: f64) -> f64 {
     let root = lerp(a * a, b * b, number).sqrt();
     if a + root > 0.0 { (number * (a + b) / (a + root)).min(1.0) } else { number }
-}
-
-/// The parts of the unit interval for which a [`Guide`] has an entry.
-const GUIDE_PARTS: usize = 64;
-
-/// For equal parts of the unit interval, the first entry of cumulative sums that a number in it or behind it may choose: a
-/// search takes few steps (Chen and Asau, On Generating Random Variates from an Empirical Distribution, 1974).
-#[derive(Clone)]
-struct Guide([u16; GUIDE_PARTS + 1]);
-
-impl Guide {
-    fn new<T: Copy + Into<f64>>(sums: &[T]) -> Self {
-        let total = sums.last().map_or(0.0, |&sum| sum.into());
-        Guide(std::array::from_fn(|part| {
-            let at = part as f64 / GUIDE_PARTS as f64 * total;
-            sums.partition_point(|&sum| sum.into() <= at) as u16
-        }))
-    }
-
-    /// The entry of the sums that a number in [0, 1) chooses, and how far into it that is, 0 to 1. Entries of weight 0 are not
-    /// chosen.
-    #[inline]
-    fn position<T: Copy + Into<f64>>(&self, sums: &[T], number: f64) -> (usize, f64) {
-        let at = number * sums[sums.len() - 1].into();
-        let part = (number * GUIDE_PARTS as f64) as usize;
-        // Products are rounded monotonically, so the entry lies between those of the ends of its part.
-        let (first, end) = (usize::from(self.0[part]), usize::from(self.0[part + 1]));
-        let index = first + sums[first..end].partition_point(|&sum| sum.into() <= at);
-        let index = index.min(sums.len() - 1);
-        let before = if index == 0 { 0.0 } else { sums[index - 1].into() };
-        let weight = sums[index].into() - before;
-        (index, if weight > 0.0 { ((at - before) / weight).clamp(0.0, 1.0) } else { 0.5 })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The entry and the place in it are those of a search through all sums: of even weights, of few that are not 0, and at
-    /// numbers just below the ends of a guide's parts.
-    #[test]
-    fn searches_by_guide_find_what_full_searches_do() {
-        let weights: [fn(usize) -> f32; 5] = [
-            |_| 1.0,
-            |_| 0.0,
-            |i| if i % 100 == 7 { 3.0 } else { 0.0 },
-            |i| (i as f32).powi(3),
-            |i| f32::from(i == 999),
-        ];
-        for (weight, len) in
-            weights.into_iter().flat_map(|weight| [1000, 1024, 2048].map(|len| (weight, len)))
-        {
-            let sums: Vec<f32> = (0..len)
-                .scan(0.0, |sum, i| {
-                    *sum += weight(i);
-                    Some(*sum)
-                })
-                .collect();
-            let guide = Guide::new(&sums);
-            for k in 0..100_000u32 {
-                let part = f64::from(k % 64) / 64.0;
-                let number = match k % 3 {
-                    0 => f64::from(k) / 100_000.0,
-                    1 => part,
-                    _ => (if part > 0.0 { part } else { 1.0 }) - f64::from(f32::EPSILON) / 2.0,
-                };
-                let at = number * f64::from(sums[len - 1]);
-                let expected = sums.partition_point(|&sum| f64::from(sum) <= at).min(len - 1);
-                let (index, within) = guide.position(&sums, number);
-                assert_eq!(index, expected, "{number} of {len}");
-                let before = if index == 0 { 0.0 } else { f64::from(sums[index - 1]) };
-                assert!((before + within * f64::from(sums[index]) - within * before - at).abs() <= 1e-9 * at);
-            }
-        }
-    }
 }

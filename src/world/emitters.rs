@@ -5,6 +5,7 @@
 use glam::DVec3;
 
 use super::emission_texture::MeanEmission;
+use super::guide::{find, guide};
 use super::rectangle::Rectangle;
 use super::sampled_triangle::{SampledTriangle, TriangleSample, TwoTriangles};
 use super::{Image, PreparedMaterial, SurfaceInteraction};
@@ -19,6 +20,8 @@ pub(crate) struct Emitters {
     emitters: Vec<Emitter>,
     /// Cumulative powers: the sum over the emitters up to and including each.
     cumulative: Vec<f64>,
+    /// The guide of these.
+    guide: Vec<u32>,
     /// For each object with an emission texture, the luminances of the mean radiance of its triangles.
     textured: Vec<Option<Box<[f32]>>>,
     /// The rectangle lights, whose triangles are the last primitives, two each.
@@ -118,6 +121,7 @@ impl Emitters {
         let mut list = Emitters {
             emitters: Vec::new(),
             cumulative: Vec::new(),
+            guide: Vec::new(),
             textured: Vec::new(),
             rectangles,
             first_rectangle,
@@ -169,6 +173,8 @@ impl Emitters {
                 list.add(Emitter { shape, id, object, material, radiance: emission, luminance }, area);
             }
         }
+        let parts = list.cumulative.len().next_power_of_two();
+        list.guide = guide(&list.cumulative, parts).map(|entry| entry as u32).collect();
         list
     }
 
@@ -210,12 +216,10 @@ impl Emitters {
     /// An emitter chosen by power, and the density of that choice over its area.
     #[inline]
     fn choose(&self, choice: f64) -> (&Emitter, f64) {
-        let total = self.total();
-        let index =
-            self.cumulative.partition_point(|&sum| sum <= choice * total).min(self.emitters.len() - 1);
+        let (index, _) = find(&self.guide, &self.cumulative, choice);
         let emitter = &self.emitters[index];
         // The choice's area * luminance / total, over the area.
-        (emitter, emitter.luminance / total)
+        (emitter, emitter.luminance / self.total())
     }
 
     /// The sample of [`Emitters::sample`] and its radiance, if it is of a triangle in a world without emission textures.

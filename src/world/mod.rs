@@ -15,6 +15,7 @@ mod environment;
 mod fill;
 mod fit;
 mod ground;
+mod guide;
 mod hit_order;
 mod image;
 mod interaction;
