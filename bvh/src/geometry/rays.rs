@@ -202,7 +202,7 @@ pub struct RayBuffer {
 /// The numbers of each array behind those of the last ray, as many as a vector has lanes at most.
 const PADDING: usize = MAX_FLOATS;
 
-/// The stride of buffers of up to a packet of rays.
+/// The stride of buffers of up to [`BATCH`] rays.
 const BATCH_STRIDE: usize = BATCH + 3 * PER_LINE;
 
 impl RayBuffer {

@@ -8,6 +8,9 @@ use crate::geometry::{PACKET, Rays};
 /// The most blocks per packet. A block has a ray for each lane of [`Simd::F`], 8 at least.
 pub(crate) const BLOCKS: usize = PACKET / 8;
 
+// Sets of blocks are bits of a u32, of groups of four rays those of a u64.
+const _: () = assert!(BLOCKS <= 32 && PACKET / 4 <= 64);
+
 /// Rays in blocks, one array per quantity. Lanes beyond the last ray hold others ([`Rays`]), but for `ends`, which a
 /// packet sets.
 #[repr(C, align(64))]

@@ -1,4 +1,4 @@
-//! [`BoxRays`]: the rays of a packet prepared for the boxes of nodes.
+//! [`BoxRays`]: the rays of a stream prepared for the boxes of nodes.
 
 use crate::bvh::wide::single::box_ray::{BoxRay, LENGTHS, WIDENING};
 use crate::geometry::simd::{Doubles, Simd, Vector};

@@ -25,7 +25,7 @@ pub(crate) fn applies<T: Tier, S: Simd>(wide: &Wide<T>, rays: Rays) -> bool {
 }
 
 /// Calls `found` with the index of a ray and each of its hits, nearest boxes first, until it returns [`Next::Stop`]
-/// for that ray. [`applies`] must hold; `rays` must be no more than a packet.
+/// for that ray. [`applies`] must hold; `rays` must be `BATCH` at most.
 #[inline(always)]
 pub(crate) fn each_hit<T: Tier, S: Simd>(
     wide: &Wide<T>,
@@ -58,7 +58,7 @@ pub(crate) fn each_hit<T: Tier, S: Simd>(
 }
 
 /// Calls `visit` with the index of a ray and each leaf whose box has a point on it, between `t_min` and `t_max`, ends
-/// included. As for [`each_hit`], [`applies`] must hold, and `rays` be no more than a packet.
+/// included. As for [`each_hit`], [`applies`] must hold, and `rays` be `BATCH` at most.
 #[inline(always)]
 pub(crate) fn each_leaf<T: Tier, S: Simd>(
     wide: &Wide<T>,

@@ -11,7 +11,7 @@ pub(crate) const STREAM_WIDTH: usize = 32;
 /// Elements per stack. Every node on a path leaves at most seven children; deeper trees are traversed by single rays.
 pub(crate) const ROOM: usize = 256;
 
-/// The memory of streams: the prepared rays of a packet, and a stack for each ray in flight.
+/// The memory of streams: its prepared rays, and a stack for each ray in flight.
 #[derive(Default)]
 pub(crate) struct Scratch {
     pub boxes: BoxRays,
