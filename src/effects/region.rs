@@ -47,6 +47,23 @@ impl SampledRegion {
         rows.flat_map(move |row| (row * width + left) as usize..(row * width + right) as usize)
     }
 
+    /// Lists all pixels along a Morton curve (Morton 1966): consecutive ones are in compact blocks.
+    pub fn list_along_curve(&self, into: &mut Vec<u16>) {
+        let Window { width, height, .. } = self.whole;
+        let side = width.max(height).next_power_of_two();
+        // The even bits of a number below 2^16.
+        let coordinate = |code: u32| {
+            let pairs = code & 0x5555;
+            let fours = (pairs | pairs >> 1) & 0x3333;
+            let eights = (fours | fours >> 2) & 0x0f0f;
+            (eights | eights >> 4) & 0xff
+        };
+        into.clear();
+        let places = (0..side * side).map(|code| (coordinate(code), coordinate(code >> 1)));
+        let places = places.filter(|&(x, y)| x < width && y < height);
+        into.extend(places.map(|(x, y)| (y * width + x) as u16));
+    }
+
     /// The pixels of the tile, row by row from the top.
     pub fn own(&self) -> impl Iterator<Item = usize> + use<> {
         let SampledRegion { whole, tile } = *self;

@@ -1,7 +1,7 @@
 //! The samples of a tile's pixels: their positions, their order and their sums.
 //!
-//! The plan's stages run once per pass, each with at most [`RAYS_PER_BATCH`] rays: two through each pixel while all are sampled,
-//! more through each where few are left ([`super::convergence`]). A round is the passes between two convergence tests. The
+//! The plan's stages run once per pass, each with at most [`RAYS_PER_BATCH`] rays: many through each pixel of a small block, so
+//! that packets of camera rays are narrow ([`pixels_per_block`]). A round is the passes between two convergence tests. The
 //! samples of a pixel and their order depend on the pixel alone. Where the test reads neighbours, the pixels around a tile are
 //! sampled with it and discarded ([`SampledRegion`]), so that crops and tilings do not change a pixel.
 
@@ -139,7 +139,7 @@ pub struct TileSamples {
     sums: Vec<SampleSum>,
     /// The same of the coverage of its samples; empty for pictures without an alpha channel.
     coverage: Vec<SampleSum>,
-    /// The pixels that are still sampled, in ascending order.
+    /// The pixels that are still sampled, along a Morton curve.
     live: Vec<u16>,
     /// For each pixel of the region, its column and row in the picture.
     places: Vec<[u32; 2]>,
@@ -150,6 +150,15 @@ pub struct TileSamples {
     pass: Box<SamplePass>,
     /// For each pixel of the region, the variance of its samples; `None` where nothing reads it.
     variances: Option<Vec<SampleVariance>>,
+}
+
+/// The most pixels whose samples are taken together, and the fewest while more than these are sampled: 4 x 4.
+/// Measurements: docs/decisions.md.
+const MIN_PIXELS_PER_BLOCK: usize = 16;
+
+/// The number of pixels whose `samples` samples each are taken together: as few as fill a batch.
+fn pixels_per_block(samples: usize) -> usize {
+    (RAYS_PER_BATCH / samples.max(1)).max(MIN_PIXELS_PER_BLOCK)
 }
 
 /// The rays of a pass.
@@ -204,8 +213,7 @@ impl TileSamples {
             variances.clear();
             variances.resize(pixels, SampleVariance::default());
         }
-        self.live.clear();
-        self.live.extend(0..pixels as u16);
+        region.list_along_curve(&mut self.live);
         let Window { x, y, width, height } = region.whole;
         self.places.clear();
         self.places.extend((y..y + height).flat_map(|row| (x..x + width).map(move |column| [column, row])));
@@ -213,21 +221,29 @@ impl TileSamples {
         self.cast = 0;
     }
 
-    /// Begins the next pass: lists its rays sample by sample, within a sample pixel by pixel.
+    /// Begins the next pass: lists its rays block by block, in a block sample by sample.
     pub fn next_pass(&mut self, sampler: &Sampler) {
         let (from, to) = self.round;
-        let all = self.live.len() * (to - from) as usize;
+        let samples = (to - from) as usize;
         let TileSamples { live, places, pass, .. } = self;
-        pass.len = RAYS_PER_BATCH.min(all - self.cast);
-        let mut pixel = self.cast % live.len();
-        let mut sample = from + (self.cast / live.len()) as u32;
+        pass.len = RAYS_PER_BATCH.min(live.len() * samples - self.cast);
+        let pixels = pixels_per_block(samples);
+        let block_at = |start: usize| start..live.len().min(start + pixels);
+        let mut block = block_at(self.cast / (pixels * samples) * pixels);
+        let cast_of_block = self.cast - block.start * samples;
+        let mut pixel = block.start + cast_of_block % block.len();
+        let mut sample = from + (cast_of_block / block.len()) as u32;
         let mut point = Point::new(sample);
         for i in 0..pass.len {
             (pass.pixels[i], pass.samples[i], pass.points[i]) = (live[pixel], sample, point);
             [pass.columns[i], pass.rows[i]] = places[usize::from(live[pixel])];
             pixel += 1;
-            if pixel == live.len() && i + 1 < pass.len {
-                (pixel, sample) = (0, sample + 1);
+            if pixel == block.end && i + 1 < pass.len {
+                sample += 1;
+                if sample == to {
+                    (block, sample) = (block_at(block.end), from);
+                }
+                pixel = block.start;
                 point = Point::new(sample);
             }
         }
