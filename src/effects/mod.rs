@@ -18,6 +18,7 @@ mod primary_rays;
 pub mod random;
 mod ray_origins;
 pub mod region;
+mod sample_pass;
 pub mod samples;
 mod shadow_catcher;
 mod texture_points;

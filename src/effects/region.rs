@@ -73,3 +73,31 @@ impl SampledRegion {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_curve_lists_every_pixel_once_in_compact_blocks() {
+        for [width, height] in [[1, 1], [16, 16], [18, 18], [5, 17], [16, 3]] {
+            let tile = Window { x: 32, y: 48, width, height };
+            let mut pixels = vec![7];
+            SampledRegion { whole: tile, tile }.list_along_curve(&mut pixels);
+            let mut sorted = pixels.clone();
+            sorted.sort_unstable();
+            assert!(sorted.iter().copied().eq(0..(width * height) as u16), "{width} x {height}");
+            if [width, height] == [16, 16] {
+                // Of a square with sides of a power of two, 4^n consecutive pixels are a square of 2^n.
+                for (length, side) in [(4, 2), (16, 4), (64, 8)] {
+                    for block in pixels.chunks(length) {
+                        let first = block[0];
+                        assert!(
+                            block.iter().all(|i| i % 16 - first % 16 < side && i / 16 - first / 16 < side)
+                        );
+                    }
+                }
+            }
+        }
+    }
+}

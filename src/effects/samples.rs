@@ -1,7 +1,7 @@
 //! The samples of a tile's pixels: their positions, their order and their sums.
 //!
 //! The plan's stages run once per pass, each with at most [`RAYS_PER_BATCH`] rays: many through each pixel of a small block, so
-//! that packets of camera rays are narrow ([`pixels_per_block`]). A round is the passes between two convergence tests. The
+//! that packets of camera rays are narrow ([`SamplePass`]). A round is the passes between two convergence tests. The
 //! samples of a pixel and their order depend on the pixel alone. Where the test reads neighbours, the pixels around a tile are
 //! sampled with it and discarded ([`SampledRegion`]), so that crops and tilings do not change a pixel.
 
@@ -9,14 +9,16 @@ use glam::DVec3;
 
 use super::EffectContext;
 use super::convergence::Criterion;
-use super::random::{self, Dimension, Point, Scramble, independent_pair};
+use super::random::{self, Dimension};
 use super::region::SampledRegion;
+use super::sample_pass::SamplePass;
 use super::tile::{Tile, vec_bytes};
 use super::variance::SampleVariance;
 use crate::film::{ColourPipeline, Filter, Window};
 use crate::geometry::RayBuffer;
 use crate::scene::PixelSampler;
-use crate::world::{PerRay, RAYS_PER_BATCH, simd};
+#[cfg(doc)]
+use crate::world::RAYS_PER_BATCH;
 
 /// How the pixels of a picture are sampled.
 #[derive(Debug, Clone)]
@@ -152,54 +154,6 @@ pub struct TileSamples {
     variances: Option<Vec<SampleVariance>>,
 }
 
-/// The most pixels whose samples are taken together, and the fewest while more than these are sampled: 4 x 4.
-/// Measurements: docs/decisions.md.
-const MIN_PIXELS_PER_BLOCK: usize = 16;
-
-/// The number of pixels whose `samples` samples each are taken together: as few as fill a batch.
-fn pixels_per_block(samples: usize) -> usize {
-    (RAYS_PER_BATCH / samples.max(1)).max(MIN_PIXELS_PER_BLOCK)
-}
-
-/// The rays of a pass.
-#[derive(Default)]
-struct SamplePass {
-    len: usize,
-    /// For each ray, its pixel of the region, and the column and row of that in the picture.
-    pixels: PerRay<u16>,
-    columns: PerRay<u32>,
-    rows: PerRay<u32>,
-    /// For each ray, the index of its sample.
-    samples: PerRay<u32>,
-    /// For each ray, its point of the sequence.
-    points: PerRay<Point>,
-    /// Film positions in pixels, right of and below the picture's top left corner.
-    x: PerRay<f64>,
-    y: PerRay<f64>,
-    /// Signs of the filter weights, 1 or -1.
-    signs: PerRay<f64>,
-}
-
-impl SamplePass {
-    /// Computes the film positions and signs. `filter` is [`Filter::place`].
-    #[inline(always)]
-    fn place(&mut self, sampler: &Sampler, filter: impl Fn([f32; 2]) -> ([f64; 2], f64)) {
-        for i in 0..self.len.min(RAYS_PER_BATCH) {
-            let (x, y) = (self.columns[i], self.rows[i]);
-            let numbers = match sampler.kind {
-                PixelSampler::Sobol => Scramble::new(x, y, sampler.seed).of(self.points[i]),
-                PixelSampler::Independent => {
-                    independent_pair([x, y], sampler.seed, self.samples[i], Dimension::PIXEL)
-                }
-            };
-            let ([right, down], sign) = if sampler.centred { ([0.0; 2], 1.0) } else { filter(numbers) };
-            self.x[i] = f64::from(x) + 0.5 + right;
-            self.y[i] = f64::from(y) + 0.5 + down;
-            self.signs[i] = sign;
-        }
-    }
-}
-
 impl TileSamples {
     /// Begins a tile, of a picture with an alpha channel if `has_alpha`.
     pub fn start(&mut self, region: SampledRegion, sampler: &Sampler, has_alpha: bool) {
@@ -221,46 +175,12 @@ impl TileSamples {
         self.cast = 0;
     }
 
-    /// Begins the next pass: lists its rays block by block, in a block sample by sample.
+    /// Begins the next pass.
     pub fn next_pass(&mut self, sampler: &Sampler) {
-        let (from, to) = self.round;
-        let samples = (to - from) as usize;
         let TileSamples { live, places, pass, .. } = self;
-        pass.len = RAYS_PER_BATCH.min(live.len() * samples - self.cast);
-        let pixels = pixels_per_block(samples);
-        let block_at = |start: usize| start..live.len().min(start + pixels);
-        let mut block = block_at(self.cast / (pixels * samples) * pixels);
-        let cast_of_block = self.cast - block.start * samples;
-        let mut pixel = block.start + cast_of_block % block.len();
-        let mut sample = from + (cast_of_block / block.len()) as u32;
-        let mut point = Point::new(sample);
-        for i in 0..pass.len {
-            (pass.pixels[i], pass.samples[i], pass.points[i]) = (live[pixel], sample, point);
-            [pass.columns[i], pass.rows[i]] = places[usize::from(live[pixel])];
-            pixel += 1;
-            if pixel == block.end && i + 1 < pass.len {
-                sample += 1;
-                if sample == to {
-                    (block, sample) = (block_at(block.end), from);
-                }
-                pixel = block.start;
-                point = Point::new(sample);
-            }
-        }
+        pass.list(live, places, self.round, self.cast);
         self.cast += pass.len;
-        match sampler.filter.box_radius() {
-            // Without the table of other filters, whose look-ups take longer than the rest.
-            Some(radius) => simd!(pass.place(
-                sampler,
-                #[inline(always)]
-                |[x, y]| ([x, y].map(|u| (2.0 * f64::from(u) - 1.0) * radius), 1.0)
-            )),
-            None => simd!(pass.place(
-                sampler,
-                #[inline(always)]
-                |numbers| sampler.filter.place(numbers)
-            )),
-        }
+        pass.place(sampler);
     }
 
     /// The film positions of the pass's rays in pixels, right of and below the picture's top left corner.
