@@ -161,6 +161,7 @@ impl PreparedEnvironment {
 
     /// The radiance from a unit direction, and the density per solid angle with which [`PreparedEnvironment::sample`]
     /// chooses it. `place` is its [`PreparedEnvironment::place`].
+    #[inline]
     pub(crate) fn eval_pdf(&self, direction: DVec3, place: [f64; 2]) -> (DVec3, f64) {
         match &self.radiance {
             Radiance::Uniform(DVec3::ZERO) => (DVec3::ZERO, 0.0),

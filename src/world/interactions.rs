@@ -35,6 +35,8 @@ pub struct InteractionSoa {
     pub shading_normal: Vec3Soa,
     /// Interpolated vertex colours.
     pub tint: Vec3Soa,
+    /// Whether any of these is not 1.
+    pub is_tinted: bool,
     /// Factors of the ambient light, 0 to 1; empty where all are 1.
     pub ambient: Vec<f64>,
     /// The values of the materials' textures; empty where textures are off.
@@ -166,6 +168,7 @@ impl InteractionSoa {
         self.geometric_normal.set(i, surface.geometric_normal);
         self.shading_normal.set(i, surface.shading_normal);
         self.tint.set(i, surface.tint);
+        self.is_tinted |= surface.tint != DVec3::ONE;
         self.is_turned.set(i, surface.is_turned);
         self.object[i] = surface.object;
         self.material[i] = surface.material;
@@ -177,6 +180,7 @@ impl InteractionSoa {
         self.runs.clear();
         self.texels.clear();
         self.further_texels.clear();
+        self.is_tinted = false;
         let is_sorted = order == HitOrder::Primitives && sort(hits, &mut self.sorted);
         let mut len = 0;
         let mut last = None;
@@ -308,6 +312,7 @@ impl World {
             }
             if let Some(tint) = object.tint(prim, barycentrics, self.pipeline) {
                 surfaces.tint.set(i, tint);
+                surfaces.is_tinted = true;
             }
         }
     }

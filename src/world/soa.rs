@@ -12,7 +12,7 @@ use glam::DVec3;
 use crate::film::TILE;
 
 /// The most rays of a ray generation: two per pixel of a tile. Smaller batches are nearly empty after some bounces; larger ones
-/// were not measured (docs/decisions.md).
+/// gain nothing (docs/decisions.md).
 pub const RAYS_PER_BATCH: usize = 2 * (TILE * TILE) as usize;
 
 /// Unused values behind those of the rays. Arrays of numbers then have an odd number of cache lines: a loop over many

@@ -216,7 +216,8 @@ pub struct Traversal {
     mesh_stack: Vec<(u32, f32)>,
     children: Vec<(wide::Child, f32)>,
     packet: wide::Scratches,
-    stream: wide::StreamScratch,
+    /// Made for the first stream: it takes longer than a ray.
+    stream: Option<wide::StreamScratch>,
     sides: Vec<(PrimId, i32)>,
     /// The number of tests so far.
     pub tests: Tests,

@@ -81,20 +81,25 @@ impl Bsdfs {
         for (material, range) in surfaces.by_material() {
             let material = &world.materials[*material as usize];
             let class = Class::of(material);
-            if vertices.is_any_hidden(range.clone()) {
-                for i in range.clone() {
-                    // There is no interface, whatever the material.
-                    let class = if vertices.crossing(i).is_hidden { Class::SmoothGlass } else { class };
-                    self.add(class, material, surfaces, vertices, i..i + 1);
-                }
-            } else {
-                self.add(class, material, surfaces, vertices, range.clone());
+            let mut rest = range.clone();
+            while !rest.is_empty() {
+                let first = rest.start;
+                let is_alike = |&i: &usize| {
+                    let has_same_tint =
+                        !surfaces.is_tinted || surfaces.tint.get(i) == surfaces.tint.get(first);
+                    has_same_tint && vertices.have_same_crossing(first, i)
+                };
+                let end = (first + 1..rest.end).find(|i| !is_alike(i)).unwrap_or(rest.end);
+                // If hidden there is no interface, whatever the material.
+                let class = if vertices.crossing(first).is_hidden { Class::SmoothGlass } else { class };
+                self.add(class, material, surfaces, vertices, first..end);
+                rest.start = end;
             }
         }
         self.opaque.find_albedos(vertices);
     }
 
-    /// Adds vertices with surfaces of one class and material.
+    /// Adds vertices with surfaces of one class, material, tint and crossing.
     fn add(
         &mut self,
         class: Class,
@@ -107,23 +112,24 @@ impl Bsdfs {
             let parameters = parameters(material, surfaces, i, vertices.crossing(i));
             parameters.unwrap_or_else(|| unreachable!("the class of unlit materials is the general one"))
         };
+        // Without textures all have the same parameters.
+        let has_texels = !surfaces.texels.is_empty() || !surfaces.further_texels.is_empty();
+        let step = if has_texels { 1 } else { range.len() };
+        let parts = range.clone().step_by(step).map(|first| first..first + step);
         match class {
             Class::Diffuse => {
-                for i in range.clone() {
-                    self.albedo.set(i, diffuse_albedo(material, surfaces, i));
+                for part in parts {
+                    let albedo = diffuse_albedo(material, surfaces, part.start);
+                    part.for_each(|i| self.albedo.set(i, albedo));
                 }
                 self.diffuse.push(range);
             }
             Class::Opaque => {
-                for i in range.clone() {
-                    self.opaque.set(i, &parameters(i));
-                }
+                parts.for_each(|part| self.opaque.set(part.clone(), &parameters(part.start)));
                 self.opaque.members.push(range);
             }
             Class::SmoothGlass => {
-                for i in range.clone() {
-                    self.smooth_glass.set(i, &parameters(i));
-                }
+                parts.for_each(|part| self.smooth_glass.set(part.clone(), &parameters(part.start)));
                 self.smooth_glass.members.push(range);
             }
             Class::General => self.general.extend(range.start as u32..range.end as u32),
@@ -300,7 +306,7 @@ mod tests {
     use crate::scene::{
         AnalyticShape, MaterialId, MetallicRoughness, Object, PixelSampler, Refraction, Scene, Shape, Volume,
     };
-    use crate::world::{HitOrder, RAYS_PER_BATCH};
+    use crate::world::{HitOrder, RAYS_PER_BATCH, Texels};
 
     /// Materials of all classes.
     fn materials() -> Vec<Material> {
@@ -372,8 +378,16 @@ mod tests {
                 rays.push(&precision.ray(from, (to - from).normalize(), 0.0, f64::INFINITY));
             }
             world.accelerator.closest_hits(rays.rays(), &mut hits, &mut Traversal::default());
-            let mut surfaces = Box::default();
+            let mut surfaces = Box::<InteractionSoa>::default();
             world.interactions(&rays, &hits, order, &mut surfaces);
+            // Vertex colours and texels that differ between vertices of one material.
+            let colours = (0..surfaces.len()).map(|i| DVec3::splat(1.0 / (1 + i / 2 % 3) as f64));
+            if shift == 3 {
+                surfaces.is_tinted = true;
+                colours.enumerate().for_each(|(i, colour)| surfaces.tint.set(i, colour));
+            } else if shift == 7 {
+                surfaces.texels.extend(colours.map(|colour| Texels { colour, ..Texels::default() }));
+            }
             let (mut vertices, mut media) = (Box::<Vertices>::default(), Vec::new());
             vertices.media.start(&world, rays.rays().origins(), &mut media);
             let path = Path { throughput: DVec3::ONE, from: DVec3::ZERO, pdf: 1.0, bounces: 0 };

@@ -49,14 +49,15 @@ impl Buffers {
         }
         for k in 0..self.missed.len() {
             let (ray, place) = (self.missed.get(k), self.places.get(k).copied().unwrap_or_default());
-            let path = self.paths[ray];
+            let path = &self.paths[ray];
             let direction = generation.rays.get(ray).direction;
             let radiance = if depth == 0 {
                 context.world.background_towards(direction, place)
             } else {
                 lights.radiance_from_infinity(direction, path.pdf, place)
             };
-            self.add_radiance(generation.camera_rays[ray], path.throughput * radiance, stage, path.bounces);
+            let (radiance, bounces) = (path.throughput * radiance, path.bounces);
+            self.add_radiance(generation.camera_rays[ray], radiance, stage, bounces);
         }
     }
 

@@ -1,5 +1,7 @@
 //! The BSDFs of surfaces of metal and opaque dielectrics ([`OpaqueBsdf`]), as structures of arrays.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::continuations::Continuations;
@@ -27,16 +29,17 @@ pub(super) struct OpaqueBsdfs {
 }
 
 impl OpaqueBsdfs {
-    /// Sets the BSDF of a vertex.
-    #[inline(always)]
-    pub(super) fn set(&mut self, i: usize, parameters: &BsdfParameters) {
+    /// Sets the BSDF of vertices.
+    pub(super) fn set(&mut self, vertices: Range<usize>, parameters: &BsdfParameters) {
         let p = parameters.clamped();
         let [f0, f90] = reflectances(p.ior, p.specular, p.specular_colour);
-        self.base_colour.set(i, p.base_colour);
-        self.metallic[i] = p.metallic;
-        self.roughness[i] = p.roughness;
-        self.f0.set(i, f0);
-        self.f90.set(i, f90);
+        for i in vertices {
+            self.base_colour.set(i, p.base_colour);
+            self.metallic[i] = p.metallic;
+            self.roughness[i] = p.roughness;
+            self.f0.set(i, f0);
+            self.f90.set(i, f90);
+        }
     }
 
     /// Looks up the albedos.

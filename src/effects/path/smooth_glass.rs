@@ -1,5 +1,7 @@
 //! The BSDFs of smooth surfaces of transparent volumes ([`SmoothGlass`]), as structures of arrays.
 
+use std::ops::Range;
+
 use super::continuations::Continuations;
 use super::light_samples::LightSamples;
 use super::numbers::GenerationNumbers;
@@ -19,14 +21,16 @@ pub(super) struct SmoothGlasses {
 }
 
 impl SmoothGlasses {
-    /// Sets the BSDF of a vertex.
-    #[inline(always)]
-    pub(super) fn set(&mut self, i: usize, parameters: &BsdfParameters) {
+    /// Sets the BSDF of vertices.
+    pub(super) fn set(&mut self, vertices: Range<usize>, parameters: &BsdfParameters) {
         let p = parameters.clamped();
-        self.eta[i] = relative_index(p.ior, p.from_inside);
-        self.specular[i] = p.specular;
-        self.specular_colour.set(i, p.specular_colour);
-        self.tint.set(i, p.base_colour);
+        let eta = relative_index(p.ior, p.from_inside);
+        for i in vertices {
+            self.eta[i] = eta;
+            self.specular[i] = p.specular;
+            self.specular_colour.set(i, p.specular_colour);
+            self.tint.set(i, p.base_colour);
+        }
     }
 
     /// Removes the light samples of these vertices, which cannot contribute.

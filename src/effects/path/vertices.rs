@@ -132,10 +132,10 @@ impl Vertices {
         self.crossings.get(i).map_or(&Crossing::NONE, |&entry| self.media.crossing(entry))
     }
 
-    /// Whether any surface of a range is no interface: see [`Crossing::is_hidden`].
+    /// Whether two vertices have the same crossing, by its entry: some entries are equal.
     #[inline]
-    pub(super) fn is_any_hidden(&self, mut range: Range<usize>) -> bool {
-        !self.crossings.is_empty() && range.any(|i| self.crossing(i).is_hidden)
+    pub(super) fn have_same_crossing(&self, i: usize, j: usize) -> bool {
+        self.crossings.get(i) == self.crossings.get(j)
     }
 
     /// The volumes on the side of a direction.

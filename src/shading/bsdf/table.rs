@@ -33,6 +33,7 @@ impl<const D: usize, const C: usize> Table<D, C> {
     }
 
     /// The multilinear interpolation at a position, each coordinate clamped to 0 to 1.
+    #[inline]
     pub(crate) fn at(&self, position: [f64; D]) -> [f64; C] {
         let (mut base, mut fraction, mut stride) = (0, [0.0; D], [0; D]);
         let mut step = 1;

@@ -423,7 +423,7 @@ fn many_by<T: Tier, S: Simd>(
         move || {
             let is_stream = stream::applies::<T, S>(wide, rays);
             if is_stream {
-                stream::each_hit::<T, S>(wide, rays, stream, tests, found);
+                stream::each_hit::<T, S>(wide, rays, stream.get_or_insert_default(), tests, found);
             }
             is_stream
         },

@@ -63,7 +63,7 @@ fn visit_by<T: Tier, S: Simd, const FUSED: bool>(
 pub(crate) fn visit_packet<T: Tier, S: Simd>(
     wide: &Wide<T>,
     rays: Rays,
-    Traversal { stream: scratch, tests, .. }: &mut Traversal,
+    Traversal { stream, tests, .. }: &mut Traversal,
     visit: &mut dyn FnMut(usize, &LineTest, PrimId, Primitive),
 ) -> bool {
     S::run(
@@ -75,7 +75,7 @@ pub(crate) fn visit_packet<T: Tier, S: Simd>(
                 stream::each_leaf::<T, S>(
                     wide,
                     rays,
-                    scratch,
+                    stream.get_or_insert_default(),
                     tests,
                     #[inline(always)]
                     |index, leaf, tests| {
