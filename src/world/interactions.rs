@@ -35,7 +35,7 @@ pub struct InteractionSoa {
     pub shading_normal: Vec3Soa,
     /// Interpolated vertex colours.
     pub tint: Vec3Soa,
-    /// Whether any of these is not 1.
+    /// Whether any of these may differ from 1.
     pub is_tinted: bool,
     /// Factors of the ambient light, 0 to 1; empty where all are 1.
     pub ambient: Vec<f64>,

@@ -216,7 +216,7 @@ pub struct Traversal {
     mesh_stack: Vec<(u32, f32)>,
     children: Vec<(wide::Child, f32)>,
     packet: wide::Scratches,
-    /// Made for the first stream: it takes longer than a ray.
+    /// Allocated for the first stream: that takes longer than tracing a ray.
     stream: Option<wide::StreamScratch>,
     sides: Vec<(PrimId, i32)>,
     /// The number of tests so far.

@@ -132,7 +132,7 @@ impl Vertices {
         self.crossings.get(i).map_or(&Crossing::NONE, |&entry| self.media.crossing(entry))
     }
 
-    /// Whether two vertices have the same crossing, by its entry: some entries are equal.
+    /// Whether the crossings of two vertices are the same entry of the table.
     #[inline]
     pub(super) fn have_same_crossing(&self, i: usize, j: usize) -> bool {
         self.crossings.get(i) == self.crossings.get(j)
