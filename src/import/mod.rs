@@ -42,6 +42,7 @@ pub use environment::environment;
 pub(crate) use names::FileNames;
 pub use scene_file::{SceneFile, inline_camera};
 
+use std::collections::HashMap;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
@@ -49,9 +50,14 @@ pub use dependencies::{FileRead, Stamp};
 
 use crate::error::{Error, Result, Warnings};
 use crate::files::unreadable;
+use crate::film::Colour;
 use crate::limits::Counted;
-use crate::scene::{ClipChoice, Degrees, ImportOptions, Material, Mesh, Object, Phong, Scene, Shape, UpAxis};
+use crate::scene::{
+    ClipChoice, Degrees, ImportOptions, Material, MaterialId, Mesh, Object, Opacity, Phong, Scene, Shape,
+    UpAxis,
+};
 use dependencies::Files;
+use glam::DVec3;
 
 /// A supported file format.
 pub struct Importer {
@@ -216,19 +222,17 @@ impl Source {
         }
     }
 
-    /// A scene of meshes with the default material. Unnamed meshes take the name of the file.
+    /// A scene of meshes without materials of the file. Unnamed meshes take the name of the file.
     fn scene_of(&self, meshes: Vec<(Option<String>, Mesh)>) -> Scene {
         let stem = self.file.file_stem().filter(|_| self.file != Path::new("-"));
         let file_name = stem.map_or_else(|| "mesh".into(), |stem| stem.to_string_lossy().into_owned());
         let mut scene = Scene::default();
-        let material = scene.add_material(Material::Phong(Phong::default()));
-        let object = |(name, mesh): (Option<String>, Mesh)| Object {
-            name: name.unwrap_or_else(|| file_name.clone()),
-            input: 0,
-            material,
-            shape: Shape::Mesh(mesh),
-        };
-        scene.objects.extend(meshes.into_iter().map(object));
+        let mut materials = DefaultMaterials::default();
+        for (name, mesh) in meshes {
+            let material = materials.of(&mesh, &mut scene);
+            let name = name.unwrap_or_else(|| file_name.clone());
+            scene.objects.push(Object { name, input: 0, material, shape: Shape::Mesh(mesh) });
+        }
         scene
     }
 
@@ -236,6 +240,24 @@ impl Source {
     fn text(&self) -> std::borrow::Cow<'_, str> {
         let bytes = self.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&self.bytes);
         String::from_utf8_lossy(bytes)
+    }
+}
+
+/// The materials of meshes for which a file gives none: light grey, or white if the mesh has colours, so that these are
+/// drawn as they are; alpha of vertices counts. Each is added to the scene when it is first used.
+#[derive(Default)]
+pub(crate) struct DefaultMaterials(HashMap<[bool; 2], MaterialId>);
+
+impl DefaultMaterials {
+    /// The material of a mesh of `scene`.
+    pub(crate) fn of(&mut self, mesh: &Mesh, scene: &mut Scene) -> MaterialId {
+        let [has_colours, has_alphas] = [mesh.colours.is_some(), mesh.alphas.is_some()];
+        *self.0.entry([has_colours, has_alphas]).or_insert_with(|| {
+            let grey = Phong::default();
+            let colour = if has_colours { Colour::Display(DVec3::ONE) } else { grey.colour };
+            let opacity = has_alphas.then_some(Opacity { factor: 1.0, texture: None, cutoff: None });
+            scene.add_material(Material::Phong(Phong { colour, opacity, ..grey }))
+        })
     }
 }
 

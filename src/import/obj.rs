@@ -26,11 +26,11 @@ use std::collections::{BTreeSet, HashMap};
 
 use glam::DVec2;
 
-use super::Source;
 use super::images::ImageLoader;
 use super::tangents::make_tangents;
+use super::{DefaultMaterials, Source};
 use crate::error::{Result, Warnings};
-use crate::scene::{Material, MaterialId, Mesh, Object, Phong, Scene, Shape};
+use crate::scene::{MaterialId, Mesh, Object, Scene, Shape};
 use assembly::{Assembly, Sizes};
 use material::Converter;
 
@@ -41,7 +41,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let materials = read_materials(source, &assembly, &mut scene, warnings)?;
     let (meshes, cuts) = mesh::meshes(&mut assembly);
     cuts.warn(&source.file, warnings);
-    let mut plain = None;
+    let mut default_materials = DefaultMaterials::default();
     let mut unknown = BTreeSet::new();
     for (run, mut mesh) in assembly.runs.into_iter().zip(meshes) {
         let known = run.material.as_ref().and_then(|name| materials.get(name));
@@ -53,7 +53,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
                 transform_uvs(&mut mesh, transform);
                 material
             }
-            None => *plain.get_or_insert_with(|| scene.add_material(Material::Phong(Phong::default()))),
+            None => default_materials.of(&mesh, &mut scene),
         };
         if scene.materials[material.0 as usize].normal_map().is_some() {
             make_tangents(&mut mesh, 0);
