@@ -4,8 +4,9 @@
 //! and the place in it, what is wrong, and how to fix it.
 
 use std::cell::Cell;
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::fmt;
+use std::hash::{BuildHasher, BuildHasherDefault, DefaultHasher};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
@@ -130,43 +131,70 @@ pub struct Warnings {
     left_out: Once,
 }
 
-/// Texts in order, each once.
+/// Texts in order, each once, and at most [`Once::MOST`] of a kind; a text after these counts the rest.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 struct Once {
     texts: Vec<String>,
-    known: HashSet<String>,
+    /// Hashes of all texts, those counted alone included.
+    known: HashSet<u64>,
+    /// For each kind, how many there are, and the place of the text that counts the rest.
+    kinds: BTreeMap<&'static str, (usize, Option<usize>)>,
 }
 
 impl Once {
-    fn push(&mut self, text: String) {
-        if self.known.insert(text.clone()) {
+    /// Texts of a kind that are kept.
+    const MOST: usize = 100;
+
+    /// Adds a text. `kind` is what a text like it says, after the number of others: `warnings`.
+    fn push(&mut self, text: String, kind: &'static str) {
+        if !self.known.insert(BuildHasherDefault::<DefaultHasher>::default().hash_one(&text)) {
+            return;
+        }
+        let (count, place) = self.kinds.entry(kind).or_default();
+        *count += 1;
+        let Some(rest @ 1..) = count.checked_sub(Self::MOST) else {
             self.texts.push(text);
+            return;
+        };
+        let place = *place.get_or_insert(self.texts.len());
+        let text = format!("{rest} more {kind}");
+        match self.texts.get_mut(place) {
+            Some(counted) => *counted = text,
+            None => self.texts.push(text),
         }
     }
 }
 
 impl Warnings {
-    /// Adds a warning, unless it was added before.
+    /// Adds a warning, unless it was added before. Of many, the first are kept and the others counted.
     pub fn push(&mut self, message: impl Into<String>) {
-        self.messages.push(message.into());
+        self.messages.push(message.into(), "warnings");
     }
 
-    /// Adds a note, unless it was added before.
+    /// Adds a note, unless it was added before. Of many, the first are kept and the others counted.
     pub fn note(&mut self, message: impl Into<String>) {
-        self.notes.push(message.into());
+        self.notes.push(message.into(), "notes");
     }
 
     /// Adds a warning about content of an input that is not drawn or not used.
     pub fn left_out(&mut self, message: impl Into<String>) {
         let message = message.into();
-        self.left_out.push(message.clone());
+        self.left_out.push(message.clone(), "warnings");
         self.push(message);
+    }
+
+    /// Adds a warning about a file that an input names and that is not used. Such warnings are counted by themselves,
+    /// so that many of them do not displace others.
+    pub(crate) fn left_out_file(&mut self, message: String) {
+        const KIND: &str = "files are missing or cannot be used";
+        self.left_out.push(message.clone(), KIND);
+        self.messages.push(message, KIND);
     }
 
     /// Adds a note about content of an input that is not drawn or not used.
     pub fn note_left_out(&mut self, message: impl Into<String>) {
         let message = message.into();
-        self.left_out.push(message.clone());
+        self.left_out.push(message.clone(), "notes");
         self.note(message);
     }
 
@@ -234,6 +262,21 @@ mod tests {
             (warnings.messages(), warnings.notes()),
             (&["replaced".into(), "curves".into()][..], &["map_Ka".into()][..])
         );
+    }
+
+    #[test]
+    fn many_warnings_are_counted_by_their_kind() {
+        let mut warnings = Warnings::default();
+        for i in 0..100_000 {
+            warnings.left_out_file(format!("{i}.png: no such file"));
+            warnings.left_out_file("5.png: no such file".into());
+        }
+        warnings.push("another");
+        // The first 100, and 99,900 more, each file once.
+        let texts = warnings.messages();
+        assert_eq!((texts.len(), texts[99].as_str()), (102, "99.png: no such file"));
+        assert_eq!(texts[100..], ["99900 more files are missing or cannot be used", "another"]);
+        assert_eq!(warnings.all_left_out(), &texts[..101]);
     }
 
     #[test]
