@@ -149,6 +149,10 @@ fn materials_cameras_and_lights_are_described() {
         (&glass["transmission"], &glass["ior"], &glass["objects"]),
         (&json!(1.0), &json!(1.33), &json!(1))
     );
+    assert_eq!(
+        (&glass["colour"], &glass["metallic"], &glass["roughness"]),
+        (&json!([1.0, 1.0, 1.0]), &json!(0.0), &json!(0.0))
+    );
     assert_eq!(glass["opacity"], json!({ "mode": "blend", "factor": 0.5, "cutoff": null }));
     assert_eq!(glass["volume"]["attenuation_distance"], Value::Null);
     assert!(glass.get("clearcoat").is_none() && glass.get("emission").is_none());
@@ -172,8 +176,9 @@ fn materials_cameras_and_lights_are_described() {
     assert_eq!(on, ["alpha", "shadows"]);
     let said = workshop.info("scene.toml");
     for line in [
-        "material    glass (metallic-roughness): opacity by blend, factor 0.5; transmission 1; ior 1.33; volume\n",
-        "material    lamp (phong): emission (3, 3, 3); unused\n",
+        "material    glass (metallic-roughness): colour (1, 1, 1); metallic 0; roughness 0; opacity by blend, factor \
+         0.5; transmission 1; ior 1.33; volume\n",
+        "material    lamp (phong): colour (1, 1, 1); emission (3, 3, 3); unused\n",
         "cameras     2: wide (perspective, 90.0 degrees high, aperture of radius 0, focus on a distance of 2), \
          flat (orthographic, 3 high)\n",
         "lights      1: sun (directional, intensity 2.5)\n",

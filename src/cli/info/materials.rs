@@ -35,7 +35,7 @@ pub(super) fn to_json(scene: &Scene) -> Vec<Value> {
     scene.materials.iter().zip(used).map(describe).collect()
 }
 
-/// Adds a line for each material that uses anything beyond its model.
+/// Adds a line for each material.
 pub(super) fn add(lines: &mut Lines, scene: &Scene) {
     let described = scene.materials.iter().zip(uses(scene)).filter_map(|(material, used)| {
         let mut texts: Vec<String> = features(material).into_iter().map(|feature| feature.text).collect();
@@ -90,6 +90,16 @@ fn features(material: &Material) -> Vec<Feature> {
         Material::Phong(m) => (m.emission, m.normal_map.map(|map| map.scale)),
         Material::MetallicRoughness(m) => (m.emission, m.normal_map.map(|map| map.scale)),
     };
+    let colour = match material {
+        Material::Phong(m) => m.colour,
+        Material::MetallicRoughness(m) => m.base_colour,
+    };
+    let [r, g, b] = linear(colour);
+    add("colour", json!([r, g, b]), format!("colour ({}, {}, {})", r as f32, g as f32, b as f32));
+    if let Material::MetallicRoughness(m) = material {
+        add("metallic", json!(m.metallic), format!("metallic {}", m.metallic as f32));
+        add("roughness", json!(m.roughness), format!("roughness {}", m.roughness as f32));
+    }
     if let Material::MetallicRoughness(m) = material
         && m.unlit
     {
