@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::SystemTime;
 
+use super::references::Listings;
 use crate::files::{RegularFile, read_file, read_standard_input};
 use crate::scene::{DecodedImage, Scene};
 
@@ -74,6 +75,8 @@ pub(super) struct Files {
     images: Rc<HashMap<String, DecodedImage>>,
     /// What is read in place of standard input.
     standard_input: Option<Rc<Vec<u8>>>,
+    /// Folders that were searched for files that are not where they should be.
+    pub(super) listings: Rc<RefCell<Listings>>,
 }
 
 impl Files {

@@ -240,7 +240,7 @@ fn keep(
         }
         Err(ReadError::TooLarge { what, hint }) => Err(Error::input(place, what, hint)),
         Err(ReadError::Damaged(why)) => {
-            warnings.left_out(format!("{}: texture left out: {why}", place.into()));
+            warnings.left_out_file(format!("{}: texture left out: {why}", place.into()));
             Ok(None)
         }
     }

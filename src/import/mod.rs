@@ -28,12 +28,14 @@ mod names;
 mod obj;
 mod ply;
 mod polygon;
+mod references;
 mod sanitise;
 mod scene_file;
 mod sharing;
 mod smooth;
 mod stl;
 mod tangents;
+mod untextured;
 mod up;
 mod uri;
 
@@ -44,7 +46,7 @@ pub use scene_file::{SceneFile, inline_camera};
 
 use std::collections::HashMap;
 use std::io::Read;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 pub use dependencies::{FileRead, Stamp};
 
@@ -192,28 +194,6 @@ impl Source {
         Ok((Box::new(file), length))
     }
 
-    /// The path of a file that this one references: in its folder or below, unless the options allow others. Symbolic
-    /// links are followed: they are not made by the contents of files.
-    ///
-    /// # Errors
-    /// What is wrong with the reference.
-    fn resolve_reference(&self, name: &str) -> std::result::Result<PathBuf, String> {
-        let path = PathBuf::from(name.replace('\\', "/"));
-        if !self.options.allow_outside_references && leaves_folder(&path) {
-            return Err(format!(
-                "`{name}` is outside the file's folder; --allow-outside-references reads it, too"
-            ));
-        }
-        Ok(self.beside(path))
-    }
-
-    /// The path of an image that this file references; `None` with a warning if it is not followed.
-    fn resolve_image(&self, name: &str, warnings: &mut Warnings) -> Option<PathBuf> {
-        let resolved = self.resolve_reference(name);
-        let warn = |what| warnings.left_out(format!("{}: texture left out: {what}", self.file.display()));
-        resolved.map_err(warn).ok()
-    }
-
     /// A path relative to the folder of the file, wherever it leads: for paths that the user wrote.
     fn beside(&self, name: impl AsRef<Path>) -> PathBuf {
         match self.file.parent() {
@@ -259,20 +239,6 @@ impl DefaultMaterials {
             scene.add_material(Material::Phong(Phong { colour, opacity, ..grey }))
         })
     }
-}
-
-/// Whether a relative path leads to a parent of the folder it starts from, or the path is absolute.
-fn leaves_folder(path: &Path) -> bool {
-    let mut depth = 0i64;
-    path.components().any(|component| {
-        match component {
-            Component::Normal(_) => depth += 1,
-            Component::ParentDir => depth -= 1,
-            Component::CurDir => {}
-            Component::RootDir | Component::Prefix(_) => return true,
-        }
-        depth < 0
-    })
 }
 
 /// Reads all inputs into one scene, in the given order.
@@ -465,7 +431,9 @@ fn note_up(scene: &Scene, file: &Path, warnings: &mut Warnings) {
 
 /// Reads an input or a referenced file. The caller validates the result.
 fn read_one(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
-    (importer_for(source)?.read)(source, warnings)
+    let read = (importer_for(source)?.read)(source, warnings);
+    source.note_references(warnings);
+    read
 }
 
 /// Whether an input is a scene file rather than a mesh, by its extension.

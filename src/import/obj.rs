@@ -24,11 +24,12 @@ mod text;
 
 use std::collections::{BTreeSet, HashMap};
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 use super::images::ImageLoader;
 use super::tangents::make_tangents;
-use super::{DefaultMaterials, Source};
+use super::{DefaultMaterials, Source, untextured};
 use crate::error::{Result, Warnings};
 use crate::scene::{MaterialId, Mesh, Object, Scene, Shape};
 use assembly::{Assembly, Sizes};
@@ -37,6 +38,7 @@ use material::Converter;
 /// Reads an OBJ file, its materials and their textures.
 pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let mut assembly = assembly::parse(source, Sizes::default(), warnings)?;
+    scale_colours(&mut assembly.colours, source, warnings);
     let mut scene = Scene::default();
     let materials = read_materials(source, &assembly, &mut scene, warnings)?;
     let (meshes, cuts) = mesh::meshes(&mut assembly);
@@ -55,13 +57,39 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
             }
             None => default_materials.of(&mesh, &mut scene),
         };
+        let without_uvs = match scene.materials[material.0 as usize].is_textured() {
+            true => untextured::split_off(&mut mesh),
+            false => {
+                untextured::fill(&mut mesh);
+                None
+            }
+        };
         if scene.materials[material.0 as usize].normal_map().is_some() {
             make_tangents(&mut mesh, 0);
         }
-        scene.objects.push(Object { name: run.name, input: 0, material, shape: Shape::Mesh(mesh) });
+        for mesh in [Some(mesh), without_uvs].into_iter().flatten() {
+            scene.objects.push(Object {
+                name: run.name.clone(),
+                input: 0,
+                material,
+                shape: Shape::Mesh(mesh),
+            });
+        }
     }
     warn_of_unknown_materials(&unknown, source, warnings);
     Ok(scene)
+}
+
+/// Divides colours by 255 if they are from 0 to 255: if the largest is above 2, or above 1 and all are whole numbers.
+/// Others above 1 are taken as they are, as rounding and programs with a high dynamic range make them.
+fn scale_colours(colours: &mut [DVec3], source: &Source, warnings: &mut Warnings) {
+    let given = || colours.par_iter().filter(|colour| !colour.is_nan());
+    let largest = given().map(|colour| colour.max_element()).reduce(|| 0.0, f64::max);
+    if largest > 2.0 || largest > 1.0 && given().all(|colour| colour.fract() == DVec3::ZERO) {
+        colours.par_iter_mut().for_each(|colour| *colour /= 255.0);
+        let file = source.file.display();
+        warnings.note(format!("{file}: colours of vertices up to {largest} are read as those from 0 to 255"));
+    }
 }
 
 fn warn_of_unknown_materials(names: &BTreeSet<String>, source: &Source, warnings: &mut Warnings) {

@@ -26,10 +26,12 @@ pub(crate) fn resolve(uri: &str, source: &Source) -> Result<Resource, String> {
         let clean: String = data.chars().filter(|c| !c.is_ascii_whitespace()).collect();
         return engine.decode(clean).map(Resource::Data).map_err(|e| format!("a damaged data URI: {e}"));
     }
-    if ["http:", "https:", "file:", "ftp:"]
-        .iter()
-        .any(|scheme| strip_prefix_ignoring_case(uri, scheme).is_some())
-    {
+    // A path of another machine, of which the name may be found.
+    if let Some(path) = strip_prefix_ignoring_case(uri, "file:") {
+        let path = percent_encoding::percent_decode_str(path).decode_utf8_lossy();
+        return source.resolve_reference(&path).map(Resource::File);
+    }
+    if ["http:", "https:", "ftp:"].iter().any(|scheme| strip_prefix_ignoring_case(uri, scheme).is_some()) {
         return Err(format!("`{uri}` is not a relative path; kiln reads local files only"));
     }
     let path = percent_encoding::percent_decode_str(uri)

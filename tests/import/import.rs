@@ -517,19 +517,9 @@ fn obj_triangles_that_cannot_be_drawn_are_counted() {
 fn obj_faults_name_their_line() {
     // Three vertices on lines 1 to 3; the error is on line 4, or on line 5 after a continued line.
     for (rest, expected) in [
-        ("f 1 2 4\n", "a.obj:4: vertex 4 does not exist; the file has 3"),
-        ("f 1 2 -4\n", "a.obj:4: vertex -4 does not exist; the file has 3"),
-        ("f 1/1 2/1 3/2\nvt 0 0\n", "a.obj:4: texture coordinate 2 does not exist; the file has 1"),
-        ("f 1//1 2//1 3//2\nvn 0 0 1\n", "a.obj:4: normal 2 does not exist; the file has 1"),
         ("# \nf 1 x 3\n", "a.obj:5: corner 2 of `f` is not v, v/vt, v//vn or v/vt/vn"),
-        ("v 1 2\n", "a.obj:4: `v` with 2 of 3 numbers"),
+        ("v 1\n", "a.obj:4: `v` with 1 of 2 numbers"),
         ("v 1 2 1.0D+00\nf 1 2 3\n", "a.obj:4: number 3 of `v` cannot be read"),
-        ("f 1 \\\n2 3\nf 1 2 9\n", "a.obj:6: vertex 9 does not exist; the file has 3"),
-        ("f 1 2 -4\nf 1 2 9\n", "a.obj:4: vertex -4 does not exist; the file has 3"),
-        ("f 1 2 0\n", "a.obj:4: vertex 0 does not exist; the file has 3"),
-        ("f 1 2 3000000000\n", "a.obj:4: vertex 3000000000 does not exist; the file has 3"),
-        ("f 1 2 -3000000000\n", "a.obj:4: vertex -3000000000 does not exist; the file has 3"),
-        ("f 1/1 2/1 3/1\n", "a.obj:4: texture coordinate 1 does not exist; the file has 0"),
         ("v 1 2 +-\n", "a.obj:4: number 3 of `v` cannot be read"),
         ("v 1 2 3 1 red 0\n", "a.obj:4: number 5 of `v` cannot be read"),
         ("vn 0 1\n", "a.obj:4: `vn` with 2 of 3 numbers"),
@@ -537,6 +527,144 @@ fn obj_faults_name_their_line() {
         let e = Folder::new().fails("a.obj", format!("{OBJ_TRIANGLE}{rest}"));
         assert_eq!(message(&e), expected);
         assert!(!e.hint().is_empty());
+    }
+}
+
+#[test]
+fn obj_indices_of_nothing_are_left_out() {
+    // Three vertices on lines 1 to 3 and a face that is kept on line 4, behind it further lines, and the number of their
+    // faces that are kept.
+    for (rest, expected, kept) in [
+        ("f 1 2 4\n", "a.obj:5: vertex 4 does not exist; the file has 3", 0),
+        ("f 1 2 -4\n", "a.obj:5: vertex -4 does not exist; the file has 3", 0),
+        ("f 1 2 3 9\n", "a.obj:5: vertex 9 does not exist; the file has 3", 0),
+        ("f 1/1 2/1 3/2\nvt 0 0\n", "a.obj:5: texture coordinate 2 does not exist; the file has 1", 1),
+        ("f 1//1 2//1 3//2\nvn 0 0 1\n", "a.obj:5: normal 2 does not exist; the file has 1", 1),
+        (
+            "f 1/1/1 2/1/1 3/1/1 1/1/9\nvt 0 0\nvn 0 0 1\n",
+            "a.obj:5: normal 9 does not exist; the file has 1",
+            1,
+        ),
+        ("f 1 \\\n2 3\nf 1 2 9\n", "a.obj:7: vertex 9 does not exist; the file has 3", 1),
+        ("f 1 2 -4\nf 1 2 9\nf 3 2 1\n", "a.obj:5: vertex -4 does not exist; the file has 3", 1),
+        ("f 1 2 0\n", "a.obj:5: vertex 0 does not exist; the file has 3", 0),
+        ("f 1 2 3000000000\n", "a.obj:5: vertex 3000000000 does not exist; the file has 3", 0),
+        ("f 1 2 -3000000000\n", "a.obj:5: vertex -3000000000 does not exist; the file has 3", 0),
+        ("f 1/1 2/1 3/1\n", "a.obj:5: texture coordinate 1 does not exist; the file has 0", 1),
+        // The index times 3 is 2^64 - 1, at which a bounds check of tobj overflows.
+        (
+            "vn 0 0 1\nf 1//1 2//1 3//6148914691236517206\n",
+            "a.obj:6: normal 6148914691236517206 does not exist; the file has 1",
+            1,
+        ),
+    ] {
+        let (scene, warnings) = Folder::new().load("a.obj", format!("{OBJ_TRIANGLE}f 1 2 3\n{rest}"));
+        assert!(warnings[0].starts_with(expected), "{rest}: {warnings:?}");
+        // A polygon of four corners, two of them equal, is one triangle.
+        assert_eq!(scene.primitive_count(), 1 + kept, "{rest}");
+    }
+}
+
+/// Words in any case, numbers of other C libraries, flat vertices.
+#[test]
+fn obj_of_other_programs() {
+    let text = "V 0 0\nV 1,0 0\nv 0 1\nv nan -nan 1.#IND\nVT 0 0\nF 1/1 2/1 3/1\nf 1 2 4\n";
+    let (scene, warnings) = Folder::new().load("a.obj", text);
+    assert_eq!(triangles(mesh(&scene, 0)), [TRIANGLE]);
+    assert_eq!(
+        warnings,
+        [
+            "a.obj:2: a decimal comma is read as a point",
+            "a.obj:1: a vertex without z; 0 is taken",
+            "a.obj: left out 1 triangle(s) with a vertex that is not a finite number",
+        ]
+    );
+}
+
+/// The colour of the front of a triangle with colours of vertices and no material, drawn flat.
+#[test]
+fn colours_are_those_of_the_file() {
+    let triangle = |colour: &str| {
+        let [a, b, c] = ["0 0 0", "2 0 0", "0 2 0"].map(|p| format!("v {p} {colour}\n"));
+        Folder::new().load("a.obj", format!("{a}{b}{c}f 1 2 3\n")).0
+    };
+    let drawn = |scene: Scene| seen(scene, [0.2, 0.2], [0.6, 0.6], [1, 1])[0];
+    // Values of 0 to 255 as they are, 0.5 as 0.5 * 255 = 127.5, and no colour as the default grey 204.
+    assert_eq!(drawn(triangle("200 100 50")), [200, 100, 50]);
+    assert_eq!(drawn(triangle("0 0 2")), [0, 0, 2]);
+    assert_eq!(drawn(triangle("1 0.2 0")), [255, 51, 0]);
+    assert_eq!(drawn(triangle("1 1 0")), [255, 255, 0]);
+    assert_eq!(drawn(triangle("")), [204, 204, 204]);
+    // A value above 1 by rounding does not make the others those of 0 to 255: 0.2 * 255 = 51.
+    assert_eq!(drawn(triangle("1.0000001 0.2 0"))[1], 51);
+    // ZBrush's comments: mask, red, green and blue of each vertex.
+    let paint = "#MRGB ffc86432ffc86432\n#MRGB ffc86432\n";
+    let (scene, warnings) =
+        Folder::new().load("a.obj", format!("v 0 0 0\nv 2 0 0\nv 0 2 0\n{paint}f 1 2 3\n"));
+    assert_eq!((drawn(scene), warnings), ([200, 100, 50], Vec::new()));
+    // Of a mesh without colours, beside one with colours.
+    let text = "v 0 0 0 255 0 0\nv 2 0 0 255 0 0\nv 0 2 0 255 0 0\nv 0 0 0\nv 2 0 0\nv 0 2 0\no a\nf 1 2 3\no b\nf 4 5 6\n";
+    let (mut scene, _) = Folder::new().load("a.obj", text);
+    scene.objects.remove(0);
+    assert_eq!(drawn(scene), [204, 204, 204]);
+}
+
+/// `illum 0` is the colour itself, `illum 1` has no highlight, nor has `Ns 0`; for both models of MTL.
+#[test]
+fn illumination_models_of_mtl() {
+    let material = |lines: &str| {
+        let folder = Folder::new();
+        folder.write("a.mtl", format!("newmtl a\nKd 0.5 0.25 0.75\nKs 1 1 1\n{lines}"));
+        let (mut scene, _) = folder.load("a.obj", format!("mtllib a.mtl\n{OBJ_TRIANGLE}usemtl a\nf 1 2 3\n"));
+        scene.materials.remove(0)
+    };
+    let phong = |lines: &str| match material(lines) {
+        Material::Phong(m) => m.specular,
+        other => panic!("{other:?}"),
+    };
+    let other = |lines: &str| match material(lines) {
+        Material::MetallicRoughness(m) => m,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!([phong("illum 1\nNs 10\n"), phong("illum 2\nNs 10\n"), phong("Ns 10\n")], [0.0, 1.0, 1.0]);
+    // The highlight fades as the exponent goes to 0, whatever the model.
+    assert_eq!([phong("Ns 0\n"), phong("illum 3\nNs 0\n"), phong("Ns 0.25\n")], [0.0, 0.0, 0.25]);
+    // What emits is a lamp, in any model.
+    assert_eq!(phong("illum 0\nKe 1 1 1\nNs 10\n"), 0.0);
+    let unlit = other("illum 0\nd 0.5\n");
+    assert_eq!((unlit.unlit, unlit.base_colour), (true, Colour::Display(v(0.5, 0.25, 0.75))));
+    assert_eq!(unlit.opacity.map(|opacity| opacity.factor), Some(0.5));
+    assert!(other("Pr 0.5\nillum 0\n").unlit && !other("Pr 0.5\nillum 0\nKe 1 1 1\n").unlit);
+    assert_eq!([1, 2].map(|model| other(&format!("Pr 0.5\nillum {model}\n")).layers.specular), [0.0, 1.0]);
+}
+
+/// Words of MTL in any case, with a note.
+#[test]
+fn mtl_words_in_any_case() {
+    let folder = Folder::new();
+    folder.write("a.mtl", "NEWMTL a\nkd 1 0 0\nKS 0 0 0\nns 10\nILLUM 2\nMAP_KD four.png\nD 0.5\n");
+    folder.write("four.png", std::fs::read(repository("assets/import/four.png")).expect("a picture"));
+    let obj = format!("MTLLIB a.mtl\n{OBJ_TRIANGLE}vt 0 0\nUSEMTL \"a\"\nF 1/1 2/1 3/1\n");
+    let (scene, warnings) = folder.load("a.obj", obj);
+    assert_eq!(warnings, [""; 0]);
+    let Material::Phong(m) = &scene.materials[0] else { panic!("{:?}", scene.materials) };
+    assert_eq!((m.colour, m.shininess, m.texture.is_some()), (Colour::Display(v(1.0, 0.0, 0.0)), 10.0, true));
+    assert_eq!(m.opacity.map(|opacity| opacity.factor), Some(0.5));
+}
+
+/// A face without texture coordinates is drawn in the colour of its material, beside faces that have some.
+#[test]
+fn obj_faces_without_texture_coordinates() {
+    let folder = Folder::new();
+    folder.write("a.mtl", "newmtl a\nKd 1 0.2 0\nmap_Kd four.png\nbump four.png\n");
+    folder.write("four.png", std::fs::read(repository("assets/import/four.png")).expect("a picture"));
+    let squares = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nv 2 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
+    for right in ["f 2 5 6 3", "f 2 5 6\nf 2 6 3", "f 2/1 5/2 6/3 3", "f 2/9 5/9 6/9 3/9"] {
+        let text = format!("mtllib a.mtl\n{squares}usemtl a\nf 1/1 2/2 3/3 4/4\n{right}\n");
+        let (scene, _) = folder.load("a.obj", text);
+        // Kd without the texture: 255, 0.2 * 255 = 51, 0.
+        let drawn = seen(scene, [1.0, 0.0], [2.0, 1.0], [4, 4]);
+        assert!(drawn.iter().all(|pixel| *pixel == [255, 51, 0]), "{right}: {drawn:?}");
     }
 }
 
@@ -1807,9 +1935,9 @@ fn scene_file_faults_have_their_line_and_advice() {
 #[test]
 fn faults_in_a_mesh_of_a_scene_file_name_the_place_in_the_mesh() {
     let folder = Folder::new();
-    folder.write("bad.obj", format!("{OBJ_TRIANGLE}f 1 2 9\n"));
+    folder.write("bad.obj", format!("{OBJ_TRIANGLE}f 1 2 x\n"));
     let e = folder.fails("a.toml", "[[mesh]]\nfile = 'bad.obj'\n");
-    assert_eq!(message(&e), "bad.obj:4: vertex 9 does not exist; the file has 3");
+    assert_eq!(message(&e), "bad.obj:4: corner 3 of `f` is not v, v/vt, v//vn or v/vt/vn");
 }
 
 /// An ASCII PLY file with `count` vertices, from its fourth line on `rest`: line 7.

@@ -89,9 +89,9 @@ fn an_mtl_reaches_the_folder_of_its_obj() {
     let (scene, said, _) = folder.load("in/a.obj", false);
     assert_eq!((scene.expect("a scene").images.len(), said.as_str()), (1, ""));
     // Beyond it, the warning names the path as the MTL gives it.
-    std::fs::write(folder.path("in/materials/a.mtl"), "newmtl a\nmap_Kd ../../a.png\n").expect("a file");
+    std::fs::write(folder.path("in/materials/a.mtl"), "newmtl a\nmap_Kd ../../b.png\n").expect("a file");
     let (_, said, _) = folder.load("in/a.obj", false);
-    assert!(said.contains("`../../a.png` is outside the file's folder"), "{said}");
+    assert!(said.contains("`../../b.png` is outside the file's folder"), "{said}");
 }
 
 /// The same option applies to glTF; without it, a buffer outside is an error, an image a warning.
@@ -183,4 +183,118 @@ fn messages_do_not_quote_what_a_file_holds() {
         let said = format!("{said}\n{}", scene.err().unwrap_or_default());
         assert!(!said.contains(secret), "{name}: {text}: {said}");
     }
+}
+
+/// Names as exporters on other machines write them, of an MTL file, of an image of it and of one of a glTF.
+#[test]
+fn files_are_found_by_what_their_names_mean() {
+    let picture = picture();
+    let folder = Folder::new(&[
+        ("in/two.mtl", b"newmtl a\n"),
+        ("in/tex/my two.png", &picture),
+        ("in/one/twice.png", &picture),
+        ("in/other/Twice.png", &picture),
+        ("in/.hidden/hidden.png", &picture),
+        ("outside.png", &picture),
+    ]);
+    let found = [
+        ("mtllib", "TWO.MTL", "two.mtl"),
+        ("mtllib", "resources/two.mtl", "two.mtl"),
+        ("mtllib", "C:\\Users\\me\\Two.mtl", "two.mtl"),
+        ("mtllib", "/home/x/two.mtl", "two.mtl"),
+        ("mtllib", "\"two.mtl\"", "two.mtl"),
+        ("mtllib", "two.mtl # of a tool", ""),
+        ("mtllib", "./two.mtl", ""),
+        ("map_Kd", "tex/My Two.PNG", "tex/my two.png"),
+        ("map_Kd", "TEX\\my two.png", "tex/my two.png"),
+        ("map_Kd", "my two.png", "tex/my two.png"),
+        ("map_Kd", "\"C:\\a b\\my two.png\"", "tex/my two.png"),
+        ("map_Kd", "-s 1 1 1 '/x/my two.png'", "tex/my two.png"),
+        ("map_Kd", "tex/my%20two.png", "tex/my two.png"),
+        ("map_Kd", "tex/my\\ two.png", ""),
+        ("map_Kd", "../../my two.png", "tex/my two.png"),
+        ("uri", "TEX/my%20two.png", "tex/my two.png"),
+        ("uri", "file:///C:/Users/me/my%20two.png", "tex/my two.png"),
+        ("uri", "tex\\\\my two.png", ""),
+    ];
+    let write = |key: &str, name: &str| {
+        let (library, map) = match key {
+            "mtllib" => (name, String::new()),
+            _ => ("own.mtl", format!("newmtl a\n{key} {name}\n")),
+        };
+        std::fs::write(folder.path("in/a.obj"), format!("mtllib {library}\n{TRIANGLE}")).expect("a file");
+        std::fs::write(folder.path("in/own.mtl"), map).expect("a file");
+        let gltf = format!(r#"{{"asset": {{"version": "2.0"}}, "images": [{{"uri": "{name}"}}]}}"#);
+        std::fs::write(folder.path("in/a.gltf"), gltf).expect("a file");
+        if key == "uri" { "in/a.gltf" } else { "in/a.obj" }
+    };
+    for (key, name, expected) in found {
+        let (scene, said, _) = folder.load(write(key, name), false);
+        let scene = scene.unwrap_or_else(|e| panic!("{key} {name}: {e}"));
+        let is_read =
+            if key == "mtllib" { scene.materials[0].name() == "a" } else { scene.images.len() == 1 };
+        assert!(is_read, "{key} {name}: {said}");
+        assert_eq!(
+            said.contains(&format!("is read from `{expected}`")),
+            !expected.is_empty(),
+            "{key} {name}: {said}"
+        );
+    }
+    // Two files of the name differ in case. The hidden one and the one outside are not searched.
+    for (name, expected) in [
+        ("twice.PNG", "could be any of `one/twice.png`, `other/Twice.png`"),
+        ("hidden.png", "hidden.png: texture left out: no such file"),
+        ("/x/outside.png", "`/x/outside.png` is outside the file's folder"),
+    ] {
+        let (scene, said, _) = folder.load(write("map_Kd", name), false);
+        assert_eq!(scene.expect("a scene").images.len(), 0);
+        assert!(said.contains(expected), "{name}: {said}");
+    }
+    // The name with its case is preferred to one that differs in it.
+    let (scene, said, _) = folder.load(write("map_Kd", "C:\\Twice.png"), false);
+    assert!(scene.expect("a scene").images.len() == 1 && said.contains("`other/Twice.png`"), "{said}");
+    // A pair that was renamed together.
+    std::fs::write(folder.path("in/pair.obj"), format!("mtllib untitled.mtl\n{TRIANGLE}")).expect("a file");
+    std::fs::write(folder.path("in/Pair.mtl"), "newmtl a\n").expect("a file");
+    let (scene, said, _) = folder.load("in/pair.obj", false);
+    assert_eq!(scene.expect("a scene").materials[0].name(), "a");
+    assert!(said.contains("`untitled.mtl` is read from `Pair.mtl`"), "{said}");
+    // Several on a line, with spaces in their names; the second is there.
+    let obj = format!("mtllib not there.mtl two.mtl\n{TRIANGLE}");
+    std::fs::write(folder.path("in/several.obj"), obj).expect("a file");
+    let (scene, said, _) = folder.load("in/several.obj", false);
+    assert_eq!(scene.expect("a scene").materials[0].name(), "a");
+    assert!(said.contains("materials left out") && said.contains("not there.mtl"), "{said}");
+}
+
+/// Links that lead out of the folder are followed where a file names them, not where they are searched for.
+#[cfg(unix)]
+#[test]
+fn searching_stays_in_the_folder() {
+    let mtl = b"newmtl a\nmap_Kd C:\\x\\link.png\nbump C:\\x\\a.png\n";
+    let folder = Folder::new(&[
+        ("in/a.obj", format!("mtllib a.mtl\n{TRIANGLE}").as_bytes()),
+        ("in/a.mtl", mtl),
+        ("out/a.png", &picture()),
+    ]);
+    std::os::unix::fs::symlink(folder.path("out/a.png"), folder.path("in/link.png")).expect("a link");
+    std::os::unix::fs::symlink(folder.path("out"), folder.path("in/folder")).expect("a link");
+    let (scene, said, _) = folder.load("in/a.obj", false);
+    assert_eq!(scene.expect("a scene").images.len(), 0, "{said}");
+    std::fs::write(folder.path("in/a.mtl"), "newmtl a\nmap_Kd link.png\n").expect("a file");
+    let (scene, said, _) = folder.load("in/a.obj", false);
+    assert_eq!((scene.expect("a scene").images.len(), said.as_str()), (1, ""));
+}
+
+#[test]
+fn many_missing_files_are_counted() {
+    let mtl: String = (0..1000).map(|i| format!("newmtl m{i}\nmap_Kd {i}.png\n")).collect();
+    let folder = Folder::new(&[
+        ("in/a.obj", format!("mtllib a.mtl\n{TRIANGLE}").as_bytes()),
+        ("in/a.mtl", mtl.as_bytes()),
+    ]);
+    let (_, said, _) = folder.load("in/a.obj", false);
+    // 100 of 1000 by name.
+    assert_eq!(said.matches("texture left out").count(), 100);
+    assert!(said.contains("900 more files are missing or cannot be used"), "{said}");
 }

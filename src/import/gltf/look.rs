@@ -50,7 +50,7 @@ impl Loader<'_> {
                     files.of_file(&mut self.scene, &file, Channels::Colour, self.warnings)
                 }
                 Err(what) => {
-                    self.warnings.left_out(format!("{place}: texture left out: {what}"));
+                    self.warnings.left_out_file(format!("{place}: texture left out: {what}"));
                     Ok(None)
                 }
             },

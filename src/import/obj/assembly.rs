@@ -8,16 +8,16 @@ use std::path::Path;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::chunk::{Chunk, Fault, Range, Statement};
-use super::faces::{Count, Faces, INHERITED, MISSING, Polygon, RELATIVE, RELATIVE_BIAS};
+use super::chunk::{Chunk, Fault, NO_COLOUR, Range, Statement};
+use super::faces::{Count, Faces, INHERITED, MISSING, NOWHERE, Polygon, RELATIVE, RELATIVE_BIAS};
 use super::oddities::Oddities;
 use super::text::{Windows, parts};
 use crate::error::{Error, Place, Result, Warnings};
 use crate::import::Source;
 use crate::limits;
 
-/// Maximum number of elements of one kind, as indices have 31 bits.
-const MOST: usize = 1 << 31;
+/// Maximum number of elements of one kind, as indices have 31 bits and the last is [`NOWHERE`].
+const MOST: usize = NOWHERE as usize;
 
 /// Sizes in which a text is read and parsed, in bytes; its meshes do not depend on them.
 #[derive(Debug, Clone, Copy)]
@@ -46,8 +46,10 @@ pub(super) struct Run {
 #[derive(Debug, Default)]
 pub(super) struct Assembly {
     pub positions: Vec<DVec3>,
-    /// Displayed values, one for each position; empty if no position has a colour.
+    /// Displayed values, one for each position, [`NO_COLOUR`] for one without; empty if no position has a colour.
     pub colours: Vec<DVec3>,
+    /// Displayed values of positions in their order, in comments of ZBrush.
+    pub paint: Vec<[u8; 3]>,
     pub uvs: Vec<DVec2>,
     pub normals: Vec<DVec3>,
     pub runs: Vec<Run>,
@@ -96,7 +98,20 @@ pub(super) fn parse(source: &Source, sizes: Sizes, warnings: &mut Warnings) -> R
     assembly.end_run();
     let totals = [assembly.positions.len(), assembly.uvs.len(), assembly.normals.len()].map(|n| n as u64);
     if assembly.needed.iter().zip(totals).any(|(&needed, total)| needed > total) {
-        return Err(find_fault(source, sizes, totals.map(|n| n as i64))?);
+        let first = find_fault(source, sizes, totals.map(|n| n as i64))?;
+        let mut left_out = Count::default();
+        for run in &mut assembly.runs {
+            left_out.add(run.faces.leave_out(totals));
+        }
+        assembly.runs.retain(|run| run.faces.count() != Count::default());
+        let faces = left_out.triangles + left_out.polygons;
+        warnings
+            .left_out(format!("{first}; such indices are left out, and {faces} face(s) without a vertex"));
+    }
+    if assembly.colours.is_empty() && !assembly.paint.is_empty() {
+        let colours = assembly.paint.iter().map(|&colour| DVec3::from(colour.map(f64::from)) / 255.0);
+        assembly.colours = colours.take(assembly.positions.len()).collect();
+        assembly.colours.resize(assembly.positions.len(), NO_COLOUR);
     }
     assembly.oddities.warn(file, warnings);
     Ok(assembly)
@@ -109,8 +124,8 @@ fn parse_parts(window: &[u8], size: usize, chunks: &mut Vec<Chunk>) {
     chunks.par_iter_mut().zip(parts).for_each(|(chunk, part)| chunk.parse(part, None));
 }
 
-/// The first line with an index beyond the elements of a text without other faults.
-fn find_fault(source: &Source, sizes: Sizes, totals: [i64; 3]) -> Result<Error> {
+/// The first index beyond the elements of a text without other faults.
+fn find_fault(source: &Source, sizes: Sizes, totals: [i64; 3]) -> Result<String> {
     let mut windows = Windows::open(source, sizes.window)?;
     let (mut window, mut chunk) = (Vec::new(), Chunk::default());
     let (mut before, mut lines) = ([0; 3], 0);
@@ -118,12 +133,12 @@ fn find_fault(source: &Source, sizes: Sizes, totals: [i64; 3]) -> Result<Error> 
         windows.next(&mut window)?;
         if window.is_empty() {
             let what = "was changed while it was read";
-            return Ok(Error::input(source.file.as_path(), what, "try again"));
+            return Err(Error::input(source.file.as_path(), what, "try again"));
         }
         for part in parts(&window, sizes.part) {
             chunk.parse(part, Some(Range { before, totals }));
             if let Some(fault) = &chunk.fault {
-                return Ok(error(&source.file, lines, fault));
+                return Ok(error(&source.file, lines, fault).to_string());
             }
             lines += chunk.lines;
             let counts = [chunk.positions.len(), chunk.uvs.len(), chunk.normals.len()];
@@ -178,11 +193,12 @@ impl Assembly {
         }
         self.append_faces(chunk, from, chunk.faces.count(), &mut resolver);
         if !chunk.colours.is_empty() || !self.colours.is_empty() {
-            self.colours.resize(self.positions.len(), DVec3::ONE);
+            self.colours.resize(self.positions.len(), NO_COLOUR);
             self.colours.extend_from_slice(&chunk.colours);
-            self.colours.resize(self.positions.len() + chunk.positions.len(), DVec3::ONE);
+            self.colours.resize(self.positions.len() + chunk.positions.len(), NO_COLOUR);
         }
         self.positions.extend_from_slice(&chunk.positions);
+        self.paint.extend_from_slice(&chunk.paint);
         self.uvs.extend_from_slice(&chunk.uvs);
         self.normals.extend_from_slice(&chunk.normals);
         self.needed = std::array::from_fn(|kind| self.needed[kind].max(chunk.needed[kind]));
@@ -255,10 +271,11 @@ impl Assembly {
             24 * (positions + colours + normals) + 16 * uvs
         };
         let of_chunk = |chunk: &Chunk| {
-            let Chunk { positions, colours, uvs, normals, faces, .. } = chunk;
-            vertices(positions.len(), colours.len(), uvs.len(), normals.len()) + faces.bytes()
+            let Chunk { positions, colours, paint, uvs, normals, faces, .. } = chunk;
+            vertices(positions.len(), colours.len() + paint.len(), uvs.len(), normals.len()) + faces.bytes()
         };
-        let present = vertices(self.positions.len(), self.colours.len(), self.uvs.len(), self.normals.len())
+        let colours = self.colours.len() + self.paint.len();
+        let present = vertices(self.positions.len(), colours, self.uvs.len(), self.normals.len())
             + self.faces.bytes()
             + self.runs.iter().map(|run| run.faces.bytes()).sum::<usize>();
         let all = (present + parsed.iter().map(of_chunk).sum::<usize>()) as u64;
@@ -292,7 +309,7 @@ impl Resolver {
             RELATIVE..MISSING => {
                 let index = self.bases[kind] + i64::from(index - RELATIVE) - RELATIVE_BIAS;
                 self.precedes_the_text |= index < 0;
-                index.max(0) as u32
+                u32::try_from(index).unwrap_or(NOWHERE)
             }
             INHERITED => MISSING | self.group,
             _ => index,

@@ -3,10 +3,14 @@
 
 use glam::{DVec2, DVec3};
 
-use super::faces::{Count, Faces, INHERITED, MISSING, Polygon, RELATIVE, RELATIVE_BIAS};
+use super::faces::{Count, Faces, INHERITED, MISSING, NOWHERE, Polygon, RELATIVE, RELATIVE_BIAS};
 use super::oddities::{Oddities, Oddity};
 use super::scanner::{NONE, Scanner};
 use super::text::decode_name;
+use crate::import::references::unquoted;
+
+/// The colour of a position that has none.
+pub(super) const NO_COLOUR: DVec3 = DVec3::NAN;
 
 /// A statement that applies to the faces after it.
 #[derive(Debug)]
@@ -38,8 +42,10 @@ pub(super) struct Range {
 #[derive(Debug, Default)]
 pub(super) struct Chunk {
     pub positions: Vec<DVec3>,
-    /// Displayed values, one for each position; empty if no position has a colour.
+    /// Displayed values, one for each position, [`NO_COLOUR`] for one without; empty if no position has a colour.
     pub colours: Vec<DVec3>,
+    /// Displayed values of positions in the order of the file, in comments of ZBrush.
+    pub paint: Vec<[u8; 3]>,
     /// (0, 0) is the upper left corner of the image.
     pub uvs: Vec<DVec2>,
     pub normals: Vec<DVec3>,
@@ -73,15 +79,19 @@ impl Chunk {
                     self.fault = Some(Fault { line, what });
                     return;
                 }
+            } else if let Some(colours) = scanner.name().strip_prefix(b"#MRGB ") {
+                self.paint(colours);
             }
             scanner.end_line();
         }
         self.lines = scanner.lines;
-        if let Some(line) = scanner.odd_number {
-            self.oddities.note(Oddity::Number, line);
+        for (oddity, line) in [(Oddity::Number, scanner.odd_number), (Oddity::Comma, scanner.comma)] {
+            if let Some(line) = line {
+                self.oddities.note(oddity, line);
+            }
         }
         if !self.colours.is_empty() {
-            self.colours.resize(self.positions.len(), DVec3::ONE);
+            self.colours.resize(self.positions.len(), NO_COLOUR);
         }
     }
 
@@ -120,14 +130,20 @@ impl Chunk {
             }
             b"usemtl" | b"mtllib" => {
                 let name = decode_name(scanner.name());
-                let made = if key == b"usemtl" { Statement::Material } else { Statement::Library };
                 if !name.is_empty() {
-                    self.statements.push((self.faces.count(), made(name)));
+                    let made = match key {
+                        b"usemtl" => Statement::Material(unquoted(&name).into()),
+                        _ => Statement::Library(name),
+                    };
+                    self.statements.push((self.faces.count(), made));
                 }
             }
             b"l" | b"p" => self.oddities.note(Oddity::Element, scanner.lines),
             b"curv" | b"curv2" | b"surf" => self.oddities.note(Oddity::FreeForm, scanner.lines),
             _ if OTHERS.split(' ').any(|other| other.as_bytes() == key) => {}
+            _ if key.iter().any(u8::is_ascii_uppercase) => {
+                return self.statement(&key.to_ascii_lowercase(), scanner);
+            }
             _ => {
                 self.oddities.note(Oddity::Unknown, scanner.lines);
                 scanner.name();
@@ -136,10 +152,26 @@ impl Chunk {
         Ok(())
     }
 
+    /// Reads colours of ZBrush: for each vertex a mask, red, green and blue of two hexadecimal digits each.
+    fn paint(&mut self, text: &[u8]) {
+        for digits in text.trim_ascii().as_chunks::<8>().0 {
+            let number =
+                std::str::from_utf8(digits).ok().and_then(|digits| u32::from_str_radix(digits, 16).ok());
+            let Some(number) = number else { return };
+            let [_, r, g, b] = number.to_be_bytes();
+            self.paint.push([r, g, b]);
+        }
+    }
+
     /// Reads `x y z`, `x y z w` or `x y z r g b`.
     fn vertex(&mut self, scanner: &mut Scanner) -> Result<(), String> {
         let line = scanner.lines;
-        let mut position = DVec3::from(numbers(scanner, "v")?);
+        let [x, y] = numbers(scanner, "v")?;
+        let z = number(scanner, "v", 2)?;
+        if z.is_none() {
+            self.oddities.note(Oddity::Flat, line);
+        }
+        let mut position = DVec3::new(x, y, z.unwrap_or(0.0));
         let mut more = [0.0; 4];
         let mut count = 0;
         while let Some(number) = number(scanner, "v", 3 + count)? {
@@ -151,7 +183,7 @@ impl Chunk {
             0 | 2 => {}
             1 => position /= r,
             _ => {
-                self.colours.resize(self.positions.len(), DVec3::ONE);
+                self.colours.resize(self.positions.len(), NO_COLOUR);
                 self.colours.push(DVec3::new(r, g, b));
             }
         }
@@ -174,7 +206,10 @@ impl Chunk {
             let counts = [self.positions.len(), self.uvs.len(), self.normals.len()];
             corners.push([0, 1, 2].map(|kind| self.encode(kind, [v, vt, vn][kind], counts[kind])));
         }
-        // A face without a normal at a corner has none at the others.
+        // A face without a texture coordinate or a normal at a corner has none at the others.
+        if corners.iter().any(|corner| corner[1] == MISSING) {
+            corners.iter_mut().for_each(|corner| corner[1] = MISSING);
+        }
         if corners.iter().any(|corner| corner[2] == MISSING) {
             let missing = self.group.map_or(INHERITED, |group| MISSING | group);
             corners.iter_mut().for_each(|corner| corner[2] = missing);
@@ -231,7 +266,7 @@ impl Chunk {
     /// The form in which an index of kind `kind` is kept, where `count` elements of it precede the face in this part.
     #[inline]
     fn encode(&mut self, kind: usize, index: i64, count: usize) -> u32 {
-        if index > 0 && index <= i64::from(RELATIVE) {
+        if index > 0 && index <= i64::from(NOWHERE) {
             self.needed[kind] = self.needed[kind].max(index as u64);
             return (index - 1) as u32;
         }
@@ -243,7 +278,7 @@ impl Chunk {
             RELATIVE + relative as u32
         } else {
             self.needed[kind] = u64::MAX;
-            0
+            NOWHERE
         }
     }
 }

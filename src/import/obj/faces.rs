@@ -3,6 +3,8 @@
 /// Indices of the corners of faces count from 0. Values from here on are indices relative to the first element of the
 /// part, plus [`RELATIVE_BIAS`].
 pub(super) const RELATIVE: u32 = 1 << 31;
+/// An index of no element.
+pub(super) const NOWHERE: u32 = RELATIVE - 1;
 /// Added to relative indices, which may be negative.
 pub(super) const RELATIVE_BIAS: i64 = 1 << 29;
 /// Values from here on stand for an element that is not given: a texture coordinate, or a normal, which is that of
@@ -36,9 +38,57 @@ pub(super) struct Count {
     pub polygons: usize,
 }
 
+impl Count {
+    pub(super) fn add(&mut self, other: Count) {
+        self.triangles += other.triangles;
+        self.polygons += other.polygons;
+    }
+}
+
 impl Faces {
     pub(super) fn count(&self) -> Count {
         Count { triangles: self.triangles[0].len(), polygons: self.polygons.len() }
+    }
+
+    /// Leaves out indices beyond `totals` elements: faces with such a position, and the texture coordinates or normals of
+    /// faces with such a corner. Returns the number of faces that are left out.
+    pub(super) fn leave_out(&mut self, totals: [u64; 3]) -> Count {
+        let before = self.count();
+        let is_there = |kind: usize, index: u32| index >= MISSING || u64::from(index) < totals[kind];
+        let [positions, others @ ..] = &mut self.triangles;
+        for (triangles, kind) in others.iter_mut().zip(1..) {
+            let without = |triangle: &&mut [u32; 3]| !triangle.iter().all(|&index| is_there(kind, index));
+            triangles.iter_mut().filter(without).for_each(|triangle| *triangle = [MISSING; 3]);
+        }
+        let kept: Vec<bool> =
+            positions.iter().map(|triangle| triangle.iter().all(|&i| is_there(0, i))).collect();
+        for indices in &mut self.triangles {
+            let mut kept = kept.iter();
+            indices.retain(|_| kept.next() == Some(&true));
+        }
+        // The number of kept triangles before each.
+        let mut sums = Vec::with_capacity(kept.len() + 1);
+        sums.push(0);
+        sums.extend(kept.iter().scan(0, |sum, &is_kept| {
+            *sum += usize::from(is_kept);
+            Some(*sum)
+        }));
+        let all = std::mem::take(&mut self.polygons);
+        let corners = std::mem::take(&mut self.corners);
+        let ends = all.iter().skip(1).map(|next| next.first_corner).chain([corners.len()]);
+        for (polygon, end) in all.iter().zip(ends) {
+            let corners = &corners[polygon.first_corner..end];
+            if !corners.iter().all(|corner| is_there(0, corner[0])) {
+                continue;
+            }
+            let is_whole = [0, 1, 2].map(|kind| corners.iter().all(|corner| is_there(kind, corner[kind])));
+            let first_corner = self.corners.len();
+            self.polygons.push(Polygon { triangles_before: sums[polygon.triangles_before], first_corner });
+            let index = |corner: &[u32; 3], kind: usize| if is_whole[kind] { corner[kind] } else { MISSING };
+            self.corners.extend(corners.iter().map(|corner| [0, 1, 2].map(|kind| index(corner, kind))));
+        }
+        let after = self.count();
+        Count { triangles: before.triangles - after.triangles, polygons: before.polygons - after.polygons }
     }
 
     /// Size of the indices in bytes.

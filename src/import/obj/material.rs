@@ -1,5 +1,5 @@
 //! Materials of MTL files. They become Phong: colour `Kd`, k_d = 1, k_s = maximum of `Ks`, n = `Ns`, k_a = 1. Colours
-//! are display values. Materials with `Pr`, `Pm`, `Ps` or `Pc` become metallic-roughness ([`pbr`]). `norm` and `bump`
+//! are display values. `illum 0` becomes an unlit material, `illum 1` has no highlight. Materials with `Pr`, `Pm`, `Ps` or `Pc` become metallic-roughness ([`pbr`]). `norm` and `bump`
 //! become normal maps.
 
 use super::mtl::Definition;
@@ -55,21 +55,35 @@ impl Converter<'_> {
             // What lets light through by `Tf` has no opacity by `d`, too.
             let opacity =
                 opacity.filter(|opacity| material.layers.transmission == 0.0 || opacity.texture.is_some());
-            return Ok(Material::MetallicRoughness(MetallicRoughness { opacity, ..material }));
+            let unlit = is_unlit(m);
+            return Ok(Material::MetallicRoughness(MetallicRoughness { opacity, unlit, ..material }));
         }
         if m.unknown_param.contains_key("map_Ke") {
             let about = self.about(m);
             self.warnings.left_out(format!("{about} a map_Ke without Pr or Pm; drawn without it"));
         }
-        let emission = m.emissive.filter(|ke| ke.iter().any(|&c| c > 0.0));
+        if is_unlit(m) {
+            return Ok(Material::MetallicRoughness(MetallicRoughness {
+                name: m.name.clone(),
+                base_colour: colour,
+                base_colour_texture: texture,
+                unlit: true,
+                opacity,
+                ..MetallicRoughness::default()
+            }));
+        }
+        let emission = m.emissive.filter(is_above_0);
         let refraction = pbr::refraction(m);
-        let specular = m.specular.map_or(0.0, |ks| ks.into_iter().fold(0.0, f64::max));
+        let shininess = m.shininess.unwrap_or(1.0).max(0.0);
+        // With an exponent of 0, the highlight would cover all that faces the light; exporters write 0 for none.
+        let strength = if has_highlight(m) { shininess.min(1.0) } else { 0.0 };
+        let specular = strength * m.specular.map_or(0.0, |ks| ks.into_iter().fold(0.0, f64::max));
         Ok(Material::Phong(Phong {
             name: m.name.clone(),
             colour,
             texture,
             specular,
-            shininess: m.shininess.unwrap_or(1.0).max(0.0),
+            shininess,
             emission: Colour::Display(emission.unwrap_or([0.0; 3]).into()),
             normal_map,
             opacity: opacity.filter(|opacity| refraction.is_none() || opacity.texture.is_some()),
@@ -123,4 +137,20 @@ impl Converter<'_> {
             scale: steepest * definition.options("bump").multiplier,
         }))
     }
+}
+
+fn is_above_0(colour: &[f64; 3]) -> bool {
+    colour.iter().any(|&c| c > 0.0)
+}
+
+/// Whether the illumination model of a material has a highlight: all but 0 and 1 have.
+pub(super) fn has_highlight(m: &tobj::Material) -> bool {
+    !matches!(m.illumination_model, Some(0 | 1))
+}
+
+/// Whether a material is drawn in its own colour, whatever the light: `illum 0`. One that emits is not: some programs
+/// write `illum 0` for lamps.
+fn is_unlit(m: &tobj::Material) -> bool {
+    let emits = m.emissive.as_ref().is_some_and(is_above_0) || m.unknown_param.contains_key("map_Ke");
+    m.illumination_model == Some(0) && !emits
 }

@@ -11,6 +11,7 @@ use super::faces::{Faces, MISSING};
 use crate::film::colour::srgb_decode;
 use crate::import::polygon::{Cuts, Triangulator};
 use crate::import::smooth::weighted_normals;
+use crate::import::untextured::NO_UV;
 use crate::scene::{Attribute, Mesh};
 
 /// Number of polygons triangulated by one thread.
@@ -168,17 +169,17 @@ fn mesh(
 ) -> Mesh {
     let of_positions = || {
         let used = renumber(&mut positions, all_positions.len());
+        let mut colours = if all_colours.is_empty() { Vec::new() } else { gather(all_colours, &used) };
+        let is_coloured = colours.par_iter().any(|colour| !colour.is_nan());
         // White for positions without a colour.
-        let decode = |colour: DVec3| DVec3::from(colour.to_array().map(srgb_decode));
-        let colours = (!all_colours.is_empty()).then(|| {
-            let mut colours = gather(all_colours, &used);
-            colours.par_iter_mut().for_each(|colour| *colour = decode(*colour));
-            Attribute::per_position(colours)
-        });
+        let decode = |colour: DVec3| {
+            if colour.is_nan() { DVec3::ONE } else { DVec3::from(colour.to_array().map(srgb_decode)) }
+        };
+        colours.par_iter_mut().for_each(|colour| *colour = decode(*colour));
+        let colours = is_coloured.then(|| Attribute::per_position(colours));
         (gather(all_positions, &used), colours)
     };
-    // (0, 1) is the origin of OBJ's texture coordinates.
-    let of_uvs = || attribute(&mut uvs, all_uvs, DVec2::Y);
+    let of_uvs = || attribute(&mut uvs, all_uvs, NO_UV);
     let of_normals = || attribute(&mut normals, all_normals, DVec3::ZERO);
     let ((positions_used, colours), (uv_values, normal_values)) =
         rayon::join(of_positions, || rayon::join(of_uvs, of_normals));

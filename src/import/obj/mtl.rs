@@ -15,6 +15,7 @@ use crate::error::{Warnings, contain};
 use crate::files::unreadable;
 use crate::import::Source;
 use crate::import::lines::Lines;
+use crate::import::references::unquoted;
 use crate::scene::{ImageId, Sampler, Texture, Wrap};
 
 /// A material of an MTL file.
@@ -76,32 +77,46 @@ impl Definition {
     }
 }
 
-/// Reads the MTL file that an OBJ names, or, if there is none, the files whose names stand side by side. A file that
-/// cannot be read is left out with a warning.
-pub(super) fn read(source: &Source, name: &str, warnings: &mut Warnings) -> Vec<Definition> {
-    let name = name.replace('\\', "/");
-    let several: Vec<&str> = name.split_whitespace().collect();
-    let is_mtl = |name: &&str| name.to_ascii_lowercase().ends_with(".mtl");
-    if several.len() > 1 && several.iter().all(is_mtl) && !is_there(source, &name) {
-        return several.into_iter().flat_map(|name| read_one(source, name, warnings)).collect();
+/// Reads the MTL files that a line of an OBJ names. A file that cannot be read is left out with a warning.
+pub(super) fn read(source: &Source, line: &str, warnings: &mut Warnings) -> Vec<Definition> {
+    let names = if is_there(source, line) { vec![line] } else { names(line) };
+    // A pair of files that were renamed together.
+    let own = source.file.file_stem().map(|stem| format!("{}.mtl", stem.to_string_lossy()));
+    let own = own.as_deref().filter(|_| names.len() == 1);
+    names.into_iter().flat_map(|name| read_one(source, name, own, warnings)).collect()
+}
+
+/// The names in a line, which may contain spaces and end in `.mtl` each; the line, where none does.
+fn names(line: &str) -> Vec<&str> {
+    const ENDING: &str = ".mtl";
+    let lower_case = line.to_ascii_lowercase();
+    let mut names = Vec::new();
+    let mut start = 0;
+    for (at, _) in lower_case.match_indices(ENDING) {
+        let mut end = at + ENDING.len();
+        end += usize::from(line[end..].starts_with(['"', '\'']));
+        if line[end..].chars().next().is_none_or(char::is_whitespace) {
+            names.push(line[start..end].trim());
+            start = end;
+        }
     }
-    read_one(source, &name, warnings)
+    if names.is_empty() { vec![line] } else { names }
 }
 
-/// Whether a file that `source` references exists.
+/// Whether a file that `source` references exists as written.
 fn is_there(source: &Source, name: &str) -> bool {
-    source.resolve_reference(name).is_ok_and(|file| source.files.has(&file))
+    source.as_written(name).is_ok_and(|file| source.files.has(&file))
 }
 
-fn read_one(source: &Source, name: &str, warnings: &mut Warnings) -> Vec<Definition> {
-    let read = source.resolve_reference(name).and_then(|path| {
+fn read_one(source: &Source, name: &str, own: Option<&str>, warnings: &mut Warnings) -> Vec<Definition> {
+    let read = source.resolve_or(name, own).and_then(|path| {
         let bytes = source.files.read(&path).map_err(|e| unreadable(&path, &e).to_string())?;
         Ok((path, bytes))
     });
     let (path, bytes) = match read {
         Ok(read) => read,
         Err(what) => {
-            warnings.left_out(format!("{}: materials left out: {what}", source.file.display()));
+            warnings.left_out_file(format!("{}: materials left out: {what}", source.file.display()));
             return Vec::new();
         }
     };
@@ -114,7 +129,8 @@ fn read_one(source: &Source, name: &str, warnings: &mut Warnings) -> Vec<Definit
             return Vec::new();
         }
     };
-    find_images(&mut materials, Path::new(name), source);
+    let folder = source.file.parent().unwrap_or(Path::new(""));
+    find_images(&mut materials, path.strip_prefix(folder).unwrap_or(&path), source);
     let options = options.into_iter().chain(std::iter::repeat_with(BTreeMap::new));
     materials.into_iter().zip(options).map(|(material, options)| Definition { material, options }).collect()
 }
@@ -147,10 +163,15 @@ fn normalise(
     let mut out = String::with_capacity(bytes.len());
     let mut options: Vec<BTreeMap<String, MapOptions>> = Vec::new();
     let mut unused = BTreeSet::new();
+    let mut spelled = None;
     for (number, line) in Lines::new(&without_mark(bytes), 0) {
         let line = decode_name(line.trim_ascii());
-        let (key, rest) = line.split_once(char::is_whitespace).unwrap_or((&line, ""));
+        let (written, rest) = line.split_once(char::is_whitespace).unwrap_or((&line, ""));
         let rest = rest.trim();
+        let key = canonical(written);
+        if key != written {
+            spelled.get_or_insert_with(|| (number, key.to_owned()));
+        }
         let Some(value) = normalise_value(key, rest) else {
             let what = match is_known(key) {
                 true => format!("`{key}` left out: an invalid value"),
@@ -176,6 +197,11 @@ fn normalise(
             warnings.left_out(format!("{file}:{number}: the option -halo of `d` is left out"));
         }
     }
+    if let Some((number, key)) = spelled {
+        warnings.note(format!(
+            "{file}:{number}: `{key}` in another case; such words are read as those of MTL files"
+        ));
+    }
     if !unused.is_empty() {
         let unused: Vec<String> = unused.into_iter().collect();
         warnings.note_left_out(format!("{file}: not used: {}", unused.join(", ")));
@@ -193,6 +219,7 @@ fn normalise_value(key: &str, rest: &str) -> Option<String> {
         // tobj fails on the whole file for `newmtl` or a map without a name.
         _ if key.is_empty() || key.starts_with('#') => Some(String::new()),
         _ if rest.is_empty() => None,
+        "newmtl" => Some(unquoted(rest).to_owned()),
         "Ka" | "Kd" | "Ks" | "Ke" | "Tf" => match numbers(rest)?.as_slice() {
             // MTL allows omitting green and blue, which then equal red.
             [r] | [r, _] if is_colour(r) => Some(format!("{r} {r} {r}")),
@@ -218,13 +245,22 @@ const KEYS: &str = "newmtl Ka Kd Ks Ke Tf Ns Ni d Tr illum sharpness Pr Pm Ps Pc
     map_Ke map_Ns map_Ni map_d map_Tr map_aat map_Bump map_bump map_opacity map_refl map_disp map_Disp map_Pr map_Pm \
     map_Ps map_Pc map_Pcr map_RMA map_ORM bump norm disp decal refl";
 
+/// A key of the format in another case, as the format has it; any other as it is.
+fn canonical(key: &str) -> &str {
+    if is_known(key) {
+        return key;
+    }
+    KEYS.split(' ').find(|known| known.eq_ignore_ascii_case(key)).unwrap_or(key)
+}
+
 fn is_known(key: &str) -> bool {
     KEYS.split(' ').any(|known| known == key)
 }
 
 /// Whether the value of a key is a file, with options before it.
 fn is_map(key: &str) -> bool {
-    key.starts_with("map_") || matches!(key, "bump" | "norm" | "disp" | "decal" | "refl")
+    key.get(..4).is_some_and(|start| start.eq_ignore_ascii_case("map_"))
+        || matches!(key, "bump" | "norm" | "disp" | "decal" | "refl")
 }
 
 /// Whether a value is a valid colour component. It may exceed 1 within the range of f32.
@@ -232,19 +268,41 @@ fn is_colour(c: &f64) -> bool {
     (0.0..=1e12).contains(c)
 }
 
+/// The largest number of arguments of an option of a map; `None` if it is not one.
+fn arity(option: &str) -> Option<usize> {
+    match option {
+        "s" | "o" | "t" => Some(3),
+        "mm" => Some(2),
+        "blendu" | "blendv" | "cc" | "clamp" | "imfchan" | "texres" | "bm" | "boost" | "type"
+        | "colorspace" => Some(1),
+        _ => None,
+    }
+}
+
+/// The start of the first option behind a space in `text`; its length, if there is none.
+fn next_option(text: &str) -> usize {
+    let is_option = |&(at, _): &(usize, &str)| {
+        text[at + 2..].split_whitespace().next().is_some_and(|name| arity(name).is_some())
+            && !text[at + 2..].starts_with(char::is_whitespace)
+    };
+    text.match_indices(" -").find(is_option).map_or(text.len(), |(at, _)| at)
+}
+
 /// Splits the value of a map, such as `-s 1 1 1 wood.png`, into its options, the names of those that are left out and
-/// change the image, and the file name, which may contain spaces.
+/// change the image, and the file name, which may contain spaces. Some exporters write options behind the name.
 fn split_options(value: &str) -> (MapOptions, Vec<&str>, String) {
-    let mut rest = value;
-    let (mut options, mut left_out) = (MapOptions::default(), Vec::new());
-    while let Some(option) = rest.strip_prefix('-') {
-        let mut words = option.split_whitespace();
+    let mut rest = value.trim();
+    let (mut options, mut left_out, mut file) = (MapOptions::default(), Vec::new(), "");
+    while !rest.is_empty() {
+        let mut words = rest.strip_prefix('-').unwrap_or("").split_whitespace();
         let name = words.next().unwrap_or("");
-        let most = match name {
-            "s" | "o" | "t" => 3,
-            "mm" => 2,
-            "blendu" | "blendv" | "cc" | "clamp" | "imfchan" | "texres" | "bm" | "boost" | "type" => 1,
-            _ => break,
+        let Some(most) = arity(name) else {
+            if !file.is_empty() {
+                break;
+            }
+            let (before, behind) = rest.split_at(next_option(rest));
+            (file, rest) = (before.trim_end(), behind.trim_start());
+            continue;
         };
         let is_value = |word: &&str| most == 1 || word.parse::<f64>().is_ok();
         let values: Vec<&str> = words.take(most).take_while(is_value).collect();
@@ -260,18 +318,28 @@ fn split_options(value: &str) -> (MapOptions, Vec<&str>, String) {
             ("clamp", value) => options.is_clamped = value == Some("on"),
             ("t", _) if (0..3).all(|i| number(i, 0.0) == 0.0) => {}
             ("mm", _) if (number(0, 0.0), number(1, 1.0)) == (0.0, 1.0) => {}
-            ("blendu" | "blendv", Some("on")) | ("cc", Some("off")) | ("texres" | "type", _) => {}
+            ("blendu" | "blendv", Some("on"))
+            | ("cc", Some("off"))
+            | ("texres" | "type" | "colorspace", _) => {}
             _ => left_out.push(name),
         }
         let end = values.last().unwrap_or(&name);
         rest = rest[end.as_ptr() as usize - rest.as_ptr() as usize + end.len()..].trim_start();
     }
-    (options, left_out, rest.replace('\\', "/"))
+    (options, left_out, unquoted(file).replace("\\ ", " ").replace('\\', "/"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_of_a_line() {
+        assert_eq!(names("a b.mtl  c.MTL"), ["a b.mtl", "c.MTL"]);
+        assert_eq!(names(r#""a b.mtl" c.mtl # both"#), [r#""a b.mtl""#, "c.mtl"]);
+        assert_eq!(names("a.mtl.bak"), ["a.mtl.bak"]);
+        assert_eq!(names("a.mat"), ["a.mat"]);
+    }
 
     #[test]
     fn options_of_maps() {
@@ -284,6 +352,10 @@ mod tests {
         assert_eq!(split("a b.png"), with("a b.png"));
         assert_eq!(split("-blendu on -blendv on -mm 0 1 -t 0 -cc off -type sphere 2 a.png"), with("2 a.png"));
         assert_eq!(split("-x.png"), with("-x.png"));
+        assert_eq!(split(r#"-colorspace sRGB "a - b -sky.png""#), with("a - b -sky.png"));
+        assert_eq!(split(r"C:\a\my\ b.png"), with("C:/a/my b.png"));
+        let behind = ([1.0, 1.0], [0.0, 0.0], true, 1.5, "imfchan".into(), "a b.png".into());
+        assert_eq!(split("-imfchan r a b.png -bm 1.5 -clamp on"), behind);
         // A number after the least that an option takes is an argument of it.
         let all =
             "-s 2 -o 0.25 -0.5 0 -clamp on -bm 0.3 -mm 0 2 -t 1 -imfchan r -boost 2 -blendu off d\\a.png";

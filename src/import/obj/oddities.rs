@@ -19,13 +19,17 @@ pub(super) enum Oddity {
     FewCorners,
     /// A number that something else follows without a space.
     Number,
+    /// A number with a decimal comma.
+    Comma,
+    /// A vertex of two numbers.
+    Flat,
     /// A coordinate that is infinite or not a number.
     NotFinite,
 }
 
 /// The first line of each oddity, counted from 0, and the count that is odd.
 #[derive(Debug, Default)]
-pub(super) struct Oddities([Option<(usize, usize)>; 7]);
+pub(super) struct Oddities([Option<(usize, usize)>; 9]);
 
 impl Oddities {
     /// Records a line.
@@ -48,9 +52,10 @@ impl Oddities {
     /// Adds a warning or a note for each.
     pub(super) fn warn(&self, file: &Path, warnings: &mut Warnings) {
         let file = file.display();
-        use Oddity::{Element, FewCorners, FreeForm, NotFinite, Number, Surplus, Unknown};
-        let all =
-            [Element, FreeForm, Unknown, Surplus, FewCorners, Number, NotFinite].into_iter().zip(self.0);
+        use Oddity::{Comma, Element, FewCorners, Flat, FreeForm, NotFinite, Number, Surplus, Unknown};
+        let all = [Element, FreeForm, Unknown, Surplus, FewCorners, Number, Comma, Flat, NotFinite]
+            .into_iter()
+            .zip(self.0);
         for (oddity, line, count) in
             all.filter_map(|(oddity, first)| first.map(|(line, n)| (oddity, line, n)))
         {
@@ -65,10 +70,12 @@ impl Oddities {
                 }
                 FewCorners => format!("{at}: a face of {count} corner(s); such faces are not drawn"),
                 Number => format!("{at}: a number with a sign in it is read up to its last sign"),
+                Comma => format!("{at}: a decimal comma is read as a point"),
+                Flat => format!("{at}: a vertex without z; 0 is taken"),
                 NotFinite => format!("{at}: the first vertex that is not finite"),
             };
             match oddity {
-                Number => warnings.push(what),
+                Number | Comma | Flat => warnings.push(what),
                 NotFinite => warnings.note(what),
                 _ => warnings.left_out(what),
             }

@@ -5,7 +5,7 @@
 
 use glam::DVec3;
 
-use super::material::Converter;
+use super::material::{Converter, has_highlight};
 use super::mtl::Definition;
 use crate::error::Result;
 use crate::film::Colour;
@@ -70,6 +70,7 @@ impl Converter<'_> {
             normal_map,
             layers: Layers {
                 ior: ior.unwrap_or(1.5),
+                specular: f64::from(u8::from(has_highlight(m))),
                 transmission,
                 volume: (transmission > 0.0).then_some(Volume {
                     attenuation_colour: Colour::Linear(DVec3::ONE),

@@ -9,6 +9,8 @@ pub(super) struct Scanner<'a> {
     pub lines: usize,
     /// The line of the first number that is followed by something else.
     pub odd_number: Option<usize>,
+    /// The line of the first number with a decimal comma.
+    pub comma: Option<usize>,
 }
 
 /// The next word is not what it should be.
@@ -21,7 +23,7 @@ pub(super) const NONE: i64 = i64::MIN;
 impl<'a> Scanner<'a> {
     /// The start of `text`.
     pub(super) fn new(text: &'a [u8]) -> Self {
-        Scanner { text, at: 0, lines: 0, odd_number: None }
+        Scanner { text, at: 0, lines: 0, odd_number: None, comma: None }
     }
 
     /// Whether all lines have been passed.
@@ -87,9 +89,18 @@ impl<'a> Scanner<'a> {
             self.at += length;
             return Ok(Some(number));
         }
+        if let Some(length) = not_a_number(rest) {
+            self.at += length;
+            return Ok(Some(f64::NAN));
+        }
         let Some(word) = self.word() else { return Ok(None) };
         let parsed = |word: &[u8]| std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
         if let Some(number) = parsed(word) {
+            return Ok(Some(number));
+        }
+        if let [whole, fraction] = word.split(|&byte| byte == b',').collect::<Vec<_>>()[..] {
+            let number = parsed(&[whole, fraction].join(&b'.')).ok_or(Unreadable)?;
+            self.comma.get_or_insert(self.lines);
             return Ok(Some(number));
         }
         let sign = word.iter().rposition(|byte| matches!(byte, b'+' | b'-')).unwrap_or(0);
@@ -150,6 +161,16 @@ impl<'a> Scanner<'a> {
     }
 }
 
+/// Length of the word at the start of `rest`, if C libraries write it for what is not a finite number: `1.#IND`,
+/// `-1.#INF`, `nan(ind)`.
+fn not_a_number(rest: &[u8]) -> Option<usize> {
+    let length = rest.iter().position(|&byte| byte <= b' ').unwrap_or(rest.len());
+    let word = rest[..length].strip_prefix(b"-").unwrap_or(&rest[..length]);
+    let is_one =
+        word.starts_with(b"1.#") || word.get(..4).is_some_and(|start| start.eq_ignore_ascii_case(b"nan("));
+    is_one.then_some(length)
+}
+
 /// Length of the line end at `at`; 0 if there is none.
 fn line_end(text: &[u8], at: usize) -> usize {
     match text.get(at) {
@@ -201,6 +222,21 @@ mod tests {
             scanner.end_line();
         }
         assert_eq!(lines, [(0, Some(&b"f"[..])), (2, Some(b"f")), (3, None), (4, None)]);
+    }
+
+    #[test]
+    fn numbers_of_other_libraries() {
+        let mut scanner = Scanner::new(b"1.#IND -1.#QNAN 1.#INF -nan(ind) nan 0,5 -1,25e1");
+        let mut next = || scanner.number();
+        for _ in 0..5 {
+            assert!(next().is_ok_and(|number| number.is_some_and(f64::is_nan)));
+        }
+        assert_eq!([next(), next()], [Ok(Some(0.5)), Ok(Some(-12.5))]);
+        for bad in ["1,2,3", ",", "a,1"] {
+            assert_eq!(Scanner::new(bad.as_bytes()).number(), Err(Unreadable), "{bad}");
+        }
+        // A comment behind a number.
+        assert_eq!(Scanner::new(b"2.#comment").number(), Ok(Some(2.0)));
     }
 
     #[test]
