@@ -102,21 +102,33 @@ pub fn write_picture(picture: &OutputImage, metadata: &Metadata, format: Format,
     write_whole(file, |out| encode(picture, metadata, format, out))
 }
 
-/// Encodes a picture to a stream: floating point as OpenEXR, 8 bits as JPEG if `format` is JPEG, else as PNG.
+/// Encodes a picture to a stream: floating point as OpenEXR, 8 bits as PNG or JPEG, and with alpha as PNG.
 ///
 /// # Errors
-/// Errors of the stream.
+/// Errors of the stream, and one of the kind [`std::io::ErrorKind::InvalidInput`] for a picture that the format cannot hold.
 pub fn encode(
     picture: &OutputImage,
     metadata: &Metadata,
     format: Format,
     out: &mut dyn Write,
 ) -> std::io::Result<()> {
-    match picture {
-        OutputImage::Rgb8(film, _) if format == Format::Jpeg => write_jpeg(film, out),
-        OutputImage::Rgb8(film, pipeline) => write_png(film, None, *pipeline, metadata, out),
-        OutputImage::Rgba8(film, alpha, pipeline) => write_png(film, Some(alpha), *pipeline, metadata, out),
-        OutputImage::Float(film, more) => write_exr(film, more, metadata, out),
+    let unfit = |what: &str| Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, what));
+    match (picture, format) {
+        (OutputImage::Rgb8(film, _), Format::Jpeg) => write_jpeg(film, out),
+        (OutputImage::Rgb8(film, pipeline), Format::Png) => write_png(film, None, *pipeline, metadata, out),
+        (OutputImage::Rgba8(film, alpha, pipeline), Format::Png) => {
+            write_png(film, Some(alpha), *pipeline, metadata, out)
+        }
+        (OutputImage::Float(film, more), Format::Exr) => write_exr(film, more, metadata, out),
+        (OutputImage::Rgba8(..), Format::Jpeg) => {
+            unfit("JPEG has no alpha channel for a transparent background; write .png or .exr")
+        }
+        (OutputImage::Rgb8(..) | OutputImage::Rgba8(..), Format::Exr) => {
+            unfit("a picture of 8 bits, and OpenEXR has floating point; write .png, or render floating point")
+        }
+        (OutputImage::Float(..), Format::Png | Format::Jpeg) => {
+            unfit("a picture in floating point, and the format has 8 bits; write .exr, or render 8 bits")
+        }
     }
 }
 
@@ -227,6 +239,28 @@ fn sort_header(bytes: &mut [u8]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Bytes of another format than the name of the file says are never written.
+    #[test]
+    fn formats_that_cannot_hold_a_picture_are_errors() {
+        let window = crate::film::Window { x: 0, y: 0, width: 1, height: 1 };
+        let bytes = || Film::from_rows(window, &[[0; 3]]).unwrap();
+        let linear = ColourPipeline::Linear;
+        let pictures = [
+            OutputImage::Rgb8(bytes(), linear),
+            OutputImage::Rgba8(bytes(), vec![0], linear),
+            OutputImage::Float(Film::from_rows(window, &[[0.0; 3]]).unwrap(), Vec::new()),
+        ];
+        let held = pictures.each_ref().map(|picture| {
+            [Format::Png, Format::Jpeg, Format::Exr].map(|format| {
+                let mut out = Vec::new();
+                let made = encode(picture, &Vec::new(), format, &mut out);
+                assert_eq!(made.is_ok(), !out.is_empty(), "{made:?}");
+                made.is_ok()
+            })
+        });
+        assert_eq!(held, [[true, true, false], [true, false, false], [false, false, true]]);
+    }
 
     #[test]
     fn headers_are_sorted_and_nothing_else_is_touched() {
