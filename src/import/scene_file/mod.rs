@@ -175,11 +175,21 @@ impl Builder<'_> {
             return Ok(());
         };
         if least > most {
-            let place = start + self.text[start..].find("min_samples").unwrap_or(0);
+            let place = self.image_key("min_samples").unwrap_or(start);
             let what = format!("`min_samples` is {}, and `samples` {}", least.get(), most.get());
             return Err(self.error(place, what, "give `min_samples` at most as many as `samples`"));
         }
         Ok(())
+    }
+
+    /// The place of a key of `[image]`.
+    fn image_key(&self, key: &str) -> Option<usize> {
+        #[derive(serde::Deserialize)]
+        struct Sections {
+            image: std::collections::BTreeMap<String, Spanned<serde::de::IgnoredAny>>,
+        }
+        let Sections { image } = toml::from_str(self.text).ok()?;
+        image.get(key).map(|value| value.span().start)
     }
 
     fn camera(&self, index: usize, section: &Spanned<CameraSection>) -> Result<Camera> {
