@@ -35,10 +35,11 @@ pub fn metadata(
         input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned()
     };
     let inputs: Vec<String> = scene.inputs.iter().map(name).collect();
-    let is_it = |own: &Camera| own.name == camera.name && own.position == camera.position;
-    let camera_text = match scene.cameras.iter().any(is_it) {
-        true => camera.name.clone(),
-        false => recentering
+    // The first of a name is the one that the name chooses. Its projection is recorded beside it.
+    let named = scene.cameras.iter().find(|own| own.name == camera.name);
+    let camera_text = match named {
+        Some(own) if *own == (Camera { projection: own.projection, ..camera.clone() }) => camera.name.clone(),
+        _ => recentering
             .map_or_else(|| camera.clone(), |recentering| recentering.moved_back(camera))
             .to_inline(),
     };
