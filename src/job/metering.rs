@@ -48,7 +48,8 @@ impl RenderJob {
         }
         // Without light from beside the objects, which a wider filter would mix in.
         let filter = samples.is_some().then_some(FilterShape::Box);
-        small.set_sampling(Sampling { samples, filter, ..Sampling::default() })?;
+        let Sampling { seed, sampler, .. } = self.choices.sampling;
+        small.set_sampling(Sampling { samples, filter, seed, sampler, ..Sampling::default() })?;
         Ok(small)
     }
 
