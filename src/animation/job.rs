@@ -15,7 +15,7 @@ use crate::job::metadata::{self, set_auto_exposure};
 use crate::job::{self, Metadata, RenderControl, RenderJob, RenderSettings, ResolvedJob};
 use crate::scene::animation::Timeline;
 use crate::scene::{Camera, Scene};
-use crate::world::StandardView;
+use crate::world::{Recentering, StandardView, recenter};
 
 /// The frames of an animation to render, and its timing.
 pub struct FrameRequest<'a> {
@@ -71,7 +71,7 @@ impl AnimationJob {
         let chosen_exposure = settings.picture.exposure.or(scene.picture.exposure);
         settings.complete(&mut scene, warnings)?;
         let is_turntable = scene.animation.is_none();
-        let (camera, size) = camera_and_size(&mut scene, settings, warnings)?;
+        let Seen { camera, fitted, size } = seen_by(&mut scene, settings, warnings)?;
         let Some(animation) = &mut scene.animation else { return Err(nothing_to_look_at(&scene)) };
         if is_turntable {
             warnings.note("nothing in the scene moves; the camera orbits once");
@@ -91,6 +91,8 @@ impl AnimationJob {
         if is_turntable && let Some(note) = note_of_part(&list, &timeline) {
             warnings.note(note);
         }
+        // No ground that is hidden from below is seen by a camera that moves up or down: those of files have none.
+        job::hide_ground(&mut scene, &camera);
         let light = job::added_light(&scene);
         let mut picture = scene.picture;
         let meters = job::leave_to_metering(&mut picture, chosen_exposure, &scene, settings, &camera);
@@ -117,7 +119,10 @@ impl AnimationJob {
         building(warnings);
         let pipeline = resolved.settings.picture.pipeline();
         let animation = PreparedAnimation::new(scene, &camera, light, pipeline, structure, numerics)?;
-        let animation = Some(animation);
+        let animation = Some(match fitted {
+            Some((recentering, camera)) => animation.fitted(recentering, camera),
+            None => animation,
+        });
         let mut made = AnimationJob { animation, timeline, frames, skipped, effects_on: 0, resolved };
         // Errors and warnings of the first frame come before any is rendered.
         let first = made.frame(first)?;
@@ -190,25 +195,42 @@ fn note_of_part(list: &FrameList, timeline: &Timeline) -> Option<String> {
     ))
 }
 
+/// What the frames are seen by.
+struct Seen {
+    /// The camera, in the scene's coordinates.
+    camera: Camera,
+    /// The camera in the coordinates of a recentering, where it was fitted in those.
+    fitted: Option<(Recentering, Camera)>,
+    size: [u32; 2],
+}
+
 /// The camera and the size of the frames. A scene without animation becomes a turntable.
-fn camera_and_size(
-    scene: &mut Scene,
-    settings: &RenderSettings,
-    warnings: &mut Warnings,
-) -> Result<(Camera, [u32; 2])> {
+fn seen_by(scene: &mut Scene, settings: &RenderSettings, warnings: &mut Warnings) -> Result<Seen> {
     let viewpoint = Viewpoint::of(&settings.camera, scene, None)?;
     viewpoint.report(settings, scene, warnings);
     let size = viewpoint.size(settings, scene);
-    if scene.animation.is_some() {
-        let camera = viewpoint.camera(settings, scene, size)?;
-        return Ok((camera, size));
-    }
     let (camera, view) = match viewpoint {
         Viewpoint::Camera(camera) => (Some(camera.into_owned()), StandardView::Auto),
         Viewpoint::Fitted(view) => (None, view),
     };
-    let aspect = f64::from(size[0]) / f64::from(size[1]);
-    let framing = settings.framing(view, scene);
-    let camera = turntable(scene, camera, framing, aspect, settings.projection.unwrap_or_default());
-    Ok((camera.ok_or_else(|| nothing_to_look_at(scene))?, size))
+    match (camera, scene.animation.is_some()) {
+        (Some(camera), true) => Ok(Seen { camera, fitted: None, size }),
+        (None, true) => {
+            // Fitted to the recentered scene, as for single pictures.
+            let mut recentered = scene.clone();
+            let recentering = recenter(&mut recentered);
+            let camera = Viewpoint::Fitted(view).camera(settings, &recentered, size)?;
+            Ok(match recentering {
+                Some(by) => Seen { camera: by.moved_back(&camera), fitted: Some((by, camera)), size },
+                None => Seen { camera, fitted: None, size },
+            })
+        }
+        (camera, false) => {
+            let aspect = f64::from(size[0]) / f64::from(size[1]);
+            let framing = settings.framing(view, scene);
+            let camera = turntable(scene, camera, framing, aspect, settings.projection.unwrap_or_default());
+            let camera = camera.ok_or_else(|| nothing_to_look_at(scene))?;
+            Ok(Seen { camera, fitted: None, size })
+        }
+    }
 }

@@ -24,6 +24,8 @@ pub struct PreparedAnimation {
     scene: Scene,
     /// The index of the camera.
     camera: usize,
+    /// The camera in the coordinates of a recentering, where it was fitted in those.
+    fitted: Option<(Recentering, Camera)>,
     /// The light that follows the camera.
     light: Option<AddedLight>,
     world: World,
@@ -71,6 +73,9 @@ impl PreparedAnimation {
                 Some(animation) => Some(animation.without_objects(&scene)?),
                 None => None,
             };
+        }
+        // A clip brings them again at each time.
+        if !moves || scene.animation.as_ref().is_some_and(|animation| animation.clip.is_some()) {
             scene.objects = Vec::new();
         }
         let recentering = recenter(&mut base);
@@ -79,10 +84,17 @@ impl PreparedAnimation {
             light: light.filter(|_| scene.lights.is_empty()),
             scene,
             camera,
+            fitted: None,
             world,
             recentering,
             structure: moves.then_some(structure),
         })
+    }
+
+    /// The same animation seen by a camera that was fitted in the coordinates of `recentering`: in those it is not rounded by
+    /// moving it there and back.
+    pub(super) fn fitted(self, recentering: Recentering, camera: Camera) -> Self {
+        PreparedAnimation { fitted: Some((recentering, camera)), ..self }
     }
 
     /// The prepared scene before the animation begins.
@@ -100,10 +112,10 @@ impl PreparedAnimation {
     /// # Errors
     /// [`crate::error::Error::Input`] where a track takes a property out of its range.
     pub fn at(&self, time: f64) -> Result<FrameWorld> {
-        let mut scene = match self.scene.animation.as_ref().and_then(|animation| animation.clip.as_ref()) {
-            Some(clip) => self.posed(clip, time)?,
-            None => self.scene.at(time)?,
-        };
+        let mut scene = self.scene.at(time)?;
+        if let Some(Animation { clip: Some(clip), duration, .. }) = &self.scene.animation {
+            pose(&mut scene, clip, time * duration)?;
+        }
         let recentering = match (self.structure, &self.recentering) {
             (Some(_), _) => recenter(&mut scene),
             (None, recentering) => {
@@ -112,7 +124,10 @@ impl PreparedAnimation {
             }
         };
         let cameras = std::mem::take(&mut scene.cameras);
-        let camera = cameras[self.camera].clone();
+        let camera = match (&self.fitted, recentering) {
+            (Some((fitted_in, camera)), Some(recentering)) if *fitted_in == recentering => camera.clone(),
+            _ => cameras[self.camera].clone(),
+        };
         scene.lights.extend(self.light.and_then(|light| light.at(&camera)));
         let world = match self.structure {
             Some(structure) => self.world.prepare_another(scene, structure),
@@ -122,27 +137,24 @@ impl PreparedAnimation {
     }
 }
 
-impl PreparedAnimation {
-    /// The scene posed by a clip: imported again, with what the settings have added to it.
-    fn posed(&self, clip: &Clip, time: f64) -> Result<Scene> {
-        let own = &self.scene;
-        let duration = own.animation.as_ref().map_or(0.0, |animation| animation.duration);
-        let moment = ClipTime { clip: ClipChoice::Index(clip.index), time: time * duration };
-        let options = own.import_options.clone().posed(moment);
-        let mut scene = import::reload(own, &options, &mut Warnings::default())?;
-        let added = own.cameras.iter().skip(scene.cameras.len()).cloned();
-        scene.cameras.extend(added);
-        let Scene { background, ambient, fill, ground, .. } = *own;
-        let (picture, environment) = (own.picture, own.environment.clone());
-        Ok(Scene { picture, environment, background, ambient, fill, ground, ..scene })
-    }
+/// Poses a scene at a time of a clip in seconds: what the clip can change is imported again. All else, such as the settings, the
+/// default look and cameras that were added, stays.
+fn pose(scene: &mut Scene, clip: &Clip, seconds: f64) -> Result<()> {
+    let moment = ClipTime { clip: ClipChoice::Index(clip.index), time: seconds };
+    let options = scene.import_options.clone().posed(moment);
+    let Scene { objects, mut cameras, lights, materials, images, .. } =
+        import::reload(scene, &options, &mut Warnings::default())?;
+    cameras.extend(scene.cameras.drain(..).skip(cameras.len()));
+    (scene.objects, scene.cameras, scene.lights) = (objects, cameras, lights);
+    (scene.materials, scene.images) = (materials, images);
+    Ok(())
 }
 
-/// Makes an animation of a scene without one: it plays a clip of its files, by name or index, or the first. Without any
-/// nothing changes.
+/// Makes an animation of a scene without one: it plays a clip of its files, by name or index, or the first, and the scene is posed
+/// at its beginning. Without any nothing changes.
 ///
 /// # Errors
-/// [`Error::Usage`] for a scene from standard input, which cannot be read again.
+/// [`Error::Usage`] for a scene from standard input, which cannot be read again, and those of [`import::reload`].
 pub fn play_clip(scene: &mut Scene, clip: &ClipChoice) -> Result<()> {
     let Some(clip) = clip.find(&scene.clips).filter(|_| scene.animation.is_none()).cloned() else {
         return Ok(());
@@ -154,6 +166,8 @@ pub fn play_clip(scene: &mut Scene, clip: &ClipChoice) -> Result<()> {
             hint,
         ));
     }
+    // The camera is fitted to this pose, and the default look made for it, as for a picture of this time.
+    pose(scene, &clip, 0.0)?;
     let (_, fps) = TURNTABLE;
     // At least one frame.
     let duration = clip.duration.max(1.0 / fps);

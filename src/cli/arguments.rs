@@ -57,7 +57,14 @@ fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
 
 /// Checks names and inputs before any file is read.
 pub(crate) fn check(arguments: &Arguments) -> Result<()> {
-    check_names(&arguments.settings.with, &arguments.settings.without)?;
+    let RenderSettings { with, without, .. } = &arguments.settings;
+    check_names(with, without)?;
+    if let Some(depth) = arguments.depth
+        && without.iter().any(|name| name == id::PATH.name())
+    {
+        let what = format!("both --depth {depth} and --without {}", id::PATH);
+        return Err(Error::usage(what, "give one of the two"));
+    }
     if arguments.inputs.iter().filter(|input| *input == Path::new("-")).count() > 1 {
         return Err(Error::usage("standard input can be read once", "give `-` once"));
     }
@@ -89,6 +96,7 @@ impl Arguments {
         let size = self.size.map(PictureSettings::of_size).unwrap_or_default();
         let mut settings = self.settings.clone();
         settings.with.extend(self.depth.map(|depth| id::PATH.with_value(depth)));
+        settings.depth = self.depth;
         let look = self.draft.then_some(Look::Draft);
         let picture = PictureSettings { look, ..size.or(settings.picture) };
         Ok(RenderSettings { camera, picture, mesh_look: Look::Studio, ..settings })

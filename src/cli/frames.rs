@@ -172,7 +172,8 @@ pub(crate) fn write_frames(
     let mut animation = pool.install(|| reporter.load_animation(arguments, &settings, &request))?;
     let is_transparent = animation.resolved.settings.picture.is_transparent();
     output::check_alpha(is_transparent, ".jpg", pictures.format != Format::Jpeg)?;
-    if pictures.format != Format::Exr {
+    // A metered exposure sets a clamp, too.
+    if pictures.format != Format::Exr || animation.resolved.meters {
         fix_exposure(&mut reporter, &pool, &mut animation, interrupted)?;
     }
     let display = animation.resolved.settings.picture.display();

@@ -17,7 +17,7 @@ use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
 use crate::files::write_whole;
 use crate::film::write::{Format, OutputImage};
-use crate::job::{RenderJob, metadata};
+use crate::job::{self, RenderJob, metadata};
 use crate::render::aov::{AOVS, AovSelection, EFFECTS, EFFECTS_SUMMARY, LARGEST_EXACT_INDEX};
 use crate::render::{RenderControl, Statistics};
 use crate::scene::option::group;
@@ -259,6 +259,7 @@ pub(super) fn warn_of_result(
     {
         warnings.push(frames::clipped_warning(ev));
     }
+    job::note_of_depth(&job.plan, statistics).into_iter().for_each(|note| warnings.note(note));
     let world = &job.world;
     if context.selection.has_primitives() && world.primitive_count() > LARGEST_EXACT_INDEX {
         warnings.push(format!("--aov primitive: indices above {LARGEST_EXACT_INDEX} are rounded"));

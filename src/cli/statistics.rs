@@ -81,6 +81,7 @@ pub(crate) fn to_json(
         "stages": stages,
         "non_finite_pixels": statistics.non_finite.0,
         "discarded_samples": statistics.discarded_samples,
+        "paths_ended_in_glass": statistics.ended_in_glass,
         "peak_memory_bytes": limits::peak_memory(),
         "warnings": warnings.messages(),
         "notes": warnings.notes(),

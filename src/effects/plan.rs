@@ -37,6 +37,8 @@ pub struct Choices {
     pub with: Vec<String>,
     /// Effects that the user excludes.
     pub without: Vec<String>,
+    /// What stands in `with` because another option was given, such as `--depth`, and that option as typed, which messages name.
+    pub stand_in: Option<(String, String)>,
     /// Whether effects in `with` get their stages also where nothing calls for them, which does not change the picture.
     pub even_idle: bool,
     /// Which samples of light count in path tracing.
@@ -57,6 +59,13 @@ impl Choices {
         let is_off = self.without.iter().any(|name| name == effect.name());
         let on = if is_off { Some(false) } else { asked_for.map(|_| true).or(said.map(|said| said.is_on())) };
         (on, value)
+    }
+
+    /// The option by which an effect was asked for last, as typed; `None` if none asks for it.
+    pub fn option_of(&self, effect: EffectId) -> Option<String> {
+        let typed = self.with.iter().rfind(|typed| name_and_value(typed).0 == effect.name())?;
+        let stand_in = self.stand_in.as_ref().filter(|(entry, _)| entry == typed);
+        Some(stand_in.map_or_else(|| format!("--with {typed}"), |(_, option)| option.clone()))
     }
 }
 
@@ -421,14 +430,16 @@ pub(super) fn transport_for(world: &World, choices: &Choices) -> &'static Transp
 fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {
     let name = effect.name();
     let said = choices.scene.get(name);
-    let is_asked_for = choices.with.iter().any(|typed| name_and_value(typed).0 == name);
+    let asked_for = choices.option_of(effect.id);
     let (_, value) = choices.switch(effect.id);
     let decision = |on, why: String| Decision { effect: effect.id, on, why, value: value.clone() };
     let calls = match (effect.called_for)(world, choices) {
-        Err(nothing) if choices.even_idle && is_asked_for => {
-            return decision(true, format!("--with {name}, though {nothing}"));
+        Err(nothing) => {
+            return match &asked_for {
+                Some(option) if choices.even_idle => decision(true, format!("{option}, though {nothing}")),
+                _ => decision(false, nothing),
+            };
         }
-        Err(nothing) => return decision(false, nothing),
         Ok(calls) => calls,
     };
     if !choices.shading.uses_lights() && effect.needs_lights {
@@ -437,8 +448,8 @@ fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {
     if choices.without.iter().any(|n| n == name) {
         return decision(false, format!("--without {name}"));
     }
-    if is_asked_for {
-        return decision(true, format!("--with {name}; {calls}"));
+    if let Some(option) = asked_for {
+        return decision(true, format!("{option}; {calls}"));
     }
     match said.map(|said| said.is_on()) {
         Some(false) => return decision(false, "the scene file turns it off".into()),
@@ -446,7 +457,7 @@ fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {
         None => {}
     }
     if effect.is_shading && choices.shading < ShadingMode::Full {
-        return decision(false, format!("--shading {} shows that term alone", choices.shading.name()));
+        return decision(false, format!("{} shading shows that term alone", choices.shading.name()));
     }
     decision(true, calls)
 }

@@ -50,7 +50,7 @@ use glam::DVec3;
 use crate::bvh::Layout;
 use crate::effects::convergence::Criterion;
 use crate::effects::tile::RenderContext;
-use crate::effects::{Plan, check_names, check_scene, id, named};
+use crate::effects::{PathSettings, Plan, RayKind, check_names, check_scene, id, named};
 use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
 use crate::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, Pixel, Window};
@@ -322,15 +322,14 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     let viewpoint = Viewpoint::of(&settings.camera, &scene, recentering.as_ref())?;
     viewpoint.report(settings, &scene, warnings);
     let is_of_mesh_file = !scene.has_settings && matches!(viewpoint, Viewpoint::Camera(Cow::Borrowed(_)));
-    if matches!(viewpoint, Viewpoint::Fitted(StandardView::Auto)) && opening(&scene).is_some() {
+    if matches!(viewpoint, Viewpoint::Fitted(StandardView::Auto))
+        && opening(&scene).is_some_and(|opening| !opening.is_flat)
+    {
         warnings.note("the surface is open to one side; the camera looks in from there");
     }
     let size = viewpoint.size(settings, &scene);
     let camera = viewpoint.camera(settings, &scene, size)?;
-    if scene.ground.is_some_and(|ground| ground.is_hidden_from_below && camera.position.y <= ground.centre.y)
-    {
-        scene.ground = None;
-    }
+    hide_ground(&mut scene, &camera);
     // Files place their objects for their cameras; a scene file is written by hand.
     if scene.has_settings || is_of_mesh_file {
         let projection = settings.projection.unwrap_or(camera.projection);
@@ -352,6 +351,15 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
         resolved.set_metering();
     }
     Ok(resolved)
+}
+
+/// Leaves the ground of the default look out where the camera is not above it. The settings then say so: those of a picture ask for
+/// a ground, which stays.
+pub(crate) fn hide_ground(scene: &mut Scene, camera: &Camera) {
+    if scene.ground.is_some_and(|ground| ground.is_hidden_from(camera)) {
+        scene.ground = None;
+        scene.picture.ground = Some(false);
+    }
 }
 
 /// Warns of lights that have an area and no radiance, because their extent is too small or too large.
@@ -429,6 +437,7 @@ pub(crate) fn choices(
         clamp: picture.clamp.map(Clamp::get),
         with: settings.with.clone(),
         without: settings.without.clone(),
+        stand_in: settings.depth.map(|depth| (id::PATH.with_value(depth), format!("--depth {depth}"))),
         ..Choices::default()
     };
     lens::complete(picture, &mut choices, camera)?;
@@ -539,6 +548,25 @@ pub fn warn_of_recentering(recentering: Option<&Recentering>, warnings: &mut War
     }
 }
 
+/// The least share of paths that end in glass, in percent, for a note.
+const LEAST_ENDED: f64 = 1.0;
+
+/// A note for a picture of which the limit of bounces ended paths in glass: what lies behind that is black there.
+pub fn note_of_depth(plan: &Plan, statistics: &Statistics) -> Option<String> {
+    let paths = statistics.rays(RayKind::PRIMARY).cast;
+    let percent = 100.0 * statistics.ended_in_glass as f64 / paths.max(1) as f64;
+    if percent < LEAST_ENDED {
+        return None;
+    }
+    let value = plan.decisions.iter().find(|decision| decision.effect == id::PATH)?.value.as_deref();
+    let depth = value.and_then(|value| value.parse().ok()).unwrap_or(PathSettings::DEFAULT_DEPTH);
+    Some(format!(
+        "the depth of {depth} ends {percent:.0} % of the paths in light-carrying glass, which is dark there; \
+         try --depth {}",
+        2 * depth
+    ))
+}
+
 /// Whether a material has layers that local shading leaves out.
 fn needs_path(material: &PreparedMaterial) -> bool {
     match material {
@@ -550,13 +578,18 @@ fn needs_path(material: &PreparedMaterial) -> bool {
     }
 }
 
+/// Whether a material has a glaze that adds light.
+fn has_glaze(material: &PreparedMaterial) -> bool {
+    matches!(material, Material::Phong(m) if m.glaze.as_ref().is_some_and(|glaze| glaze.weight > 0.0))
+}
+
 /// Warns of omitted spheres, of area lights and a clamp without path tracing, and of requested effects that change
 /// nothing.
 pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     let RenderJob { world, plan, choices, .. } = job;
     if world.too_small > 0 {
         warnings.left_out(format!(
-            "{} sphere(s) have a radius that is 0 in the numbers of `--numerics {}`; left out",
+            "{} sphere(s) have a radius that is 0 in the numbers of the tier `{}`; left out",
             world.too_small,
             world.numerics().name()
         ));
@@ -581,11 +614,22 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
             ));
         }
     }
+    if traces_paths && choices.shading == ShadingMode::Full {
+        let glazed = world.materials_in_use().filter(|material| has_glaze(material));
+        if let Some(names) = named("material", glazed.map(|material| material.name())) {
+            warnings.left_out(format!(
+                "the glaze of {names} is left out by path tracing; --transport whitted draws it"
+            ));
+        }
+        if choices.transport.is_some() && world.ambient > 0.0 {
+            warnings.note_left_out(format!(
+                "the ambient light of {} is left out by path tracing; an environment lights from all sides",
+                world.ambient
+            ));
+        }
+    }
     for decision in plan.decisions.iter().filter(|decision| !decision.on) {
-        let name = |typed: &&String| typed.split('=').next() == Some(decision.effect.name());
-        if let Some(typed) = choices.with.iter().find(name) {
-            let is_depth = decision.effect == id::PATH && typed.contains('=');
-            let option = if is_depth { "--depth".to_owned() } else { format!("--with {typed}") };
+        if let Some(option) = choices.option_of(decision.effect) {
             warnings.push(format!("{option} changes nothing: {}", decision.why));
         }
     }

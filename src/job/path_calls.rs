@@ -18,12 +18,8 @@ const LEAST_POWER: f64 = 0.05;
 
 /// The names of the materials in use that transmit light along rays that they bend, or into a volume.
 pub(super) fn transmitting(scene: &Scene) -> Vec<&str> {
-    let transmits = |material: &&Material| match material {
-        Material::Phong(m) => m.refraction.is_some(),
-        Material::MetallicRoughness(m) => !m.unlit && m.layers.transmission > 0.0,
-    };
     let materials = scene.objects.iter().filter_map(|object| scene.materials.get(object.material.0 as usize));
-    materials.filter(transmits).map(Material::name).collect()
+    materials.filter(|material| material.transmits()).map(Material::name).collect()
 }
 
 /// The names of the materials in use that emit light, if all of them together emit at least [`LEAST_POWER`] of the power

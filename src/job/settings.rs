@@ -53,6 +53,10 @@ pub struct RenderSettings {
         arg(help = "Turn an effect off, by its name as for --with; may be repeated")
     )]
     pub without: Vec<String>,
+    /// The depth of paths that `with` has because `--depth` was given. Messages name that option.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    #[serde(skip)]
+    pub depth: Option<u16>,
     /// Names of AOVs, as for `kiln render --aov`. They are part of the fingerprint.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub aovs: Vec<String>,

@@ -106,7 +106,8 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
     let is_open = scene.environment.as_ref().is_none_or(|environment| environment.is_hidden);
     let has_studio = is_lit && !has_lamps && !is_of_file && is_open;
     if ground.unwrap_or(has_studio) {
-        let look = Ground { albedo: GROUND_ALBEDO, is_hidden_from_below: true, ..Ground::default() };
+        let look =
+            Ground { albedo: GROUND_ALBEDO, is_hidden_from_below: ground.is_none(), ..Ground::default() };
         scene.ground = scene.bounds().and_then(|bounds| look.under(bounds));
         scene.picture.ground = ground.or(scene.ground.map(|_| true));
     }

@@ -27,6 +27,8 @@ pub struct Statistics {
     pub non_finite: (usize, Vec<(u32, u32)>),
     /// The number of samples of light that were left out because they were not finite.
     pub discarded_samples: u64,
+    /// The number of paths that the limit of bounces ended at a surface which transmits light: what lies behind it is black.
+    pub ended_in_glass: u64,
     /// The exposure in EV that `auto` came to, for pictures of display values.
     pub auto_exposure: Option<f64>,
 }
@@ -71,6 +73,7 @@ impl Statistics {
             visible_objects: Vec::new(),
             non_finite: (non_finite.len(), non_finite.into_iter().take(10).collect()),
             discarded_samples: workers.iter().map(|worker| worker.tile.discarded_samples).sum(),
+            ended_in_glass: workers.iter().map(|worker| worker.tile.ended_in_glass).sum(),
             auto_exposure: None,
         };
         for Tile { rays, traversal, visible_objects, .. } in workers.iter().map(|worker| &worker.tile) {
@@ -119,6 +122,7 @@ impl Statistics {
         }
         self.tests += other.tests;
         self.discarded_samples += other.discarded_samples;
+        self.ended_in_glass += other.ended_in_glass;
         for (own, other) in self.effect_costs.iter_mut().zip(&other.effect_costs) {
             own.stages = own.stages.max(other.stages);
             own.rays += other.rays;

@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use super::Camera;
+
 /// Half the side of the square, in radii of the scene.
 const REACH: f64 = 20.0;
 
@@ -22,7 +24,7 @@ pub struct Ground {
     pub half_side: f64,
     /// Its albedo, of all channels.
     pub albedo: f64,
-    /// Whether it is left out where the camera is not above it.
+    /// Whether it is left out where the camera is not above it: [`Ground::is_hidden_from`].
     pub is_hidden_from_below: bool,
 }
 
@@ -34,6 +36,11 @@ impl Default for Ground {
 }
 
 impl Ground {
+    /// Whether it is left out of the pictures of a camera.
+    pub fn is_hidden_from(&self, camera: &Camera) -> bool {
+        self.is_hidden_from_below && camera.position.y <= self.centre.y
+    }
+
     /// This ground under a bounding box, whose radius is half its diagonal. `None` for a box without size.
     pub fn under(self, (min, max): (DVec3, DVec3)) -> Option<Self> {
         let (middle, radius) = (min / 2.0 + max / 2.0, (max / 2.0 - min / 2.0).length());

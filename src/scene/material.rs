@@ -212,6 +212,14 @@ impl Material {
 }
 
 impl<C> Material<C> {
+    /// Whether it transmits light along rays that it bends, or into a volume.
+    pub fn transmits(&self) -> bool {
+        match self {
+            Material::Phong(m) => m.refraction.is_some(),
+            Material::MetallicRoughness(m) => !m.unlit && m.layers.transmission > 0.0,
+        }
+    }
+
     /// The material with every colour converted by `convert`.
     pub fn map_colours<D>(self, convert: impl Fn(C) -> D) -> Material<D> {
         match self {

@@ -120,12 +120,23 @@ impl Framing {
 /// The least share of its area by which a surface is open sideways, for a view into it.
 const OPEN_SHARE: f64 = 0.08;
 
-/// The view into a scene whose surface is open to one side, such as a room without a wall: the unit vector towards a camera 12
-/// degrees beside and 10 above the opening. `None` for other scenes.
+/// The share of its area by which a surface of parallel triangles is open: 1, but for the normals of its triangles, which f32
+/// coordinates turn by some 2^-23 of their aspect ratio.
+const FLAT_SHARE: f64 = 1.0 - 1e-6;
+
+/// The view into a scene whose surface is open to one side.
+pub(crate) struct Opening {
+    /// The unit vector towards a camera 12 degrees beside and 10 above the opening.
+    pub towards: DVec3,
+    /// Whether all triangles face that side, so that the camera looks at the surface, not into it.
+    pub is_flat: bool,
+}
+
+/// The view into a scene whose surface is open to one side, such as a room without a wall. `None` for other scenes.
 ///
 /// The sum of area times normal over a closed surface is zero. That of a surface without a part is the opposite of the part's: where
 /// normals point into a room, it points out of the missing wall.
-pub(crate) fn opening(scene: &Scene) -> Option<DVec3> {
+pub(crate) fn opening(scene: &Scene) -> Option<Opening> {
     let mut all = Orientation::default();
     let mut shared: HashMap<*const Mesh, Orientation> = HashMap::new();
     for object in &scene.objects {
@@ -143,8 +154,11 @@ pub(crate) fn opening(scene: &Scene) -> Option<DVec3> {
         }
     }
     let sideways = DVec2::new(all.sum.x, all.sum.z);
-    (sideways.length() > OPEN_SHARE * all.area && all.area.is_finite())
-        .then(|| from(sideways.x.atan2(sideways.y) + 12f64.to_radians(), 10f64.to_radians()))
+    (sideways.length() > OPEN_SHARE * all.area && all.area.is_finite()).then(|| Opening {
+        towards: from(sideways.x.atan2(sideways.y) + 12f64.to_radians(), 10f64.to_radians()),
+        // The sum is as long as its terms together if they are parallel.
+        is_flat: all.sum.length() >= FLAT_SHARE * all.area,
+    })
 }
 
 /// Sums over triangles of the vectors `n` of length twice the area along their normals.
@@ -201,7 +215,7 @@ pub fn fitted_camera(
     let framing = framing.into();
     let view = framing.view;
     let side = match view {
-        StandardView::Auto => opening(scene).unwrap_or(view.backwards()),
+        StandardView::Auto => opening(scene).map_or(view.backwards(), |opening| opening.towards),
         _ => view.backwards(),
     };
     let (backwards, up) = framing.turned(side);
@@ -482,13 +496,16 @@ mod tests {
             let mesh = Mesh { positions: positions.clone(), triangles, ..Mesh::default() };
             Scene::from_iter([Shape::Mesh(mesh)])
         };
-        assert_eq!(opening(&room(&[0, 1, 2, 3, 4, 5])), None);
-        let towards = |walls: &[usize]| opening(&room(walls)).expect("an opening");
+        assert!(opening(&room(&[0, 1, 2, 3, 4, 5])).is_none());
+        let towards = |walls: &[usize]| opening(&room(walls)).expect("an opening").towards;
         assert!((towards(&[0, 1, 2, 3, 4]) - from(12f64.to_radians(), 10f64.to_radians())).length() < 1e-12);
         // Without the right wall, towards +x.
         assert!(towards(&[0, 1, 2, 3, 5]).dot(DVec3::X) > 0.95);
         // Without a ceiling, no side is open.
-        assert_eq!(opening(&room(&[0, 1, 2, 4, 5])), None);
+        assert!(opening(&room(&[0, 1, 2, 4, 5])).is_none());
+        // Less than a wall is flat.
+        let is_flat = |walls: &[usize]| opening(&room(walls)).expect("an opening").is_flat;
+        assert_eq!([&[0, 1, 2, 3, 4][..], &[0, 2], &[0]].map(is_flat), [false, false, true]);
         // Instances are open to the same side as copies: turned; stretched, where the area is a bound; and mirrored, which
         // turns the normals outwards.
         for scale in [DVec3::ONE, DVec3::new(1.0, 2.0, 3.0), DVec3::new(1.0, 1.0, -1.0)] {
@@ -496,8 +513,8 @@ mod tests {
             let map = DMat4::from_scale_rotation_translation(scale, turn, DVec3::splat(9.0));
             let Shape::Mesh(mesh) = room(&[0, 1, 2, 3, 4]).objects.remove(0).shape else { panic!("a mesh") };
             let placed = Placed::new(Arc::new(mesh), Placement::new(map));
-            let copy = opening(&Scene::from_iter([Shape::Mesh(placed.bake())])).expect("an opening");
-            let instance = opening(&Scene::from_iter([Shape::Placed(placed)])).expect("an opening");
+            let copy = opening(&Scene::from_iter([Shape::Mesh(placed.bake())])).expect("an opening").towards;
+            let instance = opening(&Scene::from_iter([Shape::Placed(placed)])).expect("an opening").towards;
             assert!((copy - instance).length() < 1e-12, "{scale}: {copy} {instance}");
         }
     }

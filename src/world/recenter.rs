@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use crate::scene::{Camera, Scene, Shape, Step};
+use crate::scene::{Camera, Ground, Scene, Shape, Step};
 
 /// The largest distance from the origin, in sizes of the scene, at which 20 of 24 bits are left for its shape.
 const FAR: f64 = 16.0;
@@ -58,14 +58,16 @@ impl Recentering {
             }
         }
         scene.cameras.iter_mut().for_each(|camera| self.move_camera(camera));
-        if let Some(ground) = &mut scene.ground {
-            place(&mut ground.centre);
-            ground.half_side *= self.scale;
-        }
+        scene.ground.iter_mut().for_each(|ground| self.move_ground(ground));
         for light in &mut scene.lights {
             light.kind.position_mut().into_iter().for_each(|position| *position -= self.middle);
             light.scale(self.scale);
         }
+    }
+
+    pub(crate) fn move_ground(&self, ground: &mut Ground) {
+        ground.centre = (ground.centre - self.middle) * self.scale;
+        ground.half_side *= self.scale;
     }
 
     /// The camera in the recentered scene.

@@ -14,6 +14,7 @@ use kiln::scene::animation::{Animation, Easing, Motion, Property, Target, Track}
 use kiln::scene::{AnalyticShape, Camera, Numerics, Placed, Placement, Projection, Scene, Shape, Sphere};
 use kiln::world::{StandardView, View, World, headlight, recenter};
 
+use crate::common::gltf::Model;
 use crate::common::repository;
 use crate::workshop::{Workshop, text};
 #[cfg(unix)]
@@ -541,5 +542,119 @@ mod film {
             assert!(error.contains("cannot write an .mp4"), "{error}");
         }
         assert_eq!(shop.names(), ["scene.toml"]);
+    }
+}
+
+/// The pixels of a PNG, with alpha.
+fn rgba(shop: &Workshop, name: &str) -> Vec<u8> {
+    image::open(shop.path(name)).unwrap().to_rgba8().into_raw()
+}
+
+/// Renders frame 0 by both commands with these arguments, and returns its pixels.
+fn frame_0(shop: &Workshop, arguments: &str) -> Vec<u8> {
+    shop.succeed(&format!("render {arguments} --frames 0 -o frame_#.png"));
+    shop.succeed(&format!("animate {arguments} --frames 0 -o film_#.png"));
+    let [frame, film] = ["frame_0.png", "film_0.png"].map(|name| rgba(shop, name));
+    assert!(frame == film, "{arguments}: frame 0 of `render` is not that of `animate`");
+    frame
+}
+
+/// The file of a floor and a square of a material, which a clip has at (0.3, 0.5, 0) at its beginning and elsewhere at rest, all
+/// of it moved along x.
+fn clip_of(material: serde_json::Value, x: f32) -> Vec<u8> {
+    use serde_json::json;
+    let mut model = Model::square();
+    let mut square = model.primitive().clone();
+    square["material"] = json!(1);
+    model.primitive()["material"] = json!(0);
+    model.json["meshes"].as_array_mut().unwrap().push(json!({ "primitives": [square] }));
+    model.json["materials"] = json!([{ "doubleSided": true }, material]);
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    model.json["nodes"] = json!([
+        { "mesh": 0, "scale": [4, 4, 4], "rotation": [-half, 0, 0, half], "translation": [x - 2.0, 0, 2] },
+        { "mesh": 1, "translation": [x + 4.0, 3, 0] },
+    ]);
+    model.json["scenes"] = json!([{ "nodes": [0, 1] }]);
+    let (input, output) = (model.floats(&[[0.0], [1.0]]), model.floats(&[[x, 0.5, 0.0], [x, 2.5, 0.0]]));
+    model.json["animations"] = json!([{
+        "samplers": [{ "input": input, "output": output }],
+        "channels": [{ "sampler": 0, "target": { "node": 1, "path": "translation" } }],
+    }]);
+    model.binary()
+}
+
+/// Frame 0 is the picture of time 0: lamps light the floor, glass is clear, a background is behind the picture, and the camera, the
+/// ground and the exposure are those of the pose at that time.
+#[test]
+fn frame_0_of_a_clip_is_the_picture_of_time_0() {
+    use serde_json::json;
+    let extension = |name: &str, value: serde_json::Value| json!({ "extensions": { name: value } });
+    let mut lamp = extension("KHR_materials_emissive_strength", json!({ "emissiveStrength": 5 }));
+    lamp["emissiveFactor"] = json!([1, 1, 1]);
+    let shop = Workshop::with("lamp.glb", clip_of(lamp, 0.0));
+    let glass = extension("KHR_materials_transmission", json!({ "transmissionFactor": 1 }));
+    shop.write("glass.glb", clip_of(glass, 0.0));
+    shop.write("plain.glb", clip_of(json!({}), 0.0));
+    shop.write("far.glb", clip_of(json!({}), 1_048_576.0));
+    shop.write("studio.toml", "[image]\nlook = 'studio'\n[[mesh]]\nfile = 'plain.glb'\n");
+    for (file, options) in [
+        ("lamp.glb", ""),
+        ("lamp.glb", "--ground --view front"),
+        ("glass.glb", ""),
+        ("glass.glb", "--background transparent"),
+        ("plain.glb", ""),
+        ("plain.glb", "--background transparent"),
+        ("plain.glb", "--background #804020"),
+        ("plain.glb", "--elevation -30"),
+        ("plain.glb", "--elevation -30 --ground"),
+        ("plain.glb", "--exposure auto --samples 4"),
+        ("plain.glb", "--draft --camera {position=[1,2,9],look_at=[0,1,0]}"),
+        ("far.glb", ""),
+        ("studio.toml", ""),
+    ] {
+        let arguments = format!("{file} --size 24x20 {options}");
+        let frame = frame_0(&shop, &arguments);
+        shop.succeed(&format!("render {arguments} --time 0 -o still.png"));
+        let still = rgba(&shop, "still.png");
+        let differing = frame.iter().zip(&still).filter(|(a, b)| a != b).count();
+        assert_eq!(differing, 0, "{arguments}: of {}", still.len());
+    }
+}
+
+/// A ground of the default look is left out of the pictures of a camera below it; one that is asked for stays.
+#[test]
+fn the_ground_of_the_look_is_hidden_from_below() {
+    let shop = Workshop::with("a.glb", clip_of(serde_json::json!({}), 0.0));
+    let of = |command: &str, options: &str| {
+        shop.succeed(&format!("render a.glb --size 24x20 --elevation -30 {options} {command}"));
+        rgba(&shop, "a.png")
+    };
+    for command in ["--time 0 -o a.png", "--frames 0 -o a.png"] {
+        let [default, without, with] = ["", "--ground=false", "--ground"].map(|options| of(command, options));
+        assert!(default == without && default != with, "{command}");
+    }
+}
+
+/// A scene with a camera of its own begins as it is: tracks and turntables change nothing at time 0.
+#[test]
+fn frame_0_of_each_scene_is_its_picture() {
+    let shop = Workshop(tempfile::tempdir().unwrap());
+    let files = ["scenes", "scenes/effects", "scenes/hard"].map(repository);
+    let files = files.iter().flat_map(|folder| std::fs::read_dir(folder).unwrap());
+    let files = files.map(|entry| entry.unwrap().path());
+    let mut compared = 0;
+    for file in files.filter(|file| file.extension().is_some_and(|ending| ending == "toml")) {
+        let arguments = format!("{} --size 20x16", file.display());
+        let frame = frame_0(&shop, &arguments);
+        if load(&file).default_camera().is_some() {
+            compared += 1;
+            shop.succeed(&format!("render {arguments} -o still.png"));
+            assert!(frame == rgba(&shop, "still.png"), "{}", file.display());
+        }
+    }
+    assert!(compared > 30, "{compared}");
+    let assets = ["l.obj", "materials.obj", "square.gltf", "square.ply", "tetrahedron.stl"];
+    for file in assets.map(|file| repository("assets/import").join(file)) {
+        frame_0(&shop, &format!("{} --size 20x16", file.display()));
     }
 }

@@ -190,6 +190,11 @@ fn wrong_usage_is_2() {
             "one of the two",
         ),
         (
+            "render scene.toml -o a.png --depth 3 --without path",
+            "both --depth 3 and --without path",
+            "one of the two",
+        ),
+        (
             "render scene.toml -o a.png --crop 20,0,5,5",
             "the crop reaches outside the picture of 24 x 16",
             "--size",
@@ -207,6 +212,51 @@ fn wrong_usage_is_2() {
         assert!(advice.contains(hint), "{arguments}: {advice}");
     }
     assert_eq!(workshop.names(), ["scene.toml"]);
+}
+
+/// Messages name the options that were typed.
+#[test]
+fn messages_name_what_was_typed() {
+    let workshop = Workshop::with("scene.toml", SCENE);
+    for (options, option) in [
+        ("--depth 3", "--depth 3"),
+        ("--with path=3", "--with path=3"),
+        ("--with path", "--with path"),
+        ("--depth 3 --with path=4", "--depth 3"),
+    ] {
+        let said = workshop.said(&format!("render scene.toml -o a.png {options}")).2;
+        assert!(said.contains(&format!("warning: {option} changes nothing: ")), "{options}: {said}");
+    }
+    // The key of a scene file is no option.
+    workshop.write(
+        "phong.toml",
+        format!("{SCENE}\n[effects]\nshadows = true\n").replace("[image]", "[image]\nshading = 'phong'"),
+    );
+    let said = workshop.succeed("explain phong.toml");
+    assert!(!said.contains("--shading"), "{said}");
+}
+
+/// The place of a key is that of the key, not of a comment on it.
+#[test]
+fn a_key_in_a_comment_is_not_its_place() {
+    let workshop = Workshop::with(
+        "a.toml",
+        "# min_samples\n[image]\n# min_samples = 1 was too few\nsamples = 4\n\n  \"min_samples\" = 9\n",
+    );
+    let (said, _) = workshop.fail("render a.toml -o a.png", 3);
+    assert!(said.contains("a.toml:6: `min_samples` is 9, and `samples` 4"), "{said}");
+}
+
+/// A sheet is looked at, and a room without a wall is looked into.
+#[test]
+fn a_flat_shape_is_not_open_to_one_side() {
+    let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
+    let workshop = Workshop::with("sheet.obj", square);
+    workshop.write("corner.obj", format!("{square}v 0 0 1\nv 1 0 1\nf 1 5 6 2\n"));
+    let says = |file: &str| {
+        workshop.said(&format!("render {file} -o a.png --size 8x8 --draft")).2.contains("open to one side")
+    };
+    assert!(!says("sheet.obj") && says("corner.obj"));
 }
 
 #[test]

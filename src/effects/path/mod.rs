@@ -310,12 +310,17 @@ impl Buffers {
         self.add_emitted(generation, world, &lights, stage);
         // The last vertices of paths only emit; denoising AOVs need to know whether they scatter.
         let is_last = depth >= stage.depth;
+        let mut ended_in_glass = 0;
         if !is_last {
             let camera_rays = surfaces.ray_of().iter().map(|&ray| generation.camera_rays[ray as usize]);
             let sequence = Sequence { seed: stage.seed, sampler: stage.sampler, depth };
             self.numbers.fill(camera_rays.map(|ray| self.samples[ray as usize]), sequence);
             self.vertices.find_frames(world, surfaces);
             self.sample_lights((world, &lights, stage), surfaces, sequence);
+        }
+        if is_last && depth > 0 {
+            let transmits = |material: &&u32| world.materials[**material as usize].transmits();
+            ended_in_glass = surfaces.materials().iter().filter(transmits).count() as u64;
         }
         if is_last && scattering.is_some() {
             self.vertices.find_frames(world, surfaces);
@@ -337,6 +342,7 @@ impl Buffers {
         std::mem::swap(&mut self.media, &mut self.next_media);
         tile.scattering = scattering;
         tile.discarded_samples += self.discarded;
+        tile.ended_in_glass += ended_in_glass;
     }
 
     /// Takes the light samples of all vertices.

@@ -9,7 +9,7 @@ use crate::error::Warnings;
 use crate::error::{Error, Result};
 use crate::film::tone::Exposure;
 use crate::job::{self, AddedLight, CameraChoice, RenderJob, RenderSettings};
-use crate::scene::{Camera, PictureSettings, Sampling, Scene, ShadingMode};
+use crate::scene::{Camera, Ground, PictureSettings, Sampling, Scene, ShadingMode};
 use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::refine::SamplingKind;
 use crate::viewer::request::{CameraSource, Opened, RenderRequest};
@@ -35,8 +35,8 @@ struct CachedScene {
     light: Option<AddedLight>,
     /// Settings of the scene and of the default look.
     picture: PictureSettings,
-    /// Height of the ground of the default look, in world coordinates.
-    ground: Option<f64>,
+    /// The ground, in world coordinates.
+    ground: Option<Ground>,
 }
 
 /// A scene that is prepared for a request.
@@ -120,7 +120,7 @@ impl RenderCache {
             }
         };
         lens.projection = request.projection.unwrap_or(lens.projection);
-        if cached.ground.is_some_and(|ground| lens.position.y <= ground) {
+        if cached.ground.is_some_and(|ground| ground.is_hidden_from(&lens)) {
             key.is_below_ground = true;
             cached = self.scene(&request.opened, &key)?;
             frame = self.frame(&cached.animation, &key, request.time)?;
@@ -174,13 +174,14 @@ impl RenderCache {
             if key.is_below_ground {
                 scene.ground = None;
             }
-            let ground = scene.ground.filter(|ground| ground.is_hidden_from_below);
+            let mut ground = scene.ground;
             let camera = scene.cameras.first().cloned().unwrap_or_else(|| placeholder_camera(&scene));
             let (pipeline, numerics) = (picture.pipeline(), picture.numerics.unwrap_or_default());
             let structure = Layout::Wide(key.settings.preset);
             let animation = PreparedAnimation::new(scene, &camera, None, pipeline, structure, numerics)?;
-            let height = |y: f64| animation.range().map_or(y, |range| (y - range.middle.y) * range.scale);
-            let ground = ground.map(|ground| height(ground.centre.y));
+            if let (Some(ground), Some(recentering)) = (&mut ground, animation.range()) {
+                recentering.move_ground(ground);
+            }
             let animation = Arc::new(animation);
             self.scenes.push((key.clone(), CachedScene { animation, light, picture, ground }));
         }
