@@ -9,6 +9,8 @@
 //! once a layer, nearest first, and their colours are blended (`over`; Porter and Duff, Compositing Digital Images, SIGGRAPH
 //! 1984). Shadow rays always carry the product of all transmittances.
 
+use glam::DVec3;
+
 use super::random::{self, Dimension};
 use super::samples::{SampleIndex, list_samples};
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
@@ -64,6 +66,34 @@ pub(crate) fn opacity(world: &World, hit: &Hit) -> f64 {
     }
 }
 
+/// Finds that the origins of a continued ray repeat, by which it would never end: origins that rounding does not let
+/// advance, as in `fast` at large coordinates. Each origin determines the next one, so the ray is compared with one
+/// earlier origin, which is renewed after 1, 2, 4, ... steps (Brent, An improved Monte Carlo factorization algorithm,
+/// BIT 20, 1980). Other rays are not changed.
+#[derive(Debug, Clone, Copy)]
+struct OriginCycle {
+    earlier: DVec3,
+    /// Steps since then, and after how many of them it is renewed.
+    steps: u32,
+    most: u32,
+}
+
+impl OriginCycle {
+    fn new(origin: DVec3) -> Self {
+        OriginCycle { earlier: origin, steps: 0, most: 1 }
+    }
+
+    /// Whether the next origin is the earlier one again.
+    fn repeats(&mut self, origin: DVec3) -> bool {
+        self.steps += 1;
+        let repeats = origin == self.earlier;
+        if self.steps == self.most {
+            *self = OriginCycle { earlier: origin, steps: 0, most: self.most.saturating_mul(2) };
+        }
+        repeats
+    }
+}
+
 /// The ray that continues behind the surface at a hit.
 fn behind(world: &World, ray: &Ray, hit: &Hit) -> Ray {
     let precision = world.numerics().ray_precision();
@@ -79,13 +109,16 @@ pub(crate) fn transmittance(
     traversal: &mut Traversal,
     continued: &mut usize,
 ) -> f64 {
-    let (mut ray, mut transmittance) = (*ray, 1.0);
+    let (mut ray, mut transmittance, mut cycle) = (*ray, 1.0, OriginCycle::new(ray.origin));
     while let Some(hit) = world.accelerator.closest_hit(&ray, traversal) {
         transmittance *= 1.0 - opacity(world, &hit);
         if transmittance == 0.0 {
             break;
         }
         ray = behind(world, &ray, &hit);
+        if cycle.repeats(ray.origin) {
+            break;
+        }
         *continued += 1;
     }
     transmittance
@@ -93,7 +126,7 @@ pub(crate) fn transmittance(
 
 /// The closest hit with a surface that AOVs show, with its distance from the ray's origin.
 pub(crate) fn closest_visible(world: &World, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
-    let (mut ray, mut distance) = (*ray, 0.0);
+    let (mut ray, mut distance, mut cycle) = (*ray, 0.0, OriginCycle::new(ray.origin));
     loop {
         let hit = world.accelerator.closest_hit(&ray, traversal)?;
         if opacity(world, &hit) >= VISIBLE_FROM {
@@ -101,6 +134,9 @@ pub(crate) fn closest_visible(world: &World, ray: &Ray, traversal: &mut Traversa
         }
         distance += hit.t;
         ray = behind(world, &ray, &hit);
+        if cycle.repeats(ray.origin) {
+            return None;
+        }
     }
 }
 
@@ -114,6 +150,7 @@ struct Passing {
     /// What is left of the ray's random number, uniform in [0, 1).
     number: f64,
     ray: Ray,
+    cycle: OriginCycle,
 }
 
 /// The buffers of a tile.
@@ -211,7 +248,8 @@ impl Buffers {
             generation.hits.set(index, None);
             let ray = generation.rays.get(index);
             let number = f64::from(self.number(tile, index, &ray, transparency));
-            let mut passing = Passing { index: index as u32, distance: 0.0, number, ray };
+            let cycle = OriginCycle::new(ray.origin);
+            let mut passing = Passing { index: index as u32, distance: 0.0, number, ray, cycle };
             if self.layers.pass(&mut passing, &hit, alpha, world, &mut tile.generation().hits, is_layered) {
                 self.passing.push(passing);
             }
@@ -276,6 +314,9 @@ impl Layers {
             ray.number = (ray.number - alpha) / (1.0 - alpha);
         }
         (ray.ray, ray.distance) = (behind(world, &ray.ray, hit), distance);
+        if ray.cycle.repeats(ray.ray.origin) {
+            return false;
+        }
         if stops {
             self.next.push(*ray);
         }
@@ -343,5 +384,26 @@ impl Stage for BlendLayers {
                 }
             }
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The number of steps until a ray is ended whose origins are `origins` of 0, 1, 2, ...; at most `most`.
+    fn steps(most: u32, origins: impl Fn(u32) -> f64) -> Option<u32> {
+        let mut cycle = OriginCycle::new(DVec3::splat(origins(0)));
+        (1..=most).find(|&step| cycle.repeats(DVec3::splat(origins(step))))
+    }
+
+    #[test]
+    fn origins_that_repeat_end_a_ray_and_no_others() {
+        assert_eq!(steps(9, |_| 1e18), Some(1), "an origin that does not advance");
+        // Origins 2 and 4 of a cycle of two are compared: 1 is renewed after one step, by 2 after two more.
+        assert_eq!(steps(9, |step| f64::from(step % 2)), Some(3));
+        // A cycle that begins later, of a length that is no power of two.
+        assert!(steps(100, |step| f64::from(if step < 10 { step } else { 10 + (step - 10) % 7 })).is_some());
+        assert_eq!(steps(1 << 16, f64::from), None);
     }
 }
