@@ -142,12 +142,20 @@ pub struct FileNames {
 }
 
 impl FileNames {
-    /// Parses a name with one run of `#`, or one `%d` or `%04d`, in its last component. `None` for a name without.
+    /// Parses a name with one run of `#`, or one `%d` or `%04d`, in its last component. `None` for a name without. A `%d`
+    /// that begins a word, as in `50%discount`, is none.
     ///
     /// # Errors
-    /// One line, for a name with several placeholders.
+    /// One line, for a name with several placeholders, or with one and bytes that are not UTF-8.
     pub fn parse(name: &Path) -> Result<Option<Self>, String> {
-        let Some(file) = name.file_name().and_then(|file| file.to_str()) else { return Ok(None) };
+        let Some(file) = name.file_name() else { return Ok(None) };
+        let Some(file) = file.to_str() else {
+            // Bytes that are not UTF-8 are no part of a placeholder.
+            return match placeholders(&file.to_string_lossy()).is_empty() {
+                true => Ok(None),
+                false => Err(format!("{}: a pattern that is not valid UTF-8; rename it", name.display())),
+            };
+        };
         let mut placeholders = placeholders(file);
         let Some((start, end, width)) = placeholders.pop() else { return Ok(None) };
         if !placeholders.is_empty() {
@@ -159,6 +167,13 @@ impl FileNames {
             after: file[end..].to_owned(),
             width: Some(width),
         }))
+    }
+
+    /// Whether a name, though meant for a single file, is a pattern for several: with `####`, `%d` or `%04d`. Fewer `#`
+    /// are usual in names of files.
+    pub fn is_pattern(name: &Path) -> bool {
+        let file = name.file_name().unwrap_or_default().to_string_lossy();
+        placeholders(&file).iter().any(|&(start, end, _)| file[start..].starts_with('%') || end - start >= 4)
     }
 
     /// The name of a single file, the same for every frame.
@@ -195,7 +210,8 @@ fn placeholders(file: &str) -> Vec<(usize, usize, usize)> {
         } else if bytes[at] == b'%' && bytes.get(end) == Some(&b'd') {
             // Other uses of `%`, as in `100%`, are literal.
             let width = &file[at + 1..end];
-            if width.is_empty() || (width.starts_with('0') && width.len() <= 3) {
+            let begins_word = bytes.get(end + 1).is_some_and(u8::is_ascii_alphabetic);
+            if (width.is_empty() && !begins_word) || (width.starts_with('0') && width.len() <= 3) {
                 found.push((at, end + 1, width.parse().unwrap_or(0)));
             }
             at = end + 1;
@@ -320,9 +336,28 @@ mod tests {
         assert_eq!(name("####.png", -2), "-002.png");
         assert_eq!(name("%04d.png", -2), "-002.png");
         assert_eq!(name("shot #3/f_##.png", 1), "shot #3/f_01.png");
-        for single in ["frame.png", "100%.png", "%x.png", "%4d.png", "-", "a#/b.png"] {
+        for single in
+            ["frame.png", "100%.png", "%x.png", "%4d.png", "-", "a#/b.png", "50%0ff.png", "50%discount.png"]
+        {
             assert_eq!(FileNames::parse(Path::new(single)), Ok(None), "{single}");
         }
         assert!(FileNames::parse(Path::new("a##_%d.png")).is_err());
+        for (file, is_pattern) in [
+            ("a_####.png", true),
+            ("%03d.png", true),
+            ("%d.png", true),
+            ("take #3.png", false),
+            ("50%0ff.png", false),
+        ] {
+            assert_eq!(FileNames::is_pattern(Path::new(file)), is_pattern, "{file}");
+        }
+        #[cfg(unix)]
+        {
+            use std::os::unix::ffi::OsStrExt;
+            let path = |bytes: &'static [u8]| Path::new(std::ffi::OsStr::from_bytes(bytes));
+            assert_eq!(FileNames::parse(path(b"a\xff.png")), Ok(None));
+            let said = FileNames::parse(path(b"\xff_####.png")).unwrap_err();
+            assert!(said.ends_with("a pattern that is not valid UTF-8; rename it"), "{said}");
+        }
     }
 }
