@@ -23,6 +23,10 @@ pub struct Pixels {
     pub height: u32,
     /// Red, green and blue, row by row from the top.
     pub values: Vec<[f32; 3]>,
+    /// Alpha of each pixel; `None` if all are opaque. Colours of OpenEXR are multiplied by it, others are not.
+    pub alpha: Option<Vec<f32>>,
+    /// Whether it is an OpenEXR image.
+    pub is_exr: bool,
     /// `Linear` for linear light; otherwise display values.
     pub pipeline: ColourPipeline,
 }
@@ -70,7 +74,7 @@ impl ReadError {
 pub type Read<T> = std::result::Result<T, ReadError>;
 
 /// Reads an image file. PNG and JPEG give display values from 0 to 1. EXR gives its channels `R`, `G` and `B` as
-/// stored: linear light, unless kiln's metadata names another pipeline. Alpha is ignored.
+/// stored: linear light, unless kiln's metadata names another pipeline.
 ///
 /// # Errors
 /// [`Error::Input`] if the file is missing, damaged, too large, or of another format.
@@ -87,12 +91,34 @@ pub fn decode_pixels(bytes: Vec<u8>) -> Read<Pixels> {
 
 fn read_bytes(bytes: &[u8]) -> Read<Pixels> {
     // Values of 8 and 16 bits are divided by their maximum.
-    let picture = decode(bytes, size_of::<[f32; 3]>() as u64)?.into_rgb32f();
+    let picture = decode(bytes, size_of::<[f32; 4]>() as u64)?;
+    let alpha = alpha_of(&picture);
+    let picture = picture.into_rgb32f();
     let (width, height) = picture.dimensions();
     let values = bytemuck::cast_vec(picture.into_raw());
     let is_linear = matches!(image::guess_format(bytes), Ok(ImageFormat::Hdr));
     let pipeline = if is_linear { ColourPipeline::Linear } else { ColourPipeline::Display };
-    Ok(Pixels { width, height, values, pipeline })
+    Ok(Pixels { width, height, values, alpha, is_exr: false, pipeline })
+}
+
+/// The alpha channel of an image, if it has one that is not opaque everywhere.
+fn alpha_of(image: &DynamicImage) -> Option<Vec<f32>> {
+    let of_8 = |alpha: u8| f32::from(alpha) / 255.0;
+    let of_16 = |alpha: u16| f32::from(alpha) / 65535.0;
+    let alpha: Vec<f32> = match image {
+        DynamicImage::ImageLumaA8(image) => image.pixels().map(|pixel| of_8(pixel.0[1])).collect(),
+        DynamicImage::ImageRgba8(image) => image.pixels().map(|pixel| of_8(pixel.0[3])).collect(),
+        DynamicImage::ImageLumaA16(image) => image.pixels().map(|pixel| of_16(pixel.0[1])).collect(),
+        DynamicImage::ImageRgba16(image) => image.pixels().map(|pixel| of_16(pixel.0[3])).collect(),
+        DynamicImage::ImageRgba32F(image) => image.pixels().map(|pixel| pixel.0[3]).collect(),
+        _ => return None,
+    };
+    not_opaque(alpha)
+}
+
+/// The alpha channel, if it is not opaque everywhere.
+fn not_opaque(alpha: Vec<f32>) -> Option<Vec<f32>> {
+    alpha.iter().any(|&alpha| alpha != 1.0).then_some(alpha)
 }
 
 /// Decodes a PNG, JPEG, WebP or Radiance HDR image; the caller will allocate another `bytes_each` per pixel.
@@ -177,17 +203,18 @@ pub(super) fn exr_reader(
 }
 
 fn read_exr(bytes: Vec<u8>) -> Read<Pixels> {
-    type Rows = (usize, Vec<[f32; 3]>);
+    type Rows = (usize, Vec<[f32; 3]>, Vec<f32>);
     // Any layer may be the one with the channels.
-    exr_reader(&bytes, |_| size_of::<[f32; 3]>())?;
+    exr_reader(&bytes, |_| size_of::<[f32; 4]>())?;
     let parse = || {
         read()
             .no_deep_data()
             .largest_resolution_level()
-            .rgb_channels(
-                |size, _| -> Rows { (size.width(), vec![[0.0; 3]; size.area()]) },
-                |(width, rows): &mut Rows, at, (r, g, b): (f32, f32, f32)| {
+            .rgba_channels(
+                |size, _| -> Rows { (size.width(), vec![[0.0; 3]; size.area()], vec![1.0; size.area()]) },
+                |(width, rows, alpha): &mut Rows, at, (r, g, b, a): (f32, f32, f32, f32)| {
                     rows[at.y() * *width + at.x()] = [r, g, b];
+                    alpha[at.y() * *width + at.x()] = a;
                 },
             )
             .first_valid_layer()
@@ -199,10 +226,13 @@ fn read_exr(bytes: Vec<u8>) -> Read<Pixels> {
     let layer = picture.layer_data;
     let said = layer.attributes.other.get(&Text::from("kiln:colour"));
     let display = matches!(said, Some(AttributeValue::Text(name)) if name.eq("display") || name.eq("u8"));
+    let (_, values, alpha) = layer.channel_data.pixels;
     Ok(Pixels {
         width: layer.size.width() as u32,
         height: layer.size.height() as u32,
-        values: layer.channel_data.pixels.1,
+        values,
+        alpha: not_opaque(alpha),
+        is_exr: true,
         pipeline: if display { ColourPipeline::Display } else { ColourPipeline::Linear },
     })
 }

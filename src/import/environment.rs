@@ -38,7 +38,7 @@ pub fn environment(typed: &str, warnings: &mut Warnings) -> Result<EnvironmentSo
 /// [`Error::Input`] if it is missing, damaged, too large, or of another format.
 pub(super) fn image(files: &Files, file: &Path, warnings: &mut Warnings) -> Result<EnvironmentSource> {
     let bytes = files.read(file).map_err(|e| unreadable(file, &e))?;
-    let read::Pixels { width, height, mut values, pipeline } =
+    let read::Pixels { width, height, mut values, pipeline, .. } =
         read::decode_pixels(bytes).map_err(|e| match e.into_error(file) {
             Error::Input { place, what, .. } => Error::input(place, what, "give an image in .hdr or .exr"),
             other => other,

@@ -1,5 +1,6 @@
 //! Images to be compared.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -40,6 +41,17 @@ pub struct ComparedImage {
     pub values: Values,
     /// `width * height` pixels of red, green and blue; row 0 is the top row.
     pub pixels: Vec<[f32; 3]>,
+    /// Alpha; `None` if all pixels are opaque.
+    pub alpha: Option<Alpha>,
+}
+
+/// The alpha channel of an image.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Alpha {
+    /// Alpha of each pixel, 0 to 1.
+    pub values: Vec<f32>,
+    /// Whether colours are multiplied by alpha, as in OpenEXR.
+    pub is_associated: bool,
 }
 
 impl ComparedImage {
@@ -49,11 +61,14 @@ impl ComparedImage {
     /// [`crate::error::Error::Input`] if the file cannot be read.
     pub fn open(file: &Path) -> Result<Self> {
         let read = read_picture(file)?;
+        // Decided by the contents, as the decoder is: other formats give display values without a setting of kiln.
+        let is_associated = read.is_exr;
         Ok(ComparedImage {
             width: read.width,
             height: read.height,
             values: values(read.pipeline),
             pixels: read.values,
+            alpha: read.alpha.map(|values| Alpha { values, is_associated }),
         })
     }
 
@@ -65,13 +80,44 @@ impl ComparedImage {
             height: window.height,
             values: values(pipeline),
             pixels: film.rows().collect(),
+            alpha: None,
         }
     }
 
     /// Display values, 0 to 1, not rounded to 8 bits. Linear values are encoded by sRGB (IEC 61966-2-1) and clamped,
-    /// without exposure or tone mapping. NaN stays NaN.
+    /// without exposure or tone mapping. NaN stays NaN. Colours are not multiplied by alpha, and black where it is 0.
     pub fn displayed(&self) -> Vec<[f32; 3]> {
-        displayed(&self.pixels, self.values)
+        let Some(Alpha { values, is_associated }) = &self.alpha else {
+            return displayed(&self.pixels, self.values);
+        };
+        let straight = |(pixel, &alpha): (&[f32; 3], &f32)| match alpha {
+            0.0 => [0.0; 3],
+            _ if *is_associated => pixel.map(|c| c / alpha),
+            _ => *pixel,
+        };
+        let straight: Vec<[f32; 3]> = self.pixels.iter().zip(values).map(straight).collect();
+        displayed(&straight, self.values)
+    }
+
+    /// The image in display values ([`ComparedImage::displayed`]).
+    pub fn into_displayed(self) -> Self {
+        let pixels = self.displayed();
+        let alpha = self.alpha.map(|alpha| Alpha { is_associated: false, ..alpha });
+        ComparedImage { pixels, values: Values::Display, alpha, ..self }
+    }
+
+    /// The alpha of each pixel.
+    pub(super) fn alphas(&self) -> Cow<'_, [f32]> {
+        self.alpha
+            .as_ref()
+            .map_or_else(|| vec![1.0; self.pixels.len()].into(), |alpha| (&alpha.values[..]).into())
+    }
+
+    /// Whether the colours of both are stored alike.
+    pub(super) fn is_stored_like(&self, other: &ComparedImage) -> bool {
+        let is_associated = |image: &ComparedImage| image.alpha.as_ref().map(|alpha| alpha.is_associated);
+        let differs = is_associated(self).zip(is_associated(other)).is_some_and(|(a, b)| a != b);
+        self.values == other.values && !differs
     }
 }
 

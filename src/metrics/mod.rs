@@ -9,7 +9,7 @@ mod flip;
 mod heat;
 pub mod t_test;
 
-pub use compared_image::{ComparedImage, Values, displayed};
+pub use compared_image::{Alpha, ComparedImage, Values, displayed};
 pub use heat::{DECADES, error_map, heat_map};
 
 use rayon::prelude::*;
@@ -24,6 +24,9 @@ pub const REL_MSE_EPSILON: f64 = 0.01;
 /// Upper bound of the memory for a comparison, in bytes per pixel, in addition to the two images: their display values
 /// and planes of f64 for FLIP. Measured by peak memory: 163.
 pub const BYTES_PER_PIXEL: u64 = 176;
+
+/// The same for pictures with alpha, in addition: both over a background, their alphas, and a further map.
+pub const BYTES_PER_PIXEL_OF_ALPHA: u64 = 2 * (12 + 4) + 4;
 
 /// Maximum number of worst pixels listed, each from a different square of [`SQUARE`] pixels.
 const WORST: usize = 5;
@@ -42,6 +45,8 @@ pub struct Errors {
     pub values: Values,
     /// Whether all channels of all pixels are equal.
     pub same: bool,
+    /// Largest difference of alpha; `None` if both pictures are opaque.
+    pub alpha: Option<f64>,
     /// Non-finite pixels.
     pub non_finite: NonFinite,
     /// The figures; `None` if a pixel is not finite.
@@ -99,10 +104,15 @@ pub struct Worst {
     pub reference: [f32; 3],
     /// Pixel of the tested image.
     pub test: [f32; 3],
+    /// Alpha of the reference and of the tested image, if not all of both are opaque.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub alpha: Option<[f32; 2]>,
 }
 
 impl Errors {
-    /// Compares `test` with `reference`: in their encoding if both have the same, otherwise in display values.
+    /// Compares `test` with `reference`: in their encoding if both have the same, otherwise in display values. If either
+    /// has alpha, that counts as a fourth channel, and is 1 where a picture has none; PSNR and FLIP are those of the
+    /// pictures over black or over white, whichever is worse.
     ///
     /// # Errors
     /// [`Error::Usage`] if the sizes differ.
@@ -121,37 +131,118 @@ impl Errors {
             return Err(Error::usage(format!("sizes differ: {what}"), "compare pictures of one size"));
         }
         let displayed = (reference.displayed(), test.displayed());
-        let (values, a, b) = if reference.values == test.values {
+        let is_stored_alike = reference.is_stored_like(test);
+        let (values, a, b) = if is_stored_alike {
             (reference.values, &reference.pixels[..], &test.pixels[..])
         } else {
             (Values::Display, &displayed.0[..], &displayed.1[..])
         };
         let non_finite = NonFinite::of(reference, test);
-        let map = (non_finite.first.is_none())
-            .then(|| flip::map(&displayed.0, &displayed.1, width as usize, flip::PIXELS_PER_DEGREE));
-        let figures = map.as_ref().map(|map| {
-            let shown = mean_over(&displayed.0, &displayed.1, |a, b| (a - b) * (a - b));
-            Figures {
-                max: differences(a, b).max_by(f64::total_cmp).unwrap_or(0.0),
-                rmse: mean_over(a, b, |a, b| (a - b) * (a - b)).sqrt(),
-                rel_mse: mean_over(a, b, |a, b| (a - b) * (a - b) / (a * a + REL_MSE_EPSILON)),
-                psnr: (shown > 0.0).then(|| -10.0 * shown.log10()),
-                flip: sum_of(map.len(), |i| f64::from(map[i])) / map.len() as f64,
-                differing: sum_of(a.len(), |i| f64::from(u8::from(a[i] != b[i]))) / a.len() as f64,
-            }
+        let has_alpha = reference.alpha.is_some() || test.alpha.is_some();
+        let alphas = has_alpha.then(|| [reference.alphas(), test.alphas()]);
+        let pair = Pair { a, b, alphas: alphas.as_ref().map(|[a, b]| [&a[..], &b[..]]) };
+        let shown = (non_finite.first.is_none()).then(|| Shown::of(&displayed, pair.alphas, width));
+        let figures = shown.as_ref().map(|Shown { mean_square, map }| Figures {
+            max: pair.differences().max_by(f64::total_cmp).unwrap_or(0.0),
+            rmse: pair.mean(|a, b| (a - b) * (a - b)).sqrt(),
+            rel_mse: pair.mean(|a, b| (a - b) * (a - b) / (a * a + REL_MSE_EPSILON)),
+            psnr: (*mean_square > 0.0).then(|| -10.0 * mean_square.log10()),
+            flip: sum_of(map.len(), |i| f64::from(map[i])) / map.len() as f64,
+            differing: sum_of(a.len(), |i| f64::from(u8::from(pair.differs(i)))) / a.len() as f64,
         });
-        let worst = if figures.is_some() { worst(a, b, width) } else { Vec::new() };
+        let worst = if figures.is_some() { pair.worst(width) } else { Vec::new() };
+        let alpha = pair.alphas.map(|[a, b]| {
+            a.iter().zip(b).map(|(a, b)| (f64::from(*b) - f64::from(*a)).abs()).fold(0.0, f64::max)
+        });
         // NaN is not equal to NaN.
-        let same = reference.values == test.values && reference.pixels == test.pixels;
-        Ok((Errors { width, height, values, same, non_finite, figures, worst }, map))
+        let same = is_stored_alike && (0..a.len()).all(|i| !pair.differs(i));
+        let map = shown.map(|shown| shown.map);
+        Ok((Errors { width, height, values, same, alpha, non_finite, figures, worst }, map))
+    }
+}
+
+/// Two images of the same size: colours, and alphas if not all pixels of both are opaque.
+struct Pair<'a> {
+    a: &'a [[f32; 3]],
+    b: &'a [[f32; 3]],
+    alphas: Option<[&'a [f32]; 2]>,
+}
+
+impl Pair<'_> {
+    fn differs(&self, pixel: usize) -> bool {
+        self.a[pixel] != self.b[pixel] || self.alphas.is_some_and(|[a, b]| a[pixel] != b[pixel])
+    }
+
+    /// Largest difference of a channel, for each pixel.
+    fn differences(&self) -> impl Iterator<Item = f64> + '_ {
+        let alpha = |i: usize| self.alphas.map_or(0.0, |[a, b]| (f64::from(b[i]) - f64::from(a[i])).abs());
+        differences(self.a, self.b).enumerate().map(move |(i, difference)| difference.max(alpha(i)))
+    }
+
+    /// Mean of `f` over all channels.
+    fn mean(&self, f: impl Fn(f64, f64) -> f64 + Sync) -> f64 {
+        let colours = mean_over(self.a, self.b, &f);
+        let Some([a, b]) = self.alphas else { return colours };
+        let alpha = sum_of(a.len(), |i| f(a[i].into(), b[i].into())) / a.len() as f64;
+        (3.0 * colours + alpha) / 4.0
+    }
+
+    /// The worst pixels, at most one per square.
+    fn worst(&self, width: u32) -> Vec<Worst> {
+        let mut squares = std::collections::BTreeMap::<(u32, u32), Worst>::new();
+        for (i, difference) in self.differences().enumerate().filter(|(_, difference)| *difference > 0.0) {
+            let (x, y) = (i as u32 % width, i as u32 / width);
+            let alpha = self.alphas.map(|[a, b]| [a[i], b[i]]);
+            let here = Worst { x, y, difference, reference: self.a[i], test: self.b[i], alpha };
+            let worst = squares.entry((y / SQUARE, x / SQUARE)).or_insert_with(|| here.clone());
+            if difference > worst.difference {
+                *worst = here;
+            }
+        }
+        let mut worst: Vec<Worst> = squares.into_values().collect();
+        worst.sort_by(|a, b| b.difference.total_cmp(&a.difference));
+        worst.truncate(WORST);
+        worst
+    }
+}
+
+/// The errors of what a display shows: with alpha, over black or over white, whichever is worse.
+struct Shown {
+    mean_square: f64,
+    /// LDR-FLIP of each pixel.
+    map: Vec<f32>,
+}
+
+impl Shown {
+    fn of((a, b): &(Vec<[f32; 3]>, Vec<[f32; 3]>), alphas: Option<[&[f32]; 2]>, width: u32) -> Self {
+        let of = |a: &[[f32; 3]], b: &[[f32; 3]]| Shown {
+            mean_square: mean_over(a, b, |a, b| (a - b) * (a - b)),
+            map: flip::map(a, b, width as usize, flip::PIXELS_PER_DEGREE),
+        };
+        let Some([alphas_a, alphas_b]) = alphas else { return of(a, b) };
+        let over = |pixels: &[[f32; 3]], alphas: &[f32], background: f32| -> Vec<[f32; 3]> {
+            let one =
+                |(pixel, &alpha): (&[f32; 3], &f32)| pixel.map(|c| c * alpha + background * (1.0 - alpha));
+            pixels.iter().zip(alphas).map(one).collect()
+        };
+        let [black, white] =
+            [0.0, 1.0].map(|background| of(&over(a, alphas_a, background), &over(b, alphas_b, background)));
+        Shown {
+            mean_square: black.mean_square.max(white.mean_square),
+            map: black.map.iter().zip(&white.map).map(|(a, b)| a.max(*b)).collect(),
+        }
     }
 }
 
 impl NonFinite {
     fn of(reference: &ComparedImage, test: &ComparedImage) -> Self {
-        let bad = |pixel: &[f32; 3]| pixel.iter().any(|c| !c.is_finite());
-        let count = |picture: &ComparedImage| picture.pixels.iter().filter(|p| bad(p)).count() as u64;
-        let first = reference.pixels.iter().zip(&test.pixels).position(|(a, b)| bad(a) || bad(b));
+        let bad = |picture: &ComparedImage, i: usize| {
+            picture.pixels[i].iter().any(|c| !c.is_finite())
+                || picture.alpha.as_ref().is_some_and(|alpha| !alpha.values[i].is_finite())
+        };
+        let all = 0..reference.pixels.len();
+        let count = |picture: &ComparedImage| all.clone().filter(|&i| bad(picture, i)).count() as u64;
+        let first = all.clone().find(|&i| bad(reference, i) || bad(test, i));
         let position = |i: usize| (i as u32 % reference.width, i as u32 / reference.width);
         NonFinite { reference: count(reference), test: count(test), first: first.map(position) }
     }
@@ -197,23 +288,6 @@ fn sum_of(count: usize, f: impl Fn(usize) -> f64 + Sync) -> f64 {
     let part = |part: usize| (part * PART..count.min((part + 1) * PART)).map(&f).sum::<f64>();
     let sums: Vec<f64> = (0..count.div_ceil(PART)).into_par_iter().map(part).collect();
     sums.iter().sum()
-}
-
-/// The worst pixels, at most one per square.
-fn worst(a: &[[f32; 3]], b: &[[f32; 3]], width: u32) -> Vec<Worst> {
-    let mut squares = std::collections::BTreeMap::<(u32, u32), Worst>::new();
-    for (i, difference) in differences(a, b).enumerate().filter(|(_, difference)| *difference > 0.0) {
-        let (x, y) = (i as u32 % width, i as u32 / width);
-        let here = Worst { x, y, difference, reference: a[i], test: b[i] };
-        let worst = squares.entry((y / SQUARE, x / SQUARE)).or_insert_with(|| here.clone());
-        if difference > worst.difference {
-            *worst = here;
-        }
-    }
-    let mut worst: Vec<Worst> = squares.into_values().collect();
-    worst.sort_by(|a, b| b.difference.total_cmp(&a.difference));
-    worst.truncate(WORST);
-    worst
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ const PIXELS: f64 = 800.0;
 
 fn uniform(value: f32, values: Values) -> ComparedImage {
     let pixels = vec![[value; 3]; (WIDTH * HEIGHT) as usize];
-    ComparedImage { width: WIDTH, height: HEIGHT, values, pixels }
+    ComparedImage { width: WIDTH, height: HEIGHT, values, pixels, alpha: None }
 }
 
 fn figures(a: &ComparedImage, b: &ComparedImage) -> Figures {
@@ -50,7 +50,8 @@ fn one_pixel_off_is_found_where_it_is() {
     // One channel of 3 * 800 is off by 1/2.
     assert!((figures.rmse - (0.25 / (3.0 * PIXELS)).sqrt()).abs() < 1e-15);
     assert_eq!(figures.differing, 1.0 / PIXELS);
-    let expected = Worst { x: 23, y: 7, difference: 0.5, reference: [0.5; 3], test: [0.5, 1.0, 0.5] };
+    let expected =
+        Worst { x: 23, y: 7, difference: 0.5, reference: [0.5; 3], test: [0.5, 1.0, 0.5], alpha: None };
     assert_eq!(worst(&a, &b), [expected]);
     assert!(figures.flip > 0.0 && figures.flip < 0.5, "{}", figures.flip);
 }

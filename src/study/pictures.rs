@@ -172,6 +172,7 @@ mod tests {
             height: 4,
             values: Values::Display,
             pixels: vec![[value; 3]; 16],
+            alpha: None,
         };
         let shown = |value: f32| {
             let twin = Comparison::new(&uniform(0.5), &uniform(value)).unwrap();

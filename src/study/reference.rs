@@ -78,7 +78,13 @@ mod tests {
     use crate::metrics::Values;
 
     fn uniform(value: f32) -> ComparedImage {
-        ComparedImage { width: 2, height: 1, values: Values::Display, pixels: vec![[value; 3]; 2] }
+        ComparedImage {
+            width: 2,
+            height: 1,
+            values: Values::Display,
+            pixels: vec![[value; 3]; 2],
+            alpha: None,
+        }
     }
 
     #[test]

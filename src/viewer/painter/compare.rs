@@ -45,5 +45,5 @@ fn displayed(picture: &PipelineImage) -> metrics::ComparedImage {
         display.displayed(pipeline, DVec3::from(pixel.map(f64::from))).as_vec3().to_array()
     };
     let pixels = picture.pixels.par_iter().map(shown).collect();
-    metrics::ComparedImage { width, height, values: Values::Display, pixels }
+    metrics::ComparedImage { width, height, values: Values::Display, pixels, alpha: None }
 }
