@@ -180,7 +180,7 @@ fn bytes_of_shard(window: Window, channels: usize, shard: Shard) -> u64 {
 
 /// State of the file of a shard.
 pub fn shard_state(file: &Path, shard: Shard) -> FileState {
-    let bytes = match files::read_file(file) {
+    let bytes = match files::read_output(file) {
         Ok(bytes) => bytes,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return FileState::Missing,
         Err(e) => return FileState::Broken(files::explain(&e).0),

@@ -1,7 +1,9 @@
 //! Reading of whole files within the memory limits, and atomic writing.
 
+mod inputs;
 mod reading;
 mod writing;
 
-pub use reading::{Refused, RegularFile, explain, read_file, read_standard_input, unreadable};
+pub use inputs::{InputFiles, check_output, check_writable, protect_inputs};
+pub use reading::{Refused, RegularFile, explain, read_file, read_output, read_standard_input, unreadable};
 pub use writing::{WholeFile, describe, discard_unfinished, folder_of, write_whole};

@@ -3,6 +3,7 @@
 use std::io::{self, Read, Seek};
 use std::path::Path;
 
+use super::inputs;
 use crate::error::Error;
 use crate::limits::{Bytes, available, check, in_use};
 
@@ -21,12 +22,24 @@ fn refuse_lfs_pointer(start: &[u8]) -> io::Result<()> {
     }))
 }
 
-/// Reads a regular file. Pipes, devices and sockets may be endless and are rejected.
+/// Reads a regular file, which is then an input ([`super::check_output`]). Pipes, devices and sockets may be endless and
+/// are rejected.
 ///
 /// # Errors
 /// Errors of the system; [`Refused`] as the cause of [`io::ErrorKind::Other`].
 pub fn read_file(file: &Path) -> io::Result<Vec<u8>> {
-    let mut open = RegularFile::open(file)?;
+    read_all(RegularFile::open(file)?)
+}
+
+/// Reads a file that may be written anew, such as a finished frame, as [`read_file`] does. It is not an input.
+///
+/// # Errors
+/// Those of [`read_file`].
+pub fn read_output(file: &Path) -> io::Result<Vec<u8>> {
+    read_all(RegularFile::open_any(file)?)
+}
+
+fn read_all(mut open: RegularFile) -> io::Result<Vec<u8>> {
     check(open.length).map_err(|excess| {
         io::Error::other(Refused { what: format!("reading it {excess}"), hint: excess.hint() })
     })?;
@@ -46,11 +59,17 @@ pub struct RegularFile {
 }
 
 impl RegularFile {
-    /// Opens a regular file. Its memory is not checked.
+    /// Opens a regular file, which is then an input ([`super::check_output`]). Its memory is not checked.
     ///
     /// # Errors
     /// Those of [`read_file`].
     pub fn open(file: &Path) -> io::Result<Self> {
+        let opened = RegularFile::open_any(file)?;
+        inputs::record(file);
+        Ok(opened)
+    }
+
+    fn open_any(file: &Path) -> io::Result<Self> {
         let metadata = std::fs::metadata(file)?;
         if metadata.is_dir() {
             return Err(io::ErrorKind::IsADirectory.into());
@@ -99,6 +118,8 @@ pub fn read_standard_input() -> io::Result<Vec<u8>> {
     // The buffer doubles as it grows, and old and new buffer exist at once while it is copied.
     let available = available(&in_use());
     let most = available.as_ref().map_or(u64::MAX, |available| available.left / 3);
+    // Where a file is redirected to it, and the system names that.
+    inputs::record(Path::new("/dev/stdin"));
     let mut bytes = Vec::new();
     io::stdin().lock().take(most).read_to_end(&mut bytes)?;
     refuse_lfs_pointer(&bytes)?;

@@ -4,6 +4,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
+use super::check_output;
 use crate::error::{Error, Result};
 
 /// Temporary files in use, to be removed if the process is interrupted.
@@ -59,8 +60,10 @@ impl WholeFile {
     /// Creates an empty temporary file for `name`.
     ///
     /// # Errors
-    /// [`Error::Output`] if the folder cannot be written to, or the name is that of a folder, a device or a pipe.
+    /// [`Error::Output`] if the folder cannot be written to, or the name is that of a folder, a device or a pipe;
+    /// [`Error::Usage`] for an input of the command ([`check_output`]).
     pub fn create(name: &Path) -> Result<Self> {
+        check_output(name)?;
         if name.is_dir() {
             return Err(Error::output(name, "is a folder; name a file in it"));
         }
@@ -93,9 +96,10 @@ impl WholeFile {
     /// Syncs the file and renames it to its final name.
     ///
     /// # Errors
-    /// [`Error::Output`] if it cannot be written or renamed.
+    /// [`Error::Output`] if it cannot be written or renamed, [`Error::Usage`] if the name has become that of an input.
     pub fn finish(self) -> Result<()> {
         let WholeFile { name, writer, why: _, _unfinished } = self;
+        check_output(&name)?;
         let finish = || -> std::io::Result<()> {
             let temporary = writer.into_inner().map_err(std::io::IntoInnerError::into_error)?;
             temporary.as_file().sync_data()?;

@@ -47,7 +47,7 @@ impl FileState {
 
 /// Checks all of a file: a PNG with the checksums of all its chunks, or an OpenEXR with all of its pixels.
 pub fn look(file: &Path, format: Format) -> FileState {
-    let bytes = match files::read_file(file) {
+    let bytes = match files::read_output(file) {
         Ok(bytes) => bytes,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return FileState::Missing,
         Err(e) => return FileState::Broken(files::explain(&e).0),

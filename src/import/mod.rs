@@ -368,6 +368,8 @@ fn load_by(
         scene.at(0.0)?;
     }
     check_names(&scene, options)?;
+    let read = files.list().into_iter().filter(|read| read.stamp.is_some());
+    scene.files_read = read.filter_map(|read| std::path::absolute(read.file).ok()).collect();
     Ok(scene)
 }
 

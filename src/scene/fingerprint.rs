@@ -58,6 +58,7 @@ impl Fingerprint {
             effects,
             animation,
             inputs: _,
+            files_read: _,
             // What they change is.
             clips: _,
             variants: _,

@@ -122,6 +122,9 @@ pub struct Scene {
     pub objects: Vec<Object>,
     /// Input files in order; [`Object::input`] is an index into this list.
     pub inputs: Vec<std::path::PathBuf>,
+    /// Absolute paths of all files that the scene was read from: the inputs and the files that they reference. Outputs
+    /// must not overwrite them ([`crate::files::InputFiles`]).
+    pub files_read: Vec<std::path::PathBuf>,
     /// Effects that the scene turns on or off explicitly, overriding what its contents imply.
     pub effects: EffectsSection,
     /// Animation tracks, if any.
@@ -340,6 +343,7 @@ impl Scene {
             images,
             objects,
             inputs: _,
+            files_read,
             effects,
             animation,
             clips,
@@ -367,6 +371,7 @@ impl Scene {
         self.animation = self.animation.take().or(animation);
         self.clips.extend(clips);
         self.variants.extend(variants);
+        self.files_read.extend(files_read);
         self.metadata.extend(metadata);
         self.has_left_out |= has_left_out;
         self.has_settings |= has_settings;

@@ -1,0 +1,121 @@
+//! Files that were read as inputs. Outputs must not overwrite them, by whatever name.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use same_file::Handle;
+
+use super::WholeFile;
+use crate::error::{Error, Result};
+
+/// The inputs of this process, if it protects them ([`protect_inputs`]).
+static PROTECTED: Mutex<Option<InputFiles>> = Mutex::new(None);
+
+/// A set of input files.
+#[derive(Debug, Clone, Default)]
+pub struct InputFiles(BTreeSet<PathBuf>);
+
+impl InputFiles {
+    /// Adds a file. Later changes of the working directory do not matter.
+    pub fn add(&mut self, file: &Path) {
+        self.0.insert(std::path::absolute(file).unwrap_or_else(|_| file.to_owned()));
+    }
+
+    /// Checks that writing `output` overwrites none of the files. Files are the same if they have the same device and
+    /// inode, or file index on Windows: hard links, symbolic links and other spellings of a path are recognised.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if it is one of them.
+    pub fn check(&self, output: &Path) -> Result<()> {
+        // Opening a pipe would wait for its other end.
+        let handle = |file: &Path| file.is_file().then(|| Handle::from_path(file).ok()).flatten();
+        let Some(existing) = handle(output) else { return Ok(()) };
+        match self.0.iter().find(|input| handle(input).as_ref() == Some(&existing)) {
+            None => Ok(()),
+            Some(_) => Err(Error::usage(
+                format!("{}: read as an input, and would be overwritten", output.display()),
+                "give the output another name",
+            )),
+        }
+    }
+}
+
+impl<P: AsRef<Path>> FromIterator<P> for InputFiles {
+    fn from_iter<I: IntoIterator<Item = P>>(files: I) -> Self {
+        let mut inputs = InputFiles::default();
+        files.into_iter().for_each(|file| inputs.add(file.as_ref()));
+        inputs
+    }
+}
+
+/// From now on, files that this process reads as inputs are not overwritten by its outputs. For processes of one
+/// command: a longer one may have done with what it once read, and checks [`InputFiles`] of its own.
+pub fn protect_inputs() {
+    PROTECTED.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_default();
+}
+
+/// Records an input, if inputs are protected.
+pub(super) fn record(file: &Path) {
+    if let Some(inputs) = &mut *PROTECTED.lock().unwrap_or_else(PoisonError::into_inner) {
+        inputs.add(file);
+    }
+}
+
+/// Checks that an output is none of the protected inputs so far. [`WholeFile`] checks it, too: this is for the time
+/// between reading and rendering.
+///
+/// # Errors
+/// [`Error::Usage`] if it is.
+pub fn check_output(output: &Path) -> Result<()> {
+    PROTECTED
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .as_ref()
+        .map_or(Ok(()), |inputs| inputs.check(output))
+}
+
+/// Checks that an output can be written, and is none of the protected inputs so far.
+///
+/// # Errors
+/// Those of [`WholeFile::create`].
+pub fn check_writable(output: &Path) -> Result<()> {
+    WholeFile::create(output).map(drop)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_input_is_recognised_by_every_name() {
+        let folder = tempfile::tempdir().expect("a temporary folder can be made");
+        let path = |name: &str| folder.path().join(name);
+        std::fs::create_dir(path("sub")).expect("a folder");
+        std::fs::write(path("a.png"), "a").expect("a file");
+        std::fs::write(path("b.png"), "a").expect("a file of the same contents");
+        std::fs::hard_link(path("a.png"), path("hard.png")).expect("a link");
+        let mut names = vec!["a.png", "sub/../a.png", "./a.png", "hard.png"];
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink("a.png", path("soft.png")).expect("a link");
+            std::os::unix::fs::symlink(".", path("here")).expect("a link");
+            names.extend(["soft.png", "here/a.png"]);
+        }
+        for input in &names {
+            let inputs: InputFiles = [path(input)].into_iter().collect();
+            for output in &names {
+                let refused = inputs.check(&path(output));
+                assert!(matches!(refused, Err(Error::Usage { .. })), "{input} is {output}: {refused:?}");
+            }
+            for other in ["b.png", "new.png", "sub", "a.png/below"] {
+                assert_eq!(inputs.check(&path(other)), Ok(()), "{input} is not {other}");
+            }
+        }
+        // A file that was replaced under its name is the input still.
+        let inputs: InputFiles = [path("a.png")].into_iter().collect();
+        std::fs::rename(path("b.png"), path("a.png")).expect("files can be renamed");
+        assert!(inputs.check(&path("a.png")).is_err());
+        assert_eq!(inputs.check(&path("hard.png")), Ok(()));
+    }
+}
