@@ -3,6 +3,10 @@
 //! Library code returns them; only the command line prints them and maps them to exit codes. An error states the file
 //! and the place in it, what is wrong, and how to fix it.
 
+mod printable;
+
+pub use printable::{printable, printable_json, printable_lines};
+
 use std::cell::Cell;
 use std::collections::{BTreeMap, HashSet};
 use std::fmt;
@@ -42,6 +46,14 @@ pub enum Error {
         /// Hint for a fix; may be empty.
         hint: String,
     },
+    /// Too little memory for an operation.
+    #[error("{what}")]
+    Memory {
+        /// What needs how much.
+        what: String,
+        /// Hint for a fix; may be empty.
+        hint: String,
+    },
     /// A failure of the operation itself.
     #[error("{what}")]
     Failed {
@@ -74,7 +86,10 @@ impl Error {
     /// Hint for a fix; empty if there is none.
     pub fn hint(&self) -> &str {
         match self {
-            Error::Input { hint, .. } | Error::Usage { hint, .. } | Error::Failed { hint, .. } => hint,
+            Error::Input { hint, .. }
+            | Error::Usage { hint, .. }
+            | Error::Memory { hint, .. }
+            | Error::Failed { hint, .. } => hint,
             Error::Output { .. } | Error::Interrupted => "",
         }
     }

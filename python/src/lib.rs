@@ -13,8 +13,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
-use kiln::cli::picture::{by_name, error_by_name, is_of_memory};
-use kiln::error::{Error, Warnings};
+use kiln::cli::picture::{by_name, error_by_name};
+use kiln::error::{Error, Warnings, printable};
 use pyo3::exceptions::{
     PyKeyboardInterrupt, PyMemoryError, PyOSError, PyRuntimeError, PyUserWarning, PyValueError,
 };
@@ -32,11 +32,11 @@ const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// The exception of an error.
 fn raised(error: &Error) -> PyErr {
-    let text = error_by_name(error);
+    let text = printable(&error_by_name(error)).into_owned();
     match error {
         Error::Input { .. } => PyValueError::new_err(of_source(text)),
         Error::Usage { .. } => PyValueError::new_err(text),
-        Error::Failed { .. } if is_of_memory(error) => PyMemoryError::new_err(text),
+        Error::Memory { .. } => PyMemoryError::new_err(text),
         Error::Output { .. } => PyOSError::new_err(text),
         Error::Failed { .. } => PyRuntimeError::new_err(text),
         Error::Interrupted => PyKeyboardInterrupt::new_err(()),
@@ -50,7 +50,7 @@ fn of_source(text: String) -> String {
 
 /// Issues a warning at the line that called the package, also by way of trimesh.
 fn warn(py: Python, text: &str) -> PyResult<()> {
-    let text = CString::new(of_source(by_name(text)).replace('\0', " "))?;
+    let text = CString::new(printable(&of_source(by_name(text))).into_owned())?;
     let is_between = |frame: &Bound<PyAny>| {
         let module =
             frame.getattr("f_globals").and_then(|names| names.get_item("__name__")?.extract::<String>());

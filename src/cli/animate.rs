@@ -132,7 +132,8 @@ fn check_whole(command: &Command) -> Result<()> {
 
 fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &AtomicBool) -> Result<()> {
     let pool = super::pool(command.arguments.threads)?;
-    let mut reporter = Reporter::new(command.progress);
+    let outputs = if is_stream { Vec::new() } else { vec![command.output.clone()] };
+    let mut reporter = Reporter::new(command.progress, outputs);
     let LengthArguments { fps, duration } = command.length;
     let request = FrameRequest::all(fps, duration, command.frames.as_ref());
     let settings = command.arguments.settings()?;

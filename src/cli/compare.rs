@@ -6,12 +6,16 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Map, Value, json};
 
-use super::{print, print_stderr, t_test};
-use crate::error::{Error, Result};
+use super::message::Message;
+use super::{json_text, print, t_test};
+use crate::error::{Error, Result, printable};
+use crate::files::check_writable;
 use crate::film::write::{Format, OutputImage as Written, write_picture};
 use crate::film::{ColourPipeline, Film, Window};
 use crate::limits;
-use crate::metrics::{BYTES_PER_PIXEL, ComparedImage, Errors, Figures, Values, definitions, heat_map};
+use crate::metrics::{
+    BYTES_PER_PIXEL, BYTES_PER_PIXEL_OF_ALPHA, ComparedImage, Errors, Figures, definitions, heat_map,
+};
 use crate::scene::option::group;
 
 #[derive(Args)]
@@ -21,7 +25,10 @@ pixels that are not finite; 3 a picture cannot be read. With --t-test: 0 no diff
 values; 3 a picture cannot be read, or has no samples and variance.\n\n\
 PNG and JPEG are compared in display values from 0 to 1, two EXR in the values of the files: linear light, unless kiln stored \
 display values. FLIP and PSNR compare display values: linear light is clamped to 0..1 and encoded as sRGB, without exposure and tone \
-map. With --display, or if only one picture is linear, all metrics do. Alpha is not compared."
+map. With --display, or if only one picture is linear, all metrics do.\n\n\
+Alpha counts as a fourth channel of max, rmse, relmse and differing if either picture has it; a picture without alpha is opaque. \
+PSNR, FLIP and the error map are then those over black or over white, whichever is worse. PNG stores colours that are not multiplied \
+by alpha, OpenEXR colours that are; one of each is compared in display values, not multiplied."
 )]
 pub(crate) struct Arguments {
     /// Reference picture: .png, .jpg or .exr
@@ -94,15 +101,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<u8> {
     }
     let open = |file: &PathBuf| {
         let picture = ComparedImage::open(file)?;
-        Ok(if arguments.display {
-            ComparedImage { pixels: picture.displayed(), values: Values::Display, ..picture }
-        } else {
-            picture
-        })
+        Ok(if arguments.display { picture.into_displayed() } else { picture })
     };
     let (reference, test) = (open(&arguments.reference)?, open(&arguments.test)?);
+    arguments.heat_map.iter().try_for_each(|file| check_writable(file))?;
     let (width, height) = (reference.width, reference.height);
-    let needed = limits::product(&[width.into(), height.into(), BYTES_PER_PIXEL]);
+    let has_alpha = reference.alpha.is_some() || test.alpha.is_some();
+    let of_alpha = if has_alpha { BYTES_PER_PIXEL_OF_ALPHA } else { 0 };
+    let needed = limits::product(&[width.into(), height.into(), BYTES_PER_PIXEL + of_alpha]);
     limits::check(needed).map_err(|excess| {
         let what = format!("comparing pictures of {width} x {height} pixels {excess}");
         Error::input(arguments.reference.as_path(), what, excess.hint())
@@ -123,7 +129,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<u8> {
     };
     print(&if arguments.json { as_json(arguments, &errors, code) } else { as_text(arguments, &errors) })?;
     for (name, value, limit) in beyond {
-        print_stderr(format_args!("kiln: {name} is {value:.6}, above the limit of {limit}"));
+        Message::Done(&format!("{name} is {value:.6}, above the limit of {limit}")).print();
     }
     match (&arguments.heat_map, map) {
         (Some(file), Some(map)) => {
@@ -131,10 +137,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<u8> {
             let film = Film::from_rows(window, &heat_map(&map))?;
             write_picture(&Written::Rgb8(film, ColourPipeline::Display), &[], Format::Png, file)?;
         }
-        (Some(file), None) => print_stderr(format_args!(
-            "kiln: warning: {}: no heat map of pictures that are not finite",
-            file.display()
-        )),
+        (Some(file), None) => {
+            let what = format!("{}: no heat map of pictures that are not finite", file.display());
+            Message::Warning(&what).print();
+        }
         (None, _) => {}
     }
     Ok(code)
@@ -155,7 +161,7 @@ fn as_json(arguments: &Arguments, errors: &Errors, code: u8) -> String {
     if errors.figures.is_some() {
         report["errors"]["figures"]["worst"] = json!(errors.worst);
     }
-    format!("{report:#}\n")
+    json_text(&report)
 }
 
 fn as_text(arguments: &Arguments, errors: &Errors) -> String {
@@ -163,8 +169,8 @@ fn as_text(arguments: &Arguments, errors: &Errors) -> String {
     let _ = writeln!(
         text,
         "{} and {}: {} x {} pixels, {} values{}",
-        arguments.reference.display(),
-        arguments.test.display(),
+        printable(&arguments.reference.to_string_lossy()),
+        printable(&arguments.test.to_string_lossy()),
         errors.width,
         errors.height,
         errors.values.name(),
@@ -187,10 +193,17 @@ fn as_text(arguments: &Arguments, errors: &Errors) -> String {
         };
         let _ = writeln!(text, "  {name:<10} {value:>10}  {definition}");
     }
+    if let Some(alpha) = errors.alpha {
+        let what = "largest |b - a| of alpha, a fourth channel above; psnr and flip over black or white";
+        let _ = writeln!(text, "  {:<10} {alpha:>10.6}  {what}", "alpha");
+    }
     for (i, place) in errors.worst.iter().enumerate() {
         let head = if i == 0 { "worst" } else { "" };
-        let colour = |c: [f32; 3]| c.map(|c| format!("{c:.4}")).join(" ");
-        let (reference, test) = (colour(place.reference), colour(place.test));
+        let colour = |c: [f32; 3], alpha: Option<f32>| {
+            c.into_iter().chain(alpha).map(|c| format!("{c:.4}")).collect::<Vec<_>>().join(" ")
+        };
+        let reference = colour(place.reference, place.alpha.map(|alpha| alpha[0]));
+        let test = colour(place.test, place.alpha.map(|alpha| alpha[1]));
         let _ = writeln!(
             text,
             "  {head:<10} {:>10.6}  at ({}, {}): {reference} became {test}",

@@ -9,8 +9,8 @@ use serde_json::{Value, json};
 use super::arguments::{self, Arguments};
 use super::numbers::aligned;
 use super::prepare::Reporter;
-use super::print;
 use super::progress::Mode;
+use super::{json_text, print};
 use crate::bench::effects::{Cost, Costs, Part, measure};
 use crate::effects::{Decision, EFFECTS};
 use crate::error::Result;
@@ -49,7 +49,7 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         costs.transpose().map(|costs| (job, costs))
     })?;
     if command.json {
-        print(&format!("{:#}\n", to_json(&job, costs.as_ref())))
+        print(&json_text(&to_json(&job, costs.as_ref())))
     } else {
         print(&to_text(&job.plan.decisions, costs.as_ref()))
     }

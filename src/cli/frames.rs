@@ -15,6 +15,7 @@ use crate::animation::{AnimationJob, FileNames, FrameList, FrameRequest, in_orde
 use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
+use crate::files::check_output;
 use crate::film::check::look;
 use crate::film::write::{self, Format, OutputImage, write_picture};
 use crate::film::{Film, TILE};
@@ -79,8 +80,8 @@ impl FrameChecks {
         let Ok(mut checks) = self.0.lock() else { return };
         let (hits, non_finite, first) = &mut *checks;
         *hits += statistics.rays(RayKind::PRIMARY).hit;
-        if statistics.non_finite.0 > 0 {
-            *non_finite += statistics.non_finite.0;
+        if !statistics.non_finite.is_empty() {
+            *non_finite += statistics.non_finite.len();
             *first = Some(first.map_or(frame, |first| first.min(frame)));
         }
     }
@@ -156,7 +157,7 @@ pub(crate) fn write_frames(
     interrupted: &AtomicBool,
 ) -> Result<()> {
     let pool = super::pool(arguments.threads)?;
-    let mut reporter = Reporter::new(pictures.progress);
+    let mut reporter = Reporter::new(pictures.progress, Vec::new());
     let is_there = |frame: i32, metadata: &Metadata| {
         let found = || look(&pictures.names.of(frame), pictures.format);
         pictures.skip_existing && found().is(fingerprint_of(metadata), Some(frame))
@@ -170,6 +171,7 @@ pub(crate) fn write_frames(
         is_there: &is_there,
     };
     let mut animation = pool.install(|| reporter.load_animation(arguments, &settings, &request))?;
+    animation.frames.iter().try_for_each(|&frame| check_output(&pictures.names.of(frame)))?;
     let is_transparent = animation.resolved.settings.picture.is_transparent();
     output::check_alpha(is_transparent, ".jpg", pictures.format != Format::Jpeg)?;
     // A metered exposure sets a clamp, too.

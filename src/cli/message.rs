@@ -1,5 +1,5 @@
 //! Messages on standard error in the syntax of who reads them: lines for people, JSON lines, or the messages of Open Job
-//! Description. All that kiln writes there goes through [`Message::print`] or [`print_stderr`].
+//! Description. All that kiln writes there goes through [`Message::print`], which escapes text from outside.
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -8,7 +8,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 
 use serde_json::json;
 
-use crate::error::Warnings;
+use crate::error::{Warnings, printable, printable_json};
 
 /// The syntax of messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,11 +85,11 @@ impl Message<'_> {
         *is_ended = syntax != Syntax::Text && self.is_last();
         let lines = match syntax {
             Syntax::Text => self.text(),
-            Syntax::Json => Some(self.json().to_string()),
+            Syntax::Json => Some(printable_json(&self.json().to_string()).into_owned()),
             Syntax::Openjd => Some(self.openjd()),
         };
         if let Some(lines) = lines {
-            print_stderr(format_args!("{lines}"));
+            print_stderr(&lines);
         }
     }
 
@@ -102,11 +102,13 @@ impl Message<'_> {
             Message::Progress { done, total, unit, percent, eta, .. } => {
                 format!("kiln: {percent} % ({done} of {total} {unit}), {eta:.0} s left")
             }
-            Message::Note(text) => format!("kiln: note: {text}"),
-            Message::Warning(text) => format!("kiln: warning: {text}"),
-            Message::Error { what, hint: "", .. } => format!("kiln: error: {what}"),
-            Message::Error { what, hint, .. } => format!("kiln: error: {what}\nhint: {hint}"),
-            Message::Done(text) => format!("kiln: {text}"),
+            Message::Note(text) => format!("kiln: note: {}", printable(text)),
+            Message::Warning(text) => format!("kiln: warning: {}", printable(text)),
+            Message::Error { what, hint: "", .. } => format!("kiln: error: {}", printable(what)),
+            Message::Error { what, hint, .. } => {
+                format!("kiln: error: {}\nhint: {}", printable(what), printable(hint))
+            }
+            Message::Done(text) => format!("kiln: {}", printable(text)),
             Message::Frame(..) | Message::Interrupted { .. } => return None,
         })
     }
@@ -135,7 +137,7 @@ impl Message<'_> {
     /// Open Job Description, How Jobs Are Run, Stdout/Stderr Messages. Other lines are lines of its log. A line break
     /// in a message, as in the name of a file, would begin another one.
     fn openjd(&self) -> String {
-        let line = |text: &str| text.replace(['\n', '\r'], " ");
+        let line = printable;
         match self {
             Message::Progress { percent, .. } => format!("openjd_progress: {percent}"),
             Message::Note(text) => format!("kiln: note: {}", line(text)),
@@ -152,7 +154,7 @@ impl Message<'_> {
 
 /// Writes a line to standard error, in one piece, and ignores errors, unlike `eprintln!`, which panics on a closed pipe
 /// or a full disk.
-pub(super) fn print_stderr(line: std::fmt::Arguments) {
+fn print_stderr(line: &str) {
     let _ = std::io::stderr().write_all(format!("{line}\n").as_bytes());
 }
 
@@ -196,6 +198,6 @@ mod tests {
     fn a_message_of_open_job_description_stays_one_line() {
         let what = "a\nopenjd_env: A=b.png: no such file";
         let said = Message::Error { what, hint: "look\rthere", exit_code: 3 }.openjd();
-        assert_eq!(said, "openjd_fail: a openjd_env: A=b.png: no such file\nhint: look there");
+        assert_eq!(said, "openjd_fail: a\\u{a}openjd_env: A=b.png: no such file\nhint: look\\u{d}there");
     }
 }

@@ -40,10 +40,11 @@ use std::sync::atomic::Ordering;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
-use message::{Message, WarningPrinter, print_stderr};
+use message::{Message, WarningPrinter};
 
 use crate::effects;
-use crate::error::{Error, Result, is_contained};
+use crate::error::{Error, Result, is_contained, printable_json, printable_lines};
+use crate::files;
 use crate::limits;
 use crate::scene::option::group;
 use crate::scene::{ImportOptions, shell_quoted};
@@ -169,6 +170,7 @@ pub fn run(words: Vec<OsString>) -> u8 {
         let hint = "please report it with the command and the input";
         Message::Error { what: &format!("a fault in kiln itself{place}"), hint, exit_code: 1 }.print();
     }));
+    files::protect_inputs();
     let interrupted = interrupt::install();
     let result = std::panic::catch_unwind(|| {
         let done = match command {
@@ -188,11 +190,11 @@ pub fn run(words: Vec<OsString>) -> u8 {
             Command::Study(arguments) => study::run(&arguments, interrupted),
             Command::Bench(arguments) => bench::run(&arguments, interrupted),
             Command::Compare(arguments) => return compare::run(&arguments),
-            Command::Schema => print(&format!("{:#}\n", effects::schema())),
+            Command::Schema => print(&json_text(&effects::schema())),
             Command::Completions { shell } => {
                 let mut text = Vec::new();
                 clap_complete::generate(shell, &mut Arguments::command(), "kiln", &mut text);
-                print(&String::from_utf8_lossy(&text))
+                print_raw(&text)
             }
         };
         done.map(|()| 0)
@@ -214,7 +216,7 @@ pub fn run(words: Vec<OsString>) -> u8 {
 
 fn exit_code(e: &Error) -> u8 {
     match e {
-        Error::Failed { .. } => 1,
+        Error::Failed { .. } | Error::Memory { .. } => 1,
         Error::Usage { .. } => 2,
         Error::Input { .. } => 3,
         Error::Output { .. } => 4,
@@ -244,10 +246,12 @@ fn usage_error(e: &clap::Error) -> (String, String) {
     let text = e.render().to_string();
     let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
     let mut first = lines.next().unwrap_or("wrong usage").trim_start_matches("error: ").to_owned();
-    let mut hint = match first.as_str() {
-        unknown if unknown.starts_with("unrecognized subcommand") && unknown.contains('.') => {
-            "name the command first: kiln render INPUT -o picture.png"
-        }
+    let typed_command = match (e.kind(), e.get(ContextKind::InvalidSubcommand)) {
+        (ErrorKind::InvalidSubcommand, Some(ContextValue::String(typed))) => Some(typed),
+        _ => None,
+    };
+    let mut hint = match typed_command {
+        Some(file) if file.contains('.') => "name the command first: kiln render INPUT -o picture.png",
         _ => "`kiln help` lists the commands, `kiln help COMMAND` its options",
     }
     .to_owned();
@@ -268,15 +272,31 @@ fn usage_error(e: &clap::Error) -> (String, String) {
     {
         hint = synonyms::hint(typed).unwrap_or(hint);
     }
-    if first.ends_with("--output <OUT>") {
+    // The arguments that are missing, in the order of their definition, as they are shown.
+    if let (ErrorKind::MissingRequiredArgument, Some(ContextValue::Strings(missing))) =
+        (e.kind(), e.get(ContextKind::InvalidArg))
+        && missing.last().is_some_and(|last| last.split(' ').next() == Some("--output"))
+    {
         hint = "name the file to write, such as -o picture.png".to_owned();
     }
     (first, hint)
 }
 
+/// A result as JSON, in lines.
+fn json_text(value: &serde_json::Value) -> String {
+    printable_json(&format!("{value:#}\n")).into_owned()
+}
+
+/// Writes a result to standard output. Control characters other than line breaks are escaped; those who put text from
+/// outside into a line escape its line breaks ([`printable`]).
 fn print(text: &str) -> Result<()> {
+    print_raw(printable_lines(text).as_bytes())
+}
+
+/// Writes bytes of kiln itself to standard output.
+fn print_raw(bytes: &[u8]) -> Result<()> {
     let mut out = std::io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+    match out.write_all(bytes).and_then(|()| out.flush()) {
         // A reader such as `head` may close the pipe early.
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
         other => other.map_err(|e| Error::output(std::path::Path::new("-"), e)),

@@ -24,13 +24,15 @@ pub(crate) fn counted(count: usize, one: &str, many: &str) -> String {
 
 /// A table with aligned columns: to the left or to the right.
 pub(crate) fn aligned(lines: &[Vec<String>], is_left: impl Fn(usize) -> bool) -> String {
+    let printable = |cell: &String| crate::error::printable(cell).into_owned();
+    let lines: Vec<Vec<String>> = lines.iter().map(|line| line.iter().map(printable).collect()).collect();
     let mut widths = Vec::new();
     for (column, cell) in lines.iter().flat_map(|line| line.iter().enumerate()) {
         widths.resize(widths.len().max(column + 1), 0);
         widths[column] = cell.chars().count().max(widths[column]);
     }
     let mut text = String::new();
-    for line in lines {
+    for line in &lines {
         let cells = line.iter().zip(&widths).enumerate().map(|(column, (cell, &width))| {
             if is_left(column) { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
         });

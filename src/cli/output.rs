@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::animation::FileNames;
 use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
 use crate::farm::{Shard, shard_name, shard_state, write_shard};
@@ -33,8 +34,7 @@ impl OutputTarget {
             return Ok(OutputTarget::StandardOutput);
         }
         let format = Format::from_path(output)?;
-        let name = output.file_name().unwrap_or_default().to_string_lossy();
-        if name.contains("####") || name.contains("%0") {
+        if FileNames::is_pattern(output) {
             let what =
                 format!("{}: a pattern for several files, and this is a single picture", output.display());
             let hint = "give a plain file name, or --frames for an animation";
@@ -135,7 +135,7 @@ pub(crate) fn check_skipping(output: &Path, format: Format) -> Result<()> {
 /// Checks that the memory limit suffices for a picture, before it is rendered.
 ///
 /// # Errors
-/// [`Error::Failed`] with the required size.
+/// [`Error::Memory`] with the required size.
 pub(crate) fn check_memory(
     job: &RenderJob,
     target: &OutputTarget,
@@ -183,7 +183,7 @@ pub(crate) fn bytes_per_pixel(
 /// Checks that the memory limit suffices for a picture of `bytes_each` per pixel. `channels` is named in the error.
 ///
 /// # Errors
-/// [`Error::Failed`] with the required size.
+/// [`Error::Memory`] with the required size.
 pub(crate) fn check_memory_of(window: Window, channels: u64, bytes_each: u64) -> Result<()> {
     let Window { width, height, .. } = window;
     let bytes = limits::product(&[width.into(), height.into(), bytes_each]);
@@ -228,9 +228,24 @@ pub(crate) fn render_image(
 /// # Errors
 /// [`Error::Usage`] for anything but PNG and OpenEXR.
 pub(crate) fn check_alpha(is_transparent: bool, target: &str, has_alpha: bool) -> Result<()> {
-    if is_transparent && !has_alpha {
-        let what = format!("{target} has no alpha channel for a transparent background");
-        return Err(Error::usage(what, "write .png or .exr, or give --background a colour"));
+    without_alpha(is_transparent && !has_alpha, target, "write .png or .exr, or give --background a colour")
+}
+
+/// Checks that a picture whose samples are decided by its errors is not to have an alpha channel.
+///
+/// # Errors
+/// [`Error::Usage`] otherwise.
+pub(crate) fn check_accuracy_alpha(is_transparent: bool, has_accuracy: bool) -> Result<()> {
+    let hint = "give --samples or --noise in its place, or give --background a colour";
+    without_alpha(is_transparent && has_accuracy, "a picture of --accuracy or --budget", hint)
+}
+
+fn without_alpha(is_asked_for: bool, target: &str, hint: &str) -> Result<()> {
+    if is_asked_for {
+        return Err(Error::usage(
+            format!("{target} has no alpha channel for a transparent background"),
+            hint,
+        ));
     }
     Ok(())
 }
@@ -275,11 +290,11 @@ pub(crate) fn warn_about_picture(
     is_part: bool,
     warnings: &mut Warnings,
 ) {
-    let (non_finite, first) = &statistics.non_finite;
-    if *non_finite > 0 {
-        let places: Vec<String> = first.iter().map(|(x, y)| format!("({x}, {y})")).collect();
-        warnings
-            .push(format!("{non_finite} pixel(s) are not finite numbers, the first at {}", places.join(" ")));
+    let non_finite = &statistics.non_finite;
+    if !non_finite.is_empty() {
+        let places: Vec<String> = non_finite.iter().take(10).map(|(x, y)| format!("({x}, {y})")).collect();
+        let count = non_finite.len();
+        warnings.push(format!("{count} pixel(s) are not finite numbers, the first at {}", places.join(" ")));
     }
     if statistics.discarded_samples > 0 {
         let count = statistics.discarded_samples;

@@ -1,6 +1,6 @@
 //! Pictures in memory, for programs: the options of `kiln render` by name, and its picture.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::{ArgAction, FromArgMatches};
 
@@ -11,6 +11,7 @@ use super::prepare::note_rest_pose;
 use super::render::{PictureContext, warn_of_result};
 use super::usage_error;
 use crate::error::{Error, Result, Warnings};
+use crate::files::InputFiles;
 use crate::film::write::{ALPHA, Channel, Format, OutputImage, encode, write_picture};
 use crate::film::{ColourPipeline, DisplayTransform};
 use crate::job::{Metadata, RenderSettings, resolve};
@@ -107,12 +108,6 @@ fn may_be_false(argument: &clap::Arg) -> bool {
     argument.get_possible_values().iter().any(|value| value.get_name() == "false")
 }
 
-/// Whether an error says that there is too little memory.
-pub fn is_of_memory(error: &Error) -> bool {
-    // As written by `limits::Excess` and `Film::new`.
-    matches!(error, Error::Failed { what, .. } if what.contains(" of memory"))
-}
-
 /// A rendered picture.
 pub struct Picture {
     image: OutputImage,
@@ -121,6 +116,8 @@ pub struct Picture {
     metadata: Metadata,
     pipeline: ColourPipeline,
     display: DisplayTransform,
+    /// What it was made from.
+    inputs: InputFiles,
 }
 
 /// Renders a scene as `kiln render` does, with the same warnings. `format` decides the type of the pixels: f32 for
@@ -140,6 +137,8 @@ pub fn render(
     let settings = RenderSettings { aovs: aovs.to_vec(), ..options.0.settings()? };
     super::pool(options.0.threads)?.install(|| {
         let inputs = scene.inputs.clone();
+        let environment = settings.environment.environment.iter().map(PathBuf::from);
+        let files_read = scene.files_read.iter().cloned().chain(environment).collect();
         note_rest_pose(&scene, warnings);
         let resolved = resolve(scene, &settings, warnings)?;
         let has_physical_lights = resolved.has_physical_lights;
@@ -162,7 +161,7 @@ pub fn render(
             _ => (aov::channels(&job.aov_source(None), &selection, control)?, DisplayTransform::default()),
         };
         let pipeline = job.pipeline();
-        Ok(Picture { image, channels, metadata: job.metadata, pipeline, display })
+        Ok(Picture { image, channels, metadata: job.metadata, pipeline, display, inputs: files_read })
     })
 }
 
@@ -204,7 +203,7 @@ impl Picture {
     /// The picture as the contents of a PNG file.
     ///
     /// # Errors
-    /// [`Error::Failed`] if there is not enough memory.
+    /// [`Error::Memory`] if there is not enough memory.
     pub fn png(&self) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
         let displayed = self.displayed()?;
@@ -217,12 +216,14 @@ impl Picture {
     /// Writes the picture to a file, in the format of its name: f32 pictures to all formats, others to PNG and JPEG.
     ///
     /// # Errors
-    /// [`Error::Output`], and [`Error::Usage`] for a format that does not hold the picture.
+    /// [`Error::Output`], and [`Error::Usage`] for a format that does not hold the picture, or a file that it was made
+    /// from.
     pub fn write(&self, file: &Path) -> Result<()> {
         if file.as_os_str().is_empty() {
             return Err(Error::usage("no name of a file", "name one that ends in .png, .jpg or .exr"));
         }
         let format = Format::from_path(file)?;
+        self.inputs.check(file)?;
         let displayed = if format == Format::Exr { None } else { self.displayed()? };
         let image = displayed.as_ref().unwrap_or(&self.image);
         check_alpha(matches!(image, OutputImage::Rgba8(..)), ".jpg", format != Format::Jpeg)?;
@@ -285,8 +286,7 @@ mod tests {
     fn too_large_pictures_are_errors_of_memory() {
         let window = Window { x: 0, y: 0, width: u32::MAX, height: u32::MAX };
         let error = check_memory_of(window, 0, 1 << 20).expect_err("too large");
-        assert!(is_of_memory(&error), "{error}");
-        assert!(!is_of_memory(&Error::usage("a picture of memory", "")));
+        assert!(matches!(error, Error::Memory { .. }), "{error}");
     }
 
     #[test]

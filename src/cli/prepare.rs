@@ -1,5 +1,6 @@
 //! Loading of inputs into a resolved job or an animation, with timing, progress and warnings.
 
+use std::path::PathBuf;
 use std::time::Instant;
 
 use super::WarningPrinter;
@@ -8,6 +9,7 @@ use super::progress::{Mode, Progress};
 use super::statistics::Seconds;
 use crate::animation::{AnimationJob, FrameRequest, play_clip};
 use crate::error::{Error, Result, Warnings};
+use crate::files::check_output;
 use crate::import;
 use crate::job::{RenderSettings, ResolvedJob, resolve};
 use crate::scene::Scene;
@@ -20,12 +22,15 @@ pub(crate) struct Reporter {
     printer: WarningPrinter,
     /// Whether warnings are printed, and notes.
     prints: [bool; 2],
+    /// Outputs of fixed names, which must not be inputs.
+    outputs: Vec<PathBuf>,
 }
 
 impl Reporter {
-    /// Prints warnings, and notes unless there is no progress.
-    pub(crate) fn new(mode: Mode) -> Self {
-        Reporter::printing([true, mode != Mode::None], mode)
+    /// Prints warnings, and notes unless there is no progress. That the outputs overwrite no input is checked as soon as
+    /// all inputs are read.
+    pub(crate) fn new(mode: Mode, outputs: Vec<PathBuf>) -> Self {
+        Reporter { outputs, ..Reporter::printing([true, mode != Mode::None], mode) }
     }
 
     /// `prints`: whether warnings are printed, and notes.
@@ -36,6 +41,7 @@ impl Reporter {
             warnings: Warnings::default(),
             printer: WarningPrinter::default(),
             prints,
+            outputs: Vec::new(),
         }
     }
 
@@ -68,7 +74,9 @@ impl Reporter {
         let scene = self.load(arguments)?;
         note_rest_pose(&scene, &mut self.warnings);
         self.phase("preparing");
-        timed(&mut self.seconds.prepare, || resolve(scene, settings, &mut self.warnings))
+        let resolved = timed(&mut self.seconds.prepare, || resolve(scene, settings, &mut self.warnings))?;
+        self.outputs.iter().try_for_each(|output| check_output(output))?;
+        Ok(resolved)
     }
 
     /// Loads the inputs and prepares the data shared by all frames.
@@ -91,6 +99,7 @@ impl Reporter {
         });
         self.warnings = warnings;
         let animation = animation?;
+        self.outputs.iter().try_for_each(|output| check_output(output))?;
         self.phase("rendering");
         Ok(animation)
     }

@@ -160,7 +160,11 @@ fn render_to(
     selection: &AovSelection,
     interrupted: &AtomicBool,
 ) -> Result<()> {
-    let mut reporter = Reporter::new(command.progress);
+    let mut outputs: Vec<PathBuf> = command.stats.iter().cloned().collect();
+    if !matches!(target, OutputTarget::StandardOutput) {
+        outputs.push(target.file().to_owned());
+    }
+    let mut reporter = Reporter::new(command.progress, outputs);
     let mut settings = command.arguments.settings()?;
     settings.shard = command.shard.unwrap_or_default();
     settings.aovs = command.aov.clone();
@@ -178,7 +182,7 @@ fn render_to(
     let is_transparent = resolved.settings.picture.is_transparent();
     output::check_alpha(is_transparent, ".jpg", target.format() != Format::Jpeg)?;
     let has_target = command.accuracy.target().is_some();
-    output::check_alpha(is_transparent, "a picture of --accuracy or --budget", !has_target)?;
+    output::check_accuracy_alpha(is_transparent, has_target)?;
     target.check_writable()?;
     let has_physical_lights = resolved.has_physical_lights;
     reporter.progress.phase("building");

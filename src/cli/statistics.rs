@@ -79,7 +79,7 @@ pub(crate) fn to_json(
         "rays": rays,
         "tests": { "nodes": statistics.tests.nodes, "primitives": statistics.tests.primitives },
         "stages": stages,
-        "non_finite_pixels": statistics.non_finite.0,
+        "non_finite_pixels": statistics.non_finite.len(),
         "discarded_samples": statistics.discarded_samples,
         "paths_ended_in_glass": statistics.ended_in_glass,
         "peak_memory_bytes": limits::peak_memory(),

@@ -9,7 +9,7 @@ use super::arguments::{self, Arguments};
 use super::prepare::Reporter;
 use super::progress::Mode;
 use super::{print, typed, typed_words};
-use crate::error::{Error, Result, Warnings};
+use crate::error::{Error, Result, Warnings, printable};
 use crate::files::write_whole;
 use crate::import;
 use crate::job::{RenderSettings, ResolvedJob};
@@ -20,6 +20,9 @@ use crate::study::{
     Options, PathVariation, Pools, Setting, Study, StudySubject, error_against_time, facts, headline, page,
     study, to_csv,
 };
+
+/// The files of a study: its page, table, data and plot.
+const FILES: [&str; 4] = ["index.html", "study.csv", "study.json", "study.svg"];
 
 /// Default length of the picture's longer side in pixels.
 const LONGEST: u32 = 256;
@@ -51,7 +54,7 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     let _folder = Folder::new(&command.output)?;
     let arguments = &command.arguments;
     let (timed, wide) = (super::pool(Some(arguments.threads.unwrap_or(1)))?, super::pool(arguments.threads)?);
-    let mut reporter = Reporter::new(command.progress);
+    let mut reporter = Reporter::new(command.progress, FILES.map(|name| command.output.join(name)).into());
     let longest = (!command.full).then_some(LONGEST);
     let settings = RenderSettings { longest_side: longest, mesh_look: Look::Draft, ..arguments.settings()? };
     let resolved = wide.install(|| reporter.load_and_resolve(arguments, &settings))?;
@@ -77,10 +80,13 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     let write = |name: &str, text: &str| {
         write_whole(&command.output.join(name), |out| out.write_all(text.as_bytes()))
     };
-    write("index.html", &page(&study, &pictures)?)?;
-    write("study.csv", &to_csv(&study.rows))?;
-    write("study.json", &format!("{:#}\n", serde_json::json!(study)))?;
-    write("study.svg", &error_against_time(&study.rows, study.noise_floor())?)?;
+    let texts = [
+        page(&study, &pictures)?,
+        to_csv(&study.rows),
+        format!("{:#}\n", serde_json::json!(study)),
+        error_against_time(&study.rows, study.noise_floor())?,
+    ];
+    FILES.iter().zip(&texts).try_for_each(|(name, text)| write(name, text))?;
     progress.clear();
     print(&text(&study))?;
     progress.finish(&format!("wrote {}", command.output.join("index.html").display()));
@@ -183,5 +189,10 @@ fn text(study: &Study) -> String {
     let advice = study.advice.iter().map(|advice| advice.text.clone());
     let left_out = study.left_out.iter().map(|[parameter, why]| format!("left out: {parameter}: {why}"));
     let first = std::iter::once(headline(study));
-    first.chain(advice).chain(facts(study)).chain(left_out).map(|line| line + "\n").collect()
+    first
+        .chain(advice)
+        .chain(facts(study))
+        .chain(left_out)
+        .map(|line| printable(&line).into_owned() + "\n")
+        .collect()
 }

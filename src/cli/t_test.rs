@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, printable};
 use crate::limits;
 use crate::metrics::t_test::{BINS, ChannelTest, Estimate, LOW, SIGNIFICANCE, TTest};
 
@@ -34,7 +34,7 @@ fn to_json(a: &Path, b: &Path, test: &TTest) -> String {
         "verdict": if test.passed { "no_difference" } else { "different" },
         "t_test": test,
     });
-    format!("{report:#}\n")
+    super::json_text(&report)
 }
 
 /// A probability in 12 columns.
@@ -49,8 +49,8 @@ fn to_text(a: &Path, b: &Path, test: &TTest) -> String {
     let _ = writeln!(
         text,
         "{} and {}: {width} x {height} pixels, Welch's t-test of {unit}, p-values by channel",
-        a.display(),
-        b.display()
+        printable(&a.to_string_lossy()),
+        printable(&b.to_string_lossy())
     );
     let mut row = |name: &str, cell: &dyn Fn(&ChannelTest) -> String, note: &str| {
         let cells: String = channels.iter().map(|channel| format!("{:>12}", cell(channel))).collect();

@@ -12,7 +12,7 @@ use super::frames::LengthArguments;
 use super::prepare::Reporter;
 use super::progress::Mode;
 use crate::animation::{FileNames, FrameList, FrameRequest};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, printable};
 use crate::farm::Shard;
 use crate::film::check::{FileState, PictureIdentity, look};
 use crate::film::write::Format;
@@ -169,10 +169,12 @@ fn report(command: &Command, files: &[(Option<i32>, PathBuf)], faults: &[Fault])
             "different": different,
             "to_render": again,
         });
-        format!("{report:#}\n")
+        super::json_text(&report)
     } else {
-        let mut text: String =
-            faults.iter().map(|f| format!("{}: {}: {}\n", f.file, f.kind, f.why)).collect();
+        let mut text: String = faults
+            .iter()
+            .map(|f| printable(&format!("{}: {}: {}", f.file, f.kind, f.why)).into_owned() + "\n")
+            .collect();
         let [missing, broken, different] = [missing, broken, different].map(|faults| faults.len());
         text += &format!(
             "{valid} of {} valid, {missing} missing, {broken} broken, {different} with different settings\n",

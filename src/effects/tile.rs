@@ -131,8 +131,6 @@ pub struct RecordedRay {
     pub kind: RayKind,
     /// Its generation; for an occlusion test, that of the surface it starts from.
     pub depth: usize,
-    /// Its source, as in [`RayGeneration::sources`]; for an occlusion test, the surface of generation `depth`.
-    pub source: u32,
     /// For a shadow ray, the index of the light.
     pub light: Option<usize>,
     /// The ray.
@@ -156,28 +154,26 @@ impl RayRecorder {
     /// Records the rays of a generation with their closest hits.
     #[cold]
     pub fn record_generation(&mut self, kind: RayKind, depth: usize, generation: &RayGeneration) {
-        let rays = generation.rays.rays().iter().zip(generation.hits.iter()).zip(&generation.sources);
-        self.rays.extend(rays.map(|((ray, hit), &source)| {
+        let rays = generation.rays.rays().iter().zip(generation.hits.iter());
+        self.rays.extend(rays.map(|(ray, hit)| {
             let result = hit.map_or(TraceResult::Miss, TraceResult::Closest);
-            RecordedRay { kind, depth, source, light: None, ray, result }
+            RecordedRay { kind, depth, light: None, ray, result }
         }));
     }
 
-    /// Records occlusion tests. `surfaces` holds the surface of each ray.
+    /// Records occlusion tests.
     #[cold]
     pub fn record_occlusion(
         &mut self,
         kind: RayKind,
         depth: usize,
         light: Option<usize>,
-        surfaces: &[u32],
         rays: Rays,
         occluded: &[bool],
     ) {
-        let rays = rays.iter().zip(occluded).zip(surfaces);
-        self.rays.extend(rays.map(|((ray, &occluded), &source)| {
+        self.rays.extend(rays.iter().zip(occluded).map(|(ray, &occluded)| {
             let result = if occluded { TraceResult::Occluded } else { TraceResult::Miss };
-            RecordedRay { kind, depth, source, light, ray, result }
+            RecordedRay { kind, depth, light, ray, result }
         }));
     }
 }

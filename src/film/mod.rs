@@ -142,7 +142,7 @@ pub struct FilmTile<'a, P = [f32; 3]> {
 
 /// The error for a requested picture that exceeds the memory limit.
 pub fn too_large(picture: &str, excess: &Excess) -> Error {
-    Error::Failed { what: format!("{picture} {excess}"), hint: format!("{SMALLER}, or {}", excess.remedy()) }
+    Error::Memory { what: format!("{picture} {excess}"), hint: format!("{SMALLER}, or {}", excess.remedy()) }
 }
 
 const SMALLER: &str = "give a smaller --size, render it in parts with --crop";
@@ -151,12 +151,12 @@ impl<P: Pixel> Film<P> {
     /// A black film for the region `window` of a picture.
     ///
     /// # Errors
-    /// [`Error::Failed`] if there is not enough memory for it.
+    /// [`Error::Memory`] if there is not enough memory for it.
     pub fn new(window: Window) -> Result<Self> {
         let bytes = limits::product(&[window.width.into(), window.height.into(), size_of::<P>() as u64]);
         let size = format!("a picture of {} x {} pixels", window.width, window.height);
         limits::check(bytes).map_err(|excess| too_large(&size, &excess))?;
-        let pixels = Pages::new(window.area()).map_err(|_| Error::Failed {
+        let pixels = Pages::new(window.area()).map_err(|_| Error::Memory {
             what: format!("{size} needs {} of memory, which the system does not give", Bytes(bytes)),
             hint: SMALLER.into(),
         })?;

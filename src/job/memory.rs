@@ -13,7 +13,7 @@ use crate::scene::{DecodedImage, Numerics, Object, Scene, Shape, TextureFilter};
 /// Checks the memory limit for the acceleration structure and the mip maps of a scene.
 ///
 /// # Errors
-/// [`Error::Input`] for the largest texture, [`Error::Failed`] for the acceleration structure.
+/// [`Error::Input`] for the largest texture, [`Error::Memory`] for the acceleration structure.
 pub fn check_memory(scene: &Scene, choices: &Choices, numerics: Numerics) -> Result<()> {
     check_mip_maps(scene, choices)?;
     // Peak address space per primitive in bytes in addition to the scene, measured on grids and on random triangles
@@ -27,7 +27,7 @@ pub fn check_memory(scene: &Scene, choices: &Choices, numerics: Numerics) -> Res
         Shape::Placed(_) => 1,
     };
     let count = scene.objects.iter().map(of_object).sum::<usize>() as u64;
-    limits::check(limits::product(&[count, each])).map_err(|excess| Error::Failed {
+    limits::check(limits::product(&[count, each])).map_err(|excess| Error::Memory {
         what: format!("the acceleration structure over {count} primitives {excess}"),
         hint: format!("give fewer of them, or {}", excess.remedy()),
     })

@@ -15,7 +15,7 @@
 //! let settings = RenderSettings::from(PictureSettings::of_size([64, 64]));
 //! let job = prepare(scene, &settings, &mut warnings)?;
 //! let (film, statistics) = job.render(&RenderControl::default())?;
-//! assert_eq!(statistics.non_finite.0, 0);
+//! assert_eq!(statistics.non_finite, []);
 //! let file = std::env::temp_dir().join("kiln-library-example.png");
 //! write_picture(&OutputImage::Rgb8(film, job.pipeline()), &job.metadata, Format::from_path(&file)?, &file)?;
 //! # std::fs::remove_file(&file).unwrap();
@@ -183,7 +183,7 @@ impl RenderJob {
     /// Renders the picture, on the current rayon pool.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] if cancelled, [`Error::Failed`] if there is not enough memory for the picture.
+    /// [`Error::Interrupted`] if cancelled, [`Error::Memory`] if there is not enough memory for the picture.
     pub fn render<P: Pixel>(&self, control: &RenderControl) -> Result<(Film<P>, Statistics)> {
         self.render_selected(|place, _| self.settings.shard.has(place), control)
     }
@@ -203,6 +203,8 @@ impl RenderJob {
         let context =
             RenderContext { world: &self.world, view: &self.view, display: self.sampling_display() };
         let with_metering = |mut statistics: Statistics| {
+            // Its pixels are not those of this picture.
+            let metered = metered.clone().map(|metered| Statistics { non_finite: Vec::new(), ..metered });
             metered.iter().for_each(|metered| statistics.add(metered));
             statistics
         };

@@ -232,7 +232,7 @@ pub struct AovSource<'a> {
 /// Computes the selected channels, row by row from the top.
 ///
 /// # Errors
-/// [`Error::Interrupted`] when cancelled, [`Error::Failed`] where there is not enough memory.
+/// [`Error::Interrupted`] when cancelled, [`Error::Memory`] where there is not enough memory.
 pub fn channels(
     source: &AovSource,
     selection: &AovSelection,

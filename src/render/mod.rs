@@ -61,7 +61,7 @@ pub fn render<P: Pixel>(
 /// accepts, by their index and pixels, are rendered; the others stay black. Display values are those after `context.display`.
 ///
 /// # Errors
-/// [`Error::Interrupted`] when cancelled, [`Error::Failed`] where there is not enough memory for the picture.
+/// [`Error::Interrupted`] when cancelled, [`Error::Memory`] where there is not enough memory for the picture.
 pub fn render_displayed<P: Pixel>(
     context: &RenderContext,
     plan: &Plan,

@@ -23,8 +23,8 @@ pub struct Statistics {
     pub base_bytes: usize,
     /// For each object, whether a primary ray has hit it.
     pub visible_objects: Vec<bool>,
-    /// The number of pixels that are not finite, and columns and rows of the first ten.
-    pub non_finite: (usize, Vec<(u32, u32)>),
+    /// Columns and rows of the pixels that are not finite, each once, ordered by rows.
+    pub non_finite: Vec<(u32, u32)>,
     /// The number of samples of light that were left out because they were not finite.
     pub discarded_samples: u64,
     /// The number of paths that the limit of bounces ended at a surface which transmits light: what lies behind it is black.
@@ -63,7 +63,7 @@ impl Statistics {
     /// Sums the statistics of all threads.
     pub(super) fn gather(plan: &Plan, workers: &[Box<Worker>], time_stages: bool) -> Self {
         let mut non_finite: Vec<(u32, u32)> = workers.iter().flat_map(|w| &w.non_finite).copied().collect();
-        non_finite.sort_unstable_by_key(|&(x, y)| (y, x));
+        sort_pixels(&mut non_finite);
         let mut sum = Statistics {
             stages: if time_stages { stage_times(plan, workers) } else { Vec::new() },
             rays: RayKind::all().map(|kind| (kind, RayCount::default())).collect(),
@@ -71,7 +71,7 @@ impl Statistics {
             effect_costs: Vec::new(),
             base_bytes: workers.iter().map(|worker| worker.tile.bytes()).max().unwrap_or(0),
             visible_objects: Vec::new(),
-            non_finite: (non_finite.len(), non_finite.into_iter().take(10).collect()),
+            non_finite,
             discarded_samples: workers.iter().map(|worker| worker.tile.discarded_samples).sum(),
             ended_in_glass: workers.iter().map(|worker| worker.tile.ended_in_glass).sum(),
             auto_exposure: None,
@@ -132,8 +132,9 @@ impl Statistics {
         self.base_bytes = self.base_bytes.max(other.base_bytes);
         self.add_visible(&other.visible_objects);
         self.auto_exposure = other.auto_exposure.or(self.auto_exposure);
-        if other.non_finite.0 > self.non_finite.0 {
-            self.non_finite = other.non_finite.clone();
+        if !other.non_finite.is_empty() {
+            self.non_finite.extend(&other.non_finite);
+            sort_pixels(&mut self.non_finite);
         }
     }
 
@@ -146,6 +147,12 @@ impl Statistics {
     pub fn rays(&self, kind: RayKind) -> RayCount {
         self.rays.iter().find(|(known, _)| *known == kind).map_or(RayCount::default(), |(_, count)| *count)
     }
+}
+
+/// Orders pixels by rows, each once.
+fn sort_pixels(pixels: &mut Vec<(u32, u32)>) {
+    pixels.sort_unstable_by_key(|&(x, y)| (y, x));
+    pixels.dedup();
 }
 
 /// Adds the times of all threads, stage by stage; stages with the same name and effect are merged.
@@ -178,6 +185,30 @@ pub fn grouped(number: u64, separator: char) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn of_pixels(pixels: &[(u32, u32)]) -> Statistics {
+        Statistics {
+            stages: Vec::new(),
+            rays: Vec::new(),
+            tests: Tests::default(),
+            effect_costs: Vec::new(),
+            base_bytes: 0,
+            visible_objects: Vec::new(),
+            non_finite: pixels.to_vec(),
+            discarded_samples: 0,
+            ended_in_glass: 0,
+            auto_exposure: None,
+        }
+    }
+
+    #[test]
+    fn pixels_that_are_not_finite_in_any_part_are_counted_once() {
+        // The union of {(1, 0), (5, 2)} and {(0, 1), (1, 0)}, by rows.
+        let parts = [&[(1, 0), (5, 2)][..], &[(0, 1), (1, 0)], &[]];
+        let mut sum = of_pixels(&[]);
+        parts.iter().for_each(|part| sum.add(&of_pixels(part)));
+        assert_eq!(sum.non_finite, [(1, 0), (0, 1), (5, 2)]);
+    }
 
     #[test]
     fn every_three_digits_are_apart() {

@@ -72,7 +72,7 @@ impl<'a> IncrementalSampler<'a> {
     }
 
     pub(crate) fn is_finite(&self) -> bool {
-        self.statistics.as_ref().is_none_or(|statistics| statistics.non_finite.0 == 0)
+        self.statistics.as_ref().is_none_or(|statistics| statistics.non_finite.is_empty())
     }
 
     /// Seconds so far.

@@ -217,7 +217,7 @@ fn rows(candidates: &[Candidate], settings: &[MeasuredSetting], subject: &StudyS
             structure_bytes: result.structure_bytes,
             tile_bytes: statistics.bytes(),
             reference: candidate.reference,
-            non_finite: statistics.non_finite.0,
+            non_finite: statistics.non_finite.len(),
             limit: result.limit,
             significance: result.significance,
             twin: result.twin,

@@ -3,7 +3,7 @@
 //! Values are the AOVs of [`crate::render::aov`] at pixel centres, and the error map of [`crate::metrics`]. This
 //! module only maps them to colours.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, printable};
 use crate::film::write::Channel;
 use crate::metrics::{ComparedImage, DECADES, error_map, heat_map};
 use crate::render::RenderControl;
@@ -151,11 +151,11 @@ pub fn of_channels(mode: DisplayMode, world: &World, channels: &[Channel]) -> Fa
         }
         (DisplayMode::Depth, _) => depths(first, |_| false),
         (DisplayMode::Objects, _) => {
-            let name = |id: usize| world.objects.get(id).map(|object| object.name.clone());
+            let name = |id: usize| world.objects.get(id).map(|object| printable(&object.name).into_owned());
             ids("each object has a colour", first, name)
         }
         (DisplayMode::Materials, _) => ids("each material has a colour", first, |id| {
-            world.materials.get(id).map(|material| material.name().to_owned())
+            world.materials.get(id).map(|material| printable(material.name()).into_owned())
         }),
         (DisplayMode::Primitives, _) => ids("each triangle and analytic shape has a colour", first, |_| None),
         _ => counts("boxes that the camera ray is tested against", first),
@@ -442,6 +442,7 @@ mod tests {
             height: 1,
             values: Values::Display,
             pixels: vec![[value; 3]; width as usize],
+            alpha: None,
         };
         // 1e-4 is half-way from 1e-8 to 1.
         let map = error_against_exact(&even(1e-4, 2), &even(0.0, 2)).unwrap();

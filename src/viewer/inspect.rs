@@ -8,6 +8,7 @@ use glam::{DVec2, DVec3};
 use crate::bvh::{Primitive, Tests, Traversal};
 use crate::effects::tile::{RayRecorder, RecordedRay, RenderContext, Tile, TraceResult};
 use crate::effects::{EFFECTS, EffectId, Plan, RayKind};
+use crate::error::printable;
 use crate::film::{DisplayTransform, Window};
 use crate::geometry::Ray;
 use crate::scene::{Glaze, Material};
@@ -158,7 +159,7 @@ fn surface_info(
     };
     SurfaceInfo {
         object: surface.object,
-        object_name: object.name.clone(),
+        object_name: printable(&object.name).into_owned(),
         primitive: hit.prim.0,
         primitive_of_object: hit.prim.0 - object.first.0,
         kind,
@@ -170,7 +171,7 @@ fn surface_info(
         uv: world
             .texture_point((surface.object, &surface.hit, surface.geometric_normal), ray, None, 0)
             .map(|point| point.uv),
-        material: world.materials[surface.material as usize].name().to_owned(),
+        material: printable(world.materials[surface.material as usize].name()).into_owned(),
         material_values: material_values(world, &world.materials[surface.material as usize]),
     }
 }
@@ -218,7 +219,7 @@ fn material_values(world: &World, material: &PreparedMaterial) -> Vec<(&'static 
         material.further_textures().iter().map(|further| (Some(further.texture), further.slot.name()));
     values.extend(slots.chain([map]).chain(further).filter_map(|(texture, name)| {
         let image = world.images.get(texture?.image.0 as usize)?;
-        Some((name, format!("{} ({} x {})", image.name, image.width, image.height)))
+        Some((name, format!("{} ({} x {})", printable(&image.name), image.width, image.height)))
     }));
     values
 }
@@ -243,11 +244,12 @@ fn ray_segment(
         kind: *kind,
         effect: effect.map(|effect| effect.id),
         depth: *depth,
-        light: light.and_then(|light| Some(world.lights.get(light)?.name.clone())),
+        light: light.and_then(|light| Some(printable(&world.lights.get(light)?.name).into_owned())),
         from: ray.origin,
         to: ray.at(end),
         hit: *result != TraceResult::Miss,
-        object: hit.map(|hit| world.objects[world.object_of(hit.prim) as usize].name.clone()),
+        object: hit
+            .map(|hit| printable(&world.objects[world.object_of(hit.prim) as usize].name).into_owned()),
     }
 }
 

@@ -31,7 +31,7 @@ pub use request::{CameraSource, Opened};
 
 use std::path::{Path, PathBuf};
 
-use crate::error::{Result, Warnings};
+use crate::error::{Result, Warnings, printable};
 use crate::import::FileRead;
 use crate::scene::ImportOptions;
 
@@ -57,11 +57,12 @@ pub struct Start {
 
 /// The file name without its folder, for window titles.
 fn name_of(file: &Path) -> String {
-    file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned()
+    printable(&file.file_name().unwrap_or(file.as_os_str()).to_string_lossy()).into_owned()
 }
 
 /// At most `length` characters of a name: all, or its start and its end.
 fn elided(name: &str, length: usize) -> String {
+    let name = &*printable(name);
     let count = name.chars().count();
     if count <= length {
         return name.to_owned();
@@ -74,8 +75,8 @@ fn elided(name: &str, length: usize) -> String {
 /// The error's message, followed by its hint on a line of its own.
 fn message_with_hint(e: &crate::error::Error) -> String {
     match e.hint() {
-        "" => e.to_string(),
-        hint => format!("{e}\n{hint}"),
+        "" => printable(&e.to_string()).into_owned(),
+        hint => format!("{}\n{}", printable(&e.to_string()), printable(hint)),
     }
 }
 

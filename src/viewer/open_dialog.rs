@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use egui::{Context, Key, ScrollArea, TextEdit, Window};
 
+use crate::error::printable;
 use crate::import;
 
 /// The list of a folder's files that kiln reads.
@@ -59,7 +60,7 @@ impl OpenDialog {
                 (self.names, self.error) = (names, None);
                 (self.folder, self.typed) = (folder, String::new());
             }
-            Err(e) => self.error = Some(format!("{}: {e}", folder.display())),
+            Err(e) => self.error = Some(printable(&format!("{}: {e}", folder.display())).into_owned()),
         }
     }
 
@@ -77,7 +78,7 @@ impl OpenDialog {
     pub(crate) fn show(&mut self, context: &Context) -> Answer {
         let (mut is_open, mut chosen) = (true, None);
         Window::new("Open file").open(&mut is_open).default_size([420.0, 360.0]).show(context, |ui| {
-            ui.label(self.folder.display().to_string());
+            ui.label(printable(&self.folder.to_string_lossy()));
             let edit = TextEdit::singleline(&mut self.typed).hint_text("a path").desired_width(f32::INFINITY);
             let field = ui.add(edit);
             if field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter)) && !self.typed.is_empty()

@@ -13,6 +13,7 @@ use super::refine::SamplingKind;
 use super::request::{CameraSource, Opened};
 use super::{elided, name_of, navigate};
 use crate::effects::{Decision, EFFECTS, RayKind, id};
+use crate::error::printable;
 use crate::film::tone::{Exposure, MAX_EXPOSURE, ToneMap};
 use crate::film::{ColourPipeline, FilterShape};
 use crate::job::{EnvironmentSettings, RenderSettings};
@@ -95,7 +96,9 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
     let cameras = &contents.opened.scene.cameras;
     ui.horizontal(|ui| {
         let name = match &controls.camera_source {
-            CameraSource::Scene(index) => cameras.get(*index).map_or("", |camera| &camera.name).to_owned(),
+            CameraSource::Scene(index) => {
+                cameras.get(*index).map_or("".into(), |camera| printable(&camera.name)).into_owned()
+            }
             CameraSource::Fitted(view) => view.name().to_owned(),
             CameraSource::Free(_) => "free".to_owned(),
         };
@@ -103,7 +106,10 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
         let list = list.show_ui(ui, |ui| {
             for (index, camera) in cameras.iter().enumerate() {
                 if ui
-                    .selectable_label(controls.camera_source == CameraSource::Scene(index), &camera.name)
+                    .selectable_label(
+                        controls.camera_source == CameraSource::Scene(index),
+                        printable(&camera.name),
+                    )
                     .clicked()
                 {
                     (controls.camera_source, controls.projection) = (CameraSource::Scene(index), None);
@@ -305,7 +311,7 @@ fn reading(ui: &mut Ui, opened: &Opened, controls: &mut Controls) {
         let list = ComboBox::from_label("clip").selected_text(elided(&played.name, LIST_LENGTH));
         let list = list.show_ui(ui, |ui| {
             for clip in clips {
-                let entry = ui.selectable_label(std::ptr::eq(clip, played), &clip.name);
+                let entry = ui.selectable_label(std::ptr::eq(clip, played), printable(&clip.name));
                 if entry.on_hover_text(format!("{:.2} s", clip.duration)).clicked() {
                     (reading.clip, reading.time) = (Some(ClipChoice::Index(clip.index)), None);
                     controls.restart();

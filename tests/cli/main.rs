@@ -10,5 +10,7 @@ mod command;
 mod farm;
 mod info;
 mod mistakes;
+mod outputs;
 mod tone;
+mod untrusted_text;
 mod viewer;

@@ -33,7 +33,7 @@ fn pixels(toml: &str, numerics: Numerics, samples: usize) -> Vec<[f32; 3]> {
     let settings = PictureSettings { numerics: Some(numerics), samples, ..Default::default() }.into();
     let job = job::prepare(parse(toml), &settings, &mut kiln::error::Warnings::default()).expect("a job");
     let (film, statistics) = job.render::<[f32; 3]>(&RenderControl::default()).expect("a picture");
-    assert_eq!((statistics.non_finite.0, statistics.discarded_samples), (0, 0));
+    assert_eq!((statistics.non_finite.len(), statistics.discarded_samples), (0, 0));
     film.rows().collect()
 }
 

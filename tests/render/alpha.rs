@@ -24,7 +24,7 @@ fn settings(samples: u32, transport: Transport) -> RenderSettings {
 fn render(scene: Scene, settings: &RenderSettings) -> (Film, Statistics) {
     let job = prepare(scene, settings, &mut Warnings::default()).expect("a job");
     let (film, statistics) = job.render(&RenderControl::default()).expect("a picture");
-    assert_eq!(statistics.non_finite.0, 0);
+    assert_eq!(statistics.non_finite, []);
     (film, statistics)
 }
 

@@ -61,7 +61,7 @@ fn job_of(scene: Scene, transport: Transport, samples: u32) -> RenderJob {
 fn render(scene: Scene) -> Film {
     let (film, statistics) =
         job(scene, Transport::Path).render(&RenderControl::default()).expect("a picture");
-    assert_eq!(statistics.non_finite.0, 0);
+    assert_eq!(statistics.non_finite, []);
     film
 }
 

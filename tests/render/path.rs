@@ -25,7 +25,7 @@ pub(crate) fn settings(samples: u32, depth: u32) -> RenderSettings {
 pub(crate) fn render(scene: Scene, settings: &RenderSettings) -> Film {
     let job = prepare(scene, settings, &mut Warnings::default()).expect("a job");
     let (film, statistics) = job.render(&RenderControl::default()).expect("a picture");
-    assert_eq!(statistics.non_finite.0, 0);
+    assert_eq!(statistics.non_finite, []);
     film
 }
 

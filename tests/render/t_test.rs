@@ -26,7 +26,7 @@ pub fn settings(samples: u32, depth: u32, seed: u32) -> RenderSettings {
 /// The picture of a job with the statistics of its samples.
 pub fn estimate(job: &RenderJob) -> Estimate {
     let (film, statistics): (Film, _) = job.render(&RenderControl::default()).expect("a picture");
-    assert_eq!(statistics.non_finite.0, 0);
+    assert_eq!(statistics.non_finite, []);
     let selection = AovSelection::new(&["samples".into(), "variance".into()]).expect("names");
     let channels =
         aov::channels(&job.aov_source(Some(&film)), &selection, &RenderControl::default()).expect("channels");

@@ -37,6 +37,61 @@ fn exr(file: &Path, size: usize, odd: [f32; 3]) {
     exr::prelude::write_rgb_file(file, size, size, pixel).expect("the picture is written");
 }
 
+/// An even PNG of 8 x 8 pixels, with an alpha channel or without.
+fn png(file: &Path, colour: [u8; 3], alpha: Option<u8>) {
+    let [r, g, b] = colour;
+    match alpha {
+        Some(alpha) => image::RgbaImage::from_pixel(8, 8, image::Rgba([r, g, b, alpha])).save(file),
+        None => image::RgbImage::from_pixel(8, 8, image::Rgb(colour)).save(file),
+    }
+    .expect("the picture is written");
+}
+
+/// The same with the values of linear light, multiplied by alpha.
+fn exr_with_alpha(file: &Path, value: f32, alpha: f32) {
+    let value = value * alpha;
+    exr::prelude::write_rgba_file(file, 8, 8, |_, _| (value, value, value, alpha)).expect("it is written");
+}
+
+#[test]
+fn alpha_is_a_channel() {
+    let shop = Workshop::with("scene.toml", SCENE);
+    png(&shop.path("rgb.png"), [255, 0, 0], None);
+    png(&shop.path("opaque.png"), [255, 0, 0], Some(255));
+    png(&shop.path("half.png"), [255, 0, 0], Some(51));
+    png(&shop.path("white.png"), [255; 3], Some(51));
+    exr_with_alpha(&shop.path("white.exr"), 1.0, 0.2);
+    exr_with_alpha(&shop.path("opaque.exr"), 1.0, 1.0);
+    // An alpha of 255 is that of a picture without.
+    let same = shop.json("compare --json rgb.png opaque.png");
+    assert_eq!((&same["verdict"], &same["errors"]["alpha"]), (&"same".into(), &serde_json::Value::Null));
+    for (pair, values) in [("opaque.png half.png", "display"), ("opaque.exr white.exr", "linear")] {
+        let (code, text, _) = shop.said(&format!("compare {pair}"));
+        assert_eq!(code, 1, "{pair}");
+        assert!(text.contains("of alpha, a fourth channel"), "{text}");
+        let errors = shop.json(&format!("compare --json {pair}"))["errors"].clone();
+        let figure = |name: &str| errors["figures"][name].as_f64().expect("a figure");
+        assert_eq!(errors["values"], values);
+        assert!((errors["alpha"].as_f64().expect("a figure") - 0.8).abs() < 1e-6, "{errors}");
+        assert_eq!(figure("differing"), 1.0, "every pixel differs");
+        assert!(figure("flip") > 0.05, "{errors}");
+        assert!((figure("max") - 0.8).abs() < 1e-6, "{errors}");
+        assert_eq!(shop.said(&format!("compare {pair} --fail-above max=0.5")).0, 2);
+        assert_eq!(shop.said(&format!("compare {pair} --heat-map map.png")).0, 1);
+        let map = image::open(shop.path("map.png")).expect("a picture").into_rgb8();
+        assert_ne!(map.get_pixel(4, 4).0, [0, 0, 4], "the colour of no error");
+    }
+    // Of four channels alpha alone differs, by 0.8: sqrt(0.64 / 4) = 0.4.
+    let errors = shop.json("compare --json opaque.png half.png")["errors"].clone();
+    assert!((errors["figures"]["rmse"].as_f64().expect("a figure") - 0.4).abs() < 1e-6, "{errors}");
+    // Colours of OpenEXR are multiplied by alpha, those of PNG are not; 51 / 255 = 0.2.
+    let mixed = shop.json("compare --json white.png white.exr")["errors"].clone();
+    assert_eq!(mixed["values"], "display");
+    assert!(mixed["figures"]["max"].as_f64().expect("a figure") < 1e-6, "{mixed}");
+    let different = shop.json("compare --json white.png opaque.exr")["errors"].clone();
+    assert!((different["alpha"].as_f64().expect("a figure") - 0.8).abs() < 1e-6, "{different}");
+}
+
 #[test]
 fn exit_codes_say_how_far_pictures_are_apart() {
     let shop = Workshop::with("scene.toml", SCENE);

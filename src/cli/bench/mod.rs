@@ -67,7 +67,7 @@ const SCHEMA: u32 = 1;
 /// The JSON of a benchmark: its rows in an [`Envelope`].
 fn report(subject: &str, rows: Value) -> String {
     // Instruction sets are stated by row.
-    format!("{:#}\n", Envelope::new(SCHEMA, subject.to_owned(), typed(), None).around(rows))
+    super::json_text(&Envelope::new(SCHEMA, subject.to_owned(), typed(), None).around(rows))
 }
 
 /// Runs `work` on a thread pool, with a progress bar on a terminal.

@@ -13,7 +13,7 @@ use super::{aligned, three_digits, with_progress};
 use crate::bench::price::{self, PicturePrice, PriceRow, TRANSPORTS, price};
 use crate::bench::speed::{Kind, RaySets};
 use crate::error::Result;
-use crate::files::write_whole;
+use crate::files::{check_writable, write_whole};
 use crate::job::RenderSettings;
 use crate::scene::option::group;
 use crate::scene::{PictureSettings, Transport};
@@ -40,6 +40,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     let (scene, mesh, setup) = arguments.subject.load()?;
+    arguments.plot.iter().try_for_each(|file| check_writable(file))?;
     let one = pool(Some(1))?;
     let rows = with_progress(None, "measuring", interrupted, |control| {
         let rays = RaySets::new(&mesh, &setup);

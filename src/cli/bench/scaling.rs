@@ -11,7 +11,7 @@ use super::speed::{Report, chosen, json};
 use super::{aligned, grouped, three_digits, with_progress};
 use crate::bench::speed::{self, Kind, ScalingStep, Settings, scaling, sizes};
 use crate::error::Result;
-use crate::files::write_whole;
+use crate::files::{check_writable, write_whole};
 use crate::scene::option::group;
 use crate::timing::Clock;
 
@@ -48,6 +48,7 @@ pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()>
         [] => speed::defaults(threads),
         typed => chosen(typed, threads)?.0,
     };
+    arguments.plot.iter().try_for_each(|file| check_writable(file))?;
     let timed = pool(Some(arguments.threads))?;
     let steps = with_progress(None, "timing", interrupted, |control| {
         let settings = Settings { runs: arguments.runs, pool: &timed, check: false };

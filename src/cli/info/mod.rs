@@ -14,9 +14,9 @@ use clap::Args;
 use serde_json::json;
 
 use super::arguments::inputs_help;
-use super::print;
+use super::{json_text, print};
 use crate::effects::check_scene;
-use crate::error::{Result, Warnings};
+use crate::error::{Result, Warnings, printable};
 use crate::import::{self, FileNames};
 use crate::scene::ImportOptions;
 use crate::scene::option::group;
@@ -64,7 +64,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     report["notes"] = json!(warnings.notes());
     // By the importers and by a render without options.
     report["left_out"] = all.into_iter().flat_map(Warnings::all_left_out).cloned().collect();
-    if arguments.json { print(&format!("{report:#}\n")) } else { print(&lines.0) }
+    if arguments.json { print(&json_text(&report)) } else { print(&lines.0) }
 }
 
 /// Lines of text, each with a label.
@@ -73,6 +73,6 @@ struct Lines(String);
 
 impl Lines {
     fn add(&mut self, label: &str, value: impl std::fmt::Display) {
-        let _ = writeln!(self.0, "{label:<12}{value}");
+        let _ = writeln!(self.0, "{label:<12}{}", printable(&value.to_string()));
     }
 }

@@ -183,15 +183,7 @@ impl Buffers {
                 }
             }
             if let Some(recorder) = &mut tile.recorder {
-                let sources: Vec<u32> = light_paths.iter().map(|path| path.camera_ray).collect();
-                recorder.record_occlusion(
-                    LIGHT_RAYS,
-                    tile.depth,
-                    None,
-                    &sources,
-                    shadow_rays.rays(),
-                    occluded,
-                );
+                recorder.record_occlusion(LIGHT_RAYS, tile.depth, None, shadow_rays.rays(), occluded);
             }
             tile.count(LIGHT_RAYS, occluded.len(), occluded.iter().filter(|&&occluded| occluded).count());
         }

@@ -124,7 +124,7 @@ fn test_occlusion(
             }
         }
         if let Some(recorder) = recorder {
-            recorder.record_occlusion(RAYS, *depth, Some(index), tested, rays.rays(), occluded);
+            recorder.record_occlusion(RAYS, *depth, Some(index), rays.rays(), occluded);
         }
         cast += occluded.len();
         let blocked_here = occluded.iter().filter(|&&blocked| blocked).count();

@@ -85,7 +85,7 @@ fn lift_origins(own: &mut Buffers, tile: &mut Tile, context: &RenderContext) {
     occluded.clear();
     world.accelerator.are_occluded(rays.rays(), occluded, traversal);
     if let Some(recorder) = recorder {
-        recorder.record_occlusion(RAYS, *depth, None, lifted, rays.rays(), occluded);
+        recorder.record_occlusion(RAYS, *depth, None, rays.rays(), occluded);
     }
     let blocked = lifted.iter().zip(&*occluded).filter(|(_, blocked)| **blocked);
     let mut blocked_count = 0;

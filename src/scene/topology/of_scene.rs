@@ -18,7 +18,7 @@ impl Topology {
     /// meshes by material. A mesh that several objects share is analysed once, by itself, and counted for each of them.
     ///
     /// # Errors
-    /// [`Error::Failed`] if the analysis takes more memory than there is.
+    /// [`Error::Memory`] if the analysis takes more memory than there is.
     pub fn of_scene(scene: &Scene) -> Result<Self> {
         let mut own: Vec<(usize, &Mesh)> = Vec::new();
         let mut shared: HashMap<*const Mesh, (usize, &Placed, usize)> = HashMap::new();
@@ -137,5 +137,5 @@ fn check_memory([triangles, positions]: [usize; 2]) -> Result<()> {
     let bytes = [triangles, positions].map(|count| count as u64);
     let bytes = limits::product(&[bytes[0], BYTES[0]]).saturating_add(limits::product(&[bytes[1], BYTES[1]]));
     limits::check(bytes)
-        .map_err(|excess| Error::Failed { what: format!("{what} {excess}"), hint: excess.remedy() })
+        .map_err(|excess| Error::Memory { what: format!("{what} {excess}"), hint: excess.remedy() })
 }

@@ -144,8 +144,9 @@ fn image_warnings(rendered: &RenderedImage) -> Vec<String> {
         image_warnings
             .push(format!("{} sphere(s) with a radius that is 0 in `{tier}`; left out", world.too_small));
     }
-    let (count, places) = &rendered.statistics.non_finite;
-    if let (1.., Some((x, y))) = (*count, places.first()) {
+    let non_finite = &rendered.statistics.non_finite;
+    if let Some((x, y)) = non_finite.first() {
+        let count = non_finite.len();
         image_warnings.push(format!("{count} pixel(s) are not finite numbers, the first at ({x}, {y})"));
     }
     if rendered.is_last && rendered.statistics.rays(RayKind::PRIMARY).hit == 0 {

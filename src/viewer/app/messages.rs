@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use egui::{Context, ViewportCommand};
 
 use super::App;
-use crate::error::Error;
+use crate::error::{Error, printable};
 use crate::import::{FileNames, FileRead};
 use crate::viewer::controls::Controls;
 use crate::viewer::loader::Loaded;
@@ -75,7 +75,7 @@ impl App {
             self.names = FileNames::of(&self.inputs);
         }
         let texts = warnings.messages().iter().chain(warnings.notes());
-        self.warnings = texts.map(|text| self.names.shorten(text)).collect();
+        self.warnings = texts.map(|text| printable(&self.names.shorten(text)).into_owned()).collect();
         self.notice.take_if(|notice| notice.is_error);
         self.opened = Some(opened);
     }

@@ -14,7 +14,7 @@ use super::with_progress;
 use crate::bench::speed::{self, RaySets, Settings, SpeedRow, engines, measure, page};
 use crate::bench::{Engine, Label, Unavailable};
 use crate::error::{Error, Result};
-use crate::files::write_whole;
+use crate::files::{check_writable, write_whole};
 use crate::scene::option::group;
 
 #[derive(Args)]
@@ -52,6 +52,7 @@ pub(crate) struct Report<'a> {
 pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     let (engines, absent) = chosen(&arguments.engine, usize::from(arguments.threads))?;
     let (_, mesh, setup) = arguments.subject.load()?;
+    arguments.page.iter().try_for_each(|file| check_writable(file))?;
     let timed = pool(Some(arguments.threads))?;
     let rows = with_progress(None, "timing", interrupted, |control| {
         let ray_sets = RaySets::new(&mesh, &setup);

@@ -6,6 +6,7 @@ use super::super::{aligned, grouped, three_digits};
 use super::Report;
 use crate::bench::Unavailable;
 use crate::bench::speed::{Kind, SpeedRow, best};
+use crate::error::printable;
 use crate::timing::{Clock, Spread};
 
 /// Tables of throughput, of build and memory, and of the fastest engines.
@@ -13,7 +14,7 @@ pub(crate) fn tables(report: &Report) -> String {
     let mut text = String::new();
     if let Some(row) = report.rows.first() {
         let count = |kind: Kind| format!("{} {}", grouped(row.rays[kind as usize] as u64), kind.name());
-        let _ = writeln!(text, "{}: {} triangles", report.subject, grouped(row.triangles as u64));
+        let _ = writeln!(text, "{}: {} triangles", printable(report.subject), grouped(row.triangles as u64));
         let _ = writeln!(text, "rays: {}", Kind::ALL.map(count).join(", "));
         let _ = writeln!(
             text,
