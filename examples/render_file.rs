@@ -1,5 +1,5 @@
 //! Renders a file to a PNG, as `kiln render` does without options. The file is a scene (.toml) or a mesh (.obj, .gltf,
-//! .glb, .ply, .stl).
+//! .glb, .ply, .stl, .off, .3mf).
 //!
 //! ```sh
 //! cargo run --release --example render_file -- scenes/assignment.toml assignment.png

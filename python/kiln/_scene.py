@@ -102,9 +102,9 @@ def _load(source: Source, options: Mapping[str, Any], with_picture: bool) -> _ki
 class Scene:
     """A scene: meshes, spheres, materials, lights and cameras.
 
-    source: a file or several (.toml, .obj, .gltf, .glb, .ply, .stl), the contents of a .toml, .glb or .ply file as
-    bytes, the keys of a scene file as a dict (docs/scene-files.md), a mesh or a scene of trimesh, a Scene to copy, or
-    nothing.
+    source: a file or several (.toml, .obj, .gltf, .glb, .ply, .stl, .off, .3mf), the contents of a .toml, .glb, .ply,
+    .off or .3mf file as bytes, the keys of a scene file as a dict (docs/scene-files.md), a mesh or a scene of trimesh,
+    a Scene to copy, or nothing.
     options: those of `kiln render` that say how files are read, such as up="z" or smooth=30.
 
     Scenes from a scene file or a dict are rendered as these say; others get a default look: light, ground, background.

@@ -3,7 +3,7 @@
 /// What to do with a file of a format that is not read, by its ending: the programs that convert it.
 pub(super) fn advice_on(ending: &str) -> String {
     match ending {
-        "fbx" | "dae" | "3ds" | "3mf" | "x3d" | "wrl" | "lwo" | "x" | "ase" | "ac" | "md5mesh" | "off" => {
+        "fbx" | "dae" | "3ds" | "x3d" | "wrl" | "lwo" | "x" | "ase" | "ac" | "md5mesh" => {
             format!("convert it with Blender or assimp: `assimp export in.{ending} out.glb -fglb2`")
         }
         "blend" | "usd" | "usda" | "usdc" | "usdz" | "abc" => {

@@ -12,9 +12,9 @@ impl<'a> Lines<'a> {
         Lines { rest: text, number: before }
     }
 
-    /// Bytes in the remaining lines, terminators included.
-    pub(crate) fn bytes_left(&self) -> usize {
-        self.rest.len()
+    /// The remaining lines.
+    pub(crate) fn rest(&self) -> &'a [u8] {
+        self.rest
     }
 }
 

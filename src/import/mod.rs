@@ -1,4 +1,4 @@
-//! Importers: read OBJ, glTF, PLY, STL and scene files, alone or together, into a [`Scene`].
+//! Importers: read OBJ, glTF, PLY, STL, OFF, 3MF and scene files, alone or together, into a [`Scene`].
 //!
 //! Input is validated here once. The returned scene is finite and consistent; invalid data is an error with its place,
 //! or is omitted with a warning. To add a format, write an importer in its own file and list it in [`IMPORTERS`].
@@ -13,6 +13,7 @@
 //! # Ok::<(), kiln::error::Error>(())
 //! ```
 
+mod colours;
 mod converters;
 mod dependencies;
 mod environment;
@@ -26,6 +27,8 @@ mod lines;
 #[cfg(feature = "cli")]
 mod names;
 mod obj;
+mod off;
+mod parts;
 mod ply;
 mod polygon;
 mod references;
@@ -35,6 +38,7 @@ mod sharing;
 mod smooth;
 mod stl;
 mod tangents;
+mod threemf;
 mod untextured;
 mod up;
 mod uri;
@@ -127,6 +131,24 @@ pub const IMPORTERS: &[Importer] = &[
         streams: false,
         read: stl::read,
     },
+    Importer {
+        name: "OFF",
+        endings: &["off"],
+        is_scene_file: false,
+        is_flat: false,
+        starts: &[b"OFF", b"COFF", b"NOFF", b"CNOFF", b"NCOFF", b"STOFF", b"STCNOFF"],
+        streams: false,
+        read: off::read,
+    },
+    Importer {
+        name: "3MF",
+        endings: &["3mf"],
+        is_scene_file: false,
+        is_flat: false,
+        starts: &[b"PK\x03\x04"],
+        streams: false,
+        read: threemf::read,
+    },
 ];
 
 /// The extensions of all supported formats: `.toml, .obj, ...`.
@@ -202,16 +224,21 @@ impl Source {
         }
     }
 
+    /// Adds an object. An unnamed one takes the name of the file.
+    fn add_object(&self, scene: &mut Scene, name: Option<String>, mesh: Mesh, material: MaterialId) {
+        let stem = self.file.file_stem().filter(|_| self.file != Path::new("-"));
+        let file_name = || stem.map_or_else(|| "mesh".into(), |stem| stem.to_string_lossy().into_owned());
+        let name = name.unwrap_or_else(file_name);
+        scene.objects.push(Object { name, input: 0, material, shape: Shape::Mesh(mesh) });
+    }
+
     /// A scene of meshes without materials of the file. Unnamed meshes take the name of the file.
     fn scene_of(&self, meshes: Vec<(Option<String>, Mesh)>) -> Scene {
-        let stem = self.file.file_stem().filter(|_| self.file != Path::new("-"));
-        let file_name = stem.map_or_else(|| "mesh".into(), |stem| stem.to_string_lossy().into_owned());
         let mut scene = Scene::default();
         let mut materials = DefaultMaterials::default();
         for (name, mesh) in meshes {
             let material = materials.of(&mesh, &mut scene);
-            let name = name.unwrap_or_else(|| file_name.clone());
-            scene.objects.push(Object { name, input: 0, material, shape: Shape::Mesh(mesh) });
+            self.add_object(&mut scene, name, mesh, material);
         }
         scene
     }
@@ -231,14 +258,19 @@ pub(crate) struct DefaultMaterials(HashMap<[bool; 2], MaterialId>);
 impl DefaultMaterials {
     /// The material of a mesh of `scene`.
     pub(crate) fn of(&mut self, mesh: &Mesh, scene: &mut Scene) -> MaterialId {
-        let [has_colours, has_alphas] = [mesh.colours.is_some(), mesh.alphas.is_some()];
-        *self.0.entry([has_colours, has_alphas]).or_insert_with(|| {
-            let grey = Phong::default();
-            let colour = if has_colours { Colour::Display(DVec3::ONE) } else { grey.colour };
-            let opacity = has_alphas.then_some(Opacity { factor: 1.0, texture: None, cutoff: None });
-            scene.add_material(Material::Phong(Phong { colour, opacity, ..grey }))
-        })
+        *self
+            .0
+            .entry([mesh.colours.is_some(), mesh.alphas.is_some()])
+            .or_insert_with(|| scene.add_material(Material::Phong(default_material(mesh))))
     }
+}
+
+/// The material of [`DefaultMaterials`] for a mesh.
+fn default_material(mesh: &Mesh) -> Phong {
+    let grey = Phong::default();
+    let colour = if mesh.colours.is_some() { Colour::Display(DVec3::ONE) } else { grey.colour };
+    let opacity = mesh.alphas.is_some().then_some(Opacity { factor: 1.0, texture: None, cutoff: None });
+    Phong { colour, opacity, ..grey }
 }
 
 /// Reads all inputs into one scene, in the given order.
@@ -257,8 +289,8 @@ pub fn load_with(inputs: &[PathBuf], options: &ImportOptions, warnings: &mut War
     load_by(inputs, &Files::default(), options, warnings)
 }
 
-/// Reads an input from memory, as `-` is read from standard input: a scene file, glTF or PLY. Files that it references
-/// are relative to the working directory.
+/// Reads an input from memory, as `-` is read from standard input: a scene file, glTF, PLY, OFF or 3MF. Files that it
+/// references are relative to the working directory.
 ///
 /// # Errors
 /// As those of [`load_with`].
@@ -382,9 +414,8 @@ const NO_TRIANGLES: &str = "has no triangles to draw";
 /// # Errors
 /// [`Error::Input`] for the first file.
 pub fn check_drawable(scene: &Scene) -> Result<()> {
-    let is_mesh = |file: &PathBuf| file != Path::new("-") && !is_scene_file(file);
     match scene.inputs.first() {
-        Some(file) if scene.objects.is_empty() && scene.inputs.iter().all(is_mesh) => {
+        Some(file) if scene.objects.is_empty() && !scene.has_settings => {
             let hint = "kiln draws faces, not points and lines; `kiln info` says what the file holds";
             Err(Error::input(file.as_path(), NO_TRIANGLES, hint))
         }
@@ -424,8 +455,9 @@ fn note_up(scene: &Scene, file: &Path, warnings: &mut Warnings) {
             warnings
                 .note(format!("{file_name}: seems to stand upright with {name} up; --up {name} turns it"));
         }
-        None if ending(file) == "stl" => {
-            warnings.note(format!("{file_name}: most STL files have z up; --up z turns it"));
+        None if ["stl", "3mf"].contains(&ending(file).as_str()) => {
+            let format = ending(file).to_uppercase();
+            warnings.note(format!("{file_name}: most {format} files have z up; --up z turns it"));
         }
         None => {}
     }

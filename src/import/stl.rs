@@ -1,36 +1,43 @@
 //! STL (3D Systems, "StereoLithography Interface Specification", 1989): ASCII and binary.
 //!
 //! Corners with equal coordinates are welded into one vertex, so that meshes are as closed as the file's corners are.
-//! Facet normals and the two attribute bytes per facet are ignored: surfaces are two-sided, and colours in the
-//! attribute bytes follow no standard.
+//! Facet normals are ignored: surfaces are two-sided. Colours of binary files are read in both conventions
+//! ([`colours`]). ASCII files are read as words: line ends have a meaning in names of solids alone.
 //!
 //! No crate is used: stl_io 0.11, the maintained one, reads every file that begins with `solid ` as ASCII, stops after
 //! the first of several solids, rejects files with a non-finite number, does not weld -0 and 0, and its errors have no
 //! line number.
+
+mod colours;
+mod words;
 
 use std::collections::HashMap;
 
 use glam::DVec3;
 
 use super::Source;
-use super::lines::{Lines, parse_number, shown, take_word};
+use super::lines::{parse_number, shown};
 use crate::error::{Error, Place, Result, Warnings};
 use crate::limits;
 use crate::scene::{Mesh, Scene};
+use colours::FacetColours;
+use words::Words;
 
 /// Sizes in bytes in binary files: header with the facet count; facet with normal and corners in f32 and two attribute
 /// bytes.
 const HEAD: usize = 84;
 const FACET: usize = 50;
 
+/// The words that begin a statement in ASCII files.
+const STATEMENTS: [&[u8]; 8] =
+    [b"solid", b"endsolid", b"facet", b"outer", b"loop", b"endfacet", b"vertex", b"endloop"];
+
 /// Reads an STL file into one mesh per solid.
 pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
-    let solids = if is_binary(&source.bytes) {
-        vec![(None, read_binary(source, warnings)?)]
-    } else {
-        read_ascii(source, warnings)?
-    };
-    Ok(source.scene_of(solids))
+    if is_binary(&source.bytes) {
+        return read_binary(source, warnings);
+    }
+    Ok(source.scene_of(read_ascii(source, warnings)?))
 }
 
 /// Facet count in the header of a binary file.
@@ -57,65 +64,100 @@ fn without_mark(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes)
 }
 
-fn read_binary(source: &Source, warnings: &mut Warnings) -> Result<Mesh> {
-    let bytes = source.bytes.as_slice();
+/// The number of facets of a binary file: that of its header; as many as there are where they are fewer, or where the
+/// header says 0, as programs write that do not return to it. Both with a warning.
+fn facet_count(source: &Source, warnings: &mut Warnings) -> Result<usize> {
+    let (bytes, file) = (source.bytes.as_slice(), source.file.display());
     let place = Place::item(&source.file, format!("byte {}", bytes.len()));
-    let fault = |what: String, hint: &str| Err(Error::input(place.clone(), what, hint));
     let Some(count) = claimed(bytes) else {
         let what = "ends within the header of binary STL; ASCII STL begins with `solid`";
-        return fault(what.into(), "export the file again");
+        return Err(Error::input(place, what, "export the file again"));
     };
-    let facets = bytes[HEAD..].chunks_exact(FACET);
-    if facets.len() < count {
-        let what = format!("ends after {} of {count} triangles", facets.len());
-        return fault(what, "export or copy the file again");
+    let (whole, rest) = ((bytes.len() - HEAD) / FACET, bytes.len() - HEAD);
+    if count > whole {
+        let what = format!("ends after {whole} of {count} triangles");
+        if whole == 0 {
+            return Err(Error::input(place, what, "export or copy the file again"));
+        }
+        warnings.left_out(format!("{file}: {what}; those that are there are drawn"));
+    } else if count == 0 && whole > 0 {
+        warnings.push(format!("{file}: its header says 0 triangles; drawn are the {whole} that are there"));
+    } else if rest > count * FACET {
+        let rest = rest - count * FACET;
+        warnings.left_out(format!("{file}: left out {rest} byte(s) after the last triangle"));
     }
-    if bytes.len() > HEAD + count * FACET {
-        let rest = bytes.len() - HEAD - count * FACET;
-        warnings
-            .left_out(format!("{}: left out {rest} byte(s) after the last triangle", source.file.display()));
-    }
+    let count = if count == 0 { whole } else { count.min(whole) };
     let each = size_of::<[u32; 3]>() + 3 * size_of::<DVec3>();
-    // The count was checked against the file size.
-    if let Err(excess) = limits::check(limits::product(&[count as u64, each as u64])) {
-        return fault(format!("{count} triangles: reading them {excess}"), &excess.hint());
-    }
+    limits::check(limits::product(&[count as u64, each as u64])).map_err(|excess| {
+        Error::input(place, format!("{count} triangles: reading them {excess}"), excess.hint())
+    })?;
+    Ok(count)
+}
+
+fn read_binary(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
+    let count = facet_count(source, warnings)?;
     let mut welder = Welder::default();
     welder.mesh.triangles.reserve(count);
-    for facet in facets.take(count) {
+    let mut colours = FacetColours::of_header(&source.bytes[..HEAD - 4]);
+    for facet in source.bytes[HEAD..].as_chunks::<FACET>().0.iter().take(count) {
         let number = |at: usize| {
             let bytes = facet[at..].first_chunk().copied().unwrap_or_default();
             f64::from(f32::from_le_bytes(bytes))
         };
         welder.add([12, 24, 36].map(|at| DVec3::new(number(at), number(at + 4), number(at + 8))));
+        colours.push(u16::from_le_bytes([facet[FACET - 2], facet[FACET - 1]]));
     }
-    Ok(welder.mesh)
+    let mut scene = source.scene_of(Vec::new());
+    let material = colours.add_to(&mut scene, &mut welder.mesh);
+    source.add_object(&mut scene, None, welder.mesh, material);
+    Ok(scene)
+}
+
+/// Solids and their names.
+type Solids = Vec<(Option<String>, Mesh)>;
+
+/// Whether a word is the beginning of a statement, but not one.
+fn is_cut(word: &[u8]) -> bool {
+    STATEMENTS.iter().any(|whole| whole.starts_with(word)) && !STATEMENTS.contains(&word)
+}
+
+fn has_triangles(solids: &Solids, welder: &Welder) -> bool {
+    let is_filled = |mesh: &Mesh| !mesh.triangles.is_empty();
+    is_filled(&welder.mesh) || solids.iter().any(|(_, mesh)| is_filled(mesh))
 }
 
 /// Reads the solids of an ASCII file and their names.
-fn read_ascii(source: &Source, warnings: &mut Warnings) -> Result<Vec<(Option<String>, Mesh)>> {
-    let mut solids = Vec::new();
+fn read_ascii(source: &Source, warnings: &mut Warnings) -> Result<Solids> {
+    let mut solids = Solids::new();
     let mut name = None;
     let mut welder = Welder::default();
     let mut corners: Vec<DVec3> = Vec::new();
-    let (mut last, mut is_open) = (1, false);
-    for (number, line) in Lines::new(without_mark(&source.bytes), 0) {
-        let fault = |what: String| Error::input(Place::line(&source.file, number), what, "correct the line");
-        let mut rest = line;
-        let Some(word) = take_word(&mut rest) else { continue };
-        last = number;
+    let mut is_open = false;
+    let mut words = Words::new(without_mark(&source.bytes));
+    while let Some(word) = words.next_statement() {
+        let line = words.line;
+        let fault =
+            |what: String| Err(Error::input(Place::line(&source.file, line), what, "correct the line"));
         match word.to_ascii_lowercase().as_slice() {
-            b"solid" => {
+            b"solid" if corners.is_empty() => {
                 solids.push((name.take(), std::mem::take(&mut welder).mesh));
-                name = Some(shown(rest.trim_ascii())).filter(|name| !name.is_empty());
+                name = Some(shown(words.name(&[b"facet", b"endsolid"]))).filter(|name| !name.is_empty());
                 is_open = true;
             }
-            b"endsolid" => is_open = false,
-            b"facet" | b"outer" | b"endfacet" if corners.is_empty() => {}
+            b"endsolid" if corners.is_empty() => {
+                words.name(&[b"solid"]);
+                is_open = false;
+            }
+            b"facet" if corners.is_empty() => words.skip_normal(),
+            b"outer" if corners.is_empty() => words.skip(b"loop"),
+            b"loop" | b"endfacet" if corners.is_empty() => {}
             b"vertex" => {
-                let mut next = || take_word(&mut rest).and_then(parse_number);
+                let mut next = || words.next().and_then(parse_number);
                 let (Some(x), Some(y), Some(z)) = (next(), next(), next()) else {
-                    return Err(fault("a vertex without three numbers".into()));
+                    if words.is_at_end() && has_triangles(&solids, &welder) {
+                        break;
+                    }
+                    return fault("a vertex without three numbers".into());
                 };
                 corners.push(DVec3::new(x, y, z));
             }
@@ -124,22 +166,24 @@ fn read_ascii(source: &Source, warnings: &mut Warnings) -> Result<Vec<(Option<St
                     welder.add([a, b, c]);
                     corners.clear();
                 }
-                _ => return Err(fault(format!("a facet of {} vertices, not 3", corners.len()))),
+                _ => return fault(format!("a facet of {} vertices, not 3", corners.len())),
             },
-            _ if corners.is_empty() => return Err(fault("not a statement of STL files".into())),
-            _ => return Err(fault("neither `vertex` nor `endloop` in a facet".into())),
+            // The end of the file may cut a word.
+            cut if words.is_at_end() && has_triangles(&solids, &welder) && is_cut(cut) => break,
+            _ if corners.is_empty() => return fault("not a statement of STL files".into()),
+            _ => return fault("neither `vertex` nor `endloop` in a facet".into()),
         }
     }
-    if !corners.is_empty() {
-        let place = Place::line(&source.file, last);
+    solids.push((name, welder.mesh));
+    solids.retain(|(_, mesh)| !mesh.triangles.is_empty());
+    if solids.is_empty() && !corners.is_empty() {
+        let place = Place::line(&source.file, words.line);
         return Err(Error::input(place, "the file ends within a facet", "export or copy the file again"));
     }
     if is_open {
         let what = "ends without `endsolid`, so it may not be whole";
         warnings.push(format!("{}: {what}", source.file.display()));
     }
-    solids.push((name, welder.mesh));
-    solids.retain(|(_, mesh)| !mesh.triangles.is_empty());
     Ok(solids)
 }
 
@@ -169,7 +213,7 @@ impl Welder {
 mod tests {
     use super::*;
     use crate::import::dependencies::Files;
-    use crate::scene::Shape;
+    use crate::scene::{Phong, Shape};
 
     fn read_bytes(bytes: Vec<u8>) -> Result<(Vec<(String, Mesh)>, Warnings)> {
         let mut warnings = Warnings::default();
@@ -195,7 +239,7 @@ mod tests {
             // The normal is 0, because it is ignored.
             out.extend([0; 12]);
             out.extend(facet.as_flattened().iter().flat_map(|x| x.to_le_bytes()));
-            out.extend([0xff; 2]);
+            out.extend([0; 2]);
         }
         out
     }
@@ -256,11 +300,111 @@ mod tests {
         assert_eq!(text("sold"), format!("a.stl: byte 4: {what}"));
         // 84 + 4 * 50 = 284.
         let bytes = |bytes: Vec<u8>| read_bytes(bytes).map(|(_, warnings)| warnings);
-        let e = bytes(binary(b"solid", 4)[..283].to_vec()).expect_err("it is cut off");
-        assert_eq!(e.to_string(), "a.stl: byte 283: ends after 3 of 4 triangles");
-        let e = bytes(binary(b"", u32::MAX)).expect_err("it is cut off");
-        assert_eq!(e.to_string(), "a.stl: byte 284: ends after 4 of 4294967295 triangles");
+        let e = bytes(binary(b"", 4)[..133].to_vec()).expect_err("it is cut off");
+        assert_eq!(e.to_string(), "a.stl: byte 133: ends after 0 of 4 triangles");
         let warnings = bytes(binary(b"", 3)).expect("three triangles");
         assert_eq!(warnings.messages(), ["a.stl: left out 50 byte(s) after the last triangle"]);
+    }
+
+    #[test]
+    fn what_is_there_of_a_short_file_is_read() {
+        let read = |bytes: Vec<u8>| {
+            let (meshes, warnings) = read_bytes(bytes).expect("some triangles");
+            (meshes[0].1.triangles.len(), warnings.messages().join("; "))
+        };
+        let (count, said) = read(binary(b"solid", 4)[..283].to_vec());
+        assert_eq!(
+            (count, said.as_str()),
+            (3, "a.stl: ends after 3 of 4 triangles; those that are there are drawn")
+        );
+        let (count, said) = read(binary(b"", u32::MAX));
+        assert!(count == 4 && said.contains("ends after 4 of 4294967295 triangles"), "{count}: {said}");
+        // A program that does not return to its header.
+        let (count, said) = read(binary(b"", 0));
+        assert_eq!(
+            (count, said.as_str()),
+            (4, "a.stl: its header says 0 triangles; drawn are the 4 that are there")
+        );
+        // Text that is cut within its third facet.
+        let text = ascii("a", "\n");
+        let cut =
+            text.windows(8).enumerate().filter(|(_, word)| word == b"endfacet").nth(1).expect("facets").0
+                + 60;
+        let (count, said) = read(text[..cut].to_vec());
+        assert_eq!((count, said.as_str()), (2, "a.stl: ends without `endsolid`, so it may not be whole"));
+    }
+
+    /// Two-word ends, all words on one line, words in any case, names of several words, and names that hold words of
+    /// the format.
+    #[test]
+    fn text_is_words_and_not_lines() {
+        let text = String::from_utf8(ascii("left facet wing", "\n")).expect("ASCII");
+        let two_words = text.replace("end", "end ");
+        for text in [
+            text.clone(),
+            two_words.clone(),
+            text.to_uppercase().replace("LEFT FACET WING", "left facet wing").replace('E', "e"),
+            text.replace('\n', " "),
+            two_words.replace('\n', "\t"),
+            text.replace(' ', "\n").replace("solid\nleft\nfacet\nwing", "solid left facet wing"),
+            text.replace("facet normal 0 0 nan", "facet normal -1.#IND 0 nan(x)"),
+            text.replace("facet normal 0 0 nan", "facet"),
+        ] {
+            let (meshes, warnings) =
+                read_bytes(text.repeat(2).into_bytes()).unwrap_or_else(|e| panic!("{e}: {text}"));
+            let found: Vec<_> =
+                meshes.iter().map(|(name, mesh)| (name.as_str(), mesh.triangles.len())).collect();
+            assert_eq!(found, [("left facet wing", 4); 2], "{text}");
+            assert!(warnings.is_empty(), "{warnings:?}");
+        }
+        let (meshes, warnings) = read_bytes(ascii("solid part", "\n")).expect("a solid");
+        assert_eq!((meshes[0].0.as_str(), meshes.len(), warnings.is_empty()), ("solid part", 1, true));
+    }
+
+    /// The four facets with these attribute bytes.
+    fn coloured(header: &[u8], words: [u16; 4]) -> (Mesh, Phong) {
+        let mut bytes = binary(header, 4);
+        for (facet, word) in words.into_iter().enumerate() {
+            let end = HEAD + FACET * (facet + 1);
+            bytes[end - 2..end].copy_from_slice(&word.to_le_bytes());
+        }
+        let source =
+            Source { file: "a.stl".into(), bytes, files: Files::default(), options: Default::default() };
+        let mut scene = read(&source, &mut Warnings::default()).expect("a whole file");
+        let Some(Shape::Mesh(mesh)) = scene.objects.pop().map(|object| object.shape) else {
+            panic!("a mesh")
+        };
+        let Some(crate::scene::Material::Phong(material)) = scene.materials.pop() else {
+            panic!("a material")
+        };
+        (mesh, material)
+    }
+
+    fn facets(mesh: &Mesh) -> Vec<DVec3> {
+        let colours = mesh.colours.as_ref().expect("colours");
+        let triangles = colours.triangles.as_ref().expect("colours of facets");
+        triangles.iter().map(|t| colours.values[t[0] as usize]).collect()
+    }
+
+    #[test]
+    fn colours_of_both_dialects() {
+        let grey = Phong::default().colour.to_pipeline(crate::film::ColourPipeline::Linear);
+        // VisCAM: bit 15 says that there is a colour, blue lowest.
+        let (mesh, material) = coloured(b"", [0x8000 | 31, 0x8000 | 31 << 5, 0x8000 | 31 << 10, 31]);
+        assert_eq!(facets(&mesh), [DVec3::Z, DVec3::Y, DVec3::X, grey]);
+        assert_eq!(material.colour, crate::film::Colour::Display(DVec3::ONE));
+        // Magics: bit 15 says that the facet has the colour of the part, red lowest.
+        let (mesh, material) = coloured(b"by hand COLOR=\xff\0\xff\x33", [31, 31 << 5, 31 << 10, 0x8000]);
+        assert_eq!(facets(&mesh), [DVec3::X, DVec3::Y, DVec3::Z, DVec3::new(1.0, 0.0, 1.0)]);
+        // 0x33 = 51 = 0.2 * 255.
+        assert_eq!(material.opacity.map(|opacity| opacity.factor), Some(0.2));
+        // The part alone; of a material the diffuse colour counts.
+        let (mesh, material) = coloured(b"COLOR=\xff\0\0\xff", [0x8000; 4]);
+        assert_eq!((mesh.colours, material.opacity), (None, None));
+        assert_eq!(material.colour, crate::film::Colour::from_u8([255, 0, 0]));
+        let header = b"COLOR=\xff\0\0\xff,MATERIAL=\0\0\xff\xff\x01\x02\x03\xff\x01\x02\x03\xff";
+        assert_eq!(coloured(header, [0x8000; 4]).1.colour, crate::film::Colour::from_u8([0, 0, 255]));
+        // Without either.
+        assert_eq!(coloured(b"", [0, 31, 0x7fff, 7]).0.colours, None);
     }
 }

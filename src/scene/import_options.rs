@@ -41,7 +41,7 @@ options! {
         /// Up axis of mesh files [default: y]
         [long, help_heading = group::INPUT, display_order = 0, allow_hyphen_values = true, value_name = "AXIS", value_parser = parser::<UpAxis>()] up: UpAxis,
         /// Smooth normals for mesh files without normals, up to this crease angle in degrees, 0 to 180; 0 is flat shading [default
-        /// without a number: 30] [default: 30 for OBJ, PLY and STL files, glTF files are flat]
+        /// without a number: 30] [default: 30, but glTF files are flat]
         [long, help_heading = group::INPUT, display_order = 1, value_name = "DEG", num_args = 0..=1, default_missing_value = "30", value_parser = parser::<Degrees>()]
         smooth: Degrees,
     }

@@ -1,5 +1,5 @@
 //! Scene description: plain data in double precision, without acceleration structures or render settings. Scene files,
-//! OBJ, glTF, PLY and STL files are all imported into a [`Scene`].
+//! OBJ, glTF, PLY, STL, OFF and 3MF files are all imported into a [`Scene`].
 //!
 //! Conventions: right-handed, +y up, no physical unit, column vectors; transforms are named `b_from_a`; angles are in
 //! radians (degrees in files). Primitives are numbered in the order of the description: objects as written, triangles

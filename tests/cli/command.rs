@@ -297,6 +297,21 @@ fn inputs_that_cannot_be_used_are_3() {
         assert!(said.starts_with(error), "{input}: {said}");
         assert!(advice.contains(hint), "{input}: {advice}");
     }
+    // Files without a triangle, whatever their format; what they hold is printed nevertheless.
+    workshop.write("points.off", "OFF\n1 0 0\n0 0 0\n");
+    let xyz = "property float x\nproperty float y\nproperty float z";
+    workshop
+        .write("points.ply", format!("ply\nformat ascii 1.0\nelement vertex 1\n{xyz}\nend_header\n0 0 0\n"));
+    workshop.write("empty.gltf", r#"{"asset": {"version": "2.0"}}"#);
+    for input in ["points.off", "points.ply", "empty.stl", "empty.obj", "empty.gltf"] {
+        for json in ["", " --json"] {
+            let output = workshop.run(&format!("info {input}{json}"));
+            let said = text(&output.stderr);
+            assert_eq!(output.status.code(), Some(3), "{input}: {said}");
+            assert_eq!(check_error(&said).0, format!("{input}: has no triangles to draw"));
+            assert!(!output.stdout.is_empty(), "{input}");
+        }
+    }
     let (said, _) = workshop.fail("info gone.obj", 3);
     assert_eq!(said, "gone.obj: no such file");
     assert!(!workshop.path("a.png").exists());

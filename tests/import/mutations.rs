@@ -110,6 +110,8 @@ fn damaged_files_are_drawn_or_refused() {
         ("square.gltf", gltf, "square.gltf"),
         ("square.ply", read("assets/import/square.ply"), "square.ply"),
         ("tetrahedron.stl", read("assets/import/tetrahedron.stl"), "tetrahedron.stl"),
+        ("square.off", read("assets/import/square.off"), "square.off"),
+        ("tetrahedron.3mf", read("assets/import/tetrahedron.3mf"), "tetrahedron.3mf"),
         ("binary.ply", binary_ply(), "binary.ply"),
         ("binary.stl", binary_stl(), "binary.stl"),
         ("glaze.toml", scene, "glaze.toml"),

@@ -115,6 +115,10 @@ const NOT_EFFECTS: &[(&str, &str)] = &[
     ("import/gltf/document.rs", "textures"),
     // The name of an image.
     ("import/gltf/look.rs", "alpha"),
+    // A property of vertices and faces.
+    ("import/ply.rs", "alpha"),
+    // An attribute of items and components.
+    ("import/threemf/model.rs", "path"),
     // A transport.
     ("scene/transport.rs", "path"),
     // A kind of ray of the benchmark.

@@ -42,6 +42,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut warnings = Warnings::default();
     let scene = import::load_with(&arguments.inputs, &arguments.import, &mut warnings)?;
     check_scene(&scene.effects)?;
+    let drawable = import::check_drawable(&scene);
     let after_loading = Memory::now();
     let topology = Topology::of_scene(&scene);
     let (mut report, mut lines) = (contents::to_json(&arguments.inputs, &scene, &topology), Lines::default());
@@ -64,7 +65,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     report["notes"] = json!(warnings.notes());
     // By the importers and by a render without options.
     report["left_out"] = all.into_iter().flat_map(Warnings::all_left_out).cloned().collect();
-    if arguments.json { print(&json_text(&report)) } else { print(&lines.0) }
+    if arguments.json {
+        print(&json_text(&report))?
+    } else {
+        print(&lines.0)?
+    }
+    // What the file holds is printed nevertheless.
+    drawable
 }
 
 /// Lines of text, each with a label.

@@ -20,6 +20,8 @@ pub(crate) enum Scalar {
     U16,
     I32,
     U32,
+    I64,
+    U64,
     F32,
     F64,
 }
@@ -34,6 +36,9 @@ impl Scalar {
             "ushort" | "uint16" => Scalar::U16,
             "int" | "int32" => Scalar::I32,
             "uint" | "uint32" => Scalar::U32,
+            // Of trimesh and VTK.
+            "int64" => Scalar::I64,
+            "uint64" => Scalar::U64,
             "float" | "float32" => Scalar::F32,
             "double" | "float64" => Scalar::F64,
             _ => return None,
@@ -46,7 +51,7 @@ impl Scalar {
             Scalar::I8 | Scalar::U8 => 1,
             Scalar::I16 | Scalar::U16 => 2,
             Scalar::I32 | Scalar::U32 | Scalar::F32 => 4,
-            Scalar::F64 => 8,
+            Scalar::I64 | Scalar::U64 | Scalar::F64 => 8,
         }
     }
 
@@ -56,7 +61,8 @@ impl Scalar {
             Scalar::I8 => f64::from(bits as i8),
             Scalar::I16 => f64::from(bits as i16),
             Scalar::I32 => f64::from(bits as i32),
-            Scalar::U8 | Scalar::U16 | Scalar::U32 => bits as f64,
+            Scalar::I64 => bits as i64 as f64,
+            Scalar::U8 | Scalar::U16 | Scalar::U32 | Scalar::U64 => bits as f64,
             Scalar::F32 => f64::from(f32::from_bits(bits as u32)),
             Scalar::F64 => f64::from_bits(bits),
         }
@@ -69,6 +75,16 @@ impl Scalar {
             Scalar::U16 => 65535.0,
             _ => 255.0,
         }
+    }
+
+    /// Whether values are floating-point numbers.
+    pub(crate) fn is_float(self) -> bool {
+        matches!(self, Scalar::F32 | Scalar::F64)
+    }
+
+    /// A value of a colour channel; some exporters declare bytes as `char`.
+    pub(crate) fn unsigned(self, value: f64) -> f64 {
+        if self == Scalar::I8 && value < 0.0 { value + 256.0 } else { value }
     }
 }
 
@@ -106,6 +122,8 @@ pub(crate) struct Header {
     pub encoding: Encoding,
     /// The elements in their order.
     pub elements: Vec<Element>,
+    /// The names after `comment TextureFile`, as MeshLab writes them.
+    pub texture_files: Vec<String>,
     /// Length of the header in bytes.
     pub bytes: usize,
     /// Length of the header in lines.
@@ -119,31 +137,38 @@ impl Header {
         let error = |line: usize, what: String, hint: &str| {
             Err(Error::input(Place::line(&source.file, line), what, hint))
         };
-        // The terminator of the first line is that of all: after a lone `\r`, a `\n` may be the first byte of binary
-        // data.
+        // A lone `\r` after the first line ends all: a `\n` after the last may be the first byte of binary data. Else
+        // lines end with `\n`, and a `\r` before it is white space.
         let first = bytes.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(bytes.len());
-        let end: &[u8] = match bytes[first..] {
-            [b'\r', b'\n', ..] => b"\r\n",
-            [b'\r', ..] => b"\r",
-            _ => b"\n",
+        let (end, skipped) = match bytes[first..] {
+            [b'\r', b'\n', ..] => (b'\n', 2),
+            [b'\r', ..] => (b'\r', 1),
+            _ => (b'\n', 1),
         };
         if bytes[..first].trim_ascii_end() != b"ply" {
             return error(1, "a PLY file begins with `ply`".into(), "export the file again, as PLY");
         }
-        let (mut at, mut lines) = (first + end.len(), 1);
-        let (mut encoding, mut elements) = (None, Vec::new());
+        let (mut at, mut lines) = (first + skipped, 1);
+        let (mut encoding, mut elements, mut texture_files) = (None, Vec::new(), Vec::new());
         loop {
             let rest = bytes.get(at..).unwrap_or_default();
-            let Some(length) = rest.windows(end.len()).position(|window| window == end) else {
+            let Some(length) = rest.iter().position(|&b| b == end) else {
                 let what = "the header does not end with a line `end_header`";
                 return error(lines, what.into(), "export the file again");
             };
-            at += length + end.len();
+            at += length + 1;
             lines += 1;
             let line = String::from_utf8_lossy(&rest[..length]);
             let words: Vec<&str> = line.split_ascii_whitespace().collect();
             if words.first() == Some(&"end_header") {
                 break;
+            }
+            if let ["comment", key, ..] = words[..]
+                && key.eq_ignore_ascii_case("TextureFile")
+            {
+                // The name may have spaces.
+                let name = line.split_once(key).map_or("", |(_, name)| name.trim());
+                texture_files.extend((!name.is_empty()).then(|| name.to_owned()));
             }
             if let Err(what) = take_line(&words, lines, &mut encoding, &mut elements) {
                 return error(lines, what, "correct the header");
@@ -152,7 +177,7 @@ impl Header {
         let Some(encoding) = encoding else {
             return error(lines, "the header has no line `format`".into(), "export the file again");
         };
-        Ok(Header { encoding, elements, bytes: at, lines })
+        Ok(Header { encoding, elements, texture_files, bytes: at, lines })
     }
 }
 

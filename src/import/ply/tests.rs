@@ -121,14 +121,203 @@ fn every_encoding_and_line_end_says_the_same() {
     }
 }
 
+/// A file that is cut is read up to the last whole element, with a warning, or is an error if its header is cut. What is
+/// there are the first vertices and the first triangles of the whole file.
 #[test]
-fn files_that_are_cut_off_are_errors_at_every_length() {
-    for encoding in ["ascii", "binary_little_endian"] {
+fn files_that_are_cut_off_are_read_as_far_as_they_go() {
+    for encoding in ["ascii", "binary_little_endian", "binary_big_endian"] {
         let whole = file(encoding, "\n");
+        let header = whole.windows(10).position(|word| word == b"end_header").expect("a header") + 11;
+        let (expected, _) = read_bytes(whole.clone()).expect("a whole file");
         // ASCII data is complete without the last terminator.
         let end = whole.len() - usize::from(encoding == "ascii");
         for length in 0..end {
-            assert!(read_bytes(whole[..length].to_vec()).is_err(), "{encoding}, {length} bytes");
+            let read = read_bytes(whole[..length].to_vec());
+            if length < header {
+                assert!(read.is_err(), "{encoding}, {length} bytes");
+                continue;
+            }
+            let (mesh, warnings) = read.unwrap_or_else(|e| panic!("{encoding}, {length} bytes: {e}"));
+            assert!(mesh.positions.len() <= 5 && mesh.triangles.len() <= 3);
+            // The last number of ASCII data may be cut within its digits.
+            let whole_rows = if encoding == "ascii" { mesh.positions.len().saturating_sub(1) } else { 5 };
+            let count = mesh.positions.len().min(whole_rows);
+            assert_eq!(mesh.positions[..count], expected.positions[..count], "{encoding}, {length} bytes");
+            if encoding != "ascii" {
+                assert_eq!(mesh.triangles[..], expected.triangles[..mesh.triangles.len()]);
+                assert!(warnings.messages()[0].contains("ends after"), "{warnings:?}");
+            }
+        }
+        let (mesh, warnings) = read_bytes(whole[..end - 2].to_vec()).expect("a mesh");
+        assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3]], "{encoding}");
+        let what = "a.ply: ends after 1 of 2 elements (face); what is there is drawn";
+        assert_eq!(warnings.messages(), [what], "{encoding}");
+        let (_, warnings) = read_bytes([&whole[..], b"more"].concat()).expect("a mesh");
+        assert_eq!(warnings.messages(), ["a.ply: left out 4 byte(s) after the last element"], "{encoding}");
+    }
+    // A count that no file can hold.
+    let text =
+        String::from_utf8(file("ascii", "\n")).expect("ASCII").replace("face 2", "face 18446744073709551615");
+    assert_eq!(read_bytes(text.into()).expect("a mesh").0.triangles.len(), 3);
+}
+
+const SQUARE: &str = "property float x\nproperty float y\nproperty float z";
+
+/// An ASCII file of a unit square as two triangles: properties of vertices and faces, and their values in rows.
+fn square(comments: &str, vertex: [&str; 2], face: [&str; 2], values: [&str; 2]) -> Vec<u8> {
+    let rows: Vec<String> =
+        ["0 0 0", "1 0 0", "1 1 0", "0 1 0"].iter().map(|row| format!("{row} {}", vertex[1])).collect();
+    format!(
+        "ply\r\nformat ascii 1.0\n{comments}element vertex 4\n{SQUARE}\n{}element face 2\n\
+         property list uchar int vertex_index\n{}end_header\n{}\n3 0 1 2 {}\n3 0 2 3 {}\n",
+        vertex[0],
+        face[0],
+        rows.join("\n"),
+        values[0],
+        values[1]
+    )
+    .into_bytes()
+}
+
+fn declared(scalar: &str, names: &[&str]) -> String {
+    names.iter().map(|name| format!("property {scalar} {name}\n")).collect()
+}
+
+/// 51 of 255, 13107 of 65535 and 0.2 are the same display value, ((0.2 + 0.055) / 1.055)^2.4 in linear light.
+#[test]
+fn colours_of_vertices_and_faces_by_every_name_and_type() {
+    let linear = DVec3::new((0.255f64 / 1.055).powf(2.4), 0.0, 1.0);
+    for names in [["red", "green", "blue", "alpha"], ["r", "g", "b", "a"], ["Red", "Green", "Blue", "Alpha"]]
+    {
+        for (scalar, row) in [
+            ("uchar", "51 0 255 51"),
+            ("uint8", "51 0 255 51"),
+            ("int", "51 0 255 51"),
+            ("ushort", "13107 0 65535 13107"),
+            ("float", "0.2 0 1 0.2"),
+            ("double", "0.2 0 1 0.2"),
+            ("float", "51 0 255 51"),
+        ] {
+            let properties = declared(scalar, &names);
+            let of_vertices = square("", [&properties, row], ["", ""], ["", ""]);
+            let of_faces = square("", ["", ""], [&properties, ""], [row, row]);
+            for (bytes, count) in [(of_vertices, 4), (of_faces, 2)] {
+                let (mesh, warnings) = read_bytes(bytes).expect("a square");
+                let colours = mesh.colours.expect("colours");
+                assert_eq!(colours.values.len(), count, "{scalar} {names:?}");
+                for colour in colours.values {
+                    assert!((colour - linear).length() < 1e-6, "{scalar} {row}: {colour}");
+                }
+                let alphas = mesh.alphas.expect("opacities").values;
+                assert!(alphas.iter().all(|alpha| (alpha - 0.2).abs() < 1e-6), "{scalar} {row}: {alphas:?}");
+                assert!(warnings.is_empty(), "{warnings:?}");
+            }
         }
     }
+}
+
+/// An alpha of 0 at every vertex is that of exporters that do not use it; one of 255 is opaque.
+#[test]
+fn alpha_throughout_is_none() {
+    let properties = declared("uchar", &["red", "green", "blue", "alpha"]);
+    for (row, notes) in [("1 2 3 255", 0), ("1 2 3 0", 1)] {
+        let (mesh, warnings) =
+            read_bytes(square("", [&properties, row], ["", ""], ["", ""])).expect("a square");
+        assert!(mesh.colours.is_some() && mesh.alphas.is_none());
+        assert_eq!((warnings.messages().len(), warnings.notes().len()), (0, notes), "{warnings:?}");
+    }
+}
+
+/// Meshes with colours of their own have a white material, so that nothing multiplies them.
+#[test]
+fn colours_are_not_multiplied() {
+    let properties = declared("uchar", &["red", "green", "blue"]);
+    let source =
+        |bytes| Source { file: "a.ply".into(), bytes, files: Files::default(), options: Default::default() };
+    let colour = |bytes: Vec<u8>| {
+        let scene = read(&source(bytes), &mut Warnings::default()).expect("a square");
+        let Material::Phong(material) = &scene.materials[scene.objects[0].material.0 as usize] else {
+            panic!("Phong")
+        };
+        material.colour
+    };
+    let white = Colour::Display(DVec3::ONE);
+    assert_eq!(colour(square("", [&properties, "200 100 50"], ["", ""], ["", ""])), white);
+    assert_eq!(colour(square("", ["", ""], [&properties, ""], ["200 100 50", "1 2 3"])), white);
+    assert_eq!(colour(square("", ["", ""], ["", ""], ["", ""])), Colour::from_u8([204; 3]));
+}
+
+/// The scene of a file beside the image `a b.png`, of red and green, and `c.png`, of green and red.
+fn textured_scene(bytes: Vec<u8>) -> (Scene, Warnings) {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, pixels) in [("a b.png", [255, 0, 0, 0, 255, 0]), ("c.png", [0, 255, 0, 255, 0, 0])] {
+        let image = image::RgbImage::from_raw(2, 1, pixels.into()).expect("two pixels");
+        image.save(folder.path().join(name)).expect("written");
+    }
+    let source = Source {
+        file: folder.path().join("a.ply"),
+        bytes,
+        files: Files::default(),
+        options: Default::default(),
+    };
+    let mut warnings = Warnings::default();
+    let scene = read(&source, &mut warnings).expect("a square");
+    (scene, warnings)
+}
+
+fn texture_and_mesh(scene: &Scene, object: usize) -> (Option<[u8; 3]>, &Mesh) {
+    let object = &scene.objects[object];
+    let Material::Phong(material) = &scene.materials[object.material.0 as usize] else { panic!("Phong") };
+    let Shape::Mesh(mesh) = &object.shape else { panic!("a mesh") };
+    (material.texture.map(|texture| scene.images[texture.image.0 as usize].pixels[0]), mesh)
+}
+
+#[test]
+fn images_by_coordinates_of_vertices_and_corners() {
+    let red = Some([255, 0, 0]);
+    for [u, v] in [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["tx", "ty"]] {
+        let properties = declared("float", &[u, v]);
+        let (scene, warnings) = textured_scene(square(
+            "comment TextureFile a b.png\n",
+            [&properties, "0.25 0.75"],
+            ["", ""],
+            ["", ""],
+        ));
+        let (first, mesh) = texture_and_mesh(&scene, 0);
+        assert_eq!((first, mesh.uvs[0].values[0]), (red, DVec2::new(0.25, 0.25)), "{u}");
+        assert!(warnings.is_empty(), "{warnings:?}");
+    }
+    // Corners: two faces of two images, and one of them without coordinates.
+    let list = "property list uchar float texcoord\nproperty int texnumber\n";
+    let comments = "comment TextureFile a b.png\ncomment TextureFile c.png\n";
+    let faces = ["6 0 0 1 0 1 1 1", "6 0 0 1 1 0 1 0"];
+    let (scene, warnings) = textured_scene(square(comments, ["", ""], [list, ""], faces));
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let (first, mesh) = texture_and_mesh(&scene, 0);
+    assert_eq!((scene.objects.len(), first), (2, red));
+    let [a, b, c] =
+        mesh.uvs[0].triangles.as_ref().expect("corners")[0].map(|i| mesh.uvs[0].values[i as usize]);
+    assert_eq!([a, b, c], [[0.0, 1.0], [1.0, 0.0], [0.0, 0.0]].map(DVec2::from_array));
+    let (second, mesh) = texture_and_mesh(&scene, 1);
+    assert_eq!((second, mesh.triangles.len()), (Some([0, 255, 0]), 1));
+    let faces = ["6 0 0 1 0 1 1 1", "0 -1"];
+    let (scene, _) = textured_scene(square(comments, ["", ""], [list, ""], faces));
+    assert_eq!(texture_and_mesh(&scene, 0).0, None);
+    assert_eq!(texture_and_mesh(&scene, 1).0, Some([0, 255, 0]));
+}
+
+#[test]
+fn images_without_coordinates_or_files_are_said() {
+    let properties = declared("float", &["s", "t"]);
+    let (scene, warnings) =
+        textured_scene(square("comment TextureFile c.png\n", ["", ""], ["", ""], ["", ""]));
+    assert!(
+        texture_and_mesh(&scene, 0).0.is_none() && format!("{warnings:?}").contains("no texture coordinates")
+    );
+    let missing = "comment TextureFile d.png\n";
+    let (scene, warnings) = textured_scene(square(missing, [&properties, "0 0"], ["", ""], ["", ""]));
+    assert!(
+        texture_and_mesh(&scene, 0).0.is_none() && format!("{warnings:?}").contains("d.png"),
+        "{warnings:?}"
+    );
 }

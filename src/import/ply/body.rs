@@ -1,0 +1,221 @@
+//! Values of PLY files, after the header.
+
+use super::super::Source;
+use super::super::lines::{Lines, parse_number, take_word};
+use super::header::{Element, Encoding, Header, Property, Scalar};
+use crate::error::{Error, Place, Result};
+use crate::limits;
+
+/// Why a value cannot be read.
+pub(super) enum Stop {
+    /// The file ends.
+    End,
+    /// It is invalid.
+    Fault(Error),
+}
+
+impl From<Error> for Stop {
+    fn from(error: Error) -> Self {
+        Stop::Fault(error)
+    }
+}
+
+pub(super) type Read<T> = std::result::Result<T, Stop>;
+
+/// Reader of the values after the header.
+pub(super) struct Body<'a> {
+    pub source: &'a Source,
+    encoding: Encoding,
+    /// Binary data: offset of the next byte.
+    at: usize,
+    /// ASCII data: the remaining lines, the number of the current line, and its remaining words.
+    lines: Lines<'a>,
+    line: usize,
+    words: &'a [u8],
+    /// Number of lines with more values than declared.
+    pub longer: usize,
+    /// Where the file ends: a name of the element, the number of them that is there, the declared one.
+    pub short: Option<(&'static str, u64, u64)>,
+}
+
+impl<'a> Body<'a> {
+    pub(super) fn new(source: &'a Source, header: &Header) -> Self {
+        Body {
+            source,
+            encoding: header.encoding,
+            at: header.bytes,
+            lines: Lines::new(&source.bytes[header.bytes..], header.lines),
+            line: header.lines,
+            words: &[],
+            longer: 0,
+            short: None,
+        }
+    }
+
+    /// An error at the current line or byte.
+    pub(super) fn fault(&self, what: impl Into<String>) -> Stop {
+        let place = match self.encoding {
+            Encoding::Ascii => Place::line(&self.source.file, self.line),
+            _ => Place::item(&self.source.file, format!("byte {}", self.at)),
+        };
+        Stop::Fault(Error::input(place, what, "export the file again"))
+    }
+
+    /// An error in the declaration of an element.
+    pub(super) fn fault_of(&self, element: &Element, what: impl Into<String>) -> Error {
+        Error::input(Place::line(&self.source.file, element.line), what, "export the file again")
+    }
+
+    /// The largest number of an element that the rest of the file can hold, at most the declared one, after a check
+    /// that memory suffices for `bytes` each.
+    pub(super) fn count(&self, element: &Element, bytes: usize) -> Result<usize> {
+        let left = match self.encoding {
+            // The last line may lack a terminator.
+            Encoding::Ascii => self.lines.rest().len() as u64 + 1,
+            _ => self.bytes_left() as u64,
+        };
+        let least = element.least_bytes(self.encoding).max(1);
+        let count = element.count.min(left / least);
+        limits::check(limits::product(&[count, bytes as u64])).map_err(|excess| {
+            let what = format!("{count} elements: reading them {excess}");
+            Error::input(Place::line(&self.source.file, element.line), what, excess.hint())
+        })?;
+        Ok(count as usize)
+    }
+
+    /// Bytes after those that were read.
+    pub(super) fn bytes_left(&self) -> usize {
+        match self.encoding {
+            Encoding::Ascii => self.lines.rest().trim_ascii().len(),
+            _ => self.source.bytes.len() - self.at,
+        }
+    }
+
+    /// Calls `read` for each of an element. Where the file ends before the last, the rest is left out.
+    pub(super) fn each(
+        &mut self,
+        element: &Element,
+        mut read: impl FnMut(&mut Self) -> Read<()>,
+    ) -> Result<()> {
+        for index in 0..element.count {
+            match self.begin().and_then(|()| read(self)) {
+                Ok(()) => {}
+                Err(Stop::Fault(error)) => return Err(error),
+                Err(Stop::End) => {
+                    self.short = Some((known_name(element), index, element.count));
+                    self.words = &[];
+                    return Ok(());
+                }
+            }
+        }
+        self.end();
+        Ok(())
+    }
+
+    /// Ends an element; in ASCII data, counts the line if it has values left.
+    fn end(&mut self) {
+        self.longer += usize::from(take_word(&mut self.words).is_some());
+        self.words = &[];
+    }
+
+    /// Starts the next element; in ASCII data, moves to the next line that is not empty.
+    fn begin(&mut self) -> Read<()> {
+        if self.encoding != Encoding::Ascii {
+            return Ok(());
+        }
+        self.end();
+        loop {
+            let (number, line) = self.lines.next().ok_or(Stop::End)?;
+            (self.line, self.words) = (number, line);
+            if !line.trim_ascii().is_empty() {
+                return Ok(());
+            }
+        }
+    }
+
+    pub(super) fn next(&mut self, scalar: Scalar) -> Read<f64> {
+        if self.encoding == Encoding::Ascii {
+            let is_last = self.lines.rest().is_empty();
+            let Some(word) = take_word(&mut self.words) else {
+                return Err(if is_last {
+                    Stop::End
+                } else {
+                    self.fault("fewer values than the header says")
+                });
+            };
+            // A number that the end of the file may cut.
+            let is_cut = is_last && self.words.is_empty();
+            return parse_number(word)
+                .ok_or_else(|| if is_cut { Stop::End } else { self.fault("not a number") });
+        }
+        let bytes = self.source.bytes.get(self.at..self.at + scalar.size()).ok_or(Stop::End)?;
+        let join = |bits: u64, &byte: &u8| bits << 8 | u64::from(byte);
+        let bits = match self.encoding {
+            Encoding::BigEndian => bytes.iter().fold(0, join),
+            _ => bytes.iter().rev().fold(0, join),
+        };
+        self.at += scalar.size();
+        Ok(scalar.of_bits(bits))
+    }
+
+    /// Reads the length of a list.
+    pub(super) fn length(&mut self, scalar: Scalar) -> Read<u64> {
+        let length = self.next(scalar)?;
+        if length >= 0.0 && length.fract() == 0.0 {
+            Ok(length as u64)
+        } else {
+            Err(self.fault(format!("a list of {} values", brief(length))))
+        }
+    }
+
+    /// Reads a list into `values`.
+    pub(super) fn list(&mut self, length: Scalar, scalar: Scalar, values: &mut Vec<f64>) -> Read<()> {
+        values.clear();
+        for _ in 0..self.length(length)? {
+            values.push(self.next(scalar)?);
+        }
+        Ok(())
+    }
+
+    pub(super) fn skip_property(&mut self, property: &Property) -> Read<()> {
+        let count = property.length.map_or(Ok(1), |length| self.length(length))?;
+        (0..count).try_for_each(|_| self.next(property.scalar).map(drop))
+    }
+
+    pub(super) fn skip(&mut self, element: &Element) -> Result<()> {
+        if element.properties.is_empty() {
+            return Ok(());
+        }
+        let is_text = self.encoding == Encoding::Ascii;
+        self.each(element, |body| {
+            if is_text {
+                body.words = &[];
+                return Ok(());
+            }
+            element.properties.iter().try_for_each(|property| body.skip_property(property))
+        })
+    }
+
+    /// A vertex index, below `count`.
+    pub(super) fn checked(&self, index: f64, count: usize) -> Read<u32> {
+        if index >= 0.0 && index < count as f64 && index.fract() == 0.0 && index <= f64::from(u32::MAX) {
+            Ok(index as u32)
+        } else {
+            let index = brief(index);
+            Err(self.fault(format!(
+                "vertex {index} does not exist; there are {count} before the faces, counted from 0"
+            )))
+        }
+    }
+}
+
+/// The name of an element for messages, which do not repeat what a file says.
+fn known_name(element: &Element) -> &'static str {
+    const KNOWN: [&str; 3] = ["vertex", "face", "tristrips"];
+    KNOWN.into_iter().find(|name| *name == element.name).unwrap_or("of another name")
+}
+
+/// A number for display, with an exponent if it is long.
+fn brief(number: f64) -> String {
+    if number.abs() < 1e16 { number.to_string() } else { format!("{number:e}") }
+}

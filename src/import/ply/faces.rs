@@ -1,0 +1,162 @@
+//! Faces of PLY files: polygons and triangle strips.
+
+use glam::DVec2;
+
+use super::super::colours::Colours;
+use super::super::polygon::{Cuts, Triangulator};
+use super::body::{Body, Read};
+use super::header::{Element, Property};
+use super::{colour_slot, first_of_each, whites};
+use crate::error::Result;
+use crate::scene::Mesh;
+
+/// What faces have besides their corners.
+#[derive(Default)]
+pub(super) struct Faces {
+    pub cuts: Cuts,
+    pub too_small: usize,
+    /// Colour of each face that has triangles.
+    pub colours: Option<Colours>,
+    /// Texture coordinates of corners.
+    pub uvs: Vec<DVec2>,
+    /// Indices of the texture coordinates of each triangle's corners; `None` for faces without.
+    pub uv_triangles: Vec<Option<[u32; 3]>>,
+    /// Whether faces have texture coordinates of their own.
+    pub has_uvs: bool,
+    /// `texnumber` of each triangle.
+    pub textures: Option<Vec<i64>>,
+    /// The face of each triangle, counted without those that have none.
+    pub face_of: Vec<u32>,
+}
+
+/// The properties that are used.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+enum Slot {
+    Polygon,
+    TextureCoordinates,
+    TextureNumber,
+    Colour(usize),
+}
+
+fn is_polygon(property: &Property) -> bool {
+    property.length.is_some() && matches!(property.name.as_str(), "vertex_indices" | "vertex_index")
+}
+
+fn slot(property: &Property) -> Option<Slot> {
+    match (property.name.as_str(), property.length.is_some()) {
+        _ if is_polygon(property) => Some(Slot::Polygon),
+        ("texcoord", true) => Some(Slot::TextureCoordinates),
+        ("texnumber", false) => Some(Slot::TextureNumber),
+        (name, false) => colour_slot(name).map(Slot::Colour),
+        _ => None,
+    }
+}
+
+impl Faces {
+    /// Reads polygons.
+    pub(super) fn read(&mut self, body: &mut Body, element: &Element, mesh: &mut Mesh) -> Result<()> {
+        let slots = first_of_each(element, slot);
+        let has = |slot: Slot| slots.contains(&Some(slot));
+        if element.count > 0 && !has(Slot::Polygon) {
+            return Err(body.fault_of(element, "its faces have no `vertex_indices`"));
+        }
+        self.has_uvs = has(Slot::TextureCoordinates);
+        let has_number = has(Slot::TextureNumber);
+        self.textures = has_number.then(Vec::new);
+        let has_colours = (0..3).all(|channel| has(Slot::Colour(channel)));
+        let (white, is_float) = whites(element, &slots, |channel| Slot::Colour(channel));
+        self.colours = has_colours.then(|| Colours { white, is_float, ..Colours::default() });
+        let colour_bytes = if has_colours { size_of::<[f64; 4]>() + size_of::<u32>() } else { 0 };
+        let count = body.count(element, size_of::<[u32; 3]>() + colour_bytes)?;
+        mesh.triangles.reserve(count);
+        let mut triangulator = Triangulator::new();
+        let (mut indices, mut uvs) = (Vec::new(), Vec::new());
+        let (mut polygon, mut corners) = (Vec::new(), Vec::new());
+        body.each(element, |body| {
+            let mut colour = white;
+            let mut number = -1.0;
+            for (property, slot) in element.properties.iter().zip(&slots) {
+                match (slot, property.length) {
+                    (Some(Slot::Polygon), Some(length)) => {
+                        body.list(length, property.scalar, &mut indices)?;
+                        polygon.clear();
+                        for &index in &indices {
+                            polygon.push(body.checked(index, mesh.positions.len())?);
+                        }
+                    }
+                    (Some(Slot::TextureCoordinates), Some(length)) => {
+                        body.list(length, property.scalar, &mut uvs)?;
+                    }
+                    (Some(Slot::TextureNumber), _) => number = body.next(property.scalar)?,
+                    (Some(Slot::Colour(channel)), _) => {
+                        colour[*channel] = property.scalar.unsigned(body.next(property.scalar)?);
+                    }
+                    _ => body.skip_property(property)?,
+                }
+            }
+            corners.clear();
+            corners.extend(polygon.iter().map(|&index| mesh.positions[index as usize]));
+            self.too_small += usize::from(corners.len() < 3);
+            let first_uv = (self.has_uvs && uvs.len() == 2 * corners.len()).then_some(self.uvs.len() as u32);
+            let before = mesh.triangles.len();
+            self.cuts.count(triangulator.triangulate(&corners, |t| {
+                mesh.triangles.push(t.map(|i| polygon[i]));
+                if self.has_uvs {
+                    self.uv_triangles.push(first_uv.map(|first| t.map(|i| first + i as u32)));
+                }
+            }));
+            if first_uv.is_some() {
+                self.uvs.extend(uvs.as_chunks().0.iter().map(|&[u, v]| DVec2::new(u, 1.0 - v)));
+            }
+            let made = mesh.triangles.len() - before;
+            if let Some(textures) = &mut self.textures {
+                textures.extend(std::iter::repeat_n(number as i64, made));
+            }
+            if let Some(colours) = &mut self.colours
+                && made > 0
+            {
+                self.face_of.extend(std::iter::repeat_n(colours.values.len() as u32, made));
+                colours.values.push(colour);
+            }
+            Ok(())
+        })
+    }
+}
+
+/// Reads triangle strips, of which every second triangle is turned.
+pub(super) fn read_strips(body: &mut Body, element: &Element, mesh: &mut Mesh) -> Result<()> {
+    body.each(element, |body| {
+        let mut triangles = Vec::new();
+        for property in &element.properties {
+            match property.length.filter(|_| is_polygon(property)) {
+                Some(length) => strip(body, property, length, mesh.positions.len(), &mut triangles)?,
+                None => body.skip_property(property)?,
+            }
+        }
+        mesh.triangles.append(&mut triangles);
+        Ok(())
+    })
+}
+
+/// Reads the triangles of one list of vertices below `count`.
+fn strip(
+    body: &mut Body,
+    property: &Property,
+    length: super::header::Scalar,
+    count: usize,
+    triangles: &mut Vec<[u32; 3]>,
+) -> Read<()> {
+    let mut strip = Vec::new();
+    for _ in 0..body.length(length)? {
+        let index = body.next(property.scalar)?;
+        if index < 0.0 {
+            strip.clear();
+            continue;
+        }
+        strip.push(body.checked(index, count)?);
+        if let &[.., a, b, c] = strip.as_slice() {
+            triangles.push(if strip.len() % 2 == 1 { [a, b, c] } else { [b, a, c] });
+        }
+    }
+    Ok(())
+}

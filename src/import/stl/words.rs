@@ -1,0 +1,113 @@
+//! Words of ASCII STL files.
+
+use super::super::lines::take_word;
+
+/// Words between `solid` and its first `facet` on a line of both, at most: those of a name.
+const MOST_WORDS: usize = 64;
+
+/// The words of a text, across its lines.
+pub(super) struct Words<'a> {
+    rest: &'a [u8],
+    /// Line of the last word, counted from 1.
+    pub line: usize,
+}
+
+impl<'a> Words<'a> {
+    pub(super) fn new(text: &'a [u8]) -> Self {
+        Words { rest: text, line: 1 }
+    }
+
+    pub(super) fn is_at_end(&self) -> bool {
+        self.rest.trim_ascii_start().is_empty()
+    }
+
+    /// Moves `rest` to a later part of the text, counting lines. They end with `\n`, `\r\n` or `\r`.
+    fn move_to(&mut self, rest: &'a [u8]) {
+        let passed = &self.rest[..self.rest.len() - rest.len()];
+        let ends = passed.iter().enumerate().filter(|&(i, &b)| match b {
+            b'\r' => self.rest.get(i + 1) != Some(&b'\n'),
+            _ => b == b'\n',
+        });
+        self.line += ends.count();
+        self.rest = rest;
+    }
+
+    pub(super) fn next(&mut self) -> Option<&'a [u8]> {
+        self.move_to(self.rest.trim_ascii_start());
+        let mut rest = self.rest;
+        let word = take_word(&mut rest);
+        self.move_to(rest);
+        word
+    }
+
+    /// The next word; `end loop`, `end facet` and `end solid` are one.
+    pub(super) fn next_statement(&mut self) -> Option<&'a [u8]> {
+        let word = self.next()?;
+        if !word.eq_ignore_ascii_case(b"end") {
+            return Some(word);
+        }
+        let mut rest = self.rest;
+        let joined: &[u8] = match take_word(&mut rest)?.to_ascii_lowercase().as_slice() {
+            b"loop" => b"endloop",
+            b"facet" => b"endfacet",
+            b"solid" => b"endsolid",
+            _ => return Some(word),
+        };
+        self.next();
+        Some(joined)
+    }
+
+    /// Skips a word if it is the next one.
+    pub(super) fn skip(&mut self, expected: &[u8]) {
+        let mut rest = self.rest;
+        if take_word(&mut rest).is_some_and(|word| word.eq_ignore_ascii_case(expected)) {
+            self.next();
+        }
+    }
+
+    /// Skips what stands between `facet` and `outer`: `normal` and its numbers, which some exporters leave out or
+    /// write as no numbers.
+    pub(super) fn skip_normal(&mut self) {
+        const NEXT: [&[u8]; 6] = [b"outer", b"loop", b"vertex", b"endfacet", b"end", b"endsolid"];
+        self.skip(b"normal");
+        for _ in 0..3 {
+            let mut rest = self.rest;
+            let Some(word) = take_word(&mut rest) else { return };
+            if NEXT.iter().any(|next| word.eq_ignore_ascii_case(next)) {
+                return;
+            }
+            self.next();
+        }
+    }
+
+    /// The name after `solid` or `endsolid`: the rest of the line, or up to the first of `next`. Names may have these
+    /// words, too, so that `facet` counts before `normal` alone, and `solid` before a `facet`.
+    pub(super) fn name(&mut self, next: &[&[u8]]) -> &'a [u8] {
+        let end = self.rest.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(self.rest.len());
+        let line = &self.rest[..end];
+        let mut rest = line;
+        let mut length = end;
+        loop {
+            let start = rest.trim_ascii_start();
+            let at = end - start.len();
+            rest = start;
+            let Some(word) = take_word(&mut rest) else { break };
+            let is_next = next.iter().any(|next| word.eq_ignore_ascii_case(next));
+            let mut after = rest;
+            let is_statement = match word.to_ascii_lowercase().as_slice() {
+                _ if !is_next => false,
+                b"facet" => take_word(&mut after).is_some_and(|word| word.eq_ignore_ascii_case(b"normal")),
+                b"solid" => (0..MOST_WORDS)
+                    .any(|_| take_word(&mut after).is_some_and(|word| word.eq_ignore_ascii_case(b"facet"))),
+                _ => true,
+            };
+            if is_statement {
+                length = at;
+                break;
+            }
+        }
+        let name = &line[..length];
+        self.move_to(&self.rest[length..]);
+        name.trim_ascii()
+    }
+}

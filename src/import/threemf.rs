@@ -1,0 +1,316 @@
+//! 3MF (3MF Consortium, Core Specification 1.3, with its Materials, Properties and Production extensions).
+//!
+//! Read are the objects of the build with their transforms and components, also those in other parts of the package
+//! (`path`); colours of `basematerials` and `colorgroup`; images of `texture2dgroup`. Coordinates become millimetres.
+//! What an object of the type `support`, `solidsupport` or `other` is, is not part of the model and left out.
+//!
+//! The package is read from memory ([`package`]), its XML as a stream: memory is taken for what is read alone. No crate
+//! for 3MF is used: lib3mf-core and threemf 0.6 read whole documents into memory without limits.
+
+mod model;
+mod package;
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use glam::{DMat4, DVec2, DVec3};
+
+use super::images;
+use super::parts::split;
+use super::{Source, default_material};
+use crate::error::{Error, Place, Result, Warnings};
+use crate::film::ColourPipeline;
+use crate::film::colour::srgb_decode;
+use crate::limits::Counted;
+use crate::scene::{
+    Attribute, ImageId, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Sampler, Scene, Shape,
+    Texture, Wrap,
+};
+use model::{Model, Property, Reference, Solid};
+use package::Package;
+
+/// Nested components, at most; files of slicers have one or two levels.
+const MAX_DEPTH: usize = 64;
+
+/// Reads the build of a 3MF file.
+pub(super) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
+    let package = Package::open(source)?;
+    let root = package.root()?;
+    let mut reader = Reader {
+        source,
+        package,
+        warnings,
+        scene: Scene::default(),
+        models: HashMap::new(),
+        meshes: HashMap::new(),
+        images: HashMap::new(),
+        default: None,
+        references: 0,
+    };
+    let model = reader.model(&root)?;
+    reader.scene.metadata = model.metadata.clone();
+    if !model.left_out.is_empty() {
+        let what: Vec<&str> = model.left_out.iter().copied().collect();
+        let what = format!("{}: left out: {}", source.file.display(), what.join(", "));
+        reader.warnings.left_out(what);
+    }
+    for item in &model.items {
+        reader.place(item, &root, DMat4::from_scale(DVec3::splat(model.unit)), 0)?;
+    }
+    Ok(reader.scene)
+}
+
+/// A mesh with the material of each of its parts.
+type Parts = Arc<Vec<(Arc<Mesh>, MaterialId)>>;
+
+struct Reader<'a> {
+    source: &'a Source,
+    package: Package<'a>,
+    warnings: &'a mut Warnings,
+    scene: Scene,
+    models: HashMap<String, Arc<Model>>,
+    /// By model and object.
+    meshes: HashMap<(String, u32), Parts>,
+    /// By their parts of the package.
+    images: HashMap<String, Option<ImageId>>,
+    /// The material of meshes without one.
+    default: Option<MaterialId>,
+    /// Items and components that were followed, each as often as it is placed.
+    references: u64,
+}
+
+impl Reader<'_> {
+    fn error(&self, item: String, what: impl Into<String>) -> Error {
+        Error::input(Place::item(&self.source.file, item), what, "export the file again")
+    }
+
+    /// The model in a part of the package, read once.
+    fn model(&mut self, part: &str) -> Result<Arc<Model>> {
+        if let Some(model) = self.models.get(part) {
+            return Ok(Arc::clone(model));
+        }
+        let model = Arc::new(Model::read(&self.package, part, self.source)?);
+        self.models.insert(part.to_owned(), Arc::clone(&model));
+        Ok(model)
+    }
+
+    /// Adds an object that the model in `part` refers to, and its components.
+    fn place(&mut self, reference: &Reference, part: &str, outer: DMat4, depth: usize) -> Result<()> {
+        let part = reference.path.as_deref().unwrap_or(part);
+        let model = self.model(part)?;
+        let place = format!("{part}, object {}", reference.object);
+        self.references += 1;
+        let checked = Counted::Nodes.check(self.references, &self.source.options.limits);
+        checked.map_err(|(what, hint)| Error::input(self.source.file.as_path(), what, hint))?;
+        let Some(object) = model.objects.get(&reference.object) else {
+            return Err(self.error(place, "does not exist"));
+        };
+        if depth > MAX_DEPTH {
+            return Err(self.error(place, format!("components that are nested more than {MAX_DEPTH} times")));
+        }
+        if let Some(kind) = object.not_model {
+            let what = format!("left out object {} of the type `{kind}`", reference.object);
+            self.warnings.note_left_out(format!("{}: {what}", self.source.file.display()));
+            return Ok(());
+        }
+        let placement = outer * reference.transform;
+        match &object.solid {
+            Solid::Components(components) => {
+                for component in components {
+                    self.place(component, part, placement, depth + 1)?;
+                }
+            }
+            Solid::Mesh { .. } => {
+                let parts = self.mesh(part, &model, reference.object)?;
+                for (mesh, material) in parts.iter() {
+                    let name = object.name.clone().unwrap_or_else(|| format!("object {}", reference.object));
+                    let placed = Placed { mesh: Arc::clone(mesh), placement: Placement::new(placement) };
+                    let shape = Shape::Placed(placed);
+                    self.scene.objects.push(Object { name, input: 0, material: *material, shape });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The mesh of an object, split by its images, with materials.
+    fn mesh(&mut self, part: &str, model: &Model, id: u32) -> Result<Parts> {
+        let key = (part.to_owned(), id);
+        if let Some(parts) = self.meshes.get(&key) {
+            return Ok(Arc::clone(parts));
+        }
+        let Some(Solid::Mesh { positions, triangles, properties }) = model.objects.get(&id).map(|o| &o.solid)
+        else {
+            return Ok(Parts::default());
+        };
+        let mut looks = Looks::default();
+        let mut images = Vec::with_capacity(triangles.len());
+        for property in properties {
+            let image = self.look(model, property.as_ref(), &mut looks)?;
+            images.push(image.map(|image| image.0));
+        }
+        let mesh = looks.into_mesh(positions.clone(), triangles.clone());
+        let mut parts = Vec::new();
+        for (image, mut mesh) in split(mesh, &images) {
+            let wrap = image.and_then(|image| looks_wrap(model, &self.images, ImageId(image)));
+            if image.is_some() {
+                mesh.colours = None;
+            } else {
+                mesh.uvs.clear();
+            }
+            let material = self.material(&mesh, image.map(ImageId), wrap.unwrap_or_default());
+            parts.push((Arc::new(mesh), material));
+        }
+        let parts = Arc::new(parts);
+        self.meshes.insert(key, Arc::clone(&parts));
+        Ok(parts)
+    }
+
+    /// A material for a mesh.
+    fn material(&mut self, mesh: &Mesh, image: Option<ImageId>, [wrap_u, wrap_v]: [Wrap; 2]) -> MaterialId {
+        let mut material = default_material(mesh);
+        if let Some(image) = image {
+            material.colour = crate::film::Colour::Linear(DVec3::ONE);
+            let sampler = Sampler { wrap_u, wrap_v, ..Sampler::default() };
+            material.texture = Some(Texture { image, sampler, coordinates: 0 });
+        } else if mesh.colours.is_none() {
+            let scene = &mut self.scene;
+            return *self.default.get_or_insert_with(|| scene.add_material(Material::Phong(material)));
+        }
+        self.scene.add_material(Material::Phong(material))
+    }
+
+    /// Adds the colours or texture coordinates of a triangle to `looks`; returns its image.
+    fn look(
+        &mut self,
+        model: &Model,
+        property: Option<&(u32, [u32; 3])>,
+        looks: &mut Looks,
+    ) -> Result<Option<ImageId>> {
+        let Some(&(group, corners)) = property else {
+            looks.push(None);
+            return Ok(None);
+        };
+        match model.properties.get(&group) {
+            Some(Property::Colours(colours)) => {
+                let corner = |index: u32| colours.get(index as usize).copied();
+                let [Some(a), Some(b), Some(c)] = corners.map(corner) else {
+                    let what = "has fewer colours than its triangles name";
+                    return Err(self.error(format!("resource {group}"), what));
+                };
+                looks.push(Some(Corners::Colours([a, b, c])));
+                Ok(None)
+            }
+            Some(Property::Coordinates { texture, uvs }) => {
+                let corner = |index: u32| uvs.get(index as usize).copied();
+                let [Some(a), Some(b), Some(c)] = corners.map(corner) else {
+                    let what = "has fewer coordinates than its triangles name";
+                    return Err(self.error(format!("resource {group}"), what));
+                };
+                let image = match model.textures.get(texture) {
+                    Some(texture) => self.image(&texture.path)?,
+                    None => None,
+                };
+                looks.push(image.map(|_| Corners::Uvs([a, b, c])));
+                Ok(image)
+            }
+            None => {
+                looks.push(None);
+                Ok(None)
+            }
+        }
+    }
+
+    /// The image in a part of the package, decoded once.
+    fn image(&mut self, part: &str) -> Result<Option<ImageId>> {
+        if let Some(&known) = self.images.get(part) {
+            return Ok(known);
+        }
+        let place = Place::item(&self.source.file, part);
+        let image = match self.package.bytes(part)? {
+            Some(bytes) => images::of_bytes(&mut self.scene, self.source, place, &bytes, self.warnings)?,
+            None => {
+                self.warnings.left_out(format!("{place}: texture left out: not in the file"));
+                None
+            }
+        };
+        self.images.insert(part.to_owned(), image);
+        Ok(image)
+    }
+}
+
+/// How an image continues outside of its square.
+fn looks_wrap(model: &Model, images: &HashMap<String, Option<ImageId>>, image: ImageId) -> Option<[Wrap; 2]> {
+    let of = |path: &String| images.get(path).copied().flatten() == Some(image);
+    model.textures.values().find(|texture| of(&texture.path)).map(|texture| texture.wrap)
+}
+
+/// Values at the corners of a triangle.
+enum Corners {
+    /// Red, green, blue and alpha, display values.
+    Colours([[u8; 4]; 3]),
+    Uvs([DVec2; 3]),
+}
+
+/// Values at the corners of triangles, colours each once.
+#[derive(Default)]
+struct Looks {
+    colours: Vec<DVec3>,
+    alphas: Vec<f64>,
+    known: HashMap<Option<[u8; 4]>, u32>,
+    colour_triangles: Vec<[u32; 3]>,
+    uvs: Vec<DVec2>,
+    uv_triangles: Vec<[u32; 3]>,
+    has_colours: bool,
+}
+
+impl Looks {
+    /// Adds a triangle. One without colours has that of surfaces without a material.
+    fn push(&mut self, corners: Option<Corners>) {
+        let Looks { colours, alphas, known, .. } = self;
+        let mut index = |colour: Option<[u8; 4]>| {
+            *known.entry(colour).or_insert_with(|| {
+                let [r, g, b, a] = colour.unwrap_or([255; 4]).map(|c| f64::from(c) / 255.0);
+                colours.push(match colour {
+                    Some(_) => DVec3::new(srgb_decode(r), srgb_decode(g), srgb_decode(b)),
+                    None => Phong::default().colour.to_pipeline(ColourPipeline::Linear),
+                });
+                alphas.push(a);
+                (colours.len() - 1) as u32
+            })
+        };
+        let (colour, uv) = match corners {
+            Some(Corners::Colours(corners)) => {
+                self.has_colours = true;
+                (corners.map(|corner| index(Some(corner))), [0; 3])
+            }
+            Some(Corners::Uvs(corners)) => {
+                let first = self.uvs.len() as u32;
+                self.uvs.extend(corners);
+                ([index(None); 3], [first, first + 1, first + 2])
+            }
+            None => ([index(None); 3], [0; 3]),
+        };
+        self.colour_triangles.push(colour);
+        self.uv_triangles.push(uv);
+    }
+
+    fn into_mesh(self, positions: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Mesh {
+        let mut mesh = Mesh { positions, triangles, ..Mesh::default() };
+        if self.has_colours {
+            // An alpha of 0 throughout is that of programs that do not use it.
+            if self.alphas.iter().any(|&a| a != 1.0) && self.alphas.iter().any(|&a| a > 0.0) {
+                let triangles = Some(self.colour_triangles.clone());
+                mesh.alphas = Some(Attribute { values: self.alphas, triangles });
+            }
+            mesh.colours = Some(Attribute { values: self.colours, triangles: Some(self.colour_triangles) });
+        }
+        if !self.uvs.is_empty() {
+            mesh.uvs = vec![Attribute { values: self.uvs, triangles: Some(self.uv_triangles) }];
+        }
+        mesh
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,410 @@
+//! The XML of a model.
+
+use std::collections::{BTreeSet, HashMap};
+
+use glam::{DMat4, DVec2, DVec3, DVec4};
+use quick_xml::XmlVersion;
+use quick_xml::escape::resolve_predefined_entity;
+use quick_xml::events::{BytesStart, Event};
+
+use super::super::Source;
+use super::super::lines::parse_number;
+use super::package::Package;
+use crate::error::{Error, Result};
+use crate::limits::{self, Counted};
+use crate::scene::Wrap;
+
+/// A model: resources, by their ids, and a build.
+#[derive(Default)]
+pub(super) struct Model {
+    /// Millimetres in a unit of its coordinates.
+    pub unit: f64,
+    pub objects: HashMap<u32, Definition>,
+    pub properties: HashMap<u32, Property>,
+    pub textures: HashMap<u32, TextureFile>,
+    pub items: Vec<Reference>,
+    pub metadata: Vec<(String, String)>,
+    /// What is not read of it.
+    pub left_out: BTreeSet<&'static str>,
+}
+
+/// An object.
+pub(super) struct Definition {
+    pub name: Option<String>,
+    /// Its type, if it is not part of the model.
+    pub not_model: Option<&'static str>,
+    pub solid: Solid,
+}
+
+/// What an object consists of.
+pub(super) enum Solid {
+    Mesh {
+        positions: Vec<DVec3>,
+        triangles: Vec<[u32; 3]>,
+        /// Group of each triangle, and the index in it of each corner.
+        properties: Vec<Option<(u32, [u32; 3])>>,
+    },
+    Components(Vec<Reference>),
+}
+
+/// An object with a transform: an item of the build, or a component.
+pub(super) struct Reference {
+    pub object: u32,
+    /// The part of the package that it is in, if another one.
+    pub path: Option<String>,
+    pub transform: DMat4,
+}
+
+/// A group of properties.
+pub(super) enum Property {
+    /// Red, green, blue and alpha, display values.
+    Colours(Vec<[u8; 4]>),
+    Coordinates {
+        texture: u32,
+        uvs: Vec<DVec2>,
+    },
+}
+
+/// `texture2d`.
+pub(super) struct TextureFile {
+    /// Its part of the package.
+    pub path: String,
+    pub wrap: [Wrap; 2],
+}
+
+/// The attributes of an element without prefixes, as far as they are valid.
+pub(super) fn attributes<'a>(e: &'a BytesStart) -> impl Iterator<Item = (Vec<u8>, String)> + 'a {
+    e.attributes().flatten().filter_map(|attribute| {
+        let value = attribute.normalized_value(XmlVersion::Implicit1_0).ok()?;
+        Some((attribute.key.local_name().as_ref().to_vec(), value.into_owned()))
+    })
+}
+
+/// Attributes of one element; values are read without allocation.
+struct Attributes<'a>(&'a BytesStart<'a>);
+
+impl<'a> Attributes<'a> {
+    fn raw(&self, name: &str) -> Option<std::borrow::Cow<'a, [u8]>> {
+        let mut all = self.0.attributes();
+        let mut all = all.with_checks(false).flatten();
+        all.find(|attribute| attribute.key.local_name().as_ref() == name.as_bytes()).map(|a| a.value)
+    }
+
+    fn text(&self, name: &str) -> Option<String> {
+        attributes(self.0).find(|(key, _)| key == name.as_bytes()).map(|(_, value)| value)
+    }
+
+    fn number(&self, name: &str) -> Option<f64> {
+        parse_number(self.raw(name)?.trim_ascii())
+    }
+
+    fn index(&self, name: &str) -> Option<u32> {
+        std::str::from_utf8(self.raw(name)?.trim_ascii()).ok()?.parse().ok()
+    }
+}
+
+/// `#RRGGBB` or `#RRGGBBAA`.
+fn colour(text: &str) -> Option<[u8; 4]> {
+    let digits = text.trim().strip_prefix('#')?;
+    let number = u32::from_str_radix(digits, 16).ok()?;
+    match digits.len() {
+        6 => Some((number << 8 | 0xff).to_be_bytes()),
+        8 => Some(number.to_be_bytes()),
+        _ => None,
+    }
+}
+
+/// Twelve numbers: a row vector is multiplied from the left by rows of three (Core Specification, section 3.3).
+fn transform(text: &str) -> Option<DMat4> {
+    let numbers: Option<Vec<f64>> =
+        text.split_ascii_whitespace().map(|word| parse_number(word.as_bytes())).collect();
+    let numbers = numbers.filter(|numbers| numbers.len() == 12 && numbers.iter().all(|n| n.is_finite()))?;
+    let column = |row: usize, w: f64| DVec3::from_slice(&numbers[3 * row..]).extend(w);
+    let columns: [DVec4; 4] = [column(0, 0.0), column(1, 0.0), column(2, 0.0), column(3, 1.0)];
+    Some(DMat4::from_cols(columns[0], columns[1], columns[2], columns[3]))
+}
+
+/// Millimetres in a unit.
+fn unit(name: &str) -> Option<f64> {
+    Some(match name {
+        "micron" => 1e-3,
+        "millimeter" => 1.0,
+        "centimeter" => 10.0,
+        "inch" => 25.4,
+        "foot" => 304.8,
+        "meter" => 1000.0,
+        _ => return None,
+    })
+}
+
+fn wrap(style: Option<String>) -> Wrap {
+    match style.as_deref() {
+        Some("mirror") => Wrap::MirroredRepeat,
+        Some("clamp" | "none") => Wrap::ClampToEdge,
+        _ => Wrap::Repeat,
+    }
+}
+
+/// The object that is being read.
+struct Open {
+    id: u32,
+    name: Option<String>,
+    not_model: Option<&'static str>,
+    group: Option<u32>,
+    index: u32,
+    positions: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    properties: Vec<Option<(u32, [u32; 3])>>,
+    components: Option<Vec<Reference>>,
+}
+
+struct Parser<'a> {
+    package: &'a Package<'a>,
+    part: &'a str,
+    source: &'a Source,
+    model: Model,
+    open: Option<Open>,
+    /// The group of properties that is being read.
+    group: Option<u32>,
+    /// Name and value so far of the metadata that is being read.
+    metadata: Option<(String, String)>,
+    triangles: u64,
+}
+
+impl Model {
+    /// Reads the model in a part of the package.
+    pub(super) fn read(package: &Package, part: &str, source: &Source) -> Result<Self> {
+        let Some((stream, _)) = package.stream(part)? else {
+            return Err(package.broken(part, "is referred to, but not in the file"));
+        };
+        let model = Model { unit: 1.0, ..Model::default() };
+        let (open, group, metadata) = (None, None, None);
+        let mut parser = Parser { package, part, source, model, open, group, metadata, triangles: 0 };
+        let mut reader = quick_xml::Reader::from_reader(stream);
+        let mut buffer = Vec::new();
+        let mut is_whole = false;
+        loop {
+            buffer.clear();
+            match reader.read_event_into(&mut buffer).map_err(|e| package.broken(part, e))? {
+                Event::Eof => break,
+                Event::Start(e) => parser.start(&e)?,
+                Event::Empty(e) => {
+                    parser.start(&e)?;
+                    parser.end(e.local_name().as_ref());
+                }
+                Event::End(e) => {
+                    is_whole |= e.local_name().as_ref() == b"model";
+                    parser.end(e.local_name().as_ref());
+                }
+                Event::Text(text) => parser.add_text(&String::from_utf8_lossy(&text)),
+                Event::GeneralRef(name) => {
+                    let name = String::from_utf8_lossy(&name).into_owned();
+                    parser.add_text(resolve_predefined_entity(&name).unwrap_or_default());
+                }
+                _ => {}
+            }
+        }
+        if !is_whole {
+            return Err(package.broken(part, "the XML ends within the model"));
+        }
+        Ok(parser.model)
+    }
+}
+
+impl Parser<'_> {
+    /// Adds to the value of metadata.
+    fn add_text(&mut self, text: &str) {
+        if let Some((_, value)) = &mut self.metadata {
+            value.push_str(text);
+        }
+    }
+
+    fn fault(&self, what: impl std::fmt::Display) -> Error {
+        let place = match &self.open {
+            Some(open) => format!("{}, object {}", self.part, open.id),
+            None => self.part.to_owned(),
+        };
+        self.package.broken(&place, what)
+    }
+
+    fn start(&mut self, e: &BytesStart) -> Result<()> {
+        let has = Attributes(e);
+        match e.local_name().as_ref() {
+            b"vertex" | b"triangle" => self.mesh_element(e)?,
+            b"model" => {
+                if let Some(name) = has.text("unit") {
+                    let unknown = || self.fault("a unit that 3MF files do not have");
+                    self.model.unit = unit(&name).ok_or_else(unknown)?;
+                }
+            }
+            b"metadata" if self.open.is_none() => {
+                self.metadata = has.text("name").map(|name| (name, String::new()))
+            }
+            b"object" => {
+                let id = has.index("id").ok_or_else(|| self.fault("an object without an id"))?;
+                let not_model = match has.text("type").as_deref() {
+                    Some("support") => Some("support"),
+                    Some("solidsupport") => Some("solidsupport"),
+                    Some("other") => Some("other"),
+                    _ => None,
+                };
+                self.open = Some(Open {
+                    id,
+                    name: has.text("name").filter(|name| !name.is_empty()),
+                    not_model,
+                    group: has.index("pid"),
+                    index: has.index("pindex").unwrap_or(0),
+                    positions: Vec::new(),
+                    triangles: Vec::new(),
+                    properties: Vec::new(),
+                    components: None,
+                });
+            }
+            b"components" => {
+                if let Some(open) = &mut self.open {
+                    open.components = Some(Vec::new());
+                }
+            }
+            b"component" => {
+                let reference = self.reference(&has)?;
+                let components = self.open.as_mut().and_then(|open| open.components.as_mut());
+                if let Some(components) = components {
+                    components.push(reference);
+                }
+            }
+            b"item" => {
+                let reference = self.reference(&has)?;
+                self.model.items.push(reference);
+            }
+            _ => self.property_element(e)?,
+        }
+        Ok(())
+    }
+
+    /// Vertices and triangles.
+    fn mesh_element(&mut self, e: &BytesStart) -> Result<()> {
+        let has = Attributes(e);
+        let Some(open) = &mut self.open else { return Ok(()) };
+        if e.local_name().as_ref() == b"vertex" {
+            let (Some(x), Some(y), Some(z)) = (has.number("x"), has.number("y"), has.number("z")) else {
+                let what = format!("vertex {} without three numbers", open.positions.len());
+                return Err(self.fault(what));
+            };
+            open.positions.push(DVec3::new(x, y, z));
+            return self.check_growth();
+        }
+        let index = open.triangles.len();
+        let (Some(a), Some(b), Some(c)) = (has.index("v1"), has.index("v2"), has.index("v3")) else {
+            return Err(self.fault(format!("triangle {index} without three vertices")));
+        };
+        let count = open.positions.len();
+        if [a, b, c].iter().any(|&corner| corner as usize >= count) {
+            let what = format!("triangle {index} names a vertex beyond the {count} before it");
+            return Err(self.fault(what));
+        }
+        open.triangles.push([a, b, c]);
+        let first = has.index("p1");
+        let group = has.index("pid").or(open.group);
+        let corner = |name: &str| has.index(name).or(first).unwrap_or(open.index);
+        let corners = [corner("p1"), corner("p2"), corner("p3")];
+        open.properties.push(group.map(|group| (group, corners)));
+        self.triangles += 1;
+        self.check_growth()
+    }
+
+    /// Checks the limits each time that a list is about to double.
+    fn check_growth(&self) -> Result<()> {
+        let Some(open) = &self.open else { return Ok(()) };
+        let (points, triangles) = (open.positions.len() as u64, open.triangles.len() as u64);
+        let is_due = |count: u64| count >= 1 << 16 && count.is_power_of_two();
+        if !is_due(points) && !is_due(triangles) {
+            return Ok(());
+        }
+        let file = self.source.file.as_path();
+        let counted = Counted::Triangles.check(self.triangles, &self.source.options.limits);
+        counted.map_err(|(what, hint)| Error::input(file, what, hint))?;
+        // The list after it has doubled, while the old one is copied.
+        let bytes = 3 * (points * size_of::<DVec3>() as u64 + triangles * (12 + 20));
+        limits::check_claim(bytes).map_err(|excess| {
+            let what = format!("{points} vertices and {triangles} triangles: reading more {excess}");
+            Error::input(file, what, excess.hint())
+        })
+    }
+
+    fn reference(&self, has: &Attributes) -> Result<Reference> {
+        let object =
+            has.index("objectid").ok_or_else(|| self.fault("an item without the id of an object"))?;
+        let transform = match has.text("transform") {
+            Some(text) => transform(&text)
+                .ok_or_else(|| self.fault(format!("the transform of object {object} is not 12 numbers")))?,
+            None => DMat4::IDENTITY,
+        };
+        Ok(Reference { object, path: has.text("path"), transform })
+    }
+
+    /// Materials, colours and textures.
+    fn property_element(&mut self, e: &BytesStart) -> Result<()> {
+        let has = Attributes(e);
+        let id = has.index("id");
+        match e.local_name().as_ref() {
+            b"basematerials" | b"colorgroup" => {
+                self.group = id;
+                id.map(|id| self.model.properties.insert(id, Property::Colours(Vec::new())));
+            }
+            b"base" | b"color" => {
+                let text = has.text("displaycolor").or_else(|| has.text("color"));
+                let value = text.as_deref().and_then(colour);
+                if let Some(Property::Colours(colours)) =
+                    self.group.and_then(|group| self.model.properties.get_mut(&group))
+                {
+                    // `displaycolor` is optional: the grey of surfaces without a material.
+                    colours.push(value.unwrap_or([204, 204, 204, 255]));
+                }
+            }
+            b"texture2dgroup" => {
+                self.group = id;
+                let texture = has.index("texid").unwrap_or(u32::MAX);
+                let group = Property::Coordinates { texture, uvs: Vec::new() };
+                id.map(|id| self.model.properties.insert(id, group));
+            }
+            b"tex2coord" => {
+                let uv = DVec2::new(has.number("u").unwrap_or(0.0), 1.0 - has.number("v").unwrap_or(0.0));
+                if let Some(Property::Coordinates { uvs, .. }) =
+                    self.group.and_then(|group| self.model.properties.get_mut(&group))
+                {
+                    uvs.push(uv);
+                }
+            }
+            b"texture2d" => {
+                if let (Some(id), Some(path)) = (id, has.text("path")) {
+                    let wrap = [wrap(has.text("tilestyleu")), wrap(has.text("tilestylev"))];
+                    self.model.textures.insert(id, TextureFile { path, wrap });
+                }
+            }
+            b"compositematerials" => drop(self.model.left_out.insert("composite materials")),
+            b"multiproperties" => drop(self.model.left_out.insert("several properties of a triangle")),
+            b"beamlattice" => drop(self.model.left_out.insert("beam lattices")),
+            b"slicestack" => drop(self.model.left_out.insert("slices")),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn end(&mut self, name: &[u8]) {
+        match name {
+            b"metadata" => self.model.metadata.extend(self.metadata.take()),
+            b"basematerials" | b"colorgroup" | b"texture2dgroup" => self.group = None,
+            b"object" => {
+                let Some(open) = self.open.take() else { return };
+                let Open { positions, triangles, properties, .. } = open;
+                let solid = match open.components {
+                    Some(components) if triangles.is_empty() => Solid::Components(components),
+                    _ => Solid::Mesh { positions, triangles, properties },
+                };
+                let object = Definition { name: open.name, not_model: open.not_model, solid };
+                self.model.objects.insert(open.id, object);
+            }
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,125 @@
+//! The ZIP archive of a 3MF file (Open Packaging Conventions).
+//!
+//! rawzip reads the archive's structure from memory without allocation, flate2 inflates. The size of each part is a
+//! claim: it is checked before anything of the part is inflated, and no more than it is read.
+
+use std::collections::HashMap;
+use std::io::{BufRead, BufReader, Read};
+
+use flate2::bufread::DeflateDecoder;
+use rawzip::{CompressionMethod, ZipArchive, ZipArchiveEntryWayfinder, ZipSliceArchive};
+
+use super::super::Source;
+use super::model::attributes;
+use crate::error::{Error, Place, Result};
+use crate::limits;
+
+/// The relationship that leads to the model (Core Specification, section 2.1.1).
+const MODEL: &str = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel";
+
+/// An opened package.
+pub(super) struct Package<'a> {
+    source: &'a Source,
+    archive: ZipSliceArchive<&'a [u8]>,
+    /// Entries by [`key`] of their names.
+    entries: HashMap<String, (ZipArchiveEntryWayfinder, CompressionMethod)>,
+}
+
+/// Names of parts do not depend on case, and begin with a slash or not.
+fn key(part: &str) -> String {
+    part.replace('\\', "/").trim_start_matches('/').to_ascii_lowercase()
+}
+
+impl<'a> Package<'a> {
+    pub(super) fn open(source: &'a Source) -> Result<Self> {
+        let file = source.file.as_path();
+        let broken = |e: rawzip::Error| {
+            Error::input(
+                file,
+                format!("not a whole ZIP archive, as 3MF files are: {e}"),
+                "export or copy it again",
+            )
+        };
+        let archive = ZipArchive::from_slice(source.bytes.as_slice()).map_err(broken)?;
+        let mut entries = HashMap::new();
+        let mut all = archive.entries();
+        while let Some(entry) = all.next_entry().map_err(broken)? {
+            let name = String::from_utf8_lossy(entry.file_path().as_bytes()).into_owned();
+            entries.entry(key(&name)).or_insert((entry.wayfinder(), entry.compression_method()));
+        }
+        Ok(Package { source, archive, entries })
+    }
+
+    /// An error in a part.
+    pub(super) fn broken(&self, part: &str, what: impl std::fmt::Display) -> Error {
+        Error::input(Place::item(&self.source.file, part), what.to_string(), "export or copy the file again")
+    }
+
+    /// The stream of a part, and its size; `None` if there is no such part.
+    pub(super) fn stream(&self, part: &str) -> Result<Option<(Box<dyn BufRead + '_>, u64)>> {
+        let Some(&(wayfinder, method)) = self.entries.get(&key(part)) else { return Ok(None) };
+        let size = wayfinder.uncompressed_size_hint();
+        limits::check_claim(size).map_err(|excess| {
+            let place = Place::item(&self.source.file, part);
+            Error::input(place, format!("{size} bytes inflated: reading them {excess}"), excess.hint())
+        })?;
+        let entry = self.archive.get_entry(wayfinder).map_err(|e| self.broken(part, e))?;
+        let bytes: &[u8] = entry.data();
+        let read: Box<dyn Read> = match method {
+            CompressionMethod::STORE => Box::new(bytes),
+            CompressionMethod::DEFLATE => Box::new(DeflateDecoder::new(bytes)),
+            other => {
+                return Err(self.broken(part, format!("compressed by {other}; 3MF files use DEFLATE")));
+            }
+        };
+        // One byte more than it claims fails the verification.
+        let whole = entry.verifying_reader(read.take(size.saturating_add(1)));
+        Ok(Some((Box::new(BufReader::with_capacity(1 << 16, whole)), size)))
+    }
+
+    /// The contents of a part; `None` if there is no such part.
+    pub(super) fn bytes(&self, part: &str) -> Result<Option<Vec<u8>>> {
+        let Some((mut stream, size)) = self.stream(part)? else { return Ok(None) };
+        // The claim was checked; memory grows with what is there.
+        let mut bytes = Vec::new();
+        stream.read_to_end(&mut bytes).map_err(|e| self.broken(part, e))?;
+        debug_assert!(bytes.len() as u64 <= size.saturating_add(1));
+        Ok(Some(bytes))
+    }
+
+    /// The part of the model: that of the relationships, else that of the specification's example, which most files
+    /// have.
+    pub(super) fn root(&self) -> Result<String> {
+        const RELATIONSHIPS: &str = "_rels/.rels";
+        let mut target = None;
+        if let Some(bytes) = self.bytes(RELATIONSHIPS)? {
+            let mut reader = quick_xml::Reader::from_reader(bytes.as_slice());
+            let mut buffer = Vec::new();
+            loop {
+                use quick_xml::events::Event;
+                match reader.read_event_into(&mut buffer).map_err(|e| self.broken(RELATIONSHIPS, e))? {
+                    Event::Eof => break,
+                    Event::Start(e) | Event::Empty(e) => {
+                        let of = |wanted: &[u8]| {
+                            let value = attributes(&e).find(|(key, _)| key.eq_ignore_ascii_case(wanted));
+                            value.map(|(_, value)| value)
+                        };
+                        if of(b"type").as_deref() == Some(MODEL) {
+                            target = target.or(of(b"target"));
+                        }
+                    }
+                    _ => {}
+                }
+                buffer.clear();
+            }
+        }
+        let named = target.filter(|part| self.entries.contains_key(&key(part)));
+        let usual = || "3D/3dmodel.model".to_owned();
+        let part = named.unwrap_or_else(usual);
+        if self.entries.contains_key(&key(&part)) {
+            return Ok(part);
+        }
+        let what = "a ZIP archive without a 3D model (`3D/3dmodel.model`)";
+        Err(Error::input(self.source.file.as_path(), what, "export the file again, as 3MF"))
+    }
+}

@@ -1,0 +1,225 @@
+//! 3MF files made by hand.
+
+use std::io::Write;
+
+use glam::{DVec2, DVec3};
+
+use super::*;
+use crate::film::Colour;
+use crate::import::dependencies::Files;
+
+/// A ZIP archive of parts.
+fn archive(parts: &[(&str, &[u8])]) -> Vec<u8> {
+    let mut out = Vec::new();
+    let mut archive = rawzip::ZipArchiveWriter::new(&mut out);
+    for (name, bytes) in parts {
+        let start = archive.new_file(name).compression_method(rawzip::CompressionMethod::DEFLATE).start();
+        let (mut entry, config) = start.expect("a name");
+        let level = flate2::Compression::default();
+        let mut writer = config.wrap(flate2::write::DeflateEncoder::new(&mut entry, level));
+        writer.write_all(bytes).expect("memory");
+        let (encoder, descriptor) = writer.finish().expect("memory");
+        encoder.finish().expect("memory");
+        entry.finish(descriptor).expect("memory");
+    }
+    archive.finish().expect("memory");
+    out
+}
+
+fn load(bytes: Vec<u8>) -> Result<(Scene, Warnings)> {
+    let mut warnings = Warnings::default();
+    let source = Source { file: "a.3mf".into(), bytes, files: Files::default(), options: Default::default() };
+    Ok((read(&source, &mut warnings)?, warnings))
+}
+
+fn model(attributes: &str, resources: &str, build: &str) -> String {
+    format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<model {attributes} \
+         xmlns=\"http://schemas.microsoft.com/3dmanufacturing/core/2015/02\" \
+         xmlns:m=\"http://schemas.microsoft.com/3dmanufacturing/material/2015/02\" \
+         xmlns:p=\"http://schemas.microsoft.com/3dmanufacturing/production/2015/06\">\n\
+         <metadata name=\"Title\">Two &amp; more</metadata>\n\
+         <resources>{resources}</resources>\n<build>{build}</build></model>"
+    )
+}
+
+fn package(model: &str) -> Vec<u8> {
+    archive(&[("3D/3dmodel.model", model.as_bytes())])
+}
+
+/// A mesh of two triangles, with attributes of each.
+fn mesh(first: &str, second: &str) -> String {
+    format!(
+        "<mesh><vertices><vertex x=\"0\" y=\"0\" z=\"0\"/><vertex x=\"1\" y=\"0\" z=\"0\"/>\
+         <vertex x=\"1\" y=\"2\" z=\"0\"/><vertex x=\"0\" y=\"2e0\" z=\"0\"/></vertices><triangles>\
+         <triangle v1=\"0\" v2=\"1\" v3=\"2\" {first}/><triangle v1=\"0\" v2=\"2\" v3=\"3\" {second}/>\
+         </triangles></mesh>"
+    )
+}
+
+fn object(attributes: &str, content: &str) -> String {
+    format!("<object {attributes}>{content}</object>")
+}
+
+const ITEM: &str = "<item objectid=\"1\"/>";
+
+fn corners(scene: &Scene, index: usize) -> [DVec3; 3] {
+    match &scene.objects[index].shape {
+        Shape::Placed(placed) => placed.corners_of(0),
+        _ => panic!("a placed mesh"),
+    }
+}
+
+fn part(scene: &Scene, index: usize) -> (&Mesh, &Phong) {
+    let Object { shape: Shape::Placed(placed), material, .. } = &scene.objects[index] else {
+        panic!("placed")
+    };
+    let Material::Phong(material) = &scene.materials[material.0 as usize] else { panic!("Phong") };
+    (&placed.mesh, material)
+}
+
+/// A component turned by a quarter around z (x to y), moved by (10, 0, 0), in an item that doubles, in inches: the
+/// corner (1, 2, 0) goes to (-2, 1, 0), (8, 1, 0), (16, 2, 0), and 25.4 times that.
+#[test]
+fn units_items_and_components() {
+    let component =
+        "<components><component objectid=\"1\" transform=\"0 1 0 -1 0 0 0 0 1 10 0 0\"/></components>";
+    let resources = object("id=\"1\" name=\"plate\"", &mesh("", "")) + &object("id=\"2\"", component);
+    let build = "<item objectid=\"2\" transform=\"2 0 0 0 2 0 0 0 2 0 0 0\"/><item objectid=\"1\" \
+                 transform=\"-1 0 0 0 1 0 0 0 1 0 0 0\"/>";
+    let (scene, warnings) = load(package(&model("unit=\"inch\"", &resources, build))).expect("two items");
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_eq!(scene.objects.iter().map(|o| o.name.as_str()).collect::<Vec<_>>(), ["plate"; 2]);
+    let turned = corners(&scene, 0)[2];
+    assert!((turned - DVec3::new(16.0, 2.0, 0.0) * 25.4).length() < 1e-12, "{turned}");
+    // A mirror keeps the side that is the front.
+    assert_eq!(scene.objects.iter().map(|o| o.shape.is_mirrored()).collect::<Vec<_>>(), [false, true]);
+    assert_eq!(scene.metadata, [("Title".into(), "Two & more".into())]);
+}
+
+#[test]
+fn colours_of_materials_and_groups() {
+    let resources = "<basematerials id=\"5\"><base name=\"a\" displaycolor=\"#FF0000\"/>\
+                     <base name=\"b\" displaycolor=\"#0000FF33\"/></basematerials>\
+                     <m:colorgroup id=\"6\"><m:color color=\"#00FF00FF\"/><m:color color=\"#FFFFFF\"/></m:colorgroup>"
+        .to_owned();
+    let own = object("id=\"1\" pid=\"5\" pindex=\"1\"", &mesh("pid=\"6\" p1=\"0\" p2=\"1\" p3=\"0\"", ""));
+    let (scene, warnings) = load(package(&model("", &(resources + &own), ITEM))).expect("an item");
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let (mesh, material) = part(&scene, 0);
+    let colours = mesh.colours.as_ref().expect("colours");
+    let of = |triangle: usize| {
+        colours.triangles.as_ref().expect("corners")[triangle].map(|i| colours.values[i as usize])
+    };
+    assert_eq!([of(0), of(1)], [[DVec3::Y, DVec3::ONE, DVec3::Y], [DVec3::Z; 3]]);
+    let alphas = mesh.alphas.as_ref().expect("opacities");
+    let last = alphas.triangles.as_ref().expect("corners")[1][0] as usize;
+    assert_eq!(alphas.values[last], 0.2);
+    assert_eq!((material.colour, material.opacity.is_some()), (Colour::Display(DVec3::ONE), true));
+    // Without properties: the default.
+    let (scene, _) =
+        load(package(&model("", &object("id=\"1\"", &self::mesh("", "")), ITEM))).expect("an item");
+    let (mesh, material) = part(&scene, 0);
+    assert_eq!((mesh.colours.is_none(), material.colour), (true, Colour::from_u8([204; 3])));
+}
+
+/// v points up in the image: (0.25, 0.75) of the file is 0.25 from the top.
+#[test]
+fn images_of_the_package() {
+    let mut png = std::io::Cursor::new(Vec::new());
+    let pixels = image::RgbImage::from_raw(1, 1, vec![0, 255, 0]).expect("a pixel");
+    pixels.write_to(&mut png, image::ImageFormat::Png).expect("memory");
+    let resources = "<m:texture2d id=\"7\" path=\"/3D/Textures/a.png\" contenttype=\"image/png\" tilestyleu=\"mirror\"/>\
+                     <m:texture2dgroup id=\"8\" texid=\"7\"><m:tex2coord u=\"0.25\" v=\"0.75\"/></m:texture2dgroup>"
+        .to_owned();
+    let own = object("id=\"1\"", &mesh("pid=\"8\" p1=\"0\"", ""));
+    let text = model("", &(resources + &own), ITEM);
+    let bytes = archive(&[("3D/3dmodel.model", text.as_bytes()), ("3D/Textures/A.png", png.get_ref())]);
+    let (scene, warnings) = load(bytes).expect("an item");
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_eq!(scene.objects.len(), 2);
+    assert!(part(&scene, 0).1.texture.is_none());
+    let (mesh, material) = part(&scene, 1);
+    let texture = material.texture.expect("a texture");
+    assert_eq!(texture.sampler.wrap_u, Wrap::MirroredRepeat);
+    assert_eq!(scene.images[texture.image.0 as usize].pixels[..], [[0, 255, 0]]);
+    assert_eq!(mesh.uvs[0].values[0], DVec2::new(0.25, 0.25));
+    let (scene, warnings) = load(package(&text)).expect("an item");
+    assert!(scene.images.is_empty() && format!("{warnings:?}").contains("not in the file"), "{warnings:?}");
+}
+
+/// The relationships name the model, and components stand in another part, as slicers write them.
+#[test]
+fn parts_of_the_package() {
+    let relationships = "<Relationships><Relationship Target=\"/3D/other.model\" Id=\"r\" \
+                         Type=\"http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel\"/></Relationships>";
+    let component = "<components><component p:path=\"/3D/Objects/a.model\" objectid=\"1\"/></components>";
+    let root = model("", &object("id=\"2\"", component), "<item objectid=\"2\"/>");
+    let inner = model("", &object("id=\"1\"", &mesh("", "")), "");
+    let bytes = archive(&[
+        ("_rels/.rels", relationships.as_bytes()),
+        ("3D/other.model", root.as_bytes()),
+        ("3D/Objects/a.model", inner.as_bytes()),
+    ]);
+    assert_eq!(load(bytes).expect("a component").0.objects.len(), 1);
+}
+
+#[test]
+fn what_is_no_model_is_named() {
+    let resources = object("id=\"1\" type=\"support\"", &mesh("", ""));
+    let (scene, warnings) = load(package(&model("", &resources, ITEM))).expect("no object");
+    assert!(scene.objects.is_empty());
+    assert_eq!(warnings.all_left_out(), ["a.3mf: left out object 1 of the type `support`"]);
+}
+
+#[test]
+fn faults_name_their_part() {
+    let text = |bytes: Vec<u8>| load(bytes).map(drop).expect_err("it is broken").to_string();
+    let of = |resources: &str, build: &str| text(package(&model("", resources, build)));
+    assert!(text(b"PK\x03\x04".to_vec()).contains("not a whole ZIP archive"));
+    assert!(text(archive(&[("a.txt", b"a")])).contains("without a 3D model"));
+    assert_eq!(of("", ITEM), "a.3mf: 3D/3dmodel.model, object 1: does not exist");
+    let cycle = "<components><component objectid=\"1\"/></components>";
+    assert!(of(&object("id=\"1\"", cycle), ITEM).contains("nested more than 64 times"));
+    let beyond = mesh("", "").replace("v1=\"0\"", "v1=\"4\"");
+    let what = "triangle 0 names a vertex beyond the 4 before it";
+    assert_eq!(of(&object("id=\"1\"", &beyond), ITEM), format!("a.3mf: 3D/3dmodel.model, object 1: {what}"));
+    assert!(of("", "<item objectid=\"1\" transform=\"1 2\"/>").contains("is not 12 numbers"));
+    let whole = model("", "", "");
+    assert!(text(package(&whole[..whole.len() - 9])).contains("3D/3dmodel.model: "));
+    assert!(
+        text(package(&whole.replace("<model ", "<model unit=\"ell\" ")))
+            .contains("a unit that 3MF files do not have")
+    );
+    // 2^20 placements by twenty levels of two components are more than the limit, and are not made.
+    let levels: String = (2..40)
+        .map(|id| {
+            let component = format!("<component objectid=\"{}\"/>", id - 1);
+            object(&format!("id=\"{id}\""), &format!("<components>{component}{component}</components>"))
+        })
+        .collect();
+    let resources = object("id=\"1\"", &mesh("", "")) + &levels;
+    let mut warnings = Warnings::default();
+    let options = crate::scene::ImportOptions {
+        limits: crate::limits::Limits::DEFAULT.with(Counted::Nodes, 1000),
+        ..Default::default()
+    };
+    let bytes = package(&model("", &resources, "<item objectid=\"39\"/>"));
+    let source = Source { file: "a.3mf".into(), bytes, files: Files::default(), options };
+    let error = read(&source, &mut warnings).expect_err("too many").to_string();
+    assert_eq!(error, "a.3mf: 1001 nodes; the limit is 1000");
+}
+
+/// A claim of the archive's directory is not believed: neither more than it, nor more memory than allowed.
+#[test]
+fn sizes_are_checked() {
+    let bytes = package(&model("", &object("id=\"1\"", &mesh("", "")), ITEM));
+    let directory = bytes.windows(4).rposition(|word| word == b"PK\x01\x02").expect("a directory");
+    let claim = |size: u32| {
+        let mut bytes = bytes.clone();
+        bytes[directory + 24..directory + 28].copy_from_slice(&size.to_le_bytes());
+        load(bytes).map(drop).expect_err("a wrong size").to_string()
+    };
+    assert!(claim(10).contains("3D/3dmodel.model: "), "{}", claim(10));
+    assert!(claim(u32::MAX - 1).contains("3D/3dmodel.model: "), "{}", claim(u32::MAX - 1));
+}
