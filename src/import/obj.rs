@@ -28,6 +28,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::images::ImageLoader;
+use super::references::unquoted;
 use super::tangents::make_tangents;
 use super::{DefaultMaterials, Source, untextured};
 use crate::error::{Result, Warnings};
@@ -46,7 +47,8 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let mut default_materials = DefaultMaterials::default();
     let mut unknown = BTreeSet::new();
     for (run, mut mesh) in assembly.runs.into_iter().zip(meshes) {
-        let known = run.material.as_ref().and_then(|name| materials.get(name));
+        let find = |name: &String| materials.get(name).or_else(|| materials.get(without_comment(name)));
+        let known = run.material.as_ref().and_then(find);
         if let (Some(name), None) = (run.material, known) {
             unknown.insert(name);
         }
@@ -103,6 +105,11 @@ fn warn_of_unknown_materials(names: &BTreeSet<String>, source: &Source, warnings
     }
 }
 
+/// The name of a material without a comment behind it. Names may contain `#`, so a name is searched as it is first.
+fn without_comment(name: &str) -> &str {
+    unquoted(name.split(" #").next().unwrap_or(name))
+}
+
 /// Factor and offset of texture coordinates, (0, 0) at the lower left corner of the image.
 type Transform = Option<(DVec2, DVec2)>;
 
@@ -120,6 +127,7 @@ fn read_materials(
             let material = converter.convert(&definition)?;
             let transform = definition.transform(&source.file, converter.warnings);
             let id = converter.scene.add_material(material);
+            materials.insert(without_comment(&definition.material.name).to_owned(), (id, transform));
             materials.insert(definition.material.name, (id, transform));
         }
     }

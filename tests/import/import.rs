@@ -644,7 +644,7 @@ fn mtl_words_in_any_case() {
     let folder = Folder::new();
     folder.write("a.mtl", "NEWMTL a\nkd 1 0 0\nKS 0 0 0\nns 10\nILLUM 2\nMAP_KD four.png\nD 0.5\n");
     folder.write("four.png", std::fs::read(repository("assets/import/four.png")).expect("a picture"));
-    let obj = format!("MTLLIB a.mtl\n{OBJ_TRIANGLE}vt 0 0\nUSEMTL \"a\"\nF 1/1 2/1 3/1\n");
+    let obj = format!("MTLLIB a.mtl\n{OBJ_TRIANGLE}vt 0 0\nUSEMTL \"a\" # b\nF 1/1 2/1 3/1\n");
     let (scene, warnings) = folder.load("a.obj", obj);
     assert_eq!(warnings, [""; 0]);
     let Material::Phong(m) = &scene.materials[0] else { panic!("{:?}", scene.materials) };

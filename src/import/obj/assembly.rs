@@ -104,9 +104,11 @@ pub(super) fn parse(source: &Source, sizes: Sizes, warnings: &mut Warnings) -> R
             left_out.add(run.faces.leave_out(totals));
         }
         assembly.runs.retain(|run| run.faces.count() != Count::default());
-        let faces = left_out.triangles + left_out.polygons;
-        warnings
-            .left_out(format!("{first}; such indices are left out, and {faces} face(s) without a vertex"));
+        let faces = match left_out.triangles + left_out.polygons {
+            0 => String::new(),
+            count => format!(", and {count} face(s) with a vertex that does not exist"),
+        };
+        warnings.left_out(format!("{first}; such indices are left out{faces}"));
     }
     if assembly.colours.is_empty() && !assembly.paint.is_empty() {
         let colours = assembly.paint.iter().map(|&colour| DVec3::from(colour.map(f64::from)) / 255.0);
