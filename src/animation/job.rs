@@ -155,8 +155,7 @@ impl AnimationJob {
             return Ok(None);
         }
         let first = self.frame(0)?;
-        let (film, _) = first.render::<[f32; 3]>(control)?;
-        let ev = first.display_transform(film.rows(), control)?.ev();
+        let ev = first.display_transform(control)?.ev();
         self.resolved.settings.picture.exposure = Some(Exposure::Ev(ev));
         set_auto_exposure(&mut self.resolved.metadata, ev);
         Ok(Some(ev))

@@ -178,7 +178,6 @@ pub(crate) fn write_frames(
     if pictures.format != Format::Exr || animation.resolved.meters {
         fix_exposure(&mut reporter, &pool, &mut animation, interrupted)?;
     }
-    let display = animation.resolved.settings.picture.display();
     let skipped = match animation.skipped {
         0 => String::new(),
         n => format!("; {n} existed"),
@@ -190,9 +189,8 @@ pub(crate) fn write_frames(
     let checks = FrameChecks::default();
     let needs = |effects_on: usize| {
         let channels = pictures.selection.channel_count(effects_on) as u64;
-        let bytes =
-            output::bytes_per_pixel(pictures.format, &pictures.selection, channels, display, is_transparent)
-                + write::bytes_per_pixel(pictures.format, channels);
+        let bytes = output::bytes_per_pixel(pictures.format, &pictures.selection, channels, is_transparent)
+            + write::bytes_per_pixel(pictures.format, channels);
         (channels, bytes)
     };
     let make = |frame: i32, job: &RenderJob, control: &RenderControl| {

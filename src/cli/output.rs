@@ -8,9 +8,8 @@ use crate::error::{Error, Result, Warnings};
 use crate::farm::{Shard, shard_name, shard_state, write_shard};
 use crate::files::{WholeFile, describe};
 use crate::film::check::{self, FileState};
-use crate::film::tone::METER_BYTES;
 use crate::film::write::{self, ALPHA, Channel, Format, OutputImage, encode, write_picture};
-use crate::film::{self, DisplaySettings, Film, Pixel, Window};
+use crate::film::{self, Film, Pixel, Window};
 use crate::job::{RenderJob, metadata};
 use crate::limits;
 use crate::render::aov::{self, AovSelection};
@@ -152,9 +151,7 @@ pub(crate) fn check_memory(
     };
     let sampling = if has_accuracy { sample_count::BYTES_PER_PIXEL } else { 0 };
     let format = target.film_format();
-    let each = bytes_per_pixel(format, selection, channels, job.display(), job.is_transparent())
-        .max(sampling)
-        + writing;
+    let each = bytes_per_pixel(format, selection, channels, job.is_transparent()).max(sampling) + writing;
     check_memory_of(job.window, channels, each)
 }
 
@@ -163,7 +160,6 @@ pub(crate) fn bytes_per_pixel(
     format: Format,
     selection: &AovSelection,
     channels: u64,
-    display: DisplaySettings,
     is_transparent: bool,
 ) -> u64 {
     match format {
@@ -172,8 +168,6 @@ pub(crate) fn bytes_per_pixel(
             let alpha = if is_transparent { 16 + 12 } else { 0 };
             4 * (3 + channels) + alpha + if channels > 0 { selection.bytes_per_pixel() } else { 0 }
         }
-        // An automatic exposure is computed from the whole picture in `f32`.
-        Format::Png | Format::Jpeg if display.is_auto() => 12 + 3 + METER_BYTES,
         // With alpha, the picture is kept in `f32` first.
         Format::Png if is_transparent => 16 + 2 * 12 + 4 + 4,
         Format::Png | Format::Jpeg => 3,
@@ -202,11 +196,12 @@ pub(crate) fn render_image(
     selection: &AovSelection,
     control: &RenderControl,
 ) -> Result<(OutputImage, Statistics)> {
+    let display = job.display_transform(control)?;
     if format != Format::Exr && !job.is_transparent() {
         let (film, statistics) = job.render(control)?;
         return Ok((OutputImage::Rgb8(film, job.pipeline()), statistics));
     }
-    let (film, alpha, statistics) = if job.is_transparent() {
+    let (film, alpha, mut statistics) = if job.is_transparent() {
         let (film, statistics) = job.render::<[f32; 4]>(control)?;
         let (film, alpha) = film.split_alpha()?;
         (film, Some(alpha), statistics)
@@ -214,8 +209,8 @@ pub(crate) fn render_image(
         let (film, statistics) = job.render(control)?;
         (film, None, statistics)
     };
+    statistics.auto_exposure = job.display().is_auto().then_some(display.ev());
     if let (Some(alpha), true) = (&alpha, format != Format::Exr) {
-        let display = |pixels: &[[f32; 3]]| job.display().transform_of(pixels.iter().copied());
         return Ok((OutputImage::with_alpha(&film, alpha, job.pipeline(), display)?, statistics));
     }
     let mut channels = aov::channels(&job.aov_source(Some(&film)), selection, control)?;
@@ -273,7 +268,7 @@ pub(crate) fn render_to_accuracy(
         Format::Exr => OutputImage::Float(Film::from_rows(window, &sampled.pixels)?, Vec::new()),
         _ => {
             let mut bytes = vec![[0; 3]; sampled.pixels.len()];
-            let display = job.display_transform(sampled.pixels.iter().copied(), &control)?;
+            let display = job.display_transform(&control)?;
             sampled.statistics.auto_exposure = job.display().is_auto().then_some(display.ev());
             Pixel::develop(&sampled.pixels, pipeline, display, &mut bytes);
             OutputImage::Rgb8(Film::from_rows(window, &bytes)?, pipeline)
@@ -343,7 +338,8 @@ pub(crate) fn write(picture: &OutputImage, job: &RenderJob, target: &OutputTarge
     let metadata = &job.metadata;
     match (target, picture) {
         (OutputTarget::Shard(file, _, shard), OutputImage::Float(film, channels)) => {
-            write_shard(film, channels, (job.pipeline(), job.display().known()), metadata, *shard, file)
+            let display = job.display_transform(&RenderControl::default())?;
+            write_shard(film, channels, (job.pipeline(), display), metadata, *shard, file)
         }
         (OutputTarget::File(file, format) | OutputTarget::Shard(file, format, _), _) => {
             write_picture(picture, metadata, *format, file)

@@ -157,7 +157,7 @@ pub fn render(
         };
         warn_of_result(&mut job, &image, &statistics, &context, control, warnings)?;
         let (channels, display) = match &image {
-            OutputImage::Float(film, _) => (Vec::new(), job.display_transform(film.rows(), control)?),
+            OutputImage::Float(..) => (Vec::new(), job.display_transform(control)?),
             _ => (aov::channels(&job.aov_source(None), &selection, control)?, DisplayTransform::default()),
         };
         let pipeline = job.pipeline();
@@ -239,7 +239,7 @@ impl Picture {
     fn displayed(&self) -> Result<Option<OutputImage>> {
         let OutputImage::Float(film, _) = &self.image else { return Ok(None) };
         Ok(Some(match self.alpha() {
-            Some(alpha) => OutputImage::with_alpha(film, &alpha.values, self.pipeline, |_| self.display)?,
+            Some(alpha) => OutputImage::with_alpha(film, &alpha.values, self.pipeline, self.display)?,
             None => OutputImage::Rgb8(film.developed(self.pipeline, self.display)?, self.pipeline),
         }))
     }

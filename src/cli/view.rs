@@ -110,7 +110,7 @@ fn initial_view(
         },
     };
     let picture = completed.picture;
-    check_display(picture.display(), picture.pipeline(), true)?;
+    check_display(picture.display(), picture.pipeline())?;
     let (numerics, colour) = (Some(picture.numerics.unwrap_or_default()), Some(picture.pipeline()));
     let projection = requested.projection;
     let picture = PictureSettings { numerics, colour, ..requested.picture };

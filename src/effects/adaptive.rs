@@ -1,4 +1,10 @@
 //! Adaptive sampling: a pixel whose estimated error is small enough takes no further samples ([`super::convergence`]).
+//!
+//! A pixel with alpha is composited over a background that is not known. In linear light the composite is C + (1 -
+//! alpha) B, and its displayed error is judged over black, B = 0, and over white: by the samples' own composites, since
+//! colour and alpha vary together. Between the two the composite is their mixture. Where displayed values are
+//! composited instead, as by browsers, it is alpha D(C / alpha) + (1 - alpha) D(B), whose error is at most that of
+//! alpha where the straight colour C / alpha does not vary: so alpha itself must reach the level, too.
 
 use glam::DVec3;
 
@@ -7,7 +13,7 @@ use super::convergence::{
     random_variance, unseen_variance,
 };
 use super::region::SampledRegion;
-use super::samples::{SampleSum, Sampler, TileSamples};
+use super::samples::{Sampler, TileSamples};
 use super::tile::{RenderContext, Tile, vec_bytes};
 use super::variance::SampleVariance;
 use super::{Effect, EffectContext, Hook, PlanSpec, Stage, id};
@@ -46,14 +52,17 @@ struct Buffers {
     colour: Estimates,
     /// Of the alpha channel; empty without one.
     alpha: Estimates,
+    /// Of the composite over white, where there is an alpha channel: colours and alpha vary together.
+    over_white: Estimates,
     /// For each pixel, whether a sample of it has hit a surface.
     has_surface: Vec<bool>,
 }
 
 impl Buffers {
     fn bytes(&self) -> usize {
-        let Buffers { colour, alpha, has_surface } = self;
-        size_of::<Buffers>() + colour.bytes() + alpha.bytes() + vec_bytes(has_surface)
+        let Buffers { colour, alpha, over_white, has_surface } = self;
+        let estimates = colour.bytes() + alpha.bytes() + over_white.bytes();
+        size_of::<Buffers>() + estimates + vec_bytes(has_surface)
     }
 }
 
@@ -131,6 +140,7 @@ struct TestConvergence {
     criterion: Criterion,
     colour: Integrand,
     alpha: Integrand,
+    over_white: Integrand,
 }
 
 impl TestConvergence {
@@ -142,11 +152,13 @@ impl TestConvergence {
             false => Integrand::Stratified,
         };
         let catches = context.world.shadow_catcher().is_some();
+        let is_alpha_random = context.spec.continued.is_some() || catches && context.spec.is_random;
         TestConvergence {
             sampler,
             criterion: Criterion::new(context.sampling),
             colour: integrand(context.spec.is_random),
-            alpha: integrand(context.spec.continued.is_some() || catches && context.spec.is_random),
+            alpha: integrand(is_alpha_random),
+            over_white: integrand(context.spec.is_random || is_alpha_random),
         }
     }
 }
@@ -162,19 +174,25 @@ impl Stage for TestConvergence {
         }
         tile.with_buffers(|buffers: &mut Buffers, tile| {
             tile.with_buffers(|samples: &mut TileSamples, tile| {
-                let Buffers { colour, alpha, has_surface } = buffers;
+                let Buffers { colour, alpha, over_white, has_surface } = buffers;
                 if samples.is_first_pass() {
                     let pixels = samples.sums().len();
+                    let with_alpha = if tile.coverage.is_some() { pixels } else { 0 };
                     colour.start(pixels);
-                    alpha.start(if tile.coverage.is_some() { pixels } else { 0 });
+                    alpha.start(with_alpha);
+                    over_white.start(with_alpha);
                     has_surface.clear();
                     has_surface.resize(pixels, false);
                 }
                 for (pixel, sign, &value) in samples.of_pass(&tile.pixels) {
                     colour.add(pixel, value, sign as f32);
                 }
-                for (pixel, sign, &value) in samples.of_pass(tile.coverage.as_deref().unwrap_or_default()) {
+                let (coverage, white) =
+                    (tile.coverage.as_deref().unwrap_or_default(), context.display.white());
+                for ((pixel, sign, &value), colour) in samples.of_pass(coverage).zip(&tile.pixels) {
                     alpha.add(pixel, [value; 3], sign as f32);
+                    let behind = white as f32 * (1.0 - value);
+                    over_white.add(pixel, colour.map(|channel| channel + behind), sign as f32);
                 }
                 for &ray in &tile.camera_hits {
                     has_surface[samples.pixel_of(ray)] = true;
@@ -197,27 +215,35 @@ impl TestConvergence {
         if taken == criterion.min_samples {
             buffers.colour.end_first_round(samples.region());
             buffers.alpha.end_first_round(samples.region());
+            buffers.over_white.end_first_round(samples.region());
         }
         let (display, pipeline) = (context.display, context.world.pipeline);
         let displayed = |colour: DVec3| display.displayed(pipeline, colour);
         let covered = |alpha: DVec3| alpha.clamp(DVec3::ZERO, DVec3::ONE);
-        let Buffers { colour, alpha, has_surface } = &*buffers;
+        let Buffers { colour, alpha, over_white, has_surface } = &*buffers;
         let first = criterion.min_samples;
         let is_noisy = |estimates: &Estimates,
                         integrand,
-                        (pixel, sum, unseen): (usize, &SampleSum, f64),
+                        (pixel, value, unseen): (usize, DVec3, f64),
                         shown: &dyn Fn(DVec3) -> DVec3| {
             let variance = estimates.variance(pixel, integrand, (first, unseen), sampler.filter.mean_sign());
             // Without variance, as on a background, the error is 0; this saves the conversion to display values.
             variance != DVec3::ZERO && {
                 let error = DVec3::from(variance.to_array().map(f64::sqrt));
-                displayed_error(sum.value(&sampler.filter), error, shown) > criterion.max_error
+                displayed_error(value, error, shown) > criterion.max_error
             }
         };
         samples.start_round(criterion.next_test(taken, sampler.samples), |pixel, sum, coverage| {
             let of_surface = f64::from(u8::from(has_surface[pixel]));
-            is_noisy(colour, self.colour, (pixel, sum, of_surface * display.white()), &displayed)
-                || coverage.is_some_and(|sum| is_noisy(alpha, self.alpha, (pixel, sum, of_surface), &covered))
+            let (white, value) = (display.white(), sum.value(&sampler.filter));
+            let unseen = of_surface * white;
+            is_noisy(colour, self.colour, (pixel, value, unseen), &displayed)
+                || coverage.is_some_and(|sum| {
+                    let covering = sum.value(&sampler.filter);
+                    let composite = value + white * (DVec3::ONE - covering);
+                    is_noisy(alpha, self.alpha, (pixel, covering, of_surface), &covered)
+                        || is_noisy(over_white, self.over_white, (pixel, composite, unseen), &displayed)
+                })
         });
     }
 }

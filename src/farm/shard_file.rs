@@ -359,7 +359,7 @@ impl Joiner {
                     "name a file that ends in .png or .exr",
                 ));
             }
-            let picture = OutputImage::with_alpha(&self.film, values, self.pipeline, |_| self.display)?;
+            let picture = OutputImage::with_alpha(&self.film, values, self.pipeline, self.display)?;
             return Ok((picture, metadata));
         }
         if !self.channels.is_empty() {

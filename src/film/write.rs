@@ -70,14 +70,14 @@ impl OutputImage {
         film: &Film,
         alpha: &[f32],
         pipeline: ColourPipeline,
-        display: impl FnOnce(&[[f32; 3]]) -> DisplayTransform,
+        display: DisplayTransform,
     ) -> Result<Self> {
         let straight = |(pixel, &alpha): ([f32; 3], &f32)| {
             if alpha > 0.0 { pixel.map(|channel| channel / alpha) } else { [0.0; 3] }
         };
         let pixels: Vec<[f32; 3]> = film.rows().zip(alpha).map(straight).collect();
         let mut bytes = vec![[0; 3]; pixels.len()];
-        Pixel::develop(&pixels, pipeline, display(&pixels), &mut bytes);
+        Pixel::develop(&pixels, pipeline, display, &mut bytes);
         let alpha = alpha.iter().map(|alpha| (alpha * 255.0).round() as u8).collect();
         Ok(OutputImage::Rgba8(Film::from_rows(film.window(), &bytes)?, alpha, pipeline))
     }

@@ -48,12 +48,11 @@ use std::sync::{Arc, OnceLock};
 use glam::DVec3;
 
 use crate::bvh::Layout;
-use crate::effects::convergence::Criterion;
 use crate::effects::tile::RenderContext;
 use crate::effects::{PathSettings, Plan, RayKind, check_names, check_scene, id, named};
 use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
-use crate::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, Pixel, Window};
+use crate::film::{ColourPipeline, DisplaySettings, Film, Pixel, Window};
 use crate::import::check_drawable;
 use crate::render::aov::AovSource;
 use crate::render::render_displayed;
@@ -87,8 +86,8 @@ pub struct RenderJob {
     pub plan: Plan,
     /// Metadata of the picture.
     pub metadata: Metadata,
-    /// The exposure in EV that adaptive sampling compares at, once it is metered.
-    pub(crate) sampling_exposure: OnceLock<f64>,
+    /// An automatic exposure in EV, once it is metered.
+    pub(crate) auto_exposure: OnceLock<f64>,
 }
 
 impl RenderJob {
@@ -117,7 +116,7 @@ impl RenderJob {
             choices,
             plan,
             metadata: Metadata::new(),
-            sampling_exposure: OnceLock::new(),
+            auto_exposure: OnceLock::new(),
         })
     }
 
@@ -139,7 +138,7 @@ impl RenderJob {
             choices,
             plan,
             metadata: metadata.clone(),
-            sampling_exposure: OnceLock::new(),
+            auto_exposure: OnceLock::new(),
         })
     }
 
@@ -160,7 +159,6 @@ impl RenderJob {
     /// As [`Plan::new`].
     pub fn set_sampling(&mut self, sampling: Sampling) -> Result<()> {
         self.choices.sampling = sampling;
-        self.sampling_exposure = OnceLock::new();
         self.plan = Plan::new(&self.world, &self.choices)?;
         Ok(())
     }
@@ -188,8 +186,8 @@ impl RenderJob {
         self.render_selected(|place, _| self.settings.shard.has(place), control)
     }
 
-    /// Renders the tiles that `is_selected` accepts, by tile index and region. With an automatic exposure, pictures of
-    /// display values are kept as floats and developed at the end, with the exposure of what was rendered.
+    /// Renders the tiles that `is_selected` accepts, by tile index and region. An automatic exposure is metered first
+    /// ([`RenderJob::display_transform`]) where display values are stored or adaptive sampling compares them.
     ///
     /// # Errors
     /// As [`RenderJob::render`].
@@ -198,74 +196,22 @@ impl RenderJob {
         is_selected: impl Fn(usize, Window) -> bool,
         control: &RenderControl,
     ) -> Result<(Film<P>, Statistics)> {
-        let display = self.display();
-        let metered = self.meter_for_sampling(control)?;
-        let context =
-            RenderContext { world: &self.world, view: &self.view, display: self.sampling_display() };
-        let with_metering = |mut statistics: Statistics| {
-            // Its pixels are not those of this picture.
-            let metered = metered.clone().map(|metered| Statistics { non_finite: Vec::new(), ..metered });
-            metered.iter().for_each(|metered| statistics.add(metered));
-            statistics
+        let display = match P::IS_DISPLAYED || self.plan.is_adaptive() {
+            true => self.display_transform(control)?,
+            false => self.display().known(),
         };
-        if !(P::IS_DISPLAYED && display.is_auto()) {
-            let (film, statistics) =
-                render_displayed(&context, &self.plan, self.window, is_selected, control)?;
-            return Ok((film, with_metering(statistics)));
-        }
-        let (film, statistics): (Film, _) =
+        let context = RenderContext { world: &self.world, view: &self.view, display };
+        let (film, mut statistics) =
             render_displayed(&context, &self.plan, self.window, is_selected, control)?;
-        let transform = self.display_transform(film.rows(), control)?;
-        let statistics = Statistics { auto_exposure: Some(transform.ev()), ..with_metering(statistics) };
-        Ok((film.developed(self.pipeline(), transform)?, statistics))
-    }
-
-    /// The display transform that adaptive sampling compares by. An automatic exposure is that of the first samples
-    /// once [`RenderJob::render`] has metered them, and 0 EV before.
-    fn sampling_display(&self) -> DisplayTransform {
-        let display = self.display();
-        display.transform(self.sampling_exposure.get().copied().unwrap_or(0.0))
-    }
-
-    /// Meters the exposure that adaptive sampling compares at, where it is automatic and not yet known: that of the
-    /// whole picture with as many samples a pixel as each takes at least. Returns the statistics of that picture.
-    fn meter_for_sampling(&self, control: &RenderControl) -> Result<Option<Statistics>> {
-        let display = self.display();
-        if !display.is_auto() || !self.plan.is_adaptive() || self.sampling_exposure.get().is_some() {
-            return Ok(None);
-        }
-        let samples = Criterion::new(&self.choices.sampling).min_samples;
-        let mut job = self.with_choices(self.choices.clone())?;
-        job.set_sampling(self.choices.sampling.part(0, samples))?;
-        let control = RenderControl { progress: &|_, _| (), ..*control };
-        let (film, statistics): (Film, _) = job.render_selected(|_, _| true, &control)?;
-        let ev = job.display_transform(film.rows(), &control)?.ev();
-        self.sampling_exposure.get_or_init(|| ev);
-        Ok(Some(statistics))
-    }
-
-    /// The display transform of the picture with these colours, row by row from the top. An automatic exposure is that of
-    /// [`RenderJob::subject`].
-    ///
-    /// # Errors
-    /// As [`RenderJob::subject`].
-    pub fn display_transform(
-        &self,
-        colours: impl Iterator<Item = [f32; 3]>,
-        control: &RenderControl,
-    ) -> Result<DisplayTransform> {
-        let display = self.display();
-        if !display.is_auto() {
-            return Ok(display.known());
-        }
-        let subject = colours.zip(self.subject(control)?).filter(|(_, is_shown)| *is_shown);
-        Ok(display.transform_of(subject.map(|(colour, _)| colour)))
+        statistics.auto_exposure = (P::IS_DISPLAYED && self.display().is_auto()).then_some(display.ev());
+        Ok((film, statistics))
     }
 
     /// Source of the AOVs of the picture.
     pub fn aov_source<'a>(&'a self, film: Option<&'a Film>) -> AovSource<'a> {
         let RenderJob { world, recentering, view, plan, window, settings, .. } = self;
-        let display = self.sampling_display();
+        // Adaptive sampling compares by it. An automatic exposure is metered once the picture was rendered.
+        let display = self.display().transform(self.auto_exposure.get().copied().unwrap_or(0.0));
         AovSource {
             world,
             recentering: *recentering,
@@ -467,8 +413,7 @@ pub fn resolve_for(
     View::new(&camera, camera.projection, size)?;
     let window = camera::window(settings.crop, size)?;
     let (pipeline, display) = (scene.picture.pipeline(), scene.picture.display());
-    let is_whole = [window.width, window.height] == size && settings.shard == Shard::ALL;
-    check_display(display, pipeline, is_whole)?;
+    check_display(display, pipeline)?;
     scene.picture = PictureSettings {
         colour: Some(pipeline),
         numerics: Some(scene.picture.numerics.unwrap_or_default()),

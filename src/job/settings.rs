@@ -238,17 +238,11 @@ pub(crate) fn is_fitted(camera: &Camera, scene: &Scene) -> bool {
 ///
 /// # Errors
 /// [`Error::Usage`] that says what to give instead.
-pub fn check_display(display: DisplaySettings, pipeline: ColourPipeline, is_whole: bool) -> Result<()> {
+pub fn check_display(display: DisplaySettings, pipeline: ColourPipeline) -> Result<()> {
     if !display.is_identity() && pipeline != ColourPipeline::Linear {
         let what =
             format!("exposure and tone map need the colour arithmetic `linear`, not `{}`", pipeline.name());
         let hint = "give --colour linear, or --exposure 0 --tone-map none";
-        return Err(Error::usage(what, hint));
-    }
-    if display.is_auto() && !is_whole {
-        let what = "`auto` exposure is computed from the whole picture, and this is a part";
-        let hint =
-            "give --exposure a number, such as the one reported for the whole picture, which may be small";
         return Err(Error::usage(what, hint));
     }
     Ok(())

@@ -27,6 +27,7 @@ mod rectangle;
 mod sampled_triangle;
 mod sky;
 mod soa;
+mod touched;
 mod view;
 mod volumes;
 
@@ -153,6 +154,8 @@ pub struct WorldLight {
     pub kind: LightKind,
     /// The disc of a directional light with an apparent diameter.
     pub(crate) disc: Option<LightDisc>,
+    /// The planes of the surfaces that it lies on, up to rounding.
+    pub(crate) touched: Vec<touched::TouchedPlane>,
 }
 
 impl World {
@@ -206,6 +209,8 @@ impl World {
         let emitters = Emitters::new(&scene.objects, &firsts, looks, rectangles, numerics.precision());
         let volumes = Volumes::new(&scene.objects, &materials).map(Arc::new);
         let too_small = primitive_count - instanced - kept;
+        let mut lights = world_lights(scene.lights, pipeline);
+        touched::find(&mut lights, &scene.objects, numerics);
         let mut attributes = attributes::SharedAttributes::default();
         let objects = scene.objects.into_iter().zip(firsts).map(|(object, first)| WorldObject {
             name: object.name,
@@ -227,7 +232,7 @@ impl World {
             volumes,
             area_lights: area_lights.into(),
             images,
-            lights: world_lights(scene.lights, pipeline),
+            lights,
             pipeline,
             ambient: scene.ambient.unwrap_or(DEFAULT_AMBIENT),
             fill: scene.fill.as_ref().map(PreparedFill::new),
@@ -307,7 +312,7 @@ fn world_lights(lights: Vec<Light>, pipeline: ColourPipeline) -> Vec<WorldLight>
             LightKind::Directional { direction, angle } => LightDisc::new(direction, angle, radiance),
             _ => None,
         };
-        WorldLight { name: light.name, radiance, kind: light.kind, disc }
+        WorldLight { name: light.name, radiance, kind: light.kind, disc, touched: Vec::new() }
     });
     lights.filter(|light| light.radiance != DVec3::ZERO).collect()
 }

@@ -246,8 +246,6 @@ fn wrong_exposures_are_one_clear_line() {
         ("--light sun", "invalid value 'sun'", "possible values: head, none"),
         ("--exposure 1 --colour u8", "need the colour arithmetic `linear`, not `u8`", "--colour linear"),
         ("--tone-map agx --colour display", "`linear`, not `display`", "--exposure 0 --tone-map none"),
-        ("--exposure auto --crop 0,0,8,8", "computed from the whole picture", "--exposure a number"),
-        ("--exposure auto --shard 1/2", "computed from the whole picture", "--exposure a number"),
     ] {
         workshop.fails(&format!("render scene.toml -o a.png {options}"), 2, [what, hint]);
     }
@@ -263,6 +261,56 @@ fn wrong_exposures_are_one_clear_line() {
     workshop.write("own.toml", SCENE.replace("[image]", "[image]\ncolour = 'u8'\ntone_map = 'agx'"));
     workshop.fails("render own.toml -o a.png", 2, ["`linear`, not `u8`", "--tone-map none"]);
     assert!(!workshop.path("a.png").exists());
+}
+
+/// The exposure in EV that a run prints.
+fn printed_exposure(printed: &str) -> &str {
+    let rest = printed.split("the exposure is ").nth(1);
+    rest.and_then(|rest| rest.split(' ').next()).unwrap_or_else(|| panic!("no exposure: {printed}"))
+}
+
+/// A closed grey room of paths, lit by a lamp of a thousandth of its wall: most paths of one sample find no light, so
+/// their log-average is far from that of the radiance. The exposure is of the radiance, whatever is sampled or stored.
+#[test]
+fn the_automatic_exposure_does_not_depend_on_samples_and_regions() {
+    let workshop = Workshop::with(
+        "room.toml",
+        "[image]\nwidth = 48\nheight = 32\n\
+         [[camera]]\nposition = [0, 0, 0.9]\nlook_at = [0, 0, -1]\n\
+         [material.white]\ncolour = '#c0c0c0'\n\
+         [material.lamp]\ncolour = '#000000'\nemission = '#ffffff'\nemission_intensity = 400\n\
+         [[mesh]]\nfile = 'box.obj'\nmaterial = 'white'\n\
+         [[sphere]]\ncentre = [0, 0.7, -0.3]\nradius = 0.03\nmaterial = 'lamp'\n",
+    );
+    let corners = (0..8).map(|i| [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { 1 } else { -1 }));
+    let vertices: String = corners.map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+    workshop.write(
+        "box.obj",
+        format!("{vertices}f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n"),
+    );
+    let room = "render room.toml --transport path --exposure auto";
+    let few = workshop.succeed(&format!("{room} --samples 1 -o few.png"));
+    for options in ["--samples 64 -o many.png", "--samples 4 --noise 0.05 -o adaptive.png", "-o film.exr"] {
+        let other = workshop.succeed(&format!("{room} {options}"));
+        assert_eq!(printed_exposure(&other), printed_exposure(&few), "{options}");
+    }
+    // 2048 samples a pixel of the whole picture, whose own log-average has next to no bias, at 0 EV.
+    workshop.succeed("render room.toml --transport path --samples 2048 --filter box -o limit.exr");
+    let limit = kiln::film::tone::auto_exposure(workshop.floats("limit.exr").into_iter());
+    let metered: f64 = printed_exposure(&few).parse().expect("a number");
+    assert!((metered - limit).abs() <= 0.1, "{metered} {limit}");
+
+    workshop.succeed(&format!("{room} --samples 4 -o whole.png"));
+    workshop.succeed(&format!("{room} --samples 4 --crop 20,10,16,8 -o crop.png"));
+    let (whole, crop) = (workshop.colours("whole.png"), workshop.colours("crop.png"));
+    for (y, row) in (10..).zip(crop.chunks(16)) {
+        assert_eq!(row, &whole[y * 48 + 20..][..16], "row {y}");
+    }
+    for shard in 1..=2 {
+        workshop.succeed(&format!("{room} --samples 4 -o part.png --shard {shard}/2"));
+    }
+    workshop.succeed("merge part.1of2.shard part.2of2.shard -o merged.png");
+    assert_eq!(workshop.bytes("merged.png"), workshop.bytes("whole.png"));
 }
 
 /// All frames have the exposure of frame 0, also a single frame and frames in shards. The sphere approaches the camera.

@@ -7,7 +7,7 @@ use crate::common::Numbers;
 use crate::common::borders::{CUBE, Folder, TIGHT, assert_sound, camera, films, scene, sound, tiers};
 use crate::common::gltf::Model;
 use crate::common::picture::{Prepared, picture, prepare};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use kiln::film::Colour;
 use kiln::geometry::{Hit, Precision};
 use kiln::scene::{Falloff, Light, LightKind, Numerics, Projection};
@@ -331,4 +331,53 @@ fn g4_lamps_beyond_f32_cast_shadows_as_others_do() {
             }
         }
     }
+}
+
+/// A floor from -4 to 4 with a wall that stands on it, and a light `above` the floor; all corners are placed by
+/// `place`. The picture shows the wall up to 2 above the floor.
+fn wall_and_lamp(lamp: DVec3, place: impl Fn(DVec3) -> DVec3, up: DVec3, scale: f64) -> String {
+    let at = |x: f64, y: f64, z: f64| place(DVec3::new(x, y, z)).to_array();
+    let floor = [at(-4., 0., -4.), at(4., 0., -4.), at(4., 0., 4.), at(-4., 0., 4.)];
+    let wall = [at(-2., 0., -3.), at(-2., 0., 3.), at(-2., 4., 3.), at(-2., 4., -3.)];
+    let [eye, target, lamp] = [at(3., 1., 0.), at(-2., 1., 0.), place(lamp).to_array()];
+    let (up, width, height) = (up.to_array(), 0.25 * scale, 2.0 * scale);
+    format!(
+        "[image]\ncolour = 'linear'\n[ambient]\nintensity = 0\n[material.white]\ncolour = '#ffffff'\n\
+         [[camera]]\nposition = {eye:?}\nlook_at = {target:?}\nup = {up:?}\nprojection = 'orthographic'\n\
+         viewing_rectangle = [{width:?}, {height:?}]\nviewpoint_distance = {:?}\n\
+         [[triangles]]\nvertices = {floor:?}\nindices = [[0, 1, 2], [0, 2, 3]]\nmaterial = 'white'\n\
+         [[triangles]]\nvertices = {wall:?}\nindices = [[0, 1, 2], [0, 2, 3]]\nmaterial = 'white'\n\
+         [[light]]\ntype = 'point'\nposition = {lamp:?}\n",
+        5.0 * scale
+    )
+}
+
+/// The light lies on the floor as described, at a random height, also of tilted floors, far from the origin and beyond
+/// the range of f32: the whole wall is lit, up to f64's own rounding of the description. Below the floor it lights
+/// nothing.
+#[test]
+fn g1_a_lamp_on_a_plane_lights_what_stands_on_it() {
+    let mut numbers = Numbers::new(11);
+    let mut dark = [0; 4];
+    for round in 0..400 {
+        let tilt = match round % 2 {
+            0 => DQuat::IDENTITY,
+            _ => DQuat::from_axis_angle(numbers.direction(), 3.0 * numbers.fine_unit()),
+        };
+        let scale = [1.0, 1.0, 50f64.exp2(), (-50f64).exp2()][round / 2 % 4];
+        let far = if round % 16 == 8 { 1e5 } else { 3.0 };
+        let offset = DVec3::new(far * numbers.signed(), 1.1 * numbers.signed(), 3.0 * numbers.signed());
+        let place = |p: DVec3| (tilt * p + offset) * scale;
+        let lamp = DVec3::new(1.0 + 2.0 * numbers.fine_unit(), 0.0, 2.0 * numbers.signed());
+        let on = scene(&wall_and_lamp(lamp, place, tilt * DVec3::Y, scale));
+        for (tier, film) in films(&on, [6, 48]).iter().enumerate() {
+            dark[tier] += film.rows().filter(|pixel| pixel[0] <= 0.0).count();
+        }
+        let below = scene(&wall_and_lamp(lamp - DVec3::Y * 1e-3, place, tilt * DVec3::Y, scale));
+        for film in films(&below, [6, 48]) {
+            assert!(film.rows().all(|pixel| pixel == [0.0; 3]), "round {round}");
+        }
+    }
+    // In `fast` rays are rounded, too: fewer than 1 % of the 400 x 288 pixels.
+    assert!(dark[1..] == [0; 3] && dark[0] < 1152, "{dark:?}");
 }

@@ -60,7 +60,7 @@ impl Case {
             Choices { sampling: Sampling { noise: None, ..job.choices.sampling }, ..job.choices.clone() };
         let (_, limit) = render(&job.with_choices(noiseless).expect("a plan"), own(reference, 1000));
         // The exposure of the reference, so that both are displayed alike.
-        let display = job.display().transform_of(limit.rows());
+        let display = job.display_transform(&RenderControl::default()).expect("an exposure");
         let shown = |pixel: [f32; 3]| display.displayed(job.pipeline(), DVec3::from(pixel.map(f64::from)));
         let mut sum = Ended::default();
         for seed in 0..seeds {

@@ -42,7 +42,8 @@ pub(super) struct LightConnection {
     /// The distance of a light without size, which may lie on a surface; infinite for what is infinitely far away; 0 for
     /// a point of a surface.
     pub(super) distance: f64,
-    /// That point, moved in front of its surface.
+    /// That point, moved in front of its surface. For a light without size the share of the way to it on which the
+    /// shadow ray is tested ([`crate::world::WorldLight::tested_share`]), in each component.
     pub(super) end: DVec3,
 }
 
@@ -146,7 +147,7 @@ impl<'a> Lights<'a> {
             // An intensity of 1 gives a facing diffuse surface the radiance of its base colour, pi times that of the BSDF.
             let radiance = PI * sample.radiance / expected;
             let LightSample { direction, distance, .. } = sample;
-            let (pdf, end) = (f64::INFINITY, DVec3::ZERO);
+            let (pdf, end) = (f64::INFINITY, DVec3::splat(light.tested_share(from)));
             return Some(LightConnection { direction, radiance, pdf, distance, end });
         }
         if index == self.world.lights.len() && !self.emitters.is_empty() {

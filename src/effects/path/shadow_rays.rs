@@ -99,7 +99,9 @@ impl LightSamples {
         let (direction, distance) = (self.direction.get(i), self.distance[i]);
         if distance > 0.0 {
             let light = LightSample { direction, distance, radiance: DVec3::ZERO, cosine: 0.0 };
-            return Some(shadow_ray(origin, &light.seen_from(origin - position), numerics));
+            let light = light.seen_from(origin - position);
+            let distance = light.distance * self.end.get(i).x;
+            return Some(shadow_ray(origin, &LightSample { distance, ..light }, numerics));
         }
         let end = self.end.get(i);
         let direction = (end - origin).try_normalize()?;

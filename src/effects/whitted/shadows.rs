@@ -9,7 +9,7 @@ use crate::effects::samples::DiscPoints;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use crate::effects::transparency::transmittance;
 use crate::effects::{Effect, EffectContext, Hook, PlanSpec, RayKind, Stage, id, named, shadow_ray};
-use crate::geometry::{Numerics, RayBuffer};
+use crate::geometry::{Numerics, Ray, RayBuffer};
 use crate::shading::{LightSample, LightSoa};
 use crate::world::{InteractionSoa, Vec3Soa, World, simd};
 
@@ -109,7 +109,17 @@ fn test_occlusion(
                 let ray = |i: usize| precision.ray(origins.get(i), directions[i], 0.0, f64::INFINITY);
                 rays.write(0..directions.len(), ray);
             }
-            None => shadow_rays(light, surfaces, origins, context.world.numerics(), rays),
+            None => {
+                let numerics = context.world.numerics();
+                shadow_rays(light, surfaces, origins, numerics, rays);
+                let in_world = &context.world.lights[index];
+                if !in_world.touched.is_empty() {
+                    let share = |i: usize| in_world.tested_share(origins.get(i));
+                    rays.write(0..surfaces.len(), |i| {
+                        ray_to(light, surfaces, origins, numerics, i, share(i))
+                    });
+                }
+            }
         }
         rays.keep(tested);
         occluded.clear();
@@ -170,20 +180,31 @@ fn rays_to(
     rays.write(
         0..surfaces.len(),
         #[inline(always)]
-        |i| {
-            let origin = origins.get(i);
-            let seen = light.get(i).seen_from(origin - surfaces.position.get(i));
-            // A light that does not reach the surface may have no direction; the ray is not cast.
-            let normal = surfaces.geometric_normal.get(i);
-            let pick = |a: f64, b: f64| if light.reaches[i] { a } else { b };
-            let direction = DVec3::new(
-                pick(seen.direction.x, normal.x),
-                pick(seen.direction.y, normal.y),
-                pick(seen.direction.z, normal.z),
-            );
-            shadow_ray(origin, &LightSample { direction, ..seen }, numerics)
-        },
+        |i| ray_to(light, surfaces, origins, numerics, i, 1.0),
     );
+}
+
+/// The shadow ray of surface `i`, on this share of the way to the light.
+#[inline(always)]
+fn ray_to(
+    light: &LightSoa,
+    surfaces: &InteractionSoa,
+    origins: &Vec3Soa,
+    numerics: Numerics,
+    i: usize,
+    share: f64,
+) -> Ray {
+    let origin = origins.get(i);
+    let seen = light.get(i).seen_from(origin - surfaces.position.get(i));
+    // A light that does not reach the surface may have no direction; the ray is not cast.
+    let normal = surfaces.geometric_normal.get(i);
+    let pick = |a: f64, b: f64| if light.reaches[i] { a } else { b };
+    let direction = DVec3::new(
+        pick(seen.direction.x, normal.x),
+        pick(seen.direction.y, normal.y),
+        pick(seen.direction.z, normal.z),
+    );
+    shadow_ray(origin, &LightSample { direction, distance: seen.distance * share, ..seen }, numerics)
 }
 
 /// Lists the surfaces whose entry in `reaches` is set.

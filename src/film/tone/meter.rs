@@ -33,9 +33,6 @@ pub fn auto_exposure(colours: impl Iterator<Item = [f32; 3]>) -> f64 {
     rounded(0.18f64.log2() + 2.0 * bias - average, 100.0)
 }
 
-/// Bytes a pixel that [`auto_exposure`] allocates.
-pub const METER_BYTES: u64 = 8;
-
 /// The exposure in EV at which the 99th percentile of luminance (nearest rank, all pixels) becomes 1, rounded down to
 /// 1/10 EV. `None` if that percentile has no light or is not finite.
 pub fn white_exposure(colours: impl Iterator<Item = [f32; 3]>) -> Option<f64> {

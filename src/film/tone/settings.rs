@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Deserializer, Serialize};
 
-use super::{DisplayTransform, ToneMap, auto_exposure};
+use super::{DisplayTransform, ToneMap};
 use crate::film::ColourPipeline;
 
 /// Largest exposure in EV, of either sign. 2^64 spans the range of radiance in any unit.
@@ -12,7 +12,7 @@ pub const MAX_EXPOSURE: f64 = 64.0;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase", expecting = "expected EV from -64 to 64, or \"auto\"")]
 pub enum Exposure {
-    /// Computed from the picture ([`auto_exposure`]).
+    /// Computed from a small render of the picture ([`super::auto_exposure`]).
     Auto,
     /// Light is multiplied by 2^EV.
     #[serde(untagged, deserialize_with = "ev")]
@@ -93,14 +93,9 @@ impl DisplaySettings {
         DisplayTransform::new(ev, self.tone_map.unwrap_or_default())
     }
 
-    /// The transform as far as it is known before the picture is: `auto` counts as 0 EV. Adaptive sampling uses it.
+    /// The transform as far as it is known before the exposure is metered: `auto` counts as 0 EV.
     pub fn known(self) -> DisplayTransform {
         self.transform(0.0)
-    }
-
-    /// The transform of a picture with these colours. Only `auto` reads them.
-    pub fn transform_of(self, colours: impl Iterator<Item = [f32; 3]>) -> DisplayTransform {
-        self.transform(if self.is_auto() { auto_exposure(colours) } else { 0.0 })
     }
 
     /// The settings as they apply in `pipeline`: none unless it is linear.

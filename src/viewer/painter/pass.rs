@@ -11,7 +11,9 @@ use super::RenderedImage;
 use super::render_cache::Prepared;
 use crate::effects::RayKind;
 use crate::error::Result;
+use crate::film::tone::auto_exposure;
 use crate::film::{ColourPipeline, DisplayTransform, Film, Pixel, TILE};
+use crate::job::RenderJob;
 use crate::metrics;
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
@@ -44,8 +46,8 @@ pub(crate) struct Side<'a> {
     picture: Option<PipelineImage>,
     /// The pixels of a coarse pass of full size.
     centres: Option<Vec<[f32; 3]>>,
-    /// The exposure that adaptive sampling compares at, metered by the first pass that needs it.
-    sampling_exposure: OnceLock<f64>,
+    /// An automatic exposure, metered by the first pass that needs it.
+    auto_exposure: OnceLock<f64>,
 }
 
 impl<'a> Side<'a> {
@@ -60,7 +62,7 @@ impl<'a> Side<'a> {
         let kind =
             if request.display_mode == DisplayMode::Picture { prepared.kind } else { SamplingKind::Centres };
         let passes = passes(factor, kind);
-        let sampling_exposure = OnceLock::new();
+        let auto_exposure = OnceLock::new();
         Side {
             request,
             prepared,
@@ -70,7 +72,7 @@ impl<'a> Side<'a> {
             spent: None,
             picture: None,
             centres: None,
-            sampling_exposure,
+            auto_exposure,
         }
     }
 
@@ -119,8 +121,15 @@ impl<'a> Side<'a> {
         if let (Pass::Samples(from, to), Some(before)) = (pass, &self.picture) {
             mix(&mut pixels, &before.pixels, f64::from(from) / f64::from(to));
         }
-        let display =
-            self.prepared.job.with_size(size)?.display_transform(pixels.iter().copied(), &control)?;
+        let display = match pass {
+            // Metering would delay the first image after a change.
+            Pass::Coarse(_) if !is_last && self.prepared.job.display().is_auto() => {
+                let job = self.prepared.job.with_size(size)?;
+                let subject = job.subject_colours(pixels.iter().copied(), &control)?;
+                job.display().transform(auto_exposure(subject.into_iter()))
+            }
+            _ => self.metered(&self.prepared.job, |job| job.display_transform(&control))?,
+        };
         let (image, legend) = match self.request.display_mode {
             DisplayMode::Picture => (image(&pixels, size, pipeline, display), None),
             _ => {
@@ -207,12 +216,19 @@ impl<'a> Side<'a> {
         if sampling != Sampling::default() {
             job.set_sampling(sampling)?;
         }
-        job.sampling_exposure = self.sampling_exposure.clone();
-        let rendered = job.render_selected(|tile, _| is_selected(tile), &control)?;
-        if let Some(&metered) = job.sampling_exposure.get() {
-            self.sampling_exposure.get_or_init(|| metered);
+        self.metered(&job, |job| job.render_selected(|tile, _| is_selected(tile), &control))
+    }
+
+    /// The result of `work` with a job of this picture, whose automatic exposure is metered at most once.
+    fn metered<T>(&self, job: &RenderJob, work: impl FnOnce(&RenderJob) -> Result<T>) -> Result<T> {
+        if let Some(&metered) = self.auto_exposure.get() {
+            job.auto_exposure.get_or_init(|| metered);
         }
-        Ok(rendered)
+        let result = work(job);
+        if let Some(&metered) = job.auto_exposure.get() {
+            self.auto_exposure.get_or_init(|| metered);
+        }
+        result
     }
 }
 

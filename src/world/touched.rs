@@ -1,0 +1,130 @@
+//! The planes of surfaces that punctual lights lie on, before which their shadow rays end.
+//!
+//! Corners of triangles are rounded to the precision of the tier, positions of lights are not: of a light on a surface,
+//! or just above it, the rounded surface may hide all that it lights. Rounding the light, too, would put it on surfaces
+//! that are parallel to an axis alone.
+//!
+//! Let e be the relative error of a coordinate ([`unit`]), and R the largest coordinate of a triangle's rounded
+//! corners. Rounding moves a corner by at most e R on each axis, by √3 e R in all, and every point of the triangle, a
+//! convex combination, by no more. So a light on a triangle is at most √3 e R from the rounded triangle and its plane:
+//! such planes are touched. Let n be the plane's unit normal, h > 0 the height of a ray's origin above the light along
+//! n or -n, and |r| <= √3 e R the light's height above the plane. At the share s of the way to the light the ray is h
+//! (1 - s) + r above the plane. It is tested up to the share 1 - 2 e R / h, where that is 2 e R + r > 0: so it does not
+//! reach the plane, whatever its angle. The remaining 0.26 e R exceeds the errors of triangle tests
+//! (`geometry::spawn`). In exact arithmetic a segment that ends on the plane does not cross it either. Surfaces closer
+//! than 2 e R to the light along n do not hide it: it is known no better where they are. Those farther away do.
+//!
+//! Lights and geometry keep their places. Spheres are not rounded.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::WorldLight;
+use crate::bvh::Primitive;
+use crate::geometry::Numerics;
+use crate::geometry::spawn::reach_of;
+use crate::scene::{LightKind, Mesh, Object, Placed, Shape};
+
+/// The most planes that are kept for a light. Further ones, at a vertex of many triangles, may hide it.
+const MOST: usize = 64;
+
+/// A plane through a light, up to rounding.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct TouchedPlane {
+    /// The unit normal, of either side.
+    normal: DVec3,
+    /// The height above the light at which shadow rays end.
+    margin: f64,
+}
+
+impl WorldLight {
+    fn position(&self) -> Option<DVec3> {
+        match self.kind {
+            LightKind::Point { position, .. } | LightKind::Spot { position, .. } => Some(position),
+            LightKind::Directional { .. } | LightKind::Sphere { .. } | LightKind::Rectangle { .. } => None,
+        }
+    }
+
+    /// The share of the way from a point to the light on which its shadow ray is tested: 1 for a light that touches no
+    /// plane.
+    #[inline]
+    pub(crate) fn tested_share(&self, from: DVec3) -> f64 {
+        let Some(position) = self.position().filter(|_| !self.touched.is_empty()) else { return 1.0 };
+        let share = |plane: &TouchedPlane| 1.0 - plane.margin / (from - position).dot(plane.normal).abs();
+        self.touched.iter().map(share).fold(1.0, f64::min).max(0.0)
+    }
+}
+
+/// The relative error of coordinates. In f32 it is half an epsilon; in `fast`, whose rays are rounded as well, eight
+/// times that, without a proof. In f64 nothing is rounded but places themselves, which follow from angles and
+/// transforms, and what triangle tests see of them: 64 epsilon, four times the 16 epsilon by which a test is off at
+/// most.
+fn unit(numerics: Numerics) -> f64 {
+    let roundings = if numerics == Numerics::Fast { 8.0 } else { 1.0 };
+    (0.5 * roundings * numerics.precision().epsilon()).max(64.0 * f64::EPSILON)
+}
+
+/// Finds the planes that each light touches.
+pub(super) fn find(lights: &mut [WorldLight], objects: &[Object], numerics: Numerics) {
+    let (precision, unit) = (numerics.precision(), unit(numerics));
+    let mut positions: Vec<(DVec3, usize)> = Vec::new();
+    for (index, light) in lights.iter().enumerate() {
+        positions.extend(light.position().filter(|p| p.is_finite()).map(|position| (position, index)));
+    }
+    if positions.is_empty() {
+        return;
+    }
+    positions.sort_by(|a, b| a.0.x.total_cmp(&b.0.x));
+    let within = |(min, max): (DVec3, DVec3)| {
+        let first = positions.partition_point(|(position, _)| position.x < min.x);
+        let last = positions.partition_point(|(position, _)| position.x <= max.x);
+        let in_slab = &positions[first..last.max(first)];
+        in_slab.iter().filter(move |(p, _)| (p.cmpge(min) & p.cmple(max)).all())
+    };
+    let mut meshes: HashMap<*const Mesh, (DVec3, DVec3)> = HashMap::new();
+    for object in objects {
+        if let Shape::Placed(placed) = &object.shape {
+            let span = || span(placed.mesh.positions.iter().copied());
+            let of_mesh = *meshes.entry(Arc::as_ptr(&placed.mesh)).or_insert_with(span);
+            if within(placed_box(placed, of_mesh, unit)).next().is_none() {
+                continue;
+            }
+        }
+        for primitive in object.shape.primitives() {
+            let Some(Primitive::Triangle(triangle)) = primitive.rounded(precision) else { continue };
+            let reach = unit * reach_of(triangle.0).max_element();
+            let near = 3f64.sqrt() * reach;
+            let (min, max) = span(triangle.0.into_iter());
+            for &(position, index) in within((min - near, max + near)) {
+                let touched = &mut lights[index].touched;
+                let Some(normal) = triangle.unit_normal() else { continue };
+                let plane = TouchedPlane { normal, margin: 2.0 * reach };
+                let is_on = (position - triangle.0[0]).dot(normal).abs() <= near;
+                if is_on && touched.len() < MOST && !touched.contains(&plane) {
+                    touched.push(plane);
+                }
+            }
+        }
+    }
+}
+
+/// The least and the largest coordinates of points.
+fn span(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
+    points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), p| (min.min(p), max.max(p)))
+}
+
+/// A box around a placed mesh whose points have the span `(min, max)`, wide enough for the rounding of its corners.
+fn placed_box(placed: &Placed, (min, max): (DVec3, DVec3), unit: f64) -> (DVec3, DVec3) {
+    let corners = (0..8u32).map(|i| {
+        let side = |axis: usize| if i >> axis & 1 == 1 { max[axis] } else { min[axis] };
+        placed.placement.point(DVec3::new(side(0), side(1), side(2)))
+    });
+    let (least, most) = span(corners);
+    let reach = least.abs().max(most.abs()).max_element();
+    let error = placed.placement.error(min.abs().max(max.abs())).max_element();
+    // Twice, for the rounding of the box itself.
+    let wider = 2.0 * (3f64.sqrt() * unit * reach + error);
+    (least - wider, most + wider)
+}
