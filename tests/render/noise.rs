@@ -1,10 +1,11 @@
 //! Adaptive sampling: pictures of every kind of integrand against converged ones.
 
+use crate::common::picture::parse;
 use crate::common::{models, repository};
 use glam::DVec3;
 use kiln::error::Warnings;
-use kiln::film::Film;
 use kiln::film::tone::Exposure;
+use kiln::film::{ColourPipeline, DisplayTransform, Film};
 use kiln::job::{Choices, RenderControl, RenderJob, RenderSettings, prepare};
 use kiln::render::aov::{self, AovSelection};
 use kiln::scene::{Camera, Look, PictureSettings, Sampling, Transport};
@@ -162,6 +163,54 @@ fn pixels_end_when_they_are_accurate() {
     for case in small().into_iter().filter(wanted) {
         let ended = case.measure([64, 48], 1, 1024);
         assert!(ended.share(0) < 0.01 && ended.beyond[1] == 0, "{}: {ended:?}", case.name);
+    }
+}
+
+/// The displayed composites of dark balls before a transparent background over black, grey and white, against those of 4096
+/// samples a pixel: the edges, where they differ most over white. Pixels of fewer than 1024 samples have an estimated
+/// standard error of at most the level over black and over white; the reference adds a quarter of its square at most. So
+/// the root mean square is below level * sqrt(1.25).
+#[test]
+fn transparent_pixels_end_when_their_composites_are_accurate() {
+    let ball = |i: i32| {
+        let (x, y) = (i % 7 - 3, i / 7 - 2);
+        let centre = [f64::from(x) + 0.13 * f64::from(y), f64::from(y), 0.0];
+        format!("[[sphere]]\ncentre = {centre:?}\nradius = 0.45\nmaterial = 'dark'\n")
+    };
+    let text = format!(
+        "[image]\nwidth = 64\nheight = 48\nbackground = 'transparent'\n\
+         [[camera]]\nposition = [0, 0, 8]\nlook_at = [0, 0, 0]\nvertical_fov = 40\n\
+         [ambient]\nintensity = 1\n[material.dark]\ncolour = '#101010'\n{}",
+        (0..35).map(ball).collect::<String>()
+    );
+    let scene = parse(&text);
+    let (level, most) = (0.01, 1024);
+    let film = |sampling: Sampling| {
+        let job =
+            prepare(scene.clone(), &RenderSettings::default(), &mut Warnings::default()).expect("a job");
+        let choices = Choices { sampling, ..job.choices.clone() };
+        let job = job.with_choices(choices).expect("a plan");
+        job.render::<[f32; 4]>(&RenderControl::default()).expect("a picture").0
+    };
+    let own = |samples, seed| Sampling { samples: Some(samples), seed: Some(seed), ..Sampling::default() };
+    let limit = film(own(4096, 0));
+    let found = film(Sampling { noise: Some(level), ..own(most, 1) });
+    let display = DisplayTransform::default();
+    for grey in [0.0, 0.2, 1.0] {
+        let over = |[r, g, b, alpha]: [f32; 4]| {
+            let composite = DVec3::new(r.into(), g.into(), b.into()) + grey * (1.0 - f64::from(alpha));
+            display.displayed(ColourPipeline::Linear, composite)
+        };
+        let (mut sum, mut count) = (0.0, 0);
+        for (exact, pixel) in limit.rows().zip(found.rows()) {
+            if (0.001..0.999).contains(&exact[3]) {
+                let off = (over(pixel) - over(exact)).abs().max_element();
+                (sum, count) = (sum + off * off, count + 1);
+            }
+        }
+        let rms = (sum / f64::from(count.max(1))).sqrt();
+        println!("over {grey}: {rms:.5} of {count} pixels");
+        assert!(count > 1000 && rms < level * 1.25f64.sqrt(), "over {grey}: {rms}, {count} pixels");
     }
 }
 
