@@ -73,7 +73,7 @@ pub(crate) fn to_json(
         "effects": effects,
         "textures": {
             "count": world.images.len(),
-            "bytes": world.images.iter().map(|image| size_of_val(&*image.pixels)).sum::<usize>(),
+            "bytes": world.images.iter().map(|image| image.pixels.as_bytes().len()).sum::<usize>(),
             "mip_map_bytes": world.images.iter().map(Image::mip_map_bytes).sum::<usize>(),
         },
         "rays": rays,

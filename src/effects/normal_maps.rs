@@ -91,8 +91,12 @@ impl NormalMaps {
                 let shading = surfaces.shading_normal.get(i);
                 let frame = world.tangent_frame(surfaces.objects()[i], &surfaces.hit(i), shading);
                 let Some([tangent, bitangent, normal]) = frame else { continue };
-                let encoded = look_up(image, TexelEncoding::Data, &texture.sampler, &filter, point);
+                let encoded = look_up(image, TexelEncoding::Normal, &texture.sampler, &filter, point);
                 let n = decode(encoded, map.scale);
+                // A flat texel leaves the normal, to the bit.
+                if n.x == 0.0 && n.y == 0.0 && n.z > 0.0 {
+                    continue;
+                }
                 // On the back side bumps are dents.
                 let side = normal.dot(shading).signum();
                 let tilted = side * (n.x * tangent + n.y * bitangent + n.z * normal);

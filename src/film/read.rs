@@ -7,7 +7,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 use exr::prelude::{AttributeValue, ReadChannels, ReadLayers, Text, Vec2, read};
-use image::{DynamicImage, GenericImageView, ImageDecoder, ImageFormat, ImageReader};
+use image::{ColorType, DynamicImage, GenericImageView, ImageDecoder, ImageFormat, ImageReader};
 
 use super::ColourPipeline;
 use crate::error::{Error, Result, contain};
@@ -91,7 +91,7 @@ pub fn decode_pixels(bytes: Vec<u8>) -> Read<Pixels> {
 
 fn read_bytes(bytes: &[u8]) -> Read<Pixels> {
     // Values of 8 and 16 bits are divided by their maximum.
-    let picture = decode(bytes, size_of::<[f32; 4]>() as u64)?;
+    let picture = decode(bytes, |_| size_of::<[f32; 4]>() as u64)?;
     let alpha = alpha_of(&picture);
     let picture = picture.into_rgb32f();
     let (width, height) = picture.dimensions();
@@ -121,8 +121,9 @@ fn not_opaque(alpha: Vec<f32>) -> Option<Vec<f32>> {
     alpha.iter().any(|&alpha| alpha != 1.0).then_some(alpha)
 }
 
-/// Decodes a PNG, JPEG, WebP or Radiance HDR image; the caller will allocate another `bytes_each` per pixel.
-pub fn decode(bytes: &[u8], bytes_each: u64) -> Read<DynamicImage> {
+/// Decodes a PNG, JPEG, WebP or Radiance HDR image; the caller will allocate another `bytes_each` per pixel of an image
+/// of this type.
+pub fn decode(bytes: &[u8], bytes_each: impl Fn(ColorType) -> u64) -> Read<DynamicImage> {
     let unsupported = || ReadError::Damaged(not_read(bytes));
     let damaged = |e: image::ImageError| match e {
         image::ImageError::Unsupported(_) => unsupported(),
@@ -134,7 +135,7 @@ pub fn decode(bytes: &[u8], bytes_each: u64) -> Read<DynamicImage> {
     {
         // The decoder allocates rows before it reports a size. Decoding takes at least 1 byte per pixel, and 4 for most
         // images.
-        let needed = limits::product(&[width, height, 1 + bytes_each]);
+        let needed = limits::product(&[width, height, 1 + bytes_each(ColorType::L8)]);
         limits::check_claim(needed).map_err(|excess| ReadError::too_large(width, height, &excess))?;
     }
     let parse = || -> Read<DynamicImage> {
@@ -149,8 +150,8 @@ pub fn decode(bytes: &[u8], bytes_each: u64) -> Read<DynamicImage> {
         // A progressive JPEG is stored as 16-bit coefficients, for up to 4 channels, until decoding ends.
         let while_decoding = if format == ImageFormat::Jpeg { 8 } else { 0 };
         let area = limits::product(&[width.into(), height.into()]);
-        let needed =
-            decoder.total_bytes().saturating_add(limits::product(&[area, bytes_each + while_decoding]));
+        let each = bytes_each(decoder.color_type()) + while_decoding;
+        let needed = decoder.total_bytes().saturating_add(limits::product(&[area, each]));
         limits::check_claim(needed)
             .map_err(|excess| ReadError::too_large(width.into(), height.into(), &excess))?;
         DynamicImage::from_decoder(decoder).map_err(damaged)

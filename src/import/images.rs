@@ -2,9 +2,8 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use image::{DynamicImage, GenericImageView};
+use image::{ColorType, DynamicImage, GenericImageView, ImageBuffer, Pixel};
 
 use super::Source;
 use super::dependencies::Files;
@@ -13,7 +12,7 @@ use crate::error::{Error, Place, Result, Warnings};
 use crate::files;
 use crate::film::read::{self, ReadError};
 use crate::limits::{self, Counted};
-use crate::scene::{DecodedImage, ImageId, Scene};
+use crate::scene::{DecodedImage, ImageId, Scene, TexelValues};
 
 /// What of an image becomes a texture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -60,8 +59,9 @@ impl<'a> ImageLoader<'a> {
             Channels::Colour => file.display().to_string(),
             Channels::AlphaOrGrey => format!("{}, alpha or grey", file.display()),
         };
-        let decode =
-            || open(&self.source.files, file, TEXTURE).map(|image| into_texture(&name, &image, channels));
+        let decode = || {
+            open(&self.source.files, file, texture_bytes).map(|image| into_texture(&name, &image, channels))
+        };
         let decoded = self.source.files.image(&name).map_or_else(decode, Ok);
         let image = keep(scene, self.source, decoded, file, warnings)?;
         self.known.insert(key, image);
@@ -79,7 +79,7 @@ impl<'a> ImageLoader<'a> {
         let heights = match self.heights.get(file) {
             Some(known) => *known,
             None => {
-                let grey = match open(&self.source.files, file, HEIGHTS) {
+                let grey = match open(&self.source.files, file, height_bytes) {
                     Ok(image) => Some(image).filter(is_grey),
                     Err(ReadError::TooLarge { what, hint }) => return Err(Error::input(file, what, hint)),
                     // `of_file` warns below.
@@ -125,20 +125,27 @@ impl ImageLoader<'_> {
         let parts = [image(roughness), image(metallic)];
         let most = |side: fn(&DecodedImage) -> u32| parts.iter().flatten().map(side).max().unwrap_or(1);
         let (width, height) = (most(|image| image.width), most(|image| image.height));
-        limits::check_claim(limits::product(&[width.into(), height.into(), TEXTURE])).map_err(|excess| {
+        let largest =
+            parts.iter().flatten().map(|part| part.pixels.largest()).max().unwrap_or(u8::MAX.into());
+        let each = if largest > u8::MAX.into() { 6 } else { 3 };
+        limits::check_claim(limits::product(&[width.into(), height.into(), each])).map_err(|excess| {
             let what = format!("a picture of roughness and metallic of {width} x {height} pixels {excess}");
             Error::input(file, what, excess.hint())
         })?;
         // The nearest texel of an image that is smaller.
         let value = |part: &Option<DecodedImage>, x: u32, y: u32| {
-            let Some(part) = part else { return 255 };
+            let Some(part) = part else { return largest };
             let scaled =
                 |at: u32, side: u32, of: u32| (u64::from(at) * u64::from(of) / u64::from(side)) as usize;
             let (column, row) = (scaled(x, width, part.width), scaled(y, height, part.height));
-            part.pixels[row * part.width as usize + column][0]
+            // 65535 is 257 times 255.
+            part.pixels.get(row * part.width as usize + column)[0] * (largest / part.pixels.largest())
         };
-        let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-        let pixels = places.map(|(x, y)| [255, value(&parts[0], x, y), value(&parts[1], x, y)]).collect();
+        let texel = |i: usize| {
+            let (x, y) = (i as u32 % width, i as u32 / width);
+            [largest, value(&parts[0], x, y), value(&parts[1], x, y)]
+        };
+        let pixels = TexelValues::collect(largest, width as usize * height as usize, texel);
         let names: Vec<&str> = parts.iter().flatten().map(|part| part.name.as_str()).collect();
         let name = names.join(" and ");
         let made = scene.add_image(DecodedImage { name, width, height, pixels });
@@ -147,22 +154,38 @@ impl ImageLoader<'_> {
     }
 }
 
-/// Bytes per pixel of a texture, in addition to the decoded image.
-const TEXTURE: u64 = 3;
+/// Bytes per pixel of a texture, in addition to the decoded image of this type; those of floating-point values are
+/// converted first.
+fn texture_bytes(image: ColorType) -> u64 {
+    match image.bytes_per_pixel() / image.channel_count() {
+        1 => 3,
+        2 => 6,
+        _ => 8 + 6,
+    }
+}
 
-/// Bytes per pixel of a height map: 16-bit heights, their normals, and the texture.
-const HEIGHTS: u64 = 2 + 3 + TEXTURE;
+/// Bytes per pixel of a height map: 16-bit heights and the texture.
+fn height_bytes(image: ColorType) -> u64 {
+    2 + texture_bytes(image)
+}
 
-fn open(files: &Files, file: &Path, bytes_each: u64) -> std::result::Result<DynamicImage, ReadError> {
+fn open(
+    files: &Files,
+    file: &Path,
+    bytes_each: impl Fn(ColorType) -> u64,
+) -> std::result::Result<DynamicImage, ReadError> {
     let bytes = files.read(file).map_err(|e| ReadError::Damaged(files::explain(&e).0))?;
     decode(&bytes, bytes_each)
 }
 
-/// Decodes an image; the caller will allocate another `bytes_each` per pixel.
-fn decode(bytes: &[u8], bytes_each: u64) -> std::result::Result<DynamicImage, ReadError> {
+/// Decodes an image; the caller will allocate another `bytes_each` per pixel of an image of this type.
+fn decode(
+    bytes: &[u8],
+    bytes_each: impl Fn(ColorType) -> u64,
+) -> std::result::Result<DynamicImage, ReadError> {
     #[cfg(feature = "codecs")]
     if super::ktx2::is_ktx2(bytes) {
-        return super::ktx2::decode(bytes, bytes_each);
+        return super::ktx2::decode(bytes, bytes_each(ColorType::Rgba8));
     }
     read::decode(bytes, bytes_each)
 }
@@ -173,11 +196,13 @@ fn is_grey(image: &DynamicImage) -> bool {
 }
 
 fn of_heights(name: &str, image: DynamicImage) -> (DecodedImage, f64) {
+    let largest = if texture_bytes(image.color()) > 3 { u16::MAX } else { u8::MAX.into() };
     let grey = image.into_luma16();
     let (width, height) = grey.dimensions();
     let heights = grey.into_raw();
-    let made = normals_of_heights(|i| f64::from(heights[i]) / 65535.0, width as usize, height as usize);
-    (DecodedImage { name: name.to_owned(), width, height, pixels: made.texels.into() }, made.steepest)
+    let made =
+        normals_of_heights(|i| f64::from(heights[i]) / 65535.0, width as usize, height as usize, largest);
+    (DecodedImage { name: name.to_owned(), width, height, pixels: made.texels }, made.steepest)
 }
 
 /// Decodes an image in memory; returns `None` with a warning if that fails. `place` is named in messages.
@@ -189,23 +214,22 @@ pub(crate) fn of_bytes(
     warnings: &mut Warnings,
 ) -> Result<Option<ImageId>> {
     let name = place.to_string();
-    let decode = || decode(bytes, TEXTURE).map(|image| into_texture(&name, &image, Channels::Colour));
+    let decode = || decode(bytes, texture_bytes).map(|image| into_texture(&name, &image, Channels::Colour));
     let decoded = source.files.image(&name).map_or_else(decode, Ok);
     keep(scene, source, decoded, place, warnings)
 }
 
-/// Decodes the alpha channel of an image in memory into a grey image called `name`, `value` of each; returns `None` if all are opaque (255), as
-/// without an alpha channel, or it cannot be decoded, of which [`of_bytes`] warns.
+/// Decodes the alpha channel of an image in memory into a grey image called `name`, `value(alpha, largest)` of each;
+/// returns `None` if all are opaque, as without an alpha channel, or it cannot be decoded, of which [`of_bytes`] warns.
 pub(crate) fn alpha_of_bytes(
     scene: &mut Scene,
     place: Place,
     name: String,
     bytes: &[u8],
-    value: impl Fn(u8) -> u8,
+    value: impl Fn(u16, u16) -> u16,
 ) -> Result<Option<ImageId>> {
-    // Other formats than 8-bit RGBA are converted first.
-    const RGBA: u64 = 4;
-    let image = match decode(bytes, RGBA + TEXTURE) {
+    // The channel, then its values.
+    let image = match decode(bytes, |image| 2 * texture_bytes(image)) {
         Ok(image) => image,
         Err(ReadError::TooLarge { what, hint }) => return Err(Error::input(place, what, hint)),
         Err(ReadError::Damaged(_)) => return Ok(None),
@@ -214,12 +238,12 @@ pub(crate) fn alpha_of_bytes(
         return Ok(None);
     }
     let (width, height) = image.dimensions();
-    let rgba = image.into_rgba8();
-    let alphas = || rgba.as_raw().as_chunks().0.iter().map(|&[_, _, _, a]: &[u8; 4]| a);
-    if alphas().all(|alpha| alpha == 255) {
+    let alpha = texels_of(&image, Picked::Alpha);
+    if !is_transparent(&alpha) {
         return Ok(None);
     }
-    let pixels: Arc<[[u8; 3]]> = alphas().map(|alpha| [value(alpha); 3]).collect();
+    let largest = alpha.largest();
+    let pixels = TexelValues::collect(largest, alpha.len(), |i| alpha.get(i).map(|a| value(a, largest)));
     Ok(Some(scene.add_image(DecodedImage { name, width, height, pixels })))
 }
 
@@ -249,21 +273,115 @@ fn keep(
 fn into_texture(name: &str, image: &DynamicImage, channels: Channels) -> DecodedImage {
     let (width, height) = image.dimensions();
     let made = |pixels| DecodedImage { name: name.to_owned(), width, height, pixels };
-    if channels == Channels::AlphaOrGrey {
-        let alpha = image.color().has_alpha().then(|| image.to_rgba8());
-        return match alpha.filter(|alpha| alpha.pixels().any(|p| p.0[3] < 255)) {
-            Some(alpha) => made(alpha.pixels().map(|p| [p.0[3]; 3]).collect()),
-            None => made(image.to_luma8().as_raw().iter().map(|&l| [l; 3]).collect()),
-        };
-    }
-    // Common formats are converted without an intermediate image.
-    let pixels = match image {
-        DynamicImage::ImageLuma8(grey) => grey.as_raw().iter().map(|&l| [l; 3]).collect(),
-        DynamicImage::ImageRgba8(rgba) => {
-            rgba.as_raw().as_chunks().0.iter().map(|&[r, g, b, _]| [r, g, b]).collect()
+    made(match channels {
+        Channels::Colour => texels_of(image, Picked::Colour),
+        Channels::AlphaOrGrey => {
+            let alpha = image.color().has_alpha().then(|| texels_of(image, Picked::Alpha));
+            alpha.filter(is_transparent).unwrap_or_else(|| texels_of(image, Picked::Grey))
         }
-        DynamicImage::ImageRgb8(rgb) => rgb.as_raw().as_chunks().0.into(),
-        _ => image.to_rgb8().as_raw().as_chunks().0.into(),
-    };
-    made(pixels)
+    })
+}
+
+/// Whether any texel is less than 1.
+fn is_transparent(alpha: &TexelValues) -> bool {
+    alpha.iter().any(|texel| texel[0] < alpha.largest())
+}
+
+/// Values of pixels that become those of texels.
+#[derive(Debug, Clone, Copy)]
+enum Picked {
+    Colour,
+    Alpha,
+    Grey,
+}
+
+/// The texels of an image, in the depth of its file; floating-point values in 16 bits.
+fn texels_of(image: &DynamicImage, picked: Picked) -> TexelValues {
+    fn of<P: Pixel>(image: &ImageBuffer<P, Vec<P::Subpixel>>, picked: Picked) -> TexelValues
+    where
+        TexelValues: FromIterator<[P::Subpixel; 3]>,
+    {
+        // The iterator has an exact length, so that texels are written where they stay.
+        let pixels = image.as_raw().chunks_exact(P::CHANNEL_COUNT.into()).map(P::from_slice);
+        match picked {
+            Picked::Colour => pixels.map(|pixel| pixel.to_rgb().0).collect(),
+            Picked::Alpha => pixels.map(|pixel| [pixel.to_rgba().0[3]; 3]).collect(),
+            Picked::Grey => pixels.map(|pixel| [pixel.to_luma().0[0]; 3]).collect(),
+        }
+    }
+    match image {
+        DynamicImage::ImageLuma8(image) => of(image, picked),
+        DynamicImage::ImageLumaA8(image) => of(image, picked),
+        DynamicImage::ImageRgb8(image) => of(image, picked),
+        DynamicImage::ImageRgba8(image) => of(image, picked),
+        DynamicImage::ImageLuma16(image) => of(image, picked),
+        DynamicImage::ImageLumaA16(image) => of(image, picked),
+        DynamicImage::ImageRgb16(image) => of(image, picked),
+        DynamicImage::ImageRgba16(image) => of(image, picked),
+        other => of(&other.to_rgba16(), picked),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{Luma, LumaA, Rgb, Rgb32FImage, Rgba};
+
+    /// Images of one pixel in every format: the depth of the file stays, and no value changes.
+    #[test]
+    fn every_format_keeps_its_depth() {
+        use DynamicImage as D;
+        let cases = [
+            (D::ImageLuma8(ImageBuffer::from_pixel(1, 1, Luma([7]))), 255, [7; 3], None),
+            (D::ImageLumaA8(ImageBuffer::from_pixel(1, 1, LumaA([7, 9]))), 255, [7; 3], Some(9)),
+            (D::ImageRgb8(ImageBuffer::from_pixel(1, 1, Rgb([7, 8, 9]))), 255, [7, 8, 9], None),
+            (D::ImageRgba8(ImageBuffer::from_pixel(1, 1, Rgba([7, 8, 9, 1]))), 255, [7, 8, 9], Some(1)),
+            (D::ImageLuma16(ImageBuffer::from_pixel(1, 1, Luma([515]))), 65535, [515; 3], None),
+            (D::ImageLumaA16(ImageBuffer::from_pixel(1, 1, LumaA([515, 258]))), 65535, [515; 3], Some(258)),
+            (D::ImageRgb16(ImageBuffer::from_pixel(1, 1, Rgb([515, 3, 1]))), 65535, [515, 3, 1], None),
+            (
+                D::ImageRgba16(ImageBuffer::from_pixel(1, 1, Rgba([515, 3, 1, 2]))),
+                65535,
+                [515, 3, 1],
+                Some(2),
+            ),
+            // 0.5 and 0.25 of 65535, rounded.
+            (
+                D::ImageRgb32F(Rgb32FImage::from_pixel(1, 1, Rgb([0.5, 1.0, 0.25]))),
+                65535,
+                [32768, 65535, 16384],
+                None,
+            ),
+        ];
+        for (image, largest, colour, alpha) in cases {
+            let texture = into_texture("a", &image, Channels::Colour);
+            assert_eq!(
+                (texture.pixels.largest(), texture.pixels.get(0)),
+                (largest, colour),
+                "{:?}",
+                image.color()
+            );
+            // 3 or 6 bytes a texel.
+            assert_eq!(texture.pixels.as_bytes().len(), if largest == 255 { 3 } else { 6 });
+            if let Some(alpha) = alpha {
+                let texture = into_texture("a", &image, Channels::AlphaOrGrey);
+                assert_eq!((texture.pixels.largest(), texture.pixels.get(0)), (largest, [alpha; 3]));
+            }
+        }
+    }
+
+    /// A roughness of 16 bits beside a metallic of 8: 128 of 255 is 128 * 257 of 65535.
+    #[test]
+    fn roughness_and_metallic_of_two_depths() {
+        let (file, bytes) = ("a.mtl".into(), Vec::new());
+        let source = Source { file, bytes, files: Files::default(), options: Default::default() };
+        let mut scene = Scene::default();
+        let image = |pixels| DecodedImage { name: "a".into(), width: 1, height: 1, pixels };
+        let roughness = scene.add_image(image([[1001u16; 3]].into_iter().collect()));
+        let metallic = scene.add_image(image([[128u8; 3]].into_iter().collect()));
+        let mut loader = ImageLoader::new(&source);
+        let made = loader.metallic_roughness(&mut scene, Some(roughness), Some(metallic), Path::new("a.mtl"));
+        let made = made.expect("small").expect("an image");
+        assert_eq!(scene.images[made.0 as usize].pixels.get(0), [65535, 1001, 128 * 257]);
+    }
 }

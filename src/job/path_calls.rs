@@ -72,7 +72,9 @@ fn mean_radiance(material: &Material, images: &[DecodedImage]) -> f64 {
 }
 
 fn mean(image: &DecodedImage) -> DVec3 {
-    let decoded: Vec<f64> = (0..=u8::MAX).map(|value| srgb_decode(f64::from(value) / 255.0)).collect();
+    let largest = image.pixels.largest();
+    let decode = |value: u16| srgb_decode(f64::from(value) / f64::from(largest));
+    let decoded: Vec<f64> = (0..=largest).map(decode).collect();
     let sum: DVec3 =
         image.pixels.iter().map(|pixel| DVec3::from(pixel.map(|c| decoded[usize::from(c)]))).sum();
     sum / image.pixels.len().max(1) as f64

@@ -85,7 +85,7 @@ impl Fingerprint {
         materials.iter().for_each(|material: &Material| self.value("material", material));
         for DecodedImage { name: _, width, height, pixels } in images {
             self.value("image", &(width, height));
-            self.bytes("texels", pixels.as_flattened());
+            self.bytes("texels", pixels.as_bytes());
         }
         let mut shared = Vec::new();
         for Object { name, input, material, shape } in objects {
@@ -170,7 +170,7 @@ mod tests {
 
     fn scene() -> Scene {
         let mut scene = Scene::default();
-        let pixels: Arc<[[u8; 3]]> = vec![[1, 2, 3]; 4].into();
+        let pixels = [[1u8, 2, 3]; 4].into_iter().collect();
         scene.add_image(DecodedImage { name: "a.png".into(), width: 2, height: 2, pixels });
         let texture = Texture { image: ImageId(0), sampler: Sampler::default(), coordinates: 0 };
         scene.add_material(Material::Phong(Phong { texture: Some(texture), ..Phong::default() }));
@@ -197,7 +197,9 @@ mod tests {
         assert_eq!(base.len(), 64);
         assert_eq!(of(&scene()), base, "the same of equal scenes");
         let changes: [fn(&mut Scene); 9] = [
-            |scene| scene.images[0].pixels = vec![[1, 2, 3], [1, 2, 3], [1, 2, 3], [1, 2, 4]].into(),
+            |scene| {
+                scene.images[0].pixels = [[1u8, 2, 3], [1, 2, 3], [1, 2, 3], [1, 2, 4]].into_iter().collect()
+            },
             |scene| (scene.images[0].width, scene.images[0].height) = (4, 1),
             |scene| scene.picture = PictureSettings::of_size([1, 2]),
             |scene| scene.picture.seed = Some(1),

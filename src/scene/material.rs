@@ -1,8 +1,7 @@
 //! Materials, textures and decoded images.
 
-use super::{FurtherTexture, ImageId, Layers, Sampler};
+use super::{FurtherTexture, ImageId, Layers, Sampler, TexelValues};
 use crate::film::Colour;
-use std::sync::Arc;
 
 /// A material. `C` is [`Colour`] in a scene, and a colour in the numbers of the colour pipeline in a prepared world.
 #[derive(Debug, Clone)]
@@ -121,7 +120,7 @@ pub struct Texture {
 }
 
 /// Tangent-space normal map: red, green and blue encode x (along u), y (against v) and z (along the normal), each from
-/// -1 at 0 to 1 at 255 (glTF 2.0, section 3.9.3).
+/// -1 at 0 to 1 at the largest value (glTF 2.0, section 3.9.3).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NormalMap {
     /// The texture.
@@ -130,7 +129,7 @@ pub struct NormalMap {
     pub scale: f64,
 }
 
-/// A decoded image: 8-bit display values.
+/// A decoded image: display values of 8 or 16 bits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DecodedImage {
     /// File or item that it was read from.
@@ -139,8 +138,8 @@ pub struct DecodedImage {
     pub width: u32,
     /// Height in pixels, at least 1.
     pub height: u32,
-    /// `width * height` pixels of red, green and blue, row by row from the top.
-    pub pixels: Arc<[[u8; 3]]>,
+    /// `width * height` pixels, row by row from the top.
+    pub pixels: TexelValues,
 }
 
 impl Default for Phong {
@@ -192,13 +191,29 @@ impl Default for Glaze {
     }
 }
 
-/// How the 8-bit values of a texture are decoded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// How the stored values of a texture are decoded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum TexelEncoding {
     /// As colours in the numbers of the pipeline: through the sRGB transfer function in `linear`.
     Colour,
-    /// As numbers, value / 255: roughness, metallic, normals.
+    /// As numbers, the value divided by the largest of its depth: roughness, metallic, opacity.
     Data,
+    /// As numbers that encode directions (glTF 2.0, section 3.9.3): as data, except that flat is exactly flat. A texel
+    /// without tilt has x = y = 1/2, which no depth can store; writers round it to one of the two values beside it. A
+    /// texel both of whose x and y are such values has exactly 1/2.
+    Normal,
+}
+
+impl TexelEncoding {
+    /// The decoded values of data or a normal, 0 to 1, from stored ones, 0 to `largest`.
+    #[inline]
+    pub(crate) fn numbers(self, texel: [u16; 3], largest: u16, number: impl Fn(u16) -> f64) -> [f64; 3] {
+        let is_level = |value: u16| value == largest / 2 || value == largest / 2 + 1;
+        match (self, texel.map(number)) {
+            (TexelEncoding::Normal, [.., z]) if is_level(texel[0]) && is_level(texel[1]) => [0.5, 0.5, z],
+            (_, numbers) => numbers,
+        }
+    }
 }
 
 impl Material {
@@ -218,6 +233,11 @@ impl<C> Material<C> {
             Material::Phong(m) => m.refraction.is_some(),
             Material::MetallicRoughness(m) => !m.unlit && m.layers.transmission > 0.0,
         }
+    }
+
+    /// Whether its colour is output without shading.
+    pub fn is_unlit(&self) -> bool {
+        matches!(self, Material::MetallicRoughness(MetallicRoughness { unlit: true, .. }))
     }
 
     /// The material with every colour converted by `convert`.

@@ -44,6 +44,7 @@ mod sampler;
 mod sampling;
 mod shading_mode;
 pub mod support;
+mod texels;
 pub mod topology;
 mod transport;
 mod up;
@@ -78,6 +79,7 @@ pub use picture::{
 pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
 pub use sampling::{MAX_SAMPLES, PixelSampler, Sampling};
 pub use shading_mode::ShadingMode;
+pub use texels::TexelValues;
 pub use transport::{Transport, TransportReason};
 pub use up::UpAxis;
 
@@ -391,6 +393,11 @@ impl Scene {
             object.material.0 += first_material;
             object
         }));
+    }
+
+    /// Whether an object is unlit.
+    pub(crate) fn has_unlit(&self) -> bool {
+        self.objects.iter().any(|o| self.materials.get(o.material.0 as usize).is_some_and(Material::is_unlit))
     }
 
     /// The background of the settings, or that of the scene.

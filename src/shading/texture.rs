@@ -113,7 +113,7 @@ pub(crate) fn look_at(
     let row = |y: i64| sampler.wrap_v.index(y, h) * w;
     let texel = |row: i64, column: i64| {
         let index = (row + column) as usize;
-        DVec3::from(level.map_or_else(|| image.texel(index, encoding), |level| level.texel(index)))
+        DVec3::from(level.map_or_else(|| image.texel(index, encoding), |level| level.texel(index, encoding)))
     };
     let place = uv * DVec2::new(w as f64, h as f64);
     // Casts of coordinates beyond i64 saturate; wrapping then still gives a texel of the image.

@@ -60,7 +60,8 @@ impl<'a> MeanEmission<'a> {
 
     /// The nearest texel of a level; level 0 is the image.
     fn texel(&self, uv: DVec2, level: usize) -> DVec3 {
-        let mip_map = self.made.as_ref().or_else(|| self.image.mip_map(TexelEncoding::Colour));
+        let encoding = TexelEncoding::Colour;
+        let mip_map = self.made.as_ref().or_else(|| self.image.mip_map(encoding));
         let levels = mip_map.map_or(&[][..], MipMap::levels);
         let below = level.min(levels.len()).checked_sub(1).map(|below| &levels[below]);
         let (width, height) =
@@ -70,9 +71,7 @@ impl<'a> MeanEmission<'a> {
         };
         let row = index(uv.y, height, self.sampler.wrap_v);
         let at = row * width as usize + index(uv.x, width, self.sampler.wrap_u);
-        DVec3::from(
-            below.map_or_else(|| self.image.texel(at, TexelEncoding::Colour), |level| level.texel(at)),
-        )
+        DVec3::from(below.map_or_else(|| self.image.texel(at, encoding), |level| level.texel(at, encoding)))
     }
 }
 

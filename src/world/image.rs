@@ -1,25 +1,38 @@
 //! Images that textures read.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::{LazyLock, OnceLock};
 
 use glam::DVec3;
 
 use super::mip_map::MipMap;
 use crate::film::ColourPipeline;
 use crate::film::colour::srgb_decode;
-use crate::scene::{DecodedImage, TexelEncoding};
+use crate::scene::{DecodedImage, TexelEncoding, TexelValues};
 
-/// The value of each 8-bit value of data.
-static DATA: [f64; 256] = {
-    let (mut values, mut i) = ([0.0; 256], 0);
-    while i < values.len() {
-        values[i] = i as f64 / 255.0;
-        i += 1;
+/// The decoded value of each stored value of a depth.
+struct DecodingTable {
+    /// Colours in the pipeline `linear`, and in the others.
+    linear: Vec<f32>,
+    display: Vec<f32>,
+    data: Vec<f64>,
+}
+
+/// Those of 8 and of 16 bits; 1 MiB, made for the first image of the depth.
+static TABLES: [LazyLock<DecodingTable>; 2] =
+    [LazyLock::new(|| DecodingTable::new(u8::MAX.into())), LazyLock::new(|| DecodingTable::new(u16::MAX))];
+
+impl DecodingTable {
+    fn new(largest: u16) -> Self {
+        let data: Vec<f64> = (0..=largest).map(|value| f64::from(value) / f64::from(largest)).collect();
+        DecodingTable {
+            linear: data.iter().map(|&display| srgb_decode(display) as f32).collect(),
+            display: data.iter().map(|&display| display as f32).collect(),
+            data,
+        }
     }
-    values
-};
+}
 
-/// An 8-bit RGB image with its mip maps.
+/// An RGB image with its mip maps.
 pub struct Image {
     /// The file or item it came from.
     pub name: String,
@@ -28,25 +41,25 @@ pub struct Image {
     /// Height in pixels.
     pub height: u32,
     /// Pixels, row by row from the top.
-    pub pixels: Arc<[[u8; 3]]>,
-    /// The decoded value of each 8-bit value of a colour.
-    colours: [f32; 256],
+    pub pixels: TexelValues,
+    /// The decoded value of each stored value of a colour, and of data.
+    colours: &'static [f32],
+    data: &'static [f64],
     /// One for each encoding, built by [`Image::make_mip_map`].
-    mip_maps: [OnceLock<MipMap>; 2],
+    mip_maps: [OnceLock<MipMap>; 3],
 }
 
 impl Image {
     pub(super) fn new(image: DecodedImage, pipeline: ColourPipeline) -> Self {
-        let colour = |value: usize| {
-            let display = value as f64 / 255.0;
-            if pipeline == ColourPipeline::Linear { srgb_decode(display) as f32 } else { display as f32 }
-        };
+        let table = &TABLES[usize::from(matches!(image.pixels, TexelValues::Sixteen(_)))];
+        let is_linear = pipeline == ColourPipeline::Linear;
         Image {
             name: image.name,
             width: image.width,
             height: image.height,
             pixels: image.pixels,
-            colours: std::array::from_fn(colour),
+            colours: if is_linear { &table.linear } else { &table.display },
+            data: &table.data,
             mip_maps: Default::default(),
         }
     }
@@ -54,10 +67,11 @@ impl Image {
     /// The decoded texel at `index`, 0 to 1.
     #[inline]
     pub fn texel(&self, index: usize, encoding: TexelEncoding) -> [f64; 3] {
-        match encoding {
-            TexelEncoding::Colour => self.pixels[index].map(|c| f64::from(self.colours[c as usize])),
-            TexelEncoding::Data => self.pixels[index].map(|c| DATA[usize::from(c)]),
+        let texel = self.pixels.get(index);
+        if encoding == TexelEncoding::Colour {
+            return texel.map(|c| f64::from(self.colours[usize::from(c)]));
         }
+        encoding.numbers(texel, self.pixels.largest(), |c| self.data[usize::from(c)])
     }
 
     /// Builds the mip map if it does not exist, in parallel. Must not be called while other threads look textures up.

@@ -8,6 +8,8 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use crate::scene::TexelEncoding;
+
 /// The levels of an image below its full size.
 pub struct MipMap {
     levels: Vec<MipLevel>,
@@ -24,10 +26,10 @@ pub struct MipLevel {
 }
 
 impl MipLevel {
-    /// The values of the texel at `index`, 0 to 1.
+    /// The values of the texel at `index`, 0 to 1; `encoding` is that of the image.
     #[inline]
-    pub fn texel(&self, index: usize) -> [f64; 3] {
-        self.texels[index].map(|c| f64::from(c) * (1.0 / 65535.0))
+    pub fn texel(&self, index: usize, encoding: TexelEncoding) -> [f64; 3] {
+        encoding.numbers(self.texels[index], u16::MAX, |c| f64::from(c) * (1.0 / 65535.0))
     }
 }
 
@@ -119,7 +121,9 @@ mod tests {
                 let count = size[0] as usize * size[1] as usize;
                 let mut mean = [0.0; 3];
                 for i in 0..count {
-                    mean.iter_mut().zip(level.texel(i)).for_each(|(sum, c)| *sum += c / count as f64);
+                    mean.iter_mut()
+                        .zip(level.texel(i, TexelEncoding::Data))
+                        .for_each(|(sum, c)| *sum += c / count as f64);
                 }
                 // Half a step of 16-bit quantisation, and f32 sums of at most 9 terms per level.
                 let bound = 0.5 / 65535.0 + 12.0 * 20.0 * f64::from(f32::EPSILON);
@@ -143,7 +147,7 @@ mod tests {
         let mip_map = MipMap::new(5, 1, |i| Vec3::splat([0.0, 0.5, 1.0, 0.5, 0.0][i]));
         // 0.4 * 0 + 0.4 * 0.5 + 0.2 * 1 = 0.4 on both sides, then 0.4.
         for level in mip_map.levels() {
-            assert!((level.texel(0)[0] - 0.4).abs() < 1e-5);
+            assert!((level.texel(0, TexelEncoding::Data)[0] - 0.4).abs() < 1e-5);
         }
     }
 }

@@ -75,10 +75,10 @@ fn compressed_meshes() {
 }
 
 /// The greatest difference of two images in steps of 255.
-fn difference(a: &DecodedImage, b: &DecodedImage) -> u8 {
+fn difference(a: &DecodedImage, b: &DecodedImage) -> u16 {
     assert_eq!((a.width, a.height), (b.width, b.height));
-    let pairs = a.pixels.as_flattened().iter().zip(b.pixels.as_flattened());
-    pairs.map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0)
+    let pairs = a.pixels.iter().flatten().zip(b.pixels.iter().flatten());
+    pairs.map(|(a, b)| a.abs_diff(b)).max().unwrap_or(0)
 }
 
 /// Images of colours and of alpha. An ETC1S block of 4 x 4 texels has one hue in four intensities; within a block of the

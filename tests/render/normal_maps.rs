@@ -135,17 +135,80 @@ fn no_light_comes_through() {
     assert_eq!(prepared.render(choices).0.pixel(2, 2)[0], 0.0);
 }
 
-/// 128 stands for 1/255, not for 0 (the middle is 127.5): the flat map of most programs tilts normals by up to
-/// sqrt(2)/255, and a colour changes by no more than that times what the light brings.
+/// No depth can store the 1/2 of a flat texel: writers round it to one of the two values beside it. Both are flat, to
+/// the bit, also in mip levels (of 64 x 64 texels on 5 x 5 pixels), as is the middle of them.
 #[test]
-fn a_flat_map_changes_nothing_but_its_rounding() {
+fn a_flat_map_changes_nothing() {
     let l = DVec3::new(0.3, 0.4, 1.0).normalize();
-    for texel in [[128, 128, 255], [127, 127, 255]] {
-        let found = middle(scene_of(&square(UPRIGHT, true), texel, l, 5.0, ""));
-        let plain = scene_with(&square(UPRIGHT, true), "", |_| {}, l, 5.0, "");
-        let bound = 2f64.sqrt() / 255.0;
-        assert!((found - middle(plain)).abs() <= bound);
+    let plain = middle(scene_with(&square(UPRIGHT, true), "", |_| {}, l, 5.0, ""));
+    for side in [1, 64] {
+        for [x, y] in [[127u8, 127], [127, 128], [128, 127], [128, 128]] {
+            let eight = |file: &Path| {
+                image::RgbImage::from_pixel(side, side, image::Rgb([x, y, 255])).save(file).unwrap();
+            };
+            let [x16, y16] = [x, y].map(|value| u16::from(value) - 127 + 32767);
+            let sixteen = |file: &Path| save_16(file, side, |_| [x16, y16, 65535]);
+            for found in [
+                middle(scene_with(&square(UPRIGHT, true), "norm n.png", eight, l, 5.0, "")),
+                middle(scene_with(&square(UPRIGHT, true), "norm n.png", sixteen, l, 5.0, "")),
+            ] {
+                assert_eq!(found, plain, "{side}: {x} {y}");
+            }
+        }
     }
+}
+
+/// A PNG with 16 bits a channel; texels by column.
+fn save_16(file: &Path, side: u32, texel: impl Fn(u32) -> [u16; 3]) {
+    let image = image::ImageBuffer::from_fn(side, side, |x, _| image::Rgb(texel(x)));
+    image::DynamicImage::ImageRgb16(image).save(file).unwrap();
+}
+
+/// A tilt of 0.0035, less than one step of 8 bits, in light from 0.6 degrees above the plane: sin(0.6 degrees + 0.0035)
+/// = 1.334 sin(0.6 degrees).
+#[test]
+fn a_map_of_16_bits_has_steps_of_16_bits() {
+    let tilt = 0.0035f64;
+    let encode = |value: f64| ((value + 1.0) / 2.0 * 65535.0).round() as u16;
+    let save = |file: &Path| save_16(file, 1, |_| [encode(tilt.sin()), encode(0.0), encode(tilt.cos())]);
+    let above = 0.6f64.to_radians();
+    let l = DVec3::new(above.cos(), 0.0, above.sin());
+    let found = middle(scene_with(&square(UPRIGHT, true), "norm n.png", save, l, 5.0, ""));
+    // Half a step of 16 bits in x and y.
+    assert!((found - (above + tilt).sin()).abs() < 2.0 / 65535.0, "{found}");
+    assert!((found / above.sin() - 1.334).abs() < 0.004);
+}
+
+/// Flat ground beside a step is lit as without the map, to the bit: the step decides the unit of slopes, not whether
+/// there is one. The middle of the picture is 24 texels from the step.
+#[test]
+fn flat_ground_beside_a_step_is_flat() {
+    let l = DVec3::new(80f64.to_radians().sin(), 0.0, 80f64.to_radians().cos());
+    let plain = middle(scene_with(&square(UPRIGHT, true), "", |_| {}, l, 5.0, ""));
+    let eight = |file: &Path| {
+        let height = |x: u32, _| image::Luma([if x >= 56 { 255u8 } else { 0 }]);
+        image::GrayImage::from_fn(64, 64, height).save(file).unwrap();
+    };
+    let sixteen = |file: &Path| save_16(file, 64, |x| [if x >= 56 { 65535 } else { 0 }; 3]);
+    for found in [
+        middle(scene_with(&square(UPRIGHT, true), "map_Bump -bm 20 n.png", eight, l, 5.0, "")),
+        middle(scene_with(&square(UPRIGHT, true), "map_Bump -bm 20 n.png", sixteen, l, 5.0, "")),
+    ] {
+        assert_eq!(found, plain);
+    }
+}
+
+/// A slope of 16 steps of 65535 a texel beside a step of half the range, 20 times as high: 16 / 65535 * 20 = 0.0049. Its
+/// error is a 65535th of the steepest slope, 20 * 0.25.
+#[test]
+fn gentle_slopes_beside_a_step_keep_16_bits() {
+    let above = 2f64.to_radians();
+    let l = DVec3::new(-above.cos(), 0.0, above.sin());
+    let height = |x: u32| (16 * x) as u16 + if x >= 56 { 32768 } else { 0 };
+    let save = |file: &Path| save_16(file, 64, |x| [height(x); 3]);
+    let found = middle(scene_with(&square(UPRIGHT, true), "map_Bump -bm 20 n.png", save, l, 5.0, ""));
+    let n = DVec3::new(-16.0 / 65535.0 * 20.0, 0.0, 1.0).normalize();
+    assert!((found - n.dot(l)).abs() < 20.0 * 0.25 / 65535.0 + 1e-5, "{found} instead of {}", n.dot(l));
 }
 
 /// Heights that rise by 1/8 of their range a texel, times the 2 of `-bm`: a slope of 1/4 to the right, so the normal

@@ -26,7 +26,7 @@ pub(super) fn to_json(inputs: &[PathBuf], scene: &Scene, topology: &Result<Topol
         "objects": objects.map(|(object, closed)| object_to_json(inputs, scene, object, closed)).collect::<Vec<_>>(),
         "materials": materials::to_json(scene),
         "textures": scene.images.iter().map(|i| json!({ "name": i.name, "width": i.width, "height": i.height,
-            "bytes": size_of_val(&*i.pixels) })).collect::<Vec<_>>(),
+            "bytes": i.pixels.as_bytes().len() })).collect::<Vec<_>>(),
         "cameras": scene.cameras.iter().map(camera_to_json).collect::<Vec<_>>(),
         "lights": scene.lights.iter().map(|l| json!({ "name": l.name, "type": lights::type_name(&l.kind),
             "intensity": l.intensity })).collect::<Vec<_>>(),

@@ -59,7 +59,7 @@ impl Rendering {
             stored,
             primitives: scene.primitive_count(),
             mesh_bytes: mesh_bytes(&scene),
-            image_bytes: scene.images.iter().map(|image| size_of_val(&*image.pixels)).sum(),
+            image_bytes: scene.images.iter().map(|image| image.pixels.as_bytes().len()).sum(),
             outcome: (is_built || stored <= MOST_BUILT)
                 .then(|| build(scene, after_loading, &mut warnings))
                 .transpose(),

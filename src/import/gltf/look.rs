@@ -76,9 +76,9 @@ impl Loader<'_> {
             },
         };
         let Some(bytes) = bytes else { return Ok(None) };
-        images::alpha_of_bytes(&mut self.scene, place, name, &bytes, |alpha| match glossiness {
+        images::alpha_of_bytes(&mut self.scene, place, name, &bytes, |alpha, largest| match glossiness {
             None => alpha,
-            Some(factor) => (255.0 - factor * f64::from(alpha)).round() as u8,
+            Some(factor) => (f64::from(largest) - factor * f64::from(alpha)).round() as u16,
         })
     }
 

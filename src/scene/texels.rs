@@ -1,0 +1,90 @@
+//! Texels of images, in the depth of the file that they were read from.
+
+use std::sync::Arc;
+
+/// Red, green and blue of each texel of an image, row by row from the top, in 8 bits or, for files of more, in 16.
+/// Clones share the values.
+#[derive(Debug, Clone, PartialEq)]
+pub enum TexelValues {
+    /// Values from 0 to 255.
+    Eight(Arc<[[u8; 3]]>),
+    /// Values from 0 to 65535.
+    Sixteen(Arc<[[u16; 3]]>),
+}
+
+impl TexelValues {
+    /// The number of texels.
+    pub fn len(&self) -> usize {
+        match self {
+            TexelValues::Eight(texels) => texels.len(),
+            TexelValues::Sixteen(texels) => texels.len(),
+        }
+    }
+
+    /// Whether there are no texels.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The value that stands for 1: 255 or 65535.
+    #[inline]
+    pub fn largest(&self) -> u16 {
+        match self {
+            TexelValues::Eight(_) => u8::MAX.into(),
+            TexelValues::Sixteen(_) => u16::MAX,
+        }
+    }
+
+    /// The values of the texel at `index`, 0 to [`TexelValues::largest`].
+    #[inline]
+    pub fn get(&self, index: usize) -> [u16; 3] {
+        match self {
+            TexelValues::Eight(texels) => texels[index].map(u16::from),
+            TexelValues::Sixteen(texels) => texels[index],
+        }
+    }
+
+    /// The values of each texel.
+    pub fn iter(&self) -> impl Iterator<Item = [u16; 3]> {
+        (0..self.len()).map(|index| self.get(index))
+    }
+
+    /// The values in memory.
+    pub fn as_bytes(&self) -> &[u8] {
+        match self {
+            TexelValues::Eight(texels) => texels.as_flattened(),
+            TexelValues::Sixteen(texels) => bytemuck::cast_slice(texels),
+        }
+    }
+
+    /// The texels `texel(index)`, of the depth whose largest value is `largest`.
+    pub(crate) fn collect(largest: u16, count: usize, texel: impl Fn(usize) -> [u16; 3]) -> Self {
+        let texels = (0..count).map(texel);
+        if largest > u8::MAX.into() {
+            texels.collect()
+        } else {
+            texels.map(|values| values.map(|value| value as u8)).collect()
+        }
+    }
+}
+
+impl From<Arc<[[u8; 3]]>> for TexelValues {
+    fn from(texels: Arc<[[u8; 3]]>) -> Self {
+        TexelValues::Eight(texels)
+    }
+}
+
+impl From<Arc<[[u16; 3]]>> for TexelValues {
+    fn from(texels: Arc<[[u16; 3]]>) -> Self {
+        TexelValues::Sixteen(texels)
+    }
+}
+
+impl<T> FromIterator<[T; 3]> for TexelValues
+where
+    TexelValues: From<Arc<[[T; 3]]>>,
+{
+    fn from_iter<I: IntoIterator<Item = [T; 3]>>(texels: I) -> Self {
+        texels.into_iter().collect::<Arc<[_]>>().into()
+    }
+}
