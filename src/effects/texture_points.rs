@@ -6,9 +6,9 @@
 use std::collections::BTreeSet;
 
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
-use super::{EffectContext, Hook, Stage, TextureUse};
-use crate::scene::{Filter, TexelEncoding, Texture, TextureSlot};
-use crate::world::{Differential, PreparedMaterial, TexturePoint, World};
+use super::{Choices, EffectContext, Hook, Stage, TextureUse, id, textures};
+use crate::scene::{Filter, ImageId, Material, TexelEncoding, Texture, TextureSlot};
+use crate::world::{Differential, TexturePoint, World};
 
 /// The texture points of a tile.
 #[derive(Default)]
@@ -44,8 +44,8 @@ impl Buffers {
 }
 
 /// The further textures of a material that a transport uses, with the encoding of their texels.
-pub(crate) fn further(
-    material: &PreparedMaterial,
+pub(crate) fn further<C>(
+    material: &Material<C>,
     slots: &'static [TextureSlot],
 ) -> impl Iterator<Item = (Texture, TexelEncoding)> {
     let used = material.further_textures().iter().filter(move |further| slots.contains(&further.slot));
@@ -53,10 +53,25 @@ pub(crate) fn further(
 }
 
 impl TextureUse {
+    /// What the options and the scene file leave on. A plan looks up no more than this.
+    pub(crate) fn left_on(choices: &Choices) -> Self {
+        let is_on = |effect| choices.switch(effect).0 != Some(false);
+        TextureUse {
+            material_textures: is_on(id::TEXTURES),
+            normal_maps: is_on(id::NORMAL_MAPS),
+            slots: &TextureSlot::ALL,
+            filter: choices.switch(id::TEXTURES).1.as_deref().and_then(textures::filter),
+        }
+    }
+
     /// The textures of a material that are looked up, with the encoding of their texels.
-    fn of<'a>(&self, material: &'a PreparedMaterial) -> impl Iterator<Item = (Texture, TexelEncoding)> + 'a {
+    fn of<'a, C>(
+        &self,
+        material: &'a Material<C>,
+    ) -> impl Iterator<Item = (Texture, TexelEncoding)> + use<'a, C> {
         let TextureUse { material_textures, normal_maps, slots, .. } = *self;
-        let map = material.normal_map().filter(|_| normal_maps).map(|map| (map.texture, TexelEncoding::Data));
+        let map =
+            material.normal_map().filter(|_| normal_maps).map(|map| (map.texture, TexelEncoding::Normal));
         let textures = material.textures().chain(further(material, slots));
         textures.filter(move |_| material_textures).chain(map)
     }
@@ -66,11 +81,21 @@ impl TextureUse {
         texture.sampler.filter(self.filter)
     }
 
+    /// The images of a material whose mip maps the filters need, with the encoding of their texels.
+    pub(crate) fn mip_maps<'a, C>(
+        &self,
+        material: &'a Material<C>,
+    ) -> impl Iterator<Item = (ImageId, TexelEncoding)> + use<'a, C> {
+        let texture_use = *self;
+        let textures =
+            self.of(material).filter(move |(texture, _)| texture_use.filter(texture).needs_mip_map());
+        textures.map(|(texture, encoding)| (texture.image, encoding))
+    }
+
     /// Builds the mip maps that the filters need and that do not exist yet.
     fn make_mip_maps(&self, world: &World) {
-        let textures = world.materials_in_use().flat_map(|material| self.of(material));
-        for (texture, encoding) in textures.filter(|(texture, _)| self.filter(texture).needs_mip_map()) {
-            world.images[texture.image.0 as usize].make_mip_map(encoding);
+        for (image, encoding) in world.materials_in_use().flat_map(|material| self.mip_maps(material)) {
+            world.images[image.0 as usize].make_mip_map(encoding);
         }
     }
 }

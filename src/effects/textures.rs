@@ -47,7 +47,7 @@ pub const EFFECT: Effect = Effect {
 };
 
 /// The filter of this name.
-fn filter(name: &str) -> Option<TextureFilter> {
+pub(super) fn filter(name: &str) -> Option<TextureFilter> {
     TextureFilter::ALL.into_iter().find(|filter| filter.name() == name)
 }
 

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::effects::{Choices, id};
+use crate::effects::{Choices, TextureUse, id};
 use crate::error::{Error, Result};
 use crate::geometry::Precision;
 use crate::limits;
@@ -33,21 +33,23 @@ pub fn check_memory(scene: &Scene, choices: &Choices, numerics: Numerics) -> Res
     })
 }
 
-/// Checks the memory limit for mip maps, which all filters but `nearest` and `bilinear` use.
+/// Checks the memory limit for the mip maps that the picture may need.
 ///
 /// # Errors
 /// [`Error::Input`] for the largest texture.
 fn check_mip_maps(scene: &Scene, choices: &Choices) -> Result<()> {
-    let without = [TextureFilter::Nearest, TextureFilter::Bilinear].map(TextureFilter::name);
-    let without = without.map(|filter| id::TEXTURES.with_value(filter));
-    if choices.with.iter().any(|typed| without.contains(typed)) {
-        return Ok(());
-    }
+    let texture_use = TextureUse::left_on(choices);
+    let (mut used, mut made) = (HashSet::new(), HashSet::new());
+    let materials = scene.objects.iter().filter(|object| used.insert(object.material));
+    let materials = materials.filter_map(|object| scene.materials.get(object.material.0 as usize));
+    let mip_maps =
+        materials.flat_map(|material| texture_use.mip_maps(material)).filter(|key| made.insert(*key));
+    let images: Vec<&DecodedImage> = mip_maps.filter_map(|(id, _)| scene.images.get(id.0 as usize)).collect();
     let area = |image: &DecodedImage| limits::product(&[image.width.into(), image.height.into()]);
-    let Some(largest) = scene.images.iter().max_by_key(|image| area(image)) else { return Ok(()) };
+    let Some(largest) = images.iter().max_by_key(|image| area(image)) else { return Ok(()) };
     // Mip levels are a third of the texels, of 6 bytes; building the largest needs levels of a quarter and a sixteenth,
     // of 12 bytes.
-    let kept = scene.images.iter().map(|image| limits::product(&[area(image), 2]));
+    let kept = images.iter().map(|image| limits::product(&[area(image), 2]));
     let needed = kept.fold(limits::product(&[area(largest), 4]), u64::saturating_add);
     limits::check(needed).map_err(|excess| {
         let DecodedImage { name, width, height, .. } = largest;
@@ -60,4 +62,69 @@ fn check_mip_maps(scene: &Scene, choices: &Choices) -> Result<()> {
         );
         Error::input(Path::new(name), what, hint)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Sphere;
+    use crate::scene::{
+        EffectValue, Filter, Interpolation, Material, Minify, NormalMap, Phong, Sampler, Texture,
+    };
+
+    /// A sphere with a texture of 2^40 texels, whose mip maps would need 6 TiB, and a normal map of the same.
+    fn scene(sampler: Sampler) -> Scene {
+        let mut scene = Scene::default();
+        let side = 1 << 20;
+        let pixels = std::iter::empty::<[u8; 3]>().collect();
+        let image = scene.add_image(DecodedImage { name: "a.png".into(), width: side, height: side, pixels });
+        let texture = Texture { image, sampler, coordinates: 0 };
+        let normal_map = Some(NormalMap { texture, scale: 1.0 });
+        let material = scene.add_material(Material::Phong(Phong {
+            texture: Some(texture),
+            normal_map,
+            ..Phong::default()
+        }));
+        let shape = Shape::Analytic(Sphere { centre: glam::DVec3::ZERO, radius: 1.0 }.into());
+        scene.objects.push(Object { name: "ball".into(), input: 0, material, shape });
+        scene
+    }
+
+    fn choices(with: &[&str], without: &[&str], scene: &[(&str, EffectValue)]) -> Choices {
+        let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+        let mut choices = Choices { with: names(with), without: names(without), ..Choices::default() };
+        scene.iter().for_each(|(name, value)| choices.scene.set(name, value.clone(), None));
+        choices
+    }
+
+    /// Mip maps are refused where a lookup may need them, wherever the effects are said to be on or off, and by nothing
+    /// else.
+    #[test]
+    fn memory_of_mip_maps_that_are_not_made_is_not_checked() {
+        let text = |name: &str| EffectValue::Text(name.into());
+        let off = EffectValue::Switch(false);
+        let cases: [(&str, Choices, bool); 11] = [
+            ("default", choices(&[], &[], &[]), false),
+            ("--with", choices(&["textures=bilinear"], &[], &[]), true),
+            ("--with a mip map", choices(&["textures=mipmap"], &[], &[]), false),
+            ("the last counts", choices(&["textures=bilinear", "textures=mipmap"], &[], &[]), false),
+            ("--without", choices(&[], &["textures", "normal-maps"], &[]), true),
+            ("--without textures, not normal maps", choices(&[], &["textures"], &[]), false),
+            ("scene file", choices(&[], &[], &[("textures", off.clone()), ("normal-maps", off)]), true),
+            ("bilinear", choices(&[], &[], &[("textures", text("bilinear"))]), true),
+            ("nearest", choices(&[], &[], &[("textures", text("nearest"))]), true),
+            ("anisotropic", choices(&[], &[], &[("textures", text("anisotropic"))]), false),
+            ("over the file", choices(&["textures=mipmap"], &[], &[("textures", text("nearest"))]), false),
+        ];
+        for (name, choices, is_allowed) in cases {
+            assert_eq!(check_mip_maps(&scene(Sampler::default()), &choices).is_ok(), is_allowed, "{name}");
+        }
+        let linear = Minify { within: Interpolation::Linear, between: None };
+        let sampler = Sampler { minify: Some(linear), ..Sampler::default() };
+        assert!(!Filter::needs_mip_map(&sampler.filter(None)));
+        assert!(check_mip_maps(&scene(sampler), &choices(&[], &[], &[])).is_ok());
+        let mut unused = scene(Sampler::default());
+        unused.objects.clear();
+        assert!(check_mip_maps(&unused, &choices(&[], &[], &[])).is_ok());
+    }
 }

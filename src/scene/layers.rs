@@ -104,6 +104,18 @@ pub enum TextureSlot {
 }
 
 impl TextureSlot {
+    /// All of them.
+    pub const ALL: [TextureSlot; 8] = [
+        TextureSlot::Occlusion,
+        TextureSlot::Specular,
+        TextureSlot::SpecularColour,
+        TextureSlot::Transmission,
+        TextureSlot::Clearcoat,
+        TextureSlot::ClearcoatRoughness,
+        TextureSlot::SheenColour,
+        TextureSlot::SheenRoughness,
+    ];
+
     /// How its texels are decoded.
     pub fn encoding(self) -> TexelEncoding {
         match self {
