@@ -196,17 +196,46 @@ pub(crate) fn render_image(
     selection: &AovSelection,
     control: &RenderControl,
 ) -> Result<(OutputImage, Statistics)> {
-    let display = job.display_transform(control)?;
+    render_film(job, (format, format != Format::Exr), selection, control)
+}
+
+/// Renders the picture of a target; shards hold `f32`, which is developed when they are joined.
+pub(crate) fn render_target(
+    job: &RenderJob,
+    target: &OutputTarget,
+    selection: &AovSelection,
+    control: &RenderControl,
+) -> Result<(OutputImage, Statistics)> {
+    render_film(job, (target.film_format(), target.format() != Format::Exr), selection, control)
+}
+
+fn render_film(
+    job: &RenderJob,
+    (format, is_displayed): (Format, bool),
+    selection: &AovSelection,
+    control: &RenderControl,
+) -> Result<(OutputImage, Statistics)> {
+    fn render<P: Pixel>(
+        job: &RenderJob,
+        is_displayed: bool,
+        control: &RenderControl,
+    ) -> Result<(Film<P>, Statistics)> {
+        let is_selected = |place: usize, _: Window| job.settings.shard.has(place);
+        match is_displayed {
+            true => job.render_to_develop(is_selected, control),
+            false => job.render_selected(is_selected, control),
+        }
+    }
     if format != Format::Exr && !job.is_transparent() {
         let (film, statistics) = job.render(control)?;
         return Ok((OutputImage::Rgb8(film, job.pipeline()), statistics));
     }
-    let (film, alpha, mut statistics) = if job.is_transparent() {
-        let (film, statistics) = job.render::<[f32; 4]>(control)?;
+    let (film, alpha, statistics) = if job.is_transparent() {
+        let (film, statistics) = render::<[f32; 4]>(job, is_displayed, control)?;
         let (film, alpha) = film.split_alpha()?;
         (film, Some(alpha), statistics)
     } else {
-        let (film, statistics) = job.render(control)?;
+        let (film, statistics) = render(job, is_displayed, control)?;
         (film, None, statistics)
     };
     statistics.auto_exposure = job.display().is_auto().then_some(display.ev());

@@ -7,7 +7,7 @@ use clap::Args;
 
 use super::arguments::{self, Arguments};
 use super::frames::{self, FrameSeries, LengthArguments, file_names};
-use super::output::{self, OutputTarget, check_folder, render_image, render_to_accuracy, same_file};
+use super::output::{self, OutputTarget, check_folder, render_target, render_to_accuracy, same_file};
 use super::prepare::{Reporter, timed};
 use super::progress::Mode;
 use super::sampling::{AccuracyArguments, warn_of_unused};
@@ -200,7 +200,7 @@ fn render_to(
         Some(error_target) => {
             render_to_accuracy(&mut job, &error_target, target.format(), &control, warnings)
         }
-        None => render_image(&job, target.film_format(), selection, &control),
+        None => render_target(&job, target, selection, &control),
     })?;
     let about = PictureContext {
         inputs: &command.arguments.inputs,

@@ -57,7 +57,7 @@ impl Stage for SampleRays {
         tile.with_buffers(|samples: &mut TileSamples, tile| {
             if !tile.needs_more_samples {
                 let region = SampledRegion::new(window, self.0.apron, context.view.size());
-                samples.start(region, &self.0, tile.coverage.is_some());
+                samples.start(region, &self.0, tile);
             }
             samples.next_pass(&self.0);
             let (x, y) = samples.film_positions();
@@ -81,7 +81,7 @@ impl Stage for AddSamples {
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
         tile.with_buffers(|samples: &mut TileSamples, tile| {
-            samples.add(&tile.pixels, tile.coverage.as_deref().unwrap_or_default());
+            samples.add(tile);
             // The stage of adaptive sampling, which comes next, may end the tile earlier.
             tile.needs_more_samples = !samples.is_round_done() || samples.round_end() < self.0.samples;
             if !tile.needs_more_samples {

@@ -47,6 +47,7 @@ impl Stage for ClosestHits {
             visible_objects,
             recorder,
             coverage,
+            shown,
             caught,
             ..
         } = tile;
@@ -58,6 +59,10 @@ impl Stage for ClosestHits {
             visible_objects.resize(world.objects.len(), false);
             let objects = generation.surfaces.objects().iter();
             objects.for_each(|&object| visible_objects[object as usize] = true);
+            if let Some(shown) = shown {
+                shown.clear();
+                shown.resize(generation.rays.len(), [0.0; 4]);
+            }
             if let Some(coverage) = coverage {
                 coverage.clear();
                 coverage.resize(generation.rays.len(), 0.0);

@@ -24,6 +24,7 @@ mod shadow_catcher;
 mod texture_points;
 pub mod tile;
 pub mod transparency;
+pub(crate) mod unlit;
 pub mod variance;
 pub mod whitted;
 

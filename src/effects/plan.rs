@@ -8,7 +8,7 @@ use super::transparency::Transparency;
 use super::variance::PixelStatistics;
 use super::{
     EFFECTS, Effect, EffectContext, EffectId, EffectValue, Hook, LightTechnique, PathSettings, PlanSpec,
-    RayClass, RayKind, Stage, TRANSPORTS, TransportEntry, closest_hits, primary_rays, ray_origins,
+    RayClass, RayKind, Stage, TRANSPORTS, TransportEntry, closest_hits, primary_rays, ray_origins, unlit,
 };
 use crate::error::{Error, Result, nearest_name};
 use crate::film::Window;
@@ -171,7 +171,7 @@ impl Plan {
         }
         contributors.iter_mut().for_each(|contributor| contributor.context.spec = spec);
         let transparency = spec.transparency(&sampling);
-        let mut builder = PlanBuilder { stages: Vec::new(), contributors, spec, transparency };
+        let mut builder = PlanBuilder { world, stages: Vec::new(), contributors, spec, transparency };
         let parts = builder.build();
         let (stages, transport) = (builder.stages, entry.transport);
         Plan { shading, sampling, clamp, decisions, transport, spec, stages, parts }
@@ -281,6 +281,7 @@ struct Contributor<'a> {
 
 /// Collects the stages of a plan.
 struct PlanBuilder<'a> {
+    world: &'a World,
     stages: Vec<PlannedStage>,
     contributors: Vec<Contributor<'a>>,
     spec: PlanSpec,
@@ -300,6 +301,9 @@ impl PlanBuilder<'_> {
         }
         self.add_hook(Hook::Rays, None);
         self.add_generation(RayClass::Primary);
+        if unlit::has_unlit(self.world) {
+            self.add(unlit::FindUnlit, None);
+        }
         let first = part(self);
         if self.spec.secondary.is_some() {
             self.add_generation(RayClass::Secondary);

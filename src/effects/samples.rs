@@ -141,6 +141,8 @@ pub struct TileSamples {
     sums: Vec<SampleSum>,
     /// The same of the coverage of its samples; empty for pictures without an alpha channel.
     coverage: Vec<SampleSum>,
+    /// The same of [`Tile::shown`], colours and parts; empty where the tile has none.
+    shown: [Vec<SampleSum>; 2],
     /// The pixels that are still sampled, along a Morton curve.
     live: Vec<u16>,
     /// For each pixel of the region, its column and row in the picture.
@@ -155,14 +157,18 @@ pub struct TileSamples {
 }
 
 impl TileSamples {
-    /// Begins a tile, of a picture with an alpha channel if `has_alpha`.
-    pub fn start(&mut self, region: SampledRegion, sampler: &Sampler, has_alpha: bool) {
+    /// Begins a tile.
+    pub fn start(&mut self, region: SampledRegion, sampler: &Sampler, tile: &Tile) {
         let pixels = region.whole.area();
         self.region = region;
         self.sums.clear();
         self.sums.resize(pixels, SampleSum::default());
         self.coverage.clear();
-        self.coverage.resize(if has_alpha { pixels } else { 0 }, SampleSum::default());
+        self.coverage.resize(if tile.coverage.is_some() { pixels } else { 0 }, SampleSum::default());
+        for sums in &mut self.shown {
+            sums.clear();
+            sums.resize(if tile.shown.is_some() { pixels } else { 0 }, SampleSum::default());
+        }
         if let Some(variances) = &mut self.variances {
             variances.clear();
             variances.resize(pixels, SampleVariance::default());
@@ -196,10 +202,11 @@ impl TileSamples {
         places.zip(&**samples).map(|((&x, &y), &sample)| (x, y, sample))
     }
 
-    /// Adds the colours of the pass's rays to their pixels, and their coverage, which is empty without an alpha
-    /// channel.
-    pub fn add(&mut self, colours: &[[f32; 3]], coverage: &[f32]) {
-        let TileSamples { pass, sums, coverage: covered, variances, .. } = self;
+    /// Adds the colours, the coverage and the unlit surfaces of the pass's rays to their pixels.
+    pub fn add(&mut self, tile: &Tile) {
+        let TileSamples { pass, sums, coverage: covered, shown: shown_sums, variances, .. } = self;
+        let (colours, coverage) = (&tile.pixels, tile.coverage.as_deref().unwrap_or_default());
+        let shown = tile.shown.as_deref().unwrap_or_default();
         if let Some(variances) = variances {
             for (&pixel, &colour) in pass.pixels[..pass.len].iter().zip(colours) {
                 variances[usize::from(pixel)].add(colour);
@@ -210,6 +217,12 @@ impl TileSamples {
         }
         for ((&pixel, &sign), &part) in pass.pixels[..pass.len].iter().zip(&*pass.signs).zip(coverage) {
             covered[usize::from(pixel)].add([part; 3], sign);
+        }
+        let [shown_colours, shown_parts] = shown_sums;
+        for ((&pixel, &sign), &[r, g, b, part]) in pass.pixels[..pass.len].iter().zip(&*pass.signs).zip(shown)
+        {
+            shown_colours[usize::from(pixel)].add([r, g, b], sign);
+            shown_parts[usize::from(pixel)].add([part; 3], sign);
         }
     }
 
@@ -297,15 +310,23 @@ impl TileSamples {
             // Filters with negative lobes can leave the range.
             coverage.extend(own.map(|part| part.clamp(0.0, 1.0)));
         }
+        if let Some(shown) = &mut tile.shown {
+            shown.clear();
+            let [colours, parts] = [0, 1].map(|k| {
+                self.region.own().map(move |pixel| self.shown[k][pixel].value(&sampler.filter).as_vec3())
+            });
+            shown.extend(colours.zip(parts).map(|(colour, part)| colour.extend(part.x).to_array()));
+        }
     }
 
     /// Bytes of memory.
     pub fn bytes(&self) -> usize {
-        let TileSamples { sums, coverage, live, places, pass, variances, .. } = self;
+        let TileSamples { sums, coverage, shown, live, places, pass, variances, .. } = self;
         size_of::<TileSamples>()
             + vec_bytes(places)
             + vec_bytes(sums)
             + vec_bytes(coverage)
+            + shown.iter().map(vec_bytes).sum::<usize>()
             + variances.as_ref().map_or(0, vec_bytes)
             + vec_bytes(live)
             + size_of_val(&**pass)

@@ -9,6 +9,7 @@ use std::any::Any;
 use glam::DVec3;
 
 use super::RayKind;
+use super::unlit::has_unlit;
 use crate::bvh::Traversal;
 use crate::film::{DisplayTransform, Window};
 use crate::geometry::{Hit, HitBuffer, Ray, RayBuffer, Rays};
@@ -25,6 +26,9 @@ pub struct RenderContext<'a> {
     pub view: &'a View,
     /// The display transform, as far as it is known before the picture is.
     pub display: DisplayTransform,
+    /// Whether the picture is displayed by `display`, so that unlit surfaces and a backdrop have their own colours then.
+    /// Otherwise they are light.
+    pub is_displayed: bool,
 }
 
 /// The rays of one generation with their hits and shading, at most [`RAYS_PER_BATCH`] rays.
@@ -85,6 +89,10 @@ pub struct Tile {
     /// For each camera ray, then for each pixel, the part of it that surfaces cover; `None` for pictures without an
     /// alpha channel.
     pub coverage: Option<Vec<f32>>,
+    /// For each camera ray, then for each pixel, the colour of the unlit surfaces that it sees times the part of it that
+    /// they cover, and that part ([`super::unlit`]); `None` where they are light. Their part of `pixels` is that colour
+    /// times [`DisplayTransform::white`].
+    pub shown: Option<Vec<[f32; 4]>>,
     /// The camera rays that hit a ground of which the picture shows the shadows alone, and where
     /// ([`super::shadow_catcher`]); empty without `coverage`.
     pub caught: Vec<(u32, DVec3)>,
@@ -188,9 +196,10 @@ pub struct RayCount {
 }
 
 impl Tile {
-    /// The working set for pictures with an alpha channel, or without.
-    pub fn with_alpha(has_alpha: bool) -> Self {
-        Tile { coverage: has_alpha.then(Vec::new), ..Tile::default() }
+    /// The working set for a picture. `has_alpha`: whether the parts of pixels that surfaces cover are found.
+    pub fn for_picture(context: &RenderContext, has_alpha: bool) -> Self {
+        let shows_unlit = context.is_displayed && !context.display.is_identity() && has_unlit(context.world);
+        Tile { coverage: has_alpha.then(Vec::new), shown: shows_unlit.then(Vec::new), ..Tile::default() }
     }
 
     /// Begins a tile. Counters continue.

@@ -177,12 +177,14 @@ struct Layers {
     colour: Vec<[f64; 3]>,
     /// The part that the surfaces of these layers cover.
     coverage: Vec<f64>,
+    /// What these layers show of unlit surfaces: as [`Tile::shown`].
+    shown: Vec<[f64; 4]>,
 }
 
 impl Buffers {
     pub(crate) fn bytes(&self) -> usize {
         let Buffers { passing, rays, hits, samples, layers } = self;
-        let Layers { next, opacity, transmittance, colour, coverage } = layers;
+        let Layers { next, opacity, transmittance, colour, coverage, shown } = layers;
         size_of::<Buffers>()
             + vec_bytes(passing)
             + rays.bytes()
@@ -193,6 +195,7 @@ impl Buffers {
             + vec_bytes(transmittance)
             + vec_bytes(colour)
             + vec_bytes(coverage)
+            + vec_bytes(shown)
     }
 }
 
@@ -335,16 +338,22 @@ impl Layers {
             self.colour.resize(count, [0.0; 3]);
             self.coverage.clear();
             self.coverage.resize(count, 0.0);
+            self.shown.clear();
+            self.shown.resize(count, [0.0; 4]);
         }
     }
 
     /// Blends the pixels of a layer under those before it. `covered` is 1 where they show a surface, and empty without
-    /// an alpha channel.
-    fn blend(&mut self, pixels: &[[f32; 3]], covered: &[f32]) {
-        let Layers { opacity, transmittance, colour, coverage, .. } = self;
+    /// an alpha channel; `seen` is what they show of unlit surfaces, and empty without any.
+    fn blend(&mut self, pixels: &[[f32; 3]], covered: &[f32], seen: &[[f32; 4]]) {
+        let Layers { opacity, transmittance, colour, coverage, shown, .. } = self;
         let weights = transmittance.iter().zip(&*opacity).map(|(left, alpha)| left * alpha);
         for ((sum, weight), &covered) in coverage.iter_mut().zip(weights).zip(covered) {
             *sum += weight * f64::from(covered);
+        }
+        let weights = transmittance.iter().zip(&*opacity).map(|(left, alpha)| left * alpha);
+        for ((sum, weight), seen) in shown.iter_mut().zip(weights).zip(seen) {
+            sum.iter_mut().zip(seen).for_each(|(sum, &value)| *sum += weight * f64::from(value));
         }
         for (((sum, left), alpha), pixel) in colour.iter_mut().zip(transmittance).zip(opacity).zip(pixels) {
             // Rays that ended before see the background in this layer.
@@ -373,7 +382,9 @@ impl Stage for BlendLayers {
 
     fn run(&self, tile: &mut Tile, _: &RenderContext) {
         tile.with_buffers(|own: &mut Buffers, tile| {
-            own.layers.blend(&tile.pixels, tile.coverage.as_deref().unwrap_or_default());
+            let Tile { pixels, coverage, shown, .. } = &*tile;
+            let coverage = coverage.as_deref().unwrap_or_default();
+            own.layers.blend(pixels, coverage, shown.as_deref().unwrap_or_default());
             tile.needs_more_samples = !own.layers.next.is_empty();
             tile.pixels.clear();
             if !tile.needs_more_samples {
@@ -381,6 +392,10 @@ impl Stage for BlendLayers {
                 if let Some(coverage) = &mut tile.coverage {
                     coverage.clear();
                     coverage.extend(own.layers.coverage.iter().map(|&part| part as f32));
+                }
+                if let Some(shown) = &mut tile.shown {
+                    shown.clear();
+                    shown.extend(own.layers.shown.iter().map(|sum| sum.map(|c| c as f32)));
                 }
             }
         });

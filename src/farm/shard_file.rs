@@ -8,6 +8,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::Shard;
@@ -348,7 +349,12 @@ impl Joiner {
         }
         let metadata = self.head.metadata;
         if format == Format::Exr {
-            return Ok((OutputImage::Float(self.film, self.channels), metadata));
+            let light = |pixel: [f32; 3]| match DisplayTransform::is_kept(pixel) {
+                true => self.display.apply(Vec3::from(pixel).as_dvec3()).as_vec3().to_array(),
+                false => pixel,
+            };
+            let rows: Vec<[f32; 3]> = self.film.rows().map(light).collect();
+            return Ok((OutputImage::Float(Film::from_rows(self.window, &rows)?, self.channels), metadata));
         }
         if let [Channel { name, values }] = &self.channels[..]
             && name == ALPHA

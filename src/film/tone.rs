@@ -47,6 +47,9 @@ impl Default for DisplayTransform {
     }
 }
 
+/// Scale of [`DisplayTransform::keep`].
+const KEPT: f64 = (1_u128 << 100) as f64;
+
 /// Bound of exposed values: its square is finite, and every curve is at its end.
 const MAX_LIGHT: f64 = 1e100;
 
@@ -80,6 +83,9 @@ impl DisplayTransform {
     /// Displayed linear light: 0 to 1 with a tone map, else the exposed colour, not clamped. With a tone map, negative
     /// channels and NaN count as 0.
     pub fn apply(self, colour: DVec3) -> DVec3 {
+        if let Some(displayed) = kept(colour) {
+            return displayed;
+        }
         let exposed = colour * self.scale;
         // NaN is not above 0.
         let held = || DVec3::from(exposed.to_array().map(|c| if c > 0.0 { c.min(MAX_LIGHT) } else { 0.0 }));
@@ -105,8 +111,35 @@ impl DisplayTransform {
     /// the displayed linear colour of the backdrop. With tone maps without a closed inverse the backdrop is light, too.
     pub fn over(self, light: DVec3, coverage: f64, backdrop: DVec3) -> DVec3 {
         let behind = backdrop * (1.0 - coverage);
+        self.light_of(self.composite(light, coverage, behind)).unwrap_or(light + behind)
+    }
+
+    /// The displayed linear colour of a pixel that lit surfaces cover in part, with this light, and that shows
+    /// `displayed` elsewhere, times the part that this covers.
+    pub fn composite(self, light: DVec3, coverage: f64, displayed: DVec3) -> DVec3 {
         let own = if coverage > 0.0 { self.apply(light / coverage) * coverage } else { DVec3::ZERO };
-        self.light_of(own + behind).unwrap_or(light + behind)
+        own + displayed
+    }
+
+    /// The film value that [`DisplayTransform::apply`] takes to the displayed linear colour `displayed`, 0 to 1, which
+    /// need not be one of the tone map: -2^100 (1 + `displayed`), which is no light and keeps 23 bits.
+    pub fn keep(displayed: DVec3) -> [f32; 3] {
+        (-KEPT * (1.0 + displayed.clamp(DVec3::ZERO, DVec3::ONE))).as_vec3().to_array()
+    }
+
+    /// Whether a film value is one of [`DisplayTransform::keep`].
+    pub fn is_kept(pixel: [f32; 3]) -> bool {
+        kept(DVec3::from(pixel.map(f64::from))).is_some()
+    }
+
+    /// The mean of two film values, `share` of the first. Kept ones are mixed as displayed.
+    pub fn mean(self, first: [f32; 3], second: [f32; 3], share: f64) -> [f32; 3] {
+        let of = |a: DVec3, b: DVec3| a * share + b * (1.0 - share);
+        let [a, b] = [first, second].map(|pixel| DVec3::from(pixel.map(f64::from)));
+        if Self::is_kept(first) || Self::is_kept(second) {
+            return Self::keep(of(self.apply(a), self.apply(b)));
+        }
+        of(a, b).as_vec3().to_array()
     }
 
     /// Display values of a colour in the encoding of `pipeline`, 0 to 1, before quantisation.
@@ -127,9 +160,38 @@ impl DisplayTransform {
     }
 }
 
+/// The displayed colour of a value of [`DisplayTransform::keep`]; `None` for light.
+#[inline]
+fn kept(value: DVec3) -> Option<DVec3> {
+    (-2.0 * KEPT..=-KEPT).contains(&value.x).then(|| value / -KEPT - 1.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec3;
+
+    /// Every 8-bit colour, also saturated ones that no light is displayed as, and their mean: 23 bits are enough.
+    #[test]
+    fn kept_colours_are_displayed_unchanged() {
+        for (map, ev) in ToneMap::ALL.into_iter().zip([1.0, -3.0, 5.5, 0.25]) {
+            let transform = DisplayTransform::new(ev, map);
+            for value in 0..=255u8 {
+                let colour = [value, 255 - value, 0];
+                let linear =
+                    DVec3::from(colour.map(|c| crate::film::colour::srgb_decode(f64::from(c) / 255.0)));
+                let pixel = DisplayTransform::keep(linear);
+                assert!(DisplayTransform::is_kept(pixel));
+                assert_eq!(transform.encode(ColourPipeline::Linear, pixel), colour, "{map:?}");
+                let half = transform.mean(pixel, [0.0; 3], 0.5);
+                assert!(
+                    (transform.apply(Vec3::from(half).as_dvec3()) - linear / 2.0).abs().max_element() < 1e-6
+                );
+            }
+        }
+        assert_eq!(DisplayTransform::default().mean([1.0; 3], [0.0; 3], 0.25), [0.25; 3]);
+        assert!(!DisplayTransform::is_kept([f32::MIN; 3]) && !DisplayTransform::is_kept([-1e20; 3]));
+    }
 
     #[test]
     fn one_ev_is_a_factor_of_two() {

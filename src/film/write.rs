@@ -72,8 +72,10 @@ impl OutputImage {
         pipeline: ColourPipeline,
         display: DisplayTransform,
     ) -> Result<Self> {
-        let straight = |(pixel, &alpha): ([f32; 3], &f32)| {
-            if alpha > 0.0 { pixel.map(|channel| channel / alpha) } else { [0.0; 3] }
+        let straight = |(pixel, &alpha): ([f32; 3], &f32)| match alpha > 0.0 {
+            true if DisplayTransform::is_kept(pixel) => pixel,
+            true => pixel.map(|channel| channel / alpha),
+            false => [0.0; 3],
         };
         let pixels: Vec<[f32; 3]> = film.rows().zip(alpha).map(straight).collect();
         let mut bytes = vec![[0; 3]; pixels.len()];

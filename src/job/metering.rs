@@ -28,10 +28,29 @@ impl RenderJob {
     /// # Errors
     /// As [`RenderJob::render`].
     pub fn subject(&self, control: &RenderControl) -> Result<Vec<bool>> {
+        self.pixels_of_objects(|_| true, control)
+    }
+
+    /// As [`RenderJob::subject`], without unlit objects, whose colours do not depend on the exposure.
+    ///
+    /// # Errors
+    /// As [`RenderJob::render`].
+    pub(crate) fn exposed_subject(&self, control: &RenderControl) -> Result<Vec<bool>> {
+        let objects = &self.world.objects;
+        let is_unlit = |index: usize| self.world.materials[objects[index].material as usize].is_unlit();
+        self.pixels_of_objects(|index| !is_unlit(index), control)
+    }
+
+    fn pixels_of_objects(
+        &self,
+        is_chosen: impl Fn(usize) -> bool,
+        control: &RenderControl,
+    ) -> Result<Vec<bool>> {
         let selection = AovSelection::new(&["object".to_owned()])?;
         let objects = aov::channels(&self.aov_source(None), &selection, control)?;
         let ground = self.world.ground.map(|index| index as f32);
-        let is_subject = |&object: &f32| object >= 0.0 && Some(object) != ground;
+        let is_subject =
+            |&object: &f32| object >= 0.0 && Some(object) != ground && is_chosen(object as usize);
         let mut found: Vec<bool> = objects[0].values.iter().map(is_subject).collect();
         if !found.contains(&true) {
             found.fill(true);
@@ -103,7 +122,10 @@ impl RenderJob {
     /// # Errors
     /// As [`RenderJob::render`].
     pub(crate) fn meter(&mut self, control: &RenderControl) -> Result<f64> {
-        let subject = self.metered_colours(METER_SAMPLES, control)?;
+        let small = self.to_be_metered(Some(METER_SAMPLES))?;
+        let (film, _) = small.render::<[f32; 3]>(control)?;
+        let subject = film.rows().zip(small.exposed_subject(control)?).filter(|(_, is_shown)| *is_shown);
+        let subject: Vec<[f32; 3]> = subject.map(|(colour, _)| colour).collect();
         let picture = &mut self.settings.picture;
         let ev = mean_exposure(&subject, picture.tone_map.unwrap_or_default());
         picture.exposure = Some(Exposure::Ev(ev));
@@ -151,8 +173,10 @@ pub(crate) fn leave_to_metering(
     let is_studio = settings.look(scene) == Look::Studio;
     let is_auto = picture.exposure == Some(Exposure::Auto);
     let is_default = chosen.is_none() && (is_auto || is_studio && is_inside(scene, picture, camera));
-    // Pictures with a backdrop are tone mapped while they are rendered, so the exposure must be known first.
-    let meters = is_default || is_auto && is_studio && picture.background.is_some();
+    // Pictures with colours that pass the tone map are tone mapped while they are rendered, so the exposure must be known
+    // first.
+    let is_kept = picture.background.is_some() || scene.has_unlit();
+    let meters = is_default || is_auto && is_studio && is_kept;
     if meters {
         picture.exposure = None;
     }

@@ -143,6 +143,7 @@ impl RenderSettings {
         self.environment.apply(scene, warnings)?;
         scene.picture = self.picture.or(scene.picture);
         super::studio::complete(scene, self, warnings);
+        super::studio::keep_background(scene, self);
         if scene.picture.ground != Some(true) || scene.ground.is_some() {
             return Ok(());
         }

@@ -137,6 +137,18 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
     }
 }
 
+/// Without the default look, a background passes exposure and tone map unchanged, too.
+pub(super) fn keep_background(scene: &mut Scene, settings: &RenderSettings) {
+    let is_changed =
+        scene.picture.pipeline() == ColourPipeline::Linear && !scene.picture.display().is_identity();
+    let is_seen = scene.environment.as_ref().is_none_or(|environment| environment.is_hidden);
+    // A black one is no light, and stays black.
+    let is_black =
+        scene.background().is_some_and(|colour| colour.to_pipeline(ColourPipeline::Linear) == DVec3::ZERO);
+    let is_shown = is_seen && !is_black && !scene.picture.is_transparent() && scene.ground.is_none();
+    scene.has_backdrop |= settings.look(scene) == Look::Draft && is_changed && is_shown;
+}
+
 /// Finds out whether the materials of a scene call for path tracing, and notes that in the scene unless a transport is
 /// chosen. Returns whether emissive surfaces light it.
 fn call_for_paths(scene: &mut Scene, settings: &RenderSettings, warnings: &mut Warnings) -> bool {

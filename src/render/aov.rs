@@ -296,7 +296,7 @@ fn of_tile(
     window: Window,
 ) -> Vec<Vec<f32>> {
     let world = source.world;
-    let context = RenderContext { world, view: source.view, display: source.display };
+    let context = RenderContext { world, view: source.view, display: source.display, is_displayed: false };
     let mut samples = vec![PixelStatistics::of_one(); window.area()];
     let mut features = vec![Features::default(); window.area()];
     let mut is_sampled = false;
@@ -341,7 +341,7 @@ fn of_tile(
 /// The picture without effects, and what each effect adds.
 fn effect_channels(source: &AovSource, control: &RenderControl) -> Result<Vec<Channel>> {
     let &AovSource { world, view, plan, window, shard, film, display, .. } = source;
-    let context = RenderContext { world, view, display };
+    let context = RenderContext { world, view, display, is_displayed: false };
     let on: Vec<usize> = (0..plan.decisions.len()).filter(|&i| plan.decisions[i].on).collect();
     let mut before: Option<Vec<[f32; 3]>> = None;
     let mut channels = Vec::new();

@@ -53,7 +53,7 @@ pub fn render<P: Pixel>(
     is_selected: impl Fn(usize, Window) -> bool,
     control: &RenderControl,
 ) -> Result<(Film<P>, Statistics)> {
-    let context = RenderContext { world, view, display: DisplayTransform::default() };
+    let context = RenderContext { world, view, display: DisplayTransform::default(), is_displayed: true };
     render_displayed(&context, plan, window, is_selected, control)
 }
 
@@ -81,8 +81,9 @@ pub fn render_displayed<P: Pixel>(
             return;
         }
         let taken = idle.lock().ok().and_then(|mut idle| idle.pop());
-        let mut worker = taken
-            .unwrap_or_else(|| Box::new(Worker::new(plan, P::HAS_ALPHA || context.world.backdrop.is_some())));
+        let mut worker = taken.unwrap_or_else(|| {
+            Box::new(Worker::new(plan, context, P::HAS_ALPHA || context.world.backdrop.is_some()))
+        });
         render_tile(plan, context, &mut tile, &mut worker, control);
         if let Ok(mut idle) = idle.lock() {
             idle.push(worker);
@@ -107,20 +108,41 @@ struct Worker {
 }
 
 impl Worker {
-    fn new(plan: &Plan, has_alpha: bool) -> Self {
+    fn new(plan: &Plan, context: &RenderContext, has_alpha: bool) -> Self {
         Worker {
-            tile: Tile::with_alpha(has_alpha),
+            tile: Tile::for_picture(context, has_alpha),
             times: vec![Default::default(); plan.stages().len()],
             non_finite: Vec::new(),
         }
     }
 }
 
-/// Puts the colours of pixels before a backdrop, each with the part of it that it covers.
-fn put_before(backdrop: DVec3, display: DisplayTransform, colours: &mut [[f32; 3]], coverage: &[f32]) {
-    for (colour, &part) in colours.iter_mut().zip(coverage).filter(|(_, part)| **part < 1.0) {
-        let before = display.over(Vec3::from(*colour).as_dvec3(), part.into(), backdrop);
-        *colour = before.as_vec3().to_array();
+/// Puts the light of a tile's pixels before the backdrop, and unlit surfaces over it, each with the part that it covers.
+/// The colours of the tile are then those of a film.
+fn composite(context: &RenderContext, has_alpha: bool, tile: &mut Tile) {
+    let Tile { pixels, coverage, shown, .. } = tile;
+    let backdrop = context.world.backdrop.filter(|_| !has_alpha);
+    let is_kept = context.is_displayed && !context.display.is_identity();
+    if backdrop.is_none() && shown.is_none() {
+        return;
+    }
+    for (i, pixel) in pixels.iter_mut().enumerate() {
+        let covered = coverage.as_ref().map_or(1.0, |coverage| f64::from(coverage[i]));
+        let [r, g, b, part] = shown.as_ref().map_or([0.0; 4], |shown| shown[i]);
+        let behind = backdrop.filter(|_| covered < 1.0);
+        if behind.is_none() && part == 0.0 || has_alpha && covered == 0.0 {
+            continue;
+        }
+        let (light, own) = (Vec3::from(*pixel).as_dvec3(), DVec3::new(r.into(), g.into(), b.into()));
+        *pixel = if is_kept {
+            let lit = covered - f64::from(part).clamp(0.0, covered);
+            let displayed = own + behind.unwrap_or_default() * (1.0 - covered);
+            let all = context.display.composite(light - own * context.display.white(), lit, displayed);
+            // Pictures with an alpha channel have colours that are not multiplied by it.
+            DisplayTransform::keep(if has_alpha { all / covered } else { all })
+        } else {
+            context.display.over(light, covered, behind.unwrap_or_default()).as_vec3().to_array()
+        };
     }
 }
 
@@ -152,14 +174,12 @@ fn render_tile<P: Pixel>(
             return;
         }
     }
-    let Tile { pixels: colours, coverage, .. } = tile;
-    if let Some(coverage) = coverage {
+    if let Some(coverage) = &mut tile.coverage {
         coverage.iter_mut().for_each(|part| *part = part.clamp(0.0, 1.0));
         P::set_alpha(film.pixels, coverage);
-        if let (Some(backdrop), false) = (context.world.backdrop, P::HAS_ALPHA) {
-            put_before(backdrop, context.display, colours, coverage);
-        }
     }
+    composite(context, P::HAS_ALPHA, tile);
+    let colours = &tile.pixels;
     non_finite.extend(simd!(film::non_finite(film.window, colours)));
     // Pipeline and identity are passed as constants, so that the loop has no branch on them. `U8` develops as `Display` does.
     let none = DisplayTransform::default();

@@ -2,7 +2,7 @@
 
 pub mod bsdf;
 mod lights;
-mod metallic_roughness;
+pub(crate) mod metallic_roughness;
 pub mod normal_map;
 mod phong;
 pub mod texture;

@@ -98,7 +98,7 @@ pub fn inspect(
     [x, y]: [u32; 2],
 ) -> Inspection {
     let [known, shown] = displays;
-    let context = RenderContext { world, view, display: known };
+    let context = RenderContext { world, view, display: known, is_displayed: false };
     let window = Window { x, y, width: 1, height: 1 };
     let mut tile = Tile::default();
     // Returns the surface that the first camera ray hits.

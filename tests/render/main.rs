@@ -22,4 +22,5 @@ mod soa;
 mod t_test;
 mod textures;
 mod unbiased;
+mod unlit;
 mod volumes;

@@ -546,7 +546,12 @@ fn counts(plan: &Plan, context: &RenderContext, window: Window) -> Vec<u32> {
 fn samples_around_a_tile_are_counted_but_are_no_samples_of_its_pixels() {
     let prepared = scene("noise = 0.01\nmin_samples = 4", true);
     let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
-    let context = RenderContext { world: &prepared.world, view: &prepared.view, display: Default::default() };
+    let context = RenderContext {
+        world: &prepared.world,
+        view: &prepared.view,
+        display: Default::default(),
+        is_displayed: false,
+    };
     // Black all around: four samples a pixel, of nine pixels, and in the picture's corner of four.
     for (x, y, cast) in [(3, 3, 36), (0, 0, 16)] {
         let window = Window { x, y, width: 1, height: 1 };

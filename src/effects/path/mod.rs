@@ -42,6 +42,7 @@ use vertices::{IndexList, Vertices};
 use super::samples::{SampleIndex, list_samples};
 use super::shadow_catcher::catch_shadows;
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
+use super::unlit::expose_unlit;
 use super::{
     Choices, Effect, EffectContext, EffectValue, Hook, LightTechnique, PathSettings, RayKind, SecondaryRays,
     Stage, TextureUse, TransportEntry, id, named,
@@ -403,6 +404,7 @@ impl Stage for WriteRadiance {
             let pixel = |&radiance: &DVec3| pipeline.clamp(radiance).as_vec3().to_array();
             tile.pixels.extend(own.radiance.iter().map(pixel));
         });
+        expose_unlit(tile, context);
         catch_shadows(tile, context.world, true);
     }
 }

@@ -3,6 +3,7 @@
 use crate::effects::Stage;
 use crate::effects::shadow_catcher::catch_shadows;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile};
+use crate::effects::unlit::expose_unlit;
 use crate::world::{RAYS_PER_BATCH, Vec3Soa, World, simd};
 
 /// Gives every pixel the colour of its surface, of the environment, or of the background.
@@ -15,6 +16,7 @@ impl Stage for WritePixels {
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
         write(tile, context.world);
+        expose_unlit(tile, context);
         catch_shadows(tile, context.world, false);
     }
 }

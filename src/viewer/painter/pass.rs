@@ -11,9 +11,7 @@ use super::RenderedImage;
 use super::render_cache::Prepared;
 use crate::effects::RayKind;
 use crate::error::Result;
-use crate::film::tone::auto_exposure;
-use crate::film::{ColourPipeline, DisplayTransform, Film, Pixel, TILE};
-use crate::job::RenderJob;
+use crate::film::{ColourPipeline, DisplayTransform, Film, Pixel, TILE, Window};
 use crate::metrics;
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
@@ -119,7 +117,8 @@ impl<'a> Side<'a> {
             }
         }
         if let (Pass::Samples(from, to), Some(before)) = (pass, &self.picture) {
-            mix(&mut pixels, &before.pixels, f64::from(from) / f64::from(to));
+            let display = self.prepared.job.display().known();
+            mix(&mut pixels, &before.pixels, f64::from(from) / f64::from(to), display);
         }
         let display = match pass {
             // Metering would delay the first image after a change.
@@ -216,13 +215,14 @@ impl<'a> Side<'a> {
         if sampling != Sampling::default() {
             job.set_sampling(sampling)?;
         }
-        self.metered(&job, |job| job.render_selected(|tile, _| is_selected(tile), &control))
-    }
-
-    /// The result of `work` with a job of this picture, whose automatic exposure is metered at most once.
-    fn metered<T>(&self, job: &RenderJob, work: impl FnOnce(&RenderJob) -> Result<T>) -> Result<T> {
-        if let Some(&metered) = self.auto_exposure.get() {
-            job.auto_exposure.get_or_init(|| metered);
+        job.sampling_exposure = self.sampling_exposure.clone();
+        let is_selected = |tile: usize, _: Window| is_selected(tile);
+        let rendered = match self.request.display_mode {
+            DisplayMode::Picture => job.render_to_develop(is_selected, &control)?,
+            _ => job.render_selected(is_selected, &control)?,
+        };
+        if let Some(&metered) = job.sampling_exposure.get() {
+            self.sampling_exposure.get_or_init(|| metered);
         }
         let result = work(job);
         if let Some(&metered) = job.auto_exposure.get() {
@@ -267,11 +267,8 @@ fn keep_unselected(
 }
 
 /// Weighted mean: `before` has weight `share` (0 to 1), `pixels` the rest.
-fn mix(pixels: &mut [[f32; 3]], before: &[[f32; 3]], share: f64) {
-    let mean = |new: f32, old: f32| (f64::from(old) * share + f64::from(new) * (1.0 - share)) as f32;
-    pixels.par_iter_mut().zip(before).for_each(|(new, old)| {
-        *new = std::array::from_fn(|c| mean(new[c], old[c]));
-    });
+fn mix(pixels: &mut [[f32; 3]], before: &[[f32; 3]], share: f64, display: DisplayTransform) {
+    pixels.par_iter_mut().zip(before).for_each(|(new, old)| *new = display.mean(*old, *new, share));
 }
 
 /// The image as a display shows it.
