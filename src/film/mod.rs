@@ -20,6 +20,7 @@ pub mod colour;
 pub mod filter;
 
 mod pages;
+mod radiance;
 pub mod read;
 pub mod tone;
 pub mod write;

@@ -9,7 +9,7 @@ use std::path::Path;
 use exr::prelude::{AttributeValue, ReadChannels, ReadLayers, Text, Vec2, read};
 use image::{ColorType, DynamicImage, GenericImageView, ImageDecoder, ImageFormat, ImageReader};
 
-use super::ColourPipeline;
+use super::{ColourPipeline, radiance};
 use crate::error::{Error, Result, contain};
 use crate::files;
 use crate::limits::{self, Excess};
@@ -74,7 +74,8 @@ impl ReadError {
 pub type Read<T> = std::result::Result<T, ReadError>;
 
 /// Reads an image file. PNG and JPEG give display values from 0 to 1. EXR gives its channels `R`, `G` and `B` as
-/// stored: linear light, unless kiln's metadata names another pipeline.
+/// stored: linear light, unless kiln's metadata names another pipeline; the picture is its display window, black and
+/// transparent outside of the data window.
 ///
 /// # Errors
 /// [`Error::Input`] if the file is missing, damaged, too large, or of another format.
@@ -96,8 +97,8 @@ fn read_bytes(bytes: &[u8]) -> Read<Pixels> {
     let picture = picture.into_rgb32f();
     let (width, height) = picture.dimensions();
     let values = bytemuck::cast_vec(picture.into_raw());
-    let is_linear = matches!(image::guess_format(bytes), Ok(ImageFormat::Hdr));
-    let pipeline = if is_linear { ColourPipeline::Linear } else { ColourPipeline::Display };
+    let pipeline =
+        if radiance::is_radiance(bytes) { ColourPipeline::Linear } else { ColourPipeline::Display };
     Ok(Pixels { width, height, values, alpha, is_exr: false, pipeline })
 }
 
@@ -124,6 +125,23 @@ fn not_opaque(alpha: Vec<f32>) -> Option<Vec<f32>> {
 /// Decodes a PNG, JPEG, WebP or Radiance HDR image; the caller will allocate another `bytes_each` per pixel of an image
 /// of this type.
 pub fn decode(bytes: &[u8], bytes_each: impl Fn(ColorType) -> u64) -> Read<DynamicImage> {
+    if !radiance::is_radiance(bytes) {
+        return decode_stored(bytes, bytes_each);
+    }
+    let (header, standard) = radiance::standard(bytes).map_err(ReadError::Damaged)?;
+    // Turning it takes another picture.
+    let bytes_each = |kind| bytes_each(kind) + size_of::<[f32; 3]>() as u64;
+    Ok(header.apply(decode_stored(&standard, bytes_each)?))
+}
+
+/// Texels of a WebP image of any content: 8192 x 8192.
+const ANY_CONTENT: u64 = 1 << 26;
+
+/// The most texels for each byte of larger WebP images; photographs have about 8.
+const TEXELS_A_BYTE: u64 = 256;
+
+/// Decodes an image as the `image` crate does.
+fn decode_stored(bytes: &[u8], bytes_each: impl Fn(ColorType) -> u64) -> Read<DynamicImage> {
     let unsupported = || ReadError::Damaged(not_read(bytes));
     let damaged = |e: image::ImageError| match e {
         image::ImageError::Unsupported(_) => unsupported(),
@@ -154,6 +172,12 @@ pub fn decode(bytes: &[u8], bytes_each: impl Fn(ColorType) -> u64) -> Read<Dynam
         let needed = decoder.total_bytes().saturating_add(limits::product(&[area, each]));
         limits::check_claim(needed)
             .map_err(|excess| ReadError::too_large(width.into(), height.into(), &excess))?;
+        // A few bytes may stand for any number of equal texels, which take time.
+        let most = limits::product(&[bytes.len() as u64, TEXELS_A_BYTE]).max(ANY_CONTENT);
+        if format == ImageFormat::WebP && area > most {
+            let what = format!("{width} x {height} texels in {} bytes: damaged", bytes.len());
+            return Err(ReadError::Damaged(what));
+        }
         DynamicImage::from_decoder(decoder).map_err(damaged)
     };
     let picture = contain(parse)
@@ -203,10 +227,41 @@ pub(super) fn exr_reader(
     Ok(reader)
 }
 
+/// Checks the memory for the display window of an OpenEXR image, which is the picture.
+fn check_display(bytes: &[u8]) -> Read<()> {
+    for header in exr_reader(bytes, |_| size_of::<[f32; 4]>())?.headers() {
+        let Vec2(width, height) = header.shared_attributes.display_window.size;
+        let (width, height) = (width as u64, height as u64);
+        let bytes = limits::product(&[width, height, size_of::<[f32; 4]>() as u64]);
+        limits::check_claim(bytes).map_err(|excess| ReadError::too_large(width, height, &excess))?;
+        if width == 0 || height == 0 || width.max(height) > u64::from(u32::MAX) {
+            return Err(ReadError::Damaged("its display window has no pixels".to_owned()));
+        }
+    }
+    Ok(())
+}
+
+/// The part of `rows` in a window of `size` whose top left pixel is `offset` pixels right of and below theirs; 0 elsewhere.
+fn in_window<T: Copy + Default>(rows: &[T], width: usize, offset: [i64; 2], size: [usize; 2]) -> Vec<T> {
+    let mut pixels = vec![T::default(); size[0] * size[1]];
+    let height = rows.len().checked_div(width).unwrap_or(0);
+    // The first pixel of the window that is one of `rows`, that one, and their number.
+    let overlap = |axis: usize, side: usize| {
+        let (to, from) = ((-offset[axis]).max(0) as usize, offset[axis].max(0) as usize);
+        (to, from, size[axis].saturating_sub(to).min(side.saturating_sub(from)))
+    };
+    let ((left, first, columns), (top, first_row, lines)) = (overlap(0, width), overlap(1, height));
+    for line in (0..lines).filter(|_| columns > 0) {
+        let source = &rows[(first_row + line) * width + first..][..columns];
+        pixels[(top + line) * size[0] + left..][..columns].copy_from_slice(source);
+    }
+    pixels
+}
+
 fn read_exr(bytes: Vec<u8>) -> Read<Pixels> {
     type Rows = (usize, Vec<[f32; 3]>, Vec<f32>);
     // Any layer may be the one with the channels.
-    exr_reader(&bytes, |_| size_of::<[f32; 4]>())?;
+    check_display(&bytes)?;
     let parse = || {
         read()
             .no_deep_data()
@@ -227,12 +282,22 @@ fn read_exr(bytes: Vec<u8>) -> Read<Pixels> {
     let layer = picture.layer_data;
     let said = layer.attributes.other.get(&Text::from("kiln:colour"));
     let display = matches!(said, Some(AttributeValue::Text(name)) if name.eq("display") || name.eq("u8"));
-    let (_, values, alpha) = layer.channel_data.pixels;
+    let shown = picture.attributes.display_window;
+    let at = layer.attributes.layer_position;
+    let (_, mut values, alpha) = layer.channel_data.pixels;
+    let mut alpha = not_opaque(alpha);
+    if (shown.size, shown.position) != (layer.size, at) {
+        let offset = [[shown.position.0, at.0], [shown.position.1, at.1]];
+        let offset = offset.map(|[shown, data]| i64::from(shown) - i64::from(data));
+        let (width, size) = (layer.size.width(), [shown.size.0, shown.size.1]);
+        values = in_window(&values, width, offset, size);
+        alpha = alpha.map(|alpha| in_window(&alpha, width, offset, size));
+    }
     Ok(Pixels {
-        width: layer.size.width() as u32,
-        height: layer.size.height() as u32,
+        width: shown.size.0 as u32,
+        height: shown.size.1 as u32,
         values,
-        alpha: not_opaque(alpha),
+        alpha,
         is_exr: true,
         pipeline: if display { ColourPipeline::Display } else { ColourPipeline::Linear },
     })
