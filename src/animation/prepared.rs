@@ -75,7 +75,7 @@ impl PreparedAnimation {
             };
         }
         // A clip brings them again at each time.
-        if !moves || scene.animation.as_ref().is_some_and(|animation| animation.clip.is_some()) {
+        if !moves || scene.animation.as_ref().is_some_and(|animation| !animation.clips.is_empty()) {
             scene.objects = Vec::new();
         }
         let recentering = recenter(&mut base);
@@ -113,8 +113,10 @@ impl PreparedAnimation {
     /// [`crate::error::Error::Input`] where a track takes a property out of its range.
     pub fn at(&self, time: f64) -> Result<FrameWorld> {
         let mut scene = self.scene.at(time)?;
-        if let Some(Animation { clip: Some(clip), duration, .. }) = &self.scene.animation {
-            pose(&mut scene, clip, time * duration)?;
+        if let Some(Animation { clips, duration, .. }) = &self.scene.animation
+            && !clips.is_empty()
+        {
+            pose(&mut scene, clips, time * duration)?;
         }
         let recentering = match (self.structure, &self.recentering) {
             (Some(_), _) => recenter(&mut scene),
@@ -137,10 +139,10 @@ impl PreparedAnimation {
     }
 }
 
-/// Poses a scene at a time of a clip in seconds: what the clip can change is imported again. All else, such as the settings, the
+/// Poses a scene at a time of clips in seconds: what the clips can change is imported again. All else, such as the settings, the
 /// default look and cameras that were added, stays.
-fn pose(scene: &mut Scene, clip: &Clip, seconds: f64) -> Result<()> {
-    let moment = ClipTime { clip: ClipChoice::Index(clip.index), time: seconds };
+fn pose(scene: &mut Scene, clips: &[Clip], seconds: f64) -> Result<()> {
+    let moment = ClipTime { clip: ClipChoice::of(clips), time: seconds };
     let options = scene.import_options.clone().posed(moment);
     let Scene { objects, mut cameras, lights, materials, images, .. } =
         import::reload(scene, &options, &mut Warnings::default())?;
@@ -150,15 +152,16 @@ fn pose(scene: &mut Scene, clip: &Clip, seconds: f64) -> Result<()> {
     Ok(())
 }
 
-/// Makes an animation of a scene without one: it plays a clip of its files, by name or index, or the first, and the scene is posed
-/// at its beginning. Without any nothing changes.
+/// Makes an animation of a scene without one: it plays the chosen clips of its files together, as long as the longest takes, and the scene is
+/// posed at their beginning. Without any nothing changes.
 ///
 /// # Errors
 /// [`Error::Usage`] for a scene from standard input, which cannot be read again, and those of [`import::reload`].
 pub fn play_clip(scene: &mut Scene, clip: &ClipChoice) -> Result<()> {
-    let Some(clip) = clip.find(&scene.clips).filter(|_| scene.animation.is_none()).cloned() else {
+    let clips: Vec<Clip> = clip.find(&scene.clips).into_iter().cloned().collect();
+    if clips.is_empty() || scene.animation.is_some() {
         return Ok(());
-    };
+    }
     if scene.inputs.iter().any(|input| input.as_os_str() == "-") {
         let hint = "name a file, or hold one moment by --time";
         return Err(Error::usage(
@@ -167,11 +170,11 @@ pub fn play_clip(scene: &mut Scene, clip: &ClipChoice) -> Result<()> {
         ));
     }
     // The camera is fitted to this pose, and the default look made for it, as for a picture of this time.
-    pose(scene, &clip, 0.0)?;
+    pose(scene, &clips, 0.0)?;
     let (_, fps) = TURNTABLE;
     // At least one frame.
-    let duration = clip.duration.max(1.0 / fps);
-    scene.animation = Some(Animation { fps, duration, repeat: true, tracks: Vec::new(), clip: Some(clip) });
+    let duration = clips.iter().map(|clip| clip.duration).fold(1.0 / fps, f64::max);
+    scene.animation = Some(Animation { fps, duration, repeat: true, tracks: Vec::new(), clips });
     Ok(())
 }
 
@@ -201,6 +204,6 @@ pub fn turntable(
     scene.cameras.push(camera.clone());
     let (duration, fps) = TURNTABLE;
     let tracks = vec![orbit(Property::Position), orbit(Property::LookAt)];
-    scene.animation = Some(Animation { fps, duration, repeat: true, tracks, clip: None });
+    scene.animation = Some(Animation { fps, duration, repeat: true, tracks, clips: Vec::new() });
     Some(camera)
 }

@@ -87,9 +87,8 @@ impl Reporter {
         request: &FrameRequest,
     ) -> Result<AnimationJob> {
         let mut scene = self.load(arguments)?;
-        let reading = &arguments.import.reading;
-        if reading.time.is_none() {
-            play_clip(&mut scene, &reading.clip.clone().unwrap_or_default())?;
+        if arguments.import.reading.time.is_none() {
+            play_clip(&mut scene, &arguments.import.clip())?;
         }
         self.phase("preparing");
         let mut warnings = std::mem::take(&mut self.warnings);

@@ -64,10 +64,10 @@ fn open(
     let (scene, files) = import::load_and_list(inputs, &options, warnings);
     let scene = scene.and_then(|mut scene| {
         // The bar plays a clip, unless a moment of it is asked for.
-        let reading = &mut scene.import_options.reading;
-        let is_still = reading.time.is_some();
+        let is_still = scene.import_options.reading.time.is_some();
         if !is_still && inputs.iter().all(|input| input != Path::new("-")) {
-            let clip = reading.clip.take().unwrap_or_default();
+            let clip = scene.import_options.clip();
+            scene.import_options.clips.clear();
             play_clip(&mut scene, &clip)?;
         }
         initial_view(arguments, inputs, scene, warnings)

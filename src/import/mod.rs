@@ -318,9 +318,11 @@ fn check_names(scene: &Scene, options: &ImportOptions) -> Result<()> {
     let unknown = |kind: &str, name: &str, known: String| {
         Error::usage(format!("no input has a {kind} `{name}`"), format!("their {kind}s: {known}"))
     };
-    if let Some(asked) = options.pose().filter(|asked| asked.clip.find(&scene.clips).is_none()) {
+    let pose = options.pose();
+    let mut choices = pose.iter().flat_map(|asked| asked.clip.choices());
+    if let Some(missing) = choices.find(|choice| choice.find(&scene.clips).is_empty()) {
         let names: Vec<&str> = scene.clips.iter().map(|clip| clip.name.as_str()).collect();
-        return Err(match &asked.clip {
+        return Err(match missing {
             ClipChoice::Named(clip) if !names.is_empty() => unknown("clip", clip, list(names)),
             _ => {
                 let hint = "leave out --time and --clip, which choose a moment of a clip";

@@ -33,9 +33,10 @@ pub(crate) fn make_tangents(mesh: &mut Mesh, set: u8) {
     }
 }
 
-fn normals_of_triangles(mesh: &Mesh) -> Attribute<DVec3> {
+/// The normals of triangles, on their front sides.
+pub(crate) fn normals_of_triangles(mesh: &Mesh) -> Attribute<DVec3> {
     let normal = |t: &[u32; 3]| {
-        let [a, b, c] = t.map(|i| mesh.positions[i as usize]);
+        let [a, b, c] = mesh.front(*t).map(|i| mesh.positions[i as usize]);
         (b - a).cross(c - a).normalize_or_zero()
     };
     let triangles = (0..mesh.triangles.len() as u32).map(|i| [i; 3]).collect();

@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 
 use base64::Engine;
+use base64::alphabet::STANDARD;
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 
 use super::Source;
 
@@ -22,7 +24,11 @@ pub(crate) fn resolve(uri: &str, source: &Source) -> Result<Resource, String> {
         if !kind.to_ascii_lowercase().ends_with(";base64") {
             return Ok(Resource::Data(percent_encoding::percent_decode_str(data).collect()));
         }
-        let engine = base64::engine::general_purpose::STANDARD;
+        // Some exporters leave out the padding at the end.
+        let lenient = GeneralPurposeConfig::new()
+            .with_decode_padding_mode(DecodePaddingMode::Indifferent)
+            .with_decode_allow_trailing_bits(true);
+        let engine = GeneralPurpose::new(&STANDARD, lenient);
         let clean: String = data.chars().filter(|c| !c.is_ascii_whitespace()).collect();
         return engine.decode(clean).map(Resource::Data).map_err(|e| format!("a damaged data URI: {e}"));
     }
@@ -63,6 +69,7 @@ mod tests {
         assert_eq!(resolve("textures/../a.png"), file("textures/../a.png"));
         let data = Ok(Resource::Data(b"kiln".to_vec()));
         assert_eq!(resolve("data:application/octet-stream;base64,a2lsbg=="), data);
+        assert_eq!(resolve("data:;base64,a2lsbg"), data);
         assert_eq!(resolve("DATA:;charset=utf-8;BASE64,a2ls\nbg=="), data);
         assert_eq!(resolve("data:,kil%6e"), data);
     }

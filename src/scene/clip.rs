@@ -15,38 +15,69 @@ pub struct Clip {
     pub digest: String,
 }
 
-/// The choice of a clip.
+/// The choice of clips.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub enum ClipChoice {
     /// The first.
     #[default]
     First,
-    /// By its name, or, where none has that name, by its index.
+    /// By its name, or, where none has that name, by its index; all for [`ClipChoice::ALL`].
     Named(String),
     /// By its index.
     Index(usize),
+    /// Several together, in this order.
+    Several(Vec<ClipChoice>),
 }
 
 /// The moment of a clip at which a scene is posed.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ClipTime {
-    /// The clip of each file.
+    /// The clips of each file.
     pub clip: ClipChoice,
     /// Seconds from its beginning. Before the first and after the last keyframe, their values hold.
     pub time: f64,
 }
 
 impl ClipChoice {
-    /// The first of `clips` that is chosen.
-    pub fn find<'a>(&self, clips: &'a [Clip]) -> Option<&'a Clip> {
+    /// The name that stands for all clips where none is called so.
+    pub const ALL: &str = "all";
+
+    /// These choices together.
+    pub fn together(mut choices: Vec<ClipChoice>) -> Option<ClipChoice> {
+        if choices.len() < 2 { choices.pop() } else { Some(ClipChoice::Several(choices)) }
+    }
+
+    /// Clips by their indices, the first by none.
+    pub fn of(clips: &[Clip]) -> ClipChoice {
+        let choices = clips.iter().map(|clip| ClipChoice::Index(clip.index)).collect();
+        ClipChoice::together(choices).unwrap_or_default()
+    }
+
+    /// Those of `clips` that are chosen, in the order of the choice; of several with one name the first.
+    pub fn find<'a>(&self, clips: &'a [Clip]) -> Vec<&'a Clip> {
         let by_index = |index: usize| clips.iter().find(|clip| clip.index == index);
-        match self {
+        let found = match self {
             ClipChoice::First => clips.first(),
             ClipChoice::Index(index) => by_index(*index),
             ClipChoice::Named(name) => {
                 let by_name = clips.iter().find(|clip| clip.name == *name);
+                if by_name.is_none() && name == ClipChoice::ALL {
+                    return clips.iter().collect();
+                }
                 by_name.or_else(|| by_index(name.parse().ok()?))
             }
+            ClipChoice::Several(choices) => {
+                return choices.iter().flat_map(|choice| choice.find(clips)).collect();
+            }
+        };
+        found.into_iter().collect()
+    }
+
+    /// The single choices of which it consists.
+    pub fn choices(&self) -> &[ClipChoice] {
+        match self {
+            ClipChoice::Several(choices) => choices,
+            one => std::slice::from_ref(one),
         }
     }
 }

@@ -111,11 +111,9 @@ impl Fingerprint {
         // The places in files are not hashed.
         effects.iter().for_each(|(name, value, _)| self.value("effect", &(name, value)));
         if let Some(animation) = animation {
-            let super::Animation { fps, duration, repeat, tracks, clip } = animation;
+            let super::Animation { fps, duration, repeat, tracks, clips } = animation;
             self.value("animation", &(fps, duration, repeat));
-            if let Some(clip) = clip {
-                self.value("clip", clip);
-            }
+            clips.iter().for_each(|clip| self.value("clip", clip));
             for super::animation::Track { target, motion, place: _ } in tracks {
                 self.value("track", &(target, motion));
             }

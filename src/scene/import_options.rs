@@ -13,6 +13,11 @@ pub struct ImportOptions {
     /// Options with a value.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub reading: ReadingOptions,
+    /// Animation clip of a glTF file, by name or index from 0, or `all`; several play together, of those that animate the same
+    /// property the last [default: the first]
+    #[cfg_attr(feature = "cli", arg(long = "clip", help_heading = group::INPUT, value_name = "NAME|INDEX|all"))]
+    #[cfg_attr(feature = "cli", arg(value_parser = parser::<ClipChoice>()))]
+    pub clips: Vec<ClipChoice>,
     /// Read glTF files that require unsupported extensions; what depends on these is missing or wrong
     #[cfg_attr(feature = "cli", arg(long, help_heading = group::INPUT))]
     pub ignore_required_extensions: bool,
@@ -34,8 +39,6 @@ options! {
     pub struct ReadingOptions {
         /// Time in seconds at which glTF animations are evaluated [default: the rest pose]
         [long, help_heading = group::INPUT, allow_hyphen_values = true, value_name = "SECONDS", value_parser = parser::<Seconds>()] time: Seconds,
-        /// Animation clip of a glTF file, by name or index from 0 [default: the first]
-        [long, help_heading = group::INPUT, value_name = "NAME|INDEX", value_parser = parser::<ClipChoice>()] clip: ClipChoice,
         /// Material variant of glTF files (KHR_materials_variants), by name [default: the file's materials]
         [long, help_heading = group::INPUT, value_name = "NAME", value_parser = parser::<String>()] variant: String,
         /// Up axis of mesh files [default: y]
@@ -64,6 +67,9 @@ impl OptionValue for ClipChoice {
             ClipChoice::First => "0".to_owned(),
             ClipChoice::Named(name) => name.clone(),
             ClipChoice::Index(index) => index.to_string(),
+            ClipChoice::Several(choices) => {
+                choices.iter().map(OptionValue::text).collect::<Vec<_>>().join(", ")
+            }
         }
     }
 }
@@ -74,16 +80,21 @@ impl ImportOptions {
 
     /// Options that pose the scene.
     pub fn posed(mut self, ClipTime { clip, time }: ClipTime) -> Self {
-        (self.reading.clip, self.reading.time) = (Some(clip), Some(Seconds::clamped(time)));
+        self.clips = clip.choices().to_vec();
+        self.reading.time = Some(Seconds::clamped(time));
         self
     }
 
     /// The moment of a clip at which the scene is posed; at rest if `None`.
     pub fn pose(&self) -> Option<ClipTime> {
-        let ReadingOptions { time, clip, .. } = &self.reading;
-        let time_or_start = time.map_or(0.0, Seconds::get);
-        (time.is_some() || clip.is_some())
-            .then(|| ClipTime { clip: clip.clone().unwrap_or_default(), time: time_or_start })
+        let time = self.reading.time.map(Seconds::get);
+        (time.is_some() || !self.clips.is_empty())
+            .then(|| ClipTime { clip: self.clip(), time: time.unwrap_or(0.0) })
+    }
+
+    /// The chosen clips, the first by default.
+    pub fn clip(&self) -> ClipChoice {
+        ClipChoice::together(self.clips.clone()).unwrap_or_default()
     }
 
     /// Name and value of each option that is set, as on the command line. Flags have no value.
@@ -94,9 +105,10 @@ impl ImportOptions {
             allow_outside_references,
             limits,
             smooths_meshes: _,
+            clips,
         } = self;
-        let mut entries: Vec<_> =
-            reading.entries().into_iter().map(|(name, value)| (name, Some(value))).collect();
+        let mut entries: Vec<_> = clips.iter().map(|clip| ("clip".to_owned(), Some(clip.text()))).collect();
+        entries.extend(reading.entries().into_iter().map(|(name, value)| (name, Some(value))));
         entries.extend(
             limits
                 .changed()

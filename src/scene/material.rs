@@ -89,6 +89,8 @@ pub struct MetallicRoughness<C = Colour> {
     pub opacity: Option<Opacity>,
     /// Values of material extensions, which path tracing uses.
     pub layers: Layers<C>,
+    /// Whether its back faces are seen as well. Recorded; `--cull` hides those of others from camera rays.
+    pub double_sided: bool,
     /// Weight of the occlusion texture, 0 to 1: the ambient light is multiplied by `1 + occlusion_strength * (texel -
     /// 1)`.
     pub occlusion_strength: f64,
@@ -178,6 +180,7 @@ impl Default for MetallicRoughness {
             normal_map: None,
             opacity: None,
             layers: Layers::default(),
+            double_sided: true,
             occlusion_strength: 1.0,
             further_textures: Vec::new(),
         }
@@ -272,6 +275,7 @@ impl<C> Material<C> {
                 normal_map: m.normal_map,
                 opacity: m.opacity,
                 layers: m.layers.map_colours(convert),
+                double_sided: m.double_sided,
                 occlusion_strength: m.occlusion_strength,
                 further_textures: m.further_textures,
             }),
@@ -300,6 +304,11 @@ impl<C> Material<C> {
             Material::Phong(m) => m.normal_map.as_ref(),
             Material::MetallicRoughness(m) => m.normal_map.as_ref(),
         }
+    }
+
+    /// Whether its back faces may be culled: those of glass bound a volume.
+    pub fn is_single_sided(&self) -> bool {
+        matches!(self, Material::MetallicRoughness(m) if !m.double_sided && m.layers.transmission == 0.0)
     }
 
     /// Opacity; `None` where the surface is opaque.

@@ -30,8 +30,8 @@ pub struct RenderCommand<'a> {
     pub settings: &'a RenderSettings,
     /// What was asked of the input files.
     pub import_options: &'a ImportOptions,
-    /// The clip that is played.
-    pub clip: Option<&'a Clip>,
+    /// The clips that are played.
+    pub clips: &'a [Clip],
     /// Output file.
     pub output: &'a Path,
 }
@@ -90,8 +90,8 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
         option(&format!("--{name}"), &value);
     }
     // The first clip is played without being named.
-    if let Some(clip) = command.clip.filter(|clip| clip.index > 0) {
-        option("--clip", &clip.index.to_string());
+    if command.clips.len() > 1 || command.clips.iter().any(|clip| clip.index > 0) {
+        command.clips.iter().for_each(|clip| option("--clip", &clip.index.to_string()));
     }
     let import = command.import_options.entries();
     for (name, value) in import.iter().filter_map(|(name, value)| Some((name, value.as_ref()?))) {
@@ -209,7 +209,7 @@ mod tests {
             size: [640, 480],
             settings: &STUDIO,
             import_options: &NO_IMPORT_OPTIONS,
-            clip: None,
+            clips: &[],
             output: Path::new("picture.png"),
         }
     }
@@ -271,9 +271,9 @@ mod tests {
         scene.picture = of_scene.or(scene.picture);
         let options = "--with glaze=every-bounce --without shadows --without textures --numerics watertight \
              --shading ambient --transport path --clamp 2.5 --filter tent --filter-radius 1.1 --noise 0.001 --min-samples 8 \
-             --seed 4294967295 --sampler independent --colour linear --exposure=-1.5 --tone-map agx --light none --ground=true \
-             --background #ff8000 --environment garden.hdr --environment-rotation=-90 --hide-environment=true --time=-0.5 \
-             --clip Walk --variant red --up=-z --smooth 0.5 --ignore-required-extensions --allow-outside-references";
+             --seed 4294967295 --sampler independent --colour linear --exposure=-1.5 --tone-map agx --light none --ground=true --cull=true \
+             --background #ff8000 --environment garden.hdr --environment-rotation=-90 --hide-environment=true --clip Walk \
+             --time=-0.5 --variant red --up=-z --smooth 0.5 --ignore-required-extensions --allow-outside-references";
         let Line { mut settings, import } = read(options);
         let plain = plain(&scene, &inputs, &CameraSource::Scene(0));
         let command = RenderCommand { settings: &settings, import_options: &import, ..plain };

@@ -33,11 +33,13 @@ pub struct Opened {
 }
 
 impl Opened {
-    /// Options that read the files again, with the clip that is played.
+    /// Options that read the files again, with the clips that are played.
     pub(crate) fn import_options(&self) -> ImportOptions {
         let mut options = self.scene.import_options.clone();
-        let clip = self.scene.animation.as_ref().and_then(|animation| animation.clip.as_ref());
-        options.reading.clip = clip.map(|clip| ClipChoice::Index(clip.index)).or(options.reading.clip.take());
+        let clips = self.scene.animation.as_ref().map(|animation| animation.clips.as_slice());
+        if let Some(clips @ [_, ..]) = clips {
+            options.clips = ClipChoice::of(clips).choices().to_vec();
+        }
         options
     }
 }
@@ -109,7 +111,7 @@ mod tests {
     fn the_played_clip_is_read_again() {
         let clip = Clip { name: "Run".into(), index: 2, duration: 1.0, channels: 1, digest: String::new() };
         let animation =
-            Animation { fps: 30.0, duration: 1.0, repeat: true, tracks: Vec::new(), clip: Some(clip) };
+            Animation { fps: 30.0, duration: 1.0, repeat: true, tracks: Vec::new(), clips: vec![clip] };
         let opened = Opened {
             scene: Scene { animation: Some(animation), ..Scene::default() },
             camera_source: CameraSource::Scene(0),
@@ -117,6 +119,6 @@ mod tests {
             size: [4, 3],
             settings: RenderSettings::default(),
         };
-        assert_eq!(opened.import_options().reading.clip, Some(ClipChoice::Index(2)));
+        assert_eq!(opened.import_options().clips, [ClipChoice::Index(2)]);
     }
 }

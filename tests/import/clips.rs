@@ -444,3 +444,105 @@ fn a_vertex_without_weights_does_not_undo_its_skin() {
     assert_near(positions(&scene)[0], [5.0, 0.0, 0.0]);
     assert_near(positions(&scene)[1], [6.0, 0.0, 0.0]);
 }
+
+/// All clips, or several by name, pose the file together, each at the time or at its end; of two that animate one property
+/// the last is used, with a note.
+#[test]
+fn several_clips_play_together() {
+    let mut model = Model::triangle();
+    model.json["nodes"] = json!([{ "mesh": 0 }, { "mesh": 0 }]);
+    model.json["scenes"] = json!([{ "nodes": [0, 1] }]);
+    let ends = |x: f32, y: f32| [[0.0, 0.0, 0.0], [x, y, 0.0]];
+    clip(&mut model, 0, "translation", &[0.0, 2.0], &ends(2.0, 0.0), "Left");
+    clip(&mut model, 1, "translation", &[0.0, 1.0], &ends(0.0, 3.0), "Right");
+    clip(&mut model, 0, "translation", &[0.0, 2.0], &ends(0.0, 8.0), "Other");
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("model.glb");
+    std::fs::write(&file, model.binary()).expect("the file is written");
+    let named = |names: &[&str]| {
+        let choices = names.iter().map(|name| ClipChoice::Named((*name).to_owned())).collect();
+        ClipChoice::together(choices).expect("a choice")
+    };
+    let posed = |clip: ClipChoice, time| {
+        let mut warnings = Warnings::default();
+        let scene = load_with(&[file.clone()], &options(Some(ClipTime { clip, time })), &mut warnings);
+        let corner = |object: &kiln::scene::Object| {
+            let (min, _) =
+                Scene { objects: vec![object.clone()], ..Scene::default() }.bounds().expect("bounds");
+            [min.x, min.y]
+        };
+        let places = scene.map(|scene| scene.objects.iter().map(corner).collect::<Vec<_>>());
+        (places, warnings.notes().to_vec())
+    };
+    let (places, notes) = posed(named(&["Left", "Right"]), 1.5);
+    // Three quarters of the way, and the end of the shorter one.
+    assert_eq!(places.expect("a scene"), [[1.5, 0.0], [0.0, 3.0]]);
+    assert_eq!(notes, [] as [&str; 0]);
+    for (choice, expected) in [("all", [0.0, 6.0]), ("Left Other", [0.0, 6.0]), ("2 0", [1.5, 0.0])] {
+        let names: Vec<&str> = choice.split(' ').collect();
+        let (places, notes) = posed(named(&names), 1.5);
+        assert_eq!(places.expect("a scene")[0], expected, "{choice}");
+        assert!(notes[0].contains("animate the same property"), "{choice}: {notes:?}");
+    }
+    let (missing, _) = posed(named(&["Left", "Fly"]), 0.0);
+    assert_eq!(missing.expect_err("there is none").to_string(), "no input has a clip `Fly`");
+    // The animation lasts as long as the longest, and its frames are the poses.
+    let mut scene = load_with(&[file.clone()], &options(None), &mut Warnings::default()).expect("a scene");
+    play_clip(&mut scene, &named(&["Right", "Left"])).expect("clips of a file");
+    let animation = scene.animation.expect("an animation");
+    assert_eq!((animation.duration, animation.clips.len()), (2.0, 2));
+}
+
+/// A skin with an unmoved joint and one that mirrors x: triangles of either, and those with most vertices of the second,
+/// keep their fronts at +z, and so do normals, those of the file and flat ones for a normal map.
+#[test]
+fn a_mirrored_joint_turns_its_own_triangles_alone() {
+    // Of the last triangle, two vertices are mirrored: (-1, 0), (-2, 0) and (-3, 5) come to (1, 0), (2, 0) and (-3, 5),
+    // which is counterclockwise only in the other order.
+    let corners = [
+        [0.0, 0.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [0.0, 0.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [-1.0, 0.0, 0.0],
+        [-3.0, 5.0, 0.0],
+        [-2.0, 0.0, 0.0],
+    ];
+    for order in [[0, 1, 2], [1, 0, 2]] {
+        for has_normals in [true, false] {
+            let at = |part: usize| (0..3).map(move |corner| 3 * part + corner);
+            let places: Vec<usize> = order.iter().flat_map(|&part| at(part)).collect();
+            let positions: Vec<[f32; 3]> = places.iter().map(|&i| corners[i]).collect();
+            let mut model = Model::new(&positions);
+            if has_normals {
+                model.attribute("NORMAL", &vec![[0.0, 0.0, 1.0]; 9]);
+            } else {
+                let flat = crate::common::gltf::png_uri(1, &[[128, 128, 255, 255]]);
+                model.attribute("TEXCOORD_0", &positions.iter().map(|p| [p[0], p[1]]).collect::<Vec<_>>());
+                model = model.with_texture(&flat, &json!({}), &json!({ "normalTexture": { "index": 0 } }));
+            }
+            let joint = |i: usize| u8::from((3..6).contains(&i) || i == 6 || i == 8);
+            let bytes: Vec<u8> = places.iter().flat_map(|&i| [joint(i), 0, 0, 0]).collect();
+            let joints = model.accessor(bytes, 5121, 9, "VEC4");
+            model.primitive()["attributes"]["JOINTS_0"] = json!(joints);
+            model.attribute("WEIGHTS_0", &[[1.0, 0.0, 0.0, 0.0]; 9]);
+            model.json["skins"] = json!([{ "joints": [1, 2] }]);
+            model.json["nodes"] = json!([{ "mesh": 0, "skin": 0 }, {}, { "scale": [-1, 1, 1] }]);
+            model.json["scenes"] = json!([{ "nodes": [0, 1, 2] }]);
+            let scene = posed(&model, None, None).expect("a scene");
+            let Shape::Mesh(mesh) = &scene.objects[0].shape else { panic!("a mesh") };
+            for (index, triangle) in mesh.triangles.iter().enumerate() {
+                let [a, b, c] = mesh.front(*triangle).map(|i| mesh.positions[i as usize]);
+                assert!((b - a).cross(c - a).z > 0.0, "{order:?}: triangle {index}");
+                let normals = mesh.normals.as_ref().expect("normals");
+                let corners = normals.triangles.as_ref().map_or(*triangle, |all| all[index]);
+                assert!(
+                    corners.iter().all(|&i| normals.values[i as usize].z > 0.0),
+                    "{order:?} {has_normals}"
+                );
+            }
+        }
+    }
+}

@@ -3,11 +3,13 @@
 
 use glam::{DVec2, DVec3};
 use kiln::error::{Error, Result, Warnings};
+use kiln::geometry::Numerics;
 use kiln::import::load_with;
 use kiln::render::RenderControl;
 use kiln::scene::{Headlight, ImportOptions, Material, Mesh, PictureSettings, Samples, Scene, Shape};
 use serde_json::{Value, json};
 
+use crate::common::borders::Folder;
 use crate::common::gltf::{Model, png_uri};
 
 fn load(model: &Model, options: &ImportOptions) -> Result<(Scene, Vec<String>)> {
@@ -399,4 +401,236 @@ fn instances_without_places_are_the_node() {
     model.json["nodes"] = json!([{ "mesh": 0, "extensions": instancing }]);
     model.json["extensionsUsed"] = json!(["EXT_mesh_gpu_instancing"]);
     assert_eq!(read(&model).0.objects.len(), 1);
+}
+
+/// A GLB file of these chunks, with the length that its header states.
+fn glb(chunks: &[(&[u8; 4], &[u8])], stated: Option<u32>) -> Vec<u8> {
+    let mut body = Vec::new();
+    for (kind, data) in chunks {
+        body.extend((data.len() as u32).to_le_bytes());
+        body.extend(*kind);
+        body.extend(*data);
+    }
+    let length = stated.unwrap_or(12 + body.len() as u32).to_le_bytes();
+    [&b"glTF"[..], &2u32.to_le_bytes(), &length, &body].concat()
+}
+
+/// Clients ignore chunks of other types (section 4.4.3); the length that a header states is not needed to read a file.
+#[test]
+fn binary_files_with_other_chunks_bytes_or_lengths() {
+    let model = Model::triangle();
+    let mut json = model.json.clone();
+    json["buffers"] = json!([{ "byteLength": model.bytes.len() }]);
+    let mut text = json.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let (text, data) = (text.as_slice(), model.bytes.as_slice());
+    let (json, bin): ((&[u8; 4], &[u8]), (&[u8; 4], &[u8])) = ((b"JSON", text), (b"BIN\0", data));
+    let junk: (&[u8; 4], &[u8]) = (b"JU\x1bK", &[1; 8]);
+    let zeros = [text, &[0; 4]].concat();
+    let marked = [b"\xEF\xBB\xBF", text].concat();
+    let whole = glb(&[json, bin], None);
+    let trailing = [&whole[..], b"\r\n"].concat();
+    let unused = "its chunk `JU\\x1bK` of 8 bytes is not used";
+    let padded = glb(&[(b"JSON", &text[..text.len() - 1]), bin], None);
+    // The last byte of the text stands after its chunk, which begins the next one late.
+    let text_end = 20 + text.len() - 1;
+    let unaligned = [&padded[..text_end], b" ", &padded[text_end..]].concat();
+    for (name, bytes, warned) in [
+        ("as it should be", whole.clone(), None),
+        ("after", glb(&[json, bin, junk], None), Some(unused)),
+        ("between", glb(&[json, junk, bin], None), Some(unused)),
+        ("before", glb(&[junk, bin, json], None), Some(unused)),
+        ("of no bytes", glb(&[json, (b"NONE", &[]), bin], None), Some("its chunk `NONE` of 0 bytes")),
+        ("too short", glb(&[json, bin], Some(100)), Some("its header states a length of 100 bytes")),
+        ("too long", glb(&[json, bin], Some(u32::MAX)), Some("its header states a length of 4294967295")),
+        ("bytes behind", trailing, Some("2 bytes after its last chunk are not used")),
+        ("zeros in the text", glb(&[(b"JSON", &zeros), bin], None), None),
+        ("a mark in the text", glb(&[(b"JSON", &marked), bin], None), None),
+        ("padding that is not counted", unaligned, Some("its header states a length")),
+    ] {
+        let folder = Folder::new();
+        let (scene, warnings) = folder.load("a.glb", bytes);
+        assert_eq!(mesh(&scene).positions.len(), 3, "{name}");
+        match warned {
+            None => assert_eq!(warnings, [] as [&str; 0], "{name}"),
+            Some(expected) => assert!(warnings.iter().any(|w| w.contains(expected)), "{name}: {warnings:?}"),
+        }
+    }
+    // Its positions are 36 bytes; one that ends within them cannot be used.
+    let cut = &whole[..whole.len() - 1];
+    let e = Folder::new().fails("a.glb", cut).to_string();
+    assert!(e.ends_with("a.glb: buffer 0: has 35 bytes; byteLength is 36"), "{e}");
+}
+
+/// `extras` may be of any type (section 3.12), of every object, and names of no other than text.
+#[test]
+fn extras_and_names_of_any_type() {
+    for extras in [json!(1), json!("text"), json!([1, "a"]), json!(true), Value::Null, json!({ "a": 1 })] {
+        let mut model = square(&json!({ "index": 0, "extras": extras }), [[0.0; 2]; 4]);
+        model.json["cameras"] = json!([{ "type": "perspective", "extras": extras,
+            "perspective": { "yfov": 1.0, "znear": 0.1, "extras": extras } }]);
+        model.json["extensions"] = json!({ "X_of_someone": { "extras": extras } });
+        for key in ["asset", "accessors", "bufferViews", "images", "materials", "meshes", "nodes", "scenes"] {
+            match &mut model.json[key] {
+                Value::Array(list) => list.iter_mut().for_each(|item| {
+                    item["extras"] = extras.clone();
+                    item["name"] = json!(7);
+                }),
+                item => item["extras"] = extras.clone(),
+            }
+        }
+        model.primitive()["extras"] = extras.clone();
+        model.json["extras"] = extras.clone();
+        let (scene, warnings) = read(&model);
+        assert_eq!(
+            (scene.objects.len(), scene.images.len(), warnings.len()),
+            (1, 1, 0),
+            "{extras}: {warnings:?}"
+        );
+    }
+}
+
+/// The bytes of an image say of which format it is; equal images are decoded once.
+#[test]
+fn images_with_any_or_no_type() {
+    let png = crate::common::gltf::png(1, &[[255, 0, 0, 255]]);
+    for kind in [None, Some(json!("image/jpeg")), Some(json!("")), Some(json!(7)), Some(json!("image/png"))] {
+        let mut model = Model::square().with_texture(
+            "",
+            &json!({}),
+            &json!({
+            "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }),
+        );
+        model.bytes.resize(model.bytes.len().next_multiple_of(4), 0);
+        let offset = model.bytes.len();
+        model.bytes.extend(&png);
+        let views = model.json["bufferViews"].as_array_mut().expect("a list");
+        views.push(json!({ "buffer": 0, "byteOffset": offset, "byteLength": png.len() }));
+        let view = views.len() - 1;
+        let mut image = json!({ "bufferView": view });
+        if let Some(kind) = &kind {
+            image["mimeType"] = kind.clone();
+        }
+        model.json["images"] = json!([image, image]);
+        let (scene, warnings) = read(&model);
+        assert_eq!((scene.images.len(), warnings.len()), (1, 0), "{kind:?}: {warnings:?}");
+        assert_eq!(scene.images[0].pixels[..], [[255, 0, 0]], "{kind:?}");
+    }
+    // A type in a data URI, and a name of a file, that say otherwise.
+    let uri = crate::common::gltf::data_uri("image/jpeg", &png);
+    let folder = Folder::new();
+    folder.write("picture.jpg", &png);
+    for uri in [uri.as_str(), "picture.jpg"] {
+        let material = json!({ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } });
+        let model = Model::square().with_texture(uri, &json!({}), &material);
+        let (scene, warnings) = folder.load("a.gltf", model.text());
+        assert_eq!((scene.images.len(), warnings.len()), (1, 0), "{uri}: {warnings:?}");
+    }
+}
+
+/// A primitive without positions, and values that the format does not enumerate: the rest is drawn.
+#[test]
+fn primitives_without_positions_and_values_of_no_meaning() {
+    let mut model = Model::triangle();
+    let index = model.primitive()["attributes"]["POSITION"].clone();
+    let primitives = model.json["meshes"][0]["primitives"].as_array_mut().expect("a list");
+    primitives.insert(0, json!({ "attributes": { "NORMAL": index } }));
+    let (scene, warnings) = read(&model);
+    assert_eq!((scene.objects.len(), mesh(&scene).positions.len()), (1, 3));
+    assert_eq!(warnings, ["it: a mesh without positions is not drawn"]);
+
+    let mut model = square(&json!({ "index": 0 }), [[0.0; 2]; 4]);
+    model.json["samplers"] =
+        json!([{ "magFilter": 0, "minFilter": "LINEAR", "wrapS": 10496, "wrapT": null }]);
+    model.json["bufferViews"][0]["target"] = json!(0);
+    let (scene, warnings) = read(&model);
+    assert_eq!((scene.objects.len(), scene.images.len(), warnings.len()), (1, 1, 5), "{warnings:?}");
+}
+
+/// A WebP of a few bytes that claims 16383 x 16383 texels would take 13 seconds.
+#[test]
+fn a_webp_of_a_few_bytes_with_an_immense_size() {
+    // A lossless bit stream: its signature, both sides less 1 in 14 bits each, and version 0.
+    let sizes = (16382u32 | 16382 << 14).to_le_bytes();
+    let stream = [&[0x2f][..], &sizes, &[0; 8]].concat();
+    let mut file = b"RIFF".to_vec();
+    file.extend((4 + 8 + stream.len() as u32 + 1).to_le_bytes());
+    file.extend(b"WEBPVP8L");
+    file.extend((stream.len() as u32).to_le_bytes());
+    file.extend(stream);
+    file.push(0);
+    let uri = crate::common::gltf::data_uri("image/webp", &file);
+    let model = Model::square().with_texture(
+        &uri,
+        &json!({}),
+        &json!({
+        "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }),
+    );
+    let (scene, warnings) = read(&model);
+    assert_eq!(scene.images.len(), 0);
+    assert_eq!(warnings, ["image 0: texture left out: 16383 x 16383 texels in 34 bytes: damaged"]);
+}
+
+/// A red card that faces away, before a green one that faces the camera, and lights from behind the camera: --cull shows
+/// the green one, in the shadow that the red one still casts, and its depth and object, in every tier and transport.
+#[test]
+fn culled_back_faces_are_hidden_from_the_camera_alone() {
+    let mut model = Model::new(&[[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]);
+    let front = model.shorts(&[0, 1, 2, 0, 2, 3], "SCALAR", 6);
+    let back = model.shorts(&[0, 2, 1, 0, 3, 2], "SCALAR", 6);
+    let positions = model.primitive()["attributes"]["POSITION"].clone();
+    let card = |indices: usize, material: usize| json!({ "primitives": [{ "attributes": { "POSITION": positions }, "indices": indices, "material": material }] });
+    model.json["meshes"] = json!([card(front, 0), card(back, 1)]);
+    let material = |colour: [f64; 4]| json!({ "pbrMetallicRoughness": { "baseColorFactor": colour, "metallicFactor": 0 } });
+    model.json["materials"] = json!([material([0.0, 1.0, 0.0, 1.0]), material([1.0, 0.0, 0.0, 1.0])]);
+    model.json["cameras"] = json!([{ "type": "orthographic",
+        "orthographic": { "xmag": 0.5, "ymag": 0.5, "znear": 0.1, "zfar": 9 } }]);
+    model.json["extensionsUsed"] = json!(["KHR_lights_punctual"]);
+    model.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [{ "type": "directional" }] } });
+    model.json["nodes"] = json!([
+        { "mesh": 0 }, { "mesh": 1, "translation": [0, 0, 1] },
+        { "camera": 0, "translation": [0, 0, 4], "extensions": { "KHR_lights_punctual": { "light": 0 } } },
+    ]);
+    model.json["scenes"] = json!([{ "nodes": [0, 1, 2] }]);
+    let file = Folder::new();
+    let (scene, _) = file.load("a.gltf", model.text());
+    let drawn = |cull: Option<bool>, without: &[&str], transport, numerics| {
+        let picture = PictureSettings {
+            cull,
+            transport: Some(transport),
+            numerics: Some(numerics),
+            samples: Some(Samples::clamped(4)),
+            ..PictureSettings::of_size([9, 9])
+        };
+        let mut settings = kiln::job::RenderSettings::from(picture);
+        settings.without = without.iter().map(|&name| name.to_owned()).collect();
+        let mut warnings = Warnings::default();
+        let job = kiln::job::prepare(scene.clone(), &settings, &mut warnings).expect("a job");
+        let (film, _) = job.render::<[f32; 3]>(&RenderControl::default()).expect("a picture");
+        let names = ["depth".to_owned(), "object".to_owned()];
+        let selection = kiln::render::aov::AovSelection::new(&names).expect("names of AOVs");
+        let aovs = kiln::render::aov::channels(&job.aov_source(None), &selection, &RenderControl::default());
+        let values = aovs.expect("AOVs").iter().map(|channel| channel.values[40]).collect::<Vec<_>>();
+        (film.rows().nth(40).expect("the centre"), values, warnings.notes().join("\n"))
+    };
+    for transport in kiln::scene::Transport::ALL {
+        for numerics in Numerics::ALL {
+            let name = format!("{transport:?} {numerics:?}");
+            let (all, values, notes) = drawn(None, &["shadows"], transport, numerics);
+            assert!(all[0] > 0.0 && all[1] == 0.0, "{name}: {all:?}");
+            assert_eq!(values, [3.0, 1.0], "{name}");
+            assert!(notes.contains("100 % of what is seen are back faces"), "{notes}");
+            let (lit, values, notes) = drawn(Some(true), &["shadows"], transport, numerics);
+            assert_eq!(values, [4.0, 0.0], "{name}");
+            assert!(!notes.contains("--cull"), "{notes}");
+            let (shadowed, ..) = drawn(Some(true), &[], transport, numerics);
+            assert!(lit[0] == 0.0 && shadowed[0] == 0.0, "{name}: {lit:?} {shadowed:?}");
+            // Paths have shadows always, and no ambient light.
+            if transport == kiln::scene::Transport::Whitted {
+                assert!(0.0 < shadowed[1] && shadowed[1] < lit[1], "{name}: {shadowed:?} {lit:?}");
+            } else {
+                assert_eq!(shadowed[1], 0.0, "{name}");
+            }
+        }
+    }
 }

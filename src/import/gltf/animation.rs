@@ -1,5 +1,7 @@
 //! Clips: the local transforms and morph weights of nodes at a time (glTF 2.0, section 3.11).
 
+use std::collections::HashMap;
+
 use glam::{DMat4, DQuat, DVec3, DVec4};
 use gltf::accessor::Dimensions;
 use gltf::animation::{Interpolation, Property, Sampler};
@@ -61,14 +63,7 @@ impl Loader<'_> {
     /// The clips of the document: names, or the index of an unnamed one, and durations.
     pub(super) fn clips(&self, document: &gltf::Document, pointers: &[PointerChannel]) -> Vec<Clip> {
         let clip = |animation: gltf::Animation| {
-            let of_nodes = animation.channels().map(|channel| {
-                let target = channel.target();
-                (format!("{:?}", (target.node().index(), target.property())), channel.sampler())
-            });
-            let of_pointers = pointers
-                .iter()
-                .filter_map(|channel| Some((channel.pointer.clone(), channel.sampler_of(&animation)?)));
-            let channels: Vec<(String, Sampler)> = of_nodes.chain(of_pointers).collect();
+            let channels = channels(&animation, pointers);
             let ends =
                 channels.iter().filter_map(|(_, sampler)| self.times(&sampler.input())?.last().copied());
             Clip {
@@ -95,21 +90,50 @@ impl Loader<'_> {
         hasher.finalize().to_string()
     }
 
-    /// The poses at the requested time; at rest without one, or the document has no such clip.
-    pub(super) fn pose_of_nodes(&mut self, document: &gltf::Document) -> Pose {
-        let Some(asked) = self.source.options.pose() else { return Pose::default() };
-        let Some(Clip { name, index, .. }) = asked.clip.find(&self.scene.clips).cloned() else {
+    /// The clips that pose the scene, by index, and the time of each; none at rest. Notes what several of them animate.
+    pub(super) fn posing_clips(
+        &mut self,
+        document: &gltf::Document,
+        pointers: &[PointerChannel],
+    ) -> Vec<(usize, f64)> {
+        let Some(asked) = self.source.options.pose() else { return Vec::new() };
+        let clips = asked.clip.find(&self.scene.clips);
+        let mut last = HashMap::new();
+        let mut shared = None;
+        for clip in clips.iter().filter(|_| clips.len() > 1) {
+            let Some(animation) = document.animations().nth(clip.index) else { continue };
+            for (target, _) in channels(&animation, pointers) {
+                let before = last.insert(target, clip).filter(|before| before.index != clip.index);
+                shared = shared.or(before.map(|before| (before.name.clone(), clip.name.clone())));
+            }
+        }
+        let posing = clips.iter().map(|clip| (clip.index, asked.time)).collect();
+        if let Some((before, after)) = shared {
+            let file = self.source.file.display();
+            self.warnings.note(format!(
+                "{file}: clips `{before}` and `{after}` animate the same property; that of `{after}` is used"
+            ));
+        }
+        posing
+    }
+
+    /// The poses by clips at their times, the later ones over the earlier ones.
+    pub(super) fn pose_of_nodes(&mut self, document: &gltf::Document, clips: &[(usize, f64)]) -> Pose {
+        if clips.is_empty() {
             return Pose::default();
-        };
-        let Some(animation) = document.animations().nth(index) else { return Pose::default() };
+        }
         let mut poses = vec![NodePose::default(); document.nodes().len()];
-        for (number, channel) in animation.channels().enumerate() {
-            let node = channel.target().node().index();
-            match self.value(&channel, asked.time) {
-                Some(value) => set(&mut poses[node], channel.target().property(), value),
-                None => self.left_out(format!(
-                    "clip `{name}`, channel {number}: its keyframes cannot be read; left out"
-                )),
+        for &(clip, time) in clips {
+            let Some(animation) = document.animations().nth(clip) else { continue };
+            for (number, channel) in animation.channels().enumerate() {
+                let node = channel.target().node().index();
+                match self.value(&channel, time) {
+                    Some(value) => set(&mut poses[node], channel.target().property(), value),
+                    None => self.left_out(format!(
+                        "clip `{}`, channel {number}: its keyframes cannot be read; left out",
+                        self.scene.clips[clip].name
+                    )),
+                }
             }
         }
         Pose(poses)
@@ -135,6 +159,17 @@ impl Loader<'_> {
         let is_rotation = property == Property::Rotation;
         interpolated(&self.times(&sampler.input())?, &values, sampler.interpolation(), is_rotation, time)
     }
+}
+
+/// The targets of an animation as text, and their samplers.
+fn channels<'a>(animation: &gltf::Animation<'a>, pointers: &[PointerChannel]) -> Vec<(String, Sampler<'a>)> {
+    let of_nodes = animation.channels().map(|channel| {
+        let target = channel.target();
+        (format!("{:?}", (target.node().index(), target.property())), channel.sampler())
+    });
+    let of_pointers =
+        pointers.iter().filter_map(|channel| Some((channel.pointer.clone(), channel.sampler_of(animation)?)));
+    of_nodes.chain(of_pointers).collect()
 }
 
 fn set(pose: &mut NodePose, property: Property, value: Vec<f64>) {

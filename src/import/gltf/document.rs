@@ -13,6 +13,7 @@ use super::check::fault;
 use super::pointer::{self, PointerChannel};
 use super::{Loader, instancing, layers, variants};
 use crate::error::{Error, Result, Warnings, contain};
+use crate::limits;
 
 pub(super) const VISIBILITY: &str = "KHR_node_visibility";
 pub(super) const TEXTURE_TRANSFORM: &str = "KHR_texture_transform";
@@ -88,18 +89,21 @@ pub(super) fn parse(bytes: &[u8], file: &Path, warnings: &mut Warnings) -> Resul
     let (json, blob) = if bytes.starts_with(b"glTF\x01\0\0\0") {
         return Err(version_1(file));
     } else if bytes.starts_with(b"glTF") {
-        // The length of the file counts its header of 12 bytes, which the crate subtracts unchecked.
-        let length = bytes.get(8..12).and_then(|bytes| bytes.try_into().ok()).map(u32::from_le_bytes);
-        if length.is_none_or(|length| length < 12) {
-            return Err(damaged(file));
-        }
-        let glb = contain(|| gltf::binary::Glb::from_slice(bytes)).ok_or_else(|| damaged(file))?;
-        let glb = glb.map_err(|e| unusable(file, e))?;
-        (glb.json, glb.bin.map(std::borrow::Cow::into_owned))
+        let mut warn = |what: String| warnings.push(format!("{}: {what}", file.display()));
+        glb_chunks(bytes, &mut warn)
+            .map_err(|why| why.map_or_else(|| damaged(file), |why| unusable(file, why)))?
     } else {
-        (bytes.into(), None)
+        (bytes, None)
     };
-    let mut root: Value = serde_json::from_slice(&json).map_err(|e| {
+    let json = json.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(json);
+    let json = &json[..json.iter().rposition(|&byte| byte != 0).map_or(0, |last| last + 1)];
+    // An object of the JSON is a map and an item of the validated document; measured with nodes and materials.
+    const OBJECT: u64 = 1200;
+    let objects = json.iter().filter(|&&byte| byte == b'{').count() as u64;
+    limits::check(limits::product(&[objects, OBJECT])).map_err(|excess| {
+        Error::input(file, format!("its JSON of {objects} objects {excess}"), excess.hint())
+    })?;
+    let mut root: Value = serde_json::from_slice(json).map_err(|e| {
         let what = format!("its JSON ends or is damaged at line {}, column {}", e.line(), e.column());
         unusable(file, what)
     })?;
@@ -122,7 +126,65 @@ pub(super) fn parse(bytes: &[u8], file: &Path, warnings: &mut Warnings) -> Resul
     let pointers = pointer::take_channels(&mut root);
     check_channels(&root, file)?;
     repair(&mut root, |what| warnings.left_out(format!("{}: {what}", file.display())));
-    Ok(Json { root, blob, pointers })
+    Ok(Json { root, blob: blob.map(<[u8]>::to_vec), pointers })
+}
+
+/// The JSON and the binary chunk of a GLB file (glTF 2.0, section 4.4). The stated length of the file is not used, nor are
+/// chunks of other types and what is no chunk; the binary chunk ends with the file at the latest.
+///
+/// # Errors
+/// What is wrong; `None` if the file has no complete chunk of JSON.
+fn glb_chunks<'a>(
+    bytes: &'a [u8],
+    warn: &mut impl FnMut(String),
+) -> std::result::Result<(&'a [u8], Option<&'a [u8]>), Option<String>> {
+    const HEADER: usize = 12;
+    let number = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at.checked_add(4)?)?.try_into().ok()?));
+    let version = number(4).ok_or(None)?;
+    if version != 2 {
+        return Err(Some(format!("it is a GLB of version {version}; kiln reads version 2")));
+    }
+    let stated = number(8).ok_or(None)?;
+    if (stated as usize) < HEADER {
+        return Err(None);
+    }
+    if u64::from(stated) != bytes.len() as u64 {
+        warn(format!("its header states a length of {stated} bytes; it has {}", bytes.len()));
+    }
+    let (mut json, mut binary) = (None, None);
+    let mut at = HEADER;
+    while at < bytes.len() {
+        let head = bytes.get(at..at + 8).filter(|head| head[4..].iter().any(|&byte| byte != 0));
+        let Some((length, kind)) = head.and_then(|head| Some((number(at)? as usize, &head[4..]))) else {
+            break;
+        };
+        let (start, end) = (at + 8, (at + 8).saturating_add(length));
+        let chunk = bytes.get(start..end);
+        match (kind, chunk) {
+            (b"JSON", Some(chunk)) if json.is_none() => json = Some(chunk),
+            (b"BIN\0", _) if binary.is_none() => {
+                if chunk.is_none() {
+                    warn(format!(
+                        "its binary chunk states {length} bytes; {} are there",
+                        bytes.len() - start
+                    ));
+                }
+                binary = Some(chunk.unwrap_or(&bytes[start..]));
+            }
+            (_, Some(_)) => {
+                warn(format!("its chunk `{}` of {length} bytes is not used", kind.escape_ascii()));
+            }
+            (_, None) => break,
+        }
+        // Some exporters state the length without the padding that aligns the next chunk.
+        let is_binary = |at: usize| bytes.get(at.saturating_add(4)..at.saturating_add(8)) == Some(&b"BIN\0"[..]);
+        let aligned = end.saturating_add(3) & !3;
+        at = if is_binary(aligned) { aligned } else { end };
+    }
+    if at < bytes.len() {
+        warn(format!("{} bytes after its last chunk are not used", bytes.len() - at));
+    }
+    Ok((json.ok_or(None)?, binary))
 }
 
 /// Checks the targets of animation channels, which the validation of gltf-json 1.4.1 leaves out (`Animation::validate`).
@@ -157,8 +219,72 @@ pub(super) fn items<'a>(parent: &'a mut Value, key: &str) -> impl Iterator<Item 
     parent.get_mut(key).and_then(Value::as_array_mut).into_iter().flatten()
 }
 
+/// Removes `extras`, which may be of any type (section 3.12) and which the `gltf` crate wants to be objects, and names
+/// that are not text, from an object and all below it. Those of cameras stay: they may have the keys of a lens.
+fn remove_extras(value: &mut Value) {
+    match value {
+        Value::Array(items) => items.iter_mut().for_each(remove_extras),
+        Value::Object(object) => {
+            object.remove("extras");
+            if object.get("name").is_some_and(|name| !name.is_string()) {
+                object.remove("name");
+            }
+            object.values_mut().for_each(remove_extras);
+        }
+        _ => {}
+    }
+}
+
+/// The keys of lists whose values the format enumerates and that have a default, with the values.
+const ENUMERATED: &[(&str, &str, &[u64])] = &[
+    ("samplers", "magFilter", &[9728, 9729]),
+    ("samplers", "minFilter", &[9728, 9729, 9984, 9985, 9986, 9987]),
+    ("samplers", "wrapS", &[33071, 33648, 10497]),
+    ("samplers", "wrapT", &[33071, 33648, 10497]),
+    ("bufferViews", "target", &[34962, 34963]),
+];
+
 /// Removes what the `gltf` crate refuses and the format tolerates or every viewer ignores.
 fn repair(root: &mut Value, mut warn: impl FnMut(String)) {
+    for (key, list) in root.as_object_mut().into_iter().flatten() {
+        if key != "cameras" {
+            remove_extras(list);
+        } else {
+            // The crate reads the projections of cameras as well.
+            for camera in list.as_array_mut().into_iter().flatten().filter_map(Value::as_object_mut) {
+                let lens = camera.remove("extras").filter(Value::is_object);
+                camera.values_mut().for_each(remove_extras);
+                camera.extend(lens.map(|lens| ("extras".to_owned(), lens)));
+            }
+        }
+    }
+    if let Some(root) = root.as_object_mut() {
+        root.remove("extras");
+    }
+    for &(list, key, known) in ENUMERATED {
+        let mut unknown = 0;
+        for item in items(root, list).filter_map(Value::as_object_mut) {
+            if item.get(key).is_some_and(|value| !value.as_u64().is_some_and(|value| known.contains(&value)))
+            {
+                item.remove(key);
+                unknown += 1;
+            }
+        }
+        if unknown > 0 {
+            warn(format!(
+                "`{key}` of {unknown} of its {list} has a value that glTF does not know; the default"
+            ));
+        }
+    }
+    // The bytes of an image say of which format it is.
+    for image in items(root, "images").filter_map(Value::as_object_mut) {
+        if !image.get("mimeType").is_none_or(Value::is_string) {
+            image.remove("mimeType");
+        }
+        if image.contains_key("bufferView") && !image.contains_key("uri") {
+            image.entry("mimeType").or_insert_with(|| Value::from(""));
+        }
+    }
     for scene in items(root, "scenes").filter_map(Value::as_object_mut) {
         scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
     }
@@ -269,10 +395,13 @@ pub(super) fn validated(
     }
 }
 
-/// Whether a validation error is ignored: bounds of positions are not used, and accessors without a buffer view are zeros.
+/// Whether a validation error is ignored: primitives without positions are not drawn, bounds of positions are not used,
+/// and accessors without a buffer view are zeros.
 fn is_tolerated(path: &str, fault: &Fault) -> bool {
-    let is_bounds = path.ends_with("[\"POSITION\"].min") || path.ends_with("[\"POSITION\"].max");
-    is_bounds
+    let of_positions = ["[\"POSITION\"].min", "[\"POSITION\"].max"].iter().any(|end| path.ends_with(end));
+    let has_none = *fault == Fault::Missing && path.ends_with("[\"POSITION\"]");
+    of_positions
+        || has_none
         || (*fault == Fault::Missing && path.starts_with("accessors[") && path.ends_with("].bufferView"))
 }
 

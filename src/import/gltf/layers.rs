@@ -147,7 +147,7 @@ impl Loader<'_> {
     ) -> Result<Option<Texture>> {
         let Some((texture, coordinates)) = self.named(material, pointer, document) else { return Ok(None) };
         let Some(colour) = self.texture(&texture) else { return Ok(None) };
-        let key = (texture.source().index(), alpha_use);
+        let key = (colour.image, alpha_use);
         let image = match self.alphas.get(&key) {
             Some(known) => *known,
             None => self.alpha_of(&texture.source(), alpha_use)?,

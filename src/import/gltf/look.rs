@@ -30,11 +30,13 @@ impl Loader<'_> {
         let place = Place::item(&self.source.file, format!("image {}", image.index()));
         match image.source() {
             gltf::image::Source::View { view, .. } => {
-                let Some(bytes) = bytes_of(&self.buffers, &view) else {
+                let buffers = std::mem::take(&mut self.buffers);
+                let loaded = bytes_of(&buffers, &view).map(|bytes| self.embedded_image(place.clone(), bytes));
+                self.buffers = buffers;
+                loaded.unwrap_or_else(|| {
                     self.warnings.left_out(format!("{place}: texture left out: it lies outside its buffer"));
-                    return Ok(None);
-                };
-                images::of_bytes(&mut self.scene, self.source, place, bytes, self.warnings)
+                    Ok(None)
+                })
             }
             gltf::image::Source::Uri { uri: NO_IMAGE, .. } => {
                 let file = self.source.file.display();
@@ -43,9 +45,7 @@ impl Loader<'_> {
                 Ok(None)
             }
             gltf::image::Source::Uri { uri, .. } => match uri::resolve(uri, self.source) {
-                Ok(Resource::Data(bytes)) => {
-                    images::of_bytes(&mut self.scene, self.source, place, &bytes, self.warnings)
-                }
+                Ok(Resource::Data(bytes)) => self.embedded_image(place, &bytes),
                 Ok(Resource::File(file)) => {
                     files.of_file(&mut self.scene, &file, Channels::Colour, self.warnings)
                 }
@@ -55,6 +55,21 @@ impl Loader<'_> {
                 }
             },
         }
+    }
+
+    /// The image that bytes of the file are; equal bytes are decoded once.
+    fn embedded_image(&mut self, place: Place, bytes: &[u8]) -> Result<Option<ImageId>> {
+        let hash = blake3::hash(bytes);
+        if let Some(known) = self.embedded.get(&hash) {
+            if known.is_none() {
+                self.warnings
+                    .left_out(format!("{place}: texture left out, as the image with the same bytes"));
+            }
+            return Ok(*known);
+        }
+        let made = images::of_bytes(&mut self.scene, self.source, place, bytes, self.warnings)?;
+        self.embedded.insert(hash, made);
+        Ok(made)
     }
 
     /// The alpha channel of an image as a grey image; `None` without one. An image that cannot be read has its warning
@@ -136,6 +151,7 @@ impl Loader<'_> {
             unlit: m.unlit(),
             opacity: self.opacity(m, document)?,
             layers,
+            double_sided: m.double_sided(),
             occlusion_strength: m
                 .occlusion_texture()
                 .map_or(1.0, |t| f64::from(t.strength()).clamp(0.0, 1.0)),

@@ -69,6 +69,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         scene: Scene::default(),
         warnings,
         plain: None,
+        embedded: HashMap::new(),
         alphas: HashMap::new(),
         shared: SharedMeshes::default(),
     };
@@ -78,14 +79,16 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     loader.scene.clips = loader.clips(&document, &pointers);
     loader.scene.variants = variants;
     loader.scene.metadata = document::metadata(&root);
-    let clip = options.pose().and_then(|pose| Some((pose.clip.find(&loader.scene.clips)?.index, pose.time)));
-    if let Some((clip, time)) = clip
-        && let Some(animation) = document.animations().nth(clip)
-        && loader.set_pointers(&mut root, &animation, &pointers, time)
-    {
+    let posing = loader.posing_clips(&document, &pointers);
+    let mut are_set = false;
+    for &(clip, time) in &posing {
+        let Some(animation) = document.animations().nth(clip) else { continue };
+        are_set |= loader.set_pointers(&mut root, &animation, &pointers, time);
+    }
+    if are_set {
         match validated(&root, file, ignore_required, &mut Warnings::default()) {
             Ok(posed) => document = posed,
-            Err(e) => loader.left_out(format!("properties that clip {clip} animates are at rest: {e}")),
+            Err(e) => loader.left_out(format!("properties that clips animate are at rest: {e}")),
         }
     }
     let (document, root) = (document, root);
@@ -95,7 +98,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         let material = loader.material(&material, &document)?;
         loader.scene.add_material(material);
     }
-    let pose = loader.pose_of_nodes(&document);
+    let pose = loader.pose_of_nodes(&document, &posing);
     let nodes = node_places(&document, &pose, file, loader.warnings)?;
     let mut placed = Vec::new();
     for node in document.nodes() {
@@ -131,8 +134,10 @@ struct Loader<'a> {
     scene: Scene,
     warnings: &'a mut Warnings,
     plain: Option<MaterialId>,
-    /// Alpha channels that textures of extensions read, by the index of the image and their use.
-    alphas: HashMap<(usize, AlphaUse), Option<ImageId>>,
+    /// Images of the file itself, by a hash of their bytes; `None` for those that cannot be read.
+    embedded: HashMap<blake3::Hash, Option<ImageId>>,
+    /// Alpha channels that textures read, by the image and their use.
+    alphas: HashMap<(ImageId, AlphaUse), Option<ImageId>>,
     shared: SharedMeshes,
 }
 

@@ -8,7 +8,7 @@ use super::Loader;
 use super::check::{NodePlace, fault, is_allowed};
 use super::texture::NORMAL;
 use crate::error::Result;
-use crate::import::tangents::make_tangents;
+use crate::import::tangents::{make_tangents, normals_of_triangles};
 use crate::scene::{Attribute, Mesh, is_mirror, moved_tangent};
 
 impl Loader<'_> {
@@ -207,18 +207,17 @@ impl Loader<'_> {
     }
 }
 
-/// Moves each vertex by its own transform. Their determinants have one sign unless the skin turns a part inside out.
+/// Moves each vertex by its own transform. A triangle is mirrored if the transforms of most of its vertices are.
 pub(super) fn deform(mesh: &mut Mesh, world_from_vertex: &[DMat4]) {
-    mesh.is_mirrored ^= world_from_vertex.first().is_some_and(is_mirror);
     for (position, m) in mesh.positions.iter_mut().zip(world_from_vertex) {
         *position = m.transform_point3(*position);
     }
-    if let Some(normals) = &mut mesh.normals {
-        for (normal, m) in normals.values.iter_mut().zip(world_from_vertex) {
+    // Normals and tangents of a file go with the positions; those that the importer computes are indexed by corner.
+    if let Some(Attribute { values, triangles: None }) = &mut mesh.normals {
+        for (normal, m) in values.iter_mut().zip(world_from_vertex) {
             *normal = crate::scene::normal_matrix(m) * *normal;
         }
     }
-    // Tangents computed from texture coordinates are indexed by corner, those of the file by vertex.
     if let Some(Attribute { values, triangles }) = &mut mesh.tangents {
         let mut moved = vec![false; values.len()];
         let corners = triangles.as_ref().unwrap_or(&mesh.triangles).as_flattened();
@@ -228,6 +227,33 @@ pub(super) fn deform(mesh: &mut Mesh, world_from_vertex: &[DMat4]) {
                 *value = moved_tangent(&world_from_vertex[position as usize], *value);
             }
         }
+    }
+    turn_mirrored(mesh, world_from_vertex);
+    if mesh.normals.as_ref().is_some_and(|normals| normals.triangles.is_some()) {
+        mesh.normals = Some(normals_of_triangles(mesh));
+    }
+}
+
+/// Marks a mesh as mirrored if its first triangle is, and reverses the order of the vertices of triangles that differ from
+/// it in that.
+fn turn_mirrored(mesh: &mut Mesh, world_from_vertex: &[DMat4]) {
+    let mirrors: Vec<bool> = world_from_vertex.iter().map(is_mirror).collect();
+    let is_mirrored =
+        |triangle: &[u32; 3]| triangle.iter().filter(|&&vertex| mirrors[vertex as usize]).count() >= 2;
+    let is_first_mirrored = mesh.triangles.first().is_some_and(is_mirrored);
+    mesh.is_mirrored ^= is_first_mirrored;
+    let differ = |triangle: &[u32; 3]| is_mirrored(triangle) != is_first_mirrored;
+    let turned: Vec<usize> = (0..mesh.triangles.len()).filter(|&i| differ(&mesh.triangles[i])).collect();
+    let Mesh { triangles, normals, uvs, colours, alphas, tangents, .. } = mesh;
+    let attributes = [
+        normals.as_mut().and_then(|all| all.triangles.as_mut()),
+        colours.as_mut().and_then(|all| all.triangles.as_mut()),
+        alphas.as_mut().and_then(|all| all.triangles.as_mut()),
+        tangents.as_mut().and_then(|all| all.triangles.as_mut()),
+    ];
+    let of_uvs = uvs.iter_mut().filter_map(|all| all.triangles.as_mut());
+    for corners in std::iter::once(triangles).chain(attributes.into_iter().flatten()).chain(of_uvs) {
+        turned.iter().for_each(|&triangle| corners[triangle].swap(1, 2));
     }
 }
 

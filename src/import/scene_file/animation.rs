@@ -17,7 +17,7 @@ impl Builder<'_> {
             self.error(start, format!("an animation of {duration} s at {fps} frames a second"), &hint)
         })?;
         let tracks = s.track.iter().map(|track| self.track(track)).collect::<Result<_>>()?;
-        Ok(Animation { fps, duration, repeat: s.repeat, tracks, clip: None })
+        Ok(Animation { fps, duration, repeat: s.repeat, tracks, clips: Vec::new() })
     }
 
     fn track(&self, section: &Spanned<TrackSection>) -> Result<Track> {

@@ -9,6 +9,7 @@ mod timeline;
 
 pub use easing::Easing;
 pub use motion::{Goal, Key, Motion, Value};
+use target::Names;
 pub use target::{Property, Target};
 pub use timeline::Timeline;
 
@@ -27,8 +28,8 @@ pub struct Animation {
     pub repeat: bool,
     /// Tracks in the order of the file; each acts on the result of those before it.
     pub tracks: Vec<Track>,
-    /// The clip of the input files that is played, in seconds from its beginning; its last pose holds.
-    pub clip: Option<Clip>,
+    /// The clips of the input files that are played together, in seconds from the beginning of each; its last pose holds.
+    pub clips: Vec<Clip>,
 }
 
 /// A motion and its target.
@@ -48,7 +49,7 @@ impl Animation {
     pub fn moves_surfaces(&self, scene: &Scene) -> bool {
         let is_area =
             |name: &str| scene.lights.iter().any(|light| light.name == name && light.kind.is_area());
-        self.clip.is_some()
+        !self.clips.is_empty()
             || self.tracks.iter().any(|track| match &track.target {
                 Target::Object(_) => true,
                 Target::Light(name) => is_area(name),
@@ -62,8 +63,9 @@ impl Animation {
     /// [`Error::Input`] if a look-at object does not exist.
     pub fn without_objects(&self, scene: &Scene) -> Result<Animation> {
         let mut animation = self.clone();
+        let names = Names::of(scene);
         for track in &mut animation.tracks {
-            track.resolve_goal(scene)?;
+            track.resolve_goal(scene, &names)?;
         }
         Ok(animation)
     }
@@ -85,7 +87,8 @@ impl Scene {
         let mut scene = self.clone();
         if let Some(animation) = &self.animation {
             let seconds = time * animation.duration;
-            animation.tracks.iter().try_for_each(|track| track.apply(&mut scene, time, seconds))?;
+            let names = Names::of(self);
+            animation.tracks.iter().try_for_each(|track| track.apply(&mut scene, &names, time, seconds))?;
         }
         Ok(scene)
     }

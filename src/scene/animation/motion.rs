@@ -2,7 +2,7 @@
 
 use glam::{DMat4, DVec3};
 
-use super::target::{Property, Subject, Target, centre_of};
+use super::target::{Names, Property, Subject, Target, centre_of};
 use super::{Easing, Track};
 use crate::error::Result;
 use crate::scene::Scene;
@@ -92,12 +92,12 @@ fn rotated(point: DVec3, around: DVec3, axis: DVec3, angle: f64) -> DVec3 {
 
 impl Track {
     /// Applies the track to its targets at `time`, 0 to 1, which is `seconds` after the beginning.
-    pub(super) fn apply(&self, scene: &mut Scene, time: f64, seconds: f64) -> Result<()> {
+    pub(super) fn apply(&self, scene: &mut Scene, names: &Names, time: f64, seconds: f64) -> Result<()> {
         let centre = match &self.motion {
-            Motion::LookAt { goal, .. } => Some(self.goal(goal, scene)?),
+            Motion::LookAt { goal, .. } => Some(self.goal(goal, scene, names)?),
             _ => None,
         };
-        for mut subject in self.subjects(scene)? {
+        self.for_subjects(scene, names, |mut subject| {
             match &self.motion {
                 Motion::Lerp { property, from, to, easing } => {
                     let from = match from {
@@ -129,23 +129,24 @@ impl Track {
                     subject.set(Property::LookAt, goal, self)?;
                 }
             }
-        }
-        Ok(())
+            Ok(())
+        })
     }
 
-    fn goal(&self, goal: &Goal, scene: &Scene) -> Result<DVec3> {
+    fn goal(&self, goal: &Goal, scene: &Scene, names: &Names) -> Result<DVec3> {
         match goal {
             Goal::Point(point) => Ok(*point),
             Goal::Object(name) => {
-                centre_of(scene, name).ok_or_else(|| self.unknown(&Target::Object(name.clone()), scene))
+                let target = Target::Object(name.clone());
+                centre_of(scene, names.indices(&target)).ok_or_else(|| self.unknown(&target, scene))
             }
         }
     }
 
     /// Replaces a look-at object by its current centre.
-    pub(super) fn resolve_goal(&mut self, scene: &Scene) -> Result<()> {
+    pub(super) fn resolve_goal(&mut self, scene: &Scene, names: &Names) -> Result<()> {
         if let Motion::LookAt { goal, offset } = &self.motion {
-            let point = Goal::Point(self.goal(goal, scene)?);
+            let point = Goal::Point(self.goal(goal, scene, names)?);
             self.motion = Motion::LookAt { goal: point, offset: *offset };
         }
         Ok(())

@@ -1,5 +1,7 @@
 //! Targets of tracks, by name, and access to their animated properties.
 
+use std::collections::HashMap;
+
 use glam::{DMat4, DQuat, DVec3, EulerRot};
 
 use super::Track;
@@ -55,32 +57,73 @@ pub(super) enum Subject<'a> {
     Mesh { object: &'a mut Object, centre: DVec3 },
 }
 
+/// The indices of what tracks name, so that many tracks take time in proportion to their number.
+pub(super) struct Names {
+    cameras: HashMap<String, Vec<usize>>,
+    lights: HashMap<String, Vec<usize>>,
+    /// By the names of objects, and of the mesh files that they come from.
+    objects: HashMap<String, Vec<usize>>,
+}
+
+impl Names {
+    pub(super) fn of(scene: &Scene) -> Self {
+        fn index<'a>(names: impl Iterator<Item = &'a str>) -> HashMap<String, Vec<usize>> {
+            let mut indices = HashMap::<String, Vec<usize>>::new();
+            names.enumerate().for_each(|(i, name)| indices.entry(name.to_owned()).or_default().push(i));
+            indices
+        }
+        let mut objects = index(scene.objects.iter().map(|object| object.name.as_str()));
+        for (i, object) in scene.objects.iter().enumerate() {
+            for (end, _) in object.name.match_indices('/') {
+                objects.entry(object.name[..end].to_owned()).or_default().push(i);
+            }
+        }
+        objects.values_mut().for_each(|indices| indices.sort_unstable());
+        let cameras = index(scene.cameras.iter().map(|camera| camera.name.as_str()));
+        Names { cameras, lights: index(scene.lights.iter().map(|light| light.name.as_str())), objects }
+    }
+
+    /// The indices of a target; empty if it does not exist.
+    pub(super) fn indices(&self, target: &Target) -> &[usize] {
+        let found = match target {
+            Target::Camera(name) => self.cameras.get(name),
+            Target::Light(name) => self.lights.get(name),
+            Target::Object(name) => self.objects.get(name),
+        };
+        found.map_or(&[], Vec::as_slice)
+    }
+}
+
 impl Track {
-    /// The targets of the track: several if the objects of a mesh file share the name.
-    pub(super) fn subjects<'a>(&self, scene: &'a mut Scene) -> Result<Vec<Subject<'a>>> {
-        let centre = match &self.target {
-            Target::Object(name) => centre_of(scene, name).unwrap_or_default(),
-            _ => DVec3::ZERO,
-        };
-        let unknown = self.unknown(&self.target, scene);
-        let subjects: Vec<Subject> = match &self.target {
-            Target::Camera(name) => {
-                let named = scene.cameras.iter_mut().filter(|camera| camera.name == *name);
-                named.map(Subject::Camera).collect()
+    /// Calls `act` with each target of the track: several if the objects of a mesh file share the name.
+    pub(super) fn for_subjects(
+        &self,
+        scene: &mut Scene,
+        names: &Names,
+        mut act: impl FnMut(Subject) -> Result<()>,
+    ) -> Result<()> {
+        let indices = names.indices(&self.target);
+        if indices.is_empty() {
+            return Err(self.unknown(&self.target, scene));
+        }
+        match &self.target {
+            Target::Camera(_) => {
+                indices.iter().try_for_each(|&i| act(Subject::Camera(&mut scene.cameras[i])))
             }
-            Target::Light(name) => {
-                scene.lights.iter_mut().filter(|light| light.name == *name).map(Subject::Light).collect()
+            Target::Light(_) => indices.iter().try_for_each(|&i| act(Subject::Light(&mut scene.lights[i]))),
+            Target::Object(_) => {
+                let is_mesh = |&i: &usize| !matches!(scene.objects[i].shape, Shape::Analytic(_));
+                let centre = indices.iter().any(is_mesh).then(|| centre_of(scene, indices)).flatten();
+                let centre = centre.unwrap_or_default();
+                indices.iter().try_for_each(|&i| {
+                    let object = &mut scene.objects[i];
+                    act(match object.shape {
+                        Shape::Analytic(AnalyticShape::Sphere(ref mut sphere)) => Subject::Sphere(sphere),
+                        _ => Subject::Mesh { object, centre },
+                    })
+                })
             }
-            Target::Object(name) => {
-                let named = scene.objects.iter_mut().filter(|object| is_named(object, name));
-                let subject = |object: &'a mut Object| match object.shape {
-                    Shape::Analytic(AnalyticShape::Sphere(ref mut sphere)) => Subject::Sphere(sphere),
-                    _ => Subject::Mesh { object, centre },
-                };
-                named.map(subject).collect()
-            }
-        };
-        if subjects.is_empty() { Err(unknown) } else { Ok(subjects) }
+        }
     }
 
     /// The error for a target that does not exist.
@@ -98,14 +141,9 @@ impl Track {
     }
 }
 
-/// Whether an object, or the mesh file that it comes from, has this name.
-fn is_named(object: &Object, name: &str) -> bool {
-    object.name == name || object.name.strip_prefix(name).is_some_and(|rest| rest.starts_with('/'))
-}
-
-/// Centre of the bounds of all objects of a name.
-pub(super) fn centre_of(scene: &Scene, name: &str) -> Option<DVec3> {
-    let objects = scene.objects.iter().filter(|object| is_named(object, name)).cloned().collect();
+/// Centre of the bounds of the objects of these indices.
+pub(super) fn centre_of(scene: &Scene, indices: &[usize]) -> Option<DVec3> {
+    let objects = indices.iter().map(|&i| scene.objects[i].clone()).collect();
     let (min, max) = Scene { objects, ..Scene::default() }.bounds()?;
     Some(min / 2.0 + max / 2.0)
 }

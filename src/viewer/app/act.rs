@@ -215,7 +215,7 @@ impl App {
             size: prepared.job.view.size(),
             settings,
             import_options: &opened.scene.import_options,
-            clip: opened.scene.animation.as_ref().and_then(|animation| animation.clip.as_ref()),
+            clips: opened.scene.animation.as_ref().map_or(&[], |animation| &animation.clips),
             output,
         });
         let frame = timeline(opened).map(|timeline| controls.frame(&timeline));
