@@ -345,7 +345,8 @@ impl PlanSpec {
         let Sampling { seed, sampler, .. } = *sampling;
         let (seed, sampler) = (seed.unwrap_or(0), sampler.unwrap_or_default());
         let is_layered = self.layers && !self.own_camera_rays;
-        let of = |ContinuedRays { rays: kind, .. }| Transparency { is_layered, sampler, seed, kind };
+        let of =
+            |ContinuedRays { rays: kind, .. }| Transparency { is_layered, culls: false, sampler, seed, kind };
         self.continued.map(of)
     }
 }

@@ -4,14 +4,16 @@ use std::ops::Range;
 
 use super::samples::TileSamples;
 use super::tile::{RenderContext, Tile};
-use super::transparency::Transparency;
+use super::transparency::{Transparency, closest_visible};
 use super::variance::PixelStatistics;
 use super::{
     EFFECTS, Effect, EffectContext, EffectId, EffectValue, Hook, LightTechnique, PathSettings, PlanSpec,
     RayClass, RayKind, Stage, TRANSPORTS, TransportEntry, closest_hits, primary_rays, ray_origins, unlit,
 };
+use crate::bvh::Traversal;
 use crate::error::{Error, Result, nearest_name};
 use crate::film::Window;
+use crate::geometry::{Hit, Ray};
 use crate::scene::EffectsSection;
 use crate::scene::{Sampling, Transport};
 use crate::shading::ShadingMode;
@@ -30,6 +32,8 @@ pub struct Choices {
     pub transport: Option<Transport>,
     /// Largest radiance that a path adds by indirect light; none if `None`.
     pub clamp: Option<f64>,
+    /// Whether back faces of materials that are not double-sided are hidden from camera rays.
+    pub cull: bool,
     /// The lens of the camera, as text; `None` for a pinhole. Must be set with [`crate::world::View::set_lens`], since
     /// [`World`] has no cameras.
     pub lens: Option<String>,
@@ -103,6 +107,8 @@ pub struct Plan {
     /// The transport.
     pub transport: Transport,
     spec: PlanSpec,
+    /// Whether camera rays pass through back faces.
+    culls: bool,
     stages: Vec<PlannedStage>,
     /// The stages of the first generation, of each further generation, of the way back, and of the film.
     parts: [Range<usize>; 4],
@@ -136,7 +142,8 @@ impl Plan {
             }
         }
         let Choices { shading, sampling, light_technique, clamp, path, .. } = *choices;
-        Ok(Plan::of(world, (shading, light_technique, path), (sampling, clamp), decisions))
+        let culls = choices.cull && world.has_single_sided();
+        Ok(Plan::of(world, (shading, light_technique, path), (sampling, clamp, culls), decisions))
     }
 
     /// This plan with only those effects that `keep` accepts by their index in [`Plan::decisions`].
@@ -144,14 +151,14 @@ impl Plan {
         let mut decisions = self.decisions.clone();
         decisions.iter_mut().enumerate().for_each(|(i, decision)| decision.on &= keep(i));
         let shading = (self.shading, self.spec.light_technique, self.spec.path);
-        Plan::of(world, shading, (self.sampling, self.clamp), decisions)
+        Plan::of(world, shading, (self.sampling, self.clamp, self.culls), decisions)
     }
 
     /// The plan for a decision on each of [`EFFECTS`].
     fn of(
         world: &World,
         (shading, light_technique, path): (ShadingMode, LightTechnique, PathSettings),
-        (sampling, clamp): (Sampling, Option<f64>),
+        (sampling, clamp, culls): (Sampling, Option<f64>, bool),
         decisions: Vec<Decision>,
     ) -> Plan {
         let entry = transport_of(&decisions);
@@ -171,10 +178,12 @@ impl Plan {
         }
         contributors.iter_mut().for_each(|contributor| contributor.context.spec = spec);
         let transparency = spec.transparency(&sampling);
-        let mut builder = PlanBuilder { world, stages: Vec::new(), contributors, spec, transparency };
+        let of_camera_rays = if culls { Some(Transparency::culling(transparency)) } else { transparency };
+        let mut builder =
+            PlanBuilder { world, stages: Vec::new(), contributors, spec, transparency, of_camera_rays };
         let parts = builder.build();
         let (stages, transport) = (builder.stages, entry.transport);
-        Plan { shading, sampling, clamp, decisions, transport, spec, stages, parts }
+        Plan { shading, sampling, clamp, decisions, transport, spec, culls, stages, parts }
     }
 
     /// Runs all stages on a tile that was started. Calls `done` with the index of each stage after it ran.
@@ -250,9 +259,12 @@ impl Plan {
         self.spec.own_camera_rays
     }
 
-    /// Whether rays pass through surfaces by their opacity.
-    pub(crate) fn is_transparent(&self) -> bool {
-        self.spec.continued.is_some()
+    /// The closest hit of a camera ray with a surface that the picture shows: of AOVs, which have one a pixel.
+    pub(crate) fn visible_hit(&self, world: &World, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
+        match self.spec.continued.is_some() || self.culls {
+            true => closest_visible(world, ray, traversal, self.culls),
+            false => world.accelerator.closest_hit(ray, traversal),
+        }
     }
 
     /// Whether the number of samples differs from pixel to pixel.
@@ -286,6 +298,8 @@ struct PlanBuilder<'a> {
     contributors: Vec<Contributor<'a>>,
     spec: PlanSpec,
     transparency: Option<Transparency>,
+    /// That of camera rays.
+    of_camera_rays: Option<Transparency>,
 }
 
 impl PlanBuilder<'_> {
@@ -324,7 +338,10 @@ impl PlanBuilder<'_> {
         let name = secondary.map_or("primary hits", |rays| rays.hits);
         let is_incoherent = secondary.is_some_and(|rays| !rays.are_mirrored);
         let order = if is_incoherent { HitOrder::Primitives } else { HitOrder::Rays };
-        let transparency = self.transparency;
+        let transparency = match class {
+            RayClass::Primary => self.of_camera_rays,
+            RayClass::Secondary => self.transparency,
+        };
         self.add(closest_hits::ClosestHits { kind, name, order, transparency }, owner);
         if generations > u32::from(class == RayClass::Secondary) {
             self.add(ray_origins::RayOrigins { generations }, owner);

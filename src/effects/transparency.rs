@@ -1,4 +1,4 @@
-//! Rays through surfaces of opacity below 1, for all stages that trace rays.
+//! Rays through surfaces of opacity below 1, for all stages that trace rays, and camera rays through culled back faces.
 //!
 //! The opacity of a surface depends on the point alone: textures are looked up at full size, so that camera rays and shadow rays
 //! see the same holes. A ray that passes through starts anew behind the surface, as a transmitted ray does
@@ -38,12 +38,33 @@ pub(crate) const VISIBLE_FROM: f64 = 0.5;
 pub(crate) struct Transparency {
     /// Whether camera rays see all layers, and not one by random numbers.
     pub(crate) is_layered: bool,
+    /// Whether they pass through back faces of materials that are not double-sided.
+    pub(crate) culls: bool,
     /// The random numbers of these rays.
     pub(crate) sampler: PixelSampler,
     /// The seed of the random numbers.
     pub(crate) seed: u32,
     /// The kind that continued rays are counted as.
     pub(crate) kind: RayKind,
+}
+
+impl Transparency {
+    /// That of camera rays which cull, and for the rest are as others.
+    pub(crate) fn culling(others: Option<Transparency>) -> Self {
+        let opaque = Transparency {
+            is_layered: false,
+            culls: true,
+            sampler: PixelSampler::default(),
+            seed: 0,
+            kind: RayKind::PRIMARY,
+        };
+        others.map_or(opaque, |others| Transparency { culls: true, ..others })
+    }
+}
+
+/// The opacity of the surface at a hit for camera rays that cull, or for all others.
+fn seen_opacity(world: &World, ray: &Ray, hit: &Hit, culls: bool) -> f64 {
+    if culls && world.is_culled(ray, hit) { 0.0 } else { opacity(world, hit) }
 }
 
 /// The opacity of the surface at a hit, 0 to 1.
@@ -125,11 +146,16 @@ pub(crate) fn transmittance(
 }
 
 /// The closest hit with a surface that AOVs show, with its distance from the ray's origin.
-pub(crate) fn closest_visible(world: &World, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
+pub(crate) fn closest_visible(
+    world: &World,
+    ray: &Ray,
+    traversal: &mut Traversal,
+    culls: bool,
+) -> Option<Hit> {
     let (mut ray, mut distance, mut cycle) = (*ray, 0.0, OriginCycle::new(ray.origin));
     loop {
         let hit = world.accelerator.closest_hit(&ray, traversal)?;
-        if opacity(world, &hit) >= VISIBLE_FROM {
+        if seen_opacity(world, &ray, &hit, culls) >= VISIBLE_FROM {
             return Some(Hit { t: distance + hit.t, ..hit });
         }
         distance += hit.t;
@@ -222,7 +248,8 @@ pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparen
         let mut continued = 0;
         while !own.passing.is_empty() {
             continued += own.passing.len();
-            own.trace(world, &mut generation.hits, &mut tile.traversal, is_layered);
+            let how = Transparency { is_layered, ..transparency };
+            own.trace(world, &mut generation.hits, &mut tile.traversal, how);
         }
         let hit = generation.hits.iter().flatten().count();
         if continued > 0 {
@@ -243,13 +270,13 @@ impl Buffers {
         for index in 0..tile.generation().rays.len() {
             let generation = tile.generation();
             let Some(hit) = generation.hits.get(index) else { continue };
-            let alpha = opacity(world, &hit);
+            let ray = generation.rays.get(index);
+            let alpha = seen_opacity(world, &ray, &hit, transparency.culls);
             // Nearly all rays; they need no random number.
             if alpha == 1.0 {
                 continue;
             }
             generation.hits.set(index, None);
-            let ray = generation.rays.get(index);
             let number = f64::from(self.number(tile, index, &ray, transparency));
             let cycle = OriginCycle::new(ray.origin);
             let mut passing = Passing { index: index as u32, distance: 0.0, number, ray, cycle };
@@ -278,7 +305,13 @@ impl Buffers {
     }
 
     /// Traces the rays on their way once. Rays that stop write their hit; the others stay in `passing`, behind the surface.
-    fn trace(&mut self, world: &World, hits: &mut HitBuffer, traversal: &mut Traversal, is_layered: bool) {
+    fn trace(
+        &mut self,
+        world: &World,
+        hits: &mut HitBuffer,
+        traversal: &mut Traversal,
+        Transparency { is_layered, culls, .. }: Transparency,
+    ) {
         let Buffers { passing, rays, hits: found, layers, .. } = self;
         rays.clear();
         rays.extend(passing.iter().map(|passing| passing.ray));
@@ -286,7 +319,10 @@ impl Buffers {
         world.accelerator.closest_hits(rays.rays(), found, traversal);
         let mut found = found.iter();
         passing.retain_mut(|ray| match found.next() {
-            Some(Some(hit)) => layers.pass(ray, &hit, opacity(world, &hit), world, hits, is_layered),
+            Some(Some(hit)) => {
+                let alpha = seen_opacity(world, &ray.ray, &hit, culls);
+                layers.pass(ray, &hit, alpha, world, hits, is_layered)
+            }
             _ => false,
         });
     }

@@ -4,11 +4,13 @@ use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::effects::{Choices, TextureUse, id};
+use crate::effects::{Choices, Plan, TextureUse, id};
 use crate::error::{Error, Result};
 use crate::geometry::Precision;
 use crate::limits;
 use crate::scene::{DecodedImage, Numerics, Object, Scene, Shape, TextureFilter};
+use crate::shading::LightSoa;
+use crate::world::World;
 
 /// Checks the memory limit for the acceleration structure and the mip maps of a scene.
 ///
@@ -30,6 +32,23 @@ pub fn check_memory(scene: &Scene, choices: &Choices, numerics: Numerics) -> Res
     limits::check(limits::product(&[count, each])).map_err(|excess| Error::Memory {
         what: format!("the acceleration structure over {count} primitives {excess}"),
         hint: format!("give fewer of them, or {}", excess.remedy()),
+    })
+}
+
+/// Checks the memory limit for what local shading keeps of each light in each thread.
+///
+/// # Errors
+/// [`Error::Memory`].
+pub(super) fn check_lights(world: &World, plan: &Plan) -> Result<()> {
+    if plan.transport.traces_paths() || !plan.shading.uses_lights() {
+        return Ok(());
+    }
+    let (lights, threads) = (world.lights.len() as u64, rayon::current_num_threads() as u64);
+    limits::check(limits::product(&[lights, threads, size_of::<LightSoa>() as u64])).map_err(|excess| {
+        Error::Memory {
+            what: format!("local shading by {lights} lights on {threads} thread(s) {excess}"),
+            hint: format!("give fewer lights, --threads 1 or --transport path, or {}", excess.remedy()),
+        }
     })
 }
 

@@ -22,6 +22,7 @@
 //! # Ok::<(), kiln::error::Error>(())
 //! ```
 
+mod back_faces;
 pub mod camera;
 mod lens;
 mod memory;
@@ -106,6 +107,7 @@ impl RenderJob {
         let mut view = View::new(&camera, camera.projection, size)?;
         lens::set(&mut view, &mut choices, &camera, &world, recentering.as_ref())?;
         let plan = Plan::new(&world, &choices)?;
+        memory::check_lights(&world, &plan)?;
         let window = Window { x: 0, y: 0, width: size[0], height: size[1] };
         Ok(RenderJob {
             world,
@@ -470,6 +472,7 @@ pub(crate) fn choices(
         scene,
         transport: picture.transport,
         clamp: picture.clamp.map(Clamp::get),
+        cull: picture.cull == Some(true),
         with: settings.with.clone(),
         without: settings.without.clone(),
         stand_in: settings.depth.map(|depth| (id::PATH.with_value(depth), format!("--depth {depth}"))),
@@ -628,6 +631,7 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
             world.numerics().name()
         ));
     }
+    back_faces::report(job, warnings);
     let traces_paths = plan.transport.traces_paths();
     if traces_paths && !choices.sampling.is_wanted() {
         warnings.note("path tracing with one sample per pixel is noisy; try --samples 64");

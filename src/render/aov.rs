@@ -14,7 +14,6 @@ use super::features::{FeatureSums, Features, first_surfaces, plan_without_light}
 use super::{RenderControl, render_displayed};
 use crate::effects::Plan;
 use crate::effects::tile::{RenderContext, Tile};
-use crate::effects::transparency::closest_visible;
 use crate::effects::variance::PixelStatistics;
 use crate::error::{Error, Result, nearest_name};
 use crate::farm::Shard;
@@ -320,11 +319,7 @@ fn of_tile(
     let Tile { generations, traversal, .. } = tile;
     for (&pixel, ray) in generations[0].sources.iter().zip(generations[0].rays.rays().iter()) {
         let before = traversal.tests.nodes;
-        let hit = if source.plan.is_transparent() {
-            closest_visible(world, &ray, traversal)
-        } else {
-            world.accelerator.closest_hit(&ray, traversal)
-        };
+        let hit = source.plan.visible_hit(world, &ray, traversal);
         let input = AovInput {
             recentering: source.recentering,
             samples: samples[pixel as usize],

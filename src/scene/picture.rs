@@ -88,6 +88,11 @@ options! {
         [long, help_heading = group::LOOK, display_order = 1, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
          value_name = "true|false", value_parser = parser::<bool>()]
         ground: bool,
+        /// Hide back faces of glTF materials with `doubleSided: false` from camera rays; shadows and indirect light are those of
+        /// the whole surface [default: false]
+        [long, help_heading = group::LOOK, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
+         value_name = "true|false", value_parser = parser::<bool>()]
+        cull: bool,
         /// Background colour (#rrggbb or a CSS name such as white), or `transparent` for an alpha channel in .png and .exr
         /// [default: light grey for meshes, dark grey for meshes with lights or cameras, black for scene files]
         [long, help_heading = group::LOOK, display_order = 0, value_name = "COLOUR|transparent", value_parser = parser::<Background>()] background: Background,
@@ -350,6 +355,7 @@ mod tests {
             tone_map: Some(ToneMap::PbrNeutral),
             light: Some(Headlight::None),
             ground: Some(true),
+            cull: Some(true),
             background: Some(Background::Transparent),
         };
         let second = PictureSettings {
@@ -376,6 +382,7 @@ mod tests {
             tone_map: Some(ToneMap::Agx),
             light: Some(Headlight::Head),
             ground: Some(false),
+            cull: Some(false),
             background: Some(Background::Colour(ColourValue([255, 128, 0]))),
         };
         [first, second]

@@ -141,7 +141,7 @@ impl Canvas {
     pub(crate) fn surface(&self, [x, y]: [u32; 2]) -> Option<DVec3> {
         let job = &self.prepared(0)?.job;
         let ray = job.view.ray(x, y, job.world.numerics().ray_precision());
-        let hit = job.world.accelerator.closest_hit(&ray, &mut Traversal::default())?;
+        let hit = job.plan.visible_hit(&job.world, &ray, &mut Traversal::default())?;
         let point = ray.at(hit.t);
         Some(job.recentering.map_or(point, |recentering| recentering.point_back(point)))
     }

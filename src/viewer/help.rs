@@ -40,6 +40,7 @@ panel_options! {
     UP = "up", "Choose another if the object lies on its side or stands on its head.";
     ROTATION = "environment-rotation", "Turns the surroundings, to let their light come from another side.";
     BACKGROUND = "background", "A colour of your own behind the scene, such as that of a page or a slide.";
+    CULL = "cull", "Hides the backs of surfaces that the file makes for one side alone: walls seen from outside, outlines.";
     GROUND = "ground", "Something for objects to stand on and to cast their shadows on.";
 }
 

@@ -293,6 +293,10 @@ fn ground_and_background(ui: &mut Ui, contents: &PanelContents, controls: &mut C
         if check.changed() {
             picture.ground = Some(has_ground);
         }
+        let mut culls = picture.cull.or(scene.picture.cull) == Some(true);
+        if explain(ui.checkbox(&mut culls, "cull"), help::CULL).changed() {
+            picture.cull = Some(culls);
+        }
         let meaning = "a fast preview: one sample a pixel, a headlight and a dark background (--draft)";
         if can_be_studio && ui.checkbox(&mut is_draft, "draft").on_hover_text(meaning).changed() {
             picture.look = is_draft.then_some(Look::Draft);
@@ -300,20 +304,27 @@ fn ground_and_background(ui: &mut Ui, contents: &PanelContents, controls: &mut C
     });
 }
 
-/// The clip that is played and the axis that points up. A change reads the files again.
+/// The clips that are played and the axis that points up. A change reads the files again.
 fn reading(ui: &mut Ui, opened: &Opened, controls: &mut Controls) {
     let Scene { clips, animation, has_settings, .. } = &opened.scene;
     let own = opened.import_options();
-    let mut reading = own.reading.clone();
-    let plays_tracks = animation.as_ref().is_some_and(|animation| animation.clip.is_none());
-    let played = reading.clip.clone().unwrap_or_default().find(clips);
-    if let (Some(played), false) = (played, plays_tracks) {
-        let list = ComboBox::from_label("clip").selected_text(elided(&played.name, LIST_LENGTH));
+    let (mut reading, mut chosen) = (own.reading.clone(), own.clips.clone());
+    let plays_tracks = animation.as_ref().is_some_and(|animation| animation.clips.is_empty());
+    let played = own.clip().find(clips);
+    if !played.is_empty() && !plays_tracks {
+        let names: Vec<&str> = played.iter().map(|clip| clip.name.as_str()).collect();
+        let list = ComboBox::from_label("clip").selected_text(elided(&printable(&names.join(", ")), LIST_LENGTH));
         let list = list.show_ui(ui, |ui| {
+            let are_all = clips.len() > 1 && played.len() == clips.len();
+            if clips.len() > 1 && ui.selectable_label(are_all, ClipChoice::ALL).clicked() {
+                (chosen, reading.time) = (ClipChoice::of(clips).choices().to_vec(), None);
+                controls.restart();
+            }
             for clip in clips {
-                let entry = ui.selectable_label(std::ptr::eq(clip, played), printable(&clip.name));
+                let is_played = !are_all && played.iter().any(|played| std::ptr::eq(*played, clip));
+                let entry = ui.selectable_label(is_played, printable(&clip.name));
                 if entry.on_hover_text(format!("{:.2} s", clip.duration)).clicked() {
-                    (reading.clip, reading.time) = (Some(ClipChoice::Index(clip.index)), None);
+                    (chosen, reading.time) = (vec![ClipChoice::Index(clip.index)], None);
                     controls.restart();
                 }
             }
@@ -329,8 +340,8 @@ fn reading(ui: &mut Ui, opened: &Opened, controls: &mut Controls) {
             controls.reset_camera();
         }
     }
-    if reading != own.reading {
-        controls.reading = Some(ImportOptions { reading, ..own });
+    if reading != own.reading || chosen != own.clips {
+        controls.reading = Some(ImportOptions { reading, clips: chosen, ..own });
     }
 }
 

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::attributes::vertex_colour;
-use super::{InteractionSoa, World, WorldObject};
+use super::{InteractionSoa, PreparedMaterial, World, WorldObject};
 use crate::bvh::{Primitive, Traversal};
 use crate::film::ColourPipeline;
 use crate::geometry::spawn::{ORIGIN_OFFSET, SurfacePoint};
@@ -233,6 +233,18 @@ impl World {
             Primitive::Analytic(shape) => shape.surface(position).1,
         };
         outward.dot(view) < 0.0
+    }
+
+    /// Whether a ray hits the back of a surface whose material is not double-sided.
+    pub(crate) fn is_culled(&self, ray: &Ray, hit: &Hit) -> bool {
+        let object = self.object_of(hit.prim);
+        self.materials[self.objects[object as usize].material as usize].is_single_sided()
+            && self.is_back(object, hit, ray.at(hit.t), -ray.direction)
+    }
+
+    /// Whether an object has a material that is not double-sided.
+    pub(crate) fn has_single_sided(&self) -> bool {
+        self.materials_in_use().any(PreparedMaterial::is_single_sided)
     }
 
     /// [`World::origin_behind`] of a surface, for a `direction` below its geometric normal. Away from edges the primitive is not

@@ -1,0 +1,43 @@
+//! Back faces of materials that are not double-sided, which a picture shows unless `--cull` hides them.
+
+use super::RenderJob;
+use crate::bvh::Traversal;
+use crate::error::Warnings;
+
+/// Camera rays along each side of the picture that look for back faces: as a grid, they find what covers 1/1000 of it, in
+/// less than a millisecond.
+const GRID: u32 = 32;
+
+/// The least part of the rays that hit something which must hit back faces to be noted.
+const LEAST_SHARE: f64 = 0.01;
+
+/// Notes the option where back faces are seen, and warns of it where it changes nothing.
+pub(super) fn report(job: &RenderJob, warnings: &mut Warnings) {
+    let RenderJob { world, view, choices, .. } = job;
+    if !world.has_single_sided() {
+        if choices.cull {
+            warnings.push("--cull changes nothing: no glTF material has `doubleSided: false`");
+        }
+        return;
+    }
+    if choices.cull {
+        return;
+    }
+    let ([width, height], precision) = (view.size(), world.numerics().ray_precision());
+    // The centres of the cells of the grid.
+    let at =
+        |cell: u32, side: u32| ((2 * u64::from(cell) + 1) * u64::from(side) / (2 * u64::from(GRID))) as u32;
+    let mut traversal = Traversal::default();
+    let (mut hits, mut backs) = (0, 0);
+    for (x, y) in (0..GRID).flat_map(|y| (0..GRID).map(move |x| (x, y))) {
+        let ray = view.ray(at(x, width), at(y, height), precision);
+        let Some(hit) = job.plan.visible_hit(world, &ray, &mut traversal) else { continue };
+        hits += 1;
+        backs += u32::from(world.is_culled(&ray, &hit));
+    }
+    if backs > 0 && f64::from(backs) >= LEAST_SHARE * f64::from(hits) {
+        let percent = (100.0 * f64::from(backs) / f64::from(hits)).round();
+        let what = "of what is seen are back faces of materials with `doubleSided: false`";
+        warnings.note(format!("{percent} % {what}; --cull hides these"));
+    }
+}
