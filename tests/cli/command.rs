@@ -648,7 +648,7 @@ fn what_is_seen_is_rendered_by_its_line() {
         size: [48, 32],
         settings: &settings,
         import_options: &kiln::scene::ImportOptions::default(),
-        clip: None,
+        clips: &[],
         output: Path::new("seen.png"),
     };
     let words = command_line::arguments(&command);

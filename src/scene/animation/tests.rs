@@ -27,7 +27,7 @@ fn scene(motion: Motion, target: Target) -> Scene {
             object("m/b", Shape::Placed(placed)),
         ],
         animation: Some(Animation {
-            clip: None,
+            clips: Vec::new(),
             fps: 10.0,
             duration: 4.0,
             repeat: false,
