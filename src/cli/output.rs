@@ -226,11 +226,12 @@ fn render_film(
             false => job.render_selected(is_selected, control),
         }
     }
+    let display = job.display_transform(control)?;
     if format != Format::Exr && !job.is_transparent() {
         let (film, statistics) = job.render(control)?;
         return Ok((OutputImage::Rgb8(film, job.pipeline()), statistics));
     }
-    let (film, alpha, statistics) = if job.is_transparent() {
+    let (film, alpha, mut statistics) = if job.is_transparent() {
         let (film, statistics) = render::<[f32; 4]>(job, is_displayed, control)?;
         let (film, alpha) = film.split_alpha()?;
         (film, Some(alpha), statistics)

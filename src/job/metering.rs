@@ -31,11 +31,8 @@ impl RenderJob {
         self.pixels_of_objects(|_| true, control)
     }
 
-    /// As [`RenderJob::subject`], without unlit objects, whose colours do not depend on the exposure.
-    ///
-    /// # Errors
-    /// As [`RenderJob::render`].
-    pub(crate) fn exposed_subject(&self, control: &RenderControl) -> Result<Vec<bool>> {
+    /// As [`RenderJob::subject`], without unlit objects.
+    fn exposed_subject(&self, control: &RenderControl) -> Result<Vec<bool>> {
         let objects = &self.world.objects;
         let is_unlit = |index: usize| self.world.materials[objects[index].material as usize].is_unlit();
         self.pixels_of_objects(|index| !is_unlit(index), control)
@@ -86,13 +83,14 @@ impl RenderJob {
         small.subject_colours(film.rows(), &control)
     }
 
-    /// Of these colours, row by row from the top, those of [`RenderJob::subject`].
+    /// Of these colours, row by row from the top, those of [`RenderJob::subject`] without unlit objects, whose colours do not
+    /// depend on the exposure.
     pub(crate) fn subject_colours(
         &self,
         colours: impl Iterator<Item = [f32; 3]>,
         control: &RenderControl,
     ) -> Result<Vec<[f32; 3]>> {
-        let subject = colours.zip(self.subject(control)?).filter(|(_, is_shown)| *is_shown);
+        let subject = colours.zip(self.exposed_subject(control)?).filter(|(_, is_shown)| *is_shown);
         Ok(subject.map(|(colour, _)| colour).collect())
     }
 
@@ -122,10 +120,7 @@ impl RenderJob {
     /// # Errors
     /// As [`RenderJob::render`].
     pub(crate) fn meter(&mut self, control: &RenderControl) -> Result<f64> {
-        let small = self.to_be_metered(Some(METER_SAMPLES))?;
-        let (film, _) = small.render::<[f32; 3]>(control)?;
-        let subject = film.rows().zip(small.exposed_subject(control)?).filter(|(_, is_shown)| *is_shown);
-        let subject: Vec<[f32; 3]> = subject.map(|(colour, _)| colour).collect();
+        let subject = self.metered_colours(METER_SAMPLES, control)?;
         let picture = &mut self.settings.picture;
         let ev = mean_exposure(&subject, picture.tone_map.unwrap_or_default());
         picture.exposure = Some(Exposure::Ev(ev));

@@ -50,7 +50,6 @@ use glam::DVec3;
 
 use crate::bvh::Layout;
 use crate::effects::tile::RenderContext;
-use crate::effects::unlit::has_unlit;
 use crate::effects::{PathSettings, Plan, RayKind, check_names, check_scene, id, named};
 use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
@@ -221,79 +220,15 @@ impl RenderJob {
         is_selected: impl Fn(usize, Window) -> bool,
         control: &RenderControl,
     ) -> Result<(Film<P>, Statistics)> {
-        let display = self.display();
-        let metered = self.meter_for_sampling(control)?;
-        let context = RenderContext {
-            world: &self.world,
-            view: &self.view,
-            display: self.sampling_display(),
-            is_displayed: is_displayed && !display.is_auto(),
+        let display = match is_displayed || self.plan.is_adaptive() {
+            true => self.display_transform(control)?,
+            false => self.display().known(),
         };
-        let with_metering = |mut statistics: Statistics| {
-            // Its pixels are not those of this picture.
-            let metered = metered.clone().map(|metered| Statistics { non_finite: Vec::new(), ..metered });
-            metered.iter().for_each(|metered| statistics.add(metered));
-            statistics
-        };
-        if !(P::IS_DISPLAYED && display.is_auto()) {
-            let (film, statistics) =
-                render_displayed(&context, &self.plan, self.window, is_selected, control)?;
-            return Ok((film, with_metering(statistics)));
-        }
-        let (film, statistics): (Film, _) =
-            render_displayed(&context, &self.plan, self.window, &is_selected, control)?;
-        let transform = self.display_transform(film.rows(), control)?;
-        let mut statistics = Statistics { auto_exposure: Some(transform.ev()), ..with_metering(statistics) };
-        if has_unlit(&self.world) || self.world.backdrop.is_some() {
-            // Now that the exposure is known, colours that it does not change can be kept.
-            let context = RenderContext { display: transform, is_displayed: true, ..context };
-            let (film, more) = render_displayed(&context, &self.plan, self.window, is_selected, control)?;
-            statistics.add(&more);
-            return Ok((film, statistics));
-        }
-        Ok((film.developed(self.pipeline(), transform)?, statistics))
-    }
-
-    /// The display transform that adaptive sampling compares by. An automatic exposure is that of the first samples
-    /// once [`RenderJob::render`] has metered them, and 0 EV before.
-    fn sampling_display(&self) -> DisplayTransform {
-        let display = self.display();
-        display.transform(self.sampling_exposure.get().copied().unwrap_or(0.0))
-    }
-
-    /// Meters the exposure that adaptive sampling compares at, where it is automatic and not yet known: that of the
-    /// whole picture with as many samples a pixel as each takes at least. Returns the statistics of that picture.
-    fn meter_for_sampling(&self, control: &RenderControl) -> Result<Option<Statistics>> {
-        let display = self.display();
-        if !display.is_auto() || !self.plan.is_adaptive() || self.sampling_exposure.get().is_some() {
-            return Ok(None);
-        }
-        let samples = Criterion::new(&self.choices.sampling).min_samples;
-        let mut job = self.with_choices(self.choices.clone())?;
-        job.set_sampling(self.choices.sampling.part(0, samples))?;
-        let control = RenderControl { progress: &|_, _| (), ..*control };
-        let (film, statistics): (Film, _) = job.render_selected(|_, _| true, &control)?;
-        let ev = job.display_transform(film.rows(), &control)?.ev();
-        self.sampling_exposure.get_or_init(|| ev);
-        Ok(Some(statistics))
-    }
-
-    /// The display transform of the picture with these colours, row by row from the top. An automatic exposure is that of
-    /// [`RenderJob::subject`].
-    ///
-    /// # Errors
-    /// As [`RenderJob::subject`].
-    pub fn display_transform(
-        &self,
-        colours: impl Iterator<Item = [f32; 3]>,
-        control: &RenderControl,
-    ) -> Result<DisplayTransform> {
-        let display = self.display();
-        if !display.is_auto() {
-            return Ok(display.known());
-        }
-        let subject = colours.zip(self.exposed_subject(control)?).filter(|(_, is_shown)| *is_shown);
-        Ok(display.transform_of(subject.map(|(colour, _)| colour)))
+        let context = RenderContext { world: &self.world, view: &self.view, display, is_displayed };
+        let (film, mut statistics) =
+            render_displayed(&context, &self.plan, self.window, is_selected, control)?;
+        statistics.auto_exposure = (is_displayed && self.display().is_auto()).then_some(display.ev());
+        Ok((film, statistics))
     }
 
     /// Source of the AOVs of the picture.

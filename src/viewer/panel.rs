@@ -313,7 +313,8 @@ fn reading(ui: &mut Ui, opened: &Opened, controls: &mut Controls) {
     let played = own.clip().find(clips);
     if !played.is_empty() && !plays_tracks {
         let names: Vec<&str> = played.iter().map(|clip| clip.name.as_str()).collect();
-        let list = ComboBox::from_label("clip").selected_text(elided(&printable(&names.join(", ")), LIST_LENGTH));
+        let list =
+            ComboBox::from_label("clip").selected_text(elided(&printable(&names.join(", ")), LIST_LENGTH));
         let list = list.show_ui(ui, |ui| {
             let are_all = clips.len() > 1 && played.len() == clips.len();
             if clips.len() > 1 && ui.selectable_label(are_all, ClipChoice::ALL).clicked() {

@@ -177,7 +177,8 @@ fn glb_chunks<'a>(
             (_, None) => break,
         }
         // Some exporters state the length without the padding that aligns the next chunk.
-        let is_binary = |at: usize| bytes.get(at.saturating_add(4)..at.saturating_add(8)) == Some(&b"BIN\0"[..]);
+        let is_binary =
+            |at: usize| bytes.get(at.saturating_add(4)..at.saturating_add(8)) == Some(&b"BIN\0"[..]);
         let aligned = end.saturating_add(3) & !3;
         at = if is_binary(aligned) { aligned } else { end };
     }

@@ -265,11 +265,11 @@ fn textured_scene(bytes: Vec<u8>) -> (Scene, Warnings) {
     (scene, warnings)
 }
 
-fn texture_and_mesh(scene: &Scene, object: usize) -> (Option<[u8; 3]>, &Mesh) {
+fn texture_and_mesh(scene: &Scene, object: usize) -> (Option<[u16; 3]>, &Mesh) {
     let object = &scene.objects[object];
     let Material::Phong(material) = &scene.materials[object.material.0 as usize] else { panic!("Phong") };
     let Shape::Mesh(mesh) = &object.shape else { panic!("a mesh") };
-    (material.texture.map(|texture| scene.images[texture.image.0 as usize].pixels[0]), mesh)
+    (material.texture.map(|texture| scene.images[texture.image.0 as usize].pixels.get(0)), mesh)
 }
 
 #[test]

@@ -142,7 +142,8 @@ fn images_of_the_package() {
     let (mesh, material) = part(&scene, 1);
     let texture = material.texture.expect("a texture");
     assert_eq!(texture.sampler.wrap_u, Wrap::MirroredRepeat);
-    assert_eq!(scene.images[texture.image.0 as usize].pixels[..], [[0, 255, 0]]);
+    let pixels: Vec<[u16; 3]> = scene.images[texture.image.0 as usize].pixels.iter().collect();
+    assert_eq!(pixels, [[0, 255, 0]]);
     assert_eq!(mesh.uvs[0].values[0], DVec2::new(0.25, 0.25));
     let (scene, warnings) = load(package(&text)).expect("an item");
     assert!(scene.images.is_empty() && format!("{warnings:?}").contains("not in the file"), "{warnings:?}");

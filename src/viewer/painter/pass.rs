@@ -11,7 +11,9 @@ use super::RenderedImage;
 use super::render_cache::Prepared;
 use crate::effects::RayKind;
 use crate::error::Result;
+use crate::film::tone::auto_exposure;
 use crate::film::{ColourPipeline, DisplayTransform, Film, Pixel, TILE, Window};
+use crate::job::RenderJob;
 use crate::metrics;
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
@@ -215,14 +217,18 @@ impl<'a> Side<'a> {
         if sampling != Sampling::default() {
             job.set_sampling(sampling)?;
         }
-        job.sampling_exposure = self.sampling_exposure.clone();
         let is_selected = |tile: usize, _: Window| is_selected(tile);
-        let rendered = match self.request.display_mode {
-            DisplayMode::Picture => job.render_to_develop(is_selected, &control)?,
-            _ => job.render_selected(is_selected, &control)?,
-        };
-        if let Some(&metered) = job.sampling_exposure.get() {
-            self.sampling_exposure.get_or_init(|| metered);
+        self.metered(&job, |job| match self.request.display_mode {
+            // An automatic exposure is metered after the first images.
+            DisplayMode::Picture if !job.display().is_auto() => job.render_to_develop(is_selected, &control),
+            _ => job.render_selected(is_selected, &control),
+        })
+    }
+
+    /// The result of `work` with a job of this picture, whose automatic exposure is metered at most once.
+    fn metered<T>(&self, job: &RenderJob, work: impl FnOnce(&RenderJob) -> Result<T>) -> Result<T> {
+        if let Some(&metered) = self.auto_exposure.get() {
+            job.auto_exposure.get_or_init(|| metered);
         }
         let result = work(job);
         if let Some(&metered) = job.auto_exposure.get() {
