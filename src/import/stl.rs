@@ -54,7 +54,8 @@ fn is_binary(bytes: &[u8]) -> bool {
     }
     let text = without_mark(bytes);
     let start = &text[..text.len().min(512)];
-    let is_solid = start.trim_ascii_start().get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
+    let is_solid =
+        words::without_comments(start).get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
     let has_control = start.iter().any(|b| b.is_ascii_control() && !b.is_ascii_whitespace());
     !is_solid || has_control
 }
@@ -150,7 +151,8 @@ fn read_ascii(source: &Source, warnings: &mut Warnings) -> Result<Solids> {
             }
             b"facet" if corners.is_empty() => words.skip_normal(),
             b"outer" if corners.is_empty() => words.skip(b"loop"),
-            b"loop" | b"endfacet" if corners.is_empty() => {}
+            b"loop" if corners.is_empty() => {}
+            b"endfacet" if corners.is_empty() => words.skip_rest_of_line(),
             b"vertex" => {
                 let mut next = || words.next().and_then(parse_number);
                 let (Some(x), Some(y), Some(z)) = (next(), next(), next()) else {
@@ -165,6 +167,7 @@ fn read_ascii(source: &Source, warnings: &mut Warnings) -> Result<Solids> {
                 [a, b, c] => {
                     welder.add([a, b, c]);
                     corners.clear();
+                    words.skip_rest_of_line();
                 }
                 _ => return fault(format!("a facet of {} vertices, not 3", corners.len())),
             },
@@ -349,6 +352,11 @@ mod tests {
             text.replace(' ', "\n").replace("solid\nleft\nfacet\nwing", "solid left facet wing"),
             text.replace("facet normal 0 0 nan", "facet normal -1.#IND 0 nan(x)"),
             text.replace("facet normal 0 0 nan", "facet"),
+            text.replace("endloop", "endloop 1").replace("endfacet", "endfacet and more"),
+            format!(
+                "# by hand\n{}",
+                text.replace("endloop", "endloop # the first").replace("nan", "nan # none")
+            ),
         ] {
             let (meshes, warnings) =
                 read_bytes(text.repeat(2).into_bytes()).unwrap_or_else(|e| panic!("{e}: {text}"));
@@ -404,6 +412,13 @@ mod tests {
         assert_eq!(material.colour, crate::film::Colour::from_u8([255, 0, 0]));
         let header = b"COLOR=\xff\0\0\xff,MATERIAL=\0\0\xff\xff\x01\x02\x03\xff\x01\x02\x03\xff";
         assert_eq!(coloured(header, [0x8000; 4]).1.colour, crate::film::Colour::from_u8([0, 0, 255]));
+        // A separator in the place of alpha.
+        assert_eq!(
+            coloured(b"COLOR=\x7f\x7f\x7f MATERIAL=\x7f\x7f\x7f \x7f\x7f\x7f \x7f\x7f\x7f ", [0x8000; 4])
+                .1
+                .opacity,
+            None
+        );
         // Without either.
         assert_eq!(coloured(b"", [0, 31, 0x7fff, 7]).0.colours, None);
     }

@@ -21,7 +21,7 @@ use super::{Source, default_material};
 use crate::error::{Error, Place, Result, Warnings};
 use crate::film::ColourPipeline;
 use crate::film::colour::srgb_decode;
-use crate::limits::Counted;
+use crate::limits::{self, Counted};
 use crate::scene::{
     Attribute, ImageId, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Sampler, Scene, Shape,
     Texture, Wrap,
@@ -59,6 +59,9 @@ pub(super) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     }
     Ok(reader.scene)
 }
+
+/// Peak bytes of a placement, in the scene and prepared: measured with 100,000 of them.
+const PLACEMENT: u64 = 4200;
 
 /// A mesh with the material of each of its parts.
 type Parts = Arc<Vec<(Arc<Mesh>, MaterialId)>>;
@@ -102,6 +105,16 @@ impl Reader<'_> {
         self.references += 1;
         let checked = Counted::Nodes.check(self.references, &self.source.options.limits);
         checked.map_err(|(what, hint)| Error::input(self.source.file.as_path(), what, hint))?;
+        // Components of components multiply, so their number is not bounded by the size of the file.
+        if self.references.is_power_of_two() {
+            limits::check(limits::product(&[self.references, PLACEMENT])).map_err(|excess| {
+                let what = format!(
+                    "more than {} placements of objects; as many again {excess}",
+                    self.references - 1
+                );
+                Error::input(self.source.file.as_path(), what, excess.remedy())
+            })?;
+        }
         let Some(object) = model.objects.get(&reference.object) else {
             return Err(self.error(place, "does not exist"));
         };
@@ -198,7 +211,7 @@ impl Reader<'_> {
                     let what = "has fewer colours than its triangles name";
                     return Err(self.error(format!("resource {group}"), what));
                 };
-                looks.push(Some(Corners::Colours([a, b, c])));
+                looks.push(Some(&Corners::Colours([a, b, c])));
                 Ok(None)
             }
             Some(Property::Coordinates { texture, uvs }) => {
@@ -207,11 +220,12 @@ impl Reader<'_> {
                     let what = "has fewer coordinates than its triangles name";
                     return Err(self.error(format!("resource {group}"), what));
                 };
+                let corners = Corners::Uvs([a, b, c]);
                 let image = match model.textures.get(texture) {
                     Some(texture) => self.image(&texture.path)?,
                     None => None,
                 };
-                looks.push(image.map(|_| Corners::Uvs([a, b, c])));
+                looks.push(image.map(|_| &corners));
                 Ok(image)
             }
             None => {
@@ -266,7 +280,7 @@ struct Looks {
 
 impl Looks {
     /// Adds a triangle. One without colours has that of surfaces without a material.
-    fn push(&mut self, corners: Option<Corners>) {
+    fn push(&mut self, corners: Option<&Corners>) {
         let Looks { colours, alphas, known, .. } = self;
         let mut index = |colour: Option<[u8; 4]>| {
             *known.entry(colour).or_insert_with(|| {

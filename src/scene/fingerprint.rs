@@ -196,7 +196,7 @@ mod tests {
         assert_eq!(of(&scene()), base, "the same of equal scenes");
         let changes: [fn(&mut Scene); 9] = [
             |scene| {
-                scene.images[0].pixels = [[1u8, 2, 3], [1, 2, 3], [1, 2, 3], [1, 2, 4]].into_iter().collect()
+                scene.images[0].pixels = [[1u8, 2, 3], [1, 2, 3], [1, 2, 3], [1, 2, 4]].into_iter().collect();
             },
             |scene| (scene.images[0].width, scene.images[0].height) = (4, 1),
             |scene| scene.picture = PictureSettings::of_size([1, 2]),

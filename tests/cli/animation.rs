@@ -561,7 +561,7 @@ fn frame_0(shop: &Workshop, arguments: &str) -> Vec<u8> {
 
 /// The file of a floor and a square of a material, which a clip has at (0.3, 0.5, 0) at its beginning and elsewhere at rest, all
 /// of it moved along x.
-fn clip_of(material: serde_json::Value, x: f32) -> Vec<u8> {
+fn clip_of(material: &serde_json::Value, x: f32) -> Vec<u8> {
     use serde_json::json;
     let mut model = Model::square();
     let mut square = model.primitive().clone();
@@ -591,11 +591,11 @@ fn frame_0_of_a_clip_is_the_picture_of_time_0() {
     let extension = |name: &str, value: serde_json::Value| json!({ "extensions": { name: value } });
     let mut lamp = extension("KHR_materials_emissive_strength", json!({ "emissiveStrength": 5 }));
     lamp["emissiveFactor"] = json!([1, 1, 1]);
-    let shop = Workshop::with("lamp.glb", clip_of(lamp, 0.0));
+    let shop = Workshop::with("lamp.glb", clip_of(&lamp, 0.0));
     let glass = extension("KHR_materials_transmission", json!({ "transmissionFactor": 1 }));
-    shop.write("glass.glb", clip_of(glass, 0.0));
-    shop.write("plain.glb", clip_of(json!({}), 0.0));
-    shop.write("far.glb", clip_of(json!({}), 1_048_576.0));
+    shop.write("glass.glb", clip_of(&glass, 0.0));
+    shop.write("plain.glb", clip_of(&json!({}), 0.0));
+    shop.write("far.glb", clip_of(&json!({}), 1_048_576.0));
     shop.write("studio.toml", "[image]\nlook = 'studio'\n[[mesh]]\nfile = 'plain.glb'\n");
     for (file, options) in [
         ("lamp.glb", ""),
@@ -624,7 +624,7 @@ fn frame_0_of_a_clip_is_the_picture_of_time_0() {
 /// A ground of the default look is left out of the pictures of a camera below it; one that is asked for stays.
 #[test]
 fn the_ground_of_the_look_is_hidden_from_below() {
-    let shop = Workshop::with("a.glb", clip_of(serde_json::json!({}), 0.0));
+    let shop = Workshop::with("a.glb", clip_of(&serde_json::json!({}), 0.0));
     let of = |command: &str, options: &str| {
         shop.succeed(&format!("render a.glb --size 24x20 --elevation -30 {options} {command}"));
         rgba(&shop, "a.png")

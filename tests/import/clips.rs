@@ -465,7 +465,8 @@ fn several_clips_play_together() {
     };
     let posed = |clip: ClipChoice, time| {
         let mut warnings = Warnings::default();
-        let scene = load_with(&[file.clone()], &options(Some(ClipTime { clip, time })), &mut warnings);
+        let scene =
+            load_with(std::slice::from_ref(&file), &options(Some(ClipTime { clip, time })), &mut warnings);
         let corner = |object: &kiln::scene::Object| {
             let (min, _) =
                 Scene { objects: vec![object.clone()], ..Scene::default() }.bounds().expect("bounds");
@@ -487,7 +488,8 @@ fn several_clips_play_together() {
     let (missing, _) = posed(named(&["Left", "Fly"]), 0.0);
     assert_eq!(missing.expect_err("there is none").to_string(), "no input has a clip `Fly`");
     // The animation lasts as long as the longest, and its frames are the poses.
-    let mut scene = load_with(&[file.clone()], &options(None), &mut Warnings::default()).expect("a scene");
+    let mut scene =
+        load_with(std::slice::from_ref(&file), &options(None), &mut Warnings::default()).expect("a scene");
     play_clip(&mut scene, &named(&["Right", "Left"])).expect("clips of a file");
     let animation = scene.animation.expect("an animation");
     assert_eq!((animation.duration, animation.clips.len()), (2.0, 2));
@@ -517,7 +519,7 @@ fn a_mirrored_joint_turns_its_own_triangles_alone() {
             let positions: Vec<[f32; 3]> = places.iter().map(|&i| corners[i]).collect();
             let mut model = Model::new(&positions);
             if has_normals {
-                model.attribute("NORMAL", &vec![[0.0, 0.0, 1.0]; 9]);
+                model.attribute("NORMAL", &[[0.0, 0.0, 1.0]; 9]);
             } else {
                 let flat = crate::common::gltf::png_uri(1, &[[128, 128, 255, 255]]);
                 model.attribute("TEXCOORD_0", &positions.iter().map(|p| [p[0], p[1]]).collect::<Vec<_>>());

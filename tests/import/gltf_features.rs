@@ -424,8 +424,8 @@ fn binary_files_with_other_chunks_bytes_or_lengths() {
     let mut text = json.to_string().into_bytes();
     text.resize(text.len().next_multiple_of(4), b' ');
     let (text, data) = (text.as_slice(), model.bytes.as_slice());
-    let (json, bin): ((&[u8; 4], &[u8]), (&[u8; 4], &[u8])) = ((b"JSON", text), (b"BIN\0", data));
-    let junk: (&[u8; 4], &[u8]) = (b"JU\x1bK", &[1; 8]);
+    type Chunk<'a> = (&'a [u8; 4], &'a [u8]);
+    let [json, bin, junk]: [Chunk; 3] = [(b"JSON", text), (b"BIN\0", data), (b"JU\x1bK", &[1; 8])];
     let zeros = [text, &[0; 4]].concat();
     let marked = [b"\xEF\xBB\xBF", text].concat();
     let whole = glb(&[json, bin], None);
@@ -514,8 +514,7 @@ fn images_with_any_or_no_type() {
         model.json["images"] = json!([image, image]);
         let (scene, warnings) = read(&model);
         assert_eq!((scene.images.len(), warnings.len()), (1, 0), "{kind:?}: {warnings:?}");
-        let texels: Vec<[u16; 3]> = scene.images[0].pixels.iter().collect();
-        assert_eq!(texels, [[255, 0, 0]], "{kind:?}");
+        assert_eq!(scene.images[0].pixels, [[255u8, 0, 0]].into_iter().collect(), "{kind:?}");
     }
     // A type in a data URI, and a name of a file, that say otherwise.
     let uri = crate::common::gltf::data_uri("image/jpeg", &png);

@@ -144,7 +144,8 @@ fn obj_pictures_stand_upright() {
     let (mut scene, _) = fixture("materials.obj");
     let image = &scene.images[0];
     assert_eq!((image.width, image.height), (2, 2));
-    assert_eq!(texels(image), [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255]]);
+    let texels = [[255u8, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255]];
+    assert_eq!(image.pixels, texels.into_iter().collect());
     // vt 0 0 is the lower left corner of the texture, (0, 1) if v is counted from the top.
     let uvs = &mesh(&scene, 1).uvs[0];
     let first = uvs.triangles.as_ref().unwrap_or(&mesh(&scene, 1).triangles)[0][0];
@@ -361,7 +362,7 @@ fn mtl_of_physically_based_materials() {
     // An index of 1 on an opaque surface is ignored.
     assert_eq!((maps.layers.ior, maps.layers.transmission), (1.5, 0.0));
     let pixels = |texture: Option<kiln::scene::Texture>| {
-        texels(&scene.images[texture.expect("a texture").image.0 as usize])
+        scene.images[texture.expect("a texture").image.0 as usize].pixels.iter().collect::<Vec<_>>()
     };
     assert_eq!(pixels(maps.metallic_roughness_texture), [[255, 60, 90]; 2]);
     assert_eq!(pixels(maps.emission_texture), [[30; 3]]);
@@ -894,7 +895,7 @@ fn obj_opacity_of_numbers_and_pictures() {
     let factors: Vec<Option<f64>> = (0..6).map(|i| opacity(i).map(|o| o.factor)).collect();
     assert_eq!(factors, [Some(0.25), Some(0.75), Some(1.0), None, Some(0.0), None]);
     let texture = opacity(2).and_then(|o| o.texture).expect("map_d is a texture");
-    assert_eq!(texels(&scene.images[texture.image.0 as usize]), [[0; 3], [204; 3]]);
+    assert_eq!(scene.images[texture.image.0 as usize].pixels, [[0u8; 3], [204; 3]].into_iter().collect());
 }
 
 /// By default the look smooths meshes of formats that say nothing of normals that are missing; in glTF they are flat.
@@ -1426,7 +1427,7 @@ fn gltf_textures_of_extensions() {
         (SheenRoughness, 2, 1),
     ];
     assert_eq!(found, expected);
-    assert_eq!(texels(&scene.images[2]), [[4; 3]]);
+    assert_eq!(scene.images[2].pixels, [[4u8; 3]].into_iter().collect());
     assert!(scene.images[2].name.ends_with("image 0, alpha") && scene.images.len() == 3);
     assert!(scene.materials[1].further_textures().is_empty());
     // The only texture, so that the first coordinates of the mesh are of its set.
@@ -1470,7 +1471,7 @@ fn gltf_specular_glossiness_becomes_metallic_roughness() {
     assert_eq!(m.layers.specular_colour, Colour::Linear(v(0.1, 0.2, 0.3)));
     assert_eq!(m.further_textures[0].slot, kiln::scene::TextureSlot::SpecularColour);
     let roughness = m.metallic_roughness_texture.expect("the glossiness, converted").image.0;
-    assert_eq!(texels(&scene.images[roughness as usize]), [[205; 3]]);
+    assert_eq!(scene.images[roughness as usize].pixels, [[205u8; 3]].into_iter().collect());
     // All defaults of the extension are 1: a mirror.
     assert_eq!((plain.metallic, plain.roughness, plain.layers.ior), (0.0, 0.0, 0.0));
     assert_eq!(plain.layers.specular_colour, Colour::Linear(DVec3::ONE));

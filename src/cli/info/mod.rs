@@ -66,9 +66,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     // By the importers and by a render without options.
     report["left_out"] = all.into_iter().flat_map(Warnings::all_left_out).cloned().collect();
     if arguments.json {
-        print(&json_text(&report))?
+        print(&json_text(&report))?;
     } else {
-        print(&lines.0)?
+        print(&lines.0)?;
     }
     // What the file holds is printed nevertheless.
     drawable

@@ -129,7 +129,10 @@ pub(super) fn parse(bytes: &[u8], file: &Path, warnings: &mut Warnings) -> Resul
     Ok(Json { root, blob: blob.map(<[u8]>::to_vec), pointers })
 }
 
-/// The JSON and the binary chunk of a GLB file (glTF 2.0, section 4.4). The stated length of the file is not used, nor are
+/// The JSON and the binary chunk of a GLB file.
+type GlbChunks<'a> = (&'a [u8], Option<&'a [u8]>);
+
+/// Finds the chunks of a GLB file (glTF 2.0, section 4.4). The stated length of the file is not used, nor are
 /// chunks of other types and what is no chunk; the binary chunk ends with the file at the latest.
 ///
 /// # Errors
@@ -137,7 +140,7 @@ pub(super) fn parse(bytes: &[u8], file: &Path, warnings: &mut Warnings) -> Resul
 fn glb_chunks<'a>(
     bytes: &'a [u8],
     warn: &mut impl FnMut(String),
-) -> std::result::Result<(&'a [u8], Option<&'a [u8]>), Option<String>> {
+) -> std::result::Result<GlbChunks<'a>, Option<String>> {
     const HEADER: usize = 12;
     let number = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at.checked_add(4)?)?.try_into().ok()?));
     let version = number(4).ok_or(None)?;

@@ -64,7 +64,7 @@ impl Faces {
         let has_number = has(Slot::TextureNumber);
         self.textures = has_number.then(Vec::new);
         let has_colours = (0..3).all(|channel| has(Slot::Colour(channel)));
-        let (white, is_float) = whites(element, &slots, |channel| Slot::Colour(channel));
+        let (white, is_float) = whites(element, &slots, Slot::Colour);
         self.colours = has_colours.then(|| Colours { white, is_float, ..Colours::default() });
         let colour_bytes = if has_colours { size_of::<[f64; 4]>() + size_of::<u32>() } else { 0 };
         let count = body.count(element, size_of::<[u32; 3]>() + colour_bytes)?;

@@ -39,7 +39,11 @@ impl FacetColours {
             let at = header.windows(key.len()).position(|word| word == key)? + key.len();
             header.get(at..at + length)
         };
-        let colour = |bytes: &[u8]| [0, 1, 2, 3].map(|i| f64::from(bytes[i]) / 255.0);
+        // An alpha of 0 is that of programs that do not use it: nothing would be seen. Others write a separator there.
+        let colour = |bytes: &[u8]| {
+            let alpha = if matches!(bytes[3], 0 | b' ' | b',') { 255 } else { bytes[3] };
+            [bytes[0], bytes[1], bytes[2], alpha].map(|value| f64::from(value) / 255.0)
+        };
         // A material of white space or zeros is the padding of the header.
         let is_padding = |bytes: &[u8]| bytes.iter().all(|&b| b == bytes[0] && matches!(b, 0 | b' '));
         let material = after(b"MATERIAL=", 12).filter(|bytes| !is_padding(bytes));
@@ -80,9 +84,8 @@ impl FacetColours {
             if !self.has_own {
                 material.colour = Colour::Display(DVec3::new(r, g, b));
             }
-            // An alpha of 0 is that of programs that do not use it: nothing would be seen.
-            let factor = if alpha == 0.0 { 1.0 } else { alpha };
-            material.opacity = (factor < 1.0).then_some(Opacity { factor, texture: None, cutoff: None });
+            material.opacity =
+                (alpha < 1.0).then_some(Opacity { factor: alpha, texture: None, cutoff: None });
         }
         scene.add_material(Material::Phong(material))
     }

@@ -12,6 +12,18 @@ pub(super) struct Words<'a> {
     pub line: usize,
 }
 
+/// The text from its first word that is not in a comment: from `#` to the end of the line.
+pub(super) fn without_comments(mut text: &[u8]) -> &[u8] {
+    loop {
+        text = text.trim_ascii_start();
+        if text.first() != Some(&b'#') {
+            return text;
+        }
+        let end = text.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(text.len());
+        text = &text[end..];
+    }
+}
+
 impl<'a> Words<'a> {
     pub(super) fn new(text: &'a [u8]) -> Self {
         Words { rest: text, line: 1 }
@@ -33,7 +45,7 @@ impl<'a> Words<'a> {
     }
 
     pub(super) fn next(&mut self) -> Option<&'a [u8]> {
-        self.move_to(self.rest.trim_ascii_start());
+        self.move_to(without_comments(self.rest));
         let mut rest = self.rest;
         let word = take_word(&mut rest);
         self.move_to(rest);
@@ -55,6 +67,11 @@ impl<'a> Words<'a> {
         };
         self.next();
         Some(joined)
+    }
+
+    /// Skips what stands before the end of the line or the next statement.
+    pub(super) fn skip_rest_of_line(&mut self) {
+        self.name(&[b"endfacet", b"facet", b"endsolid", b"solid", b"end"]);
     }
 
     /// Skips a word if it is the next one.

@@ -137,8 +137,8 @@ fn unit(name: &str) -> Option<f64> {
     })
 }
 
-fn wrap(style: Option<String>) -> Wrap {
-    match style.as_deref() {
+fn wrap(style: Option<&str>) -> Wrap {
+    match style {
         Some("mirror") => Wrap::MirroredRepeat,
         Some("clamp" | "none") => Wrap::ClampToEdge,
         _ => Wrap::Repeat,
@@ -238,7 +238,7 @@ impl Parser<'_> {
                 }
             }
             b"metadata" if self.open.is_none() => {
-                self.metadata = has.text("name").map(|name| (name, String::new()))
+                self.metadata = has.text("name").map(|name| (name, String::new()));
             }
             b"object" => {
                 let id = has.index("id").ok_or_else(|| self.fault("an object without an id"))?;
@@ -377,7 +377,8 @@ impl Parser<'_> {
             }
             b"texture2d" => {
                 if let (Some(id), Some(path)) = (id, has.text("path")) {
-                    let wrap = [wrap(has.text("tilestyleu")), wrap(has.text("tilestylev"))];
+                    let wrap =
+                        [wrap(has.text("tilestyleu").as_deref()), wrap(has.text("tilestylev").as_deref())];
                     self.model.textures.insert(id, TextureFile { path, wrap });
                 }
             }
