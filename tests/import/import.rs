@@ -16,8 +16,8 @@ use kiln::film::{Colour, ColourPipeline, Window};
 use kiln::render::{RenderControl, render};
 use kiln::scene::Numerics;
 use kiln::scene::{
-    Camera, DecodedImage, Degrees, Falloff, Focus, ImportOptions, Interpolation, Lens, LightKind, Material,
-    Mesh, Minify, Projection, ReadingOptions, Scene, Shape, Wrap,
+    Camera, Degrees, Falloff, Focus, ImportOptions, Interpolation, Lens, LightKind, Material, Mesh, Minify,
+    Projection, ReadingOptions, Scene, Shape, Wrap,
 };
 use kiln::shading::ShadingMode;
 use kiln::world::{View, World};
@@ -51,10 +51,6 @@ fn mesh(scene: &Scene, object: usize) -> &Mesh {
         Shape::Placed(placed) => &placed.mesh,
         Shape::Analytic(_) => panic!("object {object} is a sphere"),
     }
-}
-
-fn texels(image: &DecodedImage) -> Vec<[u16; 3]> {
-    image.pixels.iter().collect()
 }
 
 fn triangles(mesh: &Mesh) -> Vec<[DVec3; 3]> {
