@@ -57,7 +57,9 @@ fn is_binary(bytes: &[u8]) -> bool {
     let is_solid =
         words::without_comments(start).get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
     let has_control = start.iter().any(|b| b.is_ascii_control() && !b.is_ascii_whitespace());
-    !is_solid || has_control
+    // Names may have any bytes.
+    let has_facet = start.windows(5).any(|word| word.eq_ignore_ascii_case(b"facet"));
+    !is_solid || has_control && !has_facet
 }
 
 /// Strips a byte order mark.

@@ -244,16 +244,17 @@ fn textures_have_their_bytes() {
     assert!(!cfg!(target_os = "linux") || bytes("peak") > bytes("acceleration_structure"));
     assert_eq!((&report["build"]["measured"], &report["build"]["error"]), (&json!(true), &Value::Null));
     let said = workshop.info(&fixture);
-    assert!(said.contains("pictured (phong): textures: base colour\n"), "{said}");
+    assert!(said.contains("pictured (phong): colour (1, 1, 1); textures: base colour\n"), "{said}");
     assert!(said.contains("textures    1: four.png (2 x 2)\n"), "{said}");
 }
 
 #[test]
 fn a_file_that_cannot_be_rendered_says_why() {
     let workshop = Workshop::with("points.obj", "v 0 0 0\np 1\n");
-    let said = workshop.info("points.obj");
+    // What the file holds is printed all the same.
+    let said = workshop.code("info points.obj", 3).0;
     assert!(said.contains("render      not possible: points.obj: has no triangles to draw\n"), "{said}");
-    let report = workshop.json("points.obj");
+    let report: Value = serde_json::from_str(&workshop.code("info points.obj --json", 3).0).expect("JSON");
     assert_eq!(report["left_out"], json!(["points.obj: points and lines are not drawn"]));
     assert_eq!(report["build"]["error"], "points.obj: has no triangles to draw");
     assert_eq!((&report["effects"], &report["geometry"]["edges"]), (&Value::Null, &json!(0)));

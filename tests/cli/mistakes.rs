@@ -418,7 +418,7 @@ const MISTAKES: &[Mistake] = &[
         "`assimp export in.3ds out.glb -fglb2`",
         3,
     ),
-    (Input, "a.3mf\nx", "a.3mf: not a kind of file that kiln reads", "assimp", 3),
+    (Input, "a.3mf\nx", "a.3mf: not a whole ZIP archive, as 3MF files are", "export or copy it again", 3),
     (Input, "a.x3d\nx", "a.x3d: not a kind of file that kiln reads", "assimp", 3),
     (Input, "a.blend\nx", "a.blend: not a kind of file that kiln reads", "Blender", 3),
     (Input, "a.usd\nx", "a.usd: not a kind of file that kiln reads", "Blender", 3),

@@ -48,8 +48,6 @@ impl Workshop {
     }
 }
 
-/// The pixels of a PNG are the display transform of those of the EXR of the same picture, which no option of it
-/// changes.
 /// A square covers the left of the picture up to the middle of column 20. Its own colour stays in PNG, whose alpha is
 /// straight; EXR has it times alpha. Beside it all is 0.
 #[test]
@@ -150,6 +148,8 @@ fn transparent_pictures_are_merged_from_shards() {
     }
 }
 
+/// The pixels of a PNG are the display transform of those of the EXR of the same picture, which no option of it
+/// changes. The background passes it unchanged.
 #[test]
 fn png_is_the_display_transform_of_exr() {
     let workshop = Workshop::with("scene.toml", SCENE);
@@ -164,7 +164,12 @@ fn png_is_the_display_transform_of_exr() {
             assert_eq!(workshop.floats("a.exr"), light, "{options}");
             workshop.succeed(&format!("render scene.toml -o a.png {options}"));
             let display = DisplayTransform::new(ev, map);
-            let expected: Vec<_> = light.iter().map(|&c| display.encode(ColourPipeline::Linear, c)).collect();
+            // The corner shows the background.
+            let of = |&c: &[f32; 3]| match c == light[0] {
+                true => [0x20, 0x30, 0x40],
+                false => display.encode(ColourPipeline::Linear, c),
+            };
+            let expected: Vec<_> = light.iter().map(of).collect();
             assert_eq!(workshop.colours("a.png"), expected, "{options}");
             assert!(!seen.contains(&expected), "{options}");
             seen.push(expected);
@@ -205,7 +210,7 @@ fn crops_and_parts_have_the_exposure_of_the_whole() {
     assert_eq!(workshop.bytes("merged.png"), workshop.bytes("whole.png"));
 }
 
-/// A background of 188 alone is (188 / 255 + 0.055) / 1.055 to the power 2.4 = 0.50289 in linear light, so the
+/// A surface of 188 alone, without shading, is (188 / 255 + 0.055) / 1.055 to the power 2.4 = 0.50289 in linear light, so the
 /// automatic exposure is log2(0.18 / 0.50289) = -1.48226, rounded -1.48; the picture is then 0.50289 * 2^-1.48 =
 /// 0.18028, which sRGB encodes as 0.46169, times 255 = 117.73: 118.
 #[test]
@@ -213,8 +218,9 @@ fn the_automatic_exposure_of_a_uniform_picture() {
     let workshop = Workshop::with("scene.toml", SCENE);
     workshop.write(
         "grey.toml",
-        "[image]\nwidth = 33\nheight = 20\nbackground = '#bcbcbc'\n\
-        [[camera]]\nposition = [0, 0, 1]\nlook_at = [0, 0, 0]\n",
+        "[image]\nwidth = 33\nheight = 20\nshading = 'flat'\n[material.grey]\ncolour = '#bcbcbc'\n\
+        [[camera]]\nposition = [0, 0, 1]\nlook_at = [0, 0, 0]\n[[triangles]]\nmaterial = 'grey'\n\
+        vertices = [[-99, -99, 0], [99, -99, 0], [0, 99, 0]]\nindices = [[0, 1, 2]]\n",
     );
     let said = workshop.succeed("render grey.toml -o a.png --exposure auto --threads 1");
     assert!(said.contains("kiln: note: the exposure is -1.48 EV"), "{said}");

@@ -45,7 +45,13 @@ impl<'a> Words<'a> {
     }
 
     pub(super) fn next(&mut self) -> Option<&'a [u8]> {
-        self.move_to(without_comments(self.rest));
+        let text = without_comments(self.rest);
+        if text.is_empty() {
+            // The line of the last word stays.
+            self.rest = text;
+            return None;
+        }
+        self.move_to(text);
         let mut rest = self.rest;
         let word = take_word(&mut rest);
         self.move_to(rest);
