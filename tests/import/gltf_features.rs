@@ -617,14 +617,19 @@ fn culled_back_faces_are_hidden_from_the_camera_alone() {
         for numerics in Numerics::ALL {
             let name = format!("{transport:?} {numerics:?}");
             let (all, values, notes) = drawn(None, &["shadows"], transport, numerics);
-            assert!(all[0] > 0.0 && all[1] == 0.0, "{name}: {all:?}");
+            // Dielectrics reflect 0.04 of white light.
+            assert!(all[0] > 0.0 && all[1] < 0.05 * all[0], "{name}: {all:?}");
             assert_eq!(values, [3.0, 1.0], "{name}");
             assert!(notes.contains("100 % of what is seen are back faces"), "{notes}");
             let (lit, values, notes) = drawn(Some(true), &["shadows"], transport, numerics);
             assert_eq!(values, [4.0, 0.0], "{name}");
             assert!(!notes.contains("--cull"), "{notes}");
             let (shadowed, ..) = drawn(Some(true), &[], transport, numerics);
-            assert!(lit[0] == 0.0 && shadowed[0] == 0.0, "{name}: {lit:?} {shadowed:?}");
+            let is_red = |colour: [f32; 3]| colour[0] > 0.05 * colour[1];
+            assert!(
+                !is_red(lit) && (shadowed[0] == 0.0 || !is_red(shadowed)),
+                "{name}: {lit:?} {shadowed:?}"
+            );
             // Paths have shadows always, and no ambient light.
             if transport == kiln::scene::Transport::Whitted {
                 assert!(0.0 < shadowed[1] && shadowed[1] < lit[1], "{name}: {shadowed:?} {lit:?}");

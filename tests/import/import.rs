@@ -2083,9 +2083,9 @@ fn what_ply_and_stl_files_lack_is_said() {
     assert_eq!(
         warnings,
         [
+            "a.ply: 2 line(s) hold more values than the header says; the rest of them is left out",
             "a.ply: 3 vertices without faces; points are not drawn",
             "a.ply: left out 1 face(s) of fewer than three corners",
-            "a.ply: 2 line(s) hold more values than the header says; the rest of them is left out",
         ]
     );
     let (scene, warnings) = folder.load("a.stl", "solid a\n");

@@ -115,6 +115,8 @@ const NOT_EFFECTS: &[(&str, &str)] = &[
     ("import/gltf/document.rs", "textures"),
     // The name of an image.
     ("import/gltf/look.rs", "alpha"),
+    // The channel of an image.
+    ("cli/compare.rs", "alpha"),
     // A property of vertices and faces.
     ("import/ply.rs", "alpha"),
     // An attribute of items and components.

@@ -170,10 +170,12 @@ fn mesh(
     let of_positions = || {
         let used = renumber(&mut positions, all_positions.len());
         let mut colours = if all_colours.is_empty() { Vec::new() } else { gather(all_colours, &used) };
-        let is_coloured = colours.par_iter().any(|colour| !colour.is_nan());
+        // One that is not a number in part is the file's fault, and said.
+        let is_missing = |colour: DVec3| colour.is_nan_mask().all();
+        let is_coloured = colours.par_iter().any(|&colour| !is_missing(colour));
         // White for positions without a colour.
         let decode = |colour: DVec3| {
-            if colour.is_nan() { DVec3::ONE } else { DVec3::from(colour.to_array().map(srgb_decode)) }
+            if is_missing(colour) { DVec3::ONE } else { DVec3::from(colour.to_array().map(srgb_decode)) }
         };
         colours.par_iter_mut().for_each(|colour| *colour = decode(*colour));
         let colours = is_coloured.then(|| Attribute::per_position(colours));
