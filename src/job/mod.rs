@@ -202,7 +202,7 @@ impl RenderJob {
     }
 
     /// As [`RenderJob::render_selected`], of pixels of `f32` that are developed later with [`RenderJob::display`]: the
-    /// colours that pass it unchanged are those of [`DisplayTransform::keep`].
+    /// colours that pass it unchanged are those of [`crate::film::DisplayTransform::keep`].
     ///
     /// # Errors
     /// As [`RenderJob::render`].

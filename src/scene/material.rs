@@ -210,7 +210,7 @@ pub enum TexelEncoding {
 impl TexelEncoding {
     /// The decoded values of data or a normal, 0 to 1, from stored ones, 0 to `largest`.
     #[inline]
-    pub(crate) fn numbers(self, texel: [u16; 3], largest: u16, number: impl Fn(u16) -> f64) -> [f64; 3] {
+    pub fn numbers(self, texel: [u16; 3], largest: u16, number: impl Fn(u16) -> f64) -> [f64; 3] {
         let is_level = |value: u16| value == largest / 2 || value == largest / 2 + 1;
         match (self, texel.map(number)) {
             (TexelEncoding::Normal, [.., z]) if is_level(texel[0]) && is_level(texel[1]) => [0.5, 0.5, z],

@@ -396,7 +396,7 @@ impl Scene {
     }
 
     /// Whether an object is unlit.
-    pub(crate) fn has_unlit(&self) -> bool {
+    pub fn has_unlit(&self) -> bool {
         self.objects.iter().any(|o| self.materials.get(o.material.0 as usize).is_some_and(Material::is_unlit))
     }
 
