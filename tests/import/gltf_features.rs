@@ -622,7 +622,8 @@ fn culled_back_faces_are_hidden_from_the_camera_alone() {
             assert_eq!(values, [3.0, 1.0], "{name}");
             assert!(notes.contains("100 % of what is seen are back faces"), "{notes}");
             let (lit, values, notes) = drawn(Some(true), &["shadows"], transport, numerics);
-            assert_eq!(values, [4.0, 0.0], "{name}");
+            // Behind the red one the ray goes on from an origin that is moved off its plane.
+            assert!((values[0] - 4.0).abs() < 1e-5 && values[1] == 0.0, "{name}: {values:?}");
             assert!(!notes.contains("--cull"), "{notes}");
             let (shadowed, ..) = drawn(Some(true), &[], transport, numerics);
             let is_red = |colour: [f32; 3]| colour[0] > 0.05 * colour[1];
