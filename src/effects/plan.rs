@@ -65,7 +65,7 @@ impl Choices {
         (on, value)
     }
 
-    /// The option by which an effect was asked for last, as typed; `None` if none asks for it.
+    /// The last option that turns the effect on, as typed; `None` without one.
     pub fn option_of(&self, effect: EffectId) -> Option<String> {
         let typed = self.with.iter().rfind(|typed| name_and_value(typed).0 == effect.name())?;
         let stand_in = self.stand_in.as_ref().filter(|(entry, _)| entry == typed);

@@ -325,8 +325,8 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     Ok(resolved)
 }
 
-/// Leaves the ground of the default look out where the camera is not above it. The settings then say so: those of a picture ask for
-/// a ground, which stays.
+/// Removes the ground of the default look if the camera is not above it, and records that in the settings. A ground that
+/// the settings turn on stays.
 pub(crate) fn hide_ground(scene: &mut Scene, camera: &Camera) {
     if scene.ground.is_some_and(|ground| ground.is_hidden_from(camera)) {
         scene.ground = None;
