@@ -23,7 +23,7 @@ pub enum ColourPipeline {
 }
 
 /// A colour in the encoding of its source. Three channels, red, green and blue, nominally 0 to 1.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub enum Colour {
     /// Display values (sRGB-encoded): scene files, 8-bit images, MTL files.
     Display(DVec3),

@@ -70,7 +70,7 @@ pub fn metadata(
         let mut names = aovs.to_vec();
         names.sort_unstable();
         names.dedup();
-        // The key is part of the hash: renaming it would change the fingerprint of every picture.
+        // The key is hashed, too: another one would change the fingerprint of every picture.
         add_to_fingerprint(&mut metadata, "layers", &names);
     }
     metadata
@@ -94,7 +94,7 @@ pub fn fingerprint_of(metadata: &[(String, String)]) -> &str {
 }
 
 /// Mixes a further value into the fingerprint.
-pub fn add_to_fingerprint(metadata: &mut Metadata, name: &str, more: &impl std::fmt::Debug) {
+pub fn add_to_fingerprint(metadata: &mut Metadata, name: &str, more: &impl serde::Serialize) {
     for (_, value) in metadata.iter_mut().filter(|(key, _)| key == FINGERPRINT) {
         let mut fingerprint = Fingerprint::default();
         fingerprint.value("picture", value);

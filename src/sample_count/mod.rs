@@ -43,7 +43,7 @@ const HALF_MORE_FACTOR: f64 = 0.87;
 const NEAR_FACTOR: f64 = 0.8 * HALF_MORE_FACTOR;
 
 /// Error metric between display values (1 is white) before rounding to 8 bits.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub enum Metric {
     /// Mean LDR-FLIP.
     Flip,
@@ -62,7 +62,7 @@ impl Metric {
 }
 
 /// Target of the sample count: an error bound, a time limit or both.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct ErrorTarget {
     /// Metric and its upper bound.
     pub accuracy: Option<(Metric, f64)>,

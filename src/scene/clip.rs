@@ -1,7 +1,7 @@
 //! Clips: animations that an input file brings by name.
 
 /// A clip of an input file.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Clip {
     /// Its name, or its index if it has none. Names may repeat.
     pub name: String,

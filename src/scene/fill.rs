@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 /// A zone of a [`Fill`]: the directions from a height up to the next zone.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct FillZone {
     /// The sine of the elevation above the horizon at which the zone begins, -1 to below 1.
     pub from: f64,
@@ -13,7 +13,7 @@ pub struct FillZone {
 
 /// Ambient radiance that is piecewise constant in the sine of elevation, as of the walls, lights and floor of a studio. Local
 /// shading evaluates it without its shadows; path tracing uses it as an environment.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Fill {
     /// From below, the first from -1.
     pub zones: [FillZone; 5],

@@ -2,23 +2,32 @@
 //! of 256 bits. Equal scenes have equal fingerprints; accidental collisions are negligible.
 //!
 //! The hash covers the description, including every vertex and texel. Paths and names of files are not hashed.
+//!
+//! Values are hashed in the wire format of postcard 1 (https://postcard.jamesmunns.com): fields in their order, enum
+//! variants by their index, floating-point numbers bit by bit. Names of fields and types are not part of it.
 
-use std::fmt::Debug;
 use std::sync::Arc;
 
+use serde::Serialize;
+
 use super::{
-    Attribute, DecodedImage, EnvironmentSource, Light, Material, Mesh, Object, Placed, Scene, Shape,
+    Attribute, DecodedImage, Environment, EnvironmentSource, Light, Material, Mesh, Object, Placed, Scene,
+    Shape,
 };
+
+/// Version of what is hashed. Increase it where the order of fields or variants changes.
+const ENCODING_VERSION: u32 = 1;
 
 /// An incremental hasher.
 #[derive(Clone)]
 pub struct Fingerprint(blake3::Hasher);
 
 impl Default for Fingerprint {
-    /// Starts with the version of the program, because versions may render differently.
+    /// Starts with the versions of the encoding and of the program, because versions may render differently.
     fn default() -> Self {
         let mut fingerprint = Fingerprint(blake3::Hasher::new());
         fingerprint.bytes("kiln", env!("CARGO_PKG_VERSION").as_bytes());
+        fingerprint.value("encoding", &ENCODING_VERSION);
         fingerprint
     }
 }
@@ -32,9 +41,12 @@ impl Fingerprint {
         }
     }
 
-    /// Adds a named value in its `Debug` form, which distinguishes all floating-point values.
-    pub fn value(&mut self, name: &str, value: &impl Debug) {
-        self.bytes(name, format!("{value:?}").as_bytes());
+    /// Adds a named value, serialised.
+    ///
+    /// # Panics
+    /// If `value` has a sequence of unknown length. Those of slices and vectors are known.
+    pub fn value(&mut self, name: &str, value: &(impl Serialize + ?Sized)) {
+        self.bytes(name, &postcard::to_stdvec(value).expect("sequences of known length"));
     }
 
     /// The fingerprint as 64 hexadecimal digits.
@@ -75,9 +87,15 @@ impl Fingerprint {
         } = scene;
         self.value("picture", &(picture.described().entries(), background, ambient));
         if let Some(environment) = environment {
-            self.value("environment", environment);
-            if let EnvironmentSource::Image(image) = &environment.source {
-                self.bytes("environment texels", bytemuck::cast_slice(&image.pixels));
+            let Environment { source, rotation, intensity, is_hidden } = environment;
+            self.value("environment", &(rotation, intensity, is_hidden));
+            match source {
+                EnvironmentSource::Image(image) => {
+                    self.value("environment image", &(image.width, image.height));
+                    self.bytes("environment texels", bytemuck::cast_slice(&image.pixels));
+                }
+                EnvironmentSource::Sky => self.bytes("sky", &[]),
+                EnvironmentSource::Colour(colour) => self.value("environment colour", colour),
             }
         }
         self.value("cameras", cameras);
@@ -109,7 +127,9 @@ impl Fingerprint {
             self.bytes("backdrop", &[]);
         }
         // The places in files are not hashed.
-        effects.iter().for_each(|(name, value, _)| self.value("effect", &(name, value)));
+        effects
+            .iter()
+            .for_each(|(name, value, _)| self.value("effect", &(name, value.is_on(), value.value())));
         if let Some(animation) = animation {
             let super::Animation { fps, duration, repeat, tracks, clips } = animation;
             self.value("animation", &(fps, duration, repeat));
@@ -232,6 +252,36 @@ mod tests {
         let mut renamed = scene();
         renamed.images[0].name = "/elsewhere/a.png".into();
         assert_eq!(of(&renamed), base);
+    }
+
+    /// The wire format, byte by byte: a varint, a tag and eight bytes, a variant's index, a length and characters.
+    #[test]
+    fn values_are_hashed_without_the_names_of_fields() {
+        #[derive(Serialize)]
+        enum Kind {
+            _First,
+            Second(&'static str),
+        }
+        #[derive(Serialize)]
+        struct Pair {
+            count: u32,
+            weight: Option<f64>,
+            kind: Kind,
+        }
+        let (mut values, mut bytes) = (Fingerprint::default(), Fingerprint::default());
+        values.value("pair", &Pair { count: 300, weight: Some(-2.0), kind: Kind::Second("ab") });
+        // 300 = 2 * 128 + 44; -2 has the sign bit and the exponent 1024.
+        bytes.bytes("pair", &[0x80 | 44, 2, 1, 0, 0, 0, 0, 0, 0, 0, 0xc0, 1, 2, b'a', b'b']);
+        assert_eq!(values.finish(), bytes.finish());
+    }
+
+    /// A change here changes the fingerprints of all pictures: increase [`ENCODING_VERSION`].
+    #[test]
+    fn the_encoding_of_a_scene_is_stable() {
+        let mut fingerprint = Fingerprint(blake3::Hasher::new());
+        fingerprint.value("encoding", &ENCODING_VERSION);
+        fingerprint.scene(&scene());
+        assert_eq!(fingerprint.finish(), "aa464cac8ba0d92be3b91b0a653d543e8d28c21e86901dd8e341ad0d43a888e9");
     }
 
     #[test]

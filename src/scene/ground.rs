@@ -16,7 +16,7 @@ const GAP: f64 = 1.0 / 65_536.0;
 const ALBEDO: f64 = 0.5;
 
 /// A horizontal grey square under a scene: not one of its objects, so that cameras are not fitted to it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Ground {
     /// Its centre.
     pub centre: DVec3,

@@ -5,7 +5,7 @@ use crate::film::Colour;
 
 /// Values of the extensions KHR_materials_ior, specular, transmission, volume, clearcoat and sheen: factors of the
 /// textures in [`super::MetallicRoughness::further_textures`].
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Layers<C = Colour> {
     /// Index of refraction; 0 reflects everything.
     pub ior: f64,
@@ -28,7 +28,7 @@ pub struct Layers<C = Colour> {
 }
 
 /// A homogeneous medium that absorbs.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Volume<C = Colour> {
     /// Transmittance of the medium, by channel, over `attenuation_distance`.
     pub attenuation_colour: C,
@@ -74,7 +74,7 @@ impl<C> Layers<C> {
 }
 
 /// A texture of a metallic-roughness material beside those of base colour, roughness and metallic, and emission.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct FurtherTexture {
     /// What it is multiplied into.
     pub slot: TextureSlot,
@@ -83,7 +83,7 @@ pub struct FurtherTexture {
 }
 
 /// What a [`FurtherTexture`] is multiplied into, and where its value is stored.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub enum TextureSlot {
     /// The ambient light, weighted by [`super::MetallicRoughness::occlusion_strength`]: red.
     Occlusion,

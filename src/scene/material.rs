@@ -4,7 +4,7 @@ use super::{FurtherTexture, ImageId, Layers, Sampler, TexelValues};
 use crate::film::Colour;
 
 /// A material. `C` is [`Colour`] in a scene, and a colour in the numbers of the colour pipeline in a prepared world.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, serde::Serialize)]
 pub enum Material<C = Colour> {
     /// Phong model, of the assignment and of OBJ.
     Phong(Phong<C>),
@@ -14,7 +14,7 @@ pub enum Material<C = Colour> {
 
 /// Phong material: ambient, diffuse and specular terms, all multiplied by the object's colour (the assignment's
 /// report).
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, serde::Serialize)]
 pub struct Phong<C = Colour> {
     /// Name.
     pub name: String,
@@ -43,7 +43,7 @@ pub struct Phong<C = Colour> {
 }
 
 /// Smooth glass of a closed surface: `illum` 4, 6, 7 and 9 of MTL.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Refraction<C = Colour> {
     /// Index of refraction, above 1.
     pub ior: f64,
@@ -52,7 +52,7 @@ pub struct Refraction<C = Colour> {
 }
 
 /// A faint mirror reflection: where a reflected ray hits, `colour = own_weight * colour + weight * reflected`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Glaze {
     /// Weight of the reflected colour, 0 to 1.
     pub weight: f64,
@@ -63,7 +63,7 @@ pub struct Glaze {
 }
 
 /// Material of glTF 2.0, section 3.9 of its specification. Factors are linear and multiply their textures.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, serde::Serialize)]
 pub struct MetallicRoughness<C = Colour> {
     /// Name.
     pub name: String,
@@ -100,7 +100,7 @@ pub struct MetallicRoughness<C = Colour> {
 
 /// The opacity of a surface: the part of it that covers what is behind (alpha; Porter and Duff, Compositing Digital
 /// Images, SIGGRAPH 1984). It is the product of factor, texture and vertex alpha.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Opacity {
     /// Factor, 0 to 1.
     pub factor: f64,
@@ -111,7 +111,7 @@ pub struct Opacity {
 }
 
 /// An image and its sampler.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Texture {
     /// The image.
     pub image: ImageId,
@@ -123,7 +123,7 @@ pub struct Texture {
 
 /// Tangent-space normal map: red, green and blue encode x (along u), y (against v) and z (along the normal), each from
 /// -1 at 0 to 1 at the largest value (glTF 2.0, section 3.9.3).
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct NormalMap {
     /// The texture.
     pub texture: Texture,

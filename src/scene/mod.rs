@@ -91,11 +91,11 @@ use crate::geometry::{PrimId, Triangle};
 use glam::DVec3;
 
 /// Index of a material in [`Scene::materials`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]
 pub struct MaterialId(pub u32);
 
 /// Index of an image in [`Scene::images`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]
 pub struct ImageId(pub u32);
 
 /// Description of everything to render. A field that is `None` was not set by any input; it takes its default when the
@@ -183,7 +183,7 @@ pub enum Shape {
 }
 
 /// A light.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Light {
     /// Name from the file, or one derived from its position there.
     pub name: String,
@@ -197,7 +197,7 @@ pub struct Light {
 }
 
 /// The kinds of light.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub enum LightKind {
     /// A point light, in all directions.
     Point {
@@ -294,7 +294,7 @@ impl Light {
 }
 
 /// Falloff of a light's intensity with distance.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub enum Falloff {
     /// None: the assignment's light.
     None,

@@ -1,7 +1,7 @@
 //! Texture samplers: wrapping and filtering of texture lookups.
 
 /// Texture sampler: wrap modes and filters, as in glTF 2.0.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Sampler {
     /// Wrap mode along u.
     pub wrap_u: Wrap,
@@ -14,7 +14,7 @@ pub struct Sampler {
 }
 
 /// Wrap mode of texture coordinates outside 0..1.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub enum Wrap {
     /// The image repeats.
     #[default]
@@ -45,7 +45,7 @@ impl Wrap {
 }
 
 /// Interpolation between texels, or between mip levels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub enum Interpolation {
     /// The nearest value.
     Nearest,
@@ -54,7 +54,7 @@ pub enum Interpolation {
 }
 
 /// Minification filter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 pub struct Minify {
     /// Between the texels of a level.
     pub within: Interpolation,

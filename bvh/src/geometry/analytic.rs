@@ -11,6 +11,7 @@ use super::{Bounds, Numerics, Precision, Ray, Side, Sphere};
 
 /// A primitive that is not a triangle. Another kind is another variant, and an arm of `each!`.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub enum AnalyticShape {
     /// A sphere.
     Sphere(Sphere),

@@ -12,6 +12,7 @@ use super::{Mesh, is_mirror, moved_tangent, normal_matrix};
 
 /// What is done to a point on its way into the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub enum Step {
     /// An affine map.
     Affine(DMat4),
@@ -26,6 +27,7 @@ pub enum Step {
 
 /// The way from a mesh into the world.
 #[derive(Debug, Clone, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Placement {
     steps: Vec<Step>,
 }

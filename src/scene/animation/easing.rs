@@ -1,7 +1,9 @@
 //! Easing functions between two keyframes.
 
 /// An easing function: time fraction to interpolation weight, both 0 to 1.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize, serde::Serialize, schemars::JsonSchema,
+)]
 #[serde(rename_all = "kebab-case")]
 pub enum Easing {
     /// Constant speed: t.

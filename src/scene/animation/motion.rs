@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::scene::Scene;
 
 /// The kinds of motion.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub enum Motion {
     /// Interpolation over the whole animation: `a + (b - a) t`.
     Lerp {
@@ -50,7 +50,7 @@ pub enum Motion {
 }
 
 /// A keyframe.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Key {
     /// Seconds from the beginning.
     pub time: f64,
@@ -61,7 +61,7 @@ pub struct Key {
 }
 
 /// Look-at target of a camera.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub enum Goal {
     /// A point in world space.
     Point(DVec3),

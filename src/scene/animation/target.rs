@@ -9,7 +9,7 @@ use crate::error::{Error, Result, nearest_name};
 use crate::scene::{AnalyticShape, Camera, Focus, Lens, Light, LightKind, Object, Scene, Shape, Sphere};
 
 /// Target of a track, by name.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub enum Target {
     /// A camera.
     Camera(String),
@@ -20,7 +20,9 @@ pub enum Target {
 }
 
 /// Animated property of a target.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize, schemars::JsonSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize, serde::Serialize, schemars::JsonSchema,
+)]
 #[serde(rename_all = "snake_case")]
 pub enum Property {
     /// Position of a camera, a sphere, or a light other than a directional one.

@@ -20,6 +20,7 @@ use super::{Bounds, Numerics, Precision, Ray, Side};
 
 /// A sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Sphere {
     /// Its centre.
     pub centre: DVec3,
