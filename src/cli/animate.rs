@@ -156,8 +156,7 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
     let checks = FrameChecks::default();
     let make = |frame: i32, job: &RenderJob, control: &RenderControl| {
         let (film, statistics) = job.render(control)?;
-        checks.add(frame, &statistics);
-        checks.add_film(frame, &film, &animation, job, control)?;
+        checks.add(frame, (Some(&film), &statistics), &animation, job, control)?;
         Ok(format.convert(&film))
     };
     let mut take = |_, frame: FrameData| recorder.add(frame).map_err(failed);

@@ -20,7 +20,7 @@ use crate::film::check::look;
 use crate::film::write::{self, Format, OutputImage, write_picture};
 use crate::film::{Film, TILE};
 use crate::job::metadata::fingerprint_of;
-use crate::job::{Metadata, RenderJob, RenderSettings};
+use crate::job::{Metadata, RenderJob, RenderSettings, note_of_depth};
 use crate::limits;
 use crate::render::aov::AovSelection;
 use crate::render::{RenderControl, Statistics};
@@ -69,51 +69,64 @@ pub(crate) fn render_all<T: Send>(
     in_order(pool, &animation.frames, in_flight, interrupted, &make, take)
 }
 
-/// Statistics of all frames for warnings at the end: primary ray hits, non-finite pixels, the first frame with any; and an
-/// exposure for frames that are clipped.
+/// What warnings at the end depend on, of all frames.
 #[derive(Default)]
-pub(crate) struct FrameChecks(Mutex<(u64, usize, Option<i32>)>, Mutex<Option<f64>>);
+struct FrameSums {
+    primary_hits: u64,
+    non_finite: usize,
+    /// The first frame with pixels that are not finite.
+    first_non_finite: Option<i32>,
+    /// An exposure for frames that are clipped.
+    exposure: Option<f64>,
+    depth_note: Option<String>,
+}
+
+/// Checks of the frames for warnings at the end. Exposure and depth are checked in the first rendered frame alone.
+#[derive(Default)]
+pub(crate) struct FrameChecks(Mutex<FrameSums>);
 
 impl FrameChecks {
-    /// Adds a frame's statistics.
-    pub(crate) fn add(&self, frame: i32, statistics: &Statistics) {
-        let Ok(mut checks) = self.0.lock() else { return };
-        let (hits, non_finite, first) = &mut *checks;
-        *hits += statistics.rays(RayKind::PRIMARY).hit;
-        if !statistics.non_finite.is_empty() {
-            *non_finite += statistics.non_finite.len();
-            *first = Some(first.map_or(frame, |first| first.min(frame)));
-        }
-    }
-
-    /// Checks for clipping under physical lights. Only the first of the rendered frames is checked.
-    pub(crate) fn add_film(
+    /// Adds a frame: its statistics, and its display values, if it has any.
+    pub(crate) fn add(
         &self,
         frame: i32,
-        film: &Film<[u8; 3]>,
+        (film, statistics): (Option<&Film<[u8; 3]>>, &Statistics),
         animation: &AnimationJob,
         job: &RenderJob,
         control: &RenderControl,
     ) -> Result<()> {
-        if animation.resolved.has_physical_lights && animation.frames.first() == Some(&frame) {
-            let ev = job.exposure_for_clipped(film, control)?;
-            self.1.lock().iter_mut().for_each(|found| **found = ev);
+        let is_first = animation.frames.first() == Some(&frame);
+        let exposure = match film {
+            Some(film) if is_first && animation.resolved.has_physical_lights => {
+                job.exposure_for_clipped(film, control)?
+            }
+            _ => None,
+        };
+        let Ok(mut sums) = self.0.lock() else { return Ok(()) };
+        sums.primary_hits += statistics.rays(RayKind::PRIMARY).hit;
+        if !statistics.non_finite.is_empty() {
+            sums.non_finite += statistics.non_finite.len();
+            sums.first_non_finite = Some(sums.first_non_finite.map_or(frame, |first| first.min(frame)));
+        }
+        if is_first {
+            sums.exposure = exposure;
+            sums.depth_note = note_of_depth(&job.plan, statistics);
         }
         Ok(())
     }
 
-    /// Warns about non-finite pixels, empty frames and clipping.
+    /// Warns about non-finite pixels, empty frames, clipping and the depth of paths.
     pub(crate) fn warn(&self, arguments: &Arguments, warnings: &mut Warnings) {
-        if let Ok(Some(ev)) = self.1.lock().map(|found| *found) {
+        let Ok(sums) = self.0.lock() else { return };
+        if let Some(ev) = sums.exposure {
             warnings.push(clipped_warning(ev));
         }
-        let Ok(checks) = self.0.lock() else { return };
-        let (hits, non_finite, first) = *checks;
-        if let Some(first) = first {
-            warnings
-                .push(format!("{non_finite} pixel(s) are not finite numbers, the first in frame {first}"));
+        sums.depth_note.iter().for_each(|note| warnings.note(note.as_str()));
+        if let Some(first) = sums.first_non_finite {
+            let count = sums.non_finite;
+            warnings.push(format!("{count} pixel(s) are not finite numbers, the first in frame {first}"));
         }
-        if hits == 0 && arguments.settings.crop.is_none() {
+        if sums.primary_hits == 0 && arguments.settings.crop.is_none() {
             warnings.push("nothing is in any frame: no primary ray hits anything; try `--camera auto`");
         }
     }
@@ -200,10 +213,8 @@ pub(crate) fn write_frames(
             output::check_memory_of(job.window, channels, bytes)?;
         }
         let (picture, statistics) = output::render_image(job, pictures.format, &pictures.selection, control)?;
-        checks.add(frame, &statistics);
-        if let OutputImage::Rgb8(film, _) = &picture {
-            checks.add_film(frame, film, &animation, job, control)?;
-        }
+        let film = if let OutputImage::Rgb8(film, _) = &picture { Some(film) } else { None };
+        checks.add(frame, (film, &statistics), &animation, job, control)?;
         let file = pictures.names.of(frame);
         write_picture(&picture, &job.metadata, pictures.format, &file)?;
         Message::Frame(frame, &file).print();

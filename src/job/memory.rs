@@ -44,10 +44,11 @@ pub(super) fn check_lights(world: &World, plan: &Plan) -> Result<()> {
         return Ok(());
     }
     let (lights, threads) = (world.lights.len() as u64, rayon::current_num_threads() as u64);
+    let fewer = if threads > 1 { "--threads 1, " } else { "" };
     limits::check(limits::product(&[lights, threads, size_of::<LightSoa>() as u64])).map_err(|excess| {
         Error::Memory {
             what: format!("local shading by {lights} lights on {threads} thread(s) {excess}"),
-            hint: format!("give fewer lights, --threads 1 or --transport path, or {}", excess.remedy()),
+            hint: format!("give fewer lights, {fewer}--transport path, or {}", excess.remedy()),
         }
     })
 }

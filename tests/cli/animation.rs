@@ -608,6 +608,8 @@ fn frame_0_of_a_clip_is_the_picture_of_time_0() {
         ("plain.glb", "--elevation -30"),
         ("plain.glb", "--elevation -30 --ground"),
         ("plain.glb", "--exposure auto --samples 4"),
+        ("plain.glb", "--exposure auto --noise 0.05"),
+        ("lamp.glb", "--exposure auto --noise 0.05"),
         ("plain.glb", "--draft --camera {position=[1,2,9],look_at=[0,1,0]}"),
         ("far.glb", ""),
         ("studio.toml", ""),
@@ -619,6 +621,20 @@ fn frame_0_of_a_clip_is_the_picture_of_time_0() {
         let differing = frame.iter().zip(&still).filter(|(a, b)| a != b).count();
         assert_eq!(differing, 0, "{arguments}: of {}", still.len());
     }
+}
+
+/// One bounce ends at the front of glass: pictures and frames say so.
+#[test]
+fn frames_say_that_the_depth_ends_paths_in_glass() {
+    let glass =
+        serde_json::json!({ "extensions": { "KHR_materials_transmission": { "transmissionFactor": 1 } } });
+    let shop = Workshop::with("a.glb", clip_of(&glass, 0.0));
+    for output in ["-o a.png", "--frames 0 -o a.png", "--frames 0-1 -o a#.exr"] {
+        let said = shop.succeed(&format!("render a.glb --size 24x20 --samples 4 --depth 1 {output}"));
+        assert!(said.contains("note: the depth of 1 ends "), "{output}: {said}");
+    }
+    let said = shop.succeed("animate a.glb --size 24x20 --samples 4 --depth 1 --frames 0-1 -o a.gif");
+    assert!(said.contains("note: the depth of 1 ends "), "{said}");
 }
 
 /// A ground of the default look is left out of the pictures of a camera below it; one that is asked for stays.

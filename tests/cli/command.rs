@@ -452,6 +452,22 @@ fn an_automatic_camera_can_be_given_again() {
     assert!(said.contains("warning: azimuth changes nothing: the camera is `"), "{said}");
 }
 
+/// A camera whose name `--camera` reads as something else is recorded whole, so that it can be given again.
+#[test]
+fn a_camera_named_as_another_value_of_the_option_is_recorded_whole() {
+    for name in ["auto", "{a"] {
+        let scene = format!(
+            "[[camera]]\nname = '{name}'\nposition = [0, 1, 9]\nlook_at = [0, 0, 0]\nvertical_fov = 50\n\
+             [[sphere]]\ncentre = [0, 0, 0]\nradius = 1\n"
+        );
+        let workshop = Workshop::with("a.toml", &scene);
+        workshop.succeed("render a.toml -o a.png --size 24x16");
+        let table = metadata(&workshop, "a.png")("kiln:camera").expect("a camera");
+        workshop.succeed(&format!("render a.toml -o b.png --size 24x16 --camera {}", table.replace(' ', "")));
+        assert_eq!(workshop.bytes("a.png"), workshop.bytes("b.png"), "{table}");
+    }
+}
+
 #[test]
 fn pictures_say_what_made_them() {
     let workshop = Workshop::with("scene.toml", SCENE);

@@ -85,26 +85,31 @@ fn the_ground_of_a_recentered_scene() {
     }
 }
 
-/// The transparent picture of a mesh's default look over a colour is the picture before that background: the light is
+/// The transparent picture of a mesh's default look, also of glass, over a colour is the picture before that background: the light is
 /// the same, and so are the shadows on the ground. Alpha is of displayed linear light, so the sum is exact but for f32,
 /// and for white, which stands for 0.9975: 0.0025.
 #[test]
 fn a_transparent_picture_over_a_colour_is_that_before_the_colour() {
-    let studio = |background: Option<Background>, transport| {
+    let studio = |mesh: &str, background: Option<Background>, transport| {
         let size = PictureSettings::of_size([32, 32]);
         let picture = PictureSettings { background, transport, ..size };
-        job(mesh(), &RenderSettings { mesh_look: Look::Studio, ..picture.into() })
+        job(as_mesh(mesh), &RenderSettings { mesh_look: Look::Studio, ..picture.into() })
     };
-    for transport in [None, Some(Transport::Path)] {
-        let transparent = studio(Some(Background::Transparent), transport);
+    let ball = BALL.split("[[light]]").next().unwrap();
+    let glass = format!(
+        "[material.glass]\ncolour = '#ffffff'\nmetallic = 0\nroughness = 0\n\
+         layers = {{ transmission = 1, volume = true }}\n{ball}material = 'glass'\n"
+    );
+    for (mesh, transport) in [(ball, None), (ball, Some(Transport::Path)), (&glass, None)] {
+        let transparent = studio(mesh, Some(Background::Transparent), transport);
         let (film, _) = transparent.render::<[f32; 4]>(&RenderControl::default()).unwrap();
         let display = transparent.display().known();
         let shadows = film.rows().filter(|&[r, g, b, alpha]| [r, g, b] == [0.0; 3] && alpha > 0.1).count();
         assert!(shadows > 10, "{shadows} pixels of shadow");
-        for colour in [[255; 3], [70, 130, 180]] {
+        for colour in [[0; 3], [255; 3], [70, 130, 180]] {
             let background = Background::Colour(ColourValue(colour));
-            let (before, _) =
-                studio(Some(background), transport).render::<[f32; 3]>(&RenderControl::default()).unwrap();
+            let before = studio(mesh, Some(background), transport);
+            let (before, _) = before.render::<[f32; 3]>(&RenderControl::default()).unwrap();
             let backdrop = background.colour().to_pipeline(ColourPipeline::Linear);
             let mut free = 0;
             for ([r, g, b, alpha], before) in film.rows().zip(before.rows()) {
@@ -125,13 +130,9 @@ fn a_transparent_picture_over_a_colour_is_that_before_the_colour() {
     }
 }
 
-/// A ball as a scene without a scene file.
-fn mesh() -> Scene {
-    Scene {
-        has_settings: false,
-        picture: PictureSettings::default(),
-        ..parse(BALL.split("[[light]]").next().unwrap())
-    }
+/// Objects as a scene without a scene file.
+fn as_mesh(objects: &str) -> Scene {
+    Scene { has_settings: false, picture: PictureSettings::default(), ..parse(objects) }
 }
 
 /// Before a transparent background the alpha of the ground is the part of its light that is missing: none beside the
