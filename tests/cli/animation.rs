@@ -623,18 +623,21 @@ fn frame_0_of_a_clip_is_the_picture_of_time_0() {
     }
 }
 
-/// One bounce ends at the front of glass: pictures and frames say so.
+/// One bounce ends paths at the back of a glass tetrahedron: pictures and frames say so.
 #[test]
 fn frames_say_that_the_depth_ends_paths_in_glass() {
-    let glass =
-        serde_json::json!({ "extensions": { "KHR_materials_transmission": { "transmissionFactor": 1 } } });
-    let shop = Workshop::with("a.glb", clip_of(&glass, 0.0));
-    for output in ["-o a.png", "--frames 0 -o a.png", "--frames 0-1 -o a#.exr"] {
-        let said = shop.succeed(&format!("render a.glb --size 24x20 --samples 4 --depth 1 {output}"));
-        assert!(said.contains("note: the depth of 1 ends "), "{output}: {said}");
+    let shop = Workshop::with("a.mtl", "newmtl glass\nKd 1 1 1\nNi 1.5\nillum 7\n");
+    let corners = "v 0 0 0\nv 4 0 0\nv 0 3 0\nv 0 0 2\n";
+    shop.write(
+        "a.obj",
+        format!("mtllib a.mtl\n{corners}usemtl glass\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"),
+    );
+    for command in
+        ["render -o a.png", "render --frames 0 -o a.png", "render --frames 0-1 -o a#.exr", "animate --frames 0-1 -o a.gif"]
+    {
+        let said = shop.succeed(&format!("{command} a.obj --size 24x20 --samples 4 --depth 1"));
+        assert!(said.contains("note: the depth of 1 ends "), "{command}: {said}");
     }
-    let said = shop.succeed("animate a.glb --size 24x20 --samples 4 --depth 1 --frames 0-1 -o a.gif");
-    assert!(said.contains("note: the depth of 1 ends "), "{said}");
 }
 
 /// A ground of the default look is left out of the pictures of a camera below it; one that is asked for stays.
