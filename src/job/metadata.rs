@@ -35,7 +35,7 @@ pub fn metadata(
         input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned()
     };
     let inputs: Vec<String> = scene.inputs.iter().map(name).collect();
-    // The first of a name is the one that the name chooses. Its projection is recorded beside it.
+    // A name selects the first camera of that name. The projection is recorded beside it.
     let named = scene.cameras.iter().find(|own| own.name == camera.name);
     let camera_text = match named {
         Some(own) if *own == (Camera { projection: own.projection, ..camera.clone() }) => camera.name.clone(),
