@@ -242,7 +242,7 @@ fn sort_header(bytes: &mut [u8]) {
 mod tests {
     use super::*;
 
-    /// Bytes of another format than the name of the file says are never written.
+    /// The format of the bytes is always that of the file name.
     #[test]
     fn formats_that_cannot_hold_a_picture_are_errors() {
         let window = crate::film::Window { x: 0, y: 0, width: 1, height: 1 };
