@@ -149,7 +149,7 @@ fn transparent_pictures_are_merged_from_shards() {
 }
 
 /// The pixels of a PNG are the display transform of those of the EXR of the same picture, which no option of it
-/// changes. The background passes it unchanged, so that an EXR has the light that is displayed as the background.
+/// changes. The background bypasses it, so an EXR has the radiance that is displayed as the background.
 #[test]
 fn png_is_the_display_transform_of_exr() {
     let workshop = Workshop::with("scene.toml", SCENE);
@@ -276,8 +276,8 @@ fn printed_exposure(printed: &str) -> &str {
     rest.and_then(|rest| rest.split(' ').next()).unwrap_or_else(|| panic!("no exposure: {printed}"))
 }
 
-/// A closed grey room of paths, lit by a lamp of a thousandth of its wall: most paths of one sample find no light, so
-/// their log-average is far from that of the radiance. The exposure is of the radiance, whatever is sampled or stored.
+/// A closed grey room with a lamp of a thousandth of a wall, path traced: most paths of one sample find no light, so
+/// their log-average is far from that of the radiance. The exposure depends on the radiance alone.
 #[test]
 fn the_automatic_exposure_does_not_depend_on_samples_and_regions() {
     let workshop = Workshop::with(
