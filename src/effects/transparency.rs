@@ -1,4 +1,4 @@
-//! Rays through surfaces of opacity below 1, for all stages that trace rays, and camera rays through culled back faces.
+//! Rays through surfaces of opacity below 1 in all stages that trace rays, and camera rays through culled back faces.
 //!
 //! The opacity of a surface depends on the point alone: textures are looked up at full size, so that camera rays and shadow rays
 //! see the same holes. A ray that passes through starts anew behind the surface, as a transmitted ray does

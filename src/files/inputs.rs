@@ -1,4 +1,4 @@
-//! Input files, which outputs must not overwrite by any name.
+//! Registry of input files. Outputs must not overwrite them under any name.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

@@ -107,7 +107,7 @@ pub fn write_picture(picture: &OutputImage, metadata: &Metadata, format: Format,
 /// Encodes a picture to a stream: floating point as OpenEXR, 8 bits as PNG or JPEG, and with alpha as PNG.
 ///
 /// # Errors
-/// Errors of the stream, and one of the kind [`std::io::ErrorKind::InvalidInput`] for a picture that the format cannot hold.
+/// Errors of the stream; [`std::io::ErrorKind::InvalidInput`] for a picture that the format cannot hold.
 pub fn encode(
     picture: &OutputImage,
     metadata: &Metadata,

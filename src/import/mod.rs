@@ -250,8 +250,8 @@ impl Source {
     }
 }
 
-/// Default materials: light grey, or white for meshes with colours, which it leaves unchanged; with the opacity of
-/// meshes with alpha. Each is added to the scene on first use.
+/// Default materials: light grey, or white for meshes with colours, which stay unchanged; translucent for meshes with
+/// alpha. Each is added to the scene on first use.
 #[derive(Default)]
 pub(crate) struct DefaultMaterials(HashMap<[bool; 2], MaterialId>);
 

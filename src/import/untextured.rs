@@ -25,7 +25,7 @@ pub(super) fn split_off(mesh: &mut Mesh) -> Option<Mesh> {
     Some(without)
 }
 
-/// Replaces missing texture coordinates by the lower left corner of the image, for materials without textures.
+/// Replaces missing texture coordinates by the lower left corner of the image. No textured triangle uses them.
 pub(super) fn fill(mesh: &mut Mesh) {
     let values = mesh.uvs.iter_mut().flat_map(|uvs| &mut uvs.values);
     values.filter(|uv| uv.is_nan()).for_each(|uv| *uv = DVec2::Y);

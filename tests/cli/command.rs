@@ -227,7 +227,7 @@ fn messages_name_what_was_typed() {
         let said = workshop.said(&format!("render scene.toml -o a.png {options}")).2;
         assert!(said.contains(&format!("warning: {option} changes nothing: ")), "{options}: {said}");
     }
-    // A key of a scene file is named as such.
+    // A key of a scene file is not named as an option.
     workshop.write(
         "phong.toml",
         format!("{SCENE}\n[effects]\nshadows = true\n").replace("[image]", "[image]\nshading = 'phong'"),

@@ -5,7 +5,6 @@ use crate::workshop::{Workshop, text};
 /// Escape sequences for a colour and a window title, C1, bidirectional override and marks, and a line separator.
 const EVIL: &str = "e\u{1b}[31m\u{1b}]0;t\u{7}\u{9b}2J\u{7f}\u{202e}\u{2066}\u{200f}\u{2028}v";
 
-/// A forged message.
 const LINE: &str = "\nkiln: error: forged\r\nhint: forged";
 
 /// Files of every format with these names wherever a name may be.

@@ -198,8 +198,8 @@ fn flat_ground_beside_a_step_is_flat() {
     }
 }
 
-/// A slope of 16 steps of 65535 a texel beside a step of half the range, 20 times as high: 16 / 65535 * 20 = 0.0049. Its
-/// error is a 65535th of the steepest slope, 20 * 0.25.
+/// A slope of 16 steps of 65535 per texel beside a step of half the range, 20 times as high: 16 / 65535 * 20 = 0.0049.
+/// The error is a 65535th of the steepest slope, 20 * 0.25.
 #[test]
 fn gentle_slopes_beside_a_step_keep_16_bits() {
     let above = 2f64.to_radians();

@@ -8,9 +8,7 @@ use crate::limits;
 
 /// Why a value cannot be read.
 pub(super) enum Stop {
-    /// End of file.
     End,
-    /// Invalid value.
     Fault(Error),
 }
 

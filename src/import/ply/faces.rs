@@ -29,7 +29,6 @@ pub(super) struct Faces {
     pub face_of: Vec<u32>,
 }
 
-/// A supported property.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 enum Slot {
     Polygon,

@@ -28,7 +28,6 @@ pub(super) struct Model {
     pub left_out: BTreeSet<&'static str>,
 }
 
-/// Object definition.
 pub(super) struct Definition {
     pub name: Option<String>,
     /// Type of an object that is not part of the model.
@@ -55,7 +54,6 @@ pub(super) struct Reference {
     pub transform: DMat4,
 }
 
-/// Property group.
 pub(super) enum Property {
     /// Red, green, blue and alpha, display values.
     Colours(Vec<[u8; 4]>),

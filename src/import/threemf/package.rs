@@ -17,7 +17,6 @@ use crate::limits;
 /// The relationship that leads to the model (Core Specification, section 2.1.1).
 const MODEL: &str = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel";
 
-/// Open package.
 pub(super) struct Package<'a> {
     source: &'a Source,
     archive: ZipSliceArchive<&'a [u8]>,
