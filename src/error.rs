@@ -46,10 +46,10 @@ pub enum Error {
         /// Hint for a fix; may be empty.
         hint: String,
     },
-    /// Too little memory for an operation.
+    /// Not enough memory for an operation.
     #[error("{what}")]
     Memory {
-        /// What needs how much.
+        /// The operation and the memory it needs.
         what: String,
         /// Hint for a fix; may be empty.
         hint: String,
@@ -146,21 +146,21 @@ pub struct Warnings {
     left_out: Once,
 }
 
-/// Texts in order, each once, and at most [`Once::MOST`] of a kind; a text after these counts the rest.
+/// Texts in order without duplicates, at most [`Once::MOST`] per kind, then a text with the number of the others.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 struct Once {
     texts: Vec<String>,
-    /// Hashes of all texts, those counted alone included.
+    /// Hashes of all texts, including those only counted.
     known: HashSet<u64>,
-    /// For each kind, how many there are, and the place of the text that counts the rest.
+    /// Number of texts per kind, and index of the text with the number of the others.
     kinds: BTreeMap<&'static str, (usize, Option<usize>)>,
 }
 
 impl Once {
-    /// Texts of a kind that are kept.
+    /// Maximum number of texts kept per kind.
     const MOST: usize = 100;
 
-    /// Adds a text. `kind` is what a text like it says, after the number of others: `warnings`.
+    /// Adds a text. `kind` is the noun after the number of the others: `warnings`.
     fn push(&mut self, text: String, kind: &'static str) {
         if !self.known.insert(BuildHasherDefault::<DefaultHasher>::default().hash_one(&text)) {
             return;
@@ -181,12 +181,12 @@ impl Once {
 }
 
 impl Warnings {
-    /// Adds a warning, unless it was added before. Of many, the first are kept and the others counted.
+    /// Adds a warning, unless it was added before. The first ones are kept, the others only counted.
     pub fn push(&mut self, message: impl Into<String>) {
         self.messages.push(message.into(), "warnings");
     }
 
-    /// Adds a note, unless it was added before. Of many, the first are kept and the others counted.
+    /// Adds a note, unless it was added before. The first ones are kept, the others only counted.
     pub fn note(&mut self, message: impl Into<String>) {
         self.notes.push(message.into(), "notes");
     }
@@ -198,8 +198,8 @@ impl Warnings {
         self.push(message);
     }
 
-    /// Adds a warning about a file that an input names and that is not used. Such warnings are counted by themselves,
-    /// so that many of them do not displace others.
+    /// Adds a warning about a referenced file that is not used. These are counted separately, so that they do not
+    /// displace other warnings.
     pub(crate) fn left_out_file(&mut self, message: String) {
         const KIND: &str = "files are missing or cannot be used";
         self.left_out.push(message.clone(), KIND);

@@ -142,15 +142,15 @@ pub struct FileNames {
 }
 
 impl FileNames {
-    /// Parses a name with one run of `#`, or one `%d` or `%04d`, in its last component. `None` for a name without. A `%d`
-    /// that begins a word, as in `50%discount`, is none.
+    /// Parses a name with one run of `#`, or one `%d` or `%04d`, in its last component. `None` for a name without. A
+    /// `%d` before a letter, as in `50%discount`, is no placeholder.
     ///
     /// # Errors
     /// One line, for a name with several placeholders, or with one and bytes that are not UTF-8.
     pub fn parse(name: &Path) -> Result<Option<Self>, String> {
         let Some(file) = name.file_name() else { return Ok(None) };
         let Some(file) = file.to_str() else {
-            // Bytes that are not UTF-8 are no part of a placeholder.
+            // Placeholders are ASCII.
             return match placeholders(&file.to_string_lossy()).is_empty() {
                 true => Ok(None),
                 false => Err(format!("{}: a pattern that is not valid UTF-8; rename it", name.display())),
@@ -169,8 +169,8 @@ impl FileNames {
         }))
     }
 
-    /// Whether a name, though meant for a single file, is a pattern for several: with `####`, `%d` or `%04d`. Fewer `#`
-    /// are usual in names of files.
+    /// Whether the name of a single file is a pattern for frames: with `####`, `%d` or `%04d`. Fewer `#` are common in
+    /// file names.
     pub fn is_pattern(name: &Path) -> bool {
         let file = name.file_name().unwrap_or_default().to_string_lossy();
         placeholders(&file).iter().any(|&(start, end, _)| file[start..].starts_with('%') || end - start >= 4)

@@ -91,7 +91,8 @@ impl AnimationJob {
         if is_turntable && let Some(note) = note_of_part(&list, &timeline) {
             warnings.note(note);
         }
-        // No ground that is hidden from below is seen by a camera that moves up or down: those of files have none.
+        // The camera at the beginning decides for all frames: this ground is added only to files without cameras, and
+        // turntables do not change height.
         job::hide_ground(&mut scene, &camera);
         let light = job::added_light(&scene);
         let mut picture = scene.picture;
@@ -194,11 +195,11 @@ fn note_of_part(list: &FrameList, timeline: &Timeline) -> Option<String> {
     ))
 }
 
-/// What the frames are seen by.
+/// Camera and size of the frames.
 struct Seen {
     /// The camera, in the scene's coordinates.
     camera: Camera,
-    /// The camera in the coordinates of a recentering, where it was fitted in those.
+    /// A recentering and the camera in its coordinates, if it was fitted there.
     fitted: Option<(Recentering, Camera)>,
     size: [u32; 2],
 }

@@ -24,7 +24,7 @@ pub struct PreparedAnimation {
     scene: Scene,
     /// The index of the camera.
     camera: usize,
-    /// The camera in the coordinates of a recentering, where it was fitted in those.
+    /// A recentering and the camera in its coordinates, if it was fitted there.
     fitted: Option<(Recentering, Camera)>,
     /// The light that follows the camera.
     light: Option<AddedLight>,
@@ -74,7 +74,7 @@ impl PreparedAnimation {
                 None => None,
             };
         }
-        // A clip brings them again at each time.
+        // A clip imports the objects again at each time.
         if !moves || scene.animation.as_ref().is_some_and(|animation| !animation.clips.is_empty()) {
             scene.objects = Vec::new();
         }
@@ -91,8 +91,8 @@ impl PreparedAnimation {
         })
     }
 
-    /// The same animation seen by a camera that was fitted in the coordinates of `recentering`: in those it is not rounded by
-    /// moving it there and back.
+    /// Uses a camera in the coordinates of `recentering`, without the rounding of a conversion to scene coordinates and
+    /// back.
     pub(super) fn fitted(self, recentering: Recentering, camera: Camera) -> Self {
         PreparedAnimation { fitted: Some((recentering, camera)), ..self }
     }
@@ -139,8 +139,8 @@ impl PreparedAnimation {
     }
 }
 
-/// Poses a scene at a time of clips in seconds: what the clips can change is imported again. All else, such as the settings, the
-/// default look and cameras that were added, stays.
+/// Poses a scene by clips at a time in seconds. Imports objects, cameras, lights, materials and images again, and keeps
+/// all else, such as settings, default look and added cameras.
 fn pose(scene: &mut Scene, clips: &[Clip], seconds: f64) -> Result<()> {
     let moment = ClipTime { clip: ClipChoice::of(clips), time: seconds };
     let options = scene.import_options.clone().posed(moment);
@@ -152,8 +152,8 @@ fn pose(scene: &mut Scene, clips: &[Clip], seconds: f64) -> Result<()> {
     Ok(())
 }
 
-/// Makes an animation of a scene without one: it plays the chosen clips of its files together, as long as the longest takes, and the scene is
-/// posed at their beginning. Without any nothing changes.
+/// Makes an animation of a scene without one: plays the chosen clips of its files together, for as long as the longest,
+/// and poses the scene at their beginning. Without clips nothing changes.
 ///
 /// # Errors
 /// [`Error::Usage`] for a scene from standard input, which cannot be read again, and those of [`import::reload`].
@@ -169,7 +169,7 @@ pub fn play_clip(scene: &mut Scene, clip: &ClipChoice) -> Result<()> {
             hint,
         ));
     }
-    // The camera is fitted to this pose, and the default look made for it, as for a picture of this time.
+    // The camera and the default look are made for this pose, as for a picture at this time.
     pose(scene, &clips, 0.0)?;
     let (_, fps) = TURNTABLE;
     // At least one frame.

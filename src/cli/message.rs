@@ -1,5 +1,5 @@
-//! Messages on standard error in the syntax of who reads them: lines for people, JSON lines, or the messages of Open Job
-//! Description. All that kiln writes there goes through [`Message::print`], which escapes text from outside.
+//! Messages on standard error: lines for people, JSON lines, or the messages of Open Job Description. All output to
+//! standard error goes through [`Message::print`], which escapes untrusted text.
 
 use std::ffi::OsString;
 use std::io::Write;

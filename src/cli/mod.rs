@@ -272,7 +272,7 @@ fn usage_error(e: &clap::Error) -> (String, String) {
     {
         hint = synonyms::hint(typed).unwrap_or(hint);
     }
-    // The arguments that are missing, in the order of their definition, as they are shown.
+    // The missing arguments in the order of their definition, as displayed.
     if let (ErrorKind::MissingRequiredArgument, Some(ContextValue::Strings(missing))) =
         (e.kind(), e.get(ContextKind::InvalidArg))
         && missing.last().is_some_and(|last| last.split(' ').next() == Some("--output"))
@@ -282,18 +282,18 @@ fn usage_error(e: &clap::Error) -> (String, String) {
     (first, hint)
 }
 
-/// A result as JSON, in lines.
+/// Indented JSON of a result.
 fn json_text(value: &serde_json::Value) -> String {
     printable_json(&format!("{value:#}\n")).into_owned()
 }
 
-/// Writes a result to standard output. Control characters other than line breaks are escaped; those who put text from
-/// outside into a line escape its line breaks ([`printable`]).
+/// Writes a result to standard output. Escapes control characters except line breaks; callers escape untrusted text
+/// within a line by [`printable`].
 fn print(text: &str) -> Result<()> {
     print_raw(printable_lines(text).as_bytes())
 }
 
-/// Writes bytes of kiln itself to standard output.
+/// Writes trusted bytes to standard output.
 fn print_raw(bytes: &[u8]) -> Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_all(bytes).and_then(|()| out.flush()) {

@@ -199,7 +199,7 @@ pub(crate) fn render_image(
     render_film(job, (format, format != Format::Exr), selection, control)
 }
 
-/// Renders the picture of a target; shards hold `f32`, which is developed when they are joined.
+/// Renders the picture of a target. Shards hold `f32` pixels, which `kiln merge` develops.
 pub(crate) fn render_target(
     job: &RenderJob,
     target: &OutputTarget,
@@ -256,7 +256,7 @@ pub(crate) fn check_alpha(is_transparent: bool, target: &str, has_alpha: bool) -
     without_alpha(is_transparent && !has_alpha, target, "write .png or .exr, or give --background a colour")
 }
 
-/// Checks that a picture whose samples are decided by its errors is not to have an alpha channel.
+/// Checks that a picture of `--accuracy` or `--budget` has no transparent background.
 ///
 /// # Errors
 /// [`Error::Usage`] otherwise.

@@ -116,7 +116,7 @@ pub struct Picture {
     metadata: Metadata,
     pipeline: ColourPipeline,
     display: DisplayTransform,
-    /// What it was made from.
+    /// Files that the scene was read from.
     inputs: InputFiles,
 }
 
@@ -216,8 +216,8 @@ impl Picture {
     /// Writes the picture to a file, in the format of its name: f32 pictures to all formats, others to PNG and JPEG.
     ///
     /// # Errors
-    /// [`Error::Output`], and [`Error::Usage`] for a format that does not hold the picture, or a file that it was made
-    /// from.
+    /// [`Error::Output`]; [`Error::Usage`] for a format that cannot hold the picture, or for a file that the scene was
+    /// read from.
     pub fn write(&self, file: &Path) -> Result<()> {
         if file.as_os_str().is_empty() {
             return Err(Error::usage("no name of a file", "name one that ends in .png, .jpg or .exr"));

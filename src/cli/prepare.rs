@@ -22,13 +22,13 @@ pub(crate) struct Reporter {
     printer: WarningPrinter,
     /// Whether warnings are printed, and notes.
     prints: [bool; 2],
-    /// Outputs of fixed names, which must not be inputs.
+    /// Output files with fixed names; they must not be inputs.
     outputs: Vec<PathBuf>,
 }
 
 impl Reporter {
-    /// Prints warnings, and notes unless there is no progress. That the outputs overwrite no input is checked as soon as
-    /// all inputs are read.
+    /// Prints warnings, and notes unless there is no progress. Once all inputs are read, checks that no output is one
+    /// of them.
     pub(crate) fn new(mode: Mode, outputs: Vec<PathBuf>) -> Self {
         Reporter { outputs, ..Reporter::printing([true, mode != Mode::None], mode) }
     }

@@ -1,10 +1,10 @@
 //! Adaptive sampling: a pixel whose estimated error is small enough takes no further samples ([`super::convergence`]).
 //!
-//! A pixel with alpha is composited over a background that is not known. In linear light the composite is C + (1 -
-//! alpha) B, and its displayed error is judged over black, B = 0, and over white: by the samples' own composites, since
-//! colour and alpha vary together. Between the two the composite is their mixture. Where displayed values are
-//! composited instead, as by browsers, it is alpha D(C / alpha) + (1 - alpha) D(B), whose error is at most that of
-//! alpha where the straight colour C / alpha does not vary: so alpha itself must reach the level, too.
+//! The background B of a pixel with alpha is unknown. The displayed error of the composite in linear light, C + (1 -
+//! alpha) B, is tested over black (B = 0) and over white, by composites of samples, because colour and alpha are
+//! correlated; other greys lie between the two. Browsers composite display values instead: alpha D(C / alpha) + (1 -
+//! alpha) D(B). Where the straight colour C / alpha is constant, the error of this is at most that of alpha, so alpha
+//! itself is tested as well.
 
 use glam::DVec3;
 
@@ -52,7 +52,7 @@ struct Buffers {
     colour: Estimates,
     /// Of the alpha channel; empty without one.
     alpha: Estimates,
-    /// Of the composite over white, where there is an alpha channel: colours and alpha vary together.
+    /// Of the composite over white; empty without an alpha channel.
     over_white: Estimates,
     /// For each pixel, whether a sample of it has hit a surface.
     has_surface: Vec<bool>,

@@ -93,7 +93,7 @@ impl NormalMaps {
                 let Some([tangent, bitangent, normal]) = frame else { continue };
                 let encoded = look_up(image, TexelEncoding::Normal, &texture.sampler, &filter, point);
                 let n = decode(encoded, map.scale);
-                // A flat texel leaves the normal, to the bit.
+                // A flat texel keeps the bits of the normal.
                 if n.x == 0.0 && n.y == 0.0 && n.z > 0.0 {
                     continue;
                 }

@@ -32,7 +32,7 @@ pub struct Choices {
     pub transport: Option<Transport>,
     /// Largest radiance that a path adds by indirect light; none if `None`.
     pub clamp: Option<f64>,
-    /// Whether back faces of materials that are not double-sided are hidden from camera rays.
+    /// Whether camera rays pass through back faces of single-sided materials.
     pub cull: bool,
     /// The lens of the camera, as text; `None` for a pinhole. Must be set with [`crate::world::View::set_lens`], since
     /// [`World`] has no cameras.
@@ -41,7 +41,7 @@ pub struct Choices {
     pub with: Vec<String>,
     /// Effects that the user excludes.
     pub without: Vec<String>,
-    /// What stands in `with` because another option was given, such as `--depth`, and that option as typed, which messages name.
+    /// Entry of `with` that another option adds, such as `--depth`, and that option as typed, for messages.
     pub stand_in: Option<(String, String)>,
     /// Whether effects in `with` get their stages also where nothing calls for them, which does not change the picture.
     pub even_idle: bool,
@@ -259,7 +259,7 @@ impl Plan {
         self.spec.own_camera_rays
     }
 
-    /// The closest hit of a camera ray with a surface that the picture shows: of AOVs, which have one a pixel.
+    /// Closest hit of a camera ray on a surface that AOVs show: not culled, and with an opacity of at least 1/2.
     pub(crate) fn visible_hit(&self, world: &World, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
         match self.spec.continued.is_some() || self.culls {
             true => closest_visible(world, ray, traversal, self.culls),
@@ -298,7 +298,7 @@ struct PlanBuilder<'a> {
     contributors: Vec<Contributor<'a>>,
     spec: PlanSpec,
     transparency: Option<Transparency>,
-    /// That of camera rays.
+    /// Transparency of camera rays.
     of_camera_rays: Option<Transparency>,
 }
 

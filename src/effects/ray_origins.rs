@@ -48,8 +48,8 @@ fn compute_origins(surfaces: &InteractionSoa, origins: &mut Vec3Soa, numerics: N
 /// The shadow ray from `origin`, on a surface's outer side, to a light as sampled from there; open at both ends.
 ///
 /// The ray ends before the light by a relative distance of 2 epsilon of the precision of corners and 8 epsilon of f64,
-/// so that it does not hit the surface that the light lies on by the rounding of the ray. What the rounding of that
-/// surface's corners takes is left out of the distance before ([`crate::world::WorldLight::tested_share`]).
+/// so that rounding of the ray does not make it hit the surface of the light. The caller shortens the distance of
+/// `light` for the rounding of corners ([`crate::world::WorldLight::tested_share`]).
 #[inline(always)]
 pub fn shadow_ray(origin: DVec3, light: &LightSample, numerics: Numerics) -> Ray {
     let margin = 2.0 * numerics.precision().epsilon() + 8.0 * f64::EPSILON;

@@ -141,7 +141,7 @@ pub struct TileSamples {
     sums: Vec<SampleSum>,
     /// The same of the coverage of its samples; empty for pictures without an alpha channel.
     coverage: Vec<SampleSum>,
-    /// The same of [`Tile::shown`], colours and parts; empty where the tile has none.
+    /// The same of [`Tile::shown`]: colours and coverage; empty without.
     shown: [Vec<SampleSum>; 2],
     /// The pixels that are still sampled, along a Morton curve.
     live: Vec<u16>,

@@ -53,7 +53,7 @@ pub(crate) fn further<C>(
 }
 
 impl TextureUse {
-    /// What the options and the scene file leave on. A plan looks up no more than this.
+    /// Textures that options and the scene file leave on: a superset of the lookups of any plan.
     pub(crate) fn left_on(choices: &Choices) -> Self {
         let is_on = |effect| choices.switch(effect).0 != Some(false);
         TextureUse {
@@ -81,7 +81,7 @@ impl TextureUse {
         texture.sampler.filter(self.filter)
     }
 
-    /// The images of a material whose mip maps the filters need, with the encoding of their texels.
+    /// Images of a material that need mip maps, with the encoding of their texels.
     pub(crate) fn mip_maps<'a, C>(
         &self,
         material: &'a Material<C>,

@@ -26,8 +26,8 @@ pub struct RenderContext<'a> {
     pub view: &'a View,
     /// The display transform, as far as it is known before the picture is.
     pub display: DisplayTransform,
-    /// Whether the picture is displayed by `display`, so that unlit surfaces and a backdrop have their own colours then.
-    /// Otherwise they are light.
+    /// Whether pixels are developed by `display`, so that unlit surfaces and the backdrop bypass exposure and tone map.
+    /// Otherwise they are radiance.
     pub is_displayed: bool,
 }
 
@@ -89,9 +89,9 @@ pub struct Tile {
     /// For each camera ray, then for each pixel, the part of it that surfaces cover; `None` for pictures without an
     /// alpha channel.
     pub coverage: Option<Vec<f32>>,
-    /// For each camera ray, then for each pixel, the colour of the unlit surfaces that it sees times the part of it that
-    /// they cover, and that part ([`super::unlit`]); `None` where they are light. Their part of `pixels` is that colour
-    /// times [`DisplayTransform::white`].
+    /// For each camera ray, then for each pixel: colour times coverage, and coverage, of directly visible unlit
+    /// surfaces ([`super::unlit`]); `None` if they are radiance. Their share of `pixels` is that colour times
+    /// [`DisplayTransform::white`].
     pub shown: Option<Vec<[f32; 4]>>,
     /// The camera rays that hit a ground of which the picture shows the shadows alone, and where
     /// ([`super::shadow_catcher`]); empty without `coverage`.
@@ -117,7 +117,7 @@ pub struct Tile {
     pub scattering: Option<Vec<Option<[[f32; 3]; 2]>>>,
     /// Samples of light that were left out because they were not finite numbers.
     pub discarded_samples: u64,
-    /// The number of paths that the depth ended at a surface which transmits light.
+    /// Number of paths that the depth limit ended at a transmissive surface.
     pub ended_in_glass: u64,
     /// Records every ray; `None` while pictures are rendered.
     pub recorder: Option<Box<RayRecorder>>,
@@ -196,7 +196,7 @@ pub struct RayCount {
 }
 
 impl Tile {
-    /// The working set for a picture. `has_alpha`: whether the parts of pixels that surfaces cover are found.
+    /// Working set for a picture. `has_alpha`: whether coverage is computed.
     pub fn for_picture(context: &RenderContext, has_alpha: bool) -> Self {
         let shows_unlit = context.is_displayed && !context.display.is_identity() && has_unlit(context.world);
         Tile { coverage: has_alpha.then(Vec::new), shown: shows_unlit.then(Vec::new), ..Tile::default() }

@@ -1,4 +1,4 @@
-//! Rays through surfaces of opacity below 1, for all stages that trace rays, and camera rays through culled back faces.
+//! Rays through surfaces of opacity below 1 in all stages that trace rays, and camera rays through culled back faces.
 //!
 //! The opacity of a surface depends on the point alone: textures are looked up at full size, so that camera rays and shadow rays
 //! see the same holes. A ray that passes through starts anew behind the surface, as a transmitted ray does
@@ -38,7 +38,7 @@ pub(crate) const VISIBLE_FROM: f64 = 0.5;
 pub(crate) struct Transparency {
     /// Whether camera rays see all layers, and not one by random numbers.
     pub(crate) is_layered: bool,
-    /// Whether they pass through back faces of materials that are not double-sided.
+    /// Whether camera rays pass through back faces of single-sided materials.
     pub(crate) culls: bool,
     /// The random numbers of these rays.
     pub(crate) sampler: PixelSampler,
@@ -49,7 +49,7 @@ pub(crate) struct Transparency {
 }
 
 impl Transparency {
-    /// That of camera rays which cull, and for the rest are as others.
+    /// Transparency of camera rays that cull; all else is as in `others`.
     pub(crate) fn culling(others: Option<Transparency>) -> Self {
         let opaque = Transparency {
             is_layered: false,
@@ -62,7 +62,7 @@ impl Transparency {
     }
 }
 
-/// The opacity of the surface at a hit for camera rays that cull, or for all others.
+/// Opacity at a hit; 0 for a culled back face if `culls`.
 fn seen_opacity(world: &World, ray: &Ray, hit: &Hit, culls: bool) -> f64 {
     if culls && world.is_culled(ray, hit) { 0.0 } else { opacity(world, hit) }
 }
@@ -87,14 +87,14 @@ pub(crate) fn opacity(world: &World, hit: &Hit) -> f64 {
     }
 }
 
-/// Finds that the origins of a continued ray repeat, by which it would never end: origins that rounding does not let
-/// advance, as in `fast` at large coordinates. Each origin determines the next one, so the ray is compared with one
-/// earlier origin, which is renewed after 1, 2, 4, ... steps (Brent, An improved Monte Carlo factorization algorithm,
-/// BIT 20, 1980). Other rays are not changed.
+/// Detects a cycle of the origins of a continued ray, which would never end: in `fast` at large coordinates, rounding
+/// may keep the origin from advancing. Each origin is compared with an earlier one, which is replaced after 1, 2, 4,
+/// ... steps (Brent, An improved Monte Carlo factorization algorithm, BIT 20, 1980). Rays without a cycle are not
+/// changed.
 #[derive(Debug, Clone, Copy)]
 struct OriginCycle {
     earlier: DVec3,
-    /// Steps since then, and after how many of them it is renewed.
+    /// Steps since the earlier origin, and the number after which it is replaced.
     steps: u32,
     most: u32,
 }
@@ -104,7 +104,7 @@ impl OriginCycle {
         OriginCycle { earlier: origin, steps: 0, most: 1 }
     }
 
-    /// Whether the next origin is the earlier one again.
+    /// Whether the next origin equals the earlier one.
     fn repeats(&mut self, origin: DVec3) -> bool {
         self.steps += 1;
         let repeats = origin == self.earlier;
@@ -203,7 +203,7 @@ struct Layers {
     colour: Vec<[f64; 3]>,
     /// The part that the surfaces of these layers cover.
     coverage: Vec<f64>,
-    /// What these layers show of unlit surfaces: as [`Tile::shown`].
+    /// Unlit surfaces of these layers, as [`Tile::shown`].
     shown: Vec<[f64; 4]>,
 }
 
@@ -380,7 +380,7 @@ impl Layers {
     }
 
     /// Blends the pixels of a layer under those before it. `covered` is 1 where they show a surface, and empty without
-    /// an alpha channel; `seen` is what they show of unlit surfaces, and empty without any.
+    /// an alpha channel; `seen` is [`Tile::shown`], empty without unlit surfaces.
     fn blend(&mut self, pixels: &[[f32; 3]], covered: &[f32], seen: &[[f32; 4]]) {
         let Layers { opacity, transmittance, colour, coverage, shown, .. } = self;
         let weights = transmittance.iter().zip(&*opacity).map(|(left, alpha)| left * alpha);
@@ -442,7 +442,7 @@ impl Stage for BlendLayers {
 mod tests {
     use super::*;
 
-    /// The number of steps until a ray is ended whose origins are `origins` of 0, 1, 2, ...; at most `most`.
+    /// Number of steps until a cycle is found in the origins `origins(0)`, `origins(1)`, ...; `None` after `most`.
     fn steps(most: u32, origins: impl Fn(u32) -> f64) -> Option<u32> {
         let mut cycle = OriginCycle::new(DVec3::splat(origins(0)));
         (1..=most).find(|&step| cycle.repeats(DVec3::splat(origins(step))))
@@ -451,9 +451,9 @@ mod tests {
     #[test]
     fn origins_that_repeat_end_a_ray_and_no_others() {
         assert_eq!(steps(9, |_| 1e18), Some(1), "an origin that does not advance");
-        // Origins 2 and 4 of a cycle of two are compared: 1 is renewed after one step, by 2 after two more.
+        // The earlier origin is 1 after one step, and step 3 returns to 1.
         assert_eq!(steps(9, |step| f64::from(step % 2)), Some(3));
-        // A cycle that begins later, of a length that is no power of two.
+        // A later cycle whose length is no power of two.
         assert!(steps(100, |step| f64::from(if step < 10 { step } else { 10 + (step - 10) % 7 })).is_some());
         assert_eq!(steps(1 << 16, f64::from), None);
     }

@@ -1,7 +1,7 @@
-//! Unlit surfaces in pictures that are displayed: their colours pass exposure and tone map unchanged.
+//! Unlit surfaces of displayed pictures, which bypass exposure and tone map.
 //!
-//! What a camera ray sees of them directly is kept beside the light of the picture, in [`Tile::shown`], and is put over
-//! it once exposure and tone map have been applied to the rest. In mirrors and behind glass they are light.
+//! Directly visible ones are stored in [`Tile::shown`] and composited after exposure and tone map. In mirrors and
+//! behind glass they are radiance.
 
 use super::Stage;
 use super::tile::{RenderContext, Tile};
@@ -9,12 +9,12 @@ use crate::scene::{Material, MetallicRoughness};
 use crate::shading::metallic_roughness::base_colour;
 use crate::world::{PreparedMaterial, World};
 
-/// Whether an object of a world is unlit.
+/// Whether any object is unlit.
 pub(crate) fn has_unlit(world: &World) -> bool {
     world.materials_in_use().any(PreparedMaterial::is_unlit)
 }
 
-/// Finds the colours of the unlit surfaces that camera rays see.
+/// Stores the colours of directly visible unlit surfaces.
 pub(crate) struct FindUnlit;
 
 impl Stage for FindUnlit {
@@ -39,8 +39,8 @@ impl Stage for FindUnlit {
     }
 }
 
-/// Gives the camera rays that see unlit surfaces, whose colours are in [`Tile::pixels`], the light that is displayed in
-/// their colours without a tone map, so that noise is judged by what is displayed.
+/// Sets [`Tile::pixels`] of camera rays on unlit surfaces to the radiance that is displayed as their colour without a
+/// tone map, so that adaptive sampling tests the displayed noise.
 pub(crate) fn expose_unlit(tile: &mut Tile, context: &RenderContext) {
     let Tile { shown: Some(shown), pixels, .. } = tile else { return };
     let white = context.display.white();

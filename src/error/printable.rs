@@ -1,21 +1,21 @@
-//! Escapes for text from outside, such as names in files, in whatever prints it.
+//! Escaping of untrusted text, such as names in files.
 
 use std::borrow::Cow;
 
-/// Text with its control characters as `\u{…}`, in one line: those of C0, with line breaks, DEL, those of C1, line and
-/// paragraph separators, and the marks, embeddings, overrides and isolates of bidirectional text. None of it moves a
-/// terminal's cursor, begins another line, or reorders what stands beside it.
+/// Escapes control characters as `\u{…}`: C0 including line breaks, DEL, C1, line and paragraph separators, and the
+/// marks, embeddings, overrides and isolates of bidirectional text. The result is one line that neither controls a
+/// terminal nor reorders adjacent text.
 pub fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, is_control, |c| c.escape_unicode().to_string())
 }
 
-/// Lines of text as [`printable`], with their line breaks.
+/// As [`printable`], but keeps line breaks.
 pub fn printable_lines(text: &str) -> Cow<'_, str> {
     escaped(text, |c| c != '\n' && is_control(c), |c| c.escape_unicode().to_string())
 }
 
-/// Serialised JSON without the characters that [`printable`] escapes, except line breaks between its tokens: the escapes
-/// of JSON, which serializers use for C0 alone, stand for them.
+/// Replaces the characters of [`printable`] in serialised JSON by JSON escapes, except line breaks between tokens.
+/// Serializers escape C0 only.
 pub fn printable_json(json: &str) -> Cow<'_, str> {
     // All of them are in the basic multilingual plane.
     escaped(json, |c| c != '\n' && is_control(c), |c| format!("\\u{:04x}", u32::from(c)))

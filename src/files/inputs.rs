@@ -1,4 +1,4 @@
-//! Files that were read as inputs. Outputs must not overwrite them, by whatever name.
+//! Registry of input files. Outputs must not overwrite them under any name.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use same_file::Handle;
 use super::WholeFile;
 use crate::error::{Error, Result};
 
-/// The inputs of this process, if it protects them ([`protect_inputs`]).
+/// Inputs of this process; `None` before [`protect_inputs`].
 static PROTECTED: Mutex<Option<InputFiles>> = Mutex::new(None);
 
 /// A set of input files.
@@ -17,7 +17,7 @@ static PROTECTED: Mutex<Option<InputFiles>> = Mutex::new(None);
 pub struct InputFiles(BTreeSet<PathBuf>);
 
 impl InputFiles {
-    /// Adds a file. Later changes of the working directory do not matter.
+    /// Adds a file by its absolute path.
     pub fn add(&mut self, file: &Path) {
         self.0.insert(std::path::absolute(file).unwrap_or_else(|_| file.to_owned()));
     }
@@ -49,21 +49,21 @@ impl<P: AsRef<Path>> FromIterator<P> for InputFiles {
     }
 }
 
-/// From now on, files that this process reads as inputs are not overwritten by its outputs. For processes of one
-/// command: a longer one may have done with what it once read, and checks [`InputFiles`] of its own.
+/// Protects all files that this process reads as inputs from now on. For processes of one command; a program that runs
+/// longer checks its own [`InputFiles`].
 pub fn protect_inputs() {
     PROTECTED.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_default();
 }
 
-/// Records an input, if inputs are protected.
+/// Records an input if inputs are protected.
 pub(super) fn record(file: &Path) {
     if let Some(inputs) = &mut *PROTECTED.lock().unwrap_or_else(PoisonError::into_inner) {
         inputs.add(file);
     }
 }
 
-/// Checks that an output is none of the protected inputs so far. [`WholeFile`] checks it, too: this is for the time
-/// between reading and rendering.
+/// Checks that an output is none of the protected inputs so far, for a check before rendering. [`WholeFile`] checks it
+/// again.
 ///
 /// # Errors
 /// [`Error::Usage`] if it is.
@@ -112,7 +112,7 @@ mod tests {
                 assert_eq!(inputs.check(&path(other)), Ok(()), "{input} is not {other}");
             }
         }
-        // A file that was replaced under its name is the input still.
+        // A path stays an input after its file was replaced.
         let inputs: InputFiles = [path("a.png")].into_iter().collect();
         std::fs::rename(path("b.png"), path("a.png")).expect("files can be renamed");
         assert!(inputs.check(&path("a.png")).is_err());

@@ -22,8 +22,8 @@ fn refuse_lfs_pointer(start: &[u8]) -> io::Result<()> {
     }))
 }
 
-/// Reads a regular file, which is then an input ([`super::check_output`]). Pipes, devices and sockets may be endless and
-/// are rejected.
+/// Reads a regular file and records it as an input ([`super::check_output`]). Pipes, devices and sockets may be endless
+/// and are rejected.
 ///
 /// # Errors
 /// Errors of the system; [`Refused`] as the cause of [`io::ErrorKind::Other`].
@@ -31,7 +31,8 @@ pub fn read_file(file: &Path) -> io::Result<Vec<u8>> {
     read_all(RegularFile::open(file)?)
 }
 
-/// Reads a file that may be written anew, such as a finished frame, as [`read_file`] does. It is not an input.
+/// Reads a file that may be overwritten, such as a finished frame, as [`read_file`] does. It is not recorded as an
+/// input.
 ///
 /// # Errors
 /// Those of [`read_file`].
@@ -59,7 +60,7 @@ pub struct RegularFile {
 }
 
 impl RegularFile {
-    /// Opens a regular file, which is then an input ([`super::check_output`]). Its memory is not checked.
+    /// Opens a regular file and records it as an input ([`super::check_output`]). Its memory is not checked.
     ///
     /// # Errors
     /// Those of [`read_file`].
@@ -118,7 +119,7 @@ pub fn read_standard_input() -> io::Result<Vec<u8>> {
     // The buffer doubles as it grows, and old and new buffer exist at once while it is copied.
     let available = available(&in_use());
     let most = available.as_ref().map_or(u64::MAX, |available| available.left / 3);
-    // Where a file is redirected to it, and the system names that.
+    // Finds a redirected file, on systems with this name.
     inputs::record(Path::new("/dev/stdin"));
     let mut bytes = Vec::new();
     io::stdin().lock().take(most).read_to_end(&mut bytes)?;

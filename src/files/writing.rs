@@ -61,7 +61,7 @@ impl WholeFile {
     ///
     /// # Errors
     /// [`Error::Output`] if the folder cannot be written to, or the name is that of a folder, a device or a pipe;
-    /// [`Error::Usage`] for an input of the command ([`check_output`]).
+    /// [`Error::Usage`] for a protected input ([`check_output`]).
     pub fn create(name: &Path) -> Result<Self> {
         check_output(name)?;
         if name.is_dir() {
@@ -96,7 +96,8 @@ impl WholeFile {
     /// Syncs the file and renames it to its final name.
     ///
     /// # Errors
-    /// [`Error::Output`] if it cannot be written or renamed, [`Error::Usage`] if the name has become that of an input.
+    /// [`Error::Output`] if it cannot be written or renamed, [`Error::Usage`] if the name is that of a protected input
+    /// by now.
     pub fn finish(self) -> Result<()> {
         let WholeFile { name, writer, why: _, _unfinished } = self;
         check_output(&name)?;

@@ -1,5 +1,5 @@
-//! Headers of Radiance HDR files (.hdr, .pic): exposure, colour correction and orientation, which the `image` crate leaves
-//! to its caller (G. Ward, Real Pixels, Graphics Gems II, 1991; Radiance's "File Formats", "Picture File Format").
+//! Headers of Radiance HDR files (.hdr, .pic): exposure, colour correction and orientation, which the `image` crate
+//! does not apply (G. Ward, Real Pixels, Graphics Gems II, 1991; Radiance's "File Formats", "Picture File Format").
 
 use image::DynamicImage;
 
@@ -8,10 +8,10 @@ pub(super) fn is_radiance(bytes: &[u8]) -> bool {
     bytes.starts_with(b"#?RADIANCE") || bytes.starts_with(b"#?RGBE")
 }
 
-/// What of a header is not in the pixels.
+/// Values of a header that the decoder does not apply.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Header {
-    /// What red, green and blue are divided by: the product of all lines EXPOSURE and COLORCORR.
+    /// Divisor of red, green and blue: the product of all EXPOSURE and COLORCORR lines.
     divisor: [f32; 3],
     /// Whether scanlines are columns.
     by_columns: bool,
@@ -21,7 +21,7 @@ pub(super) struct Header {
     flips_y: bool,
 }
 
-/// The header of a file, and the file with a header of the standard orientation alone.
+/// Parses the header. Returns it, and the file with a header of the standard orientation.
 ///
 /// # Errors
 /// A message if the header is damaged or its pixels are not RGBE.
@@ -54,7 +54,7 @@ pub(super) fn standard(bytes: &[u8]) -> Result<(Header, Vec<u8>), String> {
             ("COLORCORR", &[r, g, b]) => [r, g, b],
             _ => continue,
         };
-        // Others have no meaning as exposures.
+        // Other values are invalid.
         if factors.iter().all(|factor| *factor > 0.0 && factor.is_finite()) {
             divisor = std::array::from_fn(|i| divisor[i] * factors[i]);
         }
@@ -81,10 +81,10 @@ fn no_size(line: &str) -> String {
 }
 
 impl Header {
-    /// Radiance of a picture that was decoded in the standard orientation.
+    /// Applies orientation and exposure to a picture that was decoded in the standard orientation.
     pub(super) fn apply(self, mut picture: DynamicImage) -> DynamicImage {
         if self.by_columns {
-            // Together a reflection in the diagonal.
+            // Both together transpose the picture.
             picture = picture.rotate90().fliph();
         }
         if self.flips_x {
@@ -117,8 +117,8 @@ mod tests {
         Ok(values.pixels().map(|pixel| pixel.0[0]).collect())
     }
 
-    /// A mantissa m with the exponent 129 is m / 128. The picture is 1 2 3 over 4 5 6, in 128ths; a file lists its scanlines by
-    /// the first axis, each by the second.
+    /// A mantissa m with the exponent 129 is m / 128. The picture is 1 2 3 over 4 5 6, in 128ths; a file lists its
+    /// scanlines by the first axis, each by the second.
     #[test]
     fn all_orientations_give_the_same_picture() {
         for (size, order) in [
@@ -137,7 +137,7 @@ mod tests {
         }
     }
 
-    /// Divided by 4 x 2 and by the red of the correction, 0.5: 64 / 128 / 4. Exposures that are no positive numbers do not count.
+    /// Divided by 4 x 2 and by the red of the correction, 0.5: 64 / 128 / 4. Invalid exposures are ignored.
     #[test]
     fn exposures_divide_by_their_product() {
         let lines =

@@ -23,7 +23,7 @@ pub struct Pixels {
     pub height: u32,
     /// Red, green and blue, row by row from the top.
     pub values: Vec<[f32; 3]>,
-    /// Alpha of each pixel; `None` if all are opaque. Colours of OpenEXR are multiplied by it, others are not.
+    /// Alpha per pixel; `None` if all are opaque. Colours are associated (multiplied by alpha) in OpenEXR only.
     pub alpha: Option<Vec<f32>>,
     /// Whether it is an OpenEXR image.
     pub is_exr: bool,
@@ -102,7 +102,7 @@ fn read_bytes(bytes: &[u8]) -> Read<Pixels> {
     Ok(Pixels { width, height, values, alpha, is_exr: false, pipeline })
 }
 
-/// The alpha channel of an image, if it has one that is not opaque everywhere.
+/// Alpha channel of an image; `None` without one, or if it is opaque everywhere.
 fn alpha_of(image: &DynamicImage) -> Option<Vec<f32>> {
     let of_8 = |alpha: u8| f32::from(alpha) / 255.0;
     let of_16 = |alpha: u16| f32::from(alpha) / 65535.0;
@@ -117,30 +117,30 @@ fn alpha_of(image: &DynamicImage) -> Option<Vec<f32>> {
     not_opaque(alpha)
 }
 
-/// The alpha channel, if it is not opaque everywhere.
+/// `None` if alpha is 1 everywhere.
 fn not_opaque(alpha: Vec<f32>) -> Option<Vec<f32>> {
     alpha.iter().any(|&alpha| alpha != 1.0).then_some(alpha)
 }
 
-/// Decodes a PNG, JPEG, WebP or Radiance HDR image; the caller will allocate another `bytes_each` per pixel of an image
-/// of this type.
+/// Decodes a PNG, JPEG, WebP or Radiance HDR image. `bytes_each`: bytes per pixel, by image type, that the caller will
+/// allocate in addition.
 pub fn decode(bytes: &[u8], bytes_each: impl Fn(ColorType) -> u64) -> Read<DynamicImage> {
     if !radiance::is_radiance(bytes) {
         return decode_stored(bytes, bytes_each);
     }
     let (header, standard) = radiance::standard(bytes).map_err(ReadError::Damaged)?;
-    // Turning it takes another picture.
+    // Reorientation takes a second picture.
     let bytes_each = |kind| bytes_each(kind) + size_of::<[f32; 3]>() as u64;
     Ok(header.apply(decode_stored(&standard, bytes_each)?))
 }
 
-/// Texels of a WebP image of any content: 8192 x 8192.
+/// Maximum number of texels of a WebP image of any file size: 8192 x 8192.
 const ANY_CONTENT: u64 = 1 << 26;
 
-/// The most texels for each byte of larger WebP images; photographs have about 8.
+/// Maximum number of texels per byte of larger WebP images; photographs have about 8.
 const TEXELS_A_BYTE: u64 = 256;
 
-/// Decodes an image as the `image` crate does.
+/// Decodes an image with the `image` crate.
 fn decode_stored(bytes: &[u8], bytes_each: impl Fn(ColorType) -> u64) -> Read<DynamicImage> {
     let unsupported = || ReadError::Damaged(not_read(bytes));
     let damaged = |e: image::ImageError| match e {
@@ -172,7 +172,7 @@ fn decode_stored(bytes: &[u8], bytes_each: impl Fn(ColorType) -> u64) -> Read<Dy
         let needed = decoder.total_bytes().saturating_add(limits::product(&[area, each]));
         limits::check_claim(needed)
             .map_err(|excess| ReadError::too_large(width.into(), height.into(), &excess))?;
-        // A few bytes may stand for any number of equal texels, which take time.
+        // A few bytes may encode any number of equal texels, which take long to decode.
         let most = limits::product(&[bytes.len() as u64, TEXELS_A_BYTE]).max(ANY_CONTENT);
         if format == ImageFormat::WebP && area > most {
             let what = format!("{width} x {height} texels in {} bytes: damaged", bytes.len());
@@ -227,7 +227,7 @@ pub(super) fn exr_reader(
     Ok(reader)
 }
 
-/// Checks the memory for the display window of an OpenEXR image, which is the picture.
+/// Checks the memory limit for the display window of an OpenEXR image.
 fn check_display(bytes: &[u8]) -> Read<()> {
     for header in exr_reader(bytes, |_| size_of::<[f32; 4]>())?.headers() {
         let Vec2(width, height) = header.shared_attributes.display_window.size;
@@ -241,11 +241,11 @@ fn check_display(bytes: &[u8]) -> Read<()> {
     Ok(())
 }
 
-/// The part of `rows` in a window of `size` whose top left pixel is `offset` pixels right of and below theirs; 0 elsewhere.
+/// Copies `rows` into a window of `size` that begins `offset` pixels right of and below them; 0 elsewhere.
 fn in_window<T: Copy + Default>(rows: &[T], width: usize, offset: [i64; 2], size: [usize; 2]) -> Vec<T> {
     let mut pixels = vec![T::default(); size[0] * size[1]];
     let height = rows.len().checked_div(width).unwrap_or(0);
-    // The first pixel of the window that is one of `rows`, that one, and their number.
+    // Start of the overlap in the window and in `rows`, and its length.
     let overlap = |axis: usize, side: usize| {
         let (to, from) = ((-offset[axis]).max(0) as usize, offset[axis].max(0) as usize);
         (to, from, size[axis].saturating_sub(to).min(side.saturating_sub(from)))

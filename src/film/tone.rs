@@ -114,15 +114,15 @@ impl DisplayTransform {
         self.light_of(self.composite(light, coverage, behind)).unwrap_or(light + behind)
     }
 
-    /// The displayed linear colour of a pixel that lit surfaces cover in part, with this light, and that shows
-    /// `displayed` elsewhere, times the part that this covers.
+    /// Displayed linear colour of a pixel with lit surfaces of this light and coverage, and `displayed`, which is
+    /// multiplied by its own coverage.
     pub fn composite(self, light: DVec3, coverage: f64, displayed: DVec3) -> DVec3 {
         let own = if coverage > 0.0 { self.apply(light / coverage) * coverage } else { DVec3::ZERO };
         own + displayed
     }
 
-    /// The film value that [`DisplayTransform::apply`] takes to the displayed linear colour `displayed`, 0 to 1, which
-    /// need not be one of the tone map: -2^100 (1 + `displayed`), which is no light and keeps 23 bits.
+    /// Film value that [`DisplayTransform::apply`] maps to the displayed linear colour `displayed`, 0 to 1, even
+    /// outside the gamut of the tone map: -2^100 (1 + `displayed`), which is no radiance and keeps 23 bits.
     pub fn keep(displayed: DVec3) -> [f32; 3] {
         (-KEPT * (1.0 + displayed.clamp(DVec3::ZERO, DVec3::ONE))).as_vec3().to_array()
     }
@@ -132,7 +132,8 @@ impl DisplayTransform {
         kept(DVec3::from(pixel.map(f64::from))).is_some()
     }
 
-    /// The mean of two film values, `share` of the first. Kept ones are mixed as displayed.
+    /// Weighted mean of two film values; `share` is the weight of the first. Values of [`DisplayTransform::keep`] are
+    /// averaged as displayed.
     pub fn mean(self, first: [f32; 3], second: [f32; 3], share: f64) -> [f32; 3] {
         let of = |a: DVec3, b: DVec3| a * share + b * (1.0 - share);
         let [a, b] = [first, second].map(|pixel| DVec3::from(pixel.map(f64::from)));
@@ -171,7 +172,7 @@ mod tests {
     use super::*;
     use glam::Vec3;
 
-    /// Every 8-bit colour, also saturated ones that no light is displayed as, and their mean: 23 bits are enough.
+    /// 8-bit colours, also outside the gamut of the tone map, and their means: 23 bits suffice.
     #[test]
     fn kept_colours_are_displayed_unchanged() {
         for (map, ev) in ToneMap::ALL.into_iter().zip([1.0, -3.0, 5.5, 0.25]) {

@@ -107,7 +107,7 @@ pub fn write_picture(picture: &OutputImage, metadata: &Metadata, format: Format,
 /// Encodes a picture to a stream: floating point as OpenEXR, 8 bits as PNG or JPEG, and with alpha as PNG.
 ///
 /// # Errors
-/// Errors of the stream, and one of the kind [`std::io::ErrorKind::InvalidInput`] for a picture that the format cannot hold.
+/// Errors of the stream; [`std::io::ErrorKind::InvalidInput`] for a picture that the format cannot hold.
 pub fn encode(
     picture: &OutputImage,
     metadata: &Metadata,
@@ -242,7 +242,7 @@ fn sort_header(bytes: &mut [u8]) {
 mod tests {
     use super::*;
 
-    /// Bytes of another format than the name of the file says are never written.
+    /// The format of the bytes is always that of the file name.
     #[test]
     fn formats_that_cannot_hold_a_picture_are_errors() {
         let window = crate::film::Window { x: 0, y: 0, width: 1, height: 1 };

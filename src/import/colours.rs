@@ -5,25 +5,25 @@ use glam::DVec3;
 use crate::error::Warnings;
 use crate::film::colour::srgb_decode;
 
-/// Colours and opacities of a list of vertices or faces, as the file has them.
+/// Undecoded colours and opacities of vertices or faces.
 #[derive(Default)]
 pub(super) struct Colours {
     /// Red, green, blue and alpha.
     pub values: Vec<[f64; 4]>,
-    /// The value of white in each channel.
+    /// Value of white per channel.
     pub white: [f64; 4],
-    /// Whether the values are floating-point numbers, whose white is 1.
+    /// Whether the values are floating-point numbers, with white at 1.
     pub is_float: bool,
 }
 
-/// Largest display value in floating point whose white is taken as 1: a mesh whose values were all below it in a scale
-/// of 0 to 255 would be black.
+/// Largest floating-point value that is read on a scale of 0 to 1. On a scale of 0 to 255, a mesh without larger values
+/// would be nearly black.
 const MOST: f64 = 2.0;
 
 impl Colours {
-    /// The colours in linear light, and the opacities; `None` where all are opaque. Floating-point values of 0 to 255
-    /// are divided by 255, and opacities that are all 0, as some exporters write them, left out, both with a note that
-    /// begins with `about`.
+    /// Returns linear colours and opacities; `None` if all are opaque. Floating-point values above [`MOST`] are divided
+    /// by 255, and opacities that are all 0, as written by some exporters, are dropped; both add a note that begins
+    /// with `about`.
     pub(super) fn decoded(mut self, about: &str, warnings: &mut Warnings) -> (Vec<DVec3>, Option<Vec<f64>>) {
         let largest = |of: fn(&[f64; 4]) -> f64| self.values.iter().map(of).fold(0.0, f64::max);
         if self.is_float {

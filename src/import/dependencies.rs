@@ -75,7 +75,7 @@ pub(super) struct Files {
     images: Rc<HashMap<String, DecodedImage>>,
     /// What is read in place of standard input.
     standard_input: Option<Rc<Vec<u8>>>,
-    /// Folders that were searched for files that are not where they should be.
+    /// Cache of searches for misplaced files.
     pub(super) listings: Rc<RefCell<Listings>>,
 }
 

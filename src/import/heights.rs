@@ -8,14 +8,14 @@ use crate::scene::TexelValues;
 pub(crate) struct NormalsOfHeights {
     /// Texels, row by row from the top.
     pub texels: TexelValues,
-    /// Steepest slope of the height map, which scales x and y: texels encode slopes relative to it, within a 255th or a
-    /// 65,535th. Where neither slope has a share, both are exactly zero ([`TexelEncoding::Normal`]).
+    /// Steepest slope of the height map, the unit of x and y. Texels encode slopes within a 255th or a 65,535th of it;
+    /// zero slopes are exact ([`TexelEncoding::Normal`]).
     pub steepest: f64,
 }
 
 /// Computes the normal map of `heights`, values from 0 to 1 by texel index, row by row from the top; `width` by
-/// `height` texels that repeat; its texels have the depth whose largest value is `largest`. Slopes are central differences in heights per texel: a rise by 1 over two texels is a
-/// slope of 1/2.
+/// `height` texels that repeat. `largest` is the largest value of the bit depth of the result. Slopes are central
+/// differences in heights per texel: a rise by 1 over two texels is a slope of 1/2.
 ///
 /// MTL does not specify a unit of height. Measuring in texels makes the tilt independent of the texture's size in world
 /// space, as tools that convert height maps do.
@@ -35,7 +35,7 @@ pub(crate) fn normals_of_heights(
     };
     let count = width * height;
     let steepest = (0..count).flat_map(slopes).fold(0.0, |most: f64, slope| most.max(slope.abs()));
-    // Normals tilt away from rising heights. x and y are scaled to the full range, with z = 1.
+    // Normals tilt away from rising heights. x and y are scaled to the full range of values, with z = 1.
     let encode = |slope: f64| {
         let share = if steepest > 0.0 { -slope / steepest } else { 0.0 };
         ((share + 1.0) / 2.0 * f64::from(largest) + 0.5).floor() as u16

@@ -154,8 +154,7 @@ impl ImageLoader<'_> {
     }
 }
 
-/// Bytes per pixel of a texture, in addition to the decoded image of this type; those of floating-point values are
-/// converted first.
+/// Bytes per pixel of a texture in addition to the decoded image; floating-point images are converted first.
 fn texture_bytes(image: ColorType) -> u64 {
     match image.bytes_per_pixel() / image.channel_count() {
         1 => 3,
@@ -178,7 +177,7 @@ fn open(
     decode(&bytes, bytes_each)
 }
 
-/// Decodes an image; the caller will allocate another `bytes_each` per pixel of an image of this type.
+/// Decodes an image. `bytes_each`: bytes per pixel, by image type, that the caller will allocate in addition.
 fn decode(
     bytes: &[u8],
     bytes_each: impl Fn(ColorType) -> u64,
@@ -219,8 +218,8 @@ pub(crate) fn of_bytes(
     keep(scene, source, decoded, place, warnings)
 }
 
-/// Decodes the alpha channel of an image in memory into a grey image called `name`, `value(alpha, largest)` of each;
-/// returns `None` if all are opaque, as without an alpha channel, or it cannot be decoded, of which [`of_bytes`] warns.
+/// Decodes the alpha channel of an image in memory into a grey image called `name`, mapped by `value(alpha, largest)`.
+/// Returns `None` if the image is opaque or cannot be decoded, of which [`of_bytes`] warns.
 pub(crate) fn alpha_of_bytes(
     scene: &mut Scene,
     place: Place,
@@ -228,7 +227,7 @@ pub(crate) fn alpha_of_bytes(
     bytes: &[u8],
     value: impl Fn(u16, u16) -> u16,
 ) -> Result<Option<ImageId>> {
-    // The channel, then its values.
+    // The alpha channel, and its mapped values.
     let image = match decode(bytes, |image| 2 * texture_bytes(image)) {
         Ok(image) => image,
         Err(ReadError::TooLarge { what, hint }) => return Err(Error::input(place, what, hint)),
@@ -282,12 +281,12 @@ fn into_texture(name: &str, image: &DynamicImage, channels: Channels) -> Decoded
     })
 }
 
-/// Whether any texel is less than 1.
+/// Whether any texel is below 1.
 fn is_transparent(alpha: &TexelValues) -> bool {
     alpha.iter().any(|texel| texel[0] < alpha.largest())
 }
 
-/// Values of pixels that become those of texels.
+/// Channel of an image that becomes a texture.
 #[derive(Debug, Clone, Copy)]
 enum Picked {
     Colour,
@@ -295,13 +294,13 @@ enum Picked {
     Grey,
 }
 
-/// The texels of an image, in the depth of its file; floating-point values in 16 bits.
+/// Texels of an image in the bit depth of its file; floating-point values in 16 bits.
 fn texels_of(image: &DynamicImage, picked: Picked) -> TexelValues {
     fn of<P: Pixel>(image: &ImageBuffer<P, Vec<P::Subpixel>>, picked: Picked) -> TexelValues
     where
         TexelValues: FromIterator<[P::Subpixel; 3]>,
     {
-        // The iterator has an exact length, so that texels are written where they stay.
+        // The iterator has an exact length, so texels are collected without a copy.
         let pixels = image.as_raw().chunks_exact(P::CHANNEL_COUNT.into()).map(P::from_slice);
         match picked {
             Picked::Colour => pixels.map(|pixel| pixel.to_rgb().0).collect(),

@@ -21,7 +21,7 @@ pub(super) fn is_ktx2(bytes: &[u8]) -> bool {
     bytes.starts_with(&IDENTIFIER)
 }
 
-/// Decodes the full-size image, of 8 bits; the caller will allocate another `bytes_each` per pixel.
+/// Decodes the full-size image to 8 bits. `bytes_each`: bytes per pixel that the caller will allocate in addition.
 pub(super) fn decode(bytes: &[u8], bytes_each: u64) -> Read<DynamicImage> {
     let damaged = || ReadError::Damaged("not a KTX2 picture of Basis Universal, or damaged".to_owned());
     let number = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));

@@ -232,7 +232,7 @@ impl Source {
         scene.objects.push(Object { name, input: 0, material, shape: Shape::Mesh(mesh) });
     }
 
-    /// A scene of meshes without materials of the file. Unnamed meshes take the name of the file.
+    /// Scene of meshes with default materials. Unnamed meshes take the name of the file.
     fn scene_of(&self, meshes: Vec<(Option<String>, Mesh)>) -> Scene {
         let mut scene = Scene::default();
         let mut materials = DefaultMaterials::default();
@@ -250,13 +250,13 @@ impl Source {
     }
 }
 
-/// The materials of meshes for which a file gives none: light grey, or white if the mesh has colours, so that these are
-/// drawn as they are; alpha of vertices counts. Each is added to the scene when it is first used.
+/// Default materials: light grey, or white for meshes with colours, which stay unchanged; translucent for meshes with
+/// alpha. Each is added to the scene on first use.
 #[derive(Default)]
 pub(crate) struct DefaultMaterials(HashMap<[bool; 2], MaterialId>);
 
 impl DefaultMaterials {
-    /// The material of a mesh of `scene`.
+    /// Default material of a mesh of `scene`.
     pub(crate) fn of(&mut self, mesh: &Mesh, scene: &mut Scene) -> MaterialId {
         *self
             .0
@@ -265,7 +265,7 @@ impl DefaultMaterials {
     }
 }
 
-/// The material of [`DefaultMaterials`] for a mesh.
+/// Default material of a mesh.
 fn default_material(mesh: &Mesh) -> Phong {
     let grey = Phong::default();
     let colour = if mesh.colours.is_some() { Colour::Display(DVec3::ONE) } else { grey.colour };

@@ -82,8 +82,8 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Divides colours by 255 if they are from 0 to 255: if the largest is above 2, or above 1 and all are whole numbers.
-/// Others above 1 are taken as they are, as rounding and programs with a high dynamic range make them.
+/// Divides colours by 255 if the largest is above 2, or above 1 and all are integers. Other values above 1 are kept;
+/// they stem from rounding or high dynamic range.
 fn scale_colours(colours: &mut [DVec3], source: &Source, warnings: &mut Warnings) {
     let given = || colours.par_iter().filter(|colour| !colour.is_nan());
     let largest = given().map(|colour| colour.max_element()).reduce(|| 0.0, f64::max);
@@ -105,7 +105,7 @@ fn warn_of_unknown_materials(names: &BTreeSet<String>, source: &Source, warnings
     }
 }
 
-/// The name of a material without a comment behind it. Names may contain `#`, so a name is searched as it is first.
+/// Material name without a trailing comment. Names may contain `#`, so the full name is looked up first.
 fn without_comment(name: &str) -> &str {
     unquoted(name.split(" #").next().unwrap_or(name))
 }

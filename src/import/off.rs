@@ -1,9 +1,9 @@
 //! OFF (Geomview manual, "OFF Files"): text, with `N` (normals), `C` (colours) and `ST` (texture coordinates) of
-//! vertices, and colours of faces. Colours are display values: of 0 to 255, or of 0 to 1 where none is larger. As in
+//! vertices, and colours of faces. Colours are display values from 0 to 255, or from 0 to 1 if none is larger. As in
 //! OBJ files, v points up in the image.
 //!
-//! Read by lines, since the number of colour values of a face is that of the words left on its line. No crate is used:
-//! those on crates.io (off-rs 1.0, meshio-rs) read neither colours of faces nor comments, and have no line numbers.
+//! Parsed line by line: a face has as many colour values as words are left on its line. No crate is used: those on
+//! crates.io (off-rs 1.0, meshio-rs) support neither face colours nor comments nor line numbers in errors.
 
 use glam::{DVec2, DVec3};
 
@@ -49,7 +49,7 @@ pub(super) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     Ok(source.scene_of(vec![(None, mesh)]))
 }
 
-/// The lines that are not empty, without comments.
+/// Non-empty lines without comments.
 struct Rows<'a> {
     source: &'a Source,
     lines: Lines<'a>,
@@ -82,7 +82,7 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// The numbers of the next line, into `values`; `false` at the end of the file.
+    /// Reads the numbers of the next line into `values`. Returns `false` at the end of the file.
     fn numbers(&mut self, values: &mut Vec<f64>) -> Result<bool> {
         values.clear();
         let Some(mut row) = self.next() else { return Ok(false) };
@@ -92,13 +92,13 @@ impl<'a> Rows<'a> {
         Ok(true)
     }
 
-    /// Whether no line follows, so that the current one may be cut.
+    /// Whether this is the last line, which may be truncated.
     fn is_last(&self) -> bool {
         self.lines.rest().trim_ascii().is_empty()
     }
 
-    /// The number of elements that the rest can hold, at most `count`, each of which takes at least `least` bytes,
-    /// after a check that memory suffices for `bytes` each.
+    /// Number of elements to reserve: `count`, or what the rest of the file can hold at `least` bytes per element if
+    /// that is less. Checks the memory limit for `bytes` per element.
     fn capacity(&self, count: u64, least: u64, bytes: usize) -> Result<usize> {
         let count = count.min((self.lines.rest().len() as u64 + 1) / least);
         limits::check(limits::product(&[count, bytes as u64])).map_err(|excess| {
@@ -109,7 +109,7 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// What the first lines say.
+/// Attributes of vertices, and numbers of vertices and faces.
 struct Header {
     has_normals: bool,
     has_colours: bool,
@@ -123,7 +123,7 @@ impl Header {
         const BEGINNING: &str = "an OFF file begins with `OFF`, or with ST, C or N before it";
         let mut row = rows.next().ok_or_else(|| rows.fault(BEGINNING))?;
         let word = take_word(&mut row).unwrap_or_default().to_ascii_uppercase();
-        // Files of ModelNet have the first count right behind the word.
+        // ModelNet files have the first number directly after the keyword.
         let letters = word.iter().position(u8::is_ascii_digit).filter(|&at| at > 1).unwrap_or(word.len());
         let (kind, glued) = word.split_at(letters);
         let mut kind = kind.strip_suffix(b"OFF").ok_or_else(|| rows.fault(BEGINNING))?;
@@ -164,13 +164,13 @@ impl Header {
     }
 }
 
-/// White of channels: 1 where no value is larger, else 255.
+/// Value of white in these channels: 1 if no value is larger, else 255.
 fn white(values: &[[f64; 4]], channels: std::ops::Range<usize>) -> f64 {
     let largest = values.iter().flat_map(|c| &c[channels.clone()]).fold(0.0, |a: f64, &b| a.max(b));
     if largest > 1.0 { 255.0 } else { 1.0 }
 }
 
-/// Colours in the file's own scale; NaN is replaced by the colour of surfaces without a material, and an opaque alpha.
+/// Decodes colours. NaN becomes the default grey, in alpha opaque.
 fn decoded(
     mut values: Vec<[f64; 4]>,
     source: &Source,
@@ -191,7 +191,7 @@ fn decoded(
     Colours { values, white, is_float: false }.decoded(&about, warnings)
 }
 
-/// A colour of three or four values.
+/// Colour of three or four values; without alpha, alpha is NaN.
 fn colour(values: &[f64]) -> Option<[f64; 4]> {
     match *values {
         [r, g, b] => Some([r, g, b, f64::NAN]),

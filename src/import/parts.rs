@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use crate::scene::{Attribute, Mesh};
 
-/// Splits a mesh into one for each key of `keys`, which has a key for each triangle, in the order of the keys.
+/// Splits a mesh by the key of each triangle. The parts are sorted by key.
 pub(super) fn split<K: Copy + Ord>(mesh: Mesh, keys: &[K]) -> Vec<(K, Mesh)> {
     let mut groups: BTreeMap<K, Vec<usize>> = BTreeMap::new();
     for (triangle, key) in keys.iter().enumerate() {
@@ -16,7 +16,7 @@ pub(super) fn split<K: Copy + Ord>(mesh: Mesh, keys: &[K]) -> Vec<(K, Mesh)> {
     groups.into_iter().map(|(key, group)| (key, part(&mesh, &group))).collect()
 }
 
-/// The mesh of some triangles, with the vertices that they use.
+/// Mesh of the triangles in `group` with the vertices in use.
 fn part(mesh: &Mesh, group: &[usize]) -> Mesh {
     let (triangles, used) = renumbered(&mesh.triangles, group);
     Mesh {
@@ -45,7 +45,7 @@ fn values<T: Copy>(of: &[T], used: &[u32]) -> Vec<T> {
     used.iter().map(|&index| of[index as usize]).collect()
 }
 
-/// The triangles of a group with indices counted anew, and the old index of each new one.
+/// Renumbered triangles of a group, and the old index of each new one.
 fn renumbered(triangles: &[[u32; 3]], group: &[usize]) -> (Vec<[u32; 3]>, Vec<u32>) {
     let (mut used, mut known) = (Vec::new(), HashMap::new());
     let mut new = |old: u32| {
@@ -63,7 +63,7 @@ mod tests {
     use super::*;
     use glam::DVec3;
 
-    /// Two triangles of a square, with a colour of each: their parts have three vertices and one colour each.
+    /// Two triangles of a square with one colour each: their parts have three vertices and one colour each.
     #[test]
     fn parts_keep_their_corners_and_values() {
         let corner = |x: f64, y: f64| DVec3::new(x, y, 0.0);

@@ -1,6 +1,6 @@
 //! PLY (Turk, "The PLY Polygon File Format", 1994): ASCII and binary in either byte order.
 //!
-//! Read are the position, normal (`nx ny nz`), texture coordinates (`u v`, `s t`, `texture_u texture_v` or `tx ty`) and
+//! Reads the position, normal (`nx ny nz`), texture coordinates (`u v`, `s t`, `texture_u texture_v` or `tx ty`) and
 //! colour (`red green blue` or `r g b`, with `alpha` or `a`) of vertices; the polygon (`vertex_indices` or
 //! `vertex_index`), colour, and texture coordinates of corners (`texcoord`, `texnumber`) of faces; triangle strips
 //! (`tristrips`), in which a negative index begins a new strip; and the images after `comment TextureFile`. All other
@@ -30,7 +30,7 @@ use body::Body;
 use faces::Faces;
 use header::{Element, Header, Property};
 
-/// Reads a PLY file as one mesh, or as one for each of its textures.
+/// Reads a PLY file as one mesh, or as one mesh per texture.
 pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let header = Header::parse(source)?;
     let mut body = Body::new(source, &header);
@@ -70,7 +70,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     textured(source, &header, mesh, faces, warnings)
 }
 
-/// Warns of data that is missing or that the header does not declare.
+/// Warns about missing and surplus data.
 fn warn_of_length(body: &Body, warnings: &mut Warnings) {
     let file = body.source.file.display();
     if let Some((name, there, declared)) = &body.short {
@@ -86,7 +86,7 @@ fn warn_of_length(body: &Body, warnings: &mut Warnings) {
     }
 }
 
-/// Channel of a colour, by the name of its property: red, green, blue, alpha.
+/// Channel of a colour property by name: 0 red, 1 green, 2 blue, 3 alpha.
 fn colour_slot(name: &str) -> Option<usize> {
     Some(match name.to_ascii_lowercase().as_str() {
         "red" | "r" | "diffuse_red" => 0,
@@ -97,7 +97,7 @@ fn colour_slot(name: &str) -> Option<usize> {
     })
 }
 
-/// The slot of each property; `None` for those that have none or that of an earlier one.
+/// Slot of each property; `None` for unused properties and for duplicates.
 fn first_of_each<S: Copy + Eq + Hash>(
     element: &Element,
     slot: impl Fn(&Property) -> Option<S>,
@@ -106,7 +106,7 @@ fn first_of_each<S: Copy + Eq + Hash>(
     element.properties.iter().map(|property| slot(property).filter(|slot| known.insert(*slot))).collect()
 }
 
-/// The white of the four channels, and whether colours are floating-point numbers.
+/// Value of white per channel, and whether colours are floating-point numbers.
 fn whites<S: PartialEq>(
     element: &Element,
     slots: &[Option<S>],
@@ -120,7 +120,7 @@ fn whites<S: PartialEq>(
     (white, scalar(0).is_some_and(header::Scalar::is_float))
 }
 
-/// Slots of the values of vertices: position, normal, texture coordinates and colour.
+/// Slots of vertex values: position from 0, then normal, texture coordinates and colour.
 const NORMAL: usize = 3;
 const UV: usize = 6;
 const COLOUR: usize = 8;
@@ -152,7 +152,7 @@ fn read_vertices(body: &mut Body, element: &Element, mesh: &mut Mesh) -> Result<
         (true, size_of::<DVec3>()),
         (has_normals, size_of::<DVec3>()),
         (has_uvs, size_of::<DVec2>()),
-        // As in the file, decoded, and opacities.
+        // Undecoded, decoded, and opacities.
         (has_colours, size_of::<[f64; 4]>() + size_of::<DVec3>() + size_of::<f64>()),
     ];
     let count =
@@ -191,7 +191,7 @@ fn read_vertices(body: &mut Body, element: &Element, mesh: &mut Mesh) -> Result<
     Ok(has_colours.then_some(Colours { values: colours, white, is_float }))
 }
 
-/// Sets the colours and opacities of vertices, or of faces where there are none.
+/// Sets the colours and opacities of vertices, or of faces if vertices have none.
 fn set_colours(
     source: &Source,
     mesh: &mut Mesh,
@@ -200,7 +200,7 @@ fn set_colours(
     warnings: &mut Warnings,
 ) {
     let about = format!("{}: colours have", source.file.display());
-    // Triangle strips have no faces.
+    // Triangle strips have no face colours.
     let is_of_faces = faces.face_of.len() == mesh.triangles.len();
     let triangles = || faces.face_of.iter().map(|&face| [face; 3]).collect::<Vec<_>>();
     let (colours, triangles) = match (vertices, faces.colours.take()) {
@@ -213,7 +213,7 @@ fn set_colours(
     mesh.colours = Some(Attribute { values: colours, triangles });
 }
 
-/// The scene of a mesh: split by the images of its faces, or with the first image on all.
+/// Scene of a mesh: split by the images of its faces, or with the first image on all faces.
 fn textured(
     source: &Source,
     header: &Header,

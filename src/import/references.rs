@@ -1,5 +1,5 @@
-//! Files that an input names: as written or, if there is none, as exporters on other machines mean the name. What is
-//! searched lies below the folder of the input; links that lead out of it are not followed.
+//! Resolution of file names in inputs: as written, else by a search below the folder of the input that ignores case and
+//! folders. The search does not follow links that lead out of the folder.
 
 use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
@@ -9,50 +9,50 @@ use std::rc::Rc;
 use super::Source;
 use crate::error::Warnings;
 
-/// Entries of folders that are searched for a name without its path. A folder with more, such as one of downloads, is
-/// not searched: which of its files are found would depend on the order of listing.
+/// Maximum number of directory entries in a search. Larger folders, such as one of downloads, are not searched, because
+/// the result would depend on the listing order.
 const MOST_ENTRIES: usize = 20_000;
 
-/// Levels of folders that are searched for a name without its path.
+/// Maximum depth of the search.
 const DEEPEST: usize = 8;
 
-/// Files that a message names where several could be meant.
+/// Maximum number of candidates in a message.
 const MOST_NAMED: usize = 4;
 
-/// Contents of the folders that were searched, each listed once, and notes on what was found.
+/// Cached directory listings, and notes about files found.
 #[derive(Default)]
 pub(super) struct Listings {
     folders: HashMap<PathBuf, Rc<Listing>>,
-    /// The files below a folder by their names in lower case, relative to it.
+    /// Files below each folder: relative paths by lower-case name.
     trees: HashMap<PathBuf, Rc<HashMap<String, Vec<PathBuf>>>>,
     notes: Vec<String>,
 }
 
-/// The entries of a folder by their names in lower case.
+/// Directory entries by lower-case name.
 type Listing = HashMap<String, Vec<Entry>>;
 
 #[derive(Clone)]
 struct Entry {
     name: OsString,
-    /// A folder itself, not a link to one.
+    /// `false` for links to folders.
     is_folder: bool,
 }
 
 impl Source {
-    /// The path of a file that this one references by `name`: in its folder or below, unless the options allow others.
+    /// Resolves a file reference to a path in the folder of this file or below, unless the options allow others.
     ///
-    /// That is the file as written; symbolic links are followed, as the contents of files do not make them. If there is
-    /// none, it is the file whose path differs in case alone; then the one of the same name anywhere below the folder.
-    /// For both, quotes, a comment and percent-encoding are also left off. A note names a file found so. If there is
-    /// none either, the path is that of the name as written.
+    /// Candidates in order: the path as written, following symbolic links; a path that differs only in case; a file of
+    /// the same name anywhere below the folder. The latter two are also tried without quotes, without a trailing
+    /// comment and percent-decoded, and a note names the file found. If no file exists, the path as written is
+    /// returned.
     ///
     /// # Errors
-    /// What is wrong with the reference: it leads out of the folder, or several files could be meant.
+    /// A message if the reference leads out of the folder or is ambiguous.
     pub(super) fn resolve_reference(&self, name: &str) -> Result<PathBuf, String> {
         self.resolve_or(name, None)
     }
 
-    /// The path of a file as [`Source::resolve_reference`] finds it; then, that of the file `other` in the folder.
+    /// As [`Source::resolve_reference`], with the file `other` in the folder as the last candidate.
     pub(super) fn resolve_or(&self, name: &str, other: Option<&str>) -> Result<PathBuf, String> {
         let written = self.as_written(name);
         if self.file == Path::new("-") || written.as_ref().is_ok_and(|path| self.files.has(path)) {
@@ -84,10 +84,10 @@ impl Source {
         ))
     }
 
-    /// The path of a reference as written, whether or not there is such a file.
+    /// Path of a reference as written; the file need not exist.
     ///
     /// # Errors
-    /// It leads out of the folder.
+    /// A message if it leads out of the folder.
     pub(super) fn as_written(&self, name: &str) -> Result<PathBuf, String> {
         let path = PathBuf::from(name.replace('\\', "/"));
         if !self.options.allow_outside_references && leaves_folder(&path) {
@@ -98,7 +98,7 @@ impl Source {
         Ok(self.beside(path))
     }
 
-    /// The path of an image that this file references; `None` with a warning if it is not followed.
+    /// Path of a referenced image; `None` with a warning if it cannot be resolved.
     pub(super) fn resolve_image(&self, name: &str, warnings: &mut Warnings) -> Option<PathBuf> {
         let resolved = self.resolve_reference(name);
         let warn =
@@ -106,13 +106,12 @@ impl Source {
         resolved.map_err(warn).ok()
     }
 
-    /// Moves the notes on files that were found to the warnings.
+    /// Moves the collected notes to `warnings`.
     pub(super) fn note_references(&self, warnings: &mut Warnings) {
         self.files.listings.borrow_mut().notes.drain(..).for_each(|note| warnings.note(note));
     }
 
-    /// The files whose paths, relative to the folder, differ from `path` in case alone. If one does not differ, it is
-    /// the only one.
+    /// Files whose relative path equals `path` except for case. An exact match is the only result.
     fn differing_in_case(&self, path: &Path) -> Vec<PathBuf> {
         if leaves_folder(path) {
             return Vec::new();
@@ -128,7 +127,7 @@ impl Source {
                     });
                     same_name_first(named.collect(), name)
                 }
-                // The paths so far have the same length, and the folder above all is the same.
+                // All candidates have the same depth and root.
                 _ => {
                     if component == Component::ParentDir {
                         all.iter_mut().for_each(|path| _ = path.pop());
@@ -141,13 +140,13 @@ impl Source {
         self.files_inside(all)
     }
 
-    /// The files below the folder with the name of `path`, whatever its folder.
+    /// Files with the name of `path` anywhere below the folder.
     fn anywhere_below(&self, path: &Path) -> Vec<PathBuf> {
         let named = self.tree().get(&lower_case(path)).cloned().unwrap_or_default();
         self.files_inside(same_name_first(named, path_name(path)))
     }
 
-    /// Those of `paths`, relative to the folder, that are files inside it when links are followed.
+    /// Keeps the relative paths to files inside the folder after following links.
     fn files_inside(&self, mut paths: Vec<PathBuf>) -> Vec<PathBuf> {
         let folder = self.folder().canonicalize().ok();
         paths.retain(|path| {
@@ -164,7 +163,7 @@ impl Source {
         if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
     }
 
-    /// The entries of a folder below that of the file.
+    /// Cached listing of a subfolder.
     fn listing(&self, below: &Path) -> Rc<Listing> {
         let folder = self.folder().join(below);
         let mut listings = self.files.listings.borrow_mut();
@@ -172,7 +171,7 @@ impl Source {
         listing.clone()
     }
 
-    /// The files below the folder, of at most [`MOST_ENTRIES`]; hidden folders and links to folders are left out.
+    /// Files below the folder, without hidden folders and links to folders. Empty above [`MOST_ENTRIES`].
     fn tree(&self) -> Rc<HashMap<String, Vec<PathBuf>>> {
         if let Some(tree) = self.files.listings.borrow().trees.get(self.folder()) {
             return tree.clone();
@@ -211,7 +210,7 @@ impl Source {
     }
 }
 
-/// The entries of a folder; none if it cannot be listed, or has more than [`MOST_ENTRIES`].
+/// Entries of a folder; empty if it cannot be listed or has more than [`MOST_ENTRIES`].
 fn list(folder: &Path) -> Listing {
     let mut listing = Listing::new();
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
@@ -226,8 +225,8 @@ fn list(folder: &Path) -> Listing {
     listing
 }
 
-/// What exporters mean by a name, with `/` between folders: without quotes, without a comment behind it, with spaces
-/// that are not quoted by backslashes, with percent-encoding decoded.
+/// Candidate spellings of a name with `/` as separator: without quotes, without a trailing comment, with unescaped
+/// spaces, percent-decoded.
 fn spellings(name: &str) -> Vec<String> {
     let plain = unquoted(name);
     let without_comment = plain.split(" #").next().unwrap_or(plain);
@@ -242,14 +241,14 @@ fn spellings(name: &str) -> Vec<String> {
     all
 }
 
-/// A text without spaces and quotes around it.
+/// Text without surrounding white space and quotes.
 pub(super) fn unquoted(text: &str) -> &str {
     let text = text.trim();
     let inner = |quote| text.strip_prefix(quote).and_then(|text| text.strip_suffix(quote));
     inner('"').or_else(|| inner('\'')).unwrap_or(text).trim()
 }
 
-/// The last component of a path; empty if that is no name.
+/// Last component of a path; empty for `..` and roots.
 fn path_name(path: &Path) -> &OsStr {
     path.file_name().unwrap_or_default()
 }
@@ -258,13 +257,13 @@ fn lower_case(path: &Path) -> String {
     path_name(path).to_string_lossy().to_lowercase()
 }
 
-/// Those of `paths` whose last component is `name`, if there are any, and otherwise all.
+/// Paths whose last component equals `name`; all paths if there are none.
 fn same_name_first(paths: Vec<PathBuf>, name: &OsStr) -> Vec<PathBuf> {
     let same: Vec<PathBuf> = paths.iter().filter(|path| path_name(path) == name).cloned().collect();
     if same.is_empty() { paths } else { same }
 }
 
-/// Whether a relative path leads to a parent of the folder it starts from, or the path is absolute.
+/// Whether a path is absolute or leads to a parent of the folder it starts from.
 fn leaves_folder(path: &Path) -> bool {
     let mut depth = 0i64;
     path.components().any(|component| {

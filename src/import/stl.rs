@@ -2,7 +2,7 @@
 //!
 //! Corners with equal coordinates are welded into one vertex, so that meshes are as closed as the file's corners are.
 //! Facet normals are ignored: surfaces are two-sided. Colours of binary files are read in both conventions
-//! ([`colours`]). ASCII files are read as words: line ends have a meaning in names of solids alone.
+//! ([`colours`]). ASCII files are parsed word by word; line ends matter only in names of solids.
 //!
 //! No crate is used: stl_io 0.11, the maintained one, reads every file that begins with `solid ` as ASCII, stops after
 //! the first of several solids, rejects files with a non-finite number, does not weld -0 and 0, and its errors have no
@@ -28,7 +28,7 @@ use words::Words;
 const HEAD: usize = 84;
 const FACET: usize = 50;
 
-/// The words that begin a statement in ASCII files.
+/// Keywords of ASCII statements.
 const STATEMENTS: [&[u8]; 8] =
     [b"solid", b"endsolid", b"facet", b"outer", b"loop", b"endfacet", b"vertex", b"endloop"];
 
@@ -57,7 +57,7 @@ fn is_binary(bytes: &[u8]) -> bool {
     let is_solid =
         words::without_comments(start).get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
     let has_control = start.iter().any(|b| b.is_ascii_control() && !b.is_ascii_whitespace());
-    // Names may have any bytes.
+    // Names may contain control characters.
     let has_facet = start.windows(5).any(|word| word.eq_ignore_ascii_case(b"facet"));
     !is_solid || has_control && !has_facet
 }
@@ -67,8 +67,8 @@ fn without_mark(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes)
 }
 
-/// The number of facets of a binary file: that of its header; as many as there are where they are fewer, or where the
-/// header says 0, as programs write that do not return to it. Both with a warning.
+/// Number of facets of a binary file as stated in its header. If fewer are complete, or the header says 0, as written
+/// by streaming exporters, the number of complete facets, with a warning.
 fn facet_count(source: &Source, warnings: &mut Warnings) -> Result<usize> {
     let (bytes, file) = (source.bytes.as_slice(), source.file.display());
     let place = Place::item(&source.file, format!("byte {}", bytes.len()));
@@ -119,7 +119,7 @@ fn read_binary(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
 /// Solids and their names.
 type Solids = Vec<(Option<String>, Mesh)>;
 
-/// Whether a word is the beginning of a statement, but not one.
+/// Whether a word is a truncated keyword.
 fn is_cut(word: &[u8]) -> bool {
     STATEMENTS.iter().any(|whole| whole.starts_with(word)) && !STATEMENTS.contains(&word)
 }
@@ -173,7 +173,7 @@ fn read_ascii(source: &Source, warnings: &mut Warnings) -> Result<Solids> {
                 }
                 _ => return fault(format!("a facet of {} vertices, not 3", corners.len())),
             },
-            // The end of the file may cut a word.
+            // The file may end within a keyword.
             cut if words.is_at_end() && has_triangles(&solids, &welder) && is_cut(cut) => break,
             _ if corners.is_empty() => return fault("not a statement of STL files".into()),
             _ => return fault("neither `vertex` nor `endloop` in a facet".into()),
@@ -324,13 +324,13 @@ mod tests {
         );
         let (count, said) = read(binary(b"", u32::MAX));
         assert!(count == 4 && said.contains("ends after 4 of 4294967295 triangles"), "{count}: {said}");
-        // A program that does not return to its header.
+        // The header of a streaming exporter.
         let (count, said) = read(binary(b"", 0));
         assert_eq!(
             (count, said.as_str()),
             (4, "a.stl: its header says 0 triangles; drawn are the 4 that are there")
         );
-        // Text that is cut within its third facet.
+        // Text truncated in its third facet.
         let text = ascii("a", "\n");
         let cut =
             text.windows(8).enumerate().filter(|(_, word)| word == b"endfacet").nth(1).expect("facets").0
@@ -339,8 +339,8 @@ mod tests {
         assert_eq!((count, said.as_str()), (2, "a.stl: ends without `endsolid`, so it may not be whole"));
     }
 
-    /// Two-word ends, all words on one line, words in any case, names of several words, and names that hold words of
-    /// the format.
+    /// Two-word end keywords, all words on one line, words in any case, names of several words, and names with
+    /// keywords.
     #[test]
     fn text_is_words_and_not_lines() {
         let text = String::from_utf8(ascii("left facet wing", "\n")).expect("ASCII");
@@ -371,7 +371,7 @@ mod tests {
         assert_eq!((meshes[0].0.as_str(), meshes.len(), warnings.is_empty()), ("solid part", 1, true));
     }
 
-    /// The four facets with these attribute bytes.
+    /// Four facets with the given attribute bytes.
     fn coloured(header: &[u8], words: [u16; 4]) -> (Mesh, Phong) {
         let mut bytes = binary(header, 4);
         for (facet, word) in words.into_iter().enumerate() {
@@ -399,16 +399,16 @@ mod tests {
     #[test]
     fn colours_of_both_dialects() {
         let grey = Phong::default().colour.to_pipeline(crate::film::ColourPipeline::Linear);
-        // VisCAM: bit 15 says that there is a colour, blue lowest.
+        // VisCAM: bit 15 marks a colour, blue lowest.
         let (mesh, material) = coloured(b"", [0x8000 | 31, 0x8000 | 31 << 5, 0x8000 | 31 << 10, 31]);
         assert_eq!(facets(&mesh), [DVec3::Z, DVec3::Y, DVec3::X, grey]);
         assert_eq!(material.colour, crate::film::Colour::Display(DVec3::ONE));
-        // Magics: bit 15 says that the facet has the colour of the part, red lowest.
+        // Magics: bit 15 selects the colour of the part, red lowest.
         let (mesh, material) = coloured(b"by hand COLOR=\xff\0\xff\x33", [31, 31 << 5, 31 << 10, 0x8000]);
         assert_eq!(facets(&mesh), [DVec3::X, DVec3::Y, DVec3::Z, DVec3::new(1.0, 0.0, 1.0)]);
         // 0x33 = 51 = 0.2 * 255.
         assert_eq!(material.opacity.map(|opacity| opacity.factor), Some(0.2));
-        // The part alone; of a material the diffuse colour counts.
+        // Only a part colour; of a material, the diffuse colour.
         let (mesh, material) = coloured(b"COLOR=\xff\0\0\xff", [0x8000; 4]);
         assert_eq!((mesh.colours, material.opacity), (None, None));
         assert_eq!(material.colour, crate::film::Colour::from_u8([255, 0, 0]));
@@ -421,7 +421,7 @@ mod tests {
                 .opacity,
             None
         );
-        // Without either.
+        // Neither convention.
         assert_eq!(coloured(b"", [0, 31, 0x7fff, 7]).0.colours, None);
     }
 }

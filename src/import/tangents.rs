@@ -33,7 +33,7 @@ pub(crate) fn make_tangents(mesh: &mut Mesh, set: u8) {
     }
 }
 
-/// The normals of triangles, on their front sides.
+/// Geometric normals of triangles, towards their front sides.
 pub(crate) fn normals_of_triangles(mesh: &Mesh) -> Attribute<DVec3> {
     let normal = |t: &[u32; 3]| {
         let [a, b, c] = mesh.front(*t).map(|i| mesh.positions[i as usize]);

@@ -1,11 +1,11 @@
 //! 3MF (3MF Consortium, Core Specification 1.3, with its Materials, Properties and Production extensions).
 //!
-//! Read are the objects of the build with their transforms and components, also those in other parts of the package
-//! (`path`); colours of `basematerials` and `colorgroup`; images of `texture2dgroup`. Coordinates become millimetres.
-//! What an object of the type `support`, `solidsupport` or `other` is, is not part of the model and left out.
+//! Reads the objects of the build with their transforms and components, also from other parts of the package (`path`);
+//! colours of `basematerials` and `colorgroup`; images of `texture2dgroup`. Coordinates become millimetres. Objects of
+//! type `support`, `solidsupport` and `other` are left out.
 //!
-//! The package is read from memory ([`package`]), its XML as a stream: memory is taken for what is read alone. No crate
-//! for 3MF is used: lib3mf-core and threemf 0.6 read whole documents into memory without limits.
+//! The package is read from memory ([`package`]), its XML as a stream, so that memory grows only with the scene. No
+//! crate for 3MF is used: lib3mf-core and threemf 0.6 read whole documents into memory without limits.
 
 mod model;
 mod package;
@@ -29,7 +29,7 @@ use crate::scene::{
 use model::{Model, Property, Reference, Solid};
 use package::Package;
 
-/// Nested components, at most; files of slicers have one or two levels.
+/// Maximum nesting depth of components; slicers write one or two levels.
 const MAX_DEPTH: usize = 64;
 
 /// Reads the build of a 3MF file.
@@ -60,10 +60,10 @@ pub(super) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     Ok(reader.scene)
 }
 
-/// Peak bytes of a placement, in the scene and prepared: measured with 100,000 of them.
+/// Peak bytes per placement in the scene and the prepared world, measured with 100,000 placements.
 const PLACEMENT: u64 = 4200;
 
-/// A mesh with the material of each of its parts.
+/// Parts of a mesh and their materials.
 type Parts = Arc<Vec<(Arc<Mesh>, MaterialId)>>;
 
 struct Reader<'a> {
@@ -72,13 +72,13 @@ struct Reader<'a> {
     warnings: &'a mut Warnings,
     scene: Scene,
     models: HashMap<String, Arc<Model>>,
-    /// By model and object.
+    /// By part of the package and object id.
     meshes: HashMap<(String, u32), Parts>,
-    /// By their parts of the package.
+    /// By part of the package.
     images: HashMap<String, Option<ImageId>>,
-    /// The material of meshes without one.
+    /// Material of meshes without properties.
     default: Option<MaterialId>,
-    /// Items and components that were followed, each as often as it is placed.
+    /// Number of items and components followed, once per placement.
     references: u64,
 }
 
@@ -87,7 +87,7 @@ impl Reader<'_> {
         Error::input(Place::item(&self.source.file, item), what, "export the file again")
     }
 
-    /// The model in a part of the package, read once.
+    /// Model of a part of the package, cached.
     fn model(&mut self, part: &str) -> Result<Arc<Model>> {
         if let Some(model) = self.models.get(part) {
             return Ok(Arc::clone(model));
@@ -97,7 +97,7 @@ impl Reader<'_> {
         Ok(model)
     }
 
-    /// Adds an object that the model in `part` refers to, and its components.
+    /// Adds an object and its components. `part` is the part of the package of the reference.
     fn place(&mut self, reference: &Reference, part: &str, outer: DMat4, depth: usize) -> Result<()> {
         let part = reference.path.as_deref().unwrap_or(part);
         let model = self.model(part)?;
@@ -105,7 +105,7 @@ impl Reader<'_> {
         self.references += 1;
         let checked = Counted::Nodes.check(self.references, &self.source.options.limits);
         checked.map_err(|(what, hint)| Error::input(self.source.file.as_path(), what, hint))?;
-        // Components of components multiply, so their number is not bounded by the size of the file.
+        // Nested components multiply: the file size does not bound their number.
         if self.references.is_power_of_two() {
             limits::check(limits::product(&[self.references, PLACEMENT])).map_err(|excess| {
                 let what = format!(
@@ -146,7 +146,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// The mesh of an object, split by its images, with materials.
+    /// Mesh of an object, split by image, with materials.
     fn mesh(&mut self, part: &str, model: &Model, id: u32) -> Result<Parts> {
         let key = (part.to_owned(), id);
         if let Some(parts) = self.meshes.get(&key) {
@@ -179,7 +179,7 @@ impl Reader<'_> {
         Ok(parts)
     }
 
-    /// A material for a mesh.
+    /// Adds the material of a mesh to the scene.
     fn material(&mut self, mesh: &Mesh, image: Option<ImageId>, [wrap_u, wrap_v]: [Wrap; 2]) -> MaterialId {
         let mut material = default_material(mesh);
         if let Some(image) = image {
@@ -235,7 +235,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The image in a part of the package, decoded once.
+    /// Image of a part of the package, cached; `None` with a warning if it cannot be used.
     fn image(&mut self, part: &str) -> Result<Option<ImageId>> {
         if let Some(&known) = self.images.get(part) {
             return Ok(known);
@@ -253,7 +253,7 @@ impl Reader<'_> {
     }
 }
 
-/// How an image continues outside of its square.
+/// Wrap modes of an image.
 fn looks_wrap(model: &Model, images: &HashMap<String, Option<ImageId>>, image: ImageId) -> Option<[Wrap; 2]> {
     let of = |path: &String| images.get(path).copied().flatten() == Some(image);
     model.textures.values().find(|texture| of(&texture.path)).map(|texture| texture.wrap)
@@ -266,7 +266,7 @@ enum Corners {
     Uvs([DVec2; 3]),
 }
 
-/// Values at the corners of triangles, colours each once.
+/// Values at the corners of triangles; colours without duplicates.
 #[derive(Default)]
 struct Looks {
     colours: Vec<DVec3>,
@@ -279,7 +279,7 @@ struct Looks {
 }
 
 impl Looks {
-    /// Adds a triangle. One without colours has that of surfaces without a material.
+    /// Adds a triangle. Without colours it gets the default grey.
     fn push(&mut self, corners: Option<&Corners>) {
         let Looks { colours, alphas, known, .. } = self;
         let mut index = |colour: Option<[u8; 4]>| {
@@ -312,7 +312,7 @@ impl Looks {
     fn into_mesh(self, positions: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Mesh {
         let mut mesh = Mesh { positions, triangles, ..Mesh::default() };
         if self.has_colours {
-            // An alpha of 0 throughout is that of programs that do not use it.
+            // Some programs write an alpha of 0 throughout; it is read as opaque.
             if self.alphas.iter().any(|&a| a != 1.0) && self.alphas.iter().any(|&a| a > 0.0) {
                 let triangles = Some(self.colour_triangles.clone());
                 mesh.alphas = Some(Attribute { values: self.alphas, triangles });

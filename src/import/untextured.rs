@@ -4,11 +4,11 @@ use glam::DVec2;
 
 use crate::scene::Mesh;
 
-/// What importers write as the texture coordinates of a corner that has none.
+/// Placeholder for missing texture coordinates of a corner.
 pub(super) const NO_UV: DVec2 = DVec2::NAN;
 
-/// Removes the triangles with a corner without texture coordinates from a mesh, and returns them as a mesh without
-/// texture coordinates, which is drawn in the colour of its material. `None` if there are none.
+/// Splits off the triangles that lack texture coordinates at a corner, as a mesh without texture coordinates, which is
+/// drawn in the colour of its material. `None` if there are none.
 pub(super) fn split_off(mesh: &mut Mesh) -> Option<Mesh> {
     let uvs = mesh.uvs.first()?;
     let indices = uvs.triangles.as_ref().unwrap_or(&mesh.triangles);
@@ -25,7 +25,7 @@ pub(super) fn split_off(mesh: &mut Mesh) -> Option<Mesh> {
     Some(without)
 }
 
-/// Gives the corners without texture coordinates those of the image's lower left corner, where no texture is.
+/// Replaces missing texture coordinates by the lower left corner of the image. No textured triangle uses them.
 pub(super) fn fill(mesh: &mut Mesh) {
     let values = mesh.uvs.iter_mut().flat_map(|uvs| &mut uvs.values);
     values.filter(|uv| uv.is_nan()).for_each(|uv| *uv = DVec2::Y);

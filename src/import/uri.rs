@@ -24,7 +24,7 @@ pub(crate) fn resolve(uri: &str, source: &Source) -> Result<Resource, String> {
         if !kind.to_ascii_lowercase().ends_with(";base64") {
             return Ok(Resource::Data(percent_encoding::percent_decode_str(data).collect()));
         }
-        // Some exporters leave out the padding at the end.
+        // Some exporters omit the padding.
         let lenient = GeneralPurposeConfig::new()
             .with_decode_padding_mode(DecodePaddingMode::Indifferent)
             .with_decode_allow_trailing_bits(true);
@@ -32,7 +32,7 @@ pub(crate) fn resolve(uri: &str, source: &Source) -> Result<Resource, String> {
         let clean: String = data.chars().filter(|c| !c.is_ascii_whitespace()).collect();
         return engine.decode(clean).map(Resource::Data).map_err(|e| format!("a damaged data URI: {e}"));
     }
-    // A path of another machine, of which the name may be found.
+    // A path of another machine; the file is searched by its name.
     if let Some(path) = strip_prefix_ignoring_case(uri, "file:") {
         let path = percent_encoding::percent_decode_str(path).decode_utf8_lossy();
         return source.resolve_reference(&path).map(Resource::File);

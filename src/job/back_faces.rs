@@ -1,17 +1,17 @@
-//! Back faces of materials that are not double-sided, which a picture shows unless `--cull` hides them.
+//! Notes on visible back faces of single-sided materials, which `--cull` hides.
 
 use super::RenderJob;
 use crate::bvh::Traversal;
 use crate::error::Warnings;
 
-/// Camera rays along each side of the picture that look for back faces: as a grid, they find what covers 1/1000 of it, in
-/// less than a millisecond.
+/// Camera rays per side of the picture that look for back faces. As a grid they find objects that cover 1/1000 of the
+/// picture, in less than a millisecond.
 const GRID: u32 = 32;
 
-/// The least part of the rays that hit something which must hit back faces to be noted.
+/// Minimum share of back faces among the hits for a note.
 const LEAST_SHARE: f64 = 0.01;
 
-/// Notes the option where back faces are seen, and warns of it where it changes nothing.
+/// Adds a note about `--cull` if back faces are visible, and a warning if `--cull` changes nothing.
 pub(super) fn report(job: &RenderJob, warnings: &mut Warnings) {
     let RenderJob { world, view, choices, .. } = job;
     if !world.has_single_sided() {
@@ -24,7 +24,7 @@ pub(super) fn report(job: &RenderJob, warnings: &mut Warnings) {
         return;
     }
     let ([width, height], precision) = (view.size(), world.numerics().ray_precision());
-    // The centres of the cells of the grid.
+    // Centres of the grid cells.
     let at =
         |cell: u32, side: u32| ((2 * u64::from(cell) + 1) * u64::from(side) / (2 * u64::from(GRID))) as u32;
     let mut traversal = Traversal::default();

@@ -35,7 +35,7 @@ pub fn check_memory(scene: &Scene, choices: &Choices, numerics: Numerics) -> Res
     })
 }
 
-/// Checks the memory limit for what local shading keeps of each light in each thread.
+/// Checks the memory limit for the per-thread light buffers of local shading.
 ///
 /// # Errors
 /// [`Error::Memory`].
@@ -117,8 +117,7 @@ mod tests {
         choices
     }
 
-    /// Mip maps are refused where a lookup may need them, wherever the effects are said to be on or off, and by nothing
-    /// else.
+    /// Only mip maps that a lookup may need count, whichever setting turns the effects on or off.
     #[test]
     fn memory_of_mip_maps_that_are_not_made_is_not_checked() {
         let text = |name: &str| EffectValue::Text(name.into());

@@ -35,8 +35,8 @@ pub fn metadata(
         input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned()
     };
     let inputs: Vec<String> = scene.inputs.iter().map(name).collect();
-    // The first of a name is the one that the name chooses, unless it reads as something else. Its projection is recorded beside
-    // it.
+    // A name selects the first camera of that name, unless `--camera` reads it as another value. The projection is recorded
+    // beside it.
     let is_name = camera.name != "auto" && !camera.name.trim_start().starts_with('{');
     let named = scene.cameras.iter().find(|own| is_name && own.name == camera.name);
     let camera_text = match named {

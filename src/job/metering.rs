@@ -16,9 +16,9 @@ use crate::scene::{Camera, Clamp, Look, PictureSettings, Projection, Sampling, S
 const METER_SIZE: u32 = 128;
 const METER_SAMPLES: u32 = 8;
 
-/// Samples a pixel of a picture whose log-average is metered. Noise lowers the logarithm: E[log2 X] falls short of log2
-/// E[X] by about var X / (2 ln 2 E[X]^2). With 64 samples the exposure of path traced rooms is within 0.05 EV of that
-/// with 1024 (docs/decisions.md).
+/// Samples per pixel of the render whose log-average is metered. Noise lowers the logarithm: E[log2 X] falls short of
+/// log2 E[X] by about var X / (2 ln 2 E[X]^2). With 64 samples the exposure of path traced rooms is within 0.05 EV of
+/// that with 1024 (docs/decisions.md).
 const AUTO_SAMPLES: u32 = 64;
 
 impl RenderJob {
@@ -75,7 +75,7 @@ impl RenderJob {
         Ok(small)
     }
 
-    /// The colours of the subject ([`RenderJob::subject`]) in a small render of the whole picture.
+    /// Colours of the subject ([`RenderJob::subject`]) in a small render of the whole picture.
     fn metered_colours(&self, samples: u32, control: &RenderControl) -> Result<Vec<[f32; 3]>> {
         let small = self.to_be_metered(Some(samples))?;
         let control = RenderControl { progress: &|_, _| (), ..*control };
@@ -83,8 +83,8 @@ impl RenderJob {
         small.subject_colours(film.rows(), &control)
     }
 
-    /// Of these colours, row by row from the top, those of [`RenderJob::subject`] without unlit objects, whose colours do not
-    /// depend on the exposure.
+    /// Colours of [`RenderJob::subject`] without unlit objects, whose colours do not depend on the exposure. `colours`
+    /// are those of the picture, row by row from the top.
     pub(crate) fn subject_colours(
         &self,
         colours: impl Iterator<Item = [f32; 3]>,
@@ -94,9 +94,8 @@ impl RenderJob {
         Ok(subject.map(|(colour, _)| colour).collect())
     }
 
-    /// The display transform of the picture. An automatic exposure is metered at the first call: that of a small render
-    /// of the whole picture ([`auto_exposure`]), whatever the picture's samples and region. So a noisy picture, a
-    /// converged one, a crop and a shard have the same exposure.
+    /// Display transform of the picture. An automatic exposure is metered at the first call in a small render of the
+    /// whole picture ([`auto_exposure`]), so that it does not depend on the samples, the crop or the shard.
     ///
     /// # Errors
     /// As [`RenderJob::render`].
@@ -168,8 +167,7 @@ pub(crate) fn leave_to_metering(
     let is_studio = settings.look(scene) == Look::Studio;
     let is_auto = picture.exposure == Some(Exposure::Auto);
     let is_default = chosen.is_none() && (is_auto || is_studio && is_inside(scene, picture, camera));
-    // Pictures with colours that pass the tone map are tone mapped while they are rendered, so the exposure must be known
-    // first.
+    // Colours that bypass the tone map are composited during rendering, so the exposure must be known first.
     let is_kept = picture.background.is_some() || scene.has_unlit();
     let meters = is_default || is_auto && is_studio && is_kept;
     if meters {

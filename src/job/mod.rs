@@ -87,7 +87,7 @@ pub struct RenderJob {
     pub plan: Plan,
     /// Metadata of the picture.
     pub metadata: Metadata,
-    /// An automatic exposure in EV, once it is metered.
+    /// Automatic exposure in EV, once metered.
     pub(crate) auto_exposure: OnceLock<f64>,
 }
 
@@ -189,7 +189,7 @@ impl RenderJob {
     }
 
     /// Renders the tiles that `is_selected` accepts, by tile index and region. An automatic exposure is metered first
-    /// ([`RenderJob::display_transform`]) where display values are stored or adaptive sampling compares them.
+    /// ([`RenderJob::display_transform`]) if display values are stored or tested by adaptive sampling.
     ///
     /// # Errors
     /// As [`RenderJob::render`].
@@ -201,8 +201,8 @@ impl RenderJob {
         self.render_as(P::IS_DISPLAYED, is_selected, control)
     }
 
-    /// As [`RenderJob::render_selected`], of pixels of `f32` that are developed later with [`RenderJob::display`]: the
-    /// colours that pass it unchanged are those of [`crate::film::DisplayTransform::keep`].
+    /// As [`RenderJob::render_selected`], with `f32` pixels to be developed by [`RenderJob::display`]. Colours that
+    /// bypass it are stored as [`crate::film::DisplayTransform::keep`].
     ///
     /// # Errors
     /// As [`RenderJob::render`].
@@ -234,7 +234,7 @@ impl RenderJob {
     /// Source of the AOVs of the picture.
     pub fn aov_source<'a>(&'a self, film: Option<&'a Film>) -> AovSource<'a> {
         let RenderJob { world, recentering, view, plan, window, settings, .. } = self;
-        // Adaptive sampling compares by it. An automatic exposure is metered once the picture was rendered.
+        // The transform of adaptive sampling. An automatic exposure is metered once the picture is rendered.
         let display = self.display().transform(self.auto_exposure.get().copied().unwrap_or(0.0));
         AovSource {
             world,
@@ -325,8 +325,8 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     Ok(resolved)
 }
 
-/// Removes the ground of the default look if the camera is not above it, and records that in the settings. A ground that
-/// the settings turn on stays.
+/// Removes the ground of the default look if the camera is not above it, and records that in the settings. A ground
+/// requested by the settings stays.
 pub(crate) fn hide_ground(scene: &mut Scene, camera: &Camera) {
     if scene.ground.is_some_and(|ground| ground.is_hidden_from(camera)) {
         scene.ground = None;
@@ -520,10 +520,10 @@ pub fn warn_of_recentering(recentering: Option<&Recentering>, warnings: &mut War
     }
 }
 
-/// The least share of paths that end in glass, in percent, for a note.
+/// Minimum percentage of paths that end in glass for a note.
 const LEAST_ENDED: f64 = 1.0;
 
-/// A note for a picture of which the limit of bounces ended paths in glass: what lies behind that is black there.
+/// Note about paths that the depth limit ended at transmissive surfaces, which are too dark there.
 pub fn note_of_depth(plan: &Plan, statistics: &Statistics) -> Option<String> {
     let paths = statistics.rays(RayKind::PRIMARY).cast;
     let percent = 100.0 * statistics.ended_in_glass as f64 / paths.max(1) as f64;

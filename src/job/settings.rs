@@ -53,7 +53,7 @@ pub struct RenderSettings {
         arg(help = "Turn an effect off, by its name as for --with; may be repeated")
     )]
     pub without: Vec<String>,
-    /// The depth of paths that `with` has because `--depth` was given. Messages name that option.
+    /// Value of `--depth`, which is also in `with`; messages name that option.
     #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(skip)]
     pub depth: Option<u16>,

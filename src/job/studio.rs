@@ -137,12 +137,12 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
     }
 }
 
-/// Without the default look, a background passes exposure and tone map unchanged, too.
+/// Without the default look: makes the background a backdrop, which bypasses exposure and tone map.
 pub(super) fn keep_background(scene: &mut Scene, settings: &RenderSettings) {
     let is_changed =
         scene.picture.pipeline() == ColourPipeline::Linear && !scene.picture.display().is_identity();
     let is_seen = scene.environment.as_ref().is_none_or(|environment| environment.is_hidden);
-    // A black one is no light, and stays black.
+    // Black is unchanged by exposure and tone map.
     let is_black =
         scene.background().is_some_and(|colour| colour.to_pipeline(ColourPipeline::Linear) == DVec3::ZERO);
     let is_shown = is_seen && !is_black && !scene.picture.is_transparent() && scene.ground.is_none();

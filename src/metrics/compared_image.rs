@@ -48,9 +48,9 @@ pub struct ComparedImage {
 /// The alpha channel of an image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Alpha {
-    /// Alpha of each pixel, 0 to 1.
+    /// Alpha per pixel, 0 to 1.
     pub values: Vec<f32>,
-    /// Whether colours are multiplied by alpha, as in OpenEXR.
+    /// Whether colours are associated (multiplied by alpha), as in OpenEXR.
     pub is_associated: bool,
 }
 
@@ -61,7 +61,7 @@ impl ComparedImage {
     /// [`crate::error::Error::Input`] if the file cannot be read.
     pub fn open(file: &Path) -> Result<Self> {
         let read = read_picture(file)?;
-        // Decided by the contents, as the decoder is: other formats give display values without a setting of kiln.
+        // Decided by the contents of the file, not its name.
         let is_associated = read.is_exr;
         Ok(ComparedImage {
             width: read.width,
@@ -85,7 +85,7 @@ impl ComparedImage {
     }
 
     /// Display values, 0 to 1, not rounded to 8 bits. Linear values are encoded by sRGB (IEC 61966-2-1) and clamped,
-    /// without exposure or tone mapping. NaN stays NaN. Colours are not multiplied by alpha, and black where it is 0.
+    /// without exposure or tone mapping. NaN stays NaN. Colours are unassociated, and black where alpha is 0.
     pub fn displayed(&self) -> Vec<[f32; 3]> {
         let Some(Alpha { values, is_associated }) = &self.alpha else {
             return displayed(&self.pixels, self.values);
@@ -106,14 +106,14 @@ impl ComparedImage {
         ComparedImage { pixels, values: Values::Display, alpha, ..self }
     }
 
-    /// The alpha of each pixel.
+    /// Alpha per pixel; 1 without an alpha channel.
     pub(super) fn alphas(&self) -> Cow<'_, [f32]> {
         self.alpha
             .as_ref()
             .map_or_else(|| vec![1.0; self.pixels.len()].into(), |alpha| (&alpha.values[..]).into())
     }
 
-    /// Whether the colours of both are stored alike.
+    /// Whether both images have the same encoding and association of alpha.
     pub(super) fn is_stored_like(&self, other: &ComparedImage) -> bool {
         let is_associated = |image: &ComparedImage| image.alpha.as_ref().map(|alpha| alpha.is_associated);
         let differs = is_associated(self).zip(is_associated(other)).is_some_and(|(a, b)| a != b);

@@ -25,7 +25,7 @@ pub const REL_MSE_EPSILON: f64 = 0.01;
 /// and planes of f64 for FLIP. Measured by peak memory: 163.
 pub const BYTES_PER_PIXEL: u64 = 176;
 
-/// The same for pictures with alpha, in addition: both over a background, their alphas, and a further map.
+/// Additional bytes per pixel of pictures with alpha: two composites, two alpha channels, and a second FLIP map.
 pub const BYTES_PER_PIXEL_OF_ALPHA: u64 = 2 * (12 + 4) + 4;
 
 /// Maximum number of worst pixels listed, each from a different square of [`SQUARE`] pixels.
@@ -104,15 +104,15 @@ pub struct Worst {
     pub reference: [f32; 3],
     /// Pixel of the tested image.
     pub test: [f32; 3],
-    /// Alpha of the reference and of the tested image, if not all of both are opaque.
+    /// Alpha of the reference and of the tested image; `None` if both images are opaque.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub alpha: Option<[f32; 2]>,
 }
 
 impl Errors {
-    /// Compares `test` with `reference`: in their encoding if both have the same, otherwise in display values. If either
-    /// has alpha, that counts as a fourth channel, and is 1 where a picture has none; PSNR and FLIP are those of the
-    /// pictures over black or over white, whichever is worse.
+    /// Compares `test` with `reference`: in their encoding if both have the same, otherwise in display values. Alpha of
+    /// either counts as a fourth channel, 1 in a picture without; PSNR and FLIP are the worse of the composites over
+    /// black and over white.
     ///
     /// # Errors
     /// [`Error::Usage`] if the sizes differ.
@@ -161,7 +161,7 @@ impl Errors {
     }
 }
 
-/// Two images of the same size: colours, and alphas if not all pixels of both are opaque.
+/// Two images of the same size: colours, and alphas if either has alpha.
 struct Pair<'a> {
     a: &'a [[f32; 3]],
     b: &'a [[f32; 3]],
@@ -206,7 +206,7 @@ impl Pair<'_> {
     }
 }
 
-/// The errors of what a display shows: with alpha, over black or over white, whichever is worse.
+/// Errors of displayed values; with alpha, the worse of the composites over black and over white.
 struct Shown {
     mean_square: f64,
     /// LDR-FLIP of each pixel.

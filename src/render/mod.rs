@@ -117,8 +117,8 @@ impl Worker {
     }
 }
 
-/// Puts the light of a tile's pixels before the backdrop, and unlit surfaces over it, each with the part that it covers.
-/// The colours of the tile are then those of a film.
+/// Composites the light of a tile with the backdrop and unlit surfaces, each by its coverage. Stores film values in the
+/// pixels of the tile.
 fn composite(context: &RenderContext, has_alpha: bool, tile: &mut Tile) {
     let Tile { pixels, coverage, shown, .. } = tile;
     let backdrop = context.world.backdrop.filter(|_| !has_alpha);
@@ -138,7 +138,7 @@ fn composite(context: &RenderContext, has_alpha: bool, tile: &mut Tile) {
             let lit = covered - f64::from(part).clamp(0.0, covered);
             let displayed = own + behind.unwrap_or_default() * (1.0 - covered);
             let all = context.display.composite(light - own * context.display.white(), lit, displayed);
-            // Pictures with an alpha channel have colours that are not multiplied by it.
+            // Colours of pictures with an alpha channel are unassociated.
             DisplayTransform::keep(if has_alpha { all / covered } else { all })
         } else {
             context.display.over(light, covered, behind.unwrap_or_default()).as_vec3().to_array()

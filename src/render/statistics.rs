@@ -23,11 +23,11 @@ pub struct Statistics {
     pub base_bytes: usize,
     /// For each object, whether a primary ray has hit it.
     pub visible_objects: Vec<bool>,
-    /// Columns and rows of the pixels that are not finite, each once, ordered by rows.
+    /// Columns and rows of non-finite pixels, without duplicates, in the order of rows.
     pub non_finite: Vec<(u32, u32)>,
     /// The number of samples of light that were left out because they were not finite.
     pub discarded_samples: u64,
-    /// The number of paths that the limit of bounces ended at a surface which transmits light: what lies behind it is black.
+    /// Number of paths that the depth limit ended at a transmissive surface, which is too dark there.
     pub ended_in_glass: u64,
     /// The exposure in EV that `auto` came to, for pictures of display values.
     pub auto_exposure: Option<f64>,
@@ -149,7 +149,7 @@ impl Statistics {
     }
 }
 
-/// Orders pixels by rows, each once.
+/// Sorts pixels by rows and removes duplicates.
 fn sort_pixels(pixels: &mut Vec<(u32, u32)>) {
     pixels.sort_unstable_by_key(|&(x, y)| (y, x));
     pixels.dedup();

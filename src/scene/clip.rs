@@ -21,7 +21,7 @@ pub enum ClipChoice {
     /// The first.
     #[default]
     First,
-    /// By its name, or, where none has that name, by its index; all for [`ClipChoice::ALL`].
+    /// By its name, or by its index if no clip has that name; all for [`ClipChoice::ALL`].
     Named(String),
     /// By its index.
     Index(usize),
@@ -39,21 +39,21 @@ pub struct ClipTime {
 }
 
 impl ClipChoice {
-    /// The name that stands for all clips where none is called so.
+    /// Name that chooses all clips, unless a clip has this name.
     pub const ALL: &str = "all";
 
-    /// These choices together.
+    /// Combined choices; `None` without any.
     pub fn together(mut choices: Vec<ClipChoice>) -> Option<ClipChoice> {
         if choices.len() < 2 { choices.pop() } else { Some(ClipChoice::Several(choices)) }
     }
 
-    /// Clips by their indices, the first by none.
+    /// Choice of clips by index; [`ClipChoice::First`] without any.
     pub fn of(clips: &[Clip]) -> ClipChoice {
         let choices = clips.iter().map(|clip| ClipChoice::Index(clip.index)).collect();
         ClipChoice::together(choices).unwrap_or_default()
     }
 
-    /// Those of `clips` that are chosen, in the order of the choice; of several with one name the first.
+    /// Chosen clips in the order of the choice; the first of equal names.
     pub fn find<'a>(&self, clips: &'a [Clip]) -> Vec<&'a Clip> {
         let by_index = |index: usize| clips.iter().find(|clip| clip.index == index);
         let found = match self {
@@ -73,7 +73,7 @@ impl ClipChoice {
         found.into_iter().collect()
     }
 
-    /// The single choices of which it consists.
+    /// Individual choices.
     pub fn choices(&self) -> &[ClipChoice] {
         match self {
             ClipChoice::Several(choices) => choices,

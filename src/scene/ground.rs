@@ -36,7 +36,7 @@ impl Default for Ground {
 }
 
 impl Ground {
-    /// Whether it is left out of the pictures of a camera.
+    /// Whether a camera does not see it.
     pub fn is_hidden_from(&self, camera: &Camera) -> bool {
         self.is_hidden_from_below && camera.position.y <= self.centre.y
     }

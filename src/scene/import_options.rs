@@ -13,8 +13,8 @@ pub struct ImportOptions {
     /// Options with a value.
     #[cfg_attr(feature = "cli", command(flatten))]
     pub reading: ReadingOptions,
-    /// Animation clip of a glTF file, by name or index from 0, or `all`; several play together, of those that animate the same
-    /// property the last [default: the first]
+    /// Animation clip of a glTF file, by name or index from 0, or `all`; several play together, of those that animate
+    /// the same property the last [default: the first]
     #[cfg_attr(feature = "cli", arg(long = "clip", help_heading = group::INPUT, value_name = "NAME|INDEX|all"))]
     #[cfg_attr(feature = "cli", arg(value_parser = parser::<ClipChoice>()))]
     pub clips: Vec<ClipChoice>,

@@ -89,7 +89,7 @@ pub struct MetallicRoughness<C = Colour> {
     pub opacity: Option<Opacity>,
     /// Values of material extensions, which path tracing uses.
     pub layers: Layers<C>,
-    /// Whether its back faces are seen as well. Recorded; `--cull` hides those of others from camera rays.
+    /// Whether camera rays hit back faces with `--cull` as well.
     pub double_sided: bool,
     /// Weight of the occlusion texture, 0 to 1: the ambient light is multiplied by `1 + occlusion_strength * (texel -
     /// 1)`.
@@ -199,16 +199,15 @@ impl Default for Glaze {
 pub enum TexelEncoding {
     /// As colours in the numbers of the pipeline: through the sRGB transfer function in `linear`.
     Colour,
-    /// As numbers, the value divided by the largest of its depth: roughness, metallic, opacity.
+    /// As numbers, the value divided by the largest of its bit depth: roughness, metallic, opacity.
     Data,
-    /// As numbers that encode directions (glTF 2.0, section 3.9.3): as data, except that flat is exactly flat. A texel
-    /// without tilt has x = y = 1/2, which no depth can store; writers round it to one of the two values beside it. A
-    /// texel both of whose x and y are such values has exactly 1/2.
+    /// As [`TexelEncoding::Data`], for components of normals (glTF 2.0, section 3.9.3), but flat texels are exactly
+    /// flat: 1/2 lies between two stored values, and if both x and y are one of these, they are decoded as 1/2.
     Normal,
 }
 
 impl TexelEncoding {
-    /// The decoded values of data or a normal, 0 to 1, from stored ones, 0 to `largest`.
+    /// Decoded values of data or a normal, 0 to 1, of stored ones, 0 to `largest`.
     #[inline]
     pub fn numbers(self, texel: [u16; 3], largest: u16, number: impl Fn(u16) -> f64) -> [f64; 3] {
         let is_level = |value: u16| value == largest / 2 || value == largest / 2 + 1;
@@ -230,7 +229,7 @@ impl Material {
 }
 
 impl<C> Material<C> {
-    /// Whether it transmits light along rays that it bends, or into a volume.
+    /// Whether it transmits light by refraction or into a volume.
     pub fn transmits(&self) -> bool {
         match self {
             Material::Phong(m) => m.refraction.is_some(),
@@ -306,7 +305,7 @@ impl<C> Material<C> {
         }
     }
 
-    /// Whether its back faces may be culled: those of glass bound a volume.
+    /// Whether back faces may be culled. Those of glass bound a volume and may not.
     pub fn is_single_sided(&self) -> bool {
         matches!(self, Material::MetallicRoughness(m) if !m.double_sided && m.layers.transmission == 0.0)
     }

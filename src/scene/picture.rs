@@ -83,13 +83,13 @@ options! {
         /// light for meshes, a headlight with --draft and for scene files]
         #[serde(rename = "headlight")]
         [long, help_heading = group::LIGHT, value_parser = parser::<Headlight>()] light: Headlight,
-        /// Grey ground plane under the objects, ignored by automatic cameras [default: true for meshes without lights and cameras seen
-        /// from above, else false]
+        /// Grey ground plane under the objects, ignored by automatic cameras [default: true for meshes without lights
+        /// and cameras seen from above, else false]
         [long, help_heading = group::LOOK, display_order = 1, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
          value_name = "true|false", value_parser = parser::<bool>()]
         ground: bool,
-        /// Hide back faces of glTF materials with `doubleSided: false` from camera rays; shadows and indirect light are those of
-        /// the whole surface [default: false]
+        /// Hide back faces of glTF materials with `doubleSided: false` from camera rays; shadows and indirect light are
+        /// those of the whole surface [default: false]
         [long, help_heading = group::LOOK, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
          value_name = "true|false", value_parser = parser::<bool>()]
         cull: bool,

@@ -1,9 +1,9 @@
-//! Texels of images, in the depth of the file that they were read from.
+//! Texels of images in the bit depth of their files.
 
 use std::sync::Arc;
 
-/// Red, green and blue of each texel of an image, row by row from the top, in 8 bits or, for files of more, in 16.
-/// Clones share the values.
+/// Red, green and blue per texel, row by row from the top, in 8 bits, or in 16 for files of more. Clones share the
+/// values.
 #[derive(Debug, Clone, PartialEq)]
 pub enum TexelValues {
     /// Values from 0 to 255.
@@ -26,7 +26,7 @@ impl TexelValues {
         self.len() == 0
     }
 
-    /// The value that stands for 1: 255 or 65535.
+    /// Stored value of 1: 255 or 65535.
     #[inline]
     pub fn largest(&self) -> u16 {
         match self {
@@ -49,7 +49,7 @@ impl TexelValues {
         (0..self.len()).map(|index| self.get(index))
     }
 
-    /// The values in memory.
+    /// Values as bytes.
     pub fn as_bytes(&self) -> &[u8] {
         match self {
             TexelValues::Eight(texels) => texels.as_flattened(),
@@ -57,7 +57,7 @@ impl TexelValues {
         }
     }
 
-    /// The texels `texel(index)`, of the depth whose largest value is `largest`.
+    /// Collects `count` texels `texel(index)`. `largest` selects the bit depth.
     pub(crate) fn collect(largest: u16, count: usize, texel: impl Fn(usize) -> [u16; 3]) -> Self {
         let texels = (0..count).map(texel);
         if largest > u8::MAX.into() {

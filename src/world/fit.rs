@@ -120,8 +120,8 @@ impl Framing {
 /// The least share of its area by which a surface is open sideways, for a view into it.
 const OPEN_SHARE: f64 = 0.08;
 
-/// The share of its area by which a surface of parallel triangles is open: 1, but for the normals of its triangles, which f32
-/// coordinates turn by some 2^-23 of their aspect ratio.
+/// Minimum open share of a flat surface: 1, less the rounding of f32 coordinates, which rotate the normals of triangles
+/// by about 2^-23 times their aspect ratio.
 const FLAT_SHARE: f64 = 1.0 - 1e-6;
 
 /// The view into a scene whose surface is open to one side.
@@ -156,7 +156,7 @@ pub(crate) fn opening(scene: &Scene) -> Option<Opening> {
     let sideways = DVec2::new(all.sum.x, all.sum.z);
     (sideways.length() > OPEN_SHARE * all.area && all.area.is_finite()).then(|| Opening {
         towards: from(sideways.x.atan2(sideways.y) + 12f64.to_radians(), 10f64.to_radians()),
-        // The sum is as long as its terms together if they are parallel.
+        // The length of the sum is the sum of lengths if the normals are parallel.
         is_flat: all.sum.length() >= FLAT_SHARE * all.area,
     })
 }

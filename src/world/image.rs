@@ -9,7 +9,7 @@ use crate::film::ColourPipeline;
 use crate::film::colour::srgb_decode;
 use crate::scene::{DecodedImage, TexelEncoding, TexelValues};
 
-/// The decoded value of each stored value of a depth.
+/// Decoded values of one bit depth, by stored value.
 struct DecodingTable {
     /// Colours in the pipeline `linear`, and in the others.
     linear: Vec<f32>,
@@ -17,7 +17,7 @@ struct DecodingTable {
     data: Vec<f64>,
 }
 
-/// Those of 8 and of 16 bits; 1 MiB, made for the first image of the depth.
+/// Tables for 8 and 16 bits; 1 MiB, made for the first image of the bit depth.
 static TABLES: [LazyLock<DecodingTable>; 2] =
     [LazyLock::new(|| DecodingTable::new(u8::MAX.into())), LazyLock::new(|| DecodingTable::new(u16::MAX))];
 
@@ -42,7 +42,7 @@ pub struct Image {
     pub height: u32,
     /// Pixels, row by row from the top.
     pub pixels: TexelValues,
-    /// The decoded value of each stored value of a colour, and of data.
+    /// Decoded values of colours and of data, by stored value.
     colours: &'static [f32],
     data: &'static [f64],
     /// One for each encoding, built by [`Image::make_mip_map`].

@@ -235,14 +235,14 @@ impl World {
         outward.dot(view) < 0.0
     }
 
-    /// Whether a ray hits the back of a surface whose material is not double-sided.
+    /// Whether a ray hits a back face of a single-sided material.
     pub(crate) fn is_culled(&self, ray: &Ray, hit: &Hit) -> bool {
         let object = self.object_of(hit.prim);
         self.materials[self.objects[object as usize].material as usize].is_single_sided()
             && self.is_back(object, hit, ray.at(hit.t), -ray.direction)
     }
 
-    /// Whether an object has a material that is not double-sided.
+    /// Whether any object has a single-sided material.
     pub(crate) fn has_single_sided(&self) -> bool {
         self.materials_in_use().any(PreparedMaterial::is_single_sided)
     }

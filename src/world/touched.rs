@@ -1,8 +1,8 @@
-//! The planes of surfaces that punctual lights lie on, before which their shadow rays end.
+//! Planes of surfaces with punctual lights on them. Shadow rays to these lights end in front of the planes.
 //!
-//! Corners of triangles are rounded to the precision of the tier, positions of lights are not: of a light on a surface,
-//! or just above it, the rounded surface may hide all that it lights. Rounding the light, too, would put it on surfaces
-//! that are parallel to an axis alone.
+//! Corners of triangles are rounded to the precision of the tier, positions of lights are not: a rounded surface may
+//! occlude a light on it, or just above it, from everywhere. Rounding the light as well would put it only on surfaces
+//! that are parallel to an axis.
 //!
 //! Let e be the relative error of a coordinate ([`unit`]), and R the largest coordinate of a triangle's rounded
 //! corners. Rounding moves a corner by at most e R on each axis, by √3 e R in all, and every point of the triangle, a
@@ -11,10 +11,11 @@
 //! n or -n, and |r| <= √3 e R the light's height above the plane. At the share s of the way to the light the ray is h
 //! (1 - s) + r above the plane. It is tested up to the share 1 - 2 e R / h, where that is 2 e R + r > 0: so it does not
 //! reach the plane, whatever its angle. The remaining 0.26 e R exceeds the errors of triangle tests
-//! (`geometry::spawn`). In exact arithmetic a segment that ends on the plane does not cross it either. Surfaces closer
-//! than 2 e R to the light along n do not hide it: it is known no better where they are. Those farther away do.
+//! (`geometry::spawn`). In exact arithmetic a segment that ends on the plane does not cross it either. Surfaces within
+//! 2 e R of the light along n do not occlude it, since their position is not known more precisely; surfaces farther
+//! away do.
 //!
-//! Lights and geometry keep their places. Spheres are not rounded.
+//! Lights and geometry are not moved. Spheres are not rounded.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -27,7 +28,7 @@ use crate::geometry::Numerics;
 use crate::geometry::spawn::reach_of;
 use crate::scene::{LightKind, Mesh, Object, Placed, Shape};
 
-/// The most planes that are kept for a light. Further ones, at a vertex of many triangles, may hide it.
+/// Maximum number of planes per light. Further ones, at a vertex of many triangles, may occlude it.
 const MOST: usize = 64;
 
 /// A plane through a light, up to rounding.
@@ -47,7 +48,7 @@ impl WorldLight {
         }
     }
 
-    /// The share of the way from a point to the light on which its shadow ray is tested: 1 for a light that touches no
+    /// Fraction of the way from a point to the light on which the shadow ray is tested: 1 for a light that touches no
     /// plane.
     #[inline]
     pub(crate) fn tested_share(&self, from: DVec3) -> f64 {
@@ -57,10 +58,9 @@ impl WorldLight {
     }
 }
 
-/// The relative error of coordinates. In f32 it is half an epsilon; in `fast`, whose rays are rounded as well, eight
-/// times that, without a proof. In f64 nothing is rounded but places themselves, which follow from angles and
-/// transforms, and what triangle tests see of them: 64 epsilon, four times the 16 epsilon by which a test is off at
-/// most.
+/// Relative error of coordinates. In f32 it is half an epsilon; in `fast`, whose rays are rounded as well, eight times
+/// that, without a proof. In f64 it is 64 epsilon, four times the maximum error of a triangle test, for positions that
+/// are computed from angles and transforms.
 fn unit(numerics: Numerics) -> f64 {
     let roundings = if numerics == Numerics::Fast { 8.0 } else { 1.0 };
     (0.5 * roundings * numerics.precision().epsilon()).max(64.0 * f64::EPSILON)
@@ -110,12 +110,13 @@ pub(super) fn find(lights: &mut [WorldLight], objects: &[Object], numerics: Nume
     }
 }
 
-/// The least and the largest coordinates of points.
+/// Bounding box of points.
 fn span(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
     points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), p| (min.min(p), max.max(p)))
 }
 
-/// A box around a placed mesh whose points have the span `(min, max)`, wide enough for the rounding of its corners.
+/// Bounding box of a placed mesh whose points have the bounding box `(min, max)`, padded for the rounding of its
+/// corners.
 fn placed_box(placed: &Placed, (min, max): (DVec3, DVec3), unit: f64) -> (DVec3, DVec3) {
     let corners = (0..8u32).map(|i| {
         let side = |axis: usize| if i >> axis & 1 == 1 { max[axis] } else { min[axis] };
@@ -124,7 +125,7 @@ fn placed_box(placed: &Placed, (min, max): (DVec3, DVec3), unit: f64) -> (DVec3,
     let (least, most) = span(corners);
     let reach = least.abs().max(most.abs()).max_element();
     let error = placed.placement.error(min.abs().max(max.abs())).max_element();
-    // Twice, for the rounding of the box itself.
+    // Doubled for the rounding of the box itself.
     let wider = 2.0 * (3f64.sqrt() * unit * reach + error);
     (least - wider, most + wider)
 }

@@ -559,8 +559,8 @@ fn frame_0(shop: &Workshop, arguments: &str) -> Vec<u8> {
     frame
 }
 
-/// The file of a floor and a square of a material, which a clip has at (0.3, 0.5, 0) at its beginning and elsewhere at rest, all
-/// of it moved along x.
+/// GLB file of a floor and a square of `material`, which a clip moves from (0.3, 0.5, 0) at its beginning; at rest it
+/// is elsewhere. All is moved by `x`.
 fn clip_of(material: &serde_json::Value, x: f32) -> Vec<u8> {
     use serde_json::json;
     let mut model = Model::square();
@@ -583,8 +583,8 @@ fn clip_of(material: &serde_json::Value, x: f32) -> Vec<u8> {
     model.binary()
 }
 
-/// Frame 0 is the picture of time 0: lamps light the floor, glass is clear, a background is behind the picture, and the camera, the
-/// ground and the exposure are those of the pose at that time.
+/// Frame 0 equals the picture at time 0: emission, glass, background, camera, ground and exposure are those of the pose
+/// at that time.
 #[test]
 fn frame_0_of_a_clip_is_the_picture_of_time_0() {
     use serde_json::json;
@@ -628,19 +628,19 @@ fn frame_0_of_a_clip_is_the_picture_of_time_0() {
 fn frames_say_that_the_depth_ends_paths_in_glass() {
     let shop = Workshop::with("a.mtl", "newmtl glass\nKd 1 1 1\nNi 1.5\nillum 7\n");
     let corners = "v 0 0 0\nv 4 0 0\nv 0 3 0\nv 0 0 2\n";
-    shop.write(
-        "a.obj",
-        format!("mtllib a.mtl\n{corners}usemtl glass\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"),
-    );
-    for command in
-        ["render -o a.png", "render --frames 0 -o a.png", "render --frames 0-1 -o a#.exr", "animate --frames 0-1 -o a.gif"]
-    {
+    shop.write("a.obj", format!("mtllib a.mtl\n{corners}usemtl glass\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"));
+    for command in [
+        "render -o a.png",
+        "render --frames 0 -o a.png",
+        "render --frames 0-1 -o a#.exr",
+        "animate --frames 0-1 -o a.gif",
+    ] {
         let said = shop.succeed(&format!("{command} a.obj --size 24x20 --samples 4 --depth 1"));
         assert!(said.contains("note: the depth of 1 ends "), "{command}: {said}");
     }
 }
 
-/// A ground of the default look is left out of the pictures of a camera below it; one that is asked for stays.
+/// The ground of the default look is hidden from a camera below it; a requested one is not.
 #[test]
 fn the_ground_of_the_look_is_hidden_from_below() {
     let shop = Workshop::with("a.glb", clip_of(&serde_json::json!({}), 0.0));
@@ -654,7 +654,7 @@ fn the_ground_of_the_look_is_hidden_from_below() {
     }
 }
 
-/// A scene with a camera of its own begins as it is: tracks and turntables change nothing at time 0.
+/// Scenes with a camera: tracks and turntables change nothing at time 0.
 #[test]
 fn frame_0_of_each_scene_is_its_picture() {
     let shop = Workshop(tempfile::tempdir().unwrap());

@@ -227,7 +227,7 @@ fn messages_name_what_was_typed() {
         let said = workshop.said(&format!("render scene.toml -o a.png {options}")).2;
         assert!(said.contains(&format!("warning: {option} changes nothing: ")), "{options}: {said}");
     }
-    // The key of a scene file is no option.
+    // A key of a scene file is not named as an option.
     workshop.write(
         "phong.toml",
         format!("{SCENE}\n[effects]\nshadows = true\n").replace("[image]", "[image]\nshading = 'phong'"),
@@ -236,7 +236,7 @@ fn messages_name_what_was_typed() {
     assert!(!said.contains("--shading"), "{said}");
 }
 
-/// The place of a key is that of the key, not of a comment on it.
+/// The line of a key is not that of a comment with its name.
 #[test]
 fn a_key_in_a_comment_is_not_its_place() {
     let workshop = Workshop::with(
@@ -247,7 +247,7 @@ fn a_key_in_a_comment_is_not_its_place() {
     assert!(said.contains("a.toml:6: `min_samples` is 9, and `samples` 4"), "{said}");
 }
 
-/// A sheet is looked at, and a room without a wall is looked into.
+/// A flat sheet has no open side; a room without a wall has.
 #[test]
 fn a_flat_shape_is_not_open_to_one_side() {
     let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
@@ -297,7 +297,7 @@ fn inputs_that_cannot_be_used_are_3() {
         assert!(said.starts_with(error), "{input}: {said}");
         assert!(advice.contains(hint), "{input}: {advice}");
     }
-    // Files without a triangle, whatever their format; what they hold is printed nevertheless.
+    // Files without triangles in any format; their contents are printed before the error.
     workshop.write("points.off", "OFF\n1 0 0\n0 0 0\n");
     let xyz = "property float x\nproperty float y\nproperty float z";
     workshop

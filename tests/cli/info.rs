@@ -251,7 +251,7 @@ fn textures_have_their_bytes() {
 #[test]
 fn a_file_that_cannot_be_rendered_says_why() {
     let workshop = Workshop::with("points.obj", "v 0 0 0\np 1\n");
-    // What the file holds is printed all the same.
+    // The contents are printed before the error.
     let said = workshop.code("info points.obj", 3).0;
     assert!(said.contains("render      not possible: points.obj: has no triangles to draw\n"), "{said}");
     let report: Value = serde_json::from_str(&workshop.code("info points.obj --json", 3).0).expect("JSON");

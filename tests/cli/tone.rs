@@ -149,7 +149,7 @@ fn transparent_pictures_are_merged_from_shards() {
 }
 
 /// The pixels of a PNG are the display transform of those of the EXR of the same picture, which no option of it
-/// changes. The background passes it unchanged, so that an EXR has the light that is displayed as the background.
+/// changes. The background bypasses it, so an EXR has the radiance that is displayed as the background.
 #[test]
 fn png_is_the_display_transform_of_exr() {
     let workshop = Workshop::with("scene.toml", SCENE);
@@ -211,9 +211,9 @@ fn crops_and_parts_have_the_exposure_of_the_whole() {
     assert_eq!(workshop.bytes("merged.png"), workshop.bytes("whole.png"));
 }
 
-/// A surface of 188 alone, without shading, is (188 / 255 + 0.055) / 1.055 to the power 2.4 = 0.50289 in linear light, so the
-/// automatic exposure is log2(0.18 / 0.50289) = -1.48226, rounded -1.48; the picture is then 0.50289 * 2^-1.48 =
-/// 0.18028, which sRGB encodes as 0.46169, times 255 = 117.73: 118.
+/// A picture of one surface of 188 without shading is (188 / 255 + 0.055) / 1.055 to the power 2.4 = 0.50289 in linear
+/// light, so the automatic exposure is log2(0.18 / 0.50289) = -1.48226, rounded -1.48; the picture is then 0.50289 *
+/// 2^-1.48 = 0.18028, which sRGB encodes as 0.46169, times 255 = 117.73: 118.
 #[test]
 fn the_automatic_exposure_of_a_uniform_picture() {
     let workshop = Workshop::with("scene.toml", SCENE);
@@ -276,8 +276,8 @@ fn printed_exposure(printed: &str) -> &str {
     rest.and_then(|rest| rest.split(' ').next()).unwrap_or_else(|| panic!("no exposure: {printed}"))
 }
 
-/// A closed grey room of paths, lit by a lamp of a thousandth of its wall: most paths of one sample find no light, so
-/// their log-average is far from that of the radiance. The exposure is of the radiance, whatever is sampled or stored.
+/// A closed grey room with a lamp of a thousandth of a wall, path traced: most paths of one sample find no light, so
+/// their log-average is far from that of the radiance. The exposure depends on the radiance alone.
 #[test]
 fn the_automatic_exposure_does_not_depend_on_samples_and_regions() {
     let workshop = Workshop::with(
@@ -301,7 +301,7 @@ fn the_automatic_exposure_does_not_depend_on_samples_and_regions() {
         let other = workshop.succeed(&format!("{room} {options}"));
         assert_eq!(printed_exposure(&other), printed_exposure(&few), "{options}");
     }
-    // 2048 samples a pixel of the whole picture, whose own log-average has next to no bias, at 0 EV.
+    // 2048 samples per pixel of the whole picture at 0 EV, whose log-average has nearly no bias.
     workshop.succeed("render room.toml --transport path --samples 2048 --filter box -o limit.exr");
     let limit = kiln::film::tone::auto_exposure(workshop.floats("limit.exr").into_iter());
     let metered: f64 = printed_exposure(&few).parse().expect("a number");

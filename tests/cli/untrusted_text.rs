@@ -1,14 +1,13 @@
-//! Names in files, and of files, are printed escaped: no control character reaches a terminal, and none begins a line.
+//! Names in files, and of files, are printed escaped, in one line.
 
 use crate::workshop::{Workshop, text};
 
-/// A colour, a title of the window, C1, an override of the direction, marks, and a separator of lines.
+/// Escape sequences for a colour and a window title, C1, bidirectional override and marks, and a line separator.
 const EVIL: &str = "e\u{1b}[31m\u{1b}]0;t\u{7}\u{9b}2J\u{7f}\u{202e}\u{2066}\u{200f}\u{2028}v";
 
-/// A forged message.
 const LINE: &str = "\nkiln: error: forged\r\nhint: forged";
 
-/// Files of every format, with the same names in all places where there are names.
+/// Files of every format with these names wherever a name may be.
 fn workshop() -> Workshop {
     let shop = Workshop::with(
         "a.obj",
@@ -119,7 +118,7 @@ fn names_are_printed_escaped_in_one_line() {
     assert!(shown > 40, "the names are printed: {shown}");
 }
 
-/// Names of files are the user's, and may be a stranger's.
+/// File names may come from a stranger as well.
 #[cfg(unix)]
 #[test]
 fn names_of_files_are_printed_escaped() {

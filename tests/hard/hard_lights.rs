@@ -352,9 +352,9 @@ fn wall_and_lamp(lamp: DVec3, place: impl Fn(DVec3) -> DVec3, up: DVec3, scale: 
     )
 }
 
-/// The light lies on the floor as described, at a random height, also of tilted floors, far from the origin and beyond
-/// the range of f32: the whole wall is lit, up to f64's own rounding of the description. Below the floor it lights
-/// nothing.
+/// The light lies on the floor in the scene file, at random heights, also with tilted floors, far from the origin and
+/// beyond the range of f32. The whole wall is lit, except for the rounding of the scene file to f64. A light below the
+/// floor lights nothing.
 #[test]
 fn g1_a_lamp_on_a_plane_lights_what_stands_on_it() {
     let mut numbers = Numbers::new(11);
@@ -378,6 +378,6 @@ fn g1_a_lamp_on_a_plane_lights_what_stands_on_it() {
             assert!(film.rows().all(|pixel| pixel == [0.0; 3]), "round {round}");
         }
     }
-    // In `fast` rays are rounded, too: fewer than 1 % of the 400 x 288 pixels.
+    // In `fast` rays are rounded as well: fewer than 1 % of the 400 x 288 pixels.
     assert!(dark[1..] == [0; 3] && dark[0] < 1152, "{dark:?}");
 }

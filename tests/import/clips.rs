@@ -445,8 +445,8 @@ fn a_vertex_without_weights_does_not_undo_its_skin() {
     assert_near(positions(&scene)[1], [6.0, 0.0, 0.0]);
 }
 
-/// All clips, or several by name, pose the file together, each at the time or at its end; of two that animate one property
-/// the last is used, with a note.
+/// Several clips, by name or all, pose a file together, each at the time or at its end. Of two that animate one
+/// property the last is used, with a note.
 #[test]
 fn several_clips_play_together() {
     let mut model = Model::triangle();
@@ -495,8 +495,8 @@ fn several_clips_play_together() {
     assert_eq!((animation.duration, animation.clips.len()), (2.0, 2));
 }
 
-/// A skin with an unmoved joint and one that mirrors x: triangles of either, and those with most vertices of the second,
-/// keep their fronts at +z, and so do normals, those of the file and flat ones for a normal map.
+/// A skin with a joint that mirrors x and one that does not: triangles of either, and one with most vertices of the
+/// mirroring joint, keep their fronts at +z, and so do normals, of the file and computed for a normal map.
 #[test]
 fn a_mirrored_joint_turns_its_own_triangles_alone() {
     // Of the last triangle, two vertices are mirrored: (-1, 0), (-2, 0) and (-3, 5) come to (1, 0), (2, 0) and (-3, 5),

@@ -403,7 +403,7 @@ fn instances_without_places_are_the_node() {
     assert_eq!(read(&model).0.objects.len(), 1);
 }
 
-/// A GLB file of these chunks, with the length that its header states.
+/// GLB file of these chunks. `stated`: length in its header.
 fn glb(chunks: &[(&[u8; 4], &[u8])], stated: Option<u32>) -> Vec<u8> {
     let mut body = Vec::new();
     for (kind, data) in chunks {
@@ -462,7 +462,7 @@ fn binary_files_with_other_chunks_bytes_or_lengths() {
     assert!(e.ends_with("a.glb: buffer 0: has 35 bytes; byteLength is 36"), "{e}");
 }
 
-/// `extras` may be of any type (section 3.12), of every object, and names of no other than text.
+/// `extras` and names of any JSON type (section 3.12), in every object.
 #[test]
 fn extras_and_names_of_any_type() {
     for extras in [json!(1), json!("text"), json!([1, "a"]), json!(true), Value::Null, json!({ "a": 1 })] {
@@ -490,7 +490,7 @@ fn extras_and_names_of_any_type() {
     }
 }
 
-/// The bytes of an image say of which format it is; equal images are decoded once.
+/// The format of an image is detected from its bytes; equal images are decoded once.
 #[test]
 fn images_with_any_or_no_type() {
     let png = crate::common::gltf::png(1, &[[255, 0, 0, 255]]);
@@ -528,7 +528,7 @@ fn images_with_any_or_no_type() {
     }
 }
 
-/// A primitive without positions, and values that the format does not enumerate: the rest is drawn.
+/// Primitives without positions and invalid enumerated values do not affect the rest.
 #[test]
 fn primitives_without_positions_and_values_of_no_meaning() {
     let mut model = Model::triangle();
@@ -571,8 +571,8 @@ fn a_webp_of_a_few_bytes_with_an_immense_size() {
     assert_eq!(warnings, ["image 0: texture left out: 16383 x 16383 texels in 34 bytes: damaged"]);
 }
 
-/// A red card that faces away, before a green one that faces the camera, and lights from behind the camera: --cull shows
-/// the green one, in the shadow that the red one still casts, and its depth and object, in every tier and transport.
+/// A red card that faces away, in front of a green one that faces the camera, lit from the camera: with --cull, the
+/// green one is visible, in the shadow of the red one, with its depth and object, in every tier and transport.
 #[test]
 fn culled_back_faces_are_hidden_from_the_camera_alone() {
     let mut model = Model::new(&[[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]);
@@ -622,7 +622,7 @@ fn culled_back_faces_are_hidden_from_the_camera_alone() {
             assert_eq!(values, [3.0, 1.0], "{name}");
             assert!(notes.contains("100 % of what is seen are back faces"), "{notes}");
             let (lit, values, notes) = drawn(Some(true), &["shadows"], transport, numerics);
-            // Behind the red one the ray goes on from an origin that is moved off its plane.
+            // The ray continues behind the red card from an offset origin.
             assert!((values[0] - 4.0).abs() < 1e-5 && values[1] == 0.0, "{name}: {values:?}");
             assert!(!notes.contains("--cull"), "{notes}");
             let (shadowed, ..) = drawn(Some(true), &[], transport, numerics);
@@ -631,7 +631,7 @@ fn culled_back_faces_are_hidden_from_the_camera_alone() {
                 !is_red(lit) && (shadowed[0] == 0.0 || !is_red(shadowed)),
                 "{name}: {lit:?} {shadowed:?}"
             );
-            // Paths have shadows always, and no ambient light.
+            // Path tracing always has shadows, and no ambient light.
             if transport == kiln::scene::Transport::Whitted {
                 assert!(0.0 < shadowed[1] && shadowed[1] < lit[1], "{name}: {shadowed:?} {lit:?}");
             } else {

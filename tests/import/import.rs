@@ -533,7 +533,7 @@ fn obj_faults_name_their_line() {
 
 #[test]
 fn obj_indices_of_nothing_are_left_out() {
-    // Three vertices on lines 1 to 3 and a face that is kept on line 4, behind it further lines, and the number of their
+    // Three vertices on lines 1 to 3, a valid face on line 4, then these lines; expected warning, and number of their
     // faces that are kept.
     for (rest, expected, kept) in [
         ("f 1 2 4\n", "a.obj:5: vertex 4 does not exist; the file has 3", 0),
@@ -566,7 +566,7 @@ fn obj_indices_of_nothing_are_left_out() {
     }
 }
 
-/// Words in any case, numbers of other C libraries, flat vertices.
+/// Keywords in any case, number formats of other C libraries, vertices without z.
 #[test]
 fn obj_of_other_programs() {
     let text = "V 0 0\nV 1,0 0\nv 0 1\nv nan -nan 1.#IND\nVT 0 0\nF 1/1 2/1 3/1\nf 1 2 4\n";
@@ -582,7 +582,7 @@ fn obj_of_other_programs() {
     );
 }
 
-/// The colour of the front of a triangle with colours of vertices and no material, drawn flat.
+/// Vertex colours without a material, drawn flat.
 #[test]
 fn colours_are_those_of_the_file() {
     let triangle = |colour: &str| {
@@ -603,7 +603,7 @@ fn colours_are_those_of_the_file() {
     let (scene, warnings) =
         Folder::new().load("a.obj", format!("v 0 0 0\nv 2 0 0\nv 0 2 0\n{paint}f 1 2 3\n"));
     assert_eq!((drawn(scene), warnings), ([200, 100, 50], Vec::new()));
-    // Of a mesh without colours, beside one with colours.
+    // A mesh without colours beside one with colours.
     let text = "v 0 0 0 255 0 0\nv 2 0 0 255 0 0\nv 0 2 0 255 0 0\nv 0 0 0\nv 2 0 0\nv 0 2 0\no a\nf 1 2 3\no b\nf 4 5 6\n";
     let (mut scene, _) = Folder::new().load("a.obj", text);
     scene.objects.remove(0);
@@ -630,7 +630,7 @@ fn illumination_models_of_mtl() {
     assert_eq!([phong("illum 1\nNs 10\n"), phong("illum 2\nNs 10\n"), phong("Ns 10\n")], [0.0, 1.0, 1.0]);
     // The highlight fades as the exponent goes to 0, whatever the model.
     assert_eq!([phong("Ns 0\n"), phong("illum 3\nNs 0\n"), phong("Ns 0.25\n")], [0.0, 0.0, 0.25]);
-    // What emits is a lamp, in any model.
+    // An emitting material is not unlit, in either model.
     assert_eq!(phong("illum 0\nKe 1 1 1\nNs 10\n"), 0.0);
     let unlit = other("illum 0\nd 0.5\n");
     assert_eq!((unlit.unlit, unlit.base_colour), (true, Colour::Display(v(0.5, 0.25, 0.75))));
@@ -639,7 +639,7 @@ fn illumination_models_of_mtl() {
     assert_eq!([1, 2].map(|model| other(&format!("Pr 0.5\nillum {model}\n")).layers.specular), [0.0, 1.0]);
 }
 
-/// Words of MTL in any case, with a note.
+/// Keywords of MTL in any case, with a note.
 #[test]
 fn mtl_words_in_any_case() {
     let folder = Folder::new();
@@ -2007,7 +2007,7 @@ fn faults_of_ply_files_have_their_line_and_advice() {
     assert!(e.to_string().contains(&place), "{e}");
 }
 
-/// Headers that promise more than there is: what is there is used, with a warning.
+/// Files with fewer elements than declared: the complete ones are used, with a warning.
 #[test]
 fn ply_files_that_are_shorter_than_their_header() {
     let folder = Folder::new();

@@ -185,7 +185,7 @@ fn messages_do_not_quote_what_a_file_holds() {
     }
 }
 
-/// Names as exporters on other machines write them, of an MTL file, of an image of it and of one of a glTF.
+/// Names from exporters on other machines: of an MTL file, its image, and an image of a glTF file.
 #[test]
 fn files_are_found_by_what_their_names_mean() {
     let picture = picture();
@@ -250,10 +250,10 @@ fn files_are_found_by_what_their_names_mean() {
         assert_eq!(scene.expect("a scene").images.len(), 0);
         assert!(said.contains(expected), "{name}: {said}");
     }
-    // The name with its case is preferred to one that differs in it.
+    // An exact match is preferred to one that differs in case.
     let (scene, said, _) = folder.load(write("map_Kd", "C:\\Twice.png"), false);
     assert!(scene.expect("a scene").images.len() == 1 && said.contains("`other/Twice.png`"), "{said}");
-    // A pair that was renamed together.
+    // An OBJ and its MTL file that were renamed together.
     std::fs::write(folder.path("in/pair.obj"), format!("mtllib untitled.mtl\n{TRIANGLE}")).expect("a file");
     std::fs::write(folder.path("in/Pair.mtl"), "newmtl a\n").expect("a file");
     let (scene, said, _) = folder.load("in/pair.obj", false);
@@ -267,7 +267,7 @@ fn files_are_found_by_what_their_names_mean() {
     assert!(said.contains("materials left out") && said.contains("not there.mtl"), "{said}");
 }
 
-/// Links that lead out of the folder are followed where a file names them, not where they are searched for.
+/// Links that lead out of the folder are followed if a file names them, but not in a search.
 #[cfg(unix)]
 #[test]
 fn searching_stays_in_the_folder() {

@@ -166,10 +166,10 @@ fn pixels_end_when_they_are_accurate() {
     }
 }
 
-/// The displayed composites of dark balls before a transparent background over black, grey and white, against those of 4096
-/// samples a pixel: the edges, where they differ most over white. Pixels of fewer than 1024 samples have an estimated
-/// standard error of at most the level over black and over white; the reference adds a quarter of its square at most. So
-/// the root mean square is below level * sqrt(1.25).
+/// Displayed composites of dark balls before a transparent background, over black, grey and white, against those of
+/// 4096 samples per pixel, at edges, where they differ most over white. Pixels of fewer than 1024 samples have an
+/// estimated standard error of at most the level over black and over white; the reference adds at most a quarter of its
+/// square. So the root mean square is below level * sqrt(1.25).
 #[test]
 fn transparent_pixels_end_when_their_composites_are_accurate() {
     let ball = |i: i32| {

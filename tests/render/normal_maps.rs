@@ -135,8 +135,8 @@ fn no_light_comes_through() {
     assert_eq!(prepared.render(choices).0.pixel(2, 2)[0], 0.0);
 }
 
-/// No depth can store the 1/2 of a flat texel: writers round it to one of the two values beside it. Both are flat, to
-/// the bit, also in mip levels (of 64 x 64 texels on 5 x 5 pixels), as is the middle of them.
+/// 1/2, the value of a flat texel, lies between two stored values. Any combination of these two leaves the picture
+/// bit-identical, also in mip levels (64 x 64 texels on 5 x 5 pixels).
 #[test]
 fn a_flat_map_changes_nothing() {
     let l = DVec3::new(0.3, 0.4, 1.0).normalize();
@@ -179,8 +179,8 @@ fn a_map_of_16_bits_has_steps_of_16_bits() {
     assert!((found / above.sin() - 1.334).abs() < 0.004);
 }
 
-/// Flat ground beside a step is lit as without the map, to the bit: the step decides the unit of slopes, not whether
-/// there is one. The middle of the picture is 24 texels from the step.
+/// Flat ground beside a step is lit as without the map, to the bit. The middle of the picture is 24 texels from the
+/// step.
 #[test]
 fn flat_ground_beside_a_step_is_flat() {
     let l = DVec3::new(80f64.to_radians().sin(), 0.0, 80f64.to_radians().cos());
@@ -198,8 +198,8 @@ fn flat_ground_beside_a_step_is_flat() {
     }
 }
 
-/// A slope of 16 steps of 65535 a texel beside a step of half the range, 20 times as high: 16 / 65535 * 20 = 0.0049. Its
-/// error is a 65535th of the steepest slope, 20 * 0.25.
+/// A slope of 16 steps of 65535 per texel beside a step of half the range, 20 times as high: 16 / 65535 * 20 = 0.0049.
+/// The error is a 65535th of the steepest slope, 20 * 0.25.
 #[test]
 fn gentle_slopes_beside_a_step_keep_16_bits() {
     let above = 2f64.to_radians();

@@ -1,4 +1,4 @@
-//! Colours that exposure and tone map leave as they are: unlit materials and backgrounds.
+//! Unlit materials and backgrounds, which bypass exposure and tone map.
 
 use glam::DVec3;
 use kiln::error::Warnings;
@@ -53,8 +53,8 @@ fn background(colour: [u8; 3]) -> Option<Background> {
     Some(Background::Colour(ColourValue(colour)))
 }
 
-/// Colours of 8 bits, among them ones that no light is displayed as, under every tone map and exposure, transport and
-/// number of samples: the colour itself, to the step; so is the background.
+/// 8-bit colours, also outside the gamut of the tone maps, under every tone map, with several exposures, transports and
+/// numbers of samples: unlit surface and background have exactly their colours.
 #[test]
 fn unlit_colours_and_backgrounds_are_their_own() {
     for colour in [[128; 3], [255, 0, 0], [0, 255, 255], [3, 200, 90], [255; 3], [0; 3]] {
@@ -84,7 +84,7 @@ fn unlit_colours_and_backgrounds_are_their_own() {
     }
 }
 
-/// The default look of meshes, tone map and samples included.
+/// With the default look of meshes, which has a tone map and several samples.
 #[test]
 fn the_default_look_shows_unlit_colours() {
     for colour in [[128; 3], [255, 0, 0]] {
@@ -118,7 +118,7 @@ fn translucent_unlit_surfaces_are_blended_as_displayed() {
     }
 }
 
-/// Films of light hold the linear base colour, whatever the exposure: 188 is 0.5029.
+/// Linear films hold the linear base colour at any exposure: 188 is 0.5029.
 #[test]
 fn films_of_light_hold_the_linear_colour() {
     let picture = PictureSettings {

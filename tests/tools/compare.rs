@@ -47,7 +47,7 @@ fn png(file: &Path, colour: [u8; 3], alpha: Option<u8>) {
     .expect("the picture is written");
 }
 
-/// The same with the values of linear light, multiplied by alpha.
+/// EXR of linear values, multiplied by alpha.
 fn exr_with_alpha(file: &Path, value: f32, alpha: f32) {
     let value = value * alpha;
     exr::prelude::write_rgba_file(file, 8, 8, |_, _| (value, value, value, alpha)).expect("it is written");
@@ -62,7 +62,7 @@ fn alpha_is_a_channel() {
     png(&shop.path("white.png"), [255; 3], Some(51));
     exr_with_alpha(&shop.path("white.exr"), 1.0, 0.2);
     exr_with_alpha(&shop.path("opaque.exr"), 1.0, 1.0);
-    // An alpha of 255 is that of a picture without.
+    // An alpha of 255 equals no alpha channel.
     let same = shop.json("compare --json rgb.png opaque.png");
     assert_eq!((&same["verdict"], &same["errors"]["alpha"]), (&"same".into(), &serde_json::Value::Null));
     for (pair, values) in [("opaque.png half.png", "display"), ("opaque.exr white.exr", "linear")] {

@@ -70,7 +70,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     } else {
         print(&lines.0)?;
     }
-    // What the file holds is printed nevertheless.
+    // The contents are printed before the error.
     drawable
 }
 

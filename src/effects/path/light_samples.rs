@@ -28,7 +28,7 @@ pub(super) struct LightSamples {
     pub(super) pdf: PerRay<f64>,
     /// The distances of lights without size and of what is infinitely far away; 0 for points of surfaces.
     pub(super) distance: PerRay<f64>,
-    /// Points of surfaces as ends of shadow rays, in front of the surface: [`LightConnection::end`].
+    /// Ends of shadow rays to surfaces, in front of these: [`LightConnection::end`].
     pub(super) end: Vec3Soa,
     /// Origins, directions and lengths of shadow rays.
     pub(super) ray_origin: Vec3Soa,

@@ -42,8 +42,8 @@ pub(super) struct LightConnection {
     /// The distance of a light without size, which may lie on a surface; infinite for what is infinitely far away; 0 for
     /// a point of a surface.
     pub(super) distance: f64,
-    /// That point, moved in front of its surface. For a light without size the share of the way to it on which the
-    /// shadow ray is tested ([`crate::world::WorldLight::tested_share`]), in each component.
+    /// That point, offset in front of its surface. For a light without size: in each component, the tested fraction of
+    /// the shadow ray ([`crate::world::WorldLight::tested_share`]).
     pub(super) end: DVec3,
 }
 

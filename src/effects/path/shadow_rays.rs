@@ -100,7 +100,7 @@ impl LightSamples {
         if distance > 0.0 {
             let light = LightSample { direction, distance, radiance: DVec3::ZERO, cosine: 0.0 };
             let light = light.seen_from(origin - position);
-            // Ends of what is infinitely far away are not stored.
+            // Lights at infinity have no stored end.
             let share = if distance.is_finite() { self.end.get(i).x } else { 1.0 };
             let distance = light.distance * share;
             return Some(shadow_ray(origin, &LightSample { distance, ..light }, numerics));

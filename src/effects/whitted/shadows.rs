@@ -184,7 +184,7 @@ fn rays_to(
     );
 }
 
-/// The shadow ray of surface `i`, on this share of the way to the light.
+/// Shadow ray of surface `i`. `share` is the tested fraction of the way to the light.
 #[inline(always)]
 fn ray_to(
     light: &LightSoa,

@@ -90,7 +90,8 @@ impl Loader<'_> {
         hasher.finalize().to_string()
     }
 
-    /// The clips that pose the scene, by index, and the time of each; none at rest. Notes what several of them animate.
+    /// Index and time of each clip that poses the scene; empty at rest. Adds a note if two of them animate the same
+    /// property.
     pub(super) fn posing_clips(
         &mut self,
         document: &gltf::Document,
@@ -117,7 +118,7 @@ impl Loader<'_> {
         posing
     }
 
-    /// The poses by clips at their times, the later ones over the earlier ones.
+    /// Node poses by clips at their times; later clips override earlier ones.
     pub(super) fn pose_of_nodes(&mut self, document: &gltf::Document, clips: &[(usize, f64)]) -> Pose {
         if clips.is_empty() {
             return Pose::default();
@@ -161,7 +162,7 @@ impl Loader<'_> {
     }
 }
 
-/// The targets of an animation as text, and their samplers.
+/// Channels of an animation: target as text, and sampler.
 fn channels<'a>(animation: &gltf::Animation<'a>, pointers: &[PointerChannel]) -> Vec<(String, Sampler<'a>)> {
     let of_nodes = animation.channels().map(|channel| {
         let target = channel.target();

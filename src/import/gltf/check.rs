@@ -50,7 +50,7 @@ pub(super) fn check_memory(document: &gltf::Document, file: &Path, most: &limits
             })
             .fold([0u64; 2], add)
     };
-    // A node has a place, a pose, and an object with its name or a light.
+    // Bytes of a node: place, pose, and a named object or a light.
     const NODE: u64 = 3 * PLACE + 256;
     let nodes = limits::product(&[document.nodes().len() as u64, NODE + object]);
     let mut sums = [nodes, 0];

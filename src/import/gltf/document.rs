@@ -97,7 +97,7 @@ pub(super) fn parse(bytes: &[u8], file: &Path, warnings: &mut Warnings) -> Resul
     };
     let json = json.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(json);
     let json = &json[..json.iter().rposition(|&byte| byte != 0).map_or(0, |last| last + 1)];
-    // An object of the JSON is a map and an item of the validated document; measured with nodes and materials.
+    // Bytes of a JSON object, as a map and in the validated document; measured with nodes and materials.
     const OBJECT: u64 = 1200;
     let objects = json.iter().filter(|&&byte| byte == b'{').count() as u64;
     limits::check(limits::product(&[objects, OBJECT])).map_err(|excess| {
@@ -132,11 +132,11 @@ pub(super) fn parse(bytes: &[u8], file: &Path, warnings: &mut Warnings) -> Resul
 /// The JSON and the binary chunk of a GLB file.
 type GlbChunks<'a> = (&'a [u8], Option<&'a [u8]>);
 
-/// Finds the chunks of a GLB file (glTF 2.0, section 4.4). The stated length of the file is not used, nor are
-/// chunks of other types and what is no chunk; the binary chunk ends with the file at the latest.
+/// Finds the JSON and binary chunks of a GLB file (glTF 2.0, section 4.4). The stated file length, chunks of other
+/// types and trailing bytes are ignored; the binary chunk may be truncated by the end of the file.
 ///
 /// # Errors
-/// What is wrong; `None` if the file has no complete chunk of JSON.
+/// A message; `None` if the file has no complete JSON chunk.
 fn glb_chunks<'a>(
     bytes: &'a [u8],
     warn: &mut impl FnMut(String),
@@ -179,7 +179,7 @@ fn glb_chunks<'a>(
             }
             (_, None) => break,
         }
-        // Some exporters state the length without the padding that aligns the next chunk.
+        // Some exporters state the chunk length without the padding that aligns the next chunk.
         let is_binary =
             |at: usize| bytes.get(at.saturating_add(4)..at.saturating_add(8)) == Some(&b"BIN\0"[..]);
         let aligned = end.saturating_add(3) & !3;
@@ -223,8 +223,8 @@ pub(super) fn items<'a>(parent: &'a mut Value, key: &str) -> impl Iterator<Item 
     parent.get_mut(key).and_then(Value::as_array_mut).into_iter().flatten()
 }
 
-/// Removes `extras`, which may be of any type (section 3.12) and which the `gltf` crate wants to be objects, and names
-/// that are not text, from an object and all below it. Those of cameras stay: they may have the keys of a lens.
+/// Removes names that are not strings and `extras`, which may be of any type (section 3.12) but must be objects for the
+/// `gltf` crate, from a value and all below it. [`repair`] keeps those of cameras, which may define a lens.
 fn remove_extras(value: &mut Value) {
     match value {
         Value::Array(items) => items.iter_mut().for_each(remove_extras),
@@ -239,7 +239,7 @@ fn remove_extras(value: &mut Value) {
     }
 }
 
-/// The keys of lists whose values the format enumerates and that have a default, with the values.
+/// Enumerated properties with a default: list, key, valid values.
 const ENUMERATED: &[(&str, &str, &[u64])] = &[
     ("samplers", "magFilter", &[9728, 9729]),
     ("samplers", "minFilter", &[9728, 9729, 9984, 9985, 9986, 9987]),
@@ -254,7 +254,7 @@ fn repair(root: &mut Value, mut warn: impl FnMut(String)) {
         if key != "cameras" {
             remove_extras(list);
         } else {
-            // The crate reads the projections of cameras as well.
+            // The `gltf` crate also parses `extras` of projections.
             for camera in list.as_array_mut().into_iter().flatten().filter_map(Value::as_object_mut) {
                 let lens = camera.remove("extras").filter(Value::is_object);
                 camera.values_mut().for_each(remove_extras);
@@ -280,7 +280,7 @@ fn repair(root: &mut Value, mut warn: impl FnMut(String)) {
             ));
         }
     }
-    // The bytes of an image say of which format it is.
+    // The format of an image is detected from its bytes.
     for image in items(root, "images").filter_map(Value::as_object_mut) {
         if !image.get("mimeType").is_none_or(Value::is_string) {
             image.remove("mimeType");

@@ -57,7 +57,7 @@ impl Loader<'_> {
         }
     }
 
-    /// The image that bytes of the file are; equal bytes are decoded once.
+    /// Image from bytes of the file; equal bytes are decoded once.
     fn embedded_image(&mut self, place: Place, bytes: &[u8]) -> Result<Option<ImageId>> {
         let hash = blake3::hash(bytes);
         if let Some(known) = self.embedded.get(&hash) {

@@ -134,9 +134,9 @@ struct Loader<'a> {
     scene: Scene,
     warnings: &'a mut Warnings,
     plain: Option<MaterialId>,
-    /// Images of the file itself, by a hash of their bytes; `None` for those that cannot be read.
+    /// Embedded images by a hash of their bytes; `None` for unreadable ones.
     embedded: HashMap<blake3::Hash, Option<ImageId>>,
-    /// Alpha channels that textures read, by the image and their use.
+    /// Alpha channels of textures, by image and use.
     alphas: HashMap<(ImageId, AlphaUse), Option<ImageId>>,
     shared: SharedMeshes,
 }

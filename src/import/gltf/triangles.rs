@@ -212,7 +212,7 @@ pub(super) fn deform(mesh: &mut Mesh, world_from_vertex: &[DMat4]) {
     for (position, m) in mesh.positions.iter_mut().zip(world_from_vertex) {
         *position = m.transform_point3(*position);
     }
-    // Normals and tangents of a file go with the positions; those that the importer computes are indexed by corner.
+    // Normals and tangents of the file are indexed by position, computed ones by corner.
     if let Some(Attribute { values, triangles: None }) = &mut mesh.normals {
         for (normal, m) in values.iter_mut().zip(world_from_vertex) {
             *normal = crate::scene::normal_matrix(m) * *normal;
@@ -234,8 +234,7 @@ pub(super) fn deform(mesh: &mut Mesh, world_from_vertex: &[DMat4]) {
     }
 }
 
-/// Marks a mesh as mirrored if its first triangle is, and reverses the order of the vertices of triangles that differ from
-/// it in that.
+/// Sets [`Mesh::is_mirrored`] by the first triangle, and reverses the winding of triangles that differ from it.
 fn turn_mirrored(mesh: &mut Mesh, world_from_vertex: &[DMat4]) {
     let mirrors: Vec<bool> = world_from_vertex.iter().map(is_mirror).collect();
     let is_mirrored =

@@ -46,9 +46,9 @@ pub(super) struct Run {
 #[derive(Debug, Default)]
 pub(super) struct Assembly {
     pub positions: Vec<DVec3>,
-    /// Displayed values, one for each position, [`NO_COLOUR`] for one without; empty if no position has a colour.
+    /// Display values per position, [`NO_COLOUR`] if missing; empty if no position has a colour.
     pub colours: Vec<DVec3>,
-    /// Displayed values of positions in their order, in comments of ZBrush.
+    /// Display values of ZBrush comments (`#MRGB`), in the order of positions.
     pub paint: Vec<[u8; 3]>,
     pub uvs: Vec<DVec2>,
     pub normals: Vec<DVec3>,
@@ -126,7 +126,7 @@ fn parse_parts(window: &[u8], size: usize, chunks: &mut Vec<Chunk>) {
     chunks.par_iter_mut().zip(parts).for_each(|(chunk, part)| chunk.parse(part, None));
 }
 
-/// The first index beyond the elements of a text without other faults.
+/// Message about the first invalid index in a text without other faults.
 fn find_fault(source: &Source, sizes: Sizes, totals: [i64; 3]) -> Result<String> {
     let mut windows = Windows::open(source, sizes.window)?;
     let (mut window, mut chunk) = (Vec::new(), Chunk::default());

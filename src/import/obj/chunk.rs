@@ -9,7 +9,7 @@ use super::scanner::{NONE, Scanner};
 use super::text::decode_name;
 use crate::import::references::unquoted;
 
-/// The colour of a position that has none.
+/// Placeholder for a missing colour.
 pub(super) const NO_COLOUR: DVec3 = DVec3::NAN;
 
 /// A statement that applies to the faces after it.
@@ -42,9 +42,9 @@ pub(super) struct Range {
 #[derive(Debug, Default)]
 pub(super) struct Chunk {
     pub positions: Vec<DVec3>,
-    /// Displayed values, one for each position, [`NO_COLOUR`] for one without; empty if no position has a colour.
+    /// Display values per position, [`NO_COLOUR`] if missing; empty if no position has a colour.
     pub colours: Vec<DVec3>,
-    /// Displayed values of positions in the order of the file, in comments of ZBrush.
+    /// Display values of ZBrush comments (`#MRGB`), in the order of positions.
     pub paint: Vec<[u8; 3]>,
     /// (0, 0) is the upper left corner of the image.
     pub uvs: Vec<DVec2>,
@@ -152,7 +152,7 @@ impl Chunk {
         Ok(())
     }
 
-    /// Reads colours of ZBrush: for each vertex a mask, red, green and blue of two hexadecimal digits each.
+    /// Reads ZBrush colours: mask, red, green and blue per vertex, in two hexadecimal digits each.
     fn paint(&mut self, text: &[u8]) {
         for digits in text.trim_ascii().as_chunks::<8>().0 {
             let number =
@@ -206,7 +206,7 @@ impl Chunk {
             let counts = [self.positions.len(), self.uvs.len(), self.normals.len()];
             corners.push([0, 1, 2].map(|kind| self.encode(kind, [v, vt, vn][kind], counts[kind])));
         }
-        // A face without a texture coordinate or a normal at a corner has none at the others.
+        // A texture coordinate or normal missing at one corner is dropped at all corners.
         if corners.iter().any(|corner| corner[1] == MISSING) {
             corners.iter_mut().for_each(|corner| corner[1] = MISSING);
         }

@@ -3,7 +3,7 @@
 /// Indices of the corners of faces count from 0. Values from here on are indices relative to the first element of the
 /// part, plus [`RELATIVE_BIAS`].
 pub(super) const RELATIVE: u32 = 1 << 31;
-/// An index of no element.
+/// Index of a non-existent element.
 pub(super) const NOWHERE: u32 = RELATIVE - 1;
 /// Added to relative indices, which may be negative.
 pub(super) const RELATIVE_BIAS: i64 = 1 << 29;
@@ -50,8 +50,8 @@ impl Faces {
         Count { triangles: self.triangles[0].len(), polygons: self.polygons.len() }
     }
 
-    /// Leaves out indices beyond `totals` elements: faces with such a position, and the texture coordinates or normals of
-    /// faces with such a corner. Returns the number of faces that are left out.
+    /// Removes invalid indices: faces with an invalid position, and the texture coordinates or normals of faces with an
+    /// invalid one. Returns the number of faces removed.
     pub(super) fn leave_out(&mut self, totals: [u64; 3]) -> Count {
         let before = self.count();
         let is_there = |kind: usize, index: u32| index >= MISSING || u64::from(index) < totals[kind];
@@ -66,7 +66,7 @@ impl Faces {
             let mut kept = kept.iter();
             indices.retain(|_| kept.next() == Some(&true));
         }
-        // The number of kept triangles before each.
+        // Number of kept triangles before each triangle.
         let mut sums = Vec::with_capacity(kept.len() + 1);
         sums.push(0);
         sums.extend(kept.iter().scan(0, |sum, &is_kept| {

@@ -1,6 +1,6 @@
 //! Materials of MTL files. They become Phong: colour `Kd`, k_d = 1, k_s = maximum of `Ks`, n = `Ns`, k_a = 1. Colours
-//! are display values. `illum 0` becomes an unlit material, `illum 1` has no highlight. Materials with `Pr`, `Pm`, `Ps` or `Pc` become metallic-roughness ([`pbr`]). `norm` and `bump`
-//! become normal maps.
+//! are display values. `illum 0` becomes an unlit material, `illum 1` has no highlight. Materials with `Pr`, `Pm`, `Ps`
+//! or `Pc` become metallic-roughness ([`pbr`]). `norm` and `bump` become normal maps.
 
 use super::mtl::Definition;
 use super::pbr;
@@ -75,7 +75,7 @@ impl Converter<'_> {
         let emission = m.emissive.filter(is_above_0);
         let refraction = pbr::refraction(m);
         let shininess = m.shininess.unwrap_or(1.0).max(0.0);
-        // With an exponent of 0, the highlight would cover all that faces the light; exporters write 0 for none.
+        // An exponent of 0 would spread the highlight over the lit side; exporters write it for no highlight.
         let strength = if has_highlight(m) { shininess.min(1.0) } else { 0.0 };
         let specular = strength * m.specular.map_or(0.0, |ks| ks.into_iter().fold(0.0, f64::max));
         Ok(Material::Phong(Phong {
@@ -143,13 +143,12 @@ fn is_above_0(colour: &[f64; 3]) -> bool {
     colour.iter().any(|&c| c > 0.0)
 }
 
-/// Whether the illumination model of a material has a highlight: all but 0 and 1 have.
+/// Whether the illumination model has a highlight: all but 0 and 1.
 pub(super) fn has_highlight(m: &tobj::Material) -> bool {
     !matches!(m.illumination_model, Some(0 | 1))
 }
 
-/// Whether a material is drawn in its own colour, whatever the light: `illum 0`. One that emits is not: some programs
-/// write `illum 0` for lamps.
+/// Whether a material is unlit: `illum 0` without emission. Some programs write `illum 0` for lamps.
 fn is_unlit(m: &tobj::Material) -> bool {
     let emits = m.emissive.as_ref().is_some_and(is_above_0) || m.unknown_param.contains_key("map_Ke");
     m.illumination_model == Some(0) && !emits

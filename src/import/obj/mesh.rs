@@ -170,7 +170,7 @@ fn mesh(
     let of_positions = || {
         let used = renumber(&mut positions, all_positions.len());
         let mut colours = if all_colours.is_empty() { Vec::new() } else { gather(all_colours, &used) };
-        // One that is not a number in part is the file's fault, and said.
+        // Colours with a NaN in some channels come from the file and are reported.
         let is_missing = |colour: DVec3| colour.is_nan_mask().all();
         let is_coloured = colours.par_iter().any(|&colour| !is_missing(colour));
         // White for positions without a colour.

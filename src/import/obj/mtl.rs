@@ -77,16 +77,16 @@ impl Definition {
     }
 }
 
-/// Reads the MTL files that a line of an OBJ names. A file that cannot be read is left out with a warning.
+/// Reads the MTL files of a `mtllib` line. Unreadable files are left out with a warning.
 pub(super) fn read(source: &Source, line: &str, warnings: &mut Warnings) -> Vec<Definition> {
     let names = if is_there(source, line) { vec![line] } else { names(line) };
-    // A pair of files that were renamed together.
+    // The OBJ and its MTL file may have been renamed together.
     let own = source.file.file_stem().map(|stem| format!("{}.mtl", stem.to_string_lossy()));
     let own = own.as_deref().filter(|_| names.len() == 1);
     names.into_iter().flat_map(|name| read_one(source, name, own, warnings)).collect()
 }
 
-/// The names in a line, which may contain spaces and end in `.mtl` each; the line, where none does.
+/// File names of a line: each ends in `.mtl` and may contain spaces. The whole line if none does.
 fn names(line: &str) -> Vec<&str> {
     const ENDING: &str = ".mtl";
     let lower_case = line.to_ascii_lowercase();
@@ -245,7 +245,7 @@ const KEYS: &str = "newmtl Ka Kd Ks Ke Tf Ns Ni d Tr illum sharpness Pr Pm Ps Pc
     map_Ke map_Ns map_Ni map_d map_Tr map_aat map_Bump map_bump map_opacity map_refl map_disp map_Disp map_Pr map_Pm \
     map_Ps map_Pc map_Pcr map_RMA map_ORM bump norm disp decal refl";
 
-/// A key of the format in another case, as the format has it; any other as it is.
+/// Canonical spelling of a known key, ignoring case; other keys as they are.
 fn canonical(key: &str) -> &str {
     if is_known(key) {
         return key;
@@ -268,7 +268,7 @@ fn is_colour(c: &f64) -> bool {
     (0.0..=1e12).contains(c)
 }
 
-/// The largest number of arguments of an option of a map; `None` if it is not one.
+/// Maximum number of arguments of a map option; `None` for unknown options.
 fn arity(option: &str) -> Option<usize> {
     match option {
         "s" | "o" | "t" => Some(3),
@@ -279,7 +279,7 @@ fn arity(option: &str) -> Option<usize> {
     }
 }
 
-/// The start of the first option behind a space in `text`; its length, if there is none.
+/// Offset of the first map option after a space in `text`; the length of `text` if there is none.
 fn next_option(text: &str) -> usize {
     let is_option = |&(at, _): &(usize, &str)| {
         text[at + 2..].split_whitespace().next().is_some_and(|name| arity(name).is_some())
@@ -289,7 +289,7 @@ fn next_option(text: &str) -> usize {
 }
 
 /// Splits the value of a map, such as `-s 1 1 1 wood.png`, into its options, the names of those that are left out and
-/// change the image, and the file name, which may contain spaces. Some exporters write options behind the name.
+/// change the image, and the file name, which may contain spaces. Some exporters write options after the name.
 fn split_options(value: &str) -> (MapOptions, Vec<&str>, String) {
     let mut rest = value.trim();
     let (mut options, mut left_out, mut file) = (MapOptions::default(), Vec::new(), "");

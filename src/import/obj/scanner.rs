@@ -161,8 +161,8 @@ impl<'a> Scanner<'a> {
     }
 }
 
-/// Length of the word at the start of `rest`, if C libraries write it for what is not a finite number: `1.#IND`,
-/// `-1.#INF`, `nan(ind)`.
+/// Length of the word at the start of `rest` if it is a C library's text for a non-finite number: `1.#IND`, `-1.#INF`,
+/// `nan(ind)`.
 fn not_a_number(rest: &[u8]) -> Option<usize> {
     let length = rest.iter().position(|&byte| byte <= b' ').unwrap_or(rest.len());
     let word = rest[..length].strip_prefix(b"-").unwrap_or(&rest[..length]);
@@ -235,7 +235,7 @@ mod tests {
         for bad in ["1,2,3", ",", "a,1"] {
             assert_eq!(Scanner::new(bad.as_bytes()).number(), Err(Unreadable), "{bad}");
         }
-        // A comment behind a number.
+        // A comment after a number.
         assert_eq!(Scanner::new(b"2.#comment").number(), Ok(Some(2.0)));
     }
 

@@ -1,4 +1,4 @@
-//! Values of PLY files, after the header.
+//! Reader of PLY data after the header.
 
 use super::super::Source;
 use super::super::lines::{Lines, parse_number, take_word};
@@ -8,9 +8,7 @@ use crate::limits;
 
 /// Why a value cannot be read.
 pub(super) enum Stop {
-    /// The file ends.
     End,
-    /// It is invalid.
     Fault(Error),
 }
 
@@ -22,7 +20,7 @@ impl From<Error> for Stop {
 
 pub(super) type Read<T> = std::result::Result<T, Stop>;
 
-/// Reader of the values after the header.
+/// Read position in ASCII or binary data.
 pub(super) struct Body<'a> {
     pub source: &'a Source,
     encoding: Encoding,
@@ -34,7 +32,7 @@ pub(super) struct Body<'a> {
     words: &'a [u8],
     /// Number of lines with more values than declared.
     pub longer: usize,
-    /// Where the file ends: a name of the element, the number of them that is there, the declared one.
+    /// Set if the file ends early: element name, number of elements read, declared number.
     pub short: Option<(&'static str, u64, u64)>,
 }
 
@@ -66,8 +64,8 @@ impl<'a> Body<'a> {
         Error::input(Place::line(&self.source.file, element.line), what, "export the file again")
     }
 
-    /// The largest number of an element that the rest of the file can hold, at most the declared one, after a check
-    /// that memory suffices for `bytes` each.
+    /// Number of elements to reserve: the declared number, or what the rest of the file can hold if that is less.
+    /// Checks the memory limit for `bytes` per element.
     pub(super) fn count(&self, element: &Element, bytes: usize) -> Result<usize> {
         let left = match self.encoding {
             // The last line may lack a terminator.
@@ -83,7 +81,7 @@ impl<'a> Body<'a> {
         Ok(count as usize)
     }
 
-    /// Bytes after those that were read.
+    /// Number of unread bytes, without surrounding white space in ASCII data.
     pub(super) fn bytes_left(&self) -> usize {
         match self.encoding {
             Encoding::Ascii => self.lines.rest().trim_ascii().len(),
@@ -91,7 +89,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Calls `read` for each of an element. Where the file ends before the last, the rest is left out.
+    /// Calls `read` once per element. An early end of file sets [`Body::short`] and is no error.
     pub(super) fn each(
         &mut self,
         element: &Element,
@@ -143,7 +141,7 @@ impl<'a> Body<'a> {
                     self.fault("fewer values than the header says")
                 });
             };
-            // A number that the end of the file may cut.
+            // The last number of the file may be truncated.
             let is_cut = is_last && self.words.is_empty();
             return parse_number(word)
                 .ok_or_else(|| if is_cut { Stop::End } else { self.fault("not a number") });
@@ -209,7 +207,7 @@ impl<'a> Body<'a> {
     }
 }
 
-/// The name of an element for messages, which do not repeat what a file says.
+/// Element name for messages, which do not quote unknown names of a file.
 fn known_name(element: &Element) -> &'static str {
     const KNOWN: [&str; 3] = ["vertex", "face", "tristrips"];
     KNOWN.into_iter().find(|name| *name == element.name).unwrap_or("of another name")

@@ -10,26 +10,25 @@ use super::{colour_slot, first_of_each, whites};
 use crate::error::Result;
 use crate::scene::Mesh;
 
-/// What faces have besides their corners.
+/// Attributes of faces, and counts of unusual faces.
 #[derive(Default)]
 pub(super) struct Faces {
     pub cuts: Cuts,
     pub too_small: usize,
-    /// Colour of each face that has triangles.
+    /// Colour per face; faces without triangles are skipped.
     pub colours: Option<Colours>,
     /// Texture coordinates of corners.
     pub uvs: Vec<DVec2>,
-    /// Indices of the texture coordinates of each triangle's corners; `None` for faces without.
+    /// Texture coordinate indices per triangle; `None` for faces without texture coordinates.
     pub uv_triangles: Vec<Option<[u32; 3]>>,
-    /// Whether faces have texture coordinates of their own.
+    /// Whether faces have the property `texcoord`.
     pub has_uvs: bool,
     /// `texnumber` of each triangle.
     pub textures: Option<Vec<i64>>,
-    /// The face of each triangle, counted without those that have none.
+    /// Face index per triangle; faces without triangles are not counted.
     pub face_of: Vec<u32>,
 }
 
-/// The properties that are used.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 enum Slot {
     Polygon,
@@ -123,7 +122,7 @@ impl Faces {
     }
 }
 
-/// Reads triangle strips, of which every second triangle is turned.
+/// Reads triangle strips. Every second triangle has reversed winding.
 pub(super) fn read_strips(body: &mut Body, element: &Element, mesh: &mut Mesh) -> Result<()> {
     body.each(element, |body| {
         let mut triangles = Vec::new();
@@ -138,7 +137,7 @@ pub(super) fn read_strips(body: &mut Body, element: &Element, mesh: &mut Mesh) -
     })
 }
 
-/// Reads the triangles of one list of vertices below `count`.
+/// Reads one strip; vertex indices must be below `count`.
 fn strip(
     body: &mut Body,
     property: &Property,

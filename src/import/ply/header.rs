@@ -36,7 +36,7 @@ impl Scalar {
             "ushort" | "uint16" => Scalar::U16,
             "int" | "int32" => Scalar::I32,
             "uint" | "uint32" => Scalar::U32,
-            // Of trimesh and VTK.
+            // Written by trimesh and VTK.
             "int64" => Scalar::I64,
             "uint64" => Scalar::U64,
             "float" | "float32" => Scalar::F32,
@@ -82,7 +82,7 @@ impl Scalar {
         matches!(self, Scalar::F32 | Scalar::F64)
     }
 
-    /// A value of a colour channel; some exporters declare bytes as `char`.
+    /// Unsigned value of a colour channel; some exporters declare bytes as `char`.
     pub(crate) fn unsigned(self, value: f64) -> f64 {
         if self == Scalar::I8 && value < 0.0 { value + 256.0 } else { value }
     }
@@ -122,7 +122,7 @@ pub(crate) struct Header {
     pub encoding: Encoding,
     /// The elements in their order.
     pub elements: Vec<Element>,
-    /// The names after `comment TextureFile`, as MeshLab writes them.
+    /// Image names in `comment TextureFile`, as written by MeshLab.
     pub texture_files: Vec<String>,
     /// Length of the header in bytes.
     pub bytes: usize,
@@ -137,8 +137,8 @@ impl Header {
         let error = |line: usize, what: String, hint: &str| {
             Err(Error::input(Place::line(&source.file, line), what, hint))
         };
-        // A lone `\r` after the first line ends all: a `\n` after the last may be the first byte of binary data. Else
-        // lines end with `\n`, and a `\r` before it is white space.
+        // If the first line ends with a lone `\r`, all lines do: a `\n` after the last may be the first byte of binary
+        // data. Otherwise lines end with `\n`, and a `\r` before it is white space.
         let first = bytes.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(bytes.len());
         let (end, skipped) = match bytes[first..] {
             [b'\r', b'\n', ..] => (b'\n', 2),

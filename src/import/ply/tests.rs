@@ -121,8 +121,8 @@ fn every_encoding_and_line_end_says_the_same() {
     }
 }
 
-/// A file that is cut is read up to the last whole element, with a warning, or is an error if its header is cut. What is
-/// there are the first vertices and the first triangles of the whole file.
+/// A truncated file is read up to the last complete element, with a warning; a truncated header is an error. Vertices
+/// and triangles are the first ones of the whole file.
 #[test]
 fn files_that_are_cut_off_are_read_as_far_as_they_go() {
     for encoding in ["ascii", "binary_little_endian", "binary_big_endian"] {
@@ -139,7 +139,7 @@ fn files_that_are_cut_off_are_read_as_far_as_they_go() {
             }
             let (mesh, warnings) = read.unwrap_or_else(|e| panic!("{encoding}, {length} bytes: {e}"));
             assert!(mesh.positions.len() <= 5 && mesh.triangles.len() <= 3);
-            // The last number of ASCII data may be cut within its digits.
+            // The last number of ASCII data may be truncated.
             let whole_rows = if encoding == "ascii" { mesh.positions.len().saturating_sub(1) } else { 5 };
             let count = mesh.positions.len().min(whole_rows);
             assert_eq!(mesh.positions[..count], expected.positions[..count], "{encoding}, {length} bytes");
@@ -155,7 +155,7 @@ fn files_that_are_cut_off_are_read_as_far_as_they_go() {
         let (_, warnings) = read_bytes([&whole[..], b"more"].concat()).expect("a mesh");
         assert_eq!(warnings.messages(), ["a.ply: left out 4 byte(s) after the last element"], "{encoding}");
     }
-    // A count that no file can hold.
+    // A declared number beyond any file size.
     let text =
         String::from_utf8(file("ascii", "\n")).expect("ASCII").replace("face 2", "face 18446744073709551615");
     assert_eq!(read_bytes(text.into()).expect("a mesh").0.triangles.len(), 3);
@@ -216,7 +216,7 @@ fn colours_of_vertices_and_faces_by_every_name_and_type() {
     }
 }
 
-/// An alpha of 0 at every vertex is that of exporters that do not use it; one of 255 is opaque.
+/// An alpha of 0 at all vertices is opaque, since some exporters do not use it; so is one of 255.
 #[test]
 fn alpha_throughout_is_none() {
     let properties = declared("uchar", &["red", "green", "blue", "alpha"]);
@@ -228,7 +228,7 @@ fn alpha_throughout_is_none() {
     }
 }
 
-/// Meshes with colours of their own have a white material, so that nothing multiplies them.
+/// Meshes with vertex or face colours get a white material.
 #[test]
 fn colours_are_not_multiplied() {
     let properties = declared("uchar", &["red", "green", "blue"]);
@@ -247,7 +247,7 @@ fn colours_are_not_multiplied() {
     assert_eq!(colour(square("", ["", ""], ["", ""], ["", ""])), Colour::from_u8([204; 3]));
 }
 
-/// The scene of a file beside the image `a b.png`, of red and green, and `c.png`, of green and red.
+/// Reads a file beside the images `a b.png`, red and green, and `c.png`, green and red.
 fn textured_scene(bytes: Vec<u8>) -> (Scene, Warnings) {
     let folder = tempfile::tempdir().expect("a folder");
     for (name, pixels) in [("a b.png", [255, 0, 0, 0, 255, 0]), ("c.png", [0, 255, 0, 255, 0, 0])] {

@@ -182,7 +182,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// The place of a key of `[image]`.
+    /// Byte offset of a value of `[image]` by key.
     fn image_key(&self, key: &str) -> Option<usize> {
         #[derive(serde::Deserialize)]
         struct Sections {

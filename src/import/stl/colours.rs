@@ -20,7 +20,7 @@ use crate::scene::{Attribute, Material, MaterialId, Mesh, Opacity, Phong, Scene}
 /// Bit 15 of the attribute bytes.
 const FLAG: u16 = 1 << 15;
 
-/// The colours of facets, each once.
+/// Facet colours without duplicates.
 pub(super) struct FacetColours {
     /// Colour of the part in display values of 0 to 1, in Magics' convention.
     part: Option<[f64; 4]>,
@@ -28,23 +28,23 @@ pub(super) struct FacetColours {
     facets: Vec<u32>,
     values: Vec<DVec3>,
     known: HashMap<u16, u32>,
-    /// Whether a facet has a colour of its own.
+    /// Whether any facet has its own colour.
     has_own: bool,
 }
 
 impl FacetColours {
-    /// Reads the colour of the part.
+    /// Reads the part colour from the header.
     pub(super) fn of_header(header: &[u8]) -> Self {
         let after = |key: &[u8], length: usize| {
             let at = header.windows(key.len()).position(|word| word == key)? + key.len();
             header.get(at..at + length)
         };
-        // An alpha of 0 is that of programs that do not use it: nothing would be seen. Others write a separator there.
+        // Some programs write 0 or a separator in place of alpha; both are read as opaque.
         let colour = |bytes: &[u8]| {
             let alpha = if matches!(bytes[3], 0 | b' ' | b',') { 255 } else { bytes[3] };
             [bytes[0], bytes[1], bytes[2], alpha].map(|value| f64::from(value) / 255.0)
         };
-        // A material of white space or zeros is the padding of the header.
+        // A material of spaces or zeros is header padding.
         let is_padding = |bytes: &[u8]| bytes.iter().all(|&b| b == bytes[0] && matches!(b, 0 | b' '));
         let material = after(b"MATERIAL=", 12).filter(|bytes| !is_padding(bytes));
         let of_part = after(b"COLOR=", 4);
@@ -55,7 +55,7 @@ impl FacetColours {
     /// Adds the attribute bytes of the next facet.
     pub(super) fn push(&mut self, bits: u16) {
         let has_own = (bits & FLAG == 0) == self.part.is_some();
-        // Those without a colour have that of the part, or that of surfaces without a material.
+        // Facets without a colour get the part colour or the default grey.
         let key = if has_own { bits & !FLAG } else { FLAG };
         self.has_own |= has_own;
         let FacetColours { part, values, known, .. } = self;
@@ -73,7 +73,7 @@ impl FacetColours {
         self.facets.push(index);
     }
 
-    /// Sets the colours of the facets of a mesh, and adds its material to a scene.
+    /// Sets the facet colours of a mesh, and adds its material to a scene.
     pub(super) fn add_to(self, scene: &mut Scene, mesh: &mut Mesh) -> MaterialId {
         if self.has_own {
             let triangles = Some(self.facets.into_iter().map(|index| [index; 3]).collect());

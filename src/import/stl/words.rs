@@ -1,18 +1,18 @@
-//! Words of ASCII STL files.
+//! Tokenizer of ASCII STL files.
 
 use super::super::lines::take_word;
 
-/// Words between `solid` and its first `facet` on a line of both, at most: those of a name.
+/// Maximum number of words of a name that is followed by `facet` on the same line.
 const MOST_WORDS: usize = 64;
 
-/// The words of a text, across its lines.
+/// Words of a text across line ends.
 pub(super) struct Words<'a> {
     rest: &'a [u8],
     /// Line of the last word, counted from 1.
     pub line: usize,
 }
 
-/// The text from its first word that is not in a comment: from `#` to the end of the line.
+/// Text from its first word, without leading comments (`#` to the end of the line).
 pub(super) fn without_comments(mut text: &[u8]) -> &[u8] {
     loop {
         text = text.trim_ascii_start();
@@ -47,7 +47,7 @@ impl<'a> Words<'a> {
     pub(super) fn next(&mut self) -> Option<&'a [u8]> {
         let text = without_comments(self.rest);
         if text.is_empty() {
-            // The line of the last word stays.
+            // Keeps the line of the last word.
             self.rest = text;
             return None;
         }
@@ -58,7 +58,7 @@ impl<'a> Words<'a> {
         word
     }
 
-    /// The next word; `end loop`, `end facet` and `end solid` are one.
+    /// Next word; `end loop`, `end facet` and `end solid` count as one word.
     pub(super) fn next_statement(&mut self) -> Option<&'a [u8]> {
         let word = self.next()?;
         if !word.eq_ignore_ascii_case(b"end") {
@@ -75,7 +75,7 @@ impl<'a> Words<'a> {
         Some(joined)
     }
 
-    /// Skips what stands before the end of the line or the next statement.
+    /// Skips to the end of the line or the next statement.
     pub(super) fn skip_rest_of_line(&mut self) {
         self.name(&[b"endfacet", b"facet", b"endsolid", b"solid", b"end"]);
     }
@@ -88,8 +88,7 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// Skips what stands between `facet` and `outer`: `normal` and its numbers, which some exporters leave out or
-    /// write as no numbers.
+    /// Skips `normal` and its numbers, which some exporters omit or write as invalid numbers.
     pub(super) fn skip_normal(&mut self) {
         const NEXT: [&[u8]; 6] = [b"outer", b"loop", b"vertex", b"endfacet", b"end", b"endsolid"];
         self.skip(b"normal");
@@ -103,8 +102,8 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// The name after `solid` or `endsolid`: the rest of the line, or up to the first of `next`. Names may have these
-    /// words, too, so that `facet` counts before `normal` alone, and `solid` before a `facet`.
+    /// Name after `solid` or `endsolid`: up to the first keyword of `next` or the end of the line. Names may contain
+    /// keywords, so `facet` counts only before `normal`, and `solid` only before a `facet`.
     pub(super) fn name(&mut self, next: &[&[u8]]) -> &'a [u8] {
         let end = self.rest.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(self.rest.len());
         let line = &self.rest[..end];

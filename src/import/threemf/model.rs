@@ -1,4 +1,4 @@
-//! The XML of a model.
+//! Parser of the XML of a model.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -14,48 +14,46 @@ use crate::error::{Error, Result};
 use crate::limits::{self, Counted};
 use crate::scene::Wrap;
 
-/// A model: resources, by their ids, and a build.
+/// Resources of a model by id, and its build.
 #[derive(Default)]
 pub(super) struct Model {
-    /// Millimetres in a unit of its coordinates.
+    /// Millimetres per unit of length.
     pub unit: f64,
     pub objects: HashMap<u32, Definition>,
     pub properties: HashMap<u32, Property>,
     pub textures: HashMap<u32, TextureFile>,
     pub items: Vec<Reference>,
     pub metadata: Vec<(String, String)>,
-    /// What is not read of it.
+    /// Kinds of content that are not supported.
     pub left_out: BTreeSet<&'static str>,
 }
 
-/// An object.
 pub(super) struct Definition {
     pub name: Option<String>,
-    /// Its type, if it is not part of the model.
+    /// Type of an object that is not part of the model.
     pub not_model: Option<&'static str>,
     pub solid: Solid,
 }
 
-/// What an object consists of.
+/// Content of an object.
 pub(super) enum Solid {
     Mesh {
         positions: Vec<DVec3>,
         triangles: Vec<[u32; 3]>,
-        /// Group of each triangle, and the index in it of each corner.
+        /// Property group per triangle, and index per corner.
         properties: Vec<Option<(u32, [u32; 3])>>,
     },
     Components(Vec<Reference>),
 }
 
-/// An object with a transform: an item of the build, or a component.
+/// Item of the build or component: an object and a transform.
 pub(super) struct Reference {
     pub object: u32,
-    /// The part of the package that it is in, if another one.
+    /// Part of the package, if it is another one.
     pub path: Option<String>,
     pub transform: DMat4,
 }
 
-/// A group of properties.
 pub(super) enum Property {
     /// Red, green, blue and alpha, display values.
     Colours(Vec<[u8; 4]>),
@@ -65,14 +63,14 @@ pub(super) enum Property {
     },
 }
 
-/// `texture2d`.
+/// Image of a `texture2d`.
 pub(super) struct TextureFile {
-    /// Its part of the package.
+    /// Part of the package.
     pub path: String,
     pub wrap: [Wrap; 2],
 }
 
-/// The attributes of an element without prefixes, as far as they are valid.
+/// Valid attributes of an element, by local name.
 pub(super) fn attributes<'a>(e: &'a BytesStart) -> impl Iterator<Item = (Vec<u8>, String)> + 'a {
     e.attributes().flatten().filter_map(|attribute| {
         let value = attribute.normalized_value(XmlVersion::Implicit1_0).ok()?;
@@ -80,7 +78,7 @@ pub(super) fn attributes<'a>(e: &'a BytesStart) -> impl Iterator<Item = (Vec<u8>
     })
 }
 
-/// Attributes of one element; values are read without allocation.
+/// Attributes of one element; numbers are read without allocation.
 struct Attributes<'a>(&'a BytesStart<'a>);
 
 impl<'a> Attributes<'a> {
@@ -114,7 +112,7 @@ fn colour(text: &str) -> Option<[u8; 4]> {
     }
 }
 
-/// Twelve numbers: a row vector is multiplied from the left by rows of three (Core Specification, section 3.3).
+/// Transform of twelve numbers: four rows of three, applied to row vectors (Core Specification, section 3.3).
 fn transform(text: &str) -> Option<DMat4> {
     let numbers: Option<Vec<f64>> =
         text.split_ascii_whitespace().map(|word| parse_number(word.as_bytes())).collect();
@@ -124,7 +122,7 @@ fn transform(text: &str) -> Option<DMat4> {
     Some(DMat4::from_cols(columns[0], columns[1], columns[2], columns[3]))
 }
 
-/// Millimetres in a unit.
+/// Millimetres per unit of length.
 fn unit(name: &str) -> Option<f64> {
     Some(match name {
         "micron" => 1e-3,
@@ -145,7 +143,7 @@ fn wrap(style: Option<&str>) -> Wrap {
     }
 }
 
-/// The object that is being read.
+/// Object under construction.
 struct Open {
     id: u32,
     name: Option<String>,
@@ -164,9 +162,9 @@ struct Parser<'a> {
     source: &'a Source,
     model: Model,
     open: Option<Open>,
-    /// The group of properties that is being read.
+    /// Current property group.
     group: Option<u32>,
-    /// Name and value so far of the metadata that is being read.
+    /// Current metadata: name, and value so far.
     metadata: Option<(String, String)>,
     triangles: u64,
 }
@@ -212,7 +210,7 @@ impl Model {
 }
 
 impl Parser<'_> {
-    /// Adds to the value of metadata.
+    /// Appends to the current metadata value.
     fn add_text(&mut self, text: &str) {
         if let Some((_, value)) = &mut self.metadata {
             value.push_str(text);
@@ -312,7 +310,7 @@ impl Parser<'_> {
         self.check_growth()
     }
 
-    /// Checks the limits each time that a list is about to double.
+    /// Checks the limits before a list doubles.
     fn check_growth(&self) -> Result<()> {
         let Some(open) = &self.open else { return Ok(()) };
         let (points, triangles) = (open.positions.len() as u64, open.triangles.len() as u64);
@@ -323,7 +321,7 @@ impl Parser<'_> {
         let file = self.source.file.as_path();
         let counted = Counted::Triangles.check(self.triangles, &self.source.options.limits);
         counted.map_err(|(what, hint)| Error::input(file, what, hint))?;
-        // The list after it has doubled, while the old one is copied.
+        // The doubled list and the old one, from which it is copied.
         let bytes = 3 * (points * size_of::<DVec3>() as u64 + triangles * (12 + 20));
         limits::check_claim(bytes).map_err(|excess| {
             let what = format!("{points} vertices and {triangles} triangles: reading more {excess}");
@@ -357,7 +355,7 @@ impl Parser<'_> {
                 if let Some(Property::Colours(colours)) =
                     self.group.and_then(|group| self.model.properties.get_mut(&group))
                 {
-                    // `displaycolor` is optional: the grey of surfaces without a material.
+                    // `displaycolor` is optional: default grey.
                     colours.push(value.unwrap_or([204, 204, 204, 255]));
                 }
             }

@@ -1,7 +1,7 @@
 //! The ZIP archive of a 3MF file (Open Packaging Conventions).
 //!
-//! rawzip reads the archive's structure from memory without allocation, flate2 inflates. The size of each part is a
-//! claim: it is checked before anything of the part is inflated, and no more than it is read.
+//! rawzip reads the archive's structure from memory without allocation, flate2 inflates. The stated size of a part is
+//! checked before inflating and bounds the bytes read.
 
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader, Read};
@@ -17,15 +17,14 @@ use crate::limits;
 /// The relationship that leads to the model (Core Specification, section 2.1.1).
 const MODEL: &str = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel";
 
-/// An opened package.
 pub(super) struct Package<'a> {
     source: &'a Source,
     archive: ZipSliceArchive<&'a [u8]>,
-    /// Entries by [`key`] of their names.
+    /// Entries by [`key`].
     entries: HashMap<String, (ZipArchiveEntryWayfinder, CompressionMethod)>,
 }
 
-/// Names of parts do not depend on case, and begin with a slash or not.
+/// Lookup key of a part: lower case, without a leading slash.
 fn key(part: &str) -> String {
     part.replace('\\', "/").trim_start_matches('/').to_ascii_lowercase()
 }
@@ -72,7 +71,7 @@ impl<'a> Package<'a> {
                 return Err(self.broken(part, format!("compressed by {other}; 3MF files use DEFLATE")));
             }
         };
-        // One byte more than it claims fails the verification.
+        // One byte more than stated makes the verification fail.
         let whole = entry.verifying_reader(read.take(size.saturating_add(1)));
         Ok(Some((Box::new(BufReader::with_capacity(1 << 16, whole)), size)))
     }
@@ -80,15 +79,14 @@ impl<'a> Package<'a> {
     /// The contents of a part; `None` if there is no such part.
     pub(super) fn bytes(&self, part: &str) -> Result<Option<Vec<u8>>> {
         let Some((mut stream, size)) = self.stream(part)? else { return Ok(None) };
-        // The claim was checked; memory grows with what is there.
+        // The stated size was checked; memory grows with the actual size.
         let mut bytes = Vec::new();
         stream.read_to_end(&mut bytes).map_err(|e| self.broken(part, e))?;
         debug_assert!(bytes.len() as u64 <= size.saturating_add(1));
         Ok(Some(bytes))
     }
 
-    /// The part of the model: that of the relationships, else that of the specification's example, which most files
-    /// have.
+    /// Part of the root model: by relationships, else `3D/3dmodel.model`, the usual name.
     pub(super) fn root(&self) -> Result<String> {
         const RELATIONSHIPS: &str = "_rels/.rels";
         let mut target = None;

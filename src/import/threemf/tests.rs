@@ -78,7 +78,7 @@ fn part(scene: &Scene, index: usize) -> (&Mesh, &Phong) {
     (&placed.mesh, material)
 }
 
-/// A component turned by a quarter around z (x to y), moved by (10, 0, 0), in an item that doubles, in inches: the
+/// A component rotated by 90 degrees about z (x to y) and moved by (10, 0, 0), in an item that doubles, in inches: the
 /// corner (1, 2, 0) goes to (-2, 1, 0), (8, 1, 0), (16, 2, 0), and 25.4 times that.
 #[test]
 fn units_items_and_components() {
@@ -92,7 +92,7 @@ fn units_items_and_components() {
     assert_eq!(scene.objects.iter().map(|o| o.name.as_str()).collect::<Vec<_>>(), ["plate"; 2]);
     let turned = corners(&scene, 0)[2];
     assert!((turned - DVec3::new(16.0, 2.0, 0.0) * 25.4).length() < 1e-12, "{turned}");
-    // A mirror keeps the side that is the front.
+    // A mirrored object keeps its front side.
     assert_eq!(scene.objects.iter().map(|o| o.shape.is_mirrored()).collect::<Vec<_>>(), [false, true]);
     assert_eq!(scene.metadata, [("Title".into(), "Two & more".into())]);
 }
@@ -192,7 +192,7 @@ fn faults_name_their_part() {
         text(package(&whole.replace("<model ", "<model unit=\"ell\" ")))
             .contains("a unit that 3MF files do not have")
     );
-    // 2^20 placements by twenty levels of two components are more than the limit, and are not made.
+    // Levels of two components each have more placements than the limit.
     let levels: String = (2..40)
         .map(|id| {
             let component = format!("<component objectid=\"{}\"/>", id - 1);
@@ -211,7 +211,7 @@ fn faults_name_their_part() {
     assert_eq!(error, "a.3mf: 1001 nodes; the limit is 1000");
 }
 
-/// A claim of the archive's directory is not believed: neither more than it, nor more memory than allowed.
+/// Wrong sizes in the directory: too small for the part, and above the memory limit.
 #[test]
 fn sizes_are_checked() {
     let bytes = package(&model("", &object("id=\"1\"", &mesh("", "")), ITEM));

@@ -28,7 +28,7 @@ pub struct Animation {
     pub repeat: bool,
     /// Tracks in the order of the file; each acts on the result of those before it.
     pub tracks: Vec<Track>,
-    /// The clips of the input files that are played together, in seconds from the beginning of each; its last pose holds.
+    /// Clips of the input files, played together from their beginnings. The last pose of each holds.
     pub clips: Vec<Clip>,
 }
 

@@ -59,11 +59,11 @@ pub(super) enum Subject<'a> {
     Mesh { object: &'a mut Object, centre: DVec3 },
 }
 
-/// The indices of what tracks name, so that many tracks take time in proportion to their number.
+/// Indices of cameras, lights and objects by name, so that the time for many tracks is linear.
 pub(super) struct Names {
     cameras: HashMap<String, Vec<usize>>,
     lights: HashMap<String, Vec<usize>>,
-    /// By the names of objects, and of the mesh files that they come from.
+    /// By names of objects and of their mesh files.
     objects: HashMap<String, Vec<usize>>,
 }
 

@@ -225,7 +225,7 @@ impl<'a> Side<'a> {
         })
     }
 
-    /// The result of `work` with a job of this picture, whose automatic exposure is metered at most once.
+    /// Runs `work` with a job of this picture. The automatic exposure is metered once for all passes.
     fn metered<T>(&self, job: &RenderJob, work: impl FnOnce(&RenderJob) -> Result<T>) -> Result<T> {
         if let Some(&metered) = self.auto_exposure.get() {
             job.auto_exposure.get_or_init(|| metered);
