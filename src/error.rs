@@ -181,6 +181,12 @@ impl Once {
 }
 
 impl Warnings {
+    /// Begins a part of the input, of which the first texts are kept, however many earlier parts have.
+    pub(crate) fn begin_part(&mut self) {
+        self.messages.kinds.clear();
+        self.notes.kinds.clear();
+    }
+
     /// Adds a warning, unless it was added before. The first ones are kept, the others only counted.
     pub fn push(&mut self, message: impl Into<String>) {
         self.messages.push(message.into(), "warnings");
@@ -292,6 +298,17 @@ mod tests {
         assert_eq!((texts.len(), texts[99].as_str()), (102, "99.png: no such file"));
         assert_eq!(texts[100..], ["99900 more files are missing or cannot be used", "another"]);
         assert_eq!(warnings.all_left_out(), &texts[..101]);
+    }
+
+    /// Warnings of a file do not displace those of the next one, nor those of the render.
+    #[test]
+    fn each_part_has_its_first_warnings() {
+        let mut warnings = Warnings::default();
+        (0..150).for_each(|i| warnings.push(format!("line {i}")));
+        warnings.begin_part();
+        warnings.push("nothing is in the picture");
+        let texts = warnings.messages();
+        assert_eq!(texts[100..], ["50 more warnings", "nothing is in the picture"]);
     }
 
     #[test]

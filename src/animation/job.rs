@@ -68,8 +68,7 @@ impl AnimationJob {
     ) -> Result<Self> {
         crate::effects::check_scene(&scene.effects)?;
         crate::import::check_drawable(&scene)?;
-        let chosen_exposure = settings.picture.exposure.or(scene.picture.exposure);
-        settings.complete(&mut scene, warnings)?;
+        let look = settings.default_look(&scene, warnings)?;
         let is_turntable = scene.animation.is_none();
         let Seen { camera, fitted, size } = seen_by(&mut scene, settings, warnings)?;
         let Some(animation) = &mut scene.animation else { return Err(nothing_to_look_at(&scene)) };
@@ -93,15 +92,7 @@ impl AnimationJob {
         }
         // The camera at the beginning decides for all frames: this ground is added only to files without cameras, and
         // turntables do not change height.
-        job::hide_ground(&mut scene, &camera);
-        let light = job::added_light(&scene);
-        let mut picture = scene.picture;
-        let meters = job::leave_to_metering(&mut picture, chosen_exposure, &scene, settings, &camera);
-        scene.picture = picture;
-        let mut resolved = job::resolve_for(scene, None, camera.clone(), size, settings)?;
-        if meters {
-            resolved.set_metering();
-        }
+        let mut resolved = job::resolve_for(scene, look, None, camera.clone(), size, settings)?;
         let mine = list.frames().iter().enumerate().filter(|(place, _)| request.shard.has(*place));
         let mine: Vec<i32> = mine.map(|(_, &frame)| frame).collect();
         // In parallel, since checking a file reads all of it.
@@ -111,15 +102,15 @@ impl AnimationJob {
         let Some(&first) = frames.first() else {
             return Ok(AnimationJob { animation: None, timeline, frames, skipped, effects_on: 0, resolved });
         };
-        let scene = std::mem::take(&mut resolved.scene);
+        let (scene, look) = (std::mem::take(&mut resolved.scene), resolved.look.clone());
         let (structure, numerics) = (resolved.structure(), resolved.numerics());
         job::check_memory(&scene, &resolved.choices, numerics)?;
-        if let Some(light) = light {
+        if let Some(light) = resolved.look.light {
             light.note(warnings);
         }
         building(warnings);
         let pipeline = resolved.settings.picture.pipeline();
-        let animation = PreparedAnimation::new(scene, &camera, light, pipeline, structure, numerics)?;
+        let animation = PreparedAnimation::new(scene, look, &camera, pipeline, structure, numerics)?;
         let animation = Some(match fitted {
             Some((recentering, camera)) => animation.fitted(recentering, camera),
             None => animation,

@@ -10,9 +10,8 @@ use crate::bvh::Layout;
 use crate::error::{Error, Result, Warnings};
 use crate::film::ColourPipeline;
 use crate::import;
-use crate::job::AddedLight;
 use crate::scene::animation::{Motion, Property, Target, Track};
-use crate::scene::{Animation, Camera, Clip, ClipChoice, ClipTime, Numerics, Projection, Scene};
+use crate::scene::{Animation, Camera, Clip, ClipChoice, ClipTime, DefaultLook, Numerics, Projection, Scene};
 use crate::world::{Framing, Recentering, World, recenter, turntable_camera};
 
 /// The default duration of a turntable in seconds, and its frames per second.
@@ -26,8 +25,8 @@ pub struct PreparedAnimation {
     camera: usize,
     /// A recentering and the camera in its coordinates, if it was fitted there.
     fitted: Option<(Recentering, Camera)>,
-    /// The light that follows the camera.
-    light: Option<AddedLight>,
+    /// Its look.
+    look: DefaultLook,
     world: World,
     /// How `world` was recentered.
     recentering: Option<Recentering>,
@@ -49,14 +48,13 @@ pub struct FrameWorld {
 
 impl PreparedAnimation {
     /// Prepares what all frames share. `camera` is one of the scene's or another, in the scene's coordinates.
-    /// `light` is added, and follows the camera.
     ///
     /// # Errors
     /// [`crate::error::Error::Input`] for a track whose target does not exist.
     pub fn new(
         mut scene: Scene,
+        mut look: DefaultLook,
         camera: &Camera,
-        light: Option<AddedLight>,
         pipeline: ColourPipeline,
         structure: Layout,
         numerics: Numerics,
@@ -79,10 +77,12 @@ impl PreparedAnimation {
             scene.objects = Vec::new();
         }
         let recentering = recenter(&mut base);
-        let world = World::prepare(base, pipeline, structure, numerics);
+        let moved = look.recentered(recentering.as_ref());
+        let world = World::prepare_look(base, &moved, pipeline, structure, numerics);
+        look.light = look.light.filter(|_| scene.lights.is_empty());
         Ok(PreparedAnimation {
-            light: light.filter(|_| scene.lights.is_empty()),
             scene,
+            look,
             camera,
             fitted: None,
             world,
@@ -116,7 +116,7 @@ impl PreparedAnimation {
         if let Some(Animation { clips, duration, .. }) = &self.scene.animation
             && !clips.is_empty()
         {
-            pose(&mut scene, clips, time * duration)?;
+            pose(&mut scene, time * duration)?;
         }
         let recentering = match (self.structure, &self.recentering) {
             (Some(_), _) => recenter(&mut scene),
@@ -130,9 +130,12 @@ impl PreparedAnimation {
             (Some((fitted_in, camera)), Some(recentering)) if *fitted_in == recentering => camera.clone(),
             _ => cameras[self.camera].clone(),
         };
-        scene.lights.extend(self.light.and_then(|light| light.at(&camera)));
+        scene.lights.extend(self.look.light.and_then(|light| light.at(&camera)));
         let world = match self.structure {
-            Some(structure) => self.world.prepare_another(scene, structure),
+            Some(structure) => {
+                let look = self.look.recentered(recentering.as_ref());
+                self.world.prepare_another(scene, &look, structure)
+            }
             None => self.world.under(scene.lights),
         };
         Ok(FrameWorld { world: Arc::new(world), camera, cameras, recentering })
@@ -141,8 +144,8 @@ impl PreparedAnimation {
 
 /// Poses a scene by clips at a time in seconds. Imports objects, cameras, lights, materials and images again, and keeps
 /// all else, such as settings, default look and added cameras.
-fn pose(scene: &mut Scene, clips: &[Clip], seconds: f64) -> Result<()> {
-    let moment = ClipTime { clip: ClipChoice::of(clips), time: seconds };
+fn pose(scene: &mut Scene, seconds: f64) -> Result<()> {
+    let moment = ClipTime { clip: scene.import_options.clip(), time: seconds };
     let options = scene.import_options.clone().posed(moment);
     let Scene { objects, mut cameras, lights, materials, images, .. } =
         import::reload(scene, &options, &mut Warnings::default())?;
@@ -170,7 +173,10 @@ pub fn play_clip(scene: &mut Scene, clip: &ClipChoice) -> Result<()> {
         ));
     }
     // The camera and the default look are made for this pose, as for a picture at this time.
-    pose(scene, &clips, 0.0)?;
+    // The first clip is played without being named.
+    let choices = if *clip == ClipChoice::First { &[] } else { clip.choices() };
+    scene.import_options.clips = choices.to_vec();
+    pose(scene, 0.0)?;
     let (_, fps) = TURNTABLE;
     // At least one frame.
     let duration = clips.iter().map(|clip| clip.duration).fold(1.0 / fps, f64::max);

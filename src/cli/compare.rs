@@ -27,8 +27,8 @@ PNG and JPEG are compared in display values from 0 to 1, two EXR in the values o
 display values. FLIP and PSNR compare display values: linear light is clamped to 0..1 and encoded as sRGB, without exposure and tone \
 map. With --display, or if only one picture is linear, all metrics do.\n\n\
 Alpha counts as a fourth channel of max, rmse, relmse and differing if either picture has it; a picture without alpha is opaque. \
-PSNR, FLIP and the error map are then those over black or over white, whichever is worse. PNG stores colours that are not multiplied \
-by alpha, OpenEXR colours that are; one of each is compared in display values, not multiplied."
+PSNR, FLIP and the error map are then the worse of those over black and over white. OpenEXR stores associated (premultiplied) colours, \
+PNG does not; one of each is compared in display values, unassociated. The t-test leaves alpha out."
 )]
 pub(crate) struct Arguments {
     /// Reference picture: .png, .jpg or .exr
@@ -194,7 +194,8 @@ fn as_text(arguments: &Arguments, errors: &Errors) -> String {
         let _ = writeln!(text, "  {name:<10} {value:>10}  {definition}");
     }
     if let Some(alpha) = errors.alpha {
-        let what = "largest |b - a| of alpha, a fourth channel above; psnr and flip over black or white";
+        let what =
+            "largest |b - a| of alpha (a fourth channel above); psnr, flip: the worse of black and white";
         let _ = writeln!(text, "  {:<10} {alpha:>10.6}  {what}", "alpha");
     }
     for (i, place) in errors.worst.iter().enumerate() {

@@ -67,6 +67,7 @@ fn open(
         let is_still = scene.import_options.reading.time.is_some();
         if !is_still && inputs.iter().all(|input| input != Path::new("-")) {
             let clip = scene.import_options.clip();
+            // Where tracks are played, no clip is.
             scene.import_options.clips.clear();
             play_clip(&mut scene, &clip)?;
         }
@@ -96,9 +97,8 @@ fn initial_view(
         return Err(nothing_to_look_at(&scene));
     }
     let requested = arguments.settings()?;
-    // Notes and errors of the completed scene. The painter completes the scene again with the settings of each side.
-    let mut completed = scene.clone();
-    requested.complete(&mut completed, warnings)?;
+    // Its notes and errors. The painter has a look for the settings of each side.
+    let look = requested.default_look(&scene, warnings)?;
     let viewpoint = Viewpoint::of(&requested.camera, &scene, None)?;
     viewpoint.report(&requested, &scene, warnings);
     let size = viewpoint.size(&requested, &scene);
@@ -109,7 +109,7 @@ fn initial_view(
             None => CameraSource::Free(camera.into_owned()),
         },
     };
-    let picture = completed.picture;
+    let picture = look.picture;
     check_display(picture.display(), picture.pipeline())?;
     let (numerics, colour) = (Some(picture.numerics.unwrap_or_default()), Some(picture.pipeline()));
     let projection = requested.projection;
@@ -152,7 +152,7 @@ mod tests {
             let opened = opened.unwrap_or_else(|e| panic!("{e}"));
             let expected = import::load_and_list(inputs, &turned(up), &mut Warnings::default()).0;
             assert_eq!(opened.scene.bounds(), expected.unwrap_or_else(|e| panic!("{e}")).bounds());
-            assert_eq!(opened.import_options(), turned(up));
+            assert_eq!(opened.scene.import_options, turned(up));
         }
     }
 }

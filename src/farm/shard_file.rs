@@ -349,12 +349,13 @@ impl Joiner {
         }
         let metadata = self.head.metadata;
         if format == Format::Exr {
-            let light = |pixel: [f32; 3]| match DisplayTransform::is_kept(pixel) {
-                true => self.display.apply(Vec3::from(pixel).as_dvec3()).as_vec3().to_array(),
-                false => pixel,
-            };
-            let rows: Vec<[f32; 3]> = self.film.rows().map(light).collect();
-            return Ok((OutputImage::Float(Film::from_rows(self.window, &rows)?, self.channels), metadata));
+            if self.film.rows().any(DisplayTransform::is_kept) {
+                return Err(Error::usage(
+                    "the shards have displayed colours of unlit surfaces or of a background, which are no radiance",
+                    "name a file that ends in .png, or render the shards for an .exr",
+                ));
+            }
+            return Ok((OutputImage::Float(self.film, self.channels), metadata));
         }
         if let [Channel { name, values }] = &self.channels[..]
             && name == ALPHA

@@ -284,20 +284,19 @@ fn read_exr(bytes: Vec<u8>) -> Read<Pixels> {
     let display = matches!(said, Some(AttributeValue::Text(name)) if name.eq("display") || name.eq("u8"));
     let shown = picture.attributes.display_window;
     let at = layer.attributes.layer_position;
-    let (_, mut values, alpha) = layer.channel_data.pixels;
-    let mut alpha = not_opaque(alpha);
+    let (_, mut values, mut alpha) = layer.channel_data.pixels;
     if (shown.size, shown.position) != (layer.size, at) {
         let offset = [[shown.position.0, at.0], [shown.position.1, at.1]];
         let offset = offset.map(|[shown, data]| i64::from(shown) - i64::from(data));
         let (width, size) = (layer.size.width(), [shown.size.0, shown.size.1]);
         values = in_window(&values, width, offset, size);
-        alpha = alpha.map(|alpha| in_window(&alpha, width, offset, size));
+        alpha = in_window(&alpha, width, offset, size);
     }
     Ok(Pixels {
         width: shown.size.0 as u32,
         height: shown.size.1 as u32,
         values,
-        alpha,
+        alpha: not_opaque(alpha),
         is_exr: true,
         pipeline: if display { ColourPipeline::Display } else { ColourPipeline::Linear },
     })

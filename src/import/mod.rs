@@ -361,6 +361,7 @@ fn load_by(
 ) -> Result<Scene> {
     let mut scene = Scene { inputs: inputs.to_vec(), import_options: options.clone(), ..Scene::default() };
     for (index, file) in inputs.iter().enumerate() {
+        warnings.begin_part();
         let source = Source::open(file, files, options)?;
         let mut one = read_one(&source, warnings)?;
         let smooths = options.smooths_meshes && !importer_for(&source)?.is_flat;
@@ -384,6 +385,7 @@ fn load_by(
         for object in &mut one.objects {
             object.input = index;
         }
+        one.clips.iter_mut().for_each(|clip| clip.input = index);
         scene.append(one);
         // Degenerate triangles count, because the acceleration structure numbers them too.
         let count = |object: &Object| object.shape.mesh().map_or(1, |mesh| mesh.triangles.len() as u64);
@@ -397,6 +399,7 @@ fn load_by(
             checked.map_err(|(what, hint)| Error::input(file.as_path(), what, hint))?;
         }
     }
+    warnings.begin_part();
     // Applying the tracks at time 0 reports invalid tracks.
     if scene.animation.is_some() {
         scene.at(0.0)?;

@@ -6,7 +6,7 @@ use crate::scene::{Camera, Focus, Lens, PictureSettings, Projection, Samples};
 use crate::world::{Recentering, View, World};
 
 /// Samples a pixel of pictures with a lens where none are asked for: those of paths in the default look.
-const SAMPLES: u32 = super::studio::PATH_SAMPLES;
+const SAMPLES: u32 = super::default_look::PATH_SAMPLES;
 
 /// Blur of points infinitely far away, in heights of the picture, where depth of field is asked for without a value and the
 /// camera has no aperture.

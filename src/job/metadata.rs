@@ -2,7 +2,7 @@
 
 use crate::film::Window;
 use crate::film::write::FINGERPRINT;
-use crate::scene::{Camera, Fingerprint, OptionValue, PictureSettings, Scene};
+use crate::scene::{Camera, DefaultLook, Fingerprint, OptionValue, PictureSettings, Scene};
 use crate::world::Recentering;
 
 use super::RenderSettings;
@@ -20,10 +20,10 @@ pub fn set_auto_exposure(metadata: &mut Metadata, ev: f64) {
     }
 }
 
-/// The metadata of a picture of a scene, which has its settings: [`Scene::picture`]. `recentering` is the transform that
+/// The metadata of a picture of a scene with its look. `recentering` is the transform that
 /// was applied to the scene, and `camera` has the projection used. The region `window` is rendered.
 pub fn metadata(
-    scene: &Scene,
+    (scene, look): (&Scene, &DefaultLook),
     recentering: Option<&Recentering>,
     camera: &Camera,
     window: Window,
@@ -51,9 +51,9 @@ pub fn metadata(
         ("kiln:camera".into(), camera_text),
         ("kiln:projection".into(), camera.projection.name().into()),
     ];
-    metadata.extend(entries(&scene.picture));
+    metadata.extend(entries(&look.picture));
     let Window { x, y, width, height } = window;
-    if scene.picture.size() != Some([width, height]) {
+    if look.picture.size() != Some([width, height]) {
         metadata.push(("kiln:crop".into(), window.text()));
     }
     for (key, names) in [("kiln:with", with), ("kiln:without", without)] {
@@ -62,7 +62,7 @@ pub fn metadata(
         }
     }
     let mut fingerprint = Fingerprint::default();
-    fingerprint.scene(scene);
+    fingerprint.scene(scene, look);
     fingerprint.value("range", &recentering.map(|recentering| (recentering.middle, recentering.scale)));
     fingerprint.value("camera", &(camera, (x, y, width, height)));
     fingerprint.value("effects", &(with, without));

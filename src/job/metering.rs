@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::{RenderControl, RenderJob, RenderSettings, metadata, studio};
+use super::{RenderControl, RenderJob, RenderSettings, default_look, metadata};
 use crate::effects::Plan;
 use crate::error::Result;
 use crate::film::tone::{Exposure, auto_exposure, clipped_share, mean_exposure, white_exposure};
 use crate::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, FilterShape};
 use crate::render::aov::{self, AovSelection};
-use crate::scene::{Camera, Clamp, Look, PictureSettings, Projection, Sampling, Scene};
+use crate::scene::{Camera, Clamp, DefaultLook, Look, PictureSettings, Projection, Sampling, Scene};
 
 /// Longest side in pixels of a picture that is metered before it is rendered, and its samples a pixel.
 const METER_SIZE: u32 = 128;
@@ -123,8 +123,8 @@ impl RenderJob {
         let picture = &mut self.settings.picture;
         let ev = mean_exposure(&subject, picture.tone_map.unwrap_or_default());
         picture.exposure = Some(Exposure::Ev(ev));
-        if self.choices.clamp.is_none() && self.world.path_call.is_some() {
-            picture.clamp = Some(studio::white_clamp(ev));
+        if self.choices.clamp.is_none() && self.world.path_tracing_reason.is_some() {
+            picture.clamp = Some(default_look::white_clamp(ev));
             self.choices.clamp = picture.clamp.map(Clamp::get);
             self.plan = Plan::new(&self.world, &self.choices)?;
         }
@@ -155,15 +155,15 @@ impl RenderJob {
     }
 }
 
-/// Whether the exposure of a scene is metered once it is built. If so, its completed settings get none. `chosen` is the exposure
-/// before the default look completed them.
+/// Whether the exposure of a scene is metered once it is built. If so, the settings of its look get none.
 pub(crate) fn leave_to_metering(
-    picture: &mut PictureSettings,
-    chosen: Option<Exposure>,
+    look: &mut DefaultLook,
     scene: &Scene,
     settings: &RenderSettings,
     camera: &Camera,
 ) -> bool {
+    let chosen = settings.picture.exposure.or(scene.picture.exposure);
+    let picture = &mut look.picture;
     let is_studio = settings.look(scene) == Look::Studio;
     let is_auto = picture.exposure == Some(Exposure::Auto);
     let is_default = chosen.is_none() && (is_auto || is_studio && is_inside(scene, picture, camera));

@@ -24,6 +24,7 @@
 
 mod back_faces;
 pub mod camera;
+mod default_look;
 mod lens;
 mod memory;
 pub mod metadata;
@@ -31,11 +32,12 @@ mod metering;
 mod outside;
 mod path_calls;
 mod settings;
-mod studio;
 
 pub use crate::effects::Choices;
 pub use crate::render::{RenderControl, Statistics};
 pub use crate::shading::ShadingMode;
+#[cfg(feature = "viewer")]
+pub(crate) use default_look::default_look;
 pub use memory::check_memory;
 pub use metadata::Metadata;
 pub(crate) use metering::leave_to_metering;
@@ -58,8 +60,8 @@ use crate::import::check_drawable;
 use crate::render::aov::AovSource;
 use crate::render::render_displayed;
 use crate::scene::{
-    Camera, Clamp, EffectsSection, Light, Material, MetallicRoughness, Numerics, PictureSettings, Sampling,
-    Scene,
+    AddedLight, Camera, Clamp, DefaultLook, EffectsSection, Light, Material, MetallicRoughness, Numerics,
+    PictureSettings, Sampling, Scene,
 };
 use crate::world::{
     PreparedMaterial, Recentering, StandardView, View, World, has_radiance, headlight, key_light, opening,
@@ -251,8 +253,10 @@ impl RenderJob {
 
 /// A scene with all settings resolved, before the acceleration structure is built.
 pub struct ResolvedJob {
-    /// The scene, recentered, with at least one light if shading uses lights.
+    /// The scene, recentered, with the light that is added.
     pub scene: Scene,
+    /// Its look, recentered.
+    pub look: DefaultLook,
     /// Transform applied to the scene, if any.
     pub recentering: Option<Recentering>,
     /// Camera with the projection used.
@@ -287,9 +291,9 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     check_names(&settings.with, &settings.without)?;
     check_scene(&scene.effects)?;
     check_drawable(&scene)?;
-    let chosen_exposure = settings.picture.exposure.or(scene.picture.exposure);
-    settings.complete(&mut scene, warnings)?;
+    let look = settings.default_look(&scene, warnings)?;
     let recentering = recenter(&mut scene);
+    let look = look.recentered(recentering.as_ref());
     warn_of_recentering(recentering.as_ref(), warnings);
     let viewpoint = Viewpoint::of(&settings.camera, &scene, recentering.as_ref())?;
     viewpoint.report(settings, &scene, warnings);
@@ -301,7 +305,6 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     }
     let size = viewpoint.size(settings, &scene);
     let camera = viewpoint.camera(settings, &scene, size)?;
-    hide_ground(&mut scene, &camera);
     // Files place their objects for their cameras; a scene file is written by hand.
     if scene.has_settings || is_of_mesh_file {
         let projection = settings.projection.unwrap_or(camera.projection);
@@ -311,27 +314,11 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
             false => outside::warn(&scene, &view, recentering.as_ref(), warnings),
         }
     }
-    if let Some(light) = added_light(&scene) {
+    if let Some(light) = look.light {
         scene.lights.extend(light.at(&camera));
         light.note(warnings);
     }
-    let mut picture = scene.picture;
-    let meters = leave_to_metering(&mut picture, chosen_exposure, &scene, settings, &camera);
-    scene.picture = picture;
-    let mut resolved = resolve_for(scene, recentering, camera, size, settings)?;
-    if meters {
-        resolved.set_metering();
-    }
-    Ok(resolved)
-}
-
-/// Removes the ground of the default look if the camera is not above it, and records that in the settings. A ground
-/// requested by the settings stays.
-pub(crate) fn hide_ground(scene: &mut Scene, camera: &Camera) {
-    if scene.ground.is_some_and(|ground| ground.is_hidden_from(camera)) {
-        scene.ground = None;
-        scene.picture.ground = Some(false);
-    }
+    resolve_for(scene, look, recentering, camera, size, settings)
 }
 
 /// Warns of lights that have an area and no radiance, because their extent is too small or too large.
@@ -342,22 +329,6 @@ fn warn_of_dark_lights(scene: &Scene, warnings: &mut Warnings) {
             light.name
         ));
     }
-}
-
-/// Whether a scene gets a headlight: it has no lights, and its settings ask for one, or no other light exists.
-fn needs_headlight(scene: &Scene) -> bool {
-    scene.picture.shading.unwrap_or_default().uses_lights()
-        && scene.lights.is_empty()
-        && scene.picture.light.map_or_else(|| !is_lit(scene), bool::from)
-}
-
-/// The light that is added to a scene, and follows the camera.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum AddedLight {
-    /// That of a scene without lights.
-    Headlight,
-    /// That of the default look.
-    Key,
 }
 
 impl AddedLight {
@@ -375,20 +346,6 @@ impl AddedLight {
             warnings.note(HEADLIGHT);
         }
     }
-}
-
-/// The light that a scene with its settings gets, if any.
-pub(crate) fn added_light(scene: &Scene) -> Option<AddedLight> {
-    match scene.has_key_light {
-        true => Some(AddedLight::Key),
-        false => needs_headlight(scene).then_some(AddedLight::Headlight),
-    }
-}
-
-/// Whether a scene has light: lights, or in path tracing an environment or surfaces that emit.
-pub(crate) fn is_lit(scene: &Scene) -> bool {
-    let emits = || scene.environment.is_some() || scene.emits();
-    !scene.lights.is_empty() || scene.transport().traces_paths() && emits()
 }
 
 /// Shading mode, sampling and effect settings of a picture by a camera. A picture with a lens gets the samples that it needs.
@@ -417,18 +374,25 @@ pub(crate) fn choices(
     Ok(choices)
 }
 
-/// [`resolve`] for a scene that is completed, recentered and has lights, with a given camera.
+/// [`resolve`] for a scene with its look and a given camera. The ground of the look is left out if the camera is not above it;
+/// a ground requested by the settings stays.
 ///
 /// # Errors
 /// [`Error::Usage`] for invalid settings.
 pub fn resolve_for(
-    mut scene: Scene,
+    scene: Scene,
+    mut look: DefaultLook,
     recentering: Option<Recentering>,
     mut camera: Camera,
     size: [u32; 2],
     settings: &RenderSettings,
 ) -> Result<ResolvedJob> {
-    let sampling = scene.picture.sampling();
+    if look.ground.is_some_and(|ground| ground.is_hidden_from(&camera)) {
+        look.ground = None;
+        look.picture.ground = Some(false);
+    }
+    let meters = leave_to_metering(&mut look, &scene, settings, &camera);
+    let sampling = look.picture.sampling();
     let most = sampling.max_samples();
     if let Some(least) = sampling.min_samples.filter(|&least| sampling.noise.is_some() && least > most) {
         let what = format!("the minimum of {least} samples per pixel is above the maximum of {most}");
@@ -437,21 +401,25 @@ pub fn resolve_for(
     camera.projection = settings.projection.unwrap_or(camera.projection);
     View::new(&camera, camera.projection, size)?;
     let window = camera::window(settings.crop, size)?;
-    let (pipeline, display) = (scene.picture.pipeline(), scene.picture.display());
+    let (pipeline, display) = (look.picture.pipeline(), look.picture.display());
     check_display(display, pipeline)?;
-    scene.picture = PictureSettings {
+    look.picture = PictureSettings {
         colour: Some(pipeline),
-        numerics: Some(scene.picture.numerics.unwrap_or_default()),
-        ground: scene.ground.map(|_| true),
+        numerics: Some(look.picture.numerics.unwrap_or_default()),
+        ground: look.ground.map(|_| true),
         ..PictureSettings::of_size(size)
     }
-    .or(scene.picture);
-    let choices = choices(&mut scene.picture, scene.effects.clone(), &camera, settings)?;
-    let metadata = metadata::metadata(&scene, recentering.as_ref(), &camera, window, settings);
-    let settings = RenderSettings { picture: scene.picture, ..settings.clone() };
+    .or(look.picture);
+    let choices = choices(&mut look.picture, scene.effects.clone(), &camera, settings)?;
+    let mut metadata = metadata::metadata((&scene, &look), recentering.as_ref(), &camera, window, settings);
+    let settings = RenderSettings { picture: look.picture, ..settings.clone() };
+    if meters {
+        metadata::add_to_fingerprint(&mut metadata, "metered", &true);
+    }
     let has_physical_lights = scene.has_physical_lights;
     Ok(ResolvedJob {
         scene,
+        look,
         recentering,
         camera,
         window,
@@ -459,17 +427,11 @@ pub fn resolve_for(
         choices,
         metadata,
         has_physical_lights,
-        meters: false,
+        meters,
     })
 }
 
 impl ResolvedJob {
-    /// Lets the exposure be metered.
-    pub(crate) fn set_metering(&mut self) {
-        self.meters = true;
-        metadata::add_to_fingerprint(&mut self.metadata, "metered", &true);
-    }
-
     /// Width and height of the whole picture in pixels.
     pub fn size(&self) -> [u32; 2] {
         let Window { width, height, .. } = self.window;
@@ -492,10 +454,11 @@ impl ResolvedJob {
     /// As [`check_memory`] and [`RenderJob::new`].
     pub fn build(self, warnings: &mut Warnings) -> Result<RenderJob> {
         let (size, numerics, structure) = (self.size(), self.numerics(), self.structure());
-        let ResolvedJob { scene, recentering, camera, window, settings, choices, metadata, meters, .. } =
-            self;
+        let ResolvedJob {
+            scene, look, recentering, camera, window, settings, choices, metadata, meters, ..
+        } = self;
         check_memory(&scene, &choices, numerics)?;
-        let world = World::prepare(scene, settings.picture.pipeline(), structure, numerics);
+        let world = World::prepare_look(scene, &look, settings.picture.pipeline(), structure, numerics);
         let job = RenderJob::new(Arc::new(world), recentering, camera, size, choices)?;
         let mut job = RenderJob { window, settings, metadata, ..job };
         if meters {
@@ -533,8 +496,7 @@ pub fn note_of_depth(plan: &Plan, statistics: &Statistics) -> Option<String> {
     let value = plan.decisions.iter().find(|decision| decision.effect == id::PATH)?.value.as_deref();
     let depth = value.and_then(|value| value.parse().ok()).unwrap_or(PathSettings::DEFAULT_DEPTH);
     Some(format!(
-        "the depth of {depth} ends {percent:.0} % of the paths in light-carrying glass, which is dark there; \
-         try --depth {}",
+        "{percent:.0} % of the paths end in glass at the depth limit of {depth} and are too dark there; try --depth {}",
         2 * depth
     ))
 }
@@ -561,7 +523,7 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     let RenderJob { world, plan, choices, .. } = job;
     if world.too_small > 0 {
         warnings.left_out(format!(
-            "{} sphere(s) have a radius that is 0 in the numbers of the tier `{}`; left out",
+            "{} sphere(s) have a radius that rounds to 0 in the tier `{}`; left out",
             world.too_small,
             world.numerics().name()
         ));
@@ -596,7 +558,7 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
         }
         if choices.transport.is_some() && world.ambient > 0.0 {
             warnings.note_left_out(format!(
-                "the ambient light of {} is left out by path tracing; an environment lights from all sides",
+                "the ambient light of {} is left out by path tracing; use an environment instead",
                 world.ambient
             ));
         }
@@ -611,7 +573,6 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Environment, EnvironmentSource, Transport};
 
     /// The radiance of a rectangle is the intensity times pi over its area: beyond f64 where that underflows.
     #[test]
@@ -632,25 +593,5 @@ mod tests {
         warn_of_dark_lights(&Scene { lights, ..Scene::default() }, &mut warnings);
         let [warning] = warnings.messages() else { panic!("{:?}", warnings.messages()) };
         assert!(warning.contains("`speck`"), "{warning}");
-    }
-
-    /// An environment is light in path tracing, its default, and no headlight is added; local shading does not see it.
-    #[test]
-    fn a_headlight_is_added_where_nothing_else_is_light() {
-        let wanted = |scene: &Scene, light: Option<bool>, transport| {
-            let own = PictureSettings { light: light.map(Into::into), transport, ..Default::default() };
-            needs_headlight(&Scene { picture: own.or(scene.picture), ..scene.clone() })
-        };
-        let (path, whitted) = (Some(Transport::Path), Some(Transport::Whitted));
-        let mut scene = Scene::default();
-        assert!(
-            wanted(&scene, None, None) && wanted(&scene, None, path) && !wanted(&scene, Some(false), None)
-        );
-        let source = EnvironmentSource::Sky;
-        scene.environment = Some(Environment { source, rotation: 0.0, intensity: 1.0, is_hidden: false });
-        assert!(!wanted(&scene, None, None) && !wanted(&scene, None, path) && wanted(&scene, None, whitted));
-        assert!(wanted(&scene, Some(true), None));
-        scene.picture.light = Some(false.into());
-        assert!(!wanted(&scene, None, whitted));
     }
 }

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::studio::LIGHT_FROM_ABOVE;
+use super::default_look::LIGHT_FROM_ABOVE;
 use crate::bvh::Primitive;
 use crate::film::ColourPipeline;
 use crate::film::colour::{luminance, srgb_decode};

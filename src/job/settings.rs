@@ -1,7 +1,5 @@
 //! Render settings that users give in addition to the scene, as plain data.
 
-use std::path::{Path, PathBuf};
-
 use serde::{Deserialize, Serialize};
 
 use crate::bvh::Preset;
@@ -15,7 +13,7 @@ use crate::import;
 use crate::scene::option::options;
 #[cfg(feature = "cli")]
 use crate::scene::option::{group, parser};
-use crate::scene::{Camera, Environment, Ground, Look, PictureSettings, Projection, Rotation, Scene};
+use crate::scene::{Camera, DefaultLook, Environment, Look, PictureSettings, Projection, Rotation, Scene};
 use crate::world::{Framing, StandardView};
 
 /// Render settings. A field that is `None` or empty is taken from the scene, then from defaults.
@@ -128,32 +126,22 @@ impl RenderSettings {
     pub(crate) fn framing(&self, view: StandardView, scene: &Scene) -> Framing {
         let mut framing = Framing::from(view);
         if self.look(scene) == Look::Studio {
-            framing.field_of_view = super::studio::FIELD_OF_VIEW;
+            framing.field_of_view = super::default_look::FIELD_OF_VIEW;
         }
         framing.with(&self.picture.or(scene.picture))
     }
 
-    /// Gives a scene, in its own coordinates and before anything moves, these settings, the environment and ground that
-    /// are asked for, and the look.
+    /// The look of a scene in its own coordinates, before anything moves, with these settings: what its files say,
+    /// completed by the default look.
     ///
     /// # Errors
-    /// Those of [`EnvironmentSettings::apply`], and [`Error::Input`] for a ground under a scene without objects.
-    pub fn complete(&self, scene: &mut Scene, warnings: &mut Warnings) -> Result<()> {
+    /// Those of [`EnvironmentSettings::of`], and [`Error::Input`] for a ground under a scene without objects.
+    pub fn default_look(&self, scene: &Scene, warnings: &mut Warnings) -> Result<DefaultLook> {
         super::warn_of_dark_lights(scene, warnings);
-        self.environment.apply(scene, warnings)?;
-        scene.picture = self.picture.or(scene.picture);
-        super::studio::complete(scene, self, warnings);
-        super::studio::keep_background(scene, self);
-        if scene.picture.ground != Some(true) || scene.ground.is_some() {
-            return Ok(());
-        }
-        scene.ground = scene.bounds().and_then(|bounds| Ground::default().under(bounds));
-        if scene.ground.is_some() {
-            return Ok(());
-        }
-        let file = scene.inputs.first().map_or(Path::new("-"), PathBuf::as_path);
-        let hint = "leave --ground (`ground` of [image]) out, or add something that has a size";
-        Err(Error::input(file, "no object in it to put a ground under", hint))
+        let environment = self.environment.of(scene, warnings)?;
+        let look = super::default_look::default_look(scene, self, environment)?;
+        look.notes.iter().for_each(|note| warnings.note(note.as_str()));
+        Ok(look)
     }
 }
 
@@ -176,28 +164,29 @@ options! {
 }
 
 impl EnvironmentSettings {
-    /// Gives a scene the environment that is asked for.
+    /// The environment of a scene: that of these settings, or its own.
     ///
     /// # Errors
     /// [`Error::Input`] for a file that cannot be used, [`Error::Usage`] for settings of an environment that is not there.
-    pub fn apply(&self, scene: &mut Scene, warnings: &mut Warnings) -> Result<()> {
-        if let Some(source) = &self.environment {
-            let source = import::environment(source, warnings)?;
-            scene.environment = Some(Environment { source, rotation: 0.0, intensity: 1.0, is_hidden: false });
-        }
-        if self.environment_rotation.is_none() && self.hide_environment.is_none() {
-            return Ok(());
-        }
-        let Some(environment) = &mut scene.environment else {
+    pub fn of(&self, scene: &Scene, warnings: &mut Warnings) -> Result<Option<Environment>> {
+        let chosen = match &self.environment {
+            Some(source) => {
+                let source = import::environment(source, warnings)?;
+                Some(Environment { source, rotation: 0.0, intensity: 1.0, is_hidden: false })
+            }
+            None => scene.environment.clone(),
+        };
+        if chosen.is_none() && (self.environment_rotation.is_some() || self.hide_environment.is_some()) {
             return Err(Error::usage(
                 "there is no environment to rotate or hide",
                 "give one by --environment",
             ));
-        };
-        environment.rotation =
-            self.environment_rotation.map_or(environment.rotation, |degrees| degrees.get().to_radians());
-        environment.is_hidden = self.hide_environment.unwrap_or(environment.is_hidden);
-        Ok(())
+        }
+        Ok(chosen.map(|own| Environment {
+            rotation: self.environment_rotation.map_or(own.rotation, |degrees| degrees.get().to_radians()),
+            is_hidden: self.hide_environment.unwrap_or(own.is_hidden),
+            ..own
+        }))
     }
 }
 

@@ -13,6 +13,8 @@ pub struct Clip {
     pub channels: usize,
     /// A hash of its keyframes and of what they animate.
     pub digest: String,
+    /// Index of its file in [`super::Scene::inputs`].
+    pub input: usize,
 }
 
 /// The choice of clips.
@@ -49,12 +51,23 @@ impl ClipChoice {
 
     /// Choice of clips by index; [`ClipChoice::First`] without any.
     pub fn of(clips: &[Clip]) -> ClipChoice {
-        let choices = clips.iter().map(|clip| ClipChoice::Index(clip.index)).collect();
+        let mut choices: Vec<ClipChoice> = Vec::new();
+        for choice in clips.iter().map(|clip| ClipChoice::Index(clip.index)) {
+            if !choices.contains(&choice) {
+                choices.push(choice);
+            }
+        }
         ClipChoice::together(choices).unwrap_or_default()
     }
 
-    /// Chosen clips in the order of the choice; the first of equal names.
+    /// Chosen clips of each file, in the order of the choice. `clips` are ordered by file.
     pub fn find<'a>(&self, clips: &'a [Clip]) -> Vec<&'a Clip> {
+        let files = clips.chunk_by(|a, b| a.input == b.input);
+        files.flat_map(|clips| self.find_in_file(clips)).collect()
+    }
+
+    /// Chosen clips of a file; the first of equal names.
+    fn find_in_file<'a>(&self, clips: &'a [Clip]) -> Vec<&'a Clip> {
         let by_index = |index: usize| clips.iter().find(|clip| clip.index == index);
         let found = match self {
             ClipChoice::First => clips.first(),
@@ -67,7 +80,7 @@ impl ClipChoice {
                 by_name.or_else(|| by_index(name.parse().ok()?))
             }
             ClipChoice::Several(choices) => {
-                return choices.iter().flat_map(|choice| choice.find(clips)).collect();
+                return choices.iter().flat_map(|choice| choice.find_in_file(clips)).collect();
             }
         };
         found.into_iter().collect()

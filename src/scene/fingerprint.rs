@@ -11,8 +11,8 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::{
-    Attribute, DecodedImage, Environment, EnvironmentSource, Light, Material, Mesh, Object, Placed, Scene,
-    Shape,
+    Attribute, DecodedImage, DefaultLook, Environment, EnvironmentSource, Light, Material, Mesh, Object,
+    Placed, Scene, Shape,
 };
 
 /// Version of what is hashed. Increase it where the order of fields or variants changes.
@@ -54,14 +54,27 @@ impl Fingerprint {
         self.0.finalize().to_hex().to_string()
     }
 
-    /// Adds a scene. All fields are destructured, so that a new field fails to compile until it is hashed.
-    pub fn scene(&mut self, scene: &Scene) {
-        let Scene {
+    /// Adds a scene and its look. All fields are destructured, so that a new field fails to compile until it is hashed.
+    pub fn scene(&mut self, scene: &Scene, look: &DefaultLook) {
+        let DefaultLook {
             picture,
-            background,
+            path_tracing_reason,
             ambient,
             fill,
             environment,
+            // A light of the picture.
+            light: _,
+            ground,
+            background,
+            has_backdrop,
+            notes: _,
+        } = look;
+        let Scene {
+            // Those of the look.
+            picture: _,
+            background: _,
+            ambient: _,
+            environment: _,
             cameras,
             lights,
             materials,
@@ -78,11 +91,6 @@ impl Fingerprint {
             import_options: _,
             has_left_out: _,
             has_settings: _,
-            path_call,
-            // A light of the picture.
-            has_key_light: _,
-            ground,
-            has_backdrop,
             has_physical_lights: _,
         } = scene;
         self.value("picture", &(picture.described().entries(), background, ambient));
@@ -120,7 +128,7 @@ impl Fingerprint {
         if let Some(ground) = ground {
             self.value("ground", ground);
         }
-        if path_call.is_some() {
+        if path_tracing_reason.is_some() {
             self.bytes("paths", &[]);
         }
         if *has_backdrop {
@@ -182,7 +190,7 @@ mod tests {
 
     fn of(scene: &Scene) -> String {
         let mut fingerprint = Fingerprint::default();
-        fingerprint.scene(scene);
+        fingerprint.scene(scene, &DefaultLook::of_files(scene, scene.picture));
         fingerprint.finish()
     }
 
@@ -280,7 +288,8 @@ mod tests {
     fn the_encoding_of_a_scene_is_stable() {
         let mut fingerprint = Fingerprint(blake3::Hasher::new());
         fingerprint.value("encoding", &ENCODING_VERSION);
-        fingerprint.scene(&scene());
+        let scene = scene();
+        fingerprint.scene(&scene, &DefaultLook::of_files(&scene, scene.picture));
         assert_eq!(fingerprint.finish(), "aa464cac8ba0d92be3b91b0a653d543e8d28c21e86901dd8e341ad0d43a888e9");
     }
 

@@ -28,6 +28,7 @@ mod camera;
 mod camera_text;
 mod clip;
 mod colour_value;
+mod default_look;
 mod effects;
 mod environment;
 
@@ -59,6 +60,7 @@ pub use camera::{Camera, Projection, default_size};
 pub use camera_text::{INLINE_NAME, shell_quoted};
 pub use clip::{Clip, ClipChoice, ClipTime};
 pub use colour_value::ColourValue;
+pub use default_look::{AddedLight, DefaultLook};
 pub use effects::{EffectValue, EffectsSection};
 pub use environment::{Environment, EnvironmentImage, EnvironmentSource};
 pub use fill::{Fill, FillZone};
@@ -108,8 +110,6 @@ pub struct Scene {
     pub background: Option<Colour>,
     /// Intensity of the ambient light, per unit of a material's ambient coefficient.
     pub ambient: Option<f64>,
-    /// Further ambient light.
-    pub fill: Option<Fill>,
     /// Light from infinitely far away.
     pub environment: Option<Environment>,
     /// Named cameras; the first is the default.
@@ -143,15 +143,6 @@ pub struct Scene {
     pub has_left_out: bool,
     /// Whether a scene file is among the inputs. Such scenes are rendered as they say.
     pub has_settings: bool,
-    /// What of its materials calls for path tracing, in words; for scenes with the default look.
-    pub path_call: Option<String>,
-    /// Whether the scene gets the key light of the default look, which follows the camera.
-    pub has_key_light: bool,
-    /// The ground under the scene, as it is under the objects before anything moves.
-    pub ground: Option<Ground>,
-    /// Whether the background is a backdrop: put behind the picture after exposure and tone map, in the colour that it
-    /// has without them. The ground then shows its shadows alone, on the backdrop.
-    pub has_backdrop: bool,
     /// Whether lights are in physical units (candela, lux), so that pictures may need an exposure.
     pub has_physical_lights: bool,
 }
@@ -337,7 +328,6 @@ impl Scene {
             picture,
             background,
             ambient,
-            fill,
             environment,
             cameras,
             lights,
@@ -355,17 +345,12 @@ impl Scene {
             import_options: _,
             has_left_out,
             has_settings,
-            path_call,
-            has_key_light,
-            ground,
-            has_backdrop,
             has_physical_lights,
         } = other;
         let (first_material, first_image) = (self.materials.len() as u32, self.images.len() as u32);
         self.picture = self.picture.or(picture);
         self.background = self.background.or(background);
         self.ambient = self.ambient.or(ambient);
-        self.fill = self.fill.or(fill);
         self.environment = self.environment.take().or(environment);
         self.cameras.extend(cameras);
         self.lights.extend(lights);
@@ -377,10 +362,6 @@ impl Scene {
         self.metadata.extend(metadata);
         self.has_left_out |= has_left_out;
         self.has_settings |= has_settings;
-        self.path_call = self.path_call.take().or(path_call);
-        self.has_key_light |= has_key_light;
-        self.ground = self.ground.or(ground);
-        self.has_backdrop |= has_backdrop;
         self.has_physical_lights |= has_physical_lights;
         self.images.extend(images);
         self.materials.extend(materials.into_iter().map(|mut material| {
@@ -398,11 +379,6 @@ impl Scene {
     /// Whether an object is unlit.
     pub fn has_unlit(&self) -> bool {
         self.objects.iter().any(|o| self.materials.get(o.material.0 as usize).is_some_and(Material::is_unlit))
-    }
-
-    /// The background of the settings, or that of the scene.
-    pub fn background(&self) -> Option<Colour> {
-        self.picture.background.map(Background::colour).or(self.background)
     }
 
     /// Number of primitives: triangles and analytic shapes.
@@ -441,13 +417,6 @@ impl Scene {
     /// Whether an object emits light.
     pub fn emits(&self) -> bool {
         self.objects.iter().any(|object| self.materials[object.material.0 as usize].emits())
-    }
-
-    /// The transport that is chosen, or that the scene calls for: [`Transport::called_for`].
-    pub fn transport(&self) -> Transport {
-        let has_area_light = self.lights.iter().any(|light| light.kind.is_area());
-        let (choice, has_environment) = (self.picture.transport, self.environment.is_some());
-        Transport::called_for(choice, has_environment, has_area_light, self.path_call.is_some()).0
     }
 
     /// Bounding box of all objects, or `None` for an empty scene.

@@ -327,7 +327,7 @@ impl PictureSettings {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Fingerprint, Scene};
+    use crate::scene::{DefaultLook, Fingerprint, Scene};
 
     /// Two settings, which give each option another value. None of them is a default.
     fn both() -> [PictureSettings; 2] {
@@ -404,7 +404,8 @@ mod tests {
         let [first, second] = both();
         let of = |picture: PictureSettings| {
             let mut fingerprint = Fingerprint::default();
-            fingerprint.scene(&Scene { picture, ..Scene::default() });
+            let scene = Scene { picture, ..Scene::default() };
+            fingerprint.scene(&scene, &DefaultLook::of_files(&scene, picture));
             fingerprint.finish()
         };
         for (own, other) in [(&first, &second), (&second, &first)] {

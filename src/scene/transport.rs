@@ -25,7 +25,7 @@ pub enum TransportReason {
     Environment,
     /// A light with an area.
     AreaLight,
-    /// Materials that transmit light or light others ([`super::Scene::path_call`]).
+    /// Materials that transmit light or light others ([`super::DefaultLook::path_tracing_reason`]).
     Material,
     /// Nothing calls for another.
     Nothing,
@@ -46,11 +46,11 @@ impl Transport {
         choice: Option<Transport>,
         has_environment: bool,
         has_area_light: bool,
-        has_path_call: bool,
+        has_path_tracing_material: bool,
     ) -> (Transport, TransportReason) {
         match choice {
             Some(transport) => (transport, TransportReason::Choice),
-            None if has_path_call => (Transport::Path, TransportReason::Material),
+            None if has_path_tracing_material => (Transport::Path, TransportReason::Material),
             None if has_environment => (Transport::Path, TransportReason::Environment),
             None if has_area_light => (Transport::Path, TransportReason::AreaLight),
             None => (Transport::Whitted, TransportReason::Nothing),

@@ -81,7 +81,7 @@ pub fn study(
     let (mut candidates, mut left_out, reference, envelope) = pools.wide.install(|| {
         let job = prepare(subject, &subject.base)?;
         let (candidates, left_out) =
-            sweep(&subject.job.scene, &subject.base, &job.plan, options.most_samples);
+            sweep((&subject.job.scene, &subject.job.look), &subject.base, &job.plan, options.most_samples);
         let reference = path_sweep::reference(&subject.base, &job.plan);
         let left_out = left_out.into_iter().filter(|(parameter, _)| {
             // Of a picture without paths, the page does not list what paths have, unless it was asked for.

@@ -5,7 +5,7 @@ use super::data::ReferenceKind;
 use super::setting::{PathVariation, Setting};
 use super::sweep::{FILTER_SAMPLES, SweepBuilder, bounces_named, reason_off, samples_named};
 use crate::effects::{LightTechnique, PathSettings, Plan, id};
-use crate::scene::{LightKind, Scene};
+use crate::scene::{DefaultLook, LightKind, Scene};
 
 /// The bounces of the limit, unless the picture has more: of the light that white paint (albedo 0.9) reflects, a
 /// millionth is left. Russian roulette ends most paths earlier.
@@ -56,13 +56,13 @@ pub(super) fn reference(base: &Setting, plan: &Plan) -> Setting {
 }
 
 /// Whether a light can be found by BSDF samples and by light samples.
-fn has_extended_light(scene: &Scene) -> bool {
+pub(super) fn has_extended_light(scene: &Scene, look: &DefaultLook) -> bool {
     let is_extended = |kind: &LightKind| match kind {
         LightKind::Sphere { .. } | LightKind::Rectangle { .. } => true,
         LightKind::Directional { angle, .. } => *angle > 0.0,
         LightKind::Point { .. } | LightKind::Spot { .. } => false,
     };
-    scene.environment.is_some() || scene.emits() || scene.lights.iter().any(|light| is_extended(&light.kind))
+    look.environment.is_some() || scene.emits() || scene.lights.iter().any(|light| is_extended(&light.kind))
 }
 
 /// Name of a technique.
@@ -76,7 +76,7 @@ pub(super) fn technique_named(technique: LightTechnique) -> &'static str {
 
 impl SweepBuilder<'_> {
     /// Adds all settings of path tracing, or the reason why there are none.
-    pub(super) fn paths(&mut self, scene: &Scene, plan: &Plan, most: u32) {
+    pub(super) fn paths(&mut self, has_extended_light: bool, plan: &Plan, most: u32) {
         if let Some(why) = reason_off(plan, id::PATH) {
             self.omitted.extend(PARAMETERS.map(|parameter| (parameter, why.clone())));
             return;
@@ -95,7 +95,7 @@ impl SweepBuilder<'_> {
             self.path(CLAMP, &clamp.to_string(), samples, PathVariation { clamp: Some(clamp), ..own });
         }
         self.path(CLAMP, "none", samples, PathVariation { clamp: None, ..own });
-        self.techniques(scene, samples);
+        self.techniques(has_extended_light, samples);
         for light_samples in [1, 2, 4, 8] {
             let estimator = PathSettings { light_samples, ..own.estimator };
             let name = format!("{light_samples} a surface");
@@ -131,8 +131,8 @@ impl SweepBuilder<'_> {
         self.path(INDIRECT, "paths", samples, own);
     }
 
-    fn techniques(&mut self, scene: &Scene, samples: u32) {
-        if !has_extended_light(scene) {
+    fn techniques(&mut self, has_extended_light: bool, samples: u32) {
+        if !has_extended_light {
             let why = "no environment and no light with a size: BSDF samples find none";
             self.omitted.push((TECHNIQUE, why.into()));
             return;

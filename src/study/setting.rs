@@ -102,10 +102,9 @@ impl Setting {
         self.without.len() > base.without.len() || self.bounces == Some(0)
     }
 
-    /// The scene with the glaze bounces and the ambient light of this setting.
+    /// The scene with the glaze bounces of this setting.
     pub fn scene(&self, scene: &Scene) -> Scene {
         let mut scene = scene.clone();
-        scene.ambient = self.path.ambient.or(scene.ambient);
         if let Some(most) = self.bounces {
             let glazes = scene.materials.iter_mut().filter_map(|material| match material {
                 Material::Phong(phong) => phong.glaze.as_mut(),

@@ -8,7 +8,7 @@ use crate::bvh::{Layout, Preset};
 use crate::effects::{EFFECTS, Effect, EffectId, Plan, id};
 use crate::film::{ColourPipeline, FilterShape};
 use crate::geometry::Numerics;
-use crate::scene::{Material, Sampling, Scene, TextureFilter};
+use crate::scene::{DefaultLook, Material, Sampling, Scene, TextureFilter};
 
 /// Maximum number of primitives for brute force.
 const MAX_BRUTE_FORCE: usize = 256;
@@ -46,7 +46,12 @@ pub fn parameters() -> Vec<&'static str> {
 }
 
 /// The settings of the sweep, beginning with `base`, and the omitted parameters. `plan` is the plan of the base.
-pub fn sweep(scene: &Scene, base: &Setting, plan: &Plan, most: u32) -> (Vec<Candidate>, Vec<Omitted>) {
+pub fn sweep(
+    (scene, look): (&Scene, &DefaultLook),
+    base: &Setting,
+    plan: &Plan,
+    most: u32,
+) -> (Vec<Candidate>, Vec<Omitted>) {
     let first = Candidate {
         parameter: "as given",
         name: describe_sampling(&base.sampling),
@@ -61,7 +66,7 @@ pub fn sweep(scene: &Scene, base: &Setting, plan: &Plan, most: u32) -> (Vec<Cand
     list.glaze(scene, plan);
     list.effects(plan);
     list.textures(plan);
-    list.paths(scene, plan, most);
+    list.paths(path_sweep::has_extended_light(scene, look), plan, most);
     list.samples(most);
     list.together(most);
     (list.candidates, list.omitted)

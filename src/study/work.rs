@@ -16,7 +16,7 @@ use crate::geometry::Numerics;
 use crate::job::{RenderJob, ResolvedJob};
 use crate::metrics::{ComparedImage, Figures};
 use crate::render::{RenderControl, Statistics};
-use crate::scene::Scene;
+use crate::scene::{DefaultLook, Scene};
 use crate::timing::{Clock, Spread};
 use crate::world::{View, World};
 
@@ -50,8 +50,9 @@ pub(crate) fn prepare(subject: &StudySubject, setting: &Setting) -> Result<Rende
 
 /// The job of a scene in a setting.
 fn job_of(subject: &StudySubject, setting: &Setting, scene: Scene) -> Result<RenderJob> {
-    let world = World::prepare(scene, setting.pipeline, setting.structure, setting.numerics);
-    let ResolvedJob { camera, window, choices, .. } = &subject.job;
+    let ResolvedJob { look, camera, window, choices, .. } = &subject.job;
+    let look = DefaultLook { ambient: setting.path.ambient.or(look.ambient), ..look.clone() };
+    let world = World::prepare_look(scene, &look, setting.pipeline, setting.structure, setting.numerics);
     let job =
         RenderJob::new(Arc::new(world), None, camera.clone(), subject.job.size(), setting.choices(choices))?;
     Ok(RenderJob { window: *window, ..job })

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use super::request::{CameraSource, given};
 use crate::job::RenderSettings;
 use crate::scene::{
-    Camera, Clip, ImportOptions, Look, PictureSettings, Projection, Scene, default_size, shell_quoted,
+    Camera, ImportOptions, Look, PictureSettings, Projection, Scene, default_size, shell_quoted,
 };
 use crate::world::StandardView;
 
@@ -30,8 +30,6 @@ pub struct RenderCommand<'a> {
     pub settings: &'a RenderSettings,
     /// What was asked of the input files.
     pub import_options: &'a ImportOptions,
-    /// The clips that are played.
-    pub clips: &'a [Clip],
     /// Output file.
     pub output: &'a Path,
 }
@@ -88,10 +86,6 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
     let changed = own.entries().into_iter().filter(|entry| !defaults.contains(entry));
     for (name, value) in changed.chain(settings.environment.entries()) {
         option(&format!("--{name}"), &value);
-    }
-    // The first clip is played without being named.
-    if command.clips.len() > 1 || command.clips.iter().any(|clip| clip.index > 0) {
-        command.clips.iter().for_each(|clip| option("--clip", &clip.index.to_string()));
     }
     let import = command.import_options.entries();
     for (name, value) in import.iter().filter_map(|(name, value)| Some((name, value.as_ref()?))) {
@@ -209,7 +203,6 @@ mod tests {
             size: [640, 480],
             settings: &STUDIO,
             import_options: &NO_IMPORT_OPTIONS,
-            clips: &[],
             output: Path::new("picture.png"),
         }
     }

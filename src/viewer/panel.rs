@@ -307,7 +307,7 @@ fn ground_and_background(ui: &mut Ui, contents: &PanelContents, controls: &mut C
 /// The clips that are played and the axis that points up. A change reads the files again.
 fn reading(ui: &mut Ui, opened: &Opened, controls: &mut Controls) {
     let Scene { clips, animation, has_settings, .. } = &opened.scene;
-    let own = opened.import_options();
+    let own = opened.scene.import_options.clone();
     let (mut reading, mut chosen) = (own.reading.clone(), own.clips.clone());
     let plays_tracks = animation.as_ref().is_some_and(|animation| animation.clips.is_empty());
     let played = own.clip().find(clips);

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::job::{CameraChoice, RenderSettings, is_fitted};
-use crate::scene::{Camera, ClipChoice, INLINE_NAME, ImportOptions, PictureSettings, Projection, Scene};
+use crate::scene::{Camera, INLINE_NAME, PictureSettings, Projection, Scene};
 use crate::world::StandardView;
 
 /// Camera of the viewer.
@@ -20,7 +20,7 @@ pub enum CameraSource {
 /// Opened input files.
 #[derive(Debug)]
 pub struct Opened {
-    /// Scene of all files, before [`RenderSettings::complete`].
+    /// Scene of all files.
     pub scene: Scene,
     /// Initial camera.
     pub camera_source: CameraSource,
@@ -30,18 +30,6 @@ pub struct Opened {
     pub size: [u32; 2],
     /// Initial render settings, with numerics and colour pipeline.
     pub settings: RenderSettings,
-}
-
-impl Opened {
-    /// Options that read the files again, with the clips that are played.
-    pub(crate) fn import_options(&self) -> ImportOptions {
-        let mut options = self.scene.import_options.clone();
-        let clips = self.scene.animation.as_ref().map(|animation| animation.clips.as_slice());
-        if let Some(clips @ [_, ..]) = clips {
-            options.clips = ClipChoice::of(clips).choices().to_vec();
-        }
-        options
-    }
 }
 
 /// Request for a picture.
@@ -97,28 +85,5 @@ impl PartialEq for RenderRequest {
             && self.display_mode == other.display_mode
             && self.is_playing == other.is_playing
             && self.sides == other.sides
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scene::Clip;
-    use crate::scene::animation::Animation;
-
-    /// The clip that is played is kept when another option changes.
-    #[test]
-    fn the_played_clip_is_read_again() {
-        let clip = Clip { name: "Run".into(), index: 2, duration: 1.0, channels: 1, digest: String::new() };
-        let animation =
-            Animation { fps: 30.0, duration: 1.0, repeat: true, tracks: Vec::new(), clips: vec![clip] };
-        let opened = Opened {
-            scene: Scene { animation: Some(animation), ..Scene::default() },
-            camera_source: CameraSource::Scene(0),
-            projection: None,
-            size: [4, 3],
-            settings: RenderSettings::default(),
-        };
-        assert_eq!(opened.import_options().clips, [ClipChoice::Index(2)]);
     }
 }

@@ -63,7 +63,7 @@ use glam::DVec3;
 use crate::bvh::{self, Accelerator, Instance, Layout, MeshSpace, Slot};
 use crate::film::ColourPipeline;
 use crate::geometry::{Numerics, PrimId};
-use crate::scene::{Light, LightKind, Material, MaterialId, Mesh, Object, Scene, Shape};
+use crate::scene::{DefaultLook, Light, LightKind, Material, MaterialId, Mesh, Object, Scene, Shape};
 
 /// The intensity of the ambient light where no input sets it.
 pub const DEFAULT_AMBIENT: f64 = 0.25;
@@ -96,7 +96,7 @@ pub struct World {
     pub(crate) diagonal: f64,
     /// The colour of rays that hit nothing, in the numbers of the pipeline; black with a backdrop.
     pub background: DVec3,
-    /// The colour behind the picture, in the numbers of the pipeline: [`Scene::has_backdrop`].
+    /// The colour behind the picture, in the numbers of the pipeline: [`DefaultLook::has_backdrop`].
     pub(crate) backdrop: Option<DVec3>,
     /// The environment.
     pub(crate) environment: Option<Arc<PreparedEnvironment>>,
@@ -106,8 +106,8 @@ pub struct World {
     pub(crate) volumes: Option<Arc<Volumes>>,
     /// The lights of the scene that are such surfaces.
     pub(crate) area_lights: Arc<AreaLights>,
-    /// [`Scene::path_call`].
-    pub(crate) path_call: Option<Arc<str>>,
+    /// [`DefaultLook::path_tracing_reason`].
+    pub(crate) path_tracing_reason: Option<Arc<str>>,
     /// The number of analytic shapes left out because they are empty in the tier's precision.
     pub too_small: usize,
     primitive_count: usize,
@@ -159,15 +159,28 @@ pub struct WorldLight {
 }
 
 impl World {
-    /// Prepares a scene for rendering in `pipeline`, with the geometry in the precision of `numerics`.
+    /// Prepares a scene for rendering in `pipeline`, with the geometry in the precision of `numerics`. Nothing is added to
+    /// what the scene says.
     pub fn prepare(scene: Scene, pipeline: ColourPipeline, structure: Layout, numerics: Numerics) -> World {
-        let images = scene.images.iter().map(|image| Image::new(image.clone(), pipeline)).collect();
-        World::with_images(scene, images, pipeline, structure, numerics)
+        let look = DefaultLook::of_files(&scene, scene.picture);
+        World::prepare_look(scene, &look, pipeline, structure, numerics)
     }
 
-    /// [`World::prepare`] for a scene with the same images as this world, which are shared.
-    pub fn prepare_another(&self, scene: Scene, structure: Layout) -> World {
-        World::with_images(scene, self.images.clone(), self.pipeline, structure, self.numerics())
+    /// [`World::prepare`] for a scene with a look.
+    pub fn prepare_look(
+        scene: Scene,
+        look: &DefaultLook,
+        pipeline: ColourPipeline,
+        structure: Layout,
+        numerics: Numerics,
+    ) -> World {
+        let images = scene.images.iter().map(|image| Image::new(image.clone(), pipeline)).collect();
+        World::with_images(scene, look, images, pipeline, structure, numerics)
+    }
+
+    /// [`World::prepare_look`] for a scene with the same images as this world, which are shared.
+    pub fn prepare_another(&self, scene: Scene, look: &DefaultLook, structure: Layout) -> World {
+        World::with_images(scene, look, self.images.clone(), self.pipeline, structure, self.numerics())
     }
 
     /// This world with other lights that are not surfaces.
@@ -177,19 +190,20 @@ impl World {
 
     fn with_images(
         mut scene: Scene,
+        look: &DefaultLook,
         images: Arc<[Image]>,
         pipeline: ColourPipeline,
         structure: Layout,
         numerics: Numerics,
     ) -> World {
-        let background = scene.background().unwrap_or(fit::BACKGROUND).to_pipeline(pipeline);
-        let backdrop = scene.has_backdrop.then_some(background);
+        let background = look.background().unwrap_or(fit::BACKGROUND).to_pipeline(pipeline);
+        let backdrop = look.has_backdrop.then_some(background);
         let diagonal = scene.bounds().map_or(0.0, |(min, max)| min.distance(max));
         let to_pipeline = |material: Material| material.map_colours(|colour| colour.to_pipeline(pipeline));
         let mut materials: Vec<PreparedMaterial> =
             std::mem::take(&mut scene.materials).into_iter().map(to_pipeline).collect();
-        let ground = scene.ground.map(|_| scene.objects.len() as u32);
-        if let Some(ground) = &scene.ground {
+        let ground = look.ground.map(|_| scene.objects.len() as u32);
+        if let Some(ground) = &look.ground {
             materials.push(to_pipeline(ground::material(ground)));
             scene.objects.push(ground::object(ground, MaterialId((materials.len() - 1) as u32)));
         }
@@ -201,7 +215,7 @@ impl World {
         let instanced: usize = instances.iter().map(|i| i.placed.triangle_count()).sum();
         let accelerator = bvh::build_with_instances(slots, instances, structure, numerics);
         let primitive_count = scene.primitive_count();
-        let environment = scene.environment.as_ref();
+        let environment = look.environment.as_ref();
         let environment =
             environment.map(|environment| PreparedEnvironment::new(environment, pipeline).into());
         let rectangles = std::mem::take(&mut area_lights.rectangles);
@@ -234,12 +248,12 @@ impl World {
             images,
             lights,
             pipeline,
-            ambient: scene.ambient.unwrap_or(DEFAULT_AMBIENT),
-            fill: scene.fill.as_ref().map(PreparedFill::new),
+            ambient: look.ambient.unwrap_or(DEFAULT_AMBIENT),
+            fill: look.fill.as_ref().map(PreparedFill::new),
             diagonal,
             background: if backdrop.is_some() { DVec3::ZERO } else { background },
             backdrop,
-            path_call: scene.path_call.map(Into::into),
+            path_tracing_reason: look.path_tracing_reason.as_deref().map(Into::into),
             too_small,
             primitive_count,
         }

@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use crate::scene::{Camera, Ground, Scene, Shape, Step};
+use crate::scene::{Camera, DefaultLook, Ground, Scene, Shape, Step};
 
 /// The largest distance from the origin, in sizes of the scene, at which 20 of 24 bits are left for its shape.
 const FAR: f64 = 16.0;
@@ -58,16 +58,10 @@ impl Recentering {
             }
         }
         scene.cameras.iter_mut().for_each(|camera| self.move_camera(camera));
-        scene.ground.iter_mut().for_each(|ground| self.move_ground(ground));
         for light in &mut scene.lights {
             light.kind.position_mut().into_iter().for_each(|position| *position -= self.middle);
             light.scale(self.scale);
         }
-    }
-
-    pub(crate) fn move_ground(&self, ground: &mut Ground) {
-        ground.centre = (ground.centre - self.middle) * self.scale;
-        ground.half_side *= self.scale;
     }
 
     /// The camera in the recentered scene.
@@ -102,6 +96,19 @@ impl Recentering {
         camera.view_width = camera.view_width.map(|width| width * self.scale);
         camera.viewpoint_distance *= self.scale;
         camera.lens = camera.lens.map(|lens| lens.moved(self.scale, |p| (p - self.middle) * self.scale));
+    }
+}
+
+impl DefaultLook {
+    /// The look of the recentered scene.
+    pub(crate) fn recentered(&self, recentering: Option<&Recentering>) -> Self {
+        let moved = |Recentering { middle, scale }: &Recentering, ground: Ground| Ground {
+            centre: (ground.centre - middle) * *scale,
+            half_side: ground.half_side * scale,
+            ..ground
+        };
+        let ground = self.ground.map(|ground| recentering.map_or(ground, |by| moved(by, ground)));
+        DefaultLook { ground, ..self.clone() }
     }
 }
 

@@ -11,7 +11,10 @@ use kiln::film::{ColourPipeline, Film, Window};
 use kiln::job::RenderSettings;
 use kiln::render::{RenderControl, render};
 use kiln::scene::animation::{Animation, Easing, Motion, Property, Target, Track};
-use kiln::scene::{AnalyticShape, Camera, Numerics, Placed, Placement, Projection, Scene, Shape, Sphere};
+use kiln::scene::{
+    AddedLight, AnalyticShape, Camera, DefaultLook, Numerics, Placed, Placement, Projection, Scene, Shape,
+    Sphere,
+};
 use kiln::world::{StandardView, View, World, headlight, recenter};
 
 use crate::common::gltf::Model;
@@ -111,17 +114,16 @@ fn picture(world: &World, camera: &Camera) -> Film<[u8; 3]> {
 /// The world that [`PreparedAnimation`] makes for a frame from shared parts equals, bit for bit, the one prepared from
 /// the scene at that time alone.
 fn same_as_from_nothing(scene: &Scene, camera: usize) {
+    with_look_as_from_nothing(scene, &DefaultLook::of_files(scene, scene.picture), camera);
+}
+
+fn with_look_as_from_nothing(scene: &Scene, look: &DefaultLook, camera: usize) {
     let (pipeline, numerics) = (ColourPipeline::Linear, Numerics::default());
     let described = scene.cameras[camera].clone();
-    let animation = PreparedAnimation::new(
-        scene.clone(),
-        &described,
-        Some(kiln::job::AddedLight::Headlight),
-        pipeline,
-        STRUCTURE,
-        numerics,
-    )
-    .unwrap();
+    let look = DefaultLook { light: Some(AddedLight::Headlight), ..look.clone() };
+    let animation =
+        PreparedAnimation::new(scene.clone(), look.clone(), &described, pipeline, STRUCTURE, numerics)
+            .unwrap();
     let mut pictures = Vec::new();
     for time in [0.0, 0.3, 0.75] {
         let frame = animation.at(time).unwrap();
@@ -132,7 +134,7 @@ fn same_as_from_nothing(scene: &Scene, camera: usize) {
             alone.lights.extend(headlight(&seen_by));
         }
         assert_eq!(frame.camera, seen_by);
-        let world = World::prepare(alone, pipeline, STRUCTURE, numerics);
+        let world = World::prepare_look(alone, &look, pipeline, STRUCTURE, numerics);
         let ours = picture(&frame.world, &frame.camera);
         assert!(ours == picture(&world, &seen_by), "at {time}");
         pictures.push(ours.bytes());
@@ -205,15 +207,14 @@ fn frames_have_the_ground_of_the_scene_at_rest() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("a.toml");
         std::fs::write(&file, format!("{text}[[animation.track]]\n{moves}")).unwrap();
-        let mut scene = load(&file);
+        let scene = load(&file);
         let picture = kiln::scene::PictureSettings { ground: Some(true), ..Default::default() };
         let settings = RenderSettings::from(picture);
-        settings.complete(&mut scene, &mut Warnings::default()).unwrap();
-        let ground = scene.ground.expect("a ground");
-        assert_eq!(scene.at(0.9).unwrap().ground, Some(ground));
+        let look = settings.default_look(&scene, &mut Warnings::default()).unwrap();
+        let ground = look.ground.expect("a ground");
         // The bounding box of the sphere has the radius 2 sqrt 3.
         assert!((ground.half_side - 40.0 * 3f64.sqrt()).abs() < 1e-9);
-        same_as_from_nothing(&scene, 0);
+        with_look_as_from_nothing(&scene, &look, 0);
     }
 }
 
@@ -562,6 +563,11 @@ fn frame_0(shop: &Workshop, arguments: &str) -> Vec<u8> {
 /// GLB file of a floor and a square of `material`, which a clip moves from (0.3, 0.5, 0) at its beginning; at rest it
 /// is elsewhere. All is moved by `x`.
 fn clip_of(material: &serde_json::Value, x: f32) -> Vec<u8> {
+    clips_of(material, x, &["clip"])
+}
+
+/// As [`clip_of`], with a clip of each name, the heights of which differ by 1/2.
+fn clips_of(material: &serde_json::Value, x: f32, names: &[&str]) -> Vec<u8> {
     use serde_json::json;
     let mut model = Model::square();
     let mut square = model.primitive().clone();
@@ -575,11 +581,17 @@ fn clip_of(material: &serde_json::Value, x: f32) -> Vec<u8> {
         { "mesh": 1, "translation": [x + 4.0, 3, 0] },
     ]);
     model.json["scenes"] = json!([{ "nodes": [0, 1] }]);
-    let (input, output) = (model.floats(&[[0.0], [1.0]]), model.floats(&[[x, 0.5, 0.0], [x, 2.5, 0.0]]));
-    model.json["animations"] = json!([{
-        "samplers": [{ "input": input, "output": output }],
-        "channels": [{ "sampler": 0, "target": { "node": 1, "path": "translation" } }],
-    }]);
+    let input = model.floats(&[[0.0], [1.0]]);
+    let clips = names.iter().zip([0.5, 1.0]).map(|(name, y)| {
+        let output = model.floats(&[[x, y, 0.0], [x, y + 2.0, 0.0]]);
+        json!({
+            "name": name,
+            "samplers": [{ "input": input, "output": output }],
+            "channels": [{ "sampler": 0, "target": { "node": 1, "path": "translation" } }],
+        })
+    });
+    let clips: Vec<_> = clips.collect();
+    model.json["animations"] = clips.into();
     model.binary()
 }
 
@@ -623,6 +635,24 @@ fn frame_0_of_a_clip_is_the_picture_of_time_0() {
     }
 }
 
+/// Clips are chosen in each file by themselves, as for a picture: by all, of which the last counts, and by a name that has
+/// another index in another file.
+#[test]
+fn clips_of_several_files_are_those_of_each() {
+    let plain = serde_json::json!({});
+    let shop = Workshop::with("a.glb", clips_of(&plain, 0.0, &["low", "high"]));
+    shop.write("b.glb", clips_of(&plain, 4.0, &["high"]));
+    let pictures = ["", "--clip all", "--clip high", "--clip low --clip high"].map(|options| {
+        let arguments = format!("a.glb b.glb --size 24x20 --view front {options}");
+        let frame = frame_0(&shop, &arguments);
+        shop.succeed(&format!("render {arguments} --time 0 -o still.png"));
+        assert!(frame == rgba(&shop, "still.png"), "{options}");
+        frame
+    });
+    let [first, others @ ..] = &pictures;
+    assert!(others.iter().all(|other| other == &others[0] && other != first));
+}
+
 /// One bounce ends paths at the back of a glass tetrahedron: pictures and frames say so.
 #[test]
 fn frames_say_that_the_depth_ends_paths_in_glass() {
@@ -636,7 +666,7 @@ fn frames_say_that_the_depth_ends_paths_in_glass() {
         "animate --frames 0-1 -o a.gif",
     ] {
         let said = shop.succeed(&format!("{command} a.obj --size 24x20 --samples 4 --depth 1"));
-        assert!(said.contains("note: the depth of 1 ends "), "{command}: {said}");
+        assert!(said.contains("of the paths end in glass at the depth limit of 1 "), "{command}: {said}");
     }
 }
 

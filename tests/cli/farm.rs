@@ -59,6 +59,22 @@ fn a_picture_in_seven_shards_becomes_the_bytes_of_one_run() {
     }
 }
 
+/// A background that bypasses the exposure is stored in shards of display values as it is displayed, which is no radiance.
+#[test]
+fn shards_of_displayed_colours_are_not_merged_into_radiance() {
+    let scene = "[image]\nbackground = '#804020'\nexposure = 1\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\n";
+    let workshop = Workshop::with("scene.toml", scene);
+    for out in ["a.png", "b.exr"] {
+        let render = format!("render scene.toml --size 40x20 -o {out} --progress none");
+        workshop.ends(0, &render);
+        workshop.ends(0, &format!("{render} --shard 1/1"));
+        workshop.ends(0, &format!("merge {}.1of1.shard -o joined.{}", &out[..1], &out[2..]));
+        assert_eq!(workshop.bytes(&format!("joined.{}", &out[2..])), workshop.bytes(out), "{out}");
+    }
+    let said = workshop.ends(2, "merge a.1of1.shard -o c.exr");
+    assert!(said.contains("which are no radiance") && said.contains("for an .exr"), "{said}");
+}
+
 #[test]
 fn parts_that_make_no_picture_are_refused_in_a_line() {
     let workshop = Workshop::with("scene.toml", SCENE);

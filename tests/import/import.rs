@@ -2222,6 +2222,12 @@ fn exr_files_are_placed_by_their_windows() {
     assert_eq!(red((-1, 0), window(0, 0, 2, 1)), Ok((2, 1, vec![2.0, 0.0])));
     assert_eq!(red((0, 0), window(0, 0, 1, 1)), Ok((1, 1, vec![1.0])));
     assert_eq!(red((7, 9), window(0, 0, 2, 1)), Ok((2, 1, vec![0.0, 0.0])));
+    // Outside of an opaque data window the picture is transparent.
+    red((1, 1), window(0, 0, 4, 2)).expect("a picture");
+    let alpha = kiln::film::read::read_picture(&file).map(|read| read.alpha);
+    assert_eq!(alpha.unwrap(), Some(vec![0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0]));
+    red((5, -3), window(5, -3, 2, 1)).expect("a picture");
+    assert_eq!(kiln::film::read::read_picture(&file).map(|read| read.alpha).unwrap(), None);
     let huge = red((0, 0), window(0, 0, 1 << 20, 1 << 20)).expect_err("too large");
     assert!(huge.contains("a picture of 1048576 x 1048576 pixels"), "{huge}");
 }

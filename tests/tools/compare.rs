@@ -68,7 +68,7 @@ fn alpha_is_a_channel() {
     for (pair, values) in [("opaque.png half.png", "display"), ("opaque.exr white.exr", "linear")] {
         let (code, text, _) = shop.said(&format!("compare {pair}"));
         assert_eq!(code, 1, "{pair}");
-        assert!(text.contains("of alpha, a fourth channel"), "{text}");
+        assert!(text.contains("of alpha (a fourth channel"), "{text}");
         let errors = shop.json(&format!("compare --json {pair}"))["errors"].clone();
         let figure = |name: &str| errors["figures"][name].as_f64().expect("a figure");
         assert_eq!(errors["values"], values);

@@ -118,15 +118,16 @@ const MAX_DEPTH: u32 = 1000;
 fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
     let names = &world.area_lights.names;
     let (has_environment, has_area_light) = (world.environment.is_some(), !names.is_empty());
+    let has_reason = world.path_tracing_reason.is_some();
     let (transport, reason) =
-        Transport::called_for(choices.transport, has_environment, has_area_light, world.path_call.is_some());
+        Transport::called_for(choices.transport, has_environment, has_area_light, has_reason);
     let why = match reason {
         TransportReason::Choice => format!("the transport is `{}`", transport.name()),
         TransportReason::Environment => "the scene has an `environment`".into(),
         TransportReason::AreaLight => {
             named("area light", names.iter().map(String::as_str)).unwrap_or_default()
         }
-        TransportReason::Material => world.path_call.as_deref().unwrap_or_default().to_owned(),
+        TransportReason::Material => world.path_tracing_reason.as_deref().unwrap_or_default().to_owned(),
         TransportReason::Nothing => {
             "the scene has no environment and no area light; --transport path turns it on".into()
         }

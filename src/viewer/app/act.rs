@@ -215,7 +215,6 @@ impl App {
             size: prepared.job.view.size(),
             settings,
             import_options: &opened.scene.import_options,
-            clips: opened.scene.animation.as_ref().map_or(&[], |animation| &animation.clips),
             output,
         });
         let frame = timeline(opened).map(|timeline| controls.frame(&timeline));

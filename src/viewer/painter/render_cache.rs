@@ -8,8 +8,8 @@ use crate::effects::{Choices, Decision, EFFECTS, Plan};
 use crate::error::Warnings;
 use crate::error::{Error, Result};
 use crate::film::tone::Exposure;
-use crate::job::{self, AddedLight, CameraChoice, RenderJob, RenderSettings};
-use crate::scene::{Camera, Ground, PictureSettings, Sampling, Scene, ShadingMode};
+use crate::job::{self, CameraChoice, EnvironmentSettings, RenderJob, RenderSettings};
+use crate::scene::{Camera, DefaultLook, Environment, PictureSettings, Sampling, Scene, ShadingMode};
 use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::refine::SamplingKind;
 use crate::viewer::request::{CameraSource, Opened, RenderRequest};
@@ -23,20 +23,16 @@ const MAX_WORLDS: usize = 3;
 struct Key {
     /// The settings, with defaults for what no world depends on.
     settings: RenderSettings,
-    /// Whether the camera is below the ground of the default look, which is then left out.
-    is_below_ground: bool,
+    /// What the world has of the look, but for the environment, which follows from this and the settings.
+    look: DefaultLook,
 }
 
-/// A completed scene as an animation.
-#[derive(Clone)]
-struct CachedScene {
-    animation: Arc<PreparedAnimation>,
-    /// The light that follows the camera.
-    light: Option<AddedLight>,
-    /// Settings of the scene and of the default look.
-    picture: PictureSettings,
-    /// The ground, in world coordinates.
-    ground: Option<Ground>,
+impl Key {
+    fn new(settings: &RenderSettings, look: &DefaultLook, scene: &Scene) -> Self {
+        let (picture, notes) = (PictureSettings::default(), Vec::new());
+        let look = DefaultLook { picture, notes, environment: None, ..look.clone() };
+        Key { settings: key_settings(settings, scene), look }
+    }
 }
 
 /// A scene that is prepared for a request.
@@ -60,7 +56,10 @@ pub(crate) struct Prepared {
 #[derive(Default)]
 pub(crate) struct RenderCache {
     opened: Option<Arc<Opened>>,
-    scenes: Vec<(Key, CachedScene)>,
+    environment: Option<(EnvironmentSettings, Option<Environment>)>,
+    /// The looks of the last settings.
+    looks: Vec<(RenderSettings, DefaultLook)>,
+    scenes: Vec<(Key, Arc<PreparedAnimation>)>,
     frames: Vec<(Key, f64, Arc<FrameWorld>)>,
     /// The recentered scene, if the worlds are recentered.
     recentered_scene: Option<Arc<Scene>>,
@@ -104,39 +103,43 @@ impl RenderCache {
             *self = RenderCache { opened: Some(Arc::clone(&request.opened)), ..RenderCache::default() };
         }
         let settings = request.render_settings(side);
-        let mut key =
-            Key { settings: key_settings(&settings, &request.opened.scene), is_below_ground: false };
-        let mut cached = self.scene(&request.opened, &key)?;
-        let mut frame = self.frame(&cached.animation, &key, request.time)?;
+        let scene = &request.opened.scene;
+        let mut look = self.look(scene, &settings)?;
+        let mut key = Key::new(&settings, &look, scene);
+        let mut animation = self.scene(scene, &look, &key)?;
+        let mut frame = self.frame(&animation, &key, request.time)?;
         let recentering = frame.recentering;
         let mut lens = match &request.camera_source {
             CameraSource::Scene(index) => frame.cameras.get(*index).unwrap_or(&frame.camera).clone(),
             CameraSource::Fitted(view) => {
                 let framing = settings.framing(*view, &request.opened.scene);
-                self.fit(request, framing, cached.animation.range())?
+                self.fit(request, framing, animation.range())?
             }
             CameraSource::Free(camera) => {
                 recentering.map_or_else(|| camera.clone(), |recentering| recentering.moved(camera))
             }
         };
         lens.projection = request.projection.unwrap_or(lens.projection);
-        if cached.ground.is_some_and(|ground| ground.is_hidden_from(&lens)) {
-            key.is_below_ground = true;
-            cached = self.scene(&request.opened, &key)?;
-            frame = self.frame(&cached.animation, &key, request.time)?;
+        if look
+            .recentered(animation.range().as_ref())
+            .ground
+            .is_some_and(|ground| ground.is_hidden_from(&lens))
+        {
+            look.ground = None;
+            key = Key::new(&settings, &look, scene);
+            animation = self.scene(scene, &look, &key)?;
+            frame = self.frame(&animation, &key, request.time)?;
         }
         let mut world = Arc::clone(&frame.world);
-        if let Some(light) = cached.light {
+        if let Some(light) = look.light {
             world = Arc::new(world.under(light.at(&lens).into_iter().collect()));
         }
-        let scene = &request.opened.scene;
-        let mut picture = settings.picture.or(scene.picture).or_look(cached.picture);
         let camera = match &request.camera_source {
             CameraSource::Free(camera) => Camera { projection: lens.projection, ..camera.clone() },
             _ => recentering.map_or_else(|| lens.clone(), |recentering| recentering.moved_back(&lens)),
         };
-        let chosen = settings.picture.exposure.or(scene.picture.exposure);
-        let meters = job::leave_to_metering(&mut picture, chosen, scene, &settings, &camera);
+        let meters = job::leave_to_metering(&mut look, scene, &settings, &camera);
+        let mut picture = look.picture;
         if meters {
             picture.exposure = Some(Exposure::Auto);
         }
@@ -160,32 +163,39 @@ impl RenderCache {
         Ok(Arc::new(Prepared { job, camera, decisions, kind, choices, meters }))
     }
 
-    /// The scene of a key, completed as for `kiln render`.
-    fn scene(&mut self, opened: &Arc<Opened>, key: &Key) -> Result<CachedScene> {
+    /// The look of a scene: that of `kiln render`.
+    fn look(&mut self, scene: &Scene, settings: &RenderSettings) -> Result<DefaultLook> {
+        let settings = settings_of_look(settings, scene);
+        if let Some((_, look)) = self.looks.iter().find(|(known, _)| *known == settings) {
+            return Ok(look.clone());
+        }
+        let environment = match &self.environment {
+            Some((known, environment)) if *known == settings.environment => environment.clone(),
+            _ => settings.environment.of(scene, &mut Warnings::default())?,
+        };
+        self.environment = Some((settings.environment.clone(), environment.clone()));
+        let look = job::default_look(scene, &settings, environment)?;
+        self.looks.drain(..self.looks.len().saturating_sub(MAX_WORLDS - 1));
+        self.looks.push((settings, look.clone()));
+        Ok(look)
+    }
+
+    /// The scene of a key as an animation, with its look but for the light that follows the camera.
+    fn scene(&mut self, scene: &Scene, look: &DefaultLook, key: &Key) -> Result<Arc<PreparedAnimation>> {
         if let Some(at) = self.scenes.iter().position(|(known, _)| known == key) {
             let found = self.scenes.remove(at);
             self.scenes.push(found);
         } else {
             self.scenes.drain(..self.scenes.len().saturating_sub(MAX_WORLDS - 1));
-            let mut scene = opened.scene.clone();
-            key.settings.complete(&mut scene, &mut Warnings::default())?;
-            let picture = scene.picture;
-            let light = job::added_light(&scene);
-            if key.is_below_ground {
-                scene.ground = None;
-            }
-            let mut ground = scene.ground;
-            let camera = scene.cameras.first().cloned().unwrap_or_else(|| placeholder_camera(&scene));
-            let (pipeline, numerics) = (picture.pipeline(), picture.numerics.unwrap_or_default());
-            let structure = Layout::Wide(key.settings.preset);
-            let animation = PreparedAnimation::new(scene, &camera, None, pipeline, structure, numerics)?;
-            if let (Some(ground), Some(recentering)) = (&mut ground, animation.range()) {
-                recentering.move_ground(ground);
-            }
-            let animation = Arc::new(animation);
-            self.scenes.push((key.clone(), CachedScene { animation, light, picture, ground }));
+            let camera = scene.cameras.first().cloned().unwrap_or_else(|| placeholder_camera(scene));
+            let (pipeline, numerics) = (look.picture.pipeline(), look.picture.numerics.unwrap_or_default());
+            let (look, structure) =
+                (DefaultLook { light: None, ..look.clone() }, Layout::Wide(key.settings.preset));
+            let animation =
+                PreparedAnimation::new(scene.clone(), look, &camera, pipeline, structure, numerics)?;
+            self.scenes.push((key.clone(), Arc::new(animation)));
         }
-        Ok(self.scenes[self.scenes.len() - 1].1.clone())
+        Ok(Arc::clone(&self.scenes[self.scenes.len() - 1].1))
     }
 
     fn frame(&mut self, animation: &PreparedAnimation, key: &Key, time: f64) -> Result<Arc<FrameWorld>> {
@@ -231,28 +241,33 @@ impl RenderCache {
     }
 }
 
-/// The settings without those that no world depends on: of the camera, it depends on whether it is the files'; of the
-/// shading, on whether it has lights.
-fn key_settings(settings: &RenderSettings, scene: &Scene) -> RenderSettings {
+/// The settings without those that no look depends on. Of the camera, it depends on whether it is the files'.
+fn settings_of_look(settings: &RenderSettings, scene: &Scene) -> RenderSettings {
     let camera = match settings.camera.is_of_file(scene) {
         true => CameraChoice::Named(String::new()),
         false => CameraChoice::Fitted(StandardView::Auto),
     };
+    let picture = PictureSettings {
+        width: None,
+        height: None,
+        azimuth: None,
+        elevation: None,
+        zoom: None,
+        fov: None,
+        ..settings.picture
+    };
+    RenderSettings { camera, projection: None, longest_side: None, picture, ..settings.clone() }
+}
+
+/// The settings without those that no world depends on. Of the shading, it depends on whether it has lights.
+fn key_settings(settings: &RenderSettings, scene: &Scene) -> RenderSettings {
+    let settings = settings_of_look(settings, scene);
     let lit =
         |shading: ShadingMode| if shading.uses_lights() { ShadingMode::Full } else { ShadingMode::Flat };
     RenderSettings {
-        camera,
-        projection: None,
-        longest_side: None,
         with: Vec::new(),
         without: Vec::new(),
         picture: PictureSettings {
-            width: None,
-            height: None,
-            azimuth: None,
-            elevation: None,
-            zoom: None,
-            fov: None,
             shading: settings.picture.shading.map(lit),
             clamp: None,
             samples: None,
@@ -266,7 +281,7 @@ fn key_settings(settings: &RenderSettings, scene: &Scene) -> RenderSettings {
             tone_map: None,
             ..settings.picture
         },
-        ..settings.clone()
+        ..settings
     }
 }
 
@@ -275,4 +290,84 @@ fn placeholder_camera(scene: &Scene) -> Camera {
     let (target, up) = (scene.bounds().map_or(glam::DVec3::ZERO, |(min, _)| min), glam::DVec3::Y);
     let back = target + glam::DVec3::Z * target.abs().max_element().max(1.0);
     Camera::from_field_of_view("none".into(), back, target, up, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::{Path, PathBuf};
+
+    use super::*;
+    use crate::import;
+    use crate::render::RenderControl;
+    use crate::scene::{ImportOptions, Look};
+    use crate::viewer::controls::Controls;
+
+    const SIZE: [u32; 2] = [20, 16];
+
+    /// Scene files, and meshes of each format.
+    fn files() -> Vec<PathBuf> {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+        let folders = ["scenes", "scenes/effects", "scenes/hard"].map(|folder| root.join(folder));
+        let files = folders.iter().flat_map(|folder| std::fs::read_dir(folder).expect("a folder"));
+        let files = files.map(|entry| entry.expect("a file").path());
+        let mut files: Vec<PathBuf> =
+            files.filter(|file| file.extension().is_some_and(|ending| ending == "toml")).collect();
+        assert!(files.len() > 30, "{}", files.len());
+        let meshes = ["l.obj", "materials.obj", "square.gltf", "square.ply", "tetrahedron.stl"];
+        files.extend(meshes.map(|file| root.join("assets/import").join(file)));
+        files
+    }
+
+    /// The window has the picture of `kiln render`, bit by bit: the same look, camera, exposure, clamp and sampling.
+    #[test]
+    fn the_window_has_the_picture_of_the_command() {
+        let variants: [fn(&mut RenderSettings); 6] = [
+            |_| (),
+            |settings| settings.picture.look = Some(Look::Draft),
+            |settings| settings.picture.exposure = Some(Exposure::Ev(1.0)),
+            |settings| settings.picture.ground = Some(true),
+            |settings| settings.picture.elevation = crate::scene::Rotation::parse("-30").ok(),
+            |settings| settings.without = vec!["path".into()],
+        ];
+        for file in files() {
+            let options = ImportOptions { smooths_meshes: true, ..ImportOptions::default() };
+            let scene =
+                import::load_with(&[file.clone()], &options, &mut Warnings::default()).expect("a scene");
+            let camera_source = match scene.default_camera() {
+                Some(_) => CameraSource::Scene(0),
+                None => CameraSource::Fitted(StandardView::Auto),
+            };
+            let of_scene = RenderSettings { mesh_look: Look::Studio, ..RenderSettings::default() };
+            let opened = Arc::new(Opened {
+                scene: scene.clone(),
+                camera_source,
+                projection: None,
+                size: SIZE,
+                settings: of_scene.clone(),
+            });
+            let mut cache = RenderCache::default();
+            for (index, change) in variants.iter().enumerate() {
+                let mut settings = of_scene.clone();
+                change(&mut settings);
+                let whole = PictureSettings::of_size(SIZE).or(settings.picture);
+                let command = RenderSettings { picture: whole, ..settings.clone() };
+                let Ok(expected) = job::prepare(scene.clone(), &command, &mut Warnings::default()) else {
+                    continue;
+                };
+                let mut controls = Controls::new(&opened);
+                controls.sides = vec![settings];
+                let request = controls.request(&opened, SIZE);
+                let prepared = cache.prepare(&request, &request.sides[0]).expect("a job");
+                let mut shown = prepared.job.with_choices(prepared.choices.clone()).expect("a job");
+                if prepared.meters {
+                    shown.meter(&RenderControl::default()).expect("an exposure");
+                }
+                let picture = |job: &RenderJob| {
+                    let (film, _) = job.render::<[u8; 3]>(&RenderControl::default()).expect("a picture");
+                    film.rows().collect::<Vec<_>>()
+                };
+                assert!(picture(&shown) == picture(&expected), "{}, variant {index}", file.display());
+            }
+        }
+    }
 }
