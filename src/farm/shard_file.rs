@@ -8,7 +8,6 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::Shard;

@@ -664,7 +664,6 @@ fn what_is_seen_is_rendered_by_its_line() {
         size: [48, 32],
         settings: &settings,
         import_options: &kiln::scene::ImportOptions::default(),
-        clips: &[],
         output: Path::new("seen.png"),
     };
     let words = command_line::arguments(&command);

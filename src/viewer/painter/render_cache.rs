@@ -299,7 +299,7 @@ mod tests {
     use super::*;
     use crate::import;
     use crate::render::RenderControl;
-    use crate::scene::{ImportOptions, Look};
+    use crate::scene::{ImportOptions, Look, OptionValue, Rotation};
     use crate::viewer::controls::Controls;
 
     const SIZE: [u32; 2] = [20, 16];
@@ -326,7 +326,7 @@ mod tests {
             |settings| settings.picture.look = Some(Look::Draft),
             |settings| settings.picture.exposure = Some(Exposure::Ev(1.0)),
             |settings| settings.picture.ground = Some(true),
-            |settings| settings.picture.elevation = crate::scene::Rotation::parse("-30").ok(),
+            |settings| settings.picture.elevation = Rotation::parse("-30").ok(),
             |settings| settings.without = vec!["path".into()],
         ];
         for file in files() {
