@@ -75,16 +75,26 @@ impl Viewpoint<'_> {
         if matches!(self, Viewpoint::Fitted(_)) && scene.inputs.len() > 1 && !scene.has_settings {
             note_small_inputs(scene, warnings);
         }
-        let is_parallel = settings.projection == Some(Projection::Orthographic);
-        if matches!(self, Viewpoint::Fitted(_)) && is_parallel && framing.iter().any(|name| name == "fov") {
-            warnings.push("fov changes nothing in an orthographic picture; use zoom");
+        let projection = settings.projection.unwrap_or_default();
+        let (names, hint) = projection.unused_framing();
+        let unused: Vec<&str> =
+            names.iter().copied().filter(|&name| framing.iter().any(|one| one == name)).collect();
+        if matches!(self, Viewpoint::Fitted(_)) && !unused.is_empty() {
+            let (names, projection) = (unused.join(", "), projection.name());
+            warnings.push(format!("{names} changes nothing in a picture that is {projection}{hint}"));
+        }
+        if matches!(self, Viewpoint::Fitted(_)) && projection == Projection::Panoramic {
+            warnings.note("the panorama is seen from the middle of the scene; --camera puts it elsewhere");
         }
     }
 
     /// Size of the picture in pixels.
     pub fn size(&self, settings: &RenderSettings, scene: &Scene) -> [u32; 2] {
         let camera = if let Viewpoint::Camera(camera) = self { Some(&**camera) } else { None };
-        let size = settings.picture.size().unwrap_or_else(|| default_size(scene.picture.size(), camera));
+        let own = camera.map(|camera| camera.projection).unwrap_or_default();
+        let projection = settings.projection.unwrap_or(own);
+        let size = || default_size(scene.picture.size(), camera, projection);
+        let size = settings.picture.size().unwrap_or_else(size);
         match settings.longest_side {
             Some(longest) if settings.picture.size().is_none() && settings.crop.is_none() => {
                 no_longer_than(longest, size)

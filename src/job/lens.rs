@@ -2,7 +2,7 @@
 
 use crate::effects::{Choices, id};
 use crate::error::{Error, Result};
-use crate::scene::{Camera, Focus, Lens, PictureSettings, Projection, Samples};
+use crate::scene::{Camera, Focus, Lens, PictureSettings, Samples};
 use crate::world::{Recentering, View, World};
 
 /// Samples a pixel of pictures with a lens where none are asked for: those of paths in the default look.
@@ -34,7 +34,7 @@ pub(super) fn set(
     recentering: Option<&Recentering>,
 ) -> Result<()> {
     choices.lens = None;
-    if let (Some((lens, blur)), Projection::Perspective) = (lens(camera, choices), camera.projection) {
+    if let (Some((lens, blur)), true) = (lens(camera, choices), camera.projection.has_lens()) {
         let name = format!("camera `{}`", camera.name);
         if is_off(choices) {
             choices.lens = Some(name);
@@ -63,8 +63,10 @@ pub(super) fn complete(picture: &mut PictureSettings, choices: &mut Choices, cam
     if is_off(choices) || lens(camera, choices).is_none() {
         return Ok(());
     }
-    if camera.projection == Projection::Orthographic {
-        let what = format!("camera `{}` is orthographic, and parallel rays pass no lens", camera.name);
+    if !camera.projection.has_lens() {
+        let projection = camera.projection.name();
+        let what =
+            format!("camera `{}` is {projection}, and only perspective cameras have a lens", camera.name);
         let hint = format!("give --projection perspective, or --without {}", id::DEPTH_OF_FIELD);
         return Err(Error::usage(what, hint));
     }

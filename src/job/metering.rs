@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::film::tone::{Exposure, auto_exposure, clipped_share, mean_exposure, white_exposure};
 use crate::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, FilterShape};
 use crate::render::aov::{self, AovSelection};
-use crate::scene::{Camera, Clamp, DefaultLook, Look, PictureSettings, Projection, Sampling, Scene};
+use crate::scene::{Camera, Clamp, DefaultLook, Look, PictureSettings, Sampling, Scene};
 
 /// Longest side in pixels of a picture that is metered before it is rendered, and its samples a pixel.
 const METER_SIZE: u32 = 128;
@@ -180,7 +180,7 @@ pub(crate) fn leave_to_metering(
 fn is_inside(scene: &Scene, picture: &PictureSettings, camera: &Camera) -> bool {
     let contains =
         |(min, max): (DVec3, DVec3)| (camera.position.cmpgt(min) & camera.position.cmplt(max)).all();
-    camera.projection == Projection::Perspective
+    camera.projection.is_central()
         && picture.pipeline() == ColourPipeline::Linear
         && picture.shading.unwrap_or_default().uses_lights()
         && scene.bounds().is_some_and(contains)

@@ -14,9 +14,50 @@ pub enum Projection {
     Perspective,
     /// Rays are parallel and start on the viewing rectangle, moved to the camera's position.
     Orthographic,
+    /// Rays start at the camera's position in all directions. The picture is equirectangular: from left to right a full turn
+    /// about the camera's vertical axis, with the line of sight in the middle; from top to bottom straight up to straight
+    /// down.
+    Panoramic,
 }
 
-names!(Projection { Perspective = "perspective", Orthographic = "orthographic" });
+names!(Projection {
+    Perspective = "perspective", Orthographic = "orthographic", Panoramic = "panoramic",
+});
+
+impl Projection {
+    /// Whether rays start at the camera's position, so that distant things are smaller.
+    pub fn is_central(self) -> bool {
+        self != Projection::Orthographic
+    }
+
+    /// Whether a camera may have a thin lens.
+    pub fn has_lens(self) -> bool {
+        self == Projection::Perspective
+    }
+
+    /// Width divided by height of pictures with square pixels; `None` where the viewing rectangle decides.
+    pub fn aspect(self) -> Option<f64> {
+        (self == Projection::Panoramic).then_some(2.0)
+    }
+
+    /// Options of the automatic camera that change nothing, and what to use instead.
+    pub fn unused_framing(self) -> (&'static [&'static str], &'static str) {
+        match self {
+            Projection::Perspective => (&[], ""),
+            Projection::Orthographic => (&["fov"], "; use zoom"),
+            Projection::Panoramic => (&["fov", "zoom"], ""),
+        }
+    }
+
+    /// What it shows, for people.
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Projection::Perspective => "distant things are smaller, as for the eye",
+            Projection::Orthographic => "parallel lines stay parallel, as in drawings to scale",
+            Projection::Panoramic => "all directions at once, as in environment maps",
+        }
+    }
+}
 
 /// A camera. It looks from `position` towards `target` through a rectangle at distance `viewpoint_distance`, centred on
 /// the line of sight; at that distance both projections cover the same area.
@@ -83,16 +124,16 @@ impl Scene {
 /// Default width and height of a picture.
 const DEFAULT_SIZE: [u32; 2] = [1024, 1024];
 
-/// Default size of a picture in pixels: the scene's, else one with the aspect ratio of the camera's viewing rectangle,
-/// if it has a width.
-pub fn default_size(of_scene: Option<[u32; 2]>, camera: Option<&Camera>) -> [u32; 2] {
-    let shape = |camera: &Camera| {
-        let aspect = camera.view_width? / camera.view_height;
+/// Default size of a picture in pixels: the scene's, else one with the aspect ratio of the projection or of the camera's
+/// viewing rectangle, if it has a width.
+pub fn default_size(of_scene: Option<[u32; 2]>, camera: Option<&Camera>, projection: Projection) -> [u32; 2] {
+    let of_rectangle = || camera.and_then(|camera| Some(camera.view_width? / camera.view_height));
+    let shape = |aspect: f64| {
         let [width, height] = DEFAULT_SIZE.map(f64::from);
         let shape = if aspect >= 1.0 { [width, width / aspect] } else { [height * aspect, height] };
-        Some(shape.map(|pixels| pixels.round().max(1.0) as u32))
+        shape.map(|pixels| pixels.round().max(1.0) as u32)
     };
-    of_scene.or_else(|| camera.and_then(shape)).unwrap_or(DEFAULT_SIZE)
+    of_scene.or_else(|| projection.aspect().or_else(of_rectangle).map(shape)).unwrap_or(DEFAULT_SIZE)
 }
 
 #[cfg(test)]

@@ -34,7 +34,7 @@ impl Camera {
         if self.up != DVec3::Y || self.up.to_array().iter().any(|c| c.is_sign_negative()) {
             entries.push(("up", list(&self.up.to_array())));
         }
-        if self.projection == Projection::Orthographic {
+        if self.projection != Projection::default() {
             entries.push(("projection", quoted(self.projection.name())));
         }
         match (self.short_field_of_view(), self.view_width) {

@@ -46,7 +46,7 @@ impl RenderCommand<'_> {
 
     /// Width and height in pixels that `kiln render` uses without `--size`.
     pub fn default_size(&self) -> [u32; 2] {
-        default_size(self.scene.picture.size(), self.camera())
+        default_size(self.scene.picture.size(), self.camera(), self.projection)
     }
 }
 

@@ -208,7 +208,7 @@ impl Controls {
         }
     }
 
-    /// Switches between the two projections.
+    /// Switches between perspective and orthographic.
     pub(crate) fn switch_projection(&mut self, displayed: Option<&Camera>) {
         let own = match (&self.camera_source, displayed) {
             (CameraSource::Free(camera), _) | (_, Some(camera)) => camera.projection,
@@ -216,7 +216,7 @@ impl Controls {
         };
         let other = match self.projection.unwrap_or(own) {
             Projection::Perspective => Projection::Orthographic,
-            Projection::Orthographic => Projection::Perspective,
+            _ => Projection::Perspective,
         };
         self.project(other, displayed);
     }

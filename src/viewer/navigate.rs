@@ -117,23 +117,20 @@ pub fn zoom_about(camera: &mut Camera, factor: f64, point: DVec3) {
         bring_rectangle_to_target(camera, pose);
         let share = 1.0 - 1.0 / factor;
         let towards = point - camera.target;
-        match camera.projection {
-            Projection::Perspective => {
-                let distance = pose.distance / factor;
-                let target = camera.target + share * towards;
-                if distance < NEAREST * target.abs().max_element() && factor > 1.0 {
-                    return;
-                }
-                camera.target = target;
-                camera.position = target + distance * pose.w;
-                scale_lens(camera, 1.0 / factor);
+        if camera.projection.is_central() {
+            let distance = pose.distance / factor;
+            let target = camera.target + share * towards;
+            if distance < NEAREST * target.abs().max_element() && factor > 1.0 {
+                return;
             }
-            Projection::Orthographic => {
-                let across = share * (towards - towards.dot(pose.w) * pose.w);
-                camera.target += across;
-                camera.position += across;
-                scale_rectangle(camera, 1.0 / factor);
-            }
+            camera.target = target;
+            camera.position = target + distance * pose.w;
+            scale_lens(camera, 1.0 / factor);
+        } else {
+            let across = share * (towards - towards.dot(pose.w) * pose.w);
+            camera.target += across;
+            camera.position += across;
+            scale_rectangle(camera, 1.0 / factor);
         }
     });
 }
@@ -154,12 +151,11 @@ pub fn focus(camera: &mut Camera, point: DVec3) {
     change(camera, |camera, pose| {
         let depth = (camera.position - point).dot(pose.w);
         let nearest = pose.distance / 1024.0;
-        let distance = match camera.projection {
-            Projection::Perspective if depth > 0.0 => {
-                bring_rectangle_to_target(camera, pose);
-                depth.clamp(nearest, pose.distance)
-            }
-            _ => pose.distance,
+        let distance = if camera.projection.is_central() && depth > 0.0 {
+            bring_rectangle_to_target(camera, pose);
+            depth.clamp(nearest, pose.distance)
+        } else {
+            pose.distance
         };
         camera.target = point;
         camera.position = point + distance * pose.w;
@@ -176,7 +172,7 @@ pub fn field_of_view(camera: &Camera) -> f64 {
 /// the picture does not change; the value applies to the perspective projection that shows the target at the same size
 /// ([`set_lens`]).
 pub fn set_field_of_view(camera: &mut Camera, angle: f64) {
-    if camera.projection == Projection::Orthographic {
+    if !camera.projection.is_central() {
         return set_lens(camera, angle);
     }
     let Some(height) = height_at_one(angle) else { return };
@@ -227,21 +223,21 @@ pub fn frame(camera: &mut Camera, (min, max): (DVec3, DVec3), aspect: f64) {
             let p = DVec3::new(pick(0), pick(1), pick(2)) - middle;
             (DVec2::new(p.dot(pose.u), p.dot(pose.v)).abs() / DVec2::new(aspect, 1.0), p.dot(pose.w))
         });
-        let needed = |(across, nearer): (DVec2, f64)| match camera.projection {
+        let needed = |(across, nearer): (DVec2, f64)| match camera.projection.is_central() {
             // A corner is visible if `across <= slope (distance - nearer)`.
-            Projection::Perspective => nearer + across.max_element() / (usable_height / 2.0 / pose.distance),
-            Projection::Orthographic => across.max_element() * 2.0 / usable_height,
+            true => nearer + across.max_element() / (usable_height / 2.0 / pose.distance),
+            false => across.max_element() * 2.0 / usable_height,
         };
         let needed = corners.map(needed).fold(0.0, f64::max);
         if !(needed > 0.0 && needed.is_finite()) {
             return;
         }
-        let distance = match camera.projection {
-            Projection::Perspective => {
+        let distance = match camera.projection.is_central() {
+            true => {
                 scale_lens(camera, needed / pose.distance);
                 needed
             }
-            Projection::Orthographic => {
+            false => {
                 scale_rectangle(camera, needed);
                 // In front of the whole box: points behind the camera are not visible in orthographic projection
                 // either.
@@ -319,15 +315,12 @@ fn vertical(camera: &Camera, pose: &CameraPose) -> DVec3 {
 fn height_at_target(camera: &Camera, pose: &CameraPose, aspect: f64) -> f64 {
     // As in `View`: the viewing rectangle is extended along one axis, never cropped.
     let height = camera.view_width.map_or(camera.view_height, |width| camera.view_height.max(width / aspect));
-    match camera.projection {
-        Projection::Perspective => height * (pose.distance / camera.viewpoint_distance),
-        Projection::Orthographic => height,
-    }
+    if camera.projection.is_central() { height * (pose.distance / camera.viewpoint_distance) } else { height }
 }
 
 /// Moves the viewing rectangle to the target's distance, without a change of the picture.
 fn bring_rectangle_to_target(camera: &mut Camera, pose: &CameraPose) {
-    if camera.projection == Projection::Perspective {
+    if camera.projection.is_central() {
         scale_rectangle(camera, pose.distance / camera.viewpoint_distance);
     }
     camera.viewpoint_distance = pose.distance;

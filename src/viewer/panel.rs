@@ -135,42 +135,18 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
     });
     let Some(seen) = contents.displayed_camera() else { return };
     ui.horizontal(|ui| {
-        for projection in [Projection::Perspective, Projection::Orthographic] {
+        for projection in Projection::ALL {
             let button = ui.selectable_label(seen.projection == projection, projection.name());
-            let meaning = match projection {
-                Projection::Perspective => "distant things are smaller, as for the eye (Enter)",
-                Projection::Orthographic => "parallel lines stay parallel, as in drawings to scale (Enter)",
-            };
+            let is_switched = projection != Projection::Panoramic;
+            let meaning = format!("{}{}", projection.meaning(), if is_switched { " (Enter)" } else { "" });
             if button.on_hover_text(meaning).clicked() {
                 controls.project(projection, Some(seen));
             }
         }
     });
-    let (before, meaning) = match seen.projection {
-        Projection::Perspective => (
-            navigate::field_of_view(seen).to_degrees(),
-            "the vertical angle that is seen: small as through a telephoto lens, large to show a whole room",
-        ),
-        Projection::Orthographic => (seen.view_height, "the height that is seen, in units of the scene"),
-    };
-    let mut value = before;
-    let control = ui.horizontal(|ui| match seen.projection {
-        Projection::Perspective => {
-            ui.add(Slider::new(&mut value, 1.0..=150.0).text("field of view").suffix("°").logarithmic(true))
-        }
-        Projection::Orthographic => {
-            let range = f64::MIN_POSITIVE..=f64::MAX;
-            let drag = ui.add(DragValue::new(&mut value).range(range).speed(before * 0.01));
-            drag | ui.label("height")
-        }
-    });
-    let control = control.inner.on_hover_text(meaning);
-    // A control that gets the focus parses its displayed text, which is rounded, and reports a change.
-    if control.changed() && (value - before).abs() > 1e-3 * before {
-        controls.navigate(Some(seen), |camera| match seen.projection {
-            Projection::Perspective => navigate::set_field_of_view(camera, value.to_radians()),
-            Projection::Orthographic => navigate::zoom(camera, before / value),
-        });
+    // A panorama shows all directions.
+    if seen.projection.aspect().is_none() {
+        extent(ui, controls, seen);
     }
     let list = ComboBox::from_label("shown").selected_text(controls.display_mode.name()).show_ui(ui, |ui| {
         for shown in DisplayMode::ALL {
@@ -179,6 +155,36 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
         }
     });
     list.response.on_hover_text("the picture, or what is known of each pixel as colours with a legend (V)");
+}
+
+/// The field of view of a perspective camera, the height that an orthographic one sees.
+fn extent(ui: &mut Ui, controls: &mut Controls, seen: &Camera) {
+    let is_central = seen.projection.is_central();
+    let (before, meaning) = match is_central {
+        true => (
+            navigate::field_of_view(seen).to_degrees(),
+            "the vertical angle that is seen: small as through a telephoto lens, large to show a whole room",
+        ),
+        false => (seen.view_height, "the height that is seen, in units of the scene"),
+    };
+    let mut value = before;
+    let control = ui.horizontal(|ui| {
+        if is_central {
+            ui.add(Slider::new(&mut value, 1.0..=150.0).text("field of view").suffix("°").logarithmic(true))
+        } else {
+            let range = f64::MIN_POSITIVE..=f64::MAX;
+            let drag = ui.add(DragValue::new(&mut value).range(range).speed(before * 0.01));
+            drag | ui.label("height")
+        }
+    });
+    let control = control.inner.on_hover_text(meaning);
+    // A control that gets the focus parses its displayed text, which is rounded, and reports a change.
+    if control.changed() && (value - before).abs() > 1e-3 * before {
+        controls.navigate(Some(seen), |camera| match is_central {
+            true => navigate::set_field_of_view(camera, value.to_radians()),
+            false => navigate::zoom(camera, before / value),
+        });
+    }
 }
 
 fn comparison(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {

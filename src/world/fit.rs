@@ -205,7 +205,8 @@ fn from(azimuth: f64, elevation: f64) -> DVec3 {
 }
 
 /// A camera that looks at the whole scene, with 5 % of the picture free on the tightest sides before magnification.
-/// `aspect` is the picture's width divided by its height. `None` for a scene without extent.
+/// `aspect` is the picture's width divided by its height. A panorama is seen from the middle of the bounds, with a level
+/// horizon. `None` for a scene without extent.
 pub fn fitted_camera(
     scene: &Scene,
     framing: impl Into<Framing>,
@@ -218,46 +219,41 @@ pub fn fitted_camera(
         StandardView::Auto => opening(scene).map_or(view.backwards(), |opening| opening.towards),
         _ => view.backwards(),
     };
-    let (backwards, up) = framing.turned(side);
+    let is_panoramic = projection == Projection::Panoramic;
+    let level = DVec3::new(side.x, 0.0, side.z).normalize_or(DVec3::Z);
+    let (backwards, up) = framing.turned(if is_panoramic { level } else { side });
     let [u, v, w] = basis(backwards, DVec3::ZERO, up)?;
     let (min, max) = scene.bounds()?;
     // Relative to the centre of the scene, to avoid cancellation for scenes far from the origin.
     let middle = min / 2.0 + max / 2.0;
+    let fov = framing.magnified().to_radians();
+    let from = |position: DVec3, target: DVec3| {
+        let up = if w.y.abs() < STEEP { DVec3::Y } else { v };
+        let camera = Camera::from_field_of_view(view.name().into(), position, target, up, fov);
+        (target != position && position.is_finite()).then_some(Camera { projection, ..camera })
+    };
+    if is_panoramic {
+        return from(middle, middle - w * (max - min).length());
+    }
     let half_height = (framing.field_of_view.to_radians() / 2.0).tan();
     let k = (1.0 - 2.0 * MARGIN) * DVec2::new(half_height * aspect, half_height);
-    let slope = match projection {
-        Projection::Perspective => k,
-        Projection::Orthographic => DVec2::ZERO,
-    };
+    let slope = if projection.is_central() { k } else { DVec2::ZERO };
     let extent = extent(scene, middle, [u, v, w], slope);
     let size = (max - min).length();
     let sideways = (extent.plus - extent.minus) / 2.0;
     let reach = (extent.plus + extent.minus) / 2.0;
     // The least distance to the nearest point, for shapes that taper towards the camera.
     let clear = extent.nearest + CLEARANCE * size;
-    let (distance, rectangle_at, view_height) = match projection {
-        Projection::Perspective => {
-            let distance = (reach / k).max_element().max(clear);
-            (distance, distance, 2.0 * half_height * distance)
-        }
-        Projection::Orthographic => {
-            let half = (reach / DVec2::new(aspect, 1.0)).max_element() / (1.0 - 2.0 * MARGIN);
-            (clear, clear, 2.0 * half)
-        }
-    };
-    let position = middle + sideways.x * u + sideways.y * v + distance * w;
-    let target = position - w * rectangle_at;
-    let usable = rectangle_at > 0.0 && view_height > 0.0 && target != position;
-    if !usable || !position.is_finite() {
+    let is_central = projection.is_central();
+    let distance = if is_central { (reach / k).max_element().max(clear) } else { clear };
+    let half = (reach / DVec2::new(aspect, 1.0)).max_element() / (1.0 - 2.0 * MARGIN);
+    let view_height = 2.0 * if is_central { half_height * distance } else { half };
+    if !(distance > 0.0 && view_height > 0.0) {
         return None;
     }
-    let up = if w.y.abs() < STEEP { DVec3::Y } else { v };
-    let fov = framing.magnified().to_radians();
-    let camera = Camera::from_field_of_view(view.name().into(), position, target, up, fov);
-    Some(match projection {
-        Projection::Perspective => camera,
-        Projection::Orthographic => Camera { projection, view_height: view_height / framing.zoom, ..camera },
-    })
+    let position = middle + sideways.x * u + sideways.y * v + distance * w;
+    let camera = from(position, position - w * distance)?;
+    Some(if is_central { camera } else { Camera { view_height: view_height / framing.zoom, ..camera } })
 }
 
 /// The cosine of the angle to the vertical from which a fitted camera has an up vector other than +y.

@@ -3,6 +3,8 @@
 //! The assignment's report: `w = normalise(position - target)`, `u = normalise(up x w)`, `v = w x u`, right-handed. Pixel (i, j), j
 //! counted from the bottom row, lies at `x = (i + 0.5) / I_w * V_w - V_w / 2` of the viewing rectangle, and `y` likewise.
 
+use std::f64::consts::{PI, TAU};
+
 use glam::{DVec2, DVec3};
 
 use super::differential::Differential;
@@ -54,30 +56,23 @@ impl View {
         // Where the aspect ratios agree, exactly the rectangle asked for.
         let keep = |asked: f64, pixels: f64| if asked / pixels == pixel { asked } else { pixel * pixels };
         let rectangle = DVec2::new(keep(asked.x, size.x), keep(asked.y, size.y));
-        let scale = match projection {
-            Projection::Perspective => scale_to_one(rectangle.max_element().max(camera.viewpoint_distance)),
-            Projection::Orthographic => 1.0,
+        let (rectangle, distance) = match projection {
+            Projection::Perspective => {
+                let scale = scale_to_one(rectangle.max_element().max(camera.viewpoint_distance));
+                (rectangle * scale, camera.viewpoint_distance * scale)
+            }
+            Projection::Orthographic => (rectangle, camera.viewpoint_distance),
+            // Angles: positions in the rectangle are longitude and latitude.
+            Projection::Panoramic => (DVec2::new(TAU, PI), 1.0),
         };
-        let view = View {
-            position: camera.position,
-            u,
-            v,
-            w,
-            projection,
-            distance: camera.viewpoint_distance * scale,
-            rectangle: rectangle * scale,
-            size,
-            lens: None,
-        };
+        let view =
+            View { position: camera.position, u, v, w, projection, distance, rectangle, size, lens: None };
         let usable = view.rectangle.is_finite() && view.rectangle.min_element() > 0.0;
         if !(usable && view.distance > 0.0 && view.distance.is_finite()) {
             let hint = "give its rectangle and its distance finite sizes above 0";
             return Err(unusable("has an unusable viewing rectangle", hint));
         }
-        let reach = match projection {
-            Projection::Perspective => 0.0,
-            Projection::Orthographic => rectangle.max_element(),
-        };
+        let reach = if projection.is_central() { 0.0 } else { rectangle.max_element() };
         if camera.position.abs().max_element() + reach > FARTHEST {
             let what = "stands farther out than kiln's numbers reach";
             return Err(unusable(what, "move it towards the scene"));
@@ -144,24 +139,33 @@ impl View {
     ) {
         // Projection and precision are passed as constants, so that the loops have no branch on them.
         use Precision::{Double, Single};
-        use Projection::{Orthographic, Perspective};
+        use Projection::Perspective;
         let with = |projection| View { projection, ..self.clone() };
         match (self.projection, precision) {
             (Perspective, Single) => simd!(fill(&with(Perspective), rays, len, across, up, Single)),
             (Perspective, Double) => simd!(fill(&with(Perspective), rays, len, across, up, Double)),
-            (Orthographic, precision) => fill(self, rays, len, across, up, precision),
+            (_, precision) => fill(self, rays, len, across, up, precision),
         }
     }
 
     /// The ray through a position in the viewing rectangle.
     #[inline(always)]
     fn ray_at(&self, across: f64, up: f64, precision: Precision) -> Ray {
-        let offset = across * self.u + up * self.v;
+        let offset = || across * self.u + up * self.v;
         let (origin, direction) = match self.projection {
-            Projection::Perspective => (self.position, (offset - self.distance * self.w).normalize()),
-            Projection::Orthographic => (self.position + offset, -self.w),
+            Projection::Perspective => (self.position, (offset() - self.distance * self.w).normalize()),
+            Projection::Orthographic => (self.position + offset(), -self.w),
+            Projection::Panoramic => (self.position, self.direction_at(across, up)),
         };
         precision.ray(origin, direction, 0.0, f64::INFINITY)
+    }
+
+    /// The direction at a longitude, 0 in the middle of a panorama and positive to the right, and a latitude.
+    #[inline(always)]
+    fn direction_at(&self, longitude: f64, latitude: f64) -> DVec3 {
+        // The same bits on every platform.
+        let ((sin, cos), (rise, reach)) = (libm::sincos(longitude), libm::sincos(latitude));
+        reach * (sin * self.u - cos * self.w) + rise * self.v
     }
 
     /// The differential of a camera ray, from its `direction` (Igehy, Tracing Ray Differentials, SIGGRAPH 1999, section 3.1).
@@ -176,6 +180,13 @@ impl View {
                 let change = |step: DVec3| (step - step.dot(direction) * direction) / length;
                 Differential { origin: [DVec3::ZERO; 2], direction: [change(right), change(down)] }
             }
+            Projection::Panoramic => {
+                // Along the circle of latitude, whose radius is the cosine of the latitude, and along that of longitude.
+                let angle = self.rectangle / self.size;
+                let right = direction.cross(self.v) * angle.x;
+                let up = (self.v - self.v.dot(direction) * direction).normalize_or(self.w);
+                Differential { origin: [DVec3::ZERO; 2], direction: [right, -up * angle.y] }
+            }
         }
     }
 
@@ -183,32 +194,34 @@ impl View {
     pub fn project(&self, point: DVec3) -> (DVec2, bool) {
         let p = point - self.position;
         let (across, up, depth) = (p.dot(self.u), p.dot(self.v), -p.dot(self.w));
-        let scale = match self.projection {
-            Projection::Perspective => self.distance / depth,
-            Projection::Orthographic => 1.0,
+        let offset = DVec2::new(across, up);
+        let (offset, is_in_front) = match self.projection {
+            Projection::Perspective => (offset * (self.distance / depth), depth > 0.0),
+            Projection::Orthographic => (offset, depth > 0.0),
+            Projection::Panoramic => {
+                (DVec2::new(across.atan2(depth), up.atan2(across.hypot(depth))), p != DVec3::ZERO)
+            }
         };
-        let shares = DVec2::new(across, up) * scale / self.rectangle + 0.5;
-        (DVec2::new(shares.x, 1.0 - shares.y) * self.size, depth > 0.0)
+        let shares = offset / self.rectangle + 0.5;
+        (DVec2::new(shares.x, 1.0 - shares.y) * self.size, is_in_front)
     }
 
     /// The film positions of the ends of a line segment, as in [`View::project`], clipped to the front of the camera and to the
-    /// picture with a border of one picture size on each side. `None` where nothing is left.
+    /// picture with a border of one picture size on each side. `None` where nothing is left, and in a panorama, where it is no
+    /// straight line.
     pub fn project_segment(&self, from: DVec3, to: DVec3) -> Option<[DVec2; 2]> {
+        if self.projection == Projection::Panoramic {
+            return None;
+        }
         // Homogeneous positions in units of the rectangle, from its centre: linear along the segment, like depths.
         let [a, b] = [from, to].map(|point| {
             let p = point - self.position;
             let depth = -p.dot(self.w);
-            let divisor = match self.projection {
-                Projection::Perspective => depth / self.distance,
-                Projection::Orthographic => 1.0,
-            };
+            let divisor = if self.projection.is_central() { depth / self.distance } else { 1.0 };
             (DVec2::new(p.dot(self.u), p.dot(self.v)) / self.rectangle, divisor, depth)
         });
         // Camera rays begin at the eye, where the projection is undefined, or beside it by rounding.
-        let near = match self.projection {
-            Projection::Perspective => a.2.max(b.2) / 4096.0,
-            Projection::Orthographic => 0.0,
-        };
+        let near = if self.projection.is_central() { a.2.max(b.2) / 4096.0 } else { 0.0 };
         let inside = |(place, divisor, depth): (DVec2, f64, f64)| {
             let side = 1.5 * divisor;
             [depth - near, side - place.x, side + place.x, side - place.y, side + place.y]
@@ -409,5 +422,52 @@ mod tests {
             let (pixel, before) = view.project(view.ray(10, 20, Precision::Single).at(7.0));
             assert!(before && (pixel - DVec2::new(10.5, 20.5)).abs().max_element() < 1e-4, "{pixel}");
         }
+    }
+
+    /// Seen from (1, 2, 3) towards -z: the middle of the picture is ahead, a quarter to the right is +x, the left edge is
+    /// behind, the top is up.
+    #[test]
+    fn a_panorama_shows_all_directions() {
+        let position = DVec3::new(1.0, 2.0, 3.0);
+        let camera = Camera { position, target: position - DVec3::Z, ..camera() };
+        let view = View::new(&camera, Projection::Panoramic, [8, 4]).unwrap();
+        let film = |p: DVec2| {
+            let mut rays = RayBuffer::default();
+            view.rays_through(&[p.x], &[p.y], Precision::Double, &mut rays);
+            rays.get(0)
+        };
+        for ([x, y], direction) in [
+            ([4.0, 2.0], -DVec3::Z),
+            ([6.0, 2.0], DVec3::X),
+            ([2.0, 2.0], -DVec3::X),
+            ([8.0, 2.0], DVec3::Z),
+            ([0.0, 2.0], DVec3::Z),
+            ([5.0, 0.0], DVec3::Y),
+            ([5.0, 4.0], -DVec3::Y),
+            ([5.0, 2.0], DVec3::new(1.0, 0.0, -1.0).normalize()),
+            ([4.0, 1.0], DVec3::new(0.0, 1.0, -1.0).normalize()),
+        ] {
+            let ray = film(DVec2::new(x, y));
+            assert!((ray.direction - direction).length() < 1e-15, "({x}, {y}): {}", ray.direction);
+            assert_eq!(ray.origin, position);
+        }
+        for (p, pixel) in [(DVec3::X, [6.0, 2.0]), (-DVec3::Z, [4.0, 2.0]), (DVec3::Y - DVec3::Z, [4.0, 1.0])]
+        {
+            let (seen, is_in_front) = view.project(position + 7.0 * p);
+            assert!((seen - DVec2::from(pixel)).length() < 1e-12 && is_in_front, "{p}: {seen}");
+        }
+        // The differential is the difference of rays, for steps of a millionth of a pixel.
+        let step = 1e-6;
+        for [x, y] in [[4.3, 2.2], [1.0, 0.7], [7.9, 3.6]] {
+            let direction = film(DVec2::new(x, y)).direction;
+            let differential = view.differential(direction);
+            let moved = [DVec2::X, DVec2::Y].map(|by| film(DVec2::new(x, y) + step * by).direction);
+            for (moved, expected) in moved.iter().zip(differential.direction) {
+                let change = (*moved - direction) / step;
+                assert!((change - expected).length() < 1e-5, "({x}, {y}): {change} {expected}");
+            }
+            assert_eq!(differential.origin, [DVec3::ZERO; 2]);
+        }
+        assert_eq!(view.project_segment(DVec3::X, DVec3::Z), None);
     }
 }

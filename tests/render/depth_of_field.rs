@@ -204,6 +204,6 @@ fn it_can_be_asked_for() {
         assert_eq!(one.expect("a job").choices.sampling.samples, Some(1));
         let flat = RenderSettings { projection: Some(Projection::Orthographic), ..settings };
         let error = resolve(parse(ball), &flat, &mut Warnings::default()).err().expect("no lens");
-        assert!(error.to_string().contains("parallel rays pass no lens"), "{error}");
+        assert!(error.to_string().contains("only perspective cameras have a lens"), "{error}");
     }
 }

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::sections::{CameraSection, LensSection};
 use crate::error::{Error, Result};
 use crate::scene::lens::{field_of_view, radius_of};
-use crate::scene::{Camera, Focus, INLINE_NAME, Lens, Projection};
+use crate::scene::{Camera, Focus, INLINE_NAME, Lens};
 
 /// An error in a camera and a hint.
 #[derive(Debug)]
@@ -125,9 +125,9 @@ pub(crate) fn lens(section: &LensSection, camera: &Camera) -> std::result::Resul
             "give `blades` of 3 or more, or 0, and a finite `blade_rotation`",
         );
     }
-    if radius > 0.0 && camera.projection == Projection::Orthographic {
+    if radius > 0.0 && !camera.projection.has_lens() {
         return fault(
-            "has an aperture and parallel rays",
+            "has an aperture, which only perspective cameras have",
             "leave out the aperture, or give `projection = \"perspective\"`",
         );
     }
@@ -272,7 +272,7 @@ mod tests {
             ("focus_at = [0, inf, 0]", "unusable focus", "finite"),
             ("aperture_radius = 1, blades = 2", "no shape of an aperture", "3 or more"),
             ("blade_rotation = nan", "no shape of an aperture", "finite"),
-            ("aperture_radius = 1, projection = 'orthographic'", "parallel rays", "perspective"),
+            ("aperture_radius = 1, projection = 'orthographic'", "only perspective", "perspective"),
             ("focal_length = 0", "a field of view of 180 degrees", "`focal_length` above 0"),
             ("focal_length = 50, vertical_fov = 40", "too much or too little", "`focal_length` alone"),
         ] {

@@ -196,7 +196,7 @@ proptest! {
         prop_assert!((field_of_view(&set) - angle).abs() < 1e-9);
         match camera.projection {
             Projection::Perspective => prop_assert_eq!(set.position, camera.position),
-            Projection::Orthographic => {
+            _ => {
                 prop_assert!((projected(&set, 1.0, point) - projected(&camera, 1.0, point)).length() < 1e-9);
             }
         }
