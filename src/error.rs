@@ -141,14 +141,14 @@ impl fmt::Display for Place {
 /// omitted or replaced; `--strict` makes them fatal. *Notes* report automatic decisions.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Warnings {
-    messages: Once,
-    notes: Once,
-    left_out: Once,
+    messages: Deduplicator,
+    notes: Deduplicator,
+    left_out: Deduplicator,
 }
 
-/// Texts in order without duplicates, at most [`Once::MOST`] per kind, then a text with the number of the others.
+/// Texts in order without duplicates, at most [`Deduplicator::MOST`] per kind, then a text with the number of the others.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-struct Once {
+struct Deduplicator {
     texts: Vec<String>,
     /// Hashes of all texts, including those only counted.
     known: HashSet<u64>,
@@ -156,7 +156,7 @@ struct Once {
     kinds: BTreeMap<&'static str, (usize, Option<usize>)>,
 }
 
-impl Once {
+impl Deduplicator {
     /// Maximum number of texts kept per kind.
     const MOST: usize = 100;
 
