@@ -204,7 +204,7 @@ pub type Joined = (OutputImage, Vec<(String, String)>);
 /// [`Error::Input`] if a shard is missing, damaged, or of another picture; [`Error::Usage`] if the shards have further
 /// channels and the format does not support them.
 pub fn join(files: &[PathBuf], format: Format) -> Result<Joined> {
-    let mut joiner: Option<Joiner> = None;
+    let mut joiner: Option<ShardMerger> = None;
     let there = files.iter().filter_map(|file| std::fs::metadata(file).ok()).map(|about| about.len()).sum();
     for file in files {
         let wrong = |what: String| {
@@ -214,7 +214,7 @@ pub fn join(files: &[PathBuf], format: Format) -> Result<Joined> {
         let (head, shard, numbers) = open(&bytes).map_err(wrong)?;
         let joiner = match &mut joiner {
             Some(joiner) => joiner,
-            none => none.insert(Joiner::new((file, there), head.clone(), shard, numbers, format)?),
+            none => none.insert(ShardMerger::new((file, there), head.clone(), shard, numbers, format)?),
         };
         joiner.add(&head, shard, numbers).map_err(wrong)?;
     }
@@ -239,7 +239,7 @@ fn bytes_per_pixel(format: Format, channels: u64) -> u64 {
 }
 
 /// A picture that is being joined.
-struct Joiner {
+struct ShardMerger {
     /// File of the first shard.
     file: PathBuf,
     head: Header,
@@ -252,7 +252,7 @@ struct Joiner {
     has: BTreeSet<u32>,
 }
 
-impl Joiner {
+impl ShardMerger {
     /// Starts with the first shard. Memory for the whole picture is allocated after the size of the shard's values and
     /// the memory limit are checked. `there` is the total size of all shards.
     fn new(
@@ -289,7 +289,7 @@ impl Joiner {
         let film = Film::new(window)?;
         let channel = |name: &String| Channel { name: name.clone(), values: vec![0.0; window.area()] };
         let channels = head.channels.iter().map(channel).collect();
-        Ok(Joiner {
+        Ok(ShardMerger {
             file: file.to_owned(),
             head,
             pipeline,
