@@ -168,7 +168,7 @@ pub(crate) fn closest_visible(
 
 /// A ray of a generation on its way.
 #[derive(Debug, Clone, Copy)]
-struct Passing {
+struct ContinuedRay {
     /// Its index in the generation.
     index: u32,
     /// The distance from the origin of the generation's ray to that of `ray`.
@@ -182,7 +182,7 @@ struct Passing {
 /// The buffers of a tile.
 #[derive(Default)]
 pub(crate) struct Buffers {
-    passing: Vec<Passing>,
+    passing: Vec<ContinuedRay>,
     /// The rays of `passing`, and their hits.
     rays: RayBuffer,
     hits: HitBuffer,
@@ -194,7 +194,7 @@ pub(crate) struct Buffers {
 #[derive(Default)]
 struct Layers {
     /// The rays that go on after the current layer.
-    next: Vec<Passing>,
+    next: Vec<ContinuedRay>,
     /// The opacity of the current layer; 1 where the ray hit nothing.
     opacity: Vec<f64>,
     /// What the layers before the current one let through.
@@ -279,7 +279,7 @@ impl Buffers {
             generation.hits.set(index, None);
             let number = f64::from(self.number(tile, index, &ray, transparency));
             let cycle = OriginCycle::new(ray.origin);
-            let mut passing = Passing { index: index as u32, distance: 0.0, number, ray, cycle };
+            let mut passing = ContinuedRay { index: index as u32, distance: 0.0, number, ray, cycle };
             if self.layers.pass(&mut passing, &hit, alpha, world, &mut tile.generation().hits, is_layered) {
                 self.passing.push(passing);
             }
@@ -333,7 +333,7 @@ impl Layers {
     /// goes on in the next layer. Returns whether it passes.
     fn pass(
         &mut self,
-        ray: &mut Passing,
+        ray: &mut ContinuedRay,
         hit: &Hit,
         alpha: f64,
         world: &World,
