@@ -10,7 +10,7 @@ use super::media::Crossing;
 use super::numbers::GenerationNumbers;
 use super::opaque_bsdfs::OpaqueBsdfs;
 use super::smooth_glass::SmoothGlasses;
-use super::vertices::{Members, Vertices};
+use super::vertices::{ClassPartition, Vertices};
 use crate::effects::tile::vec_bytes;
 use crate::scene::{Layers, Material, Phong, TextureSlot};
 use crate::shading::bsdf::{Bsdf, BsdfParameters, Ggx, diffuse};
@@ -20,7 +20,7 @@ use crate::world::{InteractionSoa, PreparedMaterial, Vec3Soa, World, simd};
 #[derive(Default)]
 pub(super) struct Bsdfs {
     /// Vertices with Lambert's BSDF alone, and their albedos.
-    diffuse: Members,
+    diffuse: ClassPartition,
     albedo: Vec3Soa,
     opaque: OpaqueBsdfs,
     smooth_glass: SmoothGlasses,

@@ -1,7 +1,7 @@
 //! Continuation of paths: directions sampled by BSDFs, and Russian roulette.
 
 use super::numbers::GenerationNumbers;
-use super::vertices::{IndexList, Members, Vertices};
+use super::vertices::{IndexList, ClassPartition, Vertices};
 use super::{Buffers, Path};
 use crate::effects::tile::RayGeneration;
 use crate::shading::bsdf::{BsdfSample, DirectionSample};
@@ -48,7 +48,7 @@ impl Continuations {
     #[inline(always)]
     pub(super) fn set_member(
         &mut self,
-        members: &Members,
+        members: &ClassPartition,
         vertices: &Vertices,
         i: usize,
         sample: DirectionSample,

@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::continuations::Continuations;
 use super::light_samples::LightSamples;
 use super::numbers::GenerationNumbers;
-use super::vertices::{Members, Vertices};
+use super::vertices::{ClassPartition, Vertices};
 use crate::shading::bsdf::{
     BsdfParameters, Ggx, GgxAlbedo, OpaqueBsdf, OpaqueParameters, clamped_view, reflectances,
 };
@@ -16,7 +16,7 @@ use crate::world::{PerRay, Vec3Soa, select, simd};
 /// The parameters of such BSDFs.
 #[derive(Default)]
 pub(super) struct OpaqueBsdfs {
-    pub(super) members: Members,
+    pub(super) members: ClassPartition,
     base_colour: Vec3Soa,
     metallic: PerRay<f64>,
     roughness: PerRay<f64>,

@@ -5,14 +5,14 @@ use std::ops::Range;
 use super::continuations::Continuations;
 use super::light_samples::LightSamples;
 use super::numbers::GenerationNumbers;
-use super::vertices::{Members, Vertices};
+use super::vertices::{ClassPartition, Vertices};
 use crate::shading::bsdf::{BsdfParameters, Interface, SmoothGlass, clamped_view, relative_index};
 use crate::world::{PerRay, Vec3Soa};
 
 /// The parameters of such BSDFs.
 #[derive(Default)]
 pub(super) struct SmoothGlasses {
-    pub(super) members: Members,
+    pub(super) members: ClassPartition,
     /// The relative index of refraction.
     eta: PerRay<f64>,
     specular: PerRay<f64>,

@@ -197,13 +197,13 @@ impl IndexList {
 
 /// The vertices with a class of BSDF. Loops compute all vertices of the range from the first to the last of them.
 #[derive(Default)]
-pub(super) struct Members {
+pub(super) struct ClassPartition {
     start: usize,
     end: usize,
     is_member: Flags,
 }
 
-impl Members {
+impl ClassPartition {
     /// Removes all.
     pub(super) fn clear(&mut self) {
         (self.start, self.end) = (0, 0);
@@ -239,7 +239,7 @@ mod tests {
     /// Gaps between members are none, whatever was there before.
     #[test]
     fn members_are_those_of_the_ranges() {
-        let mut members = Members::default();
+        let mut members = ClassPartition::default();
         for ranges in [vec![0..3, 3..RAYS_PER_BATCH], vec![3..5, 9..10, 10..14], vec![], vec![7..8, 8..9]] {
             members.clear();
             ranges.iter().for_each(|range| members.push(range.clone()));
