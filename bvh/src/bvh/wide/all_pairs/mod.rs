@@ -5,7 +5,7 @@
 //!    up to [`OPEN`] undecided ones. Most often the ray starts on one, and a shadow ray ends at another.
 //! 2. f64 decides which undecided primitives lie behind the origin ([`crate::geometry::plane`]).
 //! 3. The tier's test decides the others, and computes the hit: eight rays at once, with a primitive each
-//!    ([`FewPrimitives`]). Rays with more undecided primitives are traced one by one.
+//!    ([`SmallLeafBatch`]). Rays with more undecided primitives are traced one by one.
 
 mod primitives;
 
@@ -15,8 +15,8 @@ use crate::geometry::estimate::{Errors, RaysInF32};
 use crate::geometry::lanes::MAX_LANES;
 use crate::geometry::simd::{Floats, Simd, TABLE, Vector};
 use crate::geometry::{HitBuffer, NO_PRIMITIVE, Rays, Tier};
-pub(crate) use primitives::FewPrimitives;
 use primitives::NONE;
+pub(crate) use primitives::SmallLeafBatch;
 
 /// The undecided primitives of a ray that are kept.
 const OPEN: usize = 2;
@@ -93,7 +93,7 @@ impl Part {
 #[inline(always)]
 pub(crate) fn closest<T: Tier, S: Simd>(
     wide: &Wide<T>,
-    few: &FewPrimitives,
+    few: &SmallLeafBatch,
     rays: Rays,
     hits: &mut HitBuffer,
     traversal: &mut Traversal,
@@ -114,7 +114,7 @@ pub(crate) fn closest<T: Tier, S: Simd>(
 
 #[inline(always)]
 fn closest_of_group<T: Tier, S: Simd>(
-    (wide, few, errors): (&Wide<T>, &FewPrimitives, &[Errors; TABLE]),
+    (wide, few, errors): (&Wide<T>, &SmallLeafBatch, &[Errors; TABLE]),
     rays: Rays,
     first: usize,
     hits: &mut HitBuffer,
@@ -190,7 +190,7 @@ fn closest_of_group<T: Tier, S: Simd>(
 #[inline(always)]
 pub(crate) fn occluded<T: Tier, S: Simd>(
     wide: &Wide<T>,
-    few: &FewPrimitives,
+    few: &SmallLeafBatch,
     rays: Rays,
     occluded: &mut Vec<bool>,
     traversal: &mut Traversal,
@@ -213,7 +213,7 @@ pub(crate) fn occluded<T: Tier, S: Simd>(
 /// The rays of a group that hit anything.
 #[inline(always)]
 fn occluded_of_group<T: Tier, S: Simd>(
-    (wide, few, errors): (&Wide<T>, &FewPrimitives, &[Errors; TABLE]),
+    (wide, few, errors): (&Wide<T>, &SmallLeafBatch, &[Errors; TABLE]),
     rays: Rays,
     first: usize,
     traversal: &mut Traversal,

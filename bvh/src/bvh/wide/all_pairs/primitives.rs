@@ -1,4 +1,4 @@
-//! [`FewPrimitives`]: the primitives of a small scene, as the tests of all pairs read them.
+//! [`SmallLeafBatch`]: the primitives of a small scene, as the tests of all pairs read them.
 
 use crate::bvh::wide::layout::Wide;
 use crate::geometry::estimate::{Errors, Estimate, RaysInF32, SphereInF32, TriangleInF32, reach_of_origins};
@@ -15,7 +15,7 @@ const MAX_PRIMITIVES: usize = TABLE;
 pub(super) const NONE: u32 = TABLE as u32;
 
 /// The primitives of a small scene. An index is that of a triangle or, from their number on, of a sphere.
-pub(crate) struct FewPrimitives {
+pub(crate) struct SmallLeafBatch {
     triangles: Vec<TriangleInF32>,
     spheres: Vec<SphereInF32>,
     /// For each index, slot and primitive; the last entry stands for a miss.
@@ -31,13 +31,13 @@ pub(crate) struct FewPrimitives {
     radii: [f64; TABLE],
 }
 
-impl FewPrimitives {
+impl SmallLeafBatch {
     /// The primitives of a scene; `None` if it is not small enough, or the tier or a primitive do not allow it.
     pub(crate) fn new<T: Tier>(wide: &Wide<T>) -> Option<Box<Self>> {
         if !T::HAS_RAY_N || wide.triangles.len() + wide.analytic.len() > MAX_PRIMITIVES {
             return None;
         }
-        let mut few = Box::new(FewPrimitives {
+        let mut few = Box::new(SmallLeafBatch {
             triangles: Vec::new(),
             spheres: Vec::new(),
             slots: [0; TABLE + 1],

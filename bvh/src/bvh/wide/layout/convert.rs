@@ -11,7 +11,7 @@ use super::preorder::{Entry, EntryContent, Preorder};
 use super::{TriangleLeaf, Wide};
 use crate::bvh::build::MIN_PARALLEL;
 use crate::bvh::stored_slot::StoredSlot;
-use crate::bvh::wide::all_pairs::FewPrimitives;
+use crate::bvh::wide::all_pairs::SmallLeafBatch;
 use crate::geometry::lanes::LANES4;
 use crate::geometry::simd::{InstructionSet, prefetch};
 use crate::geometry::{Corner, NO_PRIMITIVE, Stored, Tier, Triangle4};
@@ -63,7 +63,7 @@ pub(crate) fn convert<T: Tier>(
         TriangleLeaf::new(in_order(&members, leaf.clone()), slots)
     };
     wide.triangles = leaves.par_iter().enumerate().with_min_len(MIN_PARALLEL).map(leaf).collect();
-    wide.few = FewPrimitives::new(&wide);
+    wide.few = SmallLeafBatch::new(&wide);
     wide
 }
 

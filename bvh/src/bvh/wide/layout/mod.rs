@@ -14,7 +14,7 @@ mod refit;
 pub(crate) use convert::convert;
 pub(crate) use node::{Child, Content, Node, WIDTH};
 
-use super::all_pairs::FewPrimitives;
+use super::all_pairs::SmallLeafBatch;
 use crate::geometry::lanes::LANES4;
 use crate::geometry::simd::InstructionSet;
 use crate::geometry::{AnalyticShape, Corner, Hit, PrimId, Ray, SlotId, Stored, Tier, Triangle4};
@@ -30,7 +30,7 @@ pub(crate) struct Wide<T: Tier> {
     /// The number of nodes on the longest path from the root.
     pub depth: usize,
     /// Copies of the primitives for [`all_pairs`](super::all_pairs); `None` in larger scenes.
-    pub few: Option<Box<FewPrimitives>>,
+    pub few: Option<Box<SmallLeafBatch>>,
     /// The instruction set of its traversals.
     pub instructions: InstructionSet,
     /// The cost by the surface area heuristic before the first refit.

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::{Content, Node, TriangleLeaf, WIDTH, Wide};
 use crate::bvh::Primitive;
 use crate::bvh::build::MIN_PARALLEL;
-use crate::bvh::wide::all_pairs::FewPrimitives;
+use crate::bvh::wide::all_pairs::SmallLeafBatch;
 use crate::geometry::{AnalyticShape, Bounds, Corner, NO_PRIMITIVE, PrimId, Tier, Triangle};
 
 /// Inverted bounds: those of nothing.
@@ -21,7 +21,7 @@ impl<T: Tier> Wide<T> {
         let before = self.cost_at_build.unwrap_or_else(|| self.cost());
         self.cost_at_build = Some(before);
         let (triangles, shapes, is_other_kind) = self.move_primitives(primitive);
-        self.few = FewPrimitives::new(self);
+        self.few = SmallLeafBatch::new(self);
         // Every node stands before its descendants.
         for index in (0..self.nodes.len()).rev() {
             for place in 0..WIDTH {
