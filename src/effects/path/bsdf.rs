@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::continuations::Continuations;
 use super::light_samples::LightSamples;
-use super::media::Crossing;
+use super::media::MediumTransition;
 use super::numbers::GenerationNumbers;
 use super::opaque_bsdfs::OpaqueBsdfs;
 use super::smooth_glass::SmoothGlasses;
@@ -241,7 +241,7 @@ fn parameters(
     material: &PreparedMaterial,
     surfaces: &InteractionSoa,
     i: usize,
-    crossing: &Crossing,
+    crossing: &MediumTransition,
 ) -> Option<BsdfParameters> {
     if crossing.is_hidden {
         return Some(BsdfParameters {

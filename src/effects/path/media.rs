@@ -111,7 +111,7 @@ impl MediaId {
 
 /// A surface that a path meets, as far as media are concerned.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Crossing {
+pub(super) struct MediumTransition {
     /// The medium that the path came through.
     passed: Option<u32>,
     /// The closed volumes in front of the surface, on the path's side, and behind it.
@@ -124,9 +124,9 @@ pub(super) struct Crossing {
     pub(super) ior_around: f64,
 }
 
-impl Crossing {
+impl MediumTransition {
     /// A surface with no medium on either side.
-    pub(super) const NONE: Crossing = Crossing {
+    pub(super) const NONE: MediumTransition = MediumTransition {
         passed: None,
         sides: [MediaId::EMPTY; 2],
         from_inside: false,
@@ -141,14 +141,14 @@ impl Crossing {
     }
 }
 
-/// What a [`Crossing`] depends on: the volumes around the surface, its own, and whether the path is inside that.
+/// What a [`MediumTransition`] depends on: the volumes around the surface, its own, and whether the path is inside that.
 type CrossingKey = (MediaId, Option<u32>, bool);
 
 /// The sets of volumes that hold the vertices of some paths, and the surfaces between them. Few are different.
 #[derive(Default)]
 pub(super) struct MediaTable {
     sets: Vec<Media>,
-    crossings: Vec<(CrossingKey, Crossing)>,
+    crossings: Vec<(CrossingKey, MediumTransition)>,
 }
 
 /// The latest entries of a [`MediaTable`] that are searched. One that is not found there is added again, so that a search
@@ -211,14 +211,14 @@ impl MediaTable {
     #[cold]
     fn add_crossing(&mut self, world: &World, key: CrossingKey) -> usize {
         let (around, own, from_inside) = key;
-        let crossing = world.volumes.as_ref().map_or(Crossing::NONE, |volumes| {
+        let crossing = world.volumes.as_ref().map_or(MediumTransition::NONE, |volumes| {
             let around = self.sets[around.0 as usize];
             let closed = own.filter(|&own| volumes.get(own).is_closed);
             let outside = closed.filter(|_| from_inside).map_or(around, |own| around.without(own));
             let inside = closed.map_or(outside, |own| outside.with(own));
             let medium = outside.medium();
             let sides = if from_inside { [inside, outside] } else { [outside, inside] };
-            Crossing {
+            MediumTransition {
                 passed: own.filter(|_| from_inside).map_or(around, |own| outside.with(own)).medium(),
                 sides: sides.map(|side| self.id(side)),
                 from_inside,
@@ -232,7 +232,7 @@ impl MediaTable {
 
     /// A surface by its entry.
     #[inline]
-    pub(super) fn crossing(&self, entry: u32) -> &Crossing {
+    pub(super) fn crossing(&self, entry: u32) -> &MediumTransition {
         &self.crossings[entry as usize].1
     }
 

@@ -7,7 +7,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::Path;
-use super::media::{Crossing, MediaId, MediaTable};
+use super::media::{MediumTransition, MediaId, MediaTable};
 use crate::effects::ray_origins::find_origins;
 use crate::effects::tile::vec_bytes;
 use crate::world::{Flags, InteractionSoa, PerRay, RAYS_PER_BATCH, Vec3Soa, World, select, simd};
@@ -128,8 +128,8 @@ impl Vertices {
 
     /// The media at a surface.
     #[inline]
-    pub(super) fn crossing(&self, i: usize) -> &Crossing {
-        self.crossings.get(i).map_or(&Crossing::NONE, |&entry| self.media.crossing(entry))
+    pub(super) fn crossing(&self, i: usize) -> &MediumTransition {
+        self.crossings.get(i).map_or(&MediumTransition::NONE, |&entry| self.media.crossing(entry))
     }
 
     /// Whether the crossings of two vertices are the same entry of the table.
