@@ -142,13 +142,13 @@ impl MediumTransition {
 }
 
 /// What a [`MediumTransition`] depends on: the volumes around the surface, its own, and whether the path is inside that.
-type CrossingKey = (MediaId, Option<u32>, bool);
+type MediumTransitionKey = (MediaId, Option<u32>, bool);
 
 /// The sets of volumes that hold the vertices of some paths, and the surfaces between them. Few are different.
 #[derive(Default)]
 pub(super) struct MediaTable {
     sets: Vec<Media>,
-    crossings: Vec<(CrossingKey, MediumTransition)>,
+    crossings: Vec<(MediumTransitionKey, MediumTransition)>,
 }
 
 /// The latest entries of a [`MediaTable`] that are searched. One that is not found there is added again, so that a search
@@ -209,7 +209,7 @@ impl MediaTable {
     }
 
     #[cold]
-    fn add_crossing(&mut self, world: &World, key: CrossingKey) -> usize {
+    fn add_crossing(&mut self, world: &World, key: MediumTransitionKey) -> usize {
         let (around, own, from_inside) = key;
         let crossing = world.volumes.as_ref().map_or(MediumTransition::NONE, |volumes| {
             let around = self.sets[around.0 as usize];
