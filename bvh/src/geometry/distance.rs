@@ -22,7 +22,7 @@ pub(crate) struct Distance {
 }
 
 /// A ray's exact intersection with the plane of a triangle.
-pub(crate) struct Crossing {
+pub(crate) struct PlaneHit {
     /// The distance along the ray.
     pub distance: Distance,
     /// The barycentrics of the corners, rounded to f64.
@@ -41,7 +41,7 @@ impl Distance {
 
     /// The intersection with the plane of a triangle of normal n, at `n.(corner - origin) / n.direction`. `None` if
     /// the ray is parallel to the plane or the triangle has no area.
-    pub(crate) fn to_triangle(ray: &Ray, corners: &[DVec3; 3]) -> Option<Crossing> {
+    pub(crate) fn to_triangle(ray: &Ray, corners: &[DVec3; 3]) -> Option<PlaneHit> {
         let [o, d] = [ray.origin, ray.direction];
         let [a, b, c] = *corners;
         let numbers = integers([o.x, o.y, o.z, d.x, d.y, d.z, a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z]);
@@ -58,7 +58,7 @@ impl Distance {
         let sign = across.signum();
         let distance =
             Distance { b: dot(&normal, &a) * &sign, a: across * &sign, d: BigInt::ZERO, far: false };
-        Some(Crossing { distance, barycentrics })
+        Some(PlaneHit { distance, barycentrics })
     }
 
     /// The near and far root of `a t^2 - 2 b t + c = 0` with `a > 0`. `None` if they are not real.

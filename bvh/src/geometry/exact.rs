@@ -13,7 +13,7 @@
 use glam::{DVec3, Vec3Swizzles};
 
 use super::bounds::DoubleBoxTest;
-use super::distance::{Crossing, Distance};
+use super::distance::{Distance, PlaneHit};
 use super::expansion::Expansion;
 use super::woop::{Sheared, WoopTest};
 use super::{Hit, Ray, Stored, Tier, TriangleHit};
@@ -193,7 +193,7 @@ pub(super) fn plane_distance(ray: &Ray, &[a, b, c]: &[DVec3; 3]) -> PlaneDistanc
 #[cold]
 fn settle_exactly(ray: &Ray, corners: &[DVec3; 3]) -> Option<TriangleHit> {
     is_ray(ray).then_some(())?;
-    let Crossing { distance, barycentrics } = Distance::to_triangle(ray, corners)?;
+    let PlaneHit { distance, barycentrics } = Distance::to_triangle(ray, corners)?;
     distance
         .is_within(ray)
         .then(|| TriangleHit { t: distance.to_f64(), barycentrics: [barycentrics[1], barycentrics[2]] })
