@@ -115,7 +115,7 @@ impl SampleGroups {
 
     /// The variance of the mean of all samples, per channel, where the groups are stratified; infinite for fewer than
     /// two groups. `mean` is the mean of the samples without their signs, `mean_sign` the expected sign
-    /// ([`crate::film::Filter::mean_sign`]).
+    /// ([`crate::film::ReconstructionFilter::mean_sign`]).
     pub fn variance(&self, mean: DVec3, mean_sign: f64) -> DVec3 {
         // Independent groups would give the groups' variance over their count; stratified ones give its power 3/2.
         self.independent_variance(mean, mean_sign) / f64::from(self.full()).sqrt()

@@ -80,7 +80,7 @@ impl SamplePass {
         }
     }
 
-    /// [`SamplePass::place`]; `filter` is [`Filter::place`](crate::film::Filter::place).
+    /// [`SamplePass::place`]; `filter` is [`ReconstructionFilter::place`](crate::film::ReconstructionFilter::place).
     #[inline(always)]
     fn place_by(&mut self, sampler: &Sampler, filter: impl Fn([f32; 2]) -> ([f64; 2], f64)) {
         for i in 0..self.len.min(RAYS_PER_BATCH) {

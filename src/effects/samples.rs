@@ -14,7 +14,7 @@ use super::region::SampledRegion;
 use super::sample_pass::SamplePass;
 use super::tile::{Tile, vec_bytes};
 use super::variance::SampleVariance;
-use crate::film::{ColourPipeline, Filter, Window};
+use crate::film::{ColourPipeline, ReconstructionFilter, Window};
 use crate::geometry::RayBuffer;
 use crate::scene::PixelSampler;
 #[cfg(doc)]
@@ -28,7 +28,7 @@ pub struct Sampler {
     /// The index of the first sample.
     pub first: u32,
     /// The reconstruction filter.
-    pub filter: Filter,
+    pub filter: ReconstructionFilter,
     /// The seed of the random numbers.
     pub seed: u32,
     /// How the samples of a pixel are related.
@@ -53,7 +53,7 @@ impl Sampler {
         Sampler {
             samples,
             first: sampling.first.unwrap_or(0),
-            filter: Filter::new(shape, radius),
+            filter: ReconstructionFilter::new(shape, radius),
             seed: sampling.seed.unwrap_or(0),
             kind: sampling.sampler.unwrap_or_default(),
             floor,
@@ -366,7 +366,7 @@ impl SampleSum {
     ///
     /// For a filter with negative lobes: the mean, plus the mean of `sign * (colour - mean)` divided by the expected sign. This
     /// never divides by a sum of signs that may vanish, and equal samples give exactly their colour.
-    pub fn value(&self, filter: &Filter) -> DVec3 {
+    pub fn value(&self, filter: &ReconstructionFilter) -> DVec3 {
         let mean = self.mean();
         if !filter.is_signed() {
             return mean;

@@ -9,7 +9,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Filter shapes.
+/// Shapes of reconstruction filters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum FilterShape {
@@ -48,7 +48,7 @@ const STEPS: usize = 2048;
 
 /// A filter with its tables for sampling.
 #[derive(Debug, Clone)]
-pub struct Filter {
+pub struct ReconstructionFilter {
     shape: FilterShape,
     /// Quantiles of the filter's absolute value on one side of the centre, at equal steps from 0 to 1, in pixels.
     quantiles: Box<[f32; STEPS + 1]>,
@@ -58,7 +58,7 @@ pub struct Filter {
     sign_change: f64,
 }
 
-impl Filter {
+impl ReconstructionFilter {
     /// A filter of a shape and a radius in pixels, clamped to [`RADII`].
     pub fn new(shape: FilterShape, radius: f64) -> Self {
         let radius = if radius.is_nan() { shape.default_radius() } else { radius };
@@ -69,7 +69,7 @@ impl Filter {
             FilterShape::Mitchell => MITCHELL_ZERO * radius,
             _ => f64::INFINITY,
         };
-        Filter { shape, quantiles, absolute: half / half_integral(shape), sign_change }
+        ReconstructionFilter { shape, quantiles, absolute: half / half_integral(shape), sign_change }
     }
 
     /// Whether the filter has negative lobes.
@@ -177,8 +177,8 @@ fn simpson(f: impl Fn(f64) -> f64, step: usize) -> f64 {
 mod tests {
     use super::*;
 
-    fn usual() -> [Filter; 4] {
-        FilterShape::ALL.map(|shape| Filter::new(shape, shape.default_radius()))
+    fn usual() -> [ReconstructionFilter; 4] {
+        FilterShape::ALL.map(|shape| ReconstructionFilter::new(shape, shape.default_radius()))
     }
 
     /// A filter of the default radius and unit integral along one axis, by the distance from the centre.
@@ -227,7 +227,7 @@ mod tests {
         // of the absolute value is 1 minus twice their sum.
         let a = 6.0f64 / 7.0;
         let negative = 2.0 * (7.0 / 4.0 * a.powi(4) - 2.0 * a.powi(3)) / 18.0;
-        let mitchell = Filter::new(FilterShape::Mitchell, 2.0);
+        let mitchell = ReconstructionFilter::new(FilterShape::Mitchell, 2.0);
         let value = value(FilterShape::Mitchell);
         assert!((moment(FilterShape::Mitchell, 0, |x| value(x).min(0.0)) - negative).abs() < 1e-8);
         assert!((mitchell.mean_sign() - (1.0 - 2.0 * negative).powi(-2)).abs() < 1e-6);

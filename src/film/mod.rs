@@ -26,7 +26,7 @@ pub mod tone;
 pub mod write;
 
 pub use colour::{Colour, ColourPipeline};
-pub use filter::{Filter, FilterShape};
+pub use filter::{FilterShape, ReconstructionFilter};
 pub use tone::{DisplaySettings, DisplayTransform};
 
 use pages::Pages;

@@ -4,7 +4,7 @@
 use crate::effects::samples::{SampleSum, TileSamples};
 use crate::effects::tile::Tile;
 use crate::effects::{Plan, id, transparency};
-use crate::film::Filter;
+use crate::film::ReconstructionFilter;
 use crate::shading::base_colour;
 use crate::world::World;
 
@@ -35,7 +35,7 @@ pub(super) fn plan_without_light(plan: &Plan, world: &World, has_mirrors: bool) 
 
 /// Collects the features of a tile's pixels pass by pass.
 pub(super) struct FeatureSums {
-    filter: Filter,
+    filter: ReconstructionFilter,
     sums: Vec<[SampleSum; 4]>,
     /// Of pictures with one sample a pixel.
     centres: Vec<Option<Features>>,
@@ -45,7 +45,11 @@ impl FeatureSums {
     pub(super) fn new(plan: &Plan, tile: &mut Tile) -> Self {
         let (shape, radius) = plan.sampling.shape_and_radius();
         tile.scattering = Some(Vec::new());
-        FeatureSums { filter: Filter::new(shape, radius), sums: Vec::new(), centres: Vec::new() }
+        FeatureSums {
+            filter: ReconstructionFilter::new(shape, radius),
+            sums: Vec::new(),
+            centres: Vec::new(),
+        }
     }
 
     /// Adds the camera rays of the pass that the stages have run, with [`first_surfaces`].

@@ -13,7 +13,7 @@ use kiln::effects::samples::SampleSum;
 use kiln::effects::tile::{RenderContext, Tile};
 use kiln::effects::variance::SampleVariance;
 use kiln::effects::{Choices, Plan, RayKind};
-use kiln::film::{ColourPipeline, Film, Filter, FilterShape, Window};
+use kiln::film::{ColourPipeline, Film, FilterShape, ReconstructionFilter, Window};
 use kiln::render::{RenderControl, Statistics, render};
 use kiln::scene::{Numerics, Sampling};
 use kiln::shading::ShadingMode;
@@ -55,7 +55,7 @@ const PIXELS: u32 = 300;
 
 /// The root mean square over pixels of what the mean of the first n samples is off, for n from 1 to `most`.
 fn errors(make: fn(&mut Numbers) -> Integrand, most: u32, is_random: bool) -> Vec<f64> {
-    let filter = Filter::new(FilterShape::Box, 0.5);
+    let filter = ReconstructionFilter::new(FilterShape::Box, 0.5);
     let mut numbers = Numbers::new(5);
     let mut squares = vec![0.0; most as usize];
     for pixel in 0..PIXELS {
@@ -146,7 +146,7 @@ fn every_filter_finds_its_own_moments() {
         (FilterShape::Mitchell, 2.0, 1.0 / 9.0),
         (FilterShape::Mitchell, 3.0, 1.0 / 4.0),
     ] {
-        let filter = Filter::new(shape, radius);
+        let filter = ReconstructionFilter::new(shape, radius);
         let scramble = Scramble::new(1, 2, 3);
         let mut sum = SampleSum::default();
         for sample in 0..1 << 16 {
@@ -161,7 +161,7 @@ fn every_filter_finds_its_own_moments() {
 #[test]
 fn equal_samples_have_their_own_colour_as_their_mean() {
     for shape in FilterShape::ALL {
-        let filter = Filter::new(shape, shape.default_radius());
+        let filter = ReconstructionFilter::new(shape, shape.default_radius());
         for count in 1..200 {
             let colour = [0.1f32, 1.0 / 3.0, 7e-9];
             let scramble = Scramble::new(count, 2, 3);
@@ -189,7 +189,7 @@ struct Stopped {
 
 /// Samples pixels as the effect does; by themselves alone where `by_neighbours` is false.
 fn stop(adaptive: Criterion, most: u32, by_neighbours: bool) -> Stopped {
-    let filter = Filter::new(FilterShape::Box, 0.5);
+    let filter = ReconstructionFilter::new(FilterShape::Box, 0.5);
     let mut numbers = Numbers::new(11);
     let (mut wrong, mut squares, mut taken) = (0, 0.0, 0);
     let pixels = 2000;
