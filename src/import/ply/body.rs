@@ -23,6 +23,7 @@ impl From<Error> for Stop {
 pub(super) type Read<T> = std::result::Result<T, Stop>;
 
 /// Reader of the values after the header.
+#[derive(Clone)]
 pub(super) struct Body<'a> {
     pub source: &'a Source,
     encoding: Encoding,
@@ -32,6 +33,8 @@ pub(super) struct Body<'a> {
     lines: Lines<'a>,
     line: usize,
     words: &'a [u8],
+    /// ASCII data: whether the values of an element may lie on several lines, or those of several on one.
+    is_by_words: bool,
     /// Number of lines with more values than declared.
     pub longer: usize,
     /// Where the file ends: a name of the element, the number of them that is there, the declared one.
@@ -39,7 +42,7 @@ pub(super) struct Body<'a> {
 }
 
 impl<'a> Body<'a> {
-    pub(super) fn new(source: &'a Source, header: &Header) -> Self {
+    pub(super) fn new(source: &'a Source, header: &Header, is_by_words: bool) -> Self {
         Body {
             source,
             encoding: header.encoding,
@@ -47,6 +50,7 @@ impl<'a> Body<'a> {
             lines: Lines::new(&source.bytes[header.bytes..], header.lines),
             line: header.lines,
             words: &[],
+            is_by_words,
             longer: 0,
             short: None,
         }
@@ -108,8 +112,23 @@ impl<'a> Body<'a> {
                 }
             }
         }
-        self.end();
+        if !self.is_by_words {
+            self.end();
+        }
         Ok(())
+    }
+
+    /// Whether all values that the header declares are there, and no others.
+    pub(super) fn is_whole(&self) -> bool {
+        self.short.is_none()
+            && self.longer == 0
+            && self.words.trim_ascii().is_empty()
+            && self.bytes_left() == 0
+    }
+
+    /// The same data from the place of `earlier` on.
+    pub(super) fn from(&self, earlier: &Self) -> Self {
+        Body { longer: self.longer, ..earlier.clone() }
     }
 
     /// Ends an element; in ASCII data, counts the line if it has values left.
@@ -118,16 +137,23 @@ impl<'a> Body<'a> {
         self.words = &[];
     }
 
-    /// Starts the next element; in ASCII data, moves to the next line that is not empty.
+    /// Starts the next element; in ASCII data, moves to the next line of values.
     fn begin(&mut self) -> Read<()> {
-        if self.encoding != Encoding::Ascii {
+        if self.encoding != Encoding::Ascii || self.is_by_words {
             return Ok(());
         }
         self.end();
+        self.next_line()
+    }
+
+    /// Moves to the next line that is neither empty nor a comment.
+    fn next_line(&mut self) -> Read<()> {
         loop {
             let (number, line) = self.lines.next().ok_or(Stop::End)?;
             (self.line, self.words) = (number, line);
-            if !line.trim_ascii().is_empty() {
+            let first = take_word(&mut { line });
+            if first.is_some_and(|word| !word.starts_with(b"#") && word != b"comment" && word != b"obj_info")
+            {
                 return Ok(());
             }
         }
@@ -135,6 +161,9 @@ impl<'a> Body<'a> {
 
     pub(super) fn next(&mut self, scalar: Scalar) -> Read<f64> {
         if self.encoding == Encoding::Ascii {
+            if self.is_by_words && self.words.trim_ascii().is_empty() {
+                self.next_line()?;
+            }
             let is_last = self.lines.rest().is_empty();
             let Some(word) = take_word(&mut self.words) else {
                 return Err(if is_last {
@@ -188,7 +217,7 @@ impl<'a> Body<'a> {
         }
         let is_text = self.encoding == Encoding::Ascii;
         self.each(element, |body| {
-            if is_text {
+            if is_text && !body.is_by_words {
                 body.words = &[];
                 return Ok(());
             }
