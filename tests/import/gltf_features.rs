@@ -543,8 +543,9 @@ fn primitives_without_positions_and_values_of_no_meaning() {
     model.json["samplers"] =
         json!([{ "magFilter": 0, "minFilter": "LINEAR", "wrapS": 10496, "wrapT": null }]);
     model.json["bufferViews"][0]["target"] = json!(0);
+    model.json["materials"][0]["alphaMode"] = json!("CUTOUT");
     let (scene, warnings) = read(&model);
-    assert_eq!((scene.objects.len(), scene.images.len(), warnings.len()), (1, 1, 5), "{warnings:?}");
+    assert_eq!((scene.objects.len(), scene.images.len(), warnings.len()), (1, 1, 6), "{warnings:?}");
 }
 
 /// A WebP of a few bytes that claims 16383 x 16383 texels would take 13 seconds.

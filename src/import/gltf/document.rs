@@ -276,13 +276,14 @@ fn tidy_all(root: &mut Value) {
     }
 }
 
-/// The keys of lists whose values the format enumerates and that have a default, with the values.
-const ENUMERATED: &[(&str, &str, &[u64])] = &[
-    ("samplers", "magFilter", &[9728, 9729]),
-    ("samplers", "minFilter", &[9728, 9729, 9984, 9985, 9986, 9987]),
-    ("samplers", "wrapS", &[33071, 33648, 10497]),
-    ("samplers", "wrapT", &[33071, 33648, 10497]),
-    ("bufferViews", "target", &[34962, 34963]),
+/// The keys of lists whose values the format enumerates and that have a default, with the values as JSON.
+const ENUMERATED: &[(&str, &str, &[&str])] = &[
+    ("samplers", "magFilter", &["9728", "9729"]),
+    ("samplers", "minFilter", &["9728", "9729", "9984", "9985", "9986", "9987"]),
+    ("samplers", "wrapS", &["33071", "33648", "10497"]),
+    ("samplers", "wrapT", &["33071", "33648", "10497"]),
+    ("bufferViews", "target", &["34962", "34963"]),
+    ("materials", "alphaMode", &["\"OPAQUE\"", "\"MASK\"", "\"BLEND\""]),
 ];
 
 /// Removes what the `gltf` crate refuses and the format tolerates or every viewer ignores.
@@ -290,8 +291,7 @@ fn repair(root: &mut Value, mut warn: impl FnMut(String)) {
     for &(list, key, known) in ENUMERATED {
         let mut unknown = 0;
         for item in items(root, list).filter_map(Value::as_object_mut) {
-            if item.get(key).is_some_and(|value| !value.as_u64().is_some_and(|value| known.contains(&value)))
-            {
+            if item.get(key).is_some_and(|value| !known.contains(&value.to_string().as_str())) {
                 item.remove(key);
                 unknown += 1;
             }

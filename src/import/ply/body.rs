@@ -87,12 +87,17 @@ impl<'a> Body<'a> {
         Ok(count as usize)
     }
 
-    /// Bytes after those that were read.
+    /// Bytes after those that were read; without lines that are empty or comments before them.
     pub(super) fn bytes_left(&self) -> usize {
-        match self.encoding {
-            Encoding::Ascii => self.lines.rest().trim_ascii().len(),
-            _ => self.source.bytes.len() - self.at,
+        if self.encoding != Encoding::Ascii {
+            return self.source.bytes.len() - self.at;
         }
+        let mut lines = self.lines.clone();
+        let mut rest = lines.rest();
+        while lines.next().is_some_and(|(_, line)| !has_values(line)) {
+            rest = lines.rest();
+        }
+        rest.trim_ascii().len()
     }
 
     /// Calls `read` for each of an element. Where the file ends before the last, the rest is left out.
@@ -151,9 +156,7 @@ impl<'a> Body<'a> {
         loop {
             let (number, line) = self.lines.next().ok_or(Stop::End)?;
             (self.line, self.words) = (number, line);
-            let first = take_word(&mut { line });
-            if first.is_some_and(|word| !word.starts_with(b"#") && word != b"comment" && word != b"obj_info")
-            {
+            if has_values(line) {
                 return Ok(());
             }
         }
@@ -236,6 +239,12 @@ impl<'a> Body<'a> {
             )))
         }
     }
+}
+
+/// Whether a line is neither empty nor a comment.
+fn has_values(mut line: &[u8]) -> bool {
+    let first = take_word(&mut line);
+    first.is_some_and(|word| !word.starts_with(b"#") && word != b"comment" && word != b"obj_info")
 }
 
 /// The name of an element for messages, which do not repeat what a file says.

@@ -391,7 +391,7 @@ fn header_lines_that_are_no_statements() {
 fn rows_of_text() {
     let (expected, _) = read_bytes(triangle("", "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")).expect("a triangle");
     for rows in [
-        "# points\n0 0 0\n\ncomment 1 2 3\n1 0 0\n \n0 1 0\nobj_info x\n# faces\n3 0 1 2\n\n",
+        "# points\n0 0 0\n\ncomment 1 2 3\n1 0 0\n \n0 1 0\nobj_info x\n# faces\n3 0 1 2\n\n# the end\n\n",
         "0 0 0\n1 0 0\n0 1 0\n3\n0 1 2\n",
         "0 0\n0\n1 0 0 0 1 0\n3 0 1\n# the last\n2",
     ] {
