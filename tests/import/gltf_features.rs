@@ -886,3 +886,15 @@ fn places_of_what_is_no_gltf() {
         }
     }
 }
+
+/// What is wrong with the chunks of a GLB, at each place where the file may be cut.
+#[test]
+fn cut_binary_files_say_where() {
+    let whole = Model::triangle().binary();
+    let header = "it ends within its header of 12 bytes";
+    let json = "its chunk of JSON is missing or cut";
+    for (length, expected) in [(4, header), (11, header), (12, json), (19, json), (40, json)] {
+        let e = Folder::new().fails("a.glb", &whole[..length]).to_string();
+        assert!(e.ends_with(&format!("a.glb: not a usable glTF file: {expected}")), "{length}: {e}");
+    }
+}

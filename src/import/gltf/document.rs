@@ -90,8 +90,7 @@ pub(super) fn parse(bytes: &[u8], file: &Path, warnings: &mut Warnings) -> Resul
         return Err(version_1(file));
     } else if bytes.starts_with(b"glTF") {
         let mut warn = |what: String| warnings.push(format!("{}: {what}", file.display()));
-        glb_chunks(bytes, &mut warn)
-            .map_err(|why| why.map_or_else(|| damaged(file), |why| unusable(file, why)))?
+        glb_chunks(bytes, &mut warn).map_err(|why| unusable(file, why))?
     } else {
         (bytes, None)
     };
@@ -145,20 +144,21 @@ type GlbChunks<'a> = (&'a [u8], Option<&'a [u8]>);
 /// chunks of other types and what is no chunk; the binary chunk ends with the file at the latest.
 ///
 /// # Errors
-/// What is wrong; `None` if the file has no complete chunk of JSON.
+/// What is wrong.
 fn glb_chunks<'a>(
     bytes: &'a [u8],
     warn: &mut impl FnMut(String),
-) -> std::result::Result<GlbChunks<'a>, Option<String>> {
+) -> std::result::Result<GlbChunks<'a>, String> {
     const HEADER: usize = 12;
+    const CUT: &str = "it ends within its header of 12 bytes";
     let number = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at.checked_add(4)?)?.try_into().ok()?));
-    let version = number(4).ok_or(None)?;
+    let version = number(4).ok_or(CUT)?;
     if version != 2 {
-        return Err(Some(format!("it is a GLB of version {version}; kiln reads version 2")));
+        return Err(format!("it is a GLB of version {version}; kiln reads version 2"));
     }
-    let stated = number(8).ok_or(None)?;
+    let stated = number(8).ok_or(CUT)?;
     if (stated as usize) < HEADER {
-        return Err(None);
+        return Err(format!("its header of 12 bytes states a length of {stated}"));
     }
     if u64::from(stated) != bytes.len() as u64 {
         warn(format!("its header states a length of {stated} bytes; it has {}", bytes.len()));
@@ -197,7 +197,7 @@ fn glb_chunks<'a>(
     if at < bytes.len() {
         warn(format!("{} bytes after its last chunk are not used", bytes.len() - at));
     }
-    Ok((json.ok_or(None)?, binary))
+    Ok((json.ok_or("its chunk of JSON is missing or cut")?, binary))
 }
 
 /// Checks the targets of animation channels, which the validation of gltf-json 1.4.1 leaves out (`Animation::validate`).
