@@ -2,9 +2,9 @@
 //! of vertices, and colours of faces. Colours are display values: of 0 to 255, or of 0 to 1 where none is larger. As in
 //! OBJ files, v points up in the image.
 //!
-//! Text is read by lines, since the number of colour values of a face is that of the words left on its line; a file that
-//! is not whole by lines is read by words. No crate is used: those on crates.io (off-rs 1.0, meshio-rs) read neither
-//! colours of faces nor comments, and have no line numbers.
+//! Text is read by lines, since the number of colour values of a face is that of the words left on its line; a file
+//! that is not whole by lines is read by words. No crate is used: those on crates.io (off-rs 1.0, meshio-rs) read
+//! neither colours of faces nor comments, and have no line numbers.
 
 use glam::{DVec2, DVec3};
 
@@ -133,8 +133,8 @@ impl<'a> Rows<'a> {
         Ok(())
     }
 
-    /// Appends `count` numbers, wherever lines end; those of binary files are `f32`, or `i32`. `false` at the end of the
-    /// file.
+    /// Appends `count` numbers, wherever lines end; those of binary files are `f32`, or `i32`. `false` at the end of
+    /// the file.
     fn take(&mut self, count: usize, is_integer: bool, values: &mut Vec<f64>) -> Result<bool> {
         for _ in 0..count {
             if self.layout == Layout::Binary {

@@ -549,10 +549,9 @@ fn a_mirrored_joint_turns_its_own_triangles_alone() {
     }
 }
 
-/// A clip at half its time weighs a morph target by 0.5; then a joint at (5, 0, 0) mirrors x. The corners (0, 0, 0), (1,
-/// 0, 0) and (0, 1, 0) move by half of (2, 0, 1), and come to 5 - x. A normal (0, 0, 1) and half of (2, 0, 0) is (1, 0, 1)
-/// before the joint and (-1, 0, 1) after it, normalised. The front stays that of the triangle at +z and +x: its normal
-/// (0, 0, 1) is unmoved, as all corners move alike.
+/// A clip at half its time weighs a morph target by 0.5; then a joint at (5, 0, 0) mirrors x. The corners (0, 0, 0),
+/// (1, 0, 0) and (0, 1, 0) move by half of (2, 0, 1), and come to 5 - x. A normal (0, 0, 1) and half of (2, 0, 0) is
+/// (1, 0, 1) before the joint and (-1, 0, 1) after it, normalised. The front stays at +z, as all corners move alike.
 #[test]
 fn morph_targets_under_a_mirrored_joint() {
     let mut model = Model::triangle();

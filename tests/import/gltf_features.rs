@@ -719,7 +719,10 @@ fn integers_with_a_fraction_of_zero() {
     let mut model = Model::square().with_texture(
         &png_uri(1, &[[255, 0, 0, 255]]),
         &json!({ "magFilter": 9728, "wrapS": 33071 }),
-        &json!({ "pbrMetallicRoughness": metallic, "extensions": { "KHR_materials_clearcoat": { "clearcoatFactor": 1 } } }),
+        &json!({
+            "pbrMetallicRoughness": metallic,
+            "extensions": { "KHR_materials_clearcoat": { "clearcoatFactor": 1 } },
+        }),
     );
     model.json["nodes"][0]["translation"] = json!([-0.0, 0.1, 16_777_217.0]);
     model.json["nodes"].as_array_mut().expect("a list").push(json!({ "camera": 0 }));
@@ -759,7 +762,8 @@ fn primitives_without_attributes() {
     assert_eq!(warnings, ["it: a mesh without positions is not drawn"]);
 }
 
-/// Lights and cameras that glTF does not know are left out; the others keep their numbers. Angles of spots have defaults.
+/// Lights and cameras that glTF does not know are left out; the others keep their indices. Angles of spots have
+/// defaults.
 #[test]
 fn unknown_lights_and_cameras() {
     let mut model = Model::triangle();

@@ -232,9 +232,9 @@ pub(super) fn items<'a>(parent: &'a mut Value, key: &str) -> impl Iterator<Item 
     parent.get_mut(key).and_then(Value::as_array_mut).into_iter().flatten()
 }
 
-/// Changes in an object and all below it what the `gltf` crate refuses and viewers read: removes `extras`, which may be of
-/// any type (section 3.12), and names that are not text; writes numbers without a fraction, such as `1.0`, as integers,
-/// as numbers that the format defines as integers must be.
+/// Changes in an object and all below it what the `gltf` crate refuses and viewers read: removes `extras`, which may
+/// be of any type (section 3.12), and names that are not text; writes numbers without a fraction, such as `1.0`, as
+/// integers, as numbers that the format defines as integers must be.
 fn tidy(value: &mut Value) {
     // Greater integers may differ as floating-point numbers; -0.0 is no integer.
     const MOST: f64 = (1u64 << 53) as f64;
@@ -378,7 +378,8 @@ fn repair(root: &mut Value, mut warn: impl FnMut(String)) {
     }
 }
 
-/// Has no node refer to lights and cameras that cannot be read, which are replaced by others: the numbers of the rest stay.
+/// Removes references of nodes to lights and cameras that cannot be read. These are replaced by others, so that the
+/// indices of the rest stay.
 fn remove_unknown(root: &mut Value, warn: &mut impl FnMut(String)) {
     const LIGHTS: &str = "/extensions/KHR_lights_punctual";
     const LIGHT_TYPES: [&str; 3] = ["directional", "point", "spot"];
