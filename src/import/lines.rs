@@ -1,6 +1,7 @@
 //! Lines, words and numbers of text files with line numbers for error messages. The text need not be UTF-8.
 
 /// Iterator over lines and their numbers, counted from 1, without terminators (`\n`, `\r\n` or `\r`).
+#[derive(Clone)]
 pub(crate) struct Lines<'a> {
     rest: &'a [u8],
     number: usize,

@@ -1,9 +1,10 @@
-//! OFF (Geomview manual, "OFF Files"): text, with `N` (normals), `C` (colours) and `ST` (texture coordinates) of
-//! vertices, and colours of faces. Colours are display values from 0 to 255, or from 0 to 1 if none is larger. As in
+//! OFF (Geomview manual, "OFF Files"): text or binary, with `N` (normals), `C` (colours) and `ST` (texture coordinates)
+//! of vertices, and colours of faces. Colours are display values: of 0 to 255, or of 0 to 1 where none is larger. As in
 //! OBJ files, v points up in the image.
 //!
-//! Parsed line by line: a face has as many colour values as words are left on its line. No crate is used: those on
-//! crates.io (off-rs 1.0, meshio-rs) support neither face colours nor comments nor line numbers in errors.
+//! Text is read by lines, since the number of colour values of a face is that of the words left on its line; a file
+//! that is not whole by lines is read by words. No crate is used: those on crates.io (off-rs 1.0, meshio-rs) read
+//! neither colours of faces nor comments, and have no line numbers.
 
 use glam::{DVec2, DVec3};
 
@@ -19,19 +20,33 @@ use crate::scene::{Attribute, Mesh, Phong, Scene};
 
 /// Reads an OFF file as one mesh.
 pub(super) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
-    let mut rows = Rows::new(source);
+    let mut by_words = warnings.clone();
+    let mut mesh = read_mesh(source, Layout::Lines, warnings);
+    if !mesh.as_ref().is_ok_and(|(_, is_whole)| *is_whole)
+        && let Ok((whole, true)) = read_mesh(source, Layout::Words, &mut by_words)
+    {
+        (mesh, *warnings) = (Ok((whole, true)), by_words);
+    }
+    Ok(source.scene_of(vec![(None, mesh?.0)]))
+}
+
+/// Reads the mesh of a file. Returns whether the file is whole, too.
+fn read_mesh(source: &Source, layout: Layout, warnings: &mut Warnings) -> Result<(Mesh, bool)> {
+    let mut rows = Rows::new(source, layout);
     let header = Header::read(&mut rows)?;
     let mut mesh = Mesh::default();
     let mut too_long = 0;
     read_vertices(&mut rows, &header, &mut mesh, &mut too_long, warnings)?;
+    if layout == Layout::Words && !rows.row.is_empty() {
+        return Err(rows.fault("a face on the line of a vertex"));
+    }
     let mut faces = 0;
     if mesh.positions.len() as u64 == header.vertices {
         faces = read_faces(&mut rows, &header, &mut mesh, warnings)?;
     }
     let file = source.file.display();
-    for (name, there, declared) in
-        [("vertices", mesh.positions.len() as u64, header.vertices), ("faces", faces, header.faces)]
-    {
+    let vertices = mesh.positions.len() as u64;
+    for (name, there, declared) in [("vertices", vertices, header.vertices), ("faces", faces, header.faces)] {
         if there < declared {
             let what = format!("ends after {there} of {declared} {name}; what is there is drawn");
             warnings.left_out(format!("{file}: {what}"));
@@ -46,53 +61,132 @@ pub(super) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         let points = mesh.positions.len();
         warnings.left_out(format!("{file}: {points} vertices without faces; points are not drawn"));
     }
-    Ok(source.scene_of(vec![(None, mesh)]))
+    let is_whole = (vertices, faces) == (header.vertices, header.faces);
+    Ok((mesh, is_whole && (layout == Layout::Lines || rows.next().is_none())))
 }
 
-/// Non-empty lines without comments.
+/// Where the values of vertices and faces end.
+#[derive(Clone, Copy, PartialEq)]
+enum Layout {
+    /// Each vertex and each face is a line.
+    Lines,
+    /// They are words, wherever lines end; what follows a face on its line is its colour.
+    Words,
+    /// They are big-endian numbers of 32 bits; the colour of a face follows the number of its values.
+    Binary,
+}
+
+/// Values of a file: for text, by lines that are not empty, without comments.
+#[derive(Clone)]
 struct Rows<'a> {
     source: &'a Source,
+    layout: Layout,
     lines: Lines<'a>,
     line: usize,
+    /// The rest of the current line, or of a binary file.
+    row: &'a [u8],
 }
 
 impl<'a> Rows<'a> {
-    fn new(source: &'a Source) -> Self {
+    fn new(source: &'a Source, layout: Layout) -> Self {
         let text = source.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&source.bytes);
-        Rows { source, lines: Lines::new(text, 0), line: 1 }
+        Rows { source, layout, lines: Lines::new(text, 0), line: 1, row: &[] }
     }
 
     fn fault(&self, what: impl Into<String>) -> Error {
-        Error::input(
-            Place::line(&self.source.file, self.line),
-            what,
-            "correct the line, or export the file again",
-        )
+        let file = &self.source.file;
+        let (place, hint) = match self.layout {
+            Layout::Binary => {
+                let byte = self.source.bytes.len() - self.row.len();
+                (Place::item(file, format!("byte {byte}")), "export the file again")
+            }
+            _ => (Place::line(file, self.line), "correct the line, or export the file again"),
+        };
+        Error::input(place, what, hint)
     }
 
-    fn next(&mut self) -> Option<&'a [u8]> {
+    /// Moves to the next line, of which the words are returned.
+    fn next(&mut self) -> Option<Vec<&'a [u8]>> {
+        self.next_row()?;
+        let mut row = self.row;
+        Some(std::iter::from_fn(|| take_word(&mut row)).collect())
+    }
+
+    /// Moves to the next line.
+    fn next_row(&mut self) -> Option<()> {
         loop {
             let (number, line) = self.lines.next()?;
             self.line = number;
             let comment = line.iter().position(|&b| b == b'#').unwrap_or(line.len());
-            let row = line[..comment].trim_ascii();
-            if !row.is_empty() {
-                return Some(row);
+            self.row = line[..comment].trim_ascii();
+            if !self.row.is_empty() {
+                return Some(());
             }
         }
     }
 
-    /// Reads the numbers of the next line into `values`. Returns `false` at the end of the file.
-    fn numbers(&mut self, values: &mut Vec<f64>) -> Result<bool> {
-        values.clear();
-        let Some(mut row) = self.next() else { return Ok(false) };
-        while let Some(word) = take_word(&mut row) {
+    /// Appends the numbers left on the line.
+    fn rest(&mut self, values: &mut Vec<f64>) -> Result<()> {
+        while let Some(word) = take_word(&mut self.row) {
+            values.push(parse_number(word).ok_or_else(|| self.fault("not a number"))?);
+        }
+        Ok(())
+    }
+
+    /// Appends `count` numbers, wherever lines end; those of binary files are `f32`, or `i32`. `false` at the end of
+    /// the file.
+    fn take(&mut self, count: usize, is_integer: bool, values: &mut Vec<f64>) -> Result<bool> {
+        for _ in 0..count {
+            if self.layout == Layout::Binary {
+                let Some((&bytes, rest)) = self.row.split_first_chunk() else { return Ok(false) };
+                self.row = rest;
+                let float = || f32::from_be_bytes(bytes).into();
+                values.push(if is_integer { i32::from_be_bytes(bytes).into() } else { float() });
+                continue;
+            }
+            if self.row.is_empty() && self.next_row().is_none() {
+                return Ok(false);
+            }
+            let word = take_word(&mut self.row).unwrap_or_default();
             values.push(parse_number(word).ok_or_else(|| self.fault("not a number"))?);
         }
         Ok(true)
     }
 
-    /// Whether this is the last line, which may be truncated.
+    /// The values of the next vertex, `count` of them if the file does not have them by lines; `false` at its end.
+    fn vertex(&mut self, count: usize, values: &mut Vec<f64>) -> Result<bool> {
+        values.clear();
+        if self.layout != Layout::Lines {
+            return self.take(count, false, values);
+        }
+        let is_there = self.next_row().is_some();
+        if is_there {
+            self.rest(values)?;
+        }
+        Ok(is_there)
+    }
+
+    /// The values of the next face: the number of its vertices, these, and its colour; `false` at the end of the file.
+    fn face(&mut self, values: &mut Vec<f64>) -> Result<bool> {
+        if self.layout == Layout::Lines {
+            return self.vertex(0, values);
+        }
+        values.clear();
+        if !self.take(1, true, values)? || !self.take(values[0] as usize, true, values)? {
+            return Ok(false);
+        }
+        if self.layout == Layout::Words {
+            self.rest(values)?;
+            return Ok(true);
+        }
+        if !self.take(1, true, values)? {
+            return Ok(false);
+        }
+        let colours = values.pop().unwrap_or_default();
+        self.take(colours as usize, false, values)
+    }
+
+    /// Whether no line follows, so that the current one may be cut.
     fn is_last(&self) -> bool {
         self.lines.rest().trim_ascii().is_empty()
     }
@@ -100,7 +194,8 @@ impl<'a> Rows<'a> {
     /// Number of elements to reserve: `count`, or what the rest of the file can hold at `least` bytes per element if
     /// that is less. Checks the memory limit for `bytes` per element.
     fn capacity(&self, count: u64, least: u64, bytes: usize) -> Result<usize> {
-        let count = count.min((self.lines.rest().len() as u64 + 1) / least);
+        let rest = self.lines.rest().len() + self.row.len();
+        let count = count.min((rest as u64 + 1) / least);
         limits::check(limits::product(&[count, bytes as u64])).map_err(|excess| {
             let what = format!("{count} elements: reading them {excess}");
             Error::input(Place::line(&self.source.file, self.line), what, excess.hint())
@@ -121,9 +216,10 @@ struct Header {
 impl Header {
     fn read(rows: &mut Rows) -> Result<Self> {
         const BEGINNING: &str = "an OFF file begins with `OFF`, or with ST, C or N before it";
-        let mut row = rows.next().ok_or_else(|| rows.fault(BEGINNING))?;
-        let word = take_word(&mut row).unwrap_or_default().to_ascii_uppercase();
-        // ModelNet files have the first number directly after the keyword.
+        let words = rows.next().ok_or_else(|| rows.fault(BEGINNING))?;
+        let (word, after) = words.split_first().ok_or_else(|| rows.fault(BEGINNING))?;
+        let word = word.to_ascii_uppercase();
+        // Files of ModelNet have the first count right behind the word.
         let letters = word.iter().position(u8::is_ascii_digit).filter(|&at| at > 1).unwrap_or(word.len());
         let (kind, glued) = word.split_at(letters);
         let mut kind = kind.strip_suffix(b"OFF").ok_or_else(|| rows.fault(BEGINNING))?;
@@ -138,27 +234,37 @@ impl Header {
             *flag = true;
             kind = &kind[length..];
         }
-        let mut counts: Vec<Vec<u8>> =
-            Some(glued).filter(|word| !word.is_empty()).map(<[u8]>::to_vec).into_iter().collect();
-        while let Some(word) = take_word(&mut row) {
-            counts.push(word.to_vec());
-        }
-        if counts.first().is_some_and(|word| word.eq_ignore_ascii_case(b"BINARY")) {
-            return Err(rows.fault("binary OFF is not read; export it as text"));
-        }
-        if counts.len() < 2 {
-            let mut row =
-                rows.next().ok_or_else(|| rows.fault("ends before the numbers of vertices and faces"))?;
-            while let Some(word) = take_word(&mut row) {
-                counts.push(word.to_vec());
+        const ENDS: &str = "ends before the numbers of vertices and faces";
+        const NO_COUNTS: &str = "no numbers of vertices and faces after `OFF`";
+        if after.first().is_some_and(|word| word.eq_ignore_ascii_case(b"BINARY")) {
+            (rows.layout, rows.row) = (Layout::Binary, rows.lines.rest());
+            rows.lines = Lines::new(&[], 0);
+            let mut counts = Vec::new();
+            let is_there = rows.take(3, true, &mut counts)?;
+            if !is_there || counts.iter().any(|&count| count < 0.0) {
+                return Err(rows.fault(NO_COUNTS));
             }
+            let (vertices, faces) = (counts[0] as u64, counts[1] as u64);
+            return Ok(Header { has_normals, has_colours, has_uvs, vertices, faces });
         }
-        let count = |index: usize| {
-            let word = counts.get(index).and_then(|word| std::str::from_utf8(word).ok());
-            word.and_then(|word| word.parse().ok())
-        };
+        let mut counts: Vec<&[u8]> = Some(glued).filter(|word| !word.is_empty()).into_iter().collect();
+        counts.extend(after);
+        let mut on_row = 0;
+        while counts.len() < 2 {
+            let row =
+                rows.next().ok_or_else(|| rows.fault(if counts.is_empty() { ENDS } else { NO_COUNTS }))?;
+            on_row = row.len();
+            counts.extend(row);
+        }
+        // The number of edges, where each number has a line.
+        let mut ahead = rows.clone();
+        if counts.len() == 2 && on_row == 1 && ahead.next().is_some_and(|row| row.len() == 1) {
+            *rows = ahead;
+        }
+        rows.row = &[];
+        let count = |index: usize| std::str::from_utf8(counts[index]).ok()?.parse().ok();
         let (Some(vertices), Some(faces)) = (count(0), count(1)) else {
-            return Err(rows.fault("no numbers of vertices and faces after `OFF`"));
+            return Err(rows.fault(NO_COUNTS));
         };
         Ok(Header { has_normals, has_colours, has_uvs, vertices, faces })
     }
@@ -200,6 +306,18 @@ fn colour(values: &[f64]) -> Option<[f64; 4]> {
     }
 }
 
+/// Whether the values at the ends of the lines of `count` vertices, those that are three or four, are colours without
+/// `C` on the first line: at all vertices, of the same number, and none of them negative, unlike normals.
+fn are_unnamed(values: &[[f64; 4]], count: usize) -> bool {
+    let is_colour = |value: &f64| value.is_nan() || (0.0..=255.0).contains(value);
+    let has_alpha = |colour: &[f64; 4]| !colour[3].is_nan();
+    !values.is_empty()
+        && values.len() == count
+        && values
+            .iter()
+            .all(|colour| colour.iter().all(is_colour) && has_alpha(colour) == has_alpha(&values[0]))
+}
+
 fn read_vertices(
     rows: &mut Rows,
     header: &Header,
@@ -213,8 +331,10 @@ fn read_vertices(
     let (mut normals, mut colours, mut uvs) = (Vec::new(), Vec::new(), Vec::new());
     let least = 3 + if has_normals { 3 } else { 0 } + if has_uvs { 2 } else { 0 };
     let mut values = Vec::new();
+    // Where lines do not say how many values a colour has, it has four (Geomview).
+    let count = least + if has_colours { 4 } else { 0 };
     for _ in 0..vertices {
-        if !rows.numbers(&mut values)? {
+        if !rows.vertex(count, &mut values)? {
             break;
         }
         if values.len() < least {
@@ -236,9 +356,16 @@ fn read_vertices(
         }
         if has_colours {
             colours.push(colour(rest).unwrap_or([f64::NAN; 4]));
-        } else {
-            *too_long += usize::from(!rest.is_empty());
+        } else if !rest.is_empty() {
+            *too_long += 1;
+            colours.extend(colour(rest));
         }
+    }
+    let has_colours = has_colours || are_unnamed(&colours, mesh.positions.len());
+    if has_colours && *too_long > 0 {
+        *too_long = 0;
+        let file = rows.source.file.display();
+        warnings.note(format!("{file}: vertices have colours, which the first line does not name"));
     }
     mesh.normals = has_normals.then(|| Attribute::per_position(normals));
     mesh.uvs.extend(has_uvs.then(|| Attribute::per_position(uvs)));
@@ -260,7 +387,7 @@ fn read_faces(rows: &mut Rows, header: &Header, mesh: &mut Mesh, warnings: &mut 
     let (mut values, mut polygon, mut corners) = (Vec::new(), Vec::new(), Vec::new());
     let count = mesh.positions.len();
     let mut there = 0;
-    while there < header.faces && rows.numbers(&mut values)? {
+    while there < header.faces && rows.face(&mut values)? {
         let length = values[0];
         if !(length >= 0.0 && length.fract() == 0.0) {
             return Err(rows.fault("a face begins with the number of its vertices"));
@@ -317,8 +444,11 @@ mod tests {
     use crate::scene::{Object, Shape};
 
     fn read_text(text: &str) -> Result<(Mesh, Warnings)> {
+        read_whole(text.as_bytes().to_vec())
+    }
+
+    fn read_whole(bytes: Vec<u8>) -> Result<(Mesh, Warnings)> {
         let mut warnings = Warnings::default();
-        let bytes = text.as_bytes().to_vec();
         let source =
             Source { file: "a.off".into(), bytes, files: Files::default(), options: Default::default() };
         let mut scene = read(&source, &mut warnings)?;
@@ -375,12 +505,105 @@ mod tests {
         assert_eq!(warnings.messages(), ["a.off: ends after 2 of 3 faces; what is there is drawn"]);
     }
 
+    /// Words wherever lines end: the same square as by lines, with the colour on the line of the last index.
+    #[test]
+    fn values_over_several_lines() {
+        let (square, _) =
+            read_text(&format!("OFF\n4 2 0\n{SQUARE}3 0 1 2 255 0 0\n3 0 2 3\n")).expect("a square");
+        let each = "0 0 0 1 0 0 1 1 0 0 1 0".replace(' ', "\n");
+        for text in [
+            format!("OFF\n4 2 0\n{SQUARE}3\n0 1\n2 255 0 0\n3 0\n\n2 # the last is 3\n3\n"),
+            "OFF\n4 2 0\n0 0\n0 1 0 0 1\n1 0 0 1 0\n3 0 1 2 255 0 0\n3 0 2\n3\n".to_owned(),
+            "OFF\n4 2 0\n0 0 0 1 0 0\n1 1 0 0 1 0\n3 0 1 2 255 0 0\n3 0 2 3\n".to_owned(),
+            format!("OFF\r\n4\r\n2\r\n0\r\n{each}\n3\n0\n1\n2 255 0 0\n3\n0\n2\n3"),
+        ] {
+            let (mesh, warnings) = read_text(&text).unwrap_or_else(|e| panic!("{text}: {e}"));
+            assert_eq!(mesh, square, "{text}");
+            assert!(warnings.is_empty(), "{warnings:?}");
+        }
+        // Normals, a colour of four values and texture coordinates, each on a line.
+        let rows: String =
+            SQUARE.lines().map(|row| format!("{row}\n0 0 1\n51 0 255 255\n0.5 0.25\n")).collect();
+        let (mesh, warnings) = read_text(&format!("STCNOFF\n4 1 0\n{rows}4 0 1 2 3\n")).expect("a square");
+        let lines = rows.replace('\n', " ").replace(" 0.25 ", " 0.25\n");
+        assert_eq!(mesh, read_text(&format!("STCNOFF\n4 1 0\n{lines}4 0 1 2 3\n")).expect("a square").0);
+        assert_eq!(mesh.normals.expect("normals").values, [DVec3::Z; 4]);
+        assert!(warnings.is_empty(), "{warnings:?}");
+        // A value too few, or words that end within a face: the fault by lines.
+        let few =
+            read_text("OFF\n4 1 0\n0 0 0\n1 0\n1 1 0\n0 1 0\n4 0 1 2 3\n").map(drop).expect_err("a fault");
+        assert_eq!(few.to_string(), "a.off:4: a vertex of 2 values, not 3");
+    }
+
+    /// Colours behind positions or normals of an `OFF` or `NOFF` that names none are those of `COFF` and `CNOFF`; what
+    /// differs in number, or is negative as normals are, is left out as before.
+    #[test]
+    fn colours_that_the_first_line_does_not_name() {
+        let of = |head: &str, ends: [&str; 4]| {
+            let rows: String = SQUARE.lines().zip(ends).map(|(row, end)| format!("{row} {end}\n")).collect();
+            read_text(&format!("{head}\n4 1 0\n{rows}4 0 1 2 3\n")).expect("a square")
+        };
+        for value in ["51 0 255", "51 0 255 102", "0.2 0 1", "0.2 0 1 0.4"] {
+            for (head, before) in [("OFF", ""), ("NOFF", "0 0 1 ")] {
+                let end = format!("{before}{value}");
+                let ends = [end.as_str(); 4];
+                let (mesh, warnings) = of(head, ends);
+                assert_eq!(mesh, of(&format!("C{head}"), ends).0, "{head} {value}");
+                assert!(mesh.colours.is_some() && warnings.is_empty(), "{warnings:?}");
+                assert_eq!(
+                    warnings.notes(),
+                    ["a.off: vertices have colours, which the first line does not name"]
+                );
+            }
+        }
+        for ends in
+            [["0 0 1", "0 0 1", "0 0 1", "0 0 -1"], ["1 2 3", "1 2 3 4", "1 2 3", "1 2 3"], ["1 2"; 4]]
+        {
+            let (mesh, warnings) = of("OFF", ends);
+            assert!(mesh.colours.is_none() && warnings.messages()[0].contains("more values"), "{warnings:?}");
+        }
+    }
+
+    /// The binary form: big-endian counts and indices of 32 bits, and a count before the colour of a face.
+    #[test]
+    fn binary_files_are_the_same_as_text() {
+        let ints = |values: &[i32]| values.iter().flat_map(|value| value.to_be_bytes()).collect::<Vec<u8>>();
+        let floats =
+            |values: &[f32]| values.iter().flat_map(|value| value.to_be_bytes()).collect::<Vec<u8>>();
+        let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        let faces = [ints(&[3, 0, 1, 2, 3]), floats(&[1.0, 0.0, 0.5]), ints(&[3, 0, 2, 3, 0])].concat();
+        let text = "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 1 0 0.5\n3 0 2 3\n";
+        let whole = [b"OFF BINARY\n", &*ints(&[4, 2, 0]), &floats(corners.as_flattened()), &faces].concat();
+        let (mesh, warnings) = read_whole(whole.clone()).expect("a square");
+        assert_eq!(mesh, read_text(text).expect("a square").0);
+        assert!(warnings.is_empty(), "{warnings:?}");
+        let vertex =
+            |corner: &[f32; 3]| floats(&[corner, &[0.0, 0.0, 1.0][..], &[1.0, 0.0, 0.5, 1.0]].concat());
+        let vertices: Vec<u8> = corners.iter().flat_map(vertex).collect();
+        let of_vertices =
+            [b"CNOFF binary\r\n", &*ints(&[4, 1, 0]), &vertices, &ints(&[4, 0, 1, 2, 3, 0])].concat();
+        let rows: String = SQUARE.lines().map(|row| format!("{row} 0 0 1 1 0 0.5 1\n")).collect();
+        let (mesh, _) = read_whole(of_vertices).expect("a square");
+        assert_eq!(mesh, read_text(&format!("CNOFF\n4 1 0\n{rows}4 0 1 2 3\n")).expect("a square").0);
+        // Cut anywhere after the counts it is read as far as it goes.
+        for length in 23..whole.len() {
+            let (mesh, warnings) = read_whole(whole[..length].to_vec()).expect("what is there");
+            assert!(mesh.triangles.len() < 2 && warnings.messages()[0].contains("ends after"), "{length}");
+        }
+        let mut wrong = whole;
+        let index = wrong.len() - 5;
+        wrong[index] = 9;
+        let e = read_whole(wrong).map(drop).expect_err("no such vertex").to_string();
+        assert_eq!(e, "a.off: byte 123: vertex 9 does not exist; there are 4, counted from 0");
+    }
+
     #[test]
     fn faults_have_their_line() {
         let text = |text: &str| read_text(text).map(drop).expect_err("it is broken").to_string();
         assert!(text("OFX\n").starts_with("a.off:1: an OFF file begins with `OFF`"));
         assert!(text("4OFF\n1 1 1\n").starts_with("a.off:1: an OFF file"));
-        assert_eq!(text("OFF BINARY\n"), "a.off:1: binary OFF is not read; export it as text");
+        let cut = text("OFF BINARY\n\0\0");
+        assert_eq!(cut, "a.off: byte 11: no numbers of vertices and faces after `OFF`");
         assert_eq!(text("OFF\nx\n"), "a.off:2: no numbers of vertices and faces after `OFF`");
         let text_of = |face: &str| text(&format!("OFF\n4 2 0\n{SQUARE}{face}\n3 0 1 2\n"));
         assert_eq!(text_of("3 0 1 4"), "a.off:7: vertex 4 does not exist; there are 4, counted from 0");

@@ -30,25 +30,22 @@ use body::Body;
 use faces::Faces;
 use header::{Element, Header, Property};
 
-/// Reads a PLY file as one mesh, or as one mesh per texture.
+/// Reads a PLY file as one mesh, or as one for each of its textures. ASCII data that cannot be read with a
+/// line for each element is read by words.
 pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let header = Header::parse(source)?;
-    let mut body = Body::new(source, &header);
-    let (mut mesh, mut colours, mut faces) = (Mesh::default(), None, Faces::default());
-    for element in &header.elements {
-        match element.name.as_str() {
-            "vertex" if mesh != Mesh::default() => {
-                return Err(body.fault_of(element, "a second element `vertex`"));
-            }
-            "vertex" => colours = read_vertices(&mut body, element, &mut mesh)?,
-            "face" => faces.read(&mut body, element, &mut mesh)?,
-            "tristrips" => faces::read_strips(&mut body, element, &mut mesh)?,
-            _ => body.skip(element)?,
-        }
-        if body.short.is_some() {
-            break;
-        }
+    if let Some((count, first)) = header.unknown {
+        let what = "line(s) that are no statements of PLY headers are skipped; the first is line";
+        warnings.left_out(format!("{}: {count} {what} {first}", source.file.display()));
     }
+    let mut contents = Contents::read(source, &header, false);
+    if contents.is_err()
+        && let Ok(by_words) = Contents::read(source, &header, true)
+        && by_words.body.is_whole()
+    {
+        contents = Ok(by_words);
+    }
+    let Contents { body, mut mesh, colours, mut faces } = contents?;
     warn_of_length(&body, warnings);
     let file = source.file.display();
     let mut say = |is_said: bool, what: String| {
@@ -70,7 +67,54 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     textured(source, &header, mesh, faces, warnings)
 }
 
-/// Warns about missing and surplus data.
+/// The values of a file.
+struct Contents<'a> {
+    /// The end of the values.
+    body: Body<'a>,
+    mesh: Mesh,
+    colours: Option<Colours>,
+    faces: Faces,
+}
+
+impl<'a> Contents<'a> {
+    fn read(source: &'a Source, header: &Header, is_by_words: bool) -> Result<Self> {
+        let mut body = Body::new(source, header, is_by_words);
+        let (mut mesh, mut colours, mut faces) = (Mesh::default(), None, Faces::default());
+        let mut before_vertices = Vec::new();
+        for (index, element) in header.elements.iter().enumerate() {
+            let name = element.name.as_str();
+            let is_before = !before_vertices.is_empty()
+                || header.elements[index..].iter().any(|later| later.name == "vertex");
+            match name {
+                "vertex" if mesh != Mesh::default() => {
+                    return Err(body.fault_of(element, "a second element `vertex`"));
+                }
+                "vertex" => colours = read_vertices(&mut body, element, &mut mesh)?,
+                "face" | "tristrips" if is_before => {
+                    before_vertices.push((element, body.clone()));
+                    body.skip(element)?;
+                }
+                "face" => faces.read(&mut body, element, &mut mesh)?,
+                "tristrips" => faces::read_strips(&mut body, element, &mut mesh)?,
+                _ => body.skip(element)?,
+            }
+            if body.short.is_some() {
+                return Ok(Contents { body, mesh, colours, faces });
+            }
+        }
+        for (element, start) in before_vertices {
+            let mut at = body.from(&start);
+            match element.name.as_str() {
+                "face" => faces.read(&mut at, element, &mut mesh)?,
+                _ => faces::read_strips(&mut at, element, &mut mesh)?,
+            }
+            body.longer = at.longer;
+        }
+        Ok(Contents { body, mesh, colours, faces })
+    }
+}
+
+/// Warns of data that is missing or that the header does not declare.
 fn warn_of_length(body: &Body, warnings: &mut Warnings) {
     let file = body.source.file.display();
     if let Some((name, there, declared)) = &body.short {

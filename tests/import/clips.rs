@@ -548,3 +548,33 @@ fn a_mirrored_joint_turns_its_own_triangles_alone() {
         }
     }
 }
+
+/// A clip at half its time weighs a morph target by 0.5; then a joint at (5, 0, 0) mirrors x. The corners (0, 0, 0),
+/// (1, 0, 0) and (0, 1, 0) move by half of (2, 0, 1), and come to 5 - x. A normal (0, 0, 1) and half of (2, 0, 0) is
+/// (1, 0, 1) before the joint and (-1, 0, 1) after it, normalised. The front stays at +z, as all corners move alike.
+#[test]
+fn morph_targets_under_a_mirrored_joint() {
+    let mut model = Model::triangle();
+    model.attribute("NORMAL", &[[0.0, 0.0, 1.0]; 3]);
+    let [by, turned] = [[2.0f32, 0.0, 1.0], [2.0, 0.0, 0.0]].map(|by| model.floats(&[by; 3]));
+    model.primitive()["targets"] = json!([{ "POSITION": by, "NORMAL": turned }]);
+    let joints = model.accessor([1, 0, 0, 0].repeat(3), 5121, 3, "VEC4");
+    model.primitive()["attributes"]["JOINTS_0"] = json!(joints);
+    model.attribute("WEIGHTS_0", &[[1.0, 0.0, 0.0, 0.0]; 3]);
+    model.json["skins"] = json!([{ "joints": [1, 2] }]);
+    let joint = json!({ "translation": [5, 0, 0], "scale": [-1, 1, 1] });
+    model.json["nodes"] = json!([{ "mesh": 0, "skin": 0 }, {}, joint]);
+    model.json["scenes"] = json!([{ "nodes": [0, 1, 2] }]);
+    clip(&mut model, 0, "weights", &[0.0, 1.0], &[[0.0], [1.0]], "Bulge");
+    let scene = posed(&model, Some(0.5), None).expect("a scene");
+    for (found, expected) in positions(&scene).iter().zip([[4.0, 0.0, 0.5], [3.0, 0.0, 0.5], [4.0, 1.0, 0.5]])
+    {
+        assert_near(*found, expected);
+    }
+    let Shape::Mesh(mesh) = &scene.objects[0].shape else { panic!("a mesh") };
+    let [a, b, c] = mesh.front(mesh.triangles[0]).map(|i| mesh.positions[i as usize]);
+    assert_near((b - a).cross(c - a), [0.0, 0.0, 1.0]);
+    let normal = mesh.normals.as_ref().expect("normals").values[0].normalize();
+    let half = 0.5f64.sqrt();
+    assert_near(normal, [-half, 0.0, half]);
+}

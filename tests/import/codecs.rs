@@ -142,3 +142,33 @@ fn a_binary_file_shorter_than_its_header_is_refused() {
         Folder::new().fails("a.glb", b"glTF\x02\0\0\0\x0b\0").to_string().contains("not a usable glTF file")
     );
 }
+
+/// A buffer that only takes what compressed views are decoded to needs neither bytes nor `fallback`; its file may be
+/// missing.
+#[test]
+fn buffers_of_compressed_views_alone() {
+    let bytes = std::fs::read(repository("assets/import/codecs/meshopt.glb")).expect("the file");
+    let length = u32::from_le_bytes(bytes[12..16].try_into().expect("four bytes")) as usize;
+    let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).expect("JSON");
+    let expected = load("meshopt");
+    for uri in [None, Some("gone.bin"), Some("data:,short")] {
+        let mut json = json.clone();
+        let buffer = json["buffers"][1].as_object_mut().expect("a buffer");
+        buffer.remove("extensions").expect("`fallback`");
+        buffer.extend(uri.map(|uri| ("uri".to_owned(), uri.into())));
+        let mut text = json.to_string().into_bytes();
+        text.resize(text.len().next_multiple_of(4), b' ');
+        let rest = &bytes[20 + length..];
+        let size = (20 + text.len() + rest.len()) as u32;
+        let head = [&bytes[..8], &size.to_le_bytes(), &(text.len() as u32).to_le_bytes(), b"JSON"].concat();
+        let (scene, warnings) = Folder::new().load("a.glb", [&head, &text, rest].concat());
+        assert_eq!((mesh(&scene), warnings), (mesh(&expected), Vec::new()), "{uri:?}");
+    }
+    // Where a view is read as it is, the buffer must be there.
+    let mut json = json;
+    json["buffers"][1].as_object_mut().expect("a buffer").remove("extensions");
+    let views = json["bufferViews"].as_array_mut().expect("a list");
+    views[1].as_object_mut().expect("a view").remove("extensions").expect("a compressed view");
+    let e = Folder::new().fails("a.gltf", json.to_string()).to_string();
+    assert!(e.contains("the binary part of the file is missing"), "{e}");
+}

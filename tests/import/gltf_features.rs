@@ -543,8 +543,9 @@ fn primitives_without_positions_and_values_of_no_meaning() {
     model.json["samplers"] =
         json!([{ "magFilter": 0, "minFilter": "LINEAR", "wrapS": 10496, "wrapT": null }]);
     model.json["bufferViews"][0]["target"] = json!(0);
+    model.json["materials"][0]["alphaMode"] = json!("CUTOUT");
     let (scene, warnings) = read(&model);
-    assert_eq!((scene.objects.len(), scene.images.len(), warnings.len()), (1, 1, 5), "{warnings:?}");
+    assert_eq!((scene.objects.len(), scene.images.len(), warnings.len()), (1, 1, 6), "{warnings:?}");
 }
 
 /// A WebP of a few bytes that claims 16383 x 16383 texels would take 13 seconds.
@@ -638,5 +639,266 @@ fn culled_back_faces_are_hidden_from_the_camera_alone() {
                 assert_eq!(shadowed[1], 0.0, "{name}");
             }
         }
+    }
+}
+
+/// A file with a second buffer, and the number of an accessor in it.
+fn with_second_buffer(mut model: Model, buffer: &Value) -> (Model, usize) {
+    let positions = model.floats(&[[0.0f32, 0.0, 1.0]; 3]);
+    let view = model.json["accessors"][positions]["bufferView"].as_u64().expect("a buffer view") as usize;
+    model.json["bufferViews"][view] = json!({ "buffer": 1, "byteLength": 36 });
+    let uri = crate::common::gltf::data_uri("", &model.bytes);
+    model.json["buffers"] = json!([{ "byteLength": model.bytes.len(), "uri": uri }, buffer]);
+    (model, positions)
+}
+
+/// A buffer that cannot be loaded is an error where a mesh of the scene is in it, and a warning else.
+#[test]
+fn buffers_in_which_nothing_is_that_is_drawn() {
+    for (buffer, what) in [
+        (json!({ "byteLength": 36, "uri": "gone.bin" }), "gone.bin: no such file"),
+        (json!({ "byteLength": 36 }), "the binary part of the file is missing"),
+        (json!({ "byteLength": 36, "uri": "data:,a" }), "has 1 bytes; byteLength is 36"),
+        (json!({ "byteLength": 36, "uri": "http://a/b" }), "`http://a/b` is not a relative path"),
+    ] {
+        let make = || with_second_buffer(Model::triangle(), &buffer);
+        let warned = |change: &dyn Fn(&mut Model, usize)| {
+            let (mut model, accessor) = make();
+            change(&mut model, accessor);
+            let (scene, warnings) = model.load();
+            assert_eq!(mesh(&scene).positions, [DVec3::ZERO, DVec3::X, DVec3::Y]);
+            let end = "what it holds is not used";
+            let is_named =
+                |w: &String| w.starts_with("a.gltf: buffer 1: ") && w.ends_with(end) && w.contains(what);
+            assert!(warnings.iter().any(is_named), "{what}: {warnings:?}");
+        };
+        warned(&|_, _| {});
+        // In a mesh that is in no node, in an image, and in a clip.
+        warned(&|model, accessor| {
+            let other = json!({ "primitives": [{ "attributes": { "POSITION": accessor } }] });
+            model.json["meshes"].as_array_mut().expect("a list").push(other);
+        });
+        warned(&|model, accessor| {
+            model.json["images"] = json!([{ "bufferView": accessor, "mimeType": "image/png" }]);
+        });
+        warned(&|model, accessor| {
+            let channels = json!([{ "sampler": 0, "target": { "node": 0, "path": "translation" } }]);
+            let samplers = json!([{ "input": 0, "output": accessor }]);
+            model.json["animations"] = json!([{ "channels": channels, "samplers": samplers }]);
+        });
+        let fails = |change: &dyn Fn(&mut Model, usize)| {
+            let (mut model, accessor) = make();
+            change(&mut model, accessor);
+            let e = model.fails().to_string();
+            assert!(e.contains("a.gltf: buffer 1: ") && e.contains(what), "{e}");
+        };
+        for key in ["POSITION", "NORMAL", "TEXCOORD_0"] {
+            fails(&|model, accessor| model.primitive()["attributes"][key] = json!(accessor));
+        }
+        fails(&|model, accessor| model.primitive()["targets"] = json!([{ "POSITION": accessor }]));
+        fails(&|model, accessor| {
+            let instancing =
+                json!({ "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": accessor } } });
+            model.json["nodes"][0]["extensions"] = instancing;
+        });
+    }
+}
+
+/// Every integer of the document as a number with a fraction of zero, and real numbers as they are.
+#[test]
+fn integers_with_a_fraction_of_zero() {
+    fn with_fractions(value: &mut Value) {
+        match value {
+            Value::Array(items) => items.iter_mut().for_each(with_fractions),
+            Value::Object(object) => object.values_mut().for_each(with_fractions),
+            Value::Number(number) => *value = json!(number.as_f64().expect("a number")),
+            _ => {}
+        }
+    }
+    let metallic = json!({ "baseColorTexture": { "index": 0 }, "metallicFactor": 0.1, "roughnessFactor": 1 });
+    let mut model = Model::square().with_texture(
+        &png_uri(1, &[[255, 0, 0, 255]]),
+        &json!({ "magFilter": 9728, "wrapS": 33071 }),
+        &json!({
+            "pbrMetallicRoughness": metallic,
+            "extensions": { "KHR_materials_clearcoat": { "clearcoatFactor": 1 } },
+        }),
+    );
+    model.json["nodes"][0]["translation"] = json!([-0.0, 0.1, 16_777_217.0]);
+    model.json["nodes"].as_array_mut().expect("a list").push(json!({ "camera": 0 }));
+    model.json["scenes"][0]["nodes"] = json!([0, 1]);
+    model.json["cameras"] = json!([{ "type": "perspective", "perspective": { "yfov": 1, "znear": 1 } }]);
+    let uri = crate::common::gltf::data_uri("", &model.bytes);
+    model.json["buffers"] = json!([{ "byteLength": model.bytes.len(), "uri": uri }]);
+    let described = |model: &Model, name: &str, bytes: Vec<u8>| {
+        let (scene, warnings) = Folder::new().load(name, bytes);
+        assert_eq!(warnings, [] as [&str; 0], "{}", model.json);
+        format!("{:?} {:?} {:?}", scene.objects, scene.materials, scene.cameras)
+    };
+    let expected = described(&model, "a.gltf", model.text().into());
+    assert!(expected.contains("16777216"), "a node has f32: {expected}");
+    with_fractions(&mut model.json);
+    assert!(model.text().contains("\"mesh\":0.0"), "{}", model.text());
+    assert_eq!(described(&model, "a.gltf", model.text().into()), expected);
+    let text = model.json.to_string().into_bytes();
+    assert_eq!(described(&model, "a.glb", glb(&[(b"JSON", &text)], None)), expected);
+    // A fraction that is not zero is no integer.
+    model.json["nodes"][0]["mesh"] = json!(0.5);
+    let e = model.fails().to_string();
+    assert!(
+        e.ends_with("not a usable glTF file: nodes[0] has `mesh` of another type than glTF gives it"),
+        "{e}"
+    );
+}
+
+/// Primitives without `attributes` are left out as those without positions.
+#[test]
+fn primitives_without_attributes() {
+    let mut model = Model::triangle();
+    let primitives = model.json["meshes"][0]["primitives"].as_array_mut().expect("a list");
+    primitives.insert(0, json!({ "mode": 4 }));
+    let (scene, warnings) = read(&model);
+    assert_eq!((scene.objects.len(), mesh(&scene).positions.len()), (1, 3));
+    assert_eq!(warnings, ["it: a mesh without positions is not drawn"]);
+}
+
+/// Lights and cameras that glTF does not know are left out; the others keep their indices. Angles of spots have
+/// defaults.
+#[test]
+fn unknown_lights_and_cameras() {
+    let mut model = Model::triangle();
+    let lights = json!([{ "type": "area" }, { "type": "point", "intensity": 5 }, {}, { "type": "spot" }]);
+    model.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": lights } });
+    model.json["cameras"] = json!([
+        { "type": "fisheye" },
+        { "type": "perspective", "perspective": { "yfov": 1 } },
+        { "type": "perspective", "perspective": { "yfov": 0.5, "znear": 0.1 } },
+        { "type": "orthographic" },
+    ]);
+    let mut nodes = vec![json!({ "mesh": 0 })];
+    nodes.extend(
+        (0..4).map(|i| json!({ "camera": i, "extensions": { "KHR_lights_punctual": { "light": i } } })),
+    );
+    model.json["nodes"] = json!(nodes);
+    model.json["scenes"] = json!([{ "nodes": [0, 1, 2, 3, 4] }]);
+    for binary in [true, false] {
+        let (scene, warnings) = if binary { read(&model) } else { model.load() };
+        assert_eq!((scene.objects.len(), scene.lights.len(), scene.cameras.len()), (1, 2, 1));
+        let what = "is of a kind that glTF does not know, or not whole; left out";
+        let names = ["light 0", "light 2", "camera 0", "camera 1", "camera 3"];
+        assert_eq!(warnings.len(), names.len(), "{warnings:?}");
+        for (warning, name) in warnings.iter().zip(names) {
+            assert!(warning.ends_with(&format!("{name} {what}")), "{warning}");
+        }
+    }
+}
+
+/// Strides that the format forbids: 3 for colours of three bytes, and 256 for positions.
+#[test]
+fn strides_beyond_the_format() {
+    let mut model = Model::triangle();
+    let plain = read(&model).0;
+    let colours = model.floats(&[[0.0f32; 3]; 3]);
+    let bytes = [255, 0, 0, 0, 255, 0, 0, 0, 255u8];
+    model.set_bytes(colours, &bytes);
+    model.json["accessors"][colours]["componentType"] = json!(5121);
+    model.json["accessors"][colours]["normalized"] = json!(true);
+    model.json["bufferViews"][1] = json!({ "buffer": 0, "byteOffset": 36, "byteLength": 9, "byteStride": 3 });
+    model.primitive()["attributes"]["COLOR_0"] = json!(colours);
+    let (scene, warnings) = read(&model);
+    assert_eq!(mesh(&scene).colours.as_ref().expect("colours").values, [DVec3::X, DVec3::Y, DVec3::Z]);
+    let what = "`byteStride` of 1 of its bufferViews is not from 4 to 252 as glTF has it; used";
+    assert_eq!(warnings, [what]);
+    // Elements that the stride leads beyond the view, and a stride that is less than an element.
+    for stride in [2, 4] {
+        let mut model = Model { json: model.json.clone(), bytes: model.bytes.clone() };
+        model.json["bufferViews"][1]["byteStride"] = json!(stride);
+        let e = model.fails().to_string();
+        assert!(e.contains("accessor 1: its elements do not lie inside its buffer view"), "{e}");
+    }
+    let corner = |i: usize| model.bytes[12 * i..12 * i + 12].to_vec();
+    let mut apart = Model { json: Model::triangle().json, bytes: vec![0; 524] };
+    for i in 0..3 {
+        apart.bytes[256 * i..256 * i + 12].copy_from_slice(&corner(i));
+    }
+    apart.json["bufferViews"][0] = json!({ "buffer": 0, "byteLength": 524, "byteStride": 256 });
+    let (scene, warnings) = read(&apart);
+    assert_eq!((mesh(&scene), warnings), (mesh(&plain), vec![what.to_owned()]));
+}
+
+/// glTF 1.0 says what it is and how to convert it, by its version or, as drafts lack one, by items that have names.
+#[test]
+fn the_first_version_is_named() {
+    let mut files = vec![b"glTF\x01\0\0\0\x14\0\0\0".to_vec()];
+    for asset in [
+        json!({ "version": "1.0" }),
+        json!({ "version": "1.0.1" }),
+        json!({ "version": 1 }),
+        json!({ "version": 0.8 }),
+    ] {
+        files.push(json!({ "asset": asset, "meshes": {} }).to_string().into());
+        files.push(json!({ "asset": asset }).to_string().into());
+    }
+    files.push(json!({ "meshes": { "mesh_1": { "primitives": [] } } }).to_string().into());
+    for file in files {
+        let e = Folder::new().fails("a.gltf", &file);
+        assert!(e.to_string().ends_with("a.gltf: a file of glTF 1.0; kiln reads glTF 2.0"), "{e}");
+        assert!(e.hint().contains("gltf-pipeline -i in.gltf -o out.glb"), "{}", e.hint());
+    }
+    let mut model = Model::triangle();
+    for version in [json!(2), json!(2.0)] {
+        model.json["asset"]["version"] = version;
+        assert_eq!(read(&model).0.objects.len(), 1);
+    }
+}
+
+/// What cannot be read is said with its place, and not in the words of a library.
+#[test]
+fn places_of_what_is_no_gltf() {
+    let cases: [(&str, Value, &str); 12] = [
+        ("/accessors/0/count", Value::Null, "accessors[0] has `count` of another type than glTF gives it"),
+        ("/accessors/0/count", json!(-3), "accessors[0] has `count` of another type than glTF gives it"),
+        (
+            "/accessors/0/componentType",
+            json!("a"),
+            "accessors[0] has `componentType` of another type than glTF gives it",
+        ),
+        (
+            "/accessors/0/componentType",
+            json!(7),
+            "accessors[0].componentType has a value that glTF does not know",
+        ),
+        (
+            "/accessors/0/bufferView",
+            json!(7),
+            "accessors[0].bufferView refers to an item that does not exist",
+        ),
+        ("/accessors/0", json!({}), "accessors[0] has no `count`"),
+        ("/bufferViews/0", json!({ "buffer": 0 }), "bufferViews[0] has no `byteLength`"),
+        ("/nodes/0", json!({ "matrix": [1, 2] }), "nodes[0] has `matrix` of another type than glTF gives it"),
+        ("/meshes/0/primitives", json!(3), "meshes[0] has `primitives` of another type than glTF gives it"),
+        ("/scenes/0", json!("a"), "scenes[0] is no object"),
+        ("/asset", json!({}), "asset has no `version`"),
+        ("/scene", json!("a"), "its JSON has `scene` of another type than glTF gives it"),
+    ];
+    for (pointer, value, expected) in cases {
+        let mut model = Model::triangle();
+        *model.json.pointer_mut(pointer).expect("it is there") = value;
+        let texts = [model.fails().to_string(), Folder::new().fails("a.glb", model.binary()).to_string()];
+        for text in texts {
+            assert!(text.ends_with(&format!(": not a usable glTF file: {expected}")), "{pointer}: {text}");
+        }
+    }
+}
+
+/// What is wrong with the chunks of a GLB, at each place where the file may be cut.
+#[test]
+fn cut_binary_files_say_where() {
+    let whole = Model::triangle().binary();
+    let header = "it ends within its header of 12 bytes";
+    let json = "its chunk of JSON is missing or cut";
+    for (length, expected) in [(4, header), (11, header), (12, json), (19, json), (40, json)] {
+        let e = Folder::new().fails("a.glb", &whole[..length]).to_string();
+        assert!(e.ends_with(&format!("a.glb: not a usable glTF file: {expected}")), "{length}: {e}");
     }
 }

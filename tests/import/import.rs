@@ -1264,7 +1264,10 @@ fn gltf_indices_out_of_range() {
     assert_eq!(warnings, ["a.gltf: it: left out 1 triangle(s) with an index out of range"]);
     // Any other value that is not finite is an error.
     let e = Model::triangle().with("nodes", json!([{ "mesh": 7 }])).fails();
-    assert_eq!(message(&e), "a.gltf: not a usable glTF file: nodes[0].mesh: Index out of bounds");
+    assert_eq!(
+        message(&e),
+        "a.gltf: not a usable glTF file: nodes[0].mesh refers to an item that does not exist"
+    );
 }
 
 #[test]

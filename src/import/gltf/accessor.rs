@@ -3,7 +3,10 @@
 use gltf::accessor::{DataType, Dimensions};
 use gltf::buffer::View;
 
-use super::Loader;
+use super::animation::Pose;
+use super::check::node_places;
+use super::{Loader, instancing};
+use crate::error::{Result, Warnings};
 
 /// The value of a component of an accessor (glTF 2.0, section 3.6.2.2).
 pub(super) fn normalised(accessor: &gltf::Accessor) -> impl Fn(f64) -> f64 + use<> {
@@ -20,6 +23,41 @@ pub(super) fn normalised(accessor: &gltf::Accessor) -> impl Fn(f64) -> f64 + use
 }
 
 impl Loader<'_> {
+    /// Checks that the buffers of the meshes of the scene are loaded.
+    ///
+    /// # Errors
+    /// Why one is not.
+    pub(super) fn check_drawn(&self, document: &gltf::Document) -> Result<()> {
+        if self.buffers.iter().all(Result::is_ok) {
+            return Ok(());
+        }
+        let places = node_places(document, &Pose::default(), &self.source.file, &mut Warnings::default())?;
+        let is_drawn =
+            |node: &gltf::Node| places[node.index()].as_ref().is_some_and(|place| place.is_visible);
+        let mut used = Vec::new();
+        for node in document.nodes().filter(is_drawn) {
+            let Some(mesh) = node.mesh() else { continue };
+            for primitive in mesh.primitives() {
+                used.extend(primitive.attributes().map(|(_, accessor)| accessor).chain(primitive.indices()));
+                let targets = primitive.morph_targets();
+                used.extend(
+                    targets.flat_map(|all| [all.positions(), all.normals(), all.tangents()]).flatten(),
+                );
+            }
+            used.extend(node.skin().and_then(|skin| skin.inverse_bind_matrices()));
+            used.extend(instancing::accessors(&node, document));
+        }
+        for accessor in used.iter().filter(|accessor| !self.decoded.contains_key(&accessor.index())) {
+            let sparse = accessor.sparse().map(|sparse| [sparse.indices().view(), sparse.values().view()]);
+            for view in accessor.view().into_iter().chain(sparse.into_iter().flatten()) {
+                if let Some(Err(e)) = self.buffers.get(view.buffer().index()) {
+                    return Err(e.clone());
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// The elements of an accessor of `N` components each, in f64: normalised integers by section 3.6.2.2 of glTF 2.0;
     /// zeros where there is no buffer view. `None` if the accessor has other elements or lies outside its buffer.
     pub(super) fn vectors<const N: usize>(&self, accessor: &gltf::Accessor) -> Option<Vec<[f64; N]>> {

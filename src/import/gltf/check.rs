@@ -62,7 +62,7 @@ pub(super) fn check_memory(document: &gltf::Document, file: &Path, most: &limits
         let is_own =
             node.skin().is_some() || mesh.primitives().any(|primitive| primitive.morph_targets().len() > 0);
         *time = if is_own { *time + 1 } else { (*time).max(1) };
-        if let Some(accessor) = instancing::first_accessor(&node, document) {
+        if let Some(accessor) = instancing::accessors(&node, document).next() {
             let each = PLACE + object * mesh.primitives().len() as u64;
             let bytes = limits::product(&[accessor.count() as u64, each]);
             sums = add(sums, (bytes, accessor.view().is_none()));
@@ -202,22 +202,19 @@ pub(super) fn check_images(document: &gltf::Document, file: &Path) -> Result<()>
     Ok(())
 }
 
+/// The buffers of a document, or why they cannot be loaded.
 pub(super) fn load_buffers(
     document: &gltf::Document,
     root: &Value,
     mut blob: Option<Vec<u8>>,
     source: &Source,
-) -> Result<Vec<Vec<u8>>> {
-    let load = |buffer: gltf::Buffer| {
+) -> Vec<Result<Vec<u8>>> {
+    let mut load = |buffer: &gltf::Buffer| {
         let item = format!("buffer {}", buffer.index());
         let fault = |what: String| fault(&source.file, item.clone(), what);
         let data = match buffer.source() {
             gltf::buffer::Source::Bin if is_fallback(&root["buffers"][buffer.index()]) => {
-                let length = buffer.length();
-                limits::check_claim(length as u64).map_err(|excess| {
-                    Error::input(&*source.file, format!("{item} {excess}"), excess.hint())
-                })?;
-                vec![0; length]
+                zeros(buffer, &source.file)?
             }
             gltf::buffer::Source::Bin => {
                 blob.take().ok_or_else(|| fault("the binary part of the file is missing".into()))?
@@ -236,7 +233,37 @@ pub(super) fn load_buffers(
         }
         Ok(data)
     };
+    let load = |buffer: gltf::Buffer| {
+        load(&buffer).or_else(|e| {
+            if is_decoded_into(root, buffer.index()) { zeros(&buffer, &source.file) } else { Err(e) }
+        })
+    };
     document.buffers().map(load).collect()
+}
+
+/// The bytes of a buffer into which views are decoded.
+fn zeros(buffer: &gltf::Buffer, file: &Path) -> Result<Vec<u8>> {
+    let length = buffer.length();
+    limits::check_claim(length as u64)
+        .map_err(|excess| Error::input(file, format!("buffer {} {excess}", buffer.index()), excess.hint()))?;
+    Ok(vec![0; length])
+}
+
+/// Whether all views of a buffer are compressed, so that nothing is read from it.
+fn is_decoded_into(root: &Value, buffer: usize) -> bool {
+    let views = root["bufferViews"].as_array().into_iter().flatten();
+    let mut views = views.filter(|view| view["buffer"] == buffer).peekable();
+    views.peek().is_some() && views.all(is_compressed)
+}
+
+#[cfg(feature = "codecs")]
+fn is_compressed(view: &Value) -> bool {
+    super::meshopt::extension(view).is_some()
+}
+
+#[cfg(not(feature = "codecs"))]
+fn is_compressed(_: &Value) -> bool {
+    false
 }
 
 /// Whether a buffer holds nothing but what compressed views are decoded to (EXT_meshopt_compression).

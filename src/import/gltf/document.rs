@@ -90,8 +90,7 @@ pub(super) fn parse(bytes: &[u8], file: &Path, warnings: &mut Warnings) -> Resul
         return Err(version_1(file));
     } else if bytes.starts_with(b"glTF") {
         let mut warn = |what: String| warnings.push(format!("{}: {what}", file.display()));
-        glb_chunks(bytes, &mut warn)
-            .map_err(|why| why.map_or_else(|| damaged(file), |why| unusable(file, why)))?
+        glb_chunks(bytes, &mut warn).map_err(|why| unusable(file, why))?
     } else {
         (bytes, None)
     };
@@ -107,7 +106,15 @@ pub(super) fn parse(bytes: &[u8], file: &Path, warnings: &mut Warnings) -> Resul
         let what = format!("its JSON ends or is damaged at line {}, column {}", e.line(), e.column());
         unusable(file, what)
     })?;
-    if root["asset"]["version"].as_str().is_some_and(|version| version.starts_with("1.")) {
+    // Some exporters write the version as a number.
+    let version = root.pointer_mut("/asset/version");
+    if let Some(number) = version.filter(|version| version.is_number()) {
+        *number = Value::from(format!("{:.1}", number.as_f64().unwrap_or_default()));
+    }
+    // Its items have names rather than numbers in lists, and its version may be missing or that of a draft.
+    let has_names = ["accessors", "bufferViews", "meshes", "nodes"].iter().any(|key| root[*key].is_object());
+    let version = root["asset"]["version"].as_str().unwrap_or_default();
+    if has_names || version.starts_with("1.") || version.starts_with("0.") || version == "1" {
         return Err(version_1(file));
     }
     // Section 3.2: the least version that the file needs, else the major version.
@@ -123,6 +130,7 @@ pub(super) fn parse(bytes: &[u8], file: &Path, warnings: &mut Warnings) -> Resul
         let what = format!("a file of glTF {needed}; kiln reads glTF 2.0");
         return Err(Error::input(file, what, "export it as glTF 2.0"));
     }
+    tidy_all(&mut root);
     let pointers = pointer::take_channels(&mut root);
     check_channels(&root, file)?;
     repair(&mut root, |what| warnings.left_out(format!("{}: {what}", file.display())));
@@ -136,20 +144,21 @@ type GlbChunks<'a> = (&'a [u8], Option<&'a [u8]>);
 /// types and trailing bytes are ignored; the binary chunk may be truncated by the end of the file.
 ///
 /// # Errors
-/// A message; `None` if the file has no complete JSON chunk.
+/// What is wrong.
 fn glb_chunks<'a>(
     bytes: &'a [u8],
     warn: &mut impl FnMut(String),
-) -> std::result::Result<GlbChunks<'a>, Option<String>> {
+) -> std::result::Result<GlbChunks<'a>, String> {
     const HEADER: usize = 12;
+    const CUT: &str = "it ends within its header of 12 bytes";
     let number = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at.checked_add(4)?)?.try_into().ok()?));
-    let version = number(4).ok_or(None)?;
+    let version = number(4).ok_or(CUT)?;
     if version != 2 {
-        return Err(Some(format!("it is a GLB of version {version}; kiln reads version 2")));
+        return Err(format!("it is a GLB of version {version}; kiln reads version 2"));
     }
-    let stated = number(8).ok_or(None)?;
+    let stated = number(8).ok_or(CUT)?;
     if (stated as usize) < HEADER {
-        return Err(None);
+        return Err(format!("its header of 12 bytes states a length of {stated}"));
     }
     if u64::from(stated) != bytes.len() as u64 {
         warn(format!("its header states a length of {stated} bytes; it has {}", bytes.len()));
@@ -188,7 +197,7 @@ fn glb_chunks<'a>(
     if at < bytes.len() {
         warn(format!("{} bytes after its last chunk are not used", bytes.len() - at));
     }
-    Ok((json.ok_or(None)?, binary))
+    Ok((json.ok_or("its chunk of JSON is missing or cut")?, binary))
 }
 
 /// Checks the targets of animation channels, which the validation of gltf-json 1.4.1 leaves out (`Animation::validate`).
@@ -223,53 +232,66 @@ pub(super) fn items<'a>(parent: &'a mut Value, key: &str) -> impl Iterator<Item 
     parent.get_mut(key).and_then(Value::as_array_mut).into_iter().flatten()
 }
 
-/// Removes names that are not strings and `extras`, which may be of any type (section 3.12) but must be objects for the
-/// `gltf` crate, from a value and all below it. [`repair`] keeps those of cameras, which may define a lens.
-fn remove_extras(value: &mut Value) {
+/// Changes in an object and all below it what the `gltf` crate refuses and viewers read: removes `extras`, which may
+/// be of any type (section 3.12), and names that are not text; writes numbers without a fraction, such as `1.0`, as
+/// integers, as numbers that the format defines as integers must be.
+fn tidy(value: &mut Value) {
+    // Greater integers may differ as floating-point numbers; -0.0 is no integer.
+    const MOST: f64 = (1u64 << 53) as f64;
     match value {
-        Value::Array(items) => items.iter_mut().for_each(remove_extras),
+        Value::Array(items) => items.iter_mut().for_each(tidy),
         Value::Object(object) => {
             object.remove("extras");
             if object.get("name").is_some_and(|name| !name.is_string()) {
                 object.remove("name");
             }
-            object.values_mut().for_each(remove_extras);
+            object.values_mut().for_each(tidy);
+        }
+        Value::Number(number) => {
+            let float = number.as_f64().filter(|_| number.is_f64());
+            if let Some(x) = float.filter(|x| x.is_sign_positive() && *x <= MOST && x.fract() == 0.0) {
+                *number = (x as u64).into();
+            }
         }
         _ => {}
     }
 }
 
-/// Enumerated properties with a default: list, key, valid values.
-const ENUMERATED: &[(&str, &str, &[u64])] = &[
-    ("samplers", "magFilter", &[9728, 9729]),
-    ("samplers", "minFilter", &[9728, 9729, 9984, 9985, 9986, 9987]),
-    ("samplers", "wrapS", &[33071, 33648, 10497]),
-    ("samplers", "wrapT", &[33071, 33648, 10497]),
-    ("bufferViews", "target", &[34962, 34963]),
-];
-
-/// Removes what the `gltf` crate refuses and the format tolerates or every viewer ignores.
-fn repair(root: &mut Value, mut warn: impl FnMut(String)) {
+/// Applies [`tidy`] to a document. The `extras` of cameras stay: they may have the keys of a lens.
+fn tidy_all(root: &mut Value) {
     for (key, list) in root.as_object_mut().into_iter().flatten() {
         if key != "cameras" {
-            remove_extras(list);
-        } else {
-            // The `gltf` crate also parses `extras` of projections.
-            for camera in list.as_array_mut().into_iter().flatten().filter_map(Value::as_object_mut) {
-                let lens = camera.remove("extras").filter(Value::is_object);
-                camera.values_mut().for_each(remove_extras);
-                camera.extend(lens.map(|lens| ("extras".to_owned(), lens)));
-            }
+            tidy(list);
+            continue;
+        }
+        // The crate reads the projections of cameras as well.
+        for camera in list.as_array_mut().into_iter().flatten().filter_map(Value::as_object_mut) {
+            let lens = camera.remove("extras").filter(Value::is_object);
+            camera.values_mut().for_each(tidy);
+            camera.extend(lens.map(|lens| ("extras".to_owned(), lens)));
         }
     }
     if let Some(root) = root.as_object_mut() {
         root.remove("extras");
     }
+}
+
+/// The keys of lists whose values the format enumerates and that have a default, with the values as JSON.
+const ENUMERATED: &[(&str, &str, &[&str])] = &[
+    ("samplers", "magFilter", &["9728", "9729"]),
+    ("samplers", "minFilter", &["9728", "9729", "9984", "9985", "9986", "9987"]),
+    ("samplers", "wrapS", &["33071", "33648", "10497"]),
+    ("samplers", "wrapT", &["33071", "33648", "10497"]),
+    ("bufferViews", "target", &["34962", "34963"]),
+    ("materials", "alphaMode", &["\"OPAQUE\"", "\"MASK\"", "\"BLEND\""]),
+];
+
+/// Removes what the `gltf` crate refuses and the format tolerates or every viewer ignores.
+fn repair(root: &mut Value, mut warn: impl FnMut(String)) {
     for &(list, key, known) in ENUMERATED {
         let mut unknown = 0;
         for item in items(root, list).filter_map(Value::as_object_mut) {
-            if item.get(key).is_some_and(|value| !value.as_u64().is_some_and(|value| known.contains(&value)))
-            {
+            if item.get(key).is_some_and(|value| !known.contains(&value.to_string().as_str())) {
                 item.remove(key);
                 unknown += 1;
             }
@@ -297,6 +319,14 @@ fn repair(root: &mut Value, mut warn: impl FnMut(String)) {
             view.remove("byteStride");
         }
     }
+    let strides = items(root, "bufferViews").filter_map(|view| view["byteStride"].as_u64());
+    let outside = strides.filter(|stride| !(4..=252).contains(stride)).count();
+    if outside > 0 {
+        warn(format!(
+            "`byteStride` of {outside} of its bufferViews is not from 4 to 252 as glTF has it; used"
+        ));
+    }
+    remove_unknown(root, &mut warn);
     // A channel without a node is to be ignored (section 5.8, animation.channel.target.node).
     for animation in items(root, "animations") {
         if let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) {
@@ -326,6 +356,10 @@ fn repair(root: &mut Value, mut warn: impl FnMut(String)) {
     let mut unknown = std::collections::BTreeSet::new();
     for mesh in items(root, "meshes") {
         for primitive in items(mesh, "primitives") {
+            // Those without positions are left out.
+            if let Some(primitive) = primitive.as_object_mut().filter(|all| !all.contains_key("attributes")) {
+                primitive.insert("attributes".to_owned(), Value::Object(Default::default()));
+            }
             if let Some(attributes) = primitive.get_mut("attributes").and_then(Value::as_object_mut) {
                 attributes.retain(|name, _| {
                     let keep = is_attribute(name);
@@ -341,6 +375,61 @@ fn repair(root: &mut Value, mut warn: impl FnMut(String)) {
         warn(format!(
             "attribute {name} is not an attribute semantic of glTF; application-specific ones begin with `_`; not used"
         ));
+    }
+}
+
+/// Removes references of nodes to lights and cameras that cannot be read. These are replaced by others, so that the
+/// indices of the rest stay.
+fn remove_unknown(root: &mut Value, warn: &mut impl FnMut(String)) {
+    const LIGHTS: &str = "/extensions/KHR_lights_punctual";
+    const LIGHT_TYPES: [&str; 3] = ["directional", "point", "spot"];
+    let is_light = |light: &Value| LIGHT_TYPES.iter().any(|known| light["type"] == **known);
+    let is_camera = |camera: &Value| {
+        let kind = camera["type"].as_str().filter(|kind| ["perspective", "orthographic"].contains(kind));
+        kind.is_some_and(|kind| camera[kind].is_object()) && gltf::json::Camera::deserialize(camera).is_ok()
+    };
+    let projection = serde_json::json!({ "yfov": 1, "znear": 1 });
+    let camera = serde_json::json!({ "type": "perspective", "perspective": projection });
+    let mut replace = |name: &str, item: &mut Value, is_known: bool, other: &Value| {
+        if !is_known && item.is_object() {
+            warn(format!("{name} is of a kind that glTF does not know, or not whole; left out"));
+            *item = other.clone();
+        }
+        !is_known
+    };
+    let lights = root.pointer_mut(LIGHTS).into_iter().flat_map(|of_root| items(of_root, "lights"));
+    let other = serde_json::json!({ "type": "point" });
+    let lights: Vec<bool> = lights
+        .enumerate()
+        .map(|(index, light)| {
+            // Its angles have defaults.
+            if light["type"] == "spot" && light.get("spot").is_none() {
+                light["spot"] = Value::Object(Default::default());
+            }
+            let is_known = is_light(light);
+            replace(&format!("light {index}"), light, is_known, &other)
+        })
+        .collect();
+    let cameras: Vec<bool> = items(root, "cameras")
+        .enumerate()
+        .map(|(index, item)| {
+            let is_known = is_camera(item);
+            replace(&format!("camera {index}"), item, is_known, &camera)
+        })
+        .collect();
+    let is_in = |removed: &[bool], index: &Value| {
+        let index = index.as_u64().and_then(|index| usize::try_from(index).ok());
+        index.and_then(|index| removed.get(index).copied()).unwrap_or_default()
+    };
+    for node in items(root, "nodes").filter_map(Value::as_object_mut) {
+        if node.get("camera").is_some_and(|index| is_in(&cameras, index)) {
+            node.remove("camera");
+        }
+        if let Some(extensions) = node.get_mut("extensions").and_then(Value::as_object_mut)
+            && extensions.get("KHR_lights_punctual").is_some_and(|light| is_in(&lights, &light["light"]))
+        {
+            extensions.remove("KHR_lights_punctual");
+        }
     }
 }
 
@@ -361,12 +450,7 @@ pub(super) fn validated(
     warnings: &mut Warnings,
 ) -> Result<gltf::Document> {
     let json = contain(|| gltf::json::Root::deserialize(root)).ok_or_else(|| damaged(file))?;
-    // What serde found instead may be any text.
-    let reason = |e: serde_json::Error| {
-        let text = e.to_string();
-        text.split_once(", expected ").map_or(text.clone(), |(_, expected)| format!("expected {expected}"))
-    };
-    let mut json = json.map_err(|e| unusable(file, reason(e)))?;
+    let mut json = json.map_err(|_| unusable(file, unreadable(root)))?;
     json.extensions_required.retain(|name| !is_read(name));
     if !json.extensions_required.is_empty() {
         let names = json.extensions_required.join(", ");
@@ -394,18 +478,72 @@ pub(super) fn validated(
     })
     .ok_or_else(|| damaged(file))?;
     match faults.first() {
-        Some((path, fault)) => Err(unusable(file, format!("{path}: {fault}"))),
+        Some((path, fault)) => {
+            let what = match fault {
+                Fault::IndexOutOfBounds => "refers to an item that does not exist",
+                Fault::Missing => "is missing",
+                Fault::Oversize => "is too large",
+                Fault::Invalid | Fault::Unsupported => "has a value that glTF does not know",
+            };
+            let path = path.as_str().replace("khrLightsPunctual", "KHR_lights_punctual");
+            Err(unusable(file, format!("{path} {what}")))
+        }
         None => Ok(gltf::Document::from_json_without_validation(json)),
     }
 }
 
+/// What of a document the `gltf` crate cannot read: an item of a list and its key.
+fn unreadable(root: &Value) -> String {
+    use gltf::json;
+    /// What is wrong with an object.
+    fn reason<T: serde::de::DeserializeOwned>(item: &Value) -> Option<String> {
+        let e = T::deserialize(item).err()?.to_string();
+        let Some(object) = item.as_object() else { return Some("is no object".to_owned()) };
+        if let Some(key) = e.strip_prefix("missing field ") {
+            return Some(format!("has no {key}"));
+        }
+        // Without the key that cannot be read, the object can be, or lacks it.
+        let is_culprit = |key: &&String| {
+            let mut others = item.clone();
+            others.as_object_mut().map(|others| others.remove(*key));
+            T::deserialize(&others)
+                .map_or_else(|e| e.to_string() == format!("missing field `{key}`"), |_| true)
+        };
+        let key = object.keys().find(is_culprit);
+        Some(key.map_or("cannot be read".to_owned(), |key| {
+            format!("has `{}` of another type than glTF gives it", key.escape_default())
+        }))
+    }
+    fn first<T: serde::de::DeserializeOwned>(root: &Value, key: &str) -> Option<String> {
+        let items = root[key].as_array().filter(|_| root.get(key).is_some());
+        let mut items = items.into_iter().flatten().enumerate();
+        items.find_map(|(index, item)| Some(format!("{key}[{index}] {}", reason::<T>(item)?)))
+    }
+    first::<json::Accessor>(root, "accessors")
+        .or_else(|| first::<json::Animation>(root, "animations"))
+        .or_else(|| first::<json::Buffer>(root, "buffers"))
+        .or_else(|| first::<json::buffer::View>(root, "bufferViews"))
+        .or_else(|| first::<json::Image>(root, "images"))
+        .or_else(|| first::<json::Material>(root, "materials"))
+        .or_else(|| first::<json::Mesh>(root, "meshes"))
+        .or_else(|| first::<json::Node>(root, "nodes"))
+        .or_else(|| first::<json::texture::Sampler>(root, "samplers"))
+        .or_else(|| first::<json::Scene>(root, "scenes"))
+        .or_else(|| first::<json::Skin>(root, "skins"))
+        .or_else(|| first::<json::Texture>(root, "textures"))
+        .or_else(|| Some(format!("asset {}", reason::<json::Asset>(root.get("asset")?)?)))
+        .or_else(|| Some(format!("its JSON {}", reason::<json::Root>(root)?)))
+        .unwrap_or_else(|| "its JSON cannot be read".to_owned())
+}
+
 /// Whether a validation error is ignored: primitives without positions are not drawn, bounds of positions are not used,
-/// and accessors without a buffer view are zeros.
+/// accessors without a buffer view are zeros, and strides are checked with the data.
 fn is_tolerated(path: &str, fault: &Fault) -> bool {
     let of_positions = ["[\"POSITION\"].min", "[\"POSITION\"].max"].iter().any(|end| path.ends_with(end));
     let has_none = *fault == Fault::Missing && path.ends_with("[\"POSITION\"]");
     of_positions
         || has_none
+        || (*fault == Fault::Invalid && path.ends_with("].byteStride"))
         || (*fault == Fault::Missing && path.starts_with("accessors[") && path.ends_with("].bufferView"))
 }
 

@@ -17,6 +17,11 @@ impl Loader<'_> {
         for mesh in document.meshes() {
             for primitive in mesh.primitives() {
                 let Some(value) = primitive.extension_value(NAME) else { continue };
+                let view = value["bufferView"].as_u64().and_then(|index| usize::try_from(index).ok());
+                let view = view.and_then(|index| document.views().nth(index));
+                if let Some(Err(e)) = view.as_ref().and_then(|view| self.buffers.get(view.buffer().index())) {
+                    return Err(e.clone());
+                }
                 self.decode_primitive(&primitive, value, document).map_err(|what| {
                     let item = format!("mesh {}, primitive {}, {NAME}", mesh.index(), primitive.index());
                     fault(&self.source.file, item, what)

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::{DMat4, DQuat, DVec3};
+use serde_json::Value;
 
 use super::Loader;
 use super::animation::unit;
@@ -33,15 +34,15 @@ impl SharedMeshes {
     }
 }
 
-/// The first accessor of the extension of a node, whose count is the number of placements; `None` without the
-/// extension.
-pub(super) fn first_accessor<'a>(
+/// The accessors of the extension of a node that place its mesh, of which the counts are the number of placements.
+pub(super) fn accessors<'a>(
     node: &gltf::Node,
     document: &'a gltf::Document,
-) -> Option<gltf::Accessor<'a>> {
-    let attributes = node.extension_value(NAME)?.get("attributes")?;
-    let index = ATTRIBUTES.into_iter().find_map(|key| attributes.get(key)?.as_u64())?;
-    document.accessors().nth(usize::try_from(index).ok()?)
+) -> impl Iterator<Item = gltf::Accessor<'a>> {
+    let attributes = node.extension_value(NAME).map_or(&Value::Null, |value| &value["attributes"]);
+    let indices =
+        ATTRIBUTES.map(|key| attributes[key].as_u64().and_then(|index| usize::try_from(index).ok()));
+    indices.into_iter().flatten().filter_map(|index| document.accessors().nth(index))
 }
 
 impl Loader<'_> {

@@ -268,9 +268,9 @@ impl Loader<'_> {
 }
 
 /// The bytes of a buffer view; `None` if it lies outside its buffer.
-pub(super) fn bytes_of<'a>(buffers: &'a [Vec<u8>], view: &gltf::buffer::View) -> Option<&'a [u8]> {
+pub(super) fn bytes_of<'a>(buffers: &'a [Result<Vec<u8>>], view: &gltf::buffer::View) -> Option<&'a [u8]> {
     let range = view.offset()..view.offset().saturating_add(view.length());
-    buffers.get(view.buffer().index())?.get(range)
+    buffers.get(view.buffer().index())?.as_ref().ok()?.get(range)
 }
 
 /// Places the camera targets. glTF cameras have a direction only; the target is the point of the view ray nearest to

@@ -14,20 +14,30 @@ use crate::error::{Result, contain};
 pub(super) const NAMES: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 
 /// The extension object of a buffer view.
-fn extension(value: &Value) -> Option<&Value> {
+pub(super) fn extension(value: &Value) -> Option<&Value> {
     NAMES.iter().find_map(|name| value["extensions"].get(name))
 }
 
 /// Decodes the compressed buffer views of a document.
-pub(super) fn decode_views(root: &Value, mut buffers: Vec<Vec<u8>>, file: &Path) -> Result<Vec<Vec<u8>>> {
+pub(super) fn decode_views(
+    root: &Value,
+    mut buffers: Vec<Result<Vec<u8>>>,
+    file: &Path,
+) -> Result<Vec<Result<Vec<u8>>>> {
     let views = root["bufferViews"].as_array().into_iter().flatten();
     for (index, view) in views.enumerate() {
         let Some(value) = extension(view) else { continue };
         let fault = |what: String| fault(file, format!("buffer view {index}, {}", NAMES[0]), what);
-        let decoded = decode(value, &buffers).map_err(&fault)?;
-        let (buffer, place) =
-            place(view).ok_or_else(|| fault("its byteOffset or byteLength is invalid".into()))?;
-        let place = buffers.get_mut(buffer).and_then(|buffer| buffer.get_mut(place));
+        let invalid = || fault("its byteOffset or byteLength is invalid".into());
+        let (from, bytes) = place(value).ok_or_else(invalid)?;
+        let source = buffers.get(from).and_then(|buffer| match buffer {
+            Ok(buffer) => Some(Ok(buffer.get(bytes)?)),
+            Err(e) => Some(Err(e.clone())),
+        });
+        let source = source.ok_or_else(|| fault("its data lies outside its buffer".into()))??;
+        let decoded = decode(value, source).map_err(&fault)?;
+        let (buffer, place) = place(view).ok_or_else(invalid)?;
+        let place = buffers.get_mut(buffer).and_then(|buffer| buffer.as_mut().ok()?.get_mut(place));
         let place = place.filter(|place| place.len() == decoded.len());
         place
             .ok_or_else(|| fault("byteLength is not count times byteStride".into()))?
@@ -44,14 +54,12 @@ fn place(view: &Value) -> Option<(usize, Range<usize>)> {
     Some((number("buffer")?, offset..offset.checked_add(number("byteLength")?)?))
 }
 
-fn decode(value: &Value, buffers: &[Vec<u8>]) -> std::result::Result<Vec<u8>, String> {
+fn decode(value: &Value, source: &[u8]) -> std::result::Result<Vec<u8>, String> {
     let number = |key: &str| value[key].as_u64().and_then(|n| usize::try_from(n).ok());
     let text = |key: &str| value.get(key).map_or(Some("NONE"), Value::as_str).unwrap_or_default();
     let (Some(count), Some(stride)) = (number("count"), number("byteStride")) else {
         return Err("it states no count and byteStride".into());
     };
-    let source = place(value).and_then(|(buffer, bytes)| buffers.get(buffer)?.get(bytes));
-    let source = source.ok_or("its data lies outside its buffer")?;
     let size = count.checked_mul(stride).ok_or("it is too large")?;
     crate::limits::check_claim(size as u64).map_err(|excess| format!("its data {excess}"))?;
     let mut decoded = vec![0; size];

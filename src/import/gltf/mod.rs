@@ -57,7 +57,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     warn_of_types(&document, file, warnings);
     check_images(&document, &source.file)?;
     check_memory(&document, &source.file, &options.limits)?;
-    let buffers = load_buffers(&document, &root, blob, source)?;
+    let buffers = load_buffers(&document, &root, blob, source);
     #[cfg(feature = "codecs")]
     let buffers = meshopt::decode_views(&root, buffers, file)?;
     let mut loader = Loader {
@@ -93,6 +93,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     }
     let (document, root) = (document, root);
     loader.root = &root;
+    loader.check_drawn(&document)?;
     loader.images = loader.load_images(&document)?;
     for material in document.materials() {
         let material = loader.material(&material, &document)?;
@@ -118,6 +119,9 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     for (node, transform, places) in placed {
         loader.node(&node, transform, &places, &nodes, &pose)?;
     }
+    for e in loader.buffers.iter().filter_map(|buffer| buffer.as_ref().err()) {
+        loader.warnings.left_out_file(format!("{e}; what it holds is not used"));
+    }
     let mut scene = loader.scene;
     place_targets(&mut scene);
     Ok(scene)
@@ -127,7 +131,8 @@ struct Loader<'a> {
     source: &'a Source,
     /// The JSON of the document.
     root: &'a Value,
-    buffers: Vec<Vec<u8>>,
+    /// The buffers, or why they cannot be loaded, which is an error where they are drawn from.
+    buffers: Vec<Result<Vec<u8>>>,
     /// The components of accessors that are stored compressed, by the index of the accessor.
     decoded: HashMap<usize, Vec<f64>>,
     images: Vec<Option<ImageId>>,

@@ -20,7 +20,8 @@ impl From<Error> for Stop {
 
 pub(super) type Read<T> = std::result::Result<T, Stop>;
 
-/// Read position in ASCII or binary data.
+/// Reader of the values after the header.
+#[derive(Clone)]
 pub(super) struct Body<'a> {
     pub source: &'a Source,
     encoding: Encoding,
@@ -30,6 +31,8 @@ pub(super) struct Body<'a> {
     lines: Lines<'a>,
     line: usize,
     words: &'a [u8],
+    /// ASCII data: whether the values of an element may lie on several lines, or those of several on one.
+    is_by_words: bool,
     /// Number of lines with more values than declared.
     pub longer: usize,
     /// Set if the file ends early: element name, number of elements read, declared number.
@@ -37,7 +40,7 @@ pub(super) struct Body<'a> {
 }
 
 impl<'a> Body<'a> {
-    pub(super) fn new(source: &'a Source, header: &Header) -> Self {
+    pub(super) fn new(source: &'a Source, header: &Header, is_by_words: bool) -> Self {
         Body {
             source,
             encoding: header.encoding,
@@ -45,6 +48,7 @@ impl<'a> Body<'a> {
             lines: Lines::new(&source.bytes[header.bytes..], header.lines),
             line: header.lines,
             words: &[],
+            is_by_words,
             longer: 0,
             short: None,
         }
@@ -81,12 +85,17 @@ impl<'a> Body<'a> {
         Ok(count as usize)
     }
 
-    /// Number of unread bytes, without surrounding white space in ASCII data.
+    /// Bytes after those that were read; without lines that are empty or comments before them.
     pub(super) fn bytes_left(&self) -> usize {
-        match self.encoding {
-            Encoding::Ascii => self.lines.rest().trim_ascii().len(),
-            _ => self.source.bytes.len() - self.at,
+        if self.encoding != Encoding::Ascii {
+            return self.source.bytes.len() - self.at;
         }
+        let mut lines = self.lines.clone();
+        let mut rest = lines.rest();
+        while lines.next().is_some_and(|(_, line)| !has_values(line)) {
+            rest = lines.rest();
+        }
+        rest.trim_ascii().len()
     }
 
     /// Calls `read` once per element. An early end of file sets [`Body::short`] and is no error.
@@ -106,8 +115,23 @@ impl<'a> Body<'a> {
                 }
             }
         }
-        self.end();
+        if !self.is_by_words {
+            self.end();
+        }
         Ok(())
+    }
+
+    /// Whether all values that the header declares are there, and no others.
+    pub(super) fn is_whole(&self) -> bool {
+        self.short.is_none()
+            && self.longer == 0
+            && self.words.trim_ascii().is_empty()
+            && self.bytes_left() == 0
+    }
+
+    /// The same data from the place of `earlier` on.
+    pub(super) fn from(&self, earlier: &Self) -> Self {
+        Body { longer: self.longer, ..earlier.clone() }
     }
 
     /// Ends an element; in ASCII data, counts the line if it has values left.
@@ -116,16 +140,21 @@ impl<'a> Body<'a> {
         self.words = &[];
     }
 
-    /// Starts the next element; in ASCII data, moves to the next line that is not empty.
+    /// Starts the next element; in ASCII data, moves to the next line of values.
     fn begin(&mut self) -> Read<()> {
-        if self.encoding != Encoding::Ascii {
+        if self.encoding != Encoding::Ascii || self.is_by_words {
             return Ok(());
         }
         self.end();
+        self.next_line()
+    }
+
+    /// Moves to the next line that is neither empty nor a comment.
+    fn next_line(&mut self) -> Read<()> {
         loop {
             let (number, line) = self.lines.next().ok_or(Stop::End)?;
             (self.line, self.words) = (number, line);
-            if !line.trim_ascii().is_empty() {
+            if has_values(line) {
                 return Ok(());
             }
         }
@@ -133,6 +162,9 @@ impl<'a> Body<'a> {
 
     pub(super) fn next(&mut self, scalar: Scalar) -> Read<f64> {
         if self.encoding == Encoding::Ascii {
+            if self.is_by_words && self.words.trim_ascii().is_empty() {
+                self.next_line()?;
+            }
             let is_last = self.lines.rest().is_empty();
             let Some(word) = take_word(&mut self.words) else {
                 return Err(if is_last {
@@ -186,7 +218,7 @@ impl<'a> Body<'a> {
         }
         let is_text = self.encoding == Encoding::Ascii;
         self.each(element, |body| {
-            if is_text {
+            if is_text && !body.is_by_words {
                 body.words = &[];
                 return Ok(());
             }
@@ -207,7 +239,13 @@ impl<'a> Body<'a> {
     }
 }
 
-/// Element name for messages, which do not quote unknown names of a file.
+/// Whether a line is neither empty nor a comment.
+fn has_values(mut line: &[u8]) -> bool {
+    let first = take_word(&mut line);
+    first.is_some_and(|word| !word.starts_with(b"#") && word != b"comment" && word != b"obj_info")
+}
+
+/// The name of an element for messages, which do not repeat what a file says.
 fn known_name(element: &Element) -> &'static str {
     const KNOWN: [&str; 3] = ["vertex", "face", "tristrips"];
     KNOWN.into_iter().find(|name| *name == element.name).unwrap_or("of another name")

@@ -124,6 +124,8 @@ pub(crate) struct Header {
     pub elements: Vec<Element>,
     /// Image names in `comment TextureFile`, as written by MeshLab.
     pub texture_files: Vec<String>,
+    /// Number of lines that are no statements, and the first of them.
+    pub unknown: Option<(usize, usize)>,
     /// Length of the header in bytes.
     pub bytes: usize,
     /// Length of the header in lines.
@@ -150,6 +152,7 @@ impl Header {
         }
         let (mut at, mut lines) = (first + skipped, 1);
         let (mut encoding, mut elements, mut texture_files) = (None, Vec::new(), Vec::new());
+        let mut unknown = None;
         loop {
             let rest = bytes.get(at..).unwrap_or_default();
             let Some(length) = rest.iter().position(|&b| b == end) else {
@@ -170,24 +173,32 @@ impl Header {
                 let name = line.split_once(key).map_or("", |(_, name)| name.trim());
                 texture_files.extend((!name.is_empty()).then(|| name.to_owned()));
             }
-            if let Err(what) = take_line(&words, lines, &mut encoding, &mut elements) {
-                return error(lines, what, "correct the header");
+            match take_line(&words, lines, &mut encoding, &mut elements) {
+                Ok(true) => {}
+                Ok(false) => {
+                    let (count, first) = unknown.unwrap_or((0, lines));
+                    unknown = Some((count + 1, first));
+                }
+                Err(what) => return error(lines, what, "correct the header"),
             }
         }
         let Some(encoding) = encoding else {
             return error(lines, "the header has no line `format`".into(), "export the file again");
         };
-        Ok(Header { encoding, elements, texture_files, bytes: at, lines })
+        Ok(Header { encoding, elements, texture_files, unknown, bytes: at, lines })
     }
 }
 
-/// Parses the words of a header line.
+/// Parses the words of a header line. Returns whether it is a statement.
+///
+/// # Errors
+/// It is invalid, or none but like one that changes the layout of the values.
 fn take_line(
     words: &[&str],
     line: usize,
     encoding: &mut Option<Encoding>,
     elements: &mut Vec<Element>,
-) -> std::result::Result<(), String> {
+) -> std::result::Result<bool, String> {
     match words {
         [] | ["comment" | "obj_info", ..] => {}
         ["format", name, ..] => {
@@ -217,7 +228,13 @@ fn take_line(
             };
             element.properties.push(Property { name: (*name).into(), length, scalar });
         }
-        _ => return Err("not a statement of PLY headers".into()),
+        [word, ..] => {
+            let word = word.to_ascii_lowercase();
+            if ["format", "element", "propert", "end"].iter().any(|statement| word.starts_with(statement)) {
+                return Err("not a statement of PLY headers".into());
+            }
+            return Ok(false);
+        }
     }
-    Ok(())
+    Ok(true)
 }

@@ -321,3 +321,85 @@ fn images_without_coordinates_or_files_are_said() {
         "{warnings:?}"
     );
 }
+
+/// Faces and strips before vertices are read as those after them, by text and by bytes.
+#[test]
+fn elements_in_any_order() {
+    let vertices = "element vertex 4\nproperty float x\nproperty float y\nproperty float z\n";
+    let faces = "element face 2\nproperty list uchar int vertex_indices\nproperty uchar red\n\
+                 property uchar green\nproperty uchar blue\n";
+    let strips = "element tristrips 1\nproperty list int int vertex_indices\n";
+    let bytes = |values: &[&[u8]]| values.concat();
+    let ints = |values: &[i32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+    let corners = [0f32, 0., 0., 1., 0., 0., 1., 1., 0., 0., 1., 0.].map(f32::to_le_bytes);
+    let binary = [
+        corners.as_flattened().to_vec(),
+        bytes(&[&[3], &ints(&[0, 1, 2]), &[255, 0, 0], &[3], &ints(&[0, 2, 3]), &[0, 0, 255]]),
+        ints(&[3, 0, 1, 3]),
+    ];
+    let text = [
+        b"0 0 0\n1 0 0\n1 1 0\n0 1 0\n".to_vec(),
+        b"3 0 1 2 255 0 0\n3 0 2 3 0 0 255\n".to_vec(),
+        b"3 0 1 3\n".to_vec(),
+    ];
+    let heads = [vertices, faces, strips];
+    for (encoding, rows) in [("ascii", text), ("binary_little_endian", binary)] {
+        let of = |order: &[usize]| {
+            let head: String = order.iter().map(|&i| heads[i]).collect();
+            let head = format!("ply\nformat {encoding} 1.0\n{head}end_header\n").into_bytes();
+            let rows: Vec<u8> = order.iter().flat_map(|&i| rows[i].clone()).collect();
+            read_bytes([head, rows].concat()).expect("a square")
+        };
+        let (square, _) = of(&[0, 1]);
+        assert_eq!((square.triangles.len(), square.colours.is_some()), (2, true));
+        assert_eq!(of(&[1, 0]), (square, Warnings::default()), "{encoding}");
+        let (square, _) = of(&[0, 1, 2]);
+        for order in [[1, 0, 2], [1, 2, 0], [1, 0, 2]] {
+            assert_eq!(of(&order), (square.clone(), Warnings::default()), "{encoding} {order:?}");
+        }
+    }
+}
+
+/// A triangle with `lines` in its header, and `rows` after its vertices.
+fn triangle(lines: &str, rows: &str) -> Vec<u8> {
+    format!(
+        "ply\nformat ascii 1.0\n{lines}element vertex 3\n{SQUARE}\nelement face 1\n\
+         property list uchar int vertex_index\nend_header\n{rows}"
+    )
+    .into()
+}
+
+#[test]
+fn header_lines_that_are_no_statements() {
+    let rows = "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    let (mesh, warnings) =
+        read_bytes(triangle("made by X\ncomment a\nunits mm\n", rows)).expect("a triangle");
+    assert_eq!(mesh.triangles, [[0, 1, 2]]);
+    let what = "a.ply: 2 line(s) that are no statements of PLY headers are skipped; the first is line 3";
+    assert_eq!(warnings.messages(), [what]);
+    // Lines that may be meant as statements change where values lie.
+    for line in
+        ["Element camera 1", "elements 3", "PROPERTY float w", "properties", "end header", "formats ascii"]
+    {
+        let e = read_bytes(triangle(&format!("{line}\n"), rows)).map(drop).expect_err("not a header");
+        assert_eq!(e.to_string(), "a.ply:3: not a statement of PLY headers", "{line}");
+    }
+}
+
+/// Blank lines and comments between rows; values over several lines, or of several elements on one.
+#[test]
+fn rows_of_text() {
+    let (expected, _) = read_bytes(triangle("", "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")).expect("a triangle");
+    for rows in [
+        "# points\n0 0 0\n\ncomment 1 2 3\n1 0 0\n \n0 1 0\nobj_info x\n# faces\n3 0 1 2\n\n# the end\n\n",
+        "0 0 0\n1 0 0\n0 1 0\n3\n0 1 2\n",
+        "0 0\n0\n1 0 0 0 1 0\n3 0 1\n# the last\n2",
+    ] {
+        let (mesh, warnings) = read_bytes(triangle("", rows)).unwrap_or_else(|e| panic!("{rows}: {e}"));
+        assert_eq!(mesh, expected, "{rows}");
+        assert!(warnings.is_empty(), "{rows}: {warnings:?}");
+    }
+    // Too few values are the fault by lines, and too many are left out by lines.
+    let few = read_bytes(triangle("", "0 0 0\n1 0\n0 1 0\n3 0 1 2\n")).map(drop).expect_err("a fault");
+    assert_eq!(few.to_string(), "a.ply:11: fewer values than the header says");
+}
