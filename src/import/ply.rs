@@ -41,7 +41,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
                 return Err(body.fault_of(element, "a second element `vertex`"));
             }
             "vertex" => colours = read_vertices(&mut body, element, &mut mesh)?,
-            "face" => faces.read(&mut body, element, &mut mesh)?,
+            "face" if element.count > 0 => faces.read(&mut body, element, &mut mesh)?,
             "tristrips" => faces::read_strips(&mut body, element, &mut mesh)?,
             _ => body.skip(element)?,
         }
@@ -106,18 +106,12 @@ fn first_of_each<S: Copy + Eq + Hash>(
     element.properties.iter().map(|property| slot(property).filter(|slot| known.insert(*slot))).collect()
 }
 
-/// Value of white per channel, and whether colours are floating-point numbers.
-fn whites<S: PartialEq>(
-    element: &Element,
-    slots: &[Option<S>],
-    channel: impl Fn(usize) -> S,
-) -> ([f64; 4], bool) {
-    let scalar = |index: usize| {
+/// Value of white per channel; 1 for floating-point numbers.
+fn whites<S: PartialEq>(element: &Element, slots: &[Option<S>], channel: impl Fn(usize) -> S) -> [f64; 4] {
+    [0, 1, 2, 3].map(|index| {
         let property = slots.iter().position(|slot| slot.as_ref() == Some(&channel(index)));
-        property.map(|property| element.properties[property].scalar)
-    };
-    let white = [0, 1, 2, 3].map(|index| scalar(index).map_or(1.0, header::Scalar::white));
-    (white, scalar(0).is_some_and(header::Scalar::is_float))
+        property.map_or(1.0, |property| element.properties[property].scalar.white())
+    })
 }
 
 /// Slots of vertex values: position from 0, then normal, texture coordinates and colour.
@@ -147,7 +141,7 @@ fn read_vertices(body: &mut Body, element: &Element, mesh: &mut Mesh) -> Result<
         return Err(body.fault_of(element, "its vertices have no `x`, `y` and `z`"));
     }
     let (has_normals, has_uvs, has_colours) = (has(NORMAL, 3), has(UV, 2), has(COLOUR, 3));
-    let (white, is_float) = whites(element, &slots, |channel| COLOUR + channel);
+    let white = whites(element, &slots, |channel| COLOUR + channel);
     let sizes = [
         (true, size_of::<DVec3>()),
         (has_normals, size_of::<DVec3>()),
@@ -188,7 +182,7 @@ fn read_vertices(body: &mut Body, element: &Element, mesh: &mut Mesh) -> Result<
     mesh.positions = positions;
     mesh.normals = has_normals.then(|| Attribute::per_position(normals));
     mesh.uvs.extend(has_uvs.then(|| Attribute::per_position(uvs)));
-    Ok(has_colours.then_some(Colours { values: colours, white, is_float }))
+    Ok(has_colours.then_some(Colours { values: colours, white }))
 }
 
 /// Sets the colours and opacities of vertices, or of faces if vertices have none.
@@ -199,16 +193,19 @@ fn set_colours(
     faces: &mut Faces,
     warnings: &mut Warnings,
 ) {
-    let about = format!("{}: colours have", source.file.display());
-    // Triangle strips have no face colours.
     let is_of_faces = faces.face_of.len() == mesh.triangles.len();
     let triangles = || faces.face_of.iter().map(|&face| [face; 3]).collect::<Vec<_>>();
     let (colours, triangles) = match (vertices, faces.colours.take()) {
         (Some(colours), _) => (colours, None),
         (None, Some(colours)) if is_of_faces => (colours, Some(triangles())),
-        _ => return,
+        (None, Some(_)) => {
+            let what = "colours of faces are left out, because triangle strips have none";
+            warnings.left_out(format!("{}: {what}", source.file.display()));
+            return;
+        }
+        (None, None) => return,
     };
-    let (colours, alphas) = colours.decoded(&about, warnings);
+    let (colours, alphas) = colours.decoded(&source.file, warnings);
     mesh.alphas = alphas.map(|values| Attribute { values, triangles: triangles.clone() });
     mesh.colours = Some(Attribute { values: colours, triangles });
 }

@@ -2,6 +2,7 @@
 //!
 //! Fixtures are in `assets/import`; files with unusual bytes are written by the tests.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
@@ -2070,6 +2071,72 @@ fn off_and_3mf_become_meshes() {
     // Twice as large, and moved by 5 in x.
     assert_eq!(scene.bounds(), Some((v(5.0, 0.0, 0.0), v(7.0, 2.0, 2.0))));
     assert_eq!(mesh(&scene, 0).colours.as_ref().expect("colours").values.len(), 1);
+}
+
+/// Standard input has no name, so its first bytes tell the format.
+#[test]
+fn off_is_known_by_its_first_word() {
+    let body = "3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    let read = |text: &str| {
+        kiln::import::load_bytes(
+            text.as_bytes().to_vec(),
+            &ImportOptions::default(),
+            &mut Warnings::default(),
+        )
+    };
+    for head in ["OFF\n", "off\n", "# by hand\n\n  # again\r\nOFF # x\n", "\u{feff}Off\n", "OFF", "cOff\n"] {
+        let scene = read(&format!("{head}{body}")).unwrap_or_else(|e| panic!("{head}: {e}"));
+        assert_eq!(scene.primitive_count(), 1, "{head}");
+    }
+    let fault = |text: &str| read(text).expect_err("it is no mesh").to_string();
+    assert!(fault("# x\n4OFF\n").contains("not three-dimensional"), "{}", fault("4OFF\n"));
+    // Scene files may begin with a comment, too, and keys may begin with the word.
+    assert!(fault("# x\noffset = 1\n").contains("offset"), "{}", fault("# x\noffset = 1\n"));
+}
+
+/// A 3MF file of one part.
+fn three_mf(resources: &str, build: &str) -> Vec<u8> {
+    let text = format!("<model><resources>{resources}</resources><build>{build}</build></model>");
+    let mut out = Vec::new();
+    let mut archive = rawzip::ZipArchiveWriter::new(&mut out);
+    let method = rawzip::CompressionMethod::DEFLATE;
+    let start = archive.new_file("3D/3dmodel.model").compression_method(method).start();
+    let (mut entry, config) = start.expect("a name");
+    let encoder = flate2::write::DeflateEncoder::new(&mut entry, flate2::Compression::fast());
+    let mut writer = config.wrap(encoder);
+    writer.write_all(text.as_bytes()).expect("memory");
+    let (encoder, descriptor) = writer.finish().expect("memory");
+    encoder.finish().expect("memory");
+    entry.finish(descriptor).expect("memory");
+    archive.finish().expect("memory");
+    out
+}
+
+/// Lists of a 3MF file are refused before they exceed the memory limit, of which 64 MiB are left. A reference takes
+/// 168 bytes, and an empty object as much: 400,000 take 64 MiB.
+#[test]
+fn lists_of_3mf_files_are_checked_before_memory_is_allocated() {
+    let folder = Folder::new();
+    let mesh = "<object id=\"1\"><mesh/></object>";
+    let many = |text: &str| text.repeat(400_000);
+    let components = many("<component objectid=\"1\"/>");
+    let objects: String = (0..400_000).map(|id| format!("<object id=\"{id}\"><mesh/></object>")).collect();
+    for (resources, build) in [
+        (mesh.to_owned(), many("<item objectid=\"1\"/>")),
+        (format!("{mesh}<object id=\"2\"><components>{components}</components></object>"), String::new()),
+        (objects, String::new()),
+    ] {
+        let file = folder.write("a.3mf", three_mf(&resources, &build));
+        let kiln = std::process::Command::new(env!("CARGO_BIN_EXE_kiln"))
+            .args(["info", "--memory-limit", "128M"])
+            .arg(&file)
+            .output()
+            .expect("kiln runs");
+        let said = String::from_utf8_lossy(&kiln.stderr);
+        assert_eq!(kiln.status.code(), Some(3), "{said}");
+        assert!(said.contains("a.3mf: 3D/3dmodel.model: more than "), "{said}");
+        assert!(said.contains(" of 128 MiB are left (--memory-limit)"), "{said}");
+    }
 }
 
 #[test]

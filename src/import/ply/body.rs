@@ -89,12 +89,16 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Calls `read` once per element. An early end of file sets [`Body::short`] and is no error.
+    /// Calls `read` once per element, unless elements have no properties and hence no data. An early end of file sets
+    /// [`Body::short`] and is no error.
     pub(super) fn each(
         &mut self,
         element: &Element,
         mut read: impl FnMut(&mut Self) -> Read<()>,
     ) -> Result<()> {
+        if element.properties.is_empty() {
+            return Ok(());
+        }
         for index in 0..element.count {
             match self.begin().and_then(|()| read(self)) {
                 Ok(()) => {}
@@ -181,9 +185,6 @@ impl<'a> Body<'a> {
     }
 
     pub(super) fn skip(&mut self, element: &Element) -> Result<()> {
-        if element.properties.is_empty() {
-            return Ok(());
-        }
         let is_text = self.encoding == Encoding::Ascii;
         self.each(element, |body| {
             if is_text {
