@@ -13,8 +13,8 @@ use crate::film::colour::srgb_decode;
 /// would be nearly black.
 const MAX_UNIT: f64 = 2.0;
 
-/// Value of white of floating-point colours up to `largest`: 255, with a note about `what`, above [`MAX_UNIT`], or above
-/// 1 if all are whole numbers; else 1. Other values above 1 stem from rounding or high dynamic range.
+/// Value of white of floating-point colours up to `largest`: 255 above [`MAX_UNIT`], or above 1 if all are whole
+/// numbers, with a note about `what`; else 1. Other values above 1 stem from rounding or high dynamic range.
 pub(super) fn white_of_floats(
     largest: f64,
     are_whole: impl FnOnce() -> bool,
@@ -56,8 +56,8 @@ impl Colours {
         }
     }
 
-    /// Returns linear colours and opacities, rescaled; `None` if all are opaque. Opacities that are all 0, as written by
-    /// some exporters, are dropped with a note.
+    /// Returns linear colours and opacities, rescaled; `None` if all are opaque. Opacities that are all 0, as written
+    /// by some exporters, are dropped with a note.
     pub(super) fn decoded(mut self, file: &Path, warnings: &mut Warnings) -> (Vec<DVec3>, Option<Vec<f64>>) {
         self.rescale(file, warnings);
         let Colours { values, white } = self;

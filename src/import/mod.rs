@@ -119,7 +119,7 @@ pub const IMPORTERS: &[Importer] = &[
         endings: &["ply"],
         is_scene_file: false,
         is_flat: false,
-        is_start: Some(|text| text.starts_with(b"ply\n") || text.starts_with(b"ply\r")),
+        is_start: Some(ply::is_start),
         streams: false,
         read: ply::read,
     },

@@ -21,7 +21,8 @@ use crate::scene::{Attribute, Mesh, Phong, Scene};
 pub(super) fn is_start(mut text: &[u8]) -> bool {
     let word = take_word(&mut text).unwrap_or_default().to_ascii_uppercase();
     let Some(at) = word.windows(3).position(|letters| letters == b"OFF") else { return false };
-    word[..at].iter().all(|letter| b"STCN4".contains(letter)) && word[at + 3..].iter().all(u8::is_ascii_digit)
+    let is_whole = !word.get(at + 3).is_some_and(u8::is_ascii_alphabetic);
+    is_whole && word[..at].iter().all(|letter| b"STCN4".contains(letter))
 }
 
 /// Reads an OFF file as one mesh.
@@ -40,13 +41,13 @@ pub(super) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         [("vertices", mesh.positions.len() as u64, header.vertices), ("faces", faces, header.faces)]
     {
         if there < declared {
-            let what = format!("ends after {there} of {declared} {name}; what is there is drawn");
+            let what = format!("ends after {there} of {declared} {name}; the complete elements are drawn");
             warnings.left_out(format!("{file}: {what}"));
             break;
         }
     }
     if too_long > 0 {
-        let what = "vertices have more values than the first line names; the rest of them is left out";
+        let what = "vertices have surplus values, which are left out";
         warnings.left_out(format!("{file}: {too_long} {what}"));
     }
     if mesh.triangles.is_empty() && !mesh.positions.is_empty() {
@@ -402,7 +403,7 @@ mod tests {
         let (mesh, warnings) =
             read_text(&format!("OFF\n4 3 0\n{SQUARE}3 0 1 2\n3 0 2 3\n3 0")).expect("two faces");
         assert_eq!(mesh.triangles.len(), 2);
-        assert_eq!(warnings.messages(), ["a.off: ends after 2 of 3 faces; what is there is drawn"]);
+        assert_eq!(warnings.messages(), ["a.off: ends after 2 of 3 faces; the complete elements are drawn"]);
     }
 
     #[test]

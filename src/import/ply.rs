@@ -21,6 +21,7 @@ use glam::{DVec2, DVec3};
 
 use super::colours::Colours;
 use super::images::{Channels, ImageLoader};
+use super::lines::Lines;
 use super::parts::split;
 use super::{Source, default_material};
 use crate::error::{Result, Warnings};
@@ -29,6 +30,11 @@ use crate::scene::{Attribute, ImageId, Material, Mesh, Sampler, Scene, Texture};
 use body::Body;
 use faces::Faces;
 use header::{Element, Header, Property};
+
+/// Whether the first line of a text is that of PLY files, in any case.
+pub(super) fn is_start(text: &[u8]) -> bool {
+    Lines::new(text, 0).next().is_some_and(|(_, line)| line.trim_ascii_end().eq_ignore_ascii_case(b"ply"))
+}
 
 /// Reads a PLY file as one mesh, or as one mesh per texture.
 pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
@@ -45,7 +51,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
             "tristrips" => faces::read_strips(&mut body, element, &mut mesh)?,
             _ => body.skip(element)?,
         }
-        if body.short.is_some() {
+        if body.truncation.is_some() {
             break;
         }
     }
@@ -73,15 +79,16 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
 /// Warns about missing and surplus data.
 fn warn_of_length(body: &Body, warnings: &mut Warnings) {
     let file = body.source.file.display();
-    if let Some((name, there, declared)) = &body.short {
-        let what = format!("ends after {there} of {declared} elements ({name}); what is there is drawn");
+    if let Some((name, there, declared)) = &body.truncation {
+        let what =
+            format!("ends after {there} of {declared} elements ({name}); the complete elements are drawn");
         warnings.left_out(format!("{file}: {what}"));
     }
-    if body.longer > 0 {
-        let what = "line(s) hold more values than the header says; the rest of them is left out";
-        warnings.left_out(format!("{file}: {} {what}", body.longer));
+    if body.surplus_lines > 0 {
+        let what = "line(s) have surplus values, which are left out";
+        warnings.left_out(format!("{file}: {} {what}", body.surplus_lines));
     }
-    if let (None, rest @ 1..) = (&body.short, body.bytes_left()) {
+    if let (None, rest @ 1..) = (&body.truncation, body.bytes_left()) {
         warnings.left_out(format!("{file}: left out {rest} byte(s) after the last element"));
     }
 }
@@ -257,8 +264,9 @@ fn textured(
         mesh.uvs = vec![Attribute { values: uvs, triangles: Some(triangles) }];
     }
     if mesh.colours.is_some() && keys.iter().any(Option::is_some) {
-        warnings
-            .note_left_out(format!("{file}: colours are left out where an image is; they would darken it"));
+        warnings.note_left_out(format!(
+            "{file}: colours of textured faces are left out, because they would darken the texture"
+        ));
     }
     for (image, mut part) in split(mesh, &keys) {
         let mut material = default_material(&part);

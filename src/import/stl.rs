@@ -78,9 +78,9 @@ fn facet_count(source: &Source, warnings: &mut Warnings) -> Result<usize> {
         if whole == 0 {
             return Err(Error::input(place, what, "export or copy the file again"));
         }
-        warnings.left_out(format!("{file}: {what}; those that are there are drawn"));
+        warnings.left_out(format!("{file}: {what}; the complete ones are drawn"));
     } else if count == 0 && whole > 0 {
-        warnings.push(format!("{file}: its header says 0 triangles; drawn are the {whole} that are there"));
+        warnings.push(format!("{file}: the header says 0 triangles; {whole} are drawn"));
     } else if rest > count * FACET {
         let rest = rest - count * FACET;
         warnings.left_out(format!("{file}: left out {rest} byte(s) after the last triangle"));
@@ -116,7 +116,7 @@ fn read_binary(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
 type Solids = Vec<(Option<String>, Mesh)>;
 
 /// Whether a word is a truncated keyword.
-fn is_cut(word: &[u8]) -> bool {
+fn is_truncated_keyword(word: &[u8]) -> bool {
     STATEMENTS.iter().any(|whole| whole.starts_with(word)) && !STATEMENTS.contains(&word)
 }
 
@@ -170,7 +170,7 @@ fn read_ascii(source: &Source, warnings: &mut Warnings) -> Result<Solids> {
                 _ => return fault(format!("a facet of {} vertices, not 3", corners.len())),
             },
             // The file may end within a keyword.
-            cut if words.is_at_end() && has_triangles(&solids, &welder) && is_cut(cut) => break,
+            cut if words.is_at_end() && has_triangles(&solids, &welder) && is_truncated_keyword(cut) => break,
             _ if corners.is_empty() => return fault("not a statement of STL files".into()),
             _ => return fault("neither `vertex` nor `endloop` in a facet".into()),
         }
@@ -316,16 +316,13 @@ mod tests {
         let (count, said) = read(binary(b"solid", 4)[..283].to_vec());
         assert_eq!(
             (count, said.as_str()),
-            (3, "a.stl: ends after 3 of 4 triangles; those that are there are drawn")
+            (3, "a.stl: ends after 3 of 4 triangles; the complete ones are drawn")
         );
         let (count, said) = read(binary(b"", u32::MAX));
         assert!(count == 4 && said.contains("ends after 4 of 4294967295 triangles"), "{count}: {said}");
         // The header of a streaming exporter.
         let (count, said) = read(binary(b"", 0));
-        assert_eq!(
-            (count, said.as_str()),
-            (4, "a.stl: its header says 0 triangles; drawn are the 4 that are there")
-        );
+        assert_eq!((count, said.as_str()), (4, "a.stl: the header says 0 triangles; 4 are drawn"));
         // Text truncated in its third facet.
         let text = ascii("a", "\n");
         let cut =

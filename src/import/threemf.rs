@@ -26,7 +26,7 @@ use crate::scene::{
     Attribute, ImageId, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Sampler, Scene, Shape,
     Texture, Wrap,
 };
-use model::{Model, Property, Reference, Solid};
+use model::{Model, ObjectContent, Property, Reference};
 use package::Package;
 
 /// Maximum nesting depth of components; slicers write one or two levels.
@@ -111,10 +111,7 @@ impl Reader<'_> {
         // Nested components multiply: the file size does not bound their number.
         if self.references.is_power_of_two() {
             limits::check(limits::product(&[self.references, PLACEMENT])).map_err(|excess| {
-                let what = format!(
-                    "more than {} placements of objects; as many again {excess}",
-                    self.references - 1
-                );
+                let what = format!("{} placements: twice as many {excess}", self.references);
                 Error::input(self.source.file.as_path(), what, excess.remedy())
             })?;
         }
@@ -124,19 +121,19 @@ impl Reader<'_> {
         if depth > MAX_DEPTH {
             return Err(self.error(place, format!("components that are nested more than {MAX_DEPTH} times")));
         }
-        if let Some(kind) = object.not_model {
+        if let Some(kind) = object.other_type {
             let what = format!("left out object {} of the type `{kind}`", reference.object);
             self.warnings.note_left_out(format!("{}: {what}", self.source.file.display()));
             return Ok(());
         }
         let placement = outer * reference.transform;
-        match &object.solid {
-            Solid::Components(components) => {
+        match &object.content {
+            ObjectContent::Components(components) => {
                 for component in components {
                     self.place(component, part, placement, depth + 1)?;
                 }
             }
-            Solid::Mesh { .. } => {
+            ObjectContent::Mesh { .. } => {
                 let parts = self.mesh(part, &model, reference.object)?;
                 for (mesh, material) in parts.iter() {
                     let name = object.name.clone().unwrap_or_else(|| format!("object {}", reference.object));
@@ -155,7 +152,8 @@ impl Reader<'_> {
         if let Some(parts) = self.meshes.get(&key) {
             return Ok(Arc::clone(parts));
         }
-        let Some(Solid::Mesh { positions, triangles, properties }) = model.objects.get(&id).map(|o| &o.solid)
+        let Some(ObjectContent::Mesh { positions, triangles, properties }) =
+            model.objects.get(&id).map(|o| &o.content)
         else {
             return Ok(Parts::default());
         };
@@ -220,7 +218,7 @@ impl Reader<'_> {
             Some(Property::Colours(colours)) => {
                 let corner = |index: u32| colours.get(index as usize).copied();
                 let [Some(a), Some(b), Some(c)] = corners.map(corner) else {
-                    let what = "has fewer colours than its triangles name";
+                    let what = "colour index out of range";
                     return Err(self.error(format!("resource {group}"), what));
                 };
                 attributes.push(Some(&Corners::Colours([a, b, c])));
@@ -229,7 +227,7 @@ impl Reader<'_> {
             Some(Property::Coordinates { texture, uvs }) => {
                 let corner = |index: u32| uvs.get(index as usize).copied();
                 let [Some(a), Some(b), Some(c)] = corners.map(corner) else {
-                    let what = "has fewer coordinates than its triangles name";
+                    let what = "texture coordinate index out of range";
                     return Err(self.error(format!("resource {group}"), what));
                 };
                 let corners = Corners::Uvs([a, b, c]);

@@ -7,18 +7,18 @@ use crate::error::{Error, Place, Result};
 use crate::limits;
 
 /// Why a value cannot be read.
-pub(super) enum Stop {
+pub(super) enum ReadError {
     End,
     Fault(Error),
 }
 
-impl From<Error> for Stop {
+impl From<Error> for ReadError {
     fn from(error: Error) -> Self {
-        Stop::Fault(error)
+        ReadError::Fault(error)
     }
 }
 
-pub(super) type Read<T> = std::result::Result<T, Stop>;
+pub(super) type Read<T> = std::result::Result<T, ReadError>;
 
 /// Read position in ASCII or binary data.
 pub(super) struct Body<'a> {
@@ -31,9 +31,9 @@ pub(super) struct Body<'a> {
     line: usize,
     words: &'a [u8],
     /// Number of lines with more values than declared.
-    pub longer: usize,
+    pub surplus_lines: usize,
     /// Set if the file ends early: element name, number of elements read, declared number.
-    pub short: Option<(&'static str, u64, u64)>,
+    pub truncation: Option<(&'static str, u64, u64)>,
 }
 
 impl<'a> Body<'a> {
@@ -45,18 +45,18 @@ impl<'a> Body<'a> {
             lines: Lines::new(&source.bytes[header.bytes..], header.lines),
             line: header.lines,
             words: &[],
-            longer: 0,
-            short: None,
+            surplus_lines: 0,
+            truncation: None,
         }
     }
 
     /// An error at the current line or byte.
-    pub(super) fn fault(&self, what: impl Into<String>) -> Stop {
+    pub(super) fn fault(&self, what: impl Into<String>) -> ReadError {
         let place = match self.encoding {
             Encoding::Ascii => Place::line(&self.source.file, self.line),
             _ => Place::item(&self.source.file, format!("byte {}", self.at)),
         };
-        Stop::Fault(Error::input(place, what, "export the file again"))
+        ReadError::Fault(Error::input(place, what, "export the file again"))
     }
 
     /// An error in the declaration of an element.
@@ -90,7 +90,7 @@ impl<'a> Body<'a> {
     }
 
     /// Calls `read` once per element, unless elements have no properties and hence no data. An early end of file sets
-    /// [`Body::short`] and is no error.
+    /// [`Body::truncation`] and is no error.
     pub(super) fn each(
         &mut self,
         element: &Element,
@@ -102,9 +102,9 @@ impl<'a> Body<'a> {
         for index in 0..element.count {
             match self.begin().and_then(|()| read(self)) {
                 Ok(()) => {}
-                Err(Stop::Fault(error)) => return Err(error),
-                Err(Stop::End) => {
-                    self.short = Some((known_name(element), index, element.count));
+                Err(ReadError::Fault(error)) => return Err(error),
+                Err(ReadError::End) => {
+                    self.truncation = Some((known_name(element), index, element.count));
                     self.words = &[];
                     return Ok(());
                 }
@@ -116,7 +116,7 @@ impl<'a> Body<'a> {
 
     /// Ends an element; in ASCII data, counts the line if it has values left.
     fn end(&mut self) {
-        self.longer += usize::from(take_word(&mut self.words).is_some());
+        self.surplus_lines += usize::from(take_word(&mut self.words).is_some());
         self.words = &[];
     }
 
@@ -127,7 +127,7 @@ impl<'a> Body<'a> {
         }
         self.end();
         loop {
-            let (number, line) = self.lines.next().ok_or(Stop::End)?;
+            let (number, line) = self.lines.next().ok_or(ReadError::End)?;
             (self.line, self.words) = (number, line);
             if !line.trim_ascii().is_empty() {
                 return Ok(());
@@ -140,7 +140,7 @@ impl<'a> Body<'a> {
             let is_last = self.lines.rest().is_empty();
             let Some(word) = take_word(&mut self.words) else {
                 return Err(if is_last {
-                    Stop::End
+                    ReadError::End
                 } else {
                     self.fault("fewer values than the header says")
                 });
@@ -148,9 +148,9 @@ impl<'a> Body<'a> {
             // The last number of the file may be truncated.
             let is_cut = is_last && self.words.is_empty();
             return parse_number(word)
-                .ok_or_else(|| if is_cut { Stop::End } else { self.fault("not a number") });
+                .ok_or_else(|| if is_cut { ReadError::End } else { self.fault("not a number") });
         }
-        let bytes = self.source.bytes.get(self.at..self.at + scalar.size()).ok_or(Stop::End)?;
+        let bytes = self.source.bytes.get(self.at..self.at + scalar.size()).ok_or(ReadError::End)?;
         let join = |bits: u64, &byte: &u8| bits << 8 | u64::from(byte);
         let bits = match self.encoding {
             Encoding::BigEndian => bytes.iter().fold(0, join),

@@ -150,7 +150,7 @@ fn files_that_are_cut_off_are_read_as_far_as_they_go() {
         }
         let (mesh, warnings) = read_bytes(whole[..end - 2].to_vec()).expect("a mesh");
         assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3]], "{encoding}");
-        let what = "a.ply: ends after 1 of 2 elements (face); what is there is drawn";
+        let what = "a.ply: ends after 1 of 2 elements (face); the complete elements are drawn";
         assert_eq!(warnings.messages(), [what], "{encoding}");
         let (_, warnings) = read_bytes([&whole[..], b"more"].concat()).expect("a mesh");
         assert_eq!(warnings.messages(), ["a.ply: left out 4 byte(s) after the last element"], "{encoding}");

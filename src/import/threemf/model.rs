@@ -31,12 +31,12 @@ pub(super) struct Model {
 pub(super) struct Definition {
     pub name: Option<String>,
     /// Type of an object that is not part of the model.
-    pub not_model: Option<&'static str>,
-    pub solid: Solid,
+    pub other_type: Option<&'static str>,
+    pub content: ObjectContent,
 }
 
 /// Content of an object.
-pub(super) enum Solid {
+pub(super) enum ObjectContent {
     Mesh {
         positions: Vec<DVec3>,
         triangles: Vec<[u32; 3]>,
@@ -144,10 +144,10 @@ fn wrap(style: Option<&str>) -> Wrap {
 }
 
 /// Object under construction.
-struct Open {
+struct ObjectBuilder {
     id: u32,
     name: Option<String>,
-    not_model: Option<&'static str>,
+    other_type: Option<&'static str>,
     group: Option<u32>,
     index: u32,
     positions: Vec<DVec3>,
@@ -166,7 +166,7 @@ struct Parser<'a> {
     part: &'a str,
     source: &'a Source,
     model: Model,
-    open: Option<Open>,
+    open: Option<ObjectBuilder>,
     /// Current property group.
     group: Option<u32>,
     /// Current metadata: name, and value so far.
@@ -274,35 +274,35 @@ impl Parser<'_> {
     }
 
     fn start(&mut self, e: &BytesStart) -> Result<()> {
-        let has = Attributes(e);
+        let attributes = Attributes(e);
         match e.local_name().as_ref() {
             b"vertex" | b"triangle" => self.mesh_element(e)?,
             b"model" => {
-                if let Some(name) = has.text("unit") {
-                    let unknown = || self.fault("a unit that 3MF files do not have");
+                if let Some(name) = attributes.text("unit") {
+                    let unknown = || self.fault("unknown unit");
                     self.model.unit = unit(&name).ok_or_else(unknown)?;
                 }
             }
             b"metadata" if self.open.is_none() => {
-                self.metadata = has.text("name").map(|name| (name, String::new()));
+                self.metadata = attributes.text("name").map(|name| (name, String::new()));
                 self.keep(size_of::<[String; 2]>())?;
             }
             b"object" => {
-                let id = has.index("id").ok_or_else(|| self.fault("an object without an id"))?;
-                let not_model = match has.text("type").as_deref() {
+                let id = attributes.index("id").ok_or_else(|| self.fault("an object without an id"))?;
+                let other_type = match attributes.text("type").as_deref() {
                     Some("support") => Some("support"),
                     Some("solidsupport") => Some("solidsupport"),
                     Some("other") => Some("other"),
                     _ => None,
                 };
-                let name = has.text("name").filter(|name| !name.is_empty());
+                let name = attributes.text("name").filter(|name| !name.is_empty());
                 self.keep(hash_entry::<Definition>() + name.as_ref().map_or(0, String::len))?;
-                self.open = Some(Open {
+                self.open = Some(ObjectBuilder {
                     id,
                     name,
-                    not_model,
-                    group: has.index("pid"),
-                    index: has.index("pindex").unwrap_or(0),
+                    other_type,
+                    group: attributes.index("pid"),
+                    index: attributes.index("pindex").unwrap_or(0),
                     positions: Vec::new(),
                     triangles: Vec::new(),
                     properties: Vec::new(),
@@ -315,14 +315,14 @@ impl Parser<'_> {
                 }
             }
             b"component" => {
-                let reference = self.reference(&has)?;
+                let reference = self.reference(&attributes)?;
                 let components = self.open.as_mut().and_then(|open| open.components.as_mut());
                 if let Some(components) = components {
                     components.push(reference);
                 }
             }
             b"item" => {
-                let reference = self.reference(&has)?;
+                let reference = self.reference(&attributes)?;
                 self.model.items.push(reference);
             }
             _ => self.property_element(e)?,
@@ -332,10 +332,12 @@ impl Parser<'_> {
 
     /// Vertices and triangles.
     fn mesh_element(&mut self, e: &BytesStart) -> Result<()> {
-        let has = Attributes(e);
+        let attributes = Attributes(e);
         let Some(open) = &mut self.open else { return Ok(()) };
         if e.local_name().as_ref() == b"vertex" {
-            let (Some(x), Some(y), Some(z)) = (has.number("x"), has.number("y"), has.number("z")) else {
+            let (Some(x), Some(y), Some(z)) =
+                (attributes.number("x"), attributes.number("y"), attributes.number("z"))
+            else {
                 let what = format!("vertex {} without three numbers", open.positions.len());
                 return Err(self.fault(what));
             };
@@ -343,18 +345,20 @@ impl Parser<'_> {
             return self.keep(size_of::<DVec3>());
         }
         let index = open.triangles.len();
-        let (Some(a), Some(b), Some(c)) = (has.index("v1"), has.index("v2"), has.index("v3")) else {
+        let (Some(a), Some(b), Some(c)) =
+            (attributes.index("v1"), attributes.index("v2"), attributes.index("v3"))
+        else {
             return Err(self.fault(format!("triangle {index} without three vertices")));
         };
         let count = open.positions.len();
         if [a, b, c].iter().any(|&corner| corner as usize >= count) {
-            let what = format!("triangle {index} names a vertex beyond the {count} before it");
+            let what = format!("triangle {index} has a vertex index beyond {count} vertices");
             return Err(self.fault(what));
         }
         open.triangles.push([a, b, c]);
-        let first = has.index("p1");
-        let group = has.index("pid").or(open.group);
-        let corner = |name: &str| has.index(name).or(first).unwrap_or(open.index);
+        let first = attributes.index("p1");
+        let group = attributes.index("pid").or(open.group);
+        let corner = |name: &str| attributes.index(name).or(first).unwrap_or(open.index);
         let corners = [corner("p1"), corner("p2"), corner("p3")];
         open.properties.push(group.map(|group| (group, corners)));
         self.triangles += 1;
@@ -362,17 +366,17 @@ impl Parser<'_> {
         self.keep(size_of::<[u32; 3]>() + size_of::<Option<(u32, [u32; 3])>>())
     }
 
-    fn reference(&mut self, has: &Attributes) -> Result<Reference> {
+    fn reference(&mut self, attributes: &Attributes) -> Result<Reference> {
         self.references += 1;
         self.check_count(Counted::Nodes, self.references)?;
         let object =
-            has.index("objectid").ok_or_else(|| self.fault("an item without the id of an object"))?;
-        let transform = match has.text("transform") {
+            attributes.index("objectid").ok_or_else(|| self.fault("an item without the id of an object"))?;
+        let transform = match attributes.text("transform") {
             Some(text) => transform(&text)
                 .ok_or_else(|| self.fault(format!("the transform of object {object} is not 12 numbers")))?,
             None => DMat4::IDENTITY,
         };
-        let path = has.text("path");
+        let path = attributes.text("path");
         self.keep(size_of::<Reference>() + path.as_ref().map_or(0, String::len))?;
         Ok(Reference { object, path, transform })
     }
@@ -387,14 +391,14 @@ impl Parser<'_> {
 
     /// Materials, colours and textures.
     fn property_element(&mut self, e: &BytesStart) -> Result<()> {
-        let has = Attributes(e);
-        let id = has.index("id");
+        let attributes = Attributes(e);
+        let id = attributes.index("id");
         match e.local_name().as_ref() {
             b"basematerials" | b"colorgroup" => {
                 self.add_group(id, Property::Colours(Vec::new()))?;
             }
             b"base" | b"color" => {
-                let text = has.text("displaycolor").or_else(|| has.text("color"));
+                let text = attributes.text("displaycolor").or_else(|| attributes.text("color"));
                 let value = text.as_deref().and_then(colour);
                 if let Some(Property::Colours(colours)) =
                     self.group.and_then(|group| self.model.properties.get_mut(&group))
@@ -405,11 +409,14 @@ impl Parser<'_> {
                 }
             }
             b"texture2dgroup" => {
-                let texture = has.index("texid").unwrap_or(u32::MAX);
+                let texture = attributes.index("texid").unwrap_or(u32::MAX);
                 self.add_group(id, Property::Coordinates { texture, uvs: Vec::new() })?;
             }
             b"tex2coord" => {
-                let uv = DVec2::new(has.number("u").unwrap_or(0.0), 1.0 - has.number("v").unwrap_or(0.0));
+                let uv = DVec2::new(
+                    attributes.number("u").unwrap_or(0.0),
+                    1.0 - attributes.number("v").unwrap_or(0.0),
+                );
                 if let Some(Property::Coordinates { uvs, .. }) =
                     self.group.and_then(|group| self.model.properties.get_mut(&group))
                 {
@@ -418,9 +425,11 @@ impl Parser<'_> {
                 }
             }
             b"texture2d" => {
-                if let (Some(id), Some(path)) = (id, has.text("path")) {
-                    let wrap =
-                        [wrap(has.text("tilestyleu").as_deref()), wrap(has.text("tilestylev").as_deref())];
+                if let (Some(id), Some(path)) = (id, attributes.text("path")) {
+                    let wrap = [
+                        wrap(attributes.text("tilestyleu").as_deref()),
+                        wrap(attributes.text("tilestylev").as_deref()),
+                    ];
                     self.keep(hash_entry::<TextureFile>() + path.len())?;
                     self.model.textures.insert(id, TextureFile { path, wrap });
                 }
@@ -440,12 +449,12 @@ impl Parser<'_> {
             b"basematerials" | b"colorgroup" | b"texture2dgroup" => self.group = None,
             b"object" => {
                 let Some(open) = self.open.take() else { return };
-                let Open { positions, triangles, properties, .. } = open;
-                let solid = match open.components {
-                    Some(components) if triangles.is_empty() => Solid::Components(components),
-                    _ => Solid::Mesh { positions, triangles, properties },
+                let ObjectBuilder { positions, triangles, properties, .. } = open;
+                let content = match open.components {
+                    Some(components) if triangles.is_empty() => ObjectContent::Components(components),
+                    _ => ObjectContent::Mesh { positions, triangles, properties },
                 };
-                let object = Definition { name: open.name, not_model: open.not_model, solid };
+                let object = Definition { name: open.name, other_type: open.other_type, content };
                 self.model.objects.insert(open.id, object);
             }
             _ => {}
