@@ -43,8 +43,7 @@ pub(super) fn standard(bytes: &[u8]) -> Result<(Header, Vec<u8>), String> {
         let numbers: Vec<f32> = value.split_whitespace().map_while(|word| word.parse().ok()).collect();
         let factors = match (key.trim(), numbers.as_slice()) {
             ("FORMAT", _) if value.trim() == "32-bit_rle_xyze" => {
-                let what =
-                    "a Radiance picture of XYZ colours (32-bit_rle_xyze), which is not read; convert it";
+                let what = "has XYZE colours, which are not supported; convert it";
                 return Err(format!("{what} with Radiance: `ra_xyze -r in.hdr out.hdr`"));
             }
             ("FORMAT", _) if value.trim() != "32-bit_rle_rgbe" => {
@@ -77,7 +76,7 @@ pub(super) fn standard(bytes: &[u8]) -> Result<(Header, Vec<u8>), String> {
 
 fn no_size(line: &str) -> String {
     let line: String = line.chars().take(40).collect();
-    format!("damaged: `{line}` is no size of a Radiance picture, such as -Y 512 +X 1024")
+    format!("damaged: `{line}` is not a resolution line, such as -Y 512 +X 1024")
 }
 
 impl Header {
@@ -153,9 +152,9 @@ mod tests {
         for (header, expected) in [
             ("#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n", "ra_xyze -r"),
             ("#?RADIANCE\nFORMAT=ascii\n\n-Y 1 +X 1\n", "another format"),
-            ("#?RADIANCE\n\n-Y 1 +Y 1\n", "`-Y 1 +Y 1` is no size"),
-            ("#?RADIANCE\n\n-Y 1\n", "is no size"),
-            ("#?RADIANCE\n\n-Y 99999999999 +X 1\n", "is no size"),
+            ("#?RADIANCE\n\n-Y 1 +Y 1\n", "`-Y 1 +Y 1` is not a resolution line"),
+            ("#?RADIANCE\n\n-Y 1\n", "is not a resolution line"),
+            ("#?RADIANCE\n\n-Y 99999999999 +X 1\n", "is not a resolution line"),
             ("#?RADIANCE\nEXPOSURE=1", "does not end"),
         ] {
             let found = picture(header, &[1]).expect_err("a fault");

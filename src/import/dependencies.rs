@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::SystemTime;
 
-use super::references::Listings;
+use super::references::DirectoryCache;
 use crate::files::{RegularFile, read_file, read_standard_input};
 use crate::scene::{DecodedImage, Scene};
 
@@ -76,7 +76,7 @@ pub(super) struct Files {
     /// What is read in place of standard input.
     standard_input: Option<Rc<Vec<u8>>>,
     /// Cache of searches for misplaced files.
-    pub(super) listings: Rc<RefCell<Listings>>,
+    pub(super) listings: Rc<RefCell<DirectoryCache>>,
 }
 
 impl Files {

@@ -34,6 +34,23 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
+/// Text without a byte order mark.
+pub(crate) fn without_mark(text: &[u8]) -> &[u8] {
+    text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text)
+}
+
+/// Text from its first word, without leading comments (`#` to the end of the line).
+pub(crate) fn without_comments(mut text: &[u8]) -> &[u8] {
+    loop {
+        text = text.trim_ascii_start();
+        if text.first() != Some(&b'#') {
+            return text;
+        }
+        let end = text.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(text.len());
+        text = &text[end..];
+    }
+}
+
 /// Removes and returns the first word of a line.
 pub(crate) fn take_word<'a>(line: &mut &'a [u8]) -> Option<&'a [u8]> {
     let text = line.trim_ascii_start();

@@ -64,6 +64,7 @@ use crate::scene::{
 };
 use dependencies::Files;
 use glam::DVec3;
+use lines::{without_comments, without_mark};
 
 /// A supported file format.
 pub struct Importer {
@@ -75,9 +76,9 @@ pub struct Importer {
     pub is_scene_file: bool,
     /// Whether the format specifies flat shading for a mesh without normals.
     is_flat: bool,
-    /// Magic bytes that identify the format on standard input. A format without any cannot be read from there, except
-    /// scene files, which are the fallback.
-    starts: &'static [&'static [u8]],
+    /// Whether standard input, from its first word after comments, has the format. A format without this cannot be read
+    /// from there, except scene files, which are the fallback.
+    is_start: Option<fn(&[u8]) -> bool>,
     /// Whether the importer reads files by [`Source::stream`] rather than from [`Source::bytes`].
     streams: bool,
     read: fn(&Source, &mut Warnings) -> Result<Scene>,
@@ -90,7 +91,7 @@ pub const IMPORTERS: &[Importer] = &[
         endings: &["toml"],
         is_scene_file: true,
         is_flat: false,
-        starts: &[],
+        is_start: None,
         streams: false,
         read: scene_file::read,
     },
@@ -99,7 +100,7 @@ pub const IMPORTERS: &[Importer] = &[
         endings: &["obj"],
         is_scene_file: false,
         is_flat: false,
-        starts: &[],
+        is_start: None,
         streams: true,
         read: obj::read,
     },
@@ -109,7 +110,7 @@ pub const IMPORTERS: &[Importer] = &[
         endings: &["gltf", "glb"],
         is_scene_file: false,
         is_flat: true,
-        starts: &[b"glTF", b"{"],
+        is_start: Some(|text| text.starts_with(b"glTF") || text.starts_with(b"{")),
         streams: false,
         read: gltf::read,
     },
@@ -118,7 +119,7 @@ pub const IMPORTERS: &[Importer] = &[
         endings: &["ply"],
         is_scene_file: false,
         is_flat: false,
-        starts: &[b"ply\n", b"ply\r"],
+        is_start: Some(ply::is_start),
         streams: false,
         read: ply::read,
     },
@@ -127,7 +128,7 @@ pub const IMPORTERS: &[Importer] = &[
         endings: &["stl"],
         is_scene_file: false,
         is_flat: false,
-        starts: &[],
+        is_start: None,
         streams: false,
         read: stl::read,
     },
@@ -136,7 +137,7 @@ pub const IMPORTERS: &[Importer] = &[
         endings: &["off"],
         is_scene_file: false,
         is_flat: false,
-        starts: &[b"OFF", b"COFF", b"NOFF", b"CNOFF", b"NCOFF", b"STOFF", b"STCNOFF"],
+        is_start: Some(off::is_start),
         streams: false,
         read: off::read,
     },
@@ -145,7 +146,7 @@ pub const IMPORTERS: &[Importer] = &[
         endings: &["3mf"],
         is_scene_file: false,
         is_flat: false,
-        starts: &[b"PK\x03\x04"],
+        is_start: Some(|text| text.starts_with(b"PK\x03\x04")),
         streams: false,
         read: threemf::read,
     },
@@ -163,7 +164,7 @@ pub fn mesh_endings() -> String {
 
 /// The names of formats that can be read from standard input: `scene file, glTF or ...`.
 pub fn names_on_standard_input() -> String {
-    let known = IMPORTERS.iter().filter(|importer| importer.is_scene_file || !importer.starts.is_empty());
+    let known = IMPORTERS.iter().filter(|importer| importer.is_scene_file || importer.is_start.is_some());
     join(&known.map(|importer| importer.name.to_owned()).collect::<Vec<_>>(), " or ")
 }
 
@@ -245,8 +246,7 @@ impl Source {
 
     /// The contents as text without a byte order mark; invalid UTF-8 is replaced.
     fn text(&self) -> std::borrow::Cow<'_, str> {
-        let bytes = self.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&self.bytes);
-        String::from_utf8_lossy(bytes)
+        String::from_utf8_lossy(without_mark(&self.bytes))
     }
 }
 
@@ -505,9 +505,9 @@ fn importer_by_ending(file: &Path) -> Option<&'static Importer> {
 
 fn importer_for(source: &Source) -> Result<&'static Importer> {
     let found = if source.file == Path::new("-") {
-        let text = source.bytes.trim_ascii_start();
-        let starts = |importer: &&Importer| importer.starts.iter().any(|start| text.starts_with(start));
-        IMPORTERS.iter().find(starts).or_else(|| IMPORTERS.iter().find(|importer| importer.is_scene_file))
+        let text = without_comments(without_mark(&source.bytes));
+        let is_start = |importer: &&Importer| importer.is_start.is_some_and(|is_start| is_start(text));
+        IMPORTERS.iter().find(is_start).or_else(|| IMPORTERS.iter().find(|importer| importer.is_scene_file))
     } else {
         importer_by_ending(&source.file)
     };

@@ -27,6 +27,7 @@ use std::collections::{BTreeSet, HashMap};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
+use super::colours::white_of_floats;
 use super::images::ImageLoader;
 use super::references::unquoted;
 use super::tangents::make_tangents;
@@ -82,15 +83,15 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Divides colours by 255 if the largest is above 2, or above 1 and all are integers. Other values above 1 are kept;
-/// they stem from rounding or high dynamic range.
+/// Divides colours by their white ([`white_of_floats`]).
 fn scale_colours(colours: &mut [DVec3], source: &Source, warnings: &mut Warnings) {
-    let given = || colours.par_iter().filter(|colour| !colour.is_nan());
+    let given = || colours.par_iter().filter(|colour| colour.is_finite());
     let largest = given().map(|colour| colour.max_element()).reduce(|| 0.0, f64::max);
-    if largest > 2.0 || largest > 1.0 && given().all(|colour| colour.fract() == DVec3::ZERO) {
-        colours.par_iter_mut().for_each(|colour| *colour /= 255.0);
-        let file = source.file.display();
-        warnings.note(format!("{file}: colours of vertices up to {largest} are read as those from 0 to 255"));
+    let are_whole = || given().all(|colour| colour.fract() == DVec3::ZERO);
+    let what = format!("{}: colours", source.file.display());
+    let white = white_of_floats(largest, are_whole, what, warnings);
+    if white != 1.0 {
+        colours.par_iter_mut().for_each(|colour| *colour /= white);
     }
 }
 

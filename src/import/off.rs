@@ -10,13 +10,21 @@ use glam::{DVec2, DVec3};
 
 use super::Source;
 use super::colours::Colours;
-use super::lines::{Lines, parse_number, take_word};
+use super::lines::{Lines, parse_number, take_word, without_mark};
 use super::polygon::{Cuts, Triangulator};
 use crate::error::{Error, Place, Result, Warnings};
 use crate::film::ColourPipeline;
 use crate::film::colour::srgb_encode;
 use crate::limits;
 use crate::scene::{Attribute, Mesh, Phong, Scene};
+
+/// Whether the first word of a text is that of OFF files, of any dimension, also with a number right after it.
+pub(super) fn is_start(mut text: &[u8]) -> bool {
+    let word = take_word(&mut text).unwrap_or_default().to_ascii_uppercase();
+    let Some(at) = word.windows(3).position(|letters| letters == b"OFF") else { return false };
+    let is_whole = !word.get(at + 3).is_some_and(u8::is_ascii_alphabetic);
+    is_whole && word[..at].iter().all(|letter| b"STCN4".contains(letter))
+}
 
 /// Reads an OFF file as one mesh.
 pub(super) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
@@ -48,13 +56,13 @@ fn read_mesh(source: &Source, layout: Layout, warnings: &mut Warnings) -> Result
     let vertices = mesh.positions.len() as u64;
     for (name, there, declared) in [("vertices", vertices, header.vertices), ("faces", faces, header.faces)] {
         if there < declared {
-            let what = format!("ends after {there} of {declared} {name}; what is there is drawn");
+            let what = format!("ends after {there} of {declared} {name}; the complete elements are drawn");
             warnings.left_out(format!("{file}: {what}"));
             break;
         }
     }
     if too_long > 0 {
-        let what = "vertices have more values than the first line names; the rest of them is left out";
+        let what = "vertices have surplus values, which are left out";
         warnings.left_out(format!("{file}: {too_long} {what}"));
     }
     if mesh.triangles.is_empty() && !mesh.positions.is_empty() {
@@ -89,8 +97,7 @@ struct Rows<'a> {
 
 impl<'a> Rows<'a> {
     fn new(source: &'a Source, layout: Layout) -> Self {
-        let text = source.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&source.bytes);
-        Rows { source, layout, lines: Lines::new(text, 0), line: 1, row: &[] }
+        Rows { source, layout, lines: Lines::new(without_mark(&source.bytes), 0), line: 1, row: &[] }
     }
 
     fn fault(&self, what: impl Into<String>) -> Error {
@@ -229,7 +236,7 @@ impl Header {
                 b'N' => (&mut has_normals, 1),
                 b'C' => (&mut has_colours, 1),
                 b'S' if kind.starts_with(b"ST") => (&mut has_uvs, 2),
-                _ => return Err(rows.fault("an OFF file of another dimension than 3; kiln draws three")),
+                _ => return Err(rows.fault("not three-dimensional")),
             };
             *flag = true;
             kind = &kind[length..];
@@ -270,31 +277,31 @@ impl Header {
     }
 }
 
-/// Value of white in these channels: 1 if no value is larger, else 255.
-fn white(values: &[[f64; 4]], channels: std::ops::Range<usize>) -> f64 {
-    let largest = values.iter().flat_map(|c| &c[channels.clone()]).fold(0.0, |a: f64, &b| a.max(b));
-    if largest > 1.0 { 255.0 } else { 1.0 }
-}
-
-/// Decodes colours. NaN becomes the default grey, in alpha opaque.
+/// Decodes colours. Whole numbers above 1 are on the scale of 0 to 255 of the format. NaN becomes the default grey, in
+/// alpha opaque.
 fn decoded(
-    mut values: Vec<[f64; 4]>,
+    values: Vec<[f64; 4]>,
     source: &Source,
     warnings: &mut Warnings,
 ) -> (Vec<DVec3>, Option<Vec<f64>>) {
-    let (colour, alpha) = (white(&values, 0..3), white(&values, 3..4));
-    let white = [colour, colour, colour, alpha];
+    let mut colours = Colours { values, white: [1.0; 4] };
+    for channels in [0..3, 3..4] {
+        let (largest, are_whole) = colours.range(channels.clone());
+        if largest > 1.0 && are_whole {
+            colours.white[channels].fill(255.0);
+        }
+    }
+    colours.rescale(&source.file, warnings);
     let grey = Phong::default().colour.to_pipeline(ColourPipeline::Linear).to_array().map(srgb_encode);
     let default = [grey[0], grey[1], grey[2], 1.0];
-    for value in &mut values {
+    for value in &mut colours.values {
         for channel in 0..4 {
             if value[channel].is_nan() {
-                value[channel] = default[channel] * white[channel];
+                value[channel] = default[channel] * colours.white[channel];
             }
         }
     }
-    let about = format!("{}: colours have", source.file.display());
-    Colours { values, white, is_float: false }.decoded(&about, warnings)
+    colours.decoded(&source.file, warnings)
 }
 
 /// Colour of three or four values; without alpha, alpha is NaN.
@@ -497,12 +504,36 @@ mod tests {
         assert_eq!(mesh.alphas.expect("opacities").values, [0.2, 1.0]);
     }
 
+    /// Floating-point colours are of 0 to 1 up to 2, and of 0 to 255 beyond, with a note; whole numbers are of 0 to 255,
+    /// as the format says. Faces without a colour keep the default grey, 204 of 255 (0.8).
+    #[test]
+    fn scales_of_colours() {
+        let linear = |x: f64| ((x + 0.055) / 1.055).powf(2.4);
+        for (value, green, noted) in [
+            ("1.001 0.5 0.2", 0.5, None),
+            ("2 0.5 0.2", 0.5, None),
+            ("2.5 127.5 0", 0.5, Some(127.5)),
+            ("2 51 0", 0.2, None),
+            ("inf 0.5 0.2", 0.5, None),
+        ] {
+            let (mesh, warnings) =
+                read_text(&format!("OFF\n4 2 0\n{SQUARE}3 0 1 2 {value}\n3 0 2 3\n")).expect("a square");
+            let [first, second, ..] = mesh.colours.expect("colours").values[..] else {
+                panic!("two colours")
+            };
+            assert!((first.y - linear(green)).abs() < 1e-12, "{value}: {first}");
+            assert!((second - linear(0.8)).length() < 1e-12, "{value}: {second}");
+            let note = |most| format!("a.off: colours up to {most} are read on a scale of 0 to 255");
+            assert_eq!(warnings.notes(), noted.map(note).as_slice(), "{value}");
+        }
+    }
+
     #[test]
     fn what_is_there_of_a_short_file_is_read() {
         let (mesh, warnings) =
             read_text(&format!("OFF\n4 3 0\n{SQUARE}3 0 1 2\n3 0 2 3\n3 0")).expect("two faces");
         assert_eq!(mesh.triangles.len(), 2);
-        assert_eq!(warnings.messages(), ["a.off: ends after 2 of 3 faces; what is there is drawn"]);
+        assert_eq!(warnings.messages(), ["a.off: ends after 2 of 3 faces; the complete elements are drawn"]);
     }
 
     /// Words wherever lines end: the same square as by lines, with the colour on the line of the last index.
@@ -601,7 +632,7 @@ mod tests {
     fn faults_have_their_line() {
         let text = |text: &str| read_text(text).map(drop).expect_err("it is broken").to_string();
         assert!(text("OFX\n").starts_with("a.off:1: an OFF file begins with `OFF`"));
-        assert!(text("4OFF\n1 1 1\n").starts_with("a.off:1: an OFF file"));
+        assert_eq!(text("4OFF\n1 1 1\n"), "a.off:1: not three-dimensional");
         let cut = text("OFF BINARY\n\0\0");
         assert_eq!(cut, "a.off: byte 11: no numbers of vertices and faces after `OFF`");
         assert_eq!(text("OFF\nx\n"), "a.off:2: no numbers of vertices and faces after `OFF`");

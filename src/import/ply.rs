@@ -21,6 +21,7 @@ use glam::{DVec2, DVec3};
 
 use super::colours::Colours;
 use super::images::{Channels, ImageLoader};
+use super::lines::Lines;
 use super::parts::split;
 use super::{Source, default_material};
 use crate::error::{Result, Warnings};
@@ -29,6 +30,11 @@ use crate::scene::{Attribute, ImageId, Material, Mesh, Sampler, Scene, Texture};
 use body::Body;
 use faces::Faces;
 use header::{Element, Header, Property};
+
+/// Whether the first line of a text is that of PLY files, in any case.
+pub(super) fn is_start(text: &[u8]) -> bool {
+    Lines::new(text, 0).next().is_some_and(|(_, line)| line.trim_ascii_end().eq_ignore_ascii_case(b"ply"))
+}
 
 /// Reads a PLY file as one mesh, or as one for each of its textures. ASCII data that cannot be read with a
 /// line for each element is read by words.
@@ -94,11 +100,11 @@ impl<'a> Contents<'a> {
                     before_vertices.push((element, body.clone()));
                     body.skip(element)?;
                 }
-                "face" => faces.read(&mut body, element, &mut mesh)?,
+                "face" if element.count > 0 => faces.read(&mut body, element, &mut mesh)?,
                 "tristrips" => faces::read_strips(&mut body, element, &mut mesh)?,
                 _ => body.skip(element)?,
             }
-            if body.short.is_some() {
+            if body.truncation.is_some() {
                 return Ok(Contents { body, mesh, colours, faces });
             }
         }
@@ -108,7 +114,7 @@ impl<'a> Contents<'a> {
                 "face" => faces.read(&mut at, element, &mut mesh)?,
                 _ => faces::read_strips(&mut at, element, &mut mesh)?,
             }
-            body.longer = at.longer;
+            body.surplus_lines = at.surplus_lines;
         }
         Ok(Contents { body, mesh, colours, faces })
     }
@@ -117,15 +123,16 @@ impl<'a> Contents<'a> {
 /// Warns of data that is missing or that the header does not declare.
 fn warn_of_length(body: &Body, warnings: &mut Warnings) {
     let file = body.source.file.display();
-    if let Some((name, there, declared)) = &body.short {
-        let what = format!("ends after {there} of {declared} elements ({name}); what is there is drawn");
+    if let Some((name, there, declared)) = &body.truncation {
+        let what =
+            format!("ends after {there} of {declared} elements ({name}); the complete elements are drawn");
         warnings.left_out(format!("{file}: {what}"));
     }
-    if body.longer > 0 {
-        let what = "line(s) hold more values than the header says; the rest of them is left out";
-        warnings.left_out(format!("{file}: {} {what}", body.longer));
+    if body.surplus_lines > 0 {
+        let what = "line(s) have surplus values, which are left out";
+        warnings.left_out(format!("{file}: {} {what}", body.surplus_lines));
     }
-    if let (None, rest @ 1..) = (&body.short, body.bytes_left()) {
+    if let (None, rest @ 1..) = (&body.truncation, body.bytes_left()) {
         warnings.left_out(format!("{file}: left out {rest} byte(s) after the last element"));
     }
 }
@@ -150,18 +157,12 @@ fn first_of_each<S: Copy + Eq + Hash>(
     element.properties.iter().map(|property| slot(property).filter(|slot| known.insert(*slot))).collect()
 }
 
-/// Value of white per channel, and whether colours are floating-point numbers.
-fn whites<S: PartialEq>(
-    element: &Element,
-    slots: &[Option<S>],
-    channel: impl Fn(usize) -> S,
-) -> ([f64; 4], bool) {
-    let scalar = |index: usize| {
+/// Value of white per channel; 1 for floating-point numbers.
+fn whites<S: PartialEq>(element: &Element, slots: &[Option<S>], channel: impl Fn(usize) -> S) -> [f64; 4] {
+    [0, 1, 2, 3].map(|index| {
         let property = slots.iter().position(|slot| slot.as_ref() == Some(&channel(index)));
-        property.map(|property| element.properties[property].scalar)
-    };
-    let white = [0, 1, 2, 3].map(|index| scalar(index).map_or(1.0, header::Scalar::white));
-    (white, scalar(0).is_some_and(header::Scalar::is_float))
+        property.map_or(1.0, |property| element.properties[property].scalar.white())
+    })
 }
 
 /// Slots of vertex values: position from 0, then normal, texture coordinates and colour.
@@ -191,7 +192,7 @@ fn read_vertices(body: &mut Body, element: &Element, mesh: &mut Mesh) -> Result<
         return Err(body.fault_of(element, "its vertices have no `x`, `y` and `z`"));
     }
     let (has_normals, has_uvs, has_colours) = (has(NORMAL, 3), has(UV, 2), has(COLOUR, 3));
-    let (white, is_float) = whites(element, &slots, |channel| COLOUR + channel);
+    let white = whites(element, &slots, |channel| COLOUR + channel);
     let sizes = [
         (true, size_of::<DVec3>()),
         (has_normals, size_of::<DVec3>()),
@@ -232,7 +233,7 @@ fn read_vertices(body: &mut Body, element: &Element, mesh: &mut Mesh) -> Result<
     mesh.positions = positions;
     mesh.normals = has_normals.then(|| Attribute::per_position(normals));
     mesh.uvs.extend(has_uvs.then(|| Attribute::per_position(uvs)));
-    Ok(has_colours.then_some(Colours { values: colours, white, is_float }))
+    Ok(has_colours.then_some(Colours { values: colours, white }))
 }
 
 /// Sets the colours and opacities of vertices, or of faces if vertices have none.
@@ -243,16 +244,19 @@ fn set_colours(
     faces: &mut Faces,
     warnings: &mut Warnings,
 ) {
-    let about = format!("{}: colours have", source.file.display());
-    // Triangle strips have no face colours.
     let is_of_faces = faces.face_of.len() == mesh.triangles.len();
     let triangles = || faces.face_of.iter().map(|&face| [face; 3]).collect::<Vec<_>>();
     let (colours, triangles) = match (vertices, faces.colours.take()) {
         (Some(colours), _) => (colours, None),
         (None, Some(colours)) if is_of_faces => (colours, Some(triangles())),
-        _ => return,
+        (None, Some(_)) => {
+            let what = "colours of faces are left out, because triangle strips have none";
+            warnings.left_out(format!("{}: {what}", source.file.display()));
+            return;
+        }
+        (None, None) => return,
     };
-    let (colours, alphas) = colours.decoded(&about, warnings);
+    let (colours, alphas) = colours.decoded(&source.file, warnings);
     mesh.alphas = alphas.map(|values| Attribute { values, triangles: triangles.clone() });
     mesh.colours = Some(Attribute { values: colours, triangles });
 }
@@ -304,8 +308,9 @@ fn textured(
         mesh.uvs = vec![Attribute { values: uvs, triangles: Some(triangles) }];
     }
     if mesh.colours.is_some() && keys.iter().any(Option::is_some) {
-        warnings
-            .note_left_out(format!("{file}: colours are left out where an image is; they would darken it"));
+        warnings.note_left_out(format!(
+            "{file}: colours of textured faces are left out, because they would darken the texture"
+        ));
     }
     for (image, mut part) in split(mesh, &keys) {
         let mut material = default_material(&part);

@@ -11,17 +11,17 @@ use crate::error::Warnings;
 
 /// Maximum number of directory entries in a search. Larger folders, such as one of downloads, are not searched, because
 /// the result would depend on the listing order.
-const MOST_ENTRIES: usize = 20_000;
+const MAX_ENTRIES: usize = 20_000;
 
 /// Maximum depth of the search.
-const DEEPEST: usize = 8;
+const MAX_DEPTH: usize = 8;
 
 /// Maximum number of candidates in a message.
-const MOST_NAMED: usize = 4;
+const MAX_NAMED: usize = 4;
 
 /// Cached directory listings, and notes about files found.
 #[derive(Default)]
-pub(super) struct Listings {
+pub(super) struct DirectoryCache {
     folders: HashMap<PathBuf, Rc<Listing>>,
     /// Files below each folder: relative paths by lower-case name.
     trees: HashMap<PathBuf, Rc<HashMap<String, Vec<PathBuf>>>>,
@@ -76,12 +76,9 @@ impl Source {
             return Ok(path);
         }
         let named: Vec<String> =
-            found.iter().take(MOST_NAMED).map(|path| format!("`{}`", path.display())).collect();
-        let more = if found.len() > MOST_NAMED { ", …" } else { "" };
-        Err(format!(
-            "`{name}` is not there, and could be any of {}{more}; rename one to it",
-            named.join(", ")
-        ))
+            found.iter().take(MAX_NAMED).map(|path| format!("`{}`", path.display())).collect();
+        let more = if found.len() > MAX_NAMED { ", …" } else { "" };
+        Err(format!("`{name}` does not exist; candidates: {}{more}; rename one of them", named.join(", ")))
     }
 
     /// Path of a reference as written; the file need not exist.
@@ -171,19 +168,19 @@ impl Source {
         listing.clone()
     }
 
-    /// Files below the folder, without hidden folders and links to folders. Empty above [`MOST_ENTRIES`].
+    /// Files below the folder, without hidden folders and links to folders. Empty above [`MAX_ENTRIES`].
     fn tree(&self) -> Rc<HashMap<String, Vec<PathBuf>>> {
         if let Some(tree) = self.files.listings.borrow().trees.get(self.folder()) {
             return tree.clone();
         }
         let mut tree: HashMap<String, Vec<PathBuf>> = HashMap::new();
         let (mut level, mut count) = (vec![PathBuf::new()], 0);
-        for _ in 0..DEEPEST {
+        for _ in 0..MAX_DEPTH {
             let mut next = Vec::new();
             for folder in level {
                 let listing = self.listing(&folder);
                 count += listing.values().map(Vec::len).sum::<usize>();
-                if count > MOST_ENTRIES {
+                if count > MAX_ENTRIES {
                     break;
                 }
                 for (key, entries) in listing.iter() {
@@ -200,7 +197,7 @@ impl Source {
             }
             level = next;
         }
-        if count > MOST_ENTRIES {
+        if count > MAX_ENTRIES {
             tree.clear();
         }
         tree.values_mut().for_each(|paths| paths.sort_unstable());
@@ -210,12 +207,12 @@ impl Source {
     }
 }
 
-/// Entries of a folder; empty if it cannot be listed or has more than [`MOST_ENTRIES`].
+/// Entries of a folder; empty if it cannot be listed or has more than [`MAX_ENTRIES`].
 fn list(folder: &Path) -> Listing {
     let mut listing = Listing::new();
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     for (index, entry) in entries.enumerate() {
-        if index == MOST_ENTRIES {
+        if index == MAX_ENTRIES {
             return Listing::new();
         }
         let (name, is_folder) = (entry.file_name(), entry.file_type().is_ok_and(|kind| kind.is_dir()));

@@ -16,7 +16,7 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 use super::Source;
-use super::lines::{parse_number, shown};
+use super::lines::{parse_number, shown, without_comments, without_mark};
 use crate::error::{Error, Place, Result, Warnings};
 use crate::limits;
 use crate::scene::{Mesh, Scene};
@@ -54,17 +54,13 @@ fn is_binary(bytes: &[u8]) -> bool {
     }
     let text = without_mark(bytes);
     let start = &text[..text.len().min(512)];
-    let is_solid =
-        words::without_comments(start).get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
+    let is_solid = without_comments(start).get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
     let has_control = start.iter().any(|b| b.is_ascii_control() && !b.is_ascii_whitespace());
-    // Names may contain control characters.
-    let has_facet = start.windows(5).any(|word| word.eq_ignore_ascii_case(b"facet"));
-    !is_solid || has_control && !has_facet
-}
-
-/// Strips a byte order mark.
-fn without_mark(bytes: &[u8]) -> &[u8] {
-    bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes)
+    // Names of solids may have control characters, and headers of binary files may have keywords.
+    let body = start.get(HEAD..).unwrap_or_default();
+    let has_keyword = body.windows(5).any(|word| word.eq_ignore_ascii_case(b"facet"))
+        || body.windows(6).any(|word| word.eq_ignore_ascii_case(b"vertex"));
+    !is_solid || has_control && !has_keyword
 }
 
 /// Number of facets of a binary file as stated in its header. If fewer are complete, or the header says 0, as written
@@ -82,9 +78,9 @@ fn facet_count(source: &Source, warnings: &mut Warnings) -> Result<usize> {
         if whole == 0 {
             return Err(Error::input(place, what, "export or copy the file again"));
         }
-        warnings.left_out(format!("{file}: {what}; those that are there are drawn"));
+        warnings.left_out(format!("{file}: {what}; the complete ones are drawn"));
     } else if count == 0 && whole > 0 {
-        warnings.push(format!("{file}: its header says 0 triangles; drawn are the {whole} that are there"));
+        warnings.push(format!("{file}: the header says 0 triangles; {whole} are drawn"));
     } else if rest > count * FACET {
         let rest = rest - count * FACET;
         warnings.left_out(format!("{file}: left out {rest} byte(s) after the last triangle"));
@@ -120,7 +116,7 @@ fn read_binary(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
 type Solids = Vec<(Option<String>, Mesh)>;
 
 /// Whether a word is a truncated keyword.
-fn is_cut(word: &[u8]) -> bool {
+fn is_truncated_keyword(word: &[u8]) -> bool {
     STATEMENTS.iter().any(|whole| whole.starts_with(word)) && !STATEMENTS.contains(&word)
 }
 
@@ -174,7 +170,7 @@ fn read_ascii(source: &Source, warnings: &mut Warnings) -> Result<Solids> {
                 _ => return fault(format!("a facet of {} vertices, not 3", corners.len())),
             },
             // The file may end within a keyword.
-            cut if words.is_at_end() && has_triangles(&solids, &welder) && is_cut(cut) => break,
+            cut if words.is_at_end() && has_triangles(&solids, &welder) && is_truncated_keyword(cut) => break,
             _ if corners.is_empty() => return fault("not a statement of STL files".into()),
             _ => return fault("neither `vertex` nor `endloop` in a facet".into()),
         }
@@ -320,16 +316,13 @@ mod tests {
         let (count, said) = read(binary(b"solid", 4)[..283].to_vec());
         assert_eq!(
             (count, said.as_str()),
-            (3, "a.stl: ends after 3 of 4 triangles; those that are there are drawn")
+            (3, "a.stl: ends after 3 of 4 triangles; the complete ones are drawn")
         );
         let (count, said) = read(binary(b"", u32::MAX));
         assert!(count == 4 && said.contains("ends after 4 of 4294967295 triangles"), "{count}: {said}");
         // The header of a streaming exporter.
         let (count, said) = read(binary(b"", 0));
-        assert_eq!(
-            (count, said.as_str()),
-            (4, "a.stl: its header says 0 triangles; drawn are the 4 that are there")
-        );
+        assert_eq!((count, said.as_str()), (4, "a.stl: the header says 0 triangles; 4 are drawn"));
         // Text truncated in its third facet.
         let text = ascii("a", "\n");
         let cut =
@@ -369,6 +362,39 @@ mod tests {
         }
         let (meshes, warnings) = read_bytes(ascii("solid part", "\n")).expect("a solid");
         assert_eq!((meshes[0].0.as_str(), meshes.len(), warnings.is_empty()), ("solid part", 1, true));
+    }
+
+    /// The time of a text in one line, of 10,000 facets, is that of the same text in lines.
+    #[test]
+    fn one_line_takes_the_time_of_many() {
+        let lines = ascii("a", "\n");
+        let facets = &lines[b"solid a\n".len()..lines.len() - b"endsolid a\n".len()];
+        let text = [b"solid a\n".as_slice(), &facets.repeat(2500), b"endsolid a\n"].concat();
+        let one_line = text.iter().map(|&b| if b == b'\n' { b' ' } else { b }).collect();
+        let [many, one] = [text, one_line].map(|text| {
+            let start = std::time::Instant::now();
+            assert_eq!(read_bytes(text).expect("a solid").0[0].1.triangles.len(), 10_000);
+            start.elapsed()
+        });
+        assert!(one < 10 * many + std::time::Duration::from_millis(100), "{one:?}, in lines {many:?}");
+    }
+
+    /// A binary file whose header begins as text does, with a wrong count or bytes after the last triangle; and text
+    /// with control characters in its name.
+    #[test]
+    fn headers_that_begin_as_text() {
+        for header in ["solid facet of steel", "solid facet normal", "SOLID a vertex endsolid"] {
+            for (count, length) in [(3, 284), (4, 286), (0, 284), (9, 284), (9, 250)] {
+                let mut bytes = binary(header.as_bytes(), count);
+                bytes.resize(length, 0);
+                let (meshes, warnings) = read_bytes(bytes).expect("some triangles");
+                let expected = if count == 3 || length == 250 { 3 } else { 4 };
+                assert_eq!(meshes[0].1.triangles.len(), expected, "{header}, {count}: {warnings:?}");
+                assert_eq!(warnings.messages().len(), 1, "{warnings:?}");
+            }
+        }
+        let (meshes, warnings) = read_bytes(ascii("a \u{1}\u{1b}[0m", "\n")).expect("a solid");
+        assert_eq!((meshes[0].1.triangles.len(), warnings.is_empty()), (4, true));
     }
 
     /// Four facets with the given attribute bytes.
@@ -414,6 +440,12 @@ mod tests {
         assert_eq!(material.colour, crate::film::Colour::from_u8([255, 0, 0]));
         let header = b"COLOR=\xff\0\0\xff,MATERIAL=\0\0\xff\xff\x01\x02\x03\xff\x01\x02\x03\xff";
         assert_eq!(coloured(header, [0x8000; 4]).1.colour, crate::film::Colour::from_u8([0, 0, 255]));
+        // Attribute bytes that are 0 throughout are not used; among others, 0 is black.
+        let (mesh, material) = coloured(b"COLOR=\xff\0\0\xff", [0; 4]);
+        assert_eq!((mesh.colours, material.colour), (None, crate::film::Colour::from_u8([255, 0, 0])));
+        assert_eq!(facets(&coloured(b"COLOR=\xff\0\0\xff", [0, 0, 31, 0]).0)[1], DVec3::ZERO);
+        assert_eq!(facets(&coloured(b"COLOR=\xff\0\0\xff", [0, 0, 0x8000, 0]).0)[1], DVec3::ZERO);
+        assert_eq!(facets(&coloured(b"", [0x8000; 4]).0)[1], DVec3::ZERO);
         // A separator in the place of alpha.
         assert_eq!(
             coloured(b"COLOR=\x7f\x7f\x7f MATERIAL=\x7f\x7f\x7f \x7f\x7f\x7f \x7f\x7f\x7f ", [0x8000; 4])

@@ -26,7 +26,7 @@ use crate::scene::{
     Attribute, ImageId, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Sampler, Scene, Shape,
     Texture, Wrap,
 };
-use model::{Model, Property, Reference, Solid};
+use model::{Model, ObjectContent, Property, Reference};
 use package::Package;
 
 /// Maximum nesting depth of components; slicers write one or two levels.
@@ -62,6 +62,9 @@ pub(super) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
 
 /// Peak bytes per placement in the scene and the prepared world, measured with 100,000 placements.
 const PLACEMENT: u64 = 4200;
+
+/// Image and wrap modes of a texture.
+type WrappedImage = (ImageId, [Wrap; 2]);
 
 /// Parts of a mesh and their materials.
 type Parts = Arc<Vec<(Arc<Mesh>, MaterialId)>>;
@@ -108,10 +111,7 @@ impl Reader<'_> {
         // Nested components multiply: the file size does not bound their number.
         if self.references.is_power_of_two() {
             limits::check(limits::product(&[self.references, PLACEMENT])).map_err(|excess| {
-                let what = format!(
-                    "more than {} placements of objects; as many again {excess}",
-                    self.references - 1
-                );
+                let what = format!("{} placements: twice as many {excess}", self.references);
                 Error::input(self.source.file.as_path(), what, excess.remedy())
             })?;
         }
@@ -121,19 +121,19 @@ impl Reader<'_> {
         if depth > MAX_DEPTH {
             return Err(self.error(place, format!("components that are nested more than {MAX_DEPTH} times")));
         }
-        if let Some(kind) = object.not_model {
+        if let Some(kind) = object.other_type {
             let what = format!("left out object {} of the type `{kind}`", reference.object);
             self.warnings.note_left_out(format!("{}: {what}", self.source.file.display()));
             return Ok(());
         }
         let placement = outer * reference.transform;
-        match &object.solid {
-            Solid::Components(components) => {
+        match &object.content {
+            ObjectContent::Components(components) => {
                 for component in components {
                     self.place(component, part, placement, depth + 1)?;
                 }
             }
-            Solid::Mesh { .. } => {
+            ObjectContent::Mesh { .. } => {
                 let parts = self.mesh(part, &model, reference.object)?;
                 for (mesh, material) in parts.iter() {
                     let name = object.name.clone().unwrap_or_else(|| format!("object {}", reference.object));
@@ -152,26 +152,36 @@ impl Reader<'_> {
         if let Some(parts) = self.meshes.get(&key) {
             return Ok(Arc::clone(parts));
         }
-        let Some(Solid::Mesh { positions, triangles, properties }) = model.objects.get(&id).map(|o| &o.solid)
+        let Some(ObjectContent::Mesh { positions, triangles, properties }) =
+            model.objects.get(&id).map(|o| &o.content)
         else {
             return Ok(Parts::default());
         };
-        let mut looks = Looks::default();
+        // Copies of positions and triangles, attributes of triangles, and the parts split from them.
+        let per_triangle = size_of::<[u32; 3]>() * 3 + size_of::<Option<WrappedImage>>();
+        let bytes = 2 * (size_of_val(&positions[..]) + triangles.len() * per_triangle);
+        limits::check(bytes as u64).map_err(|excess| {
+            let place = Place::item(&self.source.file, format!("{part}, object {id}"));
+            Error::input(
+                place,
+                format!("{} triangles: reading them {excess}", triangles.len()),
+                excess.hint(),
+            )
+        })?;
+        let mut attributes = CornerAttributes::default();
         let mut images = Vec::with_capacity(triangles.len());
         for property in properties {
-            let image = self.look(model, property.as_ref(), &mut looks)?;
-            images.push(image.map(|image| image.0));
+            images.push(self.add_triangle_attributes(model, property.as_ref(), &mut attributes)?);
         }
-        let mesh = looks.into_mesh(positions.clone(), triangles.clone());
+        let mesh = attributes.into_mesh(positions.clone(), triangles.clone());
         let mut parts = Vec::new();
         for (image, mut mesh) in split(mesh, &images) {
-            let wrap = image.and_then(|image| looks_wrap(model, &self.images, ImageId(image)));
             if image.is_some() {
                 mesh.colours = None;
             } else {
                 mesh.uvs.clear();
             }
-            let material = self.material(&mesh, image.map(ImageId), wrap.unwrap_or_default());
+            let material = self.material(&mesh, image);
             parts.push((Arc::new(mesh), material));
         }
         let parts = Arc::new(parts);
@@ -180,9 +190,9 @@ impl Reader<'_> {
     }
 
     /// Adds the material of a mesh to the scene.
-    fn material(&mut self, mesh: &Mesh, image: Option<ImageId>, [wrap_u, wrap_v]: [Wrap; 2]) -> MaterialId {
+    fn material(&mut self, mesh: &Mesh, image: Option<WrappedImage>) -> MaterialId {
         let mut material = default_material(mesh);
-        if let Some(image) = image {
+        if let Some((image, [wrap_u, wrap_v])) = image {
             material.colour = crate::film::Colour::Linear(DVec3::ONE);
             let sampler = Sampler { wrap_u, wrap_v, ..Sampler::default() };
             material.texture = Some(Texture { image, sampler, coordinates: 0 });
@@ -193,43 +203,43 @@ impl Reader<'_> {
         self.scene.add_material(Material::Phong(material))
     }
 
-    /// Adds the colours or texture coordinates of a triangle to `looks`; returns its image.
-    fn look(
+    /// Adds the colours or texture coordinates of a triangle to `attributes`; returns its image.
+    fn add_triangle_attributes(
         &mut self,
         model: &Model,
         property: Option<&(u32, [u32; 3])>,
-        looks: &mut Looks,
-    ) -> Result<Option<ImageId>> {
+        attributes: &mut CornerAttributes,
+    ) -> Result<Option<WrappedImage>> {
         let Some(&(group, corners)) = property else {
-            looks.push(None);
+            attributes.push(None);
             return Ok(None);
         };
         match model.properties.get(&group) {
             Some(Property::Colours(colours)) => {
                 let corner = |index: u32| colours.get(index as usize).copied();
                 let [Some(a), Some(b), Some(c)] = corners.map(corner) else {
-                    let what = "has fewer colours than its triangles name";
+                    let what = "colour index out of range";
                     return Err(self.error(format!("resource {group}"), what));
                 };
-                looks.push(Some(&Corners::Colours([a, b, c])));
+                attributes.push(Some(&Corners::Colours([a, b, c])));
                 Ok(None)
             }
             Some(Property::Coordinates { texture, uvs }) => {
                 let corner = |index: u32| uvs.get(index as usize).copied();
                 let [Some(a), Some(b), Some(c)] = corners.map(corner) else {
-                    let what = "has fewer coordinates than its triangles name";
+                    let what = "texture coordinate index out of range";
                     return Err(self.error(format!("resource {group}"), what));
                 };
                 let corners = Corners::Uvs([a, b, c]);
                 let image = match model.textures.get(texture) {
-                    Some(texture) => self.image(&texture.path)?,
+                    Some(texture) => self.image(&texture.path)?.map(|image| (image, texture.wrap)),
                     None => None,
                 };
-                looks.push(image.map(|_| &corners));
+                attributes.push(image.map(|_| &corners));
                 Ok(image)
             }
             None => {
-                looks.push(None);
+                attributes.push(None);
                 Ok(None)
             }
         }
@@ -253,12 +263,6 @@ impl Reader<'_> {
     }
 }
 
-/// Wrap modes of an image.
-fn looks_wrap(model: &Model, images: &HashMap<String, Option<ImageId>>, image: ImageId) -> Option<[Wrap; 2]> {
-    let of = |path: &String| images.get(path).copied().flatten() == Some(image);
-    model.textures.values().find(|texture| of(&texture.path)).map(|texture| texture.wrap)
-}
-
 /// Values at the corners of a triangle.
 enum Corners {
     /// Red, green, blue and alpha, display values.
@@ -268,7 +272,7 @@ enum Corners {
 
 /// Values at the corners of triangles; colours without duplicates.
 #[derive(Default)]
-struct Looks {
+struct CornerAttributes {
     colours: Vec<DVec3>,
     alphas: Vec<f64>,
     known: HashMap<Option<[u8; 4]>, u32>,
@@ -278,10 +282,10 @@ struct Looks {
     has_colours: bool,
 }
 
-impl Looks {
+impl CornerAttributes {
     /// Adds a triangle. Without colours it gets the default grey.
     fn push(&mut self, corners: Option<&Corners>) {
-        let Looks { colours, alphas, known, .. } = self;
+        let CornerAttributes { colours, alphas, known, .. } = self;
         let mut index = |colour: Option<[u8; 4]>| {
             *known.entry(colour).or_insert_with(|| {
                 let [r, g, b, a] = colour.unwrap_or([255; 4]).map(|c| f64::from(c) / 255.0);

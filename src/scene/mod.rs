@@ -97,7 +97,7 @@ use glam::DVec3;
 pub struct MaterialId(pub u32);
 
 /// Index of an image in [`Scene::images`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 pub struct ImageId(pub u32);
 
 /// Description of everything to render. A field that is `None` was not set by any input; it takes its default when the

@@ -14,7 +14,7 @@ pub struct Sampler {
 }
 
 /// Wrap mode of texture coordinates outside 0..1.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, serde::Serialize)]
 pub enum Wrap {
     /// The image repeats.
     #[default]

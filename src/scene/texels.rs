@@ -7,17 +7,17 @@ use std::sync::Arc;
 #[derive(Debug, Clone, PartialEq)]
 pub enum TexelValues {
     /// Values from 0 to 255.
-    Eight(Arc<[[u8; 3]]>),
+    U8(Arc<[[u8; 3]]>),
     /// Values from 0 to 65535.
-    Sixteen(Arc<[[u16; 3]]>),
+    U16(Arc<[[u16; 3]]>),
 }
 
 impl TexelValues {
     /// The number of texels.
     pub fn len(&self) -> usize {
         match self {
-            TexelValues::Eight(texels) => texels.len(),
-            TexelValues::Sixteen(texels) => texels.len(),
+            TexelValues::U8(texels) => texels.len(),
+            TexelValues::U16(texels) => texels.len(),
         }
     }
 
@@ -30,8 +30,8 @@ impl TexelValues {
     #[inline]
     pub fn largest(&self) -> u16 {
         match self {
-            TexelValues::Eight(_) => u8::MAX.into(),
-            TexelValues::Sixteen(_) => u16::MAX,
+            TexelValues::U8(_) => u8::MAX.into(),
+            TexelValues::U16(_) => u16::MAX,
         }
     }
 
@@ -39,8 +39,8 @@ impl TexelValues {
     #[inline]
     pub fn get(&self, index: usize) -> [u16; 3] {
         match self {
-            TexelValues::Eight(texels) => texels[index].map(u16::from),
-            TexelValues::Sixteen(texels) => texels[index],
+            TexelValues::U8(texels) => texels[index].map(u16::from),
+            TexelValues::U16(texels) => texels[index],
         }
     }
 
@@ -52,8 +52,8 @@ impl TexelValues {
     /// Values as bytes.
     pub fn as_bytes(&self) -> &[u8] {
         match self {
-            TexelValues::Eight(texels) => texels.as_flattened(),
-            TexelValues::Sixteen(texels) => bytemuck::cast_slice(texels),
+            TexelValues::U8(texels) => texels.as_flattened(),
+            TexelValues::U16(texels) => bytemuck::cast_slice(texels),
         }
     }
 
@@ -70,13 +70,13 @@ impl TexelValues {
 
 impl From<Arc<[[u8; 3]]>> for TexelValues {
     fn from(texels: Arc<[[u8; 3]]>) -> Self {
-        TexelValues::Eight(texels)
+        TexelValues::U8(texels)
     }
 }
 
 impl From<Arc<[[u16; 3]]>> for TexelValues {
     fn from(texels: Arc<[[u16; 3]]>) -> Self {
-        TexelValues::Sixteen(texels)
+        TexelValues::U16(texels)
     }
 }
 

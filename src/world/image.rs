@@ -51,7 +51,7 @@ pub struct Image {
 
 impl Image {
     pub(super) fn new(image: DecodedImage, pipeline: ColourPipeline) -> Self {
-        let table = &TABLES[usize::from(matches!(image.pixels, TexelValues::Sixteen(_)))];
+        let table = &TABLES[usize::from(matches!(image.pixels, TexelValues::U16(_)))];
         let is_linear = pipeline == ColourPipeline::Linear;
         Image {
             name: image.name,

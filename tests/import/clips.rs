@@ -485,6 +485,19 @@ fn several_clips_play_together() {
         assert_eq!(places.expect("a scene")[0], expected, "{choice}");
         assert!(notes[0].contains("animate the same property"), "{choice}: {notes:?}");
     }
+    // Of three, the note names the last, which is used.
+    let mut three = Model::triangle();
+    for (name, x) in [("Survey", 1.0), ("Walk", 2.0), ("Run", 4.0)] {
+        clip(&mut three, 0, "translation", &[0.0, 2.0], &ends(x, 0.0), name);
+    }
+    std::fs::write(&file, three.binary()).expect("the file is written");
+    let (places, notes) = posed(named(&["all"]), 1.0);
+    assert_eq!(places.expect("a scene")[0], [2.0, 0.0]);
+    assert!(
+        notes[0].ends_with("clips `Walk` and `Run` animate the same property; that of `Run` is used"),
+        "{notes:?}"
+    );
+    std::fs::write(&file, model.binary()).expect("the file is written");
     let (missing, _) = posed(named(&["Left", "Fly"]), 0.0);
     assert_eq!(missing.expect_err("there is none").to_string(), "no input has a clip `Fly`");
     // The animation lasts as long as the longest, and its frames are the poses.

@@ -2,6 +2,7 @@
 //!
 //! Fixtures are in `assets/import`; files with unusual bytes are written by the tests.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
@@ -576,7 +577,7 @@ fn obj_of_other_programs() {
         warnings,
         [
             "a.obj:2: a decimal comma is read as a point",
-            "a.obj:1: a vertex without z; 0 is taken",
+            "a.obj:1: a vertex without z; z = 0",
             "a.obj: left out 1 triangle(s) with a vertex that is not a finite number",
         ]
     );
@@ -1939,6 +1940,19 @@ fn faults_in_a_mesh_of_a_scene_file_name_the_place_in_the_mesh() {
     assert_eq!(message(&e), "bad.obj:4: corner 3 of `f` is not v, v/vt, v//vn or v/vt/vn");
 }
 
+/// Names in hints are sorted. The order of a hash map would differ from run to run, and from map to map.
+#[test]
+fn hints_list_materials_in_order() {
+    let folder = Folder::new();
+    let materials =
+        ["pear", "kiwi", "fig", "apple"].map(|name| format!("[material.{name}]\ncolour = '#ff0000'\n"));
+    let sphere = "[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\nmaterial = 'zzz'\n";
+    for _ in 0..8 {
+        let e = folder.fails("a.toml", materials.concat() + sphere);
+        assert_eq!(e.hint(), "known here: apple, fig, kiwi, pear");
+    }
+}
+
 /// An ASCII PLY file with `count` vertices, from its fourth line on `rest`: line 7.
 fn ply(count: &str, rest: &str) -> String {
     let xyz = "property float x\nproperty float y\nproperty float z";
@@ -2018,7 +2032,9 @@ fn ply_files_that_are_shorter_than_their_header() {
         [("4", "0 0 0\n0 0 0\n0 0 0\n", 3), ("18446744073709551615", "0 0 0\n", 1), ("2", "0 0 0 0 0 0\n", 1)]
     {
         let (_, warnings) = folder.load("a.ply", ply(count, &format!("end_header\n{rows}")));
-        let what = format!("a.ply: ends after {there} of {count} elements (vertex); what is there is drawn");
+        let what = format!(
+            "a.ply: ends after {there} of {count} elements (vertex); the complete elements are drawn"
+        );
         assert_eq!(warnings[0], what);
     }
 }
@@ -2075,6 +2091,79 @@ fn off_and_3mf_become_meshes() {
     assert_eq!(mesh(&scene, 0).colours.as_ref().expect("colours").values.len(), 1);
 }
 
+/// Standard input has no name, so its first bytes tell the format.
+#[test]
+fn formats_are_known_by_their_first_word() {
+    let body = "3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    let read = |text: &str| {
+        kiln::import::load_bytes(
+            text.as_bytes().to_vec(),
+            &ImportOptions::default(),
+            &mut Warnings::default(),
+        )
+    };
+    for head in ["OFF\n", "off\n", "# by hand\n\n  # again\r\nOFF # x\n", "\u{feff}Off\n", "OFF", "cOff#x\n"]
+    {
+        let scene = read(&format!("{head}{body}")).unwrap_or_else(|e| panic!("{head}: {e}"));
+        assert_eq!(scene.primitive_count(), 1, "{head}");
+    }
+    let fault = |text: &str| read(text).expect_err("it is no mesh").to_string();
+    assert!(fault("# x\n4OFF\n").contains("not three-dimensional"), "{}", fault("4OFF\n"));
+    let [header, rows] =
+        ["element face 1\nproperty list uchar int vertex_index\n", "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"];
+    let of_ply = ply("3", &format!("{header}end_header\n{rows}")).replacen("ply\n", "ply  \n", 1);
+    assert_eq!(read(&of_ply).expect("a triangle").primitive_count(), 1);
+    assert!(fault(&of_ply.replacen("ply", "PLY", 1)).contains("begins with `ply`"));
+    assert_eq!(read("\u{feff}{\"asset\": {\"version\": \"2.0\"}}").expect("no mesh").primitive_count(), 0);
+    // Scene files may begin with a comment, too, and keys may begin with the word.
+    assert!(fault("# x\noffset = 1\n").contains("offset"), "{}", fault("# x\noffset = 1\n"));
+}
+
+/// A 3MF file of one part.
+fn three_mf(resources: &str, build: &str) -> Vec<u8> {
+    let text = format!("<model><resources>{resources}</resources><build>{build}</build></model>");
+    let mut out = Vec::new();
+    let mut archive = rawzip::ZipArchiveWriter::new(&mut out);
+    let method = rawzip::CompressionMethod::DEFLATE;
+    let start = archive.new_file("3D/3dmodel.model").compression_method(method).start();
+    let (mut entry, config) = start.expect("a name");
+    let encoder = flate2::write::DeflateEncoder::new(&mut entry, flate2::Compression::fast());
+    let mut writer = config.wrap(encoder);
+    writer.write_all(text.as_bytes()).expect("memory");
+    let (encoder, descriptor) = writer.finish().expect("memory");
+    encoder.finish().expect("memory");
+    entry.finish(descriptor).expect("memory");
+    archive.finish().expect("memory");
+    out
+}
+
+/// Lists of a 3MF file are refused before they exceed the memory limit, of which 64 MiB are left. A reference takes
+/// 168 bytes, and an empty object as much: 400,000 take 64 MiB.
+#[test]
+fn lists_of_3mf_files_are_checked_before_memory_is_allocated() {
+    let folder = Folder::new();
+    let mesh = "<object id=\"1\"><mesh/></object>";
+    let many = |text: &str| text.repeat(400_000);
+    let components = many("<component objectid=\"1\"/>");
+    let objects: String = (0..400_000).map(|id| format!("<object id=\"{id}\"><mesh/></object>")).collect();
+    for (resources, build) in [
+        (mesh.to_owned(), many("<item objectid=\"1\"/>")),
+        (format!("{mesh}<object id=\"2\"><components>{components}</components></object>"), String::new()),
+        (objects, String::new()),
+    ] {
+        let file = folder.write("a.3mf", three_mf(&resources, &build));
+        let kiln = std::process::Command::new(env!("CARGO_BIN_EXE_kiln"))
+            .args(["info", "--memory-limit", "128M"])
+            .arg(&file)
+            .output()
+            .expect("kiln runs");
+        let said = String::from_utf8_lossy(&kiln.stderr);
+        assert_eq!(kiln.status.code(), Some(3), "{said}");
+        assert!(said.contains("a.3mf: 3D/3dmodel.model: more than "), "{said}");
+        assert!(said.contains(" of 128 MiB are left (--memory-limit)"), "{said}");
+    }
+}
+
 #[test]
 fn what_ply_and_stl_files_lack_is_said() {
     let folder = Folder::new();
@@ -2086,7 +2175,7 @@ fn what_ply_and_stl_files_lack_is_said() {
     assert_eq!(
         warnings,
         [
-            "a.ply: 2 line(s) hold more values than the header says; the rest of them is left out",
+            "a.ply: 2 line(s) have surplus values, which are left out",
             "a.ply: 3 vertices without faces; points are not drawn",
             "a.ply: left out 1 face(s) of fewer than three corners",
         ]

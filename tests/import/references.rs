@@ -242,7 +242,7 @@ fn files_are_found_by_what_their_names_mean() {
     }
     // Two files of the name differ in case. The hidden one and the one outside are not searched.
     for (name, expected) in [
-        ("twice.PNG", "could be any of `one/twice.png`, `other/Twice.png`"),
+        ("twice.PNG", "candidates: `one/twice.png`, `other/Twice.png`"),
         ("hidden.png", "hidden.png: texture left out: no such file"),
         ("/x/outside.png", "`/x/outside.png` is outside the file's folder"),
     ] {

@@ -106,7 +106,8 @@ impl Loader<'_> {
             let Some(animation) = document.animations().nth(clip.index) else { continue };
             for (target, _) in channels(&animation, pointers) {
                 let before = last.insert(target, clip).filter(|before| before.index != clip.index);
-                shared = shared.or(before.map(|before| (before.name.clone(), clip.name.clone())));
+                // The clip of the last pair overrides all before it.
+                shared = before.map(|before| (before.name.clone(), clip.name.clone())).or(shared);
             }
         }
         let posing = clips.iter().map(|clip| (clip.index, asked.time)).collect();

@@ -161,7 +161,7 @@ fn glb_chunks<'a>(
         return Err(format!("its header of 12 bytes states a length of {stated}"));
     }
     if u64::from(stated) != bytes.len() as u64 {
-        warn(format!("its header states a length of {stated} bytes; it has {}", bytes.len()));
+        warn(format!("its header states {stated} bytes; the file has {}", bytes.len()));
     }
     let (mut json, mut binary) = (None, None);
     let mut at = HEADER;
@@ -177,7 +177,7 @@ fn glb_chunks<'a>(
             (b"BIN\0", _) if binary.is_none() => {
                 if chunk.is_none() {
                     warn(format!(
-                        "its binary chunk states {length} bytes; {} are there",
+                        "its binary chunk states {length} bytes; the file has {}",
                         bytes.len() - start
                     ));
                 }
@@ -297,9 +297,7 @@ fn repair(root: &mut Value, mut warn: impl FnMut(String)) {
             }
         }
         if unknown > 0 {
-            warn(format!(
-                "`{key}` of {unknown} of its {list} has a value that glTF does not know; the default"
-            ));
+            warn(format!("`{key}` of {unknown} of its {list} has an invalid value; the default is used"));
         }
     }
     // The format of an image is detected from its bytes.

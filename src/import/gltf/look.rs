@@ -63,7 +63,7 @@ impl Loader<'_> {
         if let Some(known) = self.embedded.get(&hash) {
             if known.is_none() {
                 self.warnings
-                    .left_out(format!("{place}: texture left out, as the image with the same bytes"));
+                    .left_out(format!("{place}: texture left out: same bytes as an unreadable image"));
             }
             return Ok(*known);
         }

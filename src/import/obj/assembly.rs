@@ -9,15 +9,15 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::chunk::{Chunk, Fault, NO_COLOUR, Range, Statement};
-use super::faces::{Count, Faces, INHERITED, MISSING, NOWHERE, Polygon, RELATIVE, RELATIVE_BIAS};
+use super::faces::{Count, Faces, INHERITED, INVALID_INDEX, MISSING, Polygon, RELATIVE, RELATIVE_BIAS};
 use super::oddities::Oddities;
 use super::text::{Windows, parts};
 use crate::error::{Error, Place, Result, Warnings};
 use crate::import::Source;
 use crate::limits;
 
-/// Maximum number of elements of one kind, as indices have 31 bits and the last is [`NOWHERE`].
-const MOST: usize = NOWHERE as usize;
+/// Maximum number of elements of one kind, as indices have 31 bits and the last is [`INVALID_INDEX`].
+const MOST: usize = INVALID_INDEX as usize;
 
 /// Sizes in which a text is read and parsed, in bytes; its meshes do not depend on them.
 #[derive(Debug, Clone, Copy)]
@@ -49,7 +49,7 @@ pub(super) struct Assembly {
     /// Display values per position, [`NO_COLOUR`] if missing; empty if no position has a colour.
     pub colours: Vec<DVec3>,
     /// Display values of ZBrush comments (`#MRGB`), in the order of positions.
-    pub paint: Vec<[u8; 3]>,
+    pub zbrush_colours: Vec<[u8; 3]>,
     pub uvs: Vec<DVec2>,
     pub normals: Vec<DVec3>,
     pub runs: Vec<Run>,
@@ -106,12 +106,13 @@ pub(super) fn parse(source: &Source, sizes: Sizes, warnings: &mut Warnings) -> R
         assembly.runs.retain(|run| run.faces.count() != Count::default());
         let faces = match left_out.triangles + left_out.polygons {
             0 => String::new(),
-            count => format!(", and {count} face(s) with a vertex that does not exist"),
+            count => format!(" and {count} face(s)"),
         };
-        warnings.left_out(format!("{first}; such indices are left out{faces}"));
+        warnings.left_out(format!("{first}; invalid indices{faces} are left out"));
     }
-    if assembly.colours.is_empty() && !assembly.paint.is_empty() {
-        let colours = assembly.paint.iter().map(|&colour| DVec3::from(colour.map(f64::from)) / 255.0);
+    if assembly.colours.is_empty() && !assembly.zbrush_colours.is_empty() {
+        let colours =
+            assembly.zbrush_colours.iter().map(|&colour| DVec3::from(colour.map(f64::from)) / 255.0);
         assembly.colours = colours.take(assembly.positions.len()).collect();
         assembly.colours.resize(assembly.positions.len(), NO_COLOUR);
     }
@@ -200,7 +201,7 @@ impl Assembly {
             self.colours.resize(self.positions.len() + chunk.positions.len(), NO_COLOUR);
         }
         self.positions.extend_from_slice(&chunk.positions);
-        self.paint.extend_from_slice(&chunk.paint);
+        self.zbrush_colours.extend_from_slice(&chunk.zbrush_colours);
         self.uvs.extend_from_slice(&chunk.uvs);
         self.normals.extend_from_slice(&chunk.normals);
         self.needed = std::array::from_fn(|kind| self.needed[kind].max(chunk.needed[kind]));
@@ -273,10 +274,11 @@ impl Assembly {
             24 * (positions + colours + normals) + 16 * uvs
         };
         let of_chunk = |chunk: &Chunk| {
-            let Chunk { positions, colours, paint, uvs, normals, faces, .. } = chunk;
-            vertices(positions.len(), colours.len() + paint.len(), uvs.len(), normals.len()) + faces.bytes()
+            let Chunk { positions, colours, zbrush_colours, uvs, normals, faces, .. } = chunk;
+            vertices(positions.len(), colours.len() + zbrush_colours.len(), uvs.len(), normals.len())
+                + faces.bytes()
         };
-        let colours = self.colours.len() + self.paint.len();
+        let colours = self.colours.len() + self.zbrush_colours.len();
         let present = vertices(self.positions.len(), colours, self.uvs.len(), self.normals.len())
             + self.faces.bytes()
             + self.runs.iter().map(|run| run.faces.bytes()).sum::<usize>();
@@ -311,7 +313,7 @@ impl Resolver {
             RELATIVE..MISSING => {
                 let index = self.bases[kind] + i64::from(index - RELATIVE) - RELATIVE_BIAS;
                 self.precedes_the_text |= index < 0;
-                u32::try_from(index).unwrap_or(NOWHERE)
+                u32::try_from(index).unwrap_or(INVALID_INDEX)
             }
             INHERITED => MISSING | self.group,
             _ => index,

@@ -3,7 +3,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::faces::{Count, Faces, INHERITED, MISSING, NOWHERE, Polygon, RELATIVE, RELATIVE_BIAS};
+use super::faces::{Count, Faces, INHERITED, INVALID_INDEX, MISSING, Polygon, RELATIVE, RELATIVE_BIAS};
 use super::oddities::{Oddities, Oddity};
 use super::scanner::{NONE, Scanner};
 use super::text::decode_name;
@@ -45,7 +45,7 @@ pub(super) struct Chunk {
     /// Display values per position, [`NO_COLOUR`] if missing; empty if no position has a colour.
     pub colours: Vec<DVec3>,
     /// Display values of ZBrush comments (`#MRGB`), in the order of positions.
-    pub paint: Vec<[u8; 3]>,
+    pub zbrush_colours: Vec<[u8; 3]>,
     /// (0, 0) is the upper left corner of the image.
     pub uvs: Vec<DVec2>,
     pub normals: Vec<DVec3>,
@@ -80,7 +80,7 @@ impl Chunk {
                     return;
                 }
             } else if let Some(colours) = scanner.name().strip_prefix(b"#MRGB ") {
-                self.paint(colours);
+                self.read_zbrush_colours(colours);
             }
             scanner.end_line();
         }
@@ -153,13 +153,13 @@ impl Chunk {
     }
 
     /// Reads ZBrush colours: mask, red, green and blue per vertex, in two hexadecimal digits each.
-    fn paint(&mut self, text: &[u8]) {
+    fn read_zbrush_colours(&mut self, text: &[u8]) {
         for digits in text.trim_ascii().as_chunks::<8>().0 {
             let number =
                 std::str::from_utf8(digits).ok().and_then(|digits| u32::from_str_radix(digits, 16).ok());
             let Some(number) = number else { return };
             let [_, r, g, b] = number.to_be_bytes();
-            self.paint.push([r, g, b]);
+            self.zbrush_colours.push([r, g, b]);
         }
     }
 
@@ -266,7 +266,7 @@ impl Chunk {
     /// The form in which an index of kind `kind` is kept, where `count` elements of it precede the face in this part.
     #[inline]
     fn encode(&mut self, kind: usize, index: i64, count: usize) -> u32 {
-        if index > 0 && index <= i64::from(NOWHERE) {
+        if index > 0 && index <= i64::from(INVALID_INDEX) {
             self.needed[kind] = self.needed[kind].max(index as u64);
             return (index - 1) as u32;
         }
@@ -278,7 +278,7 @@ impl Chunk {
             RELATIVE + relative as u32
         } else {
             self.needed[kind] = u64::MAX;
-            NOWHERE
+            INVALID_INDEX
         }
     }
 }

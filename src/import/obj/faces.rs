@@ -4,7 +4,7 @@
 /// part, plus [`RELATIVE_BIAS`].
 pub(super) const RELATIVE: u32 = 1 << 31;
 /// Index of a non-existent element.
-pub(super) const NOWHERE: u32 = RELATIVE - 1;
+pub(super) const INVALID_INDEX: u32 = RELATIVE - 1;
 /// Added to relative indices, which may be negative.
 pub(super) const RELATIVE_BIAS: i64 = 1 << 29;
 /// Values from here on stand for an element that is not given: a texture coordinate, or a normal, which is that of

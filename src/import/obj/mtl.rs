@@ -198,9 +198,7 @@ fn normalise(
         }
     }
     if let Some((number, key)) = spelled {
-        warnings.note(format!(
-            "{file}:{number}: `{key}` in another case; such words are read as those of MTL files"
-        ));
+        warnings.note(format!("{file}:{number}: `{key}` in another case; keywords are read in any case"));
     }
     if !unused.is_empty() {
         let unused: Vec<String> = unused.into_iter().collect();

@@ -71,7 +71,7 @@ impl Oddities {
                 FewCorners => format!("{at}: a face of {count} corner(s); such faces are not drawn"),
                 Number => format!("{at}: a number with a sign in it is read up to its last sign"),
                 Comma => format!("{at}: a decimal comma is read as a point"),
-                Flat => format!("{at}: a vertex without z; 0 is taken"),
+                Flat => format!("{at}: a vertex without z; z = 0"),
                 NotFinite => format!("{at}: the first vertex that is not finite"),
             };
             match oddity {

@@ -7,18 +7,18 @@ use crate::error::{Error, Place, Result};
 use crate::limits;
 
 /// Why a value cannot be read.
-pub(super) enum Stop {
+pub(super) enum ReadError {
     End,
     Fault(Error),
 }
 
-impl From<Error> for Stop {
+impl From<Error> for ReadError {
     fn from(error: Error) -> Self {
-        Stop::Fault(error)
+        ReadError::Fault(error)
     }
 }
 
-pub(super) type Read<T> = std::result::Result<T, Stop>;
+pub(super) type Read<T> = std::result::Result<T, ReadError>;
 
 /// Reader of the values after the header.
 #[derive(Clone)]
@@ -34,9 +34,9 @@ pub(super) struct Body<'a> {
     /// ASCII data: whether the values of an element may lie on several lines, or those of several on one.
     is_by_words: bool,
     /// Number of lines with more values than declared.
-    pub longer: usize,
+    pub surplus_lines: usize,
     /// Set if the file ends early: element name, number of elements read, declared number.
-    pub short: Option<(&'static str, u64, u64)>,
+    pub truncation: Option<(&'static str, u64, u64)>,
 }
 
 impl<'a> Body<'a> {
@@ -49,18 +49,18 @@ impl<'a> Body<'a> {
             line: header.lines,
             words: &[],
             is_by_words,
-            longer: 0,
-            short: None,
+            surplus_lines: 0,
+            truncation: None,
         }
     }
 
     /// An error at the current line or byte.
-    pub(super) fn fault(&self, what: impl Into<String>) -> Stop {
+    pub(super) fn fault(&self, what: impl Into<String>) -> ReadError {
         let place = match self.encoding {
             Encoding::Ascii => Place::line(&self.source.file, self.line),
             _ => Place::item(&self.source.file, format!("byte {}", self.at)),
         };
-        Stop::Fault(Error::input(place, what, "export the file again"))
+        ReadError::Fault(Error::input(place, what, "export the file again"))
     }
 
     /// An error in the declaration of an element.
@@ -98,18 +98,22 @@ impl<'a> Body<'a> {
         rest.trim_ascii().len()
     }
 
-    /// Calls `read` once per element. An early end of file sets [`Body::short`] and is no error.
+    /// Calls `read` once per element, unless elements have no properties and hence no data. An early end of file sets
+    /// [`Body::truncation`] and is no error.
     pub(super) fn each(
         &mut self,
         element: &Element,
         mut read: impl FnMut(&mut Self) -> Read<()>,
     ) -> Result<()> {
+        if element.properties.is_empty() {
+            return Ok(());
+        }
         for index in 0..element.count {
             match self.begin().and_then(|()| read(self)) {
                 Ok(()) => {}
-                Err(Stop::Fault(error)) => return Err(error),
-                Err(Stop::End) => {
-                    self.short = Some((known_name(element), index, element.count));
+                Err(ReadError::Fault(error)) => return Err(error),
+                Err(ReadError::End) => {
+                    self.truncation = Some((known_name(element), index, element.count));
                     self.words = &[];
                     return Ok(());
                 }
@@ -123,20 +127,20 @@ impl<'a> Body<'a> {
 
     /// Whether all values that the header declares are there, and no others.
     pub(super) fn is_whole(&self) -> bool {
-        self.short.is_none()
-            && self.longer == 0
+        self.truncation.is_none()
+            && self.surplus_lines == 0
             && self.words.trim_ascii().is_empty()
             && self.bytes_left() == 0
     }
 
     /// The same data from the place of `earlier` on.
     pub(super) fn from(&self, earlier: &Self) -> Self {
-        Body { longer: self.longer, ..earlier.clone() }
+        Body { surplus_lines: self.surplus_lines, ..earlier.clone() }
     }
 
     /// Ends an element; in ASCII data, counts the line if it has values left.
     fn end(&mut self) {
-        self.longer += usize::from(take_word(&mut self.words).is_some());
+        self.surplus_lines += usize::from(take_word(&mut self.words).is_some());
         self.words = &[];
     }
 
@@ -152,7 +156,7 @@ impl<'a> Body<'a> {
     /// Moves to the next line that is neither empty nor a comment.
     fn next_line(&mut self) -> Read<()> {
         loop {
-            let (number, line) = self.lines.next().ok_or(Stop::End)?;
+            let (number, line) = self.lines.next().ok_or(ReadError::End)?;
             (self.line, self.words) = (number, line);
             if has_values(line) {
                 return Ok(());
@@ -168,7 +172,7 @@ impl<'a> Body<'a> {
             let is_last = self.lines.rest().is_empty();
             let Some(word) = take_word(&mut self.words) else {
                 return Err(if is_last {
-                    Stop::End
+                    ReadError::End
                 } else {
                     self.fault("fewer values than the header says")
                 });
@@ -176,9 +180,9 @@ impl<'a> Body<'a> {
             // The last number of the file may be truncated.
             let is_cut = is_last && self.words.is_empty();
             return parse_number(word)
-                .ok_or_else(|| if is_cut { Stop::End } else { self.fault("not a number") });
+                .ok_or_else(|| if is_cut { ReadError::End } else { self.fault("not a number") });
         }
-        let bytes = self.source.bytes.get(self.at..self.at + scalar.size()).ok_or(Stop::End)?;
+        let bytes = self.source.bytes.get(self.at..self.at + scalar.size()).ok_or(ReadError::End)?;
         let join = |bits: u64, &byte: &u8| bits << 8 | u64::from(byte);
         let bits = match self.encoding {
             Encoding::BigEndian => bytes.iter().fold(0, join),
@@ -213,9 +217,6 @@ impl<'a> Body<'a> {
     }
 
     pub(super) fn skip(&mut self, element: &Element) -> Result<()> {
-        if element.properties.is_empty() {
-            return Ok(());
-        }
         let is_text = self.encoding == Encoding::Ascii;
         self.each(element, |body| {
             if is_text && !body.is_by_words {

@@ -13,6 +13,9 @@ use crate::scene::Mesh;
 /// Attributes of faces, and counts of unusual faces.
 #[derive(Default)]
 pub(super) struct Faces {
+    /// White of the colours, whether there are texture coordinates, and numbers of textures; `None` before the first
+    /// element.
+    kind: Option<(Option<[f64; 4]>, bool, bool)>,
     pub cuts: Cuts,
     pub too_small: usize,
     /// Colour per face; faces without triangles are skipped.
@@ -56,15 +59,24 @@ impl Faces {
     pub(super) fn read(&mut self, body: &mut Body, element: &Element, mesh: &mut Mesh) -> Result<()> {
         let slots = first_of_each(element, slot);
         let has = |slot: Slot| slots.contains(&Some(slot));
-        if element.count > 0 && !has(Slot::Polygon) {
+        if !has(Slot::Polygon) {
             return Err(body.fault_of(element, "its faces have no `vertex_indices`"));
         }
-        self.has_uvs = has(Slot::TextureCoordinates);
-        let has_number = has(Slot::TextureNumber);
-        self.textures = has_number.then(Vec::new);
         let has_colours = (0..3).all(|channel| has(Slot::Colour(channel)));
-        let (white, is_float) = whites(element, &slots, Slot::Colour);
-        self.colours = has_colours.then(|| Colours { white, is_float, ..Colours::default() });
+        let white = whites(element, &slots, Slot::Colour);
+        let (has_uvs, has_number) = (has(Slot::TextureCoordinates), has(Slot::TextureNumber));
+        let kind = (has_colours.then_some(white), has_uvs, has_number);
+        if *self.kind.get_or_insert(kind) != kind {
+            let what = "a second element `face` with other colours or texture coordinates";
+            return Err(body.fault_of(element, what));
+        }
+        self.has_uvs = has_uvs;
+        if has_number {
+            self.textures.get_or_insert_default();
+        }
+        if has_colours {
+            self.colours.get_or_insert(Colours { white, values: Vec::new() });
+        }
         let colour_bytes = if has_colours { size_of::<[f64; 4]>() + size_of::<u32>() } else { 0 };
         let count = body.count(element, size_of::<[u32; 3]>() + colour_bytes)?;
         mesh.triangles.reserve(count);

@@ -77,11 +77,6 @@ impl Scalar {
         }
     }
 
-    /// Whether values are floating-point numbers.
-    pub(crate) fn is_float(self) -> bool {
-        matches!(self, Scalar::F32 | Scalar::F64)
-    }
-
     /// Unsigned value of a colour channel; some exporters declare bytes as `char`.
     pub(crate) fn unsigned(self, value: f64) -> f64 {
         if self == Scalar::I8 && value < 0.0 { value + 256.0 } else { value }

@@ -150,7 +150,7 @@ fn files_that_are_cut_off_are_read_as_far_as_they_go() {
         }
         let (mesh, warnings) = read_bytes(whole[..end - 2].to_vec()).expect("a mesh");
         assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3]], "{encoding}");
-        let what = "a.ply: ends after 1 of 2 elements (face); what is there is drawn";
+        let what = "a.ply: ends after 1 of 2 elements (face); the complete elements are drawn";
         assert_eq!(warnings.messages(), [what], "{encoding}");
         let (_, warnings) = read_bytes([&whole[..], b"more"].concat()).expect("a mesh");
         assert_eq!(warnings.messages(), ["a.ply: left out 4 byte(s) after the last element"], "{encoding}");
@@ -213,6 +213,77 @@ fn colours_of_vertices_and_faces_by_every_name_and_type() {
                 assert!(warnings.is_empty(), "{warnings:?}");
             }
         }
+    }
+}
+
+/// A second element `face` continues the first: face 3 of a strip of three triangles is blue. Colours of another type
+/// would need a scale of their own.
+#[test]
+fn faces_of_two_elements() {
+    let face =
+        |properties: &str| format!("element face 1\nproperty list uchar int vertex_index\n{properties}");
+    let colours = declared("uchar", &["red", "green", "blue"]);
+    let rows = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
+    let text = |first: &str, second: &str, values: [&str; 2]| {
+        format!(
+            "ply\nformat ascii 1.0\nelement vertex 4\n{SQUARE}\n{first}{second}end_header\n{rows}{}\n{}\n",
+            values[0], values[1]
+        )
+        .into_bytes()
+    };
+    let faces = ["4 0 1 2 3 255 0 0", "3 1 2 3 0 0 255"];
+    let (mesh, warnings) = read_bytes(text(&face(&colours), &face(&colours), faces)).expect("two faces");
+    let of_faces = mesh.colours.expect("colours");
+    assert_eq!(of_faces.values, [DVec3::X, DVec3::Z]);
+    assert_eq!(of_faces.triangles.expect("of faces"), [[0; 3], [0; 3], [1; 3]]);
+    assert!(warnings.is_empty(), "{warnings:?}");
+    // Faces without colours, of lists of different types, and an empty element.
+    let lists = face("").replace("uchar int", "int uint");
+    let (mesh, _) = read_bytes(text(&face(""), &lists, ["4 0 1 2 3", "3 1 2 3"])).expect("two faces");
+    assert_eq!((mesh.triangles.len(), mesh.colours), (3, None));
+    let empty = "element face 0\n";
+    let (mesh, _) = read_bytes(text(&face(&colours), empty, [faces[0], ""])).expect("a face");
+    assert_eq!(mesh.colours.expect("colours").values, [DVec3::X]);
+    for other in ["", &declared("float", &["red", "green", "blue"]), "property list int float texcoord\n"] {
+        let fault = read_bytes(text(&face(&colours), &face(other), faces)).expect_err("two types");
+        let what = "a.ply:12: a second element `face` with other colours or texture coordinates";
+        assert_eq!(fault.to_string(), what, "{other}");
+    }
+    // Strips have no colours.
+    let strips = face("").replace("face", "tristrips");
+    let (mesh, warnings) =
+        read_bytes(text(&face(&colours), &strips, [faces[0], "3 1 2 3"])).expect("a face and a strip");
+    assert_eq!((mesh.triangles.len(), mesh.colours), (3, None));
+    let what = "a.ply: colours of faces are left out, because triangle strips have none";
+    assert_eq!(warnings.messages(), [what]);
+}
+
+/// Elements without properties have no bytes, however many they are.
+#[test]
+fn elements_without_bytes_take_no_time() {
+    for (name, is_read) in [("tristrips", true), ("other", true), ("vertex", false), ("face", false)] {
+        let text = format!(
+            "ply\nformat binary_little_endian 1.0\nelement {name} 18446744073709551615\nend_header\n"
+        );
+        assert_eq!(read_bytes(text.into_bytes()).is_ok(), is_read, "{name}");
+    }
+}
+
+/// Only what is scaled is noted: bytes of alpha beside colours from 0 to 1 are not.
+#[test]
+fn scaled_colours_are_noted() {
+    let floats = declared("float", &["red", "green", "blue"]);
+    let [bytes, alpha] = ["uchar", "float"].map(|scalar| floats.clone() + &declared(scalar, &["alpha"]));
+    for (properties, row, expected) in [
+        (&bytes, "1 0.5 0 128", &[] as &[&str]),
+        (&bytes, "255 128 0 128", &["a.ply: colours up to 255 are read on a scale of 0 to 255"]),
+        (&alpha, "1 0.5 0 128", &["a.ply: opacities up to 128 are read on a scale of 0 to 255"]),
+        (&floats, "1.001 0.5 0", &[]),
+        (&floats, "2 0 0", &["a.ply: colours up to 2 are read on a scale of 0 to 255"]),
+        (&floats, "inf 1 0.5", &[]),
+    ] {
+        let (_, warnings) = read_bytes(square("", [properties, row], ["", ""], ["", ""])).expect("a square");
+        assert_eq!(warnings.notes(), expected, "{row}");
     }
 }
 

@@ -1,6 +1,6 @@
 //! Scene file importer: converts a [`SceneFile`] and the meshes that it references to a [`Scene`].
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec3;
 use toml::Spanned;
@@ -47,7 +47,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         source,
         text: &text,
         scene: Scene::default(),
-        materials: HashMap::new(),
+        materials: BTreeMap::new(),
         plain: None,
         meshes: Meshes::of(&file),
     };
@@ -75,7 +75,7 @@ struct Builder<'a> {
     source: &'a Source,
     text: &'a str,
     scene: Scene,
-    materials: HashMap<String, MaterialId>,
+    materials: BTreeMap<String, MaterialId>,
     plain: Option<MaterialId>,
     meshes: Meshes,
 }

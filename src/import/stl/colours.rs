@@ -75,13 +75,16 @@ impl FacetColours {
 
     /// Sets the facet colours of a mesh, and adds its material to a scene.
     pub(super) fn add_to(self, scene: &mut Scene, mesh: &mut Mesh) -> MaterialId {
-        if self.has_own {
+        // Programs that do not colour facets write 0 throughout.
+        let is_unused = self.part.is_some() && self.known.len() == 1 && self.known.contains_key(&0);
+        let has_own = self.has_own && !is_unused;
+        if has_own {
             let triangles = Some(self.facets.into_iter().map(|index| [index; 3]).collect());
             mesh.colours = Some(Attribute { values: self.values, triangles });
         }
         let mut material = default_material(mesh);
         if let Some([r, g, b, alpha]) = self.part {
-            if !self.has_own {
+            if !has_own {
                 material.colour = Colour::Display(DVec3::new(r, g, b));
             }
             material.opacity =

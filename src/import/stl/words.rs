@@ -1,9 +1,9 @@
 //! Tokenizer of ASCII STL files.
 
-use super::super::lines::take_word;
+use super::super::lines::{take_word, without_comments};
 
 /// Maximum number of words of a name that is followed by `facet` on the same line.
-const MOST_WORDS: usize = 64;
+const MAX_WORDS: usize = 64;
 
 /// Words of a text across line ends.
 pub(super) struct Words<'a> {
@@ -12,16 +12,12 @@ pub(super) struct Words<'a> {
     pub line: usize,
 }
 
-/// Text from its first word, without leading comments (`#` to the end of the line).
-pub(super) fn without_comments(mut text: &[u8]) -> &[u8] {
-    loop {
-        text = text.trim_ascii_start();
-        if text.first() != Some(&b'#') {
-            return text;
-        }
-        let end = text.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(text.len());
-        text = &text[end..];
-    }
+/// Removes and returns the first word of the current line; `None` at its end.
+fn take_word_of_line<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
+    let is_end = |b: &u8| matches!(b, b'\n' | b'\r');
+    let start = rest.iter().position(|b| is_end(b) || !b.is_ascii_whitespace()).unwrap_or(rest.len());
+    *rest = &rest[start..];
+    if rest.first().is_some_and(is_end) { None } else { take_word(rest) }
 }
 
 impl<'a> Words<'a> {
@@ -105,31 +101,26 @@ impl<'a> Words<'a> {
     /// Name after `solid` or `endsolid`: up to the first keyword of `next` or the end of the line. Names may contain
     /// keywords, so `facet` counts only before `normal`, and `solid` only before a `facet`.
     pub(super) fn name(&mut self, next: &[&[u8]]) -> &'a [u8] {
-        let end = self.rest.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(self.rest.len());
-        let line = &self.rest[..end];
-        let mut rest = line;
-        let mut length = end;
-        loop {
-            let start = rest.trim_ascii_start();
-            let at = end - start.len();
-            rest = start;
-            let Some(word) = take_word(&mut rest) else { break };
+        let text = self.rest;
+        let mut rest = text;
+        let length = loop {
+            let Some(word) = take_word_of_line(&mut rest) else { break text.len() - rest.len() };
             let is_next = next.iter().any(|next| word.eq_ignore_ascii_case(next));
             let mut after = rest;
+            let mut is_after = |wanted: &[u8]| {
+                take_word_of_line(&mut after).is_some_and(|word| word.eq_ignore_ascii_case(wanted))
+            };
             let is_statement = match word.to_ascii_lowercase().as_slice() {
                 _ if !is_next => false,
-                b"facet" => take_word(&mut after).is_some_and(|word| word.eq_ignore_ascii_case(b"normal")),
-                b"solid" => (0..MOST_WORDS)
-                    .any(|_| take_word(&mut after).is_some_and(|word| word.eq_ignore_ascii_case(b"facet"))),
+                b"facet" => is_after(b"normal"),
+                b"solid" => (0..MAX_WORDS).any(|_| is_after(b"facet")),
                 _ => true,
             };
             if is_statement {
-                length = at;
-                break;
+                break text.len() - rest.len() - word.len();
             }
-        }
-        let name = &line[..length];
-        self.move_to(&self.rest[length..]);
-        name.trim_ascii()
+        };
+        self.move_to(&text[length..]);
+        text[..length].trim_ascii()
     }
 }

@@ -10,8 +10,8 @@ use quick_xml::events::{BytesStart, Event};
 use super::super::Source;
 use super::super::lines::parse_number;
 use super::package::Package;
-use crate::error::{Error, Result};
-use crate::limits::{self, Counted};
+use crate::error::{Error, Place, Result};
+use crate::limits::{self, Bytes, Counted};
 use crate::scene::Wrap;
 
 /// Resources of a model by id, and its build.
@@ -31,12 +31,12 @@ pub(super) struct Model {
 pub(super) struct Definition {
     pub name: Option<String>,
     /// Type of an object that is not part of the model.
-    pub not_model: Option<&'static str>,
-    pub solid: Solid,
+    pub other_type: Option<&'static str>,
+    pub content: ObjectContent,
 }
 
 /// Content of an object.
-pub(super) enum Solid {
+pub(super) enum ObjectContent {
     Mesh {
         positions: Vec<DVec3>,
         triangles: Vec<[u32; 3]>,
@@ -144,10 +144,10 @@ fn wrap(style: Option<&str>) -> Wrap {
 }
 
 /// Object under construction.
-struct Open {
+struct ObjectBuilder {
     id: u32,
     name: Option<String>,
-    not_model: Option<&'static str>,
+    other_type: Option<&'static str>,
     group: Option<u32>,
     index: u32,
     positions: Vec<DVec3>,
@@ -156,18 +156,31 @@ struct Open {
     components: Option<Vec<Reference>>,
 }
 
+/// Bytes of an entry of a hash map by id, half of whose slots are free.
+const fn hash_entry<T>() -> usize {
+    2 * size_of::<(u32, T)>()
+}
+
 struct Parser<'a> {
     package: &'a Package<'a>,
     part: &'a str,
     source: &'a Source,
     model: Model,
-    open: Option<Open>,
+    open: Option<ObjectBuilder>,
     /// Current property group.
     group: Option<u32>,
     /// Current metadata: name, and value so far.
     metadata: Option<(String, String)>,
+    /// Numbers of triangles, and of items and components.
     triangles: u64,
+    references: u64,
+    /// Bytes of the model so far, and the number at which they are checked next.
+    bytes: u64,
+    next_check: u64,
 }
+
+/// Bytes of a model at the first check of the memory limit.
+const FIRST_CHECK: u64 = 8 << 20;
 
 impl Model {
     /// Reads the model in a part of the package.
@@ -176,8 +189,19 @@ impl Model {
             return Err(package.broken(part, "is referred to, but not in the file"));
         };
         let model = Model { unit: 1.0, ..Model::default() };
-        let (open, group, metadata) = (None, None, None);
-        let mut parser = Parser { package, part, source, model, open, group, metadata, triangles: 0 };
+        let mut parser = Parser {
+            package,
+            part,
+            source,
+            model,
+            open: None,
+            group: None,
+            metadata: None,
+            triangles: 0,
+            references: 0,
+            bytes: 0,
+            next_check: FIRST_CHECK,
+        };
         let mut reader = quick_xml::Reader::from_reader(stream);
         let mut buffer = Vec::new();
         let mut is_whole = false;
@@ -194,10 +218,10 @@ impl Model {
                     is_whole |= e.local_name().as_ref() == b"model";
                     parser.end(e.local_name().as_ref());
                 }
-                Event::Text(text) => parser.add_text(&String::from_utf8_lossy(&text)),
+                Event::Text(text) => parser.add_text(&String::from_utf8_lossy(&text))?,
                 Event::GeneralRef(name) => {
                     let name = String::from_utf8_lossy(&name).into_owned();
-                    parser.add_text(resolve_predefined_entity(&name).unwrap_or_default());
+                    parser.add_text(resolve_predefined_entity(&name).unwrap_or_default())?;
                 }
                 _ => {}
             }
@@ -211,10 +235,34 @@ impl Model {
 
 impl Parser<'_> {
     /// Appends to the current metadata value.
-    fn add_text(&mut self, text: &str) {
+    fn add_text(&mut self, text: &str) -> Result<()> {
+        if self.metadata.is_none() {
+            return Ok(());
+        }
+        self.keep(text.len())?;
         if let Some((_, value)) = &mut self.metadata {
             value.push_str(text);
         }
+        Ok(())
+    }
+
+    /// Counts bytes that are added to the model. Checks the memory limit each time they have doubled.
+    fn keep(&mut self, bytes: usize) -> Result<()> {
+        self.bytes += bytes as u64;
+        if self.bytes < self.next_check {
+            return Ok(());
+        }
+        self.next_check = 2 * self.bytes;
+        // As many bytes again, while a list is copied into one of twice its size.
+        limits::check_claim(3 * self.bytes).map_err(|excess| {
+            let what = format!("more than {} of elements: reading more {excess}", Bytes(self.bytes));
+            Error::input(Place::item(&self.source.file, self.part), what, excess.hint())
+        })
+    }
+
+    fn check_count(&self, counted: Counted, count: u64) -> Result<()> {
+        let checked = counted.check(count, &self.source.options.limits);
+        checked.map_err(|(what, hint)| Error::input(self.source.file.as_path(), what, hint))
     }
 
     fn fault(&self, what: impl std::fmt::Display) -> Error {
@@ -226,32 +274,35 @@ impl Parser<'_> {
     }
 
     fn start(&mut self, e: &BytesStart) -> Result<()> {
-        let has = Attributes(e);
+        let attributes = Attributes(e);
         match e.local_name().as_ref() {
             b"vertex" | b"triangle" => self.mesh_element(e)?,
             b"model" => {
-                if let Some(name) = has.text("unit") {
-                    let unknown = || self.fault("a unit that 3MF files do not have");
+                if let Some(name) = attributes.text("unit") {
+                    let unknown = || self.fault("unknown unit");
                     self.model.unit = unit(&name).ok_or_else(unknown)?;
                 }
             }
             b"metadata" if self.open.is_none() => {
-                self.metadata = has.text("name").map(|name| (name, String::new()));
+                self.metadata = attributes.text("name").map(|name| (name, String::new()));
+                self.keep(size_of::<[String; 2]>())?;
             }
             b"object" => {
-                let id = has.index("id").ok_or_else(|| self.fault("an object without an id"))?;
-                let not_model = match has.text("type").as_deref() {
+                let id = attributes.index("id").ok_or_else(|| self.fault("an object without an id"))?;
+                let other_type = match attributes.text("type").as_deref() {
                     Some("support") => Some("support"),
                     Some("solidsupport") => Some("solidsupport"),
                     Some("other") => Some("other"),
                     _ => None,
                 };
-                self.open = Some(Open {
+                let name = attributes.text("name").filter(|name| !name.is_empty());
+                self.keep(hash_entry::<Definition>() + name.as_ref().map_or(0, String::len))?;
+                self.open = Some(ObjectBuilder {
                     id,
-                    name: has.text("name").filter(|name| !name.is_empty()),
-                    not_model,
-                    group: has.index("pid"),
-                    index: has.index("pindex").unwrap_or(0),
+                    name,
+                    other_type,
+                    group: attributes.index("pid"),
+                    index: attributes.index("pindex").unwrap_or(0),
                     positions: Vec::new(),
                     triangles: Vec::new(),
                     properties: Vec::new(),
@@ -264,14 +315,14 @@ impl Parser<'_> {
                 }
             }
             b"component" => {
-                let reference = self.reference(&has)?;
+                let reference = self.reference(&attributes)?;
                 let components = self.open.as_mut().and_then(|open| open.components.as_mut());
                 if let Some(components) = components {
                     components.push(reference);
                 }
             }
             b"item" => {
-                let reference = self.reference(&has)?;
+                let reference = self.reference(&attributes)?;
                 self.model.items.push(reference);
             }
             _ => self.property_element(e)?,
@@ -281,102 +332,105 @@ impl Parser<'_> {
 
     /// Vertices and triangles.
     fn mesh_element(&mut self, e: &BytesStart) -> Result<()> {
-        let has = Attributes(e);
+        let attributes = Attributes(e);
         let Some(open) = &mut self.open else { return Ok(()) };
         if e.local_name().as_ref() == b"vertex" {
-            let (Some(x), Some(y), Some(z)) = (has.number("x"), has.number("y"), has.number("z")) else {
+            let (Some(x), Some(y), Some(z)) =
+                (attributes.number("x"), attributes.number("y"), attributes.number("z"))
+            else {
                 let what = format!("vertex {} without three numbers", open.positions.len());
                 return Err(self.fault(what));
             };
             open.positions.push(DVec3::new(x, y, z));
-            return self.check_growth();
+            return self.keep(size_of::<DVec3>());
         }
         let index = open.triangles.len();
-        let (Some(a), Some(b), Some(c)) = (has.index("v1"), has.index("v2"), has.index("v3")) else {
+        let (Some(a), Some(b), Some(c)) =
+            (attributes.index("v1"), attributes.index("v2"), attributes.index("v3"))
+        else {
             return Err(self.fault(format!("triangle {index} without three vertices")));
         };
         let count = open.positions.len();
         if [a, b, c].iter().any(|&corner| corner as usize >= count) {
-            let what = format!("triangle {index} names a vertex beyond the {count} before it");
+            let what = format!("triangle {index} has a vertex index beyond {count} vertices");
             return Err(self.fault(what));
         }
         open.triangles.push([a, b, c]);
-        let first = has.index("p1");
-        let group = has.index("pid").or(open.group);
-        let corner = |name: &str| has.index(name).or(first).unwrap_or(open.index);
+        let first = attributes.index("p1");
+        let group = attributes.index("pid").or(open.group);
+        let corner = |name: &str| attributes.index(name).or(first).unwrap_or(open.index);
         let corners = [corner("p1"), corner("p2"), corner("p3")];
         open.properties.push(group.map(|group| (group, corners)));
         self.triangles += 1;
-        self.check_growth()
+        self.check_count(Counted::Triangles, self.triangles)?;
+        self.keep(size_of::<[u32; 3]>() + size_of::<Option<(u32, [u32; 3])>>())
     }
 
-    /// Checks the limits before a list doubles.
-    fn check_growth(&self) -> Result<()> {
-        let Some(open) = &self.open else { return Ok(()) };
-        let (points, triangles) = (open.positions.len() as u64, open.triangles.len() as u64);
-        let is_due = |count: u64| count >= 1 << 16 && count.is_power_of_two();
-        if !is_due(points) && !is_due(triangles) {
-            return Ok(());
-        }
-        let file = self.source.file.as_path();
-        let counted = Counted::Triangles.check(self.triangles, &self.source.options.limits);
-        counted.map_err(|(what, hint)| Error::input(file, what, hint))?;
-        // The doubled list and the old one, from which it is copied.
-        let bytes = 3 * (points * size_of::<DVec3>() as u64 + triangles * (12 + 20));
-        limits::check_claim(bytes).map_err(|excess| {
-            let what = format!("{points} vertices and {triangles} triangles: reading more {excess}");
-            Error::input(file, what, excess.hint())
-        })
-    }
-
-    fn reference(&self, has: &Attributes) -> Result<Reference> {
+    fn reference(&mut self, attributes: &Attributes) -> Result<Reference> {
+        self.references += 1;
+        self.check_count(Counted::Nodes, self.references)?;
         let object =
-            has.index("objectid").ok_or_else(|| self.fault("an item without the id of an object"))?;
-        let transform = match has.text("transform") {
+            attributes.index("objectid").ok_or_else(|| self.fault("an item without the id of an object"))?;
+        let transform = match attributes.text("transform") {
             Some(text) => transform(&text)
                 .ok_or_else(|| self.fault(format!("the transform of object {object} is not 12 numbers")))?,
             None => DMat4::IDENTITY,
         };
-        Ok(Reference { object, path: has.text("path"), transform })
+        let path = attributes.text("path");
+        self.keep(size_of::<Reference>() + path.as_ref().map_or(0, String::len))?;
+        Ok(Reference { object, path, transform })
+    }
+
+    /// Starts a property group.
+    fn add_group(&mut self, id: Option<u32>, group: Property) -> Result<()> {
+        self.group = id;
+        self.keep(hash_entry::<Property>())?;
+        id.map(|id| self.model.properties.insert(id, group));
+        Ok(())
     }
 
     /// Materials, colours and textures.
     fn property_element(&mut self, e: &BytesStart) -> Result<()> {
-        let has = Attributes(e);
-        let id = has.index("id");
+        let attributes = Attributes(e);
+        let id = attributes.index("id");
         match e.local_name().as_ref() {
             b"basematerials" | b"colorgroup" => {
-                self.group = id;
-                id.map(|id| self.model.properties.insert(id, Property::Colours(Vec::new())));
+                self.add_group(id, Property::Colours(Vec::new()))?;
             }
             b"base" | b"color" => {
-                let text = has.text("displaycolor").or_else(|| has.text("color"));
+                let text = attributes.text("displaycolor").or_else(|| attributes.text("color"));
                 let value = text.as_deref().and_then(colour);
                 if let Some(Property::Colours(colours)) =
                     self.group.and_then(|group| self.model.properties.get_mut(&group))
                 {
                     // `displaycolor` is optional: default grey.
                     colours.push(value.unwrap_or([204, 204, 204, 255]));
+                    self.keep(size_of::<[u8; 4]>())?;
                 }
             }
             b"texture2dgroup" => {
-                self.group = id;
-                let texture = has.index("texid").unwrap_or(u32::MAX);
-                let group = Property::Coordinates { texture, uvs: Vec::new() };
-                id.map(|id| self.model.properties.insert(id, group));
+                let texture = attributes.index("texid").unwrap_or(u32::MAX);
+                self.add_group(id, Property::Coordinates { texture, uvs: Vec::new() })?;
             }
             b"tex2coord" => {
-                let uv = DVec2::new(has.number("u").unwrap_or(0.0), 1.0 - has.number("v").unwrap_or(0.0));
+                let uv = DVec2::new(
+                    attributes.number("u").unwrap_or(0.0),
+                    1.0 - attributes.number("v").unwrap_or(0.0),
+                );
                 if let Some(Property::Coordinates { uvs, .. }) =
                     self.group.and_then(|group| self.model.properties.get_mut(&group))
                 {
                     uvs.push(uv);
+                    self.keep(size_of::<DVec2>())?;
                 }
             }
             b"texture2d" => {
-                if let (Some(id), Some(path)) = (id, has.text("path")) {
-                    let wrap =
-                        [wrap(has.text("tilestyleu").as_deref()), wrap(has.text("tilestylev").as_deref())];
+                if let (Some(id), Some(path)) = (id, attributes.text("path")) {
+                    let wrap = [
+                        wrap(attributes.text("tilestyleu").as_deref()),
+                        wrap(attributes.text("tilestylev").as_deref()),
+                    ];
+                    self.keep(hash_entry::<TextureFile>() + path.len())?;
                     self.model.textures.insert(id, TextureFile { path, wrap });
                 }
             }
@@ -395,12 +449,12 @@ impl Parser<'_> {
             b"basematerials" | b"colorgroup" | b"texture2dgroup" => self.group = None,
             b"object" => {
                 let Some(open) = self.open.take() else { return };
-                let Open { positions, triangles, properties, .. } = open;
-                let solid = match open.components {
-                    Some(components) if triangles.is_empty() => Solid::Components(components),
-                    _ => Solid::Mesh { positions, triangles, properties },
+                let ObjectBuilder { positions, triangles, properties, .. } = open;
+                let content = match open.components {
+                    Some(components) if triangles.is_empty() => ObjectContent::Components(components),
+                    _ => ObjectContent::Mesh { positions, triangles, properties },
                 };
-                let object = Definition { name: open.name, not_model: open.not_model, solid };
+                let object = Definition { name: open.name, other_type: open.other_type, content };
                 self.model.objects.insert(open.id, object);
             }
             _ => {}

@@ -149,6 +149,70 @@ fn images_of_the_package() {
     assert!(scene.images.is_empty() && format!("{warnings:?}").contains("not in the file"), "{warnings:?}");
 }
 
+/// Two textures of one image, each with its own wrap modes, in one object and in every run.
+#[test]
+fn textures_of_one_image_have_their_own_wrap_modes() {
+    let mut png = std::io::Cursor::new(Vec::new());
+    let pixels = image::RgbImage::from_raw(1, 1, vec![0, 255, 0]).expect("a pixel");
+    pixels.write_to(&mut png, image::ImageFormat::Png).expect("memory");
+    let texture = |id: u32, style: &str| {
+        format!(
+            "<m:texture2d id=\"{id}\" path=\"/3D/a.png\" contenttype=\"image/png\" tilestyleu=\"{style}\"/>\
+             <m:texture2dgroup id=\"{}\" texid=\"{id}\"><m:tex2coord u=\"4\" v=\"0\"/></m:texture2dgroup>",
+            id + 10
+        )
+    };
+    let own = object("id=\"1\"", &mesh("pid=\"12\" p1=\"0\"", "pid=\"13\" p1=\"0\""));
+    let text = model("", &(texture(2, "clamp") + &texture(3, "mirror") + &own), ITEM);
+    let bytes = archive(&[("3D/3dmodel.model", text.as_bytes()), ("3D/a.png", png.get_ref())]);
+    // The order of a hash map differs from run to run, and from map to map.
+    for _ in 0..16 {
+        let (scene, _) = load(bytes.clone()).expect("an item");
+        assert_eq!((scene.objects.len(), scene.images.len()), (2, 1));
+        let wraps = [0, 1].map(|index| {
+            let (mesh, material) = part(&scene, index);
+            (mesh.triangles[0][1], material.texture.expect("a texture").sampler.wrap_u)
+        });
+        // Each part has the triangle of its texture: the second corner of the first is 1, of the second 2.
+        let of = |wrap: Wrap| part_of_wrap(&scene, wrap).positions[1];
+        assert_eq!(of(Wrap::ClampToEdge), DVec3::new(1.0, 0.0, 0.0), "{wraps:?}");
+        assert_eq!(of(Wrap::MirroredRepeat), DVec3::new(1.0, 2.0, 0.0), "{wraps:?}");
+    }
+}
+
+/// The mesh of the object whose texture has this wrap mode.
+fn part_of_wrap(scene: &Scene, wrap: Wrap) -> &Mesh {
+    let parts = (0..scene.objects.len()).map(|index| part(scene, index));
+    let mut of_wrap =
+        parts.filter(|(_, material)| material.texture.is_some_and(|texture| texture.sampler.wrap_u == wrap));
+    of_wrap.next().expect("a part of the wrap mode").0
+}
+
+/// Items and components count as nodes where they stand, also those of objects that are not placed.
+#[test]
+fn lists_are_limited_while_they_are_read() {
+    let options = crate::scene::ImportOptions {
+        limits: crate::limits::Limits::DEFAULT.with(Counted::Nodes, 1000).with(Counted::Triangles, 3),
+        ..Default::default()
+    };
+    let fault = |resources: &str, build: &str| {
+        let bytes = package(&model("", resources, build));
+        let source =
+            Source { file: "a.3mf".into(), bytes, files: Files::default(), options: options.clone() };
+        read(&source, &mut Warnings::default()).expect_err("too many").to_string()
+    };
+    let components = "<component objectid=\"1\"/>".repeat(1001);
+    let unused = object("id=\"2\"", &format!("<components>{components}</components>"));
+    // The last item is invalid, but not read any more.
+    let items = ITEM.repeat(1001) + "<item/>";
+    let plain = object("id=\"1\"", &mesh("", ""));
+    for (resources, build) in [(&unused, ""), (&String::new(), items.as_str())] {
+        assert_eq!(fault(resources, build), "a.3mf: 1001 nodes; the limit is 1000");
+    }
+    let two = plain.clone() + &plain.replace("id=\"1\"", "id=\"3\"");
+    assert_eq!(fault(&two, ""), "a.3mf: 4 triangles; the limit is 3");
+}
+
 /// The relationships name the model, and components stand in another part, as slicers write them.
 #[test]
 fn parts_of_the_package() {
@@ -183,15 +247,12 @@ fn faults_name_their_part() {
     let cycle = "<components><component objectid=\"1\"/></components>";
     assert!(of(&object("id=\"1\"", cycle), ITEM).contains("nested more than 64 times"));
     let beyond = mesh("", "").replace("v1=\"0\"", "v1=\"4\"");
-    let what = "triangle 0 names a vertex beyond the 4 before it";
+    let what = "triangle 0 has a vertex index beyond 4 vertices";
     assert_eq!(of(&object("id=\"1\"", &beyond), ITEM), format!("a.3mf: 3D/3dmodel.model, object 1: {what}"));
     assert!(of("", "<item objectid=\"1\" transform=\"1 2\"/>").contains("is not 12 numbers"));
     let whole = model("", "", "");
     assert!(text(package(&whole[..whole.len() - 9])).contains("3D/3dmodel.model: "));
-    assert!(
-        text(package(&whole.replace("<model ", "<model unit=\"ell\" ")))
-            .contains("a unit that 3MF files do not have")
-    );
+    assert!(text(package(&whole.replace("<model ", "<model unit=\"ell\" "))).contains("unknown unit"));
     // Levels of two components each have more placements than the limit.
     let levels: String = (2..40)
         .map(|id| {

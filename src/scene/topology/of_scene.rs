@@ -31,9 +31,12 @@ impl Topology {
                 }
             }
         }
+        // Errors name the first object that cannot be analysed.
+        let mut shared: Vec<_> = shared.into_values().collect();
+        shared.sort_unstable_by_key(|(object, ..)| *object);
         let sum = |count: fn(&Mesh) -> usize| own.iter().map(|(_, mesh)| count(mesh)).sum::<usize>();
         let together = [sum(|mesh| mesh.triangles.len()), sum(|mesh| mesh.positions.len())];
-        let largest = shared.values().map(|(_, placed, _)| &placed.mesh);
+        let largest = shared.iter().map(|(_, placed, _)| &placed.mesh);
         let largest = largest.map(|mesh| [mesh.triangles.len(), mesh.positions.len()]);
         for count in largest.chain([together]) {
             check_memory(count)?;
@@ -44,8 +47,6 @@ impl Topology {
             .zip(&topology.closed_objects)
             .for_each(|((index, _), closed)| closed_objects[*index] = *closed);
         let mut closed_meshes: HashMap<*const Mesh, Option<bool>> = HashMap::new();
-        let mut shared: Vec<_> = shared.into_values().collect();
-        shared.sort_unstable_by_key(|(object, ..)| *object);
         for (object, placed, places) in shared {
             let mut of_mesh = Topology::of_triangles(&placed.mesh.positions, &placed.mesh.triangles);
             of_mesh.opposed_to_normals = normals::opposed(&placed.mesh);
