@@ -1060,7 +1060,10 @@ fn only_regular_files_are_read() {
     std::os::unix::fs::symlink("/dev/zero", shop.path("zero.obj")).expect("a link");
     shop.write(
         "a.gltf",
-        r#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 36, "uri": "pipe.bin"}]}"#,
+        r#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 36, "uri": "pipe.bin"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "nodes": [{"mesh": 0}]}"#,
     );
     for (file, said) in [
         ("pipe.obj", "pipe.obj: is a pipe, not a regular file"),
