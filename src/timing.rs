@@ -50,7 +50,7 @@ fn processor_time() -> Option<f64> {
 
 /// Quartiles of repeated measurements.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Spread {
+pub struct Quartiles {
     /// 25 % quantile.
     pub lower: f64,
     /// 50 % quantile.
@@ -59,18 +59,18 @@ pub struct Spread {
     pub upper: f64,
 }
 
-impl Spread {
+impl Quartiles {
     /// Quartiles of measurements in any order; `None` if there are none.
     pub fn of(measurements: &[f64]) -> Option<Self> {
         let mut sorted = measurements.to_vec();
         sorted.sort_by(f64::total_cmp);
         let at = |quarter: usize| sorted.get(sorted.len() * quarter / 4).copied();
-        Some(Spread { lower: at(1)?, median: at(2)?, upper: at(3)? })
+        Some(Quartiles { lower: at(1)?, median: at(2)?, upper: at(3)? })
     }
 
     /// A value without spread.
     pub fn exact(value: f64) -> Self {
-        Spread { lower: value, median: value, upper: value }
+        Quartiles { lower: value, median: value, upper: value }
     }
 
     /// Whether the quartile ranges are disjoint.
@@ -95,7 +95,7 @@ mod tests {
 
     #[test]
     fn quartiles_by_hand() {
-        let spread = |numbers: &[f64]| Spread::of(numbers).map(|s| [s.lower, s.median, s.upper]);
+        let spread = |numbers: &[f64]| Quartiles::of(numbers).map(|s| [s.lower, s.median, s.upper]);
         assert_eq!(spread(&[5.0, 1.0, 4.0, 2.0, 3.0]), Some([2.0, 3.0, 4.0]));
         assert_eq!(spread(&[2.0]), Some([2.0; 3]));
         assert_eq!(spread(&[]), None);

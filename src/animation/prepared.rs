@@ -103,7 +103,7 @@ impl PreparedAnimation {
     }
 
     /// How [`PreparedAnimation::world`] was recentered.
-    pub fn range(&self) -> Option<Recentering> {
+    pub fn recentering(&self) -> Option<Recentering> {
         self.recentering
     }
 

@@ -10,7 +10,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::leaks::count;
-use super::{Engine, Icosphere, LEVEL, Label, Numbers, PLACEMENTS, Spread, Unavailable, embree, kiln};
+use super::{Engine, Icosphere, LEVEL, Label, Numbers, PLACEMENTS, Quartiles, Unavailable, embree, kiln};
 use crate::bvh::{Bvh, CONTAINS_DIRECTION, Layout, Preset, Primitive, Traversal};
 use crate::error::{Error, Result};
 use crate::geometry::{Numerics, RayBuffer, Side, Triangle};
@@ -95,13 +95,13 @@ pub struct ContainsRate {
     /// The tier.
     pub numerics: Numerics,
     /// Random points by [`Bvh::par_contains`].
-    pub contains: Spread,
+    pub contains: Quartiles,
     /// Points whose rays pass through vertices and edge midpoints.
-    pub aimed: Spread,
+    pub aimed: Quartiles,
     /// The rays of the random points by [`Bvh::par_closest_hits`].
-    pub closest_hits: Spread,
+    pub closest_hits: Quartiles,
     /// The ratio of random points to their rays in the same run.
-    pub ratio: Spread,
+    pub ratio: Quartiles,
 }
 
 /// Tests `points` points in all with each method, evenly spread over [`PLACEMENTS`] and [`Aim`]s.
@@ -229,7 +229,7 @@ pub fn rates(runs: u32) -> Result<Vec<ContainsRate>> {
             let runs: Vec<[f64; 4]> = (0..=runs).map(run).skip(1).collect();
             let [contains, aimed, closest_hits, ratio] = [0, 1, 2, 3].map(|k| {
                 let of_runs: Vec<f64> = runs.iter().map(|run| run[k]).collect();
-                Spread::of(&of_runs).unwrap_or(Spread::exact(f64::NAN))
+                Quartiles::of(&of_runs).unwrap_or(Quartiles::exact(f64::NAN))
             });
             Ok(ContainsRate { numerics, contains, aimed, closest_hits, ratio })
         })

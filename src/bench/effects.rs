@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::film::Film;
 use crate::job::RenderJob;
 use crate::render::{RenderControl, Statistics, render};
-use crate::timing::{Clock, Spread};
+use crate::timing::{Clock, Quartiles};
 
 /// Cost of a picture.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -20,7 +20,7 @@ pub struct Cost {
     /// Number of rays of all kinds.
     pub rays: i64,
     /// Time in ms.
-    pub ms: Spread,
+    pub ms: Quartiles,
     /// Size of a thread's tile buffers in bytes.
     pub bytes: i64,
 }
@@ -33,7 +33,7 @@ pub struct Part {
     /// Cost added to the picture with all previous effects of the plan.
     pub adds: Cost,
     /// Time in ms that the whole picture saves without it.
-    pub alone: Spread,
+    pub alone: Quartiles,
 }
 
 /// Costs of a picture and its effects.
@@ -117,7 +117,7 @@ pub fn measure(job: &RenderJob, rounds: usize, cancel: &AtomicBool) -> Result<Co
     })
 }
 
-fn spread(measurements: impl Iterator<Item = f64>) -> Spread {
+fn spread(measurements: impl Iterator<Item = f64>) -> Quartiles {
     let measurements: Vec<f64> = measurements.collect();
-    Spread::of(&measurements).unwrap_or(Spread::exact(0.0))
+    Quartiles::of(&measurements).unwrap_or(Quartiles::exact(0.0))
 }

@@ -1,4 +1,4 @@
-//! [`Envelope`]: what a measurement was made of, by and on, at the start of its JSON.
+//! [`ResultFile`]: what a measurement was made of, by and on, at the start of its JSON.
 
 use std::fs::read_to_string;
 
@@ -9,7 +9,7 @@ use crate::bvh::compiled_isa;
 
 /// The fields that `study.json` and the JSON of `kiln bench` begin with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Envelope {
+pub struct ResultFile {
     /// Version of the JSON schema of the report, incremented when a field is removed or changes its meaning.
     pub schema: u32,
     /// Version of kiln.
@@ -22,10 +22,10 @@ pub struct Envelope {
     pub machine: Vec<[String; 2]>,
 }
 
-impl Envelope {
+impl ResultFile {
     /// Describes this machine, and a report. `isa`: the instruction set of the traversal, if there is one alone.
     pub fn new(schema: u32, subject: String, command: String, isa: Option<&str>) -> Self {
-        Envelope { schema, kiln: env!("CARGO_PKG_VERSION").into(), subject, command, machine: machine(isa) }
+        ResultFile { schema, kiln: env!("CARGO_PKG_VERSION").into(), subject, command, machine: machine(isa) }
     }
 
     /// The envelope around an array of rows, as `rows`.

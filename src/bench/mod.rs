@@ -37,9 +37,9 @@ mod tetrahedron;
 #[allow(unsafe_code)]
 mod tinybvh;
 
-pub use crate::timing::Spread;
+pub use crate::timing::Quartiles;
 pub use engine::{Built, Engine, Facts, Label, RayQueue, singly};
-pub use envelope::Envelope;
+pub use envelope::ResultFile;
 pub use icosphere::{Icosphere, Mesh, PLACEMENTS, Placement};
 pub use numbers::Numbers;
 pub use rays::{LeakRayKind, ray};

@@ -5,7 +5,7 @@ use plotters::coord::ranged1d::{AsRangedCoord, Ranged, SegmentValue, ValueFormat
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::Spread;
+use super::Quartiles;
 use crate::error::{Error, Result};
 
 /// A bar with quartiles.
@@ -15,7 +15,7 @@ pub(crate) struct Bar {
     /// Its colour: of the palette, by number.
     pub colour: usize,
     /// Length.
-    pub value: Spread,
+    pub value: Quartiles,
     /// Warning behind the bar, in red; empty if there is none.
     pub warning: String,
 }
@@ -345,7 +345,7 @@ mod tests {
 
     #[test]
     fn bars_have_labels_and_warnings() {
-        let value = Spread { lower: 9.0, median: 10.0, upper: 11.0 };
+        let value = Quartiles { lower: 9.0, median: 10.0, upper: 11.0 };
         let bar =
             |name: &str, warning: &str| Bar { name: name.into(), colour: 0, value, warning: warning.into() };
         let svg = bars("furlongs", &[bar("quick", ""), bar("brown <fox>", "3 wrong")]).expect("a plot");

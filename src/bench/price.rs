@@ -20,7 +20,7 @@ use crate::geometry::{Numerics, Precision, Ray};
 use crate::job::{RenderJob, RenderSettings, prepare};
 use crate::render::RenderControl;
 use crate::scene::{Look, Scene, Transport};
-use crate::timing::{Clock, Spread};
+use crate::timing::{Clock, Quartiles};
 
 /// Cost and errors of a library in one mode: a tier of kiln, Embree with or without its robust mode, a layout of others.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,7 +33,7 @@ pub struct PriceRow {
     pub isa: &'static str,
     /// Nanoseconds a ray of each kind of [`Kind::ALL`], in the fastest of the library's settings in this mode; `None`
     /// if there are no rays of the kind.
-    pub ns: [Option<Spread>; 4],
+    pub ns: [Option<Quartiles>; 4],
     /// What it gets wrong.
     pub errors: RayErrors,
     /// Pictures in a tier of kiln, by [`TRANSPORTS`].
@@ -93,7 +93,7 @@ pub struct RayErrors {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PicturePrice {
     /// Time in ms.
-    pub ms: Spread,
+    pub ms: Quartiles,
     /// Root mean square of the difference to the picture of `exact`, in display values from 0 to 255.
     pub rms: f64,
     /// Pixels that differ from it.
@@ -170,12 +170,12 @@ fn mode(label: &Label) -> &'static str {
     label.tier.unwrap_or(if label.engine == "embree" { "default" } else { label.layout })
 }
 
-fn nanoseconds(row: &SpeedRow, kind: Kind) -> Option<Spread> {
-    let Spread { lower, median, upper } = row.mrays_per_s(kind)?;
-    Some(Spread { lower: 1e3 / upper, median: 1e3 / median, upper: 1e3 / lower })
+fn nanoseconds(row: &SpeedRow, kind: Kind) -> Option<Quartiles> {
+    let Quartiles { lower, median, upper } = row.mrays_per_s(kind)?;
+    Some(Quartiles { lower: 1e3 / upper, median: 1e3 / median, upper: 1e3 / lower })
 }
 
-fn faster(a: Option<Spread>, b: Option<Spread>) -> Option<Spread> {
+fn faster(a: Option<Quartiles>, b: Option<Quartiles>) -> Option<Quartiles> {
     [a, b].into_iter().flatten().min_by(|a, b| a.median.total_cmp(&b.median))
 }
 
@@ -324,7 +324,7 @@ fn pictures(subject: &Subject, runs: u32, control: &RenderControl) -> Result<Vec
         let films: Vec<_> = films.into_iter().flatten().collect();
         let Some(exact) = films.last() else { continue };
         for ((row, film), ms) in rows.iter_mut().zip(&films).zip(&ms) {
-            let ms = Spread::of(ms).unwrap_or(Spread::exact(0.0));
+            let ms = Quartiles::of(ms).unwrap_or(Quartiles::exact(0.0));
             let (rms, differing) = difference(film.stored(), exact.stored());
             row[index] = Some(PicturePrice { ms, rms, differing });
         }
@@ -372,7 +372,7 @@ mod tests {
             engine: "kiln",
             mode: "fast",
             isa: "avx2",
-            ns: ns.map(|ns| Some(Spread::exact(ns))),
+            ns: ns.map(|ns| Some(Quartiles::exact(ns))),
             errors: RayErrors::default(),
             pictures: None,
         };

@@ -5,7 +5,7 @@ use super::random::{Dimension, independent_pair, pair};
 use super::samples::{SampleIndex, list_samples};
 use super::tile::{RenderContext, Tile, vec_bytes};
 use super::{Effect, EffectContext, EffectValue, Hook, Stage, id};
-use crate::scene::PixelSampler;
+use crate::scene::{PixelSampler, Sampling};
 use crate::world::{PerRay, Vec3Soa, simd};
 
 /// The largest blur that can be asked for, in heights of the picture.
@@ -30,8 +30,8 @@ pub const EFFECT: Effect = Effect {
     specify: |_, spec| spec.is_random = true,
     stages: |context: &EffectContext, hook| match hook {
         Hook::Rays => {
-            let (sampler, seed) = (context.sampling.sampler.unwrap_or_default(), context.sampling.seed);
-            vec![Box::new(LensRays { sampler, seed: seed.unwrap_or(0) })]
+            let Sampling { sampler, seed, .. } = *context.sampling;
+            vec![Box::new(LensRays { sampler, seed })]
         }
         _ => Vec::new(),
     },

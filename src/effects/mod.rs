@@ -343,7 +343,6 @@ impl PlanSpec {
     /// See [`EffectContext::transparency`].
     fn transparency(&self, sampling: &Sampling) -> Option<Transparency> {
         let Sampling { seed, sampler, .. } = *sampling;
-        let (seed, sampler) = (seed.unwrap_or(0), sampler.unwrap_or_default());
         let is_layered = self.layers && !self.own_camera_rays;
         let of =
             |ContinuedRays { rays: kind, .. }| Transparency { is_layered, culls: false, sampler, seed, kind };

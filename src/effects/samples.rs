@@ -54,8 +54,8 @@ impl Sampler {
             samples,
             first: sampling.first.unwrap_or(0),
             filter: ReconstructionFilter::new(shape, radius),
-            seed: sampling.seed.unwrap_or(0),
-            kind: sampling.sampler.unwrap_or_default(),
+            seed: sampling.seed,
+            kind: sampling.sampler,
             floor,
             // No pixel is tested where no noise level is given, or before it has all its samples.
             apron: u32::from(is_adaptive && sampling.noise.is_some() && floor < samples),

@@ -591,7 +591,10 @@ mod tests {
             [["0 0 1", "0 0 1", "0 0 1", "0 0 -1"], ["1 2 3", "1 2 3 4", "1 2 3", "1 2 3"], ["1 2"; 4]]
         {
             let (mesh, warnings) = of("OFF", ends);
-            assert!(mesh.colours.is_none() && warnings.messages()[0].contains("surplus values"), "{warnings:?}");
+            assert!(
+                mesh.colours.is_none() && warnings.messages()[0].contains("surplus values"),
+                "{warnings:?}"
+            );
         }
     }
 

@@ -251,8 +251,8 @@ impl PictureSettings {
             filter_radius: self.filter_radius.map(FilterRadius::get),
             noise: self.noise.map(Noise::get),
             min_samples: self.min_samples.map(Samples::get),
-            seed: self.seed,
-            sampler: self.sampler,
+            seed: self.seed.unwrap_or_default(),
+            sampler: self.sampler.unwrap_or_default(),
             first: None,
             total: None,
         }
@@ -301,7 +301,7 @@ impl PictureSettings {
                 samples: Some(Samples::clamped(sampling.max_samples())),
                 filter: Some(filter),
                 filter_radius: Some(FilterRadius::clamped(radius)),
-                seed: self.seed.or(Some(0)),
+                seed: Some(sampling.seed),
                 ..*self
             }
         } else {

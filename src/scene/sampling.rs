@@ -43,9 +43,9 @@ pub struct Sampling {
     /// Samples per pixel before adaptive sampling estimates the error.
     pub min_samples: Option<u32>,
     /// Seed of the random numbers, besides pixel, sample and dimension.
-    pub seed: Option<u32>,
+    pub seed: u32,
     /// How the samples of a pixel are related.
-    pub sampler: Option<PixelSampler>,
+    pub sampler: PixelSampler,
     /// Index of the first sample, below `samples`, if another render takes those before it. Not with `noise`.
     pub first: Option<u32>,
     /// Samples per pixel of the whole picture, if these are a part of it: the rays and texture footprints of a sample depend

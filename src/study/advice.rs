@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::data::{SettingRow, Significance, Study};
 use super::pareto::{TimedError, front};
 use super::path_sweep;
-use crate::timing::Spread;
+use crate::timing::Quartiles;
 
 /// The fastest setting below an error bound.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -124,7 +124,7 @@ fn equally_fast(row: &SettingRow, rows: &[&SettingRow], below: f64) -> String {
 }
 
 /// Formats a median with its quartiles.
-pub(crate) fn brief(ms: Spread) -> String {
+pub(crate) fn brief(ms: Quartiles) -> String {
     let digits = if ms.median < 10.0 { 2 } else { usize::from(ms.median < 100.0) };
     format!("{:.digits$} ({:.digits$} to {:.digits$})", ms.median, ms.lower, ms.upper)
 }

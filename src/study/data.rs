@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::advice::{Advice, ParameterStep};
-use crate::bench::Envelope;
+use crate::bench::ResultFile;
 use crate::metrics::Figures;
 use crate::metrics::t_test::TTest;
-use crate::timing::Spread;
+use crate::timing::Quartiles;
 
 /// Version of the JSON schema, incremented when a field is removed or changes its meaning.
 pub(crate) const SCHEMA: u32 = 1;
@@ -16,7 +16,7 @@ pub(crate) const SCHEMA: u32 = 1;
 pub struct Study {
     /// Schema ([`SCHEMA`]), version, scene, command line and machine.
     #[serde(flatten)]
-    pub envelope: Envelope,
+    pub envelope: ResultFile,
     /// Metadata of the pictures, as names and values.
     pub settings: Vec<[String; 2]>,
     /// Width and height of the pictures in pixels.
@@ -28,7 +28,7 @@ pub struct Study {
     /// Clock: `processor` or `wall`.
     pub clock: String,
     /// Time for reading the inputs in ms, unless they come from standard input.
-    pub load_ms: Option<Spread>,
+    pub load_ms: Option<Quartiles>,
     /// Noise of the references, one per filter.
     pub floors: Vec<NoiseFloor>,
     /// Differences in ray hits between each tier and `exact`.
@@ -157,9 +157,9 @@ pub struct SettingRow {
     /// Reconstruction filter and its radius in pixels.
     pub filter: String,
     /// Time for preparing the scene, including the acceleration structure, in ms.
-    pub build_ms: Spread,
+    pub build_ms: Quartiles,
     /// Render time in ms.
-    pub trace_ms: Spread,
+    pub trace_ms: Quartiles,
     /// Number of rays of all kinds.
     pub rays: u64,
     /// Number of primary rays.

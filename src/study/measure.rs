@@ -12,13 +12,13 @@ use super::setting::Setting;
 use super::sweep::{Candidate, sweep};
 use super::work::{MeasuredSetting, StudyRun, distinct, filters, prepare};
 use super::{advice, ambient, path_sweep, steps, techniques};
-use crate::bench::Envelope;
+use crate::bench::ResultFile;
 use crate::effects::RayKind;
 use crate::error::{Error, Result};
 use crate::geometry::Numerics;
 use crate::job::ResolvedJob;
 use crate::render::RenderControl;
-use crate::timing::{Clock, Spread};
+use crate::timing::{Clock, Quartiles};
 
 /// Input of a study.
 pub struct StudySubject {
@@ -92,7 +92,7 @@ pub fn study(
             candidates,
             left_out.collect::<Vec<_>>(),
             reference,
-            Envelope::new(
+            ResultFile::new(
                 SCHEMA,
                 subject.name.clone(),
                 subject.command.clone(),
@@ -188,7 +188,7 @@ fn rows(candidates: &[Candidate], settings: &[MeasuredSetting], subject: &StudyS
         };
         let Some(result) = &measured.result else { continue };
         let (Some(build_ms), Some(trace_ms)) =
-            (Spread::of(&measured.build_ms), Spread::of(&measured.trace_ms))
+            (Quartiles::of(&measured.build_ms), Quartiles::of(&measured.trace_ms))
         else {
             continue;
         };

@@ -1,12 +1,12 @@
 //! Pareto front of time and error, with ties.
 
-use crate::timing::Spread;
+use crate::timing::Quartiles;
 
 /// A setting's time and error.
 #[derive(Debug, Clone, Copy)]
 pub struct TimedError {
     /// Time in ms.
-    pub time: Spread,
+    pub time: Quartiles,
     /// Error, at least 0; NaN is excluded.
     pub error: f64,
 }
@@ -46,7 +46,7 @@ mod tests {
     /// The front of points of lower quartile, median, upper quartile and error.
     fn front_of(points: &[[f64; 4]], tolerance: f64) -> Vec<usize> {
         let point = |&[lower, median, upper, error]: &[f64; 4]| TimedError {
-            time: Spread { lower, median, upper },
+            time: Quartiles { lower, median, upper },
             error,
         };
         front(&points.iter().map(point).collect::<Vec<_>>(), tolerance)

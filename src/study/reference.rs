@@ -30,7 +30,7 @@ pub(crate) fn halves(base: &Setting, filter: (FilterShape, f64), samples: u32) -
     [1, 2].map(|more| {
         let mut half = Setting { numerics: Numerics::Exact, ..base.clone() }.unrounded();
         let own = &mut half.sampling;
-        own.seed = Some(own.seed.unwrap_or(0).wrapping_add(more));
+        own.seed = own.seed.wrapping_add(more);
         (own.samples, own.noise) = (Some(samples), None);
         (own.filter, own.filter_radius) = (Some(filter.0), Some(filter.1));
         half

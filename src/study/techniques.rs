@@ -49,10 +49,10 @@ fn estimate(run: &StudyRun, technique: LightTechnique, samples: u32, seed: u32) 
         ..base.clone()
     };
     let sampling = &mut setting.sampling;
-    sampling.seed = Some(sampling.seed.unwrap_or(0).wrapping_add(seed));
+    sampling.seed = sampling.seed.wrapping_add(seed);
     (sampling.samples, sampling.noise) = (Some(samples), None);
     (sampling.filter, sampling.filter_radius) = (Some(FilterShape::Box), None);
-    sampling.sampler = Some(PixelSampler::Independent);
+    sampling.sampler = PixelSampler::Independent;
     let job = prepare(run.subject, &setting)?;
     let (film, _): (Film, _) = run.render(&job, &setting)?;
     let selection = AovSelection::new(&["samples".into(), "variance".into()])?;
@@ -68,5 +68,5 @@ fn estimate(run: &StudyRun, technique: LightTechnique, samples: u32, seed: u32) 
     };
     let estimate =
         Estimate::unchecked(&channels).map_err(|what| Error::Failed { what, hint: String::new() })?;
-    Ok(Estimate { seed: setting.sampling.seed, ..estimate })
+    Ok(Estimate { seed: Some(setting.sampling.seed), ..estimate })
 }

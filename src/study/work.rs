@@ -17,7 +17,7 @@ use crate::job::{RenderJob, ResolvedJob};
 use crate::metrics::{ComparedImage, Figures};
 use crate::render::{RenderControl, Statistics};
 use crate::scene::{DefaultLook, Scene};
-use crate::timing::{Clock, Spread};
+use crate::timing::{Clock, Quartiles};
 use crate::world::{View, World};
 
 /// Maximum number of rays along a side for the comparison of geometry, unless the picture is larger.
@@ -250,7 +250,7 @@ impl StudyRun<'_> {
         &self,
         settings: &mut [MeasuredSetting],
         load: Option<&(dyn Fn() -> Result<()> + Sync)>,
-    ) -> Result<Option<Spread>> {
+    ) -> Result<Option<Quartiles>> {
         let threads = rayon::current_num_threads();
         let mut load_ms = Vec::new();
         let groups = groups(settings);
@@ -281,7 +281,7 @@ impl StudyRun<'_> {
                 }
             }
         }
-        Ok(Spread::of(&load_ms))
+        Ok(Quartiles::of(&load_ms))
     }
 }
 

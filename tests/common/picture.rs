@@ -10,7 +10,9 @@ use kiln::film::{Film, Window};
 use kiln::geometry::{Hit, Ray};
 use kiln::job::RenderSettings;
 use kiln::render::{RenderControl, Statistics, render};
-use kiln::scene::{AnalyticShape, Numerics, PictureSettings, Sampling, Scene, Shape, Sphere, Step};
+use kiln::scene::{
+    AnalyticShape, Numerics, PictureSettings, PixelSampler, Sampling, Scene, Shape, Sphere, Step,
+};
 use kiln::world::{StandardView, View, World, fitted_camera, headlight, recenter};
 
 /// A scene from a file.
@@ -41,8 +43,8 @@ pub fn or(own: Sampling, other: Sampling) -> Sampling {
         filter_radius: filter_radius.or(other.filter_radius),
         noise: noise.or(other.noise),
         min_samples: min_samples.or(other.min_samples),
-        seed: seed.or(other.seed),
-        sampler: sampler.or(other.sampler),
+        seed: if seed == 0 { other.seed } else { seed },
+        sampler: if sampler == PixelSampler::default() { other.sampler } else { sampler },
         first: first.or(other.first),
         total: total.or(other.total),
     }

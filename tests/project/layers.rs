@@ -61,14 +61,16 @@ fn first_name(path: &str) -> &str {
 /// the crate, to the crate. A module in braces, such as that of tests, is one further down.
 fn modules_used(text: &str, depth: usize) -> Vec<&str> {
     let mut found = Vec::new();
-    let mut nested = 0;
+    // The ends of the modules in braces around the line.
+    let mut ends: Vec<String> = Vec::new();
     for line in text.lines().filter(|line| !line.trim_start().starts_with("//")) {
-        if line.ends_with('{')
-            && (line.starts_with("mod ") || line.starts_with("pub") && line.contains(" mod "))
+        let code = line.trim_start();
+        if code.ends_with('{')
+            && (code.starts_with("mod ") || code.starts_with("pub") && code.contains(" mod "))
         {
-            nested = 1;
-        } else if line == "}" {
-            nested = 0;
+            ends.push(format!("{}}}", &line[..line.len() - code.len()]));
+        } else if ends.last().is_some_and(|end| end == line) {
+            ends.pop();
         }
         found.extend(line.split("crate::").skip(1).map(first_name));
         let mut rest = line;
@@ -77,7 +79,7 @@ fn modules_used(text: &str, depth: usize) -> Vec<&str> {
             while let Some(after) = path.strip_prefix("super::") {
                 (count, path) = (count + 1, after);
             }
-            if count >= depth + nested {
+            if count >= depth + ends.len() {
                 found.push(first_name(path));
             }
             rest = path;

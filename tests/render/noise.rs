@@ -55,8 +55,7 @@ impl Case {
         });
         let mut job = prepare(scene, &settings, &mut warnings).expect("a job");
         job.choices.sampling.min_samples = None;
-        let own =
-            |samples, seed| Sampling { samples: Some(samples), seed: Some(seed), ..Sampling::default() };
+        let own = |samples, seed| Sampling { samples: Some(samples), seed, ..Sampling::default() };
         let noiseless =
             Choices { sampling: Sampling { noise: None, ..job.choices.sampling }, ..job.choices.clone() };
         let (_, limit) = render(&job.with_choices(noiseless).expect("a plan"), own(reference, 1000));
@@ -192,7 +191,7 @@ fn transparent_pixels_end_when_their_composites_are_accurate() {
         let job = job.with_choices(choices).expect("a plan");
         job.render::<[f32; 4]>(&RenderControl::default()).expect("a picture").0
     };
-    let own = |samples, seed| Sampling { samples: Some(samples), seed: Some(seed), ..Sampling::default() };
+    let own = |samples, seed| Sampling { samples: Some(samples), seed, ..Sampling::default() };
     let limit = film(own(4096, 0));
     let found = film(Sampling { noise: Some(level), ..own(most, 1) });
     let display = DisplayTransform::default();

@@ -623,9 +623,7 @@ fn one_with_filter() -> Statistics {
 #[test]
 fn nothing_is_kept_where_nothing_is_asked_for() {
     assert!(!Sampling::default().is_wanted());
-    assert!(
-        !Sampling { samples: Some(1), seed: Some(3), min_samples: Some(4), ..Default::default() }.is_wanted()
-    );
+    assert!(!Sampling { samples: Some(1), seed: 3, min_samples: Some(4), ..Default::default() }.is_wanted());
     assert!(Sampling { samples: Some(2), ..Default::default() }.is_wanted());
 }
 

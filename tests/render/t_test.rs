@@ -43,7 +43,7 @@ pub fn estimate(job: &RenderJob) -> Estimate {
         means: std::array::from_fn(|c| film.rows().map(|pixel: [f32; 3]| pixel[c]).collect()),
         variances: ["Variance.R", "Variance.G", "Variance.B"].map(values),
         counts: values("Samples.X"),
-        seed: job.choices.sampling.seed,
+        seed: Some(job.choices.sampling.seed),
     }
 }
 

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::geometry::{Numerics, Ray};
 use crate::limits;
 use crate::render::RenderControl;
-use crate::timing::{Clock, Spread};
+use crate::timing::{Clock, Quartiles};
 
 /// Rays per parallel task, a multiple of the batch size.
 const PORTION: usize = 64 * rays::BATCH;
@@ -40,7 +40,7 @@ pub struct SpeedRow {
     /// Number of threads.
     pub threads: usize,
     /// Build time in ms.
-    pub build_ms: Spread,
+    pub build_ms: Quartiles,
     /// Properties of the structure.
     pub facts: Facts,
     /// Number of triangles of the mesh.
@@ -64,14 +64,14 @@ impl SpeedRow {
     }
 
     /// Million rays per second; `None` if there are no rays of the kind.
-    pub fn mrays_per_s(&self, kind: Kind) -> Option<Spread> {
-        Spread::of(&self.rates[kind as usize])
+    pub fn mrays_per_s(&self, kind: Kind) -> Option<Quartiles> {
+        Quartiles::of(&self.rates[kind as usize])
     }
 
     /// Throughput relative to another row, round by round.
-    pub fn ratio(&self, other: &SpeedRow, kind: Kind) -> Option<Spread> {
+    pub fn ratio(&self, other: &SpeedRow, kind: Kind) -> Option<Quartiles> {
         let rounds = self.rates[kind as usize].iter().zip(&other.rates[kind as usize]);
-        Spread::of(&rounds.map(|(own, other)| own / other).collect::<Vec<_>>())
+        Quartiles::of(&rounds.map(|(own, other)| own / other).collect::<Vec<_>>())
     }
 
     /// Average number of box and primitive tests per ray of a kind.
@@ -235,7 +235,7 @@ impl<'a> Measurement<'a> {
         SpeedRow {
             label: self.engine.label.clone(),
             threads: settings.threads(),
-            build_ms: Spread::of(&self.build_ms).unwrap_or(Spread::exact(0.0)),
+            build_ms: Quartiles::of(&self.build_ms).unwrap_or(Quartiles::exact(0.0)),
             facts: self.ready.facts(),
             triangles: mesh.triangles.len(),
             rays,

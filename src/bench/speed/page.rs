@@ -8,7 +8,7 @@ use super::super::html::{self, escaped};
 use super::super::plot::{Bar, bars, short};
 use super::{Kind, NAMES, SpeedRow};
 use crate::error::Result;
-use crate::timing::{Clock, Spread};
+use crate::timing::{Clock, Quartiles};
 
 const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;color:#222;max-width:960px;margin:2em auto;padding:0 1em}\
 h1{font-size:1.6em}h2{font-size:1.2em;margin-top:2em}svg{max-width:100%;height:auto}\
@@ -84,7 +84,7 @@ fn of_kind(rows: &[SpeedRow], kind: Kind) -> Vec<Bar> {
     measured.map(|(row, speed)| bar(row, speed, row.wrong.map_or(0, |wrong| wrong[kind as usize]))).collect()
 }
 
-fn bar(row: &SpeedRow, value: Spread, wrong: u64) -> Bar {
+fn bar(row: &SpeedRow, value: Quartiles, wrong: u64) -> Bar {
     let label = &row.label;
     let parts = [Some(label.engine), Some(label.layout), label.tier, label.preset];
     Bar {

@@ -9,7 +9,7 @@ use super::{Kind, RaySets, Settings, SpeedRow, Viewpoint, measure, scene, view_s
 use crate::error::{Error, Result};
 use crate::limits;
 use crate::render::RenderControl;
-use crate::timing::Spread;
+use crate::timing::Quartiles;
 
 /// Results for a mesh of a kind and size.
 #[derive(Debug, Clone)]
@@ -68,7 +68,7 @@ const BYTES: &str = "bytes a triangle";
 /// # Errors
 /// [`Error::Failed`] if it cannot be drawn.
 pub fn plot(steps: &[ScalingStep]) -> Result<String> {
-    let median = |spread: Option<Spread>| spread.map(|spread| spread.median);
+    let median = |spread: Option<Quartiles>| spread.map(|spread| spread.median);
     let panel = |title: &str, unit, value: &dyn Fn(&SpeedRow) -> Option<f64>| Panel {
         title: title.to_owned(),
         unit,

@@ -11,7 +11,7 @@ use crate::bench::contains::{ContainsRate, ContainsRow, rates, wrong_points};
 use crate::bench::{PLACEMENTS, Unavailable};
 use crate::error::Result;
 use crate::scene::option::group;
-use crate::timing::Spread;
+use crate::timing::Quartiles;
 
 #[derive(Args)]
 #[command(next_help_heading = group::MEASUREMENT)]
@@ -93,7 +93,7 @@ fn as_text(rows: &[ContainsRow], rates: &[ContainsRate], absent: Option<&Unavail
     let mut lines = vec![titles.map(str::to_owned).to_vec()];
     for rate in rates {
         let quartiles =
-            |Spread { lower, median, upper }: Spread| format!("{median:.2} ({lower:.2}-{upper:.2})");
+            |Quartiles { lower, median, upper }: Quartiles| format!("{median:.2} ({lower:.2}-{upper:.2})");
         let numbers = [rate.contains, rate.aimed, rate.closest_hits, rate.ratio].map(quartiles);
         lines.push([rate.numerics.name().to_owned()].into_iter().chain(numbers).collect());
     }

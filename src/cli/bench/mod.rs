@@ -15,7 +15,7 @@ use serde_json::Value;
 
 use super::progress::{Mode, Progress};
 use super::typed;
-use crate::bench::Envelope;
+use crate::bench::ResultFile;
 use crate::error::Result;
 use crate::render::RenderControl;
 use crate::scene::ImportOptions;
@@ -64,10 +64,10 @@ pub(crate) fn run(arguments: &Command, interrupted: &AtomicBool) -> Result<()> {
 /// Version of the JSON schema of all benchmarks, incremented when a field is removed or changes its meaning.
 const SCHEMA: u32 = 1;
 
-/// The JSON of a benchmark: its rows in an [`Envelope`].
+/// The JSON of a benchmark: its rows in an [`ResultFile`].
 fn report(subject: &str, rows: Value) -> String {
     // Instruction sets are stated by row.
-    super::json_text(&Envelope::new(SCHEMA, subject.to_owned(), typed(), None).around(rows))
+    super::json_text(&ResultFile::new(SCHEMA, subject.to_owned(), typed(), None).around(rows))
 }
 
 /// Runs `work` on a thread pool, with a progress bar on a terminal.

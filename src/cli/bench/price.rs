@@ -17,7 +17,7 @@ use crate::files::{check_writable, write_whole};
 use crate::job::RenderSettings;
 use crate::scene::option::group;
 use crate::scene::{PictureSettings, Transport};
-use crate::timing::Spread;
+use crate::timing::Quartiles;
 
 #[derive(Args)]
 pub(crate) struct Arguments {
@@ -111,7 +111,7 @@ fn as_text(rows: &[PriceRow]) -> String {
     let titles = ["", whitted, "rms", "differ", path, "rms", "differ"];
     let pictures = |row: &PriceRow| {
         let cells = row.pictures?.map(|picture| {
-            let Spread { median, .. } = picture.ms;
+            let Quartiles { median, .. } = picture.ms;
             [three_digits(median), rate(picture.rms), picture.differing.to_string()]
         });
         Some([row.name()].into_iter().chain(cells.into_iter().flatten()).collect())

@@ -265,8 +265,8 @@ impl Scatter {
         let light_samples = settings.light_samples.clamp(1, PathSettings::MAX_LIGHT_SAMPLES);
         Scatter {
             depth,
-            seed: seed.unwrap_or(0),
-            sampler: sampler.unwrap_or_default(),
+            seed,
+            sampler,
             technique: context.spec.light_technique,
             settings: PathSettings { light_samples, ..settings },
             texture_use: context.spec.texture_use,

@@ -105,8 +105,8 @@ impl TestHemispheres {
         TestHemispheres {
             radius: radius * context.world.diagonal,
             count: RAYS_PER_PIXEL.div_ceil(context.spec.samples.max(1)).min(most),
-            sampler: context.sampling.sampler.unwrap_or_default(),
-            seed: context.sampling.seed.unwrap_or(0),
+            sampler: context.sampling.sampler,
+            seed: context.sampling.seed,
         }
     }
 }

@@ -8,7 +8,7 @@ use crate::effects::random::Dimension;
 use crate::effects::samples::DiscPoints;
 use crate::effects::tile::{RenderContext, Tile};
 use crate::effects::{Effect, EffectContext, Hook, Stage, id, named};
-use crate::scene::PixelSampler;
+use crate::scene::{PixelSampler, Sampling};
 use crate::world::World;
 
 /// The registry's entry.
@@ -35,8 +35,8 @@ pub const EFFECT: Effect = Effect {
     },
     stages: |context: &EffectContext, hook| match hook {
         Hook::BeforeLighting(_) if context.spec.soft_shadows => {
-            let (sampler, seed) = (context.sampling.sampler.unwrap_or_default(), context.sampling.seed);
-            vec![Box::new(SampleDiscs { sampler, seed: seed.unwrap_or(0) })]
+            let Sampling { sampler, seed, .. } = *context.sampling;
+            vec![Box::new(SampleDiscs { sampler, seed })]
         }
         _ => Vec::new(),
     },

@@ -113,7 +113,7 @@ impl RenderCache {
             CameraSource::Scene(index) => frame.cameras.get(*index).unwrap_or(&frame.camera).clone(),
             CameraSource::Fitted(view) => {
                 let framing = settings.framing(*view, &request.opened.scene);
-                self.fit(request, framing, animation.range())?
+                self.fit(request, framing, animation.recentering())?
             }
             CameraSource::Free(camera) => {
                 recentering.map_or_else(|| camera.clone(), |recentering| recentering.moved(camera))
@@ -121,7 +121,7 @@ impl RenderCache {
         };
         lens.projection = request.projection.unwrap_or(lens.projection);
         if look
-            .recentered(animation.range().as_ref())
+            .recentered(animation.recentering().as_ref())
             .ground
             .is_some_and(|ground| ground.is_hidden_from(&lens))
         {

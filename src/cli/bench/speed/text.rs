@@ -7,7 +7,7 @@ use super::Report;
 use crate::bench::Unavailable;
 use crate::bench::speed::{Kind, SpeedRow, best};
 use crate::error::printable;
-use crate::timing::{Clock, Spread};
+use crate::timing::{Clock, Quartiles};
 
 /// Tables of throughput, of build and memory, and of the fastest engines.
 pub(crate) fn tables(report: &Report) -> String {
@@ -128,7 +128,7 @@ fn or_dash<T>(value: Option<T>, show: impl Fn(T) -> String) -> String {
     value.map_or("-".into(), show)
 }
 
-fn with_spread(spread: &Spread) -> String {
+fn with_spread(spread: &Quartiles) -> String {
     let half = (spread.upper - spread.lower) / 2.0 / spread.median * 100.0;
     format!("{} ±{half:.0}%", three_digits(spread.median))
 }
