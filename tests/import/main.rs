@@ -5,8 +5,12 @@ mod common;
 
 mod clips;
 mod codecs;
+mod formats;
+mod gltf;
 mod gltf_features;
-mod import;
+mod helpers;
 mod mutations;
+mod obj;
 mod references;
+mod scene_files;
 mod shared_meshes;
