@@ -1,7 +1,7 @@
 //! Continuation of paths: directions sampled by BSDFs, and Russian roulette.
 
 use super::numbers::GenerationNumbers;
-use super::vertices::{IndexList, ClassPartition, Vertices};
+use super::vertices::{ClassPartition, IndexList, Vertices};
 use super::{Buffers, Path};
 use crate::effects::tile::RayGeneration;
 use crate::shading::bsdf::{BsdfSample, DirectionSample};

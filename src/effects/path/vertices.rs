@@ -7,7 +7,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::Path;
-use super::media::{MediumTransition, MediaId, MediaTable};
+use super::media::{MediaId, MediaTable, MediumTransition};
 use crate::effects::ray_origins::find_origins;
 use crate::effects::tile::vec_bytes;
 use crate::world::{Flags, InteractionSoa, PerRay, RAYS_PER_BATCH, Vec3Soa, World, select, simd};
