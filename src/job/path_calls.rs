@@ -8,9 +8,7 @@ use super::default_look::LIGHT_FROM_ABOVE;
 use crate::bvh::Primitive;
 use crate::film::ColourPipeline;
 use crate::film::colour::{luminance, srgb_decode};
-use crate::scene::{
-    AnalyticShape, DecodedImage, Falloff, LightKind, Material, MetallicRoughness, Object, Scene,
-};
+use crate::scene::{DecodedImage, Material, MetallicRoughness, Object, Scene};
 
 /// The least part of the power of the other lights that surfaces must emit to count as lights. A lamp emits a multiple
 /// of it, an indicator light a thousandth.
@@ -48,12 +46,7 @@ pub(super) fn lighting(scene: &Scene) -> Vec<&str> {
 /// does not fall off, or at the distance 1.
 fn received(light: &crate::scene::Light, radius: f64) -> f64 {
     let intensity = luminance(light.colour.to_pipeline(ColourPipeline::Linear)) * light.intensity;
-    match light.kind {
-        LightKind::Directional { .. }
-        | LightKind::Point { falloff: Falloff::None, .. }
-        | LightKind::Spot { falloff: Falloff::None, .. } => PI * intensity * PI * radius * radius,
-        _ => PI * intensity * 4.0 * PI,
-    }
+    if light.kind.falls_off() { PI * intensity * 4.0 * PI } else { PI * intensity * PI * radius * radius }
 }
 
 /// The luminance of the mean radiance of an opaque material: the emission times the mean of its texture.
@@ -86,7 +79,7 @@ fn area(object: &Object) -> f64 {
             let [a, b, c] = triangle.0;
             0.5 * (b - a).cross(c - a).length()
         }
-        Primitive::Analytic(AnalyticShape::Sphere(sphere)) => 4.0 * PI * sphere.radius * sphere.radius,
+        Primitive::Analytic(shape) => shape.area(),
     };
     object.shape.primitives().map(of).filter(|area| area.is_finite()).sum()
 }
@@ -96,7 +89,7 @@ mod tests {
     use super::*;
     use crate::film::Colour;
     use crate::geometry::Sphere;
-    use crate::scene::{Layers, Light, MaterialId, Phong, Shape};
+    use crate::scene::{Layers, Light, LightKind, MaterialId, Phong, Shape};
 
     /// Balls of these radii and emissions.
     fn balls(balls: &[(f64, f64)]) -> Scene {

@@ -240,6 +240,31 @@ pub enum LightKind {
 }
 
 impl LightKind {
+    /// Its name, as in scene files.
+    pub fn name(&self) -> &'static str {
+        match self {
+            LightKind::Point { .. } => "point",
+            LightKind::Directional { .. } => "directional",
+            LightKind::Spot { .. } => "spot",
+            LightKind::Sphere { .. } => "sphere",
+            LightKind::Rectangle { .. } => "rectangle",
+        }
+    }
+
+    /// Whether its irradiance falls off with distance.
+    pub fn falls_off(&self) -> bool {
+        match self {
+            LightKind::Directional { .. } => false,
+            LightKind::Point { falloff, .. } | LightKind::Spot { falloff, .. } => *falloff != Falloff::None,
+            LightKind::Sphere { .. } | LightKind::Rectangle { .. } => true,
+        }
+    }
+
+    /// Whether it is seen under a solid angle above 0, so that directions of BSDFs find it.
+    pub fn has_extent(&self) -> bool {
+        self.is_area() || matches!(self, LightKind::Directional { angle, .. } if *angle > 0.0)
+    }
+
     /// Whether the light is a surface in the scene, which rays hit.
     pub fn is_area(&self) -> bool {
         matches!(self, LightKind::Sphere { .. } | LightKind::Rectangle { .. })

@@ -5,7 +5,7 @@ use super::data::ReferenceKind;
 use super::setting::{PathVariation, Setting};
 use super::sweep::{FILTER_SAMPLES, SweepBuilder, bounces_named, reason_off, samples_named};
 use crate::effects::{LightTechnique, PathSettings, Plan, id};
-use crate::scene::{DefaultLook, LightKind, Scene};
+use crate::scene::{DefaultLook, Scene};
 
 /// The bounces of the limit, unless the picture has more: of the light that white paint (albedo 0.9) reflects, a
 /// millionth is left. Russian roulette ends most paths earlier.
@@ -57,12 +57,8 @@ pub(super) fn reference(base: &Setting, plan: &Plan) -> Setting {
 
 /// Whether a light can be found by BSDF samples and by light samples.
 pub(super) fn has_extended_light(scene: &Scene, look: &DefaultLook) -> bool {
-    let is_extended = |kind: &LightKind| match kind {
-        LightKind::Sphere { .. } | LightKind::Rectangle { .. } => true,
-        LightKind::Directional { angle, .. } => *angle > 0.0,
-        LightKind::Point { .. } | LightKind::Spot { .. } => false,
-    };
-    look.environment.is_some() || scene.emits() || scene.lights.iter().any(|light| is_extended(&light.kind))
+    let has_extent = scene.lights.iter().any(|light| light.kind.has_extent());
+    look.environment.is_some() || scene.emits() || has_extent
 }
 
 /// Name of a technique.

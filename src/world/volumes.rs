@@ -15,7 +15,7 @@ use crate::bvh::Primitive;
 use crate::geometry::spawn::EDGE_DISTANCE;
 use crate::scene::support::PointTrees;
 use crate::scene::topology::Topology;
-use crate::scene::{AnalyticShape, Material, Mesh, Object, Phong, Shape, bounds};
+use crate::scene::{Material, Mesh, Object, Phong, Shape, bounds};
 
 /// The volumes of a world.
 #[derive(Debug)]
@@ -134,9 +134,7 @@ fn enclosed(object: &Object, middle: DVec3) -> f64 {
             let [a, b, c] = triangle.0.map(|corner| corner - middle);
             a.dot(b.cross(c)) / 6.0
         }
-        Primitive::Analytic(AnalyticShape::Sphere(sphere)) => {
-            4.0 / 3.0 * std::f64::consts::PI * sphere.radius.powi(3)
-        }
+        Primitive::Analytic(shape) => shape.volume(),
     });
     signed.sum::<f64>().abs()
 }

@@ -120,6 +120,11 @@ impl AnalyticShape {
         each!(self, shape => shape.area())
     }
 
+    /// The volume that it encloses.
+    pub fn volume(&self) -> f64 {
+        each!(self, shape => shape.volume())
+    }
+
     /// The solid angle that it subtends at `from`, in steradians.
     pub fn solid_angle(&self, from: DVec3) -> f64 {
         each!(self, shape => shape.solid_angle(from))

@@ -28,7 +28,7 @@ pub(super) fn to_json(inputs: &[PathBuf], scene: &Scene, topology: &Result<Topol
         "textures": scene.images.iter().map(|i| json!({ "name": i.name, "width": i.width, "height": i.height,
             "bytes": i.pixels.as_bytes().len() })).collect::<Vec<_>>(),
         "cameras": scene.cameras.iter().map(camera_to_json).collect::<Vec<_>>(),
-        "lights": scene.lights.iter().map(|l| json!({ "name": l.name, "type": lights::type_name(&l.kind),
+        "lights": scene.lights.iter().map(|l| json!({ "name": l.name, "type": l.kind.name(),
             "intensity": l.intensity })).collect::<Vec<_>>(),
         "environment": scene.environment.as_ref().map(lights::environment_to_json),
         "clips": scene.clips.iter().map(|c| json!({ "name": c.name, "duration": c.duration, "channels": c.channels }))

@@ -3,20 +3,10 @@
 use serde_json::{Value, json};
 
 use crate::film::ColourPipeline;
-use crate::scene::{Environment, EnvironmentSource, Light, LightKind};
-
-pub(super) fn type_name(kind: &LightKind) -> &'static str {
-    match kind {
-        LightKind::Point { .. } => "point",
-        LightKind::Directional { .. } => "directional",
-        LightKind::Spot { .. } => "spot",
-        LightKind::Sphere { .. } => "sphere",
-        LightKind::Rectangle { .. } => "rectangle",
-    }
-}
+use crate::scene::{Environment, EnvironmentSource, Light};
 
 pub(super) fn text(light: &Light) -> String {
-    format!("{} ({}, intensity {})", light.name, type_name(&light.kind), light.intensity as f32)
+    format!("{} ({}, intensity {})", light.name, light.kind.name(), light.intensity as f32)
 }
 
 pub(super) fn environment_to_json(environment: &Environment) -> Value {

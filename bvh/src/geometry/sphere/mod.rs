@@ -128,6 +128,10 @@ impl Sphere {
         4.0 * std::f64::consts::PI * self.radius * self.radius
     }
 
+    pub(super) fn volume(&self) -> f64 {
+        4.0 / 3.0 * std::f64::consts::PI * self.radius.powi(3)
+    }
+
     pub(super) fn solid_angle(&self, from: DVec3) -> f64 {
         sampling::solid_angle(self, from)
     }
