@@ -330,9 +330,9 @@ mod tests {
         Camera::from_field_of_view("c".into(), DVec3::Z * 5.0, DVec3::ZERO, DVec3::Y, 1.0)
     }
 
-    fn look_of(scene: Scene, settings: &RenderSettings) -> DefaultLook {
+    fn look_of(scene: &Scene, settings: &RenderSettings) -> DefaultLook {
         let settings = RenderSettings { mesh_look: Look::Studio, ..settings.clone() };
-        settings.default_look(&scene, &mut Warnings::default()).expect("a look")
+        settings.default_look(scene, &mut Warnings::default()).expect("a look")
     }
 
     /// Whether a look has fill and key light, a ground, a background, and antialiasing.
@@ -345,18 +345,18 @@ mod tests {
     fn files_get_what_they_do_not_have() {
         let none = RenderSettings::default();
         let light: Vec<Light> = headlight(&camera()).into_iter().collect();
-        assert_eq!(parts(&look_of(ball(), &none)), [true; 4]);
+        assert_eq!(parts(&look_of(&ball(), &none)), [true; 4]);
         // A file with a camera keeps the dark background.
-        let with_camera = look_of(Scene { cameras: vec![camera()], ..ball() }, &none);
+        let with_camera = look_of(&Scene { cameras: vec![camera()], ..ball() }, &none);
         assert_eq!(parts(&with_camera), [true, false, true, true]);
         assert_eq!(with_camera.background, Some(Colour::Linear(DARK_BACKGROUND)));
         let fitted = RenderSettings {
             camera: CameraChoice::Fitted(crate::world::StandardView::Front),
             ..none.clone()
         };
-        assert_eq!(parts(&look_of(Scene { cameras: vec![camera()], ..ball() }, &fitted)), [true; 4]);
-        assert_eq!(parts(&look_of(Scene { lights: light, ..ball() }, &none)), [false, false, false, true]);
-        assert_eq!(parts(&look_of(Scene { has_settings: true, ..ball() }, &none)), [false; 4]);
+        assert_eq!(parts(&look_of(&Scene { cameras: vec![camera()], ..ball() }, &fitted)), [true; 4]);
+        assert_eq!(parts(&look_of(&Scene { lights: light, ..ball() }, &none)), [false, false, false, true]);
+        assert_eq!(parts(&look_of(&Scene { has_settings: true, ..ball() }, &none)), [false; 4]);
     }
 
     /// Each of the settings that choose a part changes that part alone.
@@ -364,7 +364,7 @@ mod tests {
     fn parts_are_independent() {
         let none = PictureSettings::default;
         let parts_of = |settings: &RenderSettings| {
-            let look = look_of(ball(), settings);
+            let look = look_of(&ball(), settings);
             assert_eq!((look.ambient, look.picture.tone_map), (Some(0.0), Some(ToneMap::PbrNeutral)));
             parts(&look)
         };
@@ -376,8 +376,8 @@ mod tests {
         let lit_by =
             |hide: bool| RenderSettings { environment: environment(hide), ..RenderSettings::default() };
         // An environment that is seen is the background.
-        assert_eq!(parts(&look_of(ball(), &lit_by(false)))[..2], [false; 2]);
-        assert_eq!(parts(&look_of(ball(), &lit_by(true))), [false, true, true, true]);
+        assert_eq!(parts(&look_of(&ball(), &lit_by(false)))[..2], [false; 2]);
+        assert_eq!(parts(&look_of(&ball(), &lit_by(true))), [false, true, true, true]);
         for light in [Headlight::Head, Headlight::None] {
             let chosen = PictureSettings { light: Some(light), ..none() };
             assert_eq!(parts_of(&chosen.into()), [false, true, true, true]);
@@ -392,7 +392,7 @@ mod tests {
         assert_eq!(parts_of(&chosen.into()), [true, true, true, false]);
         // Under the camera of a file a ground brings its background.
         let ground = PictureSettings { ground: Some(true), ..none() };
-        let with_camera = look_of(Scene { cameras: vec![camera()], ..ball() }, &ground.into());
+        let with_camera = look_of(&Scene { cameras: vec![camera()], ..ball() }, &ground.into());
         assert_eq!(with_camera.background, Some(background_colour(ColourPipeline::Linear)));
     }
 
@@ -402,7 +402,7 @@ mod tests {
         let of = |has_settings, look: Option<Look>| {
             let picture = PictureSettings { look, ..PictureSettings::default() };
             let scene = Scene { has_settings, background: Some(Colour::from_u8([0; 3])), ..ball() };
-            parts(&look_of(scene, &picture.into()))[0]
+            parts(&look_of(&scene, &picture.into()))[0]
         };
         assert_eq!(
             [None, Some(Look::Studio), Some(Look::Draft)].map(|look| of(true, look)),
@@ -433,7 +433,7 @@ mod tests {
     #[test]
     fn paths_have_the_fill_light() {
         let settings = PictureSettings { transport: Some(Transport::Path), ..Default::default() }.into();
-        let look = look_of(ball(), &settings);
+        let look = look_of(&ball(), &settings);
         assert!(
             look.fill.is_none()
                 && look.light == Some(AddedLight::Key)

@@ -331,8 +331,8 @@ mod tests {
         ];
         for file in files() {
             let options = ImportOptions { smooths_meshes: true, ..ImportOptions::default() };
-            let scene =
-                import::load_with(&[file.clone()], &options, &mut Warnings::default()).expect("a scene");
+            let scene = import::load_with(std::slice::from_ref(&file), &options, &mut Warnings::default())
+                .expect("a scene");
             let camera_source = match scene.default_camera() {
                 Some(_) => CameraSource::Scene(0),
                 None => CameraSource::Fitted(StandardView::Auto),
