@@ -181,7 +181,7 @@ impl Deduplicator {
 }
 
 impl Warnings {
-    /// Begins a part of the input, of which the first texts are kept, however many earlier parts have.
+    /// Starts a new limit of texts per kind, for the next input file.
     pub(crate) fn begin_part(&mut self) {
         self.messages.kinds.clear();
         self.notes.kinds.clear();

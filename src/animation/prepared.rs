@@ -172,10 +172,10 @@ pub fn play_clip(scene: &mut Scene, clip: &ClipChoice) -> Result<()> {
             hint,
         ));
     }
-    // The camera and the default look are made for this pose, as for a picture at this time.
-    // The first clip is played without being named.
+    // Without --clip, the first is played.
     let choices = if *clip == ClipChoice::First { &[] } else { clip.choices() };
     scene.import_options.clips = choices.to_vec();
+    // The camera and the default look are made for this pose, as for a picture at this time.
     pose(scene, 0.0)?;
     let (_, fps) = TURNTABLE;
     // At least one frame.

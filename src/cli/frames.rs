@@ -69,7 +69,7 @@ pub(crate) fn render_all<T: Send>(
     in_order(pool, &animation.frames, in_flight, interrupted, &make, take)
 }
 
-/// What warnings at the end depend on, of all frames.
+/// Data for warnings at the end, over all frames.
 #[derive(Default)]
 struct FrameSums {
     primary_hits: u64,

@@ -67,7 +67,7 @@ fn open(
         let is_still = scene.import_options.reading.time.is_some();
         if !is_still && inputs.iter().all(|input| input != Path::new("-")) {
             let clip = scene.import_options.clip();
-            // Where tracks are played, no clip is.
+            // Scenes with tracks play no clips.
             scene.import_options.clips.clear();
             play_clip(&mut scene, &clip)?;
         }

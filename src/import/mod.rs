@@ -385,7 +385,6 @@ fn load_by(
         for object in &mut one.objects {
             object.input = index;
         }
-        one.clips.iter_mut().for_each(|clip| clip.input = index);
         scene.append(one);
         // Degenerate triangles count, because the acceleration structure numbers them too.
         let count = |object: &Object| object.shape.mesh().map_or(1, |mesh| mesh.triangles.len() as u64);

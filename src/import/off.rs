@@ -70,7 +70,8 @@ fn read_mesh(source: &Source, layout: Layout, warnings: &mut Warnings) -> Result
         warnings.left_out(format!("{file}: {points} vertices without faces; points are not drawn"));
     }
     let is_whole = (vertices, faces) == (header.vertices, header.faces);
-    Ok((mesh, is_whole && (layout == Layout::Lines || rows.next().is_none())))
+    let is_read = if layout == Layout::Lines { !header.has_values } else { rows.next().is_none() };
+    Ok((mesh, is_whole && is_read))
 }
 
 /// Where the values of vertices and faces end.
@@ -218,6 +219,8 @@ struct Header {
     has_uvs: bool,
     vertices: u64,
     faces: u64,
+    /// Whether values follow on the line of the counts.
+    has_values: bool,
 }
 
 impl Header {
@@ -252,11 +255,11 @@ impl Header {
                 return Err(rows.fault(NO_COUNTS));
             }
             let (vertices, faces) = (counts[0] as u64, counts[1] as u64);
-            return Ok(Header { has_normals, has_colours, has_uvs, vertices, faces });
+            return Ok(Header { has_normals, has_colours, has_uvs, vertices, faces, has_values: false });
         }
         let mut counts: Vec<&[u8]> = Some(glued).filter(|word| !word.is_empty()).into_iter().collect();
         counts.extend(after);
-        let mut on_row = 0;
+        let mut on_row = words.len();
         while counts.len() < 2 {
             let row =
                 rows.next().ok_or_else(|| rows.fault(if counts.is_empty() { ENDS } else { NO_COUNTS }))?;
@@ -268,12 +271,14 @@ impl Header {
         if counts.len() == 2 && on_row == 1 && ahead.next().is_some_and(|row| row.len() == 1) {
             *rows = ahead;
         }
-        rows.row = &[];
+        // Values behind the three numbers, in files of words.
+        let behind = counts.len().saturating_sub(3);
+        (0..on_row.saturating_sub(behind)).for_each(|_| _ = take_word(&mut rows.row));
         let count = |index: usize| std::str::from_utf8(counts[index]).ok()?.parse().ok();
         let (Some(vertices), Some(faces)) = (count(0), count(1)) else {
             return Err(rows.fault(NO_COUNTS));
         };
-        Ok(Header { has_normals, has_colours, has_uvs, vertices, faces })
+        Ok(Header { has_normals, has_colours, has_uvs, vertices, faces, has_values: behind > 0 })
     }
 }
 
@@ -547,6 +552,8 @@ mod tests {
             "OFF\n4 2 0\n0 0\n0 1 0 0 1\n1 0 0 1 0\n3 0 1 2 255 0 0\n3 0 2\n3\n".to_owned(),
             "OFF\n4 2 0\n0 0 0 1 0 0\n1 1 0 0 1 0\n3 0 1 2 255 0 0\n3 0 2 3\n".to_owned(),
             format!("OFF\r\n4\r\n2\r\n0\r\n{each}\n3\n0\n1\n2 255 0 0\n3\n0\n2\n3"),
+            "OFF\n4 2 0 0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 255 0 0\n3 0 2 3\n".to_owned(),
+            "OFF 4 2 0 0 0 0 1 0 0 1 1 0 0 1 0 3 0 1 2 255 0 0\n3 0 2 3\n".to_owned(),
         ] {
             let (mesh, warnings) = read_text(&text).unwrap_or_else(|e| panic!("{text}: {e}"));
             assert_eq!(mesh, square, "{text}");

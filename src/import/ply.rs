@@ -24,12 +24,12 @@ use super::images::{Channels, ImageLoader};
 use super::lines::Lines;
 use super::parts::split;
 use super::{Source, default_material};
-use crate::error::{Result, Warnings};
+use crate::error::{Error, Place, Result, Warnings};
 use crate::film::Colour;
 use crate::scene::{Attribute, ImageId, Material, Mesh, Sampler, Scene, Texture};
 use body::Body;
 use faces::Faces;
-use header::{Element, Header, Property};
+use header::{Element, Encoding, Header, Property};
 
 /// Whether the first line of a text is that of PLY files, in any case.
 pub(super) fn is_start(text: &[u8]) -> bool {
@@ -41,11 +41,20 @@ pub(super) fn is_start(text: &[u8]) -> bool {
 pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let header = Header::parse(source)?;
     if let Some((count, first)) = header.unknown {
+        if header.encoding != Encoding::Ascii {
+            // It may have been a property, without which all that follows is shifted.
+            let place = Place::line(&source.file, first);
+            return Err(Error::input(
+                place,
+                "not a statement of PLY headers",
+                "correct the line, or remove it",
+            ));
+        }
         let what = "line(s) that are no statements of PLY headers are skipped; the first is line";
         warnings.left_out(format!("{}: {count} {what} {first}", source.file.display()));
     }
     let mut contents = Contents::read(source, &header, false);
-    if contents.is_err()
+    if !contents.as_ref().is_ok_and(|contents| contents.body.is_whole())
         && let Ok(by_words) = Contents::read(source, &header, true)
         && by_words.body.is_whole()
     {
@@ -115,6 +124,7 @@ impl<'a> Contents<'a> {
                 _ => faces::read_strips(&mut at, element, &mut mesh)?,
             }
             body.surplus_lines = at.surplus_lines;
+            body.truncation = body.truncation.take().or(at.truncation.take());
         }
         Ok(Contents { body, mesh, colours, faces })
     }

@@ -81,10 +81,11 @@ impl Viewpoint<'_> {
             names.iter().copied().filter(|&name| framing.iter().any(|one| one == name)).collect();
         if matches!(self, Viewpoint::Fitted(_)) && !unused.is_empty() {
             let (names, projection) = (unused.join(", "), projection.name());
-            warnings.push(format!("{names} changes nothing in a picture that is {projection}{hint}"));
+            warnings.push(format!("{names} has no effect with the projection {projection}{hint}"));
         }
         if matches!(self, Viewpoint::Fitted(_)) && projection == Projection::Panoramic {
-            warnings.note("the panorama is seen from the middle of the scene; --camera puts it elsewhere");
+            warnings
+                .note("the panorama is seen from the middle of the scene; --camera sets another position");
         }
     }
 

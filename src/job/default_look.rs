@@ -1,4 +1,4 @@
-//! The default look: light, ground, background and sampling for files that say nothing of them.
+//! The default look: light, ground, background and sampling for files without them.
 //!
 //! A key light with soft shadows comes from the left of the camera ([`crate::world::key_light`]). Fill light, brighter
 //! from above, has no shadows but ambient occlusion. Under a camera that is not the file's there is a ground, and a
@@ -45,14 +45,14 @@ const NOISE: f64 = 0.025;
 const SAMPLES: u32 = 16;
 pub(super) const PATH_SAMPLES: u32 = 64;
 
-/// The noise of paths that only the materials call for. Their indirect light is clamped to white.
+/// Noise threshold where materials turn path tracing on. Indirect light is then clamped to white.
 const CALLED_NOISE: f64 = 0.055;
 
 /// Rows of the fill light as an image for path tracing.
 const ROWS: u32 = 512;
 
-/// The look of a picture of a scene, which is in its own coordinates, before anything moves: what its files and settings say,
-/// completed where they say nothing. `environment` is that of the settings or of the scene.
+/// Look of a scene in its own coordinates, at rest: settings of files and options, completed by defaults. `environment` is
+/// that of the settings or of the scene.
 ///
 /// # Errors
 /// [`Error::Input`] for a ground that is asked for under a scene without objects.
@@ -86,13 +86,13 @@ struct LookContext {
     is_bright: bool,
     /// Whether the camera was made for the files.
     is_of_file: bool,
-    /// Whether no environment is seen, which has a horizon of its own.
+    /// Whether camera rays see no environment.
     is_open: bool,
     /// Whether the scene gets the ground and the background of the look, unless settings say otherwise.
-    has_studio: bool,
+    adds_ground_and_background: bool,
 }
 
-/// The look of files that say nothing of it, each part on its own: transport, sampling, light, tone map, ground and background.
+/// The default look, each part on its own: transport, sampling, light, tone map, ground and background.
 fn studio(scene: &Scene, settings: &RenderSettings, given: DefaultLook) -> DefaultLook {
     let (path_tracing_reason, has_lamps) = path_tracing(scene, settings, &given.picture);
     let mut look = DefaultLook { path_tracing_reason, ..given };
@@ -110,7 +110,7 @@ fn studio(scene: &Scene, settings: &RenderSettings, given: DefaultLook) -> Defau
         is_bright: has_lamps || scene.has_physical_lights,
         is_of_file,
         is_open,
-        has_studio: lacks_lights && !has_lamps && !is_of_file && is_open,
+        adds_ground_and_background: lacks_lights && !has_lamps && !is_of_file && is_open,
     };
     let given = look.picture;
     look.picture = sampling(given, &context);
@@ -165,7 +165,7 @@ fn tone(picture: PictureSettings, context: &LookContext, notes: &mut Vec<String>
     if context.has_path_tracing_reason {
         clamp = clamp.or(match exposure {
             Some(Exposure::Ev(ev)) => Some(white_clamp(ev)),
-            // It is not known before it is metered.
+            // Unknown before metering.
             Some(Exposure::Auto) => None,
             None => Some(white_clamp(0.0)),
         });
@@ -175,7 +175,7 @@ fn tone(picture: PictureSettings, context: &LookContext, notes: &mut Vec<String>
 
 /// The ground of the look; `chosen` is the setting.
 fn ground(scene: &Scene, chosen: Option<bool>, context: &LookContext) -> Option<Ground> {
-    if !chosen.unwrap_or(context.has_studio) {
+    if !chosen.unwrap_or(context.adds_ground_and_background) {
         return None;
     }
     let look = Ground { albedo: GROUND_ALBEDO, is_hidden_from_below: chosen.is_none(), ..Ground::default() };
@@ -184,11 +184,11 @@ fn ground(scene: &Scene, chosen: Option<bool>, context: &LookContext) -> Option<
 
 /// The colour that rays which hit nothing see in place of the scene's, if any, and whether the background is a backdrop.
 fn background(chosen: Option<Background>, has_ground: bool, context: &LookContext) -> (Option<Colour>, bool) {
-    let LookContext { pipeline, lacks_lights, is_bright, is_open, has_studio, .. } = *context;
-    if has_studio || lacks_lights && has_ground {
+    let LookContext { pipeline, lacks_lights, is_bright, is_open, adds_ground_and_background, .. } = *context;
+    if adds_ground_and_background || lacks_lights && has_ground {
         (Some(background_colour(pipeline)), chosen.is_some())
     } else if chosen.is_none() && is_bright && is_open && !has_ground {
-        // Not light, so that no exposure changes it.
+        // A backdrop, so that exposure does not change it.
         (None, true)
     } else if lacks_lights && pipeline == ColourPipeline::Linear {
         (Some(Colour::Linear(DARK_BACKGROUND)), chosen.is_some())
@@ -202,7 +202,7 @@ fn note_of_parts(look: &DefaultLook, given: &PictureSettings, context: &LookCont
     let added = [
         (look.light == Some(AddedLight::Key), "light"),
         (given.ground.is_none() && look.ground.is_some(), "ground"),
-        (context.has_studio && given.background.is_none(), "background"),
+        (context.adds_ground_and_background && given.background.is_none(), "background"),
     ];
     let added: Vec<&str> = added.iter().filter(|(is_added, _)| *is_added).map(|(_, name)| *name).collect();
     let (last, before) = added.split_last()?;
@@ -230,7 +230,7 @@ fn asked_ground(scene: &Scene) -> Result<Ground> {
 fn keeps_background(look: &DefaultLook) -> bool {
     let picture = &look.picture;
     let is_changed = picture.pipeline() == ColourPipeline::Linear && !picture.display().is_identity();
-    // A black one is no light, and stays black.
+    // Black is unchanged by exposure.
     let is_black =
         look.background().is_some_and(|colour| colour.to_pipeline(ColourPipeline::Linear) == DVec3::ZERO);
     // Before a backdrop, a ground would show its shadows alone.

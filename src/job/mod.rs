@@ -61,7 +61,7 @@ use crate::render::aov::AovSource;
 use crate::render::render_displayed;
 use crate::scene::{
     AddedLight, Camera, Clamp, DefaultLook, EffectsSection, Light, Material, MetallicRoughness, Numerics,
-    PictureSettings, Sampling, Scene,
+    PictureSettings, Projection, Sampling, Scene,
 };
 use crate::world::{
     PreparedMaterial, Recentering, StandardView, View, World, has_radiance, headlight, key_light, opening,
@@ -299,6 +299,7 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     viewpoint.report(settings, &scene, warnings);
     let is_of_mesh_file = !scene.has_settings && matches!(viewpoint, Viewpoint::Camera(Cow::Borrowed(_)));
     if matches!(viewpoint, Viewpoint::Fitted(StandardView::Auto))
+        && settings.projection != Some(Projection::Panoramic)
         && opening(&scene).is_some_and(|opening| !opening.is_flat)
     {
         warnings.note("the surface is open to one side; the camera looks in from there");
@@ -310,6 +311,7 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
         let projection = settings.projection.unwrap_or(camera.projection);
         let view = View::new(&camera, projection, size)?;
         match is_of_mesh_file {
+            true if projection == Projection::Panoramic => {}
             true => outside::note_framing(&scene, &camera, &view, warnings),
             false => outside::warn(&scene, &view, recentering.as_ref(), warnings),
         }
@@ -387,10 +389,7 @@ pub fn resolve_for(
     size: [u32; 2],
     settings: &RenderSettings,
 ) -> Result<ResolvedJob> {
-    if look.ground.is_some_and(|ground| ground.is_hidden_from(&camera)) {
-        look.ground = None;
-        look.picture.ground = Some(false);
-    }
+    look.hide_ground(&camera);
     let meters = leave_to_metering(&mut look, &scene, settings, &camera);
     let sampling = look.picture.sampling();
     let most = sampling.max_samples();

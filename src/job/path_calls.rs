@@ -24,9 +24,11 @@ pub(super) fn transmitting(scene: &Scene) -> Vec<&str> {
 /// of the lights of the scene, or, where it has none, of the default look.
 pub(super) fn lighting(scene: &Scene) -> Vec<&str> {
     let (mut names, mut power) = (Vec::new(), 0.0);
+    let mut radiances = vec![None; scene.materials.len()];
     for object in &scene.objects {
-        let Some(material) = scene.materials.get(object.material.0 as usize) else { continue };
-        let radiance = mean_radiance(material, &scene.images);
+        let index = object.material.0 as usize;
+        let Some(material) = scene.materials.get(index) else { continue };
+        let radiance = *radiances[index].get_or_insert_with(|| mean_radiance(material, &scene.images));
         if radiance > 0.0 {
             // A diffuse emitter, of one side.
             power += PI * radiance * area(object);

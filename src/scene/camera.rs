@@ -49,7 +49,7 @@ impl Projection {
         }
     }
 
-    /// What it shows, for people.
+    /// Description for users.
     pub fn meaning(self) -> &'static str {
         match self {
             Projection::Perspective => "distant things are smaller, as for the eye",

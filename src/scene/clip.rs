@@ -13,8 +13,8 @@ pub struct Clip {
     pub channels: usize,
     /// A hash of its keyframes and of what they animate.
     pub digest: String,
-    /// Index of its file in [`super::Scene::inputs`].
-    pub input: usize,
+    /// Number of its file among the files with clips, in the order of reading.
+    pub file: usize,
 }
 
 /// The choice of clips.
@@ -49,20 +49,9 @@ impl ClipChoice {
         if choices.len() < 2 { choices.pop() } else { Some(ClipChoice::Several(choices)) }
     }
 
-    /// Choice of clips by index; [`ClipChoice::First`] without any.
-    pub fn of(clips: &[Clip]) -> ClipChoice {
-        let mut choices: Vec<ClipChoice> = Vec::new();
-        for choice in clips.iter().map(|clip| ClipChoice::Index(clip.index)) {
-            if !choices.contains(&choice) {
-                choices.push(choice);
-            }
-        }
-        ClipChoice::together(choices).unwrap_or_default()
-    }
-
     /// Chosen clips of each file, in the order of the choice. `clips` are ordered by file.
     pub fn find<'a>(&self, clips: &'a [Clip]) -> Vec<&'a Clip> {
-        let files = clips.chunk_by(|a, b| a.input == b.input);
+        let files = clips.chunk_by(|a, b| a.file == b.file);
         files.flat_map(|clips| self.find_in_file(clips)).collect()
     }
 
@@ -92,5 +81,34 @@ impl ClipChoice {
             ClipChoice::Several(choices) => choices,
             one => std::slice::from_ref(one),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Scene;
+
+    /// Clips are found in each file by themselves, also where files were read as parts of one input.
+    #[test]
+    fn clips_are_chosen_in_each_file() {
+        let clip = |name: &str, index| Clip {
+            name: name.into(),
+            index,
+            duration: 1.0,
+            channels: 1,
+            digest: String::new(),
+            file: 0,
+        };
+        let mut scene = Scene::default();
+        for clips in [vec![clip("walk", 0), clip("run", 1)], vec![clip("run", 0)], vec![clip("jump", 0)]] {
+            scene.append(Scene { clips, ..Scene::default() });
+        }
+        let found = |choice: ClipChoice| {
+            choice.find(&scene.clips).iter().map(|clip| (clip.file, clip.index)).collect::<Vec<_>>()
+        };
+        assert_eq!(found(ClipChoice::First), [(0, 0), (1, 0), (2, 0)]);
+        assert_eq!(found(ClipChoice::Named("run".into())), [(0, 1), (1, 0)]);
+        assert_eq!(found(ClipChoice::Named("all".into())), [(0, 0), (0, 1), (1, 0), (2, 0)]);
     }
 }

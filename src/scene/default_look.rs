@@ -1,19 +1,19 @@
 //! [`DefaultLook`]: light, ground, background and settings of a picture of a scene.
 
-use super::{Background, Environment, Fill, Ground, PictureSettings, Scene, Transport};
+use super::{Background, Camera, Environment, Fill, Ground, PictureSettings, Scene, Transport};
 use crate::film::Colour;
 
-/// What a picture of a scene has: what its files and options say, completed by the default look. All of it in the
-/// coordinates of the scene.
+/// Resolved look of a picture: settings, light, ground and background of the files and options, completed by the default
+/// look. In scene coordinates.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct DefaultLook {
     /// Settings of the picture: those of options, of the scene, then of the look.
     pub picture: PictureSettings,
-    /// Which materials call for path tracing, in words; `None` where none do, or where a transport is chosen.
+    /// Names of the materials that need path tracing. `None` if none does or if the transport is set.
     pub path_tracing_reason: Option<String>,
     /// Intensity of the ambient light, per unit of a material's ambient coefficient.
     pub ambient: Option<f64>,
-    /// Further ambient light, of local shading.
+    /// Fill light of local shading.
     pub fill: Option<Fill>,
     /// Light from infinitely far away.
     pub environment: Option<Environment>,
@@ -47,6 +47,17 @@ impl DefaultLook {
         self.picture.background.map(Background::colour).or(self.background)
     }
 
+    /// Leaves the ground out if the camera is not above it, and returns whether it did. A ground requested by the
+    /// settings stays.
+    pub fn hide_ground(&mut self, camera: &Camera) -> bool {
+        let is_hidden = self.ground.is_some_and(|ground| ground.is_hidden_from(camera));
+        if is_hidden {
+            self.ground = None;
+            self.picture.ground = Some(false);
+        }
+        is_hidden
+    }
+
     /// Whether camera rays see the environment, which then is the background.
     pub fn shows_environment(&self) -> bool {
         self.environment.as_ref().is_some_and(|environment| !environment.is_hidden)
@@ -63,8 +74,8 @@ impl DefaultLook {
 /// The light that is added to a scene, and follows the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AddedLight {
-    /// That of a scene without lights.
+    /// Headlight of a scene without lights.
     Headlight,
-    /// That of the default look.
+    /// Key light of the default look.
     Key,
 }

@@ -3,7 +3,7 @@
 //!
 //! The hash covers the description, including every vertex and texel. Paths and names of files are not hashed.
 //!
-//! Values are hashed in the wire format of postcard 1 (https://postcard.jamesmunns.com): fields in their order, enum
+//! Values are hashed in the wire format of postcard 1 (<https://postcard.jamesmunns.com>): fields in their order, enum
 //! variants by their index, floating-point numbers bit by bit. Names of fields and types are not part of it.
 
 use std::sync::Arc;
@@ -62,7 +62,7 @@ impl Fingerprint {
             ambient,
             fill,
             environment,
-            // A light of the picture.
+            // Among the lights of the scene.
             light: _,
             ground,
             background,

@@ -381,7 +381,8 @@ impl Scene {
         self.lights.extend(lights);
         self.effects = std::mem::take(&mut self.effects).or(effects);
         self.animation = self.animation.take().or(animation);
-        self.clips.extend(clips);
+        let files = self.clips.last().map_or(0, |clip| clip.file + 1);
+        self.clips.extend(clips.into_iter().map(|clip| Clip { file: clip.file + files, ..clip }));
         self.variants.extend(variants);
         self.files_read.extend(files_read);
         self.metadata.extend(metadata);

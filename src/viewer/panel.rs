@@ -324,7 +324,7 @@ fn reading(ui: &mut Ui, opened: &Opened, controls: &mut Controls) {
         let list = list.show_ui(ui, |ui| {
             let are_all = clips.len() > 1 && played.len() == clips.len();
             if clips.len() > 1 && ui.selectable_label(are_all, ClipChoice::ALL).clicked() {
-                (chosen, reading.time) = (ClipChoice::of(clips).choices().to_vec(), None);
+                (chosen, reading.time) = (vec![ClipChoice::Named(ClipChoice::ALL.to_owned())], None);
                 controls.restart();
             }
             for clip in clips {

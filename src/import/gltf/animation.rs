@@ -72,7 +72,7 @@ impl Loader<'_> {
                 duration: ends.fold(0.0, f64::max),
                 channels: channels.len(),
                 digest: self.digest(&channels),
-                input: 0,
+                file: 0,
             }
         };
         document.animations().map(clip).collect()

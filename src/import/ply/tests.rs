@@ -474,3 +474,28 @@ fn rows_of_text() {
     let few = read_bytes(triangle("", "0 0 0\n1 0\n0 1 0\n3 0 1 2\n")).map(drop).expect_err("a fault");
     assert_eq!(few.to_string(), "a.ply:11: fewer values than the header says");
 }
+
+/// Two vertices on a line, all on one line, and a second element of faces that ends early.
+#[test]
+fn lines_with_several_elements_and_late_faces() {
+    let head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    for rows in ["0 0 0 1 0 0\n0 1 0\n3 0 1 2\n", "0 0 0 1 0 0 0 1 0\n3 0 1 2\n", "0 0 0 1 0 0 0 1 0 3 0 1 2"]
+    {
+        let (mesh, warnings) = read_bytes(format!("{head}{rows}").into_bytes()).expect("a triangle");
+        assert_eq!((mesh.triangles, warnings), (vec![[0, 1, 2]], Warnings::default()), "{rows}");
+    }
+    let faces = "element face 1\nproperty list uchar int vertex_indices\n";
+    let vertices = "element vertex 4\nproperty float x\nproperty float y\nproperty float z\n";
+    let cut = format!(
+        "ply\nformat ascii 1.0\n{faces}{vertices}{faces}end_header\n\
+         3 0 1 2\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1"
+    );
+    let (mesh, warnings) = read_bytes(cut.into_bytes()).expect("a triangle");
+    assert_eq!(mesh.triangles, [[0, 1, 2]]);
+    assert!(warnings.messages()[0].contains("ends after 0 of 1 elements (face)"), "{warnings:?}");
+    let binary =
+        format!("ply\nformat binary_little_endian 1.0\n{vertices}propery uchar q\n{faces}end_header\n");
+    let error = read_bytes(binary.into_bytes()).map(drop).expect_err("an unknown layout");
+    assert!(error.to_string().contains("not a statement of PLY headers"), "{error}");
+}

@@ -23,7 +23,8 @@ const MAX_WORLDS: usize = 3;
 struct Key {
     /// The settings, with defaults for what no world depends on.
     settings: RenderSettings,
-    /// What the world has of the look, but for the environment, which follows from this and the settings.
+    /// The look without picture settings and notes, which do not change the world, and without the environment, which
+    /// follows from the settings.
     look: DefaultLook,
 }
 
@@ -120,12 +121,8 @@ impl RenderCache {
             }
         };
         lens.projection = request.projection.unwrap_or(lens.projection);
-        if look
-            .recentered(animation.recentering().as_ref())
-            .ground
-            .is_some_and(|ground| ground.is_hidden_from(&lens))
-        {
-            look.ground = None;
+        if look.recentered(animation.recentering().as_ref()).hide_ground(&lens) {
+            (look.ground, look.picture.ground) = (None, Some(false));
             key = Key::new(&settings, &look, scene);
             animation = self.scene(scene, &look, &key)?;
             frame = self.frame(&animation, &key, request.time)?;
