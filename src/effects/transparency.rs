@@ -182,8 +182,8 @@ struct ContinuedRay {
 /// The buffers of a tile.
 #[derive(Default)]
 pub(crate) struct Buffers {
-    passing: Vec<ContinuedRay>,
-    /// The rays of `passing`, and their hits.
+    continued_rays: Vec<ContinuedRay>,
+    /// The rays of `continued_rays`, and their hits.
     rays: RayBuffer,
     hits: HitBuffer,
     samples: Vec<SampleIndex>,
@@ -209,10 +209,10 @@ struct Layers {
 
 impl Buffers {
     pub(crate) fn bytes(&self) -> usize {
-        let Buffers { passing, rays, hits, samples, layers } = self;
+        let Buffers { continued_rays, rays, hits, samples, layers } = self;
         let Layers { next, opacity, transmittance, colour, coverage, shown } = layers;
         size_of::<Buffers>()
-            + vec_bytes(passing)
+            + vec_bytes(continued_rays)
             + rays.bytes()
             + hits.bytes()
             + vec_bytes(samples)
@@ -230,9 +230,9 @@ pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparen
     tile.with_buffers(|own: &mut Buffers, tile| {
         let is_layered = transparency.is_layered && tile.depth == 0;
         let is_first = !(is_layered && tile.needs_more_samples);
-        own.passing.clear();
+        own.continued_rays.clear();
         if !is_first {
-            std::mem::swap(&mut own.passing, &mut own.layers.next);
+            std::mem::swap(&mut own.continued_rays, &mut own.layers.next);
         }
         if is_layered {
             own.layers.start(tile.generation().rays.len(), is_first);
@@ -246,8 +246,8 @@ pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparen
         }
         let generation = &mut tile.generations[tile.current];
         let mut continued = 0;
-        while !own.passing.is_empty() {
-            continued += own.passing.len();
+        while !own.continued_rays.is_empty() {
+            continued += own.continued_rays.len();
             let how = Transparency { is_layered, ..transparency };
             own.trace(world, &mut generation.hits, &mut tile.traversal, how);
         }
@@ -260,7 +260,7 @@ pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparen
 }
 
 impl Buffers {
-    /// Traces the rays of the current generation once. Those that pass the surface go to `passing`.
+    /// Traces the rays of the current generation once. Those that pass the surface go to `continued_rays`.
     fn trace_first(&mut self, tile: &mut Tile, world: &World, transparency: Transparency, is_layered: bool) {
         let Tile { generations, current, traversal, .. } = tile;
         let RayGeneration { rays, hits, .. } = &mut generations[*current];
@@ -279,9 +279,9 @@ impl Buffers {
             generation.hits.set(index, None);
             let number = f64::from(self.number(tile, index, &ray, transparency));
             let cycle = OriginCycle::new(ray.origin);
-            let mut passing = ContinuedRay { index: index as u32, distance: 0.0, number, ray, cycle };
-            if self.layers.pass(&mut passing, &hit, alpha, world, &mut tile.generation().hits, is_layered) {
-                self.passing.push(passing);
+            let mut continued = ContinuedRay { index: index as u32, distance: 0.0, number, ray, cycle };
+            if self.layers.pass(&mut continued, &hit, alpha, world, &mut tile.generation().hits, is_layered) {
+                self.continued_rays.push(continued);
             }
         }
     }
@@ -304,7 +304,7 @@ impl Buffers {
         sample.map_or_else(|| random::of_ray(ray, seed), |sample| sample.pair(sampler, seed, dimension)[0])
     }
 
-    /// Traces the rays on their way once. Rays that stop write their hit; the others stay in `passing`, behind the surface.
+    /// Traces the continued rays once. Rays that stop write their hit; the others stay, behind the surface.
     fn trace(
         &mut self,
         world: &World,
@@ -312,13 +312,13 @@ impl Buffers {
         traversal: &mut Traversal,
         Transparency { is_layered, culls, .. }: Transparency,
     ) {
-        let Buffers { passing, rays, hits: found, layers, .. } = self;
+        let Buffers { continued_rays, rays, hits: found, layers, .. } = self;
         rays.clear();
-        rays.extend(passing.iter().map(|passing| passing.ray));
+        rays.extend(continued_rays.iter().map(|continued| continued.ray));
         found.clear();
         world.accelerator.closest_hits(rays.rays(), found, traversal);
         let mut found = found.iter();
-        passing.retain_mut(|ray| match found.next() {
+        continued_rays.retain_mut(|ray| match found.next() {
             Some(Some(hit)) => {
                 let alpha = seen_opacity(world, &ray.ray, &hit, culls);
                 layers.pass(ray, &hit, alpha, world, hits, is_layered)

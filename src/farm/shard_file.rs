@@ -204,7 +204,7 @@ pub type Joined = (OutputImage, Vec<(String, String)>);
 /// [`Error::Input`] if a shard is missing, damaged, or of another picture; [`Error::Usage`] if the shards have further
 /// channels and the format does not support them.
 pub fn join(files: &[PathBuf], format: Format) -> Result<Joined> {
-    let mut joiner: Option<ShardMerger> = None;
+    let mut merger: Option<ShardMerger> = None;
     let there = files.iter().filter_map(|file| std::fs::metadata(file).ok()).map(|about| about.len()).sum();
     for file in files {
         let wrong = |what: String| {
@@ -212,16 +212,16 @@ pub fn join(files: &[PathBuf], format: Format) -> Result<Joined> {
         };
         let bytes = files::read_file(file).map_err(|e| files::unreadable(file, &e))?;
         let (head, shard, numbers) = open(&bytes).map_err(wrong)?;
-        let joiner = match &mut joiner {
-            Some(joiner) => joiner,
+        let merger = match &mut merger {
+            Some(merger) => merger,
             none => none.insert(ShardMerger::new((file, there), head.clone(), shard, numbers, format)?),
         };
-        joiner.add(&head, shard, numbers).map_err(wrong)?;
+        merger.add(&head, shard, numbers).map_err(wrong)?;
     }
-    let Some(joiner) = joiner else {
+    let Some(merger) = merger else {
         return Err(Error::usage("no shard is given", "give the shards that `kiln render --shard` wrote"));
     };
-    joiner.finish(format)
+    merger.finish(format)
 }
 
 /// Maximum number of missing shards listed in a message.

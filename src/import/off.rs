@@ -79,7 +79,7 @@ fn read_mesh(source: &Source, layout: Layout, warnings: &mut Warnings) -> Result
 enum Layout {
     /// Each vertex and each face is a line.
     Lines,
-    /// They are words, wherever lines end; what follows a face on its line is its colour.
+    /// Words across line ends; the rest of a face's last line is its colour.
     Words,
     /// They are big-endian numbers of 32 bits; the colour of a face follows the number of its values.
     Binary,

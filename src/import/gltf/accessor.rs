@@ -26,7 +26,7 @@ impl Loader<'_> {
     /// Checks that the buffers of the meshes of the scene are loaded.
     ///
     /// # Errors
-    /// Why one is not.
+    /// [`Error::Input`] of the first buffer that is missing.
     pub(super) fn check_drawn(&self, document: &gltf::Document) -> Result<()> {
         if self.buffers.iter().all(Result::is_ok) {
             return Ok(());

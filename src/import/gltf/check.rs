@@ -241,7 +241,7 @@ pub(super) fn load_buffers(
     document.buffers().map(load).collect()
 }
 
-/// The bytes of a buffer into which views are decoded.
+/// Zeros for a buffer that only receives decoded views.
 fn zeros(buffer: &gltf::Buffer, file: &Path) -> Result<Vec<u8>> {
     let length = buffer.length();
     limits::check_claim(length as u64)
