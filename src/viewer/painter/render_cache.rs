@@ -57,7 +57,7 @@ pub(crate) struct Prepared {
 #[derive(Default)]
 pub(crate) struct RenderCache {
     opened: Option<Arc<Opened>>,
-    environment: Option<(EnvironmentSettings, Option<Environment>)>,
+    environments: Vec<(EnvironmentSettings, Option<Environment>)>,
     /// The looks of the last settings.
     looks: Vec<(RenderSettings, DefaultLook)>,
     scenes: Vec<(Key, Arc<PreparedAnimation>)>,
@@ -72,13 +72,23 @@ pub(crate) struct RenderCache {
 
 impl RenderCache {
     /// Whether the trees of all sides of a request are cached.
-    pub(crate) fn has_worlds(&self, request: &RenderRequest) -> bool {
-        let same = self.opened.as_ref().is_some_and(|opened| Arc::ptr_eq(opened, &request.opened));
-        let has = |side: &RenderSettings| {
-            let settings = key_settings(&request.render_settings(side), &request.opened.scene);
-            self.scenes.iter().any(|(key, _)| key.settings == settings)
+    pub(crate) fn has_worlds(&mut self, request: &RenderRequest) -> bool {
+        if !self.opened.as_ref().is_some_and(|opened| Arc::ptr_eq(opened, &request.opened)) {
+            return false;
+        }
+        let scene = &request.opened.scene;
+        let mut has = |side: &RenderSettings| {
+            let settings = request.render_settings(side);
+            let Ok(look) = self.look(scene, &settings) else { return false };
+            let Key { settings, look } = Key::new(&settings, &look, scene);
+            // Whether the ground is hidden depends on the camera.
+            let is_it = |known: &Key| {
+                known.settings == settings
+                    && known.look == DefaultLook { ground: known.look.ground, ..look.clone() }
+            };
+            self.scenes.iter().any(|(known, _)| is_it(known))
         };
-        same && request.sides.iter().all(has)
+        request.sides.iter().all(&mut has)
     }
 
     /// Render time in seconds per pixel at one sample; `None` before the first measurement.
@@ -166,11 +176,16 @@ impl RenderCache {
         if let Some((_, look)) = self.looks.iter().find(|(known, _)| *known == settings) {
             return Ok(look.clone());
         }
-        let environment = match &self.environment {
-            Some((known, environment)) if *known == settings.environment => environment.clone(),
-            _ => settings.environment.of(scene, &mut Warnings::default())?,
+        let known = self.environments.iter().find(|(known, _)| *known == settings.environment);
+        let environment = match known {
+            Some((_, environment)) => environment.clone(),
+            None => {
+                let read = settings.environment.of(scene, &mut Warnings::default())?;
+                self.environments.drain(..self.environments.len().saturating_sub(MAX_WORLDS - 1));
+                self.environments.push((settings.environment.clone(), read.clone()));
+                read
+            }
         };
-        self.environment = Some((settings.environment.clone(), environment.clone()));
         let look = job::default_look(scene, &settings, environment)?;
         self.looks.drain(..self.looks.len().saturating_sub(MAX_WORLDS - 1));
         self.looks.push((settings, look.clone()));
