@@ -437,6 +437,15 @@ fn gltf_skins_are_posed_as_their_joints_stand() {
     assert_eq!(warnings, [""; 0]);
     // (0,0,0) stays; (1,0,0) moves to (1,2,0); (0,1,0) by half of (0,2,0) to (0,2,0).
     assert_eq!(triangles(mesh(&scene, 0)), [[DVec3::ZERO, v(1.0, 2.0, 0.0), v(0.0, 2.0, 0.0)]]);
+    // Joints or weights of some vertices alone.
+    for attribute in ["JOINTS_0", "WEIGHTS_0"] {
+        let accessor = model.primitive()["attributes"][attribute].as_u64().unwrap() as usize;
+        model.json["accessors"][accessor]["count"] = json!(1);
+        let (scene, warnings) = model.load();
+        assert!(warnings[0].contains("fewer joints or weights than the mesh has positions"), "{warnings:?}");
+        assert_eq!(scene.bounds(), Some((v(100.0, 0.0, 0.0), v(101.0, 1.0, 0.0))));
+        model.json["accessors"][accessor]["count"] = json!(3);
+    }
 }
 
 #[test]

@@ -16,6 +16,7 @@ mod lights;
 mod look;
 mod noise;
 mod normal_maps;
+mod panorama;
 mod path;
 mod sampling;
 mod soa;

@@ -173,7 +173,10 @@ impl Loader<'_> {
             let placed = match pose {
                 Some(matrices) => {
                     let posed = self.primitive(&primitive, &name, &weights)?.map(|mut triangles| {
-                        deform(&mut triangles, &matrices);
+                        // Compressed meshes may have more vertices than their accessors say.
+                        if triangles.positions.len() <= matrices.len() {
+                            deform(&mut triangles, &matrices);
+                        }
                         Shape::Mesh(triangles)
                     });
                     posed.into_iter().collect()

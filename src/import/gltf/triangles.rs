@@ -172,7 +172,12 @@ impl Loader<'_> {
                 Some((joints, self.vectors::<4>(&self.attribute(primitive, &Semantic::Weights(set))?)?))
             })
             .collect();
-        let count = sets.iter().map(|(joints, weights)| joints.len().min(weights.len())).min()?;
+        let vertices = primitive.get(&Semantic::Positions)?.count();
+        if sets.iter().any(|(joints, weights)| joints.len().min(weights.len()) < vertices) {
+            self.left_out("a skin has fewer joints or weights than the mesh has positions; drawn without it");
+            return None;
+        }
+        sets.first()?;
         let inverse_binds = skin.inverse_bind_matrices().and_then(|accessor| self.vectors::<16>(&accessor));
         if skin.joints().any(|joint| nodes[joint.index()].is_none()) {
             self.left_out("a skin has joints outside the scene; drawn as if they stood at the origin");
@@ -199,7 +204,7 @@ impl Loader<'_> {
             let first = world_from_mesh.first().copied();
             if sum.w_axis.w > 0.0 { Some(sum * (1.0 / sum.w_axis.w)) } else { first }
         };
-        let matrices: Option<Vec<DMat4>> = (0..count).map(blend).collect();
+        let matrices: Option<Vec<DMat4>> = (0..vertices).map(blend).collect();
         if matrices.is_none() {
             self.left_out("a skin refers to joints it does not have; drawn without it");
         }
