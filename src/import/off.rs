@@ -553,7 +553,7 @@ mod tests {
             "OFF\n4 2 0\n0 0 0 1 0 0\n1 1 0 0 1 0\n3 0 1 2 255 0 0\n3 0 2 3\n".to_owned(),
             format!("OFF\r\n4\r\n2\r\n0\r\n{each}\n3\n0\n1\n2 255 0 0\n3\n0\n2\n3"),
             "OFF\n4 2 0 0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 255 0 0\n3 0 2 3\n".to_owned(),
-            "OFF 4 2 0 0 0 0 1 0 0 1 1 0 0 1 0 3 0 1 2 255 0 0\n3 0 2 3\n".to_owned(),
+            "OFF 4 2 0 0 0 0 1 0 0 1 1 0 0 1 0\n3 0 1 2 255 0 0\n3 0 2 3\n".to_owned(),
         ] {
             let (mesh, warnings) = read_text(&text).unwrap_or_else(|e| panic!("{text}: {e}"));
             assert_eq!(mesh, square, "{text}");

@@ -425,7 +425,7 @@ fn elements_in_any_order() {
         assert_eq!((square.triangles.len(), square.colours.is_some()), (2, true));
         assert_eq!(of(&[1, 0]), (square, Warnings::default()), "{encoding}");
         let with_strips = of(&[0, 1, 2]);
-        for order in [[1, 0, 2], [1, 2, 0], [2, 0, 1]] {
+        for order in [[1, 0, 2], [1, 2, 0]] {
             assert_eq!(of(&order), with_strips, "{encoding} {order:?}");
         }
     }
