@@ -143,7 +143,7 @@ fn faults_of_ply_files_have_their_line_and_advice() {
 fn ply_files_that_are_shorter_than_their_header() {
     let folder = Folder::new();
     for (count, rows, there) in
-        [("4", "0 0 0\n0 0 0\n0 0 0\n", 3), ("18446744073709551615", "0 0 0\n", 1), ("2", "0 0 0 0 0 0\n", 1)]
+        [("4", "0 0 0\n0 0 0\n0 0 0\n", 3), ("18446744073709551615", "0 0 0\n", 1), ("2", "0 0 0 0 0\n", 1)]
     {
         let (_, warnings) = folder.load("a.ply", ply(count, &format!("end_header\n{rows}")));
         let what = format!(
