@@ -19,7 +19,7 @@ const TURNTABLE: (f64, f64) = (10.0, 30.0);
 
 /// An animation with everything its frames share.
 pub struct PreparedAnimation {
-    /// The description. Without objects where no surface moves: `world` has them.
+    /// The description. Without objects where neither surfaces nor lights move: `world` has them.
     scene: Scene,
     /// The index of the camera.
     camera: usize,
@@ -72,8 +72,12 @@ impl PreparedAnimation {
                 None => None,
             };
         }
-        // A clip imports the objects again at each time.
-        if !moves || scene.animation.as_ref().is_some_and(|animation| !animation.clips.is_empty()) {
+        // A clip imports the objects again at each time. Lights that move may come to lie on surfaces.
+        let (has_clips, moves_lights) = scene
+            .animation
+            .as_ref()
+            .map_or((false, false), |animation| (!animation.clips.is_empty(), animation.moves_lights()));
+        if has_clips || !moves && !moves_lights {
             scene.objects = Vec::new();
         }
         let recentering = recenter(&mut base);
@@ -136,7 +140,7 @@ impl PreparedAnimation {
                 let look = self.look.recentered(recentering.as_ref());
                 self.world.prepare_another(scene, &look, structure)
             }
-            None => self.world.under(scene.lights),
+            None => self.world.under(scene.lights, &scene.objects),
         };
         Ok(FrameWorld { world: Arc::new(world), camera, cameras, recentering })
     }

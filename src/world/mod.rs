@@ -183,9 +183,15 @@ impl World {
         World::with_images(scene, look, self.images.clone(), self.pipeline, structure, self.numerics())
     }
 
-    /// This world with other lights that are not surfaces.
-    pub fn under(&self, lights: Vec<Light>) -> World {
-        World { lights: world_lights(lights, self.pipeline), ..self.clone() }
+    /// This world with other lights that are not surfaces. `objects` are those of the scene; without them, only lights
+    /// at the positions of this world's lights are known to lie on surfaces.
+    pub fn under(&self, lights: Vec<Light>, objects: &[Object]) -> World {
+        let mut lights = world_lights(lights, self.pipeline);
+        match objects {
+            [] => touched::copy(&mut lights, &self.lights),
+            _ => touched::find(&mut lights, objects, self.numerics()),
+        }
+        World { lights, ..self.clone() }
     }
 
     fn with_images(

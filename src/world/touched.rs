@@ -66,6 +66,16 @@ fn unit(numerics: Numerics) -> f64 {
     (0.5 * roundings * numerics.precision().epsilon()).max(64.0 * f64::EPSILON)
 }
 
+/// Copies the planes of known lights to those at the same positions.
+pub(super) fn copy(lights: &mut [WorldLight], known: &[WorldLight]) {
+    let place = |light: &WorldLight| light.position().map(|position| position.to_array().map(f64::to_bits));
+    let on_planes = known.iter().filter(|light| !light.touched.is_empty());
+    let planes: HashMap<_, _> = on_planes.map(|light| (place(light), &light.touched)).collect();
+    for light in lights {
+        light.touched = planes.get(&place(light)).map_or(Vec::new(), |planes| (*planes).clone());
+    }
+}
+
 /// Finds the planes that each light touches.
 pub(super) fn find(lights: &mut [WorldLight], objects: &[Object], numerics: Numerics) {
     let (precision, unit) = (numerics.precision(), unit(numerics));

@@ -635,6 +635,31 @@ fn frame_0_of_a_clip_is_the_picture_of_time_0() {
     }
 }
 
+/// A lamp on a floor, whose height f32 does not have, lights the foot of a wall in frames as in stills: one that stays, and one
+/// that a track puts there.
+#[test]
+fn frames_have_lights_on_surfaces() {
+    let floor = "[[-5, 1.1, -5], [-5, 1.1, 5], [5, 1.1, 5], [-5, 1.1, -5], [5, 1.1, 5], [5, 1.1, -5]]";
+    let wall = "[[-5, 1.1, -2], [5, 1.1, -2], [5, 4, -2], [-5, 1.1, -2], [5, 4, -2], [-5, 4, -2]]";
+    let scene = |light: &str, track: &str| {
+        format!(
+            "[[camera]]\nname = 'eye'\nposition = [0, 1.6, 4]\nlook_at = [0, 1.3, 0]\nvertical_fov = 40\n\
+             [[light]]\nname = 'lamp'\ntype = 'point'\nposition = {light}\nfalloff = 'inverse-square'\n\
+             [[triangles]]\nvertices = {floor}\n[[triangles]]\nvertices = {wall}\n\
+             [animation]\n[[animation.track]]\n{track}\n"
+        )
+    };
+    let shop =
+        Workshop::with("stays.toml", scene("[0, 1.1, 0]", "camera = 'eye'\nlerp = { to = [1, 1.6, 4] }"));
+    let track = "light = 'lamp'\nlerp = { from = [0, 1.1, 0], to = [1, 2, 0] }";
+    shop.write("moves.toml", scene("[0, 3, 0]", track));
+    shop.succeed("render stays.toml --size 48x48 -o still.png");
+    let still = rgba(&shop, "still.png");
+    for file in ["stays.toml", "moves.toml"] {
+        assert!(frame_0(&shop, &format!("{file} --size 48x48")) == still, "{file}");
+    }
+}
+
 /// Clips are chosen in each file by themselves, as for a picture: by all, of which the last counts, and by a name that has
 /// another index in another file.
 #[test]

@@ -57,6 +57,11 @@ impl Animation {
             })
     }
 
+    /// Whether a light has a track.
+    pub fn moves_lights(&self) -> bool {
+        self.tracks.iter().any(|track| matches!(track.target, Target::Light(_)))
+    }
+
     /// The same animation with look-at objects, which must not move, replaced by the points where they are.
     ///
     /// # Errors

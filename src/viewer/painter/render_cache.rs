@@ -139,7 +139,7 @@ impl RenderCache {
         }
         let mut world = Arc::clone(&frame.world);
         if let Some(light) = look.light {
-            world = Arc::new(world.under(light.at(&lens).into_iter().collect()));
+            world = Arc::new(world.under(light.at(&lens).into_iter().collect(), &[]));
         }
         let camera = match &request.camera_source {
             CameraSource::Free(camera) => Camera { projection: lens.projection, ..camera.clone() },
