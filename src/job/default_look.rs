@@ -214,7 +214,7 @@ fn note_of_parts(look: &DefaultLook, given: &PictureSettings, context: &LookCont
     Some(format!("no light{camera} in the files: {before}{last} {verb} added; --draft adds a headlight"))
 }
 
-/// The ground that settings ask for without the look.
+/// Ground requested by the settings.
 ///
 /// # Errors
 /// [`Error::Input`] for a scene without objects.
@@ -238,7 +238,7 @@ fn keeps_background(look: &DefaultLook) -> bool {
     is_changed && !look.shows_environment() && !is_black && !picture.is_transparent() && !has_ground
 }
 
-/// Whether a scene gets a headlight: it has no lights, and its settings ask for one, or no other light exists.
+/// Whether a headlight is added: the scene has no lights, and the settings request one or nothing else lights it.
 fn needs_headlight(scene: &Scene, look: &DefaultLook) -> bool {
     // In path tracing, an environment and surfaces that emit light it.
     let is_lit = || look.transport(scene).traces_paths() && (look.environment.is_some() || scene.emits());
