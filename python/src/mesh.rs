@@ -1,6 +1,6 @@
 //! `kiln.Mesh`: ray and point queries of triangles.
 
-use kiln::bvh::{Bvh, Crossing, NotClosed, NotFinite, Preset, Primitive, RayArrays, RayList};
+use kiln::bvh::{Bvh, NotClosed, NotFinite, Preset, Primitive, RayArrays, RayList, SignedHit};
 use kiln::geometry::{Hit, Numerics, Ray, Side};
 use kiln::glam::DVec3;
 use numpy::{PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2, PyUntypedArrayMethods};
@@ -299,8 +299,8 @@ impl Mesh {
         in_threads(py, || {
             let write = |place: (&mut i64, &mut i64, &mut f64, &mut [f64; 3], &mut bool),
                          ray: usize,
-                         crossing: &Crossing| {
-                let Crossing { t, prim, side } = *crossing;
+                         crossing: &SignedHit| {
+                let SignedHit { t, prim, side } = *crossing;
                 (*place.0, *place.1, *place.2) = (ray as i64, prim.0.into(), t);
                 (*place.3, *place.4) = (rays.get(ray).at(t).to_array(), side == Side::Entering);
             };

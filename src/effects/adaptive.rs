@@ -13,7 +13,7 @@ use super::convergence::{
     random_variance, unseen_variance,
 };
 use super::region::SampledRegion;
-use super::samples::{Sampler, TileSamples};
+use super::samples::{PixelSampleSequence, TileSamples};
 use super::tile::{RenderContext, Tile, vec_bytes};
 use super::variance::SampleVariance;
 use super::{Effect, EffectContext, Hook, PlanSpec, Stage, id};
@@ -106,7 +106,7 @@ impl Estimates {
         first.extend(pixels.iter().map(|pixel| FirstSamples::from(&pixel.variance)));
         around.clear();
         around.resize(first.len(), Neighbourhood::default());
-        for pixel in region.own().filter(|_| !first.is_empty()) {
+        for pixel in region.tile_pixels().filter(|_| !first.is_empty()) {
             around[pixel] = first[pixel].neighbourhood(region.neighbourhood(pixel).map(|near| &first[near]));
         }
     }
@@ -136,7 +136,7 @@ impl Estimates {
 
 /// After each pass, adds its samples to the statistics; after each round, ends the pixels that have converged.
 struct TestConvergence {
-    sampler: Sampler,
+    sampler: PixelSampleSequence,
     criterion: Criterion,
     colour: Integrand,
     alpha: Integrand,
@@ -145,7 +145,7 @@ struct TestConvergence {
 
 impl TestConvergence {
     fn new(context: &EffectContext) -> Self {
-        let sampler = Sampler::new(context);
+        let sampler = PixelSampleSequence::new(context);
         let is_independent = sampler.kind == PixelSampler::Independent;
         let integrand = |is_random: bool| match is_random || is_independent {
             true => Integrand::Random,

@@ -1,7 +1,7 @@
 //! Antialiasing: a pixel is the filtered mean of several samples instead of the one through its centre ([`super::samples`]).
 
 use super::region::SampledRegion;
-use super::samples::{Sampler, TileSamples};
+use super::samples::{PixelSampleSequence, TileSamples};
 use super::tile::{RenderContext, Tile, vec_bytes};
 use super::{Effect, EffectContext, Hook, Stage, id};
 
@@ -34,8 +34,8 @@ pub const EFFECT: Effect = Effect {
         spec.samples = sampling.total.unwrap_or_else(|| sampling.max_samples().max(least));
     },
     stages: |context: &EffectContext, hook| match hook {
-        Hook::Rays => vec![Box::new(SampleRays(Sampler::new(context)))],
-        Hook::Film => vec![Box::new(AddSamples(Sampler::new(context)))],
+        Hook::Rays => vec![Box::new(SampleRays(PixelSampleSequence::new(context)))],
+        Hook::Film => vec![Box::new(AddSamples(PixelSampleSequence::new(context)))],
         _ => Vec::new(),
     },
     bytes: |tile| {
@@ -45,7 +45,7 @@ pub const EFFECT: Effect = Effect {
 };
 
 /// Fills generation 0 with the rays of the next pass of samples.
-pub struct SampleRays(Sampler);
+pub struct SampleRays(PixelSampleSequence);
 
 impl Stage for SampleRays {
     fn name(&self) -> &'static str {
@@ -72,7 +72,7 @@ impl Stage for SampleRays {
 }
 
 /// Adds the pass's samples to their pixels, and gives the pixels their values after the last pass.
-pub struct AddSamples(Sampler);
+pub struct AddSamples(PixelSampleSequence);
 
 impl Stage for AddSamples {
     fn name(&self) -> &'static str {

@@ -217,11 +217,11 @@ pub fn random_variance(
     around: Vec4,
     mean_sign: f64,
 ) -> DVec3 {
-    let Some(own) = samples.unbiased() else { return DVec3::INFINITY };
+    let Some(variance) = samples.unbiased() else { return DVec3::INFINITY };
     let (count, degrees) = (f64::from(samples.count()), f64::from(samples.count() - 1));
     let around = around.truncate().as_dvec3();
-    let pooled = (own * degrees + around * PRIOR_SAMPLES) / (degrees + PRIOR_SAMPLES);
-    let random = own.max(pooled) / (count * mean_sign * mean_sign);
+    let pooled = (variance * degrees + around * PRIOR_SAMPLES) / (degrees + PRIOR_SAMPLES);
+    let random = variance.max(pooled) / (count * mean_sign * mean_sign);
     // Groups of one sample show nothing of the kind.
     if groups.power == 0 {
         return random;

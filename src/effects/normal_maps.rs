@@ -45,8 +45,9 @@ pub const EFFECT: Effect = Effect {
             surfaces.texels.capacity() + surfaces.further_texels.capacity() > 0
         });
         let shared = tile.buffers::<Buffers>().filter(|_| !has_texels).map_or(0, Buffers::bytes);
-        let own = |Unperturbed(normals): &Unperturbed| shared + size_of::<Unperturbed>() + vec_bytes(normals);
-        tile.buffers::<Unperturbed>().map_or(0, own)
+        let bytes =
+            |Unperturbed(normals): &Unperturbed| shared + size_of::<Unperturbed>() + vec_bytes(normals);
+        tile.buffers::<Unperturbed>().map_or(0, bytes)
     },
     ..Effect::NONE
 };
@@ -68,13 +69,21 @@ impl Stage for NormalMaps {
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
         tile.with_buffers(|Unperturbed(normals), tile| {
             normals.clear();
-            tile.with_buffers(|own: &mut Buffers, tile| self.perturb(own, tile, context.world, normals));
+            tile.with_buffers(|buffers: &mut Buffers, tile| {
+                self.perturb(buffers, tile, context.world, normals)
+            });
         });
     }
 }
 
 impl NormalMaps {
-    fn perturb(&self, own: &Buffers, tile: &mut Tile, world: &World, unperturbed: &mut Vec<(u32, DVec3)>) {
+    fn perturb(
+        &self,
+        buffers: &Buffers,
+        tile: &mut Tile,
+        world: &World,
+        unperturbed: &mut Vec<(u32, DVec3)>,
+    ) {
         let RayGeneration { surfaces, .. } = &mut tile.generations[tile.current];
         for part in 0..surfaces.by_material().len() {
             let (material, range) = surfaces.by_material()[part].clone();
@@ -82,7 +91,7 @@ impl NormalMaps {
             let texture = &map.texture;
             let image = &world.images[texture.image.0 as usize];
             let filter = self.texture_use.filter(texture);
-            let points = own.points(tile.current, texture.coordinates);
+            let points = buffers.points(tile.current, texture.coordinates);
             if points.is_empty() {
                 continue;
             }

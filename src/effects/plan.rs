@@ -44,7 +44,7 @@ pub struct Choices {
     /// Entry of `with` that another option adds, such as `--depth`, and that option as typed, for messages.
     pub stand_in: Option<(String, String)>,
     /// Whether effects in `with` get their stages also where nothing calls for them, which does not change the picture.
-    pub even_idle: bool,
+    pub force_stages: bool,
     /// Which samples of light count in path tracing.
     #[doc(hidden)]
     pub light_technique: LightTechnique,
@@ -135,7 +135,7 @@ impl Plan {
                 (decision.on, decision.why) = (false, transport.reason.into());
             }
         }
-        for (i, effect) in EFFECTS.iter().enumerate().filter(|_| !choices.even_idle) {
+        for (i, effect) in EFFECTS.iter().enumerate().filter(|_| !choices.force_stages) {
             let Some(base) = effect.builds_on else { continue };
             if decisions[i].on && !decisions.iter().any(|d| d.effect == base && d.on) {
                 (decisions[i].on, decisions[i].why) = (false, format!("there is no {base}"));
@@ -457,7 +457,7 @@ fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {
     let calls = match (effect.called_for)(world, choices) {
         Err(nothing) => {
             return match &asked_for {
-                Some(option) if choices.even_idle => decision(true, format!("{option}, though {nothing}")),
+                Some(option) if choices.force_stages => decision(true, format!("{option}, though {nothing}")),
                 _ => decision(false, nothing),
             };
         }

@@ -65,7 +65,7 @@ impl SampledRegion {
     }
 
     /// The pixels of the tile, row by row from the top.
-    pub fn own(&self) -> impl Iterator<Item = usize> + use<> {
+    pub fn tile_pixels(&self) -> impl Iterator<Item = usize> + use<> {
         let SampledRegion { whole, tile } = *self;
         (tile.y - whole.y..tile.y - whole.y + tile.height).flat_map(move |row| {
             let start = (row * whole.width + tile.x - whole.x) as usize;

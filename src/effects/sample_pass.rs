@@ -4,7 +4,7 @@
 //! A pixel's own samples are in ascending order, so pictures do not depend on blocks.
 
 use super::random::{Dimension, Point, Scramble, independent_pair};
-use super::samples::Sampler;
+use super::samples::PixelSampleSequence;
 use crate::scene::PixelSampler;
 use crate::world::{PerRay, RAYS_PER_BATCH, simd};
 
@@ -64,25 +64,29 @@ impl SamplePass {
     }
 
     /// Computes the film positions and signs.
-    pub(super) fn place(&mut self, sampler: &Sampler) {
+    pub(super) fn set_positions(&mut self, sampler: &PixelSampleSequence) {
         match sampler.filter.box_radius() {
             // Without the table of other filters, whose look-ups take longer than the rest.
-            Some(radius) => simd!(self.place_by(
+            Some(radius) => simd!(self.set_positions_by(
                 sampler,
                 #[inline(always)]
                 |[x, y]| ([x, y].map(|u| (2.0 * f64::from(u) - 1.0) * radius), 1.0)
             )),
-            None => simd!(self.place_by(
+            None => simd!(self.set_positions_by(
                 sampler,
                 #[inline(always)]
-                |numbers| sampler.filter.place(numbers)
+                |numbers| sampler.filter.sample(numbers)
             )),
         }
     }
 
     /// [`SamplePass::place`]; `filter` is [`ReconstructionFilter::place`](crate::film::ReconstructionFilter::place).
     #[inline(always)]
-    fn place_by(&mut self, sampler: &Sampler, filter: impl Fn([f32; 2]) -> ([f64; 2], f64)) {
+    fn set_positions_by(
+        &mut self,
+        sampler: &PixelSampleSequence,
+        filter: impl Fn([f32; 2]) -> ([f64; 2], f64),
+    ) {
         for i in 0..self.len.min(RAYS_PER_BATCH) {
             let (x, y) = (self.columns[i], self.rows[i]);
             let numbers = match sampler.kind {

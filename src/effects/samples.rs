@@ -22,7 +22,7 @@ use crate::world::RAYS_PER_BATCH;
 
 /// How the pixels of a picture are sampled.
 #[derive(Debug, Clone)]
-pub struct Sampler {
+pub struct PixelSampleSequence {
     /// Samples a pixel; the maximum where sampling is adaptive.
     pub samples: u32,
     /// The index of the first sample.
@@ -41,7 +41,7 @@ pub struct Sampler {
     pub centred: bool,
 }
 
-impl Sampler {
+impl PixelSampleSequence {
     /// The sampler for the scene's settings.
     pub fn new(context: &EffectContext) -> Self {
         let sampling = context.sampling;
@@ -50,7 +50,7 @@ impl Sampler {
         let samples = if centred { 1 } else { sampling.max_samples() };
         let is_adaptive = context.spec.adaptive;
         let floor = if is_adaptive { Criterion::new(sampling).min_samples.min(samples) } else { samples };
-        Sampler {
+        PixelSampleSequence {
             samples,
             first: sampling.first.unwrap_or(0),
             filter: ReconstructionFilter::new(shape, radius),
@@ -158,7 +158,7 @@ pub struct TileSamples {
 
 impl TileSamples {
     /// Begins a tile.
-    pub fn start(&mut self, region: SampledRegion, sampler: &Sampler, tile: &Tile) {
+    pub fn start(&mut self, region: SampledRegion, sampler: &PixelSampleSequence, tile: &Tile) {
         let pixels = region.whole.area();
         self.region = region;
         self.sums.clear();
@@ -182,11 +182,11 @@ impl TileSamples {
     }
 
     /// Begins the next pass.
-    pub fn next_pass(&mut self, sampler: &Sampler) {
+    pub fn next_pass(&mut self, sampler: &PixelSampleSequence) {
         let TileSamples { live, places, pass, .. } = self;
         pass.list(live, places, self.round, self.cast);
         self.cast += pass.len;
-        pass.place(sampler);
+        pass.set_positions(sampler);
     }
 
     /// The film positions of the pass's rays in pixels, right of and below the picture's top left corner.
@@ -234,7 +234,7 @@ impl TileSamples {
     /// For each of the tile's own pixels, the variance of its samples; empty unless [`TileSamples::measure_variances`].
     pub fn variances(&self) -> impl Iterator<Item = &SampleVariance> {
         let variances = self.variances.iter();
-        variances.flat_map(|variances| self.region.own().map(|pixel| &variances[pixel]))
+        variances.flat_map(|variances| self.region.tile_pixels().map(|pixel| &variances[pixel]))
     }
 
     /// For each ray of the pass, its pixel, its sign and its entry of `values`.
@@ -292,28 +292,31 @@ impl TileSamples {
     }
 
     /// Ends the tile: writes the values, coverage and sample counts of its pixels.
-    pub fn finish(&self, tile: &mut Tile, sampler: &Sampler, pipeline: ColourPipeline) {
+    pub fn finish(&self, tile: &mut Tile, sampler: &PixelSampleSequence, pipeline: ColourPipeline) {
         let value = |sum: &SampleSum| match pipeline {
             // This pipeline rounds every value to 8 bits.
             ColourPipeline::U8 => pipeline.clamp(sum.value(&sampler.filter)),
             _ => sum.value(&sampler.filter),
         };
-        let own = || self.region.own().map(|pixel| &self.sums[pixel]);
+        let sums = || self.region.tile_pixels().map(|pixel| &self.sums[pixel]);
         tile.needs_more_samples = false;
         tile.pixels.clear();
-        tile.pixels.extend(own().map(|sum| value(sum).as_vec3().to_array()));
+        tile.pixels.extend(sums().map(|sum| value(sum).as_vec3().to_array()));
         tile.sample_counts.clear();
-        tile.sample_counts.extend(own().map(|sum| sum.count));
+        tile.sample_counts.extend(sums().map(|sum| sum.count));
         if let Some(coverage) = &mut tile.coverage {
             coverage.clear();
-            let own = self.region.own().map(|pixel| self.coverage[pixel].value(&sampler.filter).x as f32);
+            let covered =
+                self.region.tile_pixels().map(|pixel| self.coverage[pixel].value(&sampler.filter).x as f32);
             // Filters with negative lobes can leave the range.
-            coverage.extend(own.map(|part| part.clamp(0.0, 1.0)));
+            coverage.extend(covered.map(|part| part.clamp(0.0, 1.0)));
         }
         if let Some(shown) = &mut tile.shown {
             shown.clear();
             let [colours, parts] = [0, 1].map(|k| {
-                self.region.own().map(move |pixel| self.shown[k][pixel].value(&sampler.filter).as_vec3())
+                self.region
+                    .tile_pixels()
+                    .map(move |pixel| self.shown[k][pixel].value(&sampler.filter).as_vec3())
             });
             shown.extend(colours.zip(parts).map(|(colour, part)| colour.extend(part.x).to_array()));
         }

@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::{Choices, EffectContext, Hook, Stage, TextureUse, id, textures};
-use crate::scene::{Filter, ImageId, Material, TexelEncoding, Texture, TextureSlot};
+use crate::scene::{ImageId, Material, ResolvedTextureFilter, TexelEncoding, Texture, TextureSlot};
 use crate::world::{Differential, TexturePoint, World};
 
 /// The texture points of a tile.
@@ -34,11 +34,11 @@ impl Buffers {
 
     /// Bytes of memory.
     pub(crate) fn bytes(&self) -> usize {
-        let own = |buffers: &GenerationBuffers| {
+        let bytes = |buffers: &GenerationBuffers| {
             let points = buffers.points.iter().map(vec_bytes).sum::<usize>();
             vec_bytes(&buffers.differentials) + vec_bytes(&buffers.points) + points
         };
-        let generations = self.generations.iter().map(own).sum::<usize>();
+        let generations = self.generations.iter().map(bytes).sum::<usize>();
         size_of::<Buffers>() + vec_bytes(&self.generations) + generations
     }
 }
@@ -77,7 +77,7 @@ impl TextureUse {
     }
 
     /// The filter of a texture.
-    pub fn filter(&self, texture: &Texture) -> Filter {
+    pub fn filter(&self, texture: &Texture) -> ResolvedTextureFilter {
         texture.sampler.filter(self.filter)
     }
 
@@ -163,17 +163,17 @@ impl Stage for FindTexturePoints {
     }
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|own: &mut Buffers, tile| self.find(own, tile, context));
+        tile.with_buffers(|buffers: &mut Buffers, tile| self.find(buffers, tile, context));
     }
 }
 
 impl FindTexturePoints {
-    fn find(&self, own: &mut Buffers, tile: &Tile, context: &RenderContext) {
+    fn find(&self, buffers: &mut Buffers, tile: &Tile, context: &RenderContext) {
         let (current, generation) = (tile.current, &tile.generations[tile.current]);
-        if own.generations.len() <= current {
-            own.generations.resize_with(current + 1, GenerationBuffers::default);
+        if buffers.generations.len() <= current {
+            buffers.generations.resize_with(current + 1, GenerationBuffers::default);
         }
-        let (before, after) = own.generations.split_at_mut(current);
+        let (before, after) = buffers.generations.split_at_mut(current);
         let GenerationBuffers { differentials, points } = &mut after[0];
         let footprints = self.footprints && (tile.depth == 0 || self.are_mirrored);
         if footprints && tile.depth > 0 {

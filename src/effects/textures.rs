@@ -68,8 +68,8 @@ impl Stage for Textures {
     }
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|own: &mut Buffers, tile| {
-            let points = |set: u8| own.points(tile.current, set);
+        tile.with_buffers(|buffers: &mut Buffers, tile| {
+            let points = |set: u8| buffers.points(tile.current, set);
             let RayGeneration { surfaces, .. } = &mut tile.generations[tile.current];
             let mut texels = std::mem::take(&mut surfaces.texels);
             let mut further = std::mem::take(&mut surfaces.further_texels);

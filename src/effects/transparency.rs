@@ -227,18 +227,18 @@ impl Buffers {
 
 /// Finds the hits of the current generation's rays. Returns whether they are the first of these rays, not a further layer.
 pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparency) -> bool {
-    tile.with_buffers(|own: &mut Buffers, tile| {
+    tile.with_buffers(|buffers: &mut Buffers, tile| {
         let is_layered = transparency.is_layered && tile.depth == 0;
         let is_first = !(is_layered && tile.needs_more_samples);
-        own.continued_rays.clear();
+        buffers.continued_rays.clear();
         if !is_first {
-            std::mem::swap(&mut own.continued_rays, &mut own.layers.next);
+            std::mem::swap(&mut buffers.continued_rays, &mut buffers.layers.next);
         }
         if is_layered {
-            own.layers.start(tile.generation().rays.len(), is_first);
+            buffers.layers.start(tile.generation().rays.len(), is_first);
         }
         if is_first {
-            own.trace_first(tile, world, transparency, is_layered);
+            buffers.trace_first(tile, world, transparency, is_layered);
         } else {
             let generation = tile.generation();
             generation.hits.clear();
@@ -246,10 +246,10 @@ pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparen
         }
         let generation = &mut tile.generations[tile.current];
         let mut continued = 0;
-        while !own.continued_rays.is_empty() {
-            continued += own.continued_rays.len();
+        while !buffers.continued_rays.is_empty() {
+            continued += buffers.continued_rays.len();
             let how = Transparency { is_layered, ..transparency };
-            own.trace(world, &mut generation.hits, &mut tile.traversal, how);
+            buffers.trace(world, &mut generation.hits, &mut tile.traversal, how);
         }
         let hit = generation.hits.iter().flatten().count();
         if continued > 0 {
@@ -417,21 +417,21 @@ impl Stage for BlendLayers {
     }
 
     fn run(&self, tile: &mut Tile, _: &RenderContext) {
-        tile.with_buffers(|own: &mut Buffers, tile| {
+        tile.with_buffers(|buffers: &mut Buffers, tile| {
             let Tile { pixels, coverage, shown, .. } = &*tile;
             let coverage = coverage.as_deref().unwrap_or_default();
-            own.layers.blend(pixels, coverage, shown.as_deref().unwrap_or_default());
-            tile.needs_more_samples = !own.layers.next.is_empty();
+            buffers.layers.blend(pixels, coverage, shown.as_deref().unwrap_or_default());
+            tile.needs_more_samples = !buffers.layers.next.is_empty();
             tile.pixels.clear();
             if !tile.needs_more_samples {
-                tile.pixels.extend(own.layers.colour.iter().map(|sum| sum.map(|c| c as f32)));
+                tile.pixels.extend(buffers.layers.colour.iter().map(|sum| sum.map(|c| c as f32)));
                 if let Some(coverage) = &mut tile.coverage {
                     coverage.clear();
-                    coverage.extend(own.layers.coverage.iter().map(|&part| part as f32));
+                    coverage.extend(buffers.layers.coverage.iter().map(|&part| part as f32));
                 }
                 if let Some(shown) = &mut tile.shown {
                     shown.clear();
-                    shown.extend(own.layers.shown.iter().map(|sum| sum.map(|c| c as f32)));
+                    shown.extend(buffers.layers.shown.iter().map(|sum| sum.map(|c| c as f32)));
                 }
             }
         });

@@ -90,7 +90,7 @@ impl ReconstructionFilter {
     /// Maps two random numbers in [0, 1) to a sample position relative to the pixel's centre, in pixels, and the
     /// sample's sign. Monotone in both numbers, so that stratification is preserved.
     #[inline(always)]
-    pub fn place(&self, u: [f32; 2]) -> ([f64; 2], f64) {
+    pub fn sample(&self, u: [f32; 2]) -> ([f64; 2], f64) {
         let [x, y] = u.map(|u| self.quantile(f64::from(u)));
         (([x, y]), self.sign(x) * self.sign(y))
     }
@@ -241,7 +241,7 @@ mod tests {
     fn others_are_never_negative() {
         for filter in usual().iter().filter(|filter| !filter.is_signed()) {
             assert!((filter.mean_sign() - 1.0).abs() < 1e-12, "{}", filter.shape.name());
-            assert_eq!(filter.place([0.0, 0.999_999]).1, 1.0);
+            assert_eq!(filter.sample([0.0, 0.999_999]).1, 1.0);
         }
     }
 }

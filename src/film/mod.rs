@@ -196,7 +196,7 @@ impl<P: Pixel> Film<P> {
     }
 
     /// Storage index of the pixel at column `x`, row `y` of the film.
-    fn place(&self, x: u32, y: u32) -> usize {
+    fn pixel_index(&self, x: u32, y: u32) -> usize {
         let Window { width, height, .. } = self.window;
         assert!(x < width && y < height, "pixel ({x}, {y}) is outside the film");
         let (left, top) = (x - x % TILE, y - y % TILE);
@@ -209,14 +209,14 @@ impl<P: Pixel> Film<P> {
 
     /// The pixel at column `x`, row `y`, counted from the top left corner of the film.
     pub fn pixel(&self, x: u32, y: u32) -> P {
-        self.pixels.as_slice()[self.place(x, y)]
+        self.pixels.as_slice()[self.pixel_index(x, y)]
     }
 
     /// The pixels of row `y` of the film, tile by tile from the left.
     pub fn row(&self, y: u32) -> impl Iterator<Item = &[P]> {
         let width = self.window.width;
         (0..width).step_by(TILE as usize).map(move |left| {
-            let start = self.place(left, y);
+            let start = self.pixel_index(left, y);
             &self.pixels.as_slice()[start..start + TILE.min(width - left) as usize]
         })
     }

@@ -26,7 +26,7 @@ use super::parts::split;
 use super::{Source, default_material};
 use crate::error::{Error, Place, Result, Warnings};
 use crate::film::Colour;
-use crate::scene::{Attribute, ImageId, Material, Mesh, Sampler, Scene, Texture};
+use crate::scene::{Attribute, ImageId, Material, Mesh, Scene, Texture, TextureSampler};
 use body::Body;
 use faces::Faces;
 use header::{Element, Encoding, Header, Property};
@@ -327,7 +327,7 @@ fn textured(
         if let Some(image) = image {
             part.colours = None;
             material.colour = Colour::Linear(DVec3::ONE);
-            let sampler = Sampler::default();
+            let sampler = TextureSampler::default();
             material.texture = Some(Texture { image: ImageId(image), sampler, coordinates: 0 });
         }
         let material = scene.add_material(Material::Phong(material));

@@ -37,7 +37,7 @@ pub(crate) enum Cut {
     /// Triangles that cover the polygon.
     Whole,
     /// A fan, because the polygon intersects itself or repeats an edge.
-    Crossing,
+    SignedHit,
     /// A fan, because the polygon exceeds [`MAX_PAIRS_PER_EDGE`] or [`MAX_CORNERS`].
     Intricate,
 }
@@ -52,7 +52,7 @@ pub(crate) struct Cuts {
 impl Cuts {
     /// Counts a polygon.
     pub(crate) fn count(&mut self, cut: Cut) {
-        self.crossing += usize::from(cut == Cut::Crossing);
+        self.crossing += usize::from(cut == Cut::SignedHit);
         self.intricate += usize::from(cut == Cut::Intricate);
     }
 
@@ -138,7 +138,7 @@ impl Triangulator {
         } else {
             (1..n - 1).for_each(|i| emit([0, i, i + 1]));
         }
-        if covers { Cut::Whole } else { Cut::Crossing }
+        if covers { Cut::Whole } else { Cut::SignedHit }
     }
 }
 
@@ -154,7 +154,7 @@ fn find_crossing(corners: &[[f64; 2]]) -> Cut {
     let size = (max - min).max_element();
     if !(size > 0.0 && size.is_finite()) {
         // Coincident corners and non-finite sizes are handled without a search.
-        return if size == 0.0 { Cut::Crossing } else { Cut::Intricate };
+        return if size == 0.0 { Cut::SignedHit } else { Cut::Intricate };
     }
     let depth = size * DEPTH;
     let cell = |p: DVec2| ((p - min) / depth).round().to_array().map(|c| c as i64);
@@ -166,7 +166,7 @@ fn find_crossing(corners: &[[f64; 2]]) -> Cut {
     for (a, b) in edges.clone() {
         let (from, to) = (cell(a), cell(b));
         if from != to && !passed.insert((from, to)) {
-            return Cut::Crossing;
+            return Cut::SignedHit;
         }
         let edge = b - a;
         if edge != DVec2::ZERO {
@@ -198,7 +198,7 @@ fn find_crossing(corners: &[[f64; 2]]) -> Cut {
             return Cut::Intricate;
         }
         if active.iter().any(|other| cross(edge, *other, depth)) {
-            return Cut::Crossing;
+            return Cut::SignedHit;
         }
         active.push(edge);
     }
@@ -359,7 +359,7 @@ mod tests {
         let start = std::time::Instant::now();
         for corners in [round, near, anywhere, vec![[0.5, 0.5]; 9000]] {
             let (_, count, cut) = area_of(&tilted(&corners));
-            assert_eq!((count, cut), (corners.len() - 2, Cut::Crossing));
+            assert_eq!((count, cut), (corners.len() - 2, Cut::SignedHit));
         }
         assert!(start.elapsed().as_secs() < 20, "{:?}", start.elapsed());
     }

@@ -23,8 +23,8 @@ use crate::film::ColourPipeline;
 use crate::film::colour::srgb_decode;
 use crate::limits::{self, Counted};
 use crate::scene::{
-    Attribute, ImageId, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Sampler, Scene, Shape,
-    Texture, Wrap,
+    Attribute, ImageId, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Scene, Shape, Texture,
+    TextureSampler, Wrap,
 };
 use model::{Model, ObjectContent, Property, Reference};
 use package::Package;
@@ -55,7 +55,7 @@ pub(super) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         reader.warnings.left_out(what);
     }
     for item in &model.items {
-        reader.place(item, &root, DMat4::from_scale(DVec3::splat(model.unit)), 0)?;
+        reader.add_item(item, &root, DMat4::from_scale(DVec3::splat(model.unit)), 0)?;
     }
     Ok(reader.scene)
 }
@@ -101,7 +101,7 @@ impl Reader<'_> {
     }
 
     /// Adds an object and its components. `part` is the part of the package of the reference.
-    fn place(&mut self, reference: &Reference, part: &str, outer: DMat4, depth: usize) -> Result<()> {
+    fn add_item(&mut self, reference: &Reference, part: &str, outer: DMat4, depth: usize) -> Result<()> {
         let part = reference.path.as_deref().unwrap_or(part);
         let model = self.model(part)?;
         let place = format!("{part}, object {}", reference.object);
@@ -130,7 +130,7 @@ impl Reader<'_> {
         match &object.content {
             ObjectContent::Components(components) => {
                 for component in components {
-                    self.place(component, part, placement, depth + 1)?;
+                    self.add_item(component, part, placement, depth + 1)?;
                 }
             }
             ObjectContent::Mesh { .. } => {
@@ -194,7 +194,7 @@ impl Reader<'_> {
         let mut material = default_material(mesh);
         if let Some((image, [wrap_u, wrap_v])) = image {
             material.colour = crate::film::Colour::Linear(DVec3::ONE);
-            let sampler = Sampler { wrap_u, wrap_v, ..Sampler::default() };
+            let sampler = TextureSampler { wrap_u, wrap_v, ..TextureSampler::default() };
             material.texture = Some(Texture { image, sampler, coordinates: 0 });
         } else if mesh.colours.is_none() {
             let scene = &mut self.scene;

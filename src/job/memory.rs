@@ -89,11 +89,12 @@ mod tests {
     use super::*;
     use crate::geometry::Sphere;
     use crate::scene::{
-        EffectValue, Filter, Interpolation, Material, Minify, NormalMap, Phong, Sampler, Texture,
+        EffectValue, Interpolation, Material, Minify, NormalMap, Phong, ResolvedTextureFilter, Texture,
+        TextureSampler,
     };
 
     /// A sphere with a texture of 2^40 texels, whose mip maps would need 6 TiB, and a normal map of the same.
-    fn scene(sampler: Sampler) -> Scene {
+    fn scene(sampler: TextureSampler) -> Scene {
         let mut scene = Scene::default();
         let side = 1 << 20;
         let pixels = std::iter::empty::<[u8; 3]>().collect();
@@ -136,13 +137,17 @@ mod tests {
             ("over the file", choices(&["textures=mipmap"], &[], &[("textures", text("nearest"))]), false),
         ];
         for (name, choices, is_allowed) in cases {
-            assert_eq!(check_mip_maps(&scene(Sampler::default()), &choices).is_ok(), is_allowed, "{name}");
+            assert_eq!(
+                check_mip_maps(&scene(TextureSampler::default()), &choices).is_ok(),
+                is_allowed,
+                "{name}"
+            );
         }
         let linear = Minify { within: Interpolation::Linear, between: None };
-        let sampler = Sampler { minify: Some(linear), ..Sampler::default() };
-        assert!(!Filter::needs_mip_map(&sampler.filter(None)));
+        let sampler = TextureSampler { minify: Some(linear), ..TextureSampler::default() };
+        assert!(!ResolvedTextureFilter::needs_mip_map(&sampler.filter(None)));
         assert!(check_mip_maps(&scene(sampler), &choices(&[], &[], &[])).is_ok());
-        let mut unused = scene(Sampler::default());
+        let mut unused = scene(TextureSampler::default());
         unused.objects.clear();
         assert!(check_mip_maps(&unused, &choices(&[], &[], &[])).is_ok());
     }

@@ -91,7 +91,9 @@ impl FeatureSums {
             let [a, b, c, d] = &self.sums[pixel];
             Features { first: [a, b].map(value), behind_mirrors: [c, d].map(value) }
         };
-        tile.with_buffers(|samples: &mut TileSamples, _| samples.region().own().map(of_pixel).collect())
+        tile.with_buffers(|samples: &mut TileSamples, _| {
+            samples.region().tile_pixels().map(of_pixel).collect()
+        })
     }
 }
 

@@ -185,7 +185,9 @@ impl Fingerprint {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{ImageId, MaterialId, Phong, PictureSettings, Placement, Sampler, Sphere, Texture};
+    use crate::scene::{
+        ImageId, MaterialId, Phong, PictureSettings, Placement, Sphere, Texture, TextureSampler,
+    };
     use glam::{DMat4, DVec2, DVec3};
 
     fn of(scene: &Scene) -> String {
@@ -198,7 +200,7 @@ mod tests {
         let mut scene = Scene::default();
         let pixels = [[1u8, 2, 3]; 4].into_iter().collect();
         scene.add_image(DecodedImage { name: "a.png".into(), width: 2, height: 2, pixels });
-        let texture = Texture { image: ImageId(0), sampler: Sampler::default(), coordinates: 0 };
+        let texture = Texture { image: ImageId(0), sampler: TextureSampler::default(), coordinates: 0 };
         scene.add_material(Material::Phong(Phong { texture: Some(texture), ..Phong::default() }));
         let mesh = Mesh {
             positions: vec![DVec3::ZERO, DVec3::X, DVec3::Y],

@@ -1,6 +1,6 @@
 //! Materials, textures and decoded images.
 
-use super::{FurtherTexture, ImageId, Layers, Sampler, TexelValues};
+use super::{FurtherTexture, ImageId, Layers, TexelValues, TextureSampler};
 use crate::film::Colour;
 
 /// A material. `C` is [`Colour`] in a scene, and a colour in the numbers of the colour pipeline in a prepared world.
@@ -116,7 +116,7 @@ pub struct Texture {
     /// The image.
     pub image: ImageId,
     /// Wrap modes and filters.
-    pub sampler: Sampler,
+    pub sampler: TextureSampler,
     /// The index of its texture coordinates in [`super::Mesh::uvs`].
     pub coordinates: u8,
 }

@@ -78,7 +78,9 @@ pub use picture::{
     Background, Clamp, FieldOfView, FilterRadius, Headlight, Look, Noise, PictureSettings, Rotation, Samples,
     Side, Zoom,
 };
-pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
+#[allow(deprecated)]
+pub use sampler::{Filter, Sampler};
+pub use sampler::{Interpolation, Minify, ResolvedTextureFilter, TextureFilter, TextureSampler, Wrap};
 pub use sampling::{MAX_SAMPLES, PixelSampler, Sampling};
 pub use shading_mode::ShadingMode;
 pub use texels::TexelValues;

@@ -2,7 +2,7 @@
 
 /// Texture sampler: wrap modes and filters, as in glTF 2.0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
-pub struct Sampler {
+pub struct TextureSampler {
     /// Wrap mode along u.
     pub wrap_u: Wrap,
     /// Wrap mode along v.
@@ -12,6 +12,10 @@ pub struct Sampler {
     /// Minification filter; `None` if the file does not specify it.
     pub minify: Option<Minify>,
 }
+
+/// The former name of [`TextureSampler`].
+#[deprecated(note = "renamed to `TextureSampler`")]
+pub type Sampler = TextureSampler;
 
 /// Wrap mode of texture coordinates outside 0..1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, serde::Serialize)]
@@ -81,7 +85,7 @@ names!(TextureFilter {
 
 /// Resolved filters of a texture lookup: a sampler without unspecified parts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Filter {
+pub struct ResolvedTextureFilter {
     /// Magnification filter.
     pub magnify: Interpolation,
     /// Minification filter.
@@ -90,7 +94,11 @@ pub struct Filter {
     pub anisotropic: bool,
 }
 
-impl Filter {
+/// The former name of [`ResolvedTextureFilter`].
+#[deprecated(note = "renamed to `ResolvedTextureFilter`")]
+pub type Filter = ResolvedTextureFilter;
+
+impl ResolvedTextureFilter {
     /// Whether the lookup depends on the size of the pixel footprint.
     pub fn needs_footprint(&self) -> bool {
         self.minify != Minify { within: self.magnify, between: None }
@@ -102,12 +110,12 @@ impl Filter {
     }
 }
 
-impl Sampler {
+impl TextureSampler {
     /// Resolves the filter: the user's if given, else the file's; unspecified parts are trilinear for minification and
     /// linear for magnification.
-    pub fn filter(&self, wish: Option<TextureFilter>) -> Filter {
+    pub fn filter(&self, wish: Option<TextureFilter>) -> ResolvedTextureFilter {
         use Interpolation::{Linear, Nearest};
-        let full = |lookup| Filter {
+        let full = |lookup| ResolvedTextureFilter {
             magnify: lookup,
             minify: Minify { within: lookup, between: None },
             anisotropic: false,
@@ -116,11 +124,11 @@ impl Sampler {
         match wish {
             Some(TextureFilter::Nearest) => full(Nearest),
             Some(TextureFilter::Bilinear) => full(Linear),
-            Some(TextureFilter::Mipmap) => Filter { minify: trilinear, ..full(Linear) },
+            Some(TextureFilter::Mipmap) => ResolvedTextureFilter { minify: trilinear, ..full(Linear) },
             Some(TextureFilter::Anisotropic) => {
-                Filter { minify: trilinear, anisotropic: true, ..full(Linear) }
+                ResolvedTextureFilter { minify: trilinear, anisotropic: true, ..full(Linear) }
             }
-            None => Filter {
+            None => ResolvedTextureFilter {
                 magnify: self.magnify.unwrap_or(Linear),
                 minify: self.minify.unwrap_or(trilinear),
                 anisotropic: false,
@@ -144,24 +152,32 @@ mod tests {
 
     #[test]
     fn the_user_comes_before_the_file_and_the_file_before_the_default() {
-        let pixels = Sampler {
+        let pixels = TextureSampler {
             magnify: Some(Interpolation::Nearest),
             minify: Some(Minify { within: Interpolation::Nearest, between: None }),
-            ..Sampler::default()
+            ..TextureSampler::default()
         };
         assert!(!pixels.filter(None).needs_footprint());
         assert_eq!(pixels.filter(None), pixels.filter(Some(TextureFilter::Nearest)));
         assert_eq!(
             pixels.filter(Some(TextureFilter::Mipmap)),
-            Sampler::default().filter(Some(TextureFilter::Mipmap))
+            TextureSampler::default().filter(Some(TextureFilter::Mipmap))
         );
-        assert_eq!(Sampler::default().filter(None), Sampler::default().filter(Some(TextureFilter::Mipmap)));
+        assert_eq!(
+            TextureSampler::default().filter(None),
+            TextureSampler::default().filter(Some(TextureFilter::Mipmap))
+        );
         for filter in TextureFilter::ALL {
             let mips = matches!(filter, TextureFilter::Mipmap | TextureFilter::Anisotropic);
-            assert_eq!(Sampler::default().filter(Some(filter)).needs_mip_map(), mips, "{}", filter.name());
+            assert_eq!(
+                TextureSampler::default().filter(Some(filter)).needs_mip_map(),
+                mips,
+                "{}",
+                filter.name()
+            );
         }
         // Linear magnification and nearest minification without mip maps differ only in the pixel footprint.
-        let mixed = Sampler { minify: pixels.minify, ..Sampler::default() }.filter(None);
+        let mixed = TextureSampler { minify: pixels.minify, ..TextureSampler::default() }.filter(None);
         assert!(mixed.needs_footprint() && !mixed.needs_mip_map());
     }
 }

@@ -7,7 +7,7 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::scene::{Filter, Interpolation, Sampler, TexelEncoding};
+use crate::scene::{Interpolation, ResolvedTextureFilter, TexelEncoding, TextureSampler};
 use crate::world::{Image, TexturePoint};
 
 /// The limit on lookups along the longer axis, as in graphics hardware.
@@ -17,8 +17,8 @@ const MOST_LOOKUPS: f64 = 16.0;
 pub fn look_up(
     image: &Image,
     encoding: TexelEncoding,
-    sampler: &Sampler,
-    filter: &Filter,
+    sampler: &TextureSampler,
+    filter: &ResolvedTextureFilter,
     point: &TexturePoint,
 ) -> DVec3 {
     let at_full_size = |lookup| look_at(image, encoding, sampler, 0, lookup, point.uv);
@@ -101,7 +101,7 @@ impl Ellipse {
 pub(crate) fn look_at(
     image: &Image,
     encoding: TexelEncoding,
-    sampler: &Sampler,
+    sampler: &TextureSampler,
     level: usize,
     lookup: Interpolation,
     uv: DVec2,

@@ -114,7 +114,8 @@ pub enum ReferenceKind {
     /// Converged picture in `exact`: the reference for sampling parameters.
     Limit,
     /// Picture in `exact` at the same sample points: the reference for all other parameters.
-    Twin,
+    #[serde(rename = "twin")]
+    SameSamples,
 }
 
 /// Whether an error can be distinguished from the noise of the reference.
@@ -189,7 +190,7 @@ impl SettingRow {
     pub fn errors(&self) -> Option<&Figures> {
         match self.reference {
             ReferenceKind::Limit => self.limit.as_ref(),
-            ReferenceKind::Twin => self.twin.as_ref(),
+            ReferenceKind::SameSamples => self.twin.as_ref(),
         }
     }
 

@@ -156,7 +156,7 @@ pub(crate) fn steps(study: &Study) -> String {
 pub(crate) fn against(reference: ReferenceKind) -> &'static str {
     match reference {
         ReferenceKind::Limit => "limit",
-        ReferenceKind::Twin => "exact, same samples",
+        ReferenceKind::SameSamples => "exact, same samples",
     }
 }
 

@@ -125,7 +125,7 @@ impl PageImages {
                 let shown = settings.get(index)?.as_ref()?;
                 let comparison = match reference {
                     ReferenceKind::Limit => shown.limit.as_ref(),
-                    ReferenceKind::Twin => shown.twin.as_ref(),
+                    ReferenceKind::SameSamples => shown.twin.as_ref(),
                 };
                 Some((shown, comparison?))
             });
@@ -179,8 +179,8 @@ mod tests {
             Some(SettingImages { png: png(&uniform(value)).unwrap(), limit: None, twin })
         };
         let rows = [
-            Some((0, ReferenceKind::Twin)),
-            Some((1, ReferenceKind::Twin)),
+            Some((0, ReferenceKind::SameSamples)),
+            Some((1, ReferenceKind::SameSamples)),
             Some((1, ReferenceKind::Limit)),
             None,
         ];

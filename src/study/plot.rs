@@ -58,8 +58,9 @@ pub fn error_against_time(rows: &[SettingRow], floor: f64) -> Result<String> {
 /// # Errors
 /// [`Error::Failed`](crate::error::Error::Failed) if plotters fails.
 pub(crate) fn error_against_twin(rows: &[SettingRow]) -> Result<String> {
-    let is_shown =
-        |row: &&SettingRow| row.reference == ReferenceKind::Twin && row.twin.is_some() && !row.has_effect_off;
+    let is_shown = |row: &&SettingRow| {
+        row.reference == ReferenceKind::SameSamples && row.twin.is_some() && !row.has_effect_off
+    };
     let shown = rows.iter().filter(is_shown).collect();
     let error = |row: &SettingRow| row.twin.map(|twin| twin.rmse);
     Plot::new(rows, shown, error, None, "error (RMSE, same sample points in exact)").svg()

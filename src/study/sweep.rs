@@ -103,7 +103,7 @@ impl SweepBuilder<'_> {
     fn vary(&mut self, parameter: &'static str, name: impl Into<String>, change: impl FnOnce(&mut Setting)) {
         let mut setting = self.base.clone();
         change(&mut setting);
-        self.add(parameter, name, ReferenceKind::Twin, setting);
+        self.add(parameter, name, ReferenceKind::SameSamples, setting);
     }
 
     /// Whether an effect is on; if it is not, `parameter` is omitted with the reason.

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use super::Image;
 use super::mip_map::MipMap;
 use crate::film::colour::luminance;
-use crate::scene::{Sampler, TexelEncoding};
+use crate::scene::{TexelEncoding, TextureSampler};
 
 /// The most parts of a triangle's side, the square of which are its lookups.
 const MOST_PARTS: f64 = 8.0;
@@ -16,12 +16,12 @@ pub(super) struct MeanEmission<'a> {
     image: &'a Image,
     /// Made here where the image has none: that of the image belongs to the plan, which may be made at the same time.
     made: Option<MipMap>,
-    sampler: Sampler,
+    sampler: TextureSampler,
     emission: DVec3,
 }
 
 impl<'a> MeanEmission<'a> {
-    pub(super) fn new(image: &'a Image, sampler: Sampler, emission: DVec3) -> Self {
+    pub(super) fn new(image: &'a Image, sampler: TextureSampler, emission: DVec3) -> Self {
         let texel = |index: usize| DVec3::from(image.texel(index, TexelEncoding::Colour)).as_vec3();
         let made = image.mip_map(TexelEncoding::Colour).is_none();
         let made = made.then(|| MipMap::new(image.width, image.height, texel));
@@ -93,7 +93,7 @@ mod tests {
     #[test]
     fn means_of_a_checker() {
         let checker = image(64, |i| if (i / 8 + i / 64 / 8) % 2 == 0 { 255 } else { 0 });
-        let mean = MeanEmission::new(&checker, Sampler::default(), DVec3::splat(3.0));
+        let mean = MeanEmission::new(&checker, TextureSampler::default(), DVec3::splat(3.0));
         let [a, b, c] = [DVec2::ZERO, DVec2::X, DVec2::Y];
         for scale in [1.0, 1e3, 1e12] {
             let of = mean.over([a, b * scale, c * scale]);

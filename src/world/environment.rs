@@ -152,7 +152,7 @@ impl PreparedEnvironment {
     }
 
     /// The place of a unit direction in the image; anything without one.
-    pub(crate) fn place(&self, direction: DVec3) -> [f64; 2] {
+    pub(crate) fn map_position(&self, direction: DVec3) -> [f64; 2] {
         match &self.radiance {
             Radiance::Uniform(_) => [0.0; 2],
             Radiance::Image(image) => image.image_place(direction),
@@ -342,8 +342,9 @@ mod tests {
             prepared(2, 1, |_, _| 2.0, 0.0),
             prepared(7, 3, |x, _| x as f32, 2.0),
         ] {
-            let total =
-                integral(1200, |direction| environment.eval_pdf(direction, environment.place(direction)).1);
+            let total = integral(1200, |direction| {
+                environment.eval_pdf(direction, environment.map_position(direction)).1
+            });
             assert!((total - 1.0).abs() < 2e-3, "{total}");
             let expected = integral(1200, |direction| environment.eval(direction).x);
             let count = 400;
@@ -392,7 +393,7 @@ mod tests {
             };
             assert_eq!(white.eval(DVec3::Y), DVec3::splat(expected));
             assert_eq!(
-                (black.eval(DVec3::Y), black.eval_pdf(DVec3::Y, black.place(DVec3::Y)).1),
+                (black.eval(DVec3::Y), black.eval_pdf(DVec3::Y, black.map_position(DVec3::Y)).1),
                 (DVec3::ZERO, 0.0)
             );
         }

@@ -314,8 +314,8 @@ impl World {
     }
 
     /// The place of a unit direction in the environment; anything without one.
-    pub(crate) fn environment_place(&self, direction: DVec3) -> [f64; 2] {
-        self.environment.as_ref().map_or([0.0; 2], |environment| environment.place(direction))
+    pub(crate) fn environment_position(&self, direction: DVec3) -> [f64; 2] {
+        self.environment.as_ref().map_or([0.0; 2], |environment| environment.map_position(direction))
     }
 
     /// The number of primitives in the scene.

@@ -17,7 +17,7 @@ use kiln::film::ColourPipeline;
 use kiln::geometry::{Hit, HitBuffer, Numerics, PrimId, Ray, RayBuffer, SlotId, Sphere};
 use kiln::scene::{
     Attribute, DecodedImage, Glaze, ImageId, Material, MaterialId, Mesh, NormalMap, Object, Phong, Placed,
-    Placement, Sampler, Scene, Shape, Step, Texture,
+    Placement, Scene, Shape, Step, Texture, TextureSampler,
 };
 use kiln::world::World;
 
@@ -55,7 +55,7 @@ fn object(shape: Shape) -> Object {
 fn scene_of(shapes: impl IntoIterator<Item = Shape>) -> Scene {
     let texel = |i: u32| [i * 37 % 256, i * 101 % 256, 128 + i % 128].map(|c| c as u8);
     let image = DecodedImage { name: "it".into(), width: 9, height: 6, pixels: (0..54).map(texel).collect() };
-    let texture = Texture { image: ImageId(0), sampler: Sampler::default(), coordinates: 0 };
+    let texture = Texture { image: ImageId(0), sampler: TextureSampler::default(), coordinates: 0 };
     let phong = Phong {
         specular: 0.5,
         glaze: Some(Glaze::default()),

@@ -24,7 +24,7 @@ fn bill<'a>(statistics: &'a Statistics, effect: &Effect) -> &'a EffectCost {
 }
 
 fn with(effect: &Effect) -> Choices {
-    Choices { with: vec![effect.name().into()], even_idle: true, ..Choices::default() }
+    Choices { with: vec![effect.name().into()], force_stages: true, ..Choices::default() }
 }
 
 fn without(names: &[&str]) -> Choices {
@@ -83,7 +83,7 @@ fn a_scene_that_does_not_call_for_an_effect_is_not_billed_for_it() {
         );
         assert_eq!(bill(&forced_statistics, effect).rays, 0, "{} casts rays for nothing", effect.name());
         // What `--with` does, which lets an effect without work stay off.
-        let asked = Choices { even_idle: false, ..with(effect) };
+        let asked = Choices { force_stages: false, ..with(effect) };
         let (asked, statistics) = prepared.render(asked);
         assert_eq!(bits(&film, SIZE), bits(&asked, SIZE));
         nothing_for(effect, &statistics);

@@ -65,7 +65,7 @@ fn errors(make: fn(&mut Numbers) -> Integrand, most: u32, is_random: bool) -> Ve
         for sample in 0..most {
             let own = scramble.of(Point::new(sample));
             let other = [numbers.unit() as f32, numbers.unit() as f32];
-            let ([x, y], _) = filter.place(if is_random { other.map(|u| u.min(0.999_999)) } else { own });
+            let ([x, y], _) = filter.sample(if is_random { other.map(|u| u.min(0.999_999)) } else { own });
             sum += value(x, y);
             squares[sample as usize] += (sum / f64::from(sample + 1) - exact).powi(2);
         }
@@ -150,7 +150,7 @@ fn every_filter_finds_its_own_moments() {
         let scramble = Scramble::new(1, 2, 3);
         let mut sum = SampleSum::default();
         for sample in 0..1 << 16 {
-            let ([x, y], sign) = filter.place(scramble.of(Point::new(sample)));
+            let ([x, y], sign) = filter.sample(scramble.of(Point::new(sample)));
             sum.add([x * x + x, y * y, x * y].map(|c| c as f32), sign);
         }
         let value = sum.value(&filter);
@@ -167,7 +167,7 @@ fn equal_samples_have_their_own_colour_as_their_mean() {
             let scramble = Scramble::new(count, 2, 3);
             let (mut sum, mut groups) = (SampleSum::default(), SampleGroups::default());
             for sample in 0..count {
-                let (_, sign) = filter.place(scramble.of(Point::new(sample)));
+                let (_, sign) = filter.sample(scramble.of(Point::new(sample)));
                 sum.add(colour, sign);
                 groups.add(colour, sign as f32);
             }
@@ -205,7 +205,7 @@ fn stop(adaptive: Criterion, most: u32, by_neighbours: bool) -> Stopped {
                     samples: &mut SampleVariance| {
             let scramble = Scramble::new(left + column, top + row, 0);
             for sample in from..to {
-                let ([x, y], sign) = filter.place(scramble.of(Point::new(sample)));
+                let ([x, y], sign) = filter.sample(scramble.of(Point::new(sample)));
                 let colour = [value(x + f64::from(column) - 1.0, y + f64::from(row) - 1.0) as f32; 3];
                 groups.add(colour, sign as f32);
                 samples.add(colour);
@@ -413,7 +413,7 @@ fn a_field_is_a_tile_and_what_is_around_it() {
     // No row above; a column on either side; a row below.
     let field = SampledRegion::new(tile, 1, [48, 48]);
     assert_eq!(field.whole, Window { x: 15, y: 0, width: 7, height: 4 });
-    let own: Vec<usize> = field.own().collect();
+    let own: Vec<usize> = field.tile_pixels().collect();
     assert_eq!(own, [1, 2, 3, 4, 5, 8, 9, 10, 11, 12, 15, 16, 17, 18, 19]);
     assert_eq!((0..28).filter(|&pixel| field.is_own(pixel)).collect::<Vec<_>>(), own);
     assert_eq!(field.neighbourhood(8).collect::<Vec<_>>(), [0, 1, 2, 7, 8, 9, 14, 15, 16]);

@@ -12,7 +12,7 @@ use kiln::render::{RenderControl, render};
 use kiln::scene::EffectValue;
 use kiln::scene::{
     Attribute, Camera, DecodedImage, Glaze, Interpolation, Material, MaterialId, Mesh, Minify, Numerics,
-    Object, Phong, Projection, Sampler, Scene, Shape, TexelEncoding, Texture, TextureFilter, Wrap,
+    Object, Phong, Projection, Scene, Shape, TexelEncoding, Texture, TextureFilter, TextureSampler, Wrap,
 };
 use kiln::shading::ShadingMode;
 use kiln::shading::texture::look_up;
@@ -37,7 +37,7 @@ fn square(size: f64, repeats: f64, world_from_square: DMat4) -> Mesh {
     mesh
 }
 
-fn textured(sampler: Sampler) -> Material {
+fn textured(sampler: TextureSampler) -> Material {
     let texture = Some(Texture { image: kiln::scene::ImageId(0), sampler, coordinates: 0 });
     Material::Phong(Phong { colour: kiln::film::Colour::from_u8([255; 3]), texture, ..Phong::default() })
 }
@@ -65,7 +65,7 @@ fn scene(picture: DecodedImage, mesh: Mesh, camera: Camera) -> Scene {
     Scene {
         picture: kiln::scene::PictureSettings { colour: Some(ColourPipeline::Display), ..Default::default() },
         cameras: vec![camera],
-        materials: vec![textured(Sampler::default())],
+        materials: vec![textured(TextureSampler::default())],
         images: vec![picture],
         objects: vec![object(Shape::Mesh(mesh), 0)],
         ..Scene::default()
@@ -96,7 +96,7 @@ fn texels_at_centres_and_edges_under_every_wrap_mode() {
     for (wrap, before, after) in
         [(Wrap::Repeat, 30.0, 10.0), (Wrap::MirroredRepeat, 10.0, 30.0), (Wrap::ClampToEdge, 10.0, 30.0)]
     {
-        let sampler = Sampler { wrap_u: wrap, wrap_v: wrap, ..Sampler::default() };
+        let sampler = TextureSampler { wrap_u: wrap, wrap_v: wrap, ..TextureSampler::default() };
         let at = |filter, thirds: f64| {
             let point = TexturePoint { uv: DVec2::new(thirds / 3.0, 0.5), footprint: [DVec2::ZERO; 2] };
             let filter = sampler.filter(Some(filter));
@@ -362,7 +362,7 @@ fn pyramids_are_made_where_a_filter_asks() {
     // A sampler of the file that wants none gets none.
     let mut scene = scene;
     let minify = Some(Minify { within: Interpolation::Linear, between: None });
-    scene.materials[0] = textured(Sampler { minify, ..Sampler::default() });
+    scene.materials[0] = textured(TextureSampler { minify, ..TextureSampler::default() });
     let prepared = prepare(scene, [8, 8], Numerics::Watertight);
     prepared.render(Choices::default());
     assert_eq!(prepared.world.images[0].mip_map_bytes(), 0);

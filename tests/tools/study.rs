@@ -64,7 +64,7 @@ fn the_acceleration_structure_makes_no_error() {
 fn exact_is_its_own_measure() {
     let study = read(tiny().0.path());
     let exact = study.rows.iter().find(|row| row.name() == "numerics: exact").expect("a row");
-    assert_eq!(exact.reference, ReferenceKind::Twin);
+    assert_eq!(exact.reference, ReferenceKind::SameSamples);
     assert!(exact.twin.expect("finite").are_none());
     let exact = study.geometry.iter().find(|tier| tier.numerics == "exact").expect("a tier");
     assert_eq!((exact.false_hits, exact.false_misses, exact.wrong_primitives), (0, 0, 0));

@@ -285,7 +285,7 @@ impl RayList for RayArrays<'_> {
     }
 
     #[inline]
-    fn place(&self, index: usize) -> [DVec3; 2] {
+    fn sort_key(&self, index: usize) -> [DVec3; 2] {
         let direction = DVec3::from(self.directions[index]);
         [self.origins[index].into(), direction * direction.abs().max_element().recip()]
     }

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::crossings::{each_crossing_of_rays, in_order, winding_ray};
 use super::lists::{ListGroup, Lists};
-use super::{Bvh, Closedness, ClosestPoint, Crossing, Traversal};
+use super::{Bvh, Closedness, ClosestPoint, SignedHit, Traversal};
 use crate::geometry::{Hit, HitBuffer, PACKET, Ray, RayBuffer, Rays, Side};
 
 /// The queries of a task.
@@ -51,7 +51,7 @@ pub trait RayList: Copy + Sync {
     fn get(&self, index: usize) -> Ray;
 
     /// The origin of that ray, and its direction, scaled to a length or a longest component of 1. Rays are sorted by these.
-    fn place(&self, index: usize) -> [DVec3; 2] {
+    fn sort_key(&self, index: usize) -> [DVec3; 2] {
         let Ray { origin, direction, .. } = self.get(index);
         [origin, direction]
     }
@@ -80,7 +80,7 @@ struct Worker {
 impl Worker {
     /// Loads `count` rays from index `first` on. `is_sorted`: along the curve.
     fn load(&mut self, rays: &impl RayList, first: usize, count: usize, is_sorted: bool) {
-        self.order.fill(count, is_sorted, |index| rays.place(first + index));
+        self.order.fill(count, is_sorted, |index| rays.sort_key(first + index));
         self.rays.clear();
         self.rays.extend(self.order.indices().map(|index| rays.get(first + index)));
     }
@@ -155,13 +155,13 @@ impl Bvh {
     }
 
     /// [`Bvh::crossings`] of every ray.
-    pub fn par_crossings(&self, rays: impl RayList) -> Lists<Crossing> {
+    pub fn par_crossings(&self, rays: impl RayList) -> Lists<SignedHit> {
         let trace = |rays: Rays, found: &mut Vec<(usize, _)>, traversal: &mut Traversal| {
             each_crossing_of_rays(self.accelerator(), rays, traversal, |index, crossing, primitive| {
                 found.push((index, (crossing, primitive.into())));
             });
         };
-        let finish = |index, found: &[_], places: &mut [u32], list: &mut Vec<Crossing>| {
+        let finish = |index, found: &[_], places: &mut [u32], list: &mut Vec<SignedHit>| {
             list.extend(in_order(&rays.get(index), found, places));
         };
         self.lists(&rays, trace, finish)
@@ -228,7 +228,7 @@ impl Bvh {
                     }
                 }
                 for (indices, rays) in indices.chunks(PACKET).zip(worker.rays.rays().chunks(PACKET)) {
-                    let found = |index: usize, Crossing { prim, side, .. }, _| {
+                    let found = |index: usize, SignedHit { prim, side, .. }, _| {
                         sides.push((index, prim, if side == Side::Leaving { 1 } else { -1 }));
                     };
                     each_crossing_of_rays(self.accelerator(), rays, &mut worker.traversal, found);

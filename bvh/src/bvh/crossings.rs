@@ -10,7 +10,7 @@ use crate::geometry::{LineTest, Precision, PrimId, Ray, Rays, Side, Stored, Tria
 
 /// A crossing of a ray and the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Crossing {
+pub struct SignedHit {
     /// Distance along the ray.
     pub t: f64,
     /// The primitive that is crossed.
@@ -18,6 +18,10 @@ pub struct Crossing {
     /// The side on which it is crossed.
     pub side: Side,
 }
+
+/// The former name of [`SignedHit`].
+#[deprecated(note = "renamed to `SignedHit`")]
+pub type Crossing = SignedHit;
 
 /// How often the edges of triangles are used. Vertices are those stored, rounded to the tier's precision, and equal if
 /// their coordinates are. Triangles with two equal vertices do not count; spheres have no edges.
@@ -85,7 +89,7 @@ impl Bvh {
     /// t is that of the ray itself, with a relative error below 2^-40, and does not decrease; ordered are the exact t of the
     /// moved ray, which triangles of the same plane have in common: those are ordered by id. A triangle has no more than
     /// one crossing, one without area none, a sphere up to two.
-    pub fn crossings(&self, ray: &Ray, traversal: &mut Traversal) -> Vec<Crossing> {
+    pub fn crossings(&self, ray: &Ray, traversal: &mut Traversal) -> Vec<SignedHit> {
         let mut found = Vec::new();
         each_crossing(self.accelerator(), ray, traversal, |crossing, primitive| {
             found.push((0, (crossing, primitive.into())));
@@ -104,7 +108,7 @@ impl Bvh {
     pub fn winding_number(&self, point: impl Into<DVec3>, traversal: &mut Traversal) -> i32 {
         let Some(ray) = winding_ray(point.into()) else { return 0 };
         let mut sides = take(&mut traversal.sides);
-        each_crossing(self.accelerator(), &ray, traversal, |Crossing { prim, side, .. }, _| {
+        each_crossing(self.accelerator(), &ray, traversal, |SignedHit { prim, side, .. }, _| {
             sides.push((prim, if side == Side::Leaving { 1 } else { -1 }));
         });
         if sides.len() > 1 {
@@ -165,9 +169,9 @@ pub(super) fn winding_ray(point: DVec3) -> Option<Ray> {
 /// are at `places`, which are sorted.
 pub(super) fn in_order(
     ray: &Ray,
-    found: &[(usize, (Crossing, Stored<DVec3>))],
+    found: &[(usize, (SignedHit, Stored<DVec3>))],
     places: &mut [u32],
-) -> impl Iterator<Item = Crossing> {
+) -> impl Iterator<Item = SignedHit> {
     let at = |place: &u32| &found[*place as usize].1;
     places.sort_unstable_by(|a, b| {
         let [(a, of_a), (b, of_b)] = [a, b].map(at);
@@ -179,7 +183,7 @@ pub(super) fn in_order(
     places.chunk_by(move |a, b| key(a) == key(b)).map(move |same| {
         let crossing = at(&same[0]).0;
         least = crossing.t.max(least);
-        Crossing { t: least, ..crossing }
+        SignedHit { t: least, ..crossing }
     })
 }
 
@@ -188,7 +192,7 @@ fn each_crossing(
     accelerator: &dyn Accelerator,
     ray: &Ray,
     traversal: &mut Traversal,
-    mut found: impl FnMut(Crossing, Primitive),
+    mut found: impl FnMut(SignedHit, Primitive),
 ) {
     let test = LineTest::new(ray);
     let mut visit = |prim, primitive| cross(&test, prim, primitive, &mut found);
@@ -200,7 +204,7 @@ pub(super) fn each_crossing_of_rays(
     accelerator: &dyn Accelerator,
     rays: Rays,
     traversal: &mut Traversal,
-    mut found: impl FnMut(usize, Crossing, Primitive),
+    mut found: impl FnMut(usize, SignedHit, Primitive),
 ) {
     let mut visit = |index, test: &LineTest, prim, primitive| {
         cross(test, prim, primitive, |crossing, primitive| found(index, crossing, primitive));
@@ -210,16 +214,16 @@ pub(super) fn each_crossing_of_rays(
 
 /// Calls `found` with the crossings of a ray and a primitive.
 #[inline(always)]
-fn cross(test: &LineTest, prim: PrimId, primitive: Primitive, mut found: impl FnMut(Crossing, Primitive)) {
+fn cross(test: &LineTest, prim: PrimId, primitive: Primitive, mut found: impl FnMut(SignedHit, Primitive)) {
     match &primitive {
         Primitive::Triangle(Triangle(corners)) => {
             if let Some((t, side)) = test.cross_triangle(corners) {
-                found(Crossing { t, prim, side }, primitive);
+                found(SignedHit { t, prim, side }, primitive);
             }
         }
         Primitive::Analytic(shape) => {
             for (t, side) in test.cross_shape(shape).into_iter().flatten() {
-                found(Crossing { t, prim, side }, primitive);
+                found(SignedHit { t, prim, side }, primitive);
             }
         }
     }
@@ -276,7 +280,7 @@ mod tests {
 
     fn crossings(accelerator: &dyn Accelerator, ray: &Ray) -> Found {
         let mut found = Vec::new();
-        each_crossing(accelerator, ray, &mut Traversal::default(), |Crossing { t, prim, side }, _| {
+        each_crossing(accelerator, ray, &mut Traversal::default(), |SignedHit { t, prim, side }, _| {
             found.push((prim, t.to_bits(), side));
         });
         sort(found)
@@ -288,7 +292,7 @@ mod tests {
         let of_packets = found.chunks_mut(PACKET).zip(rays.rays().chunks(PACKET));
         for (found, rays) in of_packets {
             let traversal = &mut Traversal::default();
-            each_crossing_of_rays(accelerator, rays, traversal, |index, Crossing { t, prim, side }, _| {
+            each_crossing_of_rays(accelerator, rays, traversal, |index, SignedHit { t, prim, side }, _| {
                 found[index].push((prim, t.to_bits(), side));
             });
         }

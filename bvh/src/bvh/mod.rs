@@ -28,7 +28,9 @@ mod wide;
 pub use api::{Bvh, NotFinite, RayArrays, Update, is_worth_keeping};
 pub use batch::RayList;
 pub use closest_point::ClosestPoint;
-pub use crossings::{CONTAINS_DIRECTION, Closedness, Containment, Crossing, NotClosed};
+#[allow(deprecated)]
+pub use crossings::Crossing;
+pub use crossings::{CONTAINS_DIRECTION, Closedness, Containment, NotClosed, SignedHit};
 pub use instances::{Instance, MeshSpace, can_be_instance};
 pub use lists::Lists;
 pub use preset::Preset;

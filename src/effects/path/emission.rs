@@ -44,7 +44,7 @@ impl Buffers {
         // In a loop of its own, so that the next one reads texels for several rays at once.
         self.places.clear();
         if lights.uniform_radiance().is_none() {
-            let place = |ray: usize| context.world.environment_place(generation.rays.get(ray).direction);
+            let place = |ray: usize| context.world.environment_position(generation.rays.get(ray).direction);
             self.places.extend(self.missed.iter().map(place));
         }
         for k in 0..self.missed.len() {

@@ -167,7 +167,7 @@ impl<'a> Lights<'a> {
     }
 
     /// The radiance from infinitely far away for a BSDF sample of density `pdf`: of the environment and of the discs of
-    /// directional lights, each weighted against its own light samples. `place` is [`World::environment_place`].
+    /// directional lights, each weighted against its own light samples. `place` is [`World::environment_position`].
     #[inline]
     pub(super) fn radiance_from_infinity(&self, direction: DVec3, pdf: f64, place: [f64; 2]) -> DVec3 {
         let discs = self.world.lights.iter().filter_map(|light| light.disc.as_ref());

@@ -102,11 +102,11 @@ impl Media {
 
 /// A set of volumes in a [`MediaTable`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct MediaId(u32);
+pub(super) struct MediumStack(u32);
 
-impl MediaId {
+impl MediumStack {
     /// Outside of all volumes.
-    pub(super) const EMPTY: MediaId = MediaId(0);
+    pub(super) const EMPTY: MediumStack = MediumStack(0);
 }
 
 /// A surface that a path meets, as far as media are concerned.
@@ -115,7 +115,7 @@ pub(super) struct MediumTransition {
     /// The medium that the path came through.
     passed: Option<u32>,
     /// The closed volumes in front of the surface, on the path's side, and behind it.
-    pub(super) sides: [MediaId; 2],
+    pub(super) sides: [MediumStack; 2],
     /// Whether the surface bounds a volume and the path came through that.
     pub(super) from_inside: bool,
     /// Whether a volume that goes before that of the surface is on both sides, so that there is no interface.
@@ -128,7 +128,7 @@ impl MediumTransition {
     /// A surface with no medium on either side.
     pub(super) const NONE: MediumTransition = MediumTransition {
         passed: None,
-        sides: [MediaId::EMPTY; 2],
+        sides: [MediumStack::EMPTY; 2],
         from_inside: false,
         is_hidden: false,
         ior_around: 1.0,
@@ -142,7 +142,7 @@ impl MediumTransition {
 }
 
 /// What a [`MediumTransition`] depends on: the volumes around the surface, its own, and whether the path is inside that.
-type MediumTransitionKey = (MediaId, Option<u32>, bool);
+type MediumTransitionKey = (MediumStack, Option<u32>, bool);
 
 /// The sets of volumes that hold the vertices of some paths, and the surfaces between them. Few are different.
 #[derive(Default)]
@@ -162,12 +162,12 @@ impl MediaTable {
     }
 
     /// Begins new paths, and lists the volumes that hold their origins, of which consecutive ones may be equal.
-    pub(super) fn start(&mut self, world: &World, [x, y, z]: [&[f64]; 3], media: &mut Vec<MediaId>) {
+    pub(super) fn start(&mut self, world: &World, [x, y, z]: [&[f64]; 3], media: &mut Vec<MediumStack>) {
         self.crossings.clear();
         self.sets.clear();
         self.sets.push(Media::EMPTY);
         let mut traversal = Traversal::default();
-        let mut last = (DVec3::NAN, MediaId::EMPTY);
+        let mut last = (DVec3::NAN, MediumStack::EMPTY);
         media.extend(x.iter().zip(y).zip(z).map(|((&x, &y), &z)| {
             let point = DVec3::new(x, y, z);
             if point != last.0 {
@@ -177,32 +177,40 @@ impl MediaTable {
         }));
     }
 
-    fn id(&mut self, media: Media) -> MediaId {
+    fn id(&mut self, media: Media) -> MediumStack {
         if media.is_empty() {
-            return MediaId::EMPTY;
+            return MediumStack::EMPTY;
         }
         let known = latest_indices(self.sets.len()).find(|&id| self.sets[id] == media);
         let id = known.unwrap_or_else(|| {
             self.sets.push(media);
             self.sets.len() - 1
         });
-        MediaId(id as u32)
+        MediumStack(id as u32)
     }
 
     /// The entry of surface `i`, which a path within `media` meets.
     #[inline]
-    pub(super) fn meet(&mut self, world: &World, media: MediaId, surfaces: &InteractionSoa, i: usize) -> u32 {
-        let own = world.volumes.as_ref().and_then(|volumes| volumes.of_object(surfaces.objects()[i]));
-        let from_inside = own.is_some() && world.is_seen_from_back(surfaces, i);
-        let key = (self.around(world, media, surfaces.position.get(i)), own, from_inside);
+    pub(super) fn meet(
+        &mut self,
+        world: &World,
+        media: MediumStack,
+        surfaces: &InteractionSoa,
+        i: usize,
+    ) -> u32 {
+        let volume = world.volumes.as_ref().and_then(|volumes| volumes.of_object(surfaces.objects()[i]));
+        let from_inside = volume.is_some() && world.is_seen_from_back(surfaces, i);
+        let key = (self.around(world, media, surfaces.position.get(i)), volume, from_inside);
         let known = latest_indices(self.crossings.len()).find(|&entry| self.crossings[entry].0 == key);
         known.unwrap_or_else(|| self.add_crossing(world, key)) as u32
     }
 
     /// Those of the volumes that may hold a point.
     #[inline]
-    fn around(&mut self, world: &World, media: MediaId, point: DVec3) -> MediaId {
-        let Some(volumes) = world.volumes.as_ref().filter(|_| media != MediaId::EMPTY) else { return media };
+    fn around(&mut self, world: &World, media: MediumStack, point: DVec3) -> MediumStack {
+        let Some(volumes) = world.volumes.as_ref().filter(|_| media != MediumStack::EMPTY) else {
+            return media;
+        };
         let all = self.sets[media.0 as usize];
         let around = all.around(volumes, point);
         if around == all { media } else { self.id(around) }
@@ -210,19 +218,19 @@ impl MediaTable {
 
     #[cold]
     fn add_crossing(&mut self, world: &World, key: MediumTransitionKey) -> usize {
-        let (around, own, from_inside) = key;
+        let (around, volume, from_inside) = key;
         let crossing = world.volumes.as_ref().map_or(MediumTransition::NONE, |volumes| {
             let around = self.sets[around.0 as usize];
-            let closed = own.filter(|&own| volumes.get(own).is_closed);
-            let outside = closed.filter(|_| from_inside).map_or(around, |own| around.without(own));
-            let inside = closed.map_or(outside, |own| outside.with(own));
+            let closed = volume.filter(|&volume| volumes.get(volume).is_closed);
+            let outside = closed.filter(|_| from_inside).map_or(around, |volume| around.without(volume));
+            let inside = closed.map_or(outside, |volume| outside.with(volume));
             let medium = outside.medium();
             let sides = if from_inside { [inside, outside] } else { [outside, inside] };
             MediumTransition {
-                passed: own.filter(|_| from_inside).map_or(around, |own| outside.with(own)).medium(),
+                passed: volume.filter(|_| from_inside).map_or(around, |volume| outside.with(volume)).medium(),
                 sides: sides.map(|side| self.id(side)),
                 from_inside,
-                is_hidden: medium.zip(closed).is_some_and(|(medium, own)| medium <= own),
+                is_hidden: medium.zip(closed).is_some_and(|(medium, volume)| medium <= volume),
                 ior_around: medium.map_or(1.0, |medium| volumes.get(medium).ior),
             }
         });
@@ -238,8 +246,14 @@ impl MediaTable {
 
     /// The transmittance over a ray that starts within `media` and ends at a point at a distance.
     #[inline]
-    pub(super) fn transmittance(&self, world: &World, media: MediaId, end: DVec3, distance: f64) -> DVec3 {
-        let Some(volumes) = world.volumes.as_ref().filter(|_| media != MediaId::EMPTY) else {
+    pub(super) fn transmittance(
+        &self,
+        world: &World,
+        media: MediumStack,
+        end: DVec3,
+        distance: f64,
+    ) -> DVec3 {
+        let Some(volumes) = world.volumes.as_ref().filter(|_| media != MediumStack::EMPTY) else {
             return DVec3::ONE;
         };
         transmittance(world, self.sets[media.0 as usize].around(volumes, end).medium(), distance)
@@ -270,13 +284,13 @@ mod tests {
         let mut table = MediaTable { sets: vec![Media::EMPTY], ..MediaTable::default() };
         let set =
             |volume: u32| (0..volume % 3).fold(Media::EMPTY.with(volume), |set, more| set.with(100 + more));
-        let ids: Vec<MediaId> = (0..60).map(|k| table.id(set(k % 25))).collect();
+        let ids: Vec<MediumStack> = (0..60).map(|k| table.id(set(k % 25))).collect();
         for (k, id) in (0..).zip(&ids) {
             assert_eq!(table.sets[id.0 as usize], set(k % 25));
         }
         // The latest are found again; nothing is a set of its own.
         let count = table.sets.len();
-        assert_eq!((table.id(set(59 % 25)), table.id(Media::EMPTY)), (ids[59], MediaId::EMPTY));
+        assert_eq!((table.id(set(59 % 25)), table.id(Media::EMPTY)), (ids[59], MediumStack::EMPTY));
         assert_eq!(table.sets.len(), count);
     }
 

@@ -35,7 +35,7 @@ use bsdf::Bsdfs;
 use continuations::Continuations;
 use light_samples::{LightSamples, TriangleSamples};
 use lights::Lights;
-use media::MediaId;
+use media::MediumStack;
 use numbers::{GenerationNumbers, Sequence};
 use vertices::{IndexList, Vertices};
 
@@ -106,7 +106,7 @@ pub const EFFECT: Effect = Effect {
     called_for,
     bytes: |tile| {
         let generations: usize = tile.generations.iter().skip(1).map(RayGeneration::bytes).sum();
-        tile.buffers::<Buffers>().map_or(0, |own| generations + own.bytes())
+        tile.buffers::<Buffers>().map_or(0, |buffers| generations + buffers.bytes())
     },
     ..Effect::NONE
 };
@@ -174,8 +174,8 @@ struct Buffers {
     next: Vec<Path>,
     /// For each ray of the current generation, the volumes that it runs through, and the same for the next. Empty in
     /// worlds without volumes.
-    media: Vec<MediaId>,
-    next_media: Vec<MediaId>,
+    media: Vec<MediumStack>,
+    next_media: Vec<MediumStack>,
     /// For each shadow ray of a light sample, whether it is occluded.
     occluded: Vec<bool>,
     /// The rays of the current generation that hit nothing, and the places of their directions in the environment.
@@ -282,12 +282,12 @@ impl Stage for Scatter {
     }
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|own: &mut Buffers, tile| {
+        tile.with_buffers(|buffers: &mut Buffers, tile| {
             if tile.depth == 0 {
-                own.start(tile, context.world);
+                buffers.start(tile, context.world);
             }
-            own.scatter(tile, context, self);
-            own.trace_shadow_rays(tile, context.world, self.continued);
+            buffers.scatter(tile, context, self);
+            buffers.trace_shadow_rays(tile, context.world, self.continued);
         });
     }
 }
@@ -400,10 +400,10 @@ impl Stage for WriteRadiance {
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
         let pipeline = context.world.pipeline;
-        tile.with_buffers(|own: &mut Buffers, tile| {
+        tile.with_buffers(|buffers: &mut Buffers, tile| {
             tile.pixels.clear();
             let pixel = |&radiance: &DVec3| pipeline.clamp(radiance).as_vec3().to_array();
-            tile.pixels.extend(own.radiance.iter().map(pixel));
+            tile.pixels.extend(buffers.radiance.iter().map(pixel));
         });
         expose_unlit(tile, context);
         catch_shadows(tile, context.world, true);

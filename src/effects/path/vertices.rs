@@ -7,7 +7,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::Path;
-use super::media::{MediaId, MediaTable, MediumTransition};
+use super::media::{MediaTable, MediumStack, MediumTransition};
 use crate::effects::ray_origins::find_origins;
 use crate::effects::tile::vec_bytes;
 use crate::world::{Flags, InteractionSoa, PerRay, RAYS_PER_BATCH, Vec3Soa, World, select, simd};
@@ -48,7 +48,7 @@ impl Vertices {
         world: &World,
         surfaces: &InteractionSoa,
         paths: &[Path],
-        media: &[MediaId],
+        media: &[MediumStack],
     ) {
         self.len = surfaces.len();
         self.crossings.clear();
@@ -140,7 +140,7 @@ impl Vertices {
 
     /// The volumes on the side of a direction.
     #[inline]
-    pub(super) fn media_towards(&self, i: usize, surfaces: &InteractionSoa, direction: DVec3) -> MediaId {
+    pub(super) fn media_towards(&self, i: usize, surfaces: &InteractionSoa, direction: DVec3) -> MediumStack {
         let is_below = direction.dot(surfaces.geometric_normal.get(i)) <= 0.0;
         self.crossing(i).sides[usize::from(is_below)]
     }

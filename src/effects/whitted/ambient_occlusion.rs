@@ -55,10 +55,10 @@ pub const EFFECT: Effect = Effect {
     },
     bytes: |tile| {
         let factors = tile.generations.iter().map(|generation| vec_bytes(&generation.surfaces.ambient));
-        let own = tile.buffers::<Buffers>().map_or(0, |Buffers { numbers, rays, occluded }| {
+        let lists = tile.buffers::<Buffers>().map_or(0, |Buffers { numbers, rays, occluded }| {
             numbers.bytes() + size_of::<Buffers>() + rays.bytes() + vec_bytes(occluded)
         });
-        own + factors.sum::<usize>()
+        lists + factors.sum::<usize>()
     },
     ..Effect::NONE
 };
@@ -117,8 +117,8 @@ impl Stage for TestHemispheres {
     }
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|own: &mut Buffers, tile| {
-            let Buffers { numbers, rays, occluded } = own;
+        tile.with_buffers(|buffers: &mut Buffers, tile| {
+            let Buffers { numbers, rays, occluded } = buffers;
             numbers.start(tile);
             let Tile { generations, current, traversal, .. } = tile;
             let generation = &mut generations[*current];

@@ -70,8 +70,8 @@ pub const EFFECT: Effect = Effect {
     bytes: |tile| {
         let generations: usize = tile.generations.iter().skip(1).map(RayGeneration::bytes).sum();
         tile.buffers::<Buffers>().map_or(0, |Buffers { glazed, weights, next_weights }| {
-            let own = vec_bytes(glazed) + vec_bytes(weights) + vec_bytes(next_weights);
-            size_of::<Buffers>() + own + generations
+            let lists = vec_bytes(glazed) + vec_bytes(weights) + vec_bytes(next_weights);
+            size_of::<Buffers>() + lists + generations
         })
     },
     ..Effect::NONE
@@ -132,15 +132,15 @@ impl Stage for Reflect {
     }
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|own: &mut Buffers, tile| self.reflect(own, tile, context.world));
+        tile.with_buffers(|buffers: &mut Buffers, tile| self.reflect(buffers, tile, context.world));
     }
 }
 
 impl Reflect {
-    fn reflect(&self, own: &mut Buffers, tile: &mut Tile, world: &World) {
+    fn reflect(&self, buffers: &mut Buffers, tile: &mut Tile, world: &World) {
         let Tile { depth, current, .. } = *tile;
-        self.find_glazed(&mut own.glazed, &tile.generations[current].surfaces, depth, world);
-        if own.glazed.is_empty() && tile.generations.len() == current + 1 {
+        self.find_glazed(&mut buffers.glazed, &tile.generations[current].surfaces, depth, world);
+        if buffers.glazed.is_empty() && tile.generations.len() == current + 1 {
             // The next generation does not exist; otherwise it has to be emptied.
             return;
         }
@@ -153,7 +153,7 @@ impl Reflect {
         rays.clear();
         let Some(origins) = origins else { return };
         let mut all_leave = true;
-        for range in &own.glazed {
+        for range in &buffers.glazed {
             sources.extend(range.start as u32..range.end as u32);
             all_leave &= match precision {
                 Precision::Single => simd!(mirrored_rays(surfaces, range, origins, Precision::Single, rays)),
@@ -162,10 +162,10 @@ impl Reflect {
         }
         if self.min_weight > 0.0 {
             if depth == 0 {
-                own.weights.clear();
-                own.weights.resize(RAYS_PER_BATCH, 1.0);
+                buffers.weights.clear();
+                buffers.weights.resize(RAYS_PER_BATCH, 1.0);
             }
-            end_light_paths(own, self.min_weight, surfaces, sources, world);
+            end_light_paths(buffers, self.min_weight, surfaces, sources, world);
         }
         if !all_leave {
             for &source in &*sources {
@@ -200,13 +200,13 @@ impl Reflect {
 
 /// Removes from `sources` the surfaces whose path has a throughput below `min_weight`, and updates the throughputs.
 fn end_light_paths(
-    own: &mut Buffers,
+    buffers: &mut Buffers,
     min_weight: f64,
     surfaces: &InteractionSoa,
     sources: &mut Vec<u32>,
     world: &World,
 ) {
-    let Buffers { weights, next_weights, .. } = own;
+    let Buffers { weights, next_weights, .. } = buffers;
     next_weights.clear();
     sources.retain(|&source| {
         let path = weights[surfaces.ray_of()[source as usize] as usize];
@@ -264,8 +264,8 @@ impl Stage for Combine {
             let source = next.sources[ray] as usize;
             let material = generation.surfaces.materials()[source] as usize;
             if let Some(glaze) = world.materials[material].glaze() {
-                let own = colours.get(source);
-                let mixed = world.pipeline.weighted_combine(own, mirrored, glaze.own_weight, glaze.weight);
+                let colour = colours.get(source);
+                let mixed = world.pipeline.weighted_combine(colour, mirrored, glaze.own_weight, glaze.weight);
                 colours.set(source, mixed);
             }
         };

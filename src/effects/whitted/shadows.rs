@@ -75,19 +75,19 @@ impl Stage for Shadows {
     }
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|own: &mut Buffers, tile| {
+        tile.with_buffers(|buffers: &mut Buffers, tile| {
             if !self.soft_shadows {
-                return test_occlusion(own, tile, context, self.continued, None);
+                return test_occlusion(buffers, tile, context, self.continued, None);
             }
             tile.with_buffers(|points: &mut DiscPoints, tile| {
-                test_occlusion(own, tile, context, self.continued, Some(points));
+                test_occlusion(buffers, tile, context, self.continued, Some(points));
             });
         });
     }
 }
 
 fn test_occlusion(
-    own: &mut Buffers,
+    buffers: &mut Buffers,
     tile: &mut Tile,
     context: &RenderContext,
     continued: Option<RayKind>,
@@ -96,7 +96,7 @@ fn test_occlusion(
     let Tile { generations, current, depth, lights, traversal, recorder, .. } = tile;
     let RayGeneration { surfaces, origins, shadow_origins, .. } = &generations[*current];
     let Some(origins) = shadow_origins.as_ref().or(origins.as_ref()) else { return };
-    let Buffers { rays, occluded, surfaces: tested } = own;
+    let Buffers { rays, occluded, surfaces: tested } = buffers;
     let (mut cast, mut blocked, mut count) = (0, 0, 0);
     for (index, light) in lights.iter_mut().enumerate() {
         list_reached(&light.reaches[..surfaces.len()], tested);

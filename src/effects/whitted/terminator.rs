@@ -41,10 +41,10 @@ pub const EFFECT: Effect = Effect {
     },
     bytes: |tile| {
         let lifted = tile.generations.iter().filter(|generation| generation.shadow_origins.is_some()).count();
-        let own = tile.buffers::<Buffers>().map_or(0, |Buffers { rays, occluded, lifted }| {
+        let lists = tile.buffers::<Buffers>().map_or(0, |Buffers { rays, occluded, lifted }| {
             size_of::<Buffers>() + rays.bytes() + vec_bytes(occluded) + vec_bytes(lifted)
         });
-        lifted * size_of::<Vec3Soa>() + own
+        lifted * size_of::<Vec3Soa>() + lists
     },
     ..Effect::NONE
 };
@@ -69,19 +69,19 @@ impl Stage for LiftOrigins {
     }
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|own: &mut Buffers, tile| lift_origins(own, tile, context));
+        tile.with_buffers(|buffers: &mut Buffers, tile| lift_origins(buffers, tile, context));
     }
 }
 
-fn lift_origins(own: &mut Buffers, tile: &mut Tile, context: &RenderContext) {
+fn lift_origins(buffers: &mut Buffers, tile: &mut Tile, context: &RenderContext) {
     let world = context.world;
     let Tile { generations, current, depth, traversal, recorder, .. } = tile;
     let RayGeneration { surfaces, origins, shadow_origins, .. } = &mut generations[*current];
     let Some(origins) = origins else { return };
     let shadow_origins = shadow_origins.get_or_insert_default();
     shadow_origins.clone_from(origins);
-    own.lift(world, surfaces, origins, shadow_origins);
-    let Buffers { rays, occluded, lifted } = own;
+    buffers.lift(world, surfaces, origins, shadow_origins);
+    let Buffers { rays, occluded, lifted } = buffers;
     occluded.clear();
     world.accelerator.are_occluded(rays.rays(), occluded, traversal);
     if let Some(recorder) = recorder {

@@ -17,7 +17,7 @@ use crate::import::scene_file::{LensSection, lens};
 use crate::import::uri::{self, Resource};
 use crate::scene::{
     Camera, Falloff, ImageId, Interpolation, Light, LightKind, Material, MetallicRoughness, Minify,
-    NormalMap, Opacity, Projection, Sampler, Scene, Texture, Wrap,
+    NormalMap, Opacity, Projection, Scene, Texture, TextureSampler, Wrap,
 };
 
 impl Loader<'_> {
@@ -111,7 +111,7 @@ impl Loader<'_> {
         Some(Texture {
             image,
             coordinates: 0,
-            sampler: Sampler {
+            sampler: TextureSampler {
                 wrap_u: wrap(sampler.wrap_s()),
                 wrap_v: wrap(sampler.wrap_t()),
                 magnify: sampler.mag_filter().map(|filter| match filter {

@@ -16,7 +16,7 @@ use crate::files::unreadable;
 use crate::import::Source;
 use crate::import::lines::Lines;
 use crate::import::references::unquoted;
-use crate::scene::{ImageId, Sampler, Texture, Wrap};
+use crate::scene::{ImageId, Texture, TextureSampler, Wrap};
 
 /// A material of an MTL file.
 #[derive(Debug, Default)]
@@ -58,7 +58,7 @@ impl Definition {
     /// A texture of the map `key`.
     pub(super) fn texture(&self, image: ImageId, key: &str) -> Texture {
         let wrap = if self.options(key).is_clamped { Wrap::ClampToEdge } else { Wrap::Repeat };
-        let sampler = Sampler { wrap_u: wrap, wrap_v: wrap, ..Sampler::default() };
+        let sampler = TextureSampler { wrap_u: wrap, wrap_v: wrap, ..TextureSampler::default() };
         Texture { image, sampler, coordinates: 0 }
     }
 

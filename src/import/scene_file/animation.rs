@@ -78,7 +78,7 @@ impl Builder<'_> {
             let hint = "leave it out; what is looked at is all that changes";
             return Err(self.error(start, "`property` beside `look_at`", hint));
         }
-        Ok(Track { target, motion, place: self.place(start) })
+        Ok(Track { target, motion, place: self.location(start) })
     }
 
     fn look_at(&self, start: usize, target: &Target, s: &LookAtSection) -> Result<Motion> {

@@ -83,10 +83,10 @@ struct Builder<'a> {
 impl Builder<'_> {
     /// An error in the section that starts at byte offset `start`.
     fn error(&self, start: usize, what: impl Into<String>, hint: &str) -> Error {
-        Error::input(self.place(start), what, hint)
+        Error::input(self.location(start), what, hint)
     }
 
-    fn place(&self, start: usize) -> Place {
+    fn location(&self, start: usize) -> Place {
         Place::line(&self.source.file, line_of(self.text, start))
     }
 
@@ -106,7 +106,7 @@ impl Builder<'_> {
                 let line = line_of(self.text, *first);
                 let what = format!("a second {noun} named `{name}`, like that of line {line}");
                 let hint = "tracks move both; give each its own name";
-                warnings.push(format!("{}: {what}; {hint}", self.place(start)));
+                warnings.push(format!("{}: {what}; {hint}", self.location(start)));
             }
         }
     }
@@ -145,7 +145,7 @@ impl Builder<'_> {
             self.scene.environment = Some(self.environment(section, warnings)?);
         }
         for (name, value) in &file.effects {
-            let place = self.place(value.span().start);
+            let place = self.location(value.span().start);
             self.scene.effects.set(name, value.get_ref().clone(), Some(place));
         }
         for (index, section) in file.camera.iter().enumerate() {

@@ -69,25 +69,25 @@ impl Estimate {
     }
 
     /// The column and row of a pixel.
-    fn place(&self, pixel: usize) -> (u32, u32) {
+    fn position(&self, pixel: usize) -> (u32, u32) {
         (pixel as u32 % self.width, pixel as u32 / self.width)
     }
 
     fn check_values(&self) -> std::result::Result<(), String> {
         if let Some(pixel) = self.counts.iter().position(|count| !(2.0..1e9).contains(count)) {
-            let (place, count) = (self.place(pixel), self.counts[pixel]);
+            let (place, count) = (self.position(pixel), self.counts[pixel]);
             return Err(format!(
                 "{count} sample(s) of the pixel at {place:?}, and a variance takes 2 or more"
             ));
         }
         for (name, (means, variances)) in CHANNELS.iter().zip(self.means.iter().zip(&self.variances)) {
             if let Some(pixel) = means.iter().position(|mean| !mean.is_finite()) {
-                return Err(format!("not finite at {:?} in `{name}`", self.place(pixel)));
+                return Err(format!("not finite at {:?} in `{name}`", self.position(pixel)));
             }
             if let Some(pixel) =
                 variances.iter().position(|variance| !(0.0..f32::INFINITY).contains(variance))
             {
-                let (place, variance) = (self.place(pixel), variances[pixel]);
+                let (place, variance) = (self.position(pixel), variances[pixel]);
                 return Err(format!("a variance of {variance} at {place:?} in `Variance.{name}`"));
             }
         }

@@ -205,8 +205,8 @@ impl<T: Tier> Accelerator for Wide<T> {
             {
                 continue;
             }
-            if let Some(few) = &self.few {
-                with!(self.instructions, S => all_pairs::closest::<T, S>(self, few, rays, hits, traversal));
+            if let Some(batch) = &self.batch {
+                with!(self.instructions, S => all_pairs::closest::<T, S>(self, batch, rays, hits, traversal));
                 continue;
             }
             let end = start + rays.len();
@@ -231,8 +231,8 @@ impl<T: Tier> Accelerator for Wide<T> {
             {
                 continue;
             }
-            if let Some(few) = &self.few {
-                with!(self.instructions, S => all_pairs::occluded::<T, S>(self, few, rays, occluded, traversal));
+            if let Some(batch) = &self.batch {
+                with!(self.instructions, S => all_pairs::occluded::<T, S>(self, batch, rays, occluded, traversal));
                 continue;
             }
             let end = start + rays.len();

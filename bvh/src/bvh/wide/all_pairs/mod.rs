@@ -93,20 +93,20 @@ impl Part {
 #[inline(always)]
 pub(crate) fn closest<T: Tier, S: Simd>(
     wide: &Wide<T>,
-    few: &SmallLeafBatch,
+    batch: &SmallLeafBatch,
     rays: Rays,
     hits: &mut HitBuffer,
     traversal: &mut Traversal,
 ) {
-    traversal.tests.primitives += (rays.len() * few.len()) as u64;
+    traversal.tests.primitives += (rays.len() * batch.len()) as u64;
     S::run(
         #[inline(always)]
         || {
             let mut of_rays = [Errors::NONE; TABLE];
-            let errors = few.errors::<S::D>(rays, &mut of_rays);
+            let errors = batch.errors::<S::D>(rays, &mut of_rays);
             hits.reserve(rays.len());
             for first in (0..rays.len()).step_by(S::F::LANES) {
-                closest_of_group::<T, S>((wide, few, errors), rays, first, hits, traversal);
+                closest_of_group::<T, S>((wide, batch, errors), rays, first, hits, traversal);
             }
         },
     );
@@ -114,7 +114,7 @@ pub(crate) fn closest<T: Tier, S: Simd>(
 
 #[inline(always)]
 fn closest_of_group<T: Tier, S: Simd>(
-    (wide, few, errors): (&Wide<T>, &SmallLeafBatch, &[Errors; TABLE]),
+    (wide, batch, errors): (&Wide<T>, &SmallLeafBatch, &[Errors; TABLE]),
     rays: Rays,
     first: usize,
     hits: &mut HitBuffer,
@@ -123,7 +123,7 @@ fn closest_of_group<T: Tier, S: Simd>(
     let group = RaysInF32::<S::F>::new::<S::D>(rays, first);
     let mut open = Open::<S::F>::new();
     let (mut near, mut far, mut best) = (group.t_max, group.t_max, index_bits::<S::F>(NONE));
-    few.each(
+    batch.each(
         errors,
         &group,
         #[inline(always)]
@@ -149,16 +149,16 @@ fn closest_of_group<T: Tier, S: Simd>(
                 has_best |= u32::from(index != NONE) << lane;
             }
             let mut unsure = part.of(open.overflown | !group.supported);
-            let mut nearest = few.hit(&lanes, &found, has_best);
+            let mut nearest = batch.hit(&lanes, &found, has_best);
             // Lanes that the test of several rays leaves undecided.
             unsure |= has_best & !nearest.hit;
             for (indices, has) in indices.iter().zip(open.has) {
                 let indices = part.indices::<S>(indices);
-                let is_open = few.ahead(&lanes, &indices, part.of(has) & !unsure);
+                let is_open = batch.ahead(&lanes, &indices, part.of(has) & !unsure);
                 if is_open == 0 {
                     continue;
                 }
-                let other = few.hit(&lanes, &indices, is_open);
+                let other = batch.hit(&lanes, &indices, is_open);
                 let (t, of_other) = (S::D::load(nearest.t), S::D::load(other.t));
                 // The order of equal distances is left to the tier.
                 unsure |= other.undecided | nearest.hit & other.hit & t.le(of_other) & of_other.le(t);
@@ -172,7 +172,7 @@ fn closest_of_group<T: Tier, S: Simd>(
             let (mut prims, mut slots) = ([NO_PRIMITIVE; MAX_LANES], [0; MAX_LANES]);
             for (lane, &index) in found.iter().enumerate().take(S::D::LANES) {
                 let index = if nearest.hit >> lane & 1 != 0 { index } else { NONE } as usize % (TABLE + 1);
-                (prims[lane], slots[lane]) = (few.prims[index], few.slots[index]);
+                (prims[lane], slots[lane]) = (batch.prims[index], batch.slots[index]);
             }
             let before = hits.len();
             hits.append(part.count, &prims, &slots, &nearest);
@@ -190,19 +190,19 @@ fn closest_of_group<T: Tier, S: Simd>(
 #[inline(always)]
 pub(crate) fn occluded<T: Tier, S: Simd>(
     wide: &Wide<T>,
-    few: &SmallLeafBatch,
+    batch: &SmallLeafBatch,
     rays: Rays,
     occluded: &mut Vec<bool>,
     traversal: &mut Traversal,
 ) {
-    traversal.tests.primitives += (rays.len() * few.len()) as u64;
+    traversal.tests.primitives += (rays.len() * batch.len()) as u64;
     S::run(
         #[inline(always)]
         || {
             let mut of_rays = [Errors::NONE; TABLE];
-            let errors = few.errors::<S::D>(rays, &mut of_rays);
+            let errors = batch.errors::<S::D>(rays, &mut of_rays);
             for first in (0..rays.len()).step_by(S::F::LANES) {
-                let hit = occluded_of_group::<T, S>((wide, few, errors), rays, first, traversal);
+                let hit = occluded_of_group::<T, S>((wide, batch, errors), rays, first, traversal);
                 let count = S::F::LANES.min(rays.len() - first);
                 occluded.extend((0..count).map(|lane| hit >> lane & 1 != 0));
             }
@@ -213,7 +213,7 @@ pub(crate) fn occluded<T: Tier, S: Simd>(
 /// The rays of a group that hit anything.
 #[inline(always)]
 fn occluded_of_group<T: Tier, S: Simd>(
-    (wide, few, errors): (&Wide<T>, &SmallLeafBatch, &[Errors; TABLE]),
+    (wide, batch, errors): (&Wide<T>, &SmallLeafBatch, &[Errors; TABLE]),
     rays: Rays,
     first: usize,
     traversal: &mut Traversal,
@@ -221,7 +221,7 @@ fn occluded_of_group<T: Tier, S: Simd>(
     let group = RaysInF32::<S::F>::new::<S::D>(rays, first);
     let mut open = Open::<S::F>::new();
     let mut certain = 0;
-    few.each(
+    batch.each(
         errors,
         &group,
         #[inline(always)]
@@ -245,18 +245,18 @@ fn occluded_of_group<T: Tier, S: Simd>(
             let indices = [part.indices::<S>(&indices[0]), part.indices::<S>(&indices[1])];
             let decided = hit | unsure;
             let is_open = [
-                few.ahead(&lanes, &indices[0], part.of(open.has[0]) & !decided),
-                few.ahead(&lanes, &indices[1], part.of(open.has[1]) & !decided),
+                batch.ahead(&lanes, &indices[0], part.of(open.has[0]) & !decided),
+                batch.ahead(&lanes, &indices[1], part.of(open.has[1]) & !decided),
             ];
             // Most rays have one left: all of these are tested together.
             let [mut first_open, second_open] = indices;
             for (lane, to) in first_open.iter_mut().enumerate() {
                 *to = if is_open[0] >> lane & 1 != 0 { *to } else { second_open[lane] };
             }
-            let found = few.hit(&lanes, &first_open, is_open[0] | is_open[1]);
+            let found = batch.hit(&lanes, &first_open, is_open[0] | is_open[1]);
             hit |= found.hit;
             unsure |= found.undecided;
-            let found = few.hit(&lanes, &second_open, is_open[0] & is_open[1] & !hit);
+            let found = batch.hit(&lanes, &second_open, is_open[0] & is_open[1] & !hit);
             hit |= found.hit;
             unsure = (unsure | found.undecided) & !hit;
             while unsure != 0 {

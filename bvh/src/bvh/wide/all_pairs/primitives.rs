@@ -37,7 +37,7 @@ impl SmallLeafBatch {
         if !T::HAS_RAY_N || wide.triangles.len() + wide.analytic.len() > MAX_PRIMITIVES {
             return None;
         }
-        let mut few = Box::new(SmallLeafBatch {
+        let mut batch = Box::new(SmallLeafBatch {
             triangles: Vec::new(),
             spheres: Vec::new(),
             slots: [0; TABLE + 1],
@@ -55,7 +55,7 @@ impl SmallLeafBatch {
             let (id, corners) = (leaf.ids[lane], leaf.corners.corners_f64(lane));
             // No ray hits a point. A split triangle is in several slots.
             let is_point = corners[0] == corners[1] && corners[1] == corners[2];
-            if id == NO_PRIMITIVE || is_point || few.prims[..count].contains(&id) {
+            if id == NO_PRIMITIVE || is_point || batch.prims[..count].contains(&id) {
                 continue;
             }
             if count == MAX_PRIMITIVES {
@@ -65,13 +65,13 @@ impl SmallLeafBatch {
             if !triangle.is_supported() {
                 return None;
             }
-            few.triangles.push(triangle);
-            few.reach = corners.iter().flatten().fold(few.reach, |reach, x| reach.max(x.abs()));
-            (few.slots[count], few.prims[count]) = (slot as u32, id);
-            for (to, corner) in few.corners.iter_mut().zip(corners) {
+            batch.triangles.push(triangle);
+            batch.reach = corners.iter().flatten().fold(batch.reach, |reach, x| reach.max(x.abs()));
+            (batch.slots[count], batch.prims[count]) = (slot as u32, id);
+            for (to, corner) in batch.corners.iter_mut().zip(corners) {
                 to.iter_mut().zip(corner).for_each(|(to, x)| to[count] = x);
             }
-            few.planes.iter_mut().zip(plane_of(&corners)).for_each(|(to, x)| to[count] = x);
+            batch.planes.iter_mut().zip(plane_of(&corners)).for_each(|(to, x)| to[count] = x);
             count += 1;
         }
         for (index, (shape, id)) in (0..).zip(&wide.analytic).filter(|(_, (shape, _))| !shape.is_empty()) {
@@ -80,17 +80,17 @@ impl SmallLeafBatch {
             if count == MAX_PRIMITIVES || !in_f32.is_supported() {
                 return None;
             }
-            few.spheres.push(in_f32);
-            few.reach = few.reach.max(sphere.centre.abs().max_element() + sphere.radius);
-            (few.slots[count], few.prims[count]) = (wide.slot_of_analytic(index).index(), id.0);
-            few.centres.iter_mut().zip(sphere.centre.to_array()).for_each(|(to, x)| to[count] = x);
-            few.radii[count] = sphere.radius;
+            batch.spheres.push(in_f32);
+            batch.reach = batch.reach.max(sphere.centre.abs().max_element() + sphere.radius);
+            (batch.slots[count], batch.prims[count]) = (wide.slot_of_analytic(index).index(), id.0);
+            batch.centres.iter_mut().zip(sphere.centre.to_array()).for_each(|(to, x)| to[count] = x);
+            batch.radii[count] = sphere.radius;
             count += 1;
         }
         // Origins of secondary rays lie on surfaces, up to 2^-23 of their coordinates.
-        few.reach *= 1.0 + 1.0 / f64::from(1 << 20);
-        few.errors = few.errors_within(few.reach);
-        Some(few)
+        batch.reach *= 1.0 + 1.0 / f64::from(1 << 20);
+        batch.errors = batch.errors_within(batch.reach);
+        Some(batch)
     }
 
     /// Bytes of memory.

@@ -17,7 +17,7 @@ use crate::geometry::simd::{InstructionSet, prefetch};
 use crate::geometry::{Corner, NO_PRIMITIVE, Stored, Tier, Triangle4};
 
 /// The primitives of a leaf: a range of [`Preorder::primitives`].
-type Members = Range<u32>;
+type LeafSlots = Range<u32>;
 
 /// Converts a binary tree with one primitive per leaf. A leaf refers to `slots[of_slot[tree.primitive_indices[i]]]`.
 ///
@@ -33,7 +33,7 @@ pub(crate) fn convert<T: Tier>(
         triangles: Vec::new(),
         analytic: Vec::new(),
         depth: 0,
-        few: None,
+        batch: None,
         instructions,
         cost_at_build: None,
     };
@@ -54,7 +54,7 @@ pub(crate) fn convert<T: Tier>(
     }
     let members = members;
     let leaves = write_nodes(&mut wide, &entries, &members, slots);
-    let leaf = |(index, leaf): (usize, &Members)| {
+    let leaf = |(index, leaf): (usize, &LeafSlots)| {
         if let Some(soon) = leaves.get(index + PREFETCH_AHEAD) {
             members[soon.start as usize..soon.end as usize]
                 .iter()
@@ -63,7 +63,7 @@ pub(crate) fn convert<T: Tier>(
         TriangleLeaf::new(in_order(&members, leaf.clone()), slots)
     };
     wide.triangles = leaves.par_iter().enumerate().with_min_len(MIN_PARALLEL).map(leaf).collect();
-    wide.few = SmallLeafBatch::new(&wide);
+    wide.batch = SmallLeafBatch::new(&wide);
     wide
 }
 
@@ -74,11 +74,11 @@ fn write_nodes<T: Tier>(
     entries: &[Entry],
     members: &[u32],
     slots: &[StoredSlot<T::Corner>],
-) -> Vec<Members> {
+) -> Vec<LeafSlots> {
     let collapse = Collapse::new(entries);
     // The usual size of meshes; the lists grow if necessary.
     wide.nodes.reserve(entries.len() / 6);
-    let mut leaves: Vec<Members> = Vec::with_capacity(entries.len() / 2 + 1);
+    let mut leaves: Vec<LeafSlots> = Vec::with_capacity(entries.len() / 2 + 1);
     wide.nodes.push(Node::EMPTY);
     // An entry, the index of its wide node, and the depth of that.
     let mut stack = vec![(0u32, 0usize, 1usize)];
@@ -120,7 +120,7 @@ fn write_nodes<T: Tier>(
 const PREFETCH_AHEAD: usize = 6;
 
 /// The slots of a leaf, ascending and without duplicates, and their number.
-fn in_order(slots: &[u32], members: Members) -> ([u32; LANES4], usize) {
+fn in_order(slots: &[u32], members: LeafSlots) -> ([u32; LANES4], usize) {
     let (mut lanes, mut count) = ([NO_PRIMITIVE; LANES4], 0);
     for &slot in &slots[members.start as usize..members.end as usize] {
         // Parts of one triangle have the same slot.

@@ -35,7 +35,7 @@ impl<T: Tier> Wide<T> {
         let bytes = self.nodes.len() * size_of::<Node>()
             + self.triangles.len() * size_of::<TriangleLeaf<T::Corner>>()
             + self.analytic.len() * size_of::<(AnalyticShape, PrimId)>()
-            + self.few.as_ref().map_or(0, |few| few.bytes());
+            + self.batch.as_ref().map_or(0, |batch| batch.bytes());
         let isa = self.instructions.name().unwrap_or(compiled_isa());
         Description { layout: "bvh8", isa, nodes: self.nodes.len(), slots, bytes }
     }

@@ -30,7 +30,7 @@ pub(crate) struct Wide<T: Tier> {
     /// The number of nodes on the longest path from the root.
     pub depth: usize,
     /// Copies of the primitives for [`all_pairs`](super::all_pairs); `None` in larger scenes.
-    pub few: Option<Box<SmallLeafBatch>>,
+    pub batch: Option<Box<SmallLeafBatch>>,
     /// The instruction set of its traversals.
     pub instructions: InstructionSet,
     /// The cost by the surface area heuristic before the first refit.

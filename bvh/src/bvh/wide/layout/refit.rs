@@ -21,7 +21,7 @@ impl<T: Tier> Wide<T> {
         let before = self.cost_at_build.unwrap_or_else(|| self.cost());
         self.cost_at_build = Some(before);
         let (triangles, shapes, is_other_kind) = self.move_primitives(primitive);
-        self.few = SmallLeafBatch::new(self);
+        self.batch = SmallLeafBatch::new(self);
         // Every node stands before its descendants.
         for index in (0..self.nodes.len()).rev() {
             for place in 0..WIDTH {
