@@ -121,6 +121,9 @@ pub mod sample_count;
 #[cfg(feature = "render")]
 #[doc(hidden)]
 pub mod shading;
+#[cfg(feature = "render")]
+#[doc(hidden)]
+pub mod simd;
 #[cfg(feature = "study")]
 #[doc(hidden)]
 pub mod study;

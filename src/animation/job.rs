@@ -1,18 +1,19 @@
 //! An animation as render jobs, one per frame.
 
-use std::sync::Arc;
-
 use rayon::prelude::*;
 
 use super::FrameList;
-use super::prepared::{FrameWorld, PreparedAnimation, turntable};
+use super::turntable;
 use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
 use crate::film::tone::Exposure;
 use crate::film::write::FRAME;
 use crate::job::camera::{Viewpoint, nothing_to_look_at};
 use crate::job::metadata::{self, set_auto_exposure};
-use crate::job::{self, Metadata, RenderControl, RenderJob, RenderSettings, ResolvedJob};
+use crate::job::{
+    self, Metadata, PreparedScene, RenderControl, RenderJob, RenderSettings, ResolvedJob, ResolvedPicture,
+    SceneAtTime,
+};
 use crate::scene::animation::Timeline;
 use crate::scene::{Camera, Scene};
 use crate::world::{Recentering, StandardView, recenter};
@@ -41,7 +42,12 @@ impl<'a> FrameRequest<'a> {
 /// An animation prepared for rendering.
 pub struct AnimationJob {
     /// `None` where no frame is to be rendered.
-    animation: Option<PreparedAnimation>,
+    scene: Option<PreparedScene>,
+    /// The index of the camera.
+    camera: usize,
+    /// A recentering and the camera in its coordinates, if it was fitted there: without the rounding of a conversion to
+    /// scene coordinates and back.
+    fitted: Option<(Recentering, Camera)>,
     /// Frames and times.
     pub timeline: Timeline,
     /// The frames to render, in order.
@@ -50,8 +56,10 @@ pub struct AnimationJob {
     pub skipped: usize,
     /// The number of effects that are on in the first frame. A light that is dark at first may add to them.
     pub effects_on: usize,
-    /// The settings that all frames share. Its scene is empty; `animation` has it.
-    pub resolved: ResolvedJob,
+    /// Whether lights are in physical units.
+    pub has_physical_lights: bool,
+    /// What all frames share. The camera is that before anything moves.
+    pub picture: ResolvedPicture,
 }
 
 impl AnimationJob {
@@ -92,30 +100,36 @@ impl AnimationJob {
         }
         // The camera at the beginning decides for all frames: this ground is added only to files without cameras, and
         // turntables do not change height.
-        let mut resolved = job::resolve_for(scene, look, None, camera.clone(), size, settings)?;
+        let resolved = job::resolve_for(scene, look, None, camera.clone(), size, settings)?;
+        let ResolvedJob { mut scene, look, picture, .. } = resolved;
         let mine = list.frames().iter().enumerate().filter(|(place, _)| request.shard.has(*place));
         let mine: Vec<i32> = mine.map(|(_, &frame)| frame).collect();
         // In parallel, since checking a file reads all of it.
-        let to_do = mine.par_iter().filter(|&&frame| !(request.is_there)(frame, &resolved.metadata));
+        let to_do = mine.par_iter().filter(|&&frame| !(request.is_there)(frame, &picture.metadata));
         let frames: Vec<i32> = to_do.copied().collect();
         let skipped = mine.len() - frames.len();
-        let Some(&first) = frames.first() else {
-            return Ok(AnimationJob { animation: None, timeline, frames, skipped, effects_on: 0, resolved });
+        let camera = index_of(&mut scene.cameras, &camera);
+        let has_physical_lights = scene.has_physical_lights;
+        let (first, light) = (frames.first().copied(), look.light);
+        let mut made = AnimationJob {
+            scene: None,
+            camera,
+            fitted,
+            timeline,
+            frames,
+            skipped,
+            effects_on: 0,
+            has_physical_lights,
+            picture,
         };
-        let (scene, look) = (std::mem::take(&mut resolved.scene), resolved.look.clone());
-        let (structure, numerics) = (resolved.structure(), resolved.numerics());
-        job::check_memory(&scene, &resolved.choices, numerics)?;
-        if let Some(light) = resolved.look.light {
-            light.note(warnings);
-        }
+        let Some(first) = first else { return Ok(made) };
+        let ResolvedPicture { settings, choices, .. } = &made.picture;
+        let (structure, numerics) = (made.picture.structure(), made.picture.numerics());
+        job::check_memory(&scene, choices, numerics)?;
+        light.into_iter().for_each(|light| light.note(warnings));
         building(warnings);
-        let pipeline = resolved.settings.picture.pipeline();
-        let animation = PreparedAnimation::new(scene, look, &camera, pipeline, structure, numerics)?;
-        let animation = Some(match fitted {
-            Some((recentering, camera)) => animation.fitted(recentering, camera),
-            None => animation,
-        });
-        let mut made = AnimationJob { animation, timeline, frames, skipped, effects_on: 0, resolved };
+        let pipeline = settings.picture.pipeline();
+        made.scene = Some(PreparedScene::new(scene, look, pipeline, structure, numerics)?);
         // Errors and warnings of the first frame come before any is rendered.
         let first = made.frame(first)?;
         made.effects_on = first.plan.effects_on().count();
@@ -130,26 +144,21 @@ impl AnimationJob {
     /// # Errors
     /// Those of [`AnimationJob::frame`] and [`RenderJob::render`].
     pub fn fix_exposure(&mut self, control: &RenderControl) -> Result<Option<f64>> {
-        let display = self.resolved.settings.picture.display();
-        if self.frames.is_empty() {
+        let display = self.picture.settings.picture.display();
+        if self.frames.is_empty() || !(self.picture.meters || display.is_auto()) {
             return Ok(None);
         }
-        if self.resolved.meters {
-            let mut first = self.frame(0)?;
+        let mut first = self.frame(0)?;
+        let picture = &mut self.picture;
+        if picture.meters {
             let ev = first.meter(control)?;
-            let resolved = &mut self.resolved;
-            (resolved.settings.picture, resolved.choices.clamp) =
-                (first.settings.picture, first.choices.clamp);
-            metadata::replace(&mut resolved.metadata, &resolved.settings.picture);
+            (picture.settings.picture, picture.choices.clamp) = (first.settings.picture, first.choices.clamp);
+            metadata::replace(&mut picture.metadata, &first.settings.picture);
             return Ok(Some(ev));
         }
-        if !display.is_auto() {
-            return Ok(None);
-        }
-        let first = self.frame(0)?;
         let ev = first.display_transform(control)?.ev();
-        self.resolved.settings.picture.exposure = Some(Exposure::Ev(ev));
-        set_auto_exposure(&mut self.resolved.metadata, ev);
+        picture.settings.picture.exposure = Some(Exposure::Ev(ev));
+        set_auto_exposure(&mut picture.metadata, ev);
         Ok(Some(ev))
     }
 
@@ -158,18 +167,28 @@ impl AnimationJob {
     /// # Errors
     /// [`Error::Input`] where a track takes a property out of its range, and those of [`RenderJob::new`].
     pub fn frame(&self, frame: i32) -> Result<RenderJob> {
-        let Some(animation) = &self.animation else {
+        let Some(scene) = &self.scene else {
             return Err(Error::Failed { what: "no frame to render".into(), hint: String::new() });
         };
-        let FrameWorld { world, camera, recentering, .. } = animation.at(self.timeline.time(frame))?;
-        let ResolvedJob { camera: resolved, window, settings, choices, metadata, .. } = &self.resolved;
-        let camera = Camera { projection: resolved.projection, ..camera };
-        let size = self.resolved.size();
-        let job = RenderJob::new(Arc::clone(&world), recentering, camera, size, choices.clone())?;
-        let mut metadata = metadata.clone();
-        metadata.push((FRAME.to_owned(), frame.to_string()));
-        Ok(RenderJob { window: *window, settings: settings.clone(), metadata, ..job })
+        let scene = scene.at(self.timeline.time(frame))?;
+        let SceneAtTime { cameras, recentering, .. } = &scene;
+        let camera = match (&self.fitted, recentering) {
+            (Some((fitted_in, camera)), Some(recentering)) if fitted_in == recentering => camera,
+            _ => &cameras[self.camera],
+        };
+        let camera = Camera { projection: self.picture.camera.projection, ..camera.clone() };
+        let mut picture = ResolvedPicture { camera, ..self.picture.clone() };
+        picture.metadata.push((FRAME.to_owned(), frame.to_string()));
+        scene.job_for(picture)
     }
+}
+
+/// The index of a camera among those of a scene, to which it is added if it is none of them.
+fn index_of(cameras: &mut Vec<Camera>, camera: &Camera) -> usize {
+    cameras.iter().position(|known| known == camera).unwrap_or_else(|| {
+        cameras.push(camera.clone());
+        cameras.len() - 1
+    })
 }
 
 /// The note for consecutive frames of a turntable that are a part of the turn. A single frame has none: it does not look

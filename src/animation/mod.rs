@@ -5,12 +5,12 @@
 
 pub mod frames;
 mod job;
+mod moving;
 mod order;
-mod prepared;
 pub mod video;
 
 pub use frames::{FileNames, FrameList};
 pub use job::{AnimationJob, FrameRequest};
+pub use moving::{play_clip, turntable};
 pub use order::in_order;
-pub use prepared::{FrameWorld, PreparedAnimation, play_clip, turntable};
 pub use video::{FrameData, Quality, VideoFormat, VideoSpec, VideoWriter};

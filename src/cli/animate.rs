@@ -138,11 +138,11 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
     let request = FrameRequest::all(fps, duration, command.frames.as_ref());
     let settings = command.arguments.settings()?;
     let mut animation = pool.install(|| reporter.load_animation(&command.arguments, &settings, &request))?;
-    let picture = &animation.resolved.settings.picture;
+    let picture = &animation.picture.settings.picture;
     super::output::check_alpha(picture.is_transparent(), "a film", false)?;
     let pipeline = picture.pipeline();
     frames::fix_exposure(&mut reporter, &pool, &mut animation, interrupted)?;
-    let window = animation.resolved.window;
+    let window = animation.picture.window;
     let size = [window.width, window.height];
     format.check(size, animation.timeline.fps())?;
     let spec = VideoSpec { size, fps: animation.timeline.fps(), frames: animation.frames.len(), pipeline };

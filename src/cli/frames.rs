@@ -51,7 +51,7 @@ pub(crate) fn render_all<T: Send>(
     make: &(dyn Fn(i32, &RenderJob, &RenderControl) -> Result<T> + Sync),
     take: &mut (dyn FnMut(i32, T) -> Result<()> + Send),
 ) -> Result<()> {
-    let window = animation.resolved.window;
+    let window = animation.picture.window;
     let across = |size: u32| size.div_ceil(TILE) as usize;
     let tiles = across(window.width) * across(window.height);
     let (done, total) = (AtomicUsize::new(0), tiles * animation.frames.len());
@@ -97,7 +97,7 @@ impl FrameChecks {
     ) -> Result<()> {
         let is_first = animation.frames.first() == Some(&frame);
         let exposure = match film {
-            Some(film) if is_first && animation.resolved.has_physical_lights => {
+            Some(film) if is_first && animation.has_physical_lights => {
                 job.exposure_for_clipped(film, control)?
             }
             _ => None,
@@ -185,10 +185,10 @@ pub(crate) fn write_frames(
     };
     let mut animation = pool.install(|| reporter.load_animation(arguments, &settings, &request))?;
     animation.frames.iter().try_for_each(|&frame| check_output(&pictures.names.of(frame)))?;
-    let is_transparent = animation.resolved.settings.picture.is_transparent();
+    let is_transparent = animation.picture.settings.picture.is_transparent();
     output::check_alpha(is_transparent, ".jpg", pictures.format != Format::Jpeg)?;
     // A metered exposure sets a clamp, too.
-    if pictures.format != Format::Exr || animation.resolved.meters {
+    if pictures.format != Format::Exr || animation.picture.meters {
         fix_exposure(&mut reporter, &pool, &mut animation, interrupted)?;
     }
     let skipped = match animation.skipped {

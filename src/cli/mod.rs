@@ -23,7 +23,11 @@ pub mod picture;
 mod prepare;
 mod progress;
 mod render;
+#[cfg(all(test, feature = "viewer"))]
+#[path = "same_picture/tests.rs"]
+mod same_picture;
 mod sampling;
+mod schema;
 mod statistics;
 mod study;
 mod synonyms;
@@ -42,7 +46,6 @@ use clap::{CommandFactory, Parser, Subcommand};
 
 use message::{Message, WarningPrinter};
 
-use crate::effects;
 use crate::error::{Error, Result, is_contained, printable_json, printable_lines};
 use crate::files;
 use crate::limits;
@@ -190,7 +193,7 @@ pub fn run(words: Vec<OsString>) -> u8 {
             Command::Study(arguments) => study::run(&arguments, interrupted),
             Command::Bench(arguments) => bench::run(&arguments, interrupted),
             Command::Compare(arguments) => return compare::run(&arguments),
-            Command::Schema => print(&json_text(&effects::schema())),
+            Command::Schema => print(&json_text(&schema::schema())),
             Command::Completions { shell } => {
                 let mut text = Vec::new();
                 clap_complete::generate(shell, &mut Arguments::command(), "kiln", &mut text);

@@ -141,7 +141,7 @@ pub fn render(
         let files_read = scene.files_read.iter().cloned().chain(environment).collect();
         note_rest_pose(&scene, warnings);
         let resolved = resolve(scene, &settings, warnings)?;
-        let has_physical_lights = resolved.has_physical_lights;
+        let has_physical_lights = resolved.scene.has_physical_lights;
         let mut job = resolved.build(warnings)?;
         let channels = selection.channel_count(job.plan.effects_on().count()) as u64;
         // Colours and alpha are rendered together, split, and copied.

@@ -170,21 +170,23 @@ fn render_to(
     settings.aovs = command.aov.clone();
     let mut resolved = reporter.load_and_resolve(&command.arguments, &settings)?;
     if let Some(target) = command.accuracy.target() {
-        metadata::add_to_fingerprint(&mut resolved.metadata, "sampling_target", &target);
+        metadata::add_to_fingerprint(&mut resolved.picture.metadata, "sampling_target", &target);
     }
-    if command.skip_existing && target.existing().is(metadata::fingerprint_of(&resolved.metadata), None) {
+    if command.skip_existing
+        && target.existing().is(metadata::fingerprint_of(&resolved.picture.metadata), None)
+    {
         reporter.show();
         reporter
             .progress
             .finish(&format!("{} exists with the same scene and settings", target.file().display()));
         return Ok(());
     }
-    let is_transparent = resolved.settings.picture.is_transparent();
+    let is_transparent = resolved.picture.settings.picture.is_transparent();
     output::check_alpha(is_transparent, ".jpg", target.format() != Format::Jpeg)?;
     let has_target = command.accuracy.target().is_some();
     output::check_accuracy_alpha(is_transparent, has_target)?;
     target.check_writable()?;
-    let has_physical_lights = resolved.has_physical_lights;
+    let has_physical_lights = resolved.scene.has_physical_lights;
     reporter.progress.phase("building");
     let mut job = timed(&mut reporter.seconds.build, || resolved.build(&mut reporter.warnings))?;
     output::check_memory(&job, target, selection, has_target)?;

@@ -58,7 +58,7 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     let longest = (!command.full).then_some(LONGEST);
     let settings = RenderSettings { longest_side: longest, mesh_look: Look::Draft, ..arguments.settings()? };
     let resolved = wide.install(|| reporter.load_and_resolve(arguments, &settings))?;
-    if !resolved.settings.picture.display().is_identity() {
+    if !resolved.picture.settings.picture.display().is_identity() {
         reporter.warnings.note("the study compares displayed values without exposure and tone map");
         reporter.show();
     }
@@ -138,22 +138,25 @@ fn options(command: &Command, parameters: Vec<&'static str>) -> Options {
     Options { rounds, most_samples, reference_samples, rays_across, leak_rays, parameters }
 }
 
-fn subject(arguments: &Arguments, job: ResolvedJob) -> StudySubject {
+/// What is studied: pictures without exposure and tone map.
+fn subject(arguments: &Arguments, mut job: ResolvedJob) -> StudySubject {
     let inputs: Vec<String> = arguments.inputs.iter().map(|input| input.display().to_string()).collect();
+    let picture = &mut job.picture;
+    (picture.settings.picture.exposure, picture.settings.picture.tone_map) = (None, None);
     let base = Setting {
-        numerics: job.numerics(),
-        structure: job.structure(),
-        pipeline: job.settings.picture.pipeline(),
-        sampling: job.choices.sampling,
+        numerics: picture.numerics(),
+        structure: picture.structure(),
+        pipeline: picture.settings.picture.pipeline(),
+        sampling: picture.choices.sampling,
         bounces: None,
         textures: None,
         without: Vec::new(),
-        path: PathVariation::of(&job.choices),
+        path: PathVariation::of(&picture.choices),
     };
     StudySubject {
         name: inputs.join(" "),
         command: typed(),
-        render_command: render_command(arguments, job.size()),
+        render_command: render_command(arguments, job.picture.size()),
         job,
         base,
     }

@@ -85,7 +85,7 @@ fn expected(command: &Command, output: &Path) -> Result<(String, Option<FrameLis
     let is_series = FileNames::parse(output).is_ok_and(|names| names.is_some());
     if command.frames.is_none() && !is_series {
         let resolved = reporter.load_and_resolve(&command.arguments, &settings)?;
-        return Ok((fingerprint_of(&resolved.metadata).to_owned(), None));
+        return Ok((fingerprint_of(&resolved.picture.metadata).to_owned(), None));
     }
     // All frames are reported as existing, so that no tree is built.
     let request = FrameRequest {
@@ -97,7 +97,7 @@ fn expected(command: &Command, output: &Path) -> Result<(String, Option<FrameLis
     };
     let animation = reporter.load_animation(&command.arguments, &settings, &request)?;
     let list = command.frames.clone().unwrap_or_else(|| FrameList::range(0, animation.timeline.last()));
-    Ok((fingerprint_of(&animation.resolved.metadata).to_owned(), Some(list)))
+    Ok((fingerprint_of(&animation.picture.metadata).to_owned(), Some(list)))
 }
 
 /// The expected files with their frames.

@@ -48,7 +48,7 @@ pub(crate) fn run(command: &Command) -> Result<()> {
 
 /// Loads files, with the initial camera and settings that `kiln render` would use. Returns also all files read or
 /// looked for.
-fn open(
+pub(super) fn open(
     arguments: &Arguments,
     inputs: &[PathBuf],
     chosen: Option<&ImportOptions>,

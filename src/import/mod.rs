@@ -312,6 +312,19 @@ pub fn reload(scene: &Scene, options: &ImportOptions, warnings: &mut Warnings) -
     load_by(&scene.inputs, &Files::of_scene(scene), options, warnings)
 }
 
+/// Poses a scene by clips at a time in seconds. Imports objects, cameras, lights, materials and images again, and keeps
+/// all else, such as settings, default look and added cameras.
+pub(crate) fn pose(scene: &mut Scene, seconds: f64) -> Result<()> {
+    let moment = crate::scene::ClipTime { clip: scene.import_options.clip(), time: seconds };
+    let options = scene.import_options.clone().posed(moment);
+    let Scene { objects, mut cameras, lights, materials, images, .. } =
+        reload(scene, &options, &mut Warnings::default())?;
+    cameras.extend(scene.cameras.drain(..).skip(cameras.len()));
+    (scene.objects, scene.cameras, scene.lights) = (objects, cameras, lights);
+    (scene.materials, scene.images) = (materials, images);
+    Ok(())
+}
+
 /// Checks that an input has the requested clip and the requested variant.
 fn check_names(scene: &Scene, options: &ImportOptions) -> Result<()> {
     let list = |names: Vec<&str>| names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");

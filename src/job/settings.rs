@@ -137,7 +137,7 @@ impl RenderSettings {
     /// # Errors
     /// Those of [`EnvironmentSettings::of`], and [`Error::Input`] for a ground under a scene without objects.
     pub fn default_look(&self, scene: &Scene, warnings: &mut Warnings) -> Result<DefaultLook> {
-        super::warn_of_dark_lights(scene, warnings);
+        super::notes::warn_of_dark_lights(scene, warnings);
         let environment = self.environment.of(scene, warnings)?;
         let look = super::default_look::default_look(scene, self, environment)?;
         look.notes.iter().for_each(|note| warnings.note(note.as_str()));

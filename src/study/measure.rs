@@ -137,8 +137,8 @@ pub fn study(
     let base_limit = limits.iter().find(|limit| limit.filter == subject.base.sampling.shape_and_radius());
     let study = Study {
         envelope,
-        settings: pairs(&subject.job.metadata),
-        size: [subject.job.window.width, subject.job.window.height],
+        settings: pairs(&subject.job.picture.metadata),
+        size: [subject.job.picture.window.width, subject.job.picture.window.height],
         rounds: options.rounds,
         threads,
         clock: Clock::name(threads).into(),
@@ -176,11 +176,11 @@ fn limit_options(work: &StudyRun, limit: Option<&ConvergedReference>) -> Option<
     let StudySubject { base, job, .. } = work.subject;
     let mut setting = Setting { numerics: Numerics::Exact, ..work.reference.clone() };
     (setting.sampling.samples, setting.sampling.noise) = (Some(limit?.floor.samples), None);
-    setting.options(base, &job.choices)
+    setting.options(base, &job.picture.choices)
 }
 
 fn rows(candidates: &[Candidate], settings: &[MeasuredSetting], subject: &StudySubject) -> Vec<SettingRow> {
-    let pixels = subject.job.window.area() as f64;
+    let pixels = subject.job.picture.window.area() as f64;
     let mut rows = Vec::new();
     for candidate in candidates {
         let Some(measured) = settings.iter().find(|measured| measured.setting == candidate.setting) else {
@@ -194,7 +194,7 @@ fn rows(candidates: &[Candidate], settings: &[MeasuredSetting], subject: &StudyS
         };
         let (setting, statistics) = (&measured.setting, &result.statistics);
         let (shape, radius) = setting.sampling.shape_and_radius();
-        let options = setting.options(&subject.base, &subject.job.choices);
+        let options = setting.options(&subject.base, &subject.job.picture.choices);
         let primary_rays = statistics.rays(RayKind::PRIMARY).cast;
         rows.push(SettingRow {
             id: rows.len(),

@@ -1,7 +1,6 @@
 //! Steps of a study: geometry, limits, twins, comparison of pictures, timing rounds.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::data::{GeometryErrors, Significance};
@@ -13,12 +12,12 @@ use super::{geometry, leaks};
 use crate::error::{Error, Result};
 use crate::film::{Film, FilterShape, Pixel, TILE, Window};
 use crate::geometry::Numerics;
-use crate::job::{RenderJob, ResolvedJob};
+use crate::job::{PreparedScene, RenderJob, ResolvedJob, ResolvedPicture};
 use crate::metrics::{ComparedImage, Figures};
 use crate::render::{RenderControl, Statistics};
 use crate::scene::{DefaultLook, Scene};
 use crate::timing::{Clock, Quartiles};
-use crate::world::{View, World};
+use crate::world::View;
 
 /// Maximum number of rays along a side for the comparison of geometry, unless the picture is larger.
 const MAX_RAYS_ACROSS: u32 = 2048;
@@ -50,12 +49,12 @@ pub(crate) fn prepare(subject: &StudySubject, setting: &Setting) -> Result<Rende
 
 /// The job of a scene in a setting.
 fn job_of(subject: &StudySubject, setting: &Setting, scene: Scene) -> Result<RenderJob> {
-    let ResolvedJob { look, camera, window, choices, .. } = &subject.job;
+    let ResolvedJob { look, recentering, picture, .. } = &subject.job;
     let look = DefaultLook { ambient: setting.path.ambient.or(look.ambient), ..look.clone() };
-    let world = World::prepare_look(scene, &look, setting.pipeline, setting.structure, setting.numerics);
-    let job =
-        RenderJob::new(Arc::new(world), None, camera.clone(), subject.job.size(), setting.choices(choices))?;
-    Ok(RenderJob { window: *window, ..job })
+    let Setting { pipeline, structure, numerics, .. } = *setting;
+    let scene = PreparedScene::at_rest(scene, &look, *recentering, pipeline, structure, numerics);
+    let choices = setting.choices(&picture.choices);
+    scene.at(0.0)?.job_for(ResolvedPicture { choices, ..picture.clone() })
 }
 
 /// The distinct filters of all settings, beginning with that of the base.
@@ -106,7 +105,7 @@ impl StudyRun<'_> {
 
     /// Sets the total work of the progress.
     pub(crate) fn set_total_work(&self, settings: &[MeasuredSetting], limits: usize) {
-        let Window { width, height, .. } = self.subject.job.window;
+        let Window { width, height, .. } = self.subject.job.picture.window;
         let tiles = (width.div_ceil(TILE) * height.div_ceil(TILE)) as usize;
         let once: usize = settings.iter().map(|measured| effort(&measured.setting)).sum();
         let rounds = self.options.rounds as usize;
@@ -120,7 +119,7 @@ impl StudyRun<'_> {
 
     /// Picture size for the comparison of geometry.
     fn size_of_geometry(&self) -> [u32; 2] {
-        let size = self.subject.job.size();
+        let size = self.subject.job.picture.size();
         let most = MAX_RAYS_ACROSS / size[0].max(size[1]).max(1);
         size.map(|side| side * self.options.rays_across.min(most).max(1))
     }
@@ -133,7 +132,8 @@ impl StudyRun<'_> {
 
     /// Differences in ray hits between each tier and `exact`.
     pub(crate) fn geometry(&self) -> Result<Vec<GeometryErrors>> {
-        let StudySubject { job: ResolvedJob { scene, camera, .. }, base, .. } = self.subject;
+        let StudySubject { job: ResolvedJob { scene, picture, .. }, base, .. } = self.subject;
+        let camera = &picture.camera;
         let size = self.size_of_geometry();
         let view = View::new(camera, camera.projection, size)?;
         let closed = leaks::closed_meshes(scene);
@@ -151,7 +151,7 @@ impl StudyRun<'_> {
 
     /// Renders a setting that shares the prepared scene of `job`.
     fn render_setting<P: Pixel>(&self, job: &RenderJob, setting: &Setting) -> Result<(Film<P>, Statistics)> {
-        self.render(&job.with_choices(setting.choices(&self.subject.job.choices))?, setting)
+        self.render(&job.with_choices(setting.choices(&self.subject.job.picture.choices))?, setting)
     }
 
     /// Renders a prepared setting.
@@ -273,7 +273,8 @@ impl StudyRun<'_> {
                 self.render_setting::<[u8; 3]>(&job, &first)?;
                 for turn in 0..group.len() {
                     let measured = &mut settings[group[(round + turn) % group.len()]];
-                    let job = job.with_choices(measured.setting.choices(&self.subject.job.choices))?;
+                    let job =
+                        job.with_choices(measured.setting.choices(&self.subject.job.picture.choices))?;
                     let clock = Clock::start(threads);
                     self.render::<[u8; 3]>(&job, &measured.setting)?;
                     measured.trace_ms.push(1e3 * clock.seconds());

@@ -27,6 +27,8 @@ mod timeline;
 pub mod watch;
 
 pub use app::run;
+#[cfg(test)]
+pub(crate) use painter::final_picture;
 pub use request::{CameraSource, Opened};
 
 use std::path::{Path, PathBuf};

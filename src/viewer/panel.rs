@@ -40,7 +40,7 @@ pub(crate) struct PanelContents<'a> {
 impl PanelContents<'_> {
     /// Samples per pixel of the left side, at most.
     fn samples_taken(&self) -> u32 {
-        self.rendered[0].map_or(1, |rendered| rendered.prepared.choices.sampling.samples_taken())
+        self.rendered[0].map_or(1, |rendered| rendered.prepared.job.choices.sampling.samples_taken())
     }
 
     fn displayed_camera(&self) -> Option<&Camera> {
@@ -273,7 +273,7 @@ fn light(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) -> Opti
 /// Boxes that show what the picture has, and change that alone.
 fn ground_and_background(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
     let scene = &contents.opened.scene;
-    let shown = contents.rendered[controls.side].map(|rendered| rendered.prepared.job.settings.picture);
+    let shown = contents.rendered[controls.side].map(|rendered| rendered.prepared.shown_settings());
     let settings = controls.settings();
     let mut is_draft = settings.look(scene) == Look::Draft;
     let of_files = RenderSettings { picture: PictureSettings::default(), ..settings.clone() };
@@ -426,7 +426,7 @@ impl LightChoice {
 fn render_settings(ui: &mut Ui, rendered: Option<&RenderedImage>, controls: &mut Controls) {
     let picture = &mut controls.settings().picture;
     // What the file or the look says, where nothing else was chosen.
-    let own = rendered.map(|rendered| rendered.prepared.job.settings.picture).unwrap_or_default();
+    let own = rendered.map(|rendered| rendered.prepared.shown_settings()).unwrap_or_default();
     let shown = picture.or(own);
     let mut shading = shown.shading.unwrap_or_default();
     choice(ui, help::SHADING, &mut shading, &ShadingMode::ALL, ShadingMode::name);

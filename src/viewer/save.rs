@@ -59,13 +59,13 @@ pub(crate) fn picture(
 ) -> Result<()> {
     let RenderRequest { opened, time, sides, .. } = request;
     let control = RenderControl::default();
-    let mut job = prepared.job.with_choices(prepared.choices.clone())?;
+    let mut job = prepared.job.with_choices(prepared.job.choices.clone())?;
     if prepared.meters {
         job.meter(&control)?;
     }
     let (film, statistics) = job.render(&control)?;
     let settings = request.render_settings(&sides[side]);
-    let mut metadata = resolve(opened.scene.clone(), &settings, &mut Warnings::default())?.metadata;
+    let mut metadata = resolve(opened.scene.clone(), &settings, &mut Warnings::default())?.picture.metadata;
     if *time != 0.0 {
         add_to_fingerprint(&mut metadata, "time", time);
     }

@@ -7,7 +7,8 @@
 
 use glam::{DVec2, DVec3};
 
-use super::soa::{PerRay, Vec3Soa, simd};
+use super::simd;
+use super::soa::{PerRay, Vec3Soa};
 use super::view::FARTHEST;
 use super::{View, World};
 use crate::bvh::Traversal;

@@ -36,6 +36,8 @@ pub use differential::{Differential, TexturePoint};
 use environment::PreparedEnvironment;
 pub(crate) use environment::{UNIFORM_DENSITY, uniform_direction};
 
+pub(crate) use crate::simd::simd;
+pub use crate::simd::simd_dispatch;
 pub(crate) use area_lights::{AreaLights, has_radiance};
 pub(crate) use directional::LightDisc;
 pub(crate) use emitters::{EmitterSample, Emitters, emission_texture, sampled_emission};
@@ -50,8 +52,8 @@ pub use lens::ThinLens;
 pub use mip_map::{MipLevel, MipMap};
 pub use recenter::{Recentering, recenter};
 pub(crate) use sampled_triangle::{TriangleSample, TwoTriangles};
-pub use soa::{Flags, PerRay, RAYS_PER_BATCH, Vec3Soa, simd_dispatch};
-pub(crate) use soa::{select, simd};
+pub(crate) use soa::select;
+pub use soa::{Flags, PerRay, RAYS_PER_BATCH, Vec3Soa};
 pub use view::{View, basis};
 pub(crate) use volumes::Volumes;
 

@@ -102,20 +102,3 @@ impl Flags {
         self.0[i] = u64::from(flag);
     }
 }
-
-/// [`simd_dispatch`] of an expression.
-macro_rules! simd {
-    ($work:expr) => {
-        $crate::world::simd_dispatch(
-            #[inline(always)]
-            || $work,
-        )
-    };
-}
-pub(crate) use simd;
-
-/// Calls `work` compiled for the widest SIMD instructions of this machine. `work` must be `#[inline(always)]`.
-#[inline(always)]
-pub fn simd_dispatch<R>(work: impl FnOnce() -> R) -> R {
-    pulp::Arch::new().dispatch(work)
-}

@@ -9,7 +9,8 @@ use glam::{DVec2, DVec3};
 
 use super::differential::Differential;
 use super::lens::ThinLens;
-use super::soa::{RAYS_PER_BATCH, simd};
+use super::simd;
+use super::soa::RAYS_PER_BATCH;
 use crate::error::{Error, Result};
 use crate::film::{TILE, Window};
 use crate::geometry::{Precision, Ray, RayBuffer};

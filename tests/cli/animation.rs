@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use glam::{DMat4, DQuat, DVec3};
-use kiln::animation::{PreparedAnimation, turntable};
+use kiln::animation::turntable;
 use kiln::bvh::{Layout, Preset};
 use kiln::effects::{Choices, Plan};
 use kiln::error::{Place, Warnings};
 use kiln::film::{ColourPipeline, Film, Window};
-use kiln::job::RenderSettings;
+use kiln::job::{PreparedScene, RenderSettings};
 use kiln::render::{RenderControl, render};
 use kiln::scene::animation::{Animation, Easing, Motion, Property, Target, Track};
 use kiln::scene::{
@@ -111,7 +111,7 @@ fn picture(world: &World, camera: &Camera) -> Film<[u8; 3]> {
     render(world, &view, &plan, window, |_, _| true, &RenderControl::default()).unwrap().0
 }
 
-/// The world that [`PreparedAnimation`] makes for a frame from shared parts equals, bit for bit, the one prepared from
+/// The world that [`PreparedScene`] makes for a frame from shared parts equals, bit for bit, the one prepared from
 /// the scene at that time alone.
 fn same_as_from_nothing(scene: &Scene, camera: usize) {
     with_look_as_from_nothing(scene, &DefaultLook::of_files(scene, scene.picture), camera);
@@ -119,11 +119,8 @@ fn same_as_from_nothing(scene: &Scene, camera: usize) {
 
 fn with_look_as_from_nothing(scene: &Scene, look: &DefaultLook, camera: usize) {
     let (pipeline, numerics) = (ColourPipeline::Linear, Numerics::default());
-    let described = scene.cameras[camera].clone();
     let look = DefaultLook { light: Some(AddedLight::Headlight), ..look.clone() };
-    let animation =
-        PreparedAnimation::new(scene.clone(), look.clone(), &described, pipeline, STRUCTURE, numerics)
-            .unwrap();
+    let animation = PreparedScene::new(scene.clone(), look.clone(), pipeline, STRUCTURE, numerics).unwrap();
     let mut pictures = Vec::new();
     for time in [0.0, 0.3, 0.75] {
         let frame = animation.at(time).unwrap();
@@ -133,9 +130,9 @@ fn with_look_as_from_nothing(scene: &Scene, look: &DefaultLook, camera: usize) {
         if alone.lights.is_empty() {
             alone.lights.extend(headlight(&seen_by));
         }
-        assert_eq!(frame.camera, seen_by);
+        assert_eq!(frame.cameras[camera], seen_by);
         let world = World::prepare_look(alone, &look, pipeline, STRUCTURE, numerics);
-        let ours = picture(&frame.world, &frame.camera);
+        let ours = picture(&frame.world_for(&seen_by), &seen_by);
         assert!(ours == picture(&world, &seen_by), "at {time}");
         pictures.push(ours.bytes());
     }
@@ -706,29 +703,5 @@ fn the_ground_of_the_look_is_hidden_from_below() {
     for command in ["--time 0 -o a.png", "--frames 0 -o a.png"] {
         let [default, without, with] = ["", "--ground=false", "--ground"].map(|options| of(command, options));
         assert!(default == without && default != with, "{command}");
-    }
-}
-
-/// Scenes with a camera: tracks and turntables change nothing at time 0.
-#[test]
-fn frame_0_of_each_scene_is_its_picture() {
-    let shop = Workshop(tempfile::tempdir().unwrap());
-    let files = ["scenes", "scenes/effects", "scenes/hard"].map(repository);
-    let files = files.iter().flat_map(|folder| std::fs::read_dir(folder).unwrap());
-    let files = files.map(|entry| entry.unwrap().path());
-    let mut compared = 0;
-    for file in files.filter(|file| file.extension().is_some_and(|ending| ending == "toml")) {
-        let arguments = format!("{} --size 20x16", file.display());
-        let frame = frame_0(&shop, &arguments);
-        if load(&file).default_camera().is_some() {
-            compared += 1;
-            shop.succeed(&format!("render {arguments} -o still.png"));
-            assert!(frame == rgba(&shop, "still.png"), "{}", file.display());
-        }
-    }
-    assert!(compared > 30, "{compared}");
-    let assets = ["l.obj", "materials.obj", "square.gltf", "square.ply", "tetrahedron.stl"];
-    for file in assets.map(|file| repository("assets/import").join(file)) {
-        frame_0(&shop, &format!("{} --size 20x16", file.display()));
     }
 }

@@ -173,10 +173,10 @@ fn build(scene: Scene, after_loading: &Memory, warnings: &mut Warnings) -> Resul
     let settings = RenderSettings { mesh_look: Look::Studio, ..RenderSettings::default() };
     let mut resolved = job::resolve(scene, &settings, warnings)?;
     // Nothing is rendered.
-    resolved.meters = false;
+    resolved.picture.meters = false;
     let camera = resolved.recentering.map_or_else(
-        || resolved.camera.to_inline(),
-        |recentering| recentering.moved_back(&resolved.camera).to_inline(),
+        || resolved.picture.camera.to_inline(),
+        |recentering| recentering.moved_back(&resolved.picture.camera).to_inline(),
     );
     let start = Instant::now();
     let job = resolved.build(warnings)?;

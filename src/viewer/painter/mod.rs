@@ -284,3 +284,14 @@ impl RenderTask<'_> {
         Ok(cancel)
     }
 }
+
+/// The picture that the window ends with and saves: 8-bit display values, row by row from the top.
+#[cfg(test)]
+pub(crate) fn final_picture(
+    opened: &Arc<super::Opened>,
+    size: [u32; 2],
+) -> crate::error::Result<Vec<[u8; 3]>> {
+    let request = super::controls::Controls::new(opened).request(opened, size);
+    let prepared = RenderCache::default().prepare(&request, &request.sides[0])?;
+    pass::Side::new(&request, prepared, None, 4).final_picture()
+}

@@ -1,7 +1,7 @@
 //! Progressive rendering of one side of a request.
 
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use egui::{Color32, ColorImage};
@@ -11,8 +11,8 @@ use super::RenderedImage;
 use super::render_cache::Prepared;
 use crate::effects::RayKind;
 use crate::error::Result;
-use crate::film::tone::auto_exposure;
-use crate::film::{ColourPipeline, DisplayTransform, Film, Pixel, TILE, Window};
+use crate::film::tone::{Exposure, auto_exposure, mean_exposure};
+use crate::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, Pixel, TILE, Window};
 use crate::job::RenderJob;
 use crate::metrics;
 use crate::render::{RenderControl, Statistics};
@@ -46,8 +46,8 @@ pub(crate) struct Side<'a> {
     picture: Option<PipelineImage>,
     /// The pixels of a coarse pass of full size.
     centres: Option<Vec<[f32; 3]>>,
-    /// An automatic exposure, metered by the first pass that needs it.
-    auto_exposure: OnceLock<f64>,
+    /// The job with the metered exposure, once a pass of full size needs it.
+    metered: Option<RenderJob>,
 }
 
 impl<'a> Side<'a> {
@@ -62,7 +62,6 @@ impl<'a> Side<'a> {
         let kind =
             if request.display_mode == DisplayMode::Picture { prepared.kind } else { SamplingKind::Centres };
         let passes = passes(factor, kind);
-        let auto_exposure = OnceLock::new();
         Side {
             request,
             prepared,
@@ -72,7 +71,7 @@ impl<'a> Side<'a> {
             spent: None,
             picture: None,
             centres: None,
-            auto_exposure,
+            metered: None,
         }
     }
 
@@ -102,15 +101,21 @@ impl<'a> Side<'a> {
         let control = RenderControl { cancel, progress: &|_, _| (), time_stages: false };
         let is_last = index + 1 == self.passes.len();
         let pipeline = self.prepared.job.pipeline();
+        let final_sampling = self.prepared.job.choices.sampling;
         let (factor, sampling) = match pass {
             Pass::Coarse(factor) => (factor, Sampling::default()),
-            Pass::Samples(from, to) => (1, self.prepared.choices.sampling.part(from, to)),
+            Pass::Samples(from, to) => (1, final_sampling.part(from, to)),
             Pass::Whole => (1, Sampling::default()),
-            Pass::Tiles(_) => (1, self.prepared.choices.sampling),
+            Pass::Tiles(_) => (1, final_sampling),
+        };
+        // Metering would delay the first image after a change.
+        let display = match pass {
+            Pass::Coarse(_) if !is_last => None,
+            _ => Some(self.final_display(&control)?),
         };
         let size = self.request.size.map(|side| side.div_ceil(factor));
         let is_selected = |tile: usize| !matches!(pass, Pass::Tiles(batch) if tile % BATCHES != batch);
-        let (film, statistics) = self.render(&self.prepared, size, sampling, &is_selected, &control)?;
+        let (film, statistics) = self.render(self.job(), size, sampling, &is_selected, &control)?;
         let mut pixels = rows(&film);
         if let Pass::Tiles(_) = pass {
             let before = self.picture.take().map(|picture| picture.pixels).or(self.centres.take());
@@ -119,17 +124,12 @@ impl<'a> Side<'a> {
             }
         }
         if let (Pass::Samples(from, to), Some(before)) = (pass, &self.picture) {
-            let display = self.prepared.job.display().known();
+            let display = self.job().display().known();
             mix(&mut pixels, &before.pixels, f64::from(from) / f64::from(to), display);
         }
-        let display = match pass {
-            // Metering would delay the first image after a change.
-            Pass::Coarse(_) if !is_last && self.prepared.job.display().is_auto() => {
-                let job = self.prepared.job.with_size(size)?;
-                let subject = job.subject_colours(pixels.iter().copied(), &control)?;
-                job.display().transform(auto_exposure(subject.into_iter()))
-            }
-            _ => self.metered(&self.prepared.job, |job| job.display_transform(&control))?,
+        let display = match display {
+            Some(display) => display,
+            None => self.display_of(&pixels, size, &control)?,
         };
         let (image, legend) = match self.request.display_mode {
             DisplayMode::Picture => (image(&pixels, size, pipeline, display), None),
@@ -142,7 +142,7 @@ impl<'a> Side<'a> {
         let most = match self.kind {
             SamplingKind::Centres => 1,
             SamplingKind::Samples(samples) => samples,
-            SamplingKind::Adaptive => self.prepared.choices.sampling.max_samples(),
+            SamplingKind::Adaptive => final_sampling.max_samples(),
         };
         let is_once = matches!(pass, Pass::Coarse(_)) || most == 1;
         let seconds_per_pixel = is_once.then(|| time.as_secs_f64() / (pixels.len() as f64));
@@ -192,49 +192,100 @@ impl<'a> Side<'a> {
         spent
     }
 
+    /// The job of the picture, with its exposure once that is metered.
+    fn job(&self) -> &RenderJob {
+        self.metered.as_ref().unwrap_or(&self.prepared.job)
+    }
+
+    /// The display transform of the final image. The exposure is metered at the first call.
+    fn final_display(&mut self, control: &RenderControl) -> Result<DisplayTransform> {
+        if self.prepared.meters && self.metered.is_none() {
+            let mut job = self.prepared.job.with_choices(self.prepared.job.choices.clone())?;
+            job.meter(control)?;
+            self.metered = Some(job);
+        }
+        self.job().display_transform(control)
+    }
+
+    /// The display transform for pixels of a coarse pass: its exposure is that of these pixels.
+    fn display_of(
+        &self,
+        pixels: &[[f32; 3]],
+        size: [u32; 2],
+        control: &RenderControl,
+    ) -> Result<DisplayTransform> {
+        let display = self.job().display();
+        if self.is_exposed() {
+            return Ok(display.known());
+        }
+        let job = self.job().with_size(size)?;
+        let subject = job.subject_colours(pixels.iter().copied(), control)?;
+        let ev = match self.prepared.meters {
+            true => mean_exposure(&subject, display.tone_map.unwrap_or_default()),
+            false => auto_exposure(subject.into_iter()),
+        };
+        Ok(DisplaySettings { exposure: Some(Exposure::Auto), ..display }.transform(ev))
+    }
+
+    /// Whether the exposure is known before the picture is rendered.
+    fn is_exposed(&self) -> bool {
+        !self.job().display().is_auto() && self.prepared.meters == self.metered.is_some()
+    }
+
     /// False colours of the requested display mode.
     fn false_colours(&self, film: &Film, size: [u32; 2], control: &RenderControl) -> Result<FalseColours> {
-        let job = &self.prepared.job;
+        let mut job = self.job().with_size(size)?;
         if let Some(exact) = &self.exact {
-            let (exact, _) = self.render(exact, size, Sampling::default(), &|_| true, control)?;
+            let (exact, _) = self.render(&exact.job, size, Sampling::default(), &|_| true, control)?;
             let [picture, exact] =
                 [film, &exact].map(|film| metrics::ComparedImage::of_film(film, job.pipeline()));
             return error_against_exact(&picture, &exact);
         }
-        false_colours(self.request.display_mode, &job.with_size(size)?.aov_source(None), control)
+        job.set_sampling(Sampling::default())?;
+        false_colours(self.request.display_mode, &job.aov_source(None), control)
     }
 
     fn render(
         &self,
-        prepared: &Prepared,
+        job: &RenderJob,
         size: [u32; 2],
         sampling: Sampling,
         is_selected: &(dyn Fn(usize) -> bool + Sync),
         control: &RenderControl,
     ) -> Result<(Film, Statistics)> {
         let control = RenderControl { time_stages: true, ..*control };
-        let mut job = prepared.job.with_size(size)?;
-        if sampling != Sampling::default() {
-            job.set_sampling(sampling)?;
+        let mut sized = job.with_size(size)?;
+        sized.set_sampling(sampling)?;
+        if let Some(&ev) = job.auto_exposure.get() {
+            sized.auto_exposure.get_or_init(|| ev);
         }
         let is_selected = |tile: usize, _: Window| is_selected(tile);
-        self.metered(&job, |job| match self.request.display_mode {
-            // An automatic exposure is metered after the first images.
-            DisplayMode::Picture if !job.display().is_auto() => job.render_to_develop(is_selected, &control),
-            _ => job.render_selected(is_selected, &control),
-        })
+        match self.request.display_mode {
+            DisplayMode::Picture if self.is_exposed() => sized.render_to_develop(is_selected, &control),
+            _ => sized.render_selected(is_selected, &control),
+        }
     }
 
-    /// Runs `work` with a job of this picture. The automatic exposure is metered once for all passes.
-    fn metered<T>(&self, job: &RenderJob, work: impl FnOnce(&RenderJob) -> Result<T>) -> Result<T> {
-        if let Some(&metered) = self.auto_exposure.get() {
-            job.auto_exposure.get_or_init(|| metered);
+    /// All passes, and the picture of the job that they show, in 8-bit display values. Where the passes are not means of
+    /// parts, which are rounded, their last image is that picture.
+    #[cfg(test)]
+    pub(crate) fn final_picture(mut self) -> Result<Vec<[u8; 3]>> {
+        let control = RenderControl::default();
+        let mut index = 0;
+        let mut shown = None;
+        while let Some((rendered, _)) = self.pass(index, control.cancel, (0, 0))? {
+            (shown, index) = (Some(rendered), index + 1);
         }
-        let result = work(job);
-        if let Some(&metered) = job.auto_exposure.get() {
-            self.auto_exposure.get_or_init(|| metered);
+        let (film, _) = self.job().render::<[u8; 3]>(&control)?;
+        let picture: Vec<[u8; 3]> = film.rows().collect();
+        let shown = shown.expect("a pass");
+        assert_eq!(Some(shown.display), self.picture.as_ref().map(|picture| picture.display));
+        if !matches!(self.kind, SamplingKind::Samples(_)) {
+            let bytes: Vec<[u8; 3]> =
+                shown.image.pixels.iter().map(|colour| [colour.r(), colour.g(), colour.b()]).collect();
+            assert!(bytes == picture, "the last pass shows the picture");
         }
-        result
+        Ok(picture)
     }
 }
 

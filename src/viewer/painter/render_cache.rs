@@ -2,14 +2,17 @@
 
 use std::sync::Arc;
 
-use crate::animation::{FrameWorld, PreparedAnimation};
 use crate::bvh::Layout;
-use crate::effects::{Choices, Decision, EFFECTS, Plan};
+use crate::effects::{Decision, EFFECTS};
+use crate::error::Result;
 use crate::error::Warnings;
-use crate::error::{Error, Result};
 use crate::film::tone::Exposure;
-use crate::job::{self, CameraChoice, EnvironmentSettings, RenderJob, RenderSettings};
-use crate::scene::{Camera, DefaultLook, Environment, PictureSettings, Sampling, Scene, ShadingMode};
+use crate::job::camera::nothing_to_look_at;
+use crate::job::{
+    self, CameraChoice, EnvironmentSettings, PreparedScene, RenderJob, RenderSettings, ResolvedPicture,
+    SceneAtTime,
+};
+use crate::scene::{Camera, DefaultLook, Environment, PictureSettings, Scene, ShadingMode};
 use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::refine::SamplingKind;
 use crate::viewer::request::{CameraSource, Opened, RenderRequest};
@@ -38,7 +41,7 @@ impl Key {
 
 /// A scene that is prepared for a request.
 pub(crate) struct Prepared {
-    /// Render job with one sample per pixel, at its centre.
+    /// The render job of the final image, before its exposure is metered.
     pub job: RenderJob,
     /// The camera, in scene coordinates.
     pub camera: Camera,
@@ -47,10 +50,17 @@ pub(crate) struct Prepared {
     pub decisions: Vec<(Decision, bool)>,
     /// How the final image is sampled.
     pub kind: SamplingKind,
-    /// Effects and sampling of the final image.
-    pub choices: Choices,
-    /// Whether `kiln render` meters the exposure; the window shows an automatic one.
+    /// Whether the exposure is metered before the final image, as in `kiln render`.
     pub meters: bool,
+}
+
+impl Prepared {
+    /// The settings as the panel shows them: an exposure that is metered is `auto`.
+    pub(crate) fn shown_settings(&self) -> PictureSettings {
+        let picture = self.job.settings.picture;
+        let exposure = if self.meters { Some(Exposure::Auto) } else { picture.exposure };
+        PictureSettings { exposure, ..picture }
+    }
 }
 
 /// Cached data of the opened files.
@@ -60,8 +70,9 @@ pub(crate) struct RenderCache {
     environments: Vec<(EnvironmentSettings, Option<Environment>)>,
     /// The looks of the last settings.
     looks: Vec<(RenderSettings, DefaultLook)>,
-    scenes: Vec<(Key, Arc<PreparedAnimation>)>,
-    frames: Vec<(Key, f64, Arc<FrameWorld>)>,
+    scenes: Vec<(Key, Arc<PreparedScene>)>,
+    /// Scenes at the last times.
+    at_times: Vec<(Key, f64, SceneAtTime)>,
     /// The recentered scene, if the worlds are recentered.
     recentered_scene: Option<Arc<Scene>>,
     /// Fitted cameras, each with its framing and aspect ratio.
@@ -116,58 +127,46 @@ impl RenderCache {
         let settings = request.render_settings(side);
         let scene = &request.opened.scene;
         let mut look = self.look(scene, &settings)?;
-        let mut key = Key::new(&settings, &look, scene);
-        let mut animation = self.scene(scene, &look, &key)?;
-        let mut frame = self.frame(&animation, &key, request.time)?;
-        let recentering = frame.recentering;
-        let mut lens = match &request.camera_source {
-            CameraSource::Scene(index) => frame.cameras.get(*index).unwrap_or(&frame.camera).clone(),
+        let mut prepared = self.at_time(&settings, &look, request)?;
+        let recentering = prepared.recentering;
+        let moved_back =
+            |camera: &Camera| recentering.map_or_else(|| camera.clone(), |by| by.moved_back(camera));
+        let mut camera = match &request.camera_source {
+            CameraSource::Scene(index) => {
+                let camera = prepared.cameras.get(*index).or(prepared.cameras.first());
+                camera.ok_or_else(|| nothing_to_look_at(scene))?.clone()
+            }
             CameraSource::Fitted(view) => {
-                let framing = settings.framing(*view, &request.opened.scene);
-                self.fit(request, framing, animation.recentering())?
+                let framing = settings.framing(*view, scene);
+                let recentering = self.prepared(&settings, &look, scene)?.recentering();
+                self.fit(request, framing, recentering)?
             }
-            CameraSource::Free(camera) => {
-                recentering.map_or_else(|| camera.clone(), |recentering| recentering.moved(camera))
-            }
+            CameraSource::Free(camera) => recentering.map_or_else(|| camera.clone(), |by| by.moved(camera)),
         };
-        lens.projection = request.projection.unwrap_or(lens.projection);
-        if look.recentered(animation.recentering().as_ref()).hide_ground(&lens) {
-            (look.ground, look.picture.ground) = (None, Some(false));
-            key = Key::new(&settings, &look, scene);
-            animation = self.scene(scene, &look, &key)?;
-            frame = self.frame(&animation, &key, request.time)?;
-        }
-        let mut world = Arc::clone(&frame.world);
-        if let Some(light) = look.light {
-            world = Arc::new(world.under(light.at(&lens).into_iter().collect(), &[]));
-        }
-        let camera = match &request.camera_source {
-            CameraSource::Free(camera) => Camera { projection: lens.projection, ..camera.clone() },
-            _ => recentering.map_or_else(|| lens.clone(), |recentering| recentering.moved_back(&lens)),
+        camera.projection = request.projection.unwrap_or(camera.projection);
+        let in_scene = match &request.camera_source {
+            CameraSource::Free(free) => Camera { projection: camera.projection, ..free.clone() },
+            _ => moved_back(&camera),
         };
-        let meters = job::leave_to_metering(&mut look, scene, &settings, &camera);
-        let mut picture = look.picture;
-        if meters {
-            picture.exposure = Some(Exposure::Auto);
+        let had_ground = look.ground.is_some();
+        let picture = job::resolve_picture(scene, &mut look, in_scene.clone(), request.size, &settings)?;
+        if had_ground && look.ground.is_none() {
+            prepared = self.at_time(&settings, &look, request)?;
         }
-        let choices = job::choices(&mut picture, scene.effects.clone(), &lens, &settings)?;
-        let sampling = choices.sampling;
-        let centres = Choices { sampling: Sampling::default(), ..choices.clone() };
-        let job = RenderJob::new(world, recentering, lens, request.size, centres)?;
-        let choices = Choices { lens: job.choices.lens.clone(), ..choices };
-        let whole = Plan::new(&job.world, &choices)?;
+        let meters = picture.meters;
+        let job = prepared.job_for(ResolvedPicture { camera, ..picture })?;
+        let (sampling, choices, whole) = (job.choices.sampling, &job.choices, &job.plan);
         let kind = match (whole.takes_samples(), whole.is_adaptive()) {
             (false, _) => SamplingKind::Centres,
             (true, false) => SamplingKind::Samples(sampling.max_samples()),
             (true, true) => SamplingKind::Adaptive,
         };
-        let decisions = EFFECTS.iter().zip(whole.decisions);
+        let decisions = EFFECTS.iter().zip(&whole.decisions);
         let mut decisions: Vec<(Decision, bool)> = decisions
-            .map(|(effect, decision)| (decision, (effect.called_for)(&job.world, &choices).is_ok()))
+            .map(|(effect, decision)| (decision.clone(), (effect.called_for)(&job.world, choices).is_ok()))
             .collect();
         decisions.sort_by_key(|(_, can)| !can);
-        let job = RenderJob { settings: RenderSettings { picture, ..settings }, ..job };
-        Ok(Arc::new(Prepared { job, camera, decisions, kind, choices, meters }))
+        Ok(Arc::new(Prepared { job, camera: in_scene, decisions, kind, meters }))
     }
 
     /// The look of a scene: that of `kiln render`.
@@ -192,34 +191,44 @@ impl RenderCache {
         Ok(look)
     }
 
-    /// The scene of a key as an animation, with its look but for the light that follows the camera.
-    fn scene(&mut self, scene: &Scene, look: &DefaultLook, key: &Key) -> Result<Arc<PreparedAnimation>> {
-        if let Some(at) = self.scenes.iter().position(|(known, _)| known == key) {
+    /// The scene with its look.
+    fn prepared(
+        &mut self,
+        settings: &RenderSettings,
+        look: &DefaultLook,
+        scene: &Scene,
+    ) -> Result<Arc<PreparedScene>> {
+        let key = Key::new(settings, look, scene);
+        if let Some(at) = self.scenes.iter().position(|(known, _)| *known == key) {
             let found = self.scenes.remove(at);
             self.scenes.push(found);
         } else {
             self.scenes.drain(..self.scenes.len().saturating_sub(MAX_WORLDS - 1));
-            let camera = scene.cameras.first().cloned().unwrap_or_else(|| placeholder_camera(scene));
             let (pipeline, numerics) = (look.picture.pipeline(), look.picture.numerics.unwrap_or_default());
-            let (look, structure) =
-                (DefaultLook { light: None, ..look.clone() }, Layout::Wide(key.settings.preset));
-            let animation =
-                PreparedAnimation::new(scene.clone(), look, &camera, pipeline, structure, numerics)?;
-            self.scenes.push((key.clone(), Arc::new(animation)));
+            let structure = Layout::Wide(settings.preset);
+            let prepared = PreparedScene::new(scene.clone(), look.clone(), pipeline, structure, numerics)?;
+            self.scenes.push((key, Arc::new(prepared)));
         }
         Ok(Arc::clone(&self.scenes[self.scenes.len() - 1].1))
     }
 
-    fn frame(&mut self, animation: &PreparedAnimation, key: &Key, time: f64) -> Result<Arc<FrameWorld>> {
-        let is_it = |(known, at, _): &(Key, f64, Arc<FrameWorld>)| (known, *at) == (key, time);
-        if let Some((_, _, frame)) = self.frames.iter().find(|frame| is_it(frame)) {
-            return Ok(Arc::clone(frame));
+    /// The scene with its look at the time of a request.
+    fn at_time(
+        &mut self,
+        settings: &RenderSettings,
+        look: &DefaultLook,
+        request: &RenderRequest,
+    ) -> Result<SceneAtTime> {
+        let (scene, time) = (&request.opened.scene, request.time);
+        let key = Key::new(settings, look, scene);
+        if let Some((.., found)) = self.at_times.iter().find(|(known, at, _)| (known, *at) == (&key, time)) {
+            return Ok(found.clone());
         }
-        self.frames.retain(|(known, ..)| known != key);
-        self.frames.drain(..self.frames.len().saturating_sub(MAX_WORLDS - 1));
-        let frame = Arc::new(animation.at(time)?);
-        self.frames.push((key.clone(), time, Arc::clone(&frame)));
-        Ok(frame)
+        self.at_times.retain(|(known, ..)| *known != key);
+        self.at_times.drain(..self.at_times.len().saturating_sub(MAX_WORLDS - 1));
+        let found = self.prepared(settings, look, scene)?.at(time)?;
+        self.at_times.push((key, time, found.clone()));
+        Ok(found)
     }
 
     /// A camera fitted to the unanimated scene, in world coordinates: the same that `kiln render` uses.
@@ -243,10 +252,8 @@ impl RenderCache {
             self.recentered_scene = Some(Arc::new(scene));
         }
         let scene = self.recentered_scene.as_deref().unwrap_or(&request.opened.scene);
-        let camera = fitted_camera(scene, framing, aspect, projection).ok_or_else(|| Error::Failed {
-            what: "there is nothing to look at".into(),
-            hint: "`kiln info` says what the file holds".into(),
-        })?;
+        let camera =
+            fitted_camera(scene, framing, aspect, projection).ok_or_else(|| nothing_to_look_at(scene))?;
         self.fitted_cameras.retain(|(known, ..)| *known != framing);
         self.fitted_cameras.push((framing, aspect, camera.clone()));
         Ok(camera)
@@ -294,92 +301,5 @@ fn key_settings(settings: &RenderSettings, scene: &Scene) -> RenderSettings {
             ..settings.picture
         },
         ..settings
-    }
-}
-
-/// A valid camera for [`PreparedAnimation::new`] if the scene has none. It is never rendered.
-fn placeholder_camera(scene: &Scene) -> Camera {
-    let (target, up) = (scene.bounds().map_or(glam::DVec3::ZERO, |(min, _)| min), glam::DVec3::Y);
-    let back = target + glam::DVec3::Z * target.abs().max_element().max(1.0);
-    Camera::from_field_of_view("none".into(), back, target, up, 1.0)
-}
-
-#[cfg(test)]
-mod tests {
-    use std::path::{Path, PathBuf};
-
-    use super::*;
-    use crate::import;
-    use crate::render::RenderControl;
-    use crate::scene::{ImportOptions, Look, OptionValue, Rotation};
-    use crate::viewer::controls::Controls;
-
-    const SIZE: [u32; 2] = [20, 16];
-
-    /// Scene files, and meshes of each format.
-    fn files() -> Vec<PathBuf> {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-        let folders = ["scenes", "scenes/effects", "scenes/hard"].map(|folder| root.join(folder));
-        let files = folders.iter().flat_map(|folder| std::fs::read_dir(folder).expect("a folder"));
-        let files = files.map(|entry| entry.expect("a file").path());
-        let mut files: Vec<PathBuf> =
-            files.filter(|file| file.extension().is_some_and(|ending| ending == "toml")).collect();
-        assert!(files.len() > 30, "{}", files.len());
-        let meshes = ["l.obj", "materials.obj", "square.gltf", "square.ply", "tetrahedron.stl"];
-        files.extend(meshes.map(|file| root.join("assets/import").join(file)));
-        files
-    }
-
-    /// The window has the picture of `kiln render`, bit by bit: the same look, camera, exposure, clamp and sampling.
-    #[test]
-    fn the_window_has_the_picture_of_the_command() {
-        let variants: [fn(&mut RenderSettings); 6] = [
-            |_| (),
-            |settings| settings.picture.look = Some(Look::Draft),
-            |settings| settings.picture.exposure = Some(Exposure::Ev(1.0)),
-            |settings| settings.picture.ground = Some(true),
-            |settings| settings.picture.elevation = Rotation::parse("-30").ok(),
-            |settings| settings.without = vec!["path".into()],
-        ];
-        for file in files() {
-            let options = ImportOptions { smooths_meshes: true, ..ImportOptions::default() };
-            let scene = import::load_with(std::slice::from_ref(&file), &options, &mut Warnings::default())
-                .expect("a scene");
-            let camera_source = match scene.default_camera() {
-                Some(_) => CameraSource::Scene(0),
-                None => CameraSource::Fitted(StandardView::Auto),
-            };
-            let of_scene = RenderSettings { mesh_look: Look::Studio, ..RenderSettings::default() };
-            let opened = Arc::new(Opened {
-                scene: scene.clone(),
-                camera_source,
-                projection: None,
-                size: SIZE,
-                settings: of_scene.clone(),
-            });
-            let mut cache = RenderCache::default();
-            for (index, change) in variants.iter().enumerate() {
-                let mut settings = of_scene.clone();
-                change(&mut settings);
-                let whole = PictureSettings::of_size(SIZE).or(settings.picture);
-                let command = RenderSettings { picture: whole, ..settings.clone() };
-                let Ok(expected) = job::prepare(scene.clone(), &command, &mut Warnings::default()) else {
-                    continue;
-                };
-                let mut controls = Controls::new(&opened);
-                controls.sides = vec![settings];
-                let request = controls.request(&opened, SIZE);
-                let prepared = cache.prepare(&request, &request.sides[0]).expect("a job");
-                let mut shown = prepared.job.with_choices(prepared.choices.clone()).expect("a job");
-                if prepared.meters {
-                    shown.meter(&RenderControl::default()).expect("an exposure");
-                }
-                let picture = |job: &RenderJob| {
-                    let (film, _) = job.render::<[u8; 3]>(&RenderControl::default()).expect("a picture");
-                    film.rows().collect::<Vec<_>>()
-                };
-                assert!(picture(&shown) == picture(&expected), "{}, variant {index}", file.display());
-            }
-        }
     }
 }

@@ -1,0 +1,194 @@
+//! The command, frames, the window and Python have the same picture of a scene at time 0.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use base64::Engine;
+use clap::Parser;
+use serde_json::json;
+
+use super::arguments::Arguments;
+use super::picture::{Options, Value, render};
+use super::prepare::Reporter;
+use super::progress::Mode;
+use super::view::open;
+use crate::animation::FrameRequest;
+use crate::error::{Result, Warnings};
+use crate::film::write::{Format, OutputImage};
+use crate::job::RenderJob;
+use crate::render::RenderControl;
+use crate::scene::{ClipTime, Scene};
+
+const SIZE: [u32; 2] = [20, 16];
+
+#[derive(Parser)]
+struct Line {
+    #[command(flatten)]
+    arguments: Arguments,
+}
+
+/// Options by name, and their values if they take one.
+type NamedOptions = [(&'static str, Option<&'static str>)];
+
+/// The arguments of a file, with further options.
+fn arguments(file: &Path, options: &NamedOptions) -> Arguments {
+    let size = SIZE.map(|side| side.to_string()).join("x");
+    let options = options.iter().map(|(name, value)| match value {
+        Some(value) => format!("--{name}={value}"),
+        None => format!("--{name}"),
+    });
+    let words = ["kiln".to_owned(), file.display().to_string(), format!("--size={size}")];
+    Line::parse_from(words.into_iter().chain(options)).arguments
+}
+
+type Pixels = Vec<[u8; 3]>;
+
+fn pixels(job: &RenderJob) -> Result<Pixels> {
+    Ok(job.render::<[u8; 3]>(&RenderControl::default())?.0.rows().collect())
+}
+
+/// The picture of `kiln render`, at time 0 of clips.
+fn still(arguments: &Arguments) -> Result<Pixels> {
+    let mut reporter = Reporter::printing([false; 2], Mode::None);
+    let resolved = reporter.load_and_resolve(arguments, &arguments.settings()?)?;
+    pixels(&resolved.build(&mut reporter.warnings)?)
+}
+
+/// Frame 0 of `kiln animate`.
+fn frame_0(arguments: &Arguments) -> Result<Pixels> {
+    let mut reporter = Reporter::printing([false; 2], Mode::None);
+    let request = FrameRequest::all(None, None, None);
+    let mut animation = reporter.load_animation(arguments, &arguments.settings()?, &request)?;
+    animation.fix_exposure(&RenderControl::default())?;
+    pixels(&animation.frame(0)?)
+}
+
+/// The picture that the window ends with.
+fn in_the_window(arguments: &Arguments) -> Result<Pixels> {
+    let opened = open(arguments, &arguments.inputs, None, &mut Warnings::default()).0?;
+    crate::viewer::final_picture(&Arc::new(opened), SIZE)
+}
+
+/// The picture of Python's `kiln.render` of a scene.
+fn in_python(scene: Scene, options: &NamedOptions) -> Result<Pixels> {
+    let size = SIZE.map(|side| side.to_string());
+    let value =
+        |value: Option<&str>| value.map_or(Value::Switch(true), |value| Value::Text(value.to_owned()));
+    let options = options.iter().map(|(name, given)| (name.replace('-', "_"), value(*given)));
+    let options: Vec<_> = options.chain([("size".to_owned(), Value::List(size.into()))]).collect();
+    let (options, control) = (Options::parse(&options)?, RenderControl::default());
+    let picture = render(scene, &options, Format::Png, &[], &control, &mut Warnings::default())?;
+    let OutputImage::Rgb8(film, _) = picture.image() else { panic!("a picture without alpha") };
+    Ok(film.rows().collect())
+}
+
+/// glTF of a square above a floor, of a material, which a clip moves. At rest it is elsewhere.
+fn clip(material: &serde_json::Value) -> String {
+    let floats = |values: &[f32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+    let square = floats(&[0., 0., 0., 1., 0., 0., 1., 1., 0., 0., 0., 0., 1., 1., 0., 0., 1., 0.]);
+    let (times, moved) = (floats(&[0.0, 1.0]), floats(&[0.0, 0.5, 0.0, 0.0, 2.5, 0.0]));
+    let bytes = [square, times, moved].concat();
+    let uri = base64::engine::general_purpose::STANDARD.encode(&bytes);
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    let mesh =
+        |material: u32| json!({ "primitives": [{ "attributes": { "POSITION": 0 }, "material": material }] });
+    json!({
+        "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0, 1] }],
+        "buffers": [{ "byteLength": bytes.len(), "uri": format!("data:application/octet-stream;base64,{uri}") }],
+        "bufferViews": [
+            { "buffer": 0, "byteLength": 72 }, { "buffer": 0, "byteOffset": 72, "byteLength": 8 },
+            { "buffer": 0, "byteOffset": 80, "byteLength": 24 },
+        ],
+        "accessors": [
+            { "bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 6, "min": [0, 0, 0], "max": [1, 1, 0] },
+            { "bufferView": 1, "componentType": 5126, "type": "SCALAR", "count": 2, "min": [0], "max": [1] },
+            { "bufferView": 2, "componentType": 5126, "type": "VEC3", "count": 2 },
+        ],
+        "materials": [{ "doubleSided": true }, material],
+        "meshes": [mesh(0), mesh(1)],
+        "nodes": [
+            { "mesh": 0, "scale": [4, 4, 4], "rotation": [-half, 0, 0, half], "translation": [-2, 0, 2] },
+            { "mesh": 1, "translation": [4, 3, 0] },
+        ],
+        "animations": [{
+            "samplers": [{ "input": 1, "output": 2 }],
+            "channels": [{ "sampler": 0, "target": { "node": 1, "path": "translation" } }],
+        }],
+    })
+    .to_string()
+}
+
+/// Scene files, a mesh of each format, and clips of materials that call for another look.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let folders = ["scenes", "scenes/effects", "scenes/hard"].map(|folder| root.join(folder));
+    let files = folders.iter().flat_map(|folder| std::fs::read_dir(folder).expect("a folder"));
+    let files = files.map(|entry| entry.expect("a file").path());
+    let mut files: Vec<PathBuf> =
+        files.filter(|file| file.extension().is_some_and(|ending| ending == "toml")).collect();
+    assert!(files.len() > 30, "{}", files.len());
+    let meshes = ["l.obj", "materials.obj", "square.gltf", "square.ply", "tetrahedron.stl"];
+    files.extend(meshes.map(|file| root.join("assets/import").join(file)));
+    let strength = json!({ "KHR_materials_emissive_strength": { "emissiveStrength": 5 } });
+    let glass = json!({ "KHR_materials_transmission": { "transmissionFactor": 1 } });
+    for (name, material) in [
+        ("plain.gltf", json!({})),
+        ("lamp.gltf", json!({ "emissiveFactor": [1, 1, 1], "extensions": strength })),
+        ("glass.gltf", json!({ "extensions": glass })),
+    ] {
+        files.push(folder.join(name));
+        std::fs::write(folder.join(name), clip(&material)).expect("a file");
+    }
+    files
+}
+
+/// With the same files and options, all have the same picture at time 0, byte for byte: the same look, camera, exposure,
+/// clamp and sampling.
+#[test]
+fn all_ways_to_a_picture_have_the_same() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let variants: [&NamedOptions; 6] = [
+        &[],
+        &[("draft", None)],
+        &[("exposure", Some("1"))],
+        &[("ground", Some("true"))],
+        &[("elevation", Some("-30"))],
+        &[("without", Some("path"))],
+    ];
+    let (mut compared, mut frames) = (0, 0);
+    for file in files(folder.path()) {
+        for options in variants {
+            let arguments = arguments(&file, options);
+            let has_clips = file.starts_with(folder.path());
+            let mut at_0 = arguments.clone();
+            if has_clips {
+                let clip = at_0.import.clip();
+                at_0.import = at_0.import.posed(ClipTime { clip, time: 0.0 });
+            }
+            let place = format!("{}, {options:?}", file.display());
+            // An option that does not suit the scene is an error in all of them.
+            let Ok(expected) = still(&at_0) else {
+                assert!(in_the_window(&arguments).is_err(), "{place}");
+                continue;
+            };
+            compared += 1;
+            assert!(
+                in_the_window(&arguments).unwrap_or_else(|e| panic!("{place}: {e}")) == expected,
+                "{place}: window"
+            );
+            let scene = crate::import::load_with(&at_0.inputs, &at_0.reading(), &mut Warnings::default());
+            let scene = scene.unwrap_or_else(|e| panic!("{place}: {e}"));
+            // Without a camera and something that moves, frames are those of a turntable.
+            if scene.default_camera().is_some() || has_clips {
+                frames += 1;
+                assert!(
+                    frame_0(&arguments).unwrap_or_else(|e| panic!("{place}: {e}")) == expected,
+                    "{place}: frame 0"
+                );
+            }
+            let picture = in_python(scene, options).unwrap_or_else(|e| panic!("{place}: {e}"));
+            assert!(picture == expected, "{place}: Python");
+        }
+    }
+    assert!(compared > 200 && frames > 150, "{compared}, {frames}");
+}

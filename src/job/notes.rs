@@ -1,0 +1,163 @@
+//! Warnings and notes about a picture, before and after it is rendered.
+
+use glam::DVec3;
+
+use super::{RenderJob, back_faces};
+use crate::effects::{PathSettings, Plan, RayKind, id, named};
+use crate::error::Warnings;
+use crate::render::Statistics;
+use crate::scene::{AddedLight, Camera, Light, Material, MetallicRoughness, Scene, ShadingMode};
+use crate::world::{PreparedMaterial, Recentering, has_radiance, headlight, key_light};
+
+/// Warns of lights that have an area and no radiance, because their extent is too small or too large.
+pub(super) fn warn_of_dark_lights(scene: &Scene, warnings: &mut Warnings) {
+    for light in scene.lights.iter().filter(|light| !has_radiance(light)) {
+        warnings.left_out(format!(
+            "light `{}` is too small, too large or turned to no side; left out",
+            light.name
+        ));
+    }
+}
+
+impl AddedLight {
+    /// The light for a camera.
+    pub(crate) fn at(self, camera: &Camera) -> Option<Light> {
+        match self {
+            AddedLight::Headlight => headlight(camera),
+            AddedLight::Key => Some(key_light(camera)),
+        }
+    }
+
+    /// Reports a headlight; the default look is reported where it is decided.
+    pub(crate) fn note(self, warnings: &mut Warnings) {
+        if self == AddedLight::Headlight {
+            warnings.note(HEADLIGHT);
+        }
+    }
+}
+
+/// Note for a scene without lights.
+pub const HEADLIGHT: &str = "no light in the scene; added a headlight";
+
+/// Adds a note on the recentering of a scene.
+pub fn warn_of_recentering(recentering: Option<&Recentering>, warnings: &mut Warnings) {
+    if let Some(recentering) = recentering {
+        warnings.note(match recentering.scale {
+            1.0 => "the scene is far from the origin; moved to it for precision",
+            _ => "the scene is too large or too small for f32; scaled by a power of two",
+        });
+    }
+}
+
+/// Minimum percentage of paths that end in glass for a note.
+const LEAST_ENDED: f64 = 1.0;
+
+/// Note about paths that the depth limit ended at transmissive surfaces, which are too dark there.
+pub fn note_of_depth(plan: &Plan, statistics: &Statistics) -> Option<String> {
+    let paths = statistics.rays(RayKind::PRIMARY).cast;
+    let percent = 100.0 * statistics.ended_in_glass as f64 / paths.max(1) as f64;
+    if percent < LEAST_ENDED {
+        return None;
+    }
+    let value = plan.decisions.iter().find(|decision| decision.effect == id::PATH)?.value.as_deref();
+    let depth = value.and_then(|value| value.parse().ok()).unwrap_or(PathSettings::DEFAULT_DEPTH);
+    Some(format!(
+        "{percent:.0} % of the paths end in glass at the depth limit of {depth} and are too dark there; try --depth {}",
+        2 * depth
+    ))
+}
+
+/// Whether a material has layers that local shading leaves out.
+fn needs_path(material: &PreparedMaterial) -> bool {
+    match material {
+        Material::Phong(m) => m.refraction.is_some(),
+        Material::MetallicRoughness(m) if m.unlit => false,
+        Material::MetallicRoughness(MetallicRoughness { layers, .. }) => {
+            layers.transmission > 0.0 || layers.clearcoat > 0.0 || layers.sheen_colour != DVec3::ZERO
+        }
+    }
+}
+
+/// Whether a material has a glaze that adds light.
+fn has_glaze(material: &PreparedMaterial) -> bool {
+    matches!(material, Material::Phong(m) if m.glaze.as_ref().is_some_and(|glaze| glaze.weight > 0.0))
+}
+
+/// Warns of omitted spheres, of area lights and a clamp without path tracing, and of requested effects that change
+/// nothing.
+pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
+    let RenderJob { world, plan, choices, .. } = job;
+    if world.too_small > 0 {
+        warnings.left_out(format!(
+            "{} sphere(s) have a radius that rounds to 0 in the tier `{}`; left out",
+            world.too_small,
+            world.numerics().name()
+        ));
+    }
+    back_faces::report(job, warnings);
+    let traces_paths = plan.transport.traces_paths();
+    if traces_paths && !choices.sampling.is_wanted() {
+        warnings.note("path tracing with one sample per pixel is noisy; try --samples 64");
+    }
+    if let (false, Some(clamp)) = (traces_paths, choices.clamp) {
+        warnings.push(format!("a clamp of {clamp} changes nothing without path tracing"));
+    }
+    if let (false, true, Some(name)) =
+        (traces_paths, choices.shading == ShadingMode::Full, world.area_lights.names.first())
+    {
+        warnings.left_out(format!("area lights such as `{name}` give no light without path tracing"));
+    }
+    if !traces_paths {
+        let layered = world.materials_in_use().filter(|material| needs_path(material));
+        if let Some(names) = named("material", layered.map(|material| material.name())) {
+            warnings.note_left_out(format!(
+                "glass, clear coat or sheen of {names} is drawn by --transport path alone"
+            ));
+        }
+    }
+    if traces_paths && choices.shading == ShadingMode::Full {
+        let glazed = world.materials_in_use().filter(|material| has_glaze(material));
+        if let Some(names) = named("material", glazed.map(|material| material.name())) {
+            warnings.left_out(format!(
+                "the glaze of {names} is left out by path tracing; --transport whitted draws it"
+            ));
+        }
+        if choices.transport.is_some() && world.ambient > 0.0 {
+            warnings.note_left_out(format!(
+                "the ambient light of {} is left out by path tracing; use an environment instead",
+                world.ambient
+            ));
+        }
+    }
+    for decision in plan.decisions.iter().filter(|decision| !decision.on) {
+        if let Some(option) = choices.option_of(decision.effect) {
+            warnings.push(format!("{option} changes nothing: {}", decision.why));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The radiance of a rectangle is the intensity times pi over its area: beyond f64 where that underflows.
+    #[test]
+    fn lights_without_an_extent_are_named() {
+        let light = |name: &str, size: f64, intensity: f64| crate::scene::Light {
+            name: name.into(),
+            colour: crate::film::Colour::Linear(glam::DVec3::ONE),
+            intensity,
+            kind: crate::scene::LightKind::Rectangle {
+                position: glam::DVec3::ZERO,
+                direction: glam::DVec3::Z,
+                up: glam::DVec3::Y,
+                size: [size; 2],
+            },
+        };
+        let lights = vec![light("lamp", 1.0, 1.0), light("speck", 1e-200, 1.0), light("off", 1e-200, 0.0)];
+        let mut warnings = Warnings::default();
+        warn_of_dark_lights(&Scene { lights, ..Scene::default() }, &mut warnings);
+        let [warning] = warnings.messages() else { panic!("{:?}", warnings.messages()) };
+        assert!(warning.contains("`speck`"), "{warning}");
+    }
+}

@@ -1,0 +1,163 @@
+//! A scene prepared for rendering, and what it is at any time.
+//!
+//! All times share the images, and the acceleration structure where only cameras and lights move. Where objects move,
+//! each time builds its own: refitting would need a structure per frame in flight as well, and gives a tree that is
+//! slower to traverse.
+
+use std::sync::Arc;
+
+use super::{RenderJob, ResolvedPicture};
+use crate::bvh::Layout;
+use crate::error::Result;
+use crate::film::ColourPipeline;
+use crate::import;
+use crate::scene::{AddedLight, Animation, Camera, DefaultLook, Numerics, Scene};
+use crate::world::{Recentering, World, recenter};
+
+/// A scene prepared for rendering, with what all its times share.
+pub struct PreparedScene {
+    /// The scene before anything moves.
+    world: Arc<World>,
+    /// The cameras before anything moves, in coordinates of the world.
+    cameras: Vec<Camera>,
+    /// How the scene was recentered.
+    recentering: Option<Recentering>,
+    /// The light that follows the camera.
+    light: Option<AddedLight>,
+    /// What moves; `None` for a scene that is the same at all times.
+    moving: Option<MovingScene>,
+}
+
+/// The description of a scene in which something moves.
+struct MovingScene {
+    /// The scene in its own coordinates; without objects where no time needs them.
+    scene: Scene,
+    /// Its look.
+    look: DefaultLook,
+    /// The structure to build for each time; `None` where no surface moves.
+    structure: Option<Layout>,
+}
+
+/// A prepared scene at a time.
+#[derive(Clone)]
+pub struct SceneAtTime {
+    /// The prepared scene, without the light that follows the camera.
+    world: Arc<World>,
+    /// The cameras of the scene, in coordinates of the world.
+    pub cameras: Vec<Camera>,
+    /// How the scene was recentered.
+    pub recentering: Option<Recentering>,
+    light: Option<AddedLight>,
+}
+
+impl PreparedScene {
+    /// Prepares a scene in its own coordinates.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Input`] for a track whose target does not exist.
+    pub fn new(
+        mut scene: Scene,
+        look: DefaultLook,
+        pipeline: ColourPipeline,
+        structure: Layout,
+        numerics: Numerics,
+    ) -> Result<Self> {
+        let moving = MovingScene::of(&mut scene, &look, structure)?;
+        let recentering = recenter(&mut scene);
+        let look = look.recentered(recentering.as_ref());
+        let prepared = PreparedScene::at_rest(scene, &look, recentering, pipeline, structure, numerics);
+        Ok(PreparedScene { moving, ..prepared })
+    }
+
+    /// Prepares a scene that was recentered with its look, as it is at all times.
+    pub(crate) fn at_rest(
+        mut scene: Scene,
+        look: &DefaultLook,
+        recentering: Option<Recentering>,
+        pipeline: ColourPipeline,
+        structure: Layout,
+        numerics: Numerics,
+    ) -> Self {
+        let light = look.light.filter(|_| scene.lights.is_empty());
+        let cameras = std::mem::take(&mut scene.cameras);
+        let world = World::prepare_look(scene, look, pipeline, structure, numerics).into();
+        PreparedScene { world, cameras, recentering, light, moving: None }
+    }
+
+    /// How the scene before anything moves was recentered.
+    pub fn recentering(&self) -> Option<Recentering> {
+        self.recentering
+    }
+
+    /// The scene at a time, 0 being the beginning and 1 the end of its animation.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Input`] where a track takes a property out of its range.
+    pub fn at(&self, time: f64) -> Result<SceneAtTime> {
+        let PreparedScene { world, recentering, light, .. } = self;
+        let (light, recentering) = (*light, *recentering);
+        let Some(MovingScene { scene, look, structure }) = &self.moving else {
+            let (world, cameras) = (Arc::clone(world), self.cameras.clone());
+            return Ok(SceneAtTime { world, cameras, recentering, light });
+        };
+        let mut scene = scene.at(time)?;
+        if let Some(Animation { clips, duration, .. }) = &scene.animation
+            && !clips.is_empty()
+        {
+            let seconds = time * duration;
+            import::pose(&mut scene, seconds)?;
+        }
+        let recentering = match structure {
+            Some(_) => recenter(&mut scene),
+            None => recentering.inspect(|recentering| recentering.apply(&mut scene)),
+        };
+        let cameras = std::mem::take(&mut scene.cameras);
+        let world = match structure {
+            Some(structure) => {
+                world.prepare_another(scene, &look.recentered(recentering.as_ref()), *structure)
+            }
+            None => world.under(scene.lights, &scene.objects),
+        };
+        Ok(SceneAtTime { world: world.into(), cameras, recentering, light })
+    }
+}
+
+impl MovingScene {
+    /// What moves in a scene; `None` without an animation.
+    fn of(scene: &mut Scene, look: &DefaultLook, structure: Layout) -> Result<Option<Self>> {
+        let Some(animation) = &scene.animation else { return Ok(None) };
+        let (moves, moves_lights) = (animation.moves_surfaces(scene), animation.moves_lights());
+        let has_clips = !animation.clips.is_empty();
+        let animation = if moves { animation.clone() } else { animation.without_objects(scene)? };
+        // A clip imports the objects again at each time. Lights that move may come to lie on surfaces.
+        let objects = match !has_clips && (moves || moves_lights) {
+            true => scene.objects.clone(),
+            false => Vec::new(),
+        };
+        let own = std::mem::take(&mut scene.objects);
+        let moving = Scene { objects, animation: Some(animation), ..scene.clone() };
+        scene.objects = own;
+        Ok(Some(MovingScene { scene: moving, look: look.clone(), structure: moves.then_some(structure) }))
+    }
+}
+
+impl SceneAtTime {
+    /// The prepared scene with the light that follows a camera, which is in coordinates of the world.
+    pub fn world_for(&self, camera: &Camera) -> Arc<World> {
+        match self.light {
+            Some(light) => Arc::new(self.world.under(light.at(camera).into_iter().collect(), &[])),
+            None => Arc::clone(&self.world),
+        }
+    }
+
+    /// The job of a picture, whose camera is in coordinates of the world.
+    ///
+    /// # Errors
+    /// As [`RenderJob::new`].
+    pub fn job_for(&self, picture: ResolvedPicture) -> Result<RenderJob> {
+        let size = picture.size();
+        let ResolvedPicture { camera, window, settings, choices, metadata, .. } = picture;
+        let job = RenderJob::new(self.world_for(&camera), self.recentering, camera, size, choices)?;
+        Ok(RenderJob { window, settings, metadata, ..job })
+    }
+}

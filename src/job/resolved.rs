@@ -1,0 +1,211 @@
+//! Scene and settings → everything that is known before the acceleration structure is built.
+
+use std::borrow::Cow;
+
+use super::camera::{self, Viewpoint};
+use super::metadata::{self, Metadata};
+use super::{
+    Choices, PreparedScene, RenderControl, RenderJob, RenderSettings, check_display, check_memory, lens,
+    metering, notes, outside,
+};
+use crate::bvh::Layout;
+use crate::effects::{check_names, check_scene, id};
+use crate::error::{Error, Result, Warnings};
+use crate::film::Window;
+use crate::import::check_drawable;
+use crate::scene::{
+    Camera, Clamp, DefaultLook, EffectsSection, Numerics, PictureSettings, Projection, Scene,
+};
+use crate::world::{Recentering, StandardView, View, opening, recenter};
+
+/// What is known of a picture beside its scene.
+#[derive(Clone)]
+pub struct ResolvedPicture {
+    /// Camera with the projection used.
+    pub camera: Camera,
+    /// Region of the picture that is rendered.
+    pub window: Window,
+    /// The settings: those that were given, and those of the scene. Size, pipeline and tier of the picture are set.
+    pub settings: RenderSettings,
+    /// Shading mode, sampling and effect settings.
+    pub choices: Choices,
+    /// Metadata of the picture.
+    pub metadata: Metadata,
+    /// Whether the exposure is metered before the picture is rendered, as the default look says.
+    pub meters: bool,
+}
+
+/// A scene with all settings resolved, before the acceleration structure is built.
+pub struct ResolvedJob {
+    /// The scene, recentered, with the light that is added.
+    pub scene: Scene,
+    /// Its look, recentered.
+    pub look: DefaultLook,
+    /// Transform applied to the scene, if any.
+    pub recentering: Option<Recentering>,
+    /// Camera, settings and metadata.
+    pub picture: ResolvedPicture,
+}
+
+/// Resolves scene and settings as far as possible without an acceleration structure.
+///
+/// # Errors
+/// As [`prepare`].
+pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warnings) -> Result<ResolvedJob> {
+    check_names(&settings.with, &settings.without)?;
+    check_scene(&scene.effects)?;
+    check_drawable(&scene)?;
+    let look = settings.default_look(&scene, warnings)?;
+    let recentering = recenter(&mut scene);
+    let look = look.recentered(recentering.as_ref());
+    notes::warn_of_recentering(recentering.as_ref(), warnings);
+    let viewpoint = Viewpoint::of(&settings.camera, &scene, recentering.as_ref())?;
+    viewpoint.report(settings, &scene, warnings);
+    let is_of_mesh_file = !scene.has_settings && matches!(viewpoint, Viewpoint::Camera(Cow::Borrowed(_)));
+    if matches!(viewpoint, Viewpoint::Fitted(StandardView::Auto))
+        && settings.projection != Some(Projection::Panoramic)
+        && opening(&scene).is_some_and(|opening| !opening.is_flat)
+    {
+        warnings.note("the surface is open to one side; the camera looks in from there");
+    }
+    let size = viewpoint.size(settings, &scene);
+    let camera = viewpoint.camera(settings, &scene, size)?;
+    // Files place their objects for their cameras; a scene file is written by hand.
+    if scene.has_settings || is_of_mesh_file {
+        let projection = settings.projection.unwrap_or(camera.projection);
+        let view = View::new(&camera, projection, size)?;
+        match is_of_mesh_file {
+            true if projection == Projection::Panoramic => {}
+            true => outside::note_framing(&scene, &camera, &view, warnings),
+            false => outside::warn(&scene, &view, recentering.as_ref(), warnings),
+        }
+    }
+    if let Some(light) = look.light {
+        scene.lights.extend(light.at(&camera));
+        light.note(warnings);
+    }
+    resolve_for(scene, look, recentering, camera, size, settings)
+}
+
+/// The picture of a scene with its look by a camera, without metadata. The ground of the look is left out if the camera is
+/// not above it; a ground requested by the settings stays. The camera, the scene and the look have the same coordinates.
+///
+/// # Errors
+/// [`Error::Usage`] for invalid settings.
+pub(crate) fn resolve_picture(
+    scene: &Scene,
+    look: &mut DefaultLook,
+    mut camera: Camera,
+    size: [u32; 2],
+    settings: &RenderSettings,
+) -> Result<ResolvedPicture> {
+    look.hide_ground(&camera);
+    let meters = metering::leave_to_metering(look, scene, settings, &camera);
+    let sampling = look.picture.sampling();
+    let most = sampling.max_samples();
+    if let Some(least) = sampling.min_samples.filter(|&least| sampling.noise.is_some() && least > most) {
+        let what = format!("the minimum of {least} samples per pixel is above the maximum of {most}");
+        return Err(Error::usage(what, "give a lower --min-samples or a higher --samples"));
+    }
+    camera.projection = settings.projection.unwrap_or(camera.projection);
+    View::new(&camera, camera.projection, size)?;
+    let window = camera::window(settings.crop, size)?;
+    let (pipeline, display) = (look.picture.pipeline(), look.picture.display());
+    check_display(display, pipeline)?;
+    look.picture = PictureSettings {
+        colour: Some(pipeline),
+        numerics: Some(look.picture.numerics.unwrap_or_default()),
+        ground: look.ground.map(|_| true),
+        ..PictureSettings::of_size(size)
+    }
+    .or(look.picture);
+    let choices = choices(&mut look.picture, scene.effects.clone(), &camera, settings)?;
+    let settings = RenderSettings { picture: look.picture, ..settings.clone() };
+    Ok(ResolvedPicture { camera, window, settings, choices, metadata: Metadata::new(), meters })
+}
+
+/// [`resolve`] for a scene with its look and a given camera.
+///
+/// # Errors
+/// [`Error::Usage`] for invalid settings.
+pub fn resolve_for(
+    scene: Scene,
+    mut look: DefaultLook,
+    recentering: Option<Recentering>,
+    camera: Camera,
+    size: [u32; 2],
+    settings: &RenderSettings,
+) -> Result<ResolvedJob> {
+    let mut picture = resolve_picture(&scene, &mut look, camera, size, settings)?;
+    let ResolvedPicture { camera, window, .. } = &picture;
+    picture.metadata = metadata::metadata((&scene, &look), recentering.as_ref(), camera, *window, settings);
+    if picture.meters {
+        metadata::add_to_fingerprint(&mut picture.metadata, "metered", &true);
+    }
+    Ok(ResolvedJob { scene, look, recentering, picture })
+}
+
+/// Shading mode, sampling and effect settings of a picture by a camera. A picture with a lens gets the samples that it needs.
+///
+/// # Errors
+/// [`Error::Usage`] for a lens of an orthographic camera.
+fn choices(
+    picture: &mut PictureSettings,
+    scene: EffectsSection,
+    camera: &Camera,
+    settings: &RenderSettings,
+) -> Result<Choices> {
+    let mut choices = Choices {
+        shading: picture.shading.unwrap_or_default(),
+        sampling: picture.sampling(),
+        scene,
+        transport: picture.transport,
+        clamp: picture.clamp.map(Clamp::get),
+        cull: picture.cull == Some(true),
+        with: settings.with.clone(),
+        without: settings.without.clone(),
+        stand_in: settings.depth.map(|depth| (id::PATH.with_value(depth), format!("--depth {depth}"))),
+        ..Choices::default()
+    };
+    lens::complete(picture, &mut choices, camera)?;
+    Ok(choices)
+}
+
+impl ResolvedPicture {
+    /// Width and height of the whole picture in pixels.
+    pub fn size(&self) -> [u32; 2] {
+        let Window { width, height, .. } = self.window;
+        self.settings.picture.size().unwrap_or([width, height])
+    }
+
+    /// Arithmetic tier.
+    pub fn numerics(&self) -> Numerics {
+        self.settings.picture.numerics.unwrap_or_default()
+    }
+
+    /// Layout and build preset of the acceleration structure.
+    pub fn structure(&self) -> Layout {
+        Layout::Wide(self.settings.preset)
+    }
+}
+
+impl ResolvedJob {
+    /// Builds the acceleration structure and the plan.
+    ///
+    /// # Errors
+    /// As [`check_memory`] and [`RenderJob::new`].
+    pub fn build(self, warnings: &mut Warnings) -> Result<RenderJob> {
+        let ResolvedJob { scene, look, recentering, picture } = self;
+        let (structure, numerics, meters) = (picture.structure(), picture.numerics(), picture.meters);
+        check_memory(&scene, &picture.choices, numerics)?;
+        let pipeline = picture.settings.picture.pipeline();
+        let scene = PreparedScene::at_rest(scene, &look, recentering, pipeline, structure, numerics);
+        let mut job = scene.at(0.0)?.job_for(picture)?;
+        if meters {
+            let ev = job.meter(&RenderControl::default())?;
+            warnings.note(format!("the exposure is {ev} EV, metered; --exposure 0 turns this off"));
+        }
+        notes::warn_of_job(&job, warnings);
+        Ok(job)
+    }
+}
