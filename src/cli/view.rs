@@ -111,7 +111,7 @@ fn initial_view(
     };
     let picture = look.picture;
     check_display(picture.display(), picture.pipeline())?;
-    let (numerics, colour) = (Some(picture.numerics.unwrap_or_default()), Some(picture.pipeline()));
+    let (numerics, colour) = (Some(picture.numerics()), Some(picture.pipeline()));
     let projection = requested.projection;
     let picture = PictureSettings { numerics, colour, ..requested.picture };
     let settings = RenderSettings { picture, ..requested };

@@ -5,12 +5,6 @@ use super::samples::{PixelSampleSequence, TileSamples};
 use super::tile::{RenderContext, Tile, vec_bytes};
 use super::{Effect, EffectContext, Hook, Stage, id};
 
-/// The samples a pixel that texture footprints are computed for where a picture is rendered in parts ([`Sampling::part`]) and
-/// the total is not known. Fewer would blur textures, which no noise estimate detects.
-///
-/// [`Sampling::part`]: crate::scene::Sampling::part
-const SAMPLES_OF_PARTS: u32 = 64;
-
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
     id: id::ANTIALIASING,
@@ -29,9 +23,7 @@ pub const EFFECT: Effect = Effect {
     },
     specify: |context: &EffectContext, spec| {
         spec.own_camera_rays = true;
-        let sampling = context.sampling;
-        let least = if sampling.first.is_some() { SAMPLES_OF_PARTS } else { 1 };
-        spec.samples = sampling.total.unwrap_or_else(|| sampling.max_samples().max(least));
+        spec.samples = context.sampling.samples_of_footprints();
     },
     stages: |context: &EffectContext, hook| match hook {
         Hook::Rays => vec![Box::new(SampleRays(PixelSampleSequence::new(context)))],

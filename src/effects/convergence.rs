@@ -27,10 +27,6 @@ use glam::{DVec3, Vec4};
 use super::variance::SampleVariance;
 use crate::scene::Sampling;
 
-/// The default of [`Criterion::min_samples`]. With its neighbours a pixel then has 36 samples in three by three pixels, which few
-/// edges pass between.
-const DEFAULT_MIN_SAMPLES: u32 = 4;
-
 /// From this many samples on, pixels are tested also halfway between two doublings. With fewer samples the error estimate is too
 /// uncertain: the more tests, the likelier one of them ends a pixel by an underestimate.
 const HALF_STEPS_FROM: u32 = 32;
@@ -47,11 +43,10 @@ pub struct Criterion {
 impl Criterion {
     /// The criterion of the settings, with defaults.
     pub fn new(sampling: &Sampling) -> Self {
-        let most = sampling.max_samples();
         Criterion {
             // No error is below 0: without a noise level no pixel converges.
             max_error: sampling.noise.unwrap_or(-1.0),
-            min_samples: sampling.min_samples.unwrap_or(DEFAULT_MIN_SAMPLES).clamp(1, most),
+            min_samples: sampling.min_samples(),
         }
     }
 

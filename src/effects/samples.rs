@@ -46,20 +46,19 @@ impl PixelSampleSequence {
     pub fn new(context: &EffectContext) -> Self {
         let sampling = context.sampling;
         let (shape, radius) = sampling.shape_and_radius();
-        let centred = !sampling.is_wanted();
-        let samples = if centred { 1 } else { sampling.max_samples() };
+        let samples = sampling.samples_taken();
         let is_adaptive = context.spec.adaptive;
         let floor = if is_adaptive { Criterion::new(sampling).min_samples.min(samples) } else { samples };
         PixelSampleSequence {
             samples,
-            first: sampling.first.unwrap_or(0),
+            first: sampling.first_sample(),
             filter: ReconstructionFilter::new(shape, radius),
             seed: sampling.seed,
             kind: sampling.sampler,
             floor,
             // No pixel is tested where no noise level is given, or before it has all its samples.
             apron: u32::from(is_adaptive && sampling.noise.is_some() && floor < samples),
-            centred,
+            centred: !sampling.is_wanted(),
         }
     }
 }

@@ -100,7 +100,7 @@ fn studio(scene: &Scene, settings: &RenderSettings, given: DefaultLook) -> Defau
     if let Some(reason) = &look.path_tracing_reason {
         notes.push(format!("{reason}: path tracing is on; --transport whitted turns it off"));
     }
-    let lacks_lights = scene.lights.is_empty() && look.picture.shading.unwrap_or_default().uses_lights();
+    let lacks_lights = scene.lights.is_empty() && look.picture.shading().uses_lights();
     let (is_of_file, is_open) = (settings.camera.is_of_file(scene), !look.shows_environment());
     let context = LookContext {
         pipeline: look.picture.pipeline(),
@@ -242,7 +242,7 @@ fn keeps_background(look: &DefaultLook) -> bool {
 fn needs_headlight(scene: &Scene, look: &DefaultLook) -> bool {
     // In path tracing, an environment and surfaces that emit light it.
     let is_lit = || look.transport(scene).traces_paths() && (look.environment.is_some() || scene.emits());
-    look.picture.shading.unwrap_or_default().uses_lights()
+    look.picture.shading().uses_lights()
         && scene.lights.is_empty()
         && look.picture.light.map_or_else(|| !is_lit(), bool::from)
 }
@@ -256,7 +256,7 @@ fn path_tracing(
     let can_trace = picture.transport.is_none_or(Transport::traces_paths);
     let is_off = settings.without.iter().any(|name| name == id::PATH.name())
         || scene.effects.get(id::PATH.name()).is_some_and(|switch| !switch.is_on());
-    if !can_trace || is_off || !picture.shading.unwrap_or_default().uses_lights() {
+    if !can_trace || is_off || !picture.shading().uses_lights() {
         return (None, false);
     }
     let lamps = path_calls::lighting(scene);

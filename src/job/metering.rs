@@ -182,6 +182,6 @@ fn is_inside(scene: &Scene, picture: &PictureSettings, camera: &Camera) -> bool 
         |(min, max): (DVec3, DVec3)| (camera.position.cmpgt(min) & camera.position.cmplt(max)).all();
     camera.projection.is_central()
         && picture.pipeline() == ColourPipeline::Linear
-        && picture.shading.unwrap_or_default().uses_lights()
+        && picture.shading().uses_lights()
         && scene.bounds().is_some_and(contains)
 }

@@ -114,7 +114,7 @@ pub(crate) fn resolve_picture(
     check_display(display, pipeline)?;
     look.picture = PictureSettings {
         colour: Some(pipeline),
-        numerics: Some(look.picture.numerics.unwrap_or_default()),
+        numerics: Some(look.picture.numerics()),
         ground: look.ground.map(|_| true),
         ..PictureSettings::of_size(size)
     }
@@ -156,7 +156,7 @@ fn choices(
     settings: &RenderSettings,
 ) -> Result<Choices> {
     let mut choices = Choices {
-        shading: picture.shading.unwrap_or_default(),
+        shading: picture.shading(),
         sampling: picture.sampling(),
         scene,
         transport: picture.transport,
@@ -180,7 +180,7 @@ impl ResolvedPicture {
 
     /// Arithmetic tier.
     pub fn numerics(&self) -> Numerics {
-        self.settings.picture.numerics.unwrap_or_default()
+        self.settings.picture.numerics()
     }
 
     /// Layout and build preset of the acceleration structure.

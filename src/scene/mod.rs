@@ -426,7 +426,7 @@ impl Scene {
     /// # Errors
     /// [`NotFinite::Primitive`] for coordinates and radii that are not finite in f32.
     pub fn bvh(&self) -> Result<Bvh, NotFinite> {
-        Bvh::with(self.primitives(), Preset::default(), self.picture.numerics.unwrap_or_default())
+        Bvh::with(self.primitives(), Preset::default(), self.picture.numerics())
     }
 
     /// The object that a primitive belongs to, as an index into [`Scene::objects`], and the primitive's index in it;

@@ -263,6 +263,16 @@ impl PictureSettings {
         DisplaySettings { exposure: self.exposure, tone_map: self.tone_map }
     }
 
+    /// Arithmetic tier.
+    pub fn numerics(&self) -> Numerics {
+        self.numerics.unwrap_or_default()
+    }
+
+    /// Which terms are shaded.
+    pub fn shading(&self) -> ShadingMode {
+        self.shading.unwrap_or_default()
+    }
+
     /// The colour pipeline.
     pub fn pipeline(&self) -> ColourPipeline {
         self.colour.unwrap_or_default()

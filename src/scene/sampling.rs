@@ -14,6 +14,14 @@ const DEFAULT_SAMPLES: u32 = 16;
 /// Default maximum number of samples per pixel if a noise threshold is given.
 const DEFAULT_MAX_SAMPLES: u32 = 256;
 
+/// Default samples per pixel before adaptive sampling estimates the error. With its neighbours a pixel then has 36 samples
+/// in three by three pixels, which few edges pass between.
+const DEFAULT_MIN_SAMPLES: u32 = 4;
+
+/// The samples per pixel that texture footprints are computed for where a picture is rendered in parts
+/// ([`Sampling::part`]) and the total is not known. Fewer would blur textures, which no noise estimate detects.
+const SAMPLES_OF_PARTS: u32 = 64;
+
 /// How the random numbers of a pixel's samples are related.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -69,6 +77,22 @@ impl Sampling {
     /// Samples per pixel that are taken, at most: 1 without antialiasing.
     pub fn samples_taken(&self) -> u32 {
         if self.is_wanted() { self.max_samples() } else { 1 }
+    }
+
+    /// Samples per pixel before adaptive sampling estimates the error.
+    pub fn min_samples(&self) -> u32 {
+        self.min_samples.unwrap_or(DEFAULT_MIN_SAMPLES).clamp(1, self.max_samples())
+    }
+
+    /// Index of the first sample.
+    pub fn first_sample(&self) -> u32 {
+        self.first.unwrap_or(0)
+    }
+
+    /// Samples per pixel that texture footprints are computed for.
+    pub fn samples_of_footprints(&self) -> u32 {
+        let least = if self.first.is_some() { SAMPLES_OF_PARTS } else { 1 };
+        self.total.unwrap_or_else(|| self.max_samples().max(least))
     }
 
     /// Shape and radius in pixels of the filter.

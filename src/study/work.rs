@@ -92,7 +92,7 @@ pub(crate) struct StudyRun<'a> {
 /// Approximate work per tile, in samples per pixel.
 fn effort(setting: &Setting) -> usize {
     let sampling = &setting.sampling;
-    if sampling.is_wanted() { sampling.max_samples() as usize } else { 1 }
+    sampling.samples_taken() as usize
 }
 
 impl StudyRun<'_> {

@@ -428,12 +428,12 @@ fn render_settings(ui: &mut Ui, rendered: Option<&RenderedImage>, controls: &mut
     // What the file or the look says, where nothing else was chosen.
     let own = rendered.map(|rendered| rendered.prepared.shown_settings()).unwrap_or_default();
     let shown = picture.or(own);
-    let mut shading = shown.shading.unwrap_or_default();
+    let mut shading = shown.shading();
     choice(ui, help::SHADING, &mut shading, &ShadingMode::ALL, ShadingMode::name);
-    if shown.shading.unwrap_or_default() != shading {
+    if shown.shading() != shading {
         picture.shading = Some(shading);
     }
-    let mut numerics = picture.numerics.unwrap_or_default();
+    let mut numerics = picture.numerics();
     choice(ui, help::NUMERICS, &mut numerics, &Numerics::ALL, Numerics::name);
     let mut pipeline = picture.pipeline();
     choice(ui, help::COLOUR, &mut pipeline, &ColourPipeline::ALL, ColourPipeline::name);
@@ -573,8 +573,8 @@ pub(crate) fn setting_names(settings: &RenderSettings, sampling: &Sampling) -> V
     let RenderSettings { picture, with, without, .. } = settings;
     let samples = picture.samples.map_or_else(|| sampling.samples_taken(), Samples::get);
     let mut words = vec![
-        picture.shading.unwrap_or_default().name().to_owned(),
-        picture.numerics.unwrap_or_default().name().into(),
+        picture.shading().name().to_owned(),
+        picture.numerics().name().into(),
         picture.pipeline().name().into(),
         if samples == 1 { "1 sample".into() } else { format!("{samples} samples") },
     ];

@@ -204,7 +204,7 @@ impl RenderCache {
             self.scenes.push(found);
         } else {
             self.scenes.drain(..self.scenes.len().saturating_sub(MAX_WORLDS - 1));
-            let (pipeline, numerics) = (look.picture.pipeline(), look.picture.numerics.unwrap_or_default());
+            let (pipeline, numerics) = (look.picture.pipeline(), look.picture.numerics());
             let structure = Layout::Wide(settings.preset);
             let prepared = PreparedScene::new(scene.clone(), look.clone(), pipeline, structure, numerics)?;
             self.scenes.push((key, Arc::new(prepared)));
