@@ -40,7 +40,8 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.arguments)?;
     let threads = command.arguments.threads.or(command.measure.then_some(1));
     let (job, costs) = super::pool(threads)?.install(|| {
-        let mut reporter = Reporter::printing([true; 2], Mode::None);
+        let mut reporter = Reporter::silent(Mode::None);
+        (reporter.prints_warnings, reporter.prints_notes) = (true, true);
         let settings = command.arguments.settings()?;
         let job = reporter.load_and_resolve(&command.arguments, &settings)?.build(&mut reporter.warnings)?;
         reporter.show();

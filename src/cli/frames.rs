@@ -16,7 +16,7 @@ use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
 use crate::files::check_output;
-use crate::film::check::look;
+use crate::film::check::state_of;
 use crate::film::write::{self, Format, OutputImage, write_picture};
 use crate::film::{Film, TILE};
 use crate::job::metadata::fingerprint_of;
@@ -172,7 +172,7 @@ pub(crate) fn write_frames(
     let pool = super::pool(arguments.threads)?;
     let mut reporter = Reporter::new(pictures.progress, Vec::new());
     let is_there = |frame: i32, metadata: &Metadata| {
-        let found = || look(&pictures.names.of(frame), pictures.format);
+        let found = || state_of(&pictures.names.of(frame), pictures.format);
         pictures.skip_existing && found().is(fingerprint_of(metadata), Some(frame))
     };
     let settings = RenderSettings { aovs: pictures.aovs.clone(), ..arguments.settings()? };

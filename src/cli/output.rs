@@ -91,7 +91,7 @@ impl OutputTarget {
     /// State of the existing file.
     pub(crate) fn existing(&self) -> FileState {
         match self {
-            OutputTarget::File(file, format) => check::look(file, *format),
+            OutputTarget::File(file, format) => check::state_of(file, *format),
             OutputTarget::Shard(file, _, shard) => shard_state(file, *shard),
             OutputTarget::StandardOutput => FileState::Missing,
         }

@@ -20,8 +20,10 @@ pub(crate) struct Reporter {
     pub seconds: Seconds,
     pub warnings: Warnings,
     printer: WarningPrinter,
-    /// Whether warnings are printed, and notes.
-    prints: [bool; 2],
+    /// Whether warnings are printed.
+    pub prints_warnings: bool,
+    /// Whether notes are printed with them.
+    pub prints_notes: bool,
     /// Output files with fixed names; they must not be inputs.
     outputs: Vec<PathBuf>,
 }
@@ -30,25 +32,31 @@ impl Reporter {
     /// Prints warnings, and notes unless there is no progress. Once all inputs are read, checks that no output is one
     /// of them.
     pub(crate) fn new(mode: Mode, outputs: Vec<PathBuf>) -> Self {
-        Reporter { outputs, ..Reporter::printing([true, mode != Mode::None], mode) }
+        Reporter {
+            outputs,
+            prints_warnings: true,
+            prints_notes: mode != Mode::None,
+            ..Reporter::silent(mode)
+        }
     }
 
-    /// `prints`: whether warnings are printed, and notes.
-    pub(crate) fn printing(prints: [bool; 2], mode: Mode) -> Self {
+    /// Prints neither warnings nor notes.
+    pub(crate) fn silent(mode: Mode) -> Self {
         Reporter {
             progress: Progress::new(mode),
             seconds: Seconds::default(),
             warnings: Warnings::default(),
             printer: WarningPrinter::default(),
-            prints,
+            prints_warnings: false,
+            prints_notes: false,
             outputs: Vec::new(),
         }
     }
 
     /// Prints new warnings and notes.
     pub(crate) fn show(&mut self) {
-        let [warnings, notes] = self.prints;
-        if warnings {
+        if self.prints_warnings {
+            let notes = self.prints_notes;
             self.progress.pause(|| self.printer.print(&self.warnings, notes));
         }
     }

@@ -14,7 +14,7 @@ use super::progress::Mode;
 use crate::animation::{FileNames, FrameList, FrameRequest};
 use crate::error::{Error, Result, printable};
 use crate::farm::Shard;
-use crate::film::check::{FileState, PictureIdentity, look};
+use crate::film::check::{FileState, PictureIdentity, state_of};
 use crate::film::write::Format;
 use crate::job::RenderSettings;
 use crate::job::metadata::fingerprint_of;
@@ -80,7 +80,7 @@ pub(crate) fn run(command: &Command) -> Result<u8> {
 
 /// The expected fingerprint and frames.
 fn expected(command: &Command, output: &Path) -> Result<(String, Option<FrameList>)> {
-    let mut reporter = Reporter::printing([false; 2], Mode::None);
+    let mut reporter = Reporter::silent(Mode::None);
     let settings = RenderSettings { aovs: command.aov.clone(), ..command.arguments.settings()? };
     let is_series = FileNames::parse(output).is_ok_and(|names| names.is_some());
     if command.frames.is_none() && !is_series {
@@ -121,7 +121,7 @@ fn files(name: &Path, list: Option<&FrameList>) -> Result<Vec<(Option<i32>, Path
 
 /// Faults of the files. Without a given fingerprint, the most frequent one is expected.
 fn check(files: &[(Option<i32>, PathBuf)], format: Format, fingerprint: Option<&str>) -> Vec<Fault> {
-    let found: Vec<FileState> = files.par_iter().map(|(_, file)| look(file, format)).collect();
+    let found: Vec<FileState> = files.par_iter().map(|(_, file)| state_of(file, format)).collect();
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for found in &found {
         if let FileState::Whole(PictureIdentity { fingerprint: Some(fingerprint), .. }) = found {

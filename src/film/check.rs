@@ -46,7 +46,7 @@ impl FileState {
 }
 
 /// Checks all of a file: a PNG with the checksums of all its chunks, or an OpenEXR with all of its pixels.
-pub fn look(file: &Path, format: Format) -> FileState {
+pub fn state_of(file: &Path, format: Format) -> FileState {
     let bytes = match files::read_output(file) {
         Ok(bytes) => bytes,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return FileState::Missing,
@@ -162,20 +162,20 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("a");
         for format in [Format::Png, Format::Exr] {
-            assert_eq!(look(&file, format), FileState::Missing);
+            assert_eq!(state_of(&file, format), FileState::Missing);
             let bytes = picture(format);
             std::fs::write(&file, &bytes).unwrap();
-            let found = look(&file, format);
+            let found = state_of(&file, format);
             assert!(found.is("abc", Some(-7)), "{found:?}");
             assert!(!found.is("abd", Some(-7)) && !found.is("abc", Some(7)) && !found.is("abc", None));
             for length in 0..bytes.len() {
                 std::fs::write(&file, &bytes[..length]).unwrap();
-                let found = look(&file, format);
+                let found = state_of(&file, format);
                 assert!(matches!(found, FileState::Broken(_)), "{format:?}, {length} bytes: {found:?}");
             }
             for rest in [&b"\0"[..], b"GIF89a", &bytes] {
                 std::fs::write(&file, [&bytes, rest].concat()).unwrap();
-                let found = look(&file, format);
+                let found = state_of(&file, format);
                 assert!(matches!(found, FileState::Broken(_)), "{format:?}, longer: {found:?}");
             }
             std::fs::remove_file(&file).unwrap();
@@ -191,7 +191,7 @@ mod tests {
             let mut wrong = bytes.clone();
             wrong[at] ^= 4;
             std::fs::write(&file, &wrong).unwrap();
-            assert!(!look(&file, Format::Png).is("abc", Some(-7)), "byte {at} of {}", bytes.len());
+            assert!(!state_of(&file, Format::Png).is("abc", Some(-7)), "byte {at} of {}", bytes.len());
         }
     }
 }

@@ -49,14 +49,14 @@ fn pixels(job: &RenderJob) -> Result<Pixels> {
 
 /// The picture of `kiln render`, at time 0 of clips.
 fn still(arguments: &Arguments) -> Result<Pixels> {
-    let mut reporter = Reporter::printing([false; 2], Mode::None);
+    let mut reporter = Reporter::silent(Mode::None);
     let resolved = reporter.load_and_resolve(arguments, &arguments.settings()?)?;
     pixels(&resolved.build(&mut reporter.warnings)?)
 }
 
 /// Frame 0 of `kiln animate`.
 fn frame_0(arguments: &Arguments) -> Result<Pixels> {
-    let mut reporter = Reporter::printing([false; 2], Mode::None);
+    let mut reporter = Reporter::silent(Mode::None);
     let request = FrameRequest::all(None, None, None);
     let mut animation = reporter.load_animation(arguments, &arguments.settings()?, &request)?;
     animation.fix_exposure(&RenderControl::default())?;
