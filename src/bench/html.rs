@@ -2,6 +2,20 @@
 
 use std::fmt::Write;
 
+/// The style sheet of all pages.
+pub(crate) const STYLE: &str = include_str!("page.css");
+
+/// A page with the names in double braces replaced by the parts of these names.
+pub(crate) fn filled(page: &str, parts: &[(&str, String)]) -> String {
+    let mut pieces = page.split("{{");
+    let mut html = pieces.next().unwrap_or_default().to_owned();
+    for (name, text) in pieces.filter_map(|piece| piece.split_once("}}")) {
+        html += parts.iter().find(|(own, _)| *own == name).map_or(name, |(_, part)| part);
+        html += text;
+    }
+    html
+}
+
 /// Attributes and HTML of a cell.
 pub(crate) type Cell = (&'static str, String);
 

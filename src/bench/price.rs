@@ -8,7 +8,7 @@ use std::sync::atomic::Ordering;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use super::plot::{Point, scatter};
+use super::plot::{Mark, Scatter};
 use super::speed::{Kind, RaySets, Settings, SpeedRow, measure};
 use super::{
     Engine, Icosphere, LEVEL, Label, LeakRayKind, Mesh, Numbers, PLACEMENTS, is_nearest, kiln, leaks, ray,
@@ -54,23 +54,26 @@ impl PriceRow {
 }
 
 /// A plot of wrong answers against time, as SVG.
-///
-/// # Errors
-/// [`Error::Failed`] if plotters fails.
-pub fn plot(rows: &[PriceRow]) -> Result<String> {
-    let point = |row: &PriceRow| {
-        let colour = usize::from(row.engine != "kiln") + usize::from(row.engine == "embree");
-        let name = format!("{} {}", row.engine, row.mode);
-        Some(Point { name, colour, place: [row.mean_ns()?, row.errors.wrong] })
+pub fn plot(rows: &[PriceRow]) -> String {
+    let mark = |row: &PriceRow| {
+        let group = usize::from(row.engine != "kiln") + usize::from(row.engine == "embree");
+        let label = format!("{} {}", row.engine, row.mode);
+        Some(Mark { x: Quartiles::exact(row.mean_ns()?), y: row.errors.wrong, group, is_filled: true, label })
     };
     // By the widest instructions alone, whose rows are the first: labels of more would lie on each other.
     let is_first = |(index, row): &(usize, &PriceRow)| {
         !rows[..*index].iter().any(|before| (before.engine, before.mode) == (row.engine, row.mode))
     };
-    let points: Vec<Point> =
-        rows.iter().enumerate().filter(is_first).filter_map(|(_, row)| point(row)).collect();
-    let wrong = "wrong answers a million rays at edges and vertices";
-    scatter("nanoseconds a ray, mean of four kinds", wrong, &points)
+    let plot = Scatter {
+        size: [760.0, 460.0],
+        text: 11.0,
+        axes: ["nanoseconds a ray, mean of four kinds", "wrong answers a million rays at edges and vertices"],
+        marks: rows.iter().enumerate().filter(is_first).filter_map(|(_, row)| mark(row)).collect(),
+        joined: Vec::new(),
+        floor: None,
+        groups: Vec::new(),
+    };
+    plot.svg()
 }
 
 /// Errors per million rays.

@@ -81,10 +81,10 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         write_whole(&command.output.join(name), |out| out.write_all(text.as_bytes()))
     };
     let texts = [
-        page(&study, &pictures)?,
+        page(&study, &pictures),
         to_csv(&study.rows),
         format!("{:#}\n", serde_json::json!(study)),
-        error_against_time(&study.rows, study.noise_floor())?,
+        error_against_time(&study.rows, study.noise_floor()),
     ];
     FILES.iter().zip(&texts).try_for_each(|(name, text)| write(name, text))?;
     progress.clear();

@@ -10,22 +10,17 @@ use super::html::{against, geometry, scientific, settings, steps, technique_test
 use super::pictures::PageImages;
 use super::plot::{error_against_time, error_against_twin, error_of_paths};
 use super::selection::{Selection, select};
-use crate::bench::html::escaped;
-use crate::error::Result;
+use crate::bench::html::{STYLE, escaped, filled};
 
 /// The page with the names of its parts in double braces.
 const PAGE: &str = include_str!("page.html");
-const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
 /// The HTML page.
-///
-/// # Errors
-/// [`Error::Failed`](crate::error::Error::Failed) if a plot cannot be drawn.
-pub fn page(study: &Study, pictures: &PageImages) -> Result<String> {
+pub fn page(study: &Study, pictures: &PageImages) -> String {
     let names = study.rows.iter().map(|row| json!({ "name": row.name(), "what": against(row.reference) }));
     let rounds = if study.rounds == 1 { "1 round".into() } else { format!("{} rounds", study.rounds) };
-    let paths = error_of_paths(&study.rows)?.map_or(String::new(), |plot| {
+    let paths = error_of_paths(&study.rows).map_or(String::new(), |plot| {
         format!(
             "<figure>{plot}<figcaption>Samples and the settings of path tracing: the error of each pixel relative to its own \
              value, so that visible lights and their edges do not dominate.</figcaption></figure>"
@@ -42,8 +37,8 @@ pub fn page(study: &Study, pictures: &PageImages) -> Result<String> {
         ("kiln", escaped(&study.envelope.kiln)),
         ("headline", with_code(&headline(study))),
         ("selection", selection(study, pictures)),
-        ("plot of time", error_against_time(&study.rows, study.noise_floor())?),
-        ("plot of twins", error_against_twin(&study.rows)?),
+        ("plot of time", error_against_time(&study.rows, study.noise_floor())),
+        ("plot of twins", error_against_twin(&study.rows)),
         ("plot of paths", paths),
         ("summary", summary(study)),
         ("geometry", geometry(&study.geometry)),
@@ -59,13 +54,7 @@ pub fn page(study: &Study, pictures: &PageImages) -> Result<String> {
         ("rows", embedded(&names.collect())),
         ("script", SCRIPT.to_owned()),
     ];
-    let mut pieces = PAGE.split("{{");
-    let mut html = pieces.next().unwrap_or_default().to_owned();
-    for (name, text) in pieces.filter_map(|piece| piece.split_once("}}")) {
-        html += parts.iter().find(|(own, _)| *own == name).map_or(name, |(_, part)| part);
-        html += text;
-    }
-    Ok(html)
+    filled(PAGE, &parts)
 }
 
 /// JSON with `<` escaped, so that it cannot close its HTML element.

@@ -64,10 +64,7 @@ pub fn scaling(
 const BYTES: &str = "bytes a triangle";
 
 /// Plot of the steps, with a colour per kind of mesh and a line style per engine.
-///
-/// # Errors
-/// [`Error::Failed`] if it cannot be drawn.
-pub fn plot(steps: &[ScalingStep]) -> Result<String> {
+pub fn plot(steps: &[ScalingStep]) -> String {
     let median = |spread: Option<Quartiles>| spread.map(|spread| spread.median);
     let panel = |title: &str, unit, value: &dyn Fn(&SpeedRow) -> Option<f64>| Panel {
         title: title.to_owned(),

@@ -16,6 +16,7 @@ use serde_json::Value;
 use super::progress::{Mode, Progress};
 use super::typed;
 use crate::bench::ResultFile;
+use crate::bench::plot::three_digits;
 use crate::error::Result;
 use crate::render::RenderControl;
 use crate::scene::ImportOptions;
@@ -98,13 +99,4 @@ fn aligned(lines: &[Vec<String>], left: usize) -> String {
 /// The number with groups of three digits separated by commas.
 fn grouped(number: u64) -> String {
     crate::render::grouped(number, ',')
-}
-
-/// The number with three significant digits.
-fn three_digits(x: f64) -> String {
-    match x {
-        _ if x >= 99.95 => grouped(x.round() as u64),
-        _ if x >= 9.995 => format!("{x:.1}"),
-        _ => format!("{x:.2}"),
-    }
 }

@@ -49,7 +49,7 @@ pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()>
         price(&subject, arguments.rays, arguments.runs, &one, control)
     })?;
     if let Some(file) = &arguments.plot {
-        let svg = price::plot(&rows)?;
+        let svg = price::plot(&rows);
         write_whole(file, |out| out.write_all(svg.as_bytes()))?;
     }
     let subject = arguments.subject.name();

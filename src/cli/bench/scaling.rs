@@ -55,7 +55,7 @@ pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()>
         scaling(&engines, &sizes(arguments.largest as usize), arguments.size, &settings, control)
     })?;
     if let Some(file) = &arguments.plot {
-        let svg = speed::scaling_plot(&steps)?;
+        let svg = speed::scaling_plot(&steps);
         write_whole(file, |out| out.write_all(svg.as_bytes()))?;
     }
     print(&if arguments.json {

@@ -62,7 +62,7 @@ pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()>
     let subject = arguments.subject.name();
     let report = Report { rows: &rows, absent: &absent, subject: &subject, runs: arguments.runs };
     if let Some(file) = &arguments.page {
-        let html = page(&rows, &absent, &subject, arguments.runs)?;
+        let html = page(&rows, &absent, &subject, arguments.runs);
         write_whole(file, |out| out.write_all(html.as_bytes()))?;
     }
     print(&if arguments.json { super::report(&subject, json::rows(&report)) } else { text::tables(&report) })
