@@ -8,6 +8,7 @@ use glam::DVec3;
 
 use crate::error::Warnings;
 use crate::film::colour::srgb_decode;
+use crate::scene::{Attribute, Mesh};
 
 /// Largest floating-point value that is read on a scale of 0 to 1. On a scale of 0 to 255, a mesh without larger values
 /// would be nearly black.
@@ -34,9 +35,25 @@ pub(super) struct Colours {
     pub values: Vec<[f64; 4]>,
     /// Value of white per channel; 1 for floating-point numbers.
     pub white: [f64; 4],
+    /// Of faces: the index of the colour of each triangle.
+    pub triangles: Option<Vec<[u32; 3]>>,
 }
 
 impl Colours {
+    /// No colours of faces.
+    pub(super) fn of_faces(white: [f64; 4]) -> Self {
+        Colours { values: Vec::new(), white, triangles: Some(Vec::new()) }
+    }
+
+    /// Adds the colour of a face of `count` triangles; none if it has no triangles.
+    pub(super) fn push_face(&mut self, colour: [f64; 4], count: usize) {
+        if count > 0 {
+            let triangles = std::iter::repeat_n([self.values.len() as u32; 3], count);
+            self.triangles.get_or_insert_default().extend(triangles);
+            self.values.push(colour);
+        }
+    }
+
     /// Largest finite value of some channels, and whether all are whole numbers.
     pub(super) fn range(&self, channels: Range<usize>) -> (f64, bool) {
         let finite = || {
@@ -56,25 +73,21 @@ impl Colours {
         }
     }
 
-    /// Returns linear colours and opacities, rescaled; `None` if all are opaque. Opacities that are all 0, as written
-    /// by some exporters, are dropped with a note.
-    pub(super) fn decoded(mut self, file: &Path, warnings: &mut Warnings) -> (Vec<DVec3>, Option<Vec<f64>>) {
+    /// Sets the colours and opacities of a mesh, rescaled and in linear light. There are no opacities if all are opaque.
+    /// Opacities that are all 0, as written by some exporters, are dropped with a note.
+    pub(super) fn set(mut self, mesh: &mut Mesh, file: &Path, warnings: &mut Warnings) {
         self.rescale(file, warnings);
-        let Colours { values, white } = self;
-        let linear = |c: &[f64; 4]| {
-            DVec3::new(
-                srgb_decode(c[0] / white[0]),
-                srgb_decode(c[1] / white[1]),
-                srgb_decode(c[2] / white[2]),
-            )
-        };
+        let Colours { values, white, triangles } = self;
+        let linear = |c: &[f64; 4]| DVec3::from([0, 1, 2].map(|i| srgb_decode(c[i] / white[i])));
         let alphas: Vec<f64> = values.iter().map(|c| c[3] / white[3]).collect();
         let is_clear = !alphas.is_empty() && alphas.iter().all(|&alpha| alpha == 0.0);
         if is_clear {
             let file = file.display();
             warnings.note(format!("{file}: colours have an alpha of 0 throughout; drawn as opaque"));
         }
-        let alphas = Some(alphas).filter(|alphas| !is_clear && alphas.iter().any(|&alpha| alpha != 1.0));
-        (values.iter().map(linear).collect(), alphas)
+        if !is_clear && alphas.iter().any(|&alpha| alpha != 1.0) {
+            mesh.alphas = Some(Attribute { values: alphas, triangles: triangles.clone() });
+        }
+        mesh.colours = Some(Attribute { values: values.iter().map(linear).collect(), triangles });
     }
 }

@@ -42,6 +42,7 @@ mod threemf;
 mod untextured;
 mod up;
 mod uri;
+mod values;
 
 pub use environment::environment;
 #[cfg(feature = "cli")]

@@ -10,12 +10,12 @@ use glam::{DVec2, DVec3};
 
 use super::Source;
 use super::colours::Colours;
-use super::lines::{Lines, parse_number, take_word, without_mark};
-use super::polygon::{Cuts, Triangulator};
-use crate::error::{Error, Place, Result, Warnings};
+use super::lines::{take_word, without_mark};
+use super::polygon::Polygons;
+use super::values::{Encoding, Read, ReadError, Scalar, Values};
+use crate::error::{Result, Warnings};
 use crate::film::ColourPipeline;
 use crate::film::colour::srgb_encode;
-use crate::limits;
 use crate::scene::{Attribute, Mesh, Phong, Scene};
 
 /// Whether the first word of a text is that of OFF files, of any dimension, also with a number right after it.
@@ -29,31 +29,37 @@ pub(super) fn is_start(mut text: &[u8]) -> bool {
 /// Reads an OFF file as one mesh.
 pub(super) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let mut by_words = warnings.clone();
-    let mut mesh = read_mesh(source, Layout::Lines, warnings);
+    let mut mesh = read_mesh(source, false, warnings);
     if !mesh.as_ref().is_ok_and(|(_, is_whole)| *is_whole)
-        && let Ok((whole, true)) = read_mesh(source, Layout::Words, &mut by_words)
+        && let Ok((whole, true)) = read_mesh(source, true, &mut by_words)
     {
         (mesh, *warnings) = (Ok((whole, true)), by_words);
     }
     Ok(source.scene_of(vec![(None, mesh?.0)]))
 }
 
+/// The part of a line before a comment, without white space around it.
+fn without_comment(line: &[u8]) -> &[u8] {
+    let end = line.iter().position(|&b| b == b'#').unwrap_or(line.len());
+    line[..end].trim_ascii()
+}
+
 /// Reads the mesh of a file. Returns whether the file is whole, too.
-fn read_mesh(source: &Source, layout: Layout, warnings: &mut Warnings) -> Result<(Mesh, bool)> {
-    let mut rows = Rows::new(source, layout);
-    let header = Header::read(&mut rows)?;
+fn read_mesh(source: &Source, is_by_words: bool, warnings: &mut Warnings) -> Result<(Mesh, bool)> {
+    let text = without_mark(&source.bytes);
+    let mut values = Values::of_text(source, text, 0, is_by_words, without_comment);
+    let header = Header::read(&mut values)?;
     let mut mesh = Mesh::default();
     let mut too_long = 0;
-    read_vertices(&mut rows, &header, &mut mesh, &mut too_long, warnings)?;
-    if layout == Layout::Words && !rows.row.is_empty() {
-        return Err(rows.fault("a face on the line of a vertex"));
+    let vertices = read_vertices(&mut values, &header, &mut mesh, &mut too_long, warnings)?;
+    if values.is_by_words && values.encoding == Encoding::Ascii && !values.rest.is_empty() {
+        return Err(values.fault("a face on the line of a vertex"));
     }
     let mut faces = 0;
-    if mesh.positions.len() as u64 == header.vertices {
-        faces = read_faces(&mut rows, &header, &mut mesh, warnings)?;
+    if vertices == header.vertices {
+        faces = read_faces(&mut values, &header, &mut mesh, warnings)?;
     }
     let file = source.file.display();
-    let vertices = mesh.positions.len() as u64;
     for (name, there, declared) in [("vertices", vertices, header.vertices), ("faces", faces, header.faces)] {
         if there < declared {
             let what = format!("ends after {there} of {declared} {name}; the complete elements are drawn");
@@ -65,151 +71,44 @@ fn read_mesh(source: &Source, layout: Layout, warnings: &mut Warnings) -> Result
         let what = "vertices have surplus values, which are left out";
         warnings.left_out(format!("{file}: {too_long} {what}"));
     }
-    if mesh.triangles.is_empty() && !mesh.positions.is_empty() {
-        let points = mesh.positions.len();
-        warnings.left_out(format!("{file}: {points} vertices without faces; points are not drawn"));
+    if mesh.triangles.is_empty() && vertices > 0 {
+        warnings.left_out(format!("{file}: {vertices} vertices without faces; points are not drawn"));
     }
     let is_whole = (vertices, faces) == (header.vertices, header.faces);
-    let is_read = if layout == Layout::Lines { !header.has_values } else { rows.next().is_none() };
+    let is_read = if values.is_by_lines() { !header.has_values } else { values.next_line().is_err() };
     Ok((mesh, is_whole && is_read))
 }
 
-/// Where the values of vertices and faces end.
-#[derive(Clone, Copy, PartialEq)]
-enum Layout {
-    /// Each vertex and each face is a line.
-    Lines,
-    /// Words across line ends; the rest of a face's last line is its colour.
-    Words,
-    /// They are big-endian numbers of 32 bits; the colour of a face follows the number of its values.
-    Binary,
+/// The words of the next line; `None` at the end of the file.
+fn next_words<'a>(values: &mut Values<'a>) -> Option<Vec<&'a [u8]>> {
+    values.next_line().ok()?;
+    let mut row = values.rest;
+    Some(std::iter::from_fn(|| take_word(&mut row)).collect())
 }
 
-/// Values of a file: for text, by lines that are not empty, without comments.
-#[derive(Clone)]
-struct Rows<'a> {
-    source: &'a Source,
-    layout: Layout,
-    lines: Lines<'a>,
-    line: usize,
-    /// The rest of the current line, or of a binary file.
-    row: &'a [u8],
+/// Reads the values of the next vertex, `count` of them if lines do not say how many.
+fn read_vertex(values: &mut Values, count: u64, numbers: &mut Vec<f64>) -> Read<()> {
+    numbers.clear();
+    if !values.is_by_lines() {
+        return values.take(count, Scalar::F32, numbers);
+    }
+    values.next_line()?;
+    values.rest_of_line(numbers)
 }
 
-impl<'a> Rows<'a> {
-    fn new(source: &'a Source, layout: Layout) -> Self {
-        Rows { source, layout, lines: Lines::new(without_mark(&source.bytes), 0), line: 1, row: &[] }
+/// Reads the values of the next face: the number of its vertices, these, and its colour.
+fn read_face(values: &mut Values, numbers: &mut Vec<f64>) -> Read<()> {
+    if values.is_by_lines() {
+        return read_vertex(values, 0, numbers);
     }
-
-    fn fault(&self, what: impl Into<String>) -> Error {
-        let file = &self.source.file;
-        let (place, hint) = match self.layout {
-            Layout::Binary => {
-                let byte = self.source.bytes.len() - self.row.len();
-                (Place::item(file, format!("byte {byte}")), "export the file again")
-            }
-            _ => (Place::line(file, self.line), "correct the line, or export the file again"),
-        };
-        Error::input(place, what, hint)
+    numbers.clear();
+    values.take(1, Scalar::I32, numbers)?;
+    values.take(numbers[0] as u64, Scalar::I32, numbers)?;
+    if values.encoding == Encoding::Ascii {
+        return values.rest_of_line(numbers);
     }
-
-    /// Moves to the next line, of which the words are returned.
-    fn next(&mut self) -> Option<Vec<&'a [u8]>> {
-        self.next_row()?;
-        let mut row = self.row;
-        Some(std::iter::from_fn(|| take_word(&mut row)).collect())
-    }
-
-    /// Moves to the next line.
-    fn next_row(&mut self) -> Option<()> {
-        loop {
-            let (number, line) = self.lines.next()?;
-            self.line = number;
-            let comment = line.iter().position(|&b| b == b'#').unwrap_or(line.len());
-            self.row = line[..comment].trim_ascii();
-            if !self.row.is_empty() {
-                return Some(());
-            }
-        }
-    }
-
-    /// Appends the numbers left on the line.
-    fn rest(&mut self, values: &mut Vec<f64>) -> Result<()> {
-        while let Some(word) = take_word(&mut self.row) {
-            values.push(parse_number(word).ok_or_else(|| self.fault("not a number"))?);
-        }
-        Ok(())
-    }
-
-    /// Appends `count` numbers, wherever lines end; those of binary files are `f32`, or `i32`. `false` at the end of
-    /// the file.
-    fn take(&mut self, count: usize, is_integer: bool, values: &mut Vec<f64>) -> Result<bool> {
-        for _ in 0..count {
-            if self.layout == Layout::Binary {
-                let Some((&bytes, rest)) = self.row.split_first_chunk() else { return Ok(false) };
-                self.row = rest;
-                let float = || f32::from_be_bytes(bytes).into();
-                values.push(if is_integer { i32::from_be_bytes(bytes).into() } else { float() });
-                continue;
-            }
-            if self.row.is_empty() && self.next_row().is_none() {
-                return Ok(false);
-            }
-            let word = take_word(&mut self.row).unwrap_or_default();
-            values.push(parse_number(word).ok_or_else(|| self.fault("not a number"))?);
-        }
-        Ok(true)
-    }
-
-    /// The values of the next vertex, `count` of them if the file does not have them by lines; `false` at its end.
-    fn vertex(&mut self, count: usize, values: &mut Vec<f64>) -> Result<bool> {
-        values.clear();
-        if self.layout != Layout::Lines {
-            return self.take(count, false, values);
-        }
-        let is_there = self.next_row().is_some();
-        if is_there {
-            self.rest(values)?;
-        }
-        Ok(is_there)
-    }
-
-    /// The values of the next face: the number of its vertices, these, and its colour; `false` at the end of the file.
-    fn face(&mut self, values: &mut Vec<f64>) -> Result<bool> {
-        if self.layout == Layout::Lines {
-            return self.vertex(0, values);
-        }
-        values.clear();
-        if !self.take(1, true, values)? || !self.take(values[0] as usize, true, values)? {
-            return Ok(false);
-        }
-        if self.layout == Layout::Words {
-            self.rest(values)?;
-            return Ok(true);
-        }
-        if !self.take(1, true, values)? {
-            return Ok(false);
-        }
-        let colours = values.pop().unwrap_or_default();
-        self.take(colours as usize, false, values)
-    }
-
-    /// Whether no line follows, so that the current one may be cut.
-    fn is_last(&self) -> bool {
-        self.lines.rest().trim_ascii().is_empty()
-    }
-
-    /// Number of elements to reserve: `count`, or what the rest of the file can hold at `least` bytes per element if
-    /// that is less. Checks the memory limit for `bytes` per element.
-    fn capacity(&self, count: u64, least: u64, bytes: usize) -> Result<usize> {
-        let rest = self.lines.rest().len() + self.row.len();
-        let count = count.min((rest as u64 + 1) / least);
-        limits::check(limits::product(&[count, bytes as u64])).map_err(|excess| {
-            let what = format!("{count} elements: reading them {excess}");
-            Error::input(Place::line(&self.source.file, self.line), what, excess.hint())
-        })?;
-        Ok(count as usize)
-    }
+    let colours = values.next(Scalar::I32)?;
+    values.take(colours as u64, Scalar::F32, numbers)
 }
 
 /// Attributes of vertices, and numbers of vertices and faces.
@@ -224,22 +123,22 @@ struct Header {
 }
 
 impl Header {
-    fn read(rows: &mut Rows) -> Result<Self> {
+    fn read(values: &mut Values) -> Result<Self> {
         const BEGINNING: &str = "an OFF file begins with `OFF`, or with ST, C or N before it";
-        let words = rows.next().ok_or_else(|| rows.fault(BEGINNING))?;
-        let (word, after) = words.split_first().ok_or_else(|| rows.fault(BEGINNING))?;
+        let words = next_words(values).ok_or_else(|| values.fault(BEGINNING))?;
+        let (word, after) = words.split_first().ok_or_else(|| values.fault(BEGINNING))?;
         let word = word.to_ascii_uppercase();
         // Files of ModelNet have the first count right behind the word.
         let letters = word.iter().position(u8::is_ascii_digit).filter(|&at| at > 1).unwrap_or(word.len());
         let (kind, glued) = word.split_at(letters);
-        let mut kind = kind.strip_suffix(b"OFF").ok_or_else(|| rows.fault(BEGINNING))?;
+        let mut kind = kind.strip_suffix(b"OFF").ok_or_else(|| values.fault(BEGINNING))?;
         let (mut has_normals, mut has_colours, mut has_uvs) = (false, false, false);
         while let Some(&first) = kind.first() {
             let (flag, length) = match first {
                 b'N' => (&mut has_normals, 1),
                 b'C' => (&mut has_colours, 1),
                 b'S' if kind.starts_with(b"ST") => (&mut has_uvs, 2),
-                _ => return Err(rows.fault("not three-dimensional")),
+                _ => return Err(values.fault("not three-dimensional")),
             };
             *flag = true;
             kind = &kind[length..];
@@ -247,12 +146,11 @@ impl Header {
         const ENDS: &str = "ends before the numbers of vertices and faces";
         const NO_COUNTS: &str = "no numbers of vertices and faces after `OFF`";
         if after.first().is_some_and(|word| word.eq_ignore_ascii_case(b"BINARY")) {
-            (rows.layout, rows.row) = (Layout::Binary, rows.lines.rest());
-            rows.lines = Lines::new(&[], 0);
+            *values = values.clone().into_binary(Encoding::BigEndian);
             let mut counts = Vec::new();
-            let is_there = rows.take(3, true, &mut counts)?;
+            let is_there = values.take(3, Scalar::I32, &mut counts).is_ok();
             if !is_there || counts.iter().any(|&count| count < 0.0) {
-                return Err(rows.fault(NO_COUNTS));
+                return Err(values.fault(NO_COUNTS));
             }
             let (vertices, faces) = (counts[0] as u64, counts[1] as u64);
             return Ok(Header { has_normals, has_colours, has_uvs, vertices, faces, has_values: false });
@@ -261,35 +159,30 @@ impl Header {
         counts.extend(after);
         let mut on_row = words.len();
         while counts.len() < 2 {
-            let row =
-                rows.next().ok_or_else(|| rows.fault(if counts.is_empty() { ENDS } else { NO_COUNTS }))?;
+            let missing = if counts.is_empty() { ENDS } else { NO_COUNTS };
+            let row = next_words(values).ok_or_else(|| values.fault(missing))?;
             on_row = row.len();
             counts.extend(row);
         }
         // The number of edges, where each number has a line.
-        let mut ahead = rows.clone();
-        if counts.len() == 2 && on_row == 1 && ahead.next().is_some_and(|row| row.len() == 1) {
-            *rows = ahead;
+        let mut ahead = values.clone();
+        if counts.len() == 2 && on_row == 1 && next_words(&mut ahead).is_some_and(|row| row.len() == 1) {
+            *values = ahead;
         }
         // Values behind the three numbers, in files of words.
         let behind = counts.len().saturating_sub(3);
-        (0..on_row.saturating_sub(behind)).for_each(|_| _ = take_word(&mut rows.row));
+        (0..on_row.saturating_sub(behind)).for_each(|_| _ = take_word(&mut values.rest));
         let count = |index: usize| std::str::from_utf8(counts[index]).ok()?.parse().ok();
         let (Some(vertices), Some(faces)) = (count(0), count(1)) else {
-            return Err(rows.fault(NO_COUNTS));
+            return Err(values.fault(NO_COUNTS));
         };
         Ok(Header { has_normals, has_colours, has_uvs, vertices, faces, has_values: behind > 0 })
     }
 }
 
-/// Decodes colours. Whole numbers above 1 are on the scale of 0 to 255 of the format. NaN becomes the default grey, in
-/// alpha opaque.
-fn decoded(
-    values: Vec<[f64; 4]>,
-    source: &Source,
-    warnings: &mut Warnings,
-) -> (Vec<DVec3>, Option<Vec<f64>>) {
-    let mut colours = Colours { values, white: [1.0; 4] };
+/// Sets colours. Whole numbers above 1 are on the scale of 0 to 255 of the format. NaN becomes the default grey, in alpha
+/// opaque.
+fn set_colours(mut colours: Colours, mesh: &mut Mesh, source: &Source, warnings: &mut Warnings) {
     for channels in [0..3, 3..4] {
         let (largest, are_whole) = colours.range(channels.clone());
         if largest > 1.0 && are_whole {
@@ -306,7 +199,7 @@ fn decoded(
             }
         }
     }
-    colours.decoded(&source.file, warnings)
+    colours.set(mesh, &source.file, warnings);
 }
 
 /// Colour of three or four values; without alpha, alpha is NaN.
@@ -330,33 +223,32 @@ fn are_unnamed(values: &[[f64; 4]], count: usize) -> bool {
             .all(|colour| colour.iter().all(is_colour) && has_alpha(colour) == has_alpha(&values[0]))
 }
 
+/// Reads the vertices; returns their number.
 fn read_vertices(
-    rows: &mut Rows,
+    values: &mut Values,
     header: &Header,
     mesh: &mut Mesh,
     too_long: &mut usize,
     warnings: &mut Warnings,
-) -> Result<()> {
+) -> Result<u64> {
     let Header { has_normals, has_colours, has_uvs, vertices, .. } = *header;
-    let capacity = rows.capacity(vertices, 6, 2 * size_of::<DVec3>() + size_of::<[f64; 6]>())?;
-    mesh.positions.reserve(capacity);
+    let bytes = 2 * size_of::<DVec3>() + size_of::<[f64; 6]>();
+    mesh.positions.reserve(values.capacity(vertices, 6, bytes, values.line())?);
     let (mut normals, mut colours, mut uvs) = (Vec::new(), Vec::new(), Vec::new());
     let least = 3 + if has_normals { 3 } else { 0 } + if has_uvs { 2 } else { 0 };
-    let mut values = Vec::new();
+    let mut numbers = Vec::new();
     // Where lines do not say how many values a colour has, it has four (Geomview).
-    let count = least + if has_colours { 4 } else { 0 };
-    for _ in 0..vertices {
-        if !rows.vertex(count, &mut values)? {
-            break;
-        }
-        if values.len() < least {
-            if rows.is_last() {
-                break;
+    let count = least as u64 + if has_colours { 4 } else { 0 };
+    let there = values.each(vertices, |values| {
+        read_vertex(values, count, &mut numbers)?;
+        if numbers.len() < least {
+            if values.is_last_line() {
+                return Err(ReadError::End);
             }
-            return Err(rows.fault(format!("a vertex of {} values, not {least}", values.len())));
+            return Err(values.fault(format!("a vertex of {} values, not {least}", numbers.len())).into());
         }
-        mesh.positions.push(DVec3::from_slice(&values));
-        let mut rest = &values[3..];
+        mesh.positions.push(DVec3::from_slice(&numbers));
+        let mut rest = &numbers[3..];
         if has_normals {
             normals.push(DVec3::from_slice(rest));
             rest = &rest[3..];
@@ -372,79 +264,60 @@ fn read_vertices(
             *too_long += 1;
             colours.extend(colour(rest));
         }
-    }
+        Ok(())
+    })?;
     let has_colours = has_colours || are_unnamed(&colours, mesh.positions.len());
     if has_colours && *too_long > 0 {
         *too_long = 0;
-        let file = rows.source.file.display();
+        let file = values.source.file.display();
         warnings.note(format!("{file}: vertices have colours, which the first line does not name"));
     }
     mesh.normals = has_normals.then(|| Attribute::per_position(normals));
     mesh.uvs.extend(has_uvs.then(|| Attribute::per_position(uvs)));
     if has_colours {
-        let (colours, alphas) = decoded(colours, rows.source, warnings);
-        mesh.colours = Some(Attribute::per_position(colours));
-        mesh.alphas = alphas.map(Attribute::per_position);
+        let colours = Colours { values: colours, white: [1.0; 4], triangles: None };
+        set_colours(colours, mesh, values.source, warnings);
     }
-    Ok(())
+    Ok(there)
 }
 
 /// Reads the faces; returns their number.
-fn read_faces(rows: &mut Rows, header: &Header, mesh: &mut Mesh, warnings: &mut Warnings) -> Result<u64> {
-    let capacity = rows.capacity(header.faces, 2, size_of::<[u32; 3]>() + size_of::<[f64; 5]>())?;
-    mesh.triangles.reserve(capacity);
-    let (mut cuts, mut too_small) = (Cuts::default(), 0);
-    let (mut colours, mut face_of, mut has_colours) = (Vec::new(), Vec::new(), false);
-    let mut triangulator = Triangulator::new();
-    let (mut values, mut polygon, mut corners) = (Vec::new(), Vec::new(), Vec::new());
-    let count = mesh.positions.len();
-    let mut there = 0;
-    while there < header.faces && rows.face(&mut values)? {
-        let length = values[0];
+fn read_faces(values: &mut Values, header: &Header, mesh: &mut Mesh, warnings: &mut Warnings) -> Result<u64> {
+    let bytes = size_of::<[u32; 3]>() + size_of::<[f64; 5]>();
+    mesh.triangles.reserve(values.capacity(header.faces, 2, bytes, values.line())?);
+    let (mut polygons, mut colours) = (Polygons::default(), Colours::of_faces([1.0; 4]));
+    let (mut numbers, mut polygon, mut has_colours) = (Vec::new(), Vec::new(), false);
+    let there = values.each(header.faces, |values| {
+        read_face(values, &mut numbers)?;
+        let length = numbers[0];
         if !(length >= 0.0 && length.fract() == 0.0) {
-            return Err(rows.fault("a face begins with the number of its vertices"));
+            return Err(values.fault("a face begins with the number of its vertices").into());
         }
-        if length > (values.len() - 1) as f64 {
-            if rows.is_last() {
-                break;
+        let rest = &numbers[1..];
+        if length > rest.len() as f64 {
+            if values.is_last_line() {
+                return Err(ReadError::End);
             }
-            let what = format!("a face of {length} vertices with {} values", values.len() - 1);
-            return Err(rows.fault(what));
+            let what = format!("a face of {length} vertices with {} values", rest.len());
+            return Err(values.fault(what).into());
         }
-        let (indices, rest) = values[1..].split_at(length as usize);
+        let (indices, rest) = rest.split_at(length as usize);
         polygon.clear();
-        corners.clear();
         for &index in indices {
-            if !(index >= 0.0 && index < count as f64 && index.fract() == 0.0 && index <= f64::from(u32::MAX))
-            {
-                let what = format!("vertex {index} does not exist; there are {count}, counted from 0");
-                return Err(rows.fault(what));
-            }
-            polygon.push(index as u32);
-            corners.push(mesh.positions[index as usize]);
+            polygon.push(values.index(index, mesh.positions.len(), "")?);
         }
-        too_small += usize::from(corners.len() < 3);
-        let before = mesh.triangles.len();
-        let triangles = &mut mesh.triangles;
-        cuts.count(triangulator.triangulate(&corners, |t| triangles.push(t.map(|i| polygon[i]))));
+        let made = polygons.add(mesh, &polygon, |_| ());
         let colour = colour(rest);
         has_colours |= colour.is_some();
-        face_of.extend(std::iter::repeat_n([colours.len() as u32; 3], mesh.triangles.len() - before));
-        colours.push(colour.unwrap_or([f64::NAN; 4]));
-        there += 1;
-    }
-    let file = rows.source.file.display();
-    if too_small > 0 {
-        warnings.left_out(format!("{file}: left out {too_small} face(s) of fewer than three corners"));
-    }
-    cuts.warn(&rows.source.file, warnings);
+        colours.push_face(colour.unwrap_or([f64::NAN; 4]), made);
+        Ok(())
+    })?;
+    polygons.warn(&values.source.file, warnings);
     if has_colours && mesh.colours.is_some() {
         let what = "colours of faces beside those of vertices are left out";
-        warnings.left_out(format!("{file}: {what}"));
+        warnings.left_out(format!("{}: {what}", values.source.file.display()));
     } else if has_colours {
-        let (values, alphas) = decoded(colours, rows.source, warnings);
-        mesh.alphas = alphas.map(|values| Attribute { values, triangles: Some(face_of.clone()) });
-        mesh.colours = Some(Attribute { values, triangles: Some(face_of) });
+        set_colours(colours, mesh, values.source, warnings);
     }
     Ok(there)
 }

@@ -23,13 +23,14 @@ use super::colours::Colours;
 use super::images::{Channels, ImageLoader};
 use super::lines::Lines;
 use super::parts::split;
+use super::values::Encoding;
 use super::{Source, default_material};
 use crate::error::{Error, Place, Result, Warnings};
 use crate::film::Colour;
 use crate::scene::{Attribute, ImageId, Material, Mesh, Scene, Texture, TextureSampler};
-use body::Body;
+use body::{Body, skip_property};
 use faces::Faces;
-use header::{Element, Encoding, Header, Property};
+use header::{Element, Header, Property};
 
 /// Whether the first line of a text is that of PLY files, in any case.
 pub(super) fn is_start(text: &[u8]) -> bool {
@@ -63,22 +64,29 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let Contents { body, mut mesh, colours, mut faces } = contents?;
     warn_of_length(&body, warnings);
     let file = source.file.display();
-    let mut say = |is_said: bool, what: String| {
-        if is_said {
+    let points = mesh.positions.len();
+    if mesh.triangles.is_empty() && points > 0 {
+        warnings.left_out(format!("{file}: {points} vertices without faces; points are not drawn"));
+    }
+    faces.polygons.warn(&source.file, warnings);
+    let is_of_triangles = |colours: &Colours| {
+        colours.triangles.as_ref().is_none_or(|triangles| triangles.len() == mesh.triangles.len())
+    };
+    match (colours, faces.colours.take()) {
+        (Some(colours), of_faces) => {
+            if of_faces.is_some() {
+                let what = "colours of faces beside those of vertices are left out";
+                warnings.left_out(format!("{file}: {what}"));
+            }
+            colours.set(&mut mesh, &source.file, warnings);
+        }
+        (None, Some(colours)) if is_of_triangles(&colours) => colours.set(&mut mesh, &source.file, warnings),
+        (None, Some(_)) => {
+            let what = "colours of faces are left out, because triangle strips have none";
             warnings.left_out(format!("{file}: {what}"));
         }
-    };
-    let points = mesh.positions.len();
-    let what = "vertices without faces; points are not drawn";
-    say(mesh.triangles.is_empty() && points > 0, format!("{points} {what}"));
-    let what = "face(s) of fewer than three corners";
-    say(faces.too_small > 0, format!("left out {} {what}", faces.too_small));
-    say(
-        colours.is_some() && faces.colours.is_some(),
-        "colours of faces beside those of vertices are left out".into(),
-    );
-    faces.cuts.warn(&source.file, warnings);
-    set_colours(source, &mut mesh, colours, &mut faces, warnings);
+        (None, None) => {}
+    }
     textured(source, &header, mesh, faces, warnings)
 }
 
@@ -118,7 +126,7 @@ impl<'a> Contents<'a> {
             }
         }
         for (element, start) in before_vertices {
-            let mut at = body.from(&start);
+            let mut at = Body { surplus_lines: body.surplus_lines, ..start };
             match element.name.as_str() {
                 "face" => faces.read(&mut at, element, &mut mesh)?,
                 _ => faces::read_strips(&mut at, element, &mut mesh)?,
@@ -132,7 +140,7 @@ impl<'a> Contents<'a> {
 
 /// Warns of data that is missing or that the header does not declare.
 fn warn_of_length(body: &Body, warnings: &mut Warnings) {
-    let file = body.source.file.display();
+    let file = body.values.source.file.display();
     if let Some((name, there, declared)) = &body.truncation {
         let what =
             format!("ends after {there} of {declared} elements ({name}); the complete elements are drawn");
@@ -142,7 +150,7 @@ fn warn_of_length(body: &Body, warnings: &mut Warnings) {
         let what = "line(s) have surplus values, which are left out";
         warnings.left_out(format!("{file}: {} {what}", body.surplus_lines));
     }
-    if let (None, rest @ 1..) = (&body.truncation, body.bytes_left()) {
+    if let (None, rest @ 1..) = (&body.truncation, body.values.bytes_left()) {
         warnings.left_out(format!("{file}: left out {rest} byte(s) after the last element"));
     }
 }
@@ -217,17 +225,17 @@ fn read_vertices(body: &mut Body, element: &Element, mesh: &mut Mesh) -> Result<
     let mut normals = Vec::with_capacity(capacity(has_normals));
     let mut uvs = Vec::with_capacity(capacity(has_uvs));
     let mut colours = Vec::with_capacity(capacity(has_colours));
-    body.each(element, |body| {
-        let mut values = [0.0; SLOTS];
-        values[COLOUR..].copy_from_slice(&white);
+    body.each(element, |values| {
+        let mut own = [0.0; SLOTS];
+        own[COLOUR..].copy_from_slice(&white);
         for (property, slot) in element.properties.iter().zip(&slots) {
             match *slot {
-                Some(slot @ COLOUR..) => values[slot] = property.scalar.unsigned(body.next(property.scalar)?),
-                Some(slot) => values[slot] = body.next(property.scalar)?,
-                None => body.skip_property(property)?,
+                Some(slot @ COLOUR..) => own[slot] = property.scalar.unsigned(values.next(property.scalar)?),
+                Some(slot) => own[slot] = values.next(property.scalar)?,
+                None => skip_property(values, property)?,
             }
         }
-        let [x, y, z, nx, ny, nz, u, v, colour @ ..] = values;
+        let [x, y, z, nx, ny, nz, u, v, colour @ ..] = own;
         positions.push(DVec3::new(x, y, z));
         if has_normals {
             normals.push(DVec3::new(nx, ny, nz));
@@ -243,32 +251,7 @@ fn read_vertices(body: &mut Body, element: &Element, mesh: &mut Mesh) -> Result<
     mesh.positions = positions;
     mesh.normals = has_normals.then(|| Attribute::per_position(normals));
     mesh.uvs.extend(has_uvs.then(|| Attribute::per_position(uvs)));
-    Ok(has_colours.then_some(Colours { values: colours, white }))
-}
-
-/// Sets the colours and opacities of vertices, or of faces if vertices have none.
-fn set_colours(
-    source: &Source,
-    mesh: &mut Mesh,
-    vertices: Option<Colours>,
-    faces: &mut Faces,
-    warnings: &mut Warnings,
-) {
-    let is_of_faces = faces.face_of.len() == mesh.triangles.len();
-    let triangles = || faces.face_of.iter().map(|&face| [face; 3]).collect::<Vec<_>>();
-    let (colours, triangles) = match (vertices, faces.colours.take()) {
-        (Some(colours), _) => (colours, None),
-        (None, Some(colours)) if is_of_faces => (colours, Some(triangles())),
-        (None, Some(_)) => {
-            let what = "colours of faces are left out, because triangle strips have none";
-            warnings.left_out(format!("{}: {what}", source.file.display()));
-            return;
-        }
-        (None, None) => return,
-    };
-    let (colours, alphas) = colours.decoded(&source.file, warnings);
-    mesh.alphas = alphas.map(|values| Attribute { values, triangles: triangles.clone() });
-    mesh.colours = Some(Attribute { values: colours, triangles });
+    Ok(has_colours.then_some(Colours { values: colours, white, triangles: None }))
 }
 
 /// Scene of a mesh: split by the images of its faces, or with the first image on all faces.

@@ -14,6 +14,7 @@ use std::path::Path;
 use glam::{DVec2, DVec3};
 
 use crate::error::Warnings;
+use crate::scene::Mesh;
 
 /// Maximum number of corners of polygons that are not searched for crossings; cubic time is at most 64^3 steps.
 const MAX_UNCHECKED_CORNERS: usize = 64;
@@ -78,6 +79,7 @@ impl Cuts {
 }
 
 /// Triangulates polygons; reuses its buffers.
+#[derive(Default)]
 pub(crate) struct Triangulator {
     earcut: earcut::Earcut<f64>,
     flat: Vec<[f64; 2]>,
@@ -139,6 +141,45 @@ impl Triangulator {
             (1..n - 1).for_each(|i| emit([0, i, i + 1]));
         }
         if covers { Cut::Whole } else { Cut::SignedHit }
+    }
+}
+
+/// Makes triangles of the polygons of a file.
+#[derive(Default)]
+pub(crate) struct Polygons {
+    triangulator: Triangulator,
+    cuts: Cuts,
+    too_small: usize,
+    corners: Vec<DVec3>,
+}
+
+impl Polygons {
+    /// Adds the triangles of a polygon, given by indices of positions, to a mesh. Calls `each` with the corners of each
+    /// triangle. Returns their number.
+    pub(crate) fn add(
+        &mut self,
+        mesh: &mut Mesh,
+        polygon: &[u32],
+        mut each: impl FnMut([usize; 3]),
+    ) -> usize {
+        let before = mesh.triangles.len();
+        self.too_small += usize::from(polygon.len() < 3);
+        self.corners.clear();
+        self.corners.extend(polygon.iter().map(|&index| mesh.positions[index as usize]));
+        self.cuts.count(self.triangulator.triangulate(&self.corners, |triangle| {
+            mesh.triangles.push(triangle.map(|i| polygon[i]));
+            each(triangle);
+        }));
+        mesh.triangles.len() - before
+    }
+
+    /// Adds warnings for the polygons of `file` that were left out or split into fans.
+    pub(crate) fn warn(&self, file: &Path, warnings: &mut Warnings) {
+        if self.too_small > 0 {
+            let what = format!("left out {} face(s) of fewer than three corners", self.too_small);
+            warnings.left_out(format!("{}: {what}", file.display()));
+        }
+        self.cuts.warn(file, warnings);
     }
 }
 

@@ -3,8 +3,9 @@
 use glam::DVec2;
 
 use super::super::colours::Colours;
-use super::super::polygon::{Cuts, Triangulator};
-use super::body::{Body, Read};
+use super::super::polygon::Polygons;
+use super::super::values::{Read, Scalar, Values};
+use super::body::{Body, read_length, read_list, skip_property};
 use super::header::{Element, Property};
 use super::{colour_slot, first_of_each, whites};
 use crate::error::Result;
@@ -16,9 +17,7 @@ pub(super) struct Faces {
     /// White of the colours, whether there are texture coordinates, and numbers of textures; `None` before the first
     /// element.
     kind: Option<(Option<[f64; 4]>, bool, bool)>,
-    pub cuts: Cuts,
-    pub too_small: usize,
-    /// Colour per face; faces without triangles are skipped.
+    pub polygons: Polygons,
     pub colours: Option<Colours>,
     /// Texture coordinates of corners.
     pub uvs: Vec<DVec2>,
@@ -28,8 +27,6 @@ pub(super) struct Faces {
     pub has_uvs: bool,
     /// `texnumber` of each triangle.
     pub textures: Option<Vec<i64>>,
-    /// Face index per triangle; faces without triangles are not counted.
-    pub face_of: Vec<u32>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
@@ -75,73 +72,65 @@ impl Faces {
             self.textures.get_or_insert_default();
         }
         if has_colours {
-            self.colours.get_or_insert(Colours { white, values: Vec::new() });
+            self.colours.get_or_insert(Colours::of_faces(white));
         }
         let colour_bytes = if has_colours { size_of::<[f64; 4]>() + size_of::<u32>() } else { 0 };
         let count = body.count(element, size_of::<[u32; 3]>() + colour_bytes)?;
         mesh.triangles.reserve(count);
-        let mut triangulator = Triangulator::new();
-        let (mut indices, mut uvs) = (Vec::new(), Vec::new());
-        let (mut polygon, mut corners) = (Vec::new(), Vec::new());
-        body.each(element, |body| {
+        let (mut list, mut uvs, mut polygon) = (Vec::new(), Vec::new(), Vec::new());
+        body.each(element, |values| {
             let mut colour = white;
             let mut number = -1.0;
             for (property, slot) in element.properties.iter().zip(&slots) {
                 match (slot, property.length) {
                     (Some(Slot::Polygon), Some(length)) => {
-                        body.list(length, property.scalar, &mut indices)?;
+                        read_list(values, length, property.scalar, &mut list)?;
                         polygon.clear();
-                        for &index in &indices {
-                            polygon.push(body.checked(index, mesh.positions.len())?);
+                        for &index in &list {
+                            polygon.push(values.index(index, mesh.positions.len(), BEFORE)?);
                         }
                     }
                     (Some(Slot::TextureCoordinates), Some(length)) => {
-                        body.list(length, property.scalar, &mut uvs)?;
+                        read_list(values, length, property.scalar, &mut uvs)?;
                     }
-                    (Some(Slot::TextureNumber), _) => number = body.next(property.scalar)?,
+                    (Some(Slot::TextureNumber), _) => number = values.next(property.scalar)?,
                     (Some(Slot::Colour(channel)), _) => {
-                        colour[*channel] = property.scalar.unsigned(body.next(property.scalar)?);
+                        colour[*channel] = property.scalar.unsigned(values.next(property.scalar)?);
                     }
-                    _ => body.skip_property(property)?,
+                    _ => skip_property(values, property)?,
                 }
             }
-            corners.clear();
-            corners.extend(polygon.iter().map(|&index| mesh.positions[index as usize]));
-            self.too_small += usize::from(corners.len() < 3);
-            let first_uv = (self.has_uvs && uvs.len() == 2 * corners.len()).then_some(self.uvs.len() as u32);
-            let before = mesh.triangles.len();
-            self.cuts.count(triangulator.triangulate(&corners, |t| {
-                mesh.triangles.push(t.map(|i| polygon[i]));
+            let first_uv = (self.has_uvs && uvs.len() == 2 * polygon.len()).then_some(self.uvs.len() as u32);
+            let made = self.polygons.add(mesh, &polygon, |t| {
                 if self.has_uvs {
                     self.uv_triangles.push(first_uv.map(|first| t.map(|i| first + i as u32)));
                 }
-            }));
+            });
             if first_uv.is_some() {
                 self.uvs.extend(uvs.as_chunks().0.iter().map(|&[u, v]| DVec2::new(u, 1.0 - v)));
             }
-            let made = mesh.triangles.len() - before;
             if let Some(textures) = &mut self.textures {
                 textures.extend(std::iter::repeat_n(number as i64, made));
             }
-            if let Some(colours) = &mut self.colours
-                && made > 0
-            {
-                self.face_of.extend(std::iter::repeat_n(colours.values.len() as u32, made));
-                colours.values.push(colour);
+            if let Some(colours) = &mut self.colours {
+                colours.push_face(colour, made);
             }
             Ok(())
         })
     }
 }
 
+/// What messages about vertices of faces say of their number.
+const BEFORE: &str = " before the faces";
+
 /// Reads triangle strips. Every second triangle has reversed winding.
 pub(super) fn read_strips(body: &mut Body, element: &Element, mesh: &mut Mesh) -> Result<()> {
-    body.each(element, |body| {
+    body.each(element, |values| {
         let mut triangles = Vec::new();
         for property in &element.properties {
             match property.length.filter(|_| is_polygon(property)) {
-                Some(length) => strip(body, property, length, mesh.positions.len(), &mut triangles)?,
-                None => body.skip_property(property)?,
+                Some(length) => strip(values, property.scalar, length, mesh.positions.len(), &mut triangles)?,
+                None => skip_property(values, property)?,
             }
         }
         mesh.triangles.append(&mut triangles);
@@ -151,20 +140,20 @@ pub(super) fn read_strips(body: &mut Body, element: &Element, mesh: &mut Mesh) -
 
 /// Reads one strip; vertex indices must be below `count`.
 fn strip(
-    body: &mut Body,
-    property: &Property,
-    length: super::header::Scalar,
+    values: &mut Values,
+    scalar: Scalar,
+    length: Scalar,
     count: usize,
     triangles: &mut Vec<[u32; 3]>,
 ) -> Read<()> {
     let mut strip = Vec::new();
-    for _ in 0..body.length(length)? {
-        let index = body.next(property.scalar)?;
+    for _ in 0..read_length(values, length)? {
+        let index = values.next(scalar)?;
         if index < 0.0 {
             strip.clear();
             continue;
         }
-        strip.push(body.checked(index, count)?);
+        strip.push(values.index(index, count, BEFORE)?);
         if let &[.., a, b, c] = strip.as_slice() {
             triangles.push(if strip.len() % 2 == 1 { [a, b, c] } else { [b, a, c] });
         }

@@ -1,85 +1,41 @@
 //! Headers of PLY files.
 
 use super::super::Source;
+use super::super::values::{Encoding, Kind, Scalar};
 use crate::error::{Error, Place, Result};
-
-/// Encoding of the values after the header.
-#[derive(Clone, Copy, PartialEq)]
-pub(crate) enum Encoding {
-    Ascii,
-    LittleEndian,
-    BigEndian,
-}
-
-/// The type of a value.
-#[derive(Clone, Copy, PartialEq)]
-pub(crate) enum Scalar {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    I64,
-    U64,
-    F32,
-    F64,
-}
 
 impl Scalar {
     /// The type of this name in headers.
     fn named(name: &str) -> Option<Self> {
-        Some(match name {
-            "char" | "int8" => Scalar::I8,
-            "uchar" | "uint8" => Scalar::U8,
-            "short" | "int16" => Scalar::I16,
-            "ushort" | "uint16" => Scalar::U16,
-            "int" | "int32" => Scalar::I32,
-            "uint" | "uint32" => Scalar::U32,
-            // Written by trimesh and VTK.
-            "int64" => Scalar::I64,
-            "uint64" => Scalar::U64,
-            "float" | "float32" => Scalar::F32,
-            "double" | "float64" => Scalar::F64,
+        let (kind, size) = match name {
+            "char" | "int8" => (Kind::Signed, 1),
+            "short" | "int16" => (Kind::Signed, 2),
+            "int" | "int32" => (Kind::Signed, 4),
+            // Those of 8 bytes are written by trimesh and VTK.
+            "int64" => (Kind::Signed, 8),
+            "uchar" | "uint8" => (Kind::Unsigned, 1),
+            "ushort" | "uint16" => (Kind::Unsigned, 2),
+            "uint" | "uint32" => (Kind::Unsigned, 4),
+            "uint64" => (Kind::Unsigned, 8),
+            "float" | "float32" => (Kind::Float, 4),
+            "double" | "float64" => (Kind::Float, 8),
             _ => return None,
-        })
-    }
-
-    /// Size in bytes in binary data.
-    pub(crate) fn size(self) -> usize {
-        match self {
-            Scalar::I8 | Scalar::U8 => 1,
-            Scalar::I16 | Scalar::U16 => 2,
-            Scalar::I32 | Scalar::U32 | Scalar::F32 => 4,
-            Scalar::I64 | Scalar::U64 | Scalar::F64 => 8,
-        }
-    }
-
-    /// The number in the lowest [`Scalar::size`] bytes of `bits`.
-    pub(crate) fn of_bits(self, bits: u64) -> f64 {
-        match self {
-            Scalar::I8 => f64::from(bits as i8),
-            Scalar::I16 => f64::from(bits as i16),
-            Scalar::I32 => f64::from(bits as i32),
-            Scalar::I64 => bits as i64 as f64,
-            Scalar::U8 | Scalar::U16 | Scalar::U32 | Scalar::U64 => bits as f64,
-            Scalar::F32 => f64::from(f32::from_bits(bits as u32)),
-            Scalar::F64 => f64::from_bits(bits),
-        }
+        };
+        Some(Scalar { kind, size })
     }
 
     /// Value of a colour channel that stands for white.
     pub(crate) fn white(self) -> f64 {
-        match self {
-            Scalar::F32 | Scalar::F64 => 1.0,
-            Scalar::U16 => 65535.0,
+        match (self.kind, self.size) {
+            (Kind::Float, _) => 1.0,
+            (Kind::Unsigned, 2) => 65535.0,
             _ => 255.0,
         }
     }
 
     /// Unsigned value of a colour channel; some exporters declare bytes as `char`.
     pub(crate) fn unsigned(self, value: f64) -> f64 {
-        if self == Scalar::I8 && value < 0.0 { value + 256.0 } else { value }
+        if (self.kind, self.size) == (Kind::Signed, 1) && value < 0.0 { value + 256.0 } else { value }
     }
 }
 
@@ -105,7 +61,7 @@ impl Element {
     pub(crate) fn least_bytes(&self, encoding: Encoding) -> u64 {
         let of = |property: &Property| match encoding {
             Encoding::Ascii => 2,
-            _ => property.length.unwrap_or(property.scalar).size() as u64,
+            _ => property.length.unwrap_or(property.scalar).size as u64,
         };
         self.properties.iter().map(of).sum()
     }

@@ -1,0 +1,233 @@
+//! Values of PLY and OFF files: numbers of text, by lines or by words, or of binary data.
+
+use super::Source;
+use super::lines::{Lines, parse_number, take_word};
+use crate::error::{Error, Place, Result};
+use crate::limits;
+
+/// Encoding of values.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Encoding {
+    Ascii,
+    LittleEndian,
+    BigEndian,
+}
+
+/// The type of a value.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) struct Scalar {
+    pub kind: Kind,
+    /// Size in bytes in binary data.
+    pub size: usize,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Kind {
+    Signed,
+    Unsigned,
+    Float,
+}
+
+impl Scalar {
+    pub(super) const I32: Scalar = Scalar { kind: Kind::Signed, size: 4 };
+    pub(super) const F32: Scalar = Scalar { kind: Kind::Float, size: 4 };
+
+    /// The number in the lowest [`Scalar::size`] bytes of `bits`.
+    fn of_bits(self, bits: u64) -> f64 {
+        let unused = 64 - 8 * self.size;
+        match self.kind {
+            Kind::Signed => ((bits << unused) as i64 >> unused) as f64,
+            Kind::Unsigned => bits as f64,
+            Kind::Float if self.size == 4 => f64::from(f32::from_bits(bits as u32)),
+            Kind::Float => f64::from_bits(bits),
+        }
+    }
+}
+
+/// Why a value cannot be read.
+pub(super) enum ReadError {
+    /// The end of the file, which may cut the last number of a text.
+    End,
+    Fault(Error),
+}
+
+impl From<Error> for ReadError {
+    fn from(error: Error) -> Self {
+        ReadError::Fault(error)
+    }
+}
+
+pub(super) type Read<T> = std::result::Result<T, ReadError>;
+
+/// Reader of the values of a file.
+#[derive(Clone)]
+pub(super) struct Values<'a> {
+    pub source: &'a Source,
+    pub encoding: Encoding,
+    /// Text: whether the values of an element may lie on several lines, or those of several on one.
+    pub is_by_words: bool,
+    /// Text: the part of a line that has values.
+    without_comment: fn(&[u8]) -> &[u8],
+    /// Text: the remaining lines, and the number of the current line.
+    lines: Lines<'a>,
+    line: usize,
+    /// The remaining words of the current line, or the remaining bytes.
+    pub rest: &'a [u8],
+}
+
+impl<'a> Values<'a> {
+    /// The values of the text `text` of a file, which follows `before` lines.
+    pub(super) fn of_text(
+        source: &'a Source,
+        text: &'a [u8],
+        before: usize,
+        is_by_words: bool,
+        without_comment: fn(&[u8]) -> &[u8],
+    ) -> Self {
+        let lines = Lines::new(text, before);
+        Values {
+            source,
+            encoding: Encoding::Ascii,
+            is_by_words,
+            without_comment,
+            lines,
+            line: before,
+            rest: &[],
+        }
+    }
+
+    /// Goes on with binary values after the current line.
+    pub(super) fn into_binary(self, encoding: Encoding) -> Self {
+        Values { encoding, rest: self.lines.rest(), lines: Lines::new(&[], 0), ..self }
+    }
+
+    /// Whether each element is a line.
+    pub(super) fn is_by_lines(&self) -> bool {
+        self.encoding == Encoding::Ascii && !self.is_by_words
+    }
+
+    /// An error at the current line or byte.
+    pub(super) fn fault(&self, what: impl Into<String>) -> Error {
+        let file = &self.source.file;
+        let (place, hint) = match self.encoding {
+            Encoding::Ascii => (Place::line(file, self.line), "correct the line, or export the file again"),
+            _ => {
+                let byte = self.source.bytes.len() - self.rest.len();
+                (Place::item(file, format!("byte {byte}")), "export the file again")
+            }
+        };
+        Error::input(place, what, hint)
+    }
+
+    /// Number of elements to reserve: `count`, or what the rest of the file can hold at `least` bytes per element if that is
+    /// less. Checks the memory limit for `bytes` per element; `line` declares them.
+    pub(super) fn capacity(&self, count: u64, least: u64, bytes: usize, line: usize) -> Result<usize> {
+        // The last line may lack a terminator.
+        let left =
+            (self.lines.rest().len() + self.rest.len()) as u64 + u64::from(self.encoding == Encoding::Ascii);
+        let count = count.min(left / least.max(1));
+        limits::check(limits::product(&[count, bytes as u64])).map_err(|excess| {
+            let what = format!("{count} elements: reading them {excess}");
+            Error::input(Place::line(&self.source.file, line), what, excess.hint())
+        })?;
+        Ok(count as usize)
+    }
+
+    /// Line number of the current line.
+    pub(super) fn line(&self) -> usize {
+        self.line
+    }
+
+    /// Whether no line follows, so that the current one may be cut.
+    pub(super) fn is_last_line(&self) -> bool {
+        self.lines.rest().trim_ascii().is_empty()
+    }
+
+    /// Bytes after those that were read; without lines that have no values before them.
+    pub(super) fn bytes_left(&self) -> usize {
+        if self.encoding != Encoding::Ascii {
+            return self.rest.len();
+        }
+        let mut lines = self.lines.clone();
+        let mut rest = lines.rest();
+        while lines.next().is_some_and(|(_, line)| (self.without_comment)(line).is_empty()) {
+            rest = lines.rest();
+        }
+        rest.trim_ascii().len()
+    }
+
+    /// Moves to the next line that has values.
+    pub(super) fn next_line(&mut self) -> Read<()> {
+        loop {
+            let (number, line) = self.lines.next().ok_or(ReadError::End)?;
+            (self.line, self.rest) = (number, (self.without_comment)(line));
+            if !self.rest.is_empty() {
+                return Ok(());
+            }
+        }
+    }
+
+    /// The next value; of text, the next number of the current line.
+    pub(super) fn next(&mut self, scalar: Scalar) -> Read<f64> {
+        if self.encoding == Encoding::Ascii {
+            if self.is_by_words && self.rest.trim_ascii().is_empty() {
+                self.next_line()?;
+            }
+            let is_last = self.lines.rest().is_empty();
+            let Some(word) = take_word(&mut self.rest) else {
+                let few = || self.fault("fewer values than the header says").into();
+                return Err(if is_last { ReadError::End } else { few() });
+            };
+            let is_cut = is_last && self.rest.is_empty();
+            return parse_number(word)
+                .ok_or_else(|| if is_cut { ReadError::End } else { self.fault("not a number").into() });
+        }
+        let (bytes, rest) = self.rest.split_at_checked(scalar.size).ok_or(ReadError::End)?;
+        self.rest = rest;
+        let join = |bits: u64, &byte: &u8| bits << 8 | u64::from(byte);
+        Ok(scalar.of_bits(match self.encoding {
+            Encoding::BigEndian => bytes.iter().fold(0, join),
+            _ => bytes.iter().rev().fold(0, join),
+        }))
+    }
+
+    /// Appends `count` values.
+    pub(super) fn take(&mut self, count: u64, scalar: Scalar, values: &mut Vec<f64>) -> Read<()> {
+        (0..count).try_for_each(|_| self.next(scalar).map(|value| values.push(value)))
+    }
+
+    /// Appends the numbers left on the current line.
+    pub(super) fn rest_of_line(&mut self, values: &mut Vec<f64>) -> Read<()> {
+        while !self.rest.trim_ascii().is_empty() {
+            values.push(self.next(Scalar::F32)?);
+        }
+        Ok(())
+    }
+
+    /// Calls `read` for `count` elements. Returns how many there are before the end of the file.
+    pub(super) fn each(&mut self, count: u64, mut read: impl FnMut(&mut Self) -> Read<()>) -> Result<u64> {
+        for index in 0..count {
+            match read(self) {
+                Ok(()) => {}
+                Err(ReadError::Fault(error)) => return Err(error),
+                Err(ReadError::End) => return Ok(index),
+            }
+        }
+        Ok(count)
+    }
+
+    /// The index of one of `count` vertices; `among` follows their number in the message.
+    pub(super) fn index(&self, index: f64, count: usize, among: &str) -> Read<u32> {
+        if index >= 0.0 && index < count as f64 && index.fract() == 0.0 && index <= f64::from(u32::MAX) {
+            return Ok(index as u32);
+        }
+        let index = brief(index);
+        let what = format!("vertex {index} does not exist; there are {count}{among}, counted from 0");
+        Err(self.fault(what).into())
+    }
+}
+
+/// A number for display, with an exponent if it is long.
+pub(super) fn brief(number: f64) -> String {
+    if number.abs() < 1e16 { number.to_string() } else { format!("{number:e}") }
+}
