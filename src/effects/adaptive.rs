@@ -39,7 +39,10 @@ pub const EFFECT: Effect = Effect {
     },
     specify: |_, spec: &mut PlanSpec| spec.adaptive = true,
     stages: |context: &EffectContext, hook| match hook {
-        Hook::Film => vec![Box::new(TestConvergence::new(context))],
+        Hook::Film => {
+            let test = TestConvergence::new(context);
+            vec![Stage::new("adaptive", move |tile, context| test.run(tile, context))]
+        }
         _ => Vec::new(),
     },
     bytes: |tile| tile.buffers::<Buffers>().map_or(0, Buffers::bytes),
@@ -161,12 +164,6 @@ impl TestConvergence {
             over_white: integrand(context.spec.is_random || is_alpha_random),
         }
     }
-}
-
-impl Stage for TestConvergence {
-    fn name(&self) -> &'static str {
-        "adaptive"
-    }
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
         if !tile.needs_more_samples {
@@ -206,9 +203,7 @@ impl Stage for TestConvergence {
             });
         });
     }
-}
 
-impl TestConvergence {
     fn end_round(&self, buffers: &mut Buffers, samples: &mut TileSamples, context: &RenderContext) {
         let TestConvergence { sampler, criterion, .. } = self;
         let taken = samples.round_end();

@@ -1,7 +1,7 @@
 //! Alpha: surfaces of opacity below 1, blended over what is behind them ([`super::transparency`]).
 
-use super::transparency::{BlendLayers, Buffers, ContinuedRays};
-use super::{Effect, EffectContext, Hook, RayKind, id, named};
+use super::transparency::{Buffers, ContinuedRays, blend_layers};
+use super::{Effect, EffectContext, Hook, RayKind, Stage, id, named};
 use crate::world::World;
 
 /// Rays that were continued behind a surface.
@@ -27,7 +27,9 @@ pub const EFFECT: Effect = Effect {
         spec.is_random = true;
     },
     stages: |context: &EffectContext, hook| match (hook, context.transparency()) {
-        (Hook::Film, Some(how)) if how.is_layered => vec![Box::new(BlendLayers)],
+        (Hook::Film, Some(how)) if how.is_layered => {
+            vec![Stage::with_buffers("alpha blending", blend_layers)]
+        }
         _ => Vec::new(),
     },
     bytes: |tile| tile.buffers::<Buffers>().map_or(0, Buffers::bytes),

@@ -25,10 +25,13 @@ pub const EFFECT: Effect = Effect {
         spec.own_camera_rays = true;
         spec.samples = context.sampling.samples_of_footprints();
     },
-    stages: |context: &EffectContext, hook| match hook {
-        Hook::Rays => vec![Box::new(SampleRays(PixelSampleSequence::new(context)))],
-        Hook::Film => vec![Box::new(AddSamples(PixelSampleSequence::new(context)))],
-        _ => Vec::new(),
+    stages: |context: &EffectContext, hook| {
+        let sequence = || PixelSampleSequence::new(context);
+        match hook {
+            Hook::Rays => vec![Stage::with_buffers("primary", fill(sequence()))],
+            Hook::Film => vec![Stage::with_buffers("samples", add(sequence()))],
+            _ => Vec::new(),
+        }
     },
     bytes: |tile| {
         tile.buffers::<TileSamples>().map_or(0, TileSamples::bytes) + vec_bytes(&tile.sample_counts)
@@ -37,48 +40,32 @@ pub const EFFECT: Effect = Effect {
 };
 
 /// Fills generation 0 with the rays of the next pass of samples.
-pub struct SampleRays(PixelSampleSequence);
-
-impl Stage for SampleRays {
-    fn name(&self) -> &'static str {
-        "primary"
-    }
-
-    fn run(&self, tile: &mut Tile, context: &RenderContext) {
+fn fill(sequence: PixelSampleSequence) -> impl Fn(&mut TileSamples, &mut Tile, &RenderContext) {
+    move |samples, tile, context| {
         let Some(window) = tile.window else { return };
-        tile.with_buffers(|samples: &mut TileSamples, tile| {
-            if !tile.needs_more_samples {
-                let region = SampledRegion::new(window, self.0.apron, context.view.size());
-                samples.start(region, &self.0, tile);
-            }
-            samples.next_pass(&self.0);
-            let (x, y) = samples.film_positions();
-            let precision = context.world.numerics().ray_precision();
-            let generation = tile.generation();
-            context.view.rays_through(x, y, precision, &mut generation.rays);
-            generation.sources.clear();
-            generation.sources.extend(0..x.len() as u32);
-            tile.pixels.clear();
-        });
+        if !tile.needs_more_samples {
+            let region = SampledRegion::new(window, sequence.apron, context.view.size());
+            samples.start(region, &sequence, tile);
+        }
+        samples.next_pass(&sequence);
+        let (x, y) = samples.film_positions();
+        let precision = context.world.numerics().ray_precision();
+        let generation = tile.generation();
+        context.view.rays_through(x, y, precision, &mut generation.rays);
+        generation.sources.clear();
+        generation.sources.extend(0..x.len() as u32);
+        tile.pixels.clear();
     }
 }
 
 /// Adds the pass's samples to their pixels, and gives the pixels their values after the last pass.
-pub struct AddSamples(PixelSampleSequence);
-
-impl Stage for AddSamples {
-    fn name(&self) -> &'static str {
-        "samples"
-    }
-
-    fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|samples: &mut TileSamples, tile| {
-            samples.add(tile);
-            // The stage of adaptive sampling, which comes next, may end the tile earlier.
-            tile.needs_more_samples = !samples.is_round_done() || samples.round_end() < self.0.samples;
-            if !tile.needs_more_samples {
-                samples.finish(tile, &self.0, context.world.pipeline);
-            }
-        });
+fn add(sequence: PixelSampleSequence) -> impl Fn(&mut TileSamples, &mut Tile, &RenderContext) {
+    move |samples, tile, context| {
+        samples.add(tile);
+        // The stage of adaptive sampling, which comes next, may end the tile earlier.
+        tile.needs_more_samples = !samples.is_round_done() || samples.round_end() < sequence.samples;
+        if !tile.needs_more_samples {
+            samples.finish(tile, &sequence, context.world.pipeline);
+        }
     }
 }

@@ -1,16 +1,14 @@
 //! The stage that finds closest hits and their surface interactions.
 
+use super::RayKind;
 use super::tile::{RenderContext, Tile};
 use super::transparency::{self, Transparency};
-use super::{RayKind, Stage};
 use crate::world::{HitOrder, World};
 
 /// Finds the closest hits of a generation's rays and computes their surface interactions.
 pub(crate) struct ClosestHits {
     /// The kind that the rays are counted as.
     pub kind: RayKind,
-    /// The name in statistics.
-    pub name: &'static str,
     /// The order of their surface interactions.
     pub order: HitOrder,
     /// How rays pass through surfaces; `None` where all are opaque.
@@ -29,14 +27,9 @@ impl ClosestHits {
         world.accelerator.closest_hits(generation.rays.rays(), &mut generation.hits, traversal);
         true
     }
-}
 
-impl Stage for ClosestHits {
-    fn name(&self) -> &'static str {
-        self.name
-    }
-
-    fn run(&self, tile: &mut Tile, context: &RenderContext) {
+    /// Runs the stage.
+    pub(crate) fn run(&self, tile: &mut Tile, context: &RenderContext) {
         let world = context.world;
         let is_first = self.find_hits(tile, world);
         let Tile {

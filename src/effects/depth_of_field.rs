@@ -31,7 +31,9 @@ pub const EFFECT: Effect = Effect {
     stages: |context: &EffectContext, hook| match hook {
         Hook::Rays => {
             let Sampling { sampler, seed, .. } = *context.sampling;
-            vec![Box::new(LensRays { sampler, seed })]
+            vec![Stage::with_buffers("lens", move |buffers, tile, context| {
+                sample_lens(buffers, (sampler, seed), tile, context);
+            })]
         }
         _ => Vec::new(),
     },
@@ -52,40 +54,31 @@ struct Buffers {
 }
 
 /// Moves the camera rays onto the lens.
-struct LensRays {
-    sampler: PixelSampler,
-    seed: u32,
-}
-
-impl Stage for LensRays {
-    fn name(&self) -> &'static str {
-        "lens"
+fn sample_lens(
+    Buffers { samples, numbers, backwards }: &mut Buffers,
+    (sampler, seed): (PixelSampler, u32),
+    tile: &mut Tile,
+    context: &RenderContext,
+) {
+    samples.clear();
+    list_samples(tile, samples);
+    match sampler {
+        PixelSampler::Sobol => simd!(draw(
+            numbers,
+            samples,
+            #[inline(always)]
+            |pixel, sample| pair(pixel, seed, sample, Dimension::LENS)
+        )),
+        PixelSampler::Independent => simd!(draw(
+            numbers,
+            samples,
+            #[inline(always)]
+            |pixel, sample| independent_pair(pixel, seed, sample, Dimension::LENS)
+        )),
     }
-
-    fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|Buffers { samples, numbers, backwards }: &mut Buffers, tile| {
-            samples.clear();
-            list_samples(tile, samples);
-            let seed = self.seed;
-            match self.sampler {
-                PixelSampler::Sobol => simd!(draw(
-                    numbers,
-                    samples,
-                    #[inline(always)]
-                    |pixel, sample| pair(pixel, seed, sample, Dimension::LENS)
-                )),
-                PixelSampler::Independent => simd!(draw(
-                    numbers,
-                    samples,
-                    #[inline(always)]
-                    |pixel, sample| independent_pair(pixel, seed, sample, Dimension::LENS)
-                )),
-            }
-            let rays = &mut tile.generation().rays;
-            backwards.set_negated(rays.rays().directions());
-            context.view.put_on_lens(rays, backwards, numbers, context.world.numerics().ray_precision());
-        });
-    }
+    let rays = &mut tile.generation().rays;
+    backwards.set_negated(rays.rays().directions());
+    context.view.put_on_lens(rays, backwards, numbers, context.world.numerics().ray_precision());
 }
 
 /// Computes the random numbers of samples, by pixel and sample.

@@ -144,13 +144,31 @@ impl RayKind {
     }
 }
 
-/// A stage of rendering a tile.
-pub trait Stage: Send + Sync {
+/// A stage of rendering a tile. A stage of a ray generation works on the generation [`Tile::current`].
+pub struct Stage {
     /// The name in statistics.
-    fn name(&self) -> &'static str;
+    pub name: &'static str,
+    run: Box<dyn Fn(&mut Tile, &RenderContext) + Send + Sync>,
+}
 
-    /// Runs the stage. A stage of a ray generation works on the generation [`Tile::current`].
-    fn run(&self, tile: &mut Tile, context: &RenderContext);
+impl Stage {
+    /// A stage that calls `run`.
+    pub fn new(name: &'static str, run: impl Fn(&mut Tile, &RenderContext) + Send + Sync + 'static) -> Self {
+        Stage { name, run: Box::new(run) }
+    }
+
+    /// A stage that calls `run` with buffers of type `T` ([`Tile::with_buffers`]).
+    pub fn with_buffers<T: Default + Send + 'static>(
+        name: &'static str,
+        run: impl Fn(&mut T, &mut Tile, &RenderContext) + Send + Sync + 'static,
+    ) -> Self {
+        Stage::new(name, move |tile, context| tile.with_buffers(|buffers, tile| run(buffers, tile, context)))
+    }
+
+    /// Runs the stage.
+    pub fn run(&self, tile: &mut Tile, context: &RenderContext) {
+        (self.run)(tile, context);
+    }
 }
 
 /// An effect: its properties, what calls for it, and its stages.
@@ -180,7 +198,7 @@ pub struct Effect {
     /// Enters into the plan's specification what it needs.
     pub specify: fn(&EffectContext, &mut PlanSpec),
     /// Its stages at a hook, in order.
-    pub stages: fn(&EffectContext, Hook) -> Vec<Box<dyn Stage>>,
+    pub stages: fn(&EffectContext, Hook) -> Vec<Stage>,
     /// Bytes of memory that it holds in a tile.
     pub bytes: fn(&Tile) -> usize,
 }
@@ -236,7 +254,7 @@ pub struct TransportEntry {
     /// As [`Effect::specify`], before all effects.
     pub specify: fn(&EffectContext, &mut PlanSpec),
     /// As [`Effect::stages`], before those of all effects.
-    pub stages: fn(&EffectContext, Hook) -> Vec<Box<dyn Stage>>,
+    pub stages: fn(&EffectContext, Hook) -> Vec<Stage>,
 }
 
 /// The input of an effect's [`Effect::specify`] and [`Effect::stages`].

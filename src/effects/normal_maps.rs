@@ -32,10 +32,18 @@ pub const EFFECT: Effect = Effect {
     stages: |context: &EffectContext, hook: Hook| {
         let texture_use = context.spec.texture_use;
         match hook {
-            Hook::AfterLighting(_) => vec![Box::new(MeshHorizon)],
+            Hook::AfterLighting(_) => vec![Stage::with_buffers("normal maps", limit_lights)],
             _ => {
-                let is_first = !texture_use.material_textures;
-                texture_points::stages(context, hook, is_first, NormalMaps { texture_use })
+                let perturb = move |Unperturbed(normals): &mut Unperturbed,
+                                    tile: &mut Tile,
+                                    context: &RenderContext| {
+                    normals.clear();
+                    tile.with_buffers(|points: &mut Buffers, tile| {
+                        perturb(points, texture_use, tile, context.world, normals);
+                    });
+                };
+                let stage = Stage::with_buffers("normal maps", perturb);
+                texture_points::stages(context, hook, !texture_use.material_textures, stage)
             }
         }
     },
@@ -57,86 +65,55 @@ pub const EFFECT: Effect = Effect {
 struct Unperturbed(Vec<(u32, DVec3)>);
 
 /// Perturbs the shading normals of the surfaces of a generation.
-struct NormalMaps {
+fn perturb(
+    buffers: &Buffers,
     texture_use: TextureUse,
-}
-
-impl Stage for NormalMaps {
-    fn name(&self) -> &'static str {
-        "normal maps"
-    }
-
-    fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|Unperturbed(normals), tile| {
-            normals.clear();
-            tile.with_buffers(|buffers: &mut Buffers, tile| {
-                self.perturb(buffers, tile, context.world, normals)
-            });
-        });
-    }
-}
-
-impl NormalMaps {
-    fn perturb(
-        &self,
-        buffers: &Buffers,
-        tile: &mut Tile,
-        world: &World,
-        unperturbed: &mut Vec<(u32, DVec3)>,
-    ) {
-        let RayGeneration { surfaces, .. } = &mut tile.generations[tile.current];
-        for part in 0..surfaces.by_material().len() {
-            let (material, range) = surfaces.by_material()[part].clone();
-            let Some(map) = world.materials[material as usize].normal_map() else { continue };
-            let texture = &map.texture;
-            let image = &world.images[texture.image.0 as usize];
-            let filter = self.texture_use.filter(texture);
-            let points = buffers.points(tile.current, texture.coordinates);
-            if points.is_empty() {
+    tile: &mut Tile,
+    world: &World,
+    unperturbed: &mut Vec<(u32, DVec3)>,
+) {
+    let RayGeneration { surfaces, .. } = &mut tile.generations[tile.current];
+    for part in 0..surfaces.by_material().len() {
+        let (material, range) = surfaces.by_material()[part].clone();
+        let Some(map) = world.materials[material as usize].normal_map() else { continue };
+        let texture = &map.texture;
+        let image = &world.images[texture.image.0 as usize];
+        let filter = texture_use.filter(texture);
+        let points = buffers.points(tile.current, texture.coordinates);
+        if points.is_empty() {
+            continue;
+        }
+        for i in range {
+            let Some(point) = &points[i] else { continue };
+            let shading = surfaces.shading_normal.get(i);
+            let frame = world.tangent_frame(surfaces.objects()[i], &surfaces.hit(i), shading);
+            let Some([tangent, bitangent, normal]) = frame else { continue };
+            let encoded = look_up(image, TexelEncoding::Normal, &texture.sampler, &filter, point);
+            let n = decode(encoded, map.scale);
+            // A flat texel keeps the bits of the normal.
+            if n.x == 0.0 && n.y == 0.0 && n.z > 0.0 {
                 continue;
             }
-            for i in range {
-                let Some(point) = &points[i] else { continue };
-                let shading = surfaces.shading_normal.get(i);
-                let frame = world.tangent_frame(surfaces.objects()[i], &surfaces.hit(i), shading);
-                let Some([tangent, bitangent, normal]) = frame else { continue };
-                let encoded = look_up(image, TexelEncoding::Normal, &texture.sampler, &filter, point);
-                let n = decode(encoded, map.scale);
-                // A flat texel keeps the bits of the normal.
-                if n.x == 0.0 && n.y == 0.0 && n.z > 0.0 {
-                    continue;
-                }
-                // On the back side bumps are dents.
-                let side = normal.dot(shading).signum();
-                let tilted = side * (n.x * tangent + n.y * bitangent + n.z * normal);
-                if let Some(tilted) = tilted.try_normalize() {
-                    let (outer, view) = (surfaces.geometric_normal.get(i), surfaces.view.get(i));
-                    surfaces.shading_normal.set(i, limit_tilt(shading, tilted, outer, view));
-                    unperturbed.push((i as u32, shading));
-                }
+            // On the back side bumps are dents.
+            let side = normal.dot(shading).signum();
+            let tilted = side * (n.x * tangent + n.y * bitangent + n.z * normal);
+            if let Some(tilted) = tilted.try_normalize() {
+                let (outer, view) = (surfaces.geometric_normal.get(i), surfaces.view.get(i));
+                surfaces.shading_normal.set(i, limit_tilt(shading, tilted, outer, view));
+                unperturbed.push((i as u32, shading));
             }
         }
     }
 }
 
 /// Removes the lights below the horizon of the unperturbed shading normal.
-struct MeshHorizon;
-
-impl Stage for MeshHorizon {
-    fn name(&self) -> &'static str {
-        "normal maps"
-    }
-
-    fn run(&self, tile: &mut Tile, _: &RenderContext) {
-        tile.with_buffers(|Unperturbed(normals), tile| {
-            for light in &mut tile.lights {
-                for &(i, normal) in &*normals {
-                    let i = i as usize;
-                    if light.reaches[i] {
-                        light.reaches[i] = light.get(i).direction.dot(normal) > 0.0;
-                    }
-                }
+fn limit_lights(Unperturbed(normals): &mut Unperturbed, tile: &mut Tile, _: &RenderContext) {
+    for light in &mut tile.lights {
+        for &(i, normal) in &*normals {
+            let i = i as usize;
+            if light.reaches[i] {
+                light.reaches[i] = light.get(i).direction.dot(normal) > 0.0;
             }
-        });
+        }
     }
 }

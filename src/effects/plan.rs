@@ -89,7 +89,7 @@ pub struct Decision {
 /// A stage of a plan.
 pub struct PlannedStage {
     /// The stage.
-    pub stage: Box<dyn Stage>,
+    pub stage: Stage,
     /// The effect that needs it; `None` for the stages of every picture.
     pub effect: Option<EffectId>,
 }
@@ -214,7 +214,7 @@ impl Plan {
     /// Fills generation 0 of a tile that was started with the rays through the centres of its pixels, whatever rays the picture
     /// takes.
     pub fn centre_rays(&self, tile: &mut Tile, context: &RenderContext) {
-        primary_rays::PrimaryRays.run(tile, context);
+        primary_rays::fill(tile, context);
     }
 
     /// Renders a tile. Returns the number of samples that each pixel takes, and their variance. Each time the stages
@@ -287,7 +287,7 @@ impl Plan {
 struct Contributor<'a> {
     /// The effect that its stages are counted for.
     effect: Option<EffectId>,
-    stages: fn(&EffectContext, Hook) -> Vec<Box<dyn Stage>>,
+    stages: fn(&EffectContext, Hook) -> Vec<Stage>,
     context: EffectContext<'a>,
 }
 
@@ -311,12 +311,12 @@ impl PlanBuilder<'_> {
             start..end
         };
         if !self.spec.own_camera_rays {
-            self.add(primary_rays::PrimaryRays, None);
+            self.add(Stage::new("primary", primary_rays::fill), None);
         }
         self.add_hook(Hook::Rays, None);
         self.add_generation(RayClass::Primary);
         if unlit::has_unlit(self.world) {
-            self.add(unlit::FindUnlit, None);
+            self.add(Stage::new("unlit", unlit::find), None);
         }
         let first = part(self);
         if self.spec.secondary.is_some() {
@@ -342,9 +342,10 @@ impl PlanBuilder<'_> {
             RayClass::Primary => self.of_camera_rays,
             RayClass::Secondary => self.transparency,
         };
-        self.add(closest_hits::ClosestHits { kind, name, order, transparency }, owner);
+        let stage = closest_hits::ClosestHits { kind, order, transparency };
+        self.add(Stage::new(name, move |tile, context| stage.run(tile, context)), owner);
         if generations > u32::from(class == RayClass::Secondary) {
-            self.add(ray_origins::RayOrigins { generations }, owner);
+            self.add(ray_origins::stage(generations), owner);
         }
         self.add_hook(Hook::BeforeLighting(class), owner);
         if lit {
@@ -355,8 +356,8 @@ impl PlanBuilder<'_> {
         self.add_hook(Hook::AfterShading(class), owner);
     }
 
-    fn add(&mut self, stage: impl Stage + 'static, effect: Option<EffectId>) {
-        self.stages.push(PlannedStage { stage: Box::new(stage), effect });
+    fn add(&mut self, stage: Stage, effect: Option<EffectId>) {
+        self.stages.push(PlannedStage { stage, effect });
     }
 
     /// Adds the stages of the transport and of all effects at a hook. `owner` is the effect that those of a transport

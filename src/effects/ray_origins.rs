@@ -4,29 +4,19 @@
 use glam::DVec3;
 
 use super::Stage;
-use super::tile::{RayGeneration, RenderContext, Tile};
+use super::tile::RayGeneration;
 use crate::geometry::{Numerics, Ray};
 use crate::shading::LightSample;
 use crate::world::{InteractionSoa, Vec3Soa, simd};
 
-/// Computes the ray origin of each surface of a generation.
-pub(crate) struct RayOrigins {
-    /// The number of generations, from the first, that need origins.
-    pub generations: u32,
-}
-
-impl Stage for RayOrigins {
-    fn name(&self) -> &'static str {
-        "ray origins"
-    }
-
-    fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        if tile.depth >= self.generations as usize {
-            return;
+/// Computes the ray origin of each surface, in the first generations: those that need origins.
+pub(crate) fn stage(generations: u32) -> Stage {
+    Stage::new("ray origins", move |tile, context| {
+        if tile.depth < generations as usize {
+            let RayGeneration { surfaces, origins, .. } = tile.generation();
+            find_origins(surfaces, origins.get_or_insert_default(), context.world.numerics());
         }
-        let RayGeneration { surfaces, origins, .. } = tile.generation();
-        find_origins(surfaces, origins.get_or_insert_default(), context.world.numerics());
-    }
+    })
 }
 
 /// Computes the origin of rays that leave each surface on the side of its geometric normal.

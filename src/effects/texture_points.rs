@@ -102,19 +102,16 @@ impl TextureUse {
 
 /// The stages of an effect at a hook: before lighting, the texture points where the effect is the first that needs them, then
 /// `look_up`.
-pub(crate) fn stages(
-    context: &EffectContext,
-    hook: Hook,
-    is_first: bool,
-    look_up: impl Stage + 'static,
-) -> Vec<Box<dyn Stage>> {
+pub(crate) fn stages(context: &EffectContext, hook: Hook, is_first: bool, look_up: Stage) -> Vec<Stage> {
     let Hook::BeforeLighting(_) = hook else { return Vec::new() };
-    let mut stages: Vec<Box<dyn Stage>> = Vec::new();
-    if is_first {
-        stages.push(Box::new(FindTexturePoints::new(context)));
-    }
-    stages.push(Box::new(look_up));
-    stages
+    let points = is_first.then(|| {
+        let points = FindTexturePoints::new(context);
+        let find = move |buffers: &mut Buffers, tile: &mut Tile, context: &RenderContext| {
+            points.find(buffers, tile, context);
+        };
+        Stage::with_buffers("texture coordinates", find)
+    });
+    points.into_iter().chain([look_up]).collect()
 }
 
 /// Computes the texture points of the surfaces of a generation.
@@ -155,16 +152,6 @@ impl FindTexturePoints {
 /// edition, 2023, section 10.1.3).
 fn sample_width(samples: u32) -> f64 {
     1.0 / f64::from(samples.max(1)).sqrt()
-}
-
-impl Stage for FindTexturePoints {
-    fn name(&self) -> &'static str {
-        "texture coordinates"
-    }
-
-    fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|buffers: &mut Buffers, tile| self.find(buffers, tile, context));
-    }
 }
 
 impl FindTexturePoints {

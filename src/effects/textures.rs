@@ -35,7 +35,11 @@ pub const EFFECT: Effect = Effect {
         spec.texture_use.filter = context.value.as_deref().and_then(filter);
     },
     stages: |context: &EffectContext, hook: Hook| {
-        texture_points::stages(context, hook, true, Textures { texture_use: context.spec.texture_use })
+        let textures = Textures { texture_use: context.spec.texture_use };
+        let look_up = move |buffers: &mut Buffers, tile: &mut Tile, context: &RenderContext| {
+            textures.look_up_all(buffers, tile, context.world);
+        };
+        texture_points::stages(context, hook, true, Stage::with_buffers("textures", look_up))
     },
     bytes: |tile| {
         let bytes =
@@ -62,27 +66,19 @@ type Store<T> = fn(&mut T, glam::DVec3);
 /// A texture of a material, the encoding of its texels, and where its value is stored.
 type Slot<T> = (Texture, TexelEncoding, Store<T>);
 
-impl Stage for Textures {
-    fn name(&self) -> &'static str {
-        "textures"
-    }
-
-    fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|buffers: &mut Buffers, tile| {
-            let points = |set: u8| buffers.points(tile.current, set);
-            let RayGeneration { surfaces, .. } = &mut tile.generations[tile.current];
-            let mut texels = std::mem::take(&mut surfaces.texels);
-            let mut further = std::mem::take(&mut surfaces.further_texels);
-            let used = self.texture_use.slots;
-            let of_slots = |material| further_slots(material, used);
-            self.look_up(context.world, surfaces, &points, slots, &mut texels);
-            self.look_up(context.world, surfaces, &points, of_slots, &mut further);
-            (surfaces.texels, surfaces.further_texels) = (texels, further);
-        });
-    }
-}
-
 impl Textures {
+    fn look_up_all(&self, buffers: &Buffers, tile: &mut Tile, world: &World) {
+        let points = |set: u8| buffers.points(tile.current, set);
+        let RayGeneration { surfaces, .. } = &mut tile.generations[tile.current];
+        let mut texels = std::mem::take(&mut surfaces.texels);
+        let mut further = std::mem::take(&mut surfaces.further_texels);
+        let used = self.texture_use.slots;
+        let of_slots = |material| further_slots(material, used);
+        self.look_up(world, surfaces, &points, slots, &mut texels);
+        self.look_up(world, surfaces, &points, of_slots, &mut further);
+        (surfaces.texels, surfaces.further_texels) = (texels, further);
+    }
+
     /// Looks up the textures in `slots` of each surface's material into `texels`, which stay empty without any.
     fn look_up<'a, 'p, T: Clone + Default, S: Iterator<Item = Slot<T>>>(
         &self,

@@ -11,10 +11,10 @@
 
 use glam::DVec3;
 
+use super::RayKind;
 use super::random::{self, Dimension};
 use super::samples::{SampleIndex, list_samples};
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
-use super::{RayKind, Stage};
 use crate::bvh::Traversal;
 use crate::geometry::{Hit, HitBuffer, Ray, RayBuffer};
 use crate::scene::{Interpolation, PixelSampler, TexelEncoding};
@@ -409,32 +409,22 @@ pub(crate) fn layer_opacities(tile: &Tile) -> Option<&[f64]> {
 }
 
 /// Blends the layers of camera rays; asks for a further one while rays go on.
-pub(crate) struct BlendLayers;
-
-impl Stage for BlendLayers {
-    fn name(&self) -> &'static str {
-        "alpha blending"
-    }
-
-    fn run(&self, tile: &mut Tile, _: &RenderContext) {
-        tile.with_buffers(|buffers: &mut Buffers, tile| {
-            let Tile { pixels, coverage, shown, .. } = &*tile;
-            let coverage = coverage.as_deref().unwrap_or_default();
-            buffers.layers.blend(pixels, coverage, shown.as_deref().unwrap_or_default());
-            tile.needs_more_samples = !buffers.layers.next.is_empty();
-            tile.pixels.clear();
-            if !tile.needs_more_samples {
-                tile.pixels.extend(buffers.layers.colour.iter().map(|sum| sum.map(|c| c as f32)));
-                if let Some(coverage) = &mut tile.coverage {
-                    coverage.clear();
-                    coverage.extend(buffers.layers.coverage.iter().map(|&part| part as f32));
-                }
-                if let Some(shown) = &mut tile.shown {
-                    shown.clear();
-                    shown.extend(buffers.layers.shown.iter().map(|sum| sum.map(|c| c as f32)));
-                }
-            }
-        });
+pub(crate) fn blend_layers(buffers: &mut Buffers, tile: &mut Tile, _: &RenderContext) {
+    let Tile { pixels, coverage, shown, .. } = &*tile;
+    let coverage = coverage.as_deref().unwrap_or_default();
+    buffers.layers.blend(pixels, coverage, shown.as_deref().unwrap_or_default());
+    tile.needs_more_samples = !buffers.layers.next.is_empty();
+    tile.pixels.clear();
+    if !tile.needs_more_samples {
+        tile.pixels.extend(buffers.layers.colour.iter().map(|sum| sum.map(|c| c as f32)));
+        if let Some(coverage) = &mut tile.coverage {
+            coverage.clear();
+            coverage.extend(buffers.layers.coverage.iter().map(|&part| part as f32));
+        }
+        if let Some(shown) = &mut tile.shown {
+            shown.clear();
+            shown.extend(buffers.layers.shown.iter().map(|sum| sum.map(|c| c as f32)));
+        }
     }
 }
 

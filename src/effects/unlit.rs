@@ -3,7 +3,6 @@
 //! Directly visible ones are stored in [`Tile::shown`] and composited after exposure and tone map. In mirrors and
 //! behind glass they are radiance.
 
-use super::Stage;
 use super::tile::{RenderContext, Tile};
 use crate::scene::{Material, MetallicRoughness};
 use crate::shading::metallic_roughness::base_colour;
@@ -15,26 +14,18 @@ pub(crate) fn has_unlit(world: &World) -> bool {
 }
 
 /// Stores the colours of directly visible unlit surfaces.
-pub(crate) struct FindUnlit;
-
-impl Stage for FindUnlit {
-    fn name(&self) -> &'static str {
-        "unlit"
-    }
-
-    fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        let Tile { generations, current, shown: Some(shown), .. } = tile else { return };
-        let surfaces = &generations[*current].surfaces;
-        for (material, range) in surfaces.by_material() {
-            let Material::MetallicRoughness(material @ MetallicRoughness { unlit: true, .. }) =
-                &context.world.materials[*material as usize]
-            else {
-                continue;
-            };
-            for i in range.clone() {
-                let [r, g, b] = base_colour(material, &surfaces.get(i)).as_vec3().to_array();
-                shown[surfaces.ray_of()[i] as usize] = [r, g, b, 1.0];
-            }
+pub(crate) fn find(tile: &mut Tile, context: &RenderContext) {
+    let Tile { generations, current, shown: Some(shown), .. } = tile else { return };
+    let surfaces = &generations[*current].surfaces;
+    for (material, range) in surfaces.by_material() {
+        let Material::MetallicRoughness(material @ MetallicRoughness { unlit: true, .. }) =
+            &context.world.materials[*material as usize]
+        else {
+            continue;
+        };
+        for i in range.clone() {
+            let [r, g, b] = base_colour(material, &surfaces.get(i)).as_vec3().to_array();
+            shown[surfaces.ray_of()[i] as usize] = [r, g, b, 1.0];
         }
     }
 }

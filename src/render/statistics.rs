@@ -160,7 +160,7 @@ fn stage_times(plan: &Plan, workers: &[Box<Worker>]) -> Vec<StageTime> {
     let mut times: Vec<StageTime> = Vec::new();
     for (index, stage) in plan.stages().iter().enumerate() {
         let time = workers.iter().map(|worker| worker.times[index]).sum();
-        let (name, effect) = (stage.stage.name(), stage.effect);
+        let (name, effect) = (stage.stage.name, stage.effect);
         match times.iter_mut().find(|known| known.name == name && known.effect == effect) {
             Some(known) => known.time += time,
             None => times.push(StageTime { name, effect, time }),

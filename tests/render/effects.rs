@@ -132,7 +132,7 @@ fn lights_that_cannot_reach_cast_no_shadow_rays() {
         assert_eq!(shadow_rays(&prepared), 0);
         let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
         assert!(plan.effects_on().next().is_none(), "{dark} calls for an effect");
-        assert!(!plan.stages().iter().any(|stage| stage.stage.name() == "lights"), "{dark} is looked at");
+        assert!(!plan.stages().iter().any(|stage| stage.stage.name == "lights"), "{dark} is looked at");
     }
     // Two lights, one of them dark: as many as with one.
     let two = format!("{}{}", light(20.0, ""), light(10.0, "intensity = 0"));

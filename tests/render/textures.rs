@@ -392,7 +392,7 @@ fn without_textures() {
     let plain = prepare(scene, [4, 4], Numerics::Watertight);
     let plan = Plan::new(&plain.world, &plain.choices(Choices::default())).expect("a plan");
     assert!(plan.decisions.iter().all(|d| d.effect != id::TEXTURES || !d.on));
-    assert!(plan.stages().iter().all(|stage| stage.stage.name() != "texture coordinates"));
+    assert!(plan.stages().iter().all(|stage| stage.stage.name != "texture coordinates"));
 }
 
 /// Any thread count, any part: the same bits; with footprints that pass mirrors, in every tier.

@@ -82,8 +82,17 @@ pub(super) const TRANSPORT: TransportEntry = TransportEntry {
             Some(SecondaryRays { kind: RAYS, hits: "path hits", effect: id::PATH, are_mirrored: false });
     },
     stages: |context: &EffectContext, hook| match hook {
-        Hook::Shading(_) => vec![Box::new(Scatter::new(context))],
-        Hook::Film => vec![Box::new(WriteRadiance)],
+        Hook::Shading(_) => {
+            let scatter = Scatter::new(context);
+            vec![Stage::with_buffers("path", move |buffers: &mut Buffers, tile, context| {
+                if tile.depth == 0 {
+                    buffers.start(tile, context.world);
+                }
+                buffers.scatter(tile, context, &scatter);
+                buffers.trace_shadow_rays(tile, context.world, scatter.continued);
+            })]
+        }
+        Hook::Film => vec![Stage::new("film", write_radiance)],
         _ => Vec::new(),
     },
 };
@@ -276,22 +285,6 @@ impl Scatter {
     }
 }
 
-impl Stage for Scatter {
-    fn name(&self) -> &'static str {
-        "path"
-    }
-
-    fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|buffers: &mut Buffers, tile| {
-            if tile.depth == 0 {
-                buffers.start(tile, context.world);
-            }
-            buffers.scatter(tile, context, self);
-            buffers.trace_shadow_rays(tile, context.world, self.continued);
-        });
-    }
-}
-
 impl Buffers {
     /// Takes the steps of a generation's vertices, up to the tracing of shadow rays, and fills the next generation.
     fn scatter(&mut self, tile: &mut Tile, context: &RenderContext, stage: &Scatter) {
@@ -391,21 +384,13 @@ impl Buffers {
 }
 
 /// Writes the radiance of the paths to the pixels.
-struct WriteRadiance;
-
-impl Stage for WriteRadiance {
-    fn name(&self) -> &'static str {
-        "film"
-    }
-
-    fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        let pipeline = context.world.pipeline;
-        tile.with_buffers(|buffers: &mut Buffers, tile| {
-            tile.pixels.clear();
-            let pixel = |&radiance: &DVec3| pipeline.clamp(radiance).as_vec3().to_array();
-            tile.pixels.extend(buffers.radiance.iter().map(pixel));
-        });
-        expose_unlit(tile, context);
-        catch_shadows(tile, context.world, true);
-    }
+fn write_radiance(tile: &mut Tile, context: &RenderContext) {
+    let pipeline = context.world.pipeline;
+    tile.with_buffers(|buffers: &mut Buffers, tile| {
+        tile.pixels.clear();
+        let pixel = |&radiance: &DVec3| pipeline.clamp(radiance).as_vec3().to_array();
+        tile.pixels.extend(buffers.radiance.iter().map(pixel));
+    });
+    expose_unlit(tile, context);
+    catch_shadows(tile, context.world, true);
 }

@@ -50,7 +50,12 @@ pub const EFFECT: Effect = Effect {
         spec.is_random = true;
     },
     stages: |context: &EffectContext, hook| match hook {
-        Hook::BeforeLighting(_) => vec![Box::new(TestHemispheres::new(context))],
+        Hook::BeforeLighting(_) => {
+            let test = TestHemispheres::new(context);
+            vec![Stage::with_buffers("ambient occlusion", move |buffers, tile, context| {
+                test.run(buffers, tile, context);
+            })]
+        }
         _ => Vec::new(),
     },
     bytes: |tile| {
@@ -109,45 +114,37 @@ impl TestHemispheres {
             seed: context.sampling.seed,
         }
     }
-}
 
-impl Stage for TestHemispheres {
-    fn name(&self) -> &'static str {
-        "ambient occlusion"
-    }
-
-    fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|buffers: &mut Buffers, tile| {
-            let Buffers { numbers, rays, occluded } = buffers;
-            numbers.start(tile);
-            let Tile { generations, current, traversal, .. } = tile;
-            let generation = &mut generations[*current];
-            let mut factors = std::mem::take(&mut generation.surfaces.ambient);
-            let RayGeneration { surfaces, origins, .. } = &*generation;
-            let Some(origins) = origins else { return };
-            let precision = context.world.numerics().ray_precision();
-            factors.clear();
-            factors.resize(surfaces.len(), 0.0);
-            for k in 0..self.count {
-                rays.write(0..surfaces.len(), |i| {
-                    let ray = surfaces.ray_of()[i] as usize;
-                    let sequence = (self.sampler, self.seed, Dimension::AMBIENT_OCCLUSION);
-                    let pair = numbers.pair(sequence, (&generation.rays, ray), (k, self.count));
-                    let direction = above(surfaces.geometric_normal.get(i), pair);
-                    precision.ray(origins.get(i), direction, 0.0, self.radius)
-                });
-                occluded.clear();
-                context.world.accelerator.are_occluded(rays.rays(), occluded, traversal);
-                for (factor, &occluded) in factors.iter_mut().zip(&*occluded) {
-                    *factor += f64::from(u8::from(!occluded));
-                }
+    fn run(&self, buffers: &mut Buffers, tile: &mut Tile, context: &RenderContext) {
+        let Buffers { numbers, rays, occluded } = buffers;
+        numbers.start(tile);
+        let Tile { generations, current, traversal, .. } = tile;
+        let generation = &mut generations[*current];
+        let mut factors = std::mem::take(&mut generation.surfaces.ambient);
+        let RayGeneration { surfaces, origins, .. } = &*generation;
+        let Some(origins) = origins else { return };
+        let precision = context.world.numerics().ray_precision();
+        factors.clear();
+        factors.resize(surfaces.len(), 0.0);
+        for k in 0..self.count {
+            rays.write(0..surfaces.len(), |i| {
+                let ray = surfaces.ray_of()[i] as usize;
+                let sequence = (self.sampler, self.seed, Dimension::AMBIENT_OCCLUSION);
+                let pair = numbers.pair(sequence, (&generation.rays, ray), (k, self.count));
+                let direction = above(surfaces.geometric_normal.get(i), pair);
+                precision.ray(origins.get(i), direction, 0.0, self.radius)
+            });
+            occluded.clear();
+            context.world.accelerator.are_occluded(rays.rays(), occluded, traversal);
+            for (factor, &occluded) in factors.iter_mut().zip(&*occluded) {
+                *factor += f64::from(u8::from(!occluded));
             }
-            let visible: f64 = factors.iter().sum();
-            factors.iter_mut().for_each(|factor| *factor /= f64::from(self.count));
-            let cast = factors.len() * self.count as usize;
-            generation.surfaces.ambient = factors;
-            tile.count(RAYS, cast, cast - visible as usize);
-        });
+        }
+        let visible: f64 = factors.iter().sum();
+        factors.iter_mut().for_each(|factor| *factor /= f64::from(self.count));
+        let cast = factors.len() * self.count as usize;
+        generation.surfaces.ambient = factors;
+        tile.count(RAYS, cast, cast - visible as usize);
     }
 }
 

@@ -62,9 +62,12 @@ pub const EFFECT: Effect = Effect {
     stages: |context: &EffectContext, hook| match hook {
         Hook::AfterShading(RayClass::Secondary) if most_bounces(context) < 2 => Vec::new(),
         Hook::AfterShading(_) => {
-            vec![Box::new(Reflect { min_weight: min_weight(context), most: most_bounces(context) })]
+            let reflect = Reflect { min_weight: min_weight(context), most: most_bounces(context) };
+            vec![Stage::with_buffers("glaze rays", move |buffers, tile, context| {
+                reflect.reflect(buffers, tile, context.world);
+            })]
         }
-        Hook::AfterGenerations => vec![Box::new(Combine)],
+        Hook::AfterGenerations => vec![Stage::new("glaze mixing", combine)],
         _ => Vec::new(),
     },
     bytes: |tile| {
@@ -124,16 +127,6 @@ struct Reflect {
     min_weight: f64,
     /// The limit on bounces.
     most: u32,
-}
-
-impl Stage for Reflect {
-    fn name(&self) -> &'static str {
-        "glaze rays"
-    }
-
-    fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|buffers: &mut Buffers, tile| self.reflect(buffers, tile, context.world));
-    }
 }
 
 impl Reflect {
@@ -249,34 +242,26 @@ fn mirrored(view: DVec3, normal: DVec3) -> DVec3 {
 }
 
 /// Mixes the colours of a generation into the surfaces of the one before that cast its rays.
-struct Combine;
-
-impl Stage for Combine {
-    fn name(&self) -> &'static str {
-        "glaze mixing"
+fn combine(tile: &mut Tile, context: &RenderContext) {
+    let (generation, next) = tile.this_and_next();
+    let world = context.world;
+    let (Some(colours), Some(next_colours)) = (&mut generation.colours, &next.colours) else { return };
+    let mut mix = |ray: usize, mirrored: DVec3| {
+        let source = next.sources[ray] as usize;
+        let material = generation.surfaces.materials()[source] as usize;
+        if let Some(glaze) = world.materials[material].glaze() {
+            let colour = colours.get(source);
+            let mixed = world.pipeline.weighted_combine(colour, mirrored, glaze.own_weight, glaze.weight);
+            colours.set(source, mixed);
+        }
+    };
+    for (i, &ray) in next.surfaces.ray_of().iter().enumerate() {
+        mix(ray as usize, next_colours.get(i));
     }
-
-    fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        let (generation, next) = tile.this_and_next();
-        let world = context.world;
-        let (Some(colours), Some(next_colours)) = (&mut generation.colours, &next.colours) else { return };
-        let mut mix = |ray: usize, mirrored: DVec3| {
-            let source = next.sources[ray] as usize;
-            let material = generation.surfaces.materials()[source] as usize;
-            if let Some(glaze) = world.materials[material].glaze() {
-                let colour = colours.get(source);
-                let mixed = world.pipeline.weighted_combine(colour, mirrored, glaze.own_weight, glaze.weight);
-                colours.set(source, mixed);
-            }
-        };
-        for (i, &ray) in next.surfaces.ray_of().iter().enumerate() {
-            mix(ray as usize, next_colours.get(i));
-        }
-        // Mirrored rays see the environment, as scattered ones do in path tracing, even where it is no background.
-        let Some(environment) = &world.environment else { return };
-        for (ray, _) in next.hits.iter().enumerate().filter(|(_, hit)| hit.is_none()) {
-            mix(ray, environment.eval(next.rays.get(ray).direction));
-        }
+    // Mirrored rays see the environment, as scattered ones do in path tracing, even where it is no background.
+    let Some(environment) = &world.environment else { return };
+    for (ray, _) in next.hits.iter().enumerate().filter(|(_, hit)| hit.is_none()) {
+        mix(ray, environment.eval(next.rays.get(ray).direction));
     }
 }
 

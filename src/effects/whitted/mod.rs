@@ -14,7 +14,7 @@ pub mod soft_shadows;
 #[cfg(not(kiln_without = "terminator"))]
 pub mod terminator;
 
-use super::{EffectContext, Hook, PlanSpec, TransportEntry, id};
+use super::{EffectContext, Hook, PlanSpec, Stage, TransportEntry, id};
 use crate::scene::{TextureSlot, Transport};
 
 /// The registry's entry.
@@ -32,9 +32,15 @@ pub(super) const TRANSPORT: TransportEntry = TransportEntry {
     stages: |context: &EffectContext, hook| {
         let PlanSpec { shading: mode, smooth, .. } = context.spec;
         match hook {
-            Hook::Lighting(_) => vec![Box::new(local::SampleLights { smooth, mode })],
-            Hook::Shading(_) => vec![Box::new(local::Shade { mode })],
-            Hook::Film => vec![Box::new(pixels::WritePixels)],
+            Hook::Lighting(_) => {
+                vec![Stage::new("lights", move |tile, context| {
+                    local::sample_lights(tile, context, mode, smooth);
+                })]
+            }
+            Hook::Shading(_) => {
+                vec![Stage::new("shading", move |tile, context| local::shade(tile, context, mode))]
+            }
+            Hook::Film => vec![Stage::new("film", pixels::write_pixels)],
             _ => Vec::new(),
         }
     },

@@ -1,24 +1,15 @@
 //! The stage that writes the colours of surfaces to pixels.
 
-use crate::effects::Stage;
 use crate::effects::shadow_catcher::catch_shadows;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile};
 use crate::effects::unlit::expose_unlit;
 use crate::world::{RAYS_PER_BATCH, Vec3Soa, World, simd};
 
 /// Gives every pixel the colour of its surface, of the environment, or of the background.
-pub(crate) struct WritePixels;
-
-impl Stage for WritePixels {
-    fn name(&self) -> &'static str {
-        "film"
-    }
-
-    fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        write(tile, context.world);
-        expose_unlit(tile, context);
-        catch_shadows(tile, context.world, false);
-    }
+pub(crate) fn write_pixels(tile: &mut Tile, context: &RenderContext) {
+    write(tile, context.world);
+    expose_unlit(tile, context);
+    catch_shadows(tile, context.world, false);
 }
 
 fn write(tile: &mut Tile, world: &World) {

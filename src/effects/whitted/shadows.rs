@@ -38,7 +38,15 @@ pub const EFFECT: Effect = Effect {
     stages: |context: &EffectContext, hook| match hook {
         Hook::AfterLighting(_) => {
             let PlanSpec { continued, soft_shadows, .. } = context.spec;
-            vec![Box::new(Shadows { continued: continued.map(|kinds| kinds.shadow_rays), soft_shadows })]
+            let continued = continued.map(|kinds| kinds.shadow_rays);
+            vec![Stage::with_buffers("shadows", move |buffers, tile, context| {
+                if !soft_shadows {
+                    return test_occlusion(buffers, tile, context, continued, None);
+                }
+                tile.with_buffers(|points: &mut DiscPoints, tile| {
+                    test_occlusion(buffers, tile, context, continued, Some(points));
+                });
+            })]
         }
         _ => Vec::new(),
     },
@@ -61,31 +69,8 @@ struct Buffers {
     surfaces: Vec<u32>,
 }
 
-/// Tests every light for occlusion at the surfaces of a generation.
-struct Shadows {
-    /// The kind that shadow rays behind surfaces are counted as; `None` where all surfaces are opaque.
-    continued: Option<RayKind>,
-    /// Whether shadow rays go to the sampled points of lights with an apparent diameter.
-    soft_shadows: bool,
-}
-
-impl Stage for Shadows {
-    fn name(&self) -> &'static str {
-        "shadows"
-    }
-
-    fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|buffers: &mut Buffers, tile| {
-            if !self.soft_shadows {
-                return test_occlusion(buffers, tile, context, self.continued, None);
-            }
-            tile.with_buffers(|points: &mut DiscPoints, tile| {
-                test_occlusion(buffers, tile, context, self.continued, Some(points));
-            });
-        });
-    }
-}
-
+/// Tests every light for occlusion at the surfaces of a generation. Shadow rays behind surfaces are counted as `continued`;
+/// `None` where all surfaces are opaque. `points` are the sampled points of lights with an apparent diameter.
 fn test_occlusion(
     buffers: &mut Buffers,
     tile: &mut Tile,

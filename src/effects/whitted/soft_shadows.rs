@@ -36,7 +36,9 @@ pub const EFFECT: Effect = Effect {
     stages: |context: &EffectContext, hook| match hook {
         Hook::BeforeLighting(_) if context.spec.soft_shadows => {
             let Sampling { sampler, seed, .. } = *context.sampling;
-            vec![Box::new(SampleDiscs { sampler, seed })]
+            vec![Stage::with_buffers("soft shadows", move |points, tile, context| {
+                sample_discs(points, (sampler, seed), tile, context);
+            })]
         }
         _ => Vec::new(),
     },
@@ -45,34 +47,26 @@ pub const EFFECT: Effect = Effect {
 };
 
 /// Samples the discs of the lights at the surfaces of a generation.
-struct SampleDiscs {
-    sampler: PixelSampler,
-    seed: u32,
-}
-
-impl Stage for SampleDiscs {
-    fn name(&self) -> &'static str {
-        "soft shadows"
-    }
-
-    fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|DiscPoints { numbers, directions }: &mut DiscPoints, tile| {
-            numbers.start(tile);
-            let generation = &tile.generations[tile.current];
-            let surfaces = &generation.surfaces;
-            directions.resize_with(context.world.lights.len(), Vec::new);
-            for (index, (directions, light)) in directions.iter_mut().zip(&context.world.lights).enumerate() {
-                directions.clear();
-                let Some(disc) = &light.disc else { continue };
-                let sequence = (self.sampler, self.seed, Dimension::disc(index as u32));
-                directions.extend((0..surfaces.len()).map(|i| {
-                    let ray = surfaces.ray_of()[i] as usize;
-                    let towards = disc.sample(numbers.pair(sequence, (&generation.rays, ray), (0, 1)));
-                    // The geometric normal is on the side of the ray origin.
-                    let normal = surfaces.geometric_normal.get(i);
-                    towards - 2.0 * towards.dot(normal).min(0.0) * normal
-                }));
-            }
-        });
+fn sample_discs(
+    DiscPoints { numbers, directions }: &mut DiscPoints,
+    (sampler, seed): (PixelSampler, u32),
+    tile: &mut Tile,
+    context: &RenderContext,
+) {
+    numbers.start(tile);
+    let generation = &tile.generations[tile.current];
+    let surfaces = &generation.surfaces;
+    directions.resize_with(context.world.lights.len(), Vec::new);
+    for (index, (directions, light)) in directions.iter_mut().zip(&context.world.lights).enumerate() {
+        directions.clear();
+        let Some(disc) = &light.disc else { continue };
+        let sequence = (sampler, seed, Dimension::disc(index as u32));
+        directions.extend((0..surfaces.len()).map(|i| {
+            let ray = surfaces.ray_of()[i] as usize;
+            let towards = disc.sample(numbers.pair(sequence, (&generation.rays, ray), (0, 1)));
+            // The geometric normal is on the side of the ray origin.
+            let normal = surfaces.geometric_normal.get(i);
+            towards - 2.0 * towards.dot(normal).min(0.0) * normal
+        }));
     }
 }

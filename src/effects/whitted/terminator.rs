@@ -36,7 +36,9 @@ pub const EFFECT: Effect = Effect {
     },
     specify: |_, spec| spec.smooth = true,
     stages: |context: &EffectContext, hook| match hook {
-        Hook::BeforeLighting(_) if context.spec.shadow_rays => vec![Box::new(LiftOrigins)],
+        Hook::BeforeLighting(_) if context.spec.shadow_rays => {
+            vec![Stage::with_buffers("terminator", lift_origins)]
+        }
         _ => Vec::new(),
     },
     bytes: |tile| {
@@ -61,18 +63,6 @@ struct Buffers {
 }
 
 /// Computes the shadow ray origins of a generation: those of smooth meshes lie on the smooth surface.
-struct LiftOrigins;
-
-impl Stage for LiftOrigins {
-    fn name(&self) -> &'static str {
-        "terminator"
-    }
-
-    fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|buffers: &mut Buffers, tile| lift_origins(buffers, tile, context));
-    }
-}
-
 fn lift_origins(buffers: &mut Buffers, tile: &mut Tile, context: &RenderContext) {
     let world = context.world;
     let Tile { generations, current, depth, traversal, recorder, .. } = tile;
