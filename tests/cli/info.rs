@@ -259,3 +259,44 @@ fn a_file_that_cannot_be_rendered_says_why() {
     assert_eq!(report["build"]["error"], "points.obj: has no triangles to draw");
     assert_eq!((&report["effects"], &report["geometry"]["edges"]), (&Value::Null, &json!(0)));
 }
+
+#[test]
+fn info_says_what_a_file_holds() {
+    let workshop = Workshop::with("scene.toml", SCENE);
+    let fixture = repository("assets/import/materials.obj");
+    let output = workshop.run(&format!("info {}", fixture.display()));
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
+    let said = text(&output.stdout);
+    // Two squares of two triangles and two single triangles, which are four runs of one material each; the bounds are
+    // (0,0,0) to (2,1,0).
+    for line in [
+        "objects     4 (6 triangles, 0 spheres)\n",
+        "bounds      (0, 0, 0) to (2, 1, 0)\n",
+        "size        (2, 1, 0)\n",
+        "cameras     none\n",
+    ] {
+        assert!(said.contains(line), "{line} is not in: {said}");
+    }
+    let output = workshop.run(&format!("info {} scene.toml --json", fixture.display()));
+    let report: Value = serde_json::from_slice(&output.stdout).expect("it is JSON");
+    assert_eq!(report["schema"], 1);
+    assert_eq!(
+        (&report["triangles"], &report["spheres"], &report["primitives"]),
+        (&6.into(), &1.into(), &7.into())
+    );
+    // The sphere extends from -2 to 2 on all axes.
+    assert_eq!(report["bounds"]["min"], serde_json::json!([-2.0, -2.0, -2.0]));
+    assert_eq!(report["bounds"]["max"], serde_json::json!([2.0, 2.0, 2.0]));
+    assert_eq!(report["cameras"][1]["name"], "above");
+    assert_eq!((&report["textures"][0]["width"], &report["textures"][0]["height"]), (&2.into(), &2.into()));
+    assert_eq!(report["objects"][4]["input"], "scene.toml");
+    // Warnings about a file are part of the result.
+    workshop
+        .write("odd.obj", "mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 2 0 0\nf 1 2 3\nf 1 2 4\nf 1 1 2\n");
+    let output = workshop.run("info odd.obj");
+    let said = text(&output.stdout);
+    assert!(said.contains("warning     odd.obj: materials left out: gone.mtl: no such file\n"), "{said}");
+    assert!(said.contains("no area     1 triangle(s), kept because they may close T-vertices\n"), "{said}");
+    let note = "note        odd.obj: left out 1 triangle(s) with two equal corners, which no ray hits\n";
+    assert!(said.contains(note), "{said}");
+}

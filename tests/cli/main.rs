@@ -6,11 +6,17 @@ mod common;
 mod workshop;
 
 mod animation;
-mod command;
+mod cameras;
+mod exit_codes;
 mod farm;
+mod helpers;
 mod info;
+mod limits;
 mod mistakes;
 mod outputs;
+mod pictures;
+mod progress;
+mod streams;
 mod tone;
 mod untrusted_text;
 mod viewer;

@@ -1,7 +1,7 @@
 //! The commonest mistakes in scene files, on the command line and in input files: message, hint and exit
 //! code. To add one, add a row to [`MISTAKES`].
 
-use super::command::{SCENE, check_error};
+use super::helpers::{SCENE, check_error};
 use crate::workshop::{Workshop, text};
 
 /// Where a mistake is.

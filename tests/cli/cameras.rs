@@ -1,0 +1,180 @@
+//! Cameras of options, of scene files, and those that are found for a mesh.
+
+use std::path::Path;
+
+use crate::helpers::{SCENE, check_error, image_bits, metadata};
+use crate::workshop::{Workshop, text};
+
+/// Given again, the automatic camera that metadata and `kiln info` print makes the same picture: of a mesh, of one beside a
+/// camera, which alone would leave out ground and background, and of two meshes.
+#[test]
+fn an_automatic_camera_can_be_given_again() {
+    let workshop =
+        Workshop::with("a.obj", "v 0 0 0\nv 4 0 0\nv 0 3 0\nv 0 0 2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
+    workshop.write("b.obj", "v 9 0 0\nv 9.01 0 0\nv 9 0.01 0\nf 1 2 3\n");
+    workshop.write(
+        "eye.gltf",
+        r#"{ "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }], "nodes": [{ "camera": 0 }],
+        "cameras": [{ "type": "perspective", "perspective": { "yfov": 0.7, "znear": 0.1 } }] }"#,
+    );
+    for (inputs, options) in [
+        ("a.obj", ""),
+        ("a.obj", "--view iso --azimuth=-30 --elevation 10 --zoom 1.5 --fov 50"),
+        ("a.obj", "--projection orthographic --zoom 0.5"),
+        ("a.obj eye.gltf", "--camera auto"),
+        ("a.obj b.obj", ""),
+    ] {
+        let said = workshop.succeed(&format!("render {inputs} -o a.png --size 24x16 {options}"));
+        assert_eq!(said.contains("b.obj is 0."), inputs.contains("b.obj"), "{said}");
+        let table = metadata(&workshop, "a.png")("kiln:camera").expect("a camera");
+        let given = table.replace(' ', "");
+        workshop.succeed(&format!("render {inputs} -o b.png --size 24x16 --camera {given}"));
+        workshop.succeed("compare a.png b.png");
+        if options.is_empty() {
+            assert_eq!(workshop.bytes("a.png"), workshop.bytes("b.png"), "{table}");
+        }
+    }
+    workshop.succeed("render a.obj -o a.png --size 16x16");
+    let table = metadata(&workshop, "a.png")("kiln:camera").expect("a camera");
+    assert!(
+        table.starts_with("{ name = \"auto\", position = [") && table.ends_with("vertical_fov = 30 }"),
+        "{table}"
+    );
+    let info = workshop.run("info a.obj --json");
+    let report: serde_json::Value = serde_json::from_slice(&info.stdout).expect("JSON");
+    assert_eq!(report["render"]["camera"], table.as_str());
+    // The options change nothing of another camera.
+    let said = workshop.succeed("render a.obj eye.gltf -o a.png --size 16x16 --azimuth 30");
+    assert!(said.contains("warning: azimuth changes nothing: the camera is `"), "{said}");
+}
+
+/// A camera whose name `--camera` reads as something else is recorded whole, so that it can be given again.
+#[test]
+fn a_camera_named_as_another_value_of_the_option_is_recorded_whole() {
+    for name in ["auto", "{a"] {
+        let scene = format!(
+            "[[camera]]\nname = '{name}'\nposition = [0, 1, 9]\nlook_at = [0, 0, 0]\nvertical_fov = 50\n\
+             [[sphere]]\ncentre = [0, 0, 0]\nradius = 1\n"
+        );
+        let workshop = Workshop::with("a.toml", &scene);
+        workshop.succeed("render a.toml -o a.png --size 24x16");
+        let table = metadata(&workshop, "a.png")("kiln:camera").expect("a camera");
+        workshop.succeed(&format!("render a.toml -o b.png --size 24x16 --camera {}", table.replace(' ', "")));
+        assert_eq!(workshop.bytes("a.png"), workshop.bytes("b.png"), "{table}");
+    }
+}
+
+#[test]
+fn cameras_and_views() {
+    let workshop = Workshop::with("scene.toml", SCENE);
+    // A wedge without symmetry, so that every view differs.
+    let wedge = "v 0 0 0\nv 3 0 0\nv 0 2 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+    workshop.write("wedge.obj", wedge);
+    let mut pictures = Vec::new();
+    for view in ["front", "back", "left", "right", "top", "bottom", "iso"] {
+        workshop.succeed(&format!("render wedge.obj -o a.png --size 32x32 --view {view} --draft"));
+        let picture = workshop.pixels("a.png");
+        // A fitted camera leaves a margin of 5 % on the tightest sides: of 32 pixels the outermost one, on every side.
+        let background = *picture.get_pixel(0, 0);
+        assert_eq!(background.0, [0x20, 0x22, 0x26], "{view}");
+        let edge = |i: u32| [(i, 0), (i, 31), (0, i), (31, i)];
+        assert!((0..32).flat_map(edge).all(|(x, y)| *picture.get_pixel(x, y) == background), "{view}");
+        assert!(picture.pixels().filter(|p| **p != background).count() > 60, "{view} shows the wedge");
+        assert!(!pictures.contains(&picture), "{view} looks like another view");
+        pictures.push(picture);
+    }
+    let render = |arguments: &str| {
+        workshop.succeed(&format!("render scene.toml -o a.png {arguments}"));
+        workshop.pixels("a.png")
+    };
+    let (front, above, auto) = (render(""), render("--camera above"), render("--camera auto"));
+    assert!(front == render("--camera front") && front == render("--camera 0"), "the first is the default");
+    assert!(above == render("--camera 1") && above != front);
+    assert!(auto != front && auto != above);
+    assert!(front != render("--projection orthographic"));
+    assert_eq!(render_own(&workshop, "scene.toml", FRONT), front);
+    let (said, hint) = workshop.fail("render wedge.obj -o a.png --camera front", 2);
+    assert_eq!((said.as_str(), hint.contains("--view")), ("there is no camera `front`", true));
+}
+
+/// The camera `front` of [`SCENE`] as an inline table.
+const FRONT: &str = "{ position = [0, 0, 10], look_at = [0, 0, 0] }";
+
+/// A picture by a camera given as an inline table.
+fn render_own(workshop: &Workshop, scene: &str, camera: &str) -> image::RgbImage {
+    let output = workshop.command("").args(["render", scene, "-o", "own.png", "--camera", camera]).output();
+    let output = output.expect("the command starts");
+    assert_eq!(output.status.code(), Some(0), "{camera}: {}", text(&output.stderr));
+    workshop.pixels("own.png")
+}
+
+/// A camera of the scene and the same as an inline table give the same picture, bit for bit, also if the scene is
+/// recentered.
+#[test]
+fn a_camera_in_braces_is_the_scenes_own() {
+    let workshop = Workshop::with("scene.toml", SCENE);
+    let far = SCENE
+        .replace("[0, 0, 10]", "[1e6, 0, 1000010]")
+        .replace("[0, 10, 1]", "[1e6, 10, 1000001]")
+        .replace("[0, 0, 0]", "[1e6, 0, 1e6]")
+        .replace("[5, 5, 10]", "[1000005, 5, 1000010]");
+    workshop.write("far.toml", far);
+    let own = "{ position = [1e6, 10, 1000001], look_at = [1e6, 0, 1e6], projection = 'orthographic', up = [0.1, 1, 0] }";
+    let section = format!(
+        "[[camera]]\nname = 'x'\n{}",
+        own.trim_matches(['{', '}']).replace("], ", "]\n").replace("', ", "'\n")
+    );
+    workshop.write("own.toml", section);
+    let said = workshop.succeed("render far.toml own.toml -o a.exr --camera x");
+    assert!(said.contains("moved to it"), "{said}");
+    let output = workshop.command("").args(["render", "far.toml", "-o", "b.exr", "--camera", own]).output();
+    assert_eq!(output.expect("the command starts").status.code(), Some(0));
+    let pixels = |name: &str| image_bits(&workshop.path(name));
+    assert_eq!(pixels("a.exr"), pixels("b.exr"));
+    assert!(render_own(&workshop, "far.toml", own) != render_own(&workshop, "scene.toml", FRONT));
+    // Every command that renders takes it, and reports errors in it before anything is read.
+    for command in
+        ["render no.toml -o a.png", "animate no.toml -o a.gif", "explain no.toml", "study no.toml -o d"]
+    {
+        let arguments: Vec<&str> =
+            command.split(' ').chain(["--camera", "{ position = [0, 0, 1], lok_at = [0, 0, 0] }"]).collect();
+        let output = workshop.command("").args(arguments).output().expect("the command starts");
+        let said = text(&output.stderr);
+        let (error, hint) = check_error(&said);
+        assert_eq!(output.status.code(), Some(2), "{command}: {said}");
+        assert!(error.contains("unknown key `lok_at`") && hint == "did you mean `look_at`?", "{said}");
+    }
+}
+
+/// The picture that a window shows is the one that its copied command line renders.
+#[cfg(feature = "viewer")]
+#[test]
+fn what_is_seen_is_rendered_by_its_line() {
+    use kiln::effects::Choices;
+    use kiln::viewer::{CameraSource, command_line, navigate};
+    let workshop = Workshop::with("scene.toml", SCENE);
+    let mut scene = crate::common::picture::load(&workshop.path("scene.toml"));
+    let loaded = scene.clone();
+    let mut camera = scene.cameras[0].clone();
+    navigate::orbit(&mut camera, glam::DVec2::new(0.3, 0.2));
+    navigate::zoom(&mut camera, 1.3);
+    navigate::pan(&mut camera, glam::DVec2::new(0.1, -0.05), 1.5);
+    let settings = kiln::job::RenderSettings { without: vec!["shadows".into()], ..Default::default() };
+    let command = command_line::RenderCommand {
+        inputs: &["scene.toml".into()],
+        scene: &loaded,
+        viewpoint: &CameraSource::Free(camera.clone()),
+        projection: camera.projection,
+        size: [48, 32],
+        settings: &settings,
+        import_options: &kiln::scene::ImportOptions::default(),
+        output: Path::new("seen.png"),
+    };
+    let words = command_line::arguments(&command);
+    let output = workshop.command("").args(&words[1..]).output().expect("the command starts");
+    assert_eq!(output.status.code(), Some(0), "{words:?}: {}", text(&output.stderr));
+    scene.cameras[0] = camera;
+    let prepared = crate::common::picture::prepare(scene, [48, 32], Default::default());
+    let film = prepared.render(Choices { without: vec!["shadows".into()], ..Choices::default() }).0;
+    assert_eq!(workshop.pixels("seen.png").into_raw(), film.to_rgb8(kiln::film::ColourPipeline::Display));
+}

@@ -1,0 +1,122 @@
+//! Limits of memory and of what files hold.
+
+use std::process::Command;
+
+use crate::helpers::{SCENE, check_error};
+use crate::workshop::{Workshop, text};
+
+/// Pictures that exceed the memory are refused before they are rendered. A channel of 6,000 x 6,000 pixels takes four
+/// bytes a pixel in the film, in the writer and in the file, 0.4 GiB: eight exceed the limit of 2.9 GiB, and `all` has
+/// more. On a machine of less memory the hint would be another.
+#[cfg(target_os = "linux")]
+#[test]
+fn pictures_that_do_not_fit_are_refused_with_what_they_need() {
+    let shop = Workshop::with("scene.toml", SCENE);
+    let limited = |arguments: &str| {
+        let kiln = assert_cmd::cargo::cargo_bin!("kiln").display().to_string();
+        let mut command = Command::new("sh");
+        command.current_dir(shop.0.path()).env_remove("RUST_BACKTRACE");
+        command.args(["-c", &format!("ulimit -v 3000000; exec '{kiln}' {arguments}")]);
+        let output = command.output().expect("the command starts");
+        (output.status.code(), text(&output.stderr))
+    };
+    let (code, said) = limited("render scene.toml --size 6000x6000 --aov all -o a.exr --progress none");
+    assert_eq!(code, Some(1), "{said}");
+    let (line, hint) = check_error(&said);
+    assert!(
+        line.starts_with("a picture of 6000 x 6000 pixels with ") && line.contains(" more channels needs "),
+        "{said}"
+    );
+    assert!(line.ends_with(" GiB of 2.9 GiB are left (ulimit -v)"), "{said}");
+    assert!(hint.contains("--size") && hint.contains("ulimit -v unlimited"), "{said}");
+    assert_eq!(shop.names(), ["scene.toml"]);
+    // The same limit by `--memory-limit`; 8,000 x 8,000 pixels of 3 bytes are 183.1 MiB.
+    let large = "render scene.toml --size 8000x8000 -o b.png --progress none --memory-limit 128M";
+    shop.succeed(&format!("{large} --crop 0,0,8000,2"));
+    let (said, hint) = shop.fail(large, 1);
+    assert!(said.starts_with("a picture of 8000 x 8000 pixels needs 184 MiB of memory; "), "{said}");
+    assert!(said.ends_with(" MiB of 128 MiB are left (--memory-limit)"), "{said}");
+    assert!(hint.ends_with("or give --memory-limit 2G"), "{hint}");
+    for (limit, why) in [
+        ("64M", "64 MiB of it are reserved for threads and encoders; give at least 128M"),
+        ("1.5G", "give a whole number with K, M, G or T, such as 1536M or 16G"),
+        ("4X", "give a whole number with K, M, G or T, such as 1536M or 16G"),
+    ] {
+        let (said, _) = shop.fail(&format!("render scene.toml -o c.png --memory-limit {limit}"), 2);
+        assert_eq!(said, format!("invalid value '{limit}' for '--memory-limit <SIZE>': {why}"));
+    }
+}
+
+/// One picture must fit into the limit. Frames of which two do not fit are rendered one after the other: 3,200 x 3,200
+/// pixels of 3 bytes are 29 MiB, and 128 MiB hold one of them beside the program and the 64 MiB that are kept free.
+#[cfg(target_os = "linux")]
+#[test]
+fn frames_that_do_not_fit_are_refused_by_what_one_needs() {
+    let shop = Workshop::with("scene.toml", SCENE);
+    let frames = "render scene.toml -o f_####.png --progress none --memory-limit 128M --without shadows";
+    let (said, hint) = shop.fail(&format!("{frames} --frames 0-3 --size 8000x8000"), 1);
+    assert!(said.starts_with("a picture of 8000 x 8000 pixels needs 184 MiB of memory; "), "{said}");
+    assert!(hint.starts_with("give a smaller --size"), "{hint}");
+    assert_eq!(shop.names(), ["scene.toml"]);
+    shop.succeed(&format!("{frames} --frames 0-1 --size 3200x3200"));
+    assert_eq!(shop.names(), ["f_0000.png", "f_0001.png", "scene.toml"]);
+    // With AOVs, too, a frame needs as much as a still picture of the same effects: 8,000^2 pixels of 4 channels of 4
+    // bytes, in the film and twice in the writer, and 3 bytes while the AOV is computed, are 3.04 GiB.
+    for (aovs, needs) in [("depth", "with 1 more channels needs 3.0 GiB"), ("effects", "")] {
+        let arguments = format!("{} --size 8000x8000 --aov {aovs}", frames.replace(".png", ".exr"));
+        let (frame, _) = shop.fail(&format!("{arguments} --frames 0"), 1);
+        let (still, _) = shop.fail(&arguments.replace("f_####", "a"), 1);
+        let need = |said: &str| said.split_once(" of memory; ").map(|(need, _)| need.to_owned());
+        assert_eq!(need(&frame), need(&still));
+        assert!(
+            frame.starts_with("a picture of 8000 x 8000 pixels with ") && frame.contains(needs),
+            "{frame}"
+        );
+    }
+}
+
+/// Meshes whose reading or building needs more memory than the limit are refused before it is allocated.
+#[cfg(target_os = "linux")]
+#[test]
+fn meshes_that_do_not_fit_are_refused_with_what_they_need() {
+    let shop = Workshop::with("scene.toml", SCENE);
+    let faces = |count: usize| "v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned() + &"f 1 2 3\n".repeat(count);
+    shop.write("large.obj", faces(6_000_000));
+    shop.write("small.obj", faces(150_000));
+    // 6,000,000 x 12 bytes of triangles, and as much again for what is made of them: 137.3 MiB.
+    for command in ["info large.obj", "render large.obj -o a.png"] {
+        let (said, hint) = shop.fail(&format!("{command} --memory-limit 128M"), 3);
+        assert!(said.starts_with("large.obj: reading its meshes needs 138 MiB of memory; "), "{said}");
+        assert!(hint.ends_with("give --memory-limit 2G"), "{hint}");
+    }
+    // 150,000 x 416 bytes are 59.5 MiB; reading them takes 3.4.
+    shop.succeed("info small.obj --memory-limit 128M");
+    for command in ["render", "render --frames 0"] {
+        let (said, hint) =
+            shop.fail(&format!("{command} small.obj -o a.png --numerics exact --memory-limit 128M"), 1);
+        let start = "the acceleration structure over 150000 primitives needs 60 MiB of memory; ";
+        assert!(said.starts_with(start), "{said}");
+        assert!(hint.ends_with("give --memory-limit 2G"), "{hint}");
+    }
+}
+
+/// Each limit refuses what it counts and names the file; the next greater number lets it pass. The model has 96
+/// triangles, an image of 16 x 16 texels and another of its alpha, and one node.
+#[test]
+fn limits_of_what_files_hold() {
+    let shop = Workshop::with("scene.toml", SCENE);
+    let model = crate::common::repository("assets/import/codecs/plain.glb");
+    let model = model.to_str().expect("UTF-8");
+    for (kind, count) in [("triangles", 96), ("texels", 512), ("nodes", 1)] {
+        shop.succeed(&format!("info {model} --limit {kind}={count}"));
+        let less = count - 1;
+        let (said, hint) = shop.fail(&format!("info {model} --limit {kind}={less}"), 3);
+        assert!(
+            said.contains("plain.glb") && said.contains(&format!("{count} {kind}; the limit is {less}")),
+            "{said}"
+        );
+        assert!(hint.ends_with(&format!("give --limit {kind}={count}")), "{hint}");
+    }
+    let (said, _) = shop.fail(&format!("info {model} --limit points=3"), 2);
+    assert!(said.contains("give triangles=N, texels=N or nodes=N"), "{said}");
+}
