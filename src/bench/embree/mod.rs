@@ -58,59 +58,45 @@ unsafe extern "C" fn count_bytes(_: *mut c_void, bytes: isize, _: bool) -> bool 
     true
 }
 
-/// Functions of the library, named without the prefix `rtc`.
-struct Functions {
-    new_device: unsafe extern "C" fn(*const c_char) -> Handle,
-    get_device_error: unsafe extern "C" fn(Handle) -> c_int,
-    get_device_property: unsafe extern "C" fn(Handle, c_int) -> isize,
-    set_device_memory_monitor_function: unsafe extern "C" fn(Handle, MemoryMonitor, *mut c_void),
-    new_scene: unsafe extern "C" fn(Handle) -> Handle,
-    set_scene_flags: unsafe extern "C" fn(Handle, c_int),
-    commit_scene: unsafe extern "C" fn(Handle),
-    release_scene: unsafe extern "C" fn(Handle),
-    new_geometry: unsafe extern "C" fn(Handle, c_int) -> Handle,
-    set_new_geometry_buffer: unsafe extern "C" fn(Handle, c_int, c_uint, c_int, usize, usize) -> *mut c_void,
-    commit_geometry: unsafe extern "C" fn(Handle),
-    attach_geometry: unsafe extern "C" fn(Handle, Handle) -> c_uint,
-    release_geometry: unsafe extern "C" fn(Handle),
-    set_scene_build_quality: unsafe extern "C" fn(Handle, c_int),
-    intersect: unsafe extern "C" fn(Handle, *mut RayHit, *mut Arguments),
-    intersect8: unsafe extern "C" fn(*const c_int, Handle, *mut RayHits<8>, *mut Arguments),
-    intersect16: unsafe extern "C" fn(*const c_int, Handle, *mut RayHits<16>, *mut Arguments),
-    occluded: unsafe extern "C" fn(Handle, *mut RayOnly, *mut Arguments),
-    occluded8: unsafe extern "C" fn(*const c_int, Handle, *mut Rays<8>, *mut Arguments),
-    occluded16: unsafe extern "C" fn(*const c_int, Handle, *mut Rays<16>, *mut Arguments),
+/// Declares [`Functions`] by names, symbols and types.
+macro_rules! functions {
+    ($($name:ident = $symbol:literal: $type:ty,)*) => {
+        /// Functions of the library, named without the prefix `rtc`.
+        struct Functions {
+            $($name: $type,)*
+        }
+
+        impl Functions {
+            fn load(library: &'static Library) -> std::result::Result<Self, libloading::Error> {
+                // SAFETY: the types are those of the functions in Embree 4's headers. The library is `'static` and never
+                // unloaded, so the pointers stay valid.
+                unsafe { Ok(Functions { $($name: *library.get::<$type>($symbol)?,)* }) }
+            }
+        }
+    };
 }
 
-impl Functions {
-    fn load(library: &'static Library) -> std::result::Result<Self, libloading::Error> {
-        // SAFETY: the types are those of the functions in Embree 4's headers. The library is `'static` and never
-        // unloaded, so the pointers stay valid.
-        unsafe {
-            Ok(Functions {
-                new_device: *library.get("rtcNewDevice")?,
-                get_device_error: *library.get("rtcGetDeviceError")?,
-                get_device_property: *library.get("rtcGetDeviceProperty")?,
-                set_device_memory_monitor_function: *library.get("rtcSetDeviceMemoryMonitorFunction")?,
-                new_scene: *library.get("rtcNewScene")?,
-                set_scene_flags: *library.get("rtcSetSceneFlags")?,
-                commit_scene: *library.get("rtcCommitScene")?,
-                release_scene: *library.get("rtcReleaseScene")?,
-                new_geometry: *library.get("rtcNewGeometry")?,
-                set_new_geometry_buffer: *library.get("rtcSetNewGeometryBuffer")?,
-                commit_geometry: *library.get("rtcCommitGeometry")?,
-                attach_geometry: *library.get("rtcAttachGeometry")?,
-                release_geometry: *library.get("rtcReleaseGeometry")?,
-                set_scene_build_quality: *library.get("rtcSetSceneBuildQuality")?,
-                intersect: *library.get("rtcIntersect1")?,
-                intersect8: *library.get("rtcIntersect8")?,
-                intersect16: *library.get("rtcIntersect16")?,
-                occluded: *library.get("rtcOccluded1")?,
-                occluded8: *library.get("rtcOccluded8")?,
-                occluded16: *library.get("rtcOccluded16")?,
-            })
-        }
-    }
+functions! {
+    new_device = "rtcNewDevice": unsafe extern "C" fn(*const c_char) -> Handle,
+    get_device_error = "rtcGetDeviceError": unsafe extern "C" fn(Handle) -> c_int,
+    get_device_property = "rtcGetDeviceProperty": unsafe extern "C" fn(Handle, c_int) -> isize,
+    set_device_memory_monitor_function = "rtcSetDeviceMemoryMonitorFunction": unsafe extern "C" fn(Handle, MemoryMonitor, *mut c_void),
+    new_scene = "rtcNewScene": unsafe extern "C" fn(Handle) -> Handle,
+    set_scene_flags = "rtcSetSceneFlags": unsafe extern "C" fn(Handle, c_int),
+    commit_scene = "rtcCommitScene": unsafe extern "C" fn(Handle),
+    release_scene = "rtcReleaseScene": unsafe extern "C" fn(Handle),
+    new_geometry = "rtcNewGeometry": unsafe extern "C" fn(Handle, c_int) -> Handle,
+    set_new_geometry_buffer = "rtcSetNewGeometryBuffer": unsafe extern "C" fn(Handle, c_int, c_uint, c_int, usize, usize) -> *mut c_void,
+    commit_geometry = "rtcCommitGeometry": unsafe extern "C" fn(Handle),
+    attach_geometry = "rtcAttachGeometry": unsafe extern "C" fn(Handle, Handle) -> c_uint,
+    release_geometry = "rtcReleaseGeometry": unsafe extern "C" fn(Handle),
+    set_scene_build_quality = "rtcSetSceneBuildQuality": unsafe extern "C" fn(Handle, c_int),
+    intersect = "rtcIntersect1": unsafe extern "C" fn(Handle, *mut RayHit, *mut Arguments),
+    intersect8 = "rtcIntersect8": unsafe extern "C" fn(*const c_int, Handle, *mut RayHits<8>, *mut Arguments),
+    intersect16 = "rtcIntersect16": unsafe extern "C" fn(*const c_int, Handle, *mut RayHits<16>, *mut Arguments),
+    occluded = "rtcOccluded1": unsafe extern "C" fn(Handle, *mut RayOnly, *mut Arguments),
+    occluded8 = "rtcOccluded8": unsafe extern "C" fn(*const c_int, Handle, *mut Rays<8>, *mut Arguments),
+    occluded16 = "rtcOccluded16": unsafe extern "C" fn(*const c_int, Handle, *mut Rays<16>, *mut Arguments),
 }
 
 /// An Embree device. It lives until the end of the process, like its worker threads.
