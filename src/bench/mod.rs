@@ -44,6 +44,7 @@ pub use icosphere::{Icosphere, Mesh, PLACEMENTS, Placement};
 pub use numbers::Numbers;
 pub use rays::{LeakRayKind, ray};
 
+use crate::error::Error;
 use crate::geometry::Hit;
 
 /// Subdivision level of the closed mesh: 81,920 triangles.
@@ -58,6 +59,24 @@ pub struct Unavailable {
     pub reason: String,
     /// How to make it available.
     pub remedy: &'static str,
+}
+
+impl Unavailable {
+    /// The reason and the remedy.
+    pub fn skipped_reason(&self) -> String {
+        format!("{}; {}", self.reason, self.remedy)
+    }
+
+    /// The error where the library is asked for.
+    pub fn error(&self) -> Error {
+        Error::Failed { what: format!("{}: {}", self.name, self.reason), hint: self.remedy.into() }
+    }
+}
+
+impl std::fmt::Display for Unavailable {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}: not measured: {}", self.name, self.skipped_reason())
+    }
 }
 
 /// Engines of a library, or why there are none.

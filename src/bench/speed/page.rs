@@ -26,9 +26,7 @@ pub fn page(rows: &[SpeedRow], absent: &[Unavailable], subject: &str, runs: u32)
         format!("<h2>{heading}</h2>\n<p class=\"note\">{about} {count} rays.</p>\n{plot}")
     });
     let built: Vec<Bar> = rows.iter().map(|row| bar(row, row.build_ms, 0)).collect();
-    let unavailable = absent.iter().map(|Unavailable { name, reason, remedy }| {
-        format!("<p>{name}: not timed: {}; {}</p>\n", escaped(reason), escaped(remedy))
-    });
+    let unavailable = absent.iter().map(|absent| format!("<p>{}</p>\n", escaped(&absent.to_string())));
     let parts = [
         ("title", format!("kiln bench: {}", escaped(subject))),
         ("style", STYLE.to_owned()),

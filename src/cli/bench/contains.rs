@@ -6,12 +6,11 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::super::print;
-use super::{aligned, grouped, with_progress};
+use super::{grouped, quartiles, table, with_progress};
 use crate::bench::contains::{ContainsRate, ContainsRow, rates, wrong_points};
 use crate::bench::{PLACEMENTS, Unavailable};
 use crate::error::Result;
 use crate::scene::option::group;
-use crate::timing::Quartiles;
 
 #[derive(Args)]
 #[command(next_help_heading = group::MEASUREMENT)]
@@ -63,7 +62,7 @@ fn as_json(rows: &[ContainsRow], rates: &[ContainsRate], absent: Option<&Unavail
         })
     });
     let skipped = absent.map(|absent| {
-        let reason = format!("{}; {}", absent.reason, absent.remedy);
+        let reason = absent.skipped_reason();
         json!({ "engine": absent.name, "points": 0, "wrong": null, "skipped_reason": reason })
     });
     wrong.chain(skipped).collect()
@@ -77,29 +76,23 @@ fn as_text(rows: &[ContainsRow], rates: &[ContainsRate], absent: Option<&Unavail
         grouped(points)
     );
     let titles = ["engine", "layout", "tier", "method"].into_iter().chain(PLACEMENTS.map(|p| p.name));
-    let mut lines: Vec<Vec<String>> = vec![titles.map(str::to_owned).collect()];
     // Consecutive rows differ in their placement.
-    for rows in rows.chunks(PLACEMENTS.len()) {
-        let Some(row) = rows.first() else { continue };
+    let lines = rows.chunks(PLACEMENTS.len()).map(|rows| {
+        let row = &rows[0];
         let names = [row.engine[0], row.engine[1], row.tier.unwrap_or("-"), row.method].map(str::to_owned);
-        lines.push(
-            names.into_iter().chain(rows.iter().map(|row| row.wrong.map(grouped).join(" / "))).collect(),
-        );
-    }
-    text += &aligned(&lines, 4);
+        names.into_iter().chain(rows.iter().map(|row| row.wrong.map(grouped).join(" / "))).collect()
+    });
+    text += &table(titles, lines, 4);
     text += "\nMillion queries a second on one thread, of random points, of points of the first two kinds, and of\n\
          rays from the random ones (quartiles):\n\n";
     let titles = ["tier", "contains", "contains, aimed", "closest hit", "ratio"];
-    let mut lines = vec![titles.map(str::to_owned).to_vec()];
-    for rate in rates {
-        let quartiles =
-            |Quartiles { lower, median, upper }: Quartiles| format!("{median:.2} ({lower:.2}-{upper:.2})");
+    let lines = rates.iter().map(|rate| {
         let numbers = [rate.contains, rate.aimed, rate.closest_hits, rate.ratio].map(quartiles);
-        lines.push([rate.numerics.name().to_owned()].into_iter().chain(numbers).collect());
-    }
-    text += &aligned(&lines, 1);
-    if let Some(Unavailable { name, reason, remedy }) = absent {
-        text += &format!("\n{name}: not measured: {reason}; {remedy}\n");
+        [rate.numerics.name().to_owned()].into_iter().chain(numbers).collect()
+    });
+    text += &table(titles, lines, 1);
+    if let Some(absent) = absent {
+        text += &format!("\n{absent}\n");
     }
     text
 }

@@ -7,10 +7,10 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::super::print;
-use super::{aligned, grouped, with_progress};
+use super::{grouped, table, with_progress};
 use crate::bench::leaks::{Counts, LeakRow, NAMES, engines, measure};
 use crate::bench::{PLACEMENTS, Unavailable};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::scene::option::group;
 
 #[derive(Args)]
@@ -37,9 +37,8 @@ pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()>
         let typed = |name: &str| arguments.engine.iter().any(|engine| engine == name);
         engines.retain(|engine| typed(engine.label.engine));
         absent.retain(|absent| typed(absent.name));
-        if let Some(Unavailable { name, reason, remedy }) = absent.first() {
-            let what = format!("{name}: {reason}");
-            return Err(Error::Failed { what, hint: (*remedy).into() });
+        if let Some(absent) = absent.first() {
+            return Err(absent.error());
         }
     }
     let rows = with_progress(arguments.threads, "casting rays", interrupted, |control| {
@@ -79,7 +78,7 @@ fn as_json(rows: &[LeakRow], absent: &[Unavailable]) -> Value {
     let skipped = absent.iter().map(|absent| {
         json!({
             "engine": absent.name, "layout": null, "tier": null, "placement": null, "rays": 0, "leaks": null,
-            "skipped_reason": format!("{}; {}", absent.reason, absent.remedy),
+            "skipped_reason": absent.skipped_reason(),
         })
     });
     measured.chain(skipped).collect()
@@ -97,10 +96,10 @@ fn as_text(rows: &[LeakRow], absent: &[Unavailable], rays: u64) -> String {
         grouped(counts.secondary),
         grouped(counts.random),
     );
-    text += &table(rows, |leaks, _| grouped(leaks));
+    text += &rates(rows, |leaks, _| grouped(leaks));
     if rays != 1_000_000 {
         text += "\nOf a million rays:\n\n";
-        text += &table(rows, |leaks, rays| grouped((leaks as f64 * 1e6 / rays as f64).round() as u64));
+        text += &rates(rows, |leaks, rays| grouped((leaks as f64 * 1e6 / rays as f64).round() as u64));
     }
     let [_, moved, ..] = PLACEMENTS;
     let [x, y, z] = moved.centre.to_array();
@@ -114,19 +113,18 @@ fn as_text(rows: &[LeakRow], absent: &[Unavailable], rays: u64) -> String {
             "{name}: finds only the first crossing, so rays from outside need not leave again"
         );
     }
-    for Unavailable { name, reason, remedy } in absent {
-        let _ = writeln!(text, "{name}: not measured: {reason}; {remedy}");
+    for absent in absent {
+        let _ = writeln!(text, "{absent}");
     }
     text
 }
 
 /// A table with a line per layout and tier and a column per placement. `cell` formats leaks and rays.
-fn table(rows: &[LeakRow], cell: impl Fn(u64, u64) -> String) -> String {
+fn rates(rows: &[LeakRow], cell: impl Fn(u64, u64) -> String) -> String {
     let titles = ["engine", "layout", "tier", "triangles"].into_iter().chain(PLACEMENTS.map(|p| p.name));
-    let mut lines: Vec<Vec<String>> = vec![titles.map(str::to_owned).collect()];
     // Consecutive rows differ in their placement.
-    for rows in rows.chunks(PLACEMENTS.len()) {
-        let Some(row) = rows.first() else { continue };
+    let lines = rows.chunks(PLACEMENTS.len()).map(|rows| {
+        let row = &rows[0];
         let names = [row.engine, row.layout, row.tier.unwrap_or("-")].map(str::to_owned);
         let leaks = rows.iter().map(|row| {
             let inside = cell(row.leaks.inside(), row.rays.inside());
@@ -134,7 +132,7 @@ fn table(rows: &[LeakRow], cell: impl Fn(u64, u64) -> String) -> String {
             let secondary = cell(row.leaks.secondary, row.rays.secondary);
             format!("{inside} / {outside} / {secondary} / {}", cell(row.leaks.random, row.rays.random))
         });
-        lines.push(names.into_iter().chain([grouped(row.triangles as u64)]).chain(leaks).collect());
-    }
-    aligned(&lines, 3)
+        names.into_iter().chain([grouped(row.triangles as u64)]).chain(leaks).collect()
+    });
+    table(titles, lines, 3)
 }

@@ -20,6 +20,7 @@ use crate::bench::plot::three_digits;
 use crate::error::Result;
 use crate::render::RenderControl;
 use crate::scene::ImportOptions;
+use crate::timing::Quartiles;
 
 #[derive(Args)]
 #[command(args_conflicts_with_subcommands = true)]
@@ -91,9 +92,20 @@ fn with_progress<T: Send>(
     result
 }
 
+/// A median with its quartiles.
+fn quartiles(Quartiles { lower, median, upper }: Quartiles) -> String {
+    format!("{median:.2} ({lower:.2}-{upper:.2})")
+}
+
 /// A table with the first `left` columns aligned to the left, the others to the right.
-fn aligned(lines: &[Vec<String>], left: usize) -> String {
-    super::numbers::aligned(lines, |column| column < left)
+fn table<'a>(
+    titles: impl IntoIterator<Item = &'a str>,
+    rows: impl IntoIterator<Item = Vec<String>>,
+    left: usize,
+) -> String {
+    let titles = titles.into_iter().map(str::to_owned).collect();
+    let lines: Vec<Vec<String>> = std::iter::once(titles).chain(rows).collect();
+    super::numbers::aligned(&lines, |column| column < left)
 }
 
 /// The number with groups of three digits separated by commas.

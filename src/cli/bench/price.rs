@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::super::{pool, print};
 use super::subject::Subject;
-use super::{aligned, three_digits, with_progress};
+use super::{table, three_digits, with_progress};
 use crate::bench::price::{self, PicturePrice, PriceRow, TRANSPORTS, price};
 use crate::bench::speed::{Kind, RaySets};
 use crate::error::Result;
@@ -93,7 +93,7 @@ fn as_text(rows: &[PriceRow]) -> String {
         let kinds = row.ns.iter().map(|spread| ns(spread.map(|spread| spread.median)));
         [row.name()].into_iter().chain(kinds).chain([ns(row.mean_ns())]).collect()
     };
-    text += &table(&titles, rows.iter().map(times));
+    text += &table(titles, rows.iter().map(times), 1);
 
     text += "\nErrors: leaks and wrong answers per million rays, the largest error of a distance in f32\n\
          ulp, of hits on a triangle that `exact` hits. `exact` judges.\n\n";
@@ -103,7 +103,7 @@ fn as_text(rows: &[PriceRow]) -> String {
         let rates = [errors.leaks_aimed, errors.leaks_random, errors.leaks_secondary, errors.wrong].map(rate);
         [row.name()].into_iter().chain(rates).chain([errors.worst_t.map_or("-".into(), rate)]).collect()
     };
-    text += &table(&titles, rows.iter().map(errors));
+    text += &table(titles, rows.iter().map(errors), 1);
 
     text +=
         "\nPictures: ms on one thread, RMS difference to `exact` in steps of 255, pixels that differ.\n\n";
@@ -116,7 +116,7 @@ fn as_text(rows: &[PriceRow]) -> String {
         });
         Some([row.name()].into_iter().chain(cells.into_iter().flatten()).collect())
     };
-    text += &table(&titles, rows.iter().filter_map(pictures));
+    text += &table(titles, rows.iter().filter_map(pictures), 1);
 
     text += "\nWhat each tier costs and buys:\n\n";
     let own: Vec<&PriceRow> = rows.iter().filter(|row| row.pictures.is_some()).collect();
@@ -146,11 +146,6 @@ fn step(before: &PriceRow, after: &PriceRow) -> String {
         rate(before.errors.wrong),
         rate(after.errors.wrong),
     )
-}
-
-fn table(titles: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
-    let titles = titles.iter().map(|&title| title.to_owned()).collect();
-    aligned(&[titles].into_iter().chain(rows).collect::<Vec<_>>(), 1)
 }
 
 /// A number that is 0 only if it is written as 0.

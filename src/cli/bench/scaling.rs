@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::super::{pool, print};
 use super::speed::{Report, chosen, json};
-use super::{aligned, grouped, three_digits, with_progress};
+use super::{grouped, table, three_digits, with_progress};
 use crate::bench::speed::{self, Kind, ScalingStep, Settings, scaling, sizes};
 use crate::error::Result;
 use crate::files::{check_writable, write_whole};
@@ -81,7 +81,7 @@ fn as_json(steps: &[ScalingStep], arguments: &Arguments) -> Value {
 fn as_text(steps: &[ScalingStep], arguments: &Arguments) -> String {
     let titles = ["mesh", "engine", "layout", "triangles", "build ms", "ns/tri", "B/tri", "build peak"];
     let titles = titles.into_iter().chain(Kind::ALL.map(Kind::name));
-    let mut lines = vec![titles.map(str::to_owned).collect::<Vec<_>>()];
+    let mut lines = Vec::new();
     for step in steps {
         for row in &step.rows {
             let dash = || "-".to_owned();
@@ -103,7 +103,7 @@ fn as_text(steps: &[ScalingStep], arguments: &Arguments) -> String {
         arguments.threads,
         Clock::name(usize::from(arguments.threads)),
         crate::cli::numbers::counted(arguments.runs as usize, "round", "rounds"),
-        aligned(&lines, 3)
+        table(titles, lines, 3)
     );
     if let Some(peak) = steps.iter().filter_map(|step| step.peak_bytes).max() {
         text += &format!(

@@ -48,7 +48,7 @@ fn skipped(absent: &Unavailable) -> Value {
         "engine": absent.name, "layout": null, "tier": null, "preset": null, "threads": null, "isa": null,
         "build_ms": null, "nodes": null, "depth": null, "sah_cost": null, "bytes_per_triangle": null,
         "mrays_per_s": null, "tests_per_ray": null, "wrong_hits": null,
-        "skipped_reason": format!("{}; {}", absent.reason, absent.remedy),
+        "skipped_reason": absent.skipped_reason(),
     })
 }
 

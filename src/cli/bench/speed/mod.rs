@@ -78,9 +78,8 @@ pub(crate) fn chosen(typed: &[String], threads: usize) -> Result<Chosen> {
     }
     for name in typed {
         let engine = name.split('/').next().unwrap_or(name);
-        if let Some(Unavailable { name, reason, remedy }) = absent.iter().find(|absent| absent.name == engine)
-        {
-            return Err(Error::Failed { what: format!("{name}: {reason}"), hint: (*remedy).into() });
+        if let Some(absent) = absent.iter().find(|absent| absent.name == engine) {
+            return Err(absent.error());
         }
         if !present.iter().any(|engine| is_selected(&engine.label, name)) {
             let hint = format!("engines are {}; without --engine, all are listed", speed::NAMES.join(", "));

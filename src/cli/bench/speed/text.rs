@@ -2,9 +2,8 @@
 
 use std::fmt::Write;
 
-use super::super::{aligned, grouped, three_digits};
+use super::super::{grouped, quartiles, table, three_digits};
 use super::Report;
-use crate::bench::Unavailable;
 use crate::bench::speed::{Kind, SpeedRow, best};
 use crate::error::printable;
 use crate::timing::{Clock, Quartiles};
@@ -28,8 +27,8 @@ pub(crate) fn tables(report: &Report) -> String {
         text += &structures(report.rows);
         text += &comparison(report.rows);
     }
-    for Unavailable { name, reason, remedy } in report.absent {
-        let _ = writeln!(text, "\n{name}: not timed: {reason}; {remedy}");
+    for absent in report.absent {
+        let _ = writeln!(text, "\n{absent}");
     }
     text
 }
@@ -44,11 +43,6 @@ fn name(row: &SpeedRow) -> Vec<String> {
 /// Columns that identify a row.
 const NAMES: [&str; 4] = ["engine", "layout", "tier", "preset"];
 
-fn table(titles: impl IntoIterator<Item = &'static str>, lines: impl Iterator<Item = Vec<String>>) -> String {
-    let titles = NAMES.into_iter().chain(titles).map(str::to_owned).collect();
-    aligned(&std::iter::once(titles).chain(lines).collect::<Vec<_>>(), NAMES.len())
-}
-
 fn speeds(rows: &[SpeedRow]) -> String {
     let line = |row: &SpeedRow| {
         let mut line = name(row);
@@ -58,7 +52,11 @@ fn speeds(rows: &[SpeedRow]) -> String {
         line
     };
     let kinds = Kind::ALL.map(Kind::name);
-    table(["build ms"].into_iter().chain(kinds).chain(["wrong"]), rows.iter().map(line))
+    table(
+        NAMES.into_iter().chain(["build ms"]).chain(kinds).chain(["wrong"]),
+        rows.iter().map(line),
+        NAMES.len(),
+    )
 }
 
 fn structures(rows: &[SpeedRow]) -> String {
@@ -77,7 +75,7 @@ fn structures(rows: &[SpeedRow]) -> String {
         line
     };
     let titles = ["isa", "nodes", "depth", "SAH", "B/tri", "primary tests", "diffuse tests"];
-    let mut text = table(titles, rows.iter().map(line));
+    let mut text = table(NAMES.into_iter().chain(titles), rows.iter().map(line), NAMES.len());
     text +=
         "B/tri: bytes of the structure and its triangles; tests: boxes + primitives of a ray, on average.\n";
     text
@@ -98,7 +96,7 @@ fn comparison(rows: &[SpeedRow]) -> String {
             let is_other = |row: &&SpeedRow| fastest.is_none_or(|fastest| fastest.label != row.label);
             for other in fastest.into_iter().chain(right.filter(is_other)) {
                 let Some(ratio) = own.ratio(other, kind) else { continue };
-                let times = format!("{:.2} ({:.2}-{:.2})", ratio.median, ratio.lower, ratio.upper);
+                let times = quartiles(ratio);
                 let wrong = or_dash(other.all_wrong(), grouped);
                 let other = format!("{engine} {}", words(other));
                 lines.push(vec![kind.name().to_owned(), words(own), other, wrong, times]);
@@ -109,11 +107,10 @@ fn comparison(rows: &[SpeedRow]) -> String {
         return String::new();
     }
     let titles = ["rays", "kiln", "the fastest of another library", "wrong", "times as fast"];
-    lines.insert(0, titles.map(str::to_owned).to_vec());
     format!(
         "\nkiln in its default tier beside the fastest of each library, and beside its fastest without a wrong answer in this \
          run,\nround by round: median (quartiles).\n\n{}",
-        aligned(&lines, 3)
+        table(titles, lines, 3)
     )
 }
 
