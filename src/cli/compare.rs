@@ -110,8 +110,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<u8> {
     let of_alpha = if has_alpha { BYTES_PER_PIXEL_OF_ALPHA } else { 0 };
     let needed = limits::product(&[width.into(), height.into(), BYTES_PER_PIXEL + of_alpha]);
     limits::check(needed).map_err(|excess| {
-        let what = format!("comparing pictures of {width} x {height} pixels {excess}");
-        Error::input(arguments.reference.as_path(), what, excess.hint())
+        let what = format!("comparing pictures of {width} x {height} pixels");
+        excess.at(arguments.reference.as_path(), what)
     })?;
     let (errors, map) = Errors::with_map(&reference, &test)?;
     let beyond: Vec<(&str, f64, f64)> = errors

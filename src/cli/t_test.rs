@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use crate::error::{Error, Result, printable};
+use crate::error::{Result, printable};
 use crate::limits;
 use crate::metrics::t_test::{BINS, ChannelTest, Estimate, LOW, SIGNIFICANCE, TTest};
 
@@ -17,9 +17,8 @@ const BYTES_PER_PIXEL: u64 = 2 * 7 * 4 + 2 * 4 * 16;
 pub(crate) fn run(a: &Path, b: &Path, block: u32, as_json: bool) -> Result<(String, u8)> {
     let (reference, tested) = (Estimate::open(a)?, Estimate::open(b)?);
     let (width, height) = (reference.width, reference.height);
-    limits::check(limits::product(&[width.into(), height.into(), BYTES_PER_PIXEL])).map_err(|excess| {
-        Error::input(a, format!("testing pictures of {width} x {height} pixels {excess}"), excess.hint())
-    })?;
+    limits::check(limits::product(&[width.into(), height.into(), BYTES_PER_PIXEL]))
+        .map_err(|excess| excess.at(a, format!("testing pictures of {width} x {height} pixels")))?;
     let test = TTest::between(&reference, &tested, block)?;
     let code = if test.passed { 0 } else { 2 };
     let report = if as_json { to_json(a, b, &test) } else { to_text(a, b, &test) };

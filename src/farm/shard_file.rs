@@ -283,8 +283,7 @@ impl ShardMerger {
         let checked = if is_there { limits::check(needed) } else { limits::check_claim(needed) };
         checked.map_err(|excess| {
             let with = if channels > 0 { format!(" with {channels} more channels") } else { String::new() };
-            let what = format!("a picture of {width} x {height} pixels{with} {excess}");
-            Error::input(file, what, excess.hint())
+            excess.at(file, format!("a picture of {width} x {height} pixels{with}"))
         })?;
         let film = Film::new(window)?;
         let channel = |name: &String| Channel { name: name.clone(), values: vec![0.0; window.area()] };

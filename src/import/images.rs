@@ -129,8 +129,7 @@ impl ImageLoader<'_> {
             parts.iter().flatten().map(|part| part.pixels.largest()).max().unwrap_or(u8::MAX.into());
         let each = if largest > u8::MAX.into() { 6 } else { 3 };
         limits::check_claim(limits::product(&[width.into(), height.into(), each])).map_err(|excess| {
-            let what = format!("a picture of roughness and metallic of {width} x {height} pixels {excess}");
-            Error::input(file, what, excess.hint())
+            excess.at(file, format!("a picture of roughness and metallic of {width} x {height} pixels"))
         })?;
         // The nearest texel of an image that is smaller.
         let value = |part: &Option<DecodedImage>, x: u32, y: u32| {
@@ -257,8 +256,7 @@ fn keep(
         Ok(image) => {
             let before: u64 = scene.images.iter().map(|image| image.pixels.len() as u64).sum();
             let texels = before.saturating_add(image.pixels.len() as u64);
-            let checked = Counted::Texels.check(texels, &source.options.limits);
-            checked.map_err(|(what, hint)| Error::input(place, what, hint))?;
+            Counted::Texels.check(texels, &source.options.limits, place)?;
             Ok(Some(scene.add_image(image)))
         }
         Err(ReadError::TooLarge { what, hint }) => Err(Error::input(place, what, hint)),

@@ -85,71 +85,45 @@ pub struct Importer {
     read: fn(&Source, &mut Warnings) -> Result<Scene>,
 }
 
+/// A format of smooth meshes that cannot be read from standard input.
+const MESHES: Importer = Importer {
+    name: "",
+    endings: &[],
+    is_scene_file: false,
+    is_flat: false,
+    is_start: None,
+    streams: false,
+    read: |_, _| Ok(Scene::default()),
+};
+
 /// All supported file formats.
 pub const IMPORTERS: &[Importer] = &[
     Importer {
         name: "scene file",
         endings: &["toml"],
         is_scene_file: true,
-        is_flat: false,
-        is_start: None,
-        streams: false,
         read: scene_file::read,
+        ..MESHES
     },
-    Importer {
-        name: "Wavefront OBJ",
-        endings: &["obj"],
-        is_scene_file: false,
-        is_flat: false,
-        is_start: None,
-        streams: true,
-        read: obj::read,
-    },
+    Importer { name: "Wavefront OBJ", endings: &["obj"], streams: true, read: obj::read, ..MESHES },
     // Scene files (TOML) cannot begin with a brace, so `{` identifies JSON.
     Importer {
         name: "glTF",
         endings: &["gltf", "glb"],
-        is_scene_file: false,
         is_flat: true,
         is_start: Some(|text| text.starts_with(b"glTF") || text.starts_with(b"{")),
-        streams: false,
         read: gltf::read,
+        ..MESHES
     },
-    Importer {
-        name: "PLY",
-        endings: &["ply"],
-        is_scene_file: false,
-        is_flat: false,
-        is_start: Some(ply::is_start),
-        streams: false,
-        read: ply::read,
-    },
-    Importer {
-        name: "STL",
-        endings: &["stl"],
-        is_scene_file: false,
-        is_flat: false,
-        is_start: None,
-        streams: false,
-        read: stl::read,
-    },
-    Importer {
-        name: "OFF",
-        endings: &["off"],
-        is_scene_file: false,
-        is_flat: false,
-        is_start: Some(off::is_start),
-        streams: false,
-        read: off::read,
-    },
+    Importer { name: "PLY", endings: &["ply"], is_start: Some(ply::is_start), read: ply::read, ..MESHES },
+    Importer { name: "STL", endings: &["stl"], read: stl::read, ..MESHES },
+    Importer { name: "OFF", endings: &["off"], is_start: Some(off::is_start), read: off::read, ..MESHES },
     Importer {
         name: "3MF",
         endings: &["3mf"],
-        is_scene_file: false,
-        is_flat: false,
         is_start: Some(|text| text.starts_with(b"PK\x03\x04")),
-        streams: false,
         read: threemf::read,
+        ..MESHES
     },
 ];
 
@@ -408,8 +382,7 @@ fn load_by(
         for (counted, count) in
             [(Counted::Triangles, count), (Counted::Texels, texels), (Counted::Nodes, placements)]
         {
-            let checked = counted.check(count, &options.limits);
-            checked.map_err(|(what, hint)| Error::input(file.as_path(), what, hint))?;
+            counted.check(count, &options.limits, file.as_path())?;
         }
     }
     warnings.begin_part();

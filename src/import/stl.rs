@@ -87,9 +87,8 @@ fn facet_count(source: &Source, warnings: &mut Warnings) -> Result<usize> {
     }
     let count = if count == 0 { whole } else { count.min(whole) };
     let each = size_of::<[u32; 3]>() + 3 * size_of::<DVec3>();
-    limits::check(limits::product(&[count as u64, each as u64])).map_err(|excess| {
-        Error::input(place, format!("{count} triangles: reading them {excess}"), excess.hint())
-    })?;
+    limits::check(limits::product(&[count as u64, each as u64]))
+        .map_err(|excess| excess.at(place, format!("{count} triangles: reading them")))?;
     Ok(count)
 }
 

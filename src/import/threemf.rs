@@ -26,7 +26,7 @@ use crate::scene::{
     Attribute, ImageId, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Scene, Shape, Texture,
     TextureSampler, Wrap,
 };
-use model::{Model, ObjectContent, Property, Reference};
+use model::{Definition, Model, Property, Reference};
 use package::Package;
 
 /// Maximum nesting depth of components; slicers write one or two levels.
@@ -106,8 +106,7 @@ impl Reader<'_> {
         let model = self.model(part)?;
         let place = format!("{part}, object {}", reference.object);
         self.references += 1;
-        let checked = Counted::Nodes.check(self.references, &self.source.options.limits);
-        checked.map_err(|(what, hint)| Error::input(self.source.file.as_path(), what, hint))?;
+        Counted::Nodes.check(self.references, &self.source.options.limits, self.source.file.as_path())?;
         // Nested components multiply: the file size does not bound their number.
         if self.references.is_power_of_two() {
             limits::check(limits::product(&[self.references, PLACEMENT])).map_err(|excess| {
@@ -127,21 +126,15 @@ impl Reader<'_> {
             return Ok(());
         }
         let placement = outer * reference.transform;
-        match &object.content {
-            ObjectContent::Components(components) => {
-                for component in components {
-                    self.add_item(component, part, placement, depth + 1)?;
-                }
-            }
-            ObjectContent::Mesh { .. } => {
-                let parts = self.mesh(part, &model, reference.object)?;
-                for (mesh, material) in parts.iter() {
-                    let name = object.name.clone().unwrap_or_else(|| format!("object {}", reference.object));
-                    let placed = Placed { mesh: Arc::clone(mesh), placement: Placement::new(placement) };
-                    let shape = Shape::Placed(placed);
-                    self.scene.objects.push(Object { name, input: 0, material: *material, shape });
-                }
-            }
+        if object.triangles.is_empty() {
+            return (object.components.iter())
+                .try_for_each(|component| self.add_item(component, part, placement, depth + 1));
+        }
+        for (mesh, material) in self.mesh(part, &model, reference.object)?.iter() {
+            let name = object.name.clone().unwrap_or_else(|| format!("object {}", reference.object));
+            let placed = Placed { mesh: Arc::clone(mesh), placement: Placement::new(placement) };
+            let shape = Shape::Placed(placed);
+            self.scene.objects.push(Object { name, input: 0, material: *material, shape });
         }
         Ok(())
     }
@@ -152,9 +145,7 @@ impl Reader<'_> {
         if let Some(parts) = self.meshes.get(&key) {
             return Ok(Arc::clone(parts));
         }
-        let Some(ObjectContent::Mesh { positions, triangles, properties }) =
-            model.objects.get(&id).map(|o| &o.content)
-        else {
+        let Some(Definition { positions, triangles, properties, .. }) = model.objects.get(&id) else {
             return Ok(Parts::default());
         };
         // Copies of positions and triangles, attributes of triangles, and the parts split from them.
@@ -162,11 +153,7 @@ impl Reader<'_> {
         let bytes = 2 * (size_of_val(&positions[..]) + triangles.len() * per_triangle);
         limits::check(bytes as u64).map_err(|excess| {
             let place = Place::item(&self.source.file, format!("{part}, object {id}"));
-            Error::input(
-                place,
-                format!("{} triangles: reading them {excess}", triangles.len()),
-                excess.hint(),
-            )
+            excess.at(place, format!("{} triangles: reading them", triangles.len()))
         })?;
         let mut attributes = CornerAttributes::default();
         let mut images = Vec::with_capacity(triangles.len());

@@ -127,8 +127,7 @@ impl<'a> Values<'a> {
             (self.lines.rest().len() + self.rest.len()) as u64 + u64::from(self.encoding == Encoding::Ascii);
         let count = count.min(left / least.max(1));
         limits::check(limits::product(&[count, bytes as u64])).map_err(|excess| {
-            let what = format!("{count} elements: reading them {excess}");
-            Error::input(Place::line(&self.source.file, line), what, excess.hint())
+            excess.at(Place::line(&self.source.file, line), format!("{count} elements: reading them"))
         })?;
         Ok(count as usize)
     }

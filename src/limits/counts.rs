@@ -1,5 +1,7 @@
 //! Limits on what files may hold, in numbers rather than bytes, for files that are not trusted.
 
+use crate::error::{Error, Place};
+
 /// What is counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Counted {
@@ -41,11 +43,11 @@ impl Default for Limits {
 names!(Counted { Triangles = "triangles", Texels = "texels", Nodes = "nodes" });
 
 impl Counted {
-    /// Checks a number of them against the limits.
+    /// Checks a number of them against the limits; `place` is named in the error.
     ///
     /// # Errors
-    /// What is wrong and what to do, if there are more than the limit.
-    pub fn check(self, count: u64, limits: &Limits) -> Result<(), (String, String)> {
+    /// [`Error::Input`] if there are more than the limit.
+    pub fn check(self, count: u64, limits: &Limits, place: impl Into<Place>) -> crate::error::Result<()> {
         let most = limits.0[self as usize];
         let name = self.name();
         if count <= most {
@@ -58,7 +60,7 @@ impl Counted {
             }
             _ => format!("if you trust the file, give --limit {name}={count}"),
         };
-        Err((format!("{count} {name}; the limit is {most}"), hint))
+        Err(Error::input(place, format!("{count} {name}; the limit is {most}"), hint))
     }
 }
 
@@ -92,11 +94,12 @@ mod tests {
 
     #[test]
     fn counts_beyond_the_default_are_refused() {
-        let check = |counted: Counted, count| counted.check(count, &Limits::default());
+        let file = std::path::Path::new("a.obj");
+        let check = |counted: Counted, count| counted.check(count, &Limits::default(), file);
         assert_eq!(check(Counted::Texels, 1 << 32), Ok(()));
-        let (what, hint) = check(Counted::Texels, (1 << 32) + 1).expect_err("too many");
-        assert_eq!(what, "4294967297 texels; the limit is 4294967296");
-        assert!(hint.ends_with("give --limit texels=4294967297"), "{hint}");
-        assert!(check(Counted::Triangles, 1 << 32).expect_err("too many").1.contains("numbers at most"));
+        let e = check(Counted::Texels, (1 << 32) + 1).expect_err("too many");
+        assert_eq!(e.to_string(), "a.obj: 4294967297 texels; the limit is 4294967296");
+        assert!(e.hint().ends_with("give --limit texels=4294967297"), "{}", e.hint());
+        assert!(check(Counted::Triangles, 1 << 32).expect_err("too many").hint().contains("numbers at most"));
     }
 }

@@ -10,6 +10,7 @@ mod process;
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use crate::error::{Error, Place};
 pub use counts::{Counted, Limits, parse_count};
 use process::{ADDRESS_SPACE, Available, machine};
 pub(crate) use process::{available, in_use};
@@ -61,6 +62,11 @@ enum Limit {
 }
 
 impl Excess {
+    /// The error of an input: `what`, which needs the memory, is the subject of the message.
+    pub fn at(&self, place: impl Into<Place>, what: impl fmt::Display) -> Error {
+        Error::input(place, format!("{what} {self}"), self.hint())
+    }
+
     /// Hint for a file.
     pub fn hint(&self) -> String {
         match &self.limit {

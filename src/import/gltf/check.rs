@@ -26,8 +26,7 @@ pub(super) fn fault(file: &Path, item: impl Into<String>, what: impl Into<String
 /// Checks the memory limit for meshes, placements and keyframes. Primitives may share accessors, and accessors without a buffer
 /// view take no bytes in the file, so the file size does not bound memory.
 pub(super) fn check_memory(document: &gltf::Document, file: &Path, most: &limits::Limits) -> Result<()> {
-    let nodes = limits::Counted::Nodes.check(document.nodes().len() as u64, most);
-    nodes.map_err(|(what, hint)| Error::input(file, what, hint))?;
+    limits::Counted::Nodes.check(document.nodes().len() as u64, most, file)?;
     // Bytes per vertex: positions, normals and colours are three f64, texture coordinates two, tangents four; joints
     // are 8 bytes, weights 16, and skinning matrices 128. An index is read as u32 and stored in a triangle.
     let bytes_of = |semantic: &Semantic| match semantic {
@@ -84,7 +83,7 @@ pub(super) fn check_memory(document: &gltf::Document, file: &Path, most: &limits
     }
     let [there, claimed] = sums;
     let checked = limits::check_claim(claimed).and_then(|()| limits::check(there.saturating_add(claimed)));
-    checked.map_err(|excess| Error::input(file, format!("reading its meshes {excess}"), excess.hint()))
+    checked.map_err(|excess| excess.at(file, "reading its meshes"))
 }
 
 /// Adds bytes to those present in the file, or to those only declared.
@@ -244,8 +243,8 @@ pub(super) fn load_buffers(
 /// Zeros for a buffer that only receives decoded views.
 fn zeros(buffer: &gltf::Buffer, file: &Path) -> Result<Vec<u8>> {
     let length = buffer.length();
-    limits::check_claim(length as u64)
-        .map_err(|excess| Error::input(file, format!("buffer {} {excess}", buffer.index()), excess.hint()))?;
+    let checked = limits::check_claim(length as u64);
+    checked.map_err(|excess| excess.at(file, format!("buffer {}", buffer.index())))?;
     Ok(vec![0; length])
 }
 

@@ -99,9 +99,8 @@ pub(super) fn parse(bytes: &[u8], file: &Path, warnings: &mut Warnings) -> Resul
     // Bytes of a JSON object, as a map and in the validated document; measured with nodes and materials.
     const OBJECT: u64 = 1200;
     let objects = json.iter().filter(|&&byte| byte == b'{').count() as u64;
-    limits::check(limits::product(&[objects, OBJECT])).map_err(|excess| {
-        Error::input(file, format!("its JSON of {objects} objects {excess}"), excess.hint())
-    })?;
+    limits::check(limits::product(&[objects, OBJECT]))
+        .map_err(|excess| excess.at(file, format!("its JSON of {objects} objects")))?;
     let mut root: Value = serde_json::from_slice(json).map_err(|e| {
         let what = format!("its JSON ends or is damaged at line {}, column {}", e.line(), e.column());
         unusable(file, what)

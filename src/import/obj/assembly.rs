@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::chunk::{Chunk, Fault, NO_COLOUR, Range, Statement};
 use super::faces::{Count, Faces, INHERITED, INVALID_INDEX, MISSING, Polygon, RELATIVE, RELATIVE_BIAS};
 use super::oddities::Oddities;
-use super::text::{Windows, parts};
+use super::text::{READING, Windows, parts};
 use crate::error::{Error, Place, Result, Warnings};
 use crate::import::Source;
 use crate::limits;
@@ -287,9 +287,8 @@ impl Assembly {
         let needed = 2 * (all as f64 * (length as f64 / consumed.max(1) as f64).max(1.0)) as u64;
         if needed > *checked + *checked / 4 {
             *checked = needed;
-            limits::check(needed.saturating_sub(present as u64)).map_err(|excess| {
-                Error::input(source.file.as_path(), format!("reading its meshes {excess}"), excess.hint())
-            })?;
+            limits::check(needed.saturating_sub(present as u64))
+                .map_err(|excess| excess.at(source.file.as_path(), READING))?;
         }
         Ok(())
     }

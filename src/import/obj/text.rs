@@ -6,7 +6,7 @@ use std::io::{self, Cursor, Read};
 use std::path::Path;
 
 use super::scanner::{last_line, next_line};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::files::unreadable;
 use crate::import::Source;
 use crate::limits;
@@ -53,7 +53,7 @@ impl<'a> Windows<'a> {
         reader.by_ref().take(3).read_to_end(&mut rest).map_err(unread)?;
         if rest.starts_with(b"\xFF\xFE") || rest.starts_with(b"\xFE\xFF") {
             // Two bytes of UTF-16 are at most three of UTF-8, in a vector that may have doubled.
-            limits::check(limits::product(&[length, 4])).map_err(|excess| too_large(file, &excess))?;
+            limits::check(limits::product(&[length, 4])).map_err(|excess| excess.at(file, READING))?;
             reader.read_to_end(&mut rest).map_err(unread)?;
             let text = without_mark(&rest).into_owned();
             (length, rest) = (text.len() as u64, Vec::new());
@@ -72,7 +72,7 @@ impl<'a> Windows<'a> {
             // A line that is longer than a window doubles it.
             let wanted = self.size.max(window.len());
             if wanted > self.size {
-                limits::check(2 * wanted as u64).map_err(|excess| too_large(self.file, &excess))?;
+                limits::check(2 * wanted as u64).map_err(|excess| excess.at(self.file, READING))?;
             }
             window.reserve_exact(wanted + 1);
             let read = self.reader.by_ref().take(wanted as u64).read_to_end(window);
@@ -87,9 +87,8 @@ impl<'a> Windows<'a> {
     }
 }
 
-fn too_large(file: &Path, excess: &limits::Excess) -> Error {
-    Error::input(file, format!("reading its meshes {excess}"), excess.hint())
-}
+/// What takes memory, in messages.
+pub(super) const READING: &str = "reading its meshes";
 
 /// Splits a window into parts of whole lines, of `size` bytes or more.
 pub(super) fn parts(window: &[u8], size: usize) -> Vec<&[u8]> {

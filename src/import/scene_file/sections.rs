@@ -401,8 +401,7 @@ impl SceneFile {
     /// [`Error::Input`] with the line; for an unknown key also the nearest known key.
     pub fn parse(text: &str, file: &Path) -> Result<Self> {
         let fault = |e: TomlError| Error::input(Place::line(file, line_of(text, e.offset)), e.what, e.hint);
-        limits::check(parsing_bytes(text))
-            .map_err(|excess| Error::input(file, format!("reading it {excess}"), excess.hint()))?;
+        limits::check(parsing_bytes(text)).map_err(|excess| excess.at(file, "reading it"))?;
         let table = DeTable::parse(text).map_err(|e| fault(explain(e, text)))?;
         table
             .get_ref()

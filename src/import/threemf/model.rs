@@ -28,22 +28,17 @@ pub(super) struct Model {
     pub left_out: BTreeSet<&'static str>,
 }
 
+#[derive(Default)]
 pub(super) struct Definition {
     pub name: Option<String>,
     /// Type of an object that is not part of the model.
     pub other_type: Option<&'static str>,
-    pub content: ObjectContent,
-}
-
-/// Content of an object.
-pub(super) enum ObjectContent {
-    Mesh {
-        positions: Vec<DVec3>,
-        triangles: Vec<[u32; 3]>,
-        /// Property group per triangle, and index per corner.
-        properties: Vec<Option<(u32, [u32; 3])>>,
-    },
-    Components(Vec<Reference>),
+    pub positions: Vec<DVec3>,
+    pub triangles: Vec<[u32; 3]>,
+    /// Property group per triangle, and index per corner.
+    pub properties: Vec<Option<(u32, [u32; 3])>>,
+    /// Parts of an object without triangles.
+    pub components: Vec<Reference>,
 }
 
 /// Item of the build or component: an object and a transform.
@@ -143,17 +138,12 @@ fn wrap(style: Option<&str>) -> Wrap {
     }
 }
 
-/// Object under construction.
+/// Object under construction, with its default property.
 struct ObjectBuilder {
     id: u32,
-    name: Option<String>,
-    other_type: Option<&'static str>,
     group: Option<u32>,
     index: u32,
-    positions: Vec<DVec3>,
-    triangles: Vec<[u32; 3]>,
-    properties: Vec<Option<(u32, [u32; 3])>>,
-    components: Option<Vec<Reference>>,
+    object: Definition,
 }
 
 /// Bytes of an entry of a hash map by id, half of whose slots are free.
@@ -255,14 +245,13 @@ impl Parser<'_> {
         self.next_check = 2 * self.bytes;
         // As many bytes again, while a list is copied into one of twice its size.
         limits::check_claim(3 * self.bytes).map_err(|excess| {
-            let what = format!("more than {} of elements: reading more {excess}", Bytes(self.bytes));
-            Error::input(Place::item(&self.source.file, self.part), what, excess.hint())
+            let what = format!("more than {} of elements: reading more", Bytes(self.bytes));
+            excess.at(Place::item(&self.source.file, self.part), what)
         })
     }
 
     fn check_count(&self, counted: Counted, count: u64) -> Result<()> {
-        let checked = counted.check(count, &self.source.options.limits);
-        checked.map_err(|(what, hint)| Error::input(self.source.file.as_path(), what, hint))
+        counted.check(count, &self.source.options.limits, self.source.file.as_path())
     }
 
     fn fault(&self, what: impl std::fmt::Display) -> Error {
@@ -297,28 +286,14 @@ impl Parser<'_> {
                 };
                 let name = attributes.text("name").filter(|name| !name.is_empty());
                 self.keep(hash_entry::<Definition>() + name.as_ref().map_or(0, String::len))?;
-                self.open = Some(ObjectBuilder {
-                    id,
-                    name,
-                    other_type,
-                    group: attributes.index("pid"),
-                    index: attributes.index("pindex").unwrap_or(0),
-                    positions: Vec::new(),
-                    triangles: Vec::new(),
-                    properties: Vec::new(),
-                    components: None,
-                });
-            }
-            b"components" => {
-                if let Some(open) = &mut self.open {
-                    open.components = Some(Vec::new());
-                }
+                let object = Definition { name, other_type, ..Definition::default() };
+                let (group, index) = (attributes.index("pid"), attributes.index("pindex").unwrap_or(0));
+                self.open = Some(ObjectBuilder { id, group, index, object });
             }
             b"component" => {
                 let reference = self.reference(&attributes)?;
-                let components = self.open.as_mut().and_then(|open| open.components.as_mut());
-                if let Some(components) = components {
-                    components.push(reference);
+                if let Some(open) = &mut self.open {
+                    open.object.components.push(reference);
                 }
             }
             b"item" => {
@@ -338,29 +313,29 @@ impl Parser<'_> {
             let (Some(x), Some(y), Some(z)) =
                 (attributes.number("x"), attributes.number("y"), attributes.number("z"))
             else {
-                let what = format!("vertex {} without three numbers", open.positions.len());
+                let what = format!("vertex {} without three numbers", open.object.positions.len());
                 return Err(self.fault(what));
             };
-            open.positions.push(DVec3::new(x, y, z));
+            open.object.positions.push(DVec3::new(x, y, z));
             return self.keep(size_of::<DVec3>());
         }
-        let index = open.triangles.len();
+        let index = open.object.triangles.len();
         let (Some(a), Some(b), Some(c)) =
             (attributes.index("v1"), attributes.index("v2"), attributes.index("v3"))
         else {
             return Err(self.fault(format!("triangle {index} without three vertices")));
         };
-        let count = open.positions.len();
+        let count = open.object.positions.len();
         if [a, b, c].iter().any(|&corner| corner as usize >= count) {
             let what = format!("triangle {index} has a vertex index beyond {count} vertices");
             return Err(self.fault(what));
         }
-        open.triangles.push([a, b, c]);
+        open.object.triangles.push([a, b, c]);
         let first = attributes.index("p1");
         let group = attributes.index("pid").or(open.group);
         let corner = |name: &str| attributes.index(name).or(first).unwrap_or(open.index);
         let corners = [corner("p1"), corner("p2"), corner("p3")];
-        open.properties.push(group.map(|group| (group, corners)));
+        open.object.properties.push(group.map(|group| (group, corners)));
         self.triangles += 1;
         self.check_count(Counted::Triangles, self.triangles)?;
         self.keep(size_of::<[u32; 3]>() + size_of::<Option<(u32, [u32; 3])>>())
@@ -448,14 +423,8 @@ impl Parser<'_> {
             b"metadata" => self.model.metadata.extend(self.metadata.take()),
             b"basematerials" | b"colorgroup" | b"texture2dgroup" => self.group = None,
             b"object" => {
-                let Some(open) = self.open.take() else { return };
-                let ObjectBuilder { positions, triangles, properties, .. } = open;
-                let content = match open.components {
-                    Some(components) if triangles.is_empty() => ObjectContent::Components(components),
-                    _ => ObjectContent::Mesh { positions, triangles, properties },
-                };
-                let object = Definition { name: open.name, other_type: open.other_type, content };
-                self.model.objects.insert(open.id, object);
+                let opened = self.open.take();
+                self.model.objects.extend(opened.map(|open| (open.id, open.object)));
             }
             _ => {}
         }

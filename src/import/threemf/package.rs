@@ -59,8 +59,7 @@ impl<'a> Package<'a> {
         let Some(&(wayfinder, method)) = self.entries.get(&key(part)) else { return Ok(None) };
         let size = wayfinder.uncompressed_size_hint();
         limits::check_claim(size).map_err(|excess| {
-            let place = Place::item(&self.source.file, part);
-            Error::input(place, format!("{size} bytes inflated: reading them {excess}"), excess.hint())
+            excess.at(Place::item(&self.source.file, part), format!("{size} bytes inflated: reading them"))
         })?;
         let entry = self.archive.get_entry(wayfinder).map_err(|e| self.broken(part, e))?;
         let bytes: &[u8] = entry.data();
