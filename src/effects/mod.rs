@@ -35,7 +35,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::scene::{Sampling, TextureFilter, TextureSlot, Transport};
+use crate::scene::{Sampling, TextureFilter, Transport};
 use crate::shading::ShadingMode;
 use crate::world::World;
 use tile::{RenderContext, Tile};
@@ -249,8 +249,6 @@ pub struct TransportEntry {
     pub effects: &'static [EffectId],
     /// Why effects of other transports are off.
     pub reason: &'static str,
-    /// The textures beyond glTF's core model that it uses.
-    pub texture_slots: &'static [TextureSlot],
     /// As [`Effect::specify`], before all effects.
     pub specify: fn(&EffectContext, &mut PlanSpec),
     /// As [`Effect::stages`], before those of all effects.
@@ -370,12 +368,12 @@ impl PlanSpec {
 /// Which textures are looked up, and how.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct TextureUse {
-    /// The textures of materials but their normal maps.
+    /// The textures of materials but their normal maps and opacities.
     pub material_textures: bool,
     /// The normal maps.
     pub normal_maps: bool,
-    /// The further textures that the transport uses: [`TransportEntry::texture_slots`].
-    pub slots: &'static [TextureSlot],
+    /// The transport whose textures are looked up; `None` for those of all.
+    pub transport: Option<Transport>,
     /// The filter; `None` for that of each texture's sampler.
     pub filter: Option<TextureFilter>,
 }

@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::texture_points::{self, Buffers};
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::{Effect, EffectContext, Hook, Stage, TextureUse, id, named};
-use crate::scene::TexelEncoding;
+use crate::scene::{TexelEncoding, TextureSlot};
 use crate::shading::normal_map::{decode, limit_tilt};
 use crate::shading::texture::look_up;
 use crate::world::World;
@@ -22,7 +22,8 @@ pub const EFFECT: Effect = Effect {
     is_study_switch: true,
     called_for: |world: &World, _| {
         let mapped = world.objects.iter().filter(|object| {
-            object.has_tangents() && world.materials[object.material as usize].normal_map().is_some()
+            object.has_tangents()
+                && world.materials[object.material as usize].textures()[TextureSlot::Normal].is_some()
         });
         named("object", mapped.map(|object| object.name.as_str()))
             .map(|names| format!("the normal maps of {names}"))
@@ -49,9 +50,8 @@ pub const EFFECT: Effect = Effect {
     },
     bytes: |tile| {
         // The texture points are counted here only where the effect of textures has not run: it counts them itself.
-        let has_texels = tile.generations.iter().any(|RayGeneration { surfaces, .. }| {
-            surfaces.texels.capacity() + surfaces.further_texels.capacity() > 0
-        });
+        let has_texels =
+            tile.generations.iter().any(|RayGeneration { surfaces, .. }| surfaces.texels.bytes() > 0);
         let shared = tile.buffers::<Buffers>().filter(|_| !has_texels).map_or(0, Buffers::bytes);
         let bytes =
             |Unperturbed(normals): &Unperturbed| shared + size_of::<Unperturbed>() + vec_bytes(normals);
@@ -75,8 +75,8 @@ fn perturb(
     let RayGeneration { surfaces, .. } = &mut tile.generations[tile.current];
     for part in 0..surfaces.by_material().len() {
         let (material, range) = surfaces.by_material()[part].clone();
-        let Some(map) = world.materials[material as usize].normal_map() else { continue };
-        let texture = &map.texture;
+        let textures = world.materials[material as usize].textures();
+        let Some(texture) = &textures[TextureSlot::Normal] else { continue };
         let image = &world.images[texture.image.0 as usize];
         let filter = texture_use.filter(texture);
         let points = buffers.points(tile.current, texture.coordinates);
@@ -89,7 +89,7 @@ fn perturb(
             let frame = world.tangent_frame(surfaces.objects()[i], &surfaces.hit(i), shading);
             let Some([tangent, bitangent, normal]) = frame else { continue };
             let encoded = look_up(image, TexelEncoding::Normal, &texture.sampler, &filter, point);
-            let n = decode(encoded, map.scale);
+            let n = decode(encoded, textures.normal_scale);
             // A flat texel keeps the bits of the normal.
             if n.x == 0.0 && n.y == 0.0 && n.z > 0.0 {
                 continue;

@@ -163,7 +163,7 @@ impl Plan {
     ) -> Plan {
         let entry = transport_of(&decisions);
         let mut spec = PlanSpec { shading, samples: 1, light_technique, path, ..PlanSpec::default() };
-        spec.texture_use.slots = entry.texture_slots;
+        spec.texture_use.transport = Some(entry.transport);
         let on = EFFECTS.iter().zip(&decisions).filter(|(_, decision)| decision.on);
         let effects = on.map(|(effect, decision)| (Some(decision), effect.specify, effect.stages));
         let switch = decisions.iter().find(|decision| entry.switch == Some(decision.effect));

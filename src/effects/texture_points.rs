@@ -43,15 +43,6 @@ impl Buffers {
     }
 }
 
-/// The further textures of a material that a transport uses, with the encoding of their texels.
-pub(crate) fn further<C>(
-    material: &Material<C>,
-    slots: &'static [TextureSlot],
-) -> impl Iterator<Item = (Texture, TexelEncoding)> {
-    let used = material.further_textures().iter().filter(move |further| slots.contains(&further.slot));
-    used.map(|further| (further.texture, further.slot.encoding()))
-}
-
 impl TextureUse {
     /// Textures that options and the scene file leave on: a superset of the lookups of any plan.
     pub(crate) fn left_on(choices: &Choices) -> Self {
@@ -59,21 +50,23 @@ impl TextureUse {
         TextureUse {
             material_textures: is_on(id::TEXTURES),
             normal_maps: is_on(id::NORMAL_MAPS),
-            slots: &TextureSlot::ALL,
+            transport: None,
             filter: choices.switch(id::TEXTURES).1.as_deref().and_then(textures::filter),
         }
     }
 
-    /// The textures of a material that are looked up, with the encoding of their texels.
-    fn of<'a, C>(
+    /// The textures of a material that are looked up.
+    pub(crate) fn of<C>(
         &self,
-        material: &'a Material<C>,
-    ) -> impl Iterator<Item = (Texture, TexelEncoding)> + use<'a, C> {
-        let TextureUse { material_textures, normal_maps, slots, .. } = *self;
-        let map =
-            material.normal_map().filter(|_| normal_maps).map(|map| (map.texture, TexelEncoding::Normal));
-        let textures = material.textures().chain(further(material, slots));
-        textures.filter(move |_| material_textures).chain(map)
+        material: &Material<C>,
+    ) -> impl Iterator<Item = (TextureSlot, Texture)> + use<C> {
+        let TextureUse { material_textures, normal_maps, transport, .. } = *self;
+        let is_used = move |slot: TextureSlot| match (slot, transport) {
+            (TextureSlot::Normal, _) => normal_maps,
+            (_, None) => material_textures && !slot.entry().transports.is_empty(),
+            (_, Some(transport)) => material_textures && slot.entry().transports.contains(&transport),
+        };
+        material.textures().iter().filter(move |(slot, _)| is_used(*slot))
     }
 
     /// The filter of a texture.
@@ -82,14 +75,14 @@ impl TextureUse {
     }
 
     /// Images of a material that need mip maps, with the encoding of their texels.
-    pub(crate) fn mip_maps<'a, C>(
+    pub(crate) fn mip_maps<C>(
         &self,
-        material: &'a Material<C>,
-    ) -> impl Iterator<Item = (ImageId, TexelEncoding)> + use<'a, C> {
+        material: &Material<C>,
+    ) -> impl Iterator<Item = (ImageId, TexelEncoding)> + use<C> {
         let texture_use = *self;
         let textures =
-            self.of(material).filter(move |(texture, _)| texture_use.filter(texture).needs_mip_map());
-        textures.map(|(texture, encoding)| (texture.image, encoding))
+            self.of(material).filter(move |(_, texture)| texture_use.filter(texture).needs_mip_map());
+        textures.map(|(slot, texture)| (texture.image, slot.entry().encoding))
     }
 
     /// Builds the mip maps that the filters need and that do not exist yet.
@@ -133,7 +126,7 @@ impl FindTexturePoints {
         texture_use.make_mip_maps(world);
         let of = |material| texture_use.of(material);
         let sets = |material| {
-            let sets: BTreeSet<u8> = of(material).map(|(texture, _)| texture.coordinates).collect();
+            let sets: BTreeSet<u8> = of(material).map(|(_, texture)| texture.coordinates).collect();
             sets.into_iter().collect()
         };
         FindTexturePoints {
@@ -141,7 +134,7 @@ impl FindTexturePoints {
             footprints: world
                 .materials_in_use()
                 .flat_map(of)
-                .any(|(texture, _)| texture_use.filter(&texture).needs_footprint()),
+                .any(|(_, texture)| texture_use.filter(&texture).needs_footprint()),
             are_mirrored: context.spec.secondary.is_some_and(|rays| rays.are_mirrored),
             sample_width: sample_width(context.spec.samples),
         }

@@ -17,7 +17,7 @@ use super::samples::{SampleIndex, list_samples};
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use crate::bvh::Traversal;
 use crate::geometry::{Hit, HitBuffer, Ray, RayBuffer};
-use crate::scene::{Interpolation, PixelSampler, TexelEncoding};
+use crate::scene::{Interpolation, PixelSampler, TexelEncoding, TextureSlot};
 use crate::shading::texture::look_at;
 use crate::world::World;
 
@@ -71,9 +71,10 @@ fn seen_opacity(world: &World, ray: &Ray, hit: &Hit, culls: bool) -> f64 {
 pub(crate) fn opacity(world: &World, hit: &Hit) -> f64 {
     let index = world.object_of(hit.prim);
     let object = &world.objects[index as usize];
-    let Some(opacity) = world.materials[object.material as usize].opacity() else { return 1.0 };
+    let material = &world.materials[object.material as usize];
+    let Some(opacity) = material.opacity() else { return 1.0 };
     let (mut alpha, [v, w]) = (opacity.factor, hit.barycentrics);
-    if let Some(texture) = opacity.texture
+    if let Some(texture) = material.textures()[TextureSlot::Opacity]
         && let Some(uv) = world.uv(index, hit.prim, [1.0 - v - w, v, w], texture.coordinates)
     {
         let image = &world.images[texture.image.0 as usize];

@@ -4,8 +4,7 @@
 //! behind glass they are radiance.
 
 use super::tile::{RenderContext, Tile};
-use crate::scene::{Material, MetallicRoughness};
-use crate::shading::metallic_roughness::base_colour;
+use crate::scene::TextureSlot;
 use crate::world::{PreparedMaterial, World};
 
 /// Whether any object is unlit.
@@ -18,13 +17,11 @@ pub(crate) fn find(tile: &mut Tile, context: &RenderContext) {
     let Tile { generations, current, shown: Some(shown), .. } = tile else { return };
     let surfaces = &generations[*current].surfaces;
     for (material, range) in surfaces.by_material() {
-        let Material::MetallicRoughness(material @ MetallicRoughness { unlit: true, .. }) =
-            &context.world.materials[*material as usize]
-        else {
-            continue;
-        };
-        for i in range.clone() {
-            let [r, g, b] = base_colour(material, &surfaces.get(i)).as_vec3().to_array();
+        let material = &context.world.materials[*material as usize];
+        for i in range.clone().filter(|_| material.is_unlit()) {
+            let texel = surfaces.texels.get(TextureSlot::BaseColour, i);
+            let colour = material.colour() * surfaces.tint.get(i) * texel;
+            let [r, g, b] = colour.as_vec3().to_array();
             shown[surfaces.ray_of()[i] as usize] = [r, g, b, 1.0];
         }
     }

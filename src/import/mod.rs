@@ -244,7 +244,7 @@ impl DefaultMaterials {
 fn default_material(mesh: &Mesh) -> Phong {
     let grey = Phong::default();
     let colour = if mesh.colours.is_some() { Colour::Display(DVec3::ONE) } else { grey.colour };
-    let opacity = mesh.alphas.is_some().then_some(Opacity { factor: 1.0, texture: None, cutoff: None });
+    let opacity = mesh.alphas.is_some().then_some(Opacity { factor: 1.0, cutoff: None });
     Phong { colour, opacity, ..grey }
 }
 

@@ -33,7 +33,7 @@ use super::references::unquoted;
 use super::tangents::make_tangents;
 use super::{DefaultMaterials, Source, untextured};
 use crate::error::{Result, Warnings};
-use crate::scene::{MaterialId, Mesh, Object, Scene, Shape};
+use crate::scene::{MaterialId, Mesh, Object, Scene, Shape, TextureSlot};
 use assembly::{Assembly, Sizes};
 use material::Converter;
 
@@ -67,7 +67,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
                 None
             }
         };
-        if scene.materials[material.0 as usize].normal_map().is_some() {
+        if scene.materials[material.0 as usize].textures()[TextureSlot::Normal].is_some() {
             make_tangents(&mut mesh, 0);
         }
         for mesh in [Some(mesh), without_uvs].into_iter().flatten() {

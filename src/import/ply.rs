@@ -27,7 +27,7 @@ use super::values::Encoding;
 use super::{Source, default_material};
 use crate::error::{Error, Place, Result, Warnings};
 use crate::film::Colour;
-use crate::scene::{Attribute, ImageId, Material, Mesh, Scene, Texture, TextureSampler};
+use crate::scene::{Attribute, ImageId, Material, Mesh, Scene, Texture, TextureSampler, TextureSlot};
 use body::{Body, skip_property};
 use faces::Faces;
 use header::{Element, Header, Property};
@@ -311,7 +311,8 @@ fn textured(
             part.colours = None;
             material.colour = Colour::Linear(DVec3::ONE);
             let sampler = TextureSampler::default();
-            material.texture = Some(Texture { image: ImageId(image), sampler, coordinates: 0 });
+            material.textures[TextureSlot::BaseColour] =
+                Some(Texture { image: ImageId(image), sampler, coordinates: 0 });
         }
         let material = scene.add_material(Material::Phong(material));
         source.add_object(&mut scene, None, part, material);

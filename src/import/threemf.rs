@@ -24,7 +24,7 @@ use crate::film::colour::srgb_decode;
 use crate::limits::{self, Counted};
 use crate::scene::{
     Attribute, ImageId, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Scene, Shape, Texture,
-    TextureSampler, Wrap,
+    TextureSampler, TextureSlot, Wrap,
 };
 use model::{Definition, Model, Property, Reference};
 use package::Package;
@@ -182,7 +182,7 @@ impl Reader<'_> {
         if let Some((image, [wrap_u, wrap_v])) = image {
             material.colour = crate::film::Colour::Linear(DVec3::ONE);
             let sampler = TextureSampler { wrap_u, wrap_v, ..TextureSampler::default() };
-            material.texture = Some(Texture { image, sampler, coordinates: 0 });
+            material.textures[TextureSlot::BaseColour] = Some(Texture { image, sampler, coordinates: 0 });
         } else if mesh.colours.is_none() {
             let scene = &mut self.scene;
             return *self.default.get_or_insert_with(|| scene.add_material(Material::Phong(material)));

@@ -89,8 +89,8 @@ mod tests {
     use super::*;
     use crate::geometry::Sphere;
     use crate::scene::{
-        EffectValue, Interpolation, Material, Minify, NormalMap, Phong, ResolvedTextureFilter, Texture,
-        TextureSampler,
+        EffectValue, Interpolation, Material, Minify, Phong, ResolvedTextureFilter, Texture, TextureSampler,
+        TextureSlot,
     };
 
     /// A sphere with a texture of 2^40 texels, whose mip maps would need 6 TiB, and a normal map of the same.
@@ -100,12 +100,9 @@ mod tests {
         let pixels = std::iter::empty::<[u8; 3]>().collect();
         let image = scene.add_image(DecodedImage { name: "a.png".into(), width: side, height: side, pixels });
         let texture = Texture { image, sampler, coordinates: 0 };
-        let normal_map = Some(NormalMap { texture, scale: 1.0 });
-        let material = scene.add_material(Material::Phong(Phong {
-            texture: Some(texture),
-            normal_map,
-            ..Phong::default()
-        }));
+        let textures =
+            [TextureSlot::BaseColour, TextureSlot::Normal].map(|slot| (slot, Some(texture))).into();
+        let material = scene.add_material(Material::Phong(Phong { textures, ..Phong::default() }));
         let shape = Shape::Analytic(Sphere { centre: glam::DVec3::ZERO, radius: 1.0 }.into());
         scene.objects.push(Object { name: "ball".into(), input: 0, material, shape });
         scene

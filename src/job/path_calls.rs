@@ -8,7 +8,7 @@ use super::default_look::LIGHT_FROM_ABOVE;
 use crate::bvh::Primitive;
 use crate::film::ColourPipeline;
 use crate::film::colour::{luminance, srgb_decode};
-use crate::scene::{DecodedImage, Material, MetallicRoughness, Object, Scene};
+use crate::scene::{DecodedImage, Material, Object, Scene, TextureSlot};
 
 /// The least part of the power of the other lights that surfaces must emit to count as lights. A lamp emits a multiple
 /// of it, an indicator light a thousandth.
@@ -53,15 +53,11 @@ fn received(light: &crate::scene::Light, radius: f64) -> f64 {
 
 /// The luminance of the mean radiance of an opaque material: the emission times the mean of its texture.
 fn mean_radiance(material: &Material, images: &[DecodedImage]) -> f64 {
-    let (emission, texture) = match material {
-        Material::Phong(m) => (m.emission, None),
-        Material::MetallicRoughness(MetallicRoughness { unlit: true, .. }) => return 0.0,
-        Material::MetallicRoughness(m) => (m.emission, m.emission_texture),
-    };
-    let emission = emission.to_pipeline(ColourPipeline::Linear);
-    if luminance(emission) <= 0.0 {
+    let emission = material.emission().to_pipeline(ColourPipeline::Linear);
+    if material.is_unlit() || luminance(emission) <= 0.0 {
         return 0.0;
     }
+    let texture = material.textures()[TextureSlot::Emission];
     let mean = texture.map_or(DVec3::ONE, |texture| mean(&images[texture.image.0 as usize]));
     luminance(emission * mean)
 }
@@ -91,7 +87,7 @@ mod tests {
     use super::*;
     use crate::film::Colour;
     use crate::geometry::Sphere;
-    use crate::scene::{Layers, Light, LightKind, MaterialId, Phong, Shape};
+    use crate::scene::{Layers, Light, LightKind, MaterialId, MetallicRoughness, Phong, Shape};
 
     /// Balls of these radii and emissions.
     fn balls(balls: &[(f64, f64)]) -> Scene {

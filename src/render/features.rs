@@ -5,6 +5,7 @@ use crate::effects::samples::{SampleSum, TileSamples};
 use crate::effects::tile::Tile;
 use crate::effects::{Plan, id, transparency};
 use crate::film::ReconstructionFilter;
+use crate::scene::TextureSlot;
 use crate::shading::base_colour;
 use crate::world::World;
 
@@ -103,7 +104,8 @@ pub(super) fn first_surfaces(tile: &Tile, world: &World) -> Vec<Option<[[f32; 3]
     let mut rays = vec![None; generation.rays.len()];
     for (i, &ray) in generation.surfaces.ray_of().iter().enumerate() {
         let surface = generation.surfaces.get(i);
-        let albedo = base_colour(world, &surface);
+        let texel = generation.surfaces.texels.get(TextureSlot::BaseColour, i);
+        let albedo = base_colour(world, &surface, texel);
         rays[ray as usize] = Some([albedo, surface.shading_normal].map(|value| value.as_vec3().to_array()));
     }
     rays

@@ -11,8 +11,8 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::{
-    Attribute, DecodedImage, DefaultLook, Environment, EnvironmentSource, Light, Material, Mesh, Object,
-    Placed, Scene, Shape,
+    Attribute, DecodedImage, DefaultLook, Environment, EnvironmentSource, Light, Material, Mesh,
+    MetallicRoughness, Object, Opacity, Phong, Placed, Scene, Shape, TextureSlot,
 };
 
 /// Version of what is hashed. Increase it where the order of fields or variants changes.
@@ -108,7 +108,7 @@ impl Fingerprint {
         }
         self.value("cameras", cameras);
         lights.iter().for_each(|light: &Light| self.value("light", light));
-        materials.iter().for_each(|material: &Material| self.value("material", material));
+        materials.iter().for_each(|material| self.material(material));
         for DecodedImage { name: _, width, height, pixels } in images {
             self.value("image", &(width, height));
             self.bytes("texels", pixels.as_bytes());
@@ -144,6 +144,58 @@ impl Fingerprint {
             clips.iter().for_each(|clip| self.value("clip", clip));
             for super::animation::Track { target, motion, place: _ } in tracks {
                 self.value("track", &(target, motion));
+            }
+        }
+    }
+
+    fn material(&mut self, material: &Material) {
+        let textures = material.textures();
+        let of = |slot: TextureSlot| textures[slot];
+        let normal_map = of(TextureSlot::Normal).map(|texture| (texture, textures.normal_scale));
+        let opacity = material.opacity();
+        let opacity = opacity.map(|Opacity { factor, cutoff }| (factor, of(TextureSlot::Opacity), cutoff));
+        match material {
+            Material::Phong(m) => {
+                let Phong {
+                    name,
+                    colour,
+                    ambient,
+                    diffuse,
+                    specular,
+                    shininess,
+                    emission,
+                    glaze,
+                    refraction,
+                    opacity: _,
+                    textures: _,
+                } = m;
+                let terms = (of(TextureSlot::BaseColour), ambient, diffuse, specular, shininess, emission);
+                self.value("material", &(0u32, name, colour, terms, glaze, refraction, normal_map, opacity));
+            }
+            Material::MetallicRoughness(m) => {
+                let core = [TextureSlot::BaseColour, TextureSlot::MetallicRoughness, TextureSlot::Emission];
+                let [of_colour, of_roughness, of_emission] = core.map(of);
+                // The others, by their number from that of the first.
+                let first = TextureSlot::Occlusion as u32;
+                let others = textures.iter().map(|(slot, texture)| (slot as u32, texture));
+                let others: Vec<_> =
+                    others.filter_map(|(slot, texture)| Some((slot.checked_sub(first)?, texture))).collect();
+                let MetallicRoughness {
+                    name,
+                    base_colour,
+                    metallic,
+                    roughness,
+                    emission,
+                    unlit,
+                    opacity: _,
+                    layers,
+                    double_sided,
+                    textures: _,
+                } = m;
+                let terms =
+                    (base_colour, of_colour, metallic, roughness, of_roughness, emission, of_emission);
+                let rest = (layers, double_sided, textures.occlusion_strength, others);
+                self.value("material", &(1u32, name, terms, unlit, normal_map, opacity, rest));
             }
         }
     }
@@ -201,7 +253,8 @@ mod tests {
         let pixels = [[1u8, 2, 3]; 4].into_iter().collect();
         scene.add_image(DecodedImage { name: "a.png".into(), width: 2, height: 2, pixels });
         let texture = Texture { image: ImageId(0), sampler: TextureSampler::default(), coordinates: 0 };
-        scene.add_material(Material::Phong(Phong { texture: Some(texture), ..Phong::default() }));
+        let textures = [(TextureSlot::BaseColour, Some(texture))].into();
+        scene.add_material(Material::Phong(Phong { textures, ..Phong::default() }));
         let mesh = Mesh {
             positions: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
             triangles: vec![[0, 1, 2]],

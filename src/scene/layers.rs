@@ -1,10 +1,9 @@
-//! Layers and media of metallic-roughness materials, and the textures beyond those of glTF's core model.
+//! Layers and media of metallic-roughness materials.
 
-use super::{TexelEncoding, Texture};
 use crate::film::Colour;
 
 /// Values of the extensions KHR_materials_ior, specular, transmission, volume, clearcoat and sheen: factors of the
-/// textures in [`super::MetallicRoughness::further_textures`].
+/// textures in [`super::MetallicRoughness::textures`].
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Layers<C = Colour> {
     /// Index of refraction; 0 reflects everything.
@@ -69,72 +68,6 @@ impl<C> Layers<C> {
             clearcoat_roughness: self.clearcoat_roughness,
             sheen_colour: convert(self.sheen_colour),
             sheen_roughness: self.sheen_roughness,
-        }
-    }
-}
-
-/// A texture of a metallic-roughness material beside those of base colour, roughness and metallic, and emission.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct FurtherTexture {
-    /// What it is multiplied into.
-    pub slot: TextureSlot,
-    /// The texture.
-    pub texture: Texture,
-}
-
-/// What a [`FurtherTexture`] is multiplied into, and where its value is stored.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
-pub enum TextureSlot {
-    /// The ambient light, weighted by [`super::MetallicRoughness::occlusion_strength`]: red.
-    Occlusion,
-    /// [`Layers::specular`]: red.
-    Specular,
-    /// [`Layers::specular_colour`].
-    SpecularColour,
-    /// [`Layers::transmission`]: red.
-    Transmission,
-    /// [`Layers::clearcoat`]: red.
-    Clearcoat,
-    /// [`Layers::clearcoat_roughness`]: green.
-    ClearcoatRoughness,
-    /// [`Layers::sheen_colour`].
-    SheenColour,
-    /// [`Layers::sheen_roughness`]: red.
-    SheenRoughness,
-}
-
-impl TextureSlot {
-    /// All of them.
-    pub const ALL: [TextureSlot; 8] = [
-        TextureSlot::Occlusion,
-        TextureSlot::Specular,
-        TextureSlot::SpecularColour,
-        TextureSlot::Transmission,
-        TextureSlot::Clearcoat,
-        TextureSlot::ClearcoatRoughness,
-        TextureSlot::SheenColour,
-        TextureSlot::SheenRoughness,
-    ];
-
-    /// How its texels are decoded.
-    pub fn encoding(self) -> TexelEncoding {
-        match self {
-            TextureSlot::SpecularColour | TextureSlot::SheenColour => TexelEncoding::Colour,
-            _ => TexelEncoding::Data,
-        }
-    }
-
-    /// The name, for people.
-    pub fn name(self) -> &'static str {
-        match self {
-            TextureSlot::Occlusion => "occlusion picture",
-            TextureSlot::Specular => "specular picture",
-            TextureSlot::SpecularColour => "specular colour picture",
-            TextureSlot::Transmission => "transmission picture",
-            TextureSlot::Clearcoat => "clear coat picture",
-            TextureSlot::ClearcoatRoughness => "clear coat roughness picture",
-            TextureSlot::SheenColour => "sheen colour picture",
-            TextureSlot::SheenRoughness => "sheen roughness picture",
         }
     }
 }

@@ -1,10 +1,10 @@
 //! Materials, textures and decoded images.
 
-use super::{FurtherTexture, ImageId, Layers, TexelValues, TextureSampler};
+use super::{ImageId, Layers, TexelValues, TextureSampler, Textures};
 use crate::film::Colour;
 
 /// A material. `C` is [`Colour`] in a scene, and a colour in the numbers of the colour pipeline in a prepared world.
-#[derive(Debug, Clone, serde::Serialize)]
+#[derive(Debug, Clone)]
 pub enum Material<C = Colour> {
     /// Phong model, of the assignment and of OBJ.
     Phong(Phong<C>),
@@ -14,14 +14,12 @@ pub enum Material<C = Colour> {
 
 /// Phong material: ambient, diffuse and specular terms, all multiplied by the object's colour (the assignment's
 /// report).
-#[derive(Debug, Clone, serde::Serialize)]
+#[derive(Debug, Clone)]
 pub struct Phong<C = Colour> {
     /// Name.
     pub name: String,
     /// The object's own colour.
     pub colour: C,
-    /// Texture that multiplies the colour.
-    pub texture: Option<Texture>,
     /// Coefficient of ambient light, k_a.
     pub ambient: f64,
     /// Coefficient of diffuse light, k_d.
@@ -36,10 +34,10 @@ pub struct Phong<C = Colour> {
     pub glaze: Option<Glaze>,
     /// Glass, which path tracing draws instead of the other terms; local shading leaves it out.
     pub refraction: Option<Refraction<C>>,
-    /// Normal map.
-    pub normal_map: Option<NormalMap>,
     /// How opaque the surface is; `None` for one that is everywhere opaque.
     pub opacity: Option<Opacity>,
+    /// The textures of colour, normal map and opacity.
+    pub textures: Textures,
 }
 
 /// Smooth glass of a closed surface: `illum` 4, 6, 7 and 9 of MTL.
@@ -63,49 +61,36 @@ pub struct Glaze {
 }
 
 /// Material of glTF 2.0, section 3.9 of its specification. Factors are linear and multiply their textures.
-#[derive(Debug, Clone, serde::Serialize)]
+#[derive(Debug, Clone)]
 pub struct MetallicRoughness<C = Colour> {
     /// Name.
     pub name: String,
     /// Base colour.
     pub base_colour: C,
-    /// Texture of the base colour (display values).
-    pub base_colour_texture: Option<Texture>,
     /// 0 for a dielectric, 1 for a metal.
     pub metallic: f64,
     /// 0 for a mirror, 1 for a fully rough surface.
     pub roughness: f64,
-    /// Texture with roughness in green and metallic in blue (linear values).
-    pub metallic_roughness_texture: Option<Texture>,
     /// Emitted radiance; may exceed 1.
     pub emission: C,
-    /// Texture that multiplies the emission (display values).
-    pub emission_texture: Option<Texture>,
     /// If true, the base colour is output without shading (KHR_materials_unlit).
     pub unlit: bool,
-    /// Normal map.
-    pub normal_map: Option<NormalMap>,
     /// How opaque the surface is; `None` for one that is everywhere opaque.
     pub opacity: Option<Opacity>,
     /// Values of material extensions, which path tracing uses.
     pub layers: Layers<C>,
     /// Whether camera rays hit back faces with `--cull` as well.
     pub double_sided: bool,
-    /// Weight of the occlusion texture, 0 to 1: the ambient light is multiplied by `1 + occlusion_strength * (texel -
-    /// 1)`.
-    pub occlusion_strength: f64,
-    /// The further textures, at most one for each slot.
-    pub further_textures: Vec<FurtherTexture>,
+    /// The textures.
+    pub textures: Textures,
 }
 
 /// The opacity of a surface: the part of it that covers what is behind (alpha; Porter and Duff, Compositing Digital
 /// Images, SIGGRAPH 1984). It is the product of factor, texture and vertex alpha.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Opacity {
     /// Factor, 0 to 1.
     pub factor: f64,
-    /// Texture whose red channel multiplies the factor.
-    pub texture: Option<Texture>,
     /// Where given, the surface is opaque where the product is at least this, and absent elsewhere (`MASK` of glTF).
     pub cutoff: Option<f64>,
 }
@@ -119,16 +104,6 @@ pub struct Texture {
     pub sampler: TextureSampler,
     /// The index of its texture coordinates in [`super::Mesh::uvs`].
     pub coordinates: u8,
-}
-
-/// Tangent-space normal map: red, green and blue encode x (along u), y (against v) and z (along the normal), each from
-/// -1 at 0 to 1 at the largest value (glTF 2.0, section 3.9.3).
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct NormalMap {
-    /// The texture.
-    pub texture: Texture,
-    /// Factor of x and y.
-    pub scale: f64,
 }
 
 /// A decoded image: display values of 8 or 16 bits.
@@ -150,7 +125,6 @@ impl Default for Phong {
         Phong {
             name: "default".into(),
             colour: Colour::from_u8([204; 3]),
-            texture: None,
             ambient: 1.0,
             diffuse: 1.0,
             specular: 0.0,
@@ -158,8 +132,8 @@ impl Default for Phong {
             emission: Colour::Linear(glam::DVec3::ZERO),
             glaze: None,
             refraction: None,
-            normal_map: None,
             opacity: None,
+            textures: Textures::default(),
         }
     }
 }
@@ -170,19 +144,14 @@ impl Default for MetallicRoughness {
         MetallicRoughness {
             name: "default".into(),
             base_colour: Colour::Linear(glam::DVec3::ONE),
-            base_colour_texture: None,
             metallic: 1.0,
             roughness: 1.0,
-            metallic_roughness_texture: None,
             emission: Colour::Linear(glam::DVec3::ZERO),
-            emission_texture: None,
             unlit: false,
-            normal_map: None,
             opacity: None,
             layers: Layers::default(),
             double_sided: true,
-            occlusion_strength: 1.0,
-            further_textures: Vec::new(),
+            textures: Textures::default(),
         }
     }
 }
@@ -221,9 +190,7 @@ impl TexelEncoding {
 impl Material {
     /// Whether it emits light.
     pub fn emits(&self) -> bool {
-        let (Material::Phong(Phong { emission, .. })
-        | Material::MetallicRoughness(MetallicRoughness { emission, .. })) = self;
-        let (Colour::Display(emission) | Colour::Linear(emission)) = emission;
+        let (Colour::Display(emission) | Colour::Linear(emission)) = self.emission();
         *emission != glam::DVec3::ZERO
     }
 }
@@ -248,7 +215,6 @@ impl<C> Material<C> {
             Material::Phong(m) => Material::Phong(Phong {
                 name: m.name,
                 colour: convert(m.colour),
-                texture: m.texture,
                 ambient: m.ambient,
                 diffuse: m.diffuse,
                 specular: m.specular,
@@ -258,25 +224,20 @@ impl<C> Material<C> {
                 refraction: m
                     .refraction
                     .map(|glass| Refraction { ior: glass.ior, filter: convert(glass.filter) }),
-                normal_map: m.normal_map,
                 opacity: m.opacity,
+                textures: m.textures,
             }),
             Material::MetallicRoughness(m) => Material::MetallicRoughness(MetallicRoughness {
                 name: m.name,
                 base_colour: convert(m.base_colour),
-                base_colour_texture: m.base_colour_texture,
                 metallic: m.metallic,
                 roughness: m.roughness,
-                metallic_roughness_texture: m.metallic_roughness_texture,
                 emission: convert(m.emission),
-                emission_texture: m.emission_texture,
                 unlit: m.unlit,
-                normal_map: m.normal_map,
                 opacity: m.opacity,
                 layers: m.layers.map_colours(convert),
                 double_sided: m.double_sided,
-                occlusion_strength: m.occlusion_strength,
-                further_textures: m.further_textures,
+                textures: m.textures,
             }),
         }
     }
@@ -289,19 +250,27 @@ impl<C> Material<C> {
         }
     }
 
+    /// The object's own colour, or the base colour.
+    pub fn colour(&self) -> &C {
+        match self {
+            Material::Phong(m) => &m.colour,
+            Material::MetallicRoughness(m) => &m.base_colour,
+        }
+    }
+
+    /// The emitted radiance without texture.
+    pub fn emission(&self) -> &C {
+        match self {
+            Material::Phong(m) => &m.emission,
+            Material::MetallicRoughness(m) => &m.emission,
+        }
+    }
+
     /// Mirror reflection blended over the surface.
     pub fn glaze(&self) -> Option<&Glaze> {
         match self {
             Material::Phong(m) => m.glaze.as_ref(),
             Material::MetallicRoughness(_) => None,
-        }
-    }
-
-    /// Normal map.
-    pub fn normal_map(&self) -> Option<&NormalMap> {
-        match self {
-            Material::Phong(m) => m.normal_map.as_ref(),
-            Material::MetallicRoughness(m) => m.normal_map.as_ref(),
         }
     }
 
@@ -318,55 +287,25 @@ impl<C> Material<C> {
         }
     }
 
-    /// The textures of colour, of roughness and metallic, and of emission, with the encoding of their texels.
-    pub fn slots(&self) -> [(Option<Texture>, TexelEncoding); 3] {
-        use TexelEncoding::{Colour, Data};
+    /// The textures.
+    #[inline]
+    pub fn textures(&self) -> &Textures {
         match self {
-            Material::Phong(m) => [(m.texture, Colour), (None, Data), (None, Colour)],
-            Material::MetallicRoughness(m) => [
-                (m.base_colour_texture, Colour),
-                (m.metallic_roughness_texture, Data),
-                (m.emission_texture, Colour),
-            ],
+            Material::Phong(m) => &m.textures,
+            Material::MetallicRoughness(m) => &m.textures,
         }
     }
 
-    /// The textures among [`Material::slots`].
-    pub fn textures(&self) -> impl Iterator<Item = (Texture, TexelEncoding)> + use<C> {
-        self.slots().into_iter().filter_map(|(texture, encoding)| Some((texture?, encoding)))
-    }
-
-    /// The further textures.
-    pub fn further_textures(&self) -> &[FurtherTexture] {
+    /// The textures, to be changed.
+    pub fn textures_mut(&mut self) -> &mut Textures {
         match self {
-            Material::Phong(_) => &[],
-            Material::MetallicRoughness(m) => &m.further_textures,
+            Material::Phong(m) => &mut m.textures,
+            Material::MetallicRoughness(m) => &mut m.textures,
         }
-    }
-
-    /// All textures of the material, with those of the normal map and the opacity.
-    pub fn textures_mut(&mut self) -> impl Iterator<Item = &mut Texture> {
-        let (own, normal_map, opacity, further) = match self {
-            Material::Phong(m) => {
-                ([m.texture.as_mut(), None, None], &mut m.normal_map, &mut m.opacity, Default::default())
-            }
-            Material::MetallicRoughness(m) => {
-                let own =
-                    [&mut m.base_colour_texture, &mut m.metallic_roughness_texture, &mut m.emission_texture];
-                (own.map(Option::as_mut), &mut m.normal_map, &mut m.opacity, m.further_textures.iter_mut())
-            }
-        };
-        let normal_map = normal_map.iter_mut().map(|map| &mut map.texture);
-        let opacity = opacity.iter_mut().filter_map(|opacity| opacity.texture.as_mut());
-        let further = further.map(|further| &mut further.texture);
-        own.into_iter().flatten().chain(normal_map).chain(opacity).chain(further)
     }
 
     /// Whether the material uses any texture.
     pub fn is_textured(&self) -> bool {
-        self.textures().next().is_some()
-            || self.normal_map().is_some()
-            || self.opacity().is_some_and(|opacity| opacity.texture.is_some())
-            || !self.further_textures().is_empty()
+        self.textures().iter().next().is_some()
     }
 }

@@ -46,6 +46,7 @@ mod sampling;
 mod shading_mode;
 pub mod support;
 mod texels;
+mod texture_slot;
 pub mod topology;
 mod transport;
 mod up;
@@ -67,11 +68,10 @@ pub use fill::{Fill, FillZone};
 pub use fingerprint::Fingerprint;
 pub use ground::Ground;
 pub use import_options::{Degrees, ImportOptions, ReadingOptions, Seconds};
-pub use layers::{FurtherTexture, Layers, TextureSlot, Volume};
+pub use layers::{Layers, Volume};
 pub use lens::{Focus, Lens};
 pub use material::{
-    DecodedImage, Glaze, Material, MetallicRoughness, NormalMap, Opacity, Phong, Refraction, TexelEncoding,
-    Texture,
+    DecodedImage, Glaze, Material, MetallicRoughness, Opacity, Phong, Refraction, TexelEncoding, Texture,
 };
 pub use option::OptionValue;
 pub use picture::{
@@ -84,6 +84,7 @@ pub use sampler::{Interpolation, Minify, ResolvedTextureFilter, TextureFilter, T
 pub use sampling::{MAX_SAMPLES, PixelSampler, Sampling};
 pub use shading_mode::ShadingMode;
 pub use texels::TexelValues;
+pub use texture_slot::{SlotEntry, TEXTURE_SLOTS, TextureSlot, Textures};
 pub use transport::{Transport, TransportReason};
 pub use up::UpAxis;
 
@@ -393,7 +394,7 @@ impl Scene {
         self.has_physical_lights |= has_physical_lights;
         self.images.extend(images);
         self.materials.extend(materials.into_iter().map(|mut material| {
-            for texture in material.textures_mut() {
+            for texture in material.textures_mut().iter_mut() {
                 texture.image.0 += first_image;
             }
             material

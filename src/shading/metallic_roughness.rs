@@ -12,40 +12,36 @@ use glam::DVec3;
 
 use super::bsdf::{Ggx, GgxAlbedo, reflectances};
 use super::{LightSample, ShadingMode};
-use crate::scene::MetallicRoughness;
+use crate::scene::{MetallicRoughness, TextureSlot};
 use crate::world::{PreparedFill, SurfaceInteraction, World};
 
 /// The lower limit of the roughness, since a perfect mirror reflects point lights in no pixel. It gives a highlight of about one
 /// degree.
 const MIN_ROUGHNESS: f64 = 0.045;
 
-/// The base colour of a surface.
-pub(crate) fn base_colour(material: &MetallicRoughness<DVec3>, surface: &SurfaceInteraction) -> DVec3 {
-    material.base_colour * surface.tint * surface.texels.colour
-}
-
-/// The colour of a surface under the given lights.
+/// The colour of a surface with the given texels under the given lights.
 pub(crate) fn shade(
     world: &World,
     material: &MetallicRoughness<DVec3>,
     mode: ShadingMode,
     surface: &SurfaceInteraction,
+    texel: impl Fn(TextureSlot) -> DVec3,
     lights: &[LightSample],
 ) -> DVec3 {
-    let base = base_colour(material, surface);
+    let base = material.base_colour * surface.tint * texel(TextureSlot::BaseColour);
     if material.unlit {
         return world.pipeline.clamp(base);
     }
-    let metallic = material.metallic * surface.texels.metallic;
-    let roughness = material.roughness * surface.texels.roughness;
-    let (layers, texels) = (&material.layers, &surface.further_texels);
-    let (specular_weight, specular_colour) =
-        (layers.specular * texels.specular, layers.specular_colour * texels.specular_colour);
+    let texel_of_both = texel(TextureSlot::MetallicRoughness);
+    let (metallic, roughness) = (material.metallic * texel_of_both.z, material.roughness * texel_of_both.y);
+    let layers = &material.layers;
+    let specular_weight = layers.specular * texel(TextureSlot::Specular).x;
+    let specular_colour = layers.specular_colour * texel(TextureSlot::SpecularColour);
     let [f0, f90] = reflectances(layers.ior, specular_weight, specular_colour);
     let diffuse = base * (1.0 - metallic) * (1.0 - f0.max_element());
     let [f0, f90] = [f0.lerp(base, metallic), f90.lerp(DVec3::ONE, metallic)];
-    let emission = material.emission * surface.texels.emission;
-    let unoccluded = 1.0 + material.occlusion_strength * (surface.further_texels.occlusion - 1.0);
+    let emission = material.emission * texel(TextureSlot::Emission);
+    let unoccluded = 1.0 + material.textures.occlusion_strength * (texel(TextureSlot::Occlusion).x - 1.0);
     let mut ambient = world.ambient * (diffuse + f0);
     if let Some(fill) = &world.fill {
         ambient += diffuse * fill.diffuse(surface.shading_normal.y);

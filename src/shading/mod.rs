@@ -13,7 +13,7 @@ pub use phong::Scratch;
 
 use glam::DVec3;
 
-use crate::scene::Material;
+use crate::scene::{Material, TextureSlot};
 use crate::world::{InteractionSoa, PreparedMaterial, SurfaceInteraction, Vec3Soa, World};
 
 /// Whether lights can change the colour of a material.
@@ -24,12 +24,9 @@ pub fn takes_light(material: &PreparedMaterial, mode: ShadingMode) -> bool {
     }
 }
 
-/// The base colour of a surface, in the numbers of the pipeline.
-pub fn base_colour(world: &World, surface: &SurfaceInteraction) -> DVec3 {
-    world.pipeline.clamp(match &world.materials[surface.material as usize] {
-        Material::Phong(material) => phong::base_colour(material, surface),
-        Material::MetallicRoughness(material) => metallic_roughness::base_colour(material, surface),
-    })
+/// The base colour of a surface, in the numbers of the pipeline. `texel` is the value of its texture.
+pub fn base_colour(world: &World, surface: &SurfaceInteraction, texel: DVec3) -> DVec3 {
+    world.pipeline.clamp(world.materials[surface.material as usize].colour() * surface.tint * texel)
 }
 
 /// Computes the colours of all `surfaces`, in the numbers of the pipeline. Lights are added in the order of `lights`,
@@ -46,7 +43,10 @@ pub fn shade_all(
     for (index, range) in surfaces.by_material() {
         let range = range.clone();
         if mode == ShadingMode::Flat {
-            range.for_each(|i| colours.set(i, base_colour(world, &surfaces.get(i))));
+            range.for_each(|i| {
+                let texel = surfaces.texels.get(TextureSlot::BaseColour, i);
+                colours.set(i, base_colour(world, &surfaces.get(i), texel));
+            });
             continue;
         }
         match &world.materials[*index as usize] {
@@ -56,7 +56,9 @@ pub fn shade_all(
             Material::MetallicRoughness(material) => range.for_each(|i| {
                 samples.clear();
                 samples.extend(lights.iter().filter(|light| light.reaches[i]).map(|light| light.get(i)));
-                let colour = metallic_roughness::shade(world, material, mode, &surfaces.get(i), &samples);
+                let texel = |slot| surfaces.texels.get(slot, i);
+                let colour =
+                    metallic_roughness::shade(world, material, mode, &surfaces.get(i), texel, &samples);
                 colours.set(i, colour);
             }),
         }

@@ -9,15 +9,8 @@ use glam::DVec3;
 
 use super::{LightSample, LightSoa, ShadingMode};
 use crate::film::ColourPipeline;
-use crate::scene::Phong;
-use crate::world::{InteractionSoa, PerRay, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, World, simd};
-
-/// The base colour of a surface.
-#[inline]
-pub(crate) fn base_colour(material: &Phong<DVec3>, surface: &SurfaceInteraction) -> DVec3 {
-    let colour = material.colour * surface.tint;
-    if material.texture.is_some() { colour * surface.texels.colour } else { colour }
-}
+use crate::scene::{Phong, TextureSlot};
+use crate::world::{InteractionSoa, PerRay, RAYS_PER_BATCH, Vec3Soa, World, simd};
 
 /// Whether a light can add more than 0.
 pub(crate) fn takes_light(material: &Phong<DVec3>, mode: ShadingMode) -> bool {
@@ -76,8 +69,9 @@ pub(crate) fn shade(
     // The pipeline is passed as a constant, so that the loop has no branch on it.
     let emissive = range.clone();
     match pipeline {
-        _ if material.texture.is_some() && !surfaces.texels.is_empty() => range.for_each(|i| {
-            let own = material.colour * surfaces.tint.get(i) * surfaces.texels[i].colour;
+        _ if material.textures[TextureSlot::BaseColour].is_some() => range.for_each(|i| {
+            let texel = surfaces.texels.get(TextureSlot::BaseColour, i);
+            let own = material.colour * surfaces.tint.get(i) * texel;
             colours.set(i, pipeline.mix_light(own, colours.get(i)));
         }),
         ColourPipeline::U8 => mix(ColourPipeline::U8, material.colour, (surfaces, range), colours),

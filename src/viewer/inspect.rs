@@ -212,14 +212,10 @@ fn material_values(world: &World, material: &PreparedMaterial) -> Vec<(&'static 
             values
         }
     };
-    let names = ["colour picture", "metallic-roughness picture", "emission picture"];
-    let slots = material.slots().into_iter().map(|(texture, _)| texture).zip(names);
-    let map = (material.normal_map().map(|map| map.texture), "normal map");
-    let further =
-        material.further_textures().iter().map(|further| (Some(further.texture), further.slot.name()));
-    values.extend(slots.chain([map]).chain(further).filter_map(|(texture, name)| {
-        let image = world.images.get(texture?.image.0 as usize)?;
-        Some((name, format!("{} ({} x {})", printable(&image.name), image.width, image.height)))
+    values.extend(material.textures().iter().filter_map(|(slot, texture)| {
+        let image = world.images.get(texture.image.0 as usize)?;
+        let size = format!("{} x {}", image.width, image.height);
+        Some((slot.entry().name, format!("picture {} ({size})", printable(&image.name))))
     }));
     values
 }

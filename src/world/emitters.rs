@@ -13,7 +13,7 @@ use crate::bvh::Primitive;
 use crate::film::colour::luminance;
 use crate::geometry::spawn::SurfacePoint;
 use crate::geometry::{AnalyticShape, Precision, PrimId, Triangle};
-use crate::scene::{Attribute, Material, Mesh, Object, Shape, Texture};
+use crate::scene::{Attribute, Mesh, Object, Shape, TextureSlot};
 
 /// The emissive primitives of a world. Both sides of a surface emit, but only the front of a rectangle light.
 pub(crate) struct Emitters {
@@ -73,28 +73,14 @@ pub(crate) struct EmitterSample {
 
 /// The emitted radiance of a material, of every surface that is sampled as a light: opaque, without its texture.
 pub(crate) fn sampled_emission(material: &PreparedMaterial) -> Option<DVec3> {
-    if material.opacity().is_some() {
-        return None;
-    }
-    let emission = match material {
-        Material::Phong(m) => m.emission,
-        Material::MetallicRoughness(m) if m.unlit => return None,
-        Material::MetallicRoughness(m) => m.emission,
-    };
-    (luminance(emission) > 0.0 && emission.is_finite()).then_some(emission)
-}
-
-/// The emission texture of a material.
-pub(crate) fn emission_texture(material: &PreparedMaterial) -> Option<Texture> {
-    match material {
-        Material::Phong(_) => None,
-        Material::MetallicRoughness(m) => m.emission_texture,
-    }
+    let emission = *material.emission();
+    let emits = material.opacity().is_none() && !material.is_unlit() && luminance(emission) > 0.0;
+    (emits && emission.is_finite()).then_some(emission)
 }
 
 /// The luminances of the mean radiance of an object's triangles by its emission texture; `None` without one.
 fn textured(object: &Object, material: &PreparedMaterial, images: &[Image]) -> Option<Box<[f32]>> {
-    let (emission, texture) = (sampled_emission(material)?, emission_texture(material)?);
+    let (emission, texture) = (sampled_emission(material)?, material.textures()[TextureSlot::Emission]?);
     let mesh: &Mesh = match &object.shape {
         Shape::Mesh(mesh) => mesh,
         Shape::Placed(placed) => &placed.mesh,

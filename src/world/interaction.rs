@@ -8,6 +8,7 @@ use crate::bvh::{Primitive, Traversal};
 use crate::film::ColourPipeline;
 use crate::geometry::spawn::{ORIGIN_OFFSET, SurfacePoint};
 use crate::geometry::{AnalyticShape, Hit, Numerics, PrimId, Ray};
+use crate::scene::TextureSlot;
 
 /// A surface interaction: a point of a surface, seen along a ray.
 #[derive(Debug, Clone, Copy)]
@@ -20,10 +21,6 @@ pub struct SurfaceInteraction {
     pub geometric_normal: DVec3,
     /// The unit normal for shading, on the side of the geometric normal.
     pub shading_normal: DVec3,
-    /// The values of the material's textures.
-    pub texels: Texels,
-    /// The values of its further textures.
-    pub further_texels: FurtherTexels,
     /// Factor of the ambient light, 0 to 1.
     pub ambient: f64,
     /// The interpolated vertex colour; white without vertex colours.
@@ -38,62 +35,6 @@ pub struct SurfaceInteraction {
     pub material: u32,
 }
 
-/// The values of a material's textures at a point: factors, 1 without texture or where textures are off.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Texels {
-    /// Factor of the base colour.
-    pub colour: DVec3,
-    /// Factor of the roughness.
-    pub roughness: f64,
-    /// Factor of metallic.
-    pub metallic: f64,
-    /// Factor of the emission.
-    pub emission: DVec3,
-}
-
-impl Default for Texels {
-    fn default() -> Self {
-        Texels { colour: DVec3::ONE, roughness: 1.0, metallic: 1.0, emission: DVec3::ONE }
-    }
-}
-
-/// The values of a material's further textures ([`crate::scene::FurtherTexture`]) at a point: factors, 1 without
-/// texture or where textures are off.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FurtherTexels {
-    /// Unoccluded part of the ambient light.
-    pub occlusion: f64,
-    /// Factor of the weight of the dielectric reflection.
-    pub specular: f64,
-    /// Factor of the colour of the dielectric reflection.
-    pub specular_colour: DVec3,
-    /// Factor of the transmission.
-    pub transmission: f64,
-    /// Factor of the clear coat.
-    pub clearcoat: f64,
-    /// Factor of the roughness of the clear coat.
-    pub clearcoat_roughness: f64,
-    /// Factor of the colour of the sheen.
-    pub sheen_colour: DVec3,
-    /// Factor of the roughness of the sheen.
-    pub sheen_roughness: f64,
-}
-
-impl Default for FurtherTexels {
-    fn default() -> Self {
-        FurtherTexels {
-            occlusion: 1.0,
-            specular: 1.0,
-            specular_colour: DVec3::ONE,
-            transmission: 1.0,
-            clearcoat: 1.0,
-            clearcoat_roughness: 1.0,
-            sheen_colour: DVec3::ONE,
-            sheen_roughness: 1.0,
-        }
-    }
-}
-
 impl SurfaceInteraction {
     /// A surface at the origin that faces the view, with factors of 1.
     #[inline(always)]
@@ -103,8 +44,6 @@ impl SurfaceInteraction {
             view,
             geometric_normal: view,
             shading_normal: view,
-            texels: Texels::default(),
-            further_texels: FurtherTexels::default(),
             ambient: 1.0,
             tint: DVec3::ONE,
             is_turned: false,
@@ -116,7 +55,7 @@ impl SurfaceInteraction {
 }
 
 impl World {
-    /// The surface interaction of `hit`, which must be a hit of `ray` with this world. Texels are left at 1.
+    /// The surface interaction of `hit`, which must be a hit of `ray` with this world.
     #[inline(always)]
     pub fn interaction(&self, ray: &Ray, hit: &Hit) -> SurfaceInteraction {
         let object_index = self.object_of(hit.prim);
@@ -285,8 +224,10 @@ impl World {
 
     /// Whether an object's opacity can be below 1.
     pub(crate) fn is_transparent(&self, object: &WorldObject) -> bool {
-        let opacity = self.materials[object.material as usize].opacity();
-        opacity.is_some_and(|o| o.factor < 1.0 || o.texture.is_some() || object.attributes.has_alphas())
+        let material = &self.materials[object.material as usize];
+        let has_texture = material.textures()[TextureSlot::Opacity].is_some();
+        let opacity = material.opacity();
+        opacity.is_some_and(|o| o.factor < 1.0 || has_texture || object.attributes.has_alphas())
     }
 
     /// The tangent frame at a hit with an object for a normal map: tangent, bitangent and normal, orthonormal (glTF 2.0, section

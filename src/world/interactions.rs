@@ -9,9 +9,10 @@ use glam::DVec3;
 
 use super::World;
 use super::hit_order::{HitOrder, sort};
-use super::interaction::{FurtherTexels, SurfaceInteraction, Texels};
+use super::interaction::SurfaceInteraction;
 use super::simd;
 use super::soa::{Flags, PerRay, RAYS_PER_BATCH, Vec3Soa};
+use super::texels::Texels;
 use crate::bvh::Primitive;
 use crate::geometry::spawn::{EdgeTest, SurfacePoint};
 use crate::geometry::{AnalyticShape, Hit, HitBuffer, PrimId, RayBuffer, SlotId, Triangle};
@@ -40,10 +41,8 @@ pub struct InteractionSoa {
     pub is_tinted: bool,
     /// Factors of the ambient light, 0 to 1; empty where all are 1.
     pub ambient: Vec<f64>,
-    /// The values of the materials' textures; empty where textures are off.
-    pub texels: Vec<Texels>,
-    /// The values of their further textures; empty where no surface has one.
-    pub further_texels: Vec<FurtherTexels>,
+    /// The values of the materials' textures.
+    pub texels: Texels,
     /// See [`SurfaceInteraction::is_turned`].
     is_turned: Flags,
     /// The hits: distances along the rays, barycentrics v and w, primitives and their slots.
@@ -139,8 +138,6 @@ impl InteractionSoa {
             geometric_normal: self.geometric_normal.get(i),
             shading_normal: self.shading_normal.get(i),
             ambient: self.ambient.get(i).copied().unwrap_or(1.0),
-            texels: self.texels.get(i).copied().unwrap_or_default(),
-            further_texels: self.further_texels.get(i).copied().unwrap_or_default(),
             tint: self.tint.get(i),
             is_turned: self.is_turned.get(i),
             hit: self.hit(i),
@@ -180,7 +177,6 @@ impl InteractionSoa {
         assert!(hits.len() <= RAYS_PER_BATCH, "at most {RAYS_PER_BATCH} rays");
         self.runs.clear();
         self.texels.clear();
-        self.further_texels.clear();
         self.is_tinted = false;
         let is_sorted = order == HitOrder::Primitives && sort(hits, &mut self.sorted);
         let mut len = 0;

@@ -27,6 +27,7 @@ mod rectangle;
 mod sampled_triangle;
 mod sky;
 mod soa;
+mod texels;
 mod touched;
 mod view;
 mod volumes;
@@ -40,13 +41,13 @@ pub(crate) use crate::simd::simd;
 pub use crate::simd::simd_dispatch;
 pub(crate) use area_lights::{AreaLights, has_radiance};
 pub(crate) use directional::LightDisc;
-pub(crate) use emitters::{EmitterSample, Emitters, emission_texture, sampled_emission};
+pub(crate) use emitters::{EmitterSample, Emitters, sampled_emission};
 pub(crate) use fill::PreparedFill;
 pub use fit::{Framing, StandardView, fitted_camera, headlight, turntable_camera};
 pub(crate) use fit::{KEY_IRRADIANCE, key_light, opening};
 pub use hit_order::HitOrder;
 pub use image::Image;
-pub use interaction::{FurtherTexels, SurfaceInteraction, Texels};
+pub use interaction::SurfaceInteraction;
 pub use interactions::InteractionSoa;
 pub use lens::ThinLens;
 pub use mip_map::{MipLevel, MipMap};
@@ -54,6 +55,7 @@ pub use recenter::{Recentering, recenter};
 pub(crate) use sampled_triangle::{TriangleSample, TwoTriangles};
 pub(crate) use soa::select;
 pub use soa::{Flags, PerRay, RAYS_PER_BATCH, Vec3Soa};
+pub use texels::Texels;
 pub use view::{View, basis};
 pub(crate) use volumes::Volumes;
 
@@ -65,7 +67,9 @@ use glam::DVec3;
 use crate::bvh::{self, Accelerator, Instance, Layout, MeshSpace, Slot};
 use crate::film::ColourPipeline;
 use crate::geometry::{Numerics, PrimId};
-use crate::scene::{DefaultLook, Light, LightKind, Material, MaterialId, Mesh, Object, Scene, Shape};
+use crate::scene::{
+    DefaultLook, Light, LightKind, Material, MaterialId, Mesh, Object, Scene, Shape, TextureSlot,
+};
 
 /// The intensity of the ambient light where no input sets it.
 pub const DEFAULT_AMBIENT: f64 = 0.25;
@@ -216,7 +220,8 @@ impl World {
             scene.objects.push(ground::object(ground, MaterialId((materials.len() - 1) as u32)));
         }
         let mut area_lights = AreaLights::add_surfaces(&mut scene, &mut materials, pipeline);
-        let normal_mapped: Vec<bool> = materials.iter().map(|m| m.normal_map().is_some()).collect();
+        let normal_mapped: Vec<bool> =
+            materials.iter().map(|m| m.textures()[TextureSlot::Normal].is_some()).collect();
         let Partition { instances, shared, firsts } = instances(&scene.objects, structure, numerics);
         let mut kept = 0;
         let slots = slots(&scene.objects, &firsts, &shared, numerics).inspect(|_| kept += 1);

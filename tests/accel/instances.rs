@@ -16,8 +16,8 @@ use kiln::effects::{Choices, RayKind};
 use kiln::film::ColourPipeline;
 use kiln::geometry::{Hit, HitBuffer, Numerics, PrimId, Ray, RayBuffer, SlotId, Sphere};
 use kiln::scene::{
-    Attribute, DecodedImage, Glaze, ImageId, Material, MaterialId, Mesh, NormalMap, Object, Phong, Placed,
-    Placement, Scene, Shape, Step, Texture, TextureSampler,
+    Attribute, DecodedImage, Glaze, ImageId, Material, MaterialId, Mesh, Object, Phong, Placed, Placement,
+    Scene, Shape, Step, Texture, TextureSampler, TextureSlot, Textures,
 };
 use kiln::world::World;
 
@@ -56,13 +56,10 @@ fn scene_of(shapes: impl IntoIterator<Item = Shape>) -> Scene {
     let texel = |i: u32| [i * 37 % 256, i * 101 % 256, 128 + i % 128].map(|c| c as u8);
     let image = DecodedImage { name: "it".into(), width: 9, height: 6, pixels: (0..54).map(texel).collect() };
     let texture = Texture { image: ImageId(0), sampler: TextureSampler::default(), coordinates: 0 };
-    let phong = Phong {
-        specular: 0.5,
-        glaze: Some(Glaze::default()),
-        texture: Some(texture),
-        normal_map: Some(NormalMap { texture, scale: 0.5 }),
-        ..Phong::default()
-    };
+    let slots = [TextureSlot::BaseColour, TextureSlot::Normal];
+    let mut textures = Textures::from(slots.map(|slot| (slot, Some(texture))));
+    textures.normal_scale = 0.5;
+    let phong = Phong { specular: 0.5, glaze: Some(Glaze::default()), textures, ..Phong::default() };
     Scene {
         materials: vec![Material::Phong(phong)],
         images: vec![image],

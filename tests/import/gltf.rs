@@ -8,6 +8,7 @@ use glam::{DVec2, DVec3};
 use kiln::film::Colour;
 use kiln::scene::{
     Camera, Falloff, Focus, Interpolation, Lens, LightKind, Material, Mesh, Minify, Projection, Scene,
+    TextureSlot,
 };
 use kiln::world::View;
 use serde_json::{Value, json};
@@ -252,9 +253,9 @@ fn gltf_samplers_and_normal_maps() {
         let (scene, warnings) =
             folder.load("a.gltf", model.with_texture("n.png", &filters, &material).text());
         assert_eq!(warnings, [""; 0]);
-        let map = scene.materials[0].normal_map().expect("a normal map");
-        assert_eq!(map.scale, 0.5);
-        assert_eq!((map.texture.sampler.magnify, map.texture.sampler.minify), (magnify, minify));
+        let map = scene.materials[0].textures()[TextureSlot::Normal].expect("a normal map");
+        assert_eq!(scene.materials[0].textures().normal_scale, 0.5);
+        assert_eq!((map.sampler.magnify, map.sampler.minify), (magnify, minify));
         let tangents = mesh(&scene, 0).tangents.as_ref().expect("tangents");
         assert_eq!(tangents.values, [glam::DVec4::new(1.0, 0.0, 0.0, 1.0); 3]);
         assert_eq!(normals(mesh(&scene, 0)), [[DVec3::Z; 3]]);
@@ -719,8 +720,8 @@ fn gltf_textures_of_extensions() {
         )
         .with("extensionsUsed", json!(extensions.as_object().expect("an object").keys().collect::<Vec<_>>()));
     let (scene, warnings) = folder.load("a.gltf", model.text());
-    let of = |f: &kiln::scene::FurtherTexture| (f.slot, f.texture.image.0, f.texture.coordinates);
-    let found: Vec<_> = scene.materials[0].further_textures().iter().map(of).collect();
+    let textures = |i: usize| scene.materials[i].textures().iter();
+    let found: Vec<_> = textures(0).map(|(slot, of)| (slot, of.image.0, of.coordinates)).collect();
     // Occlusion, on set 1, comes before the extensions; set 0 is the second one that the material uses.
     let expected = [
         (Occlusion, 1, 0),
@@ -734,10 +735,10 @@ fn gltf_textures_of_extensions() {
     assert_eq!(found, expected);
     assert_eq!(scene.images[2].pixels, [[4u8; 3]].into_iter().collect());
     assert!(scene.images[2].name.ends_with("image 0, alpha") && scene.images.len() == 3);
-    assert!(scene.materials[1].further_textures().is_empty());
+    assert_eq!(textures(1).count(), 0);
     // The only texture, so that the first coordinates of the mesh are of its set.
     let Material::MetallicRoughness(occluded) = &scene.materials[2] else { panic!("{:?}", scene.materials) };
-    assert_eq!((occluded.further_textures.len(), occluded.occlusion_strength), (1, 0.25));
+    assert_eq!((textures(2).count(), occluded.textures.occlusion_strength), (1, 0.25));
     assert_eq!(warnings, ["a.gltf: 1 material(s) have a normal map of their clear coat; not used",]);
 }
 
@@ -771,11 +772,12 @@ fn gltf_specular_glossiness_becomes_metallic_roughness() {
         panic!("{:?}", scene.materials)
     };
     assert_eq!(m.base_colour, Colour::Linear(v(0.5, 1.0, 0.25)));
-    assert_eq!(m.base_colour_texture.map(|t| t.image.0), Some(0));
+    assert_eq!(m.textures[TextureSlot::BaseColour].map(|t| t.image.0), Some(0));
     assert_eq!((m.metallic, m.roughness, m.layers.ior, m.layers.specular), (0.0, 1.0, 0.0, 1.0));
     assert_eq!(m.layers.specular_colour, Colour::Linear(v(0.1, 0.2, 0.3)));
-    assert_eq!(m.further_textures[0].slot, kiln::scene::TextureSlot::SpecularColour);
-    let roughness = m.metallic_roughness_texture.expect("the glossiness, converted").image.0;
+    let slots: Vec<_> = m.textures.iter().map(|(slot, _)| slot).collect();
+    assert_eq!(slots, [TextureSlot::BaseColour, TextureSlot::MetallicRoughness, TextureSlot::SpecularColour]);
+    let roughness = m.textures[TextureSlot::MetallicRoughness].expect("the glossiness, converted").image.0;
     assert_eq!(scene.images[roughness as usize].pixels, [[205u8; 3]].into_iter().collect());
     // All defaults of the extension are 1: a mirror.
     assert_eq!((plain.metallic, plain.roughness, plain.layers.ior), (0.0, 0.0, 0.0));

@@ -280,7 +280,10 @@ fn missing_sets_of_texture_coordinates() {
     let expected = "it: a texture of its material is on set 2 of texture coordinates, which it does not have";
     assert_eq!(warnings, [expected]);
     let Material::MetallicRoughness(material) = &scene.materials[0] else { panic!("{:?}", scene.materials) };
-    assert_eq!(material.emission_texture.map(|texture| texture.coordinates), Some(1));
+    assert_eq!(
+        material.textures[kiln::scene::TextureSlot::Emission].map(|texture| texture.coordinates),
+        Some(1)
+    );
     assert_eq!(mesh(&scene).uvs[1].values, [DVec2::ZERO; 4]);
 }
 

@@ -6,6 +6,7 @@ use crate::helpers::*;
 use glam::{DVec2, DVec3};
 use kiln::error::Warnings;
 use kiln::film::Colour;
+use kiln::scene::TextureSlot::{BaseColour, Emission, MetallicRoughness, Opacity};
 use kiln::scene::{Material, Scene, Wrap};
 
 #[test]
@@ -27,10 +28,10 @@ fn obj_materials_pictures_and_usemtl() {
     assert_eq!(pictured.colour, Colour::Display(DVec3::ONE));
     let (specular, shininess) = (pictured.specular, pictured.shininess);
     assert_eq!((pictured.ambient, pictured.diffuse, specular, shininess), (1.0, 1.0, 0.3, 32.0));
-    assert!(pictured.texture.is_some() && pictured.glaze.is_none());
+    assert!(pictured.textures[BaseColour].is_some() && pictured.glaze.is_none());
     let red = phong(2);
     assert_eq!(red.colour, Colour::Display(v(0.5, 0.25, 0.0)));
-    assert_eq!((red.specular, red.shininess, red.texture), (0.0, 10.0, None));
+    assert_eq!((red.specular, red.shininess, red.textures[BaseColour]), (0.0, 10.0, None));
     // The default material is grey, 204 of 255.
     assert_eq!(phong(0).colour, Colour::from_u8([204; 3]));
 }
@@ -199,7 +200,7 @@ fn obj_without_its_picture_keeps_its_geometry_and_colour() {
     assert_eq!(warnings[0], "gone.png: texture left out: no such file");
     assert!(warnings[1].starts_with("damaged.png: texture left out: "), "{warnings:?}");
     let Material::Phong(material) = &scene.materials[0] else { panic!("{:?}", scene.materials) };
-    assert_eq!((material.colour, material.texture), (Colour::Display(DVec3::X), None));
+    assert_eq!((material.colour, material.textures[BaseColour]), (Colour::Display(DVec3::X), None));
 }
 
 #[test]
@@ -255,9 +256,9 @@ fn mtl_of_physically_based_materials() {
     let pixels = |texture: Option<kiln::scene::Texture>| {
         scene.images[texture.expect("a texture").image.0 as usize].pixels.iter().collect::<Vec<_>>()
     };
-    assert_eq!(pixels(maps.metallic_roughness_texture), [[255, 60, 90]; 2]);
-    assert_eq!(pixels(maps.emission_texture), [[30; 3]]);
-    assert_eq!(pixels(material(2).metallic_roughness_texture), [[255, 60, 255]; 2]);
+    assert_eq!(pixels(maps.textures[MetallicRoughness]), [[255, 60, 90]; 2]);
+    assert_eq!(pixels(maps.textures[Emission]), [[30; 3]]);
+    assert_eq!(pixels(material(2).textures[MetallicRoughness]), [[255, 60, 255]; 2]);
     assert_eq!((material(2).metallic, material(2).roughness), (0.5, 1.0));
 }
 
@@ -315,9 +316,9 @@ fn mtl_options_of_maps() {
         Material::Phong(phong) => phong,
         other => panic!("{other:?}"),
     };
-    let wrap = |object| phong(object).texture.expect("a texture").sampler.wrap_u;
+    let wrap = |object| phong(object).textures[BaseColour].expect("a texture").sampler.wrap_u;
     assert_eq!((wrap(0), wrap(1)), (Wrap::ClampToEdge, Wrap::Repeat));
-    let slope = |object| phong(object).normal_map.expect("a normal map").scale;
+    let slope = |object| phong(object).textures.normal_scale;
     assert_eq!(slope(0), 3.0 * slope(1));
     let mut warnings = Warnings::default();
     let file = folder.0.path().join("a.obj");
@@ -544,7 +545,10 @@ fn mtl_words_in_any_case() {
     let (scene, warnings) = folder.load("a.obj", obj);
     assert_eq!(warnings, [""; 0]);
     let Material::Phong(m) = &scene.materials[0] else { panic!("{:?}", scene.materials) };
-    assert_eq!((m.colour, m.shininess, m.texture.is_some()), (Colour::Display(v(1.0, 0.0, 0.0)), 10.0, true));
+    assert_eq!(
+        (m.colour, m.shininess, m.textures[BaseColour].is_some()),
+        (Colour::Display(v(1.0, 0.0, 0.0)), 10.0, true)
+    );
     assert_eq!(m.opacity.map(|opacity| opacity.factor), Some(0.5));
 }
 
@@ -581,7 +585,7 @@ fn obj_opacity_of_numbers_and_pictures() {
     let opacity = |i: usize| scene.materials[i].opacity();
     let factors: Vec<Option<f64>> = (0..6).map(|i| opacity(i).map(|o| o.factor)).collect();
     assert_eq!(factors, [Some(0.25), Some(0.75), Some(1.0), None, Some(0.0), None]);
-    let texture = opacity(2).and_then(|o| o.texture).expect("map_d is a texture");
+    let texture = scene.materials[2].textures()[Opacity].expect("map_d is a texture");
     assert_eq!(scene.images[texture.image.0 as usize].pixels, [[0u8; 3], [204; 3]].into_iter().collect());
 }
 

@@ -103,7 +103,7 @@ fn values_are_those_of_the_rays() {
             assert_eq!(three(layer, xyz), surface.shading_normal.as_vec3().to_array());
         }
         assert_eq!(three("GeometricNormal", xyz), surface.geometric_normal.as_vec3().to_array());
-        let albedo = base_colour(&prepared.world, &surface);
+        let albedo = base_colour(&prepared.world, &surface, glam::DVec3::ONE);
         for layer in ["Albedo", "DenoisingAlbedo"] {
             assert_eq!(three(layer, rgb), albedo.as_vec3().to_array());
         }

@@ -12,7 +12,8 @@ use kiln::render::{RenderControl, render};
 use kiln::scene::EffectValue;
 use kiln::scene::{
     Attribute, Camera, DecodedImage, Glaze, Interpolation, Material, MaterialId, Mesh, Minify, Numerics,
-    Object, Phong, Projection, Scene, Shape, TexelEncoding, Texture, TextureFilter, TextureSampler, Wrap,
+    Object, Phong, Projection, Scene, Shape, TexelEncoding, Texture, TextureFilter, TextureSampler,
+    TextureSlot, Wrap,
 };
 use kiln::shading::ShadingMode;
 use kiln::shading::texture::look_up;
@@ -38,8 +39,9 @@ fn square(size: f64, repeats: f64, world_from_square: DMat4) -> Mesh {
 }
 
 fn textured(sampler: TextureSampler) -> Material {
-    let texture = Some(Texture { image: kiln::scene::ImageId(0), sampler, coordinates: 0 });
-    Material::Phong(Phong { colour: kiln::film::Colour::from_u8([255; 3]), texture, ..Phong::default() })
+    let texture = Texture { image: kiln::scene::ImageId(0), sampler, coordinates: 0 };
+    let textures = [(TextureSlot::BaseColour, Some(texture))].into();
+    Material::Phong(Phong { colour: kiln::film::Colour::from_u8([255; 3]), textures, ..Phong::default() })
 }
 
 fn object(shape: Shape, material: u32) -> Object {

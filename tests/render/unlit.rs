@@ -22,7 +22,7 @@ fn scene(colour: [u8; 3], opacity: Option<f64>) -> Scene {
     let material = Material::MetallicRoughness(MetallicRoughness {
         base_colour: Colour::from_u8(colour),
         unlit: true,
-        opacity: opacity.map(|factor| Opacity { factor, texture: None, cutoff: None }),
+        opacity: opacity.map(|factor| Opacity { factor, cutoff: None }),
         ..MetallicRoughness::default()
     });
     let camera = Camera {

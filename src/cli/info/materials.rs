@@ -73,28 +73,13 @@ fn model(material: &Material) -> &'static str {
 
 /// The textures of a material: what each is for, and its image.
 fn textures(material: &Material) -> Vec<(&'static str, ImageId)> {
-    let slots = ["base colour", "metallic-roughness", "emission"].into_iter().zip(material.slots());
-    let mut all: Vec<_> = slots.filter_map(|(slot, (texture, _))| Some((slot, texture?.image))).collect();
-    all.extend(material.normal_map().map(|map| ("normal", map.texture.image)));
-    let opacity = material.opacity().and_then(|opacity| opacity.texture);
-    all.extend(opacity.map(|texture| ("opacity", texture.image)));
-    let slot_name = |slot: TextureSlot| slot.name().strip_suffix(" picture").unwrap_or(slot.name());
-    all.extend(material.further_textures().iter().map(|f| (slot_name(f.slot), f.texture.image)));
-    all
+    material.textures().iter().map(|(slot, texture)| (slot.entry().name, texture.image)).collect()
 }
 
 fn features(material: &Material) -> Vec<Feature> {
     let mut features = Vec::new();
     let mut add = |key, value: Value, text: String| features.push(Feature { key, value, text });
-    let (emission, scale) = match material {
-        Material::Phong(m) => (m.emission, m.normal_map.map(|map| map.scale)),
-        Material::MetallicRoughness(m) => (m.emission, m.normal_map.map(|map| map.scale)),
-    };
-    let colour = match material {
-        Material::Phong(m) => m.colour,
-        Material::MetallicRoughness(m) => m.base_colour,
-    };
-    let [r, g, b] = linear(colour);
+    let [r, g, b] = linear(*material.colour());
     add("colour", json!([r, g, b]), format!("colour ({}, {}, {})", r as f32, g as f32, b as f32));
     if let Material::MetallicRoughness(m) = material {
         add("metallic", json!(m.metallic), format!("metallic {}", m.metallic as f32));
@@ -112,10 +97,11 @@ fn features(material: &Material) -> Vec<Feature> {
         add("opacity", value, format!("opacity by {mode}, factor {}{cutoff}", opacity.factor as f32));
     }
     if material.emits() {
-        let [r, g, b] = linear(emission);
+        let [r, g, b] = linear(*material.emission());
         add("emission", json!([r, g, b]), format!("emission ({}, {}, {})", r as f32, g as f32, b as f32));
     }
-    if let Some(scale) = scale {
+    if material.textures()[TextureSlot::Normal].is_some() {
+        let scale = material.textures().normal_scale;
         let text = if scale == 1.0 { String::new() } else { format!("normal map, scale {}", scale as f32) };
         add("normal_map", json!({ "scale": scale }), text);
     }

@@ -46,13 +46,12 @@ impl Class {
             Material::Phong(_) => Class::Opaque,
             Material::MetallicRoughness(m) => {
                 let Layers { transmission, clearcoat, sheen_colour, volume, .. } = m.layers;
-                let has_texture = |slot| m.further_textures.iter().any(|texture| texture.slot == slot);
                 if m.unlit || clearcoat > 0.0 || sheen_colour != DVec3::ZERO {
                     Class::General
                 } else if transmission <= 0.0 {
                     Class::Opaque
                 } else if transmission >= 1.0
-                    && !has_texture(TextureSlot::Transmission)
+                    && m.textures[TextureSlot::Transmission].is_none()
                     && volume.is_some()
                     && m.metallic <= 0.0
                     && Ggx::new(m.roughness).is_delta()
@@ -113,8 +112,7 @@ impl Bsdfs {
             parameters.unwrap_or_else(|| unreachable!("the class of unlit materials is the general one"))
         };
         // Without textures all have the same parameters.
-        let has_texels = !surfaces.texels.is_empty() || !surfaces.further_texels.is_empty();
-        let step = if has_texels { 1 } else { range.len() };
+        let step = if surfaces.texels.is_empty() { range.len() } else { 1 };
         let parts = range.clone().step_by(step).map(|first| first..first + step);
         match class {
             Class::Diffuse => {
@@ -223,12 +221,12 @@ fn set(bsdf: &mut Bsdf, world: &World, surfaces: &InteractionSoa, vertices: &Ver
 #[inline]
 fn diffuse_albedo(material: &PreparedMaterial, surfaces: &InteractionSoa, i: usize) -> DVec3 {
     let Material::Phong(m) = material else { return DVec3::ZERO };
-    let texel = surfaces.texels.get(i).map_or(DVec3::ONE, |texels| texels.colour);
-    phong_albedo(m, surfaces.tint.get(i), texel)
+    phong_albedo(m, surfaces, i)
 }
 
-fn phong_albedo(m: &Phong<DVec3>, tint: DVec3, texel: DVec3) -> DVec3 {
-    unit(m.colour * tint * texel * m.diffuse)
+fn phong_albedo(m: &Phong<DVec3>, surfaces: &InteractionSoa, i: usize) -> DVec3 {
+    let texel = surfaces.texels.get(TextureSlot::BaseColour, i);
+    unit(m.colour * surfaces.tint.get(i) * texel * m.diffuse)
 }
 
 fn unit(colour: DVec3) -> DVec3 {
@@ -251,27 +249,28 @@ fn parameters(
             ..BsdfParameters::default()
         });
     }
-    let tint = surfaces.tint.get(i);
-    let texels = surfaces.texels.get(i).copied().unwrap_or_default();
-    let further = surfaces.further_texels.get(i).copied().unwrap_or_default();
+    let texel = |slot| surfaces.texels.get(slot, i);
     let from_inside = crossing.from_inside;
     let parameters = match material {
         Material::MetallicRoughness(m) if m.unlit => return None,
-        Material::MetallicRoughness(m) => BsdfParameters {
-            base_colour: unit(m.base_colour * tint * texels.colour),
-            metallic: (m.metallic * texels.metallic).clamp(0.0, 1.0),
-            roughness: (m.roughness * texels.roughness).clamp(0.0, 1.0),
-            ior: m.layers.ior,
-            specular: m.layers.specular * further.specular,
-            specular_colour: m.layers.specular_colour * further.specular_colour,
-            transmission: m.layers.transmission * further.transmission,
-            thin_walled: m.layers.volume.is_none(),
-            from_inside,
-            clearcoat: m.layers.clearcoat * further.clearcoat,
-            clearcoat_roughness: m.layers.clearcoat_roughness * further.clearcoat_roughness,
-            sheen_colour: m.layers.sheen_colour * further.sheen_colour,
-            sheen_roughness: m.layers.sheen_roughness * further.sheen_roughness,
-        },
+        Material::MetallicRoughness(m) => {
+            let (layers, both) = (&m.layers, texel(TextureSlot::MetallicRoughness));
+            BsdfParameters {
+                base_colour: unit(m.base_colour * surfaces.tint.get(i) * texel(TextureSlot::BaseColour)),
+                metallic: (m.metallic * both.z).clamp(0.0, 1.0),
+                roughness: (m.roughness * both.y).clamp(0.0, 1.0),
+                ior: layers.ior,
+                specular: layers.specular * texel(TextureSlot::Specular).x,
+                specular_colour: layers.specular_colour * texel(TextureSlot::SpecularColour),
+                transmission: layers.transmission * texel(TextureSlot::Transmission).x,
+                thin_walled: layers.volume.is_none(),
+                from_inside,
+                clearcoat: layers.clearcoat * texel(TextureSlot::Clearcoat).x,
+                clearcoat_roughness: layers.clearcoat_roughness * texel(TextureSlot::ClearcoatRoughness).y,
+                sheen_colour: layers.sheen_colour * texel(TextureSlot::SheenColour),
+                sheen_roughness: layers.sheen_roughness * texel(TextureSlot::SheenRoughness).x,
+            }
+        }
         Material::Phong(Phong { refraction: Some(glass), .. }) => BsdfParameters {
             base_colour: unit(glass.filter),
             metallic: 0.0,
@@ -284,7 +283,7 @@ fn parameters(
         // Blinn's exponent as a width of GGX (Walter and others, Microfacet Models for Refraction, 2007, section 5.2):
         // alpha^2 = 2 / (n + 2). Without a highlight there is no specular layer.
         Material::Phong(m) => BsdfParameters {
-            base_colour: phong_albedo(m, tint, texels.colour),
+            base_colour: phong_albedo(m, surfaces, i),
             metallic: 0.0,
             roughness: (2.0 / (m.shininess + 2.0)).sqrt().sqrt().clamp(0.0, 1.0),
             specular: m.specular.clamp(0.0, 1.0),
@@ -306,7 +305,7 @@ mod tests {
     use crate::scene::{
         AnalyticShape, MaterialId, MetallicRoughness, Object, PixelSampler, Refraction, Scene, Shape, Volume,
     };
-    use crate::world::{HitOrder, RAYS_PER_BATCH, Texels};
+    use crate::world::{HitOrder, RAYS_PER_BATCH};
 
     /// Materials of all classes.
     fn materials() -> Vec<Material> {
@@ -386,7 +385,8 @@ mod tests {
                 surfaces.is_tinted = true;
                 colours.enumerate().for_each(|(i, colour)| surfaces.tint.set(i, colour));
             } else if shift == 7 {
-                surfaces.texels.extend(colours.map(|colour| Texels { colour, ..Texels::default() }));
+                let texels = surfaces.texels.of_mut(TextureSlot::BaseColour, colours.len());
+                texels.iter_mut().zip(colours).for_each(|(texel, colour)| *texel = colour);
             }
             let (mut vertices, mut media) = (Box::<Vertices>::default(), Vec::new());
             vertices.media.start(&world, rays.rays().origins(), &mut media);

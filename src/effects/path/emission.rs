@@ -5,8 +5,8 @@ use glam::DVec3;
 use super::lights::Lights;
 use super::{Buffers, Scatter};
 use crate::effects::tile::{RayGeneration, RenderContext};
-use crate::scene::Material;
-use crate::world::{PreparedMaterial, SurfaceInteraction, World};
+use crate::scene::TextureSlot;
+use crate::world::{InteractionSoa, PreparedMaterial, World};
 
 impl Scatter {
     /// What a path adds after `bounces` (`Path::bounces`): as it is where light comes to the camera directly or by one surface, otherwise
@@ -82,20 +82,19 @@ impl Buffers {
         let surfaces = &generation.surfaces;
         for (material, range) in surfaces.by_material() {
             let material = &world.materials[*material as usize];
-            if !may_emit(material) {
+            if !material.is_unlit() && *material.emission() == DVec3::ZERO {
                 continue;
             }
             for i in range.clone() {
-                let surface = surfaces.get(i);
-                let emission = emission(material, &surface);
+                let emission = emission(material, surfaces, i);
                 let is_dark_side =
-                    world.emitters.is_one_sided(surface.hit.prim) && world.is_seen_from_back(surfaces, i);
+                    world.emitters.is_one_sided(surfaces.hit(i).prim) && world.is_seen_from_back(surfaces, i);
                 if emission == DVec3::ZERO || is_dark_side {
                     continue;
                 }
                 let ray = surfaces.ray_of()[i] as usize;
                 let path = &self.paths[ray];
-                let weight = lights.weight_of_emitter(&surface, path);
+                let weight = lights.weight_of_emitter(&surfaces.get(i), path);
                 let radiance = self.vertices.throughput.get(i) * emission * weight;
                 self.add_radiance(generation.camera_rays[ray], radiance, stage, path.bounces);
             }
@@ -103,19 +102,11 @@ impl Buffers {
     }
 }
 
-/// Whether a surface of a material emits light somewhere.
-fn may_emit(material: &PreparedMaterial) -> bool {
-    match material {
-        Material::Phong(m) => m.emission != DVec3::ZERO,
-        Material::MetallicRoughness(m) => m.unlit || m.emission != DVec3::ZERO,
-    }
-}
-
 /// The radiance that a surface emits.
-fn emission(material: &PreparedMaterial, surface: &SurfaceInteraction) -> DVec3 {
-    match material {
-        Material::Phong(m) => m.emission,
-        Material::MetallicRoughness(m) if m.unlit => m.base_colour * surface.tint * surface.texels.colour,
-        Material::MetallicRoughness(m) => m.emission * surface.texels.emission,
+fn emission(material: &PreparedMaterial, surfaces: &InteractionSoa, i: usize) -> DVec3 {
+    let texel = |slot| surfaces.texels.get(slot, i);
+    if material.is_unlit() {
+        return material.colour() * surfaces.tint.get(i) * texel(TextureSlot::BaseColour);
     }
+    material.emission() * texel(TextureSlot::Emission)
 }

@@ -387,12 +387,7 @@ mod tests {
                 sampler: PixelSampler::Sobol,
                 technique: LightTechnique::Both,
                 settings: PathSettings::default(),
-                texture_use: TextureUse {
-                    material_textures: false,
-                    normal_maps: false,
-                    slots: &[],
-                    filter: None,
-                },
+                texture_use: TextureUse::default(),
                 clamp: f64::INFINITY,
             };
             let lights = Lights::new(&world, &stage);

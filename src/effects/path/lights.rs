@@ -8,12 +8,12 @@ use glam::DVec3;
 use super::weights::bsdf_weight;
 use super::{Path, Scatter};
 use crate::effects::{LightTechnique, TextureUse};
-use crate::scene::TexelEncoding;
+use crate::scene::{TexelEncoding, TextureSlot};
 use crate::shading::LightSample;
 use crate::shading::texture::look_up;
 use crate::world::{
     EmitterSample, Emitters, EnvironmentCell, SurfaceInteraction, TexturePoint, TriangleSample, TwoTriangles,
-    World, emission_texture, sampled_emission,
+    World, sampled_emission,
 };
 
 /// The lights of a world.
@@ -196,7 +196,7 @@ impl<'a> Lights<'a> {
     /// The factor of the emission by its texture at a sampled point: the value that a path finds there, by the filter
     /// without a footprint. 1 without texture or where textures are off.
     fn emission_texel(&self, sample: &EmitterSample) -> DVec3 {
-        let texture = emission_texture(&self.world.materials[sample.material as usize]);
+        let texture = self.world.materials[sample.material as usize].textures()[TextureSlot::Emission];
         let Some(texture) = texture.filter(|_| self.texture_use.material_textures) else { return DVec3::ONE };
         let Some(uv) = self.world.uv(sample.object, sample.id, sample.barycentrics, texture.coordinates)
         else {

@@ -66,16 +66,6 @@ pub(super) const TRANSPORT: TransportEntry = TransportEntry {
     switch: Some(id::PATH),
     effects: &[],
     reason: "paths are traced",
-    // All but occlusion, which stands for what paths compute.
-    texture_slots: &[
-        TextureSlot::Specular,
-        TextureSlot::SpecularColour,
-        TextureSlot::Transmission,
-        TextureSlot::Clearcoat,
-        TextureSlot::ClearcoatRoughness,
-        TextureSlot::SheenColour,
-        TextureSlot::SheenRoughness,
-    ],
     specify: |_, spec| {
         spec.is_random = true;
         spec.secondary =
@@ -367,7 +357,8 @@ impl Buffers {
             let found = &mut found[generation.camera_rays[ray as usize] as usize];
             if found.is_none() && !self.continuations.is_delta.get(i) {
                 let surface = generation.surfaces.get(i);
-                let values = [base_colour(world, &surface), surface.shading_normal];
+                let texel = generation.surfaces.texels.get(TextureSlot::BaseColour, i);
+                let values = [base_colour(world, &surface, texel), surface.shading_normal];
                 *found = Some(values.map(|value| value.as_vec3().to_array()));
             }
         }

@@ -15,7 +15,7 @@ pub mod soft_shadows;
 pub mod terminator;
 
 use super::{EffectContext, Hook, PlanSpec, Stage, TransportEntry, id};
-use crate::scene::{TextureSlot, Transport};
+use crate::scene::Transport;
 
 /// The registry's entry.
 pub(super) const TRANSPORT: TransportEntry = TransportEntry {
@@ -23,8 +23,6 @@ pub(super) const TRANSPORT: TransportEntry = TransportEntry {
     switch: None,
     effects: &[id::SHADOWS, id::SOFT_SHADOWS, id::TERMINATOR, id::AMBIENT_OCCLUSION, id::GLAZE],
     reason: "surfaces are shaded by the lights that they see",
-    // The layers of materials are left out, but for the dielectric reflection.
-    texture_slots: &[TextureSlot::Occlusion, TextureSlot::Specular, TextureSlot::SpecularColour],
     specify: |context, spec| {
         spec.lit = spec.shading.uses_lights() && !context.world.lights.is_empty();
         spec.layers = true;

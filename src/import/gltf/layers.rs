@@ -4,11 +4,10 @@
 use glam::DVec3;
 use gltf::json::Value;
 
-use super::texture::OCCLUSION;
 use super::{Loader, specular_glossiness};
 use crate::error::Result;
 use crate::film::Colour;
-use crate::scene::{FurtherTexture, Layers, Texture, TextureSlot, Volume};
+use crate::scene::{Layers, SlotEntry, TEXTURE_SLOTS, Texture, TextureSlot, Textures, Volume};
 
 pub(super) const IOR: &str = "KHR_materials_ior";
 pub(super) const SPECULAR: &str = "KHR_materials_specular";
@@ -65,30 +64,25 @@ pub(super) fn layers(material: &gltf::Material) -> Layers {
     }
 }
 
-/// The textures of the extensions: extension, key, slot, and whether the alpha channel is read. `thicknessTexture` is
-/// for renderers that do not trace rays (KHR_materials_volume, section Thickness Texture).
-const TEXTURES: [(&str, &str, TextureSlot, bool); 7] = [
-    (SPECULAR, "specularTexture", TextureSlot::Specular, true),
-    (SPECULAR, "specularColorTexture", TextureSlot::SpecularColour, false),
-    (TRANSMISSION, "transmissionTexture", TextureSlot::Transmission, false),
-    (CLEARCOAT, "clearcoatTexture", TextureSlot::Clearcoat, false),
-    (CLEARCOAT, "clearcoatRoughnessTexture", TextureSlot::ClearcoatRoughness, false),
-    (SHEEN, "sheenColorTexture", TextureSlot::SheenColour, false),
-    (SHEEN, "sheenRoughnessTexture", TextureSlot::SheenRoughness, true),
-];
-
-/// Whether the factor of a slot is 0, so that its texture has no effect.
-fn is_zero(slot: TextureSlot, layers: &Layers) -> bool {
-    let black = |colour: Colour| matches!(colour, Colour::Linear(DVec3::ZERO));
+/// Whether a texture has an effect: whether its factor is not 0. That of opacities is read by [`Loader::opacity`].
+/// `thicknessTexture` is for renderers that do not trace rays (KHR_materials_volume, section Thickness Texture).
+fn is_used(slot: TextureSlot, material: &gltf::Material, layers: &Layers) -> bool {
+    let colours = |colour: Colour| colour != Colour::Linear(DVec3::ZERO);
     match slot {
-        TextureSlot::Occlusion => false,
-        TextureSlot::Specular => layers.specular == 0.0,
-        TextureSlot::SpecularColour => layers.specular == 0.0 || black(layers.specular_colour),
-        TextureSlot::Transmission => layers.transmission == 0.0,
-        TextureSlot::Clearcoat => layers.clearcoat == 0.0,
-        TextureSlot::ClearcoatRoughness => layers.clearcoat == 0.0 || layers.clearcoat_roughness == 0.0,
-        TextureSlot::SheenColour => black(layers.sheen_colour),
-        TextureSlot::SheenRoughness => black(layers.sheen_colour) || layers.sheen_roughness == 0.0,
+        TextureSlot::BaseColour
+        | TextureSlot::MetallicRoughness
+        | TextureSlot::Normal
+        | TextureSlot::Emission => true,
+        TextureSlot::Opacity => false,
+        _ if material.unlit() => false,
+        TextureSlot::Occlusion => material.occlusion_texture().is_some_and(|t| t.strength() > 0.0),
+        TextureSlot::Specular => layers.specular != 0.0,
+        TextureSlot::SpecularColour => layers.specular != 0.0 && colours(layers.specular_colour),
+        TextureSlot::Transmission => layers.transmission != 0.0,
+        TextureSlot::Clearcoat => layers.clearcoat != 0.0,
+        TextureSlot::ClearcoatRoughness => layers.clearcoat != 0.0 && layers.clearcoat_roughness != 0.0,
+        TextureSlot::SheenColour => colours(layers.sheen_colour),
+        TextureSlot::SheenRoughness => colours(layers.sheen_colour) && layers.sheen_roughness != 0.0,
     }
 }
 
@@ -97,44 +91,28 @@ pub(super) fn has_coat_normals(material: &gltf::Material) -> bool {
     material.extension_value(CLEARCOAT).is_some_and(|value| value.get("clearcoatNormalTexture").is_some())
 }
 
-/// The textures of the extensions, by JSON pointers from a material.
-pub(super) fn pointers() -> impl Iterator<Item = String> {
-    TEXTURES.into_iter().map(|(extension, key, ..)| pointer(extension, key))
-}
-
-fn pointer(extension: &str, key: &str) -> String {
-    format!("/extensions/{extension}/{key}")
-}
-
 impl Loader<'_> {
-    /// The textures of occlusion and of a material's extensions. One that does not exist is left out with a warning.
-    pub(super) fn further_textures(
+    /// The textures of a material but its opacity. One that does not exist is left out with a warning.
+    pub(super) fn textures(
         &mut self,
         material: &gltf::Material,
         layers: &Layers,
         document: &gltf::Document,
-    ) -> Result<Vec<FurtherTexture>> {
-        let mut further = Vec::new();
-        if material.unlit() {
-            return Ok(further);
-        }
-        if material.occlusion_texture().is_some_and(|occlusion| occlusion.strength() > 0.0) {
-            let texture = self.texture_at(material, OCCLUSION, document);
-            further.extend(texture.map(|texture| FurtherTexture { slot: TextureSlot::Occlusion, texture }));
-        }
-        for (extension, key, slot, is_alpha) in TEXTURES {
-            if is_zero(slot, layers) {
-                continue;
+    ) -> Result<Textures> {
+        let scale = material.normal_texture().map_or(1.0, |t| f64::from(t.scale()));
+        let strength = material.occlusion_texture().map_or(1.0, |t| f64::from(t.strength()));
+        let mut textures = Textures::default();
+        textures.normal_scale = if scale.is_finite() { scale } else { 1.0 };
+        textures.occlusion_strength = strength.clamp(0.0, 1.0);
+        for SlotEntry { slot, gltf, is_gltf_alpha, .. } in &TEXTURE_SLOTS {
+            if is_used(*slot, material, layers) {
+                textures[*slot] = match is_gltf_alpha {
+                    true => self.alpha_texture_at(material, gltf, document, None)?,
+                    false => self.texture_at(material, gltf, document),
+                };
             }
-            let pointer = pointer(extension, key);
-            let texture = if is_alpha {
-                self.alpha_texture_at(material, &pointer, document, None)?
-            } else {
-                self.texture_at(material, &pointer, document)
-            };
-            further.extend(texture.map(|texture| FurtherTexture { slot, texture }));
         }
-        Ok(further)
+        Ok(textures)
     }
 
     /// The alpha channel of the texture that a JSON pointer names, as a grey texture; `None` without one.

@@ -8,7 +8,6 @@ use serde::Deserialize;
 
 use super::document::NO_IMAGE;
 use super::layers::AlphaUse;
-use super::texture::{BASE_COLOUR, EMISSION, METALLIC_ROUGHNESS, NORMAL};
 use super::{Loader, dvec3};
 use crate::error::{Place, Result};
 use crate::film::Colour;
@@ -16,8 +15,8 @@ use crate::import::images::{self, Channels, ImageLoader};
 use crate::import::scene_file::{LensSection, lens};
 use crate::import::uri::{self, Resource};
 use crate::scene::{
-    Camera, Falloff, ImageId, Interpolation, Light, LightKind, Material, MetallicRoughness, Minify,
-    NormalMap, Opacity, Projection, Scene, Texture, TextureSampler, Wrap,
+    Camera, Falloff, ImageId, Interpolation, Light, LightKind, Material, MetallicRoughness, Minify, Opacity,
+    Projection, Scene, Texture, TextureSampler, TextureSlot, Textures, Wrap,
 };
 
 impl Loader<'_> {
@@ -138,36 +137,32 @@ impl Loader<'_> {
         let strength = f64::from(m.emissive_strength().unwrap_or(1.0).clamp(0.0, f32::MAX));
         let emission = colour(m.emissive_factor()) * strength;
         let layers = super::layers::layers(m);
-        let further_textures = self.further_textures(m, &layers, document)?;
+        let mut textures = self.textures(m, &layers, document)?;
+        let opacity = self.opacity(m, document, &mut textures)?;
         let mut material = MetallicRoughness {
             name: m.name().map_or_else(|| format!("material {}", m.index().unwrap_or(0)), str::to_owned),
             base_colour: Colour::Linear(colour([r, g, b])),
-            base_colour_texture: self.texture_at(m, BASE_COLOUR, document),
             metallic: f64::from(pbr.metallic_factor()).clamp(0.0, 1.0),
             roughness: f64::from(pbr.roughness_factor()).clamp(0.0, 1.0),
-            metallic_roughness_texture: self.texture_at(m, METALLIC_ROUGHNESS, document),
             emission: Colour::Linear(emission),
-            emission_texture: self.texture_at(m, EMISSION, document),
             unlit: m.unlit(),
-            opacity: self.opacity(m, document)?,
+            opacity,
             layers,
             double_sided: m.double_sided(),
-            occlusion_strength: m
-                .occlusion_texture()
-                .map_or(1.0, |t| f64::from(t.strength()).clamp(0.0, 1.0)),
-            further_textures,
-            normal_map: m.normal_texture().and_then(|t| {
-                let scale = f64::from(t.scale());
-                let texture = self.texture_at(m, NORMAL, document)?;
-                Some(NormalMap { texture, scale: if scale.is_finite() { scale } else { 1.0 } })
-            }),
+            textures,
         };
         self.replace_by_specular_glossiness(m, document, &mut material)?;
         Ok(Material::MetallicRoughness(material))
     }
 
-    /// The opacity of a material: the alpha of its base colour (glTF 2.0, section 3.9.4); `None` for an opaque one.
-    fn opacity(&mut self, m: &gltf::Material, document: &gltf::Document) -> Result<Option<Opacity>> {
+    /// The opacity of a material: the alpha of its base colour (glTF 2.0, section 3.9.4), with its texture;
+    /// `None` for an opaque one.
+    fn opacity(
+        &mut self,
+        m: &gltf::Material,
+        document: &gltf::Document,
+        textures: &mut Textures,
+    ) -> Result<Option<Opacity>> {
         let cutoff = match m.alpha_mode() {
             AlphaMode::Opaque => return Ok(None),
             AlphaMode::Mask => Some(f64::from(m.alpha_cutoff().unwrap_or(0.5))),
@@ -175,8 +170,9 @@ impl Loader<'_> {
         };
         let pbr = m.pbr_metallic_roughness();
         let [.., alpha] = pbr.base_color_factor();
-        let texture = self.alpha_texture_at(m, BASE_COLOUR, document, None)?;
-        Ok(Some(Opacity { factor: f64::from(alpha).clamp(0.0, 1.0), texture, cutoff }))
+        let slot = TextureSlot::Opacity;
+        textures[slot] = self.alpha_texture_at(m, slot.entry().gltf, document, None)?;
+        Ok(Some(Opacity { factor: f64::from(alpha).clamp(0.0, 1.0), cutoff }))
     }
 
     pub(super) fn camera(&mut self, camera: &gltf::Camera, name: String, world_from_node: &DMat4) {

@@ -10,7 +10,7 @@ use super::Loader;
 use super::layers::{number, unit_colour};
 use crate::error::Result;
 use crate::film::Colour;
-use crate::scene::{FurtherTexture, MetallicRoughness, Opacity, TextureSlot};
+use crate::scene::{MetallicRoughness, Opacity, TextureSlot};
 use glam::DVec3;
 
 pub(super) const NAME: &str = "KHR_materials_pbrSpecularGlossiness";
@@ -19,9 +19,7 @@ const DIFFUSE: &str = "/extensions/KHR_materials_pbrSpecularGlossiness/diffuseTe
 const SPECULAR: &str = "/extensions/KHR_materials_pbrSpecularGlossiness/specularGlossinessTexture";
 
 /// The textures of the extension, by JSON pointers from a material.
-pub(super) fn pointers() -> [String; 2] {
-    [DIFFUSE, SPECULAR].map(str::to_owned)
-}
+pub(super) const POINTERS: [&str; 2] = [DIFFUSE, SPECULAR];
 
 impl Loader<'_> {
     /// Replaces base colour, opacity, metallic, roughness, index of refraction and specular of a material by those of
@@ -36,28 +34,25 @@ impl Loader<'_> {
         let colour = |key| Colour::Linear(unit_colour(value.get(key), DVec3::ONE));
         let glossiness = number(value.get("glossinessFactor"), 1.0).clamp(0.0, 1.0);
         material.base_colour = colour("diffuseFactor");
-        material.base_colour_texture = self.texture_at(of, DIFFUSE, document);
+        material.textures[TextureSlot::BaseColour] = self.texture_at(of, DIFFUSE, document);
         if let Some(cutoff) = material.opacity.map(|opacity| opacity.cutoff) {
             let alpha = value.get("diffuseFactor").and_then(|factor| factor.get(3));
-            let texture = self.alpha_texture_at(of, DIFFUSE, document, None)?;
-            material.opacity = Some(Opacity { factor: number(alpha, 1.0).clamp(0.0, 1.0), texture, cutoff });
+            material.textures[TextureSlot::Opacity] = self.alpha_texture_at(of, DIFFUSE, document, None)?;
+            material.opacity = Some(Opacity { factor: number(alpha, 1.0).clamp(0.0, 1.0), cutoff });
         }
         material.metallic = 0.0;
         material.roughness = 1.0 - glossiness;
-        material.metallic_roughness_texture = None;
         (material.layers.ior, material.layers.specular) = (0.0, 1.0);
         material.layers.specular_colour = colour("specularFactor");
-        let is_specular = |slot| matches!(slot, TextureSlot::Specular | TextureSlot::SpecularColour);
-        material.further_textures.retain(|further| !is_specular(further.slot));
-        let slot = TextureSlot::SpecularColour;
-        let colours = self.texture_at(of, SPECULAR, document);
-        material.further_textures.extend(colours.map(|texture| FurtherTexture { slot, texture }));
+        material.textures[TextureSlot::Specular] = None;
+        material.textures[TextureSlot::SpecularColour] = self.texture_at(of, SPECULAR, document);
         // Without an alpha channel the glossiness is its factor.
         let alpha_use = Some(glossiness.to_bits());
-        if let Some(roughness) = self.alpha_texture_at(of, SPECULAR, document, alpha_use)? {
+        let roughness = self.alpha_texture_at(of, SPECULAR, document, alpha_use)?;
+        if roughness.is_some() {
             material.roughness = 1.0;
-            material.metallic_roughness_texture = Some(roughness);
         }
+        material.textures[TextureSlot::MetallicRoughness] = roughness;
         Ok(())
     }
 }

@@ -8,14 +8,7 @@ use serde_json::Value;
 
 use super::document::TEXTURE_TRANSFORM;
 use super::{Loader, layers, specular_glossiness};
-use crate::scene::{Attribute, Texture};
-
-/// The textures of the core of glTF, by JSON pointers from a material.
-pub(super) const BASE_COLOUR: &str = "/pbrMetallicRoughness/baseColorTexture";
-pub(super) const METALLIC_ROUGHNESS: &str = "/pbrMetallicRoughness/metallicRoughnessTexture";
-pub(super) const NORMAL: &str = "/normalTexture";
-pub(super) const OCCLUSION: &str = "/occlusionTexture";
-pub(super) const EMISSION: &str = "/emissiveTexture";
+use crate::scene::{Attribute, TEXTURE_SLOTS, Texture};
 
 /// The set of texture coordinates of a texture, and their transform.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,10 +39,10 @@ impl Coordinates {
 
 /// The coordinates of all textures of a material, each once, those of its base colour first.
 pub(super) fn coordinates(material: &Value) -> Vec<Coordinates> {
-    let core = [BASE_COLOUR, METALLIC_ROUGHNESS, NORMAL, EMISSION, OCCLUSION].map(str::to_owned);
-    let pointers = specular_glossiness::pointers().into_iter().chain(core).chain(layers::pointers());
+    let pointers =
+        specular_glossiness::POINTERS.into_iter().chain(TEXTURE_SLOTS.iter().map(|slot| slot.gltf));
     let mut all = Vec::new();
-    for info in pointers.filter_map(|pointer| material.pointer(&pointer)) {
+    for info in pointers.filter_map(|pointer| material.pointer(pointer)) {
         let one = Coordinates::of(info);
         if !all.contains(&one) {
             all.push(one);

@@ -6,10 +6,9 @@ use gltf::accessor::{DataType, Dimensions};
 
 use super::Loader;
 use super::check::{NodePlace, fault, is_allowed};
-use super::texture::NORMAL;
 use crate::error::Result;
 use crate::import::tangents::{make_tangents, normals_of_triangles};
-use crate::scene::{Attribute, Mesh, is_mirror, moved_tangent};
+use crate::scene::{Attribute, Mesh, TextureSlot, is_mirror, moved_tangent};
 
 impl Loader<'_> {
     /// Reads a primitive in the local space of its mesh, its morph targets added by their weights; `None` for points and
@@ -82,7 +81,7 @@ impl Loader<'_> {
                 "{name}: morph targets that differ from its positions in number are left out"
             ));
         }
-        if let Some(coordinates) = self.coordinates_at(&material, NORMAL) {
+        if let Some(coordinates) = self.coordinates_at(&material, TextureSlot::Normal.entry().gltf) {
             make_tangents(&mut mesh, coordinates);
         }
         if out_of_range > 0 {

@@ -8,7 +8,9 @@ use crate::error::{Result, Warnings};
 use crate::film::Colour;
 use crate::import::Source;
 use crate::import::images::{Channels, ImageLoader};
-use crate::scene::{ImageId, Material, MetallicRoughness, NormalMap, Opacity, Phong, Scene, Texture};
+use crate::scene::{
+    ImageId, Material, MetallicRoughness, Opacity, Phong, Scene, Texture, TextureSlot, Textures,
+};
 
 /// Converts materials, and adds their images to the scene. An image that exceeds the memory limit is an error.
 pub(super) struct Converter<'a> {
@@ -48,13 +50,15 @@ impl Converter<'_> {
         // MTL does not define a default of Kd; with a texture, white leaves it unchanged.
         let default = if texture.is_some() { [1.0; 3] } else { [0.8; 3] };
         let colour = Colour::Display(m.diffuse.unwrap_or(default).into());
-        let opacity = self.opacity(definition)?;
-        let normal_map = self.normal_map(definition)?;
+        let mut textures: Textures = [(TextureSlot::BaseColour, texture)].into();
+        let opacity = self.opacity(definition, &mut textures)?;
+        let has_opacities = textures[TextureSlot::Opacity].is_some();
+        let unmapped = textures;
+        self.normal_map(definition, &mut textures)?;
         if pbr::is_physically_based(m) {
-            let material = self.physically_based(definition, texture, normal_map)?;
+            let material = self.physically_based(definition, textures)?;
             // What lets light through by `Tf` has no opacity by `d`, too.
-            let opacity =
-                opacity.filter(|opacity| material.layers.transmission == 0.0 || opacity.texture.is_some());
+            let opacity = opacity.filter(|_| material.layers.transmission == 0.0 || has_opacities);
             let unlit = is_unlit(m);
             return Ok(Material::MetallicRoughness(MetallicRoughness { opacity, unlit, ..material }));
         }
@@ -66,9 +70,9 @@ impl Converter<'_> {
             return Ok(Material::MetallicRoughness(MetallicRoughness {
                 name: m.name.clone(),
                 base_colour: colour,
-                base_colour_texture: texture,
                 unlit: true,
                 opacity,
+                textures: unmapped,
                 ..MetallicRoughness::default()
             }));
         }
@@ -81,19 +85,18 @@ impl Converter<'_> {
         Ok(Material::Phong(Phong {
             name: m.name.clone(),
             colour,
-            texture,
             specular,
             shininess,
             emission: Colour::Display(emission.unwrap_or([0.0; 3]).into()),
-            normal_map,
-            opacity: opacity.filter(|opacity| refraction.is_none() || opacity.texture.is_some()),
+            opacity: opacity.filter(|_| refraction.is_none() || has_opacities),
             refraction,
+            textures,
             ..Phong::default()
         }))
     }
 
     /// Opacity from `d` (or `Tr`, which is 1 - `d`) and `map_d`. Some exporters, such as MeshLab, write `Tr 1` for what is opaque.
-    fn opacity(&mut self, definition: &Definition) -> Result<Option<Opacity>> {
+    fn opacity(&mut self, definition: &Definition, textures: &mut Textures) -> Result<Option<Opacity>> {
         let m = &definition.material;
         let transparency = m.dissolve.is_none().then(|| pbr::number(m, "Tr")).flatten().unwrap_or(0.0);
         let factor = match m.dissolve {
@@ -113,29 +116,30 @@ impl Converter<'_> {
         }
         let name = m.dissolve_texture.as_ref();
         let texture = self.texture(definition, "map_d", name, Channels::AlphaOrGrey)?;
-        Ok((factor < 1.0 || texture.is_some()).then_some(Opacity { factor, texture, cutoff: None }))
+        textures[TextureSlot::Opacity] = texture;
+        Ok((factor < 1.0 || texture.is_some()).then_some(Opacity { factor, cutoff: None }))
     }
 
     /// Normal map from `norm`, or from the heights of `map_Bump` or `bump`, scaled by `-bm`.
-    fn normal_map(&mut self, definition: &Definition) -> Result<Option<NormalMap>> {
+    fn normal_map(&mut self, definition: &Definition, textures: &mut Textures) -> Result<()> {
         let m = &definition.material;
         if let Some(name) = m.unknown_param.get("norm") {
             if m.normal_texture.is_some() {
                 let about = self.about(m);
                 self.warnings.left_out(format!("{about} a normal map; drawn without its bump map"));
             }
-            let texture = self.texture(definition, "norm", Some(name), Channels::Colour)?;
-            return Ok(texture.map(|texture| NormalMap { texture, scale: 1.0 }));
+            textures[TextureSlot::Normal] = self.texture(definition, "norm", Some(name), Channels::Colour)?;
+            return Ok(());
         }
         let name = m.normal_texture.as_ref();
         let Some(file) = name.and_then(|name| self.source.resolve_image(name, self.warnings)) else {
-            return Ok(None);
+            return Ok(());
         };
-        let bump = self.images.bump_of_file(self.scene, &file, self.warnings)?;
-        Ok(bump.map(|(image, steepest)| NormalMap {
-            texture: definition.texture(image, "bump"),
-            scale: steepest * definition.options("bump").multiplier,
-        }))
+        if let Some((image, steepest)) = self.images.bump_of_file(self.scene, &file, self.warnings)? {
+            textures[TextureSlot::Normal] = Some(definition.texture(image, "bump"));
+            textures.normal_scale = steepest * definition.options("bump").multiplier;
+        }
+        Ok(())
     }
 }
 

@@ -10,7 +10,7 @@ use super::mtl::Definition;
 use crate::error::Result;
 use crate::film::Colour;
 use crate::import::images::Channels;
-use crate::scene::{Layers, MetallicRoughness, NormalMap, Refraction, Texture, Volume};
+use crate::scene::{Layers, MetallicRoughness, Refraction, TextureSlot, Textures, Volume};
 
 /// Roughness of the sheen, which MTL cannot say: the default of Blender's Principled BSDF.
 const SHEEN_ROUGHNESS: f64 = 0.5;
@@ -37,12 +37,11 @@ pub(crate) fn is_physically_based(m: &tobj::Material) -> bool {
 }
 
 impl Converter<'_> {
-    /// Converts a physically based material with the texture of its colour and its normal map.
+    /// Converts a physically based material, to whose textures those of its own keys are added.
     pub(super) fn physically_based(
         &mut self,
         definition: &Definition,
-        texture: Option<Texture>,
-        normal_map: Option<NormalMap>,
+        mut textures: Textures,
     ) -> Result<MetallicRoughness> {
         let m = &definition.material;
         let unit_of = |key: &str, default: f64| number(m, key).unwrap_or(default).clamp(0.0, 1.0);
@@ -58,16 +57,15 @@ impl Converter<'_> {
         let transmission = filter(m).map_or(0.0, |filter| filter.element_sum() / 3.0);
         // Exporters without an index write 1.
         let ior = m.optical_density.filter(|ior| *ior > 1.0 || *ior == 1.0 && transmission > 0.0);
+        let has_colours = textures[TextureSlot::BaseColour].is_some();
+        textures[TextureSlot::MetallicRoughness] = both.map(|image| definition.texture(image, first));
+        textures[TextureSlot::Emission] = emission_map.map(|image| definition.texture(image, "map_Ke"));
         Ok(MetallicRoughness {
             name: m.name.clone(),
-            base_colour: colour(m.diffuse, if texture.is_some() { 1.0 } else { 0.8 }),
-            base_colour_texture: texture,
+            base_colour: colour(m.diffuse, if has_colours { 1.0 } else { 0.8 }),
             metallic: unit_of("Pm", if metallic_map.is_some() { 1.0 } else { 0.0 }),
             roughness: unit_of("Pr", 1.0),
-            metallic_roughness_texture: both.map(|image| definition.texture(image, first)),
             emission: colour(m.emissive, if emission_map.is_some() { 1.0 } else { 0.0 }),
-            emission_texture: emission_map.map(|image| definition.texture(image, "map_Ke")),
-            normal_map,
             layers: Layers {
                 ior: ior.unwrap_or(1.5),
                 specular: f64::from(u8::from(has_highlight(m))),
@@ -82,6 +80,7 @@ impl Converter<'_> {
                 sheen_roughness: SHEEN_ROUGHNESS,
                 ..Layers::default()
             },
+            textures,
             ..MetallicRoughness::default()
         })
     }

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::import::dependencies::Files;
-use crate::scene::Shape;
+use crate::scene::{Shape, TextureSlot};
 
 fn read_bytes(bytes: Vec<u8>) -> Result<(Mesh, Warnings)> {
     let mut warnings = Warnings::default();
@@ -340,7 +340,11 @@ fn texture_and_mesh(scene: &Scene, object: usize) -> (Option<[u16; 3]>, &Mesh) {
     let object = &scene.objects[object];
     let Material::Phong(material) = &scene.materials[object.material.0 as usize] else { panic!("Phong") };
     let Shape::Mesh(mesh) = &object.shape else { panic!("a mesh") };
-    (material.texture.map(|texture| scene.images[texture.image.0 as usize].pixels.get(0)), mesh)
+    (
+        material.textures[TextureSlot::BaseColour]
+            .map(|texture| scene.images[texture.image.0 as usize].pixels.get(0)),
+        mesh,
+    )
 }
 
 #[test]

@@ -235,7 +235,6 @@ impl Builder<'_> {
         Ok(Material::Phong(Phong {
             name: name.to_owned(),
             colour: Colour::from_u8(s.colour.0),
-            texture: None,
             ambient: number("ambient", s.ambient, 1.0)?,
             diffuse: number("diffuse", s.diffuse, 1.0)?,
             specular: number("specular", s.specular, 0.0)?,
@@ -243,8 +242,8 @@ impl Builder<'_> {
             emission: self.emission(start, s)?,
             glaze,
             refraction: None,
-            normal_map: None,
             opacity: self.opacity(start, s)?,
+            ..Phong::default()
         }))
     }
 
@@ -254,7 +253,7 @@ impl Builder<'_> {
         if !(0.0..=1.0).contains(&factor) {
             return Err(self.error(start, format!("`opacity` is {factor}"), "give a number from 0 to 1"));
         }
-        Ok((factor < 1.0).then_some(Opacity { factor, texture: None, cutoff: None }))
+        Ok((factor < 1.0).then_some(Opacity { factor, cutoff: None }))
     }
 
     fn environment(

@@ -87,8 +87,7 @@ impl FacetColours {
             if !has_own {
                 material.colour = Colour::Display(DVec3::new(r, g, b));
             }
-            material.opacity =
-                (alpha < 1.0).then_some(Opacity { factor: alpha, texture: None, cutoff: None });
+            material.opacity = (alpha < 1.0).then_some(Opacity { factor: alpha, cutoff: None });
         }
         scene.add_material(Material::Phong(material))
     }

@@ -138,9 +138,9 @@ fn images_of_the_package() {
     let (scene, warnings) = load(bytes).expect("an item");
     assert!(warnings.is_empty(), "{warnings:?}");
     assert_eq!(scene.objects.len(), 2);
-    assert!(part(&scene, 0).1.texture.is_none());
+    assert!(part(&scene, 0).1.textures[TextureSlot::BaseColour].is_none());
     let (mesh, material) = part(&scene, 1);
-    let texture = material.texture.expect("a texture");
+    let texture = material.textures[TextureSlot::BaseColour].expect("a texture");
     assert_eq!(texture.sampler.wrap_u, Wrap::MirroredRepeat);
     let pixels: Vec<[u16; 3]> = scene.images[texture.image.0 as usize].pixels.iter().collect();
     assert_eq!(pixels, [[0, 255, 0]]);
@@ -171,7 +171,10 @@ fn textures_of_one_image_have_their_own_wrap_modes() {
         assert_eq!((scene.objects.len(), scene.images.len()), (2, 1));
         let wraps = [0, 1].map(|index| {
             let (mesh, material) = part(&scene, index);
-            (mesh.triangles[0][1], material.texture.expect("a texture").sampler.wrap_u)
+            (
+                mesh.triangles[0][1],
+                material.textures[TextureSlot::BaseColour].expect("a texture").sampler.wrap_u,
+            )
         });
         // Each part has the triangle of its texture: the second corner of the first is 1, of the second 2.
         let of = |wrap: Wrap| part_of_wrap(&scene, wrap).positions[1];
@@ -183,8 +186,9 @@ fn textures_of_one_image_have_their_own_wrap_modes() {
 /// The mesh of the object whose texture has this wrap mode.
 fn part_of_wrap(scene: &Scene, wrap: Wrap) -> &Mesh {
     let parts = (0..scene.objects.len()).map(|index| part(scene, index));
-    let mut of_wrap =
-        parts.filter(|(_, material)| material.texture.is_some_and(|texture| texture.sampler.wrap_u == wrap));
+    let mut of_wrap = parts.filter(|(_, material)| {
+        material.textures[TextureSlot::BaseColour].is_some_and(|texture| texture.sampler.wrap_u == wrap)
+    });
     of_wrap.next().expect("a part of the wrap mode").0
 }
 
