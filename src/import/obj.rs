@@ -33,7 +33,7 @@ use super::references::unquoted;
 use super::tangents::make_tangents;
 use super::{DefaultMaterials, Source, untextured};
 use crate::error::{Result, Warnings};
-use crate::scene::{MaterialId, Mesh, Object, Scene, Shape, TextureSlot};
+use crate::scene::{MaterialId, Mesh, Object, Scene, Shape};
 use assembly::{Assembly, Sizes};
 use material::Converter;
 
@@ -67,8 +67,8 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
                 None
             }
         };
-        if scene.materials[material.0 as usize].textures()[TextureSlot::Normal].is_some() {
-            make_tangents(&mut mesh, 0);
+        if let Some(coordinates) = scene.materials[material.0 as usize].tangent_coordinates() {
+            make_tangents(&mut mesh, coordinates);
         }
         for mesh in [Some(mesh), without_uvs].into_iter().flatten() {
             scene.objects.push(Object {

@@ -1,7 +1,5 @@
 //! Warnings and notes about a picture, before and after it is rendered.
 
-use glam::DVec3;
-
 use super::{RenderJob, back_faces};
 use crate::effects::{PathSettings, Plan, RayKind, id, named};
 use crate::error::Warnings;
@@ -73,7 +71,7 @@ fn needs_path(material: &PreparedMaterial) -> bool {
         Material::Phong(m) => m.refraction.is_some(),
         Material::MetallicRoughness(m) if m.unlit => false,
         Material::MetallicRoughness(MetallicRoughness { layers, .. }) => {
-            layers.transmission > 0.0 || layers.clearcoat > 0.0 || layers.sheen_colour != DVec3::ZERO
+            layers.transmission > 0.0 || layers.has_extra_lobes()
         }
     }
 }

@@ -52,7 +52,24 @@ impl Default for Layers {
     }
 }
 
+impl Layers<glam::DVec3> {
+    /// Whether it has lobes that only the general BSDF of path tracing has.
+    pub fn has_extra_lobes(&self) -> bool {
+        self.clearcoat > 0.0 || self.sheen_colour != glam::DVec3::ZERO
+    }
+}
+
 impl<C> Layers<C> {
+    /// The names and values of numbers that are described by themselves, and the values that stand for none.
+    pub fn numbers(&self) -> [(&'static str, f64, f64); 4] {
+        [
+            ("transmission", self.transmission, 0.0),
+            ("ior", self.ior, 1.5),
+            ("clearcoat", self.clearcoat, 0.0),
+            ("clearcoat_roughness", self.clearcoat_roughness, 0.0),
+        ]
+    }
+
     /// The layers with every colour converted by `convert`.
     pub fn map_colours<D>(self, convert: impl Fn(C) -> D) -> Layers<D> {
         Layers {

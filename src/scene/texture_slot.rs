@@ -4,7 +4,7 @@ use std::ops::{Index, IndexMut};
 
 use glam::DVec3;
 
-use super::{TexelEncoding, Texture, Transport};
+use super::{Material, TexelEncoding, Texture, Transport};
 
 /// The properties of a texture slot.
 #[derive(Debug)]
@@ -92,6 +92,13 @@ impl TextureSlot {
     #[inline(always)]
     pub const fn entry(self) -> &'static SlotEntry {
         &TEXTURE_SLOTS[self as usize]
+    }
+}
+
+impl<C> Material<C> {
+    /// The texture coordinates that the tangents of its meshes follow; `None` where it needs no tangents.
+    pub fn tangent_coordinates(&self) -> Option<u8> {
+        self.textures()[TextureSlot::Normal].map(|texture| texture.coordinates)
     }
 }
 

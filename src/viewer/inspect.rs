@@ -203,6 +203,8 @@ fn material_values(world: &World, material: &PreparedMaterial) -> Vec<(&'static 
                 ("metallic", m.metallic.to_string()),
                 ("roughness", m.roughness.to_string()),
             ];
+            let layers = m.layers.numbers().into_iter().filter(|(_, value, none)| value != none);
+            values.extend(layers.map(|(name, value, _)| (name, value.to_string())));
             if m.emission != DVec3::ZERO {
                 values.push(("emission", format!("{} {} {}", m.emission.x, m.emission.y, m.emission.z)));
             }

@@ -142,8 +142,8 @@ fn unit_tangent(t: DVec4) -> Vec4 {
 pub(crate) struct SharedAttributes(HashMap<*const Mesh, Arc<AttributeArrays>>);
 
 impl SharedAttributes {
-    /// Converts the attributes of a shape. Tangents are dropped where the material has no normal map.
-    pub(crate) fn attributes(&mut self, shape: Shape, has_normal_map: bool) -> Attributes {
+    /// Converts the attributes of a shape. Tangents are dropped where the material needs none.
+    pub(crate) fn attributes(&mut self, shape: Shape, needs_tangents: bool) -> Attributes {
         match shape {
             Shape::Analytic(_) => Attributes { arrays: Arc::default(), placed: None },
             Shape::Mesh(mut mesh) => {
@@ -151,7 +151,7 @@ impl SharedAttributes {
                 let own: Arc<[[u32; 3]]> = std::mem::take(&mut mesh.triangles).into();
                 let mut arrays = without_normals(mesh.uvs, mesh.colours, mesh.alphas, &own);
                 arrays.normals = normals.map(|a| corners(a, &own, unit));
-                arrays.tangents = tangents.filter(|_| has_normal_map).map(|a| corners(a, &own, unit_tangent));
+                arrays.tangents = tangents.filter(|_| needs_tangents).map(|a| corners(a, &own, unit_tangent));
                 Attributes { arrays: Arc::new(arrays), placed: None }
             }
             Shape::Placed(placed) => {

@@ -67,9 +67,7 @@ use glam::DVec3;
 use crate::bvh::{self, Accelerator, Instance, Layout, MeshSpace, Slot};
 use crate::film::ColourPipeline;
 use crate::geometry::{Numerics, PrimId};
-use crate::scene::{
-    DefaultLook, Light, LightKind, Material, MaterialId, Mesh, Object, Scene, Shape, TextureSlot,
-};
+use crate::scene::{DefaultLook, Light, LightKind, Material, MaterialId, Mesh, Object, Scene, Shape};
 
 /// The intensity of the ambient light where no input sets it.
 pub const DEFAULT_AMBIENT: f64 = 0.25;
@@ -220,8 +218,7 @@ impl World {
             scene.objects.push(ground::object(ground, MaterialId((materials.len() - 1) as u32)));
         }
         let mut area_lights = AreaLights::add_surfaces(&mut scene, &mut materials, pipeline);
-        let normal_mapped: Vec<bool> =
-            materials.iter().map(|m| m.textures()[TextureSlot::Normal].is_some()).collect();
+        let has_tangents: Vec<bool> = materials.iter().map(|m| m.tangent_coordinates().is_some()).collect();
         let Partition { instances, shared, firsts } = instances(&scene.objects, structure, numerics);
         let mut kept = 0;
         let slots = slots(&scene.objects, &firsts, &shared, numerics).inspect(|_| kept += 1);
@@ -246,7 +243,7 @@ impl World {
             first,
             is_mirrored: object.shape.is_mirrored(),
             is_analytic: matches!(object.shape, Shape::Analytic(_)),
-            attributes: attributes.attributes(object.shape, normal_mapped[object.material.0 as usize]),
+            attributes: attributes.attributes(object.shape, has_tangents[object.material.0 as usize]),
         });
         let objects = objects.collect();
         World {

@@ -125,12 +125,8 @@ fn features(material: &Material) -> Vec<Feature> {
 fn add_layers(layers: &Layers, add: &mut impl FnMut(&'static str, Value, String)) {
     let is_black = |colour: Colour| linear(colour) == [0.0; 3];
     let default = Layers::default();
-    for (key, value, default) in [
-        ("transmission", layers.transmission, default.transmission),
-        ("ior", layers.ior, default.ior),
-        ("clearcoat", layers.clearcoat, default.clearcoat),
-    ] {
-        if value != default {
+    for (key, value, none) in layers.numbers() {
+        if value != none {
             add(key, json!(value), format!("{key} {}", value as f32));
         }
     }

@@ -45,8 +45,8 @@ impl Class {
             Material::Phong(m) if m.specular <= 0.0 => Class::Diffuse,
             Material::Phong(_) => Class::Opaque,
             Material::MetallicRoughness(m) => {
-                let Layers { transmission, clearcoat, sheen_colour, volume, .. } = m.layers;
-                if m.unlit || clearcoat > 0.0 || sheen_colour != DVec3::ZERO {
+                let Layers { transmission, volume, .. } = m.layers;
+                if m.unlit || m.layers.has_extra_lobes() {
                     Class::General
                 } else if transmission <= 0.0 {
                     Class::Opaque

@@ -8,7 +8,7 @@ use super::Loader;
 use super::check::{NodePlace, fault, is_allowed};
 use crate::error::Result;
 use crate::import::tangents::{make_tangents, normals_of_triangles};
-use crate::scene::{Attribute, Mesh, TextureSlot, is_mirror, moved_tangent};
+use crate::scene::{Attribute, Material, Mesh, is_mirror, moved_tangent};
 
 impl Loader<'_> {
     /// Reads a primitive in the local space of its mesh, its morph targets added by their weights; `None` for points and
@@ -54,10 +54,12 @@ impl Loader<'_> {
         let (colours, alphas) = self.colours(primitive);
         let normals = self.attribute(primitive, &Semantic::Normals).and_then(|normals| self.dvec3s(&normals));
         let normals = normals.filter(|normals| normals.len() == count);
+        let known = material.index().and_then(|index| self.scene.materials.get(index));
+        let tangent_coordinates = known.and_then(Material::tangent_coordinates);
         // Tangents without normals are ignored (glTF 2.0, section 3.7.2.1).
         let tangents = self
             .attribute(primitive, &Semantic::Tangents)
-            .filter(|_| normals.is_some() && material.normal_texture().is_some())
+            .filter(|_| normals.is_some() && tangent_coordinates.is_some())
             .and_then(|tangents| self.vectors(&tangents));
         let tangents = tangents.map(|all| all.into_iter().map(DVec4::from_array).collect::<Vec<_>>());
         let differing = primitive.attributes().filter(|(_, accessor)| accessor.count() != count).count();
@@ -81,7 +83,7 @@ impl Loader<'_> {
                 "{name}: morph targets that differ from its positions in number are left out"
             ));
         }
-        if let Some(coordinates) = self.coordinates_at(&material, TextureSlot::Normal.entry().gltf) {
+        if let Some(coordinates) = tangent_coordinates {
             make_tangents(&mut mesh, coordinates);
         }
         if out_of_range > 0 {

@@ -10,6 +10,7 @@ use toml::Spanned;
 use toml::de::DeTable;
 
 use super::animation_sections::AnimationSection;
+use super::metallic_roughness::LayersSection;
 use super::toml_error::{TomlError, check_lists, explain};
 use crate::error::{Error, Place, Result};
 use crate::limits;
@@ -247,35 +248,6 @@ pub struct MaterialSection {
     pub opacity: Option<f64>,
     /// Layers and medium, as in extensions of glTF; used by path tracing.
     pub layers: Option<LayersSection>,
-}
-
-/// Layers and medium of a metallic-roughness material, as in the extensions of glTF.
-#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct LayersSection {
-    /// Index of refraction, 1 or more, or 0 for one that reflects everything; 1.5 if not given.
-    pub ior: Option<f64>,
-    /// Weight of the reflection of a dielectric, 0 to 1; 1 if not given.
-    pub specular: Option<f64>,
-    /// Factor of the reflectance of a dielectric at normal incidence; white if not given.
-    pub specular_colour: Option<ColourValue>,
-    /// Part of the light that is transmitted instead of scattered diffusely, 0 to 1; 0 if not given.
-    pub transmission: Option<f64>,
-    /// Whether the surface encloses a volume, which refracts; if not, it is a thin wall.
-    #[serde(default)]
-    pub volume: bool,
-    /// Transmittance of the volume over `attenuation_distance`; white if not given.
-    pub attenuation_colour: Option<ColourValue>,
-    /// The distance of `attenuation_colour`; infinite if not given.
-    pub attenuation_distance: Option<f64>,
-    /// Weight of a clear coat, 0 to 1; 0 if not given.
-    pub clearcoat: Option<f64>,
-    /// Roughness of the clear coat, 0 to 1; 0 if not given.
-    pub clearcoat_roughness: Option<f64>,
-    /// Colour of the sheen of cloth; none if not given.
-    pub sheen_colour: Option<ColourValue>,
-    /// Roughness of the sheen, 0 to 1; 0 if not given.
-    pub sheen_roughness: Option<f64>,
 }
 
 /// Mirror reflection, blended with a surface's own colour.
