@@ -81,13 +81,13 @@ fn has_glaze(material: &PreparedMaterial) -> bool {
     matches!(material, Material::Phong(m) if m.glaze.as_ref().is_some_and(|glaze| glaze.weight > 0.0))
 }
 
-/// Warns of omitted spheres, of area lights and a clamp without path tracing, and of requested effects that change
+/// Warns of omitted shapes, of area lights and a clamp without path tracing, and of requested effects that change
 /// nothing.
 pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     let RenderJob { world, plan, choices, .. } = job;
     if world.too_small > 0 {
         warnings.left_out(format!(
-            "{} sphere(s) have a radius that rounds to 0 in the tier `{}`; left out",
+            "{} analytic shape(s) have a radius that rounds to 0 in the tier `{}`; left out",
             world.too_small,
             world.numerics().name()
         ));

@@ -38,6 +38,7 @@ mod ground;
 mod import_options;
 mod layers;
 pub(crate) mod lens;
+mod light;
 mod material;
 pub(crate) mod option;
 mod picture;
@@ -70,6 +71,8 @@ pub use ground::Ground;
 pub use import_options::{Degrees, ImportOptions, ReadingOptions, Seconds};
 pub use layers::{Layers, Volume};
 pub use lens::{Focus, Lens};
+pub(crate) use light::LightSurface;
+pub use light::{Falloff, Light, LightKind};
 pub use material::{
     DecodedImage, Glaze, Material, MetallicRoughness, Opacity, Phong, Refraction, TexelEncoding, Texture,
 };
@@ -174,154 +177,6 @@ pub enum Shape {
     Mesh(Mesh),
     /// An instance of a mesh shared by several placements.
     Placed(Placed),
-}
-
-/// A light.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Light {
-    /// Name from the file, or one derived from its position there.
-    pub name: String,
-    /// Its colour, multiplied by the intensity.
-    pub colour: Colour,
-    /// Intensity: a white, fully diffuse surface that faces a light of intensity 1 shows its own colour, if the light
-    /// has no falloff or is 1 away.
-    pub intensity: f64,
-    /// Position or direction, size and falloff.
-    pub kind: LightKind,
-}
-
-/// The kinds of light.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub enum LightKind {
-    /// A point light, in all directions.
-    Point {
-        /// Position.
-        position: DVec3,
-        /// Falloff with distance.
-        falloff: Falloff,
-    },
-    /// A light at infinite distance.
-    Directional {
-        /// Direction in which the light travels, of length 1.
-        direction: DVec3,
-        /// Apparent diameter in radians, 0 to pi. The irradiance of a facing surface does not depend on it.
-        angle: f64,
-    },
-    /// A point light restricted to a cone.
-    Spot {
-        /// Position.
-        position: DVec3,
-        /// Axis of the cone, of length 1.
-        direction: DVec3,
-        /// Falloff with distance.
-        falloff: Falloff,
-        /// Half angle of the inner cone, inside which the intensity is full, in radians.
-        inner_angle: f64,
-        /// Half angle of the outer cone, outside which the intensity is zero, in radians.
-        outer_angle: f64,
-    },
-    /// A sphere of uniform radiance: intensity / radius^2, so that from far away it is a point light of its intensity
-    /// with inverse-square falloff.
-    Sphere {
-        /// Centre.
-        position: DVec3,
-        /// Radius, above 0.
-        radius: f64,
-    },
-    /// A rectangle of uniform radiance on its front: pi * intensity / area, so that from far in front it is a point
-    /// light of its intensity with inverse-square falloff.
-    Rectangle {
-        /// Centre.
-        position: DVec3,
-        /// Normal of the front, of length 1.
-        direction: DVec3,
-        /// Up vector, not necessarily perpendicular to the direction: the height lies in the plane of both.
-        up: DVec3,
-        /// Width and height, above 0.
-        size: [f64; 2],
-    },
-}
-
-impl LightKind {
-    /// Its name, as in scene files.
-    pub fn name(&self) -> &'static str {
-        match self {
-            LightKind::Point { .. } => "point",
-            LightKind::Directional { .. } => "directional",
-            LightKind::Spot { .. } => "spot",
-            LightKind::Sphere { .. } => "sphere",
-            LightKind::Rectangle { .. } => "rectangle",
-        }
-    }
-
-    /// Whether its irradiance falls off with distance.
-    pub fn falls_off(&self) -> bool {
-        match self {
-            LightKind::Directional { .. } => false,
-            LightKind::Point { falloff, .. } | LightKind::Spot { falloff, .. } => *falloff != Falloff::None,
-            LightKind::Sphere { .. } | LightKind::Rectangle { .. } => true,
-        }
-    }
-
-    /// Whether it is seen under a solid angle above 0, so that directions of BSDFs find it.
-    pub fn has_extent(&self) -> bool {
-        self.is_area() || matches!(self, LightKind::Directional { angle, .. } if *angle > 0.0)
-    }
-
-    /// Whether the light is a surface in the scene, which rays hit.
-    pub fn is_area(&self) -> bool {
-        matches!(self, LightKind::Sphere { .. } | LightKind::Rectangle { .. })
-    }
-
-    /// The position; `None` for a light at infinite distance.
-    pub fn position_mut(&mut self) -> Option<&mut DVec3> {
-        match self {
-            LightKind::Point { position, .. }
-            | LightKind::Spot { position, .. }
-            | LightKind::Sphere { position, .. }
-            | LightKind::Rectangle { position, .. } => Some(position),
-            LightKind::Directional { .. } => None,
-        }
-    }
-
-    /// The direction; `None` for a light that shines in all.
-    pub fn direction_mut(&mut self) -> Option<&mut DVec3> {
-        match self {
-            LightKind::Directional { direction, .. }
-            | LightKind::Spot { direction, .. }
-            | LightKind::Rectangle { direction, .. } => Some(direction),
-            LightKind::Point { .. } | LightKind::Sphere { .. } => None,
-        }
-    }
-}
-
-impl Light {
-    /// Scales a light about the origin: surfaces scaled with it look the same.
-    pub fn scale(&mut self, factor: f64) {
-        self.kind.position_mut().into_iter().for_each(|position| *position *= factor);
-        match &mut self.kind {
-            LightKind::Point { falloff: Falloff::InverseSquare { range }, .. }
-            | LightKind::Spot { falloff: Falloff::InverseSquare { range }, .. } => {
-                *range = range.map(|range| range * factor);
-            }
-            LightKind::Sphere { radius, .. } => *radius *= factor,
-            LightKind::Rectangle { size, .. } => *size = size.map(|side| side * factor),
-            LightKind::Directional { .. } | LightKind::Point { .. } | LightKind::Spot { .. } => return,
-        }
-        self.intensity *= factor * factor;
-    }
-}
-
-/// Falloff of a light's intensity with distance.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub enum Falloff {
-    /// None: the assignment's light.
-    None,
-    /// Inverse square; with a `range`, windowed smoothly to zero at it (glTF, KHR_lights_punctual).
-    InverseSquare {
-        /// Distance at which the intensity reaches zero.
-        range: Option<f64>,
-    },
 }
 
 impl FromIterator<Shape> for Scene {

@@ -1,4 +1,4 @@
-//! Maxima of affine functions over the vertices and bounding spheres of a scene (support function values), such as its bounds.
+//! Maxima of affine functions over the vertices and analytic shapes of a scene (support function values), such as its bounds.
 //!
 //! The results equal those of an exhaustive search bit by bit. Bounding boxes of the vertices of each mesh, in a tree, give
 //! upper bounds, rounding included; only the vertices of boxes that may contain the maximum are evaluated.
@@ -41,18 +41,15 @@ impl PointTrees {
     }
 }
 
-/// Maximum of each function over all vertices and bounding spheres of `objects`, among those of `trees`; negative
+/// Maximum of each function over all vertices and analytic shapes of `objects`, among those of `trees`; negative
 /// infinity if there are none.
 pub(crate) fn maxima(trees: &PointTrees, objects: &[Object], functions: &[AffineFunction]) -> Vec<f64> {
     let mut best = vec![f64::NEG_INFINITY; functions.len()];
     let mut placed: Vec<(&Placed, &PointTree)> = Vec::new();
     for object in objects {
         match &object.shape {
-            Shape::Analytic(shape) => {
-                let (centre, radius) = shape.bounding_sphere();
-                include(&mut best, functions, centre, radius);
-            }
-            Shape::Mesh(mesh) => mesh.corners().for_each(|p| include(&mut best, functions, p, 0.0)),
+            Shape::Analytic(shape) => include(&mut best, functions, |out| shape.support(out)),
+            Shape::Mesh(mesh) => mesh.corners().for_each(|p| include(&mut best, functions, |_| (p, 0.0))),
             Shape::Placed(one) => placed.push((one, &trees.0[&Arc::as_ptr(&one.mesh)])),
         }
     }
@@ -71,8 +68,10 @@ pub(crate) fn maxima(trees: &PointTrees, objects: &[Object], functions: &[Affine
     best
 }
 
-fn include(best: &mut [f64], functions: &[AffineFunction], centre: DVec3, radius: f64) {
+/// Includes the sphere of each function's gradient.
+fn include(best: &mut [f64], functions: &[AffineFunction], sphere: impl Fn(DVec3) -> (DVec3, f64)) {
     for (best, function) in best.iter_mut().zip(functions) {
+        let (centre, radius) = sphere(function.gradient);
         *best = best.max((function.of_sphere)(centre, radius));
     }
 }

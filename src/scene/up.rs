@@ -4,7 +4,7 @@ use glam::{DMat4, DVec3, DVec4};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{LightKind, Scene, Shape, Step};
+use super::{Scene, Shape, Step};
 
 /// The axis that points up in a file. In a scene it is +y.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -70,11 +70,7 @@ impl Scene {
             [&mut camera.position, &mut camera.target, &mut camera.up].into_iter().for_each(turned);
         }
         for light in &mut self.lights {
-            light.kind.position_mut().into_iter().for_each(turned);
-            light.kind.direction_mut().into_iter().for_each(turned);
-            if let LightKind::Rectangle { up, .. } = &mut light.kind {
-                turned(up);
-            }
+            light.kind.rotate(&rotation);
         }
     }
 }

@@ -27,21 +27,7 @@ impl LightSample {
 
     #[inline(always)]
     fn incident(kind: &LightKind, radiance: DVec3, point: DVec3) -> (Self, bool) {
-        let (to_light, strength) = match kind {
-            LightKind::Directional { direction, .. } => (-*direction, 1.0),
-            LightKind::Point { position, falloff } => {
-                let to_light = *position - point;
-                (to_light, distance_attenuation(*falloff, to_light.length_squared()))
-            }
-            LightKind::Spot { position, direction, falloff, inner_angle, outer_angle } => {
-                let to_light = *position - point;
-                let cosine = -to_light.dot(*direction) / to_light.length();
-                let cone = cone_attenuation(cosine, *inner_angle, *outer_angle);
-                (to_light, cone * distance_attenuation(*falloff, to_light.length_squared()))
-            }
-            // Surfaces of the scene, which are lights in path tracing alone.
-            LightKind::Sphere { .. } | LightKind::Rectangle { .. } => (DVec3::ZERO, 0.0),
-        };
+        let (to_light, strength) = kind.incident(point);
         let length = to_light.length();
         // Not finite for a light at the point itself, which `length > 0` rejects.
         let direction = to_light / length;
@@ -50,7 +36,7 @@ impl LightSample {
         let is_finite = (sum.x == 0.0) & (sum.y == 0.0) & (sum.z == 0.0);
         let is_something = (radiance.x != 0.0) | (radiance.y != 0.0) | (radiance.z != 0.0);
         let is_something = is_something & (length > 0.0) & is_finite;
-        let distance = if matches!(kind, LightKind::Directional { .. }) { f64::INFINITY } else { length };
+        let distance = if kind.position().is_some() { length } else { f64::INFINITY };
         (LightSample { direction, distance, radiance, cosine: 0.0 }, is_something)
     }
 
@@ -130,50 +116,5 @@ impl LightSoa {
             self.cosine[i] = cosine;
             self.reaches[i] = (cosine > 0.0) & (smooth | is_above) & is_something;
         }
-    }
-}
-
-/// The distance attenuation of KHR_lights_punctual: 1 / d^2, times max(min(1 - (d / range)^4, 1), 0) for a light with a range.
-#[inline(always)]
-fn distance_attenuation(falloff: Falloff, distance_squared: f64) -> f64 {
-    match falloff {
-        Falloff::None => 1.0,
-        Falloff::InverseSquare { range: None } => 1.0 / distance_squared,
-        Falloff::InverseSquare { range: Some(range) } => {
-            let ratio = distance_squared / (range * range);
-            (1.0 - ratio * ratio).clamp(0.0, 1.0) / distance_squared
-        }
-    }
-}
-
-/// The angular attenuation of KHR_lights_punctual: the square of a linear ramp in the cosine from the outer to the inner angle.
-fn cone_attenuation(cosine: f64, inner_angle: f64, outer_angle: f64) -> f64 {
-    let (inner, outer) = (inner_angle.cos(), outer_angle.cos());
-    if cosine <= outer {
-        return 0.0;
-    }
-    let ramp = ((cosine - outer) / (inner - outer)).clamp(0.0, 1.0);
-    // Equal angles give a sharp edge: 0 / 0 inside the cone counts as 1.
-    if ramp.is_nan() { 1.0 } else { ramp * ramp }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn falloff_by_hand() {
-        assert_eq!(distance_attenuation(Falloff::None, 100.0), 1.0);
-        assert_eq!(distance_attenuation(Falloff::InverseSquare { range: None }, 4.0), 0.25);
-        // d = 1, range = 2: 1 - (1/2)^4 = 15/16.
-        assert_eq!(distance_attenuation(Falloff::InverseSquare { range: Some(2.0) }, 1.0), 15.0 / 16.0);
-        assert_eq!(distance_attenuation(Falloff::InverseSquare { range: Some(2.0) }, 9.0), 0.0);
-    }
-
-    /// Elsewhere the profile is that of KHR_lights_punctual, as pictures of spots show.
-    #[test]
-    fn cones_of_equal_angles_have_a_sharp_edge() {
-        let angle = 60f64.to_radians();
-        assert_eq!([0.4, 0.9].map(|cosine| cone_attenuation(cosine, angle, angle)), [0.0, 1.0]);
     }
 }

@@ -58,7 +58,7 @@ impl DisplayMode {
             DisplayMode::Depth => "distance from the camera, near light and far dark",
             DisplayMode::Objects => "a colour for each object; shows what the file calls them",
             DisplayMode::Materials => "a colour for each material; shows what has the same surface",
-            DisplayMode::Primitives => "a colour for each triangle or sphere; shows the mesh",
+            DisplayMode::Primitives => "a colour for each triangle or analytic shape; shows the mesh",
             DisplayMode::NodeTests => "boxes that the camera ray is tested against; shows what takes long",
             DisplayMode::ErrorAgainstExact => {
                 "difference from exact arithmetic; shows where rounding changes the picture"

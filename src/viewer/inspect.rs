@@ -44,7 +44,7 @@ pub struct SurfaceInfo {
     pub primitive: u32,
     /// Primitive number within its object.
     pub primitive_of_object: u32,
-    /// `sphere` or `triangle`.
+    /// `triangle`, or the name of an analytic shape.
     pub kind: &'static str,
     /// Distance along the ray.
     pub distance: f64,

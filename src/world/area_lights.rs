@@ -5,14 +5,16 @@ use glam::DVec3;
 use super::PreparedMaterial;
 use super::rectangle::Rectangle;
 use crate::film::{Colour, ColourPipeline};
-use crate::scene::{Light, LightKind, Material, MaterialId, Mesh, Object, Phong, Scene, Shape, Sphere};
+use crate::scene::{Light, LightSurface, Material, MaterialId, Object, Phong, Scene, Shape};
 
 /// The lights with an area that a scene has.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct AreaLights {
     /// Their names.
     pub(crate) names: Vec<String>,
-    /// The rectangles among them: the last objects of the scene, in this order, two triangles each.
+    /// The number of those that emit from the front alone: the last objects of the scene.
+    pub(super) one_sided: usize,
+    /// The rectangles among these: the last, in this order, two triangles each.
     pub(super) rectangles: Vec<Rectangle>,
 }
 
@@ -27,18 +29,29 @@ impl AreaLights {
     ) -> Self {
         let mut lights = AreaLights::default();
         let mut surfaces = Vec::new();
-        for light in scene.lights.iter().filter(|light| light.kind.is_area()) {
-            let Some((shape, rectangle, factor)) = surface(&light.kind) else { continue };
+        for light in &scene.lights {
+            let Some((surface, factor)) = light.kind.surface() else { continue };
+            let (shape, is_one_sided, rectangle) = match surface {
+                LightSurface::Analytic { shape, is_one_sided } => {
+                    (Shape::Analytic(shape), is_one_sided, None)
+                }
+                LightSurface::Rectangle { centre, normal, up, size } => {
+                    let Some(rectangle) = Rectangle::new(centre, normal, up, size) else { continue };
+                    (Shape::Mesh(rectangle.mesh()), true, Some(rectangle))
+                }
+            };
             let radiance = light.colour.to_pipeline(pipeline) * light.intensity * factor;
             if radiance == DVec3::ZERO || !radiance.is_finite() {
                 continue;
             }
             materials.push(material(light, radiance));
             let material = MaterialId((materials.len() - 1) as u32);
-            surfaces.push((rectangle, Object { name: light.name.clone(), input: 0, material, shape }));
+            let object = Object { name: light.name.clone(), input: 0, material, shape };
+            surfaces.push((is_one_sided, rectangle, object));
         }
-        surfaces.sort_by_key(|(rectangle, _)| rectangle.is_some());
-        for (rectangle, object) in surfaces {
+        surfaces.sort_by_key(|(is_one_sided, rectangle, _)| (*is_one_sided, rectangle.is_some()));
+        for (is_one_sided, rectangle, object) in surfaces {
+            lights.one_sided += usize::from(is_one_sided);
             lights.names.push(object.name.clone());
             lights.rectangles.extend(rectangle);
             scene.objects.push(object);
@@ -50,31 +63,8 @@ impl AreaLights {
 /// Whether a light that has an area, and is not black or off, has a radiance that is finite and not zero.
 pub(crate) fn has_radiance(light: &Light) -> bool {
     let is_off = light.intensity == 0.0 || light.colour.to_pipeline(ColourPipeline::Linear) == DVec3::ZERO;
-    let factor = surface(&light.kind).map_or(0.0, |(.., factor)| factor);
-    let radiance = light.intensity * factor;
-    !light.kind.is_area() || is_off || radiance.is_finite() && radiance != 0.0
-}
-
-/// The surface of a light, and its radiance for an intensity of 1. A point light of intensity I with inverse-square
-/// falloff gives a facing surface at a distance d the irradiance pi I / d^2; far away, a sphere of radiance L gives pi
-/// L radius^2 / d^2 and a rectangle L area / d^2.
-fn surface(kind: &LightKind) -> Option<(Shape, Option<Rectangle>, f64)> {
-    match *kind {
-        LightKind::Sphere { position, radius } => {
-            let sphere = Sphere { centre: position, radius };
-            Some((Shape::Analytic(sphere.into()), None, 1.0 / (radius * radius)))
-        }
-        LightKind::Rectangle { position, direction, up, size } => {
-            let rectangle = Rectangle::new(position, direction, up, size)?;
-            let mesh = Mesh {
-                positions: rectangle.corners().to_vec(),
-                triangles: vec![[0, 1, 2], [0, 2, 3]],
-                ..Mesh::default()
-            };
-            Some((Shape::Mesh(mesh), Some(rectangle), std::f64::consts::PI / rectangle.area()))
-        }
-        LightKind::Point { .. } | LightKind::Directional { .. } | LightKind::Spot { .. } => None,
-    }
+    let radiance = light.kind.surface().map(|(_, factor)| light.intensity * factor);
+    is_off || radiance.is_none_or(|radiance| radiance.is_finite() && radiance != 0.0)
 }
 
 /// A black material of the given emission, in the numbers of the pipeline.

@@ -1,5 +1,5 @@
-//! The emissive surfaces of a world as lights: chosen by power, sampled by area (triangles) or solid angle (analytic
-//! shapes and rectangles). The power of a textured triangle is that of the mean of its texture. What a texture emits is
+//! The emissive surfaces of a world as lights: chosen by power, sampled by area (triangles), by solid angle (rectangles)
+//! or as analytic shapes do it. The power of a textured triangle is that of the mean of its texture. What a texture emits is
 //! looked up by the caller.
 
 use glam::DVec3;
@@ -15,7 +15,7 @@ use crate::geometry::spawn::SurfacePoint;
 use crate::geometry::{AnalyticShape, Precision, PrimId, Triangle};
 use crate::scene::{Attribute, Mesh, Object, Shape, TextureSlot};
 
-/// The emissive primitives of a world. Both sides of a surface emit, but only the front of a rectangle light.
+/// The emissive primitives of a world. Both sides of a surface emit, except of lights with a front.
 pub(crate) struct Emitters {
     emitters: Vec<Emitter>,
     /// Cumulative powers: the sum over the emitters up to and including each.
@@ -28,6 +28,8 @@ pub(crate) struct Emitters {
     rectangles: Vec<Rectangle>,
     /// The first of those primitives.
     first_rectangle: PrimId,
+    /// The first of the primitives that emit from the front alone, which are the last.
+    first_one_sided: PrimId,
 }
 
 struct Emitter {
@@ -94,16 +96,18 @@ fn textured(object: &Object, material: &PreparedMaterial, images: &[Image]) -> O
 
 impl Emitters {
     /// Lists the emissive primitives of the objects, whose first primitives are `firsts`, as rounded to the tier's
-    /// precision. The last objects are `rectangles`.
+    /// precision. The last `one_sided` objects emit from the front alone, and the last of these are `rectangles`.
     pub(super) fn new(
         objects: &[Object],
         firsts: &[PrimId],
         (materials, images): (&[PreparedMaterial], &[Image]),
-        rectangles: Vec<Rectangle>,
+        (one_sided, rectangles): (usize, Vec<Rectangle>),
         precision: Precision,
     ) -> Self {
         let count = objects.len() - rectangles.len();
-        let first_rectangle = firsts.get(count).copied().unwrap_or(PrimId(u32::MAX));
+        let first_of_last =
+            |count: usize| firsts.get(objects.len() - count).copied().unwrap_or(PrimId(u32::MAX));
+        let [first_rectangle, first_one_sided] = [rectangles.len(), one_sided].map(first_of_last);
         let mut list = Emitters {
             emitters: Vec::new(),
             cumulative: Vec::new(),
@@ -111,6 +115,7 @@ impl Emitters {
             textured: Vec::new(),
             rectangles,
             first_rectangle,
+            first_one_sided,
         };
         for (index, (object, first)) in objects.iter().zip(firsts).enumerate().take(count) {
             let material = object.material.0;
@@ -185,9 +190,10 @@ impl Emitters {
         self.rectangles.get(prim.0.checked_sub(self.first_rectangle.0)? as usize / 2)
     }
 
-    /// Whether a primitive emits from the front alone, from which its corners are seen counterclockwise.
+    /// Whether a primitive emits from the front alone: where its normal points, or its corners are seen
+    /// counterclockwise.
     pub(crate) fn is_one_sided(&self, prim: PrimId) -> bool {
-        prim >= self.first_rectangle
+        prim >= self.first_one_sided
     }
 
     /// Whether nothing emits.
@@ -264,10 +270,14 @@ impl Emitters {
                 (direction, sample.point, normal, barycentrics, pdf)
             }
             EmitterShape::Analytic(shape) => {
-                let (direction, distance) = shape.sample_solid_angle(from, numbers)?;
+                let (direction, distance) = shape.sample(from, numbers)?;
                 let (point, outward) = shape.surface(from + direction * distance);
-                let normal = if outward.dot(direction) > 0.0 { -outward } else { outward };
-                let pdf = density * shape.area() / shape.solid_angle(from);
+                let is_back = outward.dot(direction) > 0.0;
+                if is_back && self.is_one_sided(id) {
+                    return None;
+                }
+                let normal = if is_back { -outward } else { outward };
+                let pdf = density * shape.area() / shape.sampled_solid_angle(from, point.position);
                 (direction, point, normal, [1.0, 0.0, 0.0], pdf)
             }
         };
@@ -300,7 +310,7 @@ impl Emitters {
                 let to_light = position - from;
                 density * to_light.length_squared() / to_light.normalize().dot(normal).abs()
             }
-            Some(shape) => density * shape.area() / shape.solid_angle(from),
+            Some(shape) => density * shape.area() / shape.sampled_solid_angle(from, position),
         }
     }
 }

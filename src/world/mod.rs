@@ -228,9 +228,9 @@ impl World {
         let environment = look.environment.as_ref();
         let environment =
             environment.map(|environment| PreparedEnvironment::new(environment, pipeline).into());
-        let rectangles = std::mem::take(&mut area_lights.rectangles);
+        let of_lights = (area_lights.one_sided, std::mem::take(&mut area_lights.rectangles));
         let looks = (&materials[..], &images[..]);
-        let emitters = Emitters::new(&scene.objects, &firsts, looks, rectangles, numerics.precision());
+        let emitters = Emitters::new(&scene.objects, &firsts, looks, of_lights, numerics.precision());
         let volumes = Volumes::new(&scene.objects, &materials).map(Arc::new);
         let too_small = primitive_count - instanced - kept;
         let mut lights = world_lights(scene.lights, pipeline);

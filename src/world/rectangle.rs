@@ -6,6 +6,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::view::basis;
+use crate::geometry::Mesh;
 
 /// Solid angle in steradians below which points are sampled by area, as pbrt does below 3e-4 (4th edition, section
 /// 6.5.4). The parametrisation loses digits as the solid angle falls and for thin rectangles seen from close by: down
@@ -43,6 +44,12 @@ impl Rectangle {
     pub(super) fn corners(&self) -> [DVec3; 4] {
         let [x, y] = [0, 1].map(|k| 0.5 * self.size[k] * self.axes[k]);
         [self.centre - x - y, self.centre + x - y, self.centre + x + y, self.centre - x + y]
+    }
+
+    /// Its two triangles.
+    pub(super) fn mesh(&self) -> Mesh {
+        let triangles = vec![[0, 1, 2], [0, 2, 3]];
+        Mesh { positions: self.corners().to_vec(), triangles, ..Mesh::default() }
     }
 
     /// The rectangle as seen from a point; `None` from behind, from its plane, and from where f64 does not resolve it.

@@ -26,7 +26,7 @@ use super::WorldLight;
 use crate::bvh::Primitive;
 use crate::geometry::Numerics;
 use crate::geometry::spawn::reach_of;
-use crate::scene::{LightKind, Mesh, Object, Placed, Shape};
+use crate::scene::{Mesh, Object, Placed, Shape};
 
 /// Maximum number of planes per light. Further ones, at a vertex of many triangles, may occlude it.
 const MOST: usize = 64;
@@ -41,18 +41,11 @@ pub(crate) struct TouchedPlane {
 }
 
 impl WorldLight {
-    fn position(&self) -> Option<DVec3> {
-        match self.kind {
-            LightKind::Point { position, .. } | LightKind::Spot { position, .. } => Some(position),
-            LightKind::Directional { .. } | LightKind::Sphere { .. } | LightKind::Rectangle { .. } => None,
-        }
-    }
-
     /// Fraction of the way from a point to the light on which the shadow ray is tested: 1 for a light that touches no
     /// plane.
     #[inline]
     pub(crate) fn tested_share(&self, from: DVec3) -> f64 {
-        let Some(position) = self.position().filter(|_| !self.touched.is_empty()) else { return 1.0 };
+        let Some(position) = self.kind.position().filter(|_| !self.touched.is_empty()) else { return 1.0 };
         let share = |plane: &TouchedPlane| 1.0 - plane.margin / (from - position).dot(plane.normal).abs();
         self.touched.iter().map(share).fold(1.0, f64::min).max(0.0)
     }
@@ -68,7 +61,8 @@ fn unit(numerics: Numerics) -> f64 {
 
 /// Copies the planes of known lights to those at the same positions.
 pub(super) fn copy(lights: &mut [WorldLight], known: &[WorldLight]) {
-    let place = |light: &WorldLight| light.position().map(|position| position.to_array().map(f64::to_bits));
+    let place =
+        |light: &WorldLight| light.kind.position().map(|position| position.to_array().map(f64::to_bits));
     let on_planes = known.iter().filter(|light| !light.touched.is_empty());
     let planes: HashMap<_, _> = on_planes.map(|light| (place(light), &light.touched)).collect();
     for light in lights {
@@ -81,7 +75,7 @@ pub(super) fn find(lights: &mut [WorldLight], objects: &[Object], numerics: Nume
     let (precision, unit) = (numerics.precision(), unit(numerics));
     let mut positions: Vec<(DVec3, usize)> = Vec::new();
     for (index, light) in lights.iter().enumerate() {
-        positions.extend(light.position().filter(|p| p.is_finite()).map(|position| (position, index)));
+        positions.extend(light.kind.position().filter(|p| p.is_finite()).map(|position| (position, index)));
     }
     if positions.is_empty() {
         return;

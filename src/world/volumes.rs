@@ -86,7 +86,7 @@ impl Volumes {
             // Origins move by EDGE_DISTANCE of their triangle's coordinates; points in f32 are off by 4 times as much.
             let margin = 8.0 * EDGE_DISTANCE * min.abs().max(max.abs()).max_element();
             let is_closed = match &object.shape {
-                Shape::Analytic(_) => true,
+                Shape::Analytic(shape) => shape.is_closed(),
                 Shape::Mesh(mesh) => is_closed(mesh),
                 Shape::Placed(placed) => {
                     let mesh = &placed.mesh;

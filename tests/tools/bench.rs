@@ -182,7 +182,10 @@ fn a_file_is_benched_by_its_triangles() {
     };
     let output = bench(format!("{sphere}{triangle}"));
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    assert_eq!(text(&output.stderr), "kiln: note: 1 sphere(s) left out: triangles alone are compared\n");
+    assert_eq!(
+        text(&output.stderr),
+        "kiln: note: 1 analytic shape(s) left out: triangles alone are compared\n"
+    );
     assert!(text(&output.stdout).starts_with("both.toml: 1 triangles\n"), "{}", text(&output.stdout));
     let output = bench(sphere.to_owned());
     assert_eq!(output.status.code(), Some(3));

@@ -85,13 +85,13 @@ impl Bvh {
         preset: Preset,
         numerics: Numerics,
     ) -> Result<Self, NotFinite> {
-        Ok(Bvh::over(&checked(primitives, numerics)?, Layout::Wide(preset), numerics))
+        Ok(Bvh::over(&checked(primitives)?, Layout::Wide(preset), numerics))
     }
 
-    fn over(primitives: &[Option<Primitive>], layout: Layout, numerics: Numerics) -> Self {
-        let slots =
-            (0..).zip(primitives).filter_map(|(id, p)| Some(Slot { primitive: (*p)?, id: PrimId(id) }));
-        let has_slot = primitives.iter().map(Option::is_some).collect();
+    fn over(primitives: &[Primitive], layout: Layout, numerics: Numerics) -> Self {
+        let rounded = || primitives.iter().map(|p| p.rounded(numerics.precision()));
+        let slots = (0..).zip(rounded()).filter_map(|(id, p)| Some(Slot { primitive: p?, id: PrimId(id) }));
+        let has_slot = rounded().map(|p| p.is_some()).collect();
         Bvh {
             accelerator: build(slots, layout, numerics),
             layout,
@@ -226,14 +226,13 @@ impl Bvh {
     /// # Errors
     /// [`NotFinite`], as for [`Bvh::new`].
     pub fn update(&mut self, primitives: impl IntoIterator<Item = Primitive>) -> Result<Update, NotFinite> {
-        let now = checked(primitives, self.numerics)?;
+        let now = checked(primitives)?;
         // A primitive without a slot cannot be refitted.
+        let is_empty = |p: &Primitive| p.rounded(self.numerics.precision()).is_none();
         let is_same = self.has_slot.len() == now.len()
-            && self.has_slot.iter().zip(&now).all(|(has_slot, p)| *has_slot || p.is_none());
+            && self.has_slot.iter().zip(&now).all(|(has_slot, p)| *has_slot || is_empty(p));
         if is_same {
-            // Only empty shapes are without a slot.
-            let nothing = Primitive::Analytic(AnalyticShape::EMPTY);
-            let relative_cost = self.accelerator.refit(&|id| now[id.0 as usize].unwrap_or(nothing));
+            let relative_cost = self.accelerator.refit(&|id| now[id.0 as usize]);
             if let Some(relative_cost) = relative_cost.filter(|cost| is_worth_keeping(*cost)) {
                 self.closedness = OnceLock::new();
                 return Ok(Update::Refitted(relative_cost));
@@ -313,12 +312,8 @@ fn ray_of(precision: Precision, origin: DVec3, direction: DVec3, t_max: f64) -> 
     precision.ray(origin, direction, 0.0, t_max)
 }
 
-/// The primitives rounded to the precision of the tier; `None` for those without a rounded form.
-fn checked(
-    primitives: impl IntoIterator<Item = Primitive>,
-    numerics: Numerics,
-) -> Result<Vec<Option<Primitive>>, NotFinite> {
-    let precision = numerics.precision();
+/// The primitives, if all are finite.
+fn checked(primitives: impl IntoIterator<Item = Primitive>) -> Result<Vec<Primitive>, NotFinite> {
     let is_finite = |primitive: &Primitive| {
         let is_finite = match primitive {
             Primitive::Triangle(Triangle(corners)) => corners.iter().all(|corner| corner.is_finite()),
@@ -330,7 +325,7 @@ fn checked(
         is_finite && b.min.is_finite() && b.max.is_finite()
     };
     let check = |(index, primitive): (usize, Primitive)| match is_finite(&primitive) {
-        true => Ok(primitive.rounded(precision)),
+        true => Ok(primitive),
         false => Err(NotFinite::Primitive(index)),
     };
     primitives.into_iter().enumerate().map(check).collect()

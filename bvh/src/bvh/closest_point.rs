@@ -25,14 +25,12 @@ impl Bvh {
         point.is_finite().then_some(())?;
         let mut best: Option<ClosestPoint> = None;
         let mut visit = |prim: PrimId, primitive| {
-            if let Some(offset) = offset(point, &primitive) {
-                let distance = offset.length();
-                let is_better = best.is_none_or(|best| {
-                    distance < best.distance || distance == best.distance && prim < best.prim
-                });
-                if is_better {
-                    best = Some(ClosestPoint { point: point + offset, distance, prim });
-                }
+            let offset = offset(point, &primitive);
+            let distance = offset.length();
+            let is_better = best
+                .is_none_or(|best| distance < best.distance || distance == best.distance && prim < best.prim);
+            if is_better {
+                best = Some(ClosestPoint { point: point + offset, distance, prim });
             }
             best.map_or(f64::INFINITY, |best| best.distance)
         };
@@ -49,12 +47,11 @@ impl Bvh {
     }
 }
 
-/// The vector to the closest point of a primitive; `None` for a shape without points.
-fn offset(point: DVec3, primitive: &Primitive) -> Option<DVec3> {
+/// The vector to the closest point of a primitive.
+fn offset(point: DVec3, primitive: &Primitive) -> DVec3 {
     match primitive {
-        Primitive::Triangle(Triangle(corners)) => Some(offset_to_triangle(corners.map(|p| p - point))),
-        Primitive::Analytic(shape) if shape.is_empty() => None,
-        Primitive::Analytic(shape) => Some(shape.surface(point).0.position - point),
+        Primitive::Triangle(Triangle(corners)) => offset_to_triangle(corners.map(|p| p - point)),
+        Primitive::Analytic(shape) => shape.surface(point).0.position - point,
     }
 }
 

@@ -24,10 +24,11 @@ pub struct SignedHit {
 pub type Crossing = SignedHit;
 
 /// How often the edges of triangles are used. Vertices are those stored, rounded to the tier's precision, and equal if
-/// their coordinates are. Triangles with two equal vertices do not count; spheres have no edges.
+/// their coordinates are. Triangles with two equal vertices do not count. An analytic shape that is not closed, such as a
+/// disk, has one boundary edge, its rim.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Closedness {
-    /// Edges of one triangle.
+    /// Edges of one triangle, and rims.
     pub boundary_edges: usize,
     /// Edges of more than two triangles.
     pub non_manifold_edges: usize,
@@ -233,14 +234,20 @@ fn cross(test: &LineTest, prim: PrimId, primitive: Primitive, mut found: impl Fn
 type Vertex = [u64; 3];
 
 fn closedness(accelerator: &dyn Accelerator) -> Closedness {
-    let mut triangles: Vec<(PrimId, [Vertex; 3])> = Vec::new();
-    accelerator.each_primitive(&mut |prim, primitive| {
-        if let Primitive::Triangle(Triangle(corners)) = primitive {
+    let (mut triangles, mut closedness): (Vec<(PrimId, [Vertex; 3])>, _) =
+        (Vec::new(), Closedness::default());
+    accelerator.each_primitive(&mut |prim, primitive| match primitive {
+        Primitive::Triangle(Triangle(corners)) => {
             // -0 + 0 is 0.
             let [a, b, c] = corners.map(|corner| corner.to_array().map(|x| (x + 0.0).to_bits()));
             if a != b && b != c && c != a {
                 triangles.push((prim, [a, b, c]));
             }
+        }
+        Primitive::Analytic(shape) if shape.is_closed() => {}
+        Primitive::Analytic(_) => {
+            closedness.boundary_edges += 1;
+            closedness.unbalanced_edges += 1;
         }
     });
     triangles.par_sort_unstable_by_key(|(prim, _)| *prim);
@@ -252,7 +259,6 @@ fn closedness(accelerator: &dyn Accelerator) -> Closedness {
         .collect();
     drop(triangles);
     edges.par_sort_unstable();
-    let mut closedness = Closedness::default();
     for uses in edges.chunk_by(|a, b| a.0 == b.0) {
         let forward = uses.iter().filter(|(_, is_forward)| *is_forward).count();
         closedness.boundary_edges += usize::from(uses.len() == 1);

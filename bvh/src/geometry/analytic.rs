@@ -4,12 +4,14 @@
 use glam::DVec3;
 
 use super::distance::Distance;
+use super::fast::{FastRay, One};
 use super::lanes::{HitN, RayN};
-use super::simd::{Doubles, Floats};
+use super::simd::{Doubles, Floats, Vector};
 use super::spawn::SurfacePoint;
-use super::{Bounds, Numerics, Precision, Ray, Side, Sphere};
+use super::sphere::SphereN;
+use super::{Bounds, Numerics, Precision, PreparedRay, Ray, Side, Sphere};
 
-/// A primitive that is not a triangle. Another kind is another variant, and an arm of `each!`.
+/// A primitive that is not a triangle. Another kind is another variant here and of [`ShapeN`], and an arm of `each!`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub enum AnalyticShape {
@@ -17,24 +19,27 @@ pub enum AnalyticShape {
     Sphere(Sphere),
 }
 
-/// Evaluates an expression for the shape of any kind.
+/// Shapes of one kind, one in each lane.
+pub(crate) enum ShapeN<D> {
+    /// Spheres.
+    Sphere(SphereN<D>),
+}
+
+/// The most numbers that [`AnalyticShape::numbers`] has.
+pub(crate) const SHAPE_NUMBERS: usize = 4;
+
+/// Evaluates an expression for the shape or shapes of any kind.
 macro_rules! each {
     ($self:expr, $shape:ident => $value:expr) => {
         match $self {
-            AnalyticShape::Sphere($shape) => $value,
+            Self::Sphere($shape) => $value,
         }
     };
 }
 
 impl AnalyticShape {
-    /// A shape without points.
-    pub(crate) const EMPTY: AnalyticShape =
-        AnalyticShape::Sphere(Sphere { centre: DVec3::ZERO, radius: 0.0 });
-
-    /// Whether it is [`AnalyticShape::EMPTY`].
-    pub(crate) fn is_empty(&self) -> bool {
-        *self == Self::EMPTY
-    }
+    /// The names of all kinds.
+    pub const NAMES: [&str; 1] = ["sphere"];
 
     /// The name of the kind of shape, such as `sphere`.
     pub fn name(&self) -> &'static str {
@@ -52,6 +57,27 @@ impl AnalyticShape {
         each!(self, shape => shape.bounding_sphere())
     }
 
+    /// A sphere that touches or crosses the plane with the normal `out` before which all of the shape lies, and is not before
+    /// it: one point if its radius is 0.
+    pub fn support(&self, out: DVec3) -> (DVec3, f64) {
+        each!(self, shape => shape.support(out))
+    }
+
+    /// The centre, to be moved.
+    pub fn centre_mut(&mut self) -> &mut DVec3 {
+        each!(self, shape => &mut shape.centre)
+    }
+
+    /// The radius, to be changed. It must stay above 0.
+    pub fn radius_mut(&mut self) -> &mut f64 {
+        each!(self, shape => &mut shape.radius)
+    }
+
+    /// The unit vector that gives its direction, to be changed; `None` if it looks alike from all sides.
+    pub fn direction_mut(&mut self) -> Option<&mut DVec3> {
+        each!(self, shape => shape.direction_mut())
+    }
+
     /// The shape rounded to the precision of a tier; `None` if that is empty.
     pub(crate) fn rounded(&self, precision: Precision) -> Option<Self> {
         each!(self, shape => shape.rounded(precision).map(Self::from))
@@ -67,14 +93,46 @@ impl AnalyticShape {
     /// to [`super::exact::TOLERANCE`] in `exact`, else in f64.
     #[inline(always)]
     pub(crate) fn hit(&self, ray: &Ray, numerics: Numerics) -> Option<f64> {
-        each!(self, shape => shape.hit(ray, numerics))
+        match numerics {
+            Numerics::Fast => {
+                let FastRay { origin, t_min, direction, t_max } = FastRay::new(ray);
+                let ends = [One::splat(t_min), One::splat(t_max)];
+                let (hit, t) = self.hit_in_f32(&origin.map(One::splat), &direction.map(One::splat), ends);
+                (hit != 0).then(|| t.array()[0].into())
+            }
+            Numerics::Watertight | Numerics::Double => each!(self, shape => shape.hit_in_f64(ray)),
+            Numerics::Exact => each!(self, shape => shape.hit_exactly(ray)),
+        }
     }
 
-    /// [`AnalyticShape::hit`] in f64 for a ray in each lane. Undecided lanes are tested by `hit`; a new kind may leave
-    /// all undecided.
+    /// Whether it fills [`AnalyticShape::bounding_sphere`], so that lines which meet the one meet the other.
+    pub(crate) fn is_bounding_sphere(&self) -> bool {
+        each!(self, shape => shape.is_bounding_sphere())
+    }
+
+    /// The numbers that [`AnalyticShape::in_lanes`] takes.
+    #[inline(always)]
+    pub(crate) fn numbers(&self) -> [f64; SHAPE_NUMBERS] {
+        each!(self, shape => shape.numbers())
+    }
+
+    /// Shapes of the kind of this one, from their numbers by index.
+    #[inline(always)]
+    pub(crate) fn in_lanes<D: Doubles>(&self, number: impl Fn(usize) -> D) -> ShapeN<D> {
+        match self {
+            AnalyticShape::Sphere(_) => ShapeN::Sphere(SphereN::new(number)),
+        }
+    }
+
+    /// [`AnalyticShape::hit`] in f64 for a ray in each lane. Undecided lanes are tested by `hit`.
     #[inline(always)]
     pub(crate) fn hit_n<D: Doubles>(&self, rays: &RayN<D>) -> HitN<D> {
-        each!(self, shape => shape.hit_n(rays))
+        let numbers = self.numbers();
+        let shapes = self.in_lanes(
+            #[inline(always)]
+            |index| D::splat(numbers[index]),
+        );
+        shapes.hit(rays)
     }
 
     /// The rays that hit it, one in each lane, and their distances, in f32. For the tier `fast`.
@@ -120,20 +178,41 @@ impl AnalyticShape {
         each!(self, shape => shape.area())
     }
 
+    /// Whether it encloses a volume.
+    pub fn is_closed(&self) -> bool {
+        each!(self, shape => shape.is_closed())
+    }
+
     /// The volume that it encloses.
     pub fn volume(&self) -> f64 {
         each!(self, shape => shape.volume())
     }
 
-    /// The solid angle that it subtends at `from`, in steradians.
-    pub fn solid_angle(&self, from: DVec3) -> f64 {
-        each!(self, shape => shape.solid_angle(from))
+    /// A random point of the surface as seen from `from`: the unit direction towards it and its distance. `numbers` are in
+    /// [0, 1). `None` where nothing is seen.
+    pub fn sample(&self, from: DVec3, numbers: [f64; 2]) -> Option<(DVec3, f64)> {
+        each!(self, shape => shape.sample(from, numbers))
     }
 
-    /// A unit direction from `from` towards the shape, uniform in its solid angle, and the distance to the surface.
-    /// `numbers` are in [0, 1).
-    pub fn sample_solid_angle(&self, from: DVec3, numbers: [f64; 2]) -> Option<(DVec3, f64)> {
-        each!(self, shape => shape.sample_solid_angle(from, numbers))
+    /// The reciprocal of the density per solid angle, in steradians, with which [`AnalyticShape::sample`] from `from`
+    /// chooses the point of the surface at `position`.
+    pub fn sampled_solid_angle(&self, from: DVec3, position: DVec3) -> f64 {
+        each!(self, shape => shape.sampled_solid_angle(from, position))
+    }
+}
+
+impl<D: Doubles> ShapeN<D> {
+    /// The rays that certainly miss because they start outside and lead away.
+    #[inline(always)]
+    pub(crate) fn behind(&self, rays: &RayN<D>) -> u32 {
+        each!(self, shapes => shapes.behind(rays))
+    }
+
+    /// The hits in f64 of a ray in each lane on the shape there. Undecided lanes are tested by [`AnalyticShape::hit`]; a
+    /// new kind may leave all undecided.
+    #[inline(always)]
+    pub(crate) fn hit(&self, rays: &RayN<D>) -> HitN<D> {
+        each!(self, shapes => shapes.hit(rays))
     }
 }
 

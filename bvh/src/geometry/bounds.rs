@@ -3,6 +3,8 @@
 use glam::{DVec3, Vec3, Vec3A};
 
 use super::Ray;
+use super::lanes::RayN;
+use super::simd::Doubles;
 
 /// An axis-aligned f32 box, borders included.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,6 +63,40 @@ pub(crate) fn clamp_to_bounds(min: DVec3, max: DVec3, ray: &Ray, t: f64) -> Opti
     let enter = up(up(up(f64::NEG_INFINITY, near.x), near.y), near.z);
     let leave = down(down(down(f64::INFINITY, far.x), far.y), far.z);
     (enter <= leave * DOUBLE_MARGIN).then(|| up(down(t, leave), enter))
+}
+
+/// The interval in which the ray in each lane is inside the bounds there, for [`clamp_to_bounds`] in f64.
+pub(super) struct BoundsInterval<D> {
+    enter: D,
+    leave: D,
+    /// The rays that have one, up to [`DOUBLE_MARGIN`].
+    pub passes: u32,
+    /// The rays that this is sure of: those without a direction component of 0.
+    pub sure: u32,
+}
+
+impl<D: Doubles> BoundsInterval<D> {
+    /// For bounds of the given centres and half sizes, by the operations of [`clamp_to_bounds`].
+    #[inline(always)]
+    pub(super) fn new(centre: &[D; 3], half: &[D; 3], rays: &RayN<D>) -> Self {
+        let (mut enter, mut leave) = (D::splat(f64::NEG_INFINITY), D::splat(f64::INFINITY));
+        let mut sure = D::ALL;
+        for axis in 0..3 {
+            let inverse = D::splat(1.0) / rays.direction[axis];
+            sure &= inverse.abs().lt(D::splat(f64::INFINITY));
+            let low = (centre[axis] - half[axis] - rays.origin[axis]) * inverse;
+            let high = (centre[axis] + half[axis] - rays.origin[axis]) * inverse;
+            enter = low.min(high).max(enter);
+            leave = low.max(high).min(leave);
+        }
+        BoundsInterval { enter, leave, passes: enter.le(leave * D::splat(DOUBLE_MARGIN)), sure }
+    }
+
+    /// Distances clamped to it.
+    #[inline(always)]
+    pub(super) fn clamp(&self, t: D) -> D {
+        self.enter.max(self.leave.min(t))
+    }
 }
 
 fn per_axis(v: DVec3, f: impl Fn(f64) -> f32) -> Vec3 {

@@ -85,7 +85,7 @@ impl LineTest {
 
     /// Where and on which side the moved ray crosses another shape.
     pub(crate) fn cross_shape(&self, shape: &AnalyticShape) -> [Option<(f64, Side)>; 2] {
-        if shape.is_empty() { [None; 2] } else { shape.crossings(&self.ray) }
+        shape.crossings(&self.ray)
     }
 
     /// The side on which the moved line passes through a triangle. `weights` are good to `error`.

@@ -31,6 +31,12 @@ pub(crate) struct RayN<D: Doubles> {
     pub t_max: D,
 }
 
+/// The dot product of the vectors in each lane, in the order of [`glam::DVec3::dot`].
+#[inline(always)]
+pub(crate) fn dot<D: Doubles>([ax, ay, az]: &[D; 3], [bx, by, bz]: &[D; 3]) -> D {
+    *ax * *bx + *ay * *by + *az * *bz
+}
+
 /// Up to four triangles: `corners[k][axis][lane]`. Coordinates of empty lanes are NaN, which no ray hits.
 #[derive(Clone, Copy)]
 #[repr(C, align(16))]

@@ -50,6 +50,7 @@ pub(crate) mod woop_n;
 mod woop_packet;
 
 pub use analytic::AnalyticShape;
+pub(crate) use analytic::{SHAPE_NUMBERS, ShapeN};
 pub use bounds::{Bounds, BoxTest, DoubleBoxTest, SingleBoxTest, round_up};
 pub use crossing::{LineTest, Side};
 pub use hit_buffer::HitBuffer;
@@ -61,7 +62,6 @@ pub use ray::{Hit, PrimId, Ray, SlotId};
 pub(crate) use rays::{BATCH, PACKET, PER_LINE};
 pub use rays::{RayBuffer, Rays};
 pub use sphere::Sphere;
-pub(crate) use sphere::SphereN;
 pub use tier::Numerics;
 pub use triangle::Triangle;
 pub use turns::sin_cos_of_turns;

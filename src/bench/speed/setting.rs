@@ -34,13 +34,13 @@ const CEILING: f64 = 0.85;
 pub struct Triangles {
     /// Triangles with f32 vertices, in the order of the description.
     pub mesh: Mesh,
-    /// Number of spheres in the scene, which are omitted, as most other libraries support triangles only.
-    pub spheres: usize,
+    /// Number of analytic shapes in the scene, which are omitted, as most other libraries support triangles only.
+    pub analytic_shapes: usize,
 }
 
 /// Extracts the triangles of a scene.
 pub fn triangles(scene: &Scene) -> Triangles {
-    let mut taken = Triangles { mesh: Mesh::default(), spheres: 0 };
+    let mut taken = Triangles { mesh: Mesh::default(), analytic_shapes: 0 };
     for object in &scene.objects {
         let baked;
         let mesh = match &object.shape {
@@ -50,7 +50,7 @@ pub fn triangles(scene: &Scene) -> Triangles {
                 &baked
             }
             Shape::Analytic(_) => {
-                taken.spheres += 1;
+                taken.analytic_shapes += 1;
                 continue;
             }
         };
@@ -140,7 +140,7 @@ mod tests {
             Object { name: "copy".into(), input: 0, material: MaterialId(0), shape }
         };
         let found = triangles(&Scene { objects: vec![object(0.0), object(5.0)], ..Scene::default() });
-        assert_eq!((found.spheres, found.mesh.triangles), (0, vec![[0, 1, 2], [3, 4, 5]]));
+        assert_eq!((found.analytic_shapes, found.mesh.triangles), (0, vec![[0, 1, 2], [3, 4, 5]]));
         assert_eq!(found.mesh.positions[4], glam::vec3(6.0, 0.0, 0.0));
     }
 }

@@ -64,8 +64,8 @@ impl Subject {
         let mut scene = import::load_with(&self.inputs, &self.import, &mut warnings)?;
         recenter(&mut scene);
         let triangles = triangles(&scene);
-        if triangles.spheres > 0 {
-            warnings.note(format!("{} sphere(s) left out: triangles alone are compared", triangles.spheres));
+        if let count @ 1.. = triangles.analytic_shapes {
+            warnings.note(format!("{count} analytic shape(s) left out: triangles alone are compared"));
         }
         WarningPrinter::default().print(&warnings, true);
         if triangles.mesh.triangles.is_empty() {

@@ -11,17 +11,16 @@ use super::{FileNames, Lines, geometry, lights, materials, objects};
 use crate::error::Result;
 use crate::geometry::Triangle;
 use crate::scene::topology::Topology;
-use crate::scene::{Camera, Focus, Mesh, Object, Projection, Scene, Shape};
+use crate::scene::{AnalyticShape, Camera, Focus, Mesh, Object, Projection, Scene, Shape};
 
 pub(super) fn to_json(inputs: &[PathBuf], scene: &Scene, topology: &Result<Topology>) -> Value {
     let objects = scene.objects.iter().zip(objects::closed(scene, topology));
-    json!({
+    let mut report = json!({
         "schema": 1,
         "inputs": inputs.iter().map(|i| i.display().to_string()).collect::<Vec<_>>(),
         "primitives": scene.primitive_count(),
         "triangles": triangles(scene),
         "triangles_without_area": degenerate_triangles(scene),
-        "spheres": scene.primitive_count() - triangles(scene),
         "bounds": scene.bounds().map(|(min, max)| json!({ "min": point(min), "max": point(max) })),
         "objects": objects.map(|(object, closed)| object_to_json(inputs, scene, object, closed)).collect::<Vec<_>>(),
         "materials": materials::to_json(scene),
@@ -37,7 +36,11 @@ pub(super) fn to_json(inputs: &[PathBuf], scene: &Scene, topology: &Result<Topol
         "geometry": geometry::to_json(scene, topology),
         "metadata": scene.metadata.iter().map(|(key, value)| json!({ "name": key, "value": value }))
             .collect::<Vec<_>>(),
-    })
+    });
+    for (name, count) in analytic_shapes(scene) {
+        report[format!("{name}s")] = count.into();
+    }
+    report
 }
 
 fn object_to_json(inputs: &[PathBuf], scene: &Scene, object: &Object, closed: Option<bool>) -> Value {
@@ -104,6 +107,13 @@ fn triangles(scene: &Scene) -> usize {
     scene.objects.iter().map(objects::triangles).sum()
 }
 
+/// Names of the kinds of analytic shapes, with their numbers.
+fn analytic_shapes(scene: &Scene) -> Vec<(&'static str, usize)> {
+    let is_of = |name: &str, object: &Object| matches!(&object.shape, Shape::Analytic(s) if s.name() == name);
+    let count = |name| (name, scene.objects.iter().filter(|object| is_of(name, object)).count());
+    AnalyticShape::NAMES.map(count).to_vec()
+}
+
 /// Number of triangles with collinear vertices. They are kept, because those that close a T-vertex can be hit.
 fn degenerate_triangles(scene: &Scene) -> usize {
     let of_shape = |shape: &Shape| match shape {
@@ -134,10 +144,14 @@ fn instanced_meshes(scene: &Scene) -> HashMap<*const Mesh, (usize, usize)> {
 
 /// Adds counts and bounds.
 pub(super) fn add_sizes(lines: &mut Lines, names: &FileNames, scene: &Scene) {
-    let spheres = scene.primitive_count() - triangles(scene);
     lines.add("input", names.inputs());
-    let objects = scene.objects.len();
-    lines.add("objects", format!("{objects} ({} triangles, {spheres} spheres)", triangles(scene)));
+    let mut counts = format!("{} ({} triangles", scene.objects.len(), triangles(scene));
+    for (kind, (name, count)) in analytic_shapes(scene).into_iter().enumerate() {
+        if kind == 0 || count > 0 {
+            counts += &format!(", {count} {name}s");
+        }
+    }
+    lines.add("objects", counts + ")");
     let shared = instanced_meshes(scene);
     if !shared.is_empty() {
         let (places, kept) = shared.values().fold((0, 0), |(p, k), (places, mesh)| (p + places, k + mesh));
@@ -183,7 +197,7 @@ pub(super) fn add_names(lines: &mut Lines, names: &FileNames, scene: &Scene) {
         lines.add("metadata", format!("{name}: {value}"));
     }
     let smooth = scene.objects.iter().filter(|o| o.shape.mesh().is_some_and(|m| m.normals.is_some())).count();
-    lines.add("normals", format!("{smooth} object(s) with normals, the others are flat or spheres"));
+    lines.add("normals", format!("{smooth} object(s) with normals, the others are flat or analytic shapes"));
 }
 
 pub(super) fn short(v: DVec3) -> String {

@@ -12,8 +12,7 @@ const MOST: usize = 16;
 /// three distinct vertices.
 pub(super) fn closed(scene: &Scene, topology: &Result<Topology>) -> Vec<Option<bool>> {
     let of_object = |(index, object): (usize, &Object)| match &object.shape {
-        // A sphere.
-        Shape::Analytic(_) => Some(true),
+        Shape::Analytic(shape) => Some(shape.is_closed()),
         Shape::Mesh(_) | Shape::Placed(_) => topology.as_ref().ok()?.closed_objects[index],
     };
     scene.objects.iter().enumerate().map(of_object).collect()

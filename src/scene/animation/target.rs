@@ -6,14 +6,14 @@ use glam::{DMat4, DQuat, DVec3, EulerRot};
 
 use super::Track;
 use crate::error::{Error, Result, nearest_name};
-use crate::scene::{AnalyticShape, Camera, Focus, Lens, Light, LightKind, Object, Scene, Shape, Sphere};
+use crate::scene::{AnalyticShape, Camera, Focus, Lens, Light, Object, Scene, Shape};
 
 /// Target of a track, by name.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub enum Target {
     /// A camera.
     Camera(String),
-    /// A sphere, a triangle list or a mesh; the name of a mesh file stands for all its objects.
+    /// An analytic shape, a triangle list or a mesh; the name of a mesh file stands for all its objects.
     Object(String),
     /// A light.
     Light(String),
@@ -25,18 +25,18 @@ pub enum Target {
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Property {
-    /// Position of a camera, a sphere, or a light other than a directional one.
+    /// Position of a camera, an analytic shape, or a light other than a directional one.
     #[default]
     Position,
     /// Look-at point of a camera.
     LookAt,
     /// Focus distance of a camera's lens.
     FocusDistance,
-    /// Radius of a sphere.
+    /// Radius of an analytic shape.
     Radius,
     /// Intensity of a light.
     Intensity,
-    /// Direction in which a directional light, a spot or a rectangle shines.
+    /// Direction in which a light shines, or an analytic shape with a direction faces.
     Direction,
     /// Translation of a mesh from its place in the scene.
     Translate,
@@ -55,7 +55,7 @@ names!(Property {
 pub(super) enum Subject<'a> {
     Camera(&'a mut Camera),
     Light(&'a mut Light),
-    Sphere(&'a mut Sphere),
+    Analytic(&'a mut AnalyticShape),
     Mesh { object: &'a mut Object, centre: DVec3 },
 }
 
@@ -120,7 +120,7 @@ impl Track {
                 indices.iter().try_for_each(|&i| {
                     let object = &mut scene.objects[i];
                     act(match object.shape {
-                        Shape::Analytic(AnalyticShape::Sphere(ref mut sphere)) => Subject::Sphere(sphere),
+                        Shape::Analytic(ref mut shape) => Subject::Analytic(shape),
                         _ => Subject::Mesh { object, centre },
                     })
                 })
@@ -156,9 +156,19 @@ impl Subject<'_> {
         match (self, property) {
             (Subject::Camera(camera), Property::Position) => Some(&mut camera.position),
             (Subject::Camera(camera), Property::LookAt) => Some(&mut camera.target),
-            (Subject::Sphere(sphere), Property::Position) => Some(&mut sphere.centre),
+            (Subject::Analytic(shape), Property::Position) => Some(shape.centre_mut()),
+            (Subject::Analytic(shape), Property::Direction) => shape.direction_mut(),
             (Subject::Light(light), Property::Position) => light.kind.position_mut(),
             (Subject::Light(light), Property::Direction) => light.kind.direction_mut(),
+            _ => None,
+        }
+    }
+
+    /// The number that is a property.
+    fn number(&mut self, property: Property) -> Option<&mut f64> {
+        match (self, property) {
+            (Subject::Analytic(shape), Property::Radius) => Some(shape.radius_mut()),
+            (Subject::Light(light), Property::Intensity) => Some(&mut light.intensity),
             _ => None,
         }
     }
@@ -168,13 +178,14 @@ impl Subject<'_> {
         if let Some(vector) = self.vector(property) {
             return Ok(*vector);
         }
+        if let Some(number) = self.number(property) {
+            return Ok(DVec3::splat(*number));
+        }
         match (&*self, property) {
             (
                 Subject::Camera(Camera { lens: Some(Lens { focus: Focus::Distance(distance), .. }), .. }),
                 Property::FocusDistance,
             ) => Ok(DVec3::splat(*distance)),
-            (Subject::Sphere(sphere), Property::Radius) => Ok(DVec3::splat(sphere.radius)),
-            (Subject::Light(light), Property::Intensity) => Ok(DVec3::splat(light.intensity)),
             (Subject::Mesh { .. }, Property::Translate | Property::Rotate) => Ok(DVec3::ZERO),
             (Subject::Mesh { .. }, Property::Scale) => Ok(DVec3::ONE),
             _ => Err(self.has_no(property, track)),
@@ -200,18 +211,17 @@ impl Subject<'_> {
             *vector = value;
             return Ok(());
         }
+        if property == Property::Radius && value.x <= 0.0 {
+            return bad(&format!("comes to a radius of {}", value.x), "keep radii above 0");
+        }
+        if property == Property::Intensity && value.x < 0.0 {
+            return bad(&format!("comes to an intensity of {}", value.x), "keep intensities at 0 or more");
+        }
+        if let Some(number) = self.number(property) {
+            *number = value.x;
+            return Ok(());
+        }
         match self {
-            Subject::Sphere(_) if value.x <= 0.0 => {
-                return bad(&format!("comes to a radius of {}", value.x), "keep radii above 0");
-            }
-            Subject::Sphere(sphere) => sphere.radius = value.x,
-            Subject::Light(_) if value.x < 0.0 => {
-                return bad(
-                    &format!("comes to an intensity of {}", value.x),
-                    "keep intensities at 0 or more",
-                );
-            }
-            Subject::Light(light) => light.intensity = value.x,
             Subject::Mesh { object, centre } => {
                 let linear = match property {
                     Property::Rotate => {
@@ -237,24 +247,24 @@ impl Subject<'_> {
             Subject::Camera(camera) => {
                 camera.lens = camera.lens.map(|lens| Lens { focus: Focus::Distance(value.x), ..lens });
             }
+            Subject::Analytic(_) | Subject::Light(_) => {}
         }
         Ok(())
     }
 
-    fn has_no(&self, property: Property, track: &Track) -> Error {
+    fn has_no(&mut self, property: Property, track: &Track) -> Error {
+        let properties = [Property::Position, Property::Direction, Property::Radius, Property::Intensity];
+        let has = |p: &Property| self.vector(*p).is_some() || self.number(*p).is_some();
+        let names: Vec<&str> = properties.into_iter().filter(has).map(Property::name).collect();
+        let (last, others) = names.split_last().unwrap_or((&"name", &[]));
+        let of_kind = [others.join(", "), (*last).to_owned()].join(" or ");
         let (what, has) = match self {
             Subject::Camera(_) => {
-                ("a camera", "position or look_at, or its focus_distance if [[camera]] gives one")
+                ("a camera".into(), "position or look_at, or its focus_distance if [[camera]] gives one")
             }
-            Subject::Light(light) => match light.kind {
-                LightKind::Point { .. } => ("a point light", "position or intensity"),
-                LightKind::Directional { .. } => ("a directional light", "direction or intensity"),
-                LightKind::Spot { .. } => ("a spot", "position, direction or intensity"),
-                LightKind::Sphere { .. } => ("a sphere light", "position or intensity"),
-                LightKind::Rectangle { .. } => ("a rectangle light", "position, direction or intensity"),
-            },
-            Subject::Sphere(_) => ("a sphere", "position or radius"),
-            Subject::Mesh { .. } => ("a mesh", "translate, rotate or scale, or `orbit`"),
+            Subject::Light(light) => (light.kind.noun(), &*of_kind),
+            Subject::Analytic(shape) => (format!("a {}", shape.name()), &*of_kind),
+            Subject::Mesh { .. } => ("a mesh".into(), "translate, rotate or scale, or `orbit`"),
         };
         track.error(format!("{what} has no `{}`", property.name()), format!("animate its {has}"))
     }

@@ -142,8 +142,10 @@ fn image_warnings(rendered: &RenderedImage) -> Vec<String> {
     let world = &rendered.prepared.job.world;
     if world.too_small > 0 {
         let tier = world.numerics().name();
-        image_warnings
-            .push(format!("{} sphere(s) with a radius that is 0 in `{tier}`; left out", world.too_small));
+        image_warnings.push(format!(
+            "{} analytic shape(s) with a radius that is 0 in `{tier}`; left out",
+            world.too_small
+        ));
     }
     let non_finite = &rendered.statistics.non_finite;
     if let Some((x, y)) = non_finite.first() {

@@ -41,7 +41,7 @@ pub(crate) fn visit<T: Tier>(
             Content::Analytic(shapes) => {
                 for (shape, prim) in &wide.analytic[shapes.start as usize..shapes.end as usize] {
                     tests.primitives += 1;
-                    limit = visit(*prim, Primitive::Analytic(*shape));
+                    limit = shape.map_or(limit, |shape| visit(*prim, Primitive::Analytic(shape)));
                 }
             }
         }

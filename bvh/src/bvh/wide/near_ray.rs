@@ -116,7 +116,9 @@ fn visit_leaf<T: Tier, S: Simd>(
         Content::Analytic(shapes) => {
             tests.primitives += shapes.len() as u64;
             for (shape, prim) in &wide.analytic[shapes.start as usize..shapes.end as usize] {
-                visit(*prim, Primitive::Analytic(*shape));
+                if let Some(shape) = shape {
+                    visit(*prim, Primitive::Analytic(*shape));
+                }
             }
         }
     }
@@ -130,5 +132,6 @@ pub(crate) fn each_primitive<T: Tier>(wide: &Wide<T>, visit: &mut dyn FnMut(Prim
             visit(PrimId(id), Primitive::Triangle(Triangle(corners)));
         }
     }
-    wide.analytic.iter().for_each(|(shape, prim)| visit(*prim, Primitive::Analytic(*shape)));
+    let shapes = wide.analytic.iter().filter_map(|(shape, prim)| Some((*prim, (*shape)?)));
+    shapes.for_each(|(prim, shape)| visit(prim, Primitive::Analytic(shape)));
 }

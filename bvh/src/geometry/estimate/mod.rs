@@ -6,12 +6,12 @@
 //! length 1 up to a twentieth, else a lane is not [`RaysInF32::supported`]; the bounds use 1.05 for the largest
 //! component. Coordinates are at most 2^30, so nothing overflows; a bound on underflow is added ([`UNDERFLOW`]).
 
-mod sphere;
+mod shape;
 mod triangle;
 
 use super::Rays;
 use super::simd::{Doubles, Floats, Vector};
-pub(crate) use sphere::SphereInF32;
+pub(crate) use shape::ShapeInF32;
 pub(crate) use triangle::TriangleInF32;
 
 /// A ray in each lane, in f32.
@@ -248,7 +248,7 @@ mod tests {
             let origin = point - direction * (radius * numbers.scale(&[0.0, 1e-9, 1.0, 1e3]));
             let t_min = numbers.scale(&[0.0, 0.0, 0.5]) * radius;
             let (rays, ray) = buffer(Precision::Double, origin, direction, t_min);
-            let test = SphereInF32::new(&sphere);
+            let test = ShapeInF32::new(&sphere.into());
             let errors = test.errors(reach_of_origins::<D>(rays.rays()));
             let estimate = test.estimate(&errors, &RaysInF32::<F>::new::<D>(rays.rays(), 0));
             let hit = AnalyticShape::from(sphere).hit(&ray, Numerics::Watertight);
@@ -267,7 +267,7 @@ mod tests {
             let direction = point.cross(numbers.vector() * sphere.radius).normalize();
             let (rays, ray) =
                 buffer(Precision::Double, point - direction * sphere.radius * 2.0, direction, 0.0);
-            let test = SphereInF32::new(&sphere);
+            let test = ShapeInF32::new(&sphere.into());
             let errors = test.errors(reach_of_origins::<D>(rays.rays()));
             let estimate = test.estimate(&errors, &RaysInF32::<F>::new::<D>(rays.rays(), 0));
             let hit = AnalyticShape::from(sphere).hit(&ray, Numerics::Watertight);

@@ -1,18 +1,8 @@
 //! The test of the tier `fast`: that of [`super`] in f32, for a ray in each lane.
 
 use super::Sphere;
-use crate::geometry::fast::{FastRay, One, dot, minus};
-use crate::geometry::simd::{Floats, Vector};
-use crate::geometry::{PreparedRay, Ray};
-
-/// The least distance within `t_min < t < t_max` at which the ray meets the sphere.
-#[inline(always)]
-pub(crate) fn hit(ray: &Ray, sphere: &Sphere) -> Option<f64> {
-    let FastRay { origin, t_min, direction, t_max } = FastRay::new(ray);
-    let ends = [One::splat(t_min), One::splat(t_max)];
-    let (hit, t) = hit_n(sphere, &origin.map(One::splat), &direction.map(One::splat), ends);
-    (hit != 0).then(|| t.array()[0].into())
-}
+use crate::geometry::fast::{dot, minus};
+use crate::geometry::simd::Floats;
 
 /// The lanes that hit, and the distances.
 #[inline(always)]

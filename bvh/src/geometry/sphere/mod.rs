@@ -11,12 +11,13 @@ mod sampling;
 
 use glam::DVec3;
 
-use super::bounds::{DOUBLE_MARGIN, clamp_to_bounds};
+use super::analytic::SHAPE_NUMBERS;
+use super::bounds::{BoundsInterval, clamp_to_bounds};
 use super::distance::Distance;
-use super::lanes::{HitN, RayN};
+use super::lanes::{HitN, RayN, dot};
 use super::simd::{Doubles, Floats};
 use super::spawn::SurfacePoint;
-use super::{Bounds, Numerics, Precision, Ray, Side};
+use super::{Bounds, Precision, Ray, Side};
 
 /// A sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,12 +63,8 @@ impl Sphere {
     }
 
     #[inline(always)]
-    pub(super) fn hit(&self, ray: &Ray, numerics: Numerics) -> Option<f64> {
-        match numerics {
-            Numerics::Fast => fast::hit(ray, self),
-            Numerics::Watertight | Numerics::Double => self.hit_in_f64(ray),
-            Numerics::Exact => exact::hit(ray, self),
-        }
+    pub(super) fn hit_exactly(&self, ray: &Ray) -> Option<f64> {
+        exact::hit(ray, self)
     }
 
     #[inline(always)]
@@ -94,7 +91,7 @@ impl Sphere {
     }
 
     #[inline(always)]
-    fn hit_in_f64(&self, ray: &Ray) -> Option<f64> {
+    pub(super) fn hit_in_f64(&self, ray: &Ray) -> Option<f64> {
         let (d, f) = (ray.direction, ray.origin - self.centre);
         let a = d.dot(d);
         let b = -f.dot(d);
@@ -111,11 +108,14 @@ impl Sphere {
         within(t0.min(t1)).or_else(|| within(t0.max(t1)))
     }
 
+    pub(super) fn is_bounding_sphere(&self) -> bool {
+        true
+    }
+
     #[inline(always)]
-    pub(super) fn hit_n<D: Doubles>(&self, rays: &RayN<D>) -> HitN<D> {
+    pub(super) fn numbers(&self) -> [f64; SHAPE_NUMBERS] {
         let [x, y, z] = self.centre.to_array();
-        let centre = [D::splat(x), D::splat(y), D::splat(z)];
-        SphereN { centre, radius: D::splat(self.radius) }.hit(rays)
+        [x, y, z, self.radius]
     }
 
     #[inline(always)]
@@ -132,11 +132,23 @@ impl Sphere {
         4.0 / 3.0 * std::f64::consts::PI * self.radius.powi(3)
     }
 
-    pub(super) fn solid_angle(&self, from: DVec3) -> f64 {
+    pub(super) fn is_closed(&self) -> bool {
+        true
+    }
+
+    pub(super) fn support(&self, _: DVec3) -> (DVec3, f64) {
+        (self.centre, self.radius)
+    }
+
+    pub(super) fn direction_mut(&mut self) -> Option<&mut DVec3> {
+        None
+    }
+
+    pub(super) fn sampled_solid_angle(&self, from: DVec3, _: DVec3) -> f64 {
         sampling::solid_angle(self, from)
     }
 
-    pub(super) fn sample_solid_angle(&self, from: DVec3, numbers: [f64; 2]) -> Option<(DVec3, f64)> {
+    pub(super) fn sample(&self, from: DVec3, numbers: [f64; 2]) -> Option<(DVec3, f64)> {
         sampling::sample(self, from, numbers)
     }
 
@@ -147,16 +159,22 @@ impl Sphere {
 
 /// A sphere in each lane.
 pub(crate) struct SphereN<D> {
-    pub centre: [D; 3],
-    pub radius: D,
+    centre: [D; 3],
+    radius: D,
 }
 
+/// The methods are those of [`ShapeN`](super::analytic::ShapeN).
 impl<D: Doubles> SphereN<D> {
-    /// The rays that certainly miss because they start outside and lead away. What they are decided by is off by less
-    /// than 2^-49 of the sums of absolute values. A line that meets the sphere does so within its
-    /// bounds, which then lie behind the origin, too.
+    /// The spheres of the given [`Sphere::numbers`].
     #[inline(always)]
-    pub(crate) fn behind(&self, rays: &RayN<D>) -> u32 {
+    pub(super) fn new(number: impl Fn(usize) -> D) -> Self {
+        SphereN { centre: [number(0), number(1), number(2)], radius: number(3) }
+    }
+
+    /// What the rays are decided by is off by less than 2^-49 of the sums of absolute values. A line that meets the
+    /// sphere does so within its bounds, which then lie behind the origin, too.
+    #[inline(always)]
+    pub(super) fn behind(&self, rays: &RayN<D>) -> u32 {
         let mut f = rays.origin;
         for (f, &centre) in f.iter_mut().zip(&self.centre) {
             *f = *f - centre;
@@ -171,7 +189,7 @@ impl<D: Doubles> SphereN<D> {
 
     /// The hits, by the same operations in the same order as [`Sphere::hit_in_f64`].
     #[inline(always)]
-    pub(crate) fn hit(&self, rays: &RayN<D>) -> HitN<D> {
+    pub(super) fn hit(&self, rays: &RayN<D>) -> HitN<D> {
         let &SphereN { centre, radius } = self;
         let d = rays.direction;
         let mut f = rays.origin;
@@ -195,25 +213,16 @@ impl<D: Doubles> SphereN<D> {
         let q = b + (a * discriminant).sqrt().copysign(b);
         let c = dot(&f, &f) - square;
         let (t0, t1) = (c / q, q / a);
-        // NaN roots have no order, and zero direction components give no distances: both are left to it.
-        let mut sure = t0.le(t1) | t1.le(t0);
-        // As `clamp_to_bounds`.
-        let mut enter = D::splat(f64::NEG_INFINITY);
-        let mut leave = D::splat(f64::INFINITY);
-        for axis in 0..3 {
-            let inverse = D::splat(1.0) / d[axis];
-            sure &= inverse.abs().lt(D::splat(f64::INFINITY));
-            // As `Sphere::bounds_f64`.
-            let reach = radius + D::splat(f64::EPSILON) * (centre[axis].abs() + radius);
-            let low = (centre[axis] - reach - rays.origin[axis]) * inverse;
-            let high = (centre[axis] + reach - rays.origin[axis]) * inverse;
-            enter = low.min(high).max(enter);
-            leave = low.max(high).min(leave);
+        // As `Sphere::bounds_f64`.
+        let mut reach = centre;
+        for reach in &mut reach {
+            *reach = radius + D::splat(f64::EPSILON) * (reach.abs() + radius);
         }
-        let passes = enter.le(leave * D::splat(DOUBLE_MARGIN));
-        let clamped = [t0.min(t1), t0.max(t1)];
-        let clamped = [enter.max(leave.min(clamped[0])), enter.max(leave.min(clamped[1]))];
-        let mut within = [met & sure & passes; 2];
+        let interval = BoundsInterval::new(&centre, &reach, rays);
+        // NaN roots have no order: they are left to it.
+        let sure = interval.sure & (t0.le(t1) | t1.le(t0));
+        let clamped = [interval.clamp(t0.min(t1)), interval.clamp(t0.max(t1))];
+        let mut within = [met & sure & interval.passes; 2];
         for (within, clamped) in within.iter_mut().zip(clamped) {
             *within &= rays.t_min.lt(clamped) & clamped.lt(rays.t_max);
         }
@@ -231,9 +240,4 @@ impl<D: Doubles> SphereN<D> {
         }
         hits
     }
-}
-
-#[inline(always)]
-fn dot<D: Doubles>([ax, ay, az]: &[D; 3], [bx, by, bz]: &[D; 3]) -> D {
-    *ax * *bx + *ay * *by + *az * *bz
 }

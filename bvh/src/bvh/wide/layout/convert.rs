@@ -103,7 +103,7 @@ fn write_nodes<T: Tier>(
                     let first = wide.analytic.len();
                     wide.analytic.extend(lanes[..count].iter().filter_map(|&slot| {
                         match slots[slot as usize].primitive {
-                            Stored::Analytic(shape) => Some((shape, slots[slot as usize].id)),
+                            Stored::Analytic(shape) => Some((Some(shape), slots[slot as usize].id)),
                             Stored::Triangle(_) => None,
                         }
                     }));

@@ -34,7 +34,7 @@ impl<T: Tier> Wide<T> {
         let slots = ids.filter(|&id| id != NO_PRIMITIVE).count() + self.analytic.len();
         let bytes = self.nodes.len() * size_of::<Node>()
             + self.triangles.len() * size_of::<TriangleLeaf<T::Corner>>()
-            + self.analytic.len() * size_of::<(AnalyticShape, PrimId)>()
+            + self.analytic.len() * size_of::<(Option<AnalyticShape>, PrimId)>()
             + self.batch.as_ref().map_or(0, |batch| batch.bytes());
         let isa = self.instructions.name().unwrap_or(compiled_isa());
         Description { layout: "bvh8", isa, nodes: self.nodes.len(), slots, bytes }

@@ -25,8 +25,8 @@ pub(crate) struct Wide<T: Tier> {
     pub nodes: Vec<Node>,
     /// The leaves of triangles. Slot `LANES4 * i + lane` is a lane of leaf i.
     pub triangles: Vec<TriangleLeaf<T::Corner>>,
-    /// The analytic shapes of all leaves. Their slots follow those of triangles.
-    pub analytic: Vec<(AnalyticShape, PrimId)>,
+    /// The analytic shapes of all leaves; `None` where a refit left nothing of one. Their slots follow those of triangles.
+    pub analytic: Vec<(Option<AnalyticShape>, PrimId)>,
     /// The number of nodes on the longest path from the root.
     pub depth: usize,
     /// Copies of the primitives for [`all_pairs`](super::all_pairs); `None` in larger scenes.
@@ -58,7 +58,9 @@ impl<T: Tier> Wide<T> {
         let slot = slot.index() as usize;
         match self.triangles.get(slot / LANES4) {
             Some(leaf) => Stored::Triangle(leaf.corners.triangle(slot % LANES4)),
-            None => Stored::Analytic(self.analytic[slot - self.triangles.len() * LANES4].0),
+            None => Stored::Analytic(
+                self.analytic[slot - self.triangles.len() * LANES4].0.expect("a shape that was hit"),
+            ),
         }
     }
 

@@ -10,7 +10,7 @@ use super::{Content, Node, TriangleLeaf, WIDTH, Wide};
 use crate::bvh::Primitive;
 use crate::bvh::build::MIN_PARALLEL;
 use crate::bvh::wide::all_pairs::SmallLeafBatch;
-use crate::geometry::{AnalyticShape, Bounds, Corner, NO_PRIMITIVE, PrimId, Tier, Triangle};
+use crate::geometry::{Bounds, Corner, NO_PRIMITIVE, PrimId, Tier, Triangle};
 
 /// Inverted bounds: those of nothing.
 const NOTHING: Bounds = Bounds { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
@@ -85,9 +85,9 @@ impl<T: Tier> Wide<T> {
             match now(*id) {
                 Some(Primitive::Analytic(moved)) => {
                     *bounds = moved.bounds();
-                    *shape = moved;
+                    *shape = Some(moved);
                 }
-                None => *shape = AnalyticShape::EMPTY,
+                None => *shape = None,
                 Some(Primitive::Triangle(_)) => is_other_kind.store(true, Ordering::Relaxed),
             }
         }

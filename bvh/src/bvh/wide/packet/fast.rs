@@ -12,7 +12,7 @@ use crate::bvh::wide::layout::{WIDTH, Wide};
 use crate::geometry::fast::{cross, dot, minus};
 use crate::geometry::lanes::{HitN, LANES4, MASK4, MAX_LANES};
 use crate::geometry::simd::{Doubles, Floats, Simd, Vector};
-use crate::geometry::{AnalyticShape, HitBuffer, NO_PRIMITIVE, Rays, Tier, Triangle4};
+use crate::geometry::{HitBuffer, NO_PRIMITIVE, Rays, Tier, Triangle4};
 
 /// Below this gap between a ray's origin and a triangle, relative to their depths, the side of the triangle on which the
 /// ray starts is decided by the triangle's plane.
@@ -311,10 +311,7 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
     /// Tests all rays against an analytic shape.
     #[inline(always)]
     pub(super) fn visit_analytic_fast(&mut self, wide: &Wide<T>, index: u32, tests: &mut Tests) {
-        let shape = &wide.analytic[index as usize].0;
-        if *shape == AnalyticShape::EMPTY {
-            return;
-        }
+        let (Some(shape), _) = &wide.analytic[index as usize] else { return };
         let slot = wide.slot_of_analytic(index).index();
         let projected = ProjectedSphere::<S>::new(shape.bounding_sphere(), &self.frustum);
         let mut changed = 0;

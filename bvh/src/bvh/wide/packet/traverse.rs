@@ -219,7 +219,7 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
     /// Tests all rays against an analytic shape.
     #[inline(always)]
     fn visit_analytic(&mut self, wide: &Wide<T>, index: u32, tests: &mut Tests) {
-        let (shape, prim) = &wide.analytic[index as usize];
+        let (Some(shape), prim) = &wide.analytic[index as usize] else { return };
         let projected = ProjectedSphere::<S>::new(shape.bounding_sphere(), &self.frustum);
         let mut changed = 0u32;
         for block in 0..self.scratch.rays.blocks % (BLOCKS + 1) {

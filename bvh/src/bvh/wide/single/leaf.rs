@@ -54,7 +54,7 @@ pub(crate) fn hits_in_leaf<T: Tier, S: Simd>(
         Content::Analytic(shapes) => {
             tests.primitives += shapes.len() as u64;
             for index in shapes {
-                let (shape, prim) = &wide.analytic[index as usize];
+                let (Some(shape), prim) = &wide.analytic[index as usize] else { continue };
                 let Some(t) = hit_analytic::<T>(&ray(), shape) else { continue };
                 match found(Hit {
                     t,
@@ -121,18 +121,14 @@ pub(crate) fn hit_triangle<T: Tier>(
     Some(Hit { t: hit.t, prim: PrimId(leaf.ids[lane]), slot, barycentrics: hit.barycentrics })
 }
 
-/// The distance of an analytic shape. The empty one, which a refit leaves, is missed.
+/// The distance of an analytic shape.
 #[inline(never)]
 pub(crate) fn hit_analytic<T: Tier>(ray: &Ray, shape: &AnalyticShape) -> Option<f64> {
-    if *shape == AnalyticShape::EMPTY { None } else { shape.hit(ray, T::NUMERICS) }
+    shape.hit(ray, T::NUMERICS)
 }
 
 /// [`hit_analytic`] for a ray in each lane.
 #[inline(always)]
 pub(crate) fn hit_analytic_n<T: Tier, D: Doubles>(rays: &RayN<D>, shape: &AnalyticShape) -> HitN<D> {
-    match *shape {
-        AnalyticShape::EMPTY => HitN::NONE,
-        _ if T::HAS_RAY_N => shape.hit_n(rays),
-        _ => HitN::UNDECIDED,
-    }
+    if T::HAS_RAY_N { shape.hit_n(rays) } else { HitN::UNDECIDED }
 }

@@ -1,14 +1,15 @@
-//! Estimates of hits on a sphere.
+//! Estimates of hits on an analytic shape, by its bounding sphere.
 
 use super::{Errors, Estimate, MAX_COORDINATE, RaysInF32, U, UNDERFLOW, dot};
-use crate::geometry::Sphere;
+use crate::geometry::AnalyticShape;
 use crate::geometry::bounds::{round_down, round_up};
 use crate::geometry::simd::Floats;
 
 /// More than what squares and their sums lose to underflow.
 const SQUARE_UNDERFLOW: f64 = f32::MIN_POSITIVE as f64;
 
-/// A sphere for [`SphereInF32::estimate`]. With f = o - centre, the ray's line passes the centre nearest at
+/// A shape by its bounding sphere, for [`ShapeInF32::estimate`]. Rays that certainly miss the sphere miss the shape; only if
+/// the sphere is the shape, some hit it for certain. With f = o - centre, the ray's line passes the centre nearest at
 /// t = -f . d / d . d, at a distance of m = |f + t d|, and meets the sphere half a chord before and after that.
 ///
 /// # Errors
@@ -16,26 +17,35 @@ const SQUARE_UNDERFLOW: f64 = f32::MIN_POSITIVE as f64;
 /// besides. The square of half the chord is then off by 200 u S r + (100 u S)^2 + 8 u r^2, half the chord itself by that
 /// over its computed value. The tier's roundings are those of f64, 2^-29 of these. Squares of less than 2^-125 underflow by
 /// 2^-147 in sum ([`SQUARE_UNDERFLOW`]).
-pub(crate) struct SphereInF32 {
+pub(crate) struct ShapeInF32 {
     centre: [f32; 3],
     radius: f64,
     /// The square of the radius.
     square: f32,
     /// The largest coordinate of the centre.
     size: f64,
+    /// The lanes that may be certain hits: all or none.
+    decided: u32,
 }
 
-impl SphereInF32 {
-    pub(crate) fn new(&Sphere { centre, radius }: &Sphere) -> Self {
+impl ShapeInF32 {
+    pub(crate) fn new(shape: &AnalyticShape) -> Self {
+        let (centre, radius) = shape.bounding_sphere();
+        let decided = if shape.is_bounding_sphere() { u32::MAX } else { 0 };
         let size = centre.abs().max_element();
         let centre = centre.to_array().map(|x| x as f32);
         let square = (radius * radius) as f32;
-        SphereInF32 { centre, radius, square, size }
+        ShapeInF32 { centre, radius, square, size, decided }
+    }
+
+    /// The largest coordinate of the bounding sphere.
+    pub(crate) fn reach(&self) -> f64 {
+        self.size + self.radius
     }
 
     /// See [`TriangleInF32::is_supported`].
     pub(crate) fn is_supported(&self) -> bool {
-        self.size + self.radius <= f64::from(MAX_COORDINATE)
+        self.reach() <= f64::from(MAX_COORDINATE)
     }
 
     /// The errors of t and of the square of half the chord, and the squares of m beyond which rays certainly miss and
@@ -82,7 +92,7 @@ impl SphereInF32 {
         let is_second = is_behind & rays.t_min.lt(second - error);
         let is_beyond = is_behind & (second + error).le(rays.t_min);
         let t = F::select(is_first, first, second);
-        let certain = inside & (is_first | is_second);
+        let certain = inside & (is_first | is_second) & self.decided;
         Estimate { possible: possible & !(inside & is_beyond), certain, near: t - error, far: t + error }
     }
 }
