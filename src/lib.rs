@@ -12,8 +12,8 @@
 //! is its top row; directions have length 1, so t is a distance.
 //!
 //! # As a library
-//! Rays against triangles and spheres of your own, by the code that pictures are made with, and without scenes, files or
-//! shading ([`bvh::Bvh`]):
+//! Rays against triangles, spheres and disks of your own, by the code that pictures are made with, and without scenes,
+//! files or shading ([`bvh::Bvh`]):
 //!
 //! ```
 //! use kiln::bvh::{Bvh, Primitive, Traversal};

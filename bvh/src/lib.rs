@@ -1,5 +1,5 @@
 //! Ray queries: intersection tests of four tiers of numerics ([`geometry`]), and bounding volume hierarchies over triangles and
-//! spheres together ([`bvh`]).
+//! analytic shapes together ([`bvh`]).
 //!
 //! The crate `kiln` exports both modules under the same names.
 

@@ -100,7 +100,7 @@ def _load(source: Source, options: Mapping[str, Any], with_picture: bool) -> _ki
 
 
 class Scene:
-    """A scene: meshes, spheres, materials, lights and cameras.
+    """A scene: meshes, spheres, disks, materials, lights and cameras.
 
     source: a file or several (.toml, .obj, .gltf, .glb, .ply, .stl, .off, .3mf), the contents of a .toml, .glb, .ply,
     .off or .3mf file as bytes, the keys of a scene file as a dict (docs/scene-files.md), a mesh or a scene of trimesh,
@@ -159,7 +159,7 @@ class Scene:
         self._scene.append(_load(source, options, False))
 
     def mesh(self, *, tier: str = "watertight", preset: str = "balanced") -> _kiln.Mesh:
-        """The triangles and spheres of the scene for queries.
+        """The triangles, spheres and disks of the scene for queries.
 
         The `triangle` of a result is the index of the primitive in the order of the scene, without triangles that were
         left out when they were added or read. `all` returns the nearer hit of a sphere, `crossings` both.
@@ -193,7 +193,7 @@ class Scene:
         return Scene(self)
 
     def __len__(self) -> int:
-        """The number of triangles and spheres."""
+        """The number of triangles, spheres and disks."""
         return len(self._scene)
 
     def __repr__(self) -> str:

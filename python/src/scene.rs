@@ -164,14 +164,14 @@ impl Scene {
         Ok(())
     }
 
-    /// The triangles and spheres for queries.
+    /// The triangles and analytic shapes for queries.
     fn mesh(&self, py: Python, tier: &str, preset: &str) -> PyResult<crate::mesh::Mesh> {
         let scene = self.now();
         let primitives: Vec<_> = scene.primitives().collect();
         crate::mesh::Mesh::of(py, primitives.into_iter(), (tier, preset))
     }
 
-    /// The number of triangles and spheres.
+    /// The number of triangles and analytic shapes.
     fn __len__(&self) -> usize {
         self.lock().primitive_count()
     }

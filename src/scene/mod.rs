@@ -53,8 +53,8 @@ mod transport;
 mod up;
 
 pub use crate::geometry::{
-    AnalyticShape, Attribute, Mesh, Numerics, Placed, Placement, Sphere, Step, is_mirror, moved_tangent,
-    normal_matrix,
+    AnalyticShape, Attribute, Disk, Mesh, Numerics, Placed, Placement, Sphere, Step, is_mirror,
+    moved_tangent, normal_matrix,
 };
 pub use crate::limits::{Counted, Limits};
 pub use animation::Animation;

@@ -3,7 +3,7 @@
 use crate::common::oracle::moved;
 use crate::common::{Numbers, models};
 use kiln::bvh::{Bvh, Closedness, NotClosed, Preset, Primitive, Traversal};
-use kiln::geometry::{Numerics, PrimId, Ray, RayBuffer, Side, Triangle};
+use kiln::geometry::{Disk, Numerics, PrimId, Ray, RayBuffer, Side, Triangle};
 use kiln::glam::DVec3;
 
 type Corners = [DVec3; 3];
@@ -236,6 +236,47 @@ fn spheres_are_entered_and_left() {
         let ray = bvh.ray([0.0, 0.0, -5.0], up).expect("finite");
         let expected = [(0, false), (2, true), (1, false), (0, true), (1, true)];
         assert_eq!(crossings(&bvh, &ray), expected);
+    }
+}
+
+/// A disk is crossed once, from its front or its back. Of its rim, the half is inside that the move along +x, +y, +z takes
+/// into it: all points before the first of these directions in which the rim turns.
+#[test]
+fn disks_are_crossed_once() {
+    for numerics in Numerics::ALL {
+        let disk = Disk { centre: DVec3::ZERO, normal: DVec3::Z, radius: 1.0 };
+        let bvh = Bvh::with([Primitive::from(disk)], Preset::default(), numerics).expect("finite");
+        let passed = |origin: [f64; 3], direction: [f64; 3], t_max: f64| {
+            let ray = bvh.ray_within(origin, direction, t_max).expect("finite");
+            let crossings = bvh.crossings(&ray, &mut Traversal::default());
+            crossings.into_iter().map(|c| (c.t, c.side)).collect::<Vec<_>>()
+        };
+        let (enter, leave) = (Side::Entering, Side::Leaving);
+        let (up, down) = ([0.0, 0.0, 1.0], [0.0, 0.0, -1.0]);
+        assert_eq!(passed([0.5, 0.5, 3.0], down, f64::INFINITY), [(3.0, enter)]);
+        assert_eq!(passed([0.5, 0.5, -3.0], up, f64::INFINITY), [(3.0, leave)]);
+        assert_eq!(passed([0.5, 0.5, 3.0], up, f64::INFINITY), []);
+        assert_eq!(passed([0.8, 0.7, 3.0], down, f64::INFINITY), []);
+        // In the plane, and parallel to it.
+        assert_eq!(passed([-3.0, 0.0, 0.0], [1.0, 0.0, 0.0], f64::INFINITY), []);
+        // The rim: (-1, 0) moves inwards along +x, (1, 0) outwards; (0, -1) inwards along +y.
+        for (x, y, is_inside) in [(-1.0, 0.0, true), (1.0, 0.0, false), (0.0, -1.0, true), (0.0, 1.0, false)]
+        {
+            let expected: &[_] = if is_inside { &[(2.0, leave)] } else { &[] };
+            assert_eq!(passed([x, y, -2.0], up, f64::INFINITY), expected, "{x} {y}");
+        }
+        // From and to the plane: the moved origin is before it along +z.
+        assert_eq!(passed([0.0; 3], up, f64::INFINITY), []);
+        assert_eq!(passed([0.0; 3], down, f64::INFINITY), [(0.0, enter)]);
+        assert_eq!(passed([0.0, 0.0, -2.0], up, 2.0), [(2.0, leave)]);
+        assert_eq!(passed([0.0, 0.0, 2.0], down, 2.0), []);
+        // Its rim is the one edge of the surface; with a triangle's there are four.
+        let open = Closedness { boundary_edges: 1, non_manifold_edges: 0, unbalanced_edges: 1 };
+        assert_eq!(bvh.closedness(), open);
+        assert!(bvh.contains_if_closed([0.0, 0.0, -1.0], &mut Traversal::default()).is_err());
+        let nearest = |p: [f64; 3]| bvh.closest_point(p, &mut Traversal::default()).map(|c| c.point);
+        assert_eq!(nearest([0.25, 0.5, 3.0]), Some(DVec3::new(0.25, 0.5, 0.0)));
+        assert_eq!(nearest([0.0, -4.0, 3.0]), Some(DVec3::NEG_Y));
     }
 }
 

@@ -12,7 +12,7 @@ use crate::common::hard::{Corners, ball, corners_of, numbered, placed, times_fac
 use crate::common::oracle::{self, Distance};
 use glam::DVec3;
 use kiln::bvh::{Accelerator, Layout, Preset, Primitive, Slot, Traversal, build};
-use kiln::geometry::{Numerics, Precision, PrimId, Ray, Triangle};
+use kiln::geometry::{Disk, Numerics, Precision, PrimId, Ray, Triangle};
 
 /// What was compared, to be printed.
 #[derive(Debug, Default)]
@@ -126,6 +126,64 @@ fn spheres_are_hit_or_missed_as_in_exact_arithmetic() {
     eprintln!("spheres: {count:?}");
     faults.none();
     assert!(count.hits * 3 > count.rays);
+}
+
+/// Set-up: disks of every kind of number, with normals of any length; rays at their rim exactly, next to it, at the inside,
+/// in their plane and almost, and from their plane.
+#[test]
+fn disks_are_hit_or_missed_as_in_exact_arithmetic() {
+    let mut numbers = Numbers::new(12);
+    let mut faults = Faults::new("disks".to_owned());
+    let mut count = Count::default();
+    for i in 0..times_factor(4000) {
+        let kind = Kind::nth(i, &mut numbers);
+        // A ray that touches the ball passes a point of the rim, at right angles to the radius there.
+        let (centre, radius, touching) = touching_ball(kind, &mut numbers);
+        let free = point(kind, &mut numbers);
+        let normal = match numbers.below(4) {
+            0 => numbers.direction(),
+            1 => DVec3::AXES[numbers.below(3)],
+            // The touching ray lies in the plane, but for rounding.
+            2 => touching.direction.cross(touching.origin - centre).normalize_or(DVec3::Y),
+            _ => (numbers.vector() * 4.0).round(),
+        };
+        let normal = if normal == DVec3::ZERO { DVec3::X } else { normal };
+        let slots = numbered([Primitive::from(Disk { centre, normal, radius })]);
+        let exact = exactly(&slots, Layout::BruteForce);
+        for _ in 0..20 {
+            let aside = normal.cross(numbers.direction()).normalize_or(DVec3::X);
+            let share = numbers.one_of(&[1.0, 1.0, 0.5, 0.0, 1.0 + f64::EPSILON]);
+            let target = centre + aside * (radius * share);
+            let ray = match numbers.below(6) {
+                0 => touching,
+                1 => nudged(&touching, &mut numbers),
+                // From the disk, or as good as.
+                2 => fine(target, numbers.direction()),
+                3 => fine(target, free - target),
+                // In the plane, or as good as.
+                4 => fine(target - aside * radius * numbers.one_of(&[2.0, 4.0]), aside),
+                _ => fine(free, target - free),
+            };
+            if let Some(ray) = proper(if numbers.below(4) == 0 { nudged(&ray, &mut numbers) } else { ray }) {
+                compare(&slots, &*exact, &ray, &mut faults, &mut count);
+            }
+        }
+    }
+    // The rim exactly: (1, 2, 2) has the length 3, and (2, -1, 0) is across it. A step of f64 beside it decides.
+    for scale in [1.0, 1e-9, 1e12] {
+        let centre = DVec3::new(5.0, -3.0, 7.0) * scale;
+        let disk = Disk { centre, normal: DVec3::new(2.0, -1.0, 0.0), radius: 3.0 * scale };
+        let slots = numbered([Primitive::from(disk)]);
+        let exact = exactly(&slots, Layout::default());
+        let rim = centre + DVec3::new(1.0, 2.0, 2.0) * scale;
+        for target in [rim, rim.with_z(rim.z.next_up()), rim.with_z(rim.z.next_down())] {
+            let ray = fine(target - DVec3::X * (8.0 * scale), DVec3::X);
+            compare(&slots, &*exact, &ray, &mut faults, &mut count);
+        }
+    }
+    eprintln!("disks: {count:?}");
+    faults.none();
+    assert!(count.hits * 6 > count.rays && count.hits < count.rays, "{count:?}");
 }
 
 fn fine(origin: DVec3, direction: DVec3) -> Ray {

@@ -7,7 +7,7 @@ use glam::DVec3;
 use kiln::bvh::{Layout, Primitive, Slot, Traversal, build};
 use kiln::geometry::spawn::SurfacePoint;
 use kiln::geometry::{
-    AnalyticShape, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, RayBuffer, Sphere, Triangle,
+    AnalyticShape, Disk, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, RayBuffer, Sphere, Triangle,
 };
 
 /// How many rays are asked about at once.
@@ -66,7 +66,7 @@ fn terrain(size: i32, numbers: &mut Numbers) -> Vec<Primitive> {
     triangles
 }
 
-/// Everything at once: a globe, a terrain, a soup, spheres among triangles, a giant triangle, and duplicates.
+/// Everything at once: a globe, a terrain, a soup, spheres and disks among triangles, a giant triangle, and duplicates.
 fn mixed(scale: f64, offset: DVec3) -> Vec<Slot> {
     let mut numbers = Numbers::new(7);
     let mut primitives = globe(8, 12, DVec3::new(4.0, 4.0, 6.0), 2.0);
@@ -87,6 +87,11 @@ fn mixed(scale: f64, offset: DVec3) -> Vec<Slot> {
             Primitive::from(Sphere { centre, radius: 0.1 + numbers.unit() }),
         );
     }
+    for i in 0..20 {
+        let normal = if i % 4 == 0 { DVec3::AXES[i % 3] } else { numbers.vector().normalize() };
+        let (centre, radius) = (numbers.vector() * 4.0 + 4.0, 0.1 + numbers.unit());
+        primitives.insert(numbers.below(primitives.len()), Primitive::from(Disk { centre, normal, radius }));
+    }
     let giant = [DVec3::new(-1e3, -1e3, -1.0), DVec3::new(-1e3, 1e4, -1.0), DVec3::new(1e4, -1e3, -1.0)];
     primitives.push(Primitive::Triangle(Triangle(giant)));
     primitives.extend_from_within(0..40);
@@ -96,15 +101,17 @@ fn mixed(scale: f64, offset: DVec3) -> Vec<Slot> {
             Primitive::Triangle(Triangle(corners)) => {
                 corners.iter_mut().for_each(|c| *c = place(*c));
             }
-            Primitive::Analytic(AnalyticShape::Sphere(sphere)) => {
-                *sphere = Sphere { centre: place(sphere.centre), radius: sphere.radius * scale };
+            Primitive::Analytic(shape) => {
+                *shape.centre_mut() = place(*shape.centre_mut());
+                *shape.radius_mut() *= scale;
             }
         }
     }
     slots(primitives)
 }
 
-/// Points that rays are aimed at: vertices, edge midpoints, points on edges, points inside, points on spheres.
+/// Points that rays are aimed at: vertices, edge midpoints, points on edges, points inside, points on spheres
+/// and disks.
 fn targets(slots: &[Slot], count: usize, numbers: &mut Numbers) -> Vec<DVec3> {
     (0..count)
         .map(|i| match slots[numbers.below(slots.len())].primitive {
@@ -120,6 +127,11 @@ fn targets(slots: &[Slot], count: usize, numbers: &mut Numbers) -> Vec<DVec3> {
             Primitive::Analytic(AnalyticShape::Sphere(sphere)) => {
                 let towards = numbers.vector().normalize();
                 sphere.centre + sphere.radius * if i % 2 == 0 { towards } else { DVec3::X }
+            }
+            // The rim, the inside and the centre.
+            Primitive::Analytic(AnalyticShape::Disk(disk)) => {
+                let aside = disk.normal.cross(numbers.vector()).try_normalize().unwrap_or(disk.normal);
+                disk.centre + aside * (disk.radius * [1.0, numbers.unit(), 0.0][i % 3])
             }
         })
         .collect()

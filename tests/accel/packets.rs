@@ -4,14 +4,14 @@ use crate::common::Numbers;
 use glam::DVec3;
 use kiln::bvh::{Layout, Primitive, Slot, Traversal, build};
 use kiln::geometry::{
-    AnalyticShape, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, RayBuffer, Sphere, Triangle,
+    AnalyticShape, Disk, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, RayBuffer, Sphere, Triangle,
 };
 
 /// As many rays as a tile has.
 const TILE: usize = 256;
 
 /// A terrain of whole numbers, a soup, copies, copies right beside what they are of, slivers, a giant triangle and
-/// spheres; `scale` and `offset` move all of it.
+/// spheres and disks; `scale` and `offset` move all of it.
 fn slots(scale: f64, offset: DVec3) -> Vec<Slot> {
     let mut numbers = Numbers::new(21);
     let mut triangles = Vec::new();
@@ -44,6 +44,11 @@ fn slots(scale: f64, offset: DVec3) -> Vec<Slot> {
             radius: f64::from((0.2 * scale * f64::from(i + 1)) as f32),
         }));
     }
+    for i in 0..6 {
+        let normal = if i % 2 == 0 { DVec3::AXES[i / 2] } else { numbers.vector().normalize() };
+        let centre = single(numbers.vector() * 4.0 + 4.0);
+        primitives.push(Primitive::from(Disk { centre, normal, radius: 0.3 * scale * (i + 1) as f64 }));
+    }
     let degenerate = |p: &Primitive| matches!(p, Primitive::Triangle(t) if t.is_degenerate());
     primitives.retain(|p| !degenerate(p));
     (0..).zip(primitives).map(|(id, primitive)| Slot { primitive, id: PrimId(id) }).collect()
@@ -59,6 +64,11 @@ fn target(slots: &[Slot], numbers: &mut Numbers) -> DVec3 {
         },
         Primitive::Analytic(AnalyticShape::Sphere(sphere)) => {
             sphere.centre + sphere.radius * numbers.vector().normalize()
+        }
+        // Outside of the rim, on it and within.
+        Primitive::Analytic(AnalyticShape::Disk(disk)) => {
+            let aside = disk.normal.cross(numbers.vector()).normalize_or(disk.normal);
+            disk.centre + aside * (disk.radius * [1.0, 1.0 + 1e-9, numbers.unit()][numbers.below(3)])
         }
     }
 }

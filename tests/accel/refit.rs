@@ -3,21 +3,28 @@
 use crate::common::Numbers;
 use glam::DVec3;
 use kiln::bvh::{Bvh, Layout, NotFinite, Preset, Primitive, Slot, Traversal, Update, build};
-use kiln::geometry::{AnalyticShape, Hit, HitBuffer, Numerics, PrimId, Ray, RayBuffer, Sphere, Triangle};
+use kiln::geometry::{Disk, Hit, HitBuffer, Numerics, PrimId, Ray, RayBuffer, Sphere, Triangle};
 
-/// Triangles with corners within 0.1 of a point of the cube, and a ball for every tenth.
+/// Triangles with corners within 0.1 of a point of the cube, and a ball or a disk for every tenth.
 fn crowd(count: usize, numbers: &mut Numbers) -> Vec<Primitive> {
     let mut primitive = |index: usize| {
         let middle = numbers.vector();
         if index % 10 == 9 {
-            return Primitive::from(Sphere { centre: middle, radius: 0.05 });
+            return match index % 30 {
+                29 => Primitive::from(Disk {
+                    centre: middle,
+                    normal: numbers.vector().normalize(),
+                    radius: 0.1,
+                }),
+                _ => Primitive::from(Sphere { centre: middle, radius: 0.05 }),
+            };
         }
         Primitive::Triangle(Triangle([0; 3].map(|_| middle + numbers.vector() * 0.1)))
     };
     (0..count).map(&mut primitive).collect()
 }
 
-/// Every primitive moved a little, some far; some triangles end up on a line or in a point, some balls without size.
+/// Every primitive moved a little, some far; some triangles end up on a line or in a point, some balls and disks without size.
 fn moved(primitives: &[Primitive], numbers: &mut Numbers) -> Vec<Primitive> {
     let mut one = |(index, primitive): (usize, &Primitive)| {
         let step = numbers.vector() * if index % 7 == 0 { 3.0 } else { 0.1 };
@@ -27,16 +34,17 @@ fn moved(primitives: &[Primitive], numbers: &mut Numbers) -> Vec<Primitive> {
                 5 => [a, b, a],
                 _ => [a + step, b + step, c + step * 1.5],
             })),
-            Primitive::Analytic(AnalyticShape::Sphere(Sphere { centre, radius })) => {
-                let radius = if index % 20 == 9 { 0.0 } else { radius * 2.0 };
-                Primitive::from(Sphere { centre: centre + step, radius })
+            Primitive::Analytic(mut shape) => {
+                *shape.centre_mut() += step;
+                *shape.radius_mut() *= if index % 20 == 9 { 0.0 } else { 2.0 };
+                Primitive::Analytic(shape)
             }
         }
     };
     primitives.iter().enumerate().map(&mut one).collect()
 }
 
-/// What a fresh structure is built from: spheres of no radius have no slot.
+/// What a fresh structure is built from: shapes of no radius have no slot.
 fn slots(primitives: &[Primitive], numerics: Numerics) -> Vec<Slot> {
     let rounded = primitives.iter().map(|p| p.rounded(numerics.precision()));
     (0..).zip(rounded).filter_map(|(id, p)| Some(Slot { primitive: p?, id: PrimId(id) })).collect()
@@ -49,7 +57,7 @@ fn rays(primitives: &[Primitive], numerics: Numerics, numbers: &mut Numbers) -> 
         let origin = numbers.vector() * 4.0;
         let target = match primitives[index % primitives.len()] {
             Primitive::Triangle(Triangle(corners)) if index.is_multiple_of(2) => corners[index % 3],
-            Primitive::Analytic(AnalyticShape::Sphere(sphere)) => sphere.centre,
+            Primitive::Analytic(shape) => shape.bounding_sphere().0,
             Primitive::Triangle(_) => numbers.vector(),
         };
         let direction = (target - origin).try_normalize().unwrap_or(DVec3::Z);
@@ -179,9 +187,7 @@ fn an_update_refits_what_it_can_and_builds_what_it_must() {
         Primitive::Triangle(Triangle(corners)) => {
             Primitive::Triangle(Triangle(corners.map(|c| c + DVec3::X)))
         }
-        Primitive::Analytic(AnalyticShape::Sphere(s)) => {
-            Primitive::from(Sphere { centre: s.centre + DVec3::X, ..s })
-        }
+        Primitive::Analytic(shape) => Primitive::Analytic(shape.recentred(-DVec3::X, 1.0)),
     };
     let aside: Vec<Primitive> = first.iter().map(step).collect();
     held_to_fresh(&mut bvh, &aside, true);

@@ -7,7 +7,7 @@
 //!
 //! What counts, as in kiln: a ray is open at both ends; triangles have two sides, and their edges belong to them; a ray
 //! in a triangle's plane misses; a triangle without area is never hit; a sphere's surface is hit from outside and from
-//! inside, and where a ray touches it.
+//! inside, and where a ray touches it; a disk has two sides, its rim belongs to it, and a ray in its plane misses.
 
 mod distance;
 mod filter;
@@ -25,7 +25,10 @@ use kiln::geometry::Ray;
 pub use distance::{Distance, sign_with_root, sign_with_two_roots};
 pub use filter::{Passage, passage};
 use integers::{Vector, integers, sign};
-pub use rounding::{distance_error, is_clear, is_clear_of_sphere, sphere_distance_error};
+pub use rounding::{
+    disk_distance_error, distance_error, is_clear, is_clear_of_disk, is_clear_of_sphere,
+    sphere_distance_error,
+};
 
 /// Where the line of `ray` meets the triangle, if it does.
 pub fn line_triangle(ray: &Ray, corners: &[DVec3; 3]) -> Option<Distance> {
@@ -66,6 +69,26 @@ pub fn line_sphere(ray: &Ray, centre: DVec3, radius: f64) -> Option<[Distance; 2
     Distance::roots(&d.dot(&d), &f.dot(&d), &(f.dot(&f) - &r * &r), places - directions)
 }
 
+/// Where the line of `ray` meets the disk, if it does. The normal has any length.
+pub fn line_disk(ray: &Ray, centre: DVec3, normal: DVec3, radius: f64) -> Option<Distance> {
+    let o = ray.origin;
+    let ([ox, oy, oz, cx, cy, cz, r], places) =
+        integers([o.x, o.y, o.z, centre.x, centre.y, centre.z, radius]);
+    let (d, directions) = integers(ray.direction.to_array());
+    let (n, _) = integers(normal.to_array());
+    let (d, n, to_centre) = (Vector(d), Vector(n), Vector([cx, cy, cz]).minus(&Vector([ox, oy, oz])));
+    // The plane is n . (o + t d - c) = 0; no power of two of the normal matters.
+    let (numerator, denominator) = (n.dot(&to_centre), n.dot(&d));
+    if sign(&denominator) == 0 {
+        return None;
+    }
+    // The vector from the centre, times the denominator.
+    let from_centre = d.times(&numerator).minus(&to_centre.times(&denominator));
+    let reach = &r * &denominator;
+    let is_met = from_centre.dot(&from_centre) <= &reach * &reach;
+    is_met.then(|| Distance::fraction(numerator, denominator, places - directions))
+}
+
 /// The part of the line of `ray` that lies within the box from `min` to `max`, faces included.
 pub fn line_box(ray: &Ray, min: DVec3, max: DVec3) -> Option<[Distance; 2]> {
     let (mut enter, mut leave): (Option<Distance>, Option<Distance>) = (None, None);
@@ -104,6 +127,11 @@ pub fn triangle(ray: &Ray, corners: &[DVec3; 3]) -> Option<Distance> {
 /// Where `ray` first hits the sphere.
 pub fn sphere(ray: &Ray, centre: DVec3, radius: f64) -> Option<Distance> {
     line_sphere(ray, centre, radius)?.into_iter().find(|distance| is_within(ray, distance))
+}
+
+/// Where `ray` hits the disk.
+pub fn disk(ray: &Ray, centre: DVec3, normal: DVec3, radius: f64) -> Option<Distance> {
+    line_disk(ray, centre, normal, radius).filter(|distance| is_within(ray, distance))
 }
 
 /// The power of two at or below `x`, which is a normal number.

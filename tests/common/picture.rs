@@ -10,9 +10,7 @@ use kiln::film::{Film, Window};
 use kiln::geometry::{Hit, Ray};
 use kiln::job::RenderSettings;
 use kiln::render::{RenderControl, Statistics, render};
-use kiln::scene::{
-    AnalyticShape, Numerics, PictureSettings, PixelSampler, Sampling, Scene, Shape, Sphere, Step,
-};
+use kiln::scene::{Numerics, PictureSettings, PixelSampler, Sampling, Scene, Shape, Step};
 use kiln::world::{StandardView, View, World, fitted_camera, headlight, recenter};
 
 /// A scene from a file.
@@ -136,9 +134,9 @@ pub fn placed(mut scene: Scene, scale: f64, offset: DVec3) -> Scene {
     let place = |p: &mut DVec3| *p = *p * scale + offset;
     for object in &mut scene.objects {
         match &mut object.shape {
-            Shape::Analytic(AnalyticShape::Sphere(Sphere { centre, radius })) => {
-                place(centre);
-                *radius *= scale;
+            Shape::Analytic(shape) => {
+                place(shape.centre_mut());
+                *shape.radius_mut() *= scale;
             }
             Shape::Mesh(mesh) => mesh.positions.iter_mut().for_each(place),
             Shape::Placed(placed) => {

@@ -1,4 +1,4 @@
-//! [`Bvh`]: the acceleration structure for library users, over their own triangles and spheres.
+//! [`Bvh`]: the acceleration structure for library users, over their own triangles and analytic shapes.
 
 use std::sync::OnceLock;
 
@@ -10,7 +10,7 @@ use crate::geometry::{
     AnalyticShape, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, Rays, Sphere, Triangle,
 };
 
-/// A bounding volume hierarchy over triangles and spheres. A primitive's id is its index in the list that it was
+/// A bounding volume hierarchy over triangles and analytic shapes. A primitive's id is its index in the list that it was
 /// built from. The [crate documentation](crate) has an example.
 pub struct Bvh {
     accelerator: Box<dyn Accelerator>,
@@ -242,7 +242,7 @@ impl Bvh {
         Ok(Update::Rebuilt)
     }
 
-    /// The number of spheres that cannot be hit because their radius is not above 0.
+    /// The number of analytic shapes that cannot be hit because their radius is not above 0.
     pub fn left_out(&self) -> usize {
         self.has_slot.iter().filter(|has_slot| !**has_slot).count()
     }

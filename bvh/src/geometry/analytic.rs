@@ -3,13 +3,14 @@
 
 use glam::DVec3;
 
+use super::disk::DiskN;
 use super::distance::Distance;
 use super::fast::{FastRay, One};
 use super::lanes::{HitN, RayN};
 use super::simd::{Doubles, Floats, Vector};
 use super::spawn::SurfacePoint;
 use super::sphere::SphereN;
-use super::{Bounds, Numerics, Precision, PreparedRay, Ray, Side, Sphere};
+use super::{Bounds, Disk, Numerics, Precision, PreparedRay, Ray, Side, Sphere};
 
 /// A primitive that is not a triangle. Another kind is another variant here and of [`ShapeN`], and an arm of `each!`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,29 +18,34 @@ use super::{Bounds, Numerics, Precision, PreparedRay, Ray, Side, Sphere};
 pub enum AnalyticShape {
     /// A sphere.
     Sphere(Sphere),
+    /// A disk.
+    Disk(Disk),
 }
 
 /// Shapes of one kind, one in each lane.
 pub(crate) enum ShapeN<D> {
     /// Spheres.
     Sphere(SphereN<D>),
+    /// Disks.
+    Disk(DiskN<D>),
 }
 
 /// The most numbers that [`AnalyticShape::numbers`] has.
-pub(crate) const SHAPE_NUMBERS: usize = 4;
+pub(crate) const SHAPE_NUMBERS: usize = 7;
 
 /// Evaluates an expression for the shape or shapes of any kind.
 macro_rules! each {
     ($self:expr, $shape:ident => $value:expr) => {
         match $self {
             Self::Sphere($shape) => $value,
+            Self::Disk($shape) => $value,
         }
     };
 }
 
 impl AnalyticShape {
     /// The names of all kinds.
-    pub const NAMES: [&str; 1] = ["sphere"];
+    pub const NAMES: [&str; 2] = ["sphere", "disk"];
 
     /// The name of the kind of shape, such as `sphere`.
     pub fn name(&self) -> &'static str {
@@ -121,6 +127,7 @@ impl AnalyticShape {
     pub(crate) fn in_lanes<D: Doubles>(&self, number: impl Fn(usize) -> D) -> ShapeN<D> {
         match self {
             AnalyticShape::Sphere(_) => ShapeN::Sphere(SphereN::new(number)),
+            AnalyticShape::Disk(_) => ShapeN::Disk(DiskN::new(number)),
         }
     }
 
@@ -219,5 +226,11 @@ impl<D: Doubles> ShapeN<D> {
 impl From<Sphere> for AnalyticShape {
     fn from(sphere: Sphere) -> Self {
         AnalyticShape::Sphere(sphere)
+    }
+}
+
+impl From<Disk> for AnalyticShape {
+    fn from(disk: Disk) -> Self {
+        AnalyticShape::Disk(disk)
     }
 }

@@ -55,10 +55,13 @@ impl Distance {
         }
         let barycentrics =
             [(&b, &c), (&c, &a), (&a, &b)].map(|(p, q)| ratio(&dot(&direction, &cross(p, q)), &across));
-        let sign = across.signum();
-        let distance =
-            Distance { b: dot(&normal, &a) * &sign, a: across * &sign, d: BigInt::ZERO, far: false };
-        Some(PlaneHit { distance, barycentrics })
+        Some(PlaneHit { distance: Distance::ratio(&dot(&normal, &a), &across), barycentrics })
+    }
+
+    /// A fraction whose denominator is not 0.
+    pub(crate) fn ratio(numerator: &BigInt, denominator: &BigInt) -> Self {
+        let sign = denominator.signum();
+        Distance { b: numerator * &sign, a: denominator * &sign, d: BigInt::ZERO, far: false }
     }
 
     /// The near and far root of `a t^2 - 2 b t + c = 0` with `a > 0`. `None` if they are not real.

@@ -24,6 +24,7 @@
 mod analytic;
 mod bounds;
 mod crossing;
+mod disk;
 mod distance;
 mod double;
 pub(crate) mod estimate;
@@ -53,6 +54,7 @@ pub use analytic::AnalyticShape;
 pub(crate) use analytic::{SHAPE_NUMBERS, ShapeN};
 pub use bounds::{Bounds, BoxTest, DoubleBoxTest, SingleBoxTest, round_up};
 pub use crossing::{LineTest, Side};
+pub use disk::Disk;
 pub use hit_buffer::HitBuffer;
 pub use mesh::{Attribute, Mesh, is_mirror, moved_tangent, normal_matrix};
 pub use numerics::Precision;

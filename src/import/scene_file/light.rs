@@ -172,10 +172,7 @@ impl Builder<'_> {
 
     /// The normalised value of `key`.
     fn light_direction(&self, start: usize, key: &str, direction: DVec3) -> Result<DVec3> {
-        self.finite(start, key, &direction.to_array())?;
-        // Scaling first prevents overflow and underflow of squares.
-        let scaled = direction / direction.abs().max_element();
-        scaled.try_normalize().ok_or_else(|| {
+        self.unit(start, key, direction)?.ok_or_else(|| {
             let (what, hint) = match key {
                 "look_at" => ("`look_at` is where the light is", "give another point for it to look at"),
                 _ => ("`direction` has no length", "give the direction the light travels in"),

@@ -24,12 +24,13 @@ use crate::error::{Error, Place, Result, Warnings, nearest_name};
 use crate::film::{Colour, ColourPipeline};
 use crate::import;
 use crate::scene::{
-    Camera, Environment, EnvironmentSource, Glaze, Material, MaterialId, Mesh, Object, Opacity, Phong,
-    PictureSettings, Scene, Shape, Sphere,
+    AnalyticShape, Camera, Disk, Environment, EnvironmentSource, Glaze, Material, MaterialId, Mesh, Object,
+    Opacity, Phong, PictureSettings, Scene, Shape, Sphere,
 };
 use meshes::Meshes;
 use sections::{
-    CameraSection, EnvironmentSection, MaterialSection, MeshSection, SphereSection, TrianglesSection, line_of,
+    CameraSection, DiskSection, EnvironmentSection, MaterialSection, MeshSection, SphereSection,
+    TrianglesSection, line_of,
 };
 
 /// Maximum number of glaze bounces. Each bounce that a path reaches needs buffers of about a tenth of a megabyte per
@@ -66,7 +67,8 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
 /// An entry that defines objects. Objects are created in file order, whatever their kinds, because that order numbers
 /// the primitives.
 enum Entry<'a> {
-    Sphere(&'a Spanned<SphereSection>),
+    Sphere(&'a SphereSection),
+    Disk(&'a DiskSection),
     Triangles(&'a Spanned<TrianglesSection>),
     Mesh(&'a Spanned<MeshSection>),
 }
@@ -116,6 +118,13 @@ impl Builder<'_> {
             Some(v) => Err(self.error(start, format!("`{key}` holds {v}"), "give a finite number")),
             None => Ok(()),
         }
+    }
+
+    /// The vector of length 1; `None` if it has none.
+    fn unit(&self, start: usize, key: &str, vector: DVec3) -> Result<Option<DVec3>> {
+        self.finite(start, key, &vector.to_array())?;
+        // Scaling first prevents overflow and underflow of squares.
+        Ok((vector / vector.abs().max_element()).try_normalize())
     }
 
     fn not_negative(&self, start: usize, key: &str, value: f64) -> Result<f64> {
@@ -291,16 +300,19 @@ impl Builder<'_> {
     fn objects<'a>(&mut self, file: &'a SceneFile, warnings: &mut Warnings) -> Result<()> {
         let mut entries: Vec<((Option<&str>, usize), Entry)> = Vec::new();
         let named = |name: &'a Option<String>, start| (name.as_deref(), start);
-        let spheres = file.sphere.iter();
-        entries.extend(spheres.map(|s| (named(&s.get_ref().name, s.span().start), Entry::Sphere(s))));
+        let spheres = file.sphere.iter().map(|s| (s.span().start, s.get_ref()));
+        entries.extend(spheres.map(|(start, s)| (named(&s.name, start), Entry::Sphere(s))));
+        let disks = file.disk.iter().map(|s| (s.span().start, s.get_ref()));
+        entries.extend(disks.map(|(start, s)| (named(&s.name, start), Entry::Disk(s))));
         let triangles = file.triangles.iter();
         entries.extend(triangles.map(|s| (named(&s.get_ref().name, s.span().start), Entry::Triangles(s))));
         entries.extend(file.mesh.iter().map(|s| (named(&s.get_ref().name, s.span().start), Entry::Mesh(s))));
         entries.sort_by_key(|((_, start), _)| *start);
         self.warn_of_equal_names("object", entries.iter().map(|(named, _)| *named), warnings);
-        for (_, entry) in entries {
+        for (named, entry) in entries {
             match entry {
-                Entry::Sphere(section) => self.sphere(section)?,
+                Entry::Sphere(s) => self.analytic(named, s.material.as_deref(), self.sphere(named.1, s)?)?,
+                Entry::Disk(s) => self.analytic(named, s.material.as_deref(), self.disk(named.1, s)?)?,
                 Entry::Triangles(section) => self.triangles(section)?,
                 Entry::Mesh(section) => self.mesh(section, warnings)?,
             }
@@ -323,24 +335,36 @@ impl Builder<'_> {
         })
     }
 
-    fn push(&mut self, name: Option<&String>, kind: &str, material: MaterialId, shape: Shape) {
-        let name = name.cloned().unwrap_or_else(|| format!("{kind} {}", self.scene.objects.len()));
+    fn push(&mut self, name: Option<&str>, kind: &str, material: MaterialId, shape: Shape) {
+        let name = name.map_or_else(|| format!("{kind} {}", self.scene.objects.len()), str::to_owned);
         self.scene.objects.push(Object { name, input: 0, material, shape });
     }
 
-    fn sphere(&mut self, section: &Spanned<SphereSection>) -> Result<()> {
-        let (start, s) = (section.span().start, section.get_ref());
+    fn sphere(&self, start: usize, s: &SphereSection) -> Result<AnalyticShape> {
         self.finite(start, "centre", &s.centre)?;
-        if !(s.radius > 0.0 && s.radius.is_finite()) {
-            return Err(self.error(
-                start,
-                format!("a sphere of radius {}", s.radius),
-                "give a radius above 0",
-            ));
+        Ok(Sphere { centre: s.centre.into(), radius: s.radius }.into())
+    }
+
+    fn disk(&self, start: usize, s: &DiskSection) -> Result<AnalyticShape> {
+        self.finite(start, "centre", &s.centre)?;
+        let normal = self.unit(start, "normal", s.normal.into())?;
+        let normal = normal
+            .ok_or_else(|| self.error(start, "`normal` has no length", "give the direction of the front"))?;
+        Ok(Disk { centre: s.centre.into(), normal, radius: s.radius }.into())
+    }
+
+    fn analytic(
+        &mut self,
+        (name, start): (Option<&str>, usize),
+        material: Option<&str>,
+        mut shape: AnalyticShape,
+    ) -> Result<()> {
+        let (kind, radius) = (shape.name(), *shape.radius_mut());
+        if !(radius > 0.0 && radius.is_finite()) {
+            return Err(self.error(start, format!("a {kind} of radius {radius}"), "give a radius above 0"));
         }
-        let material = self.material_named(start, s.material.as_deref())?;
-        let sphere = Sphere { centre: s.centre.into(), radius: s.radius };
-        self.push(s.name.as_ref(), "sphere", material, Shape::Analytic(sphere.into()));
+        let material = self.material_named(start, material)?;
+        self.push(name, kind, material, Shape::Analytic(shape));
         Ok(())
     }
 
@@ -367,7 +391,7 @@ impl Builder<'_> {
         let material = self.material_named(start, s.material.as_deref())?;
         let positions = s.vertices.iter().map(|&p| p.into()).collect();
         let shape = Shape::Mesh(Mesh { positions, triangles, ..Mesh::default() });
-        self.push(s.name.as_ref(), "triangles", material, shape);
+        self.push(s.name.as_deref(), "triangles", material, shape);
         Ok(())
     }
 }

@@ -45,6 +45,10 @@ pub struct SceneFile {
     #[serde(default)]
     #[schemars(with = "Vec<SphereSection>")]
     pub sphere: Vec<Spanned<SphereSection>>,
+    /// Analytic disks.
+    #[serde(default)]
+    #[schemars(with = "Vec<DiskSection>")]
+    pub disk: Vec<Spanned<DiskSection>>,
     /// Triangle lists.
     #[serde(default)]
     #[schemars(with = "Vec<TrianglesSection>")]
@@ -272,6 +276,24 @@ pub struct SphereSection {
     /// Its centre; `center` and `position` are other names of this key.
     #[serde(alias = "center", alias = "position")]
     pub centre: [f64; 3],
+    /// Its radius, above 0.
+    pub radius: f64,
+    /// The name of its material; a light grey if not given.
+    pub material: Option<String>,
+}
+
+/// An analytic disk, flat and seen from both sides.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(transform = add_names_of_centre)]
+pub struct DiskSection {
+    /// Name, used in messages.
+    pub name: Option<String>,
+    /// Its centre; `center` and `position` are other names of this key.
+    #[serde(alias = "center", alias = "position")]
+    pub centre: [f64; 3],
+    /// The normal of its front, of any length but 0.
+    pub normal: [f64; 3],
     /// Its radius, above 0.
     pub radius: f64,
     /// The name of its material; a light grey if not given.

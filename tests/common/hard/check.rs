@@ -13,8 +13,9 @@
 
 use std::collections::BTreeMap;
 
+use glam::DVec3;
 use kiln::bvh::{Layout, Preset, Primitive, Slot, Traversal, build};
-use kiln::geometry::{AnalyticShape, Numerics, PrimId, Ray, Sphere, Triangle};
+use kiln::geometry::{AnalyticShape, Disk, Numerics, PrimId, Ray, Sphere, Triangle};
 
 use super::results::{Faults, RayResults, check_results};
 use super::single;
@@ -193,6 +194,9 @@ pub fn exact_hits(slots: &[Slot], ray: &Ray) -> Vec<(Distance, PrimId)> {
         Primitive::Analytic(AnalyticShape::Sphere(Sphere { centre, radius })) => {
             oracle::sphere(ray, *centre, *radius)
         }
+        Primitive::Analytic(AnalyticShape::Disk(Disk { centre, normal, radius })) => {
+            oracle::disk(ray, *centre, *normal, *radius)
+        }
     };
     let mut hits: Vec<_> = slots.iter().filter_map(|slot| Some((hit(slot)?, slot.id))).collect();
     hits.sort_unstable();
@@ -205,6 +209,9 @@ fn is_clear(ray: &Ray, primitive: &Primitive) -> bool {
         Primitive::Analytic(AnalyticShape::Sphere(Sphere { centre, radius })) => {
             oracle::is_clear_of_sphere(ray, *centre, *radius)
         }
+        Primitive::Analytic(AnalyticShape::Disk(Disk { centre, normal, radius })) => {
+            oracle::is_clear_of_disk(ray, *centre, *normal, *radius)
+        }
     }
 }
 
@@ -213,6 +220,9 @@ fn distance_error(ray: &Ray, primitive: &Primitive) -> f64 {
         Primitive::Triangle(Triangle(corners)) => oracle::distance_error(ray, corners),
         Primitive::Analytic(AnalyticShape::Sphere(Sphere { centre, radius })) => {
             oracle::sphere_distance_error(ray, *centre, *radius)
+        }
+        Primitive::Analytic(AnalyticShape::Disk(Disk { centre, normal, radius })) => {
+            oracle::disk_distance_error(ray, *centre, *normal, *radius)
         }
     }
 }
@@ -224,9 +234,8 @@ fn rounds(tier: Numerics) -> bool {
 fn is_single(slot: &Slot) -> bool {
     match &slot.primitive {
         Primitive::Triangle(Triangle(corners)) => corners.iter().all(|p| *p == single(*p)),
-        Primitive::Analytic(AnalyticShape::Sphere(Sphere { centre, radius })) => {
-            *centre == single(*centre) && *radius == f64::from(*radius as f32)
-        }
+        // Stored in f64 in every tier.
+        Primitive::Analytic(_) => true,
     }
 }
 
@@ -277,9 +286,7 @@ pub fn scaled_ray(ray: &Ray, scale: f64) -> Ray {
 pub fn scaled(slot: &Slot, scale: f64) -> Slot {
     let primitive = match slot.primitive {
         Primitive::Triangle(Triangle(corners)) => Primitive::Triangle(Triangle(corners.map(|p| p * scale))),
-        Primitive::Analytic(AnalyticShape::Sphere(Sphere { centre, radius })) => {
-            super::ball(centre * scale, radius * scale)
-        }
+        Primitive::Analytic(shape) => Primitive::Analytic(shape.recentred(DVec3::ZERO, scale)),
     };
     Slot { primitive, ..*slot }
 }

@@ -108,3 +108,59 @@ pub fn sphere_distance_error(ray: &Ray, centre: DVec3, radius: f64) -> f64 {
     let of_near = chord.power_error / far + near * of_far / far;
     of_far.max(of_near) / chord.length
 }
+
+/// What the disk test computes, and how far off it may be.
+struct Plane {
+    /// The heights of the origin and of the direction over the plane.
+    height: f64,
+    height_error: f64,
+    along: f64,
+    along_error: f64,
+    /// The distance from the origin to the centre, at most.
+    reach: f64,
+}
+
+/// With `f` from the centre to the origin, the terms of `n . f` have an error of 2u, and their sum 2u more; the terms of
+/// `n . d` one of u, and their sum 2u more. Twice this: it is computed here with as many roundings.
+fn plane(ray: &Ray, centre: DVec3, normal: DVec3) -> Plane {
+    let (f, d) = (ray.origin - centre, ray.direction);
+    Plane {
+        height: normal.dot(f),
+        height_error: 8.0 * U * normal.abs().dot(f.abs()),
+        along: normal.dot(d),
+        along_error: 6.0 * U * normal.abs().dot(d.abs()),
+        reach: f.length(),
+    }
+}
+
+/// Whether a decision in f64 must be the exact one: the ray is not parallel to the plane, does not start on it, and keeps
+/// clear of the rim.
+///
+/// The computed t has a relative error of those of height and slope, and 2u; the point `f + t d` one of that times its
+/// way, `u f`, `u t d` and `u` of itself on each axis. Twice this, for the roundings here.
+pub fn is_clear_of_disk(ray: &Ray, centre: DVec3, normal: DVec3, radius: f64) -> bool {
+    let Plane { height, height_error, along, along_error, reach } = plane(ray, centre, normal);
+    if height.abs() <= height_error || along.abs() <= along_error {
+        return false;
+    }
+    let t = -height / along;
+    let way = t.abs() * ray.direction.length();
+    let relative = height_error / height.abs() + along_error / (along.abs() - along_error) + 4.0 * U;
+    let error = 2.0 * (relative * way + 4.0 * U * (reach + way));
+    let from_centre = (ray.origin - centre + ray.direction * t).length();
+    (from_centre - radius).abs() > error + 8.0 * U * radius
+}
+
+/// A bound on the error of the distance of a hit: that of the quotient, and of clamping it to bounds that have been
+/// rounded by 4u of their coordinates and of the way.
+pub fn disk_distance_error(ray: &Ray, centre: DVec3, normal: DVec3, radius: f64) -> f64 {
+    let Plane { height, height_error, along, along_error, reach } = plane(ray, centre, normal);
+    if along.abs() <= along_error {
+        return f64::INFINITY;
+    }
+    let t = (height / along).abs();
+    let rest = along.abs() - along_error;
+    let of_bounds =
+        8.0 * U * (reach + radius + centre.abs().max_element()) / ray.direction.abs().max_element();
+    (height_error + t * along_error) / rest + 8.0 * U * t + of_bounds
+}

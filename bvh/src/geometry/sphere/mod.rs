@@ -115,7 +115,7 @@ impl Sphere {
     #[inline(always)]
     pub(super) fn numbers(&self) -> [f64; SHAPE_NUMBERS] {
         let [x, y, z] = self.centre.to_array();
-        [x, y, z, self.radius]
+        [x, y, z, self.radius, 0.0, 0.0, 0.0]
     }
 
     #[inline(always)]
