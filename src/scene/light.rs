@@ -2,7 +2,7 @@
 
 use glam::{DMat4, DVec3};
 
-use super::{AnalyticShape, Sphere};
+use super::{AnalyticShape, Disk, Sphere};
 use crate::film::Colour;
 
 /// A light.
@@ -69,6 +69,16 @@ pub enum LightKind {
         /// Width and height, above 0.
         size: [f64; 2],
     },
+    /// A disk of uniform radiance on its front: intensity / radius^2, so that from far in front it is a point light of its
+    /// intensity with inverse-square falloff.
+    Disk {
+        /// Centre.
+        position: DVec3,
+        /// Normal of the front, of length 1.
+        direction: DVec3,
+        /// Radius, above 0.
+        radius: f64,
+    },
 }
 
 impl LightKind {
@@ -80,6 +90,7 @@ impl LightKind {
             LightKind::Spot { .. } => "spot",
             LightKind::Sphere { .. } => "sphere",
             LightKind::Rectangle { .. } => "rectangle",
+            LightKind::Disk { .. } => "disk",
         }
     }
 
@@ -96,7 +107,7 @@ impl LightKind {
         match self {
             LightKind::Directional { .. } => false,
             LightKind::Point { falloff, .. } | LightKind::Spot { falloff, .. } => *falloff != Falloff::None,
-            LightKind::Sphere { .. } | LightKind::Rectangle { .. } => true,
+            LightKind::Sphere { .. } | LightKind::Rectangle { .. } | LightKind::Disk { .. } => true,
         }
     }
 
@@ -123,6 +134,10 @@ impl LightKind {
                 let surface = LightSurface::Rectangle { centre: position, normal: direction, up, size };
                 Some((surface, std::f64::consts::PI / (size[0] * size[1])))
             }
+            LightKind::Disk { position, direction, radius } => {
+                let shape = Disk { centre: position, normal: direction, radius }.into();
+                Some((LightSurface::Analytic { shape, is_one_sided: true }, 1.0 / (radius * radius)))
+            }
             LightKind::Point { .. } | LightKind::Directional { .. } | LightKind::Spot { .. } => None,
         }
     }
@@ -143,7 +158,9 @@ impl LightKind {
                 (to_light, cone * falloff.at(to_light.length_squared()))
             }
             // Lights in path tracing alone.
-            LightKind::Sphere { .. } | LightKind::Rectangle { .. } => (DVec3::ZERO, 0.0),
+            LightKind::Sphere { .. } | LightKind::Rectangle { .. } | LightKind::Disk { .. } => {
+                (DVec3::ZERO, 0.0)
+            }
         }
     }
 
@@ -154,7 +171,8 @@ impl LightKind {
             LightKind::Point { position, .. }
             | LightKind::Spot { position, .. }
             | LightKind::Sphere { position, .. }
-            | LightKind::Rectangle { position, .. } => Some(position),
+            | LightKind::Rectangle { position, .. }
+            | LightKind::Disk { position, .. } => Some(position),
             LightKind::Directional { .. } => None,
         }
     }
@@ -165,7 +183,8 @@ impl LightKind {
             LightKind::Point { position, .. }
             | LightKind::Spot { position, .. }
             | LightKind::Sphere { position, .. }
-            | LightKind::Rectangle { position, .. } => Some(position),
+            | LightKind::Rectangle { position, .. }
+            | LightKind::Disk { position, .. } => Some(position),
             LightKind::Directional { .. } => None,
         }
     }
@@ -175,7 +194,8 @@ impl LightKind {
         match self {
             LightKind::Directional { direction, .. }
             | LightKind::Spot { direction, .. }
-            | LightKind::Rectangle { direction, .. } => Some(direction),
+            | LightKind::Rectangle { direction, .. }
+            | LightKind::Disk { direction, .. } => Some(direction),
             LightKind::Point { .. } | LightKind::Sphere { .. } => None,
         }
     }
@@ -208,7 +228,7 @@ impl Light {
             | LightKind::Spot { falloff: Falloff::InverseSquare { range }, .. } => {
                 *range = range.map(|range| range * factor);
             }
-            LightKind::Sphere { radius, .. } => *radius *= factor,
+            LightKind::Sphere { radius, .. } | LightKind::Disk { radius, .. } => *radius *= factor,
             LightKind::Rectangle { size, .. } => *size = size.map(|side| side * factor),
             LightKind::Directional { .. } | LightKind::Point { .. } | LightKind::Spot { .. } => return,
         }

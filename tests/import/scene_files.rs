@@ -267,7 +267,7 @@ const FAULTS: &[(&str, &str, &str)] = &[
     (
         "[[light]]\ntype = 'point'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\n",
         "1: light `light 0` has a `look_at`",
-        "only a spot or a rectangle has `look_at`",
+        "only a spot or a rectangle or a disk has `look_at`",
     ),
     (
         "[[light]]\ntype = 'directional'\ndirection = [0, 1, 0]\nouter_cone_angle = 3\n",
@@ -295,6 +295,11 @@ const FAULTS: &[(&str, &str, &str)] = &[
         "a sphere has a `position` and a `radius`",
     ),
     (
+        "[[light]]\ntype = 'disk'\nposition = [0, 1, 0]\nradius = 1\n",
+        "1: light `light 0` is not placed",
+        "a `radius` and a `direction` or a point to `look_at`",
+    ),
+    (
         "[[light]]\ntype = 'sphere'\nposition = [0, 1, 0]\nradius = 0\n",
         "1: `radius` holds 0",
         "a light without size is a `point` or a `spot`",
@@ -302,7 +307,7 @@ const FAULTS: &[(&str, &str, &str)] = &[
     (
         "[[light]]\ntype = 'point'\nposition = [0, 1, 0]\nradius = 1\n",
         "1: light `light 0` has a `radius`",
-        "only a sphere has `radius`",
+        "only a sphere or a disk has `radius`",
     ),
     (
         "[[light]]\ntype = 'rectangle'\nposition = [0, 1, 0]\nsize = [1, 1]\n",
@@ -362,6 +367,14 @@ const FAULTS: &[(&str, &str, &str)] = &[
     ("[[sphere]]\ncentre = [nan, 0, 0]\nradius = 1\n", "1: `centre` holds NaN", "finite"),
     ("\n\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 0\n", "3: a sphere of radius 0", "above 0"),
     ("[[sphere]]\ncentre = [0, 0, 0]\nradius = inf\n", "1: a sphere of radius inf", "above 0"),
+    ("[[disk]]\ncentre = [0, 0, 0]\nnormal = [0, 1, 0]\nradius = -1\n", "1: a disk of radius -1", "above 0"),
+    (
+        "[[disk]]\ncentre = [0, 0, 0]\nnormal = [0, 0, 0]\nradius = 1\n",
+        "1: `normal` has no length",
+        "direction",
+    ),
+    ("[[disk]]\ncentre = [0, 0, 0]\nnormal = [0, nan, 0]\nradius = 1\n", "1: `normal` holds NaN", "finite"),
+    ("[[disk]]\ncentre = [0, 0, 0]\nradius = 1\n", "1: missing key `normal`", "`normal = ...`"),
     (
         "[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\nmaterial = 'red'\n",
         "1: there is no material `red`",
@@ -464,16 +477,19 @@ fn a_spot_of_a_scene_file() {
 fn lights_with_a_size_of_a_scene_file() {
     let text = "[[light]]\ntype = 'directional'\ndirection = [0, -2, 0]\nangle = 0.5\n\
         [[light]]\ntype = 'sphere'\nposition = [1, 2, 3]\nradius = 0.25\n\
-        [[light]]\ntype = 'rectangle'\nposition = [0, 3, 0]\nlook_at = [4, 0, 0]\nsize = [2, 1]\n";
+        [[light]]\ntype = 'rectangle'\nposition = [0, 3, 0]\nlook_at = [4, 0, 0]\nsize = [2, 1]\n\
+        [[light]]\ntype = 'disk'\nposition = [0, 3, 0]\ndirection = [0, -7, 0]\nradius = 0.5\n";
     let (scene, warnings) = Folder::new().load("a.toml", text);
     assert_eq!(warnings, [""; 0]);
     let kinds: Vec<&LightKind> = scene.lights.iter().map(|light| &light.kind).collect();
-    let [sun, ball, panel] = kinds[..] else { panic!("{kinds:?}") };
+    let [sun, ball, panel, disk] = kinds[..] else { panic!("{kinds:?}") };
     assert_eq!(*sun, LightKind::Directional { direction: -DVec3::Y, angle: 0.5f64.to_radians() });
     assert_eq!(*ball, LightKind::Sphere { position: DVec3::new(1.0, 2.0, 3.0), radius: 0.25 });
     let LightKind::Rectangle { position, direction, up, size } = *panel else { panic!("{panel:?}") };
     assert_eq!((position, up, size), (DVec3::Y * 3.0, DVec3::Y, [2.0, 1.0]));
     assert!((direction - DVec3::new(0.8, -0.6, 0.0)).length() < 1e-15, "{direction}");
+    let position = DVec3::Y * 3.0;
+    assert_eq!(*disk, LightKind::Disk { position, direction: DVec3::NEG_Y, radius: 0.5 });
     // They are ignored when a camera is fitted.
     assert_eq!(scene.bounds(), None);
 }

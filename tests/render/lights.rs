@@ -1,5 +1,5 @@
 //! Lights in path tracing against closed forms and quadrature: directional lights with an apparent diameter, spheres,
-//! rectangles, point lights and spots.
+//! rectangles, disks, point lights and spots.
 
 use std::f64::consts::PI;
 
@@ -183,6 +183,81 @@ fn rectangles_shine_from_one_side() {
     assert!((seen(1.0) - 0.1 * PI).abs() < 1e-6);
 }
 
+/// The factor of a disk of radius r parallel to a surface element at the distance h, with its centre aside by a: its
+/// radiance times this is the radiance of a white diffuse element (Howell, Catalog of Radiation Heat Transfer
+/// Configuration Factors, B-13). On the axis, r^2 / (r^2 + h^2).
+fn disk_factor(radius: f64, height: f64, aside: f64) -> f64 {
+    let [r, h, a] = [radius, height, aside].map(|x| x * x);
+    0.5 * (1.0 - (h + a - r) / ((h + a + r).powi(2) - 4.0 * a * r).sqrt())
+}
+
+/// A disk of intensity I has the radiance I / r^2: on its axis a white floor has the radiance I / (r^2 + d^2).
+#[test]
+fn disks_have_the_irradiance_of_their_closed_form() {
+    for (radius, height, aside) in [
+        (1.0, 2.0, 0.0),
+        (0.6, 0.5, 0.0),
+        (1e-3, 1.0, 0.0),
+        (1.0, 0.4, 0.9),
+        (0.5, 3.0, 4.0),
+        (1.0, 6e4, 8e4),
+    ] {
+        let intensity: f64 = height * height + aside * aside + radius * radius;
+        let expected = intensity / (radius * radius) * disk_factor(radius, height, aside);
+        if aside == 0.0 {
+            assert!((expected - 1.0).abs() < 1e-9, "{radius} {height}");
+        }
+        let light = format!(
+            "type = 'disk'\nposition = [0, {height:?}, {aside:?}]\ndirection = [0, -1, 0]\nradius = {radius:?}\n\
+             intensity = {intensity:?}"
+        );
+        check(&under(&light), 256, 1, expected);
+        // An emissive disk, whose two sides shine, of the same radiance; turned over, it is the same.
+        let radiance = intensity / (radius * radius);
+        for y in [-1, 1] {
+            let disk = format!(
+                "{FLOOR}[material.lamp]\ncolour = '#000000'\nemission = '#ffffff'\nemission_intensity = {radiance:?}\n\
+                 [[disk]]\nmaterial = 'lamp'\ncentre = [0, {height:?}, {aside:?}]\nnormal = [0, {y}, 0]\n\
+                 radius = {radius:?}\n"
+            );
+            check(&disk, 256, 1, expected);
+        }
+    }
+}
+
+/// From behind, a disk is dark to the floor and to the camera; from the front the camera sees I / r^2.
+#[test]
+fn disks_shine_from_one_side() {
+    let light = |y: f64| {
+        format!("type = 'disk'\nposition = [0, 2, 0]\ndirection = [0, {y}, 0]\nradius = 2\nintensity = 0.6")
+    };
+    assert_eq!(mean(&render(parse(&under(&light(1.0))), &settings(16, 2))).0, 0.0);
+    let seen = |y: f64| {
+        let camera = FLOOR.replace("position = [40, 30, 0]", "position = [4, 5, 0]");
+        let camera = camera.replace("look_at = [0, 0, 0]", "look_at = [0, 2, 0]");
+        mean(&render(parse(&format!("{camera}[[light]]\n{}\n", light(y))), &settings(1, 0))).0
+    };
+    assert_eq!(seen(-1.0), 0.0);
+    assert!((seen(1.0) - 0.15).abs() < 1e-6);
+}
+
+/// Light samples and BSDF samples together, in a furnace: between two disks of radiance 1 so close and so large that next
+/// to nothing is seen beside them, white rough metal and diffuse sheets are as bright as the disks. A disk of radius R at
+/// the height h leaves the part h^2 / (R^2 + h^2) of a floor's light, 1e-4.
+#[test]
+fn disks_close_by_are_a_furnace() {
+    for material in ["metallic = 1\nroughness = 0.3", "metallic = 1\nroughness = 1", "diffuse = 1"] {
+        let scene = format!(
+            "[[camera]]\nposition = [0, 0.9, 0]\nlook_at = [0, 0, 0]\nup = [0, 0, 1]\nvertical_fov = 10\n\
+             [material.m]\ncolour = '#ffffff'\n{material}\n\
+             [[disk]]\nmaterial = 'm'\ncentre = [0, 0, 0]\nnormal = [0, 1, 0]\nradius = 1\n\
+             [[light]]\ntype = 'disk'\nposition = [0, 1, 0]\ndirection = [0, -1, 0]\nradius = 100\nintensity = 1e4\n"
+        );
+        let (mean, error) = mean(&render(parse(&scene), &settings(1024, 1)));
+        assert!(error < 4e-3 && (mean - 1.0).abs() < 4.0 * error + 1e-3, "{material}: {mean} +- {error}");
+    }
+}
+
 /// The irradiance at the origin of a horizontal floor, in a plane at height 1 above it: of radiance 1 from the points
 /// of a rectangle for which `shines` holds, by the midpoint rule. A point (p, 1, q) at a distance d has the cosine 1 /
 /// d, and its area element the solid angle 1 / d^3.
@@ -219,6 +294,10 @@ fn penumbrae_have_the_light_of_the_part_that_is_seen() {
         // A rectangle of 2 by 1.2 at the height 2, with its centre at (0.3, 0.2), and of the radiance pi / 2.4.
         let seen = quadrature([edge, 0.65], [-0.2, 0.4], |_, _| true) / 2.4;
         let light = "type = 'rectangle'\nposition = [0.3, 2, 0.2]\ndirection = [0, -1, 0]\nsize = [2, 1.2]\n";
+        check(&format!("{}{}", under(light), sheet(edge)), 256, 1, seen);
+        // A disk of radius 1 at the height 2, of the radiance 1.
+        let seen = quadrature([edge, 0.5], [-0.5, 0.5], |p, q| p * p + q * q < 0.25) / PI;
+        let light = "type = 'disk'\nposition = [0, 2, 0]\ndirection = [0, -1, 0]\nradius = 1\n";
         check(&format!("{}{}", under(light), sheet(edge)), 256, 1, seen);
     }
 }
@@ -289,7 +368,8 @@ fn lights_of_all_kinds_add_up() {
 #[test]
 fn lights_scale_with_their_scene() {
     let lights = "type = 'sphere'\nposition = [3, 5, 1]\nradius = 1\nintensity = 9\n\
-        [[light]]\ntype = 'rectangle'\nposition = [-2, 4, 1]\nlook_at = [0, 0, 0]\nsize = [2, 1]\nintensity = 6\n";
+        [[light]]\ntype = 'rectangle'\nposition = [-2, 4, 1]\nlook_at = [0, 0, 0]\nsize = [2, 1]\nintensity = 6\n\
+        [[light]]\ntype = 'disk'\nposition = [1, 4, -3]\nlook_at = [0, 0, 0]\nradius = 1\nintensity = 7\n";
     let (expected, error) = mean(&render(parse(&under(lights)), &settings(64, 1)));
     for scale in [1e-20, 1e20] {
         let scene = placed(parse(&under(lights)), scale, DVec3::ZERO);
@@ -316,7 +396,11 @@ fn degenerate_area_lights_are_numbers() {
         );
     }
     let spheres = "[[light]]\ntype = 'sphere'\nposition = [0, 0, 0]\nradius = 1e-100\n\
-        [[light]]\ntype = 'sphere'\nposition = [0, 1, 0]\nradius = 1\n";
+        [[light]]\ntype = 'sphere'\nposition = [0, 1, 0]\nradius = 1\n\
+        [[light]]\ntype = 'disk'\nposition = [5, 3, 5]\ndirection = [1, -1, 0]\nradius = 1e-100\n\
+        [[light]]\ntype = 'disk'\nposition = [0, 0, 0]\ndirection = [0, 1, 0]\nradius = 1\n\
+        [[light]]\ntype = 'disk'\nposition = [0, 1e-9, 0]\ndirection = [1, -1e-9, 0]\nradius = 1e3\n\
+        [[light]]\ntype = 'disk'\nposition = [1e30, 1e30, 0]\ndirection = [-1, -1, 0]\nradius = 1e20\n";
     for numerics in kiln::scene::Numerics::ALL {
         let scene =
             format!("{FLOOR}{rectangles}{spheres}").replace("vertical_fov = 0.001", "vertical_fov = 5");

@@ -44,7 +44,16 @@ fn render_by(
     technique: LightTechnique,
     (depth, seed): (u32, u32),
 ) -> Estimate {
-    let job = prepare(parse(&room(emission)), &settings(SAMPLES, depth, seed), &mut Warnings::default());
+    render_scene(&room(emission), path, technique, (depth, seed))
+}
+
+fn render_scene(
+    scene: &str,
+    path: PathSettings,
+    technique: LightTechnique,
+    (depth, seed): (u32, u32),
+) -> Estimate {
+    let job = prepare(parse(scene), &settings(SAMPLES, depth, seed), &mut Warnings::default());
     let job = job.expect("a job");
     let choices = Choices { light_technique: technique, path, ..job.choices.clone() };
     estimate(&job.with_choices(choices).expect("the job with another technique"))
@@ -80,6 +89,27 @@ fn techniques_converge_to_the_same_picture() {
             let seen = sensitivity(&first[i], &test);
             assert!(seen < 0.02, "depth {depth}, {pair:?}: {seen}");
         }
+    }
+}
+
+/// Under a disk light, whose front alone shines, and an emissive disk, which is turned to the side.
+#[test]
+fn techniques_converge_to_the_same_picture_under_disks() {
+    let lamp = "[[triangles]]\nmaterial = 'lamp'";
+    let scene = room(6.0);
+    let room = scene.split(lamp).next().expect("what comes before the lamp");
+    let scene = format!(
+        "{room}[[light]]\ntype = 'disk'\nposition = [0.2, 1.1, 0]\ndirection = [0, -1, 0.1]\nradius = 0.7\nintensity = 2\n\
+         [[disk]]\nmaterial = 'lamp'\ncentre = [-1.2, 0, -1]\nnormal = [1, 0.2, 0.3]\nradius = 0.4\n"
+    );
+    let render = |i: usize, seed| render_scene(&scene, PathSettings::default(), TECHNIQUES[i], (2, seed));
+    let (first, again) = ([0, 1, 2].map(|i| render(i, 1)), [0, 1, 2].map(|i| render(i, 4)));
+    for (i, j) in [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)] {
+        let test = test(&first[i], &again[j]);
+        let pair = [TECHNIQUES[i], TECHNIQUES[j]];
+        assert!(test.passed, "{pair:?}: {test:?}");
+        let seen = sensitivity(&first[i], &test);
+        assert!(seen < 0.02, "{pair:?}: {seen}");
     }
 }
 

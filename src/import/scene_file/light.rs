@@ -43,6 +43,11 @@ fn form_of(kind: LightType) -> Form {
             "a `position`, a `size` and a `direction` or a point to `look_at`",
             &["position", "direction", "look_at", "size", "up"],
         ),
+        LightType::Disk => (
+            "a disk",
+            "a `position`, a `radius` and a `direction` or a point to `look_at`",
+            &["position", "direction", "look_at", "radius"],
+        ),
     };
     Form { noun, placing, keys }
 }
@@ -91,6 +96,11 @@ impl Builder<'_> {
                 let (position, radius) = (placed(position)?, s.radius.ok_or_else(not_placed)?);
                 LightKind::Sphere { position, radius: self.light_size(start, "radius", radius)? }
             }
+            LightType::Disk => {
+                let (position, direction) = (placed(position)?, placed(direction)?);
+                let radius = self.light_size(start, "radius", s.radius.ok_or_else(not_placed)?)?;
+                LightKind::Disk { position, direction, radius }
+            }
             LightType::Rectangle => {
                 let (position, direction) = (placed(position)?, placed(direction)?);
                 let [width, height] =
@@ -128,6 +138,7 @@ impl Builder<'_> {
             LightType::Spot,
             LightType::Sphere,
             LightType::Rectangle,
+            LightType::Disk,
         ];
         let of = all.into_iter().map(form_of).filter(|form| form.keys.contains(&key));
         let of: Vec<&str> = of.map(|form| form.noun).collect();

@@ -170,6 +170,8 @@ pub enum LightType {
     Sphere,
     /// A rectangular area light of `size` around `position`, along `direction` or towards `look_at`, for path tracing.
     Rectangle,
+    /// A circular area light of `radius` around `position`, along `direction` or towards `look_at`, for path tracing.
+    Disk,
 }
 
 /// Falloff of a light's intensity with distance.
@@ -192,16 +194,16 @@ pub struct LightSection {
     /// The kind of light.
     #[serde(rename = "type")]
     pub kind: LightType,
-    /// Position of a light other than a directional one; the centre of a sphere or a rectangle.
+    /// Position of a light other than a directional one; the centre of an area light.
     pub position: Option<[f64; 3]>,
-    /// Direction in which a directional light, a spot or a rectangle shines.
+    /// Direction in which a directional light, a spot, a rectangle or a disk shines.
     pub direction: Option<[f64; 3]>,
-    /// A point that a spot or a rectangle shines at, instead of a direction.
+    /// A point that a spot, a rectangle or a disk shines at, instead of a direction.
     pub look_at: Option<[f64; 3]>,
     /// Apparent diameter of a directional light in degrees, 0 to 180, for path tracing; 0 if not given. The sun's is
     /// 0.53. The light on a surface that faces it does not depend on it.
     pub angle: Option<f64>,
-    /// Radius of a sphere, above 0.
+    /// Radius of a sphere or a disk, above 0.
     pub radius: Option<f64>,
     /// Width and height of a rectangle, above 0.
     pub size: Option<[f64; 2]>,
@@ -214,7 +216,7 @@ pub struct LightSection {
     pub inner_cone_angle: Option<f64>,
     /// Half angle of a spot's outer cone in degrees, outside which the intensity is zero, up to 90; 45 if not given.
     pub outer_cone_angle: Option<f64>,
-    /// Intensity, I; 1 if not given. That of a sphere or a rectangle is the intensity of a point light with
+    /// Intensity, I; 1 if not given. That of an area light is the intensity of a point light with
     /// inverse-square falloff that it looks like from far away (in front), whatever its size.
     pub intensity: Option<f64>,
     /// Colour; white if not given.
