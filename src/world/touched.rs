@@ -15,7 +15,8 @@
 //! 2 e R of the light along n do not occlude it, since their position is not known more precisely; surfaces farther
 //! away do.
 //!
-//! Lights and geometry are not moved. Spheres are not rounded.
+//! Lights and geometry are not moved. Analytic shapes are not rounded, but a light in the plane of a disk is as near to
+//! it as its rays' ends: of these shapes, the tangent plane at the light is touched.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -97,15 +98,29 @@ pub(super) fn find(lights: &mut [WorldLight], objects: &[Object], numerics: Nume
             }
         }
         for primitive in object.shape.primitives() {
-            let Some(Primitive::Triangle(triangle)) = primitive.rounded(precision) else { continue };
-            let reach = unit * reach_of(triangle.0).max_element();
+            let Some(primitive) = primitive.rounded(precision) else { continue };
+            let (reach, (min, max)) = match &primitive {
+                Primitive::Triangle(triangle) => (reach_of(triangle.0), span(triangle.0.into_iter())),
+                Primitive::Analytic(shape) => {
+                    let (centre, radius) = shape.bounding_sphere();
+                    (centre.abs() + radius, (centre - radius, centre + radius))
+                }
+            };
+            let reach = unit * reach.max_element();
             let near = 3f64.sqrt() * reach;
-            let (min, max) = span(triangle.0.into_iter());
             for &(position, index) in within((min - near, max + near)) {
                 let touched = &mut lights[index].touched;
-                let Some(normal) = triangle.unit_normal() else { continue };
+                let (is_on, normal) = match &primitive {
+                    Primitive::Triangle(triangle) => {
+                        let Some(normal) = triangle.unit_normal() else { continue };
+                        ((position - triangle.0[0]).dot(normal).abs() <= near, normal)
+                    }
+                    Primitive::Analytic(shape) => {
+                        let (point, normal) = shape.surface(position);
+                        (position.distance(point.position) <= near, normal)
+                    }
+                };
                 let plane = TouchedPlane { normal, margin: 2.0 * reach };
-                let is_on = (position - triangle.0[0]).dot(normal).abs() <= near;
                 if is_on && touched.len() < MOST && !touched.contains(&plane) {
                     touched.push(plane);
                 }

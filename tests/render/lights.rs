@@ -435,7 +435,7 @@ fn area_lights_call_for_paths() {
     assert!(!decide(None, &format!("{scene}intensity = 0\n")).0);
 }
 
-/// A lamp that lies on the plane above a floor lights all of the floor, in every tier: the plane's rounded corners and
+/// A lamp that lies on the plane, or in that of a disk, above a floor lights all of the floor, in every tier: the plane's rounded corners and
 /// the end of a shadow ray are too close to tell which comes first. The picture is the square from -1 to 1 of the floor
 /// y = -1, seen from between the two. A point light of intensity 1 at (x, h, z) above it gives the radiance cos = h /
 /// d, over d^2 with falloff; so does a spot within its inner angle. Its mean over the square is that of 400 x 400
@@ -474,21 +474,33 @@ fn lamps_on_planes_light_what_is_below() {
                  viewing_height = 2\nviewpoint_distance = 1\n[ambient]\nintensity = 0\n\
                  [material.white]\ncolour = '#ffffff'\nspecular = 0\n\
                  [[light]]\n{kind}\nposition = [{x}, {y}, {z}]\nfalloff = '{falloff}'\n\
-                 [[triangles]]\nmaterial = 'white'\nvertices = [[-9, -1, -9], [9, -1, -9], [0, -1, 18]]\n\
-                 [[triangles]]\nmaterial = 'white'\nvertices = [[-9, {y}, -9], [9, {y}, -9], [0, {y}, 18]]\n"
+                 [[triangles]]\nmaterial = 'white'\nvertices = [[-9, -1, -9], [9, -1, -9], [0, -1, 18]]\n"
             );
+            let ceiling = format!(
+                "[[triangles]]\nmaterial = 'white'\nvertices = [[-9, {y}, -9], [9, {y}, -9], [0, {y}, 18]]\n"
+            );
+            // A slanted disk with the lamp far from its centre, seen from right above the floor, which it crosses: (40, -125,
+            // -30) . (2, 1, -1.5) = 0.
+            let (cx, cy, cz) = (x + 40.0, y - 125.0, z - 30.0);
+            let disk = format!(
+                "[[disk]]\nmaterial = 'white'\ncentre = [{cx}, {cy}, {cz}]\nnormal = [2, 1, -1.5]\nradius = 500\n"
+            );
+            let near = scene.replace("position = [0, 0, 0]", "position = [0, -0.9999, 0]");
+            let scenes = [scene + &ceiling, near + &disk];
             let expected = average(power);
-            for numerics in kiln::scene::Numerics::ALL {
+            for (numerics, scene) in
+                kiln::scene::Numerics::ALL.into_iter().flat_map(|n| scenes.each_ref().map(|s| (n, s)))
+            {
                 for transport in [Transport::Path, Transport::Whitted] {
                     let with = if transport == Transport::Path { vec!["path=1".into()] } else { Vec::new() };
                     let own = |picture: &mut PictureSettings| {
                         (picture.numerics, picture.transport) = (Some(numerics), Some(transport));
                     };
                     let settings = RenderSettings { with, ..changed(settings(1, 1), own) };
-                    let seen = mean(&render(parse(&scene), &settings)).0;
+                    let seen = mean(&render(parse(scene), &settings)).0;
                     assert!(
                         (seen / expected - 1.0).abs() < 2e-3,
-                        "{kind}, {falloff}, {y}, {numerics:?}, {transport:?}: {seen}, expected {expected}"
+                        "{scene}{y}, {numerics:?}, {transport:?}: {seen}, expected {expected}"
                     );
                 }
             }
