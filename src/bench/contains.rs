@@ -146,6 +146,7 @@ pub fn wrong_points(points: u64, control: &RenderControl) -> Result<(Vec<Contain
         for sphere in &spheres {
             let built = engine.build(&sphere.mesh)?;
             let wrong = wrong(sphere, &|test, found| {
+                found.clear();
                 built.crossings(test.point, test.direction.normalize(), found);
                 (found.len() % 2 == 1) == test.is_inside
             })?;

@@ -134,7 +134,8 @@ pub fn measure(engines: &[Engine], rays: u64, control: &RenderControl) -> Result
             let mut leaks = primary_leaks(&*built, sphere, rays, control, &step)?;
             let built = engine.build(&tetrahedron.mesh)?;
             let origins = built.origins();
-            leaks.secondary = count(rays.secondary, control, &step, |index, found| {
+            leaks.secondary = count(rays.secondary, control, &step, |index, found: &mut Vec<u32>| {
+                found.clear();
                 let (origin, direction) = tetrahedron.secondary_ray(index, origins);
                 built.crossings(origin, direction, found);
                 !Crossings::new(&tetrahedron.mesh, direction, found).leaving
@@ -163,7 +164,8 @@ fn primary_leaks(
 ) -> Result<Counts> {
     let mut leaks = Counts::default();
     for kind in LeakRayKind::ALL {
-        *leaks.of(kind) = count(*{ rays }.of(kind), control, step, |index, found| {
+        *leaks.of(kind) = count(*{ rays }.of(kind), control, step, |index, found: &mut Vec<u32>| {
+            found.clear();
             let (origin, direction) = ray(sphere, kind, index);
             built.crossings(origin, direction, found);
             let crossings = Crossings::new(&sphere.mesh, direction, found);
@@ -178,24 +180,20 @@ fn primary_leaks(
     Ok(leaks)
 }
 
-/// Number of indices below `rays` for which `is_leak` returns `true`. Its buffer is empty at each call.
-pub(super) fn count(
+/// Number of indices below `rays` for which `is_leak` returns `true`. It gets a value that may have been used before.
+pub(crate) fn count<T: Default>(
     rays: u64,
     control: &RenderControl,
     step: &(dyn Fn(u64) + Sync),
-    is_leak: impl Fn(u64, &mut Vec<u32>) -> bool + Sync,
+    is_leak: impl Fn(u64, &mut T) -> bool + Sync,
 ) -> Result<u64> {
     let leaks = (0..rays.div_ceil(CHUNK)).into_par_iter().map(|chunk| {
         if control.cancel.load(Ordering::Relaxed) {
             return 0;
         }
         let indices = chunk * CHUNK..rays.min((chunk + 1) * CHUNK);
-        let mut found = Vec::new();
-        let leaks = indices.clone().filter(|&index| {
-            found.clear();
-            is_leak(index, &mut found)
-        });
-        let leaks = leaks.count() as u64;
+        let mut value = T::default();
+        let leaks = indices.clone().filter(|&index| is_leak(index, &mut value)).count() as u64;
         step(indices.end - indices.start);
         leaks
     });

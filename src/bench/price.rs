@@ -9,11 +9,9 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::plot::{Mark, Scatter};
-use super::speed::{Kind, RaySets, Settings, SpeedRow, measure};
-use super::{
-    Engine, Icosphere, LEVEL, Label, LeakRayKind, Mesh, Numbers, PLACEMENTS, is_nearest, kiln, leaks, ray,
-};
-use crate::bvh::{Accelerator, Layout, Preset, Traversal};
+use super::speed::{Kind, RaySets, ReferenceHits, Settings, SpeedRow, measure};
+use super::{Engine, Icosphere, LEVEL, Label, LeakRayKind, Mesh, Numbers, PLACEMENTS, kiln, leaks, ray};
+use crate::bvh::{Layout, Preset};
 use crate::error::{Error, Result, Warnings};
 use crate::film::Film;
 use crate::geometry::{Numerics, Precision, Ray};
@@ -194,6 +192,7 @@ fn ray_errors(engines: &[Engine], rays: u64, control: &RenderControl) -> Result<
     let mut counts = vec![(0, 0); engines.len()];
     for (mesh, rays) in spheres.into_iter().chain([(giant_plane(), grazing(rays))]) {
         let exact = kiln::accelerator(&mesh, Layout::default(), Numerics::Exact);
+        let reference = ReferenceHits::new(&*exact, &rays, false);
         for ((engine, errors), (wrong, compared)) in engines.iter().zip(&mut errors).zip(&mut counts) {
             if control.cancel.load(Ordering::Relaxed) {
                 return Err(Error::Interrupted);
@@ -201,10 +200,10 @@ fn ray_errors(engines: &[Engine], rays: u64, control: &RenderControl) -> Result<
             let built = engine.build(&mesh)?;
             let mut queue = built.queue(Kind::Random, &rays);
             queue.run();
-            *wrong += count_wrong(&*exact, &rays, &queue.hits());
+            *wrong += reference.wrong(&queue.hits());
             *compared += rays.len();
             if let Some(distances) = queue.distances() {
-                let worst = worst_distance(&*exact, &rays, &queue.hits(), &distances);
+                let worst = reference.worst_distance(&queue.hits(), &distances);
                 errors.worst_t = Some(errors.worst_t.map_or(worst, |before| before.max(worst)));
             }
         }
@@ -268,39 +267,6 @@ fn grazing(rays: u64) -> Vec<Ray> {
     (0..rays).map(one).collect()
 }
 
-/// Number of answers that differ from those of `exact`; a triangle that [`is_nearest`] is right.
-fn count_wrong(exact: &dyn Accelerator, rays: &[Ray], hits: &[Option<u32>]) -> usize {
-    let is_wrong = |traversal: &mut Traversal, (ray, found): (&Ray, &Option<u32>)| {
-        let nearest = exact.closest_hit(ray, traversal).map(|hit| hit.prim.0);
-        match found {
-            _ if *found == nearest => false,
-            Some(found) if nearest.is_some() => {
-                let mut all = Vec::new();
-                exact.all_hits(ray, &mut all, traversal);
-                !is_nearest(*found, &all)
-            }
-            _ => true,
-        }
-    };
-    rays.par_iter().zip(hits).map_init(Traversal::default, is_wrong).filter(|&is_wrong| is_wrong).count()
-}
-
-/// The largest error of a distance in f32 ulp, of hits on triangles that `exact` hits.
-fn worst_distance(exact: &dyn Accelerator, rays: &[Ray], hits: &[Option<u32>], distances: &[f64]) -> f64 {
-    let error = |traversal: &mut Traversal, ((ray, found), t): ((&Ray, &Option<u32>), &f64)| {
-        let mut all = Vec::new();
-        exact.all_hits(ray, &mut all, traversal);
-        let truth = all.iter().find(|hit| Some(hit.prim.0) == *found);
-        truth.map_or(0.0, |hit| error_in_ulp(*t, hit.t))
-    };
-    rays.par_iter().zip(hits).zip(distances).map_init(Traversal::default, error).reduce(|| 0.0, f64::max)
-}
-
-fn error_in_ulp(t: f64, truth: f64) -> f64 {
-    let single = truth as f32;
-    (t - truth).abs() / (f64::from(single.next_up()) - f64::from(single))
-}
-
 /// Both pictures of the scene in every tier of [`Numerics::ALL`], in turns, on the current pool.
 fn pictures(subject: &Subject, runs: u32, control: &RenderControl) -> Result<Vec<[PicturePrice; 2]>> {
     let job = |numerics: Numerics, transport: Transport| -> Result<RenderJob> {
@@ -355,11 +321,12 @@ mod tests {
         let mesh = Mesh { positions: positions.collect(), triangles: vec![[0, 1, 2], [3, 4, 5]] };
         let exact = kiln::accelerator(&mesh, Layout::default(), Numerics::Exact);
         let ray = |x: f64| Precision::Single.ray(DVec3::new(x, 0.25, 1.0), -DVec3::Z, 0.0, f64::INFINITY);
-        let wrong = |x: f64, hit: Option<u32>| count_wrong(&*exact, &[ray(x)], &[hit]);
+        let wrong = |x: f64, hit: Option<u32>| ReferenceHits::new(&*exact, &[ray(x)], false).wrong(&[hit]);
         assert_eq!([wrong(0.25, Some(0)), wrong(2.0, None)], [0, 0]);
         assert_eq!([wrong(0.25, Some(1)), wrong(0.25, None), wrong(2.0, Some(0))], [1, 1, 1]);
         let three_ulp = 1.0 + 3.0 * f64::from(f32::EPSILON);
-        assert_eq!(worst_distance(&*exact, &[ray(0.25)], &[Some(0)], &[three_ulp]), 3.0);
+        let rays = [ray(0.25)];
+        assert_eq!(ReferenceHits::new(&*exact, &rays, false).worst_distance(&[Some(0)], &[three_ulp]), 3.0);
     }
 
     #[test]

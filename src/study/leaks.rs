@@ -4,14 +4,12 @@
 //! A ray from inside a closed mesh must hit it, however the vertices were rounded, as long as adjacent triangles share
 //! them. Rays are aimed at vertices and edges, the most difficult targets.
 
-use std::sync::atomic::Ordering;
-
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::bench::Numbers;
+use crate::bench::leaks::count;
 use crate::bvh::{self, Accelerator, Layout, Primitive, Slot, Traversal};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::geometry::{Numerics, PrimId, Ray, Triangle};
 use crate::render::RenderControl;
 use crate::scene::topology::Topology;
@@ -22,9 +20,6 @@ const INTERIOR_POINTS: usize = 32;
 
 /// Maximum number of rays to find an interior point.
 const TRIES: u64 = 64;
-
-/// Rays per parallel task.
-const CHUNK: u64 = 4096;
 
 /// A closed mesh with interior points.
 pub(crate) struct ClosedMesh {
@@ -128,18 +123,11 @@ pub(crate) fn count_leaks(
     let mut leaks = 0;
     for mesh in closed {
         let tier = mesh.accelerator(numerics);
-        leaks += (0..each.div_ceil(CHUNK))
-            .into_par_iter()
-            .flat_map_iter(|chunk| chunk * CHUNK..each.min((chunk + 1) * CHUNK))
-            .map_init(Traversal::default, |traversal, index| {
-                let (origin, direction) = mesh.leak_ray(index);
-                let ray = numerics.ray_precision().ray(origin, direction, 0.0, f64::INFINITY);
-                u64::from(tier.closest_hit(&ray, traversal).is_none())
-            })
-            .sum::<u64>();
-        if control.cancel.load(Ordering::Relaxed) {
-            return Err(Error::Interrupted);
-        }
+        leaks += count(each, control, &|_| (), |index, traversal| {
+            let (origin, direction) = mesh.leak_ray(index);
+            let ray = numerics.ray_precision().ray(origin, direction, 0.0, f64::INFINITY);
+            tier.closest_hit(&ray, traversal).is_none()
+        })?;
     }
     Ok((leaks, each * closed.len() as u64))
 }

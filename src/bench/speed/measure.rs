@@ -4,9 +4,9 @@ use std::sync::atomic::Ordering;
 
 use rayon::prelude::*;
 
-use super::super::{Built, Engine, Facts, Label, Mesh, RayQueue};
+use super::super::{Built, Engine, Facts, Label, Mesh, RayQueue, kiln};
 use super::{Kind, RaySets, ReferenceHits, rays};
-use crate::bvh::Tests;
+use crate::bvh::{Layout, Preset, Tests};
 use crate::error::{Error, Result};
 use crate::geometry::{Numerics, Ray};
 use crate::limits;
@@ -123,7 +123,11 @@ pub fn measure(
     settings: &Settings,
     control: &RenderControl,
 ) -> Result<Vec<SpeedRow>> {
-    let reference = settings.check.then(|| ReferenceHits::new(mesh, ray_sets));
+    let structure = Layout::Bvh2(Preset::default());
+    let exact = settings.check.then(|| kiln::accelerator(mesh, structure, Numerics::Exact));
+    let reference = exact
+        .as_deref()
+        .map(|exact| Kind::ALL.map(|kind| ReferenceHits::new(exact, ray_sets.of(kind), kind.is_any_hit())));
     let rounds = settings.runs as usize + 1;
     let steps = engines.len() * rounds * (1 + Kind::ALL.len());
     let mut done = 0;
@@ -148,7 +152,8 @@ pub fn measure(
                 let place = (index + round) % measurements.len();
                 let rays = ray_sets.of(kind);
                 if round == 0 {
-                    measurements[place].warm_up(kind, rays, reference.as_ref(), settings);
+                    let reference = reference.as_ref().map(|reference| &reference[kind as usize]);
+                    measurements[place].warm_up(kind, rays, reference, settings);
                 } else {
                     measurements[place].time(kind, rays, settings);
                 }
@@ -212,7 +217,7 @@ impl<'a> Measurement<'a> {
         let counted: Option<Vec<Tests>> = queues.iter().map(|queue| queue.tests()).collect();
         let wrong = reference.map(|reference| {
             let hits: Vec<Option<u32>> = queues.iter().flat_map(|queue| queue.hits()).collect();
-            reference.wrong(kind, &hits)
+            reference.wrong(&hits)
         });
         drop(queues);
         self.tests[kind as usize] = counted.map(|counted| {
