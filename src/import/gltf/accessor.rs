@@ -27,15 +27,16 @@ impl Loader<'_> {
     ///
     /// # Errors
     /// [`Error::Input`] of the first buffer that is missing.
-    pub(super) fn check_drawn(&self, document: &gltf::Document) -> Result<()> {
+    pub(super) fn check_drawn(&self) -> Result<()> {
         if self.buffers.iter().all(Result::is_ok) {
             return Ok(());
         }
-        let places = node_places(document, &Pose::default(), &self.source.file, &mut Warnings::default())?;
+        let places =
+            node_places(self.document, &Pose::default(), &self.source.file, &mut Warnings::default())?;
         let is_drawn =
             |node: &gltf::Node| places[node.index()].as_ref().is_some_and(|place| place.is_visible);
         let mut used = Vec::new();
-        for node in document.nodes().filter(is_drawn) {
+        for node in self.document.nodes().filter(is_drawn) {
             let Some(mesh) = node.mesh() else { continue };
             for primitive in mesh.primitives() {
                 used.extend(primitive.attributes().map(|(_, accessor)| accessor).chain(primitive.indices()));
@@ -45,7 +46,7 @@ impl Loader<'_> {
                 );
             }
             used.extend(node.skin().and_then(|skin| skin.inverse_bind_matrices()));
-            used.extend(instancing::accessors(&node, document));
+            used.extend(instancing::accessors(&node, self.document));
         }
         for accessor in used.iter().filter(|accessor| !self.decoded.contains_key(&accessor.index())) {
             let sparse = accessor.sparse().map(|sparse| [sparse.indices().view(), sparse.values().view()]);

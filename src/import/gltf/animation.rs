@@ -61,7 +61,7 @@ pub(super) fn unit(xyzw: [f64; 4]) -> DQuat {
 
 impl Loader<'_> {
     /// The clips of the document: names, or the index of an unnamed one, and durations.
-    pub(super) fn clips(&self, document: &gltf::Document, pointers: &[PointerChannel]) -> Vec<Clip> {
+    pub(super) fn clips(&self, pointers: &[PointerChannel]) -> Vec<Clip> {
         let clip = |animation: gltf::Animation| {
             let channels = channels(&animation, pointers);
             let ends =
@@ -75,7 +75,7 @@ impl Loader<'_> {
                 file: 0,
             }
         };
-        document.animations().map(clip).collect()
+        self.document.animations().map(clip).collect()
     }
 
     /// A hash of the keyframes of a clip and of what they animate.
@@ -93,17 +93,13 @@ impl Loader<'_> {
 
     /// Index and time of each clip that poses the scene; empty at rest. Adds a note if two of them animate the same
     /// property.
-    pub(super) fn posing_clips(
-        &mut self,
-        document: &gltf::Document,
-        pointers: &[PointerChannel],
-    ) -> Vec<(usize, f64)> {
+    pub(super) fn posing_clips(&mut self, pointers: &[PointerChannel]) -> Vec<(usize, f64)> {
         let Some(asked) = self.source.options.pose() else { return Vec::new() };
         let clips = asked.clip.find(&self.scene.clips);
         let mut last = HashMap::new();
         let mut shared = None;
         for clip in clips.iter().filter(|_| clips.len() > 1) {
-            let Some(animation) = document.animations().nth(clip.index) else { continue };
+            let Some(animation) = self.document.animations().nth(clip.index) else { continue };
             for (target, _) in channels(&animation, pointers) {
                 let before = last.insert(target, clip).filter(|before| before.index != clip.index);
                 // The clip of the last pair overrides all before it.
@@ -121,13 +117,13 @@ impl Loader<'_> {
     }
 
     /// Node poses by clips at their times; later clips override earlier ones.
-    pub(super) fn pose_of_nodes(&mut self, document: &gltf::Document, clips: &[(usize, f64)]) -> Pose {
+    pub(super) fn pose_of_nodes(&mut self, clips: &[(usize, f64)]) -> Pose {
         if clips.is_empty() {
             return Pose::default();
         }
-        let mut poses = vec![NodePose::default(); document.nodes().len()];
+        let mut poses = vec![NodePose::default(); self.document.nodes().len()];
         for &(clip, time) in clips {
-            let Some(animation) = document.animations().nth(clip) else { continue };
+            let Some(animation) = self.document.animations().nth(clip) else { continue };
             for (number, channel) in animation.channels().enumerate() {
                 let node = channel.target().node().index();
                 match self.value(&channel, time) {

@@ -13,16 +13,16 @@ pub(super) const NAME: &str = "KHR_draco_mesh_compression";
 
 impl Loader<'_> {
     /// Decodes all compressed primitives. The results take the place of what their accessors refer to.
-    pub(super) fn decode_draco(&mut self, document: &gltf::Document) -> Result<()> {
-        for mesh in document.meshes() {
+    pub(super) fn decode_draco(&mut self) -> Result<()> {
+        for mesh in self.document.meshes() {
             for primitive in mesh.primitives() {
                 let Some(value) = primitive.extension_value(NAME) else { continue };
                 let view = value["bufferView"].as_u64().and_then(|index| usize::try_from(index).ok());
-                let view = view.and_then(|index| document.views().nth(index));
+                let view = view.and_then(|index| self.document.views().nth(index));
                 if let Some(Err(e)) = view.as_ref().and_then(|view| self.buffers.get(view.buffer().index())) {
                     return Err(e.clone());
                 }
-                self.decode_primitive(&primitive, value, document).map_err(|what| {
+                self.decode_primitive(&primitive, value).map_err(|what| {
                     let item = format!("mesh {}, primitive {}, {NAME}", mesh.index(), primitive.index());
                     fault(&self.source.file, item, what)
                 })?;
@@ -35,10 +35,9 @@ impl Loader<'_> {
         &mut self,
         primitive: &gltf::Primitive,
         value: &Value,
-        document: &gltf::Document,
     ) -> std::result::Result<(), String> {
         let number = |value: &Value| value.as_u64().and_then(|index| usize::try_from(index).ok());
-        let view = number(&value["bufferView"]).and_then(|index| document.views().nth(index));
+        let view = number(&value["bufferView"]).and_then(|index| self.document.views().nth(index));
         let bytes = view.as_ref().and_then(|view| bytes_of(&self.buffers, view));
         let bytes = bytes.ok_or("its data lies outside its buffer")?;
         let indices = primitive.indices();

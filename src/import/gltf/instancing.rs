@@ -80,17 +80,13 @@ impl Loader<'_> {
     }
 
     /// The placements of a node's mesh: those of the extension, or the node's own transform.
-    pub(super) fn places_of(
-        &self,
-        node: &gltf::Node,
-        world_from_node: &DMat4,
-        document: &gltf::Document,
-    ) -> Result<Vec<DMat4>> {
+    pub(super) fn places_of(&self, node: &gltf::Node, world_from_node: &DMat4) -> Result<Vec<DMat4>> {
         let Some(value) = node.extension_value(NAME) else { return Ok(vec![*world_from_node]) };
         let fault =
             |what: &str| Err(fault(&self.source.file, format!("node {}, {NAME}", node.index()), what));
         let attributes = &value["attributes"];
-        let accessor = |key| attributes[key].as_u64().map(|index| document.accessors().nth(index as usize));
+        let accessor =
+            |key| attributes[key].as_u64().map(|index| self.document.accessors().nth(index as usize));
         let accessors = ATTRIBUTES.map(accessor);
         if accessors.iter().any(|accessor| matches!(accessor, Some(None))) {
             return fault("it names an accessor that is not there");

@@ -93,12 +93,7 @@ pub(super) fn has_coat_normals(material: &gltf::Material) -> bool {
 
 impl Loader<'_> {
     /// The textures of a material but its opacity. One that does not exist is left out with a warning.
-    pub(super) fn textures(
-        &mut self,
-        material: &gltf::Material,
-        layers: &Layers,
-        document: &gltf::Document,
-    ) -> Result<Textures> {
+    pub(super) fn textures(&mut self, material: &gltf::Material, layers: &Layers) -> Result<Textures> {
         let scale = material.normal_texture().map_or(1.0, |t| f64::from(t.scale()));
         let strength = material.occlusion_texture().map_or(1.0, |t| f64::from(t.strength()));
         let mut textures = Textures::default();
@@ -107,8 +102,8 @@ impl Loader<'_> {
         for SlotEntry { slot, gltf, is_gltf_alpha, .. } in &TEXTURE_SLOTS {
             if is_used(*slot, material, layers) {
                 textures[*slot] = match is_gltf_alpha {
-                    true => self.alpha_texture_at(material, gltf, document, None)?,
-                    false => self.texture_at(material, gltf, document),
+                    true => self.alpha_texture_at(material, gltf, None)?,
+                    false => self.texture_at(material, gltf),
                 };
             }
         }
@@ -120,10 +115,9 @@ impl Loader<'_> {
         &mut self,
         material: &gltf::Material,
         pointer: &str,
-        document: &gltf::Document,
         alpha_use: AlphaUse,
     ) -> Result<Option<Texture>> {
-        let Some((texture, coordinates)) = self.named(material, pointer, document) else { return Ok(None) };
+        let Some((texture, coordinates)) = self.named(material, pointer) else { return Ok(None) };
         let Some(colour) = self.texture(&texture) else { return Ok(None) };
         let key = (colour.image, alpha_use);
         let image = match self.alphas.get(&key) {

@@ -20,9 +20,9 @@ use crate::scene::{
 };
 
 impl Loader<'_> {
-    pub(super) fn load_images(&mut self, document: &gltf::Document) -> Result<Vec<Option<ImageId>>> {
+    pub(super) fn load_images(&mut self) -> Result<Vec<Option<ImageId>>> {
         let mut files = ImageLoader::new(self.source);
-        document.images().map(|image| self.load_image(&image, &mut files)).collect()
+        self.document.images().map(|image| self.load_image(&image, &mut files)).collect()
     }
 
     fn load_image(&mut self, image: &gltf::Image, files: &mut ImageLoader) -> Result<Option<ImageId>> {
@@ -129,7 +129,7 @@ impl Loader<'_> {
         })
     }
 
-    pub(super) fn material(&mut self, m: &gltf::Material, document: &gltf::Document) -> Result<Material> {
+    pub(super) fn material(&mut self, m: &gltf::Material) -> Result<Material> {
         let pbr = m.pbr_metallic_roughness();
         // Factors are clamped to the ranges of the format.
         let colour = |factors: [f32; 3]| dvec3(factors).clamp(DVec3::ZERO, DVec3::ONE);
@@ -137,8 +137,8 @@ impl Loader<'_> {
         let strength = f64::from(m.emissive_strength().unwrap_or(1.0).clamp(0.0, f32::MAX));
         let emission = colour(m.emissive_factor()) * strength;
         let layers = super::layers::layers(m);
-        let mut textures = self.textures(m, &layers, document)?;
-        let opacity = self.opacity(m, document, &mut textures)?;
+        let mut textures = self.textures(m, &layers)?;
+        let opacity = self.opacity(m, &mut textures)?;
         let mut material = MetallicRoughness {
             name: m.name().map_or_else(|| format!("material {}", m.index().unwrap_or(0)), str::to_owned),
             base_colour: Colour::Linear(colour([r, g, b])),
@@ -151,18 +151,13 @@ impl Loader<'_> {
             double_sided: m.double_sided(),
             textures,
         };
-        self.replace_by_specular_glossiness(m, document, &mut material)?;
+        self.replace_by_specular_glossiness(m, &mut material)?;
         Ok(Material::MetallicRoughness(material))
     }
 
     /// The opacity of a material: the alpha of its base colour (glTF 2.0, section 3.9.4), with its texture;
     /// `None` for an opaque one.
-    fn opacity(
-        &mut self,
-        m: &gltf::Material,
-        document: &gltf::Document,
-        textures: &mut Textures,
-    ) -> Result<Option<Opacity>> {
+    fn opacity(&mut self, m: &gltf::Material, textures: &mut Textures) -> Result<Option<Opacity>> {
         let cutoff = match m.alpha_mode() {
             AlphaMode::Opaque => return Ok(None),
             AlphaMode::Mask => Some(f64::from(m.alpha_cutoff().unwrap_or(0.5))),
@@ -171,7 +166,7 @@ impl Loader<'_> {
         let pbr = m.pbr_metallic_roughness();
         let [.., alpha] = pbr.base_color_factor();
         let slot = TextureSlot::Opacity;
-        textures[slot] = self.alpha_texture_at(m, slot.entry().gltf, document, None)?;
+        textures[slot] = self.alpha_texture_at(m, slot.entry().gltf, None)?;
         Ok(Some(Opacity { factor: f64::from(alpha).clamp(0.0, 1.0), cutoff }))
     }
 

@@ -52,7 +52,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         variants::choose(&mut root, variant);
     }
     let ignore_required = options.ignore_required_extensions;
-    let mut document = validated(&root, file, ignore_required, warnings)?;
+    let document = validated(&root, file, ignore_required, warnings)?;
     check_accessors(&document, file)?;
     warn_of_types(&document, file, warnings);
     check_images(&document, &source.file)?;
@@ -62,6 +62,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let buffers = meshopt::decode_views(&root, buffers, file)?;
     let mut loader = Loader {
         source,
+        document: &document,
         root: &Value::Null,
         buffers,
         decoded: HashMap::new(),
@@ -75,41 +76,40 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     };
     loader.warn_of_unread(&document);
     #[cfg(feature = "codecs")]
-    loader.decode_draco(&document)?;
-    loader.scene.clips = loader.clips(&document, &pointers);
+    loader.decode_draco()?;
+    loader.scene.clips = loader.clips(&pointers);
     loader.scene.variants = variants;
     loader.scene.metadata = document::metadata(&root);
-    let posing = loader.posing_clips(&document, &pointers);
+    let posing = loader.posing_clips(&pointers);
     let mut are_set = false;
     for &(clip, time) in &posing {
         let Some(animation) = document.animations().nth(clip) else { continue };
         are_set |= loader.set_pointers(&mut root, &animation, &pointers, time);
     }
-    if are_set {
-        match validated(&root, file, ignore_required, &mut Warnings::default()) {
-            Ok(posed) => document = posed,
-            Err(e) => loader.left_out(format!("properties that clips animate are at rest: {e}")),
-        }
+    let posed = are_set.then(|| validated(&root, file, ignore_required, &mut Warnings::default()));
+    match &posed {
+        Some(Ok(posed)) => loader.document = posed,
+        Some(Err(e)) => loader.left_out(format!("properties that clips animate are at rest: {e}")),
+        None => {}
     }
-    let (document, root) = (document, root);
     loader.root = &root;
-    loader.check_drawn(&document)?;
-    loader.images = loader.load_images(&document)?;
-    for material in document.materials() {
-        let material = loader.material(&material, &document)?;
+    loader.check_drawn()?;
+    loader.images = loader.load_images()?;
+    for material in loader.document.materials() {
+        let material = loader.material(&material)?;
         loader.scene.add_material(material);
     }
-    let pose = loader.pose_of_nodes(&document, &posing);
-    let nodes = node_places(&document, &pose, file, loader.warnings)?;
+    let pose = loader.pose_of_nodes(&posing);
+    let nodes = node_places(loader.document, &pose, file, loader.warnings)?;
     let mut placed = Vec::new();
-    for node in document.nodes() {
+    for node in loader.document.nodes() {
         let Some(NodePlace { world_from_node, is_visible }) = &nodes[node.index()] else { continue };
         // Visibility does not affect cameras (KHR_node_visibility).
         if let Some(camera) = node.camera() {
             loader.camera(&camera, name_of(&node), world_from_node);
         }
         if *is_visible {
-            let places = loader.places_of(&node, world_from_node, &document)?;
+            let places = loader.places_of(&node, world_from_node)?;
             if let Some(mesh) = node.mesh() {
                 loader.shared.count(&mesh, places.len());
             }
@@ -129,6 +129,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
 
 struct Loader<'a> {
     source: &'a Source,
+    document: &'a gltf::Document,
     /// The JSON of the document.
     root: &'a Value,
     /// The buffers, or why they cannot be loaded, which is an error where they are drawn from.

@@ -27,17 +27,16 @@ impl Loader<'_> {
     pub(super) fn replace_by_specular_glossiness(
         &mut self,
         of: &gltf::Material,
-        document: &gltf::Document,
         material: &mut MetallicRoughness,
     ) -> Result<()> {
         let Some(value) = of.extension_value(NAME) else { return Ok(()) };
         let colour = |key| Colour::Linear(unit_colour(value.get(key), DVec3::ONE));
         let glossiness = number(value.get("glossinessFactor"), 1.0).clamp(0.0, 1.0);
         material.base_colour = colour("diffuseFactor");
-        material.textures[TextureSlot::BaseColour] = self.texture_at(of, DIFFUSE, document);
+        material.textures[TextureSlot::BaseColour] = self.texture_at(of, DIFFUSE);
         if let Some(cutoff) = material.opacity.map(|opacity| opacity.cutoff) {
             let alpha = value.get("diffuseFactor").and_then(|factor| factor.get(3));
-            material.textures[TextureSlot::Opacity] = self.alpha_texture_at(of, DIFFUSE, document, None)?;
+            material.textures[TextureSlot::Opacity] = self.alpha_texture_at(of, DIFFUSE, None)?;
             material.opacity = Some(Opacity { factor: number(alpha, 1.0).clamp(0.0, 1.0), cutoff });
         }
         material.metallic = 0.0;
@@ -45,10 +44,10 @@ impl Loader<'_> {
         (material.layers.ior, material.layers.specular) = (0.0, 1.0);
         material.layers.specular_colour = colour("specularFactor");
         material.textures[TextureSlot::Specular] = None;
-        material.textures[TextureSlot::SpecularColour] = self.texture_at(of, SPECULAR, document);
+        material.textures[TextureSlot::SpecularColour] = self.texture_at(of, SPECULAR);
         // Without an alpha channel the glossiness is its factor.
         let alpha_use = Some(glossiness.to_bits());
-        let roughness = self.alpha_texture_at(of, SPECULAR, document, alpha_use)?;
+        let roughness = self.alpha_texture_at(of, SPECULAR, alpha_use)?;
         if roughness.is_some() {
             material.roughness = 1.0;
         }

@@ -59,17 +59,16 @@ impl<'a> Loader<'a> {
 
     /// The texture of a material that a JSON pointer names, and its index in [`crate::scene::Mesh::uvs`]; `None` without
     /// it, or if it does not exist, with a warning.
-    pub(super) fn named<'b>(
+    pub(super) fn named(
         &mut self,
         material: &gltf::Material,
         pointer: &str,
-        document: &'b gltf::Document,
-    ) -> Option<(gltf::Texture<'b>, u8)> {
+    ) -> Option<(gltf::Texture<'a>, u8)> {
         let place = self.coordinates_at(material, pointer);
         let index = self.json_of(material).pointer(pointer)?["index"]
             .as_u64()
             .and_then(|index| usize::try_from(index).ok());
-        let texture = index.and_then(|index| document.textures().nth(index));
+        let texture = index.and_then(|index| self.document.textures().nth(index));
         if texture.is_none() {
             let name = material.name().unwrap_or("without a name");
             let key = pointer.rsplit('/').next().unwrap_or(pointer);
@@ -79,13 +78,8 @@ impl<'a> Loader<'a> {
     }
 
     /// The texture of a material that a JSON pointer names.
-    pub(super) fn texture_at(
-        &mut self,
-        material: &gltf::Material,
-        pointer: &str,
-        document: &gltf::Document,
-    ) -> Option<Texture> {
-        let (texture, coordinates) = self.named(material, pointer, document)?;
+    pub(super) fn texture_at(&mut self, material: &gltf::Material, pointer: &str) -> Option<Texture> {
+        let (texture, coordinates) = self.named(material, pointer)?;
         Some(Texture { coordinates, ..self.texture(&texture)? })
     }
 
