@@ -2,8 +2,8 @@
 
 use crate::film::Colour;
 
-/// Values of the extensions KHR_materials_ior, specular, transmission, volume, clearcoat and sheen: factors of the
-/// textures in [`super::MetallicRoughness::textures`].
+/// Values of the extensions KHR_materials_ior, specular, transmission, volume, clearcoat, sheen and anisotropy:
+/// factors of the textures in [`super::MetallicRoughness::textures`].
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Layers<C = Colour> {
     /// Index of refraction; 0 reflects everything.
@@ -24,6 +24,17 @@ pub struct Layers<C = Colour> {
     pub sheen_colour: C,
     /// Roughness of the sheen, 0 to 1.
     pub sheen_roughness: f64,
+    /// Strength of the anisotropy, 0 to 1: how much rougher the surface is along its tangents.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub anisotropy: f64,
+    /// Angle of the rougher direction from the tangent, towards the bitangent, in radians.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub anisotropy_rotation: f64,
+}
+
+/// Left out of fingerprints.
+fn is_zero(number: &f64) -> bool {
+    *number == 0.0
 }
 
 /// A homogeneous medium that absorbs.
@@ -48,6 +59,8 @@ impl Default for Layers {
             clearcoat_roughness: 0.0,
             sheen_colour: Colour::Linear(glam::DVec3::ZERO),
             sheen_roughness: 0.0,
+            anisotropy: 0.0,
+            anisotropy_rotation: 0.0,
         }
     }
 }
@@ -55,18 +68,20 @@ impl Default for Layers {
 impl Layers<glam::DVec3> {
     /// Whether it has lobes that only the general BSDF of path tracing has.
     pub fn has_extra_lobes(&self) -> bool {
-        self.clearcoat > 0.0 || self.sheen_colour != glam::DVec3::ZERO
+        self.clearcoat > 0.0 || self.sheen_colour != glam::DVec3::ZERO || self.anisotropy > 0.0
     }
 }
 
 impl<C> Layers<C> {
     /// The names and values of numbers that are described by themselves, and the values that stand for none.
-    pub fn numbers(&self) -> [(&'static str, f64, f64); 4] {
+    pub fn numbers(&self) -> [(&'static str, f64, f64); 6] {
         [
             ("transmission", self.transmission, 0.0),
             ("ior", self.ior, 1.5),
             ("clearcoat", self.clearcoat, 0.0),
             ("clearcoat_roughness", self.clearcoat_roughness, 0.0),
+            ("anisotropy", self.anisotropy, 0.0),
+            ("anisotropy_rotation", self.anisotropy_rotation, 0.0),
         ]
     }
 
@@ -85,6 +100,8 @@ impl<C> Layers<C> {
             clearcoat_roughness: self.clearcoat_roughness,
             sheen_colour: convert(self.sheen_colour),
             sheen_roughness: self.sheen_roughness,
+            anisotropy: self.anisotropy,
+            anisotropy_rotation: self.anisotropy_rotation,
         }
     }
 }

@@ -85,6 +85,10 @@ slots! {
     /// Factor of [`super::Layers::sheen_roughness`]: red.
     SheenRoughness = "sheen roughness", Data, &[Transport::Path],
         "/extensions/KHR_materials_sheen/sheenRoughnessTexture", is_gltf_alpha: true;
+    /// The rougher direction (red and green: x and y in tangent space, from -1 at 0 to 1 at the largest value) and factor
+    /// of [`super::Layers::anisotropy`] (blue).
+    Anisotropy = "anisotropy", Data, &[Transport::Path],
+        "/extensions/KHR_materials_anisotropy/anisotropyTexture", default: DVec3::new(1.0, 0.5, 1.0);
 }
 
 impl TextureSlot {
@@ -98,7 +102,12 @@ impl TextureSlot {
 impl<C> Material<C> {
     /// The texture coordinates that the tangents of its meshes follow; `None` where it needs no tangents.
     pub fn tangent_coordinates(&self) -> Option<u8> {
-        self.textures()[TextureSlot::Normal].map(|texture| texture.coordinates)
+        let is_anisotropic =
+            matches!(self, Material::MetallicRoughness(m) if m.layers.anisotropy > 0.0 && !m.unlit);
+        let [normal, direction] =
+            [TextureSlot::Normal, TextureSlot::Anisotropy].map(|slot| self.textures()[slot]);
+        let coordinates = normal.or(direction).map(|texture| texture.coordinates);
+        coordinates.or(is_anisotropic.then_some(0))
     }
 }
 

@@ -640,6 +640,7 @@ fn gltf_material_extensions_are_read_within_their_ranges() {
         "KHR_materials_volume": { "thicknessFactor": 0.1, "attenuationColor": [0.5, 1, 3], "attenuationDistance": 4 },
         "KHR_materials_clearcoat": { "clearcoatFactor": 0.25, "clearcoatRoughnessFactor": -1 },
         "KHR_materials_sheen": { "sheenColorFactor": [0.1, 0.2, 0.3], "sheenRoughnessFactor": 0.75 },
+        "KHR_materials_anisotropy": { "anisotropyStrength": 0.625, "anisotropyRotation": -7.5 },
     });
     let names: Vec<&String> = extensions.as_object().expect("an object").keys().collect();
     let model = Model::triangle()
@@ -668,6 +669,8 @@ fn gltf_material_extensions_are_read_within_their_ranges() {
         clearcoat_roughness: 0.0,
         sheen_colour: linear(0.1, 0.2, 0.3),
         sheen_roughness: 0.75,
+        anisotropy: 0.625,
+        anisotropy_rotation: -7.5,
     };
     assert_eq!(layers(0), expected);
     // An index below 1 is invalid and replaced by the default of the format, 1.5.
@@ -683,7 +686,8 @@ fn gltf_material_extensions_are_read_within_their_ranges() {
 #[test]
 fn gltf_textures_of_extensions() {
     use kiln::scene::TextureSlot::{
-        Clearcoat, ClearcoatRoughness, Occlusion, SheenColour, SheenRoughness, Specular, SpecularColour,
+        Anisotropy, Clearcoat, ClearcoatRoughness, Occlusion, SheenColour, SheenRoughness, Specular,
+        SpecularColour,
     };
     let folder = Folder::new();
     folder.write("a.png", png(1, &[[1, 2, 3, 4]]));
@@ -702,6 +706,9 @@ fn gltf_textures_of_extensions() {
         "KHR_materials_sheen": {
             "sheenColorFactor": [1, 1, 1], "sheenColorTexture": by(0),
             "sheenRoughnessFactor": 1, "sheenRoughnessTexture": by(0),
+        },
+        "KHR_materials_anisotropy": {
+            "anisotropyStrength": 1, "anisotropyTexture": { "index": 1, "texCoord": 1 },
         },
     });
     // Without an alpha channel the specular factor is 1.
@@ -731,6 +738,7 @@ fn gltf_textures_of_extensions() {
         (ClearcoatRoughness, 1, 0),
         (SheenColour, 0, 1),
         (SheenRoughness, 2, 1),
+        (Anisotropy, 1, 0),
     ];
     assert_eq!(found, expected);
     assert_eq!(scene.images[2].pixels, [[4u8; 3]].into_iter().collect());

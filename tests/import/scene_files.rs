@@ -36,6 +36,12 @@ fn scene_file_materials_are_of_one_model() {
         ("roughness = 1.5", "`roughness` is 1.5", "give a number from 0 to 1"),
         ("layers = { ior = 0.9 }", "`ior` is 0.9", "give a number from 1, or 0"),
         ("layers = { attenuation_distance = 0 }", "`attenuation_distance` is 0", "give a distance above 0"),
+        ("layers = { anisotropy = 2 }", "`anisotropy` is 2", "give a number from 0 to 1"),
+        (
+            "layers = { anisotropy_rotation = inf }",
+            "`anisotropy_rotation` is inf",
+            "give an angle in degrees",
+        ),
     ] {
         assert_eq!(fails(keys), (format!("a.toml:1: {what}"), hint.to_owned()), "{keys}");
     }

@@ -253,3 +253,59 @@ fn specular_glossiness_has_its_reflectance() {
         }
     }
 }
+
+/// The variances of the brightness of a square along x and y, lit by a small ball in front of its centre.
+fn spread_of_highlight(material: &Value, images: &[String]) -> [f64; 2] {
+    let lamp = "[[light]]\ntype = 'sphere'\nposition = [0, 0, 2]\nradius = 0.1\nintensity = 1";
+    let job = job_of(scene(material, images, lamp), Transport::Path, 64);
+    let (film, _): (Film, _) = job.render(&RenderControl::default()).expect("a picture");
+    let (mut sum, mut variances) = (0.0, [0.0; 2]);
+    for (y, x) in (0..SIZE).flat_map(|y| (0..SIZE).map(move |x| (y, x))) {
+        let value = f64::from(film.pixel(x, y)[1]);
+        sum += value;
+        let from_centre = [x, y].map(|at| f64::from(at) + 0.5 - f64::from(SIZE) / 2.0);
+        (0..2).for_each(|axis| variances[axis] += value * from_centre[axis].powi(2));
+    }
+    variances.map(|variance| variance / sum)
+}
+
+/// The highlight of brushed metal is longer along the tangent, here x, than across. Rotation and texture turn the
+/// direction and add up, from the tangent towards the bitangent, against v, which is y here: a quarter of a turn
+/// exchanges the axes, and two of them, in either direction, change nothing. Without strength, or where its texel is 0,
+/// both are alike.
+#[test]
+fn highlights_of_anisotropic_metal_follow_its_direction() {
+    let spread = |strength: f64, rotation: f64, texel: Option<[u8; 4]>| {
+        let mut anisotropy = json!({ "anisotropyStrength": strength, "anisotropyRotation": rotation });
+        if texel.is_some() {
+            anisotropy["anisotropyTexture"] = json!({ "index": 0 });
+        }
+        let material = json!({
+            "pbrMetallicRoughness": { "metallicFactor": 1, "roughnessFactor": 0.4 },
+            "extensions": { "KHR_materials_anisotropy": anisotropy },
+        });
+        let images: Vec<String> = texel.map(|texel| png_uri(1, &[texel])).into_iter().collect();
+        let [x, y] = spread_of_highlight(&material, &images);
+        x / y
+    };
+    let along = spread(0.5, 0.0, None);
+    assert!(along > 1.5, "{along}");
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let (right, up, none) = ([255, 128, 255, 255], [128, 255, 255, 255], [255, 128, 0, 255]);
+    for (turns, rotation, texel) in [
+        (1, quarter, None),
+        (1, -quarter, None),
+        (2, 2.0 * quarter, None),
+        (0, 0.0, Some(right)),
+        (1, 0.0, Some(up)),
+        (2, quarter, Some(up)),
+        (2, -quarter, Some(up)),
+    ] {
+        let ratio = spread(0.5, rotation, texel);
+        let expected = if turns % 2 == 0 { along } else { 1.0 / along };
+        assert!((ratio / expected - 1.0).abs() < 0.1, "{turns}, {rotation}, {texel:?}: {ratio}, {expected}");
+    }
+    for ratio in [spread(0.0, 0.0, None), spread(0.5, 0.0, Some(none))] {
+        assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
+    }
+}

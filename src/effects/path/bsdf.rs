@@ -269,6 +269,7 @@ fn parameters(
                 clearcoat_roughness: layers.clearcoat_roughness * texel(TextureSlot::ClearcoatRoughness).y,
                 sheen_colour: layers.sheen_colour * texel(TextureSlot::SheenColour),
                 sheen_roughness: layers.sheen_roughness * texel(TextureSlot::SheenRoughness).x,
+                anisotropy: layers.anisotropy * texel(TextureSlot::Anisotropy).z,
             }
         }
         Material::Phong(Phong { refraction: Some(glass), .. }) => BsdfParameters {

@@ -2,14 +2,17 @@
 //! Entry i belongs to surface interaction i. Loops compute all entries, also those that mean nothing, from whatever an
 //! earlier generation left there; which ones count is said with each array.
 
+use std::f64::consts::TAU;
 use std::ops::Range;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::Path;
 use super::media::{MediaTable, MediumStack, MediumTransition};
 use crate::effects::ray_origins::find_origins;
 use crate::effects::tile::vec_bytes;
+use crate::geometry::sin_cos_of_turns;
+use crate::scene::{Material, TextureSlot};
 use crate::world::{Flags, InteractionSoa, PerRay, RAYS_PER_BATCH, Vec3Soa, World, select, simd};
 
 /// The vertices of a generation.
@@ -67,6 +70,38 @@ impl Vertices {
     pub(super) fn find_frames(&mut self, world: &World, surfaces: &InteractionSoa) {
         find_origins(surfaces, &mut self.origin, world.numerics());
         simd!(self.compute_frames(surfaces));
+        for (material, range) in surfaces.by_material() {
+            if let Material::MetallicRoughness(m) = &world.materials[*material as usize]
+                && m.layers.anisotropy > 0.0
+            {
+                let turns = (m.layers.anisotropy_rotation / TAU).rem_euclid(1.0);
+                let (sin, cos) = sin_cos_of_turns(turns);
+                range.clone().for_each(|i| self.turn_frame(world, surfaces, DVec2::new(cos, sin), i));
+            }
+        }
+    }
+
+    /// Turns a frame until its first axis is the direction in which an anisotropic surface is rougher: the tangent,
+    /// turned by the texel and by `rotation` (KHR_materials_anisotropy). Without tangents, the horizontal direction
+    /// takes the place of the tangent.
+    fn turn_frame(&mut self, world: &World, surfaces: &InteractionSoa, rotation: DVec2, i: usize) {
+        let (normal, view) = (self.frame[2].get(i), self.view.get(i));
+        let texel = 2.0 * surfaces.texels.get(TextureSlot::Anisotropy, i).truncate() - 1.0;
+        let direction = rotation.rotate(texel.try_normalize().unwrap_or(DVec2::X));
+        let tangents = world.tangent_frame(surfaces.objects()[i], &surfaces.hit(i), normal);
+        let [tangent, bitangent, _] = tangents.unwrap_or_else(|| {
+            let outer = if world.is_seen_from_back(surfaces, i) { -normal } else { normal };
+            let tangent =
+                DVec3::Y.cross(outer).try_normalize().unwrap_or_else(|| outer.any_orthonormal_vector());
+            [tangent, outer.cross(tangent), outer]
+        });
+        let along = direction.x * tangent + direction.y * bitangent;
+        let Some(along) = (along - along.dot(normal) * normal).try_normalize() else { return };
+        let across = normal.cross(along);
+        self.frame[0].set(i, along);
+        self.frame[1].set(i, across);
+        let seen = surfaces.view.get(i);
+        self.view.set(i, DVec3::new(seen.dot(along), seen.dot(across), view.z));
     }
 
     #[inline(always)]

@@ -1,5 +1,5 @@
 //! The material extensions of glTF that are layers and media: index of refraction, specular, transmission, volume, clear
-//! coat and sheen, with their textures.
+//! coat, sheen and anisotropy, with their textures.
 
 use glam::DVec3;
 use gltf::json::Value;
@@ -15,10 +15,11 @@ pub(super) const TRANSMISSION: &str = "KHR_materials_transmission";
 pub(super) const VOLUME: &str = "KHR_materials_volume";
 pub(super) const CLEARCOAT: &str = "KHR_materials_clearcoat";
 pub(super) const SHEEN: &str = "KHR_materials_sheen";
+const ANISOTROPY: &str = "KHR_materials_anisotropy";
 
 /// All of them, and that which is converted to them.
-pub(super) const ALL: [&str; 7] =
-    [IOR, SPECULAR, TRANSMISSION, VOLUME, CLEARCOAT, SHEEN, specular_glossiness::NAME];
+pub(super) const ALL: [&str; 8] =
+    [IOR, SPECULAR, TRANSMISSION, VOLUME, CLEARCOAT, SHEEN, ANISOTROPY, specular_glossiness::NAME];
 
 /// A finite number, else the default.
 pub(super) fn number(value: Option<&Value>, default: f64) -> f64 {
@@ -61,6 +62,8 @@ pub(super) fn layers(material: &gltf::Material) -> Layers {
         clearcoat_roughness: unit(CLEARCOAT, "clearcoatRoughnessFactor", 0.0),
         sheen_colour: colour(SHEEN, "sheenColorFactor", DVec3::ZERO, 1.0),
         sheen_roughness: unit(SHEEN, "sheenRoughnessFactor", 0.0),
+        anisotropy: unit(ANISOTROPY, "anisotropyStrength", 0.0),
+        anisotropy_rotation: number(ANISOTROPY, "anisotropyRotation", 0.0),
     }
 }
 
@@ -82,6 +85,7 @@ fn is_used(slot: TextureSlot, material: &gltf::Material, layers: &Layers) -> boo
         TextureSlot::Clearcoat => layers.clearcoat != 0.0,
         TextureSlot::ClearcoatRoughness => layers.clearcoat != 0.0 && layers.clearcoat_roughness != 0.0,
         TextureSlot::SheenColour => colours(layers.sheen_colour),
+        TextureSlot::Anisotropy => layers.anisotropy != 0.0,
         TextureSlot::SheenRoughness => colours(layers.sheen_colour) && layers.sheen_roughness != 0.0,
     }
 }

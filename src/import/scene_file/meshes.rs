@@ -11,6 +11,7 @@ use toml::Spanned;
 use super::Builder;
 use super::sections::{MeshSection, PlacementValue, ScaleValue, SceneFile, line_of};
 use crate::error::{Error, Place, Result, Warnings};
+use crate::import::tangents::make_tangents;
 use crate::import::{self, Source};
 use crate::scene::{MaterialId, Object, Placed, Placement, Scene, Shape};
 
@@ -84,7 +85,13 @@ impl Builder<'_> {
             }
         }
         if let Some(material) = material {
-            self.scene.objects[first..].iter_mut().for_each(|object| object.material = material);
+            let coordinates = self.scene.materials[material.0 as usize].tangent_coordinates();
+            for object in &mut self.scene.objects[first..] {
+                object.material = material;
+                if let (Some(coordinates), Shape::Mesh(mesh)) = (coordinates, &mut object.shape) {
+                    make_tangents(mesh, coordinates);
+                }
+            }
         }
         Ok(())
     }

@@ -36,6 +36,10 @@ pub struct LayersSection {
     pub sheen_colour: Option<ColourValue>,
     /// Roughness of the sheen, 0 to 1; 0 if not given.
     pub sheen_roughness: Option<f64>,
+    /// Strength of the anisotropy, 0 to 1: how much rougher the surface is along its tangents; 0 if not given.
+    pub anisotropy: Option<f64>,
+    /// Angle of the rougher direction from the tangent in degrees, counterclockwise; 0 if not given.
+    pub anisotropy_rotation: Option<f64>,
 }
 
 impl Builder<'_> {
@@ -71,6 +75,11 @@ impl Builder<'_> {
             let what = format!("`attenuation_distance` is {attenuation_distance}");
             return Err(self.error(start, what, "give a distance above 0"));
         }
+        let rotation = layers.anisotropy_rotation.unwrap_or(0.0);
+        if !rotation.is_finite() {
+            let what = format!("`anisotropy_rotation` is {rotation}");
+            return Err(self.error(start, what, "give an angle in degrees"));
+        }
         let attenuation_colour =
             Colour::from_u8(layers.attenuation_colour.map_or([255; 3], |colour| colour.0));
         let none = Layers::default();
@@ -95,6 +104,8 @@ impl Builder<'_> {
                     .sheen_colour
                     .map_or(none.sheen_colour, |colour| Colour::from_u8(colour.0)),
                 sheen_roughness: unit("sheen_roughness", layers.sheen_roughness, 0.0)?,
+                anisotropy: unit("anisotropy", layers.anisotropy, 0.0)?,
+                anisotropy_rotation: rotation.to_radians(),
             },
             ..MetallicRoughness::default()
         }))

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::anisotropic::AnisotropicSpecular;
 use super::diffuse;
 use super::glass::Glass;
 use super::sheen::Sheen;
@@ -35,6 +36,7 @@ pub(crate) enum LobeSample {
 pub(crate) enum Lobe {
     Sheen(Sheen),
     Specular(Specular),
+    Anisotropic(AnisotropicSpecular),
     /// Lambert's diffuse reflection with an albedo.
     Diffuse(DVec3),
     Glass(Glass),
@@ -48,6 +50,7 @@ impl Lobe {
         match self {
             Lobe::Sheen(lobe) => lobe.albedo,
             Lobe::Specular(lobe) | Lobe::ThinTransmission(lobe) => lobe.albedo,
+            Lobe::Anisotropic(lobe) => lobe.albedo,
             Lobe::Diffuse(albedo) => *albedo,
             Lobe::Glass(lobe) => lobe.albedo,
         }
@@ -56,7 +59,7 @@ impl Lobe {
     /// Whether only single directions are scattered to.
     pub(crate) fn is_delta(&self) -> bool {
         match self {
-            Lobe::Sheen(_) | Lobe::Diffuse(_) => false,
+            Lobe::Sheen(_) | Lobe::Anisotropic(_) | Lobe::Diffuse(_) => false,
             Lobe::Specular(lobe) | Lobe::ThinTransmission(lobe) => lobe.is_delta(),
             Lobe::Glass(lobe) => lobe.is_delta(),
         }
@@ -67,6 +70,7 @@ impl Lobe {
         match self {
             Lobe::Sheen(lobe) => lobe.value(view, light),
             Lobe::Specular(lobe) => lobe.value(view, light),
+            Lobe::Anisotropic(lobe) => lobe.value(view, light),
             Lobe::Diffuse(albedo) => {
                 let (scattered, density) = diffuse::eval_pdf(*albedo, light);
                 Value { scattered, density }
@@ -82,6 +86,7 @@ impl Lobe {
         match self {
             Lobe::Sheen(_) => Some(LobeSample::Scattered(Sheen::sample([u, v]))),
             Lobe::Specular(lobe) => lobe.sample(view, [u, v]),
+            Lobe::Anisotropic(lobe) => lobe.sample(view, [u, v]),
             Lobe::Diffuse(_) => Some(LobeSample::Scattered(diffuse::sample([u, v]))),
             Lobe::Glass(lobe) => lobe.sample(view, choice, [u, v]),
             Lobe::ThinTransmission(lobe) => Some(match lobe.sample(view, [u, v])? {

@@ -9,6 +9,8 @@
 //!                                       └─ transmission: glass, or thin wall
 //! ```
 //!
+//! Anisotropy is that of metal and of opaque dielectrics; transmissive surfaces are isotropic.
+//!
 //! What lies below a layer is scaled by 1 minus the layer's directional albedo for the view. Single lobes are
 //! reciprocal; their sum is not, since the scale depends on the view only. Transmitted light is basic radiance,
 //! L / n^2: the factor (n_t / n_i)^2 of radiance is left out. It cancels on paths that begin and end in the same medium.
@@ -17,6 +19,7 @@
 //! 1e-4 of 1 is no interface.
 
 mod albedo;
+mod anisotropic;
 mod dielectric;
 pub(crate) mod diffuse;
 mod fresnel;
@@ -39,6 +42,7 @@ mod tests;
 use glam::DVec3;
 
 pub(crate) use albedo::GgxAlbedo;
+use anisotropic::{AnisotropicGgx, AnisotropicSpecular};
 pub(crate) use dielectric::reflectances;
 use fresnel::Fresnel;
 pub(crate) use fresnel::{Interface, relative_index};
@@ -79,6 +83,8 @@ pub struct BsdfParameters {
     pub sheen_colour: DVec3,
     /// Perceptual roughness of the sheen, 0 to 1.
     pub sheen_roughness: f64,
+    /// Strength of the anisotropy, 0 to 1: how much rougher metal and opaque dielectrics are along x than along y.
+    pub anisotropy: f64,
 }
 
 impl Default for BsdfParameters {
@@ -98,6 +104,7 @@ impl Default for BsdfParameters {
             clearcoat_roughness: 0.0,
             sheen_colour: DVec3::ZERO,
             sheen_roughness: 0.0,
+            anisotropy: 0.0,
         }
     }
 }
@@ -129,6 +136,7 @@ impl BsdfParameters {
             clearcoat_roughness: unit(self.clearcoat_roughness),
             sheen_colour: colour(self.sheen_colour),
             sheen_roughness: unit(self.sheen_roughness),
+            anisotropy: unit(self.anisotropy),
         }
     }
 }
@@ -250,10 +258,15 @@ impl Bsdf {
     /// The reflection of metal and of opaque dielectric, which have the same distribution and are one lobe, and the diffuse
     /// reflection below the dielectric.
     fn push_reflection(&mut self, p: &BsdfParameters, ggx: Ggx, [metal, opaque]: [f64; 2]) {
-        let albedo = GgxAlbedo::new(ggx, self.view.z);
+        let anisotropic = (p.anisotropy > 0.0).then(|| AnisotropicGgx::new(p.roughness, p.anisotropy));
+        let albedo =
+            anisotropic.map_or_else(|| GgxAlbedo::new(ggx, self.view.z), |ggx| ggx.albedo(self.view));
         let reflectances = reflectances(p.ior, p.specular, p.specular_colour);
         let (factors, diffuse) = opaque::factors(p.base_colour, [metal, opaque], reflectances, &albedo);
-        self.push(Lobe::Specular(Specular::schlick(ggx, factors, &albedo)));
+        self.push(match anisotropic {
+            Some(ggx) => Lobe::Anisotropic(AnisotropicSpecular::new(ggx, factors, &albedo)),
+            None => Lobe::Specular(Specular::schlick(ggx, factors, &albedo)),
+        });
         self.push(Lobe::Diffuse(diffuse));
     }
 

@@ -117,6 +117,7 @@ fn no_parameters_give_nan() {
             clearcoat_roughness: any(),
             sheen_colour: DVec3::splat(any()) * colour(any(), any()),
             sheen_roughness: any(),
+            anisotropy: any(),
         };
         p.ior = pick(&iors, &mut random);
         let cos = pick(&cosines, &mut random);
