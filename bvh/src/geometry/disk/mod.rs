@@ -99,7 +99,8 @@ impl Disk {
         let t = -(self.normal.dot(f) / self.normal.dot(d));
         let from_centre = f + d * t;
         // NaN and infinite distances, of rays parallel to the plane, give NaN or more than the radius.
-        if !(from_centre.dot(from_centre) <= self.radius * self.radius) {
+        let is_inside = from_centre.dot(from_centre) <= self.radius * self.radius;
+        if !is_inside {
             return None;
         }
         let half = self.half_size();
