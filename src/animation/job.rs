@@ -129,7 +129,7 @@ impl AnimationJob {
         light.into_iter().for_each(|light| light.note(warnings));
         building(warnings);
         let pipeline = settings.picture.pipeline();
-        made.scene = Some(PreparedScene::new(scene, look, pipeline, structure, numerics)?);
+        made.scene = Some(PreparedScene::new(scene, &look, pipeline, structure, numerics)?);
         // Errors and warnings of the first frame come before any is rendered.
         let first = made.frame(first)?;
         made.effects_on = first.plan.effects_on().count();

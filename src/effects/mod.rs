@@ -144,11 +144,13 @@ impl RayKind {
     }
 }
 
+type Run = dyn Fn(&mut Tile, &RenderContext) + Send + Sync;
+
 /// A stage of rendering a tile. A stage of a ray generation works on the generation [`Tile::current`].
 pub struct Stage {
     /// The name in statistics.
     pub name: &'static str,
-    run: Box<dyn Fn(&mut Tile, &RenderContext) + Send + Sync>,
+    run: Box<Run>,
 }
 
 impl Stage {

@@ -57,12 +57,12 @@ impl PreparedScene {
     /// [`crate::error::Error::Input`] for a track whose target does not exist.
     pub fn new(
         mut scene: Scene,
-        look: DefaultLook,
+        look: &DefaultLook,
         pipeline: ColourPipeline,
         structure: Layout,
         numerics: Numerics,
     ) -> Result<Self> {
-        let moving = MovingScene::of(&mut scene, &look, structure)?;
+        let moving = MovingScene::of(&mut scene, look, structure)?;
         let recentering = recenter(&mut scene);
         let look = look.recentered(recentering.as_ref());
         let prepared = PreparedScene::at_rest(scene, &look, recentering, pipeline, structure, numerics);

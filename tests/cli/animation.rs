@@ -120,7 +120,7 @@ fn same_as_from_nothing(scene: &Scene, camera: usize) {
 fn with_look_as_from_nothing(scene: &Scene, look: &DefaultLook, camera: usize) {
     let (pipeline, numerics) = (ColourPipeline::Linear, Numerics::default());
     let look = DefaultLook { light: Some(AddedLight::Headlight), ..look.clone() };
-    let animation = PreparedScene::new(scene.clone(), look.clone(), pipeline, STRUCTURE, numerics).unwrap();
+    let animation = PreparedScene::new(scene.clone(), &look, pipeline, STRUCTURE, numerics).unwrap();
     let mut pictures = Vec::new();
     for time in [0.0, 0.3, 0.75] {
         let frame = animation.at(time).unwrap();

@@ -206,7 +206,7 @@ impl RenderCache {
             self.scenes.drain(..self.scenes.len().saturating_sub(MAX_WORLDS - 1));
             let (pipeline, numerics) = (look.picture.pipeline(), look.picture.numerics());
             let structure = Layout::Wide(settings.preset);
-            let prepared = PreparedScene::new(scene.clone(), look.clone(), pipeline, structure, numerics)?;
+            let prepared = PreparedScene::new(scene.clone(), look, pipeline, structure, numerics)?;
             self.scenes.push((key, Arc::new(prepared)));
         }
         Ok(Arc::clone(&self.scenes[self.scenes.len() - 1].1))
