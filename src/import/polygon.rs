@@ -38,7 +38,7 @@ pub(crate) enum Cut {
     /// Triangles that cover the polygon.
     Whole,
     /// A fan, because the polygon intersects itself or repeats an edge.
-    SignedHit,
+    SelfIntersecting,
     /// A fan, because the polygon exceeds [`MAX_PAIRS_PER_EDGE`] or [`MAX_CORNERS`].
     Intricate,
 }
@@ -46,28 +46,30 @@ pub(crate) enum Cut {
 /// Counts of polygons of a file that were split into fans.
 #[derive(Debug, Default)]
 pub(crate) struct Cuts {
-    crossing: usize,
+    self_intersecting: usize,
     intricate: usize,
 }
 
 impl Cuts {
     /// Counts a polygon.
     pub(crate) fn count(&mut self, cut: Cut) {
-        self.crossing += usize::from(cut == Cut::SignedHit);
+        self.self_intersecting += usize::from(cut == Cut::SelfIntersecting);
         self.intricate += usize::from(cut == Cut::Intricate);
     }
 
     /// Adds other counts.
     pub(crate) fn add(&mut self, other: &Cuts) {
-        self.crossing += other.crossing;
+        self.self_intersecting += other.self_intersecting;
         self.intricate += other.intricate;
     }
 
     /// Adds warnings for the polygons of `file` that were split into fans.
     pub(crate) fn warn(&self, file: &Path, warnings: &mut Warnings) {
-        let (file, Cuts { crossing, intricate }) = (file.display(), self);
-        if *crossing > 0 {
-            warnings.push(format!("{file}: {crossing} polygon(s) cross themselves and were cut into fans"));
+        let (file, Cuts { self_intersecting, intricate }) = (file.display(), self);
+        if *self_intersecting > 0 {
+            warnings.push(format!(
+                "{file}: {self_intersecting} polygon(s) cross themselves and were cut into fans"
+            ));
         }
         if *intricate > 0 {
             let what = "have too many corners, or long edges side by side, to be cut exactly";
@@ -140,7 +142,7 @@ impl Triangulator {
         } else {
             (1..n - 1).for_each(|i| emit([0, i, i + 1]));
         }
-        if covers { Cut::Whole } else { Cut::SignedHit }
+        if covers { Cut::Whole } else { Cut::SelfIntersecting }
     }
 }
 
@@ -195,7 +197,7 @@ fn find_crossing(corners: &[[f64; 2]]) -> Cut {
     let size = (max - min).max_element();
     if !(size > 0.0 && size.is_finite()) {
         // Coincident corners and non-finite sizes are handled without a search.
-        return if size == 0.0 { Cut::SignedHit } else { Cut::Intricate };
+        return if size == 0.0 { Cut::SelfIntersecting } else { Cut::Intricate };
     }
     let depth = size * DEPTH;
     let cell = |p: DVec2| ((p - min) / depth).round().to_array().map(|c| c as i64);
@@ -207,7 +209,7 @@ fn find_crossing(corners: &[[f64; 2]]) -> Cut {
     for (a, b) in edges.clone() {
         let (from, to) = (cell(a), cell(b));
         if from != to && !passed.insert((from, to)) {
-            return Cut::SignedHit;
+            return Cut::SelfIntersecting;
         }
         let edge = b - a;
         if edge != DVec2::ZERO {
@@ -239,7 +241,7 @@ fn find_crossing(corners: &[[f64; 2]]) -> Cut {
             return Cut::Intricate;
         }
         if active.iter().any(|other| cross(edge, *other, depth)) {
-            return Cut::SignedHit;
+            return Cut::SelfIntersecting;
         }
         active.push(edge);
     }

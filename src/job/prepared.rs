@@ -1,4 +1,4 @@
-//! A scene prepared for rendering, and what it is at any time.
+//! A scene prepared for rendering, and its state at any time.
 //!
 //! All times share the images, and the acceleration structure where only cameras and lights move. Where objects move,
 //! each time builds its own: refitting would need a structure per frame in flight as well, and gives a tree that is
@@ -14,7 +14,7 @@ use crate::import;
 use crate::scene::{AddedLight, Animation, Camera, DefaultLook, Numerics, Scene};
 use crate::world::{Recentering, World, recenter};
 
-/// A scene prepared for rendering, with what all its times share.
+/// A scene prepared for rendering, with the parts that all times share.
 pub struct PreparedScene {
     /// The scene before anything moves.
     world: Arc<World>,
@@ -69,7 +69,7 @@ impl PreparedScene {
         Ok(PreparedScene { moving, ..prepared })
     }
 
-    /// Prepares a scene that was recentered with its look, as it is at all times.
+    /// Prepares a scene without animation that was recentered with its look.
     pub(crate) fn at_rest(
         mut scene: Scene,
         look: &DefaultLook,
@@ -134,9 +134,9 @@ impl MovingScene {
             true => scene.objects.clone(),
             false => Vec::new(),
         };
-        let own = std::mem::take(&mut scene.objects);
+        let all = std::mem::take(&mut scene.objects);
         let moving = Scene { objects, animation: Some(animation), ..scene.clone() };
-        scene.objects = own;
+        scene.objects = all;
         Ok(Some(MovingScene { scene: moving, look: look.clone(), structure: moves.then_some(structure) }))
     }
 }

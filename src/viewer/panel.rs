@@ -455,7 +455,11 @@ fn render_settings(ui: &mut Ui, rendered: Option<&RenderedImage>, controls: &mut
     ui.horizontal(|ui| {
         let drag = ui.add(DragValue::new(&mut samples).range(1..=crate::scene::MAX_SAMPLES).speed(0.2));
         if explain(drag, help::SAMPLES).changed() {
-            picture.samples = Some(Samples::clamped(samples));
+            let most = Samples::clamped(samples);
+            picture.samples = Some(most);
+            // A minimum above it is an error.
+            picture.min_samples =
+                shown.min_samples.filter(|least| *least > most).map(|_| most).or(picture.min_samples);
         }
         ui.label(if own.noise.is_some() && samples > 1 {
             "samples a pixel at most"

@@ -69,6 +69,10 @@ fn in_the_window(arguments: &Arguments) -> Result<Pixels> {
     crate::viewer::final_picture(&Arc::new(opened), SIZE)
 }
 
+fn load(arguments: &Arguments) -> Result<Scene> {
+    crate::import::load_with(&arguments.inputs, &arguments.reading(), &mut Warnings::default())
+}
+
 /// The picture of Python's `kiln.render` of a scene.
 fn in_python(scene: Scene, options: &NamedOptions) -> Result<Pixels> {
     let size = SIZE.map(|side| side.to_string());
@@ -168,7 +172,9 @@ fn all_ways_to_a_picture_have_the_same() {
             let place = format!("{}, {options:?}", file.display());
             // An option that does not suit the scene is an error in all of them.
             let Ok(expected) = still(&at_0) else {
-                assert!(in_the_window(&arguments).is_err(), "{place}");
+                assert!(in_the_window(&arguments).is_err(), "{place}: window");
+                assert!(frame_0(&arguments).is_err(), "{place}: frame 0");
+                assert!(load(&at_0).and_then(|scene| in_python(scene, options)).is_err(), "{place}: Python");
                 continue;
             };
             compared += 1;
@@ -176,8 +182,7 @@ fn all_ways_to_a_picture_have_the_same() {
                 in_the_window(&arguments).unwrap_or_else(|e| panic!("{place}: {e}")) == expected,
                 "{place}: window"
             );
-            let scene = crate::import::load_with(&at_0.inputs, &at_0.reading(), &mut Warnings::default());
-            let scene = scene.unwrap_or_else(|e| panic!("{place}: {e}"));
+            let scene = load(&at_0).unwrap_or_else(|e| panic!("{place}: {e}"));
             // Without a camera and something that moves, frames are those of a turntable.
             if scene.default_camera().is_some() || has_clips {
                 frames += 1;

@@ -15,11 +15,11 @@ const NONE: u32 = u32::MAX;
 
 /// The closed volumes that hold a point, in the order of their precedence, those entered several times as often.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Media([u32; CAPACITY]);
+struct MediumStack([u32; CAPACITY]);
 
-impl Media {
+impl MediumStack {
     /// Outside of all volumes.
-    const EMPTY: Media = Media([NONE; CAPACITY]);
+    const EMPTY: MediumStack = MediumStack([NONE; CAPACITY]);
 
     /// The volume that is the medium.
     fn medium(self) -> Option<u32> {
@@ -47,7 +47,7 @@ impl Media {
 
     fn without(mut self, volume: u32) -> Self {
         if self.0[..2] == [volume, NONE] {
-            return Media::EMPTY;
+            return MediumStack::EMPTY;
         }
         if let Some(at) = self.0.iter().position(|&other| other == volume) {
             self.0.copy_within(at + 1.., at);
@@ -68,14 +68,14 @@ impl Media {
         if self.volumes().all(|volume| may_hold(&volume)) {
             self
         } else {
-            self.volumes().filter(may_hold).fold(Media::EMPTY, Media::with)
+            self.volumes().filter(may_hold).fold(MediumStack::EMPTY, MediumStack::with)
         }
     }
 
     /// The volumes that hold a point: those whose nearest surface along a ray is met from inside.
     fn at(world: &World, point: DVec3, traversal: &mut Traversal) -> Self {
         let Some(volumes) = world.volumes.as_ref().filter(|volumes| volumes.may_hold(point)) else {
-            return Media::EMPTY;
+            return MediumStack::EMPTY;
         };
         // Any direction will do; few edges of models lie in this one.
         let direction = DVec3::new(0.3637, 0.7219, 0.5887).normalize();
@@ -83,7 +83,7 @@ impl Media {
         let mut hits = Vec::new();
         world.accelerator.all_hits(&ray, &mut hits, traversal);
         hits.sort_by(|a, b| a.t.total_cmp(&b.t));
-        let (mut media, mut seen) = (Media::EMPTY, Vec::new());
+        let (mut media, mut seen) = (MediumStack::EMPTY, Vec::new());
         for hit in hits {
             let object = world.object_of(hit.prim);
             let Some(volume) =
@@ -102,11 +102,11 @@ impl Media {
 
 /// A set of volumes in a [`MediaTable`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct MediumStack(u32);
+pub(super) struct MediumStackId(u32);
 
-impl MediumStack {
+impl MediumStackId {
     /// Outside of all volumes.
-    pub(super) const EMPTY: MediumStack = MediumStack(0);
+    pub(super) const EMPTY: MediumStackId = MediumStackId(0);
 }
 
 /// A surface that a path meets, as far as media are concerned.
@@ -115,7 +115,7 @@ pub(super) struct MediumTransition {
     /// The medium that the path came through.
     passed: Option<u32>,
     /// The closed volumes in front of the surface, on the path's side, and behind it.
-    pub(super) sides: [MediumStack; 2],
+    pub(super) sides: [MediumStackId; 2],
     /// Whether the surface bounds a volume and the path came through that.
     pub(super) from_inside: bool,
     /// Whether a volume that goes before that of the surface is on both sides, so that there is no interface.
@@ -128,7 +128,7 @@ impl MediumTransition {
     /// A surface with no medium on either side.
     pub(super) const NONE: MediumTransition = MediumTransition {
         passed: None,
-        sides: [MediumStack::EMPTY; 2],
+        sides: [MediumStackId::EMPTY; 2],
         from_inside: false,
         is_hidden: false,
         ior_around: 1.0,
@@ -142,12 +142,12 @@ impl MediumTransition {
 }
 
 /// What a [`MediumTransition`] depends on: the volumes around the surface, its own, and whether the path is inside that.
-type MediumTransitionKey = (MediumStack, Option<u32>, bool);
+type MediumTransitionKey = (MediumStackId, Option<u32>, bool);
 
 /// The sets of volumes that hold the vertices of some paths, and the surfaces between them. Few are different.
 #[derive(Default)]
 pub(super) struct MediaTable {
-    sets: Vec<Media>,
+    sets: Vec<MediumStack>,
     crossings: Vec<(MediumTransitionKey, MediumTransition)>,
 }
 
@@ -162,31 +162,31 @@ impl MediaTable {
     }
 
     /// Begins new paths, and lists the volumes that hold their origins, of which consecutive ones may be equal.
-    pub(super) fn start(&mut self, world: &World, [x, y, z]: [&[f64]; 3], media: &mut Vec<MediumStack>) {
+    pub(super) fn start(&mut self, world: &World, [x, y, z]: [&[f64]; 3], media: &mut Vec<MediumStackId>) {
         self.crossings.clear();
         self.sets.clear();
-        self.sets.push(Media::EMPTY);
+        self.sets.push(MediumStack::EMPTY);
         let mut traversal = Traversal::default();
-        let mut last = (DVec3::NAN, MediumStack::EMPTY);
+        let mut last = (DVec3::NAN, MediumStackId::EMPTY);
         media.extend(x.iter().zip(y).zip(z).map(|((&x, &y), &z)| {
             let point = DVec3::new(x, y, z);
             if point != last.0 {
-                last = (point, self.id(Media::at(world, point, &mut traversal)));
+                last = (point, self.id(MediumStack::at(world, point, &mut traversal)));
             }
             last.1
         }));
     }
 
-    fn id(&mut self, media: Media) -> MediumStack {
+    fn id(&mut self, media: MediumStack) -> MediumStackId {
         if media.is_empty() {
-            return MediumStack::EMPTY;
+            return MediumStackId::EMPTY;
         }
         let known = latest_indices(self.sets.len()).find(|&id| self.sets[id] == media);
         let id = known.unwrap_or_else(|| {
             self.sets.push(media);
             self.sets.len() - 1
         });
-        MediumStack(id as u32)
+        MediumStackId(id as u32)
     }
 
     /// The entry of surface `i`, which a path within `media` meets.
@@ -194,7 +194,7 @@ impl MediaTable {
     pub(super) fn meet(
         &mut self,
         world: &World,
-        media: MediumStack,
+        media: MediumStackId,
         surfaces: &InteractionSoa,
         i: usize,
     ) -> u32 {
@@ -207,8 +207,8 @@ impl MediaTable {
 
     /// Those of the volumes that may hold a point.
     #[inline]
-    fn around(&mut self, world: &World, media: MediumStack, point: DVec3) -> MediumStack {
-        let Some(volumes) = world.volumes.as_ref().filter(|_| media != MediumStack::EMPTY) else {
+    fn around(&mut self, world: &World, media: MediumStackId, point: DVec3) -> MediumStackId {
+        let Some(volumes) = world.volumes.as_ref().filter(|_| media != MediumStackId::EMPTY) else {
             return media;
         };
         let all = self.sets[media.0 as usize];
@@ -249,11 +249,11 @@ impl MediaTable {
     pub(super) fn transmittance(
         &self,
         world: &World,
-        media: MediumStack,
+        media: MediumStackId,
         end: DVec3,
         distance: f64,
     ) -> DVec3 {
-        let Some(volumes) = world.volumes.as_ref().filter(|_| media != MediumStack::EMPTY) else {
+        let Some(volumes) = world.volumes.as_ref().filter(|_| media != MediumStackId::EMPTY) else {
             return DVec3::ONE;
         };
         transmittance(world, self.sets[media.0 as usize].around(volumes, end).medium(), distance)
@@ -281,29 +281,30 @@ mod tests {
     /// has one number.
     #[test]
     fn sets_are_found_by_their_numbers() {
-        let mut table = MediaTable { sets: vec![Media::EMPTY], ..MediaTable::default() };
-        let set =
-            |volume: u32| (0..volume % 3).fold(Media::EMPTY.with(volume), |set, more| set.with(100 + more));
-        let ids: Vec<MediumStack> = (0..60).map(|k| table.id(set(k % 25))).collect();
+        let mut table = MediaTable { sets: vec![MediumStack::EMPTY], ..MediaTable::default() };
+        let set = |volume: u32| {
+            (0..volume % 3).fold(MediumStack::EMPTY.with(volume), |set, more| set.with(100 + more))
+        };
+        let ids: Vec<MediumStackId> = (0..60).map(|k| table.id(set(k % 25))).collect();
         for (k, id) in (0..).zip(&ids) {
             assert_eq!(table.sets[id.0 as usize], set(k % 25));
         }
         // The latest are found again; nothing is a set of its own.
         let count = table.sets.len();
-        assert_eq!((table.id(set(59 % 25)), table.id(Media::EMPTY)), (ids[59], MediumStack::EMPTY));
+        assert_eq!((table.id(set(59 % 25)), table.id(MediumStack::EMPTY)), (ids[59], MediumStackId::EMPTY));
         assert_eq!(table.sets.len(), count);
     }
 
     /// Volumes come in their order of precedence and leave one at a time; of too many the last are forgotten.
     #[test]
     fn media_are_sorted() {
-        let media = [3, 1, 7, 3].into_iter().fold(Media::EMPTY, Media::with);
+        let media = [3, 1, 7, 3].into_iter().fold(MediumStack::EMPTY, MediumStack::with);
         assert_eq!(media.0[..5], [1, 3, 3, 7, NONE]);
         assert_eq!(media.without(3).0[..4], [1, 3, 7, NONE]);
         assert_eq!(media.without(2), media);
         assert_eq!(media.without(1).medium(), Some(3));
-        assert_eq!(Media::EMPTY.medium(), None);
-        let full = (0..20).rev().fold(Media::EMPTY, Media::with);
+        assert_eq!(MediumStack::EMPTY.medium(), None);
+        let full = (0..20).rev().fold(MediumStack::EMPTY, MediumStack::with);
         assert_eq!(full.0, [0, 1, 2, 3, 4, 5, 6, 7]);
         assert_eq!(full.with(9), full);
     }

@@ -35,7 +35,7 @@ use bsdf::Bsdfs;
 use continuations::Continuations;
 use light_samples::{LightSamples, TriangleSamples};
 use lights::Lights;
-use media::MediumStack;
+use media::MediumStackId;
 use numbers::{GenerationNumbers, Sequence};
 use vertices::{IndexList, Vertices};
 
@@ -173,8 +173,8 @@ struct Buffers {
     next: Vec<Path>,
     /// For each ray of the current generation, the volumes that it runs through, and the same for the next. Empty in
     /// worlds without volumes.
-    media: Vec<MediumStack>,
-    next_media: Vec<MediumStack>,
+    media: Vec<MediumStackId>,
+    next_media: Vec<MediumStackId>,
     /// For each shadow ray of a light sample, whether it is occluded.
     occluded: Vec<bool>,
     /// The rays of the current generation that hit nothing, and the places of their directions in the environment.

@@ -8,7 +8,7 @@ use std::ops::Range;
 use glam::{DVec2, DVec3};
 
 use super::Path;
-use super::media::{MediaTable, MediumStack, MediumTransition};
+use super::media::{MediaTable, MediumStackId, MediumTransition};
 use crate::effects::ray_origins::find_origins;
 use crate::effects::tile::vec_bytes;
 use crate::geometry::sin_cos_of_turns;
@@ -51,7 +51,7 @@ impl Vertices {
         world: &World,
         surfaces: &InteractionSoa,
         paths: &[Path],
-        media: &[MediumStack],
+        media: &[MediumStackId],
     ) {
         self.len = surfaces.len();
         self.crossings.clear();
@@ -175,7 +175,12 @@ impl Vertices {
 
     /// The volumes on the side of a direction.
     #[inline]
-    pub(super) fn media_towards(&self, i: usize, surfaces: &InteractionSoa, direction: DVec3) -> MediumStack {
+    pub(super) fn media_towards(
+        &self,
+        i: usize,
+        surfaces: &InteractionSoa,
+        direction: DVec3,
+    ) -> MediumStackId {
         let is_below = direction.dot(surfaces.geometric_normal.get(i)) <= 0.0;
         self.crossing(i).sides[usize::from(is_below)]
     }

@@ -164,9 +164,12 @@ impl App {
     pub(super) fn click(&mut self, mouse: &MouseResult) {
         let (Some(pixel), Some(opened)) = (mouse.clicked.or(mouse.focused), &self.opened) else { return };
         let Some(prepared) = self.canvas.prepared(mouse.side).cloned() else { return };
-        let shown = self.canvas.rendered(mouse.side).map(|rendered| rendered.display).unwrap_or_default();
+        let rendered = self.canvas.rendered(mouse.side);
+        let shown = rendered.map(|rendered| rendered.display).unwrap_or_default();
+        let metered = rendered.and_then(|rendered| rendered.metered.clone());
+        let job = metered.as_deref().unwrap_or(&prepared.job);
         let bounds = opened.scene.bounds();
-        let bounds = match (bounds, &prepared.job.recentering) {
+        let bounds = match (bounds, &job.recentering) {
             (Some((min, max)), Some(recentering)) => Some((
                 (min - recentering.middle) * recentering.scale,
                 (max - recentering.middle) * recentering.scale,
@@ -174,12 +177,12 @@ impl App {
             (bounds, _) => bounds,
         };
         let found = inspect(
-            &prepared.job.world,
-            &prepared.job.view,
-            &prepared.job.plan,
-            prepared.job.recentering.as_ref(),
+            &job.world,
+            &job.view,
+            &job.plan,
+            job.recentering.as_ref(),
             bounds,
-            [prepared.job.display().known(), shown],
+            [job.display().known(), shown],
             pixel,
         );
         if let (Some(_), Some(surface), Some(controls)) = (mouse.focused, &found.surface, &mut self.controls)

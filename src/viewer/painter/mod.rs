@@ -22,6 +22,7 @@ use super::refine::first_factor;
 use super::request::RenderRequest;
 use crate::error::Error;
 use crate::film::DisplayTransform;
+use crate::job::RenderJob;
 use crate::render::Statistics;
 use crate::scene::Numerics;
 use pass::PipelineImage;
@@ -70,6 +71,8 @@ pub(crate) struct RenderedImage {
     pub legend: Option<Legend>,
     /// The prepared scene that was rendered.
     pub prepared: Arc<Prepared>,
+    /// Its job with the metered exposure and clamp, if they are metered and this image shows them.
+    pub metered: Option<Arc<RenderJob>>,
 }
 
 /// Handle of the painter thread.

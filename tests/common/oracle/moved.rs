@@ -11,11 +11,11 @@ use num_bigint::BigInt;
 use super::integers::{Vector, integers, sign};
 
 /// A crossing: the index of the triangle, and whether the ray leaves through its back.
-pub type SignedHit = (u32, bool);
+pub type SignedCrossing = (u32, bool);
 
 /// The crossings of the moved ray with triangles, in order of distance, then index. e is `2^-bits`, and all numbers
 /// are multiples of `2^-(3 bits)`.
-pub fn crossings(ray: &Ray, triangles: &[[DVec3; 3]], bits: u32) -> Vec<SignedHit> {
+pub fn crossings(ray: &Ray, triangles: &[[DVec3; 3]], bits: u32) -> Vec<SignedCrossing> {
     let scaled = |v: DVec3| {
         Vector(v.to_array().map(|x| {
             let ([integer], power) = integers([x]);
@@ -26,7 +26,7 @@ pub fn crossings(ray: &Ray, triangles: &[[DVec3; 3]], bits: u32) -> Vec<SignedHi
     let origin = scaled(ray.origin).plus(&Vector([2, 1, 0].map(|k| one.clone() << (k * bits))));
     let direction = scaled(ray.direction);
     let scale = one << (3 * bits);
-    let mut found: Vec<(BigInt, BigInt, SignedHit)> = Vec::new();
+    let mut found: Vec<(BigInt, BigInt, SignedCrossing)> = Vec::new();
     for (index, corners) in (0..).zip(triangles) {
         let [a, b, c] = corners.map(scaled);
         let normal = b.minus(&a).cross(&c.minus(&a));
@@ -54,7 +54,7 @@ pub fn crossings(ray: &Ray, triangles: &[[DVec3; 3]], bits: u32) -> Vec<SignedHi
             found.push((height, across, (index, leaves)));
         }
     }
-    let order = |a: &(BigInt, BigInt, SignedHit), b: &(BigInt, BigInt, SignedHit)| -> Ordering {
+    let order = |a: &(BigInt, BigInt, SignedCrossing), b: &(BigInt, BigInt, SignedCrossing)| -> Ordering {
         (&a.0 * &b.1).cmp(&(&b.0 * &a.1)).then(a.2.cmp(&b.2))
     };
     found.sort_by(order);
