@@ -13,7 +13,7 @@ fn built(triangles: &[Corners], numerics: Numerics, preset: Preset) -> Bvh {
         .expect("finite")
 }
 
-fn crossings(bvh: &Bvh, ray: &Ray) -> Vec<moved::SignedHit> {
+fn crossings(bvh: &Bvh, ray: &Ray) -> Vec<moved::SignedCrossing> {
     let crossings = bvh.crossings(ray, &mut Traversal::default());
     crossings.into_iter().map(|c| (c.prim.0, c.side == Side::Leaving)).collect()
 }
