@@ -7,7 +7,7 @@ use super::{CameraChoice, RenderSettings};
 use crate::error::{Error, Result, Warnings, nearest_name};
 use crate::film::Window;
 use crate::scene::support::PointTrees;
-use crate::scene::{Camera, Projection, Scene, bounds, default_size};
+use crate::scene::{Camera, Scene, bounds, default_size};
 use crate::world::{Recentering, StandardView, fitted_camera};
 
 /// A camera, given or to be fitted.
@@ -83,7 +83,7 @@ impl Viewpoint<'_> {
             let (names, projection) = (unused.join(", "), projection.name());
             warnings.push(format!("{names} has no effect with the projection {projection}{hint}"));
         }
-        if matches!(self, Viewpoint::Fitted(_)) && projection == Projection::Panoramic {
+        if matches!(self, Viewpoint::Fitted(_)) && projection.shows_all_directions() {
             warnings
                 .note("the panorama is seen from the middle of the scene; --camera sets another position");
         }

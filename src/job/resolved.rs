@@ -63,7 +63,7 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     viewpoint.report(settings, &scene, warnings);
     let is_of_mesh_file = !scene.has_settings && matches!(viewpoint, Viewpoint::Camera(Cow::Borrowed(_)));
     if matches!(viewpoint, Viewpoint::Fitted(StandardView::Auto))
-        && settings.projection != Some(Projection::Panoramic)
+        && !settings.projection.is_some_and(Projection::shows_all_directions)
         && opening(&scene).is_some_and(|opening| !opening.is_flat)
     {
         warnings.note("the surface is open to one side; the camera looks in from there");
@@ -75,7 +75,7 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
         let projection = settings.projection.unwrap_or(camera.projection);
         let view = View::new(&camera, projection, size)?;
         match is_of_mesh_file {
-            true if projection == Projection::Panoramic => {}
+            true if projection.shows_all_directions() => {}
             true => outside::note_framing(&scene, &camera, &view, warnings),
             false => outside::warn(&scene, &view, recentering.as_ref(), warnings),
         }

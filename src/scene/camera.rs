@@ -35,9 +35,14 @@ impl Projection {
         self == Projection::Perspective
     }
 
+    /// Whether a picture shows all directions, so that a camera that fits a scene stands in its middle.
+    pub fn shows_all_directions(self) -> bool {
+        self == Projection::Panoramic
+    }
+
     /// Width divided by height of pictures with square pixels; `None` where the viewing rectangle decides.
     pub fn aspect(self) -> Option<f64> {
-        (self == Projection::Panoramic).then_some(2.0)
+        self.shows_all_directions().then_some(2.0)
     }
 
     /// Options of the automatic camera that change nothing, and what to use instead.
@@ -47,6 +52,11 @@ impl Projection {
             Projection::Orthographic => (&["fov"], "; use zoom"),
             Projection::Panoramic => (&["fov", "zoom"], ""),
         }
+    }
+
+    /// Whether the window's key for the projection chooses between it and others.
+    pub fn is_switched(self) -> bool {
+        !self.shows_all_directions()
     }
 
     /// Description for users.

@@ -137,8 +137,8 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
     ui.horizontal(|ui| {
         for projection in Projection::ALL {
             let button = ui.selectable_label(seen.projection == projection, projection.name());
-            let is_switched = projection != Projection::Panoramic;
-            let meaning = format!("{}{}", projection.meaning(), if is_switched { " (Enter)" } else { "" });
+            let key = if projection.is_switched() { " (Enter)" } else { "" };
+            let meaning = format!("{}{key}", projection.meaning());
             if button.on_hover_text(meaning).clicked() {
                 controls.project(projection, Some(seen));
             }

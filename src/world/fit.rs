@@ -219,7 +219,7 @@ pub fn fitted_camera(
         StandardView::Auto => opening(scene).map_or(view.backwards(), |opening| opening.towards),
         _ => view.backwards(),
     };
-    let is_panoramic = projection == Projection::Panoramic;
+    let is_panoramic = projection.shows_all_directions();
     let level = DVec3::new(side.x, 0.0, side.z).normalize_or(DVec3::Z);
     let (backwards, up) = framing.turned(if is_panoramic { level } else { side });
     let [u, v, w] = basis(backwards, DVec3::ZERO, up)?;
