@@ -4,8 +4,8 @@
 //!
 //! ```text
 //! scene.toml ─┐
-//! mesh.obj   ─┼─ import::load ─> Scene ─ World::prepare ─> World ─ render::render ─> Film ─ film::write ─> PNG, JPEG, EXR
-//! mesh.glb   ─┘                  (what)                    (how)                     (pixels)
+//! mesh.obj   ─┼─ import::load ─> Scene ─ job::prepare ─> RenderJob ─ render ─> Film ─ film::write ─> PNG, JPEG, EXR
+//! mesh.glb   ─┘                  (what)                     (how)              (pixels)
 //! ```
 //!
 //! Conventions: right-handed, +y up, no physical unit; column vectors, transforms named `b_from_a`; row 0 of a picture
