@@ -241,14 +241,14 @@ pub(crate) struct Line {
     /// Its colour: of the palette, by number.
     pub colour: usize,
     /// Whether it is dashed.
-    pub broken: bool,
+    pub is_dashed: bool,
     /// Points.
     pub points: Vec<[f64; 2]>,
 }
 
 impl Line {
     fn dashes(&self) -> &'static str {
-        if self.broken { "5 4" } else { "" }
+        if self.is_dashed { "5 4" } else { "" }
     }
 }
 

@@ -177,7 +177,7 @@ impl<'a> Values<'a> {
                 let few = || self.fault("fewer values than the header says").into();
                 return Err(if is_last { ReadError::End } else { few() });
             };
-            let is_cut = is_last && self.rest.is_empty();
+            let is_cut = is_last && self.rest.is_empty() && !self.source.bytes.ends_with(b"\n");
             return parse_number(word)
                 .ok_or_else(|| if is_cut { ReadError::End } else { self.fault("not a number").into() });
         }

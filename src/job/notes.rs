@@ -7,11 +7,12 @@ use crate::render::Statistics;
 use crate::scene::{AddedLight, Camera, Light, Material, MetallicRoughness, Scene, ShadingMode};
 use crate::world::{PreparedMaterial, Recentering, has_radiance, headlight, key_light};
 
-/// Warns of lights that have an area and no radiance, because their extent is too small or too large.
+/// Warns of lights that have an area and no radiance, because their extent is too small or too large or they have no
+/// direction.
 pub(super) fn warn_of_dark_lights(scene: &Scene, warnings: &mut Warnings) {
     for light in scene.lights.iter().filter(|light| !has_radiance(light)) {
         warnings.left_out(format!(
-            "light `{}` is too small, too large or turned to no side; left out",
+            "light `{}` is too small or too large, or has no direction; left out",
             light.name
         ));
     }
@@ -152,10 +153,13 @@ mod tests {
                 size: [size; 2],
             },
         };
-        let lights = vec![light("lamp", 1.0, 1.0), light("speck", 1e-200, 1.0), light("off", 1e-200, 0.0)];
+        let mut edge_on = light("edge-on", 1.0, 1.0);
+        *edge_on.kind.direction_mut().expect("a rectangle has one") = glam::DVec3::ZERO;
+        let lights =
+            vec![light("lamp", 1.0, 1.0), light("speck", 1e-200, 1.0), light("off", 1e-200, 0.0), edge_on];
         let mut warnings = Warnings::default();
         warn_of_dark_lights(&Scene { lights, ..Scene::default() }, &mut warnings);
-        let [warning] = warnings.messages() else { panic!("{:?}", warnings.messages()) };
-        assert!(warning.contains("`speck`"), "{warning}");
+        let [speck, edge_on] = warnings.messages() else { panic!("{:?}", warnings.messages()) };
+        assert!(speck.contains("`speck`") && edge_on.contains("`edge-on`"), "{speck}, {edge_on}");
     }
 }

@@ -63,8 +63,17 @@ impl AreaLights {
 /// Whether a light that has an area, and is not black or off, has a radiance that is finite and not zero.
 pub(crate) fn has_radiance(light: &Light) -> bool {
     let is_off = light.intensity == 0.0 || light.colour.to_pipeline(ColourPipeline::Linear) == DVec3::ZERO;
-    let radiance = light.kind.surface().map(|(_, factor)| light.intensity * factor);
-    is_off || radiance.is_none_or(|radiance| radiance.is_finite() && radiance != 0.0)
+    let Some((surface, factor)) = light.kind.surface() else { return true };
+    let has_surface = match surface {
+        LightSurface::Rectangle { centre, normal, up, size } => {
+            Rectangle::new(centre, normal, up, size).is_some()
+        }
+        LightSurface::Analytic { .. } => {
+            light.kind.clone().direction_mut().is_none_or(|direction| *direction != DVec3::ZERO)
+        }
+    };
+    let radiance = light.intensity * factor;
+    is_off || has_surface && radiance.is_finite() && radiance != 0.0
 }
 
 /// A black material of the given emission, in the numbers of the pipeline.

@@ -91,7 +91,7 @@ fn lines(steps: &[ScalingStep], value: &dyn Fn(&SpeedRow) -> Option<f64>) -> Vec
             let Some(first) = rows().next() else { continue };
             let points = rows().filter_map(|row| Some([row.triangles as f64, value(row)?])).collect();
             let name = format!("{}, {}", family.name(), first.label.engine);
-            lines.push(Line { name, colour, broken: first.label.engine != "kiln", points });
+            lines.push(Line { name, colour, is_dashed: first.label.engine != "kiln", points });
         }
     }
     lines
