@@ -68,7 +68,7 @@ impl Default for Layers {
 impl Layers<glam::DVec3> {
     /// Whether it has lobes that only the general BSDF of path tracing has.
     pub fn has_extra_lobes(&self) -> bool {
-        self.clearcoat > 0.0 || self.sheen_colour != glam::DVec3::ZERO || self.anisotropy > 0.0
+        self.clearcoat > 0.0 || self.sheen_colour != glam::DVec3::ZERO
     }
 }
 

@@ -87,7 +87,7 @@ slots! {
         "/extensions/KHR_materials_sheen/sheenRoughnessTexture", is_gltf_alpha: true;
     /// The rougher direction (red and green: x and y in tangent space, from -1 at 0 to 1 at the largest value) and factor
     /// of [`super::Layers::anisotropy`] (blue).
-    Anisotropy = "anisotropy", Data, &[Transport::Path],
+    Anisotropy = "anisotropy", Data, BOTH,
         "/extensions/KHR_materials_anisotropy/anisotropyTexture", default: DVec3::new(1.0, 0.5, 1.0);
 }
 

@@ -1,5 +1,5 @@
 //! glTF's metallic-roughness material: Lambert and GGX (glTF 2.0, appendix B), with KHR_materials_ior and
-//! KHR_materials_specular.
+//! KHR_materials_specular, and KHR_materials_anisotropy for the reflection of lights.
 //!
 //! A light of intensity 1 shows a diffuse surface that faces it in its base colour, so every term is pi times the BSDF
 //! of the specification. Ambient light is constant over the sphere; its reflection is approximated by the diffuse
@@ -10,9 +10,9 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::bsdf::{Ggx, GgxAlbedo, reflectances};
+use super::bsdf::{AnisotropicGgx, Ggx, GgxAlbedo, reflectances};
 use super::{LightSample, ShadingMode};
-use crate::scene::{MetallicRoughness, TextureSlot};
+use crate::scene::{Layers, MetallicRoughness, TextureSlot};
 use crate::world::{PreparedFill, SurfaceInteraction, World};
 
 /// The lower limit of the roughness, since a perfect mirror reflects point lights in no pixel. It gives a highlight of about one
@@ -48,10 +48,19 @@ pub(crate) fn shade(
         ambient += reflected_fill(fill, surface, [f0, f90], roughness);
     }
     let mut sum = emission + surface.ambient * unoccluded * ambient;
+    let strength = layers.anisotropy * texel(TextureSlot::Anisotropy).z;
+    let along = (strength > 0.0).then(|| rougher_direction(world, layers, surface, &texel)).flatten();
+    let rough = roughness.max(MIN_ROUGHNESS);
     for light in lights {
         let mut returned = diffuse;
         if mode == ShadingMode::Full {
-            returned += specular(surface, light, [f0, f90], roughness.max(MIN_ROUGHNESS));
+            returned += match along {
+                None => specular(surface, light, [f0, f90], rough),
+                Some(along) => {
+                    let ggx = AnisotropicGgx::new(rough, strength);
+                    anisotropic_specular(surface, light, [f0, f90], (ggx, along))
+                }
+            };
         }
         sum += returned * light.radiance * light.cosine;
     }
@@ -73,6 +82,33 @@ fn reflected_fill(
     let mirrored = 2.0 * normal.dot(view) * normal - view;
     let towards = normal.lerp(mirrored, smoothness * (smoothness.sqrt() + ggx.alpha())).normalize_or(normal);
     GgxAlbedo::new(ggx, cosine).of(f0, f90) * fill.reflected(towards.y, ggx.alpha())
+}
+
+/// [`World::rougher_direction`] of a surface.
+fn rougher_direction(
+    world: &World,
+    layers: &Layers<DVec3>,
+    surface: &SurfaceInteraction,
+    texel: impl Fn(TextureSlot) -> DVec3,
+) -> Option<DVec3> {
+    let is_back = surface.is_turned != world.objects[surface.object as usize].is_mirrored;
+    let (at, texel) = ((surface.object, &surface.hit), texel(TextureSlot::Anisotropy));
+    world.rougher_direction(at, is_back, surface.shading_normal, texel, layers.anisotropy_rotation)
+}
+
+/// [`specular`] of a surface that is rougher `along` a tangent (KHR_materials_anisotropy).
+fn anisotropic_specular(
+    surface: &SurfaceInteraction,
+    light: &LightSample,
+    [f0, f90]: [DVec3; 2],
+    (ggx, along): (AnisotropicGgx, DVec3),
+) -> DVec3 {
+    let normal = surface.shading_normal;
+    let local = |v: DVec3| DVec3::new(v.dot(along), v.dot(normal.cross(along)), v.dot(normal));
+    let (view, to_light) = (local(surface.view), local(light.direction).with_z(light.cosine));
+    let view = view.with_z(view.z.abs().max(f64::MIN_POSITIVE));
+    let Some((scattered, _, v_h)) = ggx.reflection(view, to_light) else { return DVec3::ZERO };
+    PI * scattered / light.cosine * (f0 + (f90 - f0) * (1.0 - v_h).powi(5))
 }
 
 /// pi times the product of the GGX distribution, Smith's height-correlated visibility (Heitz, Understanding the Masking-Shadowing
@@ -115,6 +151,24 @@ mod tests {
         let light = LightSample { direction: DVec3::Y, distance: 1.0, radiance: DVec3::ONE, cosine: 1.0 };
         let returned = specular(&surface(DVec3::Y), &light, [DVec3::splat(0.5), DVec3::ONE], 1.0);
         assert!((returned - DVec3::splat(0.125)).abs().max_element() < 1e-15);
+    }
+
+    /// Without strength the highlight is that of isotropic surfaces, up to rounding, in any direction along the surface.
+    #[test]
+    fn anisotropy_without_strength_is_isotropic() {
+        for (angle, roughness) in [(0.1f64, 0.2f64), (0.7, 0.5), (1.2, 1.0)] {
+            let direction = DVec3::new(0.48, 0.8, -0.36);
+            let light = LightSample { direction, distance: 1.0, radiance: DVec3::ONE, cosine: direction.y };
+            let surface = surface(DVec3::new(angle.sin(), angle.cos(), 0.0));
+            let factors = [DVec3::new(0.2, 0.5, 0.9), DVec3::ONE];
+            let along = (AnisotropicGgx::new(roughness, 0.0), DVec3::new(0.6, 0.0, 0.8));
+            let found = anisotropic_specular(&surface, &light, factors, along);
+            let expected = specular(&surface, &light, factors, roughness);
+            assert!(
+                (found - expected).abs().max_element() < 1e-12 * expected.max_element(),
+                "{found} {expected}"
+            );
+        }
     }
 
     /// White furnace test: a metal with F0 = 1 has an albedo of at most 1 for every roughness and view. The integral over the

@@ -1,13 +1,15 @@
 //! Surface interactions: everything that shading needs of a hit, computed once, for the closest hit.
 
-use glam::DVec3;
+use std::f64::consts::TAU;
+
+use glam::{DVec2, DVec3};
 
 use super::attributes::vertex_colour;
 use super::{InteractionSoa, PreparedMaterial, World, WorldObject};
 use crate::bvh::{Primitive, Traversal};
 use crate::film::ColourPipeline;
 use crate::geometry::spawn::{ORIGIN_OFFSET, SurfacePoint};
-use crate::geometry::{AnalyticShape, Hit, Numerics, PrimId, Ray};
+use crate::geometry::{AnalyticShape, Hit, Numerics, PrimId, Ray, sin_cos_of_turns};
 use crate::scene::TextureSlot;
 
 /// A surface interaction: a point of a surface, seen along a ray.
@@ -248,6 +250,30 @@ impl World {
         let handedness =
             tangents.iter().zip(barycentrics).map(|(t, weight)| t.w * weight).sum::<f64>().signum();
         Some([tangent, handedness * normal.cross(tangent), normal])
+    }
+
+    /// The unit tangent along which an anisotropic surface is rougher (KHR_materials_anisotropy): the mesh's, turned by a
+    /// texel and by `rotation`, in radians, and perpendicular to `normal`. Without tangents the horizontal direction
+    /// takes their place. `is_back` is [`World::is_seen_from_back`]. `None` where the tangent is parallel to the normal.
+    pub(crate) fn rougher_direction(
+        &self,
+        (object, hit): (u32, &Hit),
+        is_back: bool,
+        normal: DVec3,
+        texel: DVec3,
+        rotation: f64,
+    ) -> Option<DVec3> {
+        let (sin, cos) = sin_cos_of_turns((rotation / TAU).rem_euclid(1.0));
+        let texel = (2.0 * texel.truncate() - 1.0).try_normalize().unwrap_or(DVec2::X);
+        let direction = DVec2::new(cos, sin).rotate(texel);
+        let [tangent, bitangent, _] = self.tangent_frame(object, hit, normal).unwrap_or_else(|| {
+            let outer = if is_back { -normal } else { normal };
+            let tangent = DVec3::Y.cross(outer).try_normalize();
+            let tangent = tangent.unwrap_or_else(|| outer.any_orthonormal_vector());
+            [tangent, outer.cross(tangent), outer]
+        });
+        let along = direction.x * tangent + direction.y * bitangent;
+        (along - along.dot(normal) * normal).try_normalize()
     }
 
     /// The point of a surface lifted above the tangent planes of the triangle's corners (Hanika, Hacking the Shadow Terminator, Ray

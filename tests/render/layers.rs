@@ -254,10 +254,12 @@ fn specular_glossiness_has_its_reflectance() {
     }
 }
 
-/// The variances of the brightness of a square along x and y, lit by a small ball in front of its centre.
-fn spread_of_highlight(material: &Value, images: &[String]) -> [f64; 2] {
-    let lamp = "[[light]]\ntype = 'sphere'\nposition = [0, 0, 2]\nradius = 0.1\nintensity = 1";
-    let job = job_of(scene(material, images, lamp), Transport::Path, 64);
+/// The variances of the brightness of a square along x and y, lit by a small lamp in front of its centre.
+fn spread_of_highlight(material: &Value, images: &[String], transport: Transport) -> [f64; 2] {
+    let kind = if transport == Transport::Path { "'sphere'\nradius = 0.1" } else { "'point'" };
+    let lamp = format!("[[light]]\ntype = {kind}\nposition = [0, 0, 2]\nintensity = 1");
+    let more = format!("[image]\nheadlight = false\n[ambient]\nintensity = 0\n{lamp}");
+    let job = job_of(scene(material, images, &more), transport, 64);
     let (film, _): (Film, _) = job.render(&RenderControl::default()).expect("a picture");
     let (mut sum, mut variances) = (0.0, [0.0; 2]);
     for (y, x) in (0..SIZE).flat_map(|y| (0..SIZE).map(move |x| (y, x))) {
@@ -275,6 +277,12 @@ fn spread_of_highlight(material: &Value, images: &[String]) -> [f64; 2] {
 /// both are alike.
 #[test]
 fn highlights_of_anisotropic_metal_follow_its_direction() {
+    for transport in [Transport::Path, Transport::Whitted] {
+        highlights_follow_their_direction(transport);
+    }
+}
+
+fn highlights_follow_their_direction(transport: Transport) {
     let spread = |strength: f64, rotation: f64, texel: Option<[u8; 4]>| {
         let mut anisotropy = json!({ "anisotropyStrength": strength, "anisotropyRotation": rotation });
         if texel.is_some() {
@@ -285,7 +293,7 @@ fn highlights_of_anisotropic_metal_follow_its_direction() {
             "extensions": { "KHR_materials_anisotropy": anisotropy },
         });
         let images: Vec<String> = texel.map(|texel| png_uri(1, &[texel])).into_iter().collect();
-        let [x, y] = spread_of_highlight(&material, &images);
+        let [x, y] = spread_of_highlight(&material, &images, transport);
         x / y
     };
     let along = spread(0.5, 0.0, None);

@@ -46,7 +46,7 @@ impl Class {
             Material::Phong(_) => Class::Opaque,
             Material::MetallicRoughness(m) => {
                 let Layers { transmission, volume, .. } = m.layers;
-                if m.unlit || m.layers.has_extra_lobes() {
+                if m.unlit || m.layers.has_extra_lobes() || m.layers.anisotropy > 0.0 {
                     Class::General
                 } else if transmission <= 0.0 {
                     Class::Opaque

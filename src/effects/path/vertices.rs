@@ -2,16 +2,14 @@
 //! Entry i belongs to surface interaction i. Loops compute all entries, also those that mean nothing, from whatever an
 //! earlier generation left there; which ones count is said with each array.
 
-use std::f64::consts::TAU;
 use std::ops::Range;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 use super::Path;
 use super::media::{MediaTable, MediumStackId, MediumTransition};
 use crate::effects::ray_origins::find_origins;
 use crate::effects::tile::vec_bytes;
-use crate::geometry::sin_cos_of_turns;
 use crate::scene::{Material, TextureSlot};
 use crate::world::{Flags, InteractionSoa, PerRay, RAYS_PER_BATCH, Vec3Soa, World, select, simd};
 
@@ -74,34 +72,22 @@ impl Vertices {
             if let Material::MetallicRoughness(m) = &world.materials[*material as usize]
                 && m.layers.anisotropy > 0.0
             {
-                let turns = (m.layers.anisotropy_rotation / TAU).rem_euclid(1.0);
-                let (sin, cos) = sin_cos_of_turns(turns);
-                range.clone().for_each(|i| self.turn_frame(world, surfaces, DVec2::new(cos, sin), i));
+                let rotation = m.layers.anisotropy_rotation;
+                range.clone().for_each(|i| self.turn_frame(world, surfaces, rotation, i));
             }
         }
     }
 
-    /// Turns a frame until its first axis is the direction in which an anisotropic surface is rougher: the tangent,
-    /// turned by the texel and by `rotation` (KHR_materials_anisotropy). Without tangents, the horizontal direction
-    /// takes the place of the tangent.
-    fn turn_frame(&mut self, world: &World, surfaces: &InteractionSoa, rotation: DVec2, i: usize) {
-        let (normal, view) = (self.frame[2].get(i), self.view.get(i));
-        let texel = 2.0 * surfaces.texels.get(TextureSlot::Anisotropy, i).truncate() - 1.0;
-        let direction = rotation.rotate(texel.try_normalize().unwrap_or(DVec2::X));
-        let tangents = world.tangent_frame(surfaces.objects()[i], &surfaces.hit(i), normal);
-        let [tangent, bitangent, _] = tangents.unwrap_or_else(|| {
-            let outer = if world.is_seen_from_back(surfaces, i) { -normal } else { normal };
-            let tangent =
-                DVec3::Y.cross(outer).try_normalize().unwrap_or_else(|| outer.any_orthonormal_vector());
-            [tangent, outer.cross(tangent), outer]
-        });
-        let along = direction.x * tangent + direction.y * bitangent;
-        let Some(along) = (along - along.dot(normal) * normal).try_normalize() else { return };
-        let across = normal.cross(along);
+    /// Turns a frame until its first axis is the direction in which an anisotropic surface is rougher.
+    fn turn_frame(&mut self, world: &World, surfaces: &InteractionSoa, rotation: f64, i: usize) {
+        let (normal, is_back) = (self.frame[2].get(i), world.is_seen_from_back(surfaces, i));
+        let texel = surfaces.texels.get(TextureSlot::Anisotropy, i);
+        let at = (surfaces.objects()[i], &surfaces.hit(i));
+        let Some(along) = world.rougher_direction(at, is_back, normal, texel, rotation) else { return };
+        let (across, view) = (normal.cross(along), surfaces.view.get(i));
         self.frame[0].set(i, along);
         self.frame[1].set(i, across);
-        let seen = surfaces.view.get(i);
-        self.view.set(i, DVec3::new(seen.dot(along), seen.dot(across), view.z));
+        self.view.set(i, DVec3::new(view.dot(along), view.dot(across), self.view.get(i).z));
     }
 
     #[inline(always)]

@@ -61,6 +61,14 @@ impl AnisotropicGgx {
         2.0 * light.z / (view.z * self.smith(light) + light.z * self.smith(view))
     }
 
+    /// As [`Ggx::reflection`]; `None` where nothing is reflected.
+    pub(crate) fn reflection(self, view: DVec3, light: DVec3) -> Option<(f64, f64, f64)> {
+        let (half, v_h) = half_vector(view, light).filter(|_| light.z > 0.0)?;
+        let density = 0.25 * self.density(half);
+        let scattered = density * self.shadowing_over_cosine(view, light);
+        Some((scattered, density * self.masking_over_cosine(view), v_h))
+    }
+
     /// A normal with the density of those that a view sees: of alpha 1 in the space that is stretched by alpha (Heitz,
     /// Sampling the GGX Distribution of Visible Normals, JCGT 7(4), 2018).
     fn sample_visible_normal(self, view: DVec3, numbers: [f64; 2]) -> Option<DVec3> {
@@ -145,15 +153,8 @@ impl AnisotropicSpecular {
 
     /// The BRDF times cosine and the density of [`AnisotropicSpecular::sample`].
     pub(crate) fn value(&self, view: DVec3, light: DVec3) -> Value {
-        let Some((half, v_h)) = half_vector(view, light).filter(|_| light.z > 0.0) else {
-            return Value::ZERO;
-        };
-        let density = 0.25 * self.ggx.density(half);
-        let fresnel = self.f0 + (self.f90 - self.f0) * schlick_weight(v_h);
-        Value {
-            scattered: fresnel * (density * self.ggx.shadowing_over_cosine(view, light)),
-            density: density * self.ggx.masking_over_cosine(view),
-        }
+        let Some((scattered, density, v_h)) = self.ggx.reflection(view, light) else { return Value::ZERO };
+        Value { scattered: (self.f0 + (self.f90 - self.f0) * schlick_weight(v_h)) * scattered, density }
     }
 
     /// A direction from a visible normal. `None`: below the surface.

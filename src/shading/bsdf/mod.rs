@@ -42,7 +42,8 @@ mod tests;
 use glam::DVec3;
 
 pub(crate) use albedo::GgxAlbedo;
-use anisotropic::{AnisotropicGgx, AnisotropicSpecular};
+pub(crate) use anisotropic::AnisotropicGgx;
+use anisotropic::AnisotropicSpecular;
 pub(crate) use dielectric::reflectances;
 use fresnel::Fresnel;
 pub(crate) use fresnel::{Interface, relative_index};
