@@ -289,7 +289,7 @@ pub fn reload(scene: &Scene, options: &ImportOptions, warnings: &mut Warnings) -
 
 /// Poses a scene by clips at a time in seconds. Imports objects, cameras, lights, materials and images again, and keeps
 /// all else, such as settings, default look and added cameras.
-pub(crate) fn pose(scene: &mut Scene, seconds: f64) -> Result<()> {
+pub fn pose(scene: &mut Scene, seconds: f64) -> Result<()> {
     let moment = crate::scene::ClipTime { clip: scene.import_options.clip(), time: seconds };
     let options = scene.import_options.clone().posed(moment);
     let Scene { objects, mut cameras, lights, materials, images, .. } =

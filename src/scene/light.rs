@@ -124,7 +124,7 @@ impl LightKind {
     /// The surface that emits, and its radiance for an intensity of 1; `None` for a light without one. A point light of
     /// intensity I with inverse-square falloff gives a facing surface at a distance d the irradiance pi I / d^2; far away,
     /// a sphere of radiance L gives pi L radius^2 / d^2 and a flat surface L area / d^2.
-    pub(crate) fn surface(&self) -> Option<(LightSurface, f64)> {
+    pub fn surface(&self) -> Option<(LightSurface, f64)> {
         match *self {
             LightKind::Sphere { position, radius } => {
                 let shape = Sphere { centre: position, radius }.into();
@@ -144,7 +144,7 @@ impl LightKind {
 
     /// The vector from a point to a light that is no surface, and the part of the light's radiance that arrives there.
     #[inline(always)]
-    pub(crate) fn incident(&self, point: DVec3) -> (DVec3, f64) {
+    pub fn incident(&self, point: DVec3) -> (DVec3, f64) {
         match self {
             LightKind::Directional { direction, .. } => (-*direction, 1.0),
             LightKind::Point { position, falloff } => {
@@ -212,11 +212,25 @@ impl LightKind {
 }
 
 /// The surface of a light.
-pub(crate) enum LightSurface {
-    /// An analytic shape, and whether only its front emits, on the side of its normal.
-    Analytic { shape: AnalyticShape, is_one_sided: bool },
-    /// A rectangle, of which only the front emits.
-    Rectangle { centre: DVec3, normal: DVec3, up: DVec3, size: [f64; 2] },
+pub enum LightSurface {
+    /// An analytic shape.
+    Analytic {
+        /// The shape.
+        shape: AnalyticShape,
+        /// Whether only its front emits, on the side of its normal.
+        is_one_sided: bool,
+    },
+    /// A rectangle, of which only the front emits: the fields of [`LightKind::Rectangle`].
+    Rectangle {
+        /// Centre.
+        centre: DVec3,
+        /// Normal of the front.
+        normal: DVec3,
+        /// Up vector.
+        up: DVec3,
+        /// Width and height.
+        size: [f64; 2],
+    },
 }
 
 impl Light {

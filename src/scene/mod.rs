@@ -71,8 +71,7 @@ pub use ground::Ground;
 pub use import_options::{Degrees, ImportOptions, ReadingOptions, Seconds};
 pub use layers::{Layers, Volume};
 pub use lens::{Focus, Lens};
-pub(crate) use light::LightSurface;
-pub use light::{Falloff, Light, LightKind};
+pub use light::{Falloff, Light, LightKind, LightSurface};
 pub use material::{
     DecodedImage, Glaze, Material, MetallicRoughness, Opacity, Phong, Refraction, TexelEncoding, Texture,
 };
