@@ -1,6 +1,7 @@
 //! `kiln info`: defects of meshes, what materials use, sizes, cost, and what is left out.
 
 use crate::common::repository;
+use crate::helpers;
 use crate::workshop::{Workshop, text};
 use serde_json::{Value, json};
 
@@ -262,7 +263,7 @@ fn a_file_that_cannot_be_rendered_says_why() {
 
 #[test]
 fn info_says_what_a_file_holds() {
-    let workshop = Workshop::with("scene.toml", SCENE);
+    let workshop = Workshop::with("scene.toml", helpers::SCENE);
     let fixture = repository("assets/import/materials.obj");
     let output = workshop.run(&format!("info {}", fixture.display()));
     assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
