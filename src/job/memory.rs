@@ -20,7 +20,7 @@ pub fn check_memory(scene: &Scene, choices: &Choices, numerics: Numerics) -> Res
     check_mip_maps(scene, choices)?;
     // Peak address space per primitive in bytes in addition to the scene, measured on grids and on random triangles
     // with every preset.
-    let each = if numerics.precision() == Precision::Single { 320 } else { 416 };
+    let each = if numerics.precision() == Precision::Single { 344 } else { 416 };
     let mut shared = HashSet::new();
     let of_object = |object: &Object| match &object.shape {
         Shape::Analytic(_) => 1,

@@ -69,8 +69,8 @@ pub enum LightKind {
         /// Width and height, above 0.
         size: [f64; 2],
     },
-    /// A disk of uniform radiance on its front: intensity / radius^2, so that from far in front it is a point light of its
-    /// intensity with inverse-square falloff.
+    /// A disk of uniform radiance on its front: intensity / radius^2, so that from far in front it is a point light of
+    /// its intensity with inverse-square falloff.
     Disk {
         /// Centre.
         position: DVec3,
@@ -263,8 +263,8 @@ pub enum Falloff {
 }
 
 impl Falloff {
-    /// The part of the light that arrives over a squared distance. That of KHR_lights_punctual: 1 / d^2, times max(min(1 -
-    /// (d / range)^4, 1), 0) for a light with a range.
+    /// The part of the light that arrives over a squared distance. That of KHR_lights_punctual: 1 / d^2, times
+    /// max(min(1 - (d / range)^4, 1), 0) for a light with a range.
     #[inline(always)]
     fn at(self, distance_squared: f64) -> f64 {
         match self {
@@ -278,7 +278,8 @@ impl Falloff {
     }
 }
 
-/// The angular attenuation of KHR_lights_punctual: the square of a linear ramp in the cosine from the outer to the inner angle.
+/// The angular attenuation of KHR_lights_punctual: the square of a linear ramp in the cosine from the outer to the
+/// inner angle.
 fn cone_attenuation(cosine: f64, inner_angle: f64, outer_angle: f64) -> f64 {
     let (inner, outer) = (inner_angle.cos(), outer_angle.cos());
     if cosine <= outer {

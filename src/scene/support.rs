@@ -1,4 +1,5 @@
-//! Maxima of affine functions over the vertices and analytic shapes of a scene (support function values), such as its bounds.
+//! Maxima of affine functions over the vertices and analytic shapes of a scene (support function values), such as its
+//! bounds.
 //!
 //! The results equal those of an exhaustive search bit by bit. Bounding boxes of the vertices of each mesh, in a tree, give
 //! upper bounds, rounding included; only the vertices of boxes that may contain the maximum are evaluated.

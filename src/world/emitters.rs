@@ -1,6 +1,6 @@
-//! The emissive surfaces of a world as lights: chosen by power, sampled by area (triangles), by solid angle (rectangles)
-//! or as analytic shapes do it. The power of a textured triangle is that of the mean of its texture. What a texture emits is
-//! looked up by the caller.
+//! The emissive surfaces of a world as lights: chosen by power, sampled by area (triangles), by solid angle
+//! (rectangles) or as analytic shapes do it. The power of a textured triangle is that of the mean of its texture. What
+//! a texture emits is looked up by the caller.
 
 use glam::DVec3;
 

@@ -239,8 +239,8 @@ fn spheres_are_entered_and_left() {
     }
 }
 
-/// A disk is crossed once, from its front or its back. Of its rim, the half is inside that the move along +x, +y, +z takes
-/// into it: all points before the first of these directions in which the rim turns.
+/// A disk is crossed once, from its front or its back. Of its rim, the half is inside that the move along +x, +y, +z
+/// takes into it: all points before the first of these directions in which the rim turns.
 #[test]
 fn disks_are_crossed_once() {
     for numerics in Numerics::ALL {

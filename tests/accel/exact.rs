@@ -128,8 +128,8 @@ fn spheres_are_hit_or_missed_as_in_exact_arithmetic() {
     assert!(count.hits * 3 > count.rays);
 }
 
-/// Set-up: disks of every kind of number, with normals of any length; rays at their rim exactly, next to it, at the inside,
-/// in their plane and almost, and from their plane.
+/// Set-up: disks of every kind of number, with normals of any length; rays at their rim exactly, next to it, at the
+/// inside, in their plane and almost, and from their plane.
 #[test]
 fn disks_are_hit_or_missed_as_in_exact_arithmetic() {
     let mut numbers = Numbers::new(12);

@@ -24,7 +24,8 @@ fn crowd(count: usize, numbers: &mut Numbers) -> Vec<Primitive> {
     (0..count).map(&mut primitive).collect()
 }
 
-/// Every primitive moved a little, some far; some triangles end up on a line or in a point, some balls and disks without size.
+/// Every primitive moved a little, some far; some triangles end up on a line or in a point, some balls and disks
+/// without size.
 fn moved(primitives: &[Primitive], numbers: &mut Numbers) -> Vec<Primitive> {
     let mut one = |(index, primitive): (usize, &Primitive)| {
         let step = numbers.vector() * if index % 7 == 0 { 3.0 } else { 0.1 };

@@ -241,9 +241,9 @@ fn disks_shine_from_one_side() {
     assert!((seen(1.0) - 0.15).abs() < 1e-6);
 }
 
-/// Light samples and BSDF samples together, in a furnace: between two disks of radiance 1 so close and so large that next
-/// to nothing is seen beside them, white rough metal and diffuse sheets are as bright as the disks. A disk of radius R at
-/// the height h leaves the part h^2 / (R^2 + h^2) of a floor's light, 1e-4.
+/// Light samples and BSDF samples together, in a furnace: between two disks of radiance 1 so close and so large that
+/// next to nothing is seen beside them, white rough metal and diffuse sheets are as bright as the disks. A disk of
+/// radius R at the height h leaves the part h^2 / (R^2 + h^2) of a floor's light, 1e-4.
 #[test]
 fn disks_close_by_are_a_furnace() {
     for material in ["metallic = 1\nroughness = 0.3", "metallic = 1\nroughness = 1", "diffuse = 1"] {
@@ -435,11 +435,11 @@ fn area_lights_call_for_paths() {
     assert!(!decide(None, &format!("{scene}intensity = 0\n")).0);
 }
 
-/// A lamp that lies on the plane, or in that of a disk, above a floor lights all of the floor, in every tier: the plane's rounded corners and
-/// the end of a shadow ray are too close to tell which comes first. The picture is the square from -1 to 1 of the floor
-/// y = -1, seen from between the two. A point light of intensity 1 at (x, h, z) above it gives the radiance cos = h /
-/// d, over d^2 with falloff; so does a spot within its inner angle. Its mean over the square is that of 400 x 400
-/// points, within 1e-4; a floor of which 1 % is black would show.
+/// A lamp that lies on the plane, or in that of a disk, above a floor lights all of the floor, in every tier: the
+/// plane's rounded corners and the end of a shadow ray are too close to tell which comes first. The picture is the
+/// square from -1 to 1 of the floor y = -1, seen from between the two. A point light of intensity 1 at (x, h, z) above
+/// it gives the radiance cos = h / d, over d^2 with falloff; so does a spot within its inner angle. Its mean over the
+/// square is that of 400 x 400 points, within 1e-4; a floor of which 1 % is black would show.
 #[test]
 fn lamps_on_planes_light_what_is_below() {
     let (x, z) = (0.37, 0.21);
@@ -479,7 +479,8 @@ fn lamps_on_planes_light_what_is_below() {
             let ceiling = format!(
                 "[[triangles]]\nmaterial = 'white'\nvertices = [[-9, {y}, -9], [9, {y}, -9], [0, {y}, 18]]\n"
             );
-            // A slanted disk with the lamp far from its centre, seen from right above the floor, which it crosses: (40, -125,
+            // A slanted disk with the lamp far from its centre, seen from right above the floor, which it crosses: (40,
+            // -125,
             // -30) . (2, 1, -1.5) = 0.
             let (cx, cy, cz) = (x + 40.0, y - 125.0, z - 30.0);
             let disk = format!(

@@ -10,8 +10,8 @@ use crate::geometry::{
     AnalyticShape, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, Rays, Sphere, Triangle,
 };
 
-/// A bounding volume hierarchy over triangles and analytic shapes. A primitive's id is its index in the list that it was
-/// built from. The [crate documentation](crate) has an example.
+/// A bounding volume hierarchy over triangles and analytic shapes. A primitive's id is its index in the list that it
+/// was built from. The [crate documentation](crate) has an example.
 pub struct Bvh {
     accelerator: Box<dyn Accelerator>,
     layout: Layout,

@@ -24,8 +24,8 @@ pub struct SignedHit {
 pub type Crossing = SignedHit;
 
 /// How often the edges of triangles are used. Vertices are those stored, rounded to the tier's precision, and equal if
-/// their coordinates are. Triangles with two equal vertices do not count. An analytic shape that is not closed, such as a
-/// disk, has one boundary edge, its rim.
+/// their coordinates are. Triangles with two equal vertices do not count. An analytic shape that is not closed, such as
+/// a disk, has one boundary edge, its rim.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Closedness {
     /// Edges of one triangle, and rims.

@@ -63,8 +63,8 @@ impl AnalyticShape {
         each!(self, shape => shape.bounding_sphere())
     }
 
-    /// A sphere that touches or crosses the plane with the normal `out` before which all of the shape lies, and is not before
-    /// it: one point if its radius is 0.
+    /// A sphere that touches or crosses the plane with the normal `out` before which all of the shape lies, and is not
+    /// before it: one point if its radius is 0.
     pub fn support(&self, out: DVec3) -> (DVec3, f64) {
         each!(self, shape => shape.support(out))
     }
@@ -195,8 +195,8 @@ impl AnalyticShape {
         each!(self, shape => shape.volume())
     }
 
-    /// A random point of the surface as seen from `from`: the unit direction towards it and its distance. `numbers` are in
-    /// [0, 1). `None` where nothing is seen.
+    /// A random point of the surface as seen from `from`: the unit direction towards it and its distance. `numbers` are
+    /// in [0, 1). `None` where nothing is seen.
     pub fn sample(&self, from: DVec3, numbers: [f64; 2]) -> Option<(DVec3, f64)> {
         each!(self, shape => shape.sample(from, numbers))
     }
@@ -215,8 +215,8 @@ impl<D: Doubles> ShapeN<D> {
         each!(self, shapes => shapes.behind(rays))
     }
 
-    /// The hits in f64 of a ray in each lane on the shape there. Undecided lanes are tested by [`AnalyticShape::hit`]; a
-    /// new kind may leave all undecided.
+    /// The hits in f64 of a ray in each lane on the shape there. Undecided lanes are tested by [`AnalyticShape::hit`];
+    /// a new kind may leave all undecided.
     #[inline(always)]
     pub(crate) fn hit(&self, rays: &RayN<D>) -> HitN<D> {
         each!(self, shapes => shapes.hit(rays))

@@ -117,8 +117,8 @@ fn disk_world() -> World {
     world_of(LightKind::Disk { position, direction, radius: 1.2 })
 }
 
-/// Counts of samples in cells of equal area of the disk, 12 rings of 20 parts. The density of each is checked: 1 over the
-/// area times the squared distance over the cosine.
+/// Counts of samples in cells of equal area of the disk, 12 rings of 20 parts. The density of each is checked: 1 over
+/// the area times the squared distance over the cosine.
 fn disk_counts(from: DVec3, count: usize, seed: u64) -> Vec<f64> {
     let (world, radius_squared) = (disk_world(), 1.44);
     let mut random = Random(seed);

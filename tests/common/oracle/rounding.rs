@@ -120,8 +120,8 @@ struct Plane {
     reach: f64,
 }
 
-/// With `f` from the centre to the origin, the terms of `n . f` have an error of 2u, and their sum 2u more; the terms of
-/// `n . d` one of u, and their sum 2u more. Twice this: it is computed here with as many roundings.
+/// With `f` from the centre to the origin, the terms of `n . f` have an error of 2u, and their sum 2u more; the terms
+/// of `n . d` one of u, and their sum 2u more. Twice this: it is computed here with as many roundings.
 fn plane(ray: &Ray, centre: DVec3, normal: DVec3) -> Plane {
     let (f, d) = (ray.origin - centre, ray.direction);
     Plane {
@@ -133,8 +133,8 @@ fn plane(ray: &Ray, centre: DVec3, normal: DVec3) -> Plane {
     }
 }
 
-/// Whether a decision in f64 must be the exact one: the ray is not parallel to the plane, does not start on it, and keeps
-/// clear of the rim.
+/// Whether a decision in f64 must be the exact one: the ray is not parallel to the plane, does not start on it, and
+/// keeps clear of the rim.
 ///
 /// The computed t has a relative error of those of height and slope, and 2u; the point `f + t d` one of that times its
 /// way, `u f`, `u t d` and `u` of itself on each axis. Twice this, for the roundings here.

@@ -7,11 +7,11 @@
 //! # Errors (`watertight`, `double`)
 //! Let u = 2^-53, and |f| and |m| the largest coordinates. `n . f` is off by less than 4u of the sum of its terms'
 //! absolute values, `n . d` by 3u, so t by less than 12u of their part that is not cancelled: where the ray is nearly
-//! parallel to the plane, t may be off by any amount. But m is the point of the line at the t that was computed, and its
-//! height over the plane, `n . f + t n . d`, is the rounding of both products: less than 16u (|f| + |t d|). So a ray hits
-//! if a point of it that is so near to the plane lies within the radius, up to 4u (|f| + |t d|). The distance is then
-//! clamped to the interval in which the ray is inside the disk's bounds; on a disk with the normal of an axis it is that
-//! of the plane, to 2 ulp. Rays parallel to the plane miss, as computed.
+//! parallel to the plane, t may be off by any amount. But m is the point of the line at the t that was computed, and
+//! its height over the plane, `n . f + t n . d`, is the rounding of both products: less than 16u (|f| + |t d|). So a
+//! ray hits if a point of it that is so near to the plane lies within the radius, up to 4u (|f| + |t d|). The distance
+//! is then clamped to the interval in which the ray is inside the disk's bounds; on a disk with the normal of an axis
+//! it is that of the plane, to 2 ulp. Rays parallel to the plane miss, as computed.
 
 mod exact;
 
@@ -204,8 +204,8 @@ impl<D: Doubles> DiskN<D> {
         }
     }
 
-    /// The heights of the origins over the planes and of the directions, with the sums of absolute values that they are off
-    /// by less than 2^-50 of, and the vectors from the centres.
+    /// The heights of the origins over the planes and of the directions, with the sums of absolute values that they are
+    /// off by less than 2^-50 of, and the vectors from the centres.
     #[inline(always)]
     fn heights(&self, rays: &RayN<D>) -> ([[D; 2]; 2], [D; 3]) {
         let mut f = rays.origin;

@@ -68,8 +68,8 @@ fn bounds_by_hand() {
     assert_eq!(AnalyticShape::from(UNIT).support(DVec3::Z), (DVec3::ZERO, 0.0));
 }
 
-/// On the axis the solid angle is 2 pi (1 - cos) of the half angle. It is the mean of the reciprocal density of samples:
-/// by the midpoint rule, to 1e-4.
+/// On the axis the solid angle is 2 pi (1 - cos) of the half angle. It is the mean of the reciprocal density of
+/// samples: by the midpoint rule, to 1e-4.
 #[test]
 fn densities_integrate_to_the_solid_angle() {
     let disk = Disk { centre: DVec3::new(3.0, -1.0, 2.0), normal: DVec3::new(0.0, -0.6, 0.8), radius: 1.5 };

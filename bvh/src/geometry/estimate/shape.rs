@@ -8,9 +8,10 @@ use crate::geometry::simd::Floats;
 /// More than what squares and their sums lose to underflow.
 const SQUARE_UNDERFLOW: f64 = f32::MIN_POSITIVE as f64;
 
-/// A shape by its bounding sphere, for [`ShapeInF32::estimate`]. Rays that certainly miss the sphere miss the shape; only if
-/// the sphere is the shape, some hit it for certain. With f = o - centre, the ray's line passes the centre nearest at
-/// t = -f . d / d . d, at a distance of m = |f + t d|, and meets the sphere half a chord before and after that.
+/// A shape by its bounding sphere, for [`ShapeInF32::estimate`]. Rays that certainly miss the sphere miss the shape;
+/// only if the sphere is the shape, some hit it for certain. With f = o - centre, the ray's line passes the centre
+/// nearest at t = -f . d / d . d, at a distance of m = |f + t d|, and meets the sphere half a chord before and after
+/// that.
 ///
 /// # Errors
 /// f is off by 2 u S, t by 42 u S, f + t d by 55 u S on each axis, so m by less than 100 u S, and its square by 8 u of itself

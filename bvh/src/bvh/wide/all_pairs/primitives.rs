@@ -178,8 +178,8 @@ impl SmallLeafBatch {
         if self.shapes.is_empty() { 0 } else { Self::lanes_from::<D>(self.triangles.len(), indices) & lanes }
     }
 
-    /// Calls `visit` for each kind of analytic shape in `lanes`, with its lanes and the shapes of all indices, as if they
-    /// were of that kind.
+    /// Calls `visit` for each kind of analytic shape in `lanes`, with its lanes and the shapes of all indices, as if
+    /// they were of that kind.
     #[inline(always)]
     fn each_kind<D: Doubles>(
         &self,

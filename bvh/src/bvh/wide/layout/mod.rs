@@ -25,7 +25,8 @@ pub(crate) struct Wide<T: Tier> {
     pub nodes: Vec<Node>,
     /// The leaves of triangles. Slot `LANES4 * i + lane` is a lane of leaf i.
     pub triangles: Vec<TriangleLeaf<T::Corner>>,
-    /// The analytic shapes of all leaves; `None` where a refit left nothing of one. Their slots follow those of triangles.
+    /// The analytic shapes of all leaves; `None` where a refit left nothing of one. Their slots follow those of
+    /// triangles.
     pub analytic: Vec<(Option<AnalyticShape>, PrimId)>,
     /// The number of nodes on the longest path from the root.
     pub depth: usize,
