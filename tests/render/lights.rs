@@ -216,8 +216,8 @@ fn disks_have_the_irradiance_of_their_closed_form() {
         let radiance = intensity / (radius * radius);
         for y in [-1, 1] {
             let disk = format!(
-                "{FLOOR}[material.lamp]\ncolour = '#000000'\nemission = '#ffffff'\nemission_intensity = {radiance:?}\n\
-                 [[disk]]\nmaterial = 'lamp'\ncentre = [0, {height:?}, {aside:?}]\nnormal = [0, {y}, 0]\n\
+                "{FLOOR}[material.shine]\ncolour = '#000000'\nemission = '#ffffff'\nemission_intensity = {radiance:?}\n\
+                 [[disk]]\nmaterial = 'shine'\ncentre = [0, {height:?}, {aside:?}]\nnormal = [0, {y}, 0]\n\
                  radius = {radius:?}\n"
             );
             check(&disk, 256, 1, expected);

@@ -99,8 +99,8 @@ fn techniques_converge_to_the_same_picture_under_disks() {
     let scene = room(6.0);
     let room = scene.split(lamp).next().expect("what comes before the lamp");
     let scene = format!(
-        "{room}[[light]]\ntype = 'disk'\nposition = [0.2, 1.1, 0]\ndirection = [0, -1, 0.1]\nradius = 0.7\nintensity = 2\n\
-         [[disk]]\nmaterial = 'lamp'\ncentre = [-1.2, 0, -1]\nnormal = [1, 0.2, 0.3]\nradius = 0.4\n"
+        "{room}[[light]]\ntype = 'disk'\nposition = [0.2, 1.1, 0]\ndirection = [0, -1, 0.1]\nradius = 0.9\nintensity = 3\n\
+         [[disk]]\nmaterial = 'lamp'\ncentre = [-1.2, 0, -1]\nnormal = [1, 0.2, 0.3]\nradius = 0.7\n"
     );
     let render = |i: usize, seed| render_scene(&scene, PathSettings::default(), TECHNIQUES[i], (2, seed));
     let (first, again) = ([0, 1, 2].map(|i| render(i, 1)), [0, 1, 2].map(|i| render(i, 4)));
@@ -109,7 +109,8 @@ fn techniques_converge_to_the_same_picture_under_disks() {
         let pair = [TECHNIQUES[i], TECHNIQUES[j]];
         assert!(test.passed, "{pair:?}: {test:?}");
         let seen = sensitivity(&first[i], &test);
-        assert!(seen < 0.02, "{pair:?}: {seen}");
+        // BSDF samples alone find the smaller lamps less often than those of `room`.
+        assert!(seen < 0.03, "{pair:?}: {seen}");
     }
 }
 
