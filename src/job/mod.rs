@@ -180,7 +180,8 @@ impl RenderJob {
     /// Renders the picture, on the current rayon pool.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] if cancelled, [`Error::Memory`] if there is not enough memory for the picture.
+    /// [`crate::error::Error::Interrupted`] if cancelled, [`crate::error::Error::Memory`] if there is not enough memory for
+    /// the picture.
     pub fn render<P: Pixel>(&self, control: &RenderControl) -> Result<(Film<P>, Statistics)> {
         self.render_selected(|place, _| self.settings.shard.has(place), control)
     }
@@ -249,7 +250,8 @@ impl RenderJob {
 /// Prepares a scene for rendering.
 ///
 /// # Errors
-/// [`Error::Usage`] for invalid settings, [`Error::Input`] for a scene that cannot be rendered.
+/// [`crate::error::Error::Usage`] for invalid settings, [`crate::error::Error::Input`] for a scene that cannot be
+/// rendered.
 pub fn prepare(scene: Scene, settings: &RenderSettings, warnings: &mut Warnings) -> Result<RenderJob> {
     resolve(scene, settings, warnings)?.build(warnings)
 }

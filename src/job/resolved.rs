@@ -50,7 +50,7 @@ pub struct ResolvedJob {
 /// Resolves scene and settings as far as possible without an acceleration structure.
 ///
 /// # Errors
-/// As [`prepare`].
+/// As [`super::prepare`].
 pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warnings) -> Result<ResolvedJob> {
     check_names(&settings.with, &settings.without)?;
     check_scene(&scene.effects)?;
