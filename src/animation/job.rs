@@ -123,9 +123,9 @@ impl AnimationJob {
             picture,
         };
         let Some(first) = first else { return Ok(made) };
-        let ResolvedPicture { settings, choices, .. } = &made.picture;
+        let ResolvedPicture { settings, plan_settings, .. } = &made.picture;
         let (structure, numerics) = (made.picture.structure(), made.picture.numerics());
-        job::check_memory(&scene, choices, numerics)?;
+        job::check_memory(&scene, plan_settings, numerics)?;
         light.into_iter().for_each(|light| light.note(warnings));
         building(warnings);
         let pipeline = settings.picture.pipeline();
@@ -152,7 +152,8 @@ impl AnimationJob {
         let picture = &mut self.picture;
         if picture.meters {
             let ev = first.meter(control)?;
-            (picture.settings.picture, picture.choices.clamp) = (first.settings.picture, first.choices.clamp);
+            (picture.settings.picture, picture.plan_settings.clamp) =
+                (first.settings.picture, first.plan_settings.clamp);
             metadata::replace(&mut picture.metadata, &first.settings.picture);
             return Ok(Some(ev));
         }

@@ -291,7 +291,7 @@ pub(crate) fn render_to_accuracy(
         StopReason::MaxSamples | StopReason::NotFinite => warnings.push(sampled.summary(target)),
         _ => warnings.note(sampled.summary(target)),
     }
-    let samples = Some(Samples::clamped(job.choices.sampling.max_samples()));
+    let samples = Some(Samples::clamped(job.plan_settings.sampling.max_samples()));
     metadata::replace(&mut job.metadata, &PictureSettings { samples, ..job.settings.picture });
     let (window, pipeline) = (job.window, job.pipeline());
     let picture = match format {

@@ -190,7 +190,12 @@ fn render_to(
     reporter.progress.phase("building");
     let mut job = timed(&mut reporter.seconds.build, || resolved.build(&mut reporter.warnings))?;
     output::check_memory(&job, target, selection, has_target)?;
-    warn_of_unused(&command.arguments.settings, &job.choices.sampling, has_target, &mut reporter.warnings);
+    warn_of_unused(
+        &command.arguments.settings,
+        &job.plan_settings.sampling,
+        has_target,
+        &mut reporter.warnings,
+    );
     reporter.phase("rendering");
     let Reporter { progress, seconds, warnings, .. } = &mut reporter;
     let control = RenderControl {

@@ -147,11 +147,11 @@ fn subject(arguments: &Arguments, mut job: ResolvedJob) -> StudySubject {
         numerics: picture.numerics(),
         structure: picture.structure(),
         pipeline: picture.settings.picture.pipeline(),
-        sampling: picture.choices.sampling,
+        sampling: picture.plan_settings.sampling,
         bounces: None,
         textures: None,
         without: Vec::new(),
-        path: PathVariation::of(&picture.choices),
+        path: PathVariation::of(&picture.plan_settings),
     };
     StudySubject {
         name: inputs.join(" "),

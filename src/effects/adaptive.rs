@@ -26,8 +26,8 @@ pub const EFFECT: Effect = Effect {
     source: "Dammertz and others, A Hierarchical Automatic Stopping Condition for Monte Carlo Global Illumination, 2010",
     builds_on: Some(id::ANTIALIASING),
     decides_samples: true,
-    called_for: |_, choices| {
-        let sampling = &choices.sampling;
+    called_for: |_, plan_settings| {
+        let sampling = &plan_settings.sampling;
         let Some(level) = sampling.noise else {
             return Err("no noise threshold; --noise sets one".into());
         };

@@ -11,8 +11,8 @@ pub const EFFECT: Effect = Effect {
     summary: "several filtered samples per pixel instead of one at its centre",
     source: "pbrt, 4th edition, chapter 8",
     decides_samples: true,
-    called_for: |_, choices| {
-        let sampling = &choices.sampling;
+    called_for: |_, plan_settings| {
+        let sampling = &plan_settings.sampling;
         if !sampling.is_wanted() {
             return Err("one sample per pixel, at its centre; --samples takes more".into());
         }

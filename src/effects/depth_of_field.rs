@@ -26,7 +26,9 @@ pub const EFFECT: Effect = Effect {
             _ => Err(format!("give a number above 0, at most {MAX_BLUR}")),
         },
     }),
-    called_for: |_, choices| choices.lens.clone().ok_or_else(|| "the camera has no aperture".into()),
+    called_for: |_, plan_settings| {
+        plan_settings.lens.clone().ok_or_else(|| "the camera has no aperture".into())
+    },
     specify: |_, spec| spec.is_random = true,
     stages: |context: &EffectContext, hook| match hook {
         Hook::Rays => {

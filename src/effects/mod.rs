@@ -28,7 +28,9 @@ pub(crate) mod unlit;
 pub mod variance;
 pub mod whitted;
 
-pub use plan::{Choices, Decision, Plan, PlannedStage, check_names, check_scene};
+#[allow(deprecated)]
+pub use plan::Choices;
+pub use plan::{Decision, Plan, PlanSettings, PlannedStage, check_names, check_scene};
 pub use ray_origins::shadow_ray;
 
 use std::fmt;
@@ -195,8 +197,8 @@ pub struct Effect {
     pub rays: &'static [RayKind],
     /// The value it takes, if any.
     pub value: Option<EffectValue>,
-    /// What in the scene or the choices calls for it, by name; `Err` with the reason where nothing does.
-    pub called_for: fn(&World, &Choices) -> Result<String, String>,
+    /// What in the scene or the plan settings calls for it, by name; `Err` with the reason where nothing does.
+    pub called_for: fn(&World, &PlanSettings) -> Result<String, String>,
     /// Enters into the plan's specification what it needs.
     pub specify: fn(&EffectContext, &mut PlanSpec),
     /// Its stages at a hook, in order.

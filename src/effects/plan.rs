@@ -21,7 +21,7 @@ use crate::world::{HitOrder, World};
 
 /// What a plan is made from, beside the world.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Choices {
+pub struct PlanSettings {
     /// Which terms are shaded.
     pub shading: ShadingMode,
     /// How often and where pixels are sampled.
@@ -52,7 +52,11 @@ pub struct Choices {
     pub path: PathSettings,
 }
 
-impl Choices {
+/// The former name of [`PlanSettings`].
+#[deprecated(note = "renamed to `PlanSettings`")]
+pub type Choices = PlanSettings;
+
+impl PlanSettings {
     /// Whether options or the scene turn an effect on or off, and the value that they give it.
     pub fn switch(&self, effect: EffectId) -> (Option<bool>, Option<String>) {
         let said = self.scene.get(effect.name());
@@ -120,11 +124,11 @@ impl Plan {
     /// # Errors
     /// [`Error::Usage`] for an effect that does not exist or is both asked for and excluded, [`Error::Input`] where a scene file
     /// names one that does not exist.
-    pub fn new(world: &World, choices: &Choices) -> Result<Plan> {
-        check_names(&choices.with, &choices.without)?;
-        check_scene(&choices.scene)?;
+    pub fn new(world: &World, plan_settings: &PlanSettings) -> Result<Plan> {
+        check_names(&plan_settings.with, &plan_settings.without)?;
+        check_scene(&plan_settings.scene)?;
         let mut decisions: Vec<Decision> =
-            EFFECTS.iter().map(|effect| decide(effect, world, choices)).collect();
+            EFFECTS.iter().map(|effect| decide(effect, world, plan_settings)).collect();
         let transport = transport_of(&decisions);
         for other in TRANSPORTS.iter().filter(|other| other.transport != transport.transport) {
             let is_other = |decision: &Decision| {
@@ -135,14 +139,14 @@ impl Plan {
                 (decision.on, decision.why) = (false, transport.reason.into());
             }
         }
-        for (i, effect) in EFFECTS.iter().enumerate().filter(|_| !choices.force_stages) {
+        for (i, effect) in EFFECTS.iter().enumerate().filter(|_| !plan_settings.force_stages) {
             let Some(base) = effect.builds_on else { continue };
             if decisions[i].on && !decisions.iter().any(|d| d.effect == base && d.on) {
                 (decisions[i].on, decisions[i].why) = (false, format!("there is no {base}"));
             }
         }
-        let Choices { shading, sampling, light_technique, clamp, path, .. } = *choices;
-        let culls = choices.cull && world.has_single_sided();
+        let PlanSettings { shading, sampling, light_technique, clamp, path, .. } = *plan_settings;
+        let culls = plan_settings.cull && world.has_single_sided();
         Ok(Plan::of(world, (shading, light_technique, path), (sampling, clamp, culls), decisions))
     }
 
@@ -441,33 +445,35 @@ fn transport_of(decisions: &[Decision]) -> &'static TransportEntry {
 }
 
 /// The transport of a picture, for the decisions on effects.
-pub(super) fn transport_for(world: &World, choices: &Choices) -> &'static TransportEntry {
+pub(super) fn transport_for(world: &World, plan_settings: &PlanSettings) -> &'static TransportEntry {
     let is_switch = |effect: &&Effect| TRANSPORTS.iter().any(|entry| entry.switch == Some(effect.id));
-    let switches = EFFECTS.iter().filter(is_switch).map(|effect| decide(effect, world, choices));
+    let switches = EFFECTS.iter().filter(is_switch).map(|effect| decide(effect, world, plan_settings));
     transport_of(&switches.collect::<Vec<_>>())
 }
 
 /// Decides whether an effect is computed. In this order: it needs something that calls for it, `--without` and `--with`, the scene
 /// file, the shading mode. An effect that nothing calls for stays off even if asked for: it could not change the picture.
-fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {
+fn decide(effect: &Effect, world: &World, plan_settings: &PlanSettings) -> Decision {
     let name = effect.name();
-    let said = choices.scene.get(name);
-    let asked_for = choices.option_of(effect.id);
-    let (_, value) = choices.switch(effect.id);
+    let said = plan_settings.scene.get(name);
+    let asked_for = plan_settings.option_of(effect.id);
+    let (_, value) = plan_settings.switch(effect.id);
     let decision = |on, why: String| Decision { effect: effect.id, on, why, value: value.clone() };
-    let calls = match (effect.called_for)(world, choices) {
+    let calls = match (effect.called_for)(world, plan_settings) {
         Err(nothing) => {
             return match &asked_for {
-                Some(option) if choices.force_stages => decision(true, format!("{option}, though {nothing}")),
+                Some(option) if plan_settings.force_stages => {
+                    decision(true, format!("{option}, though {nothing}"))
+                }
                 _ => decision(false, nothing),
             };
         }
         Ok(calls) => calls,
     };
-    if !choices.shading.uses_lights() && effect.needs_lights {
-        return decision(false, format!("{} shading has no lights", choices.shading.name()));
+    if !plan_settings.shading.uses_lights() && effect.needs_lights {
+        return decision(false, format!("{} shading has no lights", plan_settings.shading.name()));
     }
-    if choices.without.iter().any(|n| n == name) {
+    if plan_settings.without.iter().any(|n| n == name) {
         return decision(false, format!("--without {name}"));
     }
     if let Some(option) = asked_for {
@@ -478,8 +484,8 @@ fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {
         Some(true) => return decision(true, format!("the scene file turns it on; {calls}")),
         None => {}
     }
-    if effect.is_shading && choices.shading < ShadingMode::Full {
-        return decision(false, format!("{} shading shows that term alone", choices.shading.name()));
+    if effect.is_shading && plan_settings.shading < ShadingMode::Full {
+        return decision(false, format!("{} shading shows that term alone", plan_settings.shading.name()));
     }
     decision(true, calls)
 }

@@ -6,7 +6,7 @@
 use std::collections::BTreeSet;
 
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
-use super::{Choices, EffectContext, Hook, Stage, TextureUse, id, textures};
+use super::{EffectContext, Hook, PlanSettings, Stage, TextureUse, id, textures};
 use crate::scene::{ImageId, Material, ResolvedTextureFilter, TexelEncoding, Texture, TextureSlot};
 use crate::world::{Differential, TexturePoint, World};
 
@@ -45,13 +45,13 @@ impl Buffers {
 
 impl TextureUse {
     /// Textures that options and the scene file leave on: a superset of the lookups of any plan.
-    pub(crate) fn left_on(choices: &Choices) -> Self {
-        let is_on = |effect| choices.switch(effect).0 != Some(false);
+    pub(crate) fn left_on(plan_settings: &PlanSettings) -> Self {
+        let is_on = |effect| plan_settings.switch(effect).0 != Some(false);
         TextureUse {
             material_textures: is_on(id::TEXTURES),
             normal_maps: is_on(id::NORMAL_MAPS),
             transport: None,
-            filter: choices.switch(id::TEXTURES).1.as_deref().and_then(textures::filter),
+            filter: plan_settings.switch(id::TEXTURES).1.as_deref().and_then(textures::filter),
         }
     }
 

@@ -21,8 +21,8 @@ pub const EFFECT: Effect = Effect {
             None => Err(format!("filters are {}", TextureFilter::ALL.map(TextureFilter::name).join(", "))),
         },
     }),
-    called_for: |world: &World, choices| {
-        let transport = Some(plan::transport_for(world, choices).transport);
+    called_for: |world: &World, plan_settings| {
+        let transport = Some(plan::transport_for(world, plan_settings).transport);
         let texture_use = TextureUse { material_textures: true, transport, ..TextureUse::default() };
         let is_textured = |material: &&PreparedMaterial| texture_use.of(material).next().is_some();
         let textured = world.materials_in_use().filter(is_textured);

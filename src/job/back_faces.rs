@@ -13,14 +13,14 @@ const LEAST_SHARE: f64 = 0.01;
 
 /// Adds a note about `--cull` if back faces are visible, and a warning if `--cull` changes nothing.
 pub(super) fn report(job: &RenderJob, warnings: &mut Warnings) {
-    let RenderJob { world, view, choices, .. } = job;
+    let RenderJob { world, view, plan_settings, .. } = job;
     if !world.has_single_sided() {
-        if choices.cull {
+        if plan_settings.cull {
             warnings.push("--cull changes nothing: no glTF material has `doubleSided: false`");
         }
         return;
     }
-    if choices.cull {
+    if plan_settings.cull {
         return;
     }
     let ([width, height], precision) = (view.size(), world.numerics().ray_precision());

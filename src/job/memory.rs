@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::effects::{Choices, Plan, TextureUse, id};
+use crate::effects::{Plan, PlanSettings, TextureUse, id};
 use crate::error::{Error, Result};
 use crate::geometry::Precision;
 use crate::limits;
@@ -16,8 +16,8 @@ use crate::world::World;
 ///
 /// # Errors
 /// [`Error::Input`] for the largest texture, [`Error::Memory`] for the acceleration structure.
-pub fn check_memory(scene: &Scene, choices: &Choices, numerics: Numerics) -> Result<()> {
-    check_mip_maps(scene, choices)?;
+pub fn check_memory(scene: &Scene, plan_settings: &PlanSettings, numerics: Numerics) -> Result<()> {
+    check_mip_maps(scene, plan_settings)?;
     // Peak address space per primitive in bytes in addition to the scene, measured on grids and on random triangles
     // with every preset.
     let each = if numerics.precision() == Precision::Single { 344 } else { 416 };
@@ -57,8 +57,8 @@ pub(super) fn check_lights(world: &World, plan: &Plan) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::Input`] for the largest texture.
-fn check_mip_maps(scene: &Scene, choices: &Choices) -> Result<()> {
-    let texture_use = TextureUse::left_on(choices);
+fn check_mip_maps(scene: &Scene, plan_settings: &PlanSettings) -> Result<()> {
+    let texture_use = TextureUse::left_on(plan_settings);
     let (mut used, mut made) = (HashSet::new(), HashSet::new());
     let materials = scene.objects.iter().filter(|object| used.insert(object.material));
     let materials = materials.filter_map(|object| scene.materials.get(object.material.0 as usize));
@@ -108,11 +108,12 @@ mod tests {
         scene
     }
 
-    fn choices(with: &[&str], without: &[&str], scene: &[(&str, EffectValue)]) -> Choices {
+    fn plan_settings(with: &[&str], without: &[&str], scene: &[(&str, EffectValue)]) -> PlanSettings {
         let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
-        let mut choices = Choices { with: names(with), without: names(without), ..Choices::default() };
-        scene.iter().for_each(|(name, value)| choices.scene.set(name, value.clone(), None));
-        choices
+        let mut plan_settings =
+            PlanSettings { with: names(with), without: names(without), ..PlanSettings::default() };
+        scene.iter().for_each(|(name, value)| plan_settings.scene.set(name, value.clone(), None));
+        plan_settings
     }
 
     /// Only mip maps that a lookup may need count, whichever setting turns the effects on or off.
@@ -120,22 +121,26 @@ mod tests {
     fn memory_of_mip_maps_that_are_not_made_is_not_checked() {
         let text = |name: &str| EffectValue::Text(name.into());
         let off = EffectValue::Switch(false);
-        let cases: [(&str, Choices, bool); 11] = [
-            ("default", choices(&[], &[], &[]), false),
-            ("--with", choices(&["textures=bilinear"], &[], &[]), true),
-            ("--with a mip map", choices(&["textures=mipmap"], &[], &[]), false),
-            ("the last counts", choices(&["textures=bilinear", "textures=mipmap"], &[], &[]), false),
-            ("--without", choices(&[], &["textures", "normal-maps"], &[]), true),
-            ("--without textures, not normal maps", choices(&[], &["textures"], &[]), false),
-            ("scene file", choices(&[], &[], &[("textures", off.clone()), ("normal-maps", off)]), true),
-            ("bilinear", choices(&[], &[], &[("textures", text("bilinear"))]), true),
-            ("nearest", choices(&[], &[], &[("textures", text("nearest"))]), true),
-            ("anisotropic", choices(&[], &[], &[("textures", text("anisotropic"))]), false),
-            ("over the file", choices(&["textures=mipmap"], &[], &[("textures", text("nearest"))]), false),
+        let cases: [(&str, PlanSettings, bool); 11] = [
+            ("default", plan_settings(&[], &[], &[]), false),
+            ("--with", plan_settings(&["textures=bilinear"], &[], &[]), true),
+            ("--with a mip map", plan_settings(&["textures=mipmap"], &[], &[]), false),
+            ("the last counts", plan_settings(&["textures=bilinear", "textures=mipmap"], &[], &[]), false),
+            ("--without", plan_settings(&[], &["textures", "normal-maps"], &[]), true),
+            ("--without textures, not normal maps", plan_settings(&[], &["textures"], &[]), false),
+            ("scene file", plan_settings(&[], &[], &[("textures", off.clone()), ("normal-maps", off)]), true),
+            ("bilinear", plan_settings(&[], &[], &[("textures", text("bilinear"))]), true),
+            ("nearest", plan_settings(&[], &[], &[("textures", text("nearest"))]), true),
+            ("anisotropic", plan_settings(&[], &[], &[("textures", text("anisotropic"))]), false),
+            (
+                "over the file",
+                plan_settings(&["textures=mipmap"], &[], &[("textures", text("nearest"))]),
+                false,
+            ),
         ];
-        for (name, choices, is_allowed) in cases {
+        for (name, plan_settings, is_allowed) in cases {
             assert_eq!(
-                check_mip_maps(&scene(TextureSampler::default()), &choices).is_ok(),
+                check_mip_maps(&scene(TextureSampler::default()), &plan_settings).is_ok(),
                 is_allowed,
                 "{name}"
             );
@@ -143,9 +148,9 @@ mod tests {
         let linear = Minify { within: Interpolation::Linear, between: None };
         let sampler = TextureSampler { minify: Some(linear), ..TextureSampler::default() };
         assert!(!ResolvedTextureFilter::needs_mip_map(&sampler.filter(None)));
-        assert!(check_mip_maps(&scene(sampler), &choices(&[], &[], &[])).is_ok());
+        assert!(check_mip_maps(&scene(sampler), &plan_settings(&[], &[], &[])).is_ok());
         let mut unused = scene(TextureSampler::default());
         unused.objects.clear();
-        assert!(check_mip_maps(&unused, &choices(&[], &[], &[])).is_ok());
+        assert!(check_mip_maps(&unused, &plan_settings(&[], &[], &[])).is_ok());
     }
 }

@@ -70,7 +70,7 @@ impl RenderJob {
         }
         // Without light from beside the objects, which a wider filter would mix in.
         let filter = samples.is_some().then_some(FilterShape::Box);
-        let Sampling { seed, sampler, .. } = self.choices.sampling;
+        let Sampling { seed, sampler, .. } = self.plan_settings.sampling;
         small.set_sampling(Sampling { samples, filter, seed, sampler, ..Sampling::default() })?;
         Ok(small)
     }
@@ -123,10 +123,10 @@ impl RenderJob {
         let picture = &mut self.settings.picture;
         let ev = mean_exposure(&subject, picture.tone_map.unwrap_or_default());
         picture.exposure = Some(Exposure::Ev(ev));
-        if self.choices.clamp.is_none() && self.world.path_tracing_reason.is_some() {
+        if self.plan_settings.clamp.is_none() && self.world.path_tracing_reason.is_some() {
             picture.clamp = Some(default_look::white_clamp(ev));
-            self.choices.clamp = picture.clamp.map(Clamp::get);
-            self.plan = Plan::new(&self.world, &self.choices)?;
+            self.plan_settings.clamp = picture.clamp.map(Clamp::get);
+            self.plan = Plan::new(&self.world, &self.plan_settings)?;
         }
         metadata::replace(&mut self.metadata, &self.settings.picture);
         Ok(ev)

@@ -36,7 +36,9 @@ mod prepared;
 mod resolved;
 mod settings;
 
+#[allow(deprecated)]
 pub use crate::effects::Choices;
+pub use crate::effects::PlanSettings;
 pub use crate::render::{RenderControl, Statistics};
 pub use crate::shading::ShadingMode;
 #[cfg(feature = "viewer")]
@@ -79,8 +81,8 @@ pub struct RenderJob {
     /// The settings: those that were given, and those of the scene.
     pub settings: RenderSettings,
     /// Shading mode, sampling and effect settings.
-    pub choices: Choices,
-    /// Stages for the world and the choices.
+    pub plan_settings: PlanSettings,
+    /// Stages for the world and the plan settings.
     pub plan: Plan,
     /// Metadata of the picture.
     pub metadata: Metadata,
@@ -98,11 +100,11 @@ impl RenderJob {
         recentering: Option<Recentering>,
         camera: Camera,
         size: [u32; 2],
-        mut choices: Choices,
+        mut plan_settings: PlanSettings,
     ) -> Result<Self> {
         let mut view = View::new(&camera, camera.projection, size)?;
-        lens::set(&mut view, &mut choices, &camera, &world, recentering.as_ref())?;
-        let plan = Plan::new(&world, &choices)?;
+        lens::set(&mut view, &mut plan_settings, &camera, &world, recentering.as_ref())?;
+        let plan = Plan::new(&world, &plan_settings)?;
         memory::check_lights(&world, &plan)?;
         let window = Window { x: 0, y: 0, width: size[0], height: size[1] };
         Ok(RenderJob {
@@ -112,20 +114,20 @@ impl RenderJob {
             view,
             window,
             settings: RenderSettings::default(),
-            choices,
+            plan_settings,
             plan,
             metadata: Metadata::new(),
             auto_exposure: OnceLock::new(),
         })
     }
 
-    /// The same picture with other choices; the world and the lens are shared.
+    /// The same picture with other plan settings; the world and the lens are shared.
     ///
     /// # Errors
     /// As [`Plan::new`].
-    pub fn with_choices(&self, choices: Choices) -> Result<Self> {
-        let choices = Choices { lens: self.choices.lens.clone(), ..choices };
-        let plan = Plan::new(&self.world, &choices)?;
+    pub fn with_plan_settings(&self, plan_settings: PlanSettings) -> Result<Self> {
+        let plan_settings = PlanSettings { lens: self.plan_settings.lens.clone(), ..plan_settings };
+        let plan = Plan::new(&self.world, &plan_settings)?;
         let RenderJob { world, recentering, camera, view, window, settings, metadata, .. } = self;
         Ok(RenderJob {
             world: Arc::clone(world),
@@ -134,7 +136,7 @@ impl RenderJob {
             view: view.clone(),
             window: *window,
             settings: settings.clone(),
-            choices,
+            plan_settings,
             plan,
             metadata: metadata.clone(),
             auto_exposure: OnceLock::new(),
@@ -146,8 +148,9 @@ impl RenderJob {
     /// # Errors
     /// As [`RenderJob::new`].
     pub fn with_size(&self, size: [u32; 2]) -> Result<Self> {
-        let RenderJob { world, recentering, camera, choices, .. } = self;
-        let job = RenderJob::new(Arc::clone(world), *recentering, camera.clone(), size, choices.clone())?;
+        let RenderJob { world, recentering, camera, plan_settings, .. } = self;
+        let job =
+            RenderJob::new(Arc::clone(world), *recentering, camera.clone(), size, plan_settings.clone())?;
         let settings = RenderSettings { shard: Shard::ALL, ..self.settings.clone() };
         Ok(RenderJob { settings, ..job })
     }
@@ -157,8 +160,8 @@ impl RenderJob {
     /// # Errors
     /// As [`Plan::new`].
     pub fn set_sampling(&mut self, sampling: Sampling) -> Result<()> {
-        self.choices.sampling = sampling;
-        self.plan = Plan::new(&self.world, &self.choices)?;
+        self.plan_settings.sampling = sampling;
+        self.plan = Plan::new(&self.world, &self.plan_settings)?;
         Ok(())
     }
 

@@ -85,7 +85,7 @@ fn has_glaze(material: &PreparedMaterial) -> bool {
 /// Warns of omitted shapes, of area lights and a clamp without path tracing, and of requested effects that change
 /// nothing.
 pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
-    let RenderJob { world, plan, choices, .. } = job;
+    let RenderJob { world, plan, plan_settings, .. } = job;
     if world.too_small > 0 {
         warnings.left_out(format!(
             "{} analytic shape(s) have a radius that rounds to 0 in the tier `{}`; left out",
@@ -95,14 +95,14 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     }
     back_faces::report(job, warnings);
     let traces_paths = plan.transport.traces_paths();
-    if traces_paths && !choices.sampling.is_wanted() {
+    if traces_paths && !plan_settings.sampling.is_wanted() {
         warnings.note("path tracing with one sample per pixel is noisy; try --samples 64");
     }
-    if let (false, Some(clamp)) = (traces_paths, choices.clamp) {
+    if let (false, Some(clamp)) = (traces_paths, plan_settings.clamp) {
         warnings.push(format!("a clamp of {clamp} changes nothing without path tracing"));
     }
     if let (false, true, Some(name)) =
-        (traces_paths, choices.shading == ShadingMode::Full, world.area_lights.names.first())
+        (traces_paths, plan_settings.shading == ShadingMode::Full, world.area_lights.names.first())
     {
         warnings.left_out(format!("area lights such as `{name}` give no light without path tracing"));
     }
@@ -114,14 +114,14 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
             ));
         }
     }
-    if traces_paths && choices.shading == ShadingMode::Full {
+    if traces_paths && plan_settings.shading == ShadingMode::Full {
         let glazed = world.materials_in_use().filter(|material| has_glaze(material));
         if let Some(names) = named("material", glazed.map(|material| material.name())) {
             warnings.left_out(format!(
                 "the glaze of {names} is left out by path tracing; --transport whitted draws it"
             ));
         }
-        if choices.transport.is_some() && world.ambient > 0.0 {
+        if plan_settings.transport.is_some() && world.ambient > 0.0 {
             warnings.note_left_out(format!(
                 "the ambient light of {} is left out by path tracing; use an environment instead",
                 world.ambient
@@ -129,7 +129,7 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
         }
     }
     for decision in plan.decisions.iter().filter(|decision| !decision.on) {
-        if let Some(option) = choices.option_of(decision.effect) {
+        if let Some(option) = plan_settings.option_of(decision.effect) {
             warnings.push(format!("{option} changes nothing: {}", decision.why));
         }
     }

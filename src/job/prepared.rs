@@ -156,8 +156,8 @@ impl SceneAtTime {
     /// As [`RenderJob::new`].
     pub fn job_for(&self, picture: ResolvedPicture) -> Result<RenderJob> {
         let size = picture.size();
-        let ResolvedPicture { camera, window, settings, choices, metadata, .. } = picture;
-        let job = RenderJob::new(self.world_for(&camera), self.recentering, camera, size, choices)?;
+        let ResolvedPicture { camera, window, settings, plan_settings, metadata, .. } = picture;
+        let job = RenderJob::new(self.world_for(&camera), self.recentering, camera, size, plan_settings)?;
         Ok(RenderJob { window, settings, metadata, ..job })
     }
 }

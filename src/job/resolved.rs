@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::camera::{self, Viewpoint};
 use super::metadata::{self, Metadata};
 use super::{
-    Choices, PreparedScene, RenderControl, RenderJob, RenderSettings, check_display, check_memory, lens,
+    PlanSettings, PreparedScene, RenderControl, RenderJob, RenderSettings, check_display, check_memory, lens,
     metering, notes, outside,
 };
 use crate::bvh::Layout;
@@ -28,7 +28,7 @@ pub struct ResolvedPicture {
     /// The settings: those that were given, and those of the scene. Size, pipeline and tier of the picture are set.
     pub settings: RenderSettings,
     /// Shading mode, sampling and effect settings.
-    pub choices: Choices,
+    pub plan_settings: PlanSettings,
     /// Metadata of the picture.
     pub metadata: Metadata,
     /// Whether the exposure is metered before the picture is rendered, as the default look says.
@@ -119,9 +119,9 @@ pub(crate) fn resolve_picture(
         ..PictureSettings::of_size(size)
     }
     .or(look.picture);
-    let choices = choices(&mut look.picture, scene.effects.clone(), &camera, settings)?;
+    let plan_settings = plan_settings(&mut look.picture, scene.effects.clone(), &camera, settings)?;
     let settings = RenderSettings { picture: look.picture, ..settings.clone() };
-    Ok(ResolvedPicture { camera, window, settings, choices, metadata: Metadata::new(), meters })
+    Ok(ResolvedPicture { camera, window, settings, plan_settings, metadata: Metadata::new(), meters })
 }
 
 /// [`resolve`] for a scene with its look and a given camera.
@@ -149,13 +149,13 @@ pub fn resolve_for(
 ///
 /// # Errors
 /// [`Error::Usage`] for a lens of an orthographic camera.
-fn choices(
+fn plan_settings(
     picture: &mut PictureSettings,
     scene: EffectsSection,
     camera: &Camera,
     settings: &RenderSettings,
-) -> Result<Choices> {
-    let mut choices = Choices {
+) -> Result<PlanSettings> {
+    let mut plan_settings = PlanSettings {
         shading: picture.shading(),
         sampling: picture.sampling(),
         scene,
@@ -165,10 +165,10 @@ fn choices(
         with: settings.with.clone(),
         without: settings.without.clone(),
         stand_in: settings.depth.map(|depth| (id::PATH.with_value(depth), format!("--depth {depth}"))),
-        ..Choices::default()
+        ..PlanSettings::default()
     };
-    lens::complete(picture, &mut choices, camera)?;
-    Ok(choices)
+    lens::complete(picture, &mut plan_settings, camera)?;
+    Ok(plan_settings)
 }
 
 impl ResolvedPicture {
@@ -197,7 +197,7 @@ impl ResolvedJob {
     pub fn build(self, warnings: &mut Warnings) -> Result<RenderJob> {
         let ResolvedJob { scene, look, recentering, picture } = self;
         let (structure, numerics, meters) = (picture.structure(), picture.numerics(), picture.meters);
-        check_memory(&scene, &picture.choices, numerics)?;
+        check_memory(&scene, &picture.plan_settings, numerics)?;
         let pipeline = picture.settings.picture.pipeline();
         let scene = PreparedScene::at_rest(scene, &look, recentering, pipeline, structure, numerics);
         let mut job = scene.at(0.0)?.job_for(picture)?;

@@ -38,7 +38,7 @@ pub(crate) struct IncrementalSampler<'a> {
 
 impl<'a> IncrementalSampler<'a> {
     pub(crate) fn new(job: &'a mut RenderJob, control: &'a RenderControl<'a>) -> Result<Self> {
-        let sampling = job.choices.sampling;
+        let sampling = job.plan_settings.sampling;
         let values = match job.pipeline() {
             ColourPipeline::Linear => Values::Linear,
             ColourPipeline::Display | ColourPipeline::U8 => Values::Display,

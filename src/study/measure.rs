@@ -176,7 +176,7 @@ fn limit_options(work: &StudyRun, limit: Option<&ConvergedReference>) -> Option<
     let StudySubject { base, job, .. } = work.subject;
     let mut setting = Setting { numerics: Numerics::Exact, ..work.reference.clone() };
     (setting.sampling.samples, setting.sampling.noise) = (Some(limit?.floor.samples), None);
-    setting.options(base, &job.picture.choices)
+    setting.options(base, &job.picture.plan_settings)
 }
 
 fn rows(candidates: &[Candidate], settings: &[MeasuredSetting], subject: &StudySubject) -> Vec<SettingRow> {
@@ -194,7 +194,7 @@ fn rows(candidates: &[Candidate], settings: &[MeasuredSetting], subject: &StudyS
         };
         let (setting, statistics) = (&measured.setting, &result.statistics);
         let (shape, radius) = setting.sampling.shape_and_radius();
-        let options = setting.options(&subject.base, &subject.job.picture.choices);
+        let options = setting.options(&subject.base, &subject.job.picture.plan_settings);
         let primary_rays = statistics.rays(RayKind::PRIMARY).cast;
         rows.push(SettingRow {
             id: rows.len(),

@@ -1,7 +1,7 @@
 //! Settings: the values of all parameters that a study varies.
 
 use crate::bvh::Layout;
-use crate::effects::{Choices, EffectId, LightTechnique, PathSettings, id};
+use crate::effects::{EffectId, LightTechnique, PathSettings, PlanSettings, id};
 use crate::film::ColourPipeline;
 use crate::geometry::Numerics;
 use crate::scene::{Material, Sampling, Scene, TextureFilter, Transport};
@@ -45,20 +45,21 @@ pub struct PathVariation {
 
 impl PathVariation {
     /// The values that are asked for.
-    pub fn of(asked: &Choices) -> Self {
-        let &Choices { clamp, light_technique: technique, path: estimator, .. } = asked;
+    pub fn of(asked: &PlanSettings) -> Self {
+        let &PlanSettings { clamp, light_technique: technique, path: estimator, .. } = asked;
         PathVariation { depth: None, clamp, technique, estimator, ambient: None }
     }
 
     /// Sets these values.
-    fn apply(&self, choices: &mut Choices) {
+    fn apply(&self, plan_settings: &mut PlanSettings) {
         let &PathVariation { depth, clamp, technique, estimator, ambient } = self;
-        (choices.clamp, choices.light_technique, choices.path) = (clamp, technique, estimator);
-        choices.with.extend(depth.map(|depth| id::PATH.with_value(depth)));
+        (plan_settings.clamp, plan_settings.light_technique, plan_settings.path) =
+            (clamp, technique, estimator);
+        plan_settings.with.extend(depth.map(|depth| id::PATH.with_value(depth)));
         if ambient.is_some() {
-            choices.transport = Some(Transport::Whitted);
-            choices.without.retain(|name| name != id::AMBIENT_OCCLUSION.name());
-            choices.with.push(id::AMBIENT_OCCLUSION.name().to_owned());
+            plan_settings.transport = Some(Transport::Whitted);
+            plan_settings.without.retain(|name| name != id::AMBIENT_OCCLUSION.name());
+            plan_settings.with.push(id::AMBIENT_OCCLUSION.name().to_owned());
         }
     }
 
@@ -116,22 +117,22 @@ impl Setting {
     }
 
     /// `asked` with the effects and the sampling of this setting.
-    pub fn choices(&self, asked: &Choices) -> Choices {
-        let mut choices = Choices { sampling: self.sampling, ..asked.clone() };
+    pub fn plan_settings(&self, asked: &PlanSettings) -> PlanSettings {
+        let mut plan_settings = PlanSettings { sampling: self.sampling, ..asked.clone() };
         for effect in &self.without {
-            choices.with.retain(|typed| typed.split('=').next() != Some(effect.name()));
-            choices.without.push(effect.name().to_owned());
+            plan_settings.with.retain(|typed| typed.split('=').next() != Some(effect.name()));
+            plan_settings.without.push(effect.name().to_owned());
         }
-        self.path.apply(&mut choices);
+        self.path.apply(&mut plan_settings);
         if let Some(filter) = self.textures {
-            choices.with.push(id::TEXTURES.with_value(filter.name()));
+            plan_settings.with.push(id::TEXTURES.with_value(filter.name()));
         }
-        choices
+        plan_settings
     }
 
     /// Options of `kiln render` that give exactly this picture, in addition to those of `base` and `asked`. An option
     /// replaces a given one of the same name. `None` if there are no such options.
-    pub fn options(&self, base: &Setting, asked: &Choices) -> Option<String> {
+    pub fn options(&self, base: &Setting, asked: &PlanSettings) -> Option<String> {
         let mut options: Vec<String> = Vec::new();
         if self.numerics != base.numerics {
             options.push(format!("--numerics {}", self.numerics.name()));

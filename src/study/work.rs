@@ -53,8 +53,8 @@ fn job_of(subject: &StudySubject, setting: &Setting, scene: Scene) -> Result<Ren
     let look = DefaultLook { ambient: setting.path.ambient.or(look.ambient), ..look.clone() };
     let Setting { pipeline, structure, numerics, .. } = *setting;
     let scene = PreparedScene::at_rest(scene, &look, *recentering, pipeline, structure, numerics);
-    let choices = setting.choices(&picture.choices);
-    scene.at(0.0)?.job_for(ResolvedPicture { choices, ..picture.clone() })
+    let plan_settings = setting.plan_settings(&picture.plan_settings);
+    scene.at(0.0)?.job_for(ResolvedPicture { plan_settings, ..picture.clone() })
 }
 
 /// The distinct filters of all settings, beginning with that of the base.
@@ -151,7 +151,10 @@ impl StudyRun<'_> {
 
     /// Renders a setting that shares the prepared scene of `job`.
     fn render_setting<P: Pixel>(&self, job: &RenderJob, setting: &Setting) -> Result<(Film<P>, Statistics)> {
-        self.render(&job.with_choices(setting.choices(&self.subject.job.picture.choices))?, setting)
+        self.render(
+            &job.with_plan_settings(setting.plan_settings(&self.subject.job.picture.plan_settings))?,
+            setting,
+        )
     }
 
     /// Renders a prepared setting.
@@ -273,8 +276,9 @@ impl StudyRun<'_> {
                 self.render_setting::<[u8; 3]>(&job, &first)?;
                 for turn in 0..group.len() {
                     let measured = &mut settings[group[(round + turn) % group.len()]];
-                    let job =
-                        job.with_choices(measured.setting.choices(&self.subject.job.picture.choices))?;
+                    let job = job.with_plan_settings(
+                        measured.setting.plan_settings(&self.subject.job.picture.plan_settings),
+                    )?;
                     let clock = Clock::start(threads);
                     self.render::<[u8; 3]>(&job, &measured.setting)?;
                     measured.trace_ms.push(1e3 * clock.seconds());

@@ -40,7 +40,7 @@ pub(crate) struct PanelContents<'a> {
 impl PanelContents<'_> {
     /// Samples per pixel of the left side, at most.
     fn samples_taken(&self) -> u32 {
-        self.rendered[0].map_or(1, |rendered| rendered.prepared.job.choices.sampling.samples_taken())
+        self.rendered[0].map_or(1, |rendered| rendered.prepared.job.plan_settings.sampling.samples_taken())
     }
 
     fn displayed_camera(&self) -> Option<&Camera> {

@@ -59,7 +59,7 @@ pub(crate) fn picture(
 ) -> Result<()> {
     let RenderRequest { opened, time, sides, .. } = request;
     let control = RenderControl::default();
-    let mut job = prepared.job.with_choices(prepared.job.choices.clone())?;
+    let mut job = prepared.job.with_plan_settings(prepared.job.plan_settings.clone())?;
     if prepared.meters {
         job.meter(&control)?;
     }

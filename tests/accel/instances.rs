@@ -12,7 +12,7 @@ use crate::common::{Numbers, picture};
 use glam::{DMat4, DVec2, DVec3, DVec4};
 use kiln::bvh::{Layout, Preset, Traversal};
 use kiln::effects::whitted::{glaze, shadows};
-use kiln::effects::{Choices, RayKind};
+use kiln::effects::{PlanSettings, RayKind};
 use kiln::film::ColourPipeline;
 use kiln::geometry::{Hit, HitBuffer, Numerics, PrimId, Ray, RayBuffer, SlotId, Sphere};
 use kiln::scene::{
@@ -276,7 +276,7 @@ fn pictures_are_those_of_the_copies() {
     for numerics in Numerics::STRICT {
         let [shared, copied] = [&shared, &copied].map(|scene| prepare(scene.clone(), size, numerics));
         assert_eq!(shared.world.accelerator.describe().layout, "instances");
-        let [(shared, statistics), (copied, _)] = [shared, copied].map(|p| p.render(Choices::default()));
+        let [(shared, statistics), (copied, _)] = [shared, copied].map(|p| p.render(PlanSettings::default()));
         assert!(bits(&shared, size) == bits(&copied, size), "{}", numerics.name());
         // Shadows, the shadow line and the mirror are in it, and pictures, which tilt normals, too.
         let on = |effect: &str| {
@@ -313,7 +313,7 @@ fn far_and_extreme_scenes_are_brought_into_range_alike() {
             let size = [48, 48];
             let [shared, copied] = [&shared, &copied].map(|scene| prepare(scene.clone(), size, numerics));
             assert_eq!(shared.world.accelerator.describe().layout, "instances");
-            let [shared, copied] = [shared, copied].map(|p| bits(&p.render(Choices::default()).0, size));
+            let [shared, copied] = [shared, copied].map(|p| bits(&p.render(PlanSettings::default()).0, size));
             assert!(shared == copied && shared.iter().any(|pixel| *pixel != shared[0]), "{scale} {far}");
         }
     }

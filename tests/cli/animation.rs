@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::{DMat4, DQuat, DVec3};
 use kiln::animation::turntable;
 use kiln::bvh::{Layout, Preset};
-use kiln::effects::{Choices, Plan};
+use kiln::effects::{Plan, PlanSettings};
 use kiln::error::{Place, Warnings};
 use kiln::film::{ColourPipeline, Film, Window};
 use kiln::job::{PreparedScene, RenderSettings};
@@ -106,7 +106,7 @@ const STRUCTURE: Layout = Layout::Wide(Preset::Balanced);
 
 fn picture(world: &World, camera: &Camera) -> Film<[u8; 3]> {
     let view = View::new(camera, camera.projection, SIZE).unwrap();
-    let plan = Plan::new(world, &Choices::default()).unwrap();
+    let plan = Plan::new(world, &PlanSettings::default()).unwrap();
     let window = Window { x: 0, y: 0, width: SIZE[0], height: SIZE[1] };
     render(world, &view, &plan, window, |_, _| true, &RenderControl::default()).unwrap().0
 }

@@ -150,7 +150,7 @@ fn a_camera_in_braces_is_the_scenes_own() {
 #[cfg(feature = "viewer")]
 #[test]
 fn what_is_seen_is_rendered_by_its_line() {
-    use kiln::effects::Choices;
+    use kiln::effects::PlanSettings;
     use kiln::viewer::{CameraSource, command_line, navigate};
     let workshop = Workshop::with("scene.toml", SCENE);
     let mut scene = crate::common::picture::load(&workshop.path("scene.toml"));
@@ -175,6 +175,6 @@ fn what_is_seen_is_rendered_by_its_line() {
     assert_eq!(output.status.code(), Some(0), "{words:?}: {}", text(&output.stderr));
     scene.cameras[0] = camera;
     let prepared = crate::common::picture::prepare(scene, [48, 32], Default::default());
-    let film = prepared.render(Choices { without: vec!["shadows".into()], ..Choices::default() }).0;
+    let film = prepared.render(PlanSettings { without: vec!["shadows".into()], ..PlanSettings::default() }).0;
     assert_eq!(workshop.pixels("seen.png").into_raw(), film.to_rgb8(kiln::film::ColourPipeline::Display));
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::{DMat4, DVec3};
 use kiln::bvh::{Layout, Traversal};
-use kiln::effects::{Choices, Plan};
+use kiln::effects::{Plan, PlanSettings};
 use kiln::error::Warnings;
 use kiln::film::{Film, Window};
 use kiln::geometry::{Hit, Ray};
@@ -56,7 +56,7 @@ pub struct Prepared {
     pub scene_effects: kiln::scene::EffectsSection,
     pub sampling: kiln::scene::Sampling,
     pub transport: Option<kiln::scene::Transport>,
-    /// As `Choices::lens`.
+    /// As `PlanSettings::lens`.
     pub lens: Option<String>,
 }
 
@@ -86,15 +86,21 @@ pub fn prepare(mut scene: Scene, size: [u32; 2], numerics: Numerics) -> Prepared
 }
 
 impl Prepared {
-    /// Choices with the scene's effects and, where they say none, its sampling.
-    pub fn choices(&self, choices: Choices) -> Choices {
-        let sampling = or(choices.sampling, self.sampling);
-        let transport = choices.transport.or(self.transport);
-        Choices { scene: self.scene_effects.clone(), sampling, transport, lens: self.lens.clone(), ..choices }
+    /// Plan settings with the scene's effects and, where they say none, its sampling.
+    pub fn plan_settings(&self, plan_settings: PlanSettings) -> PlanSettings {
+        let sampling = or(plan_settings.sampling, self.sampling);
+        let transport = plan_settings.transport.or(self.transport);
+        PlanSettings {
+            scene: self.scene_effects.clone(),
+            sampling,
+            transport,
+            lens: self.lens.clone(),
+            ..plan_settings
+        }
     }
 
-    pub fn render(&self, choices: Choices) -> (Film, Statistics) {
-        let plan = Plan::new(&self.world, &self.choices(choices)).expect("a plan");
+    pub fn render(&self, plan_settings: PlanSettings) -> (Film, Statistics) {
+        let plan = Plan::new(&self.world, &self.plan_settings(plan_settings)).expect("a plan");
         let [width, height] = self.size;
         let window = Window { x: 0, y: 0, width, height };
         let control = RenderControl { time_stages: true, ..RenderControl::default() };
@@ -120,7 +126,7 @@ impl Prepared {
 
 /// A scene with its first camera and default effects, at a size, in a tier.
 pub fn picture(scene: Scene, size: [u32; 2], numerics: Numerics) -> Film {
-    prepare(scene, size, numerics).render(Choices::default()).0
+    prepare(scene, size, numerics).render(PlanSettings::default()).0
 }
 
 /// The bits of a picture.

@@ -12,7 +12,7 @@ use crate::common::borders::{Folder, camera, scene, sound, tiers};
 use crate::common::picture::{bits, prepare};
 use glam::DVec3;
 use kiln::bvh::Layout;
-use kiln::effects::{Choices, Plan};
+use kiln::effects::{Plan, PlanSettings};
 use kiln::film::Window;
 use kiln::render::{RenderControl, render};
 use kiln::scene::{Numerics, Projection, Scene};
@@ -103,7 +103,8 @@ fn l1_the_picture_does_not_depend_on_where_tiles_begin() {
     {
         let prepared = prepare(scene.clone(), SIZE, numerics);
         let whole = sound(&prepared);
-        let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
+        let plan =
+            Plan::new(&prepared.world, &prepared.plan_settings(PlanSettings::default())).expect("a plan");
         let control =
             RenderControl { cancel: &AtomicBool::new(false), progress: &|_, _| {}, time_stages: false };
         for [x, y, width, height] in windows.into_iter().chain(dots.clone()) {

@@ -3,7 +3,7 @@
 
 use crate::common::picture::{parse, placed, prepare};
 use glam::DVec3;
-use kiln::effects::Choices;
+use kiln::effects::PlanSettings;
 use kiln::scene::{Numerics, Scene};
 
 /// A floor of two triangles, three spheres (one touches the floor, one is above it, one intersects it), and a light.
@@ -113,7 +113,7 @@ fn e1_lit_balls_on_a_floor_at_every_scale_and_place() {
     for (scale, offset) in scales.chain(places) {
         for numerics in Numerics::ALL {
             let prepared = prepare(placed(scene.clone(), scale, offset), [200, 200], numerics);
-            let film = prepared.render(Choices::default()).0;
+            let film = prepared.render(PlanSettings::default()).0;
             // The rays in the coordinates before recentering.
             let original = prepare(scene.clone(), [200, 200], Numerics::Double);
             let (mut acne, mut leaks, mut lit, mut dark, mut edges) = (0, 0, 0, 0, 0);

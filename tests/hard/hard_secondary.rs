@@ -9,7 +9,7 @@ use glam::{DMat3, DMat4, DQuat, DVec3};
 use kiln::bvh::{Accelerator, Layout, Primitive, Slot, Traversal, build};
 use kiln::effects::whitted::glaze::mirrored_ray;
 use kiln::effects::whitted::terminator;
-use kiln::effects::{Choices, shadow_ray};
+use kiln::effects::{PlanSettings, shadow_ray};
 use kiln::film::ColourPipeline;
 use kiln::geometry::spawn::{EDGE_DISTANCE, ORIGIN_OFFSET, SurfacePoint};
 use kiln::geometry::{HitBuffer, Numerics, PrimId, Ray, RayBuffer, Triangle};
@@ -233,7 +233,7 @@ fn k1_the_smooth_surface_does_not_pass_through_a_roof() {
         Shape::Mesh(Mesh { positions, triangles: vec![[0, 1, 2]], normals, ..Mesh::default() });
     for numerics in Numerics::ALL {
         let prepared = prepare(scene.clone(), [32, 32], numerics);
-        let film = prepared.render(Choices::default()).0;
+        let film = prepared.render(PlanSettings::default()).0;
         let seen = prepared.hits().iter().flatten().filter(|hit| hit.prim == PrimId(0)).count();
         assert!(seen > 100, "the triangle is seen by {seen} pixels");
         let lit = (0..1024u32).filter(|at| film.pixel(at % 32, at / 32)[0] > 0.0).count();
@@ -321,7 +321,7 @@ fn e6_parallel_mirrors_end() {
         );
         for numerics in Numerics::ALL {
             let prepared = prepare(parse(&toml), [16, 16], numerics);
-            let film = prepared.render(Choices::default()).0;
+            let film = prepared.render(PlanSettings::default()).0;
             for at in 0..256u32 {
                 let [r, g, b] = film.pixel(at % 16, at / 16);
                 assert!(r.is_finite() && r <= 1.0 && g <= 0.502 && b == 0.0, "{r} {g} {b}");
@@ -354,8 +354,8 @@ fn k1_the_terminator_of_a_coarse_smooth_sphere() {
     };
     for numerics in Numerics::ALL {
         let prepared = prepare(scene(lamp), [160, 160], numerics);
-        let smooth = prepared.render(Choices::default()).0;
-        let without = Choices { without: vec!["terminator".into()], ..Choices::default() };
+        let smooth = prepared.render(PlanSettings::default()).0;
+        let without = PlanSettings { without: vec!["terminator".into()], ..PlanSettings::default() };
         let jagged = prepared.render(without).0;
         let (mut lit, mut shadowed, mut shadowed_without) = (0, 0, 0);
         for ((ray, hit), at) in prepared.rays().iter().zip(prepared.hits()).zip(0u32..) {
@@ -623,7 +623,7 @@ fn e7_the_smooth_surface_of_a_wedge_stays_inside() {
             scene.objects[0].shape = Shape::Mesh(mesh.clone());
             for numerics in CLOSED {
                 let prepared = prepare(scene.clone(), [48, 48], numerics);
-                let (film, statistics) = prepared.render(Choices::default());
+                let (film, statistics) = prepared.render(PlanSettings::default());
                 let lit = (0..48 * 48u32).filter(|at| film.pixel(at % 48, at / 48)[0] > 0.0).count();
                 assert_eq!(lit, 0, "{degrees} degrees towards {target:?}, {}", numerics.name());
                 let lifted = statistics.rays(terminator::RAYS);

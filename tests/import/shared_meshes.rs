@@ -8,7 +8,7 @@ use crate::common::borders::Folder;
 use crate::common::gltf::Model;
 use crate::common::picture::{bits, equip, prepare};
 use glam::DQuat;
-use kiln::effects::Choices;
+use kiln::effects::PlanSettings;
 use kiln::scene::{Numerics, Scene, Shape};
 use serde_json::{Value, json};
 
@@ -102,7 +102,7 @@ fn assert_same(a: &Scene, b: &Scene) {
     for numerics in [Numerics::Watertight, Numerics::Double] {
         let [a, b] = [&a, &b].map(|scene| {
             let prepared = prepare(scene.clone(), size, numerics);
-            bits(&prepared.render(Choices::default()).0, size)
+            bits(&prepared.render(PlanSettings::default()).0, size)
         });
         assert!(a == b && a.iter().any(|pixel| *pixel != a[0]), "{}", numerics.name());
     }

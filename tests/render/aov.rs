@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 use crate::common::picture::{Prepared, load, prepare};
 use crate::common::repository;
 use assert_cmd::Command;
-use kiln::effects::{Choices, Plan};
+use kiln::effects::{Plan, PlanSettings};
 use kiln::error::Error;
 use kiln::render::RenderControl;
 use kiln::render::aov::{self, AOVS, AovSelection, AovSource};
@@ -326,8 +326,8 @@ fn the_picture_itself_stays_the_same() {
 #[test]
 fn only_selected_aovs_are_computed() {
     let prepared = prepare(load(&repository("scenes/effects/glaze.toml")), SIZE, Numerics::Watertight);
-    let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
-    let film = prepared.render(Choices::default()).0;
+    let plan = Plan::new(&prepared.world, &prepared.plan_settings(PlanSettings::default())).expect("a plan");
+    let film = prepared.render(PlanSettings::default()).0;
     let Prepared { world, view, .. } = &prepared;
     let source = AovSource {
         world,

@@ -2,21 +2,26 @@
 
 use crate::common;
 use glam::DVec3;
-use kiln::effects::Choices;
+use kiln::effects::PlanSettings;
 use kiln::film::Film;
 use kiln::scene::{Numerics, Scene};
 
 /// Renders a scene file at its own size.
-fn picture(toml: &str, choices: Choices) -> Film {
-    picture_of(common::picture::parse(toml), None, None, choices)
+fn picture(toml: &str, plan_settings: PlanSettings) -> Film {
+    picture_of(common::picture::parse(toml), None, None, plan_settings)
 }
 
-fn picture_of(mut scene: Scene, camera: Option<&str>, size: Option<[u32; 2]>, choices: Choices) -> Film {
+fn picture_of(
+    mut scene: Scene,
+    camera: Option<&str>,
+    size: Option<[u32; 2]>,
+    plan_settings: PlanSettings,
+) -> Film {
     if let Some(name) = camera {
         scene.cameras.retain(|camera| camera.name == name);
     }
     let size = size.or(scene.picture.size()).expect("a size");
-    common::picture::prepare(scene, size, Numerics::default()).render(choices).0
+    common::picture::prepare(scene, size, Numerics::default()).render(plan_settings).0
 }
 
 /// Looks along -z at 64 x 64 units with as many pixels: pixel (i, j) from the top is at (i - 31.5, 31.5 - j).
@@ -61,7 +66,7 @@ fn a_spheres_silhouette_in_parallel() {
         "{FROM_FRONT}\n[ambient]\nintensity = 1\n[material.m]\ncolour = [255, 0, 0]\n\
          [[sphere]]\ncentre = [3, -2, 5]\nradius = 20\nmaterial = \"m\"\n"
     );
-    let film = picture(&scene, Choices::default());
+    let film = picture(&scene, PlanSettings::default());
     // The pixel sees the sphere where (x - 3)^2 + (y + 2)^2 <= 400; all terms are halves, so this is exact.
     let mut inside = 0;
     for_each_pixel(|i, j, x, y| {
@@ -83,7 +88,7 @@ fn a_spheres_silhouette_in_perspective() {
             .replace("1000]", "100]")
             .replace("= 1000", "= 100")
     );
-    let film = picture(&scene, Choices::default());
+    let film = picture(&scene, PlanSettings::default());
     // From (0, 0, 100) along d = (x, y, -100), with c = (3, -2, -95) towards the centre: the ray meets the sphere where
     // its distance from the centre, |c|^2 - (c.d)^2 / |d|^2, is at most 400.
     let c = DVec3::new(3.0, -2.0, -95.0);
@@ -108,8 +113,8 @@ fn a_shadows_edge() {
          [[sphere]]\ncentre = [0, 10, 0]\nradius = 5\nmaterial = \"ball\"\n"
     );
     let (with, without) = (
-        picture(&scene, Choices::default()),
-        picture(&scene, Choices { without: vec!["shadows".into()], ..Choices::default() }),
+        picture(&scene, PlanSettings::default()),
+        picture(&scene, PlanSettings { without: vec!["shadows".into()], ..PlanSettings::default() }),
     );
     for_each_pixel(|i, j, x, y| {
         let r = x.hypot(y);
@@ -142,7 +147,10 @@ fn what_lies_behind_the_light_casts_no_shadow() {
              [[triangles]]\nvertices = [[-99, 0, -99], [-99, 0, 200], [200, 0, -99]]\n{lid}"
         )
     };
-    assert_eq!(picture(&scene(true), Choices::default()), picture(&scene(false), Choices::default()));
+    assert_eq!(
+        picture(&scene(true), PlanSettings::default()),
+        picture(&scene(false), PlanSettings::default())
+    );
 }
 
 /// A spot over a floor, 40 units high: at a distance r from its axis the cosine to the axis and to the normal is 40 /
@@ -160,7 +168,7 @@ fn a_spots_cone() {
     };
     // The second has a sharp edge: no pixel's centre is nearer to its cone than rounding.
     for (inner, outer) in [(10.0, 30.0), (25.0, 25.0), (0.0, 35.0)] {
-        let film = picture(&scene("direction = [0, -2, 0]", inner, outer), Choices::default());
+        let film = picture(&scene("direction = [0, -2, 0]", inner, outer), PlanSettings::default());
         let (from, to) = (f64::cos(f64::to_radians(outer)), f64::cos(f64::to_radians(inner)));
         let mut regions = [0; 3];
         for_each_pixel(|i, j, x, minus_z| {
@@ -184,7 +192,7 @@ fn a_spots_cone() {
         let area = std::f64::consts::PI * (40.0 * f64::to_radians(outer).tan()).powi(2);
         let lit = f64::from(regions[1] + regions[2]);
         assert!((lit - area).abs() < 0.02 * area, "{lit} pixels, not {area}");
-        let aimed = picture(&scene("look_at = [3, 7, -2]", inner, outer), Choices::default());
+        let aimed = picture(&scene("look_at = [3, 7, -2]", inner, outer), PlanSettings::default());
         assert_eq!(aimed, film);
     }
 }
@@ -200,7 +208,7 @@ fn the_highlight_is_where_the_mirror_says() {
          [material.m]\ncolour = [255, 255, 255]\ndiffuse = 0\nspecular = 1\nshininess = 64\n\
          [[sphere]]\ncentre = [0, 0, 0]\nradius = 30\nmaterial = \"m\"\n"
     );
-    let film = picture(&scene, Choices::default());
+    let film = picture(&scene, PlanSettings::default());
     let mut brightest = (0.0, 0.0, 0.0);
     for_each_pixel(|i, j, x, y| {
         let value = film.pixel(i, j)[0];
@@ -237,10 +245,10 @@ fn the_blend() {
         )
     };
     let film =
-        picture(&scene("glaze = { weight = 0.25, own_weight = 0.75, bounces = 1 }"), Choices::default());
+        picture(&scene("glaze = { weight = 0.25, own_weight = 0.75, bounces = 1 }"), PlanSettings::default());
     let other =
-        picture(&scene("glaze = { weight = 0.5, own_weight = 0.25, bounces = 1 }"), Choices::default());
-    let none = picture(&scene(""), Choices::default());
+        picture(&scene("glaze = { weight = 0.5, own_weight = 0.25, bounces = 1 }"), PlanSettings::default());
+    let none = picture(&scene(""), PlanSettings::default());
     let close = |pixel: [f32; 3], expected: [f64; 3]| {
         pixel.iter().zip(expected).all(|(&c, e)| (f64::from(c) * 255.0 - e).abs() < 1e-4)
     };
@@ -271,7 +279,7 @@ fn what_is_brighter_than_white_is_mirrored_as_white() {
         .replace("\"display\"", colour)
     };
     for (colour, expected) in [("\"display\"", [213.75, 200.0, 170.0]), ("\"u8\"", [214.0, 200.0, 170.0])] {
-        let film = picture(&scene(colour), Choices::default());
+        let film = picture(&scene(colour), PlanSettings::default());
         let found = film.pixel(8, 32).map(|c| f64::from(c) * 255.0);
         let differs = found.iter().zip(expected).any(|(f, e)| (f - e).abs() > 1e-4);
         assert!(!differs, "{colour}: {found:?}, not {expected:?}");
@@ -294,7 +302,7 @@ fn more_bounces_see_further() {
     };
     // C0 = 1; C1 = (1 + 0) / 2; C2 = (1 + (0 + 1) / 2) / 2; C3 = (1 + (0 + (1 + 0) / 2) / 2) / 2.
     for (bounces, expected) in [(0, 1.0), (1, 0.5), (2, 0.75), (3, 0.625)] {
-        let film = picture(&scene(bounces), Choices::default());
+        let film = picture(&scene(bounces), PlanSettings::default());
         assert_eq!(film.pixel(32, 32), [expected; 3], "{bounces} bounces");
     }
 }
@@ -409,7 +417,7 @@ fn the_assignment_twice() {
     ] {
         let file = common::repository("scenes/assignment.toml");
         let film =
-            picture_of(common::picture::load(&file), Some(name), Some([size, size]), Choices::default());
+            picture_of(common::picture::load(&file), Some(name), Some([size, size]), PlanSettings::default());
         let w = (position - DVec3::new(-100.0, -300.0, 1216.0)).normalize();
         let u = DVec3::Y.cross(w).normalize();
         let v = w.cross(u);

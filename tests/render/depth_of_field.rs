@@ -194,14 +194,14 @@ fn it_can_be_asked_for() {
         assert!((lens.focus / job.camera.viewpoint_distance - 1.0).abs() < 1e-12, "{lens:?}");
         assert!((lens.radius / (blur * job.camera.view_height / 2.0) - 1.0).abs() < 1e-12, "{lens:?}");
         // One sample is noise; but who says so gets it.
-        assert_eq!(job.choices.sampling.samples, Some(64));
+        assert_eq!(job.plan_settings.sampling.samples, Some(64));
         let one = PictureSettings { samples: Some(Samples::clamped(1)), ..settings.picture };
         let one = prepare(
             parse(ball),
             &RenderSettings { picture: one, ..settings.clone() },
             &mut Warnings::default(),
         );
-        assert_eq!(one.expect("a job").choices.sampling.samples, Some(1));
+        assert_eq!(one.expect("a job").plan_settings.sampling.samples, Some(1));
         let flat = RenderSettings { projection: Some(Projection::Orthographic), ..settings };
         let error = resolve(parse(ball), &flat, &mut Warnings::default()).err().expect("no lens");
         assert!(error.to_string().contains("only perspective cameras have a lens"), "{error}");

@@ -6,7 +6,7 @@
 use crate::common::picture::{Prepared, bits, load, parse, prepare};
 use crate::common::repository;
 use kiln::effects::whitted::{glaze, shadows};
-use kiln::effects::{Choices, EFFECTS, Effect, Plan, RayKind, TRANSPORTS, id};
+use kiln::effects::{EFFECTS, Effect, Plan, PlanSettings, RayKind, TRANSPORTS, id};
 use kiln::film::{ColourPipeline, Film};
 use kiln::render::{EffectCost, Statistics};
 use kiln::scene::Numerics;
@@ -23,25 +23,26 @@ fn bill<'a>(statistics: &'a Statistics, effect: &Effect) -> &'a EffectCost {
     statistics.effect_costs.iter().find(|cost| cost.effect == effect.id).expect("each effect has a bill")
 }
 
-fn with(effect: &Effect) -> Choices {
-    Choices { with: vec![effect.name().into()], force_stages: true, ..Choices::default() }
+fn with(effect: &Effect) -> PlanSettings {
+    PlanSettings { with: vec![effect.name().into()], force_stages: true, ..PlanSettings::default() }
 }
 
-fn without(names: &[&str]) -> Choices {
-    Choices { without: names.iter().map(|&name| name.into()).collect(), ..Choices::default() }
+fn without(names: &[&str]) -> PlanSettings {
+    PlanSettings { without: names.iter().map(|&name| name.into()).collect(), ..PlanSettings::default() }
 }
 
 #[test]
 fn the_scene_of_an_effect_calls_for_it() {
     for effect in EFFECTS {
         let prepared = scene(effect.name());
-        let (film, statistics) = prepared.render(Choices::default());
+        let (film, statistics) = prepared.render(PlanSettings::default());
         let bill = bill(&statistics, effect);
         let name = effect.name();
         assert!(bill.stages > 0 && bill.bytes > 0, "{name}: {bill:?}");
         assert!(effect.rays.is_empty() || bill.rays > 0, "{name}: {bill:?}");
-        let decisions =
-            Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan").decisions;
+        let decisions = Plan::new(&prepared.world, &prepared.plan_settings(PlanSettings::default()))
+            .expect("a plan")
+            .decisions;
         let why = &decisions.iter().find(|d| d.effect.name() == name).expect("one of each").why;
         assert!(why.contains('`'), "{name}: `{why}` names nothing that calls for it");
         let (other, statistics) = prepared.render(without(&[name]));
@@ -63,7 +64,7 @@ fn nothing_for(effect: &Effect, statistics: &Statistics) {
 fn a_scene_that_does_not_call_for_an_effect_is_not_billed_for_it() {
     for effect in EFFECTS {
         let prepared = scene(&format!("no-{}", effect.name()));
-        let (film, statistics) = prepared.render(Choices::default());
+        let (film, statistics) = prepared.render(PlanSettings::default());
         nothing_for(effect, &statistics);
         // Asking for another transport or approximation is asking for another picture.
         let is_transport = TRANSPORTS.iter().any(|entry| entry.switch == Some(effect.id));
@@ -73,7 +74,7 @@ fn a_scene_that_does_not_call_for_an_effect_is_not_billed_for_it() {
         // With its stages there all the same, it has nothing to do.
         let (forced, forced_statistics) = prepared.render(with(effect));
         let decisions =
-            Plan::new(&prepared.world, &prepared.choices(with(effect))).expect("a plan").decisions;
+            Plan::new(&prepared.world, &prepared.plan_settings(with(effect))).expect("a plan").decisions;
         assert!(decisions.iter().any(|d| d.effect == effect.id && d.on), "{} is not forced", effect.name());
         assert_eq!(
             bits(&film, SIZE),
@@ -83,7 +84,7 @@ fn a_scene_that_does_not_call_for_an_effect_is_not_billed_for_it() {
         );
         assert_eq!(bill(&forced_statistics, effect).rays, 0, "{} casts rays for nothing", effect.name());
         // What `--with` does, which lets an effect without work stay off.
-        let asked = Choices { force_stages: false, ..with(effect) };
+        let asked = PlanSettings { force_stages: false, ..with(effect) };
         let (asked, statistics) = prepared.render(asked);
         assert_eq!(bits(&film, SIZE), bits(&asked, SIZE));
         nothing_for(effect, &statistics);
@@ -116,7 +117,7 @@ fn floor(more: &str, material: &str) -> Prepared {
 }
 
 fn shadow_rays(prepared: &Prepared) -> u64 {
-    prepared.render(Choices::default()).1.rays(shadows::RAYS).cast
+    prepared.render(PlanSettings::default()).1.rays(shadows::RAYS).cast
 }
 
 #[test]
@@ -130,7 +131,8 @@ fn lights_that_cannot_reach_cast_no_shadow_rays() {
     for dark in ["intensity = 0", "colour = '#000000'"] {
         let prepared = floor(&light(20.0, dark), "");
         assert_eq!(shadow_rays(&prepared), 0);
-        let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
+        let plan =
+            Plan::new(&prepared.world, &prepared.plan_settings(PlanSettings::default())).expect("a plan");
         assert!(plan.effects_on().next().is_none(), "{dark} calls for an effect");
         assert!(!plan.stages().iter().any(|stage| stage.stage.name == "lights"), "{dark} is looked at");
     }
@@ -153,11 +155,11 @@ fn only_the_glazed_material_sends_rays() {
     let light = "[[light]]\ntype = 'point'\nposition = [0, 20, 0]\n";
     let glazed = floor(light, "glaze = { weight = 0.5 }");
     let on_floor = glazed.hits().iter().flatten().filter(|hit| hit.prim.0 == 0).count() as u64;
-    let (_, statistics) = glazed.render(Choices::default());
+    let (_, statistics) = glazed.render(PlanSettings::default());
     assert_eq!(statistics.rays(glaze::RAYS).cast, on_floor);
     // A glazed material that no object is of calls for nothing.
     let unused = floor("[material.other]\ncolour = '#808080'\nglaze = { weight = 0.5 }\n", "");
-    let plan = Plan::new(&unused.world, &unused.choices(Choices::default())).expect("a plan");
+    let plan = Plan::new(&unused.world, &unused.plan_settings(PlanSettings::default())).expect("a plan");
     assert!(!plan.effects_on().any(|effect| effect == id::GLAZE));
 }
 
@@ -175,8 +177,8 @@ fn mirrors(weight: f64, bounces: u32, pipeline: ColourPipeline) -> Prepared {
     prepare(parse(&text), [24, 24], Numerics::Watertight)
 }
 
-fn glaze_value(value: &str) -> Choices {
-    Choices { with: vec![format!("glaze={value}")], ..Choices::default() }
+fn glaze_value(value: &str) -> PlanSettings {
+    PlanSettings { with: vec![format!("glaze={value}")], ..PlanSettings::default() }
 }
 
 #[test]
@@ -186,7 +188,7 @@ fn paths_stop_where_it_does_not_show() {
         // W = weight^n < 2^-53 first at n = 54 for a half and n = 27 for a quarter: so many levels of rays, not 120.
         for (weight, levels) in [(0.5, 54), (0.25, 27)] {
             let prepared = mirrors(weight, 120, pipeline);
-            let (film, statistics) = prepared.render(Choices::default());
+            let (film, statistics) = prepared.render(PlanSettings::default());
             let (whole, all) = prepared.render(glaze_value("every-bounce"));
             assert_eq!(bytes(&film, pipeline), bytes(&whole, pipeline), "{pipeline:?}, {weight}");
             // From within a closed ball every ray hits: a ray a pixel and level.
@@ -195,7 +197,7 @@ fn paths_stop_where_it_does_not_show() {
         }
     }
     // Rounded to eight bits at every step, the least change can go on: nothing stops.
-    let (_, statistics) = mirrors(0.5, 120, ColourPipeline::U8).render(Choices::default());
+    let (_, statistics) = mirrors(0.5, 120, ColourPipeline::U8).render(PlanSettings::default());
     assert_eq!(statistics.rays(glaze::RAYS).cast, 24 * 24 * 120);
 }
 
@@ -203,8 +205,8 @@ fn paths_stop_where_it_does_not_show() {
 fn paths_that_stopped_too_early_would_show() {
     // The same pictures with bounces cut at 6: W = 2^-6 is above the steps of eight bits, and the test above would
     // fail.
-    let (short, _) = mirrors(0.5, 6, ColourPipeline::Display).render(Choices::default());
-    let (long, _) = mirrors(0.5, 120, ColourPipeline::Display).render(Choices::default());
+    let (short, _) = mirrors(0.5, 6, ColourPipeline::Display).render(PlanSettings::default());
+    let (long, _) = mirrors(0.5, 120, ColourPipeline::Display).render(PlanSettings::default());
     assert_ne!(short.to_rgb8(ColourPipeline::Display), long.to_rgb8(ColourPipeline::Display));
 }
 
@@ -212,8 +214,8 @@ fn paths_that_stopped_too_early_would_show() {
 fn values_are_checked() {
     let prepared = scene("glaze");
     let error = |with: &str| {
-        let choices = Choices { with: vec![with.into()], ..Choices::default() };
-        let error = Plan::new(&prepared.world, &choices).err().expect("it cannot be used");
+        let plan_settings = PlanSettings { with: vec![with.into()], ..PlanSettings::default() };
+        let error = Plan::new(&prepared.world, &plan_settings).err().expect("it cannot be used");
         (error.to_string(), error.hint().to_owned())
     };
     assert_eq!(error("glaez").1, "did you mean `glaze`?");
@@ -246,8 +248,9 @@ fn the_users_word_comes_before_the_scenes() {
     let prepared = prepare(parse(text), [8, 8], Numerics::Watertight);
     let decide = |with: &[&str]| {
         let with = with.iter().map(|&name| name.into()).collect();
-        let choices = Choices { scene: prepared.scene_effects.clone(), with, ..Choices::default() };
-        let decisions = Plan::new(&prepared.world, &choices).expect("a plan").decisions;
+        let plan_settings =
+            PlanSettings { scene: prepared.scene_effects.clone(), with, ..PlanSettings::default() };
+        let decisions = Plan::new(&prepared.world, &plan_settings).expect("a plan").decisions;
         let of =
             |name: &str| decisions.iter().find(|d| d.effect.name() == name).cloned().expect("one of each");
         [of("glaze"), of("shadows")].map(|d| (d.on, d.value))

@@ -6,7 +6,7 @@ use glam::DVec3;
 use kiln::error::Warnings;
 use kiln::film::tone::Exposure;
 use kiln::film::{ColourPipeline, DisplayTransform, Film};
-use kiln::job::{Choices, RenderControl, RenderJob, RenderSettings, prepare};
+use kiln::job::{PlanSettings, RenderControl, RenderJob, RenderSettings, prepare};
 use kiln::render::aov::{self, AovSelection};
 use kiln::scene::{Camera, Look, PictureSettings, Sampling, Transport};
 use std::path::{Path, PathBuf};
@@ -37,11 +37,11 @@ impl Ended {
 }
 
 fn render(job: &RenderJob, sampling: Sampling) -> (RenderJob, Film) {
-    let choices = Choices {
-        sampling: crate::common::picture::or(sampling, job.choices.sampling),
-        ..job.choices.clone()
+    let plan_settings = PlanSettings {
+        sampling: crate::common::picture::or(sampling, job.plan_settings.sampling),
+        ..job.plan_settings.clone()
     };
-    let job = job.with_choices(choices).expect("a plan");
+    let job = job.with_plan_settings(plan_settings).expect("a plan");
     let film = job.render(&RenderControl::default()).expect("a picture").0;
     (job, film)
 }
@@ -54,11 +54,13 @@ impl Case {
             *picture = PictureSettings::of_size(size).or(*picture);
         });
         let mut job = prepare(scene, &settings, &mut warnings).expect("a job");
-        job.choices.sampling.min_samples = None;
+        job.plan_settings.sampling.min_samples = None;
         let own = |samples, seed| Sampling { samples: Some(samples), seed, ..Sampling::default() };
-        let noiseless =
-            Choices { sampling: Sampling { noise: None, ..job.choices.sampling }, ..job.choices.clone() };
-        let (_, limit) = render(&job.with_choices(noiseless).expect("a plan"), own(reference, 1000));
+        let noiseless = PlanSettings {
+            sampling: Sampling { noise: None, ..job.plan_settings.sampling },
+            ..job.plan_settings.clone()
+        };
+        let (_, limit) = render(&job.with_plan_settings(noiseless).expect("a plan"), own(reference, 1000));
         // The exposure of the reference, so that both are displayed alike.
         let display = job.display_transform(&RenderControl::default()).expect("an exposure");
         let shown = |pixel: [f32; 3]| display.displayed(job.pipeline(), DVec3::from(pixel.map(f64::from)));
@@ -187,8 +189,8 @@ fn transparent_pixels_end_when_their_composites_are_accurate() {
     let film = |sampling: Sampling| {
         let job =
             prepare(scene.clone(), &RenderSettings::default(), &mut Warnings::default()).expect("a job");
-        let choices = Choices { sampling, ..job.choices.clone() };
-        let job = job.with_choices(choices).expect("a plan");
+        let plan_settings = PlanSettings { sampling, ..job.plan_settings.clone() };
+        let job = job.with_plan_settings(plan_settings).expect("a plan");
         job.render::<[f32; 4]>(&RenderControl::default()).expect("a picture").0
     };
     let own = |samples, seed| Sampling { samples: Some(samples), seed, ..Sampling::default() };

@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::common;
 use crate::common::picture::{load, picture, prepare};
 use glam::{DVec3, DVec4};
-use kiln::effects::Choices;
+use kiln::effects::PlanSettings;
 use kiln::scene::{Mesh, Numerics, Scene};
 
 /// What a texel says: 255 is 1, 0 is -1.
@@ -131,8 +131,8 @@ fn no_light_comes_through() {
     assert!(normal_of([255, 128, 160]).dot(l) > 0.3);
     assert_eq!(middle(scene.clone()), 0.0);
     let prepared = prepare(scene, [5, 5], Numerics::Watertight);
-    let choices = Choices { without: vec!["shadows".into()], ..Choices::default() };
-    assert_eq!(prepared.render(choices).0.pixel(2, 2)[0], 0.0);
+    let plan_settings = PlanSettings { without: vec!["shadows".into()], ..PlanSettings::default() };
+    assert_eq!(prepared.render(plan_settings).0.pixel(2, 2)[0], 0.0);
 }
 
 /// 1/2, the value of a flat texel, lies between two stored values. Any combination of these two leaves the picture
@@ -310,7 +310,7 @@ fn off_is_off() {
     let scene = scene_of(&square(UPRIGHT, true), [200, 190, 200], l, 5.0, "");
     let plain = scene_with(&square(UPRIGHT, true), "", |_| {}, l, 5.0, "");
     let prepared = prepare(scene, [5, 5], Numerics::Watertight);
-    let without = Choices { without: vec!["normal-maps".into()], ..Choices::default() };
+    let without = PlanSettings { without: vec!["normal-maps".into()], ..PlanSettings::default() };
     let (film, _) = prepared.render(without);
     assert_eq!(f64::from(film.pixel(2, 2)[0]), middle(plain));
     assert!(prepared.world.images[0].mip_map_bytes() == 0);

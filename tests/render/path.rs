@@ -2,7 +2,7 @@
 //! four standard errors of it, and the standard error must be small enough for the test to mean something.
 
 use crate::common::picture::{changed, parse};
-use kiln::effects::{Choices, LightTechnique};
+use kiln::effects::{LightTechnique, PlanSettings};
 use kiln::error::Warnings;
 use kiln::film::{Film, Window};
 use kiln::job::metadata::fingerprint_of;
@@ -223,8 +223,9 @@ fn a_clamp_limits_what_paths_add_beyond_the_first_surface() {
     for clamp in [f64::MAX, 0.2, 0.1] {
         let settings = changed(settings(1, 3), |picture| picture.clamp = Some(Clamp::clamped(clamp)));
         let job = prepare(parse(&room), &settings, &mut Warnings::default()).expect("a job");
-        let choices = Choices { light_technique: LightTechnique::BsdfSamples, ..job.choices.clone() };
-        let job = job.with_choices(choices).expect("the job with another technique");
+        let plan_settings =
+            PlanSettings { light_technique: LightTechnique::BsdfSamples, ..job.plan_settings.clone() };
+        let job = job.with_plan_settings(plan_settings).expect("the job with another technique");
         let (seen, error) = mean(&job.render(&RenderControl::default()).expect("a picture").0);
         let expected: f64 = [1.0, 0.5, 0.25f64.min(clamp), 0.125f64.min(clamp)].iter().sum();
         assert!((seen - expected).abs() < 1e-5 && error < 1e-6, "{clamp}: {seen}, expected {expected}");

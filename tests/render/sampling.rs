@@ -12,7 +12,7 @@ use kiln::effects::region::SampledRegion;
 use kiln::effects::samples::SampleSum;
 use kiln::effects::tile::{RenderContext, Tile};
 use kiln::effects::variance::SampleVariance;
-use kiln::effects::{Choices, Plan, RayKind};
+use kiln::effects::{Plan, PlanSettings, RayKind};
 use kiln::film::{ColourPipeline, Film, FilterShape, ReconstructionFilter, Window};
 use kiln::render::{RenderControl, Statistics, render};
 use kiln::scene::{Numerics, Sampling};
@@ -461,7 +461,7 @@ fn scene(image: &str, with_ball: bool) -> Prepared {
 }
 
 fn picture(prepared: &Prepared, window: Window, threads: usize) -> (Film, Statistics) {
-    let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
+    let plan = Plan::new(&prepared.world, &prepared.plan_settings(PlanSettings::default())).expect("a plan");
     let control = RenderControl { time_stages: true, ..RenderControl::default() };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
     pool.install(|| render(&prepared.world, &prepared.view, &plan, window, |_, _| true, &control))
@@ -474,8 +474,8 @@ const WHOLE: Window = Window { x: 0, y: 0, width: 48, height: 48 };
 fn an_edge_is_where_it_should_be() {
     // The line y = 0.8 + 0.305 x; pixel (i, j) from the top has its centre at (i - 23.5, 23.5 - j).
     let prepared = scene("samples = 256\nfilter = \"box\"", false);
-    let choices = Choices { shading: ShadingMode::Flat, ..Choices::default() };
-    let (film, statistics) = prepared.render(choices);
+    let plan_settings = PlanSettings { shading: ShadingMode::Flat, ..PlanSettings::default() };
+    let (film, statistics) = prepared.render(plan_settings);
     assert_eq!(statistics.rays(RayKind::PRIMARY).cast, 48 * 48 * 256);
     let (mut squares, mut crossed) = (0.0, 0);
     for j in 0..48 {
@@ -545,7 +545,7 @@ fn counts(plan: &Plan, context: &RenderContext, window: Window) -> Vec<u32> {
 #[test]
 fn samples_around_a_tile_are_counted_but_are_no_samples_of_its_pixels() {
     let prepared = scene("noise = 0.01\nmin_samples = 4", true);
-    let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
+    let plan = Plan::new(&prepared.world, &prepared.plan_settings(PlanSettings::default())).expect("a plan");
     let context = RenderContext {
         world: &prepared.world,
         view: &prepared.view,

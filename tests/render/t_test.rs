@@ -43,7 +43,7 @@ pub fn estimate(job: &RenderJob) -> Estimate {
         means: std::array::from_fn(|c| film.rows().map(|pixel: [f32; 3]| pixel[c]).collect()),
         variances: ["Variance.R", "Variance.G", "Variance.B"].map(values),
         counts: values("Samples.X"),
-        seed: Some(job.choices.sampling.seed),
+        seed: Some(job.plan_settings.sampling.seed),
     }
 }
 
@@ -71,7 +71,7 @@ fn mean_and_variance_are_those_of_pictures_of_one_sample() {
         .map(|i| {
             let settings = settings(16, 3, 5);
             let mut job = prepare(parse(&scene), &settings, &mut Warnings::default()).expect("a job");
-            job.set_sampling(job.choices.sampling.part(i, i + 1)).expect("a plan");
+            job.set_sampling(job.plan_settings.sampling.part(i, i + 1)).expect("a plan");
             let (film, _): (Film, _) = job.render(&RenderControl::default()).expect("a picture");
             film.rows().collect()
         })

@@ -5,7 +5,7 @@ use crate::common::picture::{Prepared, bits, prepare};
 use crate::common::repository;
 use glam::{DMat4, DVec2, DVec3};
 use kiln::bvh::Traversal;
-use kiln::effects::{Choices, Plan, id};
+use kiln::effects::{Plan, PlanSettings, id};
 use kiln::film::{ColourPipeline, Window};
 use kiln::geometry::{Ray, Sphere};
 use kiln::render::{RenderControl, render};
@@ -75,9 +75,9 @@ fn scene(picture: DecodedImage, mesh: Mesh, camera: Camera) -> Scene {
 }
 
 /// With a filter, and no shading.
-fn flat(filter: TextureFilter) -> Choices {
+fn flat(filter: TextureFilter) -> PlanSettings {
     let with = vec![format!("textures={}", filter.name())];
-    Choices { shading: ShadingMode::Flat, with, ..Choices::default() }
+    PlanSettings { shading: ShadingMode::Flat, with, ..PlanSettings::default() }
 }
 
 fn red(prepared: &Prepared, filter: TextureFilter, x: u32, y: u32) -> f64 {
@@ -213,9 +213,9 @@ fn mirrors_add_their_distance() {
     let at_one = DMat4::from_translation(DVec3::NEG_Z);
     scene.objects.push(object(Shape::Mesh(square(0.5, 1.0, at_one)), 1));
     let prepared = prepare(scene, [PIXELS, PIXELS], Numerics::Watertight);
-    let mut choices = flat(TextureFilter::Mipmap);
-    choices.with.push("glaze".into());
-    let value = f64::from(prepared.render(choices).0.pixel(PIXELS / 2, PIXELS / 2)[0]);
+    let mut plan_settings = flat(TextureFilter::Mipmap);
+    plan_settings.with.push("glaze".into());
+    let value = f64::from(prepared.render(plan_settings).0.pixel(PIXELS / 2, PIXELS / 2)[0]);
     let level = 2.0 + 2.0 * (1.0 - value);
     assert!((level - 5.5f64.log2()).abs() < 1e-4, "{level} instead of {}", 5.5f64.log2());
 }
@@ -355,7 +355,7 @@ fn pyramids_are_made_where_a_filter_asks() {
         assert_eq!(image.mip_map_bytes(), 0);
         assert!(statistics.bytes() > 0);
     }
-    prepared.render(Choices { without: vec!["textures".into()], ..Choices::default() });
+    prepared.render(PlanSettings { without: vec!["textures".into()], ..PlanSettings::default() });
     assert_eq!(image.mip_map_bytes(), 0);
     prepared.render(flat(TextureFilter::Mipmap));
     // 32^2 + 16^2 + 8^2 + 4^2 + 2^2 + 1 = 1365 texels of three 16-bit numbers; none for plain numbers.
@@ -366,7 +366,7 @@ fn pyramids_are_made_where_a_filter_asks() {
     let minify = Some(Minify { within: Interpolation::Linear, between: None });
     scene.materials[0] = textured(TextureSampler { minify, ..TextureSampler::default() });
     let prepared = prepare(scene, [8, 8], Numerics::Watertight);
-    prepared.render(Choices::default());
+    prepared.render(PlanSettings::default());
     assert_eq!(prepared.world.images[0].mip_map_bytes(), 0);
 }
 
@@ -381,8 +381,11 @@ fn without_textures() {
     );
     let prepared = prepare(scene.clone(), [4, 4], Numerics::Watertight);
     assert_eq!(red(&prepared, TextureFilter::Nearest, 1, 1), 0.0);
-    let without =
-        Choices { shading: ShadingMode::Flat, without: vec!["textures".into()], ..Choices::default() };
+    let without = PlanSettings {
+        shading: ShadingMode::Flat,
+        without: vec!["textures".into()],
+        ..PlanSettings::default()
+    };
     assert_eq!(prepared.render(without).0.pixel(1, 1)[0], 1.0);
     // A mesh without texture coordinates has its material's colour.
     if let Shape::Mesh(mesh) = &mut scene.objects[0].shape {
@@ -392,7 +395,7 @@ fn without_textures() {
     assert_eq!(red(&bare, TextureFilter::Mipmap, 1, 1), 1.0);
     scene.materials[0] = Material::Phong(Phong::default());
     let plain = prepare(scene, [4, 4], Numerics::Watertight);
-    let plan = Plan::new(&plain.world, &plain.choices(Choices::default())).expect("a plan");
+    let plan = Plan::new(&plain.world, &plain.plan_settings(PlanSettings::default())).expect("a plan");
     assert!(plan.decisions.iter().all(|d| d.effect != id::TEXTURES || !d.on));
     assert!(plan.stages().iter().all(|stage| stage.stage.name != "texture coordinates"));
 }
@@ -405,15 +408,16 @@ fn the_same_bits_for_threads_and_crops() {
     for numerics in Numerics::ALL {
         let size = [60, 44];
         let prepared = prepare(scene.clone(), size, numerics);
-        let whole = prepared.render(Choices::default()).0;
+        let whole = prepared.render(PlanSettings::default()).0;
         let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
-        let alone = one.install(|| prepared.render(Choices::default()).0);
+        let alone = one.install(|| prepared.render(PlanSettings::default()).0);
         assert!(bits(&whole, size) == bits(&alone, size));
         // In `fast`, rays of a crop make other packets.
         if numerics == Numerics::Fast {
             continue;
         }
-        let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
+        let plan =
+            Plan::new(&prepared.world, &prepared.plan_settings(PlanSettings::default())).expect("a plan");
         let window = Window { x: 13, y: 17, width: 29, height: 20 };
         let never = std::sync::atomic::AtomicBool::new(false);
         let control = RenderControl { cancel: &never, progress: &|_, _| {}, time_stages: false };
@@ -436,7 +440,7 @@ fn a_filter_can_be_said_in_the_scene_and_on_the_command_line() {
     );
     scene.effects.set("textures", EffectValue::Text("nearest".into()), None);
     let prepared = prepare(scene, [10, 10], Numerics::Watertight);
-    let flat_as_is = Choices { shading: ShadingMode::Flat, ..Choices::default() };
+    let flat_as_is = PlanSettings { shading: ShadingMode::Flat, ..PlanSettings::default() };
     // In column 3 at u = 0.35: nearest the first texel, bilinear 0.35 * 2 - 0.5 = 0.2 of the way to the second.
     assert_eq!(prepared.render(flat_as_is).0.pixel(3, 5)[0], 0.0);
     assert!((red(&prepared, TextureFilter::Bilinear, 3, 5) - 0.2).abs() < 1e-6);

@@ -9,7 +9,7 @@
 use crate::common::picture::parse;
 use crate::path::room_file;
 use crate::t_test::{estimate, settings};
-use kiln::effects::{Choices, LightTechnique, PathSettings};
+use kiln::effects::{LightTechnique, PathSettings, PlanSettings};
 use kiln::error::Warnings;
 use kiln::job::prepare;
 use kiln::metrics::t_test::{Estimate, TTest};
@@ -55,8 +55,8 @@ fn render_scene(
 ) -> Estimate {
     let job = prepare(parse(scene), &settings(SAMPLES, depth, seed), &mut Warnings::default());
     let job = job.expect("a job");
-    let choices = Choices { light_technique: technique, path, ..job.choices.clone() };
-    estimate(&job.with_choices(choices).expect("the job with another technique"))
+    let plan_settings = PlanSettings { light_technique: technique, path, ..job.plan_settings.clone() };
+    estimate(&job.with_plan_settings(plan_settings).expect("the job with another technique"))
 }
 
 fn test(a: &Estimate, b: &Estimate) -> TTest {
@@ -146,8 +146,8 @@ fn light_samples_share_the_light() {
     let job = prepare(parse(scene), &settings(4, 1, 1), &mut Warnings::default()).expect("a job");
     let picture = |light_samples| {
         let path = PathSettings { light_samples, ..PathSettings::default() };
-        let choices = Choices { path, ..job.choices.clone() };
-        estimate(&job.with_choices(choices).expect("the job with other samples"))
+        let plan_settings = PlanSettings { path, ..job.plan_settings.clone() };
+        estimate(&job.with_plan_settings(plan_settings).expect("the job with other samples"))
     };
     // A quarter of the light four times is the light, without rounding: both are powers of two.
     let [one, four] = [1, 4].map(picture);

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use crate::common::gltf::Model;
 use crate::common::picture::parse;
 use crate::path::{check, check_settings, mean, render, settings};
-use kiln::effects::{Choices, LightTechnique};
+use kiln::effects::{LightTechnique, PlanSettings};
 use kiln::error::Warnings;
 use kiln::job::{RenderControl, prepare};
 use kiln::scene::Numerics;
@@ -236,8 +236,8 @@ fn shadow_rays_run_through_media() {
     assert!(highest < 1.8);
     let job = prepare(parse(&sphere), &settings(256, 4), &mut Warnings::default()).expect("a job");
     for technique in [LightTechnique::Both, LightTechnique::BsdfSamples, LightTechnique::LightSamples] {
-        let choices = Choices { light_technique: technique, ..job.choices.clone() };
-        let job = job.with_choices(choices).expect("the job with another technique");
+        let plan_settings = PlanSettings { light_technique: technique, ..job.plan_settings.clone() };
+        let job = job.with_plan_settings(plan_settings).expect("the job with another technique");
         let (film, _) = job.render(&RenderControl::default()).expect("a picture");
         let (mean, error) = mean(&film);
         assert!(error < 0.01 * expected, "{technique:?}: {error}");

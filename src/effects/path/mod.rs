@@ -44,8 +44,8 @@ use super::shadow_catcher::catch_shadows;
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::unlit::expose_unlit;
 use super::{
-    Choices, Effect, EffectContext, EffectValue, Hook, LightTechnique, PathSettings, RayKind, SecondaryRays,
-    Stage, TextureUse, TransportEntry, id, named,
+    Effect, EffectContext, EffectValue, Hook, LightTechnique, PathSettings, PlanSettings, RayKind,
+    SecondaryRays, Stage, TextureUse, TransportEntry, id, named,
 };
 use crate::scene::{PixelSampler, Sampling, TextureSlot, Transport, TransportReason};
 use crate::shading::base_colour;
@@ -114,12 +114,12 @@ pub const EFFECT: Effect = Effect {
 const MAX_DEPTH: u32 = 1000;
 
 /// What calls for paths, or speaks against them.
-fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
+fn called_for(world: &World, plan_settings: &PlanSettings) -> Result<String, String> {
     let names = &world.area_lights.names;
     let (has_environment, has_area_light) = (world.environment.is_some(), !names.is_empty());
     let has_reason = world.path_tracing_reason.is_some();
     let (transport, reason) =
-        Transport::called_for(choices.transport, has_environment, has_area_light, has_reason);
+        Transport::called_for(plan_settings.transport, has_environment, has_area_light, has_reason);
     let why = match reason {
         TransportReason::Choice => format!("the transport is `{}`", transport.name()),
         TransportReason::Environment => "the scene has an `environment`".into(),
@@ -134,7 +134,7 @@ fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
     if transport != Transport::Path {
         return Err(why);
     }
-    let clamp = choices.clamp.map(|clamp| format!("; indirect light is clamped to {clamp}"));
+    let clamp = plan_settings.clamp.map(|clamp| format!("; indirect light is clamped to {clamp}"));
     Ok(why + &clamp.unwrap_or_default())
 }
 

@@ -12,7 +12,7 @@ use glam::DVec3;
 use crate::effects::random::Dimension;
 use crate::effects::samples::SurfaceNumbers;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
-use crate::effects::{Choices, Effect, EffectContext, EffectValue, Hook, RayKind, Stage, id};
+use crate::effects::{Effect, EffectContext, EffectValue, Hook, PlanSettings, RayKind, Stage, id};
 use crate::geometry::RayBuffer;
 use crate::scene::PixelSampler;
 use crate::world::World;
@@ -69,13 +69,13 @@ pub const EFFECT: Effect = Effect {
 };
 
 /// Constant ambient light does without, unless it is asked for.
-fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
+fn called_for(world: &World, plan_settings: &PlanSettings) -> Result<String, String> {
     let name = id::AMBIENT_OCCLUSION.name();
     if world.fill.is_some() {
         return Ok("the fill light casts no shadows".into());
     }
-    let typed = choices.with.iter().any(|typed| typed.split('=').next() == Some(name));
-    if !typed && !choices.scene.get(name).is_some_and(|value| value.is_on()) {
+    let typed = plan_settings.with.iter().any(|typed| typed.split('=').next() == Some(name));
+    if !typed && !plan_settings.scene.get(name).is_some_and(|value| value.is_on()) {
         return Err("off by default; --with turns it on".into());
     }
     if !world.has_ambient() {

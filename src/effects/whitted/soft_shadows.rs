@@ -19,12 +19,12 @@ pub const EFFECT: Effect = Effect {
     builds_on: Some(id::SHADOWS),
     needs_lights: true,
     is_shading: true,
-    called_for: |world: &World, choices| {
+    called_for: |world: &World, plan_settings| {
         let discs = world.lights.iter().filter(|light| light.disc.is_some());
         let Some(names) = named("light", discs.map(|light| light.name.as_str())) else {
             return Err("no directional light has an `angle`".into());
         };
-        if !choices.sampling.is_wanted() {
+        if !plan_settings.sampling.is_wanted() {
             return Err("one sample per pixel has no soft shadow; --samples takes more".into());
         }
         Ok(format!("the apparent diameter of {names}"))

@@ -139,7 +139,8 @@ impl App {
             (Action::NextShown, _) => controls.display_mode = next(&DisplayMode::ALL, controls.display_mode),
             (Action::Compare, _) => {
                 let prepared = self.canvas.prepared(0);
-                controls.switch_comparison(prepared.map_or(1, |p| p.job.choices.sampling.samples_taken()));
+                controls
+                    .switch_comparison(prepared.map_or(1, |p| p.job.plan_settings.sampling.samples_taken()));
             }
             (Action::NextTier, _) => controls.next_tier(),
             (Action::NextShading, _) => controls.next_shading(),

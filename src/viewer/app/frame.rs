@@ -121,7 +121,7 @@ impl App {
     fn side_names(&self) -> [String; 2] {
         let Some(controls) = &self.controls else { return Default::default() };
         let [a, b] = [0, 1].map(|side| {
-            let sampling = self.canvas.prepared(side).map(|prepared| prepared.job.choices.sampling);
+            let sampling = self.canvas.prepared(side).map(|prepared| prepared.job.plan_settings.sampling);
             let settings = controls.sides.get(side);
             settings.map(|s| panel::setting_names(s, &sampling.unwrap_or_default())).unwrap_or_default()
         });

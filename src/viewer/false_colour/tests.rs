@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use super::*;
 use crate::bvh::Layout;
-use crate::effects::{Choices, Plan};
+use crate::effects::{Plan, PlanSettings};
 use crate::error::Warnings;
 use crate::farm::Shard;
 use crate::film::Window;
@@ -19,7 +19,7 @@ fn false_colours_of_scene(mode: DisplayMode, size: u32) -> FalseColours {
     let camera = scene.cameras[0].clone();
     let view = View::new(&camera, camera.projection, [size, size]).unwrap();
     let world = World::prepare(scene, Default::default(), Layout::default(), Numerics::default());
-    let plan = Plan::new(&world, &Choices::default()).unwrap();
+    let plan = Plan::new(&world, &PlanSettings::default()).unwrap();
     let window = Window { x: 0, y: 0, width: size, height: size };
     let source = AovSource {
         world: &world,

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::bvh::Layout;
-use crate::effects::Choices;
+use crate::effects::PlanSettings;
 use crate::error::Warnings;
 use crate::scene::{Camera, Numerics, Projection, Scene};
 use crate::world::recenter;
@@ -27,9 +27,9 @@ fn ready(mut scene: Scene, camera: &Camera) -> Ready {
     let view = View::new(&camera, camera.projection, [101, 101]).unwrap();
     let bounds = scene.bounds();
     let pipeline = scene.picture.pipeline();
-    let choices = Choices { sampling: scene.picture.sampling(), ..Choices::default() };
+    let plan_settings = PlanSettings { sampling: scene.picture.sampling(), ..PlanSettings::default() };
     let world = World::prepare(scene, pipeline, Layout::default(), Numerics::Double);
-    let plan = Plan::new(&world, &choices).unwrap();
+    let plan = Plan::new(&world, &plan_settings).unwrap();
     Ready { world, view, plan, bounds, recentering }
 }
 

@@ -101,7 +101,7 @@ impl<'a> Side<'a> {
         let control = RenderControl { cancel, progress: &|_, _| (), time_stages: false };
         let is_last = index + 1 == self.passes.len();
         let pipeline = self.prepared.job.pipeline();
-        let final_sampling = self.prepared.job.choices.sampling;
+        let final_sampling = self.prepared.job.plan_settings.sampling;
         let (factor, sampling) = match pass {
             Pass::Coarse(factor) => (factor, Sampling::default()),
             Pass::Samples(from, to) => (1, final_sampling.part(from, to)),
@@ -206,7 +206,7 @@ impl<'a> Side<'a> {
     /// The display transform of the final image. The exposure is metered at the first call.
     fn final_display(&mut self, control: &RenderControl) -> Result<DisplayTransform> {
         if self.meters() && self.metered.is_none() {
-            let mut job = self.prepared.job.with_choices(self.prepared.job.choices.clone())?;
+            let mut job = self.prepared.job.with_plan_settings(self.prepared.job.plan_settings.clone())?;
             job.meter(control)?;
             self.metered = Some(Arc::new(job));
         }
@@ -261,7 +261,7 @@ impl<'a> Side<'a> {
     ) -> Result<(Film, Statistics)> {
         let control = RenderControl { time_stages: true, ..*control };
         let mut sized = job.with_size(size)?;
-        if sampling != sized.choices.sampling {
+        if sampling != sized.plan_settings.sampling {
             sized.set_sampling(sampling)?;
         }
         if let Some(&ev) = job.auto_exposure.get() {

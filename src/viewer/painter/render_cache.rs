@@ -155,7 +155,7 @@ impl RenderCache {
         }
         let meters = picture.meters;
         let job = prepared.job_for(ResolvedPicture { camera, ..picture })?;
-        let (sampling, choices, whole) = (job.choices.sampling, &job.choices, &job.plan);
+        let (sampling, plan_settings, whole) = (job.plan_settings.sampling, &job.plan_settings, &job.plan);
         let kind = match (whole.takes_samples(), whole.is_adaptive()) {
             (false, _) => SamplingKind::Centres,
             (true, false) => SamplingKind::Samples(sampling.max_samples()),
@@ -163,7 +163,9 @@ impl RenderCache {
         };
         let decisions = EFFECTS.iter().zip(&whole.decisions);
         let mut decisions: Vec<(Decision, bool)> = decisions
-            .map(|(effect, decision)| (decision.clone(), (effect.called_for)(&job.world, choices).is_ok()))
+            .map(|(effect, decision)| {
+                (decision.clone(), (effect.called_for)(&job.world, plan_settings).is_ok())
+            })
             .collect();
         decisions.sort_by_key(|(_, can)| !can);
         Ok(Arc::new(Prepared { job, camera: in_scene, decisions, kind, meters }))
