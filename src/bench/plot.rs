@@ -1,7 +1,5 @@
 //! Plots as SVG: bars, panels of lines, and scatter plots. Colours are fixed; the CSS of a page overrides them in dark
-//! mode.
-//!
-//! No crate is used: plotters 0.3 takes more code for these plots than what they are drawn with here.
+//! mode. Why without a crate: docs/decisions.md.
 
 use std::fmt::Write;
 

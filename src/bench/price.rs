@@ -62,14 +62,17 @@ pub fn plot(rows: &[PriceRow]) -> String {
     let is_first = |(index, row): &(usize, &PriceRow)| {
         !rows[..*index].iter().any(|before| (before.engine, before.mode) == (row.engine, row.mode))
     };
+    let marks: Vec<Mark> =
+        rows.iter().enumerate().filter(is_first).filter_map(|(_, row)| mark(row)).collect();
+    let groups = ["kiln", "other libraries", "Embree"].into_iter().zip(0..);
     let plot = Scatter {
         size: [760.0, 460.0],
         text: 11.0,
         axes: ["nanoseconds a ray, mean of four kinds", "wrong answers a million rays at edges and vertices"],
-        marks: rows.iter().enumerate().filter(is_first).filter_map(|(_, row)| mark(row)).collect(),
+        groups: groups.filter(|(_, group)| marks.iter().any(|mark| mark.group == *group)).collect(),
+        marks,
         joined: Vec::new(),
         floor: None,
-        groups: Vec::new(),
     };
     plot.svg()
 }

@@ -66,8 +66,8 @@ struct Arguments {
     /// Maximum memory, such as 16G, at least 128M [default: the available memory; 4G for the sizes in one input file]
     #[arg(long, global = true, help_heading = group::LIMITS, display_order = 900, value_name = "SIZE", value_parser = limits::parse_limit)]
     memory_limit: Option<u64>,
-    /// Maximum contents of input files: triangles=N (with spheres), texels=N or nodes=N; may be repeated [default:
-    /// triangles=4294967295, texels=4294967296, nodes=16777216]
+    /// Maximum contents of input files: triangles=N (with spheres and disks), texels=N or nodes=N; may be repeated
+    /// [default: triangles=4294967295, texels=4294967296, nodes=16777216]
     #[arg(long, global = true, help_heading = group::LIMITS, display_order = 900, value_name = "KIND=N", value_parser = limits::parse_count)]
     limit: Vec<(limits::Counted, u64)>,
 }

@@ -331,7 +331,7 @@ pub(crate) fn warn_about_picture(
         return;
     }
     if world.primitive_count() == 0 {
-        warnings.push("nothing is in the picture: the scene has no triangles and no spheres");
+        warnings.push("nothing is in the picture: the scene has no triangles, spheres or disks");
         return;
     }
     if primary.hit == 0 {

@@ -5,7 +5,7 @@ use crate::error::{Error, Place};
 /// What is counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Counted {
-    /// Triangles and spheres of all inputs, those of an instanced mesh for each of its placements.
+    /// Triangles and analytic shapes of all inputs, those of an instanced mesh for each of its placements.
     Triangles,
     /// Texels of all textures.
     Texels,

@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3, DVec4, Vec2, Vec3, Vec4};
 use crate::film::{Colour, ColourPipeline};
 use crate::scene::{Attribute, Mesh, Placed, Shape};
 
-/// The vertex attributes of an object; none for a sphere. Triangles are numbered within the object.
+/// The vertex attributes of an object; none for an analytic shape. Triangles are numbered within the object.
 pub(crate) struct Attributes {
     arrays: Arc<AttributeArrays>,
     /// For an instance of a shared mesh, its placement. Normals and tangents are transformed when they are read.

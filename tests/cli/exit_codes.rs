@@ -230,7 +230,7 @@ fn files_without_triangles_are_refused() {
     workshop.write("background.toml", background);
     let said = workshop.succeed("render background.toml -o a.png");
     assert!(
-        said.contains("nothing is in the picture: the scene has no triangles and no spheres\n"),
+        said.contains("nothing is in the picture: the scene has no triangles, spheres or disks\n"),
         "{said}"
     );
     assert_eq!(workshop.pixels("a.png").get_pixel(3, 3).0, [0x10, 0x20, 0x30]);

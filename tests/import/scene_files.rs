@@ -273,7 +273,7 @@ const FAULTS: &[(&str, &str, &str)] = &[
     (
         "[[light]]\ntype = 'point'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\n",
         "1: light `light 0` has a `look_at`",
-        "only a spot or a rectangle or a disk has `look_at`",
+        "only a spot, a rectangle or a disk has `look_at`",
     ),
     (
         "[[light]]\ntype = 'directional'\ndirection = [0, 1, 0]\nouter_cone_angle = 3\n",

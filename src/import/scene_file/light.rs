@@ -142,6 +142,10 @@ impl Builder<'_> {
         ];
         let of = all.into_iter().map(form_of).filter(|form| form.keys.contains(&key));
         let of: Vec<&str> = of.map(|form| form.noun).collect();
+        let of = match of.as_slice() {
+            [others @ .., last] if !others.is_empty() => format!("{} or {last}", others.join(", ")),
+            all => all.concat(),
+        };
         let hint = match key {
             "position" | "direction" => {
                 let hint = format!("{noun} has {placing}");
@@ -150,7 +154,7 @@ impl Builder<'_> {
             "falloff" if s.kind != LightType::Directional => {
                 format!("leave it out: the light of {noun} falls with distance by itself")
             }
-            _ => format!("only {} has `{key}`: correct `type`, or leave the key out", of.join(" or ")),
+            _ => format!("only {of} has `{key}`: correct `type`, or leave the key out"),
         };
         Err(self.error(start, format!("light `{name}` has a `{key}`"), &hint))
     }
