@@ -9,7 +9,6 @@ use super::false_colour::DisplayMode;
 use super::help::{self, PanelOption, explain};
 use super::keys::Action;
 use super::painter::{Comparison, RenderedImage};
-use super::refine::SamplingKind;
 use super::request::{CameraSource, Opened};
 use super::{elided, name_of, navigate};
 use crate::effects::{Decision, EFFECTS, RayKind, id};
@@ -610,9 +609,9 @@ pub(crate) fn progress_text(rendered: &RenderedImage) -> String {
     let time = milliseconds(rendered.time);
     match (rendered.samples, rendered.factor) {
         ((taken, most), 1) if most > 1 => {
-            let samples = match rendered.prepared.kind {
-                SamplingKind::Adaptive => format!("about {taken} of at most {most} samples a pixel"),
-                _ => format!("{taken} of {most} samples"),
+            let samples = match rendered.prepared.job.plan.is_adaptive() {
+                true => format!("about {taken} of at most {most} samples a pixel"),
+                false => format!("{taken} of {most} samples"),
             };
             format!("{width} x {height}, {samples}, {time} ms")
         }

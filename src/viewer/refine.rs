@@ -39,8 +39,9 @@ pub(crate) enum SamplingKind {
     Centres,
     /// A fixed number of samples per pixel.
     Samples(u32),
-    /// Adaptive sampling.
-    Adaptive,
+    /// All samples of each tile at once: adaptive sampling, and colour arithmetic that limits each picture to what a display
+    /// shows, so that means of parts differ from the whole.
+    Tiles,
 }
 
 /// Factor of the first pass of a picture, from the render time per pixel.
@@ -61,7 +62,7 @@ pub(crate) fn passes(first: u32, kind: SamplingKind) -> Vec<Pass> {
     }
     match kind {
         SamplingKind::Centres => passes.push(Pass::Whole),
-        SamplingKind::Adaptive => {
+        SamplingKind::Tiles => {
             passes.push(Pass::Coarse(1));
             passes.extend((0..BATCHES).map(Pass::Tiles));
         }
@@ -101,7 +102,7 @@ mod tests {
             passes(1, SamplingKind::Samples(6)),
             [Samples(0, 1), Samples(1, 2), Samples(2, 4), Samples(4, 6)]
         );
-        let adaptive = passes(2, SamplingKind::Adaptive);
+        let adaptive = passes(2, SamplingKind::Tiles);
         assert_eq!(adaptive[..3], [Coarse(2), Coarse(1), Tiles(0)]);
         assert_eq!(adaptive.last(), Some(&Tiles(BATCHES - 1)));
         for samples in [1, 2, 3, 64, 100, 65_536] {

@@ -142,7 +142,7 @@ impl<'a> Side<'a> {
         let most = match self.kind {
             SamplingKind::Centres => 1,
             SamplingKind::Samples(samples) => samples,
-            SamplingKind::Adaptive => final_sampling.max_samples(),
+            SamplingKind::Tiles => final_sampling.max_samples(),
         };
         let is_once = matches!(pass, Pass::Coarse(_)) || most == 1;
         let seconds_per_pixel = is_once.then(|| time.as_secs_f64() / (pixels.len() as f64));

@@ -6,6 +6,7 @@ use crate::bvh::Layout;
 use crate::effects::{Decision, EFFECTS};
 use crate::error::Result;
 use crate::error::Warnings;
+use crate::film::ColourPipeline;
 use crate::film::tone::Exposure;
 use crate::job::camera::nothing_to_look_at;
 use crate::job::{
@@ -156,10 +157,11 @@ impl RenderCache {
         let meters = picture.meters;
         let job = prepared.job_for(ResolvedPicture { camera, ..picture })?;
         let (sampling, plan_settings, whole) = (job.plan_settings.sampling, &job.plan_settings, &job.plan);
-        let kind = match (whole.takes_samples(), whole.is_adaptive()) {
+        let sums_parts = !whole.is_adaptive() && job.pipeline() == ColourPipeline::Linear;
+        let kind = match (whole.takes_samples(), sums_parts) {
             (false, _) => SamplingKind::Centres,
-            (true, false) => SamplingKind::Samples(sampling.max_samples()),
-            (true, true) => SamplingKind::Adaptive,
+            (true, true) => SamplingKind::Samples(sampling.max_samples()),
+            (true, false) => SamplingKind::Tiles,
         };
         let decisions = EFFECTS.iter().zip(&whole.decisions);
         let mut decisions: Vec<(Decision, bool)> = decisions
