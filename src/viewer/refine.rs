@@ -39,8 +39,8 @@ pub(crate) enum SamplingKind {
     Centres,
     /// A fixed number of samples per pixel.
     Samples(u32),
-    /// All samples of each tile at once: adaptive sampling, and colour arithmetic that limits each picture to what a display
-    /// shows, so that means of parts differ from the whole.
+    /// All samples of each tile at once: adaptive sampling, and pictures with colours that bypass exposure and tone map. A
+    /// pixel with both kinds of colour is limited to the display's range, so the mean of parts is not the whole.
     Tiles,
 }
 

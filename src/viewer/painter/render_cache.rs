@@ -6,7 +6,6 @@ use crate::bvh::Layout;
 use crate::effects::{Decision, EFFECTS};
 use crate::error::Result;
 use crate::error::Warnings;
-use crate::film::ColourPipeline;
 use crate::film::tone::Exposure;
 use crate::job::camera::nothing_to_look_at;
 use crate::job::{
@@ -17,7 +16,7 @@ use crate::scene::{Camera, DefaultLook, Environment, PictureSettings, Scene, Sha
 use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::refine::SamplingKind;
 use crate::viewer::request::{CameraSource, Opened, RenderRequest};
-use crate::world::{Framing, Recentering, StandardView, fitted_camera};
+use crate::world::{Framing, PreparedMaterial, Recentering, StandardView, fitted_camera};
 
 /// Number of cached worlds: two sides of a comparison and the exact reference.
 const MAX_WORLDS: usize = 3;
@@ -157,7 +156,9 @@ impl RenderCache {
         let meters = picture.meters;
         let job = prepared.job_for(ResolvedPicture { camera, ..picture })?;
         let (sampling, plan_settings, whole) = (job.plan_settings.sampling, &job.plan_settings, &job.plan);
-        let sums_parts = !whole.is_adaptive() && job.pipeline() == ColourPipeline::Linear;
+        let is_unlit = |material: &PreparedMaterial| material.is_unlit();
+        let has_bypass = job.world.backdrop.is_some() || job.world.materials_in_use().any(is_unlit);
+        let sums_parts = !whole.is_adaptive() && (!has_bypass || !meters && job.display().is_identity());
         let kind = match (whole.takes_samples(), sums_parts) {
             (false, _) => SamplingKind::Centres,
             (true, true) => SamplingKind::Samples(sampling.max_samples()),
