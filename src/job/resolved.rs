@@ -1,4 +1,4 @@
-//! Scene and settings → everything that is known before the acceleration structure is built.
+//! Resolves a scene and settings: camera, look, plan settings and metadata, before the acceleration structure is built.
 
 use std::borrow::Cow;
 
@@ -18,7 +18,7 @@ use crate::scene::{
 };
 use crate::world::{Recentering, StandardView, View, opening, recenter};
 
-/// What is known of a picture beside its scene.
+/// The camera, region, settings and metadata of a picture, without its scene.
 #[derive(Clone)]
 pub struct ResolvedPicture {
     /// Camera with the projection used.
@@ -87,8 +87,9 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     resolve_for(scene, look, recentering, camera, size, settings)
 }
 
-/// The picture of a scene with its look by a camera, without metadata. The ground of the look is left out if the camera is
-/// not above it; a ground requested by the settings stays. The camera, the scene and the look have the same coordinates.
+/// The picture of a scene with its look by a camera, without metadata. The ground of the look is left out if the camera
+/// is not above it; a ground requested by the settings stays. The camera, the scene and the look have the same
+/// coordinates.
 ///
 /// # Errors
 /// [`Error::Usage`] for invalid settings.
@@ -145,7 +146,8 @@ pub fn resolve_for(
     Ok(ResolvedJob { scene, look, recentering, picture })
 }
 
-/// Shading mode, sampling and effect settings of a picture by a camera. A picture with a lens gets the samples that it needs.
+/// Shading mode, sampling and effect settings of a picture by a camera. A picture with a lens gets the samples that it
+/// needs.
 ///
 /// # Errors
 /// [`Error::Usage`] for a lens of an orthographic camera.
