@@ -183,13 +183,42 @@ fn split_large_triangles<C: Corner>(slots: &[StoredSlot<C>], whole: &[Bounds]) -
         split_aabbs_preset(&mut parts, &mut of_part, &triangles, total / triangles.len() as f32, largest);
     }
     let mut of_slot: Vec<u32> = of_part.iter().map(|&part| of_triangle[part as usize]).collect();
-    // The error of a cut is relative to the coordinates of the whole triangle.
+    // The error of a cut is relative to the coordinates of the whole triangle. What lies beyond the bounds of that is
+    // cut off, so that a ray that starts on a flat triangle starts in none of its parts.
     let closed = |(part, &slot): (&Aabb, &u32)| {
-        let gap = Vec3::splat(SPLIT_GAP_ULPS * whole[slot as usize].ulp());
-        Bounds { min: part.min.into(), max: part.max.into() }.grown(gap, gap)
+        let whole = whole[slot as usize];
+        let gap = Vec3::splat(SPLIT_GAP_ULPS * whole.ulp());
+        Bounds { min: part.min.into(), max: part.max.into() }.grown(gap, gap).intersection(whole)
     };
     let mut boxes: Vec<Bounds> = parts.iter().zip(&of_slot).map(closed).collect();
     boxes.extend(others.iter().map(|&i| whole[i as usize]));
     of_slot.extend(others);
     (boxes, of_slot)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bvh::{Primitive, Slot};
+    use crate::geometry::{PrimId, Triangle};
+    use glam::DVec3;
+
+    /// A long flat triangle among small ones: its parts are flat, too.
+    #[test]
+    fn parts_lie_within_the_bounds_of_their_triangle() {
+        let triangle = |id: u32, at: DVec3, [to, and]: [DVec3; 2]| {
+            let primitive = Primitive::Triangle(Triangle([at, at + to, at + and]));
+            StoredSlot::<Vec3>::new(Slot { primitive, id: PrimId(id) })
+        };
+        let long = [DVec3::new(300.0, 0.0, 300.0), DVec3::new(290.0, 0.0, 300.0)];
+        let mut slots = vec![triangle(0, DVec3::new(-100.0, 1.7, -100.0), long)];
+        let small = |id: u32| triangle(id, DVec3::new(f64::from(id) * 0.1, 3.0, 0.0), [DVec3::X, DVec3::Z]);
+        slots.extend((1..1000).map(small));
+        let whole: Vec<Bounds> = slots.iter().map(StoredSlot::bounds).collect();
+        let (boxes, of_slot) = split_large_triangles(&slots, &whole);
+        assert!(boxes.len() > slots.len(), "nothing was split");
+        for (part, &slot) in boxes.iter().zip(&of_slot) {
+            assert_eq!(part.union(whole[slot as usize]), whole[slot as usize]);
+        }
+    }
 }

@@ -26,6 +26,11 @@ impl Bounds {
         Bounds { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
+    /// The box of what both contain; inverted on an axis on which they are apart.
+    pub fn intersection(self, other: Self) -> Self {
+        Bounds { min: self.min.max(other.min), max: self.max.min(other.max) }
+    }
+
     /// Half the surface area.
     pub fn half_area(&self) -> f32 {
         let size = self.max - self.min;
