@@ -18,11 +18,12 @@ pub struct ClosestPoint {
 
 impl Bvh {
     /// The closest point of the surface; of primitives at equal distance, the one with the lowest id. `None` without
-    /// primitives, and for a point that is not finite. In f64 for the primitives as stored: good to 2^-48 of the
+    /// primitives, and for a point that is not finite, or too large for f32 ([`NotFinite`](super::NotFinite)). In f64 for the primitives as stored: good to 2^-48 of the
     /// largest distance to a corner of the triangle on each axis.
     pub fn closest_point(&self, point: impl Into<DVec3>, traversal: &mut Traversal) -> Option<ClosestPoint> {
         let point = point.into();
-        point.is_finite().then_some(())?;
+        // Beyond f32, which bounds all primitives, squares of distances overflow.
+        point.as_vec3().is_finite().then_some(())?;
         let mut best: Option<ClosestPoint> = None;
         let mut visit = |prim: PrimId, primitive| {
             let offset = offset(point, &primitive);
@@ -39,7 +40,7 @@ impl Bvh {
     }
 
     /// The distance of a point from the surface, negative inside ([`Bvh::contains`]). Without meaning for a surface
-    /// that is not closed. `None` without primitives, and for a point that is not finite.
+    /// that is not closed. `None` where [`Bvh::closest_point`] is.
     pub fn signed_distance(&self, point: impl Into<DVec3>, traversal: &mut Traversal) -> Option<f64> {
         let point = point.into();
         let ClosestPoint { distance, .. } = self.closest_point(point, traversal)?;
@@ -74,4 +75,42 @@ fn offset_to_triangle([a, b, c]: [DVec3; 3]) -> DVec3 {
         return nearer(best, (a * weights[0] + b * weights[1] + c * weights[2]) / sum);
     }
     best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bvh::Preset;
+    use crate::geometry::Numerics;
+
+    /// Squares of larger coordinates overflow: a closest point is finite, or there is none.
+    #[test]
+    fn closest_points_are_finite() {
+        let [o, x, y, z] = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let tetrahedron = [[o, y, x], [o, x, z], [o, z, y], [x, y, z]].map(Primitive::from);
+        let ball = Primitive::from(([5.0, 0.0, 0.0], 1.0));
+        let largest = f64::from(f32::MAX);
+        for numerics in Numerics::ALL {
+            let bvh = Bvh::with(tetrahedron.into_iter().chain([ball]), Preset::default(), numerics);
+            let (bvh, traversal) = (bvh.expect("finite"), &mut Traversal::default());
+            for far in [1e300, 2.0 * largest, f64::MAX, f64::INFINITY, f64::NAN] {
+                for point in [DVec3::X * far, DVec3::splat(-far), DVec3::new(0.1, far, 0.1)] {
+                    assert_eq!(bvh.closest_point(point, traversal), None, "{point}");
+                    assert_eq!(bvh.signed_distance(point, traversal), None, "{point}");
+                    assert_eq!(bvh.winding_number(point, traversal), 0, "{point}");
+                    assert_eq!(bvh.par_closest_points(&[point]), [None], "{point}");
+                    assert_eq!(bvh.par_signed_distances(&[point]), [None], "{point}");
+                    assert_eq!(bvh.par_winding_numbers(&[point]), [0], "{point}");
+                }
+            }
+            for far in [1e10, 1e30, largest] {
+                let point = DVec3::splat(far);
+                let closest = bvh.closest_point(point, traversal).expect("a point");
+                // All of the surface is within 10 of the origin, which is at a distance of sqrt(3) `far`.
+                let relative = closest.distance / (far * 3f64.sqrt()) - 1.0;
+                assert!(relative.abs() < 1e-8 && closest.point.is_finite(), "{closest:?}");
+                assert_eq!(bvh.signed_distance(point, traversal), Some(closest.distance));
+            }
+        }
+    }
 }
