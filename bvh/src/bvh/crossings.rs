@@ -273,7 +273,7 @@ mod tests {
     use super::*;
     use crate::bvh::splitmix64::splitmix64;
     use crate::bvh::{Layout, Slot, build};
-    use crate::geometry::{Numerics, PACKET, RayBuffer};
+    use crate::geometry::{BATCH, Numerics, PACKET, RayBuffer};
 
     /// Crossings sorted by id; once each.
     type Found = Vec<(PrimId, u64, Side)>;
@@ -354,5 +354,32 @@ mod tests {
         }
         // More than one for each ray in each tier.
         assert!(count > 300 * Numerics::ALL.len(), "{count} crossings");
+    }
+
+    /// [`Accelerator::each_near_rays`] takes any number of rays, not only those of a packet.
+    #[test]
+    fn crossings_of_more_rays_than_a_stream_holds() {
+        let triangle = Primitive::from([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+        let slots = [Slot { primitive: triangle, id: PrimId(0) }];
+        let rays: RayBuffer = (0..2 * BATCH + 3)
+            .map(|i| {
+                // Every other one passes the triangle, at x and y below 1/2.
+                let x = (i / 2) as f64 / (2 * BATCH + 3) as f64 - if i % 2 == 0 { 0.0 } else { 2.0 };
+                Precision::Double.ray(
+                    DVec3::new(x, 0.25, 1.0),
+                    DVec3::new(1e-3, 1e-3, -1.0),
+                    0.0,
+                    f64::INFINITY,
+                )
+            })
+            .collect();
+        for layout in Layout::trees().chain([Layout::BruteForce]) {
+            let tree = build(slots, layout, Numerics::Watertight);
+            let (mut found, traversal) = (Vec::new(), &mut Traversal::default());
+            each_crossing_of_rays(&*tree, rays.rays(), traversal, |index, _, _| found.push(index));
+            found.sort_unstable();
+            found.dedup();
+            assert!(found.iter().copied().eq((0..2 * BATCH + 3).step_by(2)), "{layout:?}: {found:?}");
+        }
     }
 }

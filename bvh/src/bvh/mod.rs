@@ -284,7 +284,7 @@ pub trait Accelerator: Send + Sync {
         self.each_primitive(visit);
     }
 
-    /// [`Accelerator::each_near_ray`] of every ray of a packet; `visit` also takes the index of the ray and its test.
+    /// [`Accelerator::each_near_ray`] of every ray; `visit` also takes the index of the ray and its test.
     fn each_near_rays(
         &self,
         rays: Rays,

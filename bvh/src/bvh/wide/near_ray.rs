@@ -9,7 +9,7 @@ use super::stream;
 use crate::bvh::{Primitive, Tests, Traversal};
 use crate::geometry::lanes::LANES4;
 use crate::geometry::simd::Simd;
-use crate::geometry::{LineTest, NO_PRIMITIVE, PrimId, Rays, Tier, Triangle};
+use crate::geometry::{BATCH, LineTest, NO_PRIMITIVE, PrimId, Rays, Tier, Triangle};
 
 /// Calls `visit` with the primitives of [`Accelerator::each_near_ray`](crate::bvh::Accelerator::each_near_ray). `FUSED`
 /// requires a direction without zeros.
@@ -56,7 +56,7 @@ fn visit_by<T: Tier, S: Simd, const FUSED: bool>(
     }
 }
 
-/// [`visit`] for the rays of a packet, as a stream. `false`, with nothing visited, if the tree or the rays do not allow
+/// [`visit`] for each of some rays, as streams of [`BATCH`] rays. `false`, with nothing visited, if the tree or the rays do not allow
 /// it.
 #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
 #[inline(always)]
@@ -72,18 +72,21 @@ pub(crate) fn visit_packet<T: Tier, S: Simd>(
             let is_stream = stream::applies::<T, S>(wide, rays);
             if is_stream {
                 let prepared: Vec<LineTest> = rays.iter().map(|ray| LineTest::new(&ray)).collect();
-                stream::each_leaf::<T, S>(
-                    wide,
-                    rays,
-                    stream.get_or_insert_default(),
-                    tests,
-                    #[inline(always)]
-                    |index, leaf, tests| {
-                        let test = &prepared[index];
-                        let mut visit = |prim, primitive| visit(index, test, prim, primitive);
-                        visit_leaf::<T, S>(wide, test, leaf, tests, &mut visit);
-                    },
-                );
+                for (batch, prepared) in prepared.chunks(BATCH).enumerate() {
+                    let first = batch * BATCH;
+                    stream::each_leaf::<T, S>(
+                        wide,
+                        rays.slice(first, BATCH),
+                        stream.get_or_insert_default(),
+                        tests,
+                        #[inline(always)]
+                        |index, leaf, tests| {
+                            let test = &prepared[index];
+                            let mut visit = |prim, primitive| visit(first + index, test, prim, primitive);
+                            visit_leaf::<T, S>(wide, test, leaf, tests, &mut visit);
+                        },
+                    );
+                }
             }
             is_stream
         },
