@@ -157,8 +157,8 @@ struct SingleRay {
 
 impl SingleRay {
     fn new(ray: &Ray) -> Self {
-        let [origin, direction] = [ray.origin, ray.direction].map(|v| v.as_vec3());
-        SingleRay { origin, direction, reciprocal: direction.recip(), t_max: ray.t_max as f32 }
+        let [origin, direction] = [ray.origin(), ray.direction()].map(|v| v.as_vec3());
+        SingleRay { origin, direction, reciprocal: direction.recip(), t_max: ray.t_max() as f32 }
     }
 
     /// Whether it meets a box before `t_max`.

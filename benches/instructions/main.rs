@@ -72,7 +72,7 @@ fn leaving(tree: &dyn Accelerator, direction: impl Fn(u64, DVec3, DVec3) -> (DVe
 fn origin(tree: &dyn Accelerator, ray: &Ray, hit: &Hit) -> (DVec3, DVec3) {
     let Primitive::Triangle(triangle) = tree.primitive(hit.slot) else { unreachable!("a mesh of triangles") };
     let normal = triangle.normal().normalize();
-    let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
+    let normal = if normal.dot(ray.direction()) > 0.0 { -normal } else { normal };
     let [v, w] = hit.barycentrics;
     let point = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]);
     (point.origin_towards(normal, Numerics::Watertight), normal)

@@ -100,7 +100,7 @@ impl<'py> RayArguments<'py> {
         in_threads(py, || bvh.rays(origins, directions, t_max))?.map_err(|(row, why)| {
             let argument = match why {
                 NotFinite::Direction => "directions",
-                NotFinite::Distance => "max_distance",
+                NotFinite::Distance | NotFinite::MinDistance => "max_distance",
                 NotFinite::Origin | NotFinite::Primitive(_) => "origins",
             };
             PyValueError::new_err(format!("{argument}: row {row}: {why}"))

@@ -76,7 +76,7 @@ pub trait Built: Send + Sync {
     /// `origin` and `direction`, which is of length 1, are rounded to the precision of the engine. Zeros may be
     /// negative.
     fn crossings(&self, origin: DVec3, direction: DVec3, found: &mut Vec<u32>) {
-        let rays = [Ray { origin, direction, t_min: 0.0, t_max: f64::INFINITY }];
+        let rays = [Ray::unchecked(origin, direction, 0.0, f64::INFINITY)];
         let mut queue = self.queue(Kind::Random, &rays);
         queue.run();
         found.extend(queue.hits().into_iter().flatten());

@@ -114,8 +114,8 @@ impl Built for BuiltObvhs {
 
     fn queue<'a>(&'a self, kind: Kind, rays: &'a [geometry::Ray]) -> Box<dyn RayQueue + 'a> {
         let own = |ray: &geometry::Ray| {
-            let [near, far] = [ray.t_min, ray.t_max].map(|t| t as f32);
-            Ray::new(ray.origin.as_vec3a(), ray.direction.as_vec3a(), near, far)
+            let [near, far] = [ray.t_min(), ray.t_max()].map(|t| t as f32);
+            Ray::new(ray.origin().as_vec3a(), ray.direction().as_vec3a(), near, far)
         };
         let rays = rays.iter().map(own);
         if kind.is_any_hit() {

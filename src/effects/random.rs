@@ -173,7 +173,7 @@ pub(crate) fn bits_of_ray(ray: &Ray, seed: u32) -> [u32; 2] {
 }
 
 fn hash_of_ray(ray: &Ray, seed: u32) -> [u32; 3] {
-    let [origin, direction] = [ray.origin, ray.direction].map(|v| v.to_array().map(f64::to_bits));
+    let [origin, direction] = [ray.origin(), ray.direction()].map(|v| v.to_array().map(f64::to_bits));
     let halves = |bits: [u64; 3], shift: u32| bits.map(|b| (b >> shift) as u32);
     let parts = [halves(origin, 0), halves(origin, 32), halves(direction, 0), halves(direction, 32)];
     parts.into_iter().fold([seed, 0, 0], |[a, b, c], [x, y, z]| pcg3d([a ^ x, b ^ y, c ^ z]))

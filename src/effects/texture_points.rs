@@ -193,7 +193,7 @@ impl FindTexturePoints {
     ) -> Differential {
         match secondary.get(ray) {
             Some(differential) => *differential,
-            None => context.view.differential(generation.rays.get(ray).direction).scaled(self.sample_width),
+            None => context.view.differential(generation.rays.get(ray).direction()).scaled(self.sample_width),
         }
     }
 }

@@ -119,8 +119,8 @@ impl OriginCycle {
 /// The ray that continues behind the surface at a hit.
 fn behind(world: &World, ray: &Ray, hit: &Hit) -> Ray {
     let precision = world.numerics().ray_precision();
-    let origin = world.origin_behind(ray.at(hit.t), ray.direction, hit);
-    precision.ray(origin, ray.direction, 0.0, (ray.t_max - hit.t).max(0.0))
+    let origin = world.origin_behind(ray.at(hit.t), ray.direction(), hit);
+    precision.ray(origin, ray.direction(), 0.0, (ray.t_max() - hit.t).max(0.0))
 }
 
 /// The part of the light that a shadow ray lets through: the product of `1 - opacity` over the surfaces in its way. Adds the
@@ -131,14 +131,14 @@ pub(crate) fn transmittance(
     traversal: &mut Traversal,
     continued: &mut usize,
 ) -> f64 {
-    let (mut ray, mut transmittance, mut cycle) = (*ray, 1.0, OriginCycle::new(ray.origin));
+    let (mut ray, mut transmittance, mut cycle) = (*ray, 1.0, OriginCycle::new(ray.origin()));
     while let Some(hit) = world.accelerator.closest_hit(&ray, traversal) {
         transmittance *= 1.0 - opacity(world, &hit);
         if transmittance == 0.0 {
             break;
         }
         ray = behind(world, &ray, &hit);
-        if cycle.repeats(ray.origin) {
+        if cycle.repeats(ray.origin()) {
             break;
         }
         *continued += 1;
@@ -153,7 +153,7 @@ pub(crate) fn closest_visible(
     traversal: &mut Traversal,
     culls: bool,
 ) -> Option<Hit> {
-    let (mut ray, mut distance, mut cycle) = (*ray, 0.0, OriginCycle::new(ray.origin));
+    let (mut ray, mut distance, mut cycle) = (*ray, 0.0, OriginCycle::new(ray.origin()));
     loop {
         let hit = world.accelerator.closest_hit(&ray, traversal)?;
         if seen_opacity(world, &ray, &hit, culls) >= VISIBLE_FROM {
@@ -161,7 +161,7 @@ pub(crate) fn closest_visible(
         }
         distance += hit.t;
         ray = behind(world, &ray, &hit);
-        if cycle.repeats(ray.origin) {
+        if cycle.repeats(ray.origin()) {
             return None;
         }
     }
@@ -279,7 +279,7 @@ impl Buffers {
             }
             generation.hits.set(index, None);
             let number = f64::from(self.number(tile, index, &ray, transparency));
-            let cycle = OriginCycle::new(ray.origin);
+            let cycle = OriginCycle::new(ray.origin());
             let mut continued = ContinuedRay { index: index as u32, distance: 0.0, number, ray, cycle };
             if self.layers.pass(&mut continued, &hit, alpha, world, &mut tile.generation().hits, is_layered) {
                 self.continued_rays.push(continued);
@@ -354,7 +354,7 @@ impl Layers {
             ray.number = (ray.number - alpha) / (1.0 - alpha);
         }
         (ray.ray, ray.distance) = (behind(world, &ray.ray, hit), distance);
-        if ray.cycle.repeats(ray.ray.origin) {
+        if ray.cycle.repeats(ray.ray.origin()) {
             return false;
         }
         if stops {

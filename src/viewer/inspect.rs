@@ -235,15 +235,15 @@ fn ray_segment(
         TraceResult::Closest(hit) => Some(*hit),
         TraceResult::Occluded => world.accelerator.closest_hit(ray, traversal),
     };
-    let end = hit.map_or(ray.t_max, |hit| hit.t);
-    let end = if end.is_finite() { end } else { way_out(ray.origin, bounds) };
+    let end = hit.map_or(ray.t_max(), |hit| hit.t);
+    let end = if end.is_finite() { end } else { way_out(ray.origin(), bounds) };
     let effect = EFFECTS.iter().find(|effect| *kind != RayKind::PRIMARY && effect.rays.contains(kind));
     RaySegment {
         kind: *kind,
         effect: effect.map(|effect| effect.id),
         depth: *depth,
         light: light.and_then(|light| Some(printable(&world.lights.get(light)?.name).into_owned())),
-        from: ray.origin,
+        from: ray.origin(),
         to: ray.at(end),
         hit: *result != TraceResult::Miss,
         object: hit

@@ -35,10 +35,10 @@ impl Differential {
     /// The change of the intersection at distance `t` with a plane (Igehy, equations 10 to 12). Not finite where the ray is
     /// parallel to the plane.
     pub fn at(&self, ray: &Ray, t: f64, normal: DVec3) -> [DVec3; 2] {
-        let along = ray.direction.dot(normal);
+        let along = ray.direction().dot(normal);
         [0, 1].map(|k| {
             let moved = self.origin[k] + t * self.direction[k];
-            moved - (moved.dot(normal) / along) * ray.direction
+            moved - (moved.dot(normal) / along) * ray.direction()
         })
     }
 
@@ -46,8 +46,8 @@ impl Differential {
     /// equations 13 to 17).
     pub fn mirrored(&self, ray: &Ray, points: [DVec3; 2], normal: DVec3, normals: [DVec3; 2]) -> Self {
         let direction = [0, 1].map(|k| {
-            let along = ray.direction.dot(normal);
-            let change = self.direction[k].dot(normal) + ray.direction.dot(normals[k]);
+            let along = ray.direction().dot(normal);
+            let change = self.direction[k].dot(normal) + ray.direction().dot(normals[k]);
             self.direction[k] - 2.0 * (along * normals[k] + change * normal)
         });
         Differential { origin: points, direction }

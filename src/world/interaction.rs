@@ -63,9 +63,9 @@ impl World {
         let object_index = self.object_of(hit.prim);
         let object = &self.objects[object_index as usize];
         // Of length 1 up to the rounding of the ray's direction, at most 2^-24.
-        let view = -ray.direction;
+        let view = -ray.direction();
         let mut surface = SurfaceInteraction::facing(view, *hit, object_index, object.material);
-        let is_turned = |n: DVec3| n.dot(ray.direction) > 0.0;
+        let is_turned = |n: DVec3| n.dot(ray.direction()) > 0.0;
         let facing = |n: DVec3| if is_turned(n) { -n } else { n };
         match self.accelerator.primitive(hit.slot) {
             Primitive::Analytic(shape) => {
@@ -180,7 +180,7 @@ impl World {
     pub(crate) fn is_culled(&self, ray: &Ray, hit: &Hit) -> bool {
         let object = self.object_of(hit.prim);
         self.materials[self.objects[object as usize].material as usize].is_single_sided()
-            && self.is_back(object, hit, ray.at(hit.t), -ray.direction)
+            && self.is_back(object, hit, ray.at(hit.t), -ray.direction())
     }
 
     /// Whether any object has a single-sided material.

@@ -201,7 +201,7 @@ impl InteractionSoa {
             self.view.set_negated(rays.rays().directions());
         } else {
             for i in 0..len.min(RAYS_PER_BATCH) {
-                self.view.set(i, -rays.get(self.ray_of[i] as usize).direction);
+                self.view.set(i, -rays.get(self.ray_of[i] as usize).direction());
             }
         }
     }

@@ -368,19 +368,19 @@ mod tests {
     fn pixels_are_where_the_formula_puts_them() {
         // 4 x 4 pixels over 4 x 4 units: pixel (0, 0) from the top is at x = -1.5, y = +1.5.
         let view = View::new(&camera(), Projection::Orthographic, [4, 4]).unwrap();
-        assert_eq!(view.ray(0, 0, Precision::Single).origin, DVec3::new(-1.5, 1.5, 10.0));
-        assert_eq!(view.ray(3, 2, Precision::Single).origin, DVec3::new(1.5, -0.5, 10.0));
-        assert_eq!(view.ray(3, 2, Precision::Single).direction, -DVec3::Z);
+        assert_eq!(view.ray(0, 0, Precision::Single).origin(), DVec3::new(-1.5, 1.5, 10.0));
+        assert_eq!(view.ray(3, 2, Precision::Single).origin(), DVec3::new(1.5, -0.5, 10.0));
+        assert_eq!(view.ray(3, 2, Precision::Single).direction(), -DVec3::Z);
         // Two pixels left of the picture and at its bottom right corner.
         let mut rays = RayBuffer::default();
         view.rays_through(&[-2.0, 4.0], &[2.0, 4.0], Precision::Single, &mut rays);
-        assert_eq!(rays.get(0).origin, DVec3::new(-4.0, 0.0, 10.0));
-        assert_eq!(rays.get(1).origin, DVec3::new(2.0, -2.0, 10.0));
+        assert_eq!(rays.get(0).origin(), DVec3::new(-4.0, 0.0, 10.0));
+        assert_eq!(rays.get(1).origin(), DVec3::new(2.0, -2.0, 10.0));
         let view = View::new(&camera(), Projection::Perspective, [4, 4]).unwrap();
         let ray = view.ray(0, 0, Precision::Single);
-        assert_eq!(ray.origin, DVec3::new(0.0, 0.0, 10.0));
+        assert_eq!(ray.origin(), DVec3::new(0.0, 0.0, 10.0));
         let exact = DVec3::new(-1.5, 1.5, -10.0).normalize();
-        assert!((ray.direction - exact).abs().max_element() <= f64::from(f32::EPSILON) / 2.0);
+        assert!((ray.direction() - exact).abs().max_element() <= f64::from(f32::EPSILON) / 2.0);
     }
 
     #[test]
@@ -449,8 +449,8 @@ mod tests {
             ([4.0, 1.0], DVec3::new(0.0, 1.0, -1.0).normalize()),
         ] {
             let ray = film(DVec2::new(x, y));
-            assert!((ray.direction - direction).length() < 1e-15, "({x}, {y}): {}", ray.direction);
-            assert_eq!(ray.origin, position);
+            assert!((ray.direction() - direction).length() < 1e-15, "({x}, {y}): {}", ray.direction());
+            assert_eq!(ray.origin(), position);
         }
         for (p, pixel) in [(DVec3::X, [6.0, 2.0]), (-DVec3::Z, [4.0, 2.0]), (DVec3::Y - DVec3::Z, [4.0, 1.0])]
         {
@@ -460,9 +460,9 @@ mod tests {
         // The differential is the difference of rays, for steps of a millionth of a pixel.
         let step = 1e-6;
         for [x, y] in [[4.3, 2.2], [1.0, 0.7], [7.9, 3.6]] {
-            let direction = film(DVec2::new(x, y)).direction;
+            let direction = film(DVec2::new(x, y)).direction();
             let differential = view.differential(direction);
-            let moved = [DVec2::X, DVec2::Y].map(|by| film(DVec2::new(x, y) + step * by).direction);
+            let moved = [DVec2::X, DVec2::Y].map(|by| film(DVec2::new(x, y) + step * by).direction());
             for (moved, expected) in moved.iter().zip(differential.direction) {
                 let change = (*moved - direction) / step;
                 assert!((change - expected).length() < 1e-5, "({x}, {y}): {change} {expected}");

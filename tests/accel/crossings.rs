@@ -89,7 +89,7 @@ fn cells_of_a_grid_are_crossed_as_by_a_moved_ray() {
             let direction =
                 if small == DVec3::ZERO || numbers.below(5) == 0 { numbers.direction() } else { small };
             let t_max = numbers.one_of(&[f64::INFINITY, f64::INFINITY, 0.5, 1.0, 2.0]);
-            Ray { origin: grid_point(numbers), direction, t_min: 0.0, t_max }
+            Ray::unchecked(grid_point(numbers), direction, 0.0, t_max)
         };
         count += check(&triangles, &(0..160).map(ray).collect::<Vec<_>>(), 100);
     }
@@ -121,7 +121,7 @@ fn aimed(triangles: &[Corners], numbers: &mut Numbers, is_exact: bool) -> Vec<Ra
         };
         let direction = if target == origin { DVec3::new(0.0, -1.0, 0.5) } else { target - origin };
         let direction = if is_exact { direction } else { direction.normalize() };
-        Ray { origin, direction, t_min: 0.0, t_max: f64::INFINITY }
+        Ray::unchecked(origin, direction, 0.0, f64::INFINITY)
     };
     (0..60).map(ray).collect()
 }
@@ -163,7 +163,7 @@ fn a_ray_that_starts_at_a_corner_crosses_what_the_moved_one_does() {
     let directions = (-4..=4).flat_map(|x| (-4..=4).flat_map(move |y| (-4..=4).map(move |z| [x, y, z])));
     let directions =
         directions.filter(|&direction| direction != [0; 3]).map(|v| DVec3::from(v.map(f64::from)));
-    let ray = |direction| Ray { origin: d, direction, t_min: 0.0, t_max: f64::INFINITY };
+    let ray = |direction| Ray::unchecked(d, direction, 0.0, f64::INFINITY);
     let rays: Vec<Ray> = directions.map(ray).collect();
     for turn in 0..3 {
         let turned = faces.map(|mut face| {

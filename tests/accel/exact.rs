@@ -144,7 +144,7 @@ fn disks_are_hit_or_missed_as_in_exact_arithmetic() {
             0 => numbers.direction(),
             1 => DVec3::AXES[numbers.below(3)],
             // The touching ray lies in the plane, but for rounding.
-            2 => touching.direction.cross(touching.origin - centre).normalize_or(DVec3::Y),
+            2 => touching.direction().cross(touching.origin() - centre).normalize_or(DVec3::Y),
             _ => (numbers.vector() * 4.0).round(),
         };
         let normal = if normal == DVec3::ZERO { DVec3::X } else { normal };
@@ -187,13 +187,13 @@ fn disks_are_hit_or_missed_as_in_exact_arithmetic() {
 }
 
 fn fine(origin: DVec3, direction: DVec3) -> Ray {
-    Ray { origin, direction, t_min: 0.0, t_max: f64::INFINITY }
+    Ray::unchecked(origin, direction, 0.0, f64::INFINITY)
 }
 
 /// The ray as the tier makes it, where there is one.
 fn proper(ray: Ray) -> Option<Ray> {
-    let sound = is_in_domain(ray.origin) && (1e-60..=1e18).contains(&ray.direction.abs().max_element());
-    sound.then(|| Precision::Double.ray(ray.origin, ray.direction, ray.t_min, ray.t_max))
+    let sound = is_in_domain(ray.origin()) && (1e-60..=1e18).contains(&ray.direction().abs().max_element());
+    sound.then(|| Precision::Double.ray(ray.origin(), ray.direction(), ray.t_min(), ray.t_max()))
 }
 
 /// Set-up: rays whose ends are the distance itself, rounded, and its neighbours: whether the hit lies within is decided
@@ -226,8 +226,20 @@ fn the_ends_of_rays_are_compared_exactly() {
                     continue;
                 }
                 for end in [near.next_down(), near, near.next_up()] {
-                    compare(&slots, &*exact, &Ray { t_max: end, ..ray }, &mut faults, &mut count);
-                    compare(&slots, &*exact, &Ray { t_min: end, ..ray }, &mut faults, &mut count);
+                    compare(
+                        &slots,
+                        &*exact,
+                        &Ray::unchecked(ray.origin(), ray.direction(), ray.t_min(), end),
+                        &mut faults,
+                        &mut count,
+                    );
+                    compare(
+                        &slots,
+                        &*exact,
+                        &Ray::unchecked(ray.origin(), ray.direction(), end, ray.t_max()),
+                        &mut faults,
+                        &mut count,
+                    );
                 }
             }
         }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::common::Numbers;
 use kiln::bvh::{Bvh, Layout, NotFinite, Preset, Primitive, RayList, Slot, Traversal, build};
 use kiln::film::ColourPipeline;
-use kiln::geometry::{Hit, Numerics, PrimId, Triangle};
+use kiln::geometry::{Hit, HitBuffer, Numerics, Precision, PrimId, RayBuffer, Triangle};
 use kiln::glam::{DMat4, DVec3};
 use kiln::scene::{Material, Mesh, Object, Phong, Placed, Placement, Scene, Shape, Sphere as SceneSphere};
 use kiln::world::World;
@@ -52,6 +52,94 @@ fn hits_are_before_the_maximum_distance() {
         for t_max in [f64::NAN, 0.0, -1.0, f64::NEG_INFINITY] {
             assert_eq!(bvh.ray_within([0.0; 3], [1.0; 3], t_max), Err(NotFinite::Distance));
         }
+    }
+}
+
+/// What a ray is made of is checked, also when its ends are changed.
+#[test]
+fn rays_are_valid_however_they_are_made() {
+    for numerics in Numerics::ALL {
+        let bvh = Bvh::with(square(4.0), Preset::default(), numerics).expect("finite");
+        let ray = bvh.ray([0.0; 3], [0.0, 3e200, 4e200]).expect("finite");
+        // Of length 1 up to the rounding of the tier.
+        assert!((ray.direction().length() - 1.0).abs() < 1e-7, "{ray:?}");
+        let later = ray.between(2.0, 5.0).expect("in order");
+        assert_eq!((later.t_min(), later.t_max()), (2.0, 5.0));
+        assert_eq!((later.origin(), later.direction()), (ray.origin(), ray.direction()));
+        for t_min in [f64::NAN, -1.0, -f64::MIN_POSITIVE, f64::NEG_INFINITY] {
+            assert_eq!(ray.between(t_min, 5.0), Err(NotFinite::MinDistance));
+            let made = std::panic::catch_unwind(|| {
+                numerics.ray_precision().ray(ray.origin(), ray.direction(), t_min, 5.0)
+            });
+            assert!(made.is_err(), "{t_min}");
+        }
+        for (t_min, t_max) in
+            [(0.0, 0.0), (2.0, 2.0), (2.0, 1.0), (0.0, f64::NAN), (f64::INFINITY, f64::INFINITY)]
+        {
+            assert_eq!(ray.between(t_min, t_max), Err(NotFinite::Distance));
+        }
+    }
+}
+
+/// `fast` rounds the rays of other tiers to f32 itself, for every query, and other tiers take those of `fast` as they are.
+#[test]
+fn rays_of_another_tier_are_converted() {
+    let mut numbers = Numbers::new(9);
+    let slots: Vec<Slot> = (0..500)
+        .map(|id| {
+            let middle = numbers.vector() * 3.0;
+            let corners = [(); 3].map(|()| middle + numbers.vector());
+            let primitive = match id % 9 {
+                0 => Primitive::from((middle.to_array(), 0.3)),
+                _ => Primitive::Triangle(Triangle(corners)),
+            };
+            Slot { primitive, id: PrimId(id) }
+        })
+        .collect();
+    let given: Vec<(DVec3, DVec3)> = (0..700)
+        .map(|i| {
+            // Others are in a plane, along an axis, or nearly so: components that f32 hardly has.
+            let mut direction = numbers.direction();
+            match i % 7 {
+                0 => direction.x = 0.0,
+                1 => direction.x *= 1e-40,
+                2 => (direction.x, direction.y) = (1e-25, -1e-38),
+                _ => {}
+            }
+            (numbers.vector() * 4.0, direction.normalize())
+        })
+        .collect();
+    let of = |precision: Precision| {
+        given.iter().map(move |&(origin, direction)| precision.ray(origin, direction, 0.0, f64::INFINITY))
+    };
+    let [double, single] =
+        [Precision::Double, Precision::Single].map(|precision| RayBuffer::from_iter(of(precision)));
+    for layout in Layout::trees().chain([Layout::BruteForce]) {
+        let tree = build(slots.iter().copied(), layout, Numerics::Fast);
+        let found = |rays: &RayBuffer| {
+            let (traversal, mut hits) = (&mut Traversal::default(), HitBuffer::default());
+            let (mut occluded, mut each) = (Vec::new(), Vec::new());
+            tree.closest_hits(rays.rays(), &mut hits, traversal);
+            tree.are_occluded(rays.rays(), &mut occluded, traversal);
+            for (index, ray) in rays.rays().iter().enumerate() {
+                let one = tree.closest_hit(&ray, traversal);
+                let mut all = Vec::new();
+                tree.all_hits(&ray, &mut all, traversal);
+                all.sort_unstable_by_key(|hit| hit.prim);
+                each.push((hits.get(index), occluded[index], one, tree.is_occluded(&ray, traversal), all));
+            }
+            each
+        };
+        let (of_double, of_single) = (found(&double), found(&single));
+        assert!(of_single.iter().filter(|found| found.1).count() > 300);
+        for (index, (a, b)) in of_double.iter().zip(&of_single).enumerate() {
+            assert_eq!(a, b, "{layout:?}: {:?} and {:?}", double.get(index), single.get(index));
+        }
+    }
+    // And those of `fast` are of f64, too.
+    for ray in single.rays().iter() {
+        let again = Precision::Double.ray(ray.origin(), ray.direction(), 0.0, f64::INFINITY);
+        assert_eq!(ray, again);
     }
 }
 

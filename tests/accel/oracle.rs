@@ -371,9 +371,9 @@ fn batches_in_small_scenes_answer_as_brute_force() {
             let mut rays = rays(&slots, 1.0, DVec3::ZERO, numerics);
             let secondary = secondary_rays(&slots, &rays, numerics, &mut numbers);
             rays.extend(secondary);
-            let odd = |origin: DVec3, direction| Ray { origin, direction, t_min: 0.0, t_max: f64::INFINITY };
+            let odd = |origin: DVec3, direction| Ray::unchecked(origin, direction, 0.0, f64::INFINITY);
             rays.push(odd(DVec3::splat(1e10), DVec3::splat(-1.0).normalize()));
-            rays.push(odd(rays[0].origin, rays[0].direction * 0.5));
+            rays.push(odd(rays[0].origin(), rays[0].direction() * 0.5));
             let oracle = build(slots.iter().copied(), Layout::BruteForce, numerics);
             let mut traversal = Traversal::default();
             let expected: Vec<_> =
@@ -407,7 +407,7 @@ fn any_number_of_rays_is_answered_as_one_by_one() {
     for numerics in Numerics::STRICT {
         let mut all = rays(&slots, 1.0, DVec3::ZERO, numerics);
         // A common origin, which packets need, between incoherent rays.
-        let (target, start) = (all[0].origin, all.len());
+        let (target, start) = (all[0].origin(), all.len());
         all.extend((0..300).map(|i| {
             let aside = DVec3::new(f64::from(i % 17) - 8.0, f64::from(i / 17) - 8.0, 0.0) / 40.0;
             numerics.precision().ray(target, (aside - target).normalize(), 0.0, f64::INFINITY)

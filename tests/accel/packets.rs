@@ -116,7 +116,7 @@ fn tiles(slots: &[Slot], scale: f64, offset: DVec3, precision: Precision) -> Vec
 /// Rays from points on what is around to a lamp, as shadows cast them: open at both ends, exact at neither.
 fn to_lamp(hits: &[(Ray, Hit)], lamp: DVec3, precision: Precision) -> Vec<Ray> {
     let to_lamp = |(ray, hit): &(Ray, Hit)| {
-        let origin = precision.ray(ray.at(hit.t * (1.0 - 1e-6)), DVec3::X, 0.0, 1.0).origin;
+        let origin = precision.ray(ray.at(hit.t * (1.0 - 1e-6)), DVec3::X, 0.0, 1.0).origin();
         let way = lamp - origin;
         precision.ray(
             origin,
@@ -132,7 +132,7 @@ fn to_lamp(hits: &[(Ray, Hit)], lamp: DVec3, precision: Precision) -> Vec<Ray> {
 fn from_surfaces(hits: &[(Ray, Hit)], lamp: DVec3, precision: Precision) -> Vec<Ray> {
     let ray = |(index, (ray, hit)): (usize, &(Ray, Hit))| {
         let beside = [0.0, 1e-7, -1e-7, 3e-7, -3e-7, 1e-12, -1e-12][index % 7];
-        let origin = precision.ray(ray.at(hit.t * (1.0 + beside)), DVec3::X, 0.0, 1.0).origin;
+        let origin = precision.ray(ray.at(hit.t * (1.0 + beside)), DVec3::X, 0.0, 1.0).origin();
         let way = lamp - origin;
         let t_min = if index % 11 == 0 { way.length() * 1e-6 } else { 0.0 };
         precision.ray(
@@ -151,9 +151,11 @@ fn cut_short(rays: &[Ray], hits: &[Option<Hit>], tile: usize) -> Vec<Ray> {
         let Some(hit) = hit else { return *ray };
         let t = hit.t * (1.0 + [0.0, 1e-7, -1e-7, 1e-12, -1e-12, 1e-3][index % 6]);
         match (index + tile) % 4 {
-            0 => Ray { t_max: t, ..*ray },
-            1 if !tile.is_multiple_of(3) => Ray { t_min: t, ..*ray },
-            2 if !tile.is_multiple_of(3) => Ray { t_min: t / 2.0, ..*ray },
+            0 => Ray::unchecked(ray.origin(), ray.direction(), ray.t_min(), t),
+            1 if !tile.is_multiple_of(3) => Ray::unchecked(ray.origin(), ray.direction(), t, ray.t_max()),
+            2 if !tile.is_multiple_of(3) => {
+                Ray::unchecked(ray.origin(), ray.direction(), t / 2.0, ray.t_max())
+            }
             _ => *ray,
         }
     };
@@ -163,7 +165,7 @@ fn cut_short(rays: &[Ray], hits: &[Option<Hit>], tile: usize) -> Vec<Ray> {
 /// The same towards a lamp that is infinitely far away.
 fn towards(hits: &[(Ray, Hit)], direction: DVec3, precision: Precision) -> Vec<Ray> {
     let towards = |(ray, hit): &(Ray, Hit)| {
-        let origin = precision.ray(ray.at(hit.t * (1.0 - 1e-6)), DVec3::X, 0.0, 1.0).origin;
+        let origin = precision.ray(ray.at(hit.t * (1.0 - 1e-6)), DVec3::X, 0.0, 1.0).origin();
         precision.ray(origin, direction, 0.0, f64::INFINITY)
     };
     hits.iter().map(towards).collect()

@@ -32,12 +32,12 @@ pub use rounding::{
 
 /// Where the line of `ray` meets the triangle, if it does.
 pub fn line_triangle(ray: &Ray, corners: &[DVec3; 3]) -> Option<Distance> {
-    let [o, [a, b, c]] = [[ray.origin; 3], *corners];
+    let [o, [a, b, c]] = [[ray.origin(); 3], *corners];
     let ([ox, oy, oz, ax, ay, az, bx, by, bz, cx, cy, cz], places) =
         integers([o[0].x, o[0].y, o[0].z, a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z]);
     let [o, a, b, c] =
         [Vector([ox, oy, oz]), Vector([ax, ay, az]), Vector([bx, by, bz]), Vector([cx, cy, cz])];
-    let (d, directions) = integers(ray.direction.to_array());
+    let (d, directions) = integers(ray.direction().to_array());
     let d = Vector(d);
     // The plane is n . (x - a) = 0.
     let n = b.minus(&a).cross(&c.minus(&a));
@@ -59,10 +59,10 @@ pub fn line_triangle(ray: &Ray, corners: &[DVec3; 3]) -> Option<Distance> {
 
 /// Where the line of `ray` meets the sphere, the lesser first.
 pub fn line_sphere(ray: &Ray, centre: DVec3, radius: f64) -> Option<[Distance; 2]> {
-    let o = ray.origin;
+    let o = ray.origin();
     let ([ox, oy, oz, cx, cy, cz, r], places) =
         integers([o.x, o.y, o.z, centre.x, centre.y, centre.z, radius]);
-    let (d, directions) = integers(ray.direction.to_array());
+    let (d, directions) = integers(ray.direction().to_array());
     let d = Vector(d);
     // |f + t d|^2 = r^2
     let f = Vector([ox, oy, oz]).minus(&Vector([cx, cy, cz]));
@@ -71,10 +71,10 @@ pub fn line_sphere(ray: &Ray, centre: DVec3, radius: f64) -> Option<[Distance; 2
 
 /// Where the line of `ray` meets the disk, if it does. The normal has any length.
 pub fn line_disk(ray: &Ray, centre: DVec3, normal: DVec3, radius: f64) -> Option<Distance> {
-    let o = ray.origin;
+    let o = ray.origin();
     let ([ox, oy, oz, cx, cy, cz, r], places) =
         integers([o.x, o.y, o.z, centre.x, centre.y, centre.z, radius]);
-    let (d, directions) = integers(ray.direction.to_array());
+    let (d, directions) = integers(ray.direction().to_array());
     let (n, _) = integers(normal.to_array());
     let (d, n, to_centre) = (Vector(d), Vector(n), Vector([cx, cy, cz]).minus(&Vector([ox, oy, oz])));
     // The plane is n . (o + t d - c) = 0; no power of two of the normal matters.
@@ -93,8 +93,8 @@ pub fn line_disk(ray: &Ray, centre: DVec3, normal: DVec3, radius: f64) -> Option
 pub fn line_box(ray: &Ray, min: DVec3, max: DVec3) -> Option<[Distance; 2]> {
     let (mut enter, mut leave): (Option<Distance>, Option<Distance>) = (None, None);
     for axis in 0..3 {
-        let ([o, least, greatest], places) = integers([ray.origin[axis], min[axis], max[axis]]);
-        let ([d], directions) = integers([ray.direction[axis]]);
+        let ([o, least, greatest], places) = integers([ray.origin()[axis], min[axis], max[axis]]);
+        let ([d], directions) = integers([ray.direction()[axis]]);
         if sign(&d) == 0 {
             if o < least || o > greatest {
                 return None;
@@ -113,7 +113,7 @@ pub fn line_box(ray: &Ray, min: DVec3, max: DVec3) -> Option<[Distance; 2]> {
 
 /// Whether the distance lies strictly between the ends of `ray`.
 pub fn is_within(ray: &Ray, distance: &Distance) -> bool {
-    distance.compare(ray.t_min) == Ordering::Greater && distance.compare(ray.t_max) == Ordering::Less
+    distance.compare(ray.t_min()) == Ordering::Greater && distance.compare(ray.t_max()) == Ordering::Less
 }
 
 /// Where `ray` hits the triangle.

@@ -178,7 +178,8 @@ fn a7_flat_boxes_are_met_and_rays_in_them_miss() {
             let mut aside = origin;
             let step = if numbers.below(2) == 0 { 0.75f32.next_up() } else { 0.75f32.next_down() };
             aside[axis] = f64::from(step);
-            in_plane.push(Ray { origin: aside, ..in_plane[in_plane.len() - 1] });
+            let last = in_plane[in_plane.len() - 1];
+            in_plane.push(Ray::unchecked(aside, last.direction(), last.t_min(), last.t_max()));
             tilted.push(ray(aside, single(target) - aside));
         }
         let summary = judge(&format!("flat {axis}"), &slots, &in_plane);

@@ -22,8 +22,8 @@ fn axes(position: DVec3, target: DVec3, up: DVec3) -> Option<[DVec3; 3]> {
     let view = View::new(&camera, camera.projection, [2, 2]).ok()?;
     let ray = |x, y| view.ray(x, y, Precision::Double);
     let step = |a: DVec3, b: DVec3| (a - b) / (side / 2.0);
-    let [u, v] = [(1, 1), (0, 0)].map(|(x, y)| step(ray(x, y).origin, ray(0, 1).origin));
-    Some([u, v, -ray(0, 0).direction])
+    let [u, v] = [(1, 1), (0, 0)].map(|(x, y)| step(ray(x, y).origin(), ray(0, 1).origin()));
+    Some([u, v, -ray(0, 0).direction()])
 }
 
 /// The axes have length 1, are perpendicular and right-handed, up to two f32 steps.
@@ -173,7 +173,7 @@ fn f3_directions_have_length_one_and_highlights_make_no_light() {
             let numerics = prepared.world.numerics();
             // Of length 1 up to the rounding of each component.
             let steps = |d: DVec3| (d.length() - 1.0).abs() / numerics.ray_precision().epsilon();
-            assert!(prepared.rays().iter().all(|ray| steps(ray.direction) <= 1.0));
+            assert!(prepared.rays().iter().all(|ray| steps(ray.direction()) <= 1.0));
             for [r, g, b] in sound(&prepared).rows() {
                 let rounding = 1.0 + 2.0 * f32::EPSILON;
                 let light = 0.625 / rounding..=0.875 * rounding;
@@ -205,7 +205,7 @@ fn f4_a_camera_on_a_plane_does_not_see_it() {
     for prepared in tiers(&on_the_plane(step), [32, 32]) {
         sound(&prepared);
         for (ray, hit) in prepared.rays().iter().zip(prepared.hits()) {
-            let exact = -step / ray.direction.y;
+            let exact = -step / ray.direction().y;
             // Rays downwards hit it before its hypotenuse, thousands of units away; rays upwards miss.
             assert_eq!(hit.is_some(), exact > 0.0, "{ray:?}");
             // In `fast`, t has the error of a triangle of this size.
@@ -242,8 +242,8 @@ fn f4_a_camera_on_a_corner_of_a_cube_sees_the_three_faces_opposite() {
     for prepared in tiers(&scene(&text), [32, 32]) {
         sound(&prepared);
         for (ray, hit) in prepared.rays().iter().zip(prepared.hits()) {
-            assert!(ray.direction.min_element() > 0.0);
-            let exact = 1.0 / ray.direction.max_element();
+            assert!(ray.direction().min_element() > 0.0);
+            let exact = 1.0 / ray.direction().max_element();
             let t = hit.expect("the cube is closed").t;
             let limit = 4.0 * prepared.world.numerics().ray_precision().epsilon();
             assert!((t - exact).abs() <= limit * exact, "{t} {exact}");
@@ -335,7 +335,7 @@ fn f5_parallel_rays_that_touch_a_sphere_hit_it_and_those_beside_it_do_not() {
     for prepared in tiers(&scene(text), [32, 32]) {
         sound(&prepared);
         for (ray, hit) in prepared.rays().iter().zip(prepared.hits()) {
-            let aside = ray.origin.x * ray.origin.x + ray.origin.y * ray.origin.y;
+            let aside = ray.origin().x * ray.origin().x + ray.origin().y * ray.origin().y;
             assert_eq!(aside.fract(), 0.0, "whole distances");
             assert_eq!(hit.is_some(), aside <= 64.0, "{}: {ray:?}", prepared.world.numerics().name());
         }
@@ -351,7 +351,7 @@ fn f5_parallel_rays_in_a_plane_miss_it() {
     for prepared in tiers(&scene(text), [33, 33]) {
         sound(&prepared);
         assert!(prepared.hits().iter().all(Option::is_none));
-        assert!(prepared.rays().iter().any(|ray| ray.origin.y == 0.0), "a row of rays lies in the plane");
+        assert!(prepared.rays().iter().any(|ray| ray.origin().y == 0.0), "a row of rays lies in the plane");
     }
 }
 
@@ -366,7 +366,7 @@ fn f6_from_a_million_away_the_outline_is_that_of_the_rounded_rays() {
         sound(&prepared);
         let numerics = prepared.world.numerics();
         for (index, (ray, hit)) in (0..).zip(prepared.rays().iter().zip(prepared.hits())) {
-            let (d, f) = (ray.direction, ray.origin);
+            let (d, f) = (ray.direction(), ray.origin());
             // How far the ray passes from the centre: |d x f| / |d|, to a few roundings of 1e6.
             let aside = d.cross(f).length() / d.length();
             if numerics != Numerics::Fast && (aside - 1.0).abs() > 1e-8 {

@@ -313,12 +313,12 @@ fn b5_a_mesh_half_of_degenerates_renders_as_the_clean_one() {
     let near_its_line = |found: &Hit, ray: &Ray, numerics: Numerics| {
         let [start, _, end] = lines[found.prim.0 as usize / 2];
         let along = (end - start).normalize();
-        let passes = (start - ray.origin).dot(ray.direction.cross(along).normalize()).abs();
+        let passes = (start - ray.origin()).dot(ray.direction().cross(along).normalize()).abs();
         assert!(passes <= NEAR, "{}: the ray passes {passes} from the line", numerics.name());
         if numerics == Numerics::Fast {
             return;
         }
-        let from_start = ray.origin + found.t * ray.direction - start;
+        let from_start = ray.origin() + found.t * ray.direction() - start;
         let (away, at) = (from_start.cross(along).length(), from_start.dot(along));
         assert!(away <= NEAR, "{}: {away} from its line", numerics.name());
         let length = (end - start).length();
@@ -429,7 +429,7 @@ fn b4_needles_are_hit_along_their_edge() {
             sound(&prepared);
             let least = if TIGHT[1..].contains(&numerics) { -75 } else { -44 };
             for (ray, hit) in prepared.rays().iter().zip(prepared.hits()) {
-                let on_edge = ray.origin.y == 0.0 && (0.0..=8.0).contains(&ray.origin.x);
+                let on_edge = ray.origin().y == 0.0 && (0.0..=8.0).contains(&ray.origin().x);
                 assert!(hit.is_none() || on_edge, "{ray:?}");
                 let owed = on_edge && exponent >= least && TIGHT.contains(&numerics);
                 assert!(hit.is_none() || exponent >= least, "{}: 1e{exponent}: {ray:?}", numerics.name());

@@ -174,7 +174,7 @@ fn h4_sheets_a_subnormal_distance_apart_are_told_apart() {
         sound(&prepared);
         for (ray, hit) in prepared.rays().iter().zip(prepared.hits()) {
             let hit = hit.expect("a floor is below");
-            let exact = (f64::from(1e-40f32) - ray.origin.y) / ray.direction.y;
+            let exact = (f64::from(1e-40f32) - ray.origin().y) / ray.direction().y;
             let numerics = prepared.world.numerics().name();
             assert!([4, 5].contains(&hit.prim.0), "{numerics}: {hit:?}");
             assert!((hit.t - exact).abs() <= 1e-4 * exact, "{numerics}: {} {exact}", hit.t);

@@ -123,7 +123,7 @@ fn e1_lit_balls_on_a_floor_at_every_scale_and_place() {
                 let moved = offset.abs().max_element() / scale;
                 let near = if moved > 16.0 * 200.0 { 0.0 } else { moved };
                 let m = f64::from(f32::EPSILON) * 8.0 * (1.0 + near / 300.0);
-                match closed_form(ray.origin, ray.direction, m) {
+                match closed_form(ray.origin(), ray.direction(), m) {
                     Some(Light::Lit) => (lit, acne) = (lit + 1, acne + u32::from(!bright)),
                     Some(Light::Dark) => (dark, leaks) = (dark + 1, leaks + u32::from(bright)),
                     Some(Light::Edge) => edges += 1,

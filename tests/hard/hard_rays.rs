@@ -44,9 +44,9 @@ fn a1_signed_zeros_make_no_difference() {
                 let first: Vec<Ray> = origins.map(|origin| ray(origin, along)).collect();
                 let expected = RayResults::to_all(&*accelerator, &first);
                 for direction in patterns {
-                    let made: Vec<Ray> = first.iter().map(|r| ray(r.origin, direction)).collect();
+                    let made: Vec<Ray> = first.iter().map(|r| ray(r.origin(), direction)).collect();
                     check_results("made", &*accelerator, &made, &expected, &mut faults);
-                    assert!(made.iter().all(|ray| ray.direction.to_array().map(f64::to_bits)
+                    assert!(made.iter().all(|ray| ray.direction().to_array().map(f64::to_bits)
                         == along.to_array().map(f64::to_bits)));
                 }
                 // The disc covers π/4 of the square.
@@ -85,7 +85,7 @@ fn a2_a_wall_is_not_missed_from_far_away() {
             let inside: Vec<Ray> = rays
                 .into_iter()
                 .filter(|r| {
-                    let (x, y) = (r.origin.x, r.origin.y);
+                    let (x, y) = (r.origin().x, r.origin().y);
                     x.min(y) > 1e-3 && x.max(y) < 0.999 && (x - y).abs() > 1e-3
                 })
                 .collect();
@@ -144,7 +144,7 @@ fn a5_the_length_of_a_direction_makes_no_difference() {
                 }
                 let mut faults = Faults::new(format!("{}, {structure:?}, 2^{exponent}", tier.name()));
                 let factor = f64::from(exponent).exp2();
-                let longer: Vec<Ray> = rays.iter().map(|r| ray(r.origin, r.direction * factor)).collect();
+                let longer: Vec<Ray> = rays.iter().map(|r| ray(r.origin(), r.direction() * factor)).collect();
                 let expected: Vec<RayResults> =
                     answers.iter().map(|answer| answer.times(1.0 / factor)).collect();
                 check_results("longer", &*accelerator, &longer, &expected, &mut faults);
@@ -181,7 +181,7 @@ fn a8_directions_that_are_none_hit_nothing() {
             let accelerator = build(slots.iter().copied(), structure, tier);
             for direction in bad {
                 for origin in [DVec3::ZERO, DVec3::new(0.25, 0.5, 3.0)] {
-                    let ray = Ray { origin, direction, t_min: 0.0, t_max: infinite };
+                    let ray = Ray::unchecked(origin, direction, 0.0, infinite);
                     let answer = RayResults::of(&*accelerator, &ray, &mut traversal);
                     faults
                         .check(!answer.occluded && answer.closest.is_none() && answer.all.is_empty(), || {

@@ -67,10 +67,11 @@ fn with_models_h1_the_bunny_times_powers_of_two() {
 
 /// Parallel rays around a ray, at the distance `aside` from it.
 fn beside(ray: &Ray, aside: f64) -> impl Iterator<Item = Ray> + '_ {
-    let (u, v) = ray.direction.normalize().any_orthonormal_pair();
+    let (u, v) = ray.direction().normalize().any_orthonormal_pair();
     (0..16).map(move |i| {
         let (sine, cosine) = (f64::from(i) * std::f64::consts::TAU / 16.0).sin_cos();
-        Ray { origin: ray.origin + aside * (cosine * u + sine * v), ..*ray }
+        let origin = ray.origin() + aside * (cosine * u + sine * v);
+        Ray::unchecked(origin, ray.direction(), ray.t_min(), ray.t_max())
     })
 }
 

@@ -289,7 +289,7 @@ fn e5_mirrored_rays_at_grazing_angles_leave() {
                 surface.shading_normal = normal;
                 surface.view = (along + height * numbers.unit() * normal).normalize();
                 let mirrored = mirrored_ray(DVec3::ZERO, &surface, numerics.ray_precision());
-                inwards += u32::from(mirrored.direction.dot(normal) <= 0.0);
+                inwards += u32::from(mirrored.direction().dot(normal) <= 0.0);
             }
             assert_eq!(inwards, 0, "height {height}, {}", numerics.name());
         }

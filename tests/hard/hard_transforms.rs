@@ -246,7 +246,7 @@ fn j3_tiles_side_by_side_have_no_seams() {
             let prepared = prepare(scene.clone(), [64, 64], numerics);
             let mut on_edges = 0;
             for (ray, hit) in prepared.rays().iter().zip(prepared.hits()) {
-                let [x, y] = [ray.origin.x, ray.origin.y].map(|c| c / side);
+                let [x, y] = [ray.origin().x, ray.origin().y].map(|c| c / side);
                 let inside = (0.0..=4.0).contains(&x) && (0.0..=4.0).contains(&y);
                 assert_eq!(hit.is_some(), inside, "{}: ({x}, {y})", numerics.name());
                 on_edges += usize::from(inside && (x.fract() == 0.0 || y.fract() == 0.0));

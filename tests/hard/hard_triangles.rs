@@ -87,7 +87,7 @@ fn b5_triangles_without_area_are_not_hit() {
     let mut numbers = Numbers::new(55);
     let aimed = targets(&all, &[At::Corner, At::Edge, At::EdgeMiddle], times_factor(1500), &mut numbers);
     let mut rays = from_around(DVec3::ZERO, 15.0, &aimed, &mut numbers);
-    let origins = rays.iter().map(|r| r.origin.round()).collect::<Vec<_>>();
+    let origins = rays.iter().map(|r| r.origin().round()).collect::<Vec<_>>();
     rays.extend(
         origins.into_iter().zip(&aimed).filter(|(o, p)| *o != **p).map(|(o, p)| ray(o, single(*p) - o)),
     );
@@ -227,10 +227,10 @@ fn b8_the_edge_of_a_giant_floor_is_decided_exactly() {
         rays.push(direct);
         for axis in 0..3 {
             for up in [true, false] {
-                let mut direction = direct.direction;
+                let mut direction = direct.direction();
                 let near = direction[axis] as f32;
                 direction[axis] = f64::from(if up { near.next_up() } else { near.next_down() });
-                rays.push(Ray { direction, ..direct });
+                rays.push(Ray::unchecked(direct.origin(), direction, direct.t_min(), direct.t_max()));
             }
         }
     }
@@ -253,7 +253,7 @@ fn b9_rays_in_a_triangles_plane_miss() {
         within.push(level);
         let y = if numbers.below(2) == 0 { 500f32.next_up() } else { 500f32.next_down() };
         let next = DVec3::new(origin.x, -f64::from(y), origin.z);
-        beside.push(Ray { origin: next, ..level });
+        beside.push(Ray::unchecked(next, level.direction(), level.t_min(), level.t_max()));
         beside.push(ray(next, single(target) - next));
     }
     // Orthographic rays along z, in the plane.

@@ -39,8 +39,10 @@ pub enum NotFinite {
     Origin,
     /// In the direction of a ray, or it is zero.
     Direction,
-    /// The maximum distance of a ray is NaN or not above 0.
+    /// The maximum distance of a ray is NaN or not above 0, or not above its minimum distance.
     Distance,
+    /// The minimum distance of a ray is NaN or negative.
+    MinDistance,
 }
 
 impl std::fmt::Display for NotFinite {
@@ -52,7 +54,10 @@ impl std::fmt::Display for NotFinite {
             ),
             NotFinite::Origin => f.write_str("the origin of a ray is not finite, or too large for f32"),
             NotFinite::Direction => f.write_str("the direction of a ray is not finite, or zero"),
-            NotFinite::Distance => f.write_str("the maximum distance of a ray is not above 0"),
+            NotFinite::Distance => {
+                f.write_str("the maximum distance of a ray is not above 0 or its minimum distance")
+            }
+            NotFinite::MinDistance => f.write_str("the minimum distance of a ray is NaN or negative"),
         }
     }
 }
@@ -178,7 +183,8 @@ impl Bvh {
 
     /// Every primitive that the ray hits between `t_min` and `t_max`, sorted by t, those at equal t by id.
     ///
-    /// - A primitive has one hit: of a sphere the nearer of two. A ray with `t_min` beyond that hit finds the other.
+    /// - A primitive has one hit: of a sphere the nearer of two. A ray with `t_min` beyond that hit ([`Ray::between`])
+    ///   finds the other.
     /// - On a shared edge or corner, every triangle that has it is hit. Their t are equal up to rounding, and no hit is
     ///   merged. Hits are not crossings: those are counted by [`Bvh::crossings`].
     /// - Primitives at the same place are all hit, at equal t.
@@ -290,6 +296,27 @@ impl RayList for RayArrays<'_> {
     }
 }
 
+impl Ray {
+    /// The same ray with other ends: hits have `t_min` < t < `t_max`, which may be infinite.
+    ///
+    /// # Errors
+    /// [`NotFinite::MinDistance`] and [`NotFinite::Distance`].
+    pub fn between(&self, t_min: f64, t_max: f64) -> Result<Ray, NotFinite> {
+        check_ends(t_min, t_max)?;
+        Ok(Ray { t_min, t_max, ..*self })
+    }
+}
+
+fn check_ends(t_min: f64, t_max: f64) -> Result<(), NotFinite> {
+    if t_min.is_nan() || t_min < 0.0 {
+        return Err(NotFinite::MinDistance);
+    }
+    if t_max.is_nan() || t_max <= t_min {
+        return Err(NotFinite::Distance);
+    }
+    Ok(())
+}
+
 /// # Errors
 /// As those of [`Bvh::ray_within`].
 fn check_ray(origin: DVec3, direction: DVec3, t_max: f64) -> Result<(), NotFinite> {
@@ -299,10 +326,7 @@ fn check_ray(origin: DVec3, direction: DVec3, t_max: f64) -> Result<(), NotFinit
     if !direction.is_finite() || direction == DVec3::ZERO {
         return Err(NotFinite::Direction);
     }
-    if t_max.is_nan() || t_max <= 0.0 {
-        return Err(NotFinite::Distance);
-    }
-    Ok(())
+    check_ends(0.0, t_max)
 }
 
 #[inline]

@@ -41,9 +41,15 @@ impl Precision {
 
     /// A ray with origin and direction rounded to this precision. Zero components become +0.
     ///
-    /// `origin` and `direction` must be finite, and `direction` not zero.
+    /// `origin` and `direction` must be finite, and `direction` of length 1 or, for t in units of its length, another
+    /// one but 0: [`Bvh::ray`](crate::bvh::Bvh::ray) checks this and normalises.
+    ///
+    /// # Panics
+    /// If `t_min` is NaN or negative.
     #[inline(always)]
     pub fn ray(self, origin: DVec3, direction: DVec3, t_min: f64, t_max: f64) -> Ray {
+        // Constants, as those of all renderers, are compared by the compiler.
+        assert!(t_min >= 0.0, "a ray from {t_min}");
         let (origin, direction) = match self {
             Precision::Single => (origin.as_vec3().as_dvec3(), direction.as_vec3().as_dvec3()),
             Precision::Double => (origin.map(|c| self.round(c)), direction),

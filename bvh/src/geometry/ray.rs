@@ -2,22 +2,30 @@
 
 use std::num::NonZeroU32;
 
-use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
-/// A ray: the points `origin + t * direction` with `t_min < t < t_max`, open at both ends. Origin and direction are
-/// rounded to the precision of its tier by [`super::Precision::ray`].
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-#[repr(C)]
+/// A ray: the points `origin + t * direction` with `t_min < t < t_max`, open at both ends.
+///
+/// [`Bvh::ray`](crate::bvh::Bvh::ray) and its relatives check and normalise what they make a ray of, and round it to the
+/// precision of their tier. Each tier takes the rays of every other: `fast` rounds all rays to f32 itself, and f32 numbers
+/// are exact in f64. [`super::Precision::ray`] and [`Ray::unchecked`] leave that to their caller. Numbers of a ray cannot
+/// be changed, but for the ends by [`Ray::between`], which checks them:
+///
+/// ```compile_fail,E0616
+/// # use kiln_bvh::bvh::Bvh;
+/// let mut ray = Bvh::new([([0.0; 3], 1.0).into()]).unwrap().ray([0.0; 3], [1.0; 3]).unwrap();
+/// ray.t_min = -1.0;
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
     /// Its origin.
-    pub origin: DVec3,
+    pub(crate) origin: DVec3,
     /// Its direction, of length 1 up to rounding, so that t is a distance.
-    pub direction: DVec3,
+    pub(crate) direction: DVec3,
     /// Hits are beyond this. Not negative: the margins of the box tests are valid for t >= 0 only.
-    pub t_min: f64,
+    pub(crate) t_min: f64,
     /// Hits are before this.
-    pub t_max: f64,
+    pub(crate) t_max: f64,
 }
 
 /// A primitive's index in the scene description, at most `u32::MAX - 1`. Decides between hits at equal distance.
@@ -49,7 +57,7 @@ impl SlotId {
 /// The result of an intersection test. The surface interaction is computed from it once, for the closest hit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
-    /// Distance along the ray: directions have length 1 (see [`Ray::direction`]).
+    /// Distance along the ray: directions have length 1 ([`Ray::direction`]).
     pub t: f64,
     /// The primitive.
     pub prim: PrimId,
@@ -61,6 +69,51 @@ pub struct Hit {
 }
 
 impl Ray {
+    /// A ray of these numbers as they are. The caller ensures that they are finite but for `t_max`, that `t_min` is not
+    /// negative, and that `direction` has length 1, or takes t in units of its length. Queries of another ray return
+    /// any hits.
+    #[inline(always)]
+    pub const fn unchecked(origin: DVec3, direction: DVec3, t_min: f64, t_max: f64) -> Self {
+        Ray { origin, direction, t_min, t_max }
+    }
+
+    /// Its origin.
+    #[inline(always)]
+    pub const fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// Its direction, of length 1 up to rounding, so that t is a distance.
+    #[inline(always)]
+    pub const fn direction(&self) -> DVec3 {
+        self.direction
+    }
+
+    /// Hits are beyond this, which is not negative.
+    #[inline(always)]
+    pub const fn t_min(&self) -> f64 {
+        self.t_min
+    }
+
+    /// Hits are before this.
+    #[inline(always)]
+    pub const fn t_max(&self) -> f64 {
+        self.t_max
+    }
+
+    /// Its numbers in the order of [`Ray::unchecked`].
+    #[inline(always)]
+    pub(super) fn numbers(&self) -> [f64; 8] {
+        let Ray { origin, direction, t_min, t_max } = self;
+        [origin.x, origin.y, origin.z, direction.x, direction.y, direction.z, *t_min, *t_max]
+    }
+
+    /// The ray of [`Ray::numbers`].
+    #[inline(always)]
+    pub(super) fn of_numbers([x, y, z, dx, dy, dz, t_min, t_max]: [f64; 8]) -> Self {
+        Ray { origin: DVec3::new(x, y, z), direction: DVec3::new(dx, dy, dz), t_min, t_max }
+    }
+
     /// The point at `t`.
     #[inline]
     pub fn at(&self, t: f64) -> DVec3 {

@@ -227,7 +227,7 @@ impl RayBuffer {
         for (k, number) in numbers.iter_mut().enumerate() {
             *number = self.numbers[k * self.stride + i];
         }
-        bytemuck::cast(numbers)
+        Ray::of_numbers(numbers)
     }
 
     /// Replaces the ray at `i`.
@@ -237,8 +237,7 @@ impl RayBuffer {
     #[inline]
     pub fn set(&mut self, i: usize, ray: &Ray) {
         assert!(i < self.len, "no ray at {i}");
-        let numbers: &[f64; NUMBERS] = bytemuck::cast_ref(ray);
-        for (k, &number) in numbers.iter().enumerate() {
+        for (k, number) in ray.numbers().into_iter().enumerate() {
             self.numbers[k * self.stride + i] = number;
         }
     }
@@ -246,8 +245,7 @@ impl RayBuffer {
     /// Writes a ray to all of a range, for which there must be room.
     #[inline(always)]
     fn fill(&mut self, range: Range<usize>, ray: &Ray) {
-        let numbers: &[f64; NUMBERS] = bytemuck::cast_ref(ray);
-        for (k, &number) in numbers.iter().enumerate() {
+        for (k, number) in ray.numbers().into_iter().enumerate() {
             self.numbers[k * self.stride + range.start..k * self.stride + range.end].fill(number);
         }
     }
@@ -300,9 +298,9 @@ impl RayBuffer {
     /// Moves the rays at `indices`, which ascend, to the front; these are the rays then.
     ///
     /// # Panics
-    /// If there is no ray at an index.
+    /// If the indices do not ascend, or there is no ray at one.
     pub fn keep(&mut self, indices: &[u32]) {
-        debug_assert!(indices.is_sorted_by(|a, b| a < b), "indices do not ascend");
+        assert!(indices.is_sorted_by(|a, b| a < b), "indices do not ascend");
         assert!(indices.last().is_none_or(|&last| (last as usize) < self.len), "no ray at an index");
         for (to, &from) in indices.iter().enumerate().skip_while(|(to, from)| *to == **from as usize) {
             self.set(to, &self.get(from as usize));
@@ -405,6 +403,13 @@ mod tests {
         assert_eq!(rays.slice(12, 4).len(), 0);
         let chunks: Vec<usize> = rays.chunks(4).map(|chunk| chunk.len()).collect();
         assert_eq!(chunks, [4, 4, 3]);
+    }
+
+    #[test]
+    #[should_panic(expected = "indices do not ascend")]
+    fn kept_rays_are_in_order() {
+        let mut buffer: RayBuffer = (0..4).map(ray).collect();
+        buffer.keep(&[2, 1]);
     }
 
     #[test]

@@ -122,7 +122,7 @@ impl Built for BuiltEmbree {
 
     fn crossings(&self, origin: DVec3, direction: DVec3, found: &mut Vec<u32>) {
         let Scene { device, handle, .. } = &self.scene;
-        let mut ray = Ray { origin, direction, t_min: 0.0, t_max: f64::INFINITY };
+        let mut ray = Ray::unchecked(origin, direction, 0.0, f64::INFINITY);
         for _ in 0..MAX_CROSSINGS {
             let mut query = RayHit::from(&ray);
             // SAFETY: `handle` is a committed scene, and `query` has the layout and alignment of `RTCRayHit`; null
@@ -132,7 +132,7 @@ impl Built for BuiltEmbree {
                 return;
             }
             found.push(query.primitive);
-            ray.t_min = query.ray.t_far.next_up().into();
+            ray = Ray::unchecked(origin, direction, query.ray.t_far.next_up().into(), f64::INFINITY);
         }
     }
 

@@ -27,11 +27,11 @@ const _: () = assert!(size_of::<RayOnly>() == 48);
 impl From<&Ray> for RayOnly {
     fn from(ray: &Ray) -> Self {
         RayOnly {
-            origin: ray.origin.as_vec3().to_array(),
-            t_near: ray.t_min as f32,
-            direction: ray.direction.as_vec3().to_array(),
+            origin: ray.origin().as_vec3().to_array(),
+            t_near: ray.t_min() as f32,
+            direction: ray.direction().as_vec3().to_array(),
             time: 0.0,
-            t_far: ray.t_max as f32,
+            t_far: ray.t_max() as f32,
             mask: c_uint::MAX,
             id: 0,
             flags: 0,
@@ -89,11 +89,11 @@ impl<const N: usize> Rays<N> {
             std::array::from_fn(|lane| rays.get(lane).map_or(rest, |ray| of(ray) as f32))
         };
         Rays {
-            origin: [0, 1, 2].map(|axis| number(&|ray| ray.origin[axis], 0.0)),
-            t_near: number(&|ray| ray.t_min, 0.0),
-            direction: [0, 1, 2].map(|axis| number(&|ray| ray.direction[axis], 1.0)),
+            origin: [0, 1, 2].map(|axis| number(&|ray| ray.origin()[axis], 0.0)),
+            t_near: number(&|ray| ray.t_min(), 0.0),
+            direction: [0, 1, 2].map(|axis| number(&|ray| ray.direction()[axis], 1.0)),
             time: [0.0; N],
-            t_far: number(&|ray| ray.t_max, -1.0),
+            t_far: number(&|ray| ray.t_max(), -1.0),
             mask: [c_uint::MAX; N],
             id: [0; N],
             flags: [0; N],

@@ -112,11 +112,11 @@ impl Point {
             Primitive::Triangle(triangle) => {
                 let [v, w] = hit.barycentrics;
                 let surface = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]);
-                (surface, triangle.normal().try_normalize().unwrap_or(-ray.direction))
+                (surface, triangle.normal().try_normalize().unwrap_or(-ray.direction()))
             }
             Primitive::Analytic(shape) => shape.surface(ray.at(hit.t)),
         };
-        let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
+        let normal = if normal.dot(ray.direction()) > 0.0 { -normal } else { normal };
         Point { surface, normal, origin: surface.origin_towards(normal, Numerics::Fast) }
     }
 }
@@ -132,7 +132,7 @@ fn shadow(point: &Point, light: DVec3) -> Option<Ray> {
     let beside = 2.0 * Precision::Single.epsilon();
     let ray =
         Precision::Single.ray(point.origin, to_light / distance, 0.0, single(distance * (1.0 - beside)));
-    (ray.t_max > 0.0).then_some(ray)
+    (ray.t_max() > 0.0).then_some(ray)
 }
 
 fn single(x: f64) -> f64 {
@@ -144,7 +144,7 @@ fn diffuse(point: &Point, index: u64) -> Option<Ray> {
     let direction = (point.normal + Numbers::new(10, index).direction()).try_normalize()?;
     let ray = Precision::Single.ray(point.origin, direction, 0.0, f64::INFINITY);
     // Rounding may turn the direction into the surface.
-    (ray.direction.dot(point.normal) > 0.0).then_some(ray)
+    (ray.direction().dot(point.normal) > 0.0).then_some(ray)
 }
 
 fn random(mesh: &Mesh, count: u64) -> Vec<Ray> {
@@ -192,7 +192,8 @@ mod tests {
             assert!(!ray_sets.of(kind).is_empty(), "{kind:?}");
             for ray in ray_sets.of(kind) {
                 for number in
-                    [ray.origin.to_array(), ray.direction.to_array(), [ray.t_min, ray.t_max, 0.0]].concat()
+                    [ray.origin().to_array(), ray.direction().to_array(), [ray.t_min(), ray.t_max(), 0.0]]
+                        .concat()
                 {
                     assert_eq!(number, f64::from(number as f32), "{kind:?} {ray:?}");
                 }
@@ -205,7 +206,7 @@ mod tests {
         let (normal, origin) = (DVec3::new(1.0, 2.0, -2.0) / 3.0, DVec3::ZERO);
         let surface = SurfacePoint { position: origin, start: origin, reach: DVec3::ZERO };
         let rays = (0..100_000).filter_map(|index| diffuse(&Point { surface, normal, origin }, index));
-        let cosines: Vec<f64> = rays.map(|ray| ray.direction.dot(normal)).collect();
+        let cosines: Vec<f64> = rays.map(|ray| ray.direction().dot(normal)).collect();
         // With the density cos / pi, the mean cosine is 2/3 and the mean squared cosine 1/2, so the mean of n samples
         // has the standard deviation sqrt((1/2 - 4/9) / n).
         let n = cosines.len() as f64;
@@ -222,8 +223,8 @@ mod tests {
         let light = DVec3::new(3.0, 4.0, 0.0);
         let ray = shadow(&point, light).expect("a ray");
         // The light is 5 away.
-        assert!(ray.t_max < 5.0 && ray.t_max > 5.0 * (1.0 - 1e-6), "{}", ray.t_max);
-        assert!((ray.at(ray.t_max) - light).length() < 1e-5);
+        assert!(ray.t_max() < 5.0 && ray.t_max() > 5.0 * (1.0 - 1e-6), "{}", ray.t_max());
+        assert!((ray.at(ray.t_max()) - light).length() < 1e-5);
         assert_eq!(shadow(&point, -light), None);
     }
 }

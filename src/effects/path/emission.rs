@@ -44,13 +44,13 @@ impl Buffers {
         // In a loop of its own, so that the next one reads texels for several rays at once.
         self.places.clear();
         if lights.uniform_radiance().is_none() {
-            let place = |ray: usize| context.world.environment_position(generation.rays.get(ray).direction);
+            let place = |ray: usize| context.world.environment_position(generation.rays.get(ray).direction());
             self.places.extend(self.missed.iter().map(place));
         }
         for k in 0..self.missed.len() {
             let (ray, place) = (self.missed.get(k), self.places.get(k).copied().unwrap_or_default());
             let path = &self.paths[ray];
-            let direction = generation.rays.get(ray).direction;
+            let direction = generation.rays.get(ray).direction();
             let radiance = if depth == 0 {
                 context.world.background_towards(direction, place)
             } else {

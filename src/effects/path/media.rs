@@ -92,7 +92,7 @@ impl MediumStack {
                 continue;
             };
             seen.push(volume);
-            if world.is_back(object, &hit, ray.at(hit.t), -ray.direction) {
+            if world.is_back(object, &hit, ray.at(hit.t), -ray.direction()) {
                 media = media.with(volume);
             }
         }

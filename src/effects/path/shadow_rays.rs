@@ -66,10 +66,10 @@ impl LightSamples {
     ) -> bool {
         let origin = vertices.origin(i, world, surfaces, self.direction.get(i));
         let ray = self.special_ray(i, origin, surfaces.position.get(i), world.numerics());
-        if let Some(Ray { origin, direction, t_max, .. }) = ray {
-            self.ray_origin.set(i, origin);
-            self.ray_direction.set(i, direction);
-            self.t_max[i] = t_max;
+        if let Some(ray) = ray {
+            self.ray_origin.set(i, ray.origin());
+            self.ray_direction.set(i, ray.direction());
+            self.t_max[i] = ray.t_max();
         }
         ray.is_some()
     }
@@ -140,7 +140,7 @@ impl Buffers {
                 if world.volumes.is_some() {
                     // What is infinitely far away is in no volume.
                     let shadow_ray = shadow_rays.get(k);
-                    let t_max = shadow_ray.t_max;
+                    let t_max = shadow_ray.t_max();
                     let end = if t_max.is_finite() { shadow_ray.at(t_max) } else { DVec3::INFINITY };
                     let media = vertices.media_towards(i, surfaces, direction.get(i));
                     radiance *= vertices.media.transmittance(world, media, end, t_max);

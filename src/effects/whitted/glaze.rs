@@ -229,7 +229,7 @@ fn mirrored_rays(
         |i| {
             let mirrored = mirrored(surfaces.view.get(i), surfaces.shading_normal.get(i));
             let ray = precision.ray(origins.get(i), mirrored, 0.0, f64::INFINITY);
-            all_leave &= ray.direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
+            all_leave &= ray.direction().dot(surfaces.geometric_normal.get(i)) > 0.0;
             ray
         },
     );
@@ -261,7 +261,7 @@ fn combine(tile: &mut Tile, context: &RenderContext) {
     // Mirrored rays see the environment, as scattered ones do in path tracing, even where it is no background.
     let Some(environment) = &world.environment else { return };
     for (ray, _) in next.hits.iter().enumerate().filter(|(_, hit)| hit.is_none()) {
-        mix(ray, environment.eval(next.rays.get(ray).direction));
+        mix(ray, environment.eval(next.rays.get(ray).direction()));
     }
 }
 
@@ -271,7 +271,7 @@ pub fn mirrored_ray(origin: DVec3, surface: &SurfaceInteraction, precision: Prec
     let (normal, outer) = (surface.shading_normal, surface.geometric_normal);
     let mirrored = mirrored(surface.view, normal);
     let ray = precision.ray(origin, mirrored, 0.0, f64::INFINITY);
-    let height = ray.direction.dot(outer);
+    let height = ray.direction().dot(outer);
     if height > 0.0 {
         return ray;
     }
@@ -311,7 +311,7 @@ mod tests {
 
     /// The cosine between the mirrored ray and the geometric normal.
     fn rise(surface: &SurfaceInteraction, precision: Precision) -> f64 {
-        mirrored_ray(DVec3::ZERO, surface, precision).direction.dot(surface.geometric_normal)
+        mirrored_ray(DVec3::ZERO, surface, precision).direction().dot(surface.geometric_normal)
     }
 
     #[test]

@@ -24,8 +24,8 @@ fn write(tile: &mut Tile, world: &World) {
     }
     if world.environment.is_some() {
         for (ray, &source) in generation.rays.rays().iter().zip(&generation.sources) {
-            let place = world.environment_position(ray.direction);
-            pixels[source as usize] = world.background_towards(ray.direction, place).as_vec3().to_array();
+            let place = world.environment_position(ray.direction());
+            pixels[source as usize] = world.background_towards(ray.direction(), place).as_vec3().to_array();
         }
     }
     for (i, &ray) in surfaces.ray_of().iter().enumerate() {

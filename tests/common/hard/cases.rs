@@ -102,9 +102,9 @@ fn nudge(mut p: DVec3, numbers: &mut Numbers) -> DVec3 {
 /// The ray with one number of it a step of f64 off.
 pub fn nudged(ray: &Ray, numbers: &mut Numbers) -> Ray {
     if numbers.below(2) == 0 {
-        Ray { origin: nudge(ray.origin, numbers), ..*ray }
+        Ray::unchecked(nudge(ray.origin(), numbers), ray.direction(), ray.t_min(), ray.t_max())
     } else {
-        Ray { direction: nudge(ray.direction, numbers), ..*ray }
+        Ray::unchecked(ray.origin(), nudge(ray.direction(), numbers), ray.t_min(), ray.t_max())
     }
 }
 
@@ -140,11 +140,11 @@ pub fn aimed_ray(kind: Kind, corners: &Corners, numbers: &mut Numbers) -> Ray {
         if numbers.below(4) == 0 {
             direction *= f64::from(numbers.below(60) as i32 - 30).exp2();
         }
-        let ray = Ray { origin, direction, t_min: 0.0, t_max: f64::INFINITY };
+        let ray = Ray::unchecked(origin, direction, 0.0, f64::INFINITY);
         let ray = if numbers.below(3) == 0 { nudged(&ray, numbers) } else { ray };
-        let size = ray.direction.abs().max_element();
-        if (1e-60..=1e18).contains(&size) && is_in_domain(ray.origin) {
-            return Precision::Double.ray(ray.origin, ray.direction, 0.0, f64::INFINITY);
+        let size = ray.direction().abs().max_element();
+        if (1e-60..=1e18).contains(&size) && is_in_domain(ray.origin()) {
+            return Precision::Double.ray(ray.origin(), ray.direction(), 0.0, f64::INFINITY);
         }
     }
 }

@@ -72,7 +72,7 @@ pub fn judge_in(
     tiers: &[Numerics],
     structures: &[Layout],
 ) -> Summary {
-    let all_single = slots.iter().all(is_single) && rays.iter().all(|r| r.origin == single(r.origin));
+    let all_single = slots.iter().all(is_single) && rays.iter().all(|r| r.origin() == single(r.origin()));
     assert!(all_single || tiers.iter().all(|tier| !rounds(*tier)), "{what}: not f32 numbers");
     let exact: Vec<Vec<(Distance, PrimId)>> = rays.iter().map(|ray| exact_hits(slots, ray)).collect();
     let mut summary = Summary { rays: rays.len(), ..Summary::default() };
@@ -279,7 +279,7 @@ pub fn scales_to_the_bit(what: &str, slots: &[Slot], rays: &[Ray], exponents: &[
 
 /// A ray of everything times a power of two: the same direction from further away.
 pub fn scaled_ray(ray: &Ray, scale: f64) -> Ray {
-    Ray { origin: ray.origin * scale, t_min: ray.t_min * scale, t_max: ray.t_max * scale, ..*ray }
+    Ray::unchecked(ray.origin() * scale, ray.direction(), ray.t_min() * scale, ray.t_max() * scale)
 }
 
 /// A primitive times a power of two.

@@ -160,6 +160,6 @@ pub fn ordinary(count: usize, seed: u64) -> Ball {
 /// The same rays with directions a thousandth as long.
 pub fn short_directions(count: usize, seed: u64) -> Ball {
     let ball = ordinary(count, seed);
-    let rays = ball.rays.iter().map(|r| ray(r.origin, r.direction * 1e-3)).collect();
+    let rays = ball.rays.iter().map(|r| ray(r.origin(), r.direction() * 1e-3)).collect();
     Ball { name: "short directions", rays, ..ball }
 }

@@ -24,8 +24,8 @@ pub const U: f64 = f64::EPSILON / 2.0;
 /// product, a difference, a product, two sums), so it is off by at most 7u / (1 - 7u) times the sum of the terms'
 /// sizes, and that sum itself, computed, is short of its value by at most the same share. 16u covers both.
 pub fn edges(ray: &Ray, corners: &[DVec3; 3]) -> [(f64, f64); 3] {
-    let [a, b, c] = corners.map(|corner| corner - ray.origin);
-    let d = ray.direction;
+    let [a, b, c] = corners.map(|corner| corner - ray.origin());
+    let d = ray.direction();
     let edge = |p: DVec3, q: DVec3| {
         let (mut sum, mut size) = (0.0, 0.0);
         for (k, i, j) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {

@@ -23,8 +23,8 @@ pub fn crossings(ray: &Ray, triangles: &[[DVec3; 3]], bits: u32) -> Vec<SignedCr
         }))
     };
     let one = BigInt::from(1);
-    let origin = scaled(ray.origin).plus(&Vector([2, 1, 0].map(|k| one.clone() << (k * bits))));
-    let direction = scaled(ray.direction);
+    let origin = scaled(ray.origin()).plus(&Vector([2, 1, 0].map(|k| one.clone() << (k * bits))));
+    let direction = scaled(ray.direction());
     let scale = one << (3 * bits);
     let mut found: Vec<(BigInt, BigInt, SignedCrossing)> = Vec::new();
     for (index, corners) in (0..).zip(triangles) {
@@ -46,10 +46,10 @@ pub fn crossings(ray: &Ray, triangles: &[[DVec3; 3]], bits: u32) -> Vec<SignedCr
         });
         // t_max is a multiple of the unit, too, or infinite.
         let is_before_end = || {
-            let Vector([t_max, ..]) = scaled(DVec3::splat(ray.t_max));
+            let Vector([t_max, ..]) = scaled(DVec3::splat(ray.t_max()));
             &height * &scale < &across * t_max
         };
-        if is_inside && sign(&height) > 0 && (ray.t_max == f64::INFINITY || is_before_end()) {
+        if is_inside && sign(&height) > 0 && (ray.t_max() == f64::INFINITY || is_before_end()) {
             let leaves = sign(&normal.dot(&direction)) > 0;
             found.push((height, across, (index, leaves)));
         }

@@ -23,9 +23,9 @@ use super::filter::{U, edges};
 /// m' m''` for the edge functions, `5 * 3 * 8u m m' m''` for products and sums, and `8 * 6u m m' m''` for the volume as
 /// computed here: 384u m m' m''.
 pub fn is_clear(ray: &Ray, corners: &[DVec3; 3]) -> bool {
-    let relative = corners.map(|corner| corner - ray.origin);
+    let relative = corners.map(|corner| corner - ray.origin());
     let [a, b, c] = relative.map(|corner| corner.abs().max_element());
-    let length = ray.direction.abs().max_element();
+    let length = ray.direction().abs().max_element();
     let margins = [b * c, c * a, a * b].map(|product| 80.0 * U * length * product);
     let beside =
         edges(ray, corners).iter().zip(margins).all(|((sum, error), margin)| sum.abs() > error + margin);
@@ -39,9 +39,9 @@ pub fn is_clear(ray: &Ray, corners: &[DVec3; 3]) -> bool {
 /// their sum, the mean moves by at most `3 e (greatest depth - least depth) / (s - 3 e)`. Products, sums, the
 /// reciprocal and the shear add 9u times the greatest depth, and holding the distance within the triangle's box 3u.
 pub fn distance_error(ray: &Ray, corners: &[DVec3; 3]) -> f64 {
-    let relative = corners.map(|corner| corner - ray.origin);
+    let relative = corners.map(|corner| corner - ray.origin());
     let size = relative.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
-    let length = ray.direction.abs();
+    let length = ray.direction().abs();
     let axis = (0..3).fold(0, |most, k| if length[k] > length[most] { k } else { most });
     let depths = relative.map(|corner| corner[axis]);
     let extent = depths.iter().flat_map(|z| depths.map(|y| (z - y).abs())).fold(0.0, f64::max);
@@ -71,7 +71,7 @@ struct Chord {
 /// is much smaller than its distance. The squared radius, less it, has `2u r^2` more, and `f^2 - r^2` an error of `6u
 /// (f^2 + r^2)`.
 fn chord(ray: &Ray, centre: DVec3, radius: f64) -> Chord {
-    let (f, d) = (ray.origin - centre, ray.direction);
+    let (f, d) = (ray.origin() - centre, ray.direction());
     let (length, distance) = (d.length(), f.length());
     let nearest = (f - d * (f.dot(d) / d.length_squared())).length();
     let of_nearest = 21.0 * U * distance;
@@ -103,7 +103,7 @@ pub fn sphere_distance_error(ray: &Ray, centre: DVec3, radius: f64) -> f64 {
     let half = chord.squared.max(0.0).sqrt();
     let of_half = chord.squared_error.sqrt().min(chord.squared_error / half);
     let far = chord.middle.abs() + half;
-    let of_far = of_half + 16.0 * U * ((ray.origin - centre).length() + far);
+    let of_far = of_half + 16.0 * U * ((ray.origin() - centre).length() + far);
     let near = chord.power.abs() / far;
     let of_near = chord.power_error / far + near * of_far / far;
     of_far.max(of_near) / chord.length
@@ -123,7 +123,7 @@ struct Plane {
 /// With `f` from the centre to the origin, the terms of `n . f` have an error of 2u, and their sum 2u more; the terms
 /// of `n . d` one of u, and their sum 2u more. Twice this: it is computed here with as many roundings.
 fn plane(ray: &Ray, centre: DVec3, normal: DVec3) -> Plane {
-    let (f, d) = (ray.origin - centre, ray.direction);
+    let (f, d) = (ray.origin() - centre, ray.direction());
     Plane {
         height: normal.dot(f),
         height_error: 8.0 * U * normal.abs().dot(f.abs()),
@@ -144,10 +144,10 @@ pub fn is_clear_of_disk(ray: &Ray, centre: DVec3, normal: DVec3, radius: f64) ->
         return false;
     }
     let t = -height / along;
-    let way = t.abs() * ray.direction.length();
+    let way = t.abs() * ray.direction().length();
     let relative = height_error / height.abs() + along_error / (along.abs() - along_error) + 4.0 * U;
     let error = 2.0 * (relative * way + 4.0 * U * (reach + way));
-    let from_centre = (ray.origin - centre + ray.direction * t).length();
+    let from_centre = (ray.origin() - centre + ray.direction() * t).length();
     (from_centre - radius).abs() > error + 8.0 * U * radius
 }
 
@@ -161,6 +161,6 @@ pub fn disk_distance_error(ray: &Ray, centre: DVec3, normal: DVec3, radius: f64)
     let t = (height / along).abs();
     let rest = along.abs() - along_error;
     let of_bounds =
-        8.0 * U * (reach + radius + centre.abs().max_element()) / ray.direction.abs().max_element();
+        8.0 * U * (reach + radius + centre.abs().max_element()) / ray.direction().abs().max_element();
     (height_error + t * along_error) / rest + 8.0 * U * t + of_bounds
 }
