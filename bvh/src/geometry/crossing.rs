@@ -149,34 +149,10 @@ impl LineTest {
         (is_beyond(self.ray.t_min) && !is_beyond(self.ray.t_max)).then(|| (distance.to_f64(), side))
     }
 
-    /// The lanes whose triangles the moved line may pass through.
+    /// The triangles that the moved line may pass through.
     #[inline(always)]
     pub(crate) fn may_cross4<C: Corner, D: Doubles>(&self, four: &Triangle4<C>) -> u32 {
-        let WoopTest { origin, major, shear, .. } = &self.woop;
-        let axes = major.axes();
-        let origin = [D::splat(origin.x), D::splat(origin.y), D::splat(origin.z)];
-        let shear = [D::splat(shear[0]), D::splat(shear[1])];
-        let zero = D::splat(0.0);
-        let (mut reach, mut lateral, mut xy) = (zero, zero, [[zero; 2]; 3]);
-        for (corner, xy) in four.corners.iter().zip(&mut xy) {
-            let z = C::load::<D>(&corner[axes[2]]) - origin[2];
-            reach = z.abs().max(reach);
-            for k in 0..2 {
-                let x = C::load::<D>(&corner[axes[k]]) - origin[k];
-                xy[k] = x - shear[k] * z;
-                reach = x.abs().max(reach);
-                lateral = xy[k].abs().max(lateral);
-            }
-        }
-        let [[ax, ay], [bx, by], [cx, cy]] = xy;
-        let weights = [cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax];
-        let least = weights[0].min(weights[1]).min(weights[2]);
-        let most = weights[0].max(weights[1]).max(weights[2]);
-        // As `weight_error`.
-        let rounding = D::splat(4.0 * f64::EPSILON) * reach;
-        let error = D::splat(24.0 * f64::EPSILON) * reach * (lateral + rounding);
-        // Coordinates of empty lanes are NaN.
-        weights[0].le(weights[0]) & !(least.lt(zero - error) & error.lt(most)) & D::ALL
+        self.woop.may_cross4::<C, D>(four)
     }
 }
 

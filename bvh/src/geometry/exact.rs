@@ -15,6 +15,8 @@ use glam::{DVec3, Vec3Swizzles};
 use super::bounds::DoubleBoxTest;
 use super::distance::{Distance, PlaneHit};
 use super::expansion::Expansion;
+use super::lanes::{HitN, Triangle4};
+use super::simd::Simd;
 use super::woop::{Sheared, WoopTest};
 use super::{Hit, Ray, Stored, Tier, TriangleHit};
 use crate::geometry::Numerics;
@@ -52,6 +54,16 @@ impl Tier for Exact {
         let certain = least > error || most < -error;
         let weights = if certain { weights } else { decide(test, ray, corners, weights, error)? };
         settle(test, ray, corners, &sheared, weights, error)
+    }
+
+    #[inline(always)]
+    fn may_hit4<S: Simd>(test: &WoopTest, four: &Triangle4<DVec3>) -> u32 {
+        test.may_cross4::<_, S::D4>(four)
+    }
+
+    #[inline(always)]
+    fn hit_triangle4<S: Simd, const EARLY: bool>(test: &WoopTest, four: &Triangle4<DVec3>) -> HitN<S::D4> {
+        HitN { undecided: test.may_cross4::<_, S::D4>(four), ..HitN::NONE }
     }
 
     #[inline(always)]

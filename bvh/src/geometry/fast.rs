@@ -8,10 +8,10 @@
 use glam::Vec3;
 
 use super::bounds::SingleBoxTest;
-use super::lanes::HitN;
+use super::lanes::{HitN, MASK4, Triangle4};
 use super::numerics::{PreparedPacket, PreparedRay};
-use super::simd::{Doubles, Floats, Lanes, Vector};
-use super::{BATCH, Hit, Ray, Rays, Stored, Tier, TriangleHit};
+use super::simd::{Doubles, Floats, Lanes, Simd, Vector};
+use super::{BATCH, Corner, Hit, Ray, Rays, Stored, Tier, TriangleHit};
 use crate::geometry::Numerics;
 
 /// f32 geometry, decided in f32.
@@ -25,6 +25,14 @@ pub(crate) struct FastRay {
     pub(super) t_min: f32,
     pub(super) direction: [f32; 3],
     pub(super) t_max: f32,
+}
+
+/// A ray in f32 in each lane.
+pub(crate) struct FastRayN<F> {
+    pub origin: [F; 3],
+    pub direction: [F; 3],
+    pub t_min: F,
+    pub t_max: F,
 }
 
 /// One number: a vector for tests of one primitive.
@@ -46,15 +54,11 @@ impl PreparedRay for FastRay {
     fn prepare_packet<'a, D: Doubles>(rays: Rays, packet: &'a mut PreparedPacket) -> &'a mut [Self] {
         packet.fast.resize(BATCH, FastRay::default());
         for first in (0..rays.len()).step_by(D::Floats::LANES) {
-            let [t_min, t_max] = [
-                rays.t_min_floats::<D>(first).array(),
-                rays.t_max_floats::<D>(first).min(D::Floats::splat(f32::MAX)).array(),
-            ];
-            let (mut origin, mut direction) = ([D::Floats::ZEROS; 3], [D::Floats::ZEROS; 3]);
-            for axis in 0..3 {
-                origin[axis] = rays.origin_floats::<D>(axis, first).array();
-                direction[axis] = rays.direction_floats::<D>(axis, first).array();
-            }
+            let FastRayN { origin, direction, t_min, t_max } = FastRayN::new::<D>(rays, first);
+            let ([x, y, z], [dx, dy, dz]) = (origin, direction);
+            let (origin, direction) =
+                ([x.array(), y.array(), z.array()], [dx.array(), dy.array(), dz.array()]);
+            let (t_min, t_max) = (t_min.array(), t_max.array());
             for (i, ray) in packet.fast[first..first + D::Floats::LANES].iter_mut().enumerate() {
                 *ray = FastRay {
                     origin: [origin[0][i], origin[1][i], origin[2][i]],
@@ -72,27 +76,75 @@ impl PreparedRay for FastRay {
         self.t_max = t as f32;
     }
 
+    // All of them: the whole test is hardly more.
     #[inline(always)]
-    fn hit_in_f32<F: Floats>(&self, [a, b, c]: &[[F; 3]; 3]) -> HitN<F> {
-        let ([x, y, z], [dx, dy, dz]) = (self.origin, self.direction);
-        let direction = [F::splat(dx), F::splat(dy), F::splat(dz)];
+    fn may_hit4<C: Corner, S: Simd>(&self, _: &Triangle4<C>) -> u32 {
+        MASK4
+    }
+
+    #[inline(always)]
+    fn hit_triangle4<C: Corner, S: Simd, const EARLY: bool>(&self, four: &Triangle4<C>) -> HitN<S::D4> {
+        let HitN { hit, t, barycentrics: [v, w], .. } =
+            FastRayN::<S::F8>::splat(self).hit::<EARLY>(&Triangle4::pair::<S>([four; 2], [0, 1, 2]));
+        // Without `array::map`, which is not always inlined.
+        let barycentrics = [S::D4::load_f32(&v).array(), S::D4::load_f32(&w).array()];
+        HitN { hit: hit & MASK4, undecided: 0, t: S::D4::load_f32(&t).array(), barycentrics }
+    }
+}
+
+impl<F: Floats> FastRayN<F> {
+    /// A ray in all lanes.
+    #[inline(always)]
+    pub(super) fn splat(ray: &FastRay) -> Self {
+        let ([x, y, z], [dx, dy, dz]) = (ray.origin, ray.direction);
+        FastRayN {
+            origin: [F::splat(x), F::splat(y), F::splat(z)],
+            direction: [F::splat(dx), F::splat(dy), F::splat(dz)],
+            t_min: F::splat(ray.t_min),
+            t_max: F::splat(ray.t_max),
+        }
+    }
+
+    /// The rays from index `first` on.
+    #[inline(always)]
+    pub(crate) fn new<D: Doubles<Floats = F>>(rays: Rays, first: usize) -> Self {
+        FastRayN {
+            origin: [
+                rays.origin_floats::<D>(0, first),
+                rays.origin_floats::<D>(1, first),
+                rays.origin_floats::<D>(2, first),
+            ],
+            direction: [
+                rays.direction_floats::<D>(0, first),
+                rays.direction_floats::<D>(1, first),
+                rays.direction_floats::<D>(2, first),
+            ],
+            t_min: rays.t_min_floats::<D>(first),
+            // Distances that overflow are no hits.
+            t_max: rays.t_max_floats::<D>(first).min(F::splat(f32::MAX)),
+        }
+    }
+
+    /// The hits on a triangle in each lane. `EARLY`: with branches that spare work where all are missed.
+    #[inline(always)]
+    pub(crate) fn hit<const EARLY: bool>(&self, [a, b, c]: &[[F; 3]; 3]) -> HitN<F> {
         let (to_b, to_c) = (minus(b, a), minus(c, a));
-        let from_a = minus(&[F::splat(x), F::splat(y), F::splat(z)], a);
-        let (p, q) = (cross(&direction, &to_c), cross(&from_a, &to_b));
+        let from_a = minus(&self.origin, a);
+        let (p, q) = (cross(&self.direction, &to_c), cross(&from_a, &to_b));
         let determinant = dot(&to_b, &p);
         let size = determinant.flip(determinant);
         let v = dot(&from_a, &p).flip(determinant);
-        let w = dot(&direction, &q).flip(determinant);
+        let w = dot(&self.direction, &q).flip(determinant);
         // NaN, of empty lanes, is not inside.
         let inside = F::splat(0.0).le(v.min(w).min(size - v - w));
         // Most triangles are missed.
-        if inside == 0 {
+        if EARLY && inside == 0 {
             return HitN::NONE;
         }
         let depth = dot(&to_c, &q).flip(determinant);
-        let within = (F::splat(self.t_min) * size).lt(depth) & depth.lt(F::splat(self.t_max) * size);
+        let within = (self.t_min * size).lt(depth) & depth.lt(self.t_max * size);
         let hit = inside & within;
-        if hit == 0 {
+        if EARLY && hit == 0 {
             return HitN::NONE;
         }
         // Divided one by one: the reciprocal may overflow.
@@ -111,7 +163,7 @@ impl Tier for Fast {
     #[inline(always)]
     fn hit_triangle(test: &FastRay, _: &Ray, corners: &[Vec3; 3]) -> Option<TriangleHit> {
         let corners = corners.map(|corner| corner.to_array().map(One::splat));
-        let hit = test.hit_in_f32(&corners);
+        let hit = FastRayN::splat(test).hit::<true>(&corners);
         let [[v], [w]] = hit.barycentrics;
         let hits = TriangleHit { t: hit.t[0].into(), barycentrics: [v.into(), w.into()] };
         (hit.hit != 0).then_some(hits)
@@ -163,7 +215,7 @@ mod tests {
                     let at = |z: f64| (z - from) * side;
                     let (near, far) = (at(2.0).min(at(5.0)), at(2.0).max(at(5.0)));
                     let ray = Precision::Single.ray(DVec3::new(x, y, from), DVec3::Z * side, near, far);
-                    let hits = FastRay::new(&ray).hit_in_f32(&corners);
+                    let hits = FastRayN::splat(&FastRay::new(&ray)).hit::<false>(&corners);
                     assert_eq!(hits.hit, if is_inside { 0b1100 } else { 0 }, "{ray:?}");
                     for lane in (0..8).filter(|lane| hits.hit >> lane & 1 != 0) {
                         assert_eq!(f64::from(hits.t[lane]), at((lane + 1) as f64));

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3, Vec3A};
 use super::bounds::BoxTest;
 use super::fast::FastRay;
 use super::lanes::{HitN, LANES4, Triangle4};
-use super::simd::{Doubles, Floats, Simd};
+use super::simd::{Doubles, Simd};
 use super::woop::WoopTest;
 use super::woop_n::PreparedRayN;
 use super::{AnalyticShape, Bounds, Hit, Ray, Rays, TriangleHit};
@@ -215,16 +215,10 @@ pub(crate) trait PreparedRay: Copy {
     /// Notes that hits from `t` on do not count, in a tier that makes use of it.
     #[inline(always)]
     fn shorten(&mut self, _t: f64) {}
-    /// The hits on a triangle in each lane, in f32. For fast tiers.
-    #[inline(always)]
-    fn hit_in_f32<F: Floats>(&self, _corners: &[[F; 3]; 3]) -> HitN<F> {
-        HitN::UNDECIDED
-    }
+    /// See [`Tier::may_hit4`].
+    fn may_hit4<C: Corner, S: Simd>(&self, four: &Triangle4<C>) -> u32;
     /// See [`Tier::hit_triangle4`].
-    #[inline(always)]
-    fn hit_triangle4<C: Corner, D: Doubles>(&self, _: &Triangle4<C>) -> HitN<D> {
-        HitN::UNDECIDED
-    }
+    fn hit_triangle4<C: Corner, S: Simd, const EARLY: bool>(&self, four: &Triangle4<C>) -> HitN<S::D4>;
 }
 
 /// The memory of [`PreparedRay::prepare_packet`].
@@ -277,10 +271,21 @@ pub(crate) trait Tier: Send + Sync + 'static {
     fn hit_triangle(prepared: &Self::Prepared, ray: &Ray, corners: &[Self::Corner; 3])
     -> Option<TriangleHit>;
 
-    /// [`Tier::hit_triangle`] for one ray and four triangles. `D` has four lanes.
+    /// The triangles that [`Tier::hit_triangle4`] may find hit or undecided; it certainly does not the others. Without
+    /// branches.
     #[inline(always)]
-    fn hit_triangle4<D: Doubles>(prepared: &Self::Prepared, four: &Triangle4<Self::Corner>) -> HitN<D> {
-        if Self::HAS_RAY_N { prepared.hit_triangle4(four) } else { HitN::UNDECIDED }
+    fn may_hit4<S: Simd>(prepared: &Self::Prepared, four: &Triangle4<Self::Corner>) -> u32 {
+        prepared.may_hit4::<_, S>(four)
+    }
+
+    /// [`Tier::hit_triangle`] for one ray and four triangles; if `EARLY`, with branches that spare work where all are
+    /// missed.
+    #[inline(always)]
+    fn hit_triangle4<S: Simd, const EARLY: bool>(
+        prepared: &Self::Prepared,
+        four: &Triangle4<Self::Corner>,
+    ) -> HitN<S::D4> {
+        prepared.hit_triangle4::<_, S, EARLY>(four)
     }
 
     /// Whether the first of two hits of a ray is nearer, or equally near with the lower primitive id.

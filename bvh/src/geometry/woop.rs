@@ -19,7 +19,7 @@ use super::bounds::clamp_to_bounds;
 use super::expansion::{Expansion, two_product, two_sum};
 use super::lanes::{HitN, MASK4, Triangle4};
 use super::simd::Doubles;
-use super::woop_n::{ShearedN, hit_lanes};
+use super::woop_n::{ShearedN, edges, hit_lanes, may_hit, sheared_corners};
 use super::{Corner, Ray, Triangle, TriangleHit};
 
 /// A ray prepared for triangles.
@@ -131,27 +131,57 @@ impl WoopTest {
         Sheared { corners, sheared_xy: corners.map(sheared_xy) }
     }
 
-    /// The hits on four triangles, with the bits of [`WoopTest::hit`].
+    /// The corners of four triangles relative to the ray's origin, axes permuted.
     #[inline(always)]
-    pub(crate) fn hit_triangle4<C: Corner, D: Doubles>(&self, triangles: &Triangle4<C>) -> HitN<D> {
+    fn from_origin4<C: Corner, D: Doubles>(&self, four: &Triangle4<C>) -> [[D; 3]; 3] {
         let axes = self.major.axes();
-        let [x, y, z] = self.origin.to_array();
-        let origin = [D::splat(x), D::splat(y), D::splat(z)];
+        let origin: [D; 3] = splat(self.origin.to_array());
         let mut moved = [origin; 3];
-        for (corner, moved) in triangles.corners.iter().zip(&mut moved) {
+        for (corner, moved) in four.corners.iter().zip(&mut moved) {
             for place in 0..3 {
                 moved[place] = C::load::<D>(&corner[axes[place]]) - origin[place];
             }
         }
-        let [[sx, sy, _], [x, y, z]] = [self.shear, self.inverse];
-        let inverse = [D::splat(x), D::splat(y), D::splat(z)];
+        moved
+    }
+
+    /// The hits on four triangles, with the bits of [`WoopTest::hit`]. `EARLY`: see [`hit_lanes`].
+    #[inline(always)]
+    pub(crate) fn hit_triangle4<C: Corner, D: Doubles, const EARLY: bool>(
+        &self,
+        four: &Triangle4<C>,
+    ) -> HitN<D> {
         let ray = ShearedN {
-            shear: [D::splat(sx), D::splat(sy), inverse[2]],
-            inverse,
+            shear: splat(self.shear),
+            inverse: splat(self.inverse),
             t_min: D::splat(self.t_min),
             t_max: D::splat(self.t_max),
         };
-        hit_lanes(&moved, &ray, self.zero_direction_mask, false)
+        hit_lanes::<D, EARLY>(&self.from_origin4(four), &ray, self.zero_direction_mask, false)
+    }
+
+    /// The triangles that may be hit: see [`may_hit`].
+    #[inline(always)]
+    pub(crate) fn may_hit4<C: Corner, D: Doubles>(&self, four: &Triangle4<C>) -> u32 {
+        may_hit::<D>(&self.from_origin4(four), &splat(self.shear))
+    }
+
+    /// The triangles that the exact line of the ray, moved by less than any number or not, may pass through.
+    #[inline(always)]
+    pub(crate) fn may_cross4<C: Corner, D: Doubles>(&self, four: &Triangle4<C>) -> u32 {
+        let corners = self.from_origin4::<C, D>(four);
+        let (mut reach, mut lateral) = (D::splat(0.0), D::splat(0.0));
+        let sheared = sheared_corners(&corners, &splat(self.shear));
+        for (corner, xy) in corners.iter().zip(&sheared) {
+            reach = corner[0].abs().max(corner[1].abs()).max(corner[2].abs()).max(reach);
+            lateral = xy[0].abs().max(xy[1].abs()).max(lateral);
+        }
+        let [(a, _), (b, _), (c, _)] = edges(&sheared);
+        let (least, most) = (a.min(b).min(c), a.max(b).max(c));
+        // As `weight_error` of the tier `exact`. Coordinates of empty lanes are NaN.
+        let rounding = D::splat(4.0 * f64::EPSILON) * reach;
+        let error = D::splat(24.0 * f64::EPSILON) * reach * (lateral + rounding);
+        a.le(a) & !(least.lt(D::splat(0.0) - error) & error.lt(most)) & D::ALL
     }
 
     /// The hit of `ray`, for which this was prepared, on a triangle, with `t_min < t < t_max`.
@@ -175,17 +205,26 @@ impl WoopTest {
         // Near the origin the depth's error may exceed the depth, above all on needles.
         let reach = a.abs().max(b.abs()).max(c.abs()).max_element();
         let is_near = depth.abs() < reach * NEAR;
-        if is_near && is_behind(ray, corners, &sheared, sum, self.shear[2]) {
+        let computed = depth * self.shear[2];
+        let [min, max] = C::span(corners);
+        let clamped = clamp_to_bounds(min, max, ray, computed);
+        // Bounds ahead but not the computed depth: the triangle is seen too nearly edge-on for that.
+        let is_unclear = is_near || computed <= 0.0 && clamped.is_some_and(|t| t > 0.0);
+        if is_unclear && is_behind(ray, corners, &sheared, sum, self.shear[2]) {
             return None;
         }
-        let t = depth * self.shear[2];
-        let [min, max] = C::span(corners);
-        let t = clamp_to_bounds(min, max, ray, t)?;
+        let t = clamped?;
         // Ahead by the exact test, whatever the sign of the rounded distance.
         let t = if is_near { t.max(f64::MIN_POSITIVE) } else { t };
         (ray.t_min < t && t < ray.t_max)
             .then_some(TriangleHit { t, barycentrics: [weight_b * share, weight_c * share] })
     }
+}
+
+/// Three numbers, each in all lanes. Without `array::map`, which is not always inlined.
+#[inline(always)]
+fn splat<D: Doubles>([x, y, z]: [f64; 3]) -> [D; 3] {
+    [D::splat(x), D::splat(y), D::splat(z)]
 }
 
 impl Sheared {
@@ -313,6 +352,58 @@ mod tests {
             prop_assert_eq!(sign, exact.sign());
             prop_assert!((found - exact.estimate()).abs() <= f64::EPSILON / CANCELLED * exact.estimate().abs());
             prop_assert_eq!(determinant(q, p), -found);
+        }
+
+        /// Triangles whose plane passes so near to the origin, relative to the bound of `side`, that f64 just decides or does not
+        /// decide which side of it the origin lies on; seen edge-on, from either side, by rays through a point of them.
+        #[test]
+        fn four_triangles_are_hit_as_one_at_the_bound_of_the_sides(
+            points in prop::array::uniform2(prop::array::uniform3(-1.0f64..1.0)),
+            sizes in prop::array::uniform3(-24i32..=0),
+            [along_a, along_b] in prop::array::uniform2(-2.0f64..2.0),
+            heights in prop::array::uniform4(prop::sample::select(vec![
+                0.0, 0.1, 0.3, 0.6, 0.9, 1.0, 1.1, 2.0, 10.0, 1e3, 1e9, 1e14, 1e17
+            ])),
+            [v, w] in prop::array::uniform2(prop_oneof![0.0f64..0.5, Just(0.0)]),
+            sides in prop::array::uniform2(prop::bool::ANY),
+            origin in prop::array::uniform3(prop_oneof![Just(0.0), -1.0f64..1.0]),
+            aside in prop::sample::select(vec![0.0, 1e-18, 1e-16, 1e-14, 1e-12, 1e-3]),
+        ) {
+            let [p, q] = points.map(DVec3::from);
+            prop_assume!(p.cross(q).length() > 1e-3);
+            let normal = p.cross(q).normalize();
+            let [size_a, size_b, size_c] = sizes.map(f64::from).map(f64::exp2);
+            let origin = DVec3::from(origin);
+            let corners = |height: f64| {
+                let bound = height * 128.0 * f64::EPSILON * if sides[0] { 1.0 } else { -1.0 };
+                let third = p * along_a + q * along_b + normal * bound;
+                [p * size_a, q * size_b, third * size_c].map(|corner| origin + corner)
+            };
+            let four = heights.map(corners);
+            let through = four[0][0] * (1.0 - v - w) + four[0][1] * v + four[0][2] * w - origin;
+            let direction = (through + normal * (aside * through.length())) * if sides[1] { 1.0 } else { -1.0 };
+            prop_assume!(direction.abs().min_element() > 0.0);
+            let ray = Ray { origin, direction: direction.normalize(), t_min: 0.0, t_max: f64::INFINITY };
+            let test = WoopTest::new(&ray);
+            let mut triangles = Triangle4::<DVec3>::EMPTY;
+            for (lane, triangle) in four.iter().enumerate() {
+                triangles.set(lane, triangle);
+            }
+            type D4 = <crate::geometry::simd::Portable as crate::geometry::simd::Simd>::D4;
+            let may_hit = test.may_hit4::<_, D4>(&triangles);
+            let hits = [
+                test.hit_triangle4::<_, D4, true>(&triangles),
+                test.hit_triangle4::<_, D4, false>(&triangles),
+            ];
+            for (lane, triangle) in four.iter().enumerate() {
+                let one = test.hit(&ray, triangle);
+                prop_assert!(one.is_none() || may_hit >> lane & 1 != 0, "{one:?} {ray:?} {triangle:?}");
+                for hits in &hits {
+                    let found = (hits.hit >> lane & 1 != 0).then(|| hits.t[lane].to_bits());
+                    let is_decided = hits.undecided >> lane & 1 == 0;
+                    prop_assert!(!is_decided || found == one.map(|hit| hit.t.to_bits()), "{ray:?} {triangle:?}");
+                }
+            }
         }
     }
 }

@@ -122,7 +122,7 @@ impl<D: Doubles> PreparedRayN<D> {
             t_min: D::load(self.t_min),
             t_max: D::load(self.t_max),
         };
-        let mut hits = hit_lanes(corners, &rays, 0, ahead);
+        let mut hits = hit_lanes::<D, true>(corners, &rays, 0, ahead);
         hits.hit &= !self.unsupported;
         hits.undecided |= self.unsupported;
         hits
@@ -197,29 +197,23 @@ pub(crate) struct ShearedN<D: Doubles> {
 
 /// The hits of ray-triangle pairs. `corners` are relative to the ray origins, axes permuted so that the major
 /// axis is the third. Lanes of `zero_direction_mask` come back undecided unless they miss. `ahead`: see
-/// [`PreparedRayN::hit`].
+/// [`PreparedRayN::hit`]. `EARLY`: with branches that spare work where all are missed, as most triangles are.
 ///
 /// Longer than other functions: its parts share the registers of the corners.
 #[inline(always)]
-pub(crate) fn hit_lanes<D: Doubles>(
+pub(crate) fn hit_lanes<D: Doubles, const EARLY: bool>(
     corners: &[[D; 3]; 3],
     rays: &ShearedN<D>,
     zero_direction_mask: u32,
     ahead: bool,
 ) -> HitN<D> {
     let zero = D::splat(0.0);
-    let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = *corners;
+    let [[_, _, az], [_, _, bz], [_, _, cz]] = *corners;
     let shear = &rays.shear;
-    let ((ax, ay), (bx, by), (cx, cy)) =
-        (sheared_xy(ax, ay, az, shear), sheared_xy(bx, by, bz, shear), sheared_xy(cx, cy, cz, shear));
-    let (weight_a, product_a) = edge(cx, by, cy, bx);
-    let (weight_b, product_b) = edge(ax, cy, ay, cx);
-    let (weight_c, product_c) = edge(bx, ay, by, ax);
-    let lowest = weight_a.min(weight_b).min(weight_c);
-    let highest = weight_a.max(weight_b).max(weight_c);
-    let inside = zero.le(lowest) | highest.le(zero);
-    // Most triangles are missed.
-    if inside == 0 {
+    let [(weight_a, product_a), (weight_b, product_b), (weight_c, product_c)] =
+        edges(&sheared_corners(corners, shear));
+    let inside = same_signs([weight_a, weight_b, weight_c]);
+    if EARLY && inside == 0 {
         return HitN::NONE;
     }
     let cancelled = nearly_cancel(weight_a, product_a)
@@ -231,27 +225,25 @@ pub(crate) fn hit_lanes<D: Doubles>(
     let share = D::splat(1.0) / sum;
     let (da, db, dc) = (weight_a * az, weight_b * bz, weight_c * cz);
     let depth = (da + db + dc) * share;
-    let (mut least, mut most, mut reaches) = (corners[0], corners[0], [zero; 3]);
-    for (k, corner) in corners.iter().enumerate() {
+    let (mut least, mut most) = (corners[0], corners[0]);
+    for corner in &corners[1..] {
         for (axis, &coordinate) in corner.iter().enumerate() {
-            if k > 0 {
-                least[axis] = least[axis].min(coordinate);
-                most[axis] = most[axis].max(coordinate);
-            }
-            reaches[k] = coordinate.abs().max(reaches[k]);
+            least[axis] = least[axis].min(coordinate);
+            most[axis] = most[axis].max(coordinate);
         }
     }
+    let reaches = reaches_of(corners);
     let reach = reaches[0].max(reaches[1]).max(reaches[2]);
     let near = depth.abs().lt(reach * D::splat(NEAR));
     let mut behind = 0;
-    if !ahead && near & inside & !undecided != 0 {
+    if !ahead && (!EARLY || near & inside & !undecided != 0) {
         let (is_behind, cannot_say) = side(corners, &reaches, sum * shear[2]);
         behind = near & is_behind;
         undecided |= near & inside & cannot_say;
     }
 
     // Clamped to the triangle's own bounds: see `clamp_to_bounds`.
-    let t = depth * shear[2];
+    let computed = depth * shear[2];
     let mut enter = D::splat(f64::NEG_INFINITY);
     let mut leave = D::splat(f64::INFINITY);
     for axis in 0..3 {
@@ -261,10 +253,12 @@ pub(crate) fn hit_lanes<D: Doubles>(
         leave = a.max(b).min(leave);
     }
     let passes = enter.le(leave * D::splat(super::bounds::DOUBLE_MARGIN));
-    let t = enter.max(leave.min(t));
+    let t = enter.max(leave.min(computed));
     let after_start = rays.t_min.lt(t);
     // Ahead by the exact test, but not by the rounded distance: see `WoopTest::hit`.
     undecided |= near & inside & !behind & !after_start;
+    // Seen too nearly edge-on: see there, too.
+    undecided |= if ahead { 0 } else { inside & !near & computed.le(zero) & after_start };
     let within = after_start & t.lt(rays.t_max);
     HitN {
         hit: inside & passes & within & !behind & !undecided,
@@ -274,14 +268,35 @@ pub(crate) fn hit_lanes<D: Doubles>(
     }
 }
 
+/// The lanes that may be hit: those whose line crosses the triangle, but for crossings certainly behind the origin. In
+/// the others the test for one ray misses ([`side`] has the proof).
+#[inline(always)]
+pub(crate) fn may_hit<D: Doubles>(corners: &[[D; 3]; 3], shear: &[D; 3]) -> u32 {
+    let [(a, _), (b, _), (c, _)] = edges(&sheared_corners(corners, shear));
+    let (is_behind, cannot_say) = side(corners, &reaches_of(corners), (a + b + c) * shear[2]);
+    same_signs([a, b, c]) & (!is_behind | cannot_say)
+}
+
 /// Masks of the rays whose triangle contains the origin or lies behind it, and of those that f64 does not decide.
 /// `against` has the sign of the side from which a ray meets the triangle; `reaches` are the largest coordinates of
 /// each corner.
 ///
 /// `is_behind` of the test for one ray takes the determinant of the corners as given or as sheared. Above the bound
 /// both have the sign of this one: shearing rounds each of two coordinates by 3 u of the corner's reach, in products
-/// of which no factor is more than twice its corner's reach, so it moves the determinant by 72 u of the product of
+/// of which no factor is more than twice its corner's reach, so it moves the determinant by 72 u of the product P of
 /// the three reaches; and the 6 products here round by 16 u each.
+///
+/// [`may_hit`] drops a triangle by these masks alone, also where the tests do not ask for the determinant because the
+/// crossing is not [`NEAR`] the origin. Those take the sign of `depth`, which is Σ w z / Σ w with the edge functions w,
+/// and it is the same above the bound:
+/// - With exact w of the sheared corners, Σ w z is minus their determinant, so beyond (256 - 168) u P.
+/// - A computed w is off by 16 u of the product of two reaches: both of its products are below 4 of those and are
+///   rounded by u, and so is their difference, below 8. That moves Σ w z by 48 u P, which leaves its sign.
+/// - All w have one sign, so the products w z and their sums are below |Σ w| times the largest reach. Computing Σ w z
+///   rounds by less than 4 u of that, and where the crossing is not near, the result is at least 1/64 of it.
+///
+/// A distance on the wrong side is clamped to the bounds of the triangle; where those lie ahead, the tests ask for the
+/// determinant, too. Where all three w are computed as 0, Σ w z is within 48 u P, and nothing is dropped.
 #[inline(always)]
 fn side<D: Doubles>([a, b, c]: &[[D; 3]; 3], reaches: &[D; 3], against: D) -> (u32, u32) {
     let zero = D::splat(0.0);
@@ -303,17 +318,46 @@ fn load<D: Doubles>(axes: &[D::Array; 3]) -> [D; 3] {
     [D::load(axes[0]), D::load(axes[1]), D::load(axes[2])]
 }
 
-/// A corner's x and y in the sheared plane.
+/// x and y of corners in the sheared plane.
 #[inline(always)]
-fn sheared_xy<D: Doubles>(x: D, y: D, z: D, shear: &[D; 3]) -> (D, D) {
-    (x - shear[0] * z, y - shear[1] * z)
+pub(super) fn sheared_corners<D: Doubles>([a, b, c]: &[[D; 3]; 3], shear: &[D; 3]) -> [[D; 2]; 3] {
+    [sheared_xy(a, shear), sheared_xy(b, shear), sheared_xy(c, shear)]
+}
+
+#[inline(always)]
+fn sheared_xy<D: Doubles>(&[x, y, z]: &[D; 3], shear: &[D; 3]) -> [D; 2] {
+    [x - shear[0] * z, y - shear[1] * z]
+}
+
+/// The edge functions of sheared corners, each with its first product.
+#[inline(always)]
+pub(super) fn edges<D: Doubles>(&[a, b, c]: &[[D; 2]; 3]) -> [(D, D); 3] {
+    [edge(c, b), edge(a, c), edge(b, a)]
 }
 
 /// The edge function `p.x * q.y - p.y * q.x`, and its first product.
 #[inline(always)]
-fn edge<D: Doubles>(px: D, qy: D, py: D, qx: D) -> (D, D) {
-    let product = px * qy;
-    (product - py * qx, product)
+fn edge<D: Doubles>(p: [D; 2], q: [D; 2]) -> (D, D) {
+    let product = p[0] * q[1];
+    (product - p[1] * q[0], product)
+}
+
+/// The lanes in which no two weights have opposite signs.
+#[inline(always)]
+fn same_signs<D: Doubles>([a, b, c]: [D; 3]) -> u32 {
+    let zero = D::splat(0.0);
+    zero.le(a.min(b).min(c)) | a.max(b).max(c).le(zero)
+}
+
+/// The largest coordinate of each corner.
+#[inline(always)]
+fn reaches_of<D: Doubles>([a, b, c]: &[[D; 3]; 3]) -> [D; 3] {
+    [reach_of(a), reach_of(b), reach_of(c)]
+}
+
+#[inline(always)]
+fn reach_of<D: Doubles>([x, y, z]: &[D; 3]) -> D {
+    x.abs().max(y.abs()).max(z.abs())
 }
 
 /// The lanes where the products of an edge function nearly cancel.

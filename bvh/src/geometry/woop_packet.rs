@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::lanes::HitN;
 use super::numerics::{PreparedPacket, PreparedRay};
-use super::simd::Doubles;
+use super::simd::{Doubles, Simd};
 use super::woop::{MajorAxis, WoopTest};
 use super::{BATCH, Corner, Ray, Rays, Triangle4};
 
@@ -25,8 +25,13 @@ impl PreparedRay for WoopTest {
     }
 
     #[inline(always)]
-    fn hit_triangle4<C: Corner, D: Doubles>(&self, triangles: &Triangle4<C>) -> HitN<D> {
-        self.hit_triangle4(triangles)
+    fn may_hit4<C: Corner, S: Simd>(&self, four: &Triangle4<C>) -> u32 {
+        WoopTest::may_hit4::<C, S::D4>(self, four)
+    }
+
+    #[inline(always)]
+    fn hit_triangle4<C: Corner, S: Simd, const EARLY: bool>(&self, four: &Triangle4<C>) -> HitN<S::D4> {
+        WoopTest::hit_triangle4::<C, S::D4, EARLY>(self, four)
     }
 }
 

@@ -10,11 +10,12 @@ use glam::DVec3;
 use super::layout::Wide;
 use super::packet::{self, Outcome};
 use super::single;
-use super::{all_pairs, near_point, near_ray, stream};
+use super::stream::{self, RayMask};
+use super::{all_pairs, near_point, near_ray};
 use crate::bvh::{Accelerator, Description, Next, Primitive, Quality, Traversal};
 #[cfg(target_arch = "x86_64")]
 use crate::geometry::simd::{Avx2, Avx512};
-use crate::geometry::simd::{InstructionSet, Portable, Simd};
+use crate::geometry::simd::{InstructionSet, Portable};
 use crate::geometry::{BATCH, Hit, HitBuffer, LineTest, Numerics, PACKET, PrimId, Ray, Rays, SlotId, Tier};
 
 /// Fewer rays are not traced as a packet.
@@ -91,6 +92,26 @@ impl Waiting {
     }
 }
 
+/// Evaluates an expression that traces at most [`BATCH`] rays as a stream, with `$simd` as the instruction set of the
+/// tree; its value are the rays that are left. All are, if the instruction set or the tree do not allow streams.
+macro_rules! as_stream {
+    ($wide:expr, $rays:expr, $simd:ident => $value:expr) => {
+        match $wide.instructions {
+            #[cfg(target_arch = "x86_64")]
+            InstructionSet::Avx512 if stream::applies($wide) => {
+                type $simd = Avx512;
+                $value
+            }
+            #[cfg(target_arch = "x86_64")]
+            InstructionSet::Avx2 if stream::applies($wide) => {
+                type $simd = Avx2;
+                $value
+            }
+            _ => RayMask::first($rays.len()),
+        }
+    };
+}
+
 impl<T: Tier> Wide<T> {
     /// Finds the closest hits of a range of rays as a stream, or one by one; that of the first ray of all is at `first`.
     fn stream_closest(
@@ -105,23 +126,12 @@ impl<T: Tier> Wide<T> {
             return;
         }
         let (first, rays) = (first + range.start, rays.slice(range.start, range.len()));
-        let is_done = many(
-            self,
-            rays,
-            traversal,
-            #[inline(always)]
-            |ray, hit| {
-                if !self.is_better(|| rays.get(ray), &hit, hits.get(first + ray).as_ref()) {
-                    return Next::Continue;
-                }
-                hits.set(first + ray, Some(&hit));
-                Next::Shorten(hit.t)
-            },
-        );
-        if !is_done {
-            for (index, ray) in (first..).zip(rays.iter()) {
-                hits.set(index, self.closest_hit(&ray, traversal).as_ref());
-            }
+        let Traversal { stream, tests, .. } = traversal;
+        let left = as_stream!(self, rays, S => stream::closest_hits::<T, S>(
+            self, rays, stream.get_or_insert_default(), tests, (hits, first)
+        ));
+        for ray in left.iter() {
+            hits.set(first + ray, self.closest_hit(&rays.get(ray), traversal).as_ref());
         }
     }
 
@@ -138,20 +148,12 @@ impl<T: Tier> Wide<T> {
         }
         let rays = rays.slice(range.start, range.len());
         let occluded = &mut occluded[range];
-        let is_done = many(
-            self,
-            rays,
-            traversal,
-            #[inline(always)]
-            |ray, _| {
-                occluded[ray] = true;
-                Next::Stop
-            },
-        );
-        if !is_done {
-            for (ray, occluded) in rays.iter().zip(occluded) {
-                *occluded = self.is_occluded(&ray, traversal);
-            }
+        let Traversal { stream, tests, .. } = traversal;
+        let left = as_stream!(self, rays, S => stream::are_occluded::<T, S>(
+            self, rays, stream.get_or_insert_default(), tests, occluded
+        ));
+        for ray in left.iter() {
+            occluded[ray] = self.is_occluded(&rays.get(ray), traversal);
         }
     }
 }
@@ -205,8 +207,8 @@ impl<T: Tier> Accelerator for Wide<T> {
             {
                 continue;
             }
-            if let Some(batch) = &self.batch {
-                with!(self.instructions, S => all_pairs::closest::<T, S>(self, batch, rays, hits, traversal));
+            if all_pairs::applies(self) {
+                with!(self.instructions, S => all_pairs::closest::<T, S>(self, rays, hits, traversal));
                 continue;
             }
             let end = start + rays.len();
@@ -231,8 +233,8 @@ impl<T: Tier> Accelerator for Wide<T> {
             {
                 continue;
             }
-            if let Some(batch) = &self.batch {
-                with!(self.instructions, S => all_pairs::occluded::<T, S>(self, batch, rays, occluded, traversal));
+            if all_pairs::applies(self) {
+                with!(self.instructions, S => all_pairs::occluded::<T, S>(self, rays, occluded, traversal));
                 continue;
             }
             let end = start + rays.len();
@@ -252,20 +254,15 @@ impl<T: Tier> Accelerator for Wide<T> {
     }
 
     fn each_hit(&self, rays: Rays, hits: &mut Vec<(usize, Hit)>, traversal: &mut Traversal) {
-        let is_done = many(
-            self,
-            rays,
-            traversal,
-            #[inline(always)]
-            |ray, hit| {
-                hits.push((ray, hit));
-                Next::Continue
-            },
-        );
-        if !is_done {
-            for (index, ray) in rays.iter().enumerate() {
-                one::<T, false>(self, &ray, traversal, |hit| {
-                    hits.push((index, hit));
+        for (first, rays) in batches(rays) {
+            let (before, Traversal { stream, tests, .. }) = (hits.len(), &mut *traversal);
+            let left = as_stream!(self, rays, S => stream::all_hits::<T, S>(
+                self, rays, stream.get_or_insert_default(), tests, hits
+            ));
+            hits[before..].iter_mut().for_each(|(ray, _)| *ray += first);
+            for index in left.iter() {
+                one::<T, false>(self, &rays.get(index), traversal, |hit| {
+                    hits.push((first + index, hit));
                     Next::Continue
                 });
             }
@@ -307,16 +304,14 @@ impl<T: Tier> Accelerator for Wide<T> {
         visit: &mut dyn FnMut(usize, &LineTest, PrimId, Primitive),
         traversal: &mut Traversal,
     ) {
-        let is_done = match self.instructions {
-            InstructionSet::Portable => false,
-            #[cfg(target_arch = "x86_64")]
-            InstructionSet::Avx2 => near_ray::visit_packet::<T, Avx2>(self, rays, traversal, visit),
-            #[cfg(target_arch = "x86_64")]
-            InstructionSet::Avx512 => near_ray::visit_packet::<T, Avx512>(self, rays, traversal, visit),
-        };
-        if !is_done {
-            for (index, ray) in rays.iter().enumerate() {
-                let test = LineTest::new(&ray);
+        for (first, rays) in batches(rays) {
+            let mut visit =
+                |index, test: &LineTest, prim, primitive| visit(first + index, test, prim, primitive);
+            let left = as_stream!(self, rays, S => near_ray::visit_stream::<T, S>(
+                self, rays, traversal, &mut visit
+            ));
+            for index in left.iter() {
+                let test = LineTest::new(&rays.get(index));
                 let mut visit = |prim, primitive| visit(index, &test, prim, primitive);
                 self.each_near_ray(&test, &mut visit, traversal);
             }
@@ -390,44 +385,9 @@ fn packets(rays: Rays) -> impl Iterator<Item = [Rays; 2]> {
     rays.chunks(PACKET).zip(following).map(|(rays, following)| [rays, following])
 }
 
-/// Traces incoherent rays as a stream. `false`, with nothing traced, if the instruction set, the tree or the rays do not
-/// allow it.
-#[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables))]
-#[inline(always)]
-fn many<T: Tier>(
-    wide: &Wide<T>,
-    rays: Rays,
-    traversal: &mut Traversal,
-    found: impl FnMut(usize, Hit) -> Next,
-) -> bool {
-    match wide.instructions {
-        InstructionSet::Portable => false,
-        #[cfg(target_arch = "x86_64")]
-        InstructionSet::Avx2 => many_by::<T, Avx2>(wide, rays, traversal, found),
-        #[cfg(target_arch = "x86_64")]
-        InstructionSet::Avx512 => many_by::<T, Avx512>(wide, rays, traversal, found),
-    }
-}
-
-/// [`many`] by an instruction set.
-#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
-#[inline(always)]
-fn many_by<T: Tier, S: Simd>(
-    wide: &Wide<T>,
-    rays: Rays,
-    Traversal { stream, tests, .. }: &mut Traversal,
-    found: impl FnMut(usize, Hit) -> Next,
-) -> bool {
-    S::run(
-        #[inline(always)]
-        move || {
-            let is_stream = stream::applies::<T, S>(wide, rays);
-            if is_stream {
-                stream::each_hit::<T, S>(wide, rays, stream.get_or_insert_default(), tests, found);
-            }
-            is_stream
-        },
-    )
+/// Slices of at most [`BATCH`] rays, each with the index of its first.
+fn batches(rays: Rays) -> impl Iterator<Item = (usize, Rays)> {
+    rays.chunks(BATCH).enumerate().map(|(index, rays)| (index * BATCH, rays))
 }
 
 /// Whether no component of the direction is 0 or NaN.

@@ -5,11 +5,11 @@
 
 use super::layout::{Child, Content, Wide};
 use super::single::box_ray::BoxRay;
-use super::stream;
-use crate::bvh::{Primitive, Tests, Traversal};
+use super::stream::{self, RayMask};
+use crate::bvh::{Primitive, Traversal};
 use crate::geometry::lanes::LANES4;
 use crate::geometry::simd::Simd;
-use crate::geometry::{BATCH, LineTest, NO_PRIMITIVE, PrimId, Rays, Tier, Triangle};
+use crate::geometry::{LineTest, NO_PRIMITIVE, PrimId, Rays, Tier, Triangle};
 
 /// Calls `visit` with the primitives of [`Accelerator::each_near_ray`](crate::bvh::Accelerator::each_near_ray). `FUSED`
 /// requires a direction without zeros.
@@ -51,44 +51,40 @@ fn visit_by<T: Tier, S: Simd, const FUSED: bool>(
                     places &= places - 1;
                 }
             }
-            _ => visit_leaf::<T, S>(wide, ray, child, tests, visit),
+            _ => {
+                tests.primitives += u64::from(child.len());
+                visit_leaf::<T, S>(wide, ray, child, visit);
+            }
         }
     }
 }
 
-/// [`visit`] for each of some rays, as streams of [`BATCH`] rays. `false`, with nothing visited, if the tree or the rays do not allow
-/// it.
-#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
+/// [`visit`] for at most `BATCH` rays, as a stream. Returns the rays that it does not trace.
 #[inline(always)]
-pub(crate) fn visit_packet<T: Tier, S: Simd>(
+pub(crate) fn visit_stream<T: Tier, S: Simd>(
     wide: &Wide<T>,
     rays: Rays,
     Traversal { stream, tests, .. }: &mut Traversal,
     visit: &mut dyn FnMut(usize, &LineTest, PrimId, Primitive),
-) -> bool {
+) -> RayMask {
     S::run(
         #[inline(always)]
         move || {
-            let is_stream = stream::applies::<T, S>(wide, rays);
-            if is_stream {
-                let prepared: Vec<LineTest> = rays.iter().map(|ray| LineTest::new(&ray)).collect();
-                for (batch, prepared) in prepared.chunks(BATCH).enumerate() {
-                    let first = batch * BATCH;
-                    stream::each_leaf::<T, S>(
-                        wide,
-                        rays.slice(first, BATCH),
-                        stream.get_or_insert_default(),
-                        tests,
-                        #[inline(always)]
-                        |index, leaf, tests| {
-                            let test = &prepared[index];
-                            let mut visit = |prim, primitive| visit(first + index, test, prim, primitive);
-                            visit_leaf::<T, S>(wide, test, leaf, tests, &mut visit);
-                        },
-                    );
-                }
-            }
-            is_stream
+            let prepared: Vec<LineTest> = rays.iter().map(|ray| LineTest::new(&ray)).collect();
+            stream::each_leaf::<T, S>(
+                wide,
+                rays,
+                stream.get_or_insert_default(),
+                tests,
+                #[inline(always)]
+                |ray, leaf| prepared[ray].may_cross4::<T::Corner, S::D4>(&leaf.corners) != 0,
+                #[inline(always)]
+                |index, leaf| {
+                    let test = &prepared[index];
+                    let mut visit = |prim, primitive| visit(index, test, prim, primitive);
+                    visit_leaf::<T, S>(wide, test, leaf, &mut visit);
+                },
+            )
         },
     )
 }
@@ -99,13 +95,11 @@ fn visit_leaf<T: Tier, S: Simd>(
     wide: &Wide<T>,
     ray: &LineTest,
     leaf: Child,
-    tests: &mut Tests,
     visit: &mut dyn FnMut(PrimId, Primitive),
 ) {
     match leaf.content() {
         Content::Node(_) => {}
         Content::Triangles(leaves) => {
-            tests.primitives += leaves.len() as u64;
             for leaf in &wide.triangles[leaves.start as usize..leaves.end as usize] {
                 let mut lanes = ray.may_cross4::<T::Corner, S::D4>(&leaf.corners);
                 while lanes != 0 {
@@ -117,7 +111,6 @@ fn visit_leaf<T: Tier, S: Simd>(
             }
         }
         Content::Analytic(shapes) => {
-            tests.primitives += shapes.len() as u64;
             for (shape, prim) in &wide.analytic[shapes.start as usize..shapes.end as usize] {
                 if let Some(shape) = shape {
                     visit(*prim, Primitive::Analytic(*shape));

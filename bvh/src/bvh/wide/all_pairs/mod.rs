@@ -6,13 +6,16 @@
 //! 2. f64 decides which undecided primitives lie behind the origin ([`crate::geometry::plane`]).
 //! 3. The tier's test decides the others, and computes the hit: eight rays at once, with a primitive each
 //!    ([`SmallLeafBatch`]). Rays with more undecided primitives are traced one by one.
+//!
+//! In fast tiers f32 decides ([`fast`]).
 
+mod fast;
 mod primitives;
 
 use super::layout::Wide;
 use crate::bvh::{Accelerator, Traversal};
 use crate::geometry::estimate::{Errors, RaysInF32};
-use crate::geometry::lanes::MAX_LANES;
+use crate::geometry::lanes::{LANES4, MAX_LANES};
 use crate::geometry::simd::{Floats, Simd, TABLE, Vector};
 use crate::geometry::{HitBuffer, NO_PRIMITIVE, Rays, Tier};
 use primitives::NONE;
@@ -89,19 +92,33 @@ impl Part {
     }
 }
 
-/// Appends the closest hits of the rays.
+/// Whether the scene is small enough.
+#[inline(always)]
+pub(crate) fn applies<T: Tier>(wide: &Wide<T>) -> bool {
+    wide.batch.is_some() || T::IS_FAST && fast::applies(wide)
+}
+
+/// The number of tests of some rays.
+#[inline(always)]
+fn tests<T: Tier>(wide: &Wide<T>, rays: Rays) -> u64 {
+    let primitives =
+        wide.batch.as_ref().map_or(wide.triangles.len() * LANES4 + wide.analytic.len(), |batch| batch.len());
+    (rays.len() * primitives) as u64
+}
+
+/// Appends the closest hits of the rays. [`applies`] must hold.
 #[inline(always)]
 pub(crate) fn closest<T: Tier, S: Simd>(
     wide: &Wide<T>,
-    batch: &SmallLeafBatch,
     rays: Rays,
     hits: &mut HitBuffer,
     traversal: &mut Traversal,
 ) {
-    traversal.tests.primitives += (rays.len() * batch.len()) as u64;
+    traversal.tests.primitives += tests(wide, rays);
     S::run(
         #[inline(always)]
         || {
+            let Some(batch) = &wide.batch else { return fast::closest::<T, S>(wide, rays, hits) };
             let mut of_rays = [Errors::NONE; TABLE];
             let errors = batch.errors::<S::D>(rays, &mut of_rays);
             hits.reserve(rays.len());
@@ -186,19 +203,19 @@ fn closest_of_group<T: Tier, S: Simd>(
     );
 }
 
-/// Appends whether each ray hits anything.
+/// Appends whether each ray hits anything. [`applies`] must hold.
 #[inline(always)]
 pub(crate) fn occluded<T: Tier, S: Simd>(
     wide: &Wide<T>,
-    batch: &SmallLeafBatch,
     rays: Rays,
     occluded: &mut Vec<bool>,
     traversal: &mut Traversal,
 ) {
-    traversal.tests.primitives += (rays.len() * batch.len()) as u64;
+    traversal.tests.primitives += tests(wide, rays);
     S::run(
         #[inline(always)]
         || {
+            let Some(batch) = &wide.batch else { return fast::occluded::<T, S>(wide, rays, occluded) };
             let mut of_rays = [Errors::NONE; TABLE];
             let errors = batch.errors::<S::D>(rays, &mut of_rays);
             for first in (0..rays.len()).step_by(S::F::LANES) {

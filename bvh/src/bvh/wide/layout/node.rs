@@ -96,6 +96,12 @@ impl Child {
         (self.0 & Self::INDEX) as usize
     }
 
+    /// The number of triangle leaves or analytic shapes of a leaf.
+    #[inline(always)]
+    pub(crate) fn len(self) -> u32 {
+        1 + (self.0 >> Self::COUNT_SHIFT & (Self::MAX_COUNT as u32 - 1))
+    }
+
     /// The bits of the reference.
     #[inline(always)]
     pub(crate) fn as_bits(self) -> u32 {
@@ -118,7 +124,7 @@ impl Child {
     #[inline(always)]
     pub(crate) fn content(self) -> Content {
         let first = self.0 & Self::INDEX;
-        let end = first + 1 + (self.0 >> Self::COUNT_SHIFT & (Self::MAX_COUNT as u32 - 1));
+        let end = first + self.len();
         match (self.0 & Self::LEAF != 0, self.0 & Self::ANALYTIC != 0) {
             (false, _) => Content::Node(first),
             (true, false) => Content::Triangles(first..end),

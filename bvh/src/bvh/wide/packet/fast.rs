@@ -9,7 +9,7 @@ use super::rays::{BLOCKS, OfBlock, PacketRays};
 use super::{Packet, Scratch};
 use crate::bvh::Tests;
 use crate::bvh::wide::layout::{WIDTH, Wide};
-use crate::geometry::fast::{cross, dot, minus};
+use crate::geometry::fast::{FastRayN, cross, dot, minus};
 use crate::geometry::lanes::{HitN, LANES4, MASK4, MAX_LANES};
 use crate::geometry::simd::{Doubles, Floats, Simd, Vector};
 use crate::geometry::{HitBuffer, NO_PRIMITIVE, Rays, Tier, Triangle4};
@@ -326,18 +326,8 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
             tests.primitives += u64::from(possible.count_ones());
             let first = block * S::F::LANES;
             let rays = &self.rays;
-            let origin = [
-                rays.origin_floats::<S::D>(0, first),
-                rays.origin_floats::<S::D>(1, first),
-                rays.origin_floats::<S::D>(2, first),
-            ];
-            let direction = [
-                rays.direction_floats::<S::D>(0, first),
-                rays.direction_floats::<S::D>(1, first),
-                rays.direction_floats::<S::D>(2, first),
-            ];
-            let ends = [rays.t_min_floats::<S::D>(first), rays.t_max_floats::<S::D>(first)];
-            let (hit, t) = shape.hit_in_f32(&origin, &direction, ends);
+            let FastRayN { origin, direction, t_min, t_max } = FastRayN::new::<S::D>(*rays, first);
+            let (hit, t) = shape.hit_in_f32(&origin, &direction, [t_min, t_max]);
             let (start, far) = self.extent(block);
             let depth = t.mul_add(length, start);
             let found = possible & hit & if ANY { S::F::ALL } else { depth.lt(far) };

@@ -74,9 +74,13 @@ fn traverse_by<T: Tier, S: Simd, const FUSED: bool, const NEAREST: bool>(
                 node = &wide.nodes[index as usize];
                 break;
             }
-            match hits_in_leaf::<T, S>(wide, || *ray, &mut prepared, child, tests, &mut found) {
+            tests.primitives += u64::from(child.len());
+            match hits_in_leaf::<T, S>(wide, ray, &prepared, child, &mut found) {
                 Next::Stop => return,
-                Next::Shorten(t) => t_max = boxes.prune_distance(t),
+                Next::Shorten(t) => {
+                    prepared.shorten(t);
+                    t_max = boxes.prune_distance(t);
+                }
                 Next::Continue => {}
             }
         }

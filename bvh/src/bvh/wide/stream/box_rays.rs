@@ -4,6 +4,49 @@ use crate::bvh::wide::single::box_ray::{BoxRay, LENGTHS, WIDENING};
 use crate::geometry::simd::{Doubles, Simd, Vector};
 use crate::geometry::{BATCH, Rays};
 
+/// Some of at most [`BATCH`] rays, as bits.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct RayMask([u64; BATCH / 64]);
+
+impl RayMask {
+    /// The first rays.
+    pub(crate) fn first(count: usize) -> Self {
+        RayMask([u64::MAX; BATCH / 64]).keep(count)
+    }
+
+    /// Those of the first rays.
+    #[inline(always)]
+    fn keep(mut self, count: usize) -> Self {
+        for (index, bits) in self.0.iter_mut().enumerate() {
+            let beyond = count.saturating_sub(64 * index);
+            *bits &= if beyond < 64 { (1 << beyond) - 1 } else { u64::MAX };
+        }
+        self
+    }
+
+    /// The indices of the others of the first rays, ascending, and their number.
+    #[inline(always)]
+    pub(crate) fn others(&self, count: usize) -> ([u16; BATCH], usize) {
+        let (mut others, mut len) = ([0; BATCH], 0);
+        for ray in 0..count.min(BATCH) {
+            others[len % BATCH] = ray as u16;
+            len += usize::from(self.0[ray / 64] >> (ray % 64) & 1 == 0);
+        }
+        (others, len)
+    }
+
+    /// The indices of the rays, ascending.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = usize> {
+        let mut bits = self.0;
+        std::iter::from_fn(move || {
+            let index = bits.iter().position(|bits| *bits != 0)?;
+            let ray = 64 * index + bits[index].trailing_zeros() as usize;
+            bits[index] &= bits[index] - 1;
+            Some(ray)
+        })
+    }
+}
+
 /// A [`BoxRay`] for each ray.
 pub(crate) struct BoxRays(Vec<BoxRay>);
 
@@ -14,28 +57,30 @@ impl Default for BoxRays {
 }
 
 impl BoxRays {
-    /// Whether the directions have no zeros and need no scaling, and the offsets are finite in f32: from an infinite one
-    /// the ray would enter the infinite boxes of empty places.
+    /// The rays that this does not support: those with a zero in their direction, those whose direction needs scaling,
+    /// and those whose offsets are not finite in f32: from an infinite one the ray would enter the infinite boxes of empty
+    /// places.
     #[inline(always)]
-    pub(crate) fn supports<D: Doubles>(rays: Rays) -> bool {
+    pub(crate) fn unsupported<D: Doubles>(rays: Rays) -> RayMask {
         let (zero, least, most) = (D::splat(0.0), D::splat(*LENGTHS.start()), D::splat(*LENGTHS.end()));
-        let mut supported = D::ALL;
+        let mut unsupported = RayMask::default();
         for first in (0..rays.len()).step_by(D::LANES) {
             let [x, y, z] = rays.direction_lanes::<D>(first);
             let [x, y, z] = [x.abs(), y.abs(), z.abs()];
             let longest = x.max(y).max(z);
-            supported &= zero.lt(x) & zero.lt(y) & zero.lt(z) & least.le(longest) & longest.le(most);
+            let mut supported = zero.lt(x) & zero.lt(y) & zero.lt(z) & least.le(longest) & longest.le(most);
             // Half the range, so that the widened offset is finite, too.
             let range = D::splat(f64::from(f32::MAX / 2.0));
             for (origin, direction) in rays.origin_lanes::<D>(first).into_iter().zip([x, y, z]) {
                 supported &= origin.abs().le(range * direction);
             }
+            unsupported.0[first / 64] |= u64::from(!supported & D::ALL) << (first % 64);
         }
-        supported == D::ALL
+        unsupported.keep(rays.len())
     }
 
     /// Prepares the rays of a vector of f32 from index `first` on, as [`BoxRay::new`], with `t_min` rounded down further.
-    /// They must be supported.
+    /// Rays that are not supported have no meaning.
     #[inline(always)]
     pub(crate) fn fill<S: Simd>(&mut self, rays: Rays, first: usize, fast: bool) {
         let (zero, one) = (S::F8::splat(0.0), S::F8::splat(1.0));
@@ -89,7 +134,7 @@ mod tests {
             .take(208)
             .collect();
         assert_eq!(rays.len(), 208);
-        assert!(BoxRays::supports::<<Portable as Simd>::D4>(rays.rays()));
+        assert_eq!(BoxRays::unsupported::<<Portable as Simd>::D4>(rays.rays()), RayMask::default());
         let mut packet = BoxRays::default();
         for first in (0..rays.len()).step_by(8) {
             packet.fill::<Portable>(rays.rays(), first, false);
@@ -99,6 +144,27 @@ mod tests {
             assert!(found.t_min <= expected.t_min && f64::from(found.t_min) >= ray.t_min * 0.999_999 - 1e-45);
             found.t_min = expected.t_min;
             assert_eq!(found, expected, "{ray:?}");
+        }
+    }
+
+    #[test]
+    fn rays_that_are_not_supported_are_found_one_by_one() {
+        let is_plain = |i: usize| !i.is_multiple_of(37);
+        for len in [1, 5, 64, 200, BATCH] {
+            let ray = |i: usize| Ray {
+                origin: DVec3::ONE,
+                direction: [DVec3::Z, DVec3::new(0.5, 0.5, 0.5)][usize::from(is_plain(i))],
+                t_min: 0.0,
+                t_max: 1.0,
+            };
+            let rays: RayBuffer = (0..len).map(ray).collect();
+            let unsupported = BoxRays::unsupported::<<Portable as Simd>::D4>(rays.rays());
+            let expected: Vec<usize> = (0..len).filter(|&i| !is_plain(i)).collect();
+            assert_eq!(unsupported.iter().collect::<Vec<_>>(), expected);
+            let (others, count) = unsupported.others(len);
+            let plain = (0..len).filter(|&i| is_plain(i));
+            assert!(others[..count].iter().map(|&ray| usize::from(ray)).eq(plain));
+            assert_eq!(RayMask::first(len).iter().collect::<Vec<_>>(), (0..len).collect::<Vec<_>>());
         }
     }
 }

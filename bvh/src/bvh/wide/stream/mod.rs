@@ -1,90 +1,107 @@
 //! The traversal for incoherent rays: [`STREAM_WIDTH`] rays in turns, one node or leaf each.
 //!
 //! A single ray waits for memory and for branches that cannot be predicted. Here the memory of a ray's next node or
-//! leaf is prefetched while the other rays take their turns, and the children of a node are sorted without branches
-//! ([`Simd::sort_entered`]). [`box_rays`] has the rays prepared for boxes, [`state`] the rays in flight, their stacks,
-//! and the queues of rays by what they visit next.
+//! leaf is prefetched while the other rays take their turns, and neither the order of a node's children
+//! ([`Simd::sort_entered`]) nor the hits in a leaf of triangles take branches: a mispredicted one would also end the
+//! overlap of the other rays. So leaves are tested in loops over all rays that wait for one: the first drops those
+//! that certainly have no hit ([`Tier::may_hit4`](crate::geometry::Tier::may_hit4)), the second tests the others
+//! without leaving early.
+//!
+//! [`query`] has what is done with hits, [`leaves`] the visits of leaves, [`box_rays`] the rays prepared for boxes, [`state`] the rays in flight, their
+//! stacks, and the queues of rays by what they visit next.
 
 mod box_rays;
+mod leaves;
+mod query;
 mod state;
 
-use super::layout::{Child, WIDTH, Wide};
-use super::single::box_ray::prune_distance;
-use super::single::leaf::hits_in_leaf;
-use crate::bvh::{Next, Tests};
+use super::layout::{Child, TriangleLeaf, WIDTH, Wide};
+use crate::bvh::Tests;
 use crate::geometry::simd::{Simd, Vector};
-use crate::geometry::{Hit, PreparedRay, Rays, Tier};
+use crate::geometry::{Hit, HitBuffer, PreparedRay, Rays, Tier};
 use box_rays::BoxRays;
+pub(crate) use box_rays::RayMask;
+use leaves::{Leaves, LeavesByRay, TriangleTests};
+use query::{AllHits, ClosestHits, Occlusion, Query};
 pub(crate) use state::Scratch;
-use state::{Queues, ROOM, STREAM_WIDTH, Stacks, StreamRay};
+use state::{InFlight, Queues, ROOM, STREAM_WIDTH, Stack, Stacks, StreamRay};
 
-/// Whether the stacks have room for this tree, and the rays are supported.
-#[inline(always)]
-pub(crate) fn applies<T: Tier, S: Simd>(wide: &Wide<T>, rays: Rays) -> bool {
-    !wide.nodes.is_empty() && (wide.depth + 2) * WIDTH <= ROOM && BoxRays::supports::<S::D4>(rays)
+/// Whether the stacks have room for this tree. Must hold for every query.
+pub(crate) fn applies<T: Tier>(wide: &Wide<T>) -> bool {
+    !wide.nodes.is_empty() && (wide.depth + 2) * WIDTH <= ROOM
 }
 
-/// Calls `found` with the index of a ray and each of its hits, nearest boxes first, until it returns [`Next::Stop`]
-/// for that ray. [`applies`] must hold; `rays` must be `BATCH` at most.
+/// Sets the closest hits of at most `BATCH` rays; that of the first is at `first`. Returns the rays that it does not
+/// trace.
+pub(crate) fn closest_hits<T: Tier, S: Simd>(
+    wide: &Wide<T>,
+    rays: Rays,
+    scratch: &mut Scratch,
+    tests: &mut Tests,
+    (hits, first): (&mut HitBuffer, usize),
+) -> RayMask {
+    let query = ClosestHits::new(wide, rays, hits, first);
+    each_hit::<T, S>(wide, rays, scratch, tests, query)
+}
+
+/// Sets whether each of at most `BATCH` rays hits anything, but for those that it returns.
+pub(crate) fn are_occluded<T: Tier, S: Simd>(
+    wide: &Wide<T>,
+    rays: Rays,
+    scratch: &mut Scratch,
+    tests: &mut Tests,
+    occluded: &mut [bool],
+) -> RayMask {
+    each_hit::<T, S>(wide, rays, scratch, tests, Occlusion(occluded))
+}
+
+/// Appends every hit of at most `BATCH` rays, with the index of the ray. Returns the rays that it does not trace.
+pub(crate) fn all_hits<T: Tier, S: Simd>(
+    wide: &Wide<T>,
+    rays: Rays,
+    scratch: &mut Scratch,
+    tests: &mut Tests,
+    hits: &mut Vec<(usize, Hit)>,
+) -> RayMask {
+    each_hit::<T, S>(wide, rays, scratch, tests, AllHits(hits))
+}
+
 #[inline(always)]
-pub(crate) fn each_hit<T: Tier, S: Simd>(
+fn each_hit<T: Tier, S: Simd>(
     wide: &Wide<T>,
     rays: Rays,
     Scratch { boxes, triangles, stacks }: &mut Scratch,
     tests: &mut Tests,
-    mut found: impl FnMut(usize, Hit) -> Next,
-) {
-    let prepared = T::Prepared::prepare_packet::<S::D4>(rays, triangles);
-    traverse::<T, S>(
-        wide,
-        rays,
-        (boxes, stacks),
-        T::IS_FAST,
-        tests,
+    query: impl Query<T, S>,
+) -> RayMask {
+    S::run(
         #[inline(always)]
-        |ray, leaf, tests| {
-            hits_in_leaf::<T, S>(
-                wide,
-                #[inline(always)]
-                || rays.get(ray),
-                &mut prepared[ray],
-                leaf,
-                tests,
-                #[inline(always)]
-                |hit| found(ray, hit),
-            )
+        move || {
+            let prepared = T::Prepared::prepare_packet::<S::D4>(rays, triangles);
+            let leaves = TriangleTests { wide, rays, prepared, query };
+            traverse::<T, S>(wide, rays, (boxes, stacks), T::IS_FAST, tests, leaves)
         },
-    );
+    )
 }
 
-/// Calls `visit` with the index of a ray and each leaf whose box has a point on it, between `t_min` and `t_max`, ends
-/// included. As for [`each_hit`], [`applies`] must hold, and `rays` be `BATCH` at most.
+/// Calls `visit` with the index of each of at most `BATCH` rays and each leaf whose box has a point on it, between
+/// `t_min` and `t_max`, ends included; but leaves of triangles only if `may_hit` returns `true` for them. Returns the
+/// rays that it does not trace.
 #[inline(always)]
 pub(crate) fn each_leaf<T: Tier, S: Simd>(
     wide: &Wide<T>,
     rays: Rays,
     Scratch { boxes, stacks, .. }: &mut Scratch,
     tests: &mut Tests,
-    mut visit: impl FnMut(usize, Child, &mut Tests),
-) {
-    traverse::<T, S>(
-        wide,
-        rays,
-        (boxes, stacks),
-        false,
-        tests,
-        #[inline(always)]
-        |ray, leaf, tests| {
-            visit(ray, leaf, tests);
-            Next::Continue
-        },
-    );
+    may_hit: impl Fn(usize, &TriangleLeaf<T::Corner>) -> bool,
+    visit: impl FnMut(usize, Child),
+) -> RayMask {
+    traverse::<T, S>(wide, rays, (boxes, stacks), false, tests, LeavesByRay { may_hit, visit })
 }
 
-/// Calls `visit` with the index of a ray and each leaf that it enters, until it returns [`Next::Stop`] for that ray.
-/// `fast`: boxes are tested without margins.
+/// Traces the rays, but for those that it returns. `fast`: boxes are tested without margins.
 ///
-/// One function, because `queues` and `next` must stay in registers between the steps.
+/// One function, because `queues` must stay in registers between the steps.
 #[inline(always)]
 fn traverse<T: Tier, S: Simd>(
     wide: &Wide<T>,
@@ -92,26 +109,28 @@ fn traverse<T: Tier, S: Simd>(
     (boxes, Stacks(stacks)): (&mut BoxRays, &mut Stacks),
     fast: bool,
     tests: &mut Tests,
-    mut visit: impl FnMut(usize, Child, &mut Tests) -> Next,
-) {
+    mut leaves: impl Leaves<T, S>,
+) -> RayMask {
     for first in (0..rays.len()).step_by(S::F8::LANES) {
         boxes.fill::<S>(rays, first, fast);
     }
-    let live = rays.len().min(STREAM_WIDTH);
-    let mut queues = Queues::default();
+    let unsupported = BoxRays::unsupported::<S::D4>(rays);
+    let (order, len) = unsupported.others(rays.len());
+    let mut waiting = order[..len].iter().map(|&ray| usize::from(ray));
+    let mut queues = Queues::EMPTY;
     let mut in_flight = [StreamRay::default(); STREAM_WIDTH];
-    for (index, state) in in_flight.iter_mut().enumerate().take(live) {
-        *state = StreamRay::new(rays, index, &mut stacks[index].items);
-        queues.push(index, state.child);
+    for (place, state) in in_flight.iter_mut().enumerate() {
+        let Some(ray) = waiting.next() else { break };
+        *state = StreamRay::new(rays, ray, &mut stacks[place].items);
+        queues.push(place, state.child);
     }
-    let mut next = live;
-    loop {
+    while !queues.is_empty() {
         // 1. Nodes: the entered children go to the stacks.
         let (ready, len) = queues.take(Child::KIND_NODE);
         tests.nodes += len as u64;
-        for &index in &ready[..len] {
-            let index = usize::from(index) % STREAM_WIDTH;
-            let (state, stack) = (&mut in_flight[index], &mut stacks[index].items);
+        for &place in &ready[..len] {
+            let place = usize::from(place) % STREAM_WIDTH;
+            let (state, stack) = (&mut in_flight[place], &mut stacks[place].items);
             let node = &wide.nodes[state.child.index()];
             let (enter, leave) = boxes.at(state.ray).span::<S, true>(node, state.t_max, fast);
             debug_assert!(state.top < ROOM);
@@ -120,45 +139,61 @@ fn traverse<T: Tier, S: Simd>(
             state.top += S::sort_entered(enter, leave, Child::bits(&node.children), to);
         }
         // In a second loop, because reading what was just stored in parts stalls.
-        for &index in &ready[..len] {
-            let index = usize::from(index) % STREAM_WIDTH;
-            let (state, stack) = (&mut in_flight[index], &mut stacks[index].items);
-            state.pop(stack);
-            prefetch::<T, S>(wide, state.child);
-            queues.push(index, state.child);
+        for &place in &ready[..len] {
+            advance::<T, S>(wide, place, &mut in_flight, stacks, &mut queues);
         }
-        // 2. Leaves.
-        for kind in [Child::KIND_TRIANGLES, Child::KIND_ANALYTIC] {
-            let (ready, len) = queues.take(kind);
-            for &index in &ready[..len] {
-                let index = usize::from(index) % STREAM_WIDTH;
-                let (state, stack) = (&mut in_flight[index], &mut stacks[index].items);
-                let after = visit(state.ray, state.child, tests);
-                match after {
-                    Next::Stop => state.top = 1,
-                    Next::Shorten(t) => state.t_max = prune_distance(t),
-                    Next::Continue => {}
-                }
-                state.pop(stack);
-                prefetch::<T, S>(wide, state.child);
-                queues.push(index, state.child);
+        // 2. Leaves of triangles: those that may have a hit, found without a branch; then the hits.
+        let (ready, len) = queues.take(Child::KIND_TRIANGLES);
+        tests.primitives += len as u64;
+        let (mut candidates, mut count) = ([0; STREAM_WIDTH], 0);
+        for &place in &ready[..len] {
+            let StreamRay { ray, child, .. } = in_flight[usize::from(place) % STREAM_WIDTH];
+            candidates[count % STREAM_WIDTH] = place;
+            count += usize::from(leaves.may_hit(ray, &wide.triangles[child.index()]));
+        }
+        for &place in &candidates[..count] {
+            let place = usize::from(place) % STREAM_WIDTH;
+            let state = &mut in_flight[place];
+            state.apply(leaves.visit_triangles(InFlight { place, ray: state.ray }, state.child));
+        }
+        for &place in &ready[..len] {
+            advance::<T, S>(wide, place, &mut in_flight, stacks, &mut queues);
+        }
+        // 3. Leaves of analytic shapes.
+        let (ready, len) = queues.take(Child::KIND_ANALYTIC);
+        for &place in &ready[..len] {
+            let state = &mut in_flight[usize::from(place) % STREAM_WIDTH];
+            let at = InFlight { place: place.into(), ray: state.ray };
+            tests.primitives += state.child.len() as u64;
+            state.apply(leaves.visit_analytic(at, state.child));
+            advance::<T, S>(wide, place, &mut in_flight, stacks, &mut queues);
+        }
+        // 4. Finished rays are replaced by the next ones.
+        let (ready, len) = queues.take(Child::KIND_NOTHING);
+        for &place in &ready[..len] {
+            let place = usize::from(place) % STREAM_WIDTH;
+            leaves.finish(InFlight { place, ray: in_flight[place].ray });
+            if let Some(ray) = waiting.next() {
+                in_flight[place] = StreamRay::new(rays, ray, &mut stacks[place].items);
+                queues.push(place, in_flight[place].child);
             }
         }
-        // 3. Finished rays are replaced by the next ones.
-        let (ready, len) = queues.take(Child::KIND_NOTHING);
-        for &index in ready[..len].iter().take(rays.len() - next) {
-            let index = usize::from(index) % STREAM_WIDTH;
-            in_flight[index] = StreamRay::new(rays, next, &mut stacks[index].items);
-            queues.push(index, in_flight[index].child);
-            next += 1;
-        }
-        if queues.is_empty() {
-            return;
-        }
     }
+    unsupported
 }
 
+/// Pops what the ray at a place visits next, prefetches it, and queues the ray for it.
 #[inline(always)]
-fn prefetch<T: Tier, S: Simd>(wide: &Wide<T>, child: Child) {
-    S::prefetch(&wide.nodes, &wide.triangles, child.is_leaf(), child.index());
+fn advance<T: Tier, S: Simd>(
+    wide: &Wide<T>,
+    place: u8,
+    in_flight: &mut [StreamRay; STREAM_WIDTH],
+    stacks: &[Stack; STREAM_WIDTH],
+    queues: &mut Queues,
+) {
+    let place = usize::from(place) % STREAM_WIDTH;
+    let state = &mut in_flight[place];
+    state.pop(&stacks[place].items);
+    S::prefetch(&wide.nodes, &wide.triangles, state.child.is_leaf(), state.child.index());
+    queues.push(place, state.child);
 }

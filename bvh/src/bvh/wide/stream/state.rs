@@ -1,12 +1,13 @@
 //! The state of a stream: rays in flight, their stacks, and the queues of rays by the kind of their next visit.
 
 use super::box_rays::BoxRays;
+use super::query::After;
 use crate::bvh::wide::layout::{Child, WIDTH};
 use crate::bvh::wide::single::box_ray::prune_distance;
 use crate::geometry::{PreparedPacket, Rays};
 
 /// Rays in flight.
-pub(crate) const STREAM_WIDTH: usize = 32;
+pub(crate) const STREAM_WIDTH: usize = 64;
 
 /// Elements per stack. Every node on a path leaves at most seven children; deeper trees are traversed by single rays.
 pub(crate) const ROOM: usize = 256;
@@ -41,6 +42,13 @@ impl Default for Stacks {
     }
 }
 
+/// The place of a ray in flight, below [`STREAM_WIDTH`], and the index of the ray.
+#[derive(Clone, Copy)]
+pub(crate) struct InFlight {
+    pub place: usize,
+    pub ray: usize,
+}
+
 /// A ray in flight.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct StreamRay {
@@ -62,6 +70,13 @@ impl StreamRay {
         StreamRay { ray, top: 1, t_max: prune_distance(rays.t_max(ray)), child: Child::node(0) }
     }
 
+    /// Leaves out what does not matter after a leaf. Without branches, which would be mispredicted.
+    #[inline(always)]
+    pub(crate) fn apply(&mut self, After { t_max, is_done }: After) {
+        self.t_max = self.t_max.min(prune_distance(t_max));
+        self.top = if is_done { 1 } else { self.top };
+    }
+
     /// Pops the next child that is entered before `t_max`.
     #[inline(always)]
     pub(crate) fn pop(&mut self, stack: &Items) {
@@ -76,7 +91,6 @@ impl StreamRay {
 }
 
 /// One queue of rays for each kind of [`Child`].
-#[derive(Default)]
 pub(crate) struct Queues {
     rays: [[u8; STREAM_WIDTH]; Child::KINDS],
     /// The lengths, 16 bits for each kind, in one register: in memory, every push would wait for the one before,
@@ -85,6 +99,9 @@ pub(crate) struct Queues {
 }
 
 impl Queues {
+    /// Empty queues.
+    pub(crate) const EMPTY: Queues = Queues { rays: [[0; STREAM_WIDTH]; Child::KINDS], lengths: 0 };
+
     const BITS: usize = u64::BITS as usize / Child::KINDS;
 
     /// Whether no ray waits.
