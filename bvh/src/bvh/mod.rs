@@ -20,6 +20,7 @@ mod instances;
 mod lists;
 mod preset;
 mod quality;
+mod sah;
 pub mod splitmix64;
 mod stored_slot;
 mod traverse;

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use glam::DVec3;
+
 use super::{Primitive, Slot};
 use crate::geometry::{
     Bounds, Corner, Hit, NO_PRIMITIVE, PreparedRay, PrimId, Ray, SlotId, Stored, Tier, Triangle, TriangleHit,
@@ -23,6 +25,14 @@ impl<C: Corner> StoredSlot<C> {
     pub(crate) fn new(slot: Slot) -> Self {
         assert!(slot.id.0 != NO_PRIMITIVE, "the primitive id {NO_PRIMITIVE} is reserved");
         StoredSlot { primitive: slot.primitive.into(), id: slot.id }
+    }
+
+    /// The corners of a triangle in f64; `None` for an analytic shape.
+    pub(super) fn corners(&self) -> Option<[DVec3; 3]> {
+        match self.primitive {
+            Stored::Triangle(corners) => Some(corners.map(C::to_dvec3)),
+            Stored::Analytic(_) => None,
+        }
     }
 
     /// The smallest f32 box around it.

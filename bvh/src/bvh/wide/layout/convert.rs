@@ -19,12 +19,12 @@ use crate::geometry::{Corner, NO_PRIMITIVE, Stored, Tier, Triangle4};
 /// The primitives of a leaf: a range of [`Preorder::primitives`].
 type LeafSlots = Range<u32>;
 
-/// Converts a binary tree with one primitive per leaf. A leaf refers to `slots[of_slot[tree.primitive_indices[i]]]`.
+/// Converts a binary tree with one primitive per leaf. [`Bvh2::primitive_indices`] are indices into
+/// `slots`; parts of a triangle have the same.
 ///
 /// Nodes are written by one thread, triangles in parallel. The result does not depend on the number of threads.
 pub(crate) fn convert<T: Tier>(
     tree: &Bvh2,
-    of_slot: &[u32],
     slots: &[StoredSlot<T::Corner>],
     instructions: InstructionSet,
 ) -> Wide<T> {
@@ -40,7 +40,7 @@ pub(crate) fn convert<T: Tier>(
     if tree.nodes.is_empty() {
         return wide;
     }
-    let slot_of = |place: u32| of_slot[tree.primitive_indices[place as usize] as usize];
+    let slot_of = |place: u32| tree.primitive_indices[place as usize];
     // A list of its own, because slots are large and are accessed in random order.
     let shapes: Vec<bool> = slots.iter().map(|slot| matches!(slot.primitive, Stored::Analytic(_))).collect();
     let Preorder { entries, primitives: mut members } = if shapes.contains(&true) {
