@@ -14,7 +14,6 @@ pub(crate) const BRUTE_FORCE: &str = "brute-force";
 pub(crate) fn engine(structure: Layout, numerics: Numerics) -> Engine {
     let (layout, preset) = match structure {
         Layout::BruteForce => (BRUTE_FORCE, None),
-        Layout::Bvh2(preset) => ("bvh2", Some(preset)),
         Layout::Wide(preset) => ("bvh8", Some(preset)),
         Layout::Avx2(preset) => ("bvh8-avx2", Some(preset)),
         Layout::Portable(preset) => ("bvh8-portable", Some(preset)),
@@ -28,8 +27,7 @@ pub(crate) fn engine(structure: Layout, numerics: Numerics) -> Engine {
 /// Engines of the leak test: all structures in all tiers.
 pub(crate) fn leak_engines() -> Vec<Engine> {
     let preset = Preset::default();
-    let structures =
-        [Layout::BruteForce, Layout::Bvh2(preset), Layout::Wide(preset), Layout::Portable(preset)];
+    let structures = [Layout::BruteForce, Layout::Wide(preset), Layout::Portable(preset)];
     let in_tiers = |structure| Numerics::ALL.map(|numerics| engine(structure, numerics));
     structures.into_iter().flat_map(in_tiers).collect()
 }
@@ -38,7 +36,6 @@ pub(crate) fn leak_engines() -> Vec<Engine> {
 /// presets in the default tier.
 pub(crate) fn engines() -> Vec<Engine> {
     let others = [
-        Layout::Bvh2(Preset::default()),
         Layout::Portable(Preset::default()),
         Layout::Wide(Preset::FastBuild),
         Layout::Wide(Preset::BestTrace),

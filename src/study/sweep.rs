@@ -124,8 +124,7 @@ impl SweepBuilder<'_> {
             self.vary("bvh", preset.name(), |setting| setting.structure = Layout::Wide(preset));
         }
         let preset = self.base.structure.preset().unwrap_or_default();
-        let mut layouts =
-            vec![("layout bvh8-portable", Layout::Portable(preset)), ("layout bvh2", Layout::Bvh2(preset))];
+        let mut layouts = vec![("layout bvh8-portable", Layout::Portable(preset))];
         if scene.primitive_count() <= MAX_BRUTE_FORCE {
             layouts.push(("layout brute-force", Layout::BruteForce));
         }

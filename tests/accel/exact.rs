@@ -383,8 +383,8 @@ fn trees_of_everything_answer_exactly() {
             rays.push(touching);
         }
         let slots = shuffled(primitives, &mut numbers);
-        for structure in [Layout::Bvh2(Preset::BestTrace), Layout::default(), Layout::Wide(Preset::BestTrace)]
-        {
+        let best = Preset::BestTrace;
+        for structure in [Layout::Portable(best), Layout::default(), Layout::Wide(best)] {
             let tree = exactly(&slots, structure);
             for ray in &rays {
                 compare(&slots, &*tree, ray, &mut faults, &mut count);

@@ -4,13 +4,13 @@
 use std::sync::Arc;
 
 use crate::common::hard::rays::{At, targets};
-use crate::common::hard::results::RayResults;
+use crate::common::hard::results::{Faults, RayResults, check_results};
 use crate::common::hard::{Corners, meshes, times_factor};
 use crate::common::picture::{bits, prepare};
 use crate::common::places::{FAMILIES, Family};
 use crate::common::{Numbers, picture};
-use glam::{DMat4, DVec2, DVec3, DVec4};
-use kiln::bvh::{Layout, Preset, Traversal};
+use glam::{DMat4, DQuat, DVec2, DVec3, DVec4};
+use kiln::bvh::{Instance, Layout, MeshSpace, Preset, Traversal, build_with_instances, can_be_instance};
 use kiln::effects::whitted::{glaze, shadows};
 use kiln::effects::{PlanSettings, RayKind};
 use kiln::film::ColourPipeline;
@@ -131,8 +131,8 @@ fn same_answers(what: &str, scene: &Scene, rays: usize, tiers: &[Numerics]) {
         let expected = RayResults::to_all(&*flat.accelerator, &rays);
         let hits: usize = expected.iter().map(|answer| answer.all.len()).sum();
         assert!(hits > rays.len() / 8, "{what}: {hits} hits");
-        for preset in Preset::ALL {
-            let shared = world(scene, Layout::Bvh2(preset), numerics);
+        for layout in [Layout::Wide, Layout::Portable].iter().flat_map(|layout| Preset::ALL.map(layout)) {
+            let shared = world(scene, layout, numerics);
             assert_eq!(shared.accelerator.describe().layout, "instances", "{what}");
             assert_eq!(shared.too_small, flat.too_small, "{what}");
             let found = RayResults::to_all(&*shared.accelerator, &rays);
@@ -180,6 +180,113 @@ fn placed_meshes_are_hit_as_their_copies_are() {
         let scene = scene_with(decorated(2), &places);
         same_answers(&format!("{family:?}"), &scene, times_factor(400), &Numerics::STRICT);
     }
+}
+
+/// Any placement: sizes over twelve powers of ten, mirrored, as thin as 1e-7 of its size along an axis of the mesh or
+/// of the world, turned, and up to 1e5 sizes from the origin.
+fn any_placement(numbers: &mut Numbers) -> Placement {
+    let size = 10f64.powf(6.0 * numbers.signed());
+    let mut thin = DVec3::ONE;
+    thin[numbers.below(3)] = numbers.one_of(&[1.0, -1.0, 1e-2, -1e-4, 1e-7]);
+    let [before, after] = numbers.one_of(&[[thin, DVec3::ONE], [DVec3::ONE, thin]]);
+    let turn = DQuat::from_axis_angle(
+        numbers.direction(),
+        numbers.one_of(&[0.0, 1.0, 1.0]) * 4.0 * numbers.signed(),
+    );
+    let far = numbers.one_of(&[0.0, 1.0, 1e2, 1e5]);
+    Placement::new(
+        DMat4::from_translation(numbers.vector() * far * size)
+            * DMat4::from_scale(after * size)
+            * DMat4::from_quat(turn)
+            * DMat4::from_scale(before),
+    )
+}
+
+/// Rays that graze triangles: along their planes, up to a slope, at corners, edges and insides, from within and from far
+/// away; some begin or end near what they aim at, some have directions that are not of length 1.
+fn grazing(triangles: &[Corners], count: usize, numerics: Numerics, numbers: &mut Numbers) -> Vec<Ray> {
+    let slopes = [0.0, 1e-17, -1e-12, 1e-9, -1e-7, 1e-5, -1e-3, 0.1];
+    let ray = |i: usize| {
+        let corners = triangles[numbers.below(triangles.len())];
+        let [a, b, c] = corners;
+        let weights = numbers.one_of(&[[1.0, 0.0, 0.0], [0.3, 0.7, 0.0], [0.25, 0.25, 0.5]]);
+        let target = a * weights[0] + b * weights[1] + c * weights[2];
+        let (along, size) = ((b - a) * numbers.signed() + (c - a) * numbers.signed(), (b - a).length());
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        let mut direction = along.normalize_or(DVec3::X) + normal * numbers.one_of(&slopes);
+        if i.is_multiple_of(6) {
+            direction[numbers.below(3)] = 0.0;
+        }
+        let direction = direction.normalize_or(DVec3::Y);
+        let away = size * numbers.one_of(&[0.0, 0.1, 3.0, 1e3, 1e6]);
+        let near = |numbers: &mut Numbers| (away * (1.0 + 1e-7 * numbers.signed())).max(0.0);
+        let t_min = if i.is_multiple_of(7) { near(numbers) * 0.999_999 } else { 0.0 };
+        let t_max = if i.is_multiple_of(5) { near(numbers) + size * 1e-3 } else { f64::INFINITY };
+        let length = if i.is_multiple_of(11) { numbers.one_of(&[1e-6, 0.3, 1e6]) } else { 1.0 };
+        let origin = target - direction * away;
+        numerics.ray_precision().ray(origin, direction * length, t_min / length, t_max / length)
+    };
+    (0..count).map(ray).collect()
+}
+
+/// All queries over instances in any placement give the bits of brute force over their copies.
+#[test]
+fn grazing_rays_hit_any_placement_as_its_copy() {
+    let ball = mesh_of(&meshes::icosphere(1, DVec3::new(0.1, -0.3, 0.2), 1.0));
+    let slivers = mesh_of(&meshes::slivers(40, 1e-5, DVec3::splat(0.3), 3));
+    let meshes =
+        [ball, slivers].map(|mesh| (MeshSpace::of(&mesh).expect("it has an extent"), Arc::new(mesh)));
+    let (mut placed, mut hit, mut aimed) = ([0; 2], 0, 0);
+    for seed in 0..times_factor(40) as u64 {
+        let mut numbers = Numbers::new(1000 + seed);
+        let any: Vec<(MeshSpace, Placed)> = (0..4)
+            .map(|i| {
+                let (space, mesh) = &meshes[i % 2];
+                (*space, Placed::new(mesh.clone(), any_placement(&mut numbers)))
+            })
+            .collect();
+        for numerics in Numerics::STRICT {
+            let usable: Vec<&Placed> = any
+                .iter()
+                .filter(|(space, placed)| can_be_instance(placed, space, numerics))
+                .map(|(_, placed)| placed)
+                .collect();
+            placed[0] += any.len();
+            placed[1] += usable.len();
+            let instances = || {
+                let mut first = 0;
+                let instance = |placed: &&Placed| {
+                    let instance = Instance { placed: (*placed).clone(), first: PrimId(first) };
+                    first += placed.triangle_count() as u32;
+                    instance
+                };
+                usable.iter().map(instance).collect()
+            };
+            let triangles: Vec<Corners> = usable
+                .iter()
+                .flat_map(|placed| {
+                    (0..placed.triangle_count() as u32).map(|triangle| placed.corners_of(triangle))
+                })
+                .collect();
+            if triangles.is_empty() {
+                continue;
+            }
+            let rays = grazing(&triangles, 300, numerics, &mut numbers);
+            let over = |layout| build_with_instances([], instances(), layout, numerics);
+            let expected = RayResults::to_all(&*over(Layout::BruteForce), &rays);
+            hit += expected.iter().filter(|results| results.occluded).count();
+            aimed += rays.len();
+            for layout in [Layout::default(), Layout::Portable(Preset::BestTrace)] {
+                let tree = over(layout);
+                assert_eq!(tree.describe().layout, "instances");
+                let mut faults = Faults::new(format!("{seed}, {}, {layout:?}", numerics.name()));
+                check_results("instances", &*tree, &rays, &expected, &mut faults);
+                faults.none();
+            }
+        }
+    }
+    // Most can be instances, and rays within planes, which miss, are the minority.
+    assert!(placed[1] * 2 > placed[0] && hit * 4 > aimed, "{placed:?}, {hit} of {aimed}");
 }
 
 #[test]

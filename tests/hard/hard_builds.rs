@@ -170,7 +170,7 @@ fn c8_triangles_cut_to_pieces_are_whole() {
     let slots = triangles(mesh.clone());
     let large: Vec<Corners> = mesh.into_iter().filter(|[a, b, _]| a.distance(*b) > 10.0).collect();
     assert!(large.len() > 30);
-    let split = [Layout::BruteForce, Layout::Bvh2(Preset::BestTrace), Layout::Bvh2(Preset::BestTrace)];
+    let split = [Layout::BruteForce, Layout::Portable(Preset::BestTrace), Layout::Wide(Preset::BestTrace)];
     // Triangles were cut: there are more slots than triangles.
     let most = build(slots.iter().copied(), split[2], Numerics::Watertight).describe().slots;
     assert!(most > slots.len(), "nothing was cut");
@@ -196,7 +196,7 @@ fn c8_triangles_cut_to_pieces_are_whole() {
 
 /// How many slots the preset that cuts most makes of so many primitives.
 fn pieces(slots: &[Slot]) -> usize {
-    build(slots.iter().copied(), Layout::Bvh2(Preset::BestTrace), Numerics::Watertight).describe().slots
+    build(slots.iter().copied(), Layout::Wide(Preset::BestTrace), Numerics::Watertight).describe().slots
 }
 
 /// Large triangles with integer coordinates among small ones, and rays in their planes, through them and past them.

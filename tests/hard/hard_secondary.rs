@@ -515,7 +515,6 @@ fn nothing_escapes(name: &str, mesh: &[[DVec3; 3]], inside: DVec3, lamp: DVec3, 
                     (Layout::default(), false),
                     (Layout::default(), true),
                     (Layout::Portable(Default::default()), false),
-                    (Layout::Bvh2(Default::default()), false),
                     (Layout::BruteForce, false),
                 ] {
                     // Instances are tested near the origin only: a world far from it would be recentered.

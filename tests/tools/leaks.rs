@@ -82,7 +82,7 @@ fn the_command_prints_json_with_a_row_for_each_layout_and_placement() {
     for (engine, layout, triangles) in [
         // 20 * 4^2 and 20 * 4^6.
         ("kiln", "brute-force", 320),
-        ("kiln", "bvh2", 81_920),
+        ("kiln", "bvh8", 81_920),
         ("obvhs", "bvh2", 81_920),
         ("obvhs", "cwbvh", 81_920),
     ] {

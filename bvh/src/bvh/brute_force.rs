@@ -1,8 +1,8 @@
 //! [`Layout::BruteForce`](super::Layout::BruteForce): every ray against every primitive, the oracle of the tests.
 
-use super::stored_slot::{PrimitiveTest, StoredSlot};
+use super::stored_slot::StoredSlot;
 use super::{Accelerator, Description, Primitive, Traversal};
-use crate::geometry::{Hit, Numerics, PrimId, Ray, SlotId, Tier};
+use crate::geometry::{Hit, Numerics, PreparedRay, PrimId, Ray, SlotId, Stored, Tier, TriangleHit};
 
 /// A list of primitives.
 pub(crate) struct BruteForce<T: Tier> {
@@ -14,25 +14,38 @@ impl<T: Tier> BruteForce<T> {
     pub(crate) fn new(slots: Vec<StoredSlot<T::Corner>>) -> Self {
         BruteForce { slots }
     }
+
+    /// The hits of a ray, in the order of the list.
+    fn hits(&self, ray: &Ray, traversal: &mut Traversal) -> impl Iterator<Item = Hit> {
+        traversal.tests.primitives += self.slots.len() as u64;
+        let prepared = T::Prepared::new(ray);
+        (0..).zip(&self.slots).filter_map(move |(index, slot)| {
+            let TriangleHit { t, barycentrics } = match &slot.primitive {
+                Stored::Triangle(corners) => T::hit_triangle(&prepared, ray, corners)?,
+                Stored::Analytic(shape) => {
+                    TriangleHit { t: shape.hit(ray, T::NUMERICS)?, barycentrics: [0.0; 2] }
+                }
+            };
+            Some(Hit { t, prim: slot.id, slot: SlotId::new(index), barycentrics })
+        })
+    }
 }
 
 impl<T: Tier> Accelerator for BruteForce<T> {
     fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
-        let mut test = PrimitiveTest::<T>::new(ray);
-        traversal.tests.primitives += self.slots.len() as u64;
-        test.closest(&self.slots, 0..self.slots.len() as u32, None)
+        let stored = |hit: &Hit| &self.slots[hit.slot.index() as usize].primitive;
+        self.hits(ray, traversal).reduce(|best, hit| {
+            let is_better = T::is_before(|| *ray, [(&hit, stored(&hit)), (&best, stored(&best))]);
+            if is_better { hit } else { best }
+        })
     }
 
     fn is_occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool {
-        let mut test = PrimitiveTest::<T>::new(ray);
-        traversal.tests.primitives += self.slots.len() as u64;
-        self.slots.iter().any(|slot| test.hit(slot, 0).is_some())
+        self.hits(ray, traversal).next().is_some()
     }
 
     fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal) {
-        let mut test = PrimitiveTest::<T>::new(ray);
-        traversal.tests.primitives += self.slots.len() as u64;
-        hits.extend((0..).zip(&self.slots).filter_map(|(index, slot)| test.hit(slot, index)));
+        hits.extend(self.hits(ray, traversal));
     }
 
     fn primitive(&self, slot: SlotId) -> Primitive {

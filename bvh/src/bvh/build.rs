@@ -1,21 +1,17 @@
-//! Builds binary trees by obvhs's PLOC, reinsertion and leaf collapsing over kiln's own bounds, and wide trees from
-//! them.
+//! Builds binary trees by obvhs's PLOC and reinsertion over kiln's own bounds, and wide trees from them.
 //!
 //! The steps are those of obvhs's `build_bvh2`, without its validation in debug builds, which rejects deep trees.
 
 use glam::{Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
-use obvhs::bvh2::leaf_collapser::collapse;
-use obvhs::bvh2::node::Bvh2Node;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::PlocBuilder;
 use rayon::prelude::*;
 
-use super::bvh2::Bvh2;
 use super::splitmix64::{GOLDEN, splitmix64};
 use super::stored_slot::StoredSlot;
-use super::wide::{Wide, convert};
+use super::wide::{Tree, Wide, convert};
 use super::{Preset, sah};
 use crate::geometry::simd::{InstructionSet, prefetch};
 use crate::geometry::{Bounds, Tier};
@@ -26,31 +22,15 @@ const MAX_JITTER: (u32, f32) = (16, 1.0 / 128.0);
 /// Random bits per axis, of 64.
 const JITTER_BITS: u32 = 21;
 
-/// Builds a binary tree over `slots`.
-pub(crate) fn build<T: Tier>(slots: &[StoredSlot<T::Corner>], preset: Preset) -> Bvh2<T> {
-    if slots.is_empty() {
-        return Bvh2::new(Vec::new(), Vec::new());
-    }
-    let (nodes, order) = with_leaves(binary_tree::<T>(slots, preset), preset.parameters());
-    Bvh2::new(nodes, order.iter().map(|&slot| slots[slot as usize]).collect())
-}
-
-/// The nodes of a tree over boxes, and the indices of the boxes in the order of the leaves.
-pub(super) fn build_nodes(boxes: &[Bounds], parameters: BvhBuildParams) -> (Vec<Bvh2Node>, Vec<u32>) {
+/// Builds a tree of eight children per node over boxes, with up to `most` of them per leaf; see [`Tree::new`].
+pub(super) fn build_over(boxes: &[Bounds], preset: Preset, most: usize) -> (Tree, Vec<u32>) {
     if boxes.is_empty() {
-        return (Vec::new(), Vec::new());
+        return Tree::new(&obvhs::bvh2::Bvh2::default(), most);
     }
-    with_leaves(ploc(boxes, parameters), parameters)
-}
-
-/// Optimises a tree by reinsertion and collapses leaves where the cost heuristic favours it.
-fn with_leaves(mut tree: obvhs::bvh2::Bvh2, parameters: BvhBuildParams) -> (Vec<Bvh2Node>, Vec<u32>) {
-    let mut reinsertion = ReinsertionOptimizer::default();
-    let ratio = parameters.reinsertion_batch_ratio;
-    reinsertion.run(&mut tree, ratio, None);
-    collapse(&mut tree, parameters.max_prims_per_leaf.clamp(1, 255), parameters.collapse_traversal_cost);
-    reinsertion.run(&mut tree, ratio * parameters.post_collapse_reinsertion_batch_ratio_multiplier, None);
-    (tree.nodes, tree.primitive_indices)
+    let parameters = preset.parameters();
+    let mut tree = ploc(boxes, parameters);
+    ReinsertionOptimizer::default().run(&mut tree, parameters.reinsertion_batch_ratio, None);
+    Tree::new(&tree, most)
 }
 
 /// Builds a tree of eight children per node, whose leaves [`convert`] chooses.

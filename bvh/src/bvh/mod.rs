@@ -1,8 +1,8 @@
 //! Acceleration structures over triangles and analytic shapes, behind [`Accelerator`].
 //!
 //! [`build`] makes one in any [`Layout`] and tier of numerics. obvhs builds the trees (`build`); the traversals are
-//! kiln's: `bvh2` over the binary tree, `wide` over nodes of eight children, `instances` over meshes that are placed
-//! many times ([`Instance`]), and `brute_force`, the oracle of the tests. [`Bvh`] is the interface for library users.
+//! kiln's: `wide` over nodes of eight children, `instances` over meshes that are placed many times ([`Instance`]), and
+//! `brute_force`, the oracle of the tests. [`Bvh`] is the interface for library users.
 //!
 //! Every layout returns exactly the hits of [`Layout::BruteForce`]: the least t, ties to the lowest primitive id. The
 //! tier `fast` is exempt ([`Numerics::Fast`]).
@@ -13,7 +13,6 @@ mod api;
 mod batch;
 mod brute_force;
 mod build;
-mod bvh2;
 mod closest_point;
 mod crossings;
 mod instances;
@@ -23,7 +22,6 @@ mod quality;
 mod sah;
 pub mod splitmix64;
 mod stored_slot;
-mod traverse;
 mod wide;
 
 pub use api::{Bvh, NotFinite, RayArrays, Update, is_worth_keeping};
@@ -91,9 +89,7 @@ pub struct Slot {
 /// The layout of an acceleration structure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Layout {
-    /// obvhs's binary tree.
-    Bvh2(Preset),
-    /// The binary tree converted to nodes of eight children, traversed by AVX-512 or AVX2 where the machine has it.
+    /// A tree of eight children per node, converted from obvhs's binary tree, traversed by AVX-512 or AVX2 where the machine has it.
     Wide(Preset),
     /// The same, traversed by AVX2 at most.
     Avx2(Preset),
@@ -104,19 +100,31 @@ pub enum Layout {
 }
 
 impl Layout {
+    /// A binary tree in earlier versions; builds [`Layout::Wide`].
+    #[deprecated(note = "use `Layout::Wide`")]
+    #[allow(non_snake_case)]
+    pub const fn Bvh2(preset: Preset) -> Self {
+        Layout::Wide(preset)
+    }
+
     /// The build preset; `None` for brute force, which has no trees and no instances.
     pub fn preset(self) -> Option<Preset> {
+        self.tree().map(|(preset, _)| preset)
+    }
+
+    /// The build preset and the instruction set of a tree.
+    fn tree(self) -> Option<(Preset, InstructionSet)> {
         match self {
-            Layout::Bvh2(preset) | Layout::Wide(preset) | Layout::Avx2(preset) | Layout::Portable(preset) => {
-                Some(preset)
-            }
+            Layout::Wide(preset) => Some((preset, InstructionSet::widest())),
+            Layout::Avx2(preset) => Some((preset, InstructionSet::avx2())),
+            Layout::Portable(preset) => Some((preset, InstructionSet::Portable)),
             Layout::BruteForce => None,
         }
     }
 
     /// Every layout except brute force, with every preset.
     pub fn trees() -> impl Iterator<Item = Layout> {
-        let layouts = [Layout::Bvh2, Layout::Wide, Layout::Avx2, Layout::Portable];
+        let layouts = [Layout::Wide, Layout::Avx2, Layout::Portable];
         layouts.into_iter().flat_map(|layout| Preset::ALL.map(layout))
     }
 }
@@ -144,16 +152,9 @@ fn build_from(
 ) -> Box<dyn Accelerator> {
     fn of<T: Tier>(slots: &mut dyn Iterator<Item = Slot>, layout: Layout) -> Box<dyn Accelerator> {
         let stored: Vec<StoredSlot<T::Corner>> = slots.map(StoredSlot::new).collect();
-        match layout {
-            Layout::Bvh2(preset) => Box::new(build::build::<T>(&stored, preset)),
-            Layout::Wide(preset) => {
-                Box::new(build::build_wide::<T>(&stored, preset, InstructionSet::widest()))
-            }
-            Layout::Avx2(preset) => Box::new(build::build_wide::<T>(&stored, preset, InstructionSet::avx2())),
-            Layout::Portable(preset) => {
-                Box::new(build::build_wide::<T>(&stored, preset, InstructionSet::Portable))
-            }
-            Layout::BruteForce => Box::new(BruteForce::<T>::new(stored)),
+        match layout.tree() {
+            Some((preset, instructions)) => Box::new(build::build_wide::<T>(&stored, preset, instructions)),
+            None => Box::new(BruteForce::<T>::new(stored)),
         }
     }
     match numerics {
@@ -172,33 +173,33 @@ pub fn build_with_instances(
     numerics: Numerics,
 ) -> Box<dyn Accelerator> {
     let slots = &mut slots.into_iter();
-    let Some(preset) = layout.preset().filter(|_| !instances.is_empty()) else {
+    let Some(tree) = layout.tree().filter(|_| !instances.is_empty()) else {
         return build(slots.chain(instances.iter().flat_map(Instance::slots)), layout, numerics);
     };
     let flat = build_from(slots, layout, numerics);
-    over_instances(flat, instances, preset, numerics)
+    over_instances(flat, instances, tree, numerics)
 }
 
 fn over_instances(
     flat: Box<dyn Accelerator>,
     instances: Vec<Instance>,
-    preset: Preset,
+    tree: (Preset, InstructionSet),
     numerics: Numerics,
 ) -> Box<dyn Accelerator> {
     match numerics {
-        Numerics::Fast => Box::new(Instances::<Fast>::new(flat, instances, preset)),
-        Numerics::Watertight => Box::new(Instances::<Watertight>::new(flat, instances, preset)),
-        Numerics::Double => Box::new(Instances::<Double>::new(flat, instances, preset)),
-        Numerics::Exact => Box::new(Instances::<Exact>::new(flat, instances, preset)),
+        Numerics::Fast => Box::new(Instances::<Fast>::new(flat, instances, tree)),
+        Numerics::Watertight => Box::new(Instances::<Watertight>::new(flat, instances, tree)),
+        Numerics::Double => Box::new(Instances::<Double>::new(flat, instances, tree)),
+        Numerics::Exact => Box::new(Instances::<Exact>::new(flat, instances, tree)),
     }
 }
 
-/// What a traversal does after a hit or a leaf. `D` is its type of distances.
-pub(crate) enum Next<D = f64> {
+/// What a traversal does after a hit or a leaf.
+pub(crate) enum Next {
     /// Continue.
     Continue,
     /// Continue, but skip what is farther than this distance.
-    Shorten(D),
+    Shorten(f64),
     /// Stop.
     Stop,
 }
@@ -214,10 +215,9 @@ pub(crate) fn merge_split(hits: &mut Vec<Hit>, first: usize) {
 /// The memory of traversals, reused from one ray to the next, and their counters. One per thread.
 #[derive(Default)]
 pub struct Traversal {
-    /// For binary trees: that of a structure or of the top level of instances, and that of a mesh.
-    stack: Vec<(u32, f32)>,
-    mesh_stack: Vec<(u32, f32)>,
+    /// Nodes that wait: those of a structure or of the top level of instances, and those of a mesh.
     children: Vec<(wide::Child, f32)>,
+    mesh_children: Vec<(wide::Child, f32)>,
     packet: wide::Scratches,
     /// Allocated for the first stream: that takes longer than tracing a ray.
     stream: Option<wide::StreamScratch>,

@@ -1,11 +1,9 @@
-//! The tier `double`: rays, corners and box tests in f64.
+//! The tier `double`: rays and corners in f64.
 //!
-//! Tests and guarantees are those of [`watertight`](super::Watertight), without rounding the scene to f32. Boxes are
-//! stored in f32, rounded outwards, and tested in f64.
+//! Tests and guarantees are those of [`watertight`](super::Watertight), without rounding the scene to f32.
 
 use glam::DVec3;
 
-use super::bounds::DoubleBoxTest;
 use super::woop::WoopTest;
 use super::{Numerics, Ray, Tier, TriangleHit};
 
@@ -15,7 +13,6 @@ pub(crate) struct Double;
 impl Tier for Double {
     const NUMERICS: Numerics = Numerics::Double;
     type Corner = DVec3;
-    type Boxes = DoubleBoxTest;
     type Prepared = WoopTest;
     const HAS_RAY_N: bool = true;
 

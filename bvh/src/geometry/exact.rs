@@ -12,7 +12,6 @@
 
 use glam::{DVec3, Vec3Swizzles};
 
-use super::bounds::DoubleBoxTest;
 use super::distance::{Distance, PlaneHit};
 use super::expansion::Expansion;
 use super::lanes::{HitN, Triangle4};
@@ -34,7 +33,6 @@ const WEIGHT_TOLERANCE: f64 = f64::from_bits((1023 - 26) << 52);
 impl Tier for Exact {
     const NUMERICS: Numerics = Numerics::Exact;
     type Corner = DVec3;
-    type Boxes = DoubleBoxTest;
     type Prepared = WoopTest;
 
     #[inline(always)]

@@ -7,7 +7,6 @@
 
 use glam::Vec3;
 
-use super::bounds::SingleBoxTest;
 use super::lanes::{HitN, MASK4, Triangle4};
 use super::numerics::{PreparedPacket, PreparedRay};
 use super::simd::{Doubles, Floats, Lanes, Simd, Vector};
@@ -157,7 +156,6 @@ impl Tier for Fast {
     const NUMERICS: Numerics = Numerics::Fast;
     const IS_FAST: bool = true;
     type Corner = Vec3;
-    type Boxes = SingleBoxTest;
     type Prepared = FastRay;
 
     #[inline(always)]

@@ -3,18 +3,17 @@
 //! Used by `bvh`, which traverses, and by `world`, which makes surface interactions. There are four tiers
 //! ([`Numerics`]), one type and one file each behind the trait [`Tier`]:
 //!
-//! | tier | rays and corners | boxes tested in | triangles | spheres |
-//! | ---- | ---------------- | --------------- | --------- | ------- |
-//! | [`Fast`] | f32 | f32 | Möller and Trumbore, f32 | Haines and others, f32 |
-//! | [`Watertight`] | rays f64, corners f32 | f32, in trees of two f64 | Woop, Benthin and Wald, f64 | Haines and others, f64 |
-//! | [`Double`] | f64 | f64 | the same | the same |
-//! | [`Exact`] | f64 | f64 | the same with error bounds, then exact | the same with error bounds, then exact |
+//! | tier | rays and corners | triangles | spheres |
+//! | ---- | ---------------- | --------- | ------- |
+//! | [`Fast`] | f32 | Möller and Trumbore, f32 | Haines and others, f32 |
+//! | [`Watertight`] | rays f64, corners f32 | Woop, Benthin and Wald, f64 | Haines and others, f64 |
+//! | [`Double`] | f64 | the same | the same |
+//! | [`Exact`] | f64 | the same with error bounds, then exact | the same with error bounds, then exact |
 //!
 //! In all of them:
 //! - A ray's origin and direction are rounded to the tier's precision first ([`Numerics::ray_precision`]), so box
 //!   tests and primitive tests see the same ray.
-//! - Boxes are f32, rounded outwards, and tested with a margin that absorbs rounding ([`BoxTest`]); without one in nodes of
-//!   eight in `fast`.
+//! - Boxes are f32, rounded outwards, and tested in f32 with a margin that absorbs rounding; without one in `fast`.
 //! - Triangles are hit from both sides, edges and corners included; a ray in a triangle's plane misses.
 //! - Secondary rays start in front of the surface they leave and of its neighbours ([`spawn`]).
 //!
@@ -52,7 +51,7 @@ mod woop_packet;
 
 pub use analytic::AnalyticShape;
 pub(crate) use analytic::{SHAPE_NUMBERS, ShapeN};
-pub use bounds::{Bounds, BoxTest, DoubleBoxTest, SingleBoxTest, round_up};
+pub use bounds::{Bounds, round_up};
 pub use crossing::{LineTest, Side};
 pub use disk::Disk;
 pub use hit_buffer::HitBuffer;
@@ -68,7 +67,7 @@ pub use tier::Numerics;
 pub use triangle::Triangle;
 pub use turns::sin_cos_of_turns;
 
-pub(crate) use bounds::{PRUNE_MARGIN, prune_distance, round_down};
+pub(crate) use bounds::{PRUNE_MARGIN, round_down};
 pub(crate) use crossing::order_of_crossings;
 pub(crate) use double::Double;
 pub(crate) use exact::Exact;

@@ -2,7 +2,6 @@
 
 use glam::{DVec3, Vec3, Vec3A};
 
-use super::bounds::BoxTest;
 use super::fast::FastRay;
 use super::lanes::{HitN, LANES4, Triangle4};
 use super::simd::{Doubles, Simd};
@@ -228,11 +227,11 @@ pub(crate) struct PreparedPacket {
     pub fast: Vec<FastRay>,
 }
 
-/// A numeric tier: the tests of rays against boxes, triangles and analytic shapes, and the order of hits.
+/// A numeric tier: the tests of rays against triangles and analytic shapes, and the order of hits.
 ///
-/// Every tier that is not fast must keep a hit's distance within the interval in which its box test finds the ray inside
-/// the primitive's own bounds, up to the margin of that test, and the hit on its triangle up to a few units in the last
-/// place. Then no acceleration structure changes the image.
+/// Every tier that is not fast must keep a hit's distance within the interval in which the ray is inside the
+/// primitive's own bounds, up to a margin below that of the box tests, and the hit on its triangle up to a few units in
+/// the last place. Then no acceleration structure changes the image.
 pub(crate) trait Tier: Send + Sync + 'static {
     /// Its name.
     const NUMERICS: Numerics;
@@ -240,8 +239,6 @@ pub(crate) trait Tier: Send + Sync + 'static {
     const IS_FAST: bool = false;
     /// The type of triangle corners.
     type Corner: Corner;
-    /// A ray prepared for boxes.
-    type Boxes: BoxTest;
     /// A ray prepared for triangles.
     type Prepared: PreparedRay;
 

@@ -6,7 +6,6 @@
 
 use glam::Vec3;
 
-use super::bounds::DoubleBoxTest;
 use super::woop::WoopTest;
 use super::{Numerics, Ray, Tier, TriangleHit};
 
@@ -16,7 +15,6 @@ pub(crate) struct Watertight;
 impl Tier for Watertight {
     const NUMERICS: Numerics = Numerics::Watertight;
     type Corner = Vec3;
-    type Boxes = DoubleBoxTest;
     type Prepared = WoopTest;
     const HAS_RAY_N: bool = true;
 

@@ -123,7 +123,7 @@ pub fn measure(
     settings: &Settings,
     control: &RenderControl,
 ) -> Result<Vec<SpeedRow>> {
-    let structure = Layout::Bvh2(Preset::default());
+    let structure = Layout::Portable(Preset::default());
     let exact = settings.check.then(|| kiln::accelerator(mesh, structure, Numerics::Exact));
     let reference = exact
         .as_deref()

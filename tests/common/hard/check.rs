@@ -22,15 +22,14 @@ use super::single;
 use crate::common::oracle::{self, Distance};
 
 /// Brute force, and the trees that differ most.
-pub const STRUCTURES: [Layout; 8] = [
+pub const STRUCTURES: [Layout; 7] = [
     Layout::BruteForce,
-    Layout::Bvh2(Preset::FastBuild),
-    Layout::Bvh2(Preset::Balanced),
-    Layout::Bvh2(Preset::BestTrace),
     Layout::Wide(Preset::Balanced),
     Layout::Wide(Preset::BestTrace),
     Layout::Avx2(Preset::Balanced),
     Layout::Portable(Preset::FastBuild),
+    Layout::Portable(Preset::Balanced),
+    Layout::Portable(Preset::BestTrace),
 ];
 
 /// The tree that is built where nothing is asked for.

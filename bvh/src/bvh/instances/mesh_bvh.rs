@@ -3,26 +3,23 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use obvhs::bvh2::node::Bvh2Node;
 
 use super::transform::{MeshSpace, Transform};
 use crate::bvh::Preset;
-use crate::bvh::build::build_nodes;
-use crate::geometry::Mesh;
-use crate::geometry::{Bounds, Corner};
+use crate::bvh::build::build_over;
+use crate::bvh::wide::{Content, Tree};
+use crate::geometry::lanes::LANES4;
+use crate::geometry::{Bounds, Corner, Mesh};
 
-/// A mesh and the binary tree over it, in [`MeshSpace`].
+/// A mesh and the tree over it, in [`MeshSpace`].
 pub(crate) struct MeshBvh {
     /// The mesh.
     pub mesh: Arc<Mesh>,
-    /// The nodes of the tree.
-    pub nodes: Vec<Bvh2Node>,
+    /// The tree; the order of its leaves is that of `triangles`.
+    pub tree: Tree,
     /// The triangles in the order of the leaves: index in the mesh, and vertex indices.
     pub triangles: Vec<(u32, [u32; 3])>,
 }
-
-/// The number of nodes whose transformed boxes bound an instance.
-const BOUNDING_NODES: usize = 64;
 
 impl MeshBvh {
     /// Builds the tree.
@@ -32,37 +29,33 @@ impl MeshBvh {
             Bounds::rounded_out(min, max)
         };
         let boxes: Vec<Bounds> = mesh.triangles.iter().map(bounds).collect();
-        let (nodes, order) = build_nodes(&boxes, preset.parameters());
+        let (tree, order) = build_over(&boxes, preset, LANES4);
         let triangles = order.into_iter().map(|i| (i, mesh.triangles[i as usize])).collect();
-        MeshBvh { mesh, nodes, triangles }
+        MeshBvh { mesh, tree, triangles }
     }
 
-    /// Bounds of the instance in world space, for corners rounded or not.
+    /// Bounds of the instance in world space, for corners rounded or not: of the at most 64 children of the root's
+    /// children, each transformed by itself.
     pub(crate) fn in_world(&self, transform: &Transform) -> Bounds {
-        let mut open = vec![0];
-        let mut next = 0;
-        while next < open.len() && open.len() < BOUNDING_NODES {
-            let node = &self.nodes[open[next]];
-            if node.is_leaf() {
-                next += 1;
-            } else {
-                open[next] = node.first_index as usize;
-                open.push(open[next] + 1);
-            }
-        }
-        let none = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-        let [min, max] = open.into_iter().fold(none, |[min, max], index| {
-            let b = self.nodes[index].aabb();
-            let corner = |v: glam::Vec3A| glam::Vec3::from(v).as_dvec3();
-            let [least, greatest] = transform.in_world(corner(b.min), corner(b.max));
-            [min.min(least), max.max(greatest)]
-        });
+        let nodes = &self.tree.nodes;
+        let [min, max] = nodes[0]
+            .places()
+            .flat_map(|place| match nodes[0].children[place].content() {
+                Content::Node(index) => {
+                    let node = &nodes[index as usize];
+                    node.places().map(|place| node.bounds(place)).collect()
+                }
+                _ => vec![nodes[0].bounds(place)],
+            })
+            .map(|b| transform.in_world(b.min.as_dvec3(), b.max.as_dvec3()))
+            .reduce(|[min, max], [least, greatest]| [min.min(least), max.max(greatest)])
+            .unwrap_or([DVec3::INFINITY, DVec3::NEG_INFINITY]);
         Bounds::rounded_out(min, max)
     }
 
     /// Its size in bytes, with the vertex positions of the mesh.
     pub(crate) fn bytes(&self) -> usize {
-        size_of_val(self.nodes.as_slice())
+        size_of_val(self.tree.nodes.as_slice())
             + size_of_val(self.triangles.as_slice())
             + size_of_val(self.mesh.positions.as_slice())
     }

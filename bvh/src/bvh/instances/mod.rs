@@ -1,7 +1,7 @@
 //! Instances: a tree over the instances (top level) and one tree over each mesh (bottom level).
 //!
 //! Primitives that are not instanced are in a structure of their own, which is traversed first. A ray passes
-//! [`traverse()`] for the top level, [`transform`] into the space of the mesh, and [`traverse()`] for the tree of
+//! [`descend`] for the top level, [`transform`] into the space of the mesh, and [`descend`] for the tree of
 //! [`mesh_bvh`]. Boxes are tested in the space of the mesh, triangles in world space on corners that are transformed
 //! one by one with the arithmetic that transforms a copy, so hits have the bits of a copied mesh. Boxes are enlarged
 //! by all that this arithmetic rounds.
@@ -9,20 +9,19 @@
 mod mesh_bvh;
 mod transform;
 
-use std::cell::Cell;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use glam::Vec3A;
-use obvhs::bvh2::node::Bvh2Node;
-
 use super::Preset;
-use super::build::build_nodes;
-use super::traverse::traverse;
+use super::build::build_over;
+use super::wide::{BoxRay, Tree, descend};
 use super::{Accelerator, Description, Next, Primitive, Slot, Traversal};
+#[cfg(target_arch = "x86_64")]
+use crate::geometry::simd::Avx2;
+use crate::geometry::simd::{InstructionSet, Portable, Simd};
 use crate::geometry::{
-    Bounds, BoxTest, Corner, Hit, HitBuffer, Mesh, Numerics, Placed, PreparedRay, PrimId, Ray, Rays, SlotId,
-    Stored, Tier, Triangle, prune_distance,
+    Bounds, Corner, Hit, HitBuffer, Mesh, Numerics, Placed, PreparedRay, PrimId, Ray, Rays, SlotId, Stored,
+    Tier, Triangle, TriangleHit,
 };
 use mesh_bvh::MeshBvh;
 pub use transform::MeshSpace;
@@ -66,22 +65,47 @@ struct PreparedInstance {
     slot: u32,
 }
 
+impl PreparedInstance {
+    /// The hit of a ray on a triangle of its mesh, and the triangle's corners. The ray is prepared at the first one, as
+    /// many rays reach none.
+    #[inline(always)]
+    fn hit<T: Tier>(
+        &self,
+        ray: &Ray,
+        prepared: &mut Option<T::Prepared>,
+        &(triangle, corners): &(u32, [u32; 3]),
+    ) -> Option<(Hit, [T::Corner; 3])> {
+        let Placed { mesh, placement } = &self.instance.placed;
+        let corners = corners.map(|i| T::Corner::from_dvec3(placement.point(mesh.positions[i as usize])));
+        let prepared = prepared.get_or_insert_with(|| T::Prepared::new(ray));
+        let TriangleHit { t, barycentrics } = T::hit_triangle(prepared, ray, &corners)?;
+        let (prim, slot) = (self.instance.prim(triangle), SlotId::new(self.slot + triangle));
+        Some((Hit { t, prim, slot, barycentrics }, corners))
+    }
+}
+
 /// A structure over single primitives, and a two-level tree over instances.
 pub(crate) struct Instances<T: Tier> {
     /// The structure over primitives that are not instanced.
     flat: Box<dyn Accelerator>,
     instances: Vec<PreparedInstance>,
     meshes: Vec<MeshBvh>,
-    /// The nodes of the top level.
-    top: Vec<Bvh2Node>,
+    /// The top level. Each leaf is one instance, an index into `order`.
+    top: Tree,
     /// Indices of instances in the order of the leaves.
     order: Vec<u32>,
+    /// The instruction set of the flat structure.
+    instructions: InstructionSet,
     tier: std::marker::PhantomData<T>,
 }
 
 impl<T: Tier> Instances<T> {
     /// Builds the two-level tree. Every instance must satisfy [`can_be_instance`].
-    pub(crate) fn new(flat: Box<dyn Accelerator>, instances: Vec<Instance>, preset: Preset) -> Self {
+    pub(crate) fn new(
+        flat: Box<dyn Accelerator>,
+        instances: Vec<Instance>,
+        (preset, instructions): (Preset, InstructionSet),
+    ) -> Self {
         // The highest slots: those of `flat` begin at 0.
         let triangles: usize = instances.iter().map(|i| i.placed.mesh.triangles.len()).sum();
         let triangles = u32::try_from(triangles).expect("primitives are numbered with 32 bits");
@@ -106,65 +130,94 @@ impl<T: Tier> Instances<T> {
             meshes.into_iter().map(|(mesh, space)| MeshBvh::new(mesh, &space, preset)).collect();
         let boxes: Vec<Bounds> =
             prepared.iter().map(|i| meshes[i.mesh as usize].in_world(&i.transform)).collect();
-        let mut parameters = preset.parameters();
-        // Testing a box is cheaper than traversing a mesh.
-        parameters.max_prims_per_leaf = 1;
-        let (top, order) = build_nodes(&boxes, parameters);
-        Instances { flat, instances: prepared, meshes, top, order, tier: std::marker::PhantomData }
+        let (top, order) = build_over(&boxes, preset, 1);
+        Instances {
+            flat,
+            instances: prepared,
+            meshes,
+            top,
+            order,
+            instructions,
+            tier: std::marker::PhantomData,
+        }
     }
 
-    /// Calls `found` with the hits on instances before `t_max`. It returns the new `t_max`, or `None` to stop.
+    /// Calls `found` with the hits on instances before `t_max` until it returns [`Next::Stop`], nearest boxes first if
+    /// `NEAREST`.
     #[inline(always)]
-    fn each_hit(
+    fn each_hit<const NEAREST: bool>(
         &self,
         ray: &Ray,
         t_max: f64,
         traversal: &mut Traversal,
-        mut found: impl FnMut(Hit, [T::Corner; 3]) -> Option<f64>,
+        found: impl FnMut(Hit, [T::Corner; 3]) -> Next,
     ) {
-        let Traversal { stack, mesh_stack, tests, .. } = traversal;
-        let boxes = T::Boxes::new(ray);
-        let mut prepared: Option<T::Prepared> = None;
-        let mut count = 0;
-        let t_max = Cell::new(t_max);
-        let enters = |min: Vec3A, max: Vec3A, t_max: f32| boxes.enters(min, max, t_max);
-        traverse(&self.top, prune_distance(t_max.get()), stack, &mut count, enters, |leaf, enter| {
-            for &index in &self.order[leaf.start as usize..leaf.end as usize] {
-                let PreparedInstance { instance, transform, mesh, slot } = &self.instances[index as usize];
-                let MeshBvh { mesh, nodes, triangles } = &self.meshes[*mesh as usize];
-                let (boxes, start) = transform.local(ray, enter);
-                // Plus the rounding of the difference.
-                let local = || prune_distance(t_max.get() - start + t_max.get() * f64::EPSILON);
-                let enters = |min: Vec3A, max: Vec3A, t_max: f32| boxes.enters(min, max, t_max);
-                let visit = |leaf: std::ops::Range<u32>, _| {
-                    let leaf = &triangles[leaf.start as usize..leaf.end as usize];
-                    tests.primitives += leaf.len() as u64;
-                    let before = t_max.get();
-                    for (triangle, corners) in leaf {
-                        let corner = |i: u32| {
-                            T::Corner::from_dvec3(instance.placed.placement.point(mesh.positions[i as usize]))
-                        };
-                        let corners = corners.map(corner);
-                        let prepared = prepared.get_or_insert_with(|| T::Prepared::new(ray));
-                        if let Some(hit) = T::hit_triangle(prepared, ray, &corners) {
-                            let (prim, slot) = (instance.prim(*triangle), SlotId::new(slot + triangle));
-                            match found(Hit { t: hit.t, prim, slot, barycentrics: hit.barycentrics }, corners)
-                            {
-                                Some(t) => t_max.set(t),
-                                None => return Next::Stop,
-                            }
-                        }
-                    }
-                    if t_max.get() < before { Next::Shorten(local()) } else { Next::Continue }
-                };
-                let next = traverse(nodes, local(), mesh_stack, &mut tests.nodes, enters, visit);
-                if let Next::Stop = next {
-                    return Next::Stop;
-                }
-            }
-            Next::Shorten(prune_distance(t_max.get()))
-        });
-        tests.nodes += count;
+        match self.instructions {
+            InstructionSet::Portable => self.each_hit_by::<Portable, NEAREST>(ray, t_max, traversal, found),
+            #[cfg(target_arch = "x86_64")]
+            _ => self.each_hit_by::<Avx2, NEAREST>(ray, t_max, traversal, found),
+        }
+    }
+
+    /// [`Instances::each_hit`] by an instruction set.
+    #[inline(always)]
+    fn each_hit_by<S: Simd, const NEAREST: bool>(
+        &self,
+        ray: &Ray,
+        t_max: f64,
+        Traversal { children, mesh_children, tests, .. }: &mut Traversal,
+        mut found: impl FnMut(Hit, [T::Corner; 3]) -> Next,
+    ) {
+        let boxes = BoxRay::new(ray, false, false);
+        let (mut prepared, mut nearest) = (None, t_max);
+        let top = (&*self.top.nodes, self.top.depth);
+        S::run(
+            #[inline(always)]
+            || {
+                descend::<S, false, NEAREST>(
+                    top,
+                    &boxes,
+                    t_max,
+                    false,
+                    children,
+                    tests,
+                    #[inline(always)]
+                    |leaf, enter, tests| {
+                        let instance = &self.instances[self.order[leaf.index()] as usize];
+                        let MeshBvh { tree, triangles, .. } = &self.meshes[instance.mesh as usize];
+                        let (boxes, start) = instance.transform.local(ray, boxes.along_ray(enter));
+                        // Plus the rounding of the difference.
+                        let local = |t: f64| t - start + t * f64::EPSILON;
+                        let stopped = descend::<S, false, NEAREST>(
+                            (&tree.nodes, tree.depth),
+                            &boxes,
+                            local(nearest),
+                            false,
+                            mesh_children,
+                            tests,
+                            #[inline(always)]
+                            |leaf, _, tests| {
+                                let mut next = Next::Continue;
+                                for triangle in &triangles[leaf.range()] {
+                                    tests.primitives += 1;
+                                    let hit = instance.hit::<T>(ray, &mut prepared, triangle);
+                                    match hit.map_or(Next::Continue, |(hit, corners)| found(hit, corners)) {
+                                        Next::Stop => return Next::Stop,
+                                        Next::Shorten(t) => {
+                                            nearest = t;
+                                            next = Next::Shorten(local(t));
+                                        }
+                                        Next::Continue => {}
+                                    }
+                                }
+                                next
+                            },
+                        );
+                        if stopped { Next::Stop } else { Next::Shorten(nearest) }
+                    },
+                )
+            },
+        );
     }
 
     /// The closest hit, given that of `flat`.
@@ -172,24 +225,25 @@ impl<T: Tier> Instances<T> {
         let mut best: Option<(Hit, Stored<T::Corner>)> =
             flat.map(|hit| (hit, self.flat.primitive(hit.slot).into()));
         let t_max = best.map_or(ray.t_max, |(hit, _)| hit.t);
-        self.each_hit(ray, t_max, traversal, |hit, corners| {
+        self.each_hit::<true>(ray, t_max, traversal, |hit, corners| {
             let stored = Stored::Triangle(corners);
             let is_better = best
                 .as_ref()
                 .is_none_or(|(other, with)| T::is_before(|| *ray, [(&hit, &stored), (other, with)]));
-            if is_better {
-                best = Some((hit, stored));
+            if !is_better {
+                return Next::Continue;
             }
-            best.map(|(hit, _)| hit.t)
+            best = Some((hit, stored));
+            Next::Shorten(hit.t)
         });
         best.map(|(hit, _)| hit)
     }
 
     fn is_any_hit(&self, ray: &Ray, traversal: &mut Traversal) -> bool {
         let mut any = false;
-        self.each_hit(ray, ray.t_max, traversal, |_, _| {
+        self.each_hit::<false>(ray, ray.t_max, traversal, |_, _| {
             any = true;
-            None
+            Next::Stop
         });
         any
     }
@@ -224,9 +278,9 @@ impl<T: Tier> Accelerator for Instances<T> {
 
     fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal) {
         self.flat.all_hits(ray, hits, traversal);
-        self.each_hit(ray, ray.t_max, traversal, |hit, _| {
+        self.each_hit::<false>(ray, ray.t_max, traversal, |hit, _| {
             hits.push(hit);
-            Some(ray.t_max)
+            Next::Continue
         });
     }
 
@@ -256,10 +310,11 @@ impl<T: Tier> Accelerator for Instances<T> {
         let lists = |prepared: &PreparedInstance| prepared.instance.placed.placement.bytes();
         let own = size_of_val(self.instances.as_slice())
             + self.instances.iter().map(lists).sum::<usize>()
-            + size_of_val(self.top.as_slice())
+            + size_of_val(self.top.nodes.as_slice())
             + size_of_val(self.order.as_slice());
         let bytes = self.meshes.iter().map(MeshBvh::bytes).sum::<usize>() + own;
-        let nodes = self.meshes.iter().map(|mesh| mesh.nodes.len()).sum::<usize>() + self.top.len();
+        let nodes =
+            self.meshes.iter().map(|mesh| mesh.tree.nodes.len()).sum::<usize>() + self.top.nodes.len();
         let slots = self.meshes.iter().map(|mesh| mesh.triangles.len()).sum::<usize>();
         Description {
             layout: "instances",

@@ -16,7 +16,8 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::geometry::{Mesh, Numerics, Placed, Ray, SingleBoxTest};
+use crate::bvh::wide::BoxRay;
+use crate::geometry::{Mesh, Numerics, Placed, Ray};
 
 /// The space of a mesh's tree: that of the mesh, centred and scaled to coordinates of at most 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -122,17 +123,20 @@ impl Transform {
     /// The ray in [`MeshSpace`], starting where it enters the world-space box of the instance (at distance `enter`),
     /// and the distance of that start. No hit is before it.
     ///
-    /// Starting there keeps f32 coordinates small.
+    /// Starting there keeps f32 coordinates small. Errors are as large as [`BoxRay::with_error`] requires: `box_error`
+    /// is at least 2 [`SHARE_OF_DISTANCE`] on every axis, as |B| |A| 1 is at least |B A| 1 = 1 for the two maps A and
+    /// B. From its start to a hit the ray goes less than 2^50, by [`MAX_BOX_ERROR`], and 2^6 errors for the rounding of
+    /// `enter`.
     #[inline]
-    pub(crate) fn local(&self, ray: &Ray, enter: f32) -> (SingleBoxTest, f64) {
+    pub(crate) fn local(&self, ray: &Ray, enter: f64) -> (BoxRay, f64) {
         let from = ray.origin - self.origin;
         let direction = self.box_from_world * ray.direction;
-        // The error of any tier's box test is half of this.
-        let enter = f64::from(enter);
+        // The error of the box test, 4 u, is a quarter of this.
         let before = enter - enter.abs() / f64::from(1u32 << 20);
         let start = if before > ray.t_min { before } else { ray.t_min };
         let origin = self.box_from_world * from + direction * start;
         let box_error = self.box_error + self.box_error_per_distance * from.abs().max_element();
-        (SingleBoxTest::widened(origin, direction, box_error), start)
+        let ray = Ray { origin, direction, t_min: 0.0, t_max: f64::INFINITY };
+        (BoxRay::with_error(&ray, box_error), start)
     }
 }

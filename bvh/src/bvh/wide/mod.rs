@@ -24,6 +24,7 @@ mod packet;
 mod single;
 mod stream;
 
-pub(crate) use layout::{Child, Wide, convert};
+pub(crate) use layout::{Child, Content, Tree, Wide, convert};
 pub(crate) use packet::Scratches;
+pub(crate) use single::{box_ray::BoxRay, descend};
 pub(crate) use stream::Scratch as StreamScratch;

@@ -5,8 +5,9 @@
 
 use super::layout::{Child, Content, Wide};
 use super::single::box_ray::BoxRay;
+use super::single::descend;
 use super::stream::{self, RayMask};
-use crate::bvh::{Primitive, Traversal};
+use crate::bvh::{Next, Primitive, Traversal};
 use crate::geometry::lanes::LANES4;
 use crate::geometry::simd::Simd;
 use crate::geometry::{LineTest, NO_PRIMITIVE, PrimId, Rays, Tier, Triangle};
@@ -33,30 +34,21 @@ fn visit_by<T: Tier, S: Simd, const FUSED: bool>(
     Traversal { children: stack, tests, .. }: &mut Traversal,
     visit: &mut dyn FnMut(PrimId, Primitive),
 ) {
-    if wide.nodes.is_empty() {
-        return;
-    }
     let boxes = BoxRay::new(&ray.ray, FUSED, false);
-    let t_max = boxes.prune_distance(ray.ray.t_max);
-    stack.clear();
-    stack.push((Child::node(0), 0.0));
-    while let Some((child, _)) = stack.pop() {
-        match child.content() {
-            Content::Node(index) => {
-                tests.nodes += 1;
-                let node = &wide.nodes[index as usize];
-                let (mut places, _) = boxes.enter::<S, FUSED>(node, t_max, false);
-                while places != 0 {
-                    stack.push((node.children[places.trailing_zeros() as usize % node.children.len()], 0.0));
-                    places &= places - 1;
-                }
-            }
-            _ => {
-                tests.primitives += u64::from(child.len());
-                visit_leaf::<T, S>(wide, ray, child, visit);
-            }
-        }
-    }
+    descend::<S, FUSED, false>(
+        (&wide.nodes, wide.depth),
+        &boxes,
+        ray.ray.t_max,
+        false,
+        stack,
+        tests,
+        #[inline(always)]
+        |leaf, _, tests| {
+            tests.primitives += leaf.range().len() as u64;
+            visit_leaf::<T, S>(wide, ray, leaf, visit);
+            Next::Continue
+        },
+    );
 }
 
 /// [`visit`] for at most `BATCH` rays, as a stream. Returns the rays that it does not trace.

@@ -27,7 +27,7 @@ pub(crate) struct Arguments {
     /// Number of threads for building and tracing
     #[arg(long, help_heading = group::LIMITS, allow_hyphen_values = true, value_name = "N", default_value_t = 1, value_parser = crate::cli::numbers::whole(1..=u16::MAX))]
     threads: u16,
-    /// Engine to measure, such as kiln, embree/high or kiln/bvh2/exact (layout, tier or preset after `/`); may be repeated
+    /// Engine to measure, such as kiln, embree/high or kiln/bvh8/exact (layout, tier or preset after `/`); may be repeated
     /// [default: all that are available]
     #[arg(long, help_heading = group::MEASUREMENT, value_name = "NAME")]
     engine: Vec<String>,
@@ -70,7 +70,7 @@ pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()>
 
 pub(crate) type Chosen = (Vec<Engine>, Vec<Unavailable>);
 
-/// Engines selected by name: `kiln`, or `kiln/bvh2/exact` for a layout and tier; all without a name.
+/// Engines selected by name: `kiln`, or `kiln/bvh8/exact` for a layout and tier; all without a name.
 pub(crate) fn chosen(typed: &[String], threads: usize) -> Result<Chosen> {
     let (mut present, mut absent) = engines(threads);
     if typed.is_empty() {

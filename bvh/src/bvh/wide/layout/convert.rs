@@ -1,4 +1,4 @@
-//! [`convert()`]: from obvhs's binary tree to nodes of eight children.
+//! [`convert()`] and [`Tree::new`]: from obvhs's binary tree to nodes of eight children.
 
 use std::ops::Range;
 
@@ -44,16 +44,31 @@ pub(crate) fn convert<T: Tier>(
     // A list of its own, because slots are large and are accessed in random order.
     let shapes: Vec<bool> = slots.iter().map(|slot| matches!(slot.primitive, Stored::Analytic(_))).collect();
     let Preorder { entries, primitives: mut members } = if shapes.contains(&true) {
-        Preorder::new(tree, |place| shapes[slot_of(place) as usize])
+        Preorder::new(tree, LANES4, |place| shapes[slot_of(place) as usize])
     } else {
-        Preorder::new(tree, |_| false)
+        Preorder::new(tree, LANES4, |_| false)
     };
     // In a loop of its own, so that the memory accesses overlap.
     for place in &mut members {
         *place = slot_of(*place);
     }
     let members = members;
-    let leaves = write_nodes(&mut wide, &entries, &members, slots);
+    let mut leaves: Vec<LeafSlots> = Vec::with_capacity(entries.len() / 2 + 1);
+    (wide.nodes, wide.depth) = write_nodes(&entries, |first, count, is_analytic| {
+        if !is_analytic {
+            leaves.push(first..first + count);
+            return Child::leaf(leaves.len() - 1, 1, false);
+        }
+        let (lanes, count) = in_order(&members, first..first + count);
+        let first = wide.analytic.len();
+        wide.analytic.extend(lanes[..count].iter().filter_map(
+            |&slot| match slots[slot as usize].primitive {
+                Stored::Analytic(shape) => Some((Some(shape), slots[slot as usize].id)),
+                Stored::Triangle(_) => None,
+            },
+        ));
+        Child::leaf(first, count, true)
+    });
     let leaf = |(index, leaf): (usize, &LeafSlots)| {
         if let Some(soon) = leaves.get(index + PREFETCH_AHEAD) {
             members[soon.start as usize..soon.end as usize]
@@ -67,53 +82,54 @@ pub(crate) fn convert<T: Tier>(
     wide
 }
 
-/// Writes the nodes and analytic shapes, and returns the slots of the triangle leaves. `members` are the slots of
-/// [`Preorder::primitives`].
-fn write_nodes<T: Tier>(
-    wide: &mut Wide<T>,
-    entries: &[Entry],
-    members: &[u32],
-    slots: &[StoredSlot<T::Corner>],
-) -> Vec<LeafSlots> {
+/// A tree of eight children per node over boxes alone.
+pub(crate) struct Tree {
+    /// As [`Wide::nodes`].
+    pub nodes: Vec<Node>,
+    /// As [`Wide::depth`].
+    pub depth: usize,
+}
+
+impl Tree {
+    /// Converts a binary tree with one box per leaf to one of up to `most` boxes per leaf. Also returns the indices of
+    /// the boxes in the order of the leaves, which are ranges of that list.
+    pub(crate) fn new(tree: &Bvh2, most: usize) -> (Self, Vec<u32>) {
+        let Preorder { entries, primitives } = Preorder::new(tree, most, |_| false);
+        let leaf = |first: u32, count: u32, _| Child::leaf(first as usize, count as usize, false);
+        let (nodes, depth) = if entries.is_empty() { (Vec::new(), 0) } else { write_nodes(&entries, leaf) };
+        let order = primitives.into_iter().map(|place| tree.primitive_indices[place as usize]).collect();
+        (Tree { nodes, depth }, order)
+    }
+}
+
+/// The nodes, and the number of them on the longest path from the root. `leaf` returns the reference to a leaf of the
+/// primitives from the first of [`Preorder::primitives`] on, of their number, and whether they are analytic shapes.
+fn write_nodes(entries: &[Entry], mut leaf: impl FnMut(u32, u32, bool) -> Child) -> (Vec<Node>, usize) {
     let collapse = Collapse::new(entries);
-    // The usual size of meshes; the lists grow if necessary.
-    wide.nodes.reserve(entries.len() / 6);
-    let mut leaves: Vec<LeafSlots> = Vec::with_capacity(entries.len() / 2 + 1);
-    wide.nodes.push(Node::EMPTY);
+    // The usual size of meshes; the list grows if necessary.
+    let mut nodes = Vec::with_capacity(entries.len() / 6 + 1);
+    nodes.push(Node::EMPTY);
+    let mut deepest = 0;
     // An entry, the index of its wide node, and the depth of that.
     let mut stack = vec![(0u32, 0usize, 1usize)];
     while let Some((root, index, depth)) = stack.pop() {
-        wide.depth = wide.depth.max(depth);
+        deepest = deepest.max(depth);
         let (children, len) = collapse.children(entries, root);
         for (place, &child) in children[..len].iter().enumerate() {
             let Entry { bounds, content } = entries[child as usize];
             let reference = match content {
                 EntryContent::Inner(_) => {
-                    let index = wide.nodes.len();
-                    wide.nodes.push(Node::EMPTY);
-                    stack.push((child, index, depth + 1));
-                    Child::node(index)
+                    stack.push((child, nodes.len(), depth + 1));
+                    nodes.push(Node::EMPTY);
+                    Child::node(nodes.len() - 1)
                 }
-                EntryContent::Triangles(first, count) => {
-                    leaves.push(first..first + count);
-                    Child::leaf(leaves.len() - 1, 1, false)
-                }
-                EntryContent::Analytic(first, count) => {
-                    let (lanes, count) = in_order(members, first..first + count);
-                    let first = wide.analytic.len();
-                    wide.analytic.extend(lanes[..count].iter().filter_map(|&slot| {
-                        match slots[slot as usize].primitive {
-                            Stored::Analytic(shape) => Some((Some(shape), slots[slot as usize].id)),
-                            Stored::Triangle(_) => None,
-                        }
-                    }));
-                    Child::leaf(first, count, true)
-                }
+                EntryContent::Triangles(first, count) => leaf(first, count, false),
+                EntryContent::Analytic(first, count) => leaf(first, count, true),
             };
-            wide.nodes[index].set(place, bounds, reference);
+            nodes[index].set(place, bounds, reference);
         }
     }
-    leaves
+    (nodes, deepest)
 }
 
 /// The distance, in leaves, at which slots are prefetched: they are accessed in random order.

@@ -11,7 +11,7 @@ mod node;
 mod preorder;
 mod refit;
 
-pub(crate) use convert::convert;
+pub(crate) use convert::{Tree, convert};
 pub(crate) use node::{Child, Content, Node, WIDTH};
 
 use super::all_pairs::SmallLeafBatch;

@@ -33,16 +33,16 @@ pub(crate) struct Child(u32);
 pub(crate) enum Content {
     /// The inner node of that index.
     Node(u32),
-    /// A leaf: a range of [`TriangleLeaf`](super::TriangleLeaf)s.
+    /// A leaf: a range of [`TriangleLeaf`](super::TriangleLeaf)s; in a [`Tree`](super::Tree), of boxes.
     Triangles(Range<u32>),
     /// A leaf: a range of analytic shapes.
     Analytic(Range<u32>),
 }
 
 impl Child {
-    /// The most triangle leaves or analytic shapes that a reference can span.
+    /// The most triangle leaves, analytic shapes or boxes that a reference can span.
     pub(crate) const MAX_COUNT: usize = 4;
-    /// The limit of indices of nodes, triangle leaves and analytic shapes.
+    /// The limit of indices of nodes, triangle leaves, analytic shapes and boxes.
     pub(crate) const MAX_INDICES: usize = 1 << 28;
 
     const ANALYTIC: u32 = 1 << 31;
@@ -56,7 +56,7 @@ impl Child {
         Child(index as u32)
     }
 
-    /// A reference to a leaf of analytic shapes, or of triangles.
+    /// A reference to a leaf of analytic shapes, or of triangles or boxes.
     pub(crate) fn leaf(first: usize, count: usize, shapes: bool) -> Self {
         assert!(first + count <= Self::MAX_INDICES, "more primitives than a structure can number");
         debug_assert!((1..=Self::MAX_COUNT).contains(&count));
@@ -96,10 +96,11 @@ impl Child {
         (self.0 & Self::INDEX) as usize
     }
 
-    /// The number of triangle leaves or analytic shapes of a leaf.
+    /// The triangle leaves, analytic shapes or boxes of a leaf.
     #[inline(always)]
-    pub(crate) fn len(self) -> u32 {
-        1 + (self.0 >> Self::COUNT_SHIFT & (Self::MAX_COUNT as u32 - 1))
+    pub(crate) fn range(self) -> Range<usize> {
+        let more = self.0 >> Self::COUNT_SHIFT & (Self::MAX_COUNT as u32 - 1);
+        self.index()..self.index() + 1 + more as usize
     }
 
     /// The bits of the reference.
@@ -123,8 +124,7 @@ impl Child {
     /// The reference, unpacked.
     #[inline(always)]
     pub(crate) fn content(self) -> Content {
-        let first = self.0 & Self::INDEX;
-        let end = first + self.len();
+        let (first, end) = (self.index() as u32, self.range().end as u32);
         match (self.0 & Self::LEAF != 0, self.0 & Self::ANALYTIC != 0) {
             (false, _) => Content::Node(first),
             (true, false) => Content::Triangles(first..end),

@@ -1,4 +1,4 @@
-//! [`Preorder`]: the builder's binary tree in preorder, with subtrees of up to four primitives turned into leaves.
+//! [`Preorder`]: the builder's binary tree in preorder, with subtrees of a few primitives turned into leaves.
 //!
 //! The builder's nodes are in no useful order, and most of them are within such leaves. They are read once, here;
 //! [`super::collapse`] and [`super::convert`](mod@super::convert) read this list sequentially.
@@ -6,7 +6,6 @@
 use obvhs::bvh2::Bvh2;
 
 use crate::geometry::Bounds;
-use crate::geometry::lanes::LANES4;
 use crate::geometry::simd::prefetch;
 
 /// The nodes in preorder, and the primitives of the leaves.
@@ -31,7 +30,7 @@ pub(crate) struct Entry {
 pub(crate) enum EntryContent {
     /// Two children; this is the index of the second.
     Inner(u32),
-    /// A leaf of triangles: the first of [`Preorder::primitives`] and their number, at most four.
+    /// A leaf of triangles, or of a tree over boxes: the first of [`Preorder::primitives`] and their number.
     Triangles(u32, u32),
     /// A leaf of analytic shapes, likewise.
     Analytic(u32, u32),
@@ -61,9 +60,9 @@ struct Ancestor {
 }
 
 impl Preorder {
-    /// The preorder of a tree with one primitive per leaf. `is_analytic` gets indices into the tree's list of
-    /// primitives. Not recursive: the tree may be of any depth.
-    pub(crate) fn new(tree: &Bvh2, is_analytic: impl Fn(u32) -> bool) -> Self {
+    /// The preorder of a tree with one primitive per leaf, with leaves of up to `most` primitives. `is_analytic` gets
+    /// indices into the tree's list of primitives. Not recursive: the tree may be of any depth.
+    pub(crate) fn new(tree: &Bvh2, most: usize, is_analytic: impl Fn(u32) -> bool) -> Self {
         // The usual size of meshes; the list grows if necessary.
         let entries = Vec::with_capacity(tree.nodes.len() / 3);
         let mut preorder = Preorder { entries, primitives: Vec::with_capacity(tree.primitive_indices.len()) };
@@ -97,7 +96,7 @@ impl Preorder {
                     entries[above.entry].content = EntryContent::Inner(entries.len() as u32);
                     break Some(second);
                 }
-                try_leaf(entries, above, primitives.len() as u32);
+                try_leaf(entries, above, primitives.len() as u32, most);
                 ancestors.pop();
             };
         }
@@ -105,13 +104,13 @@ impl Preorder {
     }
 }
 
-/// Turns a node into a leaf if its at most four primitives, counting parts of split ones, are all triangles or all
+/// Turns a node into a leaf if its at most `most` primitives, counting parts of split ones, are all triangles or all
 /// analytic shapes.
-fn try_leaf(entries: &mut Vec<Entry>, node: &Ancestor, primitives: u32) {
+fn try_leaf(entries: &mut Vec<Entry>, node: &Ancestor, primitives: u32, most: usize) {
     let (count, EntryContent::Inner(second)) = (primitives - node.first, entries[node.entry].content) else {
         return;
     };
-    if count > LANES4 as u32 {
+    if count as usize > most {
         return;
     }
     let shapes = match (entries[node.entry + 1].content, entries[second as usize].content) {
@@ -140,7 +139,7 @@ mod tests {
         let boxed = |(number, node): (u8, Bvh2Node)| Bvh2Node { max: Vec3::splat(number.into()), ..node };
         let nodes = (0..).zip(nodes).map(boxed).collect();
         let tree = Bvh2 { nodes, primitive_indices: (0..9).collect(), ..Bvh2::default() };
-        Preorder::new(&tree, is_analytic)
+        Preorder::new(&tree, 4, is_analytic)
     }
 
     fn contents(preorder: &Preorder) -> Vec<EntryContent> {
@@ -186,7 +185,7 @@ mod tests {
 
     #[test]
     fn nothing_has_no_entries() {
-        assert!(Preorder::new(&Bvh2::default(), |_| false).entries.is_empty());
+        assert!(Preorder::new(&Bvh2::default(), 4, |_| false).entries.is_empty());
     }
 
     /// A chain of 100,000 nodes with one leaf each, which would overflow the stack of a recursive function.
@@ -201,7 +200,7 @@ mod tests {
             nodes.extend([if index == most { last } else { inner }, leaf]);
         }
         let tree = Bvh2 { nodes, primitive_indices: (0..=most).collect(), ..Bvh2::default() };
-        let preorder = Preorder::new(&tree, |_| false);
+        let preorder = Preorder::new(&tree, 4, |_| false);
         assert_eq!(preorder.primitives.len(), 1 + most as usize);
         // The last four primitives share a leaf; every other has a leaf and a node.
         assert_eq!(preorder.entries.len(), 2 * (most as usize - 3) + 1);

@@ -1,4 +1,5 @@
-//! [`BoxRay`]: the test of one ray against the eight boxes of a node. Used by the single-ray traversal and by streams.
+//! [`BoxRay`]: the test of one ray against the eight boxes of a node. Used by the single-ray traversal, by streams and
+//! by instances.
 //!
 //! The distance to a plane is `plane * inverse - offset` with `offset = origin * inverse`: one fused multiply-add.
 //! Without further care this is off by the rounding of the offset, which loses rays. So the offset is moved by more
@@ -11,7 +12,7 @@
 use crate::bvh::wide::layout::{Node, WIDTH};
 use crate::geometry::simd::{Floats, Side, Simd, Vector};
 use crate::geometry::{PRUNE_MARGIN, Ray, round_down};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// The factor by which the distance at which a ray leaves a box is enlarged: [`PRUNE_MARGIN`], and 8 u for the different
 /// arithmetic here.
@@ -20,6 +21,10 @@ pub(crate) const MARGIN: f32 = PRUNE_MARGIN + 4.0 * f32::EPSILON;
 /// The share of itself by which an offset is moved. It is off by up to 2 u (an f64 origin is rounded, then
 /// multiplied); this is 4 u. Underflow is covered by adding the least normal number.
 pub(crate) const WIDENING: f32 = 2.0 * f32::EPSILON;
+
+/// The factor by which the error of a ray is enlarged, 1 + 8 u: rounding it to f32, adding it to the widening, and
+/// adding that to the origin take 3 u.
+const ERROR_MARGIN: f64 = 1.0 + 4.0 * f32::EPSILON as f64;
 
 /// Largest direction components for which distances to planes stay far from the limits of f32.
 pub(crate) const LENGTHS: std::ops::RangeInclusive<f64> = 1.0 / 1024.0..=1024.0;
@@ -49,6 +54,26 @@ impl BoxRay {
     /// Prepares a ray. `fused` requires a direction without zeros; `fast`: without widening.
     #[inline(always)]
     pub(crate) fn new(ray: &Ray, fused: bool, fast: bool) -> Self {
+        Self::widened(ray, Vec3::ZERO, fused, fast)
+    }
+
+    /// Prepares a ray from t = 0 on whose points are off by up to `error` on each axis, for the form that is not fused.
+    ///
+    /// Where the exact point at t lies in a box, the ray's point at t lies in the box enlarged by `error`. A lower plane
+    /// p then moves to p - `error`, and (p - `error`) - `origin` = p - (`origin` + `error`): the origins, which are moved
+    /// by more than their rounding, are moved by `error` as well, up for lower planes and down for upper ones.
+    /// [`ERROR_MARGIN`] makes up for the rounding of `error` and of these sums, and leaves 4 u of `error`.
+    ///
+    /// Any component of the direction may be 0, or round to 0 or to a subnormal number in f32 with any reciprocal: the
+    /// ray's point then moves by less than 2^-126 t along that axis. That must be less than 4 u of `error`. So the origin
+    /// lies within the enlarged planes wherever the point does, and the axis excludes nothing.
+    #[inline(always)]
+    pub(crate) fn with_error(ray: &Ray, error: DVec3) -> Self {
+        Self::widened(ray, (error * ERROR_MARGIN).as_vec3(), false, false)
+    }
+
+    #[inline(always)]
+    fn widened(ray: &Ray, error: Vec3, fused: bool, fast: bool) -> Self {
         let longest = ray.direction.abs().max_element();
         // Directions that are far from length 1 are scaled by a power of two, which is exact.
         let (scale, direction) = if LENGTHS.contains(&longest) {
@@ -63,7 +88,7 @@ impl BoxRay {
         // A subnormal origin is off by half its last place, times `inverse`. The least normal number covers that:
         // processors are slow at subnormal ones.
         let underflow = if fused { inverse.abs() } else { Vec3::ZERO };
-        let widening = offset.abs() * WIDENING + (underflow + 1.0) * f32::MIN_POSITIVE;
+        let widening = offset.abs() * WIDENING + (underflow + 1.0) * f32::MIN_POSITIVE + error;
         let widening = if fast { Vec3::ZERO } else { widening };
         let (greatest, least) = (offset + widening, offset - widening);
         let mut prepared = BoxRay {
@@ -97,6 +122,12 @@ impl BoxRay {
     #[inline(always)]
     pub(crate) fn prune_distance(&self, t: f64) -> f32 {
         prune_distance(t * self.scale)
+    }
+
+    /// The distance along the ray of a distance of boxes.
+    #[inline(always)]
+    pub(crate) fn along_ray(&self, at: f32) -> f64 {
+        f64::from(at) / self.scale
     }
 
     /// The distances at which the ray enters and leaves the boxes of `node`, clamped to `t_min` and `t_max`, the
@@ -149,4 +180,101 @@ pub(crate) fn prune_distance(t: f64) -> f32 {
 fn distances<F: Floats, const FUSED: bool>(planes: F, inverse: F, offset: f32) -> F {
     let offset = F::splat(offset);
     if FUSED { planes.mul_sub(inverse, offset) } else { (planes - offset) * inverse }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bvh::wide::layout::Child;
+    #[cfg(target_arch = "x86_64")]
+    use crate::geometry::simd::Avx2;
+    use crate::geometry::simd::{InstructionSet, Portable};
+    use crate::geometry::{Bounds, Precision};
+    use proptest::prelude::*;
+
+    /// The entry distance of a ray that is prepared without `fused` into a box; `None` if it is not entered.
+    fn enters(ray: &BoxRay, [min, max]: [DVec3; 2], t_max: f64) -> Option<f64> {
+        let mut node = Node::EMPTY;
+        node.set(3, Bounds::rounded_out(min, max), Child::node(1));
+        let t_max = ray.prune_distance(t_max);
+        let enter = |set| match set {
+            InstructionSet::Portable => ray.enter::<Portable, false>(&node, t_max, false),
+            #[cfg(target_arch = "x86_64")]
+            _ => Avx2::run(
+                #[inline(always)]
+                || ray.enter::<Avx2, false>(&node, t_max, false),
+            ),
+        };
+        let (mask, at) = enter(InstructionSet::Portable);
+        let (same_mask, same_at) = enter(InstructionSet::avx2());
+        assert_eq!((mask, at[3]), (same_mask, same_at[3]));
+        assert_eq!(mask & !(1 << 3), 0, "an empty place");
+        (mask != 0).then(|| ray.along_ray(at[3]))
+    }
+
+    #[test]
+    fn a_ray_in_a_face_is_inside() {
+        let cube = [DVec3::ZERO, DVec3::ONE];
+        for (origin, direction) in [
+            (DVec3::new(0.0, 0.5, -1.0), DVec3::Z),
+            (DVec3::new(1.0, 0.5, -1.0), DVec3::Z),
+            (DVec3::new(1.0, 1.0, 2.0), -DVec3::Z),
+            (DVec3::new(0.0, 0.0, 2.0), -DVec3::Z),
+        ] {
+            let entered = |origin: DVec3| {
+                let ray = Precision::Single.ray(origin, direction, 0.0, f64::INFINITY);
+                enters(&BoxRay::new(&ray, false, false), cube, f64::INFINITY)
+            };
+            // At 1, less the widening of 4 u of coordinates up to 2, and rounding.
+            let at = entered(origin).expect("entered");
+            assert!((1.0 - 8.0 * f64::from(f32::EPSILON)..=1.0).contains(&at), "{origin} {direction}: {at}");
+            let outside = origin * DVec3::new(3.0, 1.0, 1.0) + DVec3::X * 1e-6;
+            assert_eq!(entered(outside).is_some(), origin.x == 0.0);
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(4000))]
+
+        /// A ray moved by less than its error enters every box that it entered before, in time; also along axes, in
+        /// planes, with components that f32 cannot hold, and with directions of any length.
+        #[test]
+        fn a_ray_off_by_its_error_misses_nothing(
+            corners in prop::array::uniform2(prop::array::uniform3(-4i32..=4)),
+            inside in prop::array::uniform3(0i32..=4),
+            mut direction in prop::array::uniform3(prop_oneof![
+                Just(0.0f64), Just(-0.0), Just(1.0), -1.0f64..1.0, -1e-9f64..1e-9, -1e-37f64..1e-37, -1e-44f64..1e-44
+            ]),
+            (axis, large) in (0usize..3, prop_oneof![Just(1.0f64), Just(-1.0), 0.001f64..1.0]),
+            length in (-40i32..=40).prop_map(|exponent| f64::from(exponent).exp2()),
+            from in -4.0f64..4.0,
+            error in prop::array::uniform3((-20f64..-10.0).prop_map(f64::exp2)),
+            moved in prop::array::uniform3(prop_oneof![Just(-1.0f64), Just(1.0), -1.0f64..=1.0]),
+        ) {
+            direction[axis] = large;
+            let direction = DVec3::from(direction);
+            let [a, b] = corners.map(|c| DVec3::from(c.map(f64::from)) / 4.0);
+            let whole = [a.min(b), a.max(b)];
+            // A point of the box, faces and corners included, and a ray through it.
+            let point = whole[0] + (whole[1] - whole[0]) * DVec3::from(inside.map(f64::from)) / 4.0;
+            let origin = point - direction * from;
+            let error = DVec3::from(error);
+            // 0.999: the origin is rounded, too.
+            let off = origin + error * DVec3::from(moved) * 0.999;
+            let ray = |origin, direction| Ray { origin, direction, t_min: 0.0, t_max: f64::INFINITY };
+            let test = BoxRay::with_error(&ray(off, direction * length), error);
+            let entered = enters(&test, whole, f64::INFINITY);
+            if from >= 0.0 {
+                // Three factors of 1 + u.
+                let latest = from / length * (1.0 + 2.0 * f64::from(f32::EPSILON));
+                prop_assert!(entered.is_some_and(|at| at <= latest), "{entered:?}, {latest}");
+                prop_assert!(enters(&test, whole, from / length).is_some());
+            }
+            // And it enters no more than a box enlarged by twice the error and its own rounding.
+            let grown = error * 2.0 + (origin.abs() + 1.0) * 1e-5;
+            let wide = BoxRay::new(&Precision::Single.ray(origin, direction, 0.0, f64::INFINITY), false, false);
+            let larger = [whole[0] - grown, whole[1] + grown];
+            prop_assert!(entered.is_none() || enters(&wide, larger, f64::INFINITY).is_some());
+        }
+    }
 }

@@ -66,7 +66,7 @@ pub(crate) fn hits_on_shapes<T: Tier>(
     mut found: impl FnMut(Hit) -> Next,
 ) -> Next {
     let mut next = Next::Continue;
-    for index in leaf.index()..leaf.index() + leaf.len() as usize {
+    for index in leaf.range() {
         let (Some(shape), prim) = &wide.analytic[index] else { continue };
         let Some(t) = hit_analytic::<T>(ray, shape) else { continue };
         let slot = wide.slot_of_analytic(index as u32);

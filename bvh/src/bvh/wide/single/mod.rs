@@ -1,11 +1,12 @@
-//! The traversal for one ray: from the root down, the nearest child first, the others on a stack.
+//! The traversal for one ray: from the root down, the nearest child first, the others on a stack. [`descend`] leaves
+//! leaves to its caller; it also serves instances and crossings.
 //!
 //! [`box_ray`] tests the ray against the eight boxes of a node, [`leaf`] against the primitives of a leaf.
 
 pub(crate) mod box_ray;
 pub(crate) mod leaf;
 
-use super::layout::{Child, Content, Node, WIDTH, Wide};
+use super::layout::{Child, Node, WIDTH, Wide};
 use crate::bvh::{Next, Tests};
 use crate::geometry::simd::Simd;
 use crate::geometry::{Hit, PreparedRay, Ray, Tier};
@@ -37,50 +38,75 @@ fn traverse_by<T: Tier, S: Simd, const FUSED: bool, const NEAREST: bool>(
     tests: &mut Tests,
     mut found: impl FnMut(Hit) -> Next,
 ) {
-    if wide.nodes.is_empty() {
-        return;
-    }
     let boxes = BoxRay::new(ray, FUSED, T::IS_FAST);
     let mut prepared = T::Prepared::new(ray);
-    let mut t_max = boxes.prune_distance(ray.t_max);
+    descend::<S, FUSED, NEAREST>(
+        (&wide.nodes, wide.depth),
+        &boxes,
+        ray.t_max,
+        T::IS_FAST,
+        stack,
+        tests,
+        #[inline(always)]
+        |leaf, _, tests| {
+            tests.primitives += leaf.range().len() as u64;
+            let next = hits_in_leaf::<T, S>(wide, ray, &prepared, leaf, &mut found);
+            if let Next::Shorten(t) = next {
+                prepared.shorten(t);
+            }
+            next
+        },
+    );
+}
+
+/// Calls `visit` with each leaf whose box the ray enters before `t_max`, and the distance at which it does, until it
+/// returns [`Next::Stop`]; nearest boxes first if `NEAREST`. `FUSED` and `fast` are those that `boxes` is prepared for.
+/// Returns whether `visit` returned [`Next::Stop`].
+#[inline(always)]
+pub(crate) fn descend<S: Simd, const FUSED: bool, const NEAREST: bool>(
+    (nodes, depth): (&[Node], usize),
+    boxes: &BoxRay,
+    t_max: f64,
+    fast: bool,
+    stack: &mut Vec<(Child, f32)>,
+    tests: &mut Tests,
+    mut visit: impl FnMut(Child, f32, &mut Tests) -> Next,
+) -> bool {
+    let Some(mut node) = nodes.first() else { return false };
+    let mut t_max = boxes.prune_distance(t_max);
     // Every node on the path leaves at most seven children on the stack.
-    let room = wide.depth * WIDTH;
+    let room = depth * WIDTH;
     if stack.len() < room {
         stack.resize(room, (Node::EMPTY.children[0], 0.0));
     }
     let stack = &mut stack[..];
     let mut top = 0;
-    let mut node = &wide.nodes[0];
     loop {
         tests.nodes += 1;
-        let (mask, at) = boxes.enter::<S, FUSED>(node, t_max, T::IS_FAST);
+        let (mask, at) = boxes.enter::<S, FUSED>(node, t_max, fast);
         let mut next = push_children::<NEAREST>(node, mask, &at, stack, &mut top);
         // Visits leaves up to the next node.
         loop {
-            let child = match next.take() {
+            let (child, at) = match next.take() {
                 Some(child) => child,
                 None => loop {
                     if top == 0 {
-                        return;
+                        return false;
                     }
                     top -= 1;
                     let (child, at) = stack[top];
                     if !NEAREST || at <= t_max {
-                        break child;
+                        break (child, at);
                     }
                 },
             };
-            if let Content::Node(index) = child.content() {
-                node = &wide.nodes[index as usize];
+            if !child.is_leaf() {
+                node = &nodes[child.index()];
                 break;
             }
-            tests.primitives += u64::from(child.len());
-            match hits_in_leaf::<T, S>(wide, ray, &prepared, child, &mut found) {
-                Next::Stop => return,
-                Next::Shorten(t) => {
-                    prepared.shorten(t);
-                    t_max = boxes.prune_distance(t);
-                }
+            match visit(child, at, tests) {
+                Next::Stop => return true,
+                Next::Shorten(t) => t_max = boxes.prune_distance(t),
                 Next::Continue => {}
             }
         }
@@ -96,7 +122,7 @@ fn push_children<const NEAREST: bool>(
     at: &[f32; WIDTH],
     stack: &mut [(Child, f32)],
     top: &mut usize,
-) -> Option<Child> {
+) -> Option<(Child, f32)> {
     if mask == 0 {
         return None;
     }
@@ -121,5 +147,5 @@ fn push_children<const NEAREST: bool>(
         stack[j] = item;
         *top += 1;
     }
-    Some(nearest)
+    Some((nearest, nearest_at))
 }

@@ -164,7 +164,7 @@ fn traverse<T: Tier, S: Simd>(
         for &place in &ready[..len] {
             let state = &mut in_flight[usize::from(place) % STREAM_WIDTH];
             let at = InFlight { place: place.into(), ray: state.ray };
-            tests.primitives += state.child.len() as u64;
+            tests.primitives += state.child.range().len() as u64;
             state.apply(leaves.visit_analytic(at, state.child));
             advance::<T, S>(wide, place, &mut in_flight, stacks, &mut queues);
         }
