@@ -21,7 +21,8 @@ use crate::warn;
 ///
 /// vertices: (n, 3) float64, finite in f32. faces: (m, 3) integers below n, counterclockwise seen from the front.
 /// tier: the arithmetic that decides hits: "fast" (f32, rays may miss what they hit), "watertight" (vertices rounded to
-/// f32), "double" (vertices in f64) or "exact". preset: "fast-build", "balanced" or "best-trace".
+/// f32), "double" (vertices in f64) or "exact" (for the ray with its direction normalised, which rounds). preset:
+/// "fast-build", "balanced" or "best-trace".
 ///
 /// Distances are in the units of the vertices; directions need not have length 1. Queries release the GIL and use all
 /// threads (RAYON_NUM_THREADS). Raises ValueError for arguments of another shape or type and for numbers that are not

@@ -11,7 +11,7 @@ use crate::common::hard::results::Faults;
 use crate::common::hard::{Corners, ball, corners_of, numbered, placed, times_factor, triangles};
 use crate::common::oracle::{self, Distance};
 use glam::DVec3;
-use kiln::bvh::{Accelerator, Layout, Preset, Primitive, Slot, Traversal, build};
+use kiln::bvh::{Accelerator, Bvh, Layout, Preset, Primitive, Slot, Traversal, build};
 use kiln::geometry::{Disk, Numerics, Precision, PrimId, Ray, Triangle};
 
 /// What was compared, to be printed.
@@ -418,4 +418,50 @@ fn tiers_that_round_err_no_more_than_derived() {
         let summary = judge_in(&what, &slots, &rays, &[Numerics::Double], &[Layout::BruteForce]);
         assert!(summary.ulps[0] <= 1.0, "{what}: {summary:?}");
     }
+}
+
+/// Decisions are exact for a ray as it is stored: a direction that is not of length 1 is normalised first, which rounds
+/// it, so that the line is off by a few 2^-53 of the distance. That changes the closest hit of rays that pass exactly
+/// through an edge or a vertex in the numbers that are given: `docs/accuracy.md` states the share that is printed here.
+#[test]
+fn decisions_are_exact_for_the_normalised_direction() {
+    let mut numbers = Numbers::new(11);
+    let mut integer =
+        move |size: usize| DVec3::from([(); 3].map(|()| numbers.below(2 * size + 1) as f64 - size as f64));
+    let corners: Vec<[DVec3; 3]> = (0..200).map(|_| [(); 3].map(|()| integer(8))).collect();
+    let bvh = Bvh::with(
+        corners.iter().map(|&corners| Primitive::Triangle(Triangle(corners))),
+        Preset::default(),
+        Numerics::Exact,
+    )
+    .expect("finite");
+    let (mut count, mut others, mut traversal) = (0, 0, Traversal::default());
+    for i in 0..24_000 {
+        let (origin, target) = (integer(16), integer(8));
+        // A third is aimed at vertices, a third at points of the grid, a third at the middles of edges, in halves.
+        let [a, b, _] = corners[i % corners.len()];
+        let direction = [a, target, (a + b) / 2.0][i % 3] - origin;
+        if direction == DVec3::ZERO {
+            continue;
+        }
+        count += 1;
+        let normalised = bvh.ray(origin, direction).expect("finite");
+        let found = bvh.closest_hit(&normalised, &mut traversal).map(|hit| hit.prim);
+        let given = fine(origin, direction);
+        others += usize::from(found != bvh.closest_hit(&given, &mut traversal).map(|hit| hit.prim));
+        // The line as given is decided exactly, too.
+        if i % 40 == 0 {
+            let expected = oracle_closest(&corners, &given);
+            assert_eq!(bvh.closest_hit(&given, &mut traversal).map(|hit| hit.prim), expected, "{given:?}");
+            assert_eq!(found, oracle_closest(&corners, &normalised), "{normalised:?}");
+        }
+    }
+    eprintln!("of {count} rays {others} have another closest hit than the line through the given points");
+    assert!(others > 0, "{others} of {count}");
+}
+
+/// The triangle that the ray hits first, by exact arithmetic.
+fn oracle_closest(corners: &[[DVec3; 3]], ray: &Ray) -> Option<PrimId> {
+    let slots = numbered(corners.iter().map(|&corners| Primitive::Triangle(Triangle(corners))));
+    exact_hits(&slots, ray).first().map(|hit| hit.1)
 }

@@ -107,7 +107,8 @@ impl Bvh {
     }
 
     /// A ray from `origin`, rounded to the precision of the tier. `direction` of any length but 0 is normalised, so t
-    /// is a distance.
+    /// is a distance. That rounds: the tier `exact` decides for the normalised direction, not for the line through the
+    /// given numbers ([`Ray::unchecked`] takes a direction as it is, with t in units of its length).
     ///
     /// # Errors
     /// [`NotFinite::Origin`], also if it exceeds f32, and [`NotFinite::Direction`].

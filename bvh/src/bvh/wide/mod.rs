@@ -6,7 +6,7 @@
 //! 2. The rays are traced by one of
 //!    - [`packet`]: rays with a common origin, end or direction are culled together by a frustum, and hit triangles by
 //!      edge functions in f32 with error bounds;
-//!    - [`stream`]: 32 incoherent rays in turns, which hides memory latency;
+//!    - [`stream`]: 64 incoherent rays in turns, which hides memory latency;
 //!    - [`all_pairs`]: every ray against every primitive, for scenes of a few primitives;
 //!    - [`single`]: one ray, ordered front to back with a stack.
 //! 3. All of them read the nodes and leaves of [`layout`] and decide hits by the primitive tests of the
