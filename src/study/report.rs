@@ -127,12 +127,33 @@ pub fn headline(study: &Study) -> String {
     let samples = samples.filter(|(one, more)| more.samples_per_pixel > one.samples_per_pixel);
     let tiers = tiers.filter(|(from, to)| from.id != to.id);
     let samples = samples.map(|(one, more)| format!("Antialiasing by {}", cost_of(one, more)));
-    let mut sentences: Vec<String> =
-        samples.into_iter().chain(tiers.map(|(base, exact)| cost_of(base, exact))).collect();
+    let mut sentences: Vec<String> = cost_of_tiers(&of("numerics")).into_iter().chain(samples).collect();
+    sentences.extend(tiers.map(|(base, exact)| cost_of(base, exact)));
     if let (true, Some(first)) = (sentences.is_empty(), study.rows.iter().find(|row| !row.base)) {
         sentences.extend(of(&first.parameter).last().map(|last| cost_of(first, last)));
     }
     if sentences.is_empty() { "Nothing was varied.".into() } else { format!("{}.", sentences.join("; ")) }
+}
+
+/// What each tier costs on this scene, relative to `watertight`, and those that cost more than the next one.
+fn cost_of_tiers(rows: &[&SettingRow]) -> Option<String> {
+    let one = rows.iter().find(|row| row.setting == "watertight")?.trace_ms.median;
+    (rows.len() > 1 && one > 0.0).then_some(())?;
+    let times = rows
+        .iter()
+        .map(|row| format!("{:.2} (`{}`)", row.trace_ms.median / one, row.setting))
+        .collect::<Vec<_>>();
+    let unexpected = |pair: &[&SettingRow]| pair[0].trace_ms.lower > pair[1].trace_ms.upper;
+    let unexpected: Vec<String> = rows
+        .windows(2)
+        .filter(|pair| unexpected(pair))
+        .map(|pair| format!("`{}` is slower than `{}`", pair[0].setting, pair[1].setting))
+        .collect();
+    let note = match unexpected.is_empty() {
+        true => String::new(),
+        false => format!(": {}, so arithmetic is not what limits its rays", unexpected.join(", ")),
+    };
+    Some(format!("On this scene a picture takes {} times as long as in `watertight`{note}", times.join(", ")))
 }
 
 /// What a setting costs and changes compared to another.

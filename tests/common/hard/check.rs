@@ -17,7 +17,7 @@ use glam::DVec3;
 use kiln::bvh::{Layout, Preset, Primitive, Slot, Traversal, build};
 use kiln::geometry::{AnalyticShape, Disk, Numerics, PrimId, Ray, Sphere, Triangle};
 
-use super::results::{Faults, RayResults, check_results};
+use super::results::{Faults, RayResults, check_both, check_results};
 use super::single;
 use crate::common::oracle::{self, Distance};
 
@@ -262,14 +262,18 @@ pub fn none_gets_out(what: &str, slots: &[Slot], rays: &[Ray], tiers: &[Numerics
 pub fn scales_to_the_bit(what: &str, slots: &[Slot], rays: &[Ray], exponents: &[i32], tiers: &[Numerics]) {
     for &tier in tiers {
         for structure in [Layout::BruteForce, DEFAULT_TREE] {
-            let answers = RayResults::to_all(&*build(slots.iter().copied(), structure, tier), rays);
+            let here = build(slots.iter().copied(), structure, tier);
+            let answers = [RayResults::to_all(&*here, rays), RayResults::in_batches(&*here, rays)];
             for &exponent in exponents {
                 let scale = f64::from(exponent).exp2();
                 let there = build(slots.iter().map(|slot| scaled(slot, scale)), structure, tier);
                 let mut faults = Faults::new(format!("{what}, {}, {structure:?}, 2^{exponent}", tier.name()));
-                let expected: Vec<RayResults> = answers.iter().map(|answer| answer.times(scale)).collect();
+                let times = |answers: &Vec<RayResults>| -> Vec<RayResults> {
+                    answers.iter().map(|answer| answer.times(scale)).collect()
+                };
+                let expected = [times(&answers[0]), times(&answers[1])];
                 let moved: Vec<Ray> = rays.iter().map(|ray| scaled_ray(ray, scale)).collect();
-                check_results("scaled", &*there, &moved, &expected, &mut faults);
+                check_both("scaled", &*there, &moved, [&expected[0], &expected[1]], &mut faults);
                 faults.none();
             }
         }

@@ -35,6 +35,23 @@ impl RayResults {
         rays.iter().map(|ray| RayResults::of(accelerator, ray, &mut traversal)).collect()
     }
 
+    /// The same, but closest hits and occlusion of batches: in `fast` these may be others.
+    pub fn in_batches(accelerator: &dyn Accelerator, rays: &[Ray]) -> Vec<Self> {
+        let mut traversal = Traversal::default();
+        let (mut closest, mut occluded) = (HitBuffer::default(), Vec::new());
+        for batch in RayBuffer::from(rays).rays().chunks(BATCH) {
+            accelerator.closest_hits(batch, &mut closest, &mut traversal);
+            accelerator.are_occluded(batch, &mut occluded, &mut traversal);
+        }
+        let alone = RayResults::to_all(accelerator, rays).into_iter().enumerate();
+        let in_batch = |(i, alone)| RayResults {
+            closest: closest.get(i).as_ref().map(bits),
+            occluded: occluded[i],
+            ..alone
+        };
+        alone.map(in_batch).collect()
+    }
+
     /// These results with all distances multiplied by a power of two.
     pub fn times(&self, factor: f64) -> Self {
         let times = |(id, t): &(PrimId, u64)| (*id, (f64::from_bits(*t) * factor).to_bits());
@@ -69,20 +86,23 @@ pub fn check_results(
     expected: &[RayResults],
     faults: &mut Faults,
 ) {
-    let mut traversal = Traversal::default();
-    let (mut closest, mut occluded) = (HitBuffer::default(), Vec::new());
-    for batch in RayBuffer::from(rays).rays().chunks(BATCH) {
-        accelerator.closest_hits(batch, &mut closest, &mut traversal);
-        accelerator.are_occluded(batch, &mut occluded, &mut traversal);
-    }
-    for (i, (ray, expected)) in rays.iter().zip(expected).enumerate() {
-        let found = RayResults::of(accelerator, ray, &mut traversal);
-        faults.check(found == *expected, || format!("{what}: {ray:?}: {}", found.unlike(expected)));
-        let in_batch =
-            RayResults { closest: closest.get(i).as_ref().map(bits), occluded: occluded[i], ..found };
-        faults.check(in_batch == *expected, || {
-            format!("{what}, in batches: {ray:?}: {}", in_batch.unlike(expected))
-        });
+    check_both(what, accelerator, rays, [expected, expected], faults);
+}
+
+/// [`check_results`] with results for single rays and for batches.
+pub fn check_both(
+    what: &str,
+    accelerator: &dyn Accelerator,
+    rays: &[Ray],
+    [alone, in_batches]: [&[RayResults]; 2],
+    faults: &mut Faults,
+) {
+    let found = [RayResults::to_all(accelerator, rays), RayResults::in_batches(accelerator, rays)];
+    for (how, found, expected) in [("", &found[0], alone), (", in batches", &found[1], in_batches)] {
+        for ((ray, found), expected) in rays.iter().zip(found).zip(expected) {
+            let holds = found == expected;
+            faults.check(holds, || format!("{what}{how}: {ray:?}: {}", found.unlike(expected)));
+        }
     }
 }
 

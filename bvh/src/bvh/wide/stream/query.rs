@@ -127,8 +127,8 @@ impl<T: Tier, S: Simd> Query<T, S> for ClosestHits<'_, T> {
         }
         let lane = (lanes | 1 << (LANES4 - 1)).trailing_zeros() as usize % LANES4;
         let prim = leaf.ids[lane];
-        // `&&` and `||` would be branches.
-        let is_lower = (nearest == best.t()) & (prim < best.prim());
+        // `&&` and `||` would be branches. As `Tier::is_before`.
+        let is_lower = (nearest == best.t()) & (prim < best.prim()) & !T::IS_FAST;
         let is_better = (lanes != 0) & ((nearest < best.t()) | is_lower);
         let [v, w] = &four.barycentrics;
         let other = Best::new([nearest, v[lane], w[lane]], prim, (index * LANES4 + lane) as u32);
