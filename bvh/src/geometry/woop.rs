@@ -133,7 +133,7 @@ impl WoopTest {
 
     /// The corners of four triangles relative to the ray's origin, axes permuted.
     #[inline(always)]
-    fn from_origin4<C: Corner, D: Doubles>(&self, four: &Triangle4<C>) -> [[D; 3]; 3] {
+    fn relative_corners4<C: Corner, D: Doubles>(&self, four: &Triangle4<C>) -> [[D; 3]; 3] {
         let axes = self.major.axes();
         let origin: [D; 3] = splat(self.origin.to_array());
         let mut moved = [origin; 3];
@@ -157,19 +157,19 @@ impl WoopTest {
             t_min: D::splat(self.t_min),
             t_max: D::splat(self.t_max),
         };
-        hit_lanes::<D, EARLY>(&self.from_origin4(four), &ray, self.zero_direction_mask, false)
+        hit_lanes::<D, EARLY>(&self.relative_corners4(four), &ray, self.zero_direction_mask, false)
     }
 
     /// The triangles that may be hit: see [`may_hit`].
     #[inline(always)]
     pub(crate) fn may_hit4<C: Corner, D: Doubles>(&self, four: &Triangle4<C>) -> u32 {
-        may_hit::<D>(&self.from_origin4(four), &splat(self.shear))
+        may_hit::<D>(&self.relative_corners4(four), &splat(self.shear))
     }
 
     /// The triangles that the exact line of the ray, moved by less than any number or not, may pass through.
     #[inline(always)]
     pub(crate) fn may_cross4<C: Corner, D: Doubles>(&self, four: &Triangle4<C>) -> u32 {
-        let corners = self.from_origin4::<C, D>(four);
+        let corners = self.relative_corners4::<C, D>(four);
         let (mut reach, mut lateral) = (D::splat(0.0), D::splat(0.0));
         let sheared = sheared_corners(&corners, &splat(self.shear));
         for (corner, xy) in corners.iter().zip(&sheared) {
