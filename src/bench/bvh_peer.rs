@@ -131,8 +131,8 @@ impl Built for BuiltBinary {
 
     fn queue<'a>(&'a self, kind: Kind, rays: &'a [Ray]) -> Box<dyn RayQueue + 'a> {
         let own = |ray: &Ray| {
-            let [origin, direction] = [ray.origin, ray.direction].map(|v| v.as_vec3().to_array());
-            (BvhRay::new(Point3::from(origin), Vector3::from(direction)), ray.t_max as f32)
+            let [origin, direction] = [ray.origin(), ray.direction()].map(|v| v.as_vec3().to_array());
+            (BvhRay::new(Point3::from(origin), Vector3::from(direction)), ray.t_max() as f32)
         };
         let rays = rays.iter().map(own);
         if kind.is_any_hit() {

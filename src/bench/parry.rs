@@ -46,8 +46,8 @@ impl Built for BuiltParry {
     fn queue<'a>(&'a self, kind: Kind, rays: &'a [Ray]) -> Box<dyn RayQueue + 'a> {
         let vector = |v: glam::DVec3| Vector::new(v.x as f32, v.y as f32, v.z as f32);
         let own = |ray: &Ray| {
-            let t_max = if ray.t_max < f64::from(f32::MAX) { ray.t_max as f32 } else { f32::MAX };
-            (ParryRay::new(vector(ray.origin), vector(ray.direction)), t_max)
+            let t_max = if ray.t_max() < f64::from(f32::MAX) { ray.t_max() as f32 } else { f32::MAX };
+            (ParryRay::new(vector(ray.origin()), vector(ray.direction())), t_max)
         };
         let rays = rays.iter().map(own);
         if kind.is_any_hit() {

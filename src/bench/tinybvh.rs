@@ -69,8 +69,8 @@ impl Built for BuiltTinybvh {
     /// The wrapper has no occlusion query: a hit before t_max is occlusion.
     fn queue<'a>(&'a self, _: Kind, rays: &'a [geometry::Ray]) -> Box<dyn RayQueue + 'a> {
         let own = |ray: &geometry::Ray| {
-            let t_max = (ray.t_max as f32).min(tinybvh_rs::INFINITE);
-            (Aligned::new(ray.origin.as_vec3(), ray.direction.as_vec3(), t_max), t_max)
+            let t_max = (ray.t_max() as f32).min(tinybvh_rs::INFINITE);
+            (Aligned::new(ray.origin().as_vec3(), ray.direction().as_vec3(), t_max), t_max)
         };
         singly(rays.iter().map(own), |(ray, t_max)| {
             let mut ray = Aligned(ray.0);
