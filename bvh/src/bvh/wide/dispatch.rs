@@ -92,6 +92,10 @@ impl Waiting {
     }
 }
 
+/// Whether portable code has streams.
+#[cfg(not(target_arch = "x86_64"))]
+const PORTABLE_STREAMS: bool = false;
+
 /// Evaluates an expression that traces at most [`BATCH`] rays as a stream, with `$simd` as the instruction set of the
 /// tree; its value are the rays that are left. All are, if the instruction set or the tree do not allow streams.
 macro_rules! as_stream {
@@ -105,6 +109,12 @@ macro_rules! as_stream {
             #[cfg(target_arch = "x86_64")]
             InstructionSet::Avx2 if stream::applies($wide) => {
                 type $simd = Avx2;
+                $value
+            }
+            // Compiled where no other arm is, for the checks of the compiler.
+            #[cfg(not(target_arch = "x86_64"))]
+            InstructionSet::Portable if PORTABLE_STREAMS && stream::applies($wide) => {
+                type $simd = Portable;
                 $value
             }
             _ => RayMask::first($rays.len()),
