@@ -51,7 +51,7 @@ impl Preset {
     /// As measured with trees of eight. Sorting by 128 bits changed no count of tests; searching wider than 14, a second
     /// reinsertion, or a ratio above 0.015 for the default, brought less than 3 % of them; a ratio of 0.02 brings 0.5 % and takes 5 %
     /// longer to build, one of 0.01 saves 3 % and costs up to 3 %. After a top-down build, 0.03 has 5 % fewer
-    /// tests than none in a kitchen, and 1 no fewer. PLOC's parameters of `BestTrace` are for instances.
+    /// tests than none in a kitchen, and 1 another 1 % fewer. PLOC's parameters of `BestTrace` are for instances.
     pub(super) fn parameters(self) -> BvhBuildParams {
         let common = BvhBuildParams {
             pre_split: false,

@@ -268,8 +268,7 @@ pub(crate) trait Tier: Send + Sync + 'static {
     fn hit_triangle(prepared: &Self::Prepared, ray: &Ray, corners: &[Self::Corner; 3])
     -> Option<TriangleHit>;
 
-    /// The triangles that [`Tier::hit_triangle4`] may find hit or undecided; it certainly does not the others. Without
-    /// branches.
+    /// The triangles of four that the ray may hit; [`Tier::hit_triangle`] misses the others. Without branches.
     #[inline(always)]
     fn may_hit4<S: Simd>(prepared: &Self::Prepared, four: &Triangle4<Self::Corner>) -> u32 {
         prepared.may_hit4::<_, S>(four)

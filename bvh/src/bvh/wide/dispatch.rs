@@ -97,7 +97,7 @@ impl Waiting {
 const PORTABLE_STREAMS: bool = false;
 
 /// Evaluates an expression that traces at most [`BATCH`] rays as a stream, with `$simd` as the instruction set of the
-/// tree; its value are the rays that are left. All are, if the instruction set or the tree do not allow streams.
+/// tree. Its value is the mask of the rays that are left: all if the instruction set or the tree do not allow streams.
 macro_rules! as_stream {
     ($wide:expr, $rays:expr, $simd:ident => $value:expr) => {
         match $wide.instructions {
