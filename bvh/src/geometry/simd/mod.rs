@@ -78,22 +78,22 @@ pub(crate) fn prefetch<T>(items: &[T], index: usize) {
 }
 
 /// The first or second of two arrays of eight f32, as a byte offset: selecting takes one addition.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Side(usize);
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct Side(u8);
 
 impl Side {
-    const BYTES: usize = size_of::<[f32; 8]>();
+    const BYTES: u8 = size_of::<[f32; 8]>() as u8;
 
     /// The second array if `second`, else the first.
     #[inline(always)]
     pub(crate) fn new(second: bool) -> Self {
-        Side(usize::from(second) * Self::BYTES)
+        Side(u8::from(second) * Self::BYTES)
     }
 
     /// The second array if `x` is negative, else the first.
     #[inline(always)]
     pub(crate) fn of_sign(x: f32) -> Self {
-        Side((x.to_bits() >> (u32::BITS - 1)) as usize * Self::BYTES)
+        Side((x.to_bits() >> (u32::BITS - 1)) as u8 * Self::BYTES)
     }
 
     /// The other array.

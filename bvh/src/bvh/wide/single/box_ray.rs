@@ -29,8 +29,9 @@ const ERROR_MARGIN: f64 = 1.0 + 4.0 * f32::EPSILON as f64;
 /// Largest direction components for which distances to planes stay far from the limits of f32.
 pub(crate) const LENGTHS: std::ops::RangeInclusive<f64> = 1.0 / 1024.0..=1024.0;
 
-/// A ray prepared for the boxes of nodes.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A ray prepared for the boxes of nodes, in one cache line.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[repr(align(64))]
 pub(crate) struct BoxRay {
     /// Reciprocals of the direction; infinite where it is 0.
     inverse: [f32; 3],

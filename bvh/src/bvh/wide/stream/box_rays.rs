@@ -1,5 +1,6 @@
-//! [`BoxRays`]: the rays of a stream prepared for the boxes of nodes.
+//! [`BoxRays`]: the rays of a stream prepared for the boxes of nodes, and [`RayMask`]: those that a stream does not trace.
 
+use crate::bvh::wide::layout::WIDTH;
 use crate::bvh::wide::single::box_ray::{BoxRay, LENGTHS, WIDENING};
 use crate::geometry::simd::{Doubles, Simd, Vector};
 use crate::geometry::{BATCH, Rays};
@@ -47,12 +48,17 @@ impl RayMask {
     }
 }
 
-/// A [`BoxRay`] for each ray.
-pub(crate) struct BoxRays(Vec<BoxRay>);
+/// Rays prepared for boxes, a vector of f32 at a time, in the order in which they start: those in flight need less
+/// memory than a batch.
+pub(crate) struct BoxRays {
+    prepared: [BoxRay; WIDTH],
+    /// The index of the first of them.
+    first: usize,
+}
 
 impl Default for BoxRays {
     fn default() -> Self {
-        BoxRays(vec![BoxRay::of_parts([1.0; 3], [[0.0; 2]; 3], 0.0); BATCH])
+        BoxRays { prepared: [BoxRay::default(); WIDTH], first: usize::MAX }
     }
 }
 
@@ -79,10 +85,10 @@ impl BoxRays {
         unsupported.keep(rays.len())
     }
 
-    /// Prepares the rays of a vector of f32 from index `first` on, as [`BoxRay::new`], with `t_min` rounded down further.
+    /// Prepares the rays from index `first` on, as [`BoxRay::new`], with `t_min` rounded down further.
     /// Rays that are not supported have no meaning.
     #[inline(always)]
-    pub(crate) fn fill<S: Simd>(&mut self, rays: Rays, first: usize, fast: bool) {
+    fn fill<S: Simd>(&mut self, rays: Rays, first: usize, fast: bool) {
         let (zero, one) = (S::F8::splat(0.0), S::F8::splat(1.0));
         let (mut inverses, mut offsets) = ([S::F8::ZEROS; 3], [[S::F8::ZEROS; 2]; 3]);
         for axis in 0..3 {
@@ -98,17 +104,22 @@ impl BoxRays {
         let t_min = rays.t_min_floats::<S::D4>(first);
         let t_min = (t_min * S::F8::splat(1.0 - f32::EPSILON)).max(zero).array();
         let [[ox, px], [oy, py], [oz, pz]] = &offsets;
-        for (lane, ray) in self.0[first..first + S::F8::LANES].iter_mut().enumerate() {
+        for (lane, ray) in self.prepared.iter_mut().enumerate() {
             let inverse = [inverses[0][lane], inverses[1][lane], inverses[2][lane]];
             let offsets = [[ox[lane], px[lane]], [oy[lane], py[lane]], [oz[lane], pz[lane]]];
             *ray = BoxRay::of_parts(inverse, offsets, t_min[lane]);
         }
     }
 
-    /// The ray at `i`.
+    /// The ray at `i`, prepared; the next ones too, so that indices should ascend. `fast` must be that of the calls before.
     #[inline(always)]
-    pub(crate) fn at(&self, i: usize) -> &BoxRay {
-        &self.0[i]
+    pub(crate) fn at<S: Simd>(&mut self, rays: Rays, i: usize, fast: bool) -> &BoxRay {
+        let first = i / WIDTH * WIDTH;
+        if self.first != first {
+            self.fill::<S>(rays, first, fast);
+            self.first = first;
+        }
+        &self.prepared[i % WIDTH]
     }
 }
 
@@ -135,12 +146,10 @@ mod tests {
             .collect();
         assert_eq!(rays.len(), 208);
         assert_eq!(BoxRays::unsupported::<<Portable as Simd>::D4>(rays.rays()), RayMask::default());
-        let mut packet = BoxRays::default();
-        for first in (0..rays.len()).step_by(8) {
-            packet.fill::<Portable>(rays.rays(), first, false);
-        }
+        let mut prepared = BoxRays::default();
         for (i, ray) in rays.rays().iter().enumerate() {
-            let (mut found, expected) = (*packet.at(i), BoxRay::new(&ray, true, false));
+            let (mut found, expected) =
+                (*prepared.at::<Portable>(rays.rays(), i, false), BoxRay::new(&ray, true, false));
             assert!(found.t_min <= expected.t_min && f64::from(found.t_min) >= ray.t_min * 0.999_999 - 1e-45);
             found.t_min = expected.t_min;
             assert_eq!(found, expected, "{ray:?}");

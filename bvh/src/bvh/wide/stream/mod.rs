@@ -16,8 +16,9 @@ mod query;
 mod state;
 
 use super::layout::{Child, TriangleLeaf, WIDTH, Wide};
+use super::single::box_ray::BoxRay;
 use crate::bvh::Tests;
-use crate::geometry::simd::{Simd, Vector};
+use crate::geometry::simd::Simd;
 use crate::geometry::{Hit, HitBuffer, PreparedRay, Rays, Tier};
 use box_rays::BoxRays;
 pub(crate) use box_rays::RayMask;
@@ -70,7 +71,7 @@ pub(crate) fn all_hits<T: Tier, S: Simd>(
 fn each_hit<T: Tier, S: Simd>(
     wide: &Wide<T>,
     rays: Rays,
-    Scratch { boxes, triangles, stacks }: &mut Scratch,
+    Scratch { triangles, stacks }: &mut Scratch,
     tests: &mut Tests,
     query: impl Query<T, S>,
 ) -> RayMask {
@@ -79,7 +80,7 @@ fn each_hit<T: Tier, S: Simd>(
         move || {
             let prepared = T::Prepared::prepare_packet::<S::D4>(rays, triangles);
             let leaves = TriangleTests { wide, rays, prepared, query };
-            traverse::<T, S>(wide, rays, (boxes, stacks), T::IS_FAST, tests, leaves)
+            traverse::<T, S>(wide, rays, stacks, T::IS_FAST, tests, leaves)
         },
     )
 }
@@ -91,12 +92,12 @@ fn each_hit<T: Tier, S: Simd>(
 pub(crate) fn each_leaf<T: Tier, S: Simd>(
     wide: &Wide<T>,
     rays: Rays,
-    Scratch { boxes, stacks, .. }: &mut Scratch,
+    Scratch { stacks, .. }: &mut Scratch,
     tests: &mut Tests,
     may_hit: impl Fn(usize, &TriangleLeaf<T::Corner>) -> bool,
     visit: impl FnMut(usize, Child),
 ) -> RayMask {
-    traverse::<T, S>(wide, rays, (boxes, stacks), false, tests, LeavesByRay { may_hit, visit })
+    traverse::<T, S>(wide, rays, stacks, false, tests, LeavesByRay { may_hit, visit })
 }
 
 /// Traces the rays, but for those that it returns. `fast`: boxes are tested without margins.
@@ -106,14 +107,13 @@ pub(crate) fn each_leaf<T: Tier, S: Simd>(
 fn traverse<T: Tier, S: Simd>(
     wide: &Wide<T>,
     rays: Rays,
-    (boxes, Stacks(stacks)): (&mut BoxRays, &mut Stacks),
+    Stacks(stacks): &mut Stacks,
     fast: bool,
     tests: &mut Tests,
     mut leaves: impl Leaves<T, S>,
 ) -> RayMask {
-    for first in (0..rays.len()).step_by(S::F8::LANES) {
-        boxes.fill::<S>(rays, first, fast);
-    }
+    let mut prepared = BoxRays::default();
+    let mut boxes = [BoxRay::default(); STREAM_WIDTH];
     let unsupported = BoxRays::unsupported::<S::D4>(rays);
     let (order, len) = unsupported.others(rays.len());
     let mut waiting = order[..len].iter().map(|&ray| usize::from(ray));
@@ -122,6 +122,7 @@ fn traverse<T: Tier, S: Simd>(
     for (place, state) in in_flight.iter_mut().enumerate() {
         let Some(ray) = waiting.next() else { break };
         *state = StreamRay::new(rays, ray, &mut stacks[place].items);
+        boxes[place] = *prepared.at::<S>(rays, ray, fast);
         queues.push(place, state.child);
     }
     while !queues.is_empty() {
@@ -132,7 +133,7 @@ fn traverse<T: Tier, S: Simd>(
             let place = usize::from(place) % STREAM_WIDTH;
             let (state, stack) = (&mut in_flight[place], &mut stacks[place].items);
             let node = &wide.nodes[state.child.index()];
-            let (enter, leave) = boxes.at(state.ray).span::<S, true>(node, state.t_max, fast);
+            let (enter, leave) = boxes[place].span::<S, true>(node, state.t_max, fast);
             debug_assert!(state.top < ROOM);
             let top = state.top % ROOM;
             let Some(to) = stack[top..top + WIDTH].first_chunk_mut() else { unreachable!("there is room") };
@@ -175,6 +176,7 @@ fn traverse<T: Tier, S: Simd>(
             leaves.finish(InFlight { place, ray: in_flight[place].ray });
             if let Some(ray) = waiting.next() {
                 in_flight[place] = StreamRay::new(rays, ray, &mut stacks[place].items);
+                boxes[place] = *prepared.at::<S>(rays, ray, fast);
                 queues.push(place, in_flight[place].child);
             }
         }

@@ -1,6 +1,5 @@
 //! The state of a stream: rays in flight, their stacks, and the queues of rays by the kind of their next visit.
 
-use super::box_rays::BoxRays;
 use super::query::After;
 use crate::bvh::wide::layout::{Child, WIDTH};
 use crate::bvh::wide::single::box_ray::prune_distance;
@@ -15,7 +14,6 @@ pub(crate) const ROOM: usize = 256;
 /// The memory of streams: its prepared rays, and a stack for each ray in flight.
 #[derive(Default)]
 pub(crate) struct Scratch {
-    pub boxes: BoxRays,
     pub triangles: PreparedPacket,
     pub stacks: Stacks,
 }

@@ -209,7 +209,7 @@ impl Simd for Avx2 {
     #[inline(always)]
     fn planes(pair: &[[f32; 8]; 2], side: Side) -> F8 {
         // SAFETY: a `Side` is the offset of one of the two arrays; its field is private to `simd`.
-        F8(unsafe { _mm256_loadu_ps(pair.as_ptr().byte_add(side.0).cast()) })
+        F8(unsafe { _mm256_loadu_ps(pair.as_ptr().byte_add(side.0.into()).cast()) })
     }
 
     #[inline(always)]
