@@ -16,6 +16,10 @@ use crate::timing::{Clock, Quartiles};
 /// Rays per parallel task, a multiple of the batch size.
 const PORTION: usize = 64 * rays::BATCH;
 
+/// Parallel tasks of an engine and thread until it is the next engine's turn: other load on a machine changes within
+/// seconds, and falls on all engines alike if turns take some milliseconds.
+const PORTIONS_PER_TURN: usize = 4;
+
 /// Settings of a measurement.
 pub struct Settings<'a> {
     /// Timed rounds, after one to warm up; 1 or more.
@@ -148,15 +152,25 @@ pub fn measure(
             step()?;
         }
         for kind in Kind::ALL {
-            for index in 0..measurements.len() {
-                let place = (index + round) % measurements.len();
-                let rays = ray_sets.of(kind);
-                if round == 0 {
-                    let reference = reference.as_ref().map(|reference| &reference[kind as usize]);
-                    measurements[place].warm_up(kind, rays, reference, settings);
-                } else {
-                    measurements[place].time(kind, rays, settings);
+            let rays = ray_sets.of(kind);
+            if round == 0 {
+                let reference = reference.as_ref().map(|reference| &reference[kind as usize]);
+                for measurement in &mut measurements {
+                    measurement.warm_up(kind, rays, reference, settings);
+                    step()?;
                 }
+                continue;
+            }
+            let mut seconds = vec![0.0; measurements.len()];
+            let turns = rays.chunks(PORTIONS_PER_TURN * PORTION * settings.threads());
+            for (turn, rays) in turns.enumerate() {
+                for index in 0..measurements.len() {
+                    let place = (index + round + turn) % measurements.len();
+                    seconds[place] += measurements[place].time(kind, rays, settings);
+                }
+            }
+            for (measurement, seconds) in measurements.iter_mut().zip(seconds) {
+                measurement.seconds[kind as usize].push(seconds);
                 step()?;
             }
         }
@@ -206,9 +220,11 @@ impl<'a> Measurement<'a> {
         (queues, seconds)
     }
 
-    fn time(&mut self, kind: Kind, rays: &[Ray], settings: &Settings) {
-        let (_, seconds) = self.trace(rays, kind, settings);
-        self.seconds[kind as usize].push(seconds);
+    /// The time of rays in seconds. Some of them are traced before, untimed, as the caches hold other engines' structures.
+    fn time(&self, kind: Kind, rays: &[Ray], settings: &Settings) -> f64 {
+        let first = rays.len().min(PORTION);
+        drop(self.trace(&rays[..first], kind, settings));
+        self.trace(rays, kind, settings).1
     }
 
     /// The untimed round. Hits and numbers of tests are taken from it, as they are the same in all rounds.
