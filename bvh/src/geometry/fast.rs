@@ -193,12 +193,12 @@ mod tests {
     use super::*;
     use crate::geometry::Precision;
     use crate::geometry::lanes::Triangle4;
-    use crate::geometry::simd::{Portable, Simd};
+    use crate::geometry::simd::{InstructionSet, Simd, with_simd};
     use glam::DVec3;
 
     /// Triangle k is in the plane z = k + 1, with corners at (0, 0), (8, 0) and (0, 8); every product is exact.
-    fn check<S: Simd>() {
-        S::run(|| {
+    fn check<S: Simd>(simd: S) {
+        simd.run(|| {
             let mut leaves = [Triangle4::EMPTY; 2];
             for k in 0..7 {
                 let z = (k + 1) as f32;
@@ -227,10 +227,6 @@ mod tests {
 
     #[test]
     fn eight_triangles_are_hit_exactly_where_f32_is_exact() {
-        check::<Portable>();
-        #[cfg(target_arch = "x86_64")]
-        if crate::geometry::simd::Avx2::is_supported() {
-            check::<crate::geometry::simd::Avx2>();
-        }
+        InstructionSet::supported().into_iter().for_each(|set| with_simd!(set, simd => check(simd)));
     }
 }

@@ -16,8 +16,6 @@ use super::Preset;
 use super::build::build_over;
 use super::wide::{BoxRay, Tree, descend};
 use super::{Accelerator, Description, Next, Primitive, Slot, Traversal};
-#[cfg(target_arch = "x86_64")]
-use crate::geometry::simd::Avx2;
 use crate::geometry::simd::{InstructionSet, Portable, Simd};
 use crate::geometry::{
     Bounds, Corner, Hit, HitBuffer, Mesh, Numerics, Placed, PreparedRay, PrimId, Ray, Rays, SlotId, Stored,
@@ -152,17 +150,18 @@ impl<T: Tier> Instances<T> {
         traversal: &mut Traversal,
         found: impl FnMut(Hit, [T::Corner; 3]) -> Next,
     ) {
-        match self.instructions {
-            InstructionSet::Portable => self.each_hit_by::<Portable, NEAREST>(ray, t_max, traversal, found),
-            #[cfg(target_arch = "x86_64")]
-            _ => self.each_hit_by::<Avx2, NEAREST>(ray, t_max, traversal, found),
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.instructions.as_avx2() {
+            return self.each_hit_by::<_, NEAREST>(simd, ray, t_max, traversal, found);
         }
+        self.each_hit_by::<_, NEAREST>(Portable, ray, t_max, traversal, found);
     }
 
     /// [`Instances::each_hit`] by an instruction set.
     #[inline(always)]
     fn each_hit_by<S: Simd, const NEAREST: bool>(
         &self,
+        simd: S,
         ray: &Ray,
         t_max: f64,
         Traversal { children, mesh_children, tests, .. }: &mut Traversal,
@@ -171,7 +170,7 @@ impl<T: Tier> Instances<T> {
         let boxes = BoxRay::new(ray, false, false);
         let (mut prepared, mut nearest) = (None, t_max);
         let top = (&*self.top.nodes, self.top.depth);
-        S::run(
+        simd.run(
             #[inline(always)]
             || {
                 descend::<S, false, NEAREST>(

@@ -13,35 +13,11 @@ use super::single;
 use super::stream::{self, RayMask};
 use super::{all_pairs, near_point, near_ray};
 use crate::bvh::{Accelerator, Description, Next, Primitive, Quality, Traversal};
-#[cfg(target_arch = "x86_64")]
-use crate::geometry::simd::{Avx2, Avx512};
-use crate::geometry::simd::{InstructionSet, Portable};
+use crate::geometry::simd::{InstructionSet, Portable, with_simd};
 use crate::geometry::{BATCH, Hit, HitBuffer, LineTest, Numerics, PACKET, PrimId, Ray, Rays, SlotId, Tier};
 
 /// Fewer rays are not traced as a packet.
 const MIN_PACKET: usize = 16;
-
-/// Evaluates an expression with `$simd` as the instruction set of the tree.
-macro_rules! with {
-    ($set:expr, $simd:ident => $value:expr) => {
-        match $set {
-            #[cfg(target_arch = "x86_64")]
-            InstructionSet::Avx512 => {
-                type $simd = Avx512;
-                $value
-            }
-            #[cfg(target_arch = "x86_64")]
-            InstructionSet::Avx2 => {
-                type $simd = Avx2;
-                $value
-            }
-            InstructionSet::Portable => {
-                type $simd = Portable;
-                $value
-            }
-        }
-    };
-}
 
 /// The largest exponent in [`Backoff`]. Measurements: docs/decisions.md.
 const MAX_DOUBLINGS: u32 = 4;
@@ -96,25 +72,20 @@ impl Waiting {
 #[cfg(not(target_arch = "x86_64"))]
 const PORTABLE_STREAMS: bool = false;
 
-/// Evaluates an expression that traces at most [`BATCH`] rays as a stream, with `$simd` as the instruction set of the
-/// tree. Its value is the mask of the rays that are left: all if the instruction set or the tree do not allow streams.
+/// Evaluates an expression that traces at most [`BATCH`] rays as a stream, with `$simd` as the token of the tree's
+/// instruction set. Its value is the mask of the rays that are left: all if the instruction set or the tree do not
+/// allow streams.
 macro_rules! as_stream {
     ($wide:expr, $rays:expr, $simd:ident => $value:expr) => {
         match $wide.instructions {
             #[cfg(target_arch = "x86_64")]
-            InstructionSet::Avx512 if stream::applies($wide) => {
-                type $simd = Avx512;
-                $value
-            }
+            InstructionSet::Avx512($simd) if stream::applies($wide) => $value,
             #[cfg(target_arch = "x86_64")]
-            InstructionSet::Avx2 if stream::applies($wide) => {
-                type $simd = Avx2;
-                $value
-            }
+            InstructionSet::Avx2($simd) if stream::applies($wide) => $value,
             // Compiled where no other arm is, for the checks of the compiler.
             #[cfg(not(target_arch = "x86_64"))]
             InstructionSet::Portable if PORTABLE_STREAMS && stream::applies($wide) => {
-                type $simd = Portable;
+                let $simd = Portable;
                 $value
             }
             _ => RayMask::first($rays.len()),
@@ -137,8 +108,8 @@ impl<T: Tier> Wide<T> {
         }
         let (first, rays) = (first + range.start, rays.slice(range.start, range.len()));
         let Traversal { stream, tests, .. } = traversal;
-        let left = as_stream!(self, rays, S => stream::closest_hits::<T, S>(
-            self, rays, stream.get_or_insert_default(), tests, (hits, first)
+        let left = as_stream!(self, rays, simd => stream::closest_hits(
+            simd, self, rays, stream.get_or_insert_default(), tests, (hits, first)
         ));
         for ray in left.iter() {
             hits.set(first + ray, self.closest_hit(&rays.get(ray), traversal).as_ref());
@@ -159,8 +130,8 @@ impl<T: Tier> Wide<T> {
         let rays = rays.slice(range.start, range.len());
         let occluded = &mut occluded[range];
         let Traversal { stream, tests, .. } = traversal;
-        let left = as_stream!(self, rays, S => stream::are_occluded::<T, S>(
-            self, rays, stream.get_or_insert_default(), tests, occluded
+        let left = as_stream!(self, rays, simd => stream::are_occluded(
+            simd, self, rays, stream.get_or_insert_default(), tests, occluded
         ));
         for ray in left.iter() {
             occluded[ray] = self.is_occluded(&rays.get(ray), traversal);
@@ -210,15 +181,15 @@ impl<T: Tier> Accelerator for Wide<T> {
             let Traversal { children, tests, packet, .. } = traversal;
             if rays.len() >= MIN_PACKET
                 && backoff.tries(|| {
-                    with!(self.instructions, S => packet::closest::<T, S>(
-                        self, [rays, following], hits, packet.of(), children, tests
+                    with_simd!(self.instructions, simd => packet::closest(
+                        simd, self, [rays, following], hits, packet.of(), children, tests
                     ))
                 })
             {
                 continue;
             }
             if all_pairs::applies(self) {
-                with!(self.instructions, S => all_pairs::closest::<T, S>(self, rays, hits, traversal));
+                with_simd!(self.instructions, simd => all_pairs::closest(simd, self, rays, hits, traversal));
                 continue;
             }
             let end = start + rays.len();
@@ -236,15 +207,15 @@ impl<T: Tier> Accelerator for Wide<T> {
             let Traversal { children, tests, packet, .. } = traversal;
             if rays.len() >= MIN_PACKET
                 && backoff.tries(|| {
-                    with!(self.instructions, S => packet::occluded::<T, S>(
-                        self, [rays, following], occluded, packet.of(), children, tests
+                    with_simd!(self.instructions, simd => packet::occluded(
+                        simd, self, [rays, following], occluded, packet.of(), children, tests
                     ))
                 })
             {
                 continue;
             }
             if all_pairs::applies(self) {
-                with!(self.instructions, S => all_pairs::occluded::<T, S>(self, rays, occluded, traversal));
+                with_simd!(self.instructions, simd => all_pairs::occluded(simd, self, rays, occluded, traversal));
                 continue;
             }
             let end = start + rays.len();
@@ -266,8 +237,8 @@ impl<T: Tier> Accelerator for Wide<T> {
     fn each_hit(&self, rays: Rays, hits: &mut Vec<(usize, Hit)>, traversal: &mut Traversal) {
         for (first, rays) in batches(rays) {
             let (before, Traversal { stream, tests, .. }) = (hits.len(), &mut *traversal);
-            let left = as_stream!(self, rays, S => stream::all_hits::<T, S>(
-                self, rays, stream.get_or_insert_default(), tests, hits
+            let left = as_stream!(self, rays, simd => stream::all_hits(
+                simd, self, rays, stream.get_or_insert_default(), tests, hits
             ));
             hits[before..].iter_mut().for_each(|(ray, _)| *ray += first);
             for index in left.iter() {
@@ -297,15 +268,15 @@ impl<T: Tier> Accelerator for Wide<T> {
         visit: &mut dyn FnMut(PrimId, Primitive),
         traversal: &mut Traversal,
     ) {
-        match self.instructions {
-            InstructionSet::Portable => near_ray::visit::<T, Portable, false>(self, ray, traversal, visit),
-            #[cfg(target_arch = "x86_64")]
-            _ if has_no_zeros(&ray.ray) => {
-                near_ray::visit::<T, Avx2, true>(self, ray, traversal, visit);
-            }
-            #[cfg(target_arch = "x86_64")]
-            _ => near_ray::visit::<T, Avx2, false>(self, ray, traversal, visit),
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = self.instructions.as_avx2() {
+            return if has_no_zeros(&ray.ray) {
+                near_ray::visit::<T, _, true>(simd, self, ray, traversal, visit);
+            } else {
+                near_ray::visit::<T, _, false>(simd, self, ray, traversal, visit);
+            };
         }
+        near_ray::visit::<T, _, false>(Portable, self, ray, traversal, visit);
     }
 
     fn each_near_rays(
@@ -317,8 +288,8 @@ impl<T: Tier> Accelerator for Wide<T> {
         for (first, rays) in batches(rays) {
             let mut visit =
                 |index, test: &LineTest, prim, primitive| visit(first + index, test, prim, primitive);
-            let left = as_stream!(self, rays, S => near_ray::visit_stream::<T, S>(
-                self, rays, traversal, &mut visit
+            let left = as_stream!(self, rays, simd => near_ray::visit_stream(
+                simd, self, rays, traversal, &mut visit
             ));
             for index in left.iter() {
                 let test = LineTest::new(&rays.get(index));
@@ -376,17 +347,15 @@ fn one<T: Tier, const NEAREST: bool>(
     Traversal { children, tests, .. }: &mut Traversal,
     found: impl FnMut(Hit) -> Next,
 ) {
-    match wide.instructions {
-        InstructionSet::Portable => {
-            single::traverse::<T, Portable, false, NEAREST>(wide, ray, children, tests, found);
-        }
-        #[cfg(target_arch = "x86_64")]
-        _ if has_no_zeros(ray) => {
-            single::traverse::<T, Avx2, true, NEAREST>(wide, ray, children, tests, found);
-        }
-        #[cfg(target_arch = "x86_64")]
-        _ => single::traverse::<T, Avx2, false, NEAREST>(wide, ray, children, tests, found),
+    #[cfg(target_arch = "x86_64")]
+    if let Some(simd) = wide.instructions.as_avx2() {
+        return if has_no_zeros(ray) {
+            single::traverse::<T, _, true, NEAREST>(simd, wide, ray, children, tests, found);
+        } else {
+            single::traverse::<T, _, false, NEAREST>(simd, wide, ray, children, tests, found);
+        };
     }
+    single::traverse::<T, _, false, NEAREST>(Portable, wide, ray, children, tests, found);
 }
 
 /// Packets of rays, each with the one after it.

@@ -16,12 +16,13 @@ use crate::geometry::{LineTest, NO_PRIMITIVE, PrimId, Rays, Tier, Triangle};
 /// requires a direction without zeros.
 #[inline(always)]
 pub(crate) fn visit<T: Tier, S: Simd, const FUSED: bool>(
+    simd: S,
     wide: &Wide<T>,
     ray: &LineTest,
     traversal: &mut Traversal,
     visit: &mut dyn FnMut(PrimId, Primitive),
 ) {
-    S::run(
+    simd.run(
         #[inline(always)]
         || visit_by::<T, S, FUSED>(wide, ray, traversal, visit),
     );
@@ -54,12 +55,13 @@ fn visit_by<T: Tier, S: Simd, const FUSED: bool>(
 /// [`visit`] for at most `BATCH` rays, as a stream. Returns the rays that it does not trace.
 #[inline(always)]
 pub(crate) fn visit_stream<T: Tier, S: Simd>(
+    simd: S,
     wide: &Wide<T>,
     rays: Rays,
     Traversal { stream, tests, .. }: &mut Traversal,
     visit: &mut dyn FnMut(usize, &LineTest, PrimId, Primitive),
 ) -> RayMask {
-    S::run(
+    simd.run(
         #[inline(always)]
         move || {
             let prepared: Vec<LineTest> = rays.iter().map(|ray| LineTest::new(&ray)).collect();

@@ -3,12 +3,24 @@
 //! | [`Simd`] | children of nodes, triangles of single rays and streams | packets |
 //! | --- | --- | --- |
 //! | [`Portable`] | arrays | 8 f32, 4 f64 |
-//! | [`Avx2`] | AVX2 and FMA | 8 f32, 4 f64 |
-//! | [`Avx512`] | AVX2 and FMA, sorted by AVX-512 | 16 f32, 8 f64, by AVX-512 |
+//! | AVX2 | AVX2 and FMA | 8 f32, 4 f64 |
+//! | AVX-512 | AVX2 and FMA, sorted by AVX-512 | 16 f32, 8 f64, by AVX-512 |
 //!
 //! Code generic over these gives the same bits with each: every operation is one IEEE 754 operation per lane, except
 //! [`Floats::mul_sub`] and [`Floats::mul_add`], which round once or twice. Those two are used for conservative bounds
 //! only, never for a decision, except in the tier `fast`.
+//!
+//! # Soundness
+//! Instructions that the machine lacks must not be executed. A value of a type that implements [`Simd`] is a token:
+//! - A token of AVX2 or AVX-512 exists only if the machine supports it. Its field is private to `x86`, and only
+//!   detection there makes one. So an [`InstructionSet`] is supported, too.
+//! - [`Simd::run`] takes a token, and so does every traversal that is chosen by instruction set.
+//! - The vectors' operations take none: they are called for every number of a traversal. But neither the vectors nor
+//!   the types of the tokens have names outside this module. All other code is generic over them, and a call for AVX2
+//!   or AVX-512 compiles only where [`with_simd`] or a match of an [`InstructionSet`] gives it the type of a token.
+//!
+//! What the compiler does not exclude is code that takes the type of a token without the token, as from a `None` of
+//! `Option<S>`. Generic code must get its `S` from a token that is passed.
 
 mod portable;
 #[cfg(target_arch = "x86_64")]
@@ -20,31 +32,39 @@ use std::ops::{Add, Div, Index, IndexMut, Mul, Sub};
 use super::lanes::MAX_LANES;
 
 pub(crate) use portable::{Lanes, Portable};
-#[cfg(target_arch = "x86_64")]
-pub(crate) use x86::{Avx2, Avx512};
 
-/// An instruction set, chosen at run time. All give the same hits. [`InstructionSet::widest`] and
-/// [`InstructionSet::avx2`] choose those that this machine supports; nothing else may name the others.
+/// An instruction set that this machine supports, with its token; chosen at run time. All give the same hits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum InstructionSet {
     /// [`Portable`].
     Portable,
-    /// [`Avx2`].
+    /// AVX2 and FMA.
     #[cfg(target_arch = "x86_64")]
-    Avx2,
-    /// [`Avx512`].
+    Avx2(x86::Avx2),
+    /// AVX-512.
     #[cfg(target_arch = "x86_64")]
-    Avx512,
+    Avx512(x86::Avx512),
 }
 
 impl InstructionSet {
-    /// [`Avx2`] if this machine supports it.
+    /// AVX2 if this machine supports it.
     pub(crate) fn avx2() -> Self {
         #[cfg(target_arch = "x86_64")]
-        if Avx2::is_supported() {
-            return InstructionSet::Avx2;
+        if let Some(avx2) = x86::Avx2::detect() {
+            return InstructionSet::Avx2(avx2);
         }
         InstructionSet::Portable
+    }
+
+    /// The token of AVX2, which AVX-512 includes.
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    pub(crate) fn as_avx2(self) -> Option<x86::Avx2> {
+        match self {
+            InstructionSet::Portable => None,
+            InstructionSet::Avx2(avx2) => Some(avx2),
+            InstructionSet::Avx512(avx512) => Some(avx512.avx2()),
+        }
     }
 
     /// Its name; `None` for what the compiler uses.
@@ -52,21 +72,44 @@ impl InstructionSet {
         match self {
             InstructionSet::Portable => None,
             #[cfg(target_arch = "x86_64")]
-            InstructionSet::Avx2 => Some("avx2"),
+            InstructionSet::Avx2(_) => Some("avx2"),
             #[cfg(target_arch = "x86_64")]
-            InstructionSet::Avx512 => Some("avx512"),
+            InstructionSet::Avx512(_) => Some("avx512"),
         }
     }
 
     /// The widest that this machine supports.
     pub(crate) fn widest() -> Self {
         #[cfg(target_arch = "x86_64")]
-        if Avx512::is_supported() {
-            return InstructionSet::Avx512;
+        if let Some(avx512) = x86::Avx512::detect() {
+            return InstructionSet::Avx512(avx512);
         }
         Self::avx2()
     }
+
+    /// Portable, AVX2 and the widest; some may be equal.
+    #[cfg(test)]
+    pub(crate) fn supported() -> [Self; 3] {
+        [InstructionSet::Portable, Self::avx2(), Self::widest()]
+    }
 }
+
+/// Evaluates an expression with `$simd` as the token of an [`InstructionSet`].
+macro_rules! with_simd {
+    ($set:expr, $simd:ident => $value:expr) => {
+        match $set {
+            #[cfg(target_arch = "x86_64")]
+            $crate::geometry::simd::InstructionSet::Avx512($simd) => $value,
+            #[cfg(target_arch = "x86_64")]
+            $crate::geometry::simd::InstructionSet::Avx2($simd) => $value,
+            $crate::geometry::simd::InstructionSet::Portable => {
+                let $simd = $crate::geometry::simd::Portable;
+                $value
+            }
+        }
+    };
+}
+pub(crate) use with_simd;
 
 /// Prefetches the first cache line of `items[index]`; the index may be out of range.
 #[inline(always)]
@@ -208,7 +251,7 @@ pub(crate) trait Doubles: Vector<Scalar = f64> {
     fn copysign(self, other: Self) -> Self;
 }
 
-/// An instruction set and its vectors.
+/// An instruction set and its vectors. A value is a token: it exists only if the machine supports the instructions.
 pub(crate) trait Simd: Copy + Send + Sync + 'static {
     /// Eight f32 numbers: the children of a node.
     type F8: Floats<Array = [f32; 8]>;
@@ -220,7 +263,7 @@ pub(crate) trait Simd: Copy + Send + Sync + 'static {
     type D: Doubles<Floats = Self::F>;
 
     /// Calls `f`, compiled for this instruction set if it is inlined.
-    fn run<R>(f: impl FnOnce() -> R) -> R;
+    fn run<R>(self, f: impl FnOnce() -> R) -> R;
     /// Prefetches `b[index]` if `of_b`, else `a[index]`; the index may be out of range.
     fn prefetch<A, B>(a: &[A], b: &[B], of_b: bool, index: usize);
     /// From two arrays.
@@ -341,24 +384,36 @@ mod tests {
         }
     }
 
-    fn check<S: Simd>() {
-        assert_lanes(S::pair(&[0.0, 1.0, 2.0, 3.0], &[4.0, 5.0, 6.0, 7.0]), |lane| lane as f32);
-        check_floats::<S::F8>();
-        check_floats::<S::F>();
-        check_doubles::<S::D4>();
-        check_doubles::<S::D>();
+    fn check<S: Simd>(simd: S) {
+        simd.run(|| {
+            assert_lanes(S::pair(&[0.0, 1.0, 2.0, 3.0], &[4.0, 5.0, 6.0, 7.0]), |lane| lane as f32);
+            check_floats::<S::F8>();
+            check_floats::<S::F>();
+            check_doubles::<S::D4>();
+            check_doubles::<S::D>();
+        });
     }
 
     #[test]
     fn vectors_compute_lane_by_lane() {
-        check::<Portable>();
-        #[cfg(target_arch = "x86_64")]
-        if Avx2::is_supported() {
-            check::<Avx2>();
-        }
-        #[cfg(target_arch = "x86_64")]
-        if Avx512::is_supported() {
-            check::<Avx512>();
-        }
+        InstructionSet::supported().into_iter().for_each(|set| with_simd!(set, simd => check(simd)));
+    }
+
+    /// A set is found if and only if the machine has all of its instructions, and its token takes no memory.
+    #[test]
+    #[cfg(target_arch = "x86_64")]
+    fn a_token_exists_where_the_machine_supports_it() {
+        use std::arch::is_x86_feature_detected as has;
+        let avx2 = has!("avx2") && has!("fma") && has!("popcnt") && has!("lzcnt");
+        let avx2 = avx2 && has!("bmi1") && has!("bmi2");
+        let avx512 = has!("avx512f") && has!("avx512vl") && has!("avx512dq") && has!("avx512bw");
+        let names = [None, avx2.then_some("avx2"), (avx2 && avx512).then_some("avx512")];
+        let widest = if avx2 && avx512 { names[2] } else { names[1] };
+        assert_eq!(InstructionSet::supported().map(InstructionSet::name), [None, names[1], widest]);
+        assert_eq!(InstructionSet::supported().map(|set| set.as_avx2().is_some()), [false, avx2, avx2]);
+        assert_eq!(
+            (size_of::<x86::Avx2>(), size_of::<x86::Avx512>(), size_of::<InstructionSet>()),
+            (0, 0, 1)
+        );
     }
 }

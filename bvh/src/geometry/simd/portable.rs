@@ -184,7 +184,7 @@ impl Simd for Portable {
     type D = Self::D4;
 
     #[inline(always)]
-    fn run<R>(f: impl FnOnce() -> R) -> R {
+    fn run<R>(self, f: impl FnOnce() -> R) -> R {
         f()
     }
 

@@ -109,13 +109,14 @@ fn tests<T: Tier>(wide: &Wide<T>, rays: Rays) -> u64 {
 /// Appends the closest hits of the rays. [`applies`] must hold.
 #[inline(always)]
 pub(crate) fn closest<T: Tier, S: Simd>(
+    simd: S,
     wide: &Wide<T>,
     rays: Rays,
     hits: &mut HitBuffer,
     traversal: &mut Traversal,
 ) {
     traversal.tests.primitives += tests(wide, rays);
-    S::run(
+    simd.run(
         #[inline(always)]
         || {
             let Some(batch) = &wide.batch else { return fast::closest::<T, S>(wide, rays, hits) };
@@ -206,13 +207,14 @@ fn closest_of_group<T: Tier, S: Simd>(
 /// Appends whether each ray hits anything. [`applies`] must hold.
 #[inline(always)]
 pub(crate) fn occluded<T: Tier, S: Simd>(
+    simd: S,
     wide: &Wide<T>,
     rays: Rays,
     occluded: &mut Vec<bool>,
     traversal: &mut Traversal,
 ) {
     traversal.tests.primitives += tests(wide, rays);
-    S::run(
+    simd.run(
         #[inline(always)]
         || {
             let Some(batch) = &wide.batch else { return fast::occluded::<T, S>(wide, rays, occluded) };

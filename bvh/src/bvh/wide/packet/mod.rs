@@ -61,6 +61,7 @@ impl Outcome {
 /// Appends the closest hits of the rays. The `following` rays are prefetched.
 #[inline(always)]
 pub(crate) fn closest<T: Tier, S: Simd>(
+    simd: S,
     wide: &Wide<T>,
     [rays, following]: [Rays; 2],
     hits: &mut HitBuffer,
@@ -68,7 +69,7 @@ pub(crate) fn closest<T: Tier, S: Simd>(
     stack: &mut Vec<(Child, f32)>,
     tests: &mut Tests,
 ) -> Outcome {
-    S::run(
+    simd.run(
         #[inline(always)]
         || {
             let Some(mut packet) = Packet::<T, S, false>::new(rays, following, scratch) else {
@@ -94,6 +95,7 @@ pub(crate) fn closest<T: Tier, S: Simd>(
 /// Appends whether each ray hits anything. The `following` rays are prefetched.
 #[inline(always)]
 pub(crate) fn occluded<T: Tier, S: Simd>(
+    simd: S,
     wide: &Wide<T>,
     [rays, following]: [Rays; 2],
     occluded: &mut Vec<bool>,
@@ -101,7 +103,7 @@ pub(crate) fn occluded<T: Tier, S: Simd>(
     stack: &mut Vec<(Child, f32)>,
     tests: &mut Tests,
 ) -> Outcome {
-    S::run(
+    simd.run(
         #[inline(always)]
         || {
             let Some(mut packet) = Packet::<T, S, true>::new(rays, following, scratch) else {

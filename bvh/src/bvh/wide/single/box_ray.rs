@@ -187,9 +187,7 @@ fn distances<F: Floats, const FUSED: bool>(planes: F, inverse: F, offset: f32) -
 mod tests {
     use super::*;
     use crate::bvh::wide::layout::Child;
-    #[cfg(target_arch = "x86_64")]
-    use crate::geometry::simd::Avx2;
-    use crate::geometry::simd::{InstructionSet, Portable};
+    use crate::geometry::simd::{InstructionSet, with_simd};
     use crate::geometry::{Bounds, Precision};
     use proptest::prelude::*;
 
@@ -198,19 +196,15 @@ mod tests {
         let mut node = Node::EMPTY;
         node.set(3, Bounds::rounded_out(min, max), Child::node(1));
         let t_max = ray.prune_distance(t_max);
-        let enter = |set| match set {
-            InstructionSet::Portable => ray.enter::<Portable, false>(&node, t_max, false),
-            #[cfg(target_arch = "x86_64")]
-            _ => Avx2::run(
-                #[inline(always)]
-                || ray.enter::<Avx2, false>(&node, t_max, false),
-            ),
-        };
-        let (mask, at) = enter(InstructionSet::Portable);
-        let (same_mask, same_at) = enter(InstructionSet::avx2());
-        assert_eq!((mask, at[3]), (same_mask, same_at[3]));
+        fn enter<S: Simd>(_: S, ray: &BoxRay, node: &Node, t_max: f32) -> (u32, f32) {
+            let (mask, at) = ray.enter::<S, false>(node, t_max, false);
+            (mask, at[3])
+        }
+        let [(mask, at), others @ ..] = InstructionSet::supported()
+            .map(|set| with_simd!(set, simd => simd.run(|| enter(simd, ray, &node, t_max))));
+        others.into_iter().for_each(|other| assert_eq!((mask, at), other));
         assert_eq!(mask & !(1 << 3), 0, "an empty place");
-        (mask != 0).then(|| ray.along_ray(at[3]))
+        (mask != 0).then(|| ray.along_ray(at))
     }
 
     #[test]

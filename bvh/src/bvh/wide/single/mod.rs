@@ -17,13 +17,14 @@ use leaf::hits_in_leaf;
 /// requires a direction without zeros.
 #[inline(always)]
 pub(crate) fn traverse<T: Tier, S: Simd, const FUSED: bool, const NEAREST: bool>(
+    simd: S,
     wide: &Wide<T>,
     ray: &Ray,
     stack: &mut Vec<(Child, f32)>,
     tests: &mut Tests,
     found: impl FnMut(Hit) -> Next,
 ) {
-    S::run(
+    simd.run(
         #[inline(always)]
         move || traverse_by::<T, S, FUSED, NEAREST>(wide, ray, stack, tests, found),
     );

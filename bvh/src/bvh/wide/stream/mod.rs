@@ -35,6 +35,7 @@ pub(crate) fn applies<T: Tier>(wide: &Wide<T>) -> bool {
 /// Sets the closest hits of at most `BATCH` rays; that of the first is at `first`. Returns the rays that it does not
 /// trace.
 pub(crate) fn closest_hits<T: Tier, S: Simd>(
+    simd: S,
     wide: &Wide<T>,
     rays: Rays,
     scratch: &mut Scratch,
@@ -42,40 +43,43 @@ pub(crate) fn closest_hits<T: Tier, S: Simd>(
     (hits, first): (&mut HitBuffer, usize),
 ) -> RayMask {
     let query = ClosestHits::new(wide, rays, hits, first);
-    each_hit::<T, S>(wide, rays, scratch, tests, query)
+    each_hit(simd, wide, rays, scratch, tests, query)
 }
 
 /// Sets whether each of at most `BATCH` rays hits anything, but for those that it returns.
 pub(crate) fn are_occluded<T: Tier, S: Simd>(
+    simd: S,
     wide: &Wide<T>,
     rays: Rays,
     scratch: &mut Scratch,
     tests: &mut Tests,
     occluded: &mut [bool],
 ) -> RayMask {
-    each_hit::<T, S>(wide, rays, scratch, tests, Occlusion(occluded))
+    each_hit(simd, wide, rays, scratch, tests, Occlusion(occluded))
 }
 
 /// Appends every hit of at most `BATCH` rays, with the index of the ray. Returns the rays that it does not trace.
 pub(crate) fn all_hits<T: Tier, S: Simd>(
+    simd: S,
     wide: &Wide<T>,
     rays: Rays,
     scratch: &mut Scratch,
     tests: &mut Tests,
     hits: &mut Vec<(usize, Hit)>,
 ) -> RayMask {
-    each_hit::<T, S>(wide, rays, scratch, tests, AllHits(hits))
+    each_hit(simd, wide, rays, scratch, tests, AllHits(hits))
 }
 
 #[inline(always)]
 fn each_hit<T: Tier, S: Simd>(
+    simd: S,
     wide: &Wide<T>,
     rays: Rays,
     Scratch { triangles, stacks }: &mut Scratch,
     tests: &mut Tests,
     query: impl Query<T, S>,
 ) -> RayMask {
-    S::run(
+    simd.run(
         #[inline(always)]
         move || {
             let prepared = T::Prepared::prepare_packet::<S::D4>(rays, triangles);

@@ -1,5 +1,5 @@
-//! [`Simd`] by AVX2 and FMA, and by AVX-512. This folder has the only `unsafe` code of `geometry`: intrinsics that were
-//! detected beforehand or that every x86-64 has.
+//! [`Simd`] by AVX2 and FMA, and by AVX-512. This folder has the only `unsafe` code of `geometry`: intrinsics that every
+//! x86-64 has, or whose type of token ([`Avx2`], [`Avx512`]) the caller has from a value ([`super`] says how).
 
 mod vectors;
 
@@ -8,32 +8,35 @@ use std::arch::x86_64::*;
 use super::{Side, Simd};
 use vectors::{D4, D8, F8, F16};
 
-/// AVX2 and FMA. To be used only if [`Avx2::is_supported`]: the safety of the intrinsics in this folder depends on
-/// it, so the type is private to the crate, and traversals use it for trees of
-/// [`InstructionSet::Avx2`](super::InstructionSet::Avx2) only.
-#[derive(Clone, Copy)]
-pub(crate) struct Avx2;
+/// AVX2 and FMA. A value exists only if this machine supports them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Avx2(());
 
 impl Avx2 {
-    /// Whether this machine supports AVX2, FMA and the bit instructions that the compiler may use with them.
-    pub(crate) fn is_supported() -> bool {
+    /// `Some` if this machine supports AVX2, FMA and the bit instructions that the compiler may use with them.
+    pub(super) fn detect() -> Option<Self> {
         use std::arch::is_x86_feature_detected as has;
         let counts_bits = has!("popcnt") && has!("bmi1") && has!("bmi2") && has!("lzcnt");
-        counts_bits && has!("avx2") && has!("fma")
+        (counts_bits && has!("avx2") && has!("fma")).then_some(Avx2(()))
     }
 }
 
-/// AVX-512 for rays of packets and for sorting, else as [`Avx2`]. To be used only if [`Avx512::is_supported`], like
-/// [`Avx2`].
-#[derive(Clone, Copy)]
-pub(crate) struct Avx512;
+/// AVX-512 for rays of packets and for sorting, else as [`Avx2`]. A value exists only if this machine supports both.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Avx512(Avx2);
 
 impl Avx512 {
-    /// Whether this machine supports the instructions of [`Avx2`] and AVX-512 F, VL, DQ and BW.
-    pub(crate) fn is_supported() -> bool {
+    /// `Some` if this machine supports the instructions of [`Avx2`] and AVX-512 F, VL, DQ and BW.
+    pub(super) fn detect() -> Option<Self> {
         use std::arch::is_x86_feature_detected as has;
         let wide = has!("avx512f") && has!("avx512vl") && has!("avx512dq") && has!("avx512bw");
-        Avx2::is_supported() && wide
+        Avx2::detect().filter(|_| wide).map(Avx512)
+    }
+
+    /// The token of AVX2.
+    #[inline(always)]
+    pub(super) fn avx2(self) -> Avx2 {
+        self.0
     }
 }
 
@@ -184,8 +187,8 @@ impl Simd for Avx2 {
     type D = D4;
 
     #[inline(always)]
-    fn run<R>(f: impl FnOnce() -> R) -> R {
-        // SAFETY: see [`Avx2`].
+    fn run<R>(self, f: impl FnOnce() -> R) -> R {
+        // SAFETY: `self` exists, so the machine supports the instructions.
         unsafe { run_avx2(f) }
     }
 
@@ -202,7 +205,7 @@ impl Simd for Avx2 {
 
     #[inline(always)]
     fn pair(low: &[f32; 4], high: &[f32; 4]) -> F8 {
-        // SAFETY: see [`Avx2`]; the arrays have four numbers.
+        // SAFETY: see above; the arrays have four numbers.
         F8(unsafe { _mm256_set_m128(_mm_loadu_ps(high.as_ptr()), _mm_loadu_ps(low.as_ptr())) })
     }
 
@@ -214,7 +217,7 @@ impl Simd for Avx2 {
 
     #[inline(always)]
     fn sort_entered(enter: F8, leave: F8, of: &[u32; 8], to: &mut [u64; 8]) -> usize {
-        // SAFETY: see [`Avx2`].
+        // SAFETY: see above.
         unsafe { sort_entered(enter.0, leave.0, of, to) }
     }
 }
@@ -226,8 +229,8 @@ impl Simd for Avx512 {
     type D = D8;
 
     #[inline(always)]
-    fn run<R>(f: impl FnOnce() -> R) -> R {
-        // SAFETY: see [`Avx512`].
+    fn run<R>(self, f: impl FnOnce() -> R) -> R {
+        // SAFETY: `self` exists, so the machine supports the instructions.
         unsafe { run_avx512(f) }
     }
 
@@ -248,7 +251,7 @@ impl Simd for Avx512 {
 
     #[inline(always)]
     fn sort_entered(enter: F8, leave: F8, of: &[u32; 8], to: &mut [u64; 8]) -> usize {
-        // SAFETY: see [`Avx512`].
+        // SAFETY: see above.
         unsafe { sort_entered_512(enter.0, leave.0, of, to) }
     }
 }

@@ -1,5 +1,5 @@
-//! The vectors of [`Avx2`](super::Avx2) and [`Avx512`](super::Avx512). To be used only if these are supported: the
-//! safety of the intrinsics in this file depends on it, so the types are private to the crate.
+//! The vectors of [`Avx2`](super::Avx2) and [`Avx512`](super::Avx512). The safety of the intrinsics in this file depends
+//! on a token: the types have no names outside `simd`, and are reached by the type of a token only.
 
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Sub};
