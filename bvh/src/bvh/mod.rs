@@ -57,7 +57,7 @@ pub enum Primitive {
 }
 
 impl Primitive {
-    /// The smallest f32 box around the primitive.
+    /// The smallest f32 box around the primitive; for triangles see [`Triangle::bounds`].
     pub fn bounds(&self) -> Bounds {
         match self {
             Primitive::Triangle(triangle) => triangle.bounds(),

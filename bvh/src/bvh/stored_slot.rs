@@ -31,7 +31,7 @@ impl<C: Corner> StoredSlot<C> {
         }
     }
 
-    /// The smallest f32 box around it.
+    /// A box of it: see [`Primitive::bounds`].
     pub(crate) fn bounds(&self) -> Bounds {
         match &self.primitive {
             Stored::Triangle(corners) => C::bounds(corners),

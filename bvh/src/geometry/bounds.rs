@@ -21,6 +21,24 @@ impl Bounds {
         Bounds { min: per_axis(min, round_down), max: per_axis(max, round_up) }
     }
 
+    /// [`Bounds::rounded_out`] of triangles, or of parts of them, with coordinates of at most `reach`; planes near 0
+    /// are moved outwards by [`NEAR_ZERO`].
+    pub(crate) fn of_triangles([min, max]: [DVec3; 2], reach: f64) -> Self {
+        let moved = |x: f64, by: f64| if x.abs() < reach * NEAR_ZERO.0 { x + reach * by } else { x };
+        Self::rounded_out(min.map(|x| moved(x, -NEAR_ZERO.1)), max.map(|x| moved(x, NEAR_ZERO.1)))
+    }
+
+    /// [`Bounds::of_triangles`] for a triangle's own bounds.
+    #[inline(always)]
+    pub(crate) fn grown_near_zero(self) -> Self {
+        let (least, most) = (self.min.abs().min(self.max.abs()), self.min.abs().max(self.max.abs()));
+        let reach = f64::from(most.max_element());
+        if f64::from(least.min_element()) < reach * NEAR_ZERO.0 {
+            return Self::of_triangles([self.min.as_dvec3(), self.max.as_dvec3()], reach);
+        }
+        self
+    }
+
     /// The smallest box around both.
     pub fn union(self, other: Self) -> Self {
         Bounds { min: self.min.min(other.min), max: self.max.max(other.max) }
@@ -68,6 +86,26 @@ pub(crate) fn clamp_to_bounds(min: DVec3, max: DVec3, ray: &Ray, t: f64) -> Opti
     let enter = up(up(up(f64::NEG_INFINITY, near.x), near.y), near.z);
     let leave = down(down(down(f64::INFINITY, far.x), far.y), far.z);
     (enter <= leave * DOUBLE_MARGIN).then(|| up(down(t, leave), enter))
+}
+
+/// [`clamp_to_bounds`] with bounds enlarged by [`CORNER_ERROR`] times `reach`, the largest coordinate of the triangle
+/// relative to the ray's origin: for a hit that the triangle test finds ahead and nearer than [`DOUBLE_MARGIN`] covers.
+///
+/// The triangle test sees corners moved by that much at most, so the exact ray has a point in these bounds. A node that
+/// contains the triangle is entered for it, too: see [`NEAR_ZERO`].
+#[cold]
+pub(crate) fn clamp_near(min: DVec3, max: DVec3, ray: &Ray, t: f64, reach: f64) -> Option<f64> {
+    let slack = CORNER_ERROR * reach;
+    let (mut enter, mut leave) = (0.0f64, f64::INFINITY);
+    for axis in 0..3 {
+        let inverse = ray.direction[axis].recip();
+        let low = (min[axis] - ray.origin[axis] - slack) * inverse;
+        let high = (max[axis] - ray.origin[axis] + slack) * inverse;
+        // NaN, of 0 times infinity, does not clamp.
+        enter = enter.max(low.min(high));
+        leave = leave.min(low.max(high));
+    }
+    (enter <= leave * DOUBLE_MARGIN).then(|| t.min(leave).max(enter))
 }
 
 /// The interval in which the ray in each lane is inside the bounds there, for [`clamp_to_bounds`] in f64.
@@ -147,12 +185,25 @@ pub fn round_up(x: f64) -> f32 {
 /// factor is for the rounding of that move itself.
 pub(crate) const PRUNE_MARGIN: f32 = 1.0 + 4.0 * f32::EPSILON;
 
-/// The margin of the f64 test of a primitive's own bounds. Ize's derivation requires 1 + 3.5 ε. The rest is for primitive tests that see
-/// corners moved by up to 2^-50 of their distance to the ray's origin (see [`super::woop`]): it covers hits from
-/// 2^-24 of that distance on, and secondary rays start farther from edges than that
-/// ([`super::spawn::EDGE_DISTANCE`]). [`PRUNE_MARGIN`] is wider than f32 requires by 2^-24, so a box entered with
-/// this margin is entered in f32, too.
+/// The margin of the f64 test of a primitive's own bounds. Ize's derivation requires 1 + 3.5 ε. The rest is for
+/// primitive tests that see corners moved by up to 2^-50 of their distance to the ray's origin ([`super::woop`]): it
+/// covers hits from 2^-24 of that distance on, and [`clamp_near`] covers nearer ones on triangles. [`PRUNE_MARGIN`] is
+/// wider than f32 requires by 2^-24, so a box entered with this margin is entered in f32, too.
 pub(crate) const DOUBLE_MARGIN: f64 = 1.0 + 1.0 / (1u32 << 26) as f64;
+
+/// The distance, relative to that of the farthest corner from the ray's origin, by which the triangle test sees corners
+/// moved on each axis: 2^-50 (see [`super::spawn`]), doubled for the rounding of [`clamp_near`].
+const CORNER_ERROR: f64 = 1.0 / (1u64 << 49) as f64;
+
+/// Planes of boxes nearer to 0 than the first number, relative to the largest coordinate R, are moved by the second.
+///
+/// A hit of [`clamp_near`] may lie outside the bounds of its triangle by 2^-49 M, with M the distance of the farthest
+/// corner. It is near, so M < 2.1 R, and 2^-49 M < 2^-47 R. Where the ray's origin is farther than 2^-26 M from a plane
+/// on its axis, the relative margins of box tests cover that. Else the origin is within 2^-24 R of the plane p: for
+/// |p| >= 2^-22 R its coordinate exceeds 2^-23 R, and box tests and frusta move origins by 2^-23 of their coordinates
+/// and more than they round, so by 2^-46 R. Planes nearer to 0 are moved here. Secondary rays start 2^-40 R from their
+/// triangle ([`super::spawn`]), outside its box still.
+const NEAR_ZERO: (f64, f64) = (1.0 / (1u32 << 22) as f64, 1.0 / (1u64 << 47) as f64);
 
 #[cfg(test)]
 mod tests {
@@ -165,6 +216,21 @@ mod tests {
         let least = (1.0 + 2.0 * gamma3) * (1.0 + u) * DOUBLE_MARGIN;
         assert!(f64::from(PRUNE_MARGIN) >= least);
         assert!(f64::from(PRUNE_MARGIN.next_down()) < least);
+    }
+
+    /// A plane at 0 or within 2^-22 of the largest coordinate moves by at least 2^-47 of it, others stay; the same by
+    /// both precisions.
+    #[test]
+    fn boxes_of_triangles_grow_at_planes_near_zero() {
+        let (min, max) = (DVec3::new(0.0, 3.0, -5e-8), DVec3::new(1.0, 4.0, 1e-5));
+        let [min, max] = [min, max].map(|p| p.as_vec3().as_dvec3());
+        let b = Bounds::of_triangles([min, max], 4.0);
+        let moved = min - b.min.as_dvec3();
+        let by = 4.0 * 2f64.powi(-47);
+        assert!(moved.x.min(moved.z) >= by && moved.x.max(moved.z) < by * 2.0, "{moved}");
+        assert_eq!(([b.min.y, b.max.y], b.max.x, f64::from(b.max.z)), ([3.0, 4.0], 1.0, max.z));
+        let in_f32 = Bounds { min: min.as_vec3(), max: max.as_vec3() };
+        assert_eq!(in_f32.grown_near_zero(), b);
     }
 
     #[test]

@@ -115,10 +115,10 @@ pub(crate) trait Corner:
     fn to_dvec3(self) -> DVec3;
     /// Least and greatest coordinates of three corners.
     fn span(corners: &[Self; 3]) -> [DVec3; 2];
-    /// The smallest f32 box that holds three corners.
+    /// The f32 box of a triangle ([`Bounds::of_triangles`]).
     fn bounds(corners: &[Self; 3]) -> Bounds {
         let [min, max] = Self::span(corners);
-        Bounds::rounded_out(min, max)
+        Bounds::of_triangles([min, max], min.abs().max(max.abs()).max_element())
     }
 }
 
@@ -158,7 +158,8 @@ impl Corner for Vec3 {
 
     #[inline(always)]
     fn bounds(&[a, b, c]: &[Self; 3]) -> Bounds {
-        Bounds { min: a.min(b).min(c), max: a.max(b).max(c) }
+        let (min, max) = (a.min(b).min(c), a.max(b).max(c));
+        Bounds { min, max }.grown_near_zero()
     }
 }
 

@@ -41,10 +41,6 @@
 //! - In triangles with an inradius below 2 EDGE_DISTANCE R the point keeps half the inradius from the edges, and the
 //!   bound on the dihedral angle grows by the same factor.
 //! - Surfaces that share no corner with the triangle and lie closer than 2 ORIGIN_OFFSET R are jumped.
-//! - A ray that passes the border of a face's bounding box within 2^-49 R, less than 2^-23 R from its origin along an
-//!   axis, may be rejected by the box tests (`bounds::DOUBLE_MARGIN`). That takes a fold sharper than about
-//!   30 degrees, or a spike with such an opening angle, and a ray aimed that closely at another edge of the
-//!   neighbouring face.
 //!
 //! The tier `fast` rounds the origin to f32, away from the surface, and guarantees nothing at edges.
 

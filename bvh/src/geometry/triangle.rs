@@ -20,11 +20,10 @@ pub(crate) struct TriangleHit {
 }
 
 impl Triangle {
-    /// The smallest f32 box that holds the triangle.
+    /// An f32 box of the triangle that holds every hit on it: the smallest one, but for planes near 0.
     #[inline]
     pub fn bounds(&self) -> Bounds {
-        let [min, max] = DVec3::span(&self.0);
-        Bounds::rounded_out(min, max)
+        DVec3::bounds(&self.0)
     }
 
     /// The normal (b - a) x (c - a), whose length is twice the area.

@@ -15,7 +15,7 @@
 
 use glam::DVec3;
 
-use super::bounds::clamp_to_bounds;
+use super::bounds::{clamp_near, clamp_to_bounds};
 use super::expansion::{Expansion, two_product, two_sum};
 use super::lanes::{HitN, MASK4, Triangle4};
 use super::simd::Doubles;
@@ -213,7 +213,11 @@ impl WoopTest {
         if is_unclear && is_behind(ray, corners, &sheared, sum, self.shear[2]) {
             return None;
         }
-        let t = clamped?;
+        let t = match clamped {
+            Some(t) => t,
+            None if is_near => clamp_near(min, max, ray, computed, reach)?,
+            None => return None,
+        };
         // Ahead by the exact test, whatever the sign of the rounded distance.
         let t = if is_near { t.max(f64::MIN_POSITIVE) } else { t };
         (ray.t_min < t && t < ray.t_max)

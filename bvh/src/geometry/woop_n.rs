@@ -255,8 +255,8 @@ pub(crate) fn hit_lanes<D: Doubles, const EARLY: bool>(
     let passes = enter.le(leave * D::splat(super::bounds::DOUBLE_MARGIN));
     let t = enter.max(leave.min(computed));
     let after_start = rays.t_min.lt(t);
-    // Ahead by the exact test, but not by the rounded distance: see `WoopTest::hit`.
-    undecided |= near & inside & !behind & !after_start;
+    // Ahead by the exact test, but not by the rounded distance or not within the bounds: see `WoopTest::hit`.
+    undecided |= near & inside & !behind & !(after_start & passes);
     // Seen too nearly edge-on: see there, too.
     undecided |= if ahead { 0 } else { inside & !near & computed.le(zero) & after_start };
     let within = after_start & t.lt(rays.t_max);

@@ -50,7 +50,7 @@ impl MeshBvh {
             .map(|b| transform.in_world(b.min.as_dvec3(), b.max.as_dvec3()))
             .reduce(|[min, max], [least, greatest]| [min.min(least), max.max(greatest)])
             .unwrap_or([DVec3::INFINITY, DVec3::NEG_INFINITY]);
-        Bounds::rounded_out(min, max)
+        Bounds::of_triangles([min, max], min.abs().max(max.abs()).max_element())
     }
 
     /// Its size in bytes, with the vertex positions of the mesh.

@@ -14,8 +14,8 @@ use crate::geometry::Bounds;
 /// than 1.1u · M. 16u is above both together.
 const ERROR: f64 = 8.0 * f64::EPSILON;
 
-/// The smallest f32 box around the part of the triangle between the planes `low` and `high` of an axis, both included,
-/// up to the error of its computation, which it allows for; inverted if there is no such part.
+/// The box ([`Bounds::of_triangles`]) of the part of the triangle between the planes `low` and `high` of an axis, both
+/// included, up to the error of its computation, which it allows for; inverted if there is no such part.
 ///
 /// It contains each point of the exact triangle between the planes. Points of the edges within the planes are
 /// computed in f64, and widened by [`ERROR`] and, for underflow, by the least normal number. Corners are exact.
@@ -35,8 +35,7 @@ pub(super) fn between(corners: &[DVec3; 3], axis: usize, low: f32, high: f32) ->
             }
         }
     }
-    let mut part = Bounds::rounded_out(min, max);
-    part.min[axis] = part.min[axis].max(low);
-    part.max[axis] = part.max[axis].min(high);
-    part
+    let reach = corners.iter().fold(DVec3::ZERO, |most, corner| most.max(corner.abs())).max_element();
+    (min[axis], max[axis]) = (min[axis].max(planes[0]), max[axis].min(planes[1]));
+    Bounds::of_triangles([min, max], reach)
 }

@@ -23,6 +23,8 @@ mod near_ray;
 mod packet;
 mod single;
 mod stream;
+#[cfg(test)]
+mod tests;
 
 pub(crate) use layout::{Child, Content, Tree, Wide, convert};
 pub(crate) use packet::Scratches;

@@ -86,7 +86,7 @@ impl Frustum {
             let (a, b) = (f64::from(least.reduce_min()), f64::from(most.reduce_max()));
             *interval = [round_down(a - a.abs() * SLACK), round_up(b + b.abs() * SLACK)];
         }
-        let around = |x: f64| [round_down(x - spread), round_up(x + spread)];
+        let around = |x: f64| apex_bounds(x, spread);
         let frustum = Frustum {
             axes,
             flipped: (direction[depth] < 0.0) != to_end,
@@ -128,7 +128,7 @@ impl Frustum {
             flipped,
             apex: apex.to_array(),
             spread: 0.0,
-            apex_bounds: apex.to_array().map(|x| [round_down(x), round_up(x)]),
+            apex_bounds: apex.to_array().map(|x| apex_bounds(x, 0.0)),
             intervals: intervals.map(|[least, most]| [round_down(least), round_up(most)]),
             shear: Some(shear),
             reach,
@@ -183,6 +183,14 @@ impl Frustum {
         }
         (mask, near.array())
     }
+}
+
+/// Bounds of a coordinate of the apex, moved by 2^-23 of itself for hits outside the bounds of their triangles
+/// ([`Bounds::of_triangles`](crate::geometry::Bounds::of_triangles)).
+#[inline(always)]
+fn apex_bounds(x: f64, spread: f64) -> [f32; 2] {
+    let by = spread + x.abs() * f64::from(f32::EPSILON);
+    [round_down(x - by), round_up(x + by)]
 }
 
 /// Whether all rays have the same direction.
