@@ -150,7 +150,6 @@ impl<T: Tier> Instances<T> {
         traversal: &mut Traversal,
         found: impl FnMut(Hit, [T::Corner; 3]) -> Next,
     ) {
-        #[cfg(target_arch = "x86_64")]
         if let Some(simd) = self.instructions.as_avx2() {
             return self.each_hit_by::<_, NEAREST>(simd, ray, t_max, traversal, found);
         }

@@ -67,6 +67,13 @@ impl InstructionSet {
         }
     }
 
+    /// No token of AVX2: none exists on this processor.
+    #[cfg(not(target_arch = "x86_64"))]
+    #[inline(always)]
+    pub(crate) fn as_avx2(self) -> Option<Portable> {
+        None
+    }
+
     /// Its name; `None` for what the compiler uses.
     pub(crate) fn name(self) -> Option<&'static str> {
         match self {
