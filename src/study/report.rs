@@ -151,7 +151,7 @@ fn cost_of_tiers(rows: &[&SettingRow]) -> Option<String> {
         .collect();
     let note = match unexpected.is_empty() {
         true => String::new(),
-        false => format!(": {}, so arithmetic is not what limits its rays", unexpected.join(", ")),
+        false => format!(": {}, which their arithmetic does not explain", unexpected.join(", ")),
     };
     Some(format!("On this scene a picture takes {} times as long as in `watertight`{note}", times.join(", ")))
 }

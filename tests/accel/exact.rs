@@ -435,7 +435,7 @@ fn decisions_are_exact_for_the_normalised_direction() {
         Numerics::Exact,
     )
     .expect("finite");
-    let (mut count, mut others, mut traversal) = (0, 0, Traversal::default());
+    let (mut count, mut others, mut traversal) = (0u32, 0u32, Traversal::default());
     for i in 0..24_000 {
         let (origin, target) = (integer(16), integer(8));
         // A third is aimed at vertices, a third at points of the grid, a third at the middles of edges, in halves.
@@ -448,7 +448,7 @@ fn decisions_are_exact_for_the_normalised_direction() {
         let normalised = bvh.ray(origin, direction).expect("finite");
         let found = bvh.closest_hit(&normalised, &mut traversal).map(|hit| hit.prim);
         let given = fine(origin, direction);
-        others += usize::from(found != bvh.closest_hit(&given, &mut traversal).map(|hit| hit.prim));
+        others += u32::from(found != bvh.closest_hit(&given, &mut traversal).map(|hit| hit.prim));
         // The line as given is decided exactly, too.
         if i % 40 == 0 {
             let expected = oracle_closest(&corners, &given);
@@ -457,7 +457,9 @@ fn decisions_are_exact_for_the_normalised_direction() {
         }
     }
     eprintln!("of {count} rays {others} have another closest hit than the line through the given points");
-    assert!(others > 0, "{others} of {count}");
+    // As docs/accuracy.md says, 6 %.
+    let share = f64::from(others) / f64::from(count);
+    assert!((0.05..0.08).contains(&share), "{others} of {count}");
 }
 
 /// The triangle that the ray hits first, by exact arithmetic.

@@ -3,12 +3,12 @@
 //! The steps are those of obvhs's `build_bvh2`, without its validation in debug builds, which rejects deep trees.
 
 use glam::{Vec3, Vec3A};
-use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
-use obvhs::ploc::PlocBuilder;
+use obvhs::ploc::{PlocBuilder, SortPrecision};
 use rayon::prelude::*;
 
+use super::preset::{Ploc, TopDown};
 use super::splitmix64::{GOLDEN, splitmix64};
 use super::stored_slot::StoredSlot;
 use super::wide::{Tree, Wide, convert};
@@ -27,9 +27,7 @@ pub(super) fn build_over(boxes: &[Bounds], preset: Preset, most: usize) -> (Tree
     if boxes.is_empty() {
         return Tree::new(&obvhs::bvh2::Bvh2::default(), most);
     }
-    let parameters = preset.parameters();
-    let mut tree = ploc(boxes, parameters);
-    ReinsertionOptimizer::default().run(&mut tree, parameters.reinsertion_batch_ratio, None);
+    let tree = ploc(boxes, preset);
     Tree::new(&tree, most)
 }
 
@@ -42,41 +40,45 @@ pub(crate) fn build_wide<T: Tier>(
     if slots.is_empty() {
         return convert(&obvhs::bvh2::Bvh2::default(), slots, instructions);
     }
-    let mut tree = binary_tree::<T>(slots, preset);
-    let ratio = preset.parameters().reinsertion_batch_ratio;
-    ReinsertionOptimizer::default().run(&mut tree, ratio, None);
+    let tree = binary_tree::<T>(slots, preset);
     convert(&tree, slots, instructions)
 }
 
 /// The least number of boxes, slots or leaves per parallel task.
 pub(super) const MIN_PARALLEL: usize = 4096;
 
-/// The binary tree of a preset over slots, one reference to a slot per leaf, not yet optimised by reinsertion.
+/// The binary tree of a preset over slots, one reference to a slot per leaf.
 fn binary_tree<T: Tier>(slots: &[StoredSlot<T::Corner>], preset: Preset) -> obvhs::bvh2::Bvh2 {
     let boxes: Vec<Bounds> = slots.par_iter().with_min_len(MIN_PARALLEL).map(StoredSlot::bounds).collect();
     match preset.top_down() {
-        Some(budget) => sah::build(&boxes, &|slot| slots[slot as usize].corners(), budget),
-        None => ploc(&boxes, preset.parameters()),
+        Some(TopDown { budget, reinsertion_ratio }) => {
+            let mut tree = sah::build(&boxes, &|slot| slots[slot as usize].corners(), budget);
+            ReinsertionOptimizer::default().run(&mut tree, reinsertion_ratio, None);
+            tree
+        }
+        None => ploc(&boxes, preset),
     }
 }
 
-/// PLOC's tree over boxes, one per leaf.
+/// PLOC's tree over boxes, one per leaf, optimised by reinsertion.
 ///
 /// PLOC merges pairs of mutual nearest neighbours. Where all distances are equal (copies of a triangle, rows) or
 /// decrease along a sequence (fans, cones), that is one pair per round: quadratic time, and the tree becomes a chain.
 /// So each box is enlarged by a small pseudorandom amount derived from its index, which breaks ties and sequences and
 /// is deterministic. The nodes get their true bounds afterwards.
-fn ploc(boxes: &[Bounds], parameters: BvhBuildParams) -> obvhs::bvh2::Bvh2 {
+fn ploc(boxes: &[Bounds], preset: Preset) -> obvhs::bvh2::Bvh2 {
+    let Ploc { search_distance, search_depth, reinsertion_ratio } = preset.ploc();
     let indexed = boxes.par_iter().with_min_len(MIN_PARALLEL).enumerate();
     let jittered: Vec<Aabb> = indexed.map(|(index, b)| to_obvhs(jitter(*b, index as u64))).collect();
     let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
-        parameters.ploc_search_distance,
+        search_distance,
         &jittered,
         (0..boxes.len() as u32).collect(),
-        parameters.sort_precision,
-        parameters.search_depth_threshold,
+        SortPrecision::U64,
+        search_depth,
     );
     set_bounds(&mut tree, boxes);
+    ReinsertionOptimizer::default().run(&mut tree, reinsertion_ratio, None);
     tree
 }
 

@@ -18,8 +18,8 @@ pub struct ClosestPoint {
 
 impl Bvh {
     /// The closest point of the surface; of primitives at equal distance, the one with the lowest id. `None` without
-    /// primitives, and for a point that is not finite, or too large for f32 ([`NotFinite`](super::NotFinite)). In f64 for the primitives as stored: good to 2^-48 of the
-    /// largest distance to a corner of the triangle on each axis.
+    /// primitives, and for a point that is not finite, or too large for f32 ([`NotFinite`](super::NotFinite)). In f64
+    /// for the primitives as stored: good to 2^-48 of the largest distance to a corner of the triangle on each axis.
     pub fn closest_point(&self, point: impl Into<DVec3>, traversal: &mut Traversal) -> Option<ClosestPoint> {
         let point = point.into();
         // Beyond f32, which bounds all primitives, squares of distances overflow.

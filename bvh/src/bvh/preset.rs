@@ -1,7 +1,6 @@
 //! How much work is spent on building.
 
-use obvhs::BvhBuildParams;
-use obvhs::ploc::{PlocSearchDistance, SortPrecision};
+use obvhs::ploc::PlocSearchDistance;
 
 use super::sah::Budget;
 
@@ -39,52 +38,47 @@ impl Preset {
         Preset::ALL.into_iter().find(|preset| preset.name() == name)
     }
 
-    /// The references that the top-down builder may add by spatial splits; `None` for obvhs's PLOC. This decides which
-    /// builder a preset uses.
-    pub(super) fn top_down(self) -> Option<Budget> {
+    /// How the top-down builder builds; `None` for obvhs's PLOC. This decides which builder a preset uses.
+    ///
+    /// A reinsertion ratio of 0.03 has 5 % fewer tests than none in a kitchen, and 1 another 1 % fewer.
+    pub(super) fn top_down(self) -> Option<TopDown> {
         match self {
             Preset::FastBuild | Preset::Balanced => None,
-            Preset::BestTrace => Some(Budget(0.3)),
+            Preset::BestTrace => Some(TopDown { budget: Budget(0.3), reinsertion_ratio: 0.03 }),
         }
     }
 
-    /// As measured with trees of eight. Sorting by 128 bits changed no count of tests; searching wider than 14, a second
-    /// reinsertion, or a ratio above 0.015 for the default, brought less than 3 % of them; a ratio of 0.02 brings 0.5 % and takes 5 %
-    /// longer to build, one of 0.01 saves 3 % and costs up to 3 %. After a top-down build, 0.03 has 5 % fewer
-    /// tests than none in a kitchen, and 1 another 1 % fewer. PLOC's parameters of `BestTrace` are for instances.
-    pub(super) fn parameters(self) -> BvhBuildParams {
-        let common = BvhBuildParams {
-            pre_split: false,
-            ploc_search_distance: PlocSearchDistance::Minimum,
-            search_depth_threshold: 0,
-            reinsertion_batch_ratio: 0.0,
-            post_collapse_reinsertion_batch_ratio_multiplier: 0.0,
-            sort_precision: SortPrecision::U64,
-            max_prims_per_leaf: 8,
-            collapse_traversal_cost: 3.0,
+    /// PLOC's parameters, of `BestTrace` for the meshes of instances.
+    ///
+    /// As measured with trees of eight. Sorting by 128 bits changed no count of tests; searching wider than 14, a
+    /// second reinsertion, or a ratio above 0.015 for the default, brought less than 3 % of them; a ratio of 0.02
+    /// brings 0.5 % and takes 5 % longer to build, one of 0.01 saves 3 % and costs up to 3 %.
+    pub(super) fn ploc(self) -> Ploc {
+        let (search_distance, search_depth, reinsertion_ratio) = match self {
+            Preset::FastBuild => (PlocSearchDistance::VeryLow, 0, 0.01),
+            Preset::Balanced => (PlocSearchDistance::Low, 2, 0.015),
+            Preset::BestTrace => (PlocSearchDistance::Medium, 1, 1.0),
         };
-        match self {
-            Preset::FastBuild => BvhBuildParams {
-                ploc_search_distance: PlocSearchDistance::VeryLow,
-                reinsertion_batch_ratio: 0.01,
-                ..common
-            },
-            Preset::Balanced => BvhBuildParams {
-                ploc_search_distance: PlocSearchDistance::Low,
-                search_depth_threshold: 2,
-                reinsertion_batch_ratio: 0.015,
-                post_collapse_reinsertion_batch_ratio_multiplier: 2.0,
-                ..common
-            },
-            Preset::BestTrace => BvhBuildParams {
-                ploc_search_distance: PlocSearchDistance::Medium,
-                search_depth_threshold: 1,
-                reinsertion_batch_ratio: 0.03,
-                post_collapse_reinsertion_batch_ratio_multiplier: 1.0,
-                ..common
-            },
-        }
+        Ploc { search_distance, search_depth, reinsertion_ratio }
     }
+}
+
+/// Parameters of the top-down builder.
+pub(super) struct TopDown {
+    /// The references that it may add by spatial splits.
+    pub budget: Budget,
+    /// The share of nodes that obvhs's reinsertion considers afterwards.
+    pub reinsertion_ratio: f32,
+}
+
+/// Parameters of obvhs's PLOC.
+pub(super) struct Ploc {
+    /// How far in the sorted order it searches for neighbours.
+    pub search_distance: PlocSearchDistance,
+    /// Below this depth it searches one neighbour far.
+    pub search_depth: usize,
+    /// The share of nodes that obvhs's reinsertion considers afterwards.
+    pub reinsertion_ratio: f32,
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! The watertight triangle test (`woop`) for a ray-triangle pair in each lane: rays and one triangle or a triangle each
-//! ([`PreparedRayN`], rays of one major axis), rays of any major axis with a triangle each ([`PreparedEachN`]), or one ray
-//! and four triangles (`WoopTest::hit_triangle4`).
+//! ([`PreparedRayN`], rays of one major axis), rays of any major axis with a triangle each ([`PreparedEachN`]), or one
+//! ray and four triangles (`WoopTest::hit_triangle4`).
 //!
 //! Operations and their order are those of the test for one ray, so the results have the same bits. Lanes where that
 //! test would branch off (cancellation, zero direction components, sides that f64 does not decide) come back undecided.
@@ -286,7 +286,7 @@ pub(crate) fn may_hit<D: Doubles>(corners: &[[D; 3]; 3], shear: &[D; 3]) -> u32 
 /// of which no factor is more than twice its corner's reach, so it moves the determinant by 72 u of the product P of
 /// the three reaches; and the 6 products here round by 16 u each.
 ///
-/// [`may_hit`] drops a triangle by these masks alone, also where the tests do not ask for the determinant because the
+/// [`may_hit`] drops a triangle by these masks alone, also where the tests do not compute the determinant because the
 /// crossing is not [`NEAR`] the origin. Those take the sign of `depth`, which is Σ w z / Σ w with the edge functions w,
 /// and it is the same above the bound:
 /// - With exact w of the sheared corners, Σ w z is minus their determinant, so beyond (256 - 168) u P.
@@ -295,7 +295,7 @@ pub(crate) fn may_hit<D: Doubles>(corners: &[[D; 3]; 3], shear: &[D; 3]) -> u32 
 /// - All w have one sign, so the products w z and their sums are below |Σ w| times the largest reach. Computing Σ w z
 ///   rounds by less than 4 u of that, and where the crossing is not near, the result is at least 1/64 of it.
 ///
-/// A distance on the wrong side is clamped to the bounds of the triangle; where those lie ahead, the tests ask for the
+/// A distance on the wrong side is clamped to the bounds of the triangle; where those lie ahead, the tests compute the
 /// determinant, too. Where all three w are computed as 0, Σ w z is within 48 u P, and nothing is dropped.
 #[inline(always)]
 fn side<D: Doubles>([a, b, c]: &[[D; 3]; 3], reaches: &[D; 3], against: D) -> (u32, u32) {

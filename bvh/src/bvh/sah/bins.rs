@@ -134,8 +134,8 @@ impl Bins {
         }
     }
 
-    /// Adds references to all bins of an axis that they overlap, the part in each. Bounds of parts are approximate: they
-    /// decide what is split, not what the split yields.
+    /// Adds references to all bins of an axis that they overlap, the part in each. Bounds of parts are approximate:
+    /// they decide what is split, not what the split yields.
     pub(super) fn add_by_extent(
         &mut self,
         grid: &Grid,

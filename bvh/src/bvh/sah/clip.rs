@@ -11,7 +11,8 @@ use crate::geometry::Bounds;
 /// five factors 1 + δ, |δ| ≤ u: of the difference q_k - p_k, of the two differences and the quotient of s, and its own.
 /// So it is off by at most γ5 · 2M, with γ5 = 5u / (1 - 5u). The sum, at most M (1 + 11u) in magnitude, rounds by u of
 /// itself. All together, that is less than 11.1u · M; the error added to or subtracted from the point rounds by less
-/// than 1.1u · M. 16u is above both together.
+/// than 1.1u · M. 16u is above both together, and above the 2^-1075 · 2M of an s that
+/// underflows.
 const ERROR: f64 = 8.0 * f64::EPSILON;
 
 /// The box ([`Bounds::of_triangles`]) of the part of the triangle between the planes `low` and `high` of an axis, both

@@ -2,10 +2,10 @@
 //! Bounding Volume Hierarchies, 2007), and spatial splits (Stich, Friedrich and Dietrich, Spatial Splits in Bounding
 //! Volume Hierarchies, 2009).
 //!
-//! A reference is a leaf of the tree to be: the bounds of a primitive or of a part of one, and its slot. Each node has a
-//! range of a list of references, with room for those that its spatial splits may add, and a range of the list of nodes
-//! with room for the tree over as many. Ranges are divided before their subtrees are built, so these are independent of
-//! each other, and the tree does not depend on the number of threads.
+//! A reference is a leaf of the tree to be: the bounds of a primitive or of a part of one, and its slot. Each node has
+//! a range of a list of references, with room for those that its spatial splits may add, and a range of the list of
+//! nodes with room for the tree over as many. Ranges are divided before their subtrees are built, so these are
+//! independent of each other, and the tree does not depend on the number of threads.
 
 mod bins;
 mod clip;
@@ -30,8 +30,8 @@ pub(super) type Corners<'a> = dyn Fn(u32) -> Option<[DVec3; 3]> + Sync + 'a;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Budget(pub f32);
 
-/// The most levels of a tree, of which 28 hold as many references as a structure can number. The last levels are halves,
-/// so that a row of ever larger primitives is no chain.
+/// The most levels of a tree, of which 28 hold as many references as a structure can number. Nodes near it are
+/// split in halves by number, so that a row of ever larger primitives does not go beyond it.
 const MAX_LEVELS: u32 = 48;
 
 /// Spatial splits are considered where the bounds of the two sides of the best object split overlap in more than these
@@ -41,7 +41,8 @@ const LEAST_OVERLAP: [f32; 2] = [0.3, 1e-3];
 /// References per task in loops over all of a node.
 const CHUNK: usize = 1 << 14;
 
-/// Builds a tree over the bounds of slots, one reference per leaf. [`Bvh2::primitive_indices`] maps slots to themselves.
+/// Builds a tree over the bounds of slots, one reference per leaf. [`Bvh2::primitive_indices`] maps slots to
+/// themselves.
 pub(super) fn build(boxes: &[Bounds], corners: &Corners, budget: Budget) -> Bvh2 {
     if boxes.is_empty() {
         return Bvh2::default();
@@ -152,8 +153,8 @@ struct Work<'a> {
 }
 
 impl<'a> Work<'a> {
-    /// The two nodes below, whose references are in `spare`: those of the first from its start, those of the second from
-    /// `room` on. And the places for the nodes themselves.
+    /// The two nodes below, whose references are in `spare`: those of the first from its start, those of the second
+    /// from `room` on. And the places for the nodes themselves.
     fn divided(self, sides: [Side; 2], room: usize) -> (&'a mut [Bvh2Node], [Work<'a>; 2]) {
         let (references, spare) = (self.spare.split_at_mut(room), self.references.split_at_mut(room));
         let (pair, below) = self.nodes.split_at_mut(2);

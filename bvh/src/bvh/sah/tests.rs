@@ -66,7 +66,8 @@ fn points(corners: &[DVec3; 3]) -> impl Iterator<Item = DVec3> {
     })
 }
 
-/// Where an edge crosses a plane, in whole numbers: the exact point is a quotient, compared with the boxes of both sides.
+/// Where an edge crosses a plane, in whole numbers: the exact point is a quotient, compared with the boxes of both
+/// sides.
 ///
 /// The least error matters where that point is close to an f32 number, but is none: beside a corner of an edge whose
 /// other corner is far away on the axis of the plane.
@@ -136,8 +137,8 @@ fn parts_cover_their_triangles() {
     }
 }
 
-/// A tree's leaves are `slots`, each at least once and at most `most` in all; parents are before their children and hold
-/// exactly them. Returns the number of levels.
+/// A tree's leaves are `slots`, each at least once and at most `most` in all; parents are before their children and
+/// hold exactly them. Returns the number of levels.
 fn checked(tree: &Bvh2, slots: usize, most: usize) -> u32 {
     let mut levels = vec![0; tree.nodes.len()];
     let mut found = vec![false; slots];

@@ -7,9 +7,15 @@ use crate::geometry::lanes::{HitN, LANES4, MAX_FLOATS, MAX_LANES};
 use crate::geometry::simd::{Doubles, Floats, Simd, TABLE, Vector};
 use crate::geometry::{HitBuffer, NO_PRIMITIVE, Rays, Tier};
 
-/// Whether the scene is small enough: as small as for other tiers.
+/// Whether the scene is small enough: at most as many leaves, and as many primitives in them, as for other tiers.
 pub(super) fn applies<T: Tier>(wide: &Wide<T>) -> bool {
-    wide.triangles.len() * LANES4 + wide.analytic.len() <= TABLE
+    wide.triangles.len() + wide.analytic.len() <= TABLE && primitives(wide) <= TABLE
+}
+
+/// The number of primitives; parts of a split triangle count as several.
+pub(super) fn primitives<T: Tier>(wide: &Wide<T>) -> usize {
+    let triangles = wide.triangles.iter().flat_map(|leaf| leaf.ids).filter(|&id| id != NO_PRIMITIVE);
+    triangles.count() + wide.analytic.iter().filter(|(shape, _)| shape.is_some()).count()
 }
 
 /// A point in all lanes.

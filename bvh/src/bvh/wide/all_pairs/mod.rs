@@ -15,7 +15,7 @@ mod primitives;
 use super::layout::Wide;
 use crate::bvh::{Accelerator, Traversal};
 use crate::geometry::estimate::{Errors, RaysInF32};
-use crate::geometry::lanes::{LANES4, MAX_LANES};
+use crate::geometry::lanes::MAX_LANES;
 use crate::geometry::simd::{Floats, Simd, TABLE, Vector};
 use crate::geometry::{HitBuffer, NO_PRIMITIVE, Rays, Tier};
 use primitives::NONE;
@@ -101,8 +101,7 @@ pub(crate) fn applies<T: Tier>(wide: &Wide<T>) -> bool {
 /// The number of tests of some rays.
 #[inline(always)]
 fn tests<T: Tier>(wide: &Wide<T>, rays: Rays) -> u64 {
-    let primitives =
-        wide.batch.as_ref().map_or(wide.triangles.len() * LANES4 + wide.analytic.len(), |batch| batch.len());
+    let primitives = wide.batch.as_ref().map_or_else(|| fast::primitives(wide), |batch| batch.len());
     (rays.len() * primitives) as u64
 }
 
@@ -288,4 +287,39 @@ fn occluded_of_group<T: Tier, S: Simd>(
         },
     );
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::bvh::build::build_wide;
+    use crate::bvh::splitmix64::splitmix64;
+    use crate::bvh::stored_slot::StoredSlot;
+    use crate::bvh::{Preset, Primitive, Slot};
+    use crate::geometry::simd::InstructionSet;
+    use crate::geometry::{Fast, PrimId, Triangle, Watertight};
+
+    fn applies_to<T: Tier>(count: u32) -> bool {
+        let number = |i: u32| splitmix64(u64::from(i)) as f64 / 2f64.powi(64);
+        let point = |i: u32| DVec3::new(number(3 * i), number(3 * i + 1), number(3 * i + 2));
+        let triangle = |id: u32| Triangle([0, 1, 2].map(|corner| point(3 * id + corner)));
+        let slot = |id: u32| Slot { primitive: Primitive::Triangle(triangle(id)), id: PrimId(id) };
+        let slots: Vec<_> = (0..count).map(|id| StoredSlot::<T::Corner>::new(slot(id))).collect();
+        applies(&build_wide::<T>(&slots, Preset::default(), InstructionSet::widest()))
+    }
+
+    /// Leaves of triangles have room for four and are seldom full.
+    #[test]
+    fn all_pairs_are_tested_in_as_small_scenes_in_fast_tiers() {
+        for count in 1..=40 {
+            let is_small = count as usize <= TABLE;
+            assert_eq!(
+                [applies_to::<Watertight>(count), applies_to::<Fast>(count)],
+                [is_small; 2],
+                "{count}"
+            );
+        }
+    }
 }

@@ -1,4 +1,5 @@
-//! [`BoxRays`]: the rays of a stream prepared for the boxes of nodes, and [`RayMask`]: those that a stream does not trace.
+//! [`BoxRays`]: the rays of a stream prepared for the boxes of nodes, and [`RayMask`]: those that a stream does not
+//! trace.
 
 use crate::bvh::wide::layout::WIDTH;
 use crate::bvh::wide::single::box_ray::{BoxRay, LENGTHS, WIDENING};
@@ -64,8 +65,8 @@ impl Default for BoxRays {
 
 impl BoxRays {
     /// The rays that this does not support: those with a zero in their direction, those whose direction needs scaling,
-    /// and those whose offsets are not finite in f32: from an infinite one the ray would enter the infinite boxes of empty
-    /// places.
+    /// and those whose offsets are not finite in f32: from an infinite one the ray would enter the infinite boxes of
+    /// empty places.
     #[inline(always)]
     pub(crate) fn unsupported<D: Doubles>(rays: Rays) -> RayMask {
         let (zero, least, most) = (D::splat(0.0), D::splat(*LENGTHS.start()), D::splat(*LENGTHS.end()));
@@ -86,7 +87,7 @@ impl BoxRays {
     }
 
     /// Prepares the rays from index `first` on, as [`BoxRay::new`], with `t_min` rounded down further.
-    /// Rays that are not supported have no meaning.
+    /// What it prepares for rays that are not supported must not be used.
     #[inline(always)]
     fn fill<S: Simd>(&mut self, rays: Rays, first: usize, fast: bool) {
         let (zero, one) = (S::F8::splat(0.0), S::F8::splat(1.0));
@@ -111,7 +112,8 @@ impl BoxRays {
         }
     }
 
-    /// The ray at `i`, prepared; the next ones too, so that indices should ascend. `fast` must be that of the calls before.
+    /// The ray at `i`, prepared; the next ones too, so that indices should ascend. `fast` must be that of the calls
+    /// before.
     #[inline(always)]
     pub(crate) fn at<S: Simd>(&mut self, rays: Rays, i: usize, fast: bool) -> &BoxRay {
         let first = i / WIDTH * WIDTH;

@@ -1,4 +1,5 @@
-//! Visits of the leaves that the rays of a stream reach: [`TriangleTests`], and [`LeavesByRay`] for a caller's own tests.
+//! Visits of the leaves that the rays of a stream reach: [`TriangleTests`], and [`LeavesByRay`] for a caller's own
+//! tests.
 
 use super::query::{After, Query};
 use super::state::InFlight;

@@ -7,8 +7,8 @@
 //! that certainly have no hit ([`Tier::may_hit4`](crate::geometry::Tier::may_hit4)), the second tests the others
 //! without leaving early.
 //!
-//! [`query`] has what is done with hits, [`leaves`] the visits of leaves, [`box_rays`] the rays prepared for boxes, [`state`] the rays in flight, their
-//! stacks, and the queues of rays by what they visit next.
+//! [`query`] has what is done with hits, [`leaves`] the visits of leaves, [`box_rays`] the rays prepared for boxes,
+//! [`state`] the rays in flight, their stacks, and the queues of rays by what they visit next.
 
 mod box_rays;
 mod leaves;

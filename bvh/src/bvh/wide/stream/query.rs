@@ -11,8 +11,8 @@ pub(super) trait Query<T: Tier, S: Simd> {
     /// Takes a hit.
     fn found(&mut self, at: InFlight, hit: &Hit);
 
-    /// Takes the hits on the triangles of the leaf at `index`, without a branch that depends on them; `false` where that
-    /// is not possible, and [`Query::found`] must take them one by one.
+    /// Takes the hits on the triangles of the leaf at `index`, without a branch that depends on them; `false` where
+    /// that is not possible, and [`Query::found`] must take them one by one.
     #[inline(always)]
     fn found_in_leaf(
         &mut self,
@@ -48,8 +48,8 @@ impl After {
     pub(super) const EVERYTHING: After = After { t_max: f64::INFINITY, is_done: false };
 }
 
-/// A closest hit so far: t, the barycentrics, and the bits of primitive and slot. A vector, so that it is replaced without
-/// a branch.
+/// A closest hit so far: t, the barycentrics, and the bits of primitive and slot. A vector, so that it is replaced
+/// without a branch.
 #[derive(Clone, Copy)]
 #[repr(C, align(32))]
 struct Best([f64; 4]);
