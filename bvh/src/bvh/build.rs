@@ -24,11 +24,7 @@ const JITTER_BITS: u32 = 21;
 
 /// Builds a tree of eight children per node over boxes, with up to `most` of them per leaf; see [`Tree::new`].
 pub(super) fn build_over(boxes: &[Bounds], preset: Preset, most: usize) -> (Tree, Vec<u32>) {
-    if boxes.is_empty() {
-        return Tree::new(&obvhs::bvh2::Bvh2::default(), most);
-    }
-    let tree = ploc(boxes, preset);
-    Tree::new(&tree, most)
+    Tree::new(&ploc(boxes, preset), most)
 }
 
 /// Builds a tree of eight children per node, whose leaves [`convert`] chooses.
@@ -37,11 +33,7 @@ pub(crate) fn build_wide<T: Tier>(
     preset: Preset,
     instructions: InstructionSet,
 ) -> Wide<T> {
-    if slots.is_empty() {
-        return convert(&obvhs::bvh2::Bvh2::default(), slots, instructions);
-    }
-    let tree = binary_tree::<T>(slots, preset);
-    convert(&tree, slots, instructions)
+    convert(&binary_tree::<T>(slots, preset), slots, instructions)
 }
 
 /// The least number of boxes, slots or leaves per parallel task.
@@ -67,6 +59,9 @@ fn binary_tree<T: Tier>(slots: &[StoredSlot<T::Corner>], preset: Preset) -> obvh
 /// So each box is enlarged by a small pseudorandom amount derived from its index, which breaks ties and sequences and
 /// is deterministic. The nodes get their true bounds afterwards.
 fn ploc(boxes: &[Bounds], preset: Preset) -> obvhs::bvh2::Bvh2 {
+    if boxes.is_empty() {
+        return obvhs::bvh2::Bvh2::default();
+    }
     let Ploc { search_distance, search_depth, reinsertion_ratio } = preset.ploc();
     let indexed = boxes.par_iter().with_min_len(MIN_PARALLEL).enumerate();
     let jittered: Vec<Aabb> = indexed.map(|(index, b)| to_obvhs(jitter(*b, index as u64))).collect();

@@ -137,14 +137,11 @@ impl Bvh {
         point: impl Into<DVec3>,
         traversal: &mut Traversal,
     ) -> Result<bool, NotClosed> {
-        self.require_closed()?;
+        let closedness = self.closedness();
+        if !closedness.is_closed() {
+            return Err(NotClosed(closedness));
+        }
         Ok(self.winding_number(point, traversal) != 0)
-    }
-
-    /// # Errors
-    /// [`NotClosed`].
-    fn require_closed(&self) -> Result<(), NotClosed> {
-        Some(self.closedness()).filter(Closedness::is_closed).map(|_| ()).ok_or(NotClosed(self.closedness()))
     }
 
     /// The edges of the triangles that keep the surface from being closed. Computed at the first call after building or

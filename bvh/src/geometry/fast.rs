@@ -108,16 +108,8 @@ impl<F: Floats> FastRayN<F> {
     #[inline(always)]
     pub(crate) fn new<D: Doubles<Floats = F>>(rays: Rays, first: usize) -> Self {
         FastRayN {
-            origin: [
-                rays.origin_floats::<D>(0, first),
-                rays.origin_floats::<D>(1, first),
-                rays.origin_floats::<D>(2, first),
-            ],
-            direction: [
-                rays.direction_floats::<D>(0, first),
-                rays.direction_floats::<D>(1, first),
-                rays.direction_floats::<D>(2, first),
-            ],
+            origin: rays.origins_in_f32::<D>(first),
+            direction: rays.directions_in_f32::<D>(first),
             t_min: rays.t_min_floats::<D>(first),
             // Distances that overflow are no hits.
             t_max: rays.t_max_floats::<D>(first).min(F::splat(f32::MAX)),
@@ -131,7 +123,7 @@ impl<F: Floats> FastRayN<F> {
         let from_a = minus(&self.origin, a);
         let (p, q) = (cross(&self.direction, &to_c), cross(&from_a, &to_b));
         let determinant = dot(&to_b, &p);
-        let size = determinant.flip(determinant);
+        let size = determinant.abs();
         let v = dot(&from_a, &p).flip(determinant);
         let w = dot(&self.direction, &q).flip(determinant);
         // NaN, of empty lanes, is not inside.

@@ -167,6 +167,22 @@ impl<'a> Rays<'a> {
         self.floats::<D>(DIRECTION + axis, first)
     }
 
+    /// The origins in f32 of twice as many rays as [`Rays::lanes`].
+    #[inline(always)]
+    pub(crate) fn origins_in_f32<D: Doubles>(&self, first: usize) -> [D::Floats; 3] {
+        [self.floats::<D>(0, first), self.floats::<D>(1, first), self.floats::<D>(2, first)]
+    }
+
+    /// The directions in f32 of twice as many rays as [`Rays::lanes`].
+    #[inline(always)]
+    pub(crate) fn directions_in_f32<D: Doubles>(&self, first: usize) -> [D::Floats; 3] {
+        [
+            self.floats::<D>(DIRECTION, first),
+            self.floats::<D>(DIRECTION + 1, first),
+            self.floats::<D>(DIRECTION + 2, first),
+        ]
+    }
+
     #[inline(always)]
     fn floats<D: Doubles>(&self, number: usize, first: usize) -> D::Floats {
         D::to_floats(self.load(number, first), self.load(number, first + D::LANES))

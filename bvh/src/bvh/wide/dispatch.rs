@@ -9,8 +9,9 @@ use glam::DVec3;
 
 use super::layout::Wide;
 use super::packet::{self, Outcome};
+use super::results::Results;
 use super::single;
-use super::stream::{self, RayMask};
+use super::stream::{self, AllHits, ClosestHits, Occlusion, RayMask};
 use super::{all_pairs, near_point, near_ray};
 use crate::bvh::{Accelerator, Description, Next, Primitive, Quality, Traversal};
 use crate::geometry::simd::{InstructionSet, Portable, with_simd};
@@ -94,12 +95,39 @@ macro_rules! as_stream {
 }
 
 impl<T: Tier> Wide<T> {
-    /// Finds the closest hits of a range of rays as a stream, or one by one; that of the first ray of all is at `first`.
-    fn stream_closest(
+    /// Appends the results of rays.
+    fn trace(&self, all: Rays, mut results: Results, traversal: &mut Traversal) {
+        let first = results.len();
+        let (mut backoff, mut waiting) = (Backoff::default(), Waiting::default());
+        for [rays, following] in packets(all) {
+            let start = results.len() - first;
+            let Traversal { children, tests, packet, .. } = traversal;
+            if rays.len() >= MIN_PACKET
+                && backoff.tries(|| {
+                    with_simd!(self.instructions, simd => packet::trace(
+                        simd, self, [rays, following], &mut results, packet.of(), children, tests
+                    ))
+                })
+            {
+                continue;
+            }
+            if all_pairs::applies(self) {
+                with_simd!(self.instructions, simd => all_pairs::trace(simd, self, rays, &mut results, traversal));
+                continue;
+            }
+            let end = start + rays.len();
+            results.resize(first + end);
+            self.stream(all, waiting.add(start..end), &mut results, first, traversal);
+        }
+        self.stream(all, waiting.0, &mut results, first, traversal);
+    }
+
+    /// Sets the results of a range of rays, traced as a stream or one by one; that of the first ray of all is at `first`.
+    fn stream(
         &self,
         rays: Rays,
         range: Range<usize>,
-        hits: &mut HitBuffer,
+        results: &mut Results,
         first: usize,
         traversal: &mut Traversal,
     ) {
@@ -108,33 +136,19 @@ impl<T: Tier> Wide<T> {
         }
         let (first, rays) = (first + range.start, rays.slice(range.start, range.len()));
         let Traversal { stream, tests, .. } = traversal;
-        let left = as_stream!(self, rays, simd => stream::closest_hits(
-            simd, self, rays, stream.get_or_insert_default(), tests, (hits, first)
-        ));
-        for ray in left.iter() {
-            hits.set(first + ray, self.closest_hit(&rays.get(ray), traversal).as_ref());
-        }
-    }
-
-    /// Finds for a range of rays whether each is occluded, as [`Wide::stream_closest`].
-    fn stream_occluded(
-        &self,
-        rays: Rays,
-        range: Range<usize>,
-        occluded: &mut [bool],
-        traversal: &mut Traversal,
-    ) {
-        if range.is_empty() {
-            return;
-        }
-        let rays = rays.slice(range.start, range.len());
-        let occluded = &mut occluded[range];
-        let Traversal { stream, tests, .. } = traversal;
-        let left = as_stream!(self, rays, simd => stream::are_occluded(
-            simd, self, rays, stream.get_or_insert_default(), tests, occluded
-        ));
-        for ray in left.iter() {
-            occluded[ray] = self.is_occluded(&rays.get(ray), traversal);
+        let left = match results {
+            Results::Closest(hits) => as_stream!(self, rays, simd => stream::trace(
+                simd, self, rays, stream, tests, ClosestHits::new(self, rays, hits, first)
+            )),
+            Results::Occluded(occluded) => as_stream!(self, rays, simd => stream::trace(
+                simd, self, rays, stream, tests, Occlusion(&mut occluded[first..])
+            )),
+        };
+        for (place, ray) in left.iter().map(|index| (first + index, rays.get(index))) {
+            match results {
+                Results::Closest(hits) => hits.set(place, self.closest_hit(&ray, traversal).as_ref()),
+                Results::Occluded(occluded) => occluded[place] = self.is_occluded(&ray, traversal),
+            }
         }
     }
 }
@@ -174,55 +188,11 @@ impl<T: Tier> Accelerator for Wide<T> {
     }
 
     fn closest_hits(&self, rays: Rays, hits: &mut HitBuffer, traversal: &mut Traversal) {
-        let (all, first) = (rays, hits.len());
-        let (mut backoff, mut waiting) = (Backoff::default(), Waiting::default());
-        for [rays, following] in packets(all) {
-            let start = hits.len() - first;
-            let Traversal { children, tests, packet, .. } = traversal;
-            if rays.len() >= MIN_PACKET
-                && backoff.tries(|| {
-                    with_simd!(self.instructions, simd => packet::closest(
-                        simd, self, [rays, following], hits, packet.of(), children, tests
-                    ))
-                })
-            {
-                continue;
-            }
-            if all_pairs::applies(self) {
-                with_simd!(self.instructions, simd => all_pairs::closest(simd, self, rays, hits, traversal));
-                continue;
-            }
-            let end = start + rays.len();
-            hits.resize(first + end);
-            self.stream_closest(all, waiting.add(start..end), hits, first, traversal);
-        }
-        self.stream_closest(all, waiting.0, hits, first, traversal);
+        self.trace(rays, Results::Closest(hits), traversal);
     }
 
     fn are_occluded(&self, rays: Rays, occluded: &mut Vec<bool>, traversal: &mut Traversal) {
-        let (all, first) = (rays, occluded.len());
-        let (mut backoff, mut waiting) = (Backoff::default(), Waiting::default());
-        for [rays, following] in packets(all) {
-            let start = occluded.len() - first;
-            let Traversal { children, tests, packet, .. } = traversal;
-            if rays.len() >= MIN_PACKET
-                && backoff.tries(|| {
-                    with_simd!(self.instructions, simd => packet::occluded(
-                        simd, self, [rays, following], occluded, packet.of(), children, tests
-                    ))
-                })
-            {
-                continue;
-            }
-            if all_pairs::applies(self) {
-                with_simd!(self.instructions, simd => all_pairs::occluded(simd, self, rays, occluded, traversal));
-                continue;
-            }
-            let end = start + rays.len();
-            occluded.resize(first + end, false);
-            self.stream_occluded(all, waiting.add(start..end), &mut occluded[first..], traversal);
-        }
-        self.stream_occluded(all, waiting.0, &mut occluded[first..], traversal);
+        self.trace(rays, Results::Occluded(occluded), traversal);
     }
 
     fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal) {
@@ -236,11 +206,10 @@ impl<T: Tier> Accelerator for Wide<T> {
 
     fn each_hit(&self, rays: Rays, hits: &mut Vec<(usize, Hit)>, traversal: &mut Traversal) {
         for (first, rays) in batches(rays) {
-            let (before, Traversal { stream, tests, .. }) = (hits.len(), &mut *traversal);
-            let left = as_stream!(self, rays, simd => stream::all_hits(
-                simd, self, rays, stream.get_or_insert_default(), tests, hits
+            let Traversal { stream, tests, .. } = traversal;
+            let left = as_stream!(self, rays, simd => stream::trace(
+                simd, self, rays, stream, tests, AllHits(hits, first)
             ));
-            hits[before..].iter_mut().for_each(|(ray, _)| *ray += first);
             for index in left.iter() {
                 one::<T, false>(self, &rays.get(index), traversal, |hit| {
                     hits.push((first + index, hit));
@@ -268,15 +237,13 @@ impl<T: Tier> Accelerator for Wide<T> {
         visit: &mut dyn FnMut(PrimId, Primitive),
         traversal: &mut Traversal,
     ) {
-        #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = self.instructions.as_avx2() {
-            return if has_no_zeros(&ray.ray) {
+        match self.instructions.as_avx2() {
+            Some(simd) if has_no_zeros(&ray.ray) => {
                 near_ray::visit::<T, _, true>(simd, self, ray, traversal, visit);
-            } else {
-                near_ray::visit::<T, _, false>(simd, self, ray, traversal, visit);
-            };
+            }
+            Some(simd) => near_ray::visit::<T, _, false>(simd, self, ray, traversal, visit),
+            None => near_ray::visit::<T, _, false>(Portable, self, ray, traversal, visit),
         }
-        near_ray::visit::<T, _, false>(Portable, self, ray, traversal, visit);
     }
 
     fn each_near_rays(
@@ -347,15 +314,13 @@ fn one<T: Tier, const NEAREST: bool>(
     Traversal { children, tests, .. }: &mut Traversal,
     found: impl FnMut(Hit) -> Next,
 ) {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(simd) = wide.instructions.as_avx2() {
-        return if has_no_zeros(ray) {
+    match wide.instructions.as_avx2() {
+        Some(simd) if has_no_zeros(ray) => {
             single::traverse::<T, _, true, NEAREST>(simd, wide, ray, children, tests, found);
-        } else {
-            single::traverse::<T, _, false, NEAREST>(simd, wide, ray, children, tests, found);
-        };
+        }
+        Some(simd) => single::traverse::<T, _, false, NEAREST>(simd, wide, ray, children, tests, found),
+        None => single::traverse::<T, _, false, NEAREST>(Portable, wide, ray, children, tests, found),
     }
-    single::traverse::<T, _, false, NEAREST>(Portable, wide, ray, children, tests, found);
 }
 
 /// Packets of rays, each with the one after it.
@@ -370,7 +335,6 @@ fn batches(rays: Rays) -> impl Iterator<Item = (usize, Rays)> {
 }
 
 /// Whether no component of the direction is 0 or NaN.
-#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
 #[inline(always)]
 fn has_no_zeros(ray: &Ray) -> bool {
     ray.direction.abs().cmpgt(DVec3::ZERO).all()

@@ -2,7 +2,7 @@
 //!
 //! A ray passes these files:
 //! 1. [`dispatch`] implements [`Accelerator`](super::Accelerator): it chooses the traversal by the rays of the batch,
-//!    and the instruction set.
+//!    and the instruction set. Queries of many rays append to [`results`], whichever they are.
 //! 2. The rays are traced by one of
 //!    - [`packet`]: rays with a common origin, end or direction are culled together by a frustum, and hit triangles by
 //!      edge functions in f32 with error bounds;
@@ -21,6 +21,7 @@ mod layout;
 mod near_point;
 mod near_ray;
 mod packet;
+mod results;
 mod single;
 mod stream;
 #[cfg(test)]

@@ -19,35 +19,27 @@ pub(crate) fn visit<T: Tier, S: Simd, const FUSED: bool>(
     simd: S,
     wide: &Wide<T>,
     ray: &LineTest,
-    traversal: &mut Traversal,
+    Traversal { children: stack, tests, .. }: &mut Traversal,
     visit: &mut dyn FnMut(PrimId, Primitive),
 ) {
     simd.run(
         #[inline(always)]
-        || visit_by::<T, S, FUSED>(wide, ray, traversal, visit),
-    );
-}
-
-#[inline(always)]
-fn visit_by<T: Tier, S: Simd, const FUSED: bool>(
-    wide: &Wide<T>,
-    ray: &LineTest,
-    Traversal { children: stack, tests, .. }: &mut Traversal,
-    visit: &mut dyn FnMut(PrimId, Primitive),
-) {
-    let boxes = BoxRay::new(&ray.ray, FUSED, false);
-    descend::<S, FUSED, false>(
-        (&wide.nodes, wide.depth),
-        &boxes,
-        ray.ray.t_max,
-        false,
-        stack,
-        tests,
-        #[inline(always)]
-        |leaf, _, tests| {
-            tests.primitives += leaf.range().len() as u64;
-            visit_leaf::<T, S>(wide, ray, leaf, visit);
-            Next::Continue
+        || {
+            let boxes = BoxRay::new(&ray.ray, FUSED, false);
+            descend::<S, FUSED, false>(
+                (&wide.nodes, wide.depth),
+                &boxes,
+                ray.ray.t_max,
+                false,
+                stack,
+                tests,
+                #[inline(always)]
+                |leaf, _, tests| {
+                    tests.primitives += leaf.range().len() as u64;
+                    visit_leaf::<T, S>(wide, ray, leaf, visit);
+                    Next::Continue
+                },
+            );
         },
     );
 }
@@ -68,7 +60,7 @@ pub(crate) fn visit_stream<T: Tier, S: Simd>(
             stream::each_leaf::<T, S>(
                 wide,
                 rays,
-                stream.get_or_insert_default(),
+                stream,
                 tests,
                 #[inline(always)]
                 |ray, leaf| prepared[ray].may_cross4::<T::Corner, S::D4>(&leaf.corners) != 0,

@@ -10,6 +10,7 @@ mod shape;
 mod triangle;
 
 use super::Rays;
+use super::fast::dot;
 use super::simd::{Doubles, Floats, Vector};
 pub(crate) use shape::ShapeInF32;
 pub(crate) use triangle::TriangleInF32;
@@ -71,12 +72,7 @@ impl<F: Floats> RaysInF32<F> {
     /// Twice as many rays as [`Rays::lanes`], from index `first` on.
     #[inline(always)]
     pub(crate) fn new<D: Doubles<Floats = F>>(rays: Rays, first: usize) -> Self {
-        let origin = origins::<D>(rays, first);
-        let direction = [
-            rays.direction_floats::<D>(0, first),
-            rays.direction_floats::<D>(1, first),
-            rays.direction_floats::<D>(2, first),
-        ];
+        let (origin, direction) = (rays.origins_in_f32::<D>(first), rays.directions_in_f32::<D>(first));
         let square = dot(&direction, &direction);
         let is_unit = F::splat(0.9).le(square) & square.le(F::splat(1.1));
         RaysInF32 {
@@ -95,7 +91,7 @@ impl<F: Floats> RaysInF32<F> {
 pub(crate) fn reach_of_origins<D: Doubles>(rays: Rays) -> f64 {
     let mut largest = D::Floats::splat(0.0);
     for first in (0..rays.len()).step_by(D::Floats::LANES) {
-        let origin = origins::<D>(rays, first);
+        let origin = rays.origins_in_f32::<D>(first);
         // Lanes that are not supported may have any coordinate.
         largest = reach(&origin).min(D::Floats::splat(MAX_COORDINATE)).max(largest);
     }
@@ -104,25 +100,13 @@ pub(crate) fn reach_of_origins<D: Doubles>(rays: Rays) -> f64 {
 }
 
 #[inline(always)]
-fn origins<D: Doubles>(rays: Rays, first: usize) -> [D::Floats; 3] {
-    [rays.origin_floats::<D>(0, first), rays.origin_floats::<D>(1, first), rays.origin_floats::<D>(2, first)]
-}
-
-#[inline(always)]
 fn reach<F: Floats>([x, y, z]: &[F; 3]) -> F {
-    let zero = F::splat(0.0);
-    let abs = |x: F| x.max(zero - x);
-    abs(*x).max(abs(*y)).max(abs(*z))
+    x.abs().max(y.abs()).max(z.abs())
 }
 
 #[inline(always)]
 fn splat<F: Floats>(x: &[f32; 3]) -> [F; 3] {
     [F::splat(x[0]), F::splat(x[1]), F::splat(x[2])]
-}
-
-#[inline(always)]
-fn dot<F: Floats>(a: &[F; 3], b: &[F; 3]) -> F {
-    a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
 }
 
 #[cfg(test)]

@@ -1,8 +1,9 @@
 //! Estimates of hits on an analytic shape, by its bounding sphere.
 
-use super::{Errors, Estimate, MAX_COORDINATE, RaysInF32, U, UNDERFLOW, dot};
+use super::{Errors, Estimate, MAX_COORDINATE, RaysInF32, U, UNDERFLOW, splat};
 use crate::geometry::AnalyticShape;
 use crate::geometry::bounds::{round_down, round_up};
+use crate::geometry::fast::{dot, minus};
 use crate::geometry::simd::Floats;
 
 /// More than what squares and their sums lose to underflow.
@@ -67,10 +68,7 @@ impl ShapeInF32 {
     pub(crate) fn estimate<F: Floats>(&self, errors: &Errors, rays: &RaysInF32<F>) -> Estimate<F> {
         let [of_nearest, of_square, outside, inside] = errors.splat();
         let (zero, d) = (F::splat(0.0), &rays.direction);
-        let mut f = rays.origin;
-        for (f, &centre) in f.iter_mut().zip(&self.centre) {
-            *f = *f - F::splat(centre);
-        }
+        let f = minus(&rays.origin, &splat(&self.centre));
         let nearest = zero - dot(&f, d) * rays.inverse_square;
         let mut m = f;
         for (m, &d) in m.iter_mut().zip(d) {
@@ -83,7 +81,7 @@ impl ShapeInF32 {
         }
         let inside = square.lt(inside);
         let half = ((F::splat(self.square) - square) * rays.inverse_square).max(zero).sqrt();
-        let size = nearest.max(zero - nearest) + half;
+        let size = nearest.abs() + half;
         // 1 / d . d is at most 1 / 0.9.
         let of_half = of_square * F::splat(1.2) / half;
         let error = size.mul_add(F::splat(16.0 * U as f32), of_nearest + of_half);

@@ -1,7 +1,8 @@
 //! Estimates of hits on a triangle.
 
-use super::{DIRECTION, Errors, Estimate, MAX_COORDINATE, RaysInF32, U, UNDERFLOW, dot, splat};
+use super::{DIRECTION, Errors, Estimate, MAX_COORDINATE, RaysInF32, U, UNDERFLOW, splat};
 use crate::geometry::bounds::round_up;
+use crate::geometry::fast::{cross, dot, minus};
 use crate::geometry::simd::Floats;
 
 /// A triangle for [`TriangleInF32::estimate`]. For rays o + t d, with edges p and q from corner a and n = p x q, the test
@@ -74,14 +75,9 @@ impl TriangleInF32 {
     #[inline(always)]
     pub(crate) fn estimate<F: Floats>(&self, errors: &Errors, rays: &RaysInF32<F>) -> Estimate<F> {
         let zero = F::splat(0.0);
-        let ([ox, oy, oz], d) = (rays.origin, &rays.direction);
-        let [ax, ay, az] = splat(&self.corner);
-        let s = [ox - ax, oy - ay, oz - az];
-        let c = [
-            s[1].mul_sub(d[2], s[2] * d[1]),
-            s[2].mul_sub(d[0], s[0] * d[2]),
-            s[0].mul_sub(d[1], s[1] * d[0]),
-        ];
+        let d = &rays.direction;
+        let s = minus(&rays.origin, &splat(&self.corner));
+        let c = cross(&s, d);
         let normal = splat(&self.normal);
         let v = dot(&splat(&self.q), &c);
         let w = zero - dot(&splat(&self.p), &c);
@@ -95,13 +91,13 @@ impl TriangleInF32 {
         }
         let inside = weight_error.lt(least) | most.lt(zero - weight_error);
         let inverse = F::splat(1.0) / sum;
-        let size = inverse.max(zero - inverse);
+        let size = inverse.abs();
         let t = dot(&normal, &s) * inverse;
         let share = sum_error * size;
         let steady = inside & share.le(F::splat(MAX_SUM_ERROR));
         // Where `share` is at most 1 / 128, the error of a quotient is at most 128 / 127 of what a bound of first order gives.
         let relative = share + F::splat(16.0 * U as f32);
-        let error = height_error.mul_add(size, t.max(zero - t) * relative) * F::splat(1.02);
+        let error = height_error.mul_add(size, t.abs() * relative) * F::splat(1.02);
         let (near, far) = (t - error, t + error);
         Estimate {
             possible: possible & !(steady & far.le(rays.t_min)),

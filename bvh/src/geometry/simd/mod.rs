@@ -215,6 +215,11 @@ pub(crate) trait Floats: Vector<Scalar = f32> {
     fn select(mask: u32, a: Self, b: Self) -> Self;
     /// `self`, negated where the sign bit of `other` is set.
     fn flip(self, other: Self) -> Self;
+    /// The absolute value.
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.flip(self)
+    }
     /// The square root, rounded to nearest.
     fn sqrt(self) -> Self;
 }
@@ -351,6 +356,7 @@ mod tests {
             let (a, b) = (narrow(a), narrow(b));
             let (x, y) = (F::load_slice(&a), F::load_slice(&b));
             assert_lanes(x.flip(y), |lane| if b[lane].is_sign_negative() { -a[lane] } else { a[lane] });
+            assert_lanes(x.abs(), |lane| a[lane].abs());
             assert_lanes(x.sqrt(), |lane| a[lane].sqrt());
         }
         let a: Vec<f32> = (0..F::LANES).map(|lane| lane as f32 + 0.1).collect();

@@ -13,6 +13,7 @@ mod fast;
 mod primitives;
 
 use super::layout::Wide;
+use super::results::Results;
 use crate::bvh::{Accelerator, Traversal};
 use crate::geometry::estimate::{Errors, RaysInF32};
 use crate::geometry::lanes::MAX_LANES;
@@ -105,28 +106,43 @@ fn tests<T: Tier>(wide: &Wide<T>, rays: Rays) -> u64 {
     (rays.len() * primitives) as u64
 }
 
-/// Appends the closest hits of the rays. [`applies`] must hold.
+/// Appends the results of the rays. [`applies`] must hold.
 #[inline(always)]
-pub(crate) fn closest<T: Tier, S: Simd>(
+pub(crate) fn trace<T: Tier, S: Simd>(
     simd: S,
     wide: &Wide<T>,
     rays: Rays,
-    hits: &mut HitBuffer,
+    results: &mut Results,
     traversal: &mut Traversal,
 ) {
     traversal.tests.primitives += tests(wide, rays);
-    simd.run(
-        #[inline(always)]
-        || {
-            let Some(batch) = &wide.batch else { return fast::closest::<T, S>(wide, rays, hits) };
-            let mut of_rays = [Errors::NONE; TABLE];
-            let errors = batch.errors::<S::D>(rays, &mut of_rays);
-            hits.reserve(rays.len());
-            for first in (0..rays.len()).step_by(S::F::LANES) {
-                closest_of_group::<T, S>((wide, batch, errors), rays, first, hits, traversal);
-            }
-        },
-    );
+    match results {
+        Results::Closest(hits) => simd.run(
+            #[inline(always)]
+            || {
+                let Some(batch) = &wide.batch else { return fast::closest::<T, S>(wide, rays, hits) };
+                let mut of_rays = [Errors::NONE; TABLE];
+                let errors = batch.errors::<S::D>(rays, &mut of_rays);
+                hits.reserve(rays.len());
+                for first in (0..rays.len()).step_by(S::F::LANES) {
+                    closest_of_group::<T, S>((wide, batch, errors), rays, first, hits, traversal);
+                }
+            },
+        ),
+        Results::Occluded(occluded) => simd.run(
+            #[inline(always)]
+            || {
+                let Some(batch) = &wide.batch else { return fast::occluded::<T, S>(wide, rays, occluded) };
+                let mut of_rays = [Errors::NONE; TABLE];
+                let errors = batch.errors::<S::D>(rays, &mut of_rays);
+                for first in (0..rays.len()).step_by(S::F::LANES) {
+                    let hit = occluded_of_group::<T, S>((wide, batch, errors), rays, first, traversal);
+                    let count = S::F::LANES.min(rays.len() - first);
+                    occluded.extend((0..count).map(|lane| hit >> lane & 1 != 0));
+                }
+            },
+        ),
+    }
 }
 
 #[inline(always)]
@@ -198,31 +214,6 @@ fn closest_of_group<T: Tier, S: Simd>(
                 unsure &= unsure - 1;
                 let hit = wide.closest_hit(&rays.get(first + part.start + lane), traversal);
                 hits.set(before + lane, hit.as_ref());
-            }
-        },
-    );
-}
-
-/// Appends whether each ray hits anything. [`applies`] must hold.
-#[inline(always)]
-pub(crate) fn occluded<T: Tier, S: Simd>(
-    simd: S,
-    wide: &Wide<T>,
-    rays: Rays,
-    occluded: &mut Vec<bool>,
-    traversal: &mut Traversal,
-) {
-    traversal.tests.primitives += tests(wide, rays);
-    simd.run(
-        #[inline(always)]
-        || {
-            let Some(batch) = &wide.batch else { return fast::occluded::<T, S>(wide, rays, occluded) };
-            let mut of_rays = [Errors::NONE; TABLE];
-            let errors = batch.errors::<S::D>(rays, &mut of_rays);
-            for first in (0..rays.len()).step_by(S::F::LANES) {
-                let hit = occluded_of_group::<T, S>((wide, batch, errors), rays, first, traversal);
-                let count = S::F::LANES.min(rays.len() - first);
-                occluded.extend((0..count).map(|lane| hit >> lane & 1 != 0));
             }
         },
     );

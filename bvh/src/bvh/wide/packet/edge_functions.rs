@@ -3,7 +3,8 @@
 
 use super::frustum::Frustum;
 use super::projected_triangles::{
-    PRODUCT_SLACK, ProjectedTriangles, UNDERFLOW, above, below, difference_of_products, norm1, to_f32,
+    Arithmetic, InF64, PRODUCT_SLACK, ProjectedTriangles, UNDERFLOW, above, below, difference_of_products,
+    norm1,
 };
 use super::rays::OfBlock;
 use crate::geometry::simd::{Doubles, Floats, Simd, Vector};
@@ -62,7 +63,7 @@ const QUOTIENT_MARGINS: [f64; 2] = [1.0 - 4.0 * f32::EPSILON as f64, 1.0 + 4.0 *
 
 impl<S: Simd> EdgeFunctions<S> {
     #[inline(always)]
-    pub(crate) fn new(projected: &ProjectedTriangles<S>, frustum: &Frustum) -> Self {
+    pub(crate) fn new(projected: &ProjectedTriangles<S, InF64>, frustum: &Frustum) -> Self {
         let reach = frustum.intervals.map(|[low, high]| f64::from(low.abs().max(high.abs())));
         let slopes = 1.0 + reach[0] + reach[1];
         let reach = [S::D::splat(reach[0]), S::D::splat(reach[1])];
@@ -81,7 +82,7 @@ impl<S: Simd> EdgeFunctions<S> {
             bounds = bounds + bound;
             last = line;
         }
-        let bounds = to_f32::<S>(above::<S>(bounds));
+        let bounds = <InF64 as Arithmetic<S>>::to_f32(above::<S, InF64>(bounds));
         if frustum.shear.is_some() {
             let unknown = [S::F::ZEROS, S::F::splat(f32::INFINITY).array()];
             return EdgeFunctions {
@@ -100,8 +101,8 @@ impl<S: Simd> EdgeFunctions<S> {
         let [smaller, larger] = QUOTIENT_MARGINS;
         // Clamped, because infinity would not be a lower bound.
         let least = (size - error) * S::D::splat(smaller);
-        let least = below::<S>(S::D::splat(f64::from(f32::MAX)).min(least));
-        let most = above::<S>((size + error) * S::D::splat(larger));
+        let least = below::<S, InF64>(S::D::splat(f64::from(f32::MAX)).min(least));
+        let most = above::<S, InF64>((size + error) * S::D::splat(larger));
         // Orients the edges so that V is positive.
         let sign = S::D::splat(1.0).copysign(volume);
         let signs = S::D::to_floats(sign, sign);
@@ -111,7 +112,7 @@ impl<S: Simd> EdgeFunctions<S> {
             edge.c_and_bound = (S::F::load(edge.c_and_bound) * S::D::to_floats(sign, one)).array();
         }
         let oriented = error.lt(size);
-        let volumes = [to_f32::<S>(least), to_f32::<S>(most)];
+        let volumes = [<InF64 as Arithmetic<S>>::to_f32(least), <InF64 as Arithmetic<S>>::to_f32(most)];
         // A flipped depth axis mirrors the triangle.
         let mirrored = S::D::splat(if frustum.flipped { -1.0 } else { 1.0 });
         EdgeFunctions { edges, volumes, bounds, oriented, signs: (sign * mirrored).array() }
@@ -160,7 +161,7 @@ impl<S: Simd> EdgeFunctionN<S> {
     fn set(&mut self, [a, b, c]: [S::D; 3], error: S::D, reach: [S::D; 2]) -> S::D {
         let (of_u, of_v) = (a.abs() * reach[0], b.abs() * reach[1]);
         let size = of_u + of_v + c.abs();
-        let bound = above::<S>(size * S::D::splat(EDGE_SLACK) + error);
+        let bound = above::<S, InF64>(size * S::D::splat(EDGE_SLACK) + error);
         // Where f32 overflows, every ray may be inside. Without a branch: empty lanes count among these.
         let largest = a.abs().max(b.abs().max(size.max(bound)));
         let overflows = !largest.lt(S::D::splat(f64::from(f32::MAX) / 2.0)) & S::D::ALL;
@@ -177,7 +178,7 @@ impl<S: Simd> EdgeFunctionN<S> {
 /// corners, `slopes` is a bound on 1 + |u| + |v|.
 #[inline(always)]
 fn line<S: Simd>(
-    projected: &ProjectedTriangles<S>,
+    projected: &ProjectedTriangles<S, InF64>,
     sizes: &[S::D; 3],
     frustum: &Frustum,
     slopes: f64,

@@ -163,7 +163,7 @@ impl Frustum {
                 let least = S::F8::load(node.planes[axis][0]) - S::F8::splat(self.apex_bounds[axis][1]);
                 let most = S::F8::load(node.planes[axis][1]) - S::F8::splat(self.apex_bounds[axis][0]);
                 // Each term is off by at most 3 u of itself (the shear, depth, product), and their difference by u.
-                let size = max_abs(least, most) + max_abs(low, high);
+                let size = least.abs().max(most.abs()) + low.abs().max(high.abs());
                 let error = (size + S::F8::splat(self.reach as f32)) * S::F8::splat(SLACK as f32);
                 let error = error + S::F8::splat(f32::MIN_POSITIVE);
                 let [first, last] = self.intervals[k];
@@ -225,11 +225,4 @@ fn depth_axis(common: &Common) -> Option<usize> {
     let longest = common.directions.as_flattened().iter().fold(0.0, |most: f32, x| most.max(x.abs()));
     let fits = LENGTHS.contains(&f64::from(shortest(depth))) && LENGTHS.contains(&f64::from(longest));
     fits.then_some(depth)
-}
-
-/// The greater of |a| and |b|.
-#[inline(always)]
-fn max_abs<F: Floats>(a: F, b: F) -> F {
-    let zero = F::splat(0.0);
-    a.max(zero - a).max(b.max(zero - b))
 }

@@ -14,7 +14,7 @@
 //! 5. [`resolve`] tests by the [`Tier`], half a block at once, what f32 does not decide: during the traversal, rays
 //!    whose depth bounds overlap; at the end, the closest hits, whose bits must be those of the tier.
 //!
-//! [`fast`] takes the place of 3's leaves, 4 and 5 in fast tiers: f32 decides, without error bounds.
+//! In fast tiers, [`fast`] takes the place of edge functions and of 5: f32 decides, without error bounds.
 //!
 //! A packet that diverges too far is abandoned, and its rays are traced otherwise ([`Outcome`]).
 
@@ -32,11 +32,12 @@ use std::any::Any;
 use std::marker::PhantomData;
 
 use super::layout::{Child, Wide};
+use super::results::Results;
 use crate::bvh::Tests;
 use crate::geometry::lanes::MAX_FLOATS;
 use crate::geometry::simd::{Simd, Vector};
 use crate::geometry::woop_n::PreparedRayN;
-use crate::geometry::{HitBuffer, PACKET, PER_LINE, Rays, Tier, round_up};
+use crate::geometry::{PACKET, PER_LINE, Rays, Tier, round_up};
 use frustum::Frustum;
 use hits::BestHits;
 use projected_triangles::BlockBounds;
@@ -58,74 +59,49 @@ impl Outcome {
     }
 }
 
-/// Appends the closest hits of the rays. The `following` rays are prefetched.
+/// Appends the results of the rays. The `following` rays are prefetched.
 #[inline(always)]
-pub(crate) fn closest<T: Tier, S: Simd>(
+pub(crate) fn trace<T: Tier, S: Simd>(
     simd: S,
     wide: &Wide<T>,
     [rays, following]: [Rays; 2],
-    hits: &mut HitBuffer,
+    results: &mut Results,
     scratch: &mut Scratch<S>,
     stack: &mut Vec<(Child, f32)>,
     tests: &mut Tests,
 ) -> Outcome {
-    simd.run(
-        #[inline(always)]
-        || {
-            let Some(mut packet) = Packet::<T, S, false>::new(rays, following, scratch) else {
-                return Outcome::Unsuitable;
-            };
-            let first = hits.len();
-            let is_traversed = packet.traverse(
-                wide,
-                stack,
-                tests,
-                #[inline(always)]
-                |index| hits.prefetch(first + index),
-            );
-            if is_traversed && T::IS_FAST {
-                packet.append_fast(wide, hits);
-                return Outcome::Traced;
-            }
-            Outcome::traced_if(is_traversed && packet.resolve_all(wide, hits))
-        },
-    )
-}
-
-/// Appends whether each ray hits anything. The `following` rays are prefetched.
-#[inline(always)]
-pub(crate) fn occluded<T: Tier, S: Simd>(
-    simd: S,
-    wide: &Wide<T>,
-    [rays, following]: [Rays; 2],
-    occluded: &mut Vec<bool>,
-    scratch: &mut Scratch<S>,
-    stack: &mut Vec<(Child, f32)>,
-    tests: &mut Tests,
-) -> Outcome {
-    simd.run(
-        #[inline(always)]
-        || {
-            let Some(mut packet) = Packet::<T, S, true>::new(rays, following, scratch) else {
-                return Outcome::Unsuitable;
-            };
-            if !packet.traverse(wide, stack, tests, |_| {}) {
-                return Outcome::Abandoned;
-            }
-            for first in (0..rays.len()).step_by(S::F::LANES) {
-                packet.prefetch_following(|_| {});
-                let active = packet.scratch.active[first / S::F::LANES];
-                let of_block: [bool; MAX_FLOATS] = std::array::from_fn(|lane| active >> lane & 1 == 0);
-                // A constant number of bytes is copied without a call.
-                if first + S::F::LANES <= rays.len() {
-                    occluded.extend_from_slice(&of_block[..S::F::LANES]);
-                } else {
-                    occluded.extend_from_slice(&of_block[..rays.len() - first]);
+    match results {
+        Results::Closest(hits) => simd.run(
+            #[inline(always)]
+            || {
+                let Some(mut packet) = Packet::<T, S, false>::new(rays, following, scratch) else {
+                    return Outcome::Unsuitable;
+                };
+                let first = hits.len();
+                let is_traversed = packet.traverse(
+                    wide,
+                    stack,
+                    tests,
+                    #[inline(always)]
+                    |index| hits.prefetch(first + index),
+                );
+                Outcome::traced_if(is_traversed && packet.resolve_all(wide, hits))
+            },
+        ),
+        Results::Occluded(occluded) => simd.run(
+            #[inline(always)]
+            || {
+                let Some(mut packet) = Packet::<T, S, true>::new(rays, following, scratch) else {
+                    return Outcome::Unsuitable;
+                };
+                let is_traversed = packet.traverse(wide, stack, tests, |_| {});
+                if is_traversed {
+                    packet.append_occluded(occluded);
                 }
-            }
-            Outcome::Traced
-        },
-    )
+                Outcome::traced_if(is_traversed)
+            },
+        ),
+    }
 }
 
 /// The [`Scratch`] of the instruction set that used it last.
@@ -276,5 +252,23 @@ impl<'a, T: Tier, S: Simd, const ANY: bool> Packet<'a, T, S, ANY> {
     fn retire(&mut self, block: usize, rays: u32) {
         self.scratch.active[block] &= !rays;
         self.scratch.best.retire(block, rays);
+    }
+}
+
+impl<T: Tier, S: Simd> Packet<'_, T, S, true> {
+    /// Appends whether each ray is retired.
+    #[inline(always)]
+    fn append_occluded(&mut self, occluded: &mut Vec<bool>) {
+        for first in (0..self.rays.len()).step_by(S::F::LANES) {
+            self.prefetch_following(|_| {});
+            let active = self.scratch.active[first / S::F::LANES];
+            let of_block: [bool; MAX_FLOATS] = std::array::from_fn(|lane| active >> lane & 1 == 0);
+            // A constant number of bytes is copied without a call.
+            if first + S::F::LANES <= self.rays.len() {
+                occluded.extend_from_slice(&of_block[..S::F::LANES]);
+            } else {
+                occluded.extend_from_slice(&of_block[..self.rays.len() - first]);
+            }
+        }
     }
 }

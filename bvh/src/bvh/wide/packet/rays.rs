@@ -122,8 +122,7 @@ impl<S: Simd> PacketRays<S> {
         let one = S::F::splat(1.0);
         let mut intervals = [[S::F::splat(f32::INFINITY), S::F::splat(f32::NEG_INFINITY)]; 2];
         for block in 0..self.blocks {
-            let depth = rays.direction_floats::<S::D>(axes[2], block * S::F::LANES);
-            let depth = depth.max(S::F::splat(0.0) - depth);
+            let depth = rays.direction_floats::<S::D>(axes[2], block * S::F::LANES).abs();
             let share = sign * (one / depth);
             self.projected[2][block] = depth.array();
             for (k, [least, most]) in intervals.iter_mut().enumerate() {
@@ -219,8 +218,7 @@ impl<S: Simd> PacketRays<S> {
 /// A bound on the rounding of a depth.
 #[inline(always)]
 fn rounding<F: Floats>(depth: F) -> F {
-    let size = depth.max(F::splat(0.0) - depth);
-    size * F::splat(SLACK as f32) + F::splat(f32::MIN_POSITIVE)
+    depth.abs() * F::splat(SLACK as f32) + F::splat(f32::MIN_POSITIVE)
 }
 
 /// The centre of the rays' ends, and the largest distance on any axis at which a ray passes it; `None` if that is too

@@ -96,7 +96,7 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
             rays &= rays - 1;
             let is_known = match self.scratch.best.get(block * S::F::LANES + lane) {
                 BestHit::None => false,
-                BestHit::Unresolved(slot) => prim_in_slot(wide, slot) == prim,
+                BestHit::Unresolved(slot) => wide.prim_in(slot.index()) == prim,
                 BestHit::Resolved(hit) => hit.prim.0 == prim,
             };
             left &= !(u32::from(is_known) << lane);
@@ -144,7 +144,11 @@ impl<T: Tier, S: Simd> Packet<'_, T, S, false> {
                 #[inline(always)]
                 |index| hits.prefetch(before + index),
             );
-            self.resolve_group(wide, first, hits);
+            if T::IS_FAST {
+                self.append_fast(wide, first, hits);
+            } else {
+                self.resolve_group(wide, first, hits);
+            }
         }
         if self.is_inconsistent {
             hits.resize(before);
@@ -218,10 +222,4 @@ impl<T: Tier, S: Simd> Packet<'_, T, S, false> {
 /// The tier's hit of a ray on the triangle in a slot.
 pub(crate) fn hit_in_slot<T: Tier>(wide: &Wide<T>, ray: &Ray, slot: SlotId) -> Option<Hit> {
     hit_triangle::<T>(&T::Prepared::new(ray), ray, &wide.triangles[slot.index() as usize / LANES4], slot)
-}
-
-/// The primitive id of the triangle in a slot.
-#[inline(always)]
-fn prim_in_slot<T: Tier>(wide: &Wide<T>, slot: SlotId) -> u32 {
-    wide.triangles[slot.index() as usize / LANES4].ids[slot.index() as usize % LANES4]
 }

@@ -2,8 +2,9 @@
 
 use super::Packet;
 use super::edge_functions::EdgeFunctions;
+use super::frustum::Frustum;
 use super::projected_sphere::ProjectedSphere;
-use super::projected_triangles::ProjectedTriangles;
+use super::projected_triangles::{Arithmetic, InF32, InF64, ProjectedTriangles};
 use super::rays::BLOCKS;
 use super::resolve::hit_in_slot;
 use crate::bvh::Tests;
@@ -11,7 +12,7 @@ use crate::bvh::wide::layout::{Child, Content, Node, TriangleLeaf, WIDTH, Wide};
 use crate::bvh::wide::single::leaf::{hit_analytic, hit_analytic_n};
 use crate::geometry::lanes::{LANES4, MASK4, MAX_LANES};
 use crate::geometry::simd::{Simd, Vector};
-use crate::geometry::{PrimId, SlotId, Tier};
+use crate::geometry::{Corner, PrimId, SlotId, Tier, Triangle4};
 
 /// The work per ray above which a packet is abandoned: 1 for each triangle leaf visited, 2 for each of its triangles
 /// that overlaps a block of rays. For closest hits and for any hit. Measurements: docs/decisions.md.
@@ -53,6 +54,63 @@ impl LeafQueue {
     }
 }
 
+/// The test of triangles by the rays of a packet: by [`EdgeFunctions`] and the tier, or in fast tiers in f32 alone.
+pub(super) trait TriangleTest<S: Simd>: Arithmetic<S> {
+    /// The triangles of one or two leaves, prepared.
+    type Functions;
+
+    /// Prepares projected triangles of leaves.
+    fn functions<C: Corner>(
+        projected: &ProjectedTriangles<S, Self>,
+        leaves: [&Triangle4<C>; 2],
+        frustum: &Frustum,
+    ) -> Self::Functions;
+
+    /// Tests the rays of blocks against the triangle in a lane, which is in a slot of a leaf. Returns the blocks in
+    /// which best hits changed.
+    fn visit_blocks<T: Tier, const ANY: bool>(
+        packet: &mut Packet<T, S, ANY>,
+        wide: &Wide<T>,
+        functions: &Self::Functions,
+        triangle: (usize, &TriangleLeaf<T::Corner>, u32),
+        blocks: u32,
+        tests: &mut Tests,
+    ) -> u32;
+}
+
+impl<S: Simd> TriangleTest<S> for InF64 {
+    type Functions = EdgeFunctions<S>;
+
+    #[inline(always)]
+    fn functions<C: Corner>(
+        projected: &ProjectedTriangles<S, Self>,
+        _: [&Triangle4<C>; 2],
+        frustum: &Frustum,
+    ) -> EdgeFunctions<S> {
+        EdgeFunctions::new(projected, frustum)
+    }
+
+    #[inline(always)]
+    fn visit_blocks<T: Tier, const ANY: bool>(
+        packet: &mut Packet<T, S, ANY>,
+        wide: &Wide<T>,
+        edges: &EdgeFunctions<S>,
+        (lane, leaf, slot): (usize, &TriangleLeaf<T::Corner>, u32),
+        mut blocks: u32,
+        tests: &mut Tests,
+    ) -> u32 {
+        let (slot, corners) = (SlotId::new(slot), leaf.corners.corners_f64(lane % LANES4));
+        let mut changed = 0;
+        while blocks != 0 {
+            let block = blocks.trailing_zeros() as usize % BLOCKS;
+            blocks &= blocks - 1;
+            let found = packet.visit_block(wide, block, lane, (leaf, slot, &corners), edges, tests);
+            changed |= u32::from(found) << block;
+        }
+        changed
+    }
+}
+
 impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
     /// Finds the best hits of all rays. `false` if the packet is abandoned.
     #[inline(always)]
@@ -89,11 +147,7 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
                     }
                     Some((Content::Analytic(shapes), _)) => {
                         for index in shapes {
-                            if T::IS_FAST {
-                                self.visit_analytic_fast(wide, index, tests);
-                            } else {
-                                self.visit_analytic(wide, index, tests);
-                            }
+                            self.visit_analytic(wide, index, tests);
                         }
                         MAX_QUEUED
                     }
@@ -108,9 +162,9 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
                     let are_two = (S::D::LANES > LANES4 || T::IS_FAST) && queue.len() > 0;
                     let second = if are_two { Some(queue.remove().0) } else { None };
                     work += if T::IS_FAST {
-                        self.visit_triangles_fast(wide, first, second, tests)
+                        self.visit_triangles::<InF32>(wide, first, second, tests)
                     } else {
-                        self.visit_triangles(wide, first, second, tests)
+                        self.visit_triangles::<InF64>(wide, first, second, tests)
                     };
                 }
                 if work > MAX_WORK_PER_RAY[usize::from(ANY)] * self.rays.len() {
@@ -120,9 +174,9 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
         }
     }
 
-    /// Tests the triangles of a leaf and, where [`Simd::D`] has the lanes, of a second. Returns the work done.
+    /// Tests the triangles of a leaf and, where there are the lanes, of a second. Returns the work done.
     #[inline(always)]
-    fn visit_triangles(
+    fn visit_triangles<A: TriangleTest<S>>(
         &mut self,
         wide: &Wide<T>,
         first: u32,
@@ -131,15 +185,12 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
     ) -> usize {
         let indices = [first, second.unwrap_or(first)];
         let leaves = [&wide.triangles[indices[0] as usize], &wide.triangles[indices[1] as usize]];
-        let projected = ProjectedTriangles::<S>::new::<T>(
-            #[inline(always)]
-            |place| &leaves[place].corners,
-            &self.frustum,
-        );
-        let (mut blocks, mut lanes) = ([0; MAX_LANES], 0);
-        let mut overlapping = projected.overlapping & if second.is_some() { S::D::ALL } else { MASK4 };
+        let corners = [&leaves[0].corners, &leaves[1].corners];
+        let projected = ProjectedTriangles::<S, A>::new(corners, &self.frustum);
+        let (mut blocks, mut lanes) = ([0; MAX_LANES], 0u32);
+        let mut overlapping = projected.overlapping & if second.is_some() { A::V::ALL } else { MASK4 };
         while overlapping != 0 {
-            let lane = overlapping.trailing_zeros() as usize % S::D::LANES;
+            let lane = overlapping.trailing_zeros() as usize % A::V::LANES;
             overlapping &= overlapping - 1;
             blocks[lane] = projected.blocks(lane, &self.scratch.block_bounds, &self.scratch.depths);
             lanes |= u32::from(blocks[lane] != 0) << lane;
@@ -149,21 +200,15 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
             return visits;
         }
         let work = visits + 2 * lanes.count_ones() as usize;
-        let edges = EdgeFunctions::new(&projected, &self.frustum);
+        let functions = A::functions(&projected, corners, &self.frustum);
         // Updated at the end: reading the depths right after their lanes were stored would stall.
         let mut changed = 0u32;
         while lanes != 0 {
-            let lane = lanes.trailing_zeros() as usize % S::D::LANES;
+            let lane = lanes.trailing_zeros() as usize % A::V::LANES;
             lanes &= lanes - 1;
             let (leaf, index) = (leaves[lane / LANES4], indices[lane / LANES4]);
-            let slot = SlotId::new(index * LANES4 as u32 + (lane % LANES4) as u32);
-            let (mut blocks, corners) = (blocks[lane], leaf.corners.corners_f64(lane % LANES4));
-            while blocks != 0 {
-                let block = blocks.trailing_zeros() as usize % BLOCKS;
-                blocks &= blocks - 1;
-                let found = self.visit_block(wide, block, lane, (leaf, slot, &corners), &edges, tests);
-                changed |= u32::from(found) << block;
-            }
+            let triangle = (lane, leaf, index * LANES4 as u32 + (lane % LANES4) as u32);
+            changed |= A::visit_blocks(self, wide, &functions, triangle, blocks[lane], tests);
         }
         self.update_depths(changed);
         work
@@ -220,6 +265,7 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
     #[inline(always)]
     fn visit_analytic(&mut self, wide: &Wide<T>, index: u32, tests: &mut Tests) {
         let (Some(shape), prim) = &wide.analytic[index as usize] else { return };
+        let slot = wide.slot_of_analytic(index);
         let projected = ProjectedSphere::<S>::new(shape.bounding_sphere(), &self.frustum);
         let mut changed = 0u32;
         for block in 0..self.scratch.rays.blocks % (BLOCKS + 1) {
@@ -230,21 +276,25 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
                 continue;
             }
             tests.primitives += u64::from(possible.count_ones());
-            let found = self.test_block(
-                wide,
-                block,
-                possible,
-                #[inline(always)]
-                |packet, first| hit_analytic_n::<T, S::D>(&packet.rays.lanes(first), shape),
-                #[inline(always)]
-                |packet, ray, group, lane| {
-                    let mut hit = group.at(lane, *prim, wide.slot_of_analytic(index));
-                    if group.undecided >> lane & 1 != 0 {
-                        hit.t = hit_analytic::<T>(&packet.rays.get(ray), shape)?;
-                    }
-                    Some(hit)
-                },
-            );
+            let found = if T::IS_FAST {
+                self.test_shape_fast(block, possible, shape, slot.index())
+            } else {
+                self.test_block(
+                    wide,
+                    block,
+                    possible,
+                    #[inline(always)]
+                    |packet, first| hit_analytic_n::<T, S::D>(&packet.rays.lanes(first), shape),
+                    #[inline(always)]
+                    |packet, ray, group, lane| {
+                        let mut hit = group.at(lane, *prim, slot);
+                        if group.undecided >> lane & 1 != 0 {
+                            hit.t = hit_analytic::<T>(&packet.rays.get(ray), shape)?;
+                        }
+                        Some(hit)
+                    },
+                )
+            };
             changed |= u32::from(found) << block;
         }
         self.update_depths(changed);

@@ -22,40 +22,30 @@ pub(crate) fn traverse<T: Tier, S: Simd, const FUSED: bool, const NEAREST: bool>
     ray: &Ray,
     stack: &mut Vec<(Child, f32)>,
     tests: &mut Tests,
-    found: impl FnMut(Hit) -> Next,
+    mut found: impl FnMut(Hit) -> Next,
 ) {
     simd.run(
         #[inline(always)]
-        move || traverse_by::<T, S, FUSED, NEAREST>(wide, ray, stack, tests, found),
-    );
-}
-
-/// [`traverse`], to be inlined where the instruction set is enabled.
-#[inline(always)]
-fn traverse_by<T: Tier, S: Simd, const FUSED: bool, const NEAREST: bool>(
-    wide: &Wide<T>,
-    ray: &Ray,
-    stack: &mut Vec<(Child, f32)>,
-    tests: &mut Tests,
-    mut found: impl FnMut(Hit) -> Next,
-) {
-    let boxes = BoxRay::new(ray, FUSED, T::IS_FAST);
-    let mut prepared = T::Prepared::new(ray);
-    descend::<S, FUSED, NEAREST>(
-        (&wide.nodes, wide.depth),
-        &boxes,
-        ray.t_max,
-        T::IS_FAST,
-        stack,
-        tests,
-        #[inline(always)]
-        |leaf, _, tests| {
-            tests.primitives += leaf.range().len() as u64;
-            let next = hits_in_leaf::<T, S>(wide, ray, &prepared, leaf, &mut found);
-            if let Next::Shorten(t) = next {
-                prepared.shorten(t);
-            }
-            next
+        move || {
+            let boxes = BoxRay::new(ray, FUSED, T::IS_FAST);
+            let mut prepared = T::Prepared::new(ray);
+            descend::<S, FUSED, NEAREST>(
+                (&wide.nodes, wide.depth),
+                &boxes,
+                ray.t_max,
+                T::IS_FAST,
+                stack,
+                tests,
+                #[inline(always)]
+                |leaf, _, tests| {
+                    tests.primitives += leaf.range().len() as u64;
+                    let next = hits_in_leaf::<T, S>(wide, ray, &prepared, leaf, &mut found);
+                    if let Next::Shorten(t) = next {
+                        prepared.shorten(t);
+                    }
+                    next
+                },
+            );
         },
     );
 }

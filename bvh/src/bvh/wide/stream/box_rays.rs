@@ -3,7 +3,7 @@
 
 use crate::bvh::wide::layout::WIDTH;
 use crate::bvh::wide::single::box_ray::{BoxRay, LENGTHS, WIDENING};
-use crate::geometry::simd::{Doubles, Simd, Vector};
+use crate::geometry::simd::{Doubles, Floats, Simd, Vector};
 use crate::geometry::{BATCH, Rays};
 
 /// Some of at most [`BATCH`] rays, as bits.
@@ -95,9 +95,8 @@ impl BoxRays {
         for axis in 0..3 {
             let inverse = one / rays.direction_floats::<S::D4>(axis, first);
             let offset = rays.origin_floats::<S::D4>(axis, first) * inverse;
-            let (of_offset, of_inverse) = (offset.max(zero - offset), inverse.max(zero - inverse));
-            let underflow = (of_inverse + one) * S::F8::splat(f32::MIN_POSITIVE);
-            let widening = if fast { zero } else { of_offset * S::F8::splat(WIDENING) + underflow };
+            let underflow = (inverse.abs() + one) * S::F8::splat(f32::MIN_POSITIVE);
+            let widening = if fast { zero } else { offset.abs() * S::F8::splat(WIDENING) + underflow };
             inverses[axis] = inverse.array();
             offsets[axis] = [(offset + widening).array(), (offset - widening).array()];
         }

@@ -19,11 +19,12 @@ use super::layout::{Child, TriangleLeaf, WIDTH, Wide};
 use super::single::box_ray::BoxRay;
 use crate::bvh::Tests;
 use crate::geometry::simd::Simd;
-use crate::geometry::{Hit, HitBuffer, PreparedRay, Rays, Tier};
+use crate::geometry::{PreparedRay, Rays, Tier};
 use box_rays::BoxRays;
 pub(crate) use box_rays::RayMask;
 use leaves::{Leaves, LeavesByRay, TriangleTests};
-use query::{AllHits, ClosestHits, Occlusion, Query};
+use query::Query;
+pub(crate) use query::{AllHits, ClosestHits, Occlusion};
 pub(crate) use state::Scratch;
 use state::{InFlight, Queues, ROOM, STREAM_WIDTH, Stack, Stacks, StreamRay};
 
@@ -32,53 +33,17 @@ pub(crate) fn applies<T: Tier>(wide: &Wide<T>) -> bool {
     !wide.nodes.is_empty() && (wide.depth + 2) * WIDTH <= ROOM
 }
 
-/// Sets the closest hits of at most `BATCH` rays; that of the first is at `first`. Returns the rays that it does not
-/// trace.
-pub(crate) fn closest_hits<T: Tier, S: Simd>(
-    simd: S,
-    wide: &Wide<T>,
-    rays: Rays,
-    scratch: &mut Scratch,
-    tests: &mut Tests,
-    (hits, first): (&mut HitBuffer, usize),
-) -> RayMask {
-    let query = ClosestHits::new(wide, rays, hits, first);
-    each_hit(simd, wide, rays, scratch, tests, query)
-}
-
-/// Sets whether each of at most `BATCH` rays hits anything, but for those that it returns.
-pub(crate) fn are_occluded<T: Tier, S: Simd>(
-    simd: S,
-    wide: &Wide<T>,
-    rays: Rays,
-    scratch: &mut Scratch,
-    tests: &mut Tests,
-    occluded: &mut [bool],
-) -> RayMask {
-    each_hit(simd, wide, rays, scratch, tests, Occlusion(occluded))
-}
-
-/// Appends every hit of at most `BATCH` rays, with the index of the ray. Returns the rays that it does not trace.
-pub(crate) fn all_hits<T: Tier, S: Simd>(
-    simd: S,
-    wide: &Wide<T>,
-    rays: Rays,
-    scratch: &mut Scratch,
-    tests: &mut Tests,
-    hits: &mut Vec<(usize, Hit)>,
-) -> RayMask {
-    each_hit(simd, wide, rays, scratch, tests, AllHits(hits))
-}
-
+/// Traces at most `BATCH` rays for a query, but for those that it returns.
 #[inline(always)]
-fn each_hit<T: Tier, S: Simd>(
+pub(crate) fn trace<T: Tier, S: Simd>(
     simd: S,
     wide: &Wide<T>,
     rays: Rays,
-    Scratch { triangles, stacks }: &mut Scratch,
+    scratch: &mut Option<Scratch>,
     tests: &mut Tests,
     query: impl Query<T, S>,
 ) -> RayMask {
+    let Scratch { triangles, stacks } = scratch.get_or_insert_default();
     simd.run(
         #[inline(always)]
         move || {
@@ -96,11 +61,12 @@ fn each_hit<T: Tier, S: Simd>(
 pub(crate) fn each_leaf<T: Tier, S: Simd>(
     wide: &Wide<T>,
     rays: Rays,
-    Scratch { stacks, .. }: &mut Scratch,
+    scratch: &mut Option<Scratch>,
     tests: &mut Tests,
     may_hit: impl Fn(usize, &TriangleLeaf<T::Corner>) -> bool,
     visit: impl FnMut(usize, Child),
 ) -> RayMask {
+    let Scratch { stacks, .. } = scratch.get_or_insert_default();
     traverse::<T, S>(wide, rays, stacks, false, tests, LeavesByRay { may_hit, visit })
 }
 

@@ -7,7 +7,7 @@ use crate::geometry::simd::{Doubles, Simd, Vector};
 use crate::geometry::{Hit, HitBuffer, NO_PRIMITIVE, PrimId, Rays, SlotId, Tier};
 
 /// A query about each ray of a stream.
-pub(super) trait Query<T: Tier, S: Simd> {
+pub(crate) trait Query<T: Tier, S: Simd> {
     /// Takes a hit.
     fn found(&mut self, at: InFlight, hit: &Hit);
 
@@ -36,7 +36,7 @@ pub(super) trait Query<T: Tier, S: Simd> {
 }
 
 /// What a ray does after a leaf.
-pub(super) struct After {
+pub(crate) struct After {
     /// Hits from here on do not matter.
     pub t_max: f64,
     /// Whether no other leaf matters.
@@ -83,7 +83,7 @@ impl Best {
 }
 
 /// The closest hit of each ray, beside the ray while it is in flight.
-pub(super) struct ClosestHits<'a, T: Tier> {
+pub(crate) struct ClosestHits<'a, T: Tier> {
     wide: &'a Wide<T>,
     rays: Rays<'a>,
     hits: &'a mut HitBuffer,
@@ -94,7 +94,7 @@ pub(super) struct ClosestHits<'a, T: Tier> {
 
 impl<'a, T: Tier> ClosestHits<'a, T> {
     #[inline(always)]
-    pub(super) fn new(wide: &'a Wide<T>, rays: Rays<'a>, hits: &'a mut HitBuffer, first: usize) -> Self {
+    pub(crate) fn new(wide: &'a Wide<T>, rays: Rays<'a>, hits: &'a mut HitBuffer, first: usize) -> Self {
         ClosestHits { wide, rays, hits, first, best: [Best::NONE; STREAM_WIDTH] }
     }
 }
@@ -152,7 +152,7 @@ impl<T: Tier, S: Simd> Query<T, S> for ClosestHits<'_, T> {
 }
 
 /// Whether each ray has a hit.
-pub(super) struct Occlusion<'a>(pub &'a mut [bool]);
+pub(crate) struct Occlusion<'a>(pub &'a mut [bool]);
 
 impl<T: Tier, S: Simd> Query<T, S> for Occlusion<'_> {
     #[inline(always)]
@@ -178,12 +178,12 @@ impl<T: Tier, S: Simd> Query<T, S> for Occlusion<'_> {
     }
 }
 
-/// Every hit of each ray, with the index of the ray.
-pub(super) struct AllHits<'a>(pub &'a mut Vec<(usize, Hit)>);
+/// Every hit of each ray, with the index of the ray, added to that of the first.
+pub(crate) struct AllHits<'a>(pub &'a mut Vec<(usize, Hit)>, pub usize);
 
 impl<T: Tier, S: Simd> Query<T, S> for AllHits<'_> {
     #[inline(always)]
     fn found(&mut self, at: InFlight, hit: &Hit) {
-        self.0.push((at.ray, *hit));
+        self.0.push((self.1 + at.ray, *hit));
     }
 }
