@@ -103,7 +103,7 @@ impl LineTest {
         } else {
             return self.side_exactly(corners, weights, error);
         };
-        Some(if positive == (self.woop.shear[2] > 0.0) { Side::Entering } else { Side::Leaving })
+        Some(if positive == (self.woop.sign > 0.0) { Side::Entering } else { Side::Leaving })
     }
 
     #[cold]
@@ -112,7 +112,7 @@ impl LineTest {
         let sign = |k: usize| {
             let (p, q) = (corners[(k + 2) % 3], corners[(k + 1) % 3]);
             match weights[k] {
-                weight if weight.abs() > error => (weight * self.woop.shear[2]).signum() as i32,
+                weight if weight.abs() > error => (weight * self.woop.sign).signum() as i32,
                 _ => self.edge_sign(p, q),
             }
         };

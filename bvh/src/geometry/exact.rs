@@ -106,8 +106,8 @@ fn decide(
             // component along the major axis; `b` and `c` by cyclic permutation.
             let (p, q) = (corners[(k + 2) % 3], corners[(k + 1) % 3]);
             let triple = triple_product(ray, p, q);
-            let sign = f64::from(triple.sign()) * test.shear[2].signum();
-            *weight = (triple.estimate() * test.shear[2]).abs() * sign;
+            let sign = f64::from(triple.sign()) * test.sign;
+            *weight = (triple.estimate() * test.inverse[2]).abs() * sign;
             positive |= sign > 0.0;
             negative |= sign < 0.0;
             if positive && negative {
@@ -152,7 +152,7 @@ fn settle(
     let depth_error =
         7.0 * error * share.abs() * deep + 8.0 * f64::EPSILON * a.abs().max(b.abs()).max(c.abs());
     let t = if depth_error <= depth.abs() * (TOLERANCE / 2.0) {
-        depth * test.shear[2]
+        depth * test.inverse[2]
     } else {
         match plane_distance(ray, corners) {
             PlaneDistance::At(t) => t,

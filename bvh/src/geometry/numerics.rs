@@ -40,8 +40,9 @@ impl Precision {
 
     /// A ray with origin and direction rounded to this precision. Zero components become +0.
     ///
-    /// `origin` and `direction` must be finite, and `direction` of length 1 or, for t in units of its length, another
-    /// one but 0: [`Bvh::ray`](crate::bvh::Bvh::ray) checks this and normalises.
+    /// `origin` and `direction` must be finite, `t_max` not NaN, and `direction` of a length that [`Ray::unchecked`] takes:
+    /// [`Bvh::ray`](crate::bvh::Bvh::ray) checks this and normalises. Here debug builds alone check origin and
+    /// direction; queries of a ray with NaN return any hits or none.
     ///
     /// # Panics
     /// If `t_min` is NaN or negative.

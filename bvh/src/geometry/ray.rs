@@ -70,8 +70,11 @@ pub struct Hit {
 
 impl Ray {
     /// A ray of these numbers as they are. The caller ensures that they are finite but for `t_max`, that `t_min` is not
-    /// negative, and that `direction` has length 1, or takes t in units of its length. Queries of another ray return
-    /// any hits.
+    /// negative, and that `direction` has length 1, or takes t in units of its length, from 2^-400 to 2^400. NaN is not
+    /// refused: queries of another ray return any hits or none, without a panic.
+    ///
+    /// Up to those lengths nothing overflows or underflows: a direction is multiplied by two coordinates, below 2^129
+    /// and with digits down to 2^-303 (coordinates below 2^-250 count as 0, and another 53 digits of those are computed).
     #[inline(always)]
     pub const fn unchecked(origin: DVec3, direction: DVec3, t_min: f64, t_max: f64) -> Self {
         Ray { origin, direction, t_min, t_max }

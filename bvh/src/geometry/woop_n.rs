@@ -5,9 +5,11 @@
 //! Operations and their order are those of the test for one ray, so the results have the same bits. Lanes where that
 //! test would branch off (cancellation, zero direction components, sides that f64 does not decide) come back undecided.
 
+use glam::DVec3;
+
 use super::lanes::{HitN, RayN, Triangle4};
 use super::simd::Doubles;
-use super::woop::{CANCELLED, MajorAxis, NEAR};
+use super::woop::{CANCELLED, MajorAxis, NEAR, WoopTest};
 use super::{Corner, Rays};
 
 /// Rays prepared for triangles, axes permuted so that the major axis of the first ray is the third.
@@ -41,37 +43,21 @@ impl<D: Doubles> Default for PreparedRayN<D> {
 }
 
 impl<D: Doubles> PreparedRayN<D> {
-    /// Prepares rays from index `first` on. As `WoopTest::new`, all lanes at once.
+    /// Prepares rays from index `first` on.
     ///
     /// # Panics
     /// If there is no such ray.
     #[inline(always)]
     pub(crate) fn fill(&mut self, rays: Rays, first: usize) {
-        let major = MajorAxis::of(rays.direction(first));
-        let lanes = rays.lanes::<D>(first);
-        self.axes = major.axes();
-        (self.t_min, self.t_max) = (lanes.t_min.array(), lanes.t_max.array());
-        let (zero, one) = (D::splat(0.0), D::splat(1.0));
-        let mut permuted = [zero; 3];
-        let mut zeros = 0;
-        for (axis, place) in major.places().into_iter().enumerate() {
-            let direction = lanes.direction[axis];
-            self.origin[place] = lanes.origin[axis].array();
-            self.inverse[place] = (one / direction).array();
-            permuted[place] = direction;
-            zeros |= direction.abs().le(zero);
-        }
-        let inverse = D::load(self.inverse[2]);
-        self.shear = [(permuted[0] * inverse).array(), (permuted[1] * inverse).array()];
-        let [x, y, z] = lanes.direction.map(D::abs);
-        let x_first = y.le(x) & z.le(x);
-        let y_first = z.le(y);
+        let PreparedEachN { rays, x_first, y_first } = PreparedEachN::new(&rays.lanes(first));
+        let major = MajorAxis::of_order(x_first & 1 != 0, y_first & 1 != 0);
         let same = match major {
             MajorAxis::X => x_first,
             MajorAxis::Y => !x_first & y_first,
             MajorAxis::Z => !(x_first | y_first),
         };
-        self.unsupported = (!same | zeros) & D::ALL;
+        let unsupported = (rays.unsupported | !same) & D::ALL;
+        *self = PreparedRayN { axes: major.axes(), unsupported, ..rays };
     }
 
     /// The hits of the rays on one triangle. `ahead`: the caller knows that no hit lies behind a ray's origin,
@@ -117,7 +103,8 @@ impl<D: Doubles> PreparedRayN<D> {
     fn hit_from_origin(&self, corners: &[[D; 3]; 3], ahead: bool) -> HitN<D> {
         let inverse = load::<D>(&self.inverse);
         let rays = ShearedN {
-            shear: [D::load(self.shear[0]), D::load(self.shear[1]), inverse[2]],
+            shear: [D::load(self.shear[0]), D::load(self.shear[1])],
+            sign: D::splat(1.0).copysign(inverse[2]),
             inverse,
             t_min: D::load(self.t_min),
             t_max: D::load(self.t_max),
@@ -138,7 +125,7 @@ pub(crate) struct PreparedEachN<D: Doubles> {
 }
 
 impl<D: Doubles> PreparedEachN<D> {
-    /// Prepares a ray for each lane.
+    /// Prepares a ray for each lane. As `WoopTest::new`, all lanes at once.
     #[inline(always)]
     pub(crate) fn new(rays: &RayN<D>) -> Self {
         let (zero, one) = (D::splat(0.0), D::splat(1.0));
@@ -157,6 +144,22 @@ impl<D: Doubles> PreparedEachN<D> {
         each.rays.shear = [(direction[0] * inverse[2]).array(), (direction[1] * inverse[2]).array()];
         each.rays.unsupported = x.le(zero) | y.le(zero) | z.le(zero);
         each
+    }
+
+    /// The ray in a lane, which must have no zeros in its direction.
+    #[inline(always)]
+    pub(crate) fn ray(&self, lane: usize) -> WoopTest {
+        let PreparedRayN { origin, shear, inverse, t_min, t_max, .. } = &self.rays;
+        WoopTest {
+            origin: DVec3::new(origin[0][lane], origin[1][lane], origin[2][lane]),
+            major: MajorAxis::of_order(self.x_first >> lane & 1 != 0, self.y_first >> lane & 1 != 0),
+            shear: [shear[0][lane], shear[1][lane]],
+            sign: 1f64.copysign(inverse[2][lane]),
+            inverse: [inverse[0][lane], inverse[1][lane], inverse[2][lane]],
+            t_min: t_min[lane],
+            t_max: t_max[lane],
+            zero_direction_mask: 0,
+        }
     }
 
     /// A vector in each lane by [`MajorAxis::axes`].
@@ -185,8 +188,10 @@ impl<D: Doubles> PreparedEachN<D> {
 
 /// The parameters of rays apart from their origins, from which corners are given.
 pub(crate) struct ShearedN<D: Doubles> {
-    /// The two shears, and the reciprocal of the direction along the third axis.
-    pub shear: [D; 3],
+    /// The two shears.
+    pub shear: [D; 2],
+    /// 1 with the sign of the direction along the third axis.
+    pub sign: D,
     /// Reciprocals of the direction.
     pub inverse: [D; 3],
     /// See [`super::Ray::t_min`].
@@ -209,9 +214,8 @@ pub(crate) fn hit_lanes<D: Doubles, const EARLY: bool>(
 ) -> HitN<D> {
     let zero = D::splat(0.0);
     let [[_, _, az], [_, _, bz], [_, _, cz]] = *corners;
-    let shear = &rays.shear;
     let [(weight_a, product_a), (weight_b, product_b), (weight_c, product_c)] =
-        edges(&sheared_corners(corners, shear));
+        edges(&sheared_corners(corners, &rays.shear));
     let inside = same_signs([weight_a, weight_b, weight_c]);
     if EARLY && inside == 0 {
         return HitN::NONE;
@@ -237,13 +241,13 @@ pub(crate) fn hit_lanes<D: Doubles, const EARLY: bool>(
     let near = depth.abs().lt(reach * D::splat(NEAR));
     let mut behind = 0;
     if !ahead && (!EARLY || near & inside & !undecided != 0) {
-        let (is_behind, cannot_say) = side(corners, &reaches, sum * shear[2]);
+        let (is_behind, cannot_say) = side(corners, &reaches, sum * rays.sign);
         behind = near & is_behind;
         undecided |= near & inside & cannot_say;
     }
 
     // Clamped to the triangle's own bounds: see `clamp_to_bounds`.
-    let computed = depth * shear[2];
+    let computed = depth * rays.inverse[2];
     let mut enter = D::splat(f64::NEG_INFINITY);
     let mut leave = D::splat(f64::INFINITY);
     for axis in 0..3 {
@@ -271,14 +275,16 @@ pub(crate) fn hit_lanes<D: Doubles, const EARLY: bool>(
 /// The lanes that may be hit: those whose line crosses the triangle, but for crossings certainly behind the origin. In
 /// the others the test for one ray misses ([`side`] has the proof).
 #[inline(always)]
-pub(crate) fn may_hit<D: Doubles>(corners: &[[D; 3]; 3], shear: &[D; 3]) -> u32 {
+pub(crate) fn may_hit<D: Doubles>(corners: &[[D; 3]; 3], shear: &[D; 2], sign: D) -> u32 {
     let [(a, _), (b, _), (c, _)] = edges(&sheared_corners(corners, shear));
-    let (is_behind, cannot_say) = side(corners, &reaches_of(corners), (a + b + c) * shear[2]);
+    let (is_behind, cannot_say) = side(corners, &reaches_of(corners), (a + b + c) * sign);
     same_signs([a, b, c]) & (!is_behind | cannot_say)
 }
 
 /// Masks of the rays whose triangle contains the origin or lies behind it, and of those that f64 does not decide.
-/// `against` has the sign of the side from which a ray meets the triangle; `reaches` are the largest coordinates of
+/// `against` has the sign of the side from which a ray meets the triangle: that of the sum of the edge functions times
+/// the direction along the third axis, of which only the sign is taken, so that directions of any length do not
+/// underflow. `reaches` are the largest coordinates of
 /// each corner.
 ///
 /// `is_behind` of the test for one ray takes the determinant of the corners as given or as sheared. Above the bound
@@ -320,12 +326,12 @@ fn load<D: Doubles>(axes: &[D::Array; 3]) -> [D; 3] {
 
 /// x and y of corners in the sheared plane.
 #[inline(always)]
-pub(super) fn sheared_corners<D: Doubles>([a, b, c]: &[[D; 3]; 3], shear: &[D; 3]) -> [[D; 2]; 3] {
+pub(super) fn sheared_corners<D: Doubles>([a, b, c]: &[[D; 3]; 3], shear: &[D; 2]) -> [[D; 2]; 3] {
     [sheared_xy(a, shear), sheared_xy(b, shear), sheared_xy(c, shear)]
 }
 
 #[inline(always)]
-fn sheared_xy<D: Doubles>(&[x, y, z]: &[D; 3], shear: &[D; 3]) -> [D; 2] {
+fn sheared_xy<D: Doubles>(&[x, y, z]: &[D; 3], shear: &[D; 2]) -> [D; 2] {
     [x - shear[0] * z, y - shear[1] * z]
 }
 

@@ -5,11 +5,15 @@
 //! distance, so a ray may cross a face as the test sees it beside the border, by more than any share of the ray's
 //! distance from it: all box tests must allow for that.
 
-use glam::DVec3;
+use std::sync::Arc;
+
+use glam::{DMat4, DVec3};
 
 use crate::bvh::splitmix64::splitmix64;
-use crate::bvh::{Accelerator, Layout, Primitive, Slot, Traversal, build};
-use crate::geometry::{Hit, HitBuffer, Numerics, PACKET, PrimId, Ray, RayBuffer, Triangle};
+use crate::bvh::{Accelerator, Instance, Layout, Primitive, Slot, Traversal, build, build_with_instances};
+use crate::geometry::{
+    Hit, HitBuffer, Mesh, Numerics, PACKET, Placed, Placement, PrimId, Ray, RayBuffer, Triangle,
+};
 
 /// Numbers between -1 and 1.
 fn numbers(mut seed: u64) -> impl FnMut() -> f64 {
@@ -49,6 +53,18 @@ fn ridge(axis: usize, border: f64, near: f64, seed: u64) -> ([[DVec3; 3]; 4], Ve
     ([[a, b, c], [a, b, d], [a, c, d], [b, c, d]], rays.collect())
 }
 
+/// Triangles as an instance of a mesh. Its placement is exact: another scale on each axis, one of them mirrored.
+fn instance(triangles: &[[DVec3; 3]; 4], layout: Layout, numerics: Numerics) -> Box<dyn Accelerator> {
+    let scale = DVec3::new(0.25, -2.0, 1024.0);
+    let mesh = Mesh {
+        positions: triangles.as_flattened().iter().map(|corner| corner / scale).collect(),
+        triangles: (0..4).map(|triangle| [0, 1, 2].map(|corner| 3 * triangle + corner)).collect(),
+        ..Mesh::default()
+    };
+    let placed = Placed::new(Arc::new(mesh), Placement::new(DMat4::from_scale(scale)));
+    build_with_instances([], vec![Instance { placed, first: PrimId(0) }], layout, numerics)
+}
+
 #[test]
 fn no_ray_escapes_past_a_ridge_near_its_origin() {
     let mut traversal = Traversal::default();
@@ -78,12 +94,17 @@ fn no_ray_escapes_past_a_ridge_near_its_origin() {
             }
             rays_inside += expected.len();
             lost += expected.iter().filter(|(closest, _)| closest.is_none()).count();
-            for layout in Layout::trees() {
+            let of_layout = |layout: Layout| {
                 let mut tree = of_triangles(layout, numerics);
                 if seed & 4 != 0 {
                     tree.refit(&|id| Primitive::Triangle(Triangle(triangles[id.0 as usize])));
                 }
-                let what = format!("{} {layout:?}, border {border}, near {near:e}", numerics.name());
+                [("mesh", tree), ("instance", instance(&triangles, layout, numerics))]
+                    .map(|tree| (layout, tree))
+            };
+            for (layout, (kind, tree)) in Layout::trees().flat_map(of_layout) {
+                let name = numerics.name();
+                let what = format!("{name} {layout:?}, {kind}, border {border}, near {near:e}");
                 let (mut hits, mut occluded) = (HitBuffer::default(), Vec::new());
                 tree.closest_hits(buffer.rays(), &mut hits, &mut traversal);
                 tree.are_occluded(buffer.rays(), &mut occluded, &mut traversal);
@@ -109,4 +130,83 @@ fn all(structure: &dyn Accelerator, ray: &Ray) -> Vec<(u64, PrimId)> {
     let mut hits: Vec<_> = hits.into_iter().map(|hit| (hit.t.to_bits(), hit.prim)).collect();
     hits.sort();
     hits
+}
+
+/// Rays whose direction has a length of powers of two, from a point near to a large triangle, so that the side of its
+/// plane decides. All numbers are exact: t is 2^-8 of the scene's size over the length.
+#[test]
+fn directions_of_any_length_hit_what_is_near() {
+    let mut traversal = Traversal::default();
+    for (size, length) in [(0, 0), (-120, 0), (-120, 840), (-120, -840), (0, 900), (100, -700), (0, -900)] {
+        let [size, length] = [size, length].map(|exponent| f64::from(exponent).exp2());
+        let corners = [[-1.0, -1.0, 0.0], [3.0, -1.0, 0.0], [-1.0, 3.0, 0.0]];
+        let triangle = Triangle(corners.map(|corner| DVec3::from(corner) * size));
+        let slot = Slot { primitive: Primitive::Triangle(triangle), id: PrimId(0) };
+        for (numerics, side) in Numerics::STRICT.into_iter().flat_map(|tier| [(tier, 1.0), (tier, -1.0)]) {
+            let origin = DVec3::new(0.0, 0.0, -side / 256.0) * size;
+            let direction = DVec3::new(0.25, 0.5, side) * length;
+            let ray = Ray { origin, direction, t_min: 0.0, t_max: f64::INFINITY };
+            let away = Ray { direction: -direction, ..ray };
+            let t = 2f64.powi(-8) * size / length;
+            for layout in Layout::trees().chain([Layout::BruteForce]) {
+                let structure = build([slot], layout, numerics);
+                let hit = |ray: &Ray, traversal: &mut Traversal| {
+                    let hit = structure.closest_hit(ray, traversal).map(|hit| hit.t);
+                    let rays = RayBuffer::from_iter([*ray; 20]);
+                    let mut hits = HitBuffer::default();
+                    structure.closest_hits(rays.rays(), &mut hits, traversal);
+                    assert!(hits.iter().all(|other| other.map(|hit| hit.t) == hit), "{ray:?}");
+                    hit
+                };
+                let found = [&ray, &away].map(|ray| hit(ray, &mut traversal));
+                assert_eq!(found, [Some(t), None], "{} {layout:?}: {ray:?}", numerics.name());
+            }
+        }
+    }
+}
+
+/// Rays of numbers that are not finite have any hits, without a panic.
+#[test]
+fn rays_that_are_not_finite_do_not_panic() {
+    let number = |seed: u64| (splitmix64(seed) >> 44) as f64 / f64::from(1 << 19) - 1.0;
+    let point = |seed: u64| DVec3::from([3 * seed, 3 * seed + 1, 3 * seed + 2].map(number));
+    let slots: Vec<Slot> = (0..100)
+        .map(|id| {
+            let corners = [0, 1, 2].map(|k| point(3 * u64::from(id) + k));
+            let ball = Primitive::from((corners[0].to_array(), 0.1));
+            let primitive = if id % 7 == 0 { ball } else { Primitive::Triangle(Triangle(corners)) };
+            Slot { primitive, id: PrimId(id) }
+        })
+        .collect();
+    let mut rays = Vec::new();
+    for x in [f64::NAN, f64::INFINITY, -f64::INFINITY] {
+        for place in 0..8 {
+            let mut numbers = [0.1, 0.2, 0.3, 0.48, 0.6, 0.64, 0.0, 9.0];
+            numbers[place] = x;
+            let [a, b, c, d, e, f, t_min, t_max] = numbers;
+            rays.push(Ray { origin: DVec3::new(a, b, c), direction: DVec3::new(d, e, f), t_min, t_max });
+        }
+    }
+    rays.push(Ray { origin: DVec3::ZERO, direction: DVec3::ZERO, t_min: -1.0, t_max: -2.0 });
+    let (mut traversal, mut occluded) = (Traversal::default(), Vec::new());
+    for numerics in Numerics::ALL {
+        for (layout, count) in Layout::trees().chain([Layout::BruteForce]).flat_map(|l| [(l, 100), (l, 20)]) {
+            let structure = build(slots[..count].iter().copied(), layout, numerics);
+            for ray in &rays {
+                let valid = Ray { direction: DVec3::new(0.48, 0.6, 0.64), t_min: 0.0, ..rays[7] };
+                structure.closest_hit(ray, &mut traversal);
+                structure.all_hits(ray, &mut Vec::new(), &mut traversal);
+                // Among others, by themselves, and all alike.
+                for buffer in [vec![valid; 40], vec![*ray; 40]].map(|mut rays| {
+                    rays[20] = *ray;
+                    RayBuffer::from_iter(rays)
+                }) {
+                    structure.closest_hits(buffer.rays(), &mut HitBuffer::default(), &mut traversal);
+                    structure.are_occluded(buffer.rays(), &mut occluded, &mut traversal);
+                    structure.each_hit(buffer.rays(), &mut Vec::new(), &mut traversal);
+                    structure.each_near_rays(buffer.rays(), &mut |_, _, _, _| {}, &mut traversal);
+                }
+            }
+        }
+    }
 }
