@@ -129,6 +129,12 @@ impl Side {
     }
 }
 
+/// The halves of a list.
+fn in_halves(references: &[Bvh2Node]) -> ([&[Bvh2Node]; 2], [Side; 2]) {
+    let (first, second) = references.split_at(references.len() / 2);
+    ([first, second], [Side::of(first), Side::of(second)])
+}
+
 /// The centre of a reference's bounds.
 #[inline(always)]
 fn centre(reference: &Bvh2Node) -> Vec3A {
@@ -222,7 +228,7 @@ impl Builder<'_> {
             binned(bins, &grid, references, |bins, r| bins.add_by_extent(&grid, axis, r, self.corners));
             if let Some(split) = bins.best_of_space(&grid, axis, self.areas)
                 && split.counts.iter().sum::<u32>() as usize <= work.references.len()
-                && object.is_none_or(|object| split.cost < object.cost)
+                && split.cost < object.map_or_else(|| self.cost_of_halves(references), |object| object.cost)
             {
                 return self.split_space(work, &grid, split);
             }
@@ -243,12 +249,16 @@ impl Builder<'_> {
         counts[0] + ((rest as f32 * (first / (first + second))) as usize).min(rest)
     }
 
+    /// The cost of [`Builder::halves`], as [`Split::cost`].
+    fn cost_of_halves(&self, references: &[Bvh2Node]) -> f32 {
+        let (_, sides) = in_halves(references);
+        sides.iter().map(|side| self.areas.of(&side.bounds) * leaves(side.count as u32)).sum()
+    }
+
     /// Divides the list in the middle.
     fn halves<'w>(&self, work: Work<'w>) -> (&'w mut [Bvh2Node], [Work<'w>; 2]) {
         let count = work.side.count;
-        let (first, second) = work.references[..count].split_at(count / 2);
-        let side = |half: &[Bvh2Node]| half.iter().fold(Side::EMPTY, |side, r| side.with(r));
-        let sides = [side(first), side(second)];
+        let ([first, second], sides) = in_halves(&work.references[..count]);
         let room = self.room(
             work.references.len(),
             [&sides[0].bounds, &sides[1].bounds],

@@ -228,3 +228,18 @@ fn areas_are_relative_to_the_root() {
         assert!((ratio - 4.0).abs() < 1e-3, "{side}: {ratio}");
     }
 }
+
+/// Triangles with the same centre, which no object split divides.
+#[test]
+fn triangles_of_one_centre_are_split_only_where_it_pays() {
+    let leaves = |tree: &Bvh2| tree.nodes.iter().filter(|node| node.is_leaf()).count();
+    // Between any two planes across x, the longest axis, the parts of both kinds together reach to all other sides of
+    // their box of 3 x 2 x 2. Its half area is 6 + 6 + 4 = 16; those of the two sides of a plane sum up to 12 + 2 * 4 =
+    // 20, and every triangle is on both. Halves of the list cost 16 per leaf.
+    let corners = |side: f64| [[-1.5, side, side], [1.5, side, side], [side * 1.5, -side, -side]];
+    let triangles: Triangles = (0..64).map(|i| corners([1.0, -1.0][i % 2]).map(DVec3::from)).collect();
+    assert_eq!(leaves(&tree(&triangles, 4.0)), triangles.len());
+    // Halves of a unit square cost 1 per leaf; a plane through the middle of its lower right triangle leaves 1/4 and 1/2.
+    let flat: Triangles = vec![[DVec3::ZERO, DVec3::X, DVec3::X + DVec3::Y]; 64];
+    assert!(leaves(&tree(&flat, 4.0)) > flat.len());
+}
