@@ -364,6 +364,7 @@ mod tests {
     #[test]
     fn four_triangles_are_hit_as_one_at_the_bound_of_the_sides() {
         type D4 = <crate::geometry::simd::Portable as crate::geometry::simd::Simd>::D4;
+        type Case = ([[f64; 3]; 2], [i32; 3], [f64; 2], [f64; 4], [f64; 2], [bool; 2], [f64; 3], f64);
         let unit = || prop::array::uniform3(-1.0f64..1.0);
         let heights =
             prop::sample::select(vec![0.0, 0.1, 0.3, 0.6, 0.9, 1.0, 1.1, 2.0, 10.0, 1e3, 1e9, 1e14, 1e17]);
@@ -380,16 +381,7 @@ mod tests {
         // Triangles that are hit; that lie behind the origin and are dropped; that are not, as f64 does not say so; and
         // that the test of four leaves undecided.
         let counts = [const { Cell::new(0) }; 4];
-        let test = |(points, sizes, [along_a, along_b], heights, [v, w], sides, origin, aside): (
-            [[f64; 3]; 2],
-            [i32; 3],
-            [f64; 2],
-            [f64; 4],
-            [f64; 2],
-            [bool; 2],
-            [f64; 3],
-            f64,
-        )| {
+        let test = |(points, sizes, [along_a, along_b], heights, [v, w], sides, origin, aside): Case| {
             let [p, q] = points.map(DVec3::from);
             prop_assume!(p.cross(q).length() > 1e-3);
             let normal = p.cross(q).normalize();
