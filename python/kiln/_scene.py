@@ -11,7 +11,8 @@ from . import _kiln, _toml
 if TYPE_CHECKING:
     from typing import TypeAlias
 
-    from numpy.typing import ArrayLike, DTypeLike
+    import numpy as np
+    from numpy.typing import ArrayLike, DTypeLike, NDArray
 
     # Any is a mesh or a scene of trimesh.
     Source: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | bytes | Mapping[str, Any] | Any
@@ -202,6 +203,31 @@ class Scene:
     def _repr_png_(self) -> bytes | None:
         """A picture for notebooks."""
         return render(self, size=(512, 384))._repr_png_() if len(self) else None
+
+
+def camera_rays(
+    camera: Mapping[str, Any], size: tuple[int, int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The rays through the pixel centres of a picture: origins and directions of length 1, each (height, width, 3)
+    float64.
+
+    camera: the keys of one in scene files, such as {"position": [0, 0, 5], "look_at": [0, 0, 0], "vertical_fov": 40}.
+    size: width and height in pixels.
+    """
+    width, height = size
+    return _kiln.camera_rays(_toml.value(camera, "camera"), (width, height))
+
+
+def pinhole_rays(
+    K: ArrayLike, pose: ArrayLike, size: tuple[int, int], *, axes: Literal["opencv", "opengl"] = "opencv"
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The rays of a pinhole camera, as camera_rays() returns them.
+
+    K: (3, 3) intrinsic matrix in pixels, in which the centre of the first pixel, top left, is (0, 0) as in OpenCV; or
+    [fx, fy, cx, cy]. pose: (4, 4), world from camera. size: width and height in pixels.
+    axes: those of the camera: "opencv" has y down and z ahead, "opengl" y up and z backwards.
+    """
+    return camera_rays({"K": K, "pose": pose, "axes": axes}, size)
 
 
 def render(

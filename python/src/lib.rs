@@ -2,6 +2,7 @@
 //! library lacks. The Python part is `python/kiln`.
 
 mod arrays;
+mod camera;
 mod mesh;
 mod picture;
 mod scene;
@@ -133,5 +134,6 @@ fn _kiln(module: &Bound<PyModule>) -> PyResult<()> {
     module.add_class::<scene::Scene>()?;
     module.add_class::<picture::Picture>()?;
     module.add_function(wrap_pyfunction!(picture::render, module)?)?;
+    module.add_function(wrap_pyfunction!(camera::camera_rays, module)?)?;
     module.add_function(wrap_pyfunction!(run_command, module)?)
 }

@@ -84,16 +84,16 @@ impl Arguments {
     /// [`Error::Usage`] for an invalid inline camera.
     pub(crate) fn settings(&self) -> Result<RenderSettings> {
         let view = StandardView::ALL.into_iter().find(|view| Some(view.name()) == self.view.as_deref());
+        let size = self.size.map(PictureSettings::of_size).unwrap_or_default();
         let camera = match (view, self.camera.as_deref()) {
             (Some(view), _) => CameraChoice::Fitted(view),
             (None, None) => CameraChoice::Default,
             (None, Some("auto")) => CameraChoice::Fitted(StandardView::Auto),
             (None, Some(text)) if text.trim_start().starts_with('{') => {
-                CameraChoice::Given(inline_camera(text)?)
+                CameraChoice::Given(inline_camera(text, size.size())?)
             }
             (None, Some(name)) => CameraChoice::Named(name.to_owned()),
         };
-        let size = self.size.map(PictureSettings::of_size).unwrap_or_default();
         let mut settings = self.settings.clone();
         settings.with.extend(self.depth.map(|depth| id::PATH.with_value(depth)));
         settings.depth = self.depth;

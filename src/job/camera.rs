@@ -75,6 +75,9 @@ impl Viewpoint<'_> {
         if matches!(self, Viewpoint::Fitted(_)) && scene.inputs.len() > 1 && !scene.has_settings {
             note_small_inputs(scene, warnings);
         }
+        if let Viewpoint::Camera(camera) = self {
+            note_other_aspect(camera, self.size(settings, scene), warnings);
+        }
         let projection = settings.projection.unwrap_or_default();
         let (names, hint) = projection.unused_framing();
         let unused: Vec<&str> =
@@ -118,6 +121,20 @@ impl Viewpoint<'_> {
                     .ok_or_else(|| nothing_to_look_at(scene))
             }
         }
+    }
+}
+
+/// Notes that a picture shows more than the viewing rectangle of its camera, by a pixel or more.
+fn note_other_aspect(camera: &Camera, [width, height]: [u32; 2], warnings: &mut Warnings) {
+    let Some(view_width) = camera.view_width.filter(|_| !camera.sensor.oblong_pixels) else { return };
+    let (of_camera, [x, y]) = (view_width / camera.view_height, [width, height].map(f64::from));
+    if (x - y * of_camera).abs().min((y - x / of_camera).abs()) >= 1.0 {
+        warnings.note(format!(
+            "the picture is {:.4} times as wide as high, the viewing rectangle of camera `{}` {of_camera:.4} times: pixels \
+             are square and the picture shows more; `oblong_pixels = true` in the camera shows the rectangle alone",
+            x / y,
+            camera.name
+        ));
     }
 }
 

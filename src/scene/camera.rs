@@ -1,6 +1,6 @@
 //! Camera descriptions: position, orientation and viewing rectangle.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::{Lens, Scene};
@@ -70,7 +70,7 @@ impl Projection {
 }
 
 /// A camera. It looks from `position` towards `target` through a rectangle at distance `viewpoint_distance`, centred on
-/// the line of sight; at that distance both projections cover the same area.
+/// the line of sight unless it has a shift; at that distance both projections cover the same area.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
@@ -93,6 +93,51 @@ pub struct Camera {
     /// Its thin lens; `None` for a pinhole.
     #[serde(default)]
     pub lens: Option<Lens>,
+    /// Where the viewing rectangle and the pixels differ from those of a symmetric camera with square pixels.
+    #[serde(default, skip_serializing_if = "Sensor::is_default")]
+    pub sensor: Sensor,
+}
+
+/// How the viewing rectangle of a camera lies, and its pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sensor {
+    /// The middle of the viewing rectangle, right of and above the line of sight, in shares of its width and height.
+    pub shift: DVec2,
+    /// Whether a picture with another aspect ratio than the viewing rectangle shows exactly the rectangle, with oblong
+    /// pixels. Otherwise pixels are square, and it shows more.
+    pub oblong_pixels: bool,
+}
+
+impl Sensor {
+    /// Whether the rectangle is centred and pixels are square.
+    pub fn is_default(&self) -> bool {
+        *self == Sensor::default()
+    }
+}
+
+/// The intrinsic matrix of a pinhole camera, in pixels of a picture of `size`, as OpenCV and COLMAP define it: a point
+/// (x, y, z) of the camera, x to the right, y down and z ahead, is seen at (`focal` x / z + `principal`), and the centre
+/// of the picture's first pixel, top left, is (0, 0).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Intrinsics {
+    /// Focal lengths f_x and f_y, above 0.
+    pub focal: DVec2,
+    /// The principal point (c_x, c_y).
+    pub principal: DVec2,
+    /// Width and height of the picture.
+    pub size: [u32; 2],
+}
+
+impl Intrinsics {
+    /// Width and height of the viewing rectangle at distance 1, and its sensor.
+    pub fn rectangle(&self) -> (DVec2, Sensor) {
+        let size = DVec2::from(self.size.map(f64::from));
+        // The middle of the picture is (size - 1) / 2 from the centre of the first pixel.
+        let shift = ((size - 1.0) / 2.0 - self.principal) / size;
+        let sensor = Sensor { shift: DVec2::new(shift.x, -shift.y), oblong_pixels: true };
+        (size / self.focal, sensor)
+    }
 }
 
 impl Camera {
@@ -116,6 +161,7 @@ impl Camera {
             view_width: None,
             viewpoint_distance: distance,
             lens: None,
+            sensor: Sensor::default(),
         }
     }
 }

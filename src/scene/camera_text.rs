@@ -1,9 +1,9 @@
 //! Cameras as text: a `[[camera]]` section of a scene file, or an inline table after `--camera`. Parsing the text
 //! (`import::scene_file::camera`) restores the camera bit by bit. Also words of a command line.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
-use super::{Camera, Focus, Projection};
+use super::{Camera, Focus, Projection, Sensor};
 
 /// Default name of cameras given as inline tables.
 pub const INLINE_NAME: &str = "inline";
@@ -47,6 +47,13 @@ impl Camera {
                 entries.push(("viewing_height", number(self.view_height)));
                 entries.push(("viewpoint_distance", number(self.viewpoint_distance)));
             }
+        }
+        let Sensor { shift, oblong_pixels } = self.sensor;
+        if shift != DVec2::ZERO {
+            entries.push(("lens_shift", list(&shift.to_array())));
+        }
+        if oblong_pixels {
+            entries.push(("oblong_pixels", "true".into()));
         }
         if let Some(lens) = &self.lens {
             entries.push(("aperture_radius", number(lens.radius)));

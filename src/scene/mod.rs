@@ -58,7 +58,7 @@ pub use crate::geometry::{
 };
 pub use crate::limits::{Counted, Limits};
 pub use animation::Animation;
-pub use camera::{Camera, Projection, default_size};
+pub use camera::{Camera, Intrinsics, Projection, Sensor, default_size};
 pub use camera_text::{INLINE_NAME, shell_quoted};
 pub use clip::{Clip, ClipChoice, ClipTime};
 pub use colour_value::ColourValue;

@@ -125,10 +125,12 @@ fn camera_option(command: &RenderCommand, option: &mut impl FnMut(&str, &str)) -
                     view_width,
                     viewpoint_distance,
                     lens,
+                    sensor,
                 } = camera;
                 (position, target, up) == (&known.position, &known.target, &known.up)
-                    && (view_height, view_width, viewpoint_distance, lens)
-                        == (&known.view_height, &known.view_width, &known.viewpoint_distance, &known.lens)
+                    && (view_height, view_width, viewpoint_distance)
+                        == (&known.view_height, &known.view_width, &known.viewpoint_distance)
+                    && (lens, sensor) == (&known.lens, &known.sensor)
             };
             match cameras.iter().find(same) {
                 Some(known) if command.scene.default_camera() == Some(known) => known.projection,

@@ -33,13 +33,16 @@ pub struct View {
     projection: Projection,
     pub(super) distance: f64,
     pub(super) rectangle: DVec2,
+    /// The middle of the rectangle, right of and above the line of sight, in world units.
+    shift: DVec2,
     size: DVec2,
     pub(super) lens: Option<ThinLens>,
 }
 
 impl View {
-    /// Prepares `camera` for a picture of `width` by `height` square pixels. Where the aspect ratio of the picture differs from that
-    /// of the viewing rectangle, the rectangle is enlarged along one axis. A camera without a width of its own keeps its height.
+    /// Prepares `camera` for a picture of `width` by `height` pixels. Where the aspect ratio of the picture differs from that of the
+    /// viewing rectangle and pixels are square, the rectangle is enlarged along one axis. A camera without a width of its own keeps
+    /// its height.
     ///
     /// # Errors
     /// [`Error::Usage`] where the camera has no direction, is not finite, or lies beyond the range of ray origins.
@@ -55,7 +58,10 @@ impl View {
             DVec2::new(camera.view_width.unwrap_or(camera.view_height * size.x / size.y), camera.view_height);
         let pixel = (asked / size).max_element();
         // Where the aspect ratios agree, exactly the rectangle asked for.
-        let keep = |asked: f64, pixels: f64| if asked / pixels == pixel { asked } else { pixel * pixels };
+        let keep = |asked: f64, pixels: f64| {
+            let is_kept = camera.sensor.oblong_pixels || asked / pixels == pixel;
+            if is_kept { asked } else { pixel * pixels }
+        };
         let rectangle = DVec2::new(keep(asked.x, size.x), keep(asked.y, size.y));
         let (rectangle, distance) = match projection {
             Projection::Perspective => {
@@ -66,14 +72,16 @@ impl View {
             // Angles: positions in the rectangle are longitude and latitude.
             Projection::Panoramic => (DVec2::new(TAU, PI), 1.0),
         };
-        let view =
-            View { position: camera.position, u, v, w, projection, distance, rectangle, size, lens: None };
-        let usable = view.rectangle.is_finite() && view.rectangle.min_element() > 0.0;
+        let is_flat = projection != Projection::Panoramic;
+        let shift = if is_flat { camera.sensor.shift * rectangle } else { DVec2::ZERO };
+        let position = camera.position;
+        let view = View { position, u, v, w, projection, distance, rectangle, shift, size, lens: None };
+        let usable = (view.rectangle + view.shift).is_finite() && view.rectangle.min_element() > 0.0;
         if !(usable && view.distance > 0.0 && view.distance.is_finite()) {
             let hint = "give its rectangle and its distance finite sizes above 0";
             return Err(unusable("has an unusable viewing rectangle", hint));
         }
-        let reach = if projection.is_central() { 0.0 } else { rectangle.max_element() };
+        let reach = if projection.is_central() { 0.0 } else { (rectangle + shift.abs()).max_element() };
         if camera.position.abs().max_element() + reach > FARTHEST {
             let what = "stands farther out than kiln's numbers reach";
             return Err(unusable(what, "move it towards the scene"));
@@ -92,19 +100,19 @@ impl View {
         self.ray_at(self.across(centre(x)), self.up(centre(y)), precision)
     }
 
-    /// The horizontal position in the viewing rectangle, from its centre, of a film position `i` pixels right of the picture's left
+    /// The horizontal position in the plane of the viewing rectangle, from the line of sight, of a film position `i` pixels right of the picture's left
     /// edge.
     #[inline(always)]
     fn across(&self, i: f64) -> f64 {
-        i / self.size.x * self.rectangle.x - self.rectangle.x / 2.0
+        i / self.size.x * self.rectangle.x - self.rectangle.x / 2.0 + self.shift.x
     }
 
-    /// The vertical position in the viewing rectangle, upwards from its centre, of a film position `row` pixels below the picture's
+    /// The vertical position in the plane of the viewing rectangle, upwards from the line of sight, of a film position `row` pixels below the picture's
     /// top edge.
     #[inline(always)]
     fn up(&self, row: f64) -> f64 {
         let j = self.size.y - row;
-        j / self.size.y * self.rectangle.y - self.rectangle.y / 2.0
+        j / self.size.y * self.rectangle.y - self.rectangle.y / 2.0 + self.shift.y
     }
 
     /// Computes the rays through the pixel centres of `window`, at most a tile, row by row from the top.
@@ -203,7 +211,7 @@ impl View {
                 (DVec2::new(across.atan2(depth), up.atan2(across.hypot(depth))), p != DVec3::ZERO)
             }
         };
-        let shares = offset / self.rectangle + 0.5;
+        let shares = (offset - self.shift) / self.rectangle + 0.5;
         (DVec2::new(shares.x, 1.0 - shares.y) * self.size, is_in_front)
     }
 
@@ -219,7 +227,8 @@ impl View {
             let p = point - self.position;
             let depth = -p.dot(self.w);
             let divisor = if self.projection.is_central() { depth / self.distance } else { 1.0 };
-            (DVec2::new(p.dot(self.u), p.dot(self.v)) / self.rectangle, divisor, depth)
+            let offset = DVec2::new(p.dot(self.u), p.dot(self.v)) - self.shift * divisor;
+            (offset / self.rectangle, divisor, depth)
         });
         // Camera rays begin at the eye, where the projection is undefined, or beside it by rounding.
         let near = if self.projection.is_central() { a.2.max(b.2) / 4096.0 } else { 0.0 };
@@ -301,6 +310,7 @@ fn unit(v: DVec3) -> Option<DVec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Sensor;
 
     fn assert_right_handed([u, v, w]: [DVec3; 3]) {
         for axis in [u, v, w] {
@@ -361,6 +371,7 @@ mod tests {
             view_width: Some(4.0),
             viewpoint_distance: 10.0,
             lens: None,
+            sensor: Sensor::default(),
         }
     }
 

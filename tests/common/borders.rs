@@ -69,6 +69,7 @@ pub fn camera(position: DVec3, target: DVec3, projection: Projection, side: f64,
         view_width: Some(side),
         viewpoint_distance: distance,
         lens: None,
+        sensor: kiln::scene::Sensor::default(),
     }
 }
 

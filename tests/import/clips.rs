@@ -317,8 +317,8 @@ fn frames_play_a_clip() {
     let file = folder.path().join("model.glb");
     std::fs::write(&file, model.binary()).expect("the file is written");
     let inputs = [file];
-    let camera =
-        kiln::import::inline_camera("{ position = [0, 0, 5], look_at = [0.3, 0.3, 0] }").expect("a camera");
+    let camera = kiln::import::inline_camera("{ position = [0, 0, 5], look_at = [0.3, 0.3, 0] }", None)
+        .expect("a camera");
     let settings = RenderSettings {
         camera: CameraChoice::Given(camera),
         ..kiln::scene::PictureSettings::of_size([32; 2]).into()

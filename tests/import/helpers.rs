@@ -88,6 +88,7 @@ pub fn seen(scene: Scene, min: [f64; 2], max: [f64; 2], size: [u32; 2]) -> Vec<[
         view_width: Some(max[0] - min[0]),
         viewpoint_distance: 100.0,
         lens: None,
+        sensor: kiln::scene::Sensor::default(),
     };
     let pipeline = ColourPipeline::Display;
     let world = World::prepare(scene, pipeline, Layout::default(), Numerics::default());

@@ -60,6 +60,7 @@ fn camera(half: f64, projection: Projection) -> Camera {
         view_width: Some(2.0 * half),
         viewpoint_distance: 1.0,
         lens: None,
+        sensor: kiln::scene::Sensor::default(),
     }
 }
 

@@ -35,6 +35,7 @@ fn scene(colour: [u8; 3], opacity: Option<f64>) -> Scene {
         view_width: Some(4.0),
         viewpoint_distance: 5.0,
         lens: None,
+        sensor: kiln::scene::Sensor::default(),
     };
     let object = Object { name: "a".into(), input: 0, material: MaterialId(0), shape: Shape::Mesh(mesh) };
     Scene { cameras: vec![camera], materials: vec![material], objects: vec![object], ..Scene::default() }

@@ -205,6 +205,7 @@ impl Loader<'_> {
             view_width,
             viewpoint_distance: 1.0,
             lens: None,
+            sensor: crate::scene::Sensor::default(),
         };
         let extras = &self.root["cameras"][camera.index()]["extras"];
         if extras.is_object() {

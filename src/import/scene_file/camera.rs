@@ -1,11 +1,11 @@
 //! Conversion of cameras of scene files and of `--camera`.
 
-use glam::DVec3;
+use glam::{DMat3, DMat4, DVec2, DVec3};
 
-use super::sections::{CameraSection, LensSection};
+use super::sections::{Axes, CameraSection, IntrinsicMatrix, LensSection};
 use crate::error::{Error, Result};
 use crate::scene::lens::{field_of_view, radius_of};
-use crate::scene::{Camera, Focus, INLINE_NAME, Lens};
+use crate::scene::{Camera, Focus, INLINE_NAME, Intrinsics, Lens, Projection, Sensor};
 
 /// An error in a camera and a hint.
 #[derive(Debug)]
@@ -20,24 +20,20 @@ impl Fault {
     }
 }
 
-/// Converts a camera section; `name` is the default name.
-pub(crate) fn camera(section: &CameraSection, name: &str) -> std::result::Result<Camera, Fault> {
+/// Converts a camera section; `name` is the default name, `size` that of the picture, where one is set.
+pub(crate) fn camera(
+    section: &CameraSection,
+    name: &str,
+    size: Option<[u32; 2]>,
+) -> std::result::Result<Camera, Fault> {
     let s = section;
     let name = s.name.clone().unwrap_or_else(|| name.to_owned());
-    let up = s.up.unwrap_or([0.0, 1.0, 0.0]);
-    for (key, values) in [("position", &s.position), ("look_at", &s.look_at), ("up", &up)] {
-        if let Some(v) = values.iter().find(|v| !v.is_finite()) {
-            return Err(Fault::new(format!("`{key}` holds {v}"), "give a finite number"));
-        }
+    let [position, target, up] = place(s, &name)?;
+    let lens_shift = DVec2::from(s.lens_shift.unwrap_or_default());
+    if !lens_shift.is_finite() {
+        return Err(Fault::new("`lens_shift` is not finite".into(), "give two shares of the rectangle"));
     }
-    let (position, target, up) = (DVec3::from(s.position), DVec3::from(s.look_at), DVec3::from(up));
-    if position == target {
-        return Err(Fault::new(format!("camera `{name}` looks at itself"), "move `look_at` or `position`"));
-    }
-    if up == DVec3::ZERO {
-        let hint = "give `up` a length, or leave it out";
-        return Err(Fault::new(format!("camera `{name}` has no up"), hint));
-    }
+    let sensor = Sensor { shift: lens_shift, oblong_pixels: s.oblong_pixels };
     let rectangle = match (s.viewing_rectangle, s.viewing_height) {
         (Some([width, height]), None) => Some((Some(width), height)),
         (None, Some(height)) => Some((None, height)),
@@ -49,8 +45,24 @@ pub(crate) fn camera(section: &CameraSection, name: &str) -> std::result::Result
         (degrees, _) => degrees.map(f64::to_radians),
     };
     let is_one_at_most = is_one_at_most && (s.vertical_fov.is_none() || s.focal_length.is_none());
+    let intrinsics = intrinsics(s, &name, size)?;
     let camera = match (rectangle, s.viewpoint_distance, fov) {
-        (Some((width, height)), Some(distance), None) => {
+        (None, None, None) if is_one_at_most && let Some(intrinsics) = intrinsics => {
+            let (rectangle, sensor) = intrinsics.rectangle();
+            Camera {
+                name,
+                position,
+                target,
+                up,
+                projection: s.projection,
+                view_height: rectangle.y,
+                view_width: Some(rectangle.x),
+                viewpoint_distance: 1.0,
+                lens: None,
+                sensor,
+            }
+        }
+        (Some((width, height)), Some(distance), None) if intrinsics.is_none() => {
             if [width.unwrap_or(1.0), height, distance].iter().any(|&x| !(x > 0.0 && x.is_finite())) {
                 let what = format!("camera `{name}` has a viewing rectangle or distance that is not above 0");
                 let hint = "give `viewing_rectangle` or `viewing_height`, and `viewpoint_distance`, above 0";
@@ -66,9 +78,10 @@ pub(crate) fn camera(section: &CameraSection, name: &str) -> std::result::Result
                 view_width: width,
                 viewpoint_distance: distance,
                 lens: None,
+                sensor,
             }
         }
-        (None, None, fov) if is_one_at_most => {
+        (None, None, fov) if is_one_at_most && intrinsics.is_none() => {
             let fov = fov.unwrap_or(40f64.to_radians());
             if !(fov > 0.0 && fov < std::f64::consts::PI) {
                 let what =
@@ -79,17 +92,119 @@ pub(crate) fn camera(section: &CameraSection, name: &str) -> std::result::Result
                 ));
             }
             let camera = Camera::from_field_of_view(name, position, target, up, fov);
-            Camera { projection: s.projection, ..camera }
+            Camera { projection: s.projection, sensor, ..camera }
         }
         _ => {
             let what = format!("camera `{name}` says too much or too little of its lens");
             let hint = "give `viewing_rectangle` or `viewing_height` with `viewpoint_distance`, or `vertical_fov` alone, or \
-                        `focal_length` alone";
+                        `focal_length` alone, or `K` alone";
             return Err(Fault::new(what, hint));
         }
     };
     let lens = lens(&s.lens(), &camera)?;
     Ok(Camera { lens, ..camera })
+}
+
+/// Position, target and up vector.
+fn place(s: &CameraSection, name: &str) -> std::result::Result<[DVec3; 3], Fault> {
+    let (position, target, up) = match (s.pose, s.axes) {
+        (Some(pose), axes) => {
+            if s.position.is_some() || s.look_at.is_some() || s.up.is_some() {
+                let what = format!("camera `{name}` has a `pose` and another place");
+                return Err(Fault::new(what, "leave out `position`, `look_at` and `up`"));
+            }
+            return of_pose(pose, axes, name);
+        }
+        (None, Some(_)) => {
+            let what = format!("camera `{name}` has `axes`, but no `pose`");
+            return Err(Fault::new(what, "leave them out, or give `pose`"));
+        }
+        (None, None) => {
+            let missing = |key: &str| Fault::new(format!("missing key `{key}`"), "give it, or a `pose`");
+            let position = s.position.ok_or_else(|| missing("position"))?;
+            (position, s.look_at.ok_or_else(|| missing("look_at"))?, s.up.unwrap_or([0.0, 1.0, 0.0]))
+        }
+    };
+    for (key, values) in [("position", &position), ("look_at", &target), ("up", &up)] {
+        if let Some(v) = values.iter().find(|v| !v.is_finite()) {
+            return Err(Fault::new(format!("`{key}` holds {v}"), "give a finite number"));
+        }
+    }
+    if position == target {
+        return Err(Fault::new(format!("camera `{name}` looks at itself"), "move `look_at` or `position`"));
+    }
+    if up == [0.0; 3] {
+        let hint = "give `up` a length, or leave it out";
+        return Err(Fault::new(format!("camera `{name}` has no up"), hint));
+    }
+    Ok([position, target, up].map(DVec3::from))
+}
+
+/// How far lengths and products of the axes of a pose may be from those of a rotation: rotations of data sets have few
+/// decimals.
+const ROTATION_ERROR: f64 = 1e-3;
+
+/// Position, target and up vector of a pose.
+fn of_pose(rows: [[f64; 4]; 4], axes: Option<Axes>, name: &str) -> std::result::Result<[DVec3; 3], Fault> {
+    let fault = |what: &str, hint| Err(Fault::new(format!("the `pose` of camera `{name}` {what}"), hint));
+    let Some(axes) = axes else {
+        let hint = "give `axes = \"opencv\"` (y down, z ahead) or `axes = \"opengl\"` (y up, z backwards)";
+        return fault("has no `axes`", hint);
+    };
+    let pose = DMat4::from_cols_array_2d(&rows).transpose();
+    let [right, y, z, position] =
+        [pose.x_axis, pose.y_axis, pose.z_axis, pose.w_axis].map(|column| column.truncate());
+    let products = DMat3::from_cols(right, y, z).transpose() * DMat3::from_cols(right, y, z);
+    let is_rotation = (products - DMat3::IDENTITY).to_cols_array().iter().all(|x| x.abs() <= ROTATION_ERROR)
+        && right.cross(y).dot(z) > 0.0;
+    if !pose.is_finite() || !is_rotation || rows[3] != [0.0, 0.0, 0.0, 1.0] {
+        let hint =
+            "give rows of a rotation without scale or mirror, a position, and 0, 0, 0, 1: world from camera";
+        return fault("is no rotation and position", hint);
+    }
+    let (up, ahead) = match axes {
+        Axes::OpenCv => (-y, z),
+        Axes::OpenGl => (y, -z),
+    };
+    // As far away as the position is from the origin, so that the direction keeps its precision.
+    let distance = position.abs().max_element().max(1.0);
+    Ok([position, position + ahead * distance, up])
+}
+
+/// The intrinsic matrix, if there is one.
+fn intrinsics(
+    s: &CameraSection,
+    name: &str,
+    size: Option<[u32; 2]>,
+) -> std::result::Result<Option<Intrinsics>, Fault> {
+    let fault = |what: &str, hint| Err(Fault::new(format!("camera `{name}` {what}"), hint));
+    let Some(matrix) = s.intrinsics else {
+        return match s.image_size {
+            Some(_) => {
+                fault("has an `image_size`, but no `K`", "leave it out; `[image]` has the picture's size")
+            }
+            None => Ok(None),
+        };
+    };
+    let [fx, fy, cx, cy] = match matrix {
+        IntrinsicMatrix::Numbers(numbers) => numbers,
+        IntrinsicMatrix::Rows([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]) => [fx, fy, cx, cy],
+        IntrinsicMatrix::Rows(_) => {
+            let hint = "give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]; remove skew from the pictures beforehand";
+            return fault("has a `K` that is no intrinsic matrix without skew", hint);
+        }
+    };
+    if [fx, fy].iter().any(|&f| !(f > 0.0 && f.is_finite())) || !(cx.is_finite() && cy.is_finite()) {
+        return fault("has an unusable `K`", "give finite numbers, focal lengths above 0");
+    }
+    if s.lens_shift.is_some() || s.oblong_pixels || s.projection != Projection::Perspective {
+        let hint = "leave out `lens_shift`, `oblong_pixels` and `projection`";
+        return fault("has a `K`, which says where the middle is and that it is a pinhole", hint);
+    }
+    let Some(size) = s.image_size.or(size).filter(|size| !size.contains(&0)) else {
+        return fault("has a `K` for a picture of unknown size", "give `image_size = [WIDTH, HEIGHT]`");
+    };
+    Ok(Some(Intrinsics { focal: DVec2::new(fx, fy), principal: DVec2::new(cx, cy), size }))
 }
 
 /// Converts the keys of the lens of a camera; `None` where none is given.
@@ -136,14 +251,15 @@ pub(crate) fn lens(section: &LensSection, camera: &Camera) -> std::result::Resul
     Ok(is_given.then_some(lens))
 }
 
-/// Parses an inline camera with the keys of `[[camera]]`: `{ position = [0, 0, 5], look_at = [0, 0, 0] }`.
+/// Parses an inline camera with the keys of `[[camera]]`: `{ position = [0, 0, 5], look_at = [0, 0, 0] }`. `size` is that
+/// of the picture, where one is set.
 ///
 /// # Errors
 /// [`Error::Usage`] if it is invalid.
-pub fn inline_camera(text: &str) -> Result<Camera> {
+pub fn inline_camera(text: &str, size: Option<[u32; 2]>) -> Result<Camera> {
     let section = CameraSection::parse_inline(text)
         .map_err(|(what, hint)| Error::usage(format!("--camera {{...}} is not valid: {what}"), hint))?;
-    camera(&section, INLINE_NAME).map_err(|fault| Error::usage(fault.what, fault.hint))
+    camera(&section, INLINE_NAME, size).map_err(|fault| Error::usage(fault.what, fault.hint))
 }
 
 #[cfg(test)]
@@ -154,17 +270,17 @@ mod tests {
 
     use super::*;
     use crate::import::SceneFile;
-    use crate::scene::Projection;
 
     fn back(camera: &Camera) -> [Camera; 2] {
         let section = camera.to_section();
         let file =
             SceneFile::parse(&section, Path::new("a.toml")).unwrap_or_else(|e| panic!("{e}: {section}"));
         assert_eq!(file.camera.len(), 1, "{section}");
-        let of_file = super::camera(file.camera[0].get_ref(), "none").expect("a camera");
+        let of_file = super::camera(file.camera[0].get_ref(), "none", None).expect("a camera");
         [
             of_file,
-            inline_camera(&camera.to_inline()).unwrap_or_else(|e| panic!("{e}: {}", camera.to_inline())),
+            inline_camera(&camera.to_inline(), None)
+                .unwrap_or_else(|e| panic!("{e}: {}", camera.to_inline())),
         ]
     }
 
@@ -209,9 +325,14 @@ mod tests {
         let up = prop_oneof![Just(DVec3::Y), point()].prop_filter("has a length", |&up| up != DVec3::ZERO);
         let rectangle = (above_zero(), prop::option::of(above_zero()), above_zero());
         let name = prop_oneof!["[a-z]{0,8}", any::<String>(), Just(INLINE_NAME.to_owned())];
-        (name, point(), point(), up, any::<bool>(), rectangle, any_lens()).prop_filter_map(
+        let shift = prop_oneof![Just([0.0; 2]), [number(), number()]];
+        let sensor = (shift, any::<bool>())
+            .prop_map(|(shift, oblong_pixels)| Sensor { shift: DVec2::from(shift) + 0.0, oblong_pixels });
+        let optics = (rectangle, any_lens(), sensor);
+        (name, point(), point(), up, any::<bool>(), optics).prop_filter_map(
             "looks somewhere",
-            |(name, position, target, up, parallel, (view_height, view_width, viewpoint_distance), lens)| {
+            |(name, position, target, up, parallel, (rectangle, lens, sensor))| {
+                let (view_height, view_width, viewpoint_distance) = rectangle;
                 let projection = if parallel { Projection::Orthographic } else { Projection::Perspective };
                 let camera = Camera {
                     name,
@@ -223,6 +344,7 @@ mod tests {
                     view_width,
                     viewpoint_distance,
                     lens: lens.map(|lens| Lens { radius: if parallel { 0.0 } else { lens.radius }, ..lens }),
+                    sensor,
                 };
                 (position != target).then_some(camera)
             },
@@ -254,11 +376,68 @@ mod tests {
     #[test]
     fn millimetres_and_f_numbers_are_those_of_full_frame_film() {
         let text = "{ position = [0, 0, 5], look_at = [0, 0, 0], focal_length = 24, f_stop = 2, focus_distance = 3 }";
-        let camera = inline_camera(text).expect("a camera");
+        let camera = inline_camera(text, None).expect("a camera");
         assert!((camera.view_height / camera.viewpoint_distance - 1.0).abs() < 1e-15, "{camera:?}");
         let lens = camera.lens.expect("a lens");
         assert!((lens.radius / 0.006 - 1.0).abs() < 1e-15, "{lens:?}");
         assert_eq!((lens.focus, lens.blades), (Focus::Distance(3.0), 0));
+    }
+
+    /// A pose of OpenCV looks along its third column, with the second down; of OpenGL against the third, with the second up.
+    /// Both here look along +x from (1, 2, 3) with +z up.
+    #[test]
+    fn poses_have_the_axes_that_are_named() {
+        for (pose, axes) in [
+            ("[[0, 0, 1, 1], [-1, 0, 0, 2], [0, -1, 0, 3], [0, 0, 0, 1]]", "opencv"),
+            ("[[0, 0, -1, 1], [-1, 0, 0, 2], [0, 1, 0, 3], [0, 0, 0, 1]]", "opengl"),
+        ] {
+            let text =
+                format!("{{ pose = {pose}, axes = '{axes}', K = [2, 4, 0.5, 1], image_size = [4, 8] }}");
+            let camera = inline_camera(&text, None).expect("a camera");
+            let ahead = (camera.target - camera.position).normalize();
+            assert_eq!((camera.position, ahead, camera.up), (DVec3::new(1.0, 2.0, 3.0), DVec3::X, DVec3::Z));
+            // 4 pixels of 1 / 2, 8 of 1 / 4; the middle, (1.5, 3.5), is right of and below the principal point.
+            assert_eq!(
+                (camera.view_width, camera.view_height, camera.viewpoint_distance),
+                (Some(2.0), 2.0, 1.0)
+            );
+            let shift = DVec2::new(1.0 / 4.0, -2.5 / 8.0);
+            assert_eq!(camera.sensor, Sensor { shift, oblong_pixels: true });
+            let of_rows = text.replace("[2, 4, 0.5, 1]", "[[2, 0, 0.5], [0, 4, 1], [0, 0, 1]]");
+            let of_picture = of_rows.replace(", image_size = [4, 8]", "");
+            assert_eq!(inline_camera(&of_rows, Some([1, 1])).expect("a camera"), camera);
+            assert_eq!(inline_camera(&of_picture, Some([4, 8])).expect("a camera"), camera);
+        }
+    }
+
+    #[test]
+    fn intrinsics_and_poses_say_what_is_wrong_with_them() {
+        const POSE: &str = "pose = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]";
+        const MIRROR: &str =
+            "pose = [[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], axes = 'opencv'";
+        let at = |keys: &str| format!("position = [0, 0, 5], look_at = [0, 0, 0], {keys}");
+        for (keys, what, hint) in [
+            (POSE.into(), "no `axes`", "opencv"),
+            (MIRROR.into(), "no rotation", "mirror"),
+            (MIRROR.replace("-1", "2"), "no rotation", "scale"),
+            (at(POSE), "another place", "leave out"),
+            (at("axes = 'opengl'"), "no `pose`", "leave them out"),
+            (at("K = [9, 9, 5, 5]"), "unknown size", "image_size"),
+            (at("K = [0, 9, 5, 5], image_size = [9, 9]"), "unusable `K`", "above 0"),
+            (at("K = [[9, 1, 5], [0, 9, 5], [0, 0, 1]], image_size = [9, 9]"), "without skew", "skew"),
+            (at("K = [9, 9, 5, 5], image_size = [9, 9], vertical_fov = 40"), "too much", "`K` alone"),
+            (
+                at("K = [9, 9, 5, 5], image_size = [9, 9], lens_shift = [0, 0]"),
+                "where the middle is",
+                "lens_shift",
+            ),
+            (at("image_size = [9, 9]"), "no `K`", "leave it out"),
+            (at("lens_shift = [inf, 0]"), "not finite", "shares"),
+        ] {
+            let e = inline_camera(&format!("{{ {keys} }}"), None).expect_err(&keys);
+            assert!(e.to_string().contains(what), "{keys}: {e}");
+            assert!(e.hint().contains(hint), "{keys}: {}", e.hint());
+        }
     }
 
     #[test]
@@ -277,7 +456,7 @@ mod tests {
             ("focal_length = 50, vertical_fov = 40", "too much or too little", "`focal_length` alone"),
         ] {
             let text = format!("{{ position = [0, 0, 5], look_at = [0, 0, 0], {keys} }}");
-            let e = inline_camera(&text).expect_err(&text);
+            let e = inline_camera(&text, None).expect_err(&text);
             assert!(e.to_string().contains(what) && !e.to_string().contains('\n'), "{text}: {e}");
             assert!(e.hint().contains(hint) && !e.hint().contains('\n'), "{text}: {}", e.hint());
         }
@@ -302,7 +481,7 @@ mod tests {
                 "`viewing_height`",
             ),
         ] {
-            let e = inline_camera(text).expect_err(text);
+            let e = inline_camera(text, None).expect_err(text);
             assert!(e.to_string().contains(what) && !e.to_string().contains('\n'), "{text}: {e}");
             assert!(e.hint().contains(hint) && !e.hint().contains('\n'), "{text}: {}", e.hint());
             assert!(matches!(e, Error::Usage { .. }), "{text}");

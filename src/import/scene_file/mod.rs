@@ -202,7 +202,7 @@ impl Builder<'_> {
     }
 
     fn camera(&self, index: usize, section: &Spanned<CameraSection>) -> Result<Camera> {
-        camera::camera(section.get_ref(), &format!("camera {index}"))
+        camera::camera(section.get_ref(), &format!("camera {index}"), self.scene.picture.size())
             .map_err(|fault| self.error(section.span().start, fault.what, fault.hint))
     }
 

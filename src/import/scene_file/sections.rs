@@ -66,16 +66,17 @@ pub struct SceneFile {
     pub animation: Option<Spanned<AnimationSection>>,
 }
 
-/// A camera, defined by a viewing rectangle (or only its height) at a distance, or by a vertical field of view.
+/// A camera, defined by a viewing rectangle (or only its height) at a distance, by a vertical field of view, or by its
+/// intrinsic matrix; its place by `position` and `look_at`, or by `pose`.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSection {
     /// Name, as used by `--camera`.
     pub name: Option<String>,
     /// Position.
-    pub position: [f64; 3],
+    pub position: Option<[f64; 3]>,
     /// A point that the camera looks at.
-    pub look_at: [f64; 3],
+    pub look_at: Option<[f64; 3]>,
     /// Up vector, not necessarily perpendicular to the view direction; (0, 1, 0) if not given.
     pub up: Option<[f64; 3]>,
     /// Projection; perspective if not given.
@@ -92,6 +93,24 @@ pub struct CameraSection {
     pub vertical_fov: Option<f64>,
     /// Focal length in millimetres on film of 36 x 24 mm, instead of the field of view.
     pub focal_length: Option<f64>,
+    /// Intrinsic matrix in pixels, as OpenCV defines it, instead of the field of view: the centre of the first pixel, top
+    /// left, is (0, 0). Or [fx, fy, cx, cy].
+    #[serde(rename = "K")]
+    pub intrinsics: Option<IntrinsicMatrix>,
+    /// Width and height of the picture that `K` is for, in pixels; those of `[image]` or `--size` if not given.
+    pub image_size: Option<[u32; 2]>,
+    /// Rows of the matrix from the camera's coordinates to the world's, a rotation and a position, instead of `position`,
+    /// `look_at` and `up`.
+    pub pose: Option<[[f64; 4]; 4]>,
+    /// The axes of `pose`.
+    pub axes: Option<Axes>,
+    /// The middle of the viewing rectangle, right of and above the line of sight, in shares of its width and height;
+    /// (0, 0) if not given.
+    pub lens_shift: Option<[f64; 2]>,
+    /// Whether a picture shows exactly the viewing rectangle, with oblong pixels where their aspect ratios differ. If not
+    /// given, pixels are square and it shows more.
+    #[serde(default)]
+    pub oblong_pixels: bool,
     /// Radius of the lens in world units; what is not in focus is blurred. 0 if not given.
     pub aperture_radius: Option<f64>,
     /// f-number of the lens, instead of its radius; a world unit is a metre.
@@ -104,6 +123,26 @@ pub struct CameraSection {
     pub blades: Option<u32>,
     /// Rotation of the corners in degrees, counterclockwise; at 0, one is to the right.
     pub blade_rotation: Option<f64>,
+}
+
+/// An intrinsic matrix.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "3 rows of 3 numbers, or [fx, fy, cx, cy]")]
+pub enum IntrinsicMatrix {
+    /// Its rows.
+    Rows([[f64; 3]; 3]),
+    /// fx, fy, cx and cy.
+    Numbers([f64; 4]),
+}
+
+/// The axes of a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Axes {
+    /// x to the right, y down, z ahead, as in OpenCV and COLMAP.
+    OpenCv,
+    /// x to the right, y up, z backwards, as in OpenGL, Blender and NeRF data sets.
+    OpenGl,
 }
 
 /// The lens of a camera: keys of [`CameraSection`], and of the `extras` of glTF's cameras.

@@ -45,7 +45,11 @@ pub(super) fn check_lists(key: &str, value: &Spanned<DeValue>) -> Result<(), Tom
         DeValue::Array(list) => {
             let is_number =
                 |item: &Spanned<DeValue>| matches!(item.get_ref(), DeValue::Integer(_) | DeValue::Float(_));
-            let most = if PAIRS.contains(&key) { 2 } else { 3 };
+            let most = match key {
+                key if PAIRS.contains(&key) => 2,
+                "K" | "pose" => 4,
+                _ => 3,
+            };
             if list.len() > most && list.iter().all(is_number) {
                 let what = format!("`{key}` has {} numbers, expected {most}", list.len());
                 let hint = format!("leave out all but {most}");
@@ -57,8 +61,8 @@ pub(super) fn check_lists(key: &str, value: &Spanned<DeValue>) -> Result<(), Tom
     }
 }
 
-/// Keys of lists of two numbers; all others have three.
-const PAIRS: [&str; 2] = ["viewing_rectangle", "size"];
+/// Keys of lists of two numbers.
+const PAIRS: [&str; 4] = ["viewing_rectangle", "size", "image_size", "lens_shift"];
 
 /// Keys and names that are unknown, missing or given twice.
 fn of_name(message: &str, typed: &str) -> Option<(String, String)> {
@@ -121,6 +125,7 @@ fn expectation(expected: &str) -> (&str, &'static str) {
         ),
         "an array of length 2" => ("2 numbers", "write them in brackets: [0, 0]"),
         "an array of length 3" => ("3 numbers", "write them in brackets: [0, 0, 0]"),
+        "an array of length 4" => ("4 of them", "write them in brackets: [0, 0, 0, 1]"),
         _ if expected.starts_with("struct ") => {
             ("keys in braces", "write { KEY = VALUE }; `kiln schema` lists the keys")
         }

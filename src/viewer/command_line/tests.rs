@@ -91,7 +91,7 @@ fn a_moved_camera_is_in_braces_with_its_projection() {
     assert!(!text.contains("--projection"), "{text}");
     // It parses to the same camera, except for its name.
     let typed = arguments(&command).pop().unwrap();
-    let read = crate::import::inline_camera(&typed).unwrap();
+    let read = crate::import::inline_camera(&typed, None).unwrap();
     assert_eq!(read, Camera { name: INLINE_NAME.into(), projection: Projection::Orthographic, ..moved });
 }
 

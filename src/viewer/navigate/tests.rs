@@ -28,6 +28,7 @@ fn cameras() -> impl Strategy<Value = Camera> {
                 view_width: width.map(|width| width * scale),
                 viewpoint_distance: distance * scale,
                 lens: None,
+                sensor: crate::scene::Sensor::default(),
             })
         },
     )
