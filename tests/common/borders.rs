@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use glam::DVec3;
 use kiln::error::{Error, Warnings};
 use kiln::film::Film;
-use kiln::scene::{Camera, Numerics, Projection, Scene};
+use kiln::scene::{Camera, Numerics, Projection, Scene, Sensor};
 
 use super::Numbers;
 use super::picture::{Prepared, equip, prepare};
@@ -69,7 +69,7 @@ pub fn camera(position: DVec3, target: DVec3, projection: Projection, side: f64,
         view_width: Some(side),
         viewpoint_distance: distance,
         lens: None,
-        sensor: kiln::scene::Sensor::default(),
+        sensor: Sensor::default(),
     }
 }
 

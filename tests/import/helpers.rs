@@ -13,7 +13,7 @@ use kiln::error::{Error, Warnings};
 use kiln::film::{ColourPipeline, Window};
 use kiln::render::{RenderControl, render};
 use kiln::scene::Numerics;
-use kiln::scene::{Camera, Mesh, Projection, Scene, Shape};
+use kiln::scene::{Camera, Mesh, Projection, Scene, Sensor, Shape};
 use kiln::shading::ShadingMode;
 use kiln::world::{View, World};
 
@@ -88,7 +88,7 @@ pub fn seen(scene: Scene, min: [f64; 2], max: [f64; 2], size: [u32; 2]) -> Vec<[
         view_width: Some(max[0] - min[0]),
         viewpoint_distance: 100.0,
         lens: None,
-        sensor: kiln::scene::Sensor::default(),
+        sensor: Sensor::default(),
     };
     let pipeline = ColourPipeline::Display;
     let world = World::prepare(scene, pipeline, Layout::default(), Numerics::default());

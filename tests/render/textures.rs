@@ -12,7 +12,7 @@ use kiln::render::{RenderControl, render};
 use kiln::scene::EffectValue;
 use kiln::scene::{
     Attribute, Camera, DecodedImage, Glaze, Interpolation, Material, MaterialId, Mesh, Minify, Numerics,
-    Object, Phong, Projection, Scene, Shape, TexelEncoding, Texture, TextureFilter, TextureSampler,
+    Object, Phong, Projection, Scene, Sensor, Shape, TexelEncoding, Texture, TextureFilter, TextureSampler,
     TextureSlot, Wrap,
 };
 use kiln::shading::ShadingMode;
@@ -60,7 +60,7 @@ fn camera(half: f64, projection: Projection) -> Camera {
         view_width: Some(2.0 * half),
         viewpoint_distance: 1.0,
         lens: None,
-        sensor: kiln::scene::Sensor::default(),
+        sensor: Sensor::default(),
     }
 }
 

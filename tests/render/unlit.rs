@@ -7,7 +7,7 @@ use kiln::film::{Colour, Film, Pixel};
 use kiln::job::{RenderControl, RenderJob, prepare};
 use kiln::scene::{
     Background, Camera, ColourValue, Look, Material, MaterialId, Mesh, MetallicRoughness, Object, Opacity,
-    PictureSettings, Projection, Samples, Scene, Shape, Transport,
+    PictureSettings, Projection, Samples, Scene, Sensor, Shape, Transport,
 };
 
 /// A square of side 2 at z = 0, of an unlit material of this 8-bit colour, seen by a camera that sees a square of side
@@ -35,7 +35,7 @@ fn scene(colour: [u8; 3], opacity: Option<f64>) -> Scene {
         view_width: Some(4.0),
         viewpoint_distance: 5.0,
         lens: None,
-        sensor: kiln::scene::Sensor::default(),
+        sensor: Sensor::default(),
     };
     let object = Object { name: "a".into(), input: 0, material: MaterialId(0), shape: Shape::Mesh(mesh) };
     Scene { cameras: vec![camera], materials: vec![material], objects: vec![object], ..Scene::default() }

@@ -16,7 +16,7 @@ use crate::import::scene_file::{LensSection, lens};
 use crate::import::uri::{self, Resource};
 use crate::scene::{
     Camera, Falloff, ImageId, Interpolation, Light, LightKind, Material, MetallicRoughness, Minify, Opacity,
-    Projection, Scene, Texture, TextureSampler, TextureSlot, Textures, Wrap,
+    Projection, Scene, Sensor, Texture, TextureSampler, TextureSlot, Textures, Wrap,
 };
 
 impl Loader<'_> {
@@ -205,7 +205,7 @@ impl Loader<'_> {
             view_width,
             viewpoint_distance: 1.0,
             lens: None,
-            sensor: crate::scene::Sensor::default(),
+            sensor: Sensor::default(),
         };
         let extras = &self.root["cameras"][camera.index()]["extras"];
         if extras.is_object() {
