@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 from os import PathLike
-from typing import Any, final
+from typing import Any, Literal, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._results import AllHits, ClosestPoints, Closedness, Crossings, Hits
+from ._results import AllHits, ClosestPoints, Closedness, Crossings, Hits, WindingNumbers
 
 __version__: str
 
@@ -29,7 +29,17 @@ class Mesh:
     def crossings(
         self, origins: ArrayLike, directions: ArrayLike, max_distance: ArrayLike | None = None
     ) -> Crossings: ...
-    def contains(self, points: ArrayLike) -> NDArray[np.bool_]: ...
+    @overload
+    def contains(self, points: ArrayLike, return_margin: Literal[False] = False) -> NDArray[np.bool_]: ...
+    @overload
+    def contains(
+        self, points: ArrayLike, return_margin: Literal[True]
+    ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]: ...
+    @overload
+    def contains(
+        self, points: ArrayLike, return_margin: bool
+    ) -> NDArray[np.bool_] | tuple[NDArray[np.bool_], NDArray[np.float64]]: ...
+    def generalised_winding_number(self, points: ArrayLike, beta: float = 1.0) -> WindingNumbers: ...
     def winding_number(self, points: ArrayLike) -> NDArray[np.int32]: ...
     def closest_point(self, points: ArrayLike) -> ClosestPoints: ...
     def signed_distance(self, points: ArrayLike) -> NDArray[np.float64]: ...

@@ -63,6 +63,15 @@ class ClosestPoints(NamedTuple):
     """(n,) index of the triangle that it is on."""
 
 
+class WindingNumbers(NamedTuple):
+    """Generalised winding numbers: a row for each of n points."""
+
+    value: NDArray[np.float64]
+    """(n,) solid angle of the surface over 4 pi."""
+    error: NDArray[np.float64]
+    """(n,) bound on the error of the value; 0 for a closed surface."""
+
+
 class Closedness(NamedTuple):
     """Edges that keep a surface from being closed: it is closed if no edge is unbalanced."""
 

@@ -1,6 +1,6 @@
 //! `kiln.Mesh`: ray and point queries of triangles.
 
-use kiln::bvh::{Bvh, NotClosed, NotFinite, Preset, Primitive, RayArrays, RayList, SignedHit};
+use kiln::bvh::{Bvh, InvalidRays, NotClosed, NotFinite, Preset, Primitive, RayArrays, RayList, SignedHit};
 use kiln::geometry::{Hit, Numerics, Ray, Side};
 use kiln::glam::DVec3;
 use numpy::{PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2, PyUntypedArrayMethods};
@@ -98,13 +98,16 @@ impl<'py> RayArguments<'py> {
     fn rays(&self, py: Python, bvh: &Bvh) -> PyResult<RayArrays<'_>> {
         let [origins, directions] = [chunks(&self.origins)?, chunks(&self.directions)?];
         let t_max = self.max_distance.as_deref();
-        in_threads(py, || bvh.rays(origins, directions, t_max))?.map_err(|(row, why)| {
+        in_threads(py, || bvh.rays(origins, directions, t_max))?.map_err(|error| {
+            let InvalidRays::Ray { index, why } = error else {
+                return PyValueError::new_err(error.to_string());
+            };
             let argument = match why {
                 NotFinite::Direction => "directions",
                 NotFinite::Distance | NotFinite::MinDistance => "max_distance",
-                NotFinite::Origin | NotFinite::Primitive(_) => "origins",
+                _ => "origins",
             };
-            PyValueError::new_err(format!("{argument}: row {row}: {why}"))
+            PyValueError::new_err(format!("{argument}: row {index}: {why}"))
         })
     }
 }
@@ -209,8 +212,8 @@ impl Mesh {
     /// The closest hit of every ray: Hits of n rows, with the triangle -1 and nan for a ray that hits nothing. Of hits
     /// at equal distance, the one of the lowest triangle, but in tier "fast".
     ///
-    /// origins, directions: (n, 3) float64. max_distance: a number or (n,) float64 above 0, infinite by default. Hits are
-    /// at 0 < distance < max_distance: a ray from a point of the surface does not hit it there.
+    /// origins, directions: (n, 3) float64. max_distance: a number or (n,) float64 above 0, infinite by default. Hits
+    /// are at 0 < distance < max_distance: a ray from a point of the surface does not hit it there.
     #[pyo3(signature = (origins, directions, max_distance = None))]
     fn first<'py>(
         &self,
@@ -270,11 +273,10 @@ impl Mesh {
         result(py, "AllHits", [any(&index), triangle, distance, location, barycentrics])
     }
 
-    /// Every crossing of every ray and the surface, once each, also through edges and corners: Crossings, sorted by ray,
-    /// then distance. Exact: a ray through a closed surface enters and leaves it in turns. The origin is perturbed
-    /// infinitesimally along +x, then +y, then +z (simulation of simplicity), which decides for rays that run in the plane
-    /// of a triangle or start on it.
-    /// Arguments as for `first`.
+    /// Every crossing of every ray and the surface, once each, also through edges and corners: Crossings, sorted by
+    /// ray, then distance. Exact: a ray through a closed surface enters and leaves it in turns. The origin is
+    /// perturbed infinitesimally along +x, then +y, then +z (simulation of simplicity), which decides for rays that
+    /// run in the plane of a triangle or start on it. Arguments as for `first`.
     #[pyo3(signature = (origins, directions, max_distance = None))]
     fn crossings<'py>(
         &self,
@@ -301,7 +303,7 @@ impl Mesh {
             let write = |place: (&mut i64, &mut i64, &mut f64, &mut [f64; 3], &mut bool),
                          ray: usize,
                          crossing: &SignedHit| {
-                let SignedHit { t, prim, side } = *crossing;
+                let SignedHit { t, prim, side, .. } = *crossing;
                 (*place.0, *place.1, *place.2) = (ray as i64, prim.0.into(), t);
                 (*place.3, *place.4) = (rays.get(ray).at(t).to_array(), side == Side::Entering);
             };
@@ -313,8 +315,43 @@ impl Mesh {
 
     /// Whether points are inside the surface: (n,) bool, whether the winding number is not 0. Exact for a closed
     /// surface; warns of another. points: (n, 3) float64.
-    fn contains<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        Ok(vector(points.py(), self.with_points(points, true, |bvh, points| bvh.par_contains(points).0)?))
+    ///
+    /// return_margin: for any surface, without a warning. Returns a pair: (n,) bool, whether the generalised winding
+    /// number exceeds 1/2, and (n,) float64, how far it is from 1/2 beyond its error: 0.5 for a closed surface, small
+    /// near holes, and not above 0 where the point is not decided.
+    #[pyo3(signature = (points, return_margin = false))]
+    fn contains<'py>(&self, points: &Bound<'py, PyAny>, return_margin: bool) -> PyResult<Bound<'py, PyAny>> {
+        let py = points.py();
+        if !return_margin {
+            return Ok(vector(py, self.with_points(points, true, |bvh, points| bvh.par_contains(points).0)?));
+        }
+        let (is_inside, margin) = self.with_points(points, false, |bvh, points| {
+            let numbers = bvh.par_generalised_winding_numbers(points, 1.0);
+            numbers.iter().map(|number| (number.is_inside(), number.margin())).unzip()
+        })?;
+        let pair: [_; 2] = [vector::<bool>(py, is_inside), vector::<f64>(py, margin)];
+        Ok(PyTuple::new(py, pair)?.into_any())
+    }
+
+    /// The solid angle of the surface, seen from points, over 4 pi: WindingNumbers of n rows. 1 well inside of a
+    /// surface with holes, 0 outside, anything between near the holes; the exact winding number for a closed surface.
+    ///
+    /// points: (n, 3) float64. beta: at least 1; the error falls with its third power, and time grows with its second.
+    #[pyo3(signature = (points, beta = 1.0))]
+    fn generalised_winding_number<'py>(
+        &self,
+        points: &Bound<'py, PyAny>,
+        beta: f64,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let py = points.py();
+        let numbers =
+            self.with_points(points, false, |bvh, points| bvh.par_generalised_winding_numbers(points, beta))?;
+        let [value, error] = [
+            numbers.iter().map(|number| number.value).collect(),
+            numbers.iter().map(|number| number.error).collect(),
+        ]
+        .map(|column: Vec<f64>| vector(py, column));
+        result(py, "WindingNumbers", [value, error])
     }
 
     /// How often the surface winds around points: (n,) int32, 1 inside of a closed mesh and 0 outside. Warns of a

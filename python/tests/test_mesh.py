@@ -79,6 +79,22 @@ def test_inside_out_and_open():
     assert opened.closest_point([[0.1, 0.1, 0.1]]).distance.tolist() == pytest.approx([0.1])
 
 
+def test_open_surfaces_have_margins():
+    """From the centre of a cube each face has a sixth of all directions; without one, 5/6 is 1/3 above 1/2."""
+    corners = np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)]) * 2.0 - 1
+    quads = np.array([[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]])
+    faces = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    points = [[0, 0, 0], [9, 9, 9]]
+    inside, margin = kiln.Mesh(corners, faces).contains(points, return_margin=True)
+    assert inside.tolist() == [True, False] and margin.tolist() == [0.5, 0.5]
+    opened = kiln.Mesh(corners, faces[2:])
+    for beta in (1, 4, np.inf):
+        numbers = opened.generalised_winding_number(points, beta)
+        assert abs(numbers.value[0] - 5 / 6) <= numbers.error[0] < 0.1
+    inside, margin = opened.contains(points, return_margin=True)
+    assert inside.tolist() == [True, False] and margin[0] == pytest.approx(1 / 3, abs=0.05) and margin[1] > 0.4
+
+
 @pytest.mark.parametrize("tier", ["fast", "watertight", "double", "exact"])
 def test_brute_force(tier):
     """The plane of each triangle in numpy; rays that pass near an edge are left out."""

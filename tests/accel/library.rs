@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use crate::common::Numbers;
-use kiln::bvh::{Bvh, Layout, NotFinite, Preset, Primitive, RayList, Slot, Traversal, build};
+use kiln::bvh::{
+    Bvh, InvalidMesh, InvalidRays, Layout, NotFinite, Preset, Primitive, RayList, Slot, Traversal, build,
+};
 use kiln::film::ColourPipeline;
 use kiln::geometry::{Hit, HitBuffer, Numerics, Precision, PrimId, RayBuffer, Triangle};
 use kiln::glam::{DMat4, DVec3};
@@ -163,10 +165,54 @@ fn batches_of_rays_are_those_made_one_by_one() {
         bvh.rays(origins, directions, Some(&[t_max])).err()
     };
     let nan = [[0.0; 3], [f64::NAN; 3], [f64::NAN; 3]];
-    assert_eq!(of(&nan, &directions, 1.0), Some((1, NotFinite::Origin)));
-    assert_eq!(of(&origins, &nan, 1.0), Some((0, NotFinite::Direction)));
-    assert_eq!(of(&origins, &directions, f64::NAN), Some((0, NotFinite::Distance)));
+    assert_eq!(of(&nan, &directions, 1.0), Some(InvalidRays::Ray { index: 1, why: NotFinite::Origin }));
+    assert_eq!(of(&origins, &nan, 1.0), Some(InvalidRays::Ray { index: 0, why: NotFinite::Direction }));
+    assert_eq!(
+        of(&origins, &directions, f64::NAN),
+        Some(InvalidRays::Ray { index: 0, why: NotFinite::Distance })
+    );
     assert_eq!(of(&[], &[], 0.0), None);
+}
+
+/// Arrays that do not fit are an error with both lengths, which says what is wrong as any error does.
+#[test]
+fn batches_of_other_lengths_are_errors() {
+    let bvh = Bvh::new(square(4.0)).expect("finite");
+    let (origins, directions) = ([[0.0; 3]; 3], [[1.0; 3]; 2]);
+    let error = bvh.rays(&origins, &directions, None).expect_err("two directions of three");
+    assert_eq!(error, InvalidRays::Directions { directions: 2, origins: 3 });
+    let error = bvh.rays(&origins[..2], &directions, Some(&[1.0; 3])).expect_err("three distances of two");
+    assert_eq!(error, InvalidRays::Distances { distances: 3, origins: 2 });
+    assert!(bvh.rays(&origins[..2], &directions, Some(&[])).is_err());
+    let error: Box<dyn std::error::Error> = Box::new(error);
+    assert!(error.to_string().contains('3') && error.to_string().contains('2'), "{error}");
+    let of_ray = bvh.rays(&[[f64::NAN; 3]], &[[1.0; 3]], None).expect_err("NaN");
+    let source = std::error::Error::source(&of_ray).expect("why");
+    assert_eq!(source.to_string(), NotFinite::Origin.to_string());
+    assert!(of_ray.to_string().starts_with("ray 0: "), "{of_ray}");
+}
+
+/// Vertices and indices give the structure of their triangles; an index beyond the vertices is an error.
+#[test]
+fn meshes_are_built_from_vertices_and_indices() {
+    let vertices = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let triangles = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+    let bvh = Bvh::from_mesh(&vertices, &triangles).expect("valid");
+    assert!(bvh.closedness().is_closed());
+    let of_glam = Bvh::from_mesh(&vertices.map(DVec3::from), &triangles).expect("valid");
+    let corners =
+        triangles.map(|triangle| Primitive::from(triangle.map(|i| DVec3::from(vertices[i as usize]))));
+    let of_corners = Bvh::new(corners).expect("finite");
+    let traversal = &mut Traversal::default();
+    let ray = bvh.ray([0.1, 0.2, -1.0], [0.0, 0.0, 1.0]).expect("finite");
+    let hit = bvh.closest_hit(&ray, traversal);
+    assert_eq!(hit.map(|hit| (hit.prim.0, hit.t)), Some((0, 1.0)));
+    assert_eq!([&of_glam, &of_corners].map(|bvh| bvh.closest_hit(&ray, traversal)), [hit; 2]);
+    let error = Bvh::from_mesh(&vertices, &[[0, 1, 2], [0, 4, 1]]).err();
+    assert_eq!(error, Some(InvalidMesh::Index { triangle: 1, vertex: 4, vertices: 4 }));
+    let error = Bvh::from_mesh(&[[0.0; 3], [1.0; 3], [f64::NAN; 3]], &[[0, 1, 2]]).err();
+    assert_eq!(error, Some(InvalidMesh::NotFinite(NotFinite::Primitive(0))));
+    assert!(Bvh::from_mesh(&[[0.0; 3]; 0], &[]).is_ok());
 }
 
 /// Squares at the heights 3, 1 and 2, the last of them twice, and a ball from 5 to 7.

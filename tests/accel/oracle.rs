@@ -133,6 +133,7 @@ fn targets(slots: &[Slot], count: usize, numbers: &mut Numbers) -> Vec<DVec3> {
                 let aside = disk.normal.cross(numbers.vector()).try_normalize().unwrap_or(disk.normal);
                 disk.centre + aside * (disk.radius * [1.0, numbers.unit(), 0.0][i % 3])
             }
+            Primitive::Analytic(shape) => panic!("another shape: {shape:?}"),
         })
         .collect()
 }

@@ -70,6 +70,7 @@ fn target(slots: &[Slot], numbers: &mut Numbers) -> DVec3 {
             let aside = disk.normal.cross(numbers.vector()).normalize_or(disk.normal);
             disk.centre + aside * (disk.radius * [1.0, 1.0 + 1e-9, numbers.unit()][numbers.below(3)])
         }
+        Primitive::Analytic(shape) => panic!("another shape: {shape:?}"),
     }
 }
 

@@ -5,6 +5,7 @@ use std::sync::OnceLock;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::generalised::Expansions;
 use super::{Accelerator, Closedness, Layout, Preset, Primitive, RayList, Slot, Traversal, build};
 use crate::geometry::{
     AnalyticShape, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, Rays, Sphere, Triangle,
@@ -19,10 +20,12 @@ pub struct Bvh {
     /// Whether each primitive has a rounded form ([`Primitive::rounded`]), and so a slot.
     has_slot: Vec<bool>,
     pub(super) closedness: OnceLock<Closedness>,
+    pub(super) expansions: OnceLock<Expansions>,
 }
 
 /// The result of [`Bvh::update`].
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Update {
     /// The tree was refitted. Its cost by the surface area heuristic, relative to that at build.
     Refitted(f64),
@@ -32,6 +35,7 @@ pub enum Update {
 
 /// A number that is not finite or exceeds f32: bounds are f32 in every tier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum NotFinite {
     /// In a primitive.
     Primitive(usize),
@@ -64,6 +68,92 @@ impl std::fmt::Display for NotFinite {
 
 impl std::error::Error for NotFinite {}
 
+/// Why [`Bvh::rays`] does not make a batch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum InvalidRays {
+    /// The first ray that is not valid.
+    Ray {
+        /// Its index.
+        index: usize,
+        /// What is wrong with it.
+        why: NotFinite,
+    },
+    /// There are not as many directions as origins.
+    Directions {
+        /// The number of directions.
+        directions: usize,
+        /// The number of origins.
+        origins: usize,
+    },
+    /// There are neither as many `t_max` as origins, nor one for all.
+    Distances {
+        /// The number of `t_max`.
+        distances: usize,
+        /// The number of origins.
+        origins: usize,
+    },
+}
+
+impl std::fmt::Display for InvalidRays {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            InvalidRays::Ray { index, why } => write!(f, "ray {index}: {why}"),
+            InvalidRays::Directions { directions, origins } => {
+                write!(f, "{directions} directions, expected one for each of {origins} origins")
+            }
+            InvalidRays::Distances { distances, origins } => {
+                write!(f, "{distances} maximum distances, expected one, or one for each of {origins} origins")
+            }
+        }
+    }
+}
+
+impl std::error::Error for InvalidRays {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            InvalidRays::Ray { why, .. } => Some(why),
+            InvalidRays::Directions { .. } | InvalidRays::Distances { .. } => None,
+        }
+    }
+}
+
+/// Why [`Bvh::from_mesh`] does not build.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum InvalidMesh {
+    /// The first triangle with a vertex that is not finite, or too large for f32.
+    NotFinite(NotFinite),
+    /// The first triangle with a vertex that does not exist.
+    Index {
+        /// The index of the triangle.
+        triangle: usize,
+        /// The index of the vertex.
+        vertex: u32,
+        /// The number of vertices.
+        vertices: usize,
+    },
+}
+
+impl std::fmt::Display for InvalidMesh {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            InvalidMesh::NotFinite(why) => why.fmt(f),
+            InvalidMesh::Index { triangle, vertex, vertices } => {
+                write!(f, "triangle {triangle} has the vertex {vertex}, and there are {vertices} vertices")
+            }
+        }
+    }
+}
+
+impl std::error::Error for InvalidMesh {}
+
+impl From<NotFinite> for InvalidMesh {
+    fn from(why: NotFinite) -> Self {
+        InvalidMesh::NotFinite(why)
+    }
+}
+
 /// The cost relative to that at build above which a refitted tree is rebuilt. Measurements: docs/decisions.md.
 const MAX_RELATIVE_COST: f64 = 1.2;
 
@@ -93,6 +183,40 @@ impl Bvh {
         Ok(Bvh::over(&checked(primitives)?, Layout::Wide(preset), numerics))
     }
 
+    /// Builds over triangles that share vertices, with the default preset and tier. A triangle's id is its index.
+    ///
+    /// # Errors
+    /// [`InvalidMesh`] for the first triangle whose vertices do not exist or are not finite in f32.
+    pub fn from_mesh(
+        vertices: &[impl Into<DVec3> + Copy],
+        triangles: &[[u32; 3]],
+    ) -> Result<Self, InvalidMesh> {
+        Bvh::from_mesh_with(vertices, triangles, Preset::default(), Numerics::default())
+    }
+
+    /// [`Bvh::from_mesh`] with a preset and a tier.
+    ///
+    /// # Errors
+    /// As [`Bvh::from_mesh`].
+    pub fn from_mesh_with(
+        vertices: &[impl Into<DVec3> + Copy],
+        triangles: &[[u32; 3]],
+        preset: Preset,
+        numerics: Numerics,
+    ) -> Result<Self, InvalidMesh> {
+        let vertex = |triangle: usize, index: u32| match vertices.get(index as usize) {
+            Some(vertex) => Ok((*vertex).into()),
+            None => Err(InvalidMesh::Index { triangle, vertex: index, vertices: vertices.len() }),
+        };
+        let corners = |(index, triangle): (usize, &[u32; 3])| {
+            let [a, b, c] = *triangle;
+            Ok(Primitive::from([vertex(index, a)?, vertex(index, b)?, vertex(index, c)?]))
+        };
+        let primitives: Result<Vec<Primitive>, InvalidMesh> =
+            triangles.iter().enumerate().map(corners).collect();
+        Ok(Bvh::with(primitives?, preset, numerics)?)
+    }
+
     fn over(primitives: &[Primitive], layout: Layout, numerics: Numerics) -> Self {
         let rounded = || primitives.iter().map(|p| p.rounded(numerics.precision()));
         let slots = (0..).zip(rounded()).filter_map(|(id, p)| Some(Slot { primitive: p?, id: PrimId(id) }));
@@ -103,6 +227,7 @@ impl Bvh {
             numerics,
             has_slot,
             closedness: OnceLock::new(),
+            expansions: OnceLock::new(),
         }
     }
 
@@ -136,27 +261,25 @@ impl Bvh {
     /// rays, or one for each, or `None` for infinity.
     ///
     /// # Errors
-    /// The first index whose ray is not valid, and why.
-    ///
-    /// # Panics
-    /// If there are not as many directions as origins, or not as many `t_max`.
+    /// [`InvalidRays`]: arrays of other lengths, or the first ray that is not valid, and why.
     pub fn rays<'a>(
         &self,
         origins: &'a [[f64; 3]],
         directions: &'a [[f64; 3]],
         t_max: Option<&'a [f64]>,
-    ) -> Result<RayArrays<'a>, (usize, NotFinite)> {
+    ) -> Result<RayArrays<'a>, InvalidRays> {
         let len = origins.len();
-        assert_eq!(len, directions.len(), "a direction for each origin");
-        assert!(
-            t_max.is_none_or(|t_max| [1, len].contains(&t_max.len())),
-            "one `t_max`, or one for each ray"
-        );
+        if directions.len() != len {
+            return Err(InvalidRays::Directions { directions: directions.len(), origins: len });
+        }
+        if let Some(t_max) = t_max.filter(|t_max| ![1, len].contains(&t_max.len())) {
+            return Err(InvalidRays::Distances { distances: t_max.len(), origins: len });
+        }
         let rays = RayArrays { origins, directions, t_max, precision: self.numerics.ray_precision() };
         let check = |index: usize| {
             check_ray(origins[index].into(), directions[index].into(), rays.t_max(index))
                 .err()
-                .map(|why| (index, why))
+                .map(|why| InvalidRays::Ray { index, why })
         };
         (0..len).into_par_iter().with_min_len(1 << 12).find_map_first(check).map_or(Ok(rays), Err)
     }
@@ -242,6 +365,7 @@ impl Bvh {
             let relative_cost = self.accelerator.refit(&|id| now[id.0 as usize]);
             if let Some(relative_cost) = relative_cost.filter(|cost| is_worth_keeping(*cost)) {
                 self.closedness = OnceLock::new();
+                self.expansions = OnceLock::new();
                 return Ok(Update::Refitted(relative_cost));
             }
         }
@@ -360,6 +484,13 @@ fn checked(primitives: impl IntoIterator<Item = Primitive>) -> Result<Vec<Primit
 impl From<[[f64; 3]; 3]> for Primitive {
     fn from(corners: [[f64; 3]; 3]) -> Self {
         Primitive::Triangle(Triangle(corners.map(DVec3::from)))
+    }
+}
+
+/// A triangle of three corners.
+impl From<[DVec3; 3]> for Primitive {
+    fn from(corners: [DVec3; 3]) -> Self {
+        Primitive::Triangle(Triangle(corners))
     }
 }
 

@@ -10,7 +10,8 @@ use rayon::prelude::*;
 
 use super::crossings::{each_crossing_of_rays, in_order, winding_ray};
 use super::lists::{ListGroup, Lists};
-use super::{Bvh, Closedness, ClosestPoint, SignedHit, Traversal};
+use super::{Bvh, Closedness, ClosestPoint, SignedHit, Traversal, WindingNumber};
+use crate::geometry::simd::InstructionSet;
 use crate::geometry::{Hit, HitBuffer, PACKET, Ray, RayBuffer, Rays, Side};
 
 /// The queries of a task.
@@ -246,6 +247,27 @@ impl Bvh {
     pub fn par_contains(&self, points: &[DVec3]) -> (Vec<bool>, Closedness) {
         let is_inside = self.par_winding_numbers(points).into_iter().map(|number| number != 0);
         (is_inside.collect(), self.closedness())
+    }
+
+    /// [`Bvh::generalised_winding_number`] of every point.
+    pub fn par_generalised_winding_numbers(&self, points: &[DVec3], beta: f64) -> Vec<WindingNumber> {
+        if self.closedness().is_closed() {
+            let exact = |number: i32| WindingNumber { value: number.into(), error: 0.0 };
+            return self.par_winding_numbers(points).into_iter().map(exact).collect();
+        }
+        let expansions = self.expansions();
+        let mut results = vec![WindingNumber { value: 0.0, error: 0.0 }; points.len()];
+        results.par_chunks_mut(POINTS).zip(points.par_chunks(POINTS)).for_each_init(
+            || (Order::default(), Vec::new(), Vec::new()),
+            |(order, sorted, stack), (results, points)| {
+                order.fill(points.len(), true, |index| [points[index], DVec3::ZERO]);
+                sorted.clear();
+                sorted.extend(order.indices().map(|index| points[index]));
+                let set = &mut |place, number| results[order.index(place)] = number;
+                expansions.evaluate(sorted, beta, InstructionSet::widest(), stack, set);
+            },
+        );
+        results
     }
 
     /// [`Bvh::closest_point`] of every point.

@@ -1,7 +1,7 @@
 //! [`Layout::BruteForce`](super::Layout::BruteForce): every ray against every primitive, the oracle of the tests.
 
 use super::stored_slot::StoredSlot;
-use super::{Accelerator, Description, Primitive, Traversal};
+use super::{Accelerator, Description, Nearby, Primitive, Traversal};
 use crate::geometry::{Hit, Numerics, PreparedRay, PrimId, Ray, SlotId, Stored, Tier, TriangleHit};
 
 /// A list of primitives.
@@ -31,6 +31,12 @@ impl<T: Tier> BruteForce<T> {
     }
 }
 
+impl<T: Tier> Nearby for BruteForce<T> {
+    fn every_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
+        self.slots.iter().for_each(|slot| visit(slot.id, slot.primitive.into()));
+    }
+}
+
 impl<T: Tier> Accelerator for BruteForce<T> {
     fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
         let stored = |hit: &Hit| &self.slots[hit.slot.index() as usize].primitive;
@@ -50,10 +56,6 @@ impl<T: Tier> Accelerator for BruteForce<T> {
 
     fn primitive(&self, slot: SlotId) -> Primitive {
         self.slots[slot.index() as usize].primitive.into()
-    }
-
-    fn each_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
-        self.slots.iter().for_each(|slot| visit(slot.id, slot.primitive.into()));
     }
 
     fn numerics(&self) -> Numerics {

@@ -7,6 +7,7 @@ use crate::geometry::{PrimId, Triangle};
 
 /// The point of a surface that is closest to another point.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct ClosestPoint {
     /// The point.
     pub point: DVec3,

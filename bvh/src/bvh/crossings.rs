@@ -10,6 +10,7 @@ use crate::geometry::{LineTest, Precision, PrimId, Ray, Rays, Side, Stored, Tria
 
 /// A crossing of a ray and the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct SignedHit {
     /// Distance along the ray.
     pub t: f64,
@@ -47,6 +48,7 @@ impl Closedness {
 
 /// The result of [`Bvh::contains`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Containment {
     /// Whether the winding number is not 0. It has a meaning only where `closedness` is closed.
     pub is_inside: bool,
@@ -353,7 +355,7 @@ mod tests {
         assert!(count > 300 * Numerics::ALL.len(), "{count} crossings");
     }
 
-    /// [`Accelerator::each_near_rays`] takes any number of rays, not only those of a packet.
+    /// [`Nearby::each_near_rays`] takes any number of rays, not only those of a packet.
     #[test]
     fn crossings_of_more_rays_than_a_stream_holds() {
         let triangle = Primitive::from([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);

@@ -15,21 +15,24 @@ mod brute_force;
 mod build;
 mod closest_point;
 mod crossings;
+mod generalised;
 mod instances;
 mod lists;
 mod preset;
 mod quality;
 mod sah;
+#[doc(hidden)]
 pub mod splitmix64;
 mod stored_slot;
 mod wide;
 
-pub use api::{Bvh, NotFinite, RayArrays, Update, is_worth_keeping};
+pub use api::{Bvh, InvalidMesh, InvalidRays, NotFinite, RayArrays, Update, is_worth_keeping};
 pub use batch::RayList;
 pub use closest_point::ClosestPoint;
 #[allow(deprecated)]
 pub use crossings::Crossing;
 pub use crossings::{CONTAINS_DIRECTION, Closedness, Containment, NotClosed, SignedHit};
+pub use generalised::WindingNumber;
 pub use instances::{Instance, MeshSpace, can_be_instance};
 pub use lists::Lists;
 pub use preset::Preset;
@@ -89,7 +92,8 @@ pub struct Slot {
 /// The layout of an acceleration structure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Layout {
-    /// A tree of eight children per node, converted from obvhs's binary tree, traversed by AVX-512 or AVX2 where the machine has it.
+    /// A tree of eight children per node, converted from obvhs's binary tree, traversed by AVX-512 or AVX2 where the
+    /// machine has it.
     Wide(Preset),
     /// The same, traversed by AVX2 at most.
     Avx2(Preset),
@@ -228,6 +232,7 @@ pub struct Traversal {
 
 /// Counters of intersection tests; deterministic.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Tests {
     /// Boxes tested.
     pub nodes: u64,
@@ -242,37 +247,10 @@ impl std::ops::AddAssign for Tests {
     }
 }
 
-/// An acceleration structure: intersection queries, refitting and description.
-pub trait Accelerator: Send + Sync {
-    /// The closest hit; of hits at equal t, the one with the lowest primitive id, except in `fast`.
-    fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit>;
-
-    /// Whether the ray hits anything.
-    fn is_occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool;
-
-    /// Appends every hit of the ray to `hits`, in no order. On an edge or corner, all triangles that share it are hit.
-    fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal);
-
-    /// Appends every hit of every ray of a packet to `hits`, with the index of the ray, in no order; with a split triangle
-    /// perhaps several times.
-    fn each_hit(&self, rays: Rays, hits: &mut Vec<(usize, Hit)>, traversal: &mut Traversal) {
-        let mut found = Vec::new();
-        for (index, ray) in rays.iter().enumerate() {
-            self.all_hits(&ray, &mut found, traversal);
-            hits.extend(found.drain(..).map(|hit| (index, hit)));
-        }
-    }
-
-    /// Whether incoherent rays of a batch are traced as streams, in whose order nothing is gained by neighbours.
-    fn has_streams(&self) -> bool {
-        false
-    }
-
-    /// The primitive that [`Hit::slot`] refers to.
-    fn primitive(&self, slot: SlotId) -> Primitive;
-
-    /// Calls `visit` with every primitive as it is stored; with a split triangle several times.
-    fn each_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive));
+/// The queries of an [`Accelerator`] for this crate alone; so nothing outside of it is one.
+pub(crate) trait Nearby {
+    /// [`Accelerator::each_primitive`], for the defaults.
+    fn every_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive));
 
     /// Calls `visit` with every primitive that has a point on the ray, or a point at no distance above 0 from it, ends
     /// included, and perhaps with others; with a split triangle several times.
@@ -282,10 +260,10 @@ pub trait Accelerator: Send + Sync {
         visit: &mut dyn FnMut(PrimId, Primitive),
         _traversal: &mut Traversal,
     ) {
-        self.each_primitive(visit);
+        self.every_primitive(visit);
     }
 
-    /// [`Accelerator::each_near_ray`] of every ray; `visit` also takes the index of the ray and its test.
+    /// [`Nearby::each_near_ray`] of every ray; `visit` also takes the index of the ray and its test.
     fn each_near_rays(
         &self,
         rays: Rays,
@@ -307,9 +285,46 @@ pub trait Accelerator: Send + Sync {
         visit: &mut dyn FnMut(PrimId, Primitive) -> f64,
         _traversal: &mut Traversal,
     ) {
-        self.each_primitive(&mut |prim, primitive| {
+        self.every_primitive(&mut |prim, primitive| {
             visit(prim, primitive);
         });
+    }
+}
+
+/// An acceleration structure: intersection queries, refitting and description. Made by [`build`] and
+/// [`build_with_instances`] only.
+#[allow(private_bounds)]
+pub trait Accelerator: Nearby + Send + Sync {
+    /// The closest hit; of hits at equal t, the one with the lowest primitive id, except in `fast`.
+    fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit>;
+
+    /// Whether the ray hits anything.
+    fn is_occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool;
+
+    /// Appends every hit of the ray to `hits`, in no order. On an edge or corner, all triangles that share it are hit.
+    fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal);
+
+    /// Appends every hit of every ray of a packet to `hits`, with the index of the ray, in no order; with a split
+    /// triangle perhaps several times.
+    fn each_hit(&self, rays: Rays, hits: &mut Vec<(usize, Hit)>, traversal: &mut Traversal) {
+        let mut found = Vec::new();
+        for (index, ray) in rays.iter().enumerate() {
+            self.all_hits(&ray, &mut found, traversal);
+            hits.extend(found.drain(..).map(|hit| (index, hit)));
+        }
+    }
+
+    /// Whether incoherent rays of a batch are traced as streams, in whose order nothing is gained by neighbours.
+    fn has_streams(&self) -> bool {
+        false
+    }
+
+    /// The primitive that [`Hit::slot`] refers to.
+    fn primitive(&self, slot: SlotId) -> Primitive;
+
+    /// Calls `visit` with every primitive as it is stored; with a split triangle several times.
+    fn each_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
+        self.every_primitive(visit);
     }
 
     /// Whether the ray hits any primitive that `accepts` returns `true` for.
@@ -357,6 +372,7 @@ pub trait Accelerator: Send + Sync {
 
 /// The layout, instruction set and size of an acceleration structure.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Description {
     /// The name of its layout.
     pub layout: &'static str,

@@ -15,6 +15,7 @@ use super::{Bounds, Disk, Numerics, Precision, PreparedRay, Ray, Side, Sphere};
 /// A primitive that is not a triangle. Another kind is another variant here and of [`ShapeN`], and an arm of `each!`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
+#[non_exhaustive]
 pub enum AnalyticShape {
     /// A sphere.
     Sphere(Sphere),

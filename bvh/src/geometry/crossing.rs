@@ -53,7 +53,7 @@ pub enum Side {
 }
 
 /// A ray prepared for crossings.
-pub struct LineTest {
+pub(crate) struct LineTest {
     pub(crate) ray: Ray,
     woop: WoopTest,
 }

@@ -52,7 +52,7 @@ mod woop_packet;
 pub use analytic::AnalyticShape;
 pub(crate) use analytic::{SHAPE_NUMBERS, ShapeN};
 pub use bounds::{Bounds, round_up};
-pub use crossing::{LineTest, Side};
+pub use crossing::Side;
 pub use disk::Disk;
 pub use hit_buffer::HitBuffer;
 pub use mesh::{Attribute, Mesh, is_mirror, moved_tangent, normal_matrix};
@@ -68,7 +68,7 @@ pub use triangle::Triangle;
 pub use turns::sin_cos_of_turns;
 
 pub(crate) use bounds::{PRUNE_MARGIN, round_down};
-pub(crate) use crossing::order_of_crossings;
+pub(crate) use crossing::{LineTest, order_of_crossings};
 pub(crate) use double::Double;
 pub(crate) use exact::Exact;
 pub(crate) use fast::Fast;

@@ -80,7 +80,7 @@ impl SpeedRow {
 
     /// Average number of box and primitive tests per ray of a kind.
     pub fn tests_per_ray(&self, kind: Kind) -> Option<[f64; 2]> {
-        let Tests { nodes, primitives } = self.tests[kind as usize]?;
+        let Tests { nodes, primitives, .. } = self.tests[kind as usize]?;
         let rays = self.rays[kind as usize];
         (rays > 0).then(|| [nodes, primitives].map(|count| count as f64 / rays as f64))
     }

@@ -196,6 +196,7 @@ pub fn exact_hits(slots: &[Slot], ray: &Ray) -> Vec<(Distance, PrimId)> {
         Primitive::Analytic(AnalyticShape::Disk(Disk { centre, normal, radius })) => {
             oracle::disk(ray, *centre, *normal, *radius)
         }
+        Primitive::Analytic(shape) => panic!("another shape: {shape:?}"),
     };
     let mut hits: Vec<_> = slots.iter().filter_map(|slot| Some((hit(slot)?, slot.id))).collect();
     hits.sort_unstable();
@@ -211,6 +212,7 @@ fn is_clear(ray: &Ray, primitive: &Primitive) -> bool {
         Primitive::Analytic(AnalyticShape::Disk(Disk { centre, normal, radius })) => {
             oracle::is_clear_of_disk(ray, *centre, *normal, *radius)
         }
+        Primitive::Analytic(shape) => panic!("another shape: {shape:?}"),
     }
 }
 
@@ -223,6 +225,7 @@ fn distance_error(ray: &Ray, primitive: &Primitive) -> f64 {
         Primitive::Analytic(AnalyticShape::Disk(Disk { centre, normal, radius })) => {
             oracle::disk_distance_error(ray, *centre, *normal, *radius)
         }
+        Primitive::Analytic(shape) => panic!("another shape: {shape:?}"),
     }
 }
 

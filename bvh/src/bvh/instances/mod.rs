@@ -15,7 +15,7 @@ use std::sync::Arc;
 use super::Preset;
 use super::build::build_over;
 use super::wide::{BoxRay, Tree, descend};
-use super::{Accelerator, Description, Next, Primitive, Slot, Traversal};
+use super::{Accelerator, Description, Nearby, Next, Primitive, Slot, Traversal};
 use crate::geometry::simd::{InstructionSet, Portable, Simd};
 use crate::geometry::{
     Bounds, Corner, Hit, HitBuffer, Mesh, Numerics, Placed, PreparedRay, PrimId, Ray, Rays, SlotId, Stored,
@@ -247,6 +247,14 @@ impl<T: Tier> Instances<T> {
     }
 }
 
+impl<T: Tier> Nearby for Instances<T> {
+    fn every_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
+        self.flat.each_primitive(visit);
+        let slots = self.instances.iter().flat_map(|prepared| prepared.instance.slots());
+        slots.for_each(|slot| visit(slot.id, Stored::<T::Corner>::from(slot.primitive).into()));
+    }
+}
+
 impl<T: Tier> Accelerator for Instances<T> {
     fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
         let flat = self.flat.closest_hit(ray, traversal);
@@ -291,12 +299,6 @@ impl<T: Tier> Accelerator for Instances<T> {
                 Primitive::Triangle(Triangle(corners.map(|p| T::Corner::from_dvec3(p).to_dvec3())))
             }
         }
-    }
-
-    fn each_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
-        self.flat.each_primitive(visit);
-        let slots = self.instances.iter().flat_map(|prepared| prepared.instance.slots());
-        slots.for_each(|slot| visit(slot.id, Stored::<T::Corner>::from(slot.primitive).into()));
     }
 
     fn numerics(&self) -> Numerics {

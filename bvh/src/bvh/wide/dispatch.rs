@@ -13,7 +13,7 @@ use super::results::Results;
 use super::single;
 use super::stream::{self, AllHits, ClosestHits, Occlusion, RayMask};
 use super::{all_pairs, near_point, near_ray};
-use crate::bvh::{Accelerator, Description, Next, Primitive, Quality, Traversal};
+use crate::bvh::{Accelerator, Description, Nearby, Next, Primitive, Quality, Traversal};
 use crate::geometry::simd::{InstructionSet, Portable, with_simd};
 use crate::geometry::{BATCH, Hit, HitBuffer, LineTest, Numerics, PACKET, PrimId, Ray, Rays, SlotId, Tier};
 
@@ -227,7 +227,39 @@ impl<T: Tier> Accelerator for Wide<T> {
         self.stored(slot).into()
     }
 
-    fn each_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
+    fn is_occluded_by(
+        &self,
+        ray: &Ray,
+        accepts: &mut dyn FnMut(PrimId) -> bool,
+        traversal: &mut Traversal,
+    ) -> bool {
+        let mut occluded = false;
+        one::<T, false>(self, ray, traversal, |hit| {
+            occluded = accepts(hit.prim);
+            if occluded { Next::Stop } else { Next::Continue }
+        });
+        occluded
+    }
+
+    fn numerics(&self) -> Numerics {
+        T::NUMERICS
+    }
+
+    fn refit(&mut self, primitive: &(dyn Fn(PrimId) -> Primitive + Sync)) -> Option<f64> {
+        self.refit_to(primitive)
+    }
+
+    fn quality(&self) -> Option<Quality> {
+        self.measure()
+    }
+
+    fn describe(&self) -> Description {
+        self.description()
+    }
+}
+
+impl<T: Tier> Nearby for Wide<T> {
+    fn every_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
         near_ray::each_primitive(self, visit);
     }
 
@@ -273,36 +305,6 @@ impl<T: Tier> Accelerator for Wide<T> {
         traversal: &mut Traversal,
     ) {
         near_point::visit(self, point, visit, traversal);
-    }
-
-    fn is_occluded_by(
-        &self,
-        ray: &Ray,
-        accepts: &mut dyn FnMut(PrimId) -> bool,
-        traversal: &mut Traversal,
-    ) -> bool {
-        let mut occluded = false;
-        one::<T, false>(self, ray, traversal, |hit| {
-            occluded = accepts(hit.prim);
-            if occluded { Next::Stop } else { Next::Continue }
-        });
-        occluded
-    }
-
-    fn numerics(&self) -> Numerics {
-        T::NUMERICS
-    }
-
-    fn refit(&mut self, primitive: &(dyn Fn(PrimId) -> Primitive + Sync)) -> Option<f64> {
-        self.refit_to(primitive)
-    }
-
-    fn quality(&self) -> Option<Quality> {
-        self.measure()
-    }
-
-    fn describe(&self) -> Description {
-        self.description()
     }
 }
 

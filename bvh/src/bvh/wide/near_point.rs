@@ -6,7 +6,7 @@ use super::layout::{Child, Content, Node, WIDTH, Wide};
 use crate::bvh::{Primitive, Traversal};
 use crate::geometry::{NO_PRIMITIVE, PrimId, Tier, Triangle, round_down};
 
-/// See [`Accelerator::each_near_point`](crate::bvh::Accelerator::each_near_point).
+/// See [`Nearby::each_near_point`](crate::bvh::Nearby::each_near_point).
 pub(crate) fn visit<T: Tier>(
     wide: &Wide<T>,
     point: DVec3,

@@ -12,7 +12,7 @@ use crate::geometry::lanes::LANES4;
 use crate::geometry::simd::Simd;
 use crate::geometry::{LineTest, NO_PRIMITIVE, PrimId, Rays, Tier, Triangle};
 
-/// Calls `visit` with the primitives of [`Accelerator::each_near_ray`](crate::bvh::Accelerator::each_near_ray). `FUSED`
+/// Calls `visit` with the primitives of [`Nearby::each_near_ray`](crate::bvh::Nearby::each_near_ray). `FUSED`
 /// requires a direction without zeros.
 #[inline(always)]
 pub(crate) fn visit<T: Tier, S: Simd, const FUSED: bool>(
