@@ -11,15 +11,14 @@
 //! inside: no ray passes between two triangles that share an edge, and none hits beside a triangle seen edge-on.
 //! Without FMA, which would break the symmetry between the two sides of an edge.
 //!
-//! In the bounds, u = 2^-53. The test for a pair in each lane is in [`super::woop_n`].
+//! In the bounds, u = 2^-53. The test for a pair in each lane is in [`super::woop_n`], that of one ray and four triangles
+//! in [`super::woop_packet`].
 
 use glam::DVec3;
 
 use super::bounds::{clamp_near, clamp_to_bounds};
 use super::expansion::{Expansion, two_product, two_sum};
-use super::lanes::{HitN, MASK4, Triangle4};
-use super::simd::Doubles;
-use super::woop_n::{ShearedN, edges, hit_lanes, may_hit, sheared_corners};
+use super::lanes::MASK4;
 use super::{Corner, Ray, Triangle, TriangleHit};
 
 /// A ray prepared for triangles.
@@ -122,65 +121,6 @@ impl WoopTest {
         Sheared { corners, sheared_xy: corners.map(sheared_xy) }
     }
 
-    /// The corners of four triangles relative to the ray's origin, axes permuted.
-    #[inline(always)]
-    fn relative_corners4<C: Corner, D: Doubles>(&self, four: &Triangle4<C>) -> [[D; 3]; 3] {
-        let axes = self.major.axes();
-        let origin: [D; 3] = splat(self.origin.to_array());
-        let mut moved = [origin; 3];
-        for (corner, moved) in four.corners.iter().zip(&mut moved) {
-            for place in 0..3 {
-                moved[place] = C::load::<D>(&corner[axes[place]]) - origin[place];
-            }
-        }
-        moved
-    }
-
-    /// The hits on four triangles, with the bits of [`WoopTest::hit`]. `EARLY`: see [`hit_lanes`].
-    #[inline(always)]
-    pub(crate) fn hit_triangle4<C: Corner, D: Doubles, const EARLY: bool>(
-        &self,
-        four: &Triangle4<C>,
-    ) -> HitN<D> {
-        let ray = ShearedN {
-            shear: self.shears(),
-            sign: D::splat(self.sign),
-            inverse: splat(self.inverse),
-            t_min: D::splat(self.t_min),
-            t_max: D::splat(self.t_max),
-        };
-        hit_lanes::<D, EARLY>(&self.relative_corners4(four), &ray, self.zero_direction_mask, false)
-    }
-
-    /// The triangles that may be hit: see [`may_hit`].
-    #[inline(always)]
-    pub(crate) fn may_hit4<C: Corner, D: Doubles>(&self, four: &Triangle4<C>) -> u32 {
-        may_hit::<D>(&self.relative_corners4(four), &self.shears(), D::splat(self.sign))
-    }
-
-    #[inline(always)]
-    fn shears<D: Doubles>(&self) -> [D; 2] {
-        [D::splat(self.shear[0]), D::splat(self.shear[1])]
-    }
-
-    /// The triangles that the exact line of the ray, moved by less than any number or not, may pass through.
-    #[inline(always)]
-    pub(crate) fn may_cross4<C: Corner, D: Doubles>(&self, four: &Triangle4<C>) -> u32 {
-        let corners = self.relative_corners4::<C, D>(four);
-        let (mut reach, mut lateral) = (D::splat(0.0), D::splat(0.0));
-        let sheared = sheared_corners(&corners, &self.shears());
-        for (corner, xy) in corners.iter().zip(&sheared) {
-            reach = corner[0].abs().max(corner[1].abs()).max(corner[2].abs()).max(reach);
-            lateral = xy[0].abs().max(xy[1].abs()).max(lateral);
-        }
-        let [(a, _), (b, _), (c, _)] = edges(&sheared);
-        let (least, most) = (a.min(b).min(c), a.max(b).max(c));
-        // As `weight_error` of the tier `exact`. Coordinates of empty lanes are NaN.
-        let rounding = D::splat(4.0 * f64::EPSILON) * reach;
-        let error = D::splat(24.0 * f64::EPSILON) * reach * (lateral + rounding);
-        a.le(a) & !(least.lt(D::splat(0.0) - error) & error.lt(most)) & D::ALL
-    }
-
     /// The hit of `ray`, for which this was prepared, on a triangle, with `t_min < t < t_max`.
     #[inline(always)]
     pub(crate) fn hit<C: Corner>(&self, ray: &Ray, corners: &[C; 3]) -> Option<TriangleHit> {
@@ -220,12 +160,6 @@ impl WoopTest {
         (ray.t_min < t && t < ray.t_max)
             .then_some(TriangleHit { t, barycentrics: [weight_b * share, weight_c * share] })
     }
-}
-
-/// Three numbers, each in all lanes. Without `array::map`, which is not always inlined.
-#[inline(always)]
-fn splat<D: Doubles>([x, y, z]: [f64; 3]) -> [D; 3] {
-    [D::splat(x), D::splat(y), D::splat(z)]
 }
 
 impl Sheared {
@@ -326,7 +260,9 @@ mod tests {
     use std::cell::Cell;
 
     use super::*;
-    use crate::geometry::expansion::Expansion;
+    use crate::geometry::PreparedRay;
+    use crate::geometry::lanes::Triangle4;
+    use crate::geometry::simd::Portable;
     use proptest::prelude::*;
     use proptest::test_runner::TestRunner;
 
@@ -363,7 +299,6 @@ mod tests {
     /// decide which side of it the origin lies on; seen edge-on, from either side, by rays through a point of them.
     #[test]
     fn four_triangles_are_hit_as_one_at_the_bound_of_the_sides() {
-        type D4 = <crate::geometry::simd::Portable as crate::geometry::simd::Simd>::D4;
         type Case = ([[f64; 3]; 2], [i32; 3], [f64; 2], [f64; 4], [f64; 2], [bool; 2], [f64; 3], f64);
         let unit = || prop::array::uniform3(-1.0f64..1.0);
         let heights =
@@ -404,10 +339,10 @@ mod tests {
             for (lane, triangle) in four.iter().enumerate() {
                 triangles.set(lane, triangle);
             }
-            let may_hit = test.may_hit4::<_, D4>(&triangles);
+            let may_hit = test.may_hit4::<_, Portable>(&triangles);
             let hits = [
-                test.hit_triangle4::<_, D4, true>(&triangles),
-                test.hit_triangle4::<_, D4, false>(&triangles),
+                test.hit_triangle4::<_, Portable, true>(&triangles),
+                test.hit_triangle4::<_, Portable, false>(&triangles),
             ];
             for (lane, triangle) in four.iter().enumerate() {
                 let (one, behind) = (test.hit(&ray, triangle), backwards.hit(&back, triangle));

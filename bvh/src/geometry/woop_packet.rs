@@ -1,11 +1,11 @@
-//! The rays of a packet prepared for the watertight triangle test (`woop`), a vector at once.
+//! The watertight triangle test (`woop`) of one ray and four triangles, and the rays of a packet prepared for it.
 
-use super::lanes::HitN;
+use super::lanes::{HitN, Triangle4};
 use super::numerics::{PreparedPacket, PreparedRay};
-use super::simd::{Doubles, Simd};
+use super::simd::{Doubles, Simd, Vector};
 use super::woop::WoopTest;
-use super::woop_n::PreparedEachN;
-use super::{BATCH, Corner, Ray, Rays, Triangle4};
+use super::woop_n::{PreparedEachN, ShearedN, edges, hit_lanes, may_hit, sheared_corners};
+use super::{BATCH, Corner, Ray, Rays};
 
 impl PreparedRay for WoopTest {
     #[inline(always)]
@@ -25,13 +25,67 @@ impl PreparedRay for WoopTest {
         &mut packet.woop
     }
 
+    /// See [`may_hit`].
     #[inline(always)]
     fn may_hit4<C: Corner, S: Simd>(&self, four: &Triangle4<C>) -> u32 {
-        WoopTest::may_hit4::<C, S::D4>(self, four)
+        may_hit::<S::D4>(&self.relative_corners4(four), &self.shears(), S::D4::splat(self.sign))
+    }
+
+    /// With the bits of [`WoopTest::hit`]. `EARLY`: see [`hit_lanes`].
+    #[inline(always)]
+    fn hit_triangle4<C: Corner, S: Simd, const EARLY: bool>(&self, four: &Triangle4<C>) -> HitN<S::D4> {
+        let ray = ShearedN {
+            shear: self.shears(),
+            sign: S::D4::splat(self.sign),
+            inverse: splat(self.inverse),
+            t_min: S::D4::splat(self.t_min),
+            t_max: S::D4::splat(self.t_max),
+        };
+        hit_lanes::<S::D4, EARLY>(&self.relative_corners4(four), &ray, self.zero_direction_mask, false)
+    }
+}
+
+impl WoopTest {
+    /// The corners of four triangles relative to the ray's origin, axes permuted.
+    #[inline(always)]
+    fn relative_corners4<C: Corner, D: Doubles>(&self, four: &Triangle4<C>) -> [[D; 3]; 3] {
+        let axes = self.major.axes();
+        let origin: [D; 3] = splat(self.origin.to_array());
+        let mut moved = [origin; 3];
+        for (corner, moved) in four.corners.iter().zip(&mut moved) {
+            for place in 0..3 {
+                moved[place] = C::load::<D>(&corner[axes[place]]) - origin[place];
+            }
+        }
+        moved
     }
 
     #[inline(always)]
-    fn hit_triangle4<C: Corner, S: Simd, const EARLY: bool>(&self, four: &Triangle4<C>) -> HitN<S::D4> {
-        WoopTest::hit_triangle4::<C, S::D4, EARLY>(self, four)
+    fn shears<D: Doubles>(&self) -> [D; 2] {
+        [D::splat(self.shear[0]), D::splat(self.shear[1])]
     }
+
+    /// The triangles that the exact line of the ray, moved by less than any number or not, may pass through.
+    #[inline(always)]
+    pub(crate) fn may_cross4<C: Corner, D: Doubles>(&self, four: &Triangle4<C>) -> u32 {
+        let corners = self.relative_corners4::<C, D>(four);
+        let (mut reach, mut lateral) = (D::splat(0.0), D::splat(0.0));
+        let sheared = sheared_corners(&corners, &self.shears());
+        for (corner, xy) in corners.iter().zip(&sheared) {
+            reach = corner[0].abs().max(corner[1].abs()).max(corner[2].abs()).max(reach);
+            lateral = xy[0].abs().max(xy[1].abs()).max(lateral);
+        }
+        let [(a, _), (b, _), (c, _)] = edges(&sheared);
+        let (least, most) = (a.min(b).min(c), a.max(b).max(c));
+        // As `weight_error` of the tier `exact`. Coordinates of empty lanes are NaN.
+        let rounding = D::splat(4.0 * f64::EPSILON) * reach;
+        let error = D::splat(24.0 * f64::EPSILON) * reach * (lateral + rounding);
+        a.le(a) & !(least.lt(D::splat(0.0) - error) & error.lt(most)) & D::ALL
+    }
+}
+
+/// Three numbers, each in all lanes. Without `array::map`, which is not always inlined.
+#[inline(always)]
+fn splat<D: Doubles>([x, y, z]: [f64; 3]) -> [D; 3] {
+    [D::splat(x), D::splat(y), D::splat(z)]
 }

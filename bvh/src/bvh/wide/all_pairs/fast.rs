@@ -2,6 +2,7 @@
 
 use super::index_bits;
 use crate::bvh::wide::layout::Wide;
+use crate::bvh::wide::results::Results;
 use crate::geometry::fast::FastRayN;
 use crate::geometry::lanes::{HitN, LANES4, MAX_FLOATS, MAX_LANES};
 use crate::geometry::simd::{Doubles, Floats, Simd, TABLE, Vector};
@@ -57,9 +58,17 @@ fn part<S: Simd>(numbers: &<S::F as Vector>::Array, start: usize) -> <S::D as Ve
     S::D::load_f32(&numbers.as_ref()[start..]).array()
 }
 
-/// Appends the closest hits of the rays.
+/// Appends the results of the rays.
 #[inline(always)]
-pub(super) fn closest<T: Tier, S: Simd>(wide: &Wide<T>, rays: Rays, hits: &mut HitBuffer) {
+pub(super) fn trace<T: Tier, S: Simd>(wide: &Wide<T>, rays: Rays, results: &mut Results) {
+    match results {
+        Results::Closest(hits) => closest::<T, S>(wide, rays, hits),
+        Results::Occluded(occluded) => are_occluded::<T, S>(wide, rays, occluded),
+    }
+}
+
+#[inline(always)]
+fn closest<T: Tier, S: Simd>(wide: &Wide<T>, rays: Rays, hits: &mut HitBuffer) {
     hits.reserve(rays.len());
     for first in (0..rays.len()).step_by(S::F::LANES) {
         let zero = S::F::splat(0.0);
@@ -98,9 +107,8 @@ pub(super) fn closest<T: Tier, S: Simd>(wide: &Wide<T>, rays: Rays, hits: &mut H
     }
 }
 
-/// Appends whether each ray hits anything.
 #[inline(always)]
-pub(super) fn occluded<T: Tier, S: Simd>(wide: &Wide<T>, rays: Rays, occluded: &mut Vec<bool>) {
+fn are_occluded<T: Tier, S: Simd>(wide: &Wide<T>, rays: Rays, occluded: &mut Vec<bool>) {
     for first in (0..rays.len()).step_by(S::F::LANES) {
         let count = S::F::LANES.min(rays.len() - first);
         let mut open = S::F::ALL >> (S::F::LANES - count);

@@ -116,33 +116,30 @@ pub(crate) fn trace<T: Tier, S: Simd>(
     traversal: &mut Traversal,
 ) {
     traversal.tests.primitives += tests(wide, rays);
-    match results {
-        Results::Closest(hits) => simd.run(
-            #[inline(always)]
-            || {
-                let Some(batch) = &wide.batch else { return fast::closest::<T, S>(wide, rays, hits) };
-                let mut of_rays = [Errors::NONE; TABLE];
-                let errors = batch.errors::<S::D>(rays, &mut of_rays);
-                hits.reserve(rays.len());
-                for first in (0..rays.len()).step_by(S::F::LANES) {
-                    closest_of_group::<T, S>((wide, batch, errors), rays, first, hits, traversal);
+    simd.run(
+        #[inline(always)]
+        || {
+            let Some(batch) = &wide.batch else { return fast::trace::<T, S>(wide, rays, results) };
+            let mut of_rays = [Errors::NONE; TABLE];
+            let scene = (wide, &**batch, batch.errors::<S::D>(rays, &mut of_rays));
+            let groups = (0..rays.len()).step_by(S::F::LANES);
+            match results {
+                Results::Closest(hits) => {
+                    hits.reserve(rays.len());
+                    for first in groups {
+                        closest_of_group::<T, S>(scene, rays, first, hits, traversal);
+                    }
                 }
-            },
-        ),
-        Results::Occluded(occluded) => simd.run(
-            #[inline(always)]
-            || {
-                let Some(batch) = &wide.batch else { return fast::occluded::<T, S>(wide, rays, occluded) };
-                let mut of_rays = [Errors::NONE; TABLE];
-                let errors = batch.errors::<S::D>(rays, &mut of_rays);
-                for first in (0..rays.len()).step_by(S::F::LANES) {
-                    let hit = occluded_of_group::<T, S>((wide, batch, errors), rays, first, traversal);
-                    let count = S::F::LANES.min(rays.len() - first);
-                    occluded.extend((0..count).map(|lane| hit >> lane & 1 != 0));
+                Results::Occluded(occluded) => {
+                    for first in groups {
+                        let hit = occluded_of_group::<T, S>(scene, rays, first, traversal);
+                        let count = S::F::LANES.min(rays.len() - first);
+                        occluded.extend((0..count).map(|lane| hit >> lane & 1 != 0));
+                    }
                 }
-            },
-        ),
-    }
+            }
+        },
+    );
 }
 
 #[inline(always)]

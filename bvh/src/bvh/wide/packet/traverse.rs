@@ -104,7 +104,40 @@ impl<S: Simd> TriangleTest<S> for InF64 {
         while blocks != 0 {
             let block = blocks.trailing_zeros() as usize % BLOCKS;
             blocks &= blocks - 1;
-            let found = packet.visit_block(wide, block, lane, (leaf, slot, &corners), edges, tests);
+            let [u, v, _] = &packet.scratch.rays.projected;
+            let overlap = edges.overlap(lane, S::F::load(u[block]), S::F::load(v[block]));
+            let active = packet.scratch.active[block];
+            let mut undecided = overlap.possible & active;
+            if undecided == 0 {
+                continue;
+            }
+            tests.primitives += u64::from(undecided.count_ones());
+            let certain = overlap.certain & active;
+            if certain != 0 {
+                let depths = edges.depths(lane, &overlap);
+                let triangle = (slot, &corners, edges.signs[lane]);
+                let (unknown, found) = packet.record_certain(block, certain, triangle, depths);
+                undecided = undecided & !certain | unknown;
+                changed |= u32::from(found) << block;
+            }
+            if undecided == 0 {
+                continue;
+            }
+            let undecided = packet.without_known(wide, block, undecided, leaf.ids[lane % LANES4]);
+            let found = packet.test_block(
+                wide,
+                block,
+                undecided,
+                #[inline(always)]
+                |packet, first| T::hit_triangle_n(packet.prepared(first / S::D::LANES), &corners, false),
+                #[inline(always)]
+                |packet, ray, group, place| {
+                    if group.undecided >> place & 1 == 0 {
+                        return Some(group.at(place, PrimId(leaf.ids[lane % LANES4]), slot));
+                    }
+                    hit_in_slot(wide, &packet.rays.get(ray), slot)
+                },
+            );
             changed |= u32::from(found) << block;
         }
         changed
@@ -212,53 +245,6 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
         }
         self.update_depths(changed);
         work
-    }
-
-    /// Tests the rays of a block against one triangle. Returns whether a best hit changed.
-    #[inline(always)]
-    fn visit_block(
-        &mut self,
-        wide: &Wide<T>,
-        block: usize,
-        lane: usize,
-        (leaf, slot, corners): (&TriangleLeaf<T::Corner>, SlotId, &[[f64; 3]; 3]),
-        edges: &EdgeFunctions<S>,
-        tests: &mut Tests,
-    ) -> bool {
-        let [u, v, _] = &self.scratch.rays.projected;
-        let overlap = edges.overlap(lane, S::F::load(u[block]), S::F::load(v[block]));
-        let active = self.scratch.active[block];
-        let mut undecided = overlap.possible & active;
-        if undecided == 0 {
-            return false;
-        }
-        tests.primitives += u64::from(undecided.count_ones());
-        let (certain, mut found) = (overlap.certain & active, false);
-        if certain != 0 {
-            let depths = edges.depths(lane, &overlap);
-            let triangle = (slot, corners, edges.signs[lane]);
-            let (unknown, changed) = self.record_certain(block, certain, triangle, depths);
-            (undecided, found) = (undecided & !certain | unknown, changed);
-        }
-        if undecided == 0 {
-            return found;
-        }
-        let undecided = self.without_known(wide, block, undecided, leaf.ids[lane % LANES4]);
-        found
-            | self.test_block(
-                wide,
-                block,
-                undecided,
-                #[inline(always)]
-                |packet, first| T::hit_triangle_n(packet.prepared(first / S::D::LANES), corners, false),
-                #[inline(always)]
-                |packet, ray, group, place| {
-                    if group.undecided >> place & 1 == 0 {
-                        return Some(group.at(place, PrimId(leaf.ids[lane % LANES4]), slot));
-                    }
-                    hit_in_slot(wide, &packet.rays.get(ray), slot)
-                },
-            )
     }
 
     /// Tests all rays against an analytic shape.
