@@ -10,6 +10,9 @@ mod compare_bvh;
 #[path = "../../examples/hard_cases.rs"]
 mod hard_cases;
 #[allow(dead_code)]
+#[path = "../../bvh/examples/mesh_queries.rs"]
+mod mesh_queries;
+#[allow(dead_code)]
 #[path = "../../examples/query_rays.rs"]
 mod query_rays;
 #[allow(dead_code)]
@@ -103,6 +106,16 @@ fn query_rays_finds_both_sides_of_a_cube() {
     );
 }
 
+/// The ray starts 3 below the bottom, whose triangles are the last two; the point below its middle, on their common
+/// edge, is a quarter from both.
+#[test]
+fn mesh_queries_describes_an_open_cube() {
+    let text = mesh_queries::describe().expect("results");
+    let expected = "hit at 3; inside: true, by a margin of 0.333; the nearest triangles: 8 and 9 at 0.25; ";
+    assert!(text.starts_with(expected), "{text}");
+    assert!(!text.ends_with(" 0 triangles meet"), "{text}");
+}
+
 #[test]
 fn compare_bvh_has_a_row_of_its_own_beside_kiln() {
     let rows = compare_bvh::compare(&Family::Sphere.mesh(2000), 32, 1).expect("rows");
@@ -116,7 +129,8 @@ fn compare_bvh_has_a_row_of_its_own_beside_kiln() {
     assert_eq!(table.lines().count(), rows.len() + 1);
 }
 
-/// The cases are answered in rational arithmetic, so `exact` is right in all of them; no tier but that of f32 loses a ray.
+/// The cases are answered in rational arithmetic, so `exact` is right in all of them; no tier but that of f32 loses a
+/// ray.
 #[test]
 fn hard_cases_are_answered_by_every_tier_but_that_of_f32() {
     let cases = hard_cases::read_cases(&repository("benches/hard-cases")).expect("the cases");

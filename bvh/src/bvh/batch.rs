@@ -285,6 +285,24 @@ impl Bvh {
         results
     }
 
+    /// [`Bvh::nearest`] of every point.
+    pub fn par_nearest(&self, points: &[DVec3], count: usize, max_distance: f64) -> Lists<ClosestPoint> {
+        let of_group = |worker: &mut Worker, points: &[DVec3]| {
+            worker.order.fill(points.len(), true, |index| [points[index], DVec3::ZERO]);
+            let mut lists = vec![Vec::new(); points.len()];
+            for index in worker.order.indices() {
+                lists[index] = self.nearest(points[index], count, max_distance, &mut worker.traversal);
+            }
+            let mut end = 0;
+            let ends = lists.iter().map(|list| {
+                end += list.len();
+                end
+            });
+            ListGroup { ends: ends.collect(), values: lists.concat() }
+        };
+        Lists::of(points.par_chunks(GROUP).map_init(Worker::default, of_group).collect())
+    }
+
     /// [`Bvh::signed_distance`] of every point.
     pub fn par_signed_distances(&self, points: &[DVec3]) -> Vec<Option<f64>> {
         let closest = self.par_closest_points(points);

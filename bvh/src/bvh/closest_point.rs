@@ -22,21 +22,34 @@ impl Bvh {
     /// primitives, and for a point that is not finite, or too large for f32 ([`NotFinite`](super::NotFinite)). In f64
     /// for the primitives as stored: good to 2^-48 of the largest distance to a corner of the triangle on each axis.
     pub fn closest_point(&self, point: impl Into<DVec3>, traversal: &mut Traversal) -> Option<ClosestPoint> {
+        self.closest_point_within(point, f64::INFINITY, traversal)
+    }
+
+    /// [`Bvh::closest_point`] that is no farther than `max_distance`; `None` without one. Farther nodes are not
+    /// visited.
+    pub fn closest_point_within(
+        &self,
+        point: impl Into<DVec3>,
+        max_distance: f64,
+        traversal: &mut Traversal,
+    ) -> Option<ClosestPoint> {
         let point = point.into();
         // Beyond f32, which bounds all primitives, squares of distances overflow.
         point.as_vec3().is_finite().then_some(())?;
         let mut best: Option<ClosestPoint> = None;
         let mut visit = |prim: PrimId, primitive| {
-            let offset = offset(point, &primitive);
-            let distance = offset.length();
-            let is_better = best
-                .is_none_or(|best| distance < best.distance || distance == best.distance && prim < best.prim);
+            let closest = closest_on(&primitive, prim, point);
+            let distance = closest.distance;
+            let is_better = match best {
+                None => distance <= max_distance,
+                Some(best) => distance < best.distance || distance == best.distance && prim < best.prim,
+            };
             if is_better {
-                best = Some(ClosestPoint { point: point + offset, distance, prim });
+                best = Some(closest);
             }
-            best.map_or(f64::INFINITY, |best| best.distance)
+            best.map_or(max_distance, |best| best.distance)
         };
-        self.accelerator().each_near_point(point, &mut visit, traversal);
+        self.accelerator().each_near_box([point; 2], max_distance, &mut visit, traversal);
         best
     }
 
@@ -47,6 +60,12 @@ impl Bvh {
         let ClosestPoint { distance, .. } = self.closest_point(point, traversal)?;
         Some(if self.winding_number(point, traversal) == 0 { distance } else { -distance })
     }
+}
+
+/// The closest point of a primitive.
+pub(super) fn closest_on(primitive: &Primitive, prim: PrimId, point: DVec3) -> ClosestPoint {
+    let offset = offset(point, primitive);
+    ClosestPoint { point: point + offset, distance: offset.length(), prim }
 }
 
 /// The vector to the closest point of a primitive.

@@ -18,6 +18,7 @@ mod crossings;
 mod generalised;
 mod instances;
 mod lists;
+mod nearby;
 mod preset;
 mod quality;
 mod sah;
@@ -277,11 +278,12 @@ pub(crate) trait Nearby {
         }
     }
 
-    /// Calls `visit` with every primitive that is no farther from a point than the distance that `visit` returned last,
-    /// and perhaps with others.
-    fn each_near_point(
+    /// Calls `visit` with every primitive that is no farther from the box of a least and a greatest corner than `limit`, or
+    /// than the distance that `visit` returned last, and perhaps with others. A point is a box of two equal corners.
+    fn each_near_box(
         &self,
-        _point: DVec3,
+        _corners: [DVec3; 2],
+        _limit: f64,
         visit: &mut dyn FnMut(PrimId, Primitive) -> f64,
         _traversal: &mut Traversal,
     ) {

@@ -42,6 +42,7 @@ pub(crate) mod simd;
 pub mod spawn;
 mod sphere;
 mod tier;
+mod touch;
 mod triangle;
 mod turns;
 mod watertight;
@@ -74,6 +75,7 @@ pub(crate) use exact::Exact;
 pub(crate) use fast::Fast;
 pub(crate) use lanes::Triangle4;
 pub(crate) use numerics::{Corner, PreparedPacket, PreparedRay, Stored, Tier};
+pub(crate) use touch::{triangle_meets_box, triangles_meet};
 pub(crate) use triangle::TriangleHit;
 pub(crate) use watertight::Watertight;
 #[cfg(test)]

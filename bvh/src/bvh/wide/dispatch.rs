@@ -12,7 +12,7 @@ use super::packet::{self, Outcome};
 use super::results::Results;
 use super::single;
 use super::stream::{self, AllHits, ClosestHits, Occlusion, RayMask};
-use super::{all_pairs, near_point, near_ray};
+use super::{all_pairs, near_box, near_ray};
 use crate::bvh::{Accelerator, Description, Nearby, Next, Primitive, Quality, Traversal};
 use crate::geometry::simd::{InstructionSet, Portable, with_simd};
 use crate::geometry::{BATCH, Hit, HitBuffer, LineTest, Numerics, PACKET, PrimId, Ray, Rays, SlotId, Tier};
@@ -298,13 +298,14 @@ impl<T: Tier> Nearby for Wide<T> {
         }
     }
 
-    fn each_near_point(
+    fn each_near_box(
         &self,
-        point: DVec3,
+        corners: [DVec3; 2],
+        limit: f64,
         visit: &mut dyn FnMut(PrimId, Primitive) -> f64,
         traversal: &mut Traversal,
     ) {
-        near_point::visit(self, point, visit, traversal);
+        near_box::visit(self, corners, limit, visit, traversal);
     }
 }
 

@@ -18,7 +18,7 @@
 mod all_pairs;
 mod dispatch;
 mod layout;
-mod near_point;
+mod near_box;
 mod near_ray;
 mod packet;
 mod results;

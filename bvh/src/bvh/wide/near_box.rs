@@ -1,4 +1,4 @@
-//! The traversal for closest points: nearest boxes first, up to a distance.
+//! The traversal for what is near a point or a box: nearest nodes first, up to a distance.
 
 use glam::DVec3;
 
@@ -6,14 +6,14 @@ use super::layout::{Child, Content, Node, WIDTH, Wide};
 use crate::bvh::{Primitive, Traversal};
 use crate::geometry::{NO_PRIMITIVE, PrimId, Tier, Triangle, round_down};
 
-/// See [`Nearby::each_near_point`](crate::bvh::Nearby::each_near_point).
+/// See [`Nearby::each_near_box`](crate::bvh::Nearby::each_near_box).
 pub(crate) fn visit<T: Tier>(
     wide: &Wide<T>,
-    point: DVec3,
+    corners: [DVec3; 2],
+    mut limit: f64,
     visit: &mut dyn FnMut(PrimId, Primitive) -> f64,
     Traversal { children: stack, tests, .. }: &mut Traversal,
 ) {
-    let mut limit = f64::INFINITY;
     stack.clear();
     stack.extend((!wide.nodes.is_empty()).then_some((Child::node(0), 0.0)));
     while let Some((child, distance)) = stack.pop() {
@@ -24,7 +24,7 @@ pub(crate) fn visit<T: Tier>(
             Content::Node(index) => {
                 tests.nodes += 1;
                 let node = &wide.nodes[index as usize];
-                let (distances, first) = (distances(node, point), stack.len());
+                let (distances, first) = (distances(node, corners), stack.len());
                 let near = node.places().filter(|&place| f64::from(distances[place]) <= limit);
                 stack.extend(near.map(|place| (node.children[place], distances[place])));
                 stack[first..].sort_unstable_by(|a, b| b.1.total_cmp(&a.1));
@@ -48,15 +48,15 @@ pub(crate) fn visit<T: Tier>(
     }
 }
 
-/// The distances of a point from the boxes of a node, rounded down, and by 2^-23 more for the rounding of the closest
+/// The distances of a box from those of a node, rounded down, and by 2^-23 more for the rounding of the closest
 /// points.
 #[inline(always)]
-fn distances(node: &Node, point: DVec3) -> [f32; WIDTH] {
+fn distances(node: &Node, [min, max]: [DVec3; 2]) -> [f32; WIDTH] {
     let mut squares = [0.0; WIDTH];
     for (axis, [lower, upper]) in node.planes.iter().enumerate() {
         for place in 0..WIDTH {
-            let below = f64::from(lower[place]) - point[axis];
-            let above = point[axis] - f64::from(upper[place]);
+            let below = f64::from(lower[place]) - max[axis];
+            let above = min[axis] - f64::from(upper[place]);
             let beside = below.max(above).max(0.0);
             squares[place] += beside * beside;
         }
