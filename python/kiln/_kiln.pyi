@@ -2,12 +2,15 @@
 
 from collections.abc import Callable
 from os import PathLike
-from typing import Any, Literal, final, overload
+from typing import Any, Literal, TypeAlias, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._results import AllHits, ClosestPoints, Closedness, Crossings, Hits, WindingNumbers
+
+_Tier: TypeAlias = Literal["fast", "watertight", "double", "exact"]
+_Preset: TypeAlias = Literal["fast-build", "balanced", "best-trace"]
 
 __version__: str
 
@@ -16,11 +19,11 @@ class KilnWarning(UserWarning): ...
 @final
 class Mesh:
     def __new__(
-        cls, vertices: ArrayLike, faces: ArrayLike, *, tier: str = "watertight", preset: str = "balanced"
+        cls, vertices: ArrayLike, faces: ArrayLike, *, tier: _Tier = "double", preset: _Preset = "balanced"
     ) -> Mesh: ...
     def __len__(self) -> int: ...
     @property
-    def tier(self) -> str: ...
+    def tier(self) -> _Tier: ...
     def first(self, origins: ArrayLike, directions: ArrayLike, max_distance: ArrayLike | None = None) -> Hits: ...
     def any(
         self, origins: ArrayLike, directions: ArrayLike, max_distance: ArrayLike | None = None
@@ -80,7 +83,7 @@ class Scene:
         colours: ArrayLike | None,
         transforms: ArrayLike | None,
     ) -> None: ...
-    def mesh(self, tier: str, preset: str) -> Mesh: ...
+    def mesh(self, tier: _Tier, preset: _Preset) -> Mesh: ...
     def __len__(self) -> int: ...
     def bounds(self) -> list[list[float]] | None: ...
     def names(self) -> tuple[list[str], list[str], list[str]]: ...

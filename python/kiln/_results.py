@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class Hits(NamedTuple):
-    """Closest hits: a row for each of n rays."""
+    """Closest hits: a row for each of n rays; of rays of another shape, (n,) is that shape."""
 
     triangle: NDArray[np.int64]
     """(n,) index of the triangle; -1 for a ray that hits nothing, whose other values are nan."""

@@ -14,8 +14,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+    from ._kiln import _Preset, _Tier
+
     # Any is a mesh or a scene of trimesh.
-    Source: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | bytes | Mapping[str, Any] | Any
+    _Source: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | bytes | Mapping[str, Any] | Any
 
 
 def _is_bool(value) -> bool:
@@ -81,7 +83,7 @@ def _files(source) -> list[str | os.PathLike[str]]:
     raise TypeError(f"source: expected a file, Scene, dict, bytes or a mesh of trimesh, not {wrong}")
 
 
-def _load(source: Source, options: Mapping[str, Any], with_picture: bool) -> _kiln.Scene:
+def _load(source: _Source, options: Mapping[str, Any], with_picture: bool) -> _kiln.Scene:
     """Reads a scene; without `with_picture`, options of the picture are an error."""
     named = _options(options)
     if isinstance(source, Scene):
@@ -113,7 +115,7 @@ class Scene:
     of what is left out. Any number of threads may use and change a scene.
     """
 
-    def __init__(self, source: Source = None, **options: Any) -> None:
+    def __init__(self, source: _Source = None, **options: Any) -> None:
         if source is None and options:
             names = ", ".join(ascii(name)[1:-1] for name in options)
             raise ValueError(f"{names}: a Scene without a source is empty and has no options")
@@ -154,12 +156,12 @@ class Scene:
             chosen = _toml.unicode(material, "material") if isinstance(material, str) else material
         self._scene.add(vertices, faces, name, chosen, normals, uvs, colours, transforms)
 
-    def update(self, source: Source, **options: Any) -> None:
+    def update(self, source: _Source, **options: Any) -> None:
         """Adds all of another scene, given as for Scene(): for example cameras and lights from a dict. Of settings of
         the whole picture that both have, the earlier ones stay."""
         self._scene.append(_load(source, options, False))
 
-    def mesh(self, *, tier: str = "watertight", preset: str = "balanced") -> _kiln.Mesh:
+    def mesh(self, *, tier: _Tier = "double", preset: _Preset = "balanced") -> _kiln.Mesh:
         """The triangles, spheres and disks of the scene for queries.
 
         The `triangle` of a result is the index of the primitive in the order of the scene, without triangles that were
@@ -231,7 +233,7 @@ def pinhole_rays(
 
 
 def render(
-    source: Scene | Source,
+    source: Scene | _Source,
     *,
     dtype: Literal["uint8", "float32"] | DTypeLike = "uint8",
     aovs: str | Sequence[str] = (),

@@ -1,6 +1,7 @@
 """trimesh's interface of ray queries.
 
-`mesh.ray = kiln.trimesh.RayMeshIntersector(mesh)` is all that changes. trimesh itself is not imported.
+`kiln.trimesh.install()` gives it to all meshes that are made from then on, `mesh.ray =
+kiln.trimesh.RayMeshIntersector(mesh)` to one. trimesh itself is imported by `install` alone.
 """
 
 from __future__ import annotations
@@ -13,7 +14,11 @@ import numpy as np
 from ._kiln import Mesh
 
 if TYPE_CHECKING:
+    from typing import Any
+
     from numpy.typing import ArrayLike, NDArray
+
+    from ._kiln import _Tier
 
 
 def _rows(value: ArrayLike, name: str) -> NDArray[np.float64]:
@@ -36,7 +41,9 @@ def _rows(value: ArrayLike, name: str) -> NDArray[np.float64]:
     return rows
 
 
-def _rays(ray_origins: ArrayLike, ray_directions: ArrayLike) -> tuple[NDArray[np.bool_], NDArray, NDArray]:
+def _rays(
+    ray_origins: ArrayLike, ray_directions: ArrayLike
+) -> tuple[NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64]]:
     """Whether each ray is valid, finite with a direction that is not 0; origins and directions of the valid rays."""
     origins, directions = _rows(ray_origins, "ray_origins"), _rows(ray_directions, "ray_directions")
     if len(origins) != len(directions):
@@ -53,16 +60,20 @@ def _rays(ray_origins: ArrayLike, ray_directions: ArrayLike) -> tuple[NDArray[np
 class RayMeshIntersector:
     """Ray queries on a mesh of trimesh.
 
+    A ray hits the mesh, in every query, if a triangle, its edges and corners included, is at a distance above 0 on it:
+    `intersects_any` is true for exactly the rays that `intersects_id` and `intersects_location` return (but in tier
+    "fast", whose hits depend on the query).
+
     Rays whose direction is 0 or whose numbers are not finite hit nothing, and no mesh contains points whose numbers are
     not finite, as in trimesh. Raises ValueError for origins beyond f32. A copy of a trimesh mesh uses trimesh's own
-    intersector again.
+    intersector again, but after `install()`.
 
     geometry: the mesh. It may change: the tree is built at the first query after a change.
     tier: the arithmetic that decides hits, in float64 by default, as trimesh's own.
     scale_to_box: ignored; no result depends on the scale of the mesh.
     """
 
-    def __init__(self, geometry, scale_to_box: bool = True, *, tier: str = "double") -> None:
+    def __init__(self, geometry: Any, scale_to_box: bool = True, *, tier: _Tier = "double") -> None:
         Mesh([], [], tier=tier)  # checks the tier
         self.mesh = geometry
         self.tier = tier
@@ -74,14 +85,45 @@ class RayMeshIntersector:
             self._built = state, Mesh(self.mesh.vertices, self.mesh.faces, tier=self.tier)
         return self._built[1]
 
-    def _answer(self, query: str, ray_origins: ArrayLike, ray_directions: ArrayLike):
+    def _answer(
+        self, query: str, ray_origins: ArrayLike, ray_directions: ArrayLike
+    ) -> tuple[Any, NDArray[np.int64] | None]:
         """The result of a query of Mesh for the valid rays, and the indices of these; None for all."""
         answer = getattr(self._queries(), query)
-        try:
-            return answer(ray_origins, ray_directions), None
-        except ValueError:
-            is_valid, origins, directions = _rays(ray_origins, ray_directions)
-            return answer(origins, directions), np.flatnonzero(is_valid)
+        # Mesh takes rays of other shapes, too.
+        if getattr(ray_origins, "ndim", None) == getattr(ray_directions, "ndim", None) == 2:
+            try:
+                return answer(ray_origins, ray_directions), None
+            except ValueError:
+                pass
+        is_valid, origins, directions = _rays(ray_origins, ray_directions)
+        return answer(origins, directions), None if is_valid.all() else np.flatnonzero(is_valid)
+
+    def _answer_all(
+        self, ray_origins: ArrayLike, ray_directions: ArrayLike
+    ) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]], NDArray[np.int64] | None]:
+        """The rays, the triangles and the points of all hits of the valid rays, and the indices of these."""
+        is_hit, valid = self._answer("any", ray_origins, ray_directions)
+        origins, directions = (np.asarray(rays) for rays in (ray_origins, ray_directions))
+        if valid is not None:
+            origins, directions = origins[valid], directions[valid]
+        found, _ = self._answer("crossings", origins, directions)
+        index_ray, index_tri, locations = found.ray, found.triangle, found.location
+        # Crossings are decided by a perturbation, which may move a ray off the mesh, or onto it.
+        is_crossing = np.zeros(len(is_hit), np.bool_)
+        is_crossing[index_ray] = True
+        if (is_crossing & ~is_hit).any():
+            kept = is_hit[index_ray]
+            index_ray, index_tri, locations = index_ray[kept], index_tri[kept], locations[kept]
+        touching = np.flatnonzero(is_hit & ~is_crossing)
+        if len(touching) > 0:
+            hits, _ = self._answer("first", origins[touching], directions[touching])
+            index_ray = np.concatenate([index_ray, touching])
+            order = np.argsort(index_ray, kind="stable")
+            index_ray = index_ray[order]
+            index_tri = np.concatenate([index_tri, hits.triangle])[order]
+            locations = np.concatenate([locations, hits.location])[order]
+        return (index_ray, index_tri, locations), valid
 
     def intersects_id(
         self,
@@ -90,11 +132,12 @@ class RayMeshIntersector:
         multiple_hits: bool = True,
         max_hits: int | None = None,
         return_locations: bool = False,
-    ) -> tuple[NDArray, ...]:
+    ) -> tuple[NDArray[Any], ...]:
         """The triangles that rays hit, the rays, and with `return_locations` the points.
 
         multiple_hits: every crossing of the surface, sorted by ray and distance, else the closest hit of each ray.
-        A ray through an edge or a corner crosses once. max_hits: the number of closest hits that are kept of each ray.
+        A ray through an edge or a corner crosses once; one that touches the mesh without crossing it has its closest
+        hit. max_hits: the number of closest hits that are kept of each ray.
 
         Returns index_tri (m,), index_ray (m,) and locations (m, 3).
         """
@@ -104,8 +147,7 @@ class RayMeshIntersector:
             except TypeError:
                 raise TypeError(f"max_hits: expected an integer, not {type(max_hits).__name__}") from None
         if multiple_hits:
-            crossings, valid = self._answer("crossings", ray_origins, ray_directions)
-            index_ray, index_tri, locations = crossings.ray, crossings.triangle, crossings.location
+            (index_ray, index_tri, locations), valid = self._answer_all(ray_origins, ray_directions)
         else:
             hits, valid = self._answer("first", ray_origins, ray_directions)
             index_ray = np.flatnonzero(hits.triangle >= 0)
@@ -123,25 +165,29 @@ class RayMeshIntersector:
         ray_origins: ArrayLike,
         ray_directions: ArrayLike,
         multiple_hits: bool = True,
-        **options,
+        max_hits: int | None = None,
+        return_locations: bool = True,
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
         """The points where rays hit the mesh, the rays and the triangles: locations (m, 3), index_ray (m,) and
-        index_tri (m,). Options as those of `intersects_id`."""
-        options["return_locations"] = True
-        index_tri, index_ray, locations = self.intersects_id(ray_origins, ray_directions, multiple_hits, **options)
+        index_tri (m,). Options as those of `intersects_id`; `return_locations` is ignored."""
+        index_tri, index_ray, locations = self.intersects_id(
+            ray_origins, ray_directions, multiple_hits, max_hits, return_locations=True
+        )
         return locations, index_ray, index_tri
 
     def intersects_first(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> NDArray[np.int64]:
         """The first triangle that each ray hits, or -1: (n,)."""
         hits, valid = self._answer("first", ray_origins, ray_directions)
+        found: NDArray[np.int64] = hits.triangle
         if valid is None:
-            return hits.triangle
+            return found
         triangles = np.full(np.shape(ray_origins)[0], -1, np.int64)
-        triangles[valid] = hits.triangle
+        triangles[valid] = found
         return triangles
 
     def intersects_any(self, ray_origins: ArrayLike, ray_directions: ArrayLike) -> NDArray[np.bool_]:
         """Whether each ray hits the mesh: (n,)."""
+        is_hit: NDArray[np.bool_]
         is_hit, valid = self._answer("any", ray_origins, ray_directions)
         if valid is None:
             return is_hit
@@ -158,11 +204,34 @@ class RayMeshIntersector:
         inside[is_near] = self._queries().contains(points[is_near])
         return inside
 
-    def __getstate__(self) -> dict:
+    def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_built": None}
 
-    def __deepcopy__(self, _memo) -> RayMeshIntersector:
+    def __deepcopy__(self, _memo: Any) -> RayMeshIntersector:
         return self.__copy__()
 
     def __copy__(self) -> RayMeshIntersector:
         return RayMeshIntersector(self.mesh, tier=self.tier)
+
+
+_replaced: list[tuple[Any, Any]] = []
+
+
+def install() -> None:
+    """Makes `RayMeshIntersector` the ray queries of every mesh of trimesh that is made from now on in this process,
+    also of copies, parts and files that are read. Meshes that exist keep theirs. `uninstall` undoes it."""
+    from trimesh import ray
+
+    if _replaced:
+        return
+    modules: list[Any] = [ray.ray_triangle, *([ray.ray_pyembree] if ray.has_embree else [])]
+    for module in modules:
+        _replaced.append((module, module.RayMeshIntersector))
+        module.RayMeshIntersector = RayMeshIntersector
+
+
+def uninstall() -> None:
+    """Gives meshes that are made from now on trimesh's own ray queries again."""
+    while _replaced:
+        module, own = _replaced.pop()
+        module.RayMeshIntersector = own

@@ -98,22 +98,37 @@ pub(crate) fn numbers<'py>(
     checked_rows(value, name, width, FLOATS)
 }
 
-/// A number for each of `count` rows of another argument: one for all, or an array of the shape (n,).
-pub(crate) fn column(value: &Bound<PyAny>, name: &str, other: &str, count: usize) -> PyResult<Vec<f64>> {
+/// The rows of an array of the shape (..., 3), and its shape without the last dimension.
+pub(crate) fn vectors_of<'py>(
+    value: &Bound<'py, PyAny>,
+    name: &str,
+) -> PyResult<(PyReadonlyArray2<'py, f64>, Vec<usize>)> {
+    if let Some(array) = as_given(value, 3) {
+        let shape = vec![array.shape()[0]];
+        return Ok((array, shape));
+    }
+    let array = converted(value, name, FLOATS)?;
+    let mut shape: Vec<usize> = array.getattr("shape")?.extract()?;
+    if shape != [0] && shape.pop() != Some(3) {
+        let shape = array.getattr("shape")?;
+        return Err(PyValueError::new_err(format!("{name}: expected the shape (..., 3), not {shape}")));
+    }
+    let rows = array.call_method1("reshape", (-1, 3))?.extract()?;
+    Ok((rows, shape))
+}
+
+/// A number for each ray of the shape `shape`: one for all, or an array of this shape.
+pub(crate) fn per_ray(value: &Bound<PyAny>, name: &str, other: &str, rays: &[usize]) -> PyResult<Vec<f64>> {
     if let Ok(number) = value.cast_exact::<PyFloat>() {
-        return Ok(vec![number.value(); count]);
+        return Ok(vec![number.value()]);
     }
     let array = converted(value, name, FLOATS)?;
     let shape: Vec<usize> = array.getattr("shape")?.extract()?;
     if shape.is_empty() {
-        return Ok(vec![array.extract()?; count]);
+        return Ok(vec![array.extract()?]);
     }
-    if shape.len() != 1 {
-        let shape = array.getattr("shape")?;
-        return Err(PyValueError::new_err(format!("{name}: expected the shape (n,), not {shape}")));
-    }
-    check_rows((name, shape[0]), (other, count))?;
-    let array: PyReadonlyArray1<f64> = array.extract()?;
+    check_shape((name, &shape), (other, rays))?;
+    let array: PyReadonlyArray1<f64> = array.call_method1("reshape", (-1,))?.extract()?;
     Ok(array.as_slice()?.to_vec())
 }
 
@@ -148,6 +163,30 @@ pub(crate) fn check_rows((name, count): (&str, usize), (other, expected): (&str,
     }
     let what = format!("{name}: {count} rows, and {other} has {expected}");
     Err(PyValueError::new_err(what))
+}
+
+/// An error unless two arguments have the same shape, without the dimension of vectors.
+pub(crate) fn check_shape(
+    (name, shape): (&str, &[usize]),
+    (other, expected): (&str, &[usize]),
+) -> PyResult<()> {
+    match (shape, expected) {
+        _ if shape == expected => Ok(()),
+        (&[count], &[expected]) => check_rows((name, count), (other, expected)),
+        _ => {
+            let what = format!("{name}: the shape is {shape:?}, and that of {other} {expected:?}");
+            Err(PyValueError::new_err(what))
+        }
+    }
+}
+
+/// An array of (n,) or (n, k) elements in the shape of the queries.
+pub(crate) fn in_shape<'py>(array: Bound<'py, PyAny>, shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
+    if shape.len() == 1 {
+        return Ok(array);
+    }
+    let width: Vec<usize> = array.getattr("shape")?.extract()?;
+    array.call_method1("reshape", ([shape, &width[1..]].concat(),))
 }
 
 /// Checks that rows are finite in f32, which bounds are in.

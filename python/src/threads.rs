@@ -1,10 +1,14 @@
 //! The threads of queries and pictures.
 
+use std::ops::Range;
 use std::sync::Mutex;
+use std::time::Instant;
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use rayon::ThreadPool;
+
+use crate::POLL_INTERVAL;
 
 /// The pool, and the id of the process that made it. In a forked process, the threads of its parent's pool do not run.
 static POOL: Mutex<Option<(u32, &'static ThreadPool)>> = Mutex::new(None);
@@ -31,4 +35,28 @@ pub(crate) fn pool(_py: Python) -> PyResult<&'static ThreadPool> {
 pub(crate) fn in_threads<R: Send>(py: Python, work: impl FnOnce() -> R + Send) -> PyResult<R> {
     let pool = pool(py)?;
     Ok(py.detach(|| pool.install(work)))
+}
+
+/// The queries of a task of the library: [`in_ranges`] keeps to multiples of these for each thread.
+const GROUP: usize = 1 << 12;
+
+/// Calls `work` with consecutive ranges of `count` queries in the pool, without the GIL, and checks signals after each of
+/// them. Ranges take about [`POLL_INTERVAL`], and at least a group of queries for each thread.
+pub(crate) fn in_ranges(py: Python, count: usize, mut work: impl FnMut(Range<usize>) + Send) -> PyResult<()> {
+    let pool = pool(py)?;
+    let least = GROUP * pool.current_num_threads();
+    let (mut first, mut len) = (0, 4 * least);
+    while first < count {
+        let range = first..count.min(first + len);
+        first = range.end;
+        let start = Instant::now();
+        py.detach(|| pool.install(|| work(range)));
+        py.check_signals()?;
+        match start.elapsed() {
+            time if time < POLL_INTERVAL / 2 => len *= 2,
+            time if time > 2 * POLL_INTERVAL => len = least.max(len / 2 / least * least),
+            _ => {}
+        }
+    }
+    Ok(())
 }

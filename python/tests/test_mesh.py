@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -183,7 +184,7 @@ def test_rays_of_ambient_occlusion_leave_the_triangles_of_their_vertex():
     assert self_hits(mesh, origins) == 0
     assert 0.05 < mesh.any(origins, directions).mean() < 0.5
     # Without the offset, and with vertices rounded to f32, there are such hits.
-    assert self_hits(kiln.Mesh(vertices, faces), np.repeat(vertices, count, axis=0)) > 1000
+    assert self_hits(kiln.Mesh(vertices, faces, tier="watertight"), np.repeat(vertices, count, axis=0)) > 1000
 
 
 def test_threads_may_ask_at_once_whether_a_surface_is_closed():
@@ -221,3 +222,123 @@ def test_distances_of_crossings_do_not_descend():
     same = found.ray[1:] == found.ray[:-1]
     assert same.sum() > 1000
     assert (np.diff(found.distance)[same] >= 0).all()
+
+
+FAR_BOX = [[x, y, z] for x in (0, 0.01) for y in (0, 0.01) for z in (0, 0.01)]
+# Corners of a box by the bits of x, y and z, counterclockwise seen from outside.
+BOX_FACES = [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
+BOX_FACES += [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+
+
+def test_small_parts_far_away_keep_their_shape():
+    """A box of 0.01 at 1e6, where f32 has steps of 1/16: rounded, it is a point."""
+    vertices = np.array(FAR_BOX) + 1e6
+    targets = vertices[BOX_FACES].mean(axis=1)
+    origins = np.broadcast_to(vertices.mean(axis=0) + [0.3, 0.2, 0.1], targets.shape)
+    mesh = kiln.Mesh(vertices, BOX_FACES)
+    assert mesh.tier == "double" and mesh.any(origins, targets - origins).all()
+    scene = kiln.Scene()
+    scene.add(vertices, BOX_FACES)
+    assert scene.mesh().any(origins, targets - origins).all()
+    for tier in ("fast", "watertight"):
+        with pytest.warns(kiln.KilnWarning, match=f"rounding to f32, in tier {tier}, moves corners of 12 triangles"):
+            assert not kiln.Mesh(vertices, BOX_FACES, tier=tier).any(origins, targets - origins).any()
+    # Without a warning: f64, vertices that are f32 already, and steps below the edges.
+    kiln.Mesh(vertices, BOX_FACES, tier="exact")
+    kiln.Mesh(vertices.astype("f4"), BOX_FACES, tier="watertight")
+    kiln.Mesh((vertices - 1e6) * 100 + 1e5, BOX_FACES, tier="watertight")
+
+
+def test_degenerate_triangles_keep_their_index():
+    """Triangles with equal or collinear corners before and after those of a tetrahedron, which are 2, 3, 5 and 6."""
+    vertices, faces = TETRAHEDRON
+    flat = [[0, 0, 1], [2, 2, 2]]
+    faces = np.concatenate([flat, faces[:2], flat[:1], faces[2:], flat[:1]])
+    for tier in ("fast", "watertight", "double", "exact"):
+        mesh = kiln.Mesh(vertices, faces, tier=tier)
+        # Through the base, which is 2, and the slope, which is 6.
+        ray = [[0.25, 0.25, -1]], [[0, 0, 1]]
+        assert len(mesh) == 8 and mesh.first(*ray).triangle.tolist() == [2]
+        assert mesh.all(*ray).triangle.tolist() == mesh.crossings(*ray).triangle.tolist() == [2, 6]
+        assert mesh.closest_point([[0.25, 0.25, -1], [1, 1, 1]]).triangle.tolist() == [2, 6]
+        assert mesh.contains([[0.1, 0.1, 0.1], [1, 1, 1]]).tolist() == [True, False]
+
+
+def test_rays_of_any_shape(tetrahedron):
+    origins, targets = np.random.default_rng(4).normal(size=(2, 6, 5, 3)) * [[[[1]]], [[[0.3]]]]
+    directions = targets - origins
+    flat = [array.reshape(-1, 3) for array in (origins, directions)]
+    expected = tetrahedron.first(*flat)
+    assert 0 < (expected.triangle >= 0).sum() < 30
+    found = tetrahedron.first(origins, directions)
+    assert found.triangle.shape == found.distance.shape == (6, 5) and found.location.shape == (6, 5, 3)
+    for a, b in zip(found, expected):
+        assert np.array_equal(a.reshape(b.shape), b, equal_nan=True)
+    assert (tetrahedron.any(origins, directions) == (found.triangle >= 0)).all()
+    assert tetrahedron.all(origins, directions).ray.tolist() == tetrahedron.all(*flat).ray.tolist()
+    limits = np.full((6, 5), 1e-9)
+    assert not tetrahedron.any(origins, directions, limits).any()
+    inside = tetrahedron.contains(origins)
+    assert inside.shape == (6, 5) and tetrahedron.winding_number(origins).dtype == np.int32
+    assert tetrahedron.closest_point(origins).location.shape == (6, 5, 3)
+    assert tetrahedron.signed_distance(origins).shape == (6, 5)
+
+
+def test_one_vector_for_all_rays(tetrahedron):
+    below, up = [0.25, 0.25, -1], [0, 0, 1]
+    hit = tetrahedron.first(below, up)
+    assert hit.triangle.shape == () and hit.triangle == 0 and hit.location.tolist() == [0.25, 0.25, 0]
+    assert tetrahedron.any(below, up) and tetrahedron.all(below, up).triangle.tolist() == [0, 3]
+    assert tetrahedron.first(below, [up, [0, 0, -1]]).triangle.tolist() == [0, -1]
+    assert tetrahedron.first([[below], [[5, 5, 5]]], up, 1.5).triangle.tolist() == [[0], [-1]]
+    assert tetrahedron.any(below, np.zeros((0, 3))).shape == (0,)
+
+
+@pytest.mark.parametrize("count", [64, 65, 4097, 40_000])
+def test_batches_have_the_hits_of_single_rays(sphere, count):
+    """Few rays are traced by the calling thread, many in ranges."""
+    origins, directions = np.random.default_rng(5).normal(size=(2, count, 3))
+    first, every, crossings = (getattr(sphere, query)(origins, directions) for query in ("first", "all", "crossings"))
+    assert (sphere.any(origins, directions) == (first.triangle >= 0)).all()
+    for ray in range(0, count, count // 50):
+        alone = sphere.first(origins[ray], directions[ray])
+        assert alone.triangle == first.triangle[ray]
+        assert np.array_equal(alone.location, first.location[ray], equal_nan=True)
+        alone = sphere.all(origins[ray], directions[ray])
+        assert alone.triangle.tolist() == every.triangle[every.ray == ray].tolist()
+        assert alone.location.tolist() == every.location[every.ray == ray].tolist()
+        alone = sphere.crossings(origins[ray], directions[ray])
+        assert alone.triangle.tolist() == crossings.triangle[crossings.ray == ray].tolist()
+        assert alone.entering.tolist() == crossings.entering[crossings.ray == ray].tolist()
+
+
+QUERIES = ["first", "any", "all", "crossings", "contains", "closest_point", "signed_distance"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows sends no SIGINT to one process")
+@pytest.mark.parametrize("query", QUERIES)
+def test_an_interrupt_ends_a_query(query):
+    """SIGINT after 0.2 s of a query of many seconds: rays through the box of 1,000 equal triangles that miss them all,
+    and points at equal distances from them all."""
+    program = """
+import os, signal, sys, threading, time, warnings
+import numpy as np
+import kiln
+warnings.simplefilter("ignore")
+mesh = kiln.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.tile([[0, 1, 2]], (1_000, 1)), preset="fast-build")
+points = [0.8, 0.8, -1] + 0.1 * np.random.default_rng(0).random((4_000_000, 3))
+mesh.closedness()
+query = getattr(mesh, sys.argv[1])
+directions = [np.array([0, 0, 1.0])] if sys.argv[1] in ("first", "any", "all", "crossings") else []
+threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+try:
+    query(points, *directions)
+    print("ended")
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+    start = time.monotonic()
+    done = subprocess.run(
+        [sys.executable, "-c", program, query], check=True, timeout=120, capture_output=True, text=True
+    )
+    assert done.stdout == "interrupted\n" and time.monotonic() - start < 20

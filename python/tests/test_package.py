@@ -107,6 +107,36 @@ def test_stubs_have_what_the_module_has():
     assert members(ast.parse((PACKAGE / "_kiln.pyi").read_text())) == actual
 
 
+MISTAKES_OF_TYPES = [
+    'kiln.Mesh([], [], tier="nonsense")',
+    'kiln.Mesh([], [], teir="double")',
+    'kiln.Mesh([], [], preset="best")',
+    'kiln.Scene().mesh(tier="nonsense")',
+    'kiln.Mesh([], []).first([], [], max_distanze=1.0)',
+    'kiln.trimesh.RayMeshIntersector(None, tier="nonsense")',
+    'kiln.trimesh.RayMeshIntersector(None).intersects_location([], [], max_hit=1)',
+    'kiln.trimesh.RayMeshIntersector(None).intersects_any([], [], multiple=1)',
+]
+
+
+def test_type_checkers_refuse_mistakes(tmp_path):
+    pytest.importorskip("mypy")
+    right = ['kiln.Mesh([], [], tier="exact", preset="fast-build")', "kiln.trimesh.install()"]
+    lines = ["import kiln", "import kiln.trimesh", *right, *MISTAKES_OF_TYPES]
+    (tmp_path / "user.py").write_text("\n".join(lines) + "\n")
+    command = [sys.executable, "-m", "mypy", "--strict", "--ignore-missing-imports", "user.py"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    wrong = {int(line.split(":")[1]) for line in done.stdout.splitlines() if line.startswith("user.py:")}
+    assert wrong == set(range(len(right) + 3, len(lines) + 1)), done.stdout
+
+
+def test_stubs_are_those_of_the_module():
+    pytest.importorskip("mypy")
+    command = [sys.executable, "-m", "mypy.stubtest", "kiln", "--ignore-missing-stub"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def test_everything_public_is_documented():
     for owner in (kiln, kiln.Mesh, kiln.Picture, kiln.Scene):
         for name, value in inspect.getmembers(owner):

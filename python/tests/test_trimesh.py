@@ -231,3 +231,47 @@ def test_none():
     command = [sys.executable, "-m", "pytest", "-q", "-p", "kiln_backend", "-p", "no:cacheprovider", "test_ray.py"]
     done = subprocess.run(command, cwd=tmp_path, env={"PYTHONPATH": str(folder)}, capture_output=True, text=True)
     assert "1 failed, 1 passed" in done.stdout and "test_none" in done.stdout, done.stdout + done.stderr
+
+
+@pytest.fixture
+def installed():
+    kiln.trimesh.install()
+    yield
+    kiln.trimesh.uninstall()
+
+
+def test_install_reaches_every_mesh(installed):
+    kiln.trimesh.install()  # again: nothing changes
+    mesh = trimesh.creation.icosphere()
+    half = mesh.slice_plane([0, 0, 0], [0, 0, 1])
+    both = trimesh.util.concatenate([mesh, half])
+    for other in (mesh, mesh.copy(), mesh.subdivide(), half, copy.deepcopy(mesh), both):
+        assert type(other.ray) is kiln.trimesh.RayMeshIntersector and other.ray.mesh is other
+        assert other.ray.intersects_any([[0.1, 0.2, 5]], [[0, 0, -1]]).all()
+    kiln.trimesh.uninstall()
+    assert not isinstance(trimesh.creation.box().ray, kiln.trimesh.RayMeshIntersector)
+    assert isinstance(mesh.ray, kiln.trimesh.RayMeshIntersector)
+    kiln.trimesh.install()
+    assert isinstance(mesh.copy().ray, kiln.trimesh.RayMeshIntersector)
+
+
+@pytest.mark.parametrize("mesh", [trimesh.creation.box(extents=[2, 2, 2]), trimesh.creation.icosphere(subdivisions=2)])
+def test_every_query_says_of_the_same_rays_that_they_hit(mesh):
+    """Rays along edges and in the planes of faces, past vertices, and from points of the surface."""
+    mesh = with_kiln(mesh.copy())
+    vertices, a, b = (np.asarray(part) for part in (mesh.vertices, *mesh.vertices[mesh.edges].transpose(1, 0, 2)))
+    centres, axes = mesh.triangles_center, np.concatenate([np.eye(3), -np.eye(3)])
+    origins = [a - 3 * (b - a), (a + b) / 2, centres, np.repeat(vertices, 6, axis=0), np.repeat(centres, 6, axis=0)]
+    directions = [b - a, b - a, mesh.face_normals, np.tile(axes, (len(vertices), 1)), np.tile(axes, (len(centres), 1))]
+    origins.append(np.repeat(vertices, 6, axis=0) - 5 * directions[3])
+    directions.append(directions[3])
+    rays = np.concatenate(origins), np.concatenate(directions)
+    is_hit = mesh.ray.intersects_any(*rays)
+    assert 0 < is_hit.sum() < len(is_hit)
+    assert (is_hit == (mesh.ray.intersects_first(*rays) >= 0)).all()
+    for multiple_hits in (True, False):
+        locations, index, triangles = mesh.ray.intersects_location(*rays, multiple_hits=multiple_hits)
+        assert np.unique(index).tolist() == np.flatnonzero(is_hit).tolist()
+        assert (np.diff(index) >= 0).all() and len(locations) == len(triangles) == len(index)
+        few, rays_of_few = mesh.ray.intersects_id(*rays, multiple_hits, 1)
+        assert rays_of_few.tolist() == np.flatnonzero(is_hit).tolist()

@@ -1,5 +1,6 @@
 //! [`Bvh`]: the acceleration structure for library users, over their own triangles and analytic shapes.
 
+use std::ops::Range;
 use std::sync::OnceLock;
 
 use glam::DVec3;
@@ -394,6 +395,16 @@ pub struct RayArrays<'a> {
 }
 
 impl RayArrays<'_> {
+    /// The rays at a range of indices.
+    ///
+    /// # Panics
+    /// If there are not as many rays.
+    pub fn slice(&self, range: Range<usize>) -> Self {
+        let t_max = self.t_max.map(|t_max| if t_max.len() == 1 { t_max } else { &t_max[range.clone()] });
+        let (origins, directions) = (&self.origins[range.clone()], &self.directions[range]);
+        RayArrays { origins, directions, t_max, ..*self }
+    }
+
     fn t_max(&self, index: usize) -> f64 {
         match self.t_max {
             None => f64::INFINITY,

@@ -14,6 +14,7 @@ mod batch;
 mod brute_force;
 mod build;
 mod closest_point;
+mod coarse_rounding;
 mod crossings;
 mod generalised;
 mod instances;
@@ -30,6 +31,7 @@ mod wide;
 pub use api::{Bvh, InvalidMesh, InvalidRays, NotFinite, RayArrays, Update, is_worth_keeping};
 pub use batch::RayList;
 pub use closest_point::ClosestPoint;
+pub use coarse_rounding::CoarseRounding;
 #[allow(deprecated)]
 pub use crossings::Crossing;
 pub use crossings::{CONTAINS_DIRECTION, Closedness, Containment, NotClosed, SignedHit};

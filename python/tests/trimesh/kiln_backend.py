@@ -5,6 +5,7 @@
 Tests in files named test_ray* fail if they make no call of kiln.
 """
 
+import functools
 import sys
 import types
 
@@ -18,28 +19,27 @@ import kiln.trimesh
 calls = 0
 
 
-def counted(name):
-    function = getattr(kiln.trimesh.RayMeshIntersector, name)
-
-    def call(self, *arguments, **options):
+def counted(function):
+    @functools.wraps(function)
+    def call(*arguments, **options):
         global calls
         calls += 1
-        return function(self, *arguments, **options)
+        return function(*arguments, **options)
 
     return call
 
 
-QUERIES = ["intersects_id", "intersects_location", "intersects_first", "intersects_any", "contains_points"]
-RayMeshIntersector = type(
-    "RayMeshIntersector", (kiln.trimesh.RayMeshIntersector,), {name: counted(name) for name in QUERIES}
-)
+for name in ["intersects_id", "intersects_location", "intersects_first", "intersects_any", "contains_points"]:
+    query = getattr(kiln.trimesh.RayMeshIntersector, name)
+    setattr(kiln.trimesh.RayMeshIntersector, name, counted(query))
 
-# trimesh binds Embree's class by the name of this module, which need not be importable.
-embree = types.ModuleType("trimesh.ray.ray_pyembree")
-embree.RayMeshIntersector = RayMeshIntersector
-sys.modules[embree.__name__] = ray.ray_pyembree = embree
-ray.has_embree = True
-ray.ray_triangle.RayMeshIntersector = RayMeshIntersector
+if not ray.has_embree:
+    # Tests of embree's class import this module, whether or not embree is installed.
+    embree = types.ModuleType("trimesh.ray.ray_pyembree")
+    embree.RayMeshIntersector = None
+    sys.modules[embree.__name__] = ray.ray_pyembree = embree
+    ray.has_embree = True
+kiln.trimesh.install()
 
 
 @pytest.hookimpl(wrapper=True)
