@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from ._kiln import KilnWarning, Mesh, Picture, __version__
-from ._scene import Scene, camera_rays, pinhole_rays, render
+from ._kiln import Aovs, KilnWarning, Mesh, Picture, __version__
+from ._scene import Prepared, Scene, camera_rays, pinhole_rays, render
 
 if TYPE_CHECKING:
     from . import trimesh as trimesh
@@ -18,4 +18,15 @@ else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
-__all__ = ["KilnWarning", "Mesh", "Picture", "Scene", "__version__", "camera_rays", "pinhole_rays", "render"]
+__all__ = [
+    "Aovs",
+    "KilnWarning",
+    "Mesh",
+    "Picture",
+    "Prepared",
+    "Scene",
+    "__version__",
+    "camera_rays",
+    "pinhole_rays",
+    "render",
+]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Union, overload
 
 from . import _kiln, _toml
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, DTypeLike, NDArray
 
     from ._kiln import _Preset, _Tier
+    from ._results import Hits
 
     # Any is a mesh or a scene of trimesh.
     _Source: TypeAlias = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | bytes | Mapping[str, Any] | Any
@@ -253,8 +254,17 @@ def render(
     Raises ValueError for options and scenes that cannot be used, and KeyboardInterrupt at once; warns (KilnWarning) of
     what the command warns of.
     """
+    _check_progress(progress)
+    scene = source._scene if isinstance(source, Scene) else _load(source, options, True)
+    return _kiln.render(scene, _options(options), _dtype(dtype), _aov_names(aovs), progress)
+
+
+def _check_progress(progress: object) -> None:
     if progress is not None and not callable(progress):
         raise TypeError(f"progress: expected a function, not {type(progress).__name__}")
+
+
+def _aov_names(aovs: str | Sequence[str]) -> list[str]:
     if isinstance(aovs, str):
         aovs = [name.strip() for name in aovs.split(",")]
     names = list(aovs) if isinstance(aovs, Iterable) else [aovs]
@@ -262,5 +272,100 @@ def render(
         if not isinstance(name, str):
             raise TypeError(f"aovs: expected names, not {type(name).__name__}")
         _toml.unicode(name, "aovs")
-    scene = source._scene if isinstance(source, Scene) else _load(source, options, True)
-    return _kiln.render(scene, _options(options), _dtype(dtype), names, progress)
+    return names
+
+
+Camera = Union[str, Mapping[str, Any]]
+
+
+class Prepared:
+    """A scene prepared for pictures by many cameras: its trees are built once. Later changes of the scene have no
+    effect. Any number of threads may use it.
+
+    source: a Scene, or what Scene() takes. options: as for render(), for all pictures.
+    """
+
+    def __init__(self, source: Scene | _Source, **options: Any) -> None:
+        self._source = source._scene if isinstance(source, Scene) else _load(source, options, True)
+        self._options = options
+        self._prepared = _kiln.Prepared(self._source)
+        self._mesh: _kiln.Mesh | None = None
+
+    def render(
+        self,
+        camera: Camera | None = None,
+        *,
+        dtype: Literal["uint8", "float32"] | DTypeLike = "uint8",
+        aovs: str | Sequence[str] = (),
+        progress: Callable[[int, int], None] | None = None,
+        **options: Any,
+    ) -> _kiln.Picture:
+        """Renders the picture that render() does with the same options.
+
+        camera: the name of one of the scene, or a dict with the keys of one in scene files, such as {"K": ...,
+        "pose": ..., "axes": "opencv"}; None for the default one. The rest is as for render().
+        """
+        _check_progress(progress)
+        named = self._named(camera, options)
+        return self._prepared.render(named, _dtype(dtype), _aov_names(aovs), progress)
+
+    @overload
+    def render_many(
+        self,
+        cameras: Iterable[Camera],
+        *,
+        size: tuple[int, int],
+        samples: int = 1,
+        aovs: str | Sequence[str] = (),
+        picture: Literal[False] = False,
+        progress: Callable[[int, int], None] | None = None,
+        **options: Any,
+    ) -> list[_kiln.Aovs]: ...
+    @overload
+    def render_many(
+        self,
+        cameras: Iterable[Camera],
+        *,
+        size: tuple[int, int],
+        samples: int = 1,
+        aovs: str | Sequence[str] = (),
+        picture: Literal[True],
+        progress: Callable[[int, int], None] | None = None,
+        **options: Any,
+    ) -> list[_kiln.Picture]: ...
+    def render_many(self, cameras, *, size, samples=1, aovs=(), picture=False, progress=None, **options):
+        """Renders a picture by each camera: the AOVs alone, `.aovs[name]`, or with `picture` a Picture.
+
+        cameras: as for render(). size: width and height in pixels. aovs: the names of arrays, such as "depth" and
+        "object". progress: called with the number of finished pictures and of all.
+        """
+        _check_progress(progress)
+        cameras, names = list(cameras), _aov_names(aovs)
+        options = {"size": size, "samples": samples, **options}
+        pictures = []
+        for camera in cameras:
+            named = self._named(camera, options)
+            pictures.append(
+                self._prepared.render(named, "uint8", names, None) if picture else self._prepared.aovs(named, names)
+            )
+            if progress is not None:
+                progress(len(pictures), len(cameras))
+        return pictures
+
+    @property
+    def objects(self) -> list[str]:
+        """The names of the objects, by the indices of the AOV `object`."""
+        return self._source.names()[2]
+
+    def first(
+        self, origins: ArrayLike, directions: ArrayLike, max_distance: ArrayLike | None = None
+    ) -> Hits:
+        """The closest hits of rays in the scene's coordinates, as Mesh.first() returns them; of the same numerics as
+        pictures of float64 vertices have, `double`. The tree for them is built at the first call."""
+        if self._mesh is None:
+            self._mesh = self._source.mesh("double", "balanced")
+        return self._mesh.first(origins, directions, max_distance)
+
+    def _named(self, camera: Camera | None, options: Mapping[str, Any]):
+        given = {} if camera is None else {"camera": camera}
+        return _options({**self._options, **options, **given})

@@ -133,6 +133,8 @@ fn _kiln(module: &Bound<PyModule>) -> PyResult<()> {
     module.add_class::<mesh::Mesh>()?;
     module.add_class::<scene::Scene>()?;
     module.add_class::<picture::Picture>()?;
+    module.add_class::<picture::Aovs>()?;
+    module.add_class::<picture::Prepared>()?;
     module.add_function(wrap_pyfunction!(picture::render, module)?)?;
     module.add_function(wrap_pyfunction!(camera::camera_rays, module)?)?;
     module.add_function(wrap_pyfunction!(run_command, module)?)

@@ -4,11 +4,12 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use kiln::cli::picture::{self, by_name};
-use kiln::error::Warnings;
+use kiln::cli::picture::{self, Options, by_name};
+use kiln::error::{Result, Warnings};
 use kiln::film::Window;
 use kiln::film::write::{Channel, Format, OutputImage};
 use kiln::job::RenderControl;
+use kiln::render::aov;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -26,7 +27,7 @@ pub(crate) struct Picture {
     /// multiplied by alpha. Read-only, as what `save` writes does not change: `numpy.array(picture)` is a copy.
     #[pyo3(get)]
     pixels: Py<PyAny>,
-    /// The AOVs by name: (height, width) float32, or (height, width, 3); read-only.
+    /// The AOVs by name: (height, width) float32, int32 for indices and counts, or (height, width, 3) float32; read-only.
     #[pyo3(get)]
     aovs: Py<PyDict>,
     /// What made the picture: names and values, as in the metadata of files.
@@ -37,27 +38,21 @@ pub(crate) struct Picture {
     notes: Vec<String>,
 }
 
-/// Renders a scene.
-#[pyfunction]
-pub(crate) fn render(
-    py: Python,
-    scene: &Bound<Scene>,
-    options: NamedOptions,
-    dtype: &str,
-    aovs: Vec<String>,
-    progress: Option<&Bound<PyAny>>,
-) -> PyResult<Picture> {
-    let format = match dtype {
-        "uint8" => Format::Png,
-        "float32" => Format::Exr,
-        _ => return Err(PyValueError::new_err(format!("dtype: `{dtype}` is neither uint8 nor float32"))),
-    };
-    let options = parse_options(options)?;
-    let scene = scene.get().now();
-    if options.has_import() && scene.import_options != options.import() {
-        let what = "options of how files are read are for Scene(), which has read them";
-        return Err(PyValueError::new_err(what));
+/// The format that has pixels of a type of numpy.
+fn format_of(dtype: &str) -> PyResult<Format> {
+    match dtype {
+        "uint8" => Ok(Format::Png),
+        "float32" => Ok(Format::Exr),
+        _ => Err(PyValueError::new_err(format!("dtype: `{dtype}` is neither uint8 nor float32"))),
     }
+}
+
+/// Renders in a thread of its own, and reports the progress. Also returns the notes.
+fn rendered<T: Send + 'static>(
+    py: Python,
+    progress: Option<&Bound<PyAny>>,
+    work: impl FnOnce(&RenderControl, &mut Warnings) -> Result<T> + Send + 'static,
+) -> PyResult<(T, Vec<String>)> {
     let cancel = Arc::new(AtomicBool::new(false));
     let tiles = Arc::new([AtomicUsize::new(0), AtomicUsize::new(0)]);
     let mut reported = 0;
@@ -80,12 +75,117 @@ pub(crate) fn render(
             },
             time_stages: false,
         };
-        let scene = Arc::unwrap_or_clone(scene);
-        (picture::render(scene, &options, format, &aovs, &control, &mut warnings), warnings)
+        (work(&control, &mut warnings), warnings)
     })?;
     warn_all(py, &warnings)?;
     let rendered = rendered.map_err(|e| raised(&e))?;
-    Picture::new(py, rendered, warnings.notes().iter().map(|note| by_name(note)).collect())
+    Ok((rendered, warnings.notes().iter().map(|note| by_name(note)).collect()))
+}
+
+/// An error if options say otherwise how the files of a scene are read.
+fn check_import(scene: &kiln::scene::Scene, options: &Options) -> PyResult<()> {
+    if options.has_import() && scene.import_options != options.import() {
+        let what = "options of how files are read are for Scene(), which has read them";
+        return Err(PyValueError::new_err(what));
+    }
+    Ok(())
+}
+
+/// Renders a scene.
+#[pyfunction]
+pub(crate) fn render(
+    py: Python,
+    scene: &Bound<Scene>,
+    options: NamedOptions,
+    dtype: &str,
+    aovs: Vec<String>,
+    progress: Option<&Bound<PyAny>>,
+) -> PyResult<Picture> {
+    let format = format_of(dtype)?;
+    let options = parse_options(options)?;
+    let scene = scene.get().now();
+    check_import(&scene, &options)?;
+    let (picture, notes) = rendered(py, progress, move |control, warnings| {
+        picture::render(Arc::unwrap_or_clone(scene), &options, format, &aovs, control, warnings)
+    })?;
+    Picture::new(py, picture, notes)
+}
+
+/// A scene prepared for pictures by many cameras.
+#[pyclass(frozen, module = "kiln._kiln")]
+pub(crate) struct Prepared {
+    scene: Arc<picture::PreparedScene>,
+}
+
+#[pymethods]
+impl Prepared {
+    #[new]
+    fn new(scene: &Bound<Scene>) -> PyResult<Self> {
+        let scene = picture::PreparedScene::new(scene.get().now()).map_err(|e| raised(&e))?;
+        Ok(Prepared { scene: Arc::new(scene) })
+    }
+
+    /// Renders a picture.
+    fn render(
+        &self,
+        py: Python,
+        options: NamedOptions,
+        dtype: &str,
+        aovs: Vec<String>,
+        progress: Option<&Bound<PyAny>>,
+    ) -> PyResult<Picture> {
+        let (format, options, scene) = (format_of(dtype)?, parse_options(options)?, Arc::clone(&self.scene));
+        check_import(scene.scene(), &options)?;
+        let (picture, notes) = rendered(py, progress, move |control, warnings| {
+            scene.render(&options, format, &aovs, control, warnings)
+        })?;
+        Picture::new(py, picture, notes)
+    }
+
+    /// Computes the AOVs of a picture alone.
+    fn aovs(&self, py: Python, options: NamedOptions, aovs: Vec<String>) -> PyResult<Aovs> {
+        let (options, scene) = (parse_options(options)?, Arc::clone(&self.scene));
+        check_import(scene.scene(), &options)?;
+        let (computed, notes) =
+            rendered(py, None, move |control, warnings| scene.aovs(&options, &aovs, control, warnings))?;
+        Ok(Aovs { aovs: arrays(py, computed.window, computed.by_name())?.unbind(), notes })
+    }
+}
+
+/// The AOVs of a picture without its colours.
+#[pyclass(frozen, module = "kiln")]
+pub(crate) struct Aovs {
+    /// The AOVs by name, as those of a Picture.
+    #[pyo3(get)]
+    aovs: Py<PyDict>,
+    /// What was decided automatically.
+    #[pyo3(get)]
+    notes: Vec<String>,
+}
+
+/// Read-only arrays of AOVs, by name.
+fn arrays<'py>(
+    py: Python<'py>,
+    window: Window,
+    aovs: Vec<(&str, Vec<&Channel>)>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let arrays = PyDict::new(py);
+    for (name, channels) in aovs {
+        let shape = shape(window, channels.len());
+        let array = match channels[..] {
+            [channel] if aov::has_integers(name) => {
+                let values = channel.values.iter().map(|&value| value as i32).collect();
+                shaped::<i32>(py, values, &shape[..2])?
+            }
+            [channel] => shaped::<f32>(py, channel.values.clone(), &shape[..2])?,
+            _ => {
+                let of_pixel = |i| channels.iter().map(move |channel| channel.values[i]);
+                shaped::<f32>(py, (0..window.area()).flat_map(of_pixel).collect(), &shape)?
+            }
+        };
+        arrays.set_item(name, read_only(array)?)?;
+    }
+    Ok(arrays)
 }
 
 impl Picture {
@@ -109,15 +209,7 @@ impl Picture {
                 }
             },
         };
-        let (aovs, metadata) = (PyDict::new(py), PyDict::new(py));
-        for (name, channels) in picture.aovs() {
-            let count = channels.len();
-            let values =
-                (0..window.area()).flat_map(|i| channels.iter().map(move |channel| channel.values[i]));
-            let shape = shape(window, count);
-            let shape = if count == 1 { &shape[..2] } else { &shape[..] };
-            aovs.set_item(name, read_only(shaped::<f32>(py, values.collect(), shape)?)?)?;
-        }
+        let (aovs, metadata) = (arrays(py, window, picture.aovs())?, PyDict::new(py));
         for (name, value) in picture.metadata() {
             metadata.set_item(name, value)?;
         }

@@ -1,6 +1,7 @@
 //! Pictures in memory, for programs: the options of `kiln render` by name, and its picture.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::{ArgAction, FromArgMatches};
 
@@ -13,8 +14,8 @@ use super::usage_error;
 use crate::error::{Error, Result, Warnings};
 use crate::files::InputFiles;
 use crate::film::write::{ALPHA, Channel, Format, OutputImage, encode, write_picture};
-use crate::film::{ColourPipeline, DisplayTransform};
-use crate::job::{Metadata, RenderSettings, resolve};
+use crate::film::{ColourPipeline, DisplayTransform, Window};
+use crate::job::{Metadata, PreparedPictures, RenderJob, RenderSettings, resolve};
 use crate::render::RenderControl;
 use crate::render::aov::{self, AovSelection};
 use crate::scene::{ImportOptions, Scene};
@@ -136,33 +137,151 @@ pub fn render(
     let selection = AovSelection::new(aovs)?;
     let settings = RenderSettings { aovs: aovs.to_vec(), ..options.0.settings()? };
     super::pool(options.0.threads)?.install(|| {
-        let inputs = scene.inputs.clone();
-        let environment = settings.environment.environment.iter().map(PathBuf::from);
-        let files_read = scene.files_read.iter().cloned().chain(environment).collect();
+        let source = Source::new(&scene, &settings);
         note_rest_pose(&scene, warnings);
         let resolved = resolve(scene, &settings, warnings)?;
-        let has_physical_lights = resolved.scene.has_physical_lights;
-        let mut job = resolved.build(warnings)?;
-        let channels = selection.channel_count(job.plan.effects_on().count()) as u64;
-        // Colours and alpha are rendered together, split, and copied.
-        check_memory_of(job.window, channels, 2 * (4 * (4 + channels) + 12) + selection.bytes_per_pixel())?;
-        let none = AovSelection::new(&[])?;
-        let in_film = if format == Format::Exr { &selection } else { &none };
-        let (image, statistics) = render_image(&job, format, in_film, control)?;
-        let context = PictureContext {
-            inputs: &inputs,
-            selection: &selection,
-            is_part: settings.crop.is_some(),
-            has_physical_lights,
-        };
-        warn_of_result(&mut job, &image, &statistics, &context, control, warnings)?;
-        let (channels, display) = match &image {
-            OutputImage::Float(..) => (Vec::new(), job.display_transform(control)?),
-            _ => (aov::channels(&job.aov_source(None), &selection, control)?, DisplayTransform::default()),
-        };
-        let pipeline = job.pipeline();
-        Ok(Picture { image, channels, metadata: job.metadata, pipeline, display, inputs: files_read })
+        let job = resolved.build(warnings)?;
+        picture_of(job, source, &selection, format, control, warnings)
     })
+}
+
+/// A scene prepared for pictures by many cameras, see [`PreparedPictures`].
+pub struct PreparedScene {
+    pictures: PreparedPictures,
+}
+
+impl PreparedScene {
+    /// Prepares a scene.
+    ///
+    /// # Errors
+    /// As [`PreparedPictures::new`].
+    pub fn new(scene: Arc<Scene>) -> Result<Self> {
+        Ok(PreparedScene { pictures: PreparedPictures::new(scene)? })
+    }
+
+    /// The scene in its own coordinates.
+    pub fn scene(&self) -> &Scene {
+        self.pictures.scene()
+    }
+
+    /// The picture of [`render`] with these options.
+    ///
+    /// # Errors
+    /// As [`render`].
+    pub fn render(
+        &self,
+        options: &Options,
+        format: Format,
+        aovs: &[String],
+        control: &RenderControl,
+        warnings: &mut Warnings,
+    ) -> Result<Picture> {
+        let selection = AovSelection::new(aovs)?;
+        let settings = RenderSettings { aovs: aovs.to_vec(), ..options.0.settings()? };
+        super::pool(options.0.threads)?.install(|| {
+            let source = Source::new(self.pictures.scene(), &settings);
+            note_rest_pose(self.pictures.scene(), warnings);
+            let job = self.pictures.job(&settings, true, warnings)?;
+            picture_of(job, source, &selection, format, control, warnings)
+        })
+    }
+
+    /// The AOVs of [`PreparedScene::render`] without its picture: no light is traced for them, but for the AOVs of
+    /// effects and variances.
+    ///
+    /// # Errors
+    /// As [`render`].
+    pub fn aovs(
+        &self,
+        options: &Options,
+        aovs: &[String],
+        control: &RenderControl,
+        warnings: &mut Warnings,
+    ) -> Result<Aovs> {
+        let selection = AovSelection::new(aovs)?;
+        let settings = RenderSettings { aovs: aovs.to_vec(), ..options.0.settings()? };
+        super::pool(options.0.threads)?.install(|| {
+            let job = self.pictures.job(&settings, false, warnings)?;
+            let count = selection.channel_count(job.plan.effects_on().count()) as u64;
+            check_memory_of(job.window, count, 2 * 4 * count + selection.bytes_per_pixel())?;
+            let channels = aov::channels(&job.aov_source(None), &selection, control)?;
+            Ok(Aovs { window: job.window, channels })
+        })
+    }
+}
+
+/// AOVs of a region of a picture.
+pub struct Aovs {
+    /// The region.
+    pub window: Window,
+    channels: Vec<Channel>,
+}
+
+impl Aovs {
+    /// The AOVs by name, each with its channels.
+    pub fn by_name(&self) -> Vec<(&str, Vec<&Channel>)> {
+        channels_by_name(self.channels.iter())
+    }
+}
+
+/// What messages about a picture name: the inputs, and all files that it was made from.
+struct Source {
+    inputs: Vec<PathBuf>,
+    files_read: InputFiles,
+    has_physical_lights: bool,
+    /// Whether the picture is a part of another.
+    is_part: bool,
+}
+
+impl Source {
+    fn new(scene: &Scene, settings: &RenderSettings) -> Self {
+        let environment = settings.environment.environment.iter().map(PathBuf::from);
+        Source {
+            inputs: scene.inputs.clone(),
+            files_read: scene.files_read.iter().cloned().chain(environment).collect(),
+            has_physical_lights: scene.has_physical_lights,
+            is_part: settings.crop.is_some(),
+        }
+    }
+}
+
+/// Renders the picture of a job.
+fn picture_of(
+    mut job: RenderJob,
+    source: Source,
+    selection: &AovSelection,
+    format: Format,
+    control: &RenderControl,
+    warnings: &mut Warnings,
+) -> Result<Picture> {
+    let channels = selection.channel_count(job.plan.effects_on().count()) as u64;
+    // Colours and alpha are rendered together, split, and copied.
+    check_memory_of(job.window, channels, 2 * (4 * (4 + channels) + 12) + selection.bytes_per_pixel())?;
+    let none = AovSelection::new(&[])?;
+    let in_film = if format == Format::Exr { selection } else { &none };
+    let (image, statistics) = render_image(&job, format, in_film, control)?;
+    let Source { inputs, files_read, has_physical_lights, is_part } = source;
+    let context = PictureContext { inputs: &inputs, selection, is_part, has_physical_lights };
+    warn_of_result(&mut job, &image, &statistics, &context, control, warnings)?;
+    let (channels, display) = match &image {
+        OutputImage::Float(..) => (Vec::new(), job.display_transform(control)?),
+        _ => (aov::channels(&job.aov_source(None), selection, control)?, DisplayTransform::default()),
+    };
+    let pipeline = job.pipeline();
+    Ok(Picture { image, channels, metadata: job.metadata, pipeline, display, inputs: files_read })
+}
+
+/// Channels by the name of their AOV.
+fn channels_by_name<'a>(channels: impl Iterator<Item = &'a Channel>) -> Vec<(&'a str, Vec<&'a Channel>)> {
+    let mut all: Vec<(&str, Vec<&Channel>)> = Vec::new();
+    for channel in channels {
+        let name = aov::name_of(&channel.name);
+        match all.last_mut() {
+            Some((last, channels)) if *last == name => channels.push(channel),
+            _ => all.push((name, vec![channel])),
+        }
+    }
+    all
 }
 
 impl Picture {
@@ -178,17 +297,8 @@ impl Picture {
 
     /// The AOVs by name, each with its channels.
     pub fn aovs(&self) -> Vec<(&str, Vec<&Channel>)> {
-        let mut all: Vec<(&str, Vec<&Channel>)> = Vec::new();
-        for channel in
-            self.channels.iter().chain(self.float_channels()).filter(|channel| channel.name != ALPHA)
-        {
-            let name = aov::name_of(&channel.name);
-            match all.last_mut() {
-                Some((last, channels)) if *last == name => channels.push(channel),
-                _ => all.push((name, vec![channel])),
-            }
-        }
-        all
+        let channels = self.channels.iter().chain(self.float_channels());
+        channels_by_name(channels.filter(|channel| channel.name != ALPHA))
     }
 
     fn float_channels(&self) -> &[Channel] {
@@ -248,7 +358,6 @@ impl Picture {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::Window;
 
     fn parse(options: &[(&str, Value)]) -> Result<Options> {
         let named: Vec<_> = options.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();

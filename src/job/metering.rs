@@ -45,9 +45,7 @@ impl RenderJob {
     ) -> Result<Vec<bool>> {
         let selection = AovSelection::new(&["object".to_owned()])?;
         let objects = aov::channels(&self.aov_source(None), &selection, control)?;
-        let ground = self.world.ground.map(|index| index as f32);
-        let is_subject =
-            |&object: &f32| object >= 0.0 && Some(object) != ground && is_chosen(object as usize);
+        let is_subject = |&object: &f32| object >= 0.0 && is_chosen(object as usize);
         let mut found: Vec<bool> = objects[0].values.iter().map(is_subject).collect();
         if !found.contains(&true) {
             found.fill(true);

@@ -33,6 +33,7 @@ mod notes;
 mod outside;
 mod path_calls;
 mod prepared;
+mod prepared_pictures;
 mod resolved;
 mod settings;
 
@@ -47,6 +48,7 @@ pub use memory::check_memory;
 pub use metadata::Metadata;
 pub use notes::{HEADLIGHT, note_of_depth, warn_of_job, warn_of_recentering};
 pub use prepared::{PreparedScene, SceneAtTime};
+pub use prepared_pictures::PreparedPictures;
 #[cfg(feature = "viewer")]
 pub(crate) use resolved::resolve_picture;
 pub use resolved::{ResolvedJob, ResolvedPicture, resolve, resolve_for};

@@ -59,32 +59,46 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     let recentering = recenter(&mut scene);
     let look = look.recentered(recentering.as_ref());
     notes::warn_of_recentering(recentering.as_ref(), warnings);
-    let viewpoint = Viewpoint::of(&settings.camera, &scene, recentering.as_ref())?;
-    viewpoint.report(settings, &scene, warnings);
+    let (camera, size) = camera_of(&scene, recentering.as_ref(), settings, warnings)?;
+    if let Some(light) = look.light {
+        scene.lights.extend(light.at(&camera));
+        light.note(warnings);
+    }
+    resolve_for(scene, look, recentering, camera, size, settings)
+}
+
+/// The camera and the size of a picture of a recentered scene, in its coordinates. Notes what it does not show.
+///
+/// # Errors
+/// As those of [`Viewpoint::camera`] and [`View::new`].
+pub(super) fn camera_of(
+    scene: &Scene,
+    recentering: Option<&Recentering>,
+    settings: &RenderSettings,
+    warnings: &mut Warnings,
+) -> Result<(Camera, [u32; 2])> {
+    let viewpoint = Viewpoint::of(&settings.camera, scene, recentering)?;
+    viewpoint.report(settings, scene, warnings);
     let is_of_mesh_file = !scene.has_settings && matches!(viewpoint, Viewpoint::Camera(Cow::Borrowed(_)));
     if matches!(viewpoint, Viewpoint::Fitted(StandardView::Auto))
         && !settings.projection.is_some_and(Projection::shows_all_directions)
-        && opening(&scene).is_some_and(|opening| !opening.is_flat)
+        && opening(scene).is_some_and(|opening| !opening.is_flat)
     {
         warnings.note("the surface is open to one side; the camera looks in from there");
     }
-    let size = viewpoint.size(settings, &scene);
-    let camera = viewpoint.camera(settings, &scene, size)?;
+    let size = viewpoint.size(settings, scene);
+    let camera = viewpoint.camera(settings, scene, size)?;
     // Files place their objects for their cameras; a scene file is written by hand.
     if scene.has_settings || is_of_mesh_file {
         let projection = settings.projection.unwrap_or(camera.projection);
         let view = View::new(&camera, projection, size)?;
         match is_of_mesh_file {
             true if projection.shows_all_directions() => {}
-            true => outside::note_framing(&scene, &camera, &view, warnings),
-            false => outside::warn(&scene, &view, recentering.as_ref(), warnings),
+            true => outside::note_framing(scene, &camera, &view, warnings),
+            false => outside::warn(scene, &view, recentering, warnings),
         }
     }
-    if let Some(light) = look.light {
-        scene.lights.extend(light.at(&camera));
-        light.note(warnings);
-    }
-    resolve_for(scene, look, recentering, camera, size, settings)
+    Ok((camera, size))
 }
 
 /// The picture of a scene with its look by a camera, without metadata. The ground of the look is left out if the camera
@@ -137,12 +151,8 @@ pub fn resolve_for(
     size: [u32; 2],
     settings: &RenderSettings,
 ) -> Result<ResolvedJob> {
-    let mut picture = resolve_picture(&scene, &mut look, camera, size, settings)?;
-    let ResolvedPicture { camera, window, .. } = &picture;
-    picture.metadata = metadata::metadata((&scene, &look), recentering.as_ref(), camera, *window, settings);
-    if picture.meters {
-        metadata::add_to_fingerprint(&mut picture.metadata, "metered", &true);
-    }
+    let picture = resolve_picture(&scene, &mut look, camera, size, settings)?;
+    let picture = picture.with_metadata((&scene, &look), recentering.as_ref(), settings);
     Ok(ResolvedJob { scene, look, recentering, picture })
 }
 
@@ -174,6 +184,20 @@ fn plan_settings(
 }
 
 impl ResolvedPicture {
+    /// The picture with its metadata: of the scene with the added light, its look, and the settings that were given.
+    pub(super) fn with_metadata(
+        mut self,
+        scene: (&Scene, &DefaultLook),
+        recentering: Option<&Recentering>,
+        settings: &RenderSettings,
+    ) -> Self {
+        self.metadata = metadata::metadata(scene, recentering, &self.camera, self.window, settings);
+        if self.meters {
+            metadata::add_to_fingerprint(&mut self.metadata, "metered", &true);
+        }
+        self
+    }
+
     /// Width and height of the whole picture in pixels.
     pub fn size(&self) -> [u32; 2] {
         let Window { width, height, .. } = self.window;
@@ -202,12 +226,17 @@ impl ResolvedJob {
         check_memory(&scene, &picture.plan_settings, numerics)?;
         let pipeline = picture.settings.picture.pipeline();
         let scene = PreparedScene::at_rest(scene, &look, recentering, pipeline, structure, numerics);
-        let mut job = scene.at(0.0)?.job_for(picture)?;
-        if meters {
-            let ev = job.meter(&RenderControl::default())?;
-            warnings.note(format!("the exposure is {ev} EV, metered; --exposure 0 turns this off"));
-        }
-        notes::warn_of_job(&job, warnings);
-        Ok(job)
+        let job = scene.at(0.0)?.job_for(picture)?;
+        metered(job, meters, warnings)
     }
+}
+
+/// A job whose exposure is metered if `meters`, with the notes of both.
+pub(super) fn metered(mut job: RenderJob, meters: bool, warnings: &mut Warnings) -> Result<RenderJob> {
+    if meters {
+        let ev = job.meter(&RenderControl::default())?;
+        warnings.note(format!("the exposure is {ev} EV, metered; --exposure 0 turns this off"));
+    }
+    notes::warn_of_job(&job, warnings);
+    Ok(job)
 }

@@ -131,6 +131,24 @@ impl RenderSettings {
         framing.with(&self.picture.or(scene.picture))
     }
 
+    /// The settings without those that no look depends on. Of the camera, it depends on whether it is the files'.
+    pub(crate) fn of_look(&self, scene: &Scene) -> Self {
+        let camera = match self.camera.is_of_file(scene) {
+            true => CameraChoice::Named(String::new()),
+            false => CameraChoice::Fitted(StandardView::Auto),
+        };
+        let picture = PictureSettings {
+            width: None,
+            height: None,
+            azimuth: None,
+            elevation: None,
+            zoom: None,
+            fov: None,
+            ..self.picture
+        };
+        RenderSettings { camera, projection: None, longest_side: None, picture, ..self.clone() }
+    }
+
     /// The look of a scene in its own coordinates, before anything moves, with these settings: what its files say,
     /// completed by the default look.
     ///

@@ -2,7 +2,7 @@
 //! more channels.
 //!
 //! Geometric AOVs come from the closest hit of the ray through each pixel's centre, unfiltered, whatever samples the
-//! picture takes. Albedo and normal are means over the pixel's samples ([`super::features`]). The channels of an effect
+//! picture takes; an added ground is background there. Albedo and normal are means over the pixel's samples ([`super::features`]). The channels of an effect
 //! are the difference of two pictures: one with the effects up to this one in the plan's order, and one with those
 //! before it. So the base and all effects add up to the picture.
 
@@ -19,6 +19,7 @@ use crate::error::{Error, Result, nearest_name};
 use crate::farm::Shard;
 use crate::film::write::Channel;
 use crate::film::{DisplayTransform, Film, Window};
+use crate::geometry::Hit;
 use crate::world::{Recentering, SurfaceInteraction, View, World};
 
 /// The input of an AOV: the camera ray of a pixel and its closest hit.
@@ -154,6 +155,11 @@ pub const AOVS: &[Aov] = &[
 pub fn name_of(channel: &str) -> &str {
     let aov = AOVS.iter().find(|aov| aov.channels.contains(&channel));
     aov.map_or_else(|| channel.split('.').next().unwrap_or(channel), |aov| aov.name)
+}
+
+/// Whether the values of the AOV of this name are integers: indices, and counts.
+pub fn has_integers(name: &str) -> bool {
+    ["object", "material", "primitive", "samples", "node-tests"].contains(&name)
 }
 
 /// The largest index up to which all are exact in the f32 channels.
@@ -319,7 +325,9 @@ fn of_tile(
     let Tile { generations, traversal, .. } = tile;
     for (&pixel, ray) in generations[0].sources.iter().zip(generations[0].rays.rays().iter()) {
         let before = traversal.tests.nodes;
-        let hit = source.plan.visible_hit(world, &ray, traversal);
+        // An added ground is no object of the scene.
+        let is_of_scene = |hit: &Hit| Some(world.object_of(hit.prim)) != world.ground;
+        let hit = source.plan.visible_hit(world, &ray, traversal).filter(is_of_scene);
         let input = AovInput {
             recentering: source.recentering,
             samples: samples[pixel as usize],

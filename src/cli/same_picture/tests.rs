@@ -8,7 +8,7 @@ use clap::Parser;
 use serde_json::json;
 
 use super::arguments::Arguments;
-use super::picture::{Options, Value, render};
+use super::picture::{Options, Picture, PreparedScene, Value, render};
 use super::prepare::Reporter;
 use super::progress::Mode;
 use super::view::open;
@@ -73,17 +73,31 @@ fn load(arguments: &Arguments) -> Result<Scene> {
     crate::import::load_with(&arguments.inputs, &arguments.reading(), &mut Warnings::default())
 }
 
-/// The picture of Python's `kiln.render` of a scene.
-fn in_python(scene: Scene, options: &NamedOptions) -> Result<Pixels> {
+/// The options of Python's functions.
+fn in_python(options: &NamedOptions) -> Result<Options> {
     let size = SIZE.map(|side| side.to_string());
     let value =
         |value: Option<&str>| value.map_or(Value::Switch(true), |value| Value::Text(value.to_owned()));
     let options = options.iter().map(|(name, given)| (name.replace('-', "_"), value(*given)));
     let options: Vec<_> = options.chain([("size".to_owned(), Value::List(size.into()))]).collect();
-    let (options, control) = (Options::parse(&options)?, RenderControl::default());
-    let picture = render(scene, &options, Format::Png, &[], &control, &mut Warnings::default())?;
+    Options::parse(&options)
+}
+
+fn pixels_of(picture: &Picture) -> Pixels {
     let OutputImage::Rgb8(film, _) = picture.image() else { panic!("a picture without alpha") };
-    Ok(film.rows().collect())
+    film.rows().collect()
+}
+
+/// The picture of Python's `kiln.render` of a scene.
+fn python(scene: Scene, options: &NamedOptions) -> Result<Picture> {
+    let control = RenderControl::default();
+    render(scene, &in_python(options)?, Format::Png, &[], &control, &mut Warnings::default())
+}
+
+/// The picture of Python's `kiln.Prepared`.
+fn prepared(scene: &PreparedScene, options: &NamedOptions) -> Result<Picture> {
+    let control = RenderControl::default();
+    scene.render(&in_python(options)?, Format::Png, &[], &control, &mut Warnings::default())
 }
 
 /// glTF of a square above a floor, of a material, which a clip moves. At rest it is elsewhere.
@@ -161,6 +175,8 @@ fn all_ways_to_a_picture_have_the_same() {
     ];
     let (mut compared, mut frames) = (0, 0);
     for file in files(folder.path()) {
+        // One for all options: they change what is prepared.
+        let mut of_file = None;
         for options in variants {
             let arguments = arguments(&file, options);
             let has_clips = file.starts_with(folder.path());
@@ -174,7 +190,10 @@ fn all_ways_to_a_picture_have_the_same() {
             let Ok(expected) = still(&at_0) else {
                 assert!(in_the_window(&arguments).is_err(), "{place}: window");
                 assert!(frame_0(&arguments).is_err(), "{place}: frame 0");
-                assert!(load(&at_0).and_then(|scene| in_python(scene, options)).is_err(), "{place}: Python");
+                assert!(load(&at_0).and_then(|scene| python(scene, options)).is_err(), "{place}: Python");
+                if let Some(scene) = &of_file {
+                    assert!(prepared(scene, options).is_err(), "{place}: prepared");
+                }
                 continue;
             };
             compared += 1;
@@ -191,8 +210,14 @@ fn all_ways_to_a_picture_have_the_same() {
                     "{place}: frame 0"
                 );
             }
-            let picture = in_python(scene, options).unwrap_or_else(|e| panic!("{place}: {e}"));
-            assert!(picture == expected, "{place}: Python");
+            let of_file = of_file.get_or_insert_with(|| {
+                PreparedScene::new(scene.clone().into()).unwrap_or_else(|e| panic!("{place}: {e}"))
+            });
+            let again = prepared(of_file, options).unwrap_or_else(|e| panic!("{place}: {e}"));
+            let picture = python(scene, options).unwrap_or_else(|e| panic!("{place}: {e}"));
+            assert!(pixels_of(&picture) == expected, "{place}: Python");
+            assert!(pixels_of(&again) == expected, "{place}: prepared");
+            assert_eq!(picture.metadata(), again.metadata(), "{place}: prepared");
         }
     }
     assert!(compared > 200 && frames > 150, "{compared}, {frames}");

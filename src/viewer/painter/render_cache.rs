@@ -9,14 +9,13 @@ use crate::error::Warnings;
 use crate::film::tone::Exposure;
 use crate::job::camera::nothing_to_look_at;
 use crate::job::{
-    self, CameraChoice, EnvironmentSettings, PreparedScene, RenderJob, RenderSettings, ResolvedPicture,
-    SceneAtTime,
+    self, EnvironmentSettings, PreparedScene, RenderJob, RenderSettings, ResolvedPicture, SceneAtTime,
 };
 use crate::scene::{Camera, DefaultLook, Environment, PictureSettings, Scene, ShadingMode};
 use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::refine::SamplingKind;
 use crate::viewer::request::{CameraSource, Opened, RenderRequest};
-use crate::world::{Framing, PreparedMaterial, Recentering, StandardView, fitted_camera};
+use crate::world::{Framing, PreparedMaterial, Recentering, fitted_camera};
 
 /// Number of cached worlds: two sides of a comparison and the exact reference.
 const MAX_WORLDS: usize = 3;
@@ -176,7 +175,7 @@ impl RenderCache {
 
     /// The look of a scene: that of `kiln render`.
     fn look(&mut self, scene: &Scene, settings: &RenderSettings) -> Result<DefaultLook> {
-        let settings = settings_of_look(settings, scene);
+        let settings = settings.of_look(scene);
         if let Some((_, look)) = self.looks.iter().find(|(known, _)| *known == settings) {
             return Ok(look.clone());
         }
@@ -265,27 +264,9 @@ impl RenderCache {
     }
 }
 
-/// The settings without those that no look depends on. Of the camera, it depends on whether it is the files'.
-fn settings_of_look(settings: &RenderSettings, scene: &Scene) -> RenderSettings {
-    let camera = match settings.camera.is_of_file(scene) {
-        true => CameraChoice::Named(String::new()),
-        false => CameraChoice::Fitted(StandardView::Auto),
-    };
-    let picture = PictureSettings {
-        width: None,
-        height: None,
-        azimuth: None,
-        elevation: None,
-        zoom: None,
-        fov: None,
-        ..settings.picture
-    };
-    RenderSettings { camera, projection: None, longest_side: None, picture, ..settings.clone() }
-}
-
 /// The settings without those that no world depends on. Of the shading, it depends on whether it has lights.
 fn key_settings(settings: &RenderSettings, scene: &Scene) -> RenderSettings {
-    let settings = settings_of_look(settings, scene);
+    let settings = settings.of_look(scene);
     let lit =
         |shading: ShadingMode| if shading.uses_lights() { ShadingMode::Full } else { ShadingMode::Flat };
     RenderSettings {
