@@ -77,6 +77,7 @@ fn figure(figures: &Figures, name: &str) -> f64 {
         "rmse" => figures.rmse,
         "relmse" => figures.rel_mse,
         "flip" => figures.flip,
+        "beyond_step" => figures.beyond_step,
         _ => figures.differing,
     }
 }

@@ -82,6 +82,9 @@ pub struct Figures {
     pub flip: f64,
     /// Fraction of pixels that differ in any channel, 0 to 1.
     pub differing: f64,
+    /// Fraction of pixels with a channel whose display values differ by more than one of 255 steps, 0 to 1.
+    #[serde(default)]
+    pub beyond_step: f64,
 }
 
 impl Figures {
@@ -149,6 +152,7 @@ impl Errors {
             psnr: (*mean_square > 0.0).then(|| -10.0 * mean_square.log10()),
             flip: sum_of(map.len(), |i| f64::from(map[i])) / map.len() as f64,
             differing: sum_of(a.len(), |i| f64::from(u8::from(pair.differs(i)))) / a.len() as f64,
+            beyond_step: share_beyond_step(&displayed.0, &displayed.1),
         });
         let worst = if figures.is_some() { pair.worst(width) } else { Vec::new() };
         let alpha = pair.alphas.map(|[a, b]| {
@@ -255,7 +259,7 @@ pub fn mean_flip(a: &[[f32; 3]], b: &[[f32; 3]], width: u32) -> f64 {
 }
 
 /// Names and definitions of the figures.
-pub fn definitions() -> [(&'static str, String); 6] {
+pub fn definitions() -> [(&'static str, String); 7] {
     let flip = format!(
         "mean LDR-FLIP of what a display shows, 0 to 1, at {:.2} pixels a degree (Andersson et al. 2020)",
         flip::PIXELS_PER_DEGREE
@@ -267,6 +271,10 @@ pub fn definitions() -> [(&'static str, String); 6] {
         ("psnr", "-10 log10 of the mean of (b - a)^2 of what a display shows, in dB".into()),
         ("flip", flip),
         ("differing", "share of the pixels with a channel that differs, 0 to 1".into()),
+        (
+            "beyond_step",
+            "share of those that a display shows more than one of 255 steps apart, 0 to 1".into(),
+        ),
     ]
 }
 
@@ -274,6 +282,13 @@ pub fn definitions() -> [(&'static str, String); 6] {
 fn differences<'a>(a: &'a [[f32; 3]], b: &'a [[f32; 3]]) -> impl Iterator<Item = f64> + 'a {
     let difference = |(a, b): (&f32, &f32)| (f64::from(*b) - f64::from(*a)).abs();
     a.iter().zip(b).map(move |(a, b)| a.iter().zip(b).map(difference).fold(0.0, f64::max))
+}
+
+/// The share of pixels with a channel whose display values differ by more than one of 255 steps, and the rounding of both
+/// to f32.
+fn share_beyond_step(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
+    differences(a, b).filter(|difference| *difference > 1.0 / 255.0 + f64::from(f32::EPSILON)).count() as f64
+        / a.len() as f64
 }
 
 /// Mean of `f` over all channels of two images of the same size.

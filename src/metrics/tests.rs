@@ -23,7 +23,15 @@ fn worst(a: &ComparedImage, b: &ComparedImage) -> Vec<Worst> {
 fn identical_images_have_no_error() {
     let a = uniform(0.25, Values::Linear);
     let errors = Errors::between(&a, &a).unwrap();
-    let expected = Figures { max: 0.0, rmse: 0.0, rel_mse: 0.0, psnr: None, flip: 0.0, differing: 0.0 };
+    let expected = Figures {
+        max: 0.0,
+        rmse: 0.0,
+        rel_mse: 0.0,
+        psnr: None,
+        flip: 0.0,
+        differing: 0.0,
+        beyond_step: 0.0,
+    };
     assert!(errors.same && errors.worst.is_empty());
     assert_eq!(errors.figures, Some(expected));
 }
@@ -54,6 +62,18 @@ fn one_pixel_off_is_found_where_it_is() {
         Worst { x: 23, y: 7, difference: 0.5, reference: [0.5; 3], test: [0.5, 1.0, 0.5], alpha: None };
     assert_eq!(worst(&a, &b), [expected]);
     assert!(figures.flip > 0.0 && figures.flip < 0.5, "{}", figures.flip);
+}
+
+/// Of 800 pixels one is a step of 255 off, one two steps.
+#[test]
+fn pixels_more_than_a_step_apart_are_counted() {
+    let a = uniform(0.5, Values::Display);
+    let mut b = a.clone();
+    for (pixel, steps) in [(3, 1.0), (5, 2.0)] {
+        b.pixels[pixel][2] = 0.5 + steps / 255.0;
+    }
+    let figures = figures(&a, &b);
+    assert_eq!((figures.differing, figures.beyond_step), (2.0 / PIXELS, 1.0 / PIXELS));
 }
 
 /// Linear values are compared unclamped; FLIP and PSNR use display values, which are clamped at 1.

@@ -209,7 +209,7 @@ fn error_cells(row: &SettingRow) -> Vec<Cell> {
         }
         None => all(" colspan=\"6\"", NONE),
         Some(errors) if errors.are_none() => all(" colspan=\"6\" class=\"same\"", "same picture: error 0"),
-        Some(&Figures { max, rmse, rel_mse, psnr, flip, differing }) => {
+        Some(&Figures { max, rmse, rel_mse, psnr, flip, differing, .. }) => {
             let psnr = psnr.map_or(NONE.into(), |psnr| format!("{psnr:.1}"));
             let differing = format!("{:.3} %", 100.0 * differing);
             let [rmse, max, rel_mse, flip] = [rmse, max, rel_mse, flip].map(scientific);

@@ -88,9 +88,11 @@ fn selection(study: &Study, pictures: &PageImages) -> String {
     };
     let mut row = |title: &str, row: &SettingRow| {
         let errors = row.limit.map_or(String::new(), |limit| {
-            let differing = 100.0 * limit.differing;
+            let beyond = 100.0 * limit.beyond_step;
             let [rmse, flip] = [limit.rmse, limit.flip].map(scientific);
-            format!(", RMSE {rmse}, FLIP {flip}; {differing:.1} % of the pixels differ from the limit")
+            format!(
+                ", RMSE {rmse}, FLIP {flip}; {beyond:.1} % of the pixels are more than one step of 255 from the limit"
+            )
         });
         let numbers = format!("{} ms{errors}", brief(row.trace_ms));
         figure(title, &row.name(), image(row.id), &numbers, Some(study.command_with(&row.options)));
