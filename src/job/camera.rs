@@ -11,6 +11,8 @@ use crate::scene::{Camera, Scene, bounds, default_size};
 use crate::world::{Recentering, StandardView, fitted_camera};
 
 /// A camera, given or to be fitted.
+// There are few of them, and none in a list.
+#[allow(clippy::large_enum_variant)]
 pub enum Viewpoint<'a> {
     /// A camera in the current coordinates of the scene.
     Camera(Cow<'a, Camera>),
