@@ -259,7 +259,7 @@ def render(
     return _kiln.render(scene, _options(options), _dtype(dtype), _aov_names(aovs), progress)
 
 
-def _check_progress(progress: object) -> None:
+def _check_progress(progress: Any) -> None:
     if progress is not None and not callable(progress):
         raise TypeError(f"progress: expected a function, not {type(progress).__name__}")
 

@@ -31,7 +31,7 @@ def closed_form(k, pose, size):
     return d / np.linalg.norm(d, axis=-1, keepdims=True)
 
 
-@pytest.mark.parametrize("pose", poses())
+@pytest.mark.parametrize("pose", list(poses()))
 def test_rays_are_those_of_the_closed_form(pose):
     origins, directions = kiln.pinhole_rays(K, pose, SIZE)
     assert origins.shape == directions.shape == (480, 640, 3) and directions.dtype == np.float64

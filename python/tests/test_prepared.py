@@ -46,21 +46,6 @@ def test_pictures_are_those_of_render(offset, dtype):
             assert np.array_equal(alone.aovs[name], expected.aovs[name])
 
 
-def test_scenes_with_cameras_lights_and_animation():
-    for name in ("assignment", "animation", "effects/area-lights", "effects/textures"):
-        file = f"scenes/{name}.toml"
-        try:
-            read = kiln.Scene(file)
-        except OSError:
-            continue
-        prepared = kiln.Prepared(read)
-        for camera in [None, *read.cameras, CAMERAS[0]]:
-            options = {"camera": camera} if camera is not None else {}
-            expected = kiln.render(read, size=(24, 24), **options)
-            picture = prepared.render(camera, size=(24, 24))
-            assert (picture.pixels == expected.pixels).all() and picture.metadata == expected.metadata
-
-
 def test_changes_of_options_and_of_the_scene():
     changing = scene()
     prepared = kiln.Prepared(changing)
@@ -90,7 +75,7 @@ def test_rays_and_progress():
     prepared = kiln.Prepared(scene(), samples=1)
     K, pose = [40, 44, 31.5, 23.5], np.eye(4)
     pose[:3, :3] = np.diag([1, -1, -1])
-    pose[:3, 3] = [0, 0.5, 6]
+    pose[:3, 3] = [0.8, 0.5, 3]
     seen = []
     camera = {"K": K, "pose": pose, "axes": "opencv"}
     aovs = prepared.render_many(
