@@ -97,7 +97,7 @@ class Aovs:
 
 @final
 class Prepared:
-    def __new__(cls, scene: Scene) -> Prepared: ...
+    def __new__(cls, scene: Scene, options: _Options) -> Prepared: ...
     def render(
         self,
         options: _Options,

@@ -279,16 +279,17 @@ Camera = Union[str, Mapping[str, Any]]
 
 
 class Prepared:
-    """A scene prepared for pictures by many cameras: its trees are built once. Later changes of the scene have no
-    effect. Any number of threads may use it.
+    """A scene prepared for pictures by many cameras. Its trees are built at the first picture, and again for options
+    that change tier, preset, colours, environment, background or look. Later changes of the scene have no effect. Any
+    number of threads may use it.
 
-    source: a Scene, or what Scene() takes. options: as for render(), for all pictures.
+    source: a Scene, or what Scene() takes. options: as for render(), for all pictures that have no others.
     """
 
     def __init__(self, source: Scene | _Source, **options: Any) -> None:
-        self._source = source._scene if isinstance(source, Scene) else _load(source, options, True)
+        self._scene = _kiln.Scene(source._scene) if isinstance(source, Scene) else _load(source, options, True)
         self._options = options
-        self._prepared = _kiln.Prepared(self._source)
+        self._prepared = _kiln.Prepared(self._scene, self._named(None, {}))
         self._mesh: _kiln.Mesh | None = None
 
     def render(
@@ -315,7 +316,7 @@ class Prepared:
         cameras: Iterable[Camera],
         *,
         size: tuple[int, int],
-        samples: int = 1,
+        samples: int | None = None,
         aovs: str | Sequence[str] = (),
         picture: Literal[False] = False,
         progress: Callable[[int, int], None] | None = None,
@@ -327,20 +328,22 @@ class Prepared:
         cameras: Iterable[Camera],
         *,
         size: tuple[int, int],
-        samples: int = 1,
+        samples: int | None = None,
         aovs: str | Sequence[str] = (),
         picture: Literal[True],
         progress: Callable[[int, int], None] | None = None,
         **options: Any,
     ) -> list[_kiln.Picture]: ...
-    def render_many(self, cameras, *, size, samples=1, aovs=(), picture=False, progress=None, **options):
+    def render_many(self, cameras, *, size, samples=None, aovs=(), picture=False, progress=None, **options):
         """Renders a picture by each camera: the AOVs alone, `.aovs[name]`, or with `picture` a Picture.
 
-        cameras: as for render(). size: width and height in pixels. aovs: the names of arrays, such as "depth" and
-        "object". progress: called with the number of finished pictures and of all.
+        cameras: as for render(). size: width and height in pixels. samples: 1 if neither this nor the options of the
+        scene give another number. aovs: the names of arrays, such as "depth" and "object". progress: called with the number of finished pictures and of all.
         """
         _check_progress(progress)
         cameras, names = list(cameras), _aov_names(aovs)
+        if samples is None:
+            samples = self._options.get("samples", 1)
         options = {"size": size, "samples": samples, **options}
         pictures = []
         for camera in cameras:
@@ -355,15 +358,15 @@ class Prepared:
     @property
     def objects(self) -> list[str]:
         """The names of the objects, by the indices of the AOV `object`."""
-        return self._source.names()[2]
+        return self._scene.names()[2]
 
     def first(
         self, origins: ArrayLike, directions: ArrayLike, max_distance: ArrayLike | None = None
     ) -> Hits:
-        """The closest hits of rays in the scene's coordinates, as Mesh.first() returns them; of the same numerics as
-        pictures of float64 vertices have, `double`. The tree for them is built at the first call."""
+        """The closest hits of rays in the scene's coordinates, as Mesh.first() returns them, in tier `double`; pictures
+        have that of the option `numerics`. The tree for them is built at the first call."""
         if self._mesh is None:
-            self._mesh = self._source.mesh("double", "balanced")
+            self._mesh = self._scene.mesh("double", "balanced")
         return self._mesh.first(origins, directions, max_distance)
 
     def _named(self, camera: Camera | None, options: Mapping[str, Any]):

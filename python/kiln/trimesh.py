@@ -118,11 +118,14 @@ class RayMeshIntersector:
         touching = np.flatnonzero(is_hit & ~is_crossing)
         if len(touching) > 0:
             hits, _ = self._answer("first", origins[touching], directions[touching])
+            # In the tier `fast`, `first` may miss what `any` hits.
+            is_found = hits.triangle >= 0
+            touching, triangles, places = touching[is_found], hits.triangle[is_found], hits.location[is_found]
             index_ray = np.concatenate([index_ray, touching])
             order = np.argsort(index_ray, kind="stable")
             index_ray = index_ray[order]
-            index_tri = np.concatenate([index_tri, hits.triangle])[order]
-            locations = np.concatenate([locations, hits.location])[order]
+            index_tri = np.concatenate([index_tri, triangles])[order]
+            locations = np.concatenate([locations, places])[order]
         return (index_ray, index_tri, locations), valid
 
     def intersects_id(

@@ -31,7 +31,8 @@ use crate::warn;
 ///
 /// Distances are in the units of the vertices; directions need not have length 1. Queries release the GIL and use all
 /// threads (RAYON_NUM_THREADS). Raises ValueError for arguments of another shape or type and for numbers that are not
-/// finite.
+/// finite. Where (n, 3) is said, any shape (..., 3) is taken, results have its leading dimensions, and one vector (3,) of
+/// origins or directions goes with all rays.
 #[pyclass(frozen, module = "kiln")]
 pub(crate) struct Mesh {
     bvh: Bvh,
@@ -470,7 +471,7 @@ impl Mesh {
     /// surface; warns of another. points: (n, 3) float64.
     ///
     /// return_margin: for any surface, without a warning. Returns a pair: (n,) bool, whether the generalised winding
-    /// number exceeds 1/2, and (n,) float64, how far it is from 1/2 beyond its error: 0.5 for a closed surface, small
+    /// number exceeds 1/2, and (n,) float64, how far it is from 1/2 beyond its error: 0.5 or more for a closed surface, small
     /// near holes, and not above 0 where the point is not decided.
     #[pyo3(signature = (points, return_margin = false))]
     fn contains<'py>(&self, points: &Bound<'py, PyAny>, return_margin: bool) -> PyResult<Bound<'py, PyAny>> {

@@ -120,8 +120,10 @@ pub(crate) struct Prepared {
 #[pymethods]
 impl Prepared {
     #[new]
-    fn new(scene: &Bound<Scene>) -> PyResult<Self> {
-        let scene = picture::PreparedScene::new(scene.get().now()).map_err(|e| raised(&e))?;
+    fn new(py: Python, scene: &Bound<Scene>, options: NamedOptions) -> PyResult<Self> {
+        let (scene, options) = (scene.get().now(), parse_options(options)?);
+        check_import(&scene, &options)?;
+        let scene = py.detach(|| picture::PreparedScene::new(scene)).map_err(|e| raised(&e))?;
         Ok(Prepared { scene: Arc::new(scene) })
     }
 

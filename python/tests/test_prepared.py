@@ -52,8 +52,15 @@ def test_changes_of_options_and_of_the_scene():
     before = prepared.render(size=(24, 24))
     double = prepared.render(size=(24, 24), numerics="double", background="red")
     assert (double.pixels == kiln.render(scene(), size=(24, 24), numerics="double", background="red").pixels).all()
-    changing.add(*TETRAHEDRON)
+    for background in ("red", "blue", "transparent", None):
+        picture = prepared.render(size=(24, 24), background=background)
+        assert np.array_equal(picture.pixels, kiln.render(scene(), size=(24, 24), background=background).pixels)
+    assert prepared.render(size=(24, 24), azimuth=30).metadata["kiln:azimuth"] == "30"
+    assert prepared.render(size=(24, 24)).metadata == before.metadata
+    changing.add(*TETRAHEDRON, name="later")
     assert (prepared.render(size=(24, 24)).pixels == before.pixels).all()
+    assert prepared.objects == ["first", "second"] and changing.objects == ["first", "second", "later"]
+    assert prepared.first([[0, 0, 5]], [[0, 0, -1]]).triangle.shape == (1,)
 
 
 def test_data_leaves_out_the_added_ground():
@@ -100,5 +107,6 @@ def test_mistakes():
         prepared.render_many([None], size=(8, 8), aovs=["depht"])
     with pytest.raises(ValueError, match="no camera `nowhere`"):
         prepared.render("nowhere")
-    with pytest.raises(ValueError, match="unknown option `sampels`"):
-        prepared.render(sampels=4)
+    for mistake in (prepared.render, lambda **options: kiln.Prepared(scene(), **options)):
+        with pytest.raises(ValueError, match="unknown option `sampels`"):
+            mistake(sampels=4)

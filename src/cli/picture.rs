@@ -9,7 +9,7 @@ use super::arguments::{self, Arguments};
 use super::names::{argument, command, name_of, unknown};
 use super::output::{check_alpha, check_memory_of, render_image};
 use super::prepare::note_rest_pose;
-use super::render::{PictureContext, warn_of_result};
+use super::render::{PictureContext, warn_of_indices, warn_of_result};
 use super::usage_error;
 use crate::error::{Error, Result, Warnings};
 use crate::files::InputFiles;
@@ -181,7 +181,7 @@ impl PreparedScene {
         super::pool(options.0.threads)?.install(|| {
             let source = Source::new(self.pictures.scene(), &settings);
             note_rest_pose(self.pictures.scene(), warnings);
-            let job = self.pictures.job(&settings, true, warnings)?;
+            let job = self.pictures.job(&settings, warnings)?;
             picture_of(job, source, &selection, format, control, warnings)
         })
     }
@@ -201,7 +201,9 @@ impl PreparedScene {
         let selection = AovSelection::new(aovs)?;
         let settings = RenderSettings { aovs: aovs.to_vec(), ..options.0.settings()? };
         super::pool(options.0.threads)?.install(|| {
-            let job = self.pictures.job(&settings, false, warnings)?;
+            note_rest_pose(self.pictures.scene(), warnings);
+            let job = self.pictures.aov_job(&settings, &selection, warnings)?;
+            warn_of_indices(&selection, &job.world, warnings);
             let count = selection.channel_count(job.plan.effects_on().count()) as u64;
             check_memory_of(job.window, count, 2 * 4 * count + selection.bytes_per_pixel())?;
             let channels = aov::channels(&job.aov_source(None), &selection, control)?;
@@ -224,7 +226,7 @@ impl Aovs {
     }
 }
 
-/// What messages about a picture name: the inputs, and all files that it was made from.
+/// Inputs and files of a picture, for its messages.
 struct Source {
     inputs: Vec<PathBuf>,
     files_read: InputFiles,

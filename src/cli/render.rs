@@ -21,6 +21,7 @@ use crate::job::{self, RenderJob, metadata};
 use crate::render::aov::{AOVS, AovSelection, EFFECTS, EFFECTS_SUMMARY, LARGEST_EXACT_INDEX};
 use crate::render::{RenderControl, Statistics};
 use crate::scene::option::group;
+use crate::world::World;
 
 #[derive(Args)]
 #[command(after_help = aov_help())]
@@ -252,6 +253,13 @@ pub(super) struct PictureContext<'a> {
     pub has_physical_lights: bool,
 }
 
+/// Warns of indices that the channels of AOVs cannot hold.
+pub(super) fn warn_of_indices(selection: &AovSelection, world: &World, warnings: &mut Warnings) {
+    if selection.has_primitives() && world.primitive_count() > LARGEST_EXACT_INDEX {
+        warnings.push(format!("--aov primitive: indices above {LARGEST_EXACT_INDEX} are rounded"));
+    }
+}
+
 /// Adds an automatic exposure to the metadata, and warns about what is in the picture.
 pub(super) fn warn_of_result(
     job: &mut RenderJob,
@@ -271,10 +279,7 @@ pub(super) fn warn_of_result(
         warnings.push(frames::clipped_warning(ev));
     }
     job::note_of_depth(&job.plan, statistics).into_iter().for_each(|note| warnings.note(note));
-    let world = &job.world;
-    if context.selection.has_primitives() && world.primitive_count() > LARGEST_EXACT_INDEX {
-        warnings.push(format!("--aov primitive: indices above {LARGEST_EXACT_INDEX} are rounded"));
-    }
-    output::warn_about_picture(context.inputs, world, statistics, context.is_part, warnings);
+    warn_of_indices(context.selection, &job.world, warnings);
+    output::warn_about_picture(context.inputs, &job.world, statistics, context.is_part, warnings);
     Ok(())
 }

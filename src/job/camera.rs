@@ -11,7 +11,7 @@ use crate::scene::{Camera, Scene, bounds, default_size};
 use crate::world::{Recentering, StandardView, fitted_camera};
 
 /// A camera, given or to be fitted.
-// There are few of them, and none in a list.
+// Few values exist at a time.
 #[allow(clippy::large_enum_variant)]
 pub enum Viewpoint<'a> {
     /// A camera in the current coordinates of the scene.
@@ -78,7 +78,7 @@ impl Viewpoint<'_> {
             note_small_inputs(scene, warnings);
         }
         if let Viewpoint::Camera(camera) = self {
-            note_other_aspect(camera, self.size(settings, scene), warnings);
+            note_other_aspect(camera, settings, self.size(settings, scene), warnings);
         }
         let projection = settings.projection.unwrap_or_default();
         let (names, hint) = projection.unused_framing();
@@ -127,13 +127,21 @@ impl Viewpoint<'_> {
 }
 
 /// Notes that a picture shows more than the viewing rectangle of its camera, by a pixel or more.
-fn note_other_aspect(camera: &Camera, [width, height]: [u32; 2], warnings: &mut Warnings) {
+fn note_other_aspect(
+    camera: &Camera,
+    settings: &RenderSettings,
+    [width, height]: [u32; 2],
+    warnings: &mut Warnings,
+) {
+    if settings.projection.unwrap_or(camera.projection).shows_all_directions() {
+        return;
+    }
     let Some(view_width) = camera.view_width.filter(|_| !camera.sensor.oblong_pixels) else { return };
     let (of_camera, [x, y]) = (view_width / camera.view_height, [width, height].map(f64::from));
     if (x - y * of_camera).abs().min((y - x / of_camera).abs()) >= 1.0 {
         warnings.note(format!(
             "the picture is {:.4} times as wide as high, the viewing rectangle of camera `{}` {of_camera:.4} times: pixels \
-             are square and the picture shows more; `oblong_pixels = true` in the camera shows the rectangle alone",
+             are square and the picture shows more; `oblong_pixels = true` in a camera of a scene file shows the rectangle alone",
             x / y,
             camera.name
         ));

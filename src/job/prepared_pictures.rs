@@ -1,6 +1,6 @@
 //! A scene prepared for pictures by many cameras.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::resolved::{camera_of, metered, resolve_picture};
 use super::{PreparedScene, RenderJob, RenderSettings, ResolvedPicture, SceneAtTime, check_memory};
@@ -8,6 +8,7 @@ use crate::bvh::Layout;
 use crate::effects::{check_names, check_scene};
 use crate::error::{Result, Warnings};
 use crate::import::check_drawable;
+use crate::render::aov::AovSelection;
 use crate::scene::{DefaultLook, PictureSettings, Scene};
 use crate::world::{Recentering, recenter};
 
@@ -16,7 +17,8 @@ use crate::world::{Recentering, recenter};
 const KEPT: usize = 4;
 
 /// A scene for pictures by many cameras and with different settings, at the beginning of its animation. Acceleration
-/// structures are built once for all pictures that differ in cameras, sizes, sampling and effects alone.
+/// structures are built at the first picture, and again for settings that change tier, preset, colours, environment,
+/// background or look; up to [`KEPT`] are kept.
 ///
 /// Every picture is that of [`super::prepare`] with the same settings.
 pub struct PreparedPictures {
@@ -24,11 +26,11 @@ pub struct PreparedPictures {
     /// The recentered scene, if it is recentered.
     recentered: Option<(Recentering, Scene)>,
     /// Looks in coordinates of the scene, by the settings that they depend on.
-    looks: Mutex<Vec<(RenderSettings, DefaultLook)>>,
+    looks: Mutex<Vec<(RenderSettings, DefaultLook, Warnings)>>,
     worlds: Mutex<Vec<(WorldKey, SceneAtTime)>>,
 }
 
-/// What a world depends on besides the scene.
+/// Key of a cached world.
 #[derive(PartialEq)]
 struct WorldKey {
     /// The settings that the look depends on, without those of the picture, but for tier and colours.
@@ -57,24 +59,45 @@ impl PreparedPictures {
         &self.scene
     }
 
-    /// The job of a picture. `has_metadata`: with the metadata of [`super::prepare`], which takes time in proportion to
-    /// the scene; otherwise without any.
+    /// The job of a picture.
     ///
     /// # Errors
     /// As [`super::prepare`].
-    pub fn job(
+    pub fn job(&self, settings: &RenderSettings, warnings: &mut Warnings) -> Result<RenderJob> {
+        let (job, meters) = self.unmetered_job(settings, true, warnings)?;
+        metered(job, meters, warnings)
+    }
+
+    /// The job of AOVs: without metadata, which takes time in proportion to the scene, and with a metered exposure only
+    /// where they depend on it.
+    ///
+    /// # Errors
+    /// As [`super::prepare`].
+    pub fn aov_job(
+        &self,
+        settings: &RenderSettings,
+        selection: &AovSelection,
+        warnings: &mut Warnings,
+    ) -> Result<RenderJob> {
+        let (job, meters) = self.unmetered_job(settings, false, warnings)?;
+        let meters = meters && selection.depends_on_exposure(&job.plan);
+        metered(job, meters, warnings)
+    }
+
+    /// A job, and whether its exposure is to be metered.
+    fn unmetered_job(
         &self,
         settings: &RenderSettings,
         has_metadata: bool,
         warnings: &mut Warnings,
-    ) -> Result<RenderJob> {
+    ) -> Result<(RenderJob, bool)> {
         check_names(&settings.with, &settings.without)?;
         let (scene, recentering) = match &self.recentered {
             Some((recentering, scene)) => (scene, Some(recentering)),
             None => (&*self.scene, None),
         };
         let mut look = self.look(settings, warnings)?.recentered(recentering);
-        look.picture = settings.picture.or(look.picture);
+        look.picture = settings.picture.of_cameras().or(look.picture);
         super::warn_of_recentering(recentering, warnings);
         let (camera, size) = camera_of(scene, recentering, settings, warnings)?;
         let light = look.light.inspect(|light| light.note(warnings));
@@ -90,19 +113,24 @@ impl PreparedPictures {
         }
         let meters = picture.meters;
         let job = self.world(scene, recentering, &look, &picture)?.job_for(picture)?;
-        metered(job, meters, warnings)
+        Ok((job, meters))
     }
 
     /// The look for these settings, in coordinates of the scene.
     fn look(&self, settings: &RenderSettings, warnings: &mut Warnings) -> Result<DefaultLook> {
         let key = settings.of_look(&self.scene);
-        let mut looks = self.looks.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, look)) = looks.iter().find(|(known, _)| *known == key) {
-            look.notes.iter().for_each(|note| warnings.note(note.as_str()));
-            return Ok(look.clone());
-        }
-        let look = settings.default_look(&self.scene, warnings)?;
-        keep(&mut looks, (key, look.clone()));
+        let known = locked(&self.looks).iter().find(|(known, ..)| *known == key).cloned();
+        let (look, of_look) = match known {
+            Some((_, look, of_look)) => (look, of_look),
+            None => {
+                let mut of_look = Warnings::default();
+                let look = key.default_look(&self.scene, &mut of_look)?;
+                keep(&self.looks, (key, look.clone(), of_look.clone()));
+                (look, of_look)
+            }
+        };
+        of_look.messages().iter().for_each(|text| warnings.push(text.as_str()));
+        of_look.notes().iter().for_each(|text| warnings.note(text.as_str()));
         Ok(look)
     }
 
@@ -118,6 +146,7 @@ impl PreparedPictures {
         let of_world = PictureSettings {
             colour: Some(pipeline),
             numerics: Some(numerics),
+            background: look.picture.background,
             ..PictureSettings::default()
         };
         let key = WorldKey {
@@ -134,10 +163,10 @@ impl PreparedPictures {
             },
             structure: picture.structure(),
         };
-        let mut worlds = self.worlds.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, world)) = worlds.iter().find(|(known, _)| *known == key) {
+        if let Some((_, world)) = locked(&self.worlds).iter().find(|(known, _)| *known == key) {
             return Ok(world.clone());
         }
+        // Not while the cache is locked: a thread that waits for parts of this work may take up another picture.
         check_memory(scene, &picture.plan_settings, numerics)?;
         let prepared = PreparedScene::at_rest(
             scene.clone(),
@@ -148,13 +177,19 @@ impl PreparedPictures {
             numerics,
         );
         let world = prepared.at(0.0)?;
-        keep(&mut worlds, (key, world.clone()));
+        keep(&self.worlds, (key, world.clone()));
         Ok(world)
     }
 }
 
+fn locked<T>(cache: &Mutex<T>) -> MutexGuard<'_, T> {
+    cache.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// Adds an entry to a cache, without its oldest one if it is full.
-fn keep<T>(cache: &mut Vec<T>, entry: T) {
-    cache.drain(..(cache.len() + 1).saturating_sub(KEPT));
+fn keep<T>(cache: &Mutex<Vec<T>>, entry: T) {
+    let mut cache = locked(cache);
+    let surplus = (cache.len() + 1).saturating_sub(KEPT);
+    cache.drain(..surplus);
     cache.push(entry);
 }

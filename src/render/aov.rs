@@ -208,6 +208,13 @@ impl AovSelection {
         if self.effects { 3 * 12 } else { 3 }
     }
 
+    /// Whether values depend on the exposure: those of samples, if adaptive sampling takes as many as that needs.
+    pub(crate) fn depends_on_exposure(&self, plan: &Plan) -> bool {
+        let is_sampled =
+            self.effects || has(&self.aovs, &FILTERED) || has(&self.aovs, &["samples", "variance"]);
+        plan.is_adaptive() && is_sampled
+    }
+
     /// Whether the indices of primitives are selected.
     pub fn has_primitives(&self) -> bool {
         self.aovs.iter().any(|aov| aov.name == "primitive")

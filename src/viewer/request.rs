@@ -8,7 +8,7 @@ use crate::world::StandardView;
 
 /// Camera of the viewer.
 #[derive(Debug, Clone, PartialEq)]
-// There are few of them, and none in a list.
+// Few values exist at a time.
 #[allow(clippy::large_enum_variant)]
 pub enum CameraSource {
     /// A camera of the scene by its index, animated if the scene animates it.

@@ -63,17 +63,17 @@ impl View {
             if is_kept { asked } else { pixel * pixels }
         };
         let rectangle = DVec2::new(keep(asked.x, size.x), keep(asked.y, size.y));
-        let (rectangle, distance) = match projection {
+        // In shares of the rectangle asked for, not of an enlarged one.
+        let shift = camera.sensor.shift * asked;
+        let (rectangle, shift, distance) = match projection {
             Projection::Perspective => {
                 let scale = scale_to_one(rectangle.max_element().max(camera.viewpoint_distance));
-                (rectangle * scale, camera.viewpoint_distance * scale)
+                (rectangle * scale, shift * scale, camera.viewpoint_distance * scale)
             }
-            Projection::Orthographic => (rectangle, camera.viewpoint_distance),
+            Projection::Orthographic => (rectangle, shift, camera.viewpoint_distance),
             // Angles: positions in the rectangle are longitude and latitude.
-            Projection::Panoramic => (DVec2::new(TAU, PI), 1.0),
+            Projection::Panoramic => (DVec2::new(TAU, PI), DVec2::ZERO, 1.0),
         };
-        let is_flat = projection != Projection::Panoramic;
-        let shift = if is_flat { camera.sensor.shift * rectangle } else { DVec2::ZERO };
         let position = camera.position;
         let view = View { position, u, v, w, projection, distance, rectangle, shift, size, lens: None };
         let usable = (view.rectangle + view.shift).is_finite() && view.rectangle.min_element() > 0.0;
@@ -100,15 +100,15 @@ impl View {
         self.ray_at(self.across(centre(x)), self.up(centre(y)), precision)
     }
 
-    /// The horizontal position in the plane of the viewing rectangle, from the line of sight, of a film position `i` pixels right of the picture's left
-    /// edge.
+    /// The horizontal position in the plane of the viewing rectangle, from the line of sight, of a film position `i`
+    /// pixels right of the picture's left edge.
     #[inline(always)]
     fn across(&self, i: f64) -> f64 {
         i / self.size.x * self.rectangle.x - self.rectangle.x / 2.0 + self.shift.x
     }
 
-    /// The vertical position in the plane of the viewing rectangle, upwards from the line of sight, of a film position `row` pixels below the picture's
-    /// top edge.
+    /// The vertical position in the plane of the viewing rectangle, upwards from the line of sight, of a film position
+    /// `row` pixels below the picture's top edge.
     #[inline(always)]
     fn up(&self, row: f64) -> f64 {
         let j = self.size.y - row;

@@ -252,8 +252,8 @@ impl Bvh {
     /// [`Bvh::generalised_winding_number`] of every point.
     pub fn par_generalised_winding_numbers(&self, points: &[DVec3], beta: f64) -> Vec<WindingNumber> {
         if self.closedness().is_closed() {
-            let exact = |number: i32| WindingNumber { value: number.into(), error: 0.0 };
-            return self.par_winding_numbers(points).into_iter().map(exact).collect();
+            let exact = |(&point, number)| WindingNumber::exact(point, number);
+            return points.iter().zip(self.par_winding_numbers(points)).map(exact).collect();
         }
         let expansions = self.expansions();
         let mut results = vec![WindingNumber { value: 0.0, error: 0.0 }; points.len()];

@@ -3,8 +3,8 @@
 use super::Primitive;
 use crate::geometry::{Numerics, Precision, PrimId, Triangle};
 
-/// Triangles of which rounding to the precision of a tier moves a corner by more than the length of the shortest edge:
-/// nothing of their shape is left. Edges of length 0 do not count.
+/// Triangles of which rounding to the precision of a tier moves a corner by more than the length of the shortest edge.
+/// Edges of length 0 do not count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CoarseRounding {
     numerics: Numerics,

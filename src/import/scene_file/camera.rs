@@ -28,7 +28,7 @@ pub(crate) fn camera(
 ) -> std::result::Result<Camera, Fault> {
     let s = section;
     let name = s.name.clone().unwrap_or_else(|| name.to_owned());
-    let [position, target, up] = place(s, &name)?;
+    let [position, target, up] = orientation(s, &name)?;
     let lens_shift = DVec2::from(s.lens_shift.unwrap_or_default());
     if !lens_shift.is_finite() {
         return Err(Fault::new("`lens_shift` is not finite".into(), "give two shares of the rectangle"));
@@ -106,11 +106,11 @@ pub(crate) fn camera(
 }
 
 /// Position, target and up vector.
-fn place(s: &CameraSection, name: &str) -> std::result::Result<[DVec3; 3], Fault> {
+fn orientation(s: &CameraSection, name: &str) -> std::result::Result<[DVec3; 3], Fault> {
     let (position, target, up) = match (s.pose, s.axes) {
         (Some(pose), axes) => {
             if s.position.is_some() || s.look_at.is_some() || s.up.is_some() {
-                let what = format!("camera `{name}` has a `pose` and another place");
+                let what = format!("camera `{name}` has a `pose`, and `position`, `look_at` or `up`");
                 return Err(Fault::new(what, "leave out `position`, `look_at` and `up`"));
             }
             return of_pose(pose, axes, name);
@@ -420,7 +420,7 @@ mod tests {
             (POSE.into(), "no `axes`", "opencv"),
             (MIRROR.into(), "no rotation", "mirror"),
             (MIRROR.replace("-1", "2"), "no rotation", "scale"),
-            (at(POSE), "another place", "leave out"),
+            (at(POSE), "has a `pose`, and", "leave out"),
             (at("axes = 'opengl'"), "no `pose`", "leave them out"),
             (at("K = [9, 9, 5, 5]"), "unknown size", "image_size"),
             (at("K = [0, 9, 5, 5], image_size = [9, 9]"), "unusable `K`", "above 0"),

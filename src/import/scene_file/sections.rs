@@ -97,7 +97,8 @@ pub struct CameraSection {
     /// left, is (0, 0). Or [fx, fy, cx, cy].
     #[serde(rename = "K")]
     pub intrinsics: Option<IntrinsicMatrix>,
-    /// Width and height of the picture that `K` is for, in pixels; those of `[image]` or `--size` if not given.
+    /// Width and height of the picture that `K` is for, in pixels. If not given, those of `[image]`, or of `--size` for
+    /// `--camera`.
     pub image_size: Option<[u32; 2]>,
     /// Rows of the matrix from the camera's coordinates to the world's, a rotation and a position, instead of `position`,
     /// `look_at` and `up`.

@@ -55,6 +55,8 @@ pub(super) struct Node {
 /// The integrals of a primitive over d, the vector from a centre, in units of a radius.
 struct Moments {
     area: f64,
+    /// The lengths of its edges: rounding of its corners moves the normal by less than that share of the radius.
+    edges: f64,
     /// The integral of the normal.
     normal: DVec3,
     /// The mean of d.
@@ -80,11 +82,14 @@ impl Moments {
                     [0, 1, 2, 3, 4, 5].map(|i: usize| (a[i] + b[i] + c[i] + 9.0 * of_mean[i]) / 12.0);
                 // |d|³ is convex, so its mean is not above that of the corners.
                 let cubes = corners.iter().map(|d| d.length().powi(3)).sum::<f64>() / 3.0 * area;
-                Moments { area, normal, mean, squares, cubes }
+                let [a, b, c] = corners;
+                let edges = a.distance(b) + b.distance(c) + c.distance(a);
+                Moments { area, edges, normal, mean, squares, cubes }
             }
             // Seen from outside, the whole of a closed surface has no solid angle.
             Primitive::Analytic(AnalyticShape::Sphere(_)) => {
-                Moments { area: 0.0, normal: DVec3::ZERO, mean: DVec3::ZERO, squares: [0.0; 6], cubes: 0.0 }
+                let (normal, mean) = (DVec3::ZERO, DVec3::ZERO);
+                Moments { area: 0.0, edges: 0.0, normal, mean, squares: [0.0; 6], cubes: 0.0 }
             }
             Primitive::Analytic(AnalyticShape::Disk(disk)) => {
                 let (normal, mean) = (disk.normal.normalize(), (disk.centre - centre) / radius);
@@ -96,7 +101,7 @@ impl Moments {
                 let squares = [0, 1, 2, 3, 4, 5]
                     .map(|i: usize| of_mean[i] + quarter * (if i < 3 { 1.0 - flat[i] } else { -flat[i] }));
                 let cubes = (mean.length() + size).powi(3) * area;
-                Moments { area, normal: normal * area, mean, squares, cubes }
+                Moments { area, edges: 0.0, normal: normal * area, mean, squares, cubes }
             }
         }
     }
@@ -137,13 +142,14 @@ impl Node {
         }
         let middle = if area > 0.0 { origin + sum / area } else { origin };
         let radius = primitives.iter().map(|p| farthest(p, middle)).fold(0.0, f64::max) * SLACK;
-        let (mut area, mut cubes, mut vector, mut trace) = (0.0, 0.0, DVec3::ZERO, 0.0);
+        let (mut area, mut edges, mut cubes, mut vector, mut trace) = (0.0, 0.0, 0.0, DVec3::ZERO, 0.0);
         let (mut matrix, mut tensor) = ([0.0; 5], [0.0; 7]);
         for primitive in primitives {
-            let Moments { area: of_area, normal: n, mean: d, squares, cubes: of_cubes } =
+            let Moments { area: of_area, edges: of_edges, normal: n, mean: d, squares, cubes: of_cubes } =
                 Moments::of(primitive, middle, radius);
             let [xx, yy, zz, xy, xz, yz] = squares;
             area += of_area;
+            edges += of_edges;
             cubes += of_cubes;
             vector += n;
             trace += n.dot(d);
@@ -187,7 +193,7 @@ impl Node {
             radius,
             reach_squared: (radius / reach).powi(2),
             truncation: truncation(reach),
-            rounding: (512 + count) as f64 * U * area,
+            rounding: (512 + count) as f64 * U * (area + edges),
             vector: (vector * over).to_array(),
             matrix: matrix.map(|m| -3.0 * over * m),
             tensor: tensor.map(|m| 7.5 * over * m),

@@ -52,6 +52,12 @@ pub struct WindingNumber {
 }
 
 impl WindingNumber {
+    /// That of a closed surface; unknown for NaN and for a point too large for f32.
+    pub(super) fn exact(point: DVec3, number: i32) -> Self {
+        let error = if point.as_vec3().is_finite() { 0.0 } else { f64::INFINITY };
+        WindingNumber { value: number.into(), error }
+    }
+
     /// Whether the point is taken to be inside: whether the value exceeds 1/2, or is below -1/2.
     pub fn is_inside(&self) -> bool {
         self.value.abs() > 0.5
@@ -86,7 +92,7 @@ impl Bvh {
     ) -> WindingNumber {
         let point = point.into();
         if self.closedness().is_closed() {
-            return WindingNumber { value: self.winding_number(point, traversal).into(), error: 0.0 };
+            return WindingNumber::exact(point, self.winding_number(point, traversal));
         }
         let mut number = WindingNumber { value: 0.0, error: 0.0 };
         let set = &mut |_, found| number = found;
