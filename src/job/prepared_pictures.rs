@@ -97,7 +97,10 @@ impl PreparedPictures {
             None => (&*self.scene, None),
         };
         let mut look = self.look(settings, warnings)?.recentered(recentering);
-        look.picture = settings.picture.of_cameras().or(look.picture);
+        let PictureSettings { width, height, azimuth, elevation, zoom, fov, .. } = settings.picture;
+        let of_cameras =
+            PictureSettings { width, height, azimuth, elevation, zoom, fov, ..PictureSettings::default() };
+        look.picture = of_cameras.or(look.picture);
         super::warn_of_recentering(recentering, warnings);
         let (camera, size) = camera_of(scene, recentering, settings, warnings)?;
         let light = look.light.inspect(|light| light.note(warnings));

@@ -217,12 +217,6 @@ impl PictureSettings {
         entries.filter(|name| OF_AUTOMATIC_CAMERA.contains(&name.as_str())).collect()
     }
 
-    /// Those of these settings that concern cameras and sizes alone.
-    pub(crate) fn of_cameras(&self) -> Self {
-        let PictureSettings { width, height, azimuth, elevation, zoom, fov, .. } = *self;
-        PictureSettings { width, height, azimuth, elevation, zoom, fov, ..PictureSettings::default() }
-    }
-
     /// Settings of a width and a height in pixels, each limited to the range of [`Side`].
     pub fn of_size([width, height]: [u32; 2]) -> Self {
         PictureSettings {
