@@ -208,11 +208,11 @@ impl AovSelection {
         if self.effects { 3 * 12 } else { 3 }
     }
 
-    /// Whether values depend on the exposure: those of samples, if adaptive sampling takes as many as that needs.
+    /// Whether values depend on the exposure, and the clamp that may come with it: those of light, and those of samples
+    /// of which adaptive sampling takes as many as that needs.
     pub(crate) fn depends_on_exposure(&self, plan: &Plan) -> bool {
-        let is_sampled =
-            self.effects || has(&self.aovs, &FILTERED) || has(&self.aovs, &["samples", "variance"]);
-        plan.is_adaptive() && is_sampled
+        let is_of_light = self.effects || has(&self.aovs, &["samples", "variance"]);
+        is_of_light || plan.is_adaptive() && has(&self.aovs, &FILTERED)
     }
 
     /// Whether the indices of primitives are selected.
