@@ -125,11 +125,12 @@ pub(crate) fn triangle_meets_box(triangle: &[DVec3; 3], [min, max]: [DVec3; 2]) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bvh::splitmix64::splitmix64;
 
-    /// An integer from 0 to 3: in so small a grid, most triangles touch, overlap or share planes.
+    /// A pseudorandom integer from 0 to 3: in so small a grid, most triangles touch, overlap or share planes.
     fn integer(seed: u64) -> i64 {
-        (splitmix64(seed) >> 62) as i64
+        let bits = (seed + 1).wrapping_mul(6_364_136_223_846_793_005);
+        let bits = (bits ^ (bits >> 29)).wrapping_mul(1_442_695_040_888_963_407);
+        ((bits ^ (bits >> 32)).wrapping_mul(6_364_136_223_846_793_005) >> 62) as i64
     }
 
     fn grid_triangle(seed: u64) -> [[i64; 3]; 3] {
