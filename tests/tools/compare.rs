@@ -142,7 +142,7 @@ fn json_has_every_figure_and_its_definition() {
     );
     assert_eq!(report["errors"]["figures"]["max"], 0.5);
     assert_eq!(report["errors"]["figures"]["worst"][0]["x"], 3);
-    assert_eq!(report["definitions"].as_object().map(|all| all.len()), Some(6));
+    assert_eq!(report["definitions"].as_object().map(|all| all.len()), Some(7));
     let report = shop.json("compare a.exr nan.exr --json");
     assert_eq!(
         (&report["verdict"], &report["errors"]["figures"]),
