@@ -13,7 +13,7 @@ use super::{
 use crate::bvh::Traversal;
 use crate::error::{Error, Result, nearest_name};
 use crate::film::Window;
-use crate::geometry::{Hit, Ray};
+use crate::geometry::{Hit, HitBuffer, Ray, Rays};
 use crate::scene::EffectsSection;
 use crate::scene::{Sampling, Transport};
 use crate::shading::ShadingMode;
@@ -268,6 +268,21 @@ impl Plan {
         match self.spec.continued.is_some() || self.culls {
             true => closest_visible(world, ray, traversal, self.culls),
             false => world.accelerator.closest_hit(ray, traversal),
+        }
+    }
+
+    /// [`Plan::visible_hit`] of every ray, as a batch where nothing is transparent or culled.
+    pub(crate) fn visible_hits(
+        &self,
+        world: &World,
+        rays: Rays,
+        hits: &mut HitBuffer,
+        traversal: &mut Traversal,
+    ) {
+        if self.spec.continued.is_some() || self.culls {
+            rays.iter().for_each(|ray| hits.push(self.visible_hit(world, &ray, traversal).as_ref()));
+        } else {
+            world.accelerator.closest_hits(rays, hits, traversal);
         }
     }
 

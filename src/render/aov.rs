@@ -10,7 +10,7 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use super::features::{FeatureSums, Features, first_surfaces, plan_without_light};
+use super::features::{FeatureSums, Features, filter_of, first_surfaces, plan_without_light};
 use super::{RenderControl, render_displayed};
 use crate::effects::Plan;
 use crate::effects::tile::{RenderContext, Tile};
@@ -18,8 +18,8 @@ use crate::effects::variance::PixelStatistics;
 use crate::error::{Error, Result, nearest_name};
 use crate::farm::Shard;
 use crate::film::write::Channel;
-use crate::film::{DisplayTransform, Film, Window};
-use crate::geometry::Hit;
+use crate::film::{DisplayTransform, Film, ReconstructionFilter, Window};
+use crate::geometry::{Hit, HitBuffer};
 use crate::world::{Recentering, SurfaceInteraction, View, World};
 
 /// The input of an AOV: the camera ray of a pixel and its closest hit.
@@ -44,6 +44,8 @@ pub struct Aov {
     pub summary: &'static str,
     /// The names of its channels in the file.
     pub channels: &'static [&'static str],
+    /// Whether its values are integers.
+    pub has_integers: bool,
     /// The values of its channels; the rest is unused.
     value: fn(&AovInput) -> [f32; 3],
 }
@@ -63,6 +65,7 @@ pub const AOVS: &[Aov] = &[
         name: "depth",
         summary: "distance from the camera along the ray; infinite for the background",
         channels: &["Depth.Z"],
+        has_integers: false,
         value: |input| {
             let scale = input.recentering.map_or(1.0, |recentering| recentering.scale);
             [input.hit.as_ref().map_or(f32::INFINITY, |(t, _)| (t / scale) as f32), 0.0, 0.0]
@@ -72,6 +75,7 @@ pub const AOVS: &[Aov] = &[
         name: "position",
         summary: "hit point in scene coordinates; 0 for the background",
         channels: &["Position.X", "Position.Y", "Position.Z"],
+        has_integers: false,
         value: |input| {
             of_surface(input, |surface| {
                 let position = surface.point.position;
@@ -87,66 +91,77 @@ pub const AOVS: &[Aov] = &[
         name: "normal",
         summary: "shading normal towards the camera, mean of the samples; 0 for the background",
         channels: &["Normal.X", "Normal.Y", "Normal.Z"],
+        has_integers: false,
         value: |input| input.features.first[1],
     },
     Aov {
         name: "geometric-normal",
         summary: "unit normal of the triangle or shape, towards the camera; 0 for the background",
         channels: &["GeometricNormal.X", "GeometricNormal.Y", "GeometricNormal.Z"],
+        has_integers: false,
         value: |input| of_surface(input, |surface| surface.geometric_normal.as_vec3().to_array()),
     },
     Aov {
         name: "albedo",
         summary: "surface colour without lighting, mean of the samples; 0 for the background",
         channels: &["Albedo.R", "Albedo.G", "Albedo.B"],
+        has_integers: false,
         value: |input| input.features.first[0],
     },
     Aov {
         name: DENOISING[0],
         summary: "`albedo` of the first surface that is neither a smooth mirror nor clear glass",
         channels: &["DenoisingAlbedo.R", "DenoisingAlbedo.G", "DenoisingAlbedo.B"],
+        has_integers: false,
         value: |input| input.features.behind_mirrors[0],
     },
     Aov {
         name: DENOISING[1],
         summary: "`normal` of that surface",
         channels: &["DenoisingNormal.X", "DenoisingNormal.Y", "DenoisingNormal.Z"],
+        has_integers: false,
         value: |input| input.features.behind_mirrors[1],
     },
     Aov {
         name: "object",
         summary: "index of the object, from 0; -1 for the background",
         channels: &["Object.X"],
+        has_integers: true,
         value: |input| index_of(input, |surface| surface.object),
     },
     Aov {
         name: "material",
         summary: "index of the material; -1 for the background",
         channels: &["Material.X"],
+        has_integers: true,
         value: |input| index_of(input, |surface| surface.material),
     },
     Aov {
         name: "primitive",
         summary: "index of the triangle or analytic shape; -1 for the background",
         channels: &["Primitive.X"],
+        has_integers: true,
         value: |input| index_of(input, |surface| surface.hit.prim.0),
     },
     Aov {
         name: "samples",
         summary: "number of samples of the pixel",
         channels: &["Samples.X"],
+        has_integers: true,
         value: |input| [input.samples.count as f32, 0.0, 0.0],
     },
     Aov {
         name: "variance",
         summary: "unbiased variance of the pixel's samples; infinite for one sample",
         channels: &["Variance.R", "Variance.G", "Variance.B"],
+        has_integers: false,
         value: |input| input.samples.variance,
     },
     Aov {
         name: "node-tests",
         summary: "number of boxes of the acceleration structure tested by the camera ray",
         channels: &["NodeTests.X"],
+        has_integers: true,
         value: |input| [input.node_tests as f32, 0.0, 0.0],
     },
 ];
@@ -159,7 +174,7 @@ pub fn name_of(channel: &str) -> &str {
 
 /// Whether the values of the AOV of this name are integers: indices, and counts.
 pub fn has_integers(name: &str) -> bool {
-    ["object", "material", "primitive", "samples", "node-tests"].contains(&name)
+    AOVS.iter().any(|aov| aov.name == name && aov.has_integers)
 }
 
 /// The largest index up to which all are exact in the f32 channels.
@@ -267,13 +282,15 @@ fn pixel_channels(source: &AovSource, aovs: &[&Aov], control: &RenderControl) ->
     let area = source.window.area();
     let all: Vec<Mutex<Vec<f32>>> = names.iter().map(|_| Mutex::new(vec![0.0; area])).collect();
     let of_features = plan_without_light(source.plan, source.world, has(aovs, &DENOISING));
+    let is_filtered = has(aovs, &FILTERED);
+    let filter = is_filtered.then(|| filter_of(of_features.as_ref().unwrap_or(source.plan))).flatten();
     // A film of the same window has the same tiles as the picture.
     let mut tiles: Film<[u8; 3]> = Film::new(source.window)?;
     tiles.tiles_mut().into_par_iter().enumerate().for_each_init(Tile::default, |tile, (place, part)| {
         if !source.shard.has(place) || control.cancel.load(std::sync::atomic::Ordering::Relaxed) {
             return;
         }
-        let values = of_tile(source, of_features.as_ref(), aovs, tile, part.window);
+        let values = of_tile(source, (of_features.as_ref(), filter.as_ref()), aovs, tile, part.window);
         for (channel, values) in all.iter().zip(values) {
             let Ok(mut channel) = channel.lock() else { continue };
             for (row, values) in values.chunks(part.window.width as usize).enumerate() {
@@ -299,10 +316,11 @@ fn has(aovs: &[&Aov], names: &[&str]) -> bool {
     aovs.iter().any(|aov| names.contains(&aov.name))
 }
 
-/// For each channel, its values in a tile. `of_features` is the plan for albedo and normal, if it is not the picture's.
+/// For each channel, its values in a tile. `of_features` is the plan for albedo and normal, if it is not the picture's, and
+/// `filter` that of their samples.
 fn of_tile(
     source: &AovSource,
-    of_features: Option<&Plan>,
+    (of_features, filter): (Option<&Plan>, Option<&ReconstructionFilter>),
     aovs: &[&Aov],
     tile: &mut Tile,
     window: Window,
@@ -314,12 +332,12 @@ fn of_tile(
     let mut is_sampled = false;
     if has(aovs, &FILTERED) {
         let plan = of_features.unwrap_or(source.plan);
-        let mut sums = FeatureSums::new(plan, tile);
+        let mut sums = FeatureSums::new(tile);
         let first = |tile: &Tile| first_surfaces(tile, world);
         samples = plan.sample_statistics(tile, &context, window, first, |tile, first| {
             sums.add_pass(plan, tile, first);
         });
-        features = sums.finish(plan, tile);
+        features = sums.finish(filter, tile);
         is_sampled = of_features.is_none();
     }
     if has(aovs, &["samples", "variance"]) && source.plan.takes_samples() && !is_sampled {
@@ -330,16 +348,25 @@ fn of_tile(
     let count = aovs.iter().map(|aov| aov.channels.len()).sum();
     let mut values = vec![vec![0.0; window.area()]; count];
     let Tile { generations, traversal, .. } = tile;
-    for (&pixel, ray) in generations[0].sources.iter().zip(generations[0].rays.rays().iter()) {
-        let before = traversal.tests.nodes;
+    let (rays, mut hits, mut node_tests) = (generations[0].rays.rays(), HitBuffer::default(), Vec::new());
+    if has(aovs, &["node-tests"]) {
+        for ray in rays.iter() {
+            let before = traversal.tests.nodes;
+            hits.push(source.plan.visible_hit(world, &ray, traversal).as_ref());
+            node_tests.push(traversal.tests.nodes - before);
+        }
+    } else {
+        source.plan.visible_hits(world, rays, &mut hits, traversal);
+    }
+    for (i, (&pixel, ray)) in generations[0].sources.iter().zip(rays.iter()).enumerate() {
         // An added ground is no object of the scene.
         let is_of_scene = |hit: &Hit| Some(world.object_of(hit.prim)) != world.ground;
-        let hit = source.plan.visible_hit(world, &ray, traversal).filter(is_of_scene);
+        let hit = hits.get(i).filter(is_of_scene);
         let input = AovInput {
             recentering: source.recentering,
             samples: samples[pixel as usize],
             features: features[pixel as usize],
-            node_tests: traversal.tests.nodes - before,
+            node_tests: node_tests.get(i).copied().unwrap_or_default(),
             hit: hit.map(|hit| (hit.t, world.interaction(&ray, &hit))),
         };
         let all = aovs.iter().flat_map(|aov| (aov.value)(&input).into_iter().take(aov.channels.len()));

@@ -34,23 +34,24 @@ pub(super) fn plan_without_light(plan: &Plan, world: &World, has_mirrors: bool) 
     (!decides).then(|| plan.keeping(world, |i| is_needed.contains(&plan.decisions[i].effect)))
 }
 
+/// The filter of a plan's samples, if it takes some. Its tables take as long as some tiles, so there is one for all.
+pub(super) fn filter_of(plan: &Plan) -> Option<ReconstructionFilter> {
+    let (shape, radius) = plan.sampling.shape_and_radius();
+    plan.takes_samples().then(|| ReconstructionFilter::new(shape, radius))
+}
+
 /// Collects the features of a tile's pixels pass by pass.
+#[derive(Default)]
 pub(super) struct FeatureSums {
-    filter: ReconstructionFilter,
     sums: Vec<[SampleSum; 4]>,
     /// Of pictures with one sample a pixel.
     centres: Vec<Option<Features>>,
 }
 
 impl FeatureSums {
-    pub(super) fn new(plan: &Plan, tile: &mut Tile) -> Self {
-        let (shape, radius) = plan.sampling.shape_and_radius();
+    pub(super) fn new(tile: &mut Tile) -> Self {
         tile.scattering = Some(Vec::new());
-        FeatureSums {
-            filter: ReconstructionFilter::new(shape, radius),
-            sums: Vec::new(),
-            centres: Vec::new(),
-        }
+        FeatureSums::default()
     }
 
     /// Adds the camera rays of the pass that the stages have run, with [`first_surfaces`].
@@ -81,13 +82,13 @@ impl FeatureSums {
         }
     }
 
-    /// The features of the tile's pixels.
-    pub(super) fn finish(self, plan: &Plan, tile: &mut Tile) -> Vec<Features> {
+    /// The features of the tile's pixels. `filter` is that of a plan that takes samples ([`filter_of`]).
+    pub(super) fn finish(self, filter: Option<&ReconstructionFilter>, tile: &mut Tile) -> Vec<Features> {
         tile.scattering = None;
-        if !plan.takes_samples() {
+        let Some(filter) = filter else {
             return self.centres.into_iter().map(Option::unwrap_or_default).collect();
-        }
-        let value = |sum: &SampleSum| sum.value(&self.filter).as_vec3().to_array();
+        };
+        let value = |sum: &SampleSum| sum.value(filter).as_vec3().to_array();
         let of_pixel = |pixel: usize| {
             let [a, b, c, d] = &self.sums[pixel];
             Features { first: [a, b].map(value), behind_mirrors: [c, d].map(value) }
