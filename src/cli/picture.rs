@@ -95,6 +95,12 @@ impl Options {
         self.0.import != ImportOptions::default()
     }
 
+    /// The AOVs of these names, and the settings of a picture with them.
+    fn with_aovs(&self, aovs: &[String]) -> Result<(AovSelection, RenderSettings)> {
+        let settings = RenderSettings { aovs: aovs.to_vec(), ..self.0.settings()? };
+        Ok((AovSelection::new(aovs)?, settings))
+    }
+
     /// Whether there are options of the picture.
     ///
     /// # Errors
@@ -134,8 +140,7 @@ pub fn render(
     control: &RenderControl,
     warnings: &mut Warnings,
 ) -> Result<Picture> {
-    let selection = AovSelection::new(aovs)?;
-    let settings = RenderSettings { aovs: aovs.to_vec(), ..options.0.settings()? };
+    let (selection, settings) = options.with_aovs(aovs)?;
     super::pool(options.0.threads)?.install(|| {
         let source = Source::new(&scene, &settings);
         note_rest_pose(&scene, warnings);
@@ -176,8 +181,7 @@ impl PreparedScene {
         control: &RenderControl,
         warnings: &mut Warnings,
     ) -> Result<Picture> {
-        let selection = AovSelection::new(aovs)?;
-        let settings = RenderSettings { aovs: aovs.to_vec(), ..options.0.settings()? };
+        let (selection, settings) = options.with_aovs(aovs)?;
         super::pool(options.0.threads)?.install(|| {
             let source = Source::new(self.pictures.scene(), &settings);
             note_rest_pose(self.pictures.scene(), warnings);
@@ -198,8 +202,7 @@ impl PreparedScene {
         control: &RenderControl,
         warnings: &mut Warnings,
     ) -> Result<Aovs> {
-        let selection = AovSelection::new(aovs)?;
-        let settings = RenderSettings { aovs: aovs.to_vec(), ..options.0.settings()? };
+        let (selection, settings) = options.with_aovs(aovs)?;
         super::pool(options.0.threads)?.install(|| {
             note_rest_pose(self.pictures.scene(), warnings);
             let job = self.pictures.aov_job(&settings, &selection, warnings)?;

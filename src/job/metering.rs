@@ -157,6 +157,7 @@ impl RenderJob {
 pub(crate) fn leave_to_metering(
     look: &mut DefaultLook,
     scene: &Scene,
+    bounds: &dyn Fn() -> Option<(DVec3, DVec3)>,
     settings: &RenderSettings,
     camera: &Camera,
 ) -> bool {
@@ -164,7 +165,7 @@ pub(crate) fn leave_to_metering(
     let picture = &mut look.picture;
     let is_studio = settings.look(scene) == Look::Studio;
     let is_auto = picture.exposure == Some(Exposure::Auto);
-    let is_default = chosen.is_none() && (is_auto || is_studio && is_inside(scene, picture, camera));
+    let is_default = chosen.is_none() && (is_auto || is_studio && is_inside(bounds, picture, camera));
     // Colours that bypass the tone map are composited during rendering, so the exposure must be known first.
     let is_kept = picture.background.is_some() || scene.has_unlit();
     let meters = is_default || is_auto && is_studio && is_kept;
@@ -175,11 +176,15 @@ pub(crate) fn leave_to_metering(
 }
 
 /// Whether a scene is seen from within its bounds, where little of its light may arrive.
-fn is_inside(scene: &Scene, picture: &PictureSettings, camera: &Camera) -> bool {
+fn is_inside(
+    bounds: &dyn Fn() -> Option<(DVec3, DVec3)>,
+    picture: &PictureSettings,
+    camera: &Camera,
+) -> bool {
     let contains =
         |(min, max): (DVec3, DVec3)| (camera.position.cmpgt(min) & camera.position.cmplt(max)).all();
     camera.projection.is_central()
         && picture.pipeline() == ColourPipeline::Linear
         && picture.shading().uses_lights()
-        && scene.bounds().is_some_and(contains)
+        && bounds().is_some_and(contains)
 }

@@ -1,6 +1,8 @@
 //! A scene prepared for pictures by many cameras.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+
+use glam::DVec3;
 
 use super::resolved::{camera_of, metered, resolve_picture};
 use super::{PreparedScene, RenderJob, RenderSettings, ResolvedPicture, SceneAtTime, check_memory};
@@ -10,7 +12,7 @@ use crate::error::{Result, Warnings};
 use crate::import::check_drawable;
 use crate::render::aov::AovSelection;
 use crate::scene::{DefaultLook, PictureSettings, Scene};
-use crate::world::{Recentering, recenter};
+use crate::world::Recentering;
 
 /// The number of looks, and of worlds, that are kept: those of cameras above and below an added ground, with and without
 /// the look of a scene's own cameras.
@@ -25,6 +27,8 @@ pub struct PreparedPictures {
     scene: Arc<Scene>,
     /// The recentered scene, if it is recentered.
     recentered: Option<(Recentering, Scene)>,
+    /// The bounds of the recentered scene.
+    bounds: OnceLock<Option<(DVec3, DVec3)>>,
     /// Looks in coordinates of the scene, by the settings that they depend on.
     looks: Mutex<Vec<(RenderSettings, DefaultLook, Warnings)>>,
     worlds: Mutex<Vec<(WorldKey, SceneAtTime)>>,
@@ -49,9 +53,18 @@ impl PreparedPictures {
     pub fn new(scene: Arc<Scene>) -> Result<Self> {
         check_scene(&scene.effects)?;
         check_drawable(&scene)?;
-        let mut moved = Scene::clone(&scene);
-        let recentered = recenter(&mut moved).map(|recentering| (recentering, moved));
-        Ok(PreparedPictures { scene, recentered, looks: Mutex::default(), worlds: Mutex::default() })
+        let recentered = Recentering::of(&scene).map(|recentering| {
+            let mut moved = Scene::clone(&scene);
+            recentering.apply(&mut moved);
+            (recentering, moved)
+        });
+        Ok(PreparedPictures {
+            scene,
+            recentered,
+            bounds: OnceLock::new(),
+            looks: Mutex::default(),
+            worlds: Mutex::default(),
+        })
     }
 
     /// The scene in its own coordinates.
@@ -104,7 +117,8 @@ impl PreparedPictures {
         super::warn_of_recentering(recentering, warnings);
         let (camera, size) = camera_of(scene, recentering, settings, warnings)?;
         let light = look.light.inspect(|light| light.note(warnings));
-        let mut picture = resolve_picture(scene, &mut look, camera, size, settings)?;
+        let bounds = || *self.bounds.get_or_init(|| scene.bounds());
+        let mut picture = resolve_picture((scene, &bounds), &mut look, camera, size, settings)?;
         if has_metadata {
             let lights = light.and_then(|light| light.at(&picture.camera));
             let lit = lights.map(|light| {

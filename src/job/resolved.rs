@@ -2,6 +2,8 @@
 
 use std::borrow::Cow;
 
+use glam::DVec3;
+
 use super::camera::{self, Viewpoint};
 use super::metadata::{self, Metadata};
 use super::{
@@ -101,21 +103,21 @@ pub(super) fn camera_of(
     Ok((camera, size))
 }
 
-/// The picture of a scene with its look by a camera, without metadata. The ground of the look is left out if the camera
+/// The picture of a scene with its look by a camera, without metadata. `bounds` are those of the scene, if they are needed. The ground of the look is left out if the camera
 /// is not above it; a ground requested by the settings stays. The camera, the scene and the look have the same
 /// coordinates.
 ///
 /// # Errors
 /// [`Error::Usage`] for invalid settings.
 pub(crate) fn resolve_picture(
-    scene: &Scene,
+    (scene, bounds): (&Scene, &dyn Fn() -> Option<(DVec3, DVec3)>),
     look: &mut DefaultLook,
     mut camera: Camera,
     size: [u32; 2],
     settings: &RenderSettings,
 ) -> Result<ResolvedPicture> {
     look.hide_ground(&camera);
-    let meters = metering::leave_to_metering(look, scene, settings, &camera);
+    let meters = metering::leave_to_metering(look, scene, bounds, settings, &camera);
     let sampling = look.picture.sampling();
     let most = sampling.max_samples();
     if let Some(least) = sampling.min_samples.filter(|&least| sampling.noise.is_some() && least > most) {
@@ -151,7 +153,7 @@ pub fn resolve_for(
     size: [u32; 2],
     settings: &RenderSettings,
 ) -> Result<ResolvedJob> {
-    let picture = resolve_picture(&scene, &mut look, camera, size, settings)?;
+    let picture = resolve_picture((&scene, &|| scene.bounds()), &mut look, camera, size, settings)?;
     let picture = picture.with_metadata((&scene, &look), recentering.as_ref(), settings);
     Ok(ResolvedJob { scene, look, recentering, picture })
 }

@@ -27,24 +27,29 @@ pub struct Recentering {
 
 /// Recenters a scene. `None` where it already lies in the range that f32 represents well.
 pub fn recenter(scene: &mut Scene) -> Option<Recentering> {
-    let (min, max) = scene.bounds()?;
-    let size = (max - min).max_element();
-    let middle = min / 2.0 + max / 2.0;
-    let far = middle.abs().max_element() > FAR * size;
-    let exponent = if size > 0.0 { size.log2().round() as i32 } else { 0 };
-    let extreme = exponent.abs() > LARGEST_EXPONENT;
-    if !far && !extreme {
-        return None;
-    }
-    let recentering = Recentering {
-        middle: if far { middle } else { DVec3::ZERO },
-        scale: if extreme { f64::from(-exponent).exp2() } else { 1.0 },
-    };
+    let recentering = Recentering::of(scene)?;
     recentering.apply(scene);
     Some(recentering)
 }
 
 impl Recentering {
+    /// The recentering of a scene; `None` where it already lies in the range that f32 represents well.
+    pub fn of(scene: &Scene) -> Option<Self> {
+        let (min, max) = scene.bounds()?;
+        let size = (max - min).max_element();
+        let middle = min / 2.0 + max / 2.0;
+        let far = middle.abs().max_element() > FAR * size;
+        let exponent = if size > 0.0 { size.log2().round() as i32 } else { 0 };
+        let extreme = exponent.abs() > LARGEST_EXPONENT;
+        if !far && !extreme {
+            return None;
+        }
+        Some(Recentering {
+            middle: if far { middle } else { DVec3::ZERO },
+            scale: if extreme { f64::from(-exponent).exp2() } else { 1.0 },
+        })
+    }
+
     /// Applies the translation and scale to a scene.
     pub fn apply(&self, scene: &mut Scene) {
         let place = |p: &mut DVec3| *p = (*p - self.middle) * self.scale;

@@ -148,7 +148,9 @@ impl RenderCache {
             _ => moved_back(&camera),
         };
         let had_ground = look.ground.is_some();
-        let picture = job::resolve_picture(scene, &mut look, in_scene.clone(), request.size, &settings)?;
+        let bounds = || scene.bounds();
+        let of_scene = (scene, &bounds as &dyn Fn() -> _);
+        let picture = job::resolve_picture(of_scene, &mut look, in_scene.clone(), request.size, &settings)?;
         if had_ground && look.ground.is_none() {
             prepared = self.at_time(&settings, &look, request)?;
         }
