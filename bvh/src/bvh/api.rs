@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::generalised::Expansions;
 use super::{Accelerator, Closedness, Layout, Preset, Primitive, RayList, Slot, Traversal, build};
 use crate::geometry::{
-    AnalyticShape, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, Rays, Sphere, Triangle,
+    AnalyticShape, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, Rays, SlotId, Sphere, Triangle,
 };
 
 /// A bounding volume hierarchy over triangles and analytic shapes. A primitive's id is its index in the list that it
@@ -290,6 +290,17 @@ impl Bvh {
         self.accelerator.closest_hit(ray, traversal)
     }
 
+    /// The closest of the hits that `accepts` returns `true` for, and [`Bvh::closest_hit`] if it always does. It is called
+    /// with some of the hits, in no order.
+    pub fn closest_hit_by(
+        &self,
+        ray: &Ray,
+        mut accepts: impl FnMut(&Hit) -> bool,
+        traversal: &mut Traversal,
+    ) -> Option<Hit> {
+        self.accelerator.closest_hit_by(ray, &mut accepts, traversal)
+    }
+
     /// Whether the ray hits anything between `t_min` and `t_max`.
     pub fn occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool {
         self.accelerator.is_occluded(ray, traversal)
@@ -331,9 +342,14 @@ impl Bvh {
     ///
     /// `hit` must come from this structure, after its last [`Bvh::update`]; slots change when it is rebuilt.
     pub fn geometric_normal(&self, ray: &Ray, hit: &Hit) -> Option<DVec3> {
-        match self.accelerator.primitive(hit.slot) {
+        self.geometric_normal_at(hit.slot, ray.at(hit.t))
+    }
+
+    /// [`Bvh::geometric_normal`] of the primitive in a slot ([`Hit::slot`]), at the point of a hit.
+    pub fn geometric_normal_at(&self, slot: SlotId, point: DVec3) -> Option<DVec3> {
+        match self.accelerator.primitive(slot) {
             Primitive::Triangle(triangle) => triangle.unit_normal(),
-            Primitive::Analytic(shape) => Some(shape.surface(ray.at(hit.t)).1),
+            Primitive::Analytic(shape) => Some(shape.surface(point).1),
         }
     }
 

@@ -122,6 +122,26 @@ impl Bvh {
         hits
     }
 
+    /// [`Bvh::closest_hit_by`] of every ray; `accepts` is called with the ray, too. Rays are traced one by one.
+    pub fn par_closest_hits_by(
+        &self,
+        rays: impl RayList,
+        accepts: impl Fn(&Ray, &Hit) -> bool + Sync,
+    ) -> Vec<Option<Hit>> {
+        let mut results = vec![None; rays.len()];
+        results.par_chunks_mut(GROUP).enumerate().for_each_init(
+            Worker::default,
+            |worker, (group, results)| {
+                worker.load(&rays, group * GROUP, results.len(), true);
+                let Worker { rays, traversal, order, .. } = worker;
+                for (index, ray) in order.indices().zip(rays.rays().iter()) {
+                    results[index] = self.closest_hit_by(&ray, |hit| accepts(&ray, hit), traversal);
+                }
+            },
+        );
+        results
+    }
+
     /// [`Bvh::occluded`] of every ray.
     pub fn par_are_occluded(&self, rays: impl RayList) -> Vec<bool> {
         let mut results = vec![false; rays.len()];
@@ -140,19 +160,49 @@ impl Bvh {
 
     /// [`Bvh::all_hits`] of every ray.
     pub fn par_all_hits(&self, rays: impl RayList) -> Lists<Hit> {
+        self.par_all_hits_by(rays, |_, _| true)
+    }
+
+    /// [`Bvh::all_hits`] of every ray, of which those are left that `accepts` returns `true` for.
+    pub fn par_all_hits_by(
+        &self,
+        rays: impl RayList,
+        accepts: impl Fn(&Ray, &Hit) -> bool + Sync,
+    ) -> Lists<Hit> {
+        self.hit_lists(&rays, accepts, |hit| *hit)
+    }
+
+    /// The number of hits of every ray that `accepts` returns `true` for: the lengths of [`Bvh::par_all_hits_by`], whose
+    /// lists are not stored.
+    pub fn par_hit_counts(
+        &self,
+        rays: impl RayList,
+        accepts: impl Fn(&Ray, &Hit) -> bool + Sync,
+    ) -> Vec<usize> {
+        self.hit_lists(&rays, accepts, |_| ()).iter().map(<[()]>::len).collect()
+    }
+
+    /// What `of` returns for the accepted hits of every ray.
+    fn hit_lists<T: Send>(
+        &self,
+        rays: &impl RayList,
+        accepts: impl Fn(&Ray, &Hit) -> bool + Sync,
+        of: impl Fn(&Hit) -> T + Sync,
+    ) -> Lists<T> {
         let trace = |rays: Rays, found: &mut Vec<(usize, Hit)>, traversal: &mut Traversal| {
             self.accelerator().each_hit(rays, found, traversal);
         };
-        let finish = |_, found: &[(usize, Hit)], places: &mut [u32], list: &mut Vec<Hit>| {
+        let finish = |index, found: &[(usize, Hit)], places: &mut [u32], list: &mut Vec<T>| {
             let hit = |place: &u32| &found[*place as usize].1;
             places.sort_unstable_by(|a, b| {
                 let [a, b] = [a, b].map(hit);
                 a.t.total_cmp(&b.t).then(a.prim.cmp(&b.prim))
             });
             // A split triangle is in several slots.
-            list.extend(places.chunk_by(|a, b| hit(a).prim == hit(b).prim).map(|same| hit(&same[0])));
+            let found = places.chunk_by(|a, b| hit(a).prim == hit(b).prim).map(|same| hit(&same[0]));
+            list.extend(found.filter(|hit| accepts(&rays.get(index), hit)).map(&of));
         };
-        self.lists(&rays, trace, finish)
+        self.lists(rays, trace, finish)
     }
 
     /// [`Bvh::crossings`] of every ray.
@@ -272,13 +322,23 @@ impl Bvh {
 
     /// [`Bvh::closest_point`] of every point.
     pub fn par_closest_points(&self, points: &[DVec3]) -> Vec<Option<ClosestPoint>> {
+        self.par_closest_points_within(points, f64::INFINITY)
+    }
+
+    /// [`Bvh::closest_point_within`] of every point.
+    pub fn par_closest_points_within(
+        &self,
+        points: &[DVec3],
+        max_distance: f64,
+    ) -> Vec<Option<ClosestPoint>> {
         let mut results = vec![None; points.len()];
         results.par_chunks_mut(POINTS).zip(points.par_chunks(POINTS)).for_each_init(
             Worker::default,
             |worker, (results, points)| {
                 worker.order.fill(points.len(), true, |index| [points[index], DVec3::ZERO]);
                 for index in worker.order.indices() {
-                    results[index] = self.closest_point(points[index], &mut worker.traversal);
+                    let traversal = &mut worker.traversal;
+                    results[index] = self.closest_point_within(points[index], max_distance, traversal);
                 }
             },
         );
@@ -357,5 +417,77 @@ impl Order {
     /// The indices of the queries.
     fn indices(&self) -> impl ExactSizeIterator<Item = usize> {
         self.keys.iter().map(|&key| key as u32 as usize)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bvh::splitmix64::splitmix64;
+    use crate::bvh::{Layout, Preset, Primitive, Slot, Traversal, build};
+    use crate::geometry::{Numerics, PrimId};
+
+    fn point(seed: u64) -> DVec3 {
+        DVec3::from([0, 1, 2].map(|axis| (splitmix64(3 * seed + axis) >> 60) as f64 / 8.0 - 1.0))
+    }
+
+    /// Triangles on a grid, with copies and ties, a large one that presets split, and a sphere.
+    fn primitives() -> Vec<Primitive> {
+        let mut all: Vec<Primitive> = (0..200)
+            .map(|seed| [1, 2, 3].map(|k| point(seed) * 2.0 + point(1000 * k + seed)).into())
+            .collect();
+        all.push([[-2.0, -2.0, -2.0], [2.0, -2.0, 2.0], [0.0, 2.0, 0.5]].into());
+        all.push(([0.5, 0.5, 0.5], 0.25).into());
+        all.extend_from_within(0..30);
+        all
+    }
+
+    fn rays(bvh: &Bvh) -> RayBuffer {
+        let ray = |seed| bvh.ray_within(point(seed) * 4.0, point(seed + 7000) + 0.01, 9.0).expect("finite");
+        (0..300).map(ray).collect()
+    }
+
+    /// Hits without their slots, which depend on the structure.
+    fn numbers(hit: &Hit) -> (f64, PrimId, [f64; 2]) {
+        (hit.t, hit.prim, hit.barycentrics)
+    }
+
+    /// Hits by a filter are those of a list of the accepted primitives alone.
+    #[test]
+    fn accepted_hits_are_those_of_the_accepted_primitives() {
+        let all = primitives();
+        let accepts = |prim: PrimId| prim.0 % 3 != 1;
+        for (preset, numerics) in Preset::ALL.into_iter().flat_map(|p| Numerics::ALL.map(|n| (p, n))) {
+            if numerics == Numerics::Fast {
+                continue;
+            }
+            let bvh = Bvh::with(all.iter().copied(), preset, numerics).expect("finite");
+            let kept = (0..).zip(&all).filter(|(id, _)| accepts(PrimId(*id)));
+            let slots = kept.filter_map(|(id, primitive)| {
+                Some(Slot { primitive: primitive.rounded(numerics.precision())?, id: PrimId(id) })
+            });
+            let list = build(slots, Layout::BruteForce, numerics);
+            let (buffer, traversal) = (rays(&bvh), &mut Traversal::default());
+            let of_batch = bvh.par_closest_hits_by(buffer.rays(), |_, hit| accepts(hit.prim));
+            let lists = bvh.par_all_hits_by(buffer.rays(), |_, hit| accepts(hit.prim));
+            let counts = bvh.par_hit_counts(buffer.rays(), |_, hit| accepts(hit.prim));
+            let mut count = 0;
+            for (index, ray) in buffer.rays().iter().enumerate() {
+                let expected = list.closest_hit(&ray, traversal).as_ref().map(numbers);
+                let found = bvh.closest_hit_by(&ray, |hit| accepts(hit.prim), traversal);
+                assert_eq!(found.as_ref().map(numbers), expected, "{numerics:?} {preset:?} {index}");
+                assert_eq!(of_batch[index].as_ref().map(numbers), expected);
+                let of_ray: Vec<Hit> = bvh.all_hits(&ray, traversal);
+                let of_ray: Vec<Hit> = of_ray.into_iter().filter(|hit| accepts(hit.prim)).collect();
+                assert_eq!(
+                    lists[index].iter().map(numbers).collect::<Vec<_>>(),
+                    of_ray.iter().map(numbers).collect::<Vec<_>>()
+                );
+                assert_eq!(counts[index], of_ray.len());
+                count += of_ray.len();
+            }
+            assert!(count > 300, "{count}");
+            assert!(bvh.closest_hit_by(&buffer.get(0), |_| false, traversal).is_none());
+        }
     }
 }

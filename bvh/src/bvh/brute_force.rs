@@ -29,21 +29,35 @@ impl<T: Tier> BruteForce<T> {
             Some(Hit { t, prim: slot.id, slot: SlotId::new(index), barycentrics })
         })
     }
+
+    /// The closest of the hits of a ray.
+    fn closest(&self, ray: &Ray, hits: impl Iterator<Item = Hit>) -> Option<Hit> {
+        let stored = |hit: &Hit| &self.slots[hit.slot.index() as usize].primitive;
+        hits.reduce(|best, hit| {
+            let is_better = T::is_before(|| *ray, [(&hit, stored(&hit)), (&best, stored(&best))]);
+            if is_better { hit } else { best }
+        })
+    }
 }
 
 impl<T: Tier> Nearby for BruteForce<T> {
     fn every_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
         self.slots.iter().for_each(|slot| visit(slot.id, slot.primitive.into()));
     }
+
+    fn closest_hit_by(
+        &self,
+        ray: &Ray,
+        accepts: &mut dyn FnMut(&Hit) -> bool,
+        traversal: &mut Traversal,
+    ) -> Option<Hit> {
+        self.closest(ray, self.hits(ray, traversal).filter(accepts))
+    }
 }
 
 impl<T: Tier> Accelerator for BruteForce<T> {
     fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
-        let stored = |hit: &Hit| &self.slots[hit.slot.index() as usize].primitive;
-        self.hits(ray, traversal).reduce(|best, hit| {
-            let is_better = T::is_before(|| *ray, [(&hit, stored(&hit)), (&best, stored(&best))]);
-            if is_better { hit } else { best }
-        })
+        self.closest(ray, self.hits(ray, traversal))
     }
 
     fn is_occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool {

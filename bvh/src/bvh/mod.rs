@@ -255,6 +255,14 @@ pub(crate) trait Nearby {
     /// [`Accelerator::each_primitive`], for the defaults.
     fn every_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive));
 
+    /// [`Accelerator::closest_hit`] of the hits that `accepts` returns `true` for.
+    fn closest_hit_by(
+        &self,
+        ray: &Ray,
+        accepts: &mut dyn FnMut(&Hit) -> bool,
+        traversal: &mut Traversal,
+    ) -> Option<Hit>;
+
     /// Calls `visit` with every primitive that has a point on the ray, or a point at no distance above 0 from it, ends
     /// included, and perhaps with others; with a split triangle several times.
     fn each_near_ray(

@@ -218,8 +218,15 @@ impl<T: Tier> Instances<T> {
         );
     }
 
-    /// The closest hit, given that of `flat`.
-    fn closest(&self, ray: &Ray, flat: Option<Hit>, traversal: &mut Traversal) -> Option<Hit> {
+    /// The closest hit that `accepts` returns `true` for, given that of `flat`.
+    #[inline(always)]
+    fn closest(
+        &self,
+        ray: &Ray,
+        flat: Option<Hit>,
+        mut accepts: impl FnMut(&Hit) -> bool,
+        traversal: &mut Traversal,
+    ) -> Option<Hit> {
         let mut best: Option<(Hit, Stored<T::Corner>)> =
             flat.map(|hit| (hit, self.flat.primitive(hit.slot).into()));
         let t_max = best.map_or(ray.t_max, |(hit, _)| hit.t);
@@ -228,7 +235,7 @@ impl<T: Tier> Instances<T> {
             let is_better = best
                 .as_ref()
                 .is_none_or(|(other, with)| T::is_before(|| *ray, [(&hit, &stored), (other, with)]));
-            if !is_better {
+            if !is_better || !accepts(&hit) {
                 return Next::Continue;
             }
             best = Some((hit, stored));
@@ -253,12 +260,22 @@ impl<T: Tier> Nearby for Instances<T> {
         let slots = self.instances.iter().flat_map(|prepared| prepared.instance.slots());
         slots.for_each(|slot| visit(slot.id, Stored::<T::Corner>::from(slot.primitive).into()));
     }
+
+    fn closest_hit_by(
+        &self,
+        ray: &Ray,
+        accepts: &mut dyn FnMut(&Hit) -> bool,
+        traversal: &mut Traversal,
+    ) -> Option<Hit> {
+        let flat = self.flat.closest_hit_by(ray, accepts, traversal);
+        self.closest(ray, flat, accepts, traversal)
+    }
 }
 
 impl<T: Tier> Accelerator for Instances<T> {
     fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
         let flat = self.flat.closest_hit(ray, traversal);
-        self.closest(ray, flat, traversal)
+        self.closest(ray, flat, |_| true, traversal)
     }
 
     fn is_occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool {
@@ -269,7 +286,7 @@ impl<T: Tier> Accelerator for Instances<T> {
         let first = hits.len();
         self.flat.closest_hits(rays, hits, traversal);
         for (index, ray) in (first..).zip(rays.iter()) {
-            let hit = self.closest(&ray, hits.get(index), traversal);
+            let hit = self.closest(&ray, hits.get(index), |_| true, traversal);
             hits.set(index, hit.as_ref());
         }
     }

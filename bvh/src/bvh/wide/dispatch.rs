@@ -95,6 +95,31 @@ macro_rules! as_stream {
 }
 
 impl<T: Tier> Wide<T> {
+    /// The closest hit that `accepts` returns `true` for.
+    #[inline(always)]
+    fn closest(
+        &self,
+        ray: &Ray,
+        mut accepts: impl FnMut(&Hit) -> bool,
+        traversal: &mut Traversal,
+    ) -> Option<Hit> {
+        let mut best: Option<Hit> = None;
+        one::<T, true>(
+            self,
+            ray,
+            traversal,
+            #[inline(always)]
+            |hit| {
+                if !self.is_better(|| *ray, &hit, best.as_ref()) || !accepts(&hit) {
+                    return Next::Continue;
+                }
+                best = Some(hit);
+                Next::Shorten(hit.t)
+            },
+        );
+        best
+    }
+
     /// Appends the results of rays.
     fn trace(&self, all: Rays, mut results: Results, traversal: &mut Traversal) {
         let first = results.len();
@@ -155,21 +180,7 @@ impl<T: Tier> Wide<T> {
 
 impl<T: Tier> Accelerator for Wide<T> {
     fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
-        let mut best: Option<Hit> = None;
-        one::<T, true>(
-            self,
-            ray,
-            traversal,
-            #[inline(always)]
-            |hit| {
-                if !self.is_better(|| *ray, &hit, best.as_ref()) {
-                    return Next::Continue;
-                }
-                best = Some(hit);
-                Next::Shorten(hit.t)
-            },
-        );
-        best
+        self.closest(ray, |_| true, traversal)
     }
 
     fn is_occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool {
@@ -261,6 +272,15 @@ impl<T: Tier> Accelerator for Wide<T> {
 impl<T: Tier> Nearby for Wide<T> {
     fn every_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
         near_ray::each_primitive(self, visit);
+    }
+
+    fn closest_hit_by(
+        &self,
+        ray: &Ray,
+        accepts: &mut dyn FnMut(&Hit) -> bool,
+        traversal: &mut Traversal,
+    ) -> Option<Hit> {
+        self.closest(ray, accepts, traversal)
     }
 
     fn each_near_ray(
