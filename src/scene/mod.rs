@@ -51,6 +51,7 @@ mod texture_slot;
 pub mod topology;
 mod transport;
 mod up;
+pub(crate) mod vertex_attributes;
 
 pub use crate::geometry::{
     AnalyticShape, Attribute, Disk, Mesh, Numerics, Placed, Placement, Sphere, Step, is_mirror,

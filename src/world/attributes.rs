@@ -6,6 +6,7 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3, DVec4, Vec2, Vec3, Vec4};
 
 use crate::film::{Colour, ColourPipeline};
+use crate::scene::vertex_attributes::{of_triangle, unit, vertex_normal};
 use crate::scene::{Attribute, Mesh, Placed, Shape};
 
 /// The vertex attributes of an object; none for an analytic shape. Triangles are numbered within the object.
@@ -65,12 +66,8 @@ impl Attributes {
         match &self.placed {
             None => Some(self.arrays.normals.as_ref()?.of(triangle).map(|n| n.as_dvec3())),
             Some(placed) => {
-                let normals = corners_of(placed, placed.mesh.normals.as_ref()?, triangle);
-                Some(normals.map(|normal| {
-                    let normal = placed.placement.normal(normal);
-                    // As in import, a normal that is not finite becomes zero.
-                    unit(if normal.is_finite() { normal } else { DVec3::ZERO }).as_dvec3()
-                }))
+                let normals = of_triangle(placed.mesh.normals.as_ref()?, &placed.mesh, triangle);
+                Some(normals.map(|normal| vertex_normal(normal, Some(&placed.placement)).as_dvec3()))
             }
         }
     }
@@ -93,7 +90,7 @@ impl Attributes {
         match &self.placed {
             None => Some(self.arrays.tangents.as_ref()?.of(triangle).map(|t| t.as_dvec4())),
             Some(placed) => {
-                let tangents = corners_of(placed, placed.mesh.tangents.as_ref()?, triangle);
+                let tangents = of_triangle(placed.mesh.tangents.as_ref()?, &placed.mesh, triangle);
                 Some(tangents.map(|tangent| unit_tangent(placed.placement.tangent(tangent)).as_dvec4()))
             }
         }
@@ -116,18 +113,6 @@ impl Attributes {
     pub(crate) fn colours(&self, triangle: u32) -> Option<[Vec3; 3]> {
         Some(self.arrays.colours.as_ref()?.of(triangle))
     }
-}
-
-/// The values of an attribute at a triangle's corners, before the placement.
-#[inline]
-fn corners_of<T: Copy>(placed: &Placed, attribute: &Attribute<T>, triangle: u32) -> [T; 3] {
-    let triangles = attribute.triangles.as_ref().unwrap_or(&placed.mesh.triangles);
-    triangles[triangle as usize].map(|i| attribute.values[i as usize])
-}
-
-/// The normalised vector in f32, for any finite length; zero stays zero.
-fn unit(n: DVec3) -> Vec3 {
-    (n / n.abs().max_element()).try_normalize().unwrap_or(DVec3::ZERO).as_vec3()
 }
 
 /// The tangent with its direction normalised, in f32, and its handedness w as 1 or -1. A direction that is not finite becomes

@@ -4,9 +4,10 @@
 use glam::{DVec2, DVec3};
 
 use super::World;
-use super::interaction::{SurfaceInteraction, blend};
+use super::interaction::SurfaceInteraction;
 use crate::bvh::Primitive;
 use crate::geometry::{Hit, PrimId, Ray};
+use crate::scene::vertex_attributes::blend;
 
 /// A ray differential: the change of a ray from one pixel to the next, to the right and down.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -58,8 +59,8 @@ impl World {
     /// The texture coordinates of a set at a point of a triangle of an object; `None` without any.
     pub(crate) fn uv(&self, object: u32, prim: PrimId, barycentrics: [f64; 3], set: u8) -> Option<DVec2> {
         let object = &self.objects[object as usize];
-        let [a, b, c] = object.attributes.uvs(prim.0 - object.first.0, set)?.map(|uv| uv.as_dvec2());
-        Some(a * barycentrics[0] + b * barycentrics[1] + c * barycentrics[2])
+        let corners = object.attributes.uvs(prim.0 - object.first.0, set)?.map(|uv| uv.as_dvec2());
+        Some(blend(corners, barycentrics))
     }
 
     /// The texture point of a hit with an object by a set of texture coordinates; `None` without them. `normal` is the
@@ -75,7 +76,8 @@ impl World {
         let object = &self.objects[object as usize];
         let [a, b, c] = object.attributes.uvs(hit.prim.0 - object.first.0, set)?.map(|uv| uv.as_dvec2());
         let [v, w] = hit.barycentrics;
-        let mut point = TexturePoint { uv: a * (1.0 - v - w) + b * v + c * w, ..TexturePoint::default() };
+        let uv = blend([a, b, c], [1.0 - v - w, v, w]);
+        let mut point = TexturePoint { uv, ..TexturePoint::default() };
         if let Some(differential) = differential
             && let Some(changes) = self.barycentrics_change(hit, normal, ray, differential)
         {

@@ -11,6 +11,7 @@ use crate::film::ColourPipeline;
 use crate::geometry::spawn::{ORIGIN_OFFSET, SurfacePoint};
 use crate::geometry::{AnalyticShape, Hit, Numerics, PrimId, Ray, sin_cos_of_turns};
 use crate::scene::TextureSlot;
+use crate::scene::vertex_attributes::{blend, smooth_normal};
 
 /// A surface interaction: a point of a surface, seen along a ray.
 #[derive(Debug, Clone, Copy)]
@@ -101,9 +102,7 @@ impl WorldObject {
     /// there are none, they are zero, or they cancel.
     #[inline]
     pub(super) fn smooth_normal(&self, prim: PrimId, barycentrics: [f64; 3], normal: DVec3) -> Option<DVec3> {
-        let normals = self.attributes.normals(prim.0 - self.first.0)?;
-        let smooth = blend(normals, barycentrics).try_normalize()?;
-        Some(if smooth.dot(normal) < 0.0 { -smooth } else { smooth })
+        smooth_normal(self.attributes.normals(prim.0 - self.first.0)?, barycentrics, normal)
     }
 
     /// The interpolated vertex colour at a point of a triangle; `None` where there are none.
@@ -305,7 +304,68 @@ impl World {
     }
 }
 
-/// Barycentric interpolation.
-pub(super) fn blend([a, b, c]: [DVec3; 3], barycentrics: [f64; 3]) -> DVec3 {
-    a * barycentrics[0] + b * barycentrics[1] + c * barycentrics[2]
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::DMat4;
+
+    use super::*;
+    use crate::bvh::Layout;
+    use crate::scene::{Attribute, Mesh, Placed, Placement, Scene, Shape};
+
+    /// A mesh of four triangles around the z axis, with vertex normals of any length, one of them zero, and texture
+    /// coordinates with indices of their own.
+    fn mesh() -> Mesh {
+        let rim = |i: u32| [[1.0, 0.1, 0.0], [0.0, 1.0, 0.3], [-1.0, 0.0, 0.0], [0.1, -1.0, 0.2]][i as usize];
+        let mut positions: Vec<DVec3> = (0..4).map(|i| rim(i).into()).collect();
+        positions.push(DVec3::new(0.0, 0.0, 0.7));
+        let normals = (0..5).map(|i| DVec3::new(0.3, 0.1 * f64::from(i), 2.0) * f64::from(i % 4));
+        let corners: Vec<[u32; 3]> = (0..4).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let uvs = (0..12).map(|i| DVec2::new(f64::from(i) / 7.0, f64::from(i * i % 5) / 3.0)).collect();
+        Mesh {
+            triangles: (0..4).map(|i| [i, (i + 1) % 4, 4]).collect(),
+            normals: Some(Attribute::per_position(normals.collect())),
+            uvs: vec![Attribute { values: uvs, triangles: Some(corners) }],
+            positions,
+            ..Mesh::default()
+        }
+    }
+
+    /// Attributes of the description are those of the prepared scene, to the bit: of a mesh, of placements of which one
+    /// mirrors, and of a mesh without attributes.
+    #[test]
+    fn attributes_of_shapes_are_those_of_interactions() {
+        let moved = |x: f64| DMat4::from_translation(DVec3::new(x, 0.2, 0.1));
+        let (shared, plain) = (Arc::new(mesh()), Mesh { normals: None, uvs: Vec::new(), ..mesh() });
+        let turned = moved(3.0) * DMat4::from_rotation_y(0.4) * DMat4::from_scale(DVec3::new(1.0, -0.7, 1.3));
+        let placed = |map| Shape::Placed(Placed::new(Arc::clone(&shared), Placement::new(map)));
+        let mut far = plain;
+        far.transform(&moved(9.0));
+        let scene =
+            Scene::from_iter([Shape::Mesh(mesh()), placed(turned), placed(moved(6.0)), Shape::Mesh(far)]);
+        let world =
+            World::prepare(scene.clone(), ColourPipeline::Linear, Layout::default(), Numerics::Double);
+        let precision = Numerics::Double.ray_precision();
+        let mut counts = [0; 4];
+        for i in 0..400u32 {
+            let origin = DVec3::new(f64::from(i) / 40.0 - 0.7, f64::from(i * 37 % 100) / 60.0 - 0.8, 5.0);
+            let direction = DVec3::new(0.01, 0.02, if i % 2 == 0 { -1.0 } else { 1.0 }).normalize();
+            let origin = DVec3::new(origin.x, origin.y, -direction.z.signum() * origin.z);
+            let ray = precision.ray(origin, direction, 0.0, f64::INFINITY);
+            let Some(hit) = world.accelerator.closest_hit(&ray, &mut Traversal::default()) else { continue };
+            let (object, primitive) = scene.object_of(hit.prim).expect("of the scene");
+            let (surface, shape) = (world.interaction(&ray, &hit), &scene.objects[object].shape);
+            let [v, w] = hit.barycentrics;
+            let barycentrics = [1.0 - v - w, v, w];
+            let normal = shape.shading_normal(primitive as u32, barycentrics, surface.geometric_normal);
+            assert_eq!(normal, surface.shading_normal, "{object} {primitive}");
+            let uv = world.texture_point((object as u32, &hit, normal), &ray, None, 0).map(|point| point.uv);
+            assert_eq!(shape.uv(primitive as u32, barycentrics, 0), uv);
+            assert_eq!((uv.is_some(), normal != surface.geometric_normal), (object < 3, object < 3));
+            counts[object] += 1;
+        }
+        assert!(counts.iter().all(|&count| count > 10), "{counts:?}");
+        assert!(scene.placement_indices().eq([0, 0, 1, 0]));
+    }
 }
