@@ -6,8 +6,19 @@ from typing import Any, Literal, TypeAlias, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import disjoint_base
 
-from ._results import AllHits, ClosestPoints, Closedness, Crossings, Hits, WindingNumbers
+from ._results import (
+    AllHits,
+    ClosestPoints,
+    Closedness,
+    Crossings,
+    Hits,
+    Meeting,
+    NearPoints,
+    Primitives,
+    WindingNumbers,
+)
 
 _Tier: TypeAlias = Literal["fast", "watertight", "double", "exact"]
 _Preset: TypeAlias = Literal["fast-build", "balanced", "best-trace"]
@@ -16,19 +27,53 @@ __version__: str
 
 class KilnWarning(UserWarning): ...
 
-@final
+@disjoint_base
 class Mesh:
     def __new__(
         cls, vertices: ArrayLike, faces: ArrayLike, *, tier: _Tier = "double", preset: _Preset = "balanced"
     ) -> Mesh: ...
+    def update(self, vertices: ArrayLike) -> None: ...
+    def __copy__(self) -> Mesh: ...
+    def __deepcopy__(self, _memo: Any, /) -> Mesh: ...
     def __len__(self) -> int: ...
     @property
     def tier(self) -> _Tier: ...
-    def first(self, origins: ArrayLike, directions: ArrayLike, max_distance: ArrayLike | None = None) -> Hits: ...
+    def first(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        max_distance: ArrayLike | None = None,
+        *,
+        objects: ArrayLike | None = None,
+        cull_back_faces: bool = False,
+    ) -> Hits: ...
     def any(
-        self, origins: ArrayLike, directions: ArrayLike, max_distance: ArrayLike | None = None
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        max_distance: ArrayLike | None = None,
+        *,
+        objects: ArrayLike | None = None,
+        cull_back_faces: bool = False,
     ) -> NDArray[np.bool_]: ...
-    def all(self, origins: ArrayLike, directions: ArrayLike, max_distance: ArrayLike | None = None) -> AllHits: ...
+    def count(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        max_distance: ArrayLike | None = None,
+        *,
+        objects: ArrayLike | None = None,
+        cull_back_faces: bool = False,
+    ) -> NDArray[np.int64]: ...
+    def all(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        max_distance: ArrayLike | None = None,
+        *,
+        objects: ArrayLike | None = None,
+        cull_back_faces: bool = False,
+    ) -> AllHits: ...
     def crossings(
         self, origins: ArrayLike, directions: ArrayLike, max_distance: ArrayLike | None = None
     ) -> Crossings: ...
@@ -44,9 +89,24 @@ class Mesh:
     ) -> NDArray[np.bool_] | tuple[NDArray[np.bool_], NDArray[np.float64]]: ...
     def generalised_winding_number(self, points: ArrayLike, beta: float = 1.0) -> WindingNumbers: ...
     def winding_number(self, points: ArrayLike) -> NDArray[np.int32]: ...
-    def closest_point(self, points: ArrayLike) -> ClosestPoints: ...
+    def closest_point(self, points: ArrayLike, max_distance: float | None = None) -> ClosestPoints: ...
+    def nearest(
+        self, points: ArrayLike, count: int | None = None, max_distance: float | None = None
+    ) -> NearPoints: ...
+    def in_box(self, min: ArrayLike, max: ArrayLike) -> Primitives: ...
+    def meeting(self, other: Mesh) -> Meeting: ...
     def signed_distance(self, points: ArrayLike) -> NDArray[np.float64]: ...
     def closedness(self) -> Closedness: ...
+
+@final
+class Found:
+    def object(self) -> NDArray[np.int64]: ...
+    def instance(self) -> NDArray[np.int64]: ...
+    def primitive(self) -> NDArray[np.int64]: ...
+    def material(self) -> NDArray[np.int64]: ...
+    def normal(self, location: ArrayLike) -> NDArray[np.float64]: ...
+    def shading_normal(self, location: ArrayLike, barycentrics: ArrayLike) -> NDArray[np.float64]: ...
+    def uv(self, barycentrics: ArrayLike) -> NDArray[np.float64]: ...
 
 @final
 class Picture:

@@ -2,65 +2,189 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+    from typing_extensions import disjoint_base
+
+    from ._kiln import Found
+else:
+
+    def disjoint_base(cls):
+        """The mark of classes of which no class inherits beside another one, for type checkers."""
+        return cls
 
 
-class Hits(NamedTuple):
-    """Closest hits: a row for each of n rays; of rays of another shape, (n,) is that shape."""
+class _Located:
+    """Attributes that are computed when they are read, from the mesh as it was at the query."""
 
+    def _of(self, name: str) -> Found:
+        found: Found | None = self.__dict__.get("_found")
+        if found is None:
+            what = "only the result of a query has it, no changed or pickled copy"
+            raise AttributeError(f"{type(self).__name__}.{name}: {what}")
+        return found
+
+    @property
+    def object(self) -> NDArray[np.int64]:
+        """Index of the object, as in Scene.objects, and 0 in a mesh of arrays; -1 where there is no triangle."""
+        return self._of("object").object()
+
+    @property
+    def instance(self) -> NDArray[np.int64]:
+        """Index of the object among the placements of one Scene.add(transforms=...), or of a mesh that a file places
+        and the scene stores once; 0 for other objects, -1 where there is no triangle."""
+        return self._of("instance").instance()
+
+    @property
+    def primitive(self) -> NDArray[np.int64]:
+        """Index of the triangle among those of all objects, as in the AOV `primitive`; -1 where there is none."""
+        return self._of("primitive").primitive()
+
+    @property
+    def material(self) -> NDArray[np.int64]:
+        """Index of the material, as in Scene.materials; -1 in a mesh of arrays, and where there is no triangle."""
+        return self._of("material").material()
+
+    def __getstate__(self) -> None:
+        """Nothing but the arrays is pickled."""
+
+    def __copy__(self) -> _Located:
+        return self
+
+
+class _OnSurface(_Located):
+    """Attributes of hits that are computed when they are read."""
+
+    location: Any
+    barycentrics: Any
+
+    @property
+    def normal(self) -> NDArray[np.float64]:
+        """Unit normal of the triangle, on the side from which its corners run counterclockwise, in a mirrored instance
+        clockwise; outwards of a sphere. nan for a triangle without area, and where nothing is hit."""
+        return self._of("normal").normal(self.location)
+
+    @property
+    def shading_normal(self) -> NDArray[np.float64]:
+        """Normal interpolated between those of the vertices, of length 1, on the side of `normal`; `normal` where there
+        are none. Without normal maps."""
+        return self._of("shading_normal").shading_normal(self.location, self.barycentrics)
+
+    @property
+    def uv(self) -> NDArray[np.float64]:
+        """Texture coordinates of the first set, as in Scene.add: (n, 2), nan where there are none."""
+        return self._of("uv").uv(self.barycentrics)
+
+
+class _Hits(NamedTuple):
     triangle: NDArray[np.int64]
-    """(n,) index of the triangle; -1 for a ray that hits nothing, whose other values are nan."""
     distance: NDArray[np.float64]
-    """(n,) distance from the origin, whatever the length of the direction."""
     location: NDArray[np.float64]
-    """(n, 3) point on the ray."""
     barycentrics: NDArray[np.float64]
-    """(n, 3) weights of the triangle's corners; their sum is 1."""
 
 
-class AllHits(NamedTuple):
-    """Hits of rays: a row for each of m hits, sorted by ray, then distance, then triangle."""
+@disjoint_base
+class Hits(_Hits, _OnSurface):
+    """Closest hits: a row for each of n rays; of rays of another shape, (n,) is that shape.
 
+    triangle: (n,) index of the triangle in its object; -1 for a ray that hits nothing, whose other values are nan.
+    distance: (n,) distance from the origin, whatever the length of the direction.
+    location: (n, 3) point on the ray.
+    barycentrics: (n, 3) weights of the triangle's corners; their sum is 1.
+    """
+
+
+class _AllHits(NamedTuple):
     ray: NDArray[np.int64]
-    """(m,) index of the ray."""
     triangle: NDArray[np.int64]
-    """(m,) index of the triangle."""
     distance: NDArray[np.float64]
-    """(m,) distance from the origin."""
     location: NDArray[np.float64]
-    """(m, 3) point on the ray."""
     barycentrics: NDArray[np.float64]
-    """(m, 3) weights of the triangle's corners."""
 
 
-class Crossings(NamedTuple):
-    """Crossings of rays and the surface: a row for each of m, sorted by ray, then distance."""
+@disjoint_base
+class AllHits(_AllHits, _OnSurface):
+    """Hits of rays: a row for each of m hits, sorted by ray, then distance, then triangle.
 
+    ray: (m,) index of the ray. triangle: (m,) index of the triangle in its object.
+    distance: (m,) distance from the origin. location: (m, 3) point on the ray.
+    barycentrics: (m, 3) weights of the triangle's corners.
+    """
+
+
+class _Crossings(NamedTuple):
     ray: NDArray[np.int64]
-    """(m,) index of the ray."""
     triangle: NDArray[np.int64]
-    """(m,) index of a triangle there."""
     distance: NDArray[np.float64]
-    """(m,) distance from the origin."""
     location: NDArray[np.float64]
-    """(m, 3) point on the ray."""
     entering: NDArray[np.bool_]
-    """(m,) whether the ray goes from the front, the side from which the corners run counterclockwise, to the back."""
 
 
-class ClosestPoints(NamedTuple):
-    """Closest points of the surface: a row for each of n points."""
+@disjoint_base
+class Crossings(_Crossings, _Located):
+    """Crossings of rays and the surface: a row for each of m, sorted by ray, then distance.
 
+    ray: (m,) index of the ray. triangle: (m,) index of a triangle there, in its object.
+    distance: (m,) distance from the origin. location: (m, 3) point on the ray.
+    entering: (m,) whether the ray goes from the front, the side from which the corners run counterclockwise, to the
+    back.
+    """
+
+
+class _ClosestPoints(NamedTuple):
     location: NDArray[np.float64]
-    """(n, 3) closest point."""
     distance: NDArray[np.float64]
-    """(n,) its distance."""
     triangle: NDArray[np.int64]
-    """(n,) index of the triangle that it is on."""
+
+
+@disjoint_base
+class ClosestPoints(_ClosestPoints, _Located):
+    """Closest points of the surface: a row for each of n points.
+
+    location: (n, 3) closest point. distance: (n,) its distance.
+    triangle: (n,) index of the triangle that it is on, in its object; -1 for none, and nan in the other arrays.
+    """
+
+
+class _NearPoints(NamedTuple):
+    point: NDArray[np.int64]
+    triangle: NDArray[np.int64]
+    distance: NDArray[np.float64]
+    location: NDArray[np.float64]
+
+
+@disjoint_base
+class NearPoints(_NearPoints, _Located):
+    """Triangles near points: a row for each of m pairs, sorted by point, then distance, then triangle.
+
+    point: (m,) index of the point. triangle: (m,) index of the triangle in its object.
+    distance: (m,) distance of the point and the triangle. location: (m, 3) closest point of the triangle.
+    """
+
+
+class Primitives(NamedTuple):
+    """Triangles: a row for each of m, sorted by object, then triangle."""
+
+    object: NDArray[np.int64]
+    """(m,) index of the object, as in Scene.objects; 0 in a mesh of arrays."""
+    triangle: NDArray[np.int64]
+    """(m,) index of the triangle in its object."""
+
+
+class Meeting(NamedTuple):
+    """Triangles of two meshes that have a point in common: a row for each of m pairs."""
+
+    triangle: NDArray[np.int64]
+    """(m,) index of the triangle of the first mesh, in its object."""
+    other_triangle: NDArray[np.int64]
+    """(m,) index of the triangle of the other mesh, in its object."""
+    object: NDArray[np.int64]
+    """(m,) index of the object of the first mesh."""
+    other_object: NDArray[np.int64]
+    """(m,) index of the object of the other mesh."""
 
 
 class WindingNumbers(NamedTuple):

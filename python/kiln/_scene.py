@@ -163,10 +163,10 @@ class Scene:
         self._scene.append(_load(source, options, False))
 
     def mesh(self, *, tier: _Tier = "double", preset: _Preset = "balanced") -> _kiln.Mesh:
-        """The triangles, spheres and disks of the scene for queries.
+        """The triangles, spheres and disks of the scene as it is now, for queries.
 
-        The `triangle` of a result is the index of the primitive in the order of the scene, without triangles that were
-        left out when they were added or read. `all` returns the nearer hit of a sphere, `crossings` both.
+        The `triangle` of a result is the index in its `object`, without triangles that were left out when they were
+        added or read; that of a sphere or a disk is 0. `all` returns the nearer hit of a sphere, `crossings` both.
         """
         return self._scene.mesh(tier, preset)
 
@@ -361,13 +361,19 @@ class Prepared:
         return self._scene.names()[2]
 
     def first(
-        self, origins: ArrayLike, directions: ArrayLike, max_distance: ArrayLike | None = None
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        max_distance: ArrayLike | None = None,
+        *,
+        objects: ArrayLike | None = None,
+        cull_back_faces: bool = False,
     ) -> Hits:
         """The closest hits of rays in the scene's coordinates, as Mesh.first() returns them, in tier `double`; pictures
         have that of the option `numerics`. The tree for them is built at the first call."""
         if self._mesh is None:
             self._mesh = self._scene.mesh("double", "balanced")
-        return self._mesh.first(origins, directions, max_distance)
+        return self._mesh.first(origins, directions, max_distance, objects=objects, cull_back_faces=cull_back_faces)
 
     def _named(self, camera: Camera | None, options: Mapping[str, Any]):
         given = {} if camera is None else {"camera": camera}

@@ -3,9 +3,12 @@
 
 mod arrays;
 mod camera;
+mod hits;
 mod mesh;
 mod picture;
+mod rays;
 mod scene;
+mod state;
 mod threads;
 
 use std::ffi::{CString, OsString};
@@ -131,6 +134,7 @@ fn _kiln(module: &Bound<PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("KilnWarning", module.py().get_type::<KilnWarning>())?;
     module.add_class::<mesh::Mesh>()?;
+    module.add_class::<hits::Found>()?;
     module.add_class::<scene::Scene>()?;
     module.add_class::<picture::Picture>()?;
     module.add_class::<picture::Aovs>()?;

@@ -1,25 +1,27 @@
 //! `kiln.Mesh`: ray and point queries of triangles.
 
-use kiln::bvh::{
-    Bvh, CoarseRounding, InvalidRays, Lists, NotClosed, NotFinite, Preset, Primitive, RayArrays, RayList,
-    SignedHit, Traversal,
-};
-use kiln::geometry::{Hit, Numerics, PrimId, Ray, RayBuffer, Side};
+use std::sync::{Arc, PoisonError, RwLock};
+
+use kiln::bvh::{Bvh, ClosestPoint, NotClosed, Preset, Primitive, RayList, SignedHit, Traversal};
+use kiln::geometry::{PrimId, Side};
 use kiln::glam::DVec3;
-use numpy::{PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2, PyUntypedArrayMethods};
-use pyo3::exceptions::PyValueError;
+use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use rayon::prelude::*;
 
 use crate::arrays::{
-    any, check_finite, check_shape, chunks, in_shape, numbers, per_ray, rows, triangles, vector, vectors,
-    vectors_of, zeros,
+    any, check_finite, check_rows, chunks, in_shape, numbers, rows, triangles, vector, vectors, vectors_of,
+    zeros,
 };
+use crate::hits::{Columns, Found, result, set};
+use crate::rays::{Filter, RayArguments, lists_of};
+use crate::state::{State, named};
 use crate::threads::{in_ranges, in_threads};
 use crate::warn;
 
-/// Triangles for ray and point queries, immutable, for any number of threads.
+/// Triangles for ray and point queries, for any number of threads.
 ///
 /// Mesh(vertices, faces, *, tier="double", preset="balanced")
 ///
@@ -33,238 +35,78 @@ use crate::warn;
 /// threads (RAYON_NUM_THREADS). Raises ValueError for arguments of another shape or type and for numbers that are not
 /// finite. Where (n, 3) is said, any shape (..., 3) is taken, results have its leading dimensions, and one vector (3,) of
 /// origins or directions goes with all rays.
-#[pyclass(frozen, module = "kiln")]
+#[pyclass(frozen, subclass, module = "kiln")]
 pub(crate) struct Mesh {
-    bvh: Bvh,
-    primitives: usize,
+    /// What queries are answered from: each takes it once. Replaced as a whole, and locked for that alone.
+    state: RwLock<Arc<State>>,
+    /// Of a mesh that is made from arrays.
+    arrays: Option<Arc<Arrays>>,
 }
 
-/// Output arrays of hits.
-struct Columns<'py> {
-    triangle: PyReadwriteArray1<'py, i64>,
-    distance: PyReadwriteArray1<'py, f64>,
-    location: PyReadwriteArray2<'py, f64>,
-    barycentrics: PyReadwriteArray2<'py, f64>,
+/// What remains of the arrays that a mesh is made from, and how it is built.
+struct Arrays {
+    vertices: usize,
+    faces: Vec<[u32; 3]>,
+    preset: Preset,
 }
 
-/// The elements of [`Columns`], or of consecutive rows.
-struct Slices<'a> {
-    triangle: &'a mut [i64],
-    distance: &'a mut [f64],
-    location: &'a mut [[f64; 3]],
-    barycentrics: &'a mut [[f64; 3]],
+/// The triangles of vertices.
+fn corners(faces: &[[u32; 3]], vertices: &[[f64; 3]]) -> impl ExactSizeIterator<Item = Primitive> + Send {
+    faces.iter().map(|face| face.map(|index| vertices[index as usize]).into())
 }
 
-impl<'a> Slices<'a> {
-    /// Removes the first `count` rows, of which there must be as many, and returns them.
-    fn split_first(&mut self, count: usize) -> Self {
-        fn split<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
-            slice.split_off_mut(..count).unwrap_or_default()
-        }
-        Slices {
-            triangle: split(&mut self.triangle, count),
-            distance: split(&mut self.distance, count),
-            location: split(&mut self.location, count),
-            barycentrics: split(&mut self.barycentrics, count),
-        }
-    }
-
-    fn into_iter(self) -> impl Iterator<Item = Row<'a>> {
-        let of_ray = self.triangle.iter_mut().zip(self.distance);
-        let of_place = self.location.iter_mut().zip(self.barycentrics);
-        of_ray.zip(of_place).map(|((triangle, distance), (location, barycentrics))| {
-            (triangle, distance, location, barycentrics)
-        })
-    }
-
-    fn into_par_iter(self) -> impl IndexedParallelIterator<Item = Row<'a>> {
-        (self.triangle, self.distance, self.location, self.barycentrics).into_par_iter()
-    }
-}
-
-/// The elements of a hit in [`Columns`].
-type Row<'a> = (&'a mut i64, &'a mut f64, &'a mut [f64; 3], &'a mut [f64; 3]);
-
-impl<'py> Columns<'py> {
-    fn new(py: Python<'py>, len: usize) -> PyResult<Self> {
-        let (triangle, distance) = (zeros(py, [len])?, zeros(py, [len])?);
-        Ok(Columns { triangle, distance, location: zeros(py, [len, 3])?, barycentrics: zeros(py, [len, 3])? })
-    }
-
-    fn slices(&mut self) -> PyResult<Slices<'_>> {
-        Ok(Slices {
-            triangle: self.triangle.as_slice_mut()?,
-            distance: self.distance.as_slice_mut()?,
-            location: vectors(&mut self.location)?,
-            barycentrics: vectors(&mut self.barycentrics)?,
-        })
-    }
-
-    fn arrays(&self) -> [Bound<'py, PyAny>; 4] {
-        [any(&self.triangle), any(&self.distance), any(&self.location), any(&self.barycentrics)]
-    }
-}
-
-/// Writes the hit of a ray, or a miss.
-#[inline]
-fn set((triangle, distance, location, barycentrics): &mut Row, ray: &Ray, hit: Option<&Hit>) {
-    let Some(hit) = hit else {
-        (**triangle, **distance) = (-1, f64::NAN);
-        [**location, **barycentrics] = [[f64::NAN; 3]; 2];
-        return;
-    };
-    let [v, w] = hit.barycentrics;
-    (**triangle, **distance) = (hit.prim.0.into(), hit.t);
-    [**location, **barycentrics] = [ray.at(hit.t).to_array(), [1.0 - v - w, v, w]];
-}
-
-/// Vectors of an argument: a row for each ray, or one vector for all of them.
-enum Rows<'py> {
-    Each(PyReadonlyArray2<'py, f64>),
-    Same(Vec<[f64; 3]>),
-}
-
-impl Rows<'_> {
-    fn get(&self) -> PyResult<&[[f64; 3]]> {
-        match self {
-            Rows::Each(array) => chunks(array),
-            Rows::Same(rows) => Ok(rows),
-        }
-    }
-}
-
-/// The arguments of a query of rays.
-struct RayArguments<'py> {
-    origins: Rows<'py>,
-    directions: Rows<'py>,
-    max_distance: Option<Vec<f64>>,
-    /// The shape of the arrays of rays, without the dimension of vectors.
+/// The points of an argument.
+struct Points<'py> {
+    rows: PyReadonlyArray2<'py, f64>,
+    /// Their shape without the dimension of vectors.
     shape: Vec<usize>,
 }
 
-impl<'py> RayArguments<'py> {
-    /// Arrays of the same shape (..., 3). One vector (3,) goes with each of the other argument.
-    fn new(
-        origins: &Bound<'py, PyAny>,
-        directions: &Bound<'py, PyAny>,
-        max_distance: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Self> {
-        let ((origins, of_origins), (directions, of_directions)) =
-            (vectors_of(origins, "origins")?, vectors_of(directions, "directions")?);
-        let shape = if of_origins.is_empty() { of_directions.clone() } else { of_origins.clone() };
-        let count = shape.iter().product();
-        let rows = |array: PyReadonlyArray2<'py, f64>, own: &[usize]| match own.is_empty() {
-            true => chunks(&array).map(|one| Rows::Same(vec![one[0]; count])),
-            false => Ok(Rows::Each(array)),
-        };
-        if !of_directions.is_empty() {
-            check_shape(("directions", &of_directions), ("origins", &shape))?;
-        }
-        let (origins, directions) = (rows(origins, &of_origins)?, rows(directions, &of_directions)?);
-        let max_distance = max_distance.map(|value| per_ray(value, "max_distance", "origins", &shape));
-        Ok(RayArguments { origins, directions, max_distance: max_distance.transpose()?, shape })
+impl<'py> Points<'py> {
+    fn new(points: &Bound<'py, PyAny>) -> PyResult<Self> {
+        let (rows, shape) = vectors_of(points, "points")?;
+        check_finite::<3>(chunks(&rows)?, "points")?;
+        Ok(Points { rows, shape })
     }
 
-    /// The rays, checked.
-    fn rays(&self, py: Python, bvh: &Bvh) -> PyResult<RayArrays<'_>> {
-        let [origins, directions] = [self.origins.get()?, self.directions.get()?];
-        let t_max = self.max_distance.as_deref();
-        in_threads(py, || bvh.rays(origins, directions, t_max))?.map_err(|error| match error {
-            InvalidRays::Ray { index, why } => invalid(index, why),
-            other => PyValueError::new_err(other.to_string()),
-        })
+    fn get(&self) -> PyResult<&[DVec3]> {
+        Ok(bytemuck::cast_slice(chunks::<3>(&self.rows)?))
     }
 
-    /// The rays, checked, if they are so few that starting threads would take longer than tracing them.
-    fn few(&self, bvh: &Bvh) -> PyResult<Option<RayBuffer>> {
-        let [origins, directions] = [self.origins.get()?, self.directions.get()?];
-        if origins.len() > FEW {
-            return Ok(None);
-        }
-        let mut rays = RayBuffer::default();
-        for (row, (&origin, &direction)) in origins.iter().zip(directions).enumerate() {
-            let t_max = match self.max_distance.as_deref() {
-                None => f64::INFINITY,
-                Some(&[one]) => one,
-                Some(each) => each[row],
-            };
-            rays.push(&bvh.ray_within(origin, direction, t_max).map_err(|why| invalid(row, why))?);
-        }
-        Ok(Some(rays))
+    /// The results of `query` for all points.
+    fn results<R: Send>(&self, query: impl Fn(&[DVec3]) -> Vec<R> + Sync) -> PyResult<Vec<R>> {
+        let points = self.get()?;
+        let mut results = Vec::with_capacity(points.len());
+        in_ranges(self.rows.py(), points.len(), |range| results.extend(query(&points[range])))?;
+        Ok(results)
     }
 }
 
-/// The most rays that are traced by the calling thread.
-const FEW: usize = 64;
-
-/// The exception of an invalid ray.
-fn invalid(row: usize, why: NotFinite) -> PyErr {
-    let argument = match why {
-        NotFinite::Direction => "directions",
-        NotFinite::Distance | NotFinite::MinDistance => "max_distance",
-        _ => "origins",
-    };
-    PyValueError::new_err(format!("{argument}: row {row}: {why}"))
-}
-
-/// Lists of results of consecutive ranges of rays, each with the index of its first ray.
-type RangeLists<T> = Vec<(usize, Lists<T>)>;
-
-/// The lists of `query` for all rays, and the number of their values.
-fn lists_of<'a, T: Send>(
-    py: Python,
-    rays: &RayArrays<'a>,
-    query: impl Fn(RayArrays<'a>) -> Lists<T> + Sync,
-) -> PyResult<(RangeLists<T>, usize)> {
-    let mut lists = Vec::new();
-    in_ranges(py, rays.len(), |range| lists.push((range.start, query(rays.slice(range)))))?;
-    let count = lists.iter().map(|(_, lists)| lists.values()).sum();
-    Ok((lists, count))
-}
-
-/// A named tuple of `kiln._results`.
-fn result<'py>(
-    py: Python<'py>,
-    name: &str,
-    fields: impl IntoIterator<Item = Bound<'py, PyAny>, IntoIter: ExactSizeIterator>,
-) -> PyResult<Bound<'py, PyAny>> {
-    py.import("kiln._results")?.getattr(name)?.call1(PyTuple::new(py, fields)?)
-}
-
-/// The tier and the preset of their names.
-fn named(tier: &str, preset: &str) -> PyResult<(Numerics, Preset)> {
-    let unknown = |argument: &str, given: &str, known: Vec<&str>| {
-        PyValueError::new_err(format!("{argument}: `{given}` is none of {}", known.join(", ")))
-    };
-    let numerics = Numerics::named(tier);
-    let numerics =
-        numerics.ok_or_else(|| unknown("tier", tier, Numerics::ALL.map(Numerics::name).to_vec()))?;
-    let known = Preset::named(preset);
-    let preset = known.ok_or_else(|| unknown("preset", preset, Preset::ALL.map(Preset::name).to_vec()))?;
-    Ok((numerics, preset))
+/// A maximum distance from a point; infinite if it is not given.
+fn max_distance_of(value: Option<f64>) -> PyResult<f64> {
+    match value {
+        None => Ok(f64::INFINITY),
+        Some(distance) if distance >= 0.0 => Ok(distance),
+        Some(distance) => Err(PyValueError::new_err(format!("max_distance: {distance} is not 0 or more"))),
+    }
 }
 
 impl Mesh {
-    /// A mesh of any primitives.
-    pub(crate) fn of(
-        py: Python,
-        primitives: impl ExactSizeIterator<Item = Primitive> + Send,
-        (tier, preset): (&str, &str),
-    ) -> PyResult<Self> {
-        let (numerics, preset) = named(tier, preset)?;
-        let count = primitives.len();
-        let mut rounding = CoarseRounding::new(numerics);
-        let ids = (0..).map(PrimId);
-        let seen = primitives.zip(ids).map(|(primitive, id)| {
-            rounding.add(id, &primitive);
-            primitive
-        });
-        let bvh = in_threads(py, || Bvh::with(seen, preset, numerics))?;
-        let bvh = bvh.map_err(|why| PyValueError::new_err(format!("vertices: {why}")))?;
-        if rounding.triangles > 0 {
-            warn(py, &rounding.to_string())?;
-        }
-        Ok(Mesh { bvh, primitives: count })
+    /// A mesh whose queries are answered from `state`.
+    pub(crate) fn of(state: State) -> Self {
+        Mesh { state: RwLock::new(Arc::new(state)), arrays: None }
+    }
+
+    /// What queries are answered from now.
+    pub(crate) fn now(&self) -> Arc<State> {
+        Arc::clone(&self.state.read().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Replaces what later queries are answered from.
+    pub(crate) fn replace(&self, state: State) {
+        let mut state = Arc::new(state);
+        // The lock is released before the earlier state is dropped.
+        std::mem::swap(&mut *self.state.write().unwrap_or_else(PoisonError::into_inner), &mut state);
     }
 
     /// The results of `query` for the points, and the shape of these without the dimension of vectors. Before that, warns of
@@ -275,20 +117,15 @@ impl Mesh {
         needs_inside: bool,
         query: impl Fn(&Bvh, &[DVec3]) -> Vec<R> + Sync,
     ) -> PyResult<(Vec<R>, Vec<usize>)> {
-        let py = points.py();
-        let (array, shape) = vectors_of(points, "points")?;
-        let rows: &[[f64; 3]] = chunks(&array)?;
-        check_finite(rows, "points")?;
+        let (py, points) = (points.py(), Points::new(points)?);
+        let State { bvh, .. } = &*self.now();
         if needs_inside {
-            let closedness = in_threads(py, || self.bvh.closedness())?;
+            let closedness = in_threads(py, || bvh.closedness())?;
             if !closedness.is_closed() {
                 warn(py, &NotClosed(closedness).to_string())?;
             }
         }
-        let points: &[DVec3] = bytemuck::cast_slice(rows);
-        let mut results = Vec::with_capacity(points.len());
-        in_ranges(py, points.len(), |range| results.extend(query(&self.bvh, &points[range])))?;
-        Ok((results, shape))
+        Ok((points.results(|points| query(bvh, points))?, points.shape))
     }
 }
 
@@ -303,107 +140,189 @@ impl Mesh {
         let faces = triangles(faces, "faces", vertices.shape()[0])?;
         let vertices: &[[f64; 3]] = chunks(&vertices)?;
         check_finite(vertices, "vertices")?;
-        let corners = faces.iter().map(|face| face.map(|index| vertices[index as usize]).into());
-        Mesh::of(py, corners, (tier, preset))
+        let (numerics, preset) = named(tier, preset)?;
+        let state = State::of_triangles(py, corners(&faces, vertices), (numerics, preset))?;
+        let arrays = Arrays { vertices: vertices.len(), faces, preset };
+        Ok(Mesh { arrays: Some(Arc::new(arrays)), ..Mesh::of(state) })
     }
 
-    /// The mesh itself, which does not change.
-    fn __copy__(slf: Py<Self>) -> Py<Self> {
-        slf
+    /// Moves the vertices of a mesh that was made from arrays. The tree is refitted, or built anew where that would make
+    /// queries slow; hits are those of a new mesh. Queries that run, and their results, are of the earlier positions. The
+    /// mesh is unchanged if it raises.
+    ///
+    /// vertices: float64 of the same shape as before.
+    fn update(&self, vertices: &Bound<PyAny>) -> PyResult<()> {
+        let py = vertices.py();
+        let Some(arrays) = &self.arrays else {
+            return Err(PyValueError::new_err("only a mesh of vertices and faces is updated by vertices"));
+        };
+        let vertices = numbers(vertices, "vertices", 3)?;
+        let vertices: &[[f64; 3]] = chunks(&vertices)?;
+        check_rows(("vertices", vertices.len()), ("the mesh", arrays.vertices))?;
+        check_finite(vertices, "vertices")?;
+        let numerics = self.now().bvh.accelerator().numerics();
+        let moved = corners(&arrays.faces, vertices);
+        self.replace(State::of_triangles(py, moved, (numerics, arrays.preset))?);
+        Ok(())
     }
 
-    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<PyAny>) -> Py<Self> {
-        slf
+    /// A mesh of its own; it shares memory with this one until either is updated.
+    fn __copy__(&self) -> Self {
+        Mesh { state: RwLock::new(self.now()), arrays: self.arrays.clone() }
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<PyAny>) -> Self {
+        self.__copy__()
     }
 
     /// The number of triangles.
     fn __len__(&self) -> usize {
-        self.primitives
+        self.now().primitives
     }
 
     fn __repr__(&self) -> String {
-        format!("<kiln.Mesh of {} triangles, tier {}>", self.primitives, self.tier())
+        format!("<kiln.Mesh of {} triangles, tier {}>", self.__len__(), self.tier())
     }
 
     /// The arithmetic that decides hits.
     #[getter]
     fn tier(&self) -> &'static str {
-        self.bvh.accelerator().numerics().name()
+        self.now().bvh.accelerator().numerics().name()
     }
 
     /// The closest hit of every ray: Hits of n rows, with the triangle -1 and nan for a ray that hits nothing. Of hits
     /// at equal distance, the one of the lowest triangle, but in tier "fast".
     ///
     /// origins, directions: (n, 3) float64. max_distance: a number or (n,) float64 above 0, infinite by default. Hits
-    /// are at 0 < distance < max_distance: a ray from a point of the surface does not hit it there.
-    #[pyo3(signature = (origins, directions, max_distance = None))]
+    /// are at 0 < distance < max_distance: a ray from a point of the surface does not hit it there. objects: indices of
+    /// objects, or a bool for each; others are passed. cull_back_faces: whether faces seen from the back are passed.
+    #[pyo3(signature = (origins, directions, max_distance = None, *, objects = None, cull_back_faces = false))]
     fn first<'py>(
         &self,
         origins: &Bound<'py, PyAny>,
         directions: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
+        objects: Option<&Bound<'py, PyAny>>,
+        cull_back_faces: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = origins.py();
         let arguments = RayArguments::new(origins, directions, max_distance)?;
+        let state = self.now();
+        let filter = Filter::new(&state, objects, cull_back_faces)?;
         let mut columns = Columns::new(py, arguments.shape.iter().product())?;
-        if let Some(rays) = arguments.few(&self.bvh)? {
+        let few = if filter.is_some() { None } else { arguments.few(&state.bvh)? };
+        if let Some(rays) = few {
             let rays = rays.rays();
-            let hits = py.detach(|| self.bvh.closest_hits(rays, &mut Traversal::default()));
+            let hits = py.detach(|| state.bvh.closest_hits(rays, &mut Traversal::default()));
             for ((mut row, ray), hit) in columns.slices()?.into_iter().zip(rays.iter()).zip(hits.iter()) {
-                set(&mut row, &ray, hit.as_ref());
+                set(&mut row, &state, &ray, hit.as_ref());
             }
         } else {
-            let rays = arguments.rays(py, &self.bvh)?;
+            let rays = arguments.rays(py, &state.bvh)?;
             let mut rows = columns.slices()?;
             in_ranges(py, rays.len(), |range| {
                 let places = rows.split_first(range.len()).into_par_iter();
                 let rays = rays.slice(range);
-                self.bvh.par_each_closest_hit(&rays, places, |row, ray, hit| set(row, ray, hit.as_ref()));
+                match &filter {
+                    None => state.bvh.par_each_closest_hit(&rays, places, |row, ray, hit| {
+                        set(row, &state, ray, hit.as_ref());
+                    }),
+                    Some(filter) => {
+                        let hits =
+                            state.bvh.par_closest_hits_by(rays, |ray, hit| filter.accepts(&state, ray, hit));
+                        places.zip(hits).enumerate().for_each(|(index, (mut row, hit))| {
+                            set(&mut row, &state, &rays.get(index), hit.as_ref());
+                        });
+                    }
+                }
             })?;
         }
-        let arrays = columns.arrays().map(|array| in_shape(array, &arguments.shape));
-        let [triangle, distance, location, barycentrics] = arrays;
-        result(py, "Hits", [triangle?, distance?, location?, barycentrics?])
+        columns.result(None, state, arguments.shape)
     }
 
     /// Whether each ray hits anything: (n,) bool. Arguments as for `first`.
-    #[pyo3(signature = (origins, directions, max_distance = None))]
+    #[pyo3(signature = (origins, directions, max_distance = None, *, objects = None, cull_back_faces = false))]
     fn any<'py>(
         &self,
         origins: &Bound<'py, PyAny>,
         directions: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
+        objects: Option<&Bound<'py, PyAny>>,
+        cull_back_faces: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = origins.py();
         let arguments = RayArguments::new(origins, directions, max_distance)?;
+        let state = self.now();
+        let filter = Filter::new(&state, objects, cull_back_faces)?;
+        let few = if filter.is_some() { None } else { arguments.few(&state.bvh)? };
         let mut occluded = Vec::new();
-        if let Some(rays) = arguments.few(&self.bvh)? {
-            occluded = py.detach(|| self.bvh.are_occluded(rays.rays(), &mut Traversal::default()));
+        if let Some(rays) = few {
+            occluded = py.detach(|| state.bvh.are_occluded(rays.rays(), &mut Traversal::default()));
         } else {
-            let rays = arguments.rays(py, &self.bvh)?;
+            let rays = arguments.rays(py, &state.bvh)?;
             occluded.reserve_exact(rays.len());
             in_ranges(py, rays.len(), |range| {
-                occluded.extend(self.bvh.par_are_occluded(rays.slice(range)));
+                let rays = rays.slice(range);
+                match &filter {
+                    None => occluded.extend(state.bvh.par_are_occluded(rays)),
+                    Some(filter) => {
+                        let hits =
+                            state.bvh.par_closest_hits_by(rays, |ray, hit| filter.accepts(&state, ray, hit));
+                        occluded.extend(hits.iter().map(Option::is_some));
+                    }
+                }
             })?;
         }
         in_shape(vector(py, occluded), &arguments.shape)
+    }
+
+    /// The number of hits of each ray, those of `all`: (n,) int64. Arguments as for `first`.
+    #[pyo3(signature = (origins, directions, max_distance = None, *, objects = None, cull_back_faces = false))]
+    fn count<'py>(
+        &self,
+        origins: &Bound<'py, PyAny>,
+        directions: &Bound<'py, PyAny>,
+        max_distance: Option<&Bound<'py, PyAny>>,
+        objects: Option<&Bound<'py, PyAny>>,
+        cull_back_faces: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let py = origins.py();
+        let arguments = RayArguments::new(origins, directions, max_distance)?;
+        let state = self.now();
+        let filter = Filter::new(&state, objects, cull_back_faces)?;
+        let rays = arguments.rays(py, &state.bvh)?;
+        let mut counts: Vec<i64> = Vec::with_capacity(rays.len());
+        in_ranges(py, rays.len(), |range| {
+            let of_rays = state.bvh.par_hit_counts(rays.slice(range), |ray, hit| {
+                filter.as_ref().is_none_or(|filter| filter.accepts(&state, ray, hit))
+            });
+            counts.extend(of_rays.into_iter().map(|count| count as i64));
+        })?;
+        in_shape(vector(py, counts), &arguments.shape)
     }
 
     /// Every hit of every ray: AllHits, sorted by ray, then distance, then triangle. A ray through an edge or a corner
     /// hits every triangle there; `crossings` counts it once. A sphere has its nearer hit alone. In tier "exact", whose
     /// `first` compares exact distances, hits whose distances round to nearly the same may be in another order.
     /// Arguments as for `first`.
-    #[pyo3(signature = (origins, directions, max_distance = None))]
+    #[pyo3(signature = (origins, directions, max_distance = None, *, objects = None, cull_back_faces = false))]
     fn all<'py>(
         &self,
         origins: &Bound<'py, PyAny>,
         directions: &Bound<'py, PyAny>,
         max_distance: Option<&Bound<'py, PyAny>>,
+        objects: Option<&Bound<'py, PyAny>>,
+        cull_back_faces: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = origins.py();
         let arguments = RayArguments::new(origins, directions, max_distance)?;
-        let rays = arguments.rays(py, &self.bvh)?;
-        let (lists, count) = lists_of(py, &rays, |rays| self.bvh.par_all_hits(rays))?;
+        let state = self.now();
+        let filter = Filter::new(&state, objects, cull_back_faces)?;
+        let rays = arguments.rays(py, &state.bvh)?;
+        let (lists, count) = lists_of(py, &rays, |rays| match &filter {
+            None => state.bvh.par_all_hits(rays),
+            Some(filter) => state.bvh.par_all_hits_by(rays, |ray, hit| filter.accepts(&state, ray, hit)),
+        })?;
         let (mut index, mut columns) = (zeros(py, [count])?, Columns::new(py, count)?);
         let (mut indices, mut rows) = (index.as_slice_mut()?, columns.slices()?);
         in_threads(py, || {
@@ -412,12 +331,11 @@ impl Mesh {
                 let places = own.par_iter_mut().zip(rows.split_first(all.values()).into_par_iter());
                 all.par_each(places, |(index, mut row), ray, hit| {
                     *index = (start + ray) as i64;
-                    set(&mut row, &rays.get(start + ray), Some(hit));
+                    set(&mut row, &state, &rays.get(start + ray), Some(hit));
                 });
             }
         })?;
-        let [triangle, distance, location, barycentrics] = columns.arrays();
-        result(py, "AllHits", [any(&index), triangle, distance, location, barycentrics])
+        columns.result(Some(any(&index)), state, vec![count])
     }
 
     /// Every crossing of every ray and the surface, once each, also through edges and corners: Crossings, sorted by
@@ -433,14 +351,16 @@ impl Mesh {
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = origins.py();
         let arguments = RayArguments::new(origins, directions, max_distance)?;
-        let rays = arguments.rays(py, &self.bvh)?;
-        let (lists, len) = lists_of(py, &rays, |rays| self.bvh.par_crossings(rays))?;
+        let state = self.now();
+        let rays = arguments.rays(py, &state.bvh)?;
+        let (lists, len) = lists_of(py, &rays, |rays| state.bvh.par_crossings(rays))?;
         let [mut index, mut triangle] = [zeros(py, [len])?, zeros(py, [len])?];
         let (mut distance, mut location) = (zeros(py, [len])?, zeros(py, [len, 3])?);
-        let mut entering = zeros(py, [len])?;
+        let (mut entering, mut place) = (zeros(py, [len])?, zeros(py, [len, 1])?);
         let (indices, triangles, distances) =
             (index.as_slice_mut()?, triangle.as_slice_mut()?, distance.as_slice_mut()?);
-        let (locations, sides) = (vectors(&mut location)?, entering.as_slice_mut()?);
+        let (locations, sides, prims) =
+            (vectors(&mut location)?, entering.as_slice_mut()?, place.as_slice_mut()?);
         in_threads(py, || {
             let mut end = 0;
             for (start, all) in lists {
@@ -451,20 +371,22 @@ impl Mesh {
                     &mut triangles[own.clone()],
                     &mut distances[own.clone()],
                     &mut locations[own.clone()],
-                    &mut sides[own],
+                    &mut sides[own.clone()],
+                    &mut prims[own],
                 );
-                let write = |place: (&mut i64, &mut i64, &mut f64, &mut [f64; 3], &mut bool),
-                             ray: usize,
-                             crossing: &SignedHit| {
+                type Place<'a> =
+                    (&'a mut i64, &'a mut i64, &'a mut f64, &'a mut [f64; 3], &'a mut bool, &'a mut u32);
+                let write = |place: Place, ray: usize, crossing: &SignedHit| {
                     let (SignedHit { t, prim, side, .. }, ray) = (*crossing, start + ray);
-                    (*place.0, *place.1, *place.2) = (ray as i64, prim.0.into(), t);
+                    (*place.0, *place.1, *place.2) = (ray as i64, state.locate(prim).1.into(), t);
                     (*place.3, *place.4) = (rays.get(ray).at(t).to_array(), side == Side::Entering);
+                    *place.5 = prim.0;
                 };
                 all.par_each(places.into_par_iter(), write);
             }
         })?;
         let fields = [any(&index), any(&triangle), any(&distance), any(&location), any(&entering)];
-        result(py, "Crossings", fields)
+        Found::result("Crossings", fields, state, place, vec![len])
     }
 
     /// Whether points are inside the surface: (n,) bool, whether the winding number is not 0. Exact for a closed
@@ -515,19 +437,95 @@ impl Mesh {
         in_shape(vector(points.py(), numbers), &shape)
     }
 
-    /// The closest points of the surface: ClosestPoints of n rows, with the triangle -1 and nan for a mesh without
-    /// triangles. points: (n, 3) float64.
-    fn closest_point<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        let (found, shape) = self.with_points(points, false, Bvh::par_closest_points)?;
-        let py = points.py();
+    /// The closest points of the surface: ClosestPoints of n rows, with the triangle -1 and nan where there is none: for
+    /// a mesh without triangles, and farther than max_distance, which saves time. points: (n, 3) float64.
+    #[pyo3(signature = (points, max_distance = None))]
+    fn closest_point<'py>(
+        &self,
+        points: &Bound<'py, PyAny>,
+        max_distance: Option<f64>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (py, points) = (points.py(), Points::new(points)?);
+        let (state, limit) = (self.now(), max_distance_of(max_distance)?);
+        let found = points.results(|points| state.bvh.par_closest_points_within(points, limit))?;
         let location =
             found.iter().map(|closest| closest.map_or([f64::NAN; 3], |closest| closest.point.to_array()));
         let distance = found.iter().map(|closest| closest.map_or(f64::NAN, |closest| closest.distance));
-        let triangle = found.iter().map(|closest| closest.map_or(-1, |closest| i64::from(closest.prim.0)));
+        let triangle =
+            found.iter().map(|closest| closest.map_or(-1, |closest| state.locate(closest.prim).1.into()));
         let (location, distance) = (rows(py, location.collect())?, vector(py, distance.collect()));
         let fields = [location, distance, vector(py, triangle.collect::<Vec<i64>>())];
-        let [location, distance, triangle] = fields.map(|array| in_shape(array, &shape));
-        result(py, "ClosestPoints", [location?, distance?, triangle?])
+        let places = Found::places(py, found.iter().map(|closest| closest.map(|closest| closest.prim)))?;
+        Found::result("ClosestPoints", fields, state, places, points.shape)
+    }
+
+    /// The triangles near points, each with its closest point: NearPoints, sorted by point, then distance, then triangle.
+    ///
+    /// points: (n, 3) float64. count: the most triangles of each point; all within max_distance if it is None, and one
+    /// of both is needed. max_distance: a number; infinite by default.
+    #[pyo3(signature = (points, count = None, max_distance = None))]
+    fn nearest<'py>(
+        &self,
+        points: &Bound<'py, PyAny>,
+        count: Option<usize>,
+        max_distance: Option<f64>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (py, points) = (points.py(), Points::new(points)?);
+        if count.is_none() && max_distance.is_none() {
+            return Err(PyValueError::new_err("count: give it, max_distance, or both"));
+        }
+        let (count, limit) = (count.unwrap_or(usize::MAX), max_distance_of(max_distance)?);
+        let state = self.now();
+        let (rows_of_points, mut found) = (points.get()?, Vec::new());
+        in_ranges(py, rows_of_points.len(), |range| {
+            let lists = state.bvh.par_nearest(&rows_of_points[range.clone()], count, limit);
+            let of_point = |(index, list): (usize, &[ClosestPoint])| {
+                list.iter().map(|near| (index, *near)).collect::<Vec<_>>()
+            };
+            found.extend(range.zip(lists.iter()).flat_map(of_point));
+        })?;
+        let point: Vec<i64> = found.iter().map(|(index, _)| *index as i64).collect();
+        let triangle: Vec<i64> = found.iter().map(|(_, near)| state.locate(near.prim).1.into()).collect();
+        let distance: Vec<f64> = found.iter().map(|(_, near)| near.distance).collect();
+        let location = rows(py, found.iter().map(|(_, near)| near.point.to_array()).collect())?;
+        let fields = [vector(py, point), vector(py, triangle), vector(py, distance), location];
+        let places = Found::places(py, found.iter().map(|(_, near)| Some(near.prim)))?;
+        Found::result("NearPoints", fields, state, places, vec![found.len()])
+    }
+
+    /// The triangles that have a point in a box, its border included: Primitives, sorted by object, then triangle. Exact. Of
+    /// spheres and disks, those whose bounds have one.
+    ///
+    /// min, max: (3,) float64, the corners of the box.
+    fn in_box<'py>(&self, min: &Bound<'py, PyAny>, max: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        let py = min.py();
+        let corner = |value: &Bound<PyAny>, name: &str| match vectors_of(value, name)? {
+            (array, shape) if shape.is_empty() => Ok(DVec3::from(chunks(&array)?[0])),
+            (_, shape) => Err(PyValueError::new_err(format!("{name}: expected one vector, not {shape:?}"))),
+        };
+        let [min, max] = [corner(min, "min")?, corner(max, "max")?];
+        if !min.cmple(max).all() {
+            return Err(PyValueError::new_err(format!("max: {max} is not above {min} on each axis")));
+        }
+        let state = self.now();
+        let found = in_threads(py, || state.bvh.in_box(min, max, &mut Traversal::default()))?;
+        result(py, "Primitives", located(py, &state, found.into_iter()))
+    }
+
+    /// The pairs of a triangle of this mesh and one of another that have a point in common: Meeting, sorted by the
+    /// triangles of this mesh, then those of the other. Exact, also where they touch or lie in one plane; triangles without
+    /// area meet none.
+    fn meeting<'py>(&self, other: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        let py = other.py();
+        let Ok(other) = other.cast::<Mesh>() else {
+            let what = format!("other: expected a Mesh, not {}", other.get_type().name()?);
+            return Err(PyTypeError::new_err(what));
+        };
+        let [own, other] = [self.now(), other.get().now()];
+        let pairs = in_threads(py, || own.bvh.par_meeting_triangles(&other.bvh))?;
+        let [object, triangle] = located(py, &own, pairs.iter().map(|pair| pair[0]));
+        let [other_object, other_triangle] = located(py, &other, pairs.iter().map(|pair| pair[1]));
+        result(py, "Meeting", [triangle, other_triangle, object, other_object])
     }
 
     /// The distances of points from the surface, negative inside: (n,) float64; nan for a mesh without triangles. Warns
@@ -541,10 +539,24 @@ impl Mesh {
 
     /// The edges that keep the surface from being closed: Closedness. Computed at the first call.
     fn closedness<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let closedness = in_threads(py, || self.bvh.closedness())?;
+        let state = self.now();
+        let closedness = in_threads(py, || state.bvh.closedness())?;
         let counts = [closedness.boundary_edges, closedness.non_manifold_edges, closedness.unbalanced_edges];
         let counts = counts.map(|count| count.into_pyobject(py).map(Bound::into_any));
         let [boundary, non_manifold, unbalanced] = counts;
         result(py, "Closedness", [boundary?, non_manifold?, unbalanced?])
     }
+}
+
+/// The objects of primitives, and their indices in these.
+fn located<'py>(
+    py: Python<'py>,
+    state: &State,
+    primitives: impl Iterator<Item = PrimId>,
+) -> [Bound<'py, PyAny>; 2] {
+    let (objects, triangles): (Vec<i64>, Vec<i64>) = primitives
+        .map(|prim| state.locate(prim))
+        .map(|(object, triangle)| (object as i64, i64::from(triangle)))
+        .unzip();
+    [vector(py, objects), vector(py, triangles)]
 }

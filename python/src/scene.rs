@@ -14,6 +14,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyString;
 
 use crate::arrays::{FLOATS, check_finite, check_rows, chunks, converted, numbers, triangles};
+use crate::state::{State, named};
 use crate::{interruptible, raised, warn, warn_all};
 
 /// The value of an option; of these types, the first that fits.
@@ -166,9 +167,7 @@ impl Scene {
 
     /// The triangles and analytic shapes for queries.
     fn mesh(&self, py: Python, tier: &str, preset: &str) -> PyResult<crate::mesh::Mesh> {
-        let scene = self.now();
-        let primitives: Vec<_> = scene.primitives().collect();
-        crate::mesh::Mesh::of(py, primitives.into_iter(), (tier, preset))
+        Ok(crate::mesh::Mesh::of(State::of_scene(py, self.now(), named(tier, preset)?)?))
     }
 
     /// The number of triangles and analytic shapes.

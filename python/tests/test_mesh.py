@@ -204,9 +204,15 @@ with ThreadPoolExecutor(4) as pool:
     subprocess.run([sys.executable, "-c", program, folder], check=True, timeout=60)
 
 
-def test_a_copy_of_a_mesh_is_the_mesh():
-    mesh = kiln.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-    assert copy.copy(mesh) is mesh and copy.deepcopy([mesh])[0] is mesh
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy])
+def test_a_copy_of_a_mesh_is_updated_on_its_own(copied):
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
+    mesh, ray = kiln.Mesh(vertices, [[0, 1, 2]]), ([0.25, 0.25, 1], [0, 0, -1])
+    other = copied(mesh)
+    assert other.first(*ray).distance == 1
+    mesh.update(vertices - [0, 0, 1])
+    other.update(vertices - [0, 0, 2])
+    assert mesh.first(*ray).distance == 2 and other.first(*ray).distance == 3
 
 
 def test_distances_of_crossings_do_not_descend():

@@ -92,7 +92,7 @@ def test_rays_and_progress():
     origins, directions = kiln.pinhole_rays(K, pose, (64, 48))
     hits = prepared.first(origins.reshape(-1, 3), directions.reshape(-1, 3))
     # Rays beside edges may hit either triangle, or none, in the tier of pictures.
-    same = hits.triangle.reshape(48, 64) == aovs[0].aovs["primitive"]
+    same = hits.primitive.reshape(48, 64) == aovs[0].aovs["primitive"]
     assert same.mean() > 0.99
     hit = same & (hits.triangle.reshape(48, 64) >= 0)
     distances = hits.distance.reshape(48, 64)[hit]

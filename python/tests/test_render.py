@@ -71,7 +71,8 @@ def test_scenes_of_arrays():
     assert np.allclose(scene.bounds, [[-3, -1, -1], [4, 1, 1]])
     # Queries of the same scene, in its order.
     mesh = scene.mesh(tier="double")
-    assert mesh.first([[3.2, 0.2, -5]], [[0, 0, 1]]).triangle.tolist() == [len(faces)]
+    hits = mesh.first([[3.2, 0.2, -5]], [[0, 0, 1]])
+    assert hits.primitive.tolist() == [len(faces)] and (hits.object, hits.triangle) == ([1], [0])
     picture = kiln.render(scene, size=(90, 60), shading="flat", aovs=["object"])
     shown = picture.aovs["object"]
     # Flat colours are those of the material and of the vertices.

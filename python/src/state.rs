@@ -1,0 +1,142 @@
+//! What the queries of a mesh are answered from.
+
+use std::sync::Arc;
+
+use kiln::bvh::{Bvh, CoarseRounding, NotFinite, Preset, Primitive};
+use kiln::geometry::{Hit, Numerics, PrimId, Ray, SlotId};
+use kiln::glam::{DVec2, DVec3};
+use kiln::scene::Scene;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use crate::threads::in_threads;
+use crate::warn;
+
+/// An immutable structure of the primitives of objects.
+pub(crate) struct State {
+    pub bvh: Bvh,
+    /// The number of primitives.
+    pub primitives: usize,
+    /// The objects, in the order of their primitives. One without primitives has the first of the next.
+    pub objects: Vec<ObjectPart>,
+    /// The scene of these objects, if they are of one.
+    pub scene: Option<Arc<Scene>>,
+}
+
+/// The part of the primitives that is an object.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct ObjectPart {
+    /// Its first primitive.
+    pub first: u32,
+    /// Its index among the placements of the same mesh.
+    pub instance: u32,
+    /// Whether its triangles are seen clockwise from the front.
+    pub is_mirrored: bool,
+}
+
+/// The tier and the preset of their names.
+pub(crate) fn named(tier: &str, preset: &str) -> PyResult<(Numerics, Preset)> {
+    let unknown = |argument: &str, given: &str, known: Vec<&str>| {
+        PyValueError::new_err(format!("{argument}: `{given}` is none of {}", known.join(", ")))
+    };
+    let numerics = Numerics::named(tier);
+    let numerics =
+        numerics.ok_or_else(|| unknown("tier", tier, Numerics::ALL.map(Numerics::name).to_vec()))?;
+    let known = Preset::named(preset);
+    let preset = known.ok_or_else(|| unknown("preset", preset, Preset::ALL.map(Preset::name).to_vec()))?;
+    Ok((numerics, preset))
+}
+
+/// Calls `build` with the primitives in the pool, and warns of vertices that the tier rounds coarsely.
+pub(crate) fn built<R: Send>(
+    py: Python,
+    primitives: impl Iterator<Item = Primitive> + Send,
+    numerics: Numerics,
+    build: impl FnOnce(&mut (dyn Iterator<Item = Primitive> + Send)) -> Result<R, NotFinite> + Send,
+) -> PyResult<R> {
+    let mut rounding = CoarseRounding::new(numerics);
+    let mut seen = primitives.zip((0..).map(PrimId)).map(|(primitive, id)| {
+        rounding.add(id, &primitive);
+        primitive
+    });
+    let result = in_threads(py, || build(&mut seen))?;
+    drop(seen);
+    let result = result.map_err(|why| PyValueError::new_err(format!("vertices: {why}")))?;
+    if rounding.triangles > 0 {
+        warn(py, &rounding.to_string())?;
+    }
+    Ok(result)
+}
+
+impl State {
+    /// The triangles of one object.
+    pub(crate) fn of_triangles(
+        py: Python,
+        triangles: impl ExactSizeIterator<Item = Primitive> + Send,
+        (numerics, preset): (Numerics, Preset),
+    ) -> PyResult<Self> {
+        let primitives = triangles.len();
+        let bvh = built(py, triangles, numerics, |seen| Bvh::with(seen, preset, numerics))?;
+        Ok(State { bvh, primitives, objects: vec![ObjectPart::default()], scene: None })
+    }
+
+    /// The primitives of a scene.
+    pub(crate) fn of_scene(
+        py: Python,
+        scene: Arc<Scene>,
+        (numerics, preset): (Numerics, Preset),
+    ) -> PyResult<Self> {
+        let mut primitives = 0;
+        let part = |(object, instance): (&kiln::scene::Object, u32)| {
+            let first = primitives as u32;
+            primitives += object.shape.primitive_count();
+            ObjectPart { first, instance, is_mirrored: object.shape.is_mirrored() }
+        };
+        let objects = scene.objects.iter().zip(scene.placement_indices()).map(part).collect();
+        let of_scene: Vec<Primitive> = scene.primitives().collect();
+        let bvh = built(py, of_scene.into_iter(), numerics, |seen| Bvh::with(seen, preset, numerics))?;
+        Ok(State { bvh, primitives, objects, scene: Some(scene) })
+    }
+
+    /// The index of the object of a primitive, and that of the primitive in the object.
+    #[inline]
+    pub(crate) fn locate(&self, prim: PrimId) -> (usize, u32) {
+        // Of objects with the same first primitive all but the last are empty.
+        let object = match self.objects.len() {
+            0 | 1 => 0,
+            _ => self.objects.partition_point(|object| object.first <= prim.0).saturating_sub(1),
+        };
+        (object, prim.0 - self.objects[object].first)
+    }
+
+    /// The unit normal of the front of a primitive, in a slot, at a point of it; `None` for a triangle without area.
+    pub(crate) fn normal(&self, prim: PrimId, slot: SlotId, point: DVec3) -> Option<DVec3> {
+        let normal = self.bvh.geometric_normal_at(slot, point)?;
+        Some(if self.objects[self.locate(prim).0].is_mirrored { -normal } else { normal })
+    }
+
+    /// The shading normal at a point of a primitive, on the side of `normal`.
+    pub(crate) fn shading_normal(&self, prim: PrimId, barycentrics: [f64; 3], normal: DVec3) -> DVec3 {
+        let Some(scene) = &self.scene else { return normal };
+        let (object, primitive) = self.locate(prim);
+        scene.objects[object].shape.shading_normal(primitive, barycentrics, normal)
+    }
+
+    /// The texture coordinates at a point of a primitive.
+    pub(crate) fn uv(&self, prim: PrimId, barycentrics: [f64; 3]) -> Option<DVec2> {
+        let (object, primitive) = self.locate(prim);
+        self.scene.as_ref()?.objects[object].shape.uv(primitive, barycentrics, 0)
+    }
+
+    /// The index of the material of an object, if it is of a scene.
+    pub(crate) fn material(&self, object: usize) -> Option<u32> {
+        Some(self.scene.as_ref()?.objects[object].material.0)
+    }
+
+    /// Whether a ray hits the back of a primitive.
+    pub(crate) fn is_back(&self, ray: &Ray, hit: &Hit) -> bool {
+        // A triangle without area has neither side.
+        let normal = self.normal(hit.prim, hit.slot, ray.at(hit.t));
+        normal.is_some_and(|normal| normal.dot(ray.direction()) > 0.0)
+    }
+}
