@@ -1,12 +1,13 @@
 //! [`Bvh`]: the acceleration structure for library users, over their own triangles and analytic shapes.
 
 use std::ops::Range;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::generalised::Expansions;
+use super::placed_meshes::InstanceTable;
 use super::{Accelerator, Closedness, Layout, Preset, Primitive, RayList, Slot, Traversal, build};
 use crate::geometry::{
     AnalyticShape, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, Rays, SlotId, Sphere, Triangle,
@@ -14,14 +15,17 @@ use crate::geometry::{
 
 /// A bounding volume hierarchy over triangles and analytic shapes. A primitive's id is its index in the list that it
 /// was built from. The [crate documentation](crate) has an example.
+#[derive(Clone)]
 pub struct Bvh {
-    accelerator: Box<dyn Accelerator>,
-    layout: Layout,
-    numerics: Numerics,
+    /// Shared by clones.
+    pub(super) accelerator: Arc<dyn Accelerator>,
+    pub(super) layout: Layout,
+    pub(super) numerics: Numerics,
     /// Whether each primitive has a rounded form ([`Primitive::rounded`]), and so a slot.
-    has_slot: Vec<bool>,
+    pub(super) has_slot: Vec<bool>,
+    pub(super) instances: InstanceTable,
     pub(super) closedness: OnceLock<Closedness>,
-    pub(super) expansions: OnceLock<Expansions>,
+    pub(super) expansions: OnceLock<Arc<Expansions>>,
 }
 
 /// The result of [`Bvh::update`].
@@ -119,7 +123,7 @@ impl std::error::Error for InvalidRays {
     }
 }
 
-/// Why [`Bvh::from_mesh`] does not build.
+/// Why a mesh is not part of a structure ([`Bvh::from_mesh`], [`Bvh::of_instances`]).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum InvalidMesh {
@@ -134,6 +138,8 @@ pub enum InvalidMesh {
         /// The number of vertices.
         vertices: usize,
     },
+    /// There are more triangles than ids.
+    TooManyTriangles,
 }
 
 impl std::fmt::Display for InvalidMesh {
@@ -143,6 +149,7 @@ impl std::fmt::Display for InvalidMesh {
             InvalidMesh::Index { triangle, vertex, vertices } => {
                 write!(f, "triangle {triangle} has the vertex {vertex}, and there are {vertices} vertices")
             }
+            InvalidMesh::TooManyTriangles => f.write_str("there are more triangles than 32 bits can number"),
         }
     }
 }
@@ -218,15 +225,16 @@ impl Bvh {
         Ok(Bvh::with(primitives?, preset, numerics)?)
     }
 
-    fn over(primitives: &[Primitive], layout: Layout, numerics: Numerics) -> Self {
+    pub(super) fn over(primitives: &[Primitive], layout: Layout, numerics: Numerics) -> Self {
         let rounded = || primitives.iter().map(|p| p.rounded(numerics.precision()));
         let slots = (0..).zip(rounded()).filter_map(|(id, p)| Some(Slot { primitive: p?, id: PrimId(id) }));
         let has_slot = rounded().map(|p| p.is_some()).collect();
         Bvh {
-            accelerator: build(slots, layout, numerics),
+            accelerator: build(slots, layout, numerics).into(),
             layout,
             numerics,
             has_slot,
+            instances: InstanceTable::default(),
             closedness: OnceLock::new(),
             expansions: OnceLock::new(),
         }
@@ -368,7 +376,7 @@ impl Bvh {
     }
 
     /// Replaces the primitives. The tree is refitted if their number and kinds are the same and it stays good enough
-    /// ([`is_worth_keeping`]), else rebuilt. On an error nothing changes.
+    /// ([`is_worth_keeping`]), else rebuilt. On an error nothing changes. Clones share a tree; that of one is rebuilt.
     ///
     /// # Errors
     /// [`NotFinite`], as for [`Bvh::new`].
@@ -379,7 +387,8 @@ impl Bvh {
         let is_same = self.has_slot.len() == now.len()
             && self.has_slot.iter().zip(&now).all(|(has_slot, p)| *has_slot || is_empty(p));
         if is_same {
-            let relative_cost = self.accelerator.refit(&|id| now[id.0 as usize]);
+            let own = Arc::get_mut(&mut self.accelerator);
+            let relative_cost = own.and_then(|own| own.refit(&|id| now[id.0 as usize]));
             if let Some(relative_cost) = relative_cost.filter(|cost| is_worth_keeping(*cost)) {
                 self.closedness = OnceLock::new();
                 self.expansions = OnceLock::new();
@@ -398,6 +407,14 @@ impl Bvh {
     /// The underlying acceleration structure.
     pub fn accelerator(&self) -> &dyn Accelerator {
         &*self.accelerator
+    }
+}
+
+impl std::fmt::Debug for Bvh {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut all = f.debug_struct("Bvh");
+        all.field("layout", &self.layout).field("numerics", &self.numerics);
+        all.field("size", &self.accelerator.describe()).finish_non_exhaustive()
     }
 }
 

@@ -20,6 +20,7 @@ mod generalised;
 mod instances;
 mod lists;
 mod nearby;
+mod placed_meshes;
 mod preset;
 mod quality;
 mod sah;
@@ -41,10 +42,12 @@ pub use lists::Lists;
 pub use preset::Preset;
 pub use quality::{Quality, VisitedNode, quality};
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use brute_force::BruteForce;
-use instances::Instances;
+use instances::{Instances, MeshBvh};
 use stored_slot::StoredSlot;
 
 use crate::geometry::simd::InstructionSet;
@@ -184,20 +187,22 @@ pub fn build_with_instances(
         return build(slots.chain(instances.iter().flat_map(Instance::slots)), layout, numerics);
     };
     let flat = build_from(slots, layout, numerics);
-    over_instances(flat, instances, tree, numerics)
+    over_instances(flat, instances, tree, numerics, &mut Vec::new())
 }
 
+/// See [`Instances::new`].
 fn over_instances(
     flat: Box<dyn Accelerator>,
     instances: Vec<Instance>,
     tree: (Preset, InstructionSet),
     numerics: Numerics,
+    built: &mut Vec<Arc<MeshBvh>>,
 ) -> Box<dyn Accelerator> {
     match numerics {
-        Numerics::Fast => Box::new(Instances::<Fast>::new(flat, instances, tree)),
-        Numerics::Watertight => Box::new(Instances::<Watertight>::new(flat, instances, tree)),
-        Numerics::Double => Box::new(Instances::<Double>::new(flat, instances, tree)),
-        Numerics::Exact => Box::new(Instances::<Exact>::new(flat, instances, tree)),
+        Numerics::Fast => Box::new(Instances::<Fast>::new(flat, instances, tree, built)),
+        Numerics::Watertight => Box::new(Instances::<Watertight>::new(flat, instances, tree, built)),
+        Numerics::Double => Box::new(Instances::<Double>::new(flat, instances, tree, built)),
+        Numerics::Exact => Box::new(Instances::<Exact>::new(flat, instances, tree, built)),
     }
 }
 

@@ -35,6 +35,8 @@ mod sums;
 #[cfg(test)]
 mod tests;
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use super::{Bvh, Traversal};
@@ -107,6 +109,6 @@ impl Bvh {
         }
         // Not while the cell is locked: see `Bvh::closedness`.
         let found = Expansions::new(self.accelerator());
-        self.expansions.get_or_init(|| found)
+        self.expansions.get_or_init(|| Arc::new(found))
     }
 }

@@ -15,6 +15,8 @@ use crate::geometry::{Bounds, Corner, Mesh};
 pub(crate) struct MeshBvh {
     /// The mesh.
     pub mesh: Arc<Mesh>,
+    /// The space of the tree.
+    pub space: MeshSpace,
     /// The tree; the order of its leaves is that of `triangles`.
     pub tree: Tree,
     /// The triangles in the order of the leaves: index in the mesh, and vertex indices.
@@ -23,7 +25,11 @@ pub(crate) struct MeshBvh {
 
 impl MeshBvh {
     /// Builds the tree.
-    pub(crate) fn new(mesh: Arc<Mesh>, space: &MeshSpace, preset: Preset) -> Self {
+    ///
+    /// # Panics
+    /// If the mesh has no [`MeshSpace`].
+    pub(crate) fn new(mesh: Arc<Mesh>, preset: Preset) -> Self {
+        let space = MeshSpace::of(&mesh).expect("a mesh that can be an instance");
         let bounds = |triangle: &[u32; 3]| {
             let [min, max] = DVec3::span(&triangle.map(|i| space.point(mesh.positions[i as usize])));
             Bounds::rounded_out(min, max)
@@ -31,7 +37,7 @@ impl MeshBvh {
         let boxes: Vec<Bounds> = mesh.triangles.iter().map(bounds).collect();
         let (tree, order) = build_over(&boxes, preset, LANES4);
         let triangles = order.into_iter().map(|i| (i, mesh.triangles[i as usize])).collect();
-        MeshBvh { mesh, tree, triangles }
+        MeshBvh { mesh, space, tree, triangles }
     }
 
     /// Bounds of the instance in world space, for corners rounded or not: of the at most 64 children of the root's

@@ -9,23 +9,27 @@
 mod mesh_bvh;
 mod transform;
 
+use std::cell::Cell;
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use glam::DVec3;
+
 use super::Preset;
 use super::build::build_over;
-use super::wide::{BoxRay, Tree, descend};
+use super::wide::{BoxRay, Child, Tree, descend, descend_near};
 use super::{Accelerator, Description, Nearby, Next, Primitive, Slot, Traversal};
 use crate::geometry::simd::{InstructionSet, Portable, Simd};
 use crate::geometry::{
-    Bounds, Corner, Hit, HitBuffer, Mesh, Numerics, Placed, PreparedRay, PrimId, Ray, Rays, SlotId, Stored,
-    Tier, Triangle, TriangleHit,
+    Bounds, Corner, Hit, HitBuffer, LineTest, Mesh, Numerics, Placed, PreparedRay, PrimId, Ray, Rays, SlotId,
+    Stored, Tier, Triangle, TriangleHit,
 };
-use mesh_bvh::MeshBvh;
+pub(crate) use mesh_bvh::MeshBvh;
 pub use transform::MeshSpace;
 use transform::Transform;
 
 /// A mesh with a placement.
+#[derive(Debug, Clone)]
 pub struct Instance {
     /// The mesh and its placement.
     pub placed: Placed,
@@ -80,6 +84,12 @@ impl PreparedInstance {
         let (prim, slot) = (self.instance.prim(triangle), SlotId::new(self.slot + triangle));
         Some((Hit { t, prim, slot, barycentrics }, corners))
     }
+
+    /// A triangle of its mesh in world space, in the precision of the tier.
+    fn primitive<T: Tier>(&self, triangle: u32) -> Primitive {
+        let corners = self.instance.placed.corners_of(triangle);
+        Primitive::Triangle(Triangle(corners.map(|p| T::Corner::from_dvec3(p).to_dvec3())))
+    }
 }
 
 /// A structure over single primitives, and a two-level tree over instances.
@@ -87,7 +97,7 @@ pub(crate) struct Instances<T: Tier> {
     /// The structure over primitives that are not instanced.
     flat: Box<dyn Accelerator>,
     instances: Vec<PreparedInstance>,
-    meshes: Vec<MeshBvh>,
+    meshes: Vec<Arc<MeshBvh>>,
     /// The top level. Each leaf is one instance, an index into `order`.
     top: Tree,
     /// Indices of instances in the order of the leaves.
@@ -98,34 +108,37 @@ pub(crate) struct Instances<T: Tier> {
 }
 
 impl<T: Tier> Instances<T> {
-    /// Builds the two-level tree. Every instance must satisfy [`can_be_instance`].
+    /// Builds the two-level tree. Every instance must satisfy [`can_be_instance`]. Meshes of `built` keep their trees; after
+    /// it, `built` has those of all instances.
     pub(crate) fn new(
         flat: Box<dyn Accelerator>,
         instances: Vec<Instance>,
         (preset, instructions): (Preset, InstructionSet),
+        built: &mut Vec<Arc<MeshBvh>>,
     ) -> Self {
         // The highest slots: those of `flat` begin at 0.
         let triangles: usize = instances.iter().map(|i| i.placed.mesh.triangles.len()).sum();
         let triangles = u32::try_from(triangles).expect("primitives are numbered with 32 bits");
         let mut slot = u32::MAX - triangles;
-        let mut known: HashMap<*const Mesh, (u32, MeshSpace)> = HashMap::new();
-        let mut meshes: Vec<(Arc<Mesh>, MeshSpace)> = Vec::new();
+        let kept: HashMap<*const Mesh, Arc<MeshBvh>> =
+            built.drain(..).map(|mesh| (Arc::as_ptr(&mesh.mesh), mesh)).collect();
+        let mut known: HashMap<*const Mesh, u32> = HashMap::new();
         let mut prepared = Vec::with_capacity(instances.len());
         for instance in instances {
             let mesh = &instance.placed.mesh;
-            let (index, space) = *known.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
-                let space = MeshSpace::of(mesh).expect("a mesh that can be an instance");
-                meshes.push((mesh.clone(), space));
-                (meshes.len() as u32 - 1, space)
+            let index = *known.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
+                let kept = kept.get(&Arc::as_ptr(mesh)).cloned();
+                built.push(kept.unwrap_or_else(|| Arc::new(MeshBvh::new(mesh.clone(), preset))));
+                built.len() as u32 - 1
             });
+            let space = &built[index as usize].space;
             let transform =
-                Transform::new(&instance.placed, &space, T::NUMERICS).expect("it can be an instance");
+                Transform::new(&instance.placed, space, T::NUMERICS).expect("it can be an instance");
             let first = slot;
             slot += mesh.triangles.len() as u32;
             prepared.push(PreparedInstance { instance, transform, mesh: index, slot: first });
         }
-        let meshes: Vec<MeshBvh> =
-            meshes.into_iter().map(|(mesh, space)| MeshBvh::new(mesh, &space, preset)).collect();
+        let meshes = built.clone();
         let boxes: Vec<Bounds> =
             prepared.iter().map(|i| meshes[i.mesh as usize].in_world(&i.transform)).collect();
         let (top, order) = build_over(&boxes, preset, 1);
@@ -140,6 +153,13 @@ impl<T: Tier> Instances<T> {
         }
     }
 
+    /// The instance of a leaf of the top level, and the tree over its mesh.
+    #[inline(always)]
+    fn at(&self, leaf: Child) -> (&PreparedInstance, &MeshBvh) {
+        let instance = &self.instances[self.order[leaf.index()] as usize];
+        (instance, &self.meshes[instance.mesh as usize])
+    }
+
     /// Calls `found` with the hits on instances before `t_max` until it returns [`Next::Stop`], nearest boxes first if
     /// `NEAREST`.
     #[inline(always)]
@@ -148,26 +168,49 @@ impl<T: Tier> Instances<T> {
         ray: &Ray,
         t_max: f64,
         traversal: &mut Traversal,
-        found: impl FnMut(Hit, [T::Corner; 3]) -> Next,
+        mut found: impl FnMut(Hit, [T::Corner; 3]) -> Next,
     ) {
-        if let Some(simd) = self.instructions.as_avx2() {
-            return self.each_hit_by::<_, NEAREST>(simd, ray, t_max, traversal, found);
-        }
-        self.each_hit_by::<_, NEAREST>(Portable, ray, t_max, traversal, found);
+        let mut prepared = None;
+        self.each_near::<NEAREST>(
+            ray,
+            t_max,
+            traversal,
+            #[inline(always)]
+            |instance, triangle| {
+                let hit = instance.hit::<T>(ray, &mut prepared, triangle);
+                hit.map_or(Next::Continue, |(hit, corners)| found(hit, corners))
+            },
+        );
     }
 
-    /// [`Instances::each_hit`] by an instruction set.
+    /// Calls `visit` with the triangles, and their instances, that have a point on the ray before `t_max`, ends
+    /// included, and perhaps with others, until it returns [`Next::Stop`]; nearest boxes first if `NEAREST`.
     #[inline(always)]
-    fn each_hit_by<S: Simd, const NEAREST: bool>(
+    fn each_near<const NEAREST: bool>(
+        &self,
+        ray: &Ray,
+        t_max: f64,
+        traversal: &mut Traversal,
+        visit: impl FnMut(&PreparedInstance, &(u32, [u32; 3])) -> Next,
+    ) {
+        if let Some(simd) = self.instructions.as_avx2() {
+            return self.each_near_by::<_, NEAREST>(simd, ray, t_max, traversal, visit);
+        }
+        self.each_near_by::<_, NEAREST>(Portable, ray, t_max, traversal, visit);
+    }
+
+    /// [`Instances::each_near`] by an instruction set.
+    #[inline(always)]
+    fn each_near_by<S: Simd, const NEAREST: bool>(
         &self,
         simd: S,
         ray: &Ray,
         t_max: f64,
         Traversal { children, mesh_children, tests, .. }: &mut Traversal,
-        mut found: impl FnMut(Hit, [T::Corner; 3]) -> Next,
+        mut visit: impl FnMut(&PreparedInstance, &(u32, [u32; 3])) -> Next,
     ) {
         let boxes = BoxRay::new(ray, false, false);
-        let (mut prepared, mut nearest) = (None, t_max);
+        let mut nearest = t_max;
         let top = (&*self.top.nodes, self.top.depth);
         simd.run(
             #[inline(always)]
@@ -181,8 +224,7 @@ impl<T: Tier> Instances<T> {
                     tests,
                     #[inline(always)]
                     |leaf, enter, tests| {
-                        let instance = &self.instances[self.order[leaf.index()] as usize];
-                        let MeshBvh { tree, triangles, .. } = &self.meshes[instance.mesh as usize];
+                        let (instance, MeshBvh { tree, triangles, .. }) = self.at(leaf);
                         let (boxes, start) = instance.transform.local(ray, boxes.along_ray(enter));
                         // Plus the rounding of the difference.
                         let local = |t: f64| t - start + t * f64::EPSILON;
@@ -198,8 +240,7 @@ impl<T: Tier> Instances<T> {
                                 let mut next = Next::Continue;
                                 for triangle in &triangles[leaf.range()] {
                                     tests.primitives += 1;
-                                    let hit = instance.hit::<T>(ray, &mut prepared, triangle);
-                                    match hit.map_or(Next::Continue, |(hit, corners)| found(hit, corners)) {
+                                    match visit(instance, triangle) {
                                         Next::Stop => return Next::Stop,
                                         Next::Shorten(t) => {
                                             nearest = t;
@@ -257,8 +298,53 @@ impl<T: Tier> Instances<T> {
 impl<T: Tier> Nearby for Instances<T> {
     fn every_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
         self.flat.each_primitive(visit);
-        let slots = self.instances.iter().flat_map(|prepared| prepared.instance.slots());
-        slots.for_each(|slot| visit(slot.id, Stored::<T::Corner>::from(slot.primitive).into()));
+        for instance in &self.instances {
+            for triangle in 0..instance.instance.placed.triangle_count() as u32 {
+                visit(instance.instance.prim(triangle), instance.primitive::<T>(triangle));
+            }
+        }
+    }
+
+    fn each_near_ray(
+        &self,
+        ray: &LineTest,
+        visit: &mut dyn FnMut(PrimId, Primitive),
+        traversal: &mut Traversal,
+    ) {
+        self.flat.each_near_ray(ray, visit, traversal);
+        self.each_near::<false>(&ray.ray, ray.ray.t_max, traversal, |instance, &(triangle, _)| {
+            visit(instance.instance.prim(triangle), instance.primitive::<T>(triangle));
+            Next::Continue
+        });
+    }
+
+    fn each_near_box(
+        &self,
+        corners: [DVec3; 2],
+        limit: f64,
+        visit: &mut dyn FnMut(PrimId, Primitive) -> f64,
+        traversal: &mut Traversal,
+    ) {
+        let limit = Cell::new(limit);
+        let mut visit = |prim, primitive| {
+            limit.set(visit(prim, primitive));
+            limit.get()
+        };
+        self.flat.each_near_box(corners, limit.get(), &mut visit, traversal);
+        let Traversal { children, mesh_children, tests, .. } = traversal;
+        descend_near(&self.top.nodes, corners, limit.get(), children, tests, |leaf, tests| {
+            let (instance, MeshBvh { tree, triangles, .. }) = self.at(leaf);
+            let (local, scale) = instance.transform.local_box(corners);
+            let nearest = limit.get() * scale;
+            descend_near(&tree.nodes, local, nearest, mesh_children, tests, |leaf, tests| {
+                for &(triangle, _) in &triangles[leaf.range()] {
+                    tests.primitives += 1;
+                    visit(instance.instance.prim(triangle), instance.primitive::<T>(triangle));
+                }
+                limit.get() * scale
+            });
+            limit.get()
+        });
     }
 
     fn closest_hit_by(
@@ -311,10 +397,7 @@ impl<T: Tier> Accelerator for Instances<T> {
         let after = self.instances.partition_point(|instance| instance.slot <= slot.index());
         match after.checked_sub(1).map(|index| &self.instances[index]) {
             None => self.flat.primitive(slot),
-            Some(prepared) => {
-                let corners = prepared.instance.placed.corners_of(slot.index() - prepared.slot);
-                Primitive::Triangle(Triangle(corners.map(|p| T::Corner::from_dvec3(p).to_dvec3())))
-            }
+            Some(instance) => instance.primitive::<T>(slot.index() - instance.slot),
         }
     }
 
@@ -329,7 +412,7 @@ impl<T: Tier> Accelerator for Instances<T> {
             + self.instances.iter().map(lists).sum::<usize>()
             + size_of_val(self.top.nodes.as_slice())
             + size_of_val(self.order.as_slice());
-        let bytes = self.meshes.iter().map(MeshBvh::bytes).sum::<usize>() + own;
+        let bytes = self.meshes.iter().map(|mesh| mesh.bytes()).sum::<usize>() + own;
         let nodes =
             self.meshes.iter().map(|mesh| mesh.tree.nodes.len()).sum::<usize>() + self.top.nodes.len();
         let slots = self.meshes.iter().map(|mesh| mesh.triangles.len()).sum::<usize>();

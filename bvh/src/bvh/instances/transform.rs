@@ -17,7 +17,7 @@
 use glam::{DMat3, DVec3};
 
 use crate::bvh::wide::BoxRay;
-use crate::geometry::{Mesh, Numerics, Placed, Ray};
+use crate::geometry::{Mesh, Numerics, Placed, Placement, Ray};
 
 /// The space of a mesh's tree: that of the mesh, centred and scaled to coordinates of at most 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,6 +39,11 @@ impl MeshSpace {
         let usable = half > 0.0 && scale.is_normal() && scale.recip().is_normal();
         let reach = min.abs().max(max.abs());
         (usable && reach.is_finite()).then_some(MeshSpace { middle: min / 2.0 + max / 2.0, scale, reach })
+    }
+
+    /// Whether all corners are finite in f32 where the mesh is placed. Where this is `false`, they may be.
+    pub(crate) fn is_finite_at(&self, placement: &Placement) -> bool {
+        placement.reach(self.reach).as_vec3().is_finite()
     }
 
     /// A point of the mesh in this space.
@@ -118,6 +123,23 @@ impl Transform {
         // The last term is the rounding of these sums and of the coordinates of the tree.
         let half = out * half + self.error + (out * DVec3::ONE + self.origin.abs()) * (32.0 * f64::EPSILON);
         [centre - half, centre + half]
+    }
+
+    /// Bounds in [`MeshSpace`] of a box in world space, enlarged as boxes are for rays, and how much longer a distance can
+    /// become there: an upper bound on the largest singular value of the map.
+    ///
+    /// The square of this value is the largest eigenvalue of B B^T and of B^T B, which is at most the largest sum of a row
+    /// of absolute values. One of the two is diagonal, and the bound close, for a rotation with scales along axes.
+    pub(crate) fn local_box(&self, [min, max]: [DVec3; 2]) -> ([DVec3; 2], f64) {
+        let map = self.box_from_world;
+        let (from, half) = (min / 2.0 + max / 2.0 - self.origin, max / 2.0 - min / 2.0);
+        let distance = (from.abs() + half).max_element();
+        let (centre, reach) =
+            (map * from, map.abs() * half + self.box_error + self.box_error_per_distance * distance);
+        let largest_row = |m: DMat3| (m.abs().transpose() * DVec3::ONE).max_element();
+        let square = largest_row(map * map.transpose()).min(largest_row(map.transpose() * map));
+        // The rounding of products and sums is below 16 u.
+        ([centre - reach, centre + reach], square.sqrt() * (1.0 + 16.0 * f64::EPSILON))
     }
 
     /// The ray in [`MeshSpace`], starting where it enters the world-space box of the instance (at distance `enter`),

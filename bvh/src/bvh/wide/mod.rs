@@ -28,6 +28,7 @@ mod stream;
 mod tests;
 
 pub(crate) use layout::{Child, Content, Tree, Wide, convert};
+pub(crate) use near_box::descend_near;
 pub(crate) use packet::Scratches;
 pub(crate) use single::{box_ray::BoxRay, descend};
 pub(crate) use stream::Scratch as StreamScratch;

@@ -3,32 +3,20 @@
 use glam::DVec3;
 
 use super::layout::{Child, Content, Node, WIDTH, Wide};
-use crate::bvh::{Primitive, Traversal};
+use crate::bvh::{Primitive, Tests, Traversal};
 use crate::geometry::{NO_PRIMITIVE, PrimId, Tier, Triangle, round_down};
 
 /// See [`Nearby::each_near_box`](crate::bvh::Nearby::each_near_box).
-pub(crate) fn visit<T: Tier>(
+pub(super) fn visit<T: Tier>(
     wide: &Wide<T>,
     corners: [DVec3; 2],
     mut limit: f64,
     visit: &mut dyn FnMut(PrimId, Primitive) -> f64,
     Traversal { children: stack, tests, .. }: &mut Traversal,
 ) {
-    stack.clear();
-    stack.extend((!wide.nodes.is_empty()).then_some((Child::node(0), 0.0)));
-    while let Some((child, distance)) = stack.pop() {
-        if f64::from(distance) > limit {
-            continue;
-        }
-        match child.content() {
-            Content::Node(index) => {
-                tests.nodes += 1;
-                let node = &wide.nodes[index as usize];
-                let (distances, first) = (distances(node, corners), stack.len());
-                let near = node.places().filter(|&place| f64::from(distances[place]) <= limit);
-                stack.extend(near.map(|place| (node.children[place], distances[place])));
-                stack[first..].sort_unstable_by(|a, b| b.1.total_cmp(&a.1));
-            }
+    descend_near(&wide.nodes, corners, limit, stack, tests, |leaf, tests| {
+        match leaf.content() {
+            Content::Node(_) => {}
             Content::Triangles(leaves) => {
                 for leaf in &wide.triangles[leaves.start as usize..leaves.end as usize] {
                     for (lane, &id) in leaf.ids.iter().enumerate().filter(|(_, id)| **id != NO_PRIMITIVE) {
@@ -45,6 +33,37 @@ pub(crate) fn visit<T: Tier>(
                 }
             }
         }
+        limit
+    });
+}
+
+/// Calls `leaf` with the leaves that are no farther from a box than `limit`, or than the distance that it returned last,
+/// the nearest nodes first.
+#[inline(always)]
+pub(crate) fn descend_near(
+    nodes: &[Node],
+    corners: [DVec3; 2],
+    mut limit: f64,
+    stack: &mut Vec<(Child, f32)>,
+    tests: &mut Tests,
+    mut leaf: impl FnMut(Child, &mut Tests) -> f64,
+) {
+    stack.clear();
+    stack.extend((!nodes.is_empty()).then_some((Child::node(0), 0.0)));
+    while let Some((child, distance)) = stack.pop() {
+        if f64::from(distance) > limit {
+            continue;
+        }
+        let Content::Node(index) = child.content() else {
+            limit = leaf(child, tests);
+            continue;
+        };
+        tests.nodes += 1;
+        let node = &nodes[index as usize];
+        let (distances, first) = (distances(node, corners), stack.len());
+        let near = node.places().filter(|&place| f64::from(distances[place]) <= limit);
+        stack.extend(near.map(|place| (node.children[place], distances[place])));
+        stack[first..].sort_unstable_by(|a, b| b.1.total_cmp(&a.1));
     }
 }
 
