@@ -444,7 +444,7 @@ mod tests {
 
     fn rays(bvh: &Bvh) -> RayBuffer {
         let ray = |seed| bvh.ray_within(point(seed) * 4.0, point(seed + 7000) + 0.01, 9.0).expect("finite");
-        (0..300).map(ray).collect()
+        (0..1000).map(ray).collect()
     }
 
     /// Hits without their slots, which depend on the structure.
