@@ -11,3 +11,4 @@ mod library;
 mod oracle;
 mod packets;
 mod refit;
+mod shapes;

@@ -52,6 +52,8 @@ pub enum NotFinite {
     Distance,
     /// The minimum distance of a ray is NaN or negative.
     MinDistance,
+    /// The bounds of a shape, whose index this is ([`Bvh::set_shapes`]), or they are turned around.
+    Bounds(usize),
 }
 
 impl std::fmt::Display for NotFinite {
@@ -61,6 +63,9 @@ impl std::fmt::Display for NotFinite {
                 f,
                 "primitive {index} has a coordinate or a radius that is not finite, or too large for f32"
             ),
+            NotFinite::Bounds(index) => {
+                write!(f, "the bounds of shape {index} are not finite, too large for f32, or turned around")
+            }
             NotFinite::Origin => f.write_str("the origin of a ray is not finite, or too large for f32"),
             NotFinite::Direction => f.write_str("the direction of a ray is not finite, or zero"),
             NotFinite::Distance => {
@@ -355,6 +360,9 @@ impl Bvh {
 
     /// [`Bvh::geometric_normal`] of the primitive in a slot ([`Hit::slot`]), at the point of a hit.
     pub fn geometric_normal_at(&self, slot: SlotId, point: DVec3) -> Option<DVec3> {
+        if let Some(shape) = self.own_shapes().and_then(|shapes| shapes.in_slot(slot)) {
+            return shape.normal(point);
+        }
         match self.accelerator.primitive(slot) {
             Primitive::Triangle(triangle) => triangle.unit_normal(),
             Primitive::Analytic(shape) => Some(shape.surface(point).1),
@@ -390,13 +398,27 @@ impl Bvh {
             let own = Arc::get_mut(&mut self.accelerator);
             let relative_cost = own.and_then(|own| own.refit(&|id| now[id.0 as usize]));
             if let Some(relative_cost) = relative_cost.filter(|cost| is_worth_keeping(*cost)) {
-                self.closedness = OnceLock::new();
-                self.expansions = OnceLock::new();
+                self.forget_surface();
                 return Ok(Update::Refitted(relative_cost));
             }
         }
+        let shapes: Vec<_> = self.shapes().cloned().collect();
         *self = Bvh::over(&now, self.layout, self.numerics);
+        if !shapes.is_empty() {
+            self.set_shapes(shapes)?;
+        }
         Ok(Update::Rebuilt)
+    }
+
+    /// To be called where the surface changes.
+    pub(super) fn forget_surface(&mut self) {
+        self.closedness = OnceLock::new();
+        self.expansions = OnceLock::new();
+    }
+
+    /// The number of ids of primitives, shapes not included.
+    pub(super) fn ids(&self) -> u32 {
+        self.instances.ids().unwrap_or(self.has_slot.len() as u32)
     }
 
     /// The number of analytic shapes that cannot be hit because their radius is not above 0.

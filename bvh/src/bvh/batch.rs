@@ -213,7 +213,11 @@ impl Bvh {
             });
         };
         let finish = |index, found: &[_], places: &mut [u32], list: &mut Vec<SignedHit>| {
-            list.extend(in_order(&rays.get(index), found, places));
+            let (ray, first) = (rays.get(index), list.len());
+            list.extend(in_order(&ray, found, places));
+            if let Some(shapes) = self.own_shapes() {
+                shapes.add_crossings(&ray, list, first, &mut Traversal::default());
+            }
         };
         self.lists(&rays, trace, finish)
     }
@@ -288,6 +292,11 @@ impl Bvh {
                     sides.dedup();
                     sides.drain(..).for_each(|(index, _, side)| results[indices[index]] += side);
                 }
+                if let Some(shapes) = self.own_shapes() {
+                    for (&index, ray) in indices.iter().zip(worker.rays.rays().iter()) {
+                        results[index] += shapes.winding_number(&ray, &mut worker.traversal);
+                    }
+                }
             },
         );
         results
@@ -315,6 +324,12 @@ impl Bvh {
                 sorted.extend(order.indices().map(|index| points[index]));
                 let set = &mut |place, number| results[order.index(place)] = number;
                 expansions.evaluate(sorted, beta, InstructionSet::widest(), stack, set);
+                if self.own_shapes().is_some() {
+                    let traversal = &mut Traversal::default();
+                    points.iter().zip(results).for_each(|(point, number)| {
+                        *number = self.with_shapes(*number, *point, traversal);
+                    });
+                }
             },
         );
         results

@@ -37,9 +37,8 @@ impl Bvh {
         // Beyond f32, which bounds all primitives, squares of distances overflow.
         point.as_vec3().is_finite().then_some(())?;
         let mut best: Option<ClosestPoint> = None;
-        let mut visit = |prim: PrimId, primitive| {
-            let closest = closest_on(&primitive, prim, point);
-            let distance = closest.distance;
+        let mut visit = |closest: ClosestPoint| {
+            let ClosestPoint { distance, prim, .. } = closest;
             let is_better = match best {
                 None => distance <= max_distance,
                 Some(best) => distance < best.distance || distance == best.distance && prim < best.prim,
@@ -49,8 +48,28 @@ impl Bvh {
             }
             best.map_or(max_distance, |best| best.distance)
         };
-        self.accelerator().each_near_box([point; 2], max_distance, &mut visit, traversal);
+        self.each_closest_point(point, max_distance, &mut visit, traversal);
         best
+    }
+
+    /// Calls `visit` with the closest points of primitives that are no farther than `max_distance`, or than the
+    /// distance that it returned last, and perhaps of others; of a split triangle several times.
+    pub(super) fn each_closest_point(
+        &self,
+        point: DVec3,
+        max_distance: f64,
+        visit: &mut dyn FnMut(ClosestPoint) -> f64,
+        traversal: &mut Traversal,
+    ) {
+        let mut limit = max_distance;
+        let mut visit_primitive = |prim, primitive| {
+            limit = visit(closest_on(&primitive, prim, point));
+            limit
+        };
+        self.accelerator().each_near_box([point; 2], max_distance, &mut visit_primitive, traversal);
+        if let Some(shapes) = self.own_shapes() {
+            shapes.each_closest_point(point, limit, visit, traversal);
+        }
     }
 
     /// The distance of a point from the surface, negative inside ([`Bvh::contains`]). Without meaning for a surface

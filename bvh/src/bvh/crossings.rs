@@ -5,7 +5,7 @@ use std::mem::take;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Accelerator, Bvh, Primitive, Traversal};
+use super::{Accelerator, Bvh, Primitive, Shapes, Traversal};
 use crate::geometry::{LineTest, Precision, PrimId, Ray, Rays, Side, Stored, Triangle, order_of_crossings};
 
 /// A crossing of a ray and the surface.
@@ -98,7 +98,11 @@ impl Bvh {
             found.push((0, (crossing, primitive.into())));
         });
         let mut places: Vec<u32> = (0..found.len() as u32).collect();
-        in_order(ray, &found, &mut places).collect()
+        let mut crossings: Vec<SignedHit> = in_order(ray, &found, &mut places).collect();
+        if let Some(shapes) = self.own_shapes() {
+            shapes.add_crossings(ray, &mut crossings, 0, traversal);
+        }
+        crossings
     }
 
     /// How often the surface winds around a point, counter-clockwise seen from outside: 1 inside of a closed mesh, 0
@@ -119,9 +123,9 @@ impl Bvh {
             sides.sort_unstable();
             sides.dedup();
         }
-        let winding_number = sides.drain(..).map(|(_, side)| side).sum();
+        let winding_number: i32 = sides.drain(..).map(|(_, side)| side).sum();
         traversal.sides = sides;
-        winding_number
+        winding_number + self.own_shapes().map_or(0, |shapes| shapes.winding_number(&ray, traversal))
     }
 
     /// Whether a point is inside the surface: whether [`Bvh::winding_number`] is not 0; with the edges that keep the
@@ -153,7 +157,10 @@ impl Bvh {
             return *known;
         }
         // Not while the cell is locked: a thread that waits for parts of this work may take up other work that asks, too.
-        let found = closedness(self.accelerator());
+        let mut found = closedness(self.accelerator());
+        let open = self.own_shapes().map_or(0, Shapes::open);
+        found.boundary_edges += open;
+        found.unbalanced_edges += open;
         *self.closedness.get_or_init(|| found)
     }
 }

@@ -24,6 +24,7 @@ mod placed_meshes;
 mod preset;
 mod quality;
 mod sah;
+mod shapes;
 #[doc(hidden)]
 pub mod splitmix64;
 mod stored_slot;
@@ -48,6 +49,7 @@ use glam::DVec3;
 
 use brute_force::BruteForce;
 use instances::{Instances, MeshBvh};
+use shapes::Shapes;
 use stored_slot::StoredSlot;
 
 use crate::geometry::simd::InstructionSet;
@@ -305,6 +307,16 @@ pub(crate) trait Nearby {
         self.every_primitive(&mut |prim, primitive| {
             visit(prim, primitive);
         });
+    }
+
+    /// The structure of its primitives and the shapes beside them; `None` without shapes.
+    fn parts(&self) -> Option<(&Arc<dyn Accelerator>, &Shapes)> {
+        None
+    }
+
+    /// The end of the slots that none of its primitives uses, which are the highest below.
+    fn slots_end(&self) -> u32 {
+        u32::MAX
     }
 }
 

@@ -3,7 +3,6 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::closest_point::closest_on;
 use super::{Bvh, ClosestPoint, Primitive, Traversal};
 use crate::geometry::{Precision, PrimId, Triangle, triangle_meets_box, triangles_meet};
 
@@ -30,8 +29,7 @@ impl Bvh {
             found.truncate(count);
         };
         let mut limit = max_distance;
-        let mut visit = |prim, primitive: Primitive| {
-            let closest = closest_on(&primitive, prim, point);
+        let mut visit = |closest: ClosestPoint| {
             if closest.distance <= limit {
                 found.push(closest);
             }
@@ -43,12 +41,12 @@ impl Bvh {
             }
             limit
         };
-        self.accelerator().each_near_box([point; 2], max_distance, &mut visit, traversal);
+        self.each_closest_point(point, max_distance, &mut visit, traversal);
         keep(&mut found);
         found
     }
 
-    /// The triangles that have a point in common with the box from `min` to `max`, borders included, and the analytic
+    /// The triangles that have a point in common with the box from `min` to `max`, borders included, and the other
     /// shapes whose bounds have; in order of id. Exact for triangles as stored; those without area are not found.
     pub fn in_box(
         &self,
@@ -69,7 +67,11 @@ impl Bvh {
                 b.min.as_dvec3().cmple(ends[1]).all() && b.max.as_dvec3().cmpge(ends[0]).all()
             }
         };
-        self.each_in_box(ends, is_found, traversal)
+        let mut found = self.each_in_box(ends, is_found, traversal);
+        if let Some(shapes) = self.own_shapes().filter(|_| ends[0].cmple(ends[1]).all()) {
+            shapes.add_in_box(ends, &mut found, traversal);
+        }
+        found
     }
 
     /// The primitives of which `is_found` returns `true`, of those whose bounds have a point in common with a box and
@@ -127,6 +129,7 @@ impl Bvh {
 mod tests {
     use super::*;
     use crate::bvh::Preset;
+    use crate::bvh::closest_point::closest_on;
     use crate::bvh::splitmix64::splitmix64;
     use crate::geometry::Numerics;
 

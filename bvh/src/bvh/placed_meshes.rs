@@ -1,6 +1,6 @@
 //! [`Bvh`] over meshes that are placed by transforms and can be moved.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use super::instances::{MeshBvh, can_be_instance};
 use super::{
@@ -15,6 +15,13 @@ pub(super) struct InstanceTable {
     firsts: Vec<u32>,
     /// Their meshes, for the next [`Bvh::set_instances`].
     built: Vec<Arc<MeshBvh>>,
+}
+
+impl InstanceTable {
+    /// The number of ids; `None` without instances.
+    pub(super) fn ids(&self) -> Option<u32> {
+        self.firsts.last().copied()
+    }
 }
 
 impl Bvh {
@@ -75,6 +82,7 @@ impl Bvh {
             .into_iter()
             .filter_map(|Slot { primitive, id }| Some(Slot { primitive: primitive.rounded(precision)?, id }));
         let flat = build(rounded, self.layout, self.numerics);
+        let shapes: Vec<_> = self.shapes().cloned().collect();
         self.accelerator = if instances.is_empty() {
             self.instances.built.clear();
             flat
@@ -84,8 +92,10 @@ impl Bvh {
         .into();
         self.instances.firsts = firsts;
         self.has_slot.clear();
-        self.closedness = OnceLock::new();
-        self.expansions = OnceLock::new();
+        self.forget_surface();
+        if !shapes.is_empty() {
+            self.set_shapes(shapes).map_err(InvalidMesh::NotFinite)?;
+        }
         Ok(())
     }
 

@@ -225,13 +225,25 @@ pub(super) fn is_within(ray: &Ray, t: f64) -> Option<bool> {
     (t + slack < ray.t_min || t - slack > ray.t_max).then_some(false)
 }
 
-#[cold]
-fn is_exactly_before(ray: &Ray, hits: [(&Hit, &Stored<DVec3>); 2]) -> bool {
-    let distance = |primitive: &Stored<DVec3>| match primitive {
+/// The exact distance of a primitive that the ray hits.
+fn exact_distance(ray: &Ray, primitive: &Stored<DVec3>) -> Option<Distance> {
+    match primitive {
         Stored::Triangle(corners) => Distance::to_triangle(ray, corners).map(|crossing| crossing.distance),
         Stored::Analytic(shape) => shape.exact_distance(ray),
-    };
-    let [a, b] = hits.map(|(_, primitive)| distance(primitive));
+    }
+}
+
+/// Whether a distance is before the exact distance of a primitive that the ray hits, up to rounding at `of_primitive`.
+pub(crate) fn is_before_exactly(ray: &Ray, t: f64, of_primitive: f64, primitive: Stored<DVec3>) -> bool {
+    if (t - of_primitive).abs() > 4.0 * TOLERANCE * t.max(of_primitive) {
+        return t < of_primitive;
+    }
+    exact_distance(ray, &primitive).is_some_and(|distance| Distance::of(t).cmp(&distance).is_lt())
+}
+
+#[cold]
+fn is_exactly_before(ray: &Ray, hits: [(&Hit, &Stored<DVec3>); 2]) -> bool {
+    let [a, b] = hits.map(|(_, primitive)| exact_distance(ray, primitive));
     let order = match (a, b) {
         (Some(a), Some(b)) => a.cmp(&b),
         // Unreachable: both have been hit.

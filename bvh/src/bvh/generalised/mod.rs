@@ -39,6 +39,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::crossings::winding_ray;
 use super::{Bvh, Traversal};
 use crate::geometry::simd::InstructionSet;
 pub(super) use expansions::Expansions;
@@ -99,7 +100,21 @@ impl Bvh {
         let mut number = WindingNumber { value: 0.0, error: 0.0 };
         let set = &mut |_, found| number = found;
         self.expansions().evaluate(&[point], beta, InstructionSet::widest(), &mut Vec::new(), set);
-        number
+        self.with_shapes(number, point, traversal)
+    }
+
+    /// The winding number with that of [`Bvh::shapes`]: exact for closed ones, nothing but an error for others.
+    pub(super) fn with_shapes(
+        &self,
+        number: WindingNumber,
+        point: DVec3,
+        traversal: &mut Traversal,
+    ) -> WindingNumber {
+        let Some((shapes, ray)) = self.own_shapes().zip(winding_ray(point)) else { return number };
+        WindingNumber {
+            value: number.value + f64::from(shapes.winding_number_of_closed(&ray, traversal)),
+            error: number.error + 0.5 * shapes.open() as f64,
+        }
     }
 
     /// The expansions of the surface.

@@ -356,6 +356,10 @@ impl<T: Tier> Nearby for Instances<T> {
         let flat = self.flat.closest_hit_by(ray, accepts, traversal);
         self.closest(ray, flat, accepts, traversal)
     }
+
+    fn slots_end(&self) -> u32 {
+        self.instances.first().map_or(u32::MAX, |instance| instance.slot)
+    }
 }
 
 impl<T: Tier> Accelerator for Instances<T> {

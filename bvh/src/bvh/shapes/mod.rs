@@ -1,0 +1,470 @@
+//! [`Bvh::set_shapes`]: surfaces of other crates ([`Shape`]) beside the primitives of a structure.
+//!
+//! They have a tree of their own, and so do not change how triangles and analytic shapes are stored and traced. That
+//! structure is traversed first, then the tree of the shapes, as far as what was found.
+
+#[cfg(test)]
+mod tests;
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::build::build_over;
+use super::wide::{BoxRay, Tree, descend, descend_near};
+use super::{
+    Accelerator, Bvh, ClosestPoint, Description, Nearby, Next, NotFinite, Preset, Primitive, Quality,
+    SignedHit, Traversal,
+};
+use crate::geometry::simd::{InstructionSet, Portable, Simd};
+use crate::geometry::{
+    Bounds, Hit, HitBuffer, LineTest, Numerics, PrimId, Ray, Rays, Shape, Side, SlotId, Triangle,
+    clamp_to_bounds, is_before_exactly,
+};
+
+/// A shape and its bounds.
+struct Bounded {
+    shape: Arc<dyn Shape>,
+    bounds: [DVec3; 2],
+}
+
+impl Bounded {
+    /// # Errors
+    /// [`NotFinite::Bounds`] with the index of the shape.
+    fn new((index, shape): (usize, Arc<dyn Shape>)) -> Result<Self, NotFinite> {
+        let bounds = shape.bounds();
+        let [min, max] = bounds;
+        let is_finite = min.as_vec3().is_finite() && max.as_vec3().is_finite();
+        let is_box = is_finite && min.cmple(max).all();
+        if is_box { Ok(Bounded { shape, bounds }) } else { Err(NotFinite::Bounds(index)) }
+    }
+
+    /// Calls `found` with the points between the ray's ends: within the interval in which the ray is inside the bounds.
+    fn each_point(&self, ray: &Ray, mut found: impl FnMut(f64, Side)) {
+        let line = Ray { t_min: 0.0, t_max: f64::INFINITY, ..*ray };
+        let [min, max] = self.bounds;
+        self.shape.intersect(&line, &mut |t, side| {
+            let within = |t: &f64| ray.t_min < *t && *t < ray.t_max;
+            if let Some(t) = clamp_to_bounds(min, max, &line, t).filter(within) {
+                found(t, side);
+            }
+        });
+    }
+}
+
+/// The shapes of a structure, and a tree over their boxes.
+pub(crate) struct Shapes {
+    shapes: Vec<Bounded>,
+    /// Each leaf is one shape, an index into `order`.
+    tree: Tree,
+    /// Indices of shapes in the order of the leaves.
+    order: Vec<u32>,
+    /// The id and the slot of the first.
+    first: u32,
+    slot: u32,
+    instructions: InstructionSet,
+}
+
+impl Shapes {
+    /// # Errors
+    /// [`NotFinite::Bounds`] for the first shape whose bounds are no box that is finite in f32.
+    fn new(
+        shapes: impl IntoIterator<Item = Arc<dyn Shape>>,
+        preset: Preset,
+        [first, slots_end]: [u32; 2],
+    ) -> Result<Self, NotFinite> {
+        let shapes: Vec<Bounded> =
+            shapes.into_iter().enumerate().map(Bounded::new).collect::<Result<_, _>>()?;
+        let boxes: Vec<Bounds> =
+            shapes.iter().map(|Bounded { bounds: [min, max], .. }| Bounds::rounded_out(*min, *max)).collect();
+        let (tree, order) = build_over(&boxes, preset, 1);
+        let count = u32::try_from(shapes.len()).expect("primitives are numbered with 32 bits");
+        let instructions = InstructionSet::widest();
+        Ok(Shapes { shapes, tree, order, first, slot: slots_end - count, instructions })
+    }
+
+    /// Calls `visit` with the index of each shape whose box the ray enters before `t_max`, until it returns
+    /// [`Next::Stop`]; nearest boxes first if `NEAREST`.
+    fn each_near<const NEAREST: bool>(
+        &self,
+        ray: &Ray,
+        t_max: f64,
+        traversal: &mut Traversal,
+        visit: impl FnMut(usize) -> Next,
+    ) {
+        match self.instructions.as_avx2() {
+            Some(simd) => self.each_near_by::<_, NEAREST>(simd, ray, t_max, traversal, visit),
+            None => self.each_near_by::<_, NEAREST>(Portable, ray, t_max, traversal, visit),
+        }
+    }
+
+    #[inline(always)]
+    fn each_near_by<S: Simd, const NEAREST: bool>(
+        &self,
+        simd: S,
+        ray: &Ray,
+        t_max: f64,
+        Traversal { children, tests, .. }: &mut Traversal,
+        mut visit: impl FnMut(usize) -> Next,
+    ) {
+        let boxes = BoxRay::new(ray, false, false);
+        let tree = (&*self.tree.nodes, self.tree.depth);
+        simd.run(
+            #[inline(always)]
+            || {
+                descend::<S, false, NEAREST>(tree, &boxes, t_max, false, children, tests, |leaf, _, tests| {
+                    tests.primitives += 1;
+                    visit(self.order[leaf.index()] as usize)
+                })
+            },
+        );
+    }
+
+    fn prim(&self, index: usize) -> PrimId {
+        PrimId(self.first + index as u32)
+    }
+
+    /// Calls `found` with the first hit of the ray on each shape that it meets before `t_max`, until it returns
+    /// [`Next::Stop`]; nearest boxes first if `NEAREST`.
+    fn each_hit<const NEAREST: bool>(
+        &self,
+        ray: &Ray,
+        t_max: f64,
+        traversal: &mut Traversal,
+        mut found: impl FnMut(Hit) -> Next,
+    ) {
+        self.each_near::<NEAREST>(ray, t_max, traversal, |index| {
+            let mut least = f64::INFINITY;
+            self.shapes[index].each_point(ray, |t, _| least = t.min(least));
+            if least == f64::INFINITY {
+                return Next::Continue;
+            }
+            let slot = SlotId::new(self.slot + index as u32);
+            found(Hit { t: least, prim: self.prim(index), slot, barycentrics: [0.0; 2] })
+        });
+    }
+
+    /// Appends the crossings of the ray to those of the other primitives, which are in order from index `first` on, and
+    /// orders them by t; at equal t by id, those of one shape as it reported them.
+    pub(super) fn add_crossings(
+        &self,
+        ray: &Ray,
+        crossings: &mut Vec<SignedHit>,
+        first: usize,
+        traversal: &mut Traversal,
+    ) {
+        let others = crossings.len();
+        self.each_near::<false>(ray, ray.t_max, traversal, |index| {
+            let prim = self.prim(index);
+            self.shapes[index].each_point(ray, |t, side| crossings.push(SignedHit { t, prim, side }));
+            Next::Continue
+        });
+        crossings[others..].sort_by_key(|crossing| crossing.prim);
+        crossings[first..].sort_by(|a, b| a.t.total_cmp(&b.t));
+    }
+
+    /// The crossings of the ray that leave a shape, less those that enter one.
+    pub(super) fn winding_number(&self, ray: &Ray, traversal: &mut Traversal) -> i32 {
+        self.sum_of_sides(ray, |_| true, traversal)
+    }
+
+    /// The same of the closed shapes alone.
+    pub(super) fn winding_number_of_closed(&self, ray: &Ray, traversal: &mut Traversal) -> i32 {
+        self.sum_of_sides(ray, |shape| shape.is_closed(), traversal)
+    }
+
+    fn sum_of_sides(&self, ray: &Ray, counts: impl Fn(&dyn Shape) -> bool, traversal: &mut Traversal) -> i32 {
+        let mut sum = 0;
+        self.each_near::<false>(ray, ray.t_max, traversal, |index| {
+            let bounded = &self.shapes[index];
+            if counts(&*bounded.shape) {
+                bounded.each_point(ray, |_, side| sum += if side == Side::Leaving { 1 } else { -1 });
+            }
+            Next::Continue
+        });
+        sum
+    }
+
+    /// Calls `visit` with the closest points of shapes that are no farther from a point than `limit`, or than the
+    /// distance that `visit` returned last, and perhaps of others.
+    pub(super) fn each_closest_point(
+        &self,
+        point: DVec3,
+        mut limit: f64,
+        visit: &mut dyn FnMut(ClosestPoint) -> f64,
+        Traversal { children, tests, .. }: &mut Traversal,
+    ) {
+        descend_near(&self.tree.nodes, [point; 2], limit, children, tests, |leaf, tests| {
+            tests.primitives += 1;
+            let index = self.order[leaf.index()] as usize;
+            if let Some(on) = self.shapes[index].shape.closest_point(point) {
+                limit =
+                    visit(ClosestPoint { point: on, distance: on.distance(point), prim: self.prim(index) });
+            }
+            limit
+        });
+    }
+
+    /// Appends the shapes whose bounds have a point in common with the box, which is not turned around, in order of id.
+    pub(super) fn add_in_box(
+        &self,
+        ends: [DVec3; 2],
+        found: &mut Vec<PrimId>,
+        Traversal { children, tests, .. }: &mut Traversal,
+    ) {
+        let first = found.len();
+        descend_near(&self.tree.nodes, ends, 0.0, children, tests, |leaf, _| {
+            let index = self.order[leaf.index()] as usize;
+            let [min, max] = self.shapes[index].bounds;
+            if min.cmple(ends[1]).all() && max.cmpge(ends[0]).all() {
+                found.push(self.prim(index));
+            }
+            0.0
+        });
+        found[first..].sort_unstable();
+    }
+
+    /// The number of shapes that are not closed.
+    pub(super) fn open(&self) -> usize {
+        self.shapes.iter().filter(|bounded| !bounded.shape.is_closed()).count()
+    }
+
+    /// The shape of a slot; `None` for the slots of other primitives.
+    pub(super) fn in_slot(&self, slot: SlotId) -> Option<&Arc<dyn Shape>> {
+        let index = slot.index().checked_sub(self.slot)?;
+        self.shapes.get(index as usize).map(|bounded| &bounded.shape)
+    }
+
+    fn get(&self, prim: PrimId) -> Option<&Arc<dyn Shape>> {
+        let index = prim.0.checked_sub(self.first)?;
+        self.shapes.get(index as usize).map(|bounded| &bounded.shape)
+    }
+}
+
+/// A structure and shapes beside it.
+struct WithShapes {
+    /// The structure over all other primitives.
+    flat: Arc<dyn Accelerator>,
+    shapes: Shapes,
+}
+
+impl WithShapes {
+    /// The closest hit, given that of `flat`.
+    fn closest(
+        &self,
+        ray: &Ray,
+        flat: Option<Hit>,
+        accepts: &mut dyn FnMut(&Hit) -> bool,
+        traversal: &mut Traversal,
+    ) -> Option<Hit> {
+        let mut best = flat;
+        let is_exact = self.numerics() == Numerics::Exact;
+        let is_better = |hit: &Hit, best: &Hit| match best.slot.index() < self.shapes.slot {
+            true if is_exact => is_before_exactly(ray, hit.t, best.t, self.flat.primitive(best.slot).into()),
+            _ => hit.is_before(best),
+        };
+        let t_max = flat.map_or(ray.t_max, |hit| hit.t);
+        self.shapes.each_hit::<true>(ray, t_max, traversal, |hit| {
+            if !best.as_ref().is_none_or(|best| is_better(&hit, best)) || !accepts(&hit) {
+                return Next::Continue;
+            }
+            best = Some(hit);
+            Next::Shorten(hit.t)
+        });
+        best
+    }
+
+    fn is_any_hit(
+        &self,
+        ray: &Ray,
+        accepts: &mut dyn FnMut(PrimId) -> bool,
+        traversal: &mut Traversal,
+    ) -> bool {
+        let mut any = false;
+        self.shapes.each_hit::<false>(ray, ray.t_max, traversal, |hit| {
+            any = accepts(hit.prim);
+            if any { Next::Stop } else { Next::Continue }
+        });
+        any
+    }
+}
+
+impl Nearby for WithShapes {
+    fn every_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
+        self.flat.each_primitive(visit);
+    }
+
+    fn each_near_ray(
+        &self,
+        ray: &LineTest,
+        visit: &mut dyn FnMut(PrimId, Primitive),
+        traversal: &mut Traversal,
+    ) {
+        self.flat.each_near_ray(ray, visit, traversal);
+    }
+
+    fn each_near_rays(
+        &self,
+        rays: Rays,
+        visit: &mut dyn FnMut(usize, &LineTest, PrimId, Primitive),
+        traversal: &mut Traversal,
+    ) {
+        self.flat.each_near_rays(rays, visit, traversal);
+    }
+
+    fn each_near_box(
+        &self,
+        corners: [DVec3; 2],
+        limit: f64,
+        visit: &mut dyn FnMut(PrimId, Primitive) -> f64,
+        traversal: &mut Traversal,
+    ) {
+        self.flat.each_near_box(corners, limit, visit, traversal);
+    }
+
+    fn closest_hit_by(
+        &self,
+        ray: &Ray,
+        accepts: &mut dyn FnMut(&Hit) -> bool,
+        traversal: &mut Traversal,
+    ) -> Option<Hit> {
+        let flat = self.flat.closest_hit_by(ray, accepts, traversal);
+        self.closest(ray, flat, accepts, traversal)
+    }
+
+    fn parts(&self) -> Option<(&Arc<dyn Accelerator>, &Shapes)> {
+        Some((&self.flat, &self.shapes))
+    }
+
+    fn slots_end(&self) -> u32 {
+        self.flat.slots_end()
+    }
+}
+
+impl Accelerator for WithShapes {
+    fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
+        let flat = self.flat.closest_hit(ray, traversal);
+        self.closest(ray, flat, &mut |_| true, traversal)
+    }
+
+    fn is_occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool {
+        self.flat.is_occluded(ray, traversal) || self.is_any_hit(ray, &mut |_| true, traversal)
+    }
+
+    fn is_occluded_by(
+        &self,
+        ray: &Ray,
+        accepts: &mut dyn FnMut(PrimId) -> bool,
+        traversal: &mut Traversal,
+    ) -> bool {
+        self.flat.is_occluded_by(ray, accepts, traversal) || self.is_any_hit(ray, accepts, traversal)
+    }
+
+    fn closest_hits(&self, rays: Rays, hits: &mut HitBuffer, traversal: &mut Traversal) {
+        let first = hits.len();
+        self.flat.closest_hits(rays, hits, traversal);
+        for (index, ray) in (first..).zip(rays.iter()) {
+            let hit = self.closest(&ray, hits.get(index), &mut |_| true, traversal);
+            hits.set(index, hit.as_ref());
+        }
+    }
+
+    fn are_occluded(&self, rays: Rays, occluded: &mut Vec<bool>, traversal: &mut Traversal) {
+        let first = occluded.len();
+        self.flat.are_occluded(rays, occluded, traversal);
+        for (ray, occluded) in rays.iter().zip(&mut occluded[first..]) {
+            *occluded = *occluded || self.is_any_hit(&ray, &mut |_| true, traversal);
+        }
+    }
+
+    fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal) {
+        self.flat.all_hits(ray, hits, traversal);
+        self.shapes.each_hit::<false>(ray, ray.t_max, traversal, |hit| {
+            hits.push(hit);
+            Next::Continue
+        });
+    }
+
+    fn each_hit(&self, rays: Rays, hits: &mut Vec<(usize, Hit)>, traversal: &mut Traversal) {
+        self.flat.each_hit(rays, hits, traversal);
+        for (index, ray) in rays.iter().enumerate() {
+            self.shapes.each_hit::<false>(&ray, ray.t_max, traversal, |hit| {
+                hits.push((index, hit));
+                Next::Continue
+            });
+        }
+    }
+
+    fn has_streams(&self) -> bool {
+        self.flat.has_streams()
+    }
+
+    /// A triangle of NaN for a shape: it is none of [`Primitive`].
+    fn primitive(&self, slot: SlotId) -> Primitive {
+        if slot.index() >= self.shapes.slot {
+            return Primitive::Triangle(Triangle([DVec3::NAN; 3]));
+        }
+        self.flat.primitive(slot)
+    }
+
+    fn numerics(&self) -> Numerics {
+        self.flat.numerics()
+    }
+
+    fn refit(&mut self, primitive: &(dyn Fn(PrimId) -> Primitive + Sync)) -> Option<f64> {
+        Arc::get_mut(&mut self.flat)?.refit(primitive)
+    }
+
+    fn quality(&self) -> Option<Quality> {
+        self.flat.quality()
+    }
+
+    fn describe(&self) -> Description {
+        let flat = self.flat.describe();
+        let Shapes { shapes, tree, order, .. } = &self.shapes;
+        let bytes =
+            size_of_val(shapes.as_slice()) + size_of_val(&*tree.nodes) + size_of_val(order.as_slice());
+        Description {
+            nodes: flat.nodes + tree.nodes.len(),
+            slots: flat.slots + shapes.len(),
+            bytes: flat.bytes + bytes,
+            ..flat
+        }
+    }
+}
+
+impl Bvh {
+    /// Replaces the shapes of other crates ([`Shape`]) beside the primitives; none by default. The tree over the
+    /// primitives stays. A shape's id is the number of primitives plus its index in `shapes`; [`Bvh::update`] and
+    /// [`Bvh::set_instances`] keep the shapes, and numbers them anew. A shape that moves is another: call this again.
+    ///
+    /// Every query of rays finds them, and [`Bvh::shape`] returns them by id; [`Accelerator::primitive`] of their slots
+    /// is a triangle of NaN. Crossings at equal t are in order of id. [`Bvh::in_box`] takes shapes by their bounds, and
+    /// [`Bvh::par_meeting_triangles`] leaves them out.
+    ///
+    /// # Errors
+    /// [`NotFinite::Bounds`] for the first shape whose bounds are not finite in f32, or turned around. Nothing changes.
+    pub fn set_shapes(&mut self, shapes: impl IntoIterator<Item = Arc<dyn Shape>>) -> Result<(), NotFinite> {
+        let ends = [self.ids(), self.accelerator.slots_end()];
+        let shapes = Shapes::new(shapes, self.layout.preset().unwrap_or_default(), ends)?;
+        let flat = self.accelerator.parts().map_or(&self.accelerator, |parts| parts.0).clone();
+        self.accelerator = Arc::new(WithShapes { flat, shapes });
+        self.forget_surface();
+        Ok(())
+    }
+
+    /// The shape of an id ([`Bvh::set_shapes`]); `None` for other primitives.
+    pub fn shape(&self, prim: PrimId) -> Option<&Arc<dyn Shape>> {
+        self.own_shapes()?.get(prim)
+    }
+
+    /// The shapes and their tree.
+    pub(super) fn own_shapes(&self) -> Option<&Shapes> {
+        self.accelerator.parts().map(|parts| parts.1)
+    }
+
+    /// All shapes, in order.
+    pub fn shapes(&self) -> impl Iterator<Item = &Arc<dyn Shape>> {
+        self.own_shapes().into_iter().flat_map(|all| all.shapes.iter().map(|bounded| &bounded.shape))
+    }
+}
