@@ -1,8 +1,8 @@
-"""Ray queries on triangle meshes (Mesh), pictures (render, Scene), and trimesh's interface (kiln.trimesh)."""
+"""Ray queries on triangle meshes (Mesh, Instances), pictures (render, Scene), and trimesh's interface (kiln.trimesh)."""
 
 from typing import TYPE_CHECKING
 
-from ._kiln import Aovs, KilnWarning, Mesh, Picture, __version__
+from ._kiln import Aovs, Instances, KilnWarning, Mesh, Picture, __version__
 from ._scene import Prepared, Scene, camera_rays, pinhole_rays, render
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ else:
 
 __all__ = [
     "Aovs",
+    "Instances",
     "KilnWarning",
     "Mesh",
     "Picture",

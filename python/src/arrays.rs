@@ -1,5 +1,6 @@
 //! Arrays of numpy: checked input in the layout that the library reads, and output without copies.
 
+use kiln::glam::DMat4;
 use numpy::ndarray::{Dim, Dimension};
 use numpy::{
     Element, PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
@@ -130,6 +131,41 @@ pub(crate) fn per_ray(value: &Bound<PyAny>, name: &str, other: &str, rays: &[usi
     check_shape((name, &shape), (other, rays))?;
     let array: PyReadonlyArray1<f64> = array.call_method1("reshape", (-1,))?.extract()?;
     Ok(array.as_slice()?.to_vec())
+}
+
+/// The shape of one matrix.
+pub(crate) const ONE: &str = "(4, 4)";
+
+/// The shape of several matrices.
+pub(crate) const SEVERAL: &str = "(k, 4, 4)";
+
+/// Affine maps, in numpy's order of rows, of one of the shapes [`ONE`] and [`SEVERAL`].
+pub(crate) fn matrices(value: &Bound<PyAny>, name: &str, shapes: &[&str]) -> PyResult<Vec<DMat4>> {
+    let array = converted(value, name, FLOATS)?;
+    let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+    let is_expected = match shape.as_slice() {
+        [4, 4] => shapes.contains(&ONE),
+        [_, 4, 4] => shapes.contains(&SEVERAL),
+        _ => false,
+    };
+    if !is_expected {
+        let (expected, shape) = (shapes.join(" or "), array.getattr("shape")?);
+        return Err(PyValueError::new_err(format!("{name}: expected the shape {expected}, not {shape}")));
+    }
+    let count: usize = shape[..shape.len() - 2].iter().product();
+    let rows = numbers(&array.call_method1("reshape", (count, 16))?, name, 16)?;
+    let matrix = |(index, matrix): (usize, &[f64; 16])| {
+        let matrix = DMat4::from_cols_array(matrix).transpose();
+        let mistake = |what| PyValueError::new_err(format!("{name}: matrix {index}{what}"));
+        if !matrix.is_finite() {
+            return Err(mistake(" is not finite"));
+        }
+        if matrix.row(3).to_array() != [0.0, 0.0, 0.0, 1.0] {
+            return Err(mistake(": the last row must be 0, 0, 0, 1"));
+        }
+        Ok(matrix)
+    };
+    chunks(&rows)?.iter().enumerate().map(matrix).collect()
 }
 
 /// Vertex indices of triangles, each below `count`.

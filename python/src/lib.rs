@@ -4,6 +4,7 @@
 mod arrays;
 mod camera;
 mod hits;
+mod instances;
 mod mesh;
 mod picture;
 mod rays;
@@ -134,6 +135,7 @@ fn _kiln(module: &Bound<PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("KilnWarning", module.py().get_type::<KilnWarning>())?;
     module.add_class::<mesh::Mesh>()?;
+    module.add_class::<instances::Instances>()?;
     module.add_class::<hits::Found>()?;
     module.add_class::<scene::Scene>()?;
     module.add_class::<picture::Picture>()?;

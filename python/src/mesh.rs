@@ -109,6 +109,18 @@ impl Mesh {
         std::mem::swap(&mut *self.state.write().unwrap_or_else(PoisonError::into_inner), &mut state);
     }
 
+    /// [`Mesh::replace`], unless queries are no longer answered from `before`.
+    pub(crate) fn replace_if(&self, before: &Arc<State>, state: State) -> bool {
+        let mut state = Arc::new(state);
+        let mut now = self.state.write().unwrap_or_else(PoisonError::into_inner);
+        let is_same = Arc::ptr_eq(&now, before);
+        if is_same {
+            std::mem::swap(&mut *now, &mut state);
+        }
+        drop(now);
+        is_same
+    }
+
     /// The results of `query` for the points, and the shape of these without the dimension of vectors. Before that, warns of
     /// a surface that is not closed, where `needs_inside`.
     fn with_points<R: Send>(
@@ -167,7 +179,7 @@ impl Mesh {
     }
 
     /// A mesh of its own; it shares memory with this one until either is updated.
-    fn __copy__(&self) -> Self {
+    pub(crate) fn __copy__(&self) -> Self {
         Mesh { state: RwLock::new(self.now()), arrays: self.arrays.clone() }
     }
 

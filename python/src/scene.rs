@@ -6,14 +6,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use kiln::cli::picture::{Options, Value};
 use kiln::error::{Error, Result, Warnings};
 use kiln::film::{Colour, ColourPipeline};
-use kiln::glam::{DMat4, DVec2, DVec3};
+use kiln::glam::{DVec2, DVec3};
 use kiln::import;
 use kiln::scene::{Attribute, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Shape};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 
-use crate::arrays::{FLOATS, check_finite, check_rows, chunks, converted, numbers, triangles};
+use crate::arrays::{SEVERAL, check_finite, check_rows, chunks, matrices, numbers, triangles};
 use crate::state::{State, named};
 use crate::{interruptible, raised, warn, warn_all};
 
@@ -269,26 +269,9 @@ fn coordinates(value: &Bound<PyAny>, count: usize) -> PyResult<Attribute<DVec2>>
     Ok(Attribute::per_position(rows.iter().map(|&row| row.into()).collect()))
 }
 
-/// A mesh with each of the transforms, (k, 4, 4) in numpy's order of rows.
+/// A mesh with each of the transforms, (k, 4, 4).
 fn placed(mesh: Mesh, transforms: &Bound<PyAny>) -> PyResult<Vec<Shape>> {
-    let rows = converted(transforms, "transforms", FLOATS)?;
-    let shape: Vec<usize> = rows.getattr("shape")?.extract()?;
-    if shape.len() != 3 || shape[1..] != [4, 4] {
-        let shape = rows.getattr("shape")?;
-        return Err(PyValueError::new_err(format!("transforms: expected the shape (k, 4, 4), not {shape}")));
-    }
-    let rows = numbers(&rows.call_method1("reshape", (shape[0], 16))?, "transforms", 16)?;
     let mesh = Arc::new(mesh);
-    let place = |(index, matrix): (usize, &[f64; 16])| {
-        let matrix = DMat4::from_cols_array(matrix).transpose();
-        let mistake = |what| PyValueError::new_err(format!("transforms: matrix {index}{what}"));
-        if !matrix.is_finite() {
-            return Err(mistake(" is not finite"));
-        }
-        if matrix.row(3).to_array() != [0.0, 0.0, 0.0, 1.0] {
-            return Err(mistake(": the last row must be 0, 0, 0, 1"));
-        }
-        Ok(Shape::Placed(Placed::new(Arc::clone(&mesh), Placement::new(matrix))))
-    };
-    chunks(&rows)?.iter().enumerate().map(place).collect()
+    let place = |matrix| Shape::Placed(Placed::new(Arc::clone(&mesh), Placement::new(matrix)));
+    Ok(matrices(transforms, "transforms", &[SEVERAL])?.into_iter().map(place).collect())
 }

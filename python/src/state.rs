@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use kiln::bvh::{Bvh, CoarseRounding, NotFinite, Preset, Primitive};
-use kiln::geometry::{Hit, Numerics, PrimId, Ray, SlotId};
+use kiln::geometry::{Hit, Numerics, Placed, PrimId, Ray, SlotId};
 use kiln::glam::{DVec2, DVec3};
 use kiln::scene::Scene;
 use pyo3::exceptions::PyValueError;
@@ -21,7 +21,12 @@ pub(crate) struct State {
     pub objects: Vec<ObjectPart>,
     /// The scene of these objects, if they are of one.
     pub scene: Option<Arc<Scene>>,
+    /// The meshes and transforms of [`Instances`](crate::instances::Instances); empty of others.
+    pub parts: Parts,
 }
+
+/// By number; `None` for those that were removed.
+pub(crate) type Parts = Vec<Option<Placed>>;
 
 /// The part of the primitives that is an object.
 #[derive(Clone, Copy, Default)]
@@ -77,7 +82,7 @@ impl State {
     ) -> PyResult<Self> {
         let primitives = triangles.len();
         let bvh = built(py, triangles, numerics, |seen| Bvh::with(seen, preset, numerics))?;
-        Ok(State { bvh, primitives, objects: vec![ObjectPart::default()], scene: None })
+        Ok(State { bvh, primitives, objects: vec![ObjectPart::default()], scene: None, parts: Vec::new() })
     }
 
     /// The primitives of a scene.
@@ -95,7 +100,7 @@ impl State {
         let objects = scene.objects.iter().zip(scene.placement_indices()).map(part).collect();
         let of_scene: Vec<Primitive> = scene.primitives().collect();
         let bvh = built(py, of_scene.into_iter(), numerics, |seen| Bvh::with(seen, preset, numerics))?;
-        Ok(State { bvh, primitives, objects, scene: Some(scene) })
+        Ok(State { bvh, primitives, objects, scene: Some(scene), parts: Vec::new() })
     }
 
     /// The index of the object of a primitive, and that of the primitive in the object.

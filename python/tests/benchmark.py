@@ -1,105 +1,230 @@
-"""Time of 10^6 rays and of containment, leaks and wrong answers, beside embreex, trimesh's own intersector and Open3D,
-where these are installed: the table of docs/python.md.
+"""The table of docs/python.md: queries and their wrong answers beside trimesh with embreex, and Open3D where it is installed.
 
-    KILN_MODELS=/path/to/models python benchmark.py [RAYS]
+    KILN_MODELS=/path/to/models python benchmark.py [--threads N] [RAYS]
 
-Seconds are those of a clock, the best of three runs, by libraries in turns; --cpu takes processor time instead, for
-machines that do other work. RAYON_NUM_THREADS=1 restricts kiln to one thread; embreex has one anyway.
+Seconds are those of a clock, the best of three runs, by libraries in turns; threads are those of kiln and Open3D (2 by
+default), since embreex has one. Times of a mesh from arrays include its structure, not the conversion of arrays to f32.
 """
 
+import argparse
 import os
+import subprocess
 import sys
+import tempfile
 import time
 import warnings
 from pathlib import Path
 
-import numpy as np
-import trimesh
-from conftest import icosphere
-from trimesh.ray import ray_pyembree, ray_triangle
+parser = argparse.ArgumentParser()
+parser.add_argument("rays", nargs="?", type=float, default=1e6)
+parser.add_argument("--threads", type=int, default=2)
+parser.add_argument("--peak", nargs=2, help="print the memory that a library adds for a mesh in a file, in MiB")
+arguments = parser.parse_args()
+os.environ["RAYON_NUM_THREADS"] = str(arguments.threads)
 
-import kiln
-import kiln.trimesh
+import numpy as np  # noqa: E402
 
-numbers = [argument for argument in sys.argv[1:] if argument != "--cpu"]
-clock = time.process_time if "--cpu" in sys.argv else time.perf_counter
-rays = int(float(numbers[0])) if numbers else 1_000_000
+LIBRARIES = ("kiln", "trimesh with embreex", "Open3D")
+
+
+class Kiln:
+    def __init__(self, vertices, faces):
+        import kiln
+
+        self.mesh = kiln.Mesh(vertices, faces)
+
+    def first(self, origins, directions):
+        return self.mesh.first(origins, directions).triangle >= 0
+
+    def any(self, origins, directions):
+        return self.mesh.any(origins, directions)
+
+    def all(self, origins, directions):
+        return self.mesh.all(origins, directions)
+
+    def contains(self, points):
+        return self.mesh.contains(points)
+
+    def signed_distance(self, points):
+        return self.mesh.signed_distance(points)
+
+
+class Trimesh:
+    def __init__(self, vertices, faces):
+        import trimesh
+        from trimesh.ray import ray_pyembree
+
+        self.trimesh, self.mesh = trimesh, trimesh.Trimesh(vertices, faces, process=False)
+        self.ray = ray_pyembree.RayMeshIntersector(self.mesh)
+        self.ray._scene  # noqa: B018, the structure
+
+    def first(self, origins, directions):
+        return self.ray.intersects_first(origins, directions) >= 0
+
+    def any(self, origins, directions):
+        return self.ray.intersects_any(origins, directions)
+
+    def all(self, origins, directions):
+        return self.ray.intersects_location(origins, directions)
+
+    def contains(self, points):
+        return self.ray.contains_points(points)
+
+    def signed_distance(self, points):
+        return -self.trimesh.proximity.signed_distance(self.mesh, points)
+
+
+class Open3D:
+    def __init__(self, vertices, faces):
+        import open3d
+
+        self.scene = open3d.t.geometry.RaycastingScene(nthreads=arguments.threads)
+        self.scene.add_triangles(np.asarray(vertices, np.float32), np.asarray(faces, np.uint32))
+        self.scene.cast_rays(np.zeros((1, 6), np.float32))
+
+    @staticmethod
+    def rays(origins, directions):
+        return np.concatenate([origins, directions], axis=1).astype(np.float32)
+
+    def first(self, origins, directions):
+        return np.isfinite(self.scene.cast_rays(self.rays(origins, directions), arguments.threads)["t_hit"].numpy())
+
+    def any(self, origins, directions):
+        return self.scene.test_occlusions(self.rays(origins, directions), nthreads=arguments.threads).numpy()
+
+    def all(self, origins, directions):
+        return self.scene.list_intersections(self.rays(origins, directions), arguments.threads)
+
+    def contains(self, points):
+        return self.scene.compute_occupancy(points.astype(np.float32), arguments.threads).numpy() > 0.5
+
+    def signed_distance(self, points):
+        return self.scene.compute_signed_distance(points.astype(np.float32), arguments.threads).numpy()
+
+
+CLASSES = dict(zip(LIBRARIES, (Kiln, Trimesh, Open3D)))
+
+if arguments.peak:
+    import resource
+
+    arrays = np.load(arguments.peak[1])
+    vertices, faces = arrays["vertices"], arrays["faces"]
+    CLASSES[arguments.peak[0]](vertices[:3], faces[:1] * 0 + [0, 1, 2])
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    CLASSES[arguments.peak[0]](vertices, faces)
+    print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
+    sys.exit()
+
+import trimesh  # noqa: E402
+from conftest import icosphere  # noqa: E402
+
+import kiln  # noqa: E402
+
 random = np.random.default_rng(0)
+count = int(arguments.rays)
 warnings.simplefilter("ignore", kiln.KilnWarning)
+try:
+    import open3d
+except ImportError:
+    LIBRARIES = LIBRARIES[:2]
 
 
-def best(calls: dict) -> dict:
+def best(calls: dict, runs: int = 3) -> dict:
     """The least seconds of each of the calls, which take turns."""
     seconds = dict.fromkeys(calls, float("inf"))
-    for _ in range(3):
+    for _ in range(runs):
         for name, call in calls.items():
-            start = clock()
+            start = time.perf_counter()
             call()
-            seconds[name] = min(seconds[name], clock() - start)
+            seconds[name] = min(seconds[name], time.perf_counter() - start)
     return seconds
 
 
-def print_row(what, seconds: dict, least: str) -> None:
-    ratios = ", ".join(f"{name} {value:.3f} s" for name, value in seconds.items())
-    print(f"{what}: {ratios}; kiln is {seconds[least] / seconds['kiln']:.2f} times as fast as {least}")
+def row(what, values: dict, form: str = "{:.3f}") -> None:
+    cells = [form.format(values[name]) if name in values else "–" for name in LIBRARIES]
+    print(f"| {what} | {' | '.join(cells)} |", flush=True)
 
 
-def open3d_scene(mesh):
-    try:
-        import open3d
-    except ImportError:
-        return None
-    scene = open3d.t.geometry.RaycastingScene()
-    scene.add_triangles(np.asarray(mesh.vertices, np.float32), np.asarray(mesh.faces, np.uint32))
-    return scene
-
-
-def times(name, mesh):
-    """Rays from a sphere around the mesh to points in its bounds."""
-    middle, radius = mesh.bounds.mean(axis=0), np.linalg.norm(mesh.extents)
-    origins = random.normal(size=(rays, 3))
-    origins = middle + origins / np.linalg.norm(origins, axis=1, keepdims=True) * radius
-    directions = random.uniform(*mesh.bounds, size=(rays, 3)) - origins
-    ours, theirs = kiln.trimesh.RayMeshIntersector(mesh), ray_pyembree.RayMeshIntersector(mesh)
-    queries = kiln.Mesh(mesh.vertices, mesh.faces)
-    embree = theirs._scene
-    scaled = ((origins - embree.origin) * embree.scale).astype(np.float32)
-    unit = directions.astype(np.float32)
-    first = {
-        "embreex": lambda: embree.scene.run(scaled, unit),
-        "trimesh with embreex": lambda: theirs.intersects_first(origins, directions),
-        "kiln": lambda: queries.first(origins, directions),
-        "kiln.trimesh": lambda: ours.intersects_first(origins, directions),
-    }
-    scene = open3d_scene(mesh)
-    if scene is not None:
-        tensor = np.concatenate([origins, directions], axis=1).astype(np.float32)
-        first["Open3D"] = lambda: scene.cast_rays(tensor)
-    print(f"{name}, {len(mesh.faces)} triangles, {rays} rays")
-    print_row("  first hits", best(first), "embreex")
-    every = {
-        "trimesh with embreex": lambda: theirs.intersects_location(origins, directions),
-        "kiln": lambda: queries.all(origins, directions),
-        "kiln.trimesh": lambda: ours.intersects_location(origins, directions),
-    }
-    print_row("  all hits", best(every), "trimesh with embreex")
-    few = slice(0, min(rays, 200))
-    native = ray_triangle.RayMeshIntersector(mesh)
-    native.intersects_first(origins[:1], directions[:1])
-    start = clock()
-    native.intersects_first(origins[few], directions[few])
-    print(
-        f"  trimesh without embreex: {(clock() - start) * rays / len(origins[few]):.0f} s, "
-        f"from {len(origins[few])} rays"
+def times(name, vertices, faces, points: int):
+    """Rays from a sphere around the mesh to points in its bounds, and points in its bounds."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    around = random.normal(size=(count, 3))
+    around *= np.linalg.norm(high - low) / np.linalg.norm(around, axis=1, keepdims=True)
+    origins, targets = (low + high) / 2 + around, random.uniform(low, high, (count, 3))
+    rays = origins, targets - origins
+    row(
+        f"{name}, {len(faces)} triangles: build, s",
+        best({library: lambda c=CLASSES[library]: c(vertices, faces) for library in LIBRARIES}),
     )
+    engines = {library: CLASSES[library](vertices, faces) for library in LIBRARIES}
+
+    def timed(query, *values, runs=3):
+        return best({key: lambda e=e: getattr(e, query)(*values) for key, e in engines.items()}, runs)
+
+    row(f"closest hits of {count} rays, s", timed("first", *rays))
+    row("whether they hit anything, s", timed("any", *rays))
+    row("all hits, s", timed("all", *rays))
+    if points:
+        where = random.uniform(low, high, (points, 3))
+        row(f"whether {points} points are inside, s", timed("contains", where, runs=1))
+        # trimesh takes minutes.
+        del engines["trimesh with embreex"]
+        row(f"signed distances of {points} points, s", timed("signed_distance", where, runs=1))
+
+
+def poses(vertices, faces):
+    """Depth, normals and objects of 50 pictures of 640 x 480 from a circle around the mesh."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    middle, size = (low + high) / 2, np.linalg.norm(high - low)
+    K, matrices = np.array([[600.0, 0, 320], [0, 610, 240], [0, 0, 1]]), []
+    for angle in np.linspace(0, 2 * np.pi, 50, endpoint=False):
+        position = middle + size * np.array([np.sin(angle), 0.3, np.cos(angle)])
+        z = (middle - position) / np.linalg.norm(middle - position)
+        x = np.cross(z, [0, 1, 0])
+        x /= np.linalg.norm(x)
+        matrix = np.eye(4)
+        matrix[:3] = np.stack([x, np.cross(z, x), z, position], axis=1)
+        matrices.append(matrix)
+    scene = kiln.Scene()
+    scene.add(vertices, faces)
+    prepared = kiln.Prepared(scene)
+    cameras = [{"K": K, "pose": matrix, "axes": "opencv"} for matrix in matrices]
+    names = ["depth", "geometric-normal", "object"]
+    calls = {"kiln": lambda: prepared.render_many(cameras, size=(640, 480), aovs=names)}
+    calls["kiln"]()
+    if "Open3D" in LIBRARIES:
+        theirs = Open3D(vertices, faces).scene
+
+        def cast():
+            for matrix in matrices:
+                # Its pixels' centres are at halves.
+                centred = K + [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]
+                rays = theirs.create_rays_pinhole(centred, np.linalg.inv(matrix), 640, 480)
+                theirs.cast_rays(rays, arguments.threads)
+
+        calls["Open3D"] = cast
+    row("50 poses of 640 x 480: depth, normal, object, s", best(calls))
+
+
+def peak():
+    """The memory that a mesh of two million triangles takes at most, beyond its arrays."""
+    side = np.arange(1001)
+    x, y = np.meshgrid(side, side, indexing="ij")
+    vertices = np.stack([x, y, 30 * np.sin(x / 50) * np.cos(y / 70)], axis=-1).reshape(-1, 3).astype(float)
+    corner = (x * 1001 + y)[:-1, :-1].ravel()
+    faces = np.concatenate([corner[:, None] + [0, 1001, 1002], corner[:, None] + [0, 1002, 1]])
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "mesh.npz"
+        np.savez(file, vertices=vertices, faces=faces)
+        command = [sys.executable, __file__, "--threads", str(arguments.threads), "--peak"]
+        used = {name: float(subprocess.check_output([*command, name, file])) for name in LIBRARIES}
+    row(f"memory at most, {len(faces)} triangles, MiB", used, "{:.0f}")
 
 
 def errors():
     """Misses of rays from inside of a closed sphere to its vertices and the middles of its edges, and wrong answers to
     whether it contains points on lines through its vertices and edges, in the direction of trimesh's test rays."""
     vertices, faces = icosphere(5)
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
-    count = min(rays, 1_000_000)
     middles = (vertices[faces] + vertices[np.roll(faces, 1, axis=1)]).reshape(-1, 3) / 2
     targets = random.permutation(np.concatenate([vertices, middles]))
     targets = np.resize(targets, (count, 3))
@@ -111,33 +236,28 @@ def errors():
     inner = np.linalg.norm(vertices[faces].mean(axis=1), axis=1).min()
     clear = (radius < inner) | (radius > 1)
     points, inside = points[clear], (radius < inner)[clear]
-    engines = {
-        "kiln": kiln.trimesh.RayMeshIntersector(mesh),
-        "trimesh with embreex": ray_pyembree.RayMeshIntersector(mesh),
-    }
-    native = ray_triangle.RayMeshIntersector(mesh)
-    print(f"a closed sphere of {len(faces)} triangles, {count} rays, {len(points)} points")
-    for name, engine in engines.items():
-        leaks = np.count_nonzero(~engine.intersects_any(origins, targets - origins))
-        wrong = np.count_nonzero(engine.contains_points(points) != inside)
-        print(f"  {name}: {leaks / count * 1e6:.0f} leaks and {wrong / len(points) * 1e6:.0f} wrong answers a million")
-    few = slice(0, min(count, 300))
-    leaks = np.count_nonzero(~native.intersects_any(origins[few], (targets - origins)[few]))
-    wrong = np.count_nonzero(native.contains_points(points[few]) != inside[few])
-    print(f"  trimesh without embreex, of {len(origins[few])}: {leaks} leaks and {wrong} wrong answers")
-    scene = open3d_scene(mesh)
-    if scene is not None:
-        tensor = np.concatenate([origins, targets - origins], axis=1).astype(np.float32)
-        leaks = np.count_nonzero(np.isinf(scene.cast_rays(tensor)["t_hit"].numpy()))
-        wrong = np.count_nonzero((scene.compute_occupancy(points.astype(np.float32)).numpy() > 0.5) != inside)
-        print(f"  Open3D: {leaks / count * 1e6:.0f} leaks and {wrong / len(points) * 1e6:.0f} wrong answers a million")
+    leaks, wrong = {}, {}
+    for library in LIBRARIES:
+        engine = CLASSES[library](vertices, faces)
+        leaks[library] = np.count_nonzero(~engine.first(origins, targets - origins))
+        wrong[library] = np.count_nonzero(engine.contains(points) != inside)
+    row(f"rays that leak, of {count} to vertices and edges of a closed sphere", leaks, "{}")
+    row(f"wrong answers to what is inside, of {len(points)} points", wrong, "{}")
 
 
+def model(name):
+    mesh = trimesh.load(Path(os.environ["KILN_MODELS"]) / name, force="mesh", process=False)
+    return np.array(mesh.vertices, float), np.array(mesh.faces)
+
+
+print(f"| {arguments.threads} threads | {' | '.join(LIBRARIES)} |\n| --- |{' --- |' * len(LIBRARIES)}")
 if "KILN_MODELS" in os.environ:
-    for name in ("stanford-bunny.obj", "kitchen.obj"):
-        mesh = trimesh.load(Path(os.environ["KILN_MODELS"]) / name, force="mesh", process=False)
-        times(name, trimesh.Trimesh(mesh.vertices, mesh.faces, process=False))
+    bunny = model("stanford-bunny.obj")
+    times("bunny", *bunny, points=count)
+    poses(*bunny)
+    times("kitchen", *model("kitchen.obj"), points=0)
 else:
-    print("KILN_MODELS is not set: bunny and kitchen are left out")
-times("sphere", trimesh.Trimesh(*icosphere(8), process=False))
+    print("KILN_MODELS is not set: bunny and kitchen are left out", file=sys.stderr)
+times("sphere", *icosphere(8), points=0)
 errors()
+peak()
