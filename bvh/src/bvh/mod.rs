@@ -24,6 +24,7 @@ mod placed_meshes;
 mod preset;
 mod quality;
 mod sah;
+mod saved;
 mod shapes;
 #[doc(hidden)]
 pub mod splitmix64;
@@ -311,6 +312,11 @@ pub(crate) trait Nearby {
 
     /// The structure of its primitives and the shapes beside them; `None` without shapes.
     fn parts(&self) -> Option<(&Arc<dyn Accelerator>, &Shapes)> {
+        None
+    }
+
+    /// Writes it as [`Bvh::save`] does the structure that it belongs to; `None` if it cannot be saved.
+    fn save(&self, _of: &Bvh, _to: &mut saved::Writer) -> Option<std::io::Result<()>> {
         None
     }
 

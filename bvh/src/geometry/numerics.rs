@@ -101,7 +101,7 @@ pub(crate) trait Corner:
     Copy + Send + Sync + 'static + From<[<Self as Corner>::Scalar; 3]> + Into<[<Self as Corner>::Scalar; 3]>
 {
     /// The type of a coordinate.
-    type Scalar: Copy + Send + Sync + 'static;
+    type Scalar: bytemuck::Pod + Send + Sync;
     /// NaN.
     const NAN: Self::Scalar;
     /// The first coordinates of a slice, converted to f64.

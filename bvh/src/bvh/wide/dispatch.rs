@@ -13,7 +13,7 @@ use super::results::Results;
 use super::single;
 use super::stream::{self, AllHits, ClosestHits, Occlusion, RayMask};
 use super::{all_pairs, near_box, near_ray};
-use crate::bvh::{Accelerator, Description, Nearby, Next, Primitive, Quality, Traversal};
+use crate::bvh::{Accelerator, Bvh, Description, Nearby, Next, Primitive, Quality, Traversal, saved};
 use crate::geometry::simd::{InstructionSet, Portable, with_simd};
 use crate::geometry::{BATCH, Hit, HitBuffer, LineTest, Numerics, PACKET, PrimId, Ray, Rays, SlotId, Tier};
 
@@ -326,6 +326,10 @@ impl<T: Tier> Nearby for Wide<T> {
         traversal: &mut Traversal,
     ) {
         near_box::visit(self, corners, limit, visit, traversal);
+    }
+
+    fn save(&self, of: &Bvh, to: &mut saved::Writer) -> Option<std::io::Result<()>> {
+        Some(saved::save(self, of, to))
     }
 }
 

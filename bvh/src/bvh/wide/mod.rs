@@ -27,7 +27,8 @@ mod stream;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use layout::{Child, Content, Tree, Wide, convert};
+pub(crate) use all_pairs::SmallLeafBatch;
+pub(crate) use layout::{Child, Content, Node, Tree, TriangleLeaf, WIDTH, Wide, convert};
 pub(crate) use near_box::descend_near;
 pub(crate) use packet::Scratches;
 pub(crate) use single::{box_ray::BoxRay, descend};

@@ -35,7 +35,7 @@ pub(crate) struct Wide<T: Tier> {
     /// The instruction set of its traversals.
     pub instructions: InstructionSet,
     /// The cost by the surface area heuristic before the first refit.
-    cost_at_build: Option<f64>,
+    pub cost_at_build: Option<f64>,
 }
 
 /// Up to four triangles and their primitive ids.
