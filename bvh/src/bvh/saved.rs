@@ -300,7 +300,7 @@ fn check<T: Tier>(wide: &Wide<T>, primitives: usize) -> Result<usize> {
     for leaf in &wide.triangles {
         for (lane, &id) in leaf.ids.iter().enumerate().filter(|(_, id)| **id != NO_PRIMITIVE) {
             let [min, max] = T::Corner::span(&leaf.corners.triangle(lane));
-            if !is_id(id) || !(min.as_vec3().is_finite() && max.as_vec3().is_finite()) {
+            if !(is_id(id) && min.as_vec3().is_finite() && max.as_vec3().is_finite()) {
                 return Err(damaged("a triangle"));
             }
         }

@@ -110,10 +110,11 @@ fn rays(precision: Precision) -> RayBuffer {
     let ray = |seed: u64| {
         let origin = vector(20_000 + seed) * 2.0;
         let towards = vector(30_000 + seed) - origin;
-        let direction = if seed % 7 == 0 { DVec3::AXES[seed as usize % 3] } else { towards.normalize() };
+        let direction =
+            if seed.is_multiple_of(7) { DVec3::AXES[seed as usize % 3] } else { towards.normalize() };
         // A third of them end within the crowd.
-        let t_max = if seed % 3 == 0 { 1.5 } else { f64::INFINITY };
-        precision.ray(origin, direction, if seed % 4 == 0 { 0.5 } else { 0.0 }, t_max)
+        let t_max = if seed.is_multiple_of(3) { 1.5 } else { f64::INFINITY };
+        precision.ray(origin, direction, if seed.is_multiple_of(4) { 0.5 } else { 0.0 }, t_max)
     };
     // And a packet with a common origin.
     let from_one =
@@ -188,9 +189,9 @@ fn every_query_of_rays_finds_shapes_in_every_layout_and_tier() {
                 let is_shape = |prim: PrimId| bvh.shape(prim).is_some();
                 let any_shape = expected.iter().any(|hit| hit.1.0 >= first);
                 assert_eq!(bvh.occluded_by(&ray, is_shape, traversal), any_shape);
-                let accepts = |hit: &Hit| hit.prim.0 % 3 == 0;
+                let accepts = |hit: &Hit| hit.prim.0.is_multiple_of(3);
                 let of_some = bvh.closest_hit_by(&ray, accepts, traversal).as_ref().map(of);
-                let expected_of_some = expected.iter().find(|hit| hit.1.0 % 3 == 0).copied();
+                let expected_of_some = expected.iter().find(|hit| hit.1.0.is_multiple_of(3)).copied();
                 assert!(numerics == Numerics::Fast || of_some == expected_of_some);
                 if let Some(hit) = closest.filter(|hit| bvh.shape(hit.prim).is_some()) {
                     let ball = &balls[(hit.prim.0 - first) as usize];
