@@ -4,6 +4,7 @@
 mod common;
 
 mod examples;
+mod interface;
 mod layers;
 mod readme;
 mod test_files;
