@@ -33,6 +33,28 @@
 //! # Ok::<(), kiln::bvh::NotFinite>(())
 //! ```
 //!
+//! Meshes that are placed and moved:
+//!
+//! ```
+//! use std::sync::Arc;
+//! use kiln::bvh::{Bvh, Preset, Traversal};
+//! use kiln::geometry::{Mesh, Numerics, Placed, Placement};
+//! use kiln::glam::{DMat4, DVec3};
+//!
+//! let (positions, triangles) = (vec![DVec3::ZERO, DVec3::X, DVec3::Y], vec![[0, 1, 2]]);
+//! let mesh = Arc::new(Mesh { positions, triangles, ..Mesh::default() });
+//! let at = |z: f64| Placement::new(DMat4::from_translation(DVec3::Z * z));
+//! let mut parts = [1.0, 2.0, 3.0].map(|z| Placed::new(mesh.clone(), at(z)));
+//! let mut bvh = Bvh::of_instances(&parts, Preset::default(), Numerics::Double)?;
+//! let ray = bvh.ray([0.2, 0.2, 0.0], [0.0, 0.0, 1.0])?;
+//! let traversal = &mut Traversal::default();
+//! assert_eq!(bvh.closest_hit(&ray, traversal).map(|hit| bvh.instance_of(hit.prim)), Some((0, 0)));
+//! parts[0].placement = at(9.0);
+//! bvh.set_instances(&parts)?;
+//! assert_eq!(bvh.closest_hit(&ray, traversal).map(|hit| bvh.instance_of(hit.prim)), Some((1, 0)));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! Crossings of closed surfaces, containment and distances; `docs/library.md` has their guarantees:
 //!
 //! ```
