@@ -15,7 +15,7 @@ use pyo3::types::PyString;
 
 use crate::arrays::{SEVERAL, check_finite, check_rows, chunks, matrices, numbers, triangles};
 use crate::state::{State, named};
-use crate::{interruptible, raised, warn, warn_all};
+use crate::{interruptible, raised, warn_all};
 
 /// The value of an option; of these types, the first that fits.
 #[derive(FromPyObject)]
@@ -145,9 +145,8 @@ impl Scene {
             kiln::scene::Scene { objects: shapes.into_iter().map(object).collect(), ..Default::default() };
         let mut warnings = Warnings::default();
         import::sanitise(&mut added, name, &mut warnings);
-        // Warnings may be errors. What is left out shifts indices of triangles, so notes are warnings, too.
+        // Warnings may be errors.
         warn_all(py, &warnings)?;
-        warnings.notes().iter().try_for_each(|text| warn(py, text))?;
         let mut scene = self.lock();
         let scene = Arc::make_mut(&mut scene);
         let material = match material {

@@ -66,18 +66,19 @@ def test_changes_whose_warning_is_an_error_are_not_made(scene):
 
 
 @pytest.mark.parametrize("transforms", [None, [np.eye(4)] * 2])
-def test_triangles_that_are_left_out_are_a_warning(transforms):
-    """Two equal corners: indices are those of the other triangles."""
+def test_indices_are_those_that_were_given(transforms):
+    """Also with triangles that no ray hits, because two corners are equal."""
     scene = kiln.Scene()
-    with pytest.warns(kiln.KilnWarning, match=r"^part: left out [12] triangle\(s\) with two equal corners"):
-        scene.add(VERTICES, [[0, 1, 1], *FACES], name="part", transforms=transforms)
-    assert len(scene) == 4 * len(transforms or [0])
-    assert scene.mesh().first([[0.25, 0.25, -1]], [[0, 0, 1]]).triangle.tolist() == [0]
+    given = [[0, 1, 1], *FACES]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with pytest.raises(kiln.KilnWarning):
-            scene.add(VERTICES, [[0, 1, 1]])
-    assert scene.objects == ["part"] * len(transforms or [0])
+        scene.add(VERTICES, given, name="part", transforms=transforms)
+    assert len(scene) == 5 * len(transforms or [0])
+    ray = [[0.25, 0.25, -1]], [[0, 0, 1]]
+    expected = kiln.Mesh(VERTICES, given).first(*ray).triangle.tolist()
+    assert expected == [1] and scene.mesh().first(*ray).triangle.tolist() == expected
+    camera = {"position": ray[0][0], "look_at": [0.25, 0.25, 0], "vertical_fov": 1}
+    assert kiln.render(scene, camera=camera, size=(1, 1), aovs="primitive").aovs["primitive"] == [[1]]
 
 
 def test_materials_of_dicts(scene):

@@ -1,5 +1,6 @@
-//! Removes and counts primitives with non-finite coordinates or coordinates beyond 1e18, and triangles with two equal
-//! corners, which no ray can hit. Called once per input, after its importer.
+//! Removes and counts primitives with non-finite coordinates or coordinates beyond 1e18. Counts triangles with two equal
+//! corners, which no ray hits, and keeps them: indices are those of the input. Called once per input, after its
+//! importer.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -54,7 +55,7 @@ pub(crate) fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) 
     say(count.too_large, "primitive(s) with a coordinate beyond 1e18");
     say(count.attributes, "normal(s), texture coordinate(s) or colour(s) that are not usable numbers");
     if let n @ 1.. = count.equal_corners {
-        let what = format!("left out {n} triangle(s) with two equal corners, which no ray hits");
+        let what = format!("{n} triangle(s) with two equal corners, which no ray hits");
         warnings.note(format!("{}: {what}", file.display()));
     }
 }
@@ -85,7 +86,7 @@ fn is_degenerate(shape: &Shape) -> bool {
     }
 }
 
-/// Removes triangles that are invalid: with a corner that is not finite or farther out than `most`, or equal corners.
+/// Removes triangles that are invalid: with a corner that is not finite or farther out than `most`.
 fn clean_mesh(mesh: &mut Mesh, most: f64, count: &mut Count) {
     let (positions, triangles) = (&mesh.positions, &mesh.triangles);
     let mut keep = vec![true; triangles.len()];
@@ -95,9 +96,8 @@ fn clean_mesh(mesh: &mut Mesh, most: f64, count: &mut Count) {
             &mut count.non_finite
         } else if corners.iter().any(|p| p.abs().max_element() > most) {
             &mut count.too_large
-        } else if has_equal_corners(corners) {
-            &mut count.equal_corners
         } else {
+            count.equal_corners += usize::from(has_equal_corners(corners));
             continue;
         };
         *counter += 1;
@@ -164,8 +164,8 @@ fn replace_unusable(mesh: &mut Mesh) -> usize {
         + replace(&mut mesh.colours, |c| c.as_vec3().is_finite() && c.min_element() >= 0.0, DVec3::ONE)
 }
 
-/// Whether two corners coincide. Such a triangle is a line segment and closes no gap; triangles with three distinct
-/// collinear corners may close a T-junction and are kept.
+/// Whether two corners coincide. Such a triangle is a line segment and closes no gap, unlike those with three distinct
+/// collinear corners.
 fn has_equal_corners([a, b, c]: [DVec3; 3]) -> bool {
     a == b || b == c || c == a
 }

@@ -298,6 +298,6 @@ fn info_says_what_a_file_holds() {
     let said = text(&output.stdout);
     assert!(said.contains("warning     odd.obj: materials left out: gone.mtl: no such file\n"), "{said}");
     assert!(said.contains("no area     1 triangle(s), kept because they may close T-vertices\n"), "{said}");
-    let note = "note        odd.obj: left out 1 triangle(s) with two equal corners, which no ray hits\n";
+    let note = "note        odd.obj: 1 triangle(s) with two equal corners, which no ray hits\n";
     assert!(said.contains(note), "{said}");
 }

@@ -392,15 +392,15 @@ fn a_bad_mtl_line_loses_only_itself() {
 
 #[test]
 fn obj_triangles_that_cannot_be_drawn_are_counted() {
-    // Faces 2 and 3 have a vertex that is not finite, face 6 one beyond 1e18, and face 5 has two equal corners, which
-    // is reported by a note. Face 4 (collinear) is kept.
+    // Faces 2 and 3 have a vertex that is not finite, and face 6 one beyond 1e18. Faces 4 (collinear) and 5 (two equal
+    // corners) are kept, so that the indices of others are those of the file.
     let text = format!(
         "{OBJ_TRIANGLE}v nan 0 0\nv 0 inf 0\nv 2 0 0\nv 1e19 0 0\n\
          f 1 2 3\nf 1 2 4\nf 1 2 5\nf 1 2 6\nf 1 2 2\nf 1 3 7\n"
     );
     let (scene, warnings) = Folder::new().load("a.obj", text);
     assert_eq!(triangles(mesh(&scene, 0))[0], TRIANGLE);
-    assert_eq!(scene.primitive_count(), 2);
+    assert_eq!(scene.primitive_count(), 3);
     assert_eq!(
         warnings,
         [
