@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, PoisonError, RwLock};
 
-use kiln::bvh::{Bvh, ClosestPoint, NotClosed, Preset, Primitive, RayList, SignedHit, Traversal};
+use kiln::bvh::{Bvh, ClosestPoint, NotClosed, Preset, RayList, SignedHit, Traversal};
 use kiln::geometry::{PrimId, Side};
 use kiln::glam::DVec3;
 use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
@@ -48,11 +48,6 @@ struct Arrays {
     vertices: usize,
     faces: Vec<[u32; 3]>,
     preset: Preset,
-}
-
-/// The triangles of vertices.
-fn corners(faces: &[[u32; 3]], vertices: &[[f64; 3]]) -> impl ExactSizeIterator<Item = Primitive> + Send {
-    faces.iter().map(|face| face.map(|index| vertices[index as usize]).into())
 }
 
 /// The points of an argument.
@@ -153,7 +148,7 @@ impl Mesh {
         let vertices: &[[f64; 3]] = chunks(&vertices)?;
         check_finite(vertices, "vertices")?;
         let (numerics, preset) = named(tier, preset)?;
-        let state = State::of_triangles(py, corners(&faces, vertices), (numerics, preset))?;
+        let state = State::of_triangles(py, vertices, &faces, (numerics, preset))?;
         let arrays = Arrays { vertices: vertices.len(), faces, preset };
         Ok(Mesh { arrays: Some(Arc::new(arrays)), ..Mesh::of(state) })
     }
@@ -173,8 +168,7 @@ impl Mesh {
         check_rows(("vertices", vertices.len()), ("the mesh", arrays.vertices))?;
         check_finite(vertices, "vertices")?;
         let numerics = self.now().bvh.accelerator().numerics();
-        let moved = corners(&arrays.faces, vertices);
-        self.replace(State::of_triangles(py, moved, (numerics, arrays.preset))?);
+        self.replace(State::of_triangles(py, vertices, &arrays.faces, (numerics, arrays.preset))?);
         Ok(())
     }
 

@@ -1,8 +1,9 @@
 //! What the queries of a mesh are answered from.
 
+use std::fmt::Display;
 use std::sync::Arc;
 
-use kiln::bvh::{Bvh, CoarseRounding, NotFinite, Preset, Primitive};
+use kiln::bvh::{Bvh, CoarseRounding, Preset, Primitive};
 use kiln::geometry::{Hit, Numerics, Placed, PrimId, Ray, SlotId};
 use kiln::glam::{DVec2, DVec3};
 use kiln::scene::Scene;
@@ -53,11 +54,11 @@ pub(crate) fn named(tier: &str, preset: &str) -> PyResult<(Numerics, Preset)> {
 }
 
 /// Calls `build` with the primitives in the pool, and warns of vertices that the tier rounds coarsely.
-pub(crate) fn built<R: Send>(
+pub(crate) fn built<R: Send, E: Display + Send>(
     py: Python,
     primitives: impl Iterator<Item = Primitive> + Send,
     numerics: Numerics,
-    build: impl FnOnce(&mut (dyn Iterator<Item = Primitive> + Send)) -> Result<R, NotFinite> + Send,
+    build: impl FnOnce(&mut (dyn Iterator<Item = Primitive> + Send)) -> Result<R, E> + Send,
 ) -> PyResult<R> {
     let mut rounding = CoarseRounding::new(numerics);
     let mut seen = primitives.zip((0..).map(PrimId)).map(|(primitive, id)| {
@@ -77,11 +78,17 @@ impl State {
     /// The triangles of one object.
     pub(crate) fn of_triangles(
         py: Python,
-        triangles: impl ExactSizeIterator<Item = Primitive> + Send,
+        vertices: &[[f64; 3]],
+        faces: &[[u32; 3]],
         (numerics, preset): (Numerics, Preset),
     ) -> PyResult<Self> {
-        let primitives = triangles.len();
-        let bvh = built(py, triangles, numerics, |seen| Bvh::with(seen, preset, numerics))?;
+        // A copy, since other threads may change the array during the build, which reads them twice.
+        let (vertices, primitives) = (vertices.to_vec(), faces.len());
+        let triangles = faces.iter().map(|face| face.map(|index| vertices[index as usize]).into());
+        let bvh = built(py, triangles, numerics, |seen| {
+            seen.for_each(drop);
+            Bvh::from_mesh_with(&vertices, faces, preset, numerics)
+        })?;
         Ok(State { bvh, primitives, objects: vec![ObjectPart::default()], scene: None, parts: Vec::new() })
     }
 

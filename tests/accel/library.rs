@@ -215,6 +215,28 @@ fn meshes_are_built_from_vertices_and_indices() {
     assert!(Bvh::from_mesh(&[[0.0; 3]; 0], &[]).is_ok());
 }
 
+/// A mesh whose vertices are read where they are has the tree of the list of its triangles: the same nodes, and the same
+/// primitives, rounded alike, in the same slots.
+#[test]
+fn a_mesh_has_the_tree_of_its_triangles() {
+    let mut numbers = Numbers::new(14);
+    let vertices: Vec<DVec3> = (0..500).map(|_| numbers.vector() * 1e3).collect();
+    let triangles: Vec<[u32; 3]> = (0..1500).map(|_| [0; 3].map(|_| numbers.below(500) as u32)).collect();
+    let of_triangles = || triangles.iter().map(|t| Primitive::from(t.map(|i| vertices[i as usize])));
+    for (numerics, preset) in Numerics::ALL.into_iter().flat_map(|n| Preset::ALL.map(|preset| (n, preset))) {
+        let [of_list, of_mesh] = [
+            Bvh::with(of_triangles(), preset, numerics).expect("finite"),
+            Bvh::from_mesh_with(&vertices, &triangles, preset, numerics).expect("valid"),
+        ]
+        .map(|bvh| {
+            let mut slots = Vec::new();
+            bvh.accelerator().each_primitive(&mut |id, primitive| slots.push((id, primitive)));
+            (slots, bvh.accelerator().quality(), bvh.accelerator().describe().nodes)
+        });
+        assert!(of_list == of_mesh, "{} {}", numerics.name(), preset.name());
+    }
+}
+
 /// Squares at the heights 3, 1 and 2, the last of them twice, and a ball from 5 to 7.
 #[test]
 fn all_hits_are_sorted_by_distance_and_id() {

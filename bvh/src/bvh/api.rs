@@ -8,7 +8,10 @@ use rayon::prelude::*;
 
 use super::generalised::Expansions;
 use super::placed_meshes::InstanceTable;
-use super::{Accelerator, Closedness, Layout, Preset, Primitive, RayList, Slot, Traversal, build};
+use super::stored_slot::MeshSlots;
+use super::{
+    Accelerator, Closedness, Layout, Preset, Primitive, RayList, Slot, Source, Traversal, build, build_from,
+};
 use crate::geometry::{
     AnalyticShape, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, Rays, SlotId, Sphere, Triangle,
 };
@@ -201,7 +204,7 @@ impl Bvh {
     /// # Errors
     /// [`InvalidMesh`] for the first triangle whose vertices do not exist or are not finite in f32.
     pub fn from_mesh(
-        vertices: &[impl Into<DVec3> + Copy],
+        vertices: &[impl Into<DVec3> + Copy + Sync],
         triangles: &[[u32; 3]],
     ) -> Result<Self, InvalidMesh> {
         Bvh::from_mesh_with(vertices, triangles, Preset::default(), Numerics::default())
@@ -212,30 +215,33 @@ impl Bvh {
     /// # Errors
     /// As [`Bvh::from_mesh`].
     pub fn from_mesh_with(
-        vertices: &[impl Into<DVec3> + Copy],
+        vertices: &[impl Into<DVec3> + Copy + Sync],
         triangles: &[[u32; 3]],
         preset: Preset,
         numerics: Numerics,
     ) -> Result<Self, InvalidMesh> {
-        let vertex = |triangle: usize, index: u32| match vertices.get(index as usize) {
-            Some(vertex) => Ok((*vertex).into()),
-            None => Err(InvalidMesh::Index { triangle, vertex: index, vertices: vertices.len() }),
-        };
-        let corners = |(index, triangle): (usize, &[u32; 3])| {
-            let [a, b, c] = *triangle;
-            Ok(Primitive::from([vertex(index, a)?, vertex(index, b)?, vertex(index, c)?]))
-        };
-        let primitives: Result<Vec<Primitive>, InvalidMesh> =
-            triangles.iter().enumerate().map(corners).collect();
-        Ok(Bvh::with(primitives?, preset, numerics)?)
+        let vertex = |index: u32| -> DVec3 { vertices[index as usize].into() };
+        for (triangle, corners) in triangles.iter().enumerate() {
+            if let Some(&vertex) = corners.iter().find(|index| **index as usize >= vertices.len()) {
+                return Err(InvalidMesh::Index { triangle, vertex, vertices: vertices.len() });
+            }
+            if !is_finite(&Primitive::from(corners.map(vertex))) {
+                return Err(NotFinite::Primitive(triangle).into());
+            }
+        }
+        let layout = Layout::Wide(preset);
+        let slots = MeshSlots { triangles, vertex: &vertex };
+        Ok(Bvh::around(
+            build_from(Source::Mesh(slots), layout, numerics),
+            vec![true; triangles.len()],
+            layout,
+        ))
     }
 
-    pub(super) fn over(primitives: &[Primitive], layout: Layout, numerics: Numerics) -> Self {
-        let rounded = || primitives.iter().map(|p| p.rounded(numerics.precision()));
-        let slots = (0..).zip(rounded()).filter_map(|(id, p)| Some(Slot { primitive: p?, id: PrimId(id) }));
-        let has_slot = rounded().map(|p| p.is_some()).collect();
+    fn around(accelerator: Box<dyn Accelerator>, has_slot: Vec<bool>, layout: Layout) -> Self {
+        let numerics = accelerator.numerics();
         Bvh {
-            accelerator: build(slots, layout, numerics).into(),
+            accelerator: accelerator.into(),
             layout,
             numerics,
             has_slot,
@@ -243,6 +249,13 @@ impl Bvh {
             closedness: OnceLock::new(),
             expansions: OnceLock::new(),
         }
+    }
+
+    pub(super) fn over(primitives: &[Primitive], layout: Layout, numerics: Numerics) -> Self {
+        let rounded = || primitives.iter().map(|p| p.rounded(numerics.precision()));
+        let slots = (0..).zip(rounded()).filter_map(|(id, p)| Some(Slot { primitive: p?, id: PrimId(id) }));
+        let has_slot = rounded().map(|p| p.is_some()).collect();
+        Bvh::around(build(slots, layout, numerics), has_slot, layout)
     }
 
     /// A ray from `origin`, rounded to the precision of the tier. `direction` of any length but 0 is normalised, so t
@@ -527,18 +540,19 @@ fn ray_of(precision: Precision, origin: DVec3, direction: DVec3, t_max: f64) -> 
     precision.ray(origin, direction, 0.0, t_max)
 }
 
+/// Whether the numbers of a primitive and its bounds, which are f32 in every tier, are finite.
+fn is_finite(primitive: &Primitive) -> bool {
+    let is_finite = match primitive {
+        Primitive::Triangle(Triangle(corners)) => corners.iter().all(|corner| corner.is_finite()),
+        // Its bounds are not finite if its numbers are not.
+        Primitive::Analytic(_) => true,
+    };
+    let b = primitive.bounds();
+    is_finite && b.min.is_finite() && b.max.is_finite()
+}
+
 /// The primitives, if all are finite.
 fn checked(primitives: impl IntoIterator<Item = Primitive>) -> Result<Vec<Primitive>, NotFinite> {
-    let is_finite = |primitive: &Primitive| {
-        let is_finite = match primitive {
-            Primitive::Triangle(Triangle(corners)) => corners.iter().all(|corner| corner.is_finite()),
-            // Its bounds are not finite if its numbers are not.
-            Primitive::Analytic(_) => true,
-        };
-        // Bounds are f32 in every tier.
-        let b = primitive.bounds();
-        is_finite && b.min.is_finite() && b.max.is_finite()
-    };
     let check = |(index, primitive): (usize, Primitive)| match is_finite(&primitive) {
         true => Ok(primitive),
         false => Err(NotFinite::Primitive(index)),

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::preset::{Ploc, TopDown};
 use super::splitmix64::{GOLDEN, splitmix64};
-use super::stored_slot::StoredSlot;
+use super::stored_slot::Slots;
 use super::wide::{Tree, Wide, convert};
 use super::{Preset, sah};
 use crate::geometry::simd::{InstructionSet, prefetch};
@@ -29,7 +29,7 @@ pub(super) fn build_over(boxes: &[Bounds], preset: Preset, most: usize) -> (Tree
 
 /// Builds a tree of eight children per node, whose leaves [`convert`] chooses.
 pub(crate) fn build_wide<T: Tier>(
-    slots: &[StoredSlot<T::Corner>],
+    slots: &dyn Slots<T::Corner>,
     preset: Preset,
     instructions: InstructionSet,
 ) -> Wide<T> {
@@ -40,11 +40,12 @@ pub(crate) fn build_wide<T: Tier>(
 pub(super) const MIN_PARALLEL: usize = 4096;
 
 /// The binary tree of a preset over slots, one reference to a slot per leaf.
-fn binary_tree<T: Tier>(slots: &[StoredSlot<T::Corner>], preset: Preset) -> obvhs::bvh2::Bvh2 {
-    let boxes: Vec<Bounds> = slots.par_iter().with_min_len(MIN_PARALLEL).map(StoredSlot::bounds).collect();
+fn binary_tree<T: Tier>(slots: &dyn Slots<T::Corner>, preset: Preset) -> obvhs::bvh2::Bvh2 {
+    let all = (0..slots.len() as u32).into_par_iter().with_min_len(MIN_PARALLEL);
+    let boxes: Vec<Bounds> = all.map(|slot| slots.get(slot).bounds()).collect();
     match preset.top_down() {
         Some(TopDown { budget, reinsertion_ratio }) => {
-            let mut tree = sah::build(&boxes, &|slot| slots[slot as usize].corners(), budget);
+            let mut tree = sah::build(&boxes, &|slot| slots.get(slot).corners(), budget);
             ReinsertionOptimizer::default().run(&mut tree, reinsertion_ratio, None);
             tree
         }

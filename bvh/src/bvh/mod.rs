@@ -51,7 +51,7 @@ use glam::DVec3;
 use brute_force::BruteForce;
 use instances::{Instances, MeshBvh};
 use shapes::Shapes;
-use stored_slot::StoredSlot;
+use stored_slot::{MeshSlots, Slots, StoredSlot};
 
 use crate::geometry::simd::InstructionSet;
 use crate::geometry::{
@@ -154,27 +154,39 @@ pub fn build(
     layout: Layout,
     numerics: Numerics,
 ) -> Box<dyn Accelerator> {
-    build_from(&mut slots.into_iter(), layout, numerics)
+    build_from(Source::Listed(&mut slots.into_iter()), layout, numerics)
+}
+
+/// What a structure is built over.
+enum Source<'a> {
+    /// Primitives, which are copied for the time of the build.
+    Listed(&'a mut dyn Iterator<Item = Slot>),
+    /// The triangles of a mesh.
+    Mesh(MeshSlots<'a>),
 }
 
 /// Not generic, so that the traversals are compiled once and not in each crate that calls [`build`].
-fn build_from(
-    slots: &mut dyn Iterator<Item = Slot>,
-    layout: Layout,
-    numerics: Numerics,
-) -> Box<dyn Accelerator> {
-    fn of<T: Tier>(slots: &mut dyn Iterator<Item = Slot>, layout: Layout) -> Box<dyn Accelerator> {
-        let stored: Vec<StoredSlot<T::Corner>> = slots.map(StoredSlot::new).collect();
+fn build_from(source: Source, layout: Layout, numerics: Numerics) -> Box<dyn Accelerator> {
+    fn over<T: Tier>(slots: &dyn Slots<T::Corner>, layout: Layout) -> Box<dyn Accelerator> {
         match layout.tree() {
-            Some((preset, instructions)) => Box::new(build::build_wide::<T>(&stored, preset, instructions)),
-            None => Box::new(BruteForce::<T>::new(stored)),
+            Some((preset, instructions)) => Box::new(build::build_wide::<T>(slots, preset, instructions)),
+            None => {
+                let all = (0..slots.len() as u32).map(|slot| slots.get(slot));
+                Box::new(BruteForce::<T>::new(all.collect()))
+            }
+        }
+    }
+    fn of<T: Tier>(source: Source, layout: Layout) -> Box<dyn Accelerator> {
+        match source {
+            Source::Listed(slots) => over::<T>(&slots.map(StoredSlot::new).collect::<Vec<_>>(), layout),
+            Source::Mesh(slots) => over::<T>(&slots, layout),
         }
     }
     match numerics {
-        Numerics::Fast => of::<Fast>(slots, layout),
-        Numerics::Watertight => of::<Watertight>(slots, layout),
-        Numerics::Double => of::<Double>(slots, layout),
-        Numerics::Exact => of::<Exact>(slots, layout),
+        Numerics::Fast => of::<Fast>(source, layout),
+        Numerics::Watertight => of::<Watertight>(source, layout),
+        Numerics::Double => of::<Double>(source, layout),
+        Numerics::Exact => of::<Exact>(source, layout),
     }
 }
 
@@ -189,7 +201,7 @@ pub fn build_with_instances(
     let Some(tree) = layout.tree().filter(|_| !instances.is_empty()) else {
         return build(slots.chain(instances.iter().flat_map(Instance::slots)), layout, numerics);
     };
-    let flat = build_from(slots, layout, numerics);
+    let flat = build_from(Source::Listed(slots), layout, numerics);
     over_instances(flat, instances, tree, numerics, &mut Vec::new())
 }
 

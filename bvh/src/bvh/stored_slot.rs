@@ -1,8 +1,9 @@
-//! [`StoredSlot`]: a primitive in the precision of a tier, as builds and brute force store it.
+//! [`StoredSlot`]: a primitive in the precision of a tier, as builds and brute force read it from [`Slots`].
 
 use glam::DVec3;
 
 use super::{Primitive, Slot};
+use crate::geometry::simd::prefetch;
 use crate::geometry::{Bounds, Corner, NO_PRIMITIVE, PrimId, Stored, Triangle};
 
 /// A primitive in the precision of a tier, and its id.
@@ -37,6 +38,56 @@ impl<C: Corner> StoredSlot<C> {
             Stored::Triangle(corners) => C::bounds(corners),
             Stored::Analytic(shape) => shape.bounds(),
         }
+    }
+}
+
+/// What a structure is built over: primitives in the precision of a tier, read in any order.
+pub(crate) trait Slots<C: Corner>: Sync {
+    /// The number of slots.
+    fn len(&self) -> usize;
+
+    /// The primitive in a slot.
+    fn get(&self, slot: u32) -> StoredSlot<C>;
+
+    /// Prefetches what [`Slots::get`] reads.
+    fn prefetch(&self, slot: u32);
+}
+
+impl<C: Corner> Slots<C> for Vec<StoredSlot<C>> {
+    fn len(&self) -> usize {
+        self.len()
+    }
+
+    fn get(&self, slot: u32) -> StoredSlot<C> {
+        self[slot as usize]
+    }
+
+    fn prefetch(&self, slot: u32) {
+        prefetch(self, slot as usize);
+    }
+}
+
+/// The triangles of a mesh, whose vertices are not copied.
+#[derive(Clone, Copy)]
+pub(super) struct MeshSlots<'a> {
+    /// For each triangle, the indices of its vertices.
+    pub triangles: &'a [[u32; 3]],
+    /// A vertex.
+    pub vertex: &'a (dyn Fn(u32) -> DVec3 + Sync),
+}
+
+impl<C: Corner> Slots<C> for MeshSlots<'_> {
+    fn len(&self) -> usize {
+        self.triangles.len()
+    }
+
+    fn get(&self, slot: u32) -> StoredSlot<C> {
+        let corners = self.triangles[slot as usize].map(|index| C::from_dvec3((self.vertex)(index)));
+        StoredSlot { primitive: Stored::Triangle(corners), id: PrimId(slot) }
+    }
+
+    fn prefetch(&self, slot: u32) {
+        prefetch(self.triangles, slot as usize);
     }
 }
 

@@ -10,10 +10,10 @@ use super::node::{Child, Node};
 use super::preorder::{Entry, EntryContent, Preorder};
 use super::{TriangleLeaf, Wide};
 use crate::bvh::build::MIN_PARALLEL;
-use crate::bvh::stored_slot::StoredSlot;
+use crate::bvh::stored_slot::{Slots, StoredSlot};
 use crate::bvh::wide::all_pairs::SmallLeafBatch;
 use crate::geometry::lanes::LANES4;
-use crate::geometry::simd::{InstructionSet, prefetch};
+use crate::geometry::simd::InstructionSet;
 use crate::geometry::{Corner, NO_PRIMITIVE, Stored, Tier, Triangle4};
 
 /// The primitives of a leaf: a range of [`Preorder::primitives`].
@@ -25,7 +25,7 @@ type LeafSlots = Range<u32>;
 /// Nodes are written by one thread, triangles in parallel. The result does not depend on the number of threads.
 pub(crate) fn convert<T: Tier>(
     tree: &Bvh2,
-    slots: &[StoredSlot<T::Corner>],
+    slots: &dyn Slots<T::Corner>,
     instructions: InstructionSet,
 ) -> Wide<T> {
     let mut wide = Wide {
@@ -42,7 +42,8 @@ pub(crate) fn convert<T: Tier>(
     }
     let slot_of = |place: u32| tree.primitive_indices[place as usize];
     // A list of its own, because slots are large and are accessed in random order.
-    let shapes: Vec<bool> = slots.iter().map(|slot| matches!(slot.primitive, Stored::Analytic(_))).collect();
+    let is_analytic = |slot: u32| matches!(slots.get(slot).primitive, Stored::Analytic(_));
+    let shapes: Vec<bool> = (0..slots.len() as u32).map(is_analytic).collect();
     let Preorder { entries, primitives: mut members } = if shapes.contains(&true) {
         Preorder::new(tree, LANES4, |place| shapes[slot_of(place) as usize])
     } else {
@@ -61,19 +62,18 @@ pub(crate) fn convert<T: Tier>(
         }
         let (lanes, count) = in_order(&members, first..first + count);
         let first = wide.analytic.len();
-        wide.analytic.extend(lanes[..count].iter().filter_map(
-            |&slot| match slots[slot as usize].primitive {
-                Stored::Analytic(shape) => Some((Some(shape), slots[slot as usize].id)),
+        wide.analytic.extend(lanes[..count].iter().filter_map(|&slot| {
+            let StoredSlot { primitive, id } = slots.get(slot);
+            match primitive {
+                Stored::Analytic(shape) => Some((Some(shape), id)),
                 Stored::Triangle(_) => None,
-            },
-        ));
+            }
+        }));
         Child::leaf(first, count, true)
     });
     let leaf = |(index, leaf): (usize, &LeafSlots)| {
         if let Some(soon) = leaves.get(index + PREFETCH_AHEAD) {
-            members[soon.start as usize..soon.end as usize]
-                .iter()
-                .for_each(|&slot| prefetch(slots, slot as usize));
+            members[soon.start as usize..soon.end as usize].iter().for_each(|&slot| slots.prefetch(slot));
         }
         TriangleLeaf::new(in_order(&members, leaf.clone()), slots)
     };
@@ -150,11 +150,11 @@ fn in_order(slots: &[u32], members: LeafSlots) -> ([u32; LANES4], usize) {
 }
 
 impl<C: Corner> TriangleLeaf<C> {
-    fn new((members, count): ([u32; LANES4], usize), slots: &[StoredSlot<C>]) -> Self {
+    fn new((members, count): ([u32; LANES4], usize), slots: &dyn Slots<C>) -> Self {
         let mut leaf = TriangleLeaf { corners: Triangle4::EMPTY, ids: [NO_PRIMITIVE; LANES4] };
         for (lane, &slot) in members[..count].iter().enumerate() {
-            let StoredSlot { primitive, id } = &slots[slot as usize];
-            if let Stored::Triangle(corners) = primitive {
+            let StoredSlot { primitive, id } = slots.get(slot);
+            if let Stored::Triangle(corners) = &primitive {
                 leaf.corners.set(lane, corners);
                 leaf.ids[lane] = id.0;
             }
