@@ -2,9 +2,9 @@
 //! more channels.
 //!
 //! Geometric AOVs come from the closest hit of the ray through each pixel's centre, unfiltered, whatever samples the
-//! picture takes; an added ground is background there. Albedo and normal are means over the pixel's samples ([`super::features`]). The channels of an effect
-//! are the difference of two pictures: one with the effects up to this one in the plan's order, and one with those
-//! before it. So the base and all effects add up to the picture.
+//! picture takes; an added ground is background there. Albedo and normal are means over the pixel's samples
+//! ([`super::features`]). The channels of an effect are the difference of two pictures: one with the effects up to this
+//! one in the plan's order, and one with those before it. So the base and all effects add up to the picture.
 
 use std::sync::Mutex;
 
@@ -19,21 +19,22 @@ use crate::error::{Error, Result, nearest_name};
 use crate::farm::Shard;
 use crate::film::write::Channel;
 use crate::film::{DisplayTransform, Film, ReconstructionFilter, Window};
-use crate::geometry::{Hit, HitBuffer};
-use crate::world::{Recentering, SurfaceInteraction, View, World};
+use crate::geometry::{Hit, HitBuffer, Ray, Rays};
+use crate::world::{Recentering, View, World};
 
-/// The input of an AOV: the camera ray of a pixel and its closest hit.
-struct AovInput {
-    /// How the scene was recentered.
-    recentering: Option<Recentering>,
-    /// The number and variance of the samples of the pixel.
-    samples: PixelStatistics,
-    /// The albedo and normal of the pixel.
-    features: Features,
-    /// The number of boxes that the ray was tested against.
-    node_tests: u64,
-    /// The distance and surface interaction of the closest hit.
-    hit: Option<(f64, SurfaceInteraction)>,
+/// The pixels of a tile, of which AOVs have values.
+struct AovTile<'a> {
+    source: &'a AovSource<'a>,
+    /// The camera ray of each pixel.
+    rays: Rays<'a>,
+    /// Its closest hit, if that is on an object of the scene.
+    hits: &'a [Option<Hit>],
+    /// The number and variance of the samples of each pixel; empty if nothing reads them.
+    samples: Vec<PixelStatistics>,
+    /// The albedo and normal of each pixel; empty if nothing reads them.
+    features: Vec<Features>,
+    /// The number of boxes that each ray was tested against; empty if nothing reads them.
+    node_tests: Vec<u64>,
 }
 
 /// An AOV.
@@ -46,8 +47,8 @@ pub struct Aov {
     pub channels: &'static [&'static str],
     /// Whether its values are integers.
     pub has_integers: bool,
-    /// The values of its channels; the rest is unused.
-    value: fn(&AovInput) -> [f32; 3],
+    /// Writes the values of its channels for the pixels of a tile.
+    write: fn(&AovTile, &mut [Vec<f32>]),
 }
 
 /// The name of the AOV with the channels of each effect that is on.
@@ -66,9 +67,9 @@ pub const AOVS: &[Aov] = &[
         summary: "distance from the camera along the ray; infinite for the background",
         channels: &["Depth.Z"],
         has_integers: false,
-        value: |input| {
-            let scale = input.recentering.map_or(1.0, |recentering| recentering.scale);
-            [input.hit.as_ref().map_or(f32::INFINITY, |(t, _)| (t / scale) as f32), 0.0, 0.0]
+        write: |tile, out| {
+            let scale = tile.source.recentering.map_or(1.0, |recentering| recentering.scale);
+            tile.write_hits(out, [f32::INFINITY], |_, hit| [(hit.t / scale) as f32]);
         },
     },
     Aov {
@@ -76,15 +77,13 @@ pub const AOVS: &[Aov] = &[
         summary: "hit point in scene coordinates; 0 for the background",
         channels: &["Position.X", "Position.Y", "Position.Z"],
         has_integers: false,
-        value: |input| {
-            of_surface(input, |surface| {
-                let position = surface.point.position;
-                input
-                    .recentering
-                    .map_or(position, |recentering| recentering.point_back(position))
-                    .as_vec3()
-                    .to_array()
-            })
+        write: |tile, out| {
+            let of_scene =
+                |point| tile.source.recentering.map_or(point, |recentering| recentering.point_back(point));
+            let world = tile.source.world;
+            tile.write_hits(out, [0.0; 3], |ray, hit| {
+                of_scene(world.position(ray, hit)).as_vec3().to_array()
+            });
         },
     },
     Aov {
@@ -92,77 +91,82 @@ pub const AOVS: &[Aov] = &[
         summary: "shading normal towards the camera, mean of the samples; 0 for the background",
         channels: &["Normal.X", "Normal.Y", "Normal.Z"],
         has_integers: false,
-        value: |input| input.features.first[1],
+        write: |tile, out| write(out, &tile.features, |features| features.first[1]),
     },
     Aov {
         name: "geometric-normal",
         summary: "unit normal of the triangle or shape, towards the camera; 0 for the background",
         channels: &["GeometricNormal.X", "GeometricNormal.Y", "GeometricNormal.Z"],
         has_integers: false,
-        value: |input| of_surface(input, |surface| surface.geometric_normal.as_vec3().to_array()),
+        write: |tile, out| {
+            let world = tile.source.world;
+            tile.write_hits(out, [0.0; 3], |ray, hit| world.geometric_normal(ray, hit).as_vec3().to_array());
+        },
     },
     Aov {
         name: "albedo",
         summary: "surface colour without lighting, mean of the samples; 0 for the background",
         channels: &["Albedo.R", "Albedo.G", "Albedo.B"],
         has_integers: false,
-        value: |input| input.features.first[0],
+        write: |tile, out| write(out, &tile.features, |features| features.first[0]),
     },
     Aov {
         name: DENOISING[0],
         summary: "`albedo` of the first surface that is neither a smooth mirror nor clear glass",
         channels: &["DenoisingAlbedo.R", "DenoisingAlbedo.G", "DenoisingAlbedo.B"],
         has_integers: false,
-        value: |input| input.features.behind_mirrors[0],
+        write: |tile, out| write(out, &tile.features, |features| features.behind_mirrors[0]),
     },
     Aov {
         name: DENOISING[1],
         summary: "`normal` of that surface",
         channels: &["DenoisingNormal.X", "DenoisingNormal.Y", "DenoisingNormal.Z"],
         has_integers: false,
-        value: |input| input.features.behind_mirrors[1],
+        write: |tile, out| write(out, &tile.features, |features| features.behind_mirrors[1]),
     },
     Aov {
         name: "object",
         summary: "index of the object, from 0; -1 for the background",
         channels: &["Object.X"],
         has_integers: true,
-        value: |input| index_of(input, |surface| surface.object),
+        write: |tile, out| tile.write_indices(out, |world, hit| world.object_of(hit.prim)),
     },
     Aov {
         name: "material",
         summary: "index of the material; -1 for the background",
         channels: &["Material.X"],
         has_integers: true,
-        value: |input| index_of(input, |surface| surface.material),
+        write: |tile, out| {
+            tile.write_indices(out, |world, hit| world.objects[world.object_of(hit.prim) as usize].material);
+        },
     },
     Aov {
         name: "primitive",
         summary: "index of the triangle or analytic shape; -1 for the background",
         channels: &["Primitive.X"],
         has_integers: true,
-        value: |input| index_of(input, |surface| surface.hit.prim.0),
+        write: |tile, out| tile.write_indices(out, |_, hit| hit.prim.0),
     },
     Aov {
         name: "samples",
         summary: "number of samples of the pixel",
         channels: &["Samples.X"],
         has_integers: true,
-        value: |input| [input.samples.count as f32, 0.0, 0.0],
+        write: |tile, out| write(out, &tile.samples, |samples| [samples.count as f32]),
     },
     Aov {
         name: "variance",
         summary: "unbiased variance of the pixel's samples; infinite for one sample",
         channels: &["Variance.R", "Variance.G", "Variance.B"],
         has_integers: false,
-        value: |input| input.samples.variance,
+        write: |tile, out| write(out, &tile.samples, |samples| samples.variance),
     },
     Aov {
         name: "node-tests",
         summary: "number of boxes of the acceleration structure tested by the camera ray",
         channels: &["NodeTests.X"],
         has_integers: true,
-        value: |input| [input.node_tests as f32, 0.0, 0.0],
+        write: |tile, out| write(out, &tile.node_tests, |&count| [count as f32]),
     },
 ];
 
@@ -180,12 +184,40 @@ pub fn has_integers(name: &str) -> bool {
 /// The largest index up to which all are exact in the f32 channels.
 pub const LARGEST_EXACT_INDEX: usize = 1 << 24;
 
-fn of_surface(input: &AovInput, value: impl Fn(&SurfaceInteraction) -> [f32; 3]) -> [f32; 3] {
-    input.hit.as_ref().map_or([0.0; 3], |(_, surface)| value(surface))
+/// Writes the channels of pixels, of as many values as there are channels.
+fn write_all<const N: usize>(out: &mut [Vec<f32>], pixels: impl ExactSizeIterator<Item = [f32; N]>) {
+    out.iter_mut().for_each(|channel| channel.resize(pixels.len(), 0.0));
+    let mut channels = out.iter_mut();
+    let mut channels: [&mut [f32]; N] =
+        std::array::from_fn(|_| channels.next().map(Vec::as_mut_slice).unwrap_or_default());
+    for (i, values) in pixels.enumerate() {
+        channels.iter_mut().zip(values).for_each(|(channel, value)| channel[i] = value);
+    }
 }
 
-fn index_of(input: &AovInput, value: impl Fn(&SurfaceInteraction) -> u32) -> [f32; 3] {
-    [input.hit.as_ref().map_or(-1.0, |(_, surface)| value(surface) as f32), 0.0, 0.0]
+/// Writes the channels of what each pixel has.
+fn write<T, const N: usize>(out: &mut [Vec<f32>], pixels: &[T], value: impl Fn(&T) -> [f32; N]) {
+    write_all(out, pixels.iter().map(value));
+}
+
+impl AovTile<'_> {
+    /// Writes the channels of the pixels' hits; those of other pixels are `background`.
+    fn write_hits<const N: usize>(
+        &self,
+        out: &mut [Vec<f32>],
+        background: [f32; N],
+        value: impl Fn(&Ray, &Hit) -> [f32; N],
+    ) {
+        let of_pixel = |(i, hit): (usize, &Option<Hit>)| {
+            hit.as_ref().map_or(background, |hit| value(&self.rays.get(i), hit))
+        };
+        write_all(out, self.hits.iter().enumerate().map(of_pixel));
+    }
+
+    /// Writes the channel of an index.
+    fn write_indices(&self, out: &mut [Vec<f32>], index: impl Fn(&World, &Hit) -> u32) {
+        self.write_hits(out, [-1.0], |_, hit| [index(self.source.world, hit) as f32]);
+    }
 }
 
 /// The AOVs chosen by name.
@@ -286,20 +318,24 @@ fn pixel_channels(source: &AovSource, aovs: &[&Aov], control: &RenderControl) ->
     let filter = is_filtered.then(|| filter_of(of_features.as_ref().unwrap_or(source.plan))).flatten();
     // A film of the same window has the same tiles as the picture.
     let mut tiles: Film<[u8; 3]> = Film::new(source.window)?;
-    tiles.tiles_mut().into_par_iter().enumerate().for_each_init(Tile::default, |tile, (place, part)| {
-        if !source.shard.has(place) || control.cancel.load(std::sync::atomic::Ordering::Relaxed) {
-            return;
-        }
-        let values = of_tile(source, (of_features.as_ref(), filter.as_ref()), aovs, tile, part.window);
-        for (channel, values) in all.iter().zip(values) {
-            let Ok(mut channel) = channel.lock() else { continue };
-            for (row, values) in values.chunks(part.window.width as usize).enumerate() {
-                let start = (part.window.y - y) as usize + row;
-                let start = start * width as usize + (part.window.x - x) as usize;
-                channel[start..start + values.len()].copy_from_slice(values);
+    let plans = AovPlans { of_features: of_features.as_ref(), filter: filter.as_ref() };
+    tiles.tiles_mut().into_par_iter().enumerate().for_each_init(
+        TileBuffers::default,
+        |buffers, (place, part)| {
+            if !source.shard.has(place) || control.cancel.load(std::sync::atomic::Ordering::Relaxed) {
+                return;
             }
-        }
-    });
+            plans.compute(source, aovs, buffers, part.window);
+            for (channel, values) in all.iter().zip(&buffers.values) {
+                let Ok(mut channel) = channel.lock() else { continue };
+                for (row, values) in values.chunks(part.window.width as usize).enumerate() {
+                    let start = (part.window.y - y) as usize + row;
+                    let start = start * width as usize + (part.window.x - x) as usize;
+                    channel[start..start + values.len()].copy_from_slice(values);
+                }
+            }
+        },
+    );
     if control.cancel.load(std::sync::atomic::Ordering::Relaxed) {
         return Err(Error::Interrupted);
     }
@@ -312,67 +348,82 @@ fn pixel_channels(source: &AovSource, aovs: &[&Aov], control: &RenderControl) ->
 /// The AOVs of [`Features`].
 const FILTERED: [&str; 4] = ["albedo", "normal", DENOISING[0], DENOISING[1]];
 
+/// The AOVs of the hit through each pixel's centre.
+const OF_HITS: [&str; 6] = ["depth", "position", "geometric-normal", "object", "material", "primitive"];
+
 fn has(aovs: &[&Aov], names: &[&str]) -> bool {
     aovs.iter().any(|aov| names.contains(&aov.name))
 }
 
-/// For each channel, its values in a tile. `of_features` is the plan for albedo and normal, if it is not the picture's, and
-/// `filter` that of their samples.
-fn of_tile(
-    source: &AovSource,
-    (of_features, filter): (Option<&Plan>, Option<&ReconstructionFilter>),
-    aovs: &[&Aov],
-    tile: &mut Tile,
-    window: Window,
-) -> Vec<Vec<f32>> {
-    let world = source.world;
-    let context = RenderContext { world, view: source.view, display: source.display, is_displayed: false };
-    let mut samples = vec![PixelStatistics::of_one(); window.area()];
-    let mut features = vec![Features::default(); window.area()];
-    let mut is_sampled = false;
-    if has(aovs, &FILTERED) {
-        let plan = of_features.unwrap_or(source.plan);
-        let mut sums = FeatureSums::new(tile);
-        let first = |tile: &Tile| first_surfaces(tile, world);
-        samples = plan.sample_statistics(tile, &context, window, first, |tile, first| {
-            sums.add_pass(plan, tile, first);
-        });
-        features = sums.finish(filter, tile);
-        is_sampled = of_features.is_none();
-    }
-    if has(aovs, &["samples", "variance"]) && source.plan.takes_samples() && !is_sampled {
-        samples = source.plan.sample_statistics(tile, &context, window, |_| (), |_, ()| {});
-    }
-    tile.start(window);
-    source.plan.centre_rays(tile, &context);
-    let count = aovs.iter().map(|aov| aov.channels.len()).sum();
-    let mut values = vec![vec![0.0; window.area()]; count];
-    let Tile { generations, traversal, .. } = tile;
-    let (rays, mut hits, mut node_tests) = (generations[0].rays.rays(), HitBuffer::default(), Vec::new());
-    if has(aovs, &["node-tests"]) {
-        for ray in rays.iter() {
-            let before = traversal.tests.nodes;
-            hits.push(source.plan.visible_hit(world, &ray, traversal).as_ref());
-            node_tests.push(traversal.tests.nodes - before);
+/// The working set of a thread.
+#[derive(Default)]
+struct TileBuffers {
+    tile: Tile,
+    found: HitBuffer,
+    hits: Vec<Option<Hit>>,
+    /// For each channel, the values of the tile's pixels.
+    values: Vec<Vec<f32>>,
+}
+
+/// What all tiles share.
+struct AovPlans<'a> {
+    /// The plan for albedo and normal, if it is not the picture's.
+    of_features: Option<&'a Plan>,
+    /// The filter of its samples.
+    filter: Option<&'a ReconstructionFilter>,
+}
+
+impl AovPlans<'_> {
+    /// Computes the values of a tile.
+    fn compute(&self, source: &AovSource, aovs: &[&Aov], buffers: &mut TileBuffers, window: Window) {
+        let TileBuffers { tile, found, hits, values } = buffers;
+        let world = source.world;
+        let context =
+            RenderContext { world, view: source.view, display: source.display, is_displayed: false };
+        let reads_samples = has(aovs, &["samples", "variance"]);
+        let (mut samples, mut features) = (Vec::new(), Vec::new());
+        if has(aovs, &FILTERED) {
+            let plan = self.of_features.unwrap_or(source.plan);
+            let mut sums = FeatureSums::new(tile);
+            let first = |tile: &Tile| first_surfaces(tile, world);
+            samples = plan.sample_statistics(tile, &context, window, first, |tile, first| {
+                sums.add_pass(plan, tile, first);
+            });
+            features = sums.finish(self.filter, tile);
         }
-    } else {
-        source.plan.visible_hits(world, rays, &mut hits, traversal);
-    }
-    for (i, (&pixel, ray)) in generations[0].sources.iter().zip(rays.iter()).enumerate() {
+        let is_sampled = !features.is_empty() && self.of_features.is_none();
+        if reads_samples && source.plan.takes_samples() && !is_sampled {
+            samples = source.plan.sample_statistics(tile, &context, window, |_| (), |_, ()| {});
+        } else if reads_samples && !is_sampled {
+            samples = vec![PixelStatistics::of_one(); window.area()];
+        }
+        tile.start(window);
+        source.plan.centre_rays(tile, &context);
+        let Tile { generations, traversal, .. } = tile;
+        let (rays, mut node_tests) = (generations[0].rays.rays(), Vec::new());
+        found.clear();
+        if has(aovs, &["node-tests"]) {
+            for ray in rays.iter() {
+                let before = traversal.tests.nodes;
+                found.push(source.plan.visible_hit(world, &ray, traversal).as_ref());
+                node_tests.push(traversal.tests.nodes - before);
+            }
+        } else if has(aovs, &OF_HITS) {
+            source.plan.visible_hits(world, rays, found, traversal);
+        }
         // An added ground is no object of the scene.
-        let is_of_scene = |hit: &Hit| Some(world.object_of(hit.prim)) != world.ground;
-        let hit = hits.get(i).filter(is_of_scene);
-        let input = AovInput {
-            recentering: source.recentering,
-            samples: samples[pixel as usize],
-            features: features[pixel as usize],
-            node_tests: node_tests.get(i).copied().unwrap_or_default(),
-            hit: hit.map(|hit| (hit.t, world.interaction(&ray, &hit))),
-        };
-        let all = aovs.iter().flat_map(|aov| (aov.value)(&input).into_iter().take(aov.channels.len()));
-        values.iter_mut().zip(all).for_each(|(channel, value)| channel[pixel as usize] = value);
+        let is_of_scene = |hit: &Hit| world.ground.is_none_or(|ground| world.object_of(hit.prim) != ground);
+        hits.clear();
+        hits.extend(found.iter().map(|hit| hit.filter(is_of_scene)));
+        let tile = AovTile { source, rays, hits, samples, features, node_tests };
+        values.resize_with(aovs.iter().map(|aov| aov.channels.len()).sum(), Vec::new);
+        let mut rest = &mut values[..];
+        for aov in aovs {
+            let (channels, further) = rest.split_at_mut(aov.channels.len());
+            (aov.write)(&tile, channels);
+            rest = further;
+        }
     }
-    values
 }
 
 /// The picture without effects, and what each effect adds.

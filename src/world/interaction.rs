@@ -8,7 +8,7 @@ use super::attributes::vertex_colour;
 use super::{InteractionSoa, PreparedMaterial, World, WorldObject};
 use crate::bvh::{Primitive, Traversal};
 use crate::film::ColourPipeline;
-use crate::geometry::spawn::{ORIGIN_OFFSET, SurfacePoint};
+use crate::geometry::spawn::{ORIGIN_OFFSET, SurfacePoint, point_at};
 use crate::geometry::{AnalyticShape, Hit, Numerics, PrimId, Ray, sin_cos_of_turns};
 use crate::scene::TextureSlot;
 use crate::scene::vertex_attributes::{blend, smooth_normal};
@@ -94,6 +94,31 @@ impl World {
             }
         }
         surface
+    }
+}
+
+impl World {
+    /// The position of [`World::interaction`].
+    pub fn position(&self, ray: &Ray, hit: &Hit) -> DVec3 {
+        match self.accelerator.primitive(hit.slot) {
+            Primitive::Analytic(shape) => shape.surface(ray.at(hit.t)).0.position,
+            Primitive::Triangle(triangle) => {
+                let [v, w] = hit.barycentrics;
+                point_at(triangle.0, [1.0 - v - w, v, w])
+            }
+        }
+    }
+
+    /// The geometric normal of [`World::interaction`].
+    pub fn geometric_normal(&self, ray: &Ray, hit: &Hit) -> DVec3 {
+        let normal = match self.accelerator.primitive(hit.slot) {
+            Primitive::Analytic(shape) => shape.surface(ray.at(hit.t)).1,
+            Primitive::Triangle(triangle) => match triangle.unit_normal() {
+                Some(normal) => normal,
+                None => return -ray.direction(),
+            },
+        };
+        if normal.dot(ray.direction()) > 0.0 { -normal } else { normal }
     }
 }
 
