@@ -2,7 +2,7 @@
 
 use crate::film::Window;
 use crate::film::write::FINGERPRINT;
-use crate::scene::{Camera, DefaultLook, Fingerprint, OptionValue, PictureSettings, Scene};
+use crate::scene::{Camera, DefaultLook, Fingerprint, Light, OptionValue, PictureSettings, Scene};
 use crate::world::Recentering;
 
 use super::RenderSettings;
@@ -20,10 +20,10 @@ pub fn set_auto_exposure(metadata: &mut Metadata, ev: f64) {
     }
 }
 
-/// The metadata of a picture of a scene with its look. `recentering` is the transform that
-/// was applied to the scene, and `camera` has the projection used. The region `window` is rendered.
+/// The metadata of a picture of a scene with the light that is added to it, and its look. `recentering` is the transform
+/// that was applied to the scene, and `camera` has the projection used. The region `window` is rendered.
 pub fn metadata(
-    (scene, look): (&Scene, &DefaultLook),
+    (scene, added, look): (&Scene, Option<&Light>, &DefaultLook),
     recentering: Option<&Recentering>,
     camera: &Camera,
     window: Window,
@@ -62,7 +62,7 @@ pub fn metadata(
         }
     }
     let mut fingerprint = Fingerprint::default();
-    fingerprint.scene(scene, look);
+    fingerprint.scene(scene, added, look);
     fingerprint.value("range", &recentering.map(|recentering| (recentering.middle, recentering.scale)));
     fingerprint.value("camera", &(camera, (x, y, width, height)));
     fingerprint.value("effects", &(with, without));

@@ -120,13 +120,8 @@ impl PreparedPictures {
         let bounds = || *self.bounds.get_or_init(|| scene.bounds());
         let mut picture = resolve_picture((scene, &bounds), &mut look, camera, size, settings)?;
         if has_metadata {
-            let lights = light.and_then(|light| light.at(&picture.camera));
-            let lit = lights.map(|light| {
-                let mut lit = scene.clone();
-                lit.lights.push(light);
-                lit
-            });
-            picture = picture.with_metadata((lit.as_ref().unwrap_or(scene), &look), recentering, settings);
+            let added = light.and_then(|light| light.at(&picture.camera));
+            picture = picture.with_metadata((scene, added.as_ref(), &look), recentering, settings);
         }
         let meters = picture.meters;
         let job = self.world(scene, recentering, &look, &picture)?.job_for(picture)?;
@@ -184,7 +179,12 @@ impl PreparedPictures {
             return Ok(world.clone());
         }
         // Not while the cache is locked: a thread that waits for parts of this work may take up another picture.
-        check_memory(scene, &picture.plan_settings, numerics)?;
+        let check = || check_memory(scene, &picture.plan_settings, numerics);
+        if check().is_err() {
+            // The worlds that are kept are in the memory that is used.
+            locked(&self.worlds).clear();
+            check()?;
+        }
         let prepared = PreparedScene::at_rest(
             scene.clone(),
             look,

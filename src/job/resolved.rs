@@ -16,7 +16,7 @@ use crate::error::{Error, Result, Warnings};
 use crate::film::Window;
 use crate::import::check_drawable;
 use crate::scene::{
-    Camera, Clamp, DefaultLook, EffectsSection, Numerics, PictureSettings, Projection, Scene,
+    Camera, Clamp, DefaultLook, EffectsSection, Light, Numerics, PictureSettings, Projection, Scene,
 };
 use crate::world::{Recentering, StandardView, View, opening, recenter};
 
@@ -154,7 +154,7 @@ pub fn resolve_for(
     settings: &RenderSettings,
 ) -> Result<ResolvedJob> {
     let picture = resolve_picture((&scene, &|| scene.bounds()), &mut look, camera, size, settings)?;
-    let picture = picture.with_metadata((&scene, &look), recentering.as_ref(), settings);
+    let picture = picture.with_metadata((&scene, None, &look), recentering.as_ref(), settings);
     Ok(ResolvedJob { scene, look, recentering, picture })
 }
 
@@ -186,10 +186,11 @@ fn plan_settings(
 }
 
 impl ResolvedPicture {
-    /// The picture with its metadata: of the scene with the added light, its look, and the settings that were given.
+    /// The picture with its metadata: of the scene, the light that is added to it, its look, and the settings that were
+    /// given.
     pub(super) fn with_metadata(
         mut self,
-        scene: (&Scene, &DefaultLook),
+        scene: (&Scene, Option<&Light>, &DefaultLook),
         recentering: Option<&Recentering>,
         settings: &RenderSettings,
     ) -> Self {

@@ -54,15 +54,16 @@ impl Fingerprint {
         self.0.finalize().to_hex().to_string()
     }
 
-    /// Adds a scene and its look. All fields are destructured, so that a new field fails to compile until it is hashed.
-    pub fn scene(&mut self, scene: &Scene, look: &DefaultLook) {
+    /// Adds a scene, the light that is added to it, and its look. All fields are destructured, so that a new field fails
+    /// to compile until it is hashed.
+    pub fn scene(&mut self, scene: &Scene, added: Option<&Light>, look: &DefaultLook) {
         let DefaultLook {
             picture,
             path_tracing_reason,
             ambient,
             fill,
             environment,
-            // Among the lights of the scene.
+            // Among the lights of the scene, or `added`.
             light: _,
             ground,
             background,
@@ -107,7 +108,7 @@ impl Fingerprint {
             }
         }
         self.value("cameras", cameras);
-        lights.iter().for_each(|light: &Light| self.value("light", light));
+        lights.iter().chain(added).for_each(|light| self.value("light", light));
         materials.iter().for_each(|material| self.material(material));
         for DecodedImage { name: _, width, height, pixels } in images {
             self.value("image", &(width, height));
@@ -244,7 +245,7 @@ mod tests {
 
     fn of(scene: &Scene) -> String {
         let mut fingerprint = Fingerprint::default();
-        fingerprint.scene(scene, &DefaultLook::of_files(scene, scene.picture));
+        fingerprint.scene(scene, None, &DefaultLook::of_files(scene, scene.picture));
         fingerprint.finish()
     }
 
@@ -344,7 +345,7 @@ mod tests {
         let mut fingerprint = Fingerprint(blake3::Hasher::new());
         fingerprint.value("encoding", &ENCODING_VERSION);
         let scene = scene();
-        fingerprint.scene(&scene, &DefaultLook::of_files(&scene, scene.picture));
+        fingerprint.scene(&scene, None, &DefaultLook::of_files(&scene, scene.picture));
         assert_eq!(fingerprint.finish(), "aa464cac8ba0d92be3b91b0a653d543e8d28c21e86901dd8e341ad0d43a888e9");
     }
 

@@ -415,7 +415,7 @@ mod tests {
         let of = |picture: PictureSettings| {
             let mut fingerprint = Fingerprint::default();
             let scene = Scene { picture, ..Scene::default() };
-            fingerprint.scene(&scene, &DefaultLook::of_files(&scene, picture));
+            fingerprint.scene(&scene, None, &DefaultLook::of_files(&scene, picture));
             fingerprint.finish()
         };
         for (own, other) in [(&first, &second), (&second, &first)] {
