@@ -14,7 +14,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+    from typing_extensions import Unpack
+
     from ._kiln import _Preset, _Tier
+    from ._options import ReadOptions, RenderOptions, SizedOptions, ViewOptions
     from ._results import Hits
 
     # Any is a mesh or a scene of trimesh.
@@ -116,7 +119,7 @@ class Scene:
     of what is left out. Any number of threads may use and change a scene.
     """
 
-    def __init__(self, source: _Source = None, **options: Any) -> None:
+    def __init__(self, source: _Source = None, **options: Unpack[ReadOptions]) -> None:
         if source is None and options:
             names = ", ".join(ascii(name)[1:-1] for name in options)
             raise ValueError(f"{names}: a Scene without a source is empty and has no options")
@@ -136,8 +139,8 @@ class Scene:
     ) -> None:
         """Adds triangles; nothing if it raises.
 
-        Triangles with two equal corners or a coordinate beyond 1e18 are left out, with a warning (KilnWarning): indices
-        of triangles are those of what is left.
+        Triangles with a coordinate beyond 1e18 are left out, with a warning (KilnWarning), and the indices are those of
+        the other triangles.
 
         vertices: (n, 3) float64. faces: (m, 3) integers, counterclockwise seen from the front.
         material: the name of a material of the scene, or the keys of one in scene files, such as {"colour": "#b5651d"}.
@@ -157,7 +160,7 @@ class Scene:
             chosen = _toml.unicode(material, "material") if isinstance(material, str) else material
         self._scene.add(vertices, faces, name, chosen, normals, uvs, colours, transforms)
 
-    def update(self, source: _Source, **options: Any) -> None:
+    def update(self, source: _Source, **options: Unpack[ReadOptions]) -> None:
         """Adds all of another scene, given as for Scene(): for example cameras and lights from a dict. Of settings of
         the whole picture that both have, the earlier ones stay."""
         self._scene.append(_load(source, options, False))
@@ -165,8 +168,8 @@ class Scene:
     def mesh(self, *, tier: _Tier = "double", preset: _Preset = "balanced") -> _kiln.Mesh:
         """The triangles, spheres and disks of the scene as it is now, for queries.
 
-        The `triangle` of a result is the index in its `object`, without triangles that were left out when they were
-        added or read; that of a sphere or a disk is 0. `all` returns the nearer hit of a sphere, `crossings` both.
+        The `triangle` of a result is the index in its `object`; that of a sphere or a disk is 0. `all` returns the nearer
+        hit of a sphere, `crossings` both.
         """
         return self._scene.mesh(tier, preset)
 
@@ -239,7 +242,7 @@ def render(
     dtype: Literal["uint8", "float32"] | DTypeLike = "uint8",
     aovs: str | Sequence[str] = (),
     progress: Callable[[int, int], None] | None = None,
-    **options: Any,
+    **options: Unpack[RenderOptions],
 ) -> _kiln.Picture:
     """Renders a picture as the command `kiln render` does.
 
@@ -278,6 +281,12 @@ def _aov_names(aovs: str | Sequence[str]) -> list[str]:
 Camera = Union[str, Mapping[str, Any]]
 
 
+def _with_camera(options: _kiln.Options, camera: Camera | None) -> _kiln.Options:
+    if camera is None:
+        return options
+    return options.with_camera(_toml.value(camera, "camera") if isinstance(camera, Mapping) else _text(camera, "camera"))
+
+
 class Prepared:
     """A scene prepared for pictures by many cameras. Its trees are built at the first picture, and again for options
     that change tier, preset, colours, environment, background or look. Later changes of the scene have no effect. Any
@@ -286,10 +295,10 @@ class Prepared:
     source: a Scene, or what Scene() takes. options: as for render(), for all pictures that have no others.
     """
 
-    def __init__(self, source: Scene | _Source, **options: Any) -> None:
+    def __init__(self, source: Scene | _Source, **options: Unpack[RenderOptions]) -> None:
         self._scene = _kiln.Scene(source._scene) if isinstance(source, Scene) else _load(source, options, True)
         self._options = options
-        self._prepared = _kiln.Prepared(self._scene, self._named(None, {}))
+        self._prepared = _kiln.Prepared(self._scene, self._parsed({}))
         self._mesh: _kiln.Mesh | None = None
 
     def render(
@@ -299,7 +308,7 @@ class Prepared:
         dtype: Literal["uint8", "float32"] | DTypeLike = "uint8",
         aovs: str | Sequence[str] = (),
         progress: Callable[[int, int], None] | None = None,
-        **options: Any,
+        **options: Unpack[SizedOptions],
     ) -> _kiln.Picture:
         """Renders the picture that render() does with the same options.
 
@@ -307,8 +316,8 @@ class Prepared:
         "pose": ..., "axes": "opencv"}; None for the default one. The rest is as for render().
         """
         _check_progress(progress)
-        named = self._named(camera, options)
-        return self._prepared.render(named, _dtype(dtype), _aov_names(aovs), progress)
+        parsed = _with_camera(self._parsed(options), camera)
+        return self._prepared.render(parsed, _dtype(dtype), _aov_names(aovs), progress)
 
     @overload
     def render_many(
@@ -320,7 +329,7 @@ class Prepared:
         aovs: str | Sequence[str] = (),
         picture: Literal[False] = False,
         progress: Callable[[int, int], None] | None = None,
-        **options: Any,
+        **options: Unpack[ViewOptions],
     ) -> list[_kiln.Aovs]: ...
     @overload
     def render_many(
@@ -332,7 +341,7 @@ class Prepared:
         aovs: str | Sequence[str] = (),
         picture: Literal[True],
         progress: Callable[[int, int], None] | None = None,
-        **options: Any,
+        **options: Unpack[ViewOptions],
     ) -> list[_kiln.Picture]: ...
     def render_many(self, cameras, *, size, samples=None, aovs=(), picture=False, progress=None, **options):
         """Renders a picture by each camera: the AOVs alone, `.aovs[name]`, or with `picture` a Picture.
@@ -344,12 +353,12 @@ class Prepared:
         cameras, names = list(cameras), _aov_names(aovs)
         if samples is None:
             samples = self._options.get("samples", 1)
-        options = {"size": size, "samples": samples, **options}
+        options = self._parsed({"size": size, "samples": samples, **options})
         pictures = []
         for camera in cameras:
-            named = self._named(camera, options)
+            parsed = _with_camera(options, camera)
             pictures.append(
-                self._prepared.render(named, "uint8", names, None) if picture else self._prepared.aovs(named, names)
+                self._prepared.render(parsed, "uint8", names, None) if picture else self._prepared.aovs(parsed, names)
             )
             if progress is not None:
                 progress(len(pictures), len(cameras))
@@ -375,6 +384,5 @@ class Prepared:
             self._mesh = self._scene.mesh("double", "balanced")
         return self._mesh.first(origins, directions, max_distance, objects=objects, cull_back_faces=cull_back_faces)
 
-    def _named(self, camera: Camera | None, options: Mapping[str, Any]):
-        given = {} if camera is None else {"camera": camera}
-        return _options({**self._options, **options, **given})
+    def _parsed(self, options: Mapping[str, Any]) -> _kiln.Options:
+        return _kiln.Options(_options({**self._options, **options}))

@@ -10,7 +10,7 @@ use kiln::film::Window;
 use kiln::film::write::{Channel, Format, OutputImage};
 use kiln::job::RenderControl;
 use kiln::render::aov;
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
@@ -91,6 +91,24 @@ fn check_import(scene: &kiln::scene::Scene, options: &Options) -> PyResult<()> {
     Ok(())
 }
 
+/// Options of pictures.
+#[pyclass(frozen, module = "kiln._kiln", name = "Options")]
+pub(crate) struct PictureOptions(Arc<Options>);
+
+#[pymethods]
+impl PictureOptions {
+    #[new]
+    fn new(options: NamedOptions) -> PyResult<Self> {
+        Ok(PictureOptions(Arc::new(parse_options(options)?)))
+    }
+
+    /// The options with this camera.
+    fn with_camera(&self, camera: &str) -> PyResult<Self> {
+        let options = self.0.with_camera(camera).map_err(|e| raised(&e))?;
+        Ok(PictureOptions(Arc::new(options)))
+    }
+}
+
 /// Renders a scene.
 #[pyfunction]
 pub(crate) fn render(
@@ -120,9 +138,9 @@ pub(crate) struct Prepared {
 #[pymethods]
 impl Prepared {
     #[new]
-    fn new(py: Python, scene: &Bound<Scene>, options: NamedOptions) -> PyResult<Self> {
-        let (scene, options) = (scene.get().now(), parse_options(options)?);
-        check_import(&scene, &options)?;
+    fn new(py: Python, scene: &Bound<Scene>, options: &Bound<PictureOptions>) -> PyResult<Self> {
+        let scene = scene.get().now();
+        check_import(&scene, &options.get().0)?;
         let scene = py.detach(|| picture::PreparedScene::new(scene)).map_err(|e| raised(&e))?;
         Ok(Prepared { scene: Arc::new(scene) })
     }
@@ -131,12 +149,13 @@ impl Prepared {
     fn render(
         &self,
         py: Python,
-        options: NamedOptions,
+        options: &Bound<PictureOptions>,
         dtype: &str,
         aovs: Vec<String>,
         progress: Option<&Bound<PyAny>>,
     ) -> PyResult<Picture> {
-        let (format, options, scene) = (format_of(dtype)?, parse_options(options)?, Arc::clone(&self.scene));
+        let format = format_of(dtype)?;
+        let (options, scene) = (Arc::clone(&options.get().0), Arc::clone(&self.scene));
         check_import(scene.scene(), &options)?;
         let (picture, notes) = rendered(py, progress, move |control, warnings| {
             scene.render(&options, format, &aovs, control, warnings)
@@ -145,12 +164,16 @@ impl Prepared {
     }
 
     /// Computes the AOVs of a picture alone.
-    fn aovs(&self, py: Python, options: NamedOptions, aovs: Vec<String>) -> PyResult<Aovs> {
-        let (options, scene) = (parse_options(options)?, Arc::clone(&self.scene));
+    fn aovs(&self, py: Python, options: &Bound<PictureOptions>, aovs: Vec<String>) -> PyResult<Aovs> {
+        let (options, scene) = (Arc::clone(&options.get().0), Arc::clone(&self.scene));
         check_import(scene.scene(), &options)?;
         let (computed, notes) =
             rendered(py, None, move |control, warnings| scene.aovs(&options, &aovs, control, warnings))?;
-        Ok(Aovs { aovs: arrays(py, computed.window, computed.by_name())?.unbind(), notes })
+        let window = computed.window;
+        let aovs = computed.by_name().into_iter();
+        let values = |channels: Vec<Channel>| channels.into_iter().map(|channel| channel.values).collect();
+        let aovs = arrays(py, window, aovs.map(|(name, channels)| (name, values(channels))))?;
+        Ok(Aovs { aovs: aovs.unbind(), size: [window.width, window.height], notes })
     }
 }
 
@@ -160,30 +183,46 @@ pub(crate) struct Aovs {
     /// The AOVs by name, as those of a Picture.
     #[pyo3(get)]
     aovs: Py<PyDict>,
+    /// Width and height in pixels.
+    size: [u32; 2],
     /// What was decided automatically.
     #[pyo3(get)]
     notes: Vec<String>,
 }
 
-/// Read-only arrays of AOVs, by name.
-fn arrays<'py>(
-    py: Python<'py>,
+#[pymethods]
+impl Aovs {
+    fn __repr__(&self, py: Python) -> PyResult<String> {
+        let [width, height] = self.size;
+        Ok(format!("<kiln.Aovs {width} x {height}{}>", named(py, ": ", &self.aovs)?))
+    }
+}
+
+/// The names of AOVs after `start`; nothing if there are none.
+fn named(py: Python, start: &str, aovs: &Py<PyDict>) -> PyResult<String> {
+    let names: Vec<String> = aovs.bind(py).keys().extract()?;
+    Ok(if names.is_empty() { String::new() } else { format!("{start}{}", names.join(", ")) })
+}
+
+/// Read-only arrays of AOVs, by name, from the values of their channels.
+fn arrays(
+    py: Python,
     window: Window,
-    aovs: Vec<(&str, Vec<&Channel>)>,
-) -> PyResult<Bound<'py, PyDict>> {
+    aovs: impl Iterator<Item = (String, Vec<Vec<f32>>)>,
+) -> PyResult<Bound<PyDict>> {
     let arrays = PyDict::new(py);
-    for (name, channels) in aovs {
+    for (name, mut channels) in aovs {
         let shape = shape(window, channels.len());
-        let array = match channels[..] {
-            [channel] if aov::has_integers(name) => {
-                let values = channel.values.iter().map(|&value| value as i32).collect();
-                shaped::<i32>(py, values, &shape[..2])?
+        let array = match (&channels[..], aov::has_integers(&name)) {
+            ([values], true) => {
+                shaped::<i32>(py, values.iter().map(|&value| value as i32).collect(), &shape[..2])?
             }
-            [channel] => shaped::<f32>(py, channel.values.clone(), &shape[..2])?,
-            _ => {
-                let of_pixel = |i| channels.iter().map(move |channel| channel.values[i]);
-                shaped::<f32>(py, (0..window.area()).flat_map(of_pixel).collect(), &shape)?
+            ([_], false) => shaped::<f32>(py, channels.swap_remove(0), &shape[..2])?,
+            ([x, y, z], _) => {
+                let pixels: Vec<[f32; 3]> = x.iter().zip(y).zip(z).map(|((&x, &y), &z)| [x, y, z]).collect();
+                shaped::<f32>(py, pixels.into_flattened(), &shape)?
             }
+            _ => return Err(PyRuntimeError::new_err(format!("{name}: not one or three channels"))),
         };
         arrays.set_item(name, read_only(array)?)?;
     }
@@ -211,7 +250,10 @@ impl Picture {
                 }
             },
         };
-        let (aovs, metadata) = (arrays(py, window, picture.aovs())?, PyDict::new(py));
+        let values =
+            |channels: Vec<&Channel>| channels.iter().map(|channel| channel.values.clone()).collect();
+        let aovs = picture.aovs().into_iter().map(|(name, channels)| (name, values(channels)));
+        let (aovs, metadata) = (arrays(py, window, aovs)?, PyDict::new(py));
         for (name, value) in picture.metadata() {
             metadata.set_item(name, value)?;
         }
@@ -231,14 +273,39 @@ fn shape(window: Window, channels: usize) -> [usize; 3] {
 
 #[pymethods]
 impl Picture {
-    /// Writes the picture to a .png, .jpg or .exr file, with its metadata. Only float32 pictures are written to .exr,
-    /// with their AOVs.
-    fn save(&self, py: Python, file: PathBuf) -> PyResult<()> {
-        py.detach(move || self.picture.write(&file)).map_err(|e| raised(&e))
+    /// Writes the picture to a .png, .jpg or .exr file, with its metadata, or to an object with a method write(), such
+    /// as io.BytesIO. Only float32 pictures are written as .exr, with their AOVs.
+    ///
+    /// format: "png", "jpg" or "exr"; that of the file's name if it is not given. An object needs one.
+    #[pyo3(signature = (file, *, format = None))]
+    fn save(&self, py: Python, file: &Bound<PyAny>, format: Option<&str>) -> PyResult<()> {
+        let known = |name: &str| {
+            let what = || PyValueError::new_err(format!("format: `{name}` is not png, jpg or exr"));
+            Format::from_ending(name).ok_or_else(what)
+        };
+        let format = format.map(known).transpose()?;
+        let path = file.extract::<PathBuf>();
+        if path.is_err() && file.hasattr("write")? {
+            let what = "format: give \"png\", \"jpg\" or \"exr\" for an object that has no name of a file";
+            let format = format.ok_or_else(|| PyValueError::new_err(what))?;
+            let bytes = py.detach(|| self.picture.encoded(format)).map_err(|e| raised(&e))?;
+            return file.call_method1("write", (PyBytes::new(py, &bytes),)).map(|_| ());
+        }
+        let path = path?;
+        py.detach(move || self.picture.write(&path, format)).map_err(|e| raised(&e))
+    }
+
+    fn __repr__(&self, py: Python) -> PyResult<String> {
+        let (window, dtype) = match self.picture.image() {
+            OutputImage::Rgb8(film, _) | OutputImage::Rgba8(film, ..) => (film.window(), "uint8"),
+            OutputImage::Float(film, _) => (film.window(), "float32"),
+        };
+        let aovs = named(py, ", AOVs ", &self.aovs)?;
+        Ok(format!("<kiln.Picture {} x {}, {dtype}{aovs}>", window.width, window.height))
     }
 
     fn _repr_png_<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let bytes = py.detach(|| self.picture.png()).map_err(|e| raised(&e))?;
+        let bytes = py.detach(|| self.picture.encoded(Format::Png)).map_err(|e| raised(&e))?;
         Ok(PyBytes::new(py, &bytes))
     }
 

@@ -116,13 +116,26 @@ MISTAKES_OF_TYPES = [
     'kiln.trimesh.RayMeshIntersector(None, tier="nonsense")',
     'kiln.trimesh.RayMeshIntersector(None).intersects_location([], [], max_hit=1)',
     'kiln.trimesh.RayMeshIntersector(None).intersects_any([], [], multiple=1)',
+    'kiln.render("a.obj", siez=(64, 48))',
+    'kiln.render("a.obj", transport="paths")',
+    'kiln.Scene("a.obj", smoth=30)',
+    'kiln.Scene("a.obj", samples=4)',
+    'kiln.Prepared("a.obj", siez=(64, 48))',
+    'kiln.Prepared("a.obj").render(siez=(64, 48))',
+    'kiln.Prepared("a.obj").render_many([None], size=(64, 48), siez=1)',
 ]
 
 
 def test_type_checkers_refuse_mistakes(tmp_path):
     pytest.importorskip("mypy")
-    right = ['kiln.Mesh([], [], tier="exact", preset="fast-build")', "kiln.trimesh.install()"]
-    lines = ["import kiln", "import kiln.trimesh", *right, *MISTAKES_OF_TYPES]
+    right = [
+        'kiln.Mesh([], [], tier="exact", preset="fast-build")',
+        "kiln.trimesh.install()",
+        'kiln.render("a.obj", size=(64, 48), camera={"position": [0, 0, 5]}, with_=["shadows"], up="z", smooth=True)',
+        'kiln.Prepared("a.obj", up="z").render("front", samples=4, transport="path", draft=True).save(io.BytesIO())',
+        'kiln.Prepared("a.obj").render_many([None], size=(64, 48), aovs=["depth"], exposure=-1.5)[0].aovs["depth"]',
+    ]
+    lines = ["import io, kiln", "import kiln.trimesh", *right, *MISTAKES_OF_TYPES]
     (tmp_path / "user.py").write_text("\n".join(lines) + "\n")
     command = [sys.executable, "-m", "mypy", "--strict", "--ignore-missing-imports", "user.py"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)

@@ -1,5 +1,6 @@
 """Pictures and scenes."""
 
+import io
 import os
 import signal
 import subprocess
@@ -55,6 +56,29 @@ def test_values_and_aovs(tmp_path):
     assert of_bytes.pixels.shape == (41, 41, 4) and (of_bytes.aovs["depth"] == depth).all()
     with pytest.raises(ValueError, match="OpenEXR holds f32 values"):
         of_bytes.save(tmp_path / "bytes.exr")
+
+
+def test_pictures_are_written_to_objects_and_print_what_they_are(tmp_path):
+    picture = kiln.render(BALL, size=(6, 4), aovs=["normal", "depth"])
+    assert repr(picture) == "<kiln.Picture 6 x 4, uint8, AOVs depth, normal>"
+    of_floats = kiln.render(BALL, size=(6, 4), dtype="float32")
+    assert repr(of_floats) == "<kiln.Picture 6 x 4, float32>"
+    assert repr(kiln.Prepared(BALL).render_many([None], size=(6, 4), aovs="depth")) == "[<kiln.Aovs 6 x 4: depth>]"
+    for made, format in ((picture, "png"), (picture, "jpg"), (of_floats, "exr"), (of_floats, "PNG")):
+        memory, file = io.BytesIO(), tmp_path / "picture"
+        made.save(memory, format=format)
+        made.save(file, format=format)
+        assert memory.getvalue() == file.read_bytes()
+        made.save(tmp_path / f"named.{format}")
+        assert memory.getvalue() == (tmp_path / f"named.{format}").read_bytes()
+    for mistake, kind, said in (
+        (lambda: picture.save(io.BytesIO()), ValueError, "^format: give"),
+        (lambda: picture.save(io.BytesIO(), format="gif"), ValueError, "^format: `gif` is not png, jpg or exr$"),
+        (lambda: picture.save(io.BytesIO(), format="exr"), ValueError, "^OpenEXR holds f32 values"),
+        (lambda: picture.save(3, format="png"), TypeError, "PathLike"),
+    ):
+        with pytest.raises(kind, match=said):
+            mistake()
 
 
 def test_scenes_of_arrays():

@@ -43,6 +43,10 @@ pub(super) fn unknown(command: &clap::Command, name: &str) -> Error {
 /// A message of the command with options by name: `--tone-map agx` becomes `tone_map="agx"`. Options that are not known
 /// here stay as they are.
 pub fn by_name(message: &str) -> String {
+    // Making the options takes longer than a small picture.
+    if !message.contains("--") {
+        return message.to_owned();
+    }
     let command = command();
     let mut said = String::new();
     let mut rest = message;
@@ -123,7 +127,91 @@ pub fn error_by_name(error: &Error) -> String {
 
 #[cfg(test)]
 mod tests {
+    use clap::ArgAction;
+
     use super::*;
+    use crate::scene::ImportOptions;
+
+    const TYPES: &str = "python/kiln/_options.py";
+
+    /// The first lines of [`TYPES`].
+    const HEAD: &str = r#""""The options of `kiln render` for type checkers, from the command: after a change of its options,
+`KILN_BLESS=1 cargo test --lib options_of_python` writes this file again."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Union
+
+if TYPE_CHECKING:
+    from typing import TypeAlias
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    _Value: TypeAlias = Union[
+        str, float, os.PathLike[str], Sequence[Any], Mapping[str, Any], np.generic, NDArray[Any], None
+    ]
+"#;
+
+    /// The type of an option's value in Python; `None` is as if it were not given.
+    fn python_type(argument: &clap::Arg) -> String {
+        let values = argument.get_possible_values();
+        let names: Vec<&str> = values.iter().map(clap::builder::PossibleValue::get_name).collect();
+        match names[..] {
+            _ if !argument.get_action().takes_values() => "bool | None".to_owned(),
+            ["true", "false"] => "bool | None".to_owned(),
+            _ if matches!(argument.get_action(), ArgAction::Append) => {
+                "str | Sequence[str] | None".to_owned()
+            }
+            [] if argument.get_num_args().is_some_and(|count| count.min_values() == 0) => {
+                "bool | _Value".to_owned()
+            }
+            [] => "_Value".to_owned(),
+            _ => format!(
+                "Literal[{}] | None",
+                names.iter().map(|name| format!("{name:?}")).collect::<Vec<_>>().join(", ")
+            ),
+        }
+    }
+
+    /// Type checkers refuse options that the command does not have.
+    #[test]
+    fn options_of_python_are_those_of_the_command() {
+        let (command, import) = (command(), ImportOptions::augment_args(clap::Command::new("import")));
+        let is_import = |long: &str| argument(&import, |own| own == long).is_some();
+        // Functions have parameters for some.
+        let of_pictures = |long: &str| !is_import(long) && !["camera", "size", "samples"].contains(&long);
+        let classes: [(&str, &str, &str, &dyn Fn(&str) -> bool); 4] = [
+            ("ReadOptions", "TypedDict", "How files are read.", &is_import),
+            (
+                "ViewOptions",
+                "ReadOptions",
+                "Those of pictures but for camera, size and samples.",
+                &of_pictures,
+            ),
+            ("SizedOptions", "ViewOptions", "Those of pictures but for the camera.", &|long| {
+                ["size", "samples"].contains(&long)
+            }),
+            ("RenderOptions", "SizedOptions", "All.", &|long| long == "camera"),
+        ];
+        let mut text = HEAD.to_owned();
+        for (name, base, what, is_its) in classes {
+            text += &format!("\n\nclass {name}({base}, total=False):\n    \"\"\"{what}\"\"\"\n\n");
+            for argument in command.get_arguments() {
+                if let Some(long) = argument.get_long().filter(|long| is_its(long)) {
+                    text += &format!("    {}: {}\n", name_of(long), python_type(argument));
+                }
+            }
+        }
+        let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(TYPES);
+        if std::env::var_os("KILN_BLESS").is_some() {
+            std::fs::write(&file, &text).expect("a file that can be written");
+        }
+        let stored = std::fs::read_to_string(&file).unwrap_or_default();
+        assert!(stored == text, "{TYPES} is not that of the command: KILN_BLESS=1 writes it");
+    }
 
     #[test]
     fn messages_name_options_as_parse_does() {

@@ -1,5 +1,6 @@
 //! Pictures in memory, for programs: the options of `kiln render` by name, and its picture.
 
+use std::borrow::Borrow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -93,6 +94,19 @@ impl Options {
     /// Whether there are options of the inputs.
     pub fn has_import(&self) -> bool {
         self.0.import != ImportOptions::default()
+    }
+
+    /// These options with this camera.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if they have a view.
+    pub fn with_camera(&self, camera: &str) -> Result<Self> {
+        if self.0.view.is_some() {
+            return Err(Error::usage("both a camera and the option --view", "give one of the two"));
+        }
+        let mut arguments = self.0.clone();
+        arguments.camera = Some(camera.to_owned());
+        Ok(Options(arguments))
     }
 
     /// The AOVs of these names, and the settings of a picture with them.
@@ -224,8 +238,8 @@ pub struct Aovs {
 
 impl Aovs {
     /// The AOVs by name, each with its channels.
-    pub fn by_name(&self) -> Vec<(&str, Vec<&Channel>)> {
-        channels_by_name(self.channels.iter())
+    pub fn by_name(self) -> Vec<(String, Vec<Channel>)> {
+        channels_by_name(self.channels)
     }
 }
 
@@ -277,13 +291,13 @@ fn picture_of(
 }
 
 /// Channels by the name of their AOV.
-fn channels_by_name<'a>(channels: impl Iterator<Item = &'a Channel>) -> Vec<(&'a str, Vec<&'a Channel>)> {
-    let mut all: Vec<(&str, Vec<&Channel>)> = Vec::new();
+fn channels_by_name<C: Borrow<Channel>>(channels: impl IntoIterator<Item = C>) -> Vec<(String, Vec<C>)> {
+    let mut all: Vec<(String, Vec<C>)> = Vec::new();
     for channel in channels {
-        let name = aov::name_of(&channel.name);
+        let name = aov::name_of(&channel.borrow().name);
         match all.last_mut() {
-            Some((last, channels)) if *last == name => channels.push(channel),
-            _ => all.push((name, vec![channel])),
+            Some((last, channels)) if last == name => channels.push(channel),
+            _ => all.push((name.to_owned(), vec![channel])),
         }
     }
     all
@@ -301,7 +315,7 @@ impl Picture {
     }
 
     /// The AOVs by name, each with its channels.
-    pub fn aovs(&self) -> Vec<(&str, Vec<&Channel>)> {
+    pub fn aovs(&self) -> Vec<(String, Vec<&Channel>)> {
         let channels = self.channels.iter().chain(self.float_channels());
         channels_by_name(channels.filter(|channel| channel.name != ALPHA))
     }
@@ -315,39 +329,42 @@ impl Picture {
         &self.metadata
     }
 
-    /// The picture as the contents of a PNG file.
+    /// The picture as the contents of a file of this format: f32 pictures of all formats, others of PNG and JPEG.
     ///
     /// # Errors
-    /// [`Error::Memory`] if there is not enough memory.
-    pub fn png(&self) -> Result<Vec<u8>> {
-        let mut bytes = Vec::new();
-        let displayed = self.displayed()?;
-        let image = displayed.as_ref().unwrap_or(&self.image);
-        encode(image, &self.metadata, Format::Png, &mut bytes)
-            .map_err(|e| Error::output(Path::new("-"), e))?;
+    /// [`Error::Usage`] for a format that cannot hold the picture, [`Error::Memory`] if there is not enough memory.
+    pub fn encoded(&self, format: Format) -> Result<Vec<u8>> {
+        let converted = self.converted(format)?;
+        let (image, mut bytes) = (converted.as_ref().unwrap_or(&self.image), Vec::new());
+        encode(image, &self.metadata, format, &mut bytes).map_err(|e| Error::output(Path::new("-"), e))?;
         Ok(bytes)
     }
 
-    /// Writes the picture to a file, in the format of its name: f32 pictures to all formats, others to PNG and JPEG.
+    /// Writes the picture to a file as [`Picture::encoded`], in this format, or that of its name.
     ///
     /// # Errors
     /// [`Error::Output`]; [`Error::Usage`] for a format that cannot hold the picture, or for a file that the scene was
     /// read from.
-    pub fn write(&self, file: &Path) -> Result<()> {
+    pub fn write(&self, file: &Path, format: Option<Format>) -> Result<()> {
         if file.as_os_str().is_empty() {
             return Err(Error::usage("no name of a file", "name one that ends in .png, .jpg or .exr"));
         }
-        let format = Format::from_path(file)?;
+        let format = format.map_or_else(|| Format::from_path(file), Ok)?;
         self.inputs.check(file)?;
-        let displayed = if format == Format::Exr { None } else { self.displayed()? };
-        let image = displayed.as_ref().unwrap_or(&self.image);
+        let converted = self.converted(format)?;
+        write_picture(converted.as_ref().unwrap_or(&self.image), &self.metadata, format, file)
+    }
+
+    /// The picture in the pixels of a format; `None` if it has them.
+    fn converted(&self, format: Format) -> Result<Option<OutputImage>> {
+        let converted = if format == Format::Exr { None } else { self.displayed()? };
+        let image = converted.as_ref().unwrap_or(&self.image);
         check_alpha(matches!(image, OutputImage::Rgba8(..)), ".jpg", format != Format::Jpeg)?;
         if format == Format::Exr && !matches!(image, OutputImage::Float(..)) {
-            let what =
-                format!("{}: OpenEXR holds f32 values, and the picture has 8-bit values", file.display());
-            return Err(Error::usage(what, "render with float values, or name a file that ends in .png"));
+            let what = "OpenEXR holds f32 values, and the picture has 8-bit values";
+            return Err(Error::usage(what, "render with float values, or write a .png file"));
         }
-        write_picture(image, &self.metadata, format, file)
+        Ok(converted)
     }
 
     /// The picture in 8-bit display values; `None` if it is.

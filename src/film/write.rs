@@ -28,15 +28,22 @@ impl Format {
     /// # Errors
     /// [`Error::Usage`] if the extension is missing or not supported.
     pub fn from_path(file: &Path) -> Result<Self> {
-        let ending = file.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
-        match ending.as_str() {
-            "png" => Ok(Format::Png),
-            "jpg" | "jpeg" => Ok(Format::Jpeg),
-            "exr" => Ok(Format::Exr),
-            _ => Err(Error::usage(
+        let ending = file.extension().and_then(|e| e.to_str()).unwrap_or("");
+        Format::from_ending(ending).ok_or_else(|| {
+            Error::usage(
                 format!("{}: not a picture format that can be written", file.display()),
                 "name a file that ends in .png, .jpg or .exr",
-            )),
+            )
+        })
+    }
+
+    /// The format for the ending of a file name, such as `png`.
+    pub fn from_ending(ending: &str) -> Option<Self> {
+        match ending.to_ascii_lowercase().as_str() {
+            "png" => Some(Format::Png),
+            "jpg" | "jpeg" => Some(Format::Jpeg),
+            "exr" => Some(Format::Exr),
+            _ => None,
         }
     }
 }
