@@ -322,7 +322,7 @@ class Prepared:
     @overload
     def render_many(
         self,
-        cameras: Iterable[Camera],
+        cameras: Iterable[Camera | None],
         *,
         size: tuple[int, int],
         samples: int | None = None,
@@ -334,7 +334,7 @@ class Prepared:
     @overload
     def render_many(
         self,
-        cameras: Iterable[Camera],
+        cameras: Iterable[Camera | None],
         *,
         size: tuple[int, int],
         samples: int | None = None,

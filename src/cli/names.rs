@@ -163,7 +163,7 @@ if TYPE_CHECKING:
             _ if !argument.get_action().takes_values() => "bool | None".to_owned(),
             ["true", "false"] => "bool | None".to_owned(),
             _ if matches!(argument.get_action(), ArgAction::Append) => {
-                "str | Sequence[str] | None".to_owned()
+                "str | int | Sequence[str | int] | None".to_owned()
             }
             [] if argument.get_num_args().is_some_and(|count| count.min_values() == 0) => {
                 "bool | _Value".to_owned()
