@@ -47,6 +47,7 @@ class Mesh:
         *,
         objects: ArrayLike | None = None,
         cull_back_faces: bool = False,
+        alpha: bool = False,
     ) -> Hits: ...
     def any(
         self,
@@ -56,6 +57,7 @@ class Mesh:
         *,
         objects: ArrayLike | None = None,
         cull_back_faces: bool = False,
+        alpha: bool = False,
     ) -> NDArray[np.bool_]: ...
     def count(
         self,
@@ -65,6 +67,7 @@ class Mesh:
         *,
         objects: ArrayLike | None = None,
         cull_back_faces: bool = False,
+        alpha: bool = False,
     ) -> NDArray[np.int64]: ...
     def all(
         self,
@@ -74,6 +77,7 @@ class Mesh:
         *,
         objects: ArrayLike | None = None,
         cull_back_faces: bool = False,
+        alpha: bool = False,
     ) -> AllHits: ...
     def crossings(
         self, origins: ArrayLike, directions: ArrayLike, max_distance: ArrayLike | None = None

@@ -377,12 +377,15 @@ class Prepared:
         *,
         objects: ArrayLike | None = None,
         cull_back_faces: bool = False,
+        alpha: bool = False,
     ) -> Hits:
         """The closest hits of rays in the scene's coordinates, as Mesh.first() returns them, in tier `double`; pictures
         have that of the option `numerics`. The tree for them is built at the first call."""
         if self._mesh is None:
             self._mesh = self._scene.mesh("double", "balanced")
-        return self._mesh.first(origins, directions, max_distance, objects=objects, cull_back_faces=cull_back_faces)
+        return self._mesh.first(
+            origins, directions, max_distance, objects=objects, cull_back_faces=cull_back_faces, alpha=alpha
+        )
 
     def _parsed(self, options: Mapping[str, Any]) -> _kiln.Options:
         return _kiln.Options(_options({**self._options, **options}))

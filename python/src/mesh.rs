@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, PoisonError, RwLock};
 
-use kiln::bvh::{Bvh, ClosestPoint, NotClosed, Preset, RayList, SignedHit, Traversal};
+use kiln::bvh::{Bvh, ClosestPoint, NotClosed, RayList, SignedHit, Traversal};
 use kiln::geometry::{PrimId, Side};
 use kiln::glam::DVec3;
 use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
@@ -43,11 +43,10 @@ pub(crate) struct Mesh {
     arrays: Option<Arc<Arrays>>,
 }
 
-/// What remains of the arrays that a mesh is made from, and how it is built.
+/// What remains of the arrays that a mesh is made from.
 struct Arrays {
     vertices: usize,
     faces: Vec<[u32; 3]>,
-    preset: Preset,
 }
 
 /// The points of an argument.
@@ -147,9 +146,8 @@ impl Mesh {
         let faces = triangles(faces, "faces", vertices.shape()[0])?;
         let vertices: &[[f64; 3]] = chunks(&vertices)?;
         check_finite(vertices, "vertices")?;
-        let (numerics, preset) = named(tier, preset)?;
-        let state = State::of_triangles(py, vertices, &faces, (numerics, preset))?;
-        let arrays = Arrays { vertices: vertices.len(), faces, preset };
+        let state = State::of_triangles(py, vertices, &faces, named(tier, preset)?)?;
+        let arrays = Arrays { vertices: vertices.len(), faces };
         Ok(Mesh { arrays: Some(Arc::new(arrays)), ..Mesh::of(state) })
     }
 
@@ -167,8 +165,9 @@ impl Mesh {
         let vertices: &[[f64; 3]] = chunks(&vertices)?;
         check_rows(("vertices", vertices.len()), ("the mesh", arrays.vertices))?;
         check_finite(vertices, "vertices")?;
-        let numerics = self.now().bvh.accelerator().numerics();
-        self.replace(State::of_triangles(py, vertices, &arrays.faces, (numerics, arrays.preset))?);
+        let moved = arrays.faces.iter().map(|face| face.map(|index| vertices[index as usize]).into());
+        let state = self.now().updated(py, moved)?;
+        self.replace(state);
         Ok(())
     }
 
@@ -201,8 +200,9 @@ impl Mesh {
     ///
     /// origins, directions: (n, 3) float64. max_distance: a number or (n,) float64 above 0, infinite by default. Hits
     /// are at 0 < distance < max_distance: a ray from a point of the surface does not hit it there. objects: indices of
-    /// objects, or a bool for each; others are passed. cull_back_faces: whether faces seen from the back are passed.
-    #[pyo3(signature = (origins, directions, max_distance = None, *, objects = None, cull_back_faces = false))]
+    /// objects, or a bool for each; others are passed. cull_back_faces: whether faces seen from the back are passed. alpha:
+    /// whether surfaces of a scene are passed where its pictures show none: of an opacity below the cutoff, or 1/2.
+    #[pyo3(signature = (origins, directions, max_distance = None, *, objects = None, cull_back_faces = false, alpha = false))]
     fn first<'py>(
         &self,
         origins: &Bound<'py, PyAny>,
@@ -210,11 +210,12 @@ impl Mesh {
         max_distance: Option<&Bound<'py, PyAny>>,
         objects: Option<&Bound<'py, PyAny>>,
         cull_back_faces: bool,
+        alpha: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = origins.py();
         let arguments = RayArguments::new(origins, directions, max_distance)?;
         let state = self.now();
-        let filter = Filter::new(&state, objects, cull_back_faces)?;
+        let filter = Filter::new(&state, objects, cull_back_faces, alpha)?;
         let mut columns = Columns::new(py, arguments.shape.iter().product())?;
         let few = if filter.is_some() { None } else { arguments.few(&state.bvh)? };
         if let Some(rays) = few {
@@ -247,7 +248,7 @@ impl Mesh {
     }
 
     /// Whether each ray hits anything: (n,) bool. Arguments as for `first`.
-    #[pyo3(signature = (origins, directions, max_distance = None, *, objects = None, cull_back_faces = false))]
+    #[pyo3(signature = (origins, directions, max_distance = None, *, objects = None, cull_back_faces = false, alpha = false))]
     fn any<'py>(
         &self,
         origins: &Bound<'py, PyAny>,
@@ -255,11 +256,12 @@ impl Mesh {
         max_distance: Option<&Bound<'py, PyAny>>,
         objects: Option<&Bound<'py, PyAny>>,
         cull_back_faces: bool,
+        alpha: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = origins.py();
         let arguments = RayArguments::new(origins, directions, max_distance)?;
         let state = self.now();
-        let filter = Filter::new(&state, objects, cull_back_faces)?;
+        let filter = Filter::new(&state, objects, cull_back_faces, alpha)?;
         let few = if filter.is_some() { None } else { arguments.few(&state.bvh)? };
         let mut occluded = Vec::new();
         if let Some(rays) = few {
@@ -283,7 +285,7 @@ impl Mesh {
     }
 
     /// The number of hits of each ray, those of `all`: (n,) int64. Arguments as for `first`.
-    #[pyo3(signature = (origins, directions, max_distance = None, *, objects = None, cull_back_faces = false))]
+    #[pyo3(signature = (origins, directions, max_distance = None, *, objects = None, cull_back_faces = false, alpha = false))]
     fn count<'py>(
         &self,
         origins: &Bound<'py, PyAny>,
@@ -291,11 +293,12 @@ impl Mesh {
         max_distance: Option<&Bound<'py, PyAny>>,
         objects: Option<&Bound<'py, PyAny>>,
         cull_back_faces: bool,
+        alpha: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = origins.py();
         let arguments = RayArguments::new(origins, directions, max_distance)?;
         let state = self.now();
-        let filter = Filter::new(&state, objects, cull_back_faces)?;
+        let filter = Filter::new(&state, objects, cull_back_faces, alpha)?;
         let rays = arguments.rays(py, &state.bvh)?;
         let mut counts: Vec<i64> = Vec::with_capacity(rays.len());
         in_ranges(py, rays.len(), |range| {
@@ -311,7 +314,7 @@ impl Mesh {
     /// hits every triangle there; `crossings` counts it once. A sphere has its nearer hit alone. In tier "exact", whose
     /// `first` compares exact distances, hits whose distances round to nearly the same may be in another order.
     /// Arguments as for `first`.
-    #[pyo3(signature = (origins, directions, max_distance = None, *, objects = None, cull_back_faces = false))]
+    #[pyo3(signature = (origins, directions, max_distance = None, *, objects = None, cull_back_faces = false, alpha = false))]
     fn all<'py>(
         &self,
         origins: &Bound<'py, PyAny>,
@@ -319,11 +322,12 @@ impl Mesh {
         max_distance: Option<&Bound<'py, PyAny>>,
         objects: Option<&Bound<'py, PyAny>>,
         cull_back_faces: bool,
+        alpha: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = origins.py();
         let arguments = RayArguments::new(origins, directions, max_distance)?;
         let state = self.now();
-        let filter = Filter::new(&state, objects, cull_back_faces)?;
+        let filter = Filter::new(&state, objects, cull_back_faces, alpha)?;
         let rays = arguments.rays(py, &state.bvh)?;
         let (lists, count) = lists_of(py, &rays, |rays| match &filter {
             None => state.bvh.par_all_hits(rays),

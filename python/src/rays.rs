@@ -1,7 +1,11 @@
 //! Arguments of queries of rays.
 
+use std::sync::Arc;
+
 use kiln::bvh::{Bvh, InvalidRays, Lists, NotFinite, RayArrays, RayList};
 use kiln::geometry::{Hit, Ray, RayBuffer};
+use kiln::scene::Scene;
+use kiln::shading::SceneOpacity;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -119,6 +123,8 @@ pub(crate) struct Filter {
     /// Whether each object is hit; `None` where all are.
     objects: Option<Vec<bool>>,
     culls_back_faces: bool,
+    /// Opacities of the scene, where rays pass what its pictures do not show.
+    opacity: Option<(Arc<Scene>, SceneOpacity)>,
 }
 
 impl Filter {
@@ -127,17 +133,25 @@ impl Filter {
         state: &State,
         objects: Option<&Bound<PyAny>>,
         culls_back_faces: bool,
+        passes_transparent: bool,
     ) -> PyResult<Option<Self>> {
         let objects = objects.map(|value| selected(value, state.objects.len())).transpose()?;
-        let is_any = objects.is_some() || culls_back_faces;
-        Ok(is_any.then_some(Filter { objects, culls_back_faces }))
+        let scene = state.scene.as_ref().filter(|_| passes_transparent);
+        let opacity = scene.map(|scene| (Arc::clone(scene), SceneOpacity::new(scene)));
+        let is_any = objects.is_some() || culls_back_faces || opacity.is_some();
+        Ok(is_any.then_some(Filter { objects, culls_back_faces, opacity }))
     }
 
     /// Whether a hit is accepted.
     #[inline]
     pub(crate) fn accepts(&self, state: &State, ray: &Ray, hit: &Hit) -> bool {
-        let is_selected = |objects: &Vec<bool>| objects[state.locate(hit.prim).0];
-        self.objects.as_ref().is_none_or(is_selected) && !(self.culls_back_faces && state.is_back(ray, hit))
+        let ((object, primitive), [v, w]) = (state.locate(hit.prim), hit.barycentrics);
+        let is_visible = |(scene, opacity): &(Arc<Scene>, SceneOpacity)| {
+            opacity.is_visible(scene, object, primitive, [1.0 - v - w, v, w])
+        };
+        self.objects.as_ref().is_none_or(|objects| objects[object])
+            && !(self.culls_back_faces && state.is_back(ray, hit))
+            && self.opacity.as_ref().is_none_or(is_visible)
     }
 }
 

@@ -92,6 +92,18 @@ impl State {
         Ok(State { bvh, primitives, objects: vec![ObjectPart::default()], scene: None, parts: Vec::new() })
     }
 
+    /// The same objects with their triangles at other positions.
+    pub(crate) fn updated(
+        &self,
+        py: Python,
+        moved: impl Iterator<Item = Primitive> + Send,
+    ) -> PyResult<Self> {
+        let (mut bvh, numerics) = (self.bvh.clone(), self.bvh.accelerator().numerics());
+        built(py, moved, numerics, |seen| bvh.update(seen).map(|_| ()))?;
+        let State { primitives, ref objects, ref scene, ref parts, .. } = *self;
+        Ok(State { bvh, primitives, objects: objects.clone(), scene: scene.clone(), parts: parts.clone() })
+    }
+
     /// The primitives of a scene.
     pub(crate) fn of_scene(
         py: Python,

@@ -234,3 +234,43 @@ def test_back_faces_are_passed(scene, sphere):
         assert (mesh.first(centre, outwards).object == number).any()
         assert not mesh.any(centre, outwards, objects=number, cull_back_faces=True).any()
         assert mesh.any(centre + outwards * 9, -outwards, objects=number, cull_back_faces=True).all()
+
+
+def test_rays_pass_holes_of_textures(tmp_path):
+    """As in pictures: a quad with holes by a texture, in the middle of which texels are interpolated, before another."""
+    y, x = np.mgrid[:16, :16]
+    mask = np.where((x // 4 + y // 4) % 2 == 0, 255, 0).astype(np.uint8)
+    write_image(tmp_path / "mask.png", np.repeat(mask[..., None], 3, axis=-1))
+    materials = "newmtl holes\nKd 1 0 0\nmap_d mask.png\nnewmtl plain\nKd 0 1 0\nnewmtl thin\nKd 0 0 1\nd 0.4\n"
+    (tmp_path / "quads.mtl").write_text(materials)
+    lines = ["mtllib quads.mtl", "vt 0 0", "vt 1 0", "vt 1 1", "vt 0 1"]
+    for number, (name, z) in enumerate([("thin", 0.5), ("holes", 0), ("plain", -1)]):
+        lines += [f"v {x} {y} {z}" for x, y in [(-1, -1), (1, -1), (1, 1), (-1, 1)]] + [f"o {name}", f"usemtl {name}"]
+        a, b, c, d = (f"{4 * number + k}/{k}" for k in (1, 2, 3, 4))
+        lines += [f"f {a} {b} {c}", f"f {a} {c} {d}"]
+    (tmp_path / "quads.obj").write_text("\n".join(lines) + "\n")
+    scene = kiln.Scene(tmp_path / "quads.obj")
+    K, size = [120, 120, 49.5, 49.5], (100, 100)
+    pose = np.diag([1.0, -1, -1, 1])
+    pose[:3, 3] = [0, 0, 3]
+    prepared = kiln.Prepared(scene, numerics="double")
+    camera = {"K": K, "pose": pose, "axes": "opencv"}
+    shown = prepared.render_many([camera], size=size, aovs=["primitive", "depth"])[0].aovs
+    rays = kiln.pinhole_rays(K, pose, size)
+    hits = prepared.first(*rays, alpha=True)
+    assert [list(np.unique(primitive)) for primitive in (hits.primitive, shown["primitive"])] == [[-1, 2, 3, 4, 5]] * 2
+    assert (hits.primitive == shown["primitive"]).mean() > 0.999
+    same = (hits.primitive == shown["primitive"]) & (hits.primitive >= 0)
+    assert np.allclose(hits.distance[same], shown["depth"][same], rtol=1e-6)
+    mesh = scene.mesh()
+    assert (np.bincount(mesh.first(*rays).object[hits.primitive >= 0]) > 0).tolist() == [True]
+    assert np.array_equal(mesh.any(*rays, alpha=True), hits.primitive >= 0)
+    # All that is left of the hits of each ray: of the quad with holes, and of the one behind it.
+    every = mesh.all(*rays, alpha=True)
+    of_object = [np.isin(np.arange(size[0] * size[1]), every.ray[every.object == index]) for index in range(3)]
+    assert not of_object[0].any() and np.array_equal(of_object[1], hits.object.ravel() == 1)
+    assert np.array_equal(of_object[2], mesh.any(*rays, objects=2).ravel())
+    assert np.array_equal(mesh.count(*rays, alpha=True).ravel(), np.bincount(every.ray, minlength=size[0] * size[1]))
+    assert (mesh.first([0.1, 0.1, 9], [0, 0, -1], objects=[0], alpha=True).triangle) == -1
+    # Without a scene, nothing is passed.
+    assert kiln.Mesh(*TETRAHEDRON).any([0.2, 0.2, 9], [0, 0, -1], alpha=True)

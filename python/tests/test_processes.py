@@ -51,7 +51,7 @@ origins, directions = np.zeros((count, 3)), np.ones((count, 3))
 used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (used + (150 << 20), resource.RLIM_INFINITY))
 try:
-    mesh.first(origins, directions)  # 64 bytes for each
+    mesh.first(origins, directions)  # 72 bytes for each
 except MemoryError:
     print("MemoryError")
 print(mesh.first(origins[:10], directions[:10]).triangle.tolist())

@@ -17,8 +17,9 @@ use super::samples::{SampleIndex, list_samples};
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use crate::bvh::Traversal;
 use crate::geometry::{Hit, HitBuffer, Ray, RayBuffer};
-use crate::scene::{Interpolation, PixelSampler, TexelEncoding, TextureSlot};
-use crate::shading::texture::look_at;
+use crate::scene::PixelSampler;
+use crate::shading;
+pub(crate) use crate::shading::VISIBLE_FROM;
 use crate::world::World;
 
 /// The kinds that continued rays are counted as.
@@ -29,9 +30,6 @@ pub struct ContinuedRays {
     /// Shadow rays.
     pub(crate) shadow_rays: RayKind,
 }
-
-/// The opacity from which a surface is visible in AOVs, which hold one surface a pixel.
-pub(crate) const VISIBLE_FROM: f64 = 0.5;
 
 /// How rays find the surfaces that they hit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,20 +70,9 @@ pub(crate) fn opacity(world: &World, hit: &Hit) -> f64 {
     let index = world.object_of(hit.prim);
     let object = &world.objects[index as usize];
     let material = &world.materials[object.material as usize];
-    let Some(opacity) = material.opacity() else { return 1.0 };
-    let (mut alpha, [v, w]) = (opacity.factor, hit.barycentrics);
-    if let Some(texture) = material.textures()[TextureSlot::Opacity]
-        && let Some(uv) = world.uv(index, hit.prim, [1.0 - v - w, v, w], texture.coordinates)
-    {
-        let image = &world.images[texture.image.0 as usize];
-        let magnify = texture.sampler.magnify.unwrap_or(Interpolation::Linear);
-        alpha *= look_at(image, TexelEncoding::Data, &texture.sampler, 0, magnify, uv).x;
-    }
-    alpha *= world.vertex_alpha(object, hit);
-    match opacity.cutoff {
-        Some(cutoff) => f64::from(u8::from(alpha >= cutoff)),
-        None => alpha.clamp(0.0, 1.0),
-    }
+    let [v, w] = hit.barycentrics;
+    let uv = |set| world.uv(index, hit.prim, [1.0 - v - w, v, w], set);
+    shading::opacity(material, &world.images, uv, || world.vertex_alpha(object, hit))
 }
 
 /// Detects a cycle of the origins of a continued ray, which would never end: in `fast` at large coordinates, rounding

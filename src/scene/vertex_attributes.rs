@@ -69,6 +69,12 @@ impl Shape {
         let corners = of_triangle(mesh.uvs.get(usize::from(set))?, mesh, primitive);
         Some(blend(corners.map(|uv| uv.as_vec2().as_dvec2()), barycentrics))
     }
+
+    /// The interpolated vertex opacity at a point of a primitive; 1 without any.
+    pub fn alpha(&self, primitive: u32, barycentrics: [f64; 3]) -> f64 {
+        let alphas = self.mesh().and_then(|mesh| Some(of_triangle(mesh.alphas.as_ref()?, mesh, primitive)));
+        alphas.map_or(1.0, |alphas| blend(alphas.map(|alpha| f64::from(alpha as f32)), barycentrics))
+    }
 }
 
 impl Scene {

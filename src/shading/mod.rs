@@ -4,11 +4,14 @@ pub mod bsdf;
 mod lights;
 pub(crate) mod metallic_roughness;
 pub mod normal_map;
+mod opacity;
 mod phong;
 pub mod texture;
 
 pub use crate::scene::ShadingMode;
 pub use lights::{LightSample, LightSoa};
+pub use opacity::SceneOpacity;
+pub(crate) use opacity::{VISIBLE_FROM, opacity};
 pub use phong::Scratch;
 
 use glam::DVec3;

@@ -50,7 +50,8 @@ pub struct Image {
 }
 
 impl Image {
-    pub(super) fn new(image: DecodedImage, pipeline: ColourPipeline) -> Self {
+    /// The image for a colour pipeline. Texels are not copied.
+    pub(crate) fn new(image: DecodedImage, pipeline: ColourPipeline) -> Self {
         let table = &TABLES[usize::from(matches!(image.pixels, TexelValues::U16(_)))];
         let is_linear = pipeline == ColourPipeline::Linear;
         Image {

@@ -243,9 +243,8 @@ impl World {
     /// The interpolated vertex opacity at a hit with an object; 1 where it has none.
     pub(crate) fn vertex_alpha(&self, object: &WorldObject, hit: &Hit) -> f64 {
         let Some(alphas) = object.attributes.alphas(hit.prim.0 - object.first.0) else { return 1.0 };
-        let [a, b, c] = alphas.map(f64::from);
         let [v, w] = hit.barycentrics;
-        a * (1.0 - v - w) + b * v + c * w
+        blend(alphas.map(f64::from), [1.0 - v - w, v, w])
     }
 
     /// Whether an object's opacity can be below 1.

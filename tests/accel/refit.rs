@@ -174,6 +174,7 @@ fn an_update_refits_what_it_can_and_builds_what_it_must() {
         let hits = bvh.closest_hits(RayBuffer::from(rays).rays(), &mut Traversal::default());
         hits.iter().map(bits).collect::<Vec<_>>()
     };
+    let rays_of_first = rays(&first, Numerics::default(), &mut numbers);
     let mut held_to_fresh = |bvh: &mut Bvh, now: &[Primitive], refits: bool| {
         let update = bvh.update(now.iter().copied()).expect("finite");
         assert_eq!(matches!(update, Update::Refitted(_)), refits, "{update:?}");
@@ -192,6 +193,11 @@ fn an_update_refits_what_it_can_and_builds_what_it_must() {
     };
     let aside: Vec<Primitive> = first.iter().map(step).collect();
     held_to_fresh(&mut bvh, &aside, true);
+    // A clone refits a copy of the tree, and leaves the other its hits.
+    let (mut clone, before) = (bvh.clone(), hits(&bvh, &rays_of_first));
+    held_to_fresh(&mut clone, &first, true);
+    assert_eq!(hits(&bvh, &rays_of_first), before);
+    assert_ne!(hits(&clone, &rays_of_first), before);
     // Everyone somewhere else: no tree stands that.
     let elsewhere: Vec<Primitive> = first.iter().rev().copied().collect();
     held_to_fresh(&mut bvh, &elsewhere, false);

@@ -397,7 +397,7 @@ impl Bvh {
     }
 
     /// Replaces the primitives. The tree is refitted if their number and kinds are the same and it stays good enough
-    /// ([`is_worth_keeping`]), else rebuilt. On an error nothing changes. Clones share a tree; that of one is rebuilt.
+    /// ([`is_worth_keeping`]), else rebuilt. On an error nothing changes. Clones share a tree, of which a copy is refitted.
     ///
     /// # Errors
     /// [`NotFinite`], as for [`Bvh::new`].
@@ -408,6 +408,11 @@ impl Bvh {
         let is_same = self.has_slot.len() == now.len()
             && self.has_slot.iter().zip(&now).all(|(has_slot, p)| *has_slot || is_empty(p));
         if is_same {
+            if Arc::get_mut(&mut self.accelerator).is_none()
+                && let Some(copy) = self.accelerator.copy_to_refit()
+            {
+                self.accelerator = copy;
+            }
             let own = Arc::get_mut(&mut self.accelerator);
             let relative_cost = own.and_then(|own| own.refit(&|id| now[id.0 as usize]));
             if let Some(relative_cost) = relative_cost.filter(|cost| is_worth_keeping(*cost)) {

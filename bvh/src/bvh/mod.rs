@@ -275,6 +275,11 @@ pub(crate) trait Nearby {
     /// [`Accelerator::each_primitive`], for the defaults.
     fn every_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive));
 
+    /// A copy, whose queries are valid after [`Accelerator::refit`]; `None` without that.
+    fn copy_to_refit(&self) -> Option<Arc<dyn Accelerator>> {
+        None
+    }
+
     /// [`Accelerator::closest_hit`] of the hits that `accepts` returns `true` for.
     fn closest_hit_by(
         &self,

@@ -4,6 +4,7 @@
 //! pairs if the scene is small, else as a stream, with such packets beside it, else ray by ray.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::DVec3;
 
@@ -272,6 +273,10 @@ impl<T: Tier> Accelerator for Wide<T> {
 impl<T: Tier> Nearby for Wide<T> {
     fn every_primitive(&self, visit: &mut dyn FnMut(PrimId, Primitive)) {
         near_ray::each_primitive(self, visit);
+    }
+
+    fn copy_to_refit(&self) -> Option<Arc<dyn Accelerator>> {
+        Some(Arc::new(self.without_batch()))
     }
 
     fn closest_hit_by(

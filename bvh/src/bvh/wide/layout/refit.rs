@@ -16,6 +16,17 @@ use crate::geometry::{Bounds, Corner, NO_PRIMITIVE, PrimId, Tier, Triangle};
 const NOTHING: Bounds = Bounds { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
 impl<T: Tier> Wide<T> {
+    /// A copy without the batch, which a refit makes anew.
+    pub(crate) fn without_batch(&self) -> Self {
+        Wide {
+            nodes: self.nodes.clone(),
+            triangles: self.triangles.clone(),
+            analytic: self.analytic.clone(),
+            batch: None,
+            ..*self
+        }
+    }
+
     /// See [`Accelerator::refit`](crate::bvh::Accelerator::refit).
     pub(crate) fn refit_to(&mut self, primitive: &(dyn Fn(PrimId) -> Primitive + Sync)) -> Option<f64> {
         let before = self.cost_at_build.unwrap_or_else(|| self.cost());
