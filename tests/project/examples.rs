@@ -120,13 +120,13 @@ fn mesh_queries_describes_an_open_cube() {
 }
 
 /// Along x: the torus from -2.5 to -1.5 and from 1.5 to 2.5, the ball between -0.75 and 0.75; from -5 on. The torus is
-/// the fourth primitive, and ends 2.5 before (5, 0, 0).
+/// the fourth primitive; (2, 0, 1.5) is above the middle of the tube, whose radius is 0.5.
 #[test]
 fn torus_draws_one_and_lists_its_crossings() {
     let text = torus::describe().expect("results");
     let expected = "along x: Entering 3 at 2.5, Leaving 3 at 3.5, Entering 0 at 4.25, Leaving 0 at 5.75, \
                     Entering 3 at 6.5, Leaving 3 at 7.5\nin the tube: winding number 1\n\
-                    closest to (5, 0, 0): 3 at a distance of 2.5\n";
+                    closest to (2, 0, 1.5): 3 at a distance of 1\n";
     assert!(text.ends_with(expected), "{text}");
     // In the middle row of the picture there is a tube, a hole, the ball, a hole and a tube; shadows are dots.
     assert!(text.lines().take(26).any(|line| line.contains('@') && line.contains('.')), "{text}");

@@ -59,9 +59,9 @@ pub fn describe() -> Result<String, Box<dyn Error>> {
     writeln!(text, "along x: {}", crossings.join(", "))?;
     let centre = [2.0, 0.0, 0.0];
     let winding_number = bvh.winding_number(centre, &mut traversal);
-    let closest = bvh.closest_point([5.0, 0.0, 0.0], &mut traversal).ok_or("a primitive")?;
+    let closest = bvh.closest_point([2.0, 0.0, 1.5], &mut traversal).ok_or("a primitive")?;
     writeln!(text, "in the tube: winding number {winding_number}")?;
-    writeln!(text, "closest to (5, 0, 0): {} at a distance of {}", closest.prim.0, closest.distance)?;
+    writeln!(text, "closest to (2, 0, 1.5): {} at a distance of {}", closest.prim.0, closest.distance)?;
     Ok(text)
 }
 
