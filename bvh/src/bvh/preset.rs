@@ -1,7 +1,5 @@
 //! How much work is spent on building.
 
-use obvhs::ploc::PlocSearchDistance;
-
 use super::sah::Budget;
 
 /// A trade-off between build time and traversal time. No image depends on it.
@@ -55,9 +53,9 @@ impl Preset {
     /// brings 0.5 % and takes 5 % longer to build, one of 0.01 saves 3 % and costs up to 3 %.
     pub(super) fn ploc(self) -> Ploc {
         let (search_distance, search_depth, reinsertion_ratio) = match self {
-            Preset::FastBuild => (PlocSearchDistance::VeryLow, 0, 0.01),
-            Preset::Balanced => (PlocSearchDistance::Low, 2, 0.015),
-            Preset::BestTrace => (PlocSearchDistance::Medium, 1, 1.0),
+            Preset::FastBuild => (SearchDistance::Two, 0, 0.01),
+            Preset::Balanced => (SearchDistance::Six, 2, 0.015),
+            Preset::BestTrace => (SearchDistance::Fourteen, 1, 1.0),
         };
         Ploc { search_distance, search_depth, reinsertion_ratio }
     }
@@ -71,10 +69,18 @@ pub(super) struct TopDown {
     pub reinsertion_ratio: f32,
 }
 
+/// The number of neighbours on each side that PLOC searches in the sorted order.
+#[derive(Clone, Copy)]
+pub(super) enum SearchDistance {
+    Two,
+    Six,
+    Fourteen,
+}
+
 /// Parameters of obvhs's PLOC.
 pub(super) struct Ploc {
     /// How far in the sorted order it searches for neighbours.
-    pub search_distance: PlocSearchDistance,
+    pub search_distance: SearchDistance,
     /// Below this depth it searches one neighbour far.
     pub search_depth: usize,
     /// The share of nodes that obvhs's reinsertion considers afterwards.

@@ -24,7 +24,7 @@ type LeafSlots = Range<u32>;
 ///
 /// Nodes are written by one thread, triangles in parallel. The result does not depend on the number of threads.
 pub(crate) fn convert<T: Tier>(
-    tree: &Bvh2,
+    tree: Bvh2,
     slots: &dyn Slots<T::Corner>,
     instructions: InstructionSet,
 ) -> Wide<T> {
@@ -45,14 +45,16 @@ pub(crate) fn convert<T: Tier>(
     let is_analytic = |slot: u32| matches!(slots.get(slot).primitive, Stored::Analytic(_));
     let shapes: Vec<bool> = (0..slots.len() as u32).map(is_analytic).collect();
     let Preorder { entries, primitives: mut members } = if shapes.contains(&true) {
-        Preorder::new(tree, LANES4, |place| shapes[slot_of(place) as usize])
+        Preorder::new(&tree, LANES4, |place| shapes[slot_of(place) as usize])
     } else {
-        Preorder::new(tree, LANES4, |_| false)
+        Preorder::new(&tree, LANES4, |_| false)
     };
     // In a loop of its own, so that the memory accesses overlap.
     for place in &mut members {
         *place = slot_of(*place);
     }
+    // Half of the memory of what is built next.
+    drop(tree);
     let members = members;
     let mut leaves: Vec<LeafSlots> = Vec::with_capacity(entries.len() / 2 + 1);
     (wide.nodes, wide.depth) = write_nodes(&entries, |first, count, is_analytic| {
