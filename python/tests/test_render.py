@@ -346,3 +346,13 @@ def test_other_threads_run_while_a_picture_is_rendered():
     stop.set()
     thread.join()
     assert len(ticks) > 10
+
+
+def test_features_after_ambient_occlusion():
+    """`variance` renders with ambient occlusion and `normal` without, by turns, over several tiles of one thread."""
+    scene = kiln.Scene()
+    scene.add(*TETRAHEDRON)
+    options = {"size": (64, 64), "samples": 2, "ground": False, "threads": 1}
+    both = kiln.render(scene, aovs=["normal", "variance"], **options).aovs
+    for name in both:
+        assert np.array_equal(both[name], kiln.render(scene, aovs=name, **options).aovs[name])

@@ -177,6 +177,7 @@ impl InteractionSoa {
         assert!(hits.len() <= RAYS_PER_BATCH, "at most {RAYS_PER_BATCH} rays");
         self.runs.clear();
         self.texels.clear();
+        self.ambient.clear();
         self.is_tinted = false;
         let is_sorted = order == HitOrder::Primitives && sort(hits, &mut self.sorted);
         let mut len = 0;
