@@ -151,9 +151,9 @@ impl Mesh {
         Ok(Mesh { arrays: Some(Arc::new(arrays)), ..Mesh::of(state) })
     }
 
-    /// Moves the vertices of a mesh that was made from arrays. The tree is refitted, or built anew where that would make
-    /// queries slow; hits are those of a new mesh. Queries that run, and their results, are of the earlier positions. The
-    /// mesh is unchanged if it raises.
+    /// Moves the vertices of a mesh that was made from arrays. The tree is refitted, or built anew where that would
+    /// make queries slow; hits are those of a new mesh. Queries that run, and their results, are of the earlier
+    /// positions. The mesh is unchanged if it raises.
     ///
     /// vertices: float64 of the same shape as before.
     fn update(&self, vertices: &Bound<PyAny>) -> PyResult<()> {
@@ -200,9 +200,12 @@ impl Mesh {
     ///
     /// origins, directions: (n, 3) float64. max_distance: a number or (n,) float64 above 0, infinite by default. Hits
     /// are at 0 < distance < max_distance: a ray from a point of the surface does not hit it there. objects: indices of
-    /// objects, or a bool for each; others are passed. cull_back_faces: whether faces seen from the back are passed. alpha:
-    /// whether surfaces of a scene are passed where its pictures show none: of an opacity below the cutoff, or 1/2.
-    #[pyo3(signature = (origins, directions, max_distance = None, *, objects = None, cull_back_faces = false, alpha = false))]
+    /// objects, or a bool for each; others are passed. cull_back_faces: whether faces seen from the back are passed.
+    /// alpha: whether surfaces of a scene are passed where its pictures show none: of an opacity below the cutoff, or
+    /// 1/2.
+    #[pyo3(signature = (
+        origins, directions, max_distance = None, *, objects = None, cull_back_faces = false, alpha = false
+    ))]
     fn first<'py>(
         &self,
         origins: &Bound<'py, PyAny>,
@@ -248,7 +251,9 @@ impl Mesh {
     }
 
     /// Whether each ray hits anything: (n,) bool. Arguments as for `first`.
-    #[pyo3(signature = (origins, directions, max_distance = None, *, objects = None, cull_back_faces = false, alpha = false))]
+    #[pyo3(signature = (
+        origins, directions, max_distance = None, *, objects = None, cull_back_faces = false, alpha = false
+    ))]
     fn any<'py>(
         &self,
         origins: &Bound<'py, PyAny>,
@@ -285,7 +290,9 @@ impl Mesh {
     }
 
     /// The number of hits of each ray, those of `all`: (n,) int64. Arguments as for `first`.
-    #[pyo3(signature = (origins, directions, max_distance = None, *, objects = None, cull_back_faces = false, alpha = false))]
+    #[pyo3(signature = (
+        origins, directions, max_distance = None, *, objects = None, cull_back_faces = false, alpha = false
+    ))]
     fn count<'py>(
         &self,
         origins: &Bound<'py, PyAny>,
@@ -314,7 +321,9 @@ impl Mesh {
     /// hits every triangle there; `crossings` counts it once. A sphere has its nearer hit alone. In tier "exact", whose
     /// `first` compares exact distances, hits whose distances round to nearly the same may be in another order.
     /// Arguments as for `first`.
-    #[pyo3(signature = (origins, directions, max_distance = None, *, objects = None, cull_back_faces = false, alpha = false))]
+    #[pyo3(signature = (
+        origins, directions, max_distance = None, *, objects = None, cull_back_faces = false, alpha = false
+    ))]
     fn all<'py>(
         &self,
         origins: &Bound<'py, PyAny>,
@@ -469,7 +478,8 @@ impl Mesh {
         Found::result("ClosestPoints", fields, state, places, points.shape)
     }
 
-    /// The triangles near points, each with its closest point: NearPoints, sorted by point, then distance, then triangle.
+    /// The triangles near points, each with its closest point: NearPoints, sorted by point, then distance, then
+    /// triangle.
     ///
     /// points: (n, 3) float64. count: the most triangles of each point; all within max_distance if it is None, and one
     /// of both is needed. max_distance: a number; infinite by default.
@@ -503,8 +513,8 @@ impl Mesh {
         Found::result("NearPoints", fields, state, places, vec![found.len()])
     }
 
-    /// The triangles that have a point in a box, its border included: Primitives, sorted by object, then triangle. Exact. Of
-    /// spheres and disks, those whose bounds have one.
+    /// The triangles that have a point in a box, its border included: Primitives, sorted by object, then triangle.
+    /// Exact. Of spheres and disks, those whose bounds have one.
     ///
     /// min, max: (3,) float64, the corners of the box.
     fn in_box<'py>(&self, min: &Bound<'py, PyAny>, max: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
@@ -523,8 +533,8 @@ impl Mesh {
     }
 
     /// The pairs of a triangle of this mesh and one of another that have a point in common: Meeting, sorted by the
-    /// triangles of this mesh, then those of the other. Exact, also where they touch or lie in one plane; triangles without
-    /// area meet none.
+    /// triangles of this mesh, then those of the other. Exact, also where they touch or lie in one plane; triangles
+    /// without area meet none.
     fn meeting<'py>(&self, other: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let py = other.py();
         let Ok(other) = other.cast::<Mesh>() else {
