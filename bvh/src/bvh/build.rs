@@ -29,7 +29,7 @@ pub(super) fn build_over(boxes: &[Bounds], preset: Preset, most: usize) -> (Tree
     let bounds = |index: u32| boxes[index as usize];
     let boxes =
         Boxes { len: boxes.len(), bounds: &bounds, prefetch: &|index| prefetch(boxes, index as usize) };
-    Tree::new(&ploc(boxes, preset), most)
+    Tree::new(&ploc(&boxes, preset), most)
 }
 
 /// Builds a tree of eight children per node, whose leaves [`convert`] chooses.
@@ -63,7 +63,7 @@ fn binary_tree<T: Tier>(slots: &dyn Slots<T::Corner>, preset: Preset) -> Bvh2 {
             ReinsertionOptimizer::default().run(&mut tree, reinsertion_ratio, None);
             tree
         }
-        None => ploc(Boxes { len, bounds: &bounds, prefetch: &|slot| slots.prefetch(slot) }, preset),
+        None => ploc(&Boxes { len, bounds: &bounds, prefetch: &|slot| slots.prefetch(slot) }, preset),
     }
 }
 
@@ -75,8 +75,8 @@ fn binary_tree<T: Tier>(slots: &dyn Slots<T::Corner>, preset: Preset) -> Bvh2 {
 /// is deterministic. The nodes get their true bounds afterwards.
 ///
 /// The leaves are given as nodes: obvhs keeps a list of boxes, of as many bytes, until the tree is built.
-fn ploc(boxes: Boxes, preset: Preset) -> Bvh2 {
-    let Boxes { len, bounds, .. } = boxes;
+fn ploc(boxes: &Boxes, preset: Preset) -> Bvh2 {
+    let Boxes { len, bounds, .. } = *boxes;
     if len == 0 {
         return Bvh2::default();
     }
@@ -96,7 +96,7 @@ fn ploc(boxes: Boxes, preset: Preset) -> Bvh2 {
         }
     }
     drop(builder);
-    set_bounds(&mut tree, &boxes);
+    set_bounds(&mut tree, boxes);
     ReinsertionOptimizer::default().run(&mut tree, reinsertion_ratio, None);
     tree
 }
@@ -174,7 +174,7 @@ mod tests {
                 PlocBuilder::new().build(distance, &jittered, indices, SortPrecision::U64, search_depth);
             set_bounds(&mut expected, &all);
             ReinsertionOptimizer::default().run(&mut expected, reinsertion_ratio, None);
-            let found = ploc(all, preset);
+            let found = ploc(&all, preset);
             let nodes = |tree: &Bvh2| -> Vec<_> {
                 let node = |n: &Bvh2Node| (n.min.to_array(), n.max.to_array(), n.prim_count, n.first_index);
                 tree.nodes.iter().map(node).collect()
