@@ -1,4 +1,4 @@
-"""The options of `kiln render` for type checkers, from the command: after a change of its options,
+"""The options of `kiln render` for type checkers, from the command. After a change of them,
 `KILN_BLESS=1 cargo test --lib options_of_python` writes this file again."""
 
 from __future__ import annotations

@@ -168,8 +168,8 @@ class Scene:
     def mesh(self, *, tier: _Tier = "double", preset: _Preset = "balanced") -> _kiln.Mesh:
         """The triangles, spheres and disks of the scene as it is now, for queries.
 
-        The `triangle` of a result is the index in its `object`; that of a sphere or a disk is 0. `all` returns the nearer
-        hit of a sphere, `crossings` both.
+        The `triangle` of a result is the index in its `object`; that of a sphere or a disk is 0. `all` returns the
+        nearer hit of a sphere, `crossings` both.
         """
         return self._scene.mesh(tier, preset)
 
@@ -284,7 +284,8 @@ Camera = Union[str, Mapping[str, Any]]
 def _with_camera(options: _kiln.Options, camera: Camera | None) -> _kiln.Options:
     if camera is None:
         return options
-    return options.with_camera(_toml.value(camera, "camera") if isinstance(camera, Mapping) else _text(camera, "camera"))
+    text = _toml.value if isinstance(camera, Mapping) else _text
+    return options.with_camera(text(camera, "camera"))
 
 
 class Prepared:
@@ -347,7 +348,8 @@ class Prepared:
         """Renders a picture by each camera: the AOVs alone, `.aovs[name]`, or with `picture` a Picture.
 
         cameras: as for render(). size: width and height in pixels. samples: 1 if neither this nor the options of the
-        scene give another number. aovs: the names of arrays, such as "depth" and "object". progress: called with the number of finished pictures and of all.
+        scene give another number. aovs: the names of arrays, such as "depth" and "object". progress: called with the
+        number of finished pictures and of all.
         """
         _check_progress(progress)
         cameras, names = list(cameras), _aov_names(aovs)

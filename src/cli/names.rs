@@ -135,7 +135,7 @@ mod tests {
     const TYPES: &str = "python/kiln/_options.py";
 
     /// The first lines of [`TYPES`].
-    const HEAD: &str = r#""""The options of `kiln render` for type checkers, from the command: after a change of its options,
+    const HEAD: &str = r#""""The options of `kiln render` for type checkers, from the command. After a change of them,
 `KILN_BLESS=1 cargo test --lib options_of_python` writes this file again."""
 
 from __future__ import annotations
