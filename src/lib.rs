@@ -45,7 +45,7 @@
 //! let mesh = Arc::new(Mesh { positions, triangles, ..Mesh::default() });
 //! let at = |z: f64| Placement::new(DMat4::from_translation(DVec3::Z * z));
 //! let mut parts = [1.0, 2.0, 3.0].map(|z| Placed::new(mesh.clone(), at(z)));
-//! let mut bvh = Bvh::of_instances(&parts, Preset::default(), Numerics::Double)?;
+//! let mut bvh = Bvh::from_instances(&parts, Preset::default(), Numerics::Double)?;
 //! let ray = bvh.ray([0.2, 0.2, 0.0], [0.0, 0.0, 1.0])?;
 //! let traversal = &mut Traversal::default();
 //! assert_eq!(bvh.closest_hit(&ray, traversal).map(|hit| bvh.instance_of(hit.prim)), Some((0, 0)));

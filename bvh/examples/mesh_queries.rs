@@ -39,7 +39,7 @@ pub fn describe() -> Result<String, Box<dyn Error>> {
 
     let shifted: Vec<DVec3> = cube(DVec3::new(0.5, 0.5, 0.5)).collect();
     let other = Bvh::from_mesh(&shifted, SIDES.as_flattened())?;
-    let pairs = open.par_meeting_triangles(&other);
+    let pairs = open.par_intersecting_triangles(&other);
     Ok(format!(
         "hit at {}; inside: {}, by a margin of {:.3}; the nearest triangles: {} and {} at {}; {} triangles meet",
         hit.t,

@@ -1,4 +1,4 @@
-"""Ray queries on triangle meshes (Mesh, Instances), pictures (render, Scene), and trimesh's interface (kiln.trimesh)."""
+"""Ray queries on triangle meshes (Mesh, Instances), pictures (render, Scene), trimesh's interface (kiln.trimesh)."""
 
 from typing import TYPE_CHECKING
 

@@ -29,13 +29,15 @@ class _Located:
 
     @property
     def object(self) -> NDArray[np.int64]:
-        """Index of the object, as in Scene.objects, and 0 in a mesh of arrays; -1 where there is no triangle."""
+        """Index of the object, as in Scene.objects, or the number that Instances.add returned; 0 in a mesh of arrays, -1
+        where there is no triangle."""
         return self._of("object").object()
 
     @property
     def instance(self) -> NDArray[np.int64]:
         """Index of the object among the placements of one Scene.add(transforms=...), or of a mesh that a file places
-        and the scene stores once; 0 for other objects, -1 where there is no triangle."""
+        and the scene stores once, or the number of its copies in Instances that were added before it and not removed; 0
+        for other objects, -1 where there is no triangle."""
         return self._of("instance").instance()
 
     @property
@@ -174,17 +176,17 @@ class Primitives(NamedTuple):
     """(m,) index of the triangle in its object."""
 
 
-class Meeting(NamedTuple):
+class IntersectingTriangles(NamedTuple):
     """Triangles of two meshes that have a point in common: a row for each of m pairs."""
 
-    triangle: NDArray[np.int64]
-    """(m,) index of the triangle of the first mesh, in its object."""
-    other_triangle: NDArray[np.int64]
-    """(m,) index of the triangle of the other mesh, in its object."""
     object: NDArray[np.int64]
     """(m,) index of the object of the first mesh."""
+    triangle: NDArray[np.int64]
+    """(m,) index of the triangle of the first mesh, in its object."""
     other_object: NDArray[np.int64]
     """(m,) index of the object of the other mesh."""
+    other_triangle: NDArray[np.int64]
+    """(m,) index of the triangle of the other mesh, in its object."""
 
 
 class WindingNumbers(NamedTuple):

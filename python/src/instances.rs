@@ -24,10 +24,12 @@ use crate::warn;
 ///
 /// Instances(*, tier="double", preset="balanced"), whose arguments are those of Mesh
 ///
-/// Objects are numbered as they are added; numbers of removed ones are not used again. Hits have their number in `.object`,
-/// their triangle in `.triangle`, and equal those on moved copies of the vertices, to the bit. Moving an object, adding
-/// and removing one does not build the trees of others anew. Queries that run, and their results, are of the earlier
-/// objects. An object that is changed by a call that raises is as before.
+/// Objects are numbered as they are added; numbers of removed ones are not used again. Hits have their number in
+/// `.object`, their triangle in `.triangle`, and equal those on moved copies of the vertices, to the bit but in tier
+/// "fast". Moving an object, adding and removing one does not build the trees of others anew; `contains` and
+/// `signed_distance` look at all edges again after it. A mirrored object is inverted: rays enter it where they meet its
+/// back, and its winding number is -1 inside. Queries that run, and their results, are of the earlier objects. Nothing
+/// is changed by a call that raises.
 #[pyclass(frozen, extends = Mesh, module = "kiln")]
 pub(crate) struct Instances;
 
@@ -70,41 +72,45 @@ fn warn_of_rounding(py: Python, before: &Parts, state: &State) -> PyResult<()> {
         return Ok(());
     }
     let is_same = |a: &Placed, b: &Placed| Arc::ptr_eq(&a.mesh, &b.mesh) && a.placement == b.placement;
-    for (object, part) in state.parts.iter().enumerate() {
-        let Some(placed) = part else { continue };
+    let rounding = |(object, part): (usize, &Option<Placed>)| {
+        let placed = part.as_ref()?;
         if before.get(object).and_then(Option::as_ref).is_some_and(|before| is_same(before, placed)) {
-            continue;
+            return None;
         }
         let mut rounding = CoarseRounding::new(numerics);
         for triangle in 0..placed.triangle_count() as u32 {
             rounding.add(PrimId(triangle), &placed.corners_of(triangle).into());
         }
-        if rounding.triangles > 0 {
-            warn(py, &format!("object {object}: {rounding}"))?;
-        }
-    }
-    Ok(())
+        (rounding.triangles > 0).then(|| format!("object {object}: {rounding}"))
+    };
+    let warnings: Vec<String> =
+        in_threads(py, || state.parts.iter().enumerate().filter_map(rounding).collect())?;
+    warnings.iter().try_for_each(|text| warn(py, text))
 }
 
 /// The object of a number.
-fn part_of(parts: &mut Parts, object: i64) -> PyResult<&mut Placed> {
-    let known = usize::try_from(object).ok().and_then(|object| parts.get_mut(object)?.as_mut());
+fn part_of(parts: &Parts, object: i64) -> PyResult<(usize, &Placed)> {
+    let number = usize::try_from(object).ok();
+    let known = number.and_then(|number| Some((number, parts.get(number)?.as_ref()?)));
     known.ok_or_else(|| PyIndexError::new_err(format!("there is no object {object}")))
 }
 
 impl Instances {
-    /// Changes the parts by `change`, and what queries are answered from; nothing if that fails.
+    /// Changes the parts by `change`, and the state that queries read; nothing if that fails.
     fn edit<R>(slf: &Bound<Self>, change: impl Fn(&mut Parts) -> PyResult<R>) -> PyResult<R> {
         let (py, mesh) = (slf.py(), slf.as_super().get());
+        let mut built = None;
         loop {
             let before = mesh.now();
             let mut parts = before.parts.clone();
             let result = change(&mut parts)?;
-            let state = state_of(py, before.bvh.clone(), parts)?;
+            let bvh = built.take().unwrap_or_else(|| before.bvh.clone());
+            let state = state_of(py, bvh, parts)?;
             warn_of_rounding(py, &before.parts, &state)?;
-            // Another thread, or what shows the warning, may have changed them.
-            if mesh.replace_if(&before, state) {
-                return Ok(result);
+            // Another thread, or what shows the warning, may have changed them. The trees that are built are kept.
+            match mesh.replace_if(&before, state) {
+                Ok(()) => return Ok(result),
+                Err(state) => built = Some(state.bvh),
             }
         }
     }
@@ -126,7 +132,7 @@ impl Instances {
     #[pyo3(signature = (*, tier = "double", preset = "balanced"))]
     fn new(py: Python, tier: &str, preset: &str) -> PyResult<PyClassInitializer<Self>> {
         let (numerics, preset) = named(tier, preset)?;
-        let nothing = Bvh::of_instances(&[], preset, numerics).expect("no triangle is wrong");
+        let nothing = Bvh::from_instances(&[], preset, numerics).expect("no triangle is wrong");
         let state = state_of(py, nothing, Vec::new())?;
         Ok(PyClassInitializer::from(Mesh::of(state)).add_subclass(Instances))
     }
@@ -164,7 +170,7 @@ impl Instances {
     ) -> PyResult<Bound<'py, PyAny>> {
         let transforms = matrices(transforms, "transforms", &[SEVERAL])?;
         let numbers = Instances::edit(slf, |parts| {
-            let mesh = part_of(parts, object)?.mesh.clone();
+            let mesh = part_of(parts, object)?.1.mesh.clone();
             let copy = |&transform: &DMat4| Some(Placed::new(mesh.clone(), Placement::new(transform)));
             let first = parts.len();
             parts.extend(transforms.iter().map(copy));
@@ -180,7 +186,8 @@ impl Instances {
         let moved = Instances::transforms(objects, transforms)?;
         Instances::edit(slf, |parts| {
             for (object, placement) in &moved {
-                part_of(parts, *object)?.placement.clone_from(placement);
+                let (number, placed) = part_of(parts, *object)?;
+                parts[number] = Some(Placed::new(placed.mesh.clone(), placement.clone()));
             }
             Ok(())
         })
@@ -189,24 +196,28 @@ impl Instances {
     /// Removes an object. The numbers of others stay.
     fn remove(slf: &Bound<Self>, object: i64) -> PyResult<()> {
         Instances::edit(slf, |parts| {
-            part_of(parts, object)?;
-            parts[object as usize] = None;
+            let (number, _) = part_of(parts, object)?;
+            parts[number] = None;
             Ok(())
         })
     }
 
     /// Moves the vertices of an object, before its transform, and of its copies. Their tree is built anew.
     ///
-    /// vertices: float64 of the same shape as before.
-    #[pyo3(signature = (vertices, object = 0))]
-    fn update(slf: &Bound<Self>, vertices: &Bound<PyAny>, object: i64) -> PyResult<()> {
+    /// vertices: float64 of the same shape as before. object: its number, which may be left out of one object.
+    #[pyo3(signature = (vertices, object = None))]
+    fn update(slf: &Bound<Self>, vertices: &Bound<PyAny>, object: Option<i64>) -> PyResult<()> {
         let vertices = numbers(vertices, "vertices", 3)?;
         let positions = positions(chunks(&vertices)?)?;
         Instances::edit(slf, |parts| {
-            let before = part_of(parts, object)?.mesh.clone();
+            let mut known = (0..).zip(&*parts).filter(|(_, part)| part.is_some()).map(|(number, _)| number);
+            let object = match (object, known.next(), known.next()) {
+                (Some(object), ..) | (None, Some(object), None) => object,
+                _ => return Err(PyValueError::new_err("object: needed where there is not one object")),
+            };
+            let before = part_of(parts, object)?.1.mesh.clone();
             check_rows(("vertices", positions.len()), ("the object", before.positions.len()))?;
-            let triangles = before.triangles.clone();
-            let positions = positions.clone();
+            let (triangles, positions) = (before.triangles.clone(), positions.clone());
             let mesh = Arc::new(geometry::Mesh { positions, triangles, ..geometry::Mesh::default() });
             for placed in parts.iter_mut().flatten().filter(|placed| Arc::ptr_eq(&placed.mesh, &before)) {
                 *placed = Placed::new(mesh.clone(), placed.placement.clone());
@@ -218,15 +229,15 @@ impl Instances {
     /// The numbers of the objects: (n,) int64.
     #[getter]
     fn objects<'py>(slf: &Bound<'py, Self>) -> Bound<'py, PyAny> {
-        let parts = slf.as_super().get().now().parts.clone();
-        let numbers = (0i64..).zip(&parts).filter(|(_, part)| part.is_some()).map(|(number, _)| number);
+        let state = slf.as_super().get().now();
+        let numbers = (0i64..).zip(&state.parts).filter(|(_, part)| part.is_some()).map(|(number, _)| number);
         vector(slf.py(), numbers.collect::<Vec<_>>())
     }
 
     /// The transform of an object: (4, 4) float64, world from mesh.
     fn transform<'py>(slf: &Bound<'py, Self>, object: i64) -> PyResult<Bound<'py, PyAny>> {
-        let mut parts = slf.as_super().get().now().parts.clone();
-        let (linear, offset) = part_of(&mut parts, object)?.placement.as_one();
+        let state = slf.as_super().get().now();
+        let (linear, offset) = part_of(&state.parts, object)?.1.placement.as_one();
         let mut map = DMat4::from_mat3(linear);
         map.w_axis = offset.extend(1.0);
         let mut matrix = zeros::<f64, 2>(slf.py(), [4, 4])?;

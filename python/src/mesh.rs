@@ -28,16 +28,16 @@ use crate::warn;
 /// vertices: (n, 3) float64, finite in f32. faces: (m, 3) integers below n, counterclockwise seen from the front.
 /// tier: the arithmetic that decides hits: "fast" (f32, rays may miss what they hit), "watertight" (vertices rounded to
 /// f32), "double" (vertices in f64) or "exact" (for the ray with its direction normalised, which rounds). "fast" and
-/// "watertight" warn where rounding moves a vertex by more than the shortest edge of its triangle. preset: "fast-build",
-/// "balanced" or "best-trace".
+/// "watertight" warn where rounding moves a vertex by more than the shortest edge of its triangle. preset:
+/// "fast-build", "balanced" or "best-trace".
 ///
 /// Distances are in the units of the vertices; directions need not have length 1. Queries release the GIL and use all
 /// threads (RAYON_NUM_THREADS). Raises ValueError for arguments of another shape or type and for numbers that are not
-/// finite. Where (n, 3) is said, any shape (..., 3) is taken, results have its leading dimensions, and one vector (3,) of
-/// origins or directions goes with all rays.
+/// finite. Where (n, 3) is said, any shape (..., 3) is taken, results have its leading dimensions, and one vector (3,)
+/// of origins or directions goes with all rays.
 #[pyclass(frozen, subclass, module = "kiln")]
 pub(crate) struct Mesh {
-    /// What queries are answered from: each takes it once. Replaced as a whole, and locked for that alone.
+    /// What queries read: each takes it once. Replaced as a whole, and locked for that alone.
     state: RwLock<Arc<State>>,
     /// Of a mesh that is made from arrays.
     arrays: Option<Arc<Arrays>>,
@@ -86,37 +86,36 @@ fn max_distance_of(value: Option<f64>) -> PyResult<f64> {
 }
 
 impl Mesh {
-    /// A mesh whose queries are answered from `state`.
+    /// A mesh whose queries read `state`.
     pub(crate) fn of(state: State) -> Self {
         Mesh { state: RwLock::new(Arc::new(state)), arrays: None }
     }
 
-    /// What queries are answered from now.
+    /// What a query that begins now reads.
     pub(crate) fn now(&self) -> Arc<State> {
         Arc::clone(&self.state.read().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Replaces what later queries are answered from.
+    /// Replaces what later queries read.
     pub(crate) fn replace(&self, state: State) {
         let mut state = Arc::new(state);
         // The lock is released before the earlier state is dropped.
         std::mem::swap(&mut *self.state.write().unwrap_or_else(PoisonError::into_inner), &mut state);
     }
 
-    /// [`Mesh::replace`], unless queries are no longer answered from `before`.
-    pub(crate) fn replace_if(&self, before: &Arc<State>, state: State) -> bool {
-        let mut state = Arc::new(state);
+    /// [`Mesh::replace`]; returns `state` if another one has replaced `before`.
+    pub(crate) fn replace_if(&self, before: &Arc<State>, state: State) -> Result<(), Box<State>> {
         let mut now = self.state.write().unwrap_or_else(PoisonError::into_inner);
-        let is_same = Arc::ptr_eq(&now, before);
-        if is_same {
-            std::mem::swap(&mut *now, &mut state);
+        if !Arc::ptr_eq(&now, before) {
+            return Err(Box::new(state));
         }
-        drop(now);
-        is_same
+        // `before` is dropped by the caller, without the lock.
+        *now = Arc::new(state);
+        Ok(())
     }
 
-    /// The results of `query` for the points, and the shape of these without the dimension of vectors. Before that, warns of
-    /// a surface that is not closed, where `needs_inside`.
+    /// The results of `query` for the points, and the shape of these without the dimension of vectors. Before that,
+    /// warns of a surface that is not closed, where `needs_inside`.
     fn with_points<R: Send>(
         &self,
         points: &Bound<PyAny>,
@@ -360,7 +359,7 @@ impl Mesh {
     /// Every crossing of every ray and the surface, once each, also through edges and corners: Crossings, sorted by
     /// ray, then distance. Exact: a ray through a closed surface enters and leaves it in turns. The origin is
     /// perturbed infinitesimally along +x, then +y, then +z (simulation of simplicity), which decides for rays that
-    /// run in the plane of a triangle or start on it. Arguments as for `first`.
+    /// run in the plane of a triangle or start on it. The arguments are the first three of `first`.
     #[pyo3(signature = (origins, directions, max_distance = None))]
     fn crossings<'py>(
         &self,
@@ -412,8 +411,8 @@ impl Mesh {
     /// surface; warns of another. points: (n, 3) float64.
     ///
     /// return_margin: for any surface, without a warning. Returns a pair: (n,) bool, whether the generalised winding
-    /// number exceeds 1/2, and (n,) float64, how far it is from 1/2 beyond its error: 0.5 or more for a closed surface, small
-    /// near holes, and not above 0 where the point is not decided.
+    /// number is above 1/2 or below -1/2, and (n,) float64, how far it is from these beyond its error: 0.5 or more for a
+    /// closed surface, small near holes, and not above 0 where the point is not decided.
     #[pyo3(signature = (points, return_margin = false))]
     fn contains<'py>(&self, points: &Bound<'py, PyAny>, return_margin: bool) -> PyResult<Bound<'py, PyAny>> {
         let py = points.py();
@@ -456,8 +455,8 @@ impl Mesh {
         in_shape(vector(points.py(), numbers), &shape)
     }
 
-    /// The closest points of the surface: ClosestPoints of n rows, with the triangle -1 and nan where there is none: for
-    /// a mesh without triangles, and farther than max_distance, which saves time. points: (n, 3) float64.
+    /// The closest points of the surface: ClosestPoints of n rows, with the triangle -1 and nan where there is none:
+    /// for a mesh without triangles, and farther than max_distance, which saves time. points: (n, 3) float64.
     #[pyo3(signature = (points, max_distance = None))]
     fn closest_point<'py>(
         &self,
@@ -532,20 +531,20 @@ impl Mesh {
         result(py, "Primitives", located(py, &state, found.into_iter()))
     }
 
-    /// The pairs of a triangle of this mesh and one of another that have a point in common: Meeting, sorted by the
-    /// triangles of this mesh, then those of the other. Exact, also where they touch or lie in one plane; triangles
-    /// without area meet none.
-    fn meeting<'py>(&self, other: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    /// The pairs of a triangle of this mesh and one of another that have a point in common: IntersectingTriangles,
+    /// sorted by the triangles of this mesh, then those of the other. Exact, also where they touch or lie in one plane;
+    /// triangles without area intersect none.
+    fn intersecting_triangles<'py>(&self, other: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         let py = other.py();
         let Ok(other) = other.cast::<Mesh>() else {
             let what = format!("other: expected a Mesh, not {}", other.get_type().name()?);
             return Err(PyTypeError::new_err(what));
         };
         let [own, other] = [self.now(), other.get().now()];
-        let pairs = in_threads(py, || own.bvh.par_meeting_triangles(&other.bvh))?;
+        let pairs = in_threads(py, || own.bvh.par_intersecting_triangles(&other.bvh))?;
         let [object, triangle] = located(py, &own, pairs.iter().map(|pair| pair[0]));
         let [other_object, other_triangle] = located(py, &other, pairs.iter().map(|pair| pair[1]));
-        result(py, "Meeting", [triangle, other_triangle, object, other_object])
+        result(py, "IntersectingTriangles", [object, triangle, other_object, other_triangle])
     }
 
     /// The distances of points from the surface, negative inside: (n,) float64; nan for a mesh without triangles. Warns

@@ -27,7 +27,8 @@ pub(crate) struct Picture {
     /// multiplied by alpha. Read-only, as what `save` writes does not change: `numpy.array(picture)` is a copy.
     #[pyo3(get)]
     pixels: Py<PyAny>,
-    /// The AOVs by name: (height, width) float32, int32 for indices and counts, or (height, width, 3) float32; read-only.
+    /// The AOVs by name: (height, width) float32, int32 for indices and counts, or (height, width, 3) float32;
+    /// read-only.
     #[pyo3(get)]
     aovs: Py<PyDict>,
     /// What made the picture: names and values, as in the metadata of files.

@@ -1,4 +1,4 @@
-//! What the queries of a mesh are answered from.
+//! [`State`]: the structure, objects and scene of a mesh, which queries read.
 
 use std::fmt::Display;
 use std::sync::Arc;
@@ -40,7 +40,7 @@ pub(crate) struct ObjectPart {
     pub is_mirrored: bool,
 }
 
-/// The tier and the preset of their names.
+/// The tier and the preset with these names.
 pub(crate) fn named(tier: &str, preset: &str) -> PyResult<(Numerics, Preset)> {
     let unknown = |argument: &str, given: &str, known: Vec<&str>| {
         PyValueError::new_err(format!("{argument}: `{given}` is none of {}", known.join(", ")))

@@ -1,4 +1,4 @@
-"""The table of docs/python.md: queries and their wrong answers beside trimesh with embreex, and Open3D where it is installed.
+"""The table of docs/python.md: queries and their wrong answers beside trimesh with embreex, and Open3D if installed.
 
     KILN_MODELS=/path/to/models python benchmark.py [--threads N] [RAYS]
 

@@ -86,20 +86,20 @@ def test_triangles_in_a_box():
 
 
 def test_triangles_that_meet():
-    """A triangle that touches z = 0 along y = 1/2 from x = 1/2 to 7/2. There the triangles above the diagonals are from x
-    = i to i + 1/2, those below from i + 1/2 to i + 1: all of the squares 0 to 3, in two of them one point."""
+    """A triangle that touches z = 0 along y = 1/2 from x = 1/2 to 7/2. There the triangles above the diagonals are from
+    x = i to i + 1/2, those below from i + 1/2 to i + 1: all of the squares 0 to 3, in two of them one point."""
     upright = kiln.Mesh([[0.5, 0.5, 0], [3.5, 0.5, 0], [2, 0.5, 1]], [[0, 1, 2]])
     plane = kiln.Mesh(*grid(4))
-    found = plane.meeting(upright)
+    found = plane.intersecting_triangles(upright)
     assert found.triangle.tolist() == list(range(8)) and found.other_triangle.tolist() == [0] * 8
-    swapped = upright.meeting(plane)
+    swapped = upright.intersecting_triangles(plane)
     assert swapped.other_triangle.tolist() == list(range(8)) and swapped.object.tolist() == [0] * 8
     lifted = kiln.Mesh([[0.5, 0.5, 2**-60], [3.5, 0.5, 2**-60], [2, 0.5, 1]], [[0, 1, 2]])
-    assert len(plane.meeting(lifted).triangle) == 0
+    assert len(plane.intersecting_triangles(lifted).triangle) == 0
     scene = kiln.Scene()
     scene.add(TETRAHEDRON[0] + 9, TETRAHEDRON[1])
     scene.add(*grid(4))
-    of_scene = upright.meeting(scene.mesh())
+    of_scene = upright.intersecting_triangles(scene.mesh())
     assert of_scene.other_object.tolist() == [1] * 8 and of_scene.other_triangle.tolist() == list(range(8))
     with pytest.raises(TypeError, match="other: expected a Mesh, not int"):
-        plane.meeting(5)
+        plane.intersecting_triangles(5)

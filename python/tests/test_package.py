@@ -151,7 +151,7 @@ def test_stubs_are_those_of_the_module():
 
 
 def test_everything_public_is_documented():
-    for owner in (kiln, kiln.Mesh, kiln.Picture, kiln.Scene):
+    for owner in (kiln, kiln.Mesh, kiln.Instances, kiln.Picture, kiln.Scene, kiln.Prepared, kiln.Aovs):
         for name, value in inspect.getmembers(owner):
             if not name.startswith("_"):
                 assert inspect.getdoc(value), name

@@ -1,13 +1,13 @@
 //! Rays through surfaces of opacity below 1 in all stages that trace rays, and camera rays through culled back faces.
 //!
-//! The opacity of a surface depends on the point alone: textures are looked up at full size, so that camera rays and shadow rays
-//! see the same holes. A ray that passes through starts anew behind the surface, as a transmitted ray does
+//! The opacity of a surface depends on the point alone: textures are looked up at full size, so that camera rays and
+//! shadow rays see the same holes. A ray that passes through starts anew behind the surface, as a transmitted ray does
 //! ([`crate::geometry::spawn`]), and keeps its direction.
 //!
-//! Where a pixel takes several samples, or paths are traced, a ray hits a surface of opacity α with probability α (stochastic
-//! transparency; Enderton, Sintorn, Shirley and Luebke, 2010). Where it takes one, its camera ray sees all layers: the stages run
-//! once a layer, nearest first, and their colours are blended (`over`; Porter and Duff, Compositing Digital Images, SIGGRAPH
-//! 1984). Shadow rays always carry the product of all transmittances.
+//! Where a pixel takes several samples, or paths are traced, a ray hits a surface of opacity α with probability α
+//! (stochastic transparency; Enderton, Sintorn, Shirley and Luebke, 2010). Where it takes one, its camera ray sees all
+//! layers: the stages run once a layer, nearest first, and their colours are blended (`over`; Porter and Duff,
+//! Compositing Digital Images, SIGGRAPH 1984). Shadow rays always carry the product of all transmittances.
 
 use glam::DVec3;
 
@@ -110,8 +110,8 @@ fn behind(world: &World, ray: &Ray, hit: &Hit) -> Ray {
     precision.ray(origin, ray.direction(), 0.0, (ray.t_max() - hit.t).max(0.0))
 }
 
-/// The part of the light that a shadow ray lets through: the product of `1 - opacity` over the surfaces in its way. Adds the
-/// number of continued rays to `continued`.
+/// The part of the light that a shadow ray lets through: the product of `1 - opacity` over the surfaces in its way.
+/// Adds the number of continued rays to `continued`.
 pub(crate) fn transmittance(
     world: &World,
     ray: &Ray,
@@ -213,7 +213,8 @@ impl Buffers {
     }
 }
 
-/// Finds the hits of the current generation's rays. Returns whether they are the first of these rays, not a further layer.
+/// Finds the hits of the current generation's rays. Returns whether they are the first of these rays, not a further
+/// layer.
 pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparency) -> bool {
     tile.with_buffers(|buffers: &mut Buffers, tile| {
         let is_layered = transparency.is_layered && tile.depth == 0;
@@ -317,8 +318,8 @@ impl Buffers {
 }
 
 impl Layers {
-    /// Moves a ray behind a hit with a surface of opacity `alpha`, if it passes that. A ray that stops writes its hit, and
-    /// goes on in the next layer. Returns whether it passes.
+    /// Moves a ray behind a hit with a surface of opacity `alpha`, if it passes that. A ray that stops writes its hit,
+    /// and goes on in the next layer. Returns whether it passes.
     fn pass(
         &mut self,
         ray: &mut ContinuedRay,

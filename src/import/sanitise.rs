@@ -1,5 +1,5 @@
-//! Removes and counts primitives with non-finite coordinates or coordinates beyond 1e18. Counts triangles with two equal
-//! corners, which no ray hits, and keeps them: indices are those of the input. Called once per input, after its
+//! Removes and counts primitives with non-finite coordinates or coordinates beyond 1e18. Counts triangles with two
+//! equal corners, which no ray hits, and keeps them: indices are those of the input. Called once per input, after its
 //! importer.
 
 use std::path::Path;
@@ -147,7 +147,8 @@ fn objects_at<'a>(objects: &'a mut [Object], group: &[usize]) -> Vec<&'a mut Pla
 }
 
 /// Replaces attributes that are not finite in f32 by neutral values: no normal (the geometric normal is used), uv (0,
-/// 0), white, opaque. Negative colours and opacities beyond 0 to 1 are also replaced. Returns the number of replacements.
+/// 0), white, opaque. Negative colours and opacities beyond 0 to 1 are also replaced. Returns the number of
+/// replacements.
 fn replace_unusable(mesh: &mut Mesh) -> usize {
     fn replace<'a, T: Copy + 'a>(
         attribute: impl IntoIterator<Item = &'a mut Attribute<T>>,

@@ -20,8 +20,8 @@ pub fn set_auto_exposure(metadata: &mut Metadata, ev: f64) {
     }
 }
 
-/// The metadata of a picture of a scene with the light that is added to it, and its look. `recentering` is the transform
-/// that was applied to the scene, and `camera` has the projection used. The region `window` is rendered.
+/// The metadata of a picture of a scene with the light that is added to it, and its look. `recentering` is the
+/// transform that was applied to the scene, and `camera` has the projection used. The region `window` is rendered.
 pub fn metadata(
     (scene, added, look): (&Scene, Option<&Light>, &DefaultLook),
     recentering: Option<&Recentering>,
@@ -35,8 +35,8 @@ pub fn metadata(
         input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned()
     };
     let inputs: Vec<String> = scene.inputs.iter().map(name).collect();
-    // A name selects the first camera of that name, unless `--camera` reads it as another value. The projection is recorded
-    // beside it.
+    // A name selects the first camera of that name, unless `--camera` reads it as another value. The projection is
+    // recorded beside it.
     let is_name = camera.name != "auto" && !camera.name.trim_start().starts_with('{');
     let named = scene.cameras.iter().find(|own| is_name && own.name == camera.name);
     let camera_text = match named {

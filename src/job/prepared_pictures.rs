@@ -14,8 +14,8 @@ use crate::render::aov::AovSelection;
 use crate::scene::{DefaultLook, PictureSettings, Scene};
 use crate::world::Recentering;
 
-/// The number of looks, and of worlds, that are kept: those of cameras above and below an added ground, with and without
-/// the look of a scene's own cameras.
+/// The number of looks, and of worlds, that are kept: those of cameras above and below an added ground, with and
+/// without the look of a scene's own cameras.
 const KEPT: usize = 4;
 
 /// A scene for pictures by many cameras and with different settings, at the beginning of its animation. Acceleration

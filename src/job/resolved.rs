@@ -103,9 +103,9 @@ pub(super) fn camera_of(
     Ok((camera, size))
 }
 
-/// The picture of a scene with its look by a camera, without metadata. `bounds` are those of the scene, if they are needed. The ground of the look is left out if the camera
-/// is not above it; a ground requested by the settings stays. The camera, the scene and the look have the same
-/// coordinates.
+/// The picture of a scene with its look by a camera, without metadata. `bounds` are those of the scene, if they are
+/// needed. The ground of the look is left out if the camera is not above it; a ground requested by the settings stays.
+/// The camera, the scene and the look have the same coordinates.
 ///
 /// # Errors
 /// [`Error::Usage`] for invalid settings.

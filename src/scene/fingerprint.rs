@@ -54,8 +54,8 @@ impl Fingerprint {
         self.0.finalize().to_hex().to_string()
     }
 
-    /// Adds a scene, the light that is added to it, and its look. All fields are destructured, so that a new field fails
-    /// to compile until it is hashed.
+    /// Adds a scene, the light that is added to it, and its look. All fields are destructured, so that a new field
+    /// fails to compile until it is hashed.
     pub fn scene(&mut self, scene: &Scene, added: Option<&Light>, look: &DefaultLook) {
         let DefaultLook {
             picture,

@@ -308,7 +308,8 @@ impl Scene {
         bounds(&PointTrees::of(&self.objects), &self.objects)
     }
 
-    /// Calls `each` with the corners of every triangle, counterclockwise seen from the front, in the order of the scene.
+    /// Calls `each` with the corners of every triangle, counterclockwise seen from the front, in the order of the
+    /// scene.
     pub(crate) fn for_each_triangle(&self, mut each: impl FnMut([DVec3; 3])) {
         for object in &self.objects {
             match &object.shape {

@@ -24,32 +24,37 @@ options! {
         [skip] width: Side,
         /// Height in pixels.
         [skip] height: Side,
-        /// Look: `studio` adds antialiasing, light, tone map, ground and background, each where the scene has none and no
-        /// option chooses it; `draft` adds a headlight where there is no light [default: studio for meshes, draft for
-        /// scene files]
+        /// Look: `studio` adds antialiasing, light, tone map, ground and background, each where the scene has none and
+        /// no option chooses it; `draft` adds a headlight where there is no light [default: studio for meshes, draft
+        /// for scene files]
         [skip] look: Look,
         /// Orbit of the automatic camera around the vertical axis, in degrees to the right of --view [default: 0]
         [long, help_heading = group::CAMERA, display_order = 2, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()] azimuth: Rotation,
-        /// Orbit of the automatic camera upwards from --view, in degrees, at most to straight above or below [default: 0]
+        /// Orbit of the automatic camera upwards from --view, in degrees, at most to straight above or below [default:
+        /// 0]
         [long, help_heading = group::CAMERA, display_order = 3, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()] elevation: Rotation,
-        /// Magnification of the automatic camera's picture about its centre, 0.001 to 1000; 1 frames the scene [default: 1]
+        /// Magnification of the automatic camera's picture about its centre, 0.001 to 1000; 1 frames the scene
+        /// [default: 1]
         [long, help_heading = group::CAMERA, display_order = 4, allow_hyphen_values = true, value_name = "FACTOR", value_parser = parser::<Zoom>()] zoom: Zoom,
-        /// Vertical field of view of the automatic camera in degrees, 0.1 to 170 [default: 30 for meshes, 40 with --draft
-        /// and for scene files]
+        /// Vertical field of view of the automatic camera in degrees, 0.1 to 170 [default: 30 for meshes, 40 with
+        /// --draft and for scene files]
         [long, help_heading = group::CAMERA, display_order = 5, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<FieldOfView>()] fov: FieldOfView,
-        /// Arithmetic of the intersection tests: `fast` (f32; rays may leak through edges), `watertight` (corners in f32, tests
-        /// in f64; no ray leaks out of closed meshes), `double` (f64) or `exact` (as double, decided without rounding)
+        /// Arithmetic of the intersection tests: `fast` (f32; rays may leak through edges), `watertight` (corners in
+        /// f32, tests in f64; no ray leaks out of closed meshes), `double` (f64) or `exact` (as double, decided without
+        /// rounding)
         /// [default: watertight]
         [long, help_heading = group::QUALITY, display_order = 900, hide_possible_values = true, value_name = "TIER",
          value_parser = parser::<Numerics>()] numerics: Numerics,
-        /// Shading: `phong` is the full model, `flat` the surface colour alone, `ambient` and `diffuse` that term alone; all but
-        /// `phong` without effects [default: phong]
+        /// Shading: `phong` is the full model, `flat` the surface colour alone, `ambient` and `diffuse` that term
+        /// alone; all but `phong` without effects [default: phong]
         [long, help_heading = group::LOOK, hide_possible_values = true, value_name = "MODE", value_parser = parser::<ShadingMode>()] shading: ShadingMode,
-        /// Light transport: `whitted` (local shading, shadow rays, mirror reflections) or `path` (path tracing: indirect light,
-        /// soft shadows) [default: path in scenes with an environment or area lights, and for meshes with transmissive or emissive materials, else whitted]
+        /// Light transport: `whitted` (local shading, shadow rays, mirror reflections) or `path` (path tracing:
+        /// indirect light, soft shadows) [default: path in scenes with an environment or area lights, and for meshes
+        /// with transmissive or emissive materials, else whitted]
         [long, help_heading = group::QUALITY, display_order = 3, hide_possible_values = true, value_parser = parser::<Transport>()] transport: Transport,
-        /// Clamp of indirect light: maximum radiance that a path adds at each bounce, above 0; 1 is white. Reduces fireflies
-        /// and darkens indirect light [default: none; display white where materials of meshes call for path tracing]
+        /// Clamp of indirect light: maximum radiance that a path adds at each bounce, above 0; 1 is white. Reduces
+        /// fireflies and darkens indirect light [default: none; display white where materials of meshes call for path
+        /// tracing]
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "RADIANCE", value_parser = parser::<Clamp>()] clamp: Clamp,
         /// Samples per pixel, 1 to 65536; with a noise threshold, the maximum [default: for meshes 16,
         /// with path tracing 64; for scene files 1 at the pixel's centre, 16 with a filter, 256 with a noise threshold]
@@ -59,8 +64,9 @@ options! {
         /// Filter radius in pixels [default: box 0.5, tent 1, gaussian 1.5, mitchell 2]
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "PIXELS", value_parser = parser::<FilterRadius>()]
         filter_radius: FilterRadius,
-        /// Noise threshold of adaptive sampling: sample each pixel until the standard error of its displayed value (1 is white)
-        /// is below this [default: for meshes without sampling options 0.025, 0.055 where transmissive or emissive materials call for path tracing, else none]
+        /// Noise threshold of adaptive sampling: sample each pixel until the standard error of its displayed value (1
+        /// is white) is below this [default: for meshes without sampling options 0.025, 0.055 where transmissive or
+        /// emissive materials call for path tracing, else none]
         [long, help_heading = group::QUALITY, display_order = 1, allow_hyphen_values = true, value_name = "LEVEL", value_parser = parser::<Noise>()] noise: Noise,
         /// Minimum samples per pixel of adaptive sampling [default: 4]
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] min_samples: Samples,
@@ -69,18 +75,18 @@ options! {
         /// Sampler: `sobol` (Owen-scrambled Sobol sequence) or `independent` (converges more slowly; for `kiln compare
         /// --t-test`) [default: sobol]
         [long, help_heading = group::QUALITY, hide_possible_values = true, value_name = "SAMPLER", value_parser = parser::<PixelSampler>()] sampler: PixelSampler,
-        /// Colour arithmetic: `linear` (linear light), `display` (sRGB-encoded values) or `u8` (sRGB-encoded values, rounded to 8
-        /// bits after each step) [default: linear]
+        /// Colour arithmetic: `linear` (linear light), `display` (sRGB-encoded values) or `u8` (sRGB-encoded values,
+        /// rounded to 8 bits after each step) [default: linear]
         [long, help_heading = group::LOOK, hide_possible_values = true, value_name = "PIPELINE", value_parser = parser::<ColourPipeline>()] colour: ColourPipeline,
-        /// Exposure in stops (EV), -64 to 64, or `auto`, computed from the picture. For 8-bit pictures, films and the window, with
-        /// linear colour arithmetic [default: automatic for meshes with emissive materials or glTF lights, or with the camera
-        /// inside the scene, else 0]
+        /// Exposure in stops (EV), -64 to 64, or `auto`, computed from the picture. For 8-bit pictures, films and the
+        /// window, with linear colour arithmetic [default: automatic for meshes with emissive materials or glTF lights,
+        /// or with the camera inside the scene, else 0]
         [long, help_heading = group::LOOK, display_order = 3, allow_hyphen_values = true, value_name = "EV|auto", value_parser = parser::<Exposure>()] exposure: Exposure,
         /// Tone map of 8-bit pictures, films and the window, with linear colour arithmetic [default: pbr-neutral for
         /// meshes, else none]
         [long, help_heading = group::LOOK, display_order = 4, value_name = "CURVE", value_parser = parser::<ToneMap>()] tone_map: ToneMap,
-        /// Light of scenes without lights: a headlight at the camera (in scene files true) or none (false) [default: studio
-        /// light for meshes, a headlight with --draft and for scene files]
+        /// Light of scenes without lights: a headlight at the camera (in scene files true) or none (false) [default:
+        /// studio light for meshes, a headlight with --draft and for scene files]
         #[serde(rename = "headlight")]
         [long, help_heading = group::LIGHT, value_parser = parser::<Headlight>()] light: Headlight,
         /// Grey ground plane under the objects, ignored by automatic cameras [default: true for meshes without lights
@@ -93,7 +99,8 @@ options! {
         [long, help_heading = group::LOOK, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
          value_name = "true|false", value_parser = parser::<bool>()]
         cull: bool,
-        /// Background colour (#rrggbb or a CSS name such as white), or `transparent` for an alpha channel in .png and .exr
+        /// Background colour (#rrggbb or a CSS name such as white), or `transparent` for an alpha channel in .png and
+        /// .exr
         /// [default: light grey for meshes, dark grey for meshes with lights or cameras, black for scene files]
         [long, help_heading = group::LOOK, display_order = 0, value_name = "COLOUR|transparent", value_parser = parser::<Background>()] background: Background,
     }
@@ -125,8 +132,8 @@ pub enum Look {
     /// A headlight and ambient light, on a dark background, with one sample a pixel.
     #[default]
     Draft,
-    /// Antialiasing; light and a tone map where files have no light; where they have no camera, too, a ground and a light
-    /// background.
+    /// Antialiasing; light and a tone map where files have no light; where they have no camera, too, a ground and a
+    /// light background.
     Studio,
 }
 

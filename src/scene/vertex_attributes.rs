@@ -1,5 +1,5 @@
-//! Vertex attributes at points of triangles, from the description alone. The prepared scene (`world`) interpolates by the
-//! same functions.
+//! Vertex attributes at points of triangles, from the description alone. The prepared scene (`world`) interpolates by
+//! the same functions.
 
 use std::collections::HashMap;
 use std::ops::{Add, Mul};

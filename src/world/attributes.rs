@@ -115,8 +115,8 @@ impl Attributes {
     }
 }
 
-/// The tangent with its direction normalised, in f32, and its handedness w as 1 or -1. A direction that is not finite becomes
-/// zero.
+/// The tangent with its direction normalised, in f32, and its handedness w as 1 or -1. A direction that is not finite
+/// becomes zero.
 fn unit_tangent(t: DVec4) -> Vec4 {
     let along = t.truncate();
     unit(if along.is_finite() { along } else { DVec3::ZERO }).extend(if t.w < 0.0 { -1.0 } else { 1.0 })
@@ -174,7 +174,8 @@ fn without_normals(
     }
 }
 
-/// A vertex colour in the numbers of `pipeline`. Vertex colours of glTF and OBJ are linear; the display pipelines encode them.
+/// A vertex colour in the numbers of `pipeline`. Vertex colours of glTF and OBJ are linear; the display pipelines
+/// encode them.
 pub(crate) fn vertex_colour(linear: DVec3, pipeline: ColourPipeline) -> DVec3 {
     Colour::Linear(linear).to_pipeline(pipeline)
 }

@@ -1,5 +1,5 @@
-//! Ray differentials (Igehy, Tracing Ray Differentials, SIGGRAPH 1999), which give the footprint of a pixel in a texture without
-//! reading neighbouring pixels.
+//! Ray differentials (Igehy, Tracing Ray Differentials, SIGGRAPH 1999), which give the footprint of a pixel in a
+//! texture without reading neighbouring pixels.
 
 use glam::{DVec2, DVec3};
 
@@ -33,8 +33,8 @@ impl Differential {
         Differential { origin: self.origin.map(|d| d * width), direction: self.direction.map(|d| d * width) }
     }
 
-    /// The change of the intersection at distance `t` with a plane (Igehy, equations 10 to 12). Not finite where the ray is
-    /// parallel to the plane.
+    /// The change of the intersection at distance `t` with a plane (Igehy, equations 10 to 12). Not finite where the
+    /// ray is parallel to the plane.
     pub fn at(&self, ray: &Ray, t: f64, normal: DVec3) -> [DVec3; 2] {
         let along = ray.direction().dot(normal);
         [0, 1].map(|k| {
@@ -43,8 +43,8 @@ impl Differential {
         })
     }
 
-    /// The differential of the mirrored ray: `points` is the change of the intersection, `normals` that of the normal (Igehy,
-    /// equations 13 to 17).
+    /// The differential of the mirrored ray: `points` is the change of the intersection, `normals` that of the normal
+    /// (Igehy, equations 13 to 17).
     pub fn mirrored(&self, ray: &Ray, points: [DVec3; 2], normal: DVec3, normals: [DVec3; 2]) -> Self {
         let direction = [0, 1].map(|k| {
             let along = ray.direction().dot(normal);

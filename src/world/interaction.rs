@@ -144,8 +144,9 @@ impl WorldObject {
 }
 
 impl World {
-    /// The point, with its start moved before the hit if a face lies between the incoming ray and the start. That ray has length
-    /// `distance`; `view` is the unit direction towards its origin, `normal` is on the same side. See [`crate::geometry::spawn`].
+    /// The point, with its start moved before the hit if a face lies between the incoming ray and the start. That ray
+    /// has length `distance`; `view` is the unit direction towards its origin, `normal` is on the same side. See
+    /// [`crate::geometry::spawn`].
     #[inline(always)]
     pub(super) fn with_visible_start(
         &self,
@@ -212,8 +213,8 @@ impl World {
         self.materials_in_use().any(PreparedMaterial::is_single_sided)
     }
 
-    /// [`World::origin_behind`] of a surface, for a `direction` below its geometric normal. Away from edges the primitive is not
-    /// read.
+    /// [`World::origin_behind`] of a surface, for a `direction` below its geometric normal. Away from edges the
+    /// primitive is not read.
     #[inline]
     pub(crate) fn origin_below(&self, surfaces: &InteractionSoa, i: usize, direction: DVec3) -> DVec3 {
         let (point, normal) = (surfaces.point(i), surfaces.geometric_normal.get(i));
@@ -225,7 +226,8 @@ impl World {
         self.origin_behind(point.position, direction, &surfaces.hit(i))
     }
 
-    /// The origin of a ray that leaves the surface at `hit`, near `position`, behind the side that was hit, in `direction`. Unlike
+    /// The origin of a ray that leaves the surface at `hit`, near `position`, behind the side that was hit, in
+    /// `direction`. Unlike
     /// [`SurfaceInteraction::point`] it never lies before the surface.
     pub(crate) fn origin_behind(&self, position: DVec3, direction: DVec3, hit: &Hit) -> DVec3 {
         let (point, normal) = match self.accelerator.primitive(hit.slot) {
@@ -255,9 +257,9 @@ impl World {
         opacity.is_some_and(|o| o.factor < 1.0 || has_texture || object.attributes.has_alphas())
     }
 
-    /// The tangent frame at a hit with an object for a normal map: tangent, bitangent and normal, orthonormal (glTF 2.0, section
-    /// 3.7.2.1). The normal is the mesh's, which may point to the other side than `shading_normal`. `None` where the mesh has no
-    /// tangents, or the tangent is parallel to the normal.
+    /// The tangent frame at a hit with an object for a normal map: tangent, bitangent and normal, orthonormal (glTF
+    /// 2.0, section 3.7.2.1). The normal is the mesh's, which may point to the other side than `shading_normal`. `None`
+    /// where the mesh has no tangents, or the tangent is parallel to the normal.
     #[inline]
     pub fn tangent_frame(&self, object: u32, hit: &Hit, shading_normal: DVec3) -> Option<[DVec3; 3]> {
         let object = &self.objects[object as usize];
@@ -275,9 +277,10 @@ impl World {
         Some([tangent, handedness * normal.cross(tangent), normal])
     }
 
-    /// The unit tangent along which an anisotropic surface is rougher (KHR_materials_anisotropy): the mesh's, turned by a
-    /// texel and by `rotation`, in radians, and perpendicular to `normal`. Without tangents the horizontal direction
-    /// takes their place. `is_back` is [`World::is_seen_from_back`]. `None` where the tangent is parallel to the normal.
+    /// The unit tangent along which an anisotropic surface is rougher (KHR_materials_anisotropy): the mesh's, turned by
+    /// a texel and by `rotation`, in radians, and perpendicular to `normal`. Without tangents the horizontal direction
+    /// takes their place. `is_back` is [`World::is_seen_from_back`]. `None` where the tangent is parallel to the
+    /// normal.
     pub(crate) fn rougher_direction(
         &self,
         (object, hit): (u32, &Hit),
@@ -299,8 +302,8 @@ impl World {
         (along - along.dot(normal) * normal).try_normalize()
     }
 
-    /// The point of a surface lifted above the tangent planes of the triangle's corners (Hanika, Hacking the Shadow Terminator, Ray
-    /// Tracing Gems II, chapter 4, 2021). The point itself where there are no vertex normals.
+    /// The point of a surface lifted above the tangent planes of the triangle's corners (Hanika, Hacking the Shadow
+    /// Terminator, Ray Tracing Gems II, chapter 4, 2021). The point itself where there are no vertex normals.
     pub fn smooth_point(&self, surface: &SurfaceInteraction) -> SurfacePoint {
         let (object, hit) = (&self.objects[surface.object as usize], &surface.hit);
         let Some(normals) = object.attributes.normals(hit.prim.0 - object.first.0) else {

@@ -348,8 +348,8 @@ impl World {
     }
 }
 
-/// Computes a run on a flat triangle; `normal` has length 1. Returns whether any point may be near an edge: the starts of
-/// those are not moved.
+/// Computes a run on a flat triangle; `normal` has length 1. Returns whether any point may be near an edge: the starts
+/// of those are not moved.
 #[inline(always)]
 fn on_triangle(
     surfaces: &mut InteractionSoa,

@@ -83,7 +83,8 @@ fn rays_are_valid_however_they_are_made() {
     }
 }
 
-/// `fast` rounds the rays of other tiers to f32 itself, for every query, and other tiers take those of `fast` as they are.
+/// `fast` rounds the rays of other tiers to f32 itself, for every query, and other tiers take those of `fast` as they
+/// are.
 #[test]
 fn rays_of_another_tier_are_converted() {
     let mut numbers = Numbers::new(9);
@@ -215,8 +216,8 @@ fn meshes_are_built_from_vertices_and_indices() {
     assert!(Bvh::from_mesh(&[[0.0; 3]; 0], &[]).is_ok());
 }
 
-/// A mesh whose vertices are read where they are has the tree of the list of its triangles: the same nodes, and the same
-/// primitives, rounded alike, in the same slots.
+/// A mesh whose vertices are read where they are has the tree of the list of its triangles: the same nodes, and the
+/// same primitives, rounded alike, in the same slots.
 #[test]
 fn a_mesh_has_the_tree_of_its_triangles() {
     let mut numbers = Numbers::new(14);

@@ -286,8 +286,8 @@ fn mtl_of_glass() {
     }
 }
 
-/// `-s 2 0.5 -o 0.25 -1` takes the coordinates (0.5, 0.5) to (1.25, -0.75), which is 1.75 from the top. `-clamp on` holds
-/// the edge of the picture; `-bm` scales the slopes of a bump map.
+/// `-s 2 0.5 -o 0.25 -1` takes the coordinates (0.5, 0.5) to (1.25, -0.75), which is 1.75 from the top. `-clamp on`
+/// holds the edge of the picture; `-bm` scales the slopes of a bump map.
 #[test]
 fn mtl_options_of_maps() {
     let folder = Folder::new();
@@ -568,8 +568,8 @@ fn obj_faces_without_texture_coordinates() {
     }
 }
 
-/// `d` is the opacity; `Tr` is its complement and used if there is no `d`, but 1 means opaque; `map_d` is a factor, the alpha channel of
-/// the image or its grey values if it has none.
+/// `d` is the opacity; `Tr` is its complement and used if there is no `d`, but 1 means opaque; `map_d` is a factor, the
+/// alpha channel of the image or its grey values if it has none.
 #[test]
 fn obj_opacity_of_numbers_and_pictures() {
     let folder = Folder::new();

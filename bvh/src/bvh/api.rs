@@ -131,7 +131,7 @@ impl std::error::Error for InvalidRays {
     }
 }
 
-/// Why a mesh is not part of a structure ([`Bvh::from_mesh`], [`Bvh::of_instances`]).
+/// Why a mesh is not part of a structure ([`Bvh::from_mesh`], [`Bvh::from_instances`]).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum InvalidMesh {
@@ -316,8 +316,8 @@ impl Bvh {
         self.accelerator.closest_hit(ray, traversal)
     }
 
-    /// The closest of the hits that `accepts` returns `true` for, and [`Bvh::closest_hit`] if it always does. It is called
-    /// with some of the hits, in no order.
+    /// The closest of the hits that `accepts` returns `true` for, and [`Bvh::closest_hit`] if it always does. It is
+    /// called with some of the hits, in no order.
     pub fn closest_hit_by(
         &self,
         ray: &Ray,
@@ -397,7 +397,8 @@ impl Bvh {
     }
 
     /// Replaces the primitives. The tree is refitted if their number and kinds are the same and it stays good enough
-    /// ([`is_worth_keeping`]), else rebuilt. On an error nothing changes. Clones share a tree, of which a copy is refitted.
+    /// ([`is_worth_keeping`]), else rebuilt. On an error nothing changes. Clones share a
+    /// tree, of which a copy is refitted.
     ///
     /// # Errors
     /// [`NotFinite`], as for [`Bvh::new`].
@@ -405,7 +406,8 @@ impl Bvh {
         let now = checked(primitives)?;
         // A primitive without a slot cannot be refitted.
         let is_empty = |p: &Primitive| p.rounded(self.numerics.precision()).is_none();
-        let is_same = self.has_slot.len() == now.len()
+        let is_same = self.instances.ids().is_none()
+            && self.has_slot.len() == now.len()
             && self.has_slot.iter().zip(&now).all(|(has_slot, p)| *has_slot || is_empty(p));
         if is_same {
             if Arc::get_mut(&mut self.accelerator).is_none()

@@ -17,7 +17,8 @@ use crate::geometry::{Hit, HitBuffer, PACKET, Ray, RayBuffer, Rays, Side};
 /// The queries of a task.
 pub(super) const GROUP: usize = 1 << 12;
 
-/// The points of a task for closest points. The more are sorted together, the closer are neighbours (docs/decisions.md).
+/// The points of a task for closest points. The more are sorted together, the closer are neighbours
+/// (docs/decisions.md).
 const POINTS: usize = 1 << 14;
 
 /// Bits of each coordinate on the Morton curve.
@@ -51,7 +52,8 @@ pub trait RayList: Copy + Sync {
     /// The ray at `index`, which is below the number of rays.
     fn get(&self, index: usize) -> Ray;
 
-    /// The origin of that ray, and its direction, scaled to a length or a longest component of 1. Rays are sorted by these.
+    /// The origin of that ray, and its direction, scaled to a length or a longest component of 1. Rays are sorted by
+    /// these.
     fn sort_key(&self, index: usize) -> [DVec3; 2] {
         let Ray { origin, direction, .. } = self.get(index);
         [origin, direction]
@@ -172,8 +174,8 @@ impl Bvh {
         self.hit_lists(&rays, accepts, |hit| *hit)
     }
 
-    /// The number of hits of every ray that `accepts` returns `true` for: the lengths of [`Bvh::par_all_hits_by`], whose
-    /// lists are not stored.
+    /// The number of hits of every ray that `accepts` returns `true` for: the lengths of [`Bvh::par_all_hits_by`],
+    /// whose lists are not stored.
     pub fn par_hit_counts(
         &self,
         rays: impl RayList,
@@ -222,8 +224,9 @@ impl Bvh {
         self.lists(&rays, trace, finish)
     }
 
-    /// The lists of rays. `trace` appends results of the rays of a packet, each with the index of its ray among them, in
-    /// any order; `finish` appends the list of a ray, given its index, all results and the places of its own among them.
+    /// The lists of rays. `trace` appends results of the rays of a packet, each with the index of its ray among them,
+    /// in any order; `finish` appends the list of a ray, given its index, all results and the places of its own among
+    /// them.
     fn lists<R: Send, T: Send>(
         &self,
         rays: &impl RayList,

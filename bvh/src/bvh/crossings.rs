@@ -89,9 +89,9 @@ impl Bvh {
     /// surface that does not intersect itself is entered and left in turns. Rays that end where another begins have
     /// the crossings of both together.
     ///
-    /// t is that of the ray itself, with a relative error below 2^-40, and does not decrease; ordered are the exact t of the
-    /// moved ray, which triangles of the same plane have in common: those are ordered by id. A triangle has no more than
-    /// one crossing, one without area none, a sphere up to two.
+    /// t is that of the ray itself, with a relative error below 2^-40, and does not decrease; ordered are the exact t
+    /// of the moved ray, which triangles of the same plane have in common: those are ordered by id. A triangle has no
+    /// more than one crossing, one without area none, a sphere up to two.
     pub fn crossings(&self, ray: &Ray, traversal: &mut Traversal) -> Vec<SignedHit> {
         let mut found = Vec::new();
         each_crossing(self.accelerator(), ray, traversal, |crossing, primitive| {
@@ -156,7 +156,8 @@ impl Bvh {
         if let Some(known) = self.closedness.get() {
             return *known;
         }
-        // Not while the cell is locked: a thread that waits for parts of this work may take up other work that asks, too.
+        // Not while the cell is locked: a thread that waits for parts of this work may take up other work that asks,
+        // too.
         let mut found = closedness(self.accelerator());
         let open = self.own_shapes().map_or(0, Shapes::open);
         found.boundary_edges += open;
@@ -172,8 +173,8 @@ pub(super) fn winding_ray(point: DVec3) -> Option<Ray> {
     is_finite.then(|| Precision::Double.ray(point, CONTAINS_DIRECTION, 0.0, f64::INFINITY))
 }
 
-/// The crossings of a ray in their order, once each: a split triangle is in several slots. Of those that were found, they
-/// are at `places`, which are sorted.
+/// The crossings of a ray in their order, once each: a split triangle is in several slots. Of those that were found,
+/// they are at `places`, which are sorted.
 pub(super) fn in_order(
     ray: &Ray,
     found: &[(usize, (SignedHit, Stored<DVec3>))],

@@ -313,8 +313,9 @@ pub(crate) trait Nearby {
         }
     }
 
-    /// Calls `visit` with every primitive that is no farther from the box of a least and a greatest corner than `limit`, or
-    /// than the distance that `visit` returned last, and perhaps with others. A point is a box of two equal corners.
+    /// Calls `visit` with every primitive that is no farther from the box of a least and a greatest corner than
+    /// `limit`, or than the distance that `visit` returned last, and perhaps with others. A point is a box of two equal
+    /// corners.
     fn each_near_box(
         &self,
         _corners: [DVec3; 2],
@@ -343,8 +344,7 @@ pub(crate) trait Nearby {
     }
 }
 
-/// An acceleration structure: intersection queries, refitting and description. Made by [`build`] and
-/// [`build_with_instances`] only.
+/// An acceleration structure: intersection queries, refitting and description. Made by this crate only.
 #[allow(private_bounds)]
 pub trait Accelerator: Nearby + Send + Sync {
     /// The closest hit; of hits at equal t, the one with the lowest primitive id, except in `fast`.

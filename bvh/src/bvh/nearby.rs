@@ -101,7 +101,7 @@ impl Bvh {
     /// The pairs of a triangle of this structure and one of another that have a point in common, borders included, in
     /// order of both ids. Exact for triangles as stored, also where they touch or lie in one plane; triangles without
     /// area meet none. On all threads of the current rayon pool.
-    pub fn par_meeting_triangles(&self, other: &Bvh) -> Vec<[PrimId; 2]> {
+    pub fn par_intersecting_triangles(&self, other: &Bvh) -> Vec<[PrimId; 2]> {
         let mut triangles = Vec::new();
         self.accelerator().each_primitive(&mut |prim, primitive| {
             if let Primitive::Triangle(triangle) = primitive
@@ -253,8 +253,8 @@ mod tests {
         }
         assert!(expected.len() > 50, "{}", expected.len());
         let other = Bvh::new(those.iter().copied()).expect("finite");
-        each_build(&these, |bvh| assert_eq!(bvh.par_meeting_triangles(&other), expected));
-        let swapped: Vec<_> = other.par_meeting_triangles(&Bvh::new(these).expect("finite"));
+        each_build(&these, |bvh| assert_eq!(bvh.par_intersecting_triangles(&other), expected));
+        let swapped: Vec<_> = other.par_intersecting_triangles(&Bvh::new(these).expect("finite"));
         let mut again: Vec<_> = swapped.into_iter().map(|[a, b]| [b, a]).collect();
         again.sort_unstable();
         assert_eq!(again, expected);

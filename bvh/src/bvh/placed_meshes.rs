@@ -1,5 +1,7 @@
 //! [`Bvh`] over meshes that are placed by transforms and can be moved.
 
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 use super::instances::{MeshBvh, can_be_instance};
@@ -25,28 +27,34 @@ impl InstanceTable {
 }
 
 impl Bvh {
-    /// Builds over meshes with placements. Ids count the triangles of one instance after the other; [`Bvh::instance_of`]
-    /// returns the instance of an id. Hits have the bits of those on moved copies of the meshes, in a list of
-    /// triangles ([`Bvh::with`]).
+    /// Builds over meshes with placements. Ids count the triangles of one instance after the other;
+    /// [`Bvh::instance_of`] returns the instance of an id. Hits have the bits of those on moved copies of the meshes,
+    /// in a list of triangles ([`Bvh::with`]), but in tier `fast`. A mirrored mesh is inverted: its winding number is
+    /// -1 inside.
     ///
     /// A mesh that is placed several times is stored once, and has one tree. A placement that is nearly singular, or so
     /// far away that f32 boxes cull nothing, is stored as a copy.
     ///
     /// # Errors
-    /// [`InvalidMesh`], with the id of the first triangle that has a vertex that does not exist, or one that is not finite
-    /// in f32 where it is placed.
-    pub fn of_instances(placed: &[Placed], preset: Preset, numerics: Numerics) -> Result<Self, InvalidMesh> {
+    /// [`InvalidMesh`], with the id of the first triangle that has a vertex that does not exist, or one that is not
+    /// finite in f32 where it is placed.
+    pub fn from_instances(
+        placed: &[Placed],
+        preset: Preset,
+        numerics: Numerics,
+    ) -> Result<Self, InvalidMesh> {
         let mut bvh = Bvh::over(&[], Layout::Wide(preset), numerics);
         bvh.set_instances(placed)?;
         Ok(bvh)
     }
 
     /// Replaces all instances, or primitives. Meshes that are placed before and after (the same [`Arc`]) keep their
-    /// trees: moving instances, and adding or removing some, builds the tree over the instances only. On an error
-    /// nothing changes.
+    /// trees: moving instances, and adding or removing some, builds the tree over the instances only. What is computed
+    /// of the whole surface ([`Bvh::closedness`], generalised winding numbers) is computed again when it is needed. On
+    /// an error nothing changes.
     ///
     /// # Errors
-    /// As those of [`Bvh::of_instances`].
+    /// As those of [`Bvh::from_instances`].
     pub fn set_instances(&mut self, placed: &[Placed]) -> Result<(), InvalidMesh> {
         let mut firsts: Vec<u32> = vec![0];
         for placed in placed {
@@ -55,15 +63,17 @@ impl Bvh {
             // Slots have as many numbers, and one is reserved.
             firsts.push(next.filter(|next| *next < u32::MAX).ok_or(InvalidMesh::TooManyTriangles)?);
         }
+        let built = self.instances.built.iter();
+        let mut spaces: HashMap<*const Mesh, Option<MeshSpace>> =
+            built.map(|built| (Arc::as_ptr(&built.mesh), Some(built.space))).collect();
         let mut instances = Vec::new();
         let mut copies = Vec::new();
         for (placed, &first) in placed.iter().zip(&firsts) {
-            let space = match self.instances.built.iter().find(|built| Arc::ptr_eq(&built.mesh, &placed.mesh))
-            {
-                Some(built) => Some(built.space),
-                None => {
+            let space = match spaces.entry(Arc::as_ptr(&placed.mesh)) {
+                Entry::Occupied(known) => *known.get(),
+                Entry::Vacant(unknown) => {
                     check_mesh(&placed.mesh, first)?;
-                    MeshSpace::of(&placed.mesh)
+                    *unknown.insert(MeshSpace::of(&placed.mesh))
                 }
             };
             let instance = Instance { placed: placed.clone(), first: PrimId(first) };
@@ -99,8 +109,8 @@ impl Bvh {
         Ok(())
     }
 
-    /// The index of the instance of a primitive, and the index of the triangle in its mesh. In a structure over primitives
-    /// 0, and the id.
+    /// The index of the instance of a primitive, and the index of the triangle in its mesh. In a structure over
+    /// primitives 0, and the id.
     ///
     /// # Panics
     /// For an id that no triangle of the instances has.
@@ -118,7 +128,8 @@ impl Bvh {
 }
 
 /// # Errors
-/// The first triangle with a vertex that does not exist, or that is not finite. `first` is the id of the first triangle.
+/// The first triangle with a vertex that does not exist, or that is not finite. `first` is the id of the first
+/// triangle.
 fn check_mesh(mesh: &Mesh, first: u32) -> Result<(), InvalidMesh> {
     let vertices = mesh.positions.len();
     for (index, corners) in mesh.triangles.iter().enumerate() {
@@ -255,7 +266,7 @@ mod tests {
         let meshes = meshes();
         for (tier, numerics) in (0..).zip(Numerics::ALL) {
             let mut placed: Vec<Placed> = Vec::new();
-            let mut bvh = Bvh::of_instances(&placed, Preset::default(), numerics).expect("nothing");
+            let mut bvh = Bvh::from_instances(&placed, Preset::default(), numerics).expect("nothing");
             let mut counts = [0; 2];
             for step in 0..24u64 {
                 let seed = 100 * step + 10_000 * tier;
@@ -275,7 +286,7 @@ mod tests {
                         .for_each(|p| p.placement.then(Step::Affine(DMat4::from_rotation_x(0.3)))),
                 }
                 bvh.set_instances(&placed).expect("finite");
-                let fresh = Bvh::of_instances(&placed, Preset::default(), numerics).expect("finite");
+                let fresh = Bvh::from_instances(&placed, Preset::default(), numerics).expect("finite");
                 let copies = Bvh::with(copied(&placed), Preset::default(), numerics).expect("finite");
                 check_equal(&bvh, &fresh, seed, true);
                 check_equal(&bvh, &copies, seed, numerics != Numerics::Fast);
@@ -286,14 +297,28 @@ mod tests {
     }
 
     #[test]
-    fn ids_are_those_of_instances() {
+    fn ids_are_those_from_instances() {
         let meshes = meshes();
         let places = [0, 3, 4, 4, 1, 0].map(|i: usize| Placed::new(meshes[i].clone(), placement(1)));
-        let mut bvh = Bvh::of_instances(&places, Preset::default(), Numerics::Double).expect("finite");
+        let mut bvh = Bvh::from_instances(&places, Preset::default(), Numerics::Double).expect("finite");
         let ids = [0, 3, 4, 5, 12, 13, 16].map(|id| bvh.instance_of(PrimId(id)));
         assert_eq!(ids, [(0, 0), (0, 3), (1, 0), (4, 0), (4, 7), (5, 0), (5, 3)]);
         bvh.update(copied(&places)).expect("finite");
         assert_eq!(bvh.instance_of(PrimId(13)), (0, 13));
+    }
+
+    /// A placement that is stored as a copy has no list of primitives to be refitted.
+    #[test]
+    fn primitives_replace_instances() {
+        let flat = Placement::new(DMat4::from_scale(DVec3::new(1.0, 1.0, 0.0)));
+        let placed = [Placed::new(meshes()[0].clone(), flat)];
+        let mut bvh = Bvh::from_instances(&placed, Preset::default(), Numerics::Double).expect("finite");
+        assert_eq!(
+            bvh.accelerator().describe().layout,
+            Bvh::new([]).expect("none").accelerator().describe().layout
+        );
+        assert_eq!(bvh.update([]), Ok(crate::bvh::Update::Rebuilt));
+        assert_eq!(bvh.closest_point([0.0; 3], &mut Traversal::default()), None);
     }
 
     /// Far instances are culled: a ray beside a thousand of them tests few boxes, and no triangle.
@@ -303,7 +328,7 @@ mod tests {
         let at = |i: u32| DMat4::from_translation(DVec3::new(f64::from(i), 0.0, 0.0) * 3.0);
         let placed: Vec<Placed> =
             (0..1000).map(|i| Placed::new(octahedron.clone(), Placement::new(at(i)))).collect();
-        let bvh = Bvh::of_instances(&placed, Preset::default(), Numerics::Double).expect("finite");
+        let bvh = Bvh::from_instances(&placed, Preset::default(), Numerics::Double).expect("finite");
         let count = |query: &dyn Fn(&mut Traversal)| {
             let mut traversal = Traversal::default();
             query(&mut traversal);
@@ -321,7 +346,7 @@ mod tests {
     #[test]
     fn what_is_not_finite_changes_nothing() {
         let good = Placed::new(meshes()[0].clone(), Placement::default());
-        let mut bvh = Bvh::of_instances(std::slice::from_ref(&good), Preset::default(), Numerics::Double)
+        let mut bvh = Bvh::from_instances(std::slice::from_ref(&good), Preset::default(), Numerics::Double)
             .expect("finite");
         let far = Placement::new(DMat4::from_translation(DVec3::X * 1e39));
         let nan = mesh(vec![DVec3::NAN; 3], vec![[0, 1, 2]]);

@@ -1,4 +1,5 @@
-//! Rays, boxes, triangles and analytic shapes, and the intersection tests of every numeric tier with their error bounds.
+//! Rays, boxes, triangles and analytic shapes, and the intersection tests of every numeric tier with their error
+//! bounds.
 //!
 //! Used by `bvh`, which traverses, and by `world`, which makes surface interactions. There are four tiers
 //! ([`Numerics`]), one type and one file each behind the trait [`Tier`]:
@@ -17,8 +18,8 @@
 //! - Triangles are hit from both sides, edges and corners included; a ray in a triangle's plane misses.
 //! - Secondary rays start in front of the surface they leave and of its neighbours ([`spawn`]).
 //!
-//! No absolute constant decides a hit: every bound is relative to the numbers it applies to. [`Numerics::Fast`] lists what
-//! `fast` gives up.
+//! No absolute constant decides a hit: every bound is relative to the numbers it applies to. [`Numerics::Fast`] lists
+//! what `fast` gives up.
 
 mod analytic;
 mod bounds;

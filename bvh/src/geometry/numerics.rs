@@ -40,7 +40,8 @@ impl Precision {
 
     /// A ray with origin and direction rounded to this precision. Zero components become +0.
     ///
-    /// `origin` and `direction` must be finite, `t_max` not NaN, and `direction` of a length that [`Ray::unchecked`] takes:
+    /// `origin` and `direction` must be finite, `t_max` not NaN, and `direction` of a length that [`Ray::unchecked`]
+    /// takes:
     /// [`Bvh::ray`](crate::bvh::Bvh::ray) checks this and normalises. Here debug builds alone check origin and
     /// direction; queries of a ray with NaN return any hits or none.
     ///
@@ -244,12 +245,12 @@ pub(crate) trait Tier: Send + Sync + 'static {
     /// A ray prepared for triangles.
     type Prepared: PreparedRay;
 
-    /// Whether the tier decides hits by the test of Woop, Benthin and Wald and the f64 tests of analytic shapes, of which there
-    /// are versions for several rays. Else those return [`HitN::UNDECIDED`].
+    /// Whether the tier decides hits by the test of Woop, Benthin and Wald and the f64 tests of analytic shapes, of
+    /// which there are versions for several rays. Else those return [`HitN::UNDECIDED`].
     const HAS_RAY_N: bool = false;
 
-    /// [`Tier::hit_triangle`] for a ray in each lane and one triangle. `ahead`: the caller knows that no hit lies behind a
-    /// ray's origin.
+    /// [`Tier::hit_triangle`] for a ray in each lane and one triangle. `ahead`: the caller knows that no hit lies
+    /// behind a ray's origin.
     #[inline(always)]
     fn hit_triangle_n<D: Doubles>(rays: &PreparedRayN<D>, corners: &[[f64; 3]; 3], ahead: bool) -> HitN<D> {
         if Self::HAS_RAY_N { rays.hit(corners, ahead) } else { HitN::UNDECIDED }

@@ -108,8 +108,8 @@ pub(crate) struct Instances<T: Tier> {
 }
 
 impl<T: Tier> Instances<T> {
-    /// Builds the two-level tree. Every instance must satisfy [`can_be_instance`]. Meshes of `built` keep their trees; after
-    /// it, `built` has those of all instances.
+    /// Builds the two-level tree. Every instance must satisfy [`can_be_instance`]. Meshes of `built` keep their trees;
+    /// after it, `built` has those of all instances.
     pub(crate) fn new(
         flat: Box<dyn Accelerator>,
         instances: Vec<Instance>,

@@ -125,11 +125,11 @@ impl Transform {
         [centre - half, centre + half]
     }
 
-    /// Bounds in [`MeshSpace`] of a box in world space, enlarged as boxes are for rays, and how much longer a distance can
-    /// become there: an upper bound on the largest singular value of the map.
+    /// Bounds in [`MeshSpace`] of a box in world space, enlarged as boxes are for rays, and the largest factor by which
+    /// distances grow there: an upper bound on the largest singular value of the map.
     ///
-    /// The square of this value is the largest eigenvalue of B B^T and of B^T B, which is at most the largest sum of a row
-    /// of absolute values. One of the two is diagonal, and the bound close, for a rotation with scales along axes.
+    /// The square of this value is the largest eigenvalue of B B^T and of B^T B, which is at most the largest sum of a
+    /// row of absolute values. One of the two is diagonal, and the bound close, for a rotation with scales along axes.
     pub(crate) fn local_box(&self, [min, max]: [DVec3; 2]) -> ([DVec3; 2], f64) {
         let map = self.box_from_world;
         let (from, half) = (min / 2.0 + max / 2.0 - self.origin, max / 2.0 - min / 2.0);

@@ -440,7 +440,7 @@ impl Bvh {
     ///
     /// Every query of rays finds them, and [`Bvh::shape`] returns them by id; [`Accelerator::primitive`] of their slots
     /// is a triangle of NaN. Crossings at equal t are in order of id. [`Bvh::in_box`] takes shapes by their bounds, and
-    /// [`Bvh::par_meeting_triangles`] leaves them out.
+    /// [`Bvh::par_intersecting_triangles`] leaves them out.
     ///
     /// # Errors
     /// [`NotFinite::Bounds`] for the first shape whose bounds are not finite in f32, or turned around. Nothing changes.

@@ -24,9 +24,10 @@ const MIN_PACKET: usize = 16;
 /// The largest exponent in [`Backoff`]. Measurements: docs/decisions.md.
 const MAX_DOUBLINGS: u32 = 4;
 
-/// Leaves out packets of a call after several that were abandoned in turn: the next ones are likely to diverge, too, and
-/// what a packet did until it was abandoned is lost. After 1, 2, 3 and so on: 0, 1, 3, up to 2^[`MAX_DOUBLINGS`] - 1.
-/// It serves calls of many packets; nothing is remembered from one call to the next, so that results and counters of a
+/// Leaves out packets of a call after several that were abandoned in turn: the next ones are likely to diverge, too,
+/// and what a packet did until it was abandoned is lost. After 1, 2, 3 and so on: 0, 1, 3, up to 2^[`MAX_DOUBLINGS`] -
+/// 1. It serves calls of many packets; nothing is remembered from one call to the next, so that results and counters of
+///    a
 /// call depend on its rays alone.
 #[derive(Default)]
 struct Backoff {
@@ -148,7 +149,8 @@ impl<T: Tier> Wide<T> {
         self.stream(all, waiting.0, &mut results, first, traversal);
     }
 
-    /// Sets the results of a range of rays, traced as a stream or one by one; that of the first ray of all is at `first`.
+    /// Sets the results of a range of rays, traced as a stream or one by one; that of the first ray of all is at
+    /// `first`.
     fn stream(
         &self,
         rays: Rays,

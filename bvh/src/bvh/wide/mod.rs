@@ -1,4 +1,5 @@
-//! BVH8: inner nodes of eight children, leaves of up to four triangles or analytic shapes, and four traversals over them.
+//! BVH8: inner nodes of eight children, leaves of up to four triangles or analytic shapes, and four traversals over
+//! them.
 //!
 //! A ray passes these files:
 //! 1. [`dispatch`] implements [`Accelerator`](super::Accelerator): it chooses the traversal by the rays of the batch,
@@ -12,8 +13,8 @@
 //! 3. All of them read the nodes and leaves of [`layout`] and decide hits by the primitive tests of the
 //!    [`Tier`](crate::geometry::Tier), so a hit has the same bits whichever traversal found it, except in `fast`.
 //!
-//! The instruction sets ([`Simd`](crate::geometry::simd::Simd)) give the same results: AVX2 with FMA has all traversals,
-//! AVX-512 all but [`single`], portable Rust [`packet`], [`all_pairs`] and [`single`].
+//! The instruction sets ([`Simd`](crate::geometry::simd::Simd)) give the same results: AVX2 with FMA has all
+//! traversals, AVX-512 all but [`single`], portable Rust [`packet`], [`all_pairs`] and [`single`].
 
 mod all_pairs;
 mod dispatch;

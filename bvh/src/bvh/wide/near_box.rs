@@ -37,8 +37,8 @@ pub(super) fn visit<T: Tier>(
     });
 }
 
-/// Calls `leaf` with the leaves that are no farther from a box than `limit`, or than the distance that it returned last,
-/// the nearest nodes first.
+/// Calls `leaf` with the leaves that are no farther from a box than `limit`, or than the distance that it returned
+/// last, the nearest nodes first.
 #[inline(always)]
 pub(crate) fn descend_near(
     nodes: &[Node],
