@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use kiln::bvh::{Bvh, Preset, Primitive, SignedHit, Traversal};
-use kiln::geometry::{Numerics, PrimId, Ray, RayBuffer, Shape, Side};
+use kiln::geometry::{Numerics, PrimId, Ray, RayBuffer, Side, UserGeometry};
 use kiln::glam::DVec3;
 
 use crate::common::Numbers;
@@ -35,7 +35,7 @@ fn points(torus: &Torus, ray: &Ray) -> Vec<(f64, Side)> {
 
 fn with_torus(others: &[Primitive], torus: Torus, numerics: Numerics) -> Bvh {
     let mut bvh = Bvh::with(others.iter().copied(), Preset::default(), numerics).expect("finite");
-    bvh.set_shapes([Arc::new(torus) as Arc<dyn Shape>]).expect("finite");
+    bvh.set_user_geometry([Arc::new(torus) as Arc<dyn UserGeometry>]).expect("finite");
     bvh
 }
 

@@ -1,5 +1,5 @@
-//! A shape of one's own: a torus beside a sphere and a floor of triangles, looked at from above, with every hit as a
-//! character; and what its other queries return.
+//! User geometry: a torus beside a sphere and a floor of triangles, seen from above, with every hit as a character; and
+//! the results of other queries.
 //!
 //! cargo run --release -p kiln-bvh --example torus
 
@@ -10,7 +10,7 @@ use std::fmt::Write;
 use std::sync::Arc;
 
 use kiln_bvh::bvh::{Bvh, Primitive, Traversal};
-use kiln_bvh::geometry::Shape;
+use kiln_bvh::geometry::UserGeometry;
 use kiln_bvh::glam::DVec3;
 use shape::Torus;
 
@@ -27,7 +27,7 @@ pub fn describe() -> Result<String, Box<dyn Error>> {
     let floor = [[0, 1, 2], [0, 2, 3]].map(|triangle| Primitive::from(triangle.map(|i: usize| corners[i])));
     let torus = Torus { centre: DVec3::ZERO, major: 2.0, minor: 0.5 };
     let mut bvh = Bvh::new([ball].into_iter().chain(floor))?;
-    bvh.set_shapes([Arc::new(torus) as Arc<dyn Shape>])?;
+    bvh.set_user_geometry([Arc::new(torus) as Arc<dyn UserGeometry>])?;
 
     let (mut text, mut traversal) = (String::new(), Traversal::default());
     let eye = DVec3::new(0.0, -9.0, 6.0);

@@ -1,15 +1,16 @@
-//! [`Torus`]: a shape whose intersections with rays are decided exactly.
+//! [`Torus`]: user geometry whose intersections with rays are decided exactly.
 //!
-//! With p the point of a ray at t, relative to the centre, the torus around the z axis is where `f(t) = (|p|² + R² -
-//! r²)²
-//! - 4 R² (x² + y²)` is 0: a polynomial of degree four, negative within. Every f64 is an integer times a power of two,
-//!   so f has integer coefficients but for a factor. Sturm's theorem counts its roots in an interval exactly: the
-//!   sequence of f, f' and the negative remainders of their divisions changes sign more often at the start of the
-//!   interval than at its end, by the number of different roots within. Halving the interval finds each root between
-//!   two consecutive f64. So no root is lost, of whatever multiplicity, none is invented, and t has an error of less
-//!   than 1 ulp.
+//! With p the point of a ray at t, relative to the centre, the torus around the z axis is where
+//!
+//! `f(t) = (|p|² + R² - r²)² - 4 R² (x² + y²)`
+//!
+//! is 0: a polynomial of degree four, negative within. Every f64 is an integer times a power of two, so f has integer
+//! coefficients but for a factor. Sturm's theorem counts its roots in an interval exactly: the sequence of f, f' and
+//! the negative remainders of their divisions changes sign more often at the start of the interval than at its end, by
+//! the number of different roots within. Halving the interval finds each root between two consecutive f64. So every root is
+//! found, of whatever multiplicity, no other number is, and t has an error of less than 1 ulp.
 
-use kiln_bvh::geometry::{Ray, Shape, Side};
+use kiln_bvh::geometry::{Ray, Side, UserGeometry};
 use kiln_bvh::glam::DVec3;
 use num_bigint::{BigInt, Sign};
 
@@ -51,7 +52,7 @@ impl Torus {
     }
 }
 
-impl Shape for Torus {
+impl UserGeometry for Torus {
     fn bounds(&self) -> [DVec3; 2] {
         let reach = DVec3::new(self.major + self.minor, self.major + self.minor, self.minor);
         // More than the rounding of both sums.

@@ -55,8 +55,10 @@ pub enum NotFinite {
     Distance,
     /// The minimum distance of a ray is NaN or negative.
     MinDistance,
-    /// The bounds of a shape, whose index this is ([`Bvh::set_shapes`]), or they are turned around.
+    /// The bounds of the user geometry with this index ([`Bvh::set_user_geometry`]); also if they are inverted.
     Bounds(usize),
+    /// The user geometry with this index has no id or slot: 32 bits number those of all primitives.
+    Id(usize),
 }
 
 impl std::fmt::Display for NotFinite {
@@ -67,8 +69,12 @@ impl std::fmt::Display for NotFinite {
                 "primitive {index} has a coordinate or a radius that is not finite, or too large for f32"
             ),
             NotFinite::Bounds(index) => {
-                write!(f, "the bounds of shape {index} are not finite, too large for f32, or turned around")
+                write!(
+                    f,
+                    "the bounds of user geometry {index} are not finite, too large for f32, or inverted"
+                )
             }
+            NotFinite::Id(index) => write!(f, "there is no id for user geometry {index}: 32 bits number all"),
             NotFinite::Origin => f.write_str("the origin of a ray is not finite, or too large for f32"),
             NotFinite::Direction => f.write_str("the direction of a ray is not finite, or zero"),
             NotFinite::Distance => {
@@ -422,10 +428,10 @@ impl Bvh {
                 return Ok(Update::Refitted(relative_cost));
             }
         }
-        let shapes: Vec<_> = self.shapes().cloned().collect();
+        let shapes: Vec<_> = self.user_geometries().cloned().collect();
         *self = Bvh::over(&now, self.layout, self.numerics);
         if !shapes.is_empty() {
-            self.set_shapes(shapes)?;
+            self.set_user_geometry(shapes)?;
         }
         Ok(Update::Rebuilt)
     }
@@ -436,7 +442,7 @@ impl Bvh {
         self.expansions = OnceLock::new();
     }
 
-    /// The number of ids of primitives, shapes not included.
+    /// The number of ids of primitives, without user geometry.
     pub(super) fn ids(&self) -> u32 {
         self.instances.ids().unwrap_or(self.has_slot.len() as u32)
     }

@@ -328,7 +328,7 @@ pub(crate) trait Nearby {
         });
     }
 
-    /// The structure of its primitives and the shapes beside them; `None` without shapes.
+    /// The structure of its primitives and the user geometry beside them; `None` without any.
     fn parts(&self) -> Option<(&Arc<dyn Accelerator>, &Shapes)> {
         None
     }
@@ -338,7 +338,7 @@ pub(crate) trait Nearby {
         None
     }
 
-    /// The end of the slots that none of its primitives uses, which are the highest below.
+    /// The end of the range of slots without a primitive. Slots of instances begin there.
     fn slots_end(&self) -> u32 {
         u32::MAX
     }

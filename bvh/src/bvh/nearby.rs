@@ -75,7 +75,7 @@ impl Bvh {
     }
 
     /// The primitives of which `is_found` returns `true`, of those whose bounds have a point in common with a box and
-    /// perhaps of others; in order of id. None for a box that is turned around or has NaN.
+    /// perhaps of others; in order of id. None for a box that is inverted or has NaN.
     fn each_in_box(
         &self,
         ends: [DVec3; 2],

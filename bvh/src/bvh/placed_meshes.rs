@@ -92,7 +92,7 @@ impl Bvh {
             .into_iter()
             .filter_map(|Slot { primitive, id }| Some(Slot { primitive: primitive.rounded(precision)?, id }));
         let flat = build(rounded, self.layout, self.numerics);
-        let shapes: Vec<_> = self.shapes().cloned().collect();
+        let shapes: Vec<_> = self.user_geometries().cloned().collect();
         self.accelerator = if instances.is_empty() {
             self.instances.built.clear();
             flat
@@ -104,7 +104,7 @@ impl Bvh {
         self.has_slot.clear();
         self.forget_surface();
         if !shapes.is_empty() {
-            self.set_shapes(shapes).map_err(InvalidMesh::NotFinite)?;
+            self.set_user_geometry(shapes).map_err(InvalidMesh::NotFinite)?;
         }
         Ok(())
     }

@@ -48,7 +48,7 @@ pub(super) use expansions::Expansions;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct WindingNumber {
-    /// 1 well inside, 0 outside, -1 inside of a surface turned inside out; near a hole anything between.
+    /// 1 well inside, 0 outside, -1 inside of an inverted surface; near a hole anything between.
     pub value: f64,
     /// A bound on the error of the value: 0 for a closed surface.
     pub error: f64,
@@ -86,7 +86,8 @@ impl Bvh {
     ///
     /// For triangles as stored, with corners rounded to the tier's precision. A disk that is not distant adds an
     /// error of 1/2. The first call after building or [`Bvh::update`] takes O(n log² n) time and some 150 bytes of
-    /// memory a triangle. The error is infinite for NaN and for a point too large for f32.
+    /// memory a triangle. The error is infinite for NaN, for a point too large for f32, and with user geometry that is
+    /// not closed.
     pub fn generalised_winding_number(
         &self,
         point: impl Into<DVec3>,
@@ -103,7 +104,8 @@ impl Bvh {
         self.with_shapes(number, point, traversal)
     }
 
-    /// The winding number with that of [`Bvh::shapes`]: exact for closed ones, nothing but an error for others.
+    /// The winding number with that of [`Bvh::user_geometries`]: exact for closed ones; of open ones 0, with an
+    /// infinite error, as their solid angles are unknown.
     pub(super) fn with_shapes(
         &self,
         number: WindingNumber,
@@ -113,7 +115,7 @@ impl Bvh {
         let Some((shapes, ray)) = self.own_shapes().zip(winding_ray(point)) else { return number };
         WindingNumber {
             value: number.value + f64::from(shapes.winding_number_of_closed(&ray, traversal)),
-            error: number.error + 0.5 * shapes.open() as f64,
+            error: if shapes.open() > 0 { f64::INFINITY } else { number.error },
         }
     }
 

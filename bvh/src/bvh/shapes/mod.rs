@@ -1,7 +1,8 @@
-//! [`Bvh::set_shapes`]: surfaces of other crates ([`Shape`]) beside the primitives of a structure.
+//! [`Bvh::set_user_geometry`]: surfaces with intersection functions of their own ([`UserGeometry`]; here shapes) beside
+//! the primitives of a structure.
 //!
 //! They have a tree of their own, and so do not change how triangles and analytic shapes are stored and traced. That
-//! structure is traversed first, then the tree of the shapes, as far as what was found.
+//! structure is traversed first, then the tree of the shapes, up to the closest hit found before.
 
 #[cfg(test)]
 mod tests;
@@ -18,20 +19,20 @@ use super::{
 };
 use crate::geometry::simd::{InstructionSet, Portable, Simd};
 use crate::geometry::{
-    Bounds, Hit, HitBuffer, LineTest, Numerics, PrimId, Ray, Rays, Shape, Side, SlotId, Triangle,
-    clamp_to_bounds, is_before_exactly,
+    Bounds, Hit, HitBuffer, LineTest, NO_PRIMITIVE, Numerics, PrimId, Ray, Rays, Side, SlotId, Triangle,
+    UserGeometry, clamp_to_bounds, is_before_exactly,
 };
 
 /// A shape and its bounds.
 struct Bounded {
-    shape: Arc<dyn Shape>,
+    shape: Arc<dyn UserGeometry>,
     bounds: [DVec3; 2],
 }
 
 impl Bounded {
     /// # Errors
     /// [`NotFinite::Bounds`] with the index of the shape.
-    fn new((index, shape): (usize, Arc<dyn Shape>)) -> Result<Self, NotFinite> {
+    fn new((index, shape): (usize, Arc<dyn UserGeometry>)) -> Result<Self, NotFinite> {
         let bounds = shape.bounds();
         let [min, max] = bounds;
         let is_finite = min.as_vec3().is_finite() && max.as_vec3().is_finite();
@@ -66,10 +67,13 @@ pub(crate) struct Shapes {
 }
 
 impl Shapes {
+    /// `first` is the first id, and `slots_end` the end of the slots, below which the highest are used.
+    ///
     /// # Errors
-    /// [`NotFinite::Bounds`] for the first shape whose bounds are no box that is finite in f32.
+    /// [`NotFinite::Bounds`] for the first shape whose bounds are no box that is finite in f32; [`NotFinite::Id`] for
+    /// the first without an id or a slot.
     fn new(
-        shapes: impl IntoIterator<Item = Arc<dyn Shape>>,
+        shapes: impl IntoIterator<Item = Arc<dyn UserGeometry>>,
         preset: Preset,
         [first, slots_end]: [u32; 2],
     ) -> Result<Self, NotFinite> {
@@ -77,10 +81,13 @@ impl Shapes {
             shapes.into_iter().enumerate().map(Bounded::new).collect::<Result<_, _>>()?;
         let boxes: Vec<Bounds> =
             shapes.iter().map(|Bounded { bounds: [min, max], .. }| Bounds::rounded_out(*min, *max)).collect();
+        let most = slots_end.min(NO_PRIMITIVE - first);
+        let slot =
+            u32::try_from(shapes.len()).ok().filter(|count| *count <= most).map(|count| slots_end - count);
+        let slot = slot.ok_or(NotFinite::Id(most as usize))?;
         let (tree, order) = build_over(&boxes, preset, 1);
-        let count = u32::try_from(shapes.len()).expect("primitives are numbered with 32 bits");
         let instructions = InstructionSet::widest();
-        Ok(Shapes { shapes, tree, order, first, slot: slots_end - count, instructions })
+        Ok(Shapes { shapes, tree, order, first, slot, instructions })
     }
 
     /// Calls `visit` with the index of each shape whose box the ray enters before `t_max`, until it returns
@@ -173,7 +180,12 @@ impl Shapes {
         self.sum_of_sides(ray, |shape| shape.is_closed(), traversal)
     }
 
-    fn sum_of_sides(&self, ray: &Ray, counts: impl Fn(&dyn Shape) -> bool, traversal: &mut Traversal) -> i32 {
+    fn sum_of_sides(
+        &self,
+        ray: &Ray,
+        counts: impl Fn(&dyn UserGeometry) -> bool,
+        traversal: &mut Traversal,
+    ) -> i32 {
         let mut sum = 0;
         self.each_near::<false>(ray, ray.t_max, traversal, |index| {
             let bounded = &self.shapes[index];
@@ -205,7 +217,7 @@ impl Shapes {
         });
     }
 
-    /// Appends the shapes whose bounds have a point in common with the box, which is not turned around, in order of id.
+    /// Appends the shapes whose bounds have a point in common with the box, which is not inverted, in order of id.
     pub(super) fn add_in_box(
         &self,
         ends: [DVec3; 2],
@@ -230,12 +242,12 @@ impl Shapes {
     }
 
     /// The shape of a slot; `None` for the slots of other primitives.
-    pub(super) fn in_slot(&self, slot: SlotId) -> Option<&Arc<dyn Shape>> {
+    pub(super) fn in_slot(&self, slot: SlotId) -> Option<&Arc<dyn UserGeometry>> {
         let index = slot.index().checked_sub(self.slot)?;
         self.shapes.get(index as usize).map(|bounded| &bounded.shape)
     }
 
-    fn get(&self, prim: PrimId) -> Option<&Arc<dyn Shape>> {
+    fn get(&self, prim: PrimId) -> Option<&Arc<dyn UserGeometry>> {
         let index = prim.0.checked_sub(self.first)?;
         self.shapes.get(index as usize).map(|bounded| &bounded.shape)
     }
@@ -259,8 +271,8 @@ impl WithShapes {
     ) -> Option<Hit> {
         let mut best = flat;
         let is_exact = self.numerics() == Numerics::Exact;
-        let is_better = |hit: &Hit, best: &Hit| match best.slot.index() < self.shapes.slot {
-            true if is_exact => is_before_exactly(ray, hit.t, best.t, self.flat.primitive(best.slot).into()),
+        let is_better = |hit: &Hit, best: &Hit| match self.shapes.in_slot(best.slot) {
+            None if is_exact => is_before_exactly(ray, hit.t, best.t, self.flat.primitive(best.slot).into()),
             _ => hit.is_before(best),
         };
         let t_max = flat.map_or(ray.t_max, |hit| hit.t);
@@ -401,7 +413,7 @@ impl Accelerator for WithShapes {
 
     /// A triangle of NaN for a shape: it is none of [`Primitive`].
     fn primitive(&self, slot: SlotId) -> Primitive {
-        if slot.index() >= self.shapes.slot {
+        if self.shapes.in_slot(slot).is_some() {
             return Primitive::Triangle(Triangle([DVec3::NAN; 3]));
         }
         self.flat.primitive(slot)
@@ -434,37 +446,43 @@ impl Accelerator for WithShapes {
 }
 
 impl Bvh {
-    /// Replaces the shapes of other crates ([`Shape`]) beside the primitives; none by default. The tree over the
-    /// primitives stays. A shape's id is the number of primitives plus its index in `shapes`; [`Bvh::update`] and
-    /// [`Bvh::set_instances`] keep the shapes, and numbers them anew. A shape that moves is another: call this again.
+    /// Replaces the user geometry ([`UserGeometry`]) beside the primitives; none by default. The tree over the
+    /// primitives stays. The id of each is the number of primitives plus its index in `shapes`; [`Bvh::update`] and
+    /// [`Bvh::set_instances`] keep the user geometry, and number it anew. To move or deform some, call this again.
     ///
-    /// Every query of rays finds them, and [`Bvh::shape`] returns them by id; [`Accelerator::primitive`] of their slots
-    /// is a triangle of NaN. Crossings at equal t are in order of id. [`Bvh::in_box`] takes shapes by their bounds, and
-    /// [`Bvh::par_intersecting_triangles`] leaves them out.
+    /// Every query of rays finds it, and [`Bvh::user_geometry`] returns it by id; [`Accelerator::primitive`] of its
+    /// slots is a triangle of NaN. Crossings at equal t are in order of id. [`Bvh::in_box`] tests its bounds, and
+    /// [`Bvh::par_intersecting_triangles`] ignores it. Queries for hits use the first point between the ends of the ray,
+    /// and so do filters ([`Bvh::closest_hit_by`]).
     ///
     /// # Errors
-    /// [`NotFinite::Bounds`] for the first shape whose bounds are not finite in f32, or turned around. Nothing changes.
-    pub fn set_shapes(&mut self, shapes: impl IntoIterator<Item = Arc<dyn Shape>>) -> Result<(), NotFinite> {
+    /// [`NotFinite::Bounds`] for the first whose bounds are not finite in f32, or inverted; [`NotFinite::Id`] if there
+    /// are too many. Nothing changes.
+    pub fn set_user_geometry(
+        &mut self,
+        shapes: impl IntoIterator<Item = Arc<dyn UserGeometry>>,
+    ) -> Result<(), NotFinite> {
         let ends = [self.ids(), self.accelerator.slots_end()];
         let shapes = Shapes::new(shapes, self.layout.preset().unwrap_or_default(), ends)?;
         let flat = self.accelerator.parts().map_or(&self.accelerator, |parts| parts.0).clone();
-        self.accelerator = Arc::new(WithShapes { flat, shapes });
+        self.accelerator =
+            if shapes.shapes.is_empty() { flat } else { Arc::new(WithShapes { flat, shapes }) };
         self.forget_surface();
         Ok(())
     }
 
-    /// The shape of an id ([`Bvh::set_shapes`]); `None` for other primitives.
-    pub fn shape(&self, prim: PrimId) -> Option<&Arc<dyn Shape>> {
+    /// The user geometry with an id ([`Bvh::set_user_geometry`]); `None` for other primitives.
+    pub fn user_geometry(&self, prim: PrimId) -> Option<&Arc<dyn UserGeometry>> {
         self.own_shapes()?.get(prim)
     }
 
-    /// The shapes and their tree.
+    /// The user geometry and its tree; `None` without any.
     pub(super) fn own_shapes(&self) -> Option<&Shapes> {
         self.accelerator.parts().map(|parts| parts.1)
     }
 
-    /// All shapes, in order.
-    pub fn shapes(&self) -> impl Iterator<Item = &Arc<dyn Shape>> {
+    /// All user geometry, in order.
+    pub fn user_geometries(&self) -> impl Iterator<Item = &Arc<dyn UserGeometry>> {
         self.own_shapes().into_iter().flat_map(|all| all.shapes.iter().map(|bounded| &bounded.shape))
     }
 }
