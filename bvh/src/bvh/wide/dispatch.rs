@@ -25,10 +25,9 @@ const MIN_PACKET: usize = 16;
 const MAX_DOUBLINGS: u32 = 4;
 
 /// Leaves out packets of a call after several that were abandoned in turn: the next ones are likely to diverge, too,
-/// and what a packet did until it was abandoned is lost. After 1, 2, 3 and so on: 0, 1, 3, up to 2^[`MAX_DOUBLINGS`] -
-/// 1. It serves calls of many packets; nothing is remembered from one call to the next, so that results and counters of
-///    a
-/// call depend on its rays alone.
+/// and what a packet did until it was abandoned is lost. After n in turn, 2^(n-1) - 1 are left out: 0, 1, 3, up to
+/// 2^[`MAX_DOUBLINGS`] - 1. It serves calls of many packets; nothing is remembered from one call to the next, so that
+/// results and counters of a call depend on its rays alone.
 #[derive(Default)]
 struct Backoff {
     abandoned: u32,
