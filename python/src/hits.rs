@@ -43,13 +43,13 @@ impl Found {
         name: &str,
         fields: impl IntoIterator<Item = Bound<'py, PyAny>, IntoIter: ExactSizeIterator>,
         state: Arc<State>,
-        places: PyReadwriteArray2<'py, u32>,
+        places: &PyReadwriteArray2<'py, u32>,
         shape: Vec<usize>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = places.py();
         let fields = fields.into_iter().map(|field| in_shape(field, &shape));
         let result = result(py, name, fields.collect::<PyResult<Vec<_>>>()?)?;
-        let found = Found { state, places: (**places).clone().unbind(), shape };
+        let found = Found { state, places: (***places).clone().unbind(), shape };
         result.setattr("_found", Bound::new(py, found)?)?;
         Ok(result)
     }
@@ -245,7 +245,7 @@ impl<'py> Columns<'py> {
         let name = if ray.is_some() { "AllHits" } else { "Hits" };
         let own = [any(&self.triangle), any(&self.distance), any(&self.location), any(&self.barycentrics)];
         let fields: Vec<_> = ray.into_iter().chain(own).collect();
-        Found::result(name, fields, state, self.place, shape)
+        Found::result(name, fields, state, &self.place, shape)
     }
 }
 

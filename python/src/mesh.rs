@@ -404,7 +404,7 @@ impl Mesh {
             }
         })?;
         let fields = [any(&index), any(&triangle), any(&distance), any(&location), any(&entering)];
-        Found::result("Crossings", fields, state, place, vec![len])
+        Found::result("Crossings", fields, state, &place, vec![len])
     }
 
     /// Whether points are inside the surface: (n,) bool, whether the winding number is not 0. Exact for a closed
@@ -474,7 +474,7 @@ impl Mesh {
         let (location, distance) = (rows(py, location.collect())?, vector(py, distance.collect()));
         let fields = [location, distance, vector(py, triangle.collect::<Vec<i64>>())];
         let places = Found::places(py, found.iter().map(|closest| closest.map(|closest| closest.prim)))?;
-        Found::result("ClosestPoints", fields, state, places, points.shape)
+        Found::result("ClosestPoints", fields, state, &places, points.shape)
     }
 
     /// The triangles near points, each with its closest point: NearPoints, sorted by point, then distance, then
@@ -509,7 +509,7 @@ impl Mesh {
         let location = rows(py, found.iter().map(|(_, near)| near.point.to_array()).collect())?;
         let fields = [vector(py, point), vector(py, triangle), vector(py, distance), location];
         let places = Found::places(py, found.iter().map(|(_, near)| Some(near.prim)))?;
-        Found::result("NearPoints", fields, state, places, vec![found.len()])
+        Found::result("NearPoints", fields, state, &places, vec![found.len()])
     }
 
     /// The triangles that have a point in a box, its border included: Primitives, sorted by object, then triangle.

@@ -183,7 +183,8 @@ if TYPE_CHECKING:
         let is_import = |long: &str| argument(&import, |own| own == long).is_some();
         // Functions have parameters for some.
         let of_pictures = |long: &str| !is_import(long) && !["camera", "size", "samples"].contains(&long);
-        let classes: [(&str, &str, &str, &dyn Fn(&str) -> bool); 4] = [
+        type Class<'a> = (&'a str, &'a str, &'a str, &'a dyn Fn(&str) -> bool);
+        let classes: [Class; 4] = [
             ("ReadOptions", "TypedDict", "How files are read.", &is_import),
             (
                 "ViewOptions",
