@@ -17,9 +17,11 @@ use crate::geometry::{Hit, HitBuffer, PACKET, Ray, RayBuffer, Rays, Side};
 /// The queries of a task.
 pub(super) const GROUP: usize = 1 << 12;
 
-/// The points of a task for closest points. The more are sorted together, the closer are neighbours
-/// (docs/decisions.md).
-const POINTS: usize = 1 << 14;
+/// The points of a task for queries that sort them: a share for each thread, but at most 2^14. The more are sorted
+/// together, the closer are neighbours (docs/decisions.md).
+fn points_of_task(count: usize) -> usize {
+    count.div_ceil(rayon::current_num_threads()).clamp(1, 1 << 14)
+}
 
 /// Bits of each coordinate on the Morton curve.
 const BITS: usize = 5;
@@ -319,7 +321,8 @@ impl Bvh {
         }
         let expansions = self.expansions();
         let mut results = vec![WindingNumber { value: 0.0, error: 0.0 }; points.len()];
-        results.par_chunks_mut(POINTS).zip(points.par_chunks(POINTS)).for_each_init(
+        let task = points_of_task(points.len());
+        results.par_chunks_mut(task).zip(points.par_chunks(task)).for_each_init(
             || (Order::default(), Vec::new(), Vec::new()),
             |(order, sorted, stack), (results, points)| {
                 order.fill(points.len(), true, |index| [points[index], DVec3::ZERO]);
@@ -350,7 +353,8 @@ impl Bvh {
         max_distance: f64,
     ) -> Vec<Option<ClosestPoint>> {
         let mut results = vec![None; points.len()];
-        results.par_chunks_mut(POINTS).zip(points.par_chunks(POINTS)).for_each_init(
+        let task = points_of_task(points.len());
+        results.par_chunks_mut(task).zip(points.par_chunks(task)).for_each_init(
             Worker::default,
             |worker, (results, points)| {
                 worker.order.fill(points.len(), true, |index| [points[index], DVec3::ZERO]);
