@@ -2,13 +2,13 @@
 
 use std::sync::{Arc, PoisonError, RwLock};
 
-use kiln::bvh::{Bvh, ClosestPoint, NotClosed, RayList, SignedHit, Traversal};
+use kiln::bvh::{Bvh, ClosestPoint, NotClosed, Preset, Primitive, RayList, SignedHit, Traversal};
 use kiln::geometry::{PrimId, Side};
 use kiln::glam::DVec3;
 use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
+use pyo3::types::{PyDict, PyTuple};
 use rayon::prelude::*;
 
 use crate::arrays::{
@@ -47,6 +47,7 @@ pub(crate) struct Mesh {
 struct Arrays {
     vertices: usize,
     faces: Vec<[u32; 3]>,
+    preset: Preset,
 }
 
 /// The points of an argument.
@@ -145,8 +146,9 @@ impl Mesh {
         let faces = triangles(faces, "faces", vertices.shape()[0])?;
         let vertices: &[[f64; 3]] = chunks(&vertices)?;
         check_finite(vertices, "vertices")?;
-        let state = State::of_triangles(py, vertices, &faces, named(tier, preset)?)?;
-        let arrays = Arrays { vertices: vertices.len(), faces };
+        let (numerics, preset) = named(tier, preset)?;
+        let state = State::of_triangles(py, vertices, &faces, (numerics, preset))?;
+        let arrays = Arrays { vertices: vertices.len(), faces, preset };
         Ok(Mesh { arrays: Some(Arc::new(arrays)), ..Mesh::of(state) })
     }
 
@@ -177,6 +179,30 @@ impl Mesh {
 
     fn __deepcopy__(&self, _memo: &Bound<PyAny>) -> Self {
         self.__copy__()
+    }
+
+    /// For pickle: the arrays as they are now, with vertices in the precision of the tier. Vertices without a face are 0.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, impl IntoPyObject<'py>)> {
+        let (py, mesh) = (slf.py(), slf.get());
+        let Some(arrays) = &mesh.arrays else {
+            let what = format!("cannot pickle '{}': it is not made of vertices and faces", slf.get_type());
+            return Err(PyTypeError::new_err(what));
+        };
+        let mut vertices = vec![[0.0; 3]; arrays.vertices];
+        mesh.now().bvh.accelerator().each_primitive(&mut |prim, primitive| {
+            if let Primitive::Triangle(triangle) = primitive {
+                for (index, corner) in arrays.faces[prim.0 as usize].into_iter().zip(triangle.0) {
+                    vertices[index as usize] = corner.to_array();
+                }
+            }
+        });
+        let mut faces = zeros::<u32, 2>(py, [arrays.faces.len(), 3])?;
+        faces.as_slice_mut()?.copy_from_slice(arrays.faces.as_flattened());
+        let options = PyDict::new(py);
+        options.set_item("tier", mesh.tier())?;
+        options.set_item("preset", arrays.preset.name())?;
+        let new = py.import("copyreg")?.getattr("__newobj_ex__")?;
+        Ok((new, (slf.get_type(), (rows(py, vertices)?, any(&faces)), options)))
     }
 
     /// The number of triangles.

@@ -172,8 +172,8 @@ def test_options_of_reading_are_errors_for_a_scene_that_is_read(scene):
             call()
 
 
-def test_nothing_is_pickled(scene):
-    objects = [scene, kiln.Mesh(VERTICES, FACES), kiln.render(scene, size=(4, 4))]
+def test_scenes_and_pictures_are_not_pickled(scene):
+    objects = [scene, scene.mesh(), kiln.Instances(), kiln.render(scene, size=(4, 4))]
     for value in objects:
         with pytest.raises(TypeError, match=f"cannot pickle '?(kiln\\.)?.*{type(value).__name__}"):
             pickle.dumps(value)

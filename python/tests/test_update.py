@@ -1,5 +1,6 @@
 """Meshes whose vertices move."""
 
+import pickle
 import threading
 
 import numpy as np
@@ -102,3 +103,23 @@ def test_updates_that_raise_change_nothing():
     assert_equal(answers(mesh), before)
     with pytest.raises(ValueError, match="only a mesh of vertices and faces"):
         kiln.Scene({"sphere": [{"centre": [0, 0, 0], "radius": 1}]}).mesh().update(VERTICES)
+
+
+@pytest.mark.parametrize("tier", TIERS)
+@pytest.mark.parametrize("preset", ["fast-build", "best-trace"])
+def test_meshes_are_pickled(tier, preset):
+    vertices, faces = icosphere(2)
+    # A vertex without a face.
+    vertices = np.concatenate([vertices, [[5, 5, 5]]])
+    mesh = kiln.Mesh(vertices, faces, tier=tier, preset=preset)
+    mesh.update(vertices * [1, 2, 1 / 3])
+    again = pickle.loads(pickle.dumps(mesh))
+    assert (len(again), again.tier) == (len(mesh), tier)
+    points = np.random.default_rng(0).uniform(-2, 2, (200, 3))
+    for query in ("signed_distance", "contains"):
+        np.testing.assert_array_equal(getattr(again, query)(points), getattr(mesh, query)(points))
+    ours, theirs = again.crossings(points, -points), mesh.crossings(points, -points)
+    np.testing.assert_array_equal(ours.distance, theirs.distance)
+    again.update(vertices)
+    with pytest.raises(ValueError, match="vertices"):
+        again.update(vertices[:-1])
