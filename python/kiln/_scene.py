@@ -220,7 +220,12 @@ def camera_rays(
     camera: the keys of one in scene files, such as {"position": [0, 0, 5], "look_at": [0, 0, 0], "vertical_fov": 40}.
     size: width and height in pixels.
     """
-    width, height = size
+    from operator import index  # takes integers of numpy, too
+
+    try:
+        width, height = map(index, size)
+    except (TypeError, ValueError):
+        raise ValueError(f"size: expected width and height in pixels, not {size!a}") from None
     return _kiln.camera_rays(_toml.value(camera, "camera"), (width, height))
 
 
@@ -233,6 +238,12 @@ def pinhole_rays(
     [fx, fy, cx, cy]. pose: (4, 4), world from camera. size: width and height in pixels.
     axes: those of the camera: "opencv" has y down and z ahead, "opengl" y up and z backwards.
     """
+    from numpy import shape  # importing kiln does not import numpy
+
+    for name, value, shapes in (("K", K, [(3, 3), (4,)]), ("pose", pose, [(4, 4)])):
+        if shape(value) not in shapes:
+            expected = " or ".join(map(str, shapes))
+            raise ValueError(f"{name}: expected the shape {expected}, not {shape(value)}")
     return camera_rays({"K": K, "pose": pose, "axes": axes}, size)
 
 

@@ -128,7 +128,11 @@ impl Mesh {
         if needs_inside {
             let closedness = in_threads(py, || bvh.closedness())?;
             if !closedness.is_closed() {
-                warn(py, &NotClosed(closedness).to_string())?;
+                let what = NotClosed(closedness);
+                warn(
+                    py,
+                    &format!("{what}; contains(points, return_margin=True) says how certain its answers are"),
+                )?;
             }
         }
         Ok((points.results(|points| query(bvh, points))?, points.shape))

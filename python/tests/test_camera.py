@@ -62,7 +62,35 @@ def test_pictures_see_what_the_rays_hit():
     assert np.allclose(t[np.isfinite(t)], depth[np.isfinite(t)], rtol=1e-5)
 
 
+def test_oblong_pixels_see_what_the_rays_hit():
+    """The rectangle (W / fx, H / fy) at distance 1 has the rays of a K with the principal point in the middle, if
+    pixels may be oblong; else the picture shows more, and says so."""
+    vertices, faces = TETRAHEDRON
+    (width, height), (fx, fy), position = (96, 64), (120.0, 90.0), [0.4, 0.3, 4]
+    camera = {"position": position, "look_at": [0.4, 0.3, 0], "viewpoint_distance": 1}
+    camera["viewing_rectangle"] = [width / fx, height / fy]
+    scene = kiln.Scene()
+    scene.add(vertices, faces)
+    pose = np.diag([1.0, -1, -1, 1])
+    pose[:3, 3] = position
+    k = [fx, fy, (width - 1) / 2, (height - 1) / 2]
+    hits = kiln.Mesh(vertices, faces).first(*kiln.pinhole_rays(k, pose, (width, height)))
+    options = {"size": (width, height), "aovs": ["primitive"], "numerics": "double"}
+    picture = kiln.render(scene, camera=camera | {"oblong_pixels": True}, **options)
+    assert (picture.aovs["primitive"] == hits.triangle).all() and (hits.triangle >= 0).sum() > 100
+    shows_more = kiln.render(scene, camera=camera, **options)
+    assert (shows_more.aovs["primitive"] != hits.triangle).any()
+    assert any("rectangle" in note for note in shows_more.notes) and not picture.notes
+
+
 def test_cameras_say_what_is_wrong_with_them():
+    for call, text in [
+        (lambda: kiln.pinhole_rays(np.eye(4), np.eye(4), SIZE), r"^K: expected the shape \(3, 3\) or \(4,\), not"),
+        (lambda: kiln.pinhole_rays(K, np.eye(4)[:3], SIZE), r"^pose: expected the shape \(4, 4\), not \(3, 4\)"),
+        (lambda: kiln.pinhole_rays(K, np.eye(4), (4.5, 3)), "^size: expected width and height"),
+    ]:
+        with pytest.raises(ValueError, match=text):
+            call()
     with pytest.raises(ValueError, match="no rotation"):
         kiln.pinhole_rays(K, np.diag([2.0, 2, 2, 1]), SIZE)
     with pytest.raises(ValueError, match="axes"):
