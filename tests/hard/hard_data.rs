@@ -390,7 +390,8 @@ fn b5_a_mesh_half_of_degenerates_renders_as_the_clean_one() {
         "a.obj: points and lines are not drawn".to_owned(),
         format!("a.obj:{line}: a face of 2 corner(s); such faces are not drawn"),
     ];
-    assert_eq!((scene.primitive_count(), warnings), (1600, expected));
+    // The last three faces have two equal corners: they keep their numbers, and no ray hits them.
+    assert_eq!((scene.primitive_count(), warnings), (1603, expected));
     same_as_clean(&scene, &picture);
 }
 
