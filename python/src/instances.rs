@@ -3,9 +3,9 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use kiln::bvh::{Bvh, CoarseRounding, InvalidMesh, NotFinite};
+use kiln::bvh::{Bvh, InvalidMesh, NotFinite};
 use kiln::geometry;
-use kiln::geometry::{Placed, Placement, Precision, PrimId};
+use kiln::geometry::{Placed, Placement};
 use kiln::glam::{DMat4, DVec3};
 use numpy::{PyReadonlyArray1, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyIndexError, PyValueError};
@@ -16,9 +16,8 @@ use crate::arrays::{
     zeros,
 };
 use crate::mesh::Mesh;
-use crate::state::{ObjectPart, Parts, State, named};
+use crate::state::{ObjectPart, Parts, State, named, warn_of_rounding};
 use crate::threads::in_threads;
-use crate::warn;
 
 /// Meshes placed by transforms, which can be moved, added and removed: a Mesh, with all its queries.
 ///
@@ -66,26 +65,18 @@ fn state_of(py: Python, mut bvh: Bvh, parts: Parts) -> PyResult<State> {
 }
 
 /// Warns of vertices of new and moved parts that the tier rounds coarsely.
-fn warn_of_rounding(py: Python, before: &Parts, state: &State) -> PyResult<()> {
+fn warn_of_parts(py: Python, before: &Parts, state: &State) -> PyResult<()> {
     let numerics = state.bvh.accelerator().numerics();
-    if numerics.precision() != Precision::Single {
-        return Ok(());
-    }
     let is_same = |a: &Placed, b: &Placed| Arc::ptr_eq(&a.mesh, &b.mesh) && a.placement == b.placement;
-    let rounding = |(object, part): (usize, &Option<Placed>)| {
-        let placed = part.as_ref()?;
+    for (object, part) in state.parts.iter().enumerate() {
+        let Some(placed) = part else { continue };
         if before.get(object).and_then(Option::as_ref).is_some_and(|before| is_same(before, placed)) {
-            return None;
+            continue;
         }
-        let mut rounding = CoarseRounding::new(numerics);
-        for triangle in 0..placed.triangle_count() as u32 {
-            rounding.add(PrimId(triangle), &placed.corners_of(triangle).into());
-        }
-        (rounding.triangles > 0).then(|| format!("object {object}: {rounding}"))
-    };
-    let warnings: Vec<String> =
-        in_threads(py, || state.parts.iter().enumerate().filter_map(rounding).collect())?;
-    warnings.iter().try_for_each(|text| warn(py, text))
+        let triangles = (0..placed.triangle_count() as u32).map(|index| placed.corners_of(index).into());
+        warn_of_rounding(py, numerics, triangles, &format!("object {object}: "))?;
+    }
+    Ok(())
 }
 
 /// The object of a number.
@@ -106,7 +97,7 @@ impl Instances {
             let result = change(&mut parts)?;
             let bvh = built.take().unwrap_or_else(|| before.bvh.clone());
             let state = state_of(py, bvh, parts)?;
-            warn_of_rounding(py, &before.parts, &state)?;
+            warn_of_parts(py, &before.parts, &state)?;
             // Another thread, or what shows the warning, may have changed them. The trees that are built are kept.
             match mesh.replace_if(&before, state) {
                 Ok(()) => return Ok(result),

@@ -170,8 +170,7 @@ impl Mesh {
         let vertices: &[[f64; 3]] = chunks(&vertices)?;
         check_rows(("vertices", vertices.len()), ("the mesh", arrays.vertices))?;
         check_finite(vertices, "vertices")?;
-        let moved = arrays.faces.iter().map(|face| face.map(|index| vertices[index as usize]).into());
-        let state = self.now().updated(py, moved)?;
+        let state = self.now().updated(py, vertices, &arrays.faces)?;
         self.replace(state);
         Ok(())
     }
@@ -185,7 +184,8 @@ impl Mesh {
         self.__copy__()
     }
 
-    /// For pickle: the arrays as they are now, with vertices in the precision of the tier. Vertices without a face are 0.
+    /// For pickle: the arrays as they are now, with vertices in the precision of the tier. Vertices without a face are
+    /// 0.
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, impl IntoPyObject<'py>)> {
         let (py, mesh) = (slf.py(), slf.get());
         let Some(arrays) = &mesh.arrays else {
@@ -441,8 +441,8 @@ impl Mesh {
     /// surface; warns of another. points: (n, 3) float64.
     ///
     /// return_margin: for any surface, without a warning. Returns a pair: (n,) bool, whether the generalised winding
-    /// number is above 1/2 or below -1/2, and (n,) float64, how far it is from these beyond its error: 0.5 or more for a
-    /// closed surface, small near holes, and not above 0 where the point is not decided.
+    /// number is above 1/2 or below -1/2, and (n,) float64, how far it is from these beyond its error: 0.5 or more for
+    /// a closed surface, small near holes, and not above 0 where the point is not decided.
     #[pyo3(signature = (points, return_margin = false))]
     fn contains<'py>(&self, points: &Bound<'py, PyAny>, return_margin: bool) -> PyResult<Bound<'py, PyAny>> {
         let py = points.py();

@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::sync::Arc;
 
 use kiln::bvh::{Bvh, CoarseRounding, Preset, Primitive};
-use kiln::geometry::{Hit, Numerics, Placed, PrimId, Ray, SlotId};
+use kiln::geometry::{Hit, Numerics, Placed, Precision, PrimId, Ray, SlotId};
 use kiln::glam::{DVec2, DVec3};
 use kiln::scene::Scene;
 use pyo3::exceptions::PyValueError;
@@ -53,25 +53,31 @@ pub(crate) fn named(tier: &str, preset: &str) -> PyResult<(Numerics, Preset)> {
     Ok((numerics, preset))
 }
 
-/// Calls `build` with the primitives in the pool, and warns of vertices that the tier rounds coarsely.
-pub(crate) fn built<R: Send, E: Display + Send>(
+/// Warns of primitives whose corners the tier rounds coarsely, with `prefix` before the text.
+pub(crate) fn warn_of_rounding(
     py: Python,
-    primitives: impl Iterator<Item = Primitive> + Send,
     numerics: Numerics,
-    build: impl FnOnce(&mut (dyn Iterator<Item = Primitive> + Send)) -> Result<R, E> + Send,
-) -> PyResult<R> {
-    let mut rounding = CoarseRounding::new(numerics);
-    let mut seen = primitives.zip((0..).map(PrimId)).map(|(primitive, id)| {
-        rounding.add(id, &primitive);
-        primitive
-    });
-    let result = in_threads(py, || build(&mut seen))?;
-    drop(seen);
-    let result = result.map_err(|why| PyValueError::new_err(format!("vertices: {why}")))?;
-    if rounding.triangles > 0 {
-        warn(py, &rounding.to_string())?;
+    primitives: impl Iterator<Item = Primitive> + Send,
+    prefix: &str,
+) -> PyResult<()> {
+    if numerics.precision() == Precision::Double {
+        return Ok(());
     }
-    Ok(result)
+    let mut rounding = CoarseRounding::new(numerics);
+    in_threads(py, || {
+        (0..).zip(primitives).for_each(|(id, primitive)| rounding.add(PrimId(id), &primitive));
+    })?;
+    if rounding.triangles > 0 { warn(py, &format!("{prefix}{rounding}")) } else { Ok(()) }
+}
+
+/// The exception of a structure that is not built.
+fn invalid(why: impl Display) -> PyErr {
+    PyValueError::new_err(format!("vertices: {why}"))
+}
+
+/// The triangles of vertices.
+fn corners(faces: &[[u32; 3]], vertices: &[[f64; 3]]) -> impl Iterator<Item = Primitive> + Send {
+    faces.iter().map(|face| face.map(|index| vertices[index as usize]).into())
 }
 
 impl State {
@@ -82,26 +88,22 @@ impl State {
         faces: &[[u32; 3]],
         (numerics, preset): (Numerics, Preset),
     ) -> PyResult<Self> {
-        // A copy, since other threads may change the array during the build, which reads them twice.
+        // A copy, since other threads may change the array during the build.
         let (vertices, primitives) = (vertices.to_vec(), faces.len());
-        let triangles = faces.iter().map(|face| face.map(|index| vertices[index as usize]).into());
-        let bvh = built(py, triangles, numerics, |seen| {
-            seen.for_each(drop);
-            Bvh::from_mesh_with(&vertices, faces, preset, numerics)
-        })?;
+        let bvh =
+            in_threads(py, || Bvh::from_mesh_with(&vertices, faces, preset, numerics))?.map_err(invalid)?;
+        warn_of_rounding(py, numerics, corners(faces, &vertices), "")?;
         Ok(State { bvh, primitives, objects: vec![ObjectPart::default()], scene: None, parts: Vec::new() })
     }
 
-    /// The same objects with their triangles at other positions.
-    pub(crate) fn updated(
-        &self,
-        py: Python,
-        moved: impl Iterator<Item = Primitive> + Send,
-    ) -> PyResult<Self> {
-        let (mut bvh, numerics) = (self.bvh.clone(), self.bvh.accelerator().numerics());
-        built(py, moved, numerics, |seen| bvh.update(seen).map(|_| ()))?;
-        let State { primitives, ref objects, ref scene, ref parts, .. } = *self;
-        Ok(State { bvh, primitives, objects: objects.clone(), scene: scene.clone(), parts: parts.clone() })
+    /// The same triangles of one object with other vertices.
+    pub(crate) fn updated(&self, py: Python, vertices: &[[f64; 3]], faces: &[[u32; 3]]) -> PyResult<Self> {
+        let (mut bvh, numerics, vertices) =
+            (self.bvh.clone(), self.bvh.accelerator().numerics(), vertices.to_vec());
+        in_threads(py, || bvh.update(corners(faces, &vertices)))?.map_err(invalid)?;
+        warn_of_rounding(py, numerics, corners(faces, &vertices), "")?;
+        let objects = vec![ObjectPart::default()];
+        Ok(State { bvh, primitives: self.primitives, objects, scene: None, parts: Vec::new() })
     }
 
     /// The primitives of a scene.
@@ -118,7 +120,9 @@ impl State {
         };
         let objects = scene.objects.iter().zip(scene.placement_indices()).map(part).collect();
         let of_scene: Vec<Primitive> = scene.primitives().collect();
-        let bvh = built(py, of_scene.into_iter(), numerics, |seen| Bvh::with(seen, preset, numerics))?;
+        let of_scene = || of_scene.iter().copied();
+        let bvh = in_threads(py, || Bvh::with(of_scene(), preset, numerics))?.map_err(invalid)?;
+        warn_of_rounding(py, numerics, of_scene(), "")?;
         Ok(State { bvh, primitives, objects, scene: Some(scene), parts: Vec::new() })
     }
 

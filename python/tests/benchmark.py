@@ -2,7 +2,7 @@
 
     KILN_MODELS=/path/to/models python benchmark.py [--threads N] [RAYS]
 
-Seconds are those of a clock, the best of three runs, by libraries in turns; threads are those of kiln and Open3D (2 by
+Seconds are those of a clock, by libraries in turns: the best of three runs, for points of one run; threads are those of kiln and Open3D (2 by
 default), since embreex has one. Times of a mesh from arrays include its structure, not the conversion of arrays to f32.
 """
 

@@ -7,8 +7,8 @@
 //! is 0: a polynomial of degree four, negative within. Every f64 is an integer times a power of two, so f has integer
 //! coefficients but for a factor. Sturm's theorem counts its roots in an interval exactly: the sequence of f, f' and
 //! the negative remainders of their divisions changes sign more often at the start of the interval than at its end, by
-//! the number of different roots within. Halving the interval finds each root between two consecutive f64. So every root is
-//! found, of whatever multiplicity, no other number is, and t has an error of less than 1 ulp.
+//! the number of different roots within. Halving the interval finds each root between two consecutive f64. So every
+//! root is found, of whatever multiplicity, no other number is, and t has an error of less than 1 ulp.
 
 use kiln_bvh::geometry::{Ray, Side, UserGeometry};
 use kiln_bvh::glam::DVec3;

@@ -403,8 +403,8 @@ impl Bvh {
     }
 
     /// Replaces the primitives. The tree is refitted if their number and kinds are the same and it stays good enough
-    /// ([`is_worth_keeping`]), else rebuilt. On an error nothing changes. Clones share a
-    /// tree, of which a copy is refitted.
+    /// ([`is_worth_keeping`]), else rebuilt. On an error nothing changes. Clones share a tree, of which a copy is
+    /// refitted; user geometry ([`Bvh::set_user_geometry`]) stays.
     ///
     /// # Errors
     /// [`NotFinite`], as for [`Bvh::new`].
@@ -428,11 +428,9 @@ impl Bvh {
                 return Ok(Update::Refitted(relative_cost));
             }
         }
-        let shapes: Vec<_> = self.user_geometries().cloned().collect();
-        *self = Bvh::over(&now, self.layout, self.numerics);
-        if !shapes.is_empty() {
-            self.set_user_geometry(shapes)?;
-        }
+        let mut rebuilt = Bvh::over(&now, self.layout, self.numerics);
+        rebuilt.set_user_geometry(self.user_geometries().cloned())?;
+        *self = rebuilt;
         Ok(Update::Rebuilt)
     }
 

@@ -92,20 +92,22 @@ impl Bvh {
             .into_iter()
             .filter_map(|Slot { primitive, id }| Some(Slot { primitive: primitive.rounded(precision)?, id }));
         let flat = build(rounded, self.layout, self.numerics);
-        let shapes: Vec<_> = self.user_geometries().cloned().collect();
-        self.accelerator = if instances.is_empty() {
-            self.instances.built.clear();
+        let mut built = self.instances.built.clone();
+        let accelerator = if instances.is_empty() {
+            built.clear();
             flat
         } else {
-            over_instances(flat, instances, tree, self.numerics, &mut self.instances.built)
-        }
-        .into();
-        self.instances.firsts = firsts;
-        self.has_slot.clear();
-        self.forget_surface();
-        if !shapes.is_empty() {
-            self.set_user_geometry(shapes).map_err(InvalidMesh::NotFinite)?;
-        }
+            over_instances(flat, instances, tree, self.numerics, &mut built)
+        };
+        let mut replaced = Bvh {
+            accelerator: accelerator.into(),
+            has_slot: Vec::new(),
+            instances: InstanceTable { firsts, built },
+            ..self.clone()
+        };
+        // Also clears what is known of the surface.
+        replaced.set_user_geometry(self.user_geometries().cloned())?;
+        *self = replaced;
         Ok(())
     }
 

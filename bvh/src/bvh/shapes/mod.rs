@@ -452,8 +452,8 @@ impl Bvh {
     ///
     /// Every query of rays finds it, and [`Bvh::user_geometry`] returns it by id; [`Accelerator::primitive`] of its
     /// slots is a triangle of NaN. Crossings at equal t are in order of id. [`Bvh::in_box`] tests its bounds, and
-    /// [`Bvh::par_intersecting_triangles`] ignores it. Queries for hits use the first point between the ends of the ray,
-    /// and so do filters ([`Bvh::closest_hit_by`]).
+    /// [`Bvh::par_intersecting_triangles`] ignores it. Queries for hits use the first point between the ends of the
+    /// ray, and so do filters ([`Bvh::closest_hit_by`]).
     ///
     /// # Errors
     /// [`NotFinite::Bounds`] for the first whose bounds are not finite in f32, or inverted; [`NotFinite::Id`] if there
