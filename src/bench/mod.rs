@@ -19,6 +19,7 @@ pub mod effects;
 mod embree;
 mod engine;
 mod envelope;
+pub mod errors;
 pub mod generate;
 pub(crate) mod html;
 mod icosphere;

@@ -12,9 +12,12 @@ use super::prepare::Reporter;
 use super::progress::Mode;
 use super::{json_text, print};
 use crate::bench::effects::{Cost, Costs, Part, measure};
+use crate::bench::errors::{self, PictureError};
 use crate::effects::{Decision, EFFECTS};
 use crate::error::Result;
 use crate::job::RenderJob;
+use crate::render::RenderControl;
+use crate::scene::Numerics;
 use crate::scene::option::group;
 
 /// Version of the JSON schema; increased when a field changes its meaning or is removed.
@@ -39,24 +42,34 @@ pub(crate) struct Command {
 pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.arguments)?;
     let threads = command.arguments.threads.or(command.measure.then_some(1));
-    let (job, costs) = super::pool(threads)?.install(|| {
+    let (job, measured) = super::pool(threads)?.install(|| {
         let mut reporter = Reporter::silent(Mode::None);
         (reporter.prints_warnings, reporter.prints_notes) = (true, true);
         let settings = command.arguments.settings()?;
         let job = reporter.load_and_resolve(&command.arguments, &settings)?.build(&mut reporter.warnings)?;
         reporter.show();
         let rounds = command.rounds.into();
-        let costs = command.measure.then(|| measure(&job, rounds, interrupted));
-        costs.transpose().map(|costs| (job, costs))
+        let measured = command.measure.then(|| -> Result<(Costs, Vec<PictureError>)> {
+            let costs = measure(&job, rounds, interrupted)?;
+            let control = RenderControl { cancel: interrupted, ..RenderControl::default() };
+            let mut exact = settings.clone();
+            exact.picture.numerics = Some(Numerics::Exact);
+            let mut silent = Reporter::silent(Mode::None);
+            let exact = silent.load_and_resolve(&command.arguments, &exact)?.build(&mut silent.warnings)?;
+            Ok((costs, errors::measure(&job, Some(&exact), &control)?))
+        });
+        measured.transpose().map(|measured| (job, measured))
     })?;
+    let costs = measured.as_ref().map(|(costs, _)| costs);
+    let errors = measured.as_ref().map(|(_, errors)| &errors[..]);
     if command.json {
-        print(&json_text(&to_json(&job, costs.as_ref())))
+        print(&json_text(&to_json(&job, costs, errors)))
     } else {
-        print(&to_text(&job.plan.decisions, costs.as_ref()))
+        print(&to_text(&job.plan.decisions, costs, errors))
     }
 }
 
-fn to_json(job: &RenderJob, costs: Option<&Costs>) -> Value {
+fn to_json(job: &RenderJob, costs: Option<&Costs>, errors: Option<&[PictureError]>) -> Value {
     let settings: serde_json::Map<String, Value> =
         job.metadata.iter().map(|(key, value)| (key.clone(), json!(value))).collect();
     let effects: Vec<Value> = EFFECTS
@@ -83,6 +96,7 @@ fn to_json(job: &RenderJob, costs: Option<&Costs>) -> Value {
         "kiln": env!("CARGO_PKG_VERSION"),
         "settings": settings,
         "effects": effects,
+        "errors": errors,
         "measured": costs.map(|costs| json!({
             "whole": costs.whole,
             "base": costs.base,
@@ -98,7 +112,7 @@ fn part_of<'a>(costs: &'a Costs, decision: &Decision) -> Option<&'a Part> {
     costs.parts.iter().find(|part| part.effect == decision.effect)
 }
 
-fn to_text(decisions: &[Decision], costs: Option<&Costs>) -> String {
+fn to_text(decisions: &[Decision], costs: Option<&Costs>, errors: Option<&[PictureError]>) -> String {
     let titles: &[&str] = if costs.is_some() { &["rays", "ms", "share", "bytes", "alone ms"] } else { &[] };
     let line = |name: &str, on: &str, numbers: Vec<String>, why: &str| {
         let numbers = numbers.into_iter().chain(std::iter::repeat(String::new())).take(titles.len());
@@ -133,10 +147,25 @@ fn to_text(decisions: &[Decision], costs: Option<&Costs>) -> String {
             costs.whole.ms.upper
         );
     }
+    if let Some(errors) = errors {
+        text.push('\n');
+        text.push_str(&errors_to_text(errors));
+    }
     let meanings = EFFECTS.iter().map(|effect| [effect.name(), effect.summary]);
     let meanings = [["effect", "what it does"]].into_iter().chain(meanings);
     let meanings: Vec<Vec<String>> = meanings.map(|line| line.map(str::to_owned).to_vec()).collect();
     text + "\n" + &aligned(&meanings, |_| true)
+}
+
+/// The table of errors.
+pub(crate) fn errors_to_text(errors: &[PictureError]) -> String {
+    let titles = ["error", "how large", "less by", "time"].map(str::to_owned).to_vec();
+    let line = |error: &PictureError| {
+        let time = error.time.map(|time| format!("x {time:.1}")).unwrap_or_default();
+        vec![error.cause.to_owned(), error.text.clone(), error.option.clone(), time]
+    };
+    let lines: Vec<Vec<String>> = std::iter::once(titles).chain(errors.iter().map(line)).collect();
+    aligned(&lines, |_| true)
 }
 
 fn numbers(cost: &Cost, costs: &Costs, alone: Option<f64>) -> Vec<String> {

@@ -20,7 +20,7 @@ use crate::film::check::state_of;
 use crate::film::write::{self, Format, OutputImage, write_picture};
 use crate::film::{Film, TILE};
 use crate::job::metadata::fingerprint_of;
-use crate::job::{Metadata, RenderJob, RenderSettings, note_of_depth};
+use crate::job::{Metadata, RenderJob, RenderSettings, note_of_left_out};
 use crate::limits;
 use crate::render::aov::AovSelection;
 use crate::render::{RenderControl, Statistics};
@@ -78,7 +78,7 @@ struct FrameSums {
     first_non_finite: Option<i32>,
     /// An exposure for frames that are clipped.
     exposure: Option<f64>,
-    depth_note: Option<String>,
+    left_out_note: Option<String>,
 }
 
 /// Checks of the frames for warnings at the end. Exposure and depth are checked in the first rendered frame alone.
@@ -110,7 +110,7 @@ impl FrameChecks {
         }
         if is_first {
             sums.exposure = exposure;
-            sums.depth_note = note_of_depth(&job.plan, statistics);
+            sums.left_out_note = note_of_left_out(&job.plan, statistics);
         }
         Ok(())
     }
@@ -121,7 +121,7 @@ impl FrameChecks {
         if let Some(ev) = sums.exposure {
             warnings.push(clipped_warning(ev));
         }
-        sums.depth_note.iter().for_each(|note| warnings.note(note.as_str()));
+        sums.left_out_note.iter().for_each(|note| warnings.note(note.as_str()));
         if let Some(first) = sums.first_non_finite {
             let count = sums.non_finite;
             warnings.push(format!("{count} pixel(s) are not finite numbers, the first in frame {first}"));

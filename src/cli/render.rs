@@ -278,7 +278,7 @@ pub(super) fn warn_of_result(
     {
         warnings.push(frames::clipped_warning(ev));
     }
-    job::note_of_depth(&job.plan, statistics).into_iter().for_each(|note| warnings.note(note));
+    job::note_of_left_out(&job.plan, statistics).into_iter().for_each(|note| warnings.note(note));
     warn_of_indices(context.selection, &job.world, warnings);
     output::warn_about_picture(context.inputs, &job.world, statistics, context.is_part, warnings);
     Ok(())

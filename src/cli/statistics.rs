@@ -81,7 +81,10 @@ pub(crate) fn to_json(
         "stages": stages,
         "non_finite_pixels": statistics.non_finite.len(),
         "discarded_samples": statistics.discarded_samples,
-        "paths_ended_in_glass": statistics.ended_in_glass,
+        "left_out": statistics.left_out.as_ref().map(|left_out| json!({
+            "by_depth": left_out.by_depth(),
+            "by_clamp": left_out.by_clamp(),
+        })),
         "peak_memory_bytes": limits::peak_memory(),
         "warnings": warnings.messages(),
         "notes": warnings.notes(),

@@ -99,6 +99,7 @@ registry! {
         "antialiasing" => antialiasing ANTIALIASING,
         "depth-of-field" => depth_of_field DEPTH_OF_FIELD,
         "adaptive" => adaptive ADAPTIVE,
+        "left-out" => left_out LEFT_OUT,
     }
 }
 
@@ -193,6 +194,8 @@ pub struct Effect {
     pub decides_samples: bool,
     /// Whether `kiln study` varies it by switching it on and off. It varies the others by their values or by the sampling.
     pub is_study_switch: bool,
+    /// Whether it measures alone, and the picture is the same without it.
+    pub is_measurement: bool,
     /// The kinds of rays that it casts.
     pub rays: &'static [RayKind],
     /// The value it takes, if any.
@@ -218,6 +221,7 @@ impl Effect {
         is_shading: false,
         decides_samples: false,
         is_study_switch: false,
+        is_measurement: false,
         rays: &[],
         value: None,
         called_for: |_, _| Err("nothing calls for it".into()),
@@ -317,10 +321,12 @@ pub struct PlanSpec {
     pub light_technique: LightTechnique,
     /// How paths are estimated.
     pub path: PathSettings,
+    /// Whether the light that limits leave out is measured.
+    pub measures_left_out: bool,
 }
 
-/// How paths are estimated: noise and time depend on it, the expected picture does not. For the library and `kiln study`;
-/// no option of the command line sets it.
+/// How paths are estimated. Roulette and light samples change noise and time, not the expected picture; they are for the library
+/// and `kiln study`, without an option of the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PathSettings {
     /// The bounces of a path before Russian roulette starts; [`u32::MAX`] for none.
@@ -328,19 +334,28 @@ pub struct PathSettings {
     /// Light samples, each with a shadow ray, at a surface: 1 to [`PathSettings::MAX_LIGHT_SAMPLES`]. Other numbers count as
     /// the nearest of these.
     pub light_samples: u32,
+    /// The most perfectly specular bounces of a path, which then do not count towards the others. `None`:
+    /// [`PathSettings::DEFAULT_DEPTH_SPECULAR`], or, where a number of bounces is given, that for all.
+    pub depth_specular: Option<u32>,
 }
 
 impl PathSettings {
     /// The most light samples at a surface.
     pub const MAX_LIGHT_SAMPLES: u32 = 64;
 
+    /// The limit of bounces that can be asked for.
+    pub const MAX_DEPTH: u32 = 1000;
+
     /// The bounces of a path where none are asked for.
     pub const DEFAULT_DEPTH: u32 = 8;
+
+    /// The perfectly specular bounces of a path where no limit is asked for.
+    pub const DEFAULT_DEPTH_SPECULAR: u32 = 64;
 }
 
 impl Default for PathSettings {
     fn default() -> Self {
-        PathSettings { roulette_from: 3, light_samples: 1 }
+        PathSettings { roulette_from: 3, light_samples: 1, depth_specular: None }
     }
 }
 

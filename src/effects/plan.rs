@@ -2,13 +2,14 @@
 
 use std::ops::Range;
 
+use super::left_out::BounceLimits;
 use super::samples::TileSamples;
 use super::tile::{RenderContext, Tile};
 use super::transparency::{Transparency, closest_visible};
 use super::variance::PixelStatistics;
 use super::{
     EFFECTS, Effect, EffectContext, EffectId, EffectValue, Hook, LightTechnique, PathSettings, PlanSpec,
-    RayClass, RayKind, Stage, TRANSPORTS, TransportEntry, closest_hits, primary_rays, ray_origins, unlit,
+    RayClass, RayKind, Stage, TRANSPORTS, TransportEntry, closest_hits, id, primary_rays, ray_origins, unlit,
 };
 use crate::bvh::Traversal;
 use crate::error::{Error, Result, nearest_name};
@@ -256,6 +257,13 @@ impl Plan {
             samples.measure_variances(false);
             statistics
         })
+    }
+
+    /// The limits on the bounces of paths.
+    pub fn bounce_limits(&self) -> BounceLimits {
+        let path = self.decisions.iter().find(|decision| decision.effect == id::PATH);
+        let depth = path.and_then(|decision| decision.value.as_ref()?.parse().ok());
+        BounceLimits::new(depth, self.spec.path.depth_specular)
     }
 
     /// Whether an effect makes the camera rays, instead of one through each pixel's centre.

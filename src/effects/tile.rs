@@ -117,8 +117,6 @@ pub struct Tile {
     pub scattering: Option<Vec<Option<[[f32; 3]; 2]>>>,
     /// Samples of light that were left out because they were not finite numbers.
     pub discarded_samples: u64,
-    /// Number of paths that the depth limit ended at a transmissive surface.
-    pub ended_in_glass: u64,
     /// Records every ray; `None` while pictures are rendered.
     pub recorder: Option<Box<RayRecorder>>,
     /// The buffers of effects, one type each.

@@ -46,7 +46,7 @@ pub use crate::shading::ShadingMode;
 pub(crate) use default_look::default_look;
 pub use memory::check_memory;
 pub use metadata::Metadata;
-pub use notes::{HEADLIGHT, note_of_depth, warn_of_job, warn_of_recentering};
+pub use notes::{HEADLIGHT, left_out_advice, note_of_left_out, percent, warn_of_job, warn_of_recentering};
 pub use prepared::{PreparedScene, SceneAtTime};
 pub use prepared_pictures::PreparedPictures;
 #[cfg(feature = "viewer")]

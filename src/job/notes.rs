@@ -1,7 +1,8 @@
 //! Warnings and notes about a picture, before and after it is rendered.
 
 use super::{RenderJob, back_faces};
-use crate::effects::{PathSettings, Plan, RayKind, id, named};
+use crate::effects::left_out::Estimate;
+use crate::effects::{Plan, named};
 use crate::error::Warnings;
 use crate::render::Statistics;
 use crate::scene::{AddedLight, Camera, Light, Material, MetallicRoughness, Scene, ShadingMode};
@@ -48,22 +49,52 @@ pub fn warn_of_recentering(recentering: Option<&Recentering>, warnings: &mut War
     }
 }
 
-/// Minimum percentage of paths that end in glass for a note.
-const LEAST_ENDED: f64 = 1.0;
+/// [`unnoted_share`] without a noise threshold.
+const UNNOTED_SHARE: f64 = 0.01;
 
-/// Note about paths that the depth limit ended at transmissive surfaces, which are too dark there.
-pub fn note_of_depth(plan: &Plan, statistics: &Statistics) -> Option<String> {
-    let paths = statistics.rays(RayKind::PRIMARY).cast;
-    let percent = 100.0 * statistics.ended_in_glass as f64 / paths.max(1) as f64;
-    if percent < LEAST_ENDED {
-        return None;
+/// Note about the light that limits leave out, where that is more than the noise threshold.
+pub fn note_of_left_out(plan: &Plan, statistics: &Statistics) -> Option<String> {
+    let left_out = statistics.left_out.as_ref()?;
+    let is_noted = |share: Estimate| share.mean > unnoted_share(plan) && share.mean > 2.0 * share.error;
+    let (by_depth, by_clamp) = (left_out.by_depth(), left_out.by_clamp());
+    if is_noted(by_depth) {
+        let (advice, time) = left_out_advice(plan, statistics);
+        let time = time.map(|time| format!(", {time:.1} times the time")).unwrap_or_default();
+        return Some(format!(
+            "{} leave out {} of the light; {advice}{time}",
+            plan.bounce_limits(),
+            percent(by_depth)
+        ));
     }
-    let value = plan.decisions.iter().find(|decision| decision.effect == id::PATH)?.value.as_deref();
-    let depth = value.and_then(|value| value.parse().ok()).unwrap_or(PathSettings::DEFAULT_DEPTH);
-    Some(format!(
-        "{percent:.0} % of the paths end in glass at the depth limit of {depth} and are too dark there; try --depth {}",
-        2 * depth
-    ))
+    is_noted(by_clamp).then(|| {
+        format!("the clamp leaves out {} of the light; a larger --clamp leaves out less", percent(by_clamp))
+    })
+}
+
+/// The share of the light that limits may leave out without a note.
+fn unnoted_share(plan: &Plan) -> f64 {
+    plan.sampling.noise.unwrap_or(UNNOTED_SHARE)
+}
+
+/// The options that leave out a quarter of [`unnoted_share`] or less, what they leave out, and the time over that of the
+/// picture; where no such limit is known, a try.
+pub fn left_out_advice(plan: &Plan, statistics: &Statistics) -> (String, Option<f64>) {
+    let limits = plan.bounce_limits();
+    let Some(left_out) = &statistics.left_out else { return (String::new(), None) };
+    match limits.deeper(left_out, unnoted_share(plan) / 4.0, statistics.closest_hit_rays()) {
+        Some((options, share, time)) => (format!("{options} leaves {}", percent_of(share)), Some(time)),
+        None => (format!("try {}", limits.options(2 * limits.depth.max(4), 4)), None),
+    }
+}
+
+/// A share with its standard error, in percent.
+pub fn percent(share: Estimate) -> String {
+    let digits = usize::from(share.error < 0.005) + usize::from(share.error < 0.0005);
+    format!("{:.digits$} ± {:.digits$} %", 100.0 * share.mean, 100.0 * share.error)
+}
+
+fn percent_of(share: f64) -> String {
+    if share < 0.0005 { "less than 0.1 %".into() } else { format!("{:.1} %", 100.0 * share) }
 }
 
 /// Whether a material has layers that local shading leaves out.
@@ -100,6 +131,9 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     }
     if let (false, Some(clamp)) = (traces_paths, plan_settings.clamp) {
         warnings.push(format!("a clamp of {clamp} changes nothing without path tracing"));
+    }
+    if let (false, Some(depth)) = (traces_paths, plan_settings.path.depth_specular) {
+        warnings.push(format!("--depth-specular {depth} changes nothing without path tracing"));
     }
     if let (false, true, Some(name)) =
         (traces_paths, plan_settings.shading == ShadingMode::Full, world.area_lights.names.first())

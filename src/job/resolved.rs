@@ -11,12 +11,12 @@ use super::{
     metering, notes, outside,
 };
 use crate::bvh::Layout;
-use crate::effects::{check_names, check_scene, id};
+use crate::effects::{PathSettings, check_names, check_scene, id};
 use crate::error::{Error, Result, Warnings};
 use crate::film::Window;
 use crate::import::check_drawable;
 use crate::scene::{
-    Camera, Clamp, DefaultLook, EffectsSection, Light, Numerics, PictureSettings, Projection, Scene,
+    Bounces, Camera, Clamp, DefaultLook, EffectsSection, Light, Numerics, PictureSettings, Projection, Scene,
 };
 use crate::world::{Recentering, StandardView, View, opening, recenter};
 
@@ -175,6 +175,10 @@ fn plan_settings(
         scene,
         transport: picture.transport,
         clamp: picture.clamp.map(Clamp::get),
+        path: PathSettings {
+            depth_specular: picture.depth_specular.map(Bounces::get),
+            ..PathSettings::default()
+        },
         cull: picture.cull == Some(true),
         with: settings.with.clone(),
         without: settings.without.clone(),

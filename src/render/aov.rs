@@ -12,9 +12,10 @@ use rayon::prelude::*;
 
 use super::features::{FeatureSums, Features, filter_of, first_surfaces, plan_without_light};
 use super::{RenderControl, render_displayed};
-use crate::effects::Plan;
+use crate::effects::left_out::LeftOut;
 use crate::effects::tile::{RenderContext, Tile};
 use crate::effects::variance::PixelStatistics;
+use crate::effects::{self, Plan};
 use crate::error::{Error, Result, nearest_name};
 use crate::farm::Shard;
 use crate::film::write::Channel;
@@ -33,6 +34,8 @@ struct AovTile<'a> {
     samples: Vec<PixelStatistics>,
     /// The albedo and normal of each pixel; empty if nothing reads them.
     features: Vec<Features>,
+    /// The light left out of each pixel; empty if nothing reads it.
+    left_out: Vec<[f32; 3]>,
     /// The number of boxes that each ray was tested against; empty if nothing reads them.
     node_tests: Vec<u64>,
 }
@@ -162,6 +165,13 @@ pub const AOVS: &[Aov] = &[
         write: |tile, out| write(out, &tile.samples, |samples| samples.variance),
     },
     Aov {
+        name: "left-out",
+        summary: "radiance that limits of bounces and the clamp leave out of a path-traced pixel, estimated; else 0",
+        channels: &["LeftOut.R", "LeftOut.G", "LeftOut.B"],
+        has_integers: false,
+        write: |tile, out| write(out, &tile.left_out, |&radiance| radiance),
+    },
+    Aov {
         name: "node-tests",
         summary: "number of boxes of the acceleration structure tested by the camera ray",
         channels: &["NodeTests.X"],
@@ -258,7 +268,7 @@ impl AovSelection {
     /// Whether values depend on the exposure, and the clamp that may come with it: those of light, and those of samples
     /// of which adaptive sampling takes as many as that needs.
     pub(crate) fn depends_on_exposure(&self, plan: &Plan) -> bool {
-        let is_of_light = self.effects || has(&self.aovs, &["samples", "variance"]);
+        let is_of_light = self.effects || has(&self.aovs, &["samples", "variance", "left-out"]);
         is_of_light || plan.is_adaptive() && has(&self.aovs, &FILTERED)
     }
 
@@ -380,7 +390,7 @@ impl AovPlans<'_> {
         let world = source.world;
         let context =
             RenderContext { world, view: source.view, display: source.display, is_displayed: false };
-        let reads_samples = has(aovs, &["samples", "variance"]);
+        let reads_samples = has(aovs, &["samples", "variance", "left-out"]);
         let (mut samples, mut features) = (Vec::new(), Vec::new());
         if has(aovs, &FILTERED) {
             let plan = self.of_features.unwrap_or(source.plan);
@@ -392,11 +402,13 @@ impl AovPlans<'_> {
             features = sums.finish(self.filter, tile);
         }
         let is_sampled = !features.is_empty() && self.of_features.is_none();
-        if reads_samples && source.plan.takes_samples() && !is_sampled {
+        if reads_samples && !is_sampled {
             samples = source.plan.sample_statistics(tile, &context, window, |_| (), |_, ()| {});
-        } else if reads_samples && !is_sampled {
-            samples = vec![PixelStatistics::of_one(); window.area()];
         }
+        let left_out = match tile.buffers::<LeftOut>().filter(|_| reads_samples) {
+            Some(left_out) => left_out.of_pixels().collect(),
+            None => vec![[0.0; 3]; window.area()],
+        };
         tile.start(window);
         source.plan.centre_rays(tile, &context);
         let Tile { generations, traversal, .. } = tile;
@@ -415,7 +427,7 @@ impl AovPlans<'_> {
         let is_of_scene = |hit: &Hit| world.ground.is_none_or(|ground| world.object_of(hit.prim) != ground);
         hits.clear();
         hits.extend(found.iter().map(|hit| hit.filter(is_of_scene)));
-        let tile = AovTile { source, rays, hits, samples, features, node_tests };
+        let tile = AovTile { source, rays, hits, samples, features, left_out, node_tests };
         values.resize_with(aovs.iter().map(|aov| aov.channels.len()).sum(), Vec::new);
         let mut rest = &mut values[..];
         for aov in aovs {
@@ -430,7 +442,8 @@ impl AovPlans<'_> {
 fn effect_channels(source: &AovSource, control: &RenderControl) -> Result<Vec<Channel>> {
     let &AovSource { world, view, plan, window, shard, film, display, .. } = source;
     let context = RenderContext { world, view, display, is_displayed: false };
-    let on: Vec<usize> = (0..plan.decisions.len()).filter(|&i| plan.decisions[i].on).collect();
+    let adds = |i: &usize| plan.decisions[*i].on && !effects::EFFECTS[*i].is_measurement;
+    let on: Vec<usize> = (0..plan.decisions.len()).filter(adds).collect();
     let mut before: Option<Vec<[f32; 3]>> = None;
     let mut channels = Vec::new();
     for count in 0..=on.len() {

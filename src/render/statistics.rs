@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use super::Worker;
 use crate::bvh::Tests;
+use crate::effects::left_out::LeftOutLight;
 use crate::effects::tile::{RayCount, Tile};
 use crate::effects::{EFFECTS, EffectId, Plan, RayKind};
 
@@ -27,8 +28,8 @@ pub struct Statistics {
     pub non_finite: Vec<(u32, u32)>,
     /// The number of samples of light that were left out because they were not finite.
     pub discarded_samples: u64,
-    /// Number of paths that the depth limit ended at a transmissive surface, which is too dark there.
-    pub ended_in_glass: u64,
+    /// The light that limits leave out, where it is measured.
+    pub left_out: Option<LeftOutLight>,
     /// The exposure in EV that `auto` came to, for pictures of display values.
     pub auto_exposure: Option<f64>,
 }
@@ -73,7 +74,7 @@ impl Statistics {
             visible_objects: Vec::new(),
             non_finite,
             discarded_samples: workers.iter().map(|worker| worker.tile.discarded_samples).sum(),
-            ended_in_glass: workers.iter().map(|worker| worker.tile.ended_in_glass).sum(),
+            left_out: LeftOutLight::of_threads(workers.iter().filter_map(|worker| worker.tile.buffers())),
             auto_exposure: None,
         };
         for Tile { rays, traversal, visible_objects, .. } in workers.iter().map(|worker| &worker.tile) {
@@ -122,7 +123,9 @@ impl Statistics {
         }
         self.tests += other.tests;
         self.discarded_samples += other.discarded_samples;
-        self.ended_in_glass += other.ended_in_glass;
+        if let Some(other) = &other.left_out {
+            self.left_out.get_or_insert_default().add_samples(other);
+        }
         for (own, other) in self.effect_costs.iter_mut().zip(&other.effect_costs) {
             own.stages = own.stages.max(other.stages);
             own.rays += other.rays;
@@ -141,6 +144,11 @@ impl Statistics {
     /// An upper bound of the bytes that the tile of a thread holds.
     pub fn bytes(&self) -> usize {
         self.base_bytes + self.effect_costs.iter().map(|cost| cost.bytes).sum::<usize>()
+    }
+
+    /// The number of rays that found closest hits.
+    pub fn closest_hit_rays(&self) -> u64 {
+        self.rays.iter().filter(|(kind, _)| !kind.is_shadow).map(|(_, count)| count.cast).sum()
     }
 
     /// The count of rays of a kind.
@@ -196,7 +204,7 @@ mod tests {
             visible_objects: Vec::new(),
             non_finite: pixels.to_vec(),
             discarded_samples: 0,
-            ended_in_glass: 0,
+            left_out: None,
             auto_exposure: None,
         }
     }

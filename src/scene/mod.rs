@@ -78,8 +78,8 @@ pub use material::{
 };
 pub use option::OptionValue;
 pub use picture::{
-    Background, Clamp, FieldOfView, FilterRadius, Headlight, Look, Noise, PictureSettings, Rotation, Samples,
-    Side, Zoom,
+    Background, Bounces, Clamp, FieldOfView, FilterRadius, Headlight, Look, Noise, PictureSettings, Rotation,
+    Samples, Side, Zoom,
 };
 #[allow(deprecated)]
 pub use sampler::{Filter, Sampler};

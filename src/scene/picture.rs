@@ -56,6 +56,9 @@ options! {
         /// fireflies and darkens indirect light [default: none; display white where materials of meshes call for path
         /// tracing]
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "RADIANCE", value_parser = parser::<Clamp>()] clamp: Clamp,
+        /// Maximum perfectly specular bounces of a path (smooth mirrors and clear glass), 0 to 1000, which then do not
+        /// count towards --depth [default: 64; with --depth alone, that limits all]
+        [long, help_heading = group::QUALITY, display_order = 5, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Bounces>()] depth_specular: Bounces,
         /// Samples per pixel, 1 to 65536; with a noise threshold, the maximum [default: for meshes 16,
         /// with path tracing 64; for scene files 1 at the pixel's centre, 16 with a filter, 256 with a noise threshold]
         [long, help_heading = group::QUALITY, display_order = 0, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] samples: Samples,
@@ -115,6 +118,8 @@ ranged! {
     Zoom(f64, "f64") in 0.001..=1000.0, "give a factor from 0.001 to 1000, such as 2";
     /// A vertical field of view in degrees.
     FieldOfView(f64, "f64") in 0.1..=170.0, "give degrees from 0.1 to 170, such as 30";
+    /// A number of bounces.
+    Bounces(u32, "u32") in 0..=1000, "give a number from 0 to 1000";
     /// A number of samples per pixel.
     Samples(u32, "u32") in 1..=MAX_SAMPLES, "give a number of samples from 1 to 65536";
     /// Radius of a filter in pixels.
@@ -360,6 +365,7 @@ mod tests {
             shading: Some(ShadingMode::Flat),
             transport: Some(Transport::Path),
             clamp: Some(Clamp(2.5)),
+            depth_specular: Some(Bounces(5)),
             samples: Some(Samples(8)),
             filter: Some(FilterShape::Tent),
             filter_radius: Some(FilterRadius(1.25)),
@@ -387,6 +393,7 @@ mod tests {
             shading: Some(ShadingMode::Ambient),
             transport: Some(Transport::Whitted),
             clamp: Some(Clamp(1e-3)),
+            depth_specular: Some(Bounces(1000)),
             samples: Some(Samples(65_536)),
             filter: Some(FilterShape::Mitchell),
             filter_radius: Some(FilterRadius(32.0)),

@@ -12,6 +12,7 @@ mod effects;
 mod golden;
 mod ground;
 mod layers;
+mod left_out;
 mod lights;
 mod look;
 mod noise;

@@ -118,7 +118,11 @@ fn techniques_converge_to_the_same_picture_under_disks() {
 #[test]
 fn roulette_and_light_samples_converge_to_the_same_picture() {
     let usual = render(6.0, LightTechnique::Both, 6, 21);
-    let of = |roulette_from, light_samples| PathSettings { roulette_from, light_samples };
+    let of = |roulette_from, light_samples| PathSettings {
+        roulette_from,
+        light_samples,
+        ..PathSettings::default()
+    };
     let cases = [
         (of(3, 1), LightTechnique::Both),
         (of(0, 1), LightTechnique::Both),

@@ -206,6 +206,20 @@ impl Bsdfs {
     }
 }
 
+/// Whether surfaces of a material may have perfectly specular lobes.
+pub(super) fn can_be_delta(material: &PreparedMaterial) -> bool {
+    match material {
+        Material::Phong(m) => m.refraction.is_some() || m.specular > 0.0 && !m.shininess.is_finite(),
+        Material::MetallicRoughness(m) => {
+            let is_smooth = |roughness: f64, slot| m.textures[slot].is_some() || Ggx::new(roughness).is_delta();
+            let has_coat = m.layers.clearcoat > 0.0
+                && is_smooth(m.layers.clearcoat_roughness, TextureSlot::ClearcoatRoughness);
+            // With an index of refraction of 1, light passes.
+            !m.unlit && (is_smooth(m.roughness, TextureSlot::MetallicRoughness) || has_coat || m.layers.transmission > 0.0)
+        }
+    }
+}
+
 /// Sets the BSDF of a vertex, for its view. Returns whether the surface scatters light.
 fn set(bsdf: &mut Bsdf, world: &World, surfaces: &InteractionSoa, vertices: &Vertices, i: usize) -> bool {
     if !vertices.is_visible(i) {

@@ -2,7 +2,7 @@
 
 use super::numbers::GenerationNumbers;
 use super::vertices::{ClassPartition, IndexList, Vertices};
-use super::{Buffers, Path};
+use super::{Buffers, Path, Scatter};
 use crate::effects::tile::RayGeneration;
 use crate::shading::bsdf::{BsdfSample, DirectionSample};
 use crate::world::{Flags, InteractionSoa, PerRay, Vec3Soa, World, select, simd};
@@ -96,7 +96,7 @@ impl Buffers {
     /// Fills the next generation with the continuing paths.
     pub(super) fn list_continuations(
         &mut self,
-        world: &World,
+        (world, stage): (&World, &Scatter),
         (generation, next): (&RayGeneration, &mut RayGeneration),
         has_roulette: bool,
     ) {
@@ -125,10 +125,12 @@ impl Buffers {
         next.sources.extend(continuing.iter().map(|i| i as u32));
         next.camera_rays.extend(continuing.iter().map(|i| generation.camera_rays[ray_of(i)]));
         self.next.extend(continuing.iter().map(|i| {
-            let before = self.paths[ray_of(i)].bounces;
-            let bounces = if before == 0 && pdf[i].is_infinite() { 0 } else { before + 1 };
+            let Path { bounces: before, counted, target, scattering, .. } = self.paths[ray_of(i)];
+            let is_delta = pdf[i].is_infinite();
+            let bounces = if before == 0 && is_delta { 0 } else { (before + 1).min(2) };
+            let counted = counted.saturating_add(u16::from(stage.limits.counts(is_delta)));
             let (throughput, from) = (throughput.get(i), surfaces.position.get(i));
-            Path { throughput, pdf: pdf[i], from, bounces }
+            Path { throughput, pdf: pdf[i], from, target, counted, bounces, scattering: scattering.next() }
         }));
         if world.volumes.is_some() {
             let media = |i: usize| vertices.media_towards(i, surfaces, direction.get(i));

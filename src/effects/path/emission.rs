@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use super::lights::Lights;
-use super::{Buffers, Scatter};
+use super::limits::Scattering;
+use super::{Buffers, Path, Scatter};
 use crate::effects::tile::{RayGeneration, RenderContext};
 use crate::scene::TextureSlot;
 use crate::world::{InteractionSoa, PreparedMaterial, World};
@@ -12,7 +13,7 @@ impl Scatter {
     /// What a path adds after `bounces` (`Path::bounces`): as it is where light comes to the camera directly or by one surface, otherwise
     /// scaled down until no channel exceeds the clamp.
     #[inline]
-    pub(super) fn clamped(&self, radiance: DVec3, bounces: u32) -> DVec3 {
+    pub(super) fn clamped(&self, radiance: DVec3, bounces: u8) -> DVec3 {
         let largest = radiance.max_element();
         let exceeds = bounces >= 2 && largest > self.clamp;
         if !exceeds {
@@ -49,25 +50,35 @@ impl Buffers {
         }
         for k in 0..self.missed.len() {
             let (ray, place) = (self.missed.get(k), self.places.get(k).copied().unwrap_or_default());
-            let path = &self.paths[ray];
+            let path = self.paths[ray];
+            if path.scattering.is_repeated() {
+                continue;
+            }
             let direction = generation.rays.get(ray).direction();
             let radiance = if depth == 0 {
                 context.world.background_towards(direction, place)
             } else {
                 lights.radiance_from_infinity(direction, path.pdf, place)
             };
-            let (radiance, bounces) = (path.throughput * radiance, path.bounces);
-            self.add_radiance(generation.camera_rays[ray], radiance, stage, bounces);
+            self.add_radiance(&path, path.throughput * radiance, stage);
         }
     }
 
-    /// Adds radiance to a camera ray, or counts it if it is not finite.
+    /// Adds radiance that a path finds, or counts it if it is not finite.
     #[inline]
-    pub(super) fn add_radiance(&mut self, camera_ray: u32, radiance: DVec3, stage: &Scatter, bounces: u32) {
-        if radiance.is_finite() {
-            self.radiance[camera_ray as usize] += stage.clamped(radiance, bounces);
-        } else {
+    pub(super) fn add_radiance(&mut self, path: &Path, radiance: DVec3, stage: &Scatter) {
+        let target = path.target as usize;
+        if !radiance.is_finite() {
             self.discarded += 1;
+        } else if path.scattering != Scattering::OfPicture {
+            self.radiance[target] += radiance;
+            self.left_out.add_light(path.counted, radiance, stage);
+        } else {
+            let clamped = stage.clamped(radiance, path.bounces);
+            self.radiance[target] += clamped;
+            if clamped != radiance && stage.measures_left_out {
+                self.radiance[target + 2 * self.samples.len()] += radiance - clamped;
+            }
         }
     }
 
@@ -93,10 +104,13 @@ impl Buffers {
                     continue;
                 }
                 let ray = surfaces.ray_of()[i] as usize;
-                let path = &self.paths[ray];
-                let weight = lights.weight_of_emitter(&surfaces.get(i), path);
+                let path = self.paths[ray];
+                if path.scattering.is_repeated() {
+                    continue;
+                }
+                let weight = lights.weight_of_emitter(&surfaces.get(i), &path);
                 let radiance = self.vertices.throughput.get(i) * emission * weight;
-                self.add_radiance(generation.camera_rays[ray], radiance, stage, path.bounces);
+                self.add_radiance(&path, radiance, stage);
             }
         }
     }

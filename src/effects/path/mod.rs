@@ -11,6 +11,8 @@
 //!    sampling ([`weights`]), and traced together;
 //! 5. Russian roulette ends paths; the others are the next generation, without gaps ([`continuations`]).
 //!
+//! Where a limit on bounces ends paths, some of them continue to estimate the light that it leaves out ([`limits`]).
+//!
 //! All but the choice of lights, the BSDFs of the last class, and media are loops without branches over structures of
 //! arrays, which the compiler vectorises. Random numbers depend on pixel, sample, generation and seed.
 
@@ -19,6 +21,7 @@ mod continuations;
 mod emission;
 mod light_samples;
 mod lights;
+mod limits;
 mod media;
 mod numbers;
 mod opaque_bsdfs;
@@ -35,10 +38,12 @@ use bsdf::Bsdfs;
 use continuations::Continuations;
 use light_samples::{LightSamples, TriangleSamples};
 use lights::Lights;
+use limits::{LeftOutPaths, Scattering};
 use media::MediumStackId;
 use numbers::{GenerationNumbers, Sequence};
 use vertices::{IndexList, Vertices};
 
+use super::left_out::BounceLimits;
 use super::samples::{SampleIndex, list_samples};
 use super::shadow_catcher::catch_shadows;
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
@@ -57,8 +62,7 @@ pub const RAYS: RayKind = RayKind { name: "path", is_shadow: false, colour: [120
 /// Shadow rays to sampled lights.
 pub const LIGHT_RAYS: RayKind = RayKind { name: "light-sample", is_shadow: true, colour: [120, 190, 255] };
 
-/// The bounces of a path where none are asked for.
-pub const DEFAULT_DEPTH: u32 = PathSettings::DEFAULT_DEPTH;
+pub(super) use limits::take_left_out;
 
 /// The registry's entry.
 pub(super) const TRANSPORT: TransportEntry = TransportEntry {
@@ -76,10 +80,10 @@ pub(super) const TRANSPORT: TransportEntry = TransportEntry {
             let scatter = Scatter::new(context);
             vec![Stage::with_buffers("path", move |buffers: &mut Buffers, tile, context| {
                 if tile.depth == 0 {
-                    buffers.start(tile, context.world);
+                    buffers.start(tile, context.world, &scatter);
                 }
                 buffers.scatter(tile, context, &scatter);
-                buffers.trace_shadow_rays(tile, context.world, scatter.continued);
+                buffers.trace_shadow_rays(tile, context.world, &scatter);
             })]
         }
         Hook::Film => vec![Stage::new("film", write_radiance)],
@@ -98,8 +102,8 @@ pub const EFFECT: Effect = Effect {
         meaning: "number of bounces",
         placeholder: "BOUNCES",
         check: |value| match value.parse::<u32>() {
-            Ok(0..=MAX_DEPTH) => Ok(()),
-            _ => Err(format!("give a number from 0 to {MAX_DEPTH}")),
+            Ok(0..=PathSettings::MAX_DEPTH) => Ok(()),
+            _ => Err(format!("give a number from 0 to {}", PathSettings::MAX_DEPTH)),
         },
     }),
     called_for,
@@ -109,9 +113,6 @@ pub const EFFECT: Effect = Effect {
     },
     ..Effect::NONE
 };
-
-/// The limit of bounces that can be asked for.
-const MAX_DEPTH: u32 = 1000;
 
 /// What calls for paths, or speaks against them.
 fn called_for(world: &World, plan_settings: &PlanSettings) -> Result<String, String> {
@@ -149,21 +150,30 @@ struct Path {
     /// The density per solid angle with which the BSDF sampled the current ray; infinite for camera rays and for
     /// directions that no light sample can reach.
     pdf: f64,
-    /// The number of scattering events, not counting leading perfectly specular ones.
-    bounces: u32,
+    /// The entry of [`Buffers::radiance`] that it adds to.
+    target: u32,
+    /// The number of scattering events that count towards the limit of bounces.
+    counted: u16,
+    /// The number of scattering events, not counting leading perfectly specular ones; 2 for more.
+    bounces: u8,
+    /// What it does at the next vertex.
+    scattering: Scattering,
 }
 
 /// A shadow ray's path and the radiance that it adds if unoccluded.
 #[derive(Debug, Clone, Copy)]
 struct LightPath {
-    camera_ray: u32,
+    /// [`Path::target`] and [`Path::counted`].
+    target: u32,
+    counted: u16,
     radiance: DVec3,
 }
 
 /// The buffers of the effect.
 #[derive(Default)]
 struct Buffers {
-    /// For each camera ray, the radiance of its path so far.
+    /// For each camera ray, the radiance of its path so far; then, where light left out is measured, what the paths that
+    /// continue beyond a limit find; then, where there is a clamp, what that takes away.
     radiance: Vec<DVec3>,
     /// For each camera ray, its pixel and sample.
     samples: Vec<SampleIndex>,
@@ -190,6 +200,7 @@ struct Buffers {
     light_samples: Vec<Box<LightSamples>>,
     triangle_samples: Box<TriangleSamples>,
     continuations: Box<Continuations>,
+    left_out: LeftOutPaths,
     /// Samples of light in the current generation that were not finite.
     discarded: u64,
 }
@@ -197,7 +208,7 @@ struct Buffers {
 impl Buffers {
     fn bytes(&self) -> usize {
         let Buffers { radiance, samples, paths, next, media, next_media, .. } = self;
-        let Buffers { occluded, places, cells, vertices, bsdfs, light_samples, .. } = self;
+        let Buffers { occluded, places, cells, vertices, bsdfs, light_samples, left_out, .. } = self;
         size_of::<Buffers>()
             + vec_bytes(radiance)
             + vec_bytes(samples)
@@ -216,19 +227,28 @@ impl Buffers {
             + light_samples.iter().map(|samples| samples.bytes()).sum::<usize>()
             + size_of::<TriangleSamples>()
             + size_of::<Continuations>()
+            + left_out.bytes()
     }
 
     /// Begins the paths of the camera rays.
-    fn start(&mut self, tile: &mut Tile, world: &World) {
+    fn start(&mut self, tile: &mut Tile, world: &World, stage: &Scatter) {
         let generation = tile.generation();
         let count = generation.rays.len();
         generation.camera_rays.clear();
         generation.camera_rays.extend(0..count as u32);
-        let camera = Path { throughput: DVec3::ONE, from: DVec3::ZERO, pdf: f64::INFINITY, bounces: 0 };
         self.radiance.clear();
-        self.radiance.resize(count, DVec3::ZERO);
+        self.radiance.resize(count * stage.sections(), DVec3::ZERO);
         self.paths.clear();
-        self.paths.resize(count, camera);
+        self.paths.extend((0..count as u32).map(|target| Path {
+            throughput: DVec3::ONE,
+            from: DVec3::ZERO,
+            pdf: f64::INFINITY,
+            target,
+            counted: 0,
+            bounces: 0,
+            scattering: Scattering::OfPicture,
+        }));
+        self.left_out.start();
         self.samples.clear();
         list_samples(tile, &mut self.samples);
         self.media.clear();
@@ -240,8 +260,9 @@ impl Buffers {
 
 /// Adds radiance at the surfaces of a generation and fills the next one with the continuing rays.
 struct Scatter {
-    /// The most bounces.
-    depth: u32,
+    limits: BounceLimits,
+    /// Whether the light that limits leave out is measured.
+    measures_left_out: bool,
     /// The seed of the random numbers.
     seed: u32,
     /// The kind that shadow rays behind surfaces are counted as; `None` where all surfaces are opaque.
@@ -258,12 +279,13 @@ struct Scatter {
 
 impl Scatter {
     fn new(context: &EffectContext) -> Self {
-        let depth = context.value.as_ref().and_then(|value| value.parse().ok()).unwrap_or(DEFAULT_DEPTH);
+        let depth = context.value.as_ref().and_then(|value| value.parse().ok());
         let Sampling { seed, sampler, .. } = *context.sampling;
         let settings = context.spec.path;
         let light_samples = settings.light_samples.clamp(1, PathSettings::MAX_LIGHT_SAMPLES);
         Scatter {
-            depth,
+            limits: BounceLimits::new(depth, settings.depth_specular),
+            measures_left_out: context.spec.measures_left_out,
             seed,
             sampler,
             technique: context.spec.light_technique,
@@ -271,6 +293,15 @@ impl Scatter {
             texture_use: context.spec.texture_use,
             continued: context.spec.continued.map(|kinds| kinds.shadow_rays),
             clamp: context.clamp.unwrap_or(f64::INFINITY),
+        }
+    }
+
+    /// The number of sections of [`Buffers::radiance`].
+    fn sections(&self) -> usize {
+        match self.measures_left_out {
+            true if self.clamp < f64::INFINITY => 3,
+            true => 2,
+            false => 1,
         }
     }
 }
@@ -293,19 +324,18 @@ impl Buffers {
         let surfaces = &*generation.surfaces;
         self.vertices.begin(world, surfaces, &self.paths, &self.media);
         self.add_emitted(generation, world, &lights, stage);
+        let is_limited = stage.limits.may_end(depth);
+        if is_limited {
+            self.find_scattering(generation, world, stage, depth);
+        }
         // The last vertices of paths only emit; denoising AOVs need to know whether they scatter.
-        let is_last = depth >= stage.depth;
-        let mut ended_in_glass = 0;
+        let is_last = is_limited && !self.left_out.any_scatters;
         if !is_last {
             let camera_rays = surfaces.ray_of().iter().map(|&ray| generation.camera_rays[ray as usize]);
             let sequence = Sequence { seed: stage.seed, sampler: stage.sampler, depth };
             self.numbers.fill(camera_rays.map(|ray| self.samples[ray as usize]), sequence);
             self.vertices.find_frames(world, surfaces);
             self.sample_lights((world, &lights, stage), surfaces, sequence);
-        }
-        if is_last && depth > 0 {
-            let transmits = |material: &&u32| world.materials[**material as usize].transmits();
-            ended_in_glass = surfaces.materials().iter().filter(transmits).count() as u64;
         }
         if is_last && scattering.is_some() {
             self.vertices.find_frames(world, surfaces);
@@ -319,15 +349,21 @@ impl Buffers {
         if let Some(found) = &mut scattering {
             self.note_scattering(world, generation, found);
         }
+        if is_limited && !is_last {
+            self.drop_ended();
+        }
         if !is_last {
             self.list_shadow_rays((world, stage), generation);
-            self.list_continuations(world, (generation, next), depth >= stage.settings.roulette_from);
+            let has_roulette = is_limited || depth >= stage.settings.roulette_from;
+            self.list_continuations((world, stage), (generation, next), has_roulette);
+        }
+        if is_limited && stage.measures_left_out {
+            self.list_repeated(stage, (generation, next), depth);
         }
         std::mem::swap(&mut self.paths, &mut self.next);
         std::mem::swap(&mut self.media, &mut self.next_media);
         tile.scattering = scattering;
         tile.discarded_samples += self.discarded;
-        tile.ended_in_glass += ended_in_glass;
     }
 
     /// Takes the light samples of all vertices.
@@ -380,7 +416,7 @@ fn write_radiance(tile: &mut Tile, context: &RenderContext) {
     tile.with_buffers(|buffers: &mut Buffers, tile| {
         tile.pixels.clear();
         let pixel = |&radiance: &DVec3| pipeline.clamp(radiance).as_vec3().to_array();
-        tile.pixels.extend(buffers.radiance.iter().map(pixel));
+        tile.pixels.extend(buffers.radiance[..buffers.samples.len()].iter().map(pixel));
     });
     expose_unlit(tile, context);
     catch_shadows(tile, context.world, true);

@@ -3,11 +3,12 @@
 use glam::DVec3;
 
 use super::light_samples::LightSamples;
+use super::limits::Scattering;
 use super::vertices::Vertices;
 use super::weights::light_weight;
-use super::{Buffers, LIGHT_RAYS, LightPath, Scatter};
+use super::{Buffers, LIGHT_RAYS, LightPath, Path, Scatter};
 use crate::effects::tile::{RayGeneration, Tile};
-use crate::effects::{LightTechnique, RayKind, shadow_ray, transparency};
+use crate::effects::{LightTechnique, shadow_ray, transparency};
 use crate::geometry::{Numerics, Precision, Ray};
 use crate::shading::LightSample;
 use crate::world::{InteractionSoa, World, select, simd};
@@ -145,26 +146,35 @@ impl Buffers {
                     let media = vertices.media_towards(i, surfaces, direction.get(i));
                     radiance *= vertices.media.transmittance(world, media, end, t_max);
                 }
-                if stage.clamp < f64::INFINITY {
-                    radiance = stage.clamped(radiance * count, self.paths[ray].bounces + 1) / count;
+                let Path { target, counted, bounces, scattering, .. } = self.paths[ray];
+                if stage.clamp < f64::INFINITY && scattering == Scattering::OfPicture {
+                    let whole = radiance;
+                    radiance = stage.clamped(radiance * count, bounces + 1) / count;
+                    if stage.measures_left_out {
+                        self.left_out.clamped_off.push(whole - radiance);
+                    }
+                } else if stage.sections() == 3 {
+                    self.left_out.clamped_off.push(DVec3::ZERO);
                 }
-                LightPath { camera_ray: generation.camera_rays[ray], radiance }
+                LightPath { target, counted: counted.saturating_add(1), radiance }
             }));
         }
     }
 
     /// Traces the shadow rays of a generation and adds the radiance of those that are not occluded.
-    pub(super) fn trace_shadow_rays(&mut self, tile: &mut Tile, world: &World, continued: Option<RayKind>) {
-        let Buffers { light_samples, occluded, radiance, .. } = self;
+    pub(super) fn trace_shadow_rays(&mut self, tile: &mut Tile, world: &World, stage: &Scatter) {
+        let Buffers { light_samples, occluded, radiance, samples, left_out, .. } = self;
+        let mut listed = 0;
         for LightSamples { shadow_rays, light_paths, .. } in light_samples.iter().map(|samples| &**samples) {
             occluded.clear();
             world.accelerator.are_occluded(shadow_rays.rays(), occluded, &mut tile.traversal);
-            match continued {
+            left_out.transmittances.clear();
+            match stage.continued {
                 None => {
                     for (path, &occluded) in light_paths.iter().zip(&*occluded) {
                         // Without a branch, which would be mispredicted.
                         let gained = if occluded { DVec3::ZERO } else { path.radiance };
-                        radiance[path.camera_ray as usize] += gained;
+                        radiance[path.target as usize] += gained;
                     }
                 }
                 Some(kind) => {
@@ -178,18 +188,24 @@ impl Buffers {
                             *occluded = transmittance == 0.0;
                         }
                         if !*occluded {
-                            radiance[path.camera_ray as usize] += path.radiance * transmittance;
+                            radiance[path.target as usize] += path.radiance * transmittance;
                         }
+                        left_out.transmittances.push(transmittance);
                     }
                     if count > 0 {
                         tile.count(kind, count, 0);
                     }
                 }
             }
+            if left_out.has_unlimited || !left_out.clamped_off.is_empty() {
+                left_out.add_light_samples((light_paths, listed), occluded, samples.len(), radiance, stage);
+                listed += light_paths.len();
+            }
             if let Some(recorder) = &mut tile.recorder {
                 recorder.record_occlusion(LIGHT_RAYS, tile.depth, None, shadow_rays.rays(), occluded);
             }
             tile.count(LIGHT_RAYS, occluded.len(), occluded.iter().filter(|&&occluded| occluded).count());
         }
+        left_out.clamped_off.clear();
     }
 }

@@ -6,7 +6,7 @@ use egui::{Context, Label, Panel, RichText, ScrollArea, Ui};
 
 use super::{App, inspector, timeline};
 use crate::effects::RayKind;
-use crate::job::note_of_depth;
+use crate::job::note_of_left_out;
 use crate::viewer::painter::RenderedImage;
 use crate::viewer::panel::{self, PanelContents};
 use crate::viewer::{overlay, timeline as bar};
@@ -155,6 +155,6 @@ fn image_warnings(rendered: &RenderedImage) -> Vec<String> {
     if rendered.is_last && rendered.statistics.rays(RayKind::PRIMARY).hit == 0 {
         image_warnings.push("nothing is in the picture; F shows all of the scene".into());
     }
-    image_warnings.extend(note_of_depth(&rendered.prepared.job.plan, &rendered.statistics));
+    image_warnings.extend(note_of_left_out(&rendered.prepared.job.plan, &rendered.statistics));
     image_warnings
 }

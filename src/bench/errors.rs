@@ -1,0 +1,168 @@
+//! The errors of a picture by their causes, each with the option that reduces it and what that costs: noise, light left
+//! out, the tier of numerics, and quantisation to 8 bits.
+
+use std::time::Instant;
+
+use glam::DVec3;
+
+use crate::effects::convergence::displayed_error;
+use crate::error::Result;
+use crate::film::Film;
+use crate::film::write::Channel;
+use crate::job::{RenderJob, left_out_advice, percent};
+use crate::render::aov::{self, AovSelection};
+use crate::render::{RenderControl, Statistics};
+use crate::scene::Numerics;
+
+/// The error of a picture by one cause.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct PictureError {
+    /// The cause.
+    pub cause: &'static str,
+    /// The error in `unit`; `None` where it is not known.
+    pub error: Option<f64>,
+    /// The standard error of `error`, where that is an estimate.
+    pub standard_error: Option<f64>,
+    /// What `error` is: `displayed` (the standard error of display values, 1 is white; the root mean square of the pixels),
+    /// `share of the light`, or `8-bit steps` (the largest difference of display values).
+    pub unit: &'static str,
+    /// The error in words.
+    pub text: String,
+    /// The option that reduces it.
+    pub option: String,
+    /// The time of the picture with that option over its time; `None` where that is not known.
+    pub time: Option<f64>,
+}
+
+/// Measures the errors of a picture. `exact` is the same picture in the tier `exact`; `None` leaves the tier out.
+///
+/// # Errors
+/// As [`RenderJob::render`].
+pub fn measure(
+    job: &RenderJob,
+    exact: Option<&RenderJob>,
+    control: &RenderControl,
+) -> Result<Vec<PictureError>> {
+    let started = Instant::now();
+    let (film, statistics) = job.render::<[f32; 3]>(control)?;
+    let seconds = started.elapsed().as_secs_f64();
+    let mut errors = vec![noise(job, &film, control)?];
+    errors.extend(of_statistics(job, &statistics));
+    if let Some(exact) = exact {
+        errors.insert(errors.len() - 1, tier(job, exact, seconds, control)?);
+    }
+    Ok(errors)
+}
+
+/// The errors that the statistics of a finished picture tell: light left out, and quantisation.
+pub fn of_statistics(job: &RenderJob, statistics: &Statistics) -> Vec<PictureError> {
+    let quantisation = PictureError {
+        cause: "8 bits",
+        error: Some(0.5),
+        standard_error: None,
+        unit: "8-bit steps",
+        text: "up to 0.5 of 255, RMS 0.29".into(),
+        option: "--bits 16, .exr".into(),
+        time: Some(1.0),
+    };
+    let mut errors = Vec::new();
+    if let Some(left_out) = &statistics.left_out {
+        let limits = job.plan.bounce_limits();
+        let (option, time) = left_out_advice(&job.plan, statistics);
+        let causes = [
+            ("bounces", left_out.by_depth(), option, time),
+            ("clamp", left_out.by_clamp(), "larger --clamp".into(), None),
+        ];
+        let has_clamp = job.plan_settings.clamp.is_some();
+        for (cause, share, option, time) in
+            causes.into_iter().filter(|(cause, ..)| *cause != "clamp" || has_clamp)
+        {
+            let by = if cause == "bounces" { format!(", beyond {limits}") } else { String::new() };
+            errors.push(PictureError {
+                cause,
+                error: Some(share.mean),
+                standard_error: Some(share.error),
+                unit: "share of the light",
+                text: format!("{} of the light left out{by}", percent(share)),
+                option,
+                time,
+            });
+        }
+    }
+    errors.push(quantisation);
+    errors
+}
+
+/// The noise: the root mean square, over pixels, of the standard error of the displayed value.
+fn noise(job: &RenderJob, film: &Film, control: &RenderControl) -> Result<PictureError> {
+    let samples = job.plan_settings.sampling.max_samples();
+    let unknown = |text: &str, option: &str| PictureError {
+        cause: "noise",
+        error: None,
+        standard_error: None,
+        unit: "displayed",
+        text: text.into(),
+        option: option.into(),
+        time: None,
+    };
+    if samples < 2 || !job.plan.takes_samples() {
+        return Ok(unknown("not known from one sample a pixel", "--samples 16"));
+    }
+    let selection = AovSelection::new(&["samples".into(), "variance".into()])?;
+    let channels = aov::channels(&job.aov_source(Some(film)), &selection, control)?;
+    let display = job.display_transform(control)?;
+    let value = |channel: &Channel, pixel: usize| f64::from(channel.values[pixel]);
+    let [counts, red, green, blue] = &channels[..] else { return Ok(unknown("not known", "--samples")) };
+    let (mut squares, mut count) = (0.0, 0.0);
+    for (pixel, colour) in film.rows().enumerate() {
+        let variance = DVec3::from([red, green, blue].map(|channel| value(channel, pixel)));
+        let error = DVec3::from((variance / value(counts, pixel)).to_array().map(f64::sqrt));
+        let displayed = |colour| display.displayed(job.pipeline(), colour);
+        let error = displayed_error(DVec3::from(colour.map(f64::from)), error, displayed);
+        squares += error * error;
+        count += 1.0;
+    }
+    let error = f64::sqrt(squares / count);
+    let (option, time) = match job.plan_settings.sampling.noise {
+        // A quarter of the variance takes four times the samples.
+        Some(noise) => (format!("--noise {:.2e} halves it", noise / 2.0), None),
+        None => (format!("--samples {} halves it", samples.saturating_mul(4)), Some(4.0)),
+    };
+    Ok(PictureError {
+        cause: "noise",
+        error: Some(error),
+        standard_error: None,
+        unit: "displayed",
+        text: format!("{error:.4} of white, standard error, RMS of the pixels"),
+        option,
+        time,
+    })
+}
+
+/// The largest difference of display values to the tier `exact`.
+fn tier(job: &RenderJob, exact: &RenderJob, seconds: f64, control: &RenderControl) -> Result<PictureError> {
+    let own = job.world.numerics();
+    let started = Instant::now();
+    let (of_exact, _) = exact.render::<[u8; 3]>(control)?;
+    let time = started.elapsed().as_secs_f64() / seconds;
+    let (film, _) = job.render::<[u8; 3]>(control)?;
+    let pixels = film.rows().zip(of_exact.rows());
+    let differences: Vec<u8> = pixels
+        .map(|(a, b): ([u8; 3], [u8; 3])| (0..3).map(|c| a[c].abs_diff(b[c])).max().unwrap_or(0))
+        .collect();
+    let largest = differences.iter().copied().max().unwrap_or(0);
+    let different = differences.iter().filter(|&&difference| difference > 0).count();
+    let share = 100.0 * different as f64 / differences.len().max(1) as f64;
+    Ok(PictureError {
+        cause: "tier",
+        error: Some(largest.into()),
+        standard_error: None,
+        unit: "8-bit steps",
+        text: format!(
+            "`{}` differs from `exact` in {share:.3} % of the pixels, by up to {largest} of 255",
+            own.name()
+        ),
+        option: if own == Numerics::Exact { String::new() } else { "--numerics exact".into() },
+        time: Some(time),
+    })
+}

@@ -1,0 +1,249 @@
+//! Limits on the bounces of paths, and the paths that estimate the light which these leave out.
+//!
+//! Of the rays whose next vertex scatters less than without limits, a random share is traced once more, in the next
+//! generation. That vertex then scatters by the lobes that the limits leave out, and what follows has no limits but
+//! Russian roulette. Light found that way, over the share, is an unbiased estimate of the light left out: the share is
+//! chosen by random numbers of its own, before anything is known of the vertex.
+
+use glam::DVec3;
+
+use super::bsdf::can_be_delta;
+use super::{Buffers, LightPath, Path, Scatter};
+use crate::effects::left_out::{BounceLimits, ByBounces, LeftOut, LeftOutSample};
+use crate::effects::random::{Dimension, independent_pair};
+use crate::effects::tile::{RayGeneration, Tile, vec_bytes};
+use crate::film::colour::luminance;
+use crate::world::World;
+
+/// The share of the limited paths that continue beyond the limits, times the largest channel of their throughput where that is below
+/// 1. Measurements: docs/decisions.md.
+const SHARE: f64 = 1.0 / 64.0;
+
+/// The lobes by which a vertex may scatter: all but perfectly specular ones, and these.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Lobes {
+    rough: bool,
+    delta: bool,
+}
+
+impl Lobes {
+    const ALL: Lobes = Lobes { rough: true, delta: true };
+}
+
+/// How a path scatters at its next vertex.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Scattering {
+    /// As far as the limits let the paths of the picture.
+    OfPicture,
+    /// Without limits.
+    Unlimited,
+    /// By the lobes that the limits leave out. The vertex is that of a path of the picture, which has its emission.
+    Repeated(LeftOutLobes),
+}
+
+/// The lobes that limits leave out at a vertex.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum LeftOutLobes {
+    Rough,
+    Delta,
+    All,
+}
+
+impl Scattering {
+    /// Whether the vertex is that of a path of the picture.
+    pub(super) fn is_repeated(self) -> bool {
+        matches!(self, Scattering::Repeated(_))
+    }
+
+    /// That of the vertex after the next.
+    pub(super) fn next(self) -> Self {
+        if self == Scattering::OfPicture { self } else { Scattering::Unlimited }
+    }
+}
+
+/// The lobes of a vertex on a path of the picture.
+fn lobes_within(limits: &BounceLimits, path: &Path, generation: u32) -> Lobes {
+    let counted = u32::from(path.counted);
+    let rough = counted < limits.depth;
+    let delta = limits.specular.map_or(rough, |specular| generation - counted < specular);
+    Lobes { rough, delta }
+}
+
+/// The state of the paths that continue beyond the limits.
+#[derive(Default)]
+pub(super) struct LeftOutPaths {
+    /// For each vertex of a limited generation, its lobes.
+    lobes: Vec<Lobes>,
+    /// Whether any of these may scatter.
+    pub(super) any_scatters: bool,
+    /// Whether the generation has paths beyond the limits.
+    pub(super) has_unlimited: bool,
+    /// For each light sample of the generation, the radiance that the clamp takes away; empty without a clamp.
+    pub(super) clamped_off: Vec<DVec3>,
+    /// For each shadow ray, the transmittance; empty where all is 0 or 1.
+    pub(super) transmittances: Vec<f64>,
+    bounces: ByBounces,
+}
+
+impl LeftOutPaths {
+    /// Begins the paths of camera rays.
+    pub(super) fn start(&mut self) {
+        self.has_unlimited = false;
+        self.clamped_off.clear();
+    }
+
+    /// Bytes of memory beside the structure itself.
+    pub(super) fn bytes(&self) -> usize {
+        let LeftOutPaths { lobes, clamped_off, transmittances, bounces: ByBounces { light, rays }, .. } = self;
+        vec_bytes(lobes) + vec_bytes(clamped_off) + vec_bytes(transmittances) + vec_bytes(light) + vec_bytes(rays)
+    }
+
+    /// Adds the light samples of a generation that are visible: those of paths beyond the limits, and what the clamp takes
+    /// away of others. The first is number `listed` of the generation; `count` is the number of camera rays.
+    #[cold]
+    pub(super) fn add_light_samples(
+        &mut self,
+        (light_paths, listed): (&[LightPath], usize),
+        occluded: &[bool],
+        count: usize,
+        radiance: &mut [DVec3],
+        stage: &Scatter,
+    ) {
+        for (k, path) in light_paths.iter().enumerate().filter(|(k, _)| !occluded[*k]) {
+            let transmittance = self.transmittances.get(k).copied().unwrap_or(1.0);
+            let target = path.target as usize;
+            if target >= count {
+                self.add_light(path.counted, path.radiance * transmittance, stage);
+            } else if let Some(clamped_off) = self.clamped_off.get(listed + k) {
+                radiance[2 * count + target] += *clamped_off * transmittance;
+            }
+        }
+    }
+
+    /// Adds light that a path beyond the limits finds after `counted` bounces that count.
+    #[cold]
+    pub(super) fn add_light(&mut self, counted: u16, radiance: DVec3, stage: &Scatter) {
+        add_at(&mut self.bounces.light, stage.limits.beyond(counted), luminance(radiance) / SHARE);
+    }
+}
+
+fn add_at(values: &mut Vec<f64>, index: usize, value: f64) {
+    if values.len() <= index {
+        values.resize(index + 1, 0.0);
+    }
+    values[index] += value;
+}
+
+impl Buffers {
+    /// Finds the lobes of the vertices of a limited generation.
+    pub(super) fn find_scattering(
+        &mut self,
+        generation: &RayGeneration,
+        world: &World,
+        stage: &Scatter,
+        depth: u32,
+    ) {
+        let Buffers { left_out, paths, vertices, .. } = self;
+        let LeftOutPaths { lobes, any_scatters, has_unlimited, bounces, .. } = left_out;
+        *has_unlimited = false;
+        for path in paths.iter().filter(|path| path.scattering != Scattering::OfPicture) {
+            *has_unlimited = true;
+            add_at(&mut bounces.rays, stage.limits.beyond(path.counted), 1.0 / SHARE);
+        }
+        lobes.clear();
+        *any_scatters = false;
+        let surfaces = &*generation.surfaces;
+        for (material, range) in surfaces.by_material() {
+            let has_delta = can_be_delta(&world.materials[*material as usize]);
+            for i in range.clone() {
+                let path = &paths[surfaces.ray_of()[i] as usize];
+                let found = match path.scattering {
+                    Scattering::OfPicture => lobes_within(&stage.limits, path, depth),
+                    Scattering::Unlimited | Scattering::Repeated(LeftOutLobes::All) => Lobes::ALL,
+                    Scattering::Repeated(LeftOutLobes::Rough) => Lobes { rough: true, delta: false },
+                    Scattering::Repeated(LeftOutLobes::Delta) => Lobes { rough: false, delta: true },
+                };
+                lobes.resize(lobes.len().max(i + 1), Lobes::ALL);
+                lobes[i] = found;
+                let is_delta = || has_delta || vertices.crossing(i).is_hidden;
+                *any_scatters |= found.rough || found.delta && is_delta();
+            }
+        }
+    }
+
+    /// Removes light samples and continuations by lobes that vertices do not have.
+    pub(super) fn drop_ended(&mut self) {
+        let Buffers { left_out, light_samples, continuations, .. } = self;
+        for (i, lobes) in left_out.lobes.iter().enumerate() {
+            if !lobes.rough {
+                light_samples.iter_mut().for_each(|samples| samples.pdf[i] = 0.0);
+            }
+            let is_delta = continuations.pdf[i].is_infinite();
+            if !(if is_delta { lobes.delta } else { lobes.rough }) {
+                continuations.pdf[i] = 0.0;
+            }
+        }
+    }
+
+    /// Adds a share of the rays whose vertices are limited to the next generation.
+    pub(super) fn list_repeated(
+        &mut self,
+        stage: &Scatter,
+        (generation, next): (&RayGeneration, &mut RayGeneration),
+        depth: u32,
+    ) {
+        let count = self.samples.len() as u32;
+        for (ray, path) in self.paths.iter().enumerate() {
+            if path.scattering != Scattering::OfPicture {
+                continue;
+            }
+            let left_out = match lobes_within(&stage.limits, path, depth) {
+                Lobes { rough: true, delta: true } => continue,
+                Lobes { rough: false, delta: false } => LeftOutLobes::All,
+                Lobes { rough: false, delta: true } => LeftOutLobes::Rough,
+                Lobes { rough: true, delta: false } => LeftOutLobes::Delta,
+            };
+            let camera_ray = generation.camera_rays[ray];
+            let sample = self.samples[camera_ray as usize];
+            let dimension = Dimension::left_out(depth);
+            let [number, _] = independent_pair([sample.x, sample.y], stage.seed, sample.sample, dimension);
+            let survival = path.throughput.max_element().min(1.0);
+            if f64::from(number) >= SHARE * survival {
+                continue;
+            }
+            next.rays.push(&generation.rays.get(ray));
+            next.sources.push(ray as u32);
+            next.camera_rays.push(camera_ray);
+            self.next.push(Path {
+                throughput: path.throughput / survival,
+                target: path.target + count,
+                scattering: Scattering::Repeated(left_out),
+                ..*path
+            });
+            if let Some(&media) = self.media.get(ray) {
+                self.next_media.push(media);
+            }
+        }
+    }
+}
+
+/// Moves the light left out of the paths of a pass to the buffer of its effect.
+pub(in crate::effects) fn take_left_out(tile: &mut Tile, into: &mut LeftOut) {
+    into.samples.clear();
+    if tile.buffers::<Buffers>().is_none() {
+        return;
+    }
+    tile.with_buffers(|buffers: &mut Buffers, _| {
+        let Buffers { samples, radiance, left_out, .. } = buffers;
+        let count = samples.len();
+        let of = |section: usize, i: usize| radiance.get(section * count + i).copied().unwrap_or_default();
+        into.samples.extend(samples.iter().enumerate().map(|(i, sample)| LeftOutSample {
+            pixel: [sample.x, sample.y],
+            by_depth: of(1, i) / SHARE,
+            by_clamp: of(2, i),
+        }));
+        into.bounces.add(&left_out.bounces);
+        left_out.bounces.light.clear();
+        left_out.bounces.rays.clear();
+    });
+}
