@@ -15,17 +15,17 @@ use crate::render::{RenderControl, Statistics};
 use crate::scene::Numerics;
 
 /// The error of a picture by one cause.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct PictureError {
     /// The cause.
-    pub cause: &'static str,
+    pub cause: String,
     /// The error in `unit`; `None` where it is not known.
     pub error: Option<f64>,
     /// The standard error of `error`, where that is an estimate.
     pub standard_error: Option<f64>,
     /// What `error` is: `displayed` (the standard error of display values, 1 is white; the root mean square of the pixels),
     /// `share of the light`, or `8-bit steps` (the largest difference of display values).
-    pub unit: &'static str,
+    pub unit: String,
     /// The error in words.
     pub text: String,
     /// The option that reduces it.
@@ -57,10 +57,10 @@ pub fn measure(
 /// The errors that the statistics of a finished picture tell: light left out, and quantisation.
 pub fn of_statistics(job: &RenderJob, statistics: &Statistics) -> Vec<PictureError> {
     let quantisation = PictureError {
-        cause: "8 bits",
+        cause: "8 bits".into(),
         error: Some(0.5),
         standard_error: None,
-        unit: "8-bit steps",
+        unit: "8-bit steps".into(),
         text: "up to 0.5 of 255, RMS 0.29".into(),
         option: "--bits 16, .exr".into(),
         time: Some(1.0),
@@ -79,10 +79,10 @@ pub fn of_statistics(job: &RenderJob, statistics: &Statistics) -> Vec<PictureErr
         {
             let by = if cause == "bounces" { format!(", beyond {limits}") } else { String::new() };
             errors.push(PictureError {
-                cause,
+                cause: cause.into(),
                 error: Some(share.mean),
                 standard_error: Some(share.error),
-                unit: "share of the light",
+                unit: "share of the light".into(),
                 text: format!("{} of the light left out{by}", percent(share)),
                 option,
                 time,
@@ -97,10 +97,10 @@ pub fn of_statistics(job: &RenderJob, statistics: &Statistics) -> Vec<PictureErr
 fn noise(job: &RenderJob, film: &Film, control: &RenderControl) -> Result<PictureError> {
     let samples = job.plan_settings.sampling.max_samples();
     let unknown = |text: &str, option: &str| PictureError {
-        cause: "noise",
+        cause: "noise".into(),
         error: None,
         standard_error: None,
-        unit: "displayed",
+        unit: "displayed".into(),
         text: text.into(),
         option: option.into(),
         time: None,
@@ -129,10 +129,10 @@ fn noise(job: &RenderJob, film: &Film, control: &RenderControl) -> Result<Pictur
         None => (format!("--samples {} halves it", samples.saturating_mul(4)), Some(4.0)),
     };
     Ok(PictureError {
-        cause: "noise",
+        cause: "noise".into(),
         error: Some(error),
         standard_error: None,
-        unit: "displayed",
+        unit: "displayed".into(),
         text: format!("{error:.4} of white, standard error, RMS of the pixels"),
         option,
         time,
@@ -154,10 +154,10 @@ fn tier(job: &RenderJob, exact: &RenderJob, seconds: f64, control: &RenderContro
     let different = differences.iter().filter(|&&difference| difference > 0).count();
     let share = 100.0 * different as f64 / differences.len().max(1) as f64;
     Ok(PictureError {
-        cause: "tier",
+        cause: "tier".into(),
         error: Some(largest.into()),
         standard_error: None,
-        unit: "8-bit steps",
+        unit: "8-bit steps".into(),
         text: format!(
             "`{}` differs from `exact` in {share:.3} % of the pixels, by up to {largest} of 255",
             own.name()

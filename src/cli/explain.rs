@@ -162,7 +162,7 @@ pub(crate) fn errors_to_text(errors: &[PictureError]) -> String {
     let titles = ["error", "how large", "less by", "time"].map(str::to_owned).to_vec();
     let line = |error: &PictureError| {
         let time = error.time.map(|time| format!("x {time:.1}")).unwrap_or_default();
-        vec![error.cause.to_owned(), error.text.clone(), error.option.clone(), time]
+        vec![error.cause.clone(), error.text.clone(), error.option.clone(), time]
     };
     let lines: Vec<Vec<String>> = std::iter::once(titles).chain(errors.iter().map(line)).collect();
     aligned(&lines, |_| true)

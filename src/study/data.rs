@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::advice::{Advice, ParameterStep};
 use crate::bench::ResultFile;
+use crate::bench::errors::PictureError;
 use crate::metrics::Figures;
 use crate::metrics::t_test::TTest;
 use crate::timing::Quartiles;
@@ -33,6 +34,9 @@ pub struct Study {
     pub floors: Vec<NoiseFloor>,
     /// Differences in ray hits between each tier and `exact`.
     pub geometry: Vec<GeometryErrors>,
+    /// Errors of the base's picture by their causes.
+    #[serde(default)]
+    pub errors: Vec<PictureError>,
     /// Render time of the limit of the base's filter in ms; `None` if there is no limit.
     #[serde(default)]
     pub limit_ms: Option<f64>,

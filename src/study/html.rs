@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use super::advice::{best, brief, comparable};
 use super::data::{GeometryErrors, ReferenceKind, SettingRow, Significance, Study, TechniqueTest};
+use crate::bench::errors::PictureError;
 use crate::bench::html::{Cell, escaped, table};
 use crate::effects::EFFECTS;
 use crate::metrics::Figures;
@@ -15,6 +16,23 @@ const NONE: &str = "–";
 /// Attributes of a cell that is marked if it is bad.
 fn marked(is_bad: bool) -> &'static str {
     if is_bad { " class=\"bad\"" } else { "" }
+}
+
+/// Table of the errors of the base's picture; empty if there are none.
+pub(crate) fn errors(errors: &[PictureError]) -> String {
+    if errors.is_empty() {
+        return String::new();
+    }
+    let row = |error: &PictureError| {
+        let time = error.time.map_or(NONE.into(), |time| format!("× {time:.1}"));
+        let code = |text: &str| with_code(&escaped(text));
+        let cells = [escaped(&error.cause), code(&error.text), escaped(&error.option), time];
+        (String::new(), cells.map(|cell| ("", cell)).to_vec())
+    };
+    "<h2>Errors of the picture</h2>\n<p class=\"note\">By cause, each with the option that reduces it and the time that it takes, relative to the \
+     picture. <code>kiln explain --measure</code> prints the same table. Blur by filters of pixels and textures has no bound and is not in it.</p>\n"
+        .to_owned()
+        + &table("<error|<how large|<less by|time", errors.iter().map(row))
 }
 
 /// Table of differences in ray hits between the tiers and `exact`.

@@ -13,6 +13,7 @@ use super::sweep::{Candidate, sweep};
 use super::work::{MeasuredSetting, StudyRun, distinct, filters, prepare};
 use super::{advice, ambient, path_sweep, steps, techniques};
 use crate::bench::ResultFile;
+use crate::bench::errors;
 use crate::effects::RayKind;
 use crate::error::{Error, Result};
 use crate::geometry::Numerics;
@@ -117,8 +118,12 @@ pub fn study(
     let work = StudyRun { subject, options, reference, timed_threads: threads, control, progress };
     work.set_total_work(&settings, filters.len());
 
-    let (limits, limit_ms, twins, geometry) = pools.wide.install(|| {
-        let geometry = work.geometry()?;
+    let (limits, limit_ms, twins, (geometry, errors)) = pools.wide.install(|| {
+        let job = prepare(subject, &subject.base)?;
+        let exact = Setting { numerics: Numerics::Exact, ..subject.base.clone() };
+        let silent = RenderControl { progress: &|_, _| (), ..*control };
+        let errors = errors::measure(&job, Some(&prepare(subject, &exact)?), &silent)?;
+        let geometry = (work.geometry()?, errors);
         let (limits, limit_ms) = work.limits(&filters)?;
         let base_filter = subject.base.sampling.shape_and_radius();
         if let Some(limit) = limits.iter().find(|limit| limit.filter == base_filter) {
@@ -145,6 +150,7 @@ pub fn study(
         load_ms,
         floors: limits.iter().map(|limit| limit.floor.clone()).collect(),
         geometry,
+        errors,
         left_out: left_out.into_iter().map(|(parameter, why)| [parameter.to_owned(), why]).collect(),
         advice: advice(&rows),
         steps: steps(&rows),

@@ -6,7 +6,7 @@ use serde_json::json;
 
 use super::advice::brief;
 use super::data::{NoiseFloor, ReferenceKind, SettingRow, Study};
-use super::html::{against, geometry, scientific, settings, steps, technique_tests, with_code};
+use super::html::{against, errors, geometry, scientific, settings, steps, technique_tests, with_code};
 use super::pictures::PageImages;
 use super::plot::{error_against_time, error_against_twin, error_of_paths};
 use super::selection::{Selection, select};
@@ -36,6 +36,7 @@ pub fn page(study: &Study, pictures: &PageImages) -> String {
         ("rounds", rounds),
         ("kiln", escaped(&study.envelope.kiln)),
         ("headline", with_code(&headline(study))),
+        ("errors", errors(&study.errors)),
         ("selection", selection(study, pictures)),
         ("plot of time", error_against_time(&study.rows, study.noise_floor())),
         ("plot of twins", error_against_twin(&study.rows)),
