@@ -240,7 +240,7 @@ impl Picture {
                 let pixels = film.rows().zip(alpha).flat_map(|([r, g, b], &a)| [r, g, b, a]).collect();
                 (film.window(), shaped(py, pixels, &shape(film.window(), 4))?)
             }
-            OutputImage::Float(film, _) => match picture.alpha() {
+            OutputImage::Float(film, ..) => match picture.alpha() {
                 Some(Channel { values, .. }) => {
                     let pixels = film.rows().zip(values).flat_map(|([r, g, b], &a)| [r, g, b, a]).collect();
                     (film.window(), shaped::<f32>(py, pixels, &shape(film.window(), 4))?)
@@ -299,7 +299,7 @@ impl Picture {
     fn __repr__(&self, py: Python) -> PyResult<String> {
         let (window, dtype) = match self.picture.image() {
             OutputImage::Rgb8(film, _) | OutputImage::Rgba8(film, ..) => (film.window(), "uint8"),
-            OutputImage::Float(film, _) => (film.window(), "float32"),
+            OutputImage::Float(film, ..) => (film.window(), "float32"),
         };
         let aovs = named(py, ", AOVs ", &self.aovs)?;
         Ok(format!("<kiln.Picture {} x {}, {dtype}{aovs}>", window.width, window.height))

@@ -245,7 +245,7 @@ fn render_film(
     }
     let mut channels = aov::channels(&job.aov_source(Some(&film)), selection, control)?;
     channels.extend(alpha.map(|values| Channel { name: ALPHA.into(), values }));
-    Ok((OutputImage::Float(film, channels), statistics))
+    Ok((OutputImage::Float(film, channels, job.exr_attributes()), statistics))
 }
 
 /// Checks that a picture with a transparent background can be written. `target` says what it is.
@@ -295,7 +295,10 @@ pub(crate) fn render_to_accuracy(
     metadata::replace(&mut job.metadata, &PictureSettings { samples, ..job.settings.picture });
     let (window, pipeline) = (job.window, job.pipeline());
     let picture = match format {
-        Format::Exr => OutputImage::Float(Film::from_rows(window, &sampled.pixels)?, Vec::new()),
+        Format::Exr => {
+            let film = Film::from_rows(window, &sampled.pixels)?;
+            OutputImage::Float(film, Vec::new(), job.exr_attributes())
+        }
         _ => {
             let mut bytes = vec![[0; 3]; sampled.pixels.len()];
             let display = job.display_transform(&control)?;
@@ -367,9 +370,9 @@ pub(crate) fn warn_about_picture(
 pub(crate) fn write(picture: &OutputImage, job: &RenderJob, target: &OutputTarget) -> Result<()> {
     let metadata = &job.metadata;
     match (target, picture) {
-        (OutputTarget::Shard(file, _, shard), OutputImage::Float(film, channels)) => {
+        (OutputTarget::Shard(file, _, shard), OutputImage::Float(film, channels, attributes)) => {
             let display = job.display_transform(&RenderControl::default())?;
-            write_shard(film, channels, (job.pipeline(), display), metadata, *shard, file)
+            write_shard((film, channels, attributes), (job.pipeline(), display), metadata, *shard, file)
         }
         (OutputTarget::File(file, format) | OutputTarget::Shard(file, format, _), _) => {
             write_picture(picture, metadata, *format, file)

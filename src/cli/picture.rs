@@ -321,7 +321,7 @@ impl Picture {
     }
 
     fn float_channels(&self) -> &[Channel] {
-        if let OutputImage::Float(_, channels) = &self.image { channels } else { &[] }
+        if let OutputImage::Float(_, channels, _) = &self.image { channels } else { &[] }
     }
 
     /// What made the picture: names and values.
@@ -369,7 +369,7 @@ impl Picture {
 
     /// The picture in 8-bit display values; `None` if it is.
     fn displayed(&self) -> Result<Option<OutputImage>> {
-        let OutputImage::Float(film, _) = &self.image else { return Ok(None) };
+        let OutputImage::Float(film, ..) = &self.image else { return Ok(None) };
         Ok(Some(match self.alpha() {
             Some(alpha) => OutputImage::with_alpha(film, &alpha.values, self.pipeline, self.display)?,
             None => OutputImage::Rgb8(film.developed(self.pipeline, self.display)?, self.pipeline),

@@ -3,11 +3,10 @@
 use std::io::{Seek, Write};
 use std::path::Path;
 
-use exr::prelude::{
-    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, Text, WritableImage,
-};
+use exr::meta::header::{ImageAttributes, LayerAttributes};
+use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, WritableImage};
 
-use super::{ColourPipeline, DisplayTransform, Film, Pixel};
+use super::{ColourPipeline, DisplayTransform, ExrAttributes, Film, Pixel};
 use crate::error::{Error, Result};
 use crate::files::write_whole;
 
@@ -51,6 +50,9 @@ impl Format {
 /// Metadata key of the fingerprint: the hash of everything that determines the picture except the frame.
 pub const FINGERPRINT: &str = "kiln:fingerprint";
 
+/// Metadata key of the region of a picture that is a part of another.
+pub const CROP: &str = "kiln:crop";
+
 /// Metadata key of the frame number in an animation.
 pub const FRAME: &str = "kiln:frame";
 
@@ -63,8 +65,8 @@ pub enum OutputImage {
     Rgb8(Film<[u8; 3]>, ColourPipeline),
     /// The same with alpha, row by row from the top, for PNG. Colours are not multiplied by it.
     Rgba8(Film<[u8; 3]>, Vec<u8>, ColourPipeline),
-    /// Floating-point values for OpenEXR, and further channels.
-    Float(Film, Vec<Channel>),
+    /// Floating-point values for OpenEXR, further channels, and what the file states of them.
+    Float(Film, Vec<Channel>, ExrAttributes),
 }
 
 impl OutputImage {
@@ -128,7 +130,9 @@ pub fn encode(
         (OutputImage::Rgba8(film, alpha, pipeline), Format::Png) => {
             write_png(film, Some(alpha), *pipeline, metadata, out)
         }
-        (OutputImage::Float(film, more), Format::Exr) => write_exr(film, more, metadata, out),
+        (OutputImage::Float(film, more, attributes), Format::Exr) => {
+            write_exr(film, more, attributes.header(film.window(), metadata), out)
+        }
         (OutputImage::Rgba8(..), Format::Jpeg) => {
             unfit("JPEG has no alpha channel for a transparent background; write .png or .exr")
         }
@@ -199,22 +203,21 @@ fn write_jpeg(film: &Film<[u8; 3]>, out: &mut dyn Write) -> std::io::Result<()> 
         .map_err(std::io::Error::other)
 }
 
-fn write_exr(film: &Film, more: &[Channel], metadata: &Metadata, out: &mut dyn Write) -> std::io::Result<()> {
+fn write_exr(
+    film: &Film,
+    more: &[Channel],
+    (of_image, of_layer): (ImageAttributes, LayerAttributes),
+    out: &mut dyn Write,
+) -> std::io::Result<()> {
     let window = film.window();
     let channel = |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
     let own = ["R", "G", "B"].into_iter().enumerate();
     let own = own.map(|(c, name)| channel(name, film.rows().map(|pixel| pixel[c]).collect()));
     let more = more.iter().map(|more| channel(&more.name, more.values.clone()));
     let channels = AnyChannels::sort(own.chain(more).collect());
-    let mut attributes = LayerAttributes::named("kiln");
-    for (key, value) in metadata {
-        // Non-ASCII text is stored as UTF-8; OpenEXR does not define an encoding of text.
-        let text = Text::from_slice_unchecked(value.as_bytes());
-        let value = exr::meta::attribute::AttributeValue::Text(text);
-        attributes.other.insert(Text::from_slice_unchecked(key.as_bytes()), value);
-    }
     let size = (window.width as usize, window.height as usize);
-    let picture = Image::from_layer(Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, channels));
+    let layer = Layer::new(size, of_layer, Encoding::SMALL_LOSSLESS, channels);
+    let picture = Image::new(of_image, layer);
     // The writer seeks back to the offset table, which `out` may not support.
     let mut bytes = std::io::Cursor::new(Vec::new());
     picture.write().to_buffered(&mut bytes).map_err(std::io::Error::other)?;
@@ -258,7 +261,11 @@ mod tests {
         let pictures = [
             OutputImage::Rgb8(bytes(), linear),
             OutputImage::Rgba8(bytes(), vec![0], linear),
-            OutputImage::Float(Film::from_rows(window, &[[0.0; 3]]).unwrap(), Vec::new()),
+            OutputImage::Float(
+                Film::from_rows(window, &[[0.0; 3]]).unwrap(),
+                Vec::new(),
+                ExrAttributes::of_size([1, 1]),
+            ),
         ];
         let held = pictures.each_ref().map(|picture| {
             [Format::Png, Format::Jpeg, Format::Exr].map(|format| {

@@ -5,8 +5,9 @@
 
 use std::f64::consts::{PI, TAU};
 
-use glam::{DVec2, DVec3};
+use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
 
+use super::Recentering;
 use super::differential::Differential;
 use super::lens::ThinLens;
 use super::simd;
@@ -92,6 +93,41 @@ impl View {
     /// The width and the height of the picture, in pixels.
     pub fn size(&self) -> [u32; 2] {
         [self.size.x as u32, self.size.y as u32]
+    }
+
+    /// The width of a pixel divided by its height.
+    pub fn pixel_aspect(&self) -> f64 {
+        let DVec2 { x, y } = self.rectangle / self.size;
+        x / y
+    }
+
+    /// `camera_from_scene` and `ndc_from_scene` for column vectors, as OpenEXR defines `worldToCamera` and `worldToNDC`
+    /// (Standard Attributes, "Position and Orientation"): in the left-handed space of the camera, x points to the right,
+    /// y up and z in the viewing direction; in NDC, (0, 0) is the upper left corner of the picture and (1, 1) the lower
+    /// right one. z of NDC, which readers discard, is 1 / z of the camera in perspective. `None` for a panorama, which
+    /// is no linear map.
+    pub fn matrices(&self, recentering: Option<&Recentering>) -> Option<[DMat4; 2]> {
+        let (position, scale) = match recentering {
+            Some(recentering) => (recentering.point_back(self.position), recentering.scale),
+            None => (self.position, 1.0),
+        };
+        let axes = DMat3::from_cols(self.u, self.v, -self.w).transpose();
+        let camera_from_scene = DMat4::from_mat3(axes) * DMat4::from_translation(-position);
+        // (offset - shift) / rectangle + 1/2 to the right; downwards, 1 minus that.
+        let start = (0.5 - self.shift / self.rectangle) * DVec2::new(1.0, -1.0) + DVec2::Y;
+        let per_unit = |scale: f64| DVec2::new(scale, -scale) / self.rectangle;
+        let ndc_from_camera = match self.projection {
+            Projection::Perspective => {
+                let DVec2 { x, y } = per_unit(self.distance);
+                DMat4::from_cols(DVec4::X * x, DVec4::Y * y, start.extend(0.0).extend(1.0), DVec4::Z)
+            }
+            Projection::Orthographic => {
+                let DVec2 { x, y } = per_unit(scale);
+                DMat4::from_cols(DVec4::X * x, DVec4::Y * y, DVec4::Z, start.extend(0.0).extend(1.0))
+            }
+            Projection::Panoramic => return None,
+        };
+        Some([camera_from_scene, ndc_from_camera * camera_from_scene])
     }
 
     /// The ray through the centre of the pixel in column `x`, row `y` from the top, rounded to `precision`.

@@ -1,0 +1,19 @@
+//! What the OpenEXR file of a job states of its picture.
+
+use super::RenderJob;
+use crate::film::{ColourPipeline, ExrAttributes, Matrix};
+
+impl RenderJob {
+    /// The attributes of an OpenEXR file of the picture.
+    pub fn exr_attributes(&self) -> ExrAttributes {
+        // Column by column, a matrix of column vectors is that of row vectors row by row.
+        let matrix = |matrix: glam::DMat4| Matrix(matrix.to_cols_array().map(|value| value as f32));
+        ExrAttributes {
+            size: self.view.size(),
+            pixel_aspect: self.view.pixel_aspect() as f32,
+            matrices: self.view.matrices(self.recentering.as_ref()).map(|both| both.map(matrix)),
+            is_linear: self.pipeline() == ColourPipeline::Linear,
+            texts: Vec::new(),
+        }
+    }
+}
