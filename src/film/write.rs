@@ -97,6 +97,9 @@ impl OutputImage {
 /// The name of the alpha channel.
 pub const ALPHA: &str = "A";
 
+/// The name of the depth channel. In a file, `Z`, by which programs find the depth of a picture, has its values, too.
+pub const DEPTH: &str = "Depth.Z";
+
 /// A further channel: one value per pixel, row by row from the top.
 pub struct Channel {
     /// Name, `LAYER.CHANNEL` as in OpenEXR.
@@ -152,8 +155,9 @@ pub fn bytes_per_pixel(format: Format, channels: u64) -> u64 {
         Format::Png => 0,
         // JPEG needs all rows in one buffer.
         Format::Jpeg => 3,
-        // OpenEXR needs a buffer per channel, and one for the file, which compression does not enlarge.
-        Format::Exr => 2 * 4 * (3 + channels),
+        // OpenEXR needs a buffer per channel and for the second one of the depth, and one for the file, which
+        // compression does not enlarge.
+        Format::Exr => 2 * 4 * (3 + channels + 1),
     }
 }
 
@@ -213,7 +217,8 @@ fn write_exr(
     let channel = |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
     let own = ["R", "G", "B"].into_iter().enumerate();
     let own = own.map(|(c, name)| channel(name, film.rows().map(|pixel| pixel[c]).collect()));
-    let more = more.iter().map(|more| channel(&more.name, more.values.clone()));
+    let depth = more.iter().filter(|more| more.name == DEPTH).map(|depth| channel("Z", depth.values.clone()));
+    let more = more.iter().map(|more| channel(&more.name, more.values.clone())).chain(depth);
     let channels = AnyChannels::sort(own.chain(more).collect());
     let size = (window.width as usize, window.height as usize);
     let layer = Layer::new(size, of_layer, Encoding::SMALL_LOSSLESS, channels);

@@ -18,7 +18,7 @@ use crate::effects::variance::PixelStatistics;
 use crate::effects::{self, Plan};
 use crate::error::{Error, Result, nearest_name};
 use crate::farm::Shard;
-use crate::film::write::Channel;
+use crate::film::write::{Channel, DEPTH};
 use crate::film::{DisplayTransform, Film, ReconstructionFilter, Window};
 use crate::geometry::{Hit, HitBuffer, Ray, Rays};
 use crate::world::{Recentering, View, World};
@@ -67,13 +67,17 @@ const DENOISING: [&str; 2] = ["denoising-albedo", "denoising-normal"];
 pub const AOVS: &[Aov] = &[
     Aov {
         name: "depth",
-        summary: "distance from the camera along the ray; infinite for the background",
-        channels: &["Depth.Z"],
+        summary: "distance from the camera along its line of sight; infinite for the background",
+        channels: &[DEPTH],
         has_integers: false,
-        write: |tile, out| {
-            let scale = tile.source.recentering.map_or(1.0, |recentering| recentering.scale);
-            tile.write_hits(out, [f32::INFINITY], |_, hit| [(hit.t / scale) as f32]);
-        },
+        write: |tile, out| tile.write_lengths(out, |ray, hit| tile.source.view.depth(ray, hit.t)),
+    },
+    Aov {
+        name: "distance",
+        summary: "distance from the camera along the ray; infinite for the background",
+        channels: &["Distance.X"],
+        has_integers: false,
+        write: |tile, out| tile.write_lengths(out, |_, hit| hit.t),
     },
     Aov {
         name: "position",
@@ -224,6 +228,12 @@ impl AovTile<'_> {
         write_all(out, self.hits.iter().enumerate().map(of_pixel));
     }
 
+    /// Writes the channel of a length in world units; infinite for the background.
+    fn write_lengths(&self, out: &mut [Vec<f32>], length: impl Fn(&Ray, &Hit) -> f64) {
+        let scale = self.source.recentering.map_or(1.0, |recentering| recentering.scale);
+        self.write_hits(out, [f32::INFINITY], |ray, hit| [(length(ray, hit) / scale) as f32]);
+    }
+
     /// Writes the channel of an index.
     fn write_indices(&self, out: &mut [Vec<f32>], index: impl Fn(&World, &Hit) -> u32) {
         self.write_hits(out, [-1.0], |_, hit| [index(self.source.world, hit) as f32]);
@@ -359,7 +369,8 @@ fn pixel_channels(source: &AovSource, aovs: &[&Aov], control: &RenderControl) ->
 const FILTERED: [&str; 4] = ["albedo", "normal", DENOISING[0], DENOISING[1]];
 
 /// The AOVs of the hit through each pixel's centre.
-const OF_HITS: [&str; 6] = ["depth", "position", "geometric-normal", "object", "material", "primitive"];
+const OF_HITS: [&str; 7] =
+    ["depth", "distance", "position", "geometric-normal", "object", "material", "primitive"];
 
 fn has(aovs: &[&Aov], names: &[&str]) -> bool {
     aovs.iter().any(|aov| names.contains(&aov.name))

@@ -235,6 +235,15 @@ impl View {
         }
     }
 
+    /// The depth of the point at distance `t` on a camera ray: its distance from the plane through the camera that is
+    /// perpendicular to the line of sight. In a panorama, which has no such plane, the distance itself.
+    pub fn depth(&self, ray: &Ray, t: f64) -> f64 {
+        match self.projection {
+            Projection::Perspective => t * -ray.direction().dot(self.w),
+            Projection::Orthographic | Projection::Panoramic => t,
+        }
+    }
+
     /// The film position of a point, in pixels from the top left corner, and whether the point lies in front of the camera.
     pub fn project(&self, point: DVec3) -> (DVec2, bool) {
         let p = point - self.position;
