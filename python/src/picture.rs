@@ -10,7 +10,7 @@ use kiln::film::Window;
 use kiln::film::write::{Channel, Format, OutputImage};
 use kiln::job::RenderControl;
 use kiln::render::aov;
-use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
@@ -223,7 +223,11 @@ fn arrays(
                 let pixels: Vec<[f32; 3]> = x.iter().zip(y).zip(z).map(|((&x, &y), &z)| [x, y, z]).collect();
                 shaped::<f32>(py, pixels.into_flattened(), &shape)?
             }
-            _ => return Err(PyRuntimeError::new_err(format!("{name}: not one or three channels"))),
+            (channels, _) => {
+                let of_pixel = |pixel: usize| channels.iter().map(move |channel| channel[pixel]);
+                let pixels = (0..shape[0] * shape[1]).flat_map(of_pixel).collect();
+                shaped::<f32>(py, pixels, &shape)?
+            }
         };
         arrays.set_item(name, read_only(array)?)?;
     }

@@ -245,7 +245,7 @@ fn render_film(
     }
     let mut channels = aov::channels(&job.aov_source(Some(&film)), selection, control)?;
     channels.extend(alpha.map(|values| Channel { name: ALPHA.into(), values }));
-    Ok((OutputImage::Float(film, channels, job.exr_attributes()), statistics))
+    Ok((OutputImage::Float(film, channels, job.exr_attributes(selection)), statistics))
 }
 
 /// Checks that a picture with a transparent background can be written. `target` says what it is.
@@ -297,7 +297,7 @@ pub(crate) fn render_to_accuracy(
     let picture = match format {
         Format::Exr => {
             let film = Film::from_rows(window, &sampled.pixels)?;
-            OutputImage::Float(film, Vec::new(), job.exr_attributes())
+            OutputImage::Float(film, Vec::new(), job.exr_attributes(&AovSelection::new(&[])?))
         }
         _ => {
             let mut bytes = vec![[0; 3]; sampled.pixels.len()];

@@ -152,7 +152,9 @@ fn check_head(head: &Header, format: Format) -> std::result::Result<(), String> 
     let is_name = |name: &String| {
         (1..80).contains(&name.len()) && name.bytes().all(|b| b.is_ascii_graphic() || b == b' ')
     };
-    let is_key = |key: &String| is_name(key) && (key == "Software" || key.starts_with("kiln:"));
+    let is_of_kiln =
+        |key: &str| key == "Software" || key.starts_with("kiln:") || key.starts_with("cryptomatte/");
+    let is_key = |key: &String| is_name(key) && is_of_kiln(key);
     let mut texts = head.metadata.iter().chain(&head.attributes.texts);
     if let Some((key, _)) = texts.find(|(key, value)| !is_key(key) || value.contains('\0')) {
         return Err(format!("has a setting `{}`, which kiln does not write", shown(key)));

@@ -2,10 +2,11 @@
 
 use super::RenderJob;
 use crate::film::{ColourPipeline, ExrAttributes, Matrix};
+use crate::render::aov::AovSelection;
 
 impl RenderJob {
-    /// The attributes of an OpenEXR file of the picture.
-    pub fn exr_attributes(&self) -> ExrAttributes {
+    /// The attributes of an OpenEXR file of the picture with these AOVs.
+    pub fn exr_attributes(&self, selection: &AovSelection) -> ExrAttributes {
         // Column by column, a matrix of column vectors is that of row vectors row by row.
         let matrix = |matrix: glam::DMat4| Matrix(matrix.to_cols_array().map(|value| value as f32));
         ExrAttributes {
@@ -13,7 +14,7 @@ impl RenderJob {
             pixel_aspect: self.view.pixel_aspect() as f32,
             matrices: self.view.matrices(self.recentering.as_ref()).map(|both| both.map(matrix)),
             is_linear: self.pipeline() == ColourPipeline::Linear,
-            texts: Vec::new(),
+            texts: selection.texts(&self.world),
         }
     }
 }

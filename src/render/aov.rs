@@ -10,6 +10,7 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
+use super::cryptomatte::{self, Matte};
 use super::features::{FeatureSums, Features, filter_of, first_surfaces, plan_without_light};
 use super::{RenderControl, render_displayed};
 use crate::effects::left_out::LeftOut;
@@ -36,6 +37,8 @@ struct AovTile<'a> {
     features: Vec<Features>,
     /// The light left out of each pixel; empty if nothing reads it.
     left_out: Vec<[f32; 3]>,
+    /// The ids of each [`Matte`].
+    ids: &'a [Vec<u32>; 2],
     /// The number of boxes that each ray was tested against; empty if nothing reads them.
     node_tests: Vec<u64>,
 }
@@ -155,6 +158,20 @@ pub const AOVS: &[Aov] = &[
         write: |tile, out| tile.write_indices(out, |_, hit| hit.prim.0),
     },
     Aov {
+        name: Matte::Objects.aov(),
+        summary: "Cryptomatte of the names of objects: ids with the part of the pixel that each covers",
+        channels: Matte::Objects.channels(),
+        has_integers: false,
+        write: |tile, out| tile.write_mattes(out, Matte::Objects),
+    },
+    Aov {
+        name: Matte::Materials.aov(),
+        summary: "Cryptomatte of the names of materials",
+        channels: Matte::Materials.channels(),
+        has_integers: false,
+        write: |tile, out| tile.write_mattes(out, Matte::Materials),
+    },
+    Aov {
         name: "samples",
         summary: "number of samples of the pixel",
         channels: &["Samples.X"],
@@ -234,6 +251,12 @@ impl AovTile<'_> {
         self.write_hits(out, [f32::INFINITY], |ray, hit| [(length(ray, hit) / scale) as f32]);
     }
 
+    /// Writes the channels of a Cryptomatte.
+    fn write_mattes(&self, out: &mut [Vec<f32>], matte: Matte) {
+        let ids = &self.ids[matte as usize];
+        write(out, &self.features, |features| cryptomatte::pairs(&features.covered, ids));
+    }
+
     /// Writes the channel of an index.
     fn write_indices(&self, out: &mut [Vec<f32>], index: impl Fn(&World, &Hit) -> u32) {
         self.write_hits(out, [-1.0], |_, hit| [index(self.source.world, hit) as f32]);
@@ -280,6 +303,12 @@ impl AovSelection {
     pub(crate) fn depends_on_exposure(&self, plan: &Plan) -> bool {
         let is_of_light = self.effects || has(&self.aovs, &["samples", "variance", "left-out"]);
         is_of_light || plan.is_adaptive() && has(&self.aovs, &FILTERED)
+    }
+
+    /// The text attributes that describe the channels in a file.
+    pub fn texts(&self, world: &World) -> Vec<(String, String)> {
+        let selected = Matte::ALL.into_iter().filter(|matte| has(&self.aovs, &[matte.aov()]));
+        selected.flat_map(|matte| matte.texts(world)).collect()
     }
 
     /// Whether the indices of primitives are selected.
@@ -338,7 +367,11 @@ fn pixel_channels(source: &AovSource, aovs: &[&Aov], control: &RenderControl) ->
     let filter = is_filtered.then(|| filter_of(of_features.as_ref().unwrap_or(source.plan))).flatten();
     // A film of the same window has the same tiles as the picture.
     let mut tiles: Film<[u8; 3]> = Film::new(source.window)?;
-    let plans = AovPlans { of_features: of_features.as_ref(), filter: filter.as_ref() };
+    let ids = Matte::ALL.map(|matte| match has(aovs, &[matte.aov()]) {
+        true => matte.ids(source.world),
+        false => Vec::new(),
+    });
+    let plans = AovPlans { of_features: of_features.as_ref(), filter: filter.as_ref(), ids };
     tiles.tiles_mut().into_par_iter().enumerate().for_each_init(
         TileBuffers::default,
         |buffers, (place, part)| {
@@ -366,7 +399,10 @@ fn pixel_channels(source: &AovSource, aovs: &[&Aov], control: &RenderControl) ->
 }
 
 /// The AOVs of [`Features`].
-const FILTERED: [&str; 4] = ["albedo", "normal", DENOISING[0], DENOISING[1]];
+const FILTERED: [&str; 6] = ["albedo", "normal", DENOISING[0], DENOISING[1], MATTES[0], MATTES[1]];
+
+/// The AOVs of [`Matte`].
+const MATTES: [&str; 2] = [Matte::Objects.aov(), Matte::Materials.aov()];
 
 /// The AOVs of the hit through each pixel's centre.
 const OF_HITS: [&str; 7] =
@@ -392,6 +428,8 @@ struct AovPlans<'a> {
     of_features: Option<&'a Plan>,
     /// The filter of its samples.
     filter: Option<&'a ReconstructionFilter>,
+    /// The ids of each [`Matte`] that is selected.
+    ids: [Vec<u32>; 2],
 }
 
 impl AovPlans<'_> {
@@ -405,7 +443,7 @@ impl AovPlans<'_> {
         let (mut samples, mut features) = (Vec::new(), Vec::new());
         if has(aovs, &FILTERED) {
             let plan = self.of_features.unwrap_or(source.plan);
-            let mut sums = FeatureSums::new(tile);
+            let mut sums = FeatureSums::new(tile, has(aovs, &MATTES));
             let first = |tile: &Tile| first_surfaces(tile, world);
             samples = plan.sample_statistics(tile, &context, window, first, |tile, first| {
                 sums.add_pass(plan, tile, first);
@@ -438,7 +476,8 @@ impl AovPlans<'_> {
         let is_of_scene = |hit: &Hit| world.ground.is_none_or(|ground| world.object_of(hit.prim) != ground);
         hits.clear();
         hits.extend(found.iter().map(|hit| hit.filter(is_of_scene)));
-        let tile = AovTile { source, rays, hits, samples, features, left_out, node_tests };
+        let ids = &self.ids;
+        let tile = AovTile { source, rays, hits, samples, features, left_out, ids, node_tests };
         values.resize_with(aovs.iter().map(|aov| aov.channels.len()).sum(), Vec::new);
         let mut rest = &mut values[..];
         for aov in aovs {
