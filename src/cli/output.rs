@@ -15,7 +15,7 @@ use crate::limits;
 use crate::render::aov::{self, AovSelection};
 use crate::render::{RenderControl, Statistics};
 use crate::sample_count::{self, ErrorTarget, StopReason};
-use crate::scene::{PictureSettings, Samples};
+use crate::scene::{BitDepth, PictureSettings, Samples};
 use crate::world::World;
 
 /// Destination of the picture.
@@ -129,6 +129,30 @@ pub(crate) fn check_skipping(output: &Path, format: Format) -> Result<()> {
         return Err(Error::usage("--skip-existing needs an output file", "leave --skip-existing out"));
     }
     Ok(())
+}
+
+/// Checks that a format has channels of as many bits as are asked for.
+///
+/// # Errors
+/// [`Error::Usage`] with the numbers that it has.
+pub(crate) fn check_bits(bits: Option<BitDepth>, format: Format) -> Result<()> {
+    match format {
+        Format::Png => check_bits_of(bits, "a .png picture", &[BitDepth::Eight]),
+        Format::Jpeg => check_bits_of(bits, "a .jpg picture", &[BitDepth::Eight]),
+        Format::Exr => check_bits_of(bits, "an .exr picture", &[BitDepth::Sixteen, BitDepth::ThirtyTwo]),
+    }
+}
+
+/// [`check_bits`] for `target`, whose channels have one of the numbers `taken`.
+pub(crate) fn check_bits_of(bits: Option<BitDepth>, target: &str, taken: &[BitDepth]) -> Result<()> {
+    match bits.filter(|bits| !taken.contains(bits)) {
+        None => Ok(()),
+        Some(bits) => {
+            let taken: Vec<&str> = taken.iter().map(|bits| bits.name()).collect();
+            let what = format!("{target} does not have {} bits a channel", bits.name());
+            Err(Error::usage(what, format!("give --bits {}, or another format", taken.join(" or "))))
+        }
+    }
 }
 
 /// Checks that the memory limit suffices for a picture, before it is rendered.

@@ -19,6 +19,8 @@ pub struct ExrAttributes {
     pub matrices: Option<[Matrix; 2]>,
     /// Whether colours are linear light with the primaries and the white of sRGB.
     pub is_linear: bool,
+    /// Whether colours and alpha are stored as half floats.
+    pub has_half_floats: bool,
     /// Further text attributes.
     pub texts: Vec<(String, String)>,
 }
@@ -54,7 +56,14 @@ fn rec_709() -> Chromaticities {
 impl ExrAttributes {
     /// Those of a picture of which nothing but its size is known.
     pub fn of_size(size: [u32; 2]) -> Self {
-        ExrAttributes { size, pixel_aspect: 1.0, matrices: None, is_linear: false, texts: Vec::new() }
+        ExrAttributes {
+            size,
+            pixel_aspect: 1.0,
+            matrices: None,
+            is_linear: false,
+            has_half_floats: false,
+            texts: Vec::new(),
+        }
     }
 
     /// The header of a file that holds the part `window`, and `metadata` as text.

@@ -3,8 +3,7 @@
 use std::io::{Seek, Write};
 use std::path::Path;
 
-use exr::meta::header::{ImageAttributes, LayerAttributes};
-use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, WritableImage};
+use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, WritableImage, f16};
 
 use super::{ColourPipeline, DisplayTransform, ExrAttributes, Film, Pixel};
 use crate::error::{Error, Result};
@@ -17,7 +16,7 @@ pub enum Format {
     Png,
     /// 8 bits per channel, quality 95.
     Jpeg,
-    /// 32-bit floating point, in the encoding of the film.
+    /// Floating point of 32 bits, or of 16 for colours, in the encoding of the film.
     Exr,
 }
 
@@ -134,7 +133,7 @@ pub fn encode(
             write_png(film, Some(alpha), *pipeline, metadata, out)
         }
         (OutputImage::Float(film, more, attributes), Format::Exr) => {
-            write_exr(film, more, attributes.header(film.window(), metadata), out)
+            write_exr(film, more, attributes, metadata, out)
         }
         (OutputImage::Rgba8(..), Format::Jpeg) => {
             unfit("JPEG has no alpha channel for a transparent background; write .png or .exr")
@@ -207,14 +206,34 @@ fn write_jpeg(film: &Film<[u8; 3]>, out: &mut dyn Write) -> std::io::Result<()> 
         .map_err(std::io::Error::other)
 }
 
+/// Whether a channel holds colours or alpha, whose values half floats represent well enough for pictures. Variances are
+/// squares of small numbers; all other channels are data: lengths, vectors, indices, ids.
+fn is_colour(name: &str) -> bool {
+    let letter = name.rsplit('.').next().unwrap_or(name);
+    ["R", "G", "B", ALPHA].contains(&letter) && !name.starts_with("Variance.")
+}
+
+/// The nearest half floats; finite values beyond the largest one become that.
+fn half_floats(values: &[f32]) -> Vec<f16> {
+    let largest = f32::from(f16::MAX);
+    let limited = |value: f32| if value.is_finite() { value.clamp(-largest, largest) } else { value };
+    values.iter().map(|&value| f16::from_f32(limited(value))).collect()
+}
+
 fn write_exr(
     film: &Film,
     more: &[Channel],
-    (of_image, of_layer): (ImageAttributes, LayerAttributes),
+    attributes: &ExrAttributes,
+    metadata: &Metadata,
     out: &mut dyn Write,
 ) -> std::io::Result<()> {
     let window = film.window();
-    let channel = |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
+    let (of_image, of_layer) = attributes.header(window, metadata);
+    let channel = |name: &str, values: Vec<f32>| {
+        let is_half = attributes.has_half_floats && is_colour(name);
+        let samples = if is_half { FlatSamples::F16(half_floats(&values)) } else { FlatSamples::F32(values) };
+        AnyChannel::new(name, samples)
+    };
     let own = ["R", "G", "B"].into_iter().enumerate();
     let own = own.map(|(c, name)| channel(name, film.rows().map(|pixel| pixel[c]).collect()));
     let depth = more.iter().filter(|more| more.name == DEPTH).map(|depth| channel("Z", depth.values.clone()));

@@ -3,6 +3,7 @@
 use super::RenderJob;
 use crate::film::{ColourPipeline, ExrAttributes, Matrix};
 use crate::render::aov::AovSelection;
+use crate::scene::BitDepth;
 
 impl RenderJob {
     /// The attributes of an OpenEXR file of the picture with these AOVs.
@@ -14,6 +15,7 @@ impl RenderJob {
             pixel_aspect: self.view.pixel_aspect() as f32,
             matrices: self.view.matrices(self.recentering.as_ref()).map(|both| both.map(matrix)),
             is_linear: self.pipeline() == ColourPipeline::Linear,
+            has_half_floats: self.settings.picture.bits == Some(BitDepth::Sixteen),
             texts: selection.texts(&self.world),
         }
     }

@@ -2,7 +2,7 @@
 //! more channels.
 //!
 //! Geometric AOVs come from the closest hit of the ray through each pixel's centre, unfiltered, whatever samples the
-//! picture takes; an added ground is background there. Albedo and normal are means over the pixel's samples
+//! picture takes; an added ground is background there. Albedo, normal and coverage are means over the pixel's samples
 //! ([`super::features`]). The channels of an effect are the difference of two pictures: one with the effects up to this
 //! one in the plan's order, and one with those before it. So the base and all effects add up to the picture.
 

@@ -365,6 +365,35 @@ mod tests {
         assert!((u.cross(v) - w).length() < 1e-9);
     }
 
+    /// The matrices are of the coordinates before recentering, and agree with [`View::project`].
+    #[test]
+    fn matrices_are_of_the_scene() {
+        let recentering = Recentering { middle: DVec3::new(1e3, -2e3, 5e2), scale: 0.25 };
+        let own = DVec3::new(1003.0, -1996.0, 507.0);
+        let mut camera =
+            Camera::from_field_of_view("c".into(), own, own - DVec3::new(1.0, 2.0, 4.0), DVec3::Y, 0.8);
+        camera.sensor = Sensor { shift: DVec2::new(0.5, -0.25), oblong_pixels: true };
+        camera.view_width = Some(3.0);
+        for projection in [Projection::Perspective, Projection::Orthographic] {
+            let view = View::new(&recentering.moved(&camera), projection, [60, 40]).unwrap();
+            let [camera_from_scene, ndc_from_scene] = view.matrices(Some(&recentering)).unwrap();
+            for ahead in [DVec3::new(1.0, 2.0, 4.0), DVec3::new(3.0, 1.0, 9.0), DVec3::new(-1.0, 4.0, 5.0)] {
+                let point = own - ahead;
+                let moved = (point - recentering.middle) * recentering.scale;
+                let ndc = ndc_from_scene * point.extend(1.0);
+                let pixel = DVec2::new(ndc.x, ndc.y) / ndc.w * view.size;
+                assert!((pixel - view.project(moved).0).length() < 1e-9, "{projection:?} {pixel}");
+                // The axis has the length of (1, 2, 4).
+                let depth = ahead.dot(DVec3::new(1.0, 2.0, 4.0)) / 21f64.sqrt();
+                assert!((camera_from_scene.transform_point3(point).z - depth).abs() < 1e-9);
+            }
+            // Left-handed.
+            assert!(camera_from_scene.determinant() < 0.0);
+        }
+        let panorama = View::new(&camera, Projection::Panoramic, [4, 2]).unwrap();
+        assert_eq!((panorama.matrices(None), panorama.pixel_aspect()), (None, 1.0));
+    }
+
     #[test]
     fn looking_along_plus_z_minus_x_is_on_the_right() {
         let [u, v, w] = basis(DVec3::ZERO, DVec3::Z, DVec3::Y).unwrap();
