@@ -62,6 +62,7 @@ class ViewOptions(ReadOptions, total=False):
     ground: bool | None
     cull: bool | None
     background: _Value
+    bits: _Value
     bvh: Literal["fast-build", "balanced", "best-trace"] | None
     depth: _Value
     draft: bool | None

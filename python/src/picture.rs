@@ -10,7 +10,7 @@ use kiln::film::Window;
 use kiln::film::write::{Channel, Format, OutputImage};
 use kiln::job::RenderControl;
 use kiln::render::aov;
-use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
@@ -223,7 +223,11 @@ fn arrays(
                 let pixels: Vec<[f32; 3]> = x.iter().zip(y).zip(z).map(|((&x, &y), &z)| [x, y, z]).collect();
                 shaped::<f32>(py, pixels.into_flattened(), &shape)?
             }
-            _ => return Err(PyRuntimeError::new_err(format!("{name}: not one or three channels"))),
+            (channels, _) => {
+                let of_pixel = |pixel: usize| channels.iter().map(move |channel| channel[pixel]);
+                let pixels = (0..shape[0] * shape[1]).flat_map(of_pixel).collect();
+                shaped::<f32>(py, pixels, &shape)?
+            }
         };
         arrays.set_item(name, read_only(array)?)?;
     }
@@ -240,7 +244,7 @@ impl Picture {
                 let pixels = film.rows().zip(alpha).flat_map(|([r, g, b], &a)| [r, g, b, a]).collect();
                 (film.window(), shaped(py, pixels, &shape(film.window(), 4))?)
             }
-            OutputImage::Float(film, _) => match picture.alpha() {
+            OutputImage::Float(film, ..) => match picture.alpha() {
                 Some(Channel { values, .. }) => {
                     let pixels = film.rows().zip(values).flat_map(|([r, g, b], &a)| [r, g, b, a]).collect();
                     (film.window(), shaped::<f32>(py, pixels, &shape(film.window(), 4))?)
@@ -299,7 +303,7 @@ impl Picture {
     fn __repr__(&self, py: Python) -> PyResult<String> {
         let (window, dtype) = match self.picture.image() {
             OutputImage::Rgb8(film, _) | OutputImage::Rgba8(film, ..) => (film.window(), "uint8"),
-            OutputImage::Float(film, _) => (film.window(), "float32"),
+            OutputImage::Float(film, ..) => (film.window(), "float32"),
         };
         let aovs = named(py, ", AOVs ", &self.aovs)?;
         Ok(format!("<kiln.Picture {} x {}, {dtype}{aovs}>", window.width, window.height))

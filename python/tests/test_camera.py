@@ -53,13 +53,18 @@ def test_pictures_see_what_the_rays_hit():
     scene = kiln.Scene()
     scene.add(vertices, faces)
     camera = {"K": k, "pose": pose, "axes": "opencv"}
-    picture = kiln.render(scene, size=(96, 64), camera=camera, aovs=["depth"], ground=False, numerics="double")
+    options = {"aovs": ["depth", "distance"], "ground": False, "numerics": "double"}
+    picture = kiln.render(scene, size=(96, 64), camera=camera, **options)
     origins, directions = kiln.pinhole_rays(k, pose, (96, 64))
     hits = kiln.Mesh(vertices, faces, tier="double").first(origins.reshape(-1, 3), directions.reshape(-1, 3))
-    t, depth = hits.distance, picture.aovs["depth"].reshape(-1)
-    assert 100 < np.isfinite(t).sum() < 96 * 64
-    assert (np.isfinite(t) == np.isfinite(depth)).all()
-    assert np.allclose(t[np.isfinite(t)], depth[np.isfinite(t)], rtol=1e-5)
+    t, distance = hits.distance, picture.aovs["distance"].reshape(-1)
+    seen = np.isfinite(t)
+    assert 100 < seen.sum() < 96 * 64
+    assert (seen == np.isfinite(distance)).all()
+    assert np.allclose(t[seen], distance[seen], rtol=1e-5)
+    # Depth is z of the camera, whose third axis looks ahead.
+    depth = (hits.location - pose[:3, 3]) @ pose[:3, 2]
+    assert np.allclose(depth[seen], picture.aovs["depth"].reshape(-1)[seen], rtol=1e-5)
 
 
 def test_oblong_pixels_see_what_the_rays_hit():

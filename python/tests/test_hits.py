@@ -59,7 +59,7 @@ def test_attributes_are_those_of_pictures(scene):
     K, size = [180, 180, 79.5, 59.5], (160, 120)
     pose = np.diag([1.0, -1, -1, 1])
     pose[:3, 3] = [0.2, 0.1, 6]
-    names = ["object", "material", "primitive", "geometric-normal", "normal", "albedo", "depth"]
+    names = ["object", "material", "primitive", "geometric-normal", "normal", "albedo", "distance"]
     prepared = kiln.Prepared(scene, numerics="double", with_=["textures=nearest"])
     aovs = prepared.render_many([{"K": K, "pose": pose, "axes": "opencv"}], size=size, aovs=names)[0].aovs
     origins, directions = kiln.pinhole_rays(K, pose, size)
@@ -255,13 +255,13 @@ def test_rays_pass_holes_of_textures(tmp_path):
     pose[:3, 3] = [0, 0, 3]
     prepared = kiln.Prepared(scene, numerics="double")
     camera = {"K": K, "pose": pose, "axes": "opencv"}
-    shown = prepared.render_many([camera], size=size, aovs=["primitive", "depth"])[0].aovs
+    shown = prepared.render_many([camera], size=size, aovs=["primitive", "distance"])[0].aovs
     rays = kiln.pinhole_rays(K, pose, size)
     hits = prepared.first(*rays, alpha=True)
     assert [list(np.unique(primitive)) for primitive in (hits.primitive, shown["primitive"])] == [[-1, 2, 3, 4, 5]] * 2
     assert (hits.primitive == shown["primitive"]).mean() > 0.999
     same = (hits.primitive == shown["primitive"]) & (hits.primitive >= 0)
-    assert np.allclose(hits.distance[same], shown["depth"][same], rtol=1e-6)
+    assert np.allclose(hits.distance[same], shown["distance"][same], rtol=1e-6)
     mesh = scene.mesh()
     assert (np.bincount(mesh.first(*rays).object[hits.primitive >= 0]) > 0).tolist() == [True]
     assert np.array_equal(mesh.any(*rays, alpha=True), hits.primitive >= 0)

@@ -86,7 +86,7 @@ def test_rays_and_progress():
     seen = []
     camera = {"K": K, "pose": pose, "axes": "opencv"}
     aovs = prepared.render_many(
-        [camera, camera], size=(64, 48), aovs=["depth", "primitive"], progress=lambda *done: seen.append(done)
+        [camera, camera], size=(64, 48), aovs=["distance", "primitive"], progress=lambda *done: seen.append(done)
     )
     assert seen == [(1, 2), (2, 2)] and isinstance(aovs[0], kiln.Aovs)
     origins, directions = kiln.pinhole_rays(K, pose, (64, 48))
@@ -96,7 +96,7 @@ def test_rays_and_progress():
     assert same.mean() > 0.99
     hit = same & (hits.triangle.reshape(48, 64) >= 0)
     distances = hits.distance.reshape(48, 64)[hit]
-    assert hit.sum() > 100 and np.allclose(distances, aovs[0].aovs["depth"][hit], rtol=1e-6)
+    assert hit.sum() > 100 and np.allclose(distances, aovs[0].aovs["distance"][hit], rtol=1e-6)
     pictures = prepared.render_many([CAMERAS[0]], size=(8, 8), picture=True)
     assert pictures[0].pixels.shape == (8, 8, 3)
 

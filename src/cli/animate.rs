@@ -21,6 +21,7 @@ use crate::film::write::Format;
 use crate::job::RenderJob;
 use crate::render::RenderControl;
 use crate::render::aov::AovSelection;
+use crate::scene::BitDepth;
 use crate::scene::option::group;
 
 #[derive(Args)]
@@ -140,6 +141,7 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
     let mut animation = pool.install(|| reporter.load_animation(&command.arguments, &settings, &request))?;
     let picture = &animation.picture.settings.picture;
     super::output::check_alpha(picture.is_transparent(), "a film", false)?;
+    super::output::check_bits_of(picture.bits, "a film", &[BitDepth::Eight])?;
     let pipeline = picture.pipeline();
     frames::fix_exposure(&mut reporter, &pool, &mut animation, interrupted)?;
     let window = animation.picture.window;

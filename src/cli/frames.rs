@@ -187,6 +187,7 @@ pub(crate) fn write_frames(
     animation.frames.iter().try_for_each(|&frame| check_output(&pictures.names.of(frame)))?;
     let is_transparent = animation.picture.settings.picture.is_transparent();
     output::check_alpha(is_transparent, ".jpg", pictures.format != Format::Jpeg)?;
+    output::check_bits(animation.picture.settings.picture.bits, pictures.format)?;
     // A metered exposure sets a clamp, too.
     if pictures.format != Format::Exr || animation.picture.meters {
         fix_exposure(&mut reporter, &pool, &mut animation, interrupted)?;

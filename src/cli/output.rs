@@ -15,7 +15,7 @@ use crate::limits;
 use crate::render::aov::{self, AovSelection};
 use crate::render::{RenderControl, Statistics};
 use crate::sample_count::{self, ErrorTarget, StopReason};
-use crate::scene::{PictureSettings, Samples};
+use crate::scene::{BitDepth, PictureSettings, Samples};
 use crate::world::World;
 
 /// Destination of the picture.
@@ -129,6 +129,30 @@ pub(crate) fn check_skipping(output: &Path, format: Format) -> Result<()> {
         return Err(Error::usage("--skip-existing needs an output file", "leave --skip-existing out"));
     }
     Ok(())
+}
+
+/// Checks that a format has channels of as many bits as are asked for.
+///
+/// # Errors
+/// [`Error::Usage`] with the numbers that it has.
+pub(crate) fn check_bits(bits: Option<BitDepth>, format: Format) -> Result<()> {
+    match format {
+        Format::Png => check_bits_of(bits, "a .png picture", &[BitDepth::Eight]),
+        Format::Jpeg => check_bits_of(bits, "a .jpg picture", &[BitDepth::Eight]),
+        Format::Exr => check_bits_of(bits, "an .exr picture", &[BitDepth::Sixteen, BitDepth::ThirtyTwo]),
+    }
+}
+
+/// [`check_bits`] for `target`, whose channels have one of the numbers `taken`.
+pub(crate) fn check_bits_of(bits: Option<BitDepth>, target: &str, taken: &[BitDepth]) -> Result<()> {
+    match bits.filter(|bits| !taken.contains(bits)) {
+        None => Ok(()),
+        Some(bits) => {
+            let taken: Vec<&str> = taken.iter().map(|bits| bits.name()).collect();
+            let what = format!("{target} does not have {} bits a channel", bits.name());
+            Err(Error::usage(what, format!("give --bits {}, or another format", taken.join(" or "))))
+        }
+    }
 }
 
 /// Checks that the memory limit suffices for a picture, before it is rendered.
@@ -245,7 +269,7 @@ fn render_film(
     }
     let mut channels = aov::channels(&job.aov_source(Some(&film)), selection, control)?;
     channels.extend(alpha.map(|values| Channel { name: ALPHA.into(), values }));
-    Ok((OutputImage::Float(film, channels), statistics))
+    Ok((OutputImage::Float(film, channels, job.exr_attributes(selection)), statistics))
 }
 
 /// Checks that a picture with a transparent background can be written. `target` says what it is.
@@ -295,7 +319,10 @@ pub(crate) fn render_to_accuracy(
     metadata::replace(&mut job.metadata, &PictureSettings { samples, ..job.settings.picture });
     let (window, pipeline) = (job.window, job.pipeline());
     let picture = match format {
-        Format::Exr => OutputImage::Float(Film::from_rows(window, &sampled.pixels)?, Vec::new()),
+        Format::Exr => {
+            let film = Film::from_rows(window, &sampled.pixels)?;
+            OutputImage::Float(film, Vec::new(), job.exr_attributes(&AovSelection::new(&[])?))
+        }
         _ => {
             let mut bytes = vec![[0; 3]; sampled.pixels.len()];
             let display = job.display_transform(&control)?;
@@ -367,9 +394,9 @@ pub(crate) fn warn_about_picture(
 pub(crate) fn write(picture: &OutputImage, job: &RenderJob, target: &OutputTarget) -> Result<()> {
     let metadata = &job.metadata;
     match (target, picture) {
-        (OutputTarget::Shard(file, _, shard), OutputImage::Float(film, channels)) => {
+        (OutputTarget::Shard(file, _, shard), OutputImage::Float(film, channels, attributes)) => {
             let display = job.display_transform(&RenderControl::default())?;
-            write_shard(film, channels, (job.pipeline(), display), metadata, *shard, file)
+            write_shard((film, channels, attributes), (job.pipeline(), display), metadata, *shard, file)
         }
         (OutputTarget::File(file, format) | OutputTarget::Shard(file, format, _), _) => {
             write_picture(picture, metadata, *format, file)

@@ -8,7 +8,7 @@ use clap::{ArgAction, FromArgMatches};
 
 use super::arguments::{self, Arguments};
 use super::names::{argument, command, name_of, unknown};
-use super::output::{check_alpha, check_memory_of, render_image};
+use super::output::{check_alpha, check_bits, check_memory_of, render_image};
 use super::prepare::note_rest_pose;
 use super::render::{PictureContext, warn_of_indices, warn_of_result};
 use super::usage_error;
@@ -273,6 +273,7 @@ fn picture_of(
     control: &RenderControl,
     warnings: &mut Warnings,
 ) -> Result<Picture> {
+    check_bits(job.settings.picture.bits, format)?;
     let channels = selection.channel_count(job.plan.effects_on().count()) as u64;
     // Colours and alpha are rendered together, split, and copied.
     check_memory_of(job.window, channels, 2 * (4 * (4 + channels) + 12) + selection.bytes_per_pixel())?;
@@ -321,7 +322,7 @@ impl Picture {
     }
 
     fn float_channels(&self) -> &[Channel] {
-        if let OutputImage::Float(_, channels) = &self.image { channels } else { &[] }
+        if let OutputImage::Float(_, channels, _) = &self.image { channels } else { &[] }
     }
 
     /// What made the picture: names and values.
@@ -369,7 +370,7 @@ impl Picture {
 
     /// The picture in 8-bit display values; `None` if it is.
     fn displayed(&self) -> Result<Option<OutputImage>> {
-        let OutputImage::Float(film, _) = &self.image else { return Ok(None) };
+        let OutputImage::Float(film, ..) = &self.image else { return Ok(None) };
         Ok(Some(match self.alpha() {
             Some(alpha) => OutputImage::with_alpha(film, &alpha.values, self.pipeline, self.display)?,
             None => OutputImage::Rgb8(film.developed(self.pipeline, self.display)?, self.pipeline),

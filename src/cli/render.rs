@@ -184,6 +184,7 @@ fn render_to(
     }
     let is_transparent = resolved.picture.settings.picture.is_transparent();
     output::check_alpha(is_transparent, ".jpg", target.format() != Format::Jpeg)?;
+    output::check_bits(resolved.picture.settings.picture.bits, target.format())?;
     let has_target = command.accuracy.target().is_some();
     output::check_accuracy_alpha(is_transparent, has_target)?;
     target.check_writable()?;

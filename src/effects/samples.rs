@@ -378,6 +378,12 @@ impl SampleSum {
             (self.colours - 2.0 * self.negative_colours, count - 2.0 * f64::from(self.negative_count));
         mean + (signed - mean * signs) / (count * filter.mean_sign())
     }
+
+    /// The part of the pixel, through `filter`, of `count` of its samples, of which `negative_count` have negative sign.
+    pub fn part(&self, [count, negative_count]: [u32; 2], filter: &ReconstructionFilter) -> f64 {
+        let [colours, negative_colours] = [count, negative_count].map(|count| DVec3::splat(f64::from(count)));
+        SampleSum { colours, negative_colours, ..*self }.value(filter).x
+    }
 }
 
 /// For each light with an apparent diameter, the directions of its shadow rays from the surfaces of a generation.

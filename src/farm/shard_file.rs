@@ -17,7 +17,7 @@ use crate::files::write_whole;
 use crate::film::check::{FileState, PictureIdentity};
 use crate::film::tone::{Exposure, ToneMap};
 use crate::film::write::{ALPHA, Channel, FINGERPRINT, Format, Metadata, OutputImage, encode};
-use crate::film::{ColourPipeline, DisplayTransform, Film, Pixel, TILE, Window};
+use crate::film::{ColourPipeline, DisplayTransform, ExrAttributes, Film, Pixel, TILE, Window};
 use crate::limits;
 
 const FIRST_LINE: &[u8] = b"kiln shard 1\n";
@@ -36,6 +36,7 @@ struct Header {
     display: Option<(String, ToneMap)>,
     channels: Vec<String>,
     metadata: Vec<(String, String)>,
+    attributes: ExrAttributes,
 }
 
 impl Header {
@@ -66,8 +67,7 @@ pub fn shard_name(output: &Path, shard: Shard) -> PathBuf {
 /// # Errors
 /// [`Error::Output`] if the file cannot be written.
 pub fn write_shard(
-    film: &Film,
-    channels: &[Channel],
+    (film, channels, attributes): (&Film, &[Channel], &ExrAttributes),
     (pipeline, display): (ColourPipeline, DisplayTransform),
     metadata: &Metadata,
     shard: Shard,
@@ -82,6 +82,7 @@ pub fn write_shard(
         display: (!display.is_identity()).then(|| (display.ev().to_string(), display.tone_map())),
         channels: channels.iter().map(|channel| channel.name.clone()).collect(),
         metadata: metadata.to_vec(),
+        attributes: attributes.clone(),
     };
     write_whole(file, |out| {
         let mut hash = blake3::Hasher::new();
@@ -142,12 +143,20 @@ fn check_head(head: &Header, format: Format) -> std::result::Result<(), String> 
     if ends.iter().any(|end| end.is_none_or(|end| end > MAX_SIDE)) || width == 0 || height == 0 {
         return Err(format!("is {width} x {height} pixels at ({x}, {y}), which kiln does not make"));
     }
+    let [across, down] = head.attributes.size;
+    let is_part = x + width <= across && y + height <= down && across.max(down) <= MAX_SIDE;
+    if !is_part {
+        return Err(format!("is no part of its picture of {across} x {down} pixels"));
+    }
     let shown = |name: &str| name.chars().take(40).collect::<String>().escape_default().to_string();
     let is_name = |name: &String| {
         (1..80).contains(&name.len()) && name.bytes().all(|b| b.is_ascii_graphic() || b == b' ')
     };
-    let is_key = |key: &String| is_name(key) && (key == "Software" || key.starts_with("kiln:"));
-    if let Some((key, _)) = head.metadata.iter().find(|(key, value)| !is_key(key) || value.contains('\0')) {
+    let is_of_kiln =
+        |key: &str| key == "Software" || key.starts_with("kiln:") || key.starts_with("cryptomatte/");
+    let is_key = |key: &String| is_name(key) && is_of_kiln(key);
+    let mut texts = head.metadata.iter().chain(&head.attributes.texts);
+    if let Some((key, _)) = texts.find(|(key, value)| !is_key(key) || value.contains('\0')) {
         return Err(format!("has a setting `{}`, which kiln does not write", shown(key)));
     }
     if let Some(name) = head.channels.iter().find(|name| !is_name(name)) {
@@ -158,7 +167,11 @@ fn check_head(head: &Header, format: Format) -> std::result::Result<(), String> 
     let film = |e: Error| e.to_string();
     let picture = if format == Format::Exr {
         let channel = |name: &String| Channel { name: name.clone(), values: vec![0.0] };
-        OutputImage::Float(Film::new(window).map_err(film)?, head.channels.iter().map(channel).collect())
+        OutputImage::Float(
+            Film::new(window).map_err(film)?,
+            head.channels.iter().map(channel).collect(),
+            head.attributes.clone(),
+        )
     } else {
         OutputImage::Rgb8(Film::new(window).map_err(film)?, ColourPipeline::Display)
     };
@@ -353,7 +366,7 @@ impl ShardMerger {
                     "name a file that ends in .png, or render the shards for an .exr",
                 ));
             }
-            return Ok((OutputImage::Float(self.film, self.channels), metadata));
+            return Ok((OutputImage::Float(self.film, self.channels, self.head.attributes), metadata));
         }
         if let [Channel { name, values }] = &self.channels[..]
             && name == ALPHA

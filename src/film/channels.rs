@@ -83,14 +83,18 @@ fn decode(bytes: &[u8]) -> Read<ExrChannels> {
 mod tests {
     use super::*;
     use crate::film::write::{Channel, Format, OutputImage, encode};
-    use crate::film::{Film, Window};
+    use crate::film::{ExrAttributes, Film, Window};
 
     #[test]
     fn what_is_written_is_read_and_beginnings_of_it_are_not() {
         let window = Window { x: 3, y: 0, width: 2, height: 2 };
         let rows = [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0], [6.0, 7.0, 8.0], [9.0, 10.0, 11.0]];
         let more = Channel { name: "Variance.R".into(), values: vec![0.5, f32::INFINITY, 0.25, 1.0] };
-        let picture = OutputImage::Float(Film::from_rows(window, &rows).unwrap(), vec![more]);
+        let picture = OutputImage::Float(
+            Film::from_rows(window, &rows).unwrap(),
+            vec![more],
+            ExrAttributes::of_size([5, 2]),
+        );
         let mut bytes = Vec::new();
         let metadata = [("kiln:samples".to_owned(), "16".to_owned())];
         encode(&picture, &metadata, Format::Exr, &mut bytes).unwrap();

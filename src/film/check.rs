@@ -136,7 +136,7 @@ fn exr_texts(bytes: &[u8]) -> Texts {
 mod tests {
     use super::*;
     use crate::film::write::{OutputImage, encode};
-    use crate::film::{ColourPipeline, Film, Window};
+    use crate::film::{ColourPipeline, ExrAttributes, Film, Window};
 
     fn picture(format: Format) -> Vec<u8> {
         let window = Window { x: 0, y: 0, width: 19, height: 17 };
@@ -144,7 +144,11 @@ mod tests {
             Format::Exr => {
                 let rows: Vec<[f32; 3]> =
                     (0..19 * 17).map(|i| [i as f32, 0.25, 1.0 / (1.0 + i as f32)]).collect();
-                OutputImage::Float(Film::from_rows(window, &rows).unwrap(), Vec::new())
+                OutputImage::Float(
+                    Film::from_rows(window, &rows).unwrap(),
+                    Vec::new(),
+                    ExrAttributes::of_size([19, 17]),
+                )
             }
             _ => {
                 let rows: Vec<[u8; 3]> = (0..19 * 17).map(|i| [i as u8, 7, (i * i) as u8]).collect();

@@ -19,6 +19,7 @@ pub mod check;
 pub mod colour;
 pub mod filter;
 
+mod exr_attributes;
 mod pages;
 mod radiance;
 pub mod read;
@@ -26,6 +27,7 @@ pub mod tone;
 pub mod write;
 
 pub use colour::{Colour, ColourPipeline};
+pub use exr_attributes::{ExrAttributes, Matrix};
 pub use filter::{FilterShape, ReconstructionFilter};
 pub use tone::{DisplaySettings, DisplayTransform};
 

@@ -6,9 +6,11 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use exr::prelude::{AttributeValue, ReadChannels, ReadLayers, Text, Vec2, read};
+use exr::meta::header::LayerAttributes;
+use exr::prelude::{AttributeValue, IntegerBounds, ReadChannels, ReadLayers, Text, Vec2, read};
 use image::{ColorType, DynamicImage, GenericImageView, ImageDecoder, ImageFormat, ImageReader};
 
+use super::write::CROP;
 use super::{ColourPipeline, radiance};
 use crate::error::{Error, Result, contain};
 use crate::files;
@@ -74,8 +76,8 @@ impl ReadError {
 pub type Read<T> = std::result::Result<T, ReadError>;
 
 /// Reads an image file. PNG and JPEG give display values from 0 to 1. EXR gives its channels `R`, `G` and `B` as
-/// stored: linear light, unless kiln's metadata names another pipeline; the picture is its display window, black and
-/// transparent outside of the data window.
+/// stored: linear light, unless kiln's metadata names another pipeline. The picture is its display window, black and
+/// transparent outside of the data window; for a crop by kiln, nothing is known there, and it is the data window.
 ///
 /// # Errors
 /// [`Error::Input`] if the file is missing, damaged, too large, or of another format.
@@ -227,9 +229,15 @@ pub(super) fn exr_reader(
     Ok(reader)
 }
 
+/// Whether a layer is a crop by kiln: a part of a picture of which nothing else is known.
+fn is_crop(layer: &LayerAttributes) -> bool {
+    layer.other.contains_key(&Text::from(CROP))
+}
+
 /// Checks the memory limit for the display window of an OpenEXR image.
 fn check_display(bytes: &[u8]) -> Read<()> {
-    for header in exr_reader(bytes, |_| size_of::<[f32; 4]>())?.headers() {
+    let reader = exr_reader(bytes, |_| size_of::<[f32; 4]>())?;
+    for header in reader.headers().iter().filter(|header| !is_crop(&header.own_attributes)) {
         let Vec2(width, height) = header.shared_attributes.display_window.size;
         let (width, height) = (width as u64, height as u64);
         let bytes = limits::product(&[width, height, size_of::<[f32; 4]>() as u64]);
@@ -282,8 +290,11 @@ fn read_exr(bytes: Vec<u8>) -> Read<Pixels> {
     let layer = picture.layer_data;
     let said = layer.attributes.other.get(&Text::from("kiln:colour"));
     let display = matches!(said, Some(AttributeValue::Text(name)) if name.eq("display") || name.eq("u8"));
-    let shown = picture.attributes.display_window;
     let at = layer.attributes.layer_position;
+    let shown = match is_crop(&layer.attributes) {
+        true => IntegerBounds::new(at, layer.size),
+        false => picture.attributes.display_window,
+    };
     let (_, mut values, mut alpha) = layer.channel_data.pixels;
     if (shown.size, shown.position) != (layer.size, at) {
         let offset = [[shown.position.0, at.0], [shown.position.1, at.1]];

@@ -3,11 +3,9 @@
 use std::io::{Seek, Write};
 use std::path::Path;
 
-use exr::prelude::{
-    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, Text, WritableImage,
-};
+use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, WritableImage, f16};
 
-use super::{ColourPipeline, DisplayTransform, Film, Pixel};
+use super::{ColourPipeline, DisplayTransform, ExrAttributes, Film, Pixel};
 use crate::error::{Error, Result};
 use crate::files::write_whole;
 
@@ -18,7 +16,7 @@ pub enum Format {
     Png,
     /// 8 bits per channel, quality 95.
     Jpeg,
-    /// 32-bit floating point, in the encoding of the film.
+    /// Floating point of 32 bits, or of 16 for colours, in the encoding of the film.
     Exr,
 }
 
@@ -51,6 +49,9 @@ impl Format {
 /// Metadata key of the fingerprint: the hash of everything that determines the picture except the frame.
 pub const FINGERPRINT: &str = "kiln:fingerprint";
 
+/// Metadata key of the region of a picture that is a part of another.
+pub const CROP: &str = "kiln:crop";
+
 /// Metadata key of the frame number in an animation.
 pub const FRAME: &str = "kiln:frame";
 
@@ -63,8 +64,8 @@ pub enum OutputImage {
     Rgb8(Film<[u8; 3]>, ColourPipeline),
     /// The same with alpha, row by row from the top, for PNG. Colours are not multiplied by it.
     Rgba8(Film<[u8; 3]>, Vec<u8>, ColourPipeline),
-    /// Floating-point values for OpenEXR, and further channels.
-    Float(Film, Vec<Channel>),
+    /// Floating-point values for OpenEXR, further channels, and what the file states of them.
+    Float(Film, Vec<Channel>, ExrAttributes),
 }
 
 impl OutputImage {
@@ -94,6 +95,9 @@ impl OutputImage {
 
 /// The name of the alpha channel.
 pub const ALPHA: &str = "A";
+
+/// The name of the depth channel. In a file, `Z`, by which programs find the depth of a picture, has its values, too.
+pub const DEPTH: &str = "Depth.Z";
 
 /// A further channel: one value per pixel, row by row from the top.
 pub struct Channel {
@@ -128,7 +132,9 @@ pub fn encode(
         (OutputImage::Rgba8(film, alpha, pipeline), Format::Png) => {
             write_png(film, Some(alpha), *pipeline, metadata, out)
         }
-        (OutputImage::Float(film, more), Format::Exr) => write_exr(film, more, metadata, out),
+        (OutputImage::Float(film, more, attributes), Format::Exr) => {
+            write_exr(film, more, attributes, metadata, out)
+        }
         (OutputImage::Rgba8(..), Format::Jpeg) => {
             unfit("JPEG has no alpha channel for a transparent background; write .png or .exr")
         }
@@ -148,8 +154,9 @@ pub fn bytes_per_pixel(format: Format, channels: u64) -> u64 {
         Format::Png => 0,
         // JPEG needs all rows in one buffer.
         Format::Jpeg => 3,
-        // OpenEXR needs a buffer per channel, and one for the file, which compression does not enlarge.
-        Format::Exr => 2 * 4 * (3 + channels),
+        // OpenEXR needs a buffer per channel and for the second one of the depth, and one for the file, which
+        // compression does not enlarge.
+        Format::Exr => 2 * 4 * (3 + channels + 1),
     }
 }
 
@@ -199,22 +206,42 @@ fn write_jpeg(film: &Film<[u8; 3]>, out: &mut dyn Write) -> std::io::Result<()> 
         .map_err(std::io::Error::other)
 }
 
-fn write_exr(film: &Film, more: &[Channel], metadata: &Metadata, out: &mut dyn Write) -> std::io::Result<()> {
+/// Whether a channel holds colours or alpha, whose values half floats represent well enough for pictures. Variances are
+/// squares of small numbers; all other channels are data: lengths, vectors, indices, ids.
+fn is_colour(name: &str) -> bool {
+    let letter = name.rsplit('.').next().unwrap_or(name);
+    ["R", "G", "B", ALPHA].contains(&letter) && !name.starts_with("Variance.")
+}
+
+/// The nearest half floats; finite values beyond the largest one become that.
+fn half_floats(values: &[f32]) -> Vec<f16> {
+    let largest = f32::from(f16::MAX);
+    let limited = |value: f32| if value.is_finite() { value.clamp(-largest, largest) } else { value };
+    values.iter().map(|&value| f16::from_f32(limited(value))).collect()
+}
+
+fn write_exr(
+    film: &Film,
+    more: &[Channel],
+    attributes: &ExrAttributes,
+    metadata: &Metadata,
+    out: &mut dyn Write,
+) -> std::io::Result<()> {
     let window = film.window();
-    let channel = |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
+    let (of_image, of_layer) = attributes.header(window, metadata);
+    let channel = |name: &str, values: Vec<f32>| {
+        let is_half = attributes.has_half_floats && is_colour(name);
+        let samples = if is_half { FlatSamples::F16(half_floats(&values)) } else { FlatSamples::F32(values) };
+        AnyChannel::new(name, samples)
+    };
     let own = ["R", "G", "B"].into_iter().enumerate();
     let own = own.map(|(c, name)| channel(name, film.rows().map(|pixel| pixel[c]).collect()));
-    let more = more.iter().map(|more| channel(&more.name, more.values.clone()));
+    let depth = more.iter().filter(|more| more.name == DEPTH).map(|depth| channel("Z", depth.values.clone()));
+    let more = more.iter().map(|more| channel(&more.name, more.values.clone())).chain(depth);
     let channels = AnyChannels::sort(own.chain(more).collect());
-    let mut attributes = LayerAttributes::named("kiln");
-    for (key, value) in metadata {
-        // Non-ASCII text is stored as UTF-8; OpenEXR does not define an encoding of text.
-        let text = Text::from_slice_unchecked(value.as_bytes());
-        let value = exr::meta::attribute::AttributeValue::Text(text);
-        attributes.other.insert(Text::from_slice_unchecked(key.as_bytes()), value);
-    }
     let size = (window.width as usize, window.height as usize);
-    let picture = Image::from_layer(Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, channels));
+    let layer = Layer::new(size, of_layer, Encoding::SMALL_LOSSLESS, channels);
+    let picture = Image::new(of_image, layer);
     // The writer seeks back to the offset table, which `out` may not support.
     let mut bytes = std::io::Cursor::new(Vec::new());
     picture.write().to_buffered(&mut bytes).map_err(std::io::Error::other)?;
@@ -258,7 +285,11 @@ mod tests {
         let pictures = [
             OutputImage::Rgb8(bytes(), linear),
             OutputImage::Rgba8(bytes(), vec![0], linear),
-            OutputImage::Float(Film::from_rows(window, &[[0.0; 3]]).unwrap(), Vec::new()),
+            OutputImage::Float(
+                Film::from_rows(window, &[[0.0; 3]]).unwrap(),
+                Vec::new(),
+                ExrAttributes::of_size([1, 1]),
+            ),
         ];
         let held = pictures.each_ref().map(|picture| {
             [Format::Png, Format::Jpeg, Format::Exr].map(|format| {

@@ -1,7 +1,7 @@
 //! Metadata of a picture: the settings that made it, and the fingerprint of everything that determines its pixels.
 
 use crate::film::Window;
-use crate::film::write::FINGERPRINT;
+use crate::film::write::{CROP, FINGERPRINT};
 use crate::scene::{Camera, DefaultLook, Fingerprint, Light, OptionValue, PictureSettings, Scene};
 use crate::world::Recentering;
 
@@ -54,7 +54,7 @@ pub fn metadata(
     metadata.extend(entries(&look.picture));
     let Window { x, y, width, height } = window;
     if look.picture.size() != Some([width, height]) {
-        metadata.push(("kiln:crop".into(), window.text()));
+        metadata.push((CROP.into(), window.text()));
     }
     for (key, names) in [("kiln:with", with), ("kiln:without", without)] {
         if !names.is_empty() {

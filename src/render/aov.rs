@@ -2,7 +2,7 @@
 //! more channels.
 //!
 //! Geometric AOVs come from the closest hit of the ray through each pixel's centre, unfiltered, whatever samples the
-//! picture takes; an added ground is background there. Albedo and normal are means over the pixel's samples
+//! picture takes; an added ground is background there. Albedo, normal and coverage are means over the pixel's samples
 //! ([`super::features`]). The channels of an effect are the difference of two pictures: one with the effects up to this
 //! one in the plan's order, and one with those before it. So the base and all effects add up to the picture.
 
@@ -10,6 +10,7 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
+use super::cryptomatte::{self, Matte};
 use super::features::{FeatureSums, Features, filter_of, first_surfaces, plan_without_light};
 use super::{RenderControl, render_displayed};
 use crate::effects::left_out::LeftOut;
@@ -18,7 +19,7 @@ use crate::effects::variance::PixelStatistics;
 use crate::effects::{self, Plan};
 use crate::error::{Error, Result, nearest_name};
 use crate::farm::Shard;
-use crate::film::write::Channel;
+use crate::film::write::{Channel, DEPTH};
 use crate::film::{DisplayTransform, Film, ReconstructionFilter, Window};
 use crate::geometry::{Hit, HitBuffer, Ray, Rays};
 use crate::world::{Recentering, View, World};
@@ -36,6 +37,8 @@ struct AovTile<'a> {
     features: Vec<Features>,
     /// The light left out of each pixel; empty if nothing reads it.
     left_out: Vec<[f32; 3]>,
+    /// The ids of each [`Matte`].
+    ids: &'a [Vec<u32>; 2],
     /// The number of boxes that each ray was tested against; empty if nothing reads them.
     node_tests: Vec<u64>,
 }
@@ -67,13 +70,17 @@ const DENOISING: [&str; 2] = ["denoising-albedo", "denoising-normal"];
 pub const AOVS: &[Aov] = &[
     Aov {
         name: "depth",
-        summary: "distance from the camera along the ray; infinite for the background",
-        channels: &["Depth.Z"],
+        summary: "distance from the camera along its line of sight; infinite for the background",
+        channels: &[DEPTH],
         has_integers: false,
-        write: |tile, out| {
-            let scale = tile.source.recentering.map_or(1.0, |recentering| recentering.scale);
-            tile.write_hits(out, [f32::INFINITY], |_, hit| [(hit.t / scale) as f32]);
-        },
+        write: |tile, out| tile.write_lengths(out, |ray, hit| tile.source.view.depth(ray, hit.t)),
+    },
+    Aov {
+        name: "distance",
+        summary: "distance from the camera along the ray; infinite for the background",
+        channels: &["Distance.X"],
+        has_integers: false,
+        write: |tile, out| tile.write_lengths(out, |_, hit| hit.t),
     },
     Aov {
         name: "position",
@@ -151,6 +158,20 @@ pub const AOVS: &[Aov] = &[
         write: |tile, out| tile.write_indices(out, |_, hit| hit.prim.0),
     },
     Aov {
+        name: Matte::Objects.aov(),
+        summary: "Cryptomatte of the names of objects: ids with the part of the pixel that each covers",
+        channels: Matte::Objects.channels(),
+        has_integers: false,
+        write: |tile, out| tile.write_mattes(out, Matte::Objects),
+    },
+    Aov {
+        name: Matte::Materials.aov(),
+        summary: "Cryptomatte of the names of materials",
+        channels: Matte::Materials.channels(),
+        has_integers: false,
+        write: |tile, out| tile.write_mattes(out, Matte::Materials),
+    },
+    Aov {
         name: "samples",
         summary: "number of samples of the pixel",
         channels: &["Samples.X"],
@@ -224,6 +245,18 @@ impl AovTile<'_> {
         write_all(out, self.hits.iter().enumerate().map(of_pixel));
     }
 
+    /// Writes the channel of a length in world units; infinite for the background.
+    fn write_lengths(&self, out: &mut [Vec<f32>], length: impl Fn(&Ray, &Hit) -> f64) {
+        let scale = self.source.recentering.map_or(1.0, |recentering| recentering.scale);
+        self.write_hits(out, [f32::INFINITY], |ray, hit| [(length(ray, hit) / scale) as f32]);
+    }
+
+    /// Writes the channels of a Cryptomatte.
+    fn write_mattes(&self, out: &mut [Vec<f32>], matte: Matte) {
+        let ids = &self.ids[matte as usize];
+        write(out, &self.features, |features| cryptomatte::pairs(&features.covered, ids));
+    }
+
     /// Writes the channel of an index.
     fn write_indices(&self, out: &mut [Vec<f32>], index: impl Fn(&World, &Hit) -> u32) {
         self.write_hits(out, [-1.0], |_, hit| [index(self.source.world, hit) as f32]);
@@ -270,6 +303,12 @@ impl AovSelection {
     pub(crate) fn depends_on_exposure(&self, plan: &Plan) -> bool {
         let is_of_light = self.effects || has(&self.aovs, &["samples", "variance", "left-out"]);
         is_of_light || plan.is_adaptive() && has(&self.aovs, &FILTERED)
+    }
+
+    /// The text attributes that describe the channels in a file.
+    pub fn texts(&self, world: &World) -> Vec<(String, String)> {
+        let selected = Matte::ALL.into_iter().filter(|matte| has(&self.aovs, &[matte.aov()]));
+        selected.flat_map(|matte| matte.texts(world)).collect()
     }
 
     /// Whether the indices of primitives are selected.
@@ -328,7 +367,11 @@ fn pixel_channels(source: &AovSource, aovs: &[&Aov], control: &RenderControl) ->
     let filter = is_filtered.then(|| filter_of(of_features.as_ref().unwrap_or(source.plan))).flatten();
     // A film of the same window has the same tiles as the picture.
     let mut tiles: Film<[u8; 3]> = Film::new(source.window)?;
-    let plans = AovPlans { of_features: of_features.as_ref(), filter: filter.as_ref() };
+    let ids = Matte::ALL.map(|matte| match has(aovs, &[matte.aov()]) {
+        true => matte.ids(source.world),
+        false => Vec::new(),
+    });
+    let plans = AovPlans { of_features: of_features.as_ref(), filter: filter.as_ref(), ids };
     tiles.tiles_mut().into_par_iter().enumerate().for_each_init(
         TileBuffers::default,
         |buffers, (place, part)| {
@@ -356,10 +399,14 @@ fn pixel_channels(source: &AovSource, aovs: &[&Aov], control: &RenderControl) ->
 }
 
 /// The AOVs of [`Features`].
-const FILTERED: [&str; 4] = ["albedo", "normal", DENOISING[0], DENOISING[1]];
+const FILTERED: [&str; 6] = ["albedo", "normal", DENOISING[0], DENOISING[1], MATTES[0], MATTES[1]];
+
+/// The AOVs of [`Matte`].
+const MATTES: [&str; 2] = [Matte::Objects.aov(), Matte::Materials.aov()];
 
 /// The AOVs of the hit through each pixel's centre.
-const OF_HITS: [&str; 6] = ["depth", "position", "geometric-normal", "object", "material", "primitive"];
+const OF_HITS: [&str; 7] =
+    ["depth", "distance", "position", "geometric-normal", "object", "material", "primitive"];
 
 fn has(aovs: &[&Aov], names: &[&str]) -> bool {
     aovs.iter().any(|aov| names.contains(&aov.name))
@@ -381,6 +428,8 @@ struct AovPlans<'a> {
     of_features: Option<&'a Plan>,
     /// The filter of its samples.
     filter: Option<&'a ReconstructionFilter>,
+    /// The ids of each [`Matte`] that is selected.
+    ids: [Vec<u32>; 2],
 }
 
 impl AovPlans<'_> {
@@ -394,7 +443,7 @@ impl AovPlans<'_> {
         let (mut samples, mut features) = (Vec::new(), Vec::new());
         if has(aovs, &FILTERED) {
             let plan = self.of_features.unwrap_or(source.plan);
-            let mut sums = FeatureSums::new(tile);
+            let mut sums = FeatureSums::new(tile, has(aovs, &MATTES));
             let first = |tile: &Tile| first_surfaces(tile, world);
             samples = plan.sample_statistics(tile, &context, window, first, |tile, first| {
                 sums.add_pass(plan, tile, first);
@@ -427,7 +476,8 @@ impl AovPlans<'_> {
         let is_of_scene = |hit: &Hit| world.ground.is_none_or(|ground| world.object_of(hit.prim) != ground);
         hits.clear();
         hits.extend(found.iter().map(|hit| hit.filter(is_of_scene)));
-        let tile = AovTile { source, rays, hits, samples, features, left_out, node_tests };
+        let ids = &self.ids;
+        let tile = AovTile { source, rays, hits, samples, features, left_out, ids, node_tests };
         values.resize_with(aovs.iter().map(|aov| aov.channels.len()).sum(), Vec::new);
         let mut rest = &mut values[..];
         for aov in aovs {

@@ -4,6 +4,7 @@
 //! bits for any number of threads, any order of tiles and any crop.
 
 pub mod aov;
+mod cryptomatte;
 mod features;
 mod statistics;
 

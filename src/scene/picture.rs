@@ -10,7 +10,7 @@ use super::option::{OptionValue, named_values, options, ranged};
 #[cfg(feature = "cli")]
 use super::option::{group, parser};
 use super::sampling::Sampling;
-use super::{MAX_SAMPLES, Numerics, PixelSampler, ShadingMode, Transport};
+use super::{BitDepth, MAX_SAMPLES, Numerics, PixelSampler, ShadingMode, Transport};
 use crate::film::filter::RADII;
 use crate::film::tone::{Exposure, ToneMap};
 use crate::film::{Colour, ColourPipeline, DisplaySettings, FilterShape};
@@ -106,6 +106,9 @@ options! {
         /// .exr
         /// [default: light grey for meshes, dark grey for meshes with lights or cameras, black for scene files]
         [long, help_heading = group::LOOK, display_order = 0, value_name = "COLOUR|transparent", value_parser = parser::<Background>()] background: Background,
+        /// Bits of each channel: 8 in .png and .jpg; in .exr 32 (floats), or 16 (half floats) for colours and alpha
+        /// [default: 8 in .png and .jpg, 32 in .exr]
+        [long, help_heading = group::OUTPUT, allow_hyphen_values = true, value_name = "N", value_parser = parser::<BitDepth>()] bits: BitDepth,
     }
 }
 
@@ -380,6 +383,7 @@ mod tests {
             ground: Some(true),
             cull: Some(true),
             background: Some(Background::Transparent),
+            bits: Some(BitDepth::Sixteen),
         };
         let second = PictureSettings {
             width: Some(Side(1)),
@@ -408,6 +412,7 @@ mod tests {
             ground: Some(false),
             cull: Some(false),
             background: Some(Background::Colour(ColourValue([255, 128, 0]))),
+            bits: Some(BitDepth::ThirtyTwo),
         };
         [first, second]
     }

@@ -20,7 +20,7 @@ pub enum DisplayMode {
     Normals,
     /// Geometric normals.
     GeometricNormals,
-    /// Depth: the distance from the camera.
+    /// Depth: the distance from the camera along its line of sight.
     Depth,
     /// Object numbers.
     Objects,
@@ -55,7 +55,7 @@ impl DisplayMode {
                 "directions that surfaces are shaded with; shows seams and inverted normals"
             }
             DisplayMode::GeometricNormals => "directions that the triangles face; shows how fine a mesh is",
-            DisplayMode::Depth => "distance from the camera, near light and far dark",
+            DisplayMode::Depth => "distance from the camera along its line of sight, near light and far dark",
             DisplayMode::Objects => "a colour for each object; shows what the file calls them",
             DisplayMode::Materials => "a colour for each material; shows what has the same surface",
             DisplayMode::Primitives => "a colour for each triangle or analytic shape; shows the mesh",
@@ -231,9 +231,7 @@ fn depths(depths: &[f32], is_ground: impl Fn(usize) -> bool) -> FalseColours {
         text: match is_something {
             true => {
                 let [near, far] = DEPTH_PERCENTILES;
-                format!(
-                    "distance from the camera, from the {near}th to the {far}th percentile of the objects' pixels"
-                )
+                format!("depth, from the {near}th to the {far}th percentile of the objects' pixels")
             }
             false => "nothing is seen".into(),
         },

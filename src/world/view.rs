@@ -5,8 +5,9 @@
 
 use std::f64::consts::{PI, TAU};
 
-use glam::{DVec2, DVec3};
+use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
 
+use super::Recentering;
 use super::differential::Differential;
 use super::lens::ThinLens;
 use super::simd;
@@ -92,6 +93,41 @@ impl View {
     /// The width and the height of the picture, in pixels.
     pub fn size(&self) -> [u32; 2] {
         [self.size.x as u32, self.size.y as u32]
+    }
+
+    /// The width of a pixel divided by its height.
+    pub fn pixel_aspect(&self) -> f64 {
+        let DVec2 { x, y } = self.rectangle / self.size;
+        x / y
+    }
+
+    /// `camera_from_scene` and `ndc_from_scene` for column vectors, as OpenEXR defines `worldToCamera` and `worldToNDC`
+    /// (Standard Attributes, "Position and Orientation"): in the left-handed space of the camera, x points to the right,
+    /// y up and z in the viewing direction; in NDC, (0, 0) is the upper left corner of the picture and (1, 1) the lower
+    /// right one. z of NDC, which readers discard, is 1 / z of the camera in perspective. `None` for a panorama, which
+    /// is no linear map.
+    pub fn matrices(&self, recentering: Option<&Recentering>) -> Option<[DMat4; 2]> {
+        let (position, scale) = match recentering {
+            Some(recentering) => (recentering.point_back(self.position), recentering.scale),
+            None => (self.position, 1.0),
+        };
+        let axes = DMat3::from_cols(self.u, self.v, -self.w).transpose();
+        let camera_from_scene = DMat4::from_mat3(axes) * DMat4::from_translation(-position);
+        // (offset - shift) / rectangle + 1/2 to the right; downwards, 1 minus that.
+        let start = (0.5 - self.shift / self.rectangle) * DVec2::new(1.0, -1.0) + DVec2::Y;
+        let per_unit = |scale: f64| DVec2::new(scale, -scale) / self.rectangle;
+        let ndc_from_camera = match self.projection {
+            Projection::Perspective => {
+                let DVec2 { x, y } = per_unit(self.distance);
+                DMat4::from_cols(DVec4::X * x, DVec4::Y * y, start.extend(0.0).extend(1.0), DVec4::Z)
+            }
+            Projection::Orthographic => {
+                let DVec2 { x, y } = per_unit(scale);
+                DMat4::from_cols(DVec4::X * x, DVec4::Y * y, DVec4::Z, start.extend(0.0).extend(1.0))
+            }
+            Projection::Panoramic => return None,
+        };
+        Some([camera_from_scene, ndc_from_camera * camera_from_scene])
     }
 
     /// The ray through the centre of the pixel in column `x`, row `y` from the top, rounded to `precision`.
@@ -196,6 +232,15 @@ impl View {
                 let up = (self.v - self.v.dot(direction) * direction).normalize_or(self.w);
                 Differential { origin: [DVec3::ZERO; 2], direction: [right, -up * angle.y] }
             }
+        }
+    }
+
+    /// The depth of the point at distance `t` on a camera ray: its distance from the plane through the camera that is
+    /// perpendicular to the line of sight. In a panorama, which has no such plane, the distance itself.
+    pub fn depth(&self, ray: &Ray, t: f64) -> f64 {
+        match self.projection {
+            Projection::Perspective => t * -ray.direction().dot(self.w),
+            Projection::Orthographic | Projection::Panoramic => t,
         }
     }
 
@@ -318,6 +363,35 @@ mod tests {
         }
         assert!(u.dot(v).abs() < 1e-9 && u.dot(w).abs() < 1e-9 && v.dot(w).abs() < 1e-15);
         assert!((u.cross(v) - w).length() < 1e-9);
+    }
+
+    /// The matrices are of the coordinates before recentering, and agree with [`View::project`].
+    #[test]
+    fn matrices_are_of_the_scene() {
+        let recentering = Recentering { middle: DVec3::new(1e3, -2e3, 5e2), scale: 0.25 };
+        let own = DVec3::new(1003.0, -1996.0, 507.0);
+        let mut camera =
+            Camera::from_field_of_view("c".into(), own, own - DVec3::new(1.0, 2.0, 4.0), DVec3::Y, 0.8);
+        camera.sensor = Sensor { shift: DVec2::new(0.5, -0.25), oblong_pixels: true };
+        camera.view_width = Some(3.0);
+        for projection in [Projection::Perspective, Projection::Orthographic] {
+            let view = View::new(&recentering.moved(&camera), projection, [60, 40]).unwrap();
+            let [camera_from_scene, ndc_from_scene] = view.matrices(Some(&recentering)).unwrap();
+            for ahead in [DVec3::new(1.0, 2.0, 4.0), DVec3::new(3.0, 1.0, 9.0), DVec3::new(-1.0, 4.0, 5.0)] {
+                let point = own - ahead;
+                let moved = (point - recentering.middle) * recentering.scale;
+                let ndc = ndc_from_scene * point.extend(1.0);
+                let pixel = DVec2::new(ndc.x, ndc.y) / ndc.w * view.size;
+                assert!((pixel - view.project(moved).0).length() < 1e-9, "{projection:?} {pixel}");
+                // The axis has the length of (1, 2, 4).
+                let depth = ahead.dot(DVec3::new(1.0, 2.0, 4.0)) / 21f64.sqrt();
+                assert!((camera_from_scene.transform_point3(point).z - depth).abs() < 1e-9);
+            }
+            // Left-handed.
+            assert!(camera_from_scene.determinant() < 0.0);
+        }
+        let panorama = View::new(&camera, Projection::Panoramic, [4, 2]).unwrap();
+        assert_eq!((panorama.matrices(None), panorama.pixel_aspect()), (None, 1.0));
     }
 
     #[test]

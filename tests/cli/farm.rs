@@ -38,6 +38,7 @@ fn a_picture_in_seven_shards_becomes_the_bytes_of_one_run() {
         ("a.png", ""),
         ("b.png", "--colour u8 --crop 3,5,71,40"),
         ("c.exr", "--aov all"),
+        ("f.exr", "--aov all --samples 4 --crop 3,5,71,40 --bits 16"),
         ("d.jpg", "--colour display"),
         ("e.png", "--samples 4 --filter mitchell --noise 0.01 --seed 3"),
     ] {
@@ -641,7 +642,7 @@ fn corrupt_shards_are_named() {
     // 16 x 16 pixels of three f32.
     let whole = 16 * 16 * 12;
     let channels = |count: usize| (0..count).map(|i| format!("Layer{i}.X")).collect::<Vec<_>>();
-    let cases: [(&str, Vec<u8>, &str); 8] = [
+    let cases: [(&str, Vec<u8>, &str); 9] = [
         (
             "empty",
             changed(&shard, |head| head["window"] = json!([0, 0, 0, 0]), 0),
@@ -651,6 +652,11 @@ fn corrupt_shards_are_named() {
             "far",
             changed(&shard, |head| head["window"] = json!(vec![u32::MAX; 4]), whole),
             "is 4294967295 x 4294967295",
+        ),
+        (
+            "part",
+            changed(&shard, |head| head["attributes"]["size"] = json!([16, 15]), whole),
+            "is no part of its picture of 16 x 15 pixels",
         ),
         (
             "channels",
@@ -680,6 +686,7 @@ fn corrupt_shards_are_named() {
                 &shard,
                 |head| {
                     head["window"] = json!([0, 0, 40_000, 40_000]);
+                    head["attributes"]["size"] = json!([40_000, 40_000]);
                     head["shard"] = json!(1_000_000);
                     head["of"] = json!(1_000_000);
                 },

@@ -20,11 +20,11 @@ fn pictures_that_do_not_fit_are_refused_with_what_they_need() {
         let output = command.output().expect("the command starts");
         (output.status.code(), text(&output.stderr))
     };
-    let (code, said) = limited("render scene.toml --size 6000x6000 --aov all -o a.exr --progress none");
+    let (code, said) = limited("render scene.toml --size 4800x4800 --aov all -o a.exr --progress none");
     assert_eq!(code, Some(1), "{said}");
     let (line, hint) = check_error(&said);
     assert!(
-        line.starts_with("a picture of 6000 x 6000 pixels with ") && line.contains(" more channels needs "),
+        line.starts_with("a picture of 4800 x 4800 pixels with ") && line.contains(" more channels needs "),
         "{said}"
     );
     assert!(line.ends_with(" GiB of 2.9 GiB are left (ulimit -v)"), "{said}");
@@ -61,8 +61,9 @@ fn frames_that_do_not_fit_are_refused_by_what_one_needs() {
     shop.succeed(&format!("{frames} --frames 0-1 --size 3200x3200"));
     assert_eq!(shop.names(), ["f_0000.png", "f_0001.png", "scene.toml"]);
     // With AOVs, too, a frame needs as much as a still picture of the same effects: 8,000^2 pixels of 4 channels of 4
-    // bytes, in the film and twice in the writer, and 3 bytes while the AOV is computed, are 3.04 GiB.
-    for (aovs, needs) in [("depth", "with 1 more channels needs 3.0 GiB"), ("effects", "")] {
+    // bytes, in the film and twice in the writer, there with a second channel of the depth, and 3 bytes while the AOV is
+    // computed, are 3.52 GiB.
+    for (aovs, needs) in [("depth", "with 1 more channels needs 3.5 GiB"), ("effects", "")] {
         let arguments = format!("{} --size 8000x8000 --aov {aovs}", frames.replace(".png", ".exr"));
         let (frame, _) = shop.fail(&format!("{arguments} --frames 0"), 1);
         let (still, _) = shop.fail(&arguments.replace("f_####", "a"), 1);

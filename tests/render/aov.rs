@@ -17,7 +17,7 @@ use kiln::shading::base_colour;
 
 const SIZE: [u32; 2] = [48, 36];
 
-fn kiln(arguments: &[&str]) -> Command {
+pub(crate) fn kiln(arguments: &[&str]) -> Command {
     let mut command = Command::cargo_bin("kiln").expect("the command is built with the tests");
     command
         .current_dir(repository("."))
@@ -27,7 +27,7 @@ fn kiln(arguments: &[&str]) -> Command {
 }
 
 /// The channels of an EXR file by name, row by row from the top.
-fn channels(file: &Path) -> BTreeMap<String, Vec<f32>> {
+pub(crate) fn channels(file: &Path) -> BTreeMap<String, Vec<f32>> {
     let picture = exr::prelude::read_first_flat_layer_from_file(file).expect("it is an EXR picture");
     let layer = picture.layer_data;
     assert_eq!((layer.size.x(), layer.size.y()), (SIZE[0] as usize, SIZE[1] as usize));
@@ -73,6 +73,7 @@ fn values_are_those_of_the_rays() {
     let all = render("effects/glaze", "all", folder.path());
     let prepared = prepare(load(&repository("scenes/effects/glaze.toml")), SIZE, Numerics::Watertight);
     let (mut background, compared) = (0, RefCell::new(BTreeSet::new()));
+    let forward = glam::DVec3::new(0.15 - 0.4, 0.62 - 1.7, -5.4).normalize();
     for (i, (ray, hit)) in prepared.rays().iter().zip(prepared.hits()).enumerate() {
         let at = |name: &str| {
             compared.borrow_mut().insert(name.to_owned());
@@ -86,7 +87,8 @@ fn values_are_those_of_the_rays() {
         assert!(at("NodeTests.X") >= 1.0);
         let Some(hit) = hit else {
             background += 1;
-            assert_eq!(at("Depth.Z"), f32::INFINITY);
+            assert_eq!(["Depth.Z", "Distance.X"].map(at), [f32::INFINITY; 2]);
+            assert_eq!(covering(at), [[0.0; 6]; 2]);
             assert_eq!(["Object.X", "Material.X", "Primitive.X"].map(at), [-1.0; 3]);
             assert_eq!(
                 ["Position", "Normal", "GeometricNormal"].map(|layer| three(layer, xyz)),
@@ -97,7 +99,12 @@ fn values_are_those_of_the_rays() {
             continue;
         };
         let surface = prepared.world.interaction(ray, &hit);
-        assert_eq!(at("Depth.Z"), hit.t as f32);
+        assert_eq!(at("Distance.X"), hit.t as f32);
+        // The camera looks along `forward`, from where all rays begin.
+        let depth = (surface.point.position - ray.origin()).dot(forward);
+        assert!((f64::from(at("Depth.Z")) - depth).abs() < 1e-6 * hit.t, "{depth}");
+        // A single sample covers the pixel.
+        assert_eq!(covering(at), [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]; 2]);
         assert_eq!(three("Position", xyz), surface.point.position.as_vec3().to_array());
         for layer in ["Normal", "DenoisingNormal"] {
             assert_eq!(three(layer, xyz), surface.shading_normal.as_vec3().to_array());
@@ -117,6 +124,18 @@ fn values_are_those_of_the_rays() {
     for channel in AOVS.iter().flat_map(|aov| aov.channels) {
         assert!(compared.borrow().contains(*channel), "{channel} is compared with nothing");
     }
+}
+
+/// The coverages of the Cryptomattes of objects and materials, the largest first. Ids are not empty.
+fn covering(at: impl Fn(&str) -> f32) -> [[f32; 6]; 2] {
+    ["CryptoObject", "CryptoMaterial"].map(|layer| {
+        std::array::from_fn(|rank| {
+            let [id, part] = [["r", "g"], ["b", "a"]][rank % 2]
+                .map(|letter| at(&format!("{layer}0{}.{letter}", rank / 2)));
+            assert_eq!(id == 0.0, part == 0.0);
+            part
+        })
+    })
 }
 
 /// Albedo is the picture without light on a black background: its textures, filter and samples. So are the denoising
@@ -301,7 +320,7 @@ fn depth_and_position_are_the_scenes_own() {
 fn the_file_has_the_channels_of_the_selected_aovs() {
     let folder = tempfile::tempdir().expect("a folder");
     let names = |aov: &str| render("assignment", aov, folder.path()).into_keys().collect::<Vec<_>>();
-    assert_eq!(names("depth,object"), ["B", "Depth.Z", "G", "Object.X", "R"]);
+    assert_eq!(names("depth,object"), ["B", "Depth.Z", "G", "Object.X", "R", "Z"]);
     let all = names("all");
     for aov in AOVS {
         assert!(aov.channels.iter().all(|channel| all.iter().any(|name| name == channel)), "{}", aov.name);

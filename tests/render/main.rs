@@ -9,6 +9,7 @@ mod aov;
 mod closed_form;
 mod depth_of_field;
 mod effects;
+mod exr_files;
 mod golden;
 mod ground;
 mod layers;
