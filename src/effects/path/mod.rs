@@ -22,6 +22,7 @@ mod lights;
 mod media;
 mod numbers;
 mod opaque_bsdfs;
+mod record;
 mod shadow_rays;
 mod smooth_glass;
 #[cfg(test)]
@@ -39,6 +40,7 @@ use media::MediumStackId;
 use numbers::{GenerationNumbers, Sequence};
 use vertices::{IndexList, Vertices};
 
+use super::record::Recorder;
 use super::samples::{SampleIndex, list_samples};
 use super::shadow_catcher::catch_shadows;
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
@@ -280,7 +282,7 @@ impl Buffers {
     fn scatter(&mut self, tile: &mut Tile, context: &RenderContext, stage: &Scatter) {
         let world = context.world;
         let depth = tile.depth as u32;
-        let mut scattering = tile.scattering.take();
+        let (mut scattering, mut recorder) = (tile.scattering.take(), tile.recorder.take());
         if let Some(found) = scattering.as_mut().filter(|_| depth == 0) {
             found.clear();
             found.resize(self.paths.len(), None);
@@ -321,11 +323,20 @@ impl Buffers {
         }
         if !is_last {
             self.list_shadow_rays((world, stage), generation);
-            self.list_continuations(world, (generation, next), depth >= stage.settings.roulette_from);
+        }
+        if let Some(recorder) = &mut recorder {
+            self.record_vertices(recorder, (context, &lights, stage), generation, depth);
+        }
+        if !is_last {
+            let has_roulette = depth >= stage.settings.roulette_from;
+            self.list_continuations(world, (generation, next), has_roulette);
+            if let Some(recorder) = &mut recorder {
+                self.record_continuations(recorder, has_roulette, depth);
+            }
         }
         std::mem::swap(&mut self.paths, &mut self.next);
         std::mem::swap(&mut self.media, &mut self.next_media);
-        tile.scattering = scattering;
+        (tile.scattering, tile.recorder) = (scattering, recorder);
         tile.discarded_samples += self.discarded;
         tile.ended_in_glass += ended_in_glass;
     }
@@ -384,4 +395,5 @@ fn write_radiance(tile: &mut Tile, context: &RenderContext) {
     });
     expose_unlit(tile, context);
     catch_shadows(tile, context.world, true);
+    tile.record(Recorder::add_colours);
 }

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::light_samples::LightSamples;
+use super::record::record_light_samples;
 use super::vertices::Vertices;
 use super::weights::light_weight;
 use super::{Buffers, LIGHT_RAYS, LightPath, Scatter};
@@ -156,7 +157,8 @@ impl Buffers {
     /// Traces the shadow rays of a generation and adds the radiance of those that are not occluded.
     pub(super) fn trace_shadow_rays(&mut self, tile: &mut Tile, world: &World, continued: Option<RayKind>) {
         let Buffers { light_samples, occluded, radiance, .. } = self;
-        for LightSamples { shadow_rays, light_paths, .. } in light_samples.iter().map(|samples| &**samples) {
+        for samples in &mut *light_samples {
+            let LightSamples { lit, shadow_rays, light_paths, .. } = &mut **samples;
             occluded.clear();
             world.accelerator.are_occluded(shadow_rays.rays(), occluded, &mut tile.traversal);
             match continued {
@@ -170,7 +172,7 @@ impl Buffers {
                 Some(kind) => {
                     let mut count = 0;
                     let rays = shadow_rays.rays().iter();
-                    for ((path, ray), occluded) in light_paths.iter().zip(rays).zip(&mut *occluded) {
+                    for ((path, ray), occluded) in light_paths.iter_mut().zip(rays).zip(&mut *occluded) {
                         let mut transmittance = 1.0;
                         if *occluded {
                             transmittance =
@@ -178,7 +180,8 @@ impl Buffers {
                             *occluded = transmittance == 0.0;
                         }
                         if !*occluded {
-                            radiance[path.camera_ray as usize] += path.radiance * transmittance;
+                            path.radiance *= transmittance;
+                            radiance[path.camera_ray as usize] += path.radiance;
                         }
                     }
                     if count > 0 {
@@ -187,7 +190,8 @@ impl Buffers {
                 }
             }
             if let Some(recorder) = &mut tile.recorder {
-                recorder.record_occlusion(LIGHT_RAYS, tile.depth, None, shadow_rays.rays(), occluded);
+                let tests = (&*lit, shadow_rays.rays(), &**occluded);
+                record_light_samples(recorder, tile.depth, tests, light_paths);
             }
             tile.count(LIGHT_RAYS, occluded.len(), occluded.iter().filter(|&&occluded| occluded).count());
         }
