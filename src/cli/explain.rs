@@ -21,6 +21,9 @@ use crate::scene::option::group;
 /// Version of the JSON schema; increased when a field changes its meaning or is removed.
 const SCHEMA: u32 = 1;
 
+/// Characters of a name in the text of a pixel.
+const NAME_LENGTH: usize = 40;
+
 #[derive(Args)]
 pub(crate) struct Command {
     #[command(flatten)]
@@ -86,7 +89,7 @@ fn explain_pixel(command: &Command, pixel: [u32; 2], interrupted: &AtomicBool) -
         let control = RenderControl { cancel: interrupted, ..RenderControl::default() };
         let report = job.explain_pixel(pixel, command.sample, &control)?;
         if !command.json {
-            return Ok(report.text(&|name| name.to_owned()));
+            return Ok(report.text(&shortened));
         }
         let mut fields = json!({
             "schema": SCHEMA,
@@ -99,6 +102,12 @@ fn explain_pixel(command: &Command, pixel: [u32; 2], interrupted: &AtomicBool) -
         Ok(json_text(&fields))
     })?;
     print(&text)
+}
+
+/// A name as it fits into a line.
+fn shortened(name: &str) -> String {
+    let (start, end) = (name.chars().take(NAME_LENGTH - 1), name.chars().nth(NAME_LENGTH));
+    if end.is_some() { start.chain(['…']).collect() } else { name.to_owned() }
 }
 
 /// The settings that the metadata of pictures hold.

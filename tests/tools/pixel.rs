@@ -338,7 +338,7 @@ const GLASS: &str = "[image]\nwidth = 48\nheight = 48\ntransport = 'path'\n\
     [environment]\ncolour = '#405060'\n\
     [[camera]]\nposition = [0, 1.2, 4]\nlook_at = [0, 0.5, 0]\nvertical_fov = 40\n\
     [[light]]\ntype = 'rectangle'\nposition = [0, 3, 0]\nsize = [1, 1]\ndirection = [0, -1, 0]\nintensity = 6\n\
-    [material.glass]\nmetallic = 0\nroughness = 0\nlayers = { transmission = 1, volume = true, ior = 1.5 }\n\
+    [material.glass]\ncolour = '#ffffff'\nmetallic = 0\nroughness = 0\nlayers = { transmission = 1, volume = true, ior = 1.5 }\n\
     [material.matt]\ncolour = '#c08040'\n\
     [[sphere]]\ncentre = [-0.5, 0.5, 0]\nradius = 0.5\nmaterial = 'glass'\n\
     [[sphere]]\ncentre = [0.7, 0.4, -0.2]\nradius = 0.4\nmaterial = 'matt'\n\
@@ -505,10 +505,23 @@ fn text_names_the_terms() {
             text.starts_with(&format!("pixel {x},{y} of 1024 x 1024, from the top left: {shown}\n")),
             "{text}"
         );
-        for label in ["  L_a  ", "  C L  ", "  t  ", "  normal N  ", "glaze ray, bounce 1", "  displayed  "] {
+        for label in
+            ["  L_a  ", "  C_P = C L  ", "  t  ", "  normal N  ", "glaze ray, bounce 1", "  displayed  "]
+        {
             assert!(text.contains(label), "{label:?} is not in\n{text}");
         }
     }
+}
+
+/// The text on the page is that of the command.
+#[test]
+fn the_page_shows_what_the_command_prints() {
+    let page = std::fs::read_to_string(repository("docs/assignment.md")).expect("the page");
+    let section = page.split("## One pixel").nth(1).expect("a section");
+    let command = section.split("`kiln ").nth(1).and_then(|rest| rest.split('`').next()).expect("a command");
+    let text =
+        section.split("```text\n").nth(1).and_then(|rest| rest.split("```").next()).expect("its output");
+    assert_eq!(output(command), text);
 }
 
 /// Positions and lengths are in scene coordinates, also where the scene was moved for precision.

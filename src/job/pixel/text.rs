@@ -56,6 +56,11 @@ fn vector(v: impl Into<[f64; 3]>) -> String {
     v.into().map(digits).join("  ")
 }
 
+/// A density per solid angle.
+fn pdf(pdf: f64) -> String {
+    if pdf.is_finite() { digits(pdf) } else { "of a delta".into() }
+}
+
 /// Light: one number if it is grey.
 fn light(v: DVec3) -> String {
     if v.x == v.y && v.y == v.z { digits(v.x) } else { vector(v) }
@@ -82,7 +87,15 @@ impl Text<'_> {
         if self.pipeline == ColourPipeline::U8.name() {
             return colour.to_array().map(|c| quantise(c).to_string()).join("  ");
         }
-        (colour * 255.0).to_array().map(|c| format!("{c:.2}")).join("  ")
+        self.of_255(colour)
+    }
+
+    /// A colour that is not rounded to 8 bits.
+    fn of_255(&self, colour: DVec3) -> String {
+        if self.pipeline == ColourPipeline::Linear.name() {
+            return vector(colour);
+        }
+        (colour * 255.0).to_array().map(|c| format!("{c:.3}")).join("  ")
     }
 
     fn sample(&mut self, report: &PixelReport, index: usize, sample: &SampleReport) {
@@ -91,7 +104,7 @@ impl Text<'_> {
             let of = report.samples_taken;
             self.line(0, &format!("\nsample {} of {of}, at {x:.3},{y:.3}", sample.index));
         }
-        if let Some(layer) = &sample.layer {
+        if let Some(layer) = sample.layer.as_ref().filter(|layer| layer.transmittance * layer.opacity < 1.0) {
             self.line(0, &format!("\nlayer {index} of transparent surfaces"));
             self.row("transmittance", &format!("{} of the layers before it", digits(layer.transmittance)));
             self.row("opacity", &digits(layer.opacity));
@@ -139,7 +152,7 @@ impl Text<'_> {
         self.row("material", &(self.name)(&hit.material));
     }
 
-    fn shadow_ray(&mut self, ray: &ShadowRayReport) {
+    fn shadow_ray(&mut self, label: &str, ray: &ShadowRayReport) {
         let (to, length) = (ray.light.as_deref().map(self.name), digits(ray.length));
         let to = to.map_or(String::new(), |light| format!("to {light}: "));
         let result = match &ray.occluder {
@@ -150,17 +163,18 @@ impl Text<'_> {
             None if ray.length.is_finite() => format!("free over {length}"),
             None => "free".into(),
         };
-        self.row(ray.kind, &format!("{to}{result}"));
+        self.row(label, &format!("{to}{result}"));
     }
 
     fn local(&mut self, local: &LocalReport, shadow_rays: &[ShadowRayReport]) {
         let is_phong = local.light.is_some();
         if is_phong {
+            let of = if self.pipeline == ColourPipeline::Linear.name() { "" } else { "  of 255" };
             let colour = self.in_pipeline(local.own);
-            self.row("colour C", &colour);
+            self.row("colour C", &format!("{colour}{of}"));
         }
         for ray in shadow_rays {
-            self.shadow_ray(ray);
+            self.shadow_ray(&format!("{} ray", ray.kind), ray);
         }
         for light in local.lights.iter().filter(|light| !light.reaches && light.cosine <= 0.0) {
             let name = (self.name)(&light.light);
@@ -179,14 +193,16 @@ impl Text<'_> {
         if let Some(sum) = local.light {
             self.row("L", &format!("{:<12}  sum of the terms", light(sum)));
         }
-        let label = if is_phong { "C L" } else { "colour" };
         let colour = self.in_pipeline(local.colour);
-        self.row(label, &colour);
+        match is_phong {
+            true => self.row("C_P = C L", &colour),
+            false => self.row("colour", &colour),
+        }
         if let Some(glaze) = &local.glaze {
             let [own, weight] = glaze.weights;
             let (mirrored, colour) = (self.in_pipeline(glaze.mirrored), self.in_pipeline(glaze.colour));
-            self.row("C_I", &format!("{mirrored}  mirrored, below"));
-            self.row("glazed", &format!("{colour}  = {own} C_P + {weight} C_I"));
+            self.row("C_I", &format!("{mirrored}  the mirrored colour: the ray below"));
+            self.row("glazed C_P", &format!("{colour}  {own} C_P + {weight} C_I"));
         }
     }
 
@@ -201,19 +217,20 @@ impl Text<'_> {
         }
         for (sample, ray) in path.light_samples.iter().zip(shadow_rays) {
             let found = &sample.sample;
-            let pdf = |pdf: f64| if pdf.is_finite() { digits(pdf) } else { "delta".into() };
             self.row("light sample", &(self.name)(&sample.light));
             self.row("  L", &format!("{}, density {}", light(found.radiance), pdf(found.pdf)));
             self.row("  BSDF x cos", &format!("{}, density {}", light(found.bsdf), pdf(found.bsdf_pdf)));
             self.row("  MIS weight", &digits(found.weight));
-            self.shadow_ray(ray);
+            self.shadow_ray("  shadow ray", ray);
             self.row("  adds", &light(found.adds));
         }
         if let Some(bsdf) = &path.bsdf_sample {
             if let Some(sample) = &bsdf.sample {
-                let density = if sample.pdf.is_finite() { digits(sample.pdf) } else { "delta".into() };
-                self.row("BSDF sample", &format!("density {density}"));
-                self.row("  BSDF x cos / density", &light(sample.weight));
+                let weight = light(sample.weight);
+                self.row(
+                    "BSDF sample",
+                    &format!("density {}, BSDF x cos / density {weight}", pdf(sample.pdf)),
+                );
             }
             if let Some(roulette) = &bsdf.roulette {
                 let (number, probability) = (digits(roulette.number), digits(roulette.probability));
@@ -240,7 +257,7 @@ impl Text<'_> {
         let colour = self.in_pipeline(wide(*filtered));
         self.row(if report.samples_taken > 1 { "filtered mean" } else { "colour" }, &colour);
         if let Some(noise) = &report.noise {
-            let error = self.in_pipeline(noise.standard_error);
+            let error = self.of_255(noise.standard_error);
             self.row("standard error", &error);
         }
         match film {
