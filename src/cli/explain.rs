@@ -22,7 +22,7 @@ use crate::scene::option::group;
 const SCHEMA: u32 = 1;
 
 /// Characters of a name in the text of a pixel.
-const NAME_LENGTH: usize = 40;
+const NAME_LENGTH: usize = 24;
 
 #[derive(Args)]
 pub(crate) struct Command {
@@ -38,7 +38,8 @@ pub(crate) struct Command {
     #[arg(long, help_heading = group::MEASUREMENT, value_name = "N", default_value = "9", requires = "measure",
         value_parser = crate::cli::numbers::whole(1..=1000u16))]
     rounds: u16,
-    /// Explain one pixel: its rays, the terms at each surface and its 8-bit values; column and row from the top left, from 0
+    /// Explain one pixel: its rays, the terms at each surface and its 8-bit values; column and row from the top left,
+    /// from 0
     #[arg(long, help_heading = group::MEASUREMENT, value_name = "X,Y", allow_hyphen_values = true, value_parser = parse_pixel, conflicts_with = "measure")]
     pixel: Option<[u32; 2]>,
     /// Sample of the pixel that is printed, from 0; JSON lists up to 64 samples from it on

@@ -1,7 +1,7 @@
 //! A record of one pixel: its rays and what stages computed at them, in the numbers that stages computed with.
 //!
 //! Stages call [`Tile::record`] once a tile, after they have filled their buffers; without a [`Recorder`] in the tile
-//! that is one test of a pointer. No stage computes anything else because of it, so recorded pictures have the same bits.
+//! that is one test of a pointer. No stage computes anything else because of it: recorded pictures have the same bits.
 
 use std::ops::Range;
 
@@ -143,7 +143,8 @@ pub struct PathVertex {
 /// Radiance that a path found.
 #[derive(Debug, Clone, Copy, Serialize)]
 pub struct Emission {
-    /// The emitted radiance. That from infinitely far away is the sum over environment and lights, each times its weight.
+    /// The emitted radiance. That from infinitely far away is the sum over environment and lights, each times its
+    /// weight.
     pub radiance: DVec3,
     /// The weight of multiple importance sampling.
     pub weight: f64,
@@ -180,8 +181,8 @@ pub struct LightSampleRecord {
     pub bsdf_pdf: f64,
     /// The weight of multiple importance sampling.
     pub weight: f64,
-    /// What it adds if it is visible: throughput, BSDF, radiance and weight over the density, times the transmittance of
-    /// the medium, limited by the clamp.
+    /// What it adds if it is visible: throughput, BSDF, radiance and weight over the density, times the transmittance
+    /// of the medium, limited by the clamp.
     pub if_visible: DVec3,
     /// What it adds.
     pub adds: DVec3,

@@ -81,7 +81,7 @@ mod report {
         all
     }
 
-    /// The nearest hit of a ray that leaves the primitive `from`, which all shapes here, flat or convex, do not meet again:
+    /// The nearest hit of a ray that leaves the primitive `from`, to which it cannot return, since all are flat or convex:
     /// t, primitive, object and the normal on the side of the ray.
     fn hit(e: DVec3, d: DVec3, from: Option<usize>) -> Option<(f64, usize, usize, DVec3)> {
         let mut nearest: Option<(f64, usize, usize, DVec3)> = None;
@@ -184,8 +184,8 @@ mod report {
     }
 }
 
-/// Three pixels of view 2, and the one beside the last: the plane in the shadow of the left sphere, which is mirrored in
-/// it; the right sphere with its highlight and the mirrored tetrahedron; both sides of the tetrahedron's front edge.
+/// Three pixels of view 2, and the one beside the last: the plane in the shadow of the left sphere, which is mirrored
+/// in it; the right sphere with its highlight and the mirrored tetrahedron; both sides of the tetrahedron's front edge.
 const PIXELS: [[u32; 2]; 4] = [[790, 780], [320, 604], [519, 700], [518, 700]];
 
 /// Rays of the default tier are rounded to f32: 2^-24 of t of some 800 is 5e-5 of lengths of 1 to 100 across them.
@@ -254,7 +254,7 @@ fn pixels_of_the_assignment_are_those_of_its_formulas() {
                 // weighted_combine(C_P, C_I, 0.75, 0.25)
                 let blend = |channel: usize| 0.75 * own[channel] + 0.25 * mirrored.colour()[channel];
                 (0..3).for_each(|c| {
-                    near(number(&local["glaze"]["mirrored"][c]) * 255.0, mirrored.colour()[c], "C_I")
+                    near(number(&local["glaze"]["mirrored"][c]) * 255.0, mirrored.colour()[c], "C_I");
                 });
                 [0, 1, 2].map(blend)
             }
@@ -338,7 +338,8 @@ const GLASS: &str = "[image]\nwidth = 48\nheight = 48\ntransport = 'path'\n\
     [environment]\ncolour = '#405060'\n\
     [[camera]]\nposition = [0, 1.2, 4]\nlook_at = [0, 0.5, 0]\nvertical_fov = 40\n\
     [[light]]\ntype = 'rectangle'\nposition = [0, 3, 0]\nsize = [1, 1]\ndirection = [0, -1, 0]\nintensity = 6\n\
-    [material.glass]\ncolour = '#ffffff'\nmetallic = 0\nroughness = 0\nlayers = { transmission = 1, volume = true, ior = 1.5 }\n\
+    [material.glass]\ncolour = '#ffffff'\nmetallic = 0\nroughness = 0\n\
+    layers = { transmission = 1, volume = true, ior = 1.5 }\n\
     [material.matt]\ncolour = '#c08040'\n\
     [[sphere]]\ncentre = [-0.5, 0.5, 0]\nradius = 0.5\nmaterial = 'glass'\n\
     [[sphere]]\ncentre = [0.7, 0.4, -0.2]\nradius = 0.4\nmaterial = 'matt'\n\
@@ -510,6 +511,20 @@ fn text_names_the_terms() {
         {
             assert!(text.contains(label), "{label:?} is not in\n{text}");
         }
+    }
+}
+
+/// Lines stay short with coloured lights and long names.
+#[test]
+fn lines_are_short() {
+    for (scene, [x, y]) in [
+        ("scenes/sunflower.toml --size 64x48", [32, 24]),
+        ("scenes/effects/adaptive.toml --filter mitchell --size 72x48", [20, 30]),
+        ("scenes/effects/soft-shadows.toml --size 40x40", [20, 33]),
+        ("assets/import/tetrahedron.stl --size 48x48 --background transparent", [24, 24]),
+    ] {
+        let text = output(&format!("explain {scene} --pixel {x},{y}"));
+        assert!(text.lines().all(|line| line.chars().count() <= 100), "{scene}: {text}");
     }
 }
 

@@ -1,7 +1,7 @@
 //! One pixel of a picture in words and numbers: its rays, the terms at each surface, and the way to its 8-bit values.
 //!
-//! [`RenderJob::explain_pixel`] renders the pixel as the picture does, with a [`Recorder`]. Lengths and positions of the
-//! report are in scene coordinates, before recentering; colours are in the numbers of the pipeline.
+//! [`RenderJob::explain_pixel`] renders the pixel as the picture does, with a [`Recorder`]. Lengths and positions of
+//! the report are in scene coordinates, before recentering; colours are in the numbers of the pipeline.
 
 mod text;
 
@@ -269,6 +269,8 @@ pub struct TermReport {
     pub name: &'static str,
     /// The light.
     pub light: Option<String>,
+    /// Its index in the list of lights.
+    pub light_index: Option<usize>,
     /// Names and values of its factors, beside the radiance of the light.
     #[serde(serialize_with = "as_map")]
     pub factors: Vec<(&'static str, f64)>,
@@ -620,6 +622,7 @@ impl Reporter<'_> {
                 .map(|term| TermReport {
                     name: term.name,
                     light: term.light.map(|light| self.light(light)),
+                    light_index: term.light,
                     factors: term.factors.clone(),
                     value: term.value,
                 })

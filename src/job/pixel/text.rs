@@ -14,8 +14,8 @@ use crate::film::colour::quantise;
 const LABEL: usize = 16;
 
 impl PixelReport {
-    /// The report as text: the first of its samples, and how all become the displayed values. `name` shortens the names of
-    /// objects and lights.
+    /// The report as text: the first of its samples, and how all become the displayed values. `name` shortens the
+    /// names of objects and lights.
     pub fn text(&self, name: &dyn Fn(&str) -> String) -> String {
         let mut text = Text { lines: String::new(), pipeline: self.colour.pipeline, name };
         let ([x, y], [width, height], [r, g, b]) = (self.pixel, self.size, self.displayed);
@@ -180,15 +180,19 @@ impl Text<'_> {
             let name = (self.name)(&light.light);
             self.row("light", &format!("{name} is below the horizon: N.L {}", digits(light.cosine)));
         }
+        let mut last = None;
         for term in &local.terms {
+            let at = term.light_index.filter(|index| last != Some(*index)).map(|index| &local.lights[index]);
+            if let Some(at) = at {
+                let name = (self.name)(&at.light);
+                let (radiance, cosine) = (light(at.radiance), digits(at.cosine));
+                self.row("light", &format!("{name}: I {radiance}, N.L {cosine}"));
+            }
+            last = term.light_index;
             let factors: Vec<String> =
                 term.factors.iter().map(|(name, value)| format!("{name} {}", digits(*value))).collect();
-            let of = term.light.as_deref().map(|light| format!("{}: ", (self.name)(light)));
-            let radiance = local.lights.iter().find(|light| term.light.as_ref() == Some(&light.light));
-            let radiance = radiance.map(|at| format!("I {}", light(at.radiance)));
-            let why: Vec<String> = radiance.into_iter().chain(factors).collect();
-            let why = format!("{}{}", of.unwrap_or_default(), why.join(", "));
-            self.row(term.name, format!("{:<12}  {why}", light(term.value)).trim_end());
+            let row = format!("{:<12}  {}", light(term.value), factors.join(", "));
+            self.row(term.name, row.trim_end());
         }
         if let Some(sum) = local.light {
             self.row("L", &format!("{:<12}  sum of the terms", light(sum)));
