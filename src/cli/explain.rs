@@ -15,13 +15,15 @@ use crate::bench::effects::{Cost, Costs, Part, measure};
 use crate::bench::errors::{self, PictureError};
 use crate::effects::{Decision, EFFECTS};
 use crate::error::Result;
-use crate::job::RenderJob;
-use crate::render::RenderControl;
-use crate::scene::Numerics;
+use crate::job::{RenderControl, RenderJob, RenderSettings};
 use crate::scene::option::group;
+use crate::scene::{MAX_SAMPLES, Numerics};
 
 /// Version of the JSON schema; increased when a field changes its meaning or is removed.
 const SCHEMA: u32 = 1;
+
+/// Characters of a name in the text of a pixel.
+const NAME_LENGTH: usize = 24;
 
 #[derive(Args)]
 pub(crate) struct Command {
@@ -37,17 +39,32 @@ pub(crate) struct Command {
     #[arg(long, help_heading = group::MEASUREMENT, value_name = "N", default_value = "9", requires = "measure",
         value_parser = crate::cli::numbers::whole(1..=1000u16))]
     rounds: u16,
+    /// Explain one pixel: its rays, the terms at each surface and its 8-bit values; column and row from the top left,
+    /// from 0
+    #[arg(long, help_heading = group::MEASUREMENT, value_name = "X,Y", allow_hyphen_values = true, value_parser = parse_pixel, conflicts_with = "measure")]
+    pixel: Option<[u32; 2]>,
+    /// Sample of the pixel that is printed, from 0; JSON lists up to 64 samples from it on
+    #[arg(long, help_heading = group::MEASUREMENT, value_name = "N", default_value = "0", allow_hyphen_values = true, requires = "pixel",
+        value_parser = crate::cli::numbers::whole(0..=MAX_SAMPLES - 1))]
+    sample: u32,
+}
+
+fn parse_pixel(text: &str) -> std::result::Result<[u32; 2], String> {
+    let wrong = "give column and row, from 0, as X,Y, such as 400,300";
+    let (x, y) = text.split_once(',').ok_or(wrong)?;
+    let number = |text: &str| text.trim().parse().map_err(|_| wrong);
+    Ok([number(x)?, number(y)?])
 }
 
 pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.arguments)?;
+    if let Some(pixel) = command.pixel {
+        return explain_pixel(command, pixel, interrupted);
+    }
     let threads = command.arguments.threads.or(command.measure.then_some(1));
     let (job, measured) = super::pool(threads)?.install(|| {
-        let mut reporter = Reporter::silent(Mode::None);
-        (reporter.prints_warnings, reporter.prints_notes) = (true, true);
         let settings = command.arguments.settings()?;
-        let job = reporter.load_and_resolve(&command.arguments, &settings)?.build(&mut reporter.warnings)?;
-        reporter.show();
+        let job = prepare(command, &settings)?;
         let rounds = command.rounds.into();
         let measured = command.measure.then(|| -> Result<(Costs, Vec<PictureError>)> {
             let costs = measure(&job, rounds, interrupted)?;
@@ -69,9 +86,48 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     }
 }
 
+/// Loads and prepares the scene, with warnings and notes.
+fn prepare(command: &Command, settings: &RenderSettings) -> Result<RenderJob> {
+    let mut reporter = Reporter::silent(Mode::None);
+    (reporter.prints_warnings, reporter.prints_notes) = (true, true);
+    let job = reporter.load_and_resolve(&command.arguments, settings)?.build(&mut reporter.warnings)?;
+    reporter.show();
+    Ok(job)
+}
+
+fn explain_pixel(command: &Command, pixel: [u32; 2], interrupted: &AtomicBool) -> Result<()> {
+    let text = super::pool(command.arguments.threads)?.install(|| {
+        let job = prepare(command, &command.arguments.settings()?)?;
+        let control = RenderControl { cancel: interrupted, ..RenderControl::default() };
+        let report = job.explain_pixel(pixel, command.sample, &control)?;
+        if !command.json {
+            return Ok(report.text(&shortened));
+        }
+        let mut fields = json!({
+            "schema": SCHEMA,
+            "kiln": env!("CARGO_PKG_VERSION"),
+            "settings": settings_of(&job),
+        });
+        if let (Some(fields), Value::Object(report)) = (fields.as_object_mut(), json!(report)) {
+            fields.extend(report);
+        }
+        Ok(json_text(&fields))
+    })?;
+    print(&text)
+}
+
+/// A name as it fits into a line.
+fn shortened(name: &str) -> String {
+    let (start, end) = (name.chars().take(NAME_LENGTH - 1), name.chars().nth(NAME_LENGTH));
+    if end.is_some() { start.chain(['…']).collect() } else { name.to_owned() }
+}
+
+/// The settings that the metadata of pictures hold.
+fn settings_of(job: &RenderJob) -> Value {
+    job.metadata.iter().map(|(key, value)| (key.clone(), json!(value))).collect()
+}
+
 fn to_json(job: &RenderJob, costs: Option<&Costs>, errors: Option<&[PictureError]>) -> Value {
-    let settings: serde_json::Map<String, Value> =
-        job.metadata.iter().map(|(key, value)| (key.clone(), json!(value))).collect();
     let effects: Vec<Value> = EFFECTS
         .iter()
         .zip(&job.plan.decisions)
@@ -94,7 +150,7 @@ fn to_json(job: &RenderJob, costs: Option<&Costs>, errors: Option<&[PictureError
     json!({
         "schema": SCHEMA,
         "kiln": env!("CARGO_PKG_VERSION"),
-        "settings": settings,
+        "settings": settings_of(job),
         "effects": effects,
         "errors": errors,
         "measured": costs.map(|costs| json!({

@@ -33,16 +33,7 @@ impl ClosestHits {
         let world = context.world;
         let is_first = self.find_hits(tile, world);
         let Tile {
-            generations,
-            current,
-            depth,
-            camera_hits,
-            visible_objects,
-            recorder,
-            coverage,
-            shown,
-            caught,
-            ..
+            generations, current, depth, camera_hits, visible_objects, coverage, shown, caught, ..
         } = tile;
         let generation = &mut generations[*current];
         world.interactions(&generation.rays, &generation.hits, self.order, &mut generation.surfaces);
@@ -67,14 +58,11 @@ impl ClosestHits {
                 caught.extend(found.map(|i| (surfaces.ray_of()[i], surfaces.position.get(i))));
             }
         }
-        // A further layer has the rays of the first.
-        if !is_first {
-            return;
-        }
-        if let Some(recorder) = recorder {
-            recorder.record_generation(self.kind, *depth, generation);
-        }
         let (cast, hit) = (generation.rays.len(), generation.surfaces.len());
-        tile.count(self.kind, cast, hit);
+        tile.record(|recorder, tile| recorder.add_generation(self.kind, tile));
+        // A further layer has the rays of the first.
+        if is_first {
+            tile.count(self.kind, cast, hit);
+        }
     }
 }

@@ -17,6 +17,7 @@ mod plan;
 mod primary_rays;
 pub mod random;
 mod ray_origins;
+pub mod record;
 pub mod region;
 mod sample_pass;
 pub mod samples;

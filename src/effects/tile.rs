@@ -9,10 +9,11 @@ use std::any::Any;
 use glam::DVec3;
 
 use super::RayKind;
+use super::record::Recorder;
 use super::unlit::has_unlit;
 use crate::bvh::Traversal;
 use crate::film::{DisplayTransform, Window};
-use crate::geometry::{Hit, HitBuffer, Ray, RayBuffer, Rays};
+use crate::geometry::{HitBuffer, RayBuffer};
 use crate::shading::{LightSoa, Scratch};
 #[cfg(doc)]
 use crate::world::RAYS_PER_BATCH;
@@ -117,71 +118,10 @@ pub struct Tile {
     pub scattering: Option<Vec<Option<[[f32; 3]; 2]>>>,
     /// Samples of light that were left out because they were not finite numbers.
     pub discarded_samples: u64,
-    /// Records every ray; `None` while pictures are rendered.
-    pub recorder: Option<Box<RayRecorder>>,
+    /// Records a pixel; `None` while pictures are rendered.
+    pub recorder: Option<Box<Recorder>>,
     /// The buffers of effects, one type each.
     effect_buffers: Vec<Box<dyn Any + Send>>,
-}
-
-/// The rays of a tile in the order in which they were cast.
-#[derive(Debug, Default)]
-pub struct RayRecorder {
-    /// The rays.
-    pub rays: Vec<RecordedRay>,
-}
-
-/// A ray that was cast.
-#[derive(Debug, Clone, Copy)]
-pub struct RecordedRay {
-    /// Its kind.
-    pub kind: RayKind,
-    /// Its generation; for an occlusion test, that of the surface it starts from.
-    pub depth: usize,
-    /// For a shadow ray, the index of the light.
-    pub light: Option<usize>,
-    /// The ray.
-    pub ray: Ray,
-    /// The result of tracing it.
-    pub result: TraceResult,
-}
-
-/// The result of tracing a ray.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum TraceResult {
-    /// No hit.
-    Miss,
-    /// The closest hit.
-    Closest(Hit),
-    /// Some hit, from an occlusion test.
-    Occluded,
-}
-
-impl RayRecorder {
-    /// Records the rays of a generation with their closest hits.
-    #[cold]
-    pub fn record_generation(&mut self, kind: RayKind, depth: usize, generation: &RayGeneration) {
-        let rays = generation.rays.rays().iter().zip(generation.hits.iter());
-        self.rays.extend(rays.map(|(ray, hit)| {
-            let result = hit.map_or(TraceResult::Miss, TraceResult::Closest);
-            RecordedRay { kind, depth, light: None, ray, result }
-        }));
-    }
-
-    /// Records occlusion tests.
-    #[cold]
-    pub fn record_occlusion(
-        &mut self,
-        kind: RayKind,
-        depth: usize,
-        light: Option<usize>,
-        rays: Rays,
-        occluded: &[bool],
-    ) {
-        self.rays.extend(rays.iter().zip(occluded).map(|(ray, &occluded)| {
-            let result = if occluded { TraceResult::Occluded } else { TraceResult::Miss };
-            RecordedRay { kind, depth, light, ray, result }
-        }));
-    }
 }
 
 /// The count of rays of one kind.
@@ -207,6 +147,14 @@ impl Tile {
         self.needs_more_samples = false;
         self.sample_counts.clear();
         self.pixels.clear();
+    }
+
+    /// Calls `work` with the recorder, if there is one.
+    pub fn record(&mut self, work: impl FnOnce(&mut Recorder, &Tile)) {
+        if let Some(mut recorder) = self.recorder.take() {
+            work(&mut recorder, self);
+            self.recorder = Some(recorder);
+        }
     }
 
     /// The current generation, created if it does not exist.

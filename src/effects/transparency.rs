@@ -397,6 +397,12 @@ pub(crate) fn layer_opacities(tile: &Tile) -> Option<&[f64]> {
     (!opacities.is_empty()).then_some(&opacities[..])
 }
 
+/// The transmittance before the current layer of a pixel, and its opacity; `None` where camera rays do not see layers.
+pub(super) fn layer_weight(tile: &Tile, pixel: usize) -> Option<[f64; 2]> {
+    let Layers { transmittance, opacity, .. } = &tile.buffers::<Buffers>()?.layers;
+    Some([*transmittance.get(pixel)?, *opacity.get(pixel)?])
+}
+
 /// Blends the layers of camera rays; asks for a further one while rays go on.
 pub(crate) fn blend_layers(buffers: &mut Buffers, tile: &mut Tile, _: &RenderContext) {
     let Tile { pixels, coverage, shown, .. } = &*tile;

@@ -33,6 +33,7 @@ mod metering;
 mod notes;
 mod outside;
 mod path_calls;
+pub mod pixel;
 mod prepared;
 mod prepared_pictures;
 mod resolved;

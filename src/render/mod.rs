@@ -10,6 +10,7 @@ mod statistics;
 
 pub use statistics::{EffectCost, StageTime, Statistics, grouped};
 
+use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Instant;
@@ -17,8 +18,9 @@ use std::time::Instant;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use crate::effects::Plan;
+use crate::effects::record::Recorder;
 use crate::effects::tile::{RenderContext, Tile};
+use crate::effects::{EFFECTS, Plan};
 use crate::error::{Error, Result};
 use crate::film::{self, ColourPipeline, DisplayTransform, Film, FilmTile, Pixel, Window};
 use crate::world::{View, World, simd};
@@ -99,6 +101,24 @@ pub fn render_displayed<P: Pixel>(
     Ok((film, statistics))
 }
 
+/// Renders a pixel of the picture of [`render_displayed`], with a record of the samples whose index is in `traced`.
+pub fn record_pixel<P: Pixel>(
+    context: &RenderContext,
+    plan: &Plan,
+    [x, y]: [u32; 2],
+    traced: Range<u32>,
+) -> (P, Recorder) {
+    // What is measured beside the picture is no part of it.
+    let plan = &plan.keeping(context.world, |effect| !EFFECTS[effect].is_measurement);
+    let mut worker = Worker::new(plan, context, P::HAS_ALPHA || context.world.backdrop.is_some());
+    worker.tile.recorder = Some(Box::new(Recorder::new([x, y], traced)));
+    let mut pixel = P::zeroed();
+    let window = Window { x, y, width: 1, height: 1 };
+    let mut tile = FilmTile { window, pixels: std::slice::from_mut(&mut pixel) };
+    render_tile(plan, context, &mut tile, &mut worker, &RenderControl::default());
+    (pixel, worker.tile.recorder.map_or_else(Recorder::default, |recorder| *recorder))
+}
+
 /// The working set of a thread, reused for many tiles.
 struct Worker {
     tile: Tile,
@@ -175,6 +195,7 @@ fn render_tile<P: Pixel>(
             return;
         }
     }
+    tile.record(Recorder::add_filtered);
     if let Some(coverage) = &mut tile.coverage {
         coverage.iter_mut().for_each(|part| *part = part.clamp(0.0, 1.0));
         P::set_alpha(film.pixels, coverage);

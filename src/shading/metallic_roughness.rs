@@ -19,7 +19,8 @@ use crate::world::{PreparedFill, SurfaceInteraction, World};
 /// degree.
 const MIN_ROUGHNESS: f64 = 0.045;
 
-/// The colour of a surface with the given texels under the given lights.
+/// The colour of a surface with the given texels under the given lights. Calls `note` with the name, the light and the
+/// value of each term.
 pub(crate) fn shade(
     world: &World,
     material: &MetallicRoughness<DVec3>,
@@ -27,9 +28,11 @@ pub(crate) fn shade(
     surface: &SurfaceInteraction,
     texel: impl Fn(TextureSlot) -> DVec3,
     lights: &[LightSample],
+    mut note: impl FnMut(&'static str, Option<usize>, DVec3),
 ) -> DVec3 {
     let base = material.base_colour * surface.tint * texel(TextureSlot::BaseColour);
     if material.unlit {
+        note("L_e", None, base);
         return world.pipeline.clamp(base);
     }
     let texel_of_both = texel(TextureSlot::MetallicRoughness);
@@ -47,20 +50,26 @@ pub(crate) fn shade(
         ambient += diffuse * fill.diffuse(surface.shading_normal.y);
         ambient += reflected_fill(fill, surface, [f0, f90], roughness);
     }
-    let mut sum = emission + surface.ambient * unoccluded * ambient;
+    let ambient = surface.ambient * unoccluded * ambient;
+    let mut sum = emission + ambient;
+    note("L_e", None, emission);
+    note("L_a", None, ambient);
     let strength = layers.anisotropy * texel(TextureSlot::Anisotropy).z;
     let along = (strength > 0.0).then(|| rougher_direction(world, layers, surface, &texel)).flatten();
     let rough = roughness.max(MIN_ROUGHNESS);
-    for light in lights {
+    for (index, light) in lights.iter().enumerate() {
         let mut returned = diffuse;
+        note("L_d", Some(index), diffuse * light.radiance * light.cosine);
         if mode == ShadingMode::Full {
-            returned += match along {
+            let highlight = match along {
                 None => specular(surface, light, [f0, f90], rough),
                 Some(along) => {
                     let ggx = AnisotropicGgx::new(rough, strength);
                     anisotropic_specular(surface, light, [f0, f90], (ggx, along))
                 }
             };
+            note("L_s", Some(index), highlight * light.radiance * light.cosine);
+            returned += highlight;
         }
         sum += returned * light.radiance * light.cosine;
     }

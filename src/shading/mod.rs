@@ -60,10 +60,75 @@ pub fn shade_all(
                 samples.clear();
                 samples.extend(lights.iter().filter(|light| light.reaches[i]).map(|light| light.get(i)));
                 let texel = |slot| surfaces.texels.get(slot, i);
-                let colour =
-                    metallic_roughness::shade(world, material, mode, &surfaces.get(i), texel, &samples);
+                let colour = metallic_roughness::shade(
+                    world,
+                    material,
+                    mode,
+                    &surfaces.get(i),
+                    texel,
+                    &samples,
+                    |_, _, _| (),
+                );
                 colours.set(i, colour);
             }),
         }
     }
+}
+
+/// The terms of a surface's colour in local shading.
+#[derive(Debug, Clone)]
+pub struct SurfaceTerms {
+    /// The reflection model.
+    pub model: &'static str,
+    /// The base colour.
+    pub own: DVec3,
+    /// The reflected light, by which the base colour is multiplied; `None` if terms are colours, which are added.
+    pub light: Option<DVec3>,
+    /// The terms.
+    pub terms: Vec<Term>,
+}
+
+/// A term of local shading: of emission (`L_e`), ambient light (`L_a`), diffuse (`L_d`) or specular reflection (`L_s`).
+#[derive(Debug, Clone)]
+pub struct Term {
+    /// Its name.
+    pub name: &'static str,
+    /// The index of its light.
+    pub light: Option<usize>,
+    /// Names and values of its factors, without the radiance of the light.
+    pub factors: Vec<(&'static str, f64)>,
+    /// Its value.
+    pub value: DVec3,
+}
+
+/// The terms of surface `i` under lights that were sampled there, by the code of [`shade_all`].
+pub fn terms_of(
+    world: &World,
+    mode: ShadingMode,
+    surfaces: &InteractionSoa,
+    lights: &[Box<LightSoa>],
+    i: usize,
+) -> SurfaceTerms {
+    let surface = surfaces.get(i);
+    let texel = |slot| surfaces.texels.get(slot, i);
+    let own = base_colour(world, &surface, texel(TextureSlot::BaseColour));
+    let mut terms = SurfaceTerms { model: "flat", own, light: None, terms: Vec::new() };
+    match &world.materials[surface.material as usize] {
+        _ if mode == ShadingMode::Flat => {}
+        Material::Phong(material) => return phong::terms(world, material, mode, (surfaces, i), lights),
+        Material::MetallicRoughness(material) => {
+            terms.model = if material.unlit { "unlit" } else { "metallic-roughness" };
+            let reaching = || lights.iter().enumerate().filter(|(_, light)| light.reaches[i]);
+            let samples: Vec<LightSample> = reaching().map(|(_, light)| light.get(i)).collect();
+            let indices: Vec<usize> = reaching().map(|(index, _)| index).collect();
+            let note = |name, light: Option<usize>, value: DVec3| {
+                let light = light.map(|index| indices[index]);
+                if light.is_some() || value != DVec3::ZERO {
+                    terms.terms.push(Term { name, light, factors: Vec::new(), value });
+                }
+            };
+            metallic_roughness::shade(world, material, mode, &surface, texel, &samples, note);
+        }
+    }
+    terms
 }

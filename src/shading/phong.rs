@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::{LightSample, LightSoa, ShadingMode};
+use super::{LightSample, LightSoa, ShadingMode, SurfaceTerms, Term};
 use crate::film::ColourPipeline;
 use crate::scene::{Phong, TextureSlot};
 use crate::world::{InteractionSoa, PerRay, RAYS_PER_BATCH, Vec3Soa, World, simd};
@@ -48,6 +48,78 @@ pub(crate) fn shade(
     (colours, scratch): (&mut Vec3Soa, &mut Scratch),
 ) {
     let pipeline = world.pipeline;
+    sum_light(world, material, mode, (surfaces, range.clone()), lights, (colours, scratch));
+    // The pipeline is passed as a constant, so that the loop has no branch on it.
+    let emissive = range.clone();
+    match pipeline {
+        _ if material.textures[TextureSlot::BaseColour].is_some() => range.for_each(|i| {
+            colours.set(i, pipeline.mix_light(own_colour(material, surfaces, i), colours.get(i)));
+        }),
+        ColourPipeline::U8 => mix(ColourPipeline::U8, material.colour, (surfaces, range), colours),
+        ColourPipeline::Display => {
+            simd!(mix(ColourPipeline::Display, material.colour, (surfaces, range), colours));
+        }
+        ColourPipeline::Linear => {
+            simd!(mix(ColourPipeline::Linear, material.colour, (surfaces, range), colours));
+        }
+    }
+    if material.emission != DVec3::ZERO {
+        emissive.for_each(|i| colours.set(i, pipeline.clamp(colours.get(i) + material.emission)));
+    }
+}
+
+/// The base colour of a surface.
+fn own_colour(material: &Phong<DVec3>, surfaces: &InteractionSoa, i: usize) -> DVec3 {
+    material.colour * surfaces.tint.get(i) * surfaces.texels.get(TextureSlot::BaseColour, i)
+}
+
+/// The terms of surface `i`, each from [`sum_light`] with the coefficients of the others at 0.
+pub(crate) fn terms(
+    world: &World,
+    material: &Phong<DVec3>,
+    mode: ShadingMode,
+    (surfaces, i): (&InteractionSoa, usize),
+    lights: &[Box<LightSoa>],
+) -> SurfaceTerms {
+    let (mut sums, mut scratch) = <(Box<Vec3Soa>, Box<Scratch>)>::default();
+    let mut sum = |ambient: f64, diffuse: f64, specular: f64, lights: &[Box<LightSoa>]| {
+        let material = Phong { ambient, diffuse, specular, ..material.clone() };
+        sum_light(world, &material, mode, (surfaces, i..i + 1), lights, (&mut sums, &mut scratch));
+        (sums.get(i), scratch.power[i])
+    };
+    let &Phong { ambient, diffuse, specular, shininess, emission, .. } = material;
+    let light = sum(ambient, diffuse, specular, lights).0;
+    let intensity = world.ambient_at(surfaces.shading_normal.get(i));
+    let mut factors = vec![("k_a", ambient), ("I_a", intensity)];
+    factors.extend(surfaces.ambient.get(i).map(|&part| ("unoccluded", part)));
+    let mut terms = vec![Term { name: "L_a", light: None, factors, value: sum(ambient, 0.0, 0.0, &[]).0 }];
+    for (index, light) in lights.iter().enumerate().filter(|(_, light)| light.reaches[i]) {
+        let (sample, light) = (light.get(i), std::slice::from_ref(light));
+        let factors = vec![("k_d", diffuse), ("N.L", sample.cosine)];
+        let value = sum(0.0, diffuse, 0.0, light).0;
+        terms.push(Term { name: "L_d", light: Some(index), factors, value });
+        if has_highlight(material, mode) {
+            let (value, power) = sum(0.0, 0.0, specular, light);
+            let cosine = highlight_cosine(&sample, surfaces.shading_normal.get(i), surfaces.view.get(i));
+            let factors = vec![("k_s", specular), ("R.V", cosine), ("n", shininess), ("(R.V)^n", power)];
+            terms.push(Term { name: "L_s", light: Some(index), factors, value });
+        }
+    }
+    if emission != DVec3::ZERO {
+        terms.push(Term { name: "L_e", light: None, factors: Vec::new(), value: emission });
+    }
+    SurfaceTerms { model: "phong", own: own_colour(material, surfaces, i), light: Some(light), terms }
+}
+
+/// Sums the light that the `surfaces` in `range` reflect, before it is multiplied by their colours.
+fn sum_light(
+    world: &World,
+    material: &Phong<DVec3>,
+    mode: ShadingMode,
+    (surfaces, range): (&InteractionSoa, Range<usize>),
+    lights: &[Box<LightSoa>],
+    (colours, scratch): (&mut Vec3Soa, &mut Scratch),
+) {
     let ambient = DVec3::splat(material.ambient * world.ambient);
     range.clone().for_each(|i| colours.set(i, ambient));
     if world.fill.is_some() {
@@ -65,25 +137,6 @@ pub(crate) fn shade(
         }
         let range = range.clone();
         simd!(add_light(material, mode, (surfaces, range), light, (colours, scratch)));
-    }
-    // The pipeline is passed as a constant, so that the loop has no branch on it.
-    let emissive = range.clone();
-    match pipeline {
-        _ if material.textures[TextureSlot::BaseColour].is_some() => range.for_each(|i| {
-            let texel = surfaces.texels.get(TextureSlot::BaseColour, i);
-            let own = material.colour * surfaces.tint.get(i) * texel;
-            colours.set(i, pipeline.mix_light(own, colours.get(i)));
-        }),
-        ColourPipeline::U8 => mix(ColourPipeline::U8, material.colour, (surfaces, range), colours),
-        ColourPipeline::Display => {
-            simd!(mix(ColourPipeline::Display, material.colour, (surfaces, range), colours));
-        }
-        ColourPipeline::Linear => {
-            simd!(mix(ColourPipeline::Linear, material.colour, (surfaces, range), colours));
-        }
-    }
-    if material.emission != DVec3::ZERO {
-        emissive.for_each(|i| colours.set(i, pipeline.clamp(colours.get(i) + material.emission)));
     }
 }
 

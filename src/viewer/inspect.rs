@@ -1,179 +1,73 @@
-//! Inspection of one pixel: its surface, its rays and its colour.
-//!
-//! The render plan is executed on a tile of one pixel, with a [`RayRecorder`]. The colour is that of the picture with
-//! all its samples. The surface and the rays are those of one camera ray through the pixel's centre.
+//! Inspection of one pixel of a render: the report of `kiln explain --pixel`, and its rays as line segments.
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
-use crate::bvh::{Primitive, Tests, Traversal};
-use crate::effects::tile::{RayRecorder, RecordedRay, RenderContext, Tile, TraceResult};
-use crate::effects::{EFFECTS, EffectId, Plan, RayKind};
-use crate::error::printable;
-use crate::film::{DisplayTransform, Window};
-use crate::geometry::Ray;
+use crate::bvh::{Tests, Traversal};
+use crate::effects::RayKind;
+use crate::error::{Result, printable};
+use crate::film::DisplayTransform;
+use crate::job::RenderJob;
+use crate::job::pixel::{HitReport, PixelReport, TracedRay};
 use crate::scene::{Glaze, Material};
-use crate::world::{PreparedMaterial, Recentering, SurfaceInteraction, View, World};
+use crate::world::{PreparedMaterial, World};
 
 /// Result of inspecting a pixel.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Inspection {
-    /// Column and row, from the top left.
-    pub pixel: [u32; 2],
-    /// Colour in the values of the colour pipeline.
-    pub colour: [f32; 3],
-    /// Display colour.
-    pub displayed: [u8; 3],
-    /// Number of camera rays of the colour.
-    pub samples: u32,
-    /// Surface hit by the camera ray through the pixel's centre.
-    pub surface: Option<SurfaceInfo>,
-    /// That camera ray and all its secondary and shadow rays, in the order of tracing.
+    /// The pixel with its samples.
+    pub report: PixelReport,
+    /// The rays of the first sample, each before the shadow rays from its surface.
     pub rays: Vec<RaySegment>,
-    /// Numbers of box and primitive tests of the camera ray, traced as a single ray.
+    /// Name and value of each parameter of the material that is hit first, in the values of the colour pipeline.
+    pub material_values: Vec<(&'static str, String)>,
+    /// Numbers of box and primitive tests of the first sample's camera ray, traced as a single ray.
     pub tests: Tests,
 }
 
-/// Surface at a hit. Lengths and positions are in scene coordinates, before recentering.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SurfaceInfo {
-    /// Object index, in the order of the description.
-    pub object: u32,
-    /// Object name.
-    pub object_name: String,
-    /// Primitive number.
-    pub primitive: u32,
-    /// Primitive number within its object.
-    pub primitive_of_object: u32,
-    /// `triangle`, or the name of an analytic shape.
-    pub kind: &'static str,
-    /// Distance along the ray.
-    pub distance: f64,
-    /// Hit position.
-    pub position: DVec3,
-    /// Unit geometric normal, on the side of the ray origin.
-    pub geometric_normal: DVec3,
-    /// Unit shading normal: interpolated vertex normals and normal maps applied.
-    pub shading_normal: DVec3,
-    /// The barycentrics u, v and w, on a triangle.
-    pub barycentrics: Option<[f64; 3]>,
-    /// Texture coordinates, if the object has any.
-    pub uv: Option<DVec2>,
-    /// Material name.
-    pub material: String,
-    /// Name and value of each material parameter, in the values of the colour pipeline.
-    pub material_values: Vec<(&'static str, String)>,
+impl Inspection {
+    /// The surface that the first sample's camera ray hits.
+    pub fn surface(&self) -> Option<&HitReport> {
+        self.report.samples.first()?.rays.first()?.hit.as_ref()
+    }
 }
 
-/// A recorded ray as a line segment, in world coordinates for [`View::project_segment`].
+/// A traced ray as a line segment, in world coordinates for [`crate::world::View::project_segment`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct RaySegment {
     /// Ray kind.
     pub kind: RayKind,
-    /// The effect that traces the ray; `None` for the camera ray.
-    pub effect: Option<EffectId>,
-    /// Number of bounces before the ray.
-    pub depth: usize,
-    /// Name of the light, for a shadow ray.
-    pub light: Option<String>,
     /// Origin.
     pub from: DVec3,
     /// End point: the hit, the light, or a point outside the scene.
     pub to: DVec3,
     /// Whether the ray hits anything.
     pub hit: bool,
-    /// Name of the object that is hit.
-    pub object: Option<String>,
 }
 
-/// Inspects a pixel of the picture that `plan` renders with `view`. `recentering` is that of `world`; `bounds` is the
-/// bounding box of the recentered scene, outside which rays that miss end. `displays` are the display transforms that the
-/// render and the displayed image used.
+/// Inspects a pixel of the picture of `job`. `bounds` is the bounding box of the recentered scene, outside which rays
+/// that miss end. `displays` are the display transforms that the render and the displayed image used.
+///
+/// # Errors
+/// [`crate::error::Error::Memory`] if there is no memory for a pixel.
 pub fn inspect(
-    world: &World,
-    view: &View,
-    plan: &Plan,
-    recentering: Option<&Recentering>,
+    job: &RenderJob,
     bounds: Option<(DVec3, DVec3)>,
     displays: [DisplayTransform; 2],
-    [x, y]: [u32; 2],
-) -> Inspection {
-    let [known, shown] = displays;
-    let context = RenderContext { world, view, display: known, is_displayed: false };
-    let window = Window { x, y, width: 1, height: 1 };
-    let mut tile = Tile::default();
-    // Returns the surface that the first camera ray hits.
-    let run = |plan: &Plan, tile: &mut Tile| {
-        tile.start(window);
-        let mut first = None;
-        loop {
-            plan.run(tile, &context, |stage, tile| {
-                let surfaces = &tile.generations[tile.current].surfaces;
-                if plan.ends_camera_rays(stage) && !surfaces.is_empty() {
-                    first.get_or_insert_with(|| surfaces.get(0));
-                }
-            });
-            if !tile.needs_more_samples {
-                return first;
-            }
-        }
-    };
-    run(plan, &mut tile);
-    let colour = tile.pixels.first().copied().unwrap_or_default();
-    let samples = tile.sample_counts.first().copied().unwrap_or(1);
-
-    let mut tile = Tile::default();
-    tile.recorder = Some(Box::new(RayRecorder::default()));
-    let interaction = run(&one_ray_per_pixel(world, plan), &mut tile);
-    let casts = tile.recorder.take().map_or(Vec::new(), |recorder| recorder.rays);
-    let first = casts.first();
-    let surface = interaction
-        .zip(first)
-        .map(|(interaction, cast)| surface_info(world, recentering, &interaction, &cast.ray));
+    pixel: [u32; 2],
+) -> Result<Inspection> {
+    let first = job.plan.sampling.first_sample();
+    let report = job.pixel_report(pixel, first, displays, false)?;
     let mut traversal = Traversal::default();
-    if let Some(cast) = first {
-        world.accelerator.closest_hit(&cast.ray, &mut traversal);
+    if let Some(TracedRay { origin, direction, .. }) = report.traced.first() {
+        let ray = job.world.numerics().ray_precision().ray(*origin, *direction, 0.0, f64::INFINITY);
+        job.world.accelerator.closest_hit(&ray, &mut traversal);
     }
-    let tests = traversal.tests;
-    let rays = casts.iter().map(|cast| ray_segment(world, bounds, cast, &mut traversal)).collect();
-    let displayed = shown.encode(world.pipeline, colour);
-    Inspection { pixel: [x, y], colour, displayed, samples, surface, rays, tests }
-}
-
-/// The plan without effects that decide sample positions: one camera ray through each pixel's centre.
-fn one_ray_per_pixel(world: &World, plan: &Plan) -> Plan {
-    plan.keeping(world, |i| !EFFECTS[i].decides_samples)
-}
-
-fn surface_info(
-    world: &World,
-    recentering: Option<&Recentering>,
-    surface: &SurfaceInteraction,
-    ray: &Ray,
-) -> SurfaceInfo {
-    let (object, hit) = (&world.objects[surface.object as usize], &surface.hit);
-    let position = surface.point.position;
-    let [v, w] = hit.barycentrics;
-    let (kind, barycentrics) = match world.accelerator.primitive(hit.slot) {
-        Primitive::Analytic(shape) => (shape.name(), None),
-        Primitive::Triangle(_) => ("triangle", Some([1.0 - v - w, v, w])),
-    };
-    SurfaceInfo {
-        object: surface.object,
-        object_name: printable(&object.name).into_owned(),
-        primitive: hit.prim.0,
-        primitive_of_object: hit.prim.0 - object.first.0,
-        kind,
-        distance: hit.t / recentering.map_or(1.0, |recentering| recentering.scale),
-        position: recentering.map_or(position, |recentering| recentering.point_back(position)),
-        geometric_normal: surface.geometric_normal,
-        shading_normal: surface.shading_normal,
-        barycentrics,
-        uv: world
-            .texture_point((surface.object, &surface.hit, surface.geometric_normal), ray, None, 0)
-            .map(|point| point.uv),
-        material: printable(world.materials[surface.material as usize].name()).into_owned(),
-        material_values: material_values(world, &world.materials[surface.material as usize]),
-    }
+    let rays = report.traced.iter().map(|ray| ray_segment(ray, bounds)).collect();
+    let mut inspection = Inspection { report, rays, material_values: Vec::new(), tests: traversal.tests };
+    let material = inspection.surface().map(|hit| &job.world.materials[hit.material_index as usize]);
+    inspection.material_values =
+        material.map_or(Vec::new(), |material| material_values(&job.world, material));
+    Ok(inspection)
 }
 
 /// Names and values of a material's parameters and textures.
@@ -222,33 +116,10 @@ fn material_values(world: &World, material: &PreparedMaterial) -> Vec<(&'static 
     values
 }
 
-fn ray_segment(
-    world: &World,
-    bounds: Option<(DVec3, DVec3)>,
-    cast: &RecordedRay,
-    traversal: &mut Traversal,
-) -> RaySegment {
-    let RecordedRay { kind, depth, light, ray, result, .. } = cast;
-    // An any-hit test returns no hit point, so the closest hit is traced.
-    let hit = match result {
-        TraceResult::Miss => None,
-        TraceResult::Closest(hit) => Some(*hit),
-        TraceResult::Occluded => world.accelerator.closest_hit(ray, traversal),
-    };
-    let end = hit.map_or(ray.t_max(), |hit| hit.t);
-    let end = if end.is_finite() { end } else { way_out(ray.origin(), bounds) };
-    let effect = EFFECTS.iter().find(|effect| *kind != RayKind::PRIMARY && effect.rays.contains(kind));
-    RaySegment {
-        kind: *kind,
-        effect: effect.map(|effect| effect.id),
-        depth: *depth,
-        light: light.and_then(|light| Some(printable(&world.lights.get(light)?.name).into_owned())),
-        from: ray.origin(),
-        to: ray.at(end),
-        hit: *result != TraceResult::Miss,
-        object: hit
-            .map(|hit| printable(&world.objects[world.object_of(hit.prim) as usize].name).into_owned()),
-    }
+fn ray_segment(ray: &TracedRay, bounds: Option<(DVec3, DVec3)>) -> RaySegment {
+    let &TracedRay { kind, origin, direction, length, is_hit } = ray;
+    let length = if length.is_finite() { length } else { way_out(origin, bounds) };
+    RaySegment { kind, from: origin, to: origin + direction * length, hit: is_hit }
 }
 
 /// A distance at which a ray from `origin` in any direction is outside the bounding sphere, by at least a quarter of

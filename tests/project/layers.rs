@@ -162,6 +162,7 @@ const NOT_EFFECTS: &[(&str, &str)] = &[
     ("import/gltf/look.rs", "alpha"),
     // The channel of an image.
     ("cli/compare.rs", "alpha"),
+    ("job/pixel/text.rs", "alpha"),
     // A property of vertices and faces.
     ("import/ply.rs", "alpha"),
     // An attribute of items and components.

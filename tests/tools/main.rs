@@ -10,5 +10,6 @@ mod compare;
 mod contains;
 mod explain;
 mod leaks;
+mod pixel;
 mod study;
 mod t_test;

@@ -1,5 +1,7 @@
 //! Continuation of paths: directions sampled by BSDFs, and Russian roulette.
 
+use glam::DVec3;
+
 use super::numbers::GenerationNumbers;
 use super::vertices::{ClassPartition, IndexList, Vertices};
 use super::{Buffers, Path, Scatter};
@@ -9,6 +11,12 @@ use crate::world::{Flags, InteractionSoa, PerRay, Vec3Soa, World, select, simd};
 
 /// The highest probability with which roulette lets a path continue.
 const MAX_SURVIVAL: f64 = 0.95;
+
+/// The probability with which roulette lets a path of this throughput continue.
+#[inline(always)]
+pub(super) fn survival(throughput: DVec3) -> f64 {
+    throughput.max_element().min(MAX_SURVIVAL)
+}
 
 /// A direction sampled at each vertex of a generation.
 #[derive(Default)]
@@ -29,7 +37,7 @@ pub(super) struct Continuations {
     /// The origins of the rays.
     origin: Vec3Soa,
     /// The vertices at which paths continue.
-    continuing: IndexList,
+    pub(super) continuing: IndexList,
 }
 
 impl Continuations {
@@ -77,7 +85,7 @@ impl Continuations {
             let direction = vertices.to_world(i, local);
             let is_above = direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
             let throughput = vertices.throughput.get(i) * self.weight.get(i);
-            let survival = throughput.max_element().min(MAX_SURVIVAL);
+            let survival = survival(throughput);
             let [_, number] = numbers.lobe_and_roulette(i);
             let survives = !has_roulette | (number < survival);
             let throughput = select(has_roulette, throughput / survival, throughput);

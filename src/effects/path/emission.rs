@@ -55,11 +55,7 @@ impl Buffers {
                 continue;
             }
             let direction = generation.rays.get(ray).direction();
-            let radiance = if depth == 0 {
-                context.world.background_towards(direction, place)
-            } else {
-                lights.radiance_from_infinity(direction, path.pdf, place)
-            };
+            let radiance = found_at_infinity(context.world, lights, direction, (path.pdf, place), depth);
             self.add_radiance(&path, path.throughput * radiance, stage);
         }
     }
@@ -97,23 +93,52 @@ impl Buffers {
                 continue;
             }
             for i in range.clone() {
-                let emission = emission(material, surfaces, i);
-                let is_dark_side =
-                    world.emitters.is_one_sided(surfaces.hit(i).prim) && world.is_seen_from_back(surfaces, i);
-                if emission == DVec3::ZERO || is_dark_side {
-                    continue;
-                }
                 let ray = surfaces.ray_of()[i] as usize;
                 let path = self.paths[ray];
                 if path.scattering.is_repeated() {
                     continue;
                 }
-                let weight = lights.weight_of_emitter(&surfaces.get(i), &path);
+                let Some((emission, weight)) = emitted((world, lights), material, surfaces, i, &path) else {
+                    continue;
+                };
                 let radiance = self.vertices.throughput.get(i) * emission * weight;
                 self.add_radiance(&path, radiance, stage);
             }
         }
     }
+}
+
+/// The radiance from infinitely far away that a path finds in a direction, weighted against light samples. Camera rays
+/// see the background.
+#[inline]
+pub(super) fn found_at_infinity(
+    world: &World,
+    lights: &Lights,
+    direction: DVec3,
+    (pdf, place): (f64, [f64; 2]),
+    depth: u32,
+) -> DVec3 {
+    if depth == 0 {
+        world.background_towards(direction, place)
+    } else {
+        lights.radiance_from_infinity(direction, pdf, place)
+    }
+}
+
+/// The radiance that a surface emits towards a path, and its weight against light samples; `None` if it emits nothing.
+#[inline]
+pub(super) fn emitted(
+    (world, lights): (&World, &Lights),
+    material: &PreparedMaterial,
+    surfaces: &InteractionSoa,
+    i: usize,
+    path: &Path,
+) -> Option<(DVec3, f64)> {
+    let emission = emission(material, surfaces, i);
+    let is_dark_side =
+        world.emitters.is_one_sided(surfaces.hit(i).prim) && world.is_seen_from_back(surfaces, i);
+    let is_emitted = emission != DVec3::ZERO && !is_dark_side;
+    is_emitted.then(|| (emission, lights.weight_of_emitter(&surfaces.get(i), path)))
 }
 
 /// The radiance that a surface emits.

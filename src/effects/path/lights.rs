@@ -69,8 +69,9 @@ impl<'a> Lights<'a> {
         1.0 / self.per_sample
     }
 
+    /// The index of a chosen light, from 0: the punctual and directional lights, the emitters, the environment.
     #[inline(always)]
-    fn index(&self, choice: f64) -> usize {
+    pub(super) fn index(&self, choice: f64) -> usize {
         ((choice * self.count as f64) as usize).min(self.count - 1)
     }
 

@@ -92,6 +92,11 @@ impl LeftOutPaths {
         self.clamped_off.clear();
     }
 
+    /// Whether a limit ends the path at a vertex of a limited generation, unless it continues by a perfectly specular lobe.
+    pub(super) fn ends(&self, vertex: usize) -> bool {
+        !self.lobes[vertex].rough
+    }
+
     /// Bytes of memory beside the structure itself.
     pub(super) fn bytes(&self) -> usize {
         let LeftOutPaths { lobes, clamped_off, transmittances, bounces: ByBounces { light, rays }, .. } = self;
@@ -113,7 +118,7 @@ impl LeftOutPaths {
             let transmittance = self.transmittances.get(k).copied().unwrap_or(1.0);
             let target = path.target as usize;
             if target >= count {
-                self.add_light(path.counted, path.radiance * transmittance, stage);
+                self.add_light(path.counted, path.radiance, stage);
             } else if let Some(clamped_off) = self.clamped_off.get(listed + k) {
                 radiance[2 * count + target] += *clamped_off * transmittance;
             }

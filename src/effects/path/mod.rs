@@ -25,6 +25,7 @@ mod limits;
 mod media;
 mod numbers;
 mod opaque_bsdfs;
+mod record;
 mod shadow_rays;
 mod smooth_glass;
 #[cfg(test)]
@@ -44,6 +45,7 @@ use numbers::{GenerationNumbers, Sequence};
 use vertices::{IndexList, Vertices};
 
 use super::left_out::BounceLimits;
+use super::record::Recorder;
 use super::samples::{SampleIndex, list_samples};
 use super::shadow_catcher::catch_shadows;
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
@@ -311,7 +313,7 @@ impl Buffers {
     fn scatter(&mut self, tile: &mut Tile, context: &RenderContext, stage: &Scatter) {
         let world = context.world;
         let depth = tile.depth as u32;
-        let mut scattering = tile.scattering.take();
+        let (mut scattering, mut recorder) = (tile.scattering.take(), tile.recorder.take());
         if let Some(found) = scattering.as_mut().filter(|_| depth == 0) {
             found.clear();
             found.resize(self.paths.len(), None);
@@ -354,15 +356,23 @@ impl Buffers {
         }
         if !is_last {
             self.list_shadow_rays((world, stage), generation);
+        }
+        if let Some(recorder) = &mut recorder {
+            self.record_vertices(recorder, (context, &lights, stage), generation, depth);
+        }
+        if !is_last {
             let has_roulette = is_limited || depth >= stage.settings.roulette_from;
             self.list_continuations((world, stage), (generation, next), has_roulette);
+            if let Some(recorder) = &mut recorder {
+                self.record_continuations(recorder, has_roulette, depth);
+            }
         }
         if is_limited && stage.measures_left_out {
             self.list_repeated(stage, (generation, next), depth);
         }
         std::mem::swap(&mut self.paths, &mut self.next);
         std::mem::swap(&mut self.media, &mut self.next_media);
-        tile.scattering = scattering;
+        (tile.scattering, tile.recorder) = (scattering, recorder);
         tile.discarded_samples += self.discarded;
     }
 
@@ -420,4 +430,5 @@ fn write_radiance(tile: &mut Tile, context: &RenderContext) {
     });
     expose_unlit(tile, context);
     catch_shadows(tile, context.world, true);
+    tile.record(Recorder::add_colours);
 }

@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::light_samples::LightSamples;
 use super::limits::Scattering;
+use super::record::record_light_samples;
 use super::vertices::Vertices;
 use super::weights::light_weight;
 use super::{Buffers, LIGHT_RAYS, LightPath, Path, Scatter};
@@ -165,7 +166,8 @@ impl Buffers {
     pub(super) fn trace_shadow_rays(&mut self, tile: &mut Tile, world: &World, stage: &Scatter) {
         let Buffers { light_samples, occluded, radiance, samples, left_out, .. } = self;
         let mut listed = 0;
-        for LightSamples { shadow_rays, light_paths, .. } in light_samples.iter().map(|samples| &**samples) {
+        for samples_of_lights in &mut *light_samples {
+            let LightSamples { lit, shadow_rays, light_paths, .. } = &mut **samples_of_lights;
             occluded.clear();
             world.accelerator.are_occluded(shadow_rays.rays(), occluded, &mut tile.traversal);
             left_out.transmittances.clear();
@@ -180,7 +182,7 @@ impl Buffers {
                 Some(kind) => {
                     let mut count = 0;
                     let rays = shadow_rays.rays().iter();
-                    for ((path, ray), occluded) in light_paths.iter().zip(rays).zip(&mut *occluded) {
+                    for ((path, ray), occluded) in light_paths.iter_mut().zip(rays).zip(&mut *occluded) {
                         let mut transmittance = 1.0;
                         if *occluded {
                             transmittance =
@@ -188,7 +190,8 @@ impl Buffers {
                             *occluded = transmittance == 0.0;
                         }
                         if !*occluded {
-                            radiance[path.target as usize] += path.radiance * transmittance;
+                            path.radiance *= transmittance;
+                            radiance[path.target as usize] += path.radiance;
                         }
                         left_out.transmittances.push(transmittance);
                     }
@@ -202,7 +205,8 @@ impl Buffers {
                 listed += light_paths.len();
             }
             if let Some(recorder) = &mut tile.recorder {
-                recorder.record_occlusion(LIGHT_RAYS, tile.depth, None, shadow_rays.rays(), occluded);
+                let tests = (&*lit, shadow_rays.rays(), &**occluded);
+                record_light_samples(recorder, tile.depth, tests, light_paths);
             }
             tile.count(LIGHT_RAYS, occluded.len(), occluded.iter().filter(|&&occluded| occluded).count());
         }

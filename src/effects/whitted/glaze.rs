@@ -19,6 +19,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
+use crate::effects::record::{Blend, Recorder};
 use crate::effects::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use crate::effects::{
     Effect, EffectContext, EffectValue, Hook, RayClass, RayKind, SecondaryRays, Stage, id, named,
@@ -259,9 +260,36 @@ fn combine(tile: &mut Tile, context: &RenderContext) {
         mix(ray as usize, next_colours.get(i));
     }
     // Mirrored rays see the environment, as scattered ones do in path tracing, even where it is no background.
-    let Some(environment) = &world.environment else { return };
-    for (ray, _) in next.hits.iter().enumerate().filter(|(_, hit)| hit.is_none()) {
-        mix(ray, environment.eval(next.rays.get(ray).direction()));
+    if let Some(environment) = &world.environment {
+        for (ray, _) in next.hits.iter().enumerate().filter(|(_, hit)| hit.is_none()) {
+            mix(ray, environment.eval(next.rays.get(ray).direction()));
+        }
+    }
+    tile.record(|recorder, tile| record(recorder, tile, world));
+}
+
+/// Records the colours that were blended at the surfaces of the current generation.
+#[cold]
+fn record(recorder: &mut Recorder, tile: &Tile, world: &World) {
+    let [generation, next] = [0, 1].map(|more| &tile.generations[tile.current + more]);
+    let (Some(colours), Some(next_colours)) = (&generation.colours, &next.colours) else { return };
+    let hits = next.surfaces.ray_of().iter().enumerate().map(|(i, &ray)| (ray as usize, next_colours.get(i)));
+    let environment = world.environment.as_ref();
+    let misses = environment.into_iter().flat_map(|environment| {
+        let rays = next.hits.iter().enumerate().filter(|(_, hit)| hit.is_none());
+        rays.map(|(ray, _)| (ray, environment.eval(next.rays.get(ray).direction())))
+    });
+    let found: Vec<(usize, DVec3)> =
+        hits.chain(misses).map(|(ray, colour)| (next.sources[ray] as usize, colour)).collect();
+    for (i, record) in recorder.of_surfaces(tile.depth) {
+        let material = &world.materials[generation.surfaces.materials()[i] as usize];
+        let mirrored = found.iter().find(|(surface, _)| *surface == i);
+        if let (Some(local), Some((_, mirrored)), Some(glaze)) =
+            (&mut record.local, mirrored, material.glaze())
+        {
+            let weights = [glaze.own_weight, glaze.weight];
+            local.blend = Some(Blend { mirrored: *mirrored, weights, colour: colours.get(i) });
+        }
     }
 }
 

@@ -1,7 +1,9 @@
 //! The stages of local shading: light samples, and the colours they give.
 
+use crate::effects::record::{LightAtSurface, LocalRecord, Recorder};
 use crate::effects::tile::{RayGeneration, RenderContext, Tile};
-use crate::shading::{ShadingMode, shade_all, takes_light};
+use crate::shading::{LightSample, LightSoa, ShadingMode, shade_all, takes_light, terms_of};
+use crate::world::World;
 
 /// Samples every light at the surfaces of a generation. Lights below the horizon, and those that the material does not return,
 /// are marked as not reaching the surface.
@@ -25,4 +27,25 @@ pub(crate) fn shade(tile: &mut Tile, context: &RenderContext, mode: ShadingMode)
     let RayGeneration { surfaces, colours, .. } = &mut generations[*current];
     let colours = colours.get_or_insert_default();
     shade_all(context.world, mode, surfaces, lights, colours, shading);
+    tile.record(|recorder, tile| record(recorder, tile, context.world, mode));
+}
+
+/// Records lights, terms and colours of the current generation.
+#[cold]
+fn record(recorder: &mut Recorder, tile: &Tile, world: &World, mode: ShadingMode) {
+    let RayGeneration { surfaces, colours: Some(colours), .. } = &tile.generations[tile.current] else {
+        return;
+    };
+    for (i, record) in recorder.of_surfaces(tile.depth) {
+        let at_surface = |light: &LightSoa| {
+            let LightSample { cosine, radiance, .. } = light.get(i);
+            LightAtSurface { cosine, radiance, reaches: light.reaches[i] }
+        };
+        record.local = Some(LocalRecord {
+            lights: tile.lights.iter().map(|light| at_surface(light)).collect(),
+            terms: terms_of(world, mode, surfaces, &tile.lights, i),
+            colour: colours.get(i),
+            blend: None,
+        });
+    }
 }

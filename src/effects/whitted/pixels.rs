@@ -1,5 +1,6 @@
 //! The stage that writes the colours of surfaces to pixels.
 
+use crate::effects::record::Recorder;
 use crate::effects::shadow_catcher::catch_shadows;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile};
 use crate::effects::unlit::expose_unlit;
@@ -10,6 +11,7 @@ pub(crate) fn write_pixels(tile: &mut Tile, context: &RenderContext) {
     write(tile, context.world);
     expose_unlit(tile, context);
     catch_shadows(tile, context.world, false);
+    tile.record(Recorder::add_colours);
 }
 
 fn write(tile: &mut Tile, world: &World) {

@@ -119,7 +119,8 @@ fn test_occlusion(
             }
         }
         if let Some(recorder) = recorder {
-            recorder.record_occlusion(RAYS, *depth, Some(index), rays.rays(), occluded);
+            let surfaces = tested.iter().map(|&surface| surface as usize);
+            recorder.add_tests((RAYS, Some(index)), *depth, surfaces, rays.rays(), occluded);
         }
         cast += occluded.len();
         let blocked_here = occluded.iter().filter(|&&blocked| blocked).count();

@@ -75,7 +75,8 @@ fn lift_origins(buffers: &mut Buffers, tile: &mut Tile, context: &RenderContext)
     occluded.clear();
     world.accelerator.are_occluded(rays.rays(), occluded, traversal);
     if let Some(recorder) = recorder {
-        recorder.record_occlusion(RAYS, *depth, None, rays.rays(), occluded);
+        let surfaces = lifted.iter().map(|&surface| surface as usize);
+        recorder.add_tests((RAYS, None), *depth, surfaces, rays.rays(), occluded);
     }
     let blocked = lifted.iter().zip(&*occluded).filter(|(_, blocked)| **blocked);
     let mut blocked_count = 0;

@@ -177,16 +177,11 @@ impl App {
             )),
             (bounds, _) => bounds,
         };
-        let found = inspect(
-            &job.world,
-            &job.view,
-            &job.plan,
-            job.recentering.as_ref(),
-            bounds,
-            [job.display().known(), shown],
-            pixel,
-        );
-        if let (Some(_), Some(surface), Some(controls)) = (mouse.focused, &found.surface, &mut self.controls)
+        let found = match inspect(job, bounds, [job.display().known(), shown], pixel) {
+            Ok(found) => found,
+            Err(e) => return self.show_error(message_with_hint(&e)),
+        };
+        if let (Some(_), Some(surface), Some(controls)) = (mouse.focused, found.surface(), &mut self.controls)
         {
             let point = surface.position;
             controls.navigate(Some(&prepared.camera), |camera| navigate::focus(camera, point));

@@ -1,9 +1,8 @@
 //! Pixel inspector: its part of the panel, and the pixel's rays drawn over the picture.
 
-use egui::{Color32, Grid, Painter, Pos2, Rect, RichText, ScrollArea, Stroke, Ui, vec2};
+use egui::{Color32, Grid, Label, Painter, Pos2, Rect, RichText, ScrollArea, Stroke, TextWrapMode, Ui, vec2};
 use glam::DVec2;
 
-use crate::effects::EFFECTS;
 use crate::import::FileNames;
 use crate::viewer::elided;
 use crate::viewer::inspect::{Inspection, RaySegment};
@@ -12,34 +11,22 @@ use crate::viewer::painter::Prepared;
 /// Width of the values in points, so that they fit the panel.
 const VALUE_WIDTH: f32 = 172.0;
 
-/// What values of the inspection mean.
-const MEANINGS: &[(&str, &str)] = &[
-    ("t", "distance along the camera's ray, in units of the scene"),
-    ("geometric normal", "the direction that the triangle or shape faces, of length 1"),
-    (
-        "shading normal",
-        "the direction that light is computed with: interpolated between corners, with normal maps",
-    ),
-    ("barycentrics", "weights of the three corners at this point of the triangle; their sum is 1"),
-    ("texture", "coordinates in the image of the texture: 0 to 1 is the whole image"),
-    ("tests", "what the ray was tested against in the tree of boxes; many tests take long"),
-];
-
 /// Characters of a name in a line of the panel.
 const NAME_LENGTH: usize = 28;
 
 /// Characters of the label of a value.
 const LABEL_LENGTH: usize = 16;
 
-/// Number of bounces up to which rays are indented.
-const MAX_INDENT: usize = 4;
+/// Height in points of the report's characters: its usual lines fit the panel.
+const TEXT_SIZE: f32 = 10.0;
 
 /// Part of the panel's height that the inspection may take; it scrolls within.
 const HEIGHT_SHARE: f32 = 0.5;
 
 /// Shows the inspection at the top of the panel. Returns `false` when the user closed it.
 pub(crate) fn show(ui: &mut Ui, inspection: &Inspection, names: &FileNames) -> bool {
-    let (mut is_open, [x, y], [r, g, b]) = (true, inspection.pixel, inspection.displayed);
+    let report = &inspection.report;
+    let (mut is_open, [x, y], [r, g, b]) = (true, report.pixel, report.displayed);
     ui.add_space(8.0);
     ui.horizontal(|ui| {
         let (swatch, _) = ui.allocate_exact_size(vec2(28.0, 14.0), egui::Sense::hover());
@@ -48,62 +35,44 @@ pub(crate) fn show(ui: &mut Ui, inspection: &Inspection, names: &FileNames) -> b
         ui.label(format!("#{r:02x}{g:02x}{b:02x}")).on_hover_text(format!("{r} {g} {b}"));
         is_open = !ui.small_button("x").on_hover_text("Esc").clicked();
     });
+    ui.horizontal_wrapped(|ui| kinds(ui, &inspection.rays));
     let height = ui.available_height() * HEIGHT_SHARE;
-    ScrollArea::vertical().id_salt("inspection").max_height(height).show(ui, |ui| {
-        rays(ui, &inspection.rays, names);
-        surface(ui, inspection, names);
+    ScrollArea::both().id_salt("inspection").max_height(height).show(ui, |ui| {
+        let text = report.text(&|name| elided(&names.shorten(name), NAME_LENGTH));
+        let text = RichText::new(text.trim_end()).monospace().size(TEXT_SIZE);
+        ui.add(Label::new(text).wrap_mode(TextWrapMode::Extend));
+        values(ui, inspection);
     });
     ui.separator();
     is_open
 }
 
-fn surface(ui: &mut Ui, inspection: &Inspection, names: &FileNames) {
-    let Some(surface_info) = &inspection.surface else {
-        ui.label("the background");
-        return;
-    };
-    let vector = |v: glam::DVec3| v.to_array().map(digits).join(" ");
-    Grid::new("seen").num_columns(2).max_col_width(VALUE_WIDTH).spacing([8.0, 4.0]).striped(true).show(
-        ui,
-        |ui| {
-            let mut row = |name: &str, value: String| {
-                let label = ui.label(RichText::new(elided(name, LABEL_LENGTH)).weak());
-                let meaning = MEANINGS.iter().find(|(other, _)| *other == name);
-                label.on_hover_text(meaning.map_or(name, |(_, meaning)| meaning));
-                value_label(ui, &value);
-                ui.end_row();
-            };
-            row("object", names.shorten(&surface_info.object_name));
-            row(
-                surface_info.kind,
-                format!("{} ({} of the object)", surface_info.primitive, surface_info.primitive_of_object),
-            );
-            row("t", format!("{:.9}", surface_info.distance));
-            row("position", vector(surface_info.position));
-            row("geometric normal", vector(surface_info.geometric_normal));
-            row("shading normal", vector(surface_info.shading_normal));
-            if let Some([u, v, w]) = surface_info.barycentrics {
-                row("barycentrics", [u, v, w].map(digits).join(" "));
-            }
-            if let Some(uv) = surface_info.uv {
-                row("texture", uv.to_array().map(digits).join(" "));
-            }
-            row("material", names.shorten(&surface_info.material));
-            for (name, value) in &surface_info.material_values {
-                row(name, value.clone());
-            }
-            row(
-                "tests",
-                format!("{} boxes, {} primitives", inspection.tests.nodes, inspection.tests.primitives),
-            );
-        },
-    );
+/// The kinds of the rays that are drawn, with their colours.
+fn kinds(ui: &mut Ui, rays: &[RaySegment]) {
+    for (i, ray) in rays.iter().enumerate() {
+        if rays[..i].iter().all(|other| other.kind != ray.kind) {
+            let (swatch, _) = ui.allocate_exact_size(vec2(10.0, 10.0), egui::Sense::hover());
+            let [r, g, b] = ray.kind.colour;
+            ui.painter().rect_filled(swatch, 2.0, Color32::from_rgb(r, g, b));
+            ui.label(RichText::new(ray.kind.name).small());
+        }
+    }
 }
 
-/// The number with six significant digits, at most six of them after the point.
-fn digits(x: f64) -> String {
-    let before = if x.abs() >= 1.0 && x.is_finite() { x.abs().log10() as usize + 1 } else { 0 };
-    format!("{x:.*}", 6usize.saturating_sub(before.max(1)))
+/// The parameters of the material that is hit first, and what the camera ray was tested against.
+fn values(ui: &mut Ui, inspection: &Inspection) {
+    let Inspection { tests, material_values, .. } = inspection;
+    let tests = ("tests", format!("{} boxes, {} primitives", tests.nodes, tests.primitives));
+    Grid::new("material").num_columns(2).max_col_width(VALUE_WIDTH).spacing([8.0, 4.0]).striped(true).show(
+        ui,
+        |ui| {
+            for (name, value) in material_values.iter().chain([&tests]) {
+                ui.label(RichText::new(elided(name, LABEL_LENGTH)).weak()).on_hover_text(*name);
+                value_label(ui, value);
+                ui.end_row();
+            }
+        },
+    );
 }
 
 /// A value with files by their names, long words without their middle; the whole value on hover.
@@ -115,30 +84,6 @@ fn value_label(ui: &mut Ui, value: &str) {
     let label = ui.label(shown);
     if !is_whole {
         label.on_hover_text(value);
-    }
-}
-
-fn rays(ui: &mut Ui, rays: &[RaySegment], names: &FileNames) {
-    for ray in rays {
-        let object = ray.object.as_ref().map(|object| names.shorten(object));
-        let result = |length: usize| match (&object, &ray.light) {
-            (Some(object), Some(light)) => {
-                format!("towards {}, blocked by {}", elided(light, length), elided(object, length))
-            }
-            (None, Some(light)) => format!("reaches {}", elided(light, length)),
-            (Some(object), None) => format!("hits {}", elided(object, length)),
-            (None, None) if ray.hit => "blocked".into(),
-            (None, None) => "hits nothing".into(),
-        };
-        ui.horizontal_wrapped(|ui| {
-            ui.add_space(10.0 * ray.depth.min(MAX_INDENT) as f32);
-            let (swatch, _) = ui.allocate_exact_size(vec2(10.0, 10.0), egui::Sense::hover());
-            ui.painter().rect_filled(swatch, 2.0, colour(ray));
-            let (shown, whole) = (result(NAME_LENGTH), result(usize::MAX));
-            let effect = EFFECTS.iter().find(|effect| Some(effect.id) == ray.effect);
-            let meaning = effect.map_or("the ray from the camera through the pixel", |effect| effect.summary);
-            ui.label(format!("{}: {shown}", ray.kind.name)).on_hover_text(format!("{whole}\n{meaning}"));
-        });
     }
 }
 

@@ -1,5 +1,9 @@
 //! Tests of `inspect`.
 
+use std::sync::Arc;
+
+use glam::DVec2;
+
 use super::*;
 use crate::bvh::Layout;
 use crate::effects::PlanSettings;
@@ -8,11 +12,8 @@ use crate::scene::{Camera, Numerics, Projection, Scene};
 use crate::world::recenter;
 
 struct Ready {
-    world: World,
-    view: View,
-    plan: Plan,
+    job: RenderJob,
     bounds: Option<(DVec3, DVec3)>,
-    recentering: Option<Recentering>,
 }
 
 fn assignment() -> Scene {
@@ -24,19 +25,17 @@ fn assignment() -> Scene {
 fn ready(mut scene: Scene, camera: &Camera) -> Ready {
     let recentering = recenter(&mut scene);
     let camera = recentering.map_or(camera.clone(), |recentering| recentering.moved(camera));
-    let view = View::new(&camera, camera.projection, [101, 101]).unwrap();
     let bounds = scene.bounds();
     let pipeline = scene.picture.pipeline();
     let plan_settings = PlanSettings { sampling: scene.picture.sampling(), ..PlanSettings::default() };
     let world = World::prepare(scene, pipeline, Layout::default(), Numerics::Double);
-    let plan = Plan::new(&world, &plan_settings).unwrap();
-    Ready { world, view, plan, bounds, recentering }
+    let job = RenderJob::new(Arc::new(world), recentering, camera, [101, 101], plan_settings).unwrap();
+    Ready { job, bounds }
 }
 
 impl Ready {
     fn inspect(&self, pixel: [u32; 2]) -> Inspection {
-        let displays = [DisplayTransform::default(); 2];
-        inspect(&self.world, &self.view, &self.plan, self.recentering.as_ref(), self.bounds, displays, pixel)
+        inspect(&self.job, self.bounds, [DisplayTransform::default(); 2], pixel).unwrap()
     }
 }
 
@@ -55,34 +54,30 @@ fn middle_of_the_right_sphere() -> Camera {
 fn the_pixel_in_the_middle_of_a_sphere() {
     let ready = ready(assignment(), &middle_of_the_right_sphere());
     let pixel = ready.inspect([50, 50]);
-    let surface = pixel.surface.clone().unwrap();
-    assert_eq!(
-        (surface.object_name.as_str(), surface.primitive, surface.kind),
-        ("right sphere", 1, "sphere")
-    );
-    assert_eq!((surface.object, surface.primitive_of_object, surface.barycentrics), (1, 0, None));
-    assert!((surface.distance - 900.0).abs() < 1e-9);
+    let surface = pixel.surface().cloned().unwrap();
+    assert_eq!((surface.object.as_str(), surface.primitive, surface.shape), ("right sphere", 1, "sphere"));
+    assert_eq!((surface.primitive_of_object, surface.barycentrics), (0, None));
+    assert!((surface.t - 900.0).abs() < 1e-9);
     assert!((surface.position - DVec3::new(100.0, -400.0, 1250.0)).length() < 1e-9);
     assert!((surface.geometric_normal + DVec3::Z).length() < 1e-9);
     assert_eq!(surface.material, "midnight-blue");
-    assert!(surface.material_values.contains(&("colour", "#191970".into())), "{:?}", surface.material_values);
-    assert!(surface.material_values.contains(&("specular", "3".into())));
+    let values = &pixel.material_values;
+    assert!(values.contains(&("colour", "#191970".into())), "{values:?}");
+    assert!(values.contains(&("specular", "3".into())));
 
     // One light: one shadow ray. The camera ray is reflected into itself, along -z above the plane at -500, and
     // misses, so the reflection has no shadow ray.
     let kinds: Vec<&str> = pixel.rays.iter().map(|ray| ray.kind.name).collect();
     assert_eq!(kinds, ["primary", "shadow", "glaze"]);
     let [primary, shadow, glaze] = &pixel.rays[..] else { unreachable!() };
-    assert_eq!((primary.hit, primary.effect, primary.object.as_deref()), (true, None, Some("right sphere")));
-    assert_eq!(primary.to, surface.position);
+    assert!(primary.hit && !shadow.hit);
+    assert!((primary.to - surface.position).length() < 1e-9);
+    let rays = &pixel.report.samples[0].rays;
+    assert_eq!((rays[0].shadow_rays[0].light.as_deref(), rays.len()), (Some("lamp"), 2));
     // The lamp, at (-400, 100, 850).
-    assert_eq!(
-        (shadow.effect.map(EffectId::name), shadow.light.as_deref(), shadow.hit),
-        (Some("shadows"), Some("lamp"), false)
-    );
     assert!((shadow.to - DVec3::new(-400.0, 100.0, 850.0)).length() < 1e-6);
     assert!((shadow.from - surface.position).length() < 1e-6);
-    assert_eq!((glaze.effect.map(EffectId::name), glaze.depth, glaze.hit), (Some("glaze"), 1, false));
+    assert_eq!((rays[1].depth, rays[1].parent, glaze.hit), (1, Some(0), false));
     assert!(((glaze.to - glaze.from).normalize() + DVec3::Z).length() < 1e-9);
     let (min, max) = ready.bounds.unwrap();
     assert!(glaze.to.cmplt(min).any() || glaze.to.cmpgt(max).any(), "it leaves the scene: {}", glaze.to);
@@ -94,9 +89,9 @@ fn a_mirrored_ray_leaves_as_it_came() {
     let ready =
         ready(assignment(), &towards(DVec3::new(-600.0, -400.0, 900.0), DVec3::new(-600.0, -500.0, 1000.0)));
     let pixel = ready.inspect([50, 50]);
-    let surface = pixel.surface.clone().unwrap();
-    assert_eq!((surface.object_name.as_str(), surface.kind, surface.primitive), ("plane", "triangle", 2));
-    assert!((surface.distance - 100.0 * 2f64.sqrt()).abs() < 1e-9);
+    let surface = pixel.surface().cloned().unwrap();
+    assert_eq!((surface.object.as_str(), surface.shape, surface.primitive), ("plane", "triangle", 2));
+    assert!((surface.t - 100.0 * 2f64.sqrt()).abs() < 1e-9);
     // Corners at (-10000, -10000), (-10000, 100000) and (10000, -10000) in x and z: of the way from the first,
     // 11000 / 110000 are towards the second, 9400 / 20000 towards the third.
     for (weight, expected) in surface.barycentrics.unwrap().iter().zip([0.43, 0.1, 0.47]) {
@@ -107,14 +102,12 @@ fn a_mirrored_ray_leaves_as_it_came() {
     let direction = (glaze.to - glaze.from).normalize();
     assert!((direction - DVec3::new(0.0, 1.0, 1.0).normalize()).length() < 1e-9, "{direction}");
     // The inspected colour is that of the rendered picture.
-    let whole = Window { x: 0, y: 0, width: 101, height: 101 };
     let control = crate::render::RenderControl::default();
-    let (film, _): (crate::film::Film, _) =
-        crate::render::render(&ready.world, &ready.view, &ready.plan, whole, |_, _| true, &control).unwrap();
+    let (film, _): (crate::film::Film, _) = ready.job.render(&control).unwrap();
     for [x, y] in [[50, 50], [0, 0], [100, 3], [17, 80]] {
         let pixel = ready.inspect([x, y]);
-        assert_eq!(pixel.colour, film.pixel(x, y), "{x} {y}");
-        assert_eq!(pixel.displayed, ready.world.pipeline.encode(film.pixel(x, y)));
+        assert_eq!(pixel.report.colour.film, Some(film.pixel(x, y)), "{x} {y}");
+        assert_eq!(pixel.report.displayed, ready.job.pipeline().encode(film.pixel(x, y)));
     }
 }
 
@@ -129,7 +122,8 @@ fn a_shadow_ray_ends_at_what_is_in_its_way() {
     let pixel = ready.inspect([50, 50]);
     let shadow = pixel.rays.iter().find(|ray| ray.kind.is_shadow).unwrap();
     assert!(shadow.hit);
-    assert_eq!(shadow.object.as_deref(), Some("left sphere"));
+    let occluder = pixel.report.samples[0].rays[0].shadow_rays[0].occluder.clone().unwrap();
+    assert_eq!(occluder.object, "left sphere");
     assert!(((shadow.to - middle).length() - 75.0).abs() < 1e-6, "on the sphere");
     assert!((shadow.to - shadow.from).length() < 2.0 * 75.0, "the near side");
 }
@@ -138,21 +132,25 @@ fn a_shadow_ray_ends_at_what_is_in_its_way() {
 fn a_pixel_that_sees_nothing() {
     let ready = ready(assignment(), &towards(DVec3::new(0.0, 0.0, 0.0), DVec3::new(0.0, 1.0, -0.1)));
     let pixel = ready.inspect([50, 50]);
-    assert_eq!((pixel.surface.as_ref(), pixel.displayed, pixel.rays.len()), (None, [0; 3], 1));
+    assert!(pixel.surface().is_none());
+    assert_eq!((pixel.report.displayed, pixel.rays.len()), ([0; 3], 1));
     assert!(!pixel.rays[0].hit);
 }
 
-/// The rays do not depend on the number of samples of the picture.
+/// The rays are those of the first sample: without antialiasing through the pixel's centre.
 #[test]
-fn samples_make_the_colour_and_the_centre_the_rays() {
+fn the_rays_are_those_of_the_first_sample() {
     let mut scene = assignment();
     let camera = scene.cameras[0].clone();
     let one = ready(scene.clone(), &camera);
     scene.picture.samples = Some(crate::scene::Samples::clamped(9));
     let nine = ready(scene, &camera);
     let (a, b) = (one.inspect([40, 60]), nine.inspect([40, 60]));
-    assert_eq!((a.samples, b.samples), (1, 9));
-    assert_eq!((&a.rays, &a.surface), (&b.rays, &b.surface));
+    assert_eq!((a.report.samples_taken, b.report.samples_taken, b.report.samples.len()), (1, 9, 9));
+    assert_eq!(a.report.samples[0].film_position, [40.5, 60.5]);
+    let [x, y] = b.report.samples[0].film_position;
+    let [through, _] = nine.job.view.project_segment(b.rays[0].from, b.rays[0].to).unwrap();
+    assert!((through - DVec2::new(x, y)).length() < 1e-9, "{through} {x} {y}");
 }
 
 /// Positions and distances are in scene coordinates, also if the scene was recentered: a sphere of radius 2 at a
@@ -168,12 +166,10 @@ fn a_moved_scene_speaks_of_its_own_places() {
     let mut camera = towards(far + DVec3::Z * 10.0, far);
     camera.projection = Projection::Orthographic;
     let ready = ready(scene, &camera);
-    assert!(ready.recentering.is_some());
+    assert!(ready.job.recentering.is_some());
     let pixel = ready.inspect([50, 50]);
-    let surface = pixel.surface.unwrap();
-    assert!(
-        (surface.position - (far + DVec3::Z * 2.0)).length() < 1e-9 && (surface.distance - 8.0).abs() < 1e-9
-    );
-    let [from, to] = ready.view.project_segment(pixel.rays[0].from, pixel.rays[0].to).unwrap();
+    let surface = pixel.surface().unwrap();
+    assert!((surface.position - (far + DVec3::Z * 2.0)).length() < 1e-9 && (surface.t - 8.0).abs() < 1e-9);
+    let [from, to] = ready.job.view.project_segment(pixel.rays[0].from, pixel.rays[0].to).unwrap();
     assert!((from - DVec2::splat(50.5)).length() < 1e-9 && (to - from).length() < 1e-9, "{from} {to}");
 }
