@@ -24,6 +24,7 @@
 //! ```
 
 pub mod animation;
+mod bit_depth;
 mod camera;
 mod camera_text;
 mod clip;
@@ -59,6 +60,7 @@ pub use crate::geometry::{
 };
 pub use crate::limits::{Counted, Limits};
 pub use animation::Animation;
+pub use bit_depth::BitDepth;
 pub use camera::{Camera, Intrinsics, Projection, Sensor, default_size};
 pub use camera_text::{INLINE_NAME, shell_quoted};
 pub use clip::{Clip, ClipChoice, ClipTime};

@@ -93,6 +93,7 @@ named_values!(
     crate::film::ColourPipeline,
     crate::film::FilterShape,
     crate::film::tone::ToneMap,
+    super::BitDepth,
     super::Numerics,
     super::PixelSampler,
     super::Projection,
