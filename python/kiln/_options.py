@@ -53,11 +53,14 @@ class ViewOptions(ReadOptions, total=False):
     filter_radius: _Value
     noise: _Value
     min_samples: _Value
+    same_grain: bool | None
     seed: _Value
     sampler: Literal["sobol", "independent"] | None
     colour: Literal["display", "u8", "linear"] | None
     exposure: _Value
     tone_map: Literal["none", "pbr-neutral", "agx", "filmic"] | None
+    bits: Literal[8, 16, 32] | None
+    dither: bool | None
     light: Literal["head", "none"] | None
     ground: bool | None
     cull: bool | None

@@ -23,7 +23,7 @@ use crate::{interruptible, raised, warn_all};
 pub(crate) struct Picture {
     picture: picture::Picture,
     /// The pixels, row by row from the top: (height, width, 3), or (height, width, 4) with a transparent background;
-    /// uint8 display values whose colours are not multiplied by alpha, or float32 values in the scene's colour space,
+    /// uint8 display values, uint16 with bits=16, whose colours are not multiplied by alpha, or float32 values in the scene's colour space,
     /// multiplied by alpha. Read-only, as what `save` writes does not change: `numpy.array(picture)` is a copy.
     #[pyo3(get)]
     pixels: Py<PyAny>,
@@ -240,14 +240,18 @@ impl Picture {
             OutputImage::Rgb8(film, _) => {
                 (film.window(), shaped(py, film.bytes(), &shape(film.window(), 3))?)
             }
+            OutputImage::Rgb16(film, _) => {
+                (film.window(), shaped(py, film.bytes(), &shape(film.window(), 3))?)
+            }
             OutputImage::Rgba8(film, alpha, _) => {
-                let pixels = film.rows().zip(alpha).flat_map(|([r, g, b], &a)| [r, g, b, a]).collect();
-                (film.window(), shaped(py, pixels, &shape(film.window(), 4))?)
+                (film.window(), shaped(py, with_alpha(film.rows(), alpha), &shape(film.window(), 4))?)
+            }
+            OutputImage::Rgba16(film, alpha, _) => {
+                (film.window(), shaped(py, with_alpha(film.rows(), alpha), &shape(film.window(), 4))?)
             }
             OutputImage::Float(film, ..) => match picture.alpha() {
                 Some(Channel { values, .. }) => {
-                    let pixels = film.rows().zip(values).flat_map(|([r, g, b], &a)| [r, g, b, a]).collect();
-                    (film.window(), shaped::<f32>(py, pixels, &shape(film.window(), 4))?)
+                    (film.window(), shaped(py, with_alpha(film.rows(), values), &shape(film.window(), 4))?)
                 }
                 None => {
                     let pixels = film.rows().flatten().collect();
@@ -265,6 +269,11 @@ impl Picture {
         let (pixels, aovs, metadata) = (read_only(pixels)?.unbind(), aovs.unbind(), metadata.unbind());
         Ok(Picture { picture, pixels, aovs, metadata, notes })
     }
+}
+
+/// Red, green, blue and alpha of each pixel.
+fn with_alpha<T: Copy>(colours: impl Iterator<Item = [T; 3]>, alpha: &[T]) -> Vec<T> {
+    colours.zip(alpha).flat_map(|([r, g, b], &a)| [r, g, b, a]).collect()
 }
 
 fn read_only(array: Bound<PyAny>) -> PyResult<Bound<PyAny>> {
@@ -303,6 +312,7 @@ impl Picture {
     fn __repr__(&self, py: Python) -> PyResult<String> {
         let (window, dtype) = match self.picture.image() {
             OutputImage::Rgb8(film, _) | OutputImage::Rgba8(film, ..) => (film.window(), "uint8"),
+            OutputImage::Rgb16(film, _) | OutputImage::Rgba16(film, ..) => (film.window(), "uint16"),
             OutputImage::Float(film, ..) => (film.window(), "float32"),
         };
         let aovs = named(py, ", AOVs ", &self.aovs)?;

@@ -171,7 +171,7 @@ impl AnimationJob {
         let Some(scene) = &self.scene else {
             return Err(Error::Failed { what: "no frame to render".into(), hint: String::new() });
         };
-        let scene = scene.at(self.timeline.time(frame))?;
+        let scene = scene.at(self.timeline.moment(frame))?;
         let SceneAtTime { cameras, recentering, .. } = &scene;
         let camera = match (&self.fitted, recentering) {
             (Some((fitted_in, camera)), Some(recentering)) if fitted_in == recentering => camera,

@@ -8,7 +8,7 @@ use clap::Args;
 
 use super::arguments::{self, Arguments};
 use super::frames::{self, FrameChecks, FrameSeries, LengthArguments};
-use super::output::{check_folder, check_skipping};
+use super::output::{PNG_BITS, bytes_per_pixel, check_alpha, check_bits, check_folder, check_skipping};
 use super::prepare::{Reporter, timed};
 use super::progress::Mode;
 use crate::animation::{
@@ -17,11 +17,10 @@ use crate::animation::{
 use crate::error::{Error, Result};
 use crate::farm::Shard;
 use crate::files::describe;
-use crate::film::write::Format;
+use crate::film::write::{Format, PngForm};
 use crate::job::RenderJob;
 use crate::render::RenderControl;
 use crate::render::aov::AovSelection;
-use crate::scene::BitDepth;
 use crate::scene::option::group;
 
 #[derive(Args)]
@@ -140,14 +139,16 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
     let settings = command.arguments.settings()?;
     let mut animation = pool.install(|| reporter.load_animation(&command.arguments, &settings, &request))?;
     let picture = &animation.picture.settings.picture;
-    super::output::check_alpha(picture.is_transparent(), "a film", false)?;
-    super::output::check_bits_of(picture.bits, "a film", &[BitDepth::Eight])?;
-    let pipeline = picture.pipeline();
+    let is_png = format == VideoFormat::Apng;
+    check_alpha(picture.is_transparent(), "a film", is_png)?;
+    let (film, bits) = if is_png { ("an animated .png", &PNG_BITS[..]) } else { ("a film", &PNG_BITS[..1]) };
+    check_bits(picture.bits, film, bits)?;
+    let form = PngForm::new(picture.is_transparent(), picture.display().rounding, picture.pipeline());
     frames::fix_exposure(&mut reporter, &pool, &mut animation, interrupted)?;
     let window = animation.picture.window;
     let size = [window.width, window.height];
     format.check(size, animation.timeline.fps())?;
-    let spec = VideoSpec { size, fps: animation.timeline.fps(), frames: animation.frames.len(), pipeline };
+    let spec = VideoSpec { size, fps: animation.timeline.fps(), frames: animation.frames.len(), form };
     let failed = |e: std::io::Error| Error::output(command.output.as_path(), describe(&e));
     let mut recorder = if is_stream {
         let out = Box::new(BufWriter::with_capacity(1 << 20, std::io::stdout()));
@@ -157,14 +158,15 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
     };
     let checks = FrameChecks::default();
     let make = |frame: i32, job: &RenderJob, control: &RenderControl| {
-        let (film, statistics) = job.render(control)?;
-        checks.add(frame, (Some(&film), &statistics), &animation, job, control)?;
-        Ok(format.convert(&film))
+        let (picture, statistics) = job.render_image(control)?;
+        checks.add(frame, (&picture, &statistics), &animation, job, control)?;
+        format.convert(&picture)
     };
     let mut take = |_, frame: FrameData| recorder.add(frame).map_err(failed);
     let mut took = 0.0;
-    // 12 bytes for a pixel of three `f32`, 4 for the converted frame.
-    let needs = (0, 12 + 4);
+    let picture = &animation.picture.settings.picture;
+    // At least 12 bytes for a pixel of three `f32`, and up to 8 for the converted frame.
+    let needs = (0, bytes_per_pixel(Format::Png, &AovSelection::new(&[])?, 0, picture).max(12) + 8);
     timed(&mut took, || {
         frames::render_all(&animation, &pool, needs, interrupted, &reporter.progress, &make, &mut take)
     })?;

@@ -16,9 +16,9 @@ use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
 use crate::files::check_output;
+use crate::film::TILE;
 use crate::film::check::state_of;
 use crate::film::write::{self, Format, OutputImage, write_picture};
-use crate::film::{Film, TILE};
 use crate::job::metadata::fingerprint_of;
 use crate::job::{Metadata, RenderJob, RenderSettings, note_of_left_out};
 use crate::limits;
@@ -86,21 +86,19 @@ struct FrameSums {
 pub(crate) struct FrameChecks(Mutex<FrameSums>);
 
 impl FrameChecks {
-    /// Adds a frame: its statistics, and its display values, if it has any.
+    /// Adds a frame and its statistics.
     pub(crate) fn add(
         &self,
         frame: i32,
-        (film, statistics): (Option<&Film<[u8; 3]>>, &Statistics),
+        (picture, statistics): (&OutputImage, &Statistics),
         animation: &AnimationJob,
         job: &RenderJob,
         control: &RenderControl,
     ) -> Result<()> {
         let is_first = animation.frames.first() == Some(&frame);
-        let exposure = match film {
-            Some(film) if is_first && animation.has_physical_lights => {
-                job.exposure_for_clipped(film, control)?
-            }
-            _ => None,
+        let exposure = match is_first && animation.has_physical_lights {
+            true => job.exposure_for_clipped(picture, control)?,
+            false => None,
         };
         let Ok(mut sums) = self.0.lock() else { return Ok(()) };
         sums.primary_hits += statistics.rays(RayKind::PRIMARY).hit;
@@ -185,9 +183,10 @@ pub(crate) fn write_frames(
     };
     let mut animation = pool.install(|| reporter.load_animation(arguments, &settings, &request))?;
     animation.frames.iter().try_for_each(|&frame| check_output(&pictures.names.of(frame)))?;
-    let is_transparent = animation.picture.settings.picture.is_transparent();
-    output::check_alpha(is_transparent, ".jpg", pictures.format != Format::Jpeg)?;
-    output::check_bits(animation.picture.settings.picture.bits, pictures.format)?;
+    let picture = animation.picture.settings.picture;
+    output::check_bits_of(picture.bits, pictures.format)?;
+    output::warn_of_dither(&arguments.settings.picture, pictures.format, &mut reporter.warnings);
+    output::check_alpha(picture.is_transparent(), ".jpg", pictures.format != Format::Jpeg)?;
     // A metered exposure sets a clamp, too.
     if pictures.format != Format::Exr || animation.picture.meters {
         fix_exposure(&mut reporter, &pool, &mut animation, interrupted)?;
@@ -203,7 +202,7 @@ pub(crate) fn write_frames(
     let checks = FrameChecks::default();
     let needs = |effects_on: usize| {
         let channels = pictures.selection.channel_count(effects_on) as u64;
-        let bytes = output::bytes_per_pixel(pictures.format, &pictures.selection, channels, is_transparent)
+        let bytes = output::bytes_per_pixel(pictures.format, &pictures.selection, channels, &picture)
             + write::bytes_per_pixel(pictures.format, channels);
         (channels, bytes)
     };
@@ -214,8 +213,7 @@ pub(crate) fn write_frames(
             output::check_memory_of(job.window, channels, bytes)?;
         }
         let (picture, statistics) = output::render_image(job, pictures.format, &pictures.selection, control)?;
-        let film = if let OutputImage::Rgb8(film, _) = &picture { Some(film) } else { None };
-        checks.add(frame, (film, &statistics), &animation, job, control)?;
+        checks.add(frame, (&picture, &statistics), &animation, job, control)?;
         let file = pictures.names.of(frame);
         write_picture(&picture, &job.metadata, pictures.format, &file)?;
         Message::Frame(frame, &file).print();

@@ -171,9 +171,14 @@ if TYPE_CHECKING:
             [] => "_Value".to_owned(),
             _ => format!(
                 "Literal[{}] | None",
-                names.iter().map(|name| format!("{name:?}")).collect::<Vec<_>>().join(", ")
+                names.iter().map(|name| literal(name)).collect::<Vec<_>>().join(", ")
             ),
         }
+    }
+
+    /// A value as a literal: a number is one in Python, too.
+    fn literal(name: &str) -> String {
+        if name.parse::<u32>().is_ok() { name.to_owned() } else { format!("{name:?}") }
     }
 
     /// Type checkers refuse options that the command does not have.

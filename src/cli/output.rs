@@ -131,30 +131,6 @@ pub(crate) fn check_skipping(output: &Path, format: Format) -> Result<()> {
     Ok(())
 }
 
-/// Checks that a format has channels of as many bits as are asked for.
-///
-/// # Errors
-/// [`Error::Usage`] with the numbers that it has.
-pub(crate) fn check_bits(bits: Option<BitDepth>, format: Format) -> Result<()> {
-    match format {
-        Format::Png => check_bits_of(bits, "a .png picture", &[BitDepth::Eight]),
-        Format::Jpeg => check_bits_of(bits, "a .jpg picture", &[BitDepth::Eight]),
-        Format::Exr => check_bits_of(bits, "an .exr picture", &[BitDepth::Sixteen, BitDepth::ThirtyTwo]),
-    }
-}
-
-/// [`check_bits`] for `target`, whose channels have one of the numbers `taken`.
-pub(crate) fn check_bits_of(bits: Option<BitDepth>, target: &str, taken: &[BitDepth]) -> Result<()> {
-    match bits.filter(|bits| !taken.contains(bits)) {
-        None => Ok(()),
-        Some(bits) => {
-            let taken: Vec<&str> = taken.iter().map(|bits| bits.name()).collect();
-            let what = format!("{target} does not have {} bits a channel", bits.name());
-            Err(Error::usage(what, format!("give --bits {}, or another format", taken.join(" or "))))
-        }
-    }
-}
-
 /// Checks that the memory limit suffices for a picture, before it is rendered.
 ///
 /// # Errors
@@ -175,7 +151,7 @@ pub(crate) fn check_memory(
     };
     let sampling = if has_accuracy { sample_count::BYTES_PER_PIXEL } else { 0 };
     let format = target.film_format();
-    let each = bytes_per_pixel(format, selection, channels, job.is_transparent()).max(sampling) + writing;
+    let each = bytes_per_pixel(format, selection, channels, &job.settings.picture).max(sampling) + writing;
     check_memory_of(job.window, channels, each)
 }
 
@@ -184,16 +160,18 @@ pub(crate) fn bytes_per_pixel(
     format: Format,
     selection: &AovSelection,
     channels: u64,
-    is_transparent: bool,
+    picture: &PictureSettings,
 ) -> u64 {
+    let is_transparent = picture.is_transparent();
     match format {
         Format::Exr => {
             // Colours and alpha are rendered together and split.
             let alpha = if is_transparent { 16 + 12 } else { 0 };
             4 * (3 + channels) + alpha + if channels > 0 { selection.bytes_per_pixel() } else { 0 }
         }
-        // With alpha, the picture is kept in `f32` first.
-        Format::Png if is_transparent => 16 + 2 * 12 + 4 + 4,
+        // With alpha or 16 bits, the picture is kept in `f32` first.
+        Format::Png if is_transparent => 16 + 2 * 12 + 8 + 8,
+        Format::Png if picture.display().rounding.is_16_bit => 12 + 6,
         Format::Png | Format::Jpeg => 3,
     }
 }
@@ -250,11 +228,10 @@ fn render_film(
             false => job.render_selected(is_selected, control),
         }
     }
-    let display = job.display_transform(control)?;
-    if format != Format::Exr && !job.is_transparent() {
-        let (film, statistics) = job.render(control)?;
-        return Ok((OutputImage::Rgb8(film, job.pipeline()), statistics));
+    if format != Format::Exr {
+        return job.render_image(control);
     }
+    let display = job.display_transform(control)?;
     let (film, alpha, mut statistics) = if job.is_transparent() {
         let (film, statistics) = render::<[f32; 4]>(job, is_displayed, control)?;
         let (film, alpha) = film.split_alpha()?;
@@ -264,9 +241,6 @@ fn render_film(
         (film, None, statistics)
     };
     statistics.auto_exposure = job.display().is_auto().then_some(display.ev());
-    if let (Some(alpha), true) = (&alpha, format != Format::Exr) {
-        return Ok((OutputImage::with_alpha(&film, alpha, job.pipeline(), display)?, statistics));
-    }
     let mut channels = aov::channels(&job.aov_source(Some(&film)), selection, control)?;
     channels.extend(alpha.map(|values| Channel { name: ALPHA.into(), values }));
     Ok((OutputImage::Float(film, channels, job.exr_attributes(selection)), statistics))
@@ -278,6 +252,43 @@ fn render_film(
 /// [`Error::Usage`] for anything but PNG and OpenEXR.
 pub(crate) fn check_alpha(is_transparent: bool, target: &str, has_alpha: bool) -> Result<()> {
     without_alpha(is_transparent && !has_alpha, target, "write .png or .exr, or give --background a colour")
+}
+
+/// Checks that a file of this format holds the bits per channel that are asked for.
+///
+/// # Errors
+/// As [`check_bits`].
+pub(crate) fn check_bits_of(bits: Option<BitDepth>, format: Format) -> Result<()> {
+    match format {
+        Format::Png => check_bits(bits, ".png", &PNG_BITS),
+        Format::Jpeg => check_bits(bits, ".jpg", &[BitDepth::Eight]),
+        Format::Exr => check_bits(bits, ".exr", &[BitDepth::Sixteen, BitDepth::ThirtyTwo]),
+    }
+}
+
+/// Warns of dithering of a file that has floating-point values.
+pub(crate) fn warn_of_dither(typed: &PictureSettings, format: Format, warnings: &mut Warnings) {
+    if format == Format::Exr && typed.dither == Some(true) {
+        warnings.push("--dither changes nothing: the values of an .exr are not rounded to integers");
+    }
+}
+
+/// The bits per channel of PNG, animated or not.
+pub(crate) const PNG_BITS: [BitDepth; 2] = [BitDepth::Eight, BitDepth::Sixteen];
+
+/// Checks that a file holds the bits per channel that are asked for. `target` says what it is.
+///
+/// # Errors
+/// [`Error::Usage`] that names the bits that it holds.
+pub(crate) fn check_bits(bits: Option<BitDepth>, target: &str, holds: &[BitDepth]) -> Result<()> {
+    let Some(bits) = bits.filter(|bits| !holds.contains(bits)) else { return Ok(()) };
+    let held: Vec<&str> = holds.iter().map(|bits| bits.name()).collect();
+    let held = held.join(" or ");
+    let what = format!("{target} has {held} bits per channel, not {}", bits.name());
+    Err(Error::usage(
+        what,
+        format!("give --bits {held}, or another kind of file: .png has 8 or 16, .exr 16 or 32"),
+    ))
 }
 
 /// Checks that a picture of `--accuracy` or `--budget` has no transparent background.
@@ -324,11 +335,10 @@ pub(crate) fn render_to_accuracy(
             OutputImage::Float(film, Vec::new(), job.exr_attributes(&AovSelection::new(&[])?))
         }
         _ => {
-            let mut bytes = vec![[0; 3]; sampled.pixels.len()];
             let display = job.display_transform(&control)?;
             sampled.statistics.auto_exposure = job.display().is_auto().then_some(display.ev());
-            Pixel::develop(&sampled.pixels, pipeline, display, &mut bytes);
-            OutputImage::Rgb8(Film::from_rows(window, &bytes)?, pipeline)
+            let film = Film::from_rows(window, &sampled.pixels)?;
+            OutputImage::displayed(&film, None, pipeline, display)?
         }
     };
     Ok((picture, sampled.statistics))

@@ -8,7 +8,7 @@ use clap::{ArgAction, FromArgMatches};
 
 use super::arguments::{self, Arguments};
 use super::names::{argument, command, name_of, unknown};
-use super::output::{check_alpha, check_bits, check_memory_of, render_image};
+use super::output::{check_alpha, check_bits_of, check_memory_of, render_image};
 use super::prepare::note_rest_pose;
 use super::render::{PictureContext, warn_of_indices, warn_of_result};
 use super::usage_error;
@@ -19,7 +19,7 @@ use crate::film::{ColourPipeline, DisplayTransform, Window};
 use crate::job::{Metadata, PreparedPictures, RenderJob, RenderSettings, resolve};
 use crate::render::RenderControl;
 use crate::render::aov::{self, AovSelection};
-use crate::scene::{ImportOptions, Scene};
+use crate::scene::{BitDepth, ImportOptions, Scene};
 
 pub use super::names::{by_name, error_by_name};
 
@@ -132,7 +132,7 @@ fn may_be_false(argument: &clap::Arg) -> bool {
 /// A rendered picture.
 pub struct Picture {
     image: OutputImage,
-    /// The AOVs of 8-bit pictures; others have them among their channels.
+    /// The AOVs of pictures of integers; others have them among their channels.
     channels: Vec<Channel>,
     metadata: Metadata,
     pipeline: ColourPipeline,
@@ -142,7 +142,7 @@ pub struct Picture {
 }
 
 /// Renders a scene as `kiln render` does, with the same warnings. `format` decides the type of the pixels: f32 for
-/// OpenEXR, else 8-bit display values.
+/// OpenEXR, else display values of 8 bits or, by option, of 16.
 ///
 /// # Errors
 /// As those of the command.
@@ -273,10 +273,10 @@ fn picture_of(
     control: &RenderControl,
     warnings: &mut Warnings,
 ) -> Result<Picture> {
-    check_bits(job.settings.picture.bits, format)?;
     let channels = selection.channel_count(job.plan.effects_on().count()) as u64;
     // Colours and alpha are rendered together, split, and copied.
     check_memory_of(job.window, channels, 2 * (4 * (4 + channels) + 12) + selection.bytes_per_pixel())?;
+    check_bits_of(job.settings.picture.bits, format)?;
     let none = AovSelection::new(&[])?;
     let in_film = if format == Format::Exr { selection } else { &none };
     let (image, statistics) = render_image(&job, format, in_film, control)?;
@@ -305,7 +305,7 @@ fn channels_by_name<C: Borrow<Channel>>(channels: impl IntoIterator<Item = C>) -
 }
 
 impl Picture {
-    /// The picture: f32 values, or 8-bit display values.
+    /// The picture: f32 values, or display values.
     pub fn image(&self) -> &OutputImage {
         &self.image
     }
@@ -360,21 +360,21 @@ impl Picture {
     fn converted(&self, format: Format) -> Result<Option<OutputImage>> {
         let converted = if format == Format::Exr { None } else { self.displayed()? };
         let image = converted.as_ref().unwrap_or(&self.image);
-        check_alpha(matches!(image, OutputImage::Rgba8(..)), ".jpg", format != Format::Jpeg)?;
+        check_alpha(image.is_rgba(), ".jpg", format != Format::Jpeg)?;
+        let bits = matches!(image, OutputImage::Rgb16(..)).then_some(BitDepth::Sixteen);
+        check_bits_of(bits, format)?;
         if format == Format::Exr && !matches!(image, OutputImage::Float(..)) {
-            let what = "OpenEXR holds f32 values, and the picture has 8-bit values";
+            let what = "OpenEXR holds f32 values, and the picture has integers";
             return Err(Error::usage(what, "render with float values, or write a .png file"));
         }
         Ok(converted)
     }
 
-    /// The picture in 8-bit display values; `None` if it is.
+    /// The picture in display values; `None` if it is.
     fn displayed(&self) -> Result<Option<OutputImage>> {
         let OutputImage::Float(film, ..) = &self.image else { return Ok(None) };
-        Ok(Some(match self.alpha() {
-            Some(alpha) => OutputImage::with_alpha(film, &alpha.values, self.pipeline, self.display)?,
-            None => OutputImage::Rgb8(film.developed(self.pipeline, self.display)?, self.pipeline),
-        }))
+        let alpha = self.alpha().map(|alpha| alpha.values.as_slice());
+        OutputImage::displayed(film, alpha, self.pipeline, self.display).map(Some)
     }
 }
 

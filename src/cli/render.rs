@@ -183,8 +183,8 @@ fn render_to(
         return Ok(());
     }
     let is_transparent = resolved.picture.settings.picture.is_transparent();
+    output::check_bits_of(resolved.picture.settings.picture.bits, target.format())?;
     output::check_alpha(is_transparent, ".jpg", target.format() != Format::Jpeg)?;
-    output::check_bits(resolved.picture.settings.picture.bits, target.format())?;
     let has_target = command.accuracy.target().is_some();
     output::check_accuracy_alpha(is_transparent, has_target)?;
     target.check_writable()?;
@@ -198,6 +198,13 @@ fn render_to(
         has_target,
         &mut reporter.warnings,
     );
+    let typed = &command.arguments.settings.picture;
+    output::warn_of_dither(typed, target.format(), &mut reporter.warnings);
+    if typed.same_grain == Some(true)
+        && command.arguments.import.reading.time.is_none_or(|time| time.get() == 0.0)
+    {
+        reporter.warnings.push("--same-grain changes nothing in a picture at time 0");
+    }
     reporter.phase("rendering");
     let Reporter { progress, seconds, warnings, .. } = &mut reporter;
     let control = RenderControl {
@@ -274,8 +281,8 @@ pub(super) fn warn_of_result(
         metadata::set_auto_exposure(&mut job.metadata, ev);
         warnings.note(format!("the exposure is {ev} EV"));
     }
-    if let (OutputImage::Rgb8(film, _), true) = (picture, context.has_physical_lights)
-        && let Some(ev) = job.exposure_for_clipped(film, control)?
+    if context.has_physical_lights
+        && let Some(ev) = job.exposure_for_clipped(picture, control)?
     {
         warnings.push(frames::clipped_warning(ev));
     }

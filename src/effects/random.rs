@@ -8,6 +8,7 @@
 use sobol_burley::parts::{hash, owen_scramble_rev, u32_to_f32_norm};
 
 use super::PathSettings;
+use crate::film::rounding::pcg3d;
 use crate::geometry::Ray;
 use crate::scene::{MAX_SAMPLES, PixelSampler};
 
@@ -64,6 +65,16 @@ impl Dimension {
 
 /// The first dimension of further light samples, beyond those of the longest path.
 const FURTHER_LIGHT_SAMPLES: u32 = 1 << 20;
+
+/// The seed at a time in seconds: `seed` itself at 0, at each other time another one. It depends on every bit of the time,
+/// so frames at different times have independent noise.
+pub fn seed_at(seed: u32, seconds: f64) -> u32 {
+    if seconds == 0.0 {
+        return seed;
+    }
+    let bits = seconds.to_bits();
+    pcg3d([seed, bits as u32, (bits >> 32) as u32])[0]
+}
 
 /// Two numbers from 0 to below 1 for a pixel's sample in a dimension other than [`Dimension::PIXEL`]: [`pair`] or
 /// [`independent_pair`].
@@ -123,19 +134,6 @@ impl Scramble {
         let number = |i: usize| u32_to_f32_norm(owen_scramble_rev(point.0[i], self.0[i]).reverse_bits());
         [number(0), number(1)]
     }
-}
-
-/// The hash `pcg3d` (Jarzynski and Olano, Hash Functions for GPU Rendering, JCGT 9(3), 2020): each input bit flips each output bit
-/// with a probability of about 1/2.
-#[inline(always)]
-fn pcg3d(v: [u32; 3]) -> [u32; 3] {
-    let mixed = |[x, y, z]: [u32; 3]| {
-        let x = x.wrapping_add(y.wrapping_mul(z));
-        let y = y.wrapping_add(z.wrapping_mul(x));
-        [x, y, z.wrapping_add(x.wrapping_mul(y))]
-    };
-    let spread = v.map(|c| c.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
-    mixed(mixed(spread).map(|c| c ^ (c >> 16)))
 }
 
 /// Two numbers from 0 to below 1 for a pixel's sample in a dimension other than 0, which is that of
@@ -257,6 +255,21 @@ mod tests {
             let index_rev = index.reverse_bits();
             let expected = [0, 1].map(|dimension| sobol_burley::parts::sobol_rev(index_rev, dimension));
             assert_eq!(sobol_rev(index_rev | 0x1234), expected);
+        }
+    }
+
+    /// Time 0 keeps the seed. A million frames have 1e12 / 2 / 2^32 = 116 equal pairs of 32-bit seeds, within 5 standard
+    /// deviations of a Poisson distribution; frames after each other never.
+    #[test]
+    fn each_time_has_its_own_seed() {
+        assert_eq!([seed_at(7, 0.0), seed_at(7, -0.0)], [7, 7]);
+        assert_ne!(seed_at(0, 0.5), seed_at(0, f64::from_bits(0.5f64.to_bits() + 1)));
+        for (seed, fps) in [(0, 30.0), (3, 24.0), (u32::MAX, 29.97)] {
+            let seeds: Vec<u32> = (0..1_000_000).map(|frame| seed_at(seed, f64::from(frame) / fps)).collect();
+            assert!(seeds.windows(2).all(|pair| pair[0] != pair[1]));
+            let different: std::collections::HashSet<u32> = seeds.iter().copied().collect();
+            let equal = (seeds.len() - different.len()) as f64;
+            assert!((equal - 116.4).abs() < 5.0 * 116.4f64.sqrt(), "{equal}");
         }
     }
 

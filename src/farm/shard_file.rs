@@ -15,9 +15,10 @@ use crate::error::{Error, Result};
 use crate::files;
 use crate::files::write_whole;
 use crate::film::check::{FileState, PictureIdentity};
+use crate::film::rounding::Rounding;
 use crate::film::tone::{Exposure, ToneMap};
 use crate::film::write::{ALPHA, Channel, FINGERPRINT, Format, Metadata, OutputImage, encode};
-use crate::film::{ColourPipeline, DisplayTransform, ExrAttributes, Film, Pixel, TILE, Window};
+use crate::film::{ColourPipeline, DisplayTransform, ExrAttributes, Film, TILE, Window};
 use crate::limits;
 
 const FIRST_LINE: &[u8] = b"kiln shard 1\n";
@@ -34,6 +35,9 @@ struct Header {
     /// Exposure in EV, as text because JSON numbers are not read back to the bit; and the tone map.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     display: Option<(String, ToneMap)>,
+    /// How display values are rounded, unless it is the default.
+    #[serde(default, skip_serializing_if = "is_default")]
+    rounding: Rounding,
     channels: Vec<String>,
     metadata: Vec<(String, String)>,
     attributes: ExrAttributes,
@@ -42,10 +46,12 @@ struct Header {
 impl Header {
     /// The display transform. An error if there is none of these values.
     fn display(&self) -> std::result::Result<DisplayTransform, String> {
-        let Some((exposure, map)) = &self.display else { return Ok(DisplayTransform::default()) };
+        let Some((exposure, map)) = &self.display else {
+            return Ok(DisplayTransform::default().rounded(self.rounding));
+        };
         match exposure.parse() {
             Ok(Exposure::Ev(ev)) if self.pipeline == ColourPipeline::Linear.name() => {
-                Ok(DisplayTransform::new(ev, *map))
+                Ok(DisplayTransform::new(ev, *map).rounded(self.rounding))
             }
             _ => Err("has an unknown exposure".into()),
         }
@@ -54,6 +60,10 @@ impl Header {
     fn fingerprint(&self) -> Option<&str> {
         self.metadata.iter().find(|(key, _)| key == FINGERPRINT).map(|(_, value)| value.as_str())
     }
+}
+
+fn is_default(rounding: &Rounding) -> bool {
+    *rounding == Rounding::default()
 }
 
 /// File name of a shard of the picture `output`: `still.2of7.shard` beside `still.png`.
@@ -80,6 +90,7 @@ pub fn write_shard(
         window: [window.x, window.y, window.width, window.height],
         pipeline: pipeline.name().into(),
         display: (!display.is_identity()).then(|| (display.ev().to_string(), display.tone_map())),
+        rounding: display.rounding(),
         channels: channels.iter().map(|channel| channel.name.clone()).collect(),
         metadata: metadata.to_vec(),
         attributes: attributes.clone(),
@@ -241,13 +252,13 @@ pub fn join(files: &[PathBuf], format: Format) -> Result<Joined> {
 const MAX_NAMED: usize = 20;
 
 /// Maximum bytes per pixel while shards are joined and the picture is encoded: film and channels, and the buffers of the
-/// encoder ([`crate::film::write::bytes_per_pixel`]), or for 8-bit formats the rows in f32 and three buffers of bytes.
+/// encoder ([`crate::film::write::bytes_per_pixel`]), or for other formats the rows in f32 and three buffers of integers.
 fn bytes_per_pixel(format: Format, channels: u64) -> u64 {
     let kept = 4 * (3 + channels);
     kept + if format == Format::Exr {
         crate::film::write::bytes_per_pixel(format, channels)
     } else {
-        12 + 3 + 3 + 3
+        12 + 2 * (3 + 3 + 3)
     }
 }
 
@@ -377,7 +388,7 @@ impl ShardMerger {
                     "name a file that ends in .png or .exr",
                 ));
             }
-            let picture = OutputImage::with_alpha(&self.film, values, self.pipeline, self.display)?;
+            let picture = OutputImage::displayed(&self.film, Some(values), self.pipeline, self.display)?;
             return Ok((picture, metadata));
         }
         if !self.channels.is_empty() {
@@ -386,9 +397,6 @@ impl ShardMerger {
                 "name a file that ends in .exr",
             ));
         }
-        let rows: Vec<[f32; 3]> = self.film.rows().collect();
-        let mut bytes = vec![[0; 3]; rows.len()];
-        Pixel::develop(&rows, self.pipeline, self.display, &mut bytes);
-        Ok((OutputImage::Rgb8(Film::from_rows(self.window, &bytes)?, self.pipeline), metadata))
+        Ok((OutputImage::displayed(&self.film, None, self.pipeline, self.display)?, metadata))
     }
 }

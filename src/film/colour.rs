@@ -9,6 +9,8 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::rounding::{Level, quantise};
+
 /// Encoding in which light is summed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -56,7 +58,7 @@ impl ColourPipeline {
     #[inline]
     pub fn clamp(self, c: DVec3) -> DVec3 {
         match self {
-            ColourPipeline::U8 => per_channel(c, |x| f64::from(quantise(x)) / 255.0),
+            ColourPipeline::U8 => per_channel(c, |x| f64::from(quantise::<u8>(x)) / 255.0),
             ColourPipeline::Display => per_channel(c, |x| x.clamp(0.0, 1.0)),
             ColourPipeline::Linear => per_channel(c, |x| x.clamp(f32::MIN.into(), f32::MAX.into())),
         }
@@ -90,24 +92,14 @@ impl ColourPipeline {
         [self.encode_channel(r), self.encode_channel(g), self.encode_channel(b)]
     }
 
-    /// The 8-bit display value of one channel of a film value.
+    /// The display value of one channel of a film value.
     #[inline(always)]
-    pub fn encode_channel(self, c: f32) -> u8 {
+    pub fn encode_channel<L: Level>(self, c: f32) -> L {
         match self {
             ColourPipeline::Linear => quantise(srgb_encode(f64::from(c))),
             ColourPipeline::Display | ColourPipeline::U8 => quantise(f64::from(c)),
         }
     }
-}
-
-/// Clamps to 0..1 and rounds to 8 bits, halves upwards. NaN becomes 0.
-#[inline(always)]
-pub fn quantise(x: f64) -> u8 {
-    let y = x * 255.0 + 0.5;
-    // With these comparisons the truncating cast vectorises to one instruction.
-    let above = if y > 0.0 { y } else { 0.0 };
-    let held = if above < 255.0 { above } else { 255.0 };
-    held as i32 as u8
 }
 
 /// The sRGB transfer function, display value to linear light (IEC 61966-2-1), extended to negative `x` as an odd
@@ -141,16 +133,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quantising_rounds_halves_up_and_clamps() {
-        // 127.5 is exactly between 127 and 128.
-        assert_eq!(quantise(127.5 / 255.0), 128);
-        assert_eq!(quantise(127.4 / 255.0), 127);
-        assert_eq!(quantise(-3.0), 0);
-        assert_eq!(quantise(7.0), 255);
-        assert_eq!(quantise(f64::NAN), 0);
-    }
-
-    #[test]
     fn mix_light_clamps_to_what_a_display_shows() {
         // 200 * 4 = 800: `display` and `u8` stop at 255 / 255, `linear` keeps 800 / 255.
         let colour = DVec3::splat(200.0 / 255.0);
@@ -181,7 +163,7 @@ mod tests {
             let linear = Colour::from_u8([value; 3]).to_pipeline(ColourPipeline::Linear);
             assert_eq!(ColourPipeline::Linear.encode([linear.x as f32; 3]), [value; 3]);
             let display = Colour::Linear(linear).to_pipeline(ColourPipeline::Display);
-            assert_eq!(quantise(display.x), value);
+            assert_eq!(quantise::<u8>(display.x), value);
         }
     }
 

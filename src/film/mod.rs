@@ -23,6 +23,7 @@ mod exr_attributes;
 mod pages;
 mod radiance;
 pub mod read;
+pub mod rounding;
 pub mod tone;
 pub mod write;
 
@@ -31,8 +32,10 @@ pub use exr_attributes::{ExrAttributes, Matrix};
 pub use filter::{FilterShape, ReconstructionFilter};
 pub use tone::{DisplaySettings, DisplayTransform};
 
+use glam::DVec3;
 use pages::Pages;
 use rayon::prelude::*;
+use rounding::{Level, bits_of_pixel, dither};
 
 use crate::error::{Error, Result};
 use crate::limits::{self, Bytes, Excess};
@@ -58,6 +61,12 @@ impl Window {
     pub fn area(&self) -> usize {
         self.width as usize * self.height as usize
     }
+
+    /// Column and row in the whole picture of the pixel of this index, row by row.
+    #[inline(always)]
+    fn place(&self, index: u32) -> [u32; 2] {
+        [self.x + index % self.width, self.y + index / self.width]
+    }
 }
 
 /// Pixel format of a film.
@@ -71,10 +80,11 @@ pub trait Pixel: bytemuck::Pod + Send + Sync {
     /// Sets the alpha channel, if there is one, to the part of each pixel that surfaces cover.
     fn set_alpha(_pixels: &mut [Self], _coverage: &[f32]) {}
 
-    /// Converts colours in the encoding of `pipeline` to pixels; both slices have the same length. Display values are
-    /// those after `display`.
+    /// Converts colours in the encoding of `pipeline` to pixels; both slices have the same length, and are the pixels of
+    /// `window` of the whole picture, row by row. Display values are those after `display`.
     fn develop(
         colours: &[[f32; 3]],
+        window: Window,
         pipeline: ColourPipeline,
         display: DisplayTransform,
         pixels: &mut [Self],
@@ -86,7 +96,7 @@ impl Pixel for [f32; 3] {
     const IS_DISPLAYED: bool = false;
 
     #[inline(always)]
-    fn develop(colours: &[[f32; 3]], _: ColourPipeline, _: DisplayTransform, pixels: &mut [Self]) {
+    fn develop(colours: &[[f32; 3]], _: Window, _: ColourPipeline, _: DisplayTransform, pixels: &mut [Self]) {
         pixels.copy_from_slice(colours);
     }
 }
@@ -100,22 +110,31 @@ impl Pixel for [f32; 4] {
         pixels.iter_mut().zip(coverage).for_each(|(pixel, &alpha)| pixel[3] = alpha);
     }
 
-    fn develop(colours: &[[f32; 3]], _: ColourPipeline, _: DisplayTransform, pixels: &mut [Self]) {
+    fn develop(colours: &[[f32; 3]], _: Window, _: ColourPipeline, _: DisplayTransform, pixels: &mut [Self]) {
         pixels.iter_mut().zip(colours).for_each(|(pixel, &[r, g, b])| *pixel = [r, g, b, pixel[3]]);
     }
 }
 
-/// 8-bit display values, in a quarter of the memory; sufficient for 8-bit image files.
-impl Pixel for [u8; 3] {
+/// Display values of 8 or 16 bits, in a quarter or half of the memory; sufficient for image files of as many bits.
+impl<L: Level> Pixel for [L; 3] {
     const IS_DISPLAYED: bool = true;
 
     #[inline(always)]
     fn develop(
         colours: &[[f32; 3]],
+        window: Window,
         pipeline: ColourPipeline,
         display: DisplayTransform,
         pixels: &mut [Self],
     ) {
+        if display.rounding().is_dithered {
+            for ((i, pixel), &colour) in (0..).zip(pixels).zip(colours) {
+                let bits = bits_of_pixel(window.place(i));
+                let shown = display.displayed(pipeline, DVec3::from(colour.map(f64::from))).to_array();
+                *pixel = std::array::from_fn(|channel| dither(shown[channel], bits[channel]));
+            }
+            return;
+        }
         if !display.is_identity() {
             let pairs = pixels.iter_mut().zip(colours);
             return pairs.for_each(|(pixel, &colour)| *pixel = display.encode_mapped(colour));
@@ -244,11 +263,16 @@ impl Film {
         pipeline: ColourPipeline,
         display: DisplayTransform,
     ) -> Result<Film<P>> {
-        const CHUNK: usize = 1 << 12;
         let mut film = Film::new(self.window)?;
-        let pixels = film.pixels.as_mut_slice().par_chunks_mut(CHUNK);
-        let chunks = pixels.zip(self.stored().par_chunks(CHUNK));
-        chunks.for_each(|(pixels, colours)| P::develop(colours, pipeline, display, pixels));
+        let mut rest = self.stored();
+        let tiles = film.tiles_mut().into_iter().map(|tile| {
+            let colours = rest.split_off(..tile.pixels.len()).expect("tiles cover the film once");
+            (tile, colours)
+        });
+        let tiles: Vec<_> = tiles.collect();
+        tiles.into_par_iter().for_each(|(tile, colours)| {
+            P::develop(colours, tile.window, pipeline, display, tile.pixels);
+        });
         Ok(film)
     }
 
@@ -289,9 +313,9 @@ impl Film<[f32; 4]> {
     }
 }
 
-impl Film<[u8; 3]> {
-    /// The picture in 8-bit display values, three per pixel, row by row from the top.
-    pub fn bytes(&self) -> Vec<u8> {
+impl<L: Level> Film<[L; 3]> {
+    /// The picture in display values, three per pixel, row by row from the top.
+    pub fn bytes(&self) -> Vec<L> {
         let mut bytes = Vec::with_capacity(self.window.area() * 3);
         for y in 0..self.window.height {
             self.row(y).for_each(|part| bytes.extend_from_slice(part.as_flattened()));
@@ -351,7 +375,7 @@ mod tests {
             (Film::new(window).unwrap(), Film::new(window).unwrap());
         for (a, b) in floats.tiles_mut().into_iter().zip(bytes.tiles_mut()) {
             (0..).zip(a.pixels.iter_mut()).for_each(|(i, pixel)| *pixel = colour(i, i / 2));
-            Pixel::develop(a.pixels, ColourPipeline::Linear, DisplayTransform::default(), b.pixels);
+            Pixel::develop(a.pixels, b.window, ColourPipeline::Linear, DisplayTransform::default(), b.pixels);
         }
         assert_eq!(floats.to_rgb8(ColourPipeline::Linear), bytes.bytes());
         let display = DisplayTransform::new(-1.0, tone::ToneMap::Agx);

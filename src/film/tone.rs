@@ -1,5 +1,5 @@
 //! Display transform: exposure and tone map, which take linear light to the displayed range before the sRGB transfer
-//! function and the rounding to 8 bits. Films of floating-point pixels, and so OpenEXR, are unaffected.
+//! function, and the rounding to integers. Films of floating-point pixels, and so OpenEXR, are unaffected.
 
 mod curves;
 mod meter;
@@ -12,7 +12,8 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::ColourPipeline;
-use super::colour::{quantise, srgb_encode};
+use super::colour::srgb_encode;
+use super::rounding::{Level, Rounding, quantise};
 
 /// Tone map: a curve from scene-linear light (Rec. 709 primaries) to displayed linear light, 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
@@ -31,19 +32,21 @@ pub enum ToneMap {
 
 names!(ToneMap { None = "none", PbrNeutral = "pbr-neutral", Agx = "agx", Filmic = "filmic" });
 
-/// Exposure and tone map with all values known. The default changes nothing. Others are for the linear pipeline only.
+/// Exposure and tone map with all values known, and how display values are rounded. The default changes no value. Other
+/// exposures and tone maps are for the linear pipeline only.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DisplayTransform {
     ev: f64,
     /// 2^EV.
     scale: f64,
     tone_map: ToneMap,
+    rounding: Rounding,
 }
 
 impl Default for DisplayTransform {
     #[inline(always)]
     fn default() -> Self {
-        DisplayTransform { ev: 0.0, scale: 1.0, tone_map: ToneMap::None }
+        DisplayTransform { ev: 0.0, scale: 1.0, tone_map: ToneMap::None, rounding: Rounding::default() }
     }
 }
 
@@ -56,7 +59,18 @@ const MAX_LIGHT: f64 = 1e100;
 impl DisplayTransform {
     /// The transform for an exposure in EV, at most [`MAX_EXPOSURE`] of either sign.
     pub fn new(ev: f64, tone_map: ToneMap) -> Self {
-        DisplayTransform { ev, scale: ev.exp2(), tone_map }
+        DisplayTransform { ev, scale: ev.exp2(), tone_map, rounding: Rounding::default() }
+    }
+
+    /// The same transform with another rounding.
+    pub fn rounded(self, rounding: Rounding) -> Self {
+        DisplayTransform { rounding, ..self }
+    }
+
+    /// How display values are rounded.
+    #[inline(always)]
+    pub fn rounding(self) -> Rounding {
+        self.rounding
     }
 
     /// The tone map.
@@ -74,7 +88,7 @@ impl DisplayTransform {
         self.scale.recip()
     }
 
-    /// Whether it changes nothing.
+    /// Whether it changes no value before rounding.
     #[inline(always)]
     pub fn is_identity(self) -> bool {
         self.scale == 1.0 && self.tone_map == ToneMap::None
@@ -149,14 +163,14 @@ impl DisplayTransform {
         DVec3::from(colour.to_array().map(|c| pipeline.displayed(c)))
     }
 
-    /// The 8-bit display values of a film value.
+    /// The 8-bit display values of a film value, rounded to the nearest.
     #[inline(always)]
     pub fn encode(self, pipeline: ColourPipeline, colour: [f32; 3]) -> [u8; 3] {
         if self.is_identity() { pipeline.encode(colour) } else { self.encode_mapped(colour) }
     }
 
     /// [`DisplayTransform::encode`] in the linear pipeline.
-    pub(super) fn encode_mapped(self, colour: [f32; 3]) -> [u8; 3] {
+    pub(super) fn encode_mapped<L: Level>(self, colour: [f32; 3]) -> [L; 3] {
         self.apply(DVec3::from(colour.map(f64::from))).to_array().map(|c| quantise(srgb_encode(c)))
     }
 }
@@ -208,7 +222,7 @@ mod tests {
 
     #[test]
     fn without_exposure_and_tone_map_values_are_those_of_the_pipeline() {
-        let identity = DisplaySettings { exposure: Some(Exposure::Ev(0.0)), tone_map: Some(ToneMap::None) };
+        let identity = DisplaySettings::OFF;
         assert!(identity.is_identity() && identity.transform(9.0).is_identity());
         for value in [-1.0, 0.0, 0.2, 0.7, 4.0, f32::NAN, f32::INFINITY] {
             for pipeline in [ColourPipeline::Display, ColourPipeline::Linear] {

@@ -5,14 +5,15 @@ use std::path::Path;
 
 use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, WritableImage, f16};
 
-use super::{ColourPipeline, DisplayTransform, ExrAttributes, Film, Pixel};
+use super::rounding::{Level, Rounding, bits_of_alpha, dither, quantise};
+use super::{ColourPipeline, DisplayTransform, ExrAttributes, Film, Window};
 use crate::error::{Error, Result};
 use crate::files::write_whole;
 
 /// The image formats that can be written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// 8 bits per channel, lossless, metadata in text chunks.
+    /// 8 or 16 bits per channel, lossless, metadata in text chunks.
     Png,
     /// 8 bits per channel, quality 95.
     Jpeg,
@@ -64,33 +65,66 @@ pub enum OutputImage {
     Rgb8(Film<[u8; 3]>, ColourPipeline),
     /// The same with alpha, row by row from the top, for PNG. Colours are not multiplied by it.
     Rgba8(Film<[u8; 3]>, Vec<u8>, ColourPipeline),
+    /// 16-bit display values for PNG.
+    Rgb16(Film<[u16; 3]>, ColourPipeline),
+    /// The same with alpha.
+    Rgba16(Film<[u16; 3]>, Vec<u16>, ColourPipeline),
     /// Floating-point values for OpenEXR, further channels, and what the file states of them.
     Float(Film, Vec<Channel>, ExrAttributes),
 }
 
 impl OutputImage {
-    /// The display values of a picture on a black background with alpha, row by row from the top, by which its colours
-    /// are divided. `display` is called with these.
+    /// The display values of a picture, rounded as `display` says, on the current rayon pool. With alpha, row by row from
+    /// the top, the picture is on a black background, and its colours are divided by alpha before they are displayed.
     ///
     /// # Errors
     /// As those of [`Film::new`].
-    pub fn with_alpha(
+    pub fn displayed(
         film: &Film,
-        alpha: &[f32],
+        alpha: Option<&[f32]>,
         pipeline: ColourPipeline,
         display: DisplayTransform,
     ) -> Result<Self> {
-        let straight = |(pixel, &alpha): ([f32; 3], &f32)| match alpha > 0.0 {
-            true if DisplayTransform::is_kept(pixel) => pixel,
-            true => pixel.map(|channel| channel / alpha),
-            false => [0.0; 3],
-        };
-        let pixels: Vec<[f32; 3]> = film.rows().zip(alpha).map(straight).collect();
-        let mut bytes = vec![[0; 3]; pixels.len()];
-        Pixel::develop(&pixels, pipeline, display, &mut bytes);
-        let alpha = alpha.iter().map(|alpha| (alpha * 255.0).round() as u8).collect();
-        Ok(OutputImage::Rgba8(Film::from_rows(film.window(), &bytes)?, alpha, pipeline))
+        Ok(match (alpha, display.rounding().is_16_bit) {
+            (None, false) => OutputImage::Rgb8(film.developed(pipeline, display)?, pipeline),
+            (None, true) => OutputImage::Rgb16(film.developed(pipeline, display)?, pipeline),
+            (Some(alpha), false) => {
+                let (colours, alpha) = unassociated(film, alpha, pipeline, display)?;
+                OutputImage::Rgba8(colours, alpha, pipeline)
+            }
+            (Some(alpha), true) => {
+                let (colours, alpha) = unassociated(film, alpha, pipeline, display)?;
+                OutputImage::Rgba16(colours, alpha, pipeline)
+            }
+        })
     }
+
+    /// Whether the picture has an alpha channel beside display values.
+    pub fn is_rgba(&self) -> bool {
+        matches!(self, OutputImage::Rgba8(..) | OutputImage::Rgba16(..))
+    }
+}
+
+/// Display values of the colours of a picture divided by alpha, and of alpha.
+fn unassociated<L: Level>(
+    film: &Film,
+    alpha: &[f32],
+    pipeline: ColourPipeline,
+    display: DisplayTransform,
+) -> Result<(Film<[L; 3]>, Vec<L>)> {
+    let straight = |(pixel, &alpha): ([f32; 3], &f32)| match alpha > 0.0 {
+        true if DisplayTransform::is_kept(pixel) => pixel,
+        true => pixel.map(|channel| channel / alpha),
+        false => [0.0; 3],
+    };
+    let window = film.window();
+    let pixels: Vec<[f32; 3]> = film.rows().zip(alpha).map(straight).collect();
+    let colours = Film::from_rows(window, &pixels)?.developed(pipeline, display)?;
+    let rounded = |(index, &alpha): (u32, &f32)| match display.rounding().is_dithered {
+        true => dither(alpha.into(), bits_of_alpha(window.place(index))),
+        false => quantise(alpha.into()),
+    };
+    Ok((colours, (0..).zip(alpha).map(rounded).collect()))
 }
 
 /// The name of the alpha channel.
@@ -115,7 +149,7 @@ pub fn write_picture(picture: &OutputImage, metadata: &Metadata, format: Format,
     write_whole(file, |out| encode(picture, metadata, format, out))
 }
 
-/// Encodes a picture to a stream: floating point as OpenEXR, 8 bits as PNG or JPEG, and with alpha as PNG.
+/// Encodes a picture to a stream: floating point as OpenEXR, 8 bits as PNG or JPEG, 16 bits or alpha as PNG.
 ///
 /// # Errors
 /// Errors of the stream; [`std::io::ErrorKind::InvalidInput`] for a picture that the format cannot hold.
@@ -128,22 +162,20 @@ pub fn encode(
     let unfit = |what: &str| Err(std::io::Error::new(std::io::ErrorKind::InvalidInput, what));
     match (picture, format) {
         (OutputImage::Rgb8(film, _), Format::Jpeg) => write_jpeg(film, out),
-        (OutputImage::Rgb8(film, pipeline), Format::Png) => write_png(film, None, *pipeline, metadata, out),
-        (OutputImage::Rgba8(film, alpha, pipeline), Format::Png) => {
-            write_png(film, Some(alpha), *pipeline, metadata, out)
-        }
         (OutputImage::Float(film, more, attributes), Format::Exr) => {
             write_exr(film, more, attributes, metadata, out)
         }
-        (OutputImage::Rgba8(..), Format::Jpeg) => {
+        (OutputImage::Float(..), Format::Png | Format::Jpeg) => {
+            unfit("a picture in floating point, and the format has integers; write .exr, or render 8 bits")
+        }
+        (_, Format::Png) => write_png(picture, metadata, out),
+        (OutputImage::Rgb16(..), Format::Jpeg) => unfit("JPEG has 8 bits per channel; write .png, or 8 bits"),
+        (OutputImage::Rgba8(..) | OutputImage::Rgba16(..), Format::Jpeg) => {
             unfit("JPEG has no alpha channel for a transparent background; write .png or .exr")
         }
-        (OutputImage::Rgb8(..) | OutputImage::Rgba8(..), Format::Exr) => {
-            unfit("a picture of 8 bits, and OpenEXR has floating point; write .png, or render floating point")
-        }
-        (OutputImage::Float(..), Format::Png | Format::Jpeg) => {
-            unfit("a picture in floating point, and the format has 8 bits; write .exr, or render 8 bits")
-        }
+        (_, Format::Exr) => unfit(
+            "a picture of integers, and OpenEXR has floating point; write .png, or render floating point",
+        ),
     }
 }
 
@@ -160,40 +192,101 @@ pub fn bytes_per_pixel(format: Format, channels: u64) -> u64 {
     }
 }
 
-fn write_png(
-    film: &Film<[u8; 3]>,
-    alpha: Option<&Vec<u8>>,
-    pipeline: ColourPipeline,
-    metadata: &Metadata,
-    out: impl Write,
-) -> std::io::Result<()> {
-    let window = film.window();
-    let mut encoder = png::Encoder::new(out, window.width, window.height);
-    encoder.set_color(if alpha.is_some() { png::ColorType::Rgba } else { png::ColorType::Rgb });
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_compression(png::Compression::Fast);
-    if pipeline == ColourPipeline::Linear {
-        encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
+/// How PNG stores a picture: its type of colour, its bits, and whether it is sRGB.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PngForm {
+    has_alpha: bool,
+    is_16_bit: bool,
+    is_srgb: bool,
+}
+
+impl PngForm {
+    /// The form of a picture of display values from a pipeline.
+    pub fn new(has_alpha: bool, rounding: Rounding, pipeline: ColourPipeline) -> Self {
+        PngForm { has_alpha, is_16_bit: rounding.is_16_bit, is_srgb: pipeline == ColourPipeline::Linear }
     }
+
+    /// An encoder of pictures of `size`.
+    pub(crate) fn encoder<'a, W: Write>(self, out: W, [width, height]: [u32; 2]) -> png::Encoder<'a, W> {
+        let mut encoder = png::Encoder::new(out, width, height);
+        encoder.set_color(if self.has_alpha { png::ColorType::Rgba } else { png::ColorType::Rgb });
+        encoder.set_depth(if self.is_16_bit { png::BitDepth::Sixteen } else { png::BitDepth::Eight });
+        encoder.set_compression(png::Compression::Fast);
+        if self.is_srgb {
+            encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
+        }
+        encoder
+    }
+}
+
+impl OutputImage {
+    /// Size, and the form in PNG; `None` for floating-point pictures.
+    pub(crate) fn png_form(&self) -> Option<([u32; 2], PngForm)> {
+        let form = |window: Window, has_alpha, is_16_bit, pipeline: &ColourPipeline| {
+            let rounding = Rounding { is_16_bit, is_dithered: false };
+            Some(([window.width, window.height], PngForm::new(has_alpha, rounding, *pipeline)))
+        };
+        match self {
+            OutputImage::Rgb8(film, pipeline) => form(film.window(), false, false, pipeline),
+            OutputImage::Rgba8(film, _, pipeline) => form(film.window(), true, false, pipeline),
+            OutputImage::Rgb16(film, pipeline) => form(film.window(), false, true, pipeline),
+            OutputImage::Rgba16(film, _, pipeline) => form(film.window(), true, true, pipeline),
+            OutputImage::Float(..) => None,
+        }
+    }
+
+    /// Calls `write` with the bytes of each row as in PNG, from the top: red, green, blue and, if there is one, alpha of
+    /// each pixel, 16 bits with the high byte first. A picture in floating point has no rows.
+    ///
+    /// # Errors
+    /// Those of `write`.
+    pub(crate) fn png_rows(&self, write: impl FnMut(&[u8]) -> std::io::Result<()>) -> std::io::Result<()> {
+        match self {
+            OutputImage::Rgb8(film, _) => png_rows(film, None, |c| [c], write),
+            OutputImage::Rgba8(film, alpha, _) => png_rows(film, Some(alpha), |c| [c], write),
+            OutputImage::Rgb16(film, _) => png_rows(film, None, u16::to_be_bytes, write),
+            OutputImage::Rgba16(film, alpha, _) => png_rows(film, Some(alpha), u16::to_be_bytes, write),
+            OutputImage::Float(..) => Ok(()),
+        }
+    }
+}
+
+fn png_rows<L: Level, const BYTES: usize>(
+    film: &Film<[L; 3]>,
+    alpha: Option<&[L]>,
+    to_bytes: impl Fn(L) -> [u8; BYTES],
+    mut write: impl FnMut(&[u8]) -> std::io::Result<()>,
+) -> std::io::Result<()> {
+    let Window { width, height, .. } = film.window();
+    let mut row = Vec::with_capacity(width as usize * 4 * BYTES);
+    for y in 0..height {
+        row.clear();
+        let pixels = film.row(y).flatten();
+        match alpha {
+            None => pixels.for_each(|pixel| row.extend(pixel.iter().flat_map(|&c| to_bytes(c)))),
+            Some(alpha) => {
+                let alpha = &alpha[y as usize * width as usize..];
+                for (pixel, &alpha) in pixels.zip(alpha) {
+                    row.extend(pixel.iter().chain([&alpha]).flat_map(|&c| to_bytes(c)));
+                }
+            }
+        }
+        write(&row)?;
+    }
+    Ok(())
+}
+
+/// Writes a picture of display values.
+fn write_png(picture: &OutputImage, metadata: &Metadata, out: &mut dyn Write) -> std::io::Result<()> {
+    let Some((size, form)) = picture.png_form() else { return Ok(()) };
+    let mut encoder = form.encoder(out, size);
     for (key, value) in metadata {
         encoder.add_itxt_chunk(key.clone(), value.clone())?;
     }
     let mut writer = encoder.write_header()?;
     // Encoding row by row avoids a copy of the picture.
     let mut rows = writer.stream_writer()?;
-    let mut row = Vec::with_capacity(window.width as usize * 4);
-    for y in 0..window.height {
-        row.clear();
-        match alpha.map(|alpha| alpha.chunks(window.width as usize)) {
-            None => film.row(y).for_each(|part| row.extend_from_slice(part.as_flattened())),
-            Some(mut alpha) => {
-                let alpha = alpha.nth(y as usize).unwrap_or_default();
-                let pixels = film.row(y).flatten().zip(alpha);
-                pixels.for_each(|([r, g, b], alpha)| row.extend([*r, *g, *b, *alpha]));
-            }
-        }
-        rows.write_all(&row)?;
-    }
+    picture.png_rows(|row| rows.write_all(row))?;
     rows.finish()?;
     writer.finish()?;
     Ok(())
@@ -279,12 +372,15 @@ mod tests {
     /// The format of the bytes is always that of the file name.
     #[test]
     fn formats_that_cannot_hold_a_picture_are_errors() {
-        let window = crate::film::Window { x: 0, y: 0, width: 1, height: 1 };
+        let window = Window { x: 0, y: 0, width: 1, height: 1 };
+        let wide = || Film::from_rows(window, &[[0; 3]]).unwrap();
         let bytes = || Film::from_rows(window, &[[0; 3]]).unwrap();
         let linear = ColourPipeline::Linear;
         let pictures = [
             OutputImage::Rgb8(bytes(), linear),
             OutputImage::Rgba8(bytes(), vec![0], linear),
+            OutputImage::Rgb16(wide(), linear),
+            OutputImage::Rgba16(wide(), vec![0], linear),
             OutputImage::Float(
                 Film::from_rows(window, &[[0.0; 3]]).unwrap(),
                 Vec::new(),
@@ -299,7 +395,8 @@ mod tests {
                 made.is_ok()
             })
         });
-        assert_eq!(held, [[true, true, false], [true, false, false], [false, false, true]]);
+        let png = [true, false, false];
+        assert_eq!(held, [[true, true, false], png, png, png, [false, false, true]]);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use crate::film::Window;
 use crate::film::write::{CROP, FINGERPRINT};
+use crate::scene::animation::Moment;
 use crate::scene::{Camera, DefaultLook, Fingerprint, Light, OptionValue, PictureSettings, Scene};
 use crate::world::Recentering;
 
@@ -66,6 +67,11 @@ pub fn metadata(
     fingerprint.value("range", &recentering.map(|recentering| (recentering.middle, recentering.scale)));
     fingerprint.value("camera", &(camera, (x, y, width, height)));
     fingerprint.value("effects", &(with, without));
+    // Frames have their number.
+    let Moment { seconds, .. } = Moment::of_still(scene);
+    if seconds != 0.0 {
+        fingerprint.value("grain", &seconds);
+    }
     metadata.push((FINGERPRINT.to_owned(), fingerprint.finish()));
     if !aovs.is_empty() {
         // Their order does not change the file.

@@ -8,7 +8,8 @@ use super::{RenderControl, RenderJob, RenderSettings, default_look, metadata};
 use crate::effects::Plan;
 use crate::error::Result;
 use crate::film::tone::{Exposure, auto_exposure, clipped_share, mean_exposure, white_exposure};
-use crate::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, FilterShape};
+use crate::film::write::OutputImage;
+use crate::film::{ColourPipeline, DisplaySettings, DisplayTransform, FilterShape};
 use crate::render::aov::{self, AovSelection};
 use crate::scene::{Camera, Clamp, DefaultLook, Look, PictureSettings, Sampling, Scene};
 
@@ -137,12 +138,21 @@ impl RenderJob {
     ///
     /// # Errors
     /// As [`RenderJob::render`].
-    pub fn exposure_for_clipped(&self, film: &Film<[u8; 3]>, control: &RenderControl) -> Result<Option<f64>> {
-        let DisplaySettings { exposure, tone_map } = self.settings.picture.display();
+    pub fn exposure_for_clipped(
+        &self,
+        picture: &OutputImage,
+        control: &RenderControl,
+    ) -> Result<Option<f64>> {
+        let clipped = match picture {
+            OutputImage::Rgb8(film, _) => clipped_share(film),
+            OutputImage::Rgb16(film, _) => clipped_share(film),
+            _ => return Ok(None),
+        };
+        let DisplaySettings { exposure, tone_map, .. } = self.settings.picture.display();
         if exposure.is_some()
             || tone_map.is_some()
             || self.pipeline() != ColourPipeline::Linear
-            || clipped_share(film) <= 0.5
+            || clipped <= 0.5
         {
             return Ok(None);
         }

@@ -64,6 +64,7 @@ use crate::effects::Plan;
 use crate::effects::tile::RenderContext;
 use crate::error::{Result, Warnings};
 use crate::farm::Shard;
+use crate::film::write::OutputImage;
 use crate::film::{ColourPipeline, DisplaySettings, Film, Pixel, Window};
 use crate::render::aov::AovSource;
 use crate::render::render_displayed;
@@ -217,6 +218,28 @@ impl RenderJob {
         control: &RenderControl,
     ) -> Result<(Film<P>, Statistics)> {
         self.render_as(true, is_selected, control)
+    }
+
+    /// Renders the picture in display values, as image files of integers hold it: of 8 or 16 bits, with or without alpha.
+    ///
+    /// # Errors
+    /// As [`RenderJob::render`].
+    pub fn render_image(&self, control: &RenderControl) -> Result<(OutputImage, Statistics)> {
+        let (pipeline, is_selected) =
+            (self.pipeline(), |place: usize, _: Window| self.settings.shard.has(place));
+        if self.is_transparent() {
+            let (film, statistics) = self.render_to_develop::<[f32; 4]>(is_selected, control)?;
+            let (film, alpha) = film.split_alpha()?;
+            let display = self.display_transform(control)?;
+            return Ok((OutputImage::displayed(&film, Some(&alpha), pipeline, display)?, statistics));
+        }
+        if self.display().rounding.is_16_bit {
+            let (film, statistics) = self.render_to_develop(is_selected, control)?;
+            let display = self.display_transform(control)?;
+            return Ok((OutputImage::displayed(&film, None, pipeline, display)?, statistics));
+        }
+        let (film, statistics) = self.render(control)?;
+        Ok((OutputImage::Rgb8(film, pipeline), statistics))
     }
 
     fn render_as<P: Pixel>(

@@ -8,9 +8,11 @@ use std::sync::Arc;
 
 use super::{RenderJob, ResolvedPicture};
 use crate::bvh::Layout;
+use crate::effects::random::seed_at;
 use crate::error::Result;
 use crate::film::ColourPipeline;
 use crate::import;
+use crate::scene::animation::Moment;
 use crate::scene::{AddedLight, Animation, Camera, DefaultLook, Numerics, Scene};
 use crate::world::{Recentering, World, recenter};
 
@@ -48,6 +50,8 @@ pub struct SceneAtTime {
     /// How the scene was recentered.
     pub recentering: Option<Recentering>,
     light: Option<AddedLight>,
+    /// The time in seconds, which the random numbers of pictures depend on.
+    seconds: f64,
 }
 
 impl PreparedScene {
@@ -89,22 +93,21 @@ impl PreparedScene {
         self.recentering
     }
 
-    /// The scene at a time, 0 being the beginning and 1 the end of its animation.
+    /// The scene at a moment of its animation.
     ///
     /// # Errors
     /// [`crate::error::Error::Input`] where a track takes a property out of its range.
-    pub fn at(&self, time: f64) -> Result<SceneAtTime> {
+    pub fn at(&self, moment: Moment) -> Result<SceneAtTime> {
         let PreparedScene { world, recentering, light, .. } = self;
-        let (light, recentering) = (*light, *recentering);
+        let (light, recentering, seconds) = (*light, *recentering, moment.seconds);
         let Some(MovingScene { scene, look, structure }) = &self.moving else {
             let (world, cameras) = (Arc::clone(world), self.cameras.clone());
-            return Ok(SceneAtTime { world, cameras, recentering, light });
+            return Ok(SceneAtTime { world, cameras, recentering, light, seconds });
         };
-        let mut scene = scene.at(time)?;
-        if let Some(Animation { clips, duration, .. }) = &scene.animation
+        let mut scene = scene.at(moment.part)?;
+        if let Some(Animation { clips, .. }) = &scene.animation
             && !clips.is_empty()
         {
-            let seconds = time * duration;
             import::pose(&mut scene, seconds)?;
         }
         let recentering = match structure {
@@ -118,7 +121,7 @@ impl PreparedScene {
             }
             None => world.under(scene.lights, &scene.objects),
         };
-        Ok(SceneAtTime { world: world.into(), cameras, recentering, light })
+        Ok(SceneAtTime { world: world.into(), cameras, recentering, light, seconds })
     }
 }
 
@@ -150,13 +153,18 @@ impl SceneAtTime {
         }
     }
 
-    /// The job of a picture, whose camera is in coordinates of the world.
+    /// The job of a picture, whose camera is in coordinates of the world. At other times than 0 its random numbers have
+    /// another seed, unless the picture is to have the same grain.
     ///
     /// # Errors
     /// As [`RenderJob::new`].
     pub fn job_for(&self, picture: ResolvedPicture) -> Result<RenderJob> {
         let size = picture.size();
-        let ResolvedPicture { camera, window, settings, plan_settings, metadata, .. } = picture;
+        let ResolvedPicture { camera, window, settings, mut plan_settings, metadata, .. } = picture;
+        if settings.picture.same_grain != Some(true) {
+            let seed = &mut plan_settings.sampling.seed;
+            *seed = seed_at(*seed, self.seconds);
+        }
         let job = RenderJob::new(self.world_for(&camera), self.recentering, camera, size, plan_settings)?;
         Ok(RenderJob { window, settings, metadata, ..job })
     }

@@ -11,6 +11,7 @@ use crate::effects::{check_names, check_scene};
 use crate::error::{Result, Warnings};
 use crate::import::check_drawable;
 use crate::render::aov::AovSelection;
+use crate::scene::animation::Moment;
 use crate::scene::{DefaultLook, PictureSettings, Scene};
 use crate::world::Recentering;
 
@@ -193,7 +194,7 @@ impl PreparedPictures {
             picture.structure(),
             numerics,
         );
-        let world = prepared.at(0.0)?;
+        let world = prepared.at(Moment::of_still(scene))?;
         keep(&self.worlds, (key, world.clone()));
         Ok(world)
     }

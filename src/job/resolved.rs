@@ -15,6 +15,7 @@ use crate::effects::{PathSettings, check_names, check_scene, id};
 use crate::error::{Error, Result, Warnings};
 use crate::film::Window;
 use crate::import::check_drawable;
+use crate::scene::animation::Moment;
 use crate::scene::{
     Bounces, Camera, Clamp, DefaultLook, EffectsSection, Light, Numerics, PictureSettings, Projection, Scene,
 };
@@ -232,8 +233,9 @@ impl ResolvedJob {
         let (structure, numerics, meters) = (picture.structure(), picture.numerics(), picture.meters);
         check_memory(&scene, &picture.plan_settings, numerics)?;
         let pipeline = picture.settings.picture.pipeline();
+        let moment = Moment::of_still(&scene);
         let scene = PreparedScene::at_rest(scene, &look, recentering, pipeline, structure, numerics);
-        let job = scene.at(0.0)?.job_for(picture)?;
+        let job = scene.at(moment)?.job_for(picture)?;
         metered(job, meters, warnings)
     }
 }

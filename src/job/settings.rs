@@ -242,7 +242,7 @@ pub(crate) fn is_fitted(camera: &Camera, scene: &Scene) -> bool {
     StandardView::ALL.iter().any(|view| view.name() == camera.name) && !is_own()
 }
 
-/// Checks exposure and tone map against the pipeline, and that an automatic exposure has a whole picture.
+/// Checks exposure, tone map and dithering against the pipeline.
 ///
 /// # Errors
 /// [`Error::Usage`] that says what to give instead.
@@ -252,6 +252,10 @@ pub fn check_display(display: DisplaySettings, pipeline: ColourPipeline) -> Resu
             format!("exposure and tone map need the colour arithmetic `linear`, not `{}`", pipeline.name());
         let hint = "give --colour linear, or --exposure 0 --tone-map none";
         return Err(Error::usage(what, hint));
+    }
+    if display.rounding.is_dithered && pipeline == ColourPipeline::U8 {
+        let what = "the colour arithmetic `u8` rounds to 8 bits in each step, so there is nothing to dither";
+        return Err(Error::usage(what, "give --colour display or linear, or leave --dither out"));
     }
     Ok(())
 }

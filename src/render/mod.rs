@@ -204,14 +204,17 @@ fn render_tile<P: Pixel>(
     let colours = &tile.pixels;
     non_finite.extend(simd!(film::non_finite(film.window, colours)));
     // Pipeline and identity are passed as constants, so that the loop has no branch on them. `U8` develops as `Display` does.
-    let none = DisplayTransform::default();
+    let (window, none) = (film.window, DisplayTransform::default());
     match context.world.pipeline {
+        pipeline if context.display.rounding().is_dithered => {
+            P::develop(colours, window, pipeline, context.display, film.pixels);
+        }
         ColourPipeline::Linear if context.display.is_identity() => {
-            P::develop(colours, ColourPipeline::Linear, none, film.pixels);
+            P::develop(colours, window, ColourPipeline::Linear, none, film.pixels);
         }
         ColourPipeline::Linear => {
-            P::develop(colours, ColourPipeline::Linear, context.display, film.pixels);
+            P::develop(colours, window, ColourPipeline::Linear, context.display, film.pixels);
         }
-        _ => simd!(P::develop(colours, ColourPipeline::Display, none, film.pixels)),
+        _ => simd!(P::develop(colours, window, ColourPipeline::Display, none, film.pixels)),
     }
 }

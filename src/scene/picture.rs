@@ -12,6 +12,7 @@ use super::option::{group, parser};
 use super::sampling::Sampling;
 use super::{BitDepth, MAX_SAMPLES, Numerics, PixelSampler, ShadingMode, Transport};
 use crate::film::filter::RADII;
+use crate::film::rounding::Rounding;
 use crate::film::tone::{Exposure, ToneMap};
 use crate::film::{Colour, ColourPipeline, DisplaySettings, FilterShape};
 
@@ -73,6 +74,11 @@ options! {
         [long, help_heading = group::QUALITY, display_order = 1, allow_hyphen_values = true, value_name = "LEVEL", value_parser = parser::<Noise>()] noise: Noise,
         /// Minimum samples per pixel of adaptive sampling [default: 4]
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] min_samples: Samples,
+        /// Same random numbers at all times, so that the grain of frames is a fixed pattern, instead of others in each frame
+        /// [default: false]
+        [long, help_heading = group::QUALITY, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
+         value_name = "true|false", value_parser = parser::<bool>()]
+        same_grain: bool,
         /// Seed of the random numbers [default: 0]
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "N", value_parser = parser::<u32>()] seed: u32,
         /// Sampler: `sobol` (Owen-scrambled Sobol sequence) or `independent` (converges more slowly; for `kiln compare
@@ -88,6 +94,13 @@ options! {
         /// Tone map of 8-bit pictures, films and the window, with linear colour arithmetic [default: pbr-neutral for
         /// meshes, else none]
         [long, help_heading = group::LOOK, display_order = 4, value_name = "CURVE", value_parser = parser::<ToneMap>()] tone_map: ToneMap,
+        /// Bits per channel of the file: 8 or 16 for .png, 16 (half floats) or 32 for .exr [default: 8 for .png, 32 for .exr]
+        [long, help_heading = group::OUTPUT, display_order = 1, hide_possible_values = true, value_name = "BITS", value_parser = parser::<BitDepth>()] bits: BitDepth,
+        /// Dither where display values are rounded to integers, so that dark gradients show no bands; black and white stay as
+        /// they are [default: false]
+        [long, help_heading = group::OUTPUT, display_order = 1, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
+         value_name = "true|false", value_parser = parser::<bool>()]
+        dither: bool,
         /// Light of scenes without lights: a headlight at the camera (in scene files true) or none (false) [default:
         /// studio light for meshes, a headlight with --draft and for scene files]
         #[serde(rename = "headlight")]
@@ -106,9 +119,6 @@ options! {
         /// .exr
         /// [default: light grey for meshes, dark grey for meshes with lights or cameras, black for scene files]
         [long, help_heading = group::LOOK, display_order = 0, value_name = "COLOUR|transparent", value_parser = parser::<Background>()] background: Background,
-        /// Bits of each channel: 8 in .png and .jpg; in .exr 32 (floats), or 16 (half floats) for colours and alpha
-        /// [default: 8 in .png and .jpg, 32 in .exr]
-        [long, help_heading = group::OUTPUT, allow_hyphen_values = true, value_name = "N", value_parser = parser::<BitDepth>()] bits: BitDepth,
     }
 }
 
@@ -273,9 +283,11 @@ impl PictureSettings {
         }
     }
 
-    /// Exposure and tone map.
+    /// Exposure, tone map and rounding.
     pub fn display(&self) -> DisplaySettings {
-        DisplaySettings { exposure: self.exposure, tone_map: self.tone_map }
+        let is_16_bit = self.bits == Some(BitDepth::Sixteen);
+        let rounding = Rounding { is_16_bit, is_dithered: self.dither == Some(true) };
+        DisplaySettings { exposure: self.exposure, tone_map: self.tone_map, rounding }
     }
 
     /// Arithmetic tier.
@@ -312,7 +324,7 @@ impl PictureSettings {
 
     /// These settings, with exposure and tone map without effect unless the pipeline is linear.
     pub fn displayable(self) -> Self {
-        let DisplaySettings { exposure, tone_map } = self.display().in_pipeline(self.pipeline());
+        let DisplaySettings { exposure, tone_map, .. } = self.display().in_pipeline(self.pipeline());
         PictureSettings { exposure, tone_map, ..self }
     }
 
@@ -374,16 +386,18 @@ mod tests {
             filter_radius: Some(FilterRadius(1.25)),
             noise: Some(Noise(0.01)),
             min_samples: Some(Samples(3)),
+            same_grain: Some(true),
             seed: Some(7),
             sampler: Some(PixelSampler::Independent),
             colour: Some(ColourPipeline::U8),
             exposure: Some(Exposure::Ev(-1.5)),
             tone_map: Some(ToneMap::PbrNeutral),
+            bits: Some(BitDepth::Sixteen),
+            dither: Some(true),
             light: Some(Headlight::None),
             ground: Some(true),
             cull: Some(true),
             background: Some(Background::Transparent),
-            bits: Some(BitDepth::Sixteen),
         };
         let second = PictureSettings {
             width: Some(Side(1)),
@@ -403,16 +417,18 @@ mod tests {
             filter_radius: Some(FilterRadius(32.0)),
             noise: Some(Noise(1e-6)),
             min_samples: Some(Samples(1)),
+            same_grain: Some(false),
             seed: Some(u32::MAX),
             sampler: Some(PixelSampler::Sobol),
             colour: Some(ColourPipeline::Display),
             exposure: Some(Exposure::Auto),
             tone_map: Some(ToneMap::Agx),
+            bits: Some(BitDepth::ThirtyTwo),
+            dither: Some(false),
             light: Some(Headlight::Head),
             ground: Some(false),
             cull: Some(false),
             background: Some(Background::Colour(ColourValue([255, 128, 0]))),
-            bits: Some(BitDepth::ThirtyTwo),
         };
         [first, second]
     }

@@ -15,6 +15,7 @@ use crate::geometry::Numerics;
 use crate::job::{PreparedScene, RenderJob, ResolvedJob, ResolvedPicture};
 use crate::metrics::{ComparedImage, Figures};
 use crate::render::{RenderControl, Statistics};
+use crate::scene::animation::Moment;
 use crate::scene::{DefaultLook, Scene};
 use crate::timing::{Clock, Quartiles};
 use crate::world::View;
@@ -52,9 +53,10 @@ fn job_of(subject: &StudySubject, setting: &Setting, scene: Scene) -> Result<Ren
     let ResolvedJob { look, recentering, picture, .. } = &subject.job;
     let look = DefaultLook { ambient: setting.path.ambient.or(look.ambient), ..look.clone() };
     let Setting { pipeline, structure, numerics, .. } = *setting;
+    let moment = Moment::of_still(&scene);
     let scene = PreparedScene::at_rest(scene, &look, *recentering, pipeline, structure, numerics);
     let plan_settings = setting.plan_settings(&picture.plan_settings);
-    scene.at(0.0)?.job_for(ResolvedPicture { plan_settings, ..picture.clone() })
+    scene.at(moment)?.job_for(ResolvedPicture { plan_settings, ..picture.clone() })
 }
 
 /// The distinct filters of all settings, beginning with that of the base.

@@ -11,7 +11,7 @@ use super::keys::CameraMotion;
 use super::navigate;
 use super::request::{CameraSource, Opened, RenderRequest};
 use crate::job::RenderSettings;
-use crate::scene::animation::Timeline;
+use crate::scene::animation::{Moment, Timeline};
 use crate::scene::{Camera, ImportOptions, Numerics, Projection, Samples, ShadingMode};
 use crate::world::StandardView;
 
@@ -33,10 +33,10 @@ pub(crate) struct Controls {
     pub camera_source: CameraSource,
     /// Projection that overrides the camera's.
     pub projection: Option<Projection>,
-    /// Animation time: 0 is the start and 1 the end.
-    pub time: f64,
-    /// Start of playback: clock time and animation time. `None` if paused.
-    pub playing: Option<(Instant, f64)>,
+    /// Moment of the animation.
+    pub time: Moment,
+    /// Start of playback: clock time and moment of the animation. `None` if paused.
+    pub playing: Option<(Instant, Moment)>,
     /// Displayed quantity.
     pub display_mode: DisplayMode,
     /// Render settings: one entry, or two for a comparison.
@@ -64,7 +64,7 @@ impl Controls {
         Controls {
             camera_source: camera_source.clone(),
             projection: *projection,
-            time: 0.0,
+            time: Moment::first(&opened.scene),
             playing: None,
             display_mode: DisplayMode::default(),
             sides: vec![settings.clone()],
@@ -97,7 +97,7 @@ impl Controls {
             update_unchanged(&mut side.colour, settings.colour, new.colour);
         }
         if opened.scene.animation.is_none() {
-            (self.time, self.playing) = (0.0, None);
+            (self.time, self.playing) = (Moment::first(&opened.scene), None);
         }
         self.scene_size = size_of(opened);
         self.start = (opened.camera_source.clone(), opened.projection, opened.settings.clone());
@@ -289,7 +289,7 @@ impl Controls {
 
     /// Shows a frame, modulo the number of frames.
     pub(crate) fn go_to(&mut self, timeline: &Timeline, frame: i32) {
-        self.time = timeline.time(frame.rem_euclid(timeline.last() + 1));
+        self.time = timeline.moment(frame.rem_euclid(timeline.last() + 1));
         if self.playing.is_some() {
             self.playing = Some((Instant::now(), self.time));
         }
@@ -297,7 +297,8 @@ impl Controls {
 
     /// Goes to the start of the animation.
     pub(crate) fn restart(&mut self) {
-        (self.time, self.playing) = (0.0, self.playing.map(|_| (Instant::now(), 0.0)));
+        let start = Moment::default();
+        (self.time, self.playing) = (start, self.playing.map(|_| (Instant::now(), start)));
     }
 
     /// Advances playback to the current whole frame, in a loop. `duration` is in seconds.
@@ -306,7 +307,7 @@ impl Controls {
         let passed = since.elapsed().as_secs_f64() / duration;
         let frames = f64::from(timeline.last() + 1);
         let at = (frame_of(timeline, from) + passed * timeline.fps() * duration).rem_euclid(frames);
-        self.time = timeline.time(at as i32);
+        self.time = timeline.moment(at as i32);
     }
 
     /// The current frame.
@@ -319,8 +320,8 @@ fn size_of(opened: &Opened) -> f64 {
     opened.scene.bounds().map_or(f64::NAN, |(min, max)| (max - min).length())
 }
 
-fn frame_of(timeline: &Timeline, time: f64) -> f64 {
-    time / timeline.time(1)
+fn frame_of(timeline: &Timeline, moment: Moment) -> f64 {
+    moment.part / timeline.time(1)
 }
 
 /// Replaces a value that equals the old default by the new default.

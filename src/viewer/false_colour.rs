@@ -290,7 +290,7 @@ pub fn colour_of(id: u32) -> [u8; 3] {
         -1.268_438_004_6 * l + 2.609_757_401_1 * m - 0.341_319_396_5 * s,
         -0.004_196_086_3 * l - 0.703_418_614_7 * m + 1.707_614_701_0 * s,
     ];
-    linear.map(|c| crate::film::colour::quantise(crate::film::colour::srgb_encode(c)))
+    linear.map(|c| crate::film::rounding::quantise(crate::film::colour::srgb_encode(c)))
 }
 
 fn heat_bar() -> Vec<[u8; 3]> {

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::job::{CameraChoice, RenderSettings, is_fitted};
+use crate::scene::animation::Moment;
 use crate::scene::{Camera, INLINE_NAME, PictureSettings, Projection, Scene};
 use crate::world::StandardView;
 
@@ -45,8 +46,8 @@ pub(crate) struct RenderRequest {
     pub camera_source: CameraSource,
     /// Projection that overrides the camera's.
     pub projection: Option<Projection>,
-    /// Animation time: 0 is the start and 1 the end.
-    pub time: f64,
+    /// Moment of the animation.
+    pub time: Moment,
     /// Displayed quantity: the picture or false colours.
     pub display_mode: super::false_colour::DisplayMode,
     /// Whether the animation plays, so that this picture has the time of one frame.

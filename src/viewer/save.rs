@@ -63,11 +63,11 @@ pub(crate) fn picture(
     if prepared.meters {
         job.meter(&control)?;
     }
-    let (film, statistics) = job.render(&control)?;
+    let (image, statistics) = job.render_image(&control)?;
     let settings = request.render_settings(&sides[side]);
     let mut metadata = resolve(opened.scene.clone(), &settings, &mut Warnings::default())?.picture.metadata;
-    if *time != 0.0 {
-        add_to_fingerprint(&mut metadata, "time", time);
+    if time.part != 0.0 {
+        add_to_fingerprint(&mut metadata, "time", &time.part);
     }
     if prepared.meters {
         replace(&mut metadata, &job.settings.picture);
@@ -76,7 +76,7 @@ pub(crate) fn picture(
         set_auto_exposure(&mut metadata, ev);
     }
     metadata.push(("kiln:command".to_owned(), command));
-    write_picture(&OutputImage::Rgb8(film, job.pipeline()), &metadata, Format::Png, file)
+    write_picture(&image, &metadata, Format::Png, file)
 }
 
 /// Writes a text file, such as a camera for a scene file.

@@ -10,7 +10,7 @@ use kiln::error::{Place, Warnings};
 use kiln::film::{ColourPipeline, Film, Window};
 use kiln::job::{PreparedScene, RenderSettings};
 use kiln::render::{RenderControl, render};
-use kiln::scene::animation::{Animation, Easing, Motion, Property, Target, Track};
+use kiln::scene::animation::{Animation, Easing, Moment, Motion, Property, Target, Track};
 use kiln::scene::{
     AddedLight, AnalyticShape, Camera, DefaultLook, Numerics, Placed, Placement, Projection, Scene, Shape,
     Sphere,
@@ -123,7 +123,7 @@ fn with_look_as_from_nothing(scene: &Scene, look: &DefaultLook, camera: usize) {
     let animation = PreparedScene::new(scene.clone(), &look, pipeline, STRUCTURE, numerics).unwrap();
     let mut pictures = Vec::new();
     for time in [0.0, 0.3, 0.75] {
-        let frame = animation.at(time).unwrap();
+        let frame = animation.at(Moment { part: time, seconds: 0.0 }).unwrap();
         let mut alone = scene.at(time).unwrap();
         recenter(&mut alone);
         let seen_by = alone.cameras[camera].clone();
@@ -366,22 +366,67 @@ fn a_mesh_without_animation_is_gone_round_once() {
     assert_eq!(film.len(), header.len() + 4 * (b"FRAME\n".len() + 3 * 32 * 32));
 }
 
+/// The frames of an animated PNG, and the delay of each as a fraction of seconds.
+fn frames_of(shop: &Workshop, name: &str) -> (png::ColorType, png::BitDepth, Vec<(Vec<u8>, [u16; 2])>) {
+    let file = std::io::BufReader::new(std::fs::File::open(shop.path(name)).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let control = *reader.info().animation_control().expect("it is animated");
+    assert_eq!(control.num_plays, 0, "it plays forever");
+    let frames = (0..control.num_frames).map(|_| {
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut bytes).unwrap();
+        let control = *reader.info().frame_control().unwrap();
+        // The whole frame, which replaces the one before it with its alpha.
+        assert_eq!((control.x_offset, control.y_offset), (0, 0));
+        assert_eq!((control.blend_op, control.dispose_op), (png::BlendOp::Source, png::DisposeOp::None));
+        (bytes, [control.delay_num, control.delay_den])
+    });
+    let frames = frames.collect();
+    (reader.info().color_type, reader.info().bit_depth, frames)
+}
+
+/// An animated PNG has the pixels of `kiln render --frames`, in all forms of PNG, and their exact delay.
 #[test]
 fn an_animated_png_holds_the_frames() {
     let shop = Workshop::with("scene.toml", SCENE);
-    for output in ["f_#.png", "film.png"] {
-        shop.succeed(&format!("animate scene.toml --size 24x24 --frames 0-6:3 -o {output}"));
+    shop.write("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    for (options, colour, depth, delay) in [
+        ("--fps 30", png::ColorType::Rgb, png::BitDepth::Eight, [1, 30]),
+        ("--fps 29.97", png::ColorType::Rgb, png::BitDepth::Sixteen, [100, 2997]),
+        ("--fps 0.75", png::ColorType::Rgba, png::BitDepth::Eight, [4, 3]),
+        ("--fps 23.976023976023978", png::ColorType::Rgba, png::BitDepth::Sixteen, [1001, 24000]),
+    ] {
+        let bits = if depth == png::BitDepth::Sixteen { " --bits 16" } else { "" };
+        let alpha = if colour == png::ColorType::Rgba { " --background transparent" } else { "" };
+        // The floor of the scene fills the picture; the turntable of a triangle does not.
+        let input = if alpha.is_empty() { "scene.toml" } else { "a.obj --draft" };
+        let options = format!("{input} --size 24x24 --frames 0-6:3 {options}{bits}{alpha}");
+        shop.succeed(&format!("render {options} -o f_#.png"));
+        shop.succeed(&format!("animate {options} -o film.png"));
+        let (found_colour, found_depth, frames) = frames_of(&shop, "film.png");
+        assert_eq!((found_colour, found_depth, frames.len()), (colour, depth, 3), "{options}");
+        for ((bytes, found_delay), frame) in frames.into_iter().zip([0, 3, 6]) {
+            let still = image::open(shop.path(&format!("f_{frame}.png"))).unwrap();
+            // The decoder of the test leaves 16 bits as they are in the file, with the high byte first.
+            let still: Vec<u8> = match depth {
+                png::BitDepth::Sixteen if alpha.is_empty() => {
+                    still.into_rgb16().iter().flat_map(|c| c.to_be_bytes()).collect()
+                }
+                png::BitDepth::Sixteen => still.into_rgba16().iter().flat_map(|c| c.to_be_bytes()).collect(),
+                _ if alpha.is_empty() => still.into_rgb8().into_raw(),
+                _ => still.into_rgba8().into_raw(),
+            };
+            assert!(bytes == still, "{options}, frame {frame}");
+            assert_eq!(found_delay, delay, "{options}");
+            let pixel = if depth == png::BitDepth::Sixteen { 8 } else { 4 };
+            let is_clear = bytes.chunks(pixel).any(|pixel| pixel.iter().all(|byte| *byte == 0));
+            assert!(alpha.is_empty() || is_clear, "{options}: beside it is nothing");
+        }
     }
-    let file = std::io::BufReader::new(std::fs::File::open(shop.path("film.png")).unwrap());
-    let mut reader = png::Decoder::new(file).read_info().unwrap();
-    let control = *reader.info().animation_control().expect("it is animated");
-    assert_eq!((control.num_frames, control.num_plays), (3, 0));
-    for frame in [0, 3, 6] {
-        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
-        reader.next_frame(&mut bytes).unwrap();
-        let delay = reader.info().frame_control().unwrap();
-        assert_eq!((delay.delay_num, delay.delay_den), (1, 30));
-        assert_eq!(bytes, pixels(&shop, &format!("f_{frame}.png")));
+    for (output, message) in [("a.gif", "a film has no alpha channel"), ("-", "a film has no alpha channel")]
+    {
+        let said = shop.code(&format!("animate scene.toml --background transparent -o {output}"), 2).1;
+        assert!(said.contains(message), "{said}");
     }
 }
 

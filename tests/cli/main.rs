@@ -6,9 +6,11 @@ mod common;
 mod workshop;
 
 mod animation;
+mod bits;
 mod cameras;
 mod exit_codes;
 mod farm;
+mod grain;
 mod helpers;
 mod info;
 mod limits;

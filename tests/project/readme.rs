@@ -375,8 +375,13 @@ fn broken_links(page: &Page) -> Vec<String> {
 
 #[test]
 fn links_lead_somewhere() {
-    let others =
-        ["assets/farm/README.md", "scenes/effects/README.md", "scenes/hard/README.md"].map(read_page);
+    let others = [
+        "assets/farm/README.md",
+        "scenes/course/README.md",
+        "scenes/effects/README.md",
+        "scenes/hard/README.md",
+    ]
+    .map(read_page);
     let faults: Vec<String> = pages().iter().chain(&others).flat_map(broken_links).collect();
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }

@@ -7,6 +7,7 @@ mod alpha;
 mod ambient_occlusion;
 mod aov;
 mod closed_form;
+mod course;
 mod depth_of_field;
 mod effects;
 mod exr_files;

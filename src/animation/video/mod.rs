@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 #[cfg(feature = "video")]
 use crate::files::folder_of;
 use crate::files::{WholeFile, describe};
-use crate::film::{ColourPipeline, Film};
+use crate::film::write::{OutputImage, PngForm};
 use yuv::Yuv420;
 
 /// The quality of lossy formats.
@@ -37,7 +37,7 @@ pub enum VideoFormat {
     Mp4(Quality),
     /// GIF: 256 colours per frame.
     Gif,
-    /// Animated PNG: lossless.
+    /// Animated PNG: lossless, also with alpha and with 16 bits per channel.
     Apng,
     /// YUV4MPEG2, 4:4:4, for pipes.
     Y4m,
@@ -102,8 +102,22 @@ impl VideoFormat {
     }
 
     /// Converts a rendered frame to the encoder's input.
-    pub fn convert(self, film: &Film<[u8; 3]>) -> FrameData {
-        match self {
+    ///
+    /// # Errors
+    /// [`Error::Failed`] for alpha, 16 bits and floating-point numbers, where the format does not have them.
+    pub fn convert(self, picture: &OutputImage) -> Result<FrameData> {
+        if self == VideoFormat::Apng {
+            let mut bytes = Vec::new();
+            let collected = picture.png_rows(|row| {
+                bytes.extend_from_slice(row);
+                Ok(())
+            });
+            return collected.map(|()| FrameData::Bytes(bytes)).map_err(|e| failed(describe(&e)));
+        }
+        let OutputImage::Rgb8(film, _) = picture else {
+            return Err(failed("the film has 8 bits per channel, without alpha, and its frames have not"));
+        };
+        Ok(match self {
             VideoFormat::Mp4(_) => FrameData::Yuv(Yuv420::of(film)),
             VideoFormat::Gif => {
                 let crate::film::Window { width, height, .. } = film.window();
@@ -115,8 +129,12 @@ impl VideoFormat {
             }
             VideoFormat::Y4m => FrameData::Bytes(stream::y4m_frame(film)),
             _ => FrameData::Bytes(film.bytes()),
-        }
+        })
     }
+}
+
+fn failed(what: impl Into<String>) -> Error {
+    Error::Failed { what: what.into(), hint: String::new() }
 }
 
 /// The properties of a video, fixed before its first frame.
@@ -128,8 +146,8 @@ pub struct VideoSpec {
     pub fps: f64,
     /// The number of frames.
     pub frames: usize,
-    /// The colour pipeline of the frames.
-    pub pipeline: ColourPipeline,
+    /// The form of the frames in an animated PNG.
+    pub form: PngForm,
 }
 
 /// Encodes and writes a video.
@@ -174,7 +192,7 @@ impl Sink {
     fn end(self) -> Result<()> {
         match Arc::into_inner(self.0).and_then(|file| file.into_inner().ok()) {
             Some(file) => file.finish(),
-            None => Err(Error::Failed { what: "a film is still being written".into(), hint: String::new() }),
+            None => Err(failed("a film is still being written")),
         }
     }
 }

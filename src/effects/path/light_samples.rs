@@ -304,6 +304,7 @@ mod tests {
     use super::*;
     use crate::bvh::{Layout, Traversal};
     use crate::effects::LightTechnique;
+    use crate::effects::left_out::BounceLimits;
     use crate::effects::path::numbers::Sequence;
     use crate::effects::path::{Path, Scatter};
     use crate::effects::samples::SampleIndex;
@@ -381,7 +382,8 @@ mod tests {
             let world = world(numerics, triangles, has_point);
             let surfaces = surfaces(&world);
             let stage = Scatter {
-                depth: 3,
+                limits: BounceLimits::new(Some(3), None),
+                measures_left_out: false,
                 seed: 1,
                 continued: None,
                 sampler: PixelSampler::Sobol,
@@ -392,7 +394,7 @@ mod tests {
             };
             let lights = Lights::new(&world, &stage);
             let mut vertices = Box::<Vertices>::default();
-            let path = Path { throughput: DVec3::ONE, from: DVec3::ZERO, pdf: 1.0, bounces: 0 };
+            let path = Path { pdf: 1.0, ..Path::of_camera(0) };
             vertices.begin(&world, &surfaces, &[path; RAYS_PER_BATCH], &[]);
             vertices.find_frames(&world, &surfaces);
             let mut numbers = Box::<GenerationNumbers>::default();

@@ -162,6 +162,14 @@ struct Path {
     scattering: Scattering,
 }
 
+impl Path {
+    /// The path of a camera ray that adds to the entry `target`.
+    fn of_camera(target: u32) -> Self {
+        let (throughput, from, pdf) = (DVec3::ONE, DVec3::ZERO, f64::INFINITY);
+        Path { throughput, from, pdf, target, counted: 0, bounces: 0, scattering: Scattering::OfPicture }
+    }
+}
+
 /// A shadow ray's path and the radiance that it adds if unoccluded.
 #[derive(Debug, Clone, Copy)]
 struct LightPath {
@@ -241,15 +249,7 @@ impl Buffers {
         self.radiance.clear();
         self.radiance.resize(count * stage.sections(), DVec3::ZERO);
         self.paths.clear();
-        self.paths.extend((0..count as u32).map(|target| Path {
-            throughput: DVec3::ONE,
-            from: DVec3::ZERO,
-            pdf: f64::INFINITY,
-            target,
-            counted: 0,
-            bounces: 0,
-            scattering: Scattering::OfPicture,
-        }));
+        self.paths.extend((0..count as u32).map(Path::of_camera));
         self.left_out.start();
         self.samples.clear();
         list_samples(tile, &mut self.samples);

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::{DisplayTransform, MAX_EXPOSURE, ToneMap};
+use crate::film::rounding::Level;
 use crate::film::{ColourPipeline, Film};
 
 fn luminance(colour: [f32; 3]) -> f64 {
@@ -78,9 +79,10 @@ pub fn mean_exposure(colours: &[[f32; 3]], tone_map: ToneMap) -> f64 {
     rounded(exposure_of(MEAN).min(exposure_of(LEAST_MEAN).max(-bright.log2())), 100.0)
 }
 
-/// The share of pixels, 0 to 1, with a channel at 255.
-pub fn clipped_share(film: &Film<[u8; 3]>) -> f64 {
-    let clipped = film.stored().iter().filter(|pixel| pixel.contains(&255)).count();
+/// The share of pixels, 0 to 1, with a channel at the maximum.
+pub fn clipped_share<L: Level + Into<f64>>(film: &Film<[L; 3]>) -> f64 {
+    let is_clipped = |pixel: &&[L; 3]| pixel.iter().any(|&channel| channel.into() == L::MAX);
+    let clipped = film.stored().iter().filter(is_clipped).count();
     clipped as f64 / film.stored().len().max(1) as f64
 }
 
@@ -151,7 +153,7 @@ mod tests {
     #[test]
     fn pixels_with_a_full_channel_are_clipped() {
         let window = Window { x: 0, y: 0, width: 4, height: 1 };
-        let film = Film::from_rows(window, &[[255, 0, 0], [254; 3], [0; 3], [255; 3]]).unwrap();
+        let film = Film::from_rows(window, &[[255u8, 0, 0], [254; 3], [0; 3], [255; 3]]).unwrap();
         assert_eq!(clipped_share(&film), 0.5);
     }
 }

@@ -1,9 +1,10 @@
-//! Exposure and tone map as set by scenes and users, before an automatic exposure is known.
+//! Exposure, tone map and rounding as set by scenes and users, before an automatic exposure is known.
 
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::{DisplayTransform, ToneMap};
 use crate::film::ColourPipeline;
+use crate::film::rounding::Rounding;
 
 /// Largest exposure in EV, of either sign. 2^64 spans the range of radiance in any unit.
 pub const MAX_EXPOSURE: f64 = 64.0;
@@ -49,19 +50,24 @@ impl std::fmt::Display for Exposure {
     }
 }
 
-/// Exposure and tone map as set by a scene or a user. `None` is unset; unset values have no effect.
+/// Exposure, tone map and rounding as set by a scene or a user. `None` is unset; unset values have no effect.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct DisplaySettings {
     /// Exposure.
     pub exposure: Option<Exposure>,
     /// Tone map.
     pub tone_map: Option<ToneMap>,
+    /// How display values are rounded.
+    pub rounding: Rounding,
 }
 
 impl DisplaySettings {
     /// Settings that override any others with no effect.
-    pub const OFF: Self =
-        DisplaySettings { exposure: Some(Exposure::Ev(0.0)), tone_map: Some(ToneMap::None) };
+    pub const OFF: Self = DisplaySettings {
+        exposure: Some(Exposure::Ev(0.0)),
+        tone_map: Some(ToneMap::None),
+        rounding: Rounding { is_16_bit: false, is_dithered: false },
+    };
 
     /// The exposure, if it changes values.
     pub fn exposure(self) -> Option<Exposure> {
@@ -73,7 +79,7 @@ impl DisplaySettings {
         self.tone_map.filter(|&map| map != ToneMap::None)
     }
 
-    /// Whether nothing changes values.
+    /// Whether nothing changes values before rounding.
     pub fn is_identity(self) -> bool {
         self.exposure().is_none() && self.tone_map().is_none()
     }
@@ -90,7 +96,7 @@ impl DisplaySettings {
             Some(Exposure::Ev(ev)) => ev,
             Some(Exposure::Auto) => auto,
         };
-        DisplayTransform::new(ev, self.tone_map.unwrap_or_default())
+        DisplayTransform::new(ev, self.tone_map.unwrap_or_default()).rounded(self.rounding)
     }
 
     /// The transform as far as it is known before the exposure is metered: `auto` counts as 0 EV.
@@ -98,9 +104,12 @@ impl DisplaySettings {
         self.transform(0.0)
     }
 
-    /// The settings as they apply in `pipeline`: none unless it is linear.
+    /// The settings as they apply in `pipeline`: of exposure and tone map none unless it is linear.
     pub fn in_pipeline(self, pipeline: ColourPipeline) -> Self {
-        if pipeline == ColourPipeline::Linear { self } else { DisplaySettings::OFF }
+        match pipeline {
+            ColourPipeline::Linear => self,
+            _ => DisplaySettings { rounding: self.rounding, ..DisplaySettings::OFF },
+        }
     }
 }
 

@@ -17,7 +17,7 @@ use crate::effects::record::{
 use crate::effects::tile::RenderContext;
 use crate::effects::{RayKind, id};
 use crate::error::{Error, Result, printable};
-use crate::film::colour::quantise;
+use crate::film::rounding::{Rounding, quantise};
 use crate::film::tone::ToneMap;
 use crate::film::write::OutputImage;
 use crate::film::{ColourPipeline, DisplayTransform, Film, ReconstructionFilter, Window};
@@ -361,15 +361,24 @@ impl RenderJob {
             let (film, recorder) = record_pixel::<[f32; 3]>(&context, &self.plan, pixel, traced);
             (film, None, recorder)
         };
-        let (mut straight, mut displayed) = (film, shown.encode(world.pipeline, film));
+        let (mut straight, mut displayed) = (film, [0; 3]);
         let mut alpha_8_bit = None;
-        if let Some(alpha) = alpha {
-            let window = Window { x: pixel[0], y: pixel[1], width: 1, height: 1 };
-            let film = Film::from_rows(window, &[film])?;
-            let image = OutputImage::with_alpha(&film, &[alpha], world.pipeline, shown)?;
-            if let OutputImage::Rgba8(film, alphas, _) = image {
+        let window = Window { x: pixel[0], y: pixel[1], width: 1, height: 1 };
+        let one = Film::from_rows(window, &[film])?;
+        let of_8_bits = shown.rounded(Rounding { is_16_bit: false, ..shown.rounding() });
+        match OutputImage::displayed(
+            &one,
+            alpha.as_ref().map(std::slice::from_ref),
+            world.pipeline,
+            of_8_bits,
+        )? {
+            OutputImage::Rgba8(film, alphas, _) => {
                 (displayed, alpha_8_bit) = (film.pixel(0, 0), Some(alphas[0]));
             }
+            OutputImage::Rgb8(film, _) => displayed = film.pixel(0, 0),
+            _ => {}
+        }
+        if let Some(alpha) = alpha {
             if alpha > 0.0 && !DisplayTransform::is_kept(straight) {
                 straight = straight.map(|channel| channel / alpha);
             }
@@ -602,7 +611,7 @@ impl Reporter<'_> {
 
     fn local(&self, local: &LocalRecord) -> LocalReport {
         let LocalRecord { lights, terms, colour, blend } = local;
-        let bytes = |colour: DVec3| colour.to_array().map(quantise);
+        let bytes = |colour: DVec3| colour.to_array().map(quantise::<u8>);
         let is_u8 = self.job.pipeline() == ColourPipeline::U8;
         LocalReport {
             model: terms.model,

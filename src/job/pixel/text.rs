@@ -8,7 +8,7 @@ use super::{
     ColourReport, HitReport, LocalReport, PathReport, PixelReport, RayReport, SampleReport, ShadowRayReport,
 };
 use crate::film::ColourPipeline;
-use crate::film::colour::quantise;
+use crate::film::rounding::quantise;
 
 /// Columns of the labels.
 const LABEL: usize = 16;
@@ -85,7 +85,7 @@ impl Text<'_> {
             return vector(colour);
         }
         if self.pipeline == ColourPipeline::U8.name() {
-            return colour.to_array().map(|c| quantise(c).to_string()).join("  ");
+            return colour.to_array().map(|c| quantise::<u8>(c).to_string()).join("  ");
         }
         self.of_255(colour)
     }

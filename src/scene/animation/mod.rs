@@ -11,7 +11,7 @@ pub use easing::Easing;
 pub use motion::{Goal, Key, Motion, Value};
 use target::Names;
 pub use target::{Property, Target};
-pub use timeline::Timeline;
+pub use timeline::{Moment, Timeline};
 
 use super::Clip;
 use super::Scene;

@@ -1,7 +1,30 @@
 //! Mapping of frame numbers to times.
 
+use crate::scene::{Scene, Seconds};
+
 /// Maximum number of frames of an animation: nine hours at 30 per second.
 const MAX_FRAMES: f64 = 1e6;
+
+/// A moment of an animation.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Moment {
+    /// The part of the animation that is over: 0 at the beginning, 1 at the end.
+    pub part: f64,
+    /// Seconds since the beginning. Pictures of different seconds have different random numbers.
+    pub seconds: f64,
+}
+
+impl Moment {
+    /// The moment of a picture of a scene in which nothing moves: that of the pose of its clips.
+    pub fn of_still(scene: &Scene) -> Self {
+        Moment { part: 0.0, seconds: scene.import_options.reading.time.map_or(0.0, Seconds::get) }
+    }
+
+    /// The moment at which the window opens a scene.
+    pub fn first(scene: &Scene) -> Self {
+        if scene.animation.is_some() { Moment::default() } else { Moment::of_still(scene) }
+    }
+}
 
 /// Frame times: with F = fps * duration, frame i is at time i / F.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,6 +72,11 @@ impl Timeline {
     pub fn time(&self, frame: i32) -> f64 {
         f64::from(frame) / self.steps
     }
+
+    /// The moment of a frame. Its seconds are the f64 nearest to frame / fps, so those of `--time` with that quotient.
+    pub fn moment(&self, frame: i32) -> Moment {
+        Moment { part: self.time(frame), seconds: f64::from(frame) / self.fps }
+    }
 }
 
 #[cfg(test)]
@@ -60,6 +88,15 @@ mod tests {
         let line = Timeline::new(30.0, 10.0, false).unwrap();
         assert_eq!((line.last(), line.time(0), line.time(150), line.time(300)), (300, 0.0, 0.5, 1.0));
         assert_eq!(line.time(1), 1.0 / 300.0);
+    }
+
+    /// Not 9 / 45 * 1.5, which is another f64 than 9 / 30.
+    #[test]
+    fn seconds_are_the_quotient_of_frame_and_rate() {
+        let line = Timeline::new(30.0, 1.5, false).unwrap();
+        assert_ne!(line.time(9) * 1.5, 9.0 / 30.0);
+        assert_eq!(line.moment(9), Moment { part: 9.0 / 45.0, seconds: 0.3 });
+        assert_eq!(Timeline::new(2.0, 1.0, false).unwrap().moment(1).seconds, 0.5);
     }
 
     #[test]

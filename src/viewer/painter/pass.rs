@@ -102,11 +102,11 @@ impl<'a> Side<'a> {
         let is_last = index + 1 == self.passes.len();
         let pipeline = self.prepared.job.pipeline();
         let final_sampling = self.prepared.job.plan_settings.sampling;
+        let Sampling { seed, sampler, .. } = final_sampling;
         let (factor, sampling) = match pass {
-            Pass::Coarse(factor) => (factor, Sampling::default()),
+            Pass::Coarse(factor) => (factor, Sampling { seed, sampler, ..Sampling::default() }),
             Pass::Samples(from, to) => (1, final_sampling.part(from, to)),
-            Pass::Whole => (1, Sampling::default()),
-            Pass::Tiles(_) => (1, final_sampling),
+            Pass::Whole | Pass::Tiles(_) => (1, final_sampling),
         };
         // Metering would delay the first image after a change, if that is coarse.
         let display = match pass {
@@ -346,9 +346,11 @@ fn image(
 ) -> ColorImage {
     let width = size[0] as usize;
     let mut colours = vec![Color32::BLACK; pixels.len()];
-    colours.par_chunks_mut(width).zip(pixels.par_chunks(width)).for_each(|(colours, row)| {
-        let mut bytes = vec![[0; 3]; row.len()];
-        Pixel::develop(row, pipeline, display, &mut bytes);
+    let rows = colours.par_chunks_mut(width).zip(pixels.par_chunks(width)).zip(0..size[1]);
+    rows.for_each(|((colours, row), y)| {
+        let mut bytes = vec![[0u8; 3]; row.len()];
+        let window = Window { x: 0, y, width: size[0], height: 1 };
+        Pixel::develop(row, window, pipeline, display, &mut bytes);
         colours.iter_mut().zip(bytes).for_each(|(colour, [r, g, b])| *colour = Color32::from_rgb(r, g, b));
     });
     ColorImage::new(size.map(|side| side as usize), colours)

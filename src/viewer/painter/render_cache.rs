@@ -11,6 +11,7 @@ use crate::job::camera::nothing_to_look_at;
 use crate::job::{
     self, EnvironmentSettings, PreparedScene, RenderJob, RenderSettings, ResolvedPicture, SceneAtTime,
 };
+use crate::scene::animation::Moment;
 use crate::scene::{Camera, DefaultLook, Environment, PictureSettings, Scene, ShadingMode};
 use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::refine::SamplingKind;
@@ -71,7 +72,7 @@ pub(crate) struct RenderCache {
     looks: Vec<(RenderSettings, DefaultLook)>,
     scenes: Vec<(Key, Arc<PreparedScene>)>,
     /// Scenes at the last times.
-    at_times: Vec<(Key, f64, SceneAtTime)>,
+    at_times: Vec<(Key, Moment, SceneAtTime)>,
     /// The recentered scene, if the worlds are recentered.
     recentered_scene: Option<Arc<Scene>>,
     /// Fitted cameras, each with its framing and aspect ratio.
