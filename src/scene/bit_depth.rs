@@ -21,7 +21,7 @@ impl TryFrom<u32> for BitDepth {
 
     fn try_from(bits: u32) -> Result<Self, String> {
         let found = BitDepth::ALL.into_iter().find(|depth| *depth as u32 == bits);
-        found.ok_or_else(|| "give 8, 16 or 32".into())
+        found.ok_or_else(|| "give 8, 16 or 32 bits".into())
     }
 }
 
@@ -34,7 +34,7 @@ impl From<BitDepth> for u32 {
 /// Numbers, unlike other named values, so that Python takes them as such.
 impl OptionValue for BitDepth {
     fn parse(text: &str) -> Result<Self, String> {
-        text.trim().parse().map_or_else(|_| Err("give 8, 16 or 32".into()), |bits: u32| bits.try_into())
+        text.trim().parse().map_or_else(|_| Err("give 8, 16 or 32 bits".into()), |bits: u32| bits.try_into())
     }
 
     fn text(&self) -> String {
