@@ -173,9 +173,9 @@ fn half_floats_are_for_colours() {
     }
     assert!(whole["A"].iter().any(|alpha| (0.1..0.9).contains(alpha)), "an edge");
     for (name, bits, says) in [
-        ("a.exr", "8", "error: an .exr picture does not have 8 bits a channel\nhint: give --bits 16 or 32,"),
-        ("a.jpg", "16", "error: a .jpg picture does not have 16 bits a channel\nhint: give --bits 8,"),
-        ("a.png", "32", "error: a .png picture does not have 32 bits a channel\nhint: give --bits 8"),
+        ("a.exr", "8", "error: .exr has 16 or 32 bits per channel, not 8\nhint: give --bits 16 or 32,"),
+        ("a.jpg", "16", "error: .jpg has 8 bits per channel, not 16\nhint: give --bits 8,"),
+        ("a.png", "32", "error: .png has 8 or 16 bits per channel, not 32\nhint: give --bits 8 or 16"),
         ("a.png", "12", "give 8, 16 or 32"),
     ] {
         let mut run = kiln(&["--bits", bits]);
