@@ -65,7 +65,11 @@ struct PixelSums {
 impl LeftOut {
     fn bytes(&self) -> usize {
         let LeftOut { samples, pixels, tiles, bounces, .. } = self;
-        vec_bytes(samples) + vec_bytes(pixels) + vec_bytes(tiles) + vec_bytes(&bounces.light) + vec_bytes(&bounces.rays)
+        vec_bytes(samples)
+            + vec_bytes(pixels)
+            + vec_bytes(tiles)
+            + vec_bytes(&bounces.light)
+            + vec_bytes(&bounces.rays)
     }
 
     /// Adds the samples of a pass, and, after the last, those of the tile to the totals.
@@ -208,7 +212,8 @@ impl LeftOutLight {
         let (own, others) = (self.totals, other.totals);
         let samples = own.samples + others.samples;
         if samples > 0.0 {
-            self.totals = LeftOutTotals { samples, pixels: own.pixels.max(others.pixels), ..LeftOutTotals::default() };
+            self.totals =
+                LeftOutTotals { samples, pixels: own.pixels.max(others.pixels), ..LeftOutTotals::default() };
             self.totals.add(&own, own.samples / samples);
             self.totals.add(&others, others.samples / samples);
         }

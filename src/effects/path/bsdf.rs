@@ -211,11 +211,15 @@ pub(super) fn can_be_delta(material: &PreparedMaterial) -> bool {
     match material {
         Material::Phong(m) => m.refraction.is_some() || m.specular > 0.0 && !m.shininess.is_finite(),
         Material::MetallicRoughness(m) => {
-            let is_smooth = |roughness: f64, slot| m.textures[slot].is_some() || Ggx::new(roughness).is_delta();
+            let is_smooth =
+                |roughness: f64, slot| m.textures[slot].is_some() || Ggx::new(roughness).is_delta();
             let has_coat = m.layers.clearcoat > 0.0
                 && is_smooth(m.layers.clearcoat_roughness, TextureSlot::ClearcoatRoughness);
             // With an index of refraction of 1, light passes.
-            !m.unlit && (is_smooth(m.roughness, TextureSlot::MetallicRoughness) || has_coat || m.layers.transmission > 0.0)
+            !m.unlit
+                && (is_smooth(m.roughness, TextureSlot::MetallicRoughness)
+                    || has_coat
+                    || m.layers.transmission > 0.0)
         }
     }
 }

@@ -99,8 +99,13 @@ impl LeftOutPaths {
 
     /// Bytes of memory beside the structure itself.
     pub(super) fn bytes(&self) -> usize {
-        let LeftOutPaths { lobes, clamped_off, transmittances, bounces: ByBounces { light, rays }, .. } = self;
-        vec_bytes(lobes) + vec_bytes(clamped_off) + vec_bytes(transmittances) + vec_bytes(light) + vec_bytes(rays)
+        let LeftOutPaths { lobes, clamped_off, transmittances, bounces: ByBounces { light, rays }, .. } =
+            self;
+        vec_bytes(lobes)
+            + vec_bytes(clamped_off)
+            + vec_bytes(transmittances)
+            + vec_bytes(light)
+            + vec_bytes(rays)
     }
 
     /// Adds the light samples of a generation that are visible: those of paths beyond the limits, and what the clamp takes
