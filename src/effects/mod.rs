@@ -13,6 +13,7 @@
 
 mod closest_hits;
 pub mod convergence;
+pub mod light_left_out;
 mod plan;
 mod primary_rays;
 pub mod random;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::left_out::BounceLimits;
+use super::light_left_out::BounceLimits;
 use super::samples::TileSamples;
 use super::tile::{RenderContext, Tile};
 use super::transparency::{Transparency, closest_visible};

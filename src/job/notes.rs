@@ -1,7 +1,7 @@
 //! Warnings and notes about a picture, before and after it is rendered.
 
 use super::{RenderJob, back_faces};
-use crate::effects::left_out::Estimate;
+use crate::effects::light_left_out::Estimate;
 use crate::effects::{Plan, named};
 use crate::error::Warnings;
 use crate::render::Statistics;

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use super::cryptomatte::{self, Matte};
 use super::features::{FeatureSums, Features, filter_of, first_surfaces, plan_without_light};
 use super::{RenderControl, render_displayed};
-use crate::effects::left_out::LeftOut;
+use crate::effects::light_left_out::LeftOut;
 use crate::effects::tile::{RenderContext, Tile};
 use crate::effects::variance::PixelStatistics;
 use crate::effects::{self, Plan};

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::Worker;
 use crate::bvh::Tests;
-use crate::effects::left_out::LeftOutLight;
+use crate::effects::light_left_out::LeftOutLight;
 use crate::effects::tile::{RayCount, Tile};
 use crate::effects::{EFFECTS, EffectId, Plan, RayKind};
 

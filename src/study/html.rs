@@ -29,7 +29,7 @@ pub(crate) fn errors(errors: &[PictureError]) -> String {
         let cells = [escaped(&error.cause), code(&error.text), escaped(&error.option), time];
         (String::new(), cells.map(|cell| ("", cell)).to_vec())
     };
-    "<h2>Errors of the picture</h2>\n<p class=\"note\">By cause, each with the option that reduces it and the time that it takes, relative to the \
+    "<h3>Errors of the picture</h3>\n<p class=\"note\">By cause, each with the option that reduces it and the time that it takes, relative to the \
      picture. <code>kiln explain --measure</code> prints the same table. Blur by filters of pixels and textures has no bound and is not in it.</p>\n"
         .to_owned()
         + &table("<error|<how large|<less by|time", errors.iter().map(row))

@@ -3,7 +3,7 @@
 
 use crate::common::picture::{changed, parse};
 use crate::path::settings;
-use kiln::effects::left_out::Estimate;
+use kiln::effects::light_left_out::Estimate;
 use kiln::error::Warnings;
 use kiln::film::colour::luminance;
 use kiln::film::{Film, Window};

@@ -304,7 +304,7 @@ mod tests {
     use super::*;
     use crate::bvh::{Layout, Traversal};
     use crate::effects::LightTechnique;
-    use crate::effects::left_out::BounceLimits;
+    use crate::effects::light_left_out::BounceLimits;
     use crate::effects::path::numbers::Sequence;
     use crate::effects::path::{Path, Scatter};
     use crate::effects::samples::SampleIndex;

@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use super::bsdf::can_be_delta;
 use super::{Buffers, LightPath, Path, Scatter};
-use crate::effects::left_out::{BounceLimits, ByBounces, LeftOut, LeftOutSample};
+use crate::effects::light_left_out::{BounceLimits, ByBounces, LeftOut, LeftOutSample};
 use crate::effects::random::{Dimension, independent_pair};
 use crate::effects::tile::{RayGeneration, Tile, vec_bytes};
 use crate::film::colour::luminance;
@@ -237,23 +237,22 @@ impl Buffers {
     }
 }
 
-/// Moves the light left out of the paths of a pass to the buffer of its effect.
-pub(in crate::effects) fn take_left_out(tile: &mut Tile, into: &mut LeftOut) {
-    into.samples.clear();
-    if tile.buffers::<Buffers>().is_none() {
-        return;
-    }
-    tile.with_buffers(|buffers: &mut Buffers, _| {
-        let Buffers { samples, radiance, left_out, .. } = buffers;
+impl Buffers {
+    /// Moves the light left out of the paths of a pass to the buffer of its effect.
+    pub(super) fn hand_over_left_out(&mut self, tile: &mut Tile) {
+        let Buffers { samples, radiance, left_out, .. } = self;
         let count = samples.len();
         let of = |section: usize, i: usize| radiance.get(section * count + i).copied().unwrap_or_default();
-        into.samples.extend(samples.iter().enumerate().map(|(i, sample)| LeftOutSample {
-            pixel: [sample.x, sample.y],
-            by_depth: of(1, i) / SHARE,
-            by_clamp: of(2, i),
-        }));
-        into.bounces.add(&left_out.bounces);
+        tile.with_buffers(|into: &mut LeftOut, _| {
+            into.samples.clear();
+            into.samples.extend(samples.iter().enumerate().map(|(i, sample)| LeftOutSample {
+                pixel: [sample.x, sample.y],
+                by_depth: of(1, i) / SHARE,
+                by_clamp: of(2, i),
+            }));
+            into.bounces.add(&left_out.bounces);
+        });
         left_out.bounces.light.clear();
         left_out.bounces.rays.clear();
-    });
+    }
 }

@@ -44,7 +44,7 @@ use media::MediumStackId;
 use numbers::{GenerationNumbers, Sequence};
 use vertices::{IndexList, Vertices};
 
-use super::left_out::BounceLimits;
+use super::light_left_out::BounceLimits;
 use super::record::Recorder;
 use super::samples::{SampleIndex, list_samples};
 use super::shadow_catcher::catch_shadows;
@@ -63,8 +63,6 @@ pub const RAYS: RayKind = RayKind { name: "path", is_shadow: false, colour: [120
 
 /// Shadow rays to sampled lights.
 pub const LIGHT_RAYS: RayKind = RayKind { name: "light-sample", is_shadow: true, colour: [120, 190, 255] };
-
-pub(super) use limits::take_left_out;
 
 /// The registry's entry.
 pub(super) const TRANSPORT: TransportEntry = TransportEntry {
@@ -88,7 +86,10 @@ pub(super) const TRANSPORT: TransportEntry = TransportEntry {
                 buffers.trace_shadow_rays(tile, context.world, &scatter);
             })]
         }
-        Hook::Film => vec![Stage::new("film", write_radiance)],
+        Hook::Film => {
+            let measures_left_out = context.spec.measures_left_out;
+            vec![Stage::new("film", move |tile, context| write_radiance(tile, context, measures_left_out))]
+        }
         _ => Vec::new(),
     },
 };
@@ -420,13 +421,16 @@ impl Buffers {
     }
 }
 
-/// Writes the radiance of the paths to the pixels.
-fn write_radiance(tile: &mut Tile, context: &RenderContext) {
+/// Writes the radiance of the paths to the pixels, and hands over what is left out of it.
+fn write_radiance(tile: &mut Tile, context: &RenderContext, measures_left_out: bool) {
     let pipeline = context.world.pipeline;
     tile.with_buffers(|buffers: &mut Buffers, tile| {
         tile.pixels.clear();
         let pixel = |&radiance: &DVec3| pipeline.clamp(radiance).as_vec3().to_array();
         tile.pixels.extend(buffers.radiance[..buffers.samples.len()].iter().map(pixel));
+        if measures_left_out {
+            buffers.hand_over_left_out(tile);
+        }
     });
     expose_unlit(tile, context);
     catch_shadows(tile, context.world, true);
