@@ -134,10 +134,10 @@ fn panes_leave_out_what_the_bounces_do_not_reach() {
     for (count, depth) in [(10, 10), (10, 12), (3, 3)] {
         let expected = 1.0 - seen_through(count, depth) / all(count);
         let scene = panes(count as u32);
-        check(&format!("{count} panes, {depth} bounces"), &scene, &settings(32, depth), expected);
+        check(&format!("{count} panes, {depth} bounces"), &scene, &settings(64, depth), expected);
     }
     let expected = 1.0 - seen_through(10, 12) / all(10);
-    check("10 panes, 12 specular bounces", &panes(10), &specular(32, 12), expected);
+    check("10 panes, 12 specular bounces", &panes(10), &specular(64, 12), expected);
 }
 
 /// The mean luminance of a picture.

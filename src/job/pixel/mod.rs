@@ -378,10 +378,8 @@ impl RenderJob {
             OutputImage::Rgb8(film, _) => displayed = film.pixel(0, 0),
             _ => {}
         }
-        if let Some(alpha) = alpha {
-            if alpha > 0.0 && !DisplayTransform::is_kept(straight) {
-                straight = straight.map(|channel| channel / alpha);
-            }
+        if let Some(alpha) = alpha.filter(|&alpha| alpha > 0.0 && !DisplayTransform::is_kept(straight)) {
+            straight = straight.map(|channel| channel / alpha);
         }
         let samples = Reporter { job: self, recorder: &recorder }.samples();
         let taken =
