@@ -103,7 +103,7 @@ fn commands_read_sixteen_bits() {
 
 #[test]
 fn formats_say_which_bits_they_have() {
-    let workshop = Workshop::with("scene.toml", &BALL.replace("background = 'transparent'\n", ""));
+    let workshop = Workshop::with("scene.toml", BALL.replace("background = 'transparent'\n", ""));
     let animated = "[animation]\nfps = 2\nduration = 1\n";
     workshop.write("film.toml", format!("{BALL}{animated}").replace("background = 'transparent'\n", ""));
     for (arguments, message) in [
@@ -138,7 +138,7 @@ fn formats_say_which_bits_they_have() {
 /// of threads, in PNG and from shards; black stays black, and without the option nothing is dithered.
 #[test]
 fn dithering_depends_on_the_position_alone() {
-    let workshop = Workshop::with("scene.toml", &BALL.replace("background = 'transparent'\n", ""));
+    let workshop = Workshop::with("scene.toml", BALL.replace("background = 'transparent'\n", ""));
     workshop.succeed("render scene.toml -o a.exr");
     let exr = read_picture(&workshop.path("a.exr")).expect("a picture").values;
     let shown = |i: usize, crop: [u32; 4], bits: &dyn Fn([u32; 2]) -> [u32; 3]| {
