@@ -366,8 +366,11 @@ fn a_mesh_without_animation_is_gone_round_once() {
     assert_eq!(film.len(), header.len() + 4 * (b"FRAME\n".len() + 3 * 32 * 32));
 }
 
+/// The bytes of a frame and its delay as a fraction.
+type ApngFrame = (Vec<u8>, [u16; 2]);
+
 /// The frames of an animated PNG, and the delay of each as a fraction of seconds.
-fn frames_of(shop: &Workshop, name: &str) -> (png::ColorType, png::BitDepth, Vec<(Vec<u8>, [u16; 2])>) {
+fn frames_of(shop: &Workshop, name: &str) -> (png::ColorType, png::BitDepth, Vec<ApngFrame>) {
     let file = std::io::BufReader::new(std::fs::File::open(shop.path(name)).unwrap());
     let mut reader = png::Decoder::new(file).read_info().unwrap();
     let control = *reader.info().animation_control().expect("it is animated");
