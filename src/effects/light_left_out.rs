@@ -286,7 +286,8 @@ impl BounceLimits {
 
 impl fmt::Display for BounceLimits {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} bounces", self.depth)?;
+        let plural = if self.depth == 1 { "" } else { "s" };
+        write!(f, "{} bounce{plural}", self.depth)?;
         self.specular.map_or(Ok(()), |specular| write!(f, " and {specular} specular ones"))
     }
 }

@@ -60,11 +60,9 @@ pub fn note_of_left_out(plan: &Plan, statistics: &Statistics) -> Option<String> 
     if is_noted(by_depth) {
         let (advice, time) = left_out_advice(plan, statistics);
         let time = time.map(|time| format!(", {time:.1} times the time")).unwrap_or_default();
-        return Some(format!(
-            "{} leave out {} of the light; {advice}{time}",
-            plan.bounce_limits(),
-            percent(by_depth)
-        ));
+        let limits = plan.bounce_limits();
+        let leave = if limits.depth == 1 && limits.specular.is_none() { "leaves" } else { "leave" };
+        return Some(format!("{limits} {leave} out {} of the light; {advice}{time}", percent(by_depth)));
     }
     is_noted(by_clamp).then(|| {
         format!("the clamp leaves out {} of the light; a larger --clamp leaves out less", percent(by_clamp))

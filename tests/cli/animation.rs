@@ -736,7 +736,7 @@ fn frames_say_what_limits_leave_out() {
         "animate --frames 0-1 -o a.gif",
     ] {
         let said = shop.succeed(&format!("{command} a.obj --size 24x20 --samples 4 --depth 1"));
-        assert!(said.contains("1 bounces leave out "), "{command}: {said}");
+        assert!(said.contains("1 bounce leaves out "), "{command}: {said}");
     }
 }
 

@@ -66,22 +66,36 @@ fn a_furnace_leaves_out_its_geometric_tail() {
     }
 }
 
-/// Between two parallel mirrors that emit 1 and reflect r = 0.5029 (188 in sRGB) the radiance is the sum of all r^k; at
-/// the angles of this camera, below 0.1 degrees, Schlick's term adds less than 1e-12.
-#[test]
-fn a_corridor_of_mirrors_leaves_out_its_geometric_tail() {
+/// Two parallel mirrors that emit 1 and reflect 188 of 255, and a camera between them.
+fn corridor() -> String {
     let mirror = |z: i32| {
         format!(
             "[[triangles]]\nmaterial = 'mirror'\nindices = [[0, 1, 2], [0, 2, 3]]\n\
              vertices = [[-9, -9, {z}], [9, -9, {z}], [9, 9, {z}], [-9, 9, {z}]]\n"
         )
     };
-    let scene = format!(
+    format!(
         "[[camera]]\nposition = [0, 0, 1]\nlook_at = [0, 0, 0]\nvertical_fov = 0.1\n\
          [material.mirror]\ncolour = '#bcbcbc'\nmetallic = 1\nroughness = 0\nemission = '#ffffff'\n{}{}",
         mirror(0),
         mirror(2)
-    );
+    )
+}
+
+/// A lamp in a bottle: a shell of glass, the inside of which is air.
+const BOTTLE: &str = "[image]\nbackground = '#000000'\n[[camera]]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\nvertical_fov = 30\n\
+    [material.lamp]\ncolour = '#000000'\nemission = '#ffffff'\n\
+    [material.glass]\ncolour = '#ffffff'\nmetallic = 0\nroughness = 0\nlayers = { ior = 1.5, transmission = 1, volume = true }\n\
+    [material.air]\ncolour = '#ffffff'\nmetallic = 0\nroughness = 0\nlayers = { ior = 1.0, transmission = 1, volume = true }\n\
+    [[sphere]]\nmaterial = 'air'\ncentre = [0, 0, 0]\nradius = 0.9\n\
+    [[sphere]]\nmaterial = 'glass'\ncentre = [0, 0, 0]\nradius = 1\n\
+    [[sphere]]\nmaterial = 'lamp'\ncentre = [0, 0, 0]\nradius = 0.5\n";
+
+/// Between two parallel mirrors that emit 1 and reflect r = 0.5029 (188 in sRGB) the radiance is the sum of all r^k; at
+/// the angles of this camera, below 0.1 degrees, Schlick's term adds less than 1e-12.
+#[test]
+fn a_corridor_of_mirrors_leaves_out_its_geometric_tail() {
+    let scene = corridor();
     let r = ((188.0 / 255.0 + 0.055) / 1.055_f64).powf(2.4);
     check("corridor, 4 bounces", &scene, &settings(32, 4), r.powi(5));
     check("corridor, 3 specular bounces", &scene, &specular(32, 3), r.powi(4));
@@ -288,6 +302,11 @@ fn a_note_says_what_is_left_out() {
     assert!(said.starts_with("10 bounces leave out ") && said.contains(" ± "), "{said}");
     assert!(said.contains("; --depth ") && said.contains(" times the time"), "{said}");
     assert_eq!(note(ROOM, &settings(16, 12)), None);
+    let corridor = note(&corridor(), &settings(64, 2)).expect("a note");
+    assert!(corridor.starts_with("2 bounces leave out "), "{corridor}");
+    let bottle = note(BOTTLE, &settings(64, 1)).expect("a note");
+    assert!(bottle.starts_with("1 bounce leaves out "), "{bottle}");
+    assert_eq!(note(BOTTLE, &specular(64, 64)), None);
     let limited = note(&panes(10), &specular(64, 8)).expect("a note");
     assert!(limited.contains("8 bounces and 8 specular ones leave out"), "{limited}");
     assert!(limited.contains("--depth-specular"), "{limited}");
