@@ -60,7 +60,7 @@ fn heat(a: &ComparedImage, b: &ComparedImage) -> Result<Vec<u8>> {
 /// # Errors
 /// [`Error::Failed`] if the encoder fails.
 pub(crate) fn png(picture: &ComparedImage) -> Result<Vec<u8>> {
-    let byte = |c: &f32| crate::film::rounding::quantise((*c).into());
+    let byte = |c: &f32| crate::film::rounding::quantise::<u8>((*c).into());
     let bytes: Vec<u8> = picture.displayed().iter().flatten().map(byte).collect();
     encode(picture.width, picture.height, &bytes)
 }
