@@ -154,6 +154,17 @@ fn panes_leave_out_what_the_bounces_do_not_reach() {
     check("10 panes, 12 specular bounces", &panes(10), &specular(64, 12), expected);
 }
 
+/// Where all rays of a batch are perfectly transmitted and no other bounce is allowed, every ray continues, and a share of
+/// them is traced once more beside them: panes have no lobe that is left out.
+#[test]
+fn rays_that_all_continue_leave_room_for_those_that_are_repeated() {
+    let settings = changed(settings(64, 0), |p| p.depth_specular = Some(Bounces::clamped(64)));
+    let (film, statistics) = render(&panes(10), &settings);
+    assert_eq!(by_depth(&statistics).mean, 0.0);
+    let (mean, error) = crate::path::mean(&film);
+    assert!((mean - 0.96 / 1.36).abs() < 4.0 * error && error < 0.01, "{mean} +- {error}");
+}
+
 /// The mean luminance of a picture.
 fn light(film: &Film) -> f64 {
     let pixels: Vec<[f32; 3]> = film.rows().collect();

@@ -8,12 +8,14 @@
 use glam::DVec3;
 
 use super::bsdf::can_be_delta;
+use super::media::MediumStackId;
 use super::{Buffers, LightPath, Path, Scatter};
 use crate::effects::light_left_out::{BounceLimits, ByBounces, LeftOut, LeftOutSample};
 use crate::effects::random::{Dimension, independent_pair};
 use crate::effects::tile::{RayGeneration, Tile, vec_bytes};
 use crate::film::colour::luminance;
-use crate::world::World;
+use crate::geometry::Ray;
+use crate::world::{RAYS_PER_BATCH, World};
 
 /// The share of the limited paths that continue beyond the limits, times the largest channel of their throughput where that is below
 /// 1. Measurements: docs/decisions.md.
@@ -69,6 +71,15 @@ fn lobes_within(limits: &BounceLimits, path: &Path, generation: u32) -> Lobes {
     Lobes { rough, delta }
 }
 
+/// A path that continues beyond the limits with the next generation that has room.
+struct WaitingPath {
+    ray: Ray,
+    camera_ray: u32,
+    path: Path,
+    /// `None` in worlds without volumes.
+    media: Option<MediumStackId>,
+}
+
 /// The state of the paths that continue beyond the limits.
 #[derive(Default)]
 pub(super) struct LeftOutPaths {
@@ -78,6 +89,7 @@ pub(super) struct LeftOutPaths {
     pub(super) any_scatters: bool,
     /// Whether the generation has paths beyond the limits.
     pub(super) has_unlimited: bool,
+    waiting: Vec<WaitingPath>,
     /// For each light sample of the generation, the radiance that the clamp takes away; empty without a clamp.
     pub(super) clamped_off: Vec<DVec3>,
     /// For each shadow ray, the transmittance; empty where all is 0 or 1.
@@ -89,6 +101,7 @@ impl LeftOutPaths {
     /// Begins the paths of camera rays.
     pub(super) fn start(&mut self) {
         self.has_unlimited = false;
+        self.waiting.clear();
         self.clamped_off.clear();
     }
 
@@ -99,9 +112,16 @@ impl LeftOutPaths {
 
     /// Bytes of memory beside the structure itself.
     pub(super) fn bytes(&self) -> usize {
-        let LeftOutPaths { lobes, clamped_off, transmittances, bounces: ByBounces { light, rays }, .. } =
-            self;
+        let LeftOutPaths {
+            lobes,
+            waiting,
+            clamped_off,
+            transmittances,
+            bounces: ByBounces { light, rays },
+            ..
+        } = self;
         vec_bytes(lobes)
+            + vec_bytes(waiting)
             + vec_bytes(clamped_off)
             + vec_bytes(transmittances)
             + vec_bytes(light)
@@ -221,18 +241,24 @@ impl Buffers {
             if f64::from(number) >= SHARE * survival {
                 continue;
             }
-            next.rays.push(&generation.rays.get(ray));
-            next.sources.push(ray as u32);
-            next.camera_rays.push(camera_ray);
-            self.next.push(Path {
+            let path = Path {
                 throughput: path.throughput / survival,
                 target: path.target + count,
                 scattering: Scattering::Repeated(left_out),
                 ..*path
-            });
-            if let Some(&media) = self.media.get(ray) {
-                self.next_media.push(media);
-            }
+            };
+            let (ray, media) = (generation.rays.get(ray), self.media.get(ray).copied());
+            self.left_out.waiting.push(WaitingPath { ray, camera_ray, path, media });
+        }
+        // Where all rays of a full batch continue by specular lobes, there is no room beside them.
+        let waiting = &mut self.left_out.waiting;
+        let room = (RAYS_PER_BATCH - next.rays.len()).min(waiting.len());
+        for WaitingPath { ray, camera_ray, path, media } in waiting.drain(..room) {
+            next.rays.push(&ray);
+            next.sources.push(0);
+            next.camera_rays.push(camera_ray);
+            self.next.push(path);
+            self.next_media.extend(media);
         }
     }
 }
