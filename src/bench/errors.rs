@@ -7,12 +7,12 @@ use glam::DVec3;
 
 use crate::effects::convergence::displayed_error;
 use crate::error::Result;
-use crate::film::Film;
 use crate::film::write::Channel;
+use crate::film::{ColourPipeline, Film};
 use crate::job::{RenderJob, left_out_advice, percent};
 use crate::render::aov::{self, AovSelection};
 use crate::render::{RenderControl, Statistics};
-use crate::scene::Numerics;
+use crate::scene::{BitDepth, Numerics};
 
 /// The error of a picture by one cause.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -23,8 +23,8 @@ pub struct PictureError {
     pub error: Option<f64>,
     /// The standard error of `error`, where that is an estimate.
     pub standard_error: Option<f64>,
-    /// What `error` is: `displayed` (the standard error of display values, 1 is white; the root mean square of the pixels),
-    /// `share of the light`, or `8-bit steps` (the largest difference of display values).
+    /// What `error` is: `displayed` (the standard error of display values, 1 is white; the root mean square of the
+    /// pixels), `share of the light`, or `8-bit steps` (the largest difference of display values).
     pub unit: String,
     /// The error in words.
     pub text: String,
@@ -49,22 +49,13 @@ pub fn measure(
     let mut errors = vec![noise(job, &film, control)?];
     errors.extend(of_statistics(job, &statistics));
     if let Some(exact) = exact {
-        errors.insert(errors.len() - 1, tier(job, exact, seconds, control)?);
+        errors.push(tier(job, exact, seconds, control)?);
     }
     Ok(errors)
 }
 
 /// The errors that the statistics of a finished picture tell: light left out, and quantisation.
 pub fn of_statistics(job: &RenderJob, statistics: &Statistics) -> Vec<PictureError> {
-    let quantisation = PictureError {
-        cause: "8 bits".into(),
-        error: Some(0.5),
-        standard_error: None,
-        unit: "8-bit steps".into(),
-        text: "up to 0.5 of 255, RMS 0.29".into(),
-        option: "--bits 16, .exr".into(),
-        time: Some(1.0),
-    };
     let mut errors = Vec::new();
     if let Some(left_out) = &statistics.left_out {
         let limits = job.plan.bounce_limits();
@@ -89,8 +80,31 @@ pub fn of_statistics(job: &RenderJob, statistics: &Statistics) -> Vec<PictureErr
             });
         }
     }
-    errors.push(quantisation);
+    errors.extend(quantisation(job));
     errors
+}
+
+/// The rounding of display values to 8 bits; `None` where values have more.
+fn quantisation(job: &RenderJob) -> Option<PictureError> {
+    let picture = &job.settings.picture;
+    if picture.bits.is_some_and(|bits| bits != BitDepth::Eight) {
+        return None;
+    }
+    // Noise of a triangular distribution two levels wide has a variance of 1/6, rounding after it one of 1/12.
+    let (error, text, option) = match (job.pipeline(), picture.dither) {
+        (ColourPipeline::U8, _) => (None, "rounded after each step: no bound", "--colour display"),
+        (_, Some(true)) => (Some(1.5), "dithered: up to 1.5 of 255, RMS 0.5", "--bits 16, .exr"),
+        _ => (Some(0.5), "up to 0.5 of 255, RMS 0.29", "--bits 16, .exr"),
+    };
+    Some(PictureError {
+        cause: "8 bits".into(),
+        error,
+        standard_error: None,
+        unit: "8-bit steps".into(),
+        text: text.into(),
+        option: option.into(),
+        time: Some(1.0),
+    })
 }
 
 /// The noise: the root mean square, over pixels, of the standard error of the displayed value.

@@ -11,9 +11,10 @@ pub const EFFECT: Effect = Effect {
     builds_on: Some(id::PATH),
     is_measurement: true,
     called_for: |_, _| Ok(format!("`{}` has limits", id::PATH)),
-    specify: |_, spec| spec.measures_left_out = true,
-    stages: |_: &EffectContext, hook| match hook {
-        Hook::Film => {
+    // Layers of transparent surfaces of one sample are not samples of the pixel.
+    specify: |_, spec| spec.measures_left_out = !spec.layers || spec.own_camera_rays,
+    stages: |context: &EffectContext, hook| match hook {
+        Hook::Film if context.spec.measures_left_out => {
             vec![Stage::with_buffers("left-out", |buffers: &mut LeftOut, tile, _| buffers.end_pass(tile))]
         }
         _ => Vec::new(),

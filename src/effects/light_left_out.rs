@@ -1,7 +1,8 @@
 //! The light that the limits of a picture leave out: of the bounces of paths, and the clamp.
 //!
-//! The effect `left-out` switches it on. The transport estimates it for each sample ([`LeftOutSample`]), without bias and apart from the picture, which does
-//! not change. Here samples become pixels, and these the totals of the picture with their standard errors.
+//! The effect `left-out` switches it on. The transport estimates it for each sample ([`LeftOutSample`]), without bias
+//! and apart from the picture, which does not change. Here samples become pixels, and these the totals of the picture
+//! with their standard errors.
 
 use std::fmt;
 
@@ -30,9 +31,10 @@ pub struct LeftOut {
     pixels: Vec<PixelSums>,
     /// Whether `pixels` are those of a tile whose samples are not complete.
     is_open: bool,
-    /// The totals of each tile, with the column and row of its first pixel: in this order, sums do not depend on threads.
-    tiles: Vec<([u32; 2], LeftOutTotals)>,
-    /// The light and the rays of paths beyond the limits, for all tiles.
+    /// The totals of each tile, with the column and row of its first pixel: in this order, sums do not depend on
+    /// threads.
+    tiles: Vec<([u32; 2], LeftOutLight)>,
+    /// The light and the rays of paths beyond the limits, of the current tile.
     pub(super) bounces: ByBounces,
 }
 
@@ -47,12 +49,8 @@ struct PixelSums {
 
 impl LeftOut {
     pub(super) fn bytes(&self) -> usize {
-        let LeftOut { samples, pixels, tiles, bounces, .. } = self;
-        vec_bytes(samples)
-            + vec_bytes(pixels)
-            + vec_bytes(tiles)
-            + vec_bytes(&bounces.light)
-            + vec_bytes(&bounces.rays)
+        let LeftOut { samples, pixels, tiles, .. } = self;
+        vec_bytes(samples) + vec_bytes(pixels) + vec_bytes(tiles)
     }
 
     /// Adds the samples of a pass, and, after the last, those of the tile to the totals.
@@ -79,7 +77,9 @@ impl LeftOut {
         }
         if !tile.needs_more_samples {
             self.is_open = false;
-            self.tiles.push(([window.y, window.x], LeftOutTotals::of_tile(&self.pixels, &tile.pixels)));
+            let totals = LeftOutTotals::of_tile(&self.pixels, &tile.pixels);
+            let bounces = std::mem::take(&mut self.bounces);
+            self.tiles.push(([window.y, window.x], LeftOutLight { totals, bounces }));
         }
     }
 
@@ -97,7 +97,8 @@ pub struct LeftOutLight {
     bounces: ByBounces,
 }
 
-/// The paths beyond the limits, by the number of bounces that count beyond the limit on these; first those beyond other limits.
+/// The paths beyond the limits, by the number of bounces that count beyond the limit on these; first those beyond that
+/// of specular bounces. Sums of samples: of pixels with more samples more counts, unlike in the totals.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct ByBounces {
     /// The luminance that they find.
@@ -152,7 +153,7 @@ impl LeftOutTotals {
             totals.samples += n;
             for (total, [sum, squares]) in totals.causes.iter_mut().zip(causes) {
                 total.sum += sum / n;
-                // One sample says nothing of its variance: its square is larger than that.
+                // The variance of one sample is unknown; its square is an upper bound in expectation.
                 let deviations = if *n > 1.0 { (squares - sum * sum / n) / (n - 1.0) } else { *squares };
                 total.variance += deviations.max(0.0) / n;
             }
@@ -173,17 +174,14 @@ impl LeftOutTotals {
 impl LeftOutLight {
     /// The light left out of the tiles of all threads.
     pub(crate) fn of_threads<'a>(threads: impl Iterator<Item = &'a LeftOut>) -> Option<Self> {
-        let mut tiles = Vec::new();
-        let mut all = LeftOutLight::default();
-        for LeftOut { tiles: own, bounces, .. } in threads {
-            tiles.extend(own);
-            all.bounces.add(bounces);
-        }
+        let mut tiles: Vec<_> = threads.flat_map(|thread| &thread.tiles).collect();
         tiles.sort_unstable_by_key(|(place, _)| *place);
-        for (_, totals) in &tiles {
+        let mut all = LeftOutLight::default();
+        for (_, LeftOutLight { totals, bounces }) in &tiles {
             all.totals.pixels += totals.pixels;
             all.totals.samples += totals.samples;
             all.totals.add(totals, 1.0);
+            all.bounces.add(bounces);
         }
         (!tiles.is_empty()).then_some(all)
     }
@@ -222,8 +220,8 @@ impl LeftOutLight {
         Estimate { mean: sum / all, error: variance.sqrt() * (all - sum) / (all * all) }
     }
 
-    /// The share of all light that is left out where `more` bounces are added to the limit, and the rays that those take
-    /// beside the samples.
+    /// The share of all light that is left out where `more` bounces are added to the limit, and the rays that those
+    /// take beside the samples.
     fn with_more_bounces(&self, more: usize) -> (f64, f64) {
         let ByBounces { light, rays } = &self.bounces;
         let all: f64 = light.iter().sum();
@@ -243,8 +241,8 @@ pub struct BounceLimits {
 }
 
 impl BounceLimits {
-    /// `depth` and `specular` are those asked for: a limit of all bounces alone limits all, otherwise perfectly specular ones
-    /// have a limit of their own.
+    /// `depth` and `specular` are those asked for: a limit of all bounces alone limits all, otherwise perfectly
+    /// specular ones have a limit of their own.
     pub(super) fn new(depth: Option<u32>, specular: Option<u32>) -> Self {
         let of_its_own = depth.is_none().then_some(PathSettings::DEFAULT_DEPTH_SPECULAR);
         let depth = depth.unwrap_or(PathSettings::DEFAULT_DEPTH);
@@ -268,12 +266,14 @@ impl BounceLimits {
 
     /// The options that set a limit of `depth`, and `factor` times that of specular bounces.
     pub fn options(&self, depth: u32, factor: u32) -> String {
-        let specular = self.specular.map(|limit| format!(" --depth-specular {}", limit * factor));
-        format!("--depth {depth}{}", specular.unwrap_or_default())
+        let larger = |limit: u32| (limit.max(1) * factor).min(PathSettings::MAX_DEPTH);
+        let specular = self.specular.map(|limit| if factor == 1 { limit } else { larger(limit) });
+        let specular = specular.map(|limit| format!(" --depth-specular {limit}"));
+        format!("--depth {}{}", depth.min(PathSettings::MAX_DEPTH), specular.unwrap_or_default())
     }
 
-    /// The options of the least of some larger limits that leaves out at most a share of the light, that share, and the time over that
-    /// of a picture that took `rays` rays.
+    /// The options of the least of some larger limits that leaves out at most a share of the light, that share, and the
+    /// time over that of a picture that took `rays` rays.
     pub fn deeper(&self, left_out: &LeftOutLight, most: f64, rays: u64) -> Option<(String, f64, f64)> {
         let base = self.depth.max(4);
         let depths = (0..9).flat_map(|k| [(base << k) * 3 / 2, base << (k + 1)]);

@@ -65,10 +65,10 @@ impl Buffers {
     pub(super) fn add_radiance(&mut self, path: &Path, radiance: DVec3, stage: &Scatter) {
         let target = path.target as usize;
         if !radiance.is_finite() {
-            self.discarded += 1;
+            self.discarded += u64::from(path.scattering == Scattering::OfPicture);
         } else if path.scattering != Scattering::OfPicture {
             self.radiance[target] += radiance;
-            self.left_out.add_light(path.counted, radiance, stage);
+            self.left_out.add_light(path.scattering.needed(path.counted), radiance, stage);
         } else {
             let clamped = stage.clamped(radiance, path.bounces);
             self.radiance[target] += clamped;

@@ -39,6 +39,8 @@ pub(super) enum Scattering {
     OfPicture,
     /// Without limits.
     Unlimited,
+    /// The same, beyond the limit on specular bounces, so that no larger limit on the others reaches it.
+    BeyondSpecular,
     /// By the lobes that the limits leave out. The vertex is that of a path of the picture, which has its emission.
     Repeated(LeftOutLobes),
 }
@@ -48,7 +50,10 @@ pub(super) enum Scattering {
 pub(super) enum LeftOutLobes {
     Rough,
     Delta,
-    All,
+    /// All: of the one limit, or of both where specular bounces have their own.
+    All {
+        has_specular: bool,
+    },
 }
 
 impl Scattering {
@@ -59,7 +64,19 @@ impl Scattering {
 
     /// That of the vertex after the next.
     pub(super) fn next(self) -> Self {
-        if self == Scattering::OfPicture { self } else { Scattering::Unlimited }
+        match self {
+            Scattering::Repeated(LeftOutLobes::Delta | LeftOutLobes::All { has_specular: true }) => {
+                Scattering::BeyondSpecular
+            }
+            Scattering::Repeated(_) => Scattering::Unlimited,
+            other => other,
+        }
+    }
+
+    /// The bounces that a limit on those that count would have to allow for light after `counted` of them; 0 where none
+    /// suffices.
+    pub(super) fn needed(self, counted: u16) -> u16 {
+        if self.next() == Scattering::BeyondSpecular { 0 } else { counted }
     }
 }
 
@@ -105,7 +122,8 @@ impl LeftOutPaths {
         self.clamped_off.clear();
     }
 
-    /// Whether a limit ends the path at a vertex of a limited generation, unless it continues by a perfectly specular lobe.
+    /// Whether a limit ends the path at a vertex of a limited generation, unless it continues by a perfectly specular
+    /// lobe.
     pub(super) fn ends(&self, vertex: usize) -> bool {
         !self.lobes[vertex].rough
     }
@@ -128,8 +146,8 @@ impl LeftOutPaths {
             + vec_bytes(rays)
     }
 
-    /// Adds the light samples of a generation that are visible: those of paths beyond the limits, and what the clamp takes
-    /// away of others. The first is number `listed` of the generation; `count` is the number of camera rays.
+    /// Adds the light samples of a generation that are visible: those of paths beyond the limits, and what the clamp
+    /// takes away of others. The first is number `listed` of the generation; `count` is the number of camera rays.
     #[cold]
     pub(super) fn add_light_samples(
         &mut self,
@@ -143,7 +161,7 @@ impl LeftOutPaths {
             let transmittance = self.transmittances.get(k).copied().unwrap_or(1.0);
             let target = path.target as usize;
             if target >= count {
-                self.add_light(path.counted, path.radiance, stage);
+                self.add_light(path.needed, path.radiance, stage);
             } else if let Some(clamped_off) = self.clamped_off.get(listed + k) {
                 radiance[2 * count + target] += *clamped_off * transmittance;
             }
@@ -178,7 +196,8 @@ impl Buffers {
         *has_unlimited = false;
         for path in paths.iter().filter(|path| path.scattering != Scattering::OfPicture) {
             *has_unlimited = true;
-            add_at(&mut bounces.rays, stage.limits.beyond(path.counted), 1.0 / SHARE);
+            let needed = path.scattering.needed(path.counted);
+            add_at(&mut bounces.rays, stage.limits.beyond(needed), 1.0 / SHARE);
         }
         lobes.clear();
         *any_scatters = false;
@@ -189,7 +208,9 @@ impl Buffers {
                 let path = &paths[surfaces.ray_of()[i] as usize];
                 let found = match path.scattering {
                     Scattering::OfPicture => lobes_within(&stage.limits, path, depth),
-                    Scattering::Unlimited | Scattering::Repeated(LeftOutLobes::All) => Lobes::ALL,
+                    Scattering::Unlimited
+                    | Scattering::BeyondSpecular
+                    | Scattering::Repeated(LeftOutLobes::All { .. }) => Lobes::ALL,
                     Scattering::Repeated(LeftOutLobes::Rough) => Lobes { rough: true, delta: false },
                     Scattering::Repeated(LeftOutLobes::Delta) => Lobes { rough: false, delta: true },
                 };
@@ -229,7 +250,9 @@ impl Buffers {
             }
             let left_out = match lobes_within(&stage.limits, path, depth) {
                 Lobes { rough: true, delta: true } => continue,
-                Lobes { rough: false, delta: false } => LeftOutLobes::All,
+                Lobes { rough: false, delta: false } => {
+                    LeftOutLobes::All { has_specular: stage.limits.specular.is_some() }
+                }
                 Lobes { rough: false, delta: true } => LeftOutLobes::Rough,
                 Lobes { rough: true, delta: false } => LeftOutLobes::Delta,
             };

@@ -174,9 +174,10 @@ impl Path {
 /// A shadow ray's path and the radiance that it adds if unoccluded.
 #[derive(Debug, Clone, Copy)]
 struct LightPath {
-    /// [`Path::target`] and [`Path::counted`].
+    /// [`Path::target`].
     target: u32,
-    counted: u16,
+    /// [`Scattering::needed`].
+    needed: u16,
     radiance: DVec3,
 }
 

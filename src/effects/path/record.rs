@@ -122,7 +122,9 @@ pub(super) fn record_light_samples(
             continue;
         };
         // The test that was added is that of the sample with the same place.
-        if let Some(sample) = vertex.lights.get_mut(record.tests.len() - 1).filter(|_| !occluded[place]) {
+        if let Some(sample) =
+            vertex.lights.get_mut(record.tests.len().wrapping_sub(1)).filter(|_| !occluded[place])
+        {
             sample.adds = light_paths[place].radiance;
         }
     }

@@ -157,7 +157,7 @@ impl Buffers {
                 } else if stage.sections() == 3 {
                     self.left_out.clamped_off.push(DVec3::ZERO);
                 }
-                LightPath { target, counted: counted.saturating_add(1), radiance }
+                LightPath { target, needed: scattering.needed(counted.saturating_add(1)), radiance }
             }));
         }
     }
