@@ -49,6 +49,7 @@ class ViewOptions(ReadOptions, total=False):
     shading: Literal["flat", "ambient", "diffuse", "phong"] | None
     transport: Literal["whitted", "path"] | None
     clamp: _Value
+    depth_specular: _Value
     filter: Literal["box", "tent", "gaussian", "mitchell"] | None
     filter_radius: _Value
     noise: _Value
@@ -59,13 +60,12 @@ class ViewOptions(ReadOptions, total=False):
     colour: Literal["display", "u8", "linear"] | None
     exposure: _Value
     tone_map: Literal["none", "pbr-neutral", "agx", "filmic"] | None
-    bits: Literal[8, 16, 32] | None
+    bits: _Value
     dither: bool | None
     light: Literal["head", "none"] | None
     ground: bool | None
     cull: bool | None
     background: _Value
-    bits: _Value
     bvh: Literal["fast-build", "balanced", "best-trace"] | None
     depth: _Value
     draft: bool | None
