@@ -448,6 +448,31 @@ fn a_pixel_of_paths_is_the_sum_of_what_its_report_lists() {
     assert!(bounces > 3, "paths through glass have several vertices, not {bounces}");
 }
 
+/// What a light sample adds is attenuated by the transparent surfaces before the light.
+#[test]
+fn light_samples_behind_transparent_surfaces_add_what_passes() {
+    let scene = kiln::import::load(&[repository("scenes/effects/alpha.toml")], &mut Warnings::default());
+    let job = job_of(scene.expect("a scene"), |picture| {
+        *picture = PictureSettings {
+            transport: Some(Transport::Path),
+            samples: Some(Samples::clamped(16)),
+            ..PictureSettings::of_size([64, 48])
+        };
+    });
+    let mut attenuated = 0;
+    for pixel in [[30, 40], [20, 38], [36, 36], [44, 40], [26, 44]] {
+        let report = job.explain_pixel(pixel, 0, &RenderControl::default()).expect("a report");
+        for sample in serde_json::to_value(&report).expect("JSON")["samples"].as_array().expect("samples") {
+            let radiance = sum_of_path(sample).as_vec3().as_dvec3();
+            assert_eq!(radiance, vector(&sample["colour"]), "{pixel:?}: sample {}", sample["index"]);
+        }
+        let rays = report.samples.iter().flat_map(|sample| &sample.rays).filter_map(|ray| ray.path.as_ref());
+        let lights = rays.flat_map(|path| &path.light_samples).map(|light| &light.sample);
+        attenuated += lights.filter(|l| l.adds != DVec3::ZERO && l.adds != l.if_visible).count();
+    }
+    assert!(attenuated > 10, "{attenuated} light samples behind transparent surfaces");
+}
+
 /// Local shading and layers: samples are the blended colours of their camera rays, to the bit, and layers add up.
 #[test]
 fn a_shaded_pixel_is_the_sum_of_its_layers() {
