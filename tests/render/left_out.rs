@@ -148,7 +148,9 @@ fn panes_leave_out_what_the_bounces_do_not_reach() {
     for (count, depth) in [(10, 10), (10, 12), (3, 3)] {
         let expected = 1.0 - seen_through(count, depth) / all(count);
         let scene = panes(count as u32);
-        check(&format!("{count} panes, {depth} bounces"), &scene, &settings(64, depth), expected);
+        // Three panes leave out 0.5 %.
+        let samples = if count == 3 { 256 } else { 64 };
+        check(&format!("{count} panes, {depth} bounces"), &scene, &settings(samples, depth), expected);
     }
     let expected = 1.0 - seen_through(10, 12) / all(10);
     check("10 panes, 12 specular bounces", &panes(10), &specular(64, 12), expected);
