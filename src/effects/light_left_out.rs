@@ -244,9 +244,9 @@ impl BounceLimits {
     /// `depth` and `specular` are those asked for: a limit of all bounces alone limits all, otherwise perfectly
     /// specular ones have a limit of their own.
     pub(super) fn new(depth: Option<u32>, specular: Option<u32>) -> Self {
-        let of_its_own = depth.is_none().then_some(PathSettings::DEFAULT_DEPTH_SPECULAR);
+        let default_specular = depth.is_none().then_some(PathSettings::DEFAULT_DEPTH_SPECULAR);
         let depth = depth.unwrap_or(PathSettings::DEFAULT_DEPTH);
-        BounceLimits { depth, specular: specular.or(of_its_own) }
+        BounceLimits { depth, specular: specular.or(default_specular) }
     }
 
     /// Whether vertices of a generation may be limited.
@@ -255,6 +255,7 @@ impl BounceLimits {
     }
 
     /// Whether a bounce counts towards `depth`.
+    #[inline]
     pub(super) fn counts(&self, is_delta: bool) -> bool {
         !is_delta || self.specular.is_none()
     }

@@ -409,7 +409,7 @@ mod tests {
             }
             let (mut vertices, mut media) = (Box::<Vertices>::default(), Vec::new());
             vertices.media.start(&world, rays.rays().origins(), &mut media);
-            let path = Path { pdf: 1.0, ..Path::of_camera(0) };
+            let path = Path { pdf: 1.0, ..Path::OF_CAMERA };
             vertices.begin(&world, &surfaces, &[path; RAYS_PER_BATCH], &media);
             vertices.find_frames(&world, &surfaces);
             for i in 0..vertices.len() {

@@ -384,6 +384,7 @@ mod tests {
             let stage = Scatter {
                 limits: BounceLimits::new(Some(3), None),
                 measures_left_out: false,
+                samples: 1,
                 seed: 1,
                 continued: None,
                 sampler: PixelSampler::Sobol,
@@ -394,7 +395,7 @@ mod tests {
             };
             let lights = Lights::new(&world, &stage);
             let mut vertices = Box::<Vertices>::default();
-            let path = Path { pdf: 1.0, ..Path::of_camera(0) };
+            let path = Path { pdf: 1.0, ..Path::OF_CAMERA };
             vertices.begin(&world, &surfaces, &[path; RAYS_PER_BATCH], &[]);
             vertices.find_frames(&world, &surfaces);
             let mut numbers = Box::<GenerationNumbers>::default();

@@ -17,9 +17,19 @@ use crate::film::colour::luminance;
 use crate::geometry::Ray;
 use crate::world::{RAYS_PER_BATCH, World};
 
-/// The share of the limited paths that continue beyond the limits, times the largest channel of their throughput where that is below
-/// 1. Measurements: docs/decisions.md.
-const SHARE: f64 = 1.0 / 64.0;
+/// The number of paths of a picture that would continue beyond the limits if all were limited, to within a factor of 2
+/// and as far as [`SHARES`] allow: enough for standard errors of a few percent. Measurements: docs/decisions.md.
+const CONTINUED_PATHS: f64 = 8192.0;
+
+/// The range of the share of limited paths that continue.
+const SHARES: [f64; 2] = [1.0 / 1024.0, 1.0 / 16.0];
+
+/// The share of limited paths that continue beyond the limits, times the largest channel of their throughput where that
+/// is below 1, for a picture of at most this many paths. A power of two, by which radiance is divided without rounding.
+pub(super) fn share(paths: f64) -> f64 {
+    let share = (CONTINUED_PATHS / paths.max(1.0)).clamp(SHARES[0], SHARES[1]);
+    f64::from_bits(share.to_bits() & f64::INFINITY.to_bits())
+}
 
 /// The lobes by which a vertex may scatter: all but perfectly specular ones, and these.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,11 +68,13 @@ pub(super) enum LeftOutLobes {
 
 impl Scattering {
     /// Whether the vertex is that of a path of the picture.
+    #[inline]
     pub(super) fn is_repeated(self) -> bool {
         matches!(self, Scattering::Repeated(_))
     }
 
     /// That of the vertex after the next.
+    #[inline]
     pub(super) fn next(self) -> Self {
         match self {
             Scattering::Repeated(LeftOutLobes::Delta | LeftOutLobes::All { has_specular: true }) => {
@@ -75,6 +87,7 @@ impl Scattering {
 
     /// The bounces that a limit on those that count would have to allow for light after `counted` of them; 0 where none
     /// suffices.
+    #[inline]
     pub(super) fn needed(self, counted: u16) -> u16 {
         if self.next() == Scattering::BeyondSpecular { 0 } else { counted }
     }
@@ -100,6 +113,8 @@ struct WaitingPath {
 /// The state of the paths that continue beyond the limits.
 #[derive(Default)]
 pub(super) struct LeftOutPaths {
+    /// See [`share`].
+    share: f64,
     /// For each vertex of a limited generation, its lobes.
     lobes: Vec<Lobes>,
     /// Whether any of these may scatter.
@@ -116,7 +131,8 @@ pub(super) struct LeftOutPaths {
 
 impl LeftOutPaths {
     /// Begins the paths of camera rays.
-    pub(super) fn start(&mut self) {
+    pub(super) fn start(&mut self, share: f64) {
+        self.share = share;
         self.has_unlimited = false;
         self.waiting.clear();
         self.clamped_off.clear();
@@ -171,7 +187,7 @@ impl LeftOutPaths {
     /// Adds light that a path beyond the limits finds after `counted` bounces that count.
     #[cold]
     pub(super) fn add_light(&mut self, counted: u16, radiance: DVec3, stage: &Scatter) {
-        add_at(&mut self.bounces.light, stage.limits.beyond(counted), luminance(radiance) / SHARE);
+        add_at(&mut self.bounces.light, stage.limits.beyond(counted), luminance(radiance) / self.share);
     }
 }
 
@@ -192,15 +208,19 @@ impl Buffers {
         depth: u32,
     ) {
         let Buffers { left_out, paths, vertices, .. } = self;
-        let LeftOutPaths { lobes, any_scatters, has_unlimited, bounces, .. } = left_out;
+        let LeftOutPaths { share, lobes, any_scatters, has_unlimited, bounces, .. } = left_out;
         *has_unlimited = false;
-        for path in paths.iter().filter(|path| path.scattering != Scattering::OfPicture) {
+        let unlimited = paths.iter().filter(|path| path.scattering != Scattering::OfPicture);
+        for path in unlimited.filter(|_| stage.measures_left_out) {
             *has_unlimited = true;
             let needed = path.scattering.needed(path.counted);
-            add_at(&mut bounces.rays, stage.limits.beyond(needed), 1.0 / SHARE);
+            add_at(&mut bounces.rays, stage.limits.beyond(needed), 1.0 / *share);
         }
         lobes.clear();
         *any_scatters = false;
+        if !*has_unlimited && stage.limits.specular.is_none() {
+            return;
+        }
         let surfaces = &*generation.surfaces;
         for (material, range) in surfaces.by_material() {
             let has_delta = can_be_delta(&world.materials[*material as usize]);
@@ -243,7 +263,6 @@ impl Buffers {
         (generation, next): (&RayGeneration, &mut RayGeneration),
         depth: u32,
     ) {
-        let count = self.samples.len() as u32;
         for (ray, path) in self.paths.iter().enumerate() {
             if path.scattering != Scattering::OfPicture {
                 continue;
@@ -261,12 +280,11 @@ impl Buffers {
             let dimension = Dimension::left_out(depth);
             let [number, _] = independent_pair([sample.x, sample.y], stage.seed, sample.sample, dimension);
             let survival = path.throughput.max_element().min(1.0);
-            if f64::from(number) >= SHARE * survival {
+            if f64::from(number) >= self.left_out.share * survival {
                 continue;
             }
             let path = Path {
                 throughput: path.throughput / survival,
-                target: path.target + count,
                 scattering: Scattering::Repeated(left_out),
                 ..*path
             };
@@ -278,15 +296,14 @@ impl Buffers {
         let room = (RAYS_PER_BATCH - next.rays.len()).min(waiting.len());
         for WaitingPath { ray, camera_ray, path, media } in waiting.drain(..room) {
             next.rays.push(&ray);
-            next.sources.push(0);
+            // Of no surface: rays of paths are not mirrored, which alone reads it.
+            next.sources.push(u32::MAX);
             next.camera_rays.push(camera_ray);
             self.next.push(path);
             self.next_media.extend(media);
         }
     }
-}
 
-impl Buffers {
     /// Moves the light left out of the paths of a pass to the buffer of its effect.
     pub(super) fn hand_over_left_out(&mut self, tile: &mut Tile) {
         let Buffers { samples, radiance, left_out, .. } = self;
@@ -296,7 +313,7 @@ impl Buffers {
             into.samples.clear();
             into.samples.extend(samples.iter().enumerate().map(|(i, sample)| LeftOutSample {
                 pixel: [sample.x, sample.y],
-                by_depth: of(1, i) / SHARE,
+                by_depth: of(1, i) / left_out.share,
                 by_clamp: of(2, i),
             }));
             into.bounces.add(&left_out.bounces);

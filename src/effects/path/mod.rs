@@ -80,7 +80,7 @@ pub(super) const TRANSPORT: TransportEntry = TransportEntry {
             let scatter = Scatter::new(context);
             vec![Stage::with_buffers("path", move |buffers: &mut Buffers, tile, context| {
                 if tile.depth == 0 {
-                    buffers.start(tile, context.world, &scatter);
+                    buffers.start(tile, context, &scatter);
                 }
                 buffers.scatter(tile, context, &scatter);
                 buffers.trace_shadow_rays(tile, context.world, &scatter);
@@ -153,8 +153,6 @@ struct Path {
     /// The density per solid angle with which the BSDF sampled the current ray; infinite for camera rays and for
     /// directions that no light sample can reach.
     pdf: f64,
-    /// The entry of [`Buffers::radiance`] that it adds to.
-    target: u32,
     /// The number of scattering events that count towards the limit of bounces.
     counted: u16,
     /// The number of scattering events, not counting leading perfectly specular ones; 2 for more.
@@ -164,17 +162,21 @@ struct Path {
 }
 
 impl Path {
-    /// The path of a camera ray that adds to the entry `target`.
-    fn of_camera(target: u32) -> Self {
-        let (throughput, from, pdf) = (DVec3::ONE, DVec3::ZERO, f64::INFINITY);
-        Path { throughput, from, pdf, target, counted: 0, bounces: 0, scattering: Scattering::OfPicture }
-    }
+    /// The path of a camera ray.
+    const OF_CAMERA: Path = Path {
+        throughput: DVec3::ONE,
+        from: DVec3::ZERO,
+        pdf: f64::INFINITY,
+        counted: 0,
+        bounces: 0,
+        scattering: Scattering::OfPicture,
+    };
 }
 
 /// A shadow ray's path and the radiance that it adds if unoccluded.
 #[derive(Debug, Clone, Copy)]
 struct LightPath {
-    /// [`Path::target`].
+    /// The entry of [`Buffers::radiance`].
     target: u32,
     /// [`Scattering::needed`].
     needed: u16,
@@ -243,7 +245,8 @@ impl Buffers {
     }
 
     /// Begins the paths of the camera rays.
-    fn start(&mut self, tile: &mut Tile, world: &World, stage: &Scatter) {
+    fn start(&mut self, tile: &mut Tile, context: &RenderContext, stage: &Scatter) {
+        let world = context.world;
         let generation = tile.generation();
         let count = generation.rays.len();
         generation.camera_rays.clear();
@@ -251,8 +254,9 @@ impl Buffers {
         self.radiance.clear();
         self.radiance.resize(count * stage.sections(), DVec3::ZERO);
         self.paths.clear();
-        self.paths.extend((0..count as u32).map(Path::of_camera));
-        self.left_out.start();
+        self.paths.resize(count, Path::OF_CAMERA);
+        let [width, height] = context.view.size().map(f64::from);
+        self.left_out.start(limits::share(width * height * f64::from(stage.samples)));
         self.samples.clear();
         list_samples(tile, &mut self.samples);
         self.media.clear();
@@ -267,6 +271,8 @@ struct Scatter {
     limits: BounceLimits,
     /// Whether the light that limits leave out is measured.
     measures_left_out: bool,
+    /// The most samples of a pixel.
+    samples: u32,
     /// The seed of the random numbers.
     seed: u32,
     /// The kind that shadow rays behind surfaces are counted as; `None` where all surfaces are opaque.
@@ -290,6 +296,7 @@ impl Scatter {
         Scatter {
             limits: BounceLimits::new(depth, settings.depth_specular),
             measures_left_out: context.spec.measures_left_out,
+            samples: context.sampling.max_samples(),
             seed,
             sampler,
             technique: context.spec.light_technique,
@@ -300,13 +307,15 @@ impl Scatter {
         }
     }
 
+    /// Whether the light that the clamp takes away is measured.
+    #[inline]
+    fn measures_clamp(&self) -> bool {
+        self.measures_left_out && self.clamp < f64::INFINITY
+    }
+
     /// The number of sections of [`Buffers::radiance`].
     fn sections(&self) -> usize {
-        match self.measures_left_out {
-            true if self.clamp < f64::INFINITY => 3,
-            true => 2,
-            false => 1,
-        }
+        1 + usize::from(self.measures_left_out) + usize::from(self.measures_clamp())
     }
 }
 

@@ -122,6 +122,7 @@ impl Buffers {
     ) {
         let Buffers { vertices, light_samples, .. } = self;
         let surfaces = &*generation.surfaces;
+        let camera_rays = self.samples.len() as u32;
         // Each sample is limited to its share of the clamp.
         let count = f64::from(stage.settings.light_samples);
         for samples in light_samples {
@@ -147,16 +148,19 @@ impl Buffers {
                     let media = vertices.media_towards(i, surfaces, direction.get(i));
                     radiance *= vertices.media.transmittance(world, media, end, t_max);
                 }
-                let Path { target, counted, bounces, scattering, .. } = self.paths[ray];
-                if stage.clamp < f64::INFINITY && scattering == Scattering::OfPicture {
+                let Path { counted, bounces, scattering, .. } = self.paths[ray];
+                let is_of_picture = scattering == Scattering::OfPicture;
+                if stage.clamp < f64::INFINITY {
                     let whole = radiance;
-                    radiance = stage.clamped(radiance * count, bounces + 1) / count;
-                    if stage.measures_left_out {
+                    if is_of_picture {
+                        radiance = stage.clamped(radiance * count, bounces + 1) / count;
+                    }
+                    if stage.measures_clamp() {
                         self.left_out.clamped_off.push(whole - radiance);
                     }
-                } else if stage.sections() == 3 {
-                    self.left_out.clamped_off.push(DVec3::ZERO);
                 }
+                let camera_ray = generation.camera_rays[ray];
+                let target = camera_ray + if is_of_picture { 0 } else { camera_rays };
                 LightPath { target, needed: scattering.needed(counted.saturating_add(1)), radiance }
             }));
         }
