@@ -12,7 +12,7 @@ use super::PathSettings;
 use super::tile::{Tile, vec_bytes};
 use crate::film::colour::luminance;
 
-/// The radiance left out of a sample.
+/// The radiance left out of a sample that lacks some.
 pub(super) struct LeftOutSample {
     /// Column and row of its pixel in the whole picture.
     pub(super) pixel: [u32; 2],
@@ -25,9 +25,9 @@ pub(super) struct LeftOutSample {
 /// The light left out of a tile, and the totals of the tiles of a thread.
 #[derive(Default)]
 pub struct LeftOut {
-    /// The samples of the current pass.
+    /// The samples of the current pass that lack light.
     pub(super) samples: Vec<LeftOutSample>,
-    /// For each pixel of the tile, the sums of its samples.
+    /// For each pixel of the tile, the sums of its samples; the means once the tile is complete.
     pixels: Vec<PixelSums>,
     /// Whether `pixels` are those of a tile whose samples are not complete.
     is_open: bool,
@@ -41,7 +41,6 @@ pub struct LeftOut {
 /// The sums of a pixel's samples.
 #[derive(Clone, Copy, Default)]
 struct PixelSums {
-    count: f64,
     radiance: DVec3,
     /// Luminance and its square, by limits on bounces and by the clamp.
     causes: [[f64; 2]; 2],
@@ -67,7 +66,6 @@ impl LeftOut {
                 continue;
             }
             let sums = &mut self.pixels[(y * window.width + x) as usize];
-            sums.count += 1.0;
             sums.radiance += *by_depth + *by_clamp;
             for ([sum, squares], radiance) in sums.causes.iter_mut().zip([by_depth, by_clamp]) {
                 let value = luminance(*radiance);
@@ -77,7 +75,7 @@ impl LeftOut {
         }
         if !tile.needs_more_samples {
             self.is_open = false;
-            let totals = LeftOutTotals::of_tile(&self.pixels, &tile.pixels);
+            let totals = LeftOutTotals::of_tile(&mut self.pixels, tile);
             let bounces = std::mem::take(&mut self.bounces);
             self.tiles.push(([window.y, window.x], LeftOutLight { totals, bounces }));
         }
@@ -85,7 +83,7 @@ impl LeftOut {
 
     /// The radiance left out of each pixel of the last tile, row by row: the mean of its samples.
     pub(crate) fn of_pixels(&self) -> impl Iterator<Item = [f32; 3]> {
-        self.pixels.iter().map(|sums| (sums.radiance / sums.count.max(1.0)).as_vec3().to_array())
+        self.pixels.iter().map(|sums| sums.radiance.as_vec3().to_array())
     }
 }
 
@@ -146,15 +144,18 @@ pub struct Estimate {
 }
 
 impl LeftOutTotals {
-    fn of_tile(pixels: &[PixelSums], picture: &[[f32; 3]]) -> Self {
-        let light = picture.iter().map(|p| luminance(DVec3::from(p.map(f64::from)))).sum();
+    /// The totals of a complete tile. Divides the sums of radiance by the number of samples.
+    fn of_tile(pixels: &mut [PixelSums], tile: &Tile) -> Self {
+        let light = tile.pixels.iter().map(|p| luminance(DVec3::from(p.map(f64::from)))).sum();
         let mut totals = LeftOutTotals { pixels: pixels.len() as f64, light, ..LeftOutTotals::default() };
-        for PixelSums { count: n, causes, .. } in pixels.iter().filter(|sums| sums.count > 0.0) {
+        for (i, PixelSums { radiance, causes }) in pixels.iter_mut().enumerate() {
+            let n = tile.sample_counts.get(i).map_or(1.0, |&count| f64::from(count));
             totals.samples += n;
+            *radiance /= n;
             for (total, [sum, squares]) in totals.causes.iter_mut().zip(causes) {
-                total.sum += sum / n;
+                total.sum += *sum / n;
                 // The variance of one sample is unknown; its square is an upper bound in expectation.
-                let deviations = if *n > 1.0 { (squares - sum * sum / n) / (n - 1.0) } else { *squares };
+                let deviations = if n > 1.0 { (*squares - *sum * *sum / n) / (n - 1.0) } else { *squares };
                 total.variance += deviations.max(0.0) / n;
             }
         }

@@ -39,8 +39,7 @@ fn specular(samples: u32, limit: u32) -> RenderSettings {
 
 /// The estimates of 20 seeds: their mean lies within two of its standard errors of the expected share, and the errors
 /// themselves are right: the sum of the squared deviations over them is chi-squared with 20 degrees of freedom, which
-/// is below 5.9 and above 45.3 with a probability of 1e-3 each. It may be lower, since samples of a pixel are evenly
-/// distributed.
+/// is below 5.9 and above 45.3 with a probability of 1e-3 each.
 fn check(name: &str, scene: &str, settings: &RenderSettings, expected: f64) {
     let of = |seed| by_depth(&render(scene, &seeded(settings, seed)).1);
     let estimates: Vec<Estimate> = (0..SEEDS).map(of).collect();
@@ -50,7 +49,7 @@ fn check(name: &str, scene: &str, settings: &RenderSettings, expected: f64) {
     println!("{name}: {mean:.5} +- {error:.5}, expected {expected:.5}; {squares:.1}");
     assert!(error < 0.05 * expected, "{name}: an error of {error} shows nothing of {expected}");
     assert!((mean - expected).abs() < 2.0 * error, "{name}: {mean} +- {error}, expected {expected}");
-    assert!(squares < 45.3, "{name}: {squares}");
+    assert!((5.9..45.3).contains(&squares), "{name}: {squares}");
 }
 
 /// The inside of a closed surface that emits 1 and reflects half of what it receives: the radiance is 1 + 1/2 + 1/4 +
@@ -201,32 +200,35 @@ fn mixed_room() -> String {
 #[test]
 fn picture_and_light_left_out_are_the_picture_of_all_bounces() {
     let scene = mixed_room();
-    let values = |settings: &RenderSettings, seeds: std::ops::Range<u32>| -> Vec<f64> {
+    let values = |settings: &RenderSettings, seeds: std::ops::Range<u32>| -> [Vec<f64>; 2] {
         let all = |seed| {
             let (film, statistics) = render(&scene, &seeded(settings, seed));
-            light(&film) / (1.0 - by_depth(&statistics).mean)
+            [light(&film), light(&film) / (1.0 - by_depth(&statistics).mean)]
         };
-        seeds.map(all).collect()
+        let found: Vec<[f64; 2]> = seeds.map(all).collect();
+        [0, 1].map(|k| found.iter().map(|values| values[k]).collect())
     };
     let moments = |values: &[f64]| {
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
         (mean, values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0) / n)
     };
-    let (expected, variance) = moments(&values(&settings(64, 1000), 100..108));
+    let (expected, variance) = moments(&values(&settings(64, 1000), 100..108)[1]);
     let mut both = settings(64, 2);
     both.picture.depth_specular = Some(Bounces::clamped(1));
     for (name, limits) in [
         ("no bounce", settings(64, 0)),
         ("1 bounce", settings(64, 1)),
         ("2 and 1 specular", both),
-        ("8 and 2 specular", specular(64, 2)),
+        ("8 and 0 specular", specular(64, 0)),
     ] {
-        let (mean, own) = moments(&values(&limits, 0..8));
-        let t = (mean - expected) / (variance + own).sqrt();
-        println!("{name}: {mean:.5}, expected {expected:.5}, t {t:.2}");
-        assert!(t.abs() < 4.2, "{name}: {mean}, expected {expected}, t {t}");
-        assert!((variance + own).sqrt() < 0.02 * expected, "{name}: the test sees nothing");
+        let [without, with] = values(&limits, 0..8).map(|values| {
+            let (mean, own) = moments(&values);
+            (mean - expected) / (variance + own).sqrt()
+        });
+        println!("{name}: t {with:.2}, of the picture alone {without:.1}");
+        assert!(with.abs() < 4.2, "{name}: {with}");
+        assert!(without < -8.4, "{name}: the test would not miss the light left out: {without}");
     }
 }
 
@@ -311,9 +313,9 @@ fn a_note_says_what_is_left_out() {
         let (_, statistics) = job.render::<[f32; 3]>(&RenderControl::default()).expect("a picture");
         note_of_left_out(&job.plan, &statistics)
     };
-    let said = note(&panes(10), &settings(64, 10)).expect("a note");
-    assert!(said.starts_with("10 bounces leave out ") && said.contains(" ± "), "{said}");
-    assert!(said.contains("; --depth ") && said.contains(" times the time"), "{said}");
+    let of_panes = note(&panes(10), &settings(64, 10)).expect("a note");
+    assert!(of_panes.starts_with("10 bounces leave out ") && of_panes.contains(" ± "), "{of_panes}");
+    assert!(of_panes.contains("; --depth ") && of_panes.contains(" times the time"), "{of_panes}");
     assert_eq!(note(ROOM, &settings(16, 12)), None);
     let corridor = note(&corridor(), &settings(64, 2)).expect("a note");
     assert!(corridor.starts_with("2 bounces leave out "), "{corridor}");

@@ -294,6 +294,9 @@ impl Buffers {
         // Where all rays of a full batch continue by specular lobes, there is no room beside them.
         let waiting = &mut self.left_out.waiting;
         let room = (RAYS_PER_BATCH - next.rays.len()).min(waiting.len());
+        if room > 0 && self.radiance.len() < 2 * self.samples.len() {
+            self.radiance.resize(2 * self.samples.len(), DVec3::ZERO);
+        }
         for WaitingPath { ray, camera_ray, path, media } in waiting.drain(..room) {
             next.rays.push(&ray);
             // Of no surface: rays of paths are not mirrored, which alone reads it.
@@ -307,14 +310,18 @@ impl Buffers {
     /// Moves the light left out of the paths of a pass to the buffer of its effect.
     pub(super) fn hand_over_left_out(&mut self, tile: &mut Tile) {
         let Buffers { samples, radiance, left_out, .. } = self;
-        let count = samples.len();
-        let of = |section: usize, i: usize| radiance.get(section * count + i).copied().unwrap_or_default();
+        let share = left_out.share;
+        let of = |section: usize| radiance.get(section * samples.len()..).unwrap_or_default();
+        let (by_depth, by_clamp) = (of(1), of(2));
+        let value = |section: &[DVec3], i: usize| section.get(i).copied().unwrap_or_default();
         tile.with_buffers(|into: &mut LeftOut, _| {
             into.samples.clear();
-            into.samples.extend(samples.iter().enumerate().map(|(i, sample)| LeftOutSample {
-                pixel: [sample.x, sample.y],
-                by_depth: of(1, i) / left_out.share,
-                by_clamp: of(2, i),
+            let samples = samples.iter().take(by_depth.len()).enumerate();
+            into.samples.extend(samples.filter_map(|(i, sample)| {
+                let (by_depth, by_clamp) = (value(by_depth, i), value(by_clamp, i));
+                let is_whole = by_depth == DVec3::ZERO && by_clamp == DVec3::ZERO;
+                let pixel = [sample.x, sample.y];
+                (!is_whole).then(|| LeftOutSample { pixel, by_depth: by_depth / share, by_clamp })
             }));
             into.bounces.add(&left_out.bounces);
         });

@@ -186,8 +186,8 @@ struct LightPath {
 /// The buffers of the effect.
 #[derive(Default)]
 struct Buffers {
-    /// For each camera ray, the radiance of its path so far; then, where light left out is measured, what the paths that
-    /// continue beyond a limit find; then, where there is a clamp, what that takes away.
+    /// For each camera ray, the radiance of its path so far; then, once paths continue beyond a limit, what these find;
+    /// then, where what a clamp takes away is measured, that.
     radiance: Vec<DVec3>,
     /// For each camera ray, its pixel and sample.
     samples: Vec<SampleIndex>,
@@ -252,7 +252,8 @@ impl Buffers {
         generation.camera_rays.clear();
         generation.camera_rays.extend(0..count as u32);
         self.radiance.clear();
-        self.radiance.resize(count * stage.sections(), DVec3::ZERO);
+        let sections = if stage.measures_clamp() { 3 } else { 1 };
+        self.radiance.resize(count * sections, DVec3::ZERO);
         self.paths.clear();
         self.paths.resize(count, Path::OF_CAMERA);
         let [width, height] = context.view.size().map(f64::from);
@@ -311,11 +312,6 @@ impl Scatter {
     #[inline]
     fn measures_clamp(&self) -> bool {
         self.measures_left_out && self.clamp < f64::INFINITY
-    }
-
-    /// The number of sections of [`Buffers::radiance`].
-    fn sections(&self) -> usize {
-        1 + usize::from(self.measures_left_out) + usize::from(self.measures_clamp())
     }
 }
 
