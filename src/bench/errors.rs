@@ -47,15 +47,21 @@ pub fn measure(
     let (film, statistics) = job.render::<[f32; 3]>(control)?;
     let seconds = started.elapsed().as_secs_f64();
     let mut errors = vec![noise(job, &film, control)?];
-    errors.extend(of_statistics(job, &statistics));
-    if let Some(exact) = exact {
-        errors.push(tier(job, exact, seconds, control)?);
-    }
+    errors.extend(light_left_out(job, &statistics));
+    errors.extend(exact.map(|exact| tier(job, exact, seconds, control)).transpose()?);
+    errors.extend(quantisation(job));
     Ok(errors)
 }
 
-/// The errors that the statistics of a finished picture tell: light left out, and quantisation.
-pub fn of_statistics(job: &RenderJob, statistics: &Statistics) -> Vec<PictureError> {
+/// The errors that are known of a picture once it is rendered: light left out, and quantisation.
+pub fn of_rendered(job: &RenderJob, statistics: &Statistics) -> Vec<PictureError> {
+    let mut errors = light_left_out(job, statistics);
+    errors.extend(quantisation(job));
+    errors
+}
+
+/// The light that limits leave out.
+fn light_left_out(job: &RenderJob, statistics: &Statistics) -> Vec<PictureError> {
     let mut errors = Vec::new();
     if let Some(left_out) = &statistics.left_out {
         let limits = job.plan.bounce_limits();
@@ -80,7 +86,6 @@ pub fn of_statistics(job: &RenderJob, statistics: &Statistics) -> Vec<PictureErr
             });
         }
     }
-    errors.extend(quantisation(job));
     errors
 }
 

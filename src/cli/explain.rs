@@ -1,6 +1,7 @@
 //! `kiln explain`: the effects of a picture, the reason for each, and its cost.
 
 use std::fmt::Write;
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
@@ -69,11 +70,8 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         let measured = command.measure.then(|| -> Result<(Costs, Vec<PictureError>)> {
             let costs = measure(&job, rounds, interrupted)?;
             let control = RenderControl { cancel: interrupted, ..RenderControl::default() };
-            let mut exact = settings.clone();
-            exact.picture.numerics = Some(Numerics::Exact);
-            let mut silent = Reporter::silent(Mode::None);
-            let exact = silent.load_and_resolve(&command.arguments, &exact)?.build(&mut silent.warnings)?;
-            Ok((costs, errors::measure(&job, Some(&exact), &control)?))
+            let exact = exact_job(command, &settings)?;
+            Ok((costs, errors::measure(&job, exact.as_ref(), &control)?))
         });
         measured.transpose().map(|measured| (job, measured))
     })?;
@@ -93,6 +91,18 @@ fn prepare(command: &Command, settings: &RenderSettings) -> Result<RenderJob> {
     let job = reporter.load_and_resolve(&command.arguments, settings)?.build(&mut reporter.warnings)?;
     reporter.show();
     Ok(job)
+}
+
+/// The same picture in the tier `exact`; `None` for standard input, which is read once.
+fn exact_job(command: &Command, settings: &RenderSettings) -> Result<Option<RenderJob>> {
+    if command.arguments.inputs.iter().any(|input| input == Path::new("-")) {
+        return Ok(None);
+    }
+    let mut settings = settings.clone();
+    settings.picture.numerics = Some(Numerics::Exact);
+    let mut silent = Reporter::silent(Mode::None);
+    let resolved = silent.load_and_resolve(&command.arguments, &settings)?;
+    resolved.build(&mut silent.warnings).map(Some)
 }
 
 fn explain_pixel(command: &Command, pixel: [u32; 2], interrupted: &AtomicBool) -> Result<()> {

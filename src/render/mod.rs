@@ -108,7 +108,7 @@ pub fn record_pixel<P: Pixel>(
     [x, y]: [u32; 2],
     traced: Range<u32>,
 ) -> (P, Recorder) {
-    // What is measured beside the picture is no part of it.
+    // Measurements do not change the pixel, and their rays are not its own.
     let plan = &plan.keeping(context.world, |effect| !EFFECTS[effect].is_measurement);
     let mut worker = Worker::new(plan, context, P::HAS_ALPHA || context.world.backdrop.is_some());
     worker.tile.recorder = Some(Box::new(Recorder::new([x, y], traced)));

@@ -11,7 +11,7 @@ use super::keys::Action;
 use super::painter::{Comparison, RenderedImage};
 use super::request::{CameraSource, Opened};
 use super::{elided, name_of, navigate};
-use crate::bench::errors::of_statistics;
+use crate::bench::errors::of_rendered;
 use crate::effects::{Decision, EFFECTS, RayKind, id};
 use crate::error::printable;
 use crate::film::tone::{Exposure, MAX_EXPOSURE, ToneMap};
@@ -534,8 +534,7 @@ fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings)
             ui.end_row();
         }
     });
-    let errors =
-        if rendered.is_last { of_statistics(&rendered.prepared.job, statistics) } else { Vec::new() };
+    let errors = if rendered.is_last { of_rendered(&rendered.prepared.job, statistics) } else { Vec::new() };
     for error in errors {
         let option = format!(
             "{}: {}\n`kiln explain --measure` also measures noise and tier",
