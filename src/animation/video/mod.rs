@@ -115,7 +115,9 @@ impl VideoFormat {
             return collected.map(|()| FrameData::Bytes(bytes)).map_err(|e| failed(describe(&e)));
         }
         let OutputImage::Rgb8(film, _) = picture else {
-            return Err(failed("this film format has 8 bits per channel and no alpha; write an animated .png"));
+            return Err(failed(
+                "this film format has 8 bits per channel and no alpha; write an animated .png",
+            ));
         };
         Ok(match self {
             VideoFormat::Mp4(_) => FrameData::Yuv(Yuv420::of(film)),
