@@ -202,7 +202,7 @@ fn note_of_part(list: &FrameList, timeline: &Timeline) -> Option<String> {
     }
     let degrees = (3600.0 * timeline.time(count)).round() / 10.0;
     Some(format!(
-        "{count} of {total} frames: {degrees} of the turn's 360 degrees; --duration sets its seconds"
+        "{count} of {total} frames cover {degrees} of the 360 degrees; --duration sets the seconds of the whole turn"
     ))
 }
 

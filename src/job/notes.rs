@@ -142,7 +142,7 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
         let layered = world.materials_in_use().filter(|material| needs_path(material));
         if let Some(names) = named("material", layered.map(|material| material.name())) {
             warnings.note_left_out(format!(
-                "glass, clear coat or sheen of {names} is drawn by --transport path alone"
+                "only --transport path draws glass, clear coat and sheen of {names}"
             ));
         }
     }

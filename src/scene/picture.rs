@@ -26,7 +26,7 @@ options! {
         /// Height in pixels.
         [skip] height: Side,
         /// Look: `studio` adds antialiasing, light, tone map, ground and background, each where the scene has none and
-        /// no option chooses it; `draft` adds a headlight where there is no light [default: studio for meshes, draft
+        /// no option chooses it; `draft` uses a headlight where there is no light [default: studio for meshes, draft
         /// for scene files]
         [skip] look: Look,
         /// Orbit of the automatic camera around the vertical axis, in degrees to the right of --view [default: 0]

@@ -179,20 +179,20 @@ fn frames_of_a_turntable_have_a_rate_and_a_duration() {
     let render =
         |more: &str| workshop.ends(0, &format!("render {small} -o f_###.png --progress plain {more}"));
     // 2 of the 10 frames of a second are a fifth of a turn of 360 degrees.
-    let note = "kiln: note: 2 of 10 frames: 72 of the turn's 360 degrees; --duration sets its seconds\n";
+    let note = "kiln: note: 2 of 10 frames cover 72 of the 360 degrees; --duration sets the seconds of the whole turn\n";
     assert!(render(&format!("--frames 0-1 {length}")).contains(note));
     assert!(
         render(&format!("--frames 4,5 {length} --shard 2/2")).contains(note),
         "of the list, not the shard"
     );
     // 3 of 300 frames, 30 a second for 10 seconds.
-    assert!(render("--frames 150-152").contains("3 of 300 frames: 3.6 of the turn's"));
+    assert!(render("--frames 150-152").contains("3 of 300 frames cover 3.6 of the 360 degrees"));
     for list in ["0-9", "3", "0-8:2"] {
         let said = render(&format!("--frames {list} {length}"));
-        assert!(said.contains("orbits once") && !said.contains(" of the turn's"), "{list}: {said}");
+        assert!(said.contains("orbits once") && !said.contains(" of the 360 degrees"), "{list}: {said}");
     }
     let said = workshop.ends(0, "render scene.toml --frames 0-1 -o s_#.png --progress plain");
-    assert!(!said.contains(" of the turn's"), "an animation of its own: {said}");
+    assert!(!said.contains(" of the 360 degrees"), "an animation of its own: {said}");
 
     render(&format!("--frames 0-9 {length}"));
     workshop.ends(0, &format!("verify {small} {length} -o f_###.png"));
