@@ -26,6 +26,7 @@ class ReadOptions(TypedDict, total=False):
     up: Literal["x", "y", "z", "-z"] | None
     smooth: bool | _Value
     clip: str | int | Sequence[str | int] | None
+    material: str | int | Sequence[str | int] | None
     ignore_required_extensions: bool | None
     allow_outside_references: bool | None
 

@@ -115,8 +115,8 @@ const SYNONYMS: &[(&[&str], &str)] = &[
     ),
     (&["tonemap", "tonemapping", "tone-mapping", "view-transform", "aces", "agx"], "use --tone-map"),
     (
-        &["color", "roughness", "metallic", "metalness", "opacity", "material", "material-override"],
-        "materials come from the files; a scene file sets them by [material.NAME]; --shading flat shows the colours alone",
+        &["color", "roughness", "metallic", "metalness", "opacity", "material-override"],
+        "use --material '{ colour = \"#c33\", metallic = 1, roughness = 0.2 }', with the keys of [material] in scene files",
     ),
     (
         &["wireframe", "wire", "edges", "show-edges", "mesh-edges"],

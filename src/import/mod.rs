@@ -55,7 +55,7 @@ use std::path::{Path, PathBuf};
 
 pub use dependencies::{FileRead, Stamp};
 
-use crate::error::{Error, Result, Warnings};
+use crate::error::{Error, Result, Warnings, nearest_name};
 use crate::files::unreadable;
 use crate::film::Colour;
 use crate::limits::Counted;
@@ -348,21 +348,21 @@ fn load_by(
     warnings: &mut Warnings,
 ) -> Result<Scene> {
     let mut scene = Scene { inputs: inputs.to_vec(), import_options: options.clone(), ..Scene::default() };
+    let materials = options.materials.iter().map(|choice| scene_file::inline_material(&choice.table));
+    let materials = materials.collect::<Result<Vec<_>>>()?;
     for (index, file) in inputs.iter().enumerate() {
         warnings.begin_part();
         let source = Source::open(file, files, options)?;
         let mut one = read_one(&source, warnings)?;
-        let smooths = options.smooths_meshes && !importer_for(&source)?.is_flat;
-        let default_crease = smooths.then_some(ImportOptions::CREASE);
+        let crease = crease(&source, None, options.smooths_meshes)?;
         drop(source);
         match options.reading.up {
             Some(up) if !one.has_settings => one.turn(up),
             Some(_) => {}
             None => note_up(&one, file, warnings),
         }
-        let crease = options.reading.smooth.map(Degrees::get).or(default_crease);
-        if let Some(crease) = crease.filter(|&crease| crease > 0.0 && !one.has_settings) {
-            smooth::smooth(&mut one, crease.to_radians());
+        if let Some(crease) = crease.filter(|_| !one.has_settings) {
+            smooth::smooth(&mut one, crease);
         }
         sharing::bake_small(&mut one);
         sanitise::sanitise(&mut one, file, warnings);
@@ -386,6 +386,7 @@ fn load_by(
         }
     }
     warnings.begin_part();
+    replace_materials(&mut scene, materials, warnings)?;
     // Applying the tracks at time 0 reports invalid tracks.
     if scene.animation.is_some() {
         scene.at(0.0)?;
@@ -394,6 +395,50 @@ fn load_by(
     let read = files.list().into_iter().filter(|read| read.stamp.is_some());
     scene.files_read = read.filter_map(|read| std::path::absolute(read.file).ok()).collect();
     Ok(scene)
+}
+
+/// The crease angle in radians of the normals that a mesh file without normals gets, if any: the option's, else `own`, else
+/// [`ImportOptions::CREASE`] if files are smoothed that are not flat by their format.
+fn crease(source: &Source, own: Option<Degrees>, smooths: bool) -> Result<Option<f64>> {
+    let by_default = smooths && !importer_for(source)?.is_flat;
+    let chosen = source.options.reading.smooth.or(own).map(Degrees::get);
+    let crease = chosen.or(by_default.then_some(ImportOptions::CREASE));
+    Ok(crease.filter(|&degrees| degrees > 0.0).map(f64::to_radians))
+}
+
+/// Gives objects the materials of [`ImportOptions::materials`]; of several for an object, the last.
+///
+/// # Errors
+/// [`Error::Usage`] for a name that neither an object nor a material of one has.
+fn replace_materials(scene: &mut Scene, materials: Vec<Material>, warnings: &mut Warnings) -> Result<()> {
+    let choices = std::mem::take(&mut scene.import_options.materials);
+    let of_object = |object: &Object| scene.materials[object.material.0 as usize].name().to_owned();
+    let names: Vec<[String; 2]> = scene.objects.iter().map(|o| [o.name.clone(), of_object(o)]).collect();
+    for (choice, material) in choices.iter().zip(materials) {
+        let is_meant = |[object, material]: &[String; 2], name: &str| {
+            let part = object.strip_prefix(name);
+            material == name || part.is_some_and(|part| part.is_empty() || part.starts_with('/'))
+        };
+        let is_meant = |names| choice.name.as_deref().is_none_or(|name| is_meant(names, name));
+        let meant: Vec<usize> = (0..names.len()).filter(|&i| is_meant(&names[i])).collect();
+        if let (Some(name), []) = (&choice.name, meant.as_slice()) {
+            let known: Vec<&str> = names.iter().flatten().map(String::as_str).collect();
+            let hint = nearest_name(name, &known);
+            return Err(Error::usage(format!("--material: no object or material is named `{name}`"), hint));
+        }
+        let id = scene.add_material(material);
+        meant.iter().for_each(|&i| scene.objects[i].material = id);
+    }
+    let is_replaced = |object: &&Object| object.material.0 as usize >= scene.materials.len() - choices.len();
+    let mut replaced = scene.objects.iter().filter(is_replaced);
+    if let Some(object) =
+        replaced.find(|object| object.shape.mesh().is_some_and(|mesh| mesh.colours.is_some()))
+    {
+        let name = &object.name;
+        warnings.note(format!("the colours of the vertices of `{name}` multiply that of --material"));
+    }
+    scene.import_options.materials = choices;
+    Ok(())
 }
 
 /// Message for a file without triangles.

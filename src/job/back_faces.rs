@@ -16,7 +16,7 @@ pub(super) fn report(job: &RenderJob, warnings: &mut Warnings) {
     let RenderJob { world, view, plan_settings, .. } = job;
     if !world.has_single_sided() {
         if plan_settings.cull {
-            warnings.push("--cull changes nothing: no glTF material has `doubleSided: false`");
+            warnings.push("--cull changes nothing: no material is single-sided (`doubleSided: false` of glTF, `double_sided = false`)");
         }
         return;
     }
@@ -37,7 +37,7 @@ pub(super) fn report(job: &RenderJob, warnings: &mut Warnings) {
     }
     if backs > 0 && f64::from(backs) >= LEAST_SHARE * f64::from(hits) {
         let percent = (100.0 * f64::from(backs) / f64::from(hits)).round();
-        let what = "of what is seen are back faces of materials with `doubleSided: false`";
+        let what = "of what is seen are back faces of single-sided materials";
         warnings.note(format!("{percent} % {what}; --cull hides these"));
     }
 }

@@ -168,10 +168,14 @@ impl Fingerprint {
                     glaze,
                     refraction,
                     opacity: _,
+                    double_sided,
                     textures: _,
                 } = m;
                 let terms = (of(TextureSlot::BaseColour), ambient, diffuse, specular, shininess, emission);
                 self.value("material", &(0u32, name, colour, terms, glaze, refraction, normal_map, opacity));
+                if !double_sided {
+                    self.bytes("single-sided", &[]);
+                }
             }
             Material::MetallicRoughness(m) => {
                 let core = [TextureSlot::BaseColour, TextureSlot::MetallicRoughness, TextureSlot::Emission];

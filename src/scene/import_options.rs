@@ -18,6 +18,11 @@ pub struct ImportOptions {
     #[cfg_attr(feature = "cli", arg(long = "clip", help_heading = group::INPUT, value_name = "NAME|INDEX|all"))]
     #[cfg_attr(feature = "cli", arg(value_parser = parser::<ClipChoice>()))]
     pub clips: Vec<ClipChoice>,
+    /// Material for all objects, with the keys of [material] in scene files: '{ colour = "#c33", metallic = 1, roughness = 0.2 }';
+    /// NAME={...}: for the objects of this name or whose material has it; may be repeated, the last counts
+    #[cfg_attr(feature = "cli", arg(long = "material", help_heading = group::LOOK, value_name = "{...}|NAME={...}"))]
+    #[cfg_attr(feature = "cli", arg(value_parser = parser::<MaterialChoice>()))]
+    pub materials: Vec<MaterialChoice>,
     /// Read glTF files that require unsupported extensions; what depends on these is missing or wrong
     #[cfg_attr(feature = "cli", arg(long, help_heading = group::INPUT))]
     pub ignore_required_extensions: bool,
@@ -47,6 +52,34 @@ options! {
         /// without a number: 30] [default: 30, but glTF files are flat]
         [long, help_heading = group::INPUT, display_order = 1, value_name = "DEG", num_args = 0..=1, default_missing_value = "30", value_parser = parser::<Degrees>()]
         smooth: Degrees,
+    }
+}
+
+/// A material in place of those of the files.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MaterialChoice {
+    /// Name of the objects, or of their materials; all if `None`.
+    pub name: Option<String>,
+    /// Inline table with the keys of `[material]`.
+    pub table: String,
+}
+
+impl OptionValue for MaterialChoice {
+    fn parse(text: &str) -> Result<Self, String> {
+        let text = text.trim();
+        let (name, table) = match text.split_once('=') {
+            Some((name, table)) if !text.starts_with('{') => (Some(name.trim().to_owned()), table.trim()),
+            _ => (None, text),
+        };
+        if table.starts_with('{') {
+            return Ok(MaterialChoice { name, table: table.to_owned() });
+        }
+        Err("give its keys, such as '{ colour = \"#c33\" }', or NAME={ ... }".to_owned())
+    }
+
+    fn text(&self) -> String {
+        let name = self.name.as_ref().map(|name| format!("{name}="));
+        format!("{}{}", name.unwrap_or_default(), self.table)
     }
 }
 
@@ -106,8 +139,10 @@ impl ImportOptions {
             limits,
             smooths_meshes: _,
             clips,
+            materials,
         } = self;
         let mut entries: Vec<_> = clips.iter().map(|clip| ("clip".to_owned(), Some(clip.text()))).collect();
+        entries.extend(materials.iter().map(|choice| ("material".to_owned(), Some(choice.text()))));
         entries.extend(reading.entries().into_iter().map(|(name, value)| (name, Some(value))));
         entries.extend(
             limits

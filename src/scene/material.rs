@@ -36,6 +36,8 @@ pub struct Phong<C = Colour> {
     pub refraction: Option<Refraction<C>>,
     /// How opaque the surface is; `None` for one that is everywhere opaque.
     pub opacity: Option<Opacity>,
+    /// Whether camera rays hit back faces with `--cull` as well.
+    pub double_sided: bool,
     /// The textures of colour, normal map and opacity.
     pub textures: Textures,
 }
@@ -133,6 +135,7 @@ impl Default for Phong {
             glaze: None,
             refraction: None,
             opacity: None,
+            double_sided: true,
             textures: Textures::default(),
         }
     }
@@ -225,6 +228,7 @@ impl<C> Material<C> {
                     .refraction
                     .map(|glass| Refraction { ior: glass.ior, filter: convert(glass.filter) }),
                 opacity: m.opacity,
+                double_sided: m.double_sided,
                 textures: m.textures,
             }),
             Material::MetallicRoughness(m) => Material::MetallicRoughness(MetallicRoughness {
@@ -276,7 +280,10 @@ impl<C> Material<C> {
 
     /// Whether back faces may be culled. Those of glass bound a volume and may not.
     pub fn is_single_sided(&self) -> bool {
-        matches!(self, Material::MetallicRoughness(m) if !m.double_sided && m.layers.transmission == 0.0)
+        match self {
+            Material::Phong(m) => !m.double_sided && m.refraction.is_none(),
+            Material::MetallicRoughness(m) => !m.double_sided && m.layers.transmission == 0.0,
+        }
     }
 
     /// Opacity; `None` where the surface is opaque.

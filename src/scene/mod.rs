@@ -71,7 +71,7 @@ pub use environment::{Environment, EnvironmentImage, EnvironmentSource};
 pub use fill::{Fill, FillZone};
 pub use fingerprint::Fingerprint;
 pub use ground::Ground;
-pub use import_options::{Degrees, ImportOptions, ReadingOptions, Seconds};
+pub use import_options::{Degrees, ImportOptions, MaterialChoice, ReadingOptions, Seconds};
 pub use layers::{Layers, Volume};
 pub use lens::{Focus, Lens};
 pub use light::{Falloff, Light, LightKind, LightSurface};

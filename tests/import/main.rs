@@ -11,6 +11,7 @@ mod gltf_features;
 mod helpers;
 mod mutations;
 mod obj;
+mod options;
 mod references;
 mod scene_files;
 mod shared_meshes;

@@ -2,23 +2,11 @@
 
 use glam::{DMat3, DMat4, DVec2, DVec3};
 
+use super::fault::{Fault, parse_inline};
 use super::sections::{Axes, CameraSection, IntrinsicMatrix, LensSection};
 use crate::error::{Error, Result};
 use crate::scene::lens::{field_of_view, radius_of};
 use crate::scene::{Camera, Focus, INLINE_NAME, Intrinsics, Lens, Projection, Sensor};
-
-/// An error in a camera and a hint.
-#[derive(Debug)]
-pub(crate) struct Fault {
-    pub what: String,
-    pub hint: &'static str,
-}
-
-impl Fault {
-    fn new(what: String, hint: &'static str) -> Self {
-        Fault { what, hint }
-    }
-}
 
 /// Converts a camera section; `name` is the default name, `size` that of the picture, where one is set.
 pub(crate) fn camera(
@@ -31,7 +19,7 @@ pub(crate) fn camera(
     let [position, target, up] = orientation(s, &name)?;
     let lens_shift = DVec2::from(s.lens_shift.unwrap_or_default());
     if !lens_shift.is_finite() {
-        return Err(Fault::new("`lens_shift` is not finite".into(), "give two shares of the rectangle"));
+        return Err(Fault::new("`lens_shift` is not finite", "give two shares of the rectangle"));
     }
     let sensor = Sensor { shift: lens_shift, oblong_pixels: s.oblong_pixels };
     let rectangle = match (s.viewing_rectangle, s.viewing_height) {
@@ -257,8 +245,9 @@ pub(crate) fn lens(section: &LensSection, camera: &Camera) -> std::result::Resul
 /// # Errors
 /// [`Error::Usage`] if it is invalid.
 pub fn inline_camera(text: &str, size: Option<[u32; 2]>) -> Result<Camera> {
-    let section = CameraSection::parse_inline(text)
-        .map_err(|(what, hint)| Error::usage(format!("--camera {{...}} is not valid: {what}"), hint))?;
+    let section = parse_inline(text).map_err(|Fault { what, hint }| {
+        Error::usage(format!("--camera {{...}} is not valid: {what}"), hint)
+    })?;
     camera(&section, INLINE_NAME, size).map_err(|fault| Error::usage(fault.what, fault.hint))
 }
 

@@ -13,14 +13,14 @@ use super::sections::{MeshSection, PlacementValue, ScaleValue, SceneFile, line_o
 use crate::error::{Error, Place, Result, Warnings};
 use crate::import::tangents::make_tangents;
 use crate::import::{self, Source};
-use crate::scene::{MaterialId, Object, Placed, Placement, Scene, Shape};
+use crate::scene::{Look, MaterialId, Object, Placed, Placement, Scene, Shape};
 
 /// Cache of mesh files.
 pub(super) struct Meshes {
     /// Number of remaining placements of each file.
     places: HashMap<String, usize>,
-    /// Objects of the files that have remaining placements.
-    read: HashMap<String, Rc<Vec<Object>>>,
+    /// Objects of the files that have remaining placements, by file and own crease angle.
+    read: HashMap<(String, Option<u64>), Rc<Vec<Object>>>,
 }
 
 impl Meshes {
@@ -49,21 +49,23 @@ impl Builder<'_> {
         };
         let placements = self.placements(start, s)?;
         // A file without placements is read too, so that a wrong name is reported.
-        let objects = match self.meshes.read.get(&s.file) {
+        let key = (s.file.clone(), s.smooth.map(|degrees| degrees.get().to_bits()));
+        let objects = match self.meshes.read.get(&key) {
             Some(objects) => objects.clone(),
-            None => Rc::new(self.read_mesh(start, &s.file, warnings)?),
+            None => Rc::new(self.read_mesh(start, s, warnings)?),
         };
         let remaining = self.meshes.places.entry(s.file.clone()).or_default();
         *remaining = remaining.saturating_sub(placements.len());
         if *remaining > 0 {
-            self.meshes.read.insert(s.file.clone(), objects.clone());
+            self.meshes.read.insert(key, objects.clone());
         } else {
-            self.meshes.read.remove(&s.file);
+            self.meshes.read.retain(|(file, _), _| *file != s.file);
         }
         // The last placement takes ownership of the objects; the others clone them, without copying shared meshes.
         let first = self.scene.objects.len();
         let mut objects = Some(objects);
-        let y_from_file = s.up.unwrap_or_default().world_from_file();
+        let up = self.source.options.reading.up.or(s.up);
+        let y_from_file = up.unwrap_or_default().world_from_file();
         for (index, world_from_mesh) in placements.iter().enumerate() {
             let own = if index + 1 == placements.len() {
                 objects.take().map(Rc::unwrap_or_clone)
@@ -98,10 +100,16 @@ impl Builder<'_> {
 
     /// Reads the objects of a mesh file, untransformed, and adds its materials and images to the scene. Cameras, lights
     /// and settings of the mesh file are ignored.
-    fn read_mesh(&mut self, start: usize, file: &str, warnings: &mut Warnings) -> Result<Vec<Object>> {
-        let path = self.source.beside(file);
-        let read = Source::open(&path, &self.source.files, &self.source.options)
-            .and_then(|source| import::read_one(&source, warnings));
+    fn read_mesh(&mut self, start: usize, s: &MeshSection, warnings: &mut Warnings) -> Result<Vec<Object>> {
+        let smooths = self.source.options.smooths_meshes && self.scene.picture.look == Some(Look::Studio);
+        let (file, path) = (&s.file, self.source.beside(&s.file));
+        let read = Source::open(&path, &self.source.files, &self.source.options).and_then(|source| {
+            let mut part = import::read_one(&source, warnings)?;
+            if let Some(crease) = import::crease(&source, s.smooth, smooths)? {
+                import::smooth::smooth(&mut part, crease);
+            }
+            Ok(part)
+        });
         let part = read.map_err(|e| match e {
             Error::Input { place, what, hint } if place.file == path && place.line.is_none() => {
                 let what = format!("mesh {place}: {what}");

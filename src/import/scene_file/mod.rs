@@ -8,7 +8,9 @@ use toml::Spanned;
 mod animation;
 mod animation_sections;
 mod camera;
+mod fault;
 mod light;
+mod material;
 mod meshes;
 mod metallic_roughness;
 mod sections;
@@ -16,29 +18,23 @@ mod toml_error;
 
 pub use camera::inline_camera;
 pub(super) use camera::lens;
+pub(super) use material::inline_material;
 pub(super) use sections::LensSection;
 pub use sections::SceneFile;
 
 use super::Source;
 use crate::error::{Error, Place, Result, Warnings, nearest_name};
-use crate::film::{Colour, ColourPipeline};
+use crate::film::Colour;
 use crate::import;
 use crate::scene::{
-    AnalyticShape, Camera, Disk, Environment, EnvironmentSource, Glaze, Material, MaterialId, Mesh, Object,
-    Opacity, Phong, PictureSettings, Scene, Shape, Sphere,
+    AnalyticShape, Camera, Disk, Environment, EnvironmentSource, Material, MaterialId, Mesh, Object, Phong,
+    PictureSettings, Scene, Shape, Sphere,
 };
+use fault::{Fault, not_negative};
 use meshes::Meshes;
 use sections::{
-    CameraSection, DiskSection, EnvironmentSection, MaterialSection, MeshSection, SphereSection,
-    TrianglesSection, line_of,
+    CameraSection, DiskSection, EnvironmentSection, MeshSection, SphereSection, TrianglesSection, line_of,
 };
-
-/// Maximum number of glaze bounces. Each bounce that a path reaches needs buffers of about a tenth of a megabyte per
-/// thread; with a weight below 0.991 paths end earlier (`effects::whitted::glaze`).
-const MAX_BOUNCES: u32 = 4096;
-
-/// Maximum of intensities and coefficients, so that their products are finite.
-const MAX_INTENSITY: f64 = 1e100;
 
 /// Reads a scene file and the meshes that it references.
 pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
@@ -54,7 +50,8 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     };
     builder.picture(&file, warnings)?;
     for (name, section) in &file.material {
-        let material = builder.material(name, section)?;
+        let material = material::material(name, section.get_ref());
+        let material = material.map_err(|fault| builder.at(section.span().start, fault))?;
         let id = builder.scene.add_material(material);
         builder.materials.insert(name.clone(), id);
     }
@@ -128,13 +125,12 @@ impl Builder<'_> {
     }
 
     fn not_negative(&self, start: usize, key: &str, value: f64) -> Result<f64> {
-        if value > MAX_INTENSITY && value.is_finite() {
-            Err(self.error(start, format!("`{key}` is {value:e}"), "give at most 1e100"))
-        } else if value >= 0.0 && value.is_finite() {
-            Ok(value)
-        } else {
-            Err(self.error(start, format!("`{key}` is {value}"), "give a number that is 0 or more"))
-        }
+        not_negative(key, value).map_err(|fault| self.at(start, fault))
+    }
+
+    /// A fault of the section that starts at byte offset `start`.
+    fn at(&self, start: usize, fault: Fault) -> Error {
+        self.error(start, fault.what, &fault.hint)
     }
 
     /// Converts the settings of the whole picture, the cameras and the lights.
@@ -203,66 +199,7 @@ impl Builder<'_> {
 
     fn camera(&self, index: usize, section: &Spanned<CameraSection>) -> Result<Camera> {
         camera::camera(section.get_ref(), &format!("camera {index}"), self.scene.picture.size())
-            .map_err(|fault| self.error(section.span().start, fault.what, fault.hint))
-    }
-
-    fn material(&self, name: &str, section: &Spanned<MaterialSection>) -> Result<Material> {
-        let (start, s) = (section.span().start, section.get_ref());
-        if s.metallic.is_some() || s.roughness.is_some() || s.layers.is_some() {
-            return self.metallic_roughness(name, start, s);
-        }
-        let number =
-            |key, value: Option<f64>, default| self.not_negative(start, key, value.unwrap_or(default));
-        let glaze = match &s.glaze {
-            None => None,
-            Some(g) => {
-                let weight = number("glaze.weight", g.weight, Glaze::default().weight)?;
-                if g.own_weight.is_none() && weight > 1.0 {
-                    let what = format!("`glaze.weight` is {weight}");
-                    return Err(self.error(start, what, "give a number from 0 to 1"));
-                }
-                let own_weight = number("glaze.own_weight", g.own_weight, 1.0 - weight)?;
-                if weight + own_weight > 1.0 {
-                    let what = format!(
-                        "the glaze of `{name}` adds light: its weights sum to {}",
-                        weight + own_weight
-                    );
-                    return Err(self.error(start, what, "let `weight` and `own_weight` sum to at most 1"));
-                }
-                let bounces = g.bounces.unwrap_or(Glaze::default().bounces);
-                if bounces > MAX_BOUNCES {
-                    let what = format!("the glaze of `{name}` asks for {bounces} bounces");
-                    return Err(self.error(
-                        start,
-                        what,
-                        "give at most 4096; what is mirrored so often is not seen",
-                    ));
-                }
-                Some(Glaze { weight, own_weight, bounces })
-            }
-        };
-        Ok(Material::Phong(Phong {
-            name: name.to_owned(),
-            colour: Colour::from_u8(s.colour.0),
-            ambient: number("ambient", s.ambient, 1.0)?,
-            diffuse: number("diffuse", s.diffuse, 1.0)?,
-            specular: number("specular", s.specular, 0.0)?,
-            shininess: number("shininess", s.shininess, 16.0)?,
-            emission: self.emission(start, s)?,
-            glaze,
-            refraction: None,
-            opacity: self.opacity(start, s)?,
-            ..Phong::default()
-        }))
-    }
-
-    /// The opacity of a material; `None` for an opaque one.
-    fn opacity(&self, start: usize, s: &MaterialSection) -> Result<Option<Opacity>> {
-        let factor = s.opacity.unwrap_or(1.0);
-        if !(0.0..=1.0).contains(&factor) {
-            return Err(self.error(start, format!("`opacity` is {factor}"), "give a number from 0 to 1"));
-        }
-        Ok((factor < 1.0).then_some(Opacity { factor, cutoff: None }))
+            .map_err(|fault| self.at(section.span().start, fault))
     }
 
     fn environment(
@@ -287,14 +224,6 @@ impl Builder<'_> {
         self.finite(start, "rotation", &[rotation])?;
         let intensity = self.not_negative(start, "intensity", s.intensity.unwrap_or(1.0))?;
         Ok(Environment { source, rotation: rotation.to_radians(), intensity, is_hidden: s.hide })
-    }
-
-    /// The emitted radiance of a material.
-    fn emission(&self, start: usize, section: &MaterialSection) -> Result<Colour> {
-        let intensity = section.emission_intensity.unwrap_or(1.0);
-        let intensity = self.not_negative(start, "emission_intensity", intensity)?;
-        let colour = section.emission.map_or(Colour::Linear(DVec3::ZERO), |colour| Colour::from_u8(colour.0));
-        Ok(Colour::Linear(colour.to_pipeline(ColourPipeline::Linear) * intensity))
     }
 
     fn objects<'a>(&mut self, file: &'a SceneFile, warnings: &mut Warnings) -> Result<()> {

@@ -14,7 +14,7 @@ use super::metallic_roughness::LayersSection;
 use super::toml_error::{TomlError, check_lists, explain};
 use crate::error::{Error, Place, Result};
 use crate::limits;
-use crate::scene::{ColourValue, EffectValue, PictureSettings, Projection, UpAxis};
+use crate::scene::{ColourValue, Degrees, EffectValue, PictureSettings, Projection, UpAxis};
 
 /// A scene file.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
@@ -292,6 +292,8 @@ pub struct MaterialSection {
     pub roughness: Option<f64>,
     /// Opacity, 0 to 1; 1 if not given.
     pub opacity: Option<f64>,
+    /// Whether both sides of the surface are seen with `--cull`; true if not given.
+    pub double_sided: Option<bool>,
     /// Layers and medium, as in extensions of glTF; used by path tracing.
     pub layers: Option<LayersSection>,
 }
@@ -377,8 +379,11 @@ pub struct MeshSection {
     pub name: Option<String>,
     /// Mesh file, relative to the scene file unless absolute, in any mesh format that `kiln render --help` lists.
     pub file: String,
-    /// The axis of the file that points up; y if not given.
+    /// The axis of the file that points up; y if not given. `--up` takes its place.
     pub up: Option<UpAxis>,
+    /// Smooth normals for a file without normals, up to this crease angle in degrees, 0 to 180; 0 is flat shading. If not
+    /// given, 30 with `look = "studio"`, except for glTF, else 0. `--smooth` takes its place.
+    pub smooth: Option<Degrees>,
     /// Point that the mesh is moved to, instead of `translate`: the centre of the lower side of its bounds lies there.
     pub at: Option<[f64; 3]>,
     /// Size to which the longest side of its bounds is scaled, after `scale` and `rotate`. The mesh stands on the origin, or on `at`.
@@ -416,18 +421,6 @@ pub enum ScaleValue {
     Uniform(f64),
     /// One factor per axis.
     PerAxis([f64; 3]),
-}
-
-impl CameraSection {
-    /// Parses a camera given as an inline table: `{ position = [0, 0, 5], look_at = [0, 0, 0] }`.
-    ///
-    /// # Errors
-    /// A message and a hint; for an unknown key, the hint names the nearest known key.
-    pub fn parse_inline(text: &str) -> std::result::Result<Self, (String, String)> {
-        let text = text.trim();
-        let section = toml::de::ValueDeserializer::parse(text).and_then(CameraSection::deserialize);
-        section.map_err(|e| explain(e, text)).map_err(|e| (e.what, e.hint))
-    }
 }
 
 impl SceneFile {

@@ -1,0 +1,156 @@
+//! Options of reading on mesh files and on scene files: materials, smooth normals, up axis, single-sided materials.
+
+use crate::common::borders::Folder;
+use glam::DVec3;
+use kiln::error::{Error, Result, Warnings};
+use kiln::scene::{
+    Degrees, ImportOptions, Material, MaterialChoice, OptionValue, Phong, ReadingOptions, Scene, UpAxis,
+};
+
+/// Two objects of one triangle each, `lid` of the material `cast` and `pot` without one.
+const POT: &str =
+    "v 0 0 0\nv 1 0 0\nv 0 1 0\nmtllib a.mtl\no lid\nusemtl cast\nf 1 2 3\no pot\nusemtl grey\nf 1 3 2\n";
+
+fn load(folder: &Folder, name: &str, options: &ImportOptions) -> Result<(Scene, Warnings)> {
+    let mut warnings = Warnings::default();
+    let scene = kiln::import::load_with(&[folder.0.path().join(name)], options, &mut warnings)?;
+    Ok((scene, warnings))
+}
+
+/// The colours of the materials of all objects, in the order of the objects, after `--material` options.
+fn colours(folder: &Folder, name: &str, options: &[&str]) -> Result<Vec<String>> {
+    let materials = options.iter().map(|text| MaterialChoice::parse(text).expect("a choice")).collect();
+    let (scene, _) = load(folder, name, &ImportOptions { materials, ..ImportOptions::default() })?;
+    let colour = |id: kiln::scene::MaterialId| format!("{:?}", scene.materials[id.0 as usize].colour());
+    Ok(scene.objects.iter().map(|object| colour(object.material)).collect())
+}
+
+#[test]
+fn materials_of_options_take_the_place_of_those_of_files() {
+    let folder = Folder::new();
+    folder.write("a.mtl", "newmtl cast\nKd 0 0 1\nnewmtl grey\nKd 0.5 0.5 0.5\n");
+    folder.write("a.obj", POT);
+    let scene = "[material.cast]\ncolour = 'blue'\n[material.grey]\ncolour = 'grey'\n\
+                 [[sphere]]\nname = 'lid'\ncentre = [0, 0, 0]\nradius = 1\nmaterial = 'cast'\n\
+                 [[sphere]]\nname = 'pot/handle'\ncentre = [3, 0, 0]\nradius = 1\nmaterial = 'grey'\n";
+    folder.write("a.toml", scene);
+    let of = |text: &str| {
+        format!("{:?}", kiln::film::Colour::from_u8(kiln::scene::ColourValue::of_text(text).unwrap().0))
+    };
+    let (red, green) = (of("#f00"), of("#0f0"));
+    for name in ["a.obj", "a.toml"] {
+        let files = colours(&folder, name, &[]).expect("a scene");
+        let given = |options: &[&str]| colours(&folder, name, options).expect("a scene");
+        assert!(files[0] != files[1] && !files.contains(&red), "{files:?}");
+        assert_eq!(given(&["{ colour = '#f00' }"]), [red.clone(), red.clone()]);
+        // By the name of an object, of the parts of an object, and of a material.
+        assert_eq!(given(&["lid={ colour = '#f00' }"]), [red.clone(), files[1].clone()]);
+        assert_eq!(given(&["pot = { colour = '#f00' }"]), [files[0].clone(), red.clone()]);
+        assert_eq!(given(&["grey={ colour = '#f00' }"]), [files[0].clone(), red.clone()]);
+        // The last counts, by the names of the files.
+        assert_eq!(given(&["{ colour = '#f00' }", "cast={ colour = '#0f0' }"]), [green.clone(), red.clone()]);
+        assert_eq!(given(&["cast={ colour = '#0f0' }", "{ colour = '#f00' }"]), [red.clone(), red.clone()]);
+        let e = colours(&folder, name, &["lit={ colour = '#f00' }"]).expect_err("no such name");
+        assert_eq!(e.to_string(), "--material: no object or material is named `lit`");
+        assert!(matches!(&e, Error::Usage { .. }) && e.hint().contains("did you mean `lid`"), "{e:?}");
+        for (table, what) in [
+            ("{ colour = '#f00', metalic = 1 }", "unknown key `metalic`"),
+            ("{ metallic = 1 }", "missing key `colour`"),
+            ("{ colour = '#f00', metallic = 2 }", "`metallic` is 2"),
+            ("{ colour = '#f00', shininess = nan }", "`shininess` is NaN"),
+        ] {
+            let e = colours(&folder, name, &[table]).expect_err(table);
+            assert_eq!(e.to_string(), format!("--material {{...}} is not valid: {what}"));
+        }
+    }
+    for text in ["", "red", "lid=red", "#c33"] {
+        assert!(MaterialChoice::parse(text).is_err(), "{text}");
+    }
+    let choice = MaterialChoice::parse(" lid = { colour = '#f00' }").expect("a choice");
+    assert_eq!(MaterialChoice::parse(&choice.text()), Ok(choice));
+}
+
+/// Vertex colours stay, as with `material` of `[[mesh]]`, and a note says so.
+#[test]
+fn colours_of_vertices_multiply_a_material_of_an_option() {
+    let folder = Folder::new();
+    folder.write("a.obj", "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\no scan\nf 1 2 3\n");
+    let materials = vec![MaterialChoice::parse("{ colour = 'white' }").expect("a choice")];
+    let options = ImportOptions { materials, ..ImportOptions::default() };
+    let (scene, warnings) = load(&folder, "a.obj", &options).expect("a scene");
+    assert!(scene.objects[0].shape.mesh().is_some_and(|mesh| mesh.colours.is_some()));
+    let note = "the colours of the vertices of `scan` multiply that of --material";
+    assert!(warnings.notes().iter().any(|said| said == note), "{:?}", warnings.notes());
+}
+
+/// `smooth` of a mesh, `--smooth` in its place, and the studio look: the normals of one triangle are there or not.
+#[test]
+fn meshes_of_scene_files_are_smooth_as_their_keys_and_options_say() {
+    let folder = Folder::new();
+    folder.write("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let has_normals = |look: &str, keys: &str, smooths_meshes: bool, option: Option<f64>| {
+        folder.write("a.toml", format!("{look}\n[[mesh]]\nfile = 'a.obj'\n{keys}\n"));
+        let reading = ReadingOptions { smooth: option.map(Degrees::clamped), ..ReadingOptions::default() };
+        let options = ImportOptions { reading, smooths_meshes, ..ImportOptions::default() };
+        let (scene, _) = load(&folder, "a.toml", &options).expect("a scene");
+        scene.objects[0].shape.mesh().expect("a mesh").normals.is_some()
+    };
+    let studio = "[image]\nlook = 'studio'";
+    assert!(!has_normals("", "", true, None) && has_normals(studio, "", true, None));
+    // `--draft` in place of the look of the file.
+    assert!(!has_normals(studio, "", false, None));
+    assert!(has_normals("", "smooth = 40", true, None) && !has_normals(studio, "smooth = 0", true, None));
+    assert!(
+        !has_normals(studio, "smooth = 40", true, Some(0.0))
+            && has_normals("", "smooth = 0", true, Some(9.0))
+    );
+    folder.write("a.toml", "[[mesh]]\nfile = 'a.obj'\nsmooth = 181\n");
+    let e = load(&folder, "a.toml", &ImportOptions::default()).expect_err("more than 180 degrees");
+    assert!(e.to_string().ends_with("a.toml:3: `smooth` is 181"), "{e}");
+}
+
+/// One file with two crease angles is read for each: across its right angle, 100 degrees smooth, 30 do not.
+#[test]
+fn placements_of_one_file_have_crease_angles_of_their_own() {
+    let folder = Folder::new();
+    folder.write("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 2 1 4\n");
+    folder.write("a.toml", "[[mesh]]\nfile = 'a.obj'\nsmooth = 30\n[[mesh]]\nfile = 'a.obj'\nsmooth = 100\n");
+    let (scene, _) = load(&folder, "a.toml", &ImportOptions::default()).expect("a scene");
+    let count =
+        |i: usize| scene.objects[i].shape.mesh().and_then(|m| m.normals.as_ref()).unwrap().values.len();
+    // Six corners with a normal each, or two shared ones at the edge and two others.
+    assert_eq!([count(0), count(1)], [6, 4]);
+}
+
+/// `--up` turns the meshes of scene files, in place of their `up`: (0, 0, 1) becomes (0, 1, 0) with z up.
+#[test]
+fn meshes_of_scene_files_are_turned_by_the_option() {
+    let folder = Folder::new();
+    folder.write("a.obj", "v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\n");
+    for (key, option, third) in [
+        ("", None, DVec3::Z),
+        ("up = 'z'", None, DVec3::Y),
+        ("", Some(UpAxis::Z), DVec3::Y),
+        ("up = 'z'", Some(UpAxis::Y), DVec3::Z),
+    ] {
+        folder.write("a.toml", format!("[[mesh]]\nfile = 'a.obj'\n{key}\n"));
+        let reading = ReadingOptions { up: option, ..ReadingOptions::default() };
+        let (scene, _) =
+            load(&folder, "a.toml", &ImportOptions { reading, ..Default::default() }).expect("a scene");
+        assert_eq!(scene.objects[0].shape.mesh().expect("a mesh").positions[2], third, "{key} {option:?}");
+    }
+}
+
+#[test]
+fn materials_of_scene_files_are_single_sided_where_they_say_so() {
+    let of = |keys: &str| {
+        let (scene, _) =
+            Folder::new().load("a.toml", format!("[material.a]\ncolour = 'red'\n{keys}\n").as_bytes());
+        scene.materials[0].is_single_sided()
+    };
+    assert!(!of("") && !of("roughness = 1") && !of("double_sided = true"));
+    assert!(of("double_sided = false") && of("double_sided = false\nroughness = 1"));
+    // Glass bounds a volume.
+    assert!(!of("double_sided = false\nlayers = { transmission = 1 }"));
+    assert!(!Material::Phong(Phong::default()).is_single_sided());
+}
