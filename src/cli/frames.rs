@@ -27,7 +27,7 @@ use crate::render::{RenderControl, Statistics};
 use crate::scene::option::group;
 
 /// Frame rate and duration that override the scene's.
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub(crate) struct LengthArguments {
     /// Frames per second [default: the scene's, or 30]
     #[arg(long, help_heading = group::ANIMATION, allow_hyphen_values = true, value_name = "N")]

@@ -1,6 +1,7 @@
 //! Messages on standard error: lines for people, JSON lines, or the messages of Open Job Description. All output to
 //! standard error goes through [`Message::print`], which escapes untrusted text.
 
+use std::collections::HashSet;
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::Path;
@@ -61,6 +62,13 @@ pub(super) enum Message<'a> {
     Warning(&'a str),
     /// A frame and its file, which was written. Not for people, whom progress serves.
     Frame(i32, &'a Path),
+    /// A picture of several is finished. Not for people, whom progress serves.
+    Picture(&'a str),
+    /// A picture of several failed: what is wrong and a hint, which may be empty. The others go on.
+    Failure {
+        what: &'a str,
+        hint: &'a str,
+    },
     /// What is wrong, a hint, which may be empty, and the exit code.
     Error {
         what: &'a str,
@@ -104,12 +112,17 @@ impl Message<'_> {
             }
             Message::Note(text) => format!("kiln: note: {}", printable(text)),
             Message::Warning(text) => format!("kiln: warning: {}", printable(text)),
-            Message::Error { what, hint: "", .. } => format!("kiln: error: {}", printable(what)),
+            Message::Error { what, hint: "", .. } | Message::Failure { what, hint: "" } => {
+                format!("kiln: error: {}", printable(what))
+            }
+            Message::Failure { what, hint } => {
+                format!("kiln: error: {}; {}", printable(what), printable(hint))
+            }
             Message::Error { what, hint, .. } => {
                 format!("kiln: error: {}\nhint: {}", printable(what), printable(hint))
             }
             Message::Done(text) => format!("kiln: {}", printable(text)),
-            Message::Frame(..) | Message::Interrupted { .. } => return None,
+            Message::Frame(..) | Message::Picture(_) | Message::Interrupted { .. } => return None,
         })
     }
 
@@ -124,6 +137,10 @@ impl Message<'_> {
             Message::Warning(text) => json!({ "event": "warning", "message": text }),
             Message::Frame(frame, file) => {
                 json!({ "event": "frame", "frame": frame, "file": file.display().to_string() })
+            }
+            Message::Picture(text) => json!({ "event": "picture", "message": text }),
+            Message::Failure { what, hint } => {
+                json!({ "event": "failure", "message": what, "hint": Some(hint).filter(|hint| !hint.is_empty()) })
             }
             Message::Error { what, hint, exit_code } => {
                 let hint = Some(hint).filter(|hint| !hint.is_empty());
@@ -143,6 +160,8 @@ impl Message<'_> {
             Message::Note(text) => format!("kiln: note: {}", line(text)),
             Message::Warning(text) => format!("kiln: warning: {}", line(text)),
             Message::Frame(_, file) => format!("openjd_status: wrote {}", line(&file.display().to_string())),
+            Message::Picture(text) => format!("openjd_status: {}", line(text)),
+            Message::Failure { .. } => self.text().unwrap_or_default(),
             Message::Error { what, hint: "", .. } => format!("openjd_fail: {}", line(what)),
             Message::Error { what, hint, .. } => format!("openjd_fail: {}\nhint: {}", line(what), line(hint)),
             // The sender of the signal knows; a task that it cancelled has not failed.
@@ -158,18 +177,35 @@ fn print_stderr(line: &str) {
     let _ = std::io::stderr().write_all(format!("{line}\n").as_bytes());
 }
 
-/// Prints new warnings and notes, each once. The fields count those already printed.
+/// Prints new warnings and notes, each once.
 #[derive(Default)]
 pub(super) struct WarningPrinter {
+    /// Numbers of those already printed.
     warnings: usize,
     notes: usize,
+    /// The input that they are about, of several, and the notes on those before.
+    subject: Option<String>,
+    known_notes: HashSet<String>,
 }
 
 impl WarningPrinter {
+    /// Begins the warnings about another input of several, which they name. A note on many is printed once.
+    pub(super) fn begin(&mut self, subject: String) {
+        (self.warnings, self.notes, self.subject) = (0, 0, Some(subject));
+    }
+
     pub(super) fn print(&mut self, warnings: &Warnings, with_notes: bool) {
-        warnings.messages()[self.warnings..].iter().for_each(|text| Message::Warning(text).print());
+        for text in &warnings.messages()[self.warnings..] {
+            match self.subject.as_ref().filter(|subject| !text.contains(subject.as_str())) {
+                Some(subject) => Message::Warning(&format!("{subject}: {text}")).print(),
+                None => Message::Warning(text).print(),
+            }
+        }
         if with_notes {
-            warnings.notes()[self.notes..].iter().for_each(|text| Message::Note(text).print());
+            let new = warnings.notes()[self.notes..].iter();
+            let is_one = self.subject.is_none();
+            new.filter(|text| self.known_notes.insert((*text).clone()) || is_one)
+                .for_each(|text| Message::Note(text).print());
         }
         (self.warnings, self.notes) = (warnings.messages().len(), warnings.notes().len());
     }

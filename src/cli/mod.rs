@@ -10,6 +10,7 @@ mod animate;
 mod arguments;
 mod bench;
 mod compare;
+mod each_input;
 mod explain;
 mod frames;
 mod info;
@@ -177,7 +178,7 @@ pub fn run(words: Vec<OsString>) -> u8 {
     let interrupted = interrupt::install();
     let result = std::panic::catch_unwind(|| {
         let done = match command {
-            Command::Render(arguments) => render::run(&arguments, interrupted),
+            Command::Render(arguments) => return render::run(&arguments, interrupted),
             Command::Animate(arguments) => animate::run(&arguments, interrupted),
             #[cfg(feature = "viewer")]
             Command::View(arguments) => view::run(&arguments),

@@ -15,7 +15,7 @@ use crate::limits;
 use crate::render::aov::{self, AovSelection};
 use crate::render::{RenderControl, Statistics};
 use crate::sample_count::{self, ErrorTarget, StopReason};
-use crate::scene::{BitDepth, PictureSettings, Samples};
+use crate::scene::{BitDepth, PictureSettings, Samples, shell_quoted};
 use crate::world::World;
 
 /// Destination of the picture.
@@ -111,7 +111,12 @@ pub(crate) fn same_file(a: &Path, b: &Path) -> bool {
 pub(crate) fn check_folder(output: &Path) -> Result<()> {
     let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty());
     if folder.is_some_and(|folder| !folder.is_dir()) {
-        return Err(Error::output(output, "cannot be written: its folder does not exist"));
+        let folder = folder.unwrap_or(output).to_string_lossy();
+        let what = format!(
+            "cannot be written: its folder does not exist; make it with mkdir -p {}",
+            shell_quoted(&folder)
+        );
+        return Err(Error::output(output, what));
     }
     Ok(())
 }

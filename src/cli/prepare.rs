@@ -1,6 +1,6 @@
 //! Loading of inputs into a resolved job or an animation, with timing, progress and warnings.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::WarningPrinter;
@@ -51,6 +51,18 @@ impl Reporter {
             prints_notes: false,
             outputs: Vec::new(),
         }
+    }
+
+    /// Begins the picture of an input, by its place among those of several.
+    pub(crate) fn begin(&mut self, input: &Path, place: usize, count: usize) {
+        (self.seconds, self.warnings) = (Seconds::default(), Warnings::default());
+        self.printer.begin(input.display().to_string());
+        self.progress.begin_part(format!("{} of {count}, {}: ", place + 1, input.display()), place, count);
+    }
+
+    /// Output files with fixed names of the picture that follows; they must not be inputs.
+    pub(crate) fn set_outputs(&mut self, outputs: Vec<PathBuf>) {
+        self.outputs = outputs;
     }
 
     /// Prints new warnings and notes.

@@ -36,7 +36,21 @@ pub(crate) struct Progress {
     first_tile: OnceLock<Instant>,
     /// Time of the last line, and its number of completed steps.
     last: Mutex<(Instant, usize)>,
+    /// What is rendered as one of several pictures.
+    part: Option<Part>,
 }
+
+/// A picture of several.
+struct Part {
+    /// Text before the names of phases.
+    label: String,
+    /// Its place, and the number of pictures.
+    place: usize,
+    count: usize,
+}
+
+/// Steps of progress of a picture of several.
+const STEPS: usize = 1000;
 
 impl Progress {
     /// Creates a progress display without a phase.
@@ -52,19 +66,37 @@ impl Progress {
             bar
         });
         let now = Instant::now();
-        Progress { mode, bar, first_tile: OnceLock::new(), last: Mutex::new((now, 0)) }
+        Progress { mode, bar, first_tile: OnceLock::new(), last: Mutex::new((now, 0)), part: None }
     }
 
     /// Shows the name of a phase without measurable progress.
     pub(crate) fn phase(&self, what: &str) {
         if let Some(bar) = &self.bar {
-            bar.set_message(what.to_owned());
+            let label = self.part.as_ref().map_or("", |part| &part.label);
+            bar.set_message(format!("{label}{what}"));
         }
+    }
+
+    /// Begins a picture of several, which share one display.
+    pub(crate) fn begin_part(&mut self, label: String, place: usize, count: usize) {
+        self.part = Some(Part { label, place, count });
+        self.tiles(0, 1);
+    }
+
+    /// Ends the last picture of several.
+    pub(crate) fn end_parts(&mut self) {
+        self.part = None;
+        self.clear();
     }
 
     /// Shows the number of completed tiles.
     pub(crate) fn tiles(&self, done: usize, total: usize) {
-        self.steps(done, total, ("tiles", 1));
+        match &self.part {
+            None => self.steps(done, total, ("tiles", 1)),
+            Some(Part { place, count, .. }) => {
+                self.steps(STEPS * place + STEPS * done / total, STEPS * count, ("pictures", STEPS));
+            }
+        }
     }
 
     /// Shows the number of completed steps. Lines count in `unit`, each of `steps` steps.
@@ -106,9 +138,9 @@ impl Progress {
         }
     }
 
-    /// Removes the bar, so that other lines can be printed.
+    /// Removes the bar, so that other lines can be printed; not between pictures of several.
     pub(crate) fn clear(&self) {
-        if let Some(bar) = &self.bar {
+        if let (Some(bar), None) = (&self.bar, &self.part) {
             bar.finish_and_clear();
         }
     }
@@ -116,8 +148,10 @@ impl Progress {
     /// Removes the bar and prints a final line.
     pub(crate) fn finish(&self, line: &str) {
         self.clear();
-        if self.mode != Mode::None {
-            Message::Done(line).print();
+        match &self.part {
+            Some(_) => Message::Picture(line).print(),
+            None if self.mode != Mode::None => Message::Done(line).print(),
+            None => {}
         }
     }
 }

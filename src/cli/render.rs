@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 
 use super::arguments::{self, Arguments};
+use super::each_input;
 use super::frames::{self, FrameSeries, LengthArguments, file_names};
 use super::output::{self, OutputTarget, check_folder, render_target, render_to_accuracy, same_file};
 use super::prepare::{Reporter, timed};
@@ -23,12 +24,13 @@ use crate::render::{RenderControl, Statistics};
 use crate::scene::option::group;
 use crate::world::World;
 
-#[derive(Args)]
+#[derive(Args, Clone)]
 #[command(after_help = aov_help())]
 pub(crate) struct Command {
-    /// Picture to write: .png, .jpg or .exr; `-` for PNG on standard output; with --frames a pattern such as frame_####.png
+    /// Picture to write: .png, .jpg or .exr; `-` for PNG on standard output. {name} in it makes a picture of each INPUT,
+    /// with its name, as a folder does: out/ is out/{name}.png. With --frames a pattern such as frame_####.png
     #[arg(short, long, help_heading = group::OUTPUT, display_order = 0, value_name = "OUT")]
-    output: PathBuf,
+    pub output: PathBuf,
     #[command(flatten)]
     pub arguments: Arguments,
     #[command(flatten)]
@@ -56,7 +58,7 @@ pub(crate) struct Command {
     progress: Mode,
     /// Write statistics (times, rays, memory) to a JSON file
     #[arg(long, help_heading = group::OUTPUT, value_name = "FILE")]
-    stats: Option<PathBuf>,
+    pub stats: Option<PathBuf>,
     /// Exit with an error if there are warnings
     #[arg(long, help_heading = group::OUTPUT)]
     strict: bool,
@@ -71,12 +73,42 @@ fn aov_help() -> String {
     format!("AOVs:{}", lines.collect::<String>())
 }
 
-pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
+pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<u8> {
     arguments::check(&command.arguments)?;
+    let each = each_input::commands(command)?;
     if let Some(list) = &command.frames {
-        return render_frames(command, list, interrupted);
+        if !each.is_empty() {
+            let what = format!("--frames with {}: frames of several files", command.output.display());
+            return Err(Error::usage(what, "give one file and a name with ####, such as frame_####.png"));
+        }
+        return render_frames(command, list, interrupted).map(|()| 0);
     }
     check_still(&command.length)?;
+    let mut reporter = Reporter::new(command.progress, Vec::new());
+    let pool = super::pool(command.arguments.threads)?;
+    pool.install(|| match each.as_slice() {
+        [] => render_still(command, &mut reporter, interrupted).map(|_| 0),
+        [one] => render_still(one, &mut reporter, interrupted).map(|_| 0),
+        several => each_input::run(several, &mut reporter, interrupted),
+    })
+}
+
+/// What became of the picture of a command.
+#[derive(PartialEq)]
+pub(super) enum Outcome {
+    Written,
+    /// A complete file of the same scene and settings was there.
+    Existed,
+    /// Its name was printed.
+    Listed,
+}
+
+/// Renders one picture.
+pub(super) fn render_still(
+    command: &Command,
+    reporter: &mut Reporter,
+    interrupted: &AtomicBool,
+) -> Result<Outcome> {
     let mut target = OutputTarget::new(&command.output)?;
     if command.skip_existing {
         output::check_skipping(&command.output, target.format())?;
@@ -85,7 +117,7 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         target = target.shard(shard)?;
     }
     if command.list_outputs {
-        return super::print(&format!("{}\n", target.file().display()));
+        return super::print(&format!("{}\n", target.file().display())).map(|()| Outcome::Listed);
     }
     let selection = AovSelection::new(&command.aov)?;
     check_aov_format(command, target.format())?;
@@ -96,8 +128,7 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         }
         check_folder(file)?;
     }
-    let pool = super::pool(command.arguments.threads)?;
-    pool.install(|| render_to(command, &target, &selection, interrupted))
+    render_to(command, &target, &selection, reporter, interrupted)
 }
 
 /// Checks that a single picture has neither a frame rate nor a duration.
@@ -159,13 +190,14 @@ fn render_to(
     command: &Command,
     target: &OutputTarget,
     selection: &AovSelection,
+    reporter: &mut Reporter,
     interrupted: &AtomicBool,
-) -> Result<()> {
+) -> Result<Outcome> {
     let mut outputs: Vec<PathBuf> = command.stats.iter().cloned().collect();
     if !matches!(target, OutputTarget::StandardOutput) {
         outputs.push(target.file().to_owned());
     }
-    let mut reporter = Reporter::new(command.progress, outputs);
+    reporter.set_outputs(outputs);
     let mut settings = command.arguments.settings()?;
     settings.shard = command.shard.unwrap_or_default();
     settings.aovs = command.aov.clone();
@@ -180,7 +212,7 @@ fn render_to(
         reporter
             .progress
             .finish(&format!("{} exists with the same scene and settings", target.file().display()));
-        return Ok(());
+        return Ok(Outcome::Existed);
     }
     let is_transparent = resolved.picture.settings.picture.is_transparent();
     output::check_bits_of(resolved.picture.settings.picture.bits, target.format())?;
@@ -206,7 +238,7 @@ fn render_to(
         reporter.warnings.push("--same-grain changes nothing in a picture at time 0");
     }
     reporter.phase("rendering");
-    let Reporter { progress, seconds, warnings, .. } = &mut reporter;
+    let Reporter { progress, seconds, warnings, .. } = &mut *reporter;
     let control = RenderControl {
         cancel: interrupted,
         progress: &|done, total| progress.tiles(done, total),
@@ -231,7 +263,7 @@ fn render_to(
     reporter.show();
 
     timed(&mut reporter.seconds.write, || output::write(&picture, &job, target))?;
-    let Reporter { progress, seconds, warnings, .. } = &reporter;
+    let Reporter { progress, seconds, warnings, .. } = &*reporter;
     let (world, window) = (&job.world, job.window);
     if let Some(file) = &command.stats {
         let report = statistics::to_json(&job.metadata, seconds, world, &job.plan, &statistics, warnings);
@@ -249,7 +281,7 @@ fn render_to(
         seconds.render,
         seconds.write
     ));
-    Ok(())
+    Ok(Outcome::Written)
 }
 
 /// What warnings about a picture depend on beside the picture.

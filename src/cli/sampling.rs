@@ -10,7 +10,7 @@ use crate::scene::option::group;
 use crate::scene::{PictureSettings, Sampling};
 
 /// Options of `kiln render` with which the number of samples is chosen automatically.
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub(crate) struct AccuracyArguments {
     /// Sample until the estimated error is below a value: FLIP, RMSE or MAX of displayed values (1 is white) against the
     /// converged picture

@@ -265,11 +265,11 @@ fn outputs_that_cannot_be_written_are_4() {
     let workshop = Workshop::with("scene.toml", SCENE);
     std::fs::create_dir(workshop.path("folder.png")).expect("a folder can be made");
     let (said, _) = workshop.fail("render scene.toml -o gone/a.png", 4);
-    assert_eq!(said, "gone/a.png: cannot be written: its folder does not exist");
+    assert_eq!(said, "gone/a.png: cannot be written: its folder does not exist; make it with mkdir -p gone");
     let (said, _) = workshop.fail("render scene.toml -o folder.png", 4);
     assert_eq!(said, "folder.png: is a folder; name a file in it");
     let (said, _) = workshop.fail("render scene.toml -o a.png --stats gone/a.json", 4);
-    assert_eq!(said, "gone/a.json: cannot be written: its folder does not exist");
+    assert_eq!(said, "gone/a.json: cannot be written: its folder does not exist; make it with mkdir -p gone");
     // These errors are reported before anything is read or rendered.
     assert_eq!(workshop.names(), ["folder.png", "scene.toml"]);
 }
@@ -280,8 +280,8 @@ fn strict_makes_warnings_1() {
     workshop.write("a.obj", "mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     let said = workshop.succeed("render a.obj -o a.png --size 8x8");
     assert!(said.contains("kiln: warning: a.obj: materials left out: gone.mtl: no such file\n"), "{said}");
-    let note = "kiln: note: no light and no camera in the files: light, ground and background are added; --draft adds \
-                a headlight\n";
+    let note = "kiln: note: no light and no camera in the files: light, ground and background are added; --draft uses \
+                a headlight instead\n";
     assert!(said.contains(note), "{said}");
     let (said, hint) = workshop.fail("render a.obj -o a.png --size 8x8 --strict", 1);
     assert_eq!(said, "1 warning(s), and --strict was given");

@@ -482,7 +482,7 @@ fn standard_error_is_json_lines_to_the_end() {
         (
             4,
             "render scene.toml -o gone/a.png",
-            "gone/a.png: cannot be written: its folder does not exist",
+            "gone/a.png: cannot be written: its folder does not exist; make it with mkdir -p gone",
             false,
         ),
         (4, "render scene.toml --frames 0-2 -o g_#.png", "g_1.png: is a folder; name a file in it", false),

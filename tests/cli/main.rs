@@ -8,6 +8,7 @@ mod workshop;
 mod animation;
 mod bits;
 mod cameras;
+mod each_input;
 mod exit_codes;
 mod farm;
 mod grain;

@@ -351,7 +351,7 @@ const MISTAKES: &[Mistake] = &[
     (
         Command,
         "render scene.toml -o gone/a.png",
-        "gone/a.png: cannot be written: its folder does not exist",
+        "gone/a.png: cannot be written: its folder does not exist; make it with mkdir -p gone",
         "",
         4,
     ),

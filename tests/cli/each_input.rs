@@ -1,0 +1,146 @@
+//! `kiln render` of several inputs to a picture each: names, failures, progress.
+
+use crate::helpers::SCENE;
+use crate::workshop::{Workshop, text};
+
+const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+/// Two scenes, a mesh, and two files without a picture.
+fn workshop() -> Workshop {
+    let workshop = Workshop::with("a.toml", SCENE);
+    workshop.write("b.toml", SCENE.replace("radius = 2", "radius = 1"));
+    workshop.write("c d.obj", TRIANGLE);
+    workshop.write("empty.obj", "v 0 0 0\n");
+    workshop.write("broken.toml", "[image]\nwidht = 1\n");
+    workshop
+}
+
+/// Runs with the words given, one of which may have a space.
+fn said(workshop: &Workshop, words: &[&str]) -> (i32, String, String) {
+    let output = workshop.command("").args(words).output().expect("the command starts");
+    (output.status.code().unwrap_or(-1), text(&output.stdout), text(&output.stderr))
+}
+
+/// Each picture is that of its file alone, to the byte.
+#[test]
+fn pictures_are_those_of_single_commands() {
+    let workshop = workshop();
+    std::fs::create_dir(workshop.path("out")).expect("a folder");
+    let (code, _, messages) = said(
+        &workshop,
+        &["render", "a.toml", "b.toml", "c d.obj", "-o", "out/p-{name}.png", "--size", "24x16"],
+    );
+    assert_eq!(code, 0, "{messages}");
+    assert_eq!(messages.lines().filter(|line| line.contains("wrote")).count(), 1, "{messages}");
+    assert!(
+        messages.lines().last().is_some_and(|line| line.starts_with("kiln: wrote 3 picture(s) in ")),
+        "{messages}"
+    );
+    for name in ["a.toml", "b.toml", "c d.obj"] {
+        let (code, _, messages) = said(&workshop, &["render", name, "-o", "alone.png", "--size", "24x16"]);
+        assert_eq!(code, 0, "{messages}");
+        let stem = name.split('.').next().expect("a name");
+        assert_eq!(workshop.bytes("alone.png"), workshop.bytes(&format!("out/p-{stem}.png")), "{name}");
+    }
+    // A folder, with and without a slash, also for one file.
+    for folder in ["out/", "out"] {
+        workshop.succeed(&format!("render a.toml -o {folder}"));
+        assert_eq!(workshop.bytes("out/a.png"), workshop.bytes("out/p-a.png"));
+        std::fs::remove_file(workshop.path("out/a.png")).expect("a picture");
+    }
+    let listed = said(&workshop, &["render", "a.toml", "c d.obj", "-o", "out/{name}.exr", "--list-outputs"]);
+    assert_eq!(listed, (0, "out/a.exr\nout/c d.exr\n".into(), String::new()));
+}
+
+/// A file that fails takes one line, and the others are rendered; the exit code is the greatest.
+#[test]
+fn files_that_fail_do_not_stop_the_others() {
+    let workshop = workshop();
+    let words = ["render", "broken.toml", "a.toml", "empty.obj", "b.toml", "-o", "{name}.png"];
+    let (code, _, messages) = said(&workshop, &words);
+    let errors: Vec<&str> = messages.lines().filter(|line| line.starts_with("kiln: error: ")).collect();
+    assert_eq!(code, 3, "{messages}");
+    assert!(
+        errors[0].starts_with("kiln: error: broken.toml:2: unknown key `widht`; did you mean `width`?")
+            && errors[1].starts_with("kiln: error: empty.obj: has no triangles to draw; ")
+            && errors[2].starts_with("kiln: error: 2 of 4 pictures failed; wrote 2 picture(s) in "),
+        "{messages}"
+    );
+    assert!(!messages.contains("hint:"), "{messages}");
+    assert!(workshop.path("a.png").exists() && workshop.path("b.png").exists());
+    // Finished pictures are skipped, and a program gets one event a picture.
+    let (code, _, events) =
+        said(&workshop, &[&words[..], &["--skip-existing", "--progress", "json"]].concat());
+    let names: Vec<String> = events
+        .lines()
+        .map(|line| serde_json::from_str::<serde_json::Value>(line).expect("JSON"))
+        .filter(|event| event["event"] != "progress")
+        .map(|event| event["event"].as_str().expect("a name").to_owned())
+        .collect();
+    assert_eq!((code, names.join(" ").as_str()), (3, "failure picture failure picture error"), "{events}");
+    assert!(
+        events.contains("2 of 4 pictures failed; wrote 0 picture(s) in ") && events.contains("; 2 existed")
+    );
+    // A warning names its file; `--strict` counts it as a failure, and the picture is there.
+    let (code, _, messages) =
+        said(&workshop, &["render", "a.toml", "b.toml", "-o", "x-{name}.png", "--same-grain", "--strict"]);
+    assert_eq!(code, 1);
+    assert!(messages.contains("kiln: warning: a.toml: --same-grain changes nothing"), "{messages}");
+    assert!(messages.contains("kiln: error: b.toml: 1 warning(s), and --strict was given; "), "{messages}");
+    assert!(workshop.path("x-b.png").exists());
+}
+
+/// Refused before anything is rendered: inputs of one name, none, a folder that is not there, frames.
+#[test]
+fn names_are_checked_before_rendering() {
+    let workshop = workshop();
+    workshop.write("a.obj", TRIANGLE);
+    workshop.write("c.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nmtllib c.mtl\nusemtl m\nf 1/1 2/1 3/1\n");
+    workshop.write("c.mtl", "newmtl m\nmap_Kd c.png\n");
+    image::RgbImage::new(1, 1).save(workshop.path("c.png")).expect("a picture");
+    let names = workshop.names();
+    for (arguments, code, message, hint) in [
+        (
+            "a.toml b.toml a.obj -o {name}.png",
+            2,
+            "a.toml and a.obj would both be written to a.png",
+            "render one of them by a command of its own",
+        ),
+        (
+            "a.toml b.toml -o out/{name}.png",
+            4,
+            "out/{name}.png: cannot be written: its folder does not exist; make it with mkdir -p out",
+            "",
+        ),
+        (
+            "a.toml -o out/",
+            4,
+            "out/{name}.png: cannot be written: its folder does not exist; make it with mkdir -p out",
+            "",
+        ),
+        (
+            "a.toml - -o {name}.png",
+            2,
+            "-: no name for {name} of --output",
+            "give --output the whole name, such as -o picture.png",
+        ),
+        (
+            "a.toml b.toml -o {name}.png --stats s.json",
+            2,
+            "s.json: one file for the statistics of several pictures",
+            "give its name a place for theirs, such as {name}.json",
+        ),
+        (
+            "a.toml b.toml -o {name}_##.png --frames 1-3",
+            2,
+            "--frames with {name}_##.png: frames of several files",
+            "give one file and a name with ####, such as frame_####.png",
+        ),
+    ] {
+        assert_eq!(workshop.fail(&format!("render {arguments}"), code), (message.into(), hint.into()));
+    }
+    // A texture of the file has the name of its picture.
+    let (said, hint) = workshop.fail("render c.obj -o {name}.png", 2);
+    assert!(said.contains("c.png"), "{said} {hint}");
+    assert_eq!(workshop.names(), names);
+}
