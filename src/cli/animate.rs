@@ -21,6 +21,7 @@ use crate::film::write::{Format, PngForm};
 use crate::job::RenderJob;
 use crate::render::RenderControl;
 use crate::render::aov::AovSelection;
+use crate::scene::Seconds;
 use crate::scene::option::group;
 
 #[derive(Args)]
@@ -135,7 +136,12 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
     let outputs = if is_stream { Vec::new() } else { vec![command.output.clone()] };
     let mut reporter = Reporter::new(command.progress, outputs);
     let LengthArguments { fps, duration } = command.length;
-    let request = FrameRequest::all(fps, duration, command.frames.as_ref());
+    if let Some([frame]) = command.frames.as_ref().map(FrameList::frames) {
+        reporter
+            .warnings
+            .note(format!("--frames {frame} is one frame; --frames 0-{frame} are those up to it"));
+    }
+    let request = FrameRequest::all(fps, duration.map(Seconds::get), command.frames.as_ref());
     let settings = command.arguments.settings()?;
     let mut animation = pool.install(|| reporter.load_animation(&command.arguments, &settings, &request))?;
     let picture = &animation.picture.settings.picture;

@@ -24,7 +24,8 @@ use crate::job::{Metadata, RenderJob, RenderSettings, note_of_left_out};
 use crate::limits;
 use crate::render::aov::AovSelection;
 use crate::render::{RenderControl, Statistics};
-use crate::scene::option::group;
+use crate::scene::Seconds;
+use crate::scene::option::{group, parser};
 
 /// Frame rate and duration that override the scene's.
 #[derive(Args, Clone)]
@@ -33,8 +34,8 @@ pub(crate) struct LengthArguments {
     #[arg(long, help_heading = group::ANIMATION, allow_hyphen_values = true, value_name = "N")]
     pub fps: Option<f64>,
     /// Duration in seconds [default: the scene's, or 10]
-    #[arg(long, help_heading = group::ANIMATION, allow_hyphen_values = true, value_name = "S")]
-    pub duration: Option<f64>,
+    #[arg(long, help_heading = group::ANIMATION, allow_hyphen_values = true, value_name = "S", value_parser = parser::<Seconds>())]
+    pub duration: Option<Seconds>,
 }
 
 /// Memory limit in bytes of the pictures in flight, if there are more than two.
@@ -176,7 +177,7 @@ pub(crate) fn write_frames(
     let settings = RenderSettings { aovs: pictures.aovs.clone(), ..arguments.settings()? };
     let request = FrameRequest {
         fps: length.fps,
-        duration: length.duration,
+        duration: length.duration.map(Seconds::get),
         list,
         shard: pictures.shard,
         is_there: &is_there,

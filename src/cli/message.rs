@@ -56,7 +56,7 @@ pub(super) enum Message<'a> {
         unit: &'a str,
         percent: usize,
         elapsed: f64,
-        eta: f64,
+        eta: Option<f64>,
     },
     Note(&'a str),
     Warning(&'a str),
@@ -108,7 +108,8 @@ impl Message<'_> {
     fn text(&self) -> Option<String> {
         Some(match self {
             Message::Progress { done, total, unit, percent, eta, .. } => {
-                format!("kiln: {percent} % ({done} of {total} {unit}), {eta:.0} s left")
+                let left = eta.map(|seconds| format!(", {} left", duration_text(seconds)));
+                format!("kiln: {percent} % ({done} of {total} {unit}){}", left.unwrap_or_default())
             }
             Message::Note(text) => format!("kiln: note: {}", printable(text)),
             Message::Warning(text) => format!("kiln: warning: {}", printable(text)),
@@ -131,7 +132,7 @@ impl Message<'_> {
         match self {
             Message::Progress { done, total, unit, elapsed, eta, .. } => json!({
                 "event": "progress", "done": done, "total": total, "unit": unit,
-                "elapsed": tenths(*elapsed), "eta": tenths(*eta),
+                "elapsed": tenths(*elapsed), "eta": eta.map(tenths),
             }),
             Message::Note(text) => json!({ "event": "note", "message": text }),
             Message::Warning(text) => json!({ "event": "warning", "message": text }),
@@ -168,6 +169,15 @@ impl Message<'_> {
             Message::Interrupted { .. } => "openjd_status: interrupted".into(),
             Message::Done(text) => format!("openjd_progress: 100\nopenjd_status: {}", line(text)),
         }
+    }
+}
+
+/// A duration in seconds, minutes or hours.
+pub(super) fn duration_text(seconds: f64) -> String {
+    match seconds.round() {
+        ..120.0 => format!("{seconds:.0} s"),
+        ..7200.0 => format!("{:.0} min", seconds / 60.0),
+        _ => format!("{:.1} h", seconds / 3600.0),
     }
 }
 

@@ -1,12 +1,13 @@
 //! Progress on standard error: a bar, or messages.
 
 use std::io::IsTerminal;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::message::Message;
+use super::message::{Message, duration_text};
 
 /// How progress is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -32,13 +33,21 @@ const INTERVAL: Duration = Duration::from_secs(1);
 pub(crate) struct Progress {
     mode: Mode,
     bar: Option<ProgressBar>,
-    /// Time of the first completed tile.
-    first_tile: OnceLock<Instant>,
+    /// Time of the first completed steps, and their number.
+    first: OnceLock<(Instant, usize)>,
+    /// Whether the time of frames was estimated.
+    is_estimated: AtomicBool,
     /// Time of the last line, and its number of completed steps.
     last: Mutex<(Instant, usize)>,
     /// What is rendered as one of several pictures.
     part: Option<Part>,
 }
+
+/// Steps after the first from which the time that is left is estimated.
+const LEAST_STEPS: usize = 16;
+
+/// Seconds of rendering frames from which on a note states them.
+const LONG: f64 = 60.0;
 
 /// A picture of several.
 struct Part {
@@ -66,7 +75,14 @@ impl Progress {
             bar
         });
         let now = Instant::now();
-        Progress { mode, bar, first_tile: OnceLock::new(), last: Mutex::new((now, 0)), part: None }
+        Progress {
+            mode,
+            bar,
+            first: OnceLock::new(),
+            is_estimated: AtomicBool::new(false),
+            last: Mutex::new((now, 0)),
+            part: None,
+        }
     }
 
     /// Shows the name of a phase without measurable progress.
@@ -101,6 +117,8 @@ impl Progress {
 
     /// Shows the number of completed steps. Lines count in `unit`, each of `steps` steps.
     pub(crate) fn steps(&self, done: usize, total: usize, (unit, steps): (&str, usize)) {
+        let &(start, at_first) = self.first.get_or_init(|| (Instant::now(), done));
+        self.note_long_films(done - at_first.min(done), total, start, unit);
         if let Some(bar) = &self.bar {
             if bar.length() != Some(total as u64) {
                 bar.set_length(total as u64);
@@ -116,18 +134,31 @@ impl Progress {
         if !matches!(self.mode, Mode::Plain | Mode::Json | Mode::Openjd) {
             return;
         }
-        self.first_tile.get_or_init(Instant::now);
         let Ok(mut last) = self.last.try_lock() else { return };
         if last.0.elapsed() < INTERVAL || done <= last.1 {
             return;
         }
         *last = (Instant::now(), done);
-        // The estimate starts at the first tile, so that it excludes loading.
-        let elapsed = self.first_tile.get_or_init(Instant::now).elapsed().as_secs_f64();
-        let eta = elapsed * (total - done) as f64 / done as f64;
+        // The estimate starts at the first step, so that it excludes loading, and takes some steps.
+        let since = done.saturating_sub(at_first);
+        let elapsed = start.elapsed().as_secs_f64();
+        let eta = (since >= LEAST_STEPS).then(|| elapsed * (total - done) as f64 / since as f64);
         let percent = done * 100 / total;
         let (done, total) = (done / steps, total / steps);
         Message::Progress { done, total, unit, percent, elapsed, eta }.print();
+    }
+
+    /// Notes once how long frames take, if that is long.
+    fn note_long_films(&self, since: usize, total: usize, start: Instant, unit: &str) {
+        if unit != "frames" || since < LEAST_STEPS || start.elapsed() < INTERVAL || self.mode == Mode::None {
+            return;
+        }
+        let seconds = start.elapsed().as_secs_f64() * total as f64 / since as f64;
+        if !self.is_estimated.swap(true, Ordering::Relaxed) && seconds >= LONG {
+            let text =
+                format!("this takes about {}; smaller --size and --fps take less", duration_text(seconds));
+            self.pause(|| Message::Note(&text).print());
+        }
     }
 
     /// Calls `print` while the bar is hidden.

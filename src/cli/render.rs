@@ -133,8 +133,8 @@ pub(super) fn render_still(
 
 /// Checks that a single picture has neither a frame rate nor a duration.
 fn check_still(length: &LengthArguments) -> Result<()> {
-    let given = [("--fps", length.fps), ("--duration", length.duration)];
-    match given.iter().find(|(_, value)| value.is_some()) {
+    let given = [("--fps", length.fps.is_some()), ("--duration", length.duration.is_some())];
+    match given.iter().find(|(_, is_given)| *is_given) {
         None => Ok(()),
         Some((option, _)) => {
             let what = format!("{option} is for animations, and this is a single picture");

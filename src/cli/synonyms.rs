@@ -35,6 +35,7 @@ const SYNONYMS: &[(&[&str], &str)] = &[
         &["force", "overwrite"],
         "existing files are overwritten; --skip-existing keeps those of the same scene and settings",
     ),
+    (&["seconds", "length"], "use --duration S for the length of an animation, --time S for a moment of one"),
     (&["quiet", "silent", "no-progress"], "use --progress none"),
     (
         &["verbose", "debug", "log-level", "log"],
@@ -115,7 +116,7 @@ const SYNONYMS: &[(&[&str], &str)] = &[
     ),
     (&["tonemap", "tonemapping", "tone-mapping", "view-transform", "aces", "agx"], "use --tone-map"),
     (
-        &["color", "roughness", "metallic", "metalness", "opacity", "material-override"],
+        &["roughness", "metallic", "metalness", "opacity", "material-override"],
         "use --material '{ colour = \"#c33\", metallic = 1, roughness = 0.2 }', with the keys of [material] in scene files",
     ),
     (

@@ -15,10 +15,11 @@ use crate::animation::{FileNames, FrameList, FrameRequest};
 use crate::error::{Error, Result, printable};
 use crate::farm::Shard;
 use crate::film::check::{FileState, PictureIdentity, state_of};
-use crate::film::write::Format;
-use crate::job::RenderSettings;
+use crate::film::write::{FINGERPRINT, FRAME, Format};
 use crate::job::metadata::fingerprint_of;
+use crate::job::{Metadata, RenderSettings};
 use crate::render::aov::AovSelection;
+use crate::scene::Seconds;
 use crate::scene::option::group;
 
 #[derive(Args)]
@@ -72,32 +73,31 @@ pub(crate) fn run(command: &Command) -> Result<u8> {
     arguments::check(&command.arguments)?;
     AovSelection::new(&command.aov)?;
     let format = Format::from_path(output)?;
-    let (fingerprint, list) =
-        super::pool(command.arguments.threads)?.install(|| expected(command, output))?;
+    let (metadata, list) = super::pool(command.arguments.threads)?.install(|| expected(command, output))?;
     let files = files(output, list.as_ref())?;
-    report(command, &files, &check(&files, format, Some(&fingerprint)))
+    report(command, &files, &check(&files, format, Some(&metadata)))
 }
 
-/// The expected fingerprint and frames.
-fn expected(command: &Command, output: &Path) -> Result<(String, Option<FrameList>)> {
+/// The expected metadata and frames.
+fn expected(command: &Command, output: &Path) -> Result<(Metadata, Option<FrameList>)> {
     let mut reporter = Reporter::silent(Mode::None);
     let settings = RenderSettings { aovs: command.aov.clone(), ..command.arguments.settings()? };
     let is_series = FileNames::parse(output).is_ok_and(|names| names.is_some());
     if command.frames.is_none() && !is_series {
         let resolved = reporter.load_and_resolve(&command.arguments, &settings)?;
-        return Ok((fingerprint_of(&resolved.picture.metadata).to_owned(), None));
+        return Ok((resolved.picture.metadata, None));
     }
     // All frames are reported as existing, so that no tree is built.
     let request = FrameRequest {
         fps: command.length.fps,
-        duration: command.length.duration,
+        duration: command.length.duration.map(Seconds::get),
         list: command.frames.as_ref(),
         shard: Shard::ALL,
         is_there: &|_, _| true,
     };
     let animation = reporter.load_animation(&command.arguments, &settings, &request)?;
     let list = command.frames.clone().unwrap_or_else(|| FrameList::range(0, animation.timeline.last()));
-    Ok((fingerprint_of(&animation.picture.metadata).to_owned(), Some(list)))
+    Ok((animation.picture.metadata, Some(list)))
 }
 
 /// The expected files with their frames.
@@ -119,8 +119,9 @@ fn files(name: &Path, list: Option<&FrameList>) -> Result<Vec<(Option<i32>, Path
     }
 }
 
-/// Faults of the files. Without a given fingerprint, the most frequent one is expected.
-fn check(files: &[(Option<i32>, PathBuf)], format: Format, fingerprint: Option<&str>) -> Vec<Fault> {
+/// Faults of the files. Without given metadata, the most frequent fingerprint is expected.
+fn check(files: &[(Option<i32>, PathBuf)], format: Format, metadata: Option<&Metadata>) -> Vec<Fault> {
+    let fingerprint = metadata.map(|metadata| fingerprint_of(metadata));
     let found: Vec<FileState> = files.par_iter().map(|(_, file)| state_of(file, format)).collect();
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for found in &found {
@@ -139,7 +140,7 @@ fn check(files: &[(Option<i32>, PathBuf)], format: Format, fingerprint: Option<&
             }
             FileState::Whole(made) if made.fingerprint.as_deref() != wanted => (
                 "different",
-                "rendered from another scene, with other settings or by another version of kiln".into(),
+                metadata.map_or_else(|| UNKNOWN.into(), |expected| difference(&made.texts, expected)),
             ),
             // A single file without an expected fingerprint may be any frame.
             FileState::Whole(made) if made.frame != *frame && (frame.is_some() || fingerprint.is_some()) => {
@@ -150,6 +151,32 @@ fn check(files: &[(Option<i32>, PathBuf)], format: Format, fingerprint: Option<&
         Some(Fault { frame: *frame, file: file.display().to_string(), kind, why })
     };
     files.iter().zip(&found).filter_map(|(file, found)| fault(file, found)).collect()
+}
+
+/// What is said of a picture with another fingerprint, without known settings.
+const UNKNOWN: &str = "rendered from another scene, with other settings or by another version of kiln";
+
+/// What is said of a picture with another fingerprint and the same settings.
+const OTHER: &str = "rendered from another scene or by another version of kiln";
+
+/// The settings in which a picture differs from what is expected.
+fn difference(found: &[(String, String)], expected: &Metadata) -> String {
+    let value = |texts: &[(String, String)], key: &str| {
+        let entry = texts.iter().find(|(name, _)| name == key);
+        entry.map_or("the default", |(_, value)| value).to_owned()
+    };
+    let settings = expected.iter().chain(found).map(|(key, _)| key.as_str());
+    let mut names: Vec<&str> = settings.filter(|key| ![FINGERPRINT, FRAME].contains(key)).collect();
+    names.sort_unstable();
+    names.dedup();
+    let pairs = names.iter().map(|key| (key, value(found, key), value(expected, key)));
+    // Exposures that are metered are not known before the picture.
+    let pairs = pairs
+        .filter(|(_, found, expected)| found != expected && !found.starts_with(&format!("{expected} (")));
+    let different: Vec<String> = pairs
+        .map(|(key, found, expected)| format!("{}: {found}, not {expected}", key.trim_start_matches("kiln:")))
+        .collect();
+    if different.is_empty() { OTHER.into() } else { different.join("; ") }
 }
 
 /// Prints the faults. Returns the exit code.

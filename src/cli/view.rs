@@ -8,6 +8,7 @@ use super::arguments::{self, Arguments};
 use crate::animation::play_clip;
 use crate::effects::check_scene;
 use crate::error::{Error, Result, Warnings};
+use crate::files::hint_for_missing;
 use crate::import::{self, FileRead};
 use crate::job::camera::{Viewpoint, nothing_to_look_at};
 use crate::job::{RenderSettings, check_display};
@@ -34,7 +35,7 @@ pub(crate) fn run(command: &Command) -> Result<()> {
         ));
     }
     if let Some(missing) = arguments.inputs.iter().find(|input| !input.exists()) {
-        return Err(Error::input(missing.as_path(), "no such file", "check the name and the folder"));
+        return Err(Error::input(missing.as_path(), "no such file", hint_for_missing(missing)));
     }
     let threads = super::pool(arguments.threads)?;
     let own = arguments.clone();

@@ -213,6 +213,7 @@ pub fn shard_state(file: &Path, shard: Shard) -> FileState {
         Ok((head, found, _)) if found == shard => FileState::Whole(PictureIdentity {
             fingerprint: head.fingerprint().map(str::to_owned),
             frame: None,
+            texts: Vec::new(),
         }),
         Ok((_, found, _)) => FileState::Broken(format!("is shard {found}")),
         Err(what) => FileState::Broken(what),

@@ -4,7 +4,7 @@ use std::io::{self, Read, Seek};
 use std::path::Path;
 
 use super::inputs;
-use crate::error::Error;
+use crate::error::{Error, nearest_name};
 use crate::limits::{Bytes, available, check, in_use};
 
 /// First line of a Git LFS pointer, and the largest size of one in bytes (Git LFS Specification, "The Pointer").
@@ -161,13 +161,36 @@ pub struct Refused {
     hint: String,
 }
 
+/// A hint for a file that the user named and that is missing: a file of its folder with a similar name, the same in
+/// another case before others.
+pub fn hint_for_missing(file: &Path) -> String {
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let typed = file.file_name().unwrap_or_default().to_string_lossy();
+    let names = std::fs::read_dir(folder).into_iter().flatten().flatten().take(MOST_NAMES);
+    let mut names: Vec<String> =
+        names.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect();
+    names.sort_unstable();
+    if let Some(same) = names.iter().find(|name| name.to_lowercase() == typed.to_lowercase()) {
+        return format!("did you mean `{same}`?");
+    }
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let hint = Some(nearest_name(&typed, &names)).filter(|hint| hint.starts_with("did you mean"));
+    hint.unwrap_or_else(|| MISSING.1.into())
+}
+
+/// The most names of a folder that are compared with a missing one.
+const MOST_NAMES: usize = 10_000;
+
+/// Message and hint for a missing file.
+const MISSING: (&str, &str) = ("no such file", "check the name and the folder");
+
 /// A message and a hint for a file that cannot be read.
 pub fn explain(e: &io::Error) -> (String, String) {
     if let Some(refused) = e.get_ref().and_then(|cause| cause.downcast_ref::<Refused>()) {
         return (refused.what.clone(), refused.hint.clone());
     }
     let (what, hint) = match e.kind() {
-        io::ErrorKind::NotFound => ("no such file", "check the name and the folder"),
+        io::ErrorKind::NotFound => MISSING,
         io::ErrorKind::PermissionDenied => ("permission denied", "make the file readable for this user"),
         io::ErrorKind::IsADirectory => ("is a folder", "name a file in it"),
         _ => return (format!("cannot be read: {e}"), String::new()),

@@ -35,13 +35,15 @@ pub struct PictureIdentity {
     pub fingerprint: Option<String>,
     /// Frame number, if present.
     pub frame: Option<i32>,
+    /// All entries.
+    pub texts: Vec<(String, String)>,
 }
 
 impl FileState {
     /// Whether it is the complete picture of this fingerprint and frame.
     pub fn is(&self, fingerprint: &str, frame: Option<i32>) -> bool {
-        let wanted = PictureIdentity { fingerprint: Some(fingerprint.to_owned()), frame };
-        *self == FileState::Whole(wanted)
+        let wanted = (Some(fingerprint), frame);
+        matches!(self, FileState::Whole(found) if (found.fingerprint.as_deref(), found.frame) == wanted)
     }
 }
 
@@ -64,7 +66,7 @@ pub fn state_of(file: &Path, format: Format) -> FileState {
         Some(Ok(texts)) => {
             let text = |name: &str| texts.iter().find(|(key, _)| key == name).map(|(_, value)| value);
             let frame = text(FRAME).and_then(|frame| frame.parse().ok());
-            FileState::Whole(PictureIdentity { fingerprint: text(FINGERPRINT).cloned(), frame })
+            FileState::Whole(PictureIdentity { fingerprint: text(FINGERPRINT).cloned(), frame, texts })
         }
     }
 }
@@ -125,11 +127,11 @@ fn exr_texts(bytes: &[u8]) -> Texts {
     let attributes = first.own_attributes.other.clone();
     let blocks = reader.all_chunks(true).map_err(damaged)?;
     blocks.decompress_sequential(true, |_, _| Ok(())).map_err(damaged)?;
-    let text = |name: &str| match attributes.get(&Text::from(name)) {
-        Some(AttributeValue::Text(text)) => Some((name.to_owned(), text.to_string())),
+    let text = |(name, value): (&Text, &AttributeValue)| match value {
+        AttributeValue::Text(text) => Some((name.to_string(), text.to_string())),
         _ => None,
     };
-    Ok([FINGERPRINT, FRAME].into_iter().filter_map(text).collect())
+    Ok(attributes.iter().filter_map(text).collect())
 }
 
 #[cfg(test)]

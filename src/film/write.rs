@@ -29,10 +29,12 @@ impl Format {
     pub fn from_path(file: &Path) -> Result<Self> {
         let ending = file.extension().and_then(|e| e.to_str()).unwrap_or("");
         Format::from_ending(ending).ok_or_else(|| {
-            Error::usage(
-                format!("{}: not a picture format that can be written", file.display()),
-                "name a file that ends in .png, .jpg or .exr",
-            )
+            let is_film = ["mp4", "m4v", "gif", "y4m", "webm", "mov", "mkv", "avi"].contains(&ending);
+            let hint = match is_film {
+                true => "`kiln animate` makes films: .mp4, .gif, animated .png; a picture ends in .png, .jpg or .exr",
+                false => "name a file that ends in .png, .jpg or .exr",
+            };
+            Error::usage(format!("{}: not a picture format that can be written", file.display()), hint)
         })
     }
 

@@ -56,6 +56,7 @@ use std::path::{Path, PathBuf};
 pub use dependencies::{FileRead, Stamp};
 
 use crate::error::{Error, Result, Warnings, nearest_name};
+use crate::files::hint_for_missing;
 use crate::files::unreadable;
 use crate::film::Colour;
 use crate::limits::Counted;
@@ -306,7 +307,8 @@ fn check_names(scene: &Scene, options: &ImportOptions) -> Result<()> {
     let unknown = |kind: &str, name: &str, known: String| {
         Error::usage(format!("no input has a {kind} `{name}`"), format!("their {kind}s: {known}"))
     };
-    let pose = options.pose();
+    // Tracks are posed by `pose_tracks`.
+    let pose = options.pose().filter(|_| !has_tracks_alone(scene, options));
     let mut choices = pose.iter().flat_map(|asked| asked.clip.choices());
     if let Some(missing) = choices.find(|choice| choice.find(&scene.clips).is_empty()) {
         let names: Vec<&str> = scene.clips.iter().map(|clip| clip.name.as_str()).collect();
@@ -327,6 +329,29 @@ fn check_names(scene: &Scene, options: &ImportOptions) -> Result<()> {
         }
         _ => Ok(()),
     }
+}
+
+/// Whether a moment of a scene is one of its tracks, not of clips.
+fn has_tracks_alone(scene: &Scene, options: &ImportOptions) -> bool {
+    scene.animation.is_some() && scene.clips.is_empty() && options.clips.is_empty()
+}
+
+/// Poses a scene with tracks at the time of the options, after which nothing moves.
+///
+/// # Errors
+/// [`Error::Usage`] for a time that is not in its animation.
+fn pose_tracks(scene: &mut Scene, options: &ImportOptions) -> Result<()> {
+    let (Some(time), Some(animation)) = (options.reading.time, &scene.animation) else { return Ok(()) };
+    if !has_tracks_alone(scene, options) {
+        return Ok(());
+    }
+    let (time, duration) = (time.get(), animation.duration);
+    if !(0.0..=duration).contains(&time) {
+        let what = format!("--time {time}: the animation lasts from 0 to {duration} seconds");
+        return Err(Error::usage(what, "give a time in it"));
+    }
+    *scene = Scene { animation: None, ..scene.at(time / duration)? };
+    Ok(())
 }
 
 /// Reads all inputs as [`load`] does, and lists the files that the result depends on, whether a scene or an error: the
@@ -352,8 +377,8 @@ fn load_by(
     let materials = materials.collect::<Result<Vec<_>>>()?;
     for (index, file) in inputs.iter().enumerate() {
         warnings.begin_part();
-        let source = Source::open(file, files, options)?;
-        let mut one = read_one(&source, warnings)?;
+        let source = Source::open(file, files, options).map_err(|e| hinted(e, file))?;
+        let mut one = read_one(&source, warnings).map_err(|e| hinted(e, file))?;
         let crease = crease(&source, None, options.smooths_meshes)?;
         drop(source);
         match options.reading.up {
@@ -392,6 +417,7 @@ fn load_by(
         scene.at(0.0)?;
     }
     check_names(&scene, options)?;
+    pose_tracks(&mut scene, options)?;
     let read = files.list().into_iter().filter(|read| read.stamp.is_some());
     scene.files_read = read.filter_map(|read| std::path::absolute(read.file).ok()).collect();
     Ok(scene)
@@ -428,6 +454,14 @@ fn replace_materials(scene: &mut Scene, materials: Vec<Material>, warnings: &mut
         }
         let id = scene.add_material(material);
         meant.iter().for_each(|&i| scene.objects[i].material = id);
+    }
+    for id in scene.materials.len() - choices.len()..scene.materials.len() {
+        // [1, 0, 1] of 255.
+        if matches!(scene.materials[id].colour(), Colour::Display(c) if c.max_element() == 1.0 / 255.0) {
+            warnings.note(
+                "--material: a colour in numbers from 0 to 1 is nearly black: white is [255, 255, 255]",
+            );
+        }
     }
     let is_replaced = |object: &&Object| object.material.0 as usize >= scene.materials.len() - choices.len();
     let mut replaced = scene.objects.iter().filter(is_replaced);
@@ -501,10 +535,42 @@ fn note_up(scene: &Scene, file: &Path, warnings: &mut Warnings) {
 
 /// Reads an input or a referenced file. The caller validates the result.
 fn read_one(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
-    let read = (importer_for(source)?.read)(source, warnings);
+    let importer = importer_for(source)?;
+    let read = (importer.read)(source, warnings);
     source.note_references(warnings);
-    read
+    match read {
+        Ok(scene) if !scene.objects.is_empty() || importer.is_scene_file => Ok(scene),
+        Ok(scene) => misnamed(importer, source).map_or(Ok(scene), Err),
+        Err(e) => Err(misnamed(importer, source).unwrap_or(e)),
+    }
 }
+
+/// An error of an input that is missing, with a hint to one of a similar name.
+fn hinted(e: Error, input: &Path) -> Error {
+    match e {
+        Error::Input { place, what, .. } if what == "no such file" && place == input.into() => {
+            Error::input(place, what, hint_for_missing(input))
+        }
+        e => e,
+    }
+}
+
+/// The error for a file that has another format than its ending says, if it is recognised.
+fn misnamed(importer: &Importer, source: &Source) -> Option<Error> {
+    let mut start = source.bytes.get(..START.min(source.bytes.len())).unwrap_or_default().to_vec();
+    if start.is_empty() {
+        source.stream().ok()?.0.take(START as u64).read_to_end(&mut start).ok()?;
+    }
+    let text = without_comments(without_mark(&start));
+    let is_start = |other: &&Importer| other.is_start.is_some_and(|is_start| is_start(text));
+    let other = IMPORTERS.iter().find(is_start).filter(|other| other.name != importer.name)?;
+    let ending = if start.starts_with(b"glTF") { "glb" } else { other.endings.first()? };
+    let what = format!("its content is {}, not {}", other.name, importer.name);
+    Some(Error::input(source.file.as_path(), what, format!("rename it, so that it ends in .{ending}")))
+}
+
+/// Bytes at the beginning of a file by which its format is recognised.
+const START: usize = 1024;
 
 /// Whether an input is a scene file rather than a mesh, by its extension.
 pub fn is_scene_file(file: &Path) -> bool {

@@ -41,11 +41,11 @@ pub struct RenderSettings {
     #[cfg_attr(feature = "cli", command(flatten))]
     pub environment: EnvironmentSettings,
     /// Effects to turn on, as `NAME` or `NAME=VALUE`.
-    #[cfg_attr(feature = "cli", arg(long, help_heading = group::LOOK, display_order = 910, value_name = "EFFECT"))]
+    #[cfg_attr(feature = "cli", arg(long, help_heading = group::LOOK, display_order = 910, value_name = "EFFECT", value_delimiter = ','))]
     #[cfg_attr(feature = "cli", arg(help = with_help()))]
     pub with: Vec<String>,
     /// Effects to turn off, by name.
-    #[cfg_attr(feature = "cli", arg(long, help_heading = group::LOOK, display_order = 911, value_name = "EFFECT"))]
+    #[cfg_attr(feature = "cli", arg(long, help_heading = group::LOOK, display_order = 911, value_name = "EFFECT", value_delimiter = ','))]
     #[cfg_attr(
         feature = "cli",
         arg(help = "Turn an effect off, by its name as for --with; may be repeated")

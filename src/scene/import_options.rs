@@ -85,7 +85,7 @@ impl OptionValue for MaterialChoice {
 
 ranged! {
     /// A time in seconds.
-    Seconds(f64, "f64") in f64::MIN..=f64::MAX, "give seconds, such as 1.5";
+    Seconds(f64, "f64") in f64::MIN..=f64::MAX, "give seconds, such as 1.5", unit "s";
     /// An angle between triangles in degrees.
     Degrees(f64, "f64") in 0.0..=180.0, "give degrees from 0 to 180";
 }

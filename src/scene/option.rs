@@ -127,9 +127,9 @@ pub(crate) fn parser<T: OptionValue>() -> clap::builder::ValueParser {
 }
 
 /// Declares types of numbers in a range, with the message for others. The type of the number is given twice, the second
-/// time for serde.
+/// time for serde. A unit may be typed after the number.
 macro_rules! ranged {
-    ($($(#[$doc:meta])* $name:ident($number:ident, $text:literal) in $range:expr, $message:literal;)*) => { $(
+    ($($(#[$doc:meta])* $name:ident($number:ident, $text:literal) in $range:expr, $message:literal $(, unit $unit:literal)?;)*) => { $(
         $(#[$doc])*
         #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
         #[derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
@@ -165,7 +165,9 @@ macro_rules! ranged {
 
         impl OptionValue for $name {
             fn parse(text: &str) -> std::result::Result<Self, String> {
-                text.trim().parse::<$number>().map_err(|_| $message.to_owned())?.try_into()
+                let text = text.trim();
+                $(let text = text.strip_suffix($unit).unwrap_or(text);)?
+                text.parse::<$number>().map_err(|_| $message.to_owned())?.try_into()
             }
 
             fn text(&self) -> String {

@@ -86,7 +86,7 @@ options! {
         [long, help_heading = group::QUALITY, hide_possible_values = true, value_name = "SAMPLER", value_parser = parser::<PixelSampler>()] sampler: PixelSampler,
         /// Colour arithmetic: `linear` (linear light), `display` (sRGB-encoded values) or `u8` (sRGB-encoded values,
         /// rounded to 8 bits after each step) [default: linear]
-        [long, help_heading = group::LOOK, hide_possible_values = true, value_name = "PIPELINE", value_parser = parser::<ColourPipeline>()] colour: ColourPipeline,
+        [long, alias = "color", help_heading = group::LOOK, hide_possible_values = true, value_name = "PIPELINE", value_parser = parser::<ColourPipeline>()] colour: ColourPipeline,
         /// Exposure in stops (EV), -64 to 64, or `auto`, computed from the picture. For 8-bit pictures, films and the
         /// window, with linear colour arithmetic [default: automatic for meshes with emissive materials or glTF lights,
         /// or with the camera inside the scene, else 0]

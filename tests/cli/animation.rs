@@ -753,3 +753,25 @@ fn the_ground_of_the_look_is_hidden_from_below() {
         assert!(default == without && default != with, "{command}");
     }
 }
+
+/// A moment of a scene's tracks is its frame, and outside of them an error.
+#[test]
+fn a_time_is_a_moment_of_the_tracks_of_a_scene() {
+    let scene = std::fs::read(crate::common::repository("scenes/animation.toml")).expect("a scene");
+    let workshop = Workshop::with("a.toml", scene);
+    workshop.succeed("render a.toml --size 24x24 --time 2s -o still.png");
+    workshop.succeed("render a.toml --size 24x24 --frames 60 -o frame_#.png");
+    assert_eq!(workshop.pixels("still.png"), workshop.pixels("frame_60.png"));
+    workshop.succeed("render a.toml --size 24x24 -o rest.png");
+    assert_ne!(workshop.pixels("still.png"), workshop.pixels("rest.png"));
+    for time in ["-1", "10.5"] {
+        let (said, hint) = workshop.fail(&format!("render a.toml -o a.png --time {time}"), 2);
+        assert_eq!(said, format!("--time {time}: the animation lasts from 0 to 10 seconds"));
+        assert_eq!(hint, "give a time in it");
+    }
+    let (_, said) = workshop.code("animate a.toml --size 8x8 --frames 10 -o a.gif", 0);
+    assert!(
+        said.contains("kiln: note: --frames 10 is one frame; --frames 0-10 are those up to it\n"),
+        "{said}"
+    );
+}

@@ -261,16 +261,17 @@ fn a_texel_an_option_or_a_vertex_makes_another_picture_and_where_files_lie_does_
     for same in ["--threads 3", "--bvh fast-build", "--numerics watertight"] {
         workshop.ends(0, &format!("{verify} {same}"));
     }
-    for other in [
-        "--samples 2",
-        "--without shadows",
-        "--view top",
-        "--crop 0,0,9,9",
-        "--colour display",
-        "--numerics double",
-        "--shading flat",
+    for (other, why) in [
+        ("--samples 2", "; samples: 16, not 2"),
+        ("--without shadows", "different: without: the default, not shadows\n"),
+        ("--view top", "different: camera: { name = \"auto\""),
+        ("--crop 0,0,9,9", "different: crop: the default, not 0,0,9,9\n"),
+        ("--colour display", "different: colour: linear, not display; "),
+        ("--numerics double", "different: numerics: watertight, not double\n"),
+        ("--shading flat", "; shading: phong, not flat"),
     ] {
-        assert!(workshop.ends(1, &format!("{verify} {other}")).contains("other settings"), "{other}");
+        let said = workshop.ends(1, &format!("{verify} {other}"));
+        assert!(said.contains(why), "{other}: {said}");
     }
     workshop.ends(1, &verify.replace("32x24", "32x25"));
     texture(101).save(workshop.path("one/a.png")).expect("it can be written");
@@ -305,7 +306,14 @@ fn verify_lists_what_is_missing_broken_and_different() {
         assert_eq!(lines[0], "f_0002.png: missing: no such file");
         assert_eq!(lines[1], "f_0003.png: broken: ends too early");
         assert_eq!(lines[2], "f_0004.png: different: is frame 5");
-        assert!(lines[3].starts_with("f_0007.png: different: rendered from another scene"), "{}", lines[3]);
+        let why = match verify == alone {
+            true => "rendered from another scene, with other settings or by another version of kiln",
+            false => {
+                "filter: gaussian, not the default; filter-radius: 1.5, not the default; samples: 2, not the default; \
+                 seed: 0, not the default"
+            }
+        };
+        assert_eq!(lines[3], format!("f_0007.png: different: {why}"));
         assert_eq!(lines[4], "f_0009.png: different: no fingerprint of kiln in the file");
         assert_eq!(lines[5], "7 of 12 valid, 1 missing, 1 broken, 3 with different settings");
         assert_eq!(lines[6], "to render again: --frames 2-4,7,9");

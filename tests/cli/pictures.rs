@@ -179,8 +179,7 @@ fn a_scene_file_names_its_tier() {
 /// The command of the entry for file managers, with their placeholders filled in.
 #[test]
 fn the_thumbnailer_makes_a_thumbnail() {
-    let entry =
-        std::fs::read_to_string(repository("assets/kiln.thumbnailer")).expect("an entry");
+    let entry = std::fs::read_to_string(repository("assets/kiln.thumbnailer")).expect("an entry");
     let line = entry.lines().find_map(|line| line.strip_prefix("Exec=kiln ")).expect("a command");
     let workshop = Workshop::with("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     let said = workshop.succeed(&line.replace("%i", "a.obj").replace("%o", "a.png").replace("%s", "64"));

@@ -6,7 +6,7 @@ use crate::helpers::*;
 use glam::DVec3;
 use kiln::error::Warnings;
 use kiln::film::Colour;
-use kiln::scene::{Falloff, LightKind, Material};
+use kiln::scene::{Falloff, LightKind, Material, Scene};
 use serde_json::json;
 
 #[test]
@@ -517,4 +517,50 @@ fn variants_of_meshes_of_scene_files_can_be_chosen() {
     options.reading.variant = Some("red".into());
     let scene = kiln::import::load_with(&[file], &options, &mut Warnings::default()).expect("a scene");
     assert_eq!(scene.materials[scene.objects[0].material.0 as usize].name(), "painted");
+}
+
+/// `color` is `colour` in every key and in inline tables, but not in names that the user chose; `fov` is `vertical_fov`.
+#[test]
+fn keys_have_a_second_spelling() {
+    let file = |key: &str| {
+        format!(
+            "[image]\nbackground = 'red'\n[environment]\n{key} = 'blue'\n[[light]]\ntype = 'point'\nposition = [0, 9, 0]\n\
+             {key} = 'green'\n[material.\"my-color\"]\n{key} = [1, 2, 3]\nroughness = 1\n\
+             layers = {{ sheen_{key} = 'red', specular_{key} = 'gold' }}\n\
+             [[sphere]]\ncentre = [0, 0, 0]\nradius = 1\nmaterial = 'my-color'\n"
+        )
+    };
+    let [british, american] =
+        ["colour", "color"].map(|key| Folder::new().load("a.toml", file(key).as_bytes()));
+    let text = |scene: &Scene| {
+        let Scene { materials, lights, environment, picture, .. } = scene;
+        format!("{materials:?} {lights:?} {environment:?} {:?}", picture.background)
+    };
+    assert_eq!(text(&british.0), text(&american.0));
+    let camera = |key: &str| {
+        let file = format!("[[camera]]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\n{key} = 20\n");
+        Folder::new().load("a.toml", file.as_bytes()).0.cameras[0].clone()
+    };
+    assert_eq!(camera("fov"), camera("vertical_fov"));
+}
+
+/// Whole numbers 0 and 1 are a colour from 0 to 255 all the same, and a note says that it is dark.
+#[test]
+fn colours_from_0_to_1_are_noted() {
+    let notes = |colour: &str| {
+        let folder = Folder::new();
+        let file = folder.write("a.toml", format!("[material.a]\ncolour = {colour}\n"));
+        let mut warnings = Warnings::default();
+        kiln::import::load(&[file], &mut warnings).expect("a scene");
+        warnings.notes().to_vec()
+    };
+    let said = notes("[1, 0, 1]");
+    assert!(
+        said[0]
+            .ends_with("a.toml:2: a colour in numbers from 0 to 1 is nearly black: white is [255, 255, 255]"),
+        "{said:?}"
+    );
+    for colour in ["[0, 0, 0]", "[1, 2, 0]", "'#010101'", "[255, 255, 0]"] {
+        assert_eq!(notes(colour), [""; 0], "{colour}");
+    }
 }

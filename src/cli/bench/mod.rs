@@ -55,7 +55,13 @@ enum Test {
 
 pub(crate) fn run(arguments: &Command, interrupted: &AtomicBool) -> Result<()> {
     match &arguments.test {
-        None => speed::run(&arguments.speed, interrupted),
+        None => {
+            arguments
+                .speed
+                .subject
+                .refuse_misspelled(&<Test as Subcommand>::augment_subcommands(clap::Command::new("bench")))?;
+            speed::run(&arguments.speed, interrupted)
+        }
         Some(Test::Contains(arguments)) => contains::run(arguments, interrupted),
         Some(Test::Leaks(arguments)) => leaks::run(arguments, interrupted),
         Some(Test::Price(arguments)) => price::run(arguments, interrupted),

@@ -9,7 +9,7 @@ use super::super::arguments::inputs_help;
 use crate::bench::Mesh;
 use crate::bench::generate::Family;
 use crate::bench::speed::{ViewSetup, Viewpoint, scene, triangles, view_setup};
-use crate::error::{Error, Result, Warnings};
+use crate::error::{Error, Result, Warnings, nearest_name};
 use crate::import;
 use crate::scene::option::{group, parser};
 use crate::scene::{ImportOptions, Scene};
@@ -49,6 +49,17 @@ impl Subject {
         } else {
             format!("{}{place}", files.join(" "))
         }
+    }
+
+    /// Refuses an input that is no file but almost the name of a benchmark.
+    pub(super) fn refuse_misspelled(&self, benchmarks: &clap::Command) -> Result<()> {
+        let [input, ..] = self.inputs.as_slice() else { return Ok(()) };
+        let names: Vec<&str> = benchmarks.get_subcommands().map(clap::Command::get_name).collect();
+        let hint = nearest_name(&input.to_string_lossy(), &names);
+        if input.exists() || !hint.starts_with("did you mean") {
+            return Ok(());
+        }
+        Err(Error::usage(format!("{}: neither a file nor a benchmark", input.display()), hint))
     }
 
     /// The scene, its triangles, and the viewpoint.

@@ -22,7 +22,10 @@ impl Fault {
 /// The hint for an unknown key names the nearest known key.
 pub(super) fn parse_inline<T: for<'de> serde::Deserialize<'de>>(text: &str) -> Result<T, Fault> {
     let text = text.trim();
-    let section = toml::de::ValueDeserializer::parse(text).and_then(T::deserialize);
+    let section = toml::de::DeValue::parse(text).and_then(|mut value| {
+        super::spelling::unify_value(value.get_mut(), &mut Vec::new());
+        T::deserialize(toml::de::ValueDeserializer::from(value))
+    });
     section.map_err(|e| super::toml_error::explain(e, text)).map_err(|e| Fault::new(e.what, e.hint))
 }
 

@@ -14,6 +14,7 @@ mod material;
 mod meshes;
 mod metallic_roughness;
 mod sections;
+mod spelling;
 mod toml_error;
 
 pub use camera::inline_camera;
@@ -48,6 +49,12 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         plain: None,
         meshes: Meshes::of(&file),
     };
+    for &start in &file.dark_colours {
+        let place = builder.location(start);
+        warnings.note(format!(
+            "{place}: a colour in numbers from 0 to 1 is nearly black: white is [255, 255, 255]"
+        ));
+    }
     builder.picture(&file, warnings)?;
     for (name, section) in &file.material {
         let material = material::material(name, section.get_ref());

@@ -11,6 +11,7 @@ use toml::de::DeTable;
 
 use super::animation_sections::AnimationSection;
 use super::metallic_roughness::LayersSection;
+use super::spelling;
 use super::toml_error::{TomlError, check_lists, explain};
 use crate::error::{Error, Place, Result};
 use crate::limits;
@@ -64,6 +65,9 @@ pub struct SceneFile {
     /// Animation tracks.
     #[schemars(with = "Option<AnimationSection>")]
     pub animation: Option<Spanned<AnimationSection>>,
+    /// Byte offsets of colours such as [1, 1, 0], which are nearly black.
+    #[serde(skip)]
+    pub(super) dark_colours: Vec<usize>,
 }
 
 /// A camera, defined by a viewing rectangle (or only its height) at a distance, by a vertical field of view, or by its
@@ -89,7 +93,9 @@ pub struct CameraSection {
     pub viewing_height: Option<f64>,
     /// Distance from the position to the viewing rectangle.
     pub viewpoint_distance: Option<f64>,
-    /// Vertical field of view in degrees, instead of rectangle and distance; 40 if neither is given.
+    /// Vertical field of view in degrees, instead of rectangle and distance; 40 if neither is given. `fov` is another name
+    /// of this key.
+    #[serde(alias = "fov")]
     pub vertical_fov: Option<f64>,
     /// Focal length in millimetres on film of 36 x 24 mm, instead of the field of view.
     pub focal_length: Option<f64>,
@@ -431,13 +437,17 @@ impl SceneFile {
     pub fn parse(text: &str, file: &Path) -> Result<Self> {
         let fault = |e: TomlError| Error::input(Place::line(file, line_of(text, e.offset)), e.what, e.hint);
         limits::check(parsing_bytes(text)).map_err(|excess| excess.at(file, "reading it"))?;
-        let table = DeTable::parse(text).map_err(|e| fault(explain(e, text)))?;
+        let mut table = DeTable::parse(text).map_err(|e| fault(explain(e, text)))?;
         table
             .get_ref()
             .iter()
             .try_for_each(|(key, value)| check_lists(key.get_ref(), value))
             .map_err(fault)?;
-        SceneFile::deserialize(toml::Deserializer::from(table)).map_err(|e| fault(explain(e, text)))
+        let mut dark_colours = Vec::new();
+        spelling::unify(table.get_mut(), &mut dark_colours);
+        let file =
+            SceneFile::deserialize(toml::Deserializer::from(table)).map_err(|e| fault(explain(e, text)))?;
+        Ok(SceneFile { dark_colours, ..file })
     }
 
     /// The JSON schema of scene files.

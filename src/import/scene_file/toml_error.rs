@@ -70,7 +70,14 @@ fn of_name(message: &str, typed: &str) -> Option<(String, String)> {
     let name = names.first().copied().unwrap_or(typed);
     let starts = |kind: &str| message.starts_with(kind);
     Some(if starts("unknown field") {
-        (format!("unknown key `{name}`"), nearest_name(name, &names[1..]))
+        let hint = match (name, &names[1..]) {
+            // Of [ambient].
+            ("colour", ["intensity"]) => {
+                "ambient light is white; `colour` of [environment] is light from all around".into()
+            }
+            (_, known) => nearest_name(name, known),
+        };
+        (format!("unknown key `{name}`"), hint)
     } else if starts("unknown variant") {
         (format!("unknown value `{name}`"), nearest_name(name, &names[1..]))
     } else if starts("missing field") {
