@@ -12,7 +12,7 @@ use super::navigate;
 use super::request::{CameraSource, Opened, RenderRequest};
 use crate::job::RenderSettings;
 use crate::scene::animation::{Moment, Timeline};
-use crate::scene::{Camera, ImportOptions, Numerics, Projection, Samples, ShadingMode};
+use crate::scene::{Camera, ImportOptions, Numerics, Projection, ReadingOptions, Samples, ShadingMode};
 use crate::world::StandardView;
 
 /// Flight speed, in distances to the target per second.
@@ -55,6 +55,8 @@ pub(crate) struct Controls {
     scene_size: f64,
     /// Initial camera, projection and settings of the opened files.
     start: (CameraSource, Option<Projection>, RenderSettings),
+    /// Options with which the files were read first.
+    start_reading: ReadingOptions,
 }
 
 impl Controls {
@@ -75,6 +77,7 @@ impl Controls {
             switched: None,
             scene_size: size_of(opened),
             start: (camera_source.clone(), *projection, settings.clone()),
+            start_reading: opened.scene.import_options.reading.clone(),
         }
     }
 
@@ -101,6 +104,16 @@ impl Controls {
         }
         self.scene_size = size_of(opened);
         self.start = (opened.camera_source.clone(), opened.projection, opened.settings.clone());
+    }
+
+    /// The settings with which the files were opened.
+    pub(crate) fn start_settings(&self) -> &RenderSettings {
+        &self.start.2
+    }
+
+    /// The options with which the files were read first.
+    pub(crate) fn start_reading(&self) -> &ReadingOptions {
+        &self.start_reading
     }
 
     /// The settings of the side that the panel edits.
