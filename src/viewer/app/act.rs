@@ -17,13 +17,14 @@ use crate::viewer::inspect::inspect;
 use crate::viewer::keys::{self, Action, CameraMotion, Focus};
 use crate::viewer::open_dialog::{Answer, OpenDialog};
 use crate::viewer::overlay::Notice;
-use crate::viewer::{message_with_hint, navigate, save};
+use crate::viewer::{message_with_hint, name_of, navigate, save};
 use crate::world::StandardView;
 
 impl App {
     /// Performs the actions of pressed keys, and moves the camera by held keys.
     pub(super) fn keys(&mut self, context: &Context) {
-        let focus = Focus::of(context);
+        // The field of the list of files takes what is typed also before it is shown.
+        let focus = if self.open_dialog.is_some() { Focus::Text } else { Focus::of(context) };
         let actions = context.input_mut(|input| keys::actions(input, focus));
         for action in actions {
             self.act(context, action);
@@ -118,10 +119,14 @@ impl App {
         let (inputs, mut environments): (Vec<_>, Vec<_>) = files.into_iter().partition(is_input);
         let environment = environments.pop();
         if !inputs.is_empty() {
-            self.opened_environment = environment;
+            self.opened_environment = environment.or(self.opened_environment.take());
             self.loader.load(inputs, None);
-        } else if let (Some(file), Some(controls)) = (environment, &mut self.controls) {
-            controls.light_by(&file);
+        } else if let (Some(file), Some(controls)) = (&environment, &mut self.controls) {
+            controls.light_by(file);
+        } else if let Some(file) = environment {
+            let name = name_of(&file);
+            self.opened_environment = Some(file);
+            self.show_notice(format!("{name} lights the file that is opened next"));
         }
     }
 

@@ -77,7 +77,10 @@ impl App {
         let compares = self.controls.as_ref().is_some_and(|controls| controls.sides.len() > 1);
         self.notice
             .take_if(|notice| notice.is_over(&context) || overlay::notice(&context, rect, compares, notice));
-        let Some(controls) = &mut self.controls else { return };
+        if let Some((what, since)) = self.progress() {
+            overlay::progress(&context, rect, &what, since);
+        }
+        let Some(controls) = &mut self.controls else { return self.empty(ui) };
         let (size, mouse) = self.canvas.show(ui, controls);
         let split = controls.split;
         let rect = self.canvas.rect().unwrap_or(rect);
@@ -100,11 +103,10 @@ impl App {
     fn status(&self, ui: &mut Ui) {
         ui.horizontal(|ui| {
             let rendered = self.canvas.rendered(0);
-            ui.label(match (rendered, self.is_building) {
-                (_, true) => "building".to_owned(),
-                (Some(rendered), _) => panel::progress_text(rendered),
-                (None, _) if self.loader.is_reading() || self.opened.is_some() => "loading".to_owned(),
-                (None, _) => "nothing to show yet".to_owned(),
+            ui.label(match (rendered, self.progress()) {
+                (Some(rendered), None) => panel::progress_text(rendered),
+                (_, Some((what, _))) => what,
+                (None, None) => "no file is open".to_owned(),
             });
             let warnings =
                 rendered.map(image_warnings).into_iter().flatten().chain(self.warnings.iter().cloned());

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::time::Instant;
 
 use egui::{Context, ViewportCommand};
 
@@ -82,6 +83,9 @@ impl App {
 
     /// Reads the files again.
     pub(super) fn reload(&mut self) {
+        if self.inputs.is_empty() {
+            return;
+        }
         self.loader.load(self.inputs.clone(), self.import_options.clone());
     }
 
@@ -110,14 +114,14 @@ impl App {
     pub(super) fn handle_message(&mut self, context: &Context, message: Message) {
         let newest = self.requested.as_ref().map_or(0, |(_, number)| *number);
         match message {
-            Message::Building => self.is_building = true,
+            Message::Building => self.building = Some(Instant::now()),
             Message::Image(rendered) => self.handle_image(context, rendered, newest),
             Message::Compared(request, comparison) if request == newest => {
                 self.comparison = Some(comparison);
             }
             Message::Compared(..) => {}
             Message::Failed(request, text) => {
-                self.is_building = false;
+                self.building = None;
                 if request == newest {
                     self.failed_request = Some(request);
                     self.show_error(text);
@@ -127,7 +131,7 @@ impl App {
     }
 
     fn handle_image(&mut self, context: &Context, rendered: Box<RenderedImage>, newest: u64) {
-        self.is_building = false;
+        self.building = None;
         // A newer request succeeded, so an error of an earlier one is obsolete.
         if rendered.request == newest && self.failed_request.take_if(|failed| *failed < newest).is_some() {
             self.notice.take_if(|notice| notice.is_error);
