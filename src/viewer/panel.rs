@@ -126,7 +126,7 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
             CameraSource::Scene(index) => {
                 cameras.get(*index).map_or("".into(), |camera| printable(&camera.name)).into_owned()
             }
-            CameraSource::Fitted(view) => view.name().to_owned(),
+            CameraSource::Fitted(view) | CameraSource::FittedAt(view, _) => view.name().to_owned(),
             CameraSource::Free(_) => "free".to_owned(),
         };
         let list = ComboBox::from_id_salt("camera").width(WIDTH).selected_text(elided(&name, LIST_LENGTH));
@@ -139,17 +139,15 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
                     )
                     .clicked()
                 {
-                    (controls.camera_source, controls.projection) = (CameraSource::Scene(index), None);
+                    controls.set_camera(CameraSource::Scene(index));
+                    controls.projection = None;
                 }
             }
             if !cameras.is_empty() {
                 ui.separator();
             }
             for view in StandardView::ALL {
-                if ui
-                    .selectable_label(controls.camera_source == CameraSource::Fitted(view), view.name())
-                    .clicked()
-                {
+                if ui.selectable_label(name == view.name(), view.name()).clicked() {
                     controls.fit_standard_view(view);
                 }
             }
