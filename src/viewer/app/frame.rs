@@ -108,8 +108,8 @@ impl App {
                 (_, Some((what, _))) => what,
                 (None, None) => "no file is open".to_owned(),
             });
-            let warnings =
-                rendered.map(image_warnings).into_iter().flatten().chain(self.warnings.iter().cloned());
+            let of_picture = self.of_picture.iter().flat_map(|(_, texts)| texts).chain(&self.warnings);
+            let warnings = rendered.map(image_warnings).into_iter().flatten().chain(of_picture.cloned());
             let warnings: Vec<String> = warnings.collect();
             if !warnings.is_empty() {
                 ui.separator();
@@ -141,21 +141,13 @@ impl App {
 /// Warnings about a rendered image.
 fn image_warnings(rendered: &RenderedImage) -> Vec<String> {
     let mut image_warnings = Vec::new();
-    let world = &rendered.prepared.job.world;
-    if world.too_small > 0 {
-        let tier = world.numerics().name();
-        image_warnings.push(format!(
-            "{} analytic shape(s) with a radius that is 0 in `{tier}`; left out",
-            world.too_small
-        ));
-    }
     let non_finite = &rendered.statistics.non_finite;
     if let Some((x, y)) = non_finite.first() {
         let count = non_finite.len();
         image_warnings.push(format!("{count} pixel(s) are not finite numbers, the first at ({x}, {y})"));
     }
     if rendered.is_last && rendered.statistics.rays(RayKind::PRIMARY).hit == 0 {
-        image_warnings.push("nothing is in the picture; F shows all of the scene".into());
+        image_warnings.push("no object is in the picture; F shows all of the scene".into());
     }
     image_warnings.extend(note_of_left_out(&rendered.prepared.job.plan, &rendered.statistics));
     image_warnings

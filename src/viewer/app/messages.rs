@@ -7,8 +7,9 @@ use std::time::Instant;
 use egui::{Context, ViewportCommand};
 
 use super::App;
-use crate::error::{Error, printable};
+use crate::error::{Error, Warnings, printable};
 use crate::import::{FileNames, FileRead};
+use crate::job::warn_of_job;
 use crate::viewer::controls::Controls;
 use crate::viewer::loader::Loaded;
 use crate::viewer::overlay::Notice;
@@ -135,6 +136,13 @@ impl App {
         // A newer request succeeded, so an error of an earlier one is obsolete.
         if rendered.request == newest && self.failed_request.take_if(|failed| *failed < newest).is_some() {
             self.notice.take_if(|notice| notice.is_error);
+        }
+        let is_known = |(known, _): &(Arc<_>, _)| Arc::ptr_eq(known, &rendered.prepared);
+        if rendered.side == 0 && rendered.factor == 1 && !self.of_picture.as_ref().is_some_and(is_known) {
+            let mut warnings = Warnings::default();
+            warn_of_job(&rendered.prepared.job, &mut warnings);
+            let texts = warnings.messages().iter().chain(warnings.notes()).cloned().collect();
+            self.of_picture = Some((Arc::clone(&rendered.prepared), texts));
         }
         self.canvas.take(context, rendered);
     }

@@ -114,6 +114,8 @@ struct App {
     notice: Option<Notice>,
     /// Warnings and notes of the input files.
     warnings: Vec<String>,
+    /// Those of the last picture of full size, with what it was rendered from.
+    of_picture: Option<(Arc<Prepared>, Vec<String>)>,
     /// Since when the acceleration structure is being built.
     building: Option<Instant>,
     visible: VisibleParts,
@@ -183,6 +185,7 @@ impl App {
             inspection: None,
             notice: None,
             warnings: Vec::new(),
+            of_picture: None,
             building: None,
             visible: remembered.unwrap_or(VisibleParts { panel: true, keys: false }),
             first_size,

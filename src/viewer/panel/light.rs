@@ -21,7 +21,7 @@ pub(super) fn show(
     let own = match settings.look(scene) {
         _ if scene.has_settings || !scene.lights.is_empty() => "from file",
         Look::Draft => "added headlight",
-        Look::Studio => "studio",
+        Look::Studio => "default",
     };
     let (before, typed) = (LightChoice::of(settings), settings.environment.environment.clone());
     let mut light = before;

@@ -63,7 +63,7 @@ controls! {
     BACKGROUND = "background", "background", ("", 0.0), never, "A colour of your own behind the scene, such as that of a page \
         or a slide, or an alpha channel in .png and .exr.";
     GROUND = "ground", "ground", ("", 0.0), never, "Something for objects to stand on and to cast their shadows on.";
-    CULL = "cull", "cull back faces", ("", 0.0), never, "Hides the backs of surfaces that the file makes for one side alone: \
+    CULL = "cull", "cull back faces", ("", 0.0), double_sided, "Hides the backs of surfaces that the file makes for one side alone: \
         walls seen from outside, outlines.";
     SHADING = "shading", "shading", ("phong", 0.0), never, "The full model is the picture. Choose another to see what a \
         colour is made of.";
@@ -179,6 +179,12 @@ fn without_lens(shown: &Shown) -> Option<String> {
         camera.is_none_or(|camera| camera.projection.has_lens()),
         "Only perspective cameras have an aperture.",
     )
+}
+
+fn double_sided(shown: &Shown) -> Option<String> {
+    let world = shown.rendered.map(|rendered| &rendered.prepared.job.world);
+    let is_used = world.is_none_or(|world| world.has_single_sided());
+    unless(is_used, "No glTF material has `doubleSided: false`.")
 }
 
 fn not_linear(shown: &Shown) -> Option<String> {
