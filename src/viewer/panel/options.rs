@@ -184,7 +184,7 @@ fn without_lens(shown: &Shown) -> Option<String> {
 fn double_sided(shown: &Shown) -> Option<String> {
     let world = shown.rendered.map(|rendered| &rendered.prepared.job.world);
     let is_used = world.is_none_or(|world| world.has_single_sided());
-    unless(is_used, "No glTF material has `doubleSided: false`.")
+    unless(is_used, "No material is single-sided.")
 }
 
 fn not_linear(shown: &Shown) -> Option<String> {
@@ -267,7 +267,8 @@ impl OptionControl {
     ) {
         let (now, first) = (chosen(self.name, settings), chosen(self.name, start));
         let text = shown.text(self.name, settings);
-        let changed = self.widget(ui, &kind(self.name), text.as_deref(), now != first, (self.idle)(shown));
+        let changed =
+            self.widget(ui, &kind(self.name), text.as_deref(), now != first, (self.idle)(shown).as_deref());
         if let Some(text) = changed {
             set(self.name, text.or(first).as_deref(), settings, &shown.picture);
         }
@@ -301,7 +302,7 @@ impl OptionControl {
         kind: &ValueKind,
         text: Option<&str>,
         is_changed: bool,
-        idle: Option<String>,
+        idle: Option<&str>,
     ) -> Option<Option<String>> {
         let mut changed = None;
         ui.horizontal(|ui| {
@@ -337,7 +338,7 @@ impl OptionControl {
                 }
                 ValueKind::Text => ui.label(self.label),
             });
-            self.explain(control.inner, idle.as_deref());
+            self.explain(control.inner, idle);
             let back = "back to the setting with which the file was opened";
             if is_changed && ui.small_button("\u{21ba}").on_hover_text(back).clicked() {
                 changed = Some(None);
