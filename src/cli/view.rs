@@ -16,9 +16,14 @@ use crate::scene::{ImportOptions, PictureSettings, Scene};
 use crate::viewer::{self, CameraSource, Opened, Start};
 
 #[derive(Args)]
+#[command(mut_arg("inputs", |inputs| inputs.required(false).help(inputs_help())))]
 pub(crate) struct Command {
     #[command(flatten)]
     pub arguments: Arguments,
+}
+
+fn inputs_help() -> String {
+    arguments::inputs_help("Input files, combined into one scene; without any, the window waits for one")
 }
 
 pub(crate) fn run(command: &Command) -> Result<()> {
@@ -55,8 +60,8 @@ pub(super) fn open(
     chosen: Option<&ImportOptions>,
     warnings: &mut Warnings,
 ) -> (Result<Opened>, Vec<FileRead>) {
-    // Like camera options, these do not apply to files that were dropped onto the window.
-    let is_own = arguments.inputs == inputs;
+    // Like camera options, these do not apply to files that were dropped onto the window, but for the first.
+    let is_own = arguments.inputs.is_empty() || arguments.inputs == inputs;
     let options = match chosen {
         Some(options) => options.clone(),
         None if is_own => arguments.reading(),
@@ -85,7 +90,7 @@ fn initial_view(
     warnings: &mut Warnings,
 ) -> Result<Opened> {
     let mut arguments = arguments.clone();
-    if arguments.inputs != inputs {
+    if !arguments.inputs.is_empty() && arguments.inputs != inputs {
         // Camera options do not apply to files that were dropped onto the window.
         (arguments.camera, arguments.view) = (None, None);
         let picture = &mut arguments.settings.picture;

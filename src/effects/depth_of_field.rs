@@ -5,7 +5,7 @@ use super::random::{Dimension, independent_pair, pair};
 use super::samples::{SampleIndex, list_samples};
 use super::tile::{RenderContext, Tile, vec_bytes};
 use super::{Effect, EffectContext, EffectValue, Hook, Stage, id};
-use crate::scene::{PixelSampler, Sampling};
+use crate::scene::{PixelSampler, Sampling, ValueKind};
 use crate::world::{PerRay, Vec3Soa, simd};
 
 /// The largest blur that can be asked for, in heights of the picture.
@@ -21,6 +21,7 @@ pub const EFFECT: Effect = Effect {
     value: Some(EffectValue {
         placeholder: "BLUR",
         meaning: "blur of points infinitely far away in heights of the picture",
+        kind: || ValueKind::Number { range: [f64::MIN_POSITIVE, MAX_BLUR], is_whole: false },
         check: |value| match value.parse::<f64>() {
             Ok(blur) if blur > 0.0 && blur <= MAX_BLUR => Ok(()),
             _ => Err(format!("give a number above 0, at most {MAX_BLUR}")),

@@ -39,7 +39,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::scene::{Sampling, TextureFilter, Transport};
+use crate::scene::{Sampling, TextureFilter, Transport, ValueKind};
 use crate::shading::ShadingMode;
 use crate::world::World;
 use tile::{RenderContext, Tile};
@@ -244,6 +244,8 @@ pub struct EffectValue {
     pub meaning: &'static str,
     /// The value in the help, such as "FILTER".
     pub placeholder: &'static str,
+    /// What its values are, for controls; `check` decides.
+    pub kind: fn() -> ValueKind,
     /// Checks a value; `Err` says what is wrong with it.
     pub check: fn(&str) -> Result<(), String>,
 }

@@ -4,7 +4,7 @@
 use super::texture_points::{self, Buffers};
 use super::tile::{RayGeneration, RenderContext, Tile};
 use super::{Effect, EffectContext, EffectValue, Hook, Stage, TextureUse, id, named, plan};
-use crate::scene::{Material, TextureFilter};
+use crate::scene::{Material, TextureFilter, ValueKind};
 use crate::shading::texture::look_up;
 use crate::world::{PreparedMaterial, World};
 
@@ -16,6 +16,7 @@ pub const EFFECT: Effect = Effect {
     value: Some(EffectValue {
         meaning: "filter",
         placeholder: "FILTER",
+        kind: || ValueKind::Names(TextureFilter::ALL.map(|filter| filter.name().to_owned()).to_vec()),
         check: |value| match filter(value) {
             Some(_) => Ok(()),
             None => Err(format!("filters are {}", TextureFilter::ALL.map(TextureFilter::name).join(", "))),

@@ -49,6 +49,8 @@ pub(crate) use default_look::default_look;
 pub use memory::check_memory;
 pub use metadata::Metadata;
 pub use notes::{HEADLIGHT, left_out_advice, note_of_left_out, percent, warn_of_job, warn_of_recentering};
+#[cfg(feature = "viewer")]
+pub(crate) use prepared::scene_at;
 pub use prepared::{PreparedScene, SceneAtTime};
 pub use prepared_pictures::PreparedPictures;
 #[cfg(feature = "viewer")]

@@ -104,12 +104,7 @@ impl PreparedScene {
             let (world, cameras) = (Arc::clone(world), self.cameras.clone());
             return Ok(SceneAtTime { world, cameras, recentering, light, seconds });
         };
-        let mut scene = scene.at(moment.part)?;
-        if let Some(Animation { clips, .. }) = &scene.animation
-            && !clips.is_empty()
-        {
-            import::pose(&mut scene, seconds)?;
-        }
+        let mut scene = scene_at(scene, moment)?;
         let recentering = match structure {
             Some(_) => recenter(&mut scene),
             None => recentering.inspect(|recentering| recentering.apply(&mut scene)),
@@ -123,6 +118,17 @@ impl PreparedScene {
         };
         Ok(SceneAtTime { world: world.into(), cameras, recentering, light, seconds })
     }
+}
+
+/// A scene in its own coordinates at a moment of its animation: its tracks, or the clips that it plays.
+pub(crate) fn scene_at(scene: &Scene, moment: Moment) -> Result<Scene> {
+    let mut scene = scene.at(moment.part)?;
+    if let Some(Animation { clips, .. }) = &scene.animation
+        && !clips.is_empty()
+    {
+        import::pose(&mut scene, moment.seconds)?;
+    }
+    Ok(scene)
 }
 
 impl MovingScene {

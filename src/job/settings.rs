@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::bvh::Preset;
 #[cfg(feature = "cli")]
 use crate::effects::EFFECTS;
-use crate::effects::EffectId;
+use crate::effects::{EffectId, id};
 use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
 use crate::film::{ColourPipeline, DisplaySettings, Window};
@@ -100,14 +100,21 @@ impl RenderSettings {
         self.set_switch(effect, Some(value));
     }
 
+    /// Leaves an effect to the scene.
+    pub fn leave(&mut self, effect: EffectId) {
+        self.with.retain(|typed| typed.split('=').next() != Some(effect.name()));
+        self.without.retain(|name| *name != effect.name());
+        if effect == id::PATH {
+            self.depth = None;
+        }
+    }
+
     fn set_switch(&mut self, effect: EffectId, on: Option<Option<&str>>) {
-        let RenderSettings { with, without, .. } = self;
-        with.retain(|typed| typed.split('=').next() != Some(effect.name()));
-        without.retain(|name| *name != effect.name());
+        self.leave(effect);
         match on {
-            Some(Some(value)) => with.push(effect.with_value(value)),
-            Some(None) => with.push(effect.name().to_owned()),
-            None => without.push(effect.name().to_owned()),
+            Some(Some(value)) => self.with.push(effect.with_value(value)),
+            Some(None) => self.with.push(effect.name().to_owned()),
+            None => self.without.push(effect.name().to_owned()),
         }
     }
 
@@ -263,7 +270,6 @@ pub fn check_display(display: DisplaySettings, pipeline: ColourPipeline) -> Resu
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::id;
 
     #[test]
     fn the_last_word_on_an_effect_counts() {

@@ -78,7 +78,7 @@ pub use light::{Falloff, Light, LightKind, LightSurface};
 pub use material::{
     DecodedImage, Glaze, Material, MetallicRoughness, Opacity, Phong, Refraction, TexelEncoding, Texture,
 };
-pub use option::OptionValue;
+pub use option::{OptionValue, ValueKind};
 pub use picture::{
     Background, Bounces, Clamp, FieldOfView, FilterRadius, Headlight, Look, Noise, PictureSettings, Rotation,
     Samples, Side, Zoom,

@@ -8,6 +8,14 @@ pub trait OptionValue: Sized + Clone + Send + Sync + 'static {
         Vec::new()
     }
 
+    /// What the values are.
+    fn kind() -> ValueKind {
+        match Self::names() {
+            names if names.is_empty() => ValueKind::Text,
+            names => ValueKind::Names(names.into_iter().map(str::to_owned).collect()),
+        }
+    }
+
     /// Parses a value as typed.
     ///
     /// # Errors
@@ -18,7 +26,27 @@ pub trait OptionValue: Sized + Clone + Send + Sync + 'static {
     fn text(&self) -> String;
 }
 
+/// What the values of an option are, for controls that set it by their texts.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ValueKind {
+    /// One of a list.
+    Names(Vec<String>),
+    /// A number in a range.
+    Number {
+        /// The least and the largest.
+        range: [f64; 2],
+        /// Whether it is a whole number.
+        is_whole: bool,
+    },
+    /// Any other text.
+    Text,
+}
+
 impl OptionValue for u32 {
+    fn kind() -> ValueKind {
+        ValueKind::Number { range: [0.0, f64::from(u32::MAX)], is_whole: true }
+    }
+
     fn parse(text: &str) -> Result<Self, String> {
         text.trim().parse().map_err(|_| format!("give a whole number from 0 to {}", u32::MAX))
     }
@@ -164,6 +192,11 @@ macro_rules! ranged {
         }
 
         impl OptionValue for $name {
+            fn kind() -> $crate::scene::option::ValueKind {
+                let range = [*$range.start(), *$range.end()].map(f64::from);
+                $crate::scene::option::ValueKind::Number { range, is_whole: $text == "u32" }
+            }
+
             fn parse(text: &str) -> std::result::Result<Self, String> {
                 let text = text.trim();
                 $(let text = text.strip_suffix($unit).unwrap_or(text);)?
@@ -205,6 +238,32 @@ macro_rules! options {
                     (stringify!($field).replace('_', "-"), $crate::scene::OptionValue::text(value))
                 }));)*
                 entries
+            }
+
+            /// The text of an option by its name, if it is set.
+            pub fn text(&self, name: &str) -> Option<String> {
+                self.entries().into_iter().find(|(own, _)| own == name).map(|(_, text)| text)
+            }
+
+            /// Sets an option by its name to a value as typed; `None` unsets it.
+            ///
+            /// # Errors
+            /// A message that states the valid values.
+            pub fn set(&mut self, name: &str, text: Option<&str>) -> std::result::Result<(), String> {
+                let field = name.replace('-', "_");
+                $(if field == stringify!($field) {
+                    self.$field = text.map($crate::scene::OptionValue::parse).transpose()?;
+                })*
+                Ok(())
+            }
+
+            /// What the values of an option are; `None` if no option has this name.
+            pub fn kind(name: &str) -> Option<$crate::scene::ValueKind> {
+                let field = name.replace('-', "_");
+                $(if field == stringify!($field) {
+                    return Some(<$type as $crate::scene::OptionValue>::kind());
+                })*
+                None
             }
         }
     };

@@ -176,11 +176,13 @@ impl Canvas {
             let up = DVec2::new(by.x, -by.y);
             let pans = modifiers.shift || !response.dragged_by(PointerButton::Primary);
             let aspect = f64::from(rect.aspect_ratio());
-            controls.navigate(camera_shown, |camera| match (pans, modifiers.command) {
-                (true, _) => navigate::pan(camera, up, aspect),
-                (false, true) => navigate::look_around(camera, up * TURN / 2.0),
-                (false, false) => navigate::orbit(camera, DVec2::new(-up.x, -up.y) * TURN),
-            });
+            match (pans, modifiers.command) {
+                (true, _) => controls.navigate(camera_shown, |camera| navigate::pan(camera, up, aspect)),
+                (false, true) => {
+                    controls.navigate(camera_shown, |camera| navigate::look_around(camera, up * TURN / 2.0));
+                }
+                (false, false) => controls.orbit(camera_shown, -up * TURN),
+            }
         }
         if response.hovered() {
             let (wheel, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));

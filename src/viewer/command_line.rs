@@ -40,7 +40,7 @@ impl RenderCommand<'_> {
         match self.viewpoint {
             CameraSource::Scene(index) => self.scene.cameras.get(*index),
             CameraSource::Free(camera) => Some(camera),
-            CameraSource::Fitted(_) => None,
+            CameraSource::Fitted(_) | CameraSource::FittedAt(..) => None,
         }
     }
 
@@ -104,7 +104,7 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
 fn camera_option(command: &RenderCommand, option: &mut impl FnMut(&str, &str)) -> Projection {
     let cameras = &command.scene.cameras;
     match (command.viewpoint, command.camera()) {
-        (CameraSource::Fitted(view), _) => {
+        (CameraSource::Fitted(view) | CameraSource::FittedAt(view, _), _) => {
             match view {
                 StandardView::Auto if command.scene.default_camera().is_none() => {}
                 StandardView::Auto => option("--camera", "auto"),

@@ -12,7 +12,9 @@ use super::navigate;
 use super::request::{CameraSource, Opened, RenderRequest};
 use crate::job::RenderSettings;
 use crate::scene::animation::{Moment, Timeline};
-use crate::scene::{Camera, ImportOptions, Numerics, Projection, Samples, ShadingMode};
+use crate::scene::{
+    Camera, Focus, ImportOptions, Lens, Numerics, Projection, ReadingOptions, Samples, ShadingMode,
+};
 use crate::world::StandardView;
 
 /// Flight speed, in distances to the target per second.
@@ -35,6 +37,8 @@ pub(crate) struct Controls {
     pub projection: Option<Projection>,
     /// Moment of the animation.
     pub time: Moment,
+    /// The moment at which the files were opened.
+    first: Moment,
     /// Start of playback: clock time and moment of the animation. `None` if paused.
     pub playing: Option<(Instant, Moment)>,
     /// Displayed quantity.
@@ -51,10 +55,16 @@ pub(crate) struct Controls {
     angle: f64,
     /// The camera after and before the last change of the projection.
     switched: Option<[Camera; 2]>,
-    /// Diameter of the bounding box of the scene.
-    scene_size: f64,
+    /// The point about which the camera orbits; `None` for its target.
+    pivot: Option<DVec3>,
+    /// Minimum and maximum of the bounding box of the scene at the first moment.
+    bounds: Option<(DVec3, DVec3)>,
+    /// Whether cameras of the files have targets that someone chose: those of scene files.
+    has_targets: bool,
     /// Initial camera, projection and settings of the opened files.
     start: (CameraSource, Option<Projection>, RenderSettings),
+    /// Options with which the files were read first.
+    start_reading: ReadingOptions,
 }
 
 impl Controls {
@@ -65,6 +75,7 @@ impl Controls {
             camera_source: camera_source.clone(),
             projection: *projection,
             time: Moment::first(&opened.scene),
+            first: Moment::first(&opened.scene),
             playing: None,
             display_mode: DisplayMode::default(),
             sides: vec![settings.clone()],
@@ -73,8 +84,11 @@ impl Controls {
             split: 0.5,
             angle: 40f64.to_radians(),
             switched: None,
-            scene_size: size_of(opened),
+            pivot: None,
+            bounds: opened.scene.bounds(),
+            has_targets: opened.scene.has_settings,
             start: (camera_source.clone(), *projection, settings.clone()),
+            start_reading: opened.scene.import_options.reading.clone(),
         }
     }
 
@@ -96,11 +110,22 @@ impl Controls {
             update_unchanged(&mut side.numerics, settings.numerics, new.numerics);
             update_unchanged(&mut side.colour, settings.colour, new.colour);
         }
+        self.first = Moment::first(&opened.scene);
         if opened.scene.animation.is_none() {
             (self.time, self.playing) = (Moment::first(&opened.scene), None);
         }
-        self.scene_size = size_of(opened);
+        (self.bounds, self.has_targets) = (opened.scene.bounds(), opened.scene.has_settings);
         self.start = (opened.camera_source.clone(), opened.projection, opened.settings.clone());
+    }
+
+    /// The settings with which the files were opened.
+    pub(crate) fn start_settings(&self) -> &RenderSettings {
+        &self.start.2
+    }
+
+    /// The options with which the files were read first.
+    pub(crate) fn start_reading(&self) -> &ReadingOptions {
+        &self.start_reading
     }
 
     /// The settings of the side that the panel edits.
@@ -122,6 +147,43 @@ impl Controls {
         }
     }
 
+    /// The point about which the camera orbits, if it is not its target: one that was clicked, or the centre of the scene
+    /// where nobody chose a target.
+    fn pivot(&self) -> Option<DVec3> {
+        let centre = || self.bounds.map(|(min, max)| min / 2.0 + max / 2.0);
+        self.pivot.or_else(|| match &self.camera_source {
+            CameraSource::Fitted(_) => centre(),
+            CameraSource::Scene(_) if !self.has_targets => centre(),
+            _ => None,
+        })
+    }
+
+    /// Orbits by angles as of [`navigate::orbit`].
+    pub(crate) fn orbit(&mut self, displayed: Option<&Camera>, by: DVec2) {
+        let pivot = self.pivot();
+        self.navigate(displayed, |camera| {
+            let around = pivot.unwrap_or(camera.target);
+            navigate::orbit(camera, by, around);
+        });
+    }
+
+    /// Orbits about a point of the scene from now on, and focuses the lens on it if there is one; `None` for the centre of
+    /// the scene.
+    pub(crate) fn look_at(&mut self, displayed: &Camera, point: Option<DVec3>, has_lens: bool) {
+        if let (Some(point), true) = (point, has_lens) {
+            self.navigate(Some(displayed), |camera| {
+                camera.lens = Some(Lens { focus: Focus::Point(point), ..camera.lens.unwrap_or_default() });
+            });
+        }
+        self.pivot = point.or(self.bounds.map(|(min, max)| min / 2.0 + max / 2.0));
+    }
+
+    /// Moves a point of the scene to the middle of the picture, and orbits about it.
+    pub(crate) fn centre(&mut self, displayed: &Camera, point: DVec3) {
+        self.navigate(Some(displayed), |camera| navigate::focus(camera, point));
+        self.pivot = None;
+    }
+
     /// Changes the camera by `how`. `displayed` is the camera of the displayed picture.
     pub(crate) fn navigate(&mut self, displayed: Option<&Camera>, how: impl FnOnce(&mut Camera)) {
         let camera = match &self.camera_source {
@@ -129,6 +191,7 @@ impl Controls {
             _ => displayed,
         };
         if let Some(camera) = camera {
+            let (before, pivot) = (camera.clone(), self.pivot());
             let mut moved = camera.clone();
             moved.projection = self.projection.unwrap_or(moved.projection);
             if moved.projection == Projection::Perspective {
@@ -136,6 +199,7 @@ impl Controls {
             }
             how(&mut moved);
             self.projection = None;
+            self.pivot = pivot.map(|pivot| navigate::carried(pivot, &before, &moved));
             self.camera_source = CameraSource::Free(moved);
         }
     }
@@ -149,7 +213,7 @@ impl Controls {
         surface: Option<DVec3>,
         (at, aspect): (DVec2, f64),
     ) {
-        let size = self.scene_size;
+        let size = self.bounds.map_or(f64::NAN, |(min, max)| (max - min).length());
         self.navigate(displayed, |camera| {
             let factor = navigate::limited_zoom(camera, factor, size);
             match surface {
@@ -170,14 +234,12 @@ impl Controls {
     ) {
         let speed = if fast { 4.0 * SPEED } else { SPEED };
         let CameraMotion { fly, orbit, zoom } = drive;
-        self.navigate(displayed, |camera| {
-            if fly != DVec3::ZERO {
-                navigate::fly(camera, fly * speed * seconds);
-            }
-            if orbit != DVec2::ZERO {
-                navigate::orbit(camera, orbit * TURN * seconds);
-            }
-        });
+        if fly != DVec3::ZERO {
+            self.navigate(displayed, |camera| navigate::fly(camera, fly * speed * seconds));
+        }
+        if orbit != DVec2::ZERO {
+            self.orbit(displayed, orbit * TURN * seconds);
+        }
         if zoom != 0.0 {
             self.zoom(displayed, (zoom * ZOOM).exp2(), middle, (DVec2::ZERO, 1.0));
         }
@@ -223,12 +285,18 @@ impl Controls {
 
     /// Restores the initial camera and projection.
     pub(crate) fn reset_camera(&mut self) {
-        (self.camera_source, self.projection) = (self.start.0.clone(), self.start.1);
+        (self.camera_source, self.projection, self.pivot) = (self.start.0.clone(), self.start.1, None);
     }
 
-    /// Selects a standard view that is fitted to the scene.
+    /// Selects a standard view that is fitted to the scene at the displayed moment.
     pub(crate) fn fit_standard_view(&mut self, view: StandardView) {
-        self.camera_source = CameraSource::Fitted(view);
+        let at = Some(self.time).filter(|time| *time != self.first);
+        self.set_camera(at.map_or(CameraSource::Fitted(view), |time| CameraSource::FittedAt(view, time)));
+    }
+
+    /// Selects a camera.
+    pub(crate) fn set_camera(&mut self, camera_source: CameraSource) {
+        (self.camera_source, self.pivot) = (camera_source, None);
     }
 
     /// Selects the next camera of the scene.
@@ -238,7 +306,8 @@ impl Controls {
                 CameraSource::Scene(index) => (index + 1) % count,
                 _ => 0,
             };
-            (self.camera_source, self.projection) = (CameraSource::Scene(next), None);
+            self.set_camera(CameraSource::Scene(next));
+            self.projection = None;
         }
     }
 
@@ -314,10 +383,6 @@ impl Controls {
     pub(crate) fn frame(&self, timeline: &Timeline) -> i32 {
         frame_of(timeline, self.time).round() as i32
     }
-}
-
-fn size_of(opened: &Opened) -> f64 {
-    opened.scene.bounds().map_or(f64::NAN, |(min, max)| (max - min).length())
 }
 
 fn frame_of(timeline: &Timeline, moment: Moment) -> f64 {

@@ -57,7 +57,7 @@ impl DisplayMode {
             DisplayMode::GeometricNormals => "directions that the triangles face; shows how fine a mesh is",
             DisplayMode::Depth => "distance from the camera along its line of sight, near light and far dark",
             DisplayMode::Objects => "a colour for each object; shows what the file calls them",
-            DisplayMode::Materials => "a colour for each material; shows what has the same surface",
+            DisplayMode::Materials => "a colour for each material; shows which objects share one",
             DisplayMode::Primitives => "a colour for each triangle or analytic shape; shows the mesh",
             DisplayMode::NodeTests => "boxes that the camera ray is tested against; shows what takes long",
             DisplayMode::ErrorAgainstExact => {
@@ -194,7 +194,7 @@ fn normals(mode: DisplayMode, x: &[f32], y: &[f32], z: &[f32]) -> FalseColours {
         axis("-y", [0.0, -1.0, 0.0]),
         axis("+z", [0.0, 0.0, 1.0]),
         axis("-z", [0.0, 0.0, -1.0]),
-        (NOTHING, "nothing".into()),
+        (NOTHING, "background".into()),
     ];
     let text = match mode {
         DisplayMode::Normals => "normals for shading, on the camera's side: n / 2 + 1/2",
@@ -233,11 +233,11 @@ fn depths(depths: &[f32], is_ground: impl Fn(usize) -> bool) -> FalseColours {
                 let [near, far] = DEPTH_PERCENTILES;
                 format!("depth, from the {near}th to the {far}th percentile of the objects' pixels")
             }
-            false => "nothing is seen".into(),
+            false => "no object is in the picture".into(),
         },
         bar: (0..BAR).map(|i| grey(i as f32 / (BAR - 1) as f32)).collect(),
         ends: is_something.then(|| [short(nearest), short(farthest)]),
-        swatches: vec![(NOTHING, "nothing".into())],
+        swatches: vec![(NOTHING, "background".into())],
     };
     FalseColours { pixels: depths.iter().map(colour).collect(), legend }
 }
@@ -263,8 +263,8 @@ fn ids(text: &str, ids: &[f32], name: impl Fn(usize) -> Option<String>) -> False
     most.sort_by_key(|&(_, pixels)| std::cmp::Reverse(pixels));
     let named = most.iter().filter_map(|&(id, _)| Some((colour_of(id), name(id as usize)?)));
     let mut swatches: Vec<([u8; 3], String)> = named.take(SWATCHES).collect();
-    swatches.push((NOTHING, "nothing".into()));
-    let text = format!("{text}; {} to be seen", most.len());
+    swatches.push((NOTHING, "background".into()));
+    let text = format!("{text}; {} in the picture", most.len());
     FalseColours {
         pixels: ids.iter().map(colour).collect(),
         legend: Legend { text, bar: Vec::new(), ends: None, swatches },

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Instant;
 
 use super::Open;
 use super::request::Opened;
@@ -34,6 +35,8 @@ pub(crate) struct Loader {
     number: u64,
     /// Number of the last completed request.
     answered: u64,
+    /// Files of the newest request, and when it was made.
+    newest: (Vec<PathBuf>, Instant),
     sender: Sender<Loaded>,
     loaded: Receiver<Loaded>,
 }
@@ -46,12 +49,14 @@ impl Loader {
         wake: impl Fn() + Send + Sync + 'static,
     ) -> Self {
         let (sender, loaded) = channel();
-        Loader { open: Arc::new(open), threads, wake: Arc::new(wake), number: 0, answered: 0, sender, loaded }
+        let (open, wake, newest) = (Arc::new(open), Arc::new(wake), (Vec::new(), Instant::now()));
+        Loader { open, threads, wake, number: 0, answered: 0, newest, sender, loaded }
     }
 
     /// Starts loading files. Results of earlier requests are discarded.
     pub(crate) fn load(&mut self, inputs: Vec<PathBuf>, options: Option<ImportOptions>) {
         self.number += 1;
+        self.newest = (inputs.clone(), Instant::now());
         let number = self.number;
         let (open, threads) = (Arc::clone(&self.open), Arc::clone(&self.threads));
         let (sender, wake) = (self.sender.clone(), Arc::clone(&self.wake));
@@ -71,8 +76,9 @@ impl Loader {
         Some(loaded)
     }
 
-    /// Whether a request is pending.
-    pub(crate) fn is_reading(&self) -> bool {
-        self.answered < self.number
+    /// The files that are being read, and since when.
+    pub(crate) fn reading(&self) -> Option<(&[PathBuf], Instant)> {
+        let (files, since) = &self.newest;
+        (self.answered < self.number).then_some((files, *since))
     }
 }

@@ -10,7 +10,6 @@ pub mod command_line;
 mod controls;
 pub mod display;
 pub mod false_colour;
-mod help;
 pub mod inspect;
 mod keys;
 mod loader;

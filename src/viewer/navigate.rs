@@ -50,15 +50,42 @@ impl CameraPose {
         let distance = length(camera.position - camera.target);
         (distance > 0.0 && distance.is_finite()).then_some(CameraPose { u, v, w, distance })
     }
+
+    /// The coordinates of a vector along right, up and backwards.
+    fn coordinates(&self, by: DVec3) -> DVec3 {
+        DVec3::new(by.dot(self.u), by.dot(self.v), by.dot(self.w))
+    }
 }
 
-/// Orbits around the target by angles in radians, `x` to the right of the camera and `y` up. Clamped at the poles.
-pub fn orbit(camera: &mut Camera, by: DVec2) {
+/// Orbits around a point by angles in radians, `x` to the right of the camera and `y` up. Clamped at the poles. The point
+/// keeps its position in the picture.
+pub fn orbit(camera: &mut Camera, by: DVec2, around: DVec3) {
     change(camera, |camera, pose| {
         let (axis, w) = turned(camera, pose, by);
+        let Some(after) = basis(w, DVec3::ZERO, axis) else { return };
+        let from_target = pose.coordinates(around - camera.target);
         camera.up = axis;
+        camera.target = around - at(after, from_target);
         camera.position = camera.target + pose.distance * w;
     });
+}
+
+/// Where a point goes with a camera: it keeps its direction from the target for the camera, and its distance relative to
+/// that of the camera or the size of an orthographic picture. So a point that is orbited stays in the picture while the
+/// camera is panned or zooms.
+pub fn carried(point: DVec3, before: &Camera, after: &Camera) -> DVec3 {
+    let (Some(old), Some(new)) = (CameraPose::of(before), CameraPose::of(after)) else { return point };
+    let scale = match (before.projection.is_central(), after.projection.is_central()) {
+        (true, true) => new.distance / old.distance,
+        (false, false) => after.view_height / before.view_height,
+        _ => 1.0,
+    };
+    after.target + at([new.u, new.v, new.w], scale * old.coordinates(point - before.target))
+}
+
+/// The vector of coordinates in a basis.
+fn at([u, v, w]: [DVec3; 3], by: DVec3) -> DVec3 {
+    by.x * u + by.y * v + by.z * w
 }
 
 /// Rotates about the eye by angles in radians, `x` to the right and `y` up. Clamped at the poles.

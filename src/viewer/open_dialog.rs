@@ -17,6 +17,8 @@ pub(crate) struct OpenDialog {
     names: Vec<String>,
     /// Why the folder cannot be listed.
     error: Option<String>,
+    /// Whether the field has yet to take the keys.
+    is_new: bool,
 }
 
 /// What the user did.
@@ -31,8 +33,8 @@ impl OpenDialog {
     pub(crate) fn beside(file: Option<&Path>) -> Self {
         let folder = file.and_then(Path::parent).filter(|folder| !folder.as_os_str().is_empty());
         let folder = folder.map_or_else(|| PathBuf::from("."), Path::to_owned);
-        let mut dialog =
-            OpenDialog { typed: String::new(), folder: PathBuf::new(), names: Vec::new(), error: None };
+        let (typed, names, error) = (String::new(), Vec::new(), None);
+        let mut dialog = OpenDialog { typed, folder: PathBuf::new(), names, error, is_new: true };
         dialog.enter(folder.canonicalize().unwrap_or(folder));
         dialog
     }
@@ -74,17 +76,38 @@ impl OpenDialog {
         Some(path)
     }
 
-    /// Shows the window.
+    /// Names that contain what is typed, in any case of letters; all for a path.
+    fn matching(&self) -> Vec<&str> {
+        let typed = self.typed.to_lowercase();
+        let fits = |name: &&str| typed.contains(['/', '\\']) || name.to_lowercase().contains(&typed);
+        self.names.iter().map(String::as_str).filter(fits).collect()
+    }
+
+    /// What Enter opens: the path that is typed, or the first name that contains it.
+    fn entered(&self) -> Option<String> {
+        let typed = Some(self.typed.clone()).filter(|typed| !typed.is_empty())?;
+        let is_path = typed.contains(['/', '\\']) || self.folder.join(typed.trim()).exists();
+        let first = self.matching().first().filter(|_| !is_path).map(|name| (*name).to_owned());
+        Some(first.unwrap_or(typed))
+    }
+
+    /// Shows the window, whose field has the keys.
     pub(crate) fn show(&mut self, context: &Context) -> Answer {
-        let (mut is_open, mut chosen) = (true, None);
+        let (mut is_open, mut is_cancelled, mut chosen) = (true, false, None);
         Window::new("Open file").open(&mut is_open).default_size([420.0, 360.0]).show(context, |ui| {
             ui.label(printable(&self.folder.to_string_lossy()));
-            let edit = TextEdit::singleline(&mut self.typed).hint_text("a path").desired_width(f32::INFINITY);
-            let field = ui.add(edit);
-            if field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter)) && !self.typed.is_empty()
-            {
-                chosen = Some(self.typed.clone());
+            let edit = TextEdit::singleline(&mut self.typed).hint_text("a part of a name, or a path");
+            let field = ui.add(edit.desired_width(f32::INFINITY));
+            if std::mem::take(&mut self.is_new) {
+                field.request_focus();
             }
+            let [is_entered, is_closed] =
+                [Key::Enter, Key::Escape].map(|key| ui.input(|input| input.key_pressed(key)));
+            if field.lost_focus() && is_entered {
+                chosen = self.entered();
+                field.request_focus();
+            }
+            is_cancelled = is_closed;
             if let Some(error) = &self.error {
                 ui.colored_label(ui.visuals().error_fg_color, error);
             }
@@ -92,10 +115,15 @@ impl OpenDialog {
                 if self.folder.parent().is_some() && ui.selectable_label(false, "../").clicked() {
                     chosen = Some("..".to_owned());
                 }
-                for name in &self.names {
-                    let row = ui.selectable_label(false, name);
+                let matching = self.matching();
+                if matching.is_empty() {
+                    ui.label("no file that kiln reads");
+                }
+                for (index, name) in matching.into_iter().enumerate() {
+                    // Enter opens the first.
+                    let row = ui.selectable_label(index == 0 && !self.typed.is_empty(), name);
                     if row.clicked() {
-                        chosen = Some(name.clone());
+                        chosen = Some(name.to_owned());
                     }
                 }
             });
@@ -107,7 +135,7 @@ impl OpenDialog {
             }
             name => self.pick(name),
         });
-        match (picked, is_open) {
+        match (picked, is_open && !is_cancelled) {
             (Some(file), _) => Answer::Picked(file),
             (None, true) => Answer::Open,
             (None, false) => Answer::Closed,
@@ -128,6 +156,21 @@ mod tests {
         std::fs::create_dir(folder.path().join("sub")).expect("a folder");
         let mut dialog = OpenDialog::beside(Some(&folder.path().join("b.obj")));
         assert_eq!(dialog.names, ["sub/", "A.glb", "b.obj", "sky.HDR"]);
+        // A part of a name finds it; a path is taken as it is.
+        for (typed, matching, entered) in [
+            ("", 4, None),
+            ("KY", 1, Some("sky.HDR")),
+            ("sub", 1, Some("sub")),
+            ("x/y.obj", 4, Some("x/y.obj")),
+            ("none", 0, Some("none")),
+        ] {
+            dialog.typed = typed.to_owned();
+            assert_eq!(
+                (dialog.matching().len(), dialog.entered().as_deref()),
+                (matching, entered),
+                "{typed}"
+            );
+        }
         assert_eq!(dialog.pick("sub/"), None);
         assert!(dialog.names.is_empty() && dialog.folder.ends_with("sub"));
         dialog.enter(folder.path().join("none"));

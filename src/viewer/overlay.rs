@@ -76,6 +76,26 @@ pub(crate) fn notice(context: &Context, rect: Rect, compares: bool, notice: &Not
     dismissed
 }
 
+/// Time after which something that takes long is shown.
+const PATIENCE: Duration = Duration::from_millis(300);
+
+/// Shows in the middle of the picture what takes long, and the seconds since it began.
+pub(crate) fn progress(context: &Context, rect: Rect, what: &str, since: Instant) {
+    let passed = since.elapsed();
+    if passed < PATIENCE {
+        return context.request_repaint_after(PATIENCE - passed);
+    }
+    let area = Area::new(Id::unique("progress")).pivot(Align2::CENTER_CENTER).fixed_pos(rect.center());
+    area.interactable(false).show(context, |ui| {
+        Frame::popup(ui.style()).show(ui, |ui| {
+            ui.horizontal(|ui| {
+                ui.spinner();
+                ui.label(format!("{what}, {:.0} s", passed.as_secs_f64()));
+            });
+        });
+    });
+}
+
 /// Shows the list of keys.
 pub(crate) fn keys(context: &Context, open: &mut bool) {
     let window = Window::new("Keys").open(open).resizable(false).collapsible(false);

@@ -1,4 +1,8 @@
-//! The side panel: camera, render settings, and the cost of each effect.
+//! The side panel: camera, options of the picture, and the cost of each effect.
+
+mod light;
+mod look;
+mod options;
 
 use std::path::Path;
 
@@ -6,26 +10,25 @@ use egui::{CollapsingHeader, ComboBox, DragValue, Grid, RichText, Slider, Ui};
 
 use super::controls::Controls;
 use super::false_colour::DisplayMode;
-use super::help::{self, PanelOption, explain};
 use super::keys::Action;
 use super::painter::{Comparison, RenderedImage};
 use super::request::{CameraSource, Opened};
 use super::{elided, name_of, navigate};
 use crate::bench::errors::of_rendered;
-use crate::effects::{Decision, EFFECTS, RayKind, id};
+use crate::effects::{Decision, EFFECTS, RayKind};
 use crate::error::printable;
-use crate::film::tone::{Exposure, MAX_EXPOSURE, ToneMap};
-use crate::film::{ColourPipeline, FilterShape};
-use crate::job::{EnvironmentSettings, RenderSettings};
+use crate::job::RenderSettings;
 use crate::render::grouped;
 use crate::scene::{
-    Background, Camera, ClipChoice, ColourValue, Headlight, ImportOptions, Look, Numerics, OptionValue,
-    PictureSettings, Projection, Rotation, Samples, Sampling, Scene, ShadingMode, UpAxis,
+    Background, Camera, ClipChoice, ImportOptions, OptionValue, Projection, Samples, Sampling, Scene,
 };
 use crate::world::StandardView;
-
-/// Characters of a name that a closed list shows.
-const LIST_LENGTH: usize = 13;
+use light::LightChoice;
+use options::{
+    APERTURE, BOUNCES, CLAMP, CLIP, COLOUR, CULL, FILTER, FILTER_RADIUS, GLAZE, GROUND, LIST_LENGTH,
+    MIN_SAMPLES, NOISE, NUMERICS, OptionControl, SAMPLES, SHADING, SMOOTH, SPECULAR_BOUNCES, Shown, TONE_MAP,
+    TRANSPORT, UP, VARIANT, WIDTH,
+};
 
 /// Data that the panel displays.
 pub(crate) struct PanelContents<'a> {
@@ -52,19 +55,43 @@ impl PanelContents<'_> {
 pub(crate) fn show(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) -> Option<Action> {
     ui.add_space(8.0);
     camera(ui, contents, controls);
-    ui.separator();
-    comparison(ui, contents, controls);
-    let rendered = contents.rendered[controls.side];
-    let action = light(ui, contents, controls);
-    ground_and_background(ui, contents, controls);
     reading(ui, contents.opened, controls);
+    comparison(ui, contents, controls);
+    let (scene, rendered) = (&contents.opened.scene, contents.rendered[controls.side]);
+    let (start, mut settings) = (controls.start_settings().clone(), controls.settings().clone());
+    let shown = Shown::new(&settings, rendered, scene);
+    let rows = |ui: &mut Ui, settings: &mut RenderSettings, rows: &[&OptionControl]| {
+        rows.iter().for_each(|row| row.show(ui, &shown, &start, settings));
+    };
+    let light = section(ui, "Light", |ui| light::show(ui, scene, &shown, &start, &mut settings));
+    section(ui, "Look", |ui| {
+        look::background(ui, scene, &mut settings.picture);
+        look::draft(ui, scene, &mut settings);
+        rows(ui, &mut settings, &[GROUND, CULL, SHADING, COLOUR, TONE_MAP]);
+        look::exposure(ui, &shown, &mut settings.picture);
+        rows(ui, &mut settings, &[APERTURE]);
+    });
+    section(ui, "Quality", |ui| {
+        let sampling = [SAMPLES, NOISE, MIN_SAMPLES, FILTER, FILTER_RADIUS];
+        rows(ui, &mut settings, &sampling);
+        rows(ui, &mut settings, &[TRANSPORT, BOUNCES, SPECULAR_BOUNCES, CLAMP, GLAZE, NUMERICS]);
+    });
+    *controls.settings() = settings;
+    section(ui, "Effects", |ui| {
+        if let Some(rendered) = rendered {
+            effects(ui, rendered, controls.settings());
+        }
+    });
+    light.flatten()
+}
+
+/// A part of the panel that can be closed. Returns what `contents` returns while it is open.
+fn section<T>(ui: &mut Ui, title: &str, contents: impl FnOnce(&mut Ui) -> T) -> Option<T> {
     ui.separator();
-    render_settings(ui, rendered, controls);
-    ui.separator();
-    if let Some(rendered) = rendered {
-        effects(ui, rendered, controls.settings());
-    }
-    action
+    CollapsingHeader::new(RichText::new(title).strong())
+        .default_open(true)
+        .show_unindented(ui, contents)
+        .body_returned
 }
 
 /// Shows the buttons. Returns the action of a clicked button.
@@ -99,10 +126,10 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
             CameraSource::Scene(index) => {
                 cameras.get(*index).map_or("".into(), |camera| printable(&camera.name)).into_owned()
             }
-            CameraSource::Fitted(view) => view.name().to_owned(),
+            CameraSource::Fitted(view) | CameraSource::FittedAt(view, _) => view.name().to_owned(),
             CameraSource::Free(_) => "free".to_owned(),
         };
-        let list = ComboBox::from_id_salt("camera").selected_text(elided(&name, LIST_LENGTH));
+        let list = ComboBox::from_id_salt("camera").width(WIDTH).selected_text(elided(&name, LIST_LENGTH));
         let list = list.show_ui(ui, |ui| {
             for (index, camera) in cameras.iter().enumerate() {
                 if ui
@@ -112,17 +139,15 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
                     )
                     .clicked()
                 {
-                    (controls.camera_source, controls.projection) = (CameraSource::Scene(index), None);
+                    controls.set_camera(CameraSource::Scene(index));
+                    controls.projection = None;
                 }
             }
             if !cameras.is_empty() {
                 ui.separator();
             }
             for view in StandardView::ALL {
-                if ui
-                    .selectable_label(controls.camera_source == CameraSource::Fitted(view), view.name())
-                    .clicked()
-                {
+                if ui.selectable_label(name == view.name(), view.name()).clicked() {
                     controls.fit_standard_view(view);
                 }
             }
@@ -148,7 +173,8 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
     if seen.projection.aspect().is_none() {
         extent(ui, controls, seen);
     }
-    let list = ComboBox::from_label("shown").selected_text(controls.display_mode.name()).show_ui(ui, |ui| {
+    let list = ComboBox::from_label("display").width(WIDTH).selected_text(controls.display_mode.name());
+    let list = list.show_ui(ui, |ui| {
         for shown in DisplayMode::ALL {
             let entry = ui.selectable_value(&mut controls.display_mode, shown, shown.name());
             entry.on_hover_text(shown.meaning());
@@ -214,113 +240,29 @@ fn comparison(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
     }
     match contents.comparison {
         Some(Comparison { max, rmse, flip }) => {
-            let label = ui.label(format!("apart: FLIP {flip:.4}, RMSE {rmse:.2e}, max {max:.2e}"));
+            let label = ui.label(format!("difference: FLIP {flip:.4}, RMSE {rmse:.2e}, max {max:.2e}"));
             label.on_hover_text(
                 "FLIP: how different the pictures look, from 0, the same, to 1\nRMSE: root of the mean squared \
                  difference of the values; white is 1\nmax: the largest difference of a value",
             );
         }
         None => {
-            ui.label(RichText::new("apart: …").weak());
+            ui.label(RichText::new("difference: …").weak());
         }
     }
 }
 
-/// The light and its environment, as the options of `kiln render` choose them. Returns an action if a file is to be
-/// chosen.
-fn light(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) -> Option<Action> {
-    let scene = &contents.opened.scene;
-    let settings = controls.settings();
-    let own = if scene.has_settings || !scene.lights.is_empty() { "the file's" } else { "studio" };
-    let own = if settings.look(scene) == Look::Draft && own == "studio" { "draft" } else { own };
-    let (before, typed) = (LightChoice::of(settings), settings.environment.environment.clone());
-    let mut light = before;
-    let file = typed.as_deref().filter(|_| before == LightChoice::Environment).map(Path::new);
-    let text = file.map_or(before.name(own).to_owned(), name_of);
-    let mut asks_for_file = false;
-    let list = ComboBox::from_label("light").selected_text(elided(&text, LIST_LENGTH));
-    let list = list.show_ui(ui, |ui| {
-        for choice in LightChoice::ALL {
-            let entry = ui.selectable_value(&mut light, choice, choice.name(own));
-            let entry = entry.on_hover_text(choice.meaning());
-            asks_for_file |= entry.clicked() && choice == LightChoice::Environment;
-        }
-    });
-    list.response.on_hover_text(typed.as_deref().unwrap_or(before.meaning()));
-    if asks_for_file {
-        return Some(Action::Open);
-    }
-    let has_environment = scene.environment.is_some();
-    if light != before {
-        light.apply(settings);
-        if !has_environment && settings.environment.environment.is_none() {
-            settings.environment = EnvironmentSettings::default();
-        }
-    }
-    if has_environment || settings.environment.environment.is_some() {
-        let rotation = &mut settings.environment.environment_rotation;
-        let own = scene.environment.as_ref().filter(|_| typed.is_none());
-        let own = own.map_or(0.0, |environment| environment.rotation.to_degrees());
-        let mut degrees = rotation.map_or(own, Rotation::get);
-        let slider = ui.add(Slider::new(&mut degrees, -180.0..=180.0).text("rotation").suffix("°"));
-        if explain(slider, help::ROTATION).changed() {
-            *rotation = Some(Rotation::clamped(degrees));
-        }
-    }
-    None
-}
-
-/// Boxes that show what the picture has, and change that alone.
-fn ground_and_background(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
-    let scene = &contents.opened.scene;
-    let shown = contents.rendered[controls.side].map(|rendered| rendered.prepared.shown_settings());
-    let settings = controls.settings();
-    let mut is_draft = settings.look(scene) == Look::Draft;
-    let of_files = RenderSettings { picture: PictureSettings::default(), ..settings.clone() };
-    let can_be_studio = of_files.look(scene) == Look::Studio;
-    ui.horizontal(|ui| {
-        let picture = &mut settings.picture;
-        let background = picture.background.or(scene.picture.background);
-        let mut has_colour = background.is_some();
-        let check = explain(ui.checkbox(&mut has_colour, "background"), help::BACKGROUND);
-        let mut colour = match background {
-            Some(Background::Colour(colour)) => colour.0,
-            Some(Background::Transparent) => [0; 3],
-            None => DEFAULT_BACKGROUND,
-        };
-        if check.changed() {
-            picture.background = has_colour.then_some(Background::Colour(ColourValue(colour)));
-        }
-        if has_colour && ui.color_edit_button_srgb(&mut colour).changed() {
-            picture.background = Some(Background::Colour(ColourValue(colour)));
-        }
-        let mut has_ground = picture.or(shown.unwrap_or_default()).ground == Some(true);
-        let check = explain(ui.checkbox(&mut has_ground, "ground"), help::GROUND);
-        if check.changed() {
-            picture.ground = Some(has_ground);
-        }
-        let mut culls = picture.cull.or(scene.picture.cull) == Some(true);
-        if explain(ui.checkbox(&mut culls, "cull"), help::CULL).changed() {
-            picture.cull = Some(culls);
-        }
-        let meaning = "a fast preview: one sample a pixel, a headlight and a dark background (--draft)";
-        if can_be_studio && ui.checkbox(&mut is_draft, "draft").on_hover_text(meaning).changed() {
-            picture.look = is_draft.then_some(Look::Draft);
-        }
-    });
-}
-
-/// The clips that are played and the axis that points up. A change reads the files again.
+/// The clips that are played, and options of reading files. A change reads the files again.
 fn reading(ui: &mut Ui, opened: &Opened, controls: &mut Controls) {
-    let Scene { clips, animation, has_settings, .. } = &opened.scene;
+    let Scene { clips, animation, has_settings, variants, .. } = &opened.scene;
     let own = opened.scene.import_options.clone();
     let (mut reading, mut chosen) = (own.reading.clone(), own.clips.clone());
     let plays_tracks = animation.as_ref().is_some_and(|animation| animation.clips.is_empty());
     let played = own.clip().find(clips);
     if !played.is_empty() && !plays_tracks {
         let names: Vec<&str> = played.iter().map(|clip| clip.name.as_str()).collect();
-        let list =
-            ComboBox::from_label("clip").selected_text(elided(&printable(&names.join(", ")), LIST_LENGTH));
+        let text = elided(&printable(&names.join(", ")), LIST_LENGTH);
+        let list = ComboBox::from_label("clip").width(WIDTH).selected_text(text);
         let list = list.show_ui(ui, |ui| {
             let are_all = clips.len() > 1 && played.len() == clips.len();
             if clips.len() > 1 && ui.selectable_label(are_all, ClipChoice::ALL).clicked() {
@@ -336,181 +278,23 @@ fn reading(ui: &mut Ui, opened: &Opened, controls: &mut Controls) {
                 }
             }
         });
-        explain(list.response, help::CLIP);
+        CLIP.explain(list.response, None);
     }
     if !has_settings {
-        let before = reading.up.unwrap_or_default();
-        let mut up = before;
-        choice(ui, help::UP, &mut up, &UpAxis::ALL, UpAxis::name);
-        if up != before {
-            reading.up = Some(up);
+        let start = controls.start_reading().clone();
+        let up = reading.up;
+        UP.show_reading(ui, &[], &start, &mut reading);
+        if reading.up != up {
             controls.reset_camera();
+        }
+        SMOOTH.show_reading(ui, &[], &start, &mut reading);
+        if !variants.is_empty() {
+            VARIANT.show_reading(ui, variants, &start, &mut reading);
         }
     }
     if reading != own.reading || chosen != own.clips {
         controls.reading = Some(ImportOptions { reading, clips: chosen, ..own });
     }
-}
-
-/// The colour that the control of the background begins with, sRGB.
-const DEFAULT_BACKGROUND: [u8; 3] = [255; 3];
-
-/// What lights a scene.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum LightChoice {
-    /// The lights of the file, or those of the default look.
-    Own,
-    Headlight,
-    Sky,
-    /// An image of the surroundings, or a colour that the command line named.
-    Environment,
-    None,
-}
-
-impl LightChoice {
-    const ALL: [LightChoice; 5] = [
-        LightChoice::Own,
-        LightChoice::Headlight,
-        LightChoice::Sky,
-        LightChoice::Environment,
-        LightChoice::None,
-    ];
-
-    fn of(settings: &RenderSettings) -> Self {
-        match (settings.environment.environment.as_deref(), settings.picture.light) {
-            (Some("sky"), _) => LightChoice::Sky,
-            (Some(_), _) => LightChoice::Environment,
-            (None, Some(Headlight::Head)) => LightChoice::Headlight,
-            (None, Some(Headlight::None)) => LightChoice::None,
-            (None, None) => LightChoice::Own,
-        }
-    }
-
-    fn name(self, own: &'static str) -> &'static str {
-        match self {
-            LightChoice::Own => own,
-            LightChoice::Headlight => "headlight",
-            LightChoice::Sky => "sky",
-            LightChoice::Environment => "environment",
-            LightChoice::None => "none",
-        }
-    }
-
-    fn meaning(self) -> &'static str {
-        match self {
-            LightChoice::Own => {
-                "the lights of the file; without any, a key light and fill light, with draft a headlight"
-            }
-            LightChoice::Headlight => "a light at the camera, where the file has none (--light head)",
-            LightChoice::Sky => "a clear sky with the sun (--environment sky)",
-            LightChoice::Environment => {
-                "an image of the surroundings, .hdr or .exr, as light and background (--environment FILE); such a \
-                 file can be dropped onto the window, too"
-            }
-            LightChoice::None => "no light but the file's (--light none)",
-        }
-    }
-
-    fn apply(self, settings: &mut RenderSettings) {
-        let RenderSettings { picture, environment, .. } = settings;
-        (picture.light, environment.environment) = (None, None);
-        match self {
-            LightChoice::Own | LightChoice::Environment => {}
-            LightChoice::Headlight => picture.light = Some(Headlight::Head),
-            LightChoice::Sky => environment.environment = Some("sky".to_owned()),
-            LightChoice::None => picture.light = Some(Headlight::None),
-        }
-    }
-}
-
-fn render_settings(ui: &mut Ui, rendered: Option<&RenderedImage>, controls: &mut Controls) {
-    let picture = &mut controls.settings().picture;
-    // What the file or the look says, where nothing else was chosen.
-    let own = rendered.map(|rendered| rendered.prepared.shown_settings()).unwrap_or_default();
-    let shown = picture.or(own);
-    let mut shading = shown.shading();
-    choice(ui, help::SHADING, &mut shading, &ShadingMode::ALL, ShadingMode::name);
-    if shown.shading() != shading {
-        picture.shading = Some(shading);
-    }
-    let mut numerics = picture.numerics();
-    choice(ui, help::NUMERICS, &mut numerics, &Numerics::ALL, Numerics::name);
-    let mut pipeline = picture.pipeline();
-    choice(ui, help::COLOUR, &mut pipeline, &ColourPipeline::ALL, ColourPipeline::name);
-    (picture.numerics, picture.colour) = (Some(numerics), Some(pipeline));
-    if pipeline == ColourPipeline::Linear {
-        let mut map = shown.tone_map.unwrap_or_default();
-        choice(ui, help::TONE_MAP, &mut map, &ToneMap::ALL, ToneMap::name);
-        if shown.tone_map.unwrap_or_default() != map {
-            picture.tone_map = Some(map);
-        }
-        let mut ev = shown.exposure;
-        exposure(ui, &mut ev);
-        if ev != shown.exposure {
-            picture.exposure = ev;
-        }
-    }
-    let taken = || own.sampling().samples_taken();
-    let mut samples = picture.samples.map_or_else(taken, Samples::get);
-    ui.horizontal(|ui| {
-        let drag = ui.add(DragValue::new(&mut samples).range(1..=crate::scene::MAX_SAMPLES).speed(0.2));
-        if explain(drag, help::SAMPLES).changed() {
-            let most = Samples::clamped(samples);
-            picture.samples = Some(most);
-            // A minimum above it is an error.
-            picture.min_samples =
-                shown.min_samples.filter(|least| *least > most).map(|_| most).or(picture.min_samples);
-        }
-        ui.label(if own.noise.is_some() && samples > 1 {
-            "samples a pixel at most"
-        } else {
-            "samples a pixel"
-        });
-    });
-    if samples > 1 {
-        let shape = shown.filter.unwrap_or_default();
-        let mut chosen = shape;
-        choice(ui, help::FILTER, &mut chosen, &FilterShape::ALL, FilterShape::name);
-        if chosen != shape {
-            (picture.filter, picture.filter_radius) = (Some(chosen), None);
-        }
-    }
-}
-
-/// A slider for a fixed exposure, and a checkbox for the automatic one.
-fn exposure(ui: &mut Ui, exposure: &mut Option<Exposure>) {
-    ui.horizontal(|ui| {
-        let mut is_auto = *exposure == Some(Exposure::Auto);
-        let mut ev = if let Some(Exposure::Ev(ev)) = exposure { *ev } else { 0.0 };
-        let range = -MAX_EXPOSURE..=MAX_EXPOSURE;
-        let drag = ui.add_enabled(!is_auto, DragValue::new(&mut ev).range(range).speed(0.02).max_decimals(2));
-        if drag.changed() {
-            *exposure = Some(Exposure::Ev(ev));
-        }
-        explain(drag, help::EXPOSURE);
-        ui.label("EV");
-        let check = explain(ui.checkbox(&mut is_auto, "auto exposure"), help::EXPOSURE);
-        if check.changed() {
-            *exposure = Some(if is_auto { Exposure::Auto } else { Exposure::Ev(0.0) });
-        }
-    });
-}
-
-/// A list of the values of an option.
-fn choice<T: PartialEq + Copy>(
-    ui: &mut Ui,
-    option: PanelOption,
-    value: &mut T,
-    all: &[T],
-    name: impl Fn(T) -> &'static str,
-) {
-    let label = option.name.replace('-', " ");
-    let list = ComboBox::from_label(label).selected_text(name(*value)).show_ui(ui, |ui| {
-        for &other in all {
-            ui.selectable_value(value, other, name(other));
-        }
-    });
-    explain(list.response, option);
 }
 
 fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings) {
@@ -520,7 +304,8 @@ fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings)
         ui.label(RichText::new("rays").weak()).on_hover_text("rays that the effect casts for the picture");
         ui.label(RichText::new("CPU ms").weak()).on_hover_text("processor time of all threads together");
         ui.end_row();
-        ui.label("every picture");
+        ui.label("base")
+            .on_hover_text("camera rays, their closest hits and shading, which every picture has");
         ui.label(count(statistics.rays(RayKind::PRIMARY).cast));
         let base = statistics.stages.iter().filter(|stage| stage.effect.is_none()).map(|stage| stage.time);
         ui.label(milliseconds(base.sum()));
@@ -542,26 +327,11 @@ fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings)
         );
         ui.label(RichText::new(error.text).weak()).on_hover_text(option);
     }
-    CollapsingHeader::new("not called for by the scene").show(ui, |ui| {
+    CollapsingHeader::new("effects without use in this scene").show(ui, |ui| {
         for (decision, _) in decisions.iter().filter(|(_, can)| !can) {
             effect(ui, decision, false, settings);
         }
     });
-    if rendered.prepared.decisions.iter().any(|(decision, _)| decision.effect == id::GLAZE && decision.on) {
-        let most = settings.value(id::GLAZE).and_then(|value| value.parse::<u32>().ok());
-        let mut bounces = most.unwrap_or(0);
-        ui.horizontal(|ui| {
-            let drag =
-                ui.add(DragValue::new(&mut bounces).range(0..=64).speed(0.05).custom_formatter(|n, _| {
-                    if n == 0.0 { "as the materials say".into() } else { format!("{n}") }
-                }));
-            if drag.changed() {
-                let value = (bounces > 0).then(|| bounces.to_string());
-                settings.set(id::GLAZE, value.as_deref());
-            }
-            ui.label("bounces at most").on_hover_text("mirror images within mirror images; more take longer");
-        });
-    }
 }
 
 /// Shows an effect's checkbox. `can` is whether the scene uses the effect; otherwise the checkbox is disabled.
@@ -635,30 +405,4 @@ fn milliseconds(time: std::time::Duration) -> String {
 /// The number with groups of thousands separated by spaces.
 fn count(number: u64) -> String {
     grouped(number, ' ')
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A light leaves look, ground and background as they are.
-    #[test]
-    fn a_light_changes_nothing_else() {
-        let picture = PictureSettings {
-            look: Some(Look::Draft),
-            ground: Some(true),
-            background: Some(Background::Transparent),
-            ..PictureSettings::default()
-        };
-        let before = RenderSettings::from(picture);
-        for light in LightChoice::ALL.into_iter().filter(|light| *light != LightChoice::Environment) {
-            let mut settings = before.clone();
-            settings.environment.environment = Some("garden.hdr".into());
-            assert_eq!(LightChoice::of(&settings), LightChoice::Environment);
-            light.apply(&mut settings);
-            assert_eq!(LightChoice::of(&settings), light);
-            (settings.picture.light, settings.environment) = (None, EnvironmentSettings::default());
-            assert_eq!(settings, before);
-        }
-    }
 }

@@ -16,6 +16,8 @@ pub enum CameraSource {
     Scene(usize),
     /// A standard view that is fitted to the scene.
     Fitted(StandardView),
+    /// A standard view that is fitted to the scene at a moment of its animation.
+    FittedAt(StandardView, Moment),
     /// A camera moved by the user, in scene coordinates.
     Free(Camera),
 }
@@ -61,7 +63,7 @@ impl RenderRequest {
     pub(crate) fn render_settings(&self, side: &RenderSettings) -> RenderSettings {
         let camera = match &self.camera_source {
             CameraSource::Scene(index) => CameraChoice::Named(index.to_string()),
-            CameraSource::Fitted(view) => CameraChoice::Fitted(*view),
+            CameraSource::Fitted(view) | CameraSource::FittedAt(view, _) => CameraChoice::Fitted(*view),
             CameraSource::Free(camera) => CameraChoice::Given(given(camera, &self.opened.scene)),
         };
         let picture = PictureSettings::of_size(self.size).or(side.picture).displayable();

@@ -156,7 +156,8 @@ fn what_is_seen_is_rendered_by_its_line() {
     let mut scene = crate::common::picture::load(&workshop.path("scene.toml"));
     let loaded = scene.clone();
     let mut camera = scene.cameras[0].clone();
-    navigate::orbit(&mut camera, glam::DVec2::new(0.3, 0.2));
+    let target = camera.target;
+    navigate::orbit(&mut camera, glam::DVec2::new(0.3, 0.2), target);
     navigate::zoom(&mut camera, 1.3);
     navigate::pan(&mut camera, glam::DVec2::new(0.1, -0.05), 1.5);
     let settings = kiln::job::RenderSettings { without: vec!["shadows".into()], ..Default::default() };

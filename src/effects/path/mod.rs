@@ -54,7 +54,7 @@ use super::{
     Effect, EffectContext, EffectValue, Hook, LightTechnique, PathSettings, PlanSettings, RayKind,
     SecondaryRays, Stage, TextureUse, TransportEntry, id, named,
 };
-use crate::scene::{PixelSampler, Sampling, TextureSlot, Transport, TransportReason};
+use crate::scene::{PixelSampler, Sampling, TextureSlot, Transport, TransportReason, ValueKind};
 use crate::shading::base_colour;
 use crate::world::{EnvironmentCell, InteractionSoa, World};
 
@@ -104,6 +104,7 @@ pub const EFFECT: Effect = Effect {
     value: Some(EffectValue {
         meaning: "number of bounces",
         placeholder: "BOUNCES",
+        kind: || ValueKind::Number { range: [0.0, f64::from(PathSettings::MAX_DEPTH)], is_whole: true },
         check: |value| match value.parse::<u32>() {
             Ok(0..=PathSettings::MAX_DEPTH) => Ok(()),
             _ => Err(format!("give a number from 0 to {}", PathSettings::MAX_DEPTH)),

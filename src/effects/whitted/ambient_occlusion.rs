@@ -14,7 +14,7 @@ use crate::effects::samples::SurfaceNumbers;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use crate::effects::{Effect, EffectContext, EffectValue, Hook, PlanSettings, RayKind, Stage, id};
 use crate::geometry::RayBuffer;
-use crate::scene::PixelSampler;
+use crate::scene::{PixelSampler, ValueKind};
 use crate::world::World;
 
 /// Rays that test whether anything is near.
@@ -39,6 +39,7 @@ pub const EFFECT: Effect = Effect {
     value: Some(EffectValue {
         meaning: "radius in diagonals of the scene",
         placeholder: "RADIUS",
+        kind: || ValueKind::Number { range: [f64::MIN_POSITIVE, MAX_RADIUS], is_whole: false },
         check: |value| match value.parse::<f64>() {
             Ok(radius) if radius > 0.0 && radius <= MAX_RADIUS => Ok(()),
             _ => Err(format!("give a number above 0, at most {MAX_RADIUS}")),

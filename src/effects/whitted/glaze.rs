@@ -26,7 +26,7 @@ use crate::effects::{
 };
 use crate::film::ColourPipeline;
 use crate::geometry::{Precision, Ray, RayBuffer};
-use crate::scene::{Glaze, Material};
+use crate::scene::{Glaze, Material, ValueKind};
 use crate::world::{
     InteractionSoa, PreparedMaterial, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, World, simd,
 };
@@ -44,6 +44,7 @@ pub const EFFECT: Effect = Effect {
     value: Some(EffectValue {
         meaning: "number of bounces",
         placeholder: "BOUNCES|every-bounce",
+        kind: || ValueKind::Number { range: [1.0, f64::from(u32::MAX)], is_whole: true },
         check: |value| match value.parse::<u32>() {
             Ok(1..) => Ok(()),
             _ if value == EVERY_BOUNCE => Ok(()),

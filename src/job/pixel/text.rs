@@ -135,7 +135,7 @@ impl Text<'_> {
         let HitReport { shape, primitive, primitive_of_object, .. } = hit;
         self.row("hits", &(self.name)(&hit.object));
         self.row(shape, &format!("{primitive} ({primitive_of_object} of the object)"));
-        self.row("t", &digits(hit.t));
+        self.row("distance t", &digits(hit.t));
         self.row("position", &vector(hit.position));
         if hit.shading_normal == hit.geometric_normal {
             self.row("normal N", &vector(hit.geometric_normal));
@@ -157,11 +157,11 @@ impl Text<'_> {
         let to = to.map_or(String::new(), |light| format!("to {light}: "));
         let result = match &ray.occluder {
             Some(occluder) => {
-                format!("blocked by {} at t {}", (self.name)(&occluder.object), digits(occluder.t))
+                format!("occluded by {} at t {}", (self.name)(&occluder.object), digits(occluder.t))
             }
-            None if ray.is_occluded => "blocked".into(),
-            None if ray.length.is_finite() => format!("free over {length}"),
-            None => "free".into(),
+            None if ray.is_occluded => "occluded".into(),
+            None if ray.length.is_finite() => format!("unoccluded over {length}"),
+            None => "unoccluded".into(),
         };
         self.row(label, &format!("{to}{result}"));
     }

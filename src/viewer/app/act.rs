@@ -6,6 +6,7 @@ use std::sync::Arc;
 use egui::{Context, Theme, ViewportCommand};
 
 use super::{App, timeline};
+use crate::effects::id;
 use crate::error::Result;
 use crate::import;
 use crate::scene::Camera;
@@ -17,13 +18,15 @@ use crate::viewer::inspect::inspect;
 use crate::viewer::keys::{self, Action, CameraMotion, Focus};
 use crate::viewer::open_dialog::{Answer, OpenDialog};
 use crate::viewer::overlay::Notice;
-use crate::viewer::{message_with_hint, navigate, save};
+use crate::viewer::request::CameraSource;
+use crate::viewer::{message_with_hint, name_of, save};
 use crate::world::StandardView;
 
 impl App {
     /// Performs the actions of pressed keys, and moves the camera by held keys.
     pub(super) fn keys(&mut self, context: &Context) {
-        let focus = Focus::of(context);
+        // The field of the list of files takes what is typed also before it is shown.
+        let focus = if self.open_dialog.is_some() { Focus::Text } else { Focus::of(context) };
         let actions = context.input_mut(|input| keys::actions(input, focus));
         for action in actions {
             self.act(context, action);
@@ -118,10 +121,14 @@ impl App {
         let (inputs, mut environments): (Vec<_>, Vec<_>) = files.into_iter().partition(is_input);
         let environment = environments.pop();
         if !inputs.is_empty() {
-            self.opened_environment = environment;
+            self.opened_environment = environment.or(self.opened_environment.take());
             self.loader.load(inputs, None);
-        } else if let (Some(file), Some(controls)) = (environment, &mut self.controls) {
-            controls.light_by(&file);
+        } else if let (Some(file), Some(controls)) = (&environment, &mut self.controls) {
+            controls.light_by(file);
+        } else if let Some(file) = environment {
+            let name = name_of(&file);
+            self.opened_environment = Some(file);
+            self.show_notice(format!("{name} lights the file that is opened next"));
         }
     }
 
@@ -161,7 +168,8 @@ impl App {
         }
     }
 
-    /// Inspects a clicked pixel; a double click also makes its surface point the camera's target.
+    /// Inspects a clicked pixel, and makes its surface point the focus of orbit and lens; a double click moves it to the
+    /// middle of the picture.
     pub(super) fn click(&mut self, mouse: &MouseResult) {
         let (Some(pixel), Some(opened)) = (mouse.clicked.or(mouse.focused), &self.opened) else { return };
         let Some(prepared) = self.canvas.prepared(mouse.side).cloned() else { return };
@@ -181,10 +189,13 @@ impl App {
             Ok(found) => found,
             Err(e) => return self.show_error(message_with_hint(&e)),
         };
-        if let (Some(_), Some(surface), Some(controls)) = (mouse.focused, found.surface(), &mut self.controls)
-        {
-            let point = surface.position;
-            controls.navigate(Some(&prepared.camera), |camera| navigate::focus(camera, point));
+        if let Some(controls) = &mut self.controls {
+            let point = found.surface().map(|surface| surface.position);
+            let has_lens = job.plan.decisions.iter().any(|d| d.on && d.effect == id::DEPTH_OF_FIELD);
+            match (mouse.focused, point) {
+                (Some(_), Some(point)) => controls.centre(&prepared.camera, point),
+                _ => controls.look_at(&prepared.camera, point, has_lens),
+            }
         }
         self.inspection = Some((prepared, found));
         self.visible.panel = true;
@@ -206,10 +217,16 @@ impl App {
         let (controls, opened) = (self.controls.as_ref()?, self.opened.as_ref()?);
         let prepared = self.canvas.prepared(controls.side)?;
         let settings = &controls.sides[controls.side];
+        // Only the window fits a camera to a moment.
+        let fitted = CameraSource::Free(prepared.camera.clone());
+        let viewpoint = match &controls.camera_source {
+            CameraSource::FittedAt(..) => &fitted,
+            source => source,
+        };
         let command = command_line(&RenderCommand {
             inputs: &self.inputs,
             scene: &opened.scene,
-            viewpoint: &controls.camera_source,
+            viewpoint,
             projection: prepared.job.camera.projection,
             size: prepared.job.view.size(),
             settings,

@@ -77,7 +77,10 @@ impl App {
         let compares = self.controls.as_ref().is_some_and(|controls| controls.sides.len() > 1);
         self.notice
             .take_if(|notice| notice.is_over(&context) || overlay::notice(&context, rect, compares, notice));
-        let Some(controls) = &mut self.controls else { return };
+        if let Some((what, since)) = self.progress() {
+            overlay::progress(&context, rect, &what, since);
+        }
+        let Some(controls) = &mut self.controls else { return self.empty(ui) };
         let (size, mouse) = self.canvas.show(ui, controls);
         let split = controls.split;
         let rect = self.canvas.rect().unwrap_or(rect);
@@ -100,14 +103,13 @@ impl App {
     fn status(&self, ui: &mut Ui) {
         ui.horizontal(|ui| {
             let rendered = self.canvas.rendered(0);
-            ui.label(match (rendered, self.is_building) {
-                (_, true) => "building".to_owned(),
-                (Some(rendered), _) => panel::progress_text(rendered),
-                (None, _) if self.loader.is_reading() || self.opened.is_some() => "loading".to_owned(),
-                (None, _) => "nothing to show yet".to_owned(),
+            ui.label(match (rendered, self.progress()) {
+                (Some(rendered), None) => panel::progress_text(rendered),
+                (_, Some((what, _))) => what,
+                (None, None) => "no file is open".to_owned(),
             });
-            let warnings =
-                rendered.map(image_warnings).into_iter().flatten().chain(self.warnings.iter().cloned());
+            let of_picture = self.of_picture.iter().flat_map(|(_, texts)| texts).chain(&self.warnings);
+            let warnings = rendered.map(image_warnings).into_iter().flatten().chain(of_picture.cloned());
             let warnings: Vec<String> = warnings.collect();
             if !warnings.is_empty() {
                 ui.separator();
@@ -139,21 +141,13 @@ impl App {
 /// Warnings about a rendered image.
 fn image_warnings(rendered: &RenderedImage) -> Vec<String> {
     let mut image_warnings = Vec::new();
-    let world = &rendered.prepared.job.world;
-    if world.too_small > 0 {
-        let tier = world.numerics().name();
-        image_warnings.push(format!(
-            "{} analytic shape(s) with a radius that is 0 in `{tier}`; left out",
-            world.too_small
-        ));
-    }
     let non_finite = &rendered.statistics.non_finite;
     if let Some((x, y)) = non_finite.first() {
         let count = non_finite.len();
         image_warnings.push(format!("{count} pixel(s) are not finite numbers, the first at ({x}, {y})"));
     }
     if rendered.is_last && rendered.statistics.rays(RayKind::PRIMARY).hit == 0 {
-        image_warnings.push("nothing is in the picture; F shows all of the scene".into());
+        image_warnings.push("no object is in the picture; F shows all of the scene".into());
     }
     image_warnings.extend(note_of_left_out(&rendered.prepared.job.plan, &rendered.statistics));
     image_warnings

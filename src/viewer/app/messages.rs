@@ -2,12 +2,14 @@
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::time::Instant;
 
 use egui::{Context, ViewportCommand};
 
 use super::App;
-use crate::error::{Error, printable};
+use crate::error::{Error, Warnings, printable};
 use crate::import::{FileNames, FileRead};
+use crate::job::warn_of_job;
 use crate::viewer::controls::Controls;
 use crate::viewer::loader::Loaded;
 use crate::viewer::overlay::Notice;
@@ -82,6 +84,9 @@ impl App {
 
     /// Reads the files again.
     pub(super) fn reload(&mut self) {
+        if self.inputs.is_empty() {
+            return;
+        }
         self.loader.load(self.inputs.clone(), self.import_options.clone());
     }
 
@@ -110,14 +115,14 @@ impl App {
     pub(super) fn handle_message(&mut self, context: &Context, message: Message) {
         let newest = self.requested.as_ref().map_or(0, |(_, number)| *number);
         match message {
-            Message::Building => self.is_building = true,
+            Message::Building => self.building = Some(Instant::now()),
             Message::Image(rendered) => self.handle_image(context, rendered, newest),
             Message::Compared(request, comparison) if request == newest => {
                 self.comparison = Some(comparison);
             }
             Message::Compared(..) => {}
             Message::Failed(request, text) => {
-                self.is_building = false;
+                self.building = None;
                 if request == newest {
                     self.failed_request = Some(request);
                     self.show_error(text);
@@ -127,10 +132,17 @@ impl App {
     }
 
     fn handle_image(&mut self, context: &Context, rendered: Box<RenderedImage>, newest: u64) {
-        self.is_building = false;
+        self.building = None;
         // A newer request succeeded, so an error of an earlier one is obsolete.
         if rendered.request == newest && self.failed_request.take_if(|failed| *failed < newest).is_some() {
             self.notice.take_if(|notice| notice.is_error);
+        }
+        let is_known = |(known, _): &(Arc<_>, _)| Arc::ptr_eq(known, &rendered.prepared);
+        if rendered.side == 0 && rendered.factor == 1 && !self.of_picture.as_ref().is_some_and(is_known) {
+            let mut warnings = Warnings::default();
+            warn_of_job(&rendered.prepared.job, &mut warnings);
+            let texts = warnings.messages().iter().chain(warnings.notes()).cloned().collect();
+            self.of_picture = Some((Arc::clone(&rendered.prepared), texts));
         }
         self.canvas.take(context, rendered);
     }

@@ -1,6 +1,7 @@
 //! The application: its state, and the steps of an interface frame.
 
 mod act;
+mod empty;
 mod frame;
 mod inspector;
 mod messages;
@@ -48,9 +49,9 @@ const FIRST_IMAGE_WAIT: Duration = Duration::from_millis(12);
 /// # Errors
 /// [`crate::error::Error::Failed`] without a display or OpenGL.
 pub fn run(start: Start) -> Result<()> {
-    let title = start.inputs.first().map_or("kiln".into(), |input| name_of(input));
+    let title = start.inputs.first().map(|input| format!("{} - ", name_of(input))).unwrap_or_default();
     let mut viewport = egui::ViewportBuilder::default()
-        .with_title(format!("{title} - kiln"))
+        .with_title(format!("{title}kiln"))
         .with_app_id("kiln")
         .with_drag_and_drop(true);
     if let Some([width, height]) = start.size {
@@ -113,7 +114,10 @@ struct App {
     notice: Option<Notice>,
     /// Warnings and notes of the input files.
     warnings: Vec<String>,
-    is_building: bool,
+    /// Those of the last picture of full size, with what it was rendered from.
+    of_picture: Option<(Arc<Prepared>, Vec<String>)>,
+    /// Since when the acceleration structure is being built.
+    building: Option<Instant>,
     visible: VisibleParts,
     /// Initial picture size that the window is still resized to.
     first_size: FirstSize,
@@ -148,7 +152,9 @@ impl App {
         theme::set(&creation.egui_ctx);
         let painter = Painter::new(Arc::clone(&threads), wake(&creation.egui_ctx));
         let mut loader = Loader::new(start.open, Arc::clone(&threads), wake(&creation.egui_ctx));
-        loader.load(start.inputs.clone(), None);
+        if !start.inputs.is_empty() {
+            loader.load(start.inputs.clone(), None);
+        }
         let remembered: Option<VisibleParts> =
             creation.storage.and_then(|storage| eframe::get_value(storage, eframe::APP_KEY));
         let first_size = match (start.size, remembered.is_some()) {
@@ -179,7 +185,8 @@ impl App {
             inspection: None,
             notice: None,
             warnings: Vec::new(),
-            is_building: false,
+            of_picture: None,
+            building: None,
             visible: remembered.unwrap_or(VisibleParts { panel: true, keys: false }),
             first_size,
             fit_attempts: 0,

@@ -75,7 +75,7 @@ fn objects_are_named_and_have_their_colours() {
     let names: Vec<&str> = objects.legend.swatches.iter().map(|(_, name)| name.as_str()).collect();
     // The plane covers the most pixels.
     assert_eq!(names[0], "plane");
-    for name in ["left sphere", "right sphere", "tetrahedron", "nothing"] {
+    for name in ["left sphere", "right sphere", "tetrahedron", "background"] {
         assert!(names.contains(&name), "{names:?}");
     }
     for (colour, name) in &objects.legend.swatches {

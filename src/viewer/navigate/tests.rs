@@ -51,6 +51,11 @@ fn projected(camera: &Camera, aspect: f64, point: DVec3) -> DVec2 {
     DVec2::new(pixel.x - width / 2.0, height / 2.0 - pixel.y) / height
 }
 
+/// Orbits around the camera's target.
+fn orbit_target(camera: &mut Camera, by: DVec2) {
+    orbit(camera, by, camera.target);
+}
+
 fn distance(camera: &Camera) -> f64 {
     camera.position.distance(camera.target)
 }
@@ -71,12 +76,40 @@ fn elevation(camera: &Camera) -> f64 {
 }
 
 proptest! {
+    /// A point beside the target that is orbited keeps its position in the picture and its depth, and a camera that pans,
+    /// flies or zooms takes it along.
+    #[test]
+    fn the_point_that_is_orbited_stays_where_it_is(
+        before in cameras(),
+        by in angles(),
+        beside in [-0.3f64..0.3, -0.3..0.3, -0.3..0.3].prop_map(DVec3::from),
+        factor in 0.5f64..2.0,
+    ) {
+        let place = |camera: &Camera, point: DVec3| {
+            let [u, v, w] = axes(camera);
+            let by = (point - camera.target) / distance(camera);
+            DVec3::new(by.dot(u), by.dot(v), by.dot(w))
+        };
+        let point = before.target + beside * distance(&before);
+        let mut camera = before.clone();
+        orbit(&mut camera, by, point);
+        prop_assert!((place(&camera, point) - place(&before, point)).length() < 1e-7);
+        let mut moved = camera.clone();
+        pan(&mut moved, by / 8.0, 1.5);
+        fly(&mut moved, DVec3::new(0.1, 0.2, 0.3));
+        if moved.projection == Projection::Perspective {
+            zoom(&mut moved, factor);
+        }
+        let carried = carried(point, &camera, &moved);
+        prop_assert!((place(&moved, carried) - place(&before, point)).length() < 1e-7);
+    }
+
     #[test]
     fn orbiting_keeps_distance_lens_and_level(mut camera in cameras(), steps in prop::collection::vec(angles(), 1..20)) {
         let before = camera.clone();
         let axis = vertical(&camera, &CameraPose::of(&camera).unwrap());
         for by in steps {
-            orbit(&mut camera, by);
+            orbit_target(&mut camera, by);
             let [u, v, _] = axes(&camera);
             prop_assert!((distance(&camera) / distance(&before) - 1.0).abs() < 1e-12);
             prop_assert!(u.dot(axis).abs() < 1e-9, "level: {}", u.dot(axis));
@@ -91,11 +124,11 @@ proptest! {
     fn there_and_back(camera in cameras(), by in angles(), first in angles()) {
         let mut level = camera.clone();
         // A camera with roll is level after its first step.
-        orbit(&mut level, first);
+        orbit_target(&mut level, first);
         let by = DVec2::new(by.x, by.y.clamp(-1.5 - elevation(&level), 1.5 - elevation(&level)));
         let mut moved = level.clone();
-        orbit(&mut moved, by);
-        orbit(&mut moved, -by);
+        orbit_target(&mut moved, by);
+        orbit_target(&mut moved, -by);
         // At the minimum angle to a pole, the right axis keeps eleven digits.
         prop_assert!((moved.position - level.position).length() < 1e-9 * distance(&level));
         let mut moved = level.clone();
@@ -126,15 +159,15 @@ proptest! {
     #[test]
     fn poles_neither_flip_nor_hold(mut camera in cameras(), up in prop::sample::select(vec![1.0, -1.0]), turn in 0.1f64..3.0) {
         let axis = vertical(&camera, &CameraPose::of(&camera).unwrap());
-        orbit(&mut camera, DVec2::new(0.3, 0.0));
+        orbit_target(&mut camera, DVec2::new(0.3, 0.0));
         let right = axes(&camera)[0];
-        (0..10).for_each(|_| orbit(&mut camera, DVec2::new(0.0, up * 0.7)));
+        (0..10).for_each(|_| orbit_target(&mut camera, DVec2::new(0.0, up * 0.7)));
         prop_assert!((elevation(&camera) * up - (FRAC_PI_2 - POLE)).abs() < 1e-9);
         prop_assert!((axes(&camera)[0] - right).length() < 1e-9, "the picture does not turn on the way");
-        orbit(&mut camera, DVec2::new(turn, 0.0));
+        orbit_target(&mut camera, DVec2::new(turn, 0.0));
         let turned = axes(&camera)[0];
         prop_assert!((turned.dot(right) - turn.cos()).abs() < 1e-9 && (right.cross(turned).dot(axis) - turn.sin()).abs() < 1e-9);
-        orbit(&mut camera, DVec2::new(0.0, -up * 0.5));
+        orbit_target(&mut camera, DVec2::new(0.0, -up * 0.5));
         prop_assert!((elevation(&camera) * up - (FRAC_PI_2 - POLE - 0.5)).abs() < 1e-9);
         prop_assert!((axes(&camera)[0] - turned).length() < 1e-9);
     }
@@ -285,7 +318,7 @@ proptest! {
         for (what, x, y, z) in steps {
             let by = DVec2::new(x, y);
             match what {
-                0 => orbit(&mut camera, by),
+                0 => orbit_target(&mut camera, by),
                 1 => look_around(&mut camera, by),
                 2 => pan(&mut camera, by, z),
                 3 => zoom(&mut camera, x),
@@ -320,7 +353,7 @@ fn a_fitted_camera_turns_about_the_scenes_vertical() {
             let mut camera = standard(bounds, view, 1.0, projection).unwrap();
             let before = axes(&camera);
             // By zero angles: the picture stays the same, except for the clamping at the poles, a hundredth of a pixel.
-            orbit(&mut camera, DVec2::ZERO);
+            orbit_target(&mut camera, DVec2::ZERO);
             assert_eq!(camera.up, DVec3::Y, "{view:?}");
             for (a, b) in axes(&camera).into_iter().zip(before) {
                 assert!((a - b).length() < 2.0 * POLE, "{view:?}: {a} {b}");

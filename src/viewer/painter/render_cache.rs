@@ -12,7 +12,7 @@ use crate::job::{
     self, EnvironmentSettings, PreparedScene, RenderJob, RenderSettings, ResolvedPicture, SceneAtTime,
 };
 use crate::scene::animation::Moment;
-use crate::scene::{Camera, DefaultLook, Environment, PictureSettings, Scene, ShadingMode};
+use crate::scene::{Camera, DefaultLook, Environment, PictureSettings, Projection, Scene, ShadingMode};
 use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::refine::SamplingKind;
 use crate::viewer::request::{CameraSource, Opened, RenderRequest};
@@ -77,6 +77,8 @@ pub(crate) struct RenderCache {
     recentered_scene: Option<Arc<Scene>>,
     /// Fitted cameras, each with its framing and aspect ratio.
     fitted_cameras: Vec<(Framing, f64, Camera)>,
+    /// The camera that was last fitted to a moment, with what it depends on.
+    fitted_at: Option<((Framing, Moment, f64, Projection), Camera)>,
     /// Render time in seconds per pixel at one sample, by display mode.
     seconds: Vec<(DisplayMode, f64)>,
 }
@@ -140,6 +142,10 @@ impl RenderCache {
                 let framing = settings.framing(*view, scene);
                 let recentering = self.prepared(&settings, &look, scene)?.recentering();
                 self.fit(request, framing, recentering)?
+            }
+            CameraSource::FittedAt(view, moment) => {
+                let camera = self.fit_at(request, settings.framing(*view, scene), *moment)?;
+                recentering.map_or_else(|| camera.clone(), |by| by.moved(&camera))
             }
             CameraSource::Free(camera) => recentering.map_or_else(|| camera.clone(), |by| by.moved(camera)),
         };
@@ -236,6 +242,21 @@ impl RenderCache {
         let found = self.prepared(settings, look, scene)?.at(time)?;
         self.at_times.push((key, time, found.clone()));
         Ok(found)
+    }
+
+    /// A camera fitted to the scene at a moment of its animation, in scene coordinates.
+    fn fit_at(&mut self, request: &RenderRequest, framing: Framing, moment: Moment) -> Result<Camera> {
+        let aspect = f64::from(request.size[0]) / f64::from(request.size[1]);
+        let projection = request.projection.unwrap_or_default();
+        let key = (framing, moment, aspect, projection);
+        if let Some((_, camera)) = self.fitted_at.as_ref().filter(|(known, _)| *known == key) {
+            return Ok(camera.clone());
+        }
+        let scene = job::scene_at(&request.opened.scene, moment)?;
+        let camera = fitted_camera(&scene, framing, aspect, projection);
+        let camera = camera.ok_or_else(|| nothing_to_look_at(&scene))?;
+        self.fitted_at = Some((key, camera.clone()));
+        Ok(camera)
     }
 
     /// A camera fitted to the unanimated scene, in world coordinates: the same that `kiln render` uses.
