@@ -1,8 +1,10 @@
 //! Progressive refinement: the sequence of passes of a picture.
 //!
-//! The resolution of the first pass is chosen so that it meets a time limit; the last pass has full size and all
-//! samples. Coarse passes render pixels of `factor` by `factor` pixels of the picture. With factors that decrease by 4,
-//! all passes but the first cost a fifteenth of a pass of full size.
+//! The resolution of the first pass is chosen so that it meets a time limit; the last pass is the picture of `kiln
+//! render`, to the bit. Each pass is a whole picture. Coarse passes render pixels of `factor` by `factor` pixels of the
+//! picture. With factors that decrease by 4, all passes but the first cost a fifteenth of a pass of full size. Passes
+//! of samples begin anew, with four times as many: all but the last cost at most a third of it where the numbers are powers of 4, else two thirds. A mean of parts would
+//! cost nothing more, but it is the picture only up to rounding, and adaptive sampling has no parts.
 
 /// Time limit of the first pass in seconds; the interface waits for it about as long.
 const FIRST_PASS_SECONDS: f64 = 0.008;
@@ -13,8 +15,8 @@ const PLAYBACK_PASS_SECONDS: f64 = 0.03;
 /// Maximum factor of a coarse pass.
 const MAX_FACTOR: u32 = 32;
 
-/// Number of passes for adaptive sampling, each of an equal part of the tiles.
-pub(crate) const BATCHES: usize = 8;
+/// Ratio of the samples of a pass to those of the pass before it.
+const MORE_SAMPLES: u32 = 4;
 
 /// Factor of the first pass before any render time was measured.
 const DEFAULT_FACTOR: u32 = 8;
@@ -24,24 +26,8 @@ const DEFAULT_FACTOR: u32 = 8;
 pub(crate) enum Pass {
     /// One sample at the centre of each pixel, at a resolution reduced by this factor on each axis.
     Coarse(u32),
-    /// A range of sample numbers of every pixel, the end excluded.
-    Samples(u32, u32),
-    /// One sample at the centre of each pixel.
-    Whole,
-    /// All samples of the tiles whose index has this remainder by [`BATCHES`].
-    Tiles(usize),
-}
-
-/// Sampling of a picture, which determines its passes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum SamplingKind {
-    /// One sample at the pixel centre.
-    Centres,
-    /// A fixed number of samples per pixel.
+    /// At most so many samples of each pixel; the last pass is the picture.
     Samples(u32),
-    /// All samples of each tile at once: adaptive sampling, and pictures with colours that bypass exposure and tone map. A
-    /// pixel with both kinds of colour is limited to the display's range, so the mean of parts is not the whole.
-    Tiles,
 }
 
 /// Factor of the first pass of a picture, from the render time per pixel.
@@ -52,28 +38,18 @@ pub(crate) fn first_factor(pixels: usize, seconds_per_pixel: Option<f64>, is_pla
     (factor as u32).clamp(1, MAX_FACTOR)
 }
 
-/// The passes of a picture, the first of them with factor `first`.
-pub(crate) fn passes(first: u32, kind: SamplingKind) -> Vec<Pass> {
+/// The passes of a picture of at most `samples` samples per pixel, the first of them with factor `first`.
+pub(crate) fn passes(first: u32, samples: u32) -> Vec<Pass> {
     let mut passes = Vec::new();
     let mut factor = first;
     while factor > 1 {
         passes.push(Pass::Coarse(factor));
         factor = if factor > 4 { factor / 4 } else { 1 };
     }
-    match kind {
-        SamplingKind::Centres => passes.push(Pass::Whole),
-        SamplingKind::Tiles => {
-            passes.push(Pass::Coarse(1));
-            passes.extend((0..BATCHES).map(Pass::Tiles));
-        }
-        SamplingKind::Samples(samples) => {
-            let (mut from, mut to) = (0, 1);
-            while from < samples {
-                passes.push(Pass::Samples(from, to.min(samples)));
-                (from, to) = (to, to.saturating_mul(2));
-            }
-        }
-    }
+    // No pass is almost the last one.
+    let counts = std::iter::successors(Some(1u32), |count| count.checked_mul(MORE_SAMPLES));
+    passes.extend(counts.take_while(|count| count.saturating_mul(2) <= samples).map(Pass::Samples));
+    passes.push(Pass::Samples(samples));
     passes
 }
 
@@ -94,25 +70,19 @@ mod tests {
 
     #[test]
     fn passes_end_with_what_was_asked_for() {
-        use Pass::{Coarse, Samples, Tiles, Whole};
-        assert_eq!(passes(8, SamplingKind::Centres), [Coarse(8), Coarse(2), Whole]);
-        assert_eq!(passes(16, SamplingKind::Centres), [Coarse(16), Coarse(4), Whole]);
-        assert_eq!(passes(1, SamplingKind::Centres), [Whole]);
-        assert_eq!(
-            passes(1, SamplingKind::Samples(6)),
-            [Samples(0, 1), Samples(1, 2), Samples(2, 4), Samples(4, 6)]
-        );
-        let adaptive = passes(2, SamplingKind::Tiles);
-        assert_eq!(adaptive[..3], [Coarse(2), Coarse(1), Tiles(0)]);
-        assert_eq!(adaptive.last(), Some(&Tiles(BATCHES - 1)));
-        for samples in [1, 2, 3, 64, 100, 65_536] {
-            let mut next = 0;
-            for pass in passes(1, SamplingKind::Samples(samples)) {
-                let Samples(from, to) = pass else { panic!("{pass:?}") };
-                assert!(from == next && to > from);
-                next = to;
-            }
-            assert_eq!(next, samples);
+        use Pass::{Coarse, Samples};
+        assert_eq!(passes(8, 1), [Coarse(8), Coarse(2), Samples(1)]);
+        assert_eq!(passes(16, 1), [Coarse(16), Coarse(4), Samples(1)]);
+        assert_eq!(passes(1, 1), [Samples(1)]);
+        assert_eq!(passes(1, 7), [Samples(1), Samples(7)]);
+        assert_eq!(passes(2, 16), [Coarse(2), Samples(1), Samples(4), Samples(16)]);
+        for samples in [1, 2, 3, 64, 100, 65_536, u32::MAX] {
+            let all = passes(1, samples);
+            assert_eq!(all.last(), Some(&Samples(samples)));
+            // The worst case is twice as many samples in the last pass as in the one before it: 1/2 + 1/8 + ... = 2/3.
+            let count = |pass: &Pass| if let Samples(count) = pass { u64::from(*count) } else { 0 };
+            let before: u64 = all[..all.len() - 1].iter().map(count).sum();
+            assert!(3 * before <= 2 * u64::from(samples), "{samples}: {before}");
         }
     }
 }

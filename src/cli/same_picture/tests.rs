@@ -165,10 +165,11 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 #[test]
 fn all_ways_to_a_picture_have_the_same() {
     let folder = tempfile::tempdir().expect("a folder");
-    let variants: [&NamedOptions; 8] = [
+    let variants: [&NamedOptions; 9] = [
         &[],
         &[("draft", None)],
         &[("exposure", Some("1"))],
+        &[("exposure", Some("auto"))],
         &[("ground", Some("true"))],
         &[("elevation", Some("-30"))],
         &[("without", Some("path"))],
@@ -225,4 +226,27 @@ fn all_ways_to_a_picture_have_the_same() {
         }
     }
     assert!(compared > 200 && frames > 150, "{compared}, {frames}");
+}
+
+/// The window ends with the picture of the command, byte for byte, for real files: a room from inside and a box of paths,
+/// whose exposure and clamp are metered, textures, and an animation at rest.
+#[test]
+fn the_window_shows_the_picture_of_the_command() {
+    let Some(models) = std::env::var_os("KILN_MODELS").map(PathBuf::from) else { return };
+    let inside = "{ position = [0, 1.5, 0], look_at = [1, 1.2, 0.3], vertical_fov = 60 }";
+    let cases: [(&str, &NamedOptions); 6] = [
+        ("kitchen.obj", &[("camera", Some(inside))]),
+        ("kitchen.obj", &[("camera", Some(inside)), ("transport", Some("path"))]),
+        ("CornellBox.glb", &[]),
+        ("CornellBox.glb", &[("exposure", Some("auto"))]),
+        ("Duck.glb", &[("samples", Some("6"))]),
+        ("spot.obj", &[("environment", Some("sky"))]),
+    ];
+    for (file, options) in cases {
+        let arguments = arguments(&models.join(file), options);
+        let place = format!("{file}, {options:?}");
+        let [expected, shown] = [still(&arguments), in_the_window(&arguments)]
+            .map(|picture| picture.unwrap_or_else(|e| panic!("{place}: {e}")));
+        assert!(shown == expected, "{place}");
+    }
 }

@@ -8,7 +8,7 @@ mod pass;
 mod render_cache;
 
 pub(crate) use compare::Comparison;
-pub(crate) use render_cache::Prepared;
+pub(crate) use render_cache::{Prepared, RenderCache};
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -21,12 +21,11 @@ use super::false_colour::{DisplayMode, Legend};
 use super::refine::first_factor;
 use super::request::RenderRequest;
 use crate::error::Error;
-use crate::film::DisplayTransform;
+use crate::film::{DisplayTransform, Film};
 use crate::job::RenderJob;
 use crate::render::Statistics;
 use crate::scene::Numerics;
 use pass::PipelineImage;
-use render_cache::RenderCache;
 
 /// Duration after which the first pass of an outdated request is cancelled.
 const FIRST_PASS_LIMIT: Duration = Duration::from_millis(100);
@@ -63,9 +62,11 @@ pub(crate) struct RenderedImage {
     pub samples: (u32, u32),
     /// Whether this is the last pass.
     pub is_last: bool,
-    /// Time of all passes of full size so far; for a coarse pass, its own time.
+    /// The pixels of the finished picture, to be developed by `display`.
+    pub film: Option<Arc<Film>>,
+    /// Render time of the pass, which renders the whole picture.
     pub time: Duration,
-    /// Statistics of the same passes as `time`.
+    /// Statistics of the pass.
     pub statistics: Statistics,
     /// Legend of false colours.
     pub legend: Option<Legend>,

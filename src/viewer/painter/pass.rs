@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use egui::{Color32, ColorImage};
 use rayon::prelude::*;
@@ -12,13 +12,13 @@ use super::render_cache::Prepared;
 use crate::effects::RayKind;
 use crate::error::Result;
 use crate::film::tone::{Exposure, auto_exposure, mean_exposure};
-use crate::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, Pixel, TILE, Window};
+use crate::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, Pixel, Window};
 use crate::job::RenderJob;
 use crate::metrics;
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
 use crate::viewer::false_colour::{DisplayMode, FalseColours, error_against_exact, false_colours};
-use crate::viewer::refine::{BATCHES, Pass, SamplingKind, passes};
+use crate::viewer::refine::{Pass, passes};
 use crate::viewer::request::RenderRequest;
 
 /// An image in the values of its colour pipeline, row by row from the top.
@@ -40,12 +40,7 @@ pub(crate) struct Side<'a> {
     /// The same scene in the tier `exact`, for [`DisplayMode::ErrorAgainstExact`].
     exact: Option<Arc<Prepared>>,
     passes: Vec<Pass>,
-    kind: SamplingKind,
-    /// Sum of time and statistics of all passes of full size.
-    spent: Option<(Duration, Statistics)>,
     picture: Option<PipelineImage>,
-    /// The pixels of a coarse pass of full size.
-    centres: Option<Vec<[f32; 3]>>,
     /// The job with the metered exposure, once a pass of full size needs it.
     metered: Option<Arc<RenderJob>>,
 }
@@ -59,20 +54,9 @@ impl<'a> Side<'a> {
         factor: u32,
     ) -> Self {
         // AOVs are computed at pixel centres.
-        let kind =
-            if request.display_mode == DisplayMode::Picture { prepared.kind } else { SamplingKind::Centres };
-        let passes = passes(factor, kind);
-        Side {
-            request,
-            prepared,
-            exact,
-            passes,
-            kind,
-            spent: None,
-            picture: None,
-            centres: None,
-            metered: None,
-        }
+        let is_picture = request.display_mode == DisplayMode::Picture;
+        let passes = passes(factor, if is_picture { prepared.samples } else { 1 });
+        Side { request, prepared, exact, passes, picture: None, metered: None }
     }
 
     /// Number of passes.
@@ -97,36 +81,29 @@ impl<'a> Side<'a> {
         (request, side): (u64, usize),
     ) -> Result<Option<(RenderedImage, Option<f64>)>> {
         let Some(&pass) = self.passes.get(index) else { return Ok(None) };
-        let start = Instant::now();
         let control = RenderControl { cancel, progress: &|_, _| (), time_stages: false };
         let is_last = index + 1 == self.passes.len();
         let pipeline = self.prepared.job.pipeline();
-        let final_sampling = self.prepared.job.plan_settings.sampling;
-        let Sampling { seed, sampler, .. } = final_sampling;
+        let whole = self.prepared.job.plan_settings.sampling;
+        let Sampling { seed, sampler, noise, min_samples, .. } = whole;
+        let most = if self.request.display_mode == DisplayMode::Picture { self.prepared.samples } else { 1 };
         let (factor, sampling) = match pass {
             Pass::Coarse(factor) => (factor, Sampling { seed, sampler, ..Sampling::default() }),
-            Pass::Samples(from, to) => (1, final_sampling.part(from, to)),
-            Pass::Whole | Pass::Tiles(_) => (1, final_sampling),
+            Pass::Samples(count) if count < most => {
+                (1, Sampling { first: None, noise, min_samples, ..whole.part(0, count) })
+            }
+            Pass::Samples(_) => (1, whole),
         };
         // Metering would delay the first image after a change, if that is coarse.
         let display = match pass {
             Pass::Coarse(_) if !is_last => None,
             _ => Some(self.final_display(&control)?),
         };
+        let start = Instant::now();
         let size = self.request.size.map(|side| side.div_ceil(factor));
-        let is_selected = |tile: usize| !matches!(pass, Pass::Tiles(batch) if tile % BATCHES != batch);
-        let (film, statistics) = self.render(self.job(), size, sampling, &is_selected, &control)?;
-        let mut pixels = rows(&film);
-        if let Pass::Tiles(_) = pass {
-            let before = self.picture.take().map(|picture| picture.pixels).or(self.centres.take());
-            if let Some(before) = before {
-                keep_unselected(&mut pixels, &before, size, &is_selected);
-            }
-        }
-        if let (Pass::Samples(from, to), Some(before)) = (pass, &self.picture) {
-            let display = self.job().display().known();
-            mix(&mut pixels, &before.pixels, f64::from(from) / f64::from(to), display);
-        }
+        let (film, statistics) = self.render((self.job(), display.is_some()), size, sampling, &control)?;
+        let film = Arc::new(film);
+        let pixels = rows(&film);
         let display = match display {
             Some(display) => display,
             None => self.display_of(&pixels, size, &control)?,
@@ -139,58 +116,30 @@ impl<'a> Side<'a> {
             }
         };
         let time = start.elapsed();
-        let most = match self.kind {
-            SamplingKind::Centres => 1,
-            SamplingKind::Samples(samples) => samples,
-            SamplingKind::Tiles => final_sampling.max_samples(),
-        };
         let is_once = matches!(pass, Pass::Coarse(_)) || most == 1;
         let seconds_per_pixel = is_once.then(|| time.as_secs_f64() / (pixels.len() as f64));
-        let (time, statistics) = if let Pass::Coarse(factor) = pass {
-            self.centres = (factor == 1).then_some(pixels);
-            (time, statistics)
-        } else {
+        if let Pass::Samples(_) = pass {
             self.picture = Some(PipelineImage { size, pixels, pipeline, display });
-            self.spend(time, statistics)
-        };
-        let (image, prepared) = (Arc::new(image), Arc::clone(&self.prepared));
-        let taken = match pass {
-            Pass::Coarse(_) | Pass::Whole => 1,
-            Pass::Samples(_, to) => to,
-            Pass::Tiles(_) => {
-                let cast = statistics.rays(RayKind::PRIMARY).cast as f64;
-                (cast / f64::from(size[0]) / f64::from(size[1])).round() as u32
-            }
-        };
-        let samples = (taken.clamp(1, most), most);
+        }
+        let cast = statistics.rays(RayKind::PRIMARY).cast as f64;
+        let taken = (cast / f64::from(size[0]) / f64::from(size[1])).round() as u32;
+        let is_finished = is_last && self.request.display_mode == DisplayMode::Picture;
         let rendered = RenderedImage {
             request,
             side,
-            image,
+            image: Arc::new(image),
             display,
             factor,
-            samples,
+            samples: (taken.clamp(1, most), most),
             is_last,
+            film: is_finished.then_some(film),
             time,
             statistics,
             legend,
-            prepared,
+            prepared: Arc::clone(&self.prepared),
             metered: self.metered.clone(),
         };
         Ok(Some((rendered, seconds_per_pixel)))
-    }
-
-    /// Adds the cost of a pass of full size. Returns the sum.
-    fn spend(&mut self, time: Duration, statistics: Statistics) -> (Duration, Statistics) {
-        let spent = match self.spent.take() {
-            Some((before, mut sum)) => {
-                sum.add(&statistics);
-                (before + time, sum)
-            }
-            None => (time, statistics),
-        };
-        self.spent = Some(spent.clone());
-        spent
     }
 
     /// The job of the picture, with its exposure once that is metered.
@@ -242,7 +191,7 @@ impl<'a> Side<'a> {
     fn false_colours(&self, film: &Film, size: [u32; 2], control: &RenderControl) -> Result<FalseColours> {
         let mut job = self.job().with_size(size)?;
         if let Some(exact) = &self.exact {
-            let (exact, _) = self.render(&exact.job, size, Sampling::default(), &|_| true, control)?;
+            let (exact, _) = self.render((&exact.job, false), size, Sampling::default(), control)?;
             let [picture, exact] =
                 [film, &exact].map(|film| metrics::ComparedImage::of_film(film, job.pipeline()));
             return error_against_exact(&picture, &exact);
@@ -251,12 +200,12 @@ impl<'a> Side<'a> {
         false_colours(self.request.display_mode, &job.aov_source(None), control)
     }
 
+    /// Renders a job in a size, to be developed by its display transform if that is known.
     fn render(
         &self,
-        job: &RenderJob,
+        (job, is_developed): (&RenderJob, bool),
         size: [u32; 2],
         sampling: Sampling,
-        is_selected: &(dyn Fn(usize) -> bool + Sync),
         control: &RenderControl,
     ) -> Result<(Film, Statistics)> {
         let control = RenderControl { time_stages: true, ..*control };
@@ -267,15 +216,15 @@ impl<'a> Side<'a> {
         if let Some(&ev) = job.auto_exposure.get() {
             sized.auto_exposure.get_or_init(|| ev);
         }
-        let is_selected = |tile: usize, _: Window| is_selected(tile);
         match self.request.display_mode {
-            DisplayMode::Picture if self.is_exposed() => sized.render_to_develop(is_selected, &control),
-            _ => sized.render_selected(is_selected, &control),
+            DisplayMode::Picture if is_developed || self.is_exposed() => {
+                sized.render_to_develop(|_, _| true, &control)
+            }
+            _ => sized.render_selected(|_, _| true, &control),
         }
     }
 
-    /// All passes, and the picture of the job that they show, in 8-bit display values. Their last image is
-    /// that picture, within a step where it is the mean of parts, which are rounded.
+    /// All passes, and the picture of the job that they show, in 8-bit display values. Their last image is that picture.
     #[cfg(test)]
     pub(crate) fn final_picture(mut self) -> Result<Vec<[u8; 3]>> {
         let control = RenderControl::default();
@@ -289,11 +238,9 @@ impl<'a> Side<'a> {
         let shown = shown.expect("a pass");
         assert_eq!(Some(shown.display), self.picture.as_ref().map(|picture| picture.display));
         let bytes = shown.image.pixels.iter().map(|colour| [colour.r(), colour.g(), colour.b()]);
-        let most = if let SamplingKind::Samples(_) = self.kind { 1 } else { 0 };
-        let is_near = |(a, b): (&[u8; 3], [u8; 3])| a.iter().zip(b).all(|(a, b)| a.abs_diff(b) <= most);
-        let far = picture.iter().zip(bytes).find(|pair| !is_near(*pair));
+        let other = picture.iter().zip(bytes).find(|(a, b)| *a != b);
         let file = &self.request.opened.scene.inputs;
-        assert_eq!(far, None, "the last pass shows the picture: {file:?}, {:?}", self.kind);
+        assert_eq!(other, None, "the last pass shows the picture: {file:?}, {:?}", self.passes);
         Ok(picture)
     }
 }
@@ -311,30 +258,6 @@ fn rows(film: &Film) -> Vec<[f32; 3]> {
         }
     });
     pixels
-}
-
-/// Copies the tiles that were not rendered from the picture `before`.
-fn keep_unselected(
-    pixels: &mut [[f32; 3]],
-    before: &[[f32; 3]],
-    [width, height]: [u32; 2],
-    is_selected: &(dyn Fn(usize) -> bool + Sync),
-) {
-    let (tile, columns) = (TILE as usize, width.div_ceil(TILE) as usize);
-    for y in 0..height as usize {
-        let row = y * width as usize..(y + 1) * width as usize;
-        let pairs = pixels[row.clone()].chunks_mut(tile).zip(before[row].chunks(tile));
-        for (column, (new, old)) in pairs.enumerate() {
-            if !is_selected(y / tile * columns + column) {
-                new.copy_from_slice(old);
-            }
-        }
-    }
-}
-
-/// Weighted mean: `before` has weight `share` (0 to 1), `pixels` the rest.
-fn mix(pixels: &mut [[f32; 3]], before: &[[f32; 3]], share: f64, display: DisplayTransform) {
-    pixels.par_iter_mut().zip(before).for_each(|(new, old)| *new = display.mean(*old, *new, share));
 }
 
 /// The image as a display shows it.

@@ -14,9 +14,8 @@ use crate::job::{
 use crate::scene::animation::Moment;
 use crate::scene::{Camera, DefaultLook, Environment, PictureSettings, Projection, Scene, ShadingMode};
 use crate::viewer::false_colour::DisplayMode;
-use crate::viewer::refine::SamplingKind;
 use crate::viewer::request::{CameraSource, Opened, RenderRequest};
-use crate::world::{Framing, PreparedMaterial, Recentering, fitted_camera};
+use crate::world::{Framing, Recentering, fitted_camera};
 
 /// Number of cached worlds: two sides of a comparison and the exact reference.
 const MAX_WORLDS: usize = 3;
@@ -48,8 +47,8 @@ pub(crate) struct Prepared {
     /// Decision about each effect with the request's sampling, and whether the scene or the sampling uses the effect;
     /// those that are used come first.
     pub decisions: Vec<(Decision, bool)>,
-    /// How the final image is sampled.
-    pub kind: SamplingKind,
+    /// Samples per pixel of the final image, at most: 1 for one at the pixel's centre.
+    pub samples: u32,
     /// Whether the exposure is metered before the final image, as in `kiln render`.
     pub meters: bool,
 }
@@ -164,14 +163,7 @@ impl RenderCache {
         let meters = picture.meters;
         let job = prepared.job_for(ResolvedPicture { camera, ..picture })?;
         let (sampling, plan_settings, whole) = (job.plan_settings.sampling, &job.plan_settings, &job.plan);
-        let is_unlit = |material: &PreparedMaterial| material.is_unlit();
-        let has_bypass = job.world.backdrop.is_some() || job.world.materials_in_use().any(is_unlit);
-        let sums_parts = !whole.is_adaptive() && (!has_bypass || !meters && job.display().is_identity());
-        let kind = match (whole.takes_samples(), sums_parts) {
-            (false, _) => SamplingKind::Centres,
-            (true, true) => SamplingKind::Samples(sampling.max_samples()),
-            (true, false) => SamplingKind::Tiles,
-        };
+        let samples = if whole.takes_samples() { sampling.max_samples() } else { 1 };
         let decisions = EFFECTS.iter().zip(&whole.decisions);
         let mut decisions: Vec<(Decision, bool)> = decisions
             .map(|(effect, decision)| {
@@ -179,7 +171,7 @@ impl RenderCache {
             })
             .collect();
         decisions.sort_by_key(|(_, can)| !can);
-        Ok(Arc::new(Prepared { job, camera: in_scene, decisions, kind, meters }))
+        Ok(Arc::new(Prepared { job, camera: in_scene, decisions, samples, meters }))
     }
 
     /// The look of a scene: that of `kiln render`.
