@@ -1,28 +1,34 @@
 //! Saving of pictures and cameras.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
 use std::sync::mpsc::Sender;
 
-use egui::ColorImage;
+use egui::{ColorImage, Context, DragValue, Key, TextEdit, Window};
 
 use super::name_of;
-use super::painter::Prepared;
+use super::painter::{Prepared, RenderCache};
 use super::request::RenderRequest;
-use crate::error::{Result, Warnings};
+use crate::error::{Result, Warnings, printable};
 use crate::files::write_whole;
 use crate::film::write::{Format, OutputImage, write_picture};
-use crate::film::{ColourPipeline, Film, Window};
+use crate::film::{self, ColourPipeline, DisplayTransform, Film};
 use crate::job::metadata::{add_to_fingerprint, replace, set_auto_exposure};
 use crate::job::resolve;
 use crate::render::RenderControl;
+use crate::render::aov::AovSelection;
+
+/// Largest width or height in pixels that the window saves.
+const MAX_SIDE: u32 = 32_768;
 
 /// The first of `STEM.ENDING`, `STEM-2.ENDING`, ... that neither exists nor is being saved.
-pub(crate) fn free_name(stem: &str, ending: &str, saving: &[PathBuf]) -> PathBuf {
+pub(crate) fn free_name(stem: &str, ending: &str, saving: &[Saving]) -> PathBuf {
     let plain = PathBuf::from(format!("{stem}.{ending}"));
     let numbered = (2..).map(|number| PathBuf::from(format!("{stem}-{number}.{ending}")));
     std::iter::once(plain)
         .chain(numbered)
-        .find(|name| !name.exists() && !saving.contains(name))
+        .find(|name| !name.exists() && !saving.iter().any(|saving| saving.file == *name))
         .unwrap_or_default()
 }
 
@@ -47,36 +53,172 @@ pub(crate) fn beside(
     });
 }
 
-/// Renders the picture of a side as `kiln render` does, and writes it as a PNG.
-///
-/// # Errors
-/// The errors of rendering, and [`crate::error::Error::Output`] if the file cannot be written.
-pub(crate) fn picture(
-    prepared: &Prepared,
-    (request, side): (&RenderRequest, usize),
-    command: String,
-    file: &Path,
-) -> Result<()> {
-    let RenderRequest { opened, time, sides, .. } = request;
-    let control = RenderControl::default();
-    let mut job = prepared.job.with_plan_settings(prepared.job.plan_settings.clone())?;
-    if prepared.meters {
-        job.meter(&control)?;
+/// A finished picture: its pixels, how they are displayed, and its metered exposure if that is `auto`.
+pub(crate) struct Finished {
+    pub film: Arc<Film>,
+    pub display: DisplayTransform,
+    pub auto_exposure: Option<f64>,
+}
+
+/// A picture to be saved: a side of a request.
+pub(crate) struct SavedPicture {
+    pub request: RenderRequest,
+    pub side: usize,
+    /// What is prepared for the request; `None` in another size than that of the window.
+    pub prepared: Option<Arc<Prepared>>,
+    /// The picture, if it is finished on the screen.
+    pub finished: Option<Finished>,
+    /// The command that renders it.
+    pub command: String,
+}
+
+impl SavedPicture {
+    /// Writes the picture of `kiln render`, in the format of the name's ending. What is finished on the screen is not
+    /// rendered again, except for floating point and alpha.
+    ///
+    /// # Errors
+    /// The errors of rendering, and [`crate::error::Error::Output`] if the file cannot be written.
+    pub(crate) fn write(&self, file: &Path, control: &RenderControl) -> Result<()> {
+        let SavedPicture { request, side, prepared, finished, command } = self;
+        let RenderRequest { opened, time, sides, .. } = request;
+        let format = Format::from_path(file)?;
+        let prepared = match prepared {
+            Some(prepared) => Arc::clone(prepared),
+            None => RenderCache::default().prepare(request, &sides[*side])?,
+        };
+        let mut job = prepared.job.with_plan_settings(prepared.job.plan_settings.clone())?;
+        if prepared.meters {
+            job.meter(control)?;
+        }
+        let finished = finished.as_ref().filter(|_| format != Format::Exr && !job.is_transparent());
+        let (image, auto_exposure) = match finished {
+            Some(Finished { film, display, auto_exposure }) => {
+                (OutputImage::displayed(film, None, job.pipeline(), *display)?, *auto_exposure)
+            }
+            None if format == Format::Exr => {
+                // As the command: the display transform decides where adaptive sampling stops.
+                let display = job.display_transform(control)?;
+                let (film, _) = job.render(control)?;
+                let attributes = job.exr_attributes(&AovSelection::new(&[])?);
+                let auto_exposure = job.display().is_auto().then_some(display.ev());
+                (OutputImage::Float(film, Vec::new(), attributes), auto_exposure)
+            }
+            None => {
+                let (image, statistics) = job.render_image(control)?;
+                (image, statistics.auto_exposure)
+            }
+        };
+        let settings = request.render_settings(&sides[*side]);
+        let mut metadata =
+            resolve(opened.scene.clone(), &settings, &mut Warnings::default())?.picture.metadata;
+        if time.part != 0.0 {
+            add_to_fingerprint(&mut metadata, "time", &time.part);
+        }
+        if prepared.meters {
+            replace(&mut metadata, &job.settings.picture);
+        }
+        if let Some(ev) = auto_exposure {
+            set_auto_exposure(&mut metadata, ev);
+        }
+        metadata.push(("kiln:command".to_owned(), command.clone()));
+        write_picture(&image, &metadata, format, file)
     }
-    let (image, statistics) = job.render_image(&control)?;
-    let settings = request.render_settings(&sides[side]);
-    let mut metadata = resolve(opened.scene.clone(), &settings, &mut Warnings::default())?.picture.metadata;
-    if time.part != 0.0 {
-        add_to_fingerprint(&mut metadata, "time", &time.part);
+}
+
+/// A file that is being written.
+pub(crate) struct Saving {
+    pub file: PathBuf,
+    /// Part of the tiles that are rendered, in percent.
+    pub percent: Arc<AtomicUsize>,
+}
+
+/// The window that asks for the name and the size of a picture.
+pub(crate) struct SaveDialog {
+    /// Absolute path as typed.
+    file: String,
+    size: [u32; 2],
+    /// Which side of a comparison is saved.
+    side_name: Option<&'static str>,
+    /// Whether another size can be chosen: false colours are saved as displayed.
+    has_size: bool,
+    is_new: bool,
+}
+
+/// What the user did.
+pub(crate) enum SaveAnswer {
+    Open,
+    Save(PathBuf, [u32; 2]),
+    Closed,
+}
+
+impl SaveDialog {
+    /// Proposes a file name and the size of the window's picture.
+    pub(crate) fn new(file: &Path, size: [u32; 2], side_name: Option<&'static str>, has_size: bool) -> Self {
+        let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
+        let file = file.to_string_lossy().into_owned();
+        SaveDialog { file, size, side_name, has_size, is_new: true }
     }
-    if prepared.meters {
-        replace(&mut metadata, &job.settings.picture);
+
+    /// What prevents that the file is written.
+    fn problem(&self) -> Option<String> {
+        let file = Path::new(self.file.trim());
+        let format = match Format::from_path(file) {
+            Ok(format) => format,
+            Err(_) => return Some("name a file that ends in .png, .jpg or .exr".to_owned()),
+        };
+        if !self.has_size && format != Format::Png {
+            return Some("false colours are saved as .png".to_owned());
+        }
+        let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let lacks = folder.filter(|folder| !folder.is_dir())?;
+        Some(printable(&format!("there is no folder {}", lacks.display())).into_owned())
     }
-    if let Some(ev) = statistics.auto_exposure {
-        set_auto_exposure(&mut metadata, ev);
+
+    /// Shows the window.
+    pub(crate) fn show(&mut self, context: &Context) -> SaveAnswer {
+        let (mut is_open, mut saves, mut cancels) = (true, false, false);
+        let title = match self.side_name {
+            Some(side) => format!("Save the picture of the {side} side"),
+            None => "Save the picture".to_owned(),
+        };
+        let width = (context.viewport_rect().width() - 60.0).min(420.0);
+        let window = Window::new(title).id(egui::Id::unique("save")).open(&mut is_open).collapsible(false);
+        window.default_width(width).default_pos([20.0, 40.0]).show(context, |ui| {
+            ui.set_max_width(width);
+            let edit = TextEdit::singleline(&mut self.file).hint_text("a path").desired_width(f32::INFINITY);
+            let field = ui.add(edit);
+            if std::mem::take(&mut self.is_new) {
+                field.request_focus();
+            }
+            saves = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+            if self.has_size {
+                ui.horizontal(|ui| {
+                    let [x, y] = &mut self.size;
+                    ui.add(DragValue::new(x).range(1..=MAX_SIDE));
+                    ui.label("x");
+                    ui.add(DragValue::new(y).range(1..=MAX_SIDE));
+                    ui.label("pixels")
+                        .on_hover_text("the window's size is not rendered again once it is finished");
+                });
+            }
+            let problem = self.problem();
+            let exists = problem.is_none() && Path::new(self.file.trim()).exists();
+            if let Some(problem) = &problem {
+                ui.colored_label(ui.visuals().error_fg_color, problem);
+            }
+            ui.horizontal(|ui| {
+                let name = if exists { "Replace the file" } else { "Save" };
+                saves |= ui.add_enabled(problem.is_none(), egui::Button::new(name)).clicked();
+                saves &= problem.is_none();
+                cancels = ui.button("Cancel").clicked();
+            });
+        });
+        match (saves, is_open && !cancels) {
+            (true, _) => SaveAnswer::Save(PathBuf::from(self.file.trim()), self.size),
+            (false, true) => SaveAnswer::Open,
+            (false, false) => SaveAnswer::Closed,
+        }
     }
-    metadata.push(("kiln:command".to_owned(), command));
-    write_picture(&image, &metadata, Format::Png, file)
 }
 
 /// Writes a text file, such as a camera for a scene file.
@@ -96,7 +238,26 @@ pub(crate) fn colours(image: &ColorImage, file: &Path) -> Result<()> {
     let [width, height] = image.size.map(|side| side as u32);
     let pixels: Vec<[u8; 3]> =
         image.pixels.iter().map(|colour| [colour.r(), colour.g(), colour.b()]).collect();
-    let film = Film::from_rows(Window { x: 0, y: 0, width, height }, &pixels)?;
+    let film = Film::from_rows(film::Window { x: 0, y: 0, width, height }, &pixels)?;
     let made_by = vec![("Software".to_owned(), format!("kiln {}", env!("CARGO_PKG_VERSION")))];
     write_picture(&OutputImage::Rgb8(film, ColourPipeline::Display), &made_by, Format::Png, file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_cannot_be_written_is_named_before_it_is_rendered() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let problem = |name: &str, has_size| {
+            SaveDialog::new(&folder.path().join(name), [4, 4], None, has_size).problem().unwrap_or_default()
+        };
+        for name in ["a.png", "a.JPG", "a.exr"] {
+            assert_eq!(problem(name, true), "");
+        }
+        assert!(problem("a.gif", true).contains(".png, .jpg or .exr"));
+        assert!(problem("none/a.png", true).starts_with("there is no folder"));
+        assert!(problem("a.exr", false).contains(".png"));
+    }
 }

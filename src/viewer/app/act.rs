@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use egui::{Context, Theme, ViewportCommand};
 
@@ -9,6 +10,7 @@ use super::{App, timeline};
 use crate::effects::id;
 use crate::error::Result;
 use crate::import;
+use crate::render::RenderControl;
 use crate::scene::Camera;
 use crate::viewer::canvas::MouseResult;
 use crate::viewer::command_line::{RenderCommand, command_line};
@@ -19,6 +21,7 @@ use crate::viewer::keys::{self, Action, CameraMotion, Focus};
 use crate::viewer::open_dialog::{Answer, OpenDialog};
 use crate::viewer::overlay::Notice;
 use crate::viewer::request::CameraSource;
+use crate::viewer::save::{Finished, SaveAnswer, SaveDialog, SavedPicture, Saving};
 use crate::viewer::{message_with_hint, name_of, save};
 use crate::world::StandardView;
 
@@ -74,13 +77,15 @@ impl App {
             Action::Close => {
                 self.visible.keys = false;
                 (self.notice, self.inspection, self.open_dialog) = (None, None, None);
+                self.save_dialog = None;
             }
-            Action::SavePicture => self.save_picture(context),
+            Action::SavePicture => self.ask_for_name(),
             Action::SaveCamera => self.save_camera(),
             Action::CopyCommand => {
-                if let Some(command) = self.command(&self.output()) {
+                if let Some(command) = self.copied_command() {
                     context.copy_text(command);
-                    self.show_notice("copied the command line that renders this".into());
+                    let side = self.side_name().map_or(String::new(), |side| format!(": the {side} side"));
+                    self.show_notice(format!("copied the command line that renders this{side}"));
                 }
             }
             Action::Compare => {
@@ -202,18 +207,18 @@ impl App {
     }
 
     /// File name for the next saved picture.
-    fn output(&self) -> PathBuf {
+    fn output(&self, ending: &str) -> PathBuf {
         let stem = save::stem(&self.inputs);
         let timeline = self.opened.as_ref().and_then(|opened| timeline(opened));
         let name = match (timeline, &self.controls) {
             (Some(timeline), Some(controls)) => format!("{stem}-{:04}", controls.frame(&timeline)),
             _ => stem,
         };
-        save::free_name(&name, "png", &self.saving)
+        save::free_name(&name, ending, &self.saving)
     }
 
-    /// The command line that renders the displayed picture.
-    fn command(&self, output: &std::path::Path) -> Option<String> {
+    /// The command line that renders the displayed picture in a size, with the AOV of a false-colour view.
+    fn command(&self, output: &std::path::Path, size: [u32; 2]) -> Option<String> {
         let (controls, opened) = (self.controls.as_ref()?, self.opened.as_ref()?);
         let prepared = self.canvas.prepared(controls.side)?;
         let settings = &controls.sides[controls.side];
@@ -228,39 +233,105 @@ impl App {
             scene: &opened.scene,
             viewpoint,
             projection: prepared.job.camera.projection,
-            size: prepared.job.view.size(),
+            size,
             settings,
             import_options: &opened.scene.import_options,
             output,
         });
         let frame = timeline(opened).map(|timeline| controls.frame(&timeline));
-        Some(match frame {
-            Some(frame) => format!("{command} --frames {frame}"),
-            None => command,
-        })
+        let frame = frame.map_or(String::new(), |frame| format!(" --frames {frame}"));
+        let aov = controls.display_mode.aov().map_or(String::new(), |aov| format!(" --aov {aov}"));
+        Some(format!("{command}{frame}{aov}"))
     }
 
-    /// Saves the picture, rendered as by `kiln render`; for other display modes, the displayed image.
-    fn save_picture(&mut self, context: &Context) {
+    /// The command line of what is displayed. AOVs are channels of OpenEXR.
+    fn copied_command(&self) -> Option<String> {
+        let controls = self.controls.as_ref()?;
+        let ending = if controls.display_mode.aov().is_some() { "exr" } else { "png" };
+        let size = self.canvas.prepared(controls.side)?.job.view.size();
+        self.command(&self.output(ending), size)
+    }
+
+    /// The side of a comparison that is edited, saved and copied.
+    fn side_name(&self) -> Option<&'static str> {
+        let controls = self.controls.as_ref().filter(|controls| controls.sides.len() > 1)?;
+        Some(["left", "right"][controls.side])
+    }
+
+    /// Opens the window that asks for the name of the picture; closes it if it is open.
+    fn ask_for_name(&mut self) {
         let Some(controls) = &self.controls else { return };
+        let has_size = controls.display_mode == DisplayMode::Picture;
+        let Some(prepared) = self.canvas.prepared(controls.side) else { return };
+        let size = prepared.job.view.size();
+        self.save_dialog = match self.save_dialog {
+            Some(_) => None,
+            None => Some(SaveDialog::new(&self.output("png"), size, self.side_name(), has_size)),
+        };
+    }
+
+    /// Shows the window that asks for the name of the picture, and saves it.
+    pub(super) fn choose_name(&mut self, context: &Context) {
+        let Some(dialog) = &mut self.save_dialog else { return };
+        match dialog.show(context) {
+            SaveAnswer::Open => return,
+            SaveAnswer::Save(file, size) => self.save_picture(context, file, size),
+            SaveAnswer::Closed => {}
+        }
+        self.save_dialog = None;
+    }
+
+    /// Saves the picture in a size, the same as that of `kiln render`; for other display modes, the displayed image.
+    fn save_picture(&mut self, context: &Context, file: PathBuf, size: [u32; 2]) {
+        let (Some(controls), Some(opened)) = (&self.controls, &self.opened) else { return };
         let (side, mode) = (controls.side, controls.display_mode);
-        let Some(opened) = &self.opened else { return };
-        let file = self.output();
         let Some(rendered) = self.canvas.rendered(side) else { return };
-        let (image, prepared) = (Arc::clone(&rendered.image), Arc::clone(&rendered.prepared));
-        let request = controls.request(opened, prepared.job.view.size());
-        let command = self.command(&file).unwrap_or_default();
-        let text = format!("saving {}", file.display());
-        self.notice = Some(Notice::new(text, false));
-        self.saving.push(file.clone());
+        let command = self.command(&file, size).unwrap_or_default();
+        let request = controls.request(opened, size);
+        // The displayed picture is that of the newest request, once it is finished.
+        let is_newest = self.requested.as_ref().is_some_and(|(last, number)| {
+            *number == rendered.request && *last == request && rendered.prepared.job.view.size() == size
+        });
+        let finished = rendered.film.as_ref().filter(|_| is_newest).map(|film| Finished {
+            film: Arc::clone(film),
+            display: rendered.display,
+            auto_exposure: rendered.statistics.auto_exposure,
+        });
+        let prepared = is_newest.then(|| Arc::clone(&rendered.prepared));
+        let image = Arc::clone(&rendered.image);
+        let picture = SavedPicture { request, side, prepared, finished, command };
+        let percent = Arc::new(AtomicUsize::new(0));
+        self.saving.push(Saving { file: file.clone(), percent: Arc::clone(&percent) });
         let (threads, sender, context) = (Arc::clone(&self.threads), self.saved.0.clone(), context.clone());
-        let wake = move || context.request_repaint();
-        save::beside(file, sender, wake, move |file| match mode {
+        let (wake, woken) = (context.clone(), move || context.request_repaint());
+        save::beside(file, sender, woken, move |file| match mode {
             DisplayMode::Picture => {
-                threads.install(|| save::picture(&prepared, (&request, side), command, file))
+                let progress = |done: usize, of: usize| {
+                    if percent.swap(done * 100 / of.max(1), Ordering::Relaxed) != done * 100 / of.max(1) {
+                        wake.request_repaint();
+                    }
+                };
+                let control = RenderControl { progress: &progress, ..RenderControl::default() };
+                threads.install(|| picture.write(file, &control))
             }
             _ => save::colours(&image, file),
         });
+    }
+
+    /// While files are being written, the window stays open; it closes with the last of them.
+    pub(super) fn keep_open(&mut self, context: &Context) {
+        let is_closing = context.input(|input| input.viewport().close_requested());
+        if is_closing && !self.saving.is_empty() {
+            self.closes_when_saved = true;
+            context.send_viewport_cmd(ViewportCommand::CancelClose);
+            self.show_notice("the window closes when the picture is saved".to_owned());
+        } else if self.closes_when_saved && self.saving.is_empty() && !is_closing {
+            // An error stays to be read.
+            self.closes_when_saved = false;
+            if self.notice.as_ref().is_none_or(|notice| !notice.is_error) {
+                context.send_viewport_cmd(ViewportCommand::Close);
+            }
+        }
     }
 
     /// Saves the camera as a section of a scene file.

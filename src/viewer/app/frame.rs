@@ -1,5 +1,6 @@
 //! Layout of an interface frame.
 
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use egui::{Context, Label, Panel, RichText, ScrollArea, Ui};
@@ -9,7 +10,8 @@ use crate::effects::RayKind;
 use crate::job::note_of_left_out;
 use crate::viewer::painter::RenderedImage;
 use crate::viewer::panel::{self, PanelContents};
-use crate::viewer::{overlay, timeline as bar};
+use crate::viewer::save::Saving;
+use crate::viewer::{elided, name_of, overlay, timeline as bar};
 
 /// Width of the panel, in points.
 pub(super) const PANEL_WIDTH: f32 = 300.0;
@@ -108,6 +110,11 @@ impl App {
                 (_, Some((what, _))) => what,
                 (None, None) => "no file is open".to_owned(),
             });
+            for Saving { file, percent } in &self.saving {
+                ui.separator();
+                let percent = percent.load(Ordering::Relaxed);
+                ui.label(format!("saving {}, {percent} %", elided(&name_of(file), 24)));
+            }
             let of_picture = self.of_picture.iter().flat_map(|(_, texts)| texts).chain(&self.warnings);
             let warnings = rendered.map(image_warnings).into_iter().flatten().chain(of_picture.cloned());
             let warnings: Vec<String> = warnings.collect();

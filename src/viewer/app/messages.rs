@@ -27,7 +27,7 @@ impl App {
             self.handle_loaded(context, loaded);
         }
         while let Ok((file, done)) = self.saved.1.try_recv() {
-            self.saving.retain(|other| *other != file);
+            self.saving.retain(|other| other.file != file);
             self.show_save_result(done, &file);
         }
         if self.painter.has_ended() && self.notice.is_none() {

@@ -23,6 +23,7 @@ use super::open_dialog::OpenDialog;
 use super::overlay::{self, Notice};
 use super::painter::{Comparison, Message, Painter, Prepared};
 use super::request::{Opened, RenderRequest};
+use super::save::{SaveDialog, Saving};
 use super::watch::Watcher;
 use super::{Start, display, name_of, theme};
 use crate::error::{Error, Result};
@@ -89,7 +90,11 @@ struct App {
     /// Results of saving threads.
     saved: (Sender<Saved>, Receiver<Saved>),
     /// Files that are being written.
-    saving: Vec<PathBuf>,
+    saving: Vec<Saving>,
+    /// Whether the window closes once they are written.
+    closes_when_saved: bool,
+    /// The window that asks for a picture's name, if shown.
+    save_dialog: Option<SaveDialog>,
     inputs: Vec<PathBuf>,
     /// Options of reading the inputs that were chosen in the window.
     import_options: Option<ImportOptions>,
@@ -170,6 +175,8 @@ impl App {
             changed: Arc::default(),
             saved: channel(),
             saving: Vec::new(),
+            closes_when_saved: false,
+            save_dialog: None,
             names: FileNames::of(&start.inputs),
             open_dialog: None,
             inputs: start.inputs,
@@ -281,6 +288,8 @@ impl eframe::App for App {
         self.panels(ui);
         CentralPanel::default().frame(Frame::NONE).show(ui, |ui| self.picture(ui));
         self.choose_file(&context);
+        self.choose_name(&context);
+        self.keep_open(&context);
         let mut open = self.visible.keys;
         overlay::keys(&context, &mut open);
         self.visible.keys = open;
