@@ -194,6 +194,30 @@ impl FileNames {
     }
 }
 
+impl FileNames {
+    /// The numbers of the files of these names that exist, in ascending order.
+    ///
+    /// # Errors
+    /// Those of reading the folder.
+    pub fn existing(&self) -> std::io::Result<Vec<i32>> {
+        let folder = if self.folder.as_os_str().is_empty() { Path::new(".") } else { &self.folder };
+        let mut numbers = Vec::new();
+        for entry in std::fs::read_dir(folder)? {
+            let name = entry?.file_name();
+            let number = name.to_str().and_then(|name| {
+                name.strip_prefix(self.before.as_str())?
+                    .strip_suffix(self.after.as_str())?
+                    .parse::<i32>()
+                    .ok()
+            });
+            // Only as the number is written.
+            numbers.extend(number.filter(|&number| self.of(number).file_name() == Some(&name)));
+        }
+        numbers.sort_unstable();
+        Ok(numbers)
+    }
+}
+
 /// The placeholders of a file name: start, end, width.
 fn placeholders(file: &str) -> Vec<(usize, usize, usize)> {
     let bytes = file.as_bytes();

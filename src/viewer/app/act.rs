@@ -19,7 +19,6 @@ use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::inspect::inspect;
 use crate::viewer::keys::{self, Action, CameraMotion, Focus};
 use crate::viewer::open_dialog::{Answer, OpenDialog};
-use crate::viewer::overlay::Notice;
 use crate::viewer::request::CameraSource;
 use crate::viewer::save::{Finished, SaveAnswer, SaveDialog, SavedPicture, Saving};
 use crate::viewer::{message_with_hint, name_of, save};

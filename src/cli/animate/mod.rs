@@ -1,19 +1,21 @@
 //! `kiln animate`: renders files to a film or to numbered frames.
 
+mod frame_files;
+
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 
-use super::arguments::{self, Arguments};
-use super::frames::{self, FrameChecks, FrameSeries, LengthArguments};
-use super::output::{PNG_BITS, bytes_per_pixel, check_alpha, check_bits, check_folder, check_skipping};
-use super::prepare::{Reporter, timed};
-use super::progress::Mode;
 use crate::animation::{
     FileNames, FrameData, FrameList, FrameRequest, Quality, VideoFormat, VideoSpec, VideoWriter,
 };
+use crate::cli::arguments::{self, Arguments};
+use crate::cli::frames::{self, FrameChecks, FrameSeries, LengthArguments};
+use crate::cli::output::{PNG_BITS, bytes_per_pixel, check_alpha, check_bits, check_folder, check_skipping};
+use crate::cli::prepare::{Reporter, timed};
+use crate::cli::progress::Mode;
 use crate::error::{Error, Result};
 use crate::farm::Shard;
 use crate::files::describe;
@@ -97,6 +99,12 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         return frames::write_frames(arguments, length, list, &pictures, interrupted);
     }
     check_whole(command)?;
+    let frames = match command.arguments.inputs.as_slice() {
+        [input] if Format::from_path(input).is_ok() => {
+            Some(frame_files::files(input, command.frames.as_ref())?)
+        }
+        _ => None,
+    };
     let quality = match command.quality {
         QualityName::High => Quality::High,
         QualityName::Low => Quality::Low,
@@ -113,7 +121,34 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     if !is_stream {
         check_folder(&command.output)?;
     }
-    film(command, format, is_stream, interrupted)
+    match frames {
+        Some(frames) => frame_files::film(command, &frames, format, is_stream, interrupted),
+        None => film(command, format, is_stream, interrupted),
+    }
+}
+
+/// A film of the command that is begun.
+fn recorder(command: &Command, format: VideoFormat, spec: VideoSpec, is_stream: bool) -> Result<VideoWriter> {
+    format.check(spec.size, spec.fps)?;
+    if is_stream {
+        let out = Box::new(BufWriter::with_capacity(1 << 20, std::io::stdout()));
+        return VideoWriter::to_stream(out, format, spec).map_err(|e| failed(command, &e));
+    }
+    VideoWriter::to_file(&command.output, format, spec)
+}
+
+fn failed(command: &Command, e: &std::io::Error) -> Error {
+    Error::output(command.output.as_path(), describe(e))
+}
+
+/// What was written, in `took` seconds.
+fn summary(command: &Command, spec: VideoSpec, took: f64) -> String {
+    let VideoSpec { size: [width, height], frames, fps, .. } = spec;
+    format!(
+        "wrote {} ({width} x {height}, {frames} frames, {:.2} s at {fps} frames per second) in {took:.2} s",
+        command.output.display(),
+        frames as f64 / fps,
+    )
 }
 
 /// Checks that a film is made as a whole: options of single frames are errors that name the command for frames.
@@ -153,22 +188,15 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
     frames::fix_exposure(&mut reporter, &pool, &mut animation, interrupted)?;
     let window = animation.picture.window;
     let size = [window.width, window.height];
-    format.check(size, animation.timeline.fps())?;
     let spec = VideoSpec { size, fps: animation.timeline.fps(), frames: animation.frames.len(), form };
-    let failed = |e: std::io::Error| Error::output(command.output.as_path(), describe(&e));
-    let mut recorder = if is_stream {
-        let out = Box::new(BufWriter::with_capacity(1 << 20, std::io::stdout()));
-        VideoWriter::to_stream(out, format, spec).map_err(failed)?
-    } else {
-        VideoWriter::to_file(&command.output, format, spec)?
-    };
+    let mut recorder = recorder(command, format, spec, is_stream)?;
     let checks = FrameChecks::default();
     let make = |frame: i32, job: &RenderJob, control: &RenderControl| {
         let (picture, statistics) = job.render_image(control)?;
         checks.add(frame, (&picture, &statistics), &animation, job, control)?;
         format.convert(&picture)
     };
-    let mut take = |_, frame: FrameData| recorder.add(frame).map_err(failed);
+    let mut take = |_, frame: FrameData| recorder.add(frame).map_err(|e| failed(command, &e));
     let mut took = 0.0;
     let picture = &animation.picture.settings.picture;
     // At least 12 bytes for a pixel of three `f32`, and up to 8 for the converted frame.
@@ -178,14 +206,6 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
     })?;
     recorder.finish()?;
     frames::finish(&mut reporter, &command.arguments, &checks, command.strict)?;
-    reporter.progress.finish(&format!(
-        "wrote {} ({} x {}, {} frames, {:.2} s at {} frames per second) in {took:.2} s",
-        command.output.display(),
-        window.width,
-        window.height,
-        spec.frames,
-        spec.frames as f64 / spec.fps,
-        spec.fps,
-    ));
+    reporter.progress.finish(&summary(command, spec, took));
     Ok(())
 }

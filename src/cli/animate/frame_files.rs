@@ -1,0 +1,138 @@
+//! Films of numbered pictures that exist, such as the frames of a farm: `kiln animate frame_####.png -o film.mp4`.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use image::DynamicImage;
+
+use super::{Command, Reporter, failed, recorder, summary, timed};
+use crate::animation::{FileNames, FrameData, FrameList, VideoFormat, VideoSpec, in_order};
+use crate::error::{Error, Result};
+use crate::files::{folder_of, read_file, unreadable};
+use crate::film::rounding::Rounding;
+use crate::film::write::{OutputImage, PngForm};
+use crate::film::{ColourPipeline, Film, Window, read};
+
+/// Frames per second of films of pictures, which do not state theirs.
+const FPS: f64 = 30.0;
+
+/// The pictures of a pattern, in order: those of `list`, or all that exist, without a gap.
+///
+/// # Errors
+/// [`Error::Usage`] for a name without a place for the number, [`Error::Input`] for none and for a missing one.
+pub(super) fn files(pattern: &Path, list: Option<&FrameList>) -> Result<Vec<PathBuf>> {
+    let hint = "name all frames, such as frame_####.png";
+    let names = FileNames::parse(pattern).map_err(|what| Error::usage(what, "give the name one ####"))?;
+    let Some(names) = names else {
+        return Err(Error::usage(format!("{}: one picture is no film", pattern.display()), hint));
+    };
+    let numbers = match list {
+        Some(list) => list.frames().to_vec(),
+        None => {
+            let found = names.existing().map_err(|e| unreadable(folder_of(pattern), &e))?;
+            let (Some(&first), Some(&last)) = (found.first(), found.last()) else {
+                return Err(Error::input(pattern, "no such frame", "check the name and the folder"));
+            };
+            if let Some(gap) = (first..=last).find(|number| found.binary_search(number).is_err()) {
+                let hint = format!("render it, or give --frames: the others are {first} to {last}");
+                return Err(Error::input(names.of(gap).as_path(), "no such file", hint));
+            }
+            found
+        }
+    };
+    Ok(numbers.into_iter().map(|number| names.of(number)).collect())
+}
+
+/// Writes the film.
+pub(super) fn film(
+    command: &Command,
+    files: &[PathBuf],
+    format: VideoFormat,
+    is_stream: bool,
+    interrupted: &AtomicBool,
+) -> Result<()> {
+    let pool = crate::cli::pool(command.arguments.threads)?;
+    let mut reporter = Reporter::new(command.progress, Vec::new());
+    warn_of_settings(command, &mut reporter);
+    reporter.phase("reading");
+    let first = picture(files.first().map_or(Path::new(""), PathBuf::as_path), None)?;
+    let (size, form) = first.png_form().ok_or(Error::Interrupted)?;
+    let fps = command.length.fps.unwrap_or(FPS);
+    let spec = VideoSpec { size, fps, frames: files.len(), form };
+    let mut recorder = recorder(command, format, spec, is_stream)?;
+    let done = AtomicUsize::new(0);
+    let make = |place: i32| {
+        let converted = format.convert(&picture(&files[place as usize], Some((size, form)))?);
+        reporter.progress.steps(1 + done.fetch_add(1, Ordering::Relaxed), files.len(), ("frames", 1));
+        converted
+    };
+    let mut take = |_, frame: FrameData| recorder.add(frame).map_err(|e| failed(command, &e));
+    let places: Vec<i32> = (0..files.len() as i32).collect();
+    let mut took = 0.0;
+    let in_flight = 1 + pool.current_num_threads();
+    timed(&mut took, || in_order(&pool, &places, in_flight, interrupted, &make, &mut take))?;
+    recorder.finish()?;
+    reporter.progress.clear();
+    reporter.show();
+    reporter.check(command.strict, "the film was")?;
+    reporter.progress.finish(&summary(command, spec, took));
+    Ok(())
+}
+
+/// Warns of options of rendering.
+fn warn_of_settings(command: &Command, reporter: &mut Reporter) {
+    let settings = &command.arguments.settings;
+    let mut given: Vec<String> = settings.picture.entries().into_iter().map(|(name, _)| name).collect();
+    let others = [
+        ("size", command.arguments.size.is_some()),
+        ("camera", command.arguments.camera.is_some()),
+        ("view", command.arguments.view.is_some()),
+        ("duration", command.length.duration.is_some()),
+    ];
+    given.extend(others.iter().filter(|(_, is_given)| *is_given).map(|(name, _)| (*name).to_owned()));
+    for name in given {
+        reporter.warnings.push(format!("--{name} changes nothing: the frames are pictures that exist"));
+    }
+}
+
+/// Reads a frame, which must have the size and the form of the first one.
+fn picture(file: &Path, first: Option<([u32; 2], PngForm)>) -> Result<OutputImage> {
+    let bytes = read_file(file).map_err(|e| unreadable(file, &e))?;
+    let decoded = read::decode(&bytes, |_| 16).map_err(|e| e.into_error(file))?;
+    let window = Window { x: 0, y: 0, width: decoded.width(), height: decoded.height() };
+    let (has_alpha, is_16_bit) = (decoded.color().has_alpha(), decoded.color().bytes_per_pixel() > 4);
+    let is_16_bit =
+        is_16_bit || matches!(decoded, DynamicImage::ImageLuma16(_) | DynamicImage::ImageLumaA16(_));
+    let form = PngForm::new(has_alpha, Rounding { is_16_bit, is_dithered: false }, PIPELINE);
+    if first.is_some_and(|(size, other)| size != [window.width, window.height] || form != other) {
+        let what = format!(
+            "{} x {} pixels, of another size or kind than the first frame",
+            window.width, window.height
+        );
+        return Err(Error::input(file, what, "make all frames by one command"));
+    }
+    Ok(match (is_16_bit, has_alpha) {
+        (false, false) => OutputImage::Rgb8(colours(window, decoded.into_rgb8().as_raw())?, PIPELINE),
+        (true, false) => OutputImage::Rgb16(colours(window, decoded.into_rgb16().as_raw())?, PIPELINE),
+        (false, true) => {
+            let all = decoded.to_rgba8();
+            let alpha = all.pixels().map(|pixel| pixel.0[3]).collect();
+            OutputImage::Rgba8(colours(window, decoded.into_rgb8().as_raw())?, alpha, PIPELINE)
+        }
+        (true, true) => {
+            let all = decoded.to_rgba16();
+            let alpha = all.pixels().map(|pixel| pixel.0[3]).collect();
+            OutputImage::Rgba16(colours(window, decoded.into_rgb16().as_raw())?, alpha, PIPELINE)
+        }
+    })
+}
+
+/// Values of files are displayed as they are.
+const PIPELINE: ColourPipeline = ColourPipeline::Display;
+
+fn colours<T: bytemuck::Pod>(window: Window, values: &[T]) -> Result<Film<[T; 3]>>
+where
+    [T; 3]: crate::film::Pixel + bytemuck::Pod,
+{
+    Film::from_rows(window, bytemuck::cast_slice(values))
+}
