@@ -23,7 +23,7 @@ class ReadOptions(TypedDict, total=False):
 
     time: _Value
     variant: _Value
-    up: Literal["x", "y", "z", "-z"] | None
+    up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] | None
     smooth: bool | _Value
     clip: str | int | Sequence[str | int] | None
     material: str | int | Sequence[str | int] | None
@@ -35,6 +35,7 @@ class ViewOptions(ReadOptions, total=False):
     """Those of pictures but for camera, size and samples."""
 
     view: Literal["front", "back", "left", "right", "top", "bottom", "iso"] | None
+    look_at: _Value
     projection: Literal["perspective", "orthographic", "panoramic"] | None
     crop: _Value
     environment: _Value

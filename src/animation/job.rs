@@ -1,5 +1,7 @@
 //! An animation as render jobs, one per frame.
 
+use std::borrow::Cow;
+
 use rayon::prelude::*;
 
 use super::FrameList;
@@ -239,7 +241,21 @@ fn seen_by(scene: &mut Scene, settings: &RenderSettings, warnings: &mut Warnings
         (camera, false) => {
             let aspect = f64::from(size[0]) / f64::from(size[1]);
             let framing = settings.framing(view, scene);
-            let camera = turntable(scene, camera, framing, aspect, settings.projection.unwrap_or_default());
+            let projection = settings.projection.unwrap_or_default();
+            let object = match settings.looked_at(scene)? {
+                Cow::Owned(object) if camera.is_none() => Some(object),
+                _ => None,
+            };
+            let orbit = |seen: &mut Scene| turntable(seen, camera, framing, aspect, projection);
+            let camera = match object {
+                Some(mut object) => {
+                    let camera = orbit(&mut object);
+                    scene.animation = object.animation;
+                    scene.cameras.extend(camera.clone());
+                    camera
+                }
+                None => orbit(scene),
+            };
             let camera = camera.ok_or_else(|| nothing_to_look_at(scene))?;
             Ok(Seen { camera, fitted: None, size })
         }

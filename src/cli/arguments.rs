@@ -87,7 +87,8 @@ impl Arguments {
         let size = self.size.map(PictureSettings::of_size).unwrap_or_default();
         let camera = match (view, self.camera.as_deref()) {
             (Some(view), _) => CameraChoice::Fitted(view),
-            (None, None) => CameraChoice::Default,
+            (None, None) if self.settings.look_at.is_none() => CameraChoice::Default,
+            (None, None) => CameraChoice::Fitted(StandardView::Auto),
             (None, Some("auto")) => CameraChoice::Fitted(StandardView::Auto),
             (None, Some(text)) if text.trim_start().starts_with('{') => {
                 CameraChoice::Given(inline_camera(text, size.size())?)

@@ -21,6 +21,7 @@ use crate::film::write::{Format, OutputImage};
 use crate::job::{self, RenderJob, metadata};
 use crate::render::aov::{AOVS, AovSelection, EFFECTS, EFFECTS_SUMMARY, LARGEST_EXACT_INDEX};
 use crate::render::{RenderControl, Statistics};
+use crate::scene::is_named;
 use crate::scene::option::group;
 use crate::world::World;
 
@@ -321,5 +322,11 @@ pub(super) fn warn_of_result(
     job::note_of_left_out(&job.plan, statistics).into_iter().for_each(|note| warnings.note(note));
     warn_of_indices(context.selection, &job.world, warnings);
     output::warn_about_picture(context.inputs, &job.world, statistics, context.is_part, warnings);
+    let mut objects = job.world.objects.iter().zip(&statistics.visible_objects);
+    if let (Some(name), false) = (&job.settings.look_at, context.is_part)
+        && !objects.any(|(object, is_seen)| *is_seen && is_named(&object.name, name))
+    {
+        warnings.push(format!("`{name}` is hidden by other objects; try another --view or --azimuth"));
+    }
     Ok(())
 }

@@ -92,7 +92,7 @@ fn initial_view(
     let mut arguments = arguments.clone();
     if !arguments.inputs.is_empty() && arguments.inputs != inputs {
         // Camera options do not apply to files that were dropped onto the window.
-        (arguments.camera, arguments.view) = (None, None);
+        (arguments.camera, arguments.view, arguments.settings.look_at) = (None, None, None);
         let picture = &mut arguments.settings.picture;
         *picture = PictureSettings { azimuth: None, elevation: None, zoom: None, fov: None, ..*picture };
         arguments.inputs = inputs.to_vec();
@@ -103,6 +103,7 @@ fn initial_view(
         return Err(nothing_to_look_at(&scene));
     }
     let requested = arguments.settings()?;
+    requested.looked_at(&scene)?;
     // Its notes and errors. The painter has a look for the settings of each side.
     let look = requested.default_look(&scene, warnings)?;
     let viewpoint = Viewpoint::of(&requested.camera, &scene, None)?;
@@ -129,7 +130,7 @@ mod tests {
     use clap::Parser;
 
     use super::*;
-    use crate::scene::{ReadingOptions, UpAxis};
+    use crate::scene::{ReadingOptions, UpAxis, UpChoice};
 
     #[derive(Parser)]
     struct Line {
@@ -150,8 +151,8 @@ mod tests {
             ..ImportOptions::default()
         };
         for (inputs, chosen, up) in [
-            (&own, None, Some(UpAxis::Z)),
-            (&own, Some(turned(Some(UpAxis::X))), Some(UpAxis::X)),
+            (&own, None, Some(UpChoice::Axis(UpAxis::Z))),
+            (&own, Some(turned(Some(UpChoice::Axis(UpAxis::X)))), Some(UpChoice::Axis(UpAxis::X))),
             (&other, None, None),
         ] {
             let (opened, _) = open(&arguments, inputs, chosen.as_ref(), &mut Warnings::default());

@@ -62,11 +62,12 @@ use crate::film::Colour;
 use crate::limits::Counted;
 use crate::scene::{
     ClipChoice, Degrees, ImportOptions, Material, MaterialId, Mesh, Object, Opacity, Phong, Scene, Shape,
-    UpAxis,
+    UpAxis, UpChoice,
 };
 use dependencies::Files;
 use glam::DVec3;
 use lines::{without_comments, without_mark};
+use up::Guess;
 
 /// A supported file format.
 pub struct Importer {
@@ -381,10 +382,13 @@ fn load_by(
         let mut one = read_one(&source, warnings).map_err(|e| hinted(e, file))?;
         let crease = crease(&source, None, options.smooths_meshes)?;
         drop(source);
-        match options.reading.up {
-            Some(up) if !one.has_settings => one.turn(up),
-            Some(_) => {}
-            None => note_up(&one, file, warnings),
+        // The meshes of a scene file are turned one by one.
+        if !one.has_settings {
+            let chosen = options.reading.up.and_then(UpChoice::axis);
+            let up = chosen.unwrap_or_else(|| up_axis(&one, file, inputs.len() == 1, warnings));
+            if up != UpAxis::Y {
+                one.turn(up);
+            }
         }
         if let Some(crease) = crease.filter(|_| !one.has_settings) {
             smooth::smooth(&mut one, crease);
@@ -439,16 +443,14 @@ fn crease(source: &Source, own: Option<Degrees>, smooths: bool) -> Result<Option
 fn replace_materials(scene: &mut Scene, materials: Vec<Material>, warnings: &mut Warnings) -> Result<()> {
     let choices = std::mem::take(&mut scene.import_options.materials);
     let of_object = |object: &Object| scene.materials[object.material.0 as usize].name().to_owned();
-    let names: Vec<[String; 2]> = scene.objects.iter().map(|o| [o.name.clone(), of_object(o)]).collect();
+    let of_objects: Vec<String> = scene.objects.iter().map(of_object).collect();
     for (choice, material) in choices.iter().zip(materials) {
-        let is_meant = |[object, material]: &[String; 2], name: &str| {
-            let part = object.strip_prefix(name);
-            material == name || part.is_some_and(|part| part.is_empty() || part.starts_with('/'))
-        };
-        let is_meant = |names| choice.name.as_deref().is_none_or(|name| is_meant(names, name));
-        let meant: Vec<usize> = (0..names.len()).filter(|&i| is_meant(&names[i])).collect();
+        let has_name = |i: usize, name: &str| of_objects[i] == name || scene.objects[i].is_named(name);
+        let is_meant = |&i: &usize| choice.name.as_deref().is_none_or(|name| has_name(i, name));
+        let meant: Vec<usize> = (0..of_objects.len()).filter(is_meant).collect();
         if let (Some(name), []) = (&choice.name, meant.as_slice()) {
-            let known: Vec<&str> = names.iter().flatten().map(String::as_str).collect();
+            let names = scene.objects.iter().map(|object| &object.name).chain(&of_objects);
+            let known: Vec<&str> = names.map(String::as_str).collect();
             let hint = nearest_name(name, &known);
             return Err(Error::usage(format!("--material: no object or material is named `{name}`"), hint));
         }
@@ -512,25 +514,36 @@ fn warn_of_unused_textures(scene: &Scene, file: &Path, warnings: &mut Warnings) 
     }
 }
 
-/// Says which way may be up in a file, where that does not seem to be y. glTF says that it is.
-fn note_up(scene: &Scene, file: &Path, warnings: &mut Warnings) {
-    if scene.has_settings || !scene.cameras.is_empty() || ["gltf", "glb"].contains(&ending(file).as_str()) {
-        return;
+/// The up axis of a mesh file: that of its format's specification; in a format without one, z where the file seems to stand
+/// upright in it, else y. A file without the others of a scene is turned alone only if it `is_alone`: parts stay together.
+/// Measurements: docs/decisions.md.
+fn up_axis(scene: &Scene, file: &Path, is_alone: bool, warnings: &mut Warnings) -> UpAxis {
+    let ending = ending(file);
+    match ending.as_str() {
+        "gltf" | "glb" => return UpAxis::Y,
+        "3mf" => return UpAxis::Z,
+        _ if !scene.cameras.is_empty() => return UpAxis::Y,
+        _ => {}
     }
     let file_name = file.display();
     match up::guess(scene) {
-        Some(UpAxis::Y) => {}
-        Some(up) => {
+        Some(Guess { up: UpAxis::Z, is_sure: true }) if is_alone => {
+            warnings
+                .note(format!("{file_name}: stands upright with z up, so it is turned; --up y keeps y up"));
+            return UpAxis::Z;
+        }
+        Some(Guess { up: UpAxis::Y, .. }) => {}
+        Some(Guess { up, .. }) => {
             let name = up.name();
             warnings
                 .note(format!("{file_name}: seems to stand upright with {name} up; --up {name} turns it"));
         }
-        None if ["stl", "3mf"].contains(&ending(file).as_str()) => {
-            let format = ending(file).to_uppercase();
-            warnings.note(format!("{file_name}: most {format} files have z up; --up z turns it"));
+        None if ending == "stl" => {
+            warnings.note(format!("{file_name}: most STL files have z up; --up z turns it"));
         }
         None => {}
     }
+    UpAxis::Y
 }
 
 /// Reads an input or a referenced file. The caller validates the result.

@@ -29,15 +29,27 @@ const MARGIN: f64 = 3.0;
 /// Points of the surface that are compared with those of its mirror images.
 const POINTS: usize = 512;
 
+/// The axes that files stand upright in.
+const CANDIDATES: [UpAxis; 4] = [UpAxis::X, UpAxis::Y, UpAxis::Z, UpAxis::MinusZ];
+
+/// The axis that a mesh seems to stand upright in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Guess {
+    pub up: UpAxis,
+    /// Whether it rests on a surface. Terrain and the scan of a face from one side are height fields; feet may be points,
+    /// and the rim of an open surface may be its back.
+    pub is_sure: bool,
+}
+
 /// The axis that a mesh seems to stand upright in: it rests stably on its lower end in that axis, preferably on legs or
 /// wheels, and is not its own mirror image along it; or it is a height field above it. `None` where that is not clear.
-pub(super) fn guess(scene: &Scene) -> Option<UpAxis> {
+pub(super) fn guess(scene: &Scene) -> Option<Guess> {
     let (min, max) = scene.bounds()?;
     let (size, middle) = (max - min, min / 2.0 + max / 2.0);
     if size.min_element() <= 0.0 {
         return None;
     }
-    let axes = UpAxis::ALL.map(UpAxis::vector);
+    let axes = CANDIDATES.map(UpAxis::vector);
     let mut bases: Vec<Base> = axes.iter().chain([&DVec3::NEG_Y]).map(|&up| Base::new(up, size)).collect();
     let (mut sum, mut area, mut moment) = (DVec3::ZERO, 0.0, DVec3::ZERO);
     scene.for_each_triangle(|corners| {
@@ -49,8 +61,8 @@ pub(super) fn guess(scene: &Scene) -> Option<UpAxis> {
         bases.iter_mut().for_each(|base| base.add([a, b, c], twice));
     });
     let is_height_field = |up: &UpAxis| sum.dot(up.vector()) > HEIGHT_FIELD * area;
-    if let Some(up) = UpAxis::ALL.into_iter().find(is_height_field) {
-        return Some(up);
+    if let Some(up) = CANDIDATES.into_iter().find(is_height_field) {
+        return Some(Guess { up, is_sure: false });
     }
     let asymmetry = asymmetry(scene, middle, area);
     let asymmetry = asymmetry / asymmetry.max_element().max(f64::MIN_POSITIVE);
@@ -62,7 +74,8 @@ pub(super) fn guess(scene: &Scene) -> Option<UpAxis> {
     // Files have y up where nothing speaks against it, so another axis has to beat y alone.
     let is_rival = |k: usize| axes[best] == DVec3::Y || bases[k].up.y != 0.0;
     let is_clear = (0..bases.len()).all(|k| k == best || !is_rival(k) || scores[best] >= MARGIN * scores[k]);
-    (scores[best] >= least && is_clear).then_some(UpAxis::ALL[best])
+    let guess = Guess { up: CANDIDATES[best], is_sure: bases[best].contact > 0.0 };
+    (scores[best] >= least && is_clear).then_some(guess)
 }
 
 /// The lower end of a mesh in an axis, relative to the centre of the bounds.

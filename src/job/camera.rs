@@ -60,7 +60,8 @@ impl Viewpoint<'_> {
 
     /// Notes why cameras of the files are not used, and warns of options of automatic cameras that change nothing.
     pub fn report(&self, settings: &RenderSettings, scene: &Scene, warnings: &mut Warnings) {
-        let framing = settings.picture.or(scene.picture).of_automatic_camera();
+        let mut framing = settings.picture.or(scene.picture).of_automatic_camera();
+        framing.extend(settings.look_at.iter().map(|_| "--look-at".to_owned()));
         match self {
             Viewpoint::Camera(camera) if !framing.is_empty() => warnings.push(format!(
                 "{} changes nothing: the camera is `{}`, not automatic; give --camera auto, or --view",
@@ -119,7 +120,7 @@ impl Viewpoint<'_> {
             Viewpoint::Fitted(view) => {
                 let aspect = f64::from(size[0]) / f64::from(size[1]);
                 let projection = settings.projection.unwrap_or_default();
-                fitted_camera(scene, settings.framing(view, scene), aspect, projection)
+                fitted_camera(&*settings.looked_at(scene)?, settings.framing(view, scene), aspect, projection)
                     .ok_or_else(|| nothing_to_look_at(scene))
             }
         }

@@ -102,6 +102,7 @@ fn studio(scene: &Scene, settings: &RenderSettings, given: DefaultLook) -> Defau
     }
     let lacks_lights = scene.lights.is_empty() && look.picture.shading().uses_lights();
     let (is_of_file, is_open) = (settings.camera.is_of_file(scene), !look.shows_environment());
+    let is_added = lacks_lights && !has_lamps && !is_of_file && is_open;
     let context = LookContext {
         pipeline: look.picture.pipeline(),
         traces_paths: look.transport(scene).traces_paths(),
@@ -110,7 +111,8 @@ fn studio(scene: &Scene, settings: &RenderSettings, given: DefaultLook) -> Defau
         is_bright: has_lamps || scene.has_physical_lights,
         is_of_file,
         is_open,
-        adds_ground_and_background: lacks_lights && !has_lamps && !is_of_file && is_open,
+        // A shape that stands and is flat has a dark background instead: lit from the front, it is as light as the ground.
+        adds_ground_and_background: is_added && !scene.bounds().is_some_and(stands_flat),
     };
     let given = look.picture;
     look.picture = sampling(given, &context);
@@ -134,6 +136,15 @@ fn studio(scene: &Scene, settings: &RenderSettings, given: DefaultLook) -> Defau
     look.has_backdrop = has_backdrop;
     notes.extend(note_of_parts(&look, &given, &context));
     DefaultLook { notes, ..look }
+}
+
+/// The depth of a flat shape in sizes of its bounds, at most: rounding of f32 coordinates.
+const FLAT: f64 = 1e-6;
+
+/// Whether bounds are those of a flat shape that stands.
+fn stands_flat((min, max): (DVec3, DVec3)) -> bool {
+    let size = max - min;
+    size.x.min(size.z) <= FLAT * size.max_element() && size.y > FLAT * size.max_element()
 }
 
 /// The sampling of a picture whose settings say nothing of it.

@@ -25,6 +25,7 @@
 mod back_faces;
 pub mod camera;
 mod default_look;
+mod enclosed;
 mod exr_attributes;
 mod lens;
 mod memory;

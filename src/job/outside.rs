@@ -67,9 +67,15 @@ const LEAST_VISIBLE: f64 = 0.5;
 /// Points of a regular grid along each side of the bounds, whose places in the picture stand for those of the bounds.
 const GRID: usize = 9;
 
-/// Notes that a camera of a mesh file leaves its objects small or mostly outside the picture. A camera within the bounds,
-/// such as one in a room, does not see all of them.
-pub(super) fn note_framing(scene: &Scene, camera: &Camera, view: &View, warnings: &mut Warnings) {
+/// Notes that a camera sees the objects from their edge, and that one of a mesh file leaves them small or mostly outside the
+/// picture. A camera within the bounds, such as one in a room, does not see all of them.
+pub(super) fn note_framing(
+    scene: &Scene,
+    camera: &Camera,
+    view: &View,
+    is_of_mesh_file: bool,
+    warnings: &mut Warnings,
+) {
     let Some((min, max)) = scene.bounds() else { return };
     if (camera.position.cmpge(min) & camera.position.cmple(max)).all() {
         return;
@@ -86,11 +92,15 @@ pub(super) fn note_framing(scene: &Scene, camera: &Camera, view: &View, warnings
     let corner = |pick: fn(DVec2, DVec2) -> DVec2| visible.iter().copied().reduce(pick).unwrap_or_default();
     let covered = corner(DVec2::max) - corner(DVec2::min);
     let name = &camera.name;
-    if (visible.len() as f64) < LEAST_VISIBLE * GRID.pow(3) as f64 {
+    if !visible.is_empty() && covered.min_element() < 1.0 {
+        warnings.note(format!(
+            "camera `{name}` sees the objects from their edge, less than a pixel wide; try `--camera auto`"
+        ));
+    } else if is_of_mesh_file && (visible.len() as f64) < LEAST_VISIBLE * GRID.pow(3) as f64 {
         warnings.note(format!(
             "camera `{name}` sees less than half of the objects' bounds; `--camera auto` sees everything"
         ));
-    } else if covered.x * covered.y < LEAST_COVERED * size.x * size.y {
+    } else if is_of_mesh_file && covered.x * covered.y < LEAST_COVERED * size.x * size.y {
         warnings.note(format!(
             "camera `{name}` shows the objects on less than {} % of the picture; `--camera auto` fills it",
             100.0 * LEAST_COVERED
@@ -145,12 +155,14 @@ mod tests {
             let view = View::new(&camera, camera.projection, [80, 80]).unwrap();
             let mut warnings = Warnings::default();
             let scene = Scene { objects: vec![object], ..Scene::default() };
-            note_framing(&scene, &camera, &view, &mut warnings);
+            note_framing(&scene, &camera, &view, true, &mut warnings);
             warnings.notes().concat()
         };
         assert_eq!((noted(0.0, 0.7), noted(4.5, 1.0), noted(6.0, 7.0)), Default::default());
         assert!(noted(0.0, 0.4).contains("`c` shows the objects on less than 2 %"), "{}", noted(0.0, 0.4));
         assert!(noted(6.0, 1.0).contains("less than half of the objects' bounds"), "{}", noted(6.0, 1.0));
         assert!(noted(99.0, 1.0).contains("`--camera auto`"));
+        // 80 pixels show 10 units: a ball of 0.12 is less than one of them, which stands for a shape seen from its edge.
+        assert!(noted(0.0, 0.06).contains("`c` sees the objects from their edge"), "{}", noted(0.0, 0.06));
     }
 }

@@ -7,8 +7,8 @@ use glam::DVec3;
 use super::camera::{self, Viewpoint};
 use super::metadata::{self, Metadata};
 use super::{
-    PlanSettings, PreparedScene, RenderControl, RenderJob, RenderSettings, check_display, check_memory, lens,
-    metering, notes, outside,
+    PlanSettings, PreparedScene, RenderControl, RenderJob, RenderSettings, check_display, check_memory,
+    enclosed, lens, metering, notes, outside,
 };
 use crate::bvh::Layout;
 use crate::effects::{PathSettings, check_names, check_scene, id};
@@ -85,20 +85,22 @@ pub(super) fn camera_of(
     let is_of_mesh_file = !scene.has_settings && matches!(viewpoint, Viewpoint::Camera(Cow::Borrowed(_)));
     if matches!(viewpoint, Viewpoint::Fitted(StandardView::Auto))
         && !settings.projection.is_some_and(Projection::shows_all_directions)
-        && opening(scene).is_some_and(|opening| !opening.is_flat)
+        && opening(&*settings.looked_at(scene)?).is_some_and(|opening| !opening.is_flat)
     {
         warnings.note("the surface is open to one side; the camera looks in from there");
     }
+    let is_from_side = matches!(viewpoint, Viewpoint::Fitted(view) if view != StandardView::Auto);
     let size = viewpoint.size(settings, scene);
     let camera = viewpoint.camera(settings, scene, size)?;
-    // Files place their objects for their cameras; a scene file is written by hand.
-    if scene.has_settings || is_of_mesh_file {
-        let projection = settings.projection.unwrap_or(camera.projection);
+    let projection = settings.projection.unwrap_or(camera.projection);
+    // Files place their objects for their cameras; a scene file is written by hand. A view from a side may see an edge.
+    if settings.look_at.is_none() && (scene.has_settings || is_of_mesh_file || is_from_side) {
         let view = View::new(&camera, projection, size)?;
-        match is_of_mesh_file {
-            true if projection.shows_all_directions() => {}
-            true => outside::note_framing(scene, &camera, &view, warnings),
-            false => outside::warn(scene, &view, recentering, warnings),
+        if scene.has_settings {
+            outside::warn(scene, &view, recentering, warnings);
+        }
+        if !projection.shows_all_directions() {
+            outside::note_framing(scene, &camera, &view, is_of_mesh_file, warnings);
         }
     }
     Ok((camera, size))
@@ -247,5 +249,6 @@ pub(super) fn metered(mut job: RenderJob, meters: bool, warnings: &mut Warnings)
         warnings.note(format!("the exposure is {ev} EV, metered; --exposure 0 turns this off"));
     }
     notes::warn_of_job(&job, warnings);
+    enclosed::note(&job, warnings)?;
     Ok(job)
 }

@@ -1,19 +1,23 @@
 //! Render settings that users give in addition to the scene, as plain data.
 
+use std::borrow::Cow;
+
 use serde::{Deserialize, Serialize};
 
 use crate::bvh::Preset;
 #[cfg(feature = "cli")]
 use crate::effects::EFFECTS;
 use crate::effects::{EffectId, id};
-use crate::error::{Error, Result, Warnings};
+use crate::error::{Error, Result, Warnings, nearest_name};
 use crate::farm::Shard;
 use crate::film::{ColourPipeline, DisplaySettings, Window};
 use crate::import;
 use crate::scene::option::options;
 #[cfg(feature = "cli")]
 use crate::scene::option::{group, parser};
-use crate::scene::{Camera, DefaultLook, Environment, Look, PictureSettings, Projection, Rotation, Scene};
+use crate::scene::{
+    Camera, DefaultLook, Environment, Look, Object, PictureSettings, Projection, Rotation, Scene,
+};
 use crate::world::{Framing, StandardView};
 
 /// Render settings. A field that is `None` or empty is taken from the scene, then from defaults.
@@ -24,6 +28,9 @@ pub struct RenderSettings {
     /// Choice of the camera.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub camera: CameraChoice,
+    /// Object that an automatic camera frames, by name [default: all objects]
+    #[cfg_attr(feature = "cli", arg(long, help_heading = group::CAMERA, display_order = 2, value_name = "OBJECT"))]
+    pub look_at: Option<String>,
     /// Projection [default: the camera's]
     #[cfg_attr(feature = "cli", arg(long, help_heading = group::CAMERA, value_parser = parser::<Projection>()))]
     pub projection: Option<Projection>,
@@ -153,7 +160,29 @@ impl RenderSettings {
             fov: None,
             ..self.picture
         };
-        RenderSettings { camera, projection: None, longest_side: None, picture, ..self.clone() }
+        RenderSettings {
+            camera,
+            look_at: None,
+            projection: None,
+            longest_side: None,
+            picture,
+            ..self.clone()
+        }
+    }
+
+    /// The scene that a fitted camera frames: the objects of the name to look at alone, if there is one.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if no object has that name.
+    pub fn looked_at<'a>(&self, scene: &'a Scene) -> Result<Cow<'a, Scene>> {
+        let Some(name) = &self.look_at else { return Ok(Cow::Borrowed(scene)) };
+        let objects: Vec<Object> = scene.objects.iter().filter(|one| one.is_named(name)).cloned().collect();
+        if objects.is_empty() {
+            let known: Vec<&str> = scene.objects.iter().map(|object| object.name.as_str()).collect();
+            let hint = nearest_name(name, &known);
+            return Err(Error::usage(format!("--look-at: no object is named `{name}`"), hint));
+        }
+        Ok(Cow::Owned(Scene { objects, ..Scene::default() }))
     }
 
     /// The look of a scene in its own coordinates, before anything moves, with these settings: what its files say,

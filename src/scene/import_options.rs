@@ -3,7 +3,7 @@
 use super::option::{OptionValue, options, ranged};
 #[cfg(feature = "cli")]
 use super::option::{group, parser};
-use super::{ClipChoice, ClipTime, UpAxis};
+use super::{ClipChoice, ClipTime, UpChoice};
 use crate::limits::Limits;
 
 /// Choices that importers take.
@@ -46,8 +46,9 @@ options! {
         [long, help_heading = group::INPUT, allow_hyphen_values = true, value_name = "SECONDS", value_parser = parser::<Seconds>()] time: Seconds,
         /// Material variant of glTF files (KHR_materials_variants), by name [default: the file's materials]
         [long, help_heading = group::INPUT, value_name = "NAME", value_parser = parser::<String>()] variant: String,
-        /// Up axis of mesh files [default: y]
-        [long, help_heading = group::INPUT, display_order = 0, allow_hyphen_values = true, value_name = "AXIS", value_parser = parser::<UpAxis>()] up: UpAxis,
+        /// Up axis of mesh files; `auto`: y in glTF, z in 3MF; of other formats, z for a file that seems to stand upright in it, else y
+        /// [default: auto]
+        [long, help_heading = group::INPUT, display_order = 0, allow_hyphen_values = true, value_name = "AXIS", ignore_case = true, value_parser = parser::<UpChoice>()] up: UpChoice,
         /// Smooth normals for mesh files without normals, up to this crease angle in degrees, 0 to 180; 0 is flat shading [default
         /// without a number: 30] [default: 30, but glTF files are flat]
         [long, help_heading = group::INPUT, display_order = 1, value_name = "DEG", num_args = 0..=1, default_missing_value = "30", value_parser = parser::<Degrees>()]

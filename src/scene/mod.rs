@@ -91,7 +91,7 @@ pub use shading_mode::ShadingMode;
 pub use texels::TexelValues;
 pub use texture_slot::{SlotEntry, TEXTURE_SLOTS, TextureSlot, Textures};
 pub use transport::{Transport, TransportReason};
-pub use up::UpAxis;
+pub use up::{UpAxis, UpChoice};
 
 use support::{AffineFunction, PointTrees};
 
@@ -166,6 +166,18 @@ pub struct Object {
     pub material: MaterialId,
     /// Its geometry.
     pub shape: Shape,
+}
+
+impl Object {
+    /// Whether it has this name, or is a part of what has it: `NAME/...`.
+    pub fn is_named(&self, name: &str) -> bool {
+        is_named(&self.name, name)
+    }
+}
+
+/// [`Object::is_named`] for the name of an object.
+pub(crate) fn is_named(object: &str, name: &str) -> bool {
+    object.strip_prefix(name).is_some_and(|part| part.is_empty() || part.starts_with('/'))
 }
 
 /// The supported shapes.

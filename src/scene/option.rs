@@ -126,7 +126,6 @@ named_values!(
     super::Projection,
     super::ShadingMode,
     super::Transport,
-    super::UpAxis,
 );
 
 /// Headings under which the help lists options.

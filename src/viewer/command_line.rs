@@ -110,6 +110,9 @@ fn camera_option(command: &RenderCommand, option: &mut impl FnMut(&str, &str)) -
                 StandardView::Auto => option("--camera", "auto"),
                 view => option("--view", view.name()),
             }
+            if let Some(object) = &command.settings.look_at {
+                option("--look-at", object);
+            }
             Projection::default()
         }
         (_, None) => Projection::default(),

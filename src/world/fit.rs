@@ -126,7 +126,7 @@ const FLAT_SHARE: f64 = 1.0 - 1e-6;
 
 /// The view into a scene whose surface is open to one side.
 pub(crate) struct Opening {
-    /// The unit vector towards a camera 12 degrees beside and 10 above the opening.
+    /// The horizontal unit vector out of the opening, towards a camera that looks straight in.
     pub towards: DVec3,
     /// Whether all triangles face that side, so that the camera looks at the surface, not into it.
     pub is_flat: bool,
@@ -155,7 +155,7 @@ pub(crate) fn opening(scene: &Scene) -> Option<Opening> {
     }
     let sideways = DVec2::new(all.sum.x, all.sum.z);
     (sideways.length() > OPEN_SHARE * all.area && all.area.is_finite()).then(|| Opening {
-        towards: from(sideways.x.atan2(sideways.y) + 12f64.to_radians(), 10f64.to_radians()),
+        towards: DVec3::new(sideways.x, 0.0, sideways.y).normalize(),
         // The length of the sum is the sum of lengths if the normals are parallel.
         is_flat: all.sum.length() >= FLAT_SHARE * all.area,
     })
@@ -494,9 +494,9 @@ mod tests {
         };
         assert!(opening(&room(&[0, 1, 2, 3, 4, 5])).is_none());
         let towards = |walls: &[usize]| opening(&room(walls)).expect("an opening").towards;
-        assert!((towards(&[0, 1, 2, 3, 4]) - from(12f64.to_radians(), 10f64.to_radians())).length() < 1e-12);
+        assert!((towards(&[0, 1, 2, 3, 4]) - DVec3::Z).length() < 1e-12);
         // Without the right wall, towards +x.
-        assert!(towards(&[0, 1, 2, 3, 5]).dot(DVec3::X) > 0.95);
+        assert!((towards(&[0, 1, 2, 3, 5]) - DVec3::X).length() < 1e-12);
         // Without a ceiling, no side is open.
         assert!(opening(&room(&[0, 1, 2, 4, 5])).is_none());
         // Less than a wall is flat.

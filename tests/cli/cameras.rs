@@ -179,3 +179,80 @@ fn what_is_seen_is_rendered_by_its_line() {
     let film = prepared.render(PlanSettings { without: vec!["shadows".into()], ..PlanSettings::default() }).0;
     assert_eq!(workshop.pixels("seen.png").into_raw(), film.to_rgb8(kiln::film::ColourPipeline::Display));
 }
+
+/// Corners and faces of a box, its triangles counterclockwise from outside.
+fn block(name: &str, first: usize, [x, y, z]: [f64; 3], half: f64) -> String {
+    let sign = |i: usize, bit: usize| if i >> bit & 1 == 1 { half } else { -half };
+    let corner = |i: usize| format!("v {} {} {}\n", x + sign(i, 0), y + sign(i, 1), z + sign(i, 2));
+    let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let face = |quad: [usize; 4]| {
+        let [a, b, c, d] = quad.map(|i| i + first);
+        format!("f {a} {b} {c} {d}\n")
+    };
+    format!("o {name}\n{}{}", (0..8).map(corner).collect::<String>(), quads.map(face).concat())
+}
+
+/// The camera of the one object is that of a file with it alone.
+#[test]
+fn a_camera_frames_one_object() {
+    let workshop = Workshop::with("one.obj", &block("one", 1, [5.0, 0.0, 0.0], 0.5));
+    let two = block("one", 1, [5.0, 0.0, 0.0], 0.5) + &block("other", 9, [-5.0, 0.0, 0.0], 2.0);
+    workshop.write("two.obj", two);
+    let camera = |line: &str| {
+        workshop.succeed(&format!("render {line} -o a.png --size 16x16"));
+        metadata(&workshop, "a.png")("kiln:camera").expect("a camera")
+    };
+    for view in ["", "--view top", "--azimuth 30 --zoom 2"] {
+        let alone = camera(&format!("one.obj {view}"));
+        assert_eq!(camera(&format!("two.obj --look-at one {view}")), alone);
+        assert_ne!(camera(&format!("two.obj {view}")), alone);
+    }
+    let (_, said) = workshop.code("render two.obj --look-at on -o a.png", 2);
+    let (error, hint) = check_error(&said);
+    assert!(error.contains("--look-at: no object is named `on`") && hint.contains("did you mean `one`"));
+    let house = block("one", 1, [0.0; 3], 0.5) + &block("house", 9, [0.0; 3], 2.0);
+    workshop.write("house.obj", house);
+    let said = workshop.succeed("render house.obj --look-at one -o a.png --size 16x16");
+    assert!(said.contains("`one` is hidden by other objects"), "{said}");
+    let said = workshop.succeed("render two.obj --look-at one -o a.png --size 16x16");
+    assert!(!said.contains("hidden"), "{said}");
+    workshop.succeed("render two.obj --look-at one --frames 1 -o f_#.png --size 16x16");
+    let said = workshop.succeed(
+        "render two.obj --look-at one --camera {position=[0,0,9],look_at=[0,0,0]} -o a.png --size 16x16",
+    );
+    assert!(said.contains("--look-at changes nothing"), "{said}");
+}
+
+/// A house of one box with ten inside: one of eleven objects is seen. The note's camera sees others. Without the house
+/// there is no note.
+#[test]
+fn a_closed_scene_has_a_camera_inside() {
+    let inside: String = (0..10)
+        .map(|i| {
+            let [x, z] = [i % 5, i / 5].map(|k: usize| k as f64);
+            block(&format!("box{i}"), 9 + 8 * i, [1.5 * (x - 2.0), -3.5, 6.0 * (z - 0.5)], 0.4)
+        })
+        .collect();
+    let house = block("house", 1, [0.0; 3], 4.0);
+    let workshop = Workshop::with("house.obj", &(house + &inside));
+    let said = workshop.succeed("render house.obj -o a.png --size 32x32");
+    let note = "the scene is closed: 1 of 11 objects are seen from outside; --camera '";
+    let (_, camera) = said.split_once(note).unwrap_or_else(|| panic!("{said}"));
+    let (camera, _) = camera.split_once('\'').expect("its end");
+    let camera = camera.replace(' ', "");
+    workshop.succeed(&format!("render house.obj -o b.exr --aov object --size 32x32 --camera {camera}"));
+    let said = workshop.succeed("render house.obj -o a.png --size 32x32 --view front");
+    assert!(!said.contains("is closed"), "{said}");
+}
+
+/// A rectangle in the plane z = 0 is a line from above.
+#[test]
+fn a_view_of_an_edge_is_noted() {
+    let workshop = Workshop::with("a.obj", "v 0 0 0\nv 4 0 0\nv 4 3 0\nv 0 3 0\nf 1 2 3 4\n");
+    let said = |view: &str| workshop.succeed(&format!("render a.obj -o a.png --size 32x32 --view {view}"));
+    let note = "camera `top` sees the objects from their edge";
+    assert!(said("top").contains(note) && !said("front").contains("edge"));
+    workshop.write("a.toml", "[[mesh]]\nfile = 'a.obj'\n");
+    let said = workshop.succeed("render a.toml -o a.png --size 32x32 --view top");
+    assert!(said.contains(note), "{said}");
+}

@@ -5,6 +5,7 @@ use glam::DVec3;
 use kiln::error::{Error, Result, Warnings};
 use kiln::scene::{
     Degrees, ImportOptions, Material, MaterialChoice, OptionValue, Phong, ReadingOptions, Scene, UpAxis,
+    UpChoice,
 };
 
 /// Two objects of one triangle each, `lid` of the material `cast` and `pot` without one.
@@ -130,8 +131,8 @@ fn meshes_of_scene_files_are_turned_by_the_option() {
     for (key, option, third) in [
         ("", None, DVec3::Z),
         ("up = 'z'", None, DVec3::Y),
-        ("", Some(UpAxis::Z), DVec3::Y),
-        ("up = 'z'", Some(UpAxis::Y), DVec3::Z),
+        ("", Some(UpChoice::Axis(UpAxis::Z)), DVec3::Y),
+        ("up = 'z'", Some(UpChoice::Axis(UpAxis::Y)), DVec3::Z),
     ] {
         folder.write("a.toml", format!("[[mesh]]\nfile = 'a.obj'\n{key}\n"));
         let reading = ReadingOptions { up: option, ..ReadingOptions::default() };
@@ -153,4 +154,45 @@ fn materials_of_scene_files_are_single_sided_where_they_say_so() {
     // Glass bounds a volume.
     assert!(!of("double_sided = false\nlayers = { transmission = 1 }"));
     assert!(!Material::Phong(Phong::default()).is_single_sided());
+}
+
+/// A pyramid whose tip is 3 above its base: with z up it is turned, unless it comes with others or the option says y. 3MF
+/// has z up by its specification.
+#[test]
+fn meshes_that_stand_upright_are_turned() {
+    let folder = Folder::new();
+    let pyramid = |up: usize| {
+        let corner = |[a, b, h]: [i32; 3]| match up {
+            1 => format!("v {a} {h} {b}\n"),
+            _ => format!("v {b} {a} {h}\n"),
+        };
+        let corners = [[1, 1, 0], [1, -1, 0], [-1, -1, 0], [-1, 1, 0], [0, 0, 3]].map(corner).concat();
+        format!("{corners}f 4 3 2 1\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n")
+    };
+    folder.write("y.obj", pyramid(1));
+    folder.write("z.obj", pyramid(2));
+    let size = |files: &[&str], up: Option<&str>| {
+        let up = up.map(|text| UpChoice::parse(text).expect("a choice"));
+        let reading = ReadingOptions { up, ..ReadingOptions::default() };
+        let options = ImportOptions { reading, ..ImportOptions::default() };
+        let files: Vec<_> = files.iter().map(|file| folder.0.path().join(file)).collect();
+        let mut warnings = Warnings::default();
+        let mut scene = kiln::import::load_with(&files, &options, &mut warnings).expect("a scene");
+        scene.objects.truncate(1);
+        let (min, max) = scene.bounds().expect("bounds");
+        (max - min, warnings.notes().concat())
+    };
+    let [standing, lying] = [DVec3::new(2.0, 3.0, 2.0), DVec3::new(2.0, 2.0, 3.0)];
+    let (turned, note) = size(&["z.obj"], None);
+    assert!(
+        turned == standing && note.contains("z.obj: stands upright with z up") && note.contains("--up y")
+    );
+    assert_eq!(size(&["z.obj"], Some("AUTO")).0, standing);
+    assert_eq!(size(&["y.obj"], None), (standing, String::new()));
+    assert_eq!(size(&["z.obj"], Some("y")), (lying, String::new()));
+    let (kept, note) = size(&["z.obj", "y.obj"], None);
+    assert!(kept == lying && note.contains("--up z turns it"), "{note}");
+    for (up, expected) in [("Z", lying), ("-y", standing), ("-X", DVec3::new(3.0, 2.0, 2.0))] {
+        assert_eq!(size(&["y.obj"], Some(up)).0, expected, "{up}");
+    }
 }

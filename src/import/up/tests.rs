@@ -3,6 +3,10 @@
 use super::*;
 use crate::scene::{Mesh, Shape};
 
+fn axis(scene: &Scene) -> Option<UpAxis> {
+    guess(scene).map(|guess| guess.up)
+}
+
 /// A pyramid with its tip along an axis.
 fn pyramid(up: UpAxis) -> Scene {
     let corners = [[1.0, 0.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 0.0, -1.0], [-1.0, 0.0, 1.0], [0.0, 3.0, 0.0]];
@@ -14,21 +18,21 @@ fn pyramid(up: UpAxis) -> Scene {
 
 #[test]
 fn a_base_says_where_up_is() {
-    for up in UpAxis::ALL {
-        assert_eq!(guess(&pyramid(up)), Some(up), "{}", up.name());
+    for up in CANDIDATES {
+        assert_eq!(axis(&pyramid(up)), Some(up), "{}", up.name());
     }
-    assert_eq!(guess(&Scene::default()), None);
+    assert_eq!(axis(&Scene::default()), None);
 }
 
 /// The sides of a pyramid 0.3 high without its base, which slope by at most 17 degrees, face up.
 #[test]
 fn a_height_field_faces_up() {
-    for up in UpAxis::ALL {
+    for up in CANDIDATES {
         let mut scene = pyramid(up);
         let Shape::Mesh(mesh) = &mut scene.objects[0].shape else { unreachable!() };
         mesh.triangles = vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]];
         mesh.positions[4] *= 0.1;
-        assert_eq!(guess(&scene), Some(up), "{}", up.name());
+        assert_eq!(guess(&scene), Some(Guess { up, is_sure: false }), "{}", up.name());
     }
 }
 
@@ -258,8 +262,8 @@ fn models() -> Vec<(&'static str, Model)> {
 #[test]
 fn models_stand_upright() {
     let models = models();
-    let found = |up: UpAxis| models.iter().map(move |(name, model)| (*name, guess(&model.scene(up))));
-    let turned = UpAxis::ALL.into_iter().filter(|&up| up != UpAxis::Y);
+    let found = |up: UpAxis| models.iter().map(move |(name, model)| (*name, axis(&model.scene(up))));
+    let turned = CANDIDATES.into_iter().filter(|&up| up != UpAxis::Y);
     let missed: Vec<_> = turned
         .flat_map(|up| found(up).filter(move |(_, guess)| *guess != Some(up)).map(move |m| (up.name(), m)))
         .collect();
@@ -273,5 +277,5 @@ fn models_stand_upright() {
 fn a_box_says_nothing() {
     let mut scene = pyramid(UpAxis::Z);
     scene.objects.extend(pyramid(UpAxis::Y).objects);
-    assert_eq!(guess(&scene), None);
+    assert_eq!(axis(&scene), None);
 }

@@ -140,7 +140,7 @@ impl RenderCache {
             CameraSource::Fitted(view) => {
                 let framing = settings.framing(*view, scene);
                 let recentering = self.prepared(&settings, &look, scene)?.recentering();
-                self.fit(request, framing, recentering)?
+                self.fit(request, (&settings, framing), recentering)?
             }
             CameraSource::FittedAt(view, moment) => {
                 let camera = self.fit_at(request, settings.framing(*view, scene), *moment)?;
@@ -255,7 +255,7 @@ impl RenderCache {
     fn fit(
         &mut self,
         request: &RenderRequest,
-        framing: Framing,
+        (settings, framing): (&RenderSettings, Framing),
         recentering: Option<Recentering>,
     ) -> Result<Camera> {
         let aspect = f64::from(request.size[0]) / f64::from(request.size[1]);
@@ -272,8 +272,9 @@ impl RenderCache {
             self.recentered_scene = Some(Arc::new(scene));
         }
         let scene = self.recentered_scene.as_deref().unwrap_or(&request.opened.scene);
+        let seen = settings.looked_at(scene)?;
         let camera =
-            fitted_camera(scene, framing, aspect, projection).ok_or_else(|| nothing_to_look_at(scene))?;
+            fitted_camera(&seen, framing, aspect, projection).ok_or_else(|| nothing_to_look_at(scene))?;
         self.fitted_cameras.retain(|(known, ..)| *known != framing);
         self.fitted_cameras.push((framing, aspect, camera.clone()));
         Ok(camera)
