@@ -222,7 +222,9 @@ fn note_of_parts(look: &DefaultLook, given: &PictureSettings, context: &LookCont
         [] => (String::new(), "is"),
         _ => (format!("{} and ", before.join(", ")), "are"),
     };
-    Some(format!("no light{camera} in the files: {before}{last} {verb} added; --draft uses a headlight instead"))
+    Some(format!(
+        "no light{camera} in the files: {before}{last} {verb} added; --draft uses a headlight instead"
+    ))
 }
 
 /// Ground requested by the settings.

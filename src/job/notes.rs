@@ -141,9 +141,8 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     if !traces_paths {
         let layered = world.materials_in_use().filter(|material| needs_path(material));
         if let Some(names) = named("material", layered.map(|material| material.name())) {
-            warnings.note_left_out(format!(
-                "only --transport path draws glass, clear coat and sheen of {names}"
-            ));
+            warnings
+                .note_left_out(format!("only --transport path draws glass, clear coat and sheen of {names}"));
         }
     }
     if traces_paths && plan_settings.shading == ShadingMode::Full {

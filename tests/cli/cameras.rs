@@ -195,7 +195,7 @@ fn block(name: &str, first: usize, [x, y, z]: [f64; 3], half: f64) -> String {
 /// The camera of the one object is that of a file with it alone.
 #[test]
 fn a_camera_frames_one_object() {
-    let workshop = Workshop::with("one.obj", &block("one", 1, [5.0, 0.0, 0.0], 0.5));
+    let workshop = Workshop::with("one.obj", block("one", 1, [5.0, 0.0, 0.0], 0.5));
     let two = block("one", 1, [5.0, 0.0, 0.0], 0.5) + &block("other", 9, [-5.0, 0.0, 0.0], 2.0);
     workshop.write("two.obj", two);
     let camera = |line: &str| {
