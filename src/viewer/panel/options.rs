@@ -37,7 +37,7 @@ pub(crate) struct OptionControl {
 /// A table of controls: constant, option, label, text and number without a value, when it changes nothing, when one wants
 /// it.
 macro_rules! controls {
-    ($($constant:ident = $name:literal, $label:literal, $unset:expr, $idle:expr, $when:literal;)*) => {
+    ($($constant:ident = $name:expr, $label:literal, $unset:expr, $idle:expr, $when:literal;)*) => {
         $(pub(super) const $constant: &OptionControl =
             &OptionControl { name: $name, label: $label, when: $when, unset: $unset, idle: $idle };)*
 
@@ -47,18 +47,18 @@ macro_rules! controls {
 }
 
 controls! {
-    UP = "up", "up axis", ("y", 0.0), never, "Choose another if the object lies on its side or stands on its head.";
+    UP = "up", "up axis", ("auto", 0.0), never, "Choose another if the object lies on its side or stands on its head.";
     SMOOTH = "smooth", "crease angle", ("default", 30.0), never, "Smooths meshes without normals. Lower it if edges look \
         rounded, raise it if a curved surface shows its triangles.";
     VARIANT = "variant", "variant", ("file's materials", 0.0), never, "The materials to show, if the file has several sets.";
     CLIP = "clip", "clip", ("", 0.0), never, "The animation to play, if the file has several.";
-    APERTURE = "depth-of-field", "aperture blur", ("camera's", 0.02), without_lens, "Blurs what is out of focus. A click in \
+    APERTURE = id::DEPTH_OF_FIELD.name(), "aperture blur", ("camera's", 0.02), without_lens, "Blurs what is out of focus. A click in \
         the picture sets the focus.";
     ROTATION = "environment-rotation", "rotation", ("0", 0.0), without_environment, "Turns the environment, to let its light \
         come from another side.";
     HIDE_ENVIRONMENT = "hide-environment", "hide environment", ("", 0.0), without_environment, "Lights the scene by the \
         environment in front of a plain background.";
-    OCCLUSION = "ambient-occlusion", "occlusion radius", ("0.1", 0.1), without_occlusion, "The distance within which \
+    OCCLUSION = id::AMBIENT_OCCLUSION.name(), "occlusion radius", ("0.1", 0.1), without_occlusion, "The distance within which \
         surfaces darken each other, in diagonals of the scene. Lower it for dark lines in corners alone.";
     BACKGROUND = "background", "background", ("", 0.0), never, "A colour of your own behind the scene, such as that of a page \
         or a slide, or an alpha channel in .png and .exr.";
@@ -75,8 +75,8 @@ controls! {
         interior.";
     TRANSPORT = "transport", "light transport", ("whitted", 0.0), not_shaded, "Choose `path` for indirect light, soft \
         shadows and glass, `whitted` for speed.";
-    BOUNCES = "path", "bounces", ("8", 8.0), without_paths, "Raise it if interiors or glass look too dark.";
-    GLAZE = "glaze", "mirror bounces", ("materials'", 1.0), without_glaze, "Mirror images within mirror images. More take \
+    BOUNCES = id::PATH.name(), "bounces", ("8", 8.0), without_paths, "Raise it if interiors or glass look too dark.";
+    GLAZE = id::GLAZE.name(), "mirror bounces", ("materials'", 1.0), without_glaze, "Mirror images within mirror images. More take \
         longer.";
     SPECULAR_BOUNCES = "depth-specular", "specular bounces", ("64", 64.0), without_paths, "Raise it if glass behind glass \
         turns black.";
@@ -452,13 +452,13 @@ mod tests {
         let mut settings = RenderSettings::default();
         let shown = PictureSettings { min_samples: Some(Samples::clamped(8)), ..PictureSettings::default() };
         settings.switch(id::PATH, false);
-        set("transport", Some("path"), &mut settings, &shown);
+        set("transport", Some(id::PATH.name()), &mut settings, &shown);
         assert_eq!((settings.with.len(), settings.without.len()), (0, 0));
         set("samples", Some("4"), &mut settings, &shown);
         assert_eq!(chosen("min-samples", &settings).as_deref(), Some("4"));
         set("samples", Some("0"), &mut settings, &shown);
-        set("ambient-occlusion", Some("0"), &mut settings, &shown);
+        set(OCCLUSION.name, Some("0"), &mut settings, &shown);
         assert_eq!(chosen("samples", &settings).as_deref(), Some("4"));
-        assert_eq!(chosen("ambient-occlusion", &settings), None);
+        assert_eq!(chosen(OCCLUSION.name, &settings), None);
     }
 }
