@@ -58,7 +58,6 @@ const SYNONYMS: &[(&[&str], &str)] = &[
             "position",
             "camera-position",
             "lookat",
-            "look-at",
             "target",
             "camera-focal-point",
             "camera-view-up",

@@ -234,7 +234,7 @@ fn a_closed_scene_has_a_camera_inside() {
         })
         .collect();
     let house = block("house", 1, [0.0; 3], 4.0);
-    let workshop = Workshop::with("house.obj", &(house + &inside));
+    let workshop = Workshop::with("house.obj", house + &inside);
     let said = workshop.succeed("render house.obj -o a.png --size 32x32");
     let note = "the scene is closed: 1 of 11 objects are seen from outside; --camera '";
     let (_, camera) = said.split_once(note).unwrap_or_else(|| panic!("{said}"));

@@ -280,8 +280,9 @@ fn strict_makes_warnings_1() {
     workshop.write("a.obj", "mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     let said = workshop.succeed("render a.obj -o a.png --size 8x8");
     assert!(said.contains("kiln: warning: a.obj: materials left out: gone.mtl: no such file\n"), "{said}");
-    let note = "kiln: note: no light and no camera in the files: light, ground and background are added; --draft uses \
-                a headlight instead\n";
+    // A flat shape gets neither ground nor background.
+    let note =
+        "kiln: note: no light and no camera in the files: light is added; --draft uses a headlight instead\n";
     assert!(said.contains(note), "{said}");
     let (said, hint) = workshop.fail("render a.obj -o a.png --size 8x8 --strict", 1);
     assert_eq!(said, "1 warning(s), and --strict was given");

@@ -268,7 +268,7 @@ fn a_texel_an_option_or_a_vertex_makes_another_picture_and_where_files_lie_does_
         ("--crop 0,0,9,9", "different: crop: the default, not 0,0,9,9\n"),
         ("--colour display", "different: colour: linear, not display; "),
         ("--numerics double", "different: numerics: watertight, not double\n"),
-        ("--shading flat", "; shading: phong, not flat"),
+        ("--shading flat", "different: shading: phong, not flat; "),
     ] {
         let said = workshop.ends(1, &format!("{verify} {other}"));
         assert!(said.contains(why), "{other}: {said}");
