@@ -384,8 +384,8 @@ fn load_by(
         drop(source);
         // The meshes of a scene file are turned one by one.
         if !one.has_settings {
-            let chosen = options.reading.up.and_then(UpChoice::axis);
-            let up = chosen.unwrap_or_else(|| up_axis(&one, file, inputs.len() == 1, warnings));
+            let (chosen, turns) = (options.reading.up.and_then(UpChoice::axis), options.reading.up.is_some());
+            let up = chosen.unwrap_or_else(|| up_axis(&one, file, turns, inputs.len() == 1, warnings));
             if up != UpAxis::Y {
                 one.turn(up);
             }
@@ -514,32 +514,34 @@ fn warn_of_unused_textures(scene: &Scene, file: &Path, warnings: &mut Warnings) 
     }
 }
 
-/// The up axis of a mesh file: that of its format's specification; in a format without one, z where the file seems to stand
-/// upright in it, else y. A file without the others of a scene is turned alone only if it `is_alone`: parts stay together.
-/// Measurements: docs/decisions.md.
-fn up_axis(scene: &Scene, file: &Path, is_alone: bool, warnings: &mut Warnings) -> UpAxis {
+/// The up axis that `--up auto` gives a mesh file: that of its format's specification; in a format without one, z where the
+/// file seems to stand upright in it, else y. A file without the others of a scene is turned alone only if it `is_alone`:
+/// parts stay together. Without `--up`, y, with a note. Measurements: docs/decisions.md.
+fn up_axis(scene: &Scene, file: &Path, turns: bool, is_alone: bool, warnings: &mut Warnings) -> UpAxis {
     let ending = ending(file);
-    match ending.as_str() {
-        "gltf" | "glb" => return UpAxis::Y,
-        "3mf" => return UpAxis::Z,
-        _ if !scene.cameras.is_empty() => return UpAxis::Y,
-        _ => {}
+    if ["gltf", "glb"].contains(&ending.as_str()) || !scene.cameras.is_empty() {
+        return UpAxis::Y;
+    }
+    if ending == "3mf" && turns {
+        return UpAxis::Z;
     }
     let file_name = file.display();
     match up::guess(scene) {
-        Some(Guess { up: UpAxis::Z, is_sure: true }) if is_alone => {
+        Some(Guess { up: UpAxis::Z, is_sure: true }) if turns && is_alone => {
             warnings
                 .note(format!("{file_name}: stands upright with z up, so it is turned; --up y keeps y up"));
             return UpAxis::Z;
         }
         Some(Guess { up: UpAxis::Y, .. }) => {}
-        Some(Guess { up, .. }) => {
-            let name = up.name();
-            warnings
-                .note(format!("{file_name}: seems to stand upright with {name} up; --up {name} turns it"));
+        Some(Guess { up, is_sure }) => {
+            let (name, auto) = (up.name(), if is_sure { ", --up auto all such files" } else { "" });
+            warnings.note(format!(
+                "{file_name}: seems to stand upright with {name} up; --up {name} turns it{auto}"
+            ));
         }
-        None if ending == "stl" => {
-            warnings.note(format!("{file_name}: most STL files have z up; --up z turns it"));
+        None if ["stl", "3mf"].contains(&ending.as_str()) => {
+            let format = ending.to_uppercase();
+            warnings.note(format!("{file_name}: most {format} files have z up; --up z turns it"));
         }
         None => {}
     }

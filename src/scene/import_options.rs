@@ -47,7 +47,7 @@ options! {
         /// Material variant of glTF files (KHR_materials_variants), by name [default: the file's materials]
         [long, help_heading = group::INPUT, value_name = "NAME", value_parser = parser::<String>()] variant: String,
         /// Up axis of mesh files; `auto`: y in glTF, z in 3MF; of other formats, z for a file that seems to stand upright in it, else y
-        /// [default: auto]
+        /// [default: y]
         [long, help_heading = group::INPUT, display_order = 0, allow_hyphen_values = true, value_name = "AXIS", ignore_case = true, value_parser = parser::<UpChoice>()] up: UpChoice,
         /// Smooth normals for mesh files without normals, up to this crease angle in degrees, 0 to 180; 0 is flat shading [default
         /// without a number: 30] [default: 30, but glTF files are flat]

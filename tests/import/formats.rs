@@ -200,8 +200,8 @@ fn off_and_3mf_become_meshes() {
 
     let (scene, warnings) = fixture("tetrahedron.3mf");
     assert_eq!((warnings, scene.objects[0].name.as_str()), (Vec::new(), "tetrahedron"));
-    // Twice as large, and moved by 5 in x; 3MF has z up, so that its y, from 0 to 2, is -z.
-    assert_eq!(scene.bounds(), Some((v(5.0, 0.0, -2.0), v(7.0, 2.0, 0.0))));
+    // Twice as large, and moved by 5 in x.
+    assert_eq!(scene.bounds(), Some((v(5.0, 0.0, 0.0), v(7.0, 2.0, 2.0))));
     assert_eq!(mesh(&scene, 0).colours.as_ref().expect("colours").values.len(), 1);
 }
 

@@ -156,8 +156,8 @@ fn materials_of_scene_files_are_single_sided_where_they_say_so() {
     assert!(!Material::Phong(Phong::default()).is_single_sided());
 }
 
-/// A pyramid whose tip is 3 above its base: with z up it is turned, unless it comes with others or the option says y. 3MF
-/// has z up by its specification.
+/// A pyramid whose tip is 3 above its base: with z up `auto` turns it, unless it comes with others. Without an option, a
+/// note says how.
 #[test]
 fn meshes_that_stand_upright_are_turned() {
     let folder = Folder::new();
@@ -183,14 +183,16 @@ fn meshes_that_stand_upright_are_turned() {
         (max - min, warnings.notes().concat())
     };
     let [standing, lying] = [DVec3::new(2.0, 3.0, 2.0), DVec3::new(2.0, 2.0, 3.0)];
-    let (turned, note) = size(&["z.obj"], None);
+    let (turned, note) = size(&["z.obj"], Some("AUTO"));
     assert!(
         turned == standing && note.contains("z.obj: stands upright with z up") && note.contains("--up y")
     );
-    assert_eq!(size(&["z.obj"], Some("AUTO")).0, standing);
+    let (kept, note) = size(&["z.obj"], None);
+    assert!(kept == lying && note.contains("--up z turns it, --up auto all such files"), "{note}");
+    assert_eq!(size(&["y.obj"], Some("auto")), (standing, String::new()));
     assert_eq!(size(&["y.obj"], None), (standing, String::new()));
     assert_eq!(size(&["z.obj"], Some("y")), (lying, String::new()));
-    let (kept, note) = size(&["z.obj", "y.obj"], None);
+    let (kept, note) = size(&["z.obj", "y.obj"], Some("auto"));
     assert!(kept == lying && note.contains("--up z turns it"), "{note}");
     for (up, expected) in [("Z", lying), ("-y", standing), ("-X", DVec3::new(3.0, 2.0, 2.0))] {
         assert_eq!(size(&["y.obj"], Some(up)).0, expected, "{up}");

@@ -47,7 +47,7 @@ macro_rules! controls {
 }
 
 controls! {
-    UP = "up", "up axis", ("auto", 0.0), never, "Choose another if the object lies on its side or stands on its head.";
+    UP = "up", "up axis", ("y", 0.0), never, "Choose another if the object lies on its side or stands on its head.";
     SMOOTH = "smooth", "crease angle", ("default", 30.0), never, "Smooths meshes without normals. Lower it if edges look \
         rounded, raise it if a curved surface shows its triangles.";
     VARIANT = "variant", "variant", ("file's materials", 0.0), never, "The materials to show, if the file has several sets.";
