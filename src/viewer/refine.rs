@@ -3,8 +3,8 @@
 //! The resolution of the first pass is chosen so that it meets a time limit; the last pass is the picture of `kiln
 //! render`, to the bit. Each pass is a whole picture. Coarse passes render pixels of `factor` by `factor` pixels of the
 //! picture. With factors that decrease by 4, all passes but the first cost a fifteenth of a pass of full size. Passes
-//! of samples begin anew, with four times as many: all but the last cost at most a third of it where the numbers are powers of 4, else two thirds. A mean of parts would
-//! cost nothing more, but it is the picture only up to rounding, and adaptive sampling has no parts.
+//! of samples begin anew, with four times as many: all but the last cost at most a third of it where the numbers are
+//! powers of 4, else two thirds. A mean of parts would cost nothing more, but it is the picture only up to rounding, and adaptive sampling has no parts.
 
 /// Time limit of the first pass in seconds; the interface waits for it about as long.
 const FIRST_PASS_SECONDS: f64 = 0.008;

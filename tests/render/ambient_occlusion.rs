@@ -27,7 +27,8 @@ fn check(scene: &str, radius: f64, samples: Option<u32>, expected: f64) {
     let (film, _) = job.render(&RenderControl::default()).expect("a picture");
     let values: Vec<f64> = film.rows().map(|[red, ..]: [f32; 3]| red.into()).collect();
     let mean = values.iter().sum::<f64>() / values.len() as f64;
-    let error = (expected * (1.0 - expected) / (32.0 * values.len() as f64)).sqrt();
+    let rays = f64::from(samples.map_or(8, |samples| samples.get().max(8)));
+    let error = (expected * (1.0 - expected) / (rays * values.len() as f64)).sqrt();
     assert!((mean - expected).abs() <= 4.0 * error + 1e-6, "{mean}, expected {expected} +- {error}");
 }
 

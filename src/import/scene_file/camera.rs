@@ -454,7 +454,7 @@ mod tests {
     #[test]
     fn an_inline_camera_says_what_is_wrong_with_it() {
         for (text, what, hint) in [
-            ("{ position = [0, 0, 5], look_at = [0, 0, 0], fov = 3 }", "unknown key `fov`", "known here"),
+            ("{ position = [0, 0, 5], look_at = [0, 0, 0], zoom = 3 }", "unknown key `zoom`", "known here"),
             (
                 "{ positon = [0, 0, 5], look_at = [0, 0, 0] }",
                 "unknown key `positon`",
