@@ -18,7 +18,7 @@ pub struct ImportOptions {
     #[cfg_attr(feature = "cli", arg(long = "clip", help_heading = group::INPUT, value_name = "NAME|INDEX|all"))]
     #[cfg_attr(feature = "cli", arg(value_parser = parser::<ClipChoice>()))]
     pub clips: Vec<ClipChoice>,
-    /// Material for all objects, with the keys of [material] in scene files: '{ colour = "#c33", metallic = 1, roughness = 0.2 }';
+    /// Material for all objects, with the keys of `[material]` in scene files: '{ colour = "#c33", metallic = 1, roughness = 0.2 }';
     /// NAME={...}: for the objects of this name or whose material has it; may be repeated, the last counts
     #[cfg_attr(feature = "cli", arg(long = "material", help_heading = group::LOOK, value_name = "{...}|NAME={...}"))]
     #[cfg_attr(feature = "cli", arg(value_parser = parser::<MaterialChoice>()))]
