@@ -531,9 +531,14 @@ fn text_names_the_terms() {
             text.starts_with(&format!("pixel {x},{y} of 1024 x 1024, from the top left: {shown}\n")),
             "{text}"
         );
-        for label in
-            ["  L_a  ", "  C_P = C L  ", "  t  ", "  normal N  ", "glaze ray, bounce 1", "  displayed  "]
-        {
+        for label in [
+            "  L_a  ",
+            "  C_P = C L  ",
+            "  distance t  ",
+            "  normal N  ",
+            "glaze ray, bounce 1",
+            "  displayed  ",
+        ] {
             assert!(text.contains(label), "{label:?} is not in\n{text}");
         }
     }
