@@ -192,9 +192,7 @@ impl FileNames {
             None => folder.join(before),
         }
     }
-}
 
-impl FileNames {
     /// The numbers of the files of these names that exist, in ascending order.
     ///
     /// # Errors

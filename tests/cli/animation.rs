@@ -288,6 +288,57 @@ fn a_frame_alone_has_the_bytes_of_one_among_others() {
     assert_ne!(pixels(&shop, "f_0007.png"), pixels(&shop, "f_0008.png"));
 }
 
+/// A film of the frames that a farm rendered is the film of one command.
+#[test]
+fn films_of_frames_have_the_bytes_of_films_at_once() {
+    let shop = Workshop::with("scene.toml", SCENE);
+    let films: &[_] = if cfg!(feature = "video") { &["png", "gif", "mp4"] } else { &["png", "gif"] };
+    for options in ["", "--background transparent", "--bits 16"] {
+        shop.succeed(&format!("animate scene.toml --frames 3-9:2 -o f_###.png --size 24x16 {options}"));
+        // Only png has alpha and 16 bits.
+        for film in if options.is_empty() { films } else { &films[..1] } {
+            shop.succeed(&format!("animate scene.toml --frames 3-9:2 -o a.{film} --size 24x16 {options}"));
+            let said = shop.succeed(&format!("animate f_###.png --frames 3-9:2 -o b.{film}"));
+            assert!(!said.contains("warning"), "{said}");
+            assert_eq!(
+                shop.bytes(&format!("a.{film}")),
+                shop.bytes(&format!("b.{film}")),
+                "{film} {options}"
+            );
+        }
+    }
+    // Without --frames all that exist, at another rate.
+    shop.succeed("render scene.toml --frames 20-22 -o g_%03d.png --size 24x16");
+    shop.succeed("animate scene.toml --frames 20-22 -o a.png --size 24x16 --fps 30");
+    shop.succeed("animate g_%03d.png -o b.png");
+    assert_eq!(shop.bytes("a.png"), shop.bytes("b.png"));
+    shop.succeed("animate scene.toml --frames 20-22 -o h_###.jpg --size 24x16");
+    shop.succeed("animate h_###.jpg -o c.gif --fps 10");
+    let said = shop.succeed("animate g_###.png -o b.png --size 8x8 --samples 4");
+    for option in ["size", "samples"] {
+        let warning = format!("--{option} changes nothing: the frames are pictures that exist");
+        assert!(said.contains(&warning), "{said}");
+    }
+
+    std::fs::remove_file(shop.path("g_021.png")).unwrap();
+    shop.succeed("render scene.toml --frames 20 -o e_##.exr --size 8x8");
+    shop.succeed("render scene.toml --frames 5 -o f_###.png --size 8x8");
+    let before = shop.names();
+    for (arguments, code, message) in [
+        ("g_###.png -o no.gif", 3, "g_021.png: no such file"),
+        ("g_###.png --frames 20-22 -o no.gif", 3, "g_021.png: no such file"),
+        ("k_###.png -o no.gif", 3, "k_###.png: no such frame"),
+        ("g_020.png -o no.gif", 2, "g_020.png: one picture is no film"),
+        ("g_###.png -o no_###.png", 2, "g_###.png: frames that are rendered already"),
+        ("f_###.png --frames 3-9:2 -o no.png", 3, "f_005.png: 8 x 8 pixels, of another size or kind"),
+        ("e_##.exr -o no.gif", 3, "e_##.exr: linear light"),
+    ] {
+        let (error, _) = shop.fail(&format!("animate {arguments}"), code);
+        assert!(error.contains(message), "{arguments:?}: {error}");
+    }
+    assert_eq!(shop.names(), before);
+}
+
 #[test]
 fn wrong_frames_are_one_clear_line() {
     let shop = Workshop::with("scene.toml", SCENE);

@@ -3,18 +3,24 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use image::DynamicImage;
-
 use super::{Command, Reporter, failed, recorder, summary, timed};
 use crate::animation::{FileNames, FrameData, FrameList, VideoFormat, VideoSpec, in_order};
 use crate::error::{Error, Result};
 use crate::files::{folder_of, read_file, unreadable};
 use crate::film::rounding::Rounding;
-use crate::film::write::{OutputImage, PngForm};
+use crate::film::write::{Format, OutputImage, PngForm};
 use crate::film::{ColourPipeline, Film, Window, read};
 
 /// Frames per second of films of pictures, which do not state theirs.
 const FPS: f64 = 30.0;
+
+/// The pattern of inputs that are pictures rather than files to render, if they are.
+pub(super) fn pattern(inputs: &[PathBuf]) -> Option<&Path> {
+    match inputs {
+        [input] if Format::from_path(input).is_ok() => Some(input),
+        _ => None,
+    }
+}
 
 /// The pictures of a pattern, in order: those of `list`, or all that exist, without a gap.
 ///
@@ -22,6 +28,9 @@ const FPS: f64 = 30.0;
 /// [`Error::Usage`] for a name without a place for the number, [`Error::Input`] for none and for a missing one.
 pub(super) fn files(pattern: &Path, list: Option<&FrameList>) -> Result<Vec<PathBuf>> {
     let hint = "name all frames, such as frame_####.png";
+    if Format::from_path(pattern)? == Format::Exr {
+        return Err(linear(pattern));
+    }
     let names = FileNames::parse(pattern).map_err(|what| Error::usage(what, "give the name one ####"))?;
     let Some(names) = names else {
         return Err(Error::usage(format!("{}: one picture is no film", pattern.display()), hint));
@@ -43,6 +52,11 @@ pub(super) fn files(pattern: &Path, list: Option<&FrameList>) -> Result<Vec<Path
     Ok(numbers.into_iter().map(|number| names.of(number)).collect())
 }
 
+fn linear(file: &Path) -> Error {
+    let hint = "render the frames as .png, with --exposure and --tone-map";
+    Error::input(file, "linear light, not colours of a display", hint)
+}
+
 /// Writes the film.
 pub(super) fn film(
     command: &Command,
@@ -55,15 +69,23 @@ pub(super) fn film(
     let mut reporter = Reporter::new(command.progress, Vec::new());
     warn_of_settings(command, &mut reporter);
     reporter.phase("reading");
-    let first = picture(files.first().map_or(Path::new(""), PathBuf::as_path), None)?;
-    let (size, form) = first.png_form().ok_or(Error::Interrupted)?;
+    let Frame { size, form, .. } = Frame::read(files.first().map_or(Path::new(""), PathBuf::as_path))?;
     let fps = command.length.fps.unwrap_or(FPS);
     let spec = VideoSpec { size, fps, frames: files.len(), form };
     let mut recorder = recorder(command, format, spec, is_stream)?;
     let done = AtomicUsize::new(0);
     let make = |place: i32| {
-        let converted = format.convert(&picture(&files[place as usize], Some((size, form)))?);
-        reporter.progress.steps(1 + done.fetch_add(1, Ordering::Relaxed), files.len(), ("frames", 1));
+        let file = &files[place as usize];
+        let frame = Frame::read(file)?;
+        if (frame.size, frame.form) != (size, form) {
+            let what = format!(
+                "{} x {} pixels, of another size or kind than the first frame",
+                frame.size[0], frame.size[1]
+            );
+            return Err(Error::input(file.as_path(), what, "make all frames by one command"));
+        }
+        let converted = format.convert(&frame.picture);
+        reporter.progress.steps(1 + done.fetch_add(1, Ordering::Relaxed), files.len(), ("pictures", 1));
         converted
     };
     let mut take = |_, frame: FrameData| recorder.add(frame).map_err(|e| failed(command, &e));
@@ -95,36 +117,44 @@ fn warn_of_settings(command: &Command, reporter: &mut Reporter) {
     }
 }
 
-/// Reads a frame, which must have the size and the form of the first one.
-fn picture(file: &Path, first: Option<([u32; 2], PngForm)>) -> Result<OutputImage> {
-    let bytes = read_file(file).map_err(|e| unreadable(file, &e))?;
-    let decoded = read::decode(&bytes, |_| 16).map_err(|e| e.into_error(file))?;
-    let window = Window { x: 0, y: 0, width: decoded.width(), height: decoded.height() };
-    let (has_alpha, is_16_bit) = (decoded.color().has_alpha(), decoded.color().bytes_per_pixel() > 4);
-    let is_16_bit =
-        is_16_bit || matches!(decoded, DynamicImage::ImageLuma16(_) | DynamicImage::ImageLumaA16(_));
-    let form = PngForm::new(has_alpha, Rounding { is_16_bit, is_dithered: false }, PIPELINE);
-    if first.is_some_and(|(size, other)| size != [window.width, window.height] || form != other) {
-        let what = format!(
-            "{} x {} pixels, of another size or kind than the first frame",
-            window.width, window.height
-        );
-        return Err(Error::input(file, what, "make all frames by one command"));
+/// A decoded frame.
+struct Frame {
+    picture: OutputImage,
+    size: [u32; 2],
+    form: PngForm,
+}
+
+impl Frame {
+    /// Reads a PNG, JPEG or WebP.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for other files and for pictures in linear light.
+    fn read(file: &Path) -> Result<Self> {
+        let bytes = read_file(file).map_err(|e| unreadable(file, &e))?;
+        let decoded = read::decode(&bytes, |_| 16).map_err(|e| e.into_error(file))?;
+        let size = [decoded.width(), decoded.height()];
+        let has_alpha = decoded.color().has_alpha();
+        let is_16_bit = match decoded.color().bytes_per_pixel() / decoded.color().channel_count() {
+            1 => false,
+            2 => true,
+            _ => return Err(linear(file)),
+        };
+        let window = Window { x: 0, y: 0, width: size[0], height: size[1] };
+        let picture = match (is_16_bit, has_alpha) {
+            (false, false) => OutputImage::Rgb8(colours(window, decoded.into_rgb8().as_raw())?, PIPELINE),
+            (true, false) => OutputImage::Rgb16(colours(window, decoded.into_rgb16().as_raw())?, PIPELINE),
+            (false, true) => {
+                let alpha = decoded.to_rgba8().pixels().map(|pixel| pixel.0[3]).collect();
+                OutputImage::Rgba8(colours(window, decoded.into_rgb8().as_raw())?, alpha, PIPELINE)
+            }
+            (true, true) => {
+                let alpha = decoded.to_rgba16().pixels().map(|pixel| pixel.0[3]).collect();
+                OutputImage::Rgba16(colours(window, decoded.into_rgb16().as_raw())?, alpha, PIPELINE)
+            }
+        };
+        let form = PngForm::new(has_alpha, Rounding { is_16_bit, is_dithered: false }, PIPELINE);
+        Ok(Frame { picture, size, form })
     }
-    Ok(match (is_16_bit, has_alpha) {
-        (false, false) => OutputImage::Rgb8(colours(window, decoded.into_rgb8().as_raw())?, PIPELINE),
-        (true, false) => OutputImage::Rgb16(colours(window, decoded.into_rgb16().as_raw())?, PIPELINE),
-        (false, true) => {
-            let all = decoded.to_rgba8();
-            let alpha = all.pixels().map(|pixel| pixel.0[3]).collect();
-            OutputImage::Rgba8(colours(window, decoded.into_rgb8().as_raw())?, alpha, PIPELINE)
-        }
-        (true, true) => {
-            let all = decoded.to_rgba16();
-            let alpha = all.pixels().map(|pixel| pixel.0[3]).collect();
-            OutputImage::Rgba16(colours(window, decoded.into_rgb16().as_raw())?, alpha, PIPELINE)
-        }
-    })
 }
 
 /// Values of files are displayed as they are.

@@ -78,14 +78,19 @@ enum RawName {
 pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.arguments)?;
     let names = FileNames::parse(&command.output).map_err(|what| Error::usage(what, "give one ####"))?;
+    let pictures = frame_files::pattern(&command.arguments.inputs);
     if let Some(names) = names {
+        if let Some(pattern) = pictures {
+            let what = format!("{}: frames that are rendered already", pattern.display());
+            return Err(Error::usage(what, "name a film as output: an .mp4, .gif, .png or .y4m"));
+        }
         let format = Format::from_path(&command.output)?;
         if command.skip_existing {
             check_skipping(&command.output, format)?;
         }
         check_folder(&command.output)?;
         let selection = AovSelection::new(&[])?;
-        let pictures = FrameSeries {
+        let series = FrameSeries {
             names,
             format,
             selection,
@@ -96,14 +101,12 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
             strict: command.strict,
         };
         let (arguments, length, list) = (&command.arguments, &command.length, command.frames.as_ref());
-        return frames::write_frames(arguments, length, list, &pictures, interrupted);
+        return frames::write_frames(arguments, length, list, &series, interrupted);
     }
     check_whole(command)?;
-    let frames = match command.arguments.inputs.as_slice() {
-        [input] if Format::from_path(input).is_ok() => {
-            Some(frame_files::files(input, command.frames.as_ref())?)
-        }
-        _ => None,
+    let frames = match pictures {
+        Some(pattern) => Some(frame_files::files(pattern, command.frames.as_ref())?),
+        None => None,
     };
     let quality = match command.quality {
         QualityName::High => Quality::High,

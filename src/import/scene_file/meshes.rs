@@ -105,7 +105,7 @@ impl Builder<'_> {
         let (file, path) = (&s.file, self.source.beside(&s.file));
         let read = Source::open(&path, &self.source.files, &self.source.options).and_then(|source| {
             let mut part = import::read_one(&source, warnings)?;
-            if let Some(crease) = import::crease(&source, s.smooth, smooths)? {
+            if let Some(crease) = import::options::crease(&source, s.smooth, smooths)? {
                 import::smooth::smooth(&mut part, crease);
             }
             Ok(part)

@@ -1,0 +1,156 @@
+//! What import options make of the files that were read: materials, poses, normals and the up axis.
+
+use std::path::Path;
+
+use super::up::{self, Guess};
+use super::{Source, ending, importer_for};
+use crate::error::{Error, Result, Warnings, nearest_name};
+use crate::film::Colour;
+use crate::scene::{ClipChoice, Degrees, ImportOptions, Material, Object, Scene, UpAxis};
+
+/// The up axis that `--up auto` gives a mesh file: that of its format's specification; in a format without one, z where the
+/// file seems to stand upright in it, else y. A file without the others of a scene is turned alone only if it `is_alone`:
+/// parts stay together. Without `--up`, y, with a note. Measurements: docs/decisions.md.
+pub(super) fn up_axis(
+    scene: &Scene,
+    file: &Path,
+    turns: bool,
+    is_alone: bool,
+    warnings: &mut Warnings,
+) -> UpAxis {
+    let ending = ending(file);
+    if ["gltf", "glb"].contains(&ending.as_str()) || !scene.cameras.is_empty() {
+        return UpAxis::Y;
+    }
+    if ending == "3mf" && turns {
+        return UpAxis::Z;
+    }
+    let file_name = file.display();
+    match up::guess(scene) {
+        Some(Guess { up: UpAxis::Z, is_sure: true }) if turns && is_alone => {
+            warnings
+                .note(format!("{file_name}: stands upright with z up, so it is turned; --up y keeps y up"));
+            return UpAxis::Z;
+        }
+        Some(Guess { up: UpAxis::Y, .. }) => {}
+        Some(Guess { up, is_sure }) => {
+            let (name, auto) = (up.name(), if is_sure { ", --up auto all such files" } else { "" });
+            warnings.note(format!(
+                "{file_name}: seems to stand upright with {name} up; --up {name} turns it{auto}"
+            ));
+        }
+        None if ["stl", "3mf"].contains(&ending.as_str()) => {
+            let format = ending.to_uppercase();
+            warnings.note(format!("{file_name}: most {format} files have z up; --up z turns it"));
+        }
+        None => {}
+    }
+    UpAxis::Y
+}
+
+/// The crease angle in radians of the normals that a mesh file without normals gets, if any: the option's, else `own`, else
+/// [`ImportOptions::CREASE`] if files are smoothed that are not flat by their format.
+pub(super) fn crease(source: &Source, own: Option<Degrees>, smooths: bool) -> Result<Option<f64>> {
+    let by_default = smooths && !importer_for(source)?.is_flat;
+    let chosen = source.options.reading.smooth.or(own).map(Degrees::get);
+    let crease = chosen.or(by_default.then_some(ImportOptions::CREASE));
+    Ok(crease.filter(|&degrees| degrees > 0.0).map(f64::to_radians))
+}
+
+/// Gives objects the materials of [`ImportOptions::materials`]; of several for an object, the last.
+///
+/// # Errors
+/// [`Error::Usage`] for a name that neither an object nor a material of one has.
+pub(super) fn replace_materials(
+    scene: &mut Scene,
+    materials: Vec<Material>,
+    warnings: &mut Warnings,
+) -> Result<()> {
+    let choices = std::mem::take(&mut scene.import_options.materials);
+    let of_object = |object: &Object| scene.materials[object.material.0 as usize].name().to_owned();
+    let of_objects: Vec<String> = scene.objects.iter().map(of_object).collect();
+    for (choice, material) in choices.iter().zip(materials) {
+        let has_name = |i: usize, name: &str| of_objects[i] == name || scene.objects[i].is_named(name);
+        let is_meant = |&i: &usize| choice.name.as_deref().is_none_or(|name| has_name(i, name));
+        let meant: Vec<usize> = (0..of_objects.len()).filter(is_meant).collect();
+        if let (Some(name), []) = (&choice.name, meant.as_slice()) {
+            let names = scene.objects.iter().map(|object| &object.name).chain(&of_objects);
+            let known: Vec<&str> = names.map(String::as_str).collect();
+            let hint = nearest_name(name, &known);
+            return Err(Error::usage(format!("--material: no object or material is named `{name}`"), hint));
+        }
+        let id = scene.add_material(material);
+        meant.iter().for_each(|&i| scene.objects[i].material = id);
+    }
+    for id in scene.materials.len() - choices.len()..scene.materials.len() {
+        // [1, 0, 1] of 255.
+        if matches!(scene.materials[id].colour(), Colour::Display(c) if c.max_element() == 1.0 / 255.0) {
+            warnings.note(
+                "--material: a colour in numbers from 0 to 1 is nearly black: white is [255, 255, 255]",
+            );
+        }
+    }
+    let is_replaced = |object: &&Object| object.material.0 as usize >= scene.materials.len() - choices.len();
+    let mut replaced = scene.objects.iter().filter(is_replaced);
+    if let Some(object) =
+        replaced.find(|object| object.shape.mesh().is_some_and(|mesh| mesh.colours.is_some()))
+    {
+        let name = &object.name;
+        warnings.note(format!("the colours of the vertices of `{name}` multiply that of --material"));
+    }
+    scene.import_options.materials = choices;
+    Ok(())
+}
+
+/// Checks that an input has the requested clip and the requested variant.
+pub(super) fn check_names(scene: &Scene, options: &ImportOptions) -> Result<()> {
+    let list = |names: Vec<&str>| names.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+    let unknown = |kind: &str, name: &str, known: String| {
+        Error::usage(format!("no input has a {kind} `{name}`"), format!("their {kind}s: {known}"))
+    };
+    // Tracks are posed by `pose_tracks`.
+    let pose = options.pose().filter(|_| !has_tracks_alone(scene, options));
+    let mut choices = pose.iter().flat_map(|asked| asked.clip.choices());
+    if let Some(missing) = choices.find(|choice| choice.find(&scene.clips).is_empty()) {
+        let names: Vec<&str> = scene.clips.iter().map(|clip| clip.name.as_str()).collect();
+        return Err(match missing {
+            ClipChoice::Named(clip) if !names.is_empty() => unknown("clip", clip, list(names)),
+            _ => {
+                let hint = "leave out --time and --clip, which choose a moment of a clip";
+                Error::usage("no input has clips", hint)
+            }
+        });
+    }
+    match &options.reading.variant {
+        Some(_) if scene.variants.is_empty() => {
+            Err(Error::usage("no input has variants of its materials", "leave out --variant"))
+        }
+        Some(name) if !scene.variants.contains(name) => {
+            Err(unknown("variant", name, list(scene.variants.iter().map(String::as_str).collect())))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Whether a moment of a scene is one of its tracks, not of clips.
+fn has_tracks_alone(scene: &Scene, options: &ImportOptions) -> bool {
+    scene.animation.is_some() && scene.clips.is_empty() && options.clips.is_empty()
+}
+
+/// Poses a scene with tracks at the time of the options, after which nothing moves.
+///
+/// # Errors
+/// [`Error::Usage`] for a time that is not in its animation.
+pub(super) fn pose_tracks(scene: &mut Scene, options: &ImportOptions) -> Result<()> {
+    let (Some(time), Some(animation)) = (options.reading.time, &scene.animation) else { return Ok(()) };
+    if !has_tracks_alone(scene, options) {
+        return Ok(());
+    }
+    let (time, duration) = (time.get(), animation.duration);
+    if !(0.0..=duration).contains(&time) {
+        let what = format!("--time {time}: the animation lasts from 0 to {duration} seconds");
+        return Err(Error::usage(what, "give a time in it"));
+    }
+    *scene = Scene { animation: None, ..scene.at(time / duration)? };
+    Ok(())
+}
