@@ -40,6 +40,7 @@ class ViewOptions(ReadOptions, total=False):
     crop: _Value
     environment: _Value
     environment_rotation: _Value
+    environment_intensity: _Value
     hide_environment: bool | None
     with_: str | int | Sequence[str | int] | None
     without: str | int | Sequence[str | int] | None

@@ -5,7 +5,7 @@ mod curves;
 mod meter;
 mod settings;
 
-pub use meter::{auto_exposure, clipped_share, mean_exposure, white_exposure};
+pub use meter::{auto_exposure, clipped_share, mean_exposure, white_exposure, white_mean_exposure};
 pub use settings::{DisplaySettings, Exposure, MAX_EXPOSURE};
 
 use glam::DVec3;

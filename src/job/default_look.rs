@@ -17,7 +17,7 @@ use crate::film::tone::{DisplayTransform, Exposure, ToneMap};
 use crate::film::{Colour, ColourPipeline};
 use crate::scene::{
     AddedLight, Background, Clamp, DefaultLook, Environment, EnvironmentImage, EnvironmentSource, Fill,
-    FillZone, Ground, Look, Noise, OptionValue, PictureSettings, Samples, Scene, Transport,
+    FillZone, Ground, Headlight, Look, Noise, OptionValue, PictureSettings, Samples, Scene, Transport,
 };
 use crate::world::KEY_IRRADIANCE;
 
@@ -27,8 +27,15 @@ const FILL: Fill = {
     const fn zone(from: f64, radiance: f64) -> FillZone {
         FillZone { from, radiance }
     }
-    Fill { zones: [zone(-1.0, 0.45), zone(-0.05, 0.1), zone(0.2, 0.6), zone(0.45, 0.1), zone(0.75, 0.55)] }
+    Fill {
+        zones: [zone(-1.0, 0.45), zone(-0.05, 0.1), zone(0.2, 0.6), zone(0.45, 0.1), zone(0.75, 0.55)],
+        is_exposed: false,
+    }
 };
+
+/// The fill light beside lights of the files, in times of [`FILL`]: the metered exposure shows objects darker than the key
+/// light does. White in the shade is displayed as 0.5.
+const FILL_OF_LIGHTS: f64 = 0.7;
 
 /// The vertical field of view of automatic cameras, in degrees.
 pub(super) const FIELD_OF_VIEW: f64 = 30.0;
@@ -68,6 +75,12 @@ pub(crate) fn default_look(
         Look::Studio => studio(scene, settings, given),
     };
     look.light = look.light.or_else(|| needs_headlight(scene, &look).then_some(AddedLight::Headlight));
+    if let Some(light) = settings.picture.light.filter(|_| !scene.lights.is_empty()) {
+        let has_fill = settings.look(scene) == Look::Studio && has_files_lights(scene, &look);
+        if light == Headlight::Head || !has_fill {
+            look.notes.push(format!("--light {} changes nothing: the files have lights", light.name()));
+        }
+    }
     if look.picture.ground == Some(true) && look.ground.is_none() {
         look.ground = Some(asked_ground(scene)?);
     }
@@ -82,7 +95,9 @@ struct LookContext {
     has_path_tracing_reason: bool,
     /// Whether the files have no lights, and the shading uses lights.
     lacks_lights: bool,
-    /// Whether lights are lamps or in physical units.
+    /// [`has_files_lights`].
+    has_files_lights: bool,
+    /// Whether the exposure is metered: lights are lamps, a sky, or in physical units.
     is_bright: bool,
     /// Whether the camera was made for the files.
     is_of_file: bool,
@@ -102,13 +117,17 @@ fn studio(scene: &Scene, settings: &RenderSettings, given: DefaultLook) -> Defau
     }
     let lacks_lights = scene.lights.is_empty() && look.picture.shading().uses_lights();
     let (is_of_file, is_open) = (settings.camera.is_of_file(scene), !look.shows_environment());
-    let is_added = lacks_lights && !has_lamps && !is_of_file && is_open;
+    let (pipeline, traces_paths) = (look.picture.pipeline(), look.transport(scene).traces_paths());
+    let has_files_lights = has_files_lights(scene, &look);
+    let has_sky = look.environment.as_ref().is_some_and(|own| own.source == EnvironmentSource::Sky);
+    let is_added = (lacks_lights || has_files_lights) && !has_lamps && !is_of_file && is_open;
     let context = LookContext {
-        pipeline: look.picture.pipeline(),
-        traces_paths: look.transport(scene).traces_paths(),
+        pipeline,
+        traces_paths,
         has_path_tracing_reason: look.path_tracing_reason.is_some(),
         lacks_lights,
-        is_bright: has_lamps || scene.has_physical_lights,
+        has_files_lights,
+        is_bright: has_lamps || scene.has_physical_lights || has_sky && traces_paths,
         is_of_file,
         is_open,
         // A shape that stands and is flat has a dark background instead: lit from the front, it is as light as the ground.
@@ -117,8 +136,11 @@ fn studio(scene: &Scene, settings: &RenderSettings, given: DefaultLook) -> Defau
     let given = look.picture;
     look.picture = sampling(given, &context);
     look.picture = tone(look.picture, &context, &mut notes);
-    if context.lacks_lights {
+    if context.lacks_lights || has_files_lights {
         look.ambient = look.ambient.or(Some(0.0));
+    }
+    if has_files_lights && given.light.is_none() {
+        look.fill = Some(Fill { is_exposed: true, ..FILL.scaled(FILL_OF_LIGHTS) });
     }
     if lacks_lights && !has_lamps && given.light.is_none() && look.environment.is_none() {
         look.light = Some(AddedLight::Key);
@@ -145,6 +167,15 @@ const FLAT: f64 = 1e-6;
 fn stands_flat((min, max): (DVec3, DVec3)) -> bool {
     let size = max - min;
     size.x.min(size.z) <= FLAT * size.max_element() && size.y > FLAT * size.max_element()
+}
+
+/// Whether local shading is lit by lights of the files in physical units, whose exposure is metered.
+fn has_files_lights(scene: &Scene, look: &DefaultLook) -> bool {
+    scene.has_physical_lights
+        && !scene.lights.is_empty()
+        && look.picture.shading().uses_lights()
+        && look.picture.pipeline() == ColourPipeline::Linear
+        && !look.transport(scene).traces_paths()
 }
 
 /// The sampling of a picture whose settings say nothing of it.
@@ -197,7 +228,11 @@ fn ground(scene: &Scene, chosen: Option<bool>, context: &LookContext) -> Option<
 fn background(chosen: Option<Background>, has_ground: bool, context: &LookContext) -> (Option<Colour>, bool) {
     let LookContext { pipeline, lacks_lights, is_bright, is_open, adds_ground_and_background, .. } = *context;
     if adds_ground_and_background || lacks_lights && has_ground {
-        (Some(background_colour(pipeline)), chosen.is_some())
+        match is_bright && pipeline == ColourPipeline::Linear {
+            // A backdrop, so that it is the same for any exposure.
+            true => (Some(displayed_background()), true),
+            false => (Some(background_colour(pipeline)), chosen.is_some()),
+        }
     } else if chosen.is_none() && is_bright && is_open && !has_ground {
         // A backdrop, so that exposure does not change it.
         (None, true)
@@ -212,6 +247,7 @@ fn background(chosen: Option<Background>, has_ground: bool, context: &LookContex
 fn note_of_parts(look: &DefaultLook, given: &PictureSettings, context: &LookContext) -> Option<String> {
     let added = [
         (look.light == Some(AddedLight::Key), "light"),
+        (context.has_files_lights && look.fill.is_some(), "fill light"),
         (given.ground.is_none() && look.ground.is_some(), "ground"),
         (context.adds_ground_and_background && given.background.is_none(), "background"),
     ];
@@ -222,6 +258,14 @@ fn note_of_parts(look: &DefaultLook, given: &PictureSettings, context: &LookCont
         [] => (String::new(), "is"),
         _ => (format!("{} and ", before.join(", ")), "are"),
     };
+    if context.has_files_lights {
+        let without = if look.fill.is_some() {
+            "--light none leaves out the fill light, --draft all"
+        } else {
+            "--draft leaves them out"
+        };
+        return Some(format!("{before}{last} {verb} added to the lights of the files; {without}"));
+    }
     Some(format!(
         "no light{camera} in the files: {before}{last} {verb} added; --draft uses a headlight instead"
     ))
@@ -314,6 +358,14 @@ fn background_colour(pipeline: ColourPipeline) -> Colour {
     }
 }
 
+/// The background of the look as its tone map displays it.
+fn displayed_background() -> Colour {
+    let light = background_colour(ColourPipeline::Linear).to_pipeline(ColourPipeline::Linear);
+    let shown = DisplayTransform::new(0.0, ToneMap::PbrNeutral)
+        .encode(ColourPipeline::Linear, light.as_vec3().to_array());
+    Colour::from_u8(shown)
+}
+
 /// Fill light as an environment that the camera does not see.
 fn environment_of(fill: Fill) -> Environment {
     let height = |row: u32| (std::f64::consts::PI * f64::from(row) / f64::from(ROWS)).cos();
@@ -330,7 +382,7 @@ mod tests {
     use crate::error::Warnings;
     use crate::geometry::Sphere;
     use crate::job::EnvironmentSettings;
-    use crate::scene::{Camera, ColourValue, Headlight, Light, MaterialId, Object, Shape};
+    use crate::scene::{Camera, ColourValue, Intensity, Light, MaterialId, Object, Shape};
     use crate::world::headlight;
 
     fn ball() -> Scene {
@@ -370,6 +422,43 @@ mod tests {
         assert_eq!(parts(&look_of(&Scene { cameras: vec![camera()], ..ball() }, &fitted)), [true; 4]);
         assert_eq!(parts(&look_of(&Scene { lights: light, ..ball() }, &none)), [false, false, false, true]);
         assert_eq!(parts(&look_of(&Scene { has_settings: true, ..ball() }, &none)), [false; 4]);
+    }
+
+    /// Lights of files in physical units get fill light in proportion to the exposure, ground and backdrop.
+    #[test]
+    fn files_with_lights_look_like_others() {
+        let none = PictureSettings::default;
+        let lights: Vec<Light> = headlight(&camera()).into_iter().collect();
+        let lit = Scene { lights, has_physical_lights: true, ..ball() };
+        let of = |scene: &Scene, picture: PictureSettings| {
+            let look = look_of(scene, &picture.into());
+            let fill = look.fill.map(|fill| fill.is_exposed);
+            let changes_nothing = look.notes.iter().any(|note| note.contains("changes nothing"));
+            (fill, look.ground.is_some() && look.has_backdrop, look.ambient, changes_nothing)
+        };
+        assert_eq!(of(&lit, none()), (Some(true), true, Some(0.0), false));
+        let light = |light| PictureSettings { light: Some(light), ..none() };
+        assert_eq!(of(&lit, light(Headlight::None)), (None, true, Some(0.0), false));
+        assert!(of(&lit, light(Headlight::Head)).3);
+        assert!(of(&Scene { has_physical_lights: false, ..lit.clone() }, light(Headlight::None)).3);
+        // Under their own camera they keep its view; paths have indirect light.
+        assert_eq!(
+            of(&Scene { cameras: vec![camera()], ..lit.clone() }, none()),
+            (Some(true), false, Some(0.0), false)
+        );
+        let path = PictureSettings { transport: Some(Transport::Path), ..none() };
+        assert_eq!(of(&lit, path).0, None);
+    }
+
+    #[test]
+    fn the_intensity_of_an_environment_is_that_of_the_settings() {
+        let environment = EnvironmentSettings {
+            environment: Some("#ffffff".into()),
+            environment_intensity: Some(Intensity::clamped(3.0)),
+            ..EnvironmentSettings::default()
+        };
+        let settings = RenderSettings { environment, ..RenderSettings::default() };
+        assert_eq!(look_of(&ball(), &settings).environment.map(|own| own.intensity), Some(3.0));
     }
 
     /// Each of the settings that choose a part changes that part alone.

@@ -7,7 +7,9 @@ use glam::DVec3;
 use super::{RenderControl, RenderJob, RenderSettings, default_look, metadata};
 use crate::effects::Plan;
 use crate::error::Result;
-use crate::film::tone::{Exposure, auto_exposure, clipped_share, mean_exposure, white_exposure};
+use crate::film::tone::{
+    Exposure, auto_exposure, clipped_share, mean_exposure, white_exposure, white_mean_exposure,
+};
 use crate::film::write::OutputImage;
 use crate::film::{ColourPipeline, DisplaySettings, DisplayTransform, FilterShape};
 use crate::render::aov::{self, AovSelection};
@@ -76,7 +78,8 @@ impl RenderJob {
 
     /// Colours of the subject ([`RenderJob::subject`]) in a small render of the whole picture.
     fn metered_colours(&self, samples: u32, control: &RenderControl) -> Result<Vec<[f32; 3]>> {
-        let small = self.to_be_metered(Some(samples))?;
+        let mut small = self.to_be_metered(Some(samples))?;
+        small.expose_fill(None);
         let control = RenderControl { progress: &|_, _| (), ..*control };
         let (film, _) = small.render::<[f32; 3]>(&control)?;
         small.subject_colours(film.rows(), &control)
@@ -113,14 +116,24 @@ impl RenderJob {
         Ok(display.transform(ev))
     }
 
+    /// The exposure in EV for colours of the subject.
+    pub(crate) fn exposure_of(&self, subject: &[[f32; 3]]) -> f64 {
+        let tone_map = self.settings.picture.tone_map.unwrap_or_default();
+        match &self.world.environment {
+            Some(environment) if environment.is_sky => white_mean_exposure(subject, tone_map),
+            _ => mean_exposure(subject, tone_map),
+        }
+    }
+
     /// Sets the exposure from a small render of the whole picture, and the clamp of paths that materials call for. Returns the EV.
     ///
     /// # Errors
     /// As [`RenderJob::render`].
     pub(crate) fn meter(&mut self, control: &RenderControl) -> Result<f64> {
         let subject = self.metered_colours(METER_SAMPLES, control)?;
+        let ev = self.exposure_of(&subject);
+        self.expose_fill(Some(ev));
         let picture = &mut self.settings.picture;
-        let ev = mean_exposure(&subject, picture.tone_map.unwrap_or_default());
         picture.exposure = Some(Exposure::Ev(ev));
         if self.plan_settings.clamp.is_none() && self.world.path_tracing_reason.is_some() {
             picture.clamp = Some(default_look::white_clamp(ev));
@@ -177,7 +190,8 @@ pub(crate) fn leave_to_metering(
     let is_auto = picture.exposure == Some(Exposure::Auto);
     let is_default = chosen.is_none() && (is_auto || is_studio && is_inside(bounds, picture, camera));
     // Colours that bypass the tone map are composited during rendering, so the exposure must be known first.
-    let is_kept = picture.background.is_some() || scene.has_unlit();
+    let has_exposed_fill = look.fill.is_some_and(|fill| fill.is_exposed);
+    let is_kept = picture.background.is_some() || scene.has_unlit() || has_exposed_fill;
     let meters = is_default || is_auto && is_studio && is_kept;
     if meters {
         picture.exposure = None;

@@ -173,6 +173,13 @@ impl RenderJob {
         Ok(())
     }
 
+    /// Adapts fill light that depends on the exposure ([`crate::scene::Fill::is_exposed`]).
+    pub(crate) fn expose_fill(&mut self, ev: Option<f64>) {
+        if let Some(world) = self.world.with_exposed_fill(ev) {
+            self.world = Arc::new(world);
+        }
+    }
+
     /// The colour pipeline.
     pub fn pipeline(&self) -> ColourPipeline {
         self.world.pipeline

@@ -39,6 +39,22 @@ impl AddedLight {
 /// Note for a scene without lights.
 pub const HEADLIGHT: &str = "no light in the scene; added a headlight";
 
+/// The exposure in EV from which on an environment is noted as dark: white is then displayed as light of 1/8.
+const DARK_ENVIRONMENT: f64 = -3.0;
+
+/// Notes a chosen environment that lights of the files, in candela or lux, outshine.
+pub(super) fn note_dark_environment(job: &RenderJob, ev: f64, warnings: &mut Warnings) {
+    let chosen = &job.settings.environment;
+    let is_chosen = chosen.environment.is_some() && chosen.environment_intensity.is_none();
+    if is_chosen && ev <= DARK_ENVIRONMENT && !job.world.lights.is_empty() {
+        let factor = (-ev).exp2().round();
+        warnings.note(format!(
+            "the lights of the files are in candela or lux and outshine the environment; \
+             --environment-intensity {factor} shows its white as white"
+        ));
+    }
+}
+
 /// Adds a note on the recentering of a scene.
 pub fn warn_of_recentering(recentering: Option<&Recentering>, warnings: &mut Warnings) {
     if let Some(recentering) = recentering {

@@ -11,6 +11,7 @@ use crate::bvh::Layout;
 use crate::effects::random::seed_at;
 use crate::error::Result;
 use crate::film::ColourPipeline;
+use crate::film::tone::Exposure;
 use crate::import;
 use crate::scene::animation::Moment;
 use crate::scene::{AddedLight, Animation, Camera, DefaultLook, Numerics, Scene};
@@ -172,6 +173,11 @@ impl SceneAtTime {
             *seed = seed_at(*seed, self.seconds);
         }
         let job = RenderJob::new(self.world_for(&camera), self.recentering, camera, size, plan_settings)?;
-        Ok(RenderJob { window, settings, metadata, ..job })
+        let mut job = RenderJob { window, settings, metadata, ..job };
+        // Before the exposure is metered, there is none.
+        if let Some(Exposure::Ev(ev)) = job.settings.picture.exposure {
+            job.expose_fill(Some(ev));
+        }
+        Ok(job)
     }
 }

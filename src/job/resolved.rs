@@ -247,6 +247,7 @@ pub(super) fn metered(mut job: RenderJob, meters: bool, warnings: &mut Warnings)
     if meters {
         let ev = job.meter(&RenderControl::default())?;
         warnings.note(format!("the exposure is {ev} EV, metered; --exposure 0 turns this off"));
+        notes::note_dark_environment(&job, ev, warnings);
     }
     notes::warn_of_job(&job, warnings);
     enclosed::note(&job, warnings)?;

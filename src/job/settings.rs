@@ -16,7 +16,7 @@ use crate::scene::option::options;
 #[cfg(feature = "cli")]
 use crate::scene::option::{group, parser};
 use crate::scene::{
-    Camera, DefaultLook, Environment, Look, Object, PictureSettings, Projection, Rotation, Scene,
+    Camera, DefaultLook, Environment, Intensity, Look, Object, PictureSettings, Projection, Rotation, Scene,
 };
 use crate::world::{Framing, StandardView};
 
@@ -210,6 +210,9 @@ options! {
         /// Rotation of the environment about +y in degrees, counterclockwise seen from above
         [long, help_heading = group::LIGHT, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()]
         environment_rotation: Rotation,
+        /// Factor of the radiance of the environment [default: the scene's, or 1]
+        [long, help_heading = group::LIGHT, value_name = "FACTOR", value_parser = parser::<Intensity>()]
+        environment_intensity: Intensity,
         /// Light the scene by the environment, but show the background colour behind it [default: false]
         [long, help_heading = group::LIGHT, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
          value_name = "true|false", value_parser = parser::<bool>()]
@@ -230,14 +233,18 @@ impl EnvironmentSettings {
             }
             None => scene.environment.clone(),
         };
-        if chosen.is_none() && (self.environment_rotation.is_some() || self.hide_environment.is_some()) {
+        let is_changed = self.environment_rotation.is_some()
+            || self.environment_intensity.is_some()
+            || self.hide_environment.is_some();
+        if chosen.is_none() && is_changed {
             return Err(Error::usage(
-                "there is no environment to rotate or hide",
+                "there is no environment to rotate, scale or hide",
                 "give one by --environment",
             ));
         }
         Ok(chosen.map(|own| Environment {
             rotation: self.environment_rotation.map_or(own.rotation, |degrees| degrees.get().to_radians()),
+            intensity: self.environment_intensity.map_or(own.intensity, Intensity::get),
             is_hidden: self.hide_environment.unwrap_or(own.is_hidden),
             ..own
         }))

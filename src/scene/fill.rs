@@ -17,9 +17,18 @@ pub struct FillZone {
 pub struct Fill {
     /// From below, the first from -1.
     pub zones: [FillZone; 5],
+    /// Whether the radiance is that over 2^EV, EV being the exposure of the picture: displayed alike beside any lights.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub is_exposed: bool,
 }
 
 impl Fill {
+    /// The fill light with so many times the radiance.
+    pub fn scaled(self, factor: f64) -> Self {
+        let zones = self.zones.map(|zone| FillZone { radiance: factor * zone.radiance, ..zone });
+        Fill { zones, ..self }
+    }
+
     /// The radiance from the zones that lie between two sines of elevation, `low` below `high`: their mean over the solid angle.
     pub fn mean_radiance(&self, low: f64, high: f64) -> f64 {
         let sum: f64 = self.bands().map(|(from, to, l)| l * (to.min(high) - from.max(low)).max(0.0)).sum();
@@ -85,7 +94,10 @@ mod tests {
         const fn zone(from: f64, radiance: f64) -> FillZone {
             FillZone { from, radiance }
         }
-        Fill { zones: [zone(-1.0, 0.3), zone(-0.1, 0.1), zone(0.2, 0.8), zone(0.4, 0.2), zone(0.8, 1.0)] }
+        Fill {
+            zones: [zone(-1.0, 0.3), zone(-0.1, 0.1), zone(0.2, 0.8), zone(0.4, 0.2), zone(0.8, 1.0)],
+            is_exposed: false,
+        }
     };
 
     /// The irradiance by quadrature over the hemisphere above a normal: the midpoint rule in the squared cosine and the azimuth.

@@ -80,8 +80,8 @@ pub use material::{
 };
 pub use option::{OptionValue, ValueKind};
 pub use picture::{
-    Background, Bounces, Clamp, FieldOfView, FilterRadius, Headlight, Look, Noise, PictureSettings, Rotation,
-    Samples, Side, Zoom,
+    Background, Bounces, Clamp, FieldOfView, FilterRadius, Headlight, Intensity, Look, Noise,
+    PictureSettings, Rotation, Samples, Side, Zoom,
 };
 #[allow(deprecated)]
 pub use sampler::{Filter, Sampler};

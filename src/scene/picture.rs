@@ -127,6 +127,8 @@ ranged! {
     Side(u32, "u32") in 1..=65_535, "give a number of pixels from 1 to 65535";
     /// A rotation in degrees.
     Rotation(f64, "f64") in f64::MIN..=f64::MAX, "give a number of degrees";
+    /// A factor of radiance.
+    Intensity(f64, "f64") in 0.0..=1e100, "give a factor from 0 to 1e100, such as 2";
     /// A magnification.
     Zoom(f64, "f64") in 0.001..=1000.0, "give a factor from 0.001 to 1000, such as 2";
     /// A vertical field of view in degrees.

@@ -15,6 +15,8 @@ use crate::scene::{Environment, EnvironmentSource};
 pub(crate) struct PreparedEnvironment {
     /// Whether camera rays do not see it.
     pub(crate) is_hidden: bool,
+    /// Whether it is the sky, of whose light white surfaces are white.
+    pub(crate) is_sky: bool,
     radiance: Radiance,
 }
 
@@ -96,7 +98,8 @@ impl PreparedEnvironment {
                 Radiance::Image(Box::new(image))
             }
         };
-        PreparedEnvironment { is_hidden: *is_hidden, radiance }
+        let is_sky = matches!(source, EnvironmentSource::Sky);
+        PreparedEnvironment { is_hidden: *is_hidden, is_sky, radiance }
     }
 
     /// The radiance from a unit direction.

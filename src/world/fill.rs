@@ -12,6 +12,10 @@ pub(crate) struct PreparedFill {
     diffuse: Vec<f64>,
     /// The lower ends of the zones.
     edges: Vec<Edge>,
+    /// [`Fill::is_exposed`].
+    is_exposed: bool,
+    /// Factor of the radiance.
+    scale: f64,
 }
 
 /// A circle of constant height at which radiance changes.
@@ -34,7 +38,15 @@ impl PreparedFill {
                 .steps()
                 .map(|(from, step)| Edge { is_low: from < 0.0, half: half_angle(from.abs()), step })
                 .collect(),
+            is_exposed: fill.is_exposed,
+            scale: if fill.is_exposed { 0.0 } else { 1.0 },
         }
+    }
+
+    /// The fill light for an exposure in EV, if it depends on it: none where that is not known yet.
+    pub(super) fn exposed(&self, ev: Option<f64>) -> Option<Self> {
+        let scale = ev.map_or(0.0, |ev| libm::exp2(-ev));
+        (self.is_exposed && scale != self.scale).then(|| PreparedFill { scale, ..self.clone() })
     }
 
     /// The irradiance over pi of a surface whose unit normal has this y: what a white diffuse surface reflects.
@@ -43,7 +55,7 @@ impl PreparedFill {
         let position = (0.5 * (normal_y + 1.0)).clamp(0.0, 1.0) * INTERVALS as f64;
         let interval = (position as usize).min(INTERVALS - 1);
         let [low, high] = [self.diffuse[interval], self.diffuse[interval + 1]];
-        low + (high - low) * (position - interval as f64)
+        self.scale * (low + (high - low) * (position - interval as f64))
     }
 
     /// The mean radiance that a GGX lobe of width `alpha` around a unit direction with this y reflects.
@@ -55,14 +67,16 @@ impl PreparedFill {
     /// that is exact at the centre of the cap and for narrow lobes.
     pub(crate) fn reflected(&self, y: f64, alpha: f64) -> f64 {
         let [sin, cos] = half_angle(y);
-        self.edges
+        let sum: f64 = self
+            .edges
             .iter()
             .map(|&Edge { is_low, half, step }| {
                 let (sin, cos) = if is_low { (cos, sin) } else { (sin, cos) };
                 let part = part_in_cap(half, [sin, cos], alpha);
                 step * if is_low { 1.0 - part } else { part }
             })
-            .sum()
+            .sum();
+        self.scale * sum
     }
 }
 
@@ -101,7 +115,10 @@ mod tests {
         const fn zone(from: f64, radiance: f64) -> FillZone {
             FillZone { from, radiance }
         }
-        Fill { zones: [zone(-1.0, 0.3), zone(-0.1, 0.1), zone(0.2, 0.8), zone(0.4, 0.2), zone(0.8, 1.0)] }
+        Fill {
+            zones: [zone(-1.0, 0.3), zone(-0.1, 0.1), zone(0.2, 0.8), zone(0.4, 0.2), zone(0.8, 1.0)],
+            is_exposed: false,
+        }
     };
 
     #[test]

@@ -290,6 +290,12 @@ impl World {
         World { backdrop: None, ..self.clone() }
     }
 
+    /// The world whose fill light is that of an exposure in EV ([`Fill::is_exposed`]); `None` where it is already.
+    pub(crate) fn with_exposed_fill(&self, ev: Option<f64>) -> Option<World> {
+        let fill = self.fill.as_ref()?.exposed(ev)?;
+        Some(World { fill: Some(fill), ..self.clone() })
+    }
+
     /// The index of the object that shows its shadows alone, the ground before a backdrop.
     pub(crate) fn shadow_catcher(&self) -> Option<u32> {
         self.ground.filter(|_| self.backdrop.is_some())

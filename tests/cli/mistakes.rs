@@ -456,7 +456,7 @@ const MISTAKES: &[Mistake] = &[
     (Command, "bench pirce", "pirce: neither a file nor a benchmark", "did you mean `price`?", 2),
     (Command, "render scene.toml -o a.png --time 1", "no input has clips", "leave out --time", 2),
     (Scene, "[ambient]\ncolour = 'white'", "a.toml:2: unknown key `colour`", "ambient light is white", 3),
-    (Scene, "[ambient]\ncolor = 'white'", "a.toml:2: unknown key `colour`", "ambient light is white", 3),
+    (Scene, "[ambient]\ncolor = 'white'", "a.toml:2: unknown key `color`", "ambient light is white", 3),
     (
         Scene,
         "[material.a]\ncolor = 'red'\ncolour = 'red'",

@@ -392,7 +392,8 @@ fn a_clipped_picture_under_physical_lights_names_an_exposure() {
     // A white surface under 1 lux reflects about 1 / pi.
     workshop.write("dim.gltf", gltf(1.0));
     assert!(!workshop.succeed("render dim.gltf --draft -o a.png --size 64x48").contains("warning"));
-    // The default look meters both, and shows the same: the log-average of a surface of one luminance is 0.18.
+    // The default look meters both. Light of 0.187 is displayed as 0.42 (see `mean_exposure`); fill light adds 0.7 * 0.37,
+    // of which white reflects 0.96 and some gloss: 0.43 to 0.45 less 0.04 is 0.68 in sRGB.
     for file in ["bright", "dim"] {
         let said = workshop.succeed(&format!("render {file}.gltf -o {file}.png --size 64x48"));
         assert!(said.contains("kiln: note: the exposure is") && !said.contains("warning"), "{said}");
@@ -401,8 +402,35 @@ fn a_clipped_picture_under_physical_lights_names_an_exposure() {
         let shown = workshop.colours(&format!("{file}.png"));
         let mean = shown.as_flattened().iter().map(|&value| f64::from(value)).sum::<f64>()
             / (3 * shown.len()) as f64;
-        assert!((0.3..0.5).contains(&(mean / 255.0)), "{file}: {mean}");
+        assert!((0.65..0.7).contains(&(mean / 255.0)), "{file}: {mean}");
     }
+    // Fill light is in proportion to the exposure: a light of 2^-12 gives the same picture at 12 EV more.
+    workshop.write("same.gltf", gltf(5000.0 / 4096.0));
+    workshop.succeed("render same.gltf -o same.png --size 64x48");
+    assert_eq!(workshop.colours("same.png"), workshop.colours("bright.png"));
+    // Without it the square is as metered.
+    workshop.succeed("render bright.gltf -o none.png --size 64x48 --light none");
+    let [red, ..] = workshop.colours("none.png")[24 * 64 + 32];
+    assert!((red as f64 / 255.0 - 0.42).abs() < 0.01, "{red}");
+    for (option, file) in [("--light head", "bright"), ("--light none --draft", "bright")] {
+        let said = workshop.succeed(&format!("render {file}.gltf -o x.png --size 8x8 {option}"));
+        assert!(said.contains("changes nothing: the files have lights"), "{option}: {said}");
+    }
+    // An environment of radiance 1 is nothing beside 5000 lux; the factor named is 2^-EV.
+    let said =
+        workshop.succeed("render bright.gltf -o x.png --size 8x8 --environment white --hide-environment");
+    let ev: f64 = said
+        .split("the exposure is ")
+        .nth(1)
+        .and_then(|rest| rest.split(' ').next())
+        .expect("an EV")
+        .parse()
+        .expect("a number");
+    let factor = (-ev).exp2().round();
+    assert!(said.contains(&format!("--environment-intensity {factor} shows its white")), "{said}");
+    let options = format!("--environment white --hide-environment --environment-intensity {factor}");
+    let said = workshop.succeed(&format!("render bright.gltf -o y.png --size 8x8 {options}"));
+    assert!(!said.contains("outshine"), "{said}");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use crate::common::picture::parse;
 use kiln::error::Warnings;
 use kiln::job::{RenderControl, RenderSettings, prepare};
-use kiln::scene::{PictureSettings, Samples};
+use kiln::scene::{PictureSettings, Samples, Sampling};
 
 const SIZE: u32 = 33;
 
@@ -67,6 +67,22 @@ fn what_is_beyond_the_radius_does_not_count() {
     check(&scene, 0.9 / diagonal, None, 1.0);
     check(&scene, 2.0 / diagonal, None, 0.25);
     check(&scene, 1.25 / diagonal, Some(8), 0.64);
+}
+
+/// A surface casts 8 rays, shared by the samples of the whole picture.
+#[test]
+fn samples_share_their_rays() {
+    let with = vec!["ambient-occlusion".into()];
+    let settings = RenderSettings { with, ..PictureSettings::of_size([SIZE; 2]).into() };
+    let mut job = prepare(parse(&floor(0.0, 1.0)), &settings, &mut Warnings::default()).expect("a job");
+    for (samples, total, rays) in
+        [(1, None, 8), (4, None, 8), (8, None, 8), (16, None, 16), (1, Some(4), 2), (2, Some(4), 4)]
+    {
+        job.set_sampling(Sampling { samples: Some(samples), total, ..Sampling::default() }).expect("a plan");
+        let (_, statistics) = job.render::<[f32; 3]>(&RenderControl::default()).expect("a picture");
+        let cast = statistics.rays(kiln::effects::whitted::ambient_occlusion::RAYS).cast;
+        assert_eq!(cast, rays * u64::from(SIZE * SIZE), "{samples} samples");
+    }
 }
 
 /// It is part of no picture that does not ask for it.

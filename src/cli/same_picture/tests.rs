@@ -157,6 +157,17 @@ fn files(folder: &Path) -> Vec<PathBuf> {
         files.push(folder.join(name));
         std::fs::write(folder.join(name), clip(&material)).expect("a file");
     }
+    // A sun of 2000 lux, whose exposure is metered, with fill light by that.
+    let mut lit: serde_json::Value = serde_json::from_str(&clip(&json!({}))).expect("a glTF");
+    let sun = json!({ "type": "directional", "intensity": 2000 });
+    lit["extensionsUsed"] = json!(["KHR_lights_punctual"]);
+    lit["extensions"] = json!({ "KHR_lights_punctual": { "lights": [sun] } });
+    let node =
+        json!({ "rotation": [-0.6, 0, 0, 0.8], "extensions": { "KHR_lights_punctual": { "light": 0 } } });
+    lit["nodes"].as_array_mut().expect("nodes").push(node);
+    lit["scenes"][0]["nodes"] = json!([0, 1, 2]);
+    files.push(folder.join("lit.gltf"));
+    std::fs::write(folder.join("lit.gltf"), lit.to_string()).expect("a file");
     files
 }
 

@@ -107,11 +107,12 @@ struct TestHemispheres {
 impl TestHemispheres {
     fn new(context: &EffectContext) -> Self {
         let radius = context.value.as_ref().and_then(|value| value.parse().ok()).unwrap_or(RADIUS);
+        let samples = context.sampling.total.unwrap_or(context.spec.samples).max(1);
         // Adaptive sampling adds samples where one ray each is not enough.
         let most = if context.spec.adaptive { 1 } else { RAYS_PER_PIXEL };
         TestHemispheres {
             radius: radius * context.world.diagonal,
-            count: RAYS_PER_PIXEL.div_ceil(context.spec.samples.max(1)).min(most),
+            count: RAYS_PER_PIXEL.div_ceil(samples).min(most),
             sampler: context.sampling.sampler,
             seed: context.sampling.seed,
         }

@@ -73,10 +73,25 @@ pub fn mean_exposure(colours: &[[f32; 3]], tone_map: ToneMap) -> f64 {
         }
         low
     };
+    let unclipped = unclipped_exposure(&lit);
+    rounded(exposure_of(MEAN).min(exposure_of(LEAST_MEAN).max(unclipped)), 100.0)
+}
+
+/// [`mean_exposure`] under light that shows white surfaces white: below 0 only as far as 5 % of the lit pixels would be
+/// brighter than white, so that white objects do not become grey.
+pub fn white_mean_exposure(colours: &[[f32; 3]], tone_map: ToneMap) -> f64 {
+    let lit = |&&colour: &&[f32; 3]| luminance(colour) > 0.0 && luminance(colour).is_finite();
+    let lit: Vec<[f32; 3]> = colours.iter().filter(lit).copied().collect();
+    let mean = mean_exposure(colours, tone_map);
+    if lit.is_empty() { mean } else { mean.max(rounded(unclipped_exposure(&lit).min(0.0), 100.0)) }
+}
+
+/// The exposure in EV at which 5 % of these colours, at least one, are brighter than white.
+fn unclipped_exposure(lit: &[[f32; 3]]) -> f64 {
     let mut luminances: Vec<f64> = lit.iter().copied().map(luminance).collect();
     let rank = (luminances.len() * 95).div_ceil(100) - 1;
     let bright = *luminances.select_nth_unstable_by(rank, f64::total_cmp).1;
-    rounded(exposure_of(MEAN).min(exposure_of(LEAST_MEAN).max(-bright.log2())), 100.0)
+    -bright.log2()
 }
 
 /// The share of pixels, 0 to 1, with a channel at the maximum.
@@ -139,6 +154,17 @@ mod tests {
         assert!(mean_exposure(&few, ToneMap::None) > 0.9);
         let dark: Vec<[f32; 3]> = (0..100).map(|i| [f32::from(u8::from(i < 4)); 3]).collect();
         assert_eq!(mean_exposure(&dark, ToneMap::None), 0.0);
+    }
+
+    /// White of 1.25 becomes 1, log2(1.25) = 0.32 lower, where the mean alone would take it to grey. Dark objects are as by
+    /// the mean.
+    #[test]
+    fn white_objects_stay_white_under_a_sky() {
+        assert_eq!(white_mean_exposure(&[[1.25; 3]], ToneMap::None), -0.32);
+        assert!(mean_exposure(&[[1.25; 3]], ToneMap::None) < -2.0);
+        let dark = [[0.01; 3]];
+        assert_eq!(white_mean_exposure(&dark, ToneMap::None), mean_exposure(&dark, ToneMap::None));
+        assert_eq!(white_mean_exposure(&[[0.0; 3]], ToneMap::None), 0.0);
     }
 
     #[test]

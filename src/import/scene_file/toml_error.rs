@@ -77,7 +77,8 @@ fn of_name(message: &str, typed: &str) -> Option<(String, String)> {
             }
             (_, known) => nearest_name(name, known),
         };
-        (format!("unknown key `{name}`"), hint)
+        let shown = if typed.replace("color", "colour") == name { typed } else { name };
+        (format!("unknown key `{shown}`"), hint)
     } else if starts("unknown variant") {
         (format!("unknown value `{name}`"), nearest_name(name, &names[1..]))
     } else if starts("missing field") {

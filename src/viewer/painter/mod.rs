@@ -265,6 +265,7 @@ impl RenderTask<'_> {
                 if let Some(seconds) = seconds {
                     cache.record_seconds(request, seconds);
                 }
+                rendered.metered.iter().for_each(|job| cache.record_exposure(job));
                 self.sender.send(Message::Image(Box::new(rendered)));
             }
         }

@@ -11,7 +11,7 @@ use super::RenderedImage;
 use super::render_cache::Prepared;
 use crate::effects::RayKind;
 use crate::error::Result;
-use crate::film::tone::{Exposure, auto_exposure, mean_exposure};
+use crate::film::tone::{Exposure, auto_exposure};
 use crate::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, Pixel, Window};
 use crate::job::RenderJob;
 use crate::metrics;
@@ -20,6 +20,10 @@ use crate::scene::Sampling;
 use crate::viewer::false_colour::{DisplayMode, FalseColours, error_against_exact, false_colours};
 use crate::viewer::refine::{Pass, passes};
 use crate::viewer::request::RenderRequest;
+
+/// A coarse pass takes one of so many samples of a pixel: of rays that samples share, such as those of ambient occlusion, it
+/// casts so many times less than a picture of one sample.
+const OF_SAMPLES: u32 = 4;
 
 /// An image in the values of its colour pipeline, row by row from the top.
 pub(crate) struct PipelineImage {
@@ -88,7 +92,9 @@ impl<'a> Side<'a> {
         let Sampling { seed, sampler, noise, min_samples, .. } = whole;
         let most = if self.request.display_mode == DisplayMode::Picture { self.prepared.samples } else { 1 };
         let (factor, sampling) = match pass {
-            Pass::Coarse(factor) => (factor, Sampling { seed, sampler, ..Sampling::default() }),
+            Pass::Coarse(factor) => {
+                (factor, Sampling { seed, sampler, total: Some(OF_SAMPLES), ..Sampling::default() })
+            }
             Pass::Samples(count) if count < most => {
                 (1, Sampling { first: None, noise, min_samples, ..whole.part(0, count) })
             }
@@ -176,7 +182,7 @@ impl<'a> Side<'a> {
         let job = self.job().with_size(size)?;
         let subject = job.subject_colours(pixels.iter().copied(), control)?;
         let ev = match self.meters() {
-            true => mean_exposure(&subject, display.tone_map.unwrap_or_default()),
+            true => self.job().exposure_of(&subject),
             false => auto_exposure(subject.into_iter()),
         };
         Ok(DisplaySettings { exposure: Some(Exposure::Auto), ..display }.transform(ev))

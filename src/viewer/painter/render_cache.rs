@@ -78,6 +78,8 @@ pub(crate) struct RenderCache {
     fitted_cameras: Vec<(Framing, f64, Camera)>,
     /// The camera that was last fitted to a moment, with what it depends on.
     fitted_at: Option<((Framing, Moment, f64, Projection), Camera)>,
+    /// The last exposure that was metered, for fill light until the next is.
+    metered: Option<f64>,
     /// Render time in seconds per pixel at one sample, by display mode.
     seconds: Vec<(DisplayMode, f64)>,
 }
@@ -114,6 +116,13 @@ impl RenderCache {
         let seconds = self.seconds_per_pixel(request).map_or(seconds, |before| (before * seconds).sqrt());
         self.seconds.retain(|(mode, _)| *mode != request.display_mode);
         self.seconds.push((request.display_mode, seconds));
+    }
+
+    /// Records a metered exposure.
+    pub(crate) fn record_exposure(&mut self, metered: &RenderJob) {
+        if let Some(Exposure::Ev(ev)) = metered.settings.picture.exposure {
+            self.metered = Some(ev);
+        }
     }
 
     /// Prepares the scene for a request with the settings of one side.
@@ -161,7 +170,10 @@ impl RenderCache {
             prepared = self.at_time(&settings, &look, request)?;
         }
         let meters = picture.meters;
-        let job = prepared.job_for(ResolvedPicture { camera, ..picture })?;
+        let mut job = prepared.job_for(ResolvedPicture { camera, ..picture })?;
+        if meters {
+            job.expose_fill(self.metered);
+        }
         let (sampling, plan_settings, whole) = (job.plan_settings.sampling, &job.plan_settings, &job.plan);
         let samples = if whole.takes_samples() { sampling.max_samples() } else { 1 };
         let decisions = EFFECTS.iter().zip(&whole.decisions);

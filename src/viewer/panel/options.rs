@@ -10,7 +10,8 @@ use crate::effects::{EFFECTS, Effect, EffectId, id};
 use crate::film::ColourPipeline;
 use crate::job::{EnvironmentSettings, RenderSettings};
 use crate::scene::{
-    ImportOptions, PictureSettings, ReadingOptions, Rotation, Samples, Scene, ShadingMode, ValueKind,
+    ImportOptions, Intensity, PictureSettings, ReadingOptions, Rotation, Samples, Scene, ShadingMode,
+    ValueKind,
 };
 use crate::viewer::elided;
 use crate::viewer::painter::RenderedImage;
@@ -119,6 +120,7 @@ impl<'a> Shown<'a> {
         let of_scene = of_scene.map_or_else(EnvironmentSettings::default, |own| EnvironmentSettings {
             environment: None,
             environment_rotation: Some(Rotation::clamped(own.rotation.to_degrees())),
+            environment_intensity: Some(Intensity::clamped(own.intensity)),
             hide_environment: Some(own.is_hidden),
         });
         let (picture, environment) = (settings.picture.or(own), chosen.or(of_scene));
