@@ -2,6 +2,9 @@
 //! of vertices, and colours of faces. Colours are display values: of 0 to 255, or of 0 to 1 where none is larger. As in
 //! OBJ files, v points up in the image.
 //!
+//! Binary data is big-endian (Geomview), with a number of colour values behind each face. The pmp-library writes it
+//! little-endian, without that number; such files are told by counts that fit the file's size in this order alone.
+//!
 //! Text is read by lines, since the number of colour values of a face is that of the words left on its line; a file
 //! that is not whole by lines is read by words. No crate is used: those on crates.io (off-rs 1.0, meshio-rs) read
 //! neither colours of faces nor comments, and have no line numbers.
@@ -107,6 +110,9 @@ fn read_face(values: &mut Values, numbers: &mut Vec<f64>) -> Read<()> {
     if values.encoding == Encoding::Ascii {
         return values.rest_of_line(numbers);
     }
+    if values.encoding == Encoding::LittleEndian {
+        return Ok(());
+    }
     let colours = values.next(Scalar::I32)?;
     values.take(colours as u64, Scalar::F32, numbers)
 }
@@ -146,12 +152,22 @@ impl Header {
         const ENDS: &str = "ends before the numbers of vertices and faces";
         const NO_COUNTS: &str = "no numbers of vertices and faces after `OFF`";
         if after.first().is_some_and(|word| word.eq_ignore_ascii_case(b"BINARY")) {
-            *values = values.clone().into_binary(Encoding::BigEndian);
-            let mut counts = Vec::new();
-            let is_there = values.take(3, Scalar::I32, &mut counts).is_ok();
-            if !is_there || counts.iter().any(|&count| count < 0.0) {
-                return Err(values.fault(NO_COUNTS));
-            }
+            let of = |encoding| {
+                let mut values = values.clone().into_binary(encoding);
+                let mut counts = Vec::new();
+                let is_there = values.take(3, Scalar::I32, &mut counts).is_ok();
+                (is_there && counts.iter().all(|&count| count >= 0.0)).then_some((values, counts))
+            };
+            let (big, little) = (of(Encoding::BigEndian), of(Encoding::LittleEndian));
+            // A vertex has three values at least, a face one.
+            let fits = |(values, counts): &(Values, Vec<f64>)| {
+                4.0 * (3.0 * counts[0] + counts[1]) <= values.bytes_left() as f64
+            };
+            let is_little = little.as_ref().is_some_and(fits) && !big.as_ref().is_some_and(fits);
+            let Some((binary, counts)) = (if is_little { little } else { big }) else {
+                return Err(values.clone().into_binary(Encoding::BigEndian).fault(NO_COUNTS));
+            };
+            *values = binary;
             let (vertices, faces) = (counts[0] as u64, counts[1] as u64);
             return Ok(Header { has_normals, has_colours, has_uvs, vertices, faces, has_values: false });
         }

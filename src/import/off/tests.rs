@@ -174,6 +174,20 @@ fn binary_files_are_the_same_as_text() {
     assert_eq!(e, "a.off: byte 123: vertex 9 does not exist; there are 4, counted from 0");
 }
 
+/// Little-endian files have no number of colours behind a face. Their counts in the other order, 4 << 24 vertices, do not
+/// fit the file.
+#[test]
+fn little_endian_files_of_the_pmp_library_are_read() {
+    let ints = |values: &[i32]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+    let corners = [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0];
+    let corners: Vec<u8> = corners.iter().flat_map(|value| value.to_le_bytes()).collect();
+    let faces = ints(&[4, 0, 1, 2, 3, 3, 0, 2, 3]);
+    let (mesh, warnings) =
+        read_whole([b"OFF BINARY\n", &*ints(&[4, 2, 0]), &corners, &faces].concat()).expect("a square");
+    assert_eq!(mesh, read_text(&format!("OFF\n4 2 0\n{SQUARE}4 0 1 2 3\n3 0 2 3\n")).expect("a square").0);
+    assert!(warnings.is_empty(), "{warnings:?}");
+}
+
 #[test]
 fn faults_have_their_line() {
     let text = |text: &str| read_text(text).map(drop).expect_err("it is broken").to_string();
