@@ -193,13 +193,14 @@ impl FileNames {
         }
     }
 
-    /// The numbers of the files of these names that exist, in ascending order.
+    /// The numbers of the files of these names that exist, in ascending order. If all of them have more digits than the
+    /// place in the name, also a file whose number has zeros in front: `f_##.png` does not mean `f_001.png` to `f_150.png`.
     ///
     /// # Errors
     /// Those of reading the folder.
-    pub fn existing(&self) -> std::io::Result<Vec<i32>> {
+    pub fn existing(&self) -> std::io::Result<(Vec<i32>, Option<String>)> {
         let folder = if self.folder.as_os_str().is_empty() { Path::new(".") } else { &self.folder };
-        let mut numbers = Vec::new();
+        let (mut numbers, mut other) = (Vec::new(), None);
         for entry in std::fs::read_dir(folder)? {
             let name = entry?.file_name();
             let number = name.to_str().and_then(|name| {
@@ -208,11 +209,15 @@ impl FileNames {
                     .parse::<i32>()
                     .ok()
             });
-            // Only as the number is written.
-            numbers.extend(number.filter(|&number| self.of(number).file_name() == Some(&name)));
+            match number {
+                Some(number) if self.of(number).file_name() == Some(&name) => numbers.push(number),
+                Some(_) => other = name.into_string().ok(),
+                None => {}
+            }
         }
         numbers.sort_unstable();
-        Ok(numbers)
+        let is_wider = numbers.iter().all(|number| number.to_string().len() > self.width.unwrap_or_default());
+        Ok((numbers, other.filter(|_| is_wider)))
     }
 }
 

@@ -40,10 +40,10 @@ pub(crate) struct Arguments {
     pub settings: RenderSettings,
     /// Maximum bounces of a path, 0 to 1000; 0 is emission only, 1 adds direct light [default: 8]
     #[arg(long, help_heading = group::QUALITY, display_order = 4, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(0..=1000u16))]
-    depth: Option<u16>,
+    pub depth: Option<u16>,
     /// Fast preview of meshes: one sample per pixel, a headlight and a dark background instead of the default look
     #[arg(long, help_heading = group::LOOK, display_order = 2)]
-    draft: bool,
+    pub draft: bool,
     /// Number of threads [default: all that this process may use, or SLURM_CPUS_PER_TASK if less]
     #[arg(long, help_heading = group::LIMITS, display_order = 0, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(1..=u16::MAX))]
     pub threads: Option<u16>,

@@ -27,11 +27,17 @@ use crate::render::{RenderControl, Statistics};
 use crate::scene::Seconds;
 use crate::scene::option::{group, parser};
 
+/// A number above 0.
+fn above_zero(text: &str) -> std::result::Result<f64, String> {
+    let number = text.trim().parse().ok().filter(|number: &f64| *number > 0.0 && number.is_finite());
+    number.ok_or_else(|| "give frames per second above 0, such as 24".to_owned())
+}
+
 /// Frame rate and duration that override the scene's.
 #[derive(Args, Clone)]
 pub(crate) struct LengthArguments {
     /// Frames per second [default: the scene's, or 30]
-    #[arg(long, help_heading = group::ANIMATION, allow_hyphen_values = true, value_name = "N")]
+    #[arg(long, help_heading = group::ANIMATION, allow_hyphen_values = true, value_name = "N", value_parser = above_zero)]
     pub fps: Option<f64>,
     /// Duration in seconds [default: the scene's, or 10]
     #[arg(long, help_heading = group::ANIMATION, allow_hyphen_values = true, value_name = "S", value_parser = parser::<Seconds>())]

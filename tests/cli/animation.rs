@@ -484,6 +484,25 @@ fn an_animated_png_holds_the_frames() {
     }
 }
 
+/// A film of frames has all of the pattern, whose places are as wide as the numbers; options of rendering change nothing.
+#[test]
+fn a_film_of_frames_has_all_of_them() {
+    let shop = Workshop::with("scene.toml", SCENE);
+    shop.succeed("render scene.toml --size 8x8 --frames 98-101 -o f_###.png");
+    shop.succeed("animate f_###.png -o all.png");
+    assert_eq!(frames_of(&shop, "all.png").2.len(), 4);
+    let said = shop.succeed("animate f_###.png -o a.gif --up z --without shadows --size 9x9");
+    for option in ["--up", "--without", "--size"] {
+        let warning =
+            format!("kiln: warning: {option} changes nothing: the frames are pictures that exist\n");
+        assert!(said.contains(&warning), "{said}");
+    }
+    // f_100.png and f_101.png are names of two digits at least, too.
+    let (said, hint) = shop.fail("animate f_##.png -o a.gif", 3);
+    assert!(said.starts_with("f_##.png: the number in `f_0"), "{said}");
+    assert_eq!(hint, "give the name a # for each digit");
+}
+
 #[cfg(unix)]
 #[test]
 fn a_signal_leaves_nothing_behind() {

@@ -15,11 +15,18 @@ use crate::film::{ColourPipeline, Film, Window, read};
 const FPS: f64 = 30.0;
 
 /// The pattern of inputs that are pictures rather than files to render, if they are.
-pub(super) fn pattern(inputs: &[PathBuf]) -> Option<&Path> {
-    match inputs {
-        [input] if Format::from_path(input).is_ok() => Some(input),
-        _ => None,
+///
+/// # Errors
+/// [`Error::Usage`] for several pictures, which the shell makes of `*.png`, in the order of letters.
+pub(super) fn pattern(inputs: &[PathBuf]) -> Result<Option<&Path>> {
+    let Some(first) = inputs.first().filter(|first| Format::from_path(first).is_ok()) else {
+        return Ok(None);
+    };
+    if inputs.len() > 1 {
+        let what = format!("{}: several pictures", first.display());
+        return Err(Error::usage(what, "name them by one pattern, such as 'frame_####.png'"));
     }
+    Ok(Some(first))
 }
 
 /// The pictures of a pattern, in order: those of `list`, or all that exist, without a gap.
@@ -38,9 +45,17 @@ pub(super) fn files(pattern: &Path, list: Option<&FrameList>) -> Result<Vec<Path
     let numbers = match list {
         Some(list) => list.frames().to_vec(),
         None => {
-            let found = names.existing().map_err(|e| unreadable(folder_of(pattern), &e))?;
+            let (found, other) = names.existing().map_err(|e| unreadable(folder_of(pattern), &e))?;
+            if let Some(other) = other {
+                let what = format!("the number in `{other}` has other digits");
+                return Err(Error::input(pattern, what, "give the name a # for each digit"));
+            }
             let (Some(&first), Some(&last)) = (found.first(), found.last()) else {
-                return Err(Error::input(pattern, "no such frame", "check the name and the folder"));
+                return Err(Error::input(
+                    pattern,
+                    "no such frame",
+                    "each # is a digit of its number; check the folder",
+                ));
             };
             if let Some(gap) = (first..=last).find(|number| found.binary_search(number).is_err()) {
                 let hint = format!("render it, or give --frames: the others are {first} to {last}");
@@ -104,11 +119,20 @@ pub(super) fn film(
 /// Warns of options of rendering.
 fn warn_of_settings(command: &Command, reporter: &mut Reporter) {
     let settings = &command.arguments.settings;
-    let mut given: Vec<String> = settings.picture.entries().into_iter().map(|(name, _)| name).collect();
+    let entries = settings.picture.entries().into_iter().chain(settings.environment.entries());
+    let import = command.arguments.import.entries().into_iter().map(|(name, _)| name);
+    let mut given: Vec<String> = entries.map(|(name, _)| name).chain(import).collect();
     let others = [
         ("size", command.arguments.size.is_some()),
+        ("crop", settings.crop.is_some()),
         ("camera", command.arguments.camera.is_some()),
         ("view", command.arguments.view.is_some()),
+        ("look-at", settings.look_at.is_some()),
+        ("projection", settings.projection.is_some()),
+        ("draft", command.arguments.draft),
+        ("depth", command.arguments.depth.is_some()),
+        ("with", !settings.with.is_empty()),
+        ("without", !settings.without.is_empty()),
         ("duration", command.length.duration.is_some()),
     ];
     given.extend(others.iter().filter(|(_, is_given)| *is_given).map(|(name, _)| (*name).to_owned()));

@@ -27,6 +27,7 @@ use crate::scene::Seconds;
 use crate::scene::option::group;
 
 #[derive(Args)]
+#[command(mut_arg("inputs", |inputs| inputs.help(inputs_help())))]
 pub(crate) struct Command {
     /// Film to write: .mp4, .gif, .png (animated) or .y4m; a pattern such as frame_####.png for one file per frame; `-` for
     /// uncompressed frames on standard output
@@ -75,10 +76,15 @@ enum RawName {
     Rgb,
 }
 
+fn inputs_help() -> String {
+    let pictures = "for a film of pictures that exist, their pattern: frame_####.png";
+    format!("{}; {pictures}", arguments::inputs_help("Input files, combined into one scene"))
+}
+
 pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.arguments)?;
     let names = FileNames::parse(&command.output).map_err(|what| Error::usage(what, "give one ####"))?;
-    let pictures = frame_files::pattern(&command.arguments.inputs);
+    let pictures = frame_files::pattern(&command.arguments.inputs)?;
     if let Some(names) = names {
         if let Some(pattern) = pictures {
             let what = format!("{}: frames that are rendered already", pattern.display());
