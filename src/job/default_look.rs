@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::{RenderSettings, path_calls};
+use super::{CameraChoice, RenderSettings, path_calls};
 use crate::effects::{id, named};
 use crate::error::{Error, Result};
 use crate::film::colour::srgb_encode;
@@ -101,6 +101,8 @@ struct LookContext {
     is_bright: bool,
     /// Whether the camera was made for the files.
     is_of_file: bool,
+    /// Whether no option says from where an automatic camera looks.
+    has_default_view: bool,
     /// Whether camera rays see no environment.
     is_open: bool,
     /// Whether the scene gets the ground and the background of the look, unless settings say otherwise.
@@ -129,6 +131,7 @@ fn studio(scene: &Scene, settings: &RenderSettings, given: DefaultLook) -> Defau
         has_files_lights,
         is_bright: has_lamps || scene.has_physical_lights || has_sky && traces_paths,
         is_of_file,
+        has_default_view: settings.camera == CameraChoice::Default && look.picture.azimuth.is_none(),
         is_open,
         // A shape that stands and is flat has a dark background instead: lit from the front, it is as light as the ground.
         adds_ground_and_background: is_added && !scene.bounds().is_some_and(stands_flat),
@@ -254,6 +257,10 @@ fn note_of_parts(look: &DefaultLook, given: &PictureSettings, context: &LookCont
     let added: Vec<&str> = added.iter().filter(|(is_added, _)| *is_added).map(|(_, name)| *name).collect();
     let (last, before) = added.split_last()?;
     let camera = if context.is_of_file { "" } else { " and no camera" };
+    let back = match context.has_default_view && context.adds_ground_and_background {
+        true => "--azimuth 180 shows the back, ",
+        false => "",
+    };
     let (before, verb) = match before {
         [] => (String::new(), "is"),
         _ => (format!("{} and ", before.join(", ")), "are"),
@@ -264,10 +271,10 @@ fn note_of_parts(look: &DefaultLook, given: &PictureSettings, context: &LookCont
         } else {
             "--draft leaves them out"
         };
-        return Some(format!("{before}{last} {verb} added to the lights of the files; {without}"));
+        return Some(format!("{before}{last} {verb} added to the lights of the files; {back}{without}"));
     }
     Some(format!(
-        "no light{camera} in the files: {before}{last} {verb} added; --draft uses a headlight instead"
+        "no light{camera} in the files: {before}{last} {verb} added; {back}--draft uses a headlight instead"
     ))
 }
 
@@ -377,12 +384,11 @@ fn environment_of(fill: Fill) -> Environment {
 
 #[cfg(test)]
 mod tests {
-    use super::super::CameraChoice;
     use super::*;
     use crate::error::Warnings;
     use crate::geometry::Sphere;
     use crate::job::EnvironmentSettings;
-    use crate::scene::{Camera, ColourValue, Intensity, Light, MaterialId, Object, Shape};
+    use crate::scene::{Camera, ColourValue, Intensity, Light, MaterialId, Object, Rotation, Shape};
     use crate::world::headlight;
 
     fn ball() -> Scene {
@@ -459,6 +465,20 @@ mod tests {
         };
         let settings = RenderSettings { environment, ..RenderSettings::default() };
         assert_eq!(look_of(&ball(), &settings).environment.map(|own| own.intensity), Some(3.0));
+    }
+
+    /// The note names the other side where the camera is the default one, and where a shape has one.
+    #[test]
+    fn a_note_names_the_back() {
+        let named = |scene: &Scene, settings: &RenderSettings| {
+            look_of(scene, settings).notes.iter().any(|note| note.contains("--azimuth 180"))
+        };
+        let front = CameraChoice::Fitted(crate::world::StandardView::Front);
+        let turned = PictureSettings { azimuth: Some(Rotation::clamped(90.0)), ..PictureSettings::default() };
+        assert!(named(&ball(), &RenderSettings::default()));
+        assert!(!named(&ball(), &RenderSettings { camera: front, ..RenderSettings::default() }));
+        assert!(!named(&ball(), &turned.into()));
+        assert!(!named(&Scene { cameras: vec![camera()], ..ball() }, &RenderSettings::default()));
     }
 
     /// Each of the settings that choose a part changes that part alone.

@@ -29,7 +29,7 @@ const FIELD_OF_VIEW: f64 = 60.0;
 /// Notes a camera inside, where an automatic one looks at walls about the middle of the scene and sees few of its objects.
 pub(super) fn note(job: &RenderJob, warnings: &mut Warnings) -> Result<()> {
     let is_chosen = matches!(job.settings.camera, CameraChoice::Named(_) | CameraChoice::Given(_));
-    let of_files = job.world.objects.len() - usize::from(job.settings.picture.ground == Some(true));
+    let of_files = job.world.objects.len() - usize::from(job.world.ground.is_some());
     if is_chosen || job.camera.name != StandardView::Auto.name() || of_files < LEAST_OBJECTS {
         return Ok(());
     }
@@ -80,7 +80,7 @@ pub(super) fn note(job: &RenderJob, warnings: &mut Warnings) -> Result<()> {
     Ok(())
 }
 
-/// The number of objects in a small picture.
+/// The number of objects in a small picture, whose AOVs leave out the ground.
 fn seen_objects(job: &RenderJob) -> Result<usize> {
     let small = job.to_be_metered(None)?;
     let selection = AovSelection::new(&["object".to_owned()])?;

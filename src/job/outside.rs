@@ -61,8 +61,8 @@ fn outside_at(object: &Object, trees: &PointTrees, view: &View) -> Option<DVec3>
 
 /// The least share of the picture that the visible part of the bounds covers, and the least share of the bounds that is
 /// visible, without a note.
-const LEAST_COVERED: f64 = 0.02;
-const LEAST_VISIBLE: f64 = 0.5;
+const LEAST_COVERED: f64 = 0.15;
+const LEAST_VISIBLE: f64 = 0.8;
 
 /// Points of a regular grid along each side of the bounds, whose places in the picture stand for those of the bounds.
 const GRID: usize = 9;
@@ -86,19 +86,25 @@ pub(super) fn note_framing(
         min[k] * (1.0 - t) + max[k] * t
     };
     let all = (0..GRID.pow(3)).map(|i| view.project(DVec3::from_array([0, 1, 2].map(|k| along(i, k)))));
+    let before: Vec<DVec2> = all.filter_map(|(p, is_before)| is_before.then_some(p)).collect();
     let is_in_picture = |p: &DVec2| p.cmpge(DVec2::ZERO).all() && p.cmple(size).all();
-    let visible: Vec<DVec2> =
-        all.filter_map(|(p, is_before)| is_before.then_some(p)).filter(is_in_picture).collect();
-    let corner = |pick: fn(DVec2, DVec2) -> DVec2| visible.iter().copied().reduce(pick).unwrap_or_default();
-    let covered = corner(DVec2::max) - corner(DVec2::min);
+    let visible: Vec<DVec2> = before.iter().copied().filter(is_in_picture).collect();
+    let extent = |points: &[DVec2]| {
+        let corner =
+            |pick: fn(DVec2, DVec2) -> DVec2| points.iter().copied().reduce(pick).unwrap_or_default();
+        corner(DVec2::max) - corner(DVec2::min)
+    };
+    let covered = extent(&visible);
     let name = &camera.name;
-    if !visible.is_empty() && covered.min_element() < 1.0 {
+    // Of bounds that reach far out of the picture, a single point may be in it.
+    if !visible.is_empty() && extent(&before).min_element() < 1.0 {
         warnings.note(format!(
             "camera `{name}` sees the objects from their edge, less than a pixel wide; try `--camera auto`"
         ));
     } else if is_of_mesh_file && (visible.len() as f64) < LEAST_VISIBLE * GRID.pow(3) as f64 {
         warnings.note(format!(
-            "camera `{name}` sees less than half of the objects' bounds; `--camera auto` sees everything"
+            "camera `{name}` sees less than {} % of the objects' bounds; `--camera auto` sees everything",
+            100.0 * LEAST_VISIBLE
         ));
     } else if is_of_mesh_file && covered.x * covered.y < LEAST_COVERED * size.x * size.y {
         warnings.note(format!(
@@ -143,8 +149,9 @@ mod tests {
         assert_eq!(warned(vec![ball("right", 9.0, 0.0)]), "");
     }
 
-    /// The same camera sees a ball of radius 0.7, whose bounds cover (1.4 / 8.6)^2 = 2.6 % of the picture at their near side
-    /// and 1.5 % at half the size; of one at x = 5, a half; of one at x = 6, less. Within the bounds it does not count.
+    /// The same camera sees a ball of radius 1.5, whose bounds cover (1.5 / 3.5)^2 = 18 % of the picture at their near side,
+    /// and one of 0.7, where it is (0.7 / 4.3)^2 = 2.6 %; 88 % of the grid in the bounds of one of radius 2 at x = 3 (71 of
+    /// 81 points at each height); of one of radius 1 at x = 6, less than half. Within the bounds it does not count.
     #[test]
     fn a_camera_that_shows_little_is_named() {
         let noted = |x: f64, radius: f64| {
@@ -158,11 +165,13 @@ mod tests {
             note_framing(&scene, &camera, &view, true, &mut warnings);
             warnings.notes().concat()
         };
-        assert_eq!((noted(0.0, 0.7), noted(4.5, 1.0), noted(6.0, 7.0)), Default::default());
-        assert!(noted(0.0, 0.4).contains("`c` shows the objects on less than 2 %"), "{}", noted(0.0, 0.4));
-        assert!(noted(6.0, 1.0).contains("less than half of the objects' bounds"), "{}", noted(6.0, 1.0));
+        assert_eq!((noted(0.0, 1.5), noted(3.0, 2.0), noted(6.0, 7.0)), Default::default());
+        assert!(noted(0.0, 0.7).contains("`c` shows the objects on less than 15 %"), "{}", noted(0.0, 0.7));
+        assert!(noted(6.0, 1.0).contains("less than 80 % of the objects' bounds"), "{}", noted(6.0, 1.0));
         assert!(noted(99.0, 1.0).contains("`--camera auto`"));
         // 80 pixels show 10 units: a ball of 0.12 is less than one of them, which stands for a shape seen from its edge.
         assert!(noted(0.0, 0.06).contains("`c` sees the objects from their edge"), "{}", noted(0.0, 0.06));
+        // At z = -40, the picture reaches to x = 45: of the grid at x = 40, 50, ... 120 it shows points of one column alone.
+        assert!(!noted(80.0, 40.0).contains("edge"), "{}", noted(80.0, 40.0));
     }
 }
