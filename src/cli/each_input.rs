@@ -87,7 +87,13 @@ pub(super) fn run(commands: &[Command], reporter: &mut Reporter, interrupted: &A
         }
         match render_still(one, reporter, interrupted) {
             Ok(outcome) => outcomes.push(outcome),
-            Err(_) if interrupted.load(Ordering::Relaxed) => return Err(Error::Interrupted),
+            Err(_) if interrupted.load(Ordering::Relaxed) => {
+                let (done, all) = (outcomes.len(), commands.len());
+                let note = format!("{done} of {all} pictures are finished; --skip-existing goes on");
+                reporter.warnings.note(note);
+                reporter.show();
+                return Err(Error::Interrupted);
+            }
             Err(e) => {
                 worst = worst.max(exit_code(&e));
                 let (what, hint) = (one.of_input(&e), e.hint());

@@ -199,7 +199,8 @@ pub(super) struct WarningPrinter {
 }
 
 impl WarningPrinter {
-    /// Begins the warnings about another input of several, which they name. A note on many is printed once.
+    /// Begins the warnings about another input of several, which they name. A note that several inputs
+    /// share is printed once.
     pub(super) fn begin(&mut self, subject: String) {
         (self.warnings, self.notes, self.subject) = (0, 0, Some(subject));
     }

@@ -59,7 +59,7 @@ use crate::scene::{ImportOptions, shell_quoted};
     version,
     about = "A BVH-accelerated ray tracer for OBJ, glTF and its own scene files",
     after_help = "Examples:\n  kiln render scenes/assignment.toml -o assignment.png\n  \
-                  kiln render model.glb -o model.png --view iso\n  kiln animate model.glb -o turntable.mp4\n  kiln info model.obj"
+                  kiln render model.glb -o model.png --view iso\n  kiln render *.stl -o '{name}.png'\n  kiln animate model.glb -o turntable.mp4\n  kiln info model.obj"
 )]
 struct Arguments {
     #[command(subcommand)]

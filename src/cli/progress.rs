@@ -46,7 +46,7 @@ pub(crate) struct Progress {
 /// Steps after the first from which the time that is left is estimated.
 const LEAST_STEPS: usize = 16;
 
-/// Seconds of rendering frames from which on a note states them.
+/// The least estimated time of frames, in seconds, that a note states.
 const LONG: f64 = 60.0;
 
 /// A picture of several.

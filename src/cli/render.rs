@@ -1,6 +1,6 @@
 //! `kiln render`: renders files to a picture.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
@@ -13,7 +13,7 @@ use super::prepare::{Reporter, timed};
 use super::progress::Mode;
 use super::sampling::{AccuracyArguments, warn_of_unused};
 use super::statistics;
-use crate::animation::FrameList;
+use crate::animation::{FileNames, FrameList};
 use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
 use crate::files::write_whole;
@@ -86,12 +86,23 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<u8> {
     }
     check_still(&command.length)?;
     let mut reporter = Reporter::new(command.progress, Vec::new());
+    note_plain_name(&command.output, each.is_empty(), &mut reporter.warnings);
     let pool = super::pool(command.arguments.threads)?;
     pool.install(|| match each.as_slice() {
         [] => render_still(command, &mut reporter, interrupted).map(|_| 0),
         [one] => render_still(one, &mut reporter, interrupted).map(|_| 0),
         several => each_input::run(several, &mut reporter, interrupted),
     })
+}
+
+/// Notes that the name of a picture has places for numbers or names that nothing fills.
+fn note_plain_name(output: &Path, is_one: bool, warnings: &mut Warnings) {
+    let name = output.display();
+    if matches!(FileNames::parse(output), Ok(Some(_))) {
+        warnings.note(format!("{name} names one picture; --frames numbers several"));
+    } else if is_one && output.to_string_lossy().contains(['{', '}']) {
+        warnings.note(format!("{name} names one picture; {{name}} in it stands for the name of each input"));
+    }
 }
 
 /// What became of the picture of a command.

@@ -28,6 +28,10 @@ const SYNONYMS: &[(&[&str], &str)] = &[
         "give width and height together, such as --size 1920x1080",
     ),
     (
+        &["dpi", "ppi", "print", "paper"],
+        "give pixels, inches times dots per inch: --size 2480x3508 is A4 at 300 dots per inch",
+    ),
+    (
         &["region", "border", "cropwindow", "crop-window"],
         "render a rectangle of the picture by --crop X,Y,W,H",
     ),

@@ -14,6 +14,7 @@ use super::progress::Mode;
 use crate::animation::{FileNames, FrameList, FrameRequest};
 use crate::error::{Error, Result, printable};
 use crate::farm::Shard;
+use crate::files::IS_FOLDER;
 use crate::film::check::{FileState, PictureIdentity, state_of};
 use crate::film::write::{FINGERPRINT, FRAME, Format};
 use crate::job::metadata::fingerprint_of;
@@ -102,9 +103,18 @@ fn expected(command: &Command, output: &Path) -> Result<(Metadata, Option<FrameL
 
 /// The expected files with their frames.
 fn files(name: &Path, list: Option<&FrameList>) -> Result<Vec<(Option<i32>, PathBuf)>> {
-    if Format::from_path(name)? == Format::Jpeg {
-        let what = format!("{}: a JPEG has no fingerprint and no checksum", name.display());
-        return Err(Error::usage(what, "name .png or .exr pictures"));
+    let of = |what: &str| format!("{}: {what}", name.display());
+    match Format::from_path(name) {
+        Ok(Format::Jpeg) => {
+            let what = of("a JPEG has no fingerprint and no checksum");
+            return Err(Error::usage(what, "name .png or .exr pictures"));
+        }
+        Err(_) if name.is_dir() => {
+            let hint = format!("name its pictures: {} --frames 1-9", name.join("frame_####.png").display());
+            return Err(Error::usage(of(IS_FOLDER), hint));
+        }
+        Err(_) => return Err(Error::usage(of("not a picture of kiln"), "name .png or .exr pictures")),
+        Ok(_) => {}
     }
     let names = FileNames::parse(name).map_err(|what| Error::usage(what, "give the name one ####"))?;
     match (names, list) {

@@ -164,6 +164,13 @@ pub struct Refused {
 /// A hint for a file that the user named and that is missing: a file of its folder with a similar name, the same in
 /// another case before others.
 pub fn hint_for_missing(file: &Path) -> String {
+    let whole = file.to_string_lossy();
+    if whole.contains("://") {
+        return "kiln reads files; download it first".into();
+    }
+    if whole.contains(['*', '?']) {
+        return "`*` and `?` match files only in a shell, where they are not quoted".into();
+    }
     let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let typed = file.file_name().unwrap_or_default().to_string_lossy();
     let names = std::fs::read_dir(folder).into_iter().flatten().flatten().take(MOST_NAMES);
@@ -184,6 +191,9 @@ const MOST_NAMES: usize = 10_000;
 /// Message and hint for a missing file.
 const MISSING: (&str, &str) = ("no such file", "check the name and the folder");
 
+/// Message for a folder where a file is to be read.
+pub const IS_FOLDER: &str = "is a folder";
+
 /// A message and a hint for a file that cannot be read.
 pub fn explain(e: &io::Error) -> (String, String) {
     if let Some(refused) = e.get_ref().and_then(|cause| cause.downcast_ref::<Refused>()) {
@@ -192,7 +202,7 @@ pub fn explain(e: &io::Error) -> (String, String) {
     let (what, hint) = match e.kind() {
         io::ErrorKind::NotFound => MISSING,
         io::ErrorKind::PermissionDenied => ("permission denied", "make the file readable for this user"),
-        io::ErrorKind::IsADirectory => ("is a folder", "name a file in it"),
+        io::ErrorKind::IsADirectory => (IS_FOLDER, "name a file in it"),
         _ => return (format!("cannot be read: {e}"), String::new()),
     };
     (what.into(), hint.into())

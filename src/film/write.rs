@@ -29,7 +29,7 @@ impl Format {
     pub fn from_path(file: &Path) -> Result<Self> {
         let ending = file.extension().and_then(|e| e.to_str()).unwrap_or("");
         Format::from_ending(ending).ok_or_else(|| {
-            let is_film = ["mp4", "m4v", "gif", "y4m", "webm", "mov", "mkv", "avi"].contains(&ending);
+            let is_film = ["mp4", "m4v", "gif", "y4m", "webm", "mov", "mkv", "avi"].contains(&ending.to_ascii_lowercase().as_str());
             let hint = match is_film {
                 true => "`kiln animate` makes films: .mp4, .gif, animated .png; a picture ends in .png, .jpg or .exr",
                 false => "name a file that ends in .png, .jpg or .exr",

@@ -15,7 +15,7 @@ use crate::scene::{EnvironmentImage, EnvironmentSource};
 /// # Errors
 /// [`Error::Input`] for a file that cannot be used, [`Error::Usage`] for a colour that is none.
 pub fn environment(typed: &str, warnings: &mut Warnings) -> Result<EnvironmentSource> {
-    if typed == "sky" {
+    if typed.eq_ignore_ascii_case("sky") {
         return Ok(EnvironmentSource::Sky);
     }
     if let Some(colour) = ColourValue::of_argument(typed) {

@@ -58,7 +58,7 @@ pub use dependencies::{FileRead, Stamp};
 
 use crate::error::{Error, Result, Warnings};
 use crate::files::hint_for_missing;
-use crate::files::unreadable;
+use crate::files::{IS_FOLDER, unreadable};
 use crate::film::Colour;
 use crate::limits::Counted;
 use crate::scene::{
@@ -419,6 +419,9 @@ fn read_one(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     match read {
         Ok(scene) if !scene.objects.is_empty() || importer.is_scene_file => Ok(scene),
         Ok(scene) => misnamed(importer, source).map_or(Ok(scene), Err),
+        Err(_) if start(source).is_some_and(|start| start.is_empty()) => {
+            Err(Error::input(source.file.as_path(), "is empty", "export or copy it again"))
+        }
         Err(e) => Err(misnamed(importer, source).unwrap_or(e)),
     }
 }
@@ -429,15 +432,24 @@ fn hinted(e: Error, input: &Path) -> Error {
         Error::Input { place, what, .. } if what == "no such file" && place == input.into() => {
             Error::input(place, what, hint_for_missing(input))
         }
+        Error::Input { place, what, hint } if what == IS_FOLDER && place == input.into() => {
+            let files = input.join("*.stl");
+            let hint = format!("{hint}; `kiln render {} -o '{{name}}.png'` renders all", files.display());
+            Error::input(place, what, hint)
+        }
         e => e,
     }
 }
 
 /// The error for a file that has another format than its ending says, if it is recognised.
 fn misnamed(importer: &Importer, source: &Source) -> Option<Error> {
-    let mut start = source.bytes.get(..START.min(source.bytes.len())).unwrap_or_default().to_vec();
-    if start.is_empty() {
-        source.stream().ok()?.0.take(START as u64).read_to_end(&mut start).ok()?;
+    let start = start(source)?;
+    if let Some((what, advice)) = converters::other_format(&start) {
+        return Some(Error::input(
+            source.file.as_path(),
+            format!("its content is {what}, not {}", importer.name),
+            advice,
+        ));
     }
     let text = without_comments(without_mark(&start));
     let is_start = |other: &&Importer| other.is_start.is_some_and(|is_start| is_start(text));
@@ -445,6 +457,15 @@ fn misnamed(importer: &Importer, source: &Source) -> Option<Error> {
     let ending = if start.starts_with(b"glTF") { "glb" } else { other.endings.first()? };
     let what = format!("its content is {}, not {}", other.name, importer.name);
     Some(Error::input(source.file.as_path(), what, format!("rename it, so that it ends in .{ending}")))
+}
+
+/// The beginning of a file, if it can be read.
+fn start(source: &Source) -> Option<Vec<u8>> {
+    let mut start = source.bytes.get(..START.min(source.bytes.len())).unwrap_or_default().to_vec();
+    if start.is_empty() {
+        source.stream().ok()?.0.take(START as u64).read_to_end(&mut start).ok()?;
+    }
+    Some(start)
 }
 
 /// Bytes at the beginning of a file by which its format is recognised.

@@ -8,9 +8,9 @@ use crate::error::{Error, Result, Warnings, nearest_name};
 use crate::film::Colour;
 use crate::scene::{ClipChoice, Degrees, ImportOptions, Material, Object, Scene, UpAxis};
 
-/// The up axis that `--up auto` gives a mesh file: that of its format's specification; in a format without one, z where the
-/// file seems to stand upright in it, else y. A file without the others of a scene is turned alone only if it `is_alone`:
-/// parts stay together. Without `--up`, y, with a note. Measurements: docs/decisions.md.
+/// The up axis of a mesh file: with `--up auto` (`turns`) that of the format's specification; in a format without one, z if
+/// the mesh seems to stand upright in z, else y. Of several inputs none is turned, since they may be parts of one object.
+/// Without `--up`, y. Notes say in which other axis a mesh seems to stand upright. Measurements: docs/decisions.md.
 pub(super) fn up_axis(
     scene: &Scene,
     file: &Path,
@@ -34,7 +34,8 @@ pub(super) fn up_axis(
         }
         Some(Guess { up: UpAxis::Y, .. }) => {}
         Some(Guess { up, is_sure }) => {
-            let (name, auto) = (up.name(), if is_sure { ", --up auto all such files" } else { "" });
+            let is_automatic = up == UpAxis::Z && is_sure && !turns;
+            let (name, auto) = (up.name(), if is_automatic { ", --up auto all such files" } else { "" });
             warnings.note(format!(
                 "{file_name}: seems to stand upright with {name} up; --up {name} turns it{auto}"
             ));

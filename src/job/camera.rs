@@ -45,6 +45,9 @@ impl Viewpoint<'_> {
                 by_name().or_else(by_index).map(own).ok_or_else(|| {
                     let known: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
                     let hint = match known.as_slice() {
+                        _ if name.contains('=') => {
+                            "write keys in braces: '{ position = [0, 1, 6], look_at = [0, 1, 0] }'".into()
+                        }
                         [] => "the scene has none; leave --camera out, or use --view".into(),
                         known => nearest_name(name, known),
                     };

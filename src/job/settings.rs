@@ -179,7 +179,11 @@ impl RenderSettings {
         let objects: Vec<Object> = scene.objects.iter().filter(|one| one.is_named(name)).cloned().collect();
         if objects.is_empty() {
             let known: Vec<&str> = scene.objects.iter().map(|object| object.name.as_str()).collect();
-            let hint = nearest_name(name, &known);
+            let is_point = name.split(',').all(|number| number.trim().parse::<f64>().is_ok());
+            let hint = match is_point {
+                true => "a point is `look_at` of a camera: --camera '{ position = [0, 1, 6], look_at = [0, 1, 0] }'".into(),
+                false => nearest_name(name, &known),
+            };
             return Err(Error::usage(format!("--look-at: no object is named `{name}`"), hint));
         }
         Ok(Cow::Owned(Scene { objects, ..Scene::default() }))

@@ -198,7 +198,7 @@ macro_rules! ranged {
 
             fn parse(text: &str) -> std::result::Result<Self, String> {
                 let text = text.trim();
-                $(let text = text.strip_suffix($unit).unwrap_or(text);)?
+                $(let text = text.strip_suffix($unit).map_or(text, str::trim_end);)?
                 text.parse::<$number>().map_err(|_| $message.to_owned())?.try_into()
             }
 

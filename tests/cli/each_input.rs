@@ -1,5 +1,8 @@
 //! `kiln render` of several inputs to a picture each: names, failures, progress.
 
+#[cfg(unix)]
+use rustix::process::{Pid, Signal, kill_process};
+
 use crate::helpers::SCENE;
 use crate::workshop::{Workshop, text};
 
@@ -50,6 +53,38 @@ fn pictures_are_those_of_single_commands() {
     }
     let listed = said(&workshop, &["render", "a.toml", "c d.obj", "-o", "out/{name}.exr", "--list-outputs"]);
     assert_eq!(listed, (0, "out/a.exr\nout/c d.exr\n".into(), String::new()));
+}
+
+/// Places in a name that nothing fills.
+#[test]
+fn a_name_with_unused_places_is_noted() {
+    let workshop = workshop();
+    let said = workshop.succeed("render a.toml -o f_##.png");
+    assert!(said.contains("kiln: note: f_##.png names one picture; --frames numbers several\n"), "{said}");
+    let said = workshop.succeed("render a.toml -o {nam}.png");
+    assert!(said.contains("kiln: note: {nam}.png names one picture; {name} in it stands for"), "{said}");
+}
+
+/// Of several pictures, those before an interrupt are whole, and a note says how to go on.
+#[cfg(unix)]
+#[test]
+fn an_interrupt_leaves_whole_pictures() {
+    let workshop = workshop();
+    // The second takes hours.
+    let large = "[image]\nwidth = 4000\nheight = 4000\nsamples = 65536\n";
+    workshop.write("slow.toml", format!("{large}[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\n"));
+    let mut command = workshop.command("render a.toml slow.toml -o {name}.png --progress plain");
+    let child = command.stderr(std::process::Stdio::piped()).spawn().expect("the command starts");
+    while !workshop.path("a.png").exists() {
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    kill_process(Pid::from_child(&child), Signal::INT).expect("a signal");
+    let output = child.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(130));
+    let note = "kiln: note: 1 of 2 pictures are finished; --skip-existing goes on\n";
+    assert!(text(&output.stderr).contains(note), "{}", text(&output.stderr));
+    workshop.succeed("verify a.png");
+    assert!(!workshop.names().iter().any(|name| name.starts_with("slow.png") || name.ends_with(".part")));
 }
 
 /// A file that fails takes one line, and the others are rendered; the exit code is the greatest.

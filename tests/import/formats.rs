@@ -81,7 +81,7 @@ fn faults_of_ply_files_have_their_line_and_advice() {
         ply("3", &format!("element face 1\nproperty {text}\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n"))
     };
     let cases = [
-        (String::new(), "a.ply:1: a PLY file begins with `ply`", "as PLY"),
+        (String::new(), "a.ply: is empty", "copy it again"),
         ("plyx\n".into(), "a.ply:1: a PLY file begins with `ply`", "as PLY"),
         ("ply".into(), "a.ply:1: the header does not end with a line `end_header`", "again"),
         ("ply\nend_header\n".into(), "a.ply:2: the header has no line `format`", "again"),

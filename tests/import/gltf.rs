@@ -794,7 +794,8 @@ fn gltf_specular_glossiness_becomes_metallic_roughness() {
 
 #[test]
 fn gltf_that_is_something_else() {
-    for bytes in [&b"not json"[..], b"", b"glTF\x02\0\0\0\xFF\xFF\xFF\xFF", b"{}"] {
+    assert_eq!(message(&Folder::new().fails("a.gltf", b"")), "a.gltf: is empty");
+    for bytes in [&b"not json"[..], b"glTF\x02\0\0\0\xFF\xFF\xFF\xFF", b"{}"] {
         let e = Folder::new().fails("a.gltf", bytes);
         assert!(message(&e).starts_with("a.gltf: not a usable glTF file"), "{e}");
     }

@@ -163,6 +163,7 @@ fn meshes_that_stand_upright_are_turned() {
     let folder = Folder::new();
     let pyramid = |up: usize| {
         let corner = |[a, b, h]: [i32; 3]| match up {
+            0 => format!("v {h} {b} {a}\n"),
             1 => format!("v {a} {h} {b}\n"),
             _ => format!("v {b} {a} {h}\n"),
         };
@@ -193,7 +194,13 @@ fn meshes_that_stand_upright_are_turned() {
     assert_eq!(size(&["y.obj"], None), (standing, String::new()));
     assert_eq!(size(&["z.obj"], Some("y")), (lying, String::new()));
     let (kept, note) = size(&["z.obj", "y.obj"], Some("auto"));
-    assert!(kept == lying && note.contains("--up z turns it"), "{note}");
+    assert!(kept == lying && note.ends_with("--up z turns it"), "{note}");
+    // `auto` turns no file to another axis than z.
+    folder.write("x.obj", pyramid(0));
+    for up in [None, Some("auto")] {
+        let (kept, note) = size(&["x.obj"], up);
+        assert!(kept == DVec3::new(3.0, 2.0, 2.0) && note.ends_with("--up x turns it"), "{note}");
+    }
     for (up, expected) in [("Z", lying), ("-y", standing), ("-X", DVec3::new(3.0, 2.0, 2.0))] {
         assert_eq!(size(&["y.obj"], Some(up)).0, expected, "{up}");
     }

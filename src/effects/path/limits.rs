@@ -299,7 +299,7 @@ impl Buffers {
         }
         for WaitingPath { ray, camera_ray, path, media } in waiting.drain(..room) {
             next.rays.push(&ray);
-            // Of no surface: rays of paths are not mirrored, which alone reads it.
+            // Sources are read by mirror reflections of local shading only.
             next.sources.push(u32::MAX);
             next.camera_rays.push(camera_ray);
             self.next.push(path);
