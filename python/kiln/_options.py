@@ -27,6 +27,8 @@ class ReadOptions(TypedDict, total=False):
     smooth: bool | _Value
     clip: str | int | Sequence[str | int] | None
     material: str | int | Sequence[str | int] | None
+    hide: str | int | Sequence[str | int] | None
+    isolate: str | int | Sequence[str | int] | None
     ignore_required_extensions: bool | None
     allow_outside_references: bool | None
 

@@ -65,8 +65,7 @@ impl Options {
                 _ if is_switch => {
                     return Err(Error::usage(format!("`{name}` is on or off"), "give True or False"));
                 }
-                // Names and values of effects have no commas.
-                Value::Text(text) if matches!(action, ArgAction::Append) => {
+                Value::Text(text) if argument.get_value_delimiter().is_some() => {
                     words.extend(text.split(',').map(|part| format!("--{long}={}", part.trim())));
                 }
                 Value::Text(text) => words.push(format!("--{long}={text}")),
@@ -400,6 +399,8 @@ mod tests {
             ("draft", Value::Switch(false)),
             ("ground", Value::Switch(false)),
             ("exposure", text("-1.5")),
+            ("hide", text("lid, left")),
+            ("material", text("pot={ colour = '#f00', metallic = 1 }")),
         ])
         .expect("valid options");
         let settings = options.0.settings().expect("valid settings");
@@ -409,7 +410,10 @@ mod tests {
         assert_eq!(settings.crop.map(|crop| [crop.x, crop.y, crop.width, crop.height]), Some([1, 2, 3, 4]));
         assert_eq!((settings.picture.look, settings.picture.ground), (None, Some(false)));
         assert_eq!(options.has_picture(), Ok(true));
-        assert!(!options.has_import());
+        // Names of objects and tables of materials have commas.
+        let import = options.import();
+        assert_eq!((import.hide, import.materials.len()), (vec!["lid, left".to_owned()], 1));
+        assert!(!parse(&[("draft", Value::Switch(false))]).expect("valid options").has_import());
         let up = parse(&[("up", text("z"))]).expect("valid options");
         assert!(up.has_import() && up.has_picture() == Ok(false));
     }

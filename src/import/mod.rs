@@ -369,6 +369,7 @@ fn load_by(
     }
     options::check_names(&scene, options)?;
     options::pose_tracks(&mut scene, options)?;
+    scene.set_visible(&options.isolate, &options.hide)?;
     let read = files.list().into_iter().filter(|read| read.stamp.is_some());
     scene.files_read = read.filter_map(|read| std::path::absolute(read.file).ok()).collect();
     Ok(scene)

@@ -140,12 +140,12 @@ impl MovingScene {
         let has_clips = !animation.clips.is_empty();
         let animation = if moves { animation.clone() } else { animation.without_objects(scene)? };
         // A clip imports the objects again at each time. Lights that move may come to lie on surfaces.
-        let objects = match !has_clips && (moves || moves_lights) {
-            true => scene.objects.clone(),
-            false => Vec::new(),
+        let (objects, hidden) = match !has_clips && (moves || moves_lights) {
+            true => (scene.objects.clone(), scene.hidden.clone()),
+            false => Default::default(),
         };
         let all = std::mem::take(&mut scene.objects);
-        let moving = Scene { objects, animation: Some(animation), ..scene.clone() };
+        let moving = Scene { objects, hidden, animation: Some(animation), ..scene.clone() };
         scene.objects = all;
         Ok(Some(MovingScene { scene: moving, look: look.clone(), structure: moves.then_some(structure) }))
     }

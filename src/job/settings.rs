@@ -8,7 +8,7 @@ use crate::bvh::Preset;
 #[cfg(feature = "cli")]
 use crate::effects::EFFECTS;
 use crate::effects::{EffectId, id};
-use crate::error::{Error, Result, Warnings, nearest_name};
+use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
 use crate::film::{ColourPipeline, DisplaySettings, Window};
 use crate::import;
@@ -176,16 +176,15 @@ impl RenderSettings {
     /// [`Error::Usage`] if no object has that name.
     pub fn looked_at<'a>(&self, scene: &'a Scene) -> Result<Cow<'a, Scene>> {
         let Some(name) = &self.look_at else { return Ok(Cow::Borrowed(scene)) };
-        let objects: Vec<Object> = scene.objects.iter().filter(|one| one.is_named(name)).cloned().collect();
-        if objects.is_empty() {
-            let known: Vec<&str> = scene.objects.iter().map(|object| object.name.as_str()).collect();
-            let is_point = name.split(',').all(|number| number.trim().parse::<f64>().is_ok());
-            let hint = match is_point {
-                true => "a point is `look_at` of a camera: --camera '{ position = [0, 1, 6], look_at = [0, 1, 0] }'".into(),
-                false => nearest_name(name, &known),
-            };
-            return Err(Error::usage(format!("--look-at: no object is named `{name}`"), hint));
-        }
+        let is_point = name.split(',').all(|number| number.trim().parse::<f64>().is_ok());
+        let named = scene.objects_named(name, "--look-at").map_err(|e| match e {
+            Error::Usage { what, .. } if is_point => {
+                let camera = "--camera '{ position = [0, 1, 6], look_at = [0, 1, 0] }'";
+                Error::usage(what, format!("a point is `look_at` of a camera: {camera}"))
+            }
+            e => e,
+        })?;
+        let objects: Vec<Object> = named.into_iter().map(|index| scene.objects[index].clone()).collect();
         Ok(Cow::Owned(Scene { objects, ..Scene::default() }))
     }
 

@@ -81,6 +81,7 @@ impl Fingerprint {
             materials,
             images,
             objects,
+            hidden,
             effects,
             animation,
             inputs: _,
@@ -115,7 +116,13 @@ impl Fingerprint {
             self.bytes("texels", pixels.as_bytes());
         }
         let mut shared = Vec::new();
-        for Object { name, input, material, shape } in objects {
+        // Tracks turn the parts of a mesh about the centre of the whole.
+        let hidden: Vec<_> = hidden.iter().filter(|_| animation.is_some()).collect();
+        if !hidden.is_empty() {
+            self.value("hidden", &hidden.iter().map(|hidden| hidden.index).collect::<Vec<_>>());
+        }
+        for Object { name, input, material, shape } in objects.iter().chain(hidden.iter().map(|h| &h.object))
+        {
             self.value("object", &(name, input, material));
             match shape {
                 Shape::Analytic(shape) => self.value("shape", shape),

@@ -23,6 +23,13 @@ pub struct ImportOptions {
     #[cfg_attr(feature = "cli", arg(long = "material", help_heading = group::LOOK, value_name = "{...}|NAME={...}"))]
     #[cfg_attr(feature = "cli", arg(value_parser = parser::<MaterialChoice>()))]
     pub materials: Vec<MaterialChoice>,
+    /// Leave objects of this name and their parts (OBJECT/...) out of the picture; may be repeated. The camera that frames the
+    /// scene frames the others
+    #[cfg_attr(feature = "cli", arg(long, help_heading = group::INPUT, value_name = "OBJECT"))]
+    pub hide: Vec<String>,
+    /// Leave all objects but those of this name and their parts out of the picture; may be repeated
+    #[cfg_attr(feature = "cli", arg(long, help_heading = group::INPUT, value_name = "OBJECT"))]
+    pub isolate: Vec<String>,
     /// Read glTF files that require unsupported extensions; what depends on these is missing or wrong
     #[cfg_attr(feature = "cli", arg(long, help_heading = group::INPUT))]
     pub ignore_required_extensions: bool,
@@ -141,9 +148,14 @@ impl ImportOptions {
             smooths_meshes: _,
             clips,
             materials,
+            hide,
+            isolate,
         } = self;
         let mut entries: Vec<_> = clips.iter().map(|clip| ("clip".to_owned(), Some(clip.text()))).collect();
         entries.extend(materials.iter().map(|choice| ("material".to_owned(), Some(choice.text()))));
+        for (option, names) in [("isolate", isolate), ("hide", hide)] {
+            entries.extend(names.iter().map(|name| (option.to_owned(), Some(name.clone()))));
+        }
         entries.extend(reading.entries().into_iter().map(|(name, value)| (name, Some(value))));
         entries.extend(
             limits

@@ -36,6 +36,7 @@ mod environment;
 mod fill;
 mod fingerprint;
 mod ground;
+mod hidden;
 mod import_options;
 mod layers;
 pub(crate) mod lens;
@@ -71,6 +72,7 @@ pub use environment::{Environment, EnvironmentImage, EnvironmentSource};
 pub use fill::{Fill, FillZone};
 pub use fingerprint::Fingerprint;
 pub use ground::Ground;
+pub use hidden::HiddenObject;
 pub use import_options::{Degrees, ImportOptions, MaterialChoice, ReadingOptions, Seconds};
 pub use layers::{Layers, Volume};
 pub use lens::{Focus, Lens};
@@ -130,6 +132,8 @@ pub struct Scene {
     pub images: Vec<DecodedImage>,
     /// Spheres and meshes.
     pub objects: Vec<Object>,
+    /// Objects that are hidden ([`Scene::set_visible`]), in ascending order of their indices.
+    pub hidden: std::sync::Arc<Vec<HiddenObject>>,
     /// Input files in order; [`Object::input`] is an index into this list.
     pub inputs: Vec<std::path::PathBuf>,
     /// Absolute paths of all files that the scene was read from: the inputs and the files that they reference. Outputs
@@ -231,6 +235,7 @@ impl Scene {
             materials,
             images,
             objects,
+            hidden,
             inputs: _,
             files_read,
             effects,
@@ -268,10 +273,18 @@ impl Scene {
             }
             material
         }));
-        self.objects.extend(objects.into_iter().map(|mut object| {
+        let moved = |mut object: Object| {
             object.material.0 += first_material;
             object
-        }));
+        };
+        let first = self.objects.len() + self.hidden.len();
+        let hidden = std::sync::Arc::unwrap_or_clone(hidden).into_iter();
+        let hidden = hidden.map(|HiddenObject { index, object }| HiddenObject {
+            index: first + index,
+            object: moved(object),
+        });
+        std::sync::Arc::make_mut(&mut self.hidden).extend(hidden);
+        self.objects.extend(objects.into_iter().map(moved));
     }
 
     /// Whether an object is unlit.

@@ -294,6 +294,15 @@ impl Controls {
         self.set_camera(at.map_or(CameraSource::Fitted(view), |time| CameraSource::FittedAt(view, time)));
     }
 
+    /// Keeps the displayed camera where another scene would be framed by another.
+    pub(crate) fn keep_camera(&mut self, displayed: Option<&Camera>) {
+        if let (CameraSource::Fitted(_) | CameraSource::FittedAt(..), Some(camera)) =
+            (&self.camera_source, displayed)
+        {
+            self.camera_source = CameraSource::Free(camera.clone());
+        }
+    }
+
     /// Selects a camera.
     pub(crate) fn set_camera(&mut self, camera_source: CameraSource) {
         (self.camera_source, self.pivot) = (camera_source, None);

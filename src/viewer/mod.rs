@@ -15,6 +15,7 @@ mod keys;
 mod loader;
 pub mod navigate;
 mod open_dialog;
+mod outliner;
 mod overlay;
 mod painter;
 mod panel;

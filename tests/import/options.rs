@@ -205,3 +205,56 @@ fn meshes_that_stand_upright_are_turned() {
         assert_eq!(size(&["y.obj"], Some(up)).0, expected, "{up}");
     }
 }
+
+/// Hidden objects are not in the scene: it is that of a file without them, whose automatic camera frames the others.
+/// Materials keep the names of hidden objects.
+#[test]
+fn hidden_objects_are_not_in_the_scene() {
+    let folder = Folder::new();
+    folder.write("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 9 0 0\no lid\nf 1 2 3\no pot\nf 1 4 3\n");
+    let load = |hide: &[&str], isolate: &[&str]| {
+        let list = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect();
+        let materials = vec![MaterialChoice::parse("pot={ colour = '#f00' }").expect("a choice")];
+        let (hide, isolate) = (list(hide), list(isolate));
+        load(&folder, "a.obj", &ImportOptions { hide, isolate, materials, ..ImportOptions::default() })
+    };
+    for (hide, isolate) in [(&["pot"][..], &[][..]), (&[], &["lid"])] {
+        let (scene, _) = load(hide, isolate).expect("a scene");
+        assert_eq!(scene.objects.len(), 1);
+        assert_eq!(scene.bounds().expect("bounds").1, DVec3::new(1.0, 1.0, 0.0));
+    }
+    let e = load(&["lit"], &[]).expect_err("no such name");
+    assert_eq!(e.to_string(), "--hide: no object is named `lit`");
+    assert!(matches!(&e, Error::Usage { .. }) && e.hint().contains("did you mean `lid`"), "{e:?}");
+    let e = load(&["lid", "pot"], &[]).expect_err("nothing is left");
+    assert_eq!(e.to_string(), "--hide leaves no object in the picture");
+}
+
+/// A mesh of two parts turns about the centre of both, whether or not one of them is hidden; tracks of hidden objects
+/// alone move nothing.
+#[test]
+fn tracks_move_the_parts_that_are_left_as_before() {
+    let folder = Folder::new();
+    folder.write("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 9 0 0\no lid\nf 1 2 3\no pot\nf 1 4 3\n");
+    folder.write(
+        "a.toml",
+        "[[mesh]]\nname = 'kettle'\nfile = 'a.obj'\n[[sphere]]\nname = 'ball'\ncentre = [0, 5, 0]\nradius = 1\n\
+         [animation]\nfps = 4\nduration = 1\n\
+         [[animation.track]]\nobject = 'kettle'\nproperty = 'rotate'\n\
+         keyframes = [{ time = 0, value = [0, 0, 0] }, { time = 1, value = [0, 90, 0] }]\n\
+         [[animation.track]]\nobject = 'ball'\nproperty = 'radius'\n\
+         keyframes = [{ time = 0, value = 1 }, { time = 1, value = 2 }]\n",
+    );
+    let at = |hide: &[&str]| {
+        let hide = hide.iter().map(|&name| name.to_owned()).collect();
+        let options = ImportOptions { hide, ..ImportOptions::default() };
+        load(&folder, "a.toml", &options).expect("a scene").0.at(1.0).expect("a moment").objects
+    };
+    let (all, some) = (at(&[]), at(&["kettle/pot", "ball"]));
+    assert_eq!((all.len(), some.len()), (3, 1));
+    let positions =
+        |objects: &[kiln::scene::Object]| objects[0].shape.mesh().expect("a mesh").positions.clone();
+    assert_eq!(positions(&some), positions(&all));
+    // The lid turns about x = 4.5, the centre of both parts, to z = 4.5: alone it would turn about its own centre.
+    assert!(positions(&some).iter().any(|p| (p.z - 4.5).abs() < 1e-9 && (p.x - 4.5).abs() < 1e-9));
+}

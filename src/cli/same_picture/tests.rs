@@ -239,6 +239,40 @@ fn all_ways_to_a_picture_have_the_same() {
     assert!(compared > 200 && frames > 150, "{compared}, {frames}");
 }
 
+/// Objects hidden by options are hidden in all of them, also those of clips and tracks, and in the window where they are
+/// hidden once the file is open.
+#[test]
+fn hidden_objects_are_in_no_picture() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let clip_file = folder.path().join("clip.gltf");
+    std::fs::write(&clip_file, clip(&json!({}))).expect("a file");
+    let tracks_file = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/animation.toml");
+    for (file, name) in [(clip_file, None), (tracks_file, Some("left sphere"))] {
+        let plain = arguments(&file, &[]);
+        let names: Vec<String> =
+            load(&plain).expect("a scene").objects.into_iter().map(|object| object.name).collect();
+        // The square that the clip moves.
+        let name: &'static str = name.unwrap_or_else(|| names[1].clone().leak());
+        let options: &NamedOptions = &[("hide", Some(name))];
+        let mut hiding = arguments(&file, options);
+        let in_window = in_the_window(&hiding).expect("a picture");
+        let mut opened = open(&plain, &plain.inputs, None, &mut Warnings::default()).0.expect("a scene");
+        opened.scene.set_visible(&[], &[name.to_owned()]).expect("a name");
+        opened.scene.import_options.hide = vec![name.to_owned()];
+        let hidden_later = crate::viewer::final_picture(&Arc::new(opened), SIZE).expect("a picture");
+        let frame = frame_0(&hiding).expect("a picture");
+        if names.len() == 2 {
+            let clip = hiding.import.clip();
+            hiding.import = hiding.import.posed(ClipTime { clip, time: 0.0 });
+        }
+        let expected = still(&hiding).expect("a picture");
+        assert!(in_window == expected && hidden_later == expected && frame == expected, "{name}");
+        let scene = load(&hiding).expect("a scene");
+        assert!(pixels_of(&python(scene, options).expect("a picture")) == expected, "{name}");
+        assert!(in_the_window(&plain).expect("a picture") != expected, "{name}");
+    }
+}
+
 /// The window ends with the picture of the command, byte for byte, for real files: a room from inside and a box of paths,
 /// whose exposure and clamp are metered, textures, and an animation at rest.
 #[test]

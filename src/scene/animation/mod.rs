@@ -68,9 +68,10 @@ impl Animation {
     /// [`Error::Input`] if a look-at object does not exist.
     pub fn without_objects(&self, scene: &Scene) -> Result<Animation> {
         let mut animation = self.clone();
-        let names = Names::of(scene);
+        let scene = scene.with_hidden();
+        let names = Names::of(&scene);
         for track in &mut animation.tracks {
-            track.resolve_goal(scene, &names)?;
+            track.resolve_goal(&scene, &names)?;
         }
         Ok(animation)
     }
@@ -92,8 +93,10 @@ impl Scene {
         let mut scene = self.clone();
         if let Some(animation) = &self.animation {
             let seconds = time * animation.duration;
-            let names = Names::of(self);
+            let hidden = scene.show_all();
+            let names = Names::of(&scene);
             animation.tracks.iter().try_for_each(|track| track.apply(&mut scene, &names, time, seconds))?;
+            scene.hide_objects(&hidden);
         }
         Ok(scene)
     }

@@ -48,7 +48,7 @@ impl App {
     }
 
     /// The camera of the displayed picture, in scene coordinates.
-    fn displayed_camera(&self) -> Option<Camera> {
+    pub(super) fn displayed_camera(&self) -> Option<Camera> {
         self.canvas.prepared(0).map(|prepared| prepared.camera.clone())
     }
 
@@ -201,6 +201,7 @@ impl App {
                 _ => controls.look_at(&prepared.camera, point, has_lens),
             }
         }
+        self.outliner.select(found.surface().map(|surface| surface.object.as_str()));
         self.inspection = Some((prepared, found));
         self.visible.panel = true;
     }

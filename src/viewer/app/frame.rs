@@ -34,10 +34,10 @@ impl App {
 
     pub(super) fn panels(&mut self, ui: &mut Ui) {
         Panel::bottom("status").show(ui, |ui| self.status(ui));
-        let App { controls, opened, canvas, comparison, visible, inspection, names, .. } = self;
+        let App { controls, opened, canvas, comparison, visible, inspection, names, outliner, .. } = self;
         let (Some(controls), Some(opened)) = (controls, opened) else { return };
         let (mut clicked, before) = (None, controls.sides.len());
-        let mut is_inspecting = true;
+        let (mut is_inspecting, mut visible_objects) = (true, None);
         if visible.panel {
             Panel::right("panel").exact_size(PANEL_WIDTH).show(ui, |ui| {
                 Panel::bottom("buttons").show(ui, |ui| clicked = panel::buttons(ui));
@@ -45,6 +45,7 @@ impl App {
                     is_inspecting = inspector::show(ui, found, names);
                 }
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                    visible_objects = outliner.show(ui, opened);
                     let rendered = [canvas.rendered(0), canvas.rendered(1)];
                     let contents = PanelContents { opened, rendered, comparison: *comparison };
                     clicked = clicked.or(panel::show(ui, &contents, controls));
@@ -63,6 +64,8 @@ impl App {
         }
         if let Some(options) = reading {
             self.loader.load(self.inputs.clone(), Some(options));
+        } else if let Some(options) = visible_objects {
+            self.show_objects(options);
         }
         if compares_anew {
             self.explain_comparison();
@@ -92,6 +95,13 @@ impl App {
         }
         if let Some(legend) = self.canvas.rendered(0).and_then(|rendered| rendered.legend.as_ref()) {
             overlay::legend(&context, rect, legend);
+        }
+        // Coarse images are those of a camera that moves.
+        if let (Some(selected), Some(rendered)) = (self.outliner.selected(), self.canvas.rendered(0))
+            && rendered.factor == 1
+        {
+            let (prepared, painter) = (&rendered.prepared, ui.painter_at(rect));
+            self.outline.draw(&painter, rect, prepared, selected, &self.threads);
         }
         if let (Some((of, found)), Some(prepared)) = (&self.inspection, self.canvas.prepared(0)) {
             inspector::draw(&ui.painter_at(rect), rect, prepared, of, found);

@@ -1,6 +1,7 @@
 //! The application: its state, and the steps of an interface frame.
 
 mod act;
+mod edit;
 mod empty;
 mod frame;
 mod inspector;
@@ -20,6 +21,7 @@ use super::inspect::Inspection;
 use super::keys::HeldKeys;
 use super::loader::Loader;
 use super::open_dialog::OpenDialog;
+use super::outliner::{Outline, Outliner};
 use super::overlay::{self, Notice};
 use super::painter::{Comparison, Message, Painter, Prepared};
 use super::request::{Opened, RenderRequest};
@@ -116,6 +118,9 @@ struct App {
     comparison: Option<Comparison>,
     /// Inspected pixel, and the prepared render that it belongs to.
     inspection: Option<(Arc<Prepared>, Inspection)>,
+    /// The list of the objects, and the outline of the selected one.
+    outliner: Outliner,
+    outline: Outline,
     notice: Option<Notice>,
     /// Warnings and notes of the input files.
     warnings: Vec<String>,
@@ -190,6 +195,8 @@ impl App {
             failed_request: None,
             comparison: None,
             inspection: None,
+            outliner: Outliner::default(),
+            outline: Outline::default(),
             notice: None,
             warnings: Vec::new(),
             of_picture: None,

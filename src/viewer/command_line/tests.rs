@@ -105,7 +105,7 @@ fn everything_else_is_said_where_it_differs() {
          --shading ambient --transport path --clamp 2.5 --filter tent --filter-radius 1.1 --noise 0.001 --min-samples 8 \
          --seed 4294967295 --sampler independent --colour linear --exposure=-1.5 --tone-map agx --light none --ground=true --cull=true \
          --background #ff8000 --environment garden.hdr --environment-rotation=-90 --hide-environment=true --clip Walk \
-         --time=-0.5 --variant red --up=-z --smooth 0.5 --ignore-required-extensions --allow-outside-references";
+         --isolate pot --isolate=-x --hide pot/lid --time=-0.5 --variant red --up=-z --smooth 0.5 --ignore-required-extensions --allow-outside-references";
     let Line { mut settings, import } = read(options);
     let plain = plain(&scene, &inputs, &CameraSource::Scene(0));
     let command = RenderCommand { settings: &settings, import_options: &import, ..plain };
