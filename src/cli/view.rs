@@ -1,6 +1,7 @@
 //! `kiln view`: opens the viewer.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::Args;
 
@@ -122,7 +123,7 @@ fn initial_view(
     let projection = requested.projection;
     let picture = PictureSettings { numerics, colour, ..requested.picture };
     let settings = RenderSettings { picture, ..requested };
-    Ok(Opened { scene, camera_source, projection, size, settings })
+    Ok(Opened { scene, camera_source, projection, size, settings, geometry: Arc::default() })
 }
 
 #[cfg(test)]

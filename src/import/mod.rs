@@ -16,6 +16,7 @@
 mod colours;
 mod converters;
 mod dependencies;
+mod edits;
 mod environment;
 
 mod gltf;
@@ -45,9 +46,13 @@ mod up;
 mod uri;
 mod values;
 
+#[cfg(feature = "viewer")]
+pub(crate) use edits::edit;
 pub use environment::environment;
 #[cfg(feature = "cli")]
 pub(crate) use names::FileNames;
+#[cfg(feature = "viewer")]
+pub(crate) use scene_file::inline_change;
 pub use scene_file::{SceneFile, inline_camera};
 
 use std::collections::HashMap;
@@ -320,8 +325,7 @@ fn load_by(
     warnings: &mut Warnings,
 ) -> Result<Scene> {
     let mut scene = Scene { inputs: inputs.to_vec(), import_options: options.clone(), ..Scene::default() };
-    let materials = options.materials.iter().map(|choice| scene_file::inline_material(&choice.table));
-    let materials = materials.collect::<Result<Vec<_>>>()?;
+    let edits = edits::parse(options)?;
     for (index, file) in inputs.iter().enumerate() {
         warnings.begin_part();
         let source = Source::open(file, files, options).map_err(|e| hinted(e, file))?;
@@ -362,14 +366,13 @@ fn load_by(
         }
     }
     warnings.begin_part();
-    options::replace_materials(&mut scene, materials, warnings)?;
     // Applying the tracks at time 0 reports invalid tracks.
     if scene.animation.is_some() {
         scene.at(0.0)?;
     }
     options::check_names(&scene, options)?;
     options::pose_tracks(&mut scene, options)?;
-    scene.set_visible(&options.isolate, &options.hide)?;
+    edits::apply(&mut scene, edits, warnings)?;
     let read = files.list().into_iter().filter(|read| read.stamp.is_some());
     scene.files_read = read.filter_map(|read| std::path::absolute(read.file).ok()).collect();
     Ok(scene)

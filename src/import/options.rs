@@ -1,12 +1,11 @@
-//! What import options make of the files that were read: materials, poses, normals and the up axis.
+//! What import options make of the files that were read: poses, normals and the up axis.
 
 use std::path::Path;
 
 use super::up::{self, Guess};
 use super::{Source, ending, importer_for};
-use crate::error::{Error, Result, Warnings, nearest_name};
-use crate::film::Colour;
-use crate::scene::{ClipChoice, Degrees, ImportOptions, Material, Object, Scene, UpAxis};
+use crate::error::{Error, Result, Warnings};
+use crate::scene::{ClipChoice, Degrees, ImportOptions, Scene, UpAxis};
 
 /// The up axis of a mesh file: with `--up auto` (`turns`) that of the format's specification; in a format without one, z if
 /// the mesh seems to stand upright in z, else y. Of several inputs none is turned, since they may be parts of one object.
@@ -56,51 +55,6 @@ pub(super) fn crease(source: &Source, own: Option<Degrees>, smooths: bool) -> Re
     let chosen = source.options.reading.smooth.or(own).map(Degrees::get);
     let crease = chosen.or(by_default.then_some(ImportOptions::CREASE));
     Ok(crease.filter(|&degrees| degrees > 0.0).map(f64::to_radians))
-}
-
-/// Gives objects the materials of [`ImportOptions::materials`]; of several for an object, the last.
-///
-/// # Errors
-/// [`Error::Usage`] for a name that neither an object nor a material of one has.
-pub(super) fn replace_materials(
-    scene: &mut Scene,
-    materials: Vec<Material>,
-    warnings: &mut Warnings,
-) -> Result<()> {
-    let choices = std::mem::take(&mut scene.import_options.materials);
-    let of_object = |object: &Object| scene.materials[object.material.0 as usize].name().to_owned();
-    let of_objects: Vec<String> = scene.objects.iter().map(of_object).collect();
-    for (choice, material) in choices.iter().zip(materials) {
-        let has_name = |i: usize, name: &str| of_objects[i] == name || scene.objects[i].is_named(name);
-        let is_meant = |&i: &usize| choice.name.as_deref().is_none_or(|name| has_name(i, name));
-        let meant: Vec<usize> = (0..of_objects.len()).filter(is_meant).collect();
-        if let (Some(name), []) = (&choice.name, meant.as_slice()) {
-            let names = scene.objects.iter().map(|object| &object.name).chain(&of_objects);
-            let known: Vec<&str> = names.map(String::as_str).collect();
-            let hint = nearest_name(name, &known);
-            return Err(Error::usage(format!("--material: no object or material is named `{name}`"), hint));
-        }
-        let id = scene.add_material(material);
-        meant.iter().for_each(|&i| scene.objects[i].material = id);
-    }
-    for id in scene.materials.len() - choices.len()..scene.materials.len() {
-        // [1, 0, 1] of 255.
-        if matches!(scene.materials[id].colour(), Colour::Display(c) if c.max_element() == 1.0 / 255.0) {
-            warnings.note(
-                "--material: a colour in numbers from 0 to 1 is nearly black: white is [255, 255, 255]",
-            );
-        }
-    }
-    let is_replaced = |object: &&Object| object.material.0 as usize >= scene.materials.len() - choices.len();
-    let mut replaced = scene.objects.iter().filter(is_replaced);
-    if let Some(object) =
-        replaced.find(|object| object.shape.mesh().is_some_and(|mesh| mesh.colours.is_some()))
-    {
-        let name = &object.name;
-        warnings.note(format!("the colours of the vertices of `{name}` multiply that of --material"));
-    }
-    scene.import_options.materials = choices;
-    Ok(())
 }
 
 /// Checks that an input has the requested clip and the requested variant.

@@ -87,6 +87,7 @@ impl Fingerprint {
             inputs: _,
             files_read: _,
             // What they change is.
+            file_materials: _,
             clips: _,
             variants: _,
             metadata: _,

@@ -19,8 +19,9 @@ pub struct ImportOptions {
     #[cfg_attr(feature = "cli", arg(value_parser = parser::<ClipChoice>()))]
     pub clips: Vec<ClipChoice>,
     /// Material for all objects, with the keys of `[material]` in scene files: '{ colour = "#c33", metallic = 1, roughness = 0.2 }';
-    /// NAME={...}: for the objects of this name or whose material has it; may be repeated, the last counts
-    #[cfg_attr(feature = "cli", arg(long = "material", help_heading = group::LOOK, value_name = "{...}|NAME={...}"))]
+    /// NAME={...}: for the objects of this name or whose material has it; NAME+={...}: change colour, metallic or roughness of
+    /// their own material, whose textures stay; may be repeated, the last counts
+    #[cfg_attr(feature = "cli", arg(long = "material", help_heading = group::LOOK, value_name = "{...}|NAME={...}|NAME+={...}"))]
     #[cfg_attr(feature = "cli", arg(value_parser = parser::<MaterialChoice>()))]
     pub materials: Vec<MaterialChoice>,
     /// Leave objects of this name and their parts (OBJECT/...) out of the picture; may be repeated. The camera that frames the
@@ -68,26 +69,38 @@ options! {
 pub struct MaterialChoice {
     /// Name of the objects, or of their materials; all if `None`.
     pub name: Option<String>,
-    /// Inline table with the keys of `[material]`.
+    /// Whether it changes values of the files' materials ([`MaterialChange`](super::MaterialChange)) instead of replacing
+    /// them.
+    pub changes: bool,
+    /// Inline table with the keys of `[material]`, or of the change.
     pub table: String,
 }
 
 impl OptionValue for MaterialChoice {
     fn parse(text: &str) -> Result<Self, String> {
         let text = text.trim();
-        let (name, table) = match text.split_once('=') {
-            Some((name, table)) if !text.starts_with('{') => (Some(name.trim().to_owned()), table.trim()),
-            _ => (None, text),
+        let begins = |&at: &usize| at == 0 || text[..at].trim_end().ends_with('=');
+        let Some(at) = text.match_indices('{').map(|(at, _)| at).find(begins) else {
+            return Err("give its keys, such as '{ colour = \"#c33\" }', or NAME={ ... }".to_owned());
         };
-        if table.starts_with('{') {
-            return Ok(MaterialChoice { name, table: table.to_owned() });
-        }
-        Err("give its keys, such as '{ colour = \"#c33\" }', or NAME={ ... }".to_owned())
+        let (before, table) = text.split_at(at);
+        let name = before.trim_end().strip_suffix('=').map(str::trim);
+        let (name, changes) = match name.and_then(|name| name.strip_suffix('+')) {
+            Some(name) => (Some(name.trim_end()).filter(|name| !name.is_empty()), true),
+            None => (name, false),
+        };
+        Ok(MaterialChoice { name: name.map(str::to_owned), changes, table: table.to_owned() })
     }
 
     fn text(&self) -> String {
-        let name = self.name.as_ref().map(|name| format!("{name}="));
-        format!("{}{}", name.unwrap_or_default(), self.table)
+        let MaterialChoice { name, changes, table } = self;
+        match (name, changes) {
+            (None, false) => table.clone(),
+            (name, _) => {
+                let equals = if *changes { "+=" } else { "=" };
+                format!("{}{equals}{table}", name.as_deref().unwrap_or_default())
+            }
+        }
     }
 }
 

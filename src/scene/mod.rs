@@ -42,6 +42,7 @@ mod layers;
 pub(crate) mod lens;
 mod light;
 mod material;
+mod material_change;
 pub(crate) mod option;
 mod picture;
 mod sampler;
@@ -80,6 +81,7 @@ pub use light::{Falloff, Light, LightKind, LightSurface};
 pub use material::{
     DecodedImage, Glaze, Material, MetallicRoughness, Opacity, Phong, Refraction, TexelEncoding, Texture,
 };
+pub use material_change::{FileMaterials, MaterialChange};
 pub use option::{OptionValue, ValueKind};
 pub use picture::{
     Background, Bounces, Clamp, FieldOfView, FilterRadius, Headlight, Intensity, Look, Noise,
@@ -128,6 +130,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Materials, referred to by [`MaterialId`].
     pub materials: Vec<Material>,
+    /// The materials of the files, where options replace them.
+    pub file_materials: Option<std::sync::Arc<FileMaterials>>,
     /// Images referenced by textures, by [`ImageId`].
     pub images: Vec<DecodedImage>,
     /// Spheres and meshes.
@@ -244,6 +248,7 @@ impl Scene {
             variants,
             metadata,
             // Of the whole scene.
+            file_materials: _,
             import_options: _,
             has_left_out,
             has_settings,

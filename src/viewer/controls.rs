@@ -425,6 +425,7 @@ mod tests {
             projection: None,
             size: [4, 3],
             settings,
+            geometry: Arc::default(),
         })
     }
 

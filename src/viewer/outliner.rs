@@ -1,7 +1,9 @@
-//! The list of the objects: their visibility, and the selected one.
+//! The list of the objects: their visibility, the selected one and its material.
 //!
-//! What is hidden is an option of reading files (`--hide`, `--isolate`), so copied commands and saved pictures have it.
+//! What is chosen here are options of reading files (`--hide`, `--isolate`, `--material`), so copied commands and saved
+//! pictures have it.
 
+mod material;
 mod outline;
 mod rows;
 
@@ -13,7 +15,7 @@ use egui::{Align, Button, Checkbox, CollapsingHeader, Layout, RichText, ScrollAr
 use super::request::Opened;
 use crate::error::printable;
 use crate::render::grouped;
-use crate::scene::ImportOptions;
+use crate::scene::{ImportOptions, Scene};
 pub(crate) use outline::Outline;
 use rows::{Row, isolated, rows, toggled};
 
@@ -54,21 +56,20 @@ impl Outliner {
         self.selected.as_deref()
     }
 
-    /// Shows the list. Returns the options of a scene with other visible objects, if that was chosen.
+    /// Shows the list. Returns the options of a scene with other visible objects or materials, if these were chosen.
     pub(crate) fn show(&mut self, ui: &mut Ui, opened: &Arc<Opened>) -> Option<ImportOptions> {
         if !self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, opened)) {
             (self.rows, self.of) = (rows(&opened.scene), Some(Arc::clone(opened)));
             self.selected.take_if(|name| !self.rows.iter().any(|row| row.name == *name));
         }
         let title = RichText::new("Objects").strong();
-        let options = &opened.scene.import_options;
         let header = CollapsingHeader::new(title).id_salt("objects").default_open(true);
-        let changed = header.show_unindented(ui, |ui| self.contents(ui, options)).body_returned.flatten();
-        changed.map(|[isolate, hide]| ImportOptions { isolate, hide, ..options.clone() })
+        header.show_unindented(ui, |ui| self.contents(ui, &opened.scene)).body_returned.flatten()
     }
 
-    /// Shows the list and what acts on the selection. Returns the names that are isolated and hidden, if they change.
-    fn contents(&mut self, ui: &mut Ui, options: &ImportOptions) -> Option<[Vec<String>; 2]> {
+    /// Shows the list and what acts on the selection. Returns the options, if they change.
+    fn contents(&mut self, ui: &mut Ui, scene: &Scene) -> Option<ImportOptions> {
+        let options = &scene.import_options;
         let ImportOptions { isolate, hide, .. } = options;
         if self.rows.len() >= MANY {
             let field = TextEdit::singleline(&mut self.filter).hint_text("find objects or materials");
@@ -81,6 +82,7 @@ impl Outliner {
             let label = egui::Label::new(RichText::new(format!("material: {text}")).weak());
             ui.add(label.truncate()).on_hover_text(text);
         }
+        let materials = selected.and_then(|row| material::show(ui, scene, &row.name));
         ui.horizontal(|ui| {
             if let Some(Row { name, .. }) = selected {
                 let isolates = ui.button("Isolate").on_hover_text("hide all other objects (--isolate)");
@@ -95,7 +97,11 @@ impl Outliner {
                 }
             }
         });
-        changed
+        match (changed, materials) {
+            (Some([isolate, hide]), _) => Some(ImportOptions { isolate, hide, ..options.clone() }),
+            (None, Some(materials)) => Some(ImportOptions { materials, ..options.clone() }),
+            (None, None) => None,
+        }
     }
 
     /// Shows the rows that are open or found. Returns the names that are isolated and hidden, if they change.
@@ -159,7 +165,7 @@ impl Outliner {
         let Row { name, label, is_group, depth, parts, shown, triangles, materials, .. } = &self.rows[index];
         if !is_searched {
             ui.add_space(*depth as f32 * INDENT);
-            if *is_group && ui.small_button(if is_open { "⏷" } else { "⏵" }).clicked() {
+            if *is_group && ui.small_button(if is_open { "-" } else { "+" }).clicked() {
                 if !self.switched.remove(name) {
                     self.switched.insert(name.clone());
                 }

@@ -35,6 +35,8 @@ pub struct Opened {
     pub size: [u32; 2],
     /// Initial render settings, with numerics and colour pipeline.
     pub settings: RenderSettings,
+    /// The same for scenes that differ in their materials alone.
+    pub geometry: Arc<()>,
 }
 
 /// Request for a picture.

@@ -1,6 +1,7 @@
 //! Options of reading on mesh files and on scene files: materials, smooth normals, up axis, single-sided materials.
 
 use crate::common::borders::Folder;
+use crate::common::gltf::png;
 use glam::DVec3;
 use kiln::error::{Error, Result, Warnings};
 use kiln::scene::{
@@ -67,8 +68,55 @@ fn materials_of_options_take_the_place_of_those_of_files() {
     for text in ["", "red", "lid=red", "#c33"] {
         assert!(MaterialChoice::parse(text).is_err(), "{text}");
     }
-    let choice = MaterialChoice::parse(" lid = { colour = '#f00' }").expect("a choice");
-    assert_eq!(MaterialChoice::parse(&choice.text()), Ok(choice));
+    for (text, name, changes) in [
+        (" lid = { colour = '#f00' }", Some("lid"), false),
+        ("{ colour = '#f00' }", None, false),
+        ("a=b {1} += { metallic = 1 }", Some("a=b {1}"), true),
+        ("+={ metallic = 1 }", None, true),
+    ] {
+        let choice = MaterialChoice::parse(text).expect("a choice");
+        assert_eq!((choice.name.as_deref(), choice.changes), (name, changes), "{text}");
+        assert_eq!(MaterialChoice::parse(&choice.text()), Ok(choice));
+    }
+}
+
+/// `NAME+={...}` changes single values of the files' materials, whose textures and other values stay. Objects that share
+/// a material still do, and those of other names keep it.
+#[test]
+fn single_values_of_materials_change() {
+    let folder = Folder::new();
+    folder.write("a.mtl", "newmtl cast\nKd 0 0 1\nmap_Kd a.png\nPr 0.5\nPm 1\n");
+    folder.write("a.png", png(1, &[[255; 4]]));
+    folder.write(
+        "a.obj",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nmtllib a.mtl\nusemtl cast\no lid\nf 1/1 2/1 3/1\no rim\nf 1/1 3/1 2/1\no pot\nf 1/1 2/1 3/1\n",
+    );
+    let load = |options: &[&str]| {
+        let materials = options.iter().map(|text| MaterialChoice::parse(text).expect("a choice")).collect();
+        load(&folder, "a.obj", &ImportOptions { materials, ..ImportOptions::default() })
+    };
+    let (scene, _) = load(&["lid+={ roughness = 0.25 }", "rim+={ roughness = 0.25 }"]).expect("a scene");
+    let of = |scene: &Scene, i: usize| {
+        let Material::MetallicRoughness(m) = &scene.materials[scene.objects[i].material.0 as usize] else {
+            panic!("another model")
+        };
+        assert!(scene.materials[scene.objects[i].material.0 as usize].is_textured());
+        (m.name.clone(), m.metallic, m.roughness)
+    };
+    let [lid, rim, pot] = [0, 1, 2].map(|i| of(&scene, i));
+    assert_eq!((&lid, &rim), (&("cast".to_owned(), 1.0, 0.25), &lid));
+    assert_eq!(pot, ("cast".to_owned(), 1.0, 0.5));
+    // By the name of the material: all three share the changed one.
+    let (scene, _) = load(&["cast+={ metallic = 0 }", "lid+={ roughness = 1 }"]).expect("a scene");
+    assert_eq!([0, 1, 2].map(|i| of(&scene, i).1), [0.0; 3]);
+    assert_eq!([0, 1, 2].map(|i| of(&scene, i).2), [1.0, 0.5, 0.5]);
+    assert_eq!(scene.objects[1].material, scene.objects[2].material);
+    for (option, what) in
+        [("lid+={ metallic = 2 }", "`metallic` is 2"), ("lid+={ shininess = 2 }", "unknown key `shininess`")]
+    {
+        let e = load(&[option]).expect_err(option);
+        assert_eq!(e.to_string(), format!("--material NAME+={{...}} is not valid: {what}"));
+    }
 }
 
 /// Vertex colours stay, as with `material` of `[[mesh]]`, and a note says so.

@@ -17,7 +17,8 @@ use crate::error::{Result, Warnings};
 use crate::film::write::{Format, OutputImage};
 use crate::job::RenderJob;
 use crate::render::RenderControl;
-use crate::scene::{ClipTime, Scene};
+use crate::scene::{ClipTime, ImportOptions, Scene};
+use crate::viewer::Opened;
 
 const SIZE: [u32; 2] = [20, 16];
 
@@ -66,7 +67,7 @@ fn frame_0(arguments: &Arguments) -> Result<Pixels> {
 /// The picture that the window ends with.
 fn in_the_window(arguments: &Arguments) -> Result<Pixels> {
     let opened = open(arguments, &arguments.inputs, None, &mut Warnings::default()).0?;
-    crate::viewer::final_picture(&Arc::new(opened), SIZE)
+    crate::viewer::final_picture(&[Arc::new(opened)], SIZE)
 }
 
 fn load(arguments: &Arguments) -> Result<Scene> {
@@ -259,7 +260,7 @@ fn hidden_objects_are_in_no_picture() {
         let mut opened = open(&plain, &plain.inputs, None, &mut Warnings::default()).0.expect("a scene");
         opened.scene.set_visible(&[], &[name.to_owned()]).expect("a name");
         opened.scene.import_options.hide = vec![name.to_owned()];
-        let hidden_later = crate::viewer::final_picture(&Arc::new(opened), SIZE).expect("a picture");
+        let hidden_later = crate::viewer::final_picture(&[Arc::new(opened)], SIZE).expect("a picture");
         let frame = frame_0(&hiding).expect("a picture");
         if names.len() == 2 {
             let clip = hiding.import.clip();
@@ -270,6 +271,58 @@ fn hidden_objects_are_in_no_picture() {
         let scene = load(&hiding).expect("a scene");
         assert!(pixels_of(&python(scene, options).expect("a picture")) == expected, "{name}");
         assert!(in_the_window(&plain).expect("a picture") != expected, "{name}");
+    }
+}
+
+/// Materials that are edited in the open window give the picture, and the materials, of the command with that option: they
+/// take the place of others in the prepared scene, which is not built again, where nothing else depends on them.
+#[test]
+fn materials_edited_in_the_window_are_those_of_the_command() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let clip_file = folder.path().join("lamp.gltf");
+    std::fs::write(&clip_file, clip(&json!({ "emissiveFactor": [1, 1, 1] }))).expect("a file");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for file in [
+        root.join("assets/import/materials.obj"),
+        root.join("assets/import/square.gltf"),
+        root.join("scenes/assignment.toml"),
+        root.join("scenes/effects/path.toml"),
+        clip_file,
+    ] {
+        let place = file.display();
+        let plain = arguments(&file, &[]);
+        let mut scenes =
+            vec![Arc::new(open(&plain, &plain.inputs, None, &mut Warnings::default()).0.expect("a scene"))];
+        let unchanged = in_the_window(&plain).expect("a picture");
+        for change in ["+={ colour = '#20a0c0' }", "+={ colour = '#20a0c0', metallic = 1, roughness = 0.3 }"]
+        {
+            let options: &NamedOptions = &[("material", Some(change))];
+            let changing = arguments(&file, options);
+            let before = scenes.last().expect("a scene");
+            let mut scene = before.scene.clone();
+            let import = ImportOptions {
+                materials: changing.import.materials.clone(),
+                ..scene.import_options.clone()
+            };
+            crate::import::edit(&mut scene, &import).expect("known names");
+            let loaded = load(&changing).expect("a scene");
+            assert_eq!(format!("{:?}", scene.materials), format!("{:?}", loaded.materials), "{place}");
+            scenes.push(Arc::new(Opened {
+                scene,
+                camera_source: before.camera_source.clone(),
+                projection: before.projection,
+                size: before.size,
+                settings: before.settings.clone(),
+                geometry: Arc::clone(&before.geometry),
+            }));
+            let edited = crate::viewer::final_picture(&scenes, SIZE).expect("a picture");
+            assert!(edited == in_the_window(&changing).expect("a picture"), "{place}, {change}");
+            assert!(edited != unchanged, "{place}, {change}");
+        }
+        let mut scene = scenes[2].scene.clone();
+        let import = ImportOptions { materials: Vec::new(), ..scene.import_options.clone() };
+        crate::import::edit(&mut scene, &import).expect("nothing");
+        assert_eq!(format!("{:?}", scene.materials), format!("{:?}", scenes[0].scene.materials), "{place}");
     }
 }
 

@@ -7,7 +7,7 @@ use super::metallic_roughness::metallic_roughness;
 use super::sections::{GlazeSection, MaterialSection};
 use crate::error::{Error, Result};
 use crate::film::{Colour, ColourPipeline};
-use crate::scene::{Glaze, INLINE_NAME, Material, Opacity, Phong};
+use crate::scene::{Glaze, INLINE_NAME, Material, MaterialChange, Opacity, Phong};
 
 /// Maximum number of glaze bounces. Each bounce that a path reaches needs buffers of about a tenth of a megabyte per
 /// thread; with a weight below 0.991 paths end earlier (`effects::whitted::glaze`).
@@ -21,6 +21,21 @@ pub(crate) fn inline_material(text: &str) -> Result<Material> {
     parse_inline(text)
         .and_then(|section| material(INLINE_NAME, &section))
         .map_err(|fault| Error::usage(format!("--material {{...}} is not valid: {}", fault.what), fault.hint))
+}
+
+/// Parses values of a material that take the place of its own: `{ metallic = 1, roughness = 0.2 }`.
+///
+/// # Errors
+/// [`Error::Usage`] if they are invalid.
+pub(crate) fn inline_change(text: &str) -> Result<MaterialChange> {
+    let parsed = parse_inline(text).and_then(|change: MaterialChange| {
+        change.metallic.map(|value| unit("metallic", value)).transpose()?;
+        change.roughness.map(|value| unit("roughness", value)).transpose()?;
+        Ok(change)
+    });
+    parsed.map_err(|fault| {
+        Error::usage(format!("--material NAME+={{...}} is not valid: {}", fault.what), fault.hint)
+    })
 }
 
 /// Converts a material section.

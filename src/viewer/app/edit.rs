@@ -3,32 +3,32 @@
 use std::sync::Arc;
 
 use super::App;
-use crate::error::Result;
-use crate::scene::{ImportOptions, Scene};
+use crate::import;
+use crate::scene::ImportOptions;
 use crate::viewer::message_with_hint;
 use crate::viewer::request::Opened;
 
 impl App {
-    /// Shows other objects. The camera stays, also one that frames the scene.
-    pub(super) fn show_objects(&mut self, options: ImportOptions) {
-        self.edit(&options, |scene| scene.set_visible(&options.isolate, &options.hide));
-    }
-
-    /// Changes the opened scene by `how`; it then is that of `options`, with which changed files are read.
-    fn edit(&mut self, options: &ImportOptions, how: impl FnOnce(&mut Scene) -> Result<()>) {
+    /// Gives the opened scene the materials and visible objects of options, which are those of changed files, too. Where
+    /// other objects are visible, the camera stays, also one that frames the scene.
+    pub(super) fn edit(&mut self, options: ImportOptions) {
         let camera = self.displayed_camera();
         let (Some(opened), Some(controls)) = (&self.opened, &mut self.controls) else { return };
         let mut scene = opened.scene.clone();
-        if let Err(e) = how(&mut scene) {
+        if let Err(e) = import::edit(&mut scene, &options) {
             return self.show_error(message_with_hint(&e));
         }
-        scene.import_options = options.clone();
-        let Opened { camera_source, projection, size, settings, .. } = &**opened;
-        let (camera_source, projection) = (camera_source.clone(), *projection);
-        let edited = Opened { scene, camera_source, projection, size: *size, settings: settings.clone() };
-        controls.keep_camera(camera.as_ref());
+        let before = &opened.scene.import_options;
+        let Opened { camera_source, projection, size, settings, geometry, .. } = &**opened;
+        let mut geometry = Arc::clone(geometry);
+        if (&before.isolate, &before.hide) != (&options.isolate, &options.hide) {
+            controls.keep_camera(camera.as_ref());
+            geometry = Arc::default();
+        }
+        let (camera_source, projection, size) = (camera_source.clone(), *projection, *size);
+        let edited = Opened { scene, camera_source, projection, size, settings: settings.clone(), geometry };
         controls.reopened(&edited);
-        self.import_options = Some(options.clone());
+        self.import_options = Some(options);
         self.opened = Some(Arc::new(edited));
     }
 }

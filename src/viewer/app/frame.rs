@@ -37,7 +37,7 @@ impl App {
         let App { controls, opened, canvas, comparison, visible, inspection, names, outliner, .. } = self;
         let (Some(controls), Some(opened)) = (controls, opened) else { return };
         let (mut clicked, before) = (None, controls.sides.len());
-        let (mut is_inspecting, mut visible_objects) = (true, None);
+        let (mut is_inspecting, mut edited) = (true, None);
         if visible.panel {
             Panel::right("panel").exact_size(PANEL_WIDTH).show(ui, |ui| {
                 Panel::bottom("buttons").show(ui, |ui| clicked = panel::buttons(ui));
@@ -45,7 +45,7 @@ impl App {
                     is_inspecting = inspector::show(ui, found, names);
                 }
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-                    visible_objects = outliner.show(ui, opened);
+                    edited = outliner.show(ui, opened);
                     let rendered = [canvas.rendered(0), canvas.rendered(1)];
                     let contents = PanelContents { opened, rendered, comparison: *comparison };
                     clicked = clicked.or(panel::show(ui, &contents, controls));
@@ -64,8 +64,8 @@ impl App {
         }
         if let Some(options) = reading {
             self.loader.load(self.inputs.clone(), Some(options));
-        } else if let Some(options) = visible_objects {
-            self.show_objects(options);
+        } else if let Some(options) = edited {
+            self.edit(options);
         }
         if compares_anew {
             self.explain_comparison();

@@ -290,13 +290,17 @@ impl RenderTask<'_> {
     }
 }
 
-/// The picture that the window ends with and saves: 8-bit display values, row by row from the top.
+/// The picture that the window ends with and saves, of the last of scenes that were opened in turn: 8-bit display values,
+/// row by row from the top.
 #[cfg(test)]
 pub(crate) fn final_picture(
-    opened: &Arc<super::Opened>,
+    opened: &[Arc<super::Opened>],
     size: [u32; 2],
 ) -> crate::error::Result<Vec<[u8; 3]>> {
-    let request = super::controls::Controls::new(opened).request(opened, size);
-    let prepared = RenderCache::default().prepare(&request, &request.sides[0])?;
+    let mut cache = RenderCache::default();
+    let requests = opened.iter().map(|one| super::controls::Controls::new(one).request(one, size));
+    let prepared = requests.map(|request| Ok((cache.prepare(&request, &request.sides[0])?, request)));
+    let prepared: Vec<_> = prepared.collect::<crate::error::Result<_>>()?;
+    let (prepared, request) = prepared.into_iter().next_back().expect("a scene");
     pass::Side::new(&request, prepared, None, 4).final_picture()
 }

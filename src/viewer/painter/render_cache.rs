@@ -85,11 +85,29 @@ pub(crate) struct RenderCache {
 }
 
 impl RenderCache {
+    /// Keeps of other opened files what is the same in these: all but the looks, if the materials alone differ.
+    fn open(&mut self, opened: &Arc<Opened>) {
+        let before = match &self.opened {
+            Some(before) if Arc::ptr_eq(before, opened) => return,
+            Some(before) if Arc::ptr_eq(&before.geometry, &opened.geometry) => std::mem::take(self),
+            _ => RenderCache::default(),
+        };
+        let scenes = before
+            .scenes
+            .into_iter()
+            .filter_map(|(key, prepared)| Some((key, Arc::new(prepared.with_materials(&opened.scene)?))));
+        *self = RenderCache {
+            opened: Some(Arc::clone(opened)),
+            scenes: scenes.collect(),
+            looks: Vec::new(),
+            at_times: Vec::new(),
+            ..before
+        };
+    }
+
     /// Whether the trees of all sides of a request are cached.
     pub(crate) fn has_worlds(&mut self, request: &RenderRequest) -> bool {
-        if !self.opened.as_ref().is_some_and(|opened| Arc::ptr_eq(opened, &request.opened)) {
-            return false;
-        }
+        self.open(&request.opened);
         let scene = &request.opened.scene;
         let mut has = |side: &RenderSettings| {
             let settings = request.render_settings(side);
@@ -131,9 +149,7 @@ impl RenderCache {
         request: &RenderRequest,
         side: &RenderSettings,
     ) -> Result<Arc<Prepared>> {
-        if !self.opened.as_ref().is_some_and(|opened| Arc::ptr_eq(opened, &request.opened)) {
-            *self = RenderCache { opened: Some(Arc::clone(&request.opened)), ..RenderCache::default() };
-        }
+        self.open(&request.opened);
         let settings = request.render_settings(side);
         let scene = &request.opened.scene;
         let mut look = self.look(scene, &settings)?;

@@ -1,0 +1,111 @@
+//! What options change of a scene that is read: materials of objects, and which objects are visible.
+
+use std::collections::HashMap;
+
+use super::scene_file;
+use crate::error::{Error, Result, Warnings, nearest_name};
+use crate::film::Colour;
+use crate::scene::{ImportOptions, Material, MaterialChange, MaterialChoice, MaterialId, Object, Scene};
+
+/// A parsed [`MaterialChoice`].
+pub(super) enum MaterialEdit {
+    /// A material in place of the files'.
+    Replace(Material),
+    /// Values in place of the files'.
+    Change(MaterialChange),
+}
+
+/// Parses [`ImportOptions::materials`].
+///
+/// # Errors
+/// [`Error::Usage`] for one that is not valid.
+pub(super) fn parse(options: &ImportOptions) -> Result<Vec<MaterialEdit>> {
+    let parse = |MaterialChoice { changes, table, .. }: &MaterialChoice| {
+        Ok(match changes {
+            true => MaterialEdit::Change(scene_file::inline_change(table)?),
+            false => MaterialEdit::Replace(scene_file::inline_material(table)?),
+        })
+    };
+    options.materials.iter().map(parse).collect()
+}
+
+/// Gives a scene the materials and the visible objects of options, in place of those of its own options.
+///
+/// # Errors
+/// [`Error::Usage`] as if the files were read with these options.
+#[cfg(feature = "viewer")]
+pub(crate) fn edit(scene: &mut Scene, options: &ImportOptions) -> Result<()> {
+    let edits = parse(options)?;
+    scene.show_all();
+    scene.restore_file_materials();
+    let ImportOptions { materials, isolate, hide, .. } = options.clone();
+    scene.import_options = ImportOptions { materials, isolate, hide, ..scene.import_options.clone() };
+    apply(scene, edits, &mut Warnings::default())
+}
+
+/// Applies the options of a scene as the files have it.
+///
+/// # Errors
+/// [`Error::Usage`] for names that neither an object nor a material of one has, and if no object is visible.
+pub(super) fn apply(scene: &mut Scene, edits: Vec<MaterialEdit>, warnings: &mut Warnings) -> Result<()> {
+    let ImportOptions { materials, isolate, hide, .. } = scene.import_options.clone();
+    if !materials.is_empty() {
+        scene.keep_file_materials();
+        replace_materials(scene, &materials, edits, warnings)?;
+    }
+    scene.set_visible(&isolate, &hide)
+}
+
+/// Gives objects the materials of the choices; of several for an object, the last, or the changes of all after it.
+fn replace_materials(
+    scene: &mut Scene,
+    choices: &[MaterialChoice],
+    edits: Vec<MaterialEdit>,
+    warnings: &mut Warnings,
+) -> Result<()> {
+    let of_object = |object: &Object| scene.materials[object.material.0 as usize].name().to_owned();
+    let of_objects: Vec<String> = scene.objects.iter().map(of_object).collect();
+    let mut replaced = Vec::new();
+    for (choice, edit) in choices.iter().zip(edits) {
+        let has_name = |i: usize, name: &str| of_objects[i] == name || scene.objects[i].is_named(name);
+        let is_meant = |&i: &usize| choice.name.as_deref().is_none_or(|name| has_name(i, name));
+        let meant: Vec<usize> = (0..of_objects.len()).filter(is_meant).collect();
+        if let (Some(name), []) = (&choice.name, meant.as_slice()) {
+            let names = scene.objects.iter().map(|object| &object.name).chain(&of_objects);
+            let known: Vec<&str> = names.map(String::as_str).collect();
+            let hint = nearest_name(name, &known);
+            return Err(Error::usage(format!("--material: no object or material is named `{name}`"), hint));
+        }
+        match edit {
+            MaterialEdit::Replace(material) => {
+                // [1, 0, 1] of 255.
+                if matches!(material.colour(), Colour::Display(c) if c.max_element() == 1.0 / 255.0) {
+                    warnings.note(
+                        "--material: a colour in numbers from 0 to 1 is nearly black: white is [255, 255, 255]",
+                    );
+                }
+                let id = scene.add_material(material);
+                replaced.push(id);
+                meant.iter().for_each(|&i| scene.objects[i].material = id);
+            }
+            MaterialEdit::Change(change) => {
+                // Objects that share a material still do.
+                let mut changed = HashMap::<u32, MaterialId>::new();
+                for i in meant {
+                    let MaterialId(before) = scene.objects[i].material;
+                    let id = *changed.entry(before).or_insert_with(|| {
+                        scene.add_material(change.of(scene.materials[before as usize].clone()))
+                    });
+                    scene.objects[i].material = id;
+                }
+            }
+        }
+    }
+    let has_colours = |object: &&Object| object.shape.mesh().is_some_and(|mesh| mesh.colours.is_some());
+    let mut coloured = scene.objects.iter().filter(|object| replaced.contains(&object.material));
+    if let Some(object) = coloured.find(has_colours) {
+        let name = &object.name;
+        warnings.note(format!("the colours of the vertices of `{name}` multiply that of --material"));
+    }
+    Ok(())
+}
