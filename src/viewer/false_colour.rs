@@ -170,10 +170,14 @@ pub fn error_against_exact(picture: &ComparedImage, exact: &ComparedImage) -> Re
     if (picture.width, picture.height) != (exact.width, exact.height) {
         return Err(Error::usage("the pictures have different sizes", "compare pictures of one size"));
     }
-    let same = picture.displayed() == exact.displayed();
     let text = "largest difference of a channel as displayed, on a logarithmic scale";
+    let differences = picture.displayed().into_iter().flatten().zip(exact.displayed().into_iter().flatten());
+    let maximum = differences.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     let legend = Legend {
-        text: if same { format!("{text}; there is none") } else { text.into() },
+        text: match maximum {
+            0.0 => format!("{text}; there is none"),
+            maximum => format!("{text}; the maximum is {}", short(maximum)),
+        },
         bar: heat_bar(),
         ends: Some([format!("1e{} or less", DECADES[0]), "1, white for black".into()]),
         swatches: Vec::new(),
@@ -271,17 +275,17 @@ fn ids(text: &str, ids: &[f32], name: impl Fn(usize) -> Option<String>) -> False
     }
 }
 
-/// The colour of a number, distinct from those of adjacent numbers.
+/// The colour of a number. Hues of adjacent numbers are at least 100 degrees apart.
 ///
-/// Hue and lightness are points of a low-discrepancy sequence: powers of the inverse of the plastic number, the real
-/// root of x^3 = x + 1 (Roberts, The Unreasonable Effectiveness of Quasirandom Sequences, 2018). The colour space is
-/// OKLab (Ottosson, A perceptual color space for image processing, 2020), where equal distances are perceived as equal
-/// differences.
+/// The hue is the golden ratio's sequence, which keeps any first numbers far from each other, the lightness another
+/// low-discrepancy sequence, the square root of 1/2. The colour space is OKLab (Ottosson, A perceptual color space for
+/// image processing, 2020), where equal distances are perceived as equal differences.
 pub fn colour_of(id: u32) -> [u8; 3] {
-    const PLASTIC: f64 = 1.324_717_957_244_746;
-    let point = |power: i32| (0.5 + f64::from(id) * PLASTIC.powi(-power)).fract();
-    let (hue, lightness) = (std::f64::consts::TAU * point(1), 0.55 + 0.35 * point(2));
-    let (a, b) = (0.12 * hue.cos(), 0.12 * hue.sin());
+    const GOLDEN: f64 = 0.618_033_988_749_894_8;
+    let point = |offset: f64, step: f64| (offset + f64::from(id) * step).fract();
+    let hue = std::f64::consts::TAU * point(0.0, GOLDEN);
+    let lightness = 0.45 + 0.45 * point(0.5, std::f64::consts::FRAC_1_SQRT_2);
+    let (a, b) = (0.16 * hue.cos(), 0.16 * hue.sin());
     let l = (lightness + 0.396_337_777_4 * a + 0.215_803_757_3 * b).powi(3);
     let m = (lightness - 0.105_561_345_8 * a - 0.063_854_172_8 * b).powi(3);
     let s = (lightness - 0.089_484_177_5 * a - 1.291_485_548_0 * b).powi(3);

@@ -17,6 +17,9 @@ const NOTICE_TIME: [Duration; 2] = [Duration::from_secs(3), Duration::from_milli
 /// Characters of a name in the legend.
 const NAME_LENGTH: usize = 40;
 
+/// Part of the picture's height that the colours of a legend may take.
+const LEGEND_SHARE: f32 = 0.35;
+
 /// Width of most characters, in points.
 const CHARACTER_WIDTH: f32 = 7.0;
 
@@ -134,12 +137,21 @@ pub(crate) fn legend(context: &Context, rect: Rect, legend: &Legend) {
                     ui.label(high);
                 });
             }
-            for ([r, g, b], name) in &legend.swatches {
+            // Part of a low picture, so that it stays visible. The last swatch is that of the background.
+            let rows = (rect.height() * LEGEND_SHARE
+                / (ui.spacing().interact_size.y + ui.spacing().item_spacing.y))
+                as usize;
+            let (named, rest) = legend.swatches.split_at(legend.swatches.len().saturating_sub(1));
+            let shown = named.len().min(rows.saturating_sub(rest.len()));
+            for ([r, g, b], name) in named[..shown].iter().chain(rest) {
                 ui.horizontal(|ui| {
                     let (swatch, _) = ui.allocate_exact_size(vec2(12.0, 12.0), Sense::hover());
                     ui.painter().rect_filled(swatch, 2.0, Color32::from_rgb(*r, *g, *b));
-                    ui.label(elided(name, NAME_LENGTH));
+                    ui.label(elided(name, NAME_LENGTH.min((rect.width() * 0.5 / CHARACTER_WIDTH) as usize)));
                 });
+            }
+            if shown < named.len() {
+                ui.label(RichText::new(format!("{} more", named.len() - shown)).weak());
             }
         });
     });

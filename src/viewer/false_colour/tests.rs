@@ -105,13 +105,22 @@ fn node_tests_end_at_their_largest_number() {
 
 #[test]
 fn numbers_have_colours_far_apart() {
-    // Any two of 24 consecutive numbers: a channel differs by at least 12 of 255; all are far from `NOTHING`.
+    // A channel differs by at least 100 of 255 for adjacent numbers, 60 for any two of the first 8, 35 for any two of 8
+    // in a row and 15 for any two of 24; all are far from `NOTHING`.
     let apart = |a: [u8; 3], b: [u8; 3]| (0..3).map(|c| a[c].abs_diff(b[c])).max().unwrap();
     for start in [0, 1000, 123_456] {
         let colours: Vec<_> = (start..start + 24).map(colour_of).collect();
         for (i, &a) in colours.iter().enumerate() {
             assert!(apart(a, NOTHING) > 60, "{a:?}");
-            colours[..i].iter().for_each(|&b| assert!(apart(a, b) >= 12, "{a:?} {b:?}"));
+            for (k, &b) in colours[..i].iter().enumerate() {
+                let least = match i - k {
+                    1 => 100,
+                    2..8 if start + i as u32 <= 7 => 60,
+                    2..8 => 35,
+                    _ => 15,
+                };
+                assert!(apart(a, b) >= least, "{a:?} {b:?}");
+            }
         }
     }
 }
@@ -128,6 +137,7 @@ fn errors_are_on_the_scale_of_the_study() {
     // 1e-4 is half-way from 1e-8 to 1.
     let map = error_against_exact(&even(1e-4, 2), &even(0.0, 2)).unwrap();
     assert_eq!(map.pixels, [heat_map(&[0.5])[0]; 2]);
+    assert!(map.legend.text.ends_with("; the maximum is 1.000e-4"), "{}", map.legend.text);
     assert!(error_against_exact(&even(0.5, 2), &even(0.5, 2)).unwrap().legend.text.contains("there is none"));
     assert!(error_against_exact(&even(0.5, 2), &even(0.5, 3)).is_err());
 }
