@@ -163,10 +163,10 @@ fn check(files: &[(Option<i32>, PathBuf)], format: Format, metadata: Option<&Met
     files.iter().zip(&found).filter_map(|(file, found)| fault(file, found)).collect()
 }
 
-/// What is said of a picture with another fingerprint, without known settings.
+/// Reported difference of a picture with another fingerprint and unknown settings.
 const UNKNOWN: &str = "rendered from another scene, with other settings or by another version of kiln";
 
-/// What is said of a picture with another fingerprint and the same settings.
+/// Reported difference of a picture with another fingerprint and the same settings.
 const OTHER: &str = "rendered from another scene or by another version of kiln";
 
 /// The settings in which a picture differs from what is expected.

@@ -111,6 +111,8 @@ fn initial_view(
     viewpoint.report(&requested, &scene, warnings);
     let size = viewpoint.size(&requested, &scene);
     let camera_source = match viewpoint {
+        // While the clips play, all of them stay in the picture.
+        Viewpoint::Fitted(view) if scene.plays_clips() => CameraSource::FittedAt(view, None),
         Viewpoint::Fitted(view) => CameraSource::Fitted(view),
         Viewpoint::Camera(camera) => match scene.cameras.iter().position(|own| *own == *camera) {
             Some(index) => CameraSource::Scene(index),

@@ -294,6 +294,15 @@ impl Plan {
         }
     }
 
+    /// The rays that a tile has cast, and those of them that were continued behind transparent surfaces.
+    pub(crate) fn rays_cast(&self, tile: &Tile) -> [u64; 2] {
+        let is_continued =
+            |kind| self.spec.continued.is_some_and(|own| [own.rays, own.shadow_rays].contains(&kind));
+        tile.rays.iter().fold([0; 2], |[all, continued], (kind, count)| {
+            [all + count.cast, continued + if is_continued(*kind) { count.cast } else { 0 }]
+        })
+    }
+
     /// Whether the number of samples differs from pixel to pixel.
     pub fn is_adaptive(&self) -> bool {
         self.spec.adaptive

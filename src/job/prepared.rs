@@ -14,7 +14,7 @@ use crate::film::ColourPipeline;
 use crate::film::tone::Exposure;
 use crate::import;
 use crate::scene::animation::Moment;
-use crate::scene::{AddedLight, Animation, Camera, DefaultLook, Numerics, Scene};
+use crate::scene::{AddedLight, Camera, DefaultLook, Numerics, Scene};
 use crate::world::{Recentering, World, recenter};
 
 /// A scene prepared for rendering, with the parts that all times share.
@@ -138,9 +138,7 @@ impl PreparedScene {
 /// A scene in its own coordinates at a moment of its animation: its tracks, or the clips that it plays.
 pub(crate) fn scene_at(scene: &Scene, moment: Moment) -> Result<Scene> {
     let mut scene = scene.at(moment.part)?;
-    if let Some(Animation { clips, .. }) = &scene.animation
-        && !clips.is_empty()
-    {
+    if scene.plays_clips() {
         import::pose(&mut scene, moment.seconds)?;
     }
     Ok(scene)

@@ -8,12 +8,12 @@ mod cryptomatte;
 mod features;
 mod statistics;
 
+use statistics::StageCost;
 pub use statistics::{EffectCost, StageTime, Statistics, grouped};
 
 use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::time::Instant;
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -23,6 +23,7 @@ use crate::effects::tile::{RenderContext, Tile};
 use crate::effects::{EFFECTS, Plan};
 use crate::error::{Error, Result};
 use crate::film::{self, ColourPipeline, DisplayTransform, Film, FilmTile, Pixel, Window};
+use crate::timing::ThreadClock;
 use crate::world::{View, World, simd};
 
 /// Cancellation and progress of a render.
@@ -31,8 +32,8 @@ pub struct RenderControl<'a> {
     pub cancel: &'a AtomicBool,
     /// Called after every tile, from any thread, with the number of finished tiles and of all tiles.
     pub progress: &'a (dyn Fn(usize, usize) + Sync),
-    /// Whether the time of each stage is measured ([`Statistics::stages`]), which makes short renders a few percent
-    /// slower.
+    /// Whether the processor time of each stage is measured ([`Statistics::stages`]), which makes short renders a few
+    /// percent slower.
     pub time_stages: bool,
 }
 
@@ -122,8 +123,8 @@ pub fn record_pixel<P: Pixel>(
 /// The working set of a thread, reused for many tiles.
 struct Worker {
     tile: Tile,
-    /// The time spent in each stage of the plan.
-    times: Vec<std::time::Duration>,
+    /// What each stage of the plan took.
+    costs: Vec<StageCost>,
     /// Columns and rows of the pixels that are not finite.
     non_finite: Vec<(u32, u32)>,
 }
@@ -132,7 +133,7 @@ impl Worker {
     fn new(plan: &Plan, context: &RenderContext, has_alpha: bool) -> Self {
         Worker {
             tile: Tile::for_picture(context, has_alpha),
-            times: vec![Default::default(); plan.stages().len()],
+            costs: vec![StageCost::default(); plan.stages().len()],
             non_finite: Vec::new(),
         }
     }
@@ -176,17 +177,15 @@ fn render_tile<P: Pixel>(
     worker: &mut Worker,
     control: &RenderControl,
 ) {
-    let Worker { tile, times, non_finite } = worker;
+    let Worker { tile, costs, non_finite } = worker;
     tile.start(film.window);
-    let now = || control.time_stages.then(Instant::now);
-    let mut last = now();
+    let mut clock = control.time_stages.then(|| (ThreadClock::start(), plan.rays_cast(tile)));
     loop {
-        plan.run(tile, context, |stage, _| {
-            let now = now();
-            if let (Some(last), Some(now)) = (last, now) {
-                times[stage] += now - last;
+        plan.run(tile, context, |stage, tile| {
+            if let Some((clock, before)) = &mut clock {
+                let cast = plan.rays_cast(tile);
+                costs[stage].add(clock.lap(), std::mem::replace(before, cast), cast);
             }
-            last = now;
         });
         if !tile.needs_more_samples {
             break;

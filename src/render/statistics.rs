@@ -6,13 +6,13 @@ use super::Worker;
 use crate::bvh::Tests;
 use crate::effects::light_left_out::LeftOutLight;
 use crate::effects::tile::{RayCount, Tile};
-use crate::effects::{EFFECTS, EffectId, Plan, RayKind};
+use crate::effects::{EFFECTS, EffectId, Plan, RayKind, id};
 
 /// The statistics of a render.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Statistics {
-    /// The time of each stage summed over threads, in the plan's order. Stages with the same name and effect are
-    /// merged. Empty unless [`RenderControl::time_stages`](super::RenderControl::time_stages) is set.
+    /// The processor time of each stage summed over threads, in the plan's order. Stages with the same name and effect
+    /// are merged. Empty unless [`RenderControl::time_stages`](super::RenderControl::time_stages) is set.
     pub stages: Vec<StageTime>,
     /// Rays cast and rays that hit, for each of [`RayKind::all`].
     pub rays: Vec<(RayKind, RayCount)>,
@@ -34,12 +34,14 @@ pub struct Statistics {
     pub auto_exposure: Option<f64>,
 }
 
-/// The time of the stages with one name and effect, summed over threads.
+/// The processor time of the stages with one name and effect, summed over threads; wall time where a system does not
+/// measure it ([`crate::timing::HAS_THREAD_TIME`]).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StageTime {
     /// The name of the stage.
     pub name: &'static str,
-    /// The effect that needs it; `None` for the stages of every picture.
+    /// The effect that needs it; `None` for the stages of every picture. A stage whose rays continue behind transparent
+    /// surfaces is listed for alpha, too, with the share of its time that these are of its rays.
     pub effect: Option<EffectId>,
     /// The time.
     pub time: Duration,
@@ -54,7 +56,7 @@ pub struct EffectCost {
     pub stages: usize,
     /// The number of rays of its kinds.
     pub rays: u64,
-    /// The time of its stages summed over threads; `None` where times are not measured.
+    /// The time of its stages, as of [`StageTime`]; `None` where times are not measured.
     pub time: Option<Duration>,
     /// The maximum over threads of the bytes that a tile holds for it.
     pub bytes: usize,
@@ -166,15 +168,49 @@ fn sort_pixels(pixels: &mut Vec<(u32, u32)>) {
 /// Adds the times of all threads, stage by stage; stages with the same name and effect are merged.
 fn stage_times(plan: &Plan, workers: &[Box<Worker>]) -> Vec<StageTime> {
     let mut times: Vec<StageTime> = Vec::new();
+    let mut add = |name, effect, time| match times
+        .iter_mut()
+        .find(|known| known.name == name && known.effect == effect)
+    {
+        Some(known) => known.time += time,
+        None => times.push(StageTime { name, effect, time }),
+    };
     for (index, stage) in plan.stages().iter().enumerate() {
-        let time = workers.iter().map(|worker| worker.times[index]).sum();
-        let (name, effect) = (stage.stage.name, stage.effect);
-        match times.iter_mut().find(|known| known.name == name && known.effect == effect) {
-            Some(known) => known.time += time,
-            None => times.push(StageTime { name, effect, time }),
+        let all = workers.iter().map(|worker| worker.costs[index]);
+        let StageCost { time, rays, continued } = all.fold(StageCost::default(), StageCost::plus);
+        let of_alpha = time.mul_f64(continued as f64 / rays.max(1) as f64);
+        add(stage.stage.name, stage.effect, time - of_alpha);
+        if continued > 0 {
+            add(stage.stage.name, Some(id::ALPHA), of_alpha);
         }
     }
     times
+}
+
+/// What a stage took on a thread.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct StageCost {
+    time: Duration,
+    /// The rays that it has cast.
+    rays: u64,
+    /// Those of them that were continued behind transparent surfaces.
+    continued: u64,
+}
+
+impl StageCost {
+    /// Adds a run of the stage; `before` and `after` are the rays of the tile then, as of [`Plan::rays_cast`].
+    pub(super) fn add(&mut self, time: Duration, before: [u64; 2], after: [u64; 2]) {
+        let [rays, continued] = [0, 1].map(|kind| after[kind] - before[kind]);
+        *self = self.plus(StageCost { time, rays, continued });
+    }
+
+    fn plus(self, other: Self) -> Self {
+        StageCost {
+            time: self.time + other.time,
+            rays: self.rays + other.rays,
+            continued: self.continued + other.continued,
+        }
+    }
 }
 
 /// A number in decimal digits, with `separator` between groups of three.

@@ -219,6 +219,11 @@ impl Scene {
         MaterialId((self.materials.len() - 1) as u32)
     }
 
+    /// Whether its animation plays clips of the input files.
+    pub fn plays_clips(&self) -> bool {
+        self.animation.as_ref().is_some_and(|animation| !animation.clips.is_empty())
+    }
+
     /// Adds an image and returns its index.
     pub fn add_image(&mut self, image: DecodedImage) -> ImageId {
         self.images.push(image);

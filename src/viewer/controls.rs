@@ -59,8 +59,10 @@ pub(crate) struct Controls {
     pivot: Option<DVec3>,
     /// Minimum and maximum of the bounding box of the scene at the first moment.
     bounds: Option<(DVec3, DVec3)>,
-    /// Whether cameras of the files have targets that someone chose: those of scene files.
+    /// Whether cameras of the files have chosen targets: those of scene files.
     has_targets: bool,
+    /// Whether clips of the files can be played.
+    plays_clips: bool,
     /// Initial camera, projection and settings of the opened files.
     start: (CameraSource, Option<Projection>, RenderSettings),
     /// Options with which the files were read first.
@@ -87,6 +89,7 @@ impl Controls {
             pivot: None,
             bounds: opened.scene.bounds(),
             has_targets: opened.scene.has_settings,
+            plays_clips: opened.scene.plays_clips(),
             start: (camera_source.clone(), *projection, settings.clone()),
             start_reading: opened.scene.import_options.reading.clone(),
         }
@@ -115,6 +118,7 @@ impl Controls {
             (self.time, self.playing) = (Moment::first(&opened.scene), None);
         }
         (self.bounds, self.has_targets) = (opened.scene.bounds(), opened.scene.has_settings);
+        self.plays_clips = opened.scene.plays_clips();
         self.start = (opened.camera_source.clone(), opened.projection, opened.settings.clone());
     }
 
@@ -148,11 +152,11 @@ impl Controls {
     }
 
     /// The point about which the camera orbits, if it is not its target: one that was clicked, or the centre of the scene
-    /// where nobody chose a target.
+    /// if neither the files nor the user set a target.
     fn pivot(&self) -> Option<DVec3> {
         let centre = || self.bounds.map(|(min, max)| min / 2.0 + max / 2.0);
         self.pivot.or_else(|| match &self.camera_source {
-            CameraSource::Fitted(_) => centre(),
+            CameraSource::Fitted(_) | CameraSource::FittedAt(_, None) => centre(),
             CameraSource::Scene(_) if !self.has_targets => centre(),
             _ => None,
         })
@@ -288,10 +292,14 @@ impl Controls {
         (self.camera_source, self.projection, self.pivot) = (self.start.0.clone(), self.start.1, None);
     }
 
-    /// Selects a standard view that is fitted to the scene at the displayed moment.
+    /// Selects a standard view that is fitted to the scene at the displayed moment; to all of the clips while they play.
     pub(crate) fn fit_standard_view(&mut self, view: StandardView) {
-        let at = Some(self.time).filter(|time| *time != self.first);
-        self.set_camera(at.map_or(CameraSource::Fitted(view), |time| CameraSource::FittedAt(view, time)));
+        let is_first = self.time == self.first;
+        self.set_camera(match self.playing {
+            Some(_) if self.plays_clips => CameraSource::FittedAt(view, None),
+            _ if is_first => CameraSource::Fitted(view),
+            _ => CameraSource::FittedAt(view, Some(self.time)),
+        });
     }
 
     /// Keeps the displayed camera where another scene would be framed by another.

@@ -6,7 +6,7 @@ mod options;
 
 use std::path::Path;
 
-use egui::{CollapsingHeader, ComboBox, DragValue, Grid, RichText, Slider, Ui};
+use egui::{Align, CollapsingHeader, ComboBox, DragValue, Grid, Layout, RichText, Slider, Ui};
 
 use super::controls::Controls;
 use super::false_colour::DisplayMode;
@@ -20,8 +20,9 @@ use crate::error::printable;
 use crate::job::RenderSettings;
 use crate::render::grouped;
 use crate::scene::{
-    Background, Camera, ClipChoice, ImportOptions, OptionValue, Projection, Samples, Sampling, Scene,
+    Background, Camera, ClipChoice, ImportOptions, OptionValue, Projection, Samples, Sampling, Scene, Shape,
 };
+use crate::timing::HAS_THREAD_TIME;
 use crate::world::StandardView;
 use light::LightChoice;
 use options::{
@@ -254,7 +255,7 @@ fn comparison(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
 
 /// The clips that are played, and options of reading files. A change reads the files again.
 fn reading(ui: &mut Ui, opened: &Opened, controls: &mut Controls) {
-    let Scene { clips, animation, has_settings, variants, .. } = &opened.scene;
+    let Scene { clips, animation, has_settings, variants, objects, .. } = &opened.scene;
     let own = opened.scene.import_options.clone();
     let (mut reading, mut chosen) = (own.reading.clone(), own.clips.clone());
     let plays_tracks = animation.as_ref().is_some_and(|animation| animation.clips.is_empty());
@@ -280,17 +281,19 @@ fn reading(ui: &mut Ui, opened: &Opened, controls: &mut Controls) {
         });
         CLIP.explain(list.response, None);
     }
-    if !has_settings {
-        let start = controls.start_reading().clone();
-        let up = reading.up;
-        UP.show_reading(ui, &[], &start, &mut reading);
-        if reading.up != up {
-            controls.reset_camera();
-        }
-        SMOOTH.show_reading(ui, &[], &start, &mut reading);
-        if !variants.is_empty() {
-            VARIANT.show_reading(ui, variants, &start, &mut reading);
-        }
+    let start = controls.start_reading().clone();
+    let up = reading.up;
+    // A scene file has values for each mesh.
+    let of_files = |control: &OptionControl| if *has_settings { control.from_file() } else { *control };
+    let has_meshes = objects.iter().any(|object| !matches!(object.shape, Shape::Analytic(_)));
+    let idle = (!has_meshes).then_some("Only meshes are turned and smoothed.");
+    of_files(UP).show_reading(ui, &[], &start, &mut reading, idle);
+    if reading.up != up {
+        controls.reset_camera();
+    }
+    of_files(SMOOTH).show_reading(ui, &[], &start, &mut reading, idle);
+    if !variants.is_empty() {
+        VARIANT.show_reading(ui, variants, &start, &mut reading, None);
     }
     if reading != own.reading || chosen != own.clips {
         controls.reading = Some(ImportOptions { reading, clips: chosen, ..own });
@@ -298,28 +301,39 @@ fn reading(ui: &mut Ui, opened: &Opened, controls: &mut Controls) {
 }
 
 fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings) {
-    let (statistics, decisions) = (&rendered.statistics, &rendered.prepared.decisions);
+    let (spent, decisions) = (&rendered.spent, &rendered.prepared.decisions);
     Grid::new("effects").num_columns(3).spacing([14.0, 4.0]).striped(true).show(ui, |ui| {
         ui.label(RichText::new("effect").weak());
-        ui.label(RichText::new("rays").weak()).on_hover_text("rays that the effect casts for the picture");
-        ui.label(RichText::new("CPU ms").weak()).on_hover_text("processor time of all threads together");
+        let rays = "rays that the effect has cast in all passes of this picture";
+        right(ui, RichText::new("rays").weak()).on_hover_text(rays);
+        let (name, meaning) = match HAS_THREAD_TIME {
+            true => ("CPU time", "processor time of all threads together"),
+            false => ("time", "time of all threads together, with that of other programs"),
+        };
+        let meaning = format!(
+            "{meaning}, in all passes of this picture; that of rays behind transparent surfaces is \
+             estimated from their number"
+        );
+        right(ui, RichText::new(name).weak()).on_hover_text(meaning);
         ui.end_row();
         ui.label("base")
             .on_hover_text("camera rays, their closest hits and shading, which every picture has");
-        ui.label(count(statistics.rays(RayKind::PRIMARY).cast));
-        let base = statistics.stages.iter().filter(|stage| stage.effect.is_none()).map(|stage| stage.time);
-        ui.label(milliseconds(base.sum()));
+        right(ui, count(spent.rays(RayKind::PRIMARY).cast));
+        let base = spent.stages.iter().filter(|stage| stage.effect.is_none()).map(|stage| stage.time);
+        right(ui, duration(base.sum()));
         ui.end_row();
         for (decision, _) in decisions.iter().filter(|(_, can)| *can) {
             effect(ui, decision, true, settings);
-            let cost =
-                statistics.effect_costs.iter().find(|cost| cost.effect == decision.effect && decision.on);
-            ui.label(cost.filter(|cost| cost.rays > 0).map_or(String::new(), |cost| count(cost.rays)));
-            ui.label(cost.and_then(|cost| cost.time).map_or(String::new(), milliseconds));
+            let cost = spent.effect_costs.iter().find(|cost| cost.effect == decision.effect && decision.on);
+            right(ui, cost.filter(|cost| cost.rays > 0).map_or(String::new(), |cost| count(cost.rays)));
+            right(ui, cost.and_then(|cost| cost.time).map_or(String::new(), duration));
             ui.end_row();
         }
     });
-    let errors = if rendered.is_last { of_rendered(&rendered.prepared.job, statistics) } else { Vec::new() };
+    let errors = match rendered.is_last {
+        true => of_rendered(&rendered.prepared.job, &rendered.statistics),
+        false => Vec::new(),
+    };
     for error in errors {
         let option = format!(
             "{}: {}\n`kiln explain --measure` also measures noise and tier",
@@ -382,27 +396,47 @@ pub(crate) fn setting_names(settings: &RenderSettings, sampling: &Sampling) -> V
     words
 }
 
-/// Size, samples and render time of an image, in one line.
+/// Size, samples and time of an image, in one line.
 pub(crate) fn progress_text(rendered: &RenderedImage) -> String {
     let [width, height] = rendered.image.size;
-    let time = milliseconds(rendered.time);
+    let time = duration(rendered.time);
     match (rendered.samples, rendered.factor) {
         ((taken, most), 1) if most > 1 => {
             let samples = match rendered.prepared.job.plan.is_adaptive() {
                 true => format!("about {taken} of at most {most} samples a pixel"),
                 false => format!("{taken} of {most} samples"),
             };
-            format!("{width} x {height}, {samples}, {time} ms")
+            format!("{width} x {height}, {samples}, {time}")
         }
-        _ => format!("{width} x {height}, {time} ms"),
+        _ => format!("{width} x {height}, {time}"),
     }
 }
 
-fn milliseconds(time: std::time::Duration) -> String {
-    format!("{:.1}", time.as_secs_f64() * 1e3)
+/// A time with its unit: below a second in milliseconds.
+fn duration(time: std::time::Duration) -> String {
+    let seconds = time.as_secs_f64();
+    if seconds < 0.99995 { format!("{:.1} ms", seconds * 1e3) } else { format!("{seconds:.1} s") }
+}
+
+/// A label at the right of a grid's column.
+fn right(ui: &mut Ui, text: impl Into<egui::WidgetText>) -> egui::Response {
+    ui.with_layout(Layout::right_to_left(Align::Center), |ui| ui.label(text)).inner
 }
 
 /// The number with groups of thousands separated by spaces.
 fn count(number: u64) -> String {
     grouped(number, ' ')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::duration;
+    use std::time::Duration;
+
+    #[test]
+    fn times_have_units() {
+        let texts = [400, 12_345_678, 999_940_000, 999_960_000, 74_500_000_000];
+        let texts = texts.map(|nanoseconds| duration(Duration::from_nanos(nanoseconds)));
+        assert_eq!(texts, ["0.0 ms", "12.3 ms", "999.9 ms", "1.0 s", "74.5 s"]);
+    }
 }

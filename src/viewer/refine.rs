@@ -3,8 +3,9 @@
 //! The resolution of the first pass is chosen so that it meets a time limit; the last pass is the picture of `kiln
 //! render`, to the bit. Each pass is a whole picture. Coarse passes render pixels of `factor` by `factor` pixels of the
 //! picture. With factors that decrease by 4, all passes but the first cost a fifteenth of a pass of full size. Passes
-//! of samples begin anew, with four times as many: all but the last cost at most a third of it where the numbers are
-//! powers of 4, else two thirds. A mean of parts would cost nothing more, but it is the picture only up to rounding, and adaptive sampling has no parts.
+//! of samples begin anew, each with at most an eighth of the samples of the next: all but the last have at most a seventh
+//! of its samples. With adaptive sampling the last may take fewer than its maximum, and the share be larger. A mean of
+//! parts would cost nothing more, but it is the picture only up to rounding, and adaptive sampling has no parts.
 
 /// Time limit of the first pass in seconds; the interface waits for it about as long.
 const FIRST_PASS_SECONDS: f64 = 0.008;
@@ -15,8 +16,8 @@ const PLAYBACK_PASS_SECONDS: f64 = 0.03;
 /// Maximum factor of a coarse pass.
 const MAX_FACTOR: u32 = 32;
 
-/// Ratio of the samples of a pass to those of the pass before it.
-const MORE_SAMPLES: u32 = 4;
+/// Least ratio of the samples of a pass to those of the pass before it.
+const MORE_SAMPLES: u32 = 8;
 
 /// Factor of the first pass before any render time was measured.
 const DEFAULT_FACTOR: u32 = 8;
@@ -46,9 +47,8 @@ pub(crate) fn passes(first: u32, samples: u32) -> Vec<Pass> {
         passes.push(Pass::Coarse(factor));
         factor = if factor > 4 { factor / 4 } else { 1 };
     }
-    // No pass is almost the last one.
     let counts = std::iter::successors(Some(1u32), |count| count.checked_mul(MORE_SAMPLES));
-    passes.extend(counts.take_while(|count| count.saturating_mul(2) <= samples).map(Pass::Samples));
+    passes.extend(counts.take_while(|count| *count <= samples / MORE_SAMPLES).map(Pass::Samples));
     passes.push(Pass::Samples(samples));
     passes
 }
@@ -74,15 +74,16 @@ mod tests {
         assert_eq!(passes(8, 1), [Coarse(8), Coarse(2), Samples(1)]);
         assert_eq!(passes(16, 1), [Coarse(16), Coarse(4), Samples(1)]);
         assert_eq!(passes(1, 1), [Samples(1)]);
-        assert_eq!(passes(1, 7), [Samples(1), Samples(7)]);
-        assert_eq!(passes(2, 16), [Coarse(2), Samples(1), Samples(4), Samples(16)]);
+        assert_eq!(passes(1, 7), [Samples(7)]);
+        assert_eq!(passes(2, 16), [Coarse(2), Samples(1), Samples(16)]);
+        assert_eq!(passes(1, 64), [Samples(1), Samples(8), Samples(64)]);
         for samples in [1, 2, 3, 64, 100, 65_536, u32::MAX] {
             let all = passes(1, samples);
             assert_eq!(all.last(), Some(&Samples(samples)));
-            // The worst case is twice as many samples in the last pass as in the one before it: 1/2 + 1/8 + ... = 2/3.
+            // Ratios of 8 are the worst case: 1/8 + 1/64 + ... = 1/7.
             let count = |pass: &Pass| if let Samples(count) = pass { u64::from(*count) } else { 0 };
             let before: u64 = all[..all.len() - 1].iter().map(count).sum();
-            assert!(3 * before <= 2 * u64::from(samples), "{samples}: {before}");
+            assert!(7 * before <= u64::from(samples), "{samples}: {before}");
         }
     }
 }

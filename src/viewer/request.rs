@@ -16,8 +16,8 @@ pub enum CameraSource {
     Scene(usize),
     /// A standard view that is fitted to the scene.
     Fitted(StandardView),
-    /// A standard view that is fitted to the scene at a moment of its animation.
-    FittedAt(StandardView, Moment),
+    /// A standard view that is fitted to the scene at a moment of its animation; to all of its clips without one.
+    FittedAt(StandardView, Option<Moment>),
     /// A camera moved by the user, in scene coordinates.
     Free(Camera),
 }

@@ -132,7 +132,7 @@ pub(crate) struct Saving {
     pub percent: Arc<AtomicUsize>,
 }
 
-/// The window that asks for the name and the size of a picture.
+/// The dialog for the name and the size of a picture.
 pub(crate) struct SaveDialog {
     /// Absolute path as typed.
     file: String,
@@ -174,7 +174,7 @@ impl SaveDialog {
         Some(printable(&format!("there is no folder {}", lacks.display())).into_owned())
     }
 
-    /// Shows the window.
+    /// Shows the dialog.
     pub(crate) fn show(&mut self, context: &Context) -> SaveAnswer {
         let (mut is_open, mut saves, mut cancels) = (true, false, false);
         let title = match self.side_name {

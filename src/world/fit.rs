@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::{DMat3, DVec2, DVec3};
+use rayon::prelude::*;
 
 use super::view::basis;
 use crate::film::Colour;
@@ -213,6 +214,17 @@ pub fn fitted_camera(
     aspect: f64,
     projection: Projection,
 ) -> Option<Camera> {
+    fitted_to_poses(scene, rayon::iter::empty(), framing, aspect, projection)
+}
+
+/// A camera as of [`fitted_camera`] that also looks at all of the same scene in other poses.
+pub fn fitted_to_poses(
+    scene: &Scene,
+    others: impl ParallelIterator<Item = Scene>,
+    framing: impl Into<Framing>,
+    aspect: f64,
+    projection: Projection,
+) -> Option<Camera> {
     let framing = framing.into();
     let view = framing.view;
     let side = match view {
@@ -238,7 +250,9 @@ pub fn fitted_camera(
     let half_height = (framing.field_of_view.to_radians() / 2.0).tan();
     let k = (1.0 - 2.0 * MARGIN) * DVec2::new(half_height * aspect, half_height);
     let slope = if projection.is_central() { k } else { DVec2::ZERO };
-    let extent = extent(scene, middle, [u, v, w], slope);
+    let extent_of = |scene: &Scene| extent(scene, middle, [u, v, w], slope);
+    let others = others.map(|pose| extent_of(&pose)).reduce_with(Extent::max);
+    let extent = others.into_iter().fold(extent_of(scene), Extent::max);
     let size = (max - min).length();
     let sideways = (extent.plus - extent.minus) / 2.0;
     let reach = (extent.plus + extent.minus) / 2.0;
@@ -316,6 +330,17 @@ struct Extent {
     minus: DVec2,
     /// The maximum of z.
     nearest: f64,
+}
+
+impl Extent {
+    /// The extent of both.
+    fn max(self, other: Self) -> Self {
+        Extent {
+            plus: self.plus.max(other.plus),
+            minus: self.minus.max(other.minus),
+            nearest: self.nearest.max(other.nearest),
+        }
+    }
 }
 
 /// The extent of a scene, for an exact fit. In camera axes, a point (x, y, z) lies within a pyramid of the given slopes with its apex at
@@ -450,6 +475,25 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    /// Fitted to poses on both sides of a scene, a camera has all of them within the margin, and one corner on it.
+    #[test]
+    fn all_poses_are_in_the_picture() {
+        let poses = [0.0, 4.0, -3.0].map(|x| block(DVec3::new(3.0, 1.0, 2.0), DVec3::new(x, 0.5 * x, 0.0)));
+        for (view, projection) in views() {
+            let others = poses[1..].to_vec().into_par_iter();
+            let camera = fitted_to_poses(&poses[0], others, view, 1.0, projection).unwrap();
+            let ready = View::new(&camera, camera.projection, [1000, 1000]).unwrap();
+            let meshes = poses.iter().map(|pose| match &pose.objects[0].shape {
+                Shape::Mesh(mesh) => mesh,
+                _ => unreachable!(),
+            });
+            let shares = meshes.flat_map(|mesh| &mesh.positions).map(|&p| ready.project(p).0 / 1000.0);
+            let closest = shares.map(|share| share.min_element().min((1.0 - share).min_element()));
+            let closest = closest.fold(f64::INFINITY, f64::min);
+            assert!((closest - MARGIN).abs() < 1e-9, "{view:?} {projection:?}: {closest}");
         }
     }
 

@@ -43,7 +43,7 @@ pub(crate) use area_lights::{AreaLights, has_radiance};
 pub(crate) use directional::LightDisc;
 pub(crate) use emitters::{EmitterSample, Emitters, sampled_emission};
 pub(crate) use fill::PreparedFill;
-pub use fit::{Framing, StandardView, fitted_camera, headlight, turntable_camera};
+pub use fit::{Framing, StandardView, fitted_camera, fitted_to_poses, headlight, turntable_camera};
 pub(crate) use fit::{KEY_IRRADIANCE, key_light, opening};
 pub use hit_order::HitOrder;
 pub use image::Image;

@@ -8,7 +8,7 @@ use crate::common::repository;
 use kiln::effects::whitted::{glaze, shadows};
 use kiln::effects::{EFFECTS, Effect, Plan, PlanSettings, RayKind, TRANSPORTS, id};
 use kiln::film::{ColourPipeline, Film};
-use kiln::render::{EffectCost, Statistics};
+use kiln::render::{EffectCost, StageTime, Statistics};
 use kiln::scene::Numerics;
 
 const SIZE: [u32; 2] = [80, 60];
@@ -90,6 +90,25 @@ fn a_scene_that_does_not_call_for_an_effect_is_not_billed_for_it() {
         assert_eq!(bits(&film, SIZE), bits(&asked, SIZE));
         nothing_for(effect, &statistics);
     }
+}
+
+/// The stage of camera rays casts those of pixels and those behind transparent surfaces; alpha has the share of its time that
+/// the second are of both.
+#[test]
+fn alpha_is_billed_for_its_rays_in_stages_of_others() {
+    let alpha = EFFECTS.iter().find(|effect| effect.id == id::ALPHA).expect("alpha");
+    let (_, statistics) = scene("alpha").render(PlanSettings::default());
+    let of_hits = |effect| {
+        let is_it = |stage: &&StageTime| (stage.name, stage.effect) == ("primary hits", effect);
+        statistics.stages.iter().find(is_it).expect("its time").time.as_secs_f64()
+    };
+    let (own, others) = (of_hits(Some(alpha.id)), of_hits(None));
+    let rays = |kind| statistics.rays(kind).cast as f64;
+    let share = rays(alpha.rays[0]) / (rays(alpha.rays[0]) + rays(RayKind::PRIMARY));
+    // Times are whole nanoseconds.
+    assert!(share > 0.1 && (own / (own + others) - share).abs() < 1e-3, "{own} {others} {share}");
+    let all = statistics.stages.iter().filter(|stage| stage.effect == Some(alpha.id));
+    assert_eq!(bill(&statistics, alpha).time, Some(all.map(|stage| stage.time).sum()));
 }
 
 #[test]

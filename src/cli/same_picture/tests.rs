@@ -18,7 +18,7 @@ use crate::film::write::{Format, OutputImage};
 use crate::job::RenderJob;
 use crate::render::RenderControl;
 use crate::scene::{ClipTime, ImportOptions, Scene};
-use crate::viewer::Opened;
+use crate::viewer::{CameraSource, Opened};
 
 const SIZE: [u32; 2] = [20, 16];
 
@@ -64,9 +64,13 @@ fn frame_0(arguments: &Arguments) -> Result<Pixels> {
     pixels(&animation.frame(0)?)
 }
 
-/// The picture that the window ends with.
+/// The picture that the window ends with. Its first camera of clips is fitted to all of their poses; here it has that of the
+/// first, as the others.
 fn in_the_window(arguments: &Arguments) -> Result<Pixels> {
-    let opened = open(arguments, &arguments.inputs, None, &mut Warnings::default()).0?;
+    let mut opened = open(arguments, &arguments.inputs, None, &mut Warnings::default()).0?;
+    if let CameraSource::FittedAt(view, None) = opened.camera_source {
+        opened.camera_source = CameraSource::Fitted(view);
+    }
     crate::viewer::final_picture(&[Arc::new(opened)], SIZE)
 }
 

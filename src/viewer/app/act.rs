@@ -258,7 +258,7 @@ impl App {
         Some(["left", "right"][controls.side])
     }
 
-    /// Opens the window that asks for the name of the picture; closes it if it is open.
+    /// Opens the dialog for the name of the picture; closes it if it is open.
     fn ask_for_name(&mut self) {
         let Some(controls) = &self.controls else { return };
         let has_size = controls.display_mode == DisplayMode::Picture;
@@ -270,7 +270,7 @@ impl App {
         };
     }
 
-    /// Shows the window that asks for the name of the picture, and saves it.
+    /// Shows the dialog for the name of the picture, and saves it.
     pub(super) fn choose_name(&mut self, context: &Context) {
         let Some(dialog) = &mut self.save_dialog else { return };
         match dialog.show(context) {

@@ -131,7 +131,9 @@ impl App {
             if !warnings.is_empty() {
                 ui.separator();
                 let line = RichText::new(warnings.join("; ")).weak();
-                ui.add(Label::new(line).truncate()).on_hover_text(warnings.join("\n"));
+                // Its own tooltip would be a second one.
+                let line = Label::new(line).truncate().show_tooltip_when_elided(false);
+                ui.add(line).on_hover_text(warnings.join("\n"));
             }
         });
     }

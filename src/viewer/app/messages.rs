@@ -13,7 +13,7 @@ use crate::job::warn_of_job;
 use crate::viewer::controls::Controls;
 use crate::viewer::loader::Loaded;
 use crate::viewer::overlay::Notice;
-use crate::viewer::painter::{Message, RenderedImage};
+use crate::viewer::painter::{Message, Prepared, RenderedImage};
 use crate::viewer::watch::Watcher;
 use crate::viewer::{message_with_hint, name_of};
 
@@ -136,6 +136,14 @@ impl App {
         // A newer request succeeded, so an error of an earlier one is obsolete.
         if rendered.request == newest && self.failed_request.take_if(|failed| *failed < newest).is_some() {
             self.notice.take_if(|notice| notice.is_error);
+        }
+        // Notes of other settings are not those of this picture. Another camera keeps them until it has its own.
+        let has_same_settings = |(known, _): &mut (Arc<Prepared>, _)| {
+            let (known, job) = (&known.job, &rendered.prepared.job);
+            Arc::ptr_eq(&known.world, &job.world) && known.plan_settings == job.plan_settings
+        };
+        if rendered.side == 0 {
+            self.of_picture.take_if(|known| !has_same_settings(known));
         }
         let is_known = |(known, _): &(Arc<_>, _)| Arc::ptr_eq(known, &rendered.prepared);
         if rendered.side == 0 && rendered.factor == 1 && !self.of_picture.as_ref().is_some_and(is_known) {

@@ -95,7 +95,7 @@ struct App {
     saving: Vec<Saving>,
     /// Whether the window closes once they are written.
     closes_when_saved: bool,
-    /// The window that asks for a picture's name, if shown.
+    /// The dialog for a picture's name, if shown.
     save_dialog: Option<SaveDialog>,
     inputs: Vec<PathBuf>,
     /// Options of reading the inputs that were chosen in the window.

@@ -64,10 +64,12 @@ pub(crate) struct RenderedImage {
     pub is_last: bool,
     /// The pixels of the finished picture, to be developed by `display`.
     pub film: Option<Arc<Film>>,
-    /// Render time of the pass, which renders the whole picture.
+    /// Time of this pass and those before it.
     pub time: Duration,
     /// Statistics of the pass.
     pub statistics: Statistics,
+    /// Those of this pass and the passes before it, for what the picture has taken.
+    pub spent: Statistics,
     /// Legend of false colours.
     pub legend: Option<Legend>,
     /// The prepared scene that was rendered.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use egui::{Color32, ColorImage};
 use rayon::prelude::*;
@@ -47,6 +47,8 @@ pub(crate) struct Side<'a> {
     picture: Option<PipelineImage>,
     /// The job with the metered exposure, once a pass of full size needs it.
     metered: Option<Arc<RenderJob>>,
+    /// What the passes have taken so far.
+    spent: Option<(Duration, Statistics)>,
 }
 
 impl<'a> Side<'a> {
@@ -60,7 +62,7 @@ impl<'a> Side<'a> {
         // AOVs are computed at pixel centres.
         let is_picture = request.display_mode == DisplayMode::Picture;
         let passes = passes(factor, if is_picture { prepared.samples } else { 1 });
-        Side { request, prepared, exact, passes, picture: None, metered: None }
+        Side { request, prepared, exact, passes, picture: None, metered: None, spent: None }
     }
 
     /// Number of passes.
@@ -85,6 +87,7 @@ impl<'a> Side<'a> {
         (request, side): (u64, usize),
     ) -> Result<Option<(RenderedImage, Option<f64>)>> {
         let Some(&pass) = self.passes.get(index) else { return Ok(None) };
+        let start = Instant::now();
         let control = RenderControl { cancel, progress: &|_, _| (), time_stages: false };
         let is_last = index + 1 == self.passes.len();
         let pipeline = self.prepared.job.pipeline();
@@ -105,7 +108,7 @@ impl<'a> Side<'a> {
             Pass::Coarse(_) if !is_last => None,
             _ => Some(self.final_display(&control)?),
         };
-        let start = Instant::now();
+        let metered = start.elapsed();
         let size = self.request.size.map(|side| side.div_ceil(factor));
         let (film, statistics) = self.render((self.job(), display.is_some()), size, sampling, &control)?;
         let film = Arc::new(film);
@@ -123,7 +126,15 @@ impl<'a> Side<'a> {
         };
         let time = start.elapsed();
         let is_once = matches!(pass, Pass::Coarse(_)) || most == 1;
-        let seconds_per_pixel = is_once.then(|| time.as_secs_f64() / (pixels.len() as f64));
+        let seconds_per_pixel = is_once.then(|| (time - metered).as_secs_f64() / (pixels.len() as f64));
+        let (time, spent) = match self.spent.take() {
+            Some((before, mut spent)) => {
+                spent.add(&statistics);
+                (before + time, spent)
+            }
+            None => (time, statistics.clone()),
+        };
+        self.spent = Some((time, spent.clone()));
         if let Pass::Samples(_) = pass {
             self.picture = Some(PipelineImage { size, pixels, pipeline, display });
         }
@@ -141,6 +152,7 @@ impl<'a> Side<'a> {
             film: is_finished.then_some(film),
             time,
             statistics,
+            spent,
             legend,
             prepared: Arc::clone(&self.prepared),
             metered: self.metered.clone(),
@@ -235,8 +247,10 @@ impl<'a> Side<'a> {
     pub(crate) fn final_picture(mut self) -> Result<Vec<[u8; 3]>> {
         let control = RenderControl::default();
         let mut index = 0;
-        let mut shown = None;
+        let (mut shown, mut cast) = (None, 0);
         while let Some((rendered, _)) = self.pass(index, control.cancel, (0, 0))? {
+            cast += rendered.statistics.rays(RayKind::PRIMARY).cast;
+            assert_eq!(rendered.spent.rays(RayKind::PRIMARY).cast, cast, "in all passes so far");
             (shown, index) = (Some(rendered), index + 1);
         }
         let (film, _) = self.job().render::<[u8; 3]>(&control)?;

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use crate::bvh::Layout;
 use crate::effects::{Decision, EFFECTS};
 use crate::error::Result;
@@ -15,7 +17,7 @@ use crate::scene::animation::Moment;
 use crate::scene::{Camera, DefaultLook, Environment, PictureSettings, Projection, Scene, ShadingMode};
 use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::request::{CameraSource, Opened, RenderRequest};
-use crate::world::{Framing, Recentering, fitted_camera};
+use crate::world::{Framing, Recentering, fitted_camera, fitted_to_poses};
 
 /// Number of cached worlds: two sides of a comparison and the exact reference.
 const MAX_WORLDS: usize = 3;
@@ -77,7 +79,7 @@ pub(crate) struct RenderCache {
     /// Fitted cameras, each with its framing and aspect ratio.
     fitted_cameras: Vec<(Framing, f64, Camera)>,
     /// The camera that was last fitted to a moment, with what it depends on.
-    fitted_at: Option<((Framing, Moment, f64, Projection), Camera)>,
+    fitted_at: Option<((Framing, Option<Moment>, f64, Projection), Camera)>,
     /// The last exposure that was metered, for fill light until the next is.
     metered: Option<f64>,
     /// Render time in seconds per pixel at one sample, by display mode.
@@ -168,7 +170,7 @@ impl RenderCache {
                 self.fit(request, (&settings, framing), recentering)?
             }
             CameraSource::FittedAt(view, moment) => {
-                let camera = self.fit_at(request, settings.framing(*view, scene), *moment)?;
+                let camera = self.fit_at(request, (&settings, settings.framing(*view, scene)), *moment)?;
                 recentering.map_or_else(|| camera.clone(), |by| by.moved(&camera))
             }
             CameraSource::Free(camera) => recentering.map_or_else(|| camera.clone(), |by| by.moved(camera)),
@@ -264,17 +266,32 @@ impl RenderCache {
         Ok(found)
     }
 
-    /// A camera fitted to the scene at a moment of its animation, in scene coordinates.
-    fn fit_at(&mut self, request: &RenderRequest, framing: Framing, moment: Moment) -> Result<Camera> {
+    /// A camera fitted to the scene at a moment of its animation, in scene coordinates; to poses of all of its clips without
+    /// a moment.
+    fn fit_at(
+        &mut self,
+        request: &RenderRequest,
+        (settings, framing): (&RenderSettings, Framing),
+        moment: Option<Moment>,
+    ) -> Result<Camera> {
         let aspect = f64::from(request.size[0]) / f64::from(request.size[1]);
         let projection = request.projection.unwrap_or_default();
         let key = (framing, moment, aspect, projection);
         if let Some((_, camera)) = self.fitted_at.as_ref().filter(|(known, _)| *known == key) {
             return Ok(camera.clone());
         }
-        let scene = job::scene_at(&request.opened.scene, moment)?;
-        let camera = fitted_camera(&scene, framing, aspect, projection);
-        let camera = camera.ok_or_else(|| nothing_to_look_at(&scene))?;
+        let scene = &request.opened.scene;
+        let seen_at = |moment| {
+            let pose = job::scene_at(scene, moment)?;
+            Ok(settings.looked_at(&pose)?.into_owned())
+        };
+        let animation = scene.animation.as_ref().filter(|_| moment.is_none());
+        let others = animation.map_or(Vec::new(), |animation| fitted_moments(scene, animation.duration));
+        // A pose that cannot be read is the error of its frame.
+        let others = others.into_par_iter().filter_map(|moment| seen_at(moment).ok());
+        let first = seen_at(moment.unwrap_or_default())?;
+        let camera = fitted_to_poses(&first, others, framing, aspect, projection);
+        let camera = camera.ok_or_else(|| nothing_to_look_at(scene))?;
         self.fitted_at = Some((key, camera.clone()));
         Ok(camera)
     }
@@ -307,6 +324,18 @@ impl RenderCache {
         self.fitted_cameras.push((framing, aspect, camera.clone()));
         Ok(camera)
     }
+}
+
+/// The most moments of clips that a camera is fitted to besides the first, and the most triangles of all of them together,
+/// since each pose is read from the files.
+const FITTED_MOMENTS: usize = 16;
+const FITTED_TRIANGLES: usize = 4_000_000;
+
+/// Moments after the first that a camera is fitted to, at equal distances up to the end of clips of `duration` seconds.
+fn fitted_moments(scene: &Scene, duration: f64) -> Vec<Moment> {
+    let count = (FITTED_TRIANGLES / scene.primitive_count().max(1)).clamp(2, FITTED_MOMENTS);
+    let parts = (1..=count).map(|index| index as f64 / count as f64);
+    parts.map(|part| Moment { part, seconds: part * duration }).collect()
 }
 
 /// The settings without those that no world depends on. Of the shading, it depends on whether it has lights.

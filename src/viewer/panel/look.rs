@@ -66,7 +66,10 @@ pub(super) fn exposure(ui: &mut Ui, shown: &Shown, picture: &mut PictureSettings
             if drag.changed() {
                 picture.exposure = Some(Exposure::Ev(ev));
             }
-            EXPOSURE.explain(drag | ui.label("exposure"), idle.as_deref());
+            let is_metered = "The exposure is automatic: switch that off to set it.";
+            let why = idle.as_deref().or(is_auto.then_some(is_metered));
+            let label = ui.add_enabled_ui(!is_auto, |ui| ui.label("exposure")).inner;
+            EXPOSURE.explain(drag | label, why);
             let check = EXPOSURE.explain(ui.checkbox(&mut is_auto, "auto"), idle.as_deref());
             if check.changed() {
                 picture.exposure = Some(if is_auto { Exposure::Auto } else { Exposure::Ev(0.0) });

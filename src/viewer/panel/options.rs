@@ -23,6 +23,7 @@ pub(super) const WIDTH: f32 = 110.0;
 pub(super) const LIST_LENGTH: usize = 13;
 
 /// An option with a control.
+#[derive(Clone, Copy)]
 pub(crate) struct OptionControl {
     /// Its name on the command line; the name of an effect for the value of that.
     name: &'static str,
@@ -276,13 +277,20 @@ impl OptionControl {
         }
     }
 
-    /// Shows the control for an option of reading files; `names` are the values of one that is a text.
+    /// The control of an option whose value is that of the files where it is not set.
+    pub(super) fn from_file(&self) -> Self {
+        OptionControl { unset: ("from file", self.unset.1), ..*self }
+    }
+
+    /// Shows the control for an option of reading files; `names` are the values of one that is a text, `idle` is why it
+    /// changes nothing.
     pub(super) fn show_reading(
         &self,
         ui: &mut Ui,
         names: &[String],
         start: &ReadingOptions,
         reading: &mut ReadingOptions,
+        idle: Option<&str>,
     ) {
         let (now, first) = (reading.text(self.name), start.text(self.name));
         let kind = match kind(self.name) {
@@ -290,7 +298,7 @@ impl OptionControl {
             kind => kind,
         };
         let is_changed = now != first;
-        if let Some(text) = self.widget(ui, &kind, now.as_deref(), is_changed, None) {
+        if let Some(text) = self.widget(ui, &kind, now.as_deref(), is_changed, idle) {
             // Invalid values leave what was there.
             let _ = reading.set(self.name, text.or(first).as_deref());
         }
