@@ -52,11 +52,10 @@ pub fn metadata(
         ("kiln:camera".into(), camera_text),
         ("kiln:projection".into(), camera.projection.name().into()),
     ];
-    let options = &scene.import_options;
-    metadata.extend(options.materials.iter().map(|choice| ("kiln:material".to_owned(), choice.text())));
-    // Frames have times of their own.
-    let reading = options.reading.entries().into_iter().filter(|(name, _)| name != "time");
-    metadata.extend(reading.map(|(name, text)| (format!("kiln:{name}"), text)));
+    // Frames have times of their own; limits and the flags of references do not change a picture.
+    let of_import = scene.import_options.entries().into_iter();
+    let of_import = of_import.filter(|(name, _)| !["clip", "time", "limit"].contains(&name.as_str()));
+    metadata.extend(of_import.filter_map(|(name, text)| Some((format!("kiln:{name}"), text?))));
     metadata.extend(entries(&look.picture));
     let Window { x, y, width, height } = window;
     if look.picture.size() != Some([width, height]) {
