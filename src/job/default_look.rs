@@ -223,7 +223,12 @@ fn ground(scene: &Scene, chosen: Option<bool>, context: &LookContext) -> Option<
     if !chosen.unwrap_or(context.adds_ground_and_background) {
         return None;
     }
-    let look = Ground { albedo: GROUND_ALBEDO, is_hidden_from_below: chosen.is_none(), ..Ground::default() };
+    let look = Ground {
+        albedo: GROUND_ALBEDO,
+        is_hidden_from_below: chosen.is_none(),
+        catches_shadows: true,
+        ..Ground::default()
+    };
     look.under(scene.bounds()?)
 }
 
@@ -297,9 +302,7 @@ fn keeps_background(look: &DefaultLook) -> bool {
     // Black is unchanged by exposure.
     let is_black =
         look.background().is_some_and(|colour| colour.to_pipeline(ColourPipeline::Linear) == DVec3::ZERO);
-    // Before a backdrop, a ground would show its shadows alone.
-    let has_ground = picture.ground == Some(true);
-    is_changed && !look.shows_environment() && !is_black && !picture.is_transparent() && !has_ground
+    is_changed && !look.shows_environment() && !is_black && !picture.is_transparent()
 }
 
 /// Whether a headlight is added: the scene has no lights, and the settings request one or nothing else lights it.

@@ -24,7 +24,7 @@ pub struct DefaultLook {
     /// Colour of rays that hit nothing, where the settings give no background.
     pub background: Option<Colour>,
     /// Whether the background is a backdrop: put behind the picture after exposure and tone map, in the colour that it
-    /// has without them. The ground then shows its shadows alone, on the backdrop.
+    /// has without them.
     pub has_backdrop: bool,
     /// Notes on what was added, and why.
     pub notes: Vec<String>,

@@ -26,12 +26,21 @@ pub struct Ground {
     pub albedo: f64,
     /// Whether it is left out where the camera is not above it: [`Ground::is_hidden_from`].
     pub is_hidden_from_below: bool,
+    /// Whether it shows its shadows alone before a backdrop ([`super::DefaultLook::has_backdrop`]), not its surface.
+    #[serde(skip_serializing_if = "std::clone::Clone::clone")]
+    pub catches_shadows: bool,
 }
 
 /// A ground that is asked for, without a size.
 impl Default for Ground {
     fn default() -> Self {
-        Ground { centre: DVec3::ZERO, half_side: 0.0, albedo: ALBEDO, is_hidden_from_below: false }
+        Ground {
+            centre: DVec3::ZERO,
+            half_side: 0.0,
+            albedo: ALBEDO,
+            is_hidden_from_below: false,
+            catches_shadows: false,
+        }
     }
 }
 

@@ -88,6 +88,8 @@ pub struct World {
     pub images: Arc<[Image]>,
     /// The index of the object that is the ground put under the scene.
     pub(crate) ground: Option<u32>,
+    /// Whether the ground shows its shadows alone before a backdrop.
+    catches_shadows: bool,
     /// The lights with radiance above 0 that are not surfaces.
     pub lights: Vec<WorldLight>,
     /// The colour pipeline.
@@ -284,6 +286,7 @@ impl World {
             objects,
             materials,
             ground,
+            catches_shadows: look.ground.is_some_and(|ground| ground.catches_shadows),
             environment,
             emitters: emitters.into(),
             volumes,
@@ -332,7 +335,7 @@ impl World {
 
     /// The index of the object that shows its shadows alone, the ground before a backdrop.
     pub(crate) fn shadow_catcher(&self) -> Option<u32> {
-        self.ground.filter(|_| self.backdrop.is_some())
+        self.ground.filter(|_| self.catches_shadows && self.backdrop.is_some())
     }
 
     /// The materials that objects use.

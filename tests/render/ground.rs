@@ -33,7 +33,10 @@ fn the_ground_is_lit_shadowed_and_ends() {
         check_settings(&at(x), &settings(1, 1), expected);
     }
     // It is no shadow on a backdrop, also where an exposure would change the background.
-    check_settings(&at(1.01).replace("[image]\n", "[image]\nexposure = 1\n"), &settings(1, 1), 0.4);
+    let exposed = |x| at(x).replace("[image]\n", "[image]\nexposure = 1\n");
+    check_settings(&exposed(1.01), &settings(1, 1), 0.4);
+    // The white background stays white: that is light of 1/2.
+    check_settings(&exposed(34.7), &settings(1, 1), 0.5);
     // Seen from the side, below the ball.
     let shadow = at(0.0).replace("position = [0, 30, 40]", "position = [0, 1, 9]");
     assert_eq!(mean(&render(parse(&shadow), &settings(1, 1))).0, 0.0);
