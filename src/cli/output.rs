@@ -8,8 +8,8 @@ use crate::error::{Error, Result, Warnings};
 use crate::farm::{Shard, shard_name, shard_state, write_shard};
 use crate::files::{WholeFile, describe};
 use crate::film::check::{self, FileState};
-use crate::film::write::{self, ALPHA, Channel, Format, OutputImage, encode, write_picture};
-use crate::film::{self, Film, Pixel, Window};
+use crate::film::write::{self, Format, OutputImage, encode, write_picture};
+use crate::film::{self, Film, Window};
 use crate::job::{RenderJob, metadata};
 use crate::limits;
 use crate::render::aov::{self, AovSelection};
@@ -222,32 +222,14 @@ fn render_film(
     selection: &AovSelection,
     control: &RenderControl,
 ) -> Result<(OutputImage, Statistics)> {
-    fn render<P: Pixel>(
-        job: &RenderJob,
-        is_displayed: bool,
-        control: &RenderControl,
-    ) -> Result<(Film<P>, Statistics)> {
-        let is_selected = |place: usize, _: Window| job.settings.shard.has(place);
-        match is_displayed {
-            true => job.render_to_develop(is_selected, control),
-            false => job.render_selected(is_selected, control),
-        }
-    }
     if format != Format::Exr {
         return job.render_image(control);
     }
     let display = job.display_transform(control)?;
-    let (film, alpha, mut statistics) = if job.is_transparent() {
-        let (film, statistics) = render::<[f32; 4]>(job, is_displayed, control)?;
-        let (film, alpha) = film.split_alpha()?;
-        (film, Some(alpha), statistics)
-    } else {
-        let (film, statistics) = render(job, is_displayed, control)?;
-        (film, None, statistics)
-    };
+    let (film, alpha, mut statistics) = job.render_float(is_displayed, control)?;
     statistics.auto_exposure = job.display().is_auto().then_some(display.ev());
     let mut channels = aov::channels(&job.aov_source(Some(&film)), selection, control)?;
-    channels.extend(alpha.map(|values| Channel { name: ALPHA.into(), values }));
+    channels.extend(alpha);
     Ok((OutputImage::Float(film, channels, job.exr_attributes(selection)), statistics))
 }
 

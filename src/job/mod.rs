@@ -67,7 +67,7 @@ use crate::effects::Plan;
 use crate::effects::tile::RenderContext;
 use crate::error::{Result, Warnings};
 use crate::farm::Shard;
-use crate::film::write::OutputImage;
+use crate::film::write::{ALPHA, Channel, OutputImage};
 use crate::film::{ColourPipeline, DisplaySettings, Film, Pixel, Window};
 use crate::render::aov::AovSource;
 use crate::render::render_displayed;
@@ -250,6 +250,26 @@ impl RenderJob {
         }
         let (film, statistics) = self.render(control)?;
         Ok((OutputImage::Rgb8(film, pipeline), statistics))
+    }
+
+    /// Renders the picture in `f32`, with a channel of alpha if it is transparent; to be developed by
+    /// [`RenderJob::display`] if `is_displayed`.
+    ///
+    /// # Errors
+    /// As [`RenderJob::render`].
+    pub(crate) fn render_float(
+        &self,
+        is_displayed: bool,
+        control: &RenderControl,
+    ) -> Result<(Film, Option<Channel>, Statistics)> {
+        let is_selected = |place: usize, _: Window| self.settings.shard.has(place);
+        if !self.is_transparent() {
+            let (film, statistics) = self.render_as(is_displayed, is_selected, control)?;
+            return Ok((film, None, statistics));
+        }
+        let (film, statistics) = self.render_as::<[f32; 4]>(is_displayed, is_selected, control)?;
+        let (film, values) = film.split_alpha()?;
+        Ok((film, Some(Channel { name: ALPHA.into(), values }), statistics))
     }
 
     fn render_as<P: Pixel>(

@@ -28,8 +28,10 @@ pub mod watch;
 
 pub use app::run;
 #[cfg(test)]
-pub(crate) use painter::final_picture;
+pub(crate) use painter::{final_picture, final_picture_at};
 pub use request::{CameraSource, Opened};
+#[cfg(test)]
+pub(crate) use save::save_picture;
 
 use std::path::{Path, PathBuf};
 

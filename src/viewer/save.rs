@@ -10,11 +10,13 @@ use egui::{ColorImage, Context, DragValue, Key, TextEdit, Window};
 use super::name_of;
 use super::painter::{Prepared, RenderCache};
 use super::request::RenderRequest;
+use crate::animation::{AnimationJob, FrameList, FrameRequest};
 use crate::error::{Result, Warnings, printable};
 use crate::files::write_whole;
-use crate::film::write::{Format, OutputImage, write_picture};
+use crate::film::tone::Exposure;
+use crate::film::write::{FRAME, Format, OutputImage, write_picture};
 use crate::film::{self, ColourPipeline, DisplayTransform, Film};
-use crate::job::metadata::{add_to_fingerprint, replace, set_auto_exposure};
+use crate::job::metadata::{replace, set_auto_exposure};
 use crate::job::resolve;
 use crate::render::RenderControl;
 use crate::render::aov::AovSelection;
@@ -64,6 +66,8 @@ pub(crate) struct Finished {
 pub(crate) struct SavedPicture {
     pub request: RenderRequest,
     pub side: usize,
+    /// Its frame, if the scene has an animation.
+    pub frame: Option<i32>,
     /// What is prepared for the request; `None` in another size than that of the window.
     pub prepared: Option<Arc<Prepared>>,
     /// The picture, if it is finished on the screen.
@@ -79,17 +83,14 @@ impl SavedPicture {
     /// # Errors
     /// The errors of rendering, and [`crate::error::Error::Output`] if the file cannot be written.
     pub(crate) fn write(&self, file: &Path, control: &RenderControl) -> Result<()> {
-        let SavedPicture { request, side, prepared, finished, command } = self;
-        let RenderRequest { opened, time, sides, .. } = request;
+        let SavedPicture { request, side, frame, prepared, finished, command } = self;
+        let RenderRequest { opened, sides, .. } = request;
         let format = Format::from_path(file)?;
         let prepared = match prepared {
             Some(prepared) => Arc::clone(prepared),
             None => RenderCache::default().prepare(request, &sides[*side])?,
         };
-        let mut job = prepared.job.with_plan_settings(prepared.job.plan_settings.clone())?;
-        if prepared.meters {
-            job.meter(control)?;
-        }
+        let job = prepared.exposed(control)?;
         let finished = finished.as_ref().filter(|_| format != Format::Exr && !job.is_transparent());
         let (image, auto_exposure) = match finished {
             Some(Finished { film, display, auto_exposure }) => {
@@ -98,10 +99,10 @@ impl SavedPicture {
             None if format == Format::Exr => {
                 // As the command: the display transform decides where adaptive sampling stops.
                 let display = job.display_transform(control)?;
-                let (film, _) = job.render(control)?;
+                let (film, alpha, _) = job.render_float(false, control)?;
                 let attributes = job.exr_attributes(&AovSelection::new(&[])?);
                 let auto_exposure = job.display().is_auto().then_some(display.ev());
-                (OutputImage::Float(film, Vec::new(), attributes), auto_exposure)
+                (OutputImage::Float(film, alpha.into_iter().collect(), attributes), auto_exposure)
             }
             None => {
                 let (image, statistics) = job.render_image(control)?;
@@ -109,20 +110,43 @@ impl SavedPicture {
             }
         };
         let settings = request.render_settings(&sides[*side]);
-        let mut metadata =
-            resolve(opened.scene.clone(), &settings, &mut Warnings::default())?.picture.metadata;
-        if time.part != 0.0 {
-            add_to_fingerprint(&mut metadata, "time", &time.part);
-        }
+        let (scene, mut ignored) = (opened.scene.clone(), Warnings::default());
+        let mut metadata = match frame {
+            Some(frame) => {
+                let list = FrameList::range(*frame, *frame);
+                // No frame is to be rendered: the metadata alone are needed.
+                let request =
+                    FrameRequest { is_there: &|_, _| true, ..FrameRequest::all(None, None, Some(&list)) };
+                let all = AnimationJob::prepare(scene, &settings, &request, &mut ignored, |_| ())?;
+                let mut metadata = all.picture.metadata;
+                metadata.push((FRAME.to_owned(), frame.to_string()));
+                metadata
+            }
+            None => resolve(scene, &settings, &mut ignored)?.picture.metadata,
+        };
         if prepared.meters {
             replace(&mut metadata, &job.settings.picture);
         }
-        if let Some(ev) = auto_exposure {
+        let of_first = match (&prepared.first_frame, job.settings.picture.exposure) {
+            (Some(_), Some(Exposure::Ev(ev))) if !prepared.meters => Some(ev),
+            _ => None,
+        };
+        if let Some(ev) = auto_exposure.or(of_first) {
             set_auto_exposure(&mut metadata, ev);
         }
         metadata.push(("kiln:command".to_owned(), command.clone()));
         write_picture(&image, &metadata, format, file)
     }
+}
+
+/// Saves the first picture of opened files, in a size that the window does not have.
+#[cfg(test)]
+pub(crate) fn save_picture(opened: &Arc<super::Opened>, size: [u32; 2], file: &Path) -> Result<()> {
+    let request = super::controls::Controls::new(opened).request(opened, size);
+    let frame = opened.scene.animation.as_ref().map(|_| 0);
+    let command = String::new();
+    let picture = SavedPicture { request, side: 0, frame, prepared: None, finished: None, command };
+    picture.write(file, &RenderControl::default())
 }
 
 /// A file that is being written.
@@ -141,6 +165,8 @@ pub(crate) struct SaveDialog {
     side_name: Option<&'static str>,
     /// Whether another size can be chosen: false colours are saved as displayed.
     has_size: bool,
+    /// Whether the picture has an alpha channel.
+    has_alpha: bool,
     is_new: bool,
 }
 
@@ -153,10 +179,15 @@ pub(crate) enum SaveAnswer {
 
 impl SaveDialog {
     /// Proposes a file name and the size of the window's picture.
-    pub(crate) fn new(file: &Path, size: [u32; 2], side_name: Option<&'static str>, has_size: bool) -> Self {
+    pub(crate) fn new(
+        file: &Path,
+        size: [u32; 2],
+        side_name: Option<&'static str>,
+        [has_size, has_alpha]: [bool; 2],
+    ) -> Self {
         let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
         let file = file.to_string_lossy().into_owned();
-        SaveDialog { file, size, side_name, has_size, is_new: true }
+        SaveDialog { file, size, side_name, has_size, has_alpha, is_new: true }
     }
 
     /// What prevents that the file is written.
@@ -168,6 +199,9 @@ impl SaveDialog {
         };
         if !self.has_size && format != Format::Png {
             return Some("false colours are saved as .png".to_owned());
+        }
+        if self.has_alpha && format == Format::Jpeg {
+            return Some("JPEG has no alpha channel: name a .png or .exr, or choose a background".to_owned());
         }
         let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
         let lacks = folder.filter(|folder| !folder.is_dir())?;
@@ -250,14 +284,16 @@ mod tests {
     #[test]
     fn a_file_that_cannot_be_written_is_named_before_it_is_rendered() {
         let folder = tempfile::tempdir().expect("a folder");
-        let problem = |name: &str, has_size| {
-            SaveDialog::new(&folder.path().join(name), [4, 4], None, has_size).problem().unwrap_or_default()
+        let problem = |name: &str, kind| {
+            SaveDialog::new(&folder.path().join(name), [4, 4], None, kind).problem().unwrap_or_default()
         };
+        let (opaque, transparent, false_colours) = ([true, false], [true, true], [false, false]);
         for name in ["a.png", "a.JPG", "a.exr"] {
-            assert_eq!(problem(name, true), "");
+            assert_eq!(problem(name, opaque), "");
+            assert_eq!(problem(name, transparent).is_empty(), name != "a.JPG");
         }
-        assert!(problem("a.gif", true).contains(".png, .jpg or .exr"));
-        assert!(problem("none/a.png", true).starts_with("there is no folder"));
-        assert!(problem("a.exr", false).contains(".png"));
+        assert!(problem("a.gif", opaque).contains(".png, .jpg or .exr"));
+        assert!(problem("none/a.png", opaque).starts_with("there is no folder"));
+        assert!(problem("a.exr", false_colours).contains(".png"));
     }
 }

@@ -14,8 +14,10 @@ use super::progress::Mode;
 use super::view::open;
 use crate::animation::FrameRequest;
 use crate::error::{Result, Warnings};
-use crate::film::write::{Format, OutputImage};
+use crate::film::check::state_of;
+use crate::film::write::{FINGERPRINT, Format, OutputImage};
 use crate::job::RenderJob;
+use crate::metrics::ComparedImage;
 use crate::render::RenderControl;
 use crate::scene::{ClipTime, ImportOptions, Scene};
 use crate::viewer::{CameraSource, Opened};
@@ -67,11 +69,15 @@ fn frame_0(arguments: &Arguments) -> Result<Pixels> {
 /// The picture that the window ends with. Its first camera of clips is fitted to all of their poses; here it has that of the
 /// first, as the others.
 fn in_the_window(arguments: &Arguments) -> Result<Pixels> {
+    crate::viewer::final_picture(&[opened(arguments)?], SIZE)
+}
+
+fn opened(arguments: &Arguments) -> Result<Arc<Opened>> {
     let mut opened = open(arguments, &arguments.inputs, None, &mut Warnings::default()).0?;
     if let CameraSource::FittedAt(view, None) = opened.camera_source {
         opened.camera_source = CameraSource::Fitted(view);
     }
-    crate::viewer::final_picture(&[Arc::new(opened)], SIZE)
+    Ok(Arc::new(opened))
 }
 
 fn load(arguments: &Arguments) -> Result<Scene> {
@@ -327,6 +333,70 @@ fn materials_edited_in_the_window_are_those_of_the_command() {
         let import = ImportOptions { materials: Vec::new(), ..scene.import_options.clone() };
         crate::import::edit(&mut scene, &import).expect("nothing");
         assert_eq!(format!("{:?}", scene.materials), format!("{:?}", scenes[0].scene.materials), "{place}");
+    }
+}
+
+/// A later frame has the automatic exposure of the first, in the window as in frames, though it is another one alone.
+#[test]
+fn a_later_frame_has_the_exposure_of_the_first() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let strength = json!({ "KHR_materials_emissive_strength": { "emissiveStrength": 5 } });
+    let lamp = clip(&json!({ "emissiveFactor": [1, 1, 1], "extensions": strength }));
+    for (name, text, options) in [
+        ("plain.gltf", clip(&json!({})), &[("exposure", Some("auto"))][..]),
+        ("lamp.gltf", lamp, &[("transport", Some("path"))]),
+    ] {
+        let file = folder.path().join(name);
+        std::fs::write(&file, text).expect("a file");
+        let arguments = arguments(&file, options);
+        let mut reporter = Reporter::silent(Mode::None);
+        let (settings, request) =
+            (arguments.settings().expect("settings"), FrameRequest::all(None, None, None));
+        let mut animation = reporter.load_animation(&arguments, &settings, &request).expect("frames");
+        let alone = animation.frame(24).and_then(|mut job| {
+            if animation.picture.meters {
+                job.meter(&RenderControl::default())?;
+            }
+            pixels(&job)
+        });
+        animation.fix_exposure(&RenderControl::default()).expect("an exposure");
+        let expected = pixels(&animation.frame(24).expect("a frame")).expect("a picture");
+        let shown = crate::viewer::final_picture_at(&[opened(&arguments).expect("a scene")], SIZE, 24);
+        assert!(shown.expect("a picture") == expected, "{name}");
+        assert!(alone.expect("a picture") != expected, "{name}: the frames have one exposure");
+    }
+}
+
+/// The window saves what the command writes: alpha in floating point, and the fingerprint and the number of a frame.
+#[test]
+fn the_window_saves_the_file_of_the_command() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let clip_file = folder.path().join("clip.gltf");
+    std::fs::write(&clip_file, clip(&json!({}))).expect("a file");
+    let mesh = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/import/l.obj");
+    let (saved, control) = (folder.path().join("saved.exr"), RenderControl::default());
+    for (file, frame) in [(mesh, None), (clip_file, Some(0))] {
+        let arguments = arguments(&file, &[("background", Some("transparent"))]);
+        crate::viewer::save_picture(&opened(&arguments).expect("a scene"), SIZE, &saved).expect("a file");
+        let mut reporter = Reporter::silent(Mode::None);
+        let settings = arguments.settings().expect("settings");
+        let job = match frame {
+            None => {
+                let resolved = reporter.load_and_resolve(&arguments, &settings).expect("a scene");
+                resolved.build(&mut reporter.warnings).expect("a job")
+            }
+            Some(frame) => {
+                let request = FrameRequest::all(None, None, None);
+                let animation = reporter.load_animation(&arguments, &settings, &request).expect("frames");
+                animation.frame(frame).expect("a frame")
+            }
+        };
+        let (film, alpha, _) = job.render_float(false, &control).expect("a picture");
+        let read = ComparedImage::open(&saved).expect("a picture");
+        assert!(read.pixels.iter().eq(&film.rows().collect::<Vec<_>>()), "{file:?}");
+        assert_eq!(read.alpha.map(|alpha| alpha.values), alpha.map(|alpha| alpha.values), "{file:?}");
+        let fingerprint = job.metadata.iter().find(|(key, _)| key == FINGERPRINT).expect("a fingerprint");
+        assert!(state_of(&saved, Format::Exr).is(&fingerprint.1, frame), "{file:?}");
     }
 }
 

@@ -264,9 +264,10 @@ impl App {
         let has_size = controls.display_mode == DisplayMode::Picture;
         let Some(prepared) = self.canvas.prepared(controls.side) else { return };
         let size = prepared.job.view.size();
+        let has_alpha = has_size && prepared.job.is_transparent();
         self.save_dialog = match self.save_dialog {
             Some(_) => None,
-            None => Some(SaveDialog::new(&self.output("png"), size, self.side_name(), has_size)),
+            None => Some(SaveDialog::new(&self.output("png"), size, self.side_name(), [has_size, has_alpha])),
         };
     }
 
@@ -287,7 +288,7 @@ impl App {
         let (side, mode) = (controls.side, controls.display_mode);
         let Some(rendered) = self.canvas.rendered(side) else { return };
         let command = self.command(&file, size).unwrap_or_default();
-        let request = controls.request(opened, size);
+        let mut request = controls.request(opened, size);
         // The displayed picture is that of the newest request, once it is finished.
         let is_newest = self.requested.as_ref().is_some_and(|(last, number)| {
             *number == rendered.request && *last == request && rendered.prepared.job.view.size() == size
@@ -299,7 +300,12 @@ impl App {
         });
         let prepared = is_newest.then(|| Arc::clone(&rendered.prepared));
         let image = Arc::clone(&rendered.image);
-        let picture = SavedPicture { request, side, prepared, finished, command };
+        // As the command: only the window fits a camera to a moment.
+        if let CameraSource::FittedAt(..) = request.camera_source {
+            request.camera_source = CameraSource::Free(rendered.prepared.camera.clone());
+        }
+        let frame = timeline(opened).map(|timeline| controls.frame(&timeline));
+        let picture = SavedPicture { request, frame, side, prepared, finished, command };
         let percent = Arc::new(AtomicUsize::new(0));
         self.saving.push(Saving { file: file.clone(), percent: Arc::clone(&percent) });
         let (threads, sender, context) = (Arc::clone(&self.threads), self.saved.0.clone(), context.clone());

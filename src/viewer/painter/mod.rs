@@ -299,8 +299,27 @@ pub(crate) fn final_picture(
     opened: &[Arc<super::Opened>],
     size: [u32; 2],
 ) -> crate::error::Result<Vec<[u8; 3]>> {
+    final_picture_at(opened, size, 0)
+}
+
+/// As [`final_picture`] for a frame of an animation.
+#[cfg(test)]
+pub(crate) fn final_picture_at(
+    opened: &[Arc<super::Opened>],
+    size: [u32; 2],
+    frame: i32,
+) -> crate::error::Result<Vec<[u8; 3]>> {
+    use crate::scene::animation::Timeline;
+    let request = |one: &Arc<super::Opened>| {
+        let mut request = super::controls::Controls::new(one).request(one, size);
+        if let (1.., Some(animation)) = (frame, &one.scene.animation) {
+            let timeline = Timeline::new(animation.fps, animation.duration, animation.repeat);
+            request.time = timeline.expect("frames").moment(frame);
+        }
+        request
+    };
     let mut cache = RenderCache::default();
-    let requests = opened.iter().map(|one| super::controls::Controls::new(one).request(one, size));
+    let requests = opened.iter().map(request);
     let prepared = requests.map(|request| Ok((cache.prepare(&request, &request.sides[0])?, request)));
     let prepared: Vec<_> = prepared.collect::<crate::error::Result<_>>()?;
     let (prepared, request) = prepared.into_iter().next_back().expect("a scene");

@@ -62,7 +62,8 @@ impl<'a> Side<'a> {
         // AOVs are computed at pixel centres.
         let is_picture = request.display_mode == DisplayMode::Picture;
         let passes = passes(factor, if is_picture { prepared.samples } else { 1 });
-        Side { request, prepared, exact, passes, picture: None, metered: None, spent: None }
+        let metered = prepared.known_exposed().filter(|_| is_picture).map(Arc::new);
+        Side { request, prepared, exact, passes, picture: None, metered, spent: None }
     }
 
     /// Number of passes.
@@ -167,15 +168,13 @@ impl<'a> Side<'a> {
 
     /// Whether the exposure of the final image is metered. False colours do not depend on it.
     fn meters(&self) -> bool {
-        self.prepared.meters && self.request.display_mode == DisplayMode::Picture
+        self.prepared.is_metered() && self.request.display_mode == DisplayMode::Picture
     }
 
     /// The display transform of the final image. The exposure is metered at the first call.
     fn final_display(&mut self, control: &RenderControl) -> Result<DisplayTransform> {
         if self.meters() && self.metered.is_none() {
-            let mut job = self.prepared.job.with_plan_settings(self.prepared.job.plan_settings.clone())?;
-            job.meter(control)?;
-            self.metered = Some(Arc::new(job));
+            self.metered = Some(Arc::new(self.prepared.exposed(control)?));
         }
         self.job().display_transform(control)
     }
@@ -193,7 +192,7 @@ impl<'a> Side<'a> {
         }
         let job = self.job().with_size(size)?;
         let subject = job.subject_colours(pixels.iter().copied(), control)?;
-        let ev = match self.meters() {
+        let ev = match self.prepared.meters {
             true => self.job().exposure_of(&subject),
             false => auto_exposure(subject.into_iter()),
         };

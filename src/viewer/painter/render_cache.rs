@@ -1,11 +1,11 @@
 //! Cache of the painter between requests: prepared worlds, fitted cameras, and render times per pixel.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 
 use crate::bvh::Layout;
-use crate::effects::{Decision, EFFECTS};
+use crate::effects::{Decision, EFFECTS, PlanSettings};
 use crate::error::Result;
 use crate::error::Warnings;
 use crate::film::tone::Exposure;
@@ -13,6 +13,7 @@ use crate::job::camera::nothing_to_look_at;
 use crate::job::{
     self, EnvironmentSettings, PreparedScene, RenderJob, RenderSettings, ResolvedPicture, SceneAtTime,
 };
+use crate::render::RenderControl;
 use crate::scene::animation::Moment;
 use crate::scene::{Camera, DefaultLook, Environment, PictureSettings, Projection, Scene, ShadingMode};
 use crate::viewer::false_colour::DisplayMode;
@@ -53,9 +54,53 @@ pub(crate) struct Prepared {
     pub samples: u32,
     /// Whether the exposure is metered before the final image, as in `kiln render`.
     pub meters: bool,
+    /// The first frame of an animation, if this is a later one and the exposure is metered or automatic: all frames have
+    /// that of the first, as those of `kiln animate`.
+    pub first_frame: Option<Arc<Prepared>>,
+    /// Settings and clamp with the exposure, once that of a first frame is metered.
+    exposed: OnceLock<(PictureSettings, Option<f64>)>,
 }
 
 impl Prepared {
+    /// Whether [`Prepared::exposed`] is another job.
+    pub(crate) fn is_metered(&self) -> bool {
+        self.meters || self.first_frame.is_some()
+    }
+
+    /// The job with its exposure and clamp, if these are metered or those of the first frame.
+    ///
+    /// # Errors
+    /// Those of rendering.
+    pub(crate) fn exposed(&self, control: &RenderControl) -> Result<RenderJob> {
+        let plan_settings = self.job.plan_settings.clone();
+        let Some(first) = &self.first_frame else {
+            let mut job = self.job.with_plan_settings(plan_settings)?;
+            if self.meters {
+                job.meter(control)?;
+            }
+            return Ok(job);
+        };
+        let (picture, clamp) = match first.exposed.get() {
+            Some(known) => *known,
+            None => {
+                let mut job = first.exposed(control)?;
+                if job.display().is_auto() {
+                    job.settings.picture.exposure = Some(Exposure::Ev(job.display_transform(control)?.ev()));
+                }
+                *first.exposed.get_or_init(|| (job.settings.picture, job.plan_settings.clamp))
+            }
+        };
+        let mut job = self.job.with_plan_settings(PlanSettings { clamp, ..plan_settings })?;
+        job.settings.picture = picture;
+        Ok(job)
+    }
+
+    /// [`Prepared::exposed`] where that renders nothing, since the exposure of the first frame is known.
+    pub(crate) fn known_exposed(&self) -> Option<RenderJob> {
+        self.first_frame.as_ref().filter(|first| first.exposed.get().is_some())?;
+        self.exposed(&RenderControl::default()).ok()
+    }
+
     /// The settings as the panel shows them: an exposure that is metered is `auto`.
     pub(crate) fn shown_settings(&self) -> PictureSettings {
         let picture = self.job.settings.picture;
@@ -78,6 +123,8 @@ pub(crate) struct RenderCache {
     recentered_scene: Option<Arc<Scene>>,
     /// Fitted cameras, each with its framing and aspect ratio.
     fitted_cameras: Vec<(Framing, f64, Camera)>,
+    /// First frames of animations, of the last sides.
+    first_frames: Vec<(RenderRequest, RenderSettings, Arc<Prepared>)>,
     /// The camera that was last fitted to a moment, with what it depends on.
     fitted_at: Option<((Framing, Option<Moment>, f64, Projection), Camera)>,
     /// The last exposure that was metered, for fill light until the next is.
@@ -170,8 +217,10 @@ impl RenderCache {
                 self.fit(request, (&settings, framing), recentering)?
             }
             CameraSource::FittedAt(view, moment) => {
+                // As if it was given: the command that renders the picture gives it.
                 let camera = self.fit_at(request, (&settings, settings.framing(*view, scene)), *moment)?;
-                recentering.map_or_else(|| camera.clone(), |by| by.moved(&camera))
+                let camera_source = CameraSource::Free(camera);
+                return self.prepare(&RenderRequest { camera_source, ..request.clone() }, side);
             }
             CameraSource::Free(camera) => recentering.map_or_else(|| camera.clone(), |by| by.moved(camera)),
         };
@@ -201,7 +250,30 @@ impl RenderCache {
             })
             .collect();
         decisions.sort_by_key(|(_, can)| !can);
-        Ok(Arc::new(Prepared { job, camera: in_scene, decisions, samples, meters }))
+        let is_later = scene.animation.is_some() && request.time != Moment::default();
+        let first_frame = match is_later && (meters || job.display().is_auto()) {
+            true => Some(self.first_frame(request, side)?),
+            false => None,
+        };
+        let (camera, exposed) = (in_scene, OnceLock::new());
+        Ok(Arc::new(Prepared { job, camera, decisions, samples, meters, first_frame, exposed }))
+    }
+
+    /// The first frame of the animation of a request.
+    fn first_frame(&mut self, request: &RenderRequest, side: &RenderSettings) -> Result<Arc<Prepared>> {
+        let first = RenderRequest {
+            time: Moment::default(),
+            display_mode: DisplayMode::Picture,
+            is_playing: false,
+            ..request.clone()
+        };
+        if let Some((.., known)) = self.first_frames.iter().find(|(r, s, _)| (r, s) == (&first, side)) {
+            return Ok(Arc::clone(known));
+        }
+        let found = self.prepare(&first, side)?;
+        self.first_frames.drain(..self.first_frames.len().saturating_sub(MAX_WORLDS - 1));
+        self.first_frames.push((first, side.clone(), Arc::clone(&found)));
+        Ok(found)
     }
 
     /// The look of a scene: that of `kiln render`.
