@@ -11,6 +11,7 @@ use glam::{DVec2, DVec3};
 use super::controls::Controls;
 use super::navigate;
 use super::painter::{Prepared, RenderedImage};
+use super::pixels::Magnifier;
 use crate::bvh::Traversal;
 
 /// Camera rotation in radians for a drag across the picture's height.
@@ -36,6 +37,9 @@ pub(crate) struct Canvas {
     rect: Option<Rect>,
     /// Whether the line between the sides is being dragged.
     drags_line: bool,
+    magnifier: Magnifier,
+    /// The side and the pixel under the mouse.
+    hovered: Option<(usize, [u32; 2])>,
 }
 
 /// Clicks of a frame.
@@ -87,6 +91,29 @@ impl Canvas {
         self.rect
     }
 
+    /// The rectangle of the whole picture in points: larger than its area if it is magnified.
+    pub(crate) fn whole(&self) -> Option<Rect> {
+        self.rect.map(|rect| self.magnifier.whole(rect))
+    }
+
+    /// Magnifies what is under the mouse, or shows the whole picture again.
+    pub(crate) fn magnify(&mut self, context: &egui::Context) {
+        if let Some(rect) = self.rect {
+            let mouse = context.pointer_hover_pos().filter(|place| rect.contains(*place));
+            self.magnifier.switch(mouse.unwrap_or(rect.center()), rect);
+        }
+    }
+
+    /// Whether the picture is magnified, which ends.
+    pub(crate) fn end_magnifying(&mut self) -> bool {
+        std::mem::take(&mut self.magnifier).is_on()
+    }
+
+    /// The side and the pixel under the mouse.
+    pub(crate) fn hovered(&self) -> Option<(usize, [u32; 2])> {
+        self.hovered
+    }
+
     /// The side at a position in the window.
     fn side_at(&self, place: Pos2, controls: &Controls) -> usize {
         let line = self.rect.map_or(0.0, |rect| rect.left() + controls.split * rect.width());
@@ -113,15 +140,14 @@ impl Canvas {
     fn paint(&self, ui: &Ui, rect: Rect, controls: &Controls) {
         let painter = ui.painter_at(rect);
         let line = rect.left() + controls.split * rect.width();
-        let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+        let (all, whole) = (Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), self.magnifier.whole(rect));
         if let Some(side_texture) = &self.sides[0] {
-            painter.image(side_texture.texture.id(), rect, whole, Color32::WHITE);
+            painter.image(side_texture.texture.id(), whole, all, Color32::WHITE);
         }
         if controls.sides.len() > 1 {
             if let Some(side_texture) = &self.sides[1] {
                 let right = Rect::from_min_max(pos2(line, rect.top()), rect.max);
-                let part = Rect::from_min_max(pos2(controls.split, 0.0), pos2(1.0, 1.0));
-                painter.image(side_texture.texture.id(), right, part, Color32::WHITE);
+                painter.with_clip_rect(right).image(side_texture.texture.id(), whole, all, Color32::WHITE);
             }
             painter.vline(line, rect.y_range(), (3.0, Color32::from_black_alpha(160)));
             painter.vline(line, rect.y_range(), (1.0, Color32::WHITE));
@@ -130,11 +156,12 @@ impl Canvas {
 
     /// The pixel of the picture at a position in the window.
     fn pixel(&self, place: Pos2) -> Option<[u32; 2]> {
-        let rect = self.rect?;
+        let (rect, whole) = (self.rect?, self.whole()?);
         let size = self.prepared(0)?.job.view.size();
-        let share = (place - rect.min) / rect.size();
+        let share = (place - whole.min) / whole.size();
         let inside = (0.0..1.0).contains(&share.x) && (0.0..1.0).contains(&share.y);
-        inside.then(|| [(share.x * size[0] as f32) as u32, (share.y * size[1] as f32) as u32])
+        (inside && rect.contains(place))
+            .then(|| [(share.x * size[0] as f32) as u32, (share.y * size[1] as f32) as u32])
     }
 
     /// The scene point that a pixel of the picture shows.
@@ -172,6 +199,8 @@ impl Canvas {
             if let Some(place) = response.interact_pointer_pos() {
                 controls.split = ((place.x - rect.left()) / rect.width()).clamp(0.0, 1.0);
             }
+        } else if response.dragged() && self.magnifier.is_on() {
+            self.magnifier.pan(delta, rect);
         } else if response.dragged() && by != DVec2::ZERO {
             let up = DVec2::new(by.x, -by.y);
             let pans = modifiers.shift || !response.dragged_by(PointerButton::Primary);
@@ -186,7 +215,9 @@ impl Canvas {
         }
         if response.hovered() {
             let (wheel, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
-            if wheel != 0.0 || pinch != 1.0 {
+            if let (true, Some(place)) = (self.magnifier.is_on(), response.hover_pos()) {
+                self.magnifier.zoom(pinch * (wheel / WHEEL as f32).exp(), place, rect);
+            } else if wheel != 0.0 || pinch != 1.0 {
                 let factor = f64::from(pinch) * (f64::from(wheel) / WHEEL).exp();
                 let from_middle = response.hover_pos().map_or(vec2(0.0, 0.0), |place| place - rect.center());
                 let at = DVec2::new(f64::from(from_middle.x), f64::from(-from_middle.y))
@@ -197,6 +228,9 @@ impl Canvas {
                 controls.zoom(camera_shown, factor, surface, (at, aspect));
             }
         }
+        let hovered =
+            response.hover_pos().and_then(|place| Some((self.side_at(place, controls), self.pixel(place)?)));
+        self.hovered = hovered;
         let pixel = response.interact_pointer_pos().and_then(|place| self.pixel(place));
         MouseResult {
             clicked: pixel.filter(|_| response.clicked()),

@@ -18,6 +18,8 @@ pub(crate) enum Action {
     NextCamera,
     /// Selects the next display mode.
     NextShown,
+    /// Magnifies the displayed pixels, or shows all again.
+    Magnify,
     /// Starts or ends a comparison.
     Compare,
     /// Selects the next numerics tier.
@@ -95,6 +97,7 @@ const BINDINGS: &[Binding] = &[
     plain(Key::F, Action::Fit),
     plain(Key::C, Action::NextCamera),
     plain(Key::V, Action::NextShown),
+    plain(Key::Z, Action::Magnify),
     plain(Key::X, Action::Compare),
     plain(Key::N, Action::NextTier),
     plain(Key::M, Action::NextShading),
@@ -135,6 +138,7 @@ pub(crate) const LIST: &[(&str, &str)] = &[
     ("R, Home", "back to where it was first seen from"),
     ("C", "next camera of the scene"),
     ("V", "next false colours"),
+    ("Z", "magnify the pixels under the mouse; then wheel and drag change what is seen; Z or Esc ends"),
     ("X", "beside a second setting; drag the line"),
     ("M", "next shading mode"),
     ("N", "next tier of numerics"),

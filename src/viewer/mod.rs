@@ -19,6 +19,7 @@ mod outliner;
 mod overlay;
 mod painter;
 mod panel;
+mod pixels;
 mod refine;
 mod request;
 mod save;

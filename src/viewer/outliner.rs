@@ -19,8 +19,9 @@ use crate::scene::{ImportOptions, Scene};
 pub(crate) use outline::Outline;
 use rows::{Row, isolated, rows, toggled};
 
-/// Height of the list in rows.
+/// Height of the list in rows, and the part of the window's height that it takes at most.
 const HEIGHT: usize = 8;
+const HEIGHT_SHARE: f32 = 0.3;
 
 /// Number of rows from which groups are closed at first, and a field searches the list.
 const MANY: usize = 16;
@@ -109,8 +110,8 @@ impl Outliner {
         let listed = self.listed();
         let spacing = ui.spacing().item_spacing.y;
         let height = ui.spacing().interact_size.y;
-        let mut area =
-            ScrollArea::vertical().id_salt("objects").max_height(HEIGHT as f32 * (height + spacing));
+        let most = (HEIGHT as f32 * (height + spacing)).min(ui.ctx().viewport_rect().height() * HEIGHT_SHARE);
+        let mut area = ScrollArea::vertical().id_salt("objects").max_height(most);
         if std::mem::take(&mut self.scrolls)
             && let Some(place) =
                 listed.iter().position(|&i| Some(&self.rows[i].name) == self.selected.as_ref())

@@ -3,8 +3,8 @@
 use std::time::{Duration, Instant};
 
 use egui::{
-    Align2, Area, Color32, Context, Frame, Grid, Id, Label, Pos2, Rect, RichText, Sense, Stroke, Window,
-    pos2, vec2,
+    Align2, Area, Color32, Context, Frame, Grid, Id, Label, Pos2, Rect, RichText, Sense, Stroke, TextStyle,
+    Ui, Window, pos2, vec2,
 };
 
 use super::elided;
@@ -17,8 +17,8 @@ const NOTICE_TIME: [Duration; 2] = [Duration::from_secs(3), Duration::from_milli
 /// Characters of a name in the legend.
 const NAME_LENGTH: usize = 40;
 
-/// Part of the picture's height that the colours of a legend may take.
-const LEGEND_SHARE: f32 = 0.35;
+/// Height of a picture in points below which a legend has its colours side by side.
+const LOW: f32 = 600.0;
 
 /// Width of most characters, in points.
 const CHARACTER_WIDTH: f32 = 7.0;
@@ -127,7 +127,8 @@ pub(crate) fn legend(context: &Context, rect: Rect, legend: &Legend) {
             if let (false, Some([low, high])) = (legend.bar.is_empty(), &legend.ends) {
                 ui.horizontal(|ui| {
                     ui.label(low);
-                    let (bar, _) = ui.allocate_exact_size(vec2(160.0, 10.0), Sense::hover());
+                    let (bar, _) =
+                        ui.allocate_exact_size(vec2((rect.width() * 0.25).min(160.0), 10.0), Sense::hover());
                     let step = bar.width() / legend.bar.len() as f32;
                     for (i, &[r, g, b]) in legend.bar.iter().enumerate() {
                         let min = pos2(bar.left() + i as f32 * step, bar.top());
@@ -137,24 +138,30 @@ pub(crate) fn legend(context: &Context, rect: Rect, legend: &Legend) {
                     ui.label(high);
                 });
             }
-            // Part of a low picture, so that it stays visible. The last swatch is that of the background.
-            let rows = (rect.height() * LEGEND_SHARE
-                / (ui.spacing().interact_size.y + ui.spacing().item_spacing.y))
-                as usize;
-            let (named, rest) = legend.swatches.split_at(legend.swatches.len().saturating_sub(1));
-            let shown = named.len().min(rows.saturating_sub(rest.len()));
-            for ([r, g, b], name) in named[..shown].iter().chain(rest) {
-                ui.horizontal(|ui| {
-                    let (swatch, _) = ui.allocate_exact_size(vec2(12.0, 12.0), Sense::hover());
-                    ui.painter().rect_filled(swatch, 2.0, Color32::from_rgb(*r, *g, *b));
-                    ui.label(elided(name, NAME_LENGTH.min((rect.width() * 0.5 / CHARACTER_WIDTH) as usize)));
-                });
-            }
-            if shown < named.len() {
-                ui.label(RichText::new(format!("{} more", named.len() - shown)).weak());
-            }
+            // In a low picture side by side, so that it stays visible.
+            let (is_low, length) = match rect.height() < LOW {
+                true => (true, rect.width() * 0.25 / CHARACTER_WIDTH),
+                false => (false, f32::INFINITY),
+            };
+            let swatches = |ui: &mut Ui| {
+                for (colour, name) in &legend.swatches {
+                    swatch(ui, *colour, &elided(name, NAME_LENGTH.min((length as usize).max(3))));
+                }
+            };
+            if is_low { ui.horizontal_wrapped(swatches).inner } else { swatches(ui) }
         });
     });
+}
+
+/// A colour and its meaning, as one widget.
+fn swatch(ui: &mut Ui, [r, g, b]: [u8; 3], name: &str) {
+    let colour = ui.visuals().text_color();
+    let text = ui.painter().layout_no_wrap(name.to_owned(), TextStyle::Body.resolve(ui.style()), colour);
+    let size = vec2(18.0 + text.size().x, text.size().y.max(12.0));
+    let (rect, _) = ui.allocate_exact_size(size, Sense::hover());
+    let square = Rect::from_center_size(rect.left_center() + vec2(6.0, 0.0), vec2(12.0, 12.0));
+    ui.painter().rect_filled(square, 2.0, Color32::from_rgb(r, g, b));
+    ui.painter().galley(rect.left_top() + vec2(18.0, 0.0), text, colour);
 }
 
 /// Shows the labels of the two sides of a comparison at the top of the picture.

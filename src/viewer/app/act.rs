@@ -73,6 +73,8 @@ impl App {
                 Theme::Dark => Theme::Light,
                 Theme::Light => Theme::Dark,
             }),
+            Action::Magnify => self.canvas.magnify(context),
+            Action::Close if self.canvas.end_magnifying() => {}
             Action::Close => {
                 self.visible.keys = false;
                 (self.notice, self.inspection, self.open_dialog) = (None, None, None);

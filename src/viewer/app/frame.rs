@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use egui::{Context, Label, Panel, RichText, ScrollArea, Ui};
+use egui::{Align, Context, Label, Layout, Panel, RichText, ScrollArea, Ui};
 
 use super::{App, inspector, timeline};
 use crate::effects::RayKind;
@@ -11,10 +11,13 @@ use crate::job::note_of_left_out;
 use crate::viewer::painter::RenderedImage;
 use crate::viewer::panel::{self, PanelContents};
 use crate::viewer::save::Saving;
-use crate::viewer::{elided, name_of, overlay, timeline as bar};
+use crate::viewer::{elided, name_of, overlay, pixels, timeline as bar};
 
 /// Width of the panel, in points.
 pub(super) const PANEL_WIDTH: f32 = 300.0;
+
+/// Width of the status bar below which it has no warnings, in points.
+const LEAST_WIDTH: f32 = 40.0;
 
 impl App {
     /// Advances a playing animation once its newest frame was rendered.
@@ -34,7 +37,9 @@ impl App {
 
     pub(super) fn panels(&mut self, ui: &mut Ui) {
         Panel::bottom("status").show(ui, |ui| self.status(ui));
-        let App { controls, opened, canvas, comparison, visible, inspection, names, outliner, .. } = self;
+        let App {
+            controls, opened, canvas, comparison, visible, inspection, names, outliner, histogram, ..
+        } = self;
         let (Some(controls), Some(opened)) = (controls, opened) else { return };
         let (mut clicked, before) = (None, controls.sides.len());
         let (mut is_inspecting, mut edited) = (true, None);
@@ -49,6 +54,9 @@ impl App {
                     let rendered = [canvas.rendered(0), canvas.rendered(1)];
                     let contents = PanelContents { opened, rendered, comparison: *comparison };
                     clicked = clicked.or(panel::show(ui, &contents, controls));
+                    if let Some(rendered) = canvas.rendered(controls.side) {
+                        histogram.show(ui, &rendered.image);
+                    }
                 });
             });
         }
@@ -96,46 +104,61 @@ impl App {
         if let Some(legend) = self.canvas.rendered(0).and_then(|rendered| rendered.legend.as_ref()) {
             overlay::legend(&context, rect, legend);
         }
+        let whole = self.canvas.whole().unwrap_or(rect);
         // Coarse images are those of a camera that moves.
         if let (Some(selected), Some(rendered)) = (self.outliner.selected(), self.canvas.rendered(0))
             && rendered.factor == 1
         {
             let (prepared, painter) = (&rendered.prepared, ui.painter_at(rect));
-            self.outline.draw(&painter, rect, prepared, selected, &self.threads);
+            self.outline.draw(&painter, whole, prepared, selected, &self.threads);
         }
         if let (Some((of, found)), Some(prepared)) = (&self.inspection, self.canvas.prepared(0)) {
-            inspector::draw(&ui.painter_at(rect), rect, prepared, of, found);
+            inspector::draw(&ui.painter_at(rect), whole, prepared, of, found);
         }
         if !self.fit_window(&context, size) {
             self.request(&context, size);
         }
     }
 
-    /// The status bar: render progress, and warnings about the image and the files.
+    /// The status bar: render progress, the pixel under the mouse, and warnings about the image and the files.
     fn status(&self, ui: &mut Ui) {
+        let hovered = self.canvas.hovered();
+        let pixel =
+            hovered.and_then(|(side, pixel)| Some(pixels::values(self.canvas.rendered(side)?, pixel)));
         ui.horizontal(|ui| {
-            let rendered = self.canvas.rendered(0);
-            ui.label(match (rendered, self.progress()) {
-                (Some(rendered), None) => panel::progress_text(rendered),
-                (_, Some((what, _))) => what,
-                (None, None) => "no file is open".to_owned(),
+            ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+                pixel.into_iter().for_each(|text| {
+                    ui.label(RichText::new(text).monospace().small());
+                });
+                ui.with_layout(Layout::left_to_right(Align::Center), |ui| self.progress_and_warnings(ui));
             });
-            for Saving { file, percent } in &self.saving {
-                ui.separator();
-                let percent = percent.load(Ordering::Relaxed);
-                ui.label(format!("saving {}, {percent} %", elided(&name_of(file), 24)));
-            }
-            let of_picture = self.of_picture.iter().flat_map(|(_, texts)| texts).chain(&self.warnings);
-            let warnings = rendered.map(image_warnings).into_iter().flatten().chain(of_picture.cloned());
-            let warnings: Vec<String> = warnings.collect();
-            if !warnings.is_empty() {
-                ui.separator();
-                let line = RichText::new(warnings.join("; ")).weak();
-                // Its own tooltip would be a second one.
-                let line = Label::new(line).truncate().show_tooltip_when_elided(false);
-                ui.add(line).on_hover_text(warnings.join("\n"));
-            }
         });
+    }
+
+    /// The left part of the status bar.
+    fn progress_and_warnings(&self, ui: &mut Ui) {
+        let rendered = self.canvas.rendered(0);
+        let progress = match (rendered, self.progress()) {
+            (Some(rendered), None) => panel::progress_text(rendered),
+            (_, Some((what, _))) => what,
+            (None, None) => "no file is open".to_owned(),
+        };
+        ui.add(Label::new(progress).truncate());
+        for Saving { file, percent } in &self.saving {
+            ui.separator();
+            let percent = percent.load(Ordering::Relaxed);
+            ui.label(format!("saving {}, {percent} %", elided(&name_of(file), 24)));
+        }
+        let of_picture = self.of_picture.iter().flat_map(|(_, texts)| texts).chain(&self.warnings);
+        let warnings = rendered.map(image_warnings).into_iter().flatten().chain(of_picture.cloned());
+        let warnings: Vec<String> = warnings.collect();
+        if !warnings.is_empty() && ui.available_width() > LEAST_WIDTH {
+            ui.separator();
+            let line = RichText::new(warnings.join("; ")).weak();
+            // Its own tooltip would be a second one.
+            let line = Label::new(line).truncate().show_tooltip_when_elided(false);
+            ui.add(line).on_hover_text(warnings.join("\n"));
+        }
     }
 
     /// Labels of the two sides of a comparison: the settings in which they differ.

@@ -24,6 +24,7 @@ use super::open_dialog::OpenDialog;
 use super::outliner::{Outline, Outliner};
 use super::overlay::{self, Notice};
 use super::painter::{Comparison, Message, Painter, Prepared};
+use super::pixels::Histogram;
 use super::request::{Opened, RenderRequest};
 use super::save::{SaveDialog, Saving};
 use super::watch::Watcher;
@@ -121,6 +122,7 @@ struct App {
     /// The list of the objects, and the outline of the selected one.
     outliner: Outliner,
     outline: Outline,
+    histogram: Histogram,
     notice: Option<Notice>,
     /// Warnings and notes of the input files.
     warnings: Vec<String>,
@@ -197,6 +199,7 @@ impl App {
             inspection: None,
             outliner: Outliner::default(),
             outline: Outline::default(),
+            histogram: Histogram::default(),
             notice: None,
             warnings: Vec::new(),
             of_picture: None,
