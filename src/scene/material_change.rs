@@ -1,10 +1,10 @@
-//! Changes of single values of materials, and the materials of the files that options replace.
+//! Changes of single values of materials, and the materials and lights of the files that options change.
 
 use std::sync::Arc;
 
 use serde::Deserialize;
 
-use super::{ColourValue, Layers, Material, MaterialId, MetallicRoughness, Phong, Scene};
+use super::{ColourValue, Layers, Light, Material, MaterialId, MetallicRoughness, Phong, Scene};
 use crate::film::Colour;
 
 /// Values of a material in place of its own; textures stay, and multiply them.
@@ -80,26 +80,33 @@ impl From<Phong> for MetallicRoughness {
     }
 }
 
-/// The materials of the files, where options replace them.
+/// The materials and lights of the files, where options change them.
 #[derive(Debug, Clone)]
-pub struct FileMaterials {
+pub struct FileValues {
     /// Number of materials of the files, the first of [`Scene::materials`].
     count: usize,
     /// The material of each object, of all that are shown.
     of_objects: Vec<MaterialId>,
+    /// The lights.
+    lights: Vec<Light>,
 }
 
 impl Scene {
-    /// Keeps the materials of a scene that shows all objects, before others take their place.
-    pub(crate) fn keep_file_materials(&mut self) {
+    /// Keeps the materials and lights of a scene that shows all objects, before they change.
+    pub(crate) fn keep_file_values(&mut self) {
         let of_objects = self.objects.iter().map(|object| object.material).collect();
-        self.file_materials = Some(Arc::new(FileMaterials { count: self.materials.len(), of_objects }));
+        self.file_values = Some(Arc::new(FileValues {
+            count: self.materials.len(),
+            of_objects,
+            lights: self.lights.clone(),
+        }));
     }
 
-    /// Gives the objects of a scene that shows all the materials of the files again.
-    pub(crate) fn restore_file_materials(&mut self) {
-        if let Some(own) = self.file_materials.take() {
+    /// Gives a scene that shows all objects the materials and lights of the files again.
+    pub(crate) fn restore_file_values(&mut self) {
+        if let Some(own) = self.file_values.take() {
             self.materials.truncate(own.count);
+            self.lights.clone_from(&own.lights);
             self.objects.iter_mut().zip(&own.of_objects).for_each(|(object, &id)| object.material = id);
         }
     }

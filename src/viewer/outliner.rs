@@ -3,6 +3,7 @@
 //! What is chosen here are options of reading files (`--hide`, `--isolate`, `--material`), so copied commands and saved
 //! pictures have it.
 
+mod lights;
 mod material;
 mod outline;
 mod rows;
@@ -65,14 +66,16 @@ impl Outliner {
         }
         let title = RichText::new("Objects").strong();
         let header = CollapsingHeader::new(title).id_salt("objects").default_open(true);
-        header.show_unindented(ui, |ui| self.contents(ui, &opened.scene)).body_returned.flatten()
+        let edited =
+            header.show_unindented(ui, |ui| self.contents(ui, &opened.scene)).body_returned.flatten();
+        edited.or(lights::show(ui, &opened.scene))
     }
 
     /// Shows the list and what acts on the selection. Returns the options, if they change.
     fn contents(&mut self, ui: &mut Ui, scene: &Scene) -> Option<ImportOptions> {
         let options = &scene.import_options;
         let ImportOptions { isolate, hide, .. } = options;
-        if self.rows.len() >= MANY {
+        if self.rows.len() >= MANY || !self.filter.is_empty() {
             let field = TextEdit::singleline(&mut self.filter).hint_text("find objects or materials");
             ui.add(field.desired_width(f32::INFINITY));
         }

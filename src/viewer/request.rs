@@ -35,7 +35,7 @@ pub struct Opened {
     pub size: [u32; 2],
     /// Initial render settings, with numerics and colour pipeline.
     pub settings: RenderSettings,
-    /// The same for scenes that differ in their materials alone.
+    /// The same for scenes that differ in their materials alone, not in objects and lights.
     pub geometry: Arc<()>,
 }
 

@@ -301,8 +301,7 @@ fn materials_edited_in_the_window_are_those_of_the_command() {
     ] {
         let place = file.display();
         let plain = arguments(&file, &[]);
-        let mut scenes =
-            vec![Arc::new(open(&plain, &plain.inputs, None, &mut Warnings::default()).0.expect("a scene"))];
+        let mut scenes = vec![opened(&plain).expect("a scene")];
         let unchanged = in_the_window(&plain).expect("a picture");
         for change in ["+={ colour = '#20a0c0' }", "+={ colour = '#20a0c0', metallic = 1, roughness = 0.3 }"]
         {

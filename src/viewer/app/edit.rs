@@ -21,8 +21,11 @@ impl App {
         let before = &opened.scene.import_options;
         let Opened { camera_source, projection, size, settings, geometry, .. } = &**opened;
         let mut geometry = Arc::clone(geometry);
-        if (&before.isolate, &before.hide) != (&options.isolate, &options.hide) {
+        let is_visible_as_before = (&before.isolate, &before.hide) == (&options.isolate, &options.hide);
+        if !is_visible_as_before {
             controls.keep_camera(camera.as_ref());
+        }
+        if !is_visible_as_before || before.lights != options.lights {
             geometry = Arc::default();
         }
         let (camera_source, projection, size) = (camera_source.clone(), *projection, *size);
