@@ -284,7 +284,7 @@ fn reading(ui: &mut Ui, opened: &Opened, controls: &mut Controls) {
     let start = controls.start_reading().clone();
     let up = reading.up;
     // A scene file has values for each mesh.
-    let of_files = |control: &OptionControl| if *has_settings { control.from_file() } else { *control };
+    let of_files = |control: &OptionControl| if *has_settings { control.of_files() } else { *control };
     let has_meshes = objects.iter().any(|object| !matches!(object.shape, Shape::Analytic(_)));
     let idle = (!has_meshes).then_some("Only meshes are turned and smoothed.");
     of_files(UP).show_reading(ui, &[], &start, &mut reading, idle);

@@ -323,6 +323,7 @@ const SIDES: u32 = 64;
 const CLEARANCE: f64 = 0.1;
 
 /// The extent of a scene in camera axes.
+#[derive(Clone, Copy)]
 struct Extent {
     /// The maxima of `x + slope.x * z` and of `y + slope.y * z`.
     plus: DVec2,

@@ -92,6 +92,9 @@ impl Prepared {
         };
         let mut job = self.job.with_plan_settings(PlanSettings { clamp, ..plan_settings })?;
         job.settings.picture = picture;
+        if let Some(Exposure::Ev(ev)) = picture.exposure {
+            job.expose_fill(Some(ev));
+        }
         Ok(job)
     }
 
@@ -108,6 +111,9 @@ impl Prepared {
         PictureSettings { exposure, ..picture }
     }
 }
+
+/// What a camera that is fitted to a moment depends on: framing, moment or all of the clips, aspect ratio and projection.
+type FitKey = (Framing, Option<Moment>, f64, Projection);
 
 /// Cached data of the opened files.
 #[derive(Default)]
@@ -126,7 +132,7 @@ pub(crate) struct RenderCache {
     /// First frames of animations, of the last sides.
     first_frames: Vec<(RenderRequest, RenderSettings, Arc<Prepared>)>,
     /// The camera that was last fitted to a moment, with what it depends on.
-    fitted_at: Option<((Framing, Option<Moment>, f64, Projection), Camera)>,
+    fitted_at: Option<(FitKey, Camera)>,
     /// The last exposure that was metered, for fill light until the next is.
     metered: Option<f64>,
     /// Render time in seconds per pixel at one sample, by display mode.

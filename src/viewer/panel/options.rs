@@ -278,7 +278,7 @@ impl OptionControl {
     }
 
     /// The control of an option whose value is that of the files where it is not set.
-    pub(super) fn from_file(&self) -> Self {
+    pub(super) fn of_files(&self) -> Self {
         OptionControl { unset: ("from file", self.unset.1), ..*self }
     }
 
