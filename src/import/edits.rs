@@ -14,7 +14,7 @@ use crate::scene::{
 /// A parsed [`MaterialChoice`].
 pub(super) enum MaterialEdit {
     /// A material in place of the files'.
-    Replace(Material),
+    Replace(Box<Material>),
     /// Values in place of the files'.
     Change(MaterialChange),
 }
@@ -27,7 +27,7 @@ pub(super) fn parse(options: &ImportOptions) -> Result<Vec<MaterialEdit>> {
     let parse = |MaterialChoice { changes, table, .. }: &MaterialChoice| {
         Ok(match changes {
             true => MaterialEdit::Change(scene_file::inline_change(table)?),
-            false => MaterialEdit::Replace(scene_file::inline_material(table)?),
+            false => MaterialEdit::Replace(scene_file::inline_material(table)?.into()),
         })
     };
     options.materials.iter().map(parse).collect()
@@ -112,7 +112,7 @@ fn replace_materials(
                         "--material: a colour in numbers from 0 to 1 is nearly black: white is [255, 255, 255]",
                     );
                 }
-                let id = scene.add_material(material);
+                let id = scene.add_material(*material);
                 replaced.push(id);
                 meant.iter().for_each(|&i| scene.objects[i].material = id);
             }

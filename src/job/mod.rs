@@ -257,6 +257,7 @@ impl RenderJob {
     ///
     /// # Errors
     /// As [`RenderJob::render`].
+    #[cfg_attr(not(feature = "cli"), expect(dead_code, reason = "the command and the window write it"))]
     pub(crate) fn render_float(
         &self,
         is_displayed: bool,

@@ -81,6 +81,7 @@ impl From<Phong> for MetallicRoughness {
 }
 
 /// The materials and lights of the files, where options change them.
+#[cfg_attr(not(feature = "viewer"), expect(dead_code, reason = "the window edits materials and lights"))]
 #[derive(Debug, Clone)]
 pub struct FileValues {
     /// Number of materials of the files, the first of [`Scene::materials`].
@@ -103,6 +104,7 @@ impl Scene {
     }
 
     /// Gives a scene that shows all objects the materials and lights of the files again.
+    #[cfg(feature = "viewer")]
     pub(crate) fn restore_file_values(&mut self) {
         if let Some(own) = self.file_values.take() {
             self.materials.truncate(own.count);

@@ -169,10 +169,11 @@ impl Outliner {
         let Row { name, label, is_group, depth, parts, shown, triangles, materials, .. } = &self.rows[index];
         if !is_searched {
             ui.add_space(*depth as f32 * INDENT);
-            if *is_group && ui.small_button(if is_open { "-" } else { "+" }).clicked() {
-                if !self.switched.remove(name) {
-                    self.switched.insert(name.clone());
-                }
+            if *is_group
+                && ui.small_button(if is_open { "-" } else { "+" }).clicked()
+                && !self.switched.remove(name)
+            {
+                self.switched.insert(name.clone());
             }
         }
         let mut is_visible = *shown > 0;

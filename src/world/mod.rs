@@ -118,6 +118,7 @@ pub struct World {
     pub too_small: usize,
     primitive_count: usize,
     /// The number of materials of the scene, the first of them; the others are those of the ground and of lights.
+    #[cfg_attr(not(feature = "viewer"), expect(dead_code, reason = "the window edits materials"))]
     scene_materials: usize,
 }
 

@@ -48,7 +48,7 @@ enum Test {
     /// Count rays that leak through closed meshes
     Leaks(leaks::Arguments),
     /// Measure time and errors of each numerics tier, and of other libraries
-    Price(price::Arguments),
+    Price(Box<price::Arguments>),
     /// Measure build time, memory and speed against the number of triangles
     Scaling(scaling::Arguments),
 }
