@@ -124,13 +124,14 @@ mod tests {
     fn a_sleeping_thread_has_no_processor_time() {
         let mut clock = ThreadClock::start();
         std::thread::sleep(Duration::from_millis(50));
+        let start = Instant::now();
         assert!(clock.lap() < Duration::from_millis(25));
         let mut worked = Duration::ZERO;
-        let start = Instant::now();
         while worked < Duration::from_millis(20) && start.elapsed() < Duration::from_secs(20) {
             worked += clock.lap();
         }
-        assert!(worked >= Duration::from_millis(20) && start.elapsed() >= worked, "{worked:?}");
+        // The clocks may run at rates that differ a little.
+        assert!(worked >= Duration::from_millis(20) && 2 * start.elapsed() >= worked, "{worked:?}");
     }
 
     #[test]

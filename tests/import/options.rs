@@ -313,7 +313,7 @@ fn lights_of_files_change() {
     let folder = Folder::new();
     folder.write(
         "a.toml",
-        "[[light]]\nname = 'lamp'\nposition = [0, 1, 0]\nintensity = 3\ncolour = 'red'\n\
+        "[[light]]\nname = 'lamp'\ntype = 'point'\nposition = [0, 1, 0]\nintensity = 3\ncolour = 'red'\n\
          [[light]]\nname = 'sun'\ntype = 'directional'\ndirection = [0, -1, 0]\nintensity = 1\n",
     );
     let load = |options: &[&str]| {
