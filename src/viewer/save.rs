@@ -90,7 +90,11 @@ impl SavedPicture {
             Some(prepared) => Arc::clone(prepared),
             None => RenderCache::default().prepare(request, &sides[*side])?,
         };
-        let job = prepared.exposed(control)?;
+        // Values of OpenEXR do not depend on an automatic exposure; frames keep their own, as those of the command.
+        let job = match format == Format::Exr && !prepared.meters {
+            true => prepared.job.with_plan_settings(prepared.job.plan_settings.clone())?,
+            false => prepared.exposed(control)?,
+        };
         let finished = finished.as_ref().filter(|_| format != Format::Exr && !job.is_transparent());
         let (image, auto_exposure) = match finished {
             Some(Finished { film, display, auto_exposure }) => {
@@ -101,7 +105,8 @@ impl SavedPicture {
                 let display = job.display_transform(control)?;
                 let (film, alpha, _) = job.render_float(false, control)?;
                 let attributes = job.exr_attributes(&AovSelection::new(&[])?);
-                let auto_exposure = job.display().is_auto().then_some(display.ev());
+                let is_stated = job.display().is_auto() && frame.is_none();
+                let auto_exposure = is_stated.then_some(display.ev());
                 (OutputImage::Float(film, alpha.into_iter().collect(), attributes), auto_exposure)
             }
             None => {
@@ -139,11 +144,15 @@ impl SavedPicture {
     }
 }
 
-/// Saves the first picture of opened files, in a size that the window does not have.
+/// Saves the first view of opened files, in a size that the window does not have. `frame` is that of an animation.
 #[cfg(test)]
-pub(crate) fn save_picture(opened: &Arc<super::Opened>, size: [u32; 2], file: &Path) -> Result<()> {
-    let request = super::controls::Controls::new(opened).request(opened, size);
-    let frame = opened.scene.animation.as_ref().map(|_| 0);
+pub(crate) fn save_picture(
+    opened: &Arc<super::Opened>,
+    size: [u32; 2],
+    frame: Option<i32>,
+    file: &Path,
+) -> Result<()> {
+    let request = super::painter::request_at(opened, size, frame.unwrap_or(0));
     let command = String::new();
     let picture = SavedPicture { request, side: 0, frame, prepared: None, finished: None, command };
     picture.write(file, &RenderControl::default())

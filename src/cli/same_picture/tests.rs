@@ -366,7 +366,8 @@ fn a_later_frame_has_the_exposure_of_the_first() {
     }
 }
 
-/// The window saves what the command writes: alpha in floating point, and the fingerprint and the number of a frame.
+/// The window saves what the command writes: alpha in floating point, the fingerprint and the number of a frame, and
+/// OpenEXR with the samples of its own automatic exposure, which decides where adaptive sampling stops.
 #[test]
 fn the_window_saves_the_file_of_the_command() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -374,9 +375,14 @@ fn the_window_saves_the_file_of_the_command() {
     std::fs::write(&clip_file, clip(&json!({}))).expect("a file");
     let mesh = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/import/l.obj");
     let (saved, control) = (folder.path().join("saved.exr"), RenderControl::default());
-    for (file, frame) in [(mesh, None), (clip_file, Some(0))] {
-        let arguments = arguments(&file, &[("background", Some("transparent"))]);
-        crate::viewer::save_picture(&opened(&arguments).expect("a scene"), SIZE, &saved).expect("a file");
+    let transparent: &NamedOptions = &[("background", Some("transparent"))];
+    let auto: &NamedOptions = &[("exposure", Some("auto")), ("noise", Some("0.02")), ("samples", Some("64"))];
+    for (file, frame, options) in
+        [(mesh, None, transparent), (clip_file.clone(), Some(0), transparent), (clip_file, Some(24), auto)]
+    {
+        let arguments = arguments(&file, options);
+        let opened = opened(&arguments).expect("a scene");
+        crate::viewer::save_picture(&opened, SIZE, frame, &saved).expect("a file");
         let mut reporter = Reporter::silent(Mode::None);
         let settings = arguments.settings().expect("settings");
         let job = match frame {

@@ -309,19 +309,22 @@ pub(crate) fn final_picture_at(
     size: [u32; 2],
     frame: i32,
 ) -> crate::error::Result<Vec<[u8; 3]>> {
-    use crate::scene::animation::Timeline;
-    let request = |one: &Arc<super::Opened>| {
-        let mut request = super::controls::Controls::new(one).request(one, size);
-        if let (1.., Some(animation)) = (frame, &one.scene.animation) {
-            let timeline = Timeline::new(animation.fps, animation.duration, animation.repeat);
-            request.time = timeline.expect("frames").moment(frame);
-        }
-        request
-    };
     let mut cache = RenderCache::default();
-    let requests = opened.iter().map(request);
+    let requests = opened.iter().map(|one| request_at(one, size, frame));
     let prepared = requests.map(|request| Ok((cache.prepare(&request, &request.sides[0])?, request)));
     let prepared: Vec<_> = prepared.collect::<crate::error::Result<_>>()?;
     let (prepared, request) = prepared.into_iter().next_back().expect("a scene");
     pass::Side::new(&request, prepared, None, 4).final_picture()
+}
+
+/// The first request of opened files, at a frame of their animation if they have one.
+#[cfg(test)]
+pub(crate) fn request_at(opened: &Arc<super::Opened>, size: [u32; 2], frame: i32) -> RenderRequest {
+    use crate::scene::animation::Timeline;
+    let mut request = super::controls::Controls::new(opened).request(opened, size);
+    if let (1.., Some(animation)) = (frame, &opened.scene.animation) {
+        let timeline = Timeline::new(animation.fps, animation.duration, animation.repeat);
+        request.time = timeline.expect("frames").moment(frame);
+    }
+    request
 }
