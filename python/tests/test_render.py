@@ -171,7 +171,7 @@ def test_switches(yes, no):
         (lambda: kiln.render(BALL, aovs=None), TypeError, "^aovs: expected names, not NoneType$"),
         (lambda: kiln.render(BALL, aovs=["depth", 5]), TypeError, "^aovs: expected names, not int$"),
         (lambda: kiln.render(BALL, size=np.ones((2, 2))), TypeError, "^size: .*, not ndarray$"),
-        (lambda: kiln.Scene().add(*TETRAHEDRON, material={"color": 1}), ValueError, "^material: .*`color`; did you"),
+        (lambda: kiln.Scene().add(*TETRAHEDRON, material={"hue": 1}), ValueError, "^material: .*`hue`"),
         (lambda: kiln.Scene().add(*TETRAHEDRON, material=5), TypeError, "^material: .*, not int$"),
         (lambda: kiln.render(BALL, view="top", camera="auto"), ValueError, "'view' cannot be used with 'camera'$"),
         (lambda: kiln.render(BALL, transport="path", with_="fog"), ValueError, "fog"),

@@ -32,7 +32,7 @@ def scene() -> kiln.Scene:
     "arguments",
     [
         {"material": "gold"},
-        {"material": {"color": "#ff0000"}},
+        {"material": {"hue": "#ff0000"}},
         {"material": 5},
         {"material": RED, "faces": [[0, 1, 4]]},
         {"material": RED, "vertices": VERTICES[:, :2]},

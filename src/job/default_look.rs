@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::{CameraChoice, RenderSettings, path_calls};
+use super::{RenderSettings, path_calls};
 use crate::effects::{id, named};
 use crate::error::{Error, Result};
 use crate::film::colour::srgb_encode;
@@ -76,7 +76,7 @@ pub(crate) fn default_look(
     };
     look.light = look.light.or_else(|| needs_headlight(scene, &look).then_some(AddedLight::Headlight));
     if let Some(light) = settings.picture.light.filter(|_| !scene.lights.is_empty()) {
-        let has_fill = settings.look(scene) == Look::Studio && has_files_lights(scene, &look);
+        let has_fill = settings.look(scene) == Look::Studio && is_lit_by_files(scene, &look);
         if light == Headlight::Head || !has_fill {
             look.notes.push(format!("--light {} changes nothing: the files have lights", light.name()));
         }
@@ -95,14 +95,12 @@ struct LookContext {
     has_path_tracing_reason: bool,
     /// Whether the files have no lights, and the shading uses lights.
     lacks_lights: bool,
-    /// [`has_files_lights`].
-    has_files_lights: bool,
+    /// [`is_lit_by_files`].
+    is_lit_by_files: bool,
     /// Whether the exposure is metered: lights are lamps, a sky, or in physical units.
     is_bright: bool,
     /// Whether the camera was made for the files.
     is_of_file: bool,
-    /// Whether no option says from where an automatic camera looks.
-    has_default_view: bool,
     /// Whether camera rays see no environment.
     is_open: bool,
     /// Whether the scene gets the ground and the background of the look, unless settings say otherwise.
@@ -120,18 +118,17 @@ fn studio(scene: &Scene, settings: &RenderSettings, given: DefaultLook) -> Defau
     let lacks_lights = scene.lights.is_empty() && look.picture.shading().uses_lights();
     let (is_of_file, is_open) = (settings.camera.is_of_file(scene), !look.shows_environment());
     let (pipeline, traces_paths) = (look.picture.pipeline(), look.transport(scene).traces_paths());
-    let has_files_lights = has_files_lights(scene, &look);
+    let is_lit_by_files = is_lit_by_files(scene, &look);
     let has_sky = look.environment.as_ref().is_some_and(|own| own.source == EnvironmentSource::Sky);
-    let is_added = (lacks_lights || has_files_lights) && !has_lamps && !is_of_file && is_open;
+    let is_added = (lacks_lights || is_lit_by_files) && !has_lamps && !is_of_file && is_open;
     let context = LookContext {
         pipeline,
         traces_paths,
         has_path_tracing_reason: look.path_tracing_reason.is_some(),
         lacks_lights,
-        has_files_lights,
+        is_lit_by_files,
         is_bright: has_lamps || scene.has_physical_lights || has_sky && traces_paths,
         is_of_file,
-        has_default_view: settings.camera == CameraChoice::Default && look.picture.azimuth.is_none(),
         is_open,
         // A shape that stands and is flat has a dark background instead: lit from the front, it is as light as the ground.
         adds_ground_and_background: is_added && !scene.bounds().is_some_and(stands_flat),
@@ -139,10 +136,10 @@ fn studio(scene: &Scene, settings: &RenderSettings, given: DefaultLook) -> Defau
     let given = look.picture;
     look.picture = sampling(given, &context);
     look.picture = tone(look.picture, &context, &mut notes);
-    if context.lacks_lights || has_files_lights {
+    if context.lacks_lights || is_lit_by_files {
         look.ambient = look.ambient.or(Some(0.0));
     }
-    if has_files_lights && given.light.is_none() {
+    if is_lit_by_files && given.light.is_none() {
         look.fill = Some(Fill { is_exposed: true, ..FILL.scaled(FILL_OF_LIGHTS) });
     }
     if lacks_lights && !has_lamps && given.light.is_none() && look.environment.is_none() {
@@ -173,7 +170,7 @@ fn stands_flat((min, max): (DVec3, DVec3)) -> bool {
 }
 
 /// Whether local shading is lit by lights of the files in physical units, whose exposure is metered.
-fn has_files_lights(scene: &Scene, look: &DefaultLook) -> bool {
+fn is_lit_by_files(scene: &Scene, look: &DefaultLook) -> bool {
     scene.has_physical_lights
         && !scene.lights.is_empty()
         && look.picture.shading().uses_lights()
@@ -255,31 +252,27 @@ fn background(chosen: Option<Background>, has_ground: bool, context: &LookContex
 fn note_of_parts(look: &DefaultLook, given: &PictureSettings, context: &LookContext) -> Option<String> {
     let added = [
         (look.light == Some(AddedLight::Key), "light"),
-        (context.has_files_lights && look.fill.is_some(), "fill light"),
+        (context.is_lit_by_files && look.fill.is_some(), "fill light"),
         (given.ground.is_none() && look.ground.is_some(), "ground"),
         (context.adds_ground_and_background && given.background.is_none(), "background"),
     ];
     let added: Vec<&str> = added.iter().filter(|(is_added, _)| *is_added).map(|(_, name)| *name).collect();
     let (last, before) = added.split_last()?;
     let camera = if context.is_of_file { "" } else { " and no camera" };
-    let back = match context.has_default_view && context.adds_ground_and_background {
-        true => "--azimuth 180 shows the back, ",
-        false => "",
-    };
     let (before, verb) = match before {
         [] => (String::new(), "is"),
         _ => (format!("{} and ", before.join(", ")), "are"),
     };
-    if context.has_files_lights {
+    if context.is_lit_by_files {
         let without = if look.fill.is_some() {
             "--light none leaves out the fill light, --draft all"
         } else {
             "--draft leaves them out"
         };
-        return Some(format!("{before}{last} {verb} added to the lights of the files; {back}{without}"));
+        return Some(format!("{before}{last} {verb} added to the lights of the files; {without}"));
     }
     Some(format!(
-        "no light{camera} in the files: {before}{last} {verb} added; {back}--draft uses a headlight instead"
+        "no light{camera} in the files: {before}{last} {verb} added; --draft uses a headlight instead"
     ))
 }
 
@@ -387,11 +380,12 @@ fn environment_of(fill: Fill) -> Environment {
 
 #[cfg(test)]
 mod tests {
+    use super::super::CameraChoice;
     use super::*;
     use crate::error::Warnings;
     use crate::geometry::Sphere;
     use crate::job::EnvironmentSettings;
-    use crate::scene::{Camera, ColourValue, Intensity, Light, MaterialId, Object, Rotation, Shape};
+    use crate::scene::{Camera, ColourValue, Intensity, Light, MaterialId, Object, Shape};
     use crate::world::headlight;
 
     fn ball() -> Scene {
@@ -468,20 +462,6 @@ mod tests {
         };
         let settings = RenderSettings { environment, ..RenderSettings::default() };
         assert_eq!(look_of(&ball(), &settings).environment.map(|own| own.intensity), Some(3.0));
-    }
-
-    /// The note names the other side where the camera is the default one, and where a shape has one.
-    #[test]
-    fn a_note_names_the_back() {
-        let named = |scene: &Scene, settings: &RenderSettings| {
-            look_of(scene, settings).notes.iter().any(|note| note.contains("--azimuth 180"))
-        };
-        let front = CameraChoice::Fitted(crate::world::StandardView::Front);
-        let turned = PictureSettings { azimuth: Some(Rotation::clamped(90.0)), ..PictureSettings::default() };
-        assert!(named(&ball(), &RenderSettings::default()));
-        assert!(!named(&ball(), &RenderSettings { camera: front, ..RenderSettings::default() }));
-        assert!(!named(&ball(), &turned.into()));
-        assert!(!named(&Scene { cameras: vec![camera()], ..ball() }, &RenderSettings::default()));
     }
 
     /// Each of the settings that choose a part changes that part alone.

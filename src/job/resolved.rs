@@ -7,8 +7,8 @@ use glam::DVec3;
 use super::camera::{self, Viewpoint};
 use super::metadata::{self, Metadata};
 use super::{
-    PlanSettings, PreparedScene, RenderControl, RenderJob, RenderSettings, check_display, check_memory,
-    enclosed, lens, metering, notes, outside,
+    CameraChoice, PlanSettings, PreparedScene, RenderControl, RenderJob, RenderSettings, check_display,
+    check_memory, enclosed, lens, metering, notes, outside,
 };
 use crate::bvh::Layout;
 use crate::effects::{PathSettings, check_names, check_scene, id};
@@ -85,9 +85,17 @@ pub(super) fn camera_of(
     let is_of_mesh_file = !scene.has_settings && matches!(viewpoint, Viewpoint::Camera(Cow::Borrowed(_)));
     if matches!(viewpoint, Viewpoint::Fitted(StandardView::Auto))
         && !settings.projection.is_some_and(Projection::shows_all_directions)
-        && opening(&*settings.looked_at(scene)?).is_some_and(|opening| !opening.is_flat)
     {
-        warnings.note("the surface is open to one side; the camera looks in from there");
+        let has_default_view = settings.camera == CameraChoice::Default && settings.picture.azimuth.is_none();
+        match opening(&*settings.looked_at(scene)?) {
+            Some(opening) if !opening.is_flat => {
+                warnings.note("the surface is open to one side; the camera looks in from there");
+            }
+            None if has_default_view && !scene.has_settings => {
+                warnings.note("the camera looks from +z; --azimuth 180 shows the back");
+            }
+            _ => {}
+        }
     }
     let is_from_side = matches!(viewpoint, Viewpoint::Fitted(view) if view != StandardView::Auto);
     let size = viewpoint.size(settings, scene);

@@ -27,7 +27,8 @@ pub struct Ground {
     /// Whether it is left out where the camera is not above it: [`Ground::is_hidden_from`].
     pub is_hidden_from_below: bool,
     /// Whether it shows its shadows alone before a backdrop ([`super::DefaultLook::has_backdrop`]), not its surface.
-    #[serde(skip_serializing_if = "std::clone::Clone::clone")]
+    // Hashed where it does not, so that grounds of the default look keep their fingerprints.
+    #[serde(skip_serializing_if = "bool::clone")]
     pub catches_shadows: bool,
 }
 

@@ -223,6 +223,28 @@ fn a_camera_frames_one_object() {
     assert!(said.contains("--look-at changes nothing"), "{said}");
 }
 
+/// Meshes without a camera are seen from +z, which may be their back.
+#[test]
+fn a_note_names_the_back() {
+    let workshop = Workshop::with("box.obj", block("box", 1, [0.0; 3], 1.0));
+    workshop.write("a.toml", "[[mesh]]\nfile = 'box.obj'\n");
+    let is_noted = |line: &str| {
+        let said = workshop.succeed(&format!("{line} --size 8x8"));
+        said.contains("kiln: note: the camera looks from +z; --azimuth 180 shows the back\n")
+    };
+    assert!(is_noted("render box.obj -o a.png"));
+    for line in [
+        "render box.obj -o a.png --view front",
+        "render box.obj -o a.png --azimuth 180",
+        "render box.obj -o a.png --camera {position=[0,0,9],look_at=[0,0,0]}",
+        "render box.obj -o a.png --projection panoramic",
+        "render a.toml -o a.png",
+        "animate box.obj -o a.gif --frames 0-1",
+    ] {
+        assert!(!is_noted(line), "{line}");
+    }
+}
+
 /// A house of one box with ten inside: one of eleven objects is seen. The note's camera sees others. Without the house
 /// there is no note.
 #[test]
@@ -241,6 +263,12 @@ fn a_closed_scene_has_a_camera_inside() {
     let (camera, _) = camera.split_once('\'').expect("its end");
     let camera = camera.replace(' ', "");
     workshop.succeed(&format!("render house.obj -o b.exr --aov object --size 32x32 --camera {camera}"));
+    let picture = exr::prelude::read_first_flat_layer_from_file(workshop.path("b.exr")).expect("an OpenEXR");
+    let channels = picture.layer_data.channel_data.list;
+    let objects = channels.iter().find(|channel| channel.name.eq("object")).expect("the AOV");
+    let seen: std::collections::BTreeSet<u32> =
+        objects.sample_data.values_as_f32().filter(|&object| object >= 0.0).map(|o| o as u32).collect();
+    assert!(seen.len() >= 3, "the house and two boxes at least: {seen:?}");
     let said = workshop.succeed("render house.obj -o a.png --size 32x32 --view front");
     assert!(!said.contains("is closed"), "{said}");
 }

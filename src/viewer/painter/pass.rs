@@ -23,7 +23,7 @@ use crate::viewer::request::RenderRequest;
 
 /// A coarse pass takes one of so many samples of a pixel: of rays that samples share, such as those of ambient occlusion, it
 /// casts so many times less than a picture of one sample.
-const OF_SAMPLES: u32 = 4;
+const COARSE_TOTAL: u32 = 4;
 
 /// An image in the values of its colour pipeline, row by row from the top.
 pub(crate) struct PipelineImage {
@@ -97,7 +97,7 @@ impl<'a> Side<'a> {
         let most = if self.request.display_mode == DisplayMode::Picture { self.prepared.samples } else { 1 };
         let (factor, sampling) = match pass {
             Pass::Coarse(factor) => {
-                (factor, Sampling { seed, sampler, total: Some(OF_SAMPLES), ..Sampling::default() })
+                (factor, Sampling { seed, sampler, total: Some(COARSE_TOTAL), ..Sampling::default() })
             }
             Pass::Samples(count) if count < most => {
                 (1, Sampling { first: None, noise, min_samples, ..whole.part(0, count) })
