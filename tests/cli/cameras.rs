@@ -265,7 +265,7 @@ fn a_closed_scene_has_a_camera_inside() {
     workshop.succeed(&format!("render house.obj -o b.exr --aov object --size 32x32 --camera {camera}"));
     let picture = exr::prelude::read_first_flat_layer_from_file(workshop.path("b.exr")).expect("an OpenEXR");
     let channels = picture.layer_data.channel_data.list;
-    let objects = channels.iter().find(|channel| channel.name.eq("object")).expect("the AOV");
+    let objects = channels.iter().find(|channel| channel.name.eq("Object.X")).expect("the AOV");
     let seen: std::collections::BTreeSet<u32> =
         objects.sample_data.values_as_f32().filter(|&object| object >= 0.0).map(|o| o as u32).collect();
     assert!(seen.len() >= 3, "the house and two boxes at least: {seen:?}");
