@@ -34,7 +34,7 @@ fn contents(ui: &mut Ui, scene: &Scene) -> Option<Vec<LightChange>> {
             let meaning = format!("{}\n--edit-light '{}={{ ... }}'", light.kind.noun(), light.name);
             let name = RichText::new(elided(&light.name, NAME_LENGTH)).weak();
             ui.label(name).on_hover_text(printable(&meaning));
-            change.intensity = number(ui, light.intensity, 0.0, "intensity");
+            change.intensity = number(ui, light.intensity, 0.0, light.intensity, "intensity");
             let is_changed = changes.iter().any(|other| other.name == light.name);
             if is_changed && ui.small_button("Reset").on_hover_text("the light of the file").clicked() {
                 edited = Some(changes.iter().filter(|other| other.name != light.name).cloned().collect());
@@ -42,8 +42,9 @@ fn contents(ui: &mut Ui, scene: &Scene) -> Option<Vec<LightChange>> {
             ui.end_row();
             if let Some(position) = light.kind.position() {
                 let mut to = position.to_array();
+                let scale = position.abs().max_element();
                 for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
-                    if let Some(value) = number(ui, to[axis], f64::MIN, name) {
+                    if let Some(value) = number(ui, to[axis], f64::MIN, scale, name) {
                         to[axis] = value;
                         change.position = Some(to);
                     }
@@ -58,14 +59,19 @@ fn contents(ui: &mut Ui, scene: &Scene) -> Option<Vec<LightChange>> {
     edited
 }
 
-/// A number that is dragged. Returns its value if it changes.
-fn number(ui: &mut Ui, before: f64, least: f64, name: &str) -> Option<f64> {
+/// A number that is dragged, a point by a hundredth of `scale`. Returns its value if the displayed one changes.
+fn number(ui: &mut Ui, before: f64, least: f64, scale: f64, name: &str) -> Option<f64> {
     let mut value = before;
-    let speed = (before.abs() * 0.01).max(1e-3);
-    let drag = DragValue::new(&mut value).range(least..=1e100).speed(speed).max_decimals(4);
-    let drag = ui.add(drag).on_hover_text(name);
+    let speed = if scale > 0.0 { 0.01 * scale } else { 0.01 };
+    let drag = DragValue::new(&mut value).range(least..=1e100).speed(speed);
+    let drag = ui.add(drag.custom_formatter(|value, _| text(value))).on_hover_text(name);
     // A control that gets the focus parses its displayed text, which is rounded, and reports a change.
-    (drag.changed() && (value - before).abs() > 6e-5).then_some(value)
+    (drag.changed() && text(value) != text(before)).then_some(value)
+}
+
+/// A number in seven significant digits.
+fn text(value: f64) -> String {
+    format!("{value:.6e}").parse::<f64>().map_or_else(|_| value.to_string(), |rounded| format!("{rounded:?}"))
 }
 
 /// The changes with a further one, which takes in that of the same lights.
@@ -80,4 +86,19 @@ fn with_change(changes: &[LightChange], change: LightChange) -> Vec<LightChange>
         ..change
     });
     others
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is displayed is parsed to a number that is displayed alike, small ones, too.
+    #[test]
+    fn displayed_numbers_are_those_that_are_parsed() {
+        for (value, shown) in [(2174.0566, "2174.057"), (0.1 + 0.2, "0.3"), (1.5e-9, "1.5e-9"), (0.0, "0.0")]
+        {
+            assert_eq!(text(value), shown);
+            assert_eq!(text(shown.parse().expect("a number")), shown);
+        }
+    }
 }

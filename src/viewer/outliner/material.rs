@@ -44,14 +44,18 @@ pub(super) fn show(ui: &mut Ui, scene: &Scene, name: &str) -> Option<Vec<Materia
     }
 }
 
+/// Decimals of metallic and roughness.
+const DECIMALS: usize = 2;
+
 /// A slider, and its value if it changes.
 struct Number(Response, Option<f64>);
 
 fn number(ui: &mut Ui, label: &str, before: f64) -> Number {
     let mut value = before;
-    let slider = ui.add(Slider::new(&mut value, 0.0..=1.0).max_decimals(2).text(label));
+    let slider = ui.add(Slider::new(&mut value, 0.0..=1.0).max_decimals(DECIMALS).text(label));
     // A control that gets the focus parses its displayed text, which is rounded, and reports a change.
-    let is_other = slider.changed() && (value - before).abs() > 0.004;
+    let text = |value: f64| format!("{value:.DECIMALS$}");
+    let is_other = slider.changed() && text(value) != text(before);
     Number(slider, is_other.then_some(value))
 }
 
