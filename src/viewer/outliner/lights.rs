@@ -1,6 +1,6 @@
 //! The lights of the files: `--edit-light NAME={...}`.
 
-use egui::{CollapsingHeader, DragValue, Grid, RichText, Ui};
+use egui::{Button, CollapsingHeader, DragValue, Grid, RichText, Ui};
 
 use crate::error::printable;
 use crate::scene::{ImportOptions, LightChange, Scene};
@@ -36,7 +36,9 @@ fn contents(ui: &mut Ui, scene: &Scene) -> Option<Vec<LightChange>> {
             ui.label(name).on_hover_text(printable(&meaning));
             change.intensity = number(ui, light.intensity, 0.0, light.intensity, "intensity");
             let is_changed = changes.iter().any(|other| other.name == light.name);
-            if is_changed && ui.small_button("Reset").on_hover_text("the light of the file").clicked() {
+            // There in any case, so that a control that is dragged keeps its place and its identity.
+            let reset = ui.add_visible(is_changed, Button::new("Reset").small());
+            if reset.on_hover_text("the light of the file").clicked() {
                 edited = Some(changes.iter().filter(|other| other.name != light.name).cloned().collect());
             }
             ui.end_row();
