@@ -1,6 +1,7 @@
 //! The environment of a world: radiance by direction.
 
 use std::f64::consts::PI;
+use std::sync::OnceLock;
 
 use glam::{DVec3, DVec4, Vec4};
 
@@ -18,6 +19,8 @@ pub(crate) struct PreparedEnvironment {
     /// Whether it is the sky, of whose light white surfaces are white.
     pub(crate) is_sky: bool,
     radiance: Radiance,
+    /// [`PreparedEnvironment::diffuse_from_above`], once it is known.
+    from_above: OnceLock<DVec3>,
 }
 
 /// Radiance by direction, in the values of the colour pipeline.
@@ -99,7 +102,7 @@ impl PreparedEnvironment {
             }
         };
         let is_sky = matches!(source, EnvironmentSource::Sky);
-        PreparedEnvironment { is_hidden: *is_hidden, is_sky, radiance }
+        PreparedEnvironment { is_hidden: *is_hidden, is_sky, radiance, from_above: OnceLock::new() }
     }
 
     /// The radiance from a unit direction.
@@ -118,12 +121,13 @@ impl PreparedEnvironment {
         }
     }
 
-    /// The irradiance of a surface that faces up, over pi: what it reflects if it is white and diffuse.
+    /// The irradiance of a surface that faces up, over pi: what it reflects if it is white and diffuse. Summed over the
+    /// texels at the first call.
     pub(crate) fn diffuse_from_above(&self) -> DVec3 {
-        match &self.radiance {
+        *self.from_above.get_or_init(|| match &self.radiance {
             Radiance::Uniform(radiance) => *radiance,
             Radiance::Image(image) => image.diffuse_from_above(),
-        }
+        })
     }
 
     /// Samples a direction; the density is 0 where the environment is black. `numbers` are in [0, 1).
@@ -306,8 +310,12 @@ mod tests {
             let found = environment.diffuse_from_above().x;
             assert!((found - expected).abs() < 3e-3 * expected, "{height}: {found} {expected}");
         }
-        let environment = prepared(4, 2, |_, _| 0.7, 0.0);
-        assert!((environment.diffuse_from_above().x - f64::from(0.7f32)).abs() < 1e-12);
+        let mut environment = prepared(4, 2, |_, _| 0.7, 0.0);
+        let found = environment.diffuse_from_above();
+        assert!((found.x - f64::from(0.7f32)).abs() < 1e-12);
+        // Each sample of a shadow catcher asks for it: texels are read for the first alone.
+        environment.radiance = Radiance::Uniform(DVec3::ZERO);
+        assert_eq!(environment.diffuse_from_above(), found);
     }
 
     /// Directions of the image's centre, right edge of the middle, top and left, by the stated convention.
