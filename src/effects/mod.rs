@@ -93,11 +93,11 @@ registry! {
     in whitted {
         "shadows" => shadows SHADOWS,
         "soft-shadows" => soft_shadows SOFT_SHADOWS,
-        "terminator" => terminator TERMINATOR,
         "ambient-occlusion" => ambient_occlusion AMBIENT_OCCLUSION,
         "glaze" => glaze GLAZE,
     }
     effects {
+        "terminator" => terminator TERMINATOR,
         "antialiasing" => antialiasing ANTIALIASING,
         "depth-of-field" => depth_of_field DEPTH_OF_FIELD,
         "adaptive" => adaptive ADAPTIVE,
@@ -378,6 +378,11 @@ pub enum LightTechnique {
 }
 
 impl PlanSpec {
+    /// Whether the transport traces paths.
+    fn traces_paths(&self) -> bool {
+        self.texture_use.transport.is_some_and(Transport::traces_paths)
+    }
+
     /// See [`EffectContext::transparency`].
     fn transparency(&self, sampling: &Sampling) -> Option<Transparency> {
         let Sampling { seed, sampler, .. } = *sampling;

@@ -17,7 +17,7 @@ use crate::geometry::{HitBuffer, RayBuffer};
 use crate::shading::{LightSoa, Scratch};
 #[cfg(doc)]
 use crate::world::RAYS_PER_BATCH;
-use crate::world::{InteractionSoa, Vec3Soa, View, World};
+use crate::world::{Flags, InteractionSoa, Vec3Soa, View, World};
 
 /// The read-only input of every stage.
 pub struct RenderContext<'a> {
@@ -47,10 +47,21 @@ pub struct RayGeneration {
     pub surfaces: Box<InteractionSoa>,
     /// For each surface, the origin of the rays that leave it; `None` where no rays do.
     pub origins: Option<Box<Vec3Soa>>,
-    /// For each surface, the origin of its shadow rays; `None` where it is that of all rays.
-    pub shadow_origins: Option<Box<Vec3Soa>>,
+    /// The same for shadow rays, and for all rays of paths, where surfaces of smooth meshes have others; else `None`.
+    pub lifted: Option<Box<StartPoints>>,
     /// For each surface, its colour; `None` for transports that keep none.
     pub colours: Option<Box<Vec3Soa>>,
+}
+
+/// For each surface, the point that rays leave.
+#[derive(Clone, Default)]
+pub struct StartPoints {
+    /// The point.
+    pub position: Vec3Soa,
+    /// The origin of the rays.
+    pub origin: Vec3Soa,
+    /// Whether it lies above the triangle, so that rays may leave below the triangle's horizon, too.
+    pub is_lifted: Flags,
 }
 
 impl RayGeneration {

@@ -96,6 +96,11 @@ impl Flags {
         self.0[i] != 0
     }
 
+    /// Unsets all flags.
+    pub fn clear(&mut self) {
+        self.0.fill(0);
+    }
+
     /// Sets the flag at `i`.
     #[inline(always)]
     pub fn set(&mut self, i: usize, flag: bool) {

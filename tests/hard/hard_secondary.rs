@@ -8,12 +8,11 @@ use crate::common::{Numbers, barycentrics_on_borders};
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use kiln::bvh::{Accelerator, Layout, Primitive, Slot, Traversal, build};
 use kiln::effects::whitted::glaze::mirrored_ray;
-use kiln::effects::whitted::terminator;
-use kiln::effects::{PlanSettings, shadow_ray};
+use kiln::effects::{PlanSettings, shadow_ray, terminator};
 use kiln::film::ColourPipeline;
 use kiln::geometry::spawn::{EDGE_DISTANCE, ORIGIN_OFFSET, SurfacePoint};
 use kiln::geometry::{HitBuffer, Numerics, PrimId, Ray, RayBuffer, Triangle};
-use kiln::scene::{Attribute, Mesh, Placed, Placement, Scene, Shape};
+use kiln::scene::{Attribute, Mesh, Placed, Placement, Scene, Shape, Transport};
 use kiln::shading::LightSample;
 use kiln::world::World;
 
@@ -330,9 +329,14 @@ fn e6_parallel_mirrors_end() {
     }
 }
 
+/// Each of some tiers, with each transport.
+fn by_transports(tiers: &[Numerics]) -> impl Iterator<Item = (Numerics, Transport)> {
+    tiers.iter().flat_map(|&tier| Transport::ALL.map(|transport| (tier, transport)))
+}
+
 /// K1: an icosphere with the normals of its sphere under a light. With the terminator effect every point with N.L of at
 /// least 0.05 is lit; without it some of these are in the mesh's own shadow. Points that both normals turn away from
-/// the light are dark in both.
+/// the light are dark in both. By local shading, and by direct light of paths.
 #[test]
 fn k1_the_terminator_of_a_coarse_smooth_sphere() {
     let triangles = icosphere(2, DVec3::ZERO, 1.0);
@@ -352,10 +356,12 @@ fn k1_the_terminator_of_a_coarse_smooth_sphere() {
             Shape::Mesh(Mesh { positions, triangles: corners, normals: Some(normals), ..Mesh::default() });
         scene
     };
-    for numerics in Numerics::ALL {
+    for (numerics, transport) in by_transports(&Numerics::ALL) {
         let prepared = prepare(scene(lamp), [160, 160], numerics);
-        let smooth = prepared.render(PlanSettings::default()).0;
-        let without = PlanSettings { without: vec!["terminator".into()], ..PlanSettings::default() };
+        let with = Vec::from_iter((transport == Transport::Path).then(|| "path=1".into()));
+        let settings = PlanSettings { transport: Some(transport), with, ..PlanSettings::default() };
+        let smooth = prepared.render(settings.clone()).0;
+        let without = PlanSettings { without: vec!["terminator".into()], ..settings };
         let jagged = prepared.render(without).0;
         let (mut lit, mut shadowed, mut shadowed_without) = (0, 0, 0);
         for ((ray, hit), at) in prepared.rays().iter().zip(prepared.hits()).zip(0u32..) {
@@ -373,7 +379,7 @@ fn k1_the_terminator_of_a_coarse_smooth_sphere() {
             }
         }
         assert!(lit > 3000 && shadowed_without > 50, "{shadowed_without} of {lit} without");
-        assert_eq!(shadowed, 0, "of {lit}, {}", numerics.name());
+        assert_eq!(shadowed, 0, "of {lit}, {}, {}", numerics.name(), transport.name());
     }
 }
 
@@ -620,11 +626,12 @@ fn e7_the_smooth_surface_of_a_wedge_stays_inside() {
                 inside.to_array()
             ));
             scene.objects[0].shape = Shape::Mesh(mesh.clone());
-            for numerics in CLOSED {
+            for (numerics, transport) in by_transports(&CLOSED) {
                 let prepared = prepare(scene.clone(), [48, 48], numerics);
-                let (film, statistics) = prepared.render(PlanSettings::default());
+                let settings = PlanSettings { transport: Some(transport), ..PlanSettings::default() };
+                let (film, statistics) = prepared.render(settings);
                 let lit = (0..48 * 48u32).filter(|at| film.pixel(at % 48, at / 48)[0] > 0.0).count();
-                assert_eq!(lit, 0, "{degrees} degrees towards {target:?}, {}", numerics.name());
+                assert_eq!(lit, 0, "{degrees} degrees to {target:?}, {}, {transport:?}", numerics.name());
                 let lifted = statistics.rays(terminator::RAYS);
                 assert!(lifted.cast > 100 && lifted.hit > 0, "{degrees} degrees: {lifted:?}");
             }

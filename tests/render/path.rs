@@ -2,6 +2,7 @@
 //! four standard errors of it, and the standard error must be small enough for the test to mean something.
 
 use crate::common::picture::{changed, parse};
+use crate::common::repository;
 use kiln::effects::{LightTechnique, PlanSettings};
 use kiln::error::Warnings;
 use kiln::film::{Film, Window};
@@ -318,6 +319,21 @@ fn a_white_object_vanishes_in_a_white_environment() {
     let film = render(parse(&hidden), &settings(64, 1));
     assert_eq!(film.pixel(0, 0), [0.0; 3]);
     assert!((f64::from(film.pixel(SIZE / 2, SIZE / 2)[0]) - 1.0).abs() < 0.1);
+}
+
+/// The same of a ball of few triangles with the normals of a sphere, in an environment and in a box of lamps 0.03 from
+/// the ball: no direction that it reflects in is lost below the horizon of a triangle, and samples of lights and of
+/// directions agree on the point that they are taken from.
+#[test]
+fn a_smooth_white_mesh_vanishes_in_white_light() {
+    let ball = format!(
+        "[[camera]]\nposition = [1, 1, 1]\nlook_at = [0, 0, 0]\nvertical_fov = 60\n[material.white]\ncolour = '#ffffff'\n\
+         [material.lamp]\ncolour = '#000000'\nemission = '#ffffff'\n[[mesh]]\nmaterial = 'white'\nfile = '{}'\n",
+        repository("scenes/effects/ball-smooth.obj").display()
+    );
+    check(&format!("{ball}[environment]\ncolour = '#ffffff'\n"), 64, 1000, 1.0);
+    let lamps = format!("[[mesh]]\nmaterial = 'lamp'\nscale = 0.515\nfile = '{}'\n", room_file());
+    check(&format!("{ball}{lamps}"), 64, 1000, 1.0);
 }
 
 /// Whatever calls for it, an environment decides the transport, and `whitted` decides against it.

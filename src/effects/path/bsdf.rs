@@ -411,7 +411,7 @@ mod tests {
             vertices.media.start(&world, rays.rays().origins(), &mut media);
             let path = Path { pdf: 1.0, ..Path::OF_CAMERA };
             vertices.begin(&world, &surfaces, &[path; RAYS_PER_BATCH], &media);
-            vertices.find_frames(&world, &surfaces);
+            vertices.find_frames(&world, &surfaces, None);
             for i in 0..vertices.len() {
                 let [u, v] = numbers.lobe_and_roulette(i);
                 lights[0].local.set(i, DVec3::new(u - 0.5, v - 0.5, 0.7 * u - 0.1).normalize());

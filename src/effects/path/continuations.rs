@@ -31,7 +31,7 @@ pub(super) struct Continuations {
     pub(super) is_delta: Flags,
     /// Unit vectors in the world.
     direction: Vec3Soa,
-    /// Whether these are on the side of the geometric normal.
+    /// [`Vertices::leaves_above`].
     is_above: Flags,
     throughput: Vec3Soa,
     /// The origins of the rays.
@@ -83,7 +83,7 @@ impl Continuations {
         for i in 0..vertices.len() {
             let local = self.local.get(i);
             let direction = vertices.to_world(i, local);
-            let is_above = direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
+            let is_above = vertices.leaves_above(i, surfaces, direction);
             let throughput = vertices.throughput.get(i) * self.weight.get(i);
             let survival = survival(throughput);
             let [_, number] = numbers.lobe_and_roulette(i);
@@ -137,7 +137,7 @@ impl Buffers {
             let is_delta = pdf[i].is_infinite();
             let bounces = if before == 0 && is_delta { 0 } else { (before + 1).min(2) };
             let counted = counted.saturating_add(u16::from(stage.limits.counts(is_delta)));
-            let (throughput, from) = (throughput.get(i), surfaces.position.get(i));
+            let (throughput, from) = (throughput.get(i), vertices.position(i));
             Path { throughput, pdf: pdf[i], from, counted, bounces, scattering: scattering.next() }
         }));
         if world.volumes.is_some() {

@@ -110,7 +110,7 @@ impl LightSamples {
             simd!(self.sample_uniform(radiance, lights, vertices, numbers));
         }
         if lights.has_others(two.as_ref()) {
-            self.sample_others((lights, two.as_ref()), surfaces, vertices, numbers, triangles);
+            self.sample_others((lights, two.as_ref()), vertices, numbers, triangles);
         }
         if uniform.is_none() && world.environment.is_some() {
             self.sample_environment(lights, vertices, numbers, cells);
@@ -175,7 +175,6 @@ impl LightSamples {
     fn sample_others(
         &mut self,
         (lights, two): (&Lights, Option<&TwoTriangles>),
-        surfaces: &InteractionSoa,
         vertices: &Vertices,
         numbers: &GenerationNumbers,
         triangles: &mut TriangleSamples,
@@ -189,7 +188,7 @@ impl LightSamples {
             if let Some((sample, radiance)) = lights.sample_triangle(choice, point) {
                 triangles.set(i, &sample, radiance);
                 triangles.is_set.set(i, true);
-            } else if let Some(sample) = lights.sample(surfaces.position.get(i), choice, point) {
+            } else if let Some(sample) = lights.sample(vertices.position(i), choice, point) {
                 self.set(i, &sample);
             }
         }
@@ -218,7 +217,7 @@ impl LightSamples {
             }
         ));
         if is_any_near {
-            self.move_ends::<FAST>(lights, surfaces, numbers, (0..vertices.len()).filter(|&i| is_set(i)));
+            self.move_ends::<FAST>(lights, vertices, numbers, (0..vertices.len()).filter(|&i| is_set(i)));
         }
     }
 
@@ -227,14 +226,14 @@ impl LightSamples {
     fn move_ends<const FAST: bool>(
         &mut self,
         lights: &Lights,
-        surfaces: &InteractionSoa,
+        vertices: &Vertices,
         numbers: &GenerationNumbers,
-        vertices: impl Iterator<Item = usize>,
+        chosen: impl Iterator<Item = usize>,
     ) {
-        for i in vertices {
+        for i in chosen {
             let [choice, point] = numbers.light_and_point(i);
             if let Some((sample, _)) = lights.sample_triangle(choice, point) {
-                let (_, normal, _) = sample.seen_from(surfaces.position.get(i));
+                let (_, normal, _) = sample.seen_from(vertices.position(i));
                 self.end.set(i, sample.point.origin_towards(normal, numerics::<FAST>()));
             }
         }
@@ -282,12 +281,12 @@ impl LightSamples {
         for i in 0..vertices.len() {
             let (is_set, sample, radiance, is_near) = sample(i);
             is_any_near |= is_set & is_near;
-            let (direction, normal, pdf) = sample.seen_from(surfaces.position.get(i));
+            let (direction, normal, pdf) = sample.seen_from(vertices.position(i));
             let end = sample.point.origin_towards(normal, numerics::<FAST>());
             let direction = select(is_set, direction, self.direction.get(i));
             let pdf = if is_set { (pdf * expected).min(f64::MAX) } else { self.pdf[i] };
             let local = vertices.to_local(i, direction);
-            let is_above = direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
+            let is_above = vertices.leaves_above(i, surfaces, direction);
             self.direction.set(i, direction);
             self.local.set(i, local);
             self.radiance.set(i, select(is_set, radiance, self.radiance.get(i)));
@@ -397,7 +396,7 @@ mod tests {
             let mut vertices = Box::<Vertices>::default();
             let path = Path { pdf: 1.0, ..Path::OF_CAMERA };
             vertices.begin(&world, &surfaces, &[path; RAYS_PER_BATCH], &[]);
-            vertices.find_frames(&world, &surfaces);
+            vertices.find_frames(&world, &surfaces, None);
             let mut numbers = Box::<GenerationNumbers>::default();
             let sequence = Sequence { seed: 1, sampler: PixelSampler::Sobol, depth: 1 };
             let pixels = (0..surfaces.len() as u32).map(|x| SampleIndex { x, y: 0, sample: 0 });

@@ -148,8 +148,7 @@ fn called_for(world: &World, plan_settings: &PlanSettings) -> Result<String, Str
 struct Path {
     /// The product of the BSDF weights and roulette factors so far.
     throughput: DVec3,
-    /// The last vertex, from which its light sample was taken. Not the origin of the ray, which is offset: both techniques of
-    /// multiple importance sampling must have the densities of one point.
+    /// [`Vertices::position`] of the last vertex. Not the origin of the ray, which is offset.
     from: DVec3,
     /// The density per solid angle with which the BSDF sampled the current ray; infinite for camera rays and for
     /// directions that no light sample can reach.
@@ -344,11 +343,11 @@ impl Buffers {
             let camera_rays = surfaces.ray_of().iter().map(|&ray| generation.camera_rays[ray as usize]);
             let sequence = Sequence { seed: stage.seed, sampler: stage.sampler, depth };
             self.numbers.fill(camera_rays.map(|ray| self.samples[ray as usize]), sequence);
-            self.vertices.find_frames(world, surfaces);
+            self.vertices.find_frames(world, surfaces, generation.lifted.as_deref());
             self.sample_lights((world, &lights, stage), surfaces, sequence);
         }
         if is_last && scattering.is_some() {
-            self.vertices.find_frames(world, surfaces);
+            self.vertices.find_frames(world, surfaces, generation.lifted.as_deref());
         }
         if !is_last || scattering.is_some() {
             let Buffers { vertices, bsdfs, numbers, light_samples, continuations, .. } = self;

@@ -122,9 +122,8 @@ pub(super) fn record_light_samples(
             continue;
         };
         // The test that was added is that of the sample with the same place.
-        if let Some(sample) =
-            vertex.lights.get_mut(record.tests.len().wrapping_sub(1)).filter(|_| !occluded[place])
-        {
+        let count = record.tests.iter().filter(|test| test.kind == LIGHT_RAYS).count();
+        if let Some(sample) = vertex.lights.get_mut(count.wrapping_sub(1)).filter(|_| !occluded[place]) {
             sample.adds = light_paths[place].radiance;
         }
     }

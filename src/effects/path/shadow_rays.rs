@@ -36,7 +36,7 @@ impl LightSamples {
             let length = to_end.length();
             let scale = 1.0 / length;
             let is_far = distance == f64::INFINITY;
-            let is_above = direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
+            let is_above = vertices.leaves_above(i, surfaces, direction);
             let is_common =
                 is_above & (is_far | ((distance == 0.0) & (scale > 0.0) & (scale < f64::INFINITY)));
             self.ray_origin.set(i, vertices.origin_above(i));
@@ -67,7 +67,7 @@ impl LightSamples {
         i: usize,
     ) -> bool {
         let origin = vertices.origin(i, world, surfaces, self.direction.get(i));
-        let ray = self.special_ray(i, origin, surfaces.position.get(i), world.numerics());
+        let ray = self.special_ray(i, origin, vertices.position(i), world.numerics());
         if let Some(ray) = ray {
             self.ray_origin.set(i, ray.origin());
             self.ray_direction.set(i, ray.direction());

@@ -9,7 +9,7 @@ use glam::DVec3;
 use super::Path;
 use super::media::{MediaTable, MediumStackId, MediumTransition};
 use crate::effects::ray_origins::find_origins;
-use crate::effects::tile::vec_bytes;
+use crate::effects::tile::{StartPoints, vec_bytes};
 use crate::scene::{Material, TextureSlot};
 use crate::world::{Flags, InteractionSoa, PerRay, RAYS_PER_BATCH, Vec3Soa, World, select, simd};
 
@@ -23,8 +23,8 @@ pub(super) struct Vertices {
     pub(super) frame: [Vec3Soa; 3],
     /// Unit vectors towards the rays' origins, in the frames; see [`Vertices::is_visible`].
     pub(super) view: Vec3Soa,
-    /// The origins of rays that leave on the side of the geometric normal.
-    origin: Vec3Soa,
+    /// The points that rays leave on the side of the geometric normal.
+    starts: StartPoints,
     /// The media on both sides of surfaces.
     pub(super) media: MediaTable,
     /// The entry of each surface in that; empty in worlds without volumes.
@@ -64,9 +64,19 @@ impl Vertices {
         }
     }
 
-    /// Computes frames, views and ray origins.
-    pub(super) fn find_frames(&mut self, world: &World, surfaces: &InteractionSoa) {
-        find_origins(surfaces, &mut self.origin, world.numerics());
+    /// Computes frames, views and, unless they are `lifted`, ray origins.
+    pub(super) fn find_frames(
+        &mut self,
+        world: &World,
+        surfaces: &InteractionSoa,
+        lifted: Option<&StartPoints>,
+    ) {
+        if let Some(lifted) = lifted {
+            self.starts.clone_from(lifted);
+        } else {
+            self.starts.position.clone_from(&surfaces.position);
+            find_origins(surfaces, &mut self.starts.origin, world.numerics());
+        }
         simd!(self.compute_frames(surfaces));
         for (material, range) in surfaces.by_material() {
             if let Material::MetallicRoughness(m) = &world.materials[*material as usize]
@@ -125,10 +135,23 @@ impl Vertices {
         self.view.get(i).z > 0.0
     }
 
+    /// The point that light samples and BSDF samples are taken from: both must have the densities of one point.
+    #[inline(always)]
+    pub(super) fn position(&self, i: usize) -> DVec3 {
+        self.starts.position.get(i)
+    }
+
+    /// Whether a ray leaves from [`Vertices::origin_above`]: on the side of the geometric normal, from lifted points in
+    /// any direction.
+    #[inline(always)]
+    pub(super) fn leaves_above(&self, i: usize, surfaces: &InteractionSoa, direction: DVec3) -> bool {
+        self.starts.is_lifted.get(i) | (direction.dot(surfaces.geometric_normal.get(i)) > 0.0)
+    }
+
     /// The origin of a ray that leaves on the side of the geometric normal.
     #[inline(always)]
     pub(super) fn origin_above(&self, i: usize) -> DVec3 {
-        self.origin.get(i)
+        self.starts.origin.get(i)
     }
 
     /// The origin of a ray that leaves in a direction.
@@ -140,7 +163,7 @@ impl Vertices {
         surfaces: &InteractionSoa,
         direction: DVec3,
     ) -> DVec3 {
-        if direction.dot(surfaces.geometric_normal.get(i)) > 0.0 {
+        if self.leaves_above(i, surfaces, direction) {
             self.origin_above(i)
         } else {
             world.origin_below(surfaces, i, direction)
@@ -167,8 +190,7 @@ impl Vertices {
         surfaces: &InteractionSoa,
         direction: DVec3,
     ) -> MediumStackId {
-        let is_below = direction.dot(surfaces.geometric_normal.get(i)) <= 0.0;
-        self.crossing(i).sides[usize::from(is_below)]
+        self.crossing(i).sides[usize::from(!self.leaves_above(i, surfaces, direction))]
     }
 }
 

@@ -11,8 +11,6 @@ mod pixels;
 pub mod shadows;
 #[cfg(not(kiln_without = "soft-shadows"))]
 pub mod soft_shadows;
-#[cfg(not(kiln_without = "terminator"))]
-pub mod terminator;
 
 use super::{EffectContext, Hook, PlanSpec, Stage, TransportEntry, id};
 use crate::scene::Transport;
@@ -21,7 +19,7 @@ use crate::scene::Transport;
 pub(super) const TRANSPORT: TransportEntry = TransportEntry {
     transport: Transport::Whitted,
     switch: None,
-    effects: &[id::SHADOWS, id::SOFT_SHADOWS, id::TERMINATOR, id::AMBIENT_OCCLUSION, id::GLAZE],
+    effects: &[id::SHADOWS, id::SOFT_SHADOWS, id::AMBIENT_OCCLUSION, id::GLAZE],
     reason: "surfaces are shaded by the lights that they see",
     specify: |context, spec| {
         spec.lit = spec.shading.uses_lights() && !context.world.lights.is_empty();

@@ -79,8 +79,9 @@ fn test_occlusion(
     points: Option<&DiscPoints>,
 ) {
     let Tile { generations, current, depth, lights, traversal, recorder, .. } = tile;
-    let RayGeneration { surfaces, origins, shadow_origins, .. } = &generations[*current];
-    let Some(origins) = shadow_origins.as_ref().or(origins.as_ref()) else { return };
+    let RayGeneration { surfaces, origins, lifted, .. } = &generations[*current];
+    let lifted = lifted.as_ref().map(|lifted| &lifted.origin);
+    let Some(origins) = lifted.or(origins.as_deref()) else { return };
     let Buffers { rays, occluded, surfaces: tested } = buffers;
     let (mut cast, mut blocked, mut count) = (0, 0, 0);
     for (index, light) in lights.iter_mut().enumerate() {
