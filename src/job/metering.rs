@@ -71,8 +71,8 @@ impl RenderJob {
         }
         // Without light from beside the objects, which a wider filter would mix in.
         let filter = samples.is_some().then_some(FilterShape::Box);
-        let Sampling { seed, sampler, .. } = self.plan_settings.sampling;
-        small.set_sampling(Sampling { samples, filter, seed, sampler, ..Sampling::default() })?;
+        // The same random numbers whatever the seed and the time are: noise does not change the exposure of a scene.
+        small.set_sampling(Sampling { samples, filter, ..Sampling::default() })?;
         Ok(small)
     }
 

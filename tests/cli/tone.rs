@@ -1,7 +1,7 @@
 //! Exposure, tone map and headlight end to end: values of PNG against those of EXR, the automatic exposure, shards and
 //! frames, errors, and the warning of clipped pictures.
 
-use crate::workshop::Workshop;
+use crate::workshop::{Workshop, text};
 use kiln::film::read::read_picture;
 use kiln::film::tone::ToneMap;
 use kiln::film::{ColourPipeline, DisplayTransform};
@@ -300,6 +300,16 @@ fn the_automatic_exposure_does_not_depend_on_samples_and_regions() {
     for options in ["--samples 64 -o many.png", "--samples 4 --noise 0.05 -o adaptive.png", "-o film.exr"] {
         let other = workshop.succeed(&format!("{room} {options}"));
         assert_eq!(printed_exposure(&other), printed_exposure(&few), "{options}");
+    }
+    // Nor on the grain: by a seed, a sampler, or a time at which nothing has moved.
+    let still =
+        "[animation]\nduration = 2\n[[animation.track]]\nobject = 'lamp'\nlerp = { to = [0, 0.7, -0.3] }\n";
+    let clip = text(&workshop.bytes("room.toml")).replace("[[sphere]]", "[[sphere]]\nname = 'lamp'") + still;
+    workshop.write("clip.toml", clip);
+    for options in ["room.toml --seed 7", "room.toml --sampler independent --seed 8", "clip.toml --time 0.7"]
+    {
+        let other = format!("render {options} --transport path --exposure auto --samples 2 -o grain.png");
+        assert_eq!(printed_exposure(&workshop.succeed(&other)), printed_exposure(&few), "{options}");
     }
     // 2048 samples per pixel of the whole picture at 0 EV, whose log-average has nearly no bias.
     workshop.succeed("render room.toml --transport path --samples 2048 --filter box -o limit.exr");

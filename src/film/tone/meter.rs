@@ -14,23 +14,23 @@ fn luminance(colour: [f32; 3]) -> f64 {
 /// Reproduction", Journal of Graphics Tools 7(1), 2002. The log-average luminance is taken to the key
 /// 0.18 * 4^((2 log2 avg - log2 min - log2 max) / (log2 max - log2 min)), where min and max leave out the darkest and
 /// the brightest 1 % of pixels: 0.18 where the average is midway, down to 0.045 for a few bright things before a dark
-/// background, up to 0.72 for the opposite.
+/// background, up to 0.72 for the opposite. The average takes luminances beyond min and max as these, since they are of
+/// noise.
 ///
-/// Pixels without light, or with light that is not finite, do not count. Summed in the order of the pixels, which
-/// decides the last bits; rounded to 1/100 EV, so that the same exposure can be typed. 0 for a picture without light.
+/// Pixels without light, or with light that is not finite, do not count. Rounded to 1/100 EV, so that the same exposure
+/// can be typed. 0 for a picture without light.
 pub fn auto_exposure(colours: impl Iterator<Item = [f32; 3]>) -> f64 {
     let lit = colours.map(luminance).filter(|&l| l > 0.0 && l.is_finite());
     let mut logs: Vec<f64> = lit.map(f64::log2).collect();
     if logs.is_empty() {
         return 0.0;
     }
-    let average = logs.iter().sum::<f64>() / logs.len() as f64;
     let (count, end) = (logs.len(), logs.len() / 100);
     let mut ranked = |rank: usize| *logs.select_nth_unstable_by(rank, f64::total_cmp).1;
     let min = ranked(end);
     let max = ranked(count - 1 - end);
-    // Outliers beyond the percentiles may take the average out of their range.
-    let bias = if max > min { ((2.0 * average - min - max) / (max - min)).clamp(-1.0, 1.0) } else { 0.0 };
+    let average = logs.iter().map(|log| log.clamp(min, max)).sum::<f64>() / count as f64;
+    let bias = if max > min { (2.0 * average - min - max) / (max - min) } else { 0.0 };
     rounded(0.18f64.log2() + 2.0 * bias - average, 100.0)
 }
 
@@ -120,10 +120,11 @@ mod tests {
         // Three times 0.09, once 0.36 = 0.09 * 2^2: the log-average is 0.09 * 2^0.5, a quarter of the way up, so the key
         // is 0.18 * 4^((2 * 0.5 - 0 - 2) / 2) = 0.09, and the exposure log2(0.09) - log2(0.09 * 2^0.5).
         assert_eq!(auto_exposure([[0.09; 3], [0.09; 3], [0.36; 3], [0.09; 3]].into_iter()), -0.5);
-        // Of 200 pixels the two brightest are left out of the maximum: the key is 0.18, the average 2 * 10 / 200 = 0.1
-        // stops up.
-        let sparks = (0..200).map(|i| if i % 100 == 7 { [0.18 * 1024.0; 3] } else { [0.18; 3] });
-        assert_eq!(auto_exposure(sparks), -0.1);
+        // Of 200 pixels the two brightest and the two darkest count as the others, whatever they are.
+        for outliers in [[0.18; 2], [1e9, 1e-9], [0.18, 1e-30], [1e4, 0.18]] {
+            let sparks = (0..200).map(|i| [if i % 100 < 2 { outliers[i % 2] } else { 0.18 }; 3]);
+            assert_eq!(auto_exposure(sparks), 0.0);
+        }
         // Green 1 has the luminance 0.7152: log2(0.18 / 0.7152) = -1.99036.
         assert_eq!(auto_exposure([[0.0, 1.0, 0.0]].into_iter()), -1.99);
         // Black and non-finite pixels do not count.
