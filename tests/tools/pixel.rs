@@ -542,6 +542,11 @@ fn text_names_the_terms() {
             assert!(text.contains(label), "{label:?} is not in\n{text}");
         }
     }
+    // A path on a smooth mesh: the test of the lifted point, then the shadow ray to a light infinitely far away.
+    let text = output("explain scenes/effects/terminator.toml --transport path --pixel 140,100");
+    let ray = |label| text.lines().find_map(|line| line.trim_start().strip_prefix(label)).map(str::trim);
+    assert_eq!(ray("shadow ray"), Some("unoccluded"));
+    assert!(ray("terminator ray").is_some_and(|result| result.starts_with("unoccluded over ")), "{text}");
 }
 
 /// Lines stay short with coloured lights and long names.

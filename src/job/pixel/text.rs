@@ -219,7 +219,11 @@ impl Text<'_> {
             );
             self.row("  adds", &light(emission.adds));
         }
-        for (sample, ray) in path.light_samples.iter().zip(shadow_rays) {
+        // Those of light samples are last.
+        let others = shadow_rays.len().saturating_sub(path.light_samples.len());
+        let (others, tests) = shadow_rays.split_at(others);
+        others.iter().for_each(|ray| self.shadow_ray(&format!("{} ray", ray.kind), ray));
+        for (sample, ray) in path.light_samples.iter().zip(tests) {
             let found = &sample.sample;
             self.row("light sample", &(self.name)(&sample.light));
             self.row("  L", &format!("{}, density {}", light(found.radiance), pdf(found.pdf)));
