@@ -40,13 +40,17 @@ pub struct View {
     pub(super) lens: Option<ThinLens>,
 }
 
+/// Ratios of the sides of a pixel that OpenEXR files can state (ImfHeader.cpp, `sanityCheck`).
+const ASPECTS: std::ops::RangeInclusive<f32> = 1e-6..=1e6;
+
 impl View {
     /// Prepares `camera` for a picture of `width` by `height` pixels. Where the aspect ratio of the picture differs from that of the
     /// viewing rectangle and pixels are square, the rectangle is enlarged along one axis. A camera without a width of its own keeps
     /// its height.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the camera has no direction, is not finite, or lies beyond the range of ray origins.
+    /// [`Error::Usage`] where the camera has no direction, is not finite, lies beyond the range of ray origins, or has pixels
+    /// of a ratio that pictures cannot state.
     pub fn new(camera: &Camera, projection: Projection, [width, height]: [u32; 2]) -> Result<Self> {
         let unusable =
             |what: &str, hint: &str| Error::usage(format!("camera `{}` {what}", camera.name), hint);
@@ -81,6 +85,10 @@ impl View {
         if !(usable && view.distance > 0.0 && view.distance.is_finite()) {
             let hint = "give its rectangle and its distance finite sizes above 0";
             return Err(unusable("has an unusable viewing rectangle", hint));
+        }
+        if !ASPECTS.contains(&(view.pixel_aspect() as f32)) {
+            let what = "has pixels more than a million times as wide as high, or as high as wide";
+            return Err(unusable(what, "give `viewing_rectangle` or `image_size` the shape of the picture"));
         }
         let reach = if projection.is_central() { 0.0 } else { (rectangle + shift.abs()).max_element() };
         if camera.position.abs().max_element() + reach > FARTHEST {

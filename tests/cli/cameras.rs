@@ -284,3 +284,32 @@ fn a_view_of_an_edge_is_noted() {
     let said = workshop.succeed("render a.toml -o a.png --size 32x32 --view top");
     assert!(said.contains(note), "{said}");
 }
+
+/// The sides of a pixel of `K` or of a rectangle over another picture. OpenEXR states their ratio from 1e-6 to 1e6; beyond,
+/// nothing is rendered in any format.
+#[test]
+fn pixels_of_any_shape_are_refused_before_rendering() {
+    let shop = Workshop::with("a.toml", SCENE);
+    for (lens, is_usable) in [
+        ("K=[1,1,0,0],image_size=[4294967295,1]", false),
+        ("K=[1,1,0,0],image_size=[1,4294967295]", false),
+        ("viewing_rectangle=[1e7,1],viewpoint_distance=1,oblong_pixels=true", false),
+        ("K=[1,1,0,0],image_size=[1000000,1]", true),
+    ] {
+        let camera = format!("{{position=[0,0,9],look_at=[0,0,0],{lens}}}");
+        for out in ["-o a.exr", "-o a.png", "-o a_#.exr --frames 0"] {
+            let render = format!("render a.toml --size 8x8 --camera {camera} {out}");
+            if is_usable {
+                shop.succeed(&render);
+                continue;
+            }
+            let (said, _) = shop.fail(&render, 2);
+            assert_eq!(
+                said,
+                "camera `inline` has pixels more than a million times as wide as high, or as high as wide",
+                "{render}"
+            );
+            assert_eq!(shop.names(), ["a.toml"]);
+        }
+    }
+}
