@@ -5,7 +5,7 @@
 
 mod printable;
 
-pub use printable::{printable, printable_json, printable_lines};
+pub use printable::{printable, printable_json, printable_lines, shortened};
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, HashSet};
@@ -260,7 +260,13 @@ pub fn is_contained() -> bool {
 
 /// "did you mean `x`?" if a known name is similar to `typed`, else the list of all known names.
 pub fn nearest_name(typed: &str, known: &[&str]) -> String {
-    let similarity = |name: &&&str| (strsim::jaro_winkler(typed, name) * 1e6) as u64;
+    // Comparing takes time in proportion to the product of the lengths.
+    const LONGEST: usize = 200;
+    let is_short = |name: &str| name.len() <= LONGEST;
+    let similarity = |name: &&&str| match is_short(typed) && is_short(name) {
+        true => (strsim::jaro_winkler(typed, name) * 1e6) as u64,
+        false => 0,
+    };
     match known.iter().max_by_key(similarity) {
         Some(name) if similarity(&name) >= 800_000 => format!("did you mean `{name}`?"),
         _ => format!("known here: {}", known.join(", ")),

@@ -9,7 +9,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 
 use serde_json::json;
 
-use crate::error::{Warnings, printable, printable_json};
+use crate::error::{Warnings, printable, printable_json, shortened};
 
 /// The syntax of messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -129,26 +129,27 @@ impl Message<'_> {
 
     fn json(&self) -> serde_json::Value {
         let tenths = |seconds: f64| (seconds * 10.0).round() / 10.0;
+        let hinted = |hint: &str| (!hint.is_empty()).then(|| shortened(hint).into_owned());
         match self {
             Message::Progress { done, total, unit, elapsed, eta, .. } => json!({
                 "event": "progress", "done": done, "total": total, "unit": unit,
                 "elapsed": tenths(*elapsed), "eta": eta.map(tenths),
             }),
-            Message::Note(text) => json!({ "event": "note", "message": text }),
-            Message::Warning(text) => json!({ "event": "warning", "message": text }),
+            Message::Note(text) => json!({ "event": "note", "message": shortened(text) }),
+            Message::Warning(text) => json!({ "event": "warning", "message": shortened(text) }),
             Message::Frame(frame, file) => {
                 json!({ "event": "frame", "frame": frame, "file": file.display().to_string() })
             }
-            Message::Picture(text) => json!({ "event": "picture", "message": text }),
+            Message::Picture(text) => json!({ "event": "picture", "message": shortened(text) }),
             Message::Failure { what, hint } => {
-                json!({ "event": "failure", "message": what, "hint": Some(hint).filter(|hint| !hint.is_empty()) })
+                json!({ "event": "failure", "message": shortened(what), "hint": hinted(hint) })
             }
             Message::Error { what, hint, exit_code } => {
-                let hint = Some(hint).filter(|hint| !hint.is_empty());
+                let (what, hint) = (shortened(what), hinted(hint));
                 json!({ "event": "error", "message": what, "hint": hint, "exit_code": exit_code })
             }
             Message::Interrupted { exit_code } => json!({ "event": "interrupted", "exit_code": exit_code }),
-            Message::Done(text) => json!({ "event": "done", "message": text }),
+            Message::Done(text) => json!({ "event": "done", "message": shortened(text) }),
         }
     }
 

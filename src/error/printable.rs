@@ -4,9 +4,28 @@ use std::borrow::Cow;
 
 /// Escapes control characters as `\u{…}`: C0 including line breaks, DEL, C1, line and paragraph separators, and the
 /// marks, embeddings, overrides and isolates of bidirectional text. The result is one line that neither controls a
-/// terminal nor reorders adjacent text.
+/// terminal nor reorders adjacent text. Of a long text the middle is left out ([`shortened`]).
 pub fn printable(text: &str) -> Cow<'_, str> {
-    escaped(text, is_control, |c| c.escape_unicode().to_string())
+    fn escape(text: &str) -> Cow<'_, str> {
+        escaped(text, is_control, |c| c.escape_unicode().to_string())
+    }
+    match shortened(text) {
+        Cow::Borrowed(text) => escape(text),
+        Cow::Owned(text) => escape(&text).into_owned().into(),
+    }
+}
+
+/// Characters that are printed of each end of a long text, such as a message that quotes a name of a file.
+const END: usize = 1000;
+
+/// A text of which the middle is left out, if it is much longer than messages are.
+pub fn shortened(text: &str) -> Cow<'_, str> {
+    let start = text.char_indices().nth(END).map_or(text.len(), |(start, _)| start);
+    let end = text.char_indices().rev().nth(END - 1).map_or(0, |(end, _)| end);
+    match text.get(start..end).map(|middle| middle.chars().count()) {
+        None | Some(0) => text.into(),
+        Some(count) => format!("{}… ({count} more characters) …{}", &text[..start], &text[end..]).into(),
+    }
 }
 
 /// As [`printable`], but keeps line breaks.
@@ -60,6 +79,17 @@ mod tests {
             assert!(matches!(printable(text), Cow::Borrowed(same) if same == text), "{text}");
         }
         assert_eq!(printable_lines("a\nb\x1b\n"), "a\nb\\u{1b}\n");
+    }
+
+    /// 2000 characters stay; of one more, those in the middle are counted.
+    #[test]
+    fn the_middle_of_a_long_text_is_left_out() {
+        let text = |count: usize| format!("{}{}", "ä".repeat(END), "\n".repeat(count));
+        assert_eq!(shortened(&text(END)), text(END));
+        let escaped = "\\u{a}".repeat(END);
+        let shown = format!("{}… (1 more characters) …{escaped}", "ä".repeat(END));
+        assert_eq!(printable(&text(END + 1)), shown);
+        assert!(printable(&"x".repeat(20_000_000)).contains("… (19998000 more characters) …"));
     }
 
     #[test]

@@ -118,6 +118,43 @@ fn names_are_printed_escaped_in_one_line() {
     assert!(shown > 40, "the names are printed: {shown}");
 }
 
+/// Of names of two million letters, in files and arguments, the ends are printed.
+#[test]
+fn long_names_are_printed_in_part() {
+    let long = |count: usize| "n".repeat(count);
+    let shop = Workshop::with(
+        "a.obj",
+        format!("o {0}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl {0}\nf 1 2 3\n", long(2_000_000)),
+    );
+    shop.write("a.toml", format!("[image]\n{} = 1\n", long(2_000_000)));
+    shop.write("b.toml", format!("[[mesh]]\nfile = '{}.obj'\n", long(2_000_000)));
+    let (known, other) = ("a".repeat(500_000), "b".repeat(500_000));
+    let sphere = "[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\n";
+    shop.write("c.toml", format!("[material.{known}]\ncolour = 'red'\n{sphere}material = '{other}'\n"));
+    let picture = "-o o.png --size 8x8 --samples 1";
+    for arguments in [
+        "info a.obj".to_owned(),
+        "explain a.obj".into(),
+        format!("render a.obj {picture}"),
+        format!("render a.obj {picture} --progress json"),
+        format!("render a.obj {picture} --look-at x"),
+        format!("render a.obj {picture} --camera {}", long(100_000)),
+        format!("render a.obj {picture} --{}", long(100_000)),
+        format!("render {} {picture}", long(100_000)),
+        "info a.toml".into(),
+        "info b.toml".into(),
+        "info c.toml".into(),
+        format!("animate a.obj -o o.gif --frames 0 --size 16x16 --with {}", long(100_000)),
+    ] {
+        let output = shop.run(&arguments);
+        let (result, said) = (text(&output.stdout), text(&output.stderr));
+        let longest = result.lines().chain(said.lines()).map(str::len).max();
+        let start = arguments.get(..60).unwrap_or(&arguments);
+        assert!(longest.is_some_and(|length| length < 3000), "{start}: {longest:?}");
+        assert!(!said.contains("a fault in kiln"), "{start}");
+    }
+}
+
 /// File names may come from a stranger as well.
 #[cfg(unix)]
 #[test]
