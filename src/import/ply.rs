@@ -104,10 +104,10 @@ impl<'a> Contents<'a> {
         let mut body = Body::new(source, header, is_by_words);
         let (mut mesh, mut colours, mut faces) = (Mesh::default(), None, Faces::default());
         let mut before_vertices = Vec::new();
+        let vertices = header.elements.iter().rposition(|element| element.name == "vertex");
         for (index, element) in header.elements.iter().enumerate() {
             let name = element.name.as_str();
-            let is_before = !before_vertices.is_empty()
-                || header.elements[index..].iter().any(|later| later.name == "vertex");
+            let is_before = !before_vertices.is_empty() || vertices.is_some_and(|last| index < last);
             match name {
                 "vertex" if mesh != Mesh::default() => {
                     return Err(body.fault_of(element, "a second element `vertex`"));

@@ -289,7 +289,7 @@ pub(super) fn node_places(
     warnings: &mut Warnings,
 ) -> Result<Vec<Option<NodePlace>>> {
     let mut places: Vec<Option<NodePlace>> = document.nodes().map(|_| None).collect();
-    let mut parent_of: Vec<Option<usize>> = vec![None; places.len()];
+    let mut is_open = vec![false; places.len()];
     let roots: Vec<gltf::Node> = match document.default_scene().or_else(|| document.scenes().next()) {
         Some(scene) => scene.nodes().collect(),
         None => {
@@ -298,12 +298,17 @@ pub(super) fn node_places(
             document.nodes().filter(|node| !children.contains(&node.index())).collect()
         }
     };
-    let mut open: Vec<(gltf::Node, (DMat4, bool), Option<usize>)> =
-        roots.into_iter().rev().map(|node| (node, (DMat4::IDENTITY, true), None)).collect();
-    while let Some((node, (world_from_parent, is_parent_visible), parent)) = open.pop() {
+    // What a node inherits; none at the end of its descendants.
+    let mut open: Vec<(gltf::Node, Option<(DMat4, bool)>)> =
+        roots.into_iter().rev().map(|node| (node, Some((DMat4::IDENTITY, true)))).collect();
+    while let Some((node, inherited)) = open.pop() {
         let index = node.index();
+        let Some((world_from_parent, is_parent_visible)) = inherited else {
+            is_open[index] = false;
+            continue;
+        };
         if places[index].is_some() {
-            if std::iter::successors(parent, |&above| parent_of[above]).any(|above| above == index) {
+            if is_open[index] {
                 let item = Place::item(file, format!("node {index}"));
                 return Err(Error::input(item, "the node is its own ancestor", "correct the hierarchy"));
             }
@@ -315,8 +320,9 @@ pub(super) fn node_places(
         let own = node.extension_value(VISIBILITY).and_then(|value| value.get("visible")?.as_bool());
         let is_visible = is_parent_visible && own.unwrap_or(true);
         places[index] = Some(NodePlace { world_from_node, is_visible });
-        parent_of[index] = parent;
-        open.extend(node.children().map(|child| (child, (world_from_node, is_visible), Some(index))));
+        is_open[index] = true;
+        open.push((node.clone(), None));
+        open.extend(node.children().map(|child| (child, Some((world_from_node, is_visible)))));
     }
     Ok(places)
 }

@@ -9,8 +9,8 @@ use glam::{DMat4, DQuat, DVec3};
 use toml::Spanned;
 
 use super::Builder;
-use super::sections::{MeshSection, PlacementValue, ScaleValue, SceneFile, line_of};
-use crate::error::{Error, Place, Result, Warnings};
+use super::sections::{MeshSection, PlacementValue, ScaleValue, SceneFile};
+use crate::error::{Error, Result, Warnings};
 use crate::import::tangents::make_tangents;
 use crate::import::{self, Source};
 use crate::scene::{Look, MaterialId, Object, Placed, Placement, Scene, Shape, UpChoice};
@@ -113,7 +113,7 @@ impl Builder<'_> {
         let part = read.map_err(|e| match e {
             Error::Input { place, what, hint } if place.file == path && place.line.is_none() => {
                 let what = format!("mesh {place}: {what}");
-                Error::input(Place::line(&self.source.file, line_of(self.text, start)), what, hint)
+                Error::input(self.location(start), what, hint)
             }
             other => other,
         })?;

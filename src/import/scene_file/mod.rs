@@ -1,6 +1,6 @@
 //! Scene file importer: converts a [`SceneFile`] and the meshes that it references to a [`Scene`].
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use glam::DVec3;
 use toml::Spanned;
@@ -35,7 +35,7 @@ use crate::scene::{
 use fault::{Fault, not_negative};
 use meshes::Meshes;
 use sections::{
-    CameraSection, DiskSection, EnvironmentSection, MeshSection, SphereSection, TrianglesSection, line_of,
+    CameraSection, DiskSection, EnvironmentSection, MeshSection, SphereSection, TrianglesSection,
 };
 
 /// Reads a scene file and the meshes that it references.
@@ -45,6 +45,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let mut builder = Builder {
         source,
         text: &text,
+        line_ends: text.bytes().enumerate().filter(|(_, b)| *b == b'\n').map(|(at, _)| at).collect(),
         scene: Scene::default(),
         materials: BTreeMap::new(),
         plain: None,
@@ -81,6 +82,8 @@ enum Entry<'a> {
 struct Builder<'a> {
     source: &'a Source,
     text: &'a str,
+    /// Byte offsets of line breaks.
+    line_ends: Vec<usize>,
     scene: Scene,
     materials: BTreeMap<String, MaterialId>,
     plain: Option<MaterialId>,
@@ -94,7 +97,12 @@ impl Builder<'_> {
     }
 
     fn location(&self, start: usize) -> Place {
-        Place::line(&self.source.file, line_of(self.text, start))
+        Place::line(&self.source.file, self.line(start))
+    }
+
+    /// Line number, counted from 1, of the byte at `start`.
+    fn line(&self, start: usize) -> usize {
+        1 + self.line_ends.partition_point(|&end| end < start)
     }
 
     /// Warns once of each name that is given more than once: tracks of an animation move all that have the name.
@@ -104,13 +112,12 @@ impl Builder<'_> {
         named: impl Iterator<Item = (Option<&'b str>, usize)>,
         warnings: &mut Warnings,
     ) {
-        // Line numbers are counted only for warnings, because counting takes time in proportion to the offset.
         let mut known: HashMap<&str, (usize, usize)> = HashMap::new();
         for (name, start) in named.filter_map(|(name, start)| Some((name?, start))) {
             let (first, count) = known.entry(name).or_insert((start, 0));
             *count += 1;
             if *count == 2 {
-                let line = line_of(self.text, *first);
+                let line = self.line(*first);
                 let what = format!("a second {noun} named `{name}`, like that of line {line}");
                 let hint = "tracks move both; give each its own name";
                 warnings.push(format!("{}: {what}; {hint}", self.location(start)));
@@ -161,9 +168,10 @@ impl Builder<'_> {
             let place = self.location(value.span().start);
             self.scene.effects.set(name, value.get_ref().clone(), Some(place));
         }
+        let mut names = HashSet::new();
         for (index, section) in file.camera.iter().enumerate() {
             let camera = self.camera(index, section)?;
-            if self.scene.cameras.iter().any(|c| c.name == camera.name) {
+            if !names.insert(camera.name.clone()) {
                 let what = format!("a second camera named `{}`", camera.name);
                 return Err(self.error(section.span().start, what, "give each its own name"));
             }

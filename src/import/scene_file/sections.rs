@@ -499,7 +499,7 @@ fn parsing_bytes(text: &str) -> u64 {
 }
 
 /// Line number, counted from 1, of the byte at `offset`.
-pub(super) fn line_of(text: &str, offset: usize) -> usize {
+fn line_of(text: &str, offset: usize) -> usize {
     1 + text.bytes().take(offset).filter(|&b| b == b'\n').count()
 }
 

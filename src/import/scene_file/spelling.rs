@@ -1,12 +1,14 @@
 //! Spellings of keys, the same for all sections and inline tables: `color` is `colour`.
 
+use std::collections::HashSet;
+
 use toml::de::{DeTable, DeValue};
 
 /// Renames the keys of a table and of those in it, except names that the user chose, and adds the byte offsets of colours
 /// that look like shares of 1.
 pub(super) fn unify(table: &mut DeTable, dark_colours: &mut Vec<usize>) {
     let typed = std::mem::take(table);
-    let names: Vec<String> = typed.keys().map(|key| key.get_ref().to_string()).collect();
+    let names: HashSet<String> = typed.keys().map(|key| key.get_ref().to_string()).collect();
     for (mut key, mut value) in typed {
         let spelled = key.get_ref().replace("color", "colour");
         // A key that is given in both spellings stays, and is unknown.
