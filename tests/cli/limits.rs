@@ -47,6 +47,30 @@ fn pictures_that_do_not_fit_are_refused_with_what_they_need() {
     }
 }
 
+/// 3,000 stacks of 2 MiB do not fit into 2.9 GiB.
+#[cfg(target_os = "linux")]
+#[test]
+fn threads_that_cannot_be_started_are_an_error() {
+    let shop = Workshop::with("scene.toml", SCENE);
+    let kiln = assert_cmd::cargo::cargo_bin!("kiln").display().to_string();
+    for arguments in [
+        "render scene.toml -o a.png",
+        "render scene.toml -o a_#.png --frames 0",
+        "animate scene.toml -o a.gif",
+        "study scene.toml -o a",
+        "bench",
+    ] {
+        let shell = format!("ulimit -v 3000000; exec '{kiln}' {arguments} --threads 3000");
+        let output = Command::new("sh").current_dir(shop.0.path()).args(["-c", &shell]).output();
+        let output = output.expect("the command starts");
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{arguments}: {said}");
+        let (line, hint) = check_error(&said);
+        assert_eq!(line, "the system cannot start as many threads", "{arguments}");
+        assert!(hint.starts_with("give a smaller number as --threads; "), "{hint}");
+    }
+}
+
 /// One picture must fit into the limit. Frames of which two do not fit are rendered one after the other: 3,200 x 3,200
 /// pixels of 3 bytes are 29 MiB, and 128 MiB hold one of them beside the program and the 64 MiB that are kept free.
 #[cfg(target_os = "linux")]
@@ -120,4 +144,67 @@ fn limits_of_what_files_hold() {
     }
     let (said, _) = shop.fail(&format!("info {model} --limit points=3"), 2);
     assert!(said.contains("give triangles=N, texels=N or nodes=N"), "{said}");
+}
+
+/// Many objects: refused where they do not fit, before they are made. 300,000 groups take more than 700 bytes each, 200 MiB,
+/// of the 192 MiB that 256M leave.
+#[cfg(target_os = "linux")]
+#[test]
+fn objects_that_do_not_fit_are_refused() {
+    let groups = |count: usize| {
+        let group = |i: usize| format!("g {i}\nf 1 2 3\n");
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned() + &(0..count).map(group).collect::<String>()
+    };
+    let shop = Workshop::with("many.obj", groups(300_000));
+    shop.write("few.obj", groups(20_000));
+    for command in ["info", "info --json", "render -o a.png"] {
+        let (said, hint) = shop.fail(&format!("{command} many.obj --memory-limit 256M"), 3);
+        assert!(said.starts_with("many.obj: reading its meshes needs "), "{said}");
+        assert!(hint.ends_with("give --memory-limit 2G"), "{hint}");
+    }
+    shop.succeed("info few.obj --memory-limit 256M");
+    // 20,000 x 4,200 bytes are 80 MiB.
+    let (said, hint) = shop.fail("info few.obj --json --memory-limit 128M", 1);
+    assert!(said.starts_with("the JSON of 20000 objects needs 81 MiB of memory; "), "{said}");
+    assert!(hint.starts_with("leave --json out, or "), "{hint}");
+}
+
+/// Lists of 100,000 entries are read in a second; where an entry looks at all others, they take minutes.
+#[test]
+fn long_lists_are_read_in_linear_time() {
+    const COUNT: usize = 100_000;
+    let lines = |line: &dyn Fn(usize) -> String| (0..COUNT).map(line).collect::<String>();
+    let vertices = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n";
+    let elements = lines(&|i| format!("element e{i} 0\n"));
+    let faces =
+        "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    let shop = Workshop::with("a.ply", format!("ply\nformat ascii 1.0\n{vertices}{elements}{faces}"));
+    let cameras =
+        lines(&|i| format!("[[camera]]\nname = '{i}'\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\n"));
+    shop.write("cameras.toml", SCENE.to_owned() + &cameras);
+    let lamp = |i: usize| format!("[[light]]\nname = '{}'\ntype = 'point'\nposition = [0, 0, 5]\n", i / 2);
+    shop.write("lights.toml", SCENE.to_owned() + &lines(&lamp));
+    let track = |_| {
+        "[[animation.track]]\nobject = 'ball'\nproperty = 'position'\nkeyframes = [[0, [0, 0, 0]]]\n"
+            .to_owned()
+    };
+    shop.write("tracks.toml", SCENE.to_owned() + &lines(&track));
+    shop.write("keys.toml", lines(&|i| format!("k{i} = 1\n")));
+    // Each node of a chain has the last one as its second child.
+    let node = |i: usize| format!("{{\"children\": [{}, {COUNT}]}}, ", i + 1);
+    let nodes = (0..COUNT - 1).map(node).collect::<String>();
+    shop.write(
+        "chain.gltf",
+        format!("{{\"asset\": {{\"version\": \"2.0\"}}, \"scenes\": [{{\"nodes\": [0]}}], \"nodes\": [{nodes}{{}}, {{}}]}}"),
+    );
+    for (file, code) in [
+        ("a.ply", 0),
+        ("cameras.toml", 0),
+        ("lights.toml", 0),
+        ("tracks.toml", 3),
+        ("keys.toml", 3),
+        ("chain.gltf", 3),
+    ] {
+        shop.code(&format!("info {file}"), code);
+    }
 }

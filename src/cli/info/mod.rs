@@ -11,16 +11,17 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use clap::Args;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::arguments::inputs_help;
 use super::{json_text, print};
 use crate::effects::check_scene;
-use crate::error::{Result, Warnings, printable};
+use crate::error::{Error, Result, Warnings, printable};
 use crate::import::{self, FileNames};
-use crate::scene::ImportOptions;
+use crate::limits;
 use crate::scene::option::group;
 use crate::scene::topology::Topology;
+use crate::scene::{ImportOptions, Scene};
 use rendering::{Memory, Rendering};
 
 #[derive(Args)]
@@ -45,7 +46,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let drawable = import::check_drawable(&scene);
     let after_loading = Memory::now();
     let topology = Topology::of_scene(&scene);
-    let (mut report, mut lines) = (contents::to_json(&arguments.inputs, &scene, &topology), Lines::default());
+    let (mut report, mut lines) = (Value::Null, Lines::default());
+    if arguments.json {
+        check_memory(&scene)?;
+        report = contents::to_json(&arguments.inputs, &scene, &topology);
+    }
     let names = FileNames::of(&arguments.inputs);
     contents::add_sizes(&mut lines, &names, &scene);
     objects::add(&mut lines, &scene, &topology);
@@ -72,6 +77,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     }
     // The contents are printed before the error.
     drawable
+}
+
+/// Checks the memory limit for the JSON of the objects: its values and their text, measured with 40,000 objects.
+fn check_memory(scene: &Scene) -> Result<()> {
+    const OBJECT: u64 = 4200;
+    let count = scene.objects.len() as u64;
+    limits::check(limits::product(&[count, OBJECT])).map_err(|excess| Error::Memory {
+        what: format!("the JSON of {count} objects {excess}"),
+        hint: format!("leave --json out, or {}", excess.remedy()),
+    })
 }
 
 /// Lines of text, each with a label.

@@ -19,6 +19,9 @@ use crate::limits;
 /// Maximum number of elements of one kind, as indices have 31 bits and the last is [`INVALID_INDEX`].
 const MOST: usize = INVALID_INDEX as usize;
 
+/// Half of the bytes of a run and its object, with names and short lists: what is needed is twice what is there.
+const RUN: usize = (size_of::<Run>() + size_of::<crate::scene::Object>() + 256) / 2;
+
 /// Sizes in which a text is read and parsed, in bytes; its meshes do not depend on them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sizes {
@@ -274,14 +277,15 @@ impl Assembly {
             24 * (positions + colours + normals) + 16 * uvs
         };
         let of_chunk = |chunk: &Chunk| {
-            let Chunk { positions, colours, zbrush_colours, uvs, normals, faces, .. } = chunk;
-            vertices(positions.len(), colours.len() + zbrush_colours.len(), uvs.len(), normals.len())
+            let Chunk { positions, colours, zbrush_colours, uvs, normals, faces, statements, .. } = chunk;
+            RUN * statements.len()
+                + vertices(positions.len(), colours.len() + zbrush_colours.len(), uvs.len(), normals.len())
                 + faces.bytes()
         };
         let colours = self.colours.len() + self.zbrush_colours.len();
         let present = vertices(self.positions.len(), colours, self.uvs.len(), self.normals.len())
             + self.faces.bytes()
-            + self.runs.iter().map(|run| run.faces.bytes()).sum::<usize>();
+            + self.runs.iter().map(|run| RUN + run.faces.bytes()).sum::<usize>();
         let all = (present + parsed.iter().map(of_chunk).sum::<usize>()) as u64;
         // Each mesh is a copy of what it uses.
         let needed = 2 * (all as f64 * (length as f64 / consumed.max(1) as f64).max(1.0)) as u64;
