@@ -12,6 +12,10 @@ use super::output::check_folder;
 use super::prepare::Reporter;
 use super::render::{Command, Outcome, render_still};
 use crate::error::{Error, Result};
+use crate::files::{check_output, file_key};
+use crate::film::check::{FileState, state_of};
+use crate::film::write::Format;
+use crate::import;
 
 /// The place of an input's name, without its ending, in the name of an output.
 const NAME: &str = "{name}";
@@ -35,7 +39,6 @@ pub(super) fn commands(command: &Command) -> Result<Vec<Command>> {
         let what = format!("{}: one file for the statistics of several pictures", file.display());
         return Err(Error::usage(what, "give its name a place for theirs, such as {name}.json"));
     }
-    let mut known: HashMap<PathBuf, &Path> = HashMap::new();
     let of_input = |input: &PathBuf| {
         let name = input.file_stem().filter(|_| input != Path::new("-")).ok_or_else(|| {
             let what = format!("{}: no name for {NAME} of --output", input.display());
@@ -48,14 +51,59 @@ pub(super) fn commands(command: &Command) -> Result<Vec<Command>> {
         Ok(one)
     };
     let commands = inputs.iter().map(of_input).collect::<Result<Vec<_>>>()?;
-    for (input, one) in inputs.iter().zip(&commands) {
-        if let Some(other) = known.insert(one.output.clone(), input) {
-            let (output, input) = (one.output.display(), input.display());
-            let what = format!("{} and {input} would both be written to {output}", other.display());
-            return Err(Error::usage(what, "render one of them by a command of its own"));
+    let mut known = HashMap::new();
+    for (index, one) in commands.iter().enumerate() {
+        for output in outputs(one) {
+            if let Some((other, before)) = known.insert(file_key(output), (index, output))
+                && other != index
+            {
+                let [a, b, first, second] =
+                    [&inputs[other], &inputs[index], before, output].map(|file| file.display());
+                let what = match before == output {
+                    true => format!("{a} and {b} would both be written to {first}"),
+                    false => format!(
+                        "{a} and {b} would be written to {first} and {second}: one file, where case does not count"
+                    ),
+                };
+                return Err(Error::usage(what, "render one of them by a command of its own"));
+            }
         }
     }
     Ok(commands)
+}
+
+/// The files that a command writes.
+fn outputs(command: &Command) -> impl Iterator<Item = &PathBuf> {
+    std::iter::once(&command.output).chain(&command.stats)
+}
+
+/// Checks that no picture overwrites a file that any of the inputs refers to, which only reading them tells. An input that
+/// cannot be read may refer to any file, so that with one of those only pictures of kiln are overwritten.
+fn check_outputs(commands: &[Command], interrupted: &AtomicBool) -> Result<()> {
+    // Otherwise nothing is overwritten.
+    if !commands.iter().flat_map(outputs).any(|output| output.exists()) {
+        return Ok(());
+    }
+    let mut unread = None;
+    for one in commands {
+        let read = import::list_files(&one.arguments.inputs, &one.arguments.reading());
+        unread = unread.or(read.err().map(|e| one.of_input(&e)));
+        if interrupted.load(Ordering::Relaxed) {
+            return Err(Error::Interrupted);
+        }
+    }
+    commands.iter().flat_map(outputs).try_for_each(|output| check_output(output))?;
+    let is_foreign = |output: &&PathBuf| {
+        let state = Format::from_path(output).map(|format| state_of(output, format));
+        output.exists() && !matches!(state, Ok(FileState::Whole(picture)) if picture.fingerprint.is_some())
+    };
+    if let Some(unread) = unread
+        && let Some(output) = commands.iter().map(|one| &one.output).find(is_foreign)
+    {
+        let what = format!("{}: may belong to an input that cannot be read ({unread})", output.display());
+        return Err(Error::usage(what, "leave that input out, or give --output another folder"));
+    }
+    Ok(())
 }
 
 fn has_name(file: &Path) -> bool {
@@ -80,6 +128,7 @@ fn with_name(file: &Path, name: &OsStr) -> PathBuf {
 /// [`Error::Interrupted`].
 pub(super) fn run(commands: &[Command], reporter: &mut Reporter, interrupted: &AtomicBool) -> Result<u8> {
     let start = Instant::now();
+    check_outputs(commands, interrupted)?;
     let (mut outcomes, mut worst) = (Vec::new(), 0);
     for (place, one) in commands.iter().enumerate() {
         if let Some(input) = one.arguments.inputs.first() {

@@ -15,7 +15,6 @@ use crate::animation::{AnimationJob, FileNames, FrameList, FrameRequest, in_orde
 use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
-use crate::files::check_output;
 use crate::film::TILE;
 use crate::film::check::state_of;
 use crate::film::write::{self, Format, OutputImage, write_picture};
@@ -175,7 +174,7 @@ pub(crate) fn write_frames(
     interrupted: &AtomicBool,
 ) -> Result<()> {
     let pool = super::pool(arguments.threads)?;
-    let mut reporter = Reporter::new(pictures.progress, Vec::new());
+    let mut reporter = Reporter::new(pictures.progress);
     let is_there = |frame: i32, metadata: &Metadata| {
         let found = || state_of(&pictures.names.of(frame), pictures.format);
         pictures.skip_existing && found().is(fingerprint_of(metadata), Some(frame))
@@ -189,7 +188,7 @@ pub(crate) fn write_frames(
         is_there: &is_there,
     };
     let mut animation = pool.install(|| reporter.load_animation(arguments, &settings, &request))?;
-    animation.frames.iter().try_for_each(|&frame| check_output(&pictures.names.of(frame)))?;
+    reporter.check_outputs(animation.frames.iter().map(|&frame| pictures.names.of(frame)))?;
     let picture = animation.picture.settings.picture;
     output::check_bits_of(picture.bits, pictures.format)?;
     output::warn_of_dither(&arguments.settings.picture, pictures.format, &mut reporter.warnings);

@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::message::Message;
-use super::output::{check_folder, same_file};
+use super::output::check_folder;
 use crate::error::{Error, Result};
 use crate::farm::join;
+use crate::files::is_same_file;
 use crate::film::write::{Format, write_picture};
 use crate::scene::option::group;
 
@@ -25,7 +26,7 @@ pub(crate) fn run(command: &Command) -> Result<()> {
     let Command { shards, output } = command;
     let format = Format::from_path(output)?;
     check_folder(output)?;
-    if let Some(shard) = shards.iter().find(|shard| same_file(shard, output)) {
+    if let Some(shard) = shards.iter().find(|shard| is_same_file(shard, output)) {
         return Err(Error::usage(
             format!("{}: both a shard and the picture", shard.display()),
             "give --output another name",

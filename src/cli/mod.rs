@@ -175,6 +175,9 @@ pub fn run(words: Vec<OsString>) -> u8 {
         Message::Error { what: &format!("a fault in kiln itself{place}"), hint, exit_code: 1 }.print();
     }));
     files::protect_inputs();
+    if !matches!(command, Command::View { .. }) {
+        files::separate_outputs();
+    }
     let interrupted = interrupt::install();
     let result = std::panic::catch_unwind(|| {
         let done = match command {
@@ -303,7 +306,7 @@ fn print_raw(bytes: &[u8]) -> Result<()> {
     match out.write_all(bytes).and_then(|()| out.flush()) {
         // A reader such as `head` may close the pipe early.
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-        other => other.map_err(|e| Error::output(std::path::Path::new("-"), e)),
+        other => other.map_err(|e| Error::output(std::path::Path::new("-"), files::describe(&e))),
     }
 }
 
@@ -323,9 +326,10 @@ pub fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool> {
         (None, None) => 0,
     };
     let builder = rayon::ThreadPoolBuilder::new().num_threads(number);
-    builder
-        .build()
-        .map_err(|e| Error::Failed { what: format!("threads cannot be started: {e}"), hint: String::new() })
+    builder.build().map_err(|_| Error::Failed {
+        what: "the system cannot start as many threads".into(),
+        hint: "give a smaller number as --threads; `ulimit -u` is the limit of this user".into(),
+    })
 }
 
 #[cfg(test)]

@@ -98,15 +98,6 @@ impl OutputTarget {
     }
 }
 
-/// Whether two names denote the same file, which need not exist.
-pub(crate) fn same_file(a: &Path, b: &Path) -> bool {
-    let place = |file: &Path| {
-        let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        (folder.canonicalize().ok(), file.file_name().map(std::ffi::OsStr::to_owned))
-    };
-    a == b || (a != Path::new("-") && b != Path::new("-") && place(a) == place(b))
-}
-
 /// Checks that the folder of an output file exists.
 pub(crate) fn check_folder(output: &Path) -> Result<()> {
     let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty());

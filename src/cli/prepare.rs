@@ -1,5 +1,6 @@
 //! Loading of inputs into a resolved job or an animation, with timing, progress and warnings.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -9,7 +10,7 @@ use super::progress::{Mode, Progress};
 use super::statistics::Seconds;
 use crate::animation::{AnimationJob, FrameRequest, play_clip};
 use crate::error::{Error, Result, Warnings};
-use crate::files::check_output;
+use crate::files::{check_output, folder_of, target_of, unfinished_in};
 use crate::import;
 use crate::job::{RenderSettings, ResolvedJob, resolve};
 use crate::scene::Scene;
@@ -24,20 +25,14 @@ pub(crate) struct Reporter {
     pub prints_warnings: bool,
     /// Whether notes are printed with them.
     pub prints_notes: bool,
-    /// Output files with fixed names; they must not be inputs.
-    outputs: Vec<PathBuf>,
+    /// Folders of outputs so far.
+    folders: BTreeSet<PathBuf>,
 }
 
 impl Reporter {
-    /// Prints warnings, and notes unless there is no progress. Once all inputs are read, checks that no output is one
-    /// of them.
-    pub(crate) fn new(mode: Mode, outputs: Vec<PathBuf>) -> Self {
-        Reporter {
-            outputs,
-            prints_warnings: true,
-            prints_notes: mode != Mode::None,
-            ..Reporter::silent(mode)
-        }
+    /// Prints warnings, and notes unless there is no progress.
+    pub(crate) fn new(mode: Mode) -> Self {
+        Reporter { prints_warnings: true, prints_notes: mode != Mode::None, ..Reporter::silent(mode) }
     }
 
     /// Prints neither warnings nor notes.
@@ -49,7 +44,7 @@ impl Reporter {
             printer: WarningPrinter::default(),
             prints_warnings: false,
             prints_notes: false,
-            outputs: Vec::new(),
+            folders: BTreeSet::new(),
         }
     }
 
@@ -60,9 +55,26 @@ impl Reporter {
         self.progress.begin_part(format!("{} of {count}, {}: ", place + 1, input.display()), place, count);
     }
 
-    /// Output files with fixed names of the picture that follows; they must not be inputs.
-    pub(crate) fn set_outputs(&mut self, outputs: Vec<PathBuf>) {
-        self.outputs = outputs;
+    /// Once all inputs are read, checks that no output is one of them. Notes unfinished files in the outputs' folders.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for the first that is.
+    pub(crate) fn check_outputs<P: AsRef<Path>>(
+        &mut self,
+        outputs: impl IntoIterator<Item = P>,
+    ) -> Result<()> {
+        for output in outputs {
+            check_output(output.as_ref())?;
+            let folder = folder_of(&target_of(output.as_ref())).to_owned();
+            if self.folders.insert(folder.clone())
+                && let [first, rest @ ..] = &unfinished_in(&folder)[..]
+            {
+                let more = if rest.is_empty() { String::new() } else { format!(" and {} more", rest.len()) };
+                let what = "unfinished output of another process; delete it if that was killed";
+                self.warnings.note(format!("{}{more}: {what}", folder.join(first).display()));
+            }
+        }
+        Ok(())
     }
 
     /// Prints new warnings and notes.
@@ -94,9 +106,7 @@ impl Reporter {
         let scene = self.load(arguments)?;
         note_rest_pose(&scene, &mut self.warnings);
         self.phase("preparing");
-        let resolved = timed(&mut self.seconds.prepare, || resolve(scene, settings, &mut self.warnings))?;
-        self.outputs.iter().try_for_each(|output| check_output(output))?;
-        Ok(resolved)
+        timed(&mut self.seconds.prepare, || resolve(scene, settings, &mut self.warnings))
     }
 
     /// Loads the inputs and prepares the data shared by all frames.
@@ -117,10 +127,8 @@ impl Reporter {
             self.phase("building");
         });
         self.warnings = warnings;
-        let animation = animation?;
-        self.outputs.iter().try_for_each(|output| check_output(output))?;
         self.phase("rendering");
-        Ok(animation)
+        animation
     }
 
     /// With `strict`, warnings are an error. `written` says what was written all the same.

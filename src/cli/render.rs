@@ -8,7 +8,7 @@ use clap::Args;
 use super::arguments::{self, Arguments};
 use super::each_input;
 use super::frames::{self, FrameSeries, LengthArguments, file_names};
-use super::output::{self, OutputTarget, check_folder, render_target, render_to_accuracy, same_file};
+use super::output::{self, OutputTarget, check_folder, render_target, render_to_accuracy};
 use super::prepare::{Reporter, timed};
 use super::progress::Mode;
 use super::sampling::{AccuracyArguments, warn_of_unused};
@@ -16,7 +16,7 @@ use super::statistics;
 use crate::animation::{FileNames, FrameList};
 use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
-use crate::files::write_whole;
+use crate::files::{is_same_file, write_whole};
 use crate::film::write::{Format, OutputImage};
 use crate::job::{self, RenderJob, metadata};
 use crate::render::aov::{AOVS, AovSelection, EFFECTS, EFFECTS_SUMMARY, LARGEST_EXACT_INDEX};
@@ -85,7 +85,7 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<u8> {
         return render_frames(command, list, interrupted).map(|()| 0);
     }
     check_still(&command.length)?;
-    let mut reporter = Reporter::new(command.progress, Vec::new());
+    let mut reporter = Reporter::new(command.progress);
     note_plain_name(&command.output, each.is_empty(), &mut reporter.warnings);
     let pool = super::pool(command.arguments.threads)?;
     pool.install(|| match each.as_slice() {
@@ -134,7 +134,7 @@ pub(super) fn render_still(
     let selection = AovSelection::new(&command.aov)?;
     check_aov_format(command, target.format())?;
     if let Some(file) = &command.stats {
-        if same_file(file, target.file()) {
+        if is_same_file(file, target.file()) {
             let what = format!("{}: both the picture and its statistics", file.display());
             return Err(Error::usage(what, "give --stats another file than --output"));
         }
@@ -205,15 +205,12 @@ fn render_to(
     reporter: &mut Reporter,
     interrupted: &AtomicBool,
 ) -> Result<Outcome> {
-    let mut outputs: Vec<PathBuf> = command.stats.iter().cloned().collect();
-    if !matches!(target, OutputTarget::StandardOutput) {
-        outputs.push(target.file().to_owned());
-    }
-    reporter.set_outputs(outputs);
     let mut settings = command.arguments.settings()?;
     settings.shard = command.shard.unwrap_or_default();
     settings.aovs = command.aov.clone();
     let mut resolved = reporter.load_and_resolve(&command.arguments, &settings)?;
+    let file = Some(target.file()).filter(|_| !matches!(target, OutputTarget::StandardOutput));
+    reporter.check_outputs(command.stats.iter().map(PathBuf::as_path).chain(file))?;
     if let Some(target) = command.accuracy.target() {
         metadata::add_to_fingerprint(&mut resolved.picture.metadata, "sampling_target", &target);
     }

@@ -10,7 +10,7 @@ use super::prepare::Reporter;
 use super::progress::Mode;
 use super::{print, typed, typed_words};
 use crate::error::{Error, Result, Warnings, printable};
-use crate::files::write_whole;
+use crate::files::{describe, write_whole};
 use crate::import;
 use crate::job::{RenderSettings, ResolvedJob};
 use crate::render::RenderControl;
@@ -54,10 +54,11 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     let _folder = Folder::new(&command.output)?;
     let arguments = &command.arguments;
     let (timed, wide) = (super::pool(Some(arguments.threads.unwrap_or(1)))?, super::pool(arguments.threads)?);
-    let mut reporter = Reporter::new(command.progress, FILES.map(|name| command.output.join(name)).into());
+    let mut reporter = Reporter::new(command.progress);
     let longest = (!command.full).then_some(LONGEST);
     let settings = RenderSettings { longest_side: longest, mesh_look: Look::Draft, ..arguments.settings()? };
     let resolved = wide.install(|| reporter.load_and_resolve(arguments, &settings))?;
+    reporter.check_outputs(FILES.map(|name| command.output.join(name)))?;
     if !resolved.picture.settings.picture.display().is_identity() {
         reporter.warnings.note("the study compares displayed values without exposure and tone map");
         reporter.show();
@@ -105,7 +106,7 @@ impl Folder {
         let above = folder.ancestors().filter(|above| !above.as_os_str().is_empty());
         let made = above.take_while(|above| !above.exists()).map(Path::to_owned).collect();
         let own = Folder { made };
-        std::fs::create_dir_all(folder).map_err(|e| Error::output(folder, e))?;
+        std::fs::create_dir_all(folder).map_err(|e| Error::output(folder, describe(&e)))?;
         Ok(own)
     }
 }

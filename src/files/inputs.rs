@@ -1,25 +1,52 @@
-//! Registry of input files. Outputs must not overwrite them under any name.
+//! Registry of the files that are read and written. Outputs must not overwrite inputs under any name, nor be read.
 
 use std::collections::BTreeSet;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use same_file::Handle;
 
-use super::WholeFile;
+use super::{Refused, WholeFile};
 use crate::error::{Error, Result};
 
 /// Inputs of this process; `None` before [`protect_inputs`].
 static PROTECTED: Mutex<Option<InputFiles>> = Mutex::new(None);
 
+/// Outputs of this process by their canonical paths; `None` before [`separate_outputs`].
+static WRITTEN: Mutex<Option<BTreeSet<PathBuf>>> = Mutex::new(None);
+
+/// Calls `work` with a registry that is in use.
+fn with<S, T>(registry: &Mutex<Option<S>>, work: impl FnOnce(&mut S) -> T) -> Option<T> {
+    registry.lock().unwrap_or_else(PoisonError::into_inner).as_mut().map(work)
+}
+
 /// A set of input files.
 #[derive(Debug, Clone, Default)]
-pub struct InputFiles(BTreeSet<PathBuf>);
+pub struct InputFiles {
+    /// Absolute and canonical paths.
+    paths: BTreeSet<PathBuf>,
+    /// Those of the files when they were added.
+    identities: BTreeSet<[u64; 2]>,
+}
+
+/// Device and inode; `None` on systems without them.
+fn identity(file: &Path) -> Option<[u64; 2]> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        std::fs::metadata(file).ok().map(|about| [about.dev(), about.ino()])
+    }
+    #[cfg(not(unix))]
+    file.file_name().and(None)
+}
 
 impl InputFiles {
-    /// Adds a file by its absolute path.
+    /// Adds a file.
     pub fn add(&mut self, file: &Path) {
-        self.0.insert(std::path::absolute(file).unwrap_or_else(|_| file.to_owned()));
+        self.paths.insert(std::path::absolute(file).unwrap_or_else(|_| file.to_owned()));
+        self.paths.extend(file.canonicalize());
+        self.identities.extend(identity(file));
     }
 
     /// Checks that writing `output` overwrites none of the files. Files are the same if they have the same device and
@@ -28,10 +55,15 @@ impl InputFiles {
     /// # Errors
     /// [`Error::Usage`] if it is one of them.
     pub fn check(&self, output: &Path) -> Result<()> {
+        // A shortcut, as a look at all inputs for each of many outputs takes long.
+        let has_identity = identity(output).is_none_or(|identity| self.identities.contains(&identity));
+        if !has_identity && !output.canonicalize().is_ok_and(|path| self.paths.contains(&path)) {
+            return Ok(());
+        }
         // Opening a pipe would wait for its other end.
         let handle = |file: &Path| file.is_file().then(|| Handle::from_path(file).ok()).flatten();
         let Some(existing) = handle(output) else { return Ok(()) };
-        match self.0.iter().find(|input| handle(input).as_ref() == Some(&existing)) {
+        match self.paths.iter().find(|input| handle(input).as_ref() == Some(&existing)) {
             None => Ok(()),
             Some(_) => Err(Error::usage(
                 format!("{}: read as an input, and would be overwritten", output.display()),
@@ -55,11 +87,32 @@ pub fn protect_inputs() {
     PROTECTED.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_default();
 }
 
+/// From now on files that this process has written are not read as inputs, so that no picture depends on which of
+/// several is rendered first.
+pub fn separate_outputs() {
+    WRITTEN.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_default();
+}
+
 /// Records an input if inputs are protected.
-pub(super) fn record(file: &Path) {
-    if let Some(inputs) = &mut *PROTECTED.lock().unwrap_or_else(PoisonError::into_inner) {
-        inputs.add(file);
+///
+/// # Errors
+/// [`Refused`] if this process wrote it ([`separate_outputs`]).
+pub(super) fn record(file: &Path) -> io::Result<()> {
+    let is_written =
+        |outputs: &mut BTreeSet<_>| file.canonicalize().is_ok_and(|path| outputs.contains(&path));
+    if with(&WRITTEN, is_written) == Some(true) {
+        return Err(io::Error::other(Refused {
+            what: "was written by this command, which reads none of its outputs".into(),
+            hint: "give the output another name".into(),
+        }));
     }
+    with(&PROTECTED, |inputs| inputs.add(file));
+    Ok(())
+}
+
+/// Records an output if outputs are separate.
+pub(super) fn record_output(file: &Path) {
+    with(&WRITTEN, |outputs| outputs.extend(file.canonicalize()));
 }
 
 /// Checks that an output is none of the protected inputs so far, for a check before rendering. [`WholeFile`] checks it
@@ -68,11 +121,7 @@ pub(super) fn record(file: &Path) {
 /// # Errors
 /// [`Error::Usage`] if it is.
 pub fn check_output(output: &Path) -> Result<()> {
-    PROTECTED
-        .lock()
-        .unwrap_or_else(PoisonError::into_inner)
-        .as_ref()
-        .map_or(Ok(()), |inputs| inputs.check(output))
+    with(&PROTECTED, |inputs| inputs.check(output)).unwrap_or(Ok(()))
 }
 
 /// Checks that an output can be written, and is none of the protected inputs so far.

@@ -66,7 +66,7 @@ impl RegularFile {
     /// Those of [`read_file`].
     pub fn open(file: &Path) -> io::Result<Self> {
         let opened = RegularFile::open_any(file)?;
-        inputs::record(file);
+        inputs::record(file)?;
         Ok(opened)
     }
 
@@ -120,7 +120,7 @@ pub fn read_standard_input() -> io::Result<Vec<u8>> {
     let available = available(&in_use());
     let most = available.as_ref().map_or(u64::MAX, |available| available.left / 3);
     // Finds a redirected file, on systems with this name.
-    inputs::record(Path::new("/dev/stdin"));
+    inputs::record(Path::new("/dev/stdin"))?;
     let mut bytes = Vec::new();
     io::stdin().lock().take(most).read_to_end(&mut bytes)?;
     refuse_lfs_pointer(&bytes)?;
@@ -157,8 +157,8 @@ fn kind_of(_: std::fs::FileType) -> &'static str {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{what}")]
 pub struct Refused {
-    what: String,
-    hint: String,
+    pub(super) what: String,
+    pub(super) hint: String,
 }
 
 /// A hint for a file that the user named and that is missing: a file of its folder with a similar name, the same in

@@ -75,6 +75,8 @@ pub(super) struct Files {
     images: Rc<HashMap<String, DecodedImage>>,
     /// What is read in place of standard input.
     standard_input: Option<Rc<Vec<u8>>>,
+    /// Whether images are recorded, but not read.
+    pub(super) skips_images: bool,
     /// Cache of searches for misplaced files.
     pub(super) listings: Rc<RefCell<DirectoryCache>>,
 }
@@ -83,6 +85,12 @@ impl Files {
     /// Files with these contents in place of standard input.
     pub(super) fn with_standard_input(bytes: Vec<u8>) -> Self {
         Files { standard_input: Some(Rc::new(bytes)), ..Files::default() }
+    }
+
+    /// Files without the contents of images.
+    #[cfg(feature = "cli")]
+    pub(super) fn without_images() -> Self {
+        Files { skips_images: true, ..Files::default() }
     }
 
     /// Files that were read before into a scene, whose images need not be decoded again.

@@ -172,7 +172,8 @@ fn open(
     file: &Path,
     bytes_each: impl Fn(ColorType) -> u64,
 ) -> std::result::Result<DynamicImage, ReadError> {
-    let bytes = files.read(file).map_err(|e| ReadError::Damaged(files::explain(&e).0))?;
+    let read = if files.skips_images { files.open(file).map(|_| Vec::new()) } else { files.read(file) };
+    let bytes = read.map_err(|e| ReadError::Damaged(files::explain(&e).0))?;
     decode(&bytes, bytes_each)
 }
 
@@ -211,6 +212,9 @@ pub(crate) fn of_bytes(
     bytes: &[u8],
     warnings: &mut Warnings,
 ) -> Result<Option<ImageId>> {
+    if source.files.skips_images {
+        return Ok(None);
+    }
     let name = place.to_string();
     let decode = || decode(bytes, texture_bytes).map(|image| into_texture(&name, &image, Channels::Colour));
     let decoded = source.files.image(&name).map_or_else(decode, Ok);

@@ -318,6 +318,15 @@ pub fn load_and_list(
     (scene, files.list())
 }
 
+/// Reads all inputs but not their images, so that all files that they refer to are known to [`crate::files`].
+///
+/// # Errors
+/// As those of [`load_with`].
+#[cfg(feature = "cli")]
+pub(crate) fn list_files(inputs: &[PathBuf], options: &ImportOptions) -> Result<()> {
+    load_by(inputs, &Files::without_images(), options, &mut Warnings::default()).map(drop)
+}
+
 fn load_by(
     inputs: &[PathBuf],
     files: &Files,

@@ -177,5 +177,111 @@ fn names_are_checked_before_rendering() {
     // A texture of the file has the name of its picture.
     let (said, hint) = workshop.fail("render c.obj -o {name}.png", 2);
     assert!(said.contains("c.png"), "{said} {hint}");
+    // On macOS and Windows the second would replace the first; one command does the same everywhere.
+    std::fs::create_dir(workshop.path("sub")).expect("a folder");
+    workshop.write("sub/A.obj", TRIANGLE);
+    let (said, _) = workshop.fail("render a.obj sub/A.obj -o {name}.png", 2);
+    assert_eq!(
+        said,
+        "a.obj and sub/A.obj would be written to a.png and A.png: one file, where case does not count"
+    );
+    // The picture of one input and the statistics of another.
+    let (said, _) = workshop.fail("render a.toml pa.obj -o p{name}.png --stats {name}.png", 2);
+    assert_eq!(said, "a.toml and pa.obj would both be written to pa.png");
+    std::fs::remove_dir_all(workshop.path("sub")).expect("a folder");
     assert_eq!(workshop.names(), names);
+}
+
+/// A tree whose bark is a picture that has the name of another input's output, in each way to refer to a file.
+fn referring() -> Workshop {
+    let shop = Workshop::with("bark.obj", TRIANGLE);
+    let textured =
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nmtllib t.mtl\nusemtl m\nf 1/1 2/2 3/3\n";
+    shop.write("tree.obj", textured);
+    shop.write("t.mtl", "newmtl m\nmap_Kd bark.png\n");
+    shop.write("scene.toml", format!("{SCENE}[[mesh]]\nfile = 'tree.obj'\n"));
+    shop.write("light.toml", format!("{SCENE}[environment]\nfile = 'bark.exr'\n"));
+    shop.write(
+        "scan.ply",
+        "ply\nformat ascii 1.0\ncomment TextureFile bark.png\nelement vertex 3\nproperty float x\nproperty float y\n\
+         property float z\nproperty float s\nproperty float t\nelement face 1\n\
+         property list uchar int vertex_indices\nend_header\n0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n",
+    );
+    let positions = [0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    shop.write("bark.bin", positions.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>());
+    shop.write(
+        "tree.gltf",
+        r#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 36, "uri": "bark.bin"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}], "images": [{"uri": "bark.png"}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0],
+        "max": [1, 1, 0]}], "textures": [{"source": 0}], "nodes": [{"mesh": 0}],
+        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}]}"#,
+    );
+    let image = image::RgbImage::from_fn(2, 2, |x, y| image::Rgb([200 * x as u8, 100 * y as u8, 50]));
+    image.save(shop.path("bark.png")).expect("a picture");
+    exr::prelude::write_rgb_file(shop.path("bark.exr"), 4, 2, |_, _| (0.5f32, 0.5f32, 0.5f32))
+        .expect("a picture");
+    shop
+}
+
+/// What the inputs refer to is known before the first picture is written.
+#[test]
+fn files_of_later_inputs_are_not_overwritten() {
+    for (arguments, file) in [
+        ("bark.obj tree.obj -o {name}.png", "bark.png"),
+        ("tree.obj bark.obj -o {name}.png", "bark.png"),
+        ("bark.obj scene.toml -o ./", "./bark.png"),
+        ("bark.obj light.toml -o {name}.exr", "bark.exr"),
+        ("bark.obj scan.ply -o {name}.png", "bark.png"),
+        ("bark.obj tree.gltf -o {name}.png", "bark.png"),
+        ("bark.obj tree.gltf -o x-{name}.png --stats {name}.bin", "bark.bin"),
+        ("t.obj tree.obj -o x-{name}.png --stats {name}.mtl", "t.mtl"),
+        ("bark.obj tree.obj -o {name}.png --shard 1/2", "bark.png"),
+        ("bark.obj tree.obj -o {name}.png --skip-existing", "bark.png"),
+    ] {
+        let shop = referring();
+        shop.write("t.obj", TRIANGLE);
+        let before: Vec<_> = shop.names().into_iter().map(|name| (shop.bytes(&name), name)).collect();
+        let (said, _) = shop.fail(&format!("render {arguments} --size 8x8 --samples 1"), 2);
+        assert_eq!(said, format!("{file}: read as an input, and would be overwritten"), "{arguments}");
+        let after: Vec<_> = shop.names().into_iter().map(|name| (shop.bytes(&name), name)).collect();
+        assert!(before == after, "{arguments}");
+    }
+}
+
+/// An input that cannot be read may refer to any picture; those that kiln made may be made again.
+#[test]
+fn files_of_broken_inputs_are_not_overwritten() {
+    let shop = referring();
+    shop.write("tree.obj", format!("v 0 0 none\n{TRIANGLE}"));
+    let bark = shop.bytes("bark.png");
+    let render = "render bark.obj tree.obj -o {name}.png --size 8x8 --samples 1";
+    let (said, hint) = shop.fail(render, 2);
+    assert!(said.starts_with("bark.png: may belong to an input that cannot be read (tree.obj:1: "), "{said}");
+    assert_eq!(hint, "leave that input out, or give --output another folder");
+    assert_eq!(shop.bytes("bark.png"), bark);
+    std::fs::remove_file(shop.path("bark.png")).expect("it is there");
+    for _ in 0..2 {
+        let (_, said) = shop.code(render, 3);
+        assert!(said.contains("1 of 2 pictures failed; wrote 1 picture(s)"), "{said}");
+    }
+}
+
+/// A texture that is missing does not become a picture that the command has just written: the order of the inputs changes
+/// no picture.
+#[test]
+fn pictures_of_a_command_are_not_read_by_it() {
+    let mut pictures = Vec::new();
+    for inputs in ["tree.obj bark.obj", "bark.obj tree.obj"] {
+        let shop = referring();
+        std::fs::remove_file(shop.path("bark.png")).expect("it is there");
+        let said = shop.succeed(&format!("render {inputs} -o {{name}}.png --size 8x8 --samples 1"));
+        assert!(said.contains("texture left out: "), "{said}");
+        pictures.push(shop.pixels("tree.png").into_raw());
+    }
+    assert_eq!(pictures[0], pictures[1]);
+    // A second time it is there, and read: it is not overwritten.
+    let shop = referring();
+    shop.fail("render tree.obj bark.obj -o {name}.png --size 8x8 --samples 1", 2);
 }

@@ -12,7 +12,7 @@ pub mod yuv;
 
 use std::io::{self, Write};
 use std::path::Path;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::error::{Error, Result};
 #[cfg(feature = "video")]
@@ -186,8 +186,8 @@ impl Delays {
 struct Sink(Arc<Mutex<WholeFile>>);
 
 impl Sink {
-    fn with<T>(&self, work: impl FnOnce(&mut WholeFile) -> io::Result<T>) -> io::Result<T> {
-        work(&mut *self.0.lock().map_err(|_| io::Error::other("a writer failed"))?)
+    fn with<T>(&self, work: impl FnOnce(&mut WholeFile) -> T) -> T {
+        work(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Completes the file. The encoder must have been dropped.
@@ -217,37 +217,42 @@ impl VideoWriter {
     pub fn to_file(file: &Path, format: VideoFormat, spec: VideoSpec) -> Result<Self> {
         let sink = Sink(Arc::new(Mutex::new(WholeFile::create(file)?)));
         let encoder = encoder_for(file, format, &spec, sink.clone());
-        let encoder = encoder.map_err(|e| Error::output(file, describe(&e)))?;
-        Ok(VideoWriter { encoder, file: Some(sink) })
+        let file = Some(sink);
+        Ok(VideoWriter { encoder: encoder.map_err(|e| error(file.as_ref(), &e))?, file })
     }
 
     /// A writer to a stream: [`VideoFormat::Y4m`] or [`VideoFormat::Rgb`].
-    pub fn to_stream(
-        mut out: Box<dyn Write + Send>,
-        format: VideoFormat,
-        spec: VideoSpec,
-    ) -> io::Result<Self> {
+    ///
+    /// # Errors
+    /// [`Error::Output`] for those of the stream.
+    pub fn to_stream(mut out: Box<dyn Write + Send>, format: VideoFormat, spec: VideoSpec) -> Result<Self> {
         if format == VideoFormat::Y4m {
-            stream::y4m_header(&spec, &mut out)?;
+            stream::y4m_header(&spec, &mut out).map_err(|e| error(None, &e))?;
         }
         Ok(VideoWriter { encoder: Encoder::Plain(out), file: None })
     }
 
     /// Adds the next frame.
-    pub fn add(&mut self, frame: FrameData) -> io::Result<()> {
-        match (&mut self.encoder, frame) {
+    ///
+    /// # Errors
+    /// [`Error::Output`] for those of the file and of the encoder.
+    pub fn add(&mut self, frame: FrameData) -> Result<()> {
+        let added = match (&mut self.encoder, frame) {
             #[cfg(feature = "video")]
             (Encoder::Mp4(film, codec), FrameData::Yuv(planes)) => {
-                film.add(&codec.encode(&planes).map_err(|e| refused(&e))?)
+                codec.encode(&planes).map_err(|e| refused(&e)).and_then(|frame| film.add(&frame))
             }
             (Encoder::Gif(encoder, delays), FrameData::Gif(mut frame)) => {
                 frame.delay = delays.next();
                 encoder.write_frame(&frame).map_err(io::Error::other)
             }
-            (Encoder::Apng(writer), FrameData::Bytes(bytes)) => Ok(writer.write_image_data(&bytes)?),
+            (Encoder::Apng(writer), FrameData::Bytes(bytes)) => {
+                writer.write_image_data(&bytes).map_err(io::Error::from)
+            }
             (Encoder::Plain(out), FrameData::Bytes(bytes)) => out.write_all(&bytes),
             _ => Err(io::Error::other("a frame in another form")),
-        }
+        };
+        added.map_err(|e| error(self.file.as_ref(), &e))
     }
 
     /// Completes the video and its file.
@@ -263,10 +268,14 @@ impl VideoWriter {
             Encoder::Apng(writer) => writer.finish().map_err(io::Error::from),
             Encoder::Plain(mut out) => out.flush(),
         };
-        let name = file.as_ref().and_then(|file| file.with(|file| Ok(file.name().to_owned())).ok());
-        ended.map_err(|e| Error::output(name.as_deref().unwrap_or(Path::new("-")), describe(&e)))?;
+        ended.map_err(|e| error(file.as_ref(), &e))?;
         file.map_or(Ok(()), Sink::end)
     }
+}
+
+/// The error of a file, or of standard output without one.
+fn error(file: Option<&Sink>, e: &io::Error) -> Error {
+    file.map_or_else(|| Error::output(Path::new("-"), describe(e)), |file| file.with(|file| file.error(e)))
 }
 
 /// OpenH264's message, in one line.

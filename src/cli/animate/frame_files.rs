@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use super::{Command, Reporter, failed, recorder, summary, timed};
+use super::{Command, Reporter, recorder, summary, timed};
 use crate::animation::{FileNames, FrameData, FrameList, VideoFormat, VideoSpec, in_order};
 use crate::error::{Error, Result};
 use crate::files::{folder_of, read_file, unreadable};
@@ -81,7 +81,7 @@ pub(super) fn film(
     interrupted: &AtomicBool,
 ) -> Result<()> {
     let pool = crate::cli::pool(command.arguments.threads)?;
-    let mut reporter = Reporter::new(command.progress, Vec::new());
+    let mut reporter = Reporter::new(command.progress);
     warn_of_settings(command, &mut reporter);
     reporter.phase("reading");
     let Frame { size, form, .. } = Frame::read(files.first().map_or(Path::new(""), PathBuf::as_path))?;
@@ -103,7 +103,7 @@ pub(super) fn film(
         reporter.progress.steps(1 + done.fetch_add(1, Ordering::Relaxed), files.len(), ("pictures", 1));
         converted
     };
-    let mut take = |_, frame: FrameData| recorder.add(frame).map_err(|e| failed(command, &e));
+    let mut take = |_, frame: FrameData| recorder.add(frame);
     let places: Vec<i32> = (0..files.len() as i32).collect();
     let mut took = 0.0;
     let in_flight = 1 + pool.current_num_threads();

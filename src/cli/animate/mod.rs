@@ -18,7 +18,6 @@ use crate::cli::prepare::{Reporter, timed};
 use crate::cli::progress::Mode;
 use crate::error::{Error, Result};
 use crate::farm::Shard;
-use crate::files::describe;
 use crate::film::write::{Format, PngForm};
 use crate::job::RenderJob;
 use crate::render::RenderControl;
@@ -141,13 +140,9 @@ fn recorder(command: &Command, format: VideoFormat, spec: VideoSpec, is_stream: 
     format.check(spec.size, spec.fps)?;
     if is_stream {
         let out = Box::new(BufWriter::with_capacity(1 << 20, std::io::stdout()));
-        return VideoWriter::to_stream(out, format, spec).map_err(|e| failed(command, &e));
+        return VideoWriter::to_stream(out, format, spec);
     }
     VideoWriter::to_file(&command.output, format, spec)
-}
-
-fn failed(command: &Command, e: &std::io::Error) -> Error {
-    Error::output(command.output.as_path(), describe(e))
 }
 
 /// What was written, in `took` seconds.
@@ -177,8 +172,7 @@ fn check_whole(command: &Command) -> Result<()> {
 
 fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &AtomicBool) -> Result<()> {
     let pool = super::pool(command.arguments.threads)?;
-    let outputs = if is_stream { Vec::new() } else { vec![command.output.clone()] };
-    let mut reporter = Reporter::new(command.progress, outputs);
+    let mut reporter = Reporter::new(command.progress);
     let LengthArguments { fps, duration } = command.length;
     if let Some([frame]) = command.frames.as_ref().map(FrameList::frames) {
         reporter
@@ -188,6 +182,7 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
     let request = FrameRequest::all(fps, duration.map(Seconds::get), command.frames.as_ref());
     let settings = command.arguments.settings()?;
     let mut animation = pool.install(|| reporter.load_animation(&command.arguments, &settings, &request))?;
+    reporter.check_outputs((!is_stream).then_some(&command.output))?;
     let picture = &animation.picture.settings.picture;
     let is_png = format == VideoFormat::Apng;
     check_alpha(picture.is_transparent(), "a film", is_png)?;
@@ -205,7 +200,7 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
         checks.add(frame, (&picture, &statistics), &animation, job, control)?;
         format.convert(&picture)
     };
-    let mut take = |_, frame: FrameData| recorder.add(frame).map_err(|e| failed(command, &e));
+    let mut take = |_, frame: FrameData| recorder.add(frame);
     let mut took = 0.0;
     let picture = &animation.picture.settings.picture;
     // At least 12 bytes for a pixel of three `f32`, and up to 8 for the converted frame.
