@@ -30,15 +30,17 @@ pub struct InputFiles {
     identities: BTreeSet<[u64; 2]>,
 }
 
-/// Device and inode; `None` on systems without them.
+/// Device and inode.
+#[cfg(unix)]
 fn identity(file: &Path) -> Option<[u64; 2]> {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::MetadataExt;
-        std::fs::metadata(file).ok().map(|about| [about.dev(), about.ino()])
-    }
-    #[cfg(not(unix))]
-    file.file_name().and(None)
+    use std::os::unix::fs::MetadataExt;
+    std::fs::metadata(file).ok().map(|about| [about.dev(), about.ino()])
+}
+
+/// Not known without opening the file.
+#[cfg(not(unix))]
+fn identity(_: &Path) -> Option<[u64; 2]> {
+    None
 }
 
 impl InputFiles {
