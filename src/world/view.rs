@@ -49,8 +49,8 @@ impl View {
     /// its height.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the camera has no direction, is not finite, lies beyond the range of ray origins, or has pixels
-    /// of a ratio that pictures cannot state.
+    /// [`Error::Usage`] where the camera has no direction, is not finite, lies beyond the range of ray origins, or has
+    /// pixels of a ratio that pictures cannot state.
     pub fn new(camera: &Camera, projection: Projection, [width, height]: [u32; 2]) -> Result<Self> {
         let unusable =
             |what: &str, hint: &str| Error::usage(format!("camera `{}` {what}", camera.name), hint);

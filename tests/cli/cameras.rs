@@ -285,8 +285,8 @@ fn a_view_of_an_edge_is_noted() {
     assert!(said.contains(note), "{said}");
 }
 
-/// The sides of a pixel of `K` or of a rectangle over another picture. OpenEXR states their ratio from 1e-6 to 1e6; beyond,
-/// nothing is rendered in any format.
+/// The sides of a pixel of `K` or of a rectangle over another picture. OpenEXR states their ratio from 1e-6 to 1e6;
+/// beyond, nothing is rendered in any format.
 #[test]
 fn pixels_of_any_shape_are_refused_before_rendering() {
     let shop = Workshop::with("a.toml", SCENE);

@@ -268,8 +268,8 @@ fn files_of_broken_inputs_are_not_overwritten() {
     }
 }
 
-/// A texture that is missing does not become a picture that the command has just written: the order of the inputs changes
-/// no picture.
+/// A texture that is missing does not become a picture that the command has just written: the order of the inputs
+/// changes no picture.
 #[test]
 fn pictures_of_a_command_are_not_read_by_it() {
     let mut pictures = Vec::new();

@@ -146,8 +146,8 @@ fn limits_of_what_files_hold() {
     assert!(said.contains("give triangles=N, texels=N or nodes=N"), "{said}");
 }
 
-/// Many objects: refused where they do not fit, before they are made. 300,000 groups take more than 700 bytes each, 200 MiB,
-/// of the 192 MiB that 256M leave.
+/// Many objects: refused where they do not fit, before they are made. 300,000 groups take more than 700 bytes each,
+/// 200 MiB, of the 192 MiB that 256M leave.
 #[cfg(target_os = "linux")]
 #[test]
 fn objects_that_do_not_fit_are_refused() {
@@ -195,7 +195,9 @@ fn long_lists_are_read_in_linear_time() {
     let nodes = (0..COUNT - 1).map(node).collect::<String>();
     shop.write(
         "chain.gltf",
-        format!("{{\"asset\": {{\"version\": \"2.0\"}}, \"scenes\": [{{\"nodes\": [0]}}], \"nodes\": [{nodes}{{}}, {{}}]}}"),
+        format!(
+            r#"{{"asset": {{"version": "2.0"}}, "scenes": [{{"nodes": [0]}}], "nodes": [{nodes}{{}}, {{}}]}}"#
+        ),
     );
     for (file, code) in [
         ("a.ply", 0),

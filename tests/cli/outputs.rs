@@ -154,8 +154,8 @@ fn unfinished_files_are_named_and_kept() {
     shop.succeed("render m.obj -o a.png --size 8x8 --samples 1 --progress none");
 }
 
-/// A file that cannot grow, here by a limit of 512 or 1024 bytes: each writer says so in one line without the name of its
-/// temporary file, which is gone. `tests/farm/full-disk` has a full disk.
+/// A file that cannot grow, here by a limit of 512 or 1024 bytes: each writer says so in one line without the name of
+/// its temporary file, which is gone. `tests/farm/full-disk` has a full disk.
 #[cfg(target_os = "linux")]
 #[test]
 fn writers_say_what_stops_them() {
