@@ -114,7 +114,8 @@ fn without_comment(name: &str) -> &str {
 /// Factor and offset of texture coordinates, (0, 0) at the lower left corner of the image.
 type Transform = Option<(DVec2, DVec2)>;
 
-/// Adds the materials of all MTL files to the scene. The last of equal names counts.
+/// Adds the materials of all MTL files to the scene. Of equal names, that of the first file counts, as the OBJ text says
+/// of the files of a `mtllib`; in a file, the last.
 fn read_materials(
     source: &Source,
     assembly: &Assembly,
@@ -122,14 +123,18 @@ fn read_materials(
     warnings: &mut Warnings,
 ) -> Result<HashMap<String, (MaterialId, Transform)>> {
     let mut converter = Converter { source, scene, images: ImageLoader::new(source), warnings };
-    let mut materials = HashMap::new();
-    for library in &assembly.libraries {
-        for definition in mtl::read(source, library, converter.warnings) {
-            let material = converter.convert(&definition)?;
-            let transform = definition.transform(&source.file, converter.warnings);
-            let id = converter.scene.add_material(material);
-            materials.insert(without_comment(&definition.material.name).to_owned(), (id, transform));
-            materials.insert(definition.material.name, (id, transform));
+    let mut materials: HashMap<String, _> = HashMap::new();
+    for line in &assembly.libraries {
+        for library in mtl::read(source, line, converter.warnings) {
+            let mut own = HashMap::new();
+            for definition in library {
+                let material = converter.convert(&definition)?;
+                let transform = definition.transform(&source.file, converter.warnings);
+                let id = converter.scene.add_material(material);
+                own.insert(without_comment(&definition.material.name).to_owned(), (id, transform));
+                own.insert(definition.material.name, (id, transform));
+            }
+            own.into_iter().for_each(|(name, material)| _ = materials.entry(name).or_insert(material));
         }
     }
     Ok(materials)

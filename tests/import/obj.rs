@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use kiln::error::Warnings;
 use kiln::film::Colour;
 use kiln::scene::TextureSlot::{BaseColour, Emission, MetallicRoughness, Opacity};
-use kiln::scene::{Material, Scene, Wrap};
+use kiln::scene::{Material, Object, Scene, Wrap};
 
 #[test]
 fn obj_materials_pictures_and_usemtl() {
@@ -187,6 +187,26 @@ fn obj_with_an_unknown_material_is_grey_and_says_which() {
     let names: Vec<&str> =
         scene.objects.iter().map(|o| scene.materials[o.material.0 as usize].name()).collect();
     assert_eq!(names, ["red", "default"]);
+}
+
+/// "The first file listed is searched first" (appendix B1, `mtllib`), also on several lines; in a file, the last counts.
+#[test]
+fn the_first_library_that_has_a_material_counts() {
+    let folder = Folder::new();
+    folder.write("a.mtl", "newmtl one\nKd 0 0 1\nnewmtl one\nKd 1 0 0\n");
+    folder.write("b.mtl", "newmtl one\nKd 0 1 0\nnewmtl two\nKd 0 1 0\n");
+    let faces = format!("{OBJ_TRIANGLE}usemtl one\nf 1 2 3\nusemtl two\nf 1 2 3\n");
+    for libraries in
+        ["mtllib a.mtl b.mtl", "mtllib a.mtl\nmtllib b.mtl", "mtllib gone.mtl a.mtl\nmtllib b.mtl"]
+    {
+        let (scene, _) = folder.load("a.obj", format!("{libraries}\n{faces}"));
+        let colour = |object: &Object| match &scene.materials[object.material.0 as usize] {
+            Material::Phong(material) => material.colour,
+            other => panic!("{other:?}"),
+        };
+        let colours: Vec<Colour> = scene.objects.iter().map(colour).collect();
+        assert_eq!(colours, [Colour::Display(DVec3::X), Colour::Display(DVec3::Y)], "{libraries}");
+    }
 }
 
 #[test]

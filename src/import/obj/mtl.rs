@@ -77,13 +77,13 @@ impl Definition {
     }
 }
 
-/// Reads the MTL files of a `mtllib` line. Unreadable files are left out with a warning.
-pub(super) fn read(source: &Source, line: &str, warnings: &mut Warnings) -> Vec<Definition> {
+/// Reads the MTL files of a `mtllib` line, one after the other. Unreadable files are left out with a warning.
+pub(super) fn read(source: &Source, line: &str, warnings: &mut Warnings) -> Vec<Vec<Definition>> {
     let names = if is_there(source, line) { vec![line] } else { names(line) };
     // The OBJ and its MTL file may have been renamed together.
     let own = source.file.file_stem().map(|stem| format!("{}.mtl", stem.to_string_lossy()));
     let own = own.as_deref().filter(|_| names.len() == 1);
-    names.into_iter().flat_map(|name| read_one(source, name, own, warnings)).collect()
+    names.into_iter().map(|name| read_one(source, name, own, warnings)).collect()
 }
 
 /// File names of a line: each ends in `.mtl` and may contain spaces. The whole line if none does.
