@@ -1,10 +1,12 @@
-//! Resolution of file names in inputs: as written, else by a search below the folder of the input that ignores case and
-//! folders. The search does not follow links that lead out of the folder.
+//! Resolution of file names in inputs: as written, else by a search below the folder of the input that ignores case,
+//! Unicode normalization and folders. The search does not follow links that lead out of the folder.
 
 use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
 use std::path::{Component, Path, PathBuf};
 use std::rc::Rc;
+
+use unicode_normalization::UnicodeNormalization;
 
 use super::Source;
 use crate::error::Warnings;
@@ -23,12 +25,12 @@ const MAX_NAMED: usize = 4;
 #[derive(Default)]
 pub(super) struct DirectoryCache {
     folders: HashMap<PathBuf, Rc<Listing>>,
-    /// Files below each folder: relative paths by lower-case name.
+    /// Files below each folder: relative paths by [`key`].
     trees: HashMap<PathBuf, Rc<HashMap<String, Vec<PathBuf>>>>,
     notes: Vec<String>,
 }
 
-/// Directory entries by lower-case name.
+/// Directory entries by [`key`].
 type Listing = HashMap<String, Vec<Entry>>;
 
 #[derive(Clone)]
@@ -41,8 +43,8 @@ struct Entry {
 impl Source {
     /// Resolves a file reference to a path in the folder of this file or below, unless the options allow others.
     ///
-    /// Candidates in order: the path as written, following symbolic links; a path that differs only in case; a file of
-    /// the same name anywhere below the folder. The latter two are also tried without quotes, without a trailing
+    /// Candidates in order: the path as written, following symbolic links; a path that differs only in case or Unicode
+    /// normalization; a file of the same name anywhere below the folder. The latter two are also tried without quotes, without a trailing
     /// comment and percent-decoded, and a note names the file found. If no file exists, the path as written is
     /// returned.
     ///
@@ -59,26 +61,39 @@ impl Source {
             return written;
         }
         let names = spellings(name);
-        let by_case = names.iter().map(|name| self.differing_in_case(Path::new(name)));
+        let by_case = names.iter().map(|name| self.spelled_alike(Path::new(name)));
         let anywhere = names.iter().map(|name| self.anywhere_below(Path::new(name)));
-        let by_other = other.into_iter().map(|other| self.differing_in_case(Path::new(other)));
+        let by_other = other.into_iter().map(|other| self.spelled_alike(Path::new(other)));
         let Some(found) = by_case.chain(anywhere).chain(by_other).find(|found| !found.is_empty()) else {
             return written;
         };
         if let [one] = &found[..] {
-            let path = self.beside(one);
-            let (file, path_text) = (self.file.display(), one.display());
-            self.files
-                .listings
-                .borrow_mut()
-                .notes
-                .push(format!("{file}: `{name}` is read from `{path_text}`"));
-            return Ok(path);
+            return Ok(self.noted(name, one));
         }
         let named: Vec<String> =
             found.iter().take(MAX_NAMED).map(|path| format!("`{}`", path.display())).collect();
         let more = if found.len() > MAX_NAMED { ", …" } else { "" };
         Err(format!("`{name}` does not exist; candidates: {}{more}; rename one of them", named.join(", ")))
+    }
+
+    /// Path of a reference of a scene file, which may lead anywhere: as written, or a path in its folder or below that differs
+    /// only in case or Unicode normalization, with a note.
+    pub(super) fn resolve_own(&self, name: &str) -> PathBuf {
+        let written = self.beside(name);
+        if self.files.has(&written) {
+            return written;
+        }
+        match &self.spelled_alike(Path::new(name))[..] {
+            [one] => self.noted(name, one),
+            _ => written,
+        }
+    }
+
+    /// The path of a file, with a note that it is read in place of `name`.
+    fn noted(&self, name: &str, found: &Path) -> PathBuf {
+        let note = format!("{}: `{name}` is read from `{}`", self.file.display(), found.display());
+        self.files.listings.borrow_mut().notes.push(note);
+        self.beside(found)
     }
 
     /// Path of a reference as written; the file need not exist.
@@ -108,8 +123,8 @@ impl Source {
         self.files.listings.borrow_mut().notes.drain(..).for_each(|note| warnings.note(note));
     }
 
-    /// Files whose relative path equals `path` except for case. An exact match is the only result.
-    fn differing_in_case(&self, path: &Path) -> Vec<PathBuf> {
+    /// Files whose relative path equals `path` except for case and Unicode normalization. An exact match is the only result.
+    fn spelled_alike(&self, path: &Path) -> Vec<PathBuf> {
         if leaves_folder(path) {
             return Vec::new();
         }
@@ -119,7 +134,7 @@ impl Source {
                 Component::Normal(name) => {
                     let entries = all.iter().map(|folder| (folder, self.listing(folder)));
                     let named = entries.flat_map(|(folder, listing)| {
-                        let entries = listing.get(&lower_case(Path::new(name))).cloned().unwrap_or_default();
+                        let entries = listing.get(&key(Path::new(name))).cloned().unwrap_or_default();
                         entries.into_iter().map(|entry| folder.join(entry.name))
                     });
                     same_name_first(named.collect(), name)
@@ -139,7 +154,7 @@ impl Source {
 
     /// Files with the name of `path` anywhere below the folder.
     fn anywhere_below(&self, path: &Path) -> Vec<PathBuf> {
-        let named = self.tree().get(&lower_case(path)).cloned().unwrap_or_default();
+        let named = self.tree().get(&key(path)).cloned().unwrap_or_default();
         self.files_inside(same_name_first(named, path_name(path)))
     }
 
@@ -216,7 +231,7 @@ fn list(folder: &Path) -> Listing {
             return Listing::new();
         }
         let (name, is_folder) = (entry.file_name(), entry.file_type().is_ok_and(|kind| kind.is_dir()));
-        listing.entry(lower_case(Path::new(&name))).or_default().push(Entry { name, is_folder });
+        listing.entry(key(Path::new(&name))).or_default().push(Entry { name, is_folder });
     }
     listing.values_mut().for_each(|entries| entries.sort_by(|a, b| a.name.cmp(&b.name)));
     listing
@@ -250,8 +265,9 @@ fn path_name(path: &Path) -> &OsStr {
     path.file_name().unwrap_or_default()
 }
 
-fn lower_case(path: &Path) -> String {
-    path_name(path).to_string_lossy().to_lowercase()
+/// The last component of a path in NFC and lower case: some systems store names decomposed (NFD).
+fn key(path: &Path) -> String {
+    path_name(path).to_string_lossy().nfc().collect::<String>().to_lowercase()
 }
 
 /// Paths whose last component equals `name`; all paths if there are none.

@@ -267,6 +267,55 @@ fn files_are_found_by_what_their_names_mean() {
     assert!(said.contains("materials left out") && said.contains("not there.mtl"), "{said}");
 }
 
+/// Names in NFC of files in NFD, as macOS stores them, and the other way round: of an MTL file, images, a buffer, and the
+/// mesh and the environment of a scene file; also in other folders and in another case. A name as written goes first.
+#[test]
+fn files_are_found_in_either_normalization() {
+    let (composed, decomposed) = ("caf\u{e9}", "cafe\u{301}");
+    let picture = picture();
+    for (written, stored) in [(composed, decomposed), (decomposed, composed)] {
+        let obj = format!("mtllib {written}.mtl\n{TRIANGLE}");
+        let mtl = format!("newmtl a\nmap_Kd {written}/{written}.png\n");
+        let gltf = format!(
+            r#"{{"asset": {{"version": "2.0"}}, "scene": 0, "scenes": [{{"nodes": [0]}}], "nodes": [{{"mesh": 0}}],
+            "meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0}}}}]}}], "images": [{{"uri": "{written}.PNG"}}],
+            "accessors": [{{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
+                "min": [0, 0, 0], "max": [1, 1, 0]}}],
+            "bufferViews": [{{"buffer": 0, "byteLength": 36}}],
+            "buffers": [{{"uri": "{}.bin", "byteLength": 36}}]}}"#,
+            percent_encoding::utf8_percent_encode(written, percent_encoding::NON_ALPHANUMERIC)
+        );
+        let toml = format!("[environment]\nfile = '{written}.hdr'\n[[mesh]]\nfile = '{written}.obj'\n");
+        let corners = [0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let buffer: Vec<u8> = corners.iter().flat_map(|x| x.to_le_bytes()).collect();
+        let hdr = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x80\x80\x80\x81\x80\x80\x80\x81";
+        let folder = Folder::new(&[
+            (&format!("in/{stored}.obj"), obj.as_bytes()),
+            (&format!("in/{stored}.mtl"), mtl.as_bytes()),
+            (&format!("in/{stored}/{stored}.png"), &picture),
+            (&format!("in/{stored}.bin"), &buffer),
+            (&format!("in/{stored}.hdr"), hdr),
+            ("in/a.gltf", gltf.as_bytes()),
+            ("in/a.toml", toml.as_bytes()),
+        ]);
+        for (input, found) in [
+            (format!("in/{stored}.obj"), vec![format!("{stored}.mtl"), format!("{stored}/{stored}.png")]),
+            ("in/a.gltf".into(), vec![format!("{stored}.bin"), format!("{stored}/{stored}.png")]),
+            ("in/a.toml".into(), vec![format!("{stored}.obj"), format!("{stored}.hdr")]),
+        ] {
+            let (scene, said, _) = folder.load(&input, false);
+            let scene = scene.unwrap_or_else(|e| panic!("{input}: {e}"));
+            assert_eq!((scene.objects.len(), scene.images.len()), (1, 1), "{input}: {said}");
+            for file in found {
+                assert!(said.contains(&format!("is read from `{file}`")), "{input}: {said}");
+            }
+        }
+        std::fs::write(folder.path(&format!("in/{written}.mtl")), "newmtl a\n").expect("a file");
+        let (scene, said, _) = folder.load(&format!("in/{stored}.obj"), false);
+        assert_eq!((scene.expect("a scene").images.len(), said.as_str()), (0, ""));
+    }
+}
+
 /// Links that lead out of the folder are followed if a file names them, but not in a search.
 #[cfg(unix)]
 #[test]

@@ -102,7 +102,7 @@ impl Builder<'_> {
     /// and settings of the mesh file are ignored.
     fn read_mesh(&mut self, start: usize, s: &MeshSection, warnings: &mut Warnings) -> Result<Vec<Object>> {
         let smooths = self.source.options.smooths_meshes && self.scene.picture.look == Some(Look::Studio);
-        let (file, path) = (&s.file, self.source.beside(&s.file));
+        let (file, path) = (&s.file, self.source.resolve_own(&s.file));
         let read = Source::open(&path, &self.source.files, &self.source.options).and_then(|source| {
             let mut part = import::read_one(&source, warnings)?;
             if let Some(crease) = import::options::crease(&source, s.smooth, smooths)? {

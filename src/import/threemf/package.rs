@@ -8,6 +8,7 @@ use std::io::{BufRead, BufReader, Read};
 
 use flate2::bufread::DeflateDecoder;
 use rawzip::{CompressionMethod, ZipArchive, ZipArchiveEntryWayfinder, ZipSliceArchive};
+use unicode_normalization::UnicodeNormalization;
 
 use super::super::Source;
 use super::model::attributes;
@@ -24,9 +25,9 @@ pub(super) struct Package<'a> {
     entries: HashMap<String, (ZipArchiveEntryWayfinder, CompressionMethod)>,
 }
 
-/// Lookup key of a part: lower case, without a leading slash.
+/// Lookup key of a part: lower case, in NFC, without a leading slash.
 fn key(part: &str) -> String {
-    part.replace('\\', "/").trim_start_matches('/').to_ascii_lowercase()
+    part.replace('\\', "/").trim_start_matches('/').nfc().collect::<String>().to_ascii_lowercase()
 }
 
 impl<'a> Package<'a> {
