@@ -100,7 +100,8 @@ fn initial_view(
     }
     check_scene(&scene.effects)?;
     import::check_drawable(&scene)?;
-    if scene.bounds().is_none() {
+    // A clip may begin with nothing to see.
+    if scene.bounds().is_none() && !scene.plays_clips() {
         return Err(nothing_to_look_at(&scene));
     }
     let requested = arguments.settings()?;

@@ -36,7 +36,7 @@ mod polygon;
 mod references;
 mod sanitise;
 mod scene_file;
-mod sharing;
+pub(crate) mod sharing;
 mod smooth;
 mod stl;
 mod tangents;

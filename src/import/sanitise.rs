@@ -9,6 +9,7 @@ use glam::{DVec2, DVec3, DVec4};
 
 use super::sharing::shared;
 use crate::error::Warnings;
+use crate::scene::support::can_be_seen;
 use crate::scene::{Attribute, Mesh, Object, Placed, Scene, Shape};
 
 /// Largest coordinate that is kept. Its square, as in the area of f32 boxes, does not overflow; the builder is tested
@@ -28,7 +29,6 @@ struct Count {
 /// [`Scene::has_left_out`] says whether there were any of the former.
 pub(crate) fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) {
     let mut count = Count::default();
-    warn_of_degenerate_objects(scene, file, warnings);
     clean_placed(&mut scene.objects, &mut count);
     for object in &mut scene.objects {
         if let Shape::Mesh(mesh) = &mut object.shape {
@@ -45,6 +45,7 @@ pub(crate) fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) 
         Shape::Mesh(mesh) => !mesh.triangles.is_empty(),
         Shape::Placed(placed) => placed.triangle_count() > 0,
     });
+    warn_of_degenerate_objects(scene, file, warnings);
     scene.has_left_out = count.non_finite + count.too_large > 0;
     let mut say = |n: usize, what: &str| {
         if n > 0 {
@@ -61,28 +62,13 @@ pub(crate) fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) 
 }
 
 fn warn_of_degenerate_objects(scene: &Scene, file: &Path, warnings: &mut Warnings) {
-    let degenerate = scene.objects.iter().filter(|object| is_degenerate(&object.shape));
+    let degenerate =
+        scene.objects.iter().filter(|object| !object.shape.primitives().any(|one| can_be_seen(&one)));
     let names: Vec<&str> = degenerate.map(|object| object.name.as_str()).collect();
     if let [first, others @ ..] = names.as_slice() {
         let more = if others.is_empty() { String::new() } else { format!(" and {} more", others.len()) };
         let what = "no triangle has an area, so nothing of it can be seen";
         warnings.push(format!("{}: object `{first}`{more}: {what}", file.display()));
-    }
-}
-
-/// Whether every triangle is degenerate (collinear corners) in f64.
-fn is_degenerate(shape: &Shape) -> bool {
-    let is_collinear = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a) == DVec3::ZERO;
-    match shape {
-        Shape::Analytic(_) => false,
-        Shape::Mesh(mesh) => {
-            !mesh.triangles.is_empty()
-                && mesh.triangles.iter().all(|t| is_collinear(t.map(|i| mesh.positions[i as usize])))
-        }
-        Shape::Placed(placed) => {
-            placed.triangle_count() > 0
-                && (0..placed.triangle_count() as u32).all(|t| is_collinear(placed.corners_of(t)))
-        }
     }
 }
 

@@ -97,7 +97,7 @@ pub use texture_slot::{SlotEntry, TEXTURE_SLOTS, TextureSlot, Textures};
 pub use transport::{Transport, TransportReason};
 pub use up::{UpAxis, UpChoice};
 
-use support::{AffineFunction, PointTrees};
+use support::{AffineFunction, PointTrees, can_be_seen};
 
 use crate::bvh::{Bvh, NotFinite, Preset, Primitive};
 use crate::film::Colour;
@@ -340,28 +340,21 @@ impl Scene {
         self.objects.iter().any(|object| self.materials[object.material.0 as usize].emits())
     }
 
-    /// Bounding box of all objects, or `None` for an empty scene.
+    /// Bounding box of what can be seen: analytic shapes, and triangles with an area, not stray vertices. `None` if nothing
+    /// can.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
         bounds(&PointTrees::of(&self.objects), &self.objects)
     }
 
-    /// Calls `each` with the corners of every triangle, counterclockwise seen from the front, in the order of the
-    /// scene.
+    /// Calls `each` with the corners of every triangle that can be seen, counterclockwise seen from the front, in the order
+    /// of the scene.
     pub(crate) fn for_each_triangle(&self, mut each: impl FnMut([DVec3; 3])) {
         for object in &self.objects {
-            match &object.shape {
-                Shape::Mesh(mesh) => {
-                    let corners = |t: &[u32; 3]| mesh.front(*t).map(|i| mesh.positions[i as usize]);
-                    mesh.triangles.iter().for_each(|t| each(corners(t)));
+            let is_mirrored = object.shape.is_mirrored();
+            for primitive in object.shape.primitives().filter(can_be_seen) {
+                if let Primitive::Triangle(Triangle([a, b, c])) = primitive {
+                    each(if is_mirrored { [a, c, b] } else { [a, b, c] });
                 }
-                Shape::Placed(placed) => {
-                    let is_mirrored = placed.is_mirrored();
-                    (0..placed.triangle_count() as u32).for_each(|t| {
-                        let [a, b, c] = placed.corners_of(t);
-                        each(if is_mirrored { [a, c, b] } else { [a, b, c] });
-                    });
-                }
-                Shape::Analytic(_) => {}
             }
         }
     }
@@ -378,7 +371,7 @@ impl Scene {
     }
 }
 
-/// Bounding box of objects among those of `trees`, or `None` where there is none.
+/// Bounding box of what can be seen of objects among those of `trees`; `None` if nothing can.
 pub(crate) fn bounds(trees: &PointTrees, objects: &[Object]) -> Option<(DVec3, DVec3)> {
     let side = |axis: usize, sign: f64| AffineFunction {
         of_sphere: Box::new(move |centre, radius| sign * centre[axis] + radius),
@@ -386,11 +379,16 @@ pub(crate) fn bounds(trees: &PointTrees, objects: &[Object]) -> Option<(DVec3, D
         weight: DVec3::AXES[axis],
         offset: DVec3::ZERO,
     };
-    let functions = [0, 1, 2].map(|axis| [1.0, -1.0].map(|sign| side(axis, sign)));
-    let far = support::maxima(trees, objects, functions.as_flattened());
-    let [max, min] = [0, 1].map(|k| DVec3::new(far[k], far[2 + k], far[4 + k]));
+    let functions: [_; 6] = std::array::from_fn(|i| side(i % 3, [1.0, -1.0][i / 3]));
+    let [x, y, z, u, v, w] = support::maxima(trees, objects, &functions);
+    let (max, min) = (DVec3::new(x, y, z), DVec3::new(u, v, w));
     // Not -0.
     (max.x > f64::NEG_INFINITY).then_some((DVec3::ZERO - min, max))
+}
+
+/// A triangle as a primitive.
+fn triangle(corners: [DVec3; 3]) -> Primitive {
+    Primitive::Triangle(Triangle(corners))
 }
 
 impl Shape {
@@ -405,7 +403,6 @@ impl Shape {
 
     /// The primitives in order, with instances placed.
     pub fn primitives(&self) -> Box<dyn Iterator<Item = Primitive> + '_> {
-        let triangle = |corners| Primitive::Triangle(Triangle(corners));
         match self {
             Shape::Analytic(shape) => Box::new(std::iter::once(Primitive::Analytic(*shape))),
             Shape::Mesh(mesh) => {

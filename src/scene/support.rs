@@ -1,5 +1,5 @@
-//! Maxima of affine functions over the vertices and analytic shapes of a scene (support function values), such as its
-//! bounds.
+//! Maxima of affine functions over what can be seen of a scene (support function values), such as its bounds: analytic
+//! shapes, and the vertices of triangles with an area ([`can_be_seen`]).
 //!
 //! The results equal those of an exhaustive search bit by bit. Bounding boxes of the vertices of each mesh, in a tree, give
 //! upper bounds, rounding included; only the vertices of boxes that may contain the maximum are evaluated.
@@ -7,9 +7,9 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
-use super::{Mesh, Object, Placed, Shape};
+use super::{Mesh, Object, Placed, Primitive, Shape, Triangle, triangle};
 
 /// A function of points that is affine up to rounding.
 pub struct AffineFunction<'a> {
@@ -27,31 +27,61 @@ pub struct AffineFunction<'a> {
 /// with a margin.
 const ROUNDING: f64 = 1.0 / (1u64 << 44) as f64;
 
+/// Whether a primitive counts.
+type Counts = fn(&Primitive) -> bool;
+
+/// Whether a primitive can be seen. A triangle is higher than the rounding of its coordinates; if one is not finite, it
+/// cannot.
+pub(crate) fn can_be_seen(primitive: &Primitive) -> bool {
+    let Primitive::Triangle(triangle) = primitive else { return true };
+    let [a, b, c] = triangle.0;
+    let reach = a.abs().max(b.abs()).max(c.abs()).max_element();
+    let (normal, longest) = (triangle.normal(), (b - a).length().max((c - a).length()));
+    normal.is_finite() && normal.abs().max_element() > ROUNDING * reach * longest
+}
+
 /// The trees over the vertices of the shared meshes of `objects`, which must live as long.
-pub(crate) struct PointTrees(HashMap<*const Mesh, PointTree>);
+pub(crate) struct PointTrees {
+    of_meshes: HashMap<*const Mesh, PointTree>,
+    counts: Counts,
+}
 
 impl PointTrees {
     pub(crate) fn of(objects: &[Object]) -> Self {
-        let mut trees = HashMap::new();
+        PointTrees::counting(objects, can_be_seen)
+    }
+
+    /// Those of the vertices of triangles that count.
+    pub(crate) fn counting(objects: &[Object], counts: Counts) -> Self {
+        let mut of_meshes = HashMap::new();
         for object in objects {
             if let Shape::Placed(Placed { mesh, .. }) = &object.shape {
-                trees.entry(Arc::as_ptr(mesh)).or_insert_with(|| PointTree::of(mesh));
+                of_meshes.entry(Arc::as_ptr(mesh)).or_insert_with(|| PointTree::of(mesh, counts));
             }
         }
-        PointTrees(trees)
+        PointTrees { of_meshes, counts }
     }
 }
 
-/// Maximum of each function over all vertices and analytic shapes of `objects`, among those of `trees`; negative
-/// infinity if there are none.
-pub(crate) fn maxima(trees: &PointTrees, objects: &[Object], functions: &[AffineFunction]) -> Vec<f64> {
-    let mut best = vec![f64::NEG_INFINITY; functions.len()];
+/// Maximum of each function over the analytic shapes and the triangles that count of `objects`, among those of `trees`;
+/// negative infinity if there are none.
+pub(crate) fn maxima<const N: usize>(
+    trees: &PointTrees,
+    objects: &[Object],
+    functions: &[AffineFunction; N],
+) -> [f64; N] {
+    let mut best = [f64::NEG_INFINITY; N];
     let mut placed: Vec<(&Placed, &PointTree)> = Vec::new();
     for object in objects {
         match &object.shape {
-            Shape::Analytic(shape) => include(&mut best, functions, |out| shape.support(out)),
-            Shape::Mesh(mesh) => mesh.corners().for_each(|p| include(&mut best, functions, |_| (p, 0.0))),
-            Shape::Placed(one) => placed.push((one, &trees.0[&Arc::as_ptr(&one.mesh)])),
+            Shape::Placed(one) if !flattens(one) => {
+                placed.push((one, &trees.of_meshes[&Arc::as_ptr(&one.mesh)]));
+            }
+            // At a scale of 0 all triangles are one point.
+            Shape::Placed(Placed { placement, .. })
+                if placement.as_one().0 == DMat3::ZERO
+                    && !(trees.counts)(&triangle([placement.point(DVec3::ZERO); 3])) => {}
+            shape => shape.primitives().for_each(|one| include(&mut best, functions, &one, trees.counts)),
         }
     }
     for (best, function) in best.iter_mut().zip(functions) {
@@ -69,11 +99,26 @@ pub(crate) fn maxima(trees: &PointTrees, objects: &[Object], functions: &[Affine
     best
 }
 
-/// Includes the sphere of each function's gradient.
-fn include(best: &mut [f64], functions: &[AffineFunction], sphere: impl Fn(DVec3) -> (DVec3, f64)) {
+/// Whether a placement takes the area of some triangles.
+fn flattens(placed: &Placed) -> bool {
+    let linear = placed.placement.as_one().0;
+    let lengths = [linear.x_axis, linear.y_axis, linear.z_axis].map(DVec3::length);
+    linear.determinant().abs() <= ROUNDING * lengths.iter().product::<f64>()
+}
+
+/// Includes a primitive, if it counts.
+fn include(best: &mut [f64], functions: &[AffineFunction], primitive: &Primitive, counts: Counts) {
     for (best, function) in best.iter_mut().zip(functions) {
-        let (centre, radius) = sphere(function.gradient);
-        *best = best.max((function.of_sphere)(centre, radius));
+        let of_sphere = |(centre, radius): (DVec3, f64)| (function.of_sphere)(centre, radius);
+        let most = match primitive {
+            Primitive::Analytic(shape) => of_sphere(shape.support(function.gradient)),
+            Primitive::Triangle(Triangle(corners)) => {
+                corners.iter().fold(*best, |most, &p| most.max(of_sphere((p, 0.0))))
+            }
+        };
+        if most > *best && counts(primitive) {
+            *best = most;
+        }
     }
 }
 
@@ -99,7 +144,7 @@ impl Bound {
     }
 }
 
-/// The vertices that the triangles of a mesh use, as a tree of bounding boxes. Inner nodes have 2 children.
+/// The vertices of the triangles of a mesh that count, as a tree of bounding boxes. Inner nodes have 2 children.
 struct PointTree {
     /// The root first.
     nodes: Vec<Node>,
@@ -123,9 +168,11 @@ const MAX_LEAF_POINTS: usize = 16;
 
 impl PointTree {
     /// Splits the points at the median along the longest axis.
-    fn of(mesh: &Mesh) -> Self {
+    fn of(mesh: &Mesh, counts: Counts) -> Self {
         let mut used = vec![false; mesh.positions.len()];
-        mesh.triangles.iter().flatten().for_each(|&i| used[i as usize] = true);
+        let corners = |t: &[u32; 3]| triangle(t.map(|i| mesh.positions[i as usize]));
+        let counting = mesh.triangles.iter().filter(|t| counts(&corners(t)));
+        counting.flatten().for_each(|&i| used[i as usize] = true);
         let mut points: Vec<DVec3> =
             mesh.positions.iter().zip(used).filter(|(_, used)| *used).map(|(&p, _)| p).collect();
         let mut nodes = vec![Node::new(&points, 0, points.len())];
@@ -186,7 +233,8 @@ mod tests {
     use super::*;
     use glam::{DMat4, DQuat};
 
-    /// Points on a sphere, instanced a hundred times: the bounds equal those of the baked copies, bit by bit.
+    /// Points on a sphere, instanced a hundred times, a few of them flattened, and one to a point: the bounds equal those of
+    /// the baked copies, bit by bit.
     #[test]
     fn placed_meshes_reach_as_far_as_their_copies() {
         let turn = |i: u32| {
@@ -201,7 +249,13 @@ mod tests {
         });
         for far in [0.0, 1e6] {
             let places = (0..100).map(|i| {
-                let [at, scale] = [turn(i) * 3.0 + far, turn(i * 7 + 3).abs() + 0.1];
+                let [mut at, mut scale] = [turn(i) * 3.0 + far, turn(i * 7 + 3).abs() + 0.1];
+                if i % 16 < 3 {
+                    scale[i as usize % 3] = 0.0;
+                }
+                if i == 50 {
+                    (at, scale) = (at * 2.0 + 9.0, DVec3::ZERO);
+                }
                 let rotation = DQuat::from_rotation_y(f64::from(i)) * DQuat::from_rotation_x(0.3);
                 let map = DMat4::from_scale_rotation_translation(scale, rotation, at);
                 Placed::new(mesh.clone(), Placement::new(map))
@@ -210,6 +264,7 @@ mod tests {
             let copies: Scene = placed.iter().map(|p| Shape::Mesh(p.bake())).collect();
             let shared: Scene = placed.into_iter().map(Shape::Placed).collect();
             assert_eq!(shared.bounds(), copies.bounds());
+            assert!(shared.bounds().is_some_and(|(_, max)| max.max_element() < far + 5.0));
         }
     }
 }

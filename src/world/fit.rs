@@ -220,7 +220,7 @@ pub fn fitted_camera(
 /// A camera as of [`fitted_camera`] that also looks at all of the same scene in other poses.
 pub fn fitted_to_poses(
     scene: &Scene,
-    others: impl ParallelIterator<Item = Scene>,
+    others: impl ParallelIterator<Item = Scene> + Clone,
     framing: impl Into<Framing>,
     aspect: f64,
     projection: Projection,
@@ -235,7 +235,9 @@ pub fn fitted_to_poses(
     let level = DVec3::new(side.x, 0.0, side.z).normalize_or(DVec3::Z);
     let (backwards, up) = framing.turned(if is_panoramic { level } else { side });
     let [u, v, w] = basis(backwards, DVec3::ZERO, up)?;
-    let (min, max) = scene.bounds()?;
+    // A clip may begin with nothing to see.
+    let bounds_of = |pose: Scene| pose.bounds();
+    let (min, max) = scene.bounds().or_else(|| others.clone().find_map_first(bounds_of))?;
     // Relative to the centre of the scene, to avoid cancellation for scenes far from the origin.
     let middle = min / 2.0 + max / 2.0;
     let fov = framing.magnified().to_radians();
@@ -251,13 +253,15 @@ pub fn fitted_to_poses(
     let k = (1.0 - 2.0 * MARGIN) * DVec2::new(half_height * aspect, half_height);
     let slope = if projection.is_central() { k } else { DVec2::ZERO };
     let extent_of = |scene: &Scene| extent(scene, middle, [u, v, w], slope);
-    let others = others.map(|pose| extent_of(&pose)).reduce_with(Extent::max);
-    let extent = others.into_iter().fold(extent_of(scene), Extent::max);
+    let greater = |a: [f64; 5], b: [f64; 5]| -> [f64; 5] { std::array::from_fn(|i| a[i].max(b[i])) };
+    let others = others.map(|pose| extent_of(&pose)).reduce_with(greater);
+    let [right, left, up, down, nearest] = others.into_iter().fold(extent_of(scene), greater);
+    let (plus, minus) = (DVec2::new(right, up), DVec2::new(left, down));
     let size = (max - min).length();
-    let sideways = (extent.plus - extent.minus) / 2.0;
-    let reach = (extent.plus + extent.minus) / 2.0;
+    let sideways = (plus - minus) / 2.0;
+    let reach = (plus + minus) / 2.0;
     // The least distance to the nearest point, for shapes that taper towards the camera.
-    let clear = extent.nearest + CLEARANCE * size;
+    let clear = nearest + CLEARANCE * size;
     let is_central = projection.is_central();
     let distance = if is_central { (reach / k).max_element().max(clear) } else { clear };
     let half = (reach / DVec2::new(aspect, 1.0)).max_element() / (1.0 - 2.0 * MARGIN);
@@ -298,7 +302,7 @@ pub fn turntable_camera(
         weight: out.abs(),
         offset: middle.abs(),
     };
-    let functions: Vec<_> = (0..SIDES).map(|i| side(direction(i))).collect();
+    let functions: [_; SIDES as usize] = std::array::from_fn(|i| side(direction(i as u32)));
     let reach =
         maxima(&PointTrees::of(&scene.objects), &scene.objects, &functions).into_iter().fold(0.0, f64::max);
     // Squared: once for points between the directions, once for the prism's sides, which lie nearer than its edges.
@@ -322,33 +326,11 @@ const SIDES: u32 = 64;
 /// The least distance of a fitted camera from the nearest point, in diagonals of the scene's bounds.
 const CLEARANCE: f64 = 0.1;
 
-/// The extent of a scene in camera axes.
-#[derive(Clone, Copy)]
-struct Extent {
-    /// The maxima of `x + slope.x * z` and of `y + slope.y * z`.
-    plus: DVec2,
-    /// The maxima of `-x + slope.x * z` and of `-y + slope.y * z`.
-    minus: DVec2,
-    /// The maximum of z.
-    nearest: f64,
-}
-
-impl Extent {
-    /// The extent of both.
-    fn max(self, other: Self) -> Self {
-        Extent {
-            plus: self.plus.max(other.plus),
-            minus: self.minus.max(other.minus),
-            nearest: self.nearest.max(other.nearest),
-        }
-    }
-}
-
 /// The extent of a scene, for an exact fit. In camera axes, a point (x, y, z) lies within a pyramid of the given slopes with its apex at
 /// (ex, ey, ez) where `|x - ex| <= slope.x (ez - z)`, and likewise in y. So
 /// `ez >= (max(x + slope.x z) + max(-x + slope.x z)) / (2 slope.x)`, and `ex` is half the difference of the two maxima. A slope of 0
-/// gives the extents for parallel rays.
-fn extent(scene: &Scene, middle: DVec3, [u, v, w]: [DVec3; 3], slope: DVec2) -> Extent {
+/// gives the extents for parallel rays. Returns the maxima of `x + slope.x z`, `-x + slope.x z`, the same two in y, and z.
+fn extent(scene: &Scene, middle: DVec3, [u, v, w]: [DVec3; 3], slope: DVec2) -> [f64; 5] {
     let length = DVec2::new(1.0f64.hypot(slope.x), 1.0f64.hypot(slope.y));
     // The function `sign * across + slope * depth`.
     let side = |sign: f64, across: DVec3, slope: f64, length: f64| AffineFunction {
@@ -368,8 +350,7 @@ fn extent(scene: &Scene, middle: DVec3, [u, v, w]: [DVec3; 3], slope: DVec2) -> 
         // Towards the camera.
         side(0.0, u, 1.0, 1.0),
     ];
-    let far = maxima(&PointTrees::of(&scene.objects), &scene.objects, &functions);
-    Extent { plus: DVec2::new(far[0], far[2]), minus: DVec2::new(far[1], far[3]), nearest: far[4] }
+    maxima(&PointTrees::of(&scene.objects), &scene.objects, &functions)
 }
 
 /// The light of scenes that have none: directional, from 20 degrees right of and 30 degrees above the view direction.
@@ -495,6 +476,18 @@ mod tests {
             let closest = shares.map(|share| share.min_element().min((1.0 - share).min_element()));
             let closest = closest.fold(f64::INFINITY, f64::min);
             assert!((closest - MARGIN).abs() < 1e-9, "{view:?} {projection:?}: {closest}");
+        }
+    }
+
+    /// A clip that begins with nothing to see is fitted to what comes.
+    #[test]
+    fn poses_that_cannot_be_seen_do_not_count() {
+        let [seen, flat] = [DVec3::ONE, DVec3::ZERO].map(|size| block(size, DVec3::splat(5.0)));
+        for (view, projection) in views() {
+            let poses = vec![seen.clone(), flat.clone()].into_par_iter();
+            let camera = fitted_to_poses(&flat, poses, view, 1.0, projection);
+            assert_eq!(camera, fitted_camera(&seen, view, 1.0, projection), "{view:?} {projection:?}");
+            assert_eq!(fitted_camera(&flat, view, 1.0, projection), None);
         }
     }
 

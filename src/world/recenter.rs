@@ -7,7 +7,8 @@
 
 use glam::DVec3;
 
-use crate::scene::{Camera, DefaultLook, Ground, Scene, Shape, Step};
+use crate::scene::support::PointTrees;
+use crate::scene::{Camera, DefaultLook, Ground, Scene, Shape, Step, bounds};
 
 /// The largest distance from the origin, in sizes of the scene, at which 20 of 24 bits are left for its shape.
 const FAR: f64 = 16.0;
@@ -15,6 +16,9 @@ const FAR: f64 = 16.0;
 /// Scenes whose size is beyond 2 to plus or minus this are scaled to about 1, so that areas and their products stay within
 /// f32's range.
 const LARGEST_EXPONENT: i32 = 40;
+
+/// No coordinate is scaled beyond 2 to this, also of triangles that cannot be seen and do not count for the size.
+const FARTHEST_EXPONENT: i32 = 59;
 
 /// The translation and scale that were applied to a scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,8 +43,13 @@ impl Recentering {
         let size = (max - min).max_element();
         let middle = min / 2.0 + max / 2.0;
         let far = middle.abs().max_element() > FAR * size;
-        let exponent = if size > 0.0 { size.log2().round() as i32 } else { 0 };
+        let mut exponent = if size > 0.0 { size.log2().round() as i32 } else { 0 };
         let extreme = exponent.abs() > LARGEST_EXPONENT;
+        if extreme {
+            let (low, high) = bounds(&PointTrees::counting(&scene.objects, |_| true), &scene.objects)?;
+            let farthest = (low - middle).abs().max((high - middle).abs()).max_element();
+            exponent = exponent.max(farthest.log2().ceil() as i32 - FARTHEST_EXPONENT);
+        }
         if !far && !extreme {
             return None;
         }
@@ -125,6 +134,18 @@ mod tests {
     fn scene_of(positions: Vec<DVec3>) -> Scene {
         let triangles = vec![[0, 1, 2]];
         Scene::from_iter([Shape::Mesh(Mesh { positions, triangles, ..Mesh::default() })])
+    }
+
+    /// A point at 1e18 beside a triangle of 1e-30, which would be at 1e48.
+    #[test]
+    fn triangles_that_cannot_be_seen_stay_in_range() {
+        let mut scene = scene_of(vec![DVec3::ZERO, DVec3::X * 1e-30, DVec3::Y * 1e-30, DVec3::X * 1e18]);
+        let Shape::Mesh(mesh) = &mut scene.objects[0].shape else { unreachable!() };
+        mesh.triangles.push([3; 3]);
+        assert_eq!(scene.bounds(), Some((DVec3::ZERO, DVec3::new(1e-30, 1e-30, 0.0))));
+        recenter(&mut scene);
+        let Shape::Mesh(mesh) = &scene.objects[0].shape else { unreachable!() };
+        assert!(mesh.positions[3].x.abs() <= 1e18);
     }
 
     #[test]

@@ -1,17 +1,17 @@
 //! What a scene consists of.
 
-use std::collections::HashMap;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::{FileNames, Lines, geometry, lights, materials, objects};
+use crate::bvh::Primitive;
 use crate::error::Result;
 use crate::geometry::Triangle;
+use crate::import::sharing::shared;
 use crate::scene::topology::Topology;
-use crate::scene::{AnalyticShape, Camera, Focus, Mesh, Object, Projection, Scene, Shape};
+use crate::scene::{AnalyticShape, Camera, Focus, Object, Projection, Scene, Shape};
 
 pub(super) fn to_json(inputs: &[PathBuf], scene: &Scene, topology: &Result<Topology>) -> Value {
     let objects = scene.objects.iter().zip(objects::closed(scene, topology));
@@ -116,34 +116,13 @@ fn analytic_shapes(scene: &Scene) -> Vec<(&'static str, usize)> {
 
 /// Number of triangles with three distinct collinear vertices. Those that close a T-vertex can be hit.
 fn degenerate_triangles(scene: &Scene) -> usize {
-    let is_flat = |corners: [DVec3; 3]| {
-        let [a, b, c] = corners;
-        a != b && b != c && c != a && Triangle(corners).is_degenerate()
+    let is_flat = |primitive: &Primitive| match primitive {
+        Primitive::Triangle(triangle @ Triangle([a, b, c])) => {
+            a != b && b != c && c != a && triangle.is_degenerate()
+        }
+        Primitive::Analytic(_) => false,
     };
-    let of_shape = |shape: &Shape| match shape {
-        Shape::Analytic(_) => 0,
-        Shape::Mesh(mesh) => {
-            let corners = |t: &[u32; 3]| t.map(|i| mesh.positions[i as usize]);
-            mesh.triangles.iter().filter(|t| is_flat(corners(t))).count()
-        }
-        Shape::Placed(placed) => {
-            let all = 0..placed.triangle_count() as u32;
-            all.filter(|&t| is_flat(placed.corners_of(t))).count()
-        }
-    };
-    scene.objects.iter().map(|object| of_shape(&object.shape)).sum()
-}
-
-/// Meshes with placed instances: number of instances, and triangles per instance.
-fn instanced_meshes(scene: &Scene) -> HashMap<*const Mesh, (usize, usize)> {
-    let mut shared = HashMap::new();
-    for object in &scene.objects {
-        if let Shape::Placed(placed) = &object.shape {
-            let entry = shared.entry(Arc::as_ptr(&placed.mesh)).or_insert((0, placed.mesh.triangles.len()));
-            entry.0 += 1;
-        }
-    }
-    shared
+    scene.primitives().filter(is_flat).count()
 }
 
 /// Adds counts and bounds.
@@ -156,10 +135,11 @@ pub(super) fn add_sizes(lines: &mut Lines, names: &FileNames, scene: &Scene) {
         }
     }
     lines.add("objects", counts + ")");
-    let shared = instanced_meshes(scene);
-    if !shared.is_empty() {
-        let (places, kept) = shared.values().fold((0, 0), |(p, k), (places, mesh)| (p + places, k + mesh));
-        let meshes = shared.len();
+    let groups = shared(&scene.objects);
+    if !groups.is_empty() {
+        let places: usize = groups.values().map(Vec::len).sum();
+        let kept: usize = groups.keys().map(|&first| objects::triangles(&scene.objects[first])).sum();
+        let meshes = groups.len();
         lines.add(
             "shared",
             format!("{places} objects are placements of {meshes} mesh(es) with {kept} triangles"),
@@ -169,7 +149,7 @@ pub(super) fn add_sizes(lines: &mut Lines, names: &FileNames, scene: &Scene) {
         lines.add("no area", format!("{flat} triangle(s), kept because they may close T-vertices"));
     }
     match scene.bounds() {
-        None => lines.add("bounds", "none: no primitives"),
+        None => lines.add("bounds", "none: nothing can be seen"),
         Some((min, max)) => {
             lines.add("bounds", format!("{} to {}", short(min), short(max)));
             lines.add("size", short(max - min));

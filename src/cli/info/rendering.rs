@@ -10,9 +10,10 @@ use super::{FileNames, Lines};
 use crate::bvh::Description;
 use crate::effects::Decision;
 use crate::error::{Error, Result, Warnings};
+use crate::import::sharing::shared;
 use crate::job::{self, RenderSettings};
 use crate::limits::{self, Bytes};
-use crate::scene::{Attribute, Look, Mesh, Object, Scene, Shape, shell_quoted};
+use crate::scene::{Attribute, Look, Mesh, Scene, Shape, shell_quoted};
 
 /// Stored primitives up to which the acceleration structure is built to measure it, which takes a few seconds.
 const MOST_BUILT: usize = 4_000_000;
@@ -208,12 +209,10 @@ impl Memory {
 }
 
 fn stored_primitives(scene: &Scene) -> usize {
-    let mut seen = HashSet::new();
-    let of_object = |object: &Object| match &object.shape {
-        Shape::Placed(placed) if !seen.insert(Arc::as_ptr(&placed.mesh)) => 1,
-        shape => shape.primitive_count(),
+    let saved = |(first, group): (usize, Vec<usize>)| {
+        (group.len() - 1) * scene.objects[first].shape.primitive_count().saturating_sub(1)
     };
-    scene.objects.iter().map(of_object).sum()
+    scene.primitive_count() - shared(&scene.objects).into_iter().map(saved).sum::<usize>()
 }
 
 /// Bytes of all meshes; those of a shared one count once.

@@ -6,7 +6,8 @@ use glam::{DMat4, DQuat, DVec3, EulerRot};
 
 use super::Track;
 use crate::error::{Error, Result, nearest_name};
-use crate::scene::{AnalyticShape, Camera, Focus, Lens, Light, Object, Scene, Shape};
+use crate::scene::support::PointTrees;
+use crate::scene::{AnalyticShape, Camera, Focus, Lens, Light, Object, Scene, Shape, bounds};
 
 /// Target of a track, by name.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
@@ -143,10 +144,11 @@ impl Track {
     }
 }
 
-/// Centre of the bounds of the objects of these indices.
+/// Centre of the bounds of the objects of these indices. Triangles without area count, so that it does not jump where a
+/// track scales an object to 0.
 pub(super) fn centre_of(scene: &Scene, indices: &[usize]) -> Option<DVec3> {
-    let objects = indices.iter().map(|&i| scene.objects[i].clone()).collect();
-    let (min, max) = Scene { objects, ..Scene::default() }.bounds()?;
+    let objects: Vec<Object> = indices.iter().map(|&i| scene.objects[i].clone()).collect();
+    let (min, max) = bounds(&PointTrees::counting(&objects, |_| true), &objects)?;
     Some(min / 2.0 + max / 2.0)
 }
 
