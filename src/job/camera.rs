@@ -81,6 +81,9 @@ impl Viewpoint<'_> {
         if matches!(self, Viewpoint::Fitted(_)) && scene.inputs.len() > 1 && !scene.has_settings {
             note_small_inputs(scene, warnings);
         }
+        if matches!(self, Viewpoint::Fitted(_)) && settings.look_at.is_none() {
+            super::outside::note_distant(scene, warnings);
+        }
         if let Viewpoint::Camera(camera) = self {
             note_other_aspect(camera, settings, self.size(settings, scene), warnings);
         }
@@ -124,7 +127,13 @@ impl Viewpoint<'_> {
                 let aspect = f64::from(size[0]) / f64::from(size[1]);
                 let projection = settings.projection.unwrap_or_default();
                 fitted_camera(&*settings.looked_at(scene)?, settings.framing(view, scene), aspect, projection)
-                    .ok_or_else(|| nothing_to_look_at(scene))
+                    .ok_or_else(|| match &settings.look_at {
+                        Some(name) => {
+                            let hint = "its triangles have no area; name another object, or another --time";
+                            Error::usage(format!("--look-at: nothing of `{name}` can be seen"), hint)
+                        }
+                        None => nothing_to_look_at(scene),
+                    })
             }
         }
     }

@@ -3,8 +3,9 @@
 use glam::{DVec2, DVec3};
 
 use crate::error::Warnings;
-use crate::scene::support::PointTrees;
-use crate::scene::{Camera, Object, Placed, Scene, Shape, bounds};
+use crate::geometry::Bounds;
+use crate::scene::support::{PointTrees, can_be_seen};
+use crate::scene::{Camera, Object, Placed, Scene, Shape, bounds, shell_quoted};
 use crate::world::{Recentering, View};
 
 /// Names in a warning; the others are counted.
@@ -13,26 +14,93 @@ const NAMED: usize = 3;
 /// Warns of the objects whose bounds lie wholly beyond one side of the picture, or behind the camera, where others do not.
 pub(super) fn warn(scene: &Scene, view: &View, recentering: Option<&Recentering>, warnings: &mut Warnings) {
     let trees = PointTrees::of(&scene.objects);
-    let outside = scene.objects.iter().filter_map(|object| Some((object, outside_at(object, &trees, view)?)));
+    let seen = scene.objects.iter().filter_map(|object| Some((object, outside_at(object, &trees, view)?)));
+    let seen: Vec<(&Object, Option<DVec3>)> = seen.collect();
+    let outside = seen.iter().filter_map(|&(object, at)| Some((object, at?)));
     let outside: Vec<(&Object, DVec3)> = outside.collect();
-    if outside.is_empty() || outside.len() == scene.objects.len() {
+    if outside.is_empty() || outside.len() == seen.len() {
         return;
     }
     let place = |p: DVec3| recentering.map_or(p, |recentering| recentering.point_back(p));
-    let named = outside.iter().take(NAMED).map(|(object, at)| {
+    let named = outside.iter().map(|(object, at)| {
         let DVec3 { x, y, z } = place(*at);
         format!("`{}` at [{x:.3}, {y:.3}, {z:.3}]", object.name)
     });
-    let more = match outside.len().saturating_sub(NAMED) {
+    warnings.push(format!("outside the picture: {}; `--camera auto` sees everything", first_of(named)));
+}
+
+/// The first names of a list, and the number of the others.
+fn first_of(names: impl ExactSizeIterator<Item = String>) -> String {
+    let more = match names.len().saturating_sub(NAMED) {
         0 => String::new(),
         more => format!(" and {more} more"),
     };
-    let named = named.collect::<Vec<_>>().join(", ");
-    warnings.push(format!("outside the picture: {named}{more}; `--camera auto` sees everything"));
+    names.take(NAMED).collect::<Vec<_>>().join(", ") + &more
 }
 
-/// The middle of an object's bounds, if they are outside the picture.
-fn outside_at(object: &Object, trees: &PointTrees, view: &View) -> Option<DVec3> {
+/// Cells along each axis of the bounds, and how many of them side by side are empty where something lies far from the rest.
+const CELLS: u32 = u64::BITS;
+const EMPTY: u32 = 60;
+
+/// Notes objects, and triangles of an object, that lie so far from the rest that it is small in the picture of a fitted
+/// camera, such as a marker at the origin beside a building at coordinates of a map.
+pub(super) fn note_distant(scene: &Scene, warnings: &mut Warnings) {
+    let Some((min, max)) = scene.bounds() else { return };
+    let size = max - min;
+    let boxes = || {
+        scene.objects.iter().enumerate().flat_map(|(index, object)| {
+            let seen = object.shape.primitives().filter(can_be_seen);
+            seen.map(move |primitive| (index, primitive.bounds()))
+        })
+    };
+    let cell = |x: f32, k: usize| ((f64::from(x) - min[k]) / size[k] * f64::from(CELLS)).min(63.0) as u32;
+    let mut covered = [0, 1, 2].map(|k| if size[k] > 0.0 { 0 } else { u64::MAX });
+    for (_, Bounds { min: low, max: high }) in boxes() {
+        for (k, covered) in covered.iter_mut().enumerate() {
+            *covered |= u64::MAX << cell(low[k], k) & u64::MAX >> (63 - cell(high[k], k));
+        }
+        if covered.iter().all(|covered| covered.count_zeros() < EMPTY) {
+            return;
+        }
+    }
+    for (axis, covered) in covered.into_iter().enumerate() {
+        let below = covered.trailing_ones();
+        if below == CELLS || (covered >> below).trailing_zeros() < EMPTY {
+            continue;
+        }
+        let mut sides: [(usize, Vec<usize>, Option<Bounds>); 2] = Default::default();
+        for (index, bounds) in boxes() {
+            let (count, objects, all) = &mut sides[usize::from(cell(bounds.min[axis], axis) >= below)];
+            *count += 1;
+            *all = Some(all.map_or(bounds, |all| all.union(bounds)));
+            if objects.last() != Some(&index) {
+                objects.push(index);
+            }
+        }
+        sides.sort_by_key(|(count, ..)| *count);
+        let [(_, far, _), (_, near, Some(rest))] = sides else { return };
+        let times = size.length() / f64::from((rest.max - rest.min).length());
+        // Not two parts as large as the gap, such as the walls of a corridor.
+        if times * f64::from(CELLS - EMPTY) < f64::from(CELLS) {
+            continue;
+        }
+        let mut names: Vec<&str> = far.iter().map(|&index| scene.objects[index].name.as_str()).collect();
+        names.dedup();
+        let is_far =
+            |&index: &usize| names.iter().take(NAMED).any(|name| scene.objects[index].is_named(name));
+        let hint = match names[..] {
+            _ if near.iter().any(is_far) => "remove what lies there from the file, or give a --camera".into(),
+            [name] => format!("--hide {} frames the rest", shell_quoted(name)),
+            _ => "--hide NAME leaves out each of them".into(),
+        };
+        let names = first_of(names.iter().map(|name| format!("`{name}`")));
+        warnings.note(format!("far from the rest, in a scene {times:.0} times its size: {names}; {hint}"));
+        return;
+    }
+}
+
+/// The middle of an object's bounds, if they are outside the picture; `None` for an object that cannot be seen.
+fn outside_at(object: &Object, trees: &PointTrees, view: &View) -> Option<Option<DVec3>> {
     let [width, height] = view.size().map(f64::from);
     // With one of its vertices in the picture, a mesh is not outside.
     if let Shape::Placed(Placed { mesh, placement }) = &object.shape
@@ -41,7 +109,7 @@ fn outside_at(object: &Object, trees: &PointTrees, view: &View) -> Option<DVec3>
         && (0.0..=width).contains(&x)
         && (0.0..=height).contains(&y)
     {
-        return None;
+        return Some(None);
     }
     let (min, max) = bounds(trees, std::slice::from_ref(object))?;
     let corner =
@@ -56,7 +124,7 @@ fn outside_at(object: &Object, trees: &PointTrees, view: &View) -> Option<DVec3>
             places.iter().all(|(p, _)| p.y > height),
         ]
         .contains(&true);
-    (is_behind || is_beside).then_some(min / 2.0 + max / 2.0)
+    Some((is_behind || is_beside).then_some(min / 2.0 + max / 2.0))
 }
 
 /// The least share of the picture that the visible part of the bounds covers, and the least share of the bounds that is

@@ -2,6 +2,9 @@
 
 use std::path::Path;
 
+use serde_json::json;
+
+use crate::common::gltf::Model;
 use crate::helpers::{SCENE, check_error, image_bits, metadata};
 use crate::workshop::{Workshop, text};
 
@@ -312,4 +315,109 @@ fn pixels_of_any_shape_are_refused_before_rendering() {
             assert_eq!(shop.names(), ["a.toml"]);
         }
     }
+}
+
+/// What has no area is not in the picture of an automatic camera, nor in the ground, the turntable and the bounds: faces of
+/// equal or collinear corners, stray vertices, nodes of a scale of 0, at rest and at a time of a clip, and hidden nodes.
+#[test]
+fn what_cannot_be_seen_does_not_count() {
+    let obj = block("box", 1, [0.0; 3], 1.0);
+    let workshop = Workshop::with("box.obj", &obj);
+    for (name, more) in [
+        ("equal", "v 500 -300 0\nf 9 9 9\n"),
+        ("edge", "v 500 -300 0\nf 1 9 9\n"),
+        // Multiples of (0.1, -0.2, 0.3), which rounding takes off their line.
+        ("line", "v 1 -2 3\nv 4.7 -9.4 14.1\nv 50.3 -100.6 150.9\nf 9 10 11\n"),
+        ("stray", "v 500 -300 0\n"),
+    ] {
+        workshop.write(&format!("{name}.obj"), format!("{obj}{more}"));
+    }
+    let corners = |at: f32| [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, at]];
+    let nodes = |name: &str, nodes: serde_json::Value| {
+        let mut model = Model::new(&corners(0.5));
+        model.json["nodes"] = nodes;
+        let count = model.json["nodes"].as_array().expect("a list").len();
+        model.json["scenes"] = json!([{ "nodes": (0..count).collect::<Vec<_>>() }]);
+        model.json["extensionsUsed"] = json!(["KHR_node_visibility"]);
+        let times = model.floats(&[[0.0], [1.0]]);
+        let scales = model.floats(&[[0.0; 3], [1.0; 3]]);
+        if count > 1 {
+            model.json["animations"] = json!([{
+                "samplers": [{ "input": times, "output": scales }],
+                "channels": [{ "sampler": 0, "target": { "node": 1, "path": "scale" } }],
+            }]);
+        }
+        workshop.write(name, model.text());
+    };
+    let far = [40, -30, 0];
+    nodes("node.gltf", json!([{ "mesh": 0 }]));
+    nodes("clip.gltf", json!([{ "mesh": 0 }, { "mesh": 0, "translation": far }]));
+    nodes("scale.gltf", json!([{ "mesh": 0 }, {}, { "mesh": 0, "translation": far, "scale": [0, 0, 0] }]));
+    nodes("flat.gltf", json!([{ "mesh": 0 }, {}, { "mesh": 0, "translation": far, "scale": [1, 0, 0] }]));
+    let hidden = json!({ "KHR_node_visibility": { "visible": false } });
+    nodes("hidden.gltf", json!([{ "mesh": 0 }, {}, { "mesh": 0, "translation": far, "extensions": hidden }]));
+    let made = |line: String, output: &str| {
+        workshop.succeed(&format!("{line} --size 24x24"));
+        workshop.pixels(output).into_raw()
+    };
+    let bounds = |line: &str| {
+        let (said, _) = workshop.code(&format!("info --json {line}"), 0);
+        serde_json::from_str::<serde_json::Value>(&said).expect("JSON")["bounds"].clone()
+    };
+    for (base, others) in [
+        ("box.obj", &["equal.obj", "edge.obj", "line.obj", "stray.obj"][..]),
+        ("node.gltf", &["clip.gltf --time 0", "scale.gltf", "flat.gltf", "hidden.gltf"]),
+    ] {
+        for options in ["", "--view iso --draft", "--projection orthographic", "--projection panoramic"] {
+            let render = |input: &str| made(format!("render {input} -o a.png {options}"), "a.png");
+            let expected = render(base);
+            others.iter().for_each(|input| assert!(render(input) == expected, "{input} {options}"));
+        }
+        others.iter().for_each(|input| assert_eq!(bounds(input), bounds(base), "{input}"));
+    }
+    for (base, others) in [("box.obj", &["equal.obj", "line.obj"][..]), ("node.gltf", &["scale.gltf"])] {
+        let turned = |input: &str| made(format!("animate {input} -o f_#.png --frames 50"), "f_50.png");
+        others.iter().for_each(|input| assert!(turned(input) == turned(base), "{input}"));
+    }
+    // At its end the clip shows both, and nothing of an object of scale 0 can be looked at.
+    assert_eq!(bounds("clip.gltf --time 1")["max"], json!([41.0, 1.0, 0.5]));
+    workshop.write("all.obj", format!("{obj}o dot\nf 1 1 1\n"));
+    let (_, said) = workshop.code("render all.obj --look-at dot -o a.png", 2);
+    assert!(said.contains("--look-at: nothing of `dot` can be seen"), "{said}");
+}
+
+/// A marker at the origin beside a building at coordinates of a map makes the building less than a pixel: 2 sqrt(3) of
+/// 4000001 sqrt(2), 1,632,994 times as much. Without it, the picture is that of the building alone.
+#[test]
+fn objects_far_from_the_rest_are_named() {
+    let at = [4e6, 0.0, -4e6];
+    let workshop = Workshop::with("building.obj", block("building", 1, at, 1.0));
+    let marker = "v 0 0 0\nv 0.5 0 0\nv 0 0.5 0\n";
+    workshop.write("both.obj", block("building", 1, at, 1.0) + "o a marker\n" + marker + "f 9 10 11\n");
+    workshop.write("one.obj", block("building", 1, at, 1.0) + marker + "f 9 10 11\n");
+    let noted = |line: &str| {
+        let said = workshop.succeed(&format!("render {line} -o a.png --size 16x16"));
+        said.lines().find(|line| line.contains("far from the rest")).map(str::to_owned)
+    };
+    let note = noted("both.obj").expect("a note");
+    let expected =
+        "far from the rest, in a scene 1632994 times its size: `a marker`; --hide 'a marker' frames the rest";
+    assert!(note.ends_with(expected), "{note}");
+    let note = noted("one.obj").expect("a note");
+    assert!(note.ends_with("`building`; remove what lies there from the file, or give a --camera"), "{note}");
+    assert!(text(&workshop.run("info both.obj").stdout).contains("`a marker`"));
+    let (_, said) = workshop.code("animate both.obj -o f_#.png --frames 0 --size 16x16", 0);
+    assert!(said.contains("`a marker`"), "{said}");
+    let mut hidden = workshop.command("render both.obj -o b.png --size 16x16 --hide");
+    assert!(hidden.arg("a marker").status().expect("it runs").success());
+    assert_eq!(noted("building.obj"), None);
+    assert!(workshop.pixels("a.png") == workshop.pixels("b.png"));
+    // A camera of one's own shows what it shows; two walls, as large as the way between them, are a corridor.
+    assert_eq!(noted("both.obj --camera {position=[0,0,9],look_at=[0,0,0]}"), None);
+    let wall = |first: usize, x: f64| {
+        let [a, b, c, d] = [0, 1, 2, 3].map(|i| first + i);
+        format!("v {x} 0 0\nv {x} 9 0\nv {x} 9 9\nv {x} 0 9\nf {a} {b} {c} {d}\n")
+    };
+    workshop.write("corridor.obj", wall(1, 0.0) + "o other\n" + &wall(5, 9.0));
+    assert_eq!(noted("corridor.obj"), None);
 }
