@@ -375,10 +375,8 @@ fn what_cannot_be_seen_does_not_count() {
         }
         others.iter().for_each(|input| assert_eq!(bounds(input), bounds(base), "{input}"));
     }
-    for (base, others) in [("box.obj", &["equal.obj", "line.obj"][..]), ("node.gltf", &["scale.gltf"])] {
-        let turned = |input: &str| made(format!("animate {input} -o f_#.png --frames 50"), "f_50.png");
-        others.iter().for_each(|input| assert!(turned(input) == turned(base), "{input}"));
-    }
+    let turned = |input: &str| made(format!("animate {input} -o f_#.png --frames 50"), "f_50.png");
+    assert!(turned("equal.obj") == turned("box.obj") && turned("line.obj") == turned("box.obj"));
     // At its end the clip shows both, and nothing of an object of scale 0 can be looked at.
     assert_eq!(bounds("clip.gltf --time 1")["max"], json!([41.0, 1.0, 0.5]));
     workshop.write("all.obj", format!("{obj}o dot\nf 1 1 1\n"));
