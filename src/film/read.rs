@@ -1,5 +1,5 @@
-//! Reading of image files: for comparisons, PNG and JPEG as display values and OpenEXR as stored; for textures, PNG and
-//! JPEG in the pixel format of the file.
+//! Reading of image files: for comparisons, as display values, and OpenEXR as stored; for textures, in the pixel format
+//! of the file.
 //!
 //! Sizes are checked against [`limits`] before a decoder allocates memory, and panics of decoders are caught.
 
@@ -124,7 +124,7 @@ fn not_opaque(alpha: Vec<f32>) -> Option<Vec<f32>> {
     alpha.iter().any(|&alpha| alpha != 1.0).then_some(alpha)
 }
 
-/// Decodes a PNG, JPEG, WebP or Radiance HDR image. `bytes_each`: bytes per pixel, by image type, that the caller will
+/// Decodes a PNG, JPEG, WebP, TGA, BMP, GIF (its first frame) or Radiance HDR image. `bytes_each`: bytes per pixel, by image type, that the caller will
 /// allocate in addition.
 pub fn decode(bytes: &[u8], bytes_each: impl Fn(ColorType) -> u64) -> Read<DynamicImage> {
     if !radiance::is_radiance(bytes) {
@@ -136,10 +136,10 @@ pub fn decode(bytes: &[u8], bytes_each: impl Fn(ColorType) -> u64) -> Read<Dynam
     Ok(header.apply(decode_stored(&standard, bytes_each)?))
 }
 
-/// Maximum number of texels of a WebP image of any file size: 8192 x 8192.
+/// Maximum number of texels of an image of any file size: 8192 x 8192.
 const ANY_CONTENT: u64 = 1 << 26;
 
-/// Maximum number of texels per byte of larger WebP images; photographs have about 8.
+/// Maximum number of texels per byte of larger images; photographs have about 8. PNG and JPEG need no such limit.
 const TEXELS_A_BYTE: u64 = 256;
 
 /// Decodes an image with the `image` crate.
@@ -149,7 +149,8 @@ fn decode_stored(bytes: &[u8], bytes_each: impl Fn(ColorType) -> u64) -> Read<Dy
         image::ImageError::Unsupported(_) => unsupported(),
         other => ReadError::Damaged(format!("damaged picture: {other}")),
     };
-    let format = image::guess_format(bytes).map_err(|_| unsupported())?;
+    let tga = is_tga(bytes).then_some(ImageFormat::Tga);
+    let format = image::guess_format(bytes).ok().or(tga).ok_or_else(unsupported)?;
     if format == ImageFormat::Png
         && let Some((width, height)) = png_size(bytes)
     {
@@ -165,10 +166,21 @@ fn decode_stored(bytes: &[u8], bytes_each: impl Fn(ColorType) -> u64) -> Read<Dy
         most.max_alloc = Some(limits::MAX_CLAIM);
         reader.limits(most);
         let mut decoder = reader.into_decoder().map_err(damaged)?;
-        let _ = decoder.set_limits(image::Limits::no_limits());
+        let mut most = image::Limits::no_limits();
         let (width, height) = decoder.dimensions();
-        // A progressive JPEG is stored as 16-bit coefficients, for up to 4 channels, until decoding ends.
-        let while_decoding = if format == ImageFormat::Jpeg { 8 } else { 0 };
+        let while_decoding = match format {
+            // A progressive JPEG is stored as 16-bit coefficients, for up to 4 channels, until decoding ends.
+            ImageFormat::Jpeg => 8,
+            // The frame, not larger than the image.
+            ImageFormat::Gif => {
+                most.max_alloc = Some(decoder.total_bytes());
+                4
+            }
+            // Indices of colours.
+            ImageFormat::Tga => 2,
+            _ => 0,
+        };
+        let _ = decoder.set_limits(most);
         let area = limits::product(&[width.into(), height.into()]);
         let each = bytes_each(decoder.color_type()) + while_decoding;
         let needed = decoder.total_bytes().saturating_add(limits::product(&[area, each]));
@@ -176,7 +188,7 @@ fn decode_stored(bytes: &[u8], bytes_each: impl Fn(ColorType) -> u64) -> Read<Dy
             .map_err(|excess| ReadError::too_large(width.into(), height.into(), &excess))?;
         // A few bytes may encode any number of equal texels, which take long to decode.
         let most = limits::product(&[bytes.len() as u64, TEXELS_A_BYTE]).max(ANY_CONTENT);
-        if format == ImageFormat::WebP && area > most {
+        if !matches!(format, ImageFormat::Png | ImageFormat::Jpeg) && area > most {
             let what = format!("{width} x {height} texels in {} bytes: damaged", bytes.len());
             return Err(ReadError::Damaged(what));
         }
@@ -190,6 +202,12 @@ fn decode_stored(bytes: &[u8], bytes_each: impl Fn(ColorType) -> u64) -> Read<Dy
     }
 }
 
+/// Whether bytes begin with a header of TGA, which has no signature: a known type of image, and unused bits of 0
+/// (Truevision, TGA File Format Specification 2.0, 1991).
+fn is_tga(bytes: &[u8]) -> bool {
+    matches!(bytes, [_, 0 | 1, 1..=3 | 9..=11, _, _, _, _, _, _, _, _, _, _, _, _, _, _, 0..64, ..])
+}
+
 /// The message for a picture of a format that is not read.
 fn not_read(bytes: &[u8]) -> String {
     let ending = image::guess_format(bytes).ok().and_then(|format| format.extensions_str().first());
@@ -199,7 +217,7 @@ fn not_read(bytes: &[u8]) -> String {
     };
     format!(
         "{what}; convert it to .png, for example with ImageMagick: `magick in.{} out.png`",
-        ending.unwrap_or(&"tga")
+        ending.unwrap_or(&"psd")
     )
 }
 
