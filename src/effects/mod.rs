@@ -387,8 +387,15 @@ impl PlanSpec {
     fn transparency(&self, sampling: &Sampling) -> Option<Transparency> {
         let Sampling { seed, sampler, .. } = *sampling;
         let is_layered = self.layers && !self.own_camera_rays;
-        let of =
-            |ContinuedRays { rays: kind, .. }| Transparency { is_layered, culls: false, sampler, seed, kind };
+        let filter = self.texture_use.filter;
+        let of = |ContinuedRays { rays: kind, .. }| Transparency {
+            is_layered,
+            culls: false,
+            filter,
+            sampler,
+            seed,
+            kind,
+        };
         self.continued.map(of)
     }
 }

@@ -17,7 +17,7 @@ use super::samples::{SampleIndex, list_samples};
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use crate::bvh::Traversal;
 use crate::geometry::{Hit, HitBuffer, Ray, RayBuffer};
-use crate::scene::PixelSampler;
+use crate::scene::{PixelSampler, TextureFilter};
 use crate::shading;
 pub(crate) use crate::shading::VISIBLE_FROM;
 use crate::world::World;
@@ -38,6 +38,8 @@ pub(crate) struct Transparency {
     pub(crate) is_layered: bool,
     /// Whether camera rays pass through back faces of single-sided materials.
     pub(crate) culls: bool,
+    /// The filter of opacity textures; `None` for that of each texture's sampler.
+    pub(crate) filter: Option<TextureFilter>,
     /// The random numbers of these rays.
     pub(crate) sampler: PixelSampler,
     /// The seed of the random numbers.
@@ -52,6 +54,7 @@ impl Transparency {
         let opaque = Transparency {
             is_layered: false,
             culls: true,
+            filter: None,
             sampler: PixelSampler::default(),
             seed: 0,
             kind: RayKind::PRIMARY,
@@ -60,19 +63,22 @@ impl Transparency {
     }
 }
 
-/// Opacity at a hit; 0 for a culled back face if `culls`.
-fn seen_opacity(world: &World, ray: &Ray, hit: &Hit, culls: bool) -> f64 {
-    if culls && world.is_culled(ray, hit) { 0.0 } else { opacity(world, hit) }
+/// How opacity is looked up: whether that of culled back faces is 0, and by which filter.
+type Lookup = (bool, Option<TextureFilter>);
+
+/// Opacity at a hit of a camera ray.
+fn seen_opacity(world: &World, ray: &Ray, hit: &Hit, (culls, filter): Lookup) -> f64 {
+    if culls && world.is_culled(ray, hit) { 0.0 } else { opacity(world, hit, filter) }
 }
 
 /// The opacity of the surface at a hit, 0 to 1.
-pub(crate) fn opacity(world: &World, hit: &Hit) -> f64 {
+pub(crate) fn opacity(world: &World, hit: &Hit, filter: Option<TextureFilter>) -> f64 {
     let index = world.object_of(hit.prim);
     let object = &world.objects[index as usize];
     let material = &world.materials[object.material as usize];
     let [v, w] = hit.barycentrics;
     let uv = |set| world.uv(index, hit.prim, [1.0 - v - w, v, w], set);
-    shading::opacity(material, &world.images, uv, || world.vertex_alpha(object, hit))
+    shading::opacity(material, &world.images, filter, uv, || world.vertex_alpha(object, hit))
 }
 
 /// Detects a cycle of the origins of a continued ray, which would never end: in `fast` at large coordinates, rounding
@@ -116,11 +122,12 @@ pub(crate) fn transmittance(
     world: &World,
     ray: &Ray,
     traversal: &mut Traversal,
+    filter: Option<TextureFilter>,
     continued: &mut usize,
 ) -> f64 {
     let (mut ray, mut transmittance, mut cycle) = (*ray, 1.0, OriginCycle::new(ray.origin()));
     while let Some(hit) = world.accelerator.closest_hit(&ray, traversal) {
-        transmittance *= 1.0 - opacity(world, &hit);
+        transmittance *= 1.0 - opacity(world, &hit, filter);
         if transmittance == 0.0 {
             break;
         }
@@ -138,12 +145,12 @@ pub(crate) fn closest_visible(
     world: &World,
     ray: &Ray,
     traversal: &mut Traversal,
-    culls: bool,
+    lookup: Lookup,
 ) -> Option<Hit> {
     let (mut ray, mut distance, mut cycle) = (*ray, 0.0, OriginCycle::new(ray.origin()));
     loop {
         let hit = world.accelerator.closest_hit(&ray, traversal)?;
-        if seen_opacity(world, &ray, &hit, culls) >= VISIBLE_FROM {
+        if seen_opacity(world, &ray, &hit, lookup) >= VISIBLE_FROM {
             return Some(Hit { t: distance + hit.t, ..hit });
         }
         distance += hit.t;
@@ -260,7 +267,8 @@ impl Buffers {
             let generation = tile.generation();
             let Some(hit) = generation.hits.get(index) else { continue };
             let ray = generation.rays.get(index);
-            let alpha = seen_opacity(world, &ray, &hit, transparency.culls);
+            let lookup = (transparency.culls, transparency.filter);
+            let alpha = seen_opacity(world, &ray, &hit, lookup);
             // Nearly all rays; they need no random number.
             if alpha == 1.0 {
                 continue;
@@ -299,7 +307,7 @@ impl Buffers {
         world: &World,
         hits: &mut HitBuffer,
         traversal: &mut Traversal,
-        Transparency { is_layered, culls, .. }: Transparency,
+        Transparency { is_layered, culls, filter, .. }: Transparency,
     ) {
         let Buffers { continued_rays, rays, hits: found, layers, .. } = self;
         rays.clear();
@@ -309,7 +317,7 @@ impl Buffers {
         let mut found = found.iter();
         continued_rays.retain_mut(|ray| match found.next() {
             Some(Some(hit)) => {
-                let alpha = seen_opacity(world, &ray.ray, &hit, culls);
+                let alpha = seen_opacity(world, &ray.ray, &hit, (culls, filter));
                 layers.pass(ray, &hit, alpha, world, hits, is_layered)
             }
             _ => false,

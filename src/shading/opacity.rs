@@ -4,17 +4,19 @@ use glam::DVec2;
 
 use super::texture::look_at;
 use crate::film::ColourPipeline;
-use crate::scene::{Interpolation, Material, Scene, TexelEncoding, TextureSlot};
+use crate::scene::{Material, Scene, TexelEncoding, TextureFilter, TextureSlot};
 use crate::world::Image;
 
 /// The opacity from which a surface is visible where a ray has one surface: in AOVs and queries.
 pub(crate) const VISIBLE_FROM: f64 = 0.5;
 
-/// The opacity of a material at a point, 0 to 1. `uv` are its texture coordinates of a set.
+/// The opacity of a material at a point, 0 to 1. `filter` takes the place of that of the texture's sampler; `uv` are
+/// texture coordinates of a set.
 #[inline]
 pub(crate) fn opacity<C>(
     material: &Material<C>,
     images: &[Image],
+    filter: Option<TextureFilter>,
     uv: impl FnOnce(u8) -> Option<DVec2>,
     vertex_alpha: impl FnOnce() -> f64,
 ) -> f64 {
@@ -24,7 +26,7 @@ pub(crate) fn opacity<C>(
         && let Some(uv) = uv(texture.coordinates)
     {
         let image = &images[texture.image.0 as usize];
-        let magnify = texture.sampler.magnify.unwrap_or(Interpolation::Linear);
+        let magnify = texture.sampler.filter(filter).magnify;
         alpha *= look_at(image, TexelEncoding::Data, &texture.sampler, 0, magnify, uv).x;
     }
     alpha *= vertex_alpha();
@@ -53,6 +55,7 @@ impl SceneOpacity {
         let opacity = opacity(
             &scene.materials[object.material.0 as usize],
             &self.images,
+            None,
             |set| object.shape.uv(primitive, barycentrics, set),
             || object.shape.alpha(primitive, barycentrics),
         );

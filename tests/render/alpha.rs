@@ -165,6 +165,55 @@ fn depth_is_that_of_the_first_surface_that_covers_more_than_half() {
     assert!(values.iter().all(|&depth| depth == 10.0), "{:?}", &values[..4]);
 }
 
+/// The filter of textures is that of opacities, too. A leaf over x from -2 to 2 has a hole in its left half; `nearest`
+/// gives it a hard edge at x = 0, which bilinear interpolation smooths from -1 to 1 or, with a cutoff of 1/2 between 100
+/// and 255, moves to x = -2 + 4 (1/4 + (127.5 - 100) / (255 - 100) / 2) = -0.65. Seen from above before white, and as
+/// the shadow on a floor below it.
+#[test]
+fn nearest_texels_of_opacity_have_hard_edges() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("a file");
+    write("leaf.mtl", "newmtl leaf\nKd 0 0 0\nmap_d leaf.png\n");
+    write(
+        "leaf.obj",
+        "mtllib leaf.mtl\nv -2 -2 2\nv 2 -2 2\nv 2 2 2\nv -2 2 2\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl leaf\n\
+         f 1/1 2/2 3/3 4/4\n",
+    );
+    let leaf = "[[mesh]]\nfile = 'leaf.obj'\n";
+    let floor = "[ambient]\nintensity = 0\n[[camera]]\nprojection = 'orthographic'\nposition = [0, 0, 1]\n\
+         look_at = [0, 0, 0]\nviewing_height = 2\nviewpoint_distance = 1\n\
+         [[light]]\nname = 'sun'\ntype = 'directional'\ndirection = [0, 0, -1]\nintensity = 1\n";
+    write("above.toml", &format!("{VIEW}{leaf}"));
+    write("below.toml", &format!("{floor}{}{leaf}", pane("floor", 0.0, 255, 1.0)));
+    for (cutoff, hole) in [(None, 0), (Some(0.5), 100)] {
+        let image =
+            image::GrayAlphaImage::from_fn(2, 1, |x, _| image::LumaA([0, if x == 0 { hole } else { 255 }]));
+        image.save(folder.path().join("leaf.png")).expect("a picture");
+        for (file, transport) in ["above.toml", "below.toml"]
+            .into_iter()
+            .flat_map(|file| [(file, Transport::Whitted), (file, Transport::Path)])
+        {
+            let mut scene = crate::common::picture::load(&folder.path().join(file));
+            for material in &mut scene.materials {
+                if let kiln::scene::Material::Phong(kiln::scene::Phong { opacity: Some(opacity), .. }) =
+                    material
+                {
+                    opacity.cutoff = cutoff;
+                }
+            }
+            let mut settings = settings(1, transport);
+            settings.with = vec!["path=1".into(), "textures=nearest".into()];
+            for (i, value) in red(&render(scene, &settings).0).into_iter().enumerate() {
+                // The centre of column 16 is at x = 0.
+                let column = i as u32 % SIZE;
+                let expected = if column < SIZE / 2 { 1.0 } else { 0.0 };
+                let is_right = column == SIZE / 2 || (value - expected).abs() < 2e-7;
+                assert!(is_right, "{file}, {transport:?}, {cutoff:?}: pixel {i} is {value}");
+            }
+        }
+    }
+}
+
 /// Opaque surfaces call for no effect: no stage, no ray, no byte.
 #[test]
 fn an_opacity_of_one_costs_nothing() {

@@ -184,13 +184,13 @@ impl Buffers {
                     }
                 }
                 Some(kind) => {
-                    let mut count = 0;
+                    let (filter, mut count) = (stage.texture_use.filter, 0);
                     let rays = shadow_rays.rays().iter();
                     for ((path, ray), occluded) in light_paths.iter_mut().zip(rays).zip(&mut *occluded) {
                         let mut transmittance = 1.0;
                         if *occluded {
                             transmittance =
-                                transparency::transmittance(world, &ray, &mut tile.traversal, &mut count);
+                                transparency::transmittance(world, &ray, &mut tile.traversal, filter, &mut count);
                             *occluded = transmittance == 0.0;
                         }
                         if !*occluded {

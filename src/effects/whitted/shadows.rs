@@ -10,6 +10,7 @@ use crate::effects::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use crate::effects::transparency::transmittance;
 use crate::effects::{Effect, EffectContext, Hook, PlanSpec, RayKind, Stage, id, named, shadow_ray};
 use crate::geometry::{Numerics, Ray, RayBuffer};
+use crate::scene::TextureFilter;
 use crate::shading::{LightSample, LightSoa};
 use crate::world::{InteractionSoa, Vec3Soa, World, simd};
 
@@ -37,8 +38,8 @@ pub const EFFECT: Effect = Effect {
     },
     stages: |context: &EffectContext, hook| match hook {
         Hook::AfterLighting(_) => {
-            let PlanSpec { continued, soft_shadows, .. } = context.spec;
-            let continued = continued.map(|kinds| kinds.shadow_rays);
+            let PlanSpec { continued, soft_shadows, texture_use, .. } = context.spec;
+            let continued = continued.map(|kinds| (kinds.shadow_rays, texture_use.filter));
             vec![Stage::with_buffers("shadows", move |buffers, tile, context| {
                 if !soft_shadows {
                     return test_occlusion(buffers, tile, context, continued, None);
@@ -75,7 +76,7 @@ fn test_occlusion(
     buffers: &mut Buffers,
     tile: &mut Tile,
     context: &RenderContext,
-    continued: Option<RayKind>,
+    continued: Option<(RayKind, Option<TextureFilter>)>,
     points: Option<&DiscPoints>,
 ) {
     let Tile { generations, current, depth, lights, traversal, recorder, .. } = tile;
@@ -110,11 +111,11 @@ fn test_occlusion(
         rays.keep(tested);
         occluded.clear();
         context.world.accelerator.are_occluded(rays.rays(), occluded, traversal);
-        if continued.is_some() {
+        if let Some((_, filter)) = continued {
             let blocked =
                 tested.iter().zip(rays.rays().iter()).zip(&mut *occluded).filter(|(_, occluded)| **occluded);
             for ((&surface, ray), occluded) in blocked {
-                let transmittance = transmittance(context.world, &ray, traversal, &mut count);
+                let transmittance = transmittance(context.world, &ray, traversal, filter, &mut count);
                 light.scale(surface as usize, transmittance);
                 *occluded = transmittance == 0.0;
             }
@@ -133,7 +134,7 @@ fn test_occlusion(
         blocked += blocked_here;
     }
     tile.count(RAYS, cast, blocked);
-    if let Some(kind) = continued.filter(|_| count > 0) {
+    if let Some((kind, _)) = continued.filter(|_| count > 0) {
         tile.count(kind, count, 0);
     }
 }
