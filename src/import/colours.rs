@@ -12,7 +12,7 @@ use crate::scene::{Attribute, Mesh};
 
 /// Largest floating-point value that is read on a scale of 0 to 1. On a scale of 0 to 255, a mesh without larger values
 /// would be nearly black.
-const MAX_UNIT: f64 = 2.0;
+pub(super) const MAX_UNIT: f64 = 2.0;
 
 /// Value of white of floating-point colours up to `largest`: 255 above [`MAX_UNIT`], or above 1 if all are whole
 /// numbers, with a note about `what`; else 1. Other values above 1 stem from rounding or high dynamic range.
@@ -27,6 +27,12 @@ pub(super) fn white_of_floats(
         return 255.0;
     }
     1.0
+}
+
+/// Notes that textures take the place of the colours of vertices and faces, which are often baked into both.
+pub(super) fn note_textured(file: &Path, warnings: &mut Warnings) {
+    let what = "colours of textured faces are left out, because they would darken the texture";
+    warnings.note_left_out(format!("{}: {what}", file.display()));
 }
 
 /// Undecoded colours and opacities of vertices or faces.

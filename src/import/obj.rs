@@ -9,6 +9,7 @@
 
 mod assembly;
 mod chunk;
+mod exporters;
 mod faces;
 mod material;
 mod mesh;
@@ -27,13 +28,13 @@ use std::collections::{BTreeSet, HashMap};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::colours::white_of_floats;
+use super::colours::{note_textured, white_of_floats};
 use super::images::ImageLoader;
 use super::references::unquoted;
 use super::tangents::make_tangents;
 use super::{DefaultMaterials, Source, untextured};
 use crate::error::{Result, Warnings};
-use crate::scene::{MaterialId, Mesh, Object, Scene, Shape};
+use crate::scene::{MaterialId, Mesh, Object, Scene, Shape, TextureSlot};
 use assembly::{Assembly, Sizes};
 use material::Converter;
 
@@ -46,7 +47,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let (meshes, cuts) = mesh::meshes(&mut assembly);
     cuts.warn(&source.file, warnings);
     let mut default_materials = DefaultMaterials::default();
-    let mut unknown = BTreeSet::new();
+    let (mut unknown, mut has_colours_left_out) = (BTreeSet::new(), false);
     for (run, mut mesh) in assembly.runs.into_iter().zip(meshes) {
         let find = |name: &String| materials.get(name).or_else(|| materials.get(without_comment(name)));
         let known = run.material.as_ref().and_then(find);
@@ -60,14 +61,18 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
             }
             None => default_materials.of(&mesh, &mut scene),
         };
-        let without_uvs = match scene.materials[material.0 as usize].is_textured() {
+        let definition = &scene.materials[material.0 as usize];
+        let without_uvs = match definition.is_textured() {
             true => untextured::split_off(&mut mesh),
             false => {
                 untextured::fill(&mut mesh);
                 None
             }
         };
-        if let Some(coordinates) = scene.materials[material.0 as usize].tangent_coordinates() {
+        if definition.textures()[TextureSlot::BaseColour].is_some() && !mesh.uvs.is_empty() {
+            has_colours_left_out |= mesh.colours.take().is_some();
+        }
+        if let Some(coordinates) = definition.tangent_coordinates() {
             make_tangents(&mut mesh, coordinates);
         }
         for mesh in [Some(mesh), without_uvs].into_iter().flatten() {
@@ -78,6 +83,9 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
                 shape: Shape::Mesh(mesh),
             });
         }
+    }
+    if has_colours_left_out {
+        note_textured(&source.file, warnings);
     }
     warn_of_unknown_materials(&unknown, source, warnings);
     Ok(scene)

@@ -19,7 +19,7 @@ use std::hash::Hash;
 
 use glam::{DVec2, DVec3};
 
-use super::colours::Colours;
+use super::colours::{Colours, note_textured};
 use super::images::{Channels, ImageLoader};
 use super::lines::Lines;
 use super::parts::split;
@@ -301,9 +301,7 @@ fn textured(
         mesh.uvs = vec![Attribute { values: uvs, triangles: Some(triangles) }];
     }
     if mesh.colours.is_some() && keys.iter().any(Option::is_some) {
-        warnings.note_left_out(format!(
-            "{file}: colours of textured faces are left out, because they would darken the texture"
-        ));
+        note_textured(&source.file, warnings);
     }
     for (image, mut part) in split(mesh, &keys) {
         let mut material = default_material(&part);

@@ -57,15 +57,22 @@ impl Source {
     /// As [`Source::resolve_reference`], with the file `other` in the folder as the last candidate.
     pub(super) fn resolve_or(&self, name: &str, other: Option<&str>) -> Result<PathBuf, String> {
         let written = self.as_written(name);
-        if self.file == Path::new("-") || written.as_ref().is_ok_and(|path| self.files.has(path)) {
+        if written.as_ref().is_ok_and(|path| self.files.has(path)) {
             return written;
+        }
+        let missing = || match names_tiles(name) {
+            true => Err(format!("`{name}`: UDIM tiles are not read; bake them into one image")),
+            false => written,
+        };
+        if self.file == Path::new("-") {
+            return missing();
         }
         let names = spellings(name);
         let by_case = names.iter().map(|name| self.spelled_alike(Path::new(name)));
         let anywhere = names.iter().map(|name| self.anywhere_below(Path::new(name)));
         let by_other = other.into_iter().map(|other| self.spelled_alike(Path::new(other)));
         let Some(found) = by_case.chain(anywhere).chain(by_other).find(|found| !found.is_empty()) else {
-            return written;
+            return missing();
         };
         if let [one] = &found[..] {
             return Ok(self.noted(name, one));
@@ -251,6 +258,20 @@ fn spellings(name: &str) -> Vec<String> {
         }
     }
     all
+}
+
+/// Whether the name of a missing image stands for tiles: `<UDIM>`, `%(UDIM)d`, `<UVTILE>`, `u<U>_v<V>` or `u1_v1`.
+fn names_tiles(name: &str) -> bool {
+    let name = name.to_ascii_lowercase();
+    let is_digit = |c: char| c.is_ascii_digit();
+    let is_tile = |(at, _): (usize, &str)| {
+        let column = name[..at].trim_end_matches(is_digit);
+        let before = column.strip_suffix('u').filter(|_| column.len() < at);
+        before.is_some_and(|before| !before.ends_with(char::is_alphanumeric))
+            && name[at + 2..].starts_with(is_digit)
+    };
+    ["<udim>", "(udim)", "<uvtile>", "u<u>_v<v>"].iter().any(|token| name.contains(token))
+        || name.match_indices("_v").any(is_tile)
 }
 
 /// Text without surrounding white space and quotes.

@@ -1,6 +1,7 @@
 //! Import of OBJ and MTL files: scenes, errors and warnings of usual, unusual and broken ones.
 
 use crate::common::borders::Folder;
+use crate::common::gltf::Model;
 use crate::common::repository;
 use crate::helpers::*;
 use glam::{DVec2, DVec3};
@@ -8,6 +9,7 @@ use kiln::error::Warnings;
 use kiln::film::Colour;
 use kiln::scene::TextureSlot::{BaseColour, Emission, MetallicRoughness, Opacity};
 use kiln::scene::{Material, Object, Scene, Wrap};
+use serde_json::json;
 
 #[test]
 fn obj_materials_pictures_and_usemtl() {
@@ -282,13 +284,18 @@ fn mtl_of_physically_based_materials() {
     assert_eq!((material(2).metallic, material(2).roughness), (0.5, 1.0));
 }
 
-/// `illum` 4, 6, 7 and 9 are glass if the index is above 1. For materials that are not glass, Maya writes `illum 4`
-/// with an index of 1, and Blender `illum 9` with `d` below 1 and without `Tf`.
+/// `illum` 4, 6, 7 and 9 are glass if the index is above 1, unless `Tf` is 0. Blender writes `illum 9` with `d` below 1
+/// and without `Tf` for alpha. Maya writes `illum 4` for all materials, no `d`, and 1 - transparency as `Tf`: the
+/// complement of the filter, and the opacity with an index of 1.
 #[test]
 fn mtl_of_glass() {
     for (lines, glass) in [
         ("illum 7\nNi 1.5\nTf 0.9 0.8 0.7", Some((1.5, [0.9, 0.8, 0.7]))),
         ("illum 4\nNi 1.33", Some((1.33, [1.0; 3]))),
+        ("illum 4\nNi 1.6\nTf 1.00 1.00 1.00", None),
+        ("illum 4\nNi 1.6\nTf 0.00 0.00 0.00", Some((1.6, [1.0; 3]))),
+        ("illum 4\nNi 1.6\nTf 0.25 0.5 0.75", Some((1.6, [0.75, 0.5, 0.25]))),
+        ("illum 4\nNi 1.5\nd 0.5\nTf 1 1 1", Some((1.5, [1.0; 3]))),
         ("illum 6\nNi 1.5\nd 0.1\nTf 1 1 1", Some((1.5, [1.0; 3]))),
         ("illum 9\nNi 1.45\nd 0.5", None),
         ("illum 4\nNi 1\nTf 1 1 1", None),
@@ -301,9 +308,195 @@ fn mtl_of_glass() {
         let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n";
         let (scene, _) = folder.load("a.obj", format!("mtllib a.mtl\n{corners}"));
         let Material::Phong(phong) = &scene.materials[0] else { panic!("{lines}") };
+        assert!(phong.refraction.is_none() || phong.opacity.is_none(), "{lines}");
         let found = phong.refraction.map(|glass| (glass.ior, glass.filter));
         assert_eq!(found, glass.map(|(ior, filter)| (ior, Colour::Linear(filter.into()))), "{lines}");
     }
+}
+
+/// Values that programs write in a sense of their own, as kiln reads them, each with a note.
+#[test]
+fn mtl_values_of_exporters() {
+    let four = std::fs::read(repository("assets/import/four.png")).expect("the fixture is there");
+    let load = |mtl: &str| {
+        let folder = Folder::new();
+        folder.write("four.png", &four);
+        folder.write("a.mtl", mtl);
+        let mut warnings = Warnings::default();
+        let obj = format!("mtllib a.mtl\n{OBJ_TRIANGLE}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\n");
+        folder.write("a.obj", obj);
+        let scene = kiln::import::load(&[folder.0.path().join("a.obj")], &mut warnings).expect("a scene");
+        (scene.materials, [warnings.messages(), warnings.notes()].concat().join("\n"))
+    };
+    let colours = |mtl: &str, said: &str| {
+        let (materials, notes) = load(mtl);
+        assert!(if said.is_empty() { notes.is_empty() } else { notes.contains(said) }, "{mtl}: {notes}");
+        let colour = |material: &Material| match material {
+            Material::Phong(m) => (m.colour, m.specular, m.emission),
+            Material::MetallicRoughness(m) => (m.base_colour, 0.0, m.emission),
+        };
+        materials.iter().map(colour).collect::<Vec<_>>()
+    };
+    // Maya and Google Poly: the texture, in both models; without the image as without Kd, 0.8.
+    let (black, display) =
+        ("a.mtl: `Kd 0 0 0` beside map_Kd is read as white", |c| Colour::Display(v(c, c, c)));
+    assert_eq!(colours("newmtl a\nKd 0.00 0.00 0.00\nmap_Kd four.png\n", black)[0].0, display(1.0));
+    let physically_based = colours("newmtl a\nKd 0 0 0\nPr 1\nmap_Kd four.png\n", black);
+    assert_eq!(physically_based[0].0, Colour::Linear(DVec3::ONE));
+    assert_eq!(colours("newmtl a\nKd 0 0 0\nmap_Kd gone.png\n", black)[0].0, display(0.8));
+    assert_eq!(colours("newmtl a\nKd 0 0 0\nmap_d four.png\n", "")[0].0, display(0.0));
+    assert_eq!(
+        colours("newmtl a\nKd 0.5 0 0\nmap_Kd four.png\n", "")[0].0,
+        Colour::Display(v(0.5, 0.0, 0.0))
+    );
+    // Bytes: of all materials, if Kd is whole in all; else where it is above 2. Others are divided where above 1.
+    let bytes = "a.mtl: colours above 1 are read on a scale of 0 to 255: material `a`";
+    let orange = Colour::Display(v(255.0, 128.0, 0.0) / 255.0);
+    let mtl = "newmtl a\nKd 255 128 0\nKs 0 51 0\nNs 9\nKe 0 0 255\nnewmtl b\nKd 1 0 0\nKs 1 1 1\nNs 9\n";
+    let found = colours(mtl, &format!("{bytes} and 1 more"));
+    assert_eq!(found[0], (orange, 0.2, Colour::Display(DVec3::Z)));
+    assert_eq!((found[1].0, found[1].1), (Colour::Display(DVec3::X / 255.0), 1.0));
+    let found = colours("newmtl a\nKd 255 128 0\nnewmtl b\nKd 1 0.5 0\n", bytes);
+    assert_eq!([found[0].0, found[1].0], [orange, Colour::Display(v(1.0, 0.5, 0.0))]);
+    let found = colours("newmtl a\nKd 1.5 0.5 0\nKs 2 2 2\nNs 9\nKe 17 12 4\n", "");
+    assert_eq!((found[0].0, found[0].1), (Colour::Display(v(1.5, 0.5, 0.0)), 2.0));
+    assert_eq!(found[0].2, Colour::Display(v(17.0, 12.0, 4.0)));
+    // Maya's transparency without refraction; its opaque materials of an index of 1 need no note.
+    let maya = "a.mtl: `Tf` of `illum 4` without `d` is read as 1 - transparency";
+    let (materials, notes) = load("newmtl a\nillum 4\nKd 1 0 0\nTf 0.25 0.50 0.75\nNi 1.00\n");
+    assert_eq!(materials[0].opacity().map(|opacity| opacity.factor), Some(0.5));
+    assert!(notes.contains(maya), "{notes}");
+    let (materials, notes) = load("newmtl a\nillum 4\nKd 1 0 0\nTf 1.00 1.00 1.00\nNi 1.00\n");
+    assert_eq!((materials[0].opacity(), notes.as_str()), (None, ""));
+    assert!(load("newmtl a\nTr 1\n").1.contains("a.mtl: `Tr 1` is read as opaque"));
+}
+
+/// A texture takes the place of the colours of vertices; where there is none, they are drawn.
+#[test]
+fn obj_textures_instead_of_colours() {
+    let folder = Folder::new();
+    image::RgbImage::from_pixel(1, 1, image::Rgb([200, 100, 50]))
+        .save(folder.0.path().join("t.png"))
+        .expect("a file");
+    folder.write("a.mtl", "newmtl a\nKd 1 1 1\nmap_Kd t.png\nnewmtl b\nKd 1 1 1\nmap_Kd gone.png\n");
+    let grey = ["0 0 0", "1 0 0", "1 1 0", "0 1 0"].map(|p| format!("v {p} 0.2 0.4 0.6\n")).concat();
+    for (faces, expected) in [
+        ("usemtl a\nf 1/1 2/1 3/1 4/1", [200, 100, 50]),
+        ("usemtl a\nf 1 2 3 4\nf 1/1 1/1 1/1", [51, 102, 153]),
+        ("usemtl b\nf 1/1 2/1 3/1 4/1", [51, 102, 153]),
+        ("f 1/1 2/1 3/1 4/1", [51, 102, 153]),
+    ] {
+        folder.write("a.obj", format!("mtllib a.mtl\n{grey}vt 0 0\n{faces}\n"));
+        let mut warnings = Warnings::default();
+        let scene = kiln::import::load(&[folder.0.path().join("a.obj")], &mut warnings).expect("a scene");
+        let is_said = warnings.notes().concat().contains("a.obj: colours of textured faces are left out");
+        let has_texture =
+            scene.objects.iter().any(|object| object.material.0 == 0 && faces.contains("usemtl a"));
+        assert_eq!(is_said, has_texture, "{faces}");
+        assert_eq!(seen(scene, [0.2, 0.2], [0.8, 0.8], [1, 1]), [expected], "{faces}");
+    }
+}
+
+/// Textures of the formats without or beside PNG and JPEG, of OBJ, PLY and glTF. The image is 2 by 2: red and green
+/// above, blue and white below.
+#[test]
+fn textures_of_tga_bmp_and_gif() {
+    let colours = [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255; 3]];
+    // TGA: blue, green, red; from the bottom and from the left, unless bits 5 and 4 of the descriptor say otherwise.
+    let tga = |kind, depth, descriptor, packets: &[(&[u8], [usize; 2])]| {
+        let mut bytes = vec![3, 0, kind, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2, 0, 2, 0, depth, descriptor];
+        bytes.extend(b"id ");
+        for (packet, pixels) in packets {
+            let pixel = |&i: &usize| {
+                let [r, g, b] = colours[i];
+                [b, g, r, 255].into_iter().take(usize::from(depth) / 8).collect::<Vec<_>>()
+            };
+            bytes.extend([packet, &*pixels.iter().flat_map(pixel).collect::<Vec<u8>>()].concat());
+        }
+        bytes
+    };
+    let raw = |rows: [[usize; 2]; 2]| rows.map(|row| (&[] as &[u8], row));
+    let encoded = |format| {
+        let image = image::RgbImage::from_raw(2, 2, colours.concat()).expect("four pixels");
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        image::DynamicImage::from(image).write_to(&mut bytes, format).expect("memory");
+        bytes.into_inner()
+    };
+    let folder = Folder::new();
+    for (name, bytes) in [
+        ("bottom.tga", tga(2, 24, 0, &raw([[2, 3], [0, 1]]))),
+        ("top.tga", tga(2, 24, 0x20, &raw([[0, 1], [2, 3]]))),
+        ("right.tga", tga(2, 24, 0x30, &raw([[1, 0], [3, 2]]))),
+        ("alpha.tga", tga(2, 32, 0x28, &raw([[0, 1], [2, 3]]))),
+        // A packet of two pixels for each row.
+        ("runs.tga", tga(10, 32, 8, &[(&[1], [2, 3]), (&[1], [0, 1])])),
+        ("a.bmp", encoded(image::ImageFormat::Bmp)),
+        ("a.gif", encoded(image::ImageFormat::Gif)),
+        // Contents decide.
+        ("gif.png", encoded(image::ImageFormat::Gif)),
+    ] {
+        folder.write(name, &bytes);
+        folder.write("a.mtl", format!("newmtl a\nmap_Kd {name}\n"));
+        let obj = format!("mtllib a.mtl\n{OBJ_TRIANGLE}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\n");
+        let ply = format!(
+            "ply\nformat ascii 1.0\ncomment TextureFile {name}\nelement vertex 3\nproperty float x\nproperty float y\n\
+             property float z\nproperty float s\nproperty float t\nelement face 1\nproperty list uchar int vertex_index\n\
+             end_header\n0 0 0 0 0\n1 0 0 0 0\n0 1 0 0 0\n3 0 1 2\n"
+        );
+        let gltf = Model::square().with_texture(name, &json!({}), &json!({})).text();
+        for (file, text) in [("a.obj", obj), ("a.ply", ply), ("a.gltf", gltf)] {
+            let (scene, warnings) = folder.load(file, text);
+            assert_eq!(warnings, [""; 0], "{file}, {name}");
+            let texels: Vec<_> = scene.images[0].pixels.iter().collect();
+            assert_eq!(texels, colours.map(|colour: [u8; 3]| colour.map(u16::from)), "{file}, {name}");
+        }
+    }
+    // Sizes are checked before memory is allocated; images that end early are left out.
+    let mut large = tga(10, 32, 0, &[]);
+    large[12..16].fill(255);
+    let mut flat = encoded(image::ImageFormat::Gif);
+    flat[6..10].fill(255);
+    let mut frame = encoded(image::ImageFormat::Gif);
+    let descriptor = frame.iter().rposition(|&byte| byte == b',').expect("an image descriptor");
+    frame[descriptor + 5..descriptor + 9].fill(255);
+    for (name, bytes) in [("large.tga", large), ("flat.gif", flat), ("frame.gif", frame)] {
+        folder.write(name, &bytes);
+        folder.write("a.mtl", format!("newmtl a\nmap_Kd {name}\n"));
+        let obj = format!("mtllib a.mtl\n{OBJ_TRIANGLE}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\n");
+        folder.write("a.obj", obj);
+        let scene = kiln::import::load(&[folder.0.path().join("a.obj")], &mut Warnings::default());
+        match (name, scene) {
+            ("frame.gif", scene) => assert!(scene.expect("a scene").images.is_empty()),
+            (_, scene) => {
+                assert!(scene.expect_err(name).to_string().contains("65535 x 65535 pixels needs"), "{name}")
+            }
+        }
+    }
+}
+
+/// Tiles of a texture are refused by name, unless a file has the name.
+#[test]
+fn udim_tiles_are_refused_by_name() {
+    let folder = Folder::new();
+    let said = |folder: &Folder, name: &str| {
+        folder.write("a.mtl", format!("newmtl a\nmap_Kd {name}\n"));
+        let obj = format!("mtllib a.mtl\n{OBJ_TRIANGLE}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\n");
+        folder.load("a.obj", obj).1.concat()
+    };
+    for name in
+        ["t.<UDIM>.png", "t.%(UDIM)d.png", "t_<UVTILE>.png", "t_u<U>_v<V>.png", "t_u1_v2.png", "u1_v1.png"]
+    {
+        let expected =
+            format!("a.obj: texture left out: `{name}`: UDIM tiles are not read; bake them into one image");
+        assert_eq!(said(&folder, name), expected);
+    }
+    assert_eq!(said(&folder, "menu2_v3.png"), "menu2_v3.png: texture left out: no such file");
+    let uri = "t.%3CUDIM%3E.png";
+    let (_, warnings) =
+        folder.load("a.gltf", Model::square().with_texture(uri, &json!({}), &json!({})).text());
+    assert!(warnings.concat().contains("image 0: texture left out: `t.<UDIM>.png`: UDIM tiles are not read"));
+    folder.write("t_u1_v1.png", std::fs::read(repository("assets/import/four.png")).expect("a picture"));
+    assert_eq!(said(&folder, "t_u1_v1.png"), "");
 }
 
 /// `-s 2 0.5 -o 0.25 -1` takes the coordinates (0.5, 0.5) to (1.25, -0.75), which is 1.75 from the top. `-clamp on`

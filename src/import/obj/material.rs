@@ -95,21 +95,10 @@ impl Converter<'_> {
         }))
     }
 
-    /// Opacity from `d` (or `Tr`, which is 1 - `d`) and `map_d`. Some exporters, such as MeshLab, write `Tr 1` for what is opaque.
+    /// Opacity from `d` (or `Tr`, which is 1 - `d`) and `map_d`.
     fn opacity(&mut self, definition: &Definition, textures: &mut Textures) -> Result<Option<Opacity>> {
         let m = &definition.material;
-        let transparency = m.dissolve.is_none().then(|| pbr::number(m, "Tr")).flatten().unwrap_or(0.0);
-        let factor = match m.dissolve {
-            Some(factor) => factor.clamp(0.0, 1.0),
-            None if transparency < 1.0 => (1.0 - transparency).min(1.0),
-            None => {
-                let about = self.about(m);
-                self.warnings.note(format!(
-                    "{about} `Tr 1`; treated as opaque, as some exporters write it for opaque materials"
-                ));
-                1.0
-            }
-        };
+        let factor = m.dissolve.or_else(|| Some(1.0 - pbr::number(m, "Tr")?)).unwrap_or(1.0).clamp(0.0, 1.0);
         if factor == 0.0 {
             let about = self.about(m);
             self.warnings.push(format!("{about} the opacity 0 (`d`) and cannot be seen"));

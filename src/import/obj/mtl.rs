@@ -9,8 +9,8 @@ use std::path::Path;
 
 use glam::{DVec2, dvec2};
 
-use super::pbr;
 use super::text::{decode_name, without_mark};
+use super::{exporters, pbr};
 use crate::error::{Warnings, contain};
 use crate::files::unreadable;
 use crate::import::Source;
@@ -129,6 +129,7 @@ fn read_one(source: &Source, name: &str, own: Option<&str>, warnings: &mut Warni
             return Vec::new();
         }
     };
+    exporters::convert(&mut materials, &path, warnings);
     let folder = source.file.parent().unwrap_or(Path::new(""));
     find_images(&mut materials, path.strip_prefix(folder).unwrap_or(&path), source);
     let options = options.into_iter().chain(std::iter::repeat_with(BTreeMap::new));

@@ -24,7 +24,7 @@ pub(super) fn number(m: &tobj::Material, key: &str) -> Option<f64> {
 }
 
 /// The three numbers of `Tf`.
-fn filter(m: &tobj::Material) -> Option<DVec3> {
+pub(super) fn filter(m: &tobj::Material) -> Option<DVec3> {
     let mut numbers = m.unknown_param.get("Tf")?.split_whitespace().map(str::parse::<f64>);
     let mut next = || numbers.next()?.ok().map(|number| number.clamp(0.0, 1.0));
     Some(DVec3::new(next()?, next()?, next()?))
