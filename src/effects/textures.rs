@@ -4,7 +4,7 @@
 use super::texture_points::{self, Buffers};
 use super::tile::{RayGeneration, RenderContext, Tile};
 use super::{Effect, EffectContext, EffectValue, Hook, Stage, TextureUse, id, named, plan};
-use crate::scene::{Material, TextureFilter, ValueKind};
+use crate::scene::{Material, TextureFilter, TextureSlot, ValueKind};
 use crate::shading::texture::look_up;
 use crate::world::{PreparedMaterial, World};
 
@@ -25,7 +25,10 @@ pub const EFFECT: Effect = Effect {
     called_for: |world: &World, plan_settings| {
         let transport = Some(plan::transport_for(world, plan_settings).transport);
         let texture_use = TextureUse { material_textures: true, transport, ..TextureUse::default() };
-        let is_textured = |material: &&PreparedMaterial| texture_use.of(material).next().is_some();
+        // The filter is that of opacities, too.
+        let is_textured = |material: &&PreparedMaterial| {
+            texture_use.of(material).next().is_some() || material.textures()[TextureSlot::Opacity].is_some()
+        };
         let textured = world.materials_in_use().filter(is_textured);
         named("material", textured.map(Material::name))
             .ok_or_else(|| "no material of an object has a texture".into())

@@ -403,7 +403,7 @@ fn obj_textures_instead_of_colours() {
 fn textures_of_tga_bmp_and_gif() {
     let colours = [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255; 3]];
     // TGA: blue, green, red; from the bottom and from the left, unless bits 5 and 4 of the descriptor say otherwise.
-    let tga = |kind, depth, descriptor, packets: &[(&[u8], [usize; 2])]| {
+    let tga = |kind: u8, depth: u8, descriptor: u8, packets: &[(&[u8], [usize; 2])]| {
         let mut bytes = vec![3, 0, kind, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2, 0, 2, 0, depth, descriptor];
         bytes.extend(b"id ");
         for (packet, pixels) in packets {
@@ -411,7 +411,8 @@ fn textures_of_tga_bmp_and_gif() {
                 let [r, g, b] = colours[i];
                 [b, g, r, 255].into_iter().take(usize::from(depth) / 8).collect::<Vec<_>>()
             };
-            bytes.extend([packet, &*pixels.iter().flat_map(pixel).collect::<Vec<u8>>()].concat());
+            bytes.extend(*packet);
+            bytes.extend(pixels.iter().flat_map(pixel));
         }
         bytes
     };
@@ -457,7 +458,7 @@ fn textures_of_tga_bmp_and_gif() {
     let mut flat = encoded(image::ImageFormat::Gif);
     flat[6..10].fill(255);
     let mut frame = encoded(image::ImageFormat::Gif);
-    let descriptor = frame.iter().rposition(|&byte| byte == b',').expect("an image descriptor");
+    let descriptor = frame.iter().position(|&byte| byte == b',').expect("an image descriptor");
     frame[descriptor + 5..descriptor + 9].fill(255);
     for (name, bytes) in [("large.tga", large), ("flat.gif", flat), ("frame.gif", frame)] {
         folder.write(name, &bytes);
