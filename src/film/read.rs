@@ -124,8 +124,8 @@ fn not_opaque(alpha: Vec<f32>) -> Option<Vec<f32>> {
     alpha.iter().any(|&alpha| alpha != 1.0).then_some(alpha)
 }
 
-/// Decodes a PNG, JPEG, WebP, TGA, BMP, GIF (its first frame) or Radiance HDR image. `bytes_each`: bytes per pixel, by image type, that the caller will
-/// allocate in addition.
+/// Decodes a PNG, JPEG, WebP, TGA, BMP, GIF (its first frame) or Radiance HDR image. `bytes_each`: bytes per pixel, by
+/// image type, that the caller will allocate in addition.
 pub fn decode(bytes: &[u8], bytes_each: impl Fn(ColorType) -> u64) -> Read<DynamicImage> {
     if !radiance::is_radiance(bytes) {
         return decode_stored(bytes, bytes_each);

@@ -50,8 +50,8 @@ fn whiten(m: &mut tobj::Material) -> bool {
     m.diffuse.take_if(|_| is_black).is_some()
 }
 
-/// Converts `Tf` of Maya, whose materials have `illum 4` and no `d`: to the filter of glass for an index above 1, else to
-/// `d`. Returns whether that differs from the material without `Tf`.
+/// Converts `Tf` of Maya, whose materials have `illum 4` and no `d`: to the filter of glass for an index above 1, else
+/// to `d`. Returns whether that differs from the material without `Tf`.
 fn invert_filter(m: &mut tobj::Material) -> bool {
     let has_opacity = m.dissolve.is_some() || m.unknown_param.contains_key("Tr");
     let Some(filter) = pbr::filter(m).filter(|_| m.illumination_model == Some(4) && !has_opacity) else {
