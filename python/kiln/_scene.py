@@ -109,9 +109,8 @@ def _load(source: _Source, options: Mapping[str, Any], with_picture: bool) -> _k
 class Scene:
     """A scene: meshes, spheres, disks, materials, lights and cameras.
 
-    source: a file or several (.toml, .obj, .gltf, .glb, .ply, .stl, .off, .3mf), the contents of a .toml, .glb, .ply,
-    .off or .3mf file as bytes, the keys of a scene file as a dict (docs/scene-files.md), a mesh or a scene of trimesh,
-    a Scene to copy, or nothing.
+    source: a file or several (.toml, .obj, .gltf, .glb, .ply, .stl, .off, .3mf), the contents of a file as bytes, the
+    keys of a scene file as a dict (docs/scene-files.md), a mesh or a scene of trimesh, a Scene to copy, or nothing.
     options: those of `kiln render` that say how files are read, such as up="z" or smooth=30.
 
     Scenes from a scene file or a dict are rendered as these say; others get a default look: light, ground, background.

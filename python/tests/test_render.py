@@ -110,7 +110,10 @@ def test_scenes_of_trimesh_and_bytes():
     mesh = trimesh.creation.icosphere()
     scene = kiln.Scene(trimesh.Scene([mesh, mesh.copy().apply_translation([3, 0, 0])]))
     assert len(scene) == 2 * len(mesh.faces) and np.allclose(scene.bounds, [[-1, -1, -1], [4, 1, 1]], atol=1e-6)
-    assert len(kiln.Scene(mesh)) == len(kiln.Scene(mesh.export(file_type="ply"))) == len(mesh.faces)
+    assert len(kiln.Scene(mesh)) == len(mesh.faces)
+    for kind in ("ply", "stl", "obj", "off", "glb"):
+        contents = mesh.export(file_type=kind)
+        assert len(kiln.Scene(contents.encode() if isinstance(contents, str) else contents)) == len(mesh.faces)
     assert kiln.Scene(mesh)._repr_png_()[1:4] == b"PNG"
 
 

@@ -6,7 +6,7 @@ use clap::Args;
 
 use crate::effects::{check_names, id};
 use crate::error::{Error, Result};
-use crate::import::{all_endings, inline_camera, names_on_standard_input};
+use crate::import::{all_endings, inline_camera};
 use crate::job::{CameraChoice, RenderSettings};
 use crate::scene::option::group;
 use crate::scene::{ImportOptions, Look, OptionValue, PictureSettings, Side};
@@ -14,8 +14,7 @@ use crate::world::StandardView;
 
 /// Help text of `INPUT`: purpose and readable formats.
 pub(crate) fn inputs_help(purpose: &str) -> String {
-    let (endings, names) = (all_endings(), names_on_standard_input());
-    format!("{purpose}: {endings}; `-` reads a {names} from standard input")
+    format!("{purpose}: {}; `-` reads one of them from standard input", all_endings())
 }
 
 /// Inputs, camera and render settings: options of all commands that render.

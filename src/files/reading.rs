@@ -70,7 +70,11 @@ impl RegularFile {
         Ok(opened)
     }
 
-    fn open_any(file: &Path) -> io::Result<Self> {
+    /// Opens a regular file that may be overwritten. Its memory is not checked.
+    ///
+    /// # Errors
+    /// Those of [`read_file`].
+    pub fn open_any(file: &Path) -> io::Result<Self> {
         let metadata = std::fs::metadata(file)?;
         if metadata.is_dir() {
             return Err(io::ErrorKind::IsADirectory.into());

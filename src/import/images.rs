@@ -374,8 +374,7 @@ mod tests {
     /// A roughness of 16 bits beside a metallic of 8: 128 of 255 is 128 * 257 of 65535.
     #[test]
     fn roughness_and_metallic_of_two_depths() {
-        let (file, bytes) = ("a.mtl".into(), Vec::new());
-        let source = Source { file, bytes, files: Files::default(), options: Default::default() };
+        let source = Source::of("a.mtl", []);
         let mut scene = Scene::default();
         let image = |pixels| DecodedImage { name: "a".into(), width: 1, height: 1, pixels };
         let roughness = scene.add_image(image([[1001u16; 3]].into_iter().collect()));

@@ -1,5 +1,10 @@
 //! Lines, words and numbers of text files with line numbers for error messages. The text need not be UTF-8.
 
+use std::borrow::Cow;
+use std::path::Path;
+
+use crate::error::Warnings;
+
 /// Iterator over lines and their numbers, counted from 1, without terminators (`\n`, `\r\n` or `\r`).
 #[derive(Clone)]
 pub(crate) struct Lines<'a> {
@@ -34,9 +39,21 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
-/// Text without a byte order mark.
-pub(crate) fn without_mark(text: &[u8]) -> &[u8] {
-    text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text)
+/// A text without a byte order mark, in UTF-8 if it is in UTF-16. Without a mark, UTF-16 is two characters of ASCII whose
+/// other bytes are 0.
+pub(crate) fn decode(bytes: &[u8]) -> Cow<'_, [u8]> {
+    let is_ascii = |byte: u8| byte.is_ascii_graphic() || byte.is_ascii_whitespace();
+    let (unit, text): (fn([u8; 2]) -> u16, _) = match bytes {
+        [0xFF, 0xFE, 0, 0, ..] => return Cow::Borrowed(bytes),
+        [0xFF, 0xFE, text @ ..] => (u16::from_le_bytes, text),
+        [0xFE, 0xFF, text @ ..] => (u16::from_be_bytes, text),
+        &[a, 0, b, 0, ..] if is_ascii(a) && is_ascii(b) => (u16::from_le_bytes, bytes),
+        &[0, a, 0, b, ..] if is_ascii(a) && is_ascii(b) => (u16::from_be_bytes, bytes),
+        _ => return Cow::Borrowed(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes)),
+    };
+    let units = text.as_chunks().0.iter().map(|bytes| unit(*bytes));
+    let chars = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
+    Cow::Owned(chars.collect::<String>().into_bytes())
 }
 
 /// Text from its first word, without leading comments (`#` to the end of the line).
@@ -63,6 +80,23 @@ pub(crate) fn take_word<'a>(line: &mut &'a [u8]) -> Option<&'a [u8]> {
 /// Parses a number, which may be infinite or NaN.
 pub(crate) fn parse_number(word: &[u8]) -> Option<f64> {
     std::str::from_utf8(word).ok()?.parse().ok()
+}
+
+/// Parses a number as [`parse_number`] does, or one with a decimal comma. `comma` keeps the first `line` that has one.
+pub(crate) fn parse_with_comma(word: &[u8], line: usize, comma: &mut Option<usize>) -> Option<f64> {
+    parse_number(word).or_else(|| {
+        let at = word.iter().position(|&byte| byte == b',')?;
+        let number = parse_number(&[&word[..at], b".", &word[at + 1..]].concat())?;
+        comma.get_or_insert(line);
+        Some(number)
+    })
+}
+
+/// Warns of the first line with a decimal comma.
+pub(crate) fn warn_of_comma(comma: Option<usize>, file: &Path, warnings: &mut Warnings) {
+    if let Some(line) = comma {
+        warnings.push(format!("{}:{line}: a decimal comma is read as a point", file.display()));
+    }
 }
 
 /// A word for display in messages: its first 32 characters, without control characters.

@@ -14,7 +14,7 @@
 //! ```
 
 mod colours;
-mod converters;
+mod contents;
 mod dependencies;
 mod edits;
 mod environment;
@@ -55,8 +55,9 @@ pub(crate) use names::FileNames;
 pub(crate) use scene_file::inline_change;
 pub use scene_file::{SceneFile, inline_camera};
 
+use std::borrow::Cow;
 use std::collections::HashMap;
-use std::io::Read;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 pub use dependencies::{FileRead, Stamp};
@@ -65,13 +66,13 @@ use crate::error::{Error, Result, Warnings};
 use crate::files::hint_for_missing;
 use crate::files::{IS_FOLDER, unreadable};
 use crate::film::Colour;
-use crate::limits::Counted;
+use crate::limits::{self, Counted};
 use crate::scene::{
     ImportOptions, Material, MaterialId, Mesh, Object, Opacity, Phong, Scene, Shape, UpAxis, UpChoice,
 };
 use dependencies::Files;
 use glam::DVec3;
-use lines::{without_comments, without_mark};
+use lines::decode;
 
 /// A supported file format.
 pub struct Importer {
@@ -83,21 +84,17 @@ pub struct Importer {
     pub is_scene_file: bool,
     /// Whether the format specifies flat shading for a mesh without normals.
     is_flat: bool,
-    /// Whether standard input, from its first word after comments, has the format. A format without this cannot be read
-    /// from there, except scene files, which are the fallback.
-    is_start: Option<fn(&[u8]) -> bool>,
     /// Whether the importer reads files by [`Source::stream`] rather than from [`Source::bytes`].
     streams: bool,
     read: fn(&Source, &mut Warnings) -> Result<Scene>,
 }
 
-/// A format of smooth meshes that cannot be read from standard input.
+/// A format of smooth meshes.
 const MESHES: Importer = Importer {
     name: "",
     endings: &[],
     is_scene_file: false,
     is_flat: false,
-    is_start: None,
     streams: false,
     read: |_, _| Ok(Scene::default()),
 };
@@ -112,25 +109,11 @@ pub const IMPORTERS: &[Importer] = &[
         ..MESHES
     },
     Importer { name: "Wavefront OBJ", endings: &["obj"], streams: true, read: obj::read, ..MESHES },
-    // Scene files (TOML) cannot begin with a brace, so `{` identifies JSON.
-    Importer {
-        name: "glTF",
-        endings: &["gltf", "glb"],
-        is_flat: true,
-        is_start: Some(|text| text.starts_with(b"glTF") || text.starts_with(b"{")),
-        read: gltf::read,
-        ..MESHES
-    },
-    Importer { name: "PLY", endings: &["ply"], is_start: Some(ply::is_start), read: ply::read, ..MESHES },
+    Importer { name: "glTF", endings: &["gltf", "glb"], is_flat: true, read: gltf::read, ..MESHES },
+    Importer { name: "PLY", endings: &["ply"], read: ply::read, ..MESHES },
     Importer { name: "STL", endings: &["stl"], read: stl::read, ..MESHES },
-    Importer { name: "OFF", endings: &["off"], is_start: Some(off::is_start), read: off::read, ..MESHES },
-    Importer {
-        name: "3MF",
-        endings: &["3mf"],
-        is_start: Some(|text| text.starts_with(b"PK\x03\x04")),
-        read: threemf::read,
-        ..MESHES
-    },
+    Importer { name: "OFF", endings: &["off"], read: off::read, ..MESHES },
+    Importer { name: "3MF", endings: &["3mf"], read: threemf::read, ..MESHES },
 ];
 
 /// The extensions of all supported formats: `.toml, .obj, ...`.
@@ -143,22 +126,12 @@ pub fn mesh_endings() -> String {
     list(IMPORTERS.iter().filter(|importer| !importer.is_scene_file), " or ")
 }
 
-/// The names of formats that can be read from standard input: `scene file, glTF or ...`.
-pub fn names_on_standard_input() -> String {
-    let known = IMPORTERS.iter().filter(|importer| importer.is_scene_file || importer.is_start.is_some());
-    join(&known.map(|importer| importer.name.to_owned()).collect::<Vec<_>>(), " or ")
-}
-
+/// The extensions of importers, joined by commas, and the last one by `last`.
 fn list<'a>(importers: impl Iterator<Item = &'a Importer>, last: &str) -> String {
     let endings: Vec<String> = importers.flat_map(|i| i.endings).map(|ending| format!(".{ending}")).collect();
-    join(&endings, last)
-}
-
-/// Joins names by commas, and the last one by `last`.
-fn join(names: &[String], last: &str) -> String {
-    match names {
+    match &endings[..] {
         [rest @ .., end] if !rest.is_empty() => format!("{}{last}{end}", rest.join(", ")),
-        _ => names.concat(),
+        _ => endings.concat(),
     }
 }
 
@@ -166,7 +139,8 @@ fn join(names: &[String], last: &str) -> String {
 pub(crate) struct Source {
     /// Path as given by the user; `-` for standard input.
     pub file: PathBuf,
-    /// Its contents; empty if the importer reads it by [`Source::stream`].
+    importer: &'static Importer,
+    /// Its contents; text in UTF-8 without a byte order mark. Empty if the importer reads it by [`Source::stream`].
     pub bytes: Vec<u8>,
     /// Opens referenced files.
     files: Files,
@@ -176,13 +150,53 @@ pub(crate) struct Source {
 
 impl Source {
     fn open(file: &Path, files: &Files, options: &ImportOptions) -> Result<Self> {
-        let read = match importer_by_ending(file) {
-            _ if file == Path::new("-") => files.read_standard_input(),
-            Some(importer) if importer.streams => Ok(Vec::new()),
-            _ => files.read(file),
-        };
-        let bytes = read.map_err(|e| unreadable(file, &e))?;
-        Ok(Source { file: file.to_owned(), bytes, files: files.clone(), options: options.clone() })
+        let failed = |e: io::Error| unreadable(file, &e);
+        let is_piped = file == Path::new("-");
+        let (mut bytes, length) = match is_piped {
+            true => files.read_standard_input().map(|bytes| (bytes, None)),
+            false => files
+                .open(file)
+                .and_then(|opened| start_of(opened).map(|(start, length)| (start, Some(length)))),
+        }
+        .map_err(failed)?;
+        if bytes.is_empty() {
+            return Err(Error::input(file, "is empty", "export or copy it again"));
+        }
+        let length = length.unwrap_or(bytes.len() as u64);
+        let start = &bytes[..bytes.len().min(contents::START)];
+        // Headers of binary STL may be UTF-16.
+        let is_text = !stl::has_length_of_binary(start, length);
+        let text = if is_text { decode(start) } else { start.into() };
+        let importer = importer_of(file, &text, length)?;
+        let is_recoded = matches!(text, Cow::Owned(_));
+        if is_recoded {
+            // Two bytes of UTF-16 are at most three of UTF-8, in a vector that may have doubled.
+            limits::check(limits::product(&[length, 4]))
+                .map_err(|excess| excess.at(file, "decoding its text"))?;
+        }
+        drop(text);
+        if !is_piped {
+            bytes = if importer.streams && !is_recoded {
+                Vec::new()
+            } else {
+                files.read(file).map_err(failed)?
+            };
+        }
+        if is_text {
+            match decode(&bytes) {
+                Cow::Owned(text) => bytes = text,
+                Cow::Borrowed(text) => drop(bytes.drain(..bytes.len() - text.len())),
+            }
+        }
+        Ok(Source { file: file.to_owned(), importer, bytes, files: files.clone(), options: options.clone() })
+    }
+
+    /// A file of these contents without options, by its ending.
+    #[cfg(test)]
+    fn of(file: impl Into<PathBuf>, bytes: impl Into<Vec<u8>>) -> Self {
+        let (file, options) = (file.into(), ImportOptions::default());
+        let importer = importer_by_ending(&ending(&file)).unwrap_or(&MESHES);
+        Source { importer, bytes: decode(&bytes.into()).into_owned(), file, files: Files::default(), options }
     }
 
     /// A stream of the contents from the beginning, and their length in bytes.
@@ -225,9 +239,9 @@ impl Source {
         scene
     }
 
-    /// The contents as text without a byte order mark; invalid UTF-8 is replaced.
+    /// The contents as text; invalid UTF-8 is replaced.
     fn text(&self) -> std::borrow::Cow<'_, str> {
-        String::from_utf8_lossy(without_mark(&self.bytes))
+        String::from_utf8_lossy(&self.bytes)
     }
 }
 
@@ -270,8 +284,8 @@ pub fn load_with(inputs: &[PathBuf], options: &ImportOptions, warnings: &mut War
     load_by(inputs, &Files::default(), options, warnings)
 }
 
-/// Reads an input from memory, as `-` is read from standard input: a scene file, glTF, PLY, OFF or 3MF. Files that it
-/// references are relative to the working directory.
+/// Reads an input from memory, as `-` is read from standard input. Files that it references are relative to the working
+/// directory.
 ///
 /// # Errors
 /// As those of [`load_with`].
@@ -339,13 +353,15 @@ fn load_by(
         warnings.begin_part();
         let source = Source::open(file, files, options).map_err(|e| hinted(e, file))?;
         let mut one = read_one(&source, warnings).map_err(|e| hinted(e, file))?;
-        let crease = options::crease(&source, None, options.smooths_meshes)?;
+        let crease = options::crease(&source, None, options.smooths_meshes);
+        let format = source.importer.name;
         drop(source);
         // The meshes of a scene file are turned one by one.
         if !one.has_settings {
             let (chosen, turns) = (options.reading.up.and_then(UpChoice::axis), options.reading.up.is_some());
+            let is_alone = inputs.len() == 1;
             let up =
-                chosen.unwrap_or_else(|| options::up_axis(&one, file, turns, inputs.len() == 1, warnings));
+                chosen.unwrap_or_else(|| options::up_axis(&one, file, format, turns, is_alone, warnings));
             if up != UpAxis::Y {
                 one.turn(up);
             }
@@ -426,17 +442,15 @@ fn warn_of_unused_textures(scene: &Scene, file: &Path, warnings: &mut Warnings) 
 
 /// Reads an input or a referenced file. The caller validates the result.
 fn read_one(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
-    let importer = importer_for(source)?;
+    let (importer, ending) = (source.importer, ending(&source.file));
     let read = (importer.read)(source, warnings);
     source.note_references(warnings);
-    match read {
-        Ok(scene) if !scene.objects.is_empty() || importer.is_scene_file => Ok(scene),
-        Ok(scene) => misnamed(importer, source).map_or(Ok(scene), Err),
-        Err(_) if start(source).is_some_and(|start| start.is_empty()) => {
-            Err(Error::input(source.file.as_path(), "is empty", "export or copy it again"))
-        }
-        Err(e) => Err(misnamed(importer, source).unwrap_or(e)),
+    if read.is_ok() && !ending.is_empty() && !importer.endings.contains(&ending.as_str()) {
+        let name = importer.name;
+        warnings
+            .note(format!("{}: read as {name} by its contents, not by its ending", source.file.display()));
     }
+    read
 }
 
 /// An error of an input that is missing, with a hint to one of a similar name.
@@ -454,75 +468,55 @@ fn hinted(e: Error, input: &Path) -> Error {
     }
 }
 
-/// The error for a file that has another format than its ending says, if it is recognised.
-fn misnamed(importer: &Importer, source: &Source) -> Option<Error> {
-    let start = start(source)?;
-    if let Some((what, advice)) = converters::other_format(&start) {
-        return Some(Error::input(
-            source.file.as_path(),
-            format!("its content is {what}, not {}", importer.name),
-            advice,
-        ));
-    }
-    let text = without_comments(without_mark(&start));
-    let is_start = |other: &&Importer| other.is_start.is_some_and(|is_start| is_start(text));
-    let other = IMPORTERS.iter().find(is_start).filter(|other| other.name != importer.name)?;
-    let ending = if start.starts_with(b"glTF") { "glb" } else { other.endings.first()? };
-    let what = format!("its content is {}, not {}", other.name, importer.name);
-    Some(Error::input(source.file.as_path(), what, format!("rename it, so that it ends in .{ending}")))
-}
-
-/// The beginning of a file, if it can be read.
-fn start(source: &Source) -> Option<Vec<u8>> {
-    let mut start = source.bytes.get(..START.min(source.bytes.len())).unwrap_or_default().to_vec();
-    if start.is_empty() {
-        source.stream().ok()?.0.take(START as u64).read_to_end(&mut start).ok()?;
-    }
-    Some(start)
-}
-
-/// Bytes at the beginning of a file by which its format is recognised.
-const START: usize = 1024;
-
-/// Whether an input is a scene file rather than a mesh, by its extension.
-pub fn is_scene_file(file: &Path) -> bool {
-    IMPORTERS
-        .iter()
-        .any(|importer| importer.is_scene_file && importer.endings.contains(&ending(file).as_str()))
-}
-
-/// Whether a file has the extension of a format.
-#[cfg(feature = "viewer")]
-pub(crate) fn has_known_ending(file: &Path) -> bool {
-    importer_by_ending(file).is_some()
-}
-
-/// Whether a file has the extension of an image that lights a scene as its environment.
+/// Whether a file is an image that lights a scene as its environment.
 #[cfg(feature = "viewer")]
 pub(crate) fn is_environment_file(file: &Path) -> bool {
-    ["hdr", "exr"].contains(&ending(file).as_str())
+    ["hdr", "exr"].contains(&kind_of_file(file).as_str())
+}
+
+/// Whether a file can be opened, alone or as an environment.
+#[cfg(feature = "viewer")]
+pub(crate) fn is_known(file: &Path) -> bool {
+    let is_readable = |ending: &str| importer_by_ending(ending).is_some();
+    is_readable(&ending(file)) || is_readable(&kind_of_file(file)) || is_environment_file(file)
+}
+
+/// The kind of a file by its contents, else its ending.
+#[cfg(feature = "viewer")]
+fn kind_of_file(file: &Path) -> String {
+    let opened = crate::files::RegularFile::open_any(file).and_then(start_of);
+    let kind = opened.ok().and_then(|(start, length)| contents::kind(&decode(&start), length));
+    kind.map_or_else(|| ending(file), |(ending, _)| ending.to_owned())
+}
+
+/// The beginning of a file, by which its kind is recognised, and its length.
+fn start_of(file: crate::files::RegularFile) -> io::Result<(Vec<u8>, u64)> {
+    let (mut start, length) = (Vec::new(), file.length());
+    file.take(contents::START as u64).read_to_end(&mut start)?;
+    Ok((start, length))
 }
 
 fn ending(file: &Path) -> String {
     file.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase()
 }
 
-fn importer_by_ending(file: &Path) -> Option<&'static Importer> {
-    let wanted = ending(file);
-    IMPORTERS.iter().find(|importer| importer.endings.contains(&wanted.as_str()))
+fn importer_by_ending(ending: &str) -> Option<&'static Importer> {
+    IMPORTERS.iter().find(|importer| importer.endings.contains(&ending))
 }
 
-fn importer_for(source: &Source) -> Result<&'static Importer> {
-    let found = if source.file == Path::new("-") {
-        let text = without_comments(without_mark(&source.bytes));
-        let is_start = |importer: &&Importer| importer.is_start.is_some_and(|is_start| is_start(text));
-        IMPORTERS.iter().find(is_start).or_else(|| IMPORTERS.iter().find(|importer| importer.is_scene_file))
-    } else {
-        importer_by_ending(&source.file)
-    };
-    found.ok_or_else(|| {
-        let advice = converters::advice_on(&ending(&source.file));
-        let hint = format!("kiln reads {}; {advice}", all_endings());
-        Error::input(source.file.as_path(), "not a kind of file that kiln reads", hint)
+/// The importer of a file by its contents, of which `start` is the beginning, else by its ending.
+///
+/// # Errors
+/// [`Error::Input`] if it is of none.
+fn importer_of(file: &Path, start: &[u8], length: u64) -> Result<&'static Importer> {
+    let own = ending(file);
+    let (ending, name) = contents::kind(start, length).unwrap_or((own.as_str(), ""));
+    importer_by_ending(ending).ok_or_else(|| {
+        let advice = contents::advice_on(ending);
+        if name.is_empty() {
+            let hint = format!("kiln reads {}; {advice}", all_endings());
+            return Error::input(file, "not a kind of file that kiln reads", hint);
+        }
+        Error::input(file, format!("its content is {name}, not a format that kiln reads"), advice)
     })
 }

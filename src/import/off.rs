@@ -13,7 +13,7 @@ use glam::{DVec2, DVec3};
 
 use super::Source;
 use super::colours::Colours;
-use super::lines::{take_word, without_mark};
+use super::lines::{Lines, take_word, warn_of_comma};
 use super::polygon::Polygons;
 use super::values::{Encoding, Read, ReadError, Scalar, Values};
 use crate::error::{Result, Warnings};
@@ -21,12 +21,15 @@ use crate::film::ColourPipeline;
 use crate::film::colour::srgb_encode;
 use crate::scene::{Attribute, Mesh, Phong, Scene};
 
-/// Whether the first word of a text is that of OFF files, of any dimension, also with a number right after it.
-pub(super) fn is_start(mut text: &[u8]) -> bool {
-    let word = take_word(&mut text).unwrap_or_default().to_ascii_uppercase();
-    let Some(at) = word.windows(3).position(|letters| letters == b"OFF") else { return false };
-    let is_whole = !word.get(at + 3).is_some_and(u8::is_ascii_alphabetic);
-    is_whole && word[..at].iter().all(|letter| b"STCN4".contains(letter))
+/// Whether the first word of a text is that of OFF files, of any dimension, followed by a number, `BINARY` or nothing on
+/// its line. Headers of other files may begin with the word.
+pub(super) fn is_start(text: &[u8]) -> bool {
+    let line = Lines::new(text, 0).next().unwrap_or_default().1.to_ascii_uppercase();
+    let Some(at) = line.windows(3).position(|letters| letters == b"OFF") else { return false };
+    let after = line[at + 3..].trim_ascii_start();
+    let is_whole =
+        after.first().is_none_or(|b| b.is_ascii_digit() || *b == b'#') || after.starts_with(b"BINARY");
+    is_whole && line[..at].iter().all(|letter| b"STCN4".contains(letter))
 }
 
 /// Reads an OFF file as one mesh.
@@ -49,8 +52,7 @@ fn without_comment(line: &[u8]) -> &[u8] {
 
 /// Reads the mesh of a file. Returns whether the file is whole, too.
 fn read_mesh(source: &Source, is_by_words: bool, warnings: &mut Warnings) -> Result<(Mesh, bool)> {
-    let text = without_mark(&source.bytes);
-    let mut values = Values::of_text(source, text, 0, is_by_words, without_comment);
+    let mut values = Values::of_text(source, &source.bytes, 0, is_by_words, without_comment);
     let header = Header::read(&mut values)?;
     let mut mesh = Mesh::default();
     let mut too_long = 0;
@@ -62,6 +64,7 @@ fn read_mesh(source: &Source, is_by_words: bool, warnings: &mut Warnings) -> Res
     if vertices == header.vertices {
         faces = read_faces(&mut values, &header, &mut mesh, warnings)?;
     }
+    warn_of_comma(values.comma, &source.file, warnings);
     let file = source.file.display();
     for (name, there, declared) in [("vertices", vertices, header.vertices), ("faces", faces, header.faces)] {
         if there < declared {

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use super::Source;
 use super::up::{self, Guess};
-use super::{Source, ending, importer_for};
 use crate::error::{Error, Result, Warnings};
 use crate::scene::{ClipChoice, Degrees, ImportOptions, Scene, UpAxis};
 
@@ -13,18 +13,18 @@ use crate::scene::{ClipChoice, Degrees, ImportOptions, Scene, UpAxis};
 pub(super) fn up_axis(
     scene: &Scene,
     file: &Path,
+    format: &str,
     turns: bool,
     is_alone: bool,
     warnings: &mut Warnings,
 ) -> UpAxis {
-    let ending = ending(file);
-    if ["gltf", "glb"].contains(&ending.as_str()) || !scene.cameras.is_empty() {
+    let file_name = file.display();
+    if format == "glTF" || !scene.cameras.is_empty() {
         return UpAxis::Y;
     }
-    if ending == "3mf" && turns {
+    if format == "3MF" && turns {
         return UpAxis::Z;
     }
-    let file_name = file.display();
     match up::guess(scene) {
         Some(Guess { up: UpAxis::Z, is_sure: true }) if turns && is_alone => {
             warnings
@@ -39,8 +39,7 @@ pub(super) fn up_axis(
                 "{file_name}: seems to stand upright with {name} up; --up {name} turns it{auto}"
             ));
         }
-        None if ["stl", "3mf"].contains(&ending.as_str()) => {
-            let format = ending.to_uppercase();
+        None if ["STL", "3MF"].contains(&format) => {
             warnings.note(format!("{file_name}: most {format} files have z up; --up z turns it"));
         }
         None => {}
@@ -50,11 +49,11 @@ pub(super) fn up_axis(
 
 /// The crease angle in radians of the normals that a mesh file without normals gets, if any: the option's, else `own`, else
 /// [`ImportOptions::CREASE`] if files are smoothed that are not flat by their format.
-pub(super) fn crease(source: &Source, own: Option<Degrees>, smooths: bool) -> Result<Option<f64>> {
-    let by_default = smooths && !importer_for(source)?.is_flat;
+pub(super) fn crease(source: &Source, own: Option<Degrees>, smooths: bool) -> Option<f64> {
+    let by_default = smooths && !source.importer.is_flat;
     let chosen = source.options.reading.smooth.or(own).map(Degrees::get);
     let crease = chosen.or(by_default.then_some(ImportOptions::CREASE));
-    Ok(crease.filter(|&degrees| degrees > 0.0).map(f64::to_radians))
+    crease.filter(|&degrees| degrees > 0.0).map(f64::to_radians)
 }
 
 /// Checks that an input has the requested clip and the requested variant.

@@ -21,7 +21,7 @@ use glam::{DVec2, DVec3};
 
 use super::colours::{Colours, note_textured};
 use super::images::{Channels, ImageLoader};
-use super::lines::Lines;
+use super::lines::{Lines, warn_of_comma};
 use super::parts::split;
 use super::values::Encoding;
 use super::{Source, default_material};
@@ -62,6 +62,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         contents = Ok(by_words);
     }
     let Contents { body, mut mesh, colours, mut faces } = contents?;
+    warn_of_comma(body.values.comma, &source.file, warnings);
     warn_of_length(&body, warnings);
     let file = source.file.display();
     let points = mesh.positions.len();

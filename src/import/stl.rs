@@ -16,7 +16,7 @@ use std::collections::HashMap;
 use glam::DVec3;
 
 use super::Source;
-use super::lines::{parse_number, shown, without_comments, without_mark};
+use super::lines::{parse_with_comma, shown, warn_of_comma, without_comments};
 use crate::error::{Error, Place, Result, Warnings};
 use crate::limits;
 use crate::scene::{Mesh, Scene};
@@ -46,21 +46,29 @@ fn claimed(bytes: &[u8]) -> Option<usize> {
     Some(u32::from_le_bytes(*count) as usize)
 }
 
-/// Whether a file is binary: its length matches its facet count, even if its header begins with `solid`, or it does not
-/// begin as ASCII files do.
+/// Whether the length of a file that begins with `start` is that of a binary one with its facet count, or less than a
+/// facet more.
+pub(super) fn has_length_of_binary(start: &[u8], length: u64) -> bool {
+    claimed(start).is_some_and(|count| {
+        let rest = length.checked_sub((HEAD + count * FACET) as u64);
+        rest.is_some_and(|rest| rest == 0 || count > 0 && rest < FACET as u64)
+    })
+}
+
+/// Whether a file is binary: its length matches its facet count, even if its header begins with `solid`, or it is no
+/// text.
 fn is_binary(bytes: &[u8]) -> bool {
-    if claimed(bytes).is_some_and(|count| bytes.len() == HEAD + count * FACET) {
+    if has_length_of_binary(bytes, bytes.len() as u64) {
         return true;
     }
-    let text = without_mark(bytes);
-    let start = &text[..text.len().min(512)];
+    let start = &bytes[..bytes.len().min(512)];
     let is_solid = without_comments(start).get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
     let has_control = start.iter().any(|b| b.is_ascii_control() && !b.is_ascii_whitespace());
     // Names of solids may have control characters, and headers of binary files may have keywords.
     let body = start.get(HEAD..).unwrap_or_default();
     let has_keyword = body.windows(5).any(|word| word.eq_ignore_ascii_case(b"facet"))
         || body.windows(6).any(|word| word.eq_ignore_ascii_case(b"vertex"));
-    !is_solid || has_control && !has_keyword
+    has_control && !(is_solid && has_keyword)
 }
 
 /// Number of facets of a binary file as stated in its header. If fewer are complete, or the header says 0, as written
@@ -130,8 +138,8 @@ fn read_ascii(source: &Source, warnings: &mut Warnings) -> Result<Solids> {
     let mut name = None;
     let mut welder = Welder::default();
     let mut corners: Vec<DVec3> = Vec::new();
-    let mut is_open = false;
-    let mut words = Words::new(without_mark(&source.bytes));
+    let (mut is_open, mut comma) = (false, None);
+    let mut words = Words::new(&source.bytes);
     while let Some(word) = words.next_statement() {
         let line = words.line;
         let fault =
@@ -151,7 +159,7 @@ fn read_ascii(source: &Source, warnings: &mut Warnings) -> Result<Solids> {
             b"loop" if corners.is_empty() => {}
             b"endfacet" if corners.is_empty() => words.skip_rest_of_line(),
             b"vertex" => {
-                let mut next = || words.next().and_then(parse_number);
+                let mut next = || parse_with_comma(words.next()?, line, &mut comma);
                 let (Some(x), Some(y), Some(z)) = (next(), next(), next()) else {
                     if words.is_at_end() && has_triangles(&solids, &welder) {
                         break;
@@ -180,6 +188,7 @@ fn read_ascii(source: &Source, warnings: &mut Warnings) -> Result<Solids> {
         let place = Place::line(&source.file, words.line);
         return Err(Error::input(place, "the file ends within a facet", "export or copy the file again"));
     }
+    warn_of_comma(comma, &source.file, warnings);
     if is_open {
         let what = "ends without `endsolid`, so it may not be whole";
         warnings.push(format!("{}: {what}", source.file.display()));

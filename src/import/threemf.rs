@@ -2,13 +2,14 @@
 //!
 //! Reads the objects of the build with their transforms and components, also from other parts of the package (`path`);
 //! colours of `basematerials` and `colorgroup`; images of `texture2dgroup`. Coordinates become millimetres. Objects of
-//! type `support`, `solidsupport` and `other` are left out.
+//! type `support`, `solidsupport` and `other`, and what slicers do not print ([`slicer`]), are left out.
 //!
 //! The package is read from memory ([`package`]), its XML as a stream, so that memory grows only with the scene. No
 //! crate for 3MF is used: lib3mf-core and threemf 0.6 read whole documents into memory without limits.
 
 mod model;
 mod package;
+mod slicer;
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -26,8 +27,9 @@ use crate::scene::{
     Attribute, ImageId, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Scene, Shape, Texture,
     TextureSampler, TextureSlot, Wrap,
 };
-use model::{Definition, Model, Property, Reference};
+use model::{Definition, FILAMENT, Model, Property, Reference};
 use package::Package;
+use slicer::Slicer;
 
 /// Maximum nesting depth of components; slicers write one or two levels.
 const MAX_DEPTH: usize = 64;
@@ -36,8 +38,11 @@ const MAX_DEPTH: usize = 64;
 pub(super) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let package = Package::open(source)?;
     let root = package.root()?;
+    let slicer = Slicer::read(&package)?;
     let mut reader = Reader {
         source,
+        slicer,
+        root: root.clone(),
         package,
         warnings,
         scene: Scene::default(),
@@ -47,15 +52,14 @@ pub(super) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         default: None,
         references: 0,
     };
-    let model = reader.model(&root)?;
+    let Some(model) = reader.model(&root)? else { return Ok(reader.scene) };
     reader.scene.metadata = model.metadata.clone();
-    if !model.left_out.is_empty() {
-        let what: Vec<&str> = model.left_out.iter().copied().collect();
-        let what = format!("{}: left out: {}", source.file.display(), what.join(", "));
-        reader.warnings.left_out(what);
-    }
     for item in &model.items {
-        reader.add_item(item, &root, DMat4::from_scale(DVec3::splat(model.unit)), 0)?;
+        if item.is_printable {
+            reader.add_item(item, &root, DMat4::from_scale(DVec3::splat(model.unit)), 0, 0)?;
+        } else {
+            reader.note_left_out(&format!("object {}, which is not to be printed", item.object));
+        }
     }
     Ok(reader.scene)
 }
@@ -71,12 +75,16 @@ type Parts = Arc<Vec<(Arc<Mesh>, MaterialId)>>;
 
 struct Reader<'a> {
     source: &'a Source,
+    slicer: Slicer,
+    /// Part of the root model.
+    root: String,
     package: Package<'a>,
     warnings: &'a mut Warnings,
     scene: Scene,
-    models: HashMap<String, Arc<Model>>,
-    /// By part of the package and object id.
-    meshes: HashMap<(String, u32), Parts>,
+    /// By part of the package; `None` if it is missing.
+    models: HashMap<String, Option<Arc<Model>>>,
+    /// By part of the package, object id and filament.
+    meshes: HashMap<(String, u32, u32), Parts>,
     /// By part of the package.
     images: HashMap<String, Option<ImageId>>,
     /// Material of meshes without properties.
@@ -90,20 +98,46 @@ impl Reader<'_> {
         Error::input(Place::item(&self.source.file, item), what, "export the file again")
     }
 
-    /// Model of a part of the package, cached.
-    fn model(&mut self, part: &str) -> Result<Arc<Model>> {
+    fn note_left_out(&mut self, what: &str) {
+        self.warnings.note_left_out(format!("{}: left out {what}", self.source.file.display()));
+    }
+
+    /// Model of a part of the package, cached; `None` with a warning if there is no such part.
+    fn model(&mut self, part: &str) -> Result<Option<Arc<Model>>> {
         if let Some(model) = self.models.get(part) {
-            return Ok(Arc::clone(model));
+            return Ok(model.clone());
         }
-        let model = Arc::new(Model::read(&self.package, part, self.source)?);
-        self.models.insert(part.to_owned(), Arc::clone(&model));
+        let model = Model::read(&self.package, part, self.source)?.map(Arc::new);
+        let file = self.source.file.display();
+        match &model {
+            None => self.warnings.left_out_file(format!("{file}: {part}: left out: not in the file")),
+            Some(model) => {
+                let mut what: Vec<&str> = model.left_out.iter().copied().collect();
+                what.extend(
+                    (model.is_painted && self.slicer.colour(0).is_none()).then_some("painted colours"),
+                );
+                if !what.is_empty() {
+                    self.warnings.left_out(format!("{file}: left out: {}", what.join(", ")));
+                }
+            }
+        }
+        self.models.insert(part.to_owned(), model.clone());
         Ok(model)
     }
 
-    /// Adds an object and its components. `part` is the part of the package of the reference.
-    fn add_item(&mut self, reference: &Reference, part: &str, outer: DMat4, depth: usize) -> Result<()> {
+    /// Adds an object and its components. `part` is the part of the package of the reference, `filament` that of the
+    /// object that has it as a component.
+    fn add_item(
+        &mut self,
+        reference: &Reference,
+        part: &str,
+        outer: DMat4,
+        depth: usize,
+        mut filament: u32,
+    ) -> Result<()> {
         let part = reference.path.as_deref().unwrap_or(part);
-        let model = self.model(part)?;
+        let Some(model) = self.model(part)? else { return Ok(()) };
+        let is_root = part == self.root;
         let place = format!("{part}, object {}", reference.object);
         self.references += 1;
         Counted::Nodes.check(self.references, &self.source.options.limits, self.source.file.as_path())?;
@@ -121,16 +155,28 @@ impl Reader<'_> {
             return Err(self.error(place, format!("components that are nested more than {MAX_DEPTH} times")));
         }
         if let Some(kind) = object.other_type {
-            let what = format!("left out object {} of the type `{kind}`", reference.object);
-            self.warnings.note_left_out(format!("{}: {what}", self.source.file.display()));
+            self.note_left_out(&format!("object {} of the type `{kind}`", reference.object));
             return Ok(());
+        }
+        if is_root && filament == 0 {
+            filament = self.slicer.filament(reference.object);
         }
         let placement = outer * reference.transform;
         if object.triangles.is_empty() {
-            return (object.components.iter())
-                .try_for_each(|component| self.add_item(component, part, placement, depth + 1));
+            return object.components.iter().try_for_each(|component| {
+                let piece = match is_root {
+                    true => self.slicer.part(reference.object, true, component.object),
+                    false => slicer::Part::default(),
+                };
+                if let Some(role) = piece.role {
+                    self.note_left_out(&format!("object {}, a {role}", component.object));
+                    return Ok(());
+                }
+                let filament = if piece.filament > 0 { piece.filament } else { filament };
+                self.add_item(component, part, placement, depth + 1, filament)
+            });
         }
-        for (mesh, material) in self.mesh(part, &model, reference.object)?.iter() {
+        for (mesh, material) in self.mesh(part, &model, reference.object, filament)?.iter() {
             let name = object.name.clone().unwrap_or_else(|| format!("object {}", reference.object));
             let placed = Placed { mesh: Arc::clone(mesh), placement: Placement::new(placement) };
             let shape = Shape::Placed(placed);
@@ -139,9 +185,9 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Mesh of an object, split by image, with materials.
-    fn mesh(&mut self, part: &str, model: &Model, id: u32) -> Result<Parts> {
-        let key = (part.to_owned(), id);
+    /// Mesh of an object, split by image, with materials. Triangles without a colour have that of the filament.
+    fn mesh(&mut self, part: &str, model: &Model, id: u32, filament: u32) -> Result<Parts> {
+        let key = (part.to_owned(), id, filament);
         if let Some(parts) = self.meshes.get(&key) {
             return Ok(Arc::clone(parts));
         }
@@ -149,20 +195,31 @@ impl Reader<'_> {
             return Ok(Parts::default());
         };
         // Copies of positions and triangles, attributes of triangles, and the parts split from them.
-        let per_triangle = size_of::<[u32; 3]>() * 3 + size_of::<Option<WrappedImage>>();
+        let per_triangle = size_of::<[u32; 3]>() * 3 + size_of::<(Option<&str>, Option<WrappedImage>)>();
         let bytes = 2 * (size_of_val(&positions[..]) + triangles.len() * per_triangle);
         limits::check(bytes as u64).map_err(|excess| {
             let place = Place::item(&self.source.file, format!("{part}, object {id}"));
             excess.at(place, format!("{} triangles: reading them", triangles.len()))
         })?;
         let mut attributes = CornerAttributes::default();
-        let mut images = Vec::with_capacity(triangles.len());
-        for property in properties {
-            images.push(self.add_triangle_attributes(model, property.as_ref(), &mut attributes)?);
+        let mut groups = Vec::with_capacity(triangles.len());
+        for (index, property) in properties.iter().enumerate() {
+            let piece = match part == self.root {
+                true => self.slicer.part(id, false, index as u32),
+                false => slicer::Part::default(),
+            };
+            let own = (FILAMENT, [if piece.filament > 0 { piece.filament } else { filament }; 3]);
+            let property = property.as_ref().unwrap_or(&own);
+            groups.push((piece.role, self.add_triangle_attributes(model, property, &mut attributes)?));
         }
         let mesh = attributes.into_mesh(positions.clone(), triangles.clone());
         let mut parts = Vec::new();
-        for (image, mut mesh) in split(mesh, &images) {
+        for ((role, image), mut mesh) in split(mesh, &groups) {
+            if let Some(role) = role {
+                let count = mesh.triangles.len();
+                self.note_left_out(&format!("{count} triangle(s) of object {id}, a {role}"));
+                continue;
+            }
             if image.is_some() {
                 mesh.colours = None;
             } else {
@@ -194,13 +251,14 @@ impl Reader<'_> {
     fn add_triangle_attributes(
         &mut self,
         model: &Model,
-        property: Option<&(u32, [u32; 3])>,
+        &(group, corners): &(u32, [u32; 3]),
         attributes: &mut CornerAttributes,
     ) -> Result<Option<WrappedImage>> {
-        let Some(&(group, corners)) = property else {
-            attributes.push(None);
+        if group == FILAMENT {
+            let colour = self.slicer.colour(corners[0]);
+            attributes.push(colour.map(|colour| Corners::Colours([colour; 3])).as_ref());
             return Ok(None);
-        };
+        }
         match model.properties.get(&group) {
             Some(Property::Colours(colours)) => {
                 let corner = |index: u32| colours.get(index as usize).copied();

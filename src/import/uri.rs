@@ -54,11 +54,9 @@ fn strip_prefix_ignoring_case<'a>(text: &'a str, prefix: &str) -> Option<&'a str
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::import::dependencies::Files;
 
     fn resolve(uri: &str) -> Result<Resource, String> {
-        let (file, bytes) = (PathBuf::from("in/a.gltf"), Vec::new());
-        super::resolve(uri, &Source { file, bytes, files: Files::default(), options: Default::default() })
+        super::resolve(uri, &Source::of("in/a.gltf", []))
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Values of PLY and OFF files: numbers of text, by lines or by words, or of binary data.
 
 use super::Source;
-use super::lines::{Lines, parse_number, take_word};
+use super::lines::{Lines, parse_with_comma, take_word};
 use crate::error::{Error, Place, Result};
 use crate::limits;
 
@@ -73,6 +73,8 @@ pub(super) struct Values<'a> {
     line: usize,
     /// The remaining words of the current line, or the remaining bytes.
     pub rest: &'a [u8],
+    /// Text: the first line with a decimal comma.
+    pub comma: Option<usize>,
 }
 
 impl<'a> Values<'a> {
@@ -93,6 +95,7 @@ impl<'a> Values<'a> {
             lines,
             line: before,
             rest: &[],
+            comma: None,
         }
     }
 
@@ -178,7 +181,7 @@ impl<'a> Values<'a> {
                 return Err(if is_last { ReadError::End } else { few() });
             };
             let is_cut = is_last && self.rest.is_empty() && !self.source.bytes.ends_with(b"\n");
-            return parse_number(word)
+            return parse_with_comma(word, self.line, &mut self.comma)
                 .ok_or_else(|| if is_cut { ReadError::End } else { self.fault("not a number").into() });
         }
         let (bytes, rest) = self.rest.split_at_checked(scalar.size).ok_or(ReadError::End)?;

@@ -46,10 +46,9 @@ impl OpenDialog {
                 let name = entry.file_name().to_string_lossy().into_owned();
                 let is_hidden = name.starts_with('.');
                 let file = entry.path();
-                let is_known = import::has_known_ending(&file) || import::is_environment_file(&file);
                 match file.is_dir() {
                     true => Some(format!("{name}/")),
-                    false => is_known.then_some(name),
+                    false => import::is_known(&file).then_some(name),
                 }
                 .filter(|_| !is_hidden)
             };
@@ -153,15 +152,16 @@ mod tests {
         for name in ["b.obj", "A.glb", "sky.HDR", "notes.txt", ".hidden.obj"] {
             std::fs::write(folder.path().join(name), "").expect("a file");
         }
+        std::fs::write(folder.path().join("other"), "v 0 0 0\n").expect("a file");
         std::fs::create_dir(folder.path().join("sub")).expect("a folder");
         let mut dialog = OpenDialog::beside(Some(&folder.path().join("b.obj")));
-        assert_eq!(dialog.names, ["sub/", "A.glb", "b.obj", "sky.HDR"]);
+        assert_eq!(dialog.names, ["sub/", "A.glb", "b.obj", "other", "sky.HDR"]);
         // A part of a name finds it; a path is taken as it is.
         for (typed, matching, entered) in [
-            ("", 4, None),
+            ("", 5, None),
             ("KY", 1, Some("sky.HDR")),
             ("sub", 1, Some("sub")),
-            ("x/y.obj", 4, Some("x/y.obj")),
+            ("x/y.obj", 5, Some("x/y.obj")),
             ("none", 0, Some("none")),
         ] {
             dialog.typed = typed.to_owned();

@@ -27,6 +27,11 @@ fn standard_input_carries_a_scene_file_or_a_glb() {
     let output = workshop.run_with("info - --json", &Model::triangle().binary());
     let report: Value = serde_json::from_slice(&output.stdout).expect("it is JSON");
     assert_eq!((&report["triangles"], &report["inputs"][0]), (&1.into(), &"-".into()));
+    // Formats without a signature.
+    let obj = "mtllib none.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    let output = workshop.run_with("info - --json", obj.as_bytes());
+    let report: Value = serde_json::from_slice(&output.stdout).expect("it is JSON");
+    assert_eq!(report["triangles"], 1);
     // Errors in standard input name the file `-`.
     let output = workshop.run_with("info -", b"[image]\nwidht = 1\n");
     assert_eq!(output.status.code(), Some(3));

@@ -205,6 +205,109 @@ fn off_and_3mf_become_meshes() {
     assert_eq!(mesh(&scene, 0).colours.as_ref().expect("colours").values.len(), 1);
 }
 
+/// One triangle in each format: text and other contents.
+fn triangles_of_all_formats() -> (Vec<(&'static str, String)>, Vec<(&'static str, Vec<u8>)>) {
+    let obj = format!("# made by hand\no one\n{OBJ_TRIANGLE}f 1 2 3\n");
+    let facet =
+        "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
+    let rows = "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    let of_ply =
+        ply("3", &format!("element face 1\nproperty list uchar int vertex_index\nend_header\n{rows}"));
+    let text = vec![
+        ("obj", obj),
+        ("stl", format!("solid a\n{facet}endsolid a\n")),
+        ("stl", facet.to_owned()),
+        ("ply", of_ply),
+        ("off", format!("# x\nOFF\n3 1 0\n{rows}")),
+        ("gltf", Model::triangle().text()),
+        ("toml", "# x\n[[triangles]]\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\n".into()),
+    ];
+    // Headers of binary STL may begin as other files do, or be UTF-16. A facet: normal, corners, two bytes.
+    let binary_stl = |header: &[u8], more: usize| {
+        let mut bytes = header.to_vec();
+        bytes.resize(80, b' ');
+        bytes.extend([1, 0, 0, 0]);
+        let numbers: [f32; 12] = [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+        bytes.extend(vec![0; 2 + more]);
+        bytes
+    };
+    let object = "<object id=\"1\"><mesh><vertices><vertex x=\"0\" y=\"0\" z=\"0\"/><vertex x=\"1\" y=\"0\" z=\"0\"/>\
+                  <vertex x=\"0\" y=\"1\" z=\"0\"/></vertices><triangles><triangle v1=\"0\" v2=\"1\" v3=\"2\"/>\
+                  </triangles></mesh></object>";
+    let mut other: Vec<(&str, Vec<u8>)> =
+        vec![("glb", Model::triangle().binary()), ("3mf", three_mf(object, "<item objectid=\"1\"/>"))];
+    for header in
+        [&b""[..], b"solid a", b"off-centre part", b"OFF the shelf", b"{", b"v 1", b"a=1", b"a\0b\0c\0"]
+    {
+        other.push(("stl", binary_stl(header, 0)));
+    }
+    other.push(("stl", binary_stl(b"with a line end", 1)));
+    (text, other)
+}
+
+/// Every format is read by its contents under every name, from memory, and as text in UTF-8 and UTF-16, with a byte order
+/// mark and without. A note names an ending of another format.
+#[test]
+fn contents_decide_what_a_file_is() {
+    let folder = Folder::new();
+    let (text, mut all) = triangles_of_all_formats();
+    for (kind, text) in text {
+        all.push((kind, format!("\u{feff}{text}").into()));
+        for mark in ["", "\u{feff}"] {
+            let units = || mark.encode_utf16().chain(text.encode_utf16());
+            all.push((kind, units().flat_map(u16::to_le_bytes).collect()));
+            all.push((kind, units().flat_map(u16::to_be_bytes).collect()));
+        }
+        all.push((kind, text.into()));
+    }
+    for (kind, bytes) in all {
+        let start = String::from_utf8_lossy(&bytes[..20]).into_owned();
+        let of_memory =
+            kiln::import::load_bytes(bytes.clone(), &ImportOptions::default(), &mut Warnings::default());
+        assert_eq!(of_memory.unwrap_or_else(|e| panic!("{start}: {e}")).primitive_count(), 1, "{start}");
+        for name in ["a", "a.obj", "a.stl", "a.ply", "a.glb", "a.toml", "a.3mf", "a.off", "a.png", "a.vrm"] {
+            let file = folder.write(name, &bytes);
+            let mut warnings = Warnings::default();
+            let scene = kiln::import::load(&[file], &mut warnings).unwrap_or_else(|e| panic!("{start}: {e}"));
+            assert_eq!(scene.primitive_count(), 1, "{start} as {name}");
+            let is_noted = warnings.notes().iter().any(|note| note.contains("by its contents"));
+            let format = |ending: &str| ending.replace("gltf", "glb");
+            let agrees = name == "a" || name.ends_with(&format(kind));
+            assert_eq!(is_noted, !agrees, "{start} as {name}: {:?}", warnings.notes());
+        }
+    }
+}
+
+/// Meshes of scene files are known by their contents, too. Scene files are none.
+#[test]
+fn meshes_of_scene_files_are_known_by_their_contents() {
+    let folder = Folder::new();
+    folder.write("mesh", format!("{OBJ_TRIANGLE}f 1 2 3\n"));
+    assert_eq!(folder.load("a.toml", "[[mesh]]\nfile = 'mesh'\n").0.primitive_count(), 1);
+    folder.write("b.obj", "[[mesh]]\nfile = 'b.obj'\n");
+    let e = folder.fails("a.toml", "[[mesh]]\nfile = 'b.obj'\n");
+    assert_eq!(message(&e), "a.toml:1: `b.obj` is not a mesh");
+}
+
+/// A decimal comma is read as a point, in every text format of meshes, with a warning of the first line.
+#[test]
+fn decimal_commas_are_read_as_points() {
+    let folder = Folder::new();
+    let (text, _) = triangles_of_all_formats();
+    let lines = [("obj", 3), ("stl", 4), ("ply", 10), ("off", 4)];
+    for (kind, text) in text.into_iter().filter(|(_, text)| !text.starts_with("facet")) {
+        let Some(&(_, line)) = lines.iter().find(|(known, _)| *known == kind) else { continue };
+        // The first vertex: 0 0 0.
+        let name = format!("a.{kind}");
+        let (scene, warnings) = folder.load(&name, text.replacen("0 0 0", "0,0 -0,5 2,5e-1", 1));
+        assert_eq!(warnings, [format!("{name}:{line}: a decimal comma is read as a point")]);
+        assert_eq!(scene.bounds().map(|(min, _)| min.y), Some(-0.5), "{kind}");
+        let e = folder.fails(&name, text.replacen("0 0 0", "0,0,0 0 0", 1));
+        assert!(e.to_string().contains(&format!("{name}:{line}: ")), "{e}");
+    }
+}
+
 /// Standard input has no name, so its first bytes tell the format.
 #[test]
 fn formats_are_known_by_their_first_word() {

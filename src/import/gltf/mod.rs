@@ -43,8 +43,7 @@ use triangles::deform;
 /// Reads a .gltf or .glb file.
 pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let (file, options) = (&source.file, &source.options);
-    let bytes = source.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&source.bytes);
-    let Json { mut root, blob, pointers } = parse(bytes, file, warnings)?;
+    let Json { mut root, blob, pointers } = parse(&source.bytes, file, warnings)?;
     let variants = variants::names(&root);
     let variant =
         options.reading.variant.as_ref().and_then(|asked| variants.iter().position(|name| name == asked));

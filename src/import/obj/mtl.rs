@@ -9,12 +9,12 @@ use std::path::Path;
 
 use glam::{DVec2, dvec2};
 
-use super::text::{decode_name, without_mark};
+use super::text::decode_name;
 use super::{exporters, pbr};
 use crate::error::{Warnings, contain};
 use crate::files::unreadable;
 use crate::import::Source;
-use crate::import::lines::Lines;
+use crate::import::lines::{Lines, decode};
 use crate::import::references::unquoted;
 use crate::scene::{ImageId, Texture, TextureSampler, Wrap};
 
@@ -165,7 +165,7 @@ fn normalise(
     let mut options: Vec<BTreeMap<String, MapOptions>> = Vec::new();
     let mut unused = BTreeSet::new();
     let mut spelled = None;
-    for (number, line) in Lines::new(&without_mark(bytes), 0) {
+    for (number, line) in Lines::new(&decode(bytes), 0) {
         let line = decode_name(line.trim_ascii());
         let (written, rest) = line.split_once(char::is_whitespace).unwrap_or((&line, ""));
         let rest = rest.trim();

@@ -6,7 +6,6 @@ use glam::DVec3;
 
 use super::tests::{load, meshes, source};
 use super::*;
-use crate::import::dependencies::Files;
 use crate::import::polygon::Triangulator;
 
 /// Pseudorandom numbers below a bound (SplitMix64; Steele et al., "Fast Splittable Pseudorandom Number Generators",
@@ -250,7 +249,7 @@ fn large_files_are_read_in_windows() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("a.obj");
     std::fs::write(&file, &text).expect("a file");
-    let source = Source { file, bytes: Vec::new(), files: Files::default(), options: Default::default() };
+    let source = Source::of(file, []);
     let scene = read(&source, &mut Warnings::default()).unwrap_or_else(|e| panic!("{e}"));
     let [mesh] = meshes(&scene)[..] else { panic!("one mesh") };
     let expected = (0..BLOCKS as u32).map(|i| [i + 1, 0, i]);

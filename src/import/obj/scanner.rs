@@ -1,6 +1,8 @@
 //! Words, numbers and corners of faces in a part of an OBJ text. Bytes up to the space separate words, `#` begins a
 //! comment, and `\` before the end of a line continues it; `\n`, `\r\n` and `\r` end a line.
 
+use crate::import::lines::{parse_number, parse_with_comma};
+
 /// Position in a text.
 pub(super) struct Scanner<'a> {
     text: &'a [u8],
@@ -94,17 +96,11 @@ impl<'a> Scanner<'a> {
             return Ok(Some(f64::NAN));
         }
         let Some(word) = self.word() else { return Ok(None) };
-        let parsed = |word: &[u8]| std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
-        if let Some(number) = parsed(word) {
-            return Ok(Some(number));
-        }
-        if let [whole, fraction] = word.split(|&byte| byte == b',').collect::<Vec<_>>()[..] {
-            let number = parsed(&[whole, fraction].join(&b'.')).ok_or(Unreadable)?;
-            self.comma.get_or_insert(self.lines);
+        if let Some(number) = parse_with_comma(word, self.lines, &mut self.comma) {
             return Ok(Some(number));
         }
         let sign = word.iter().rposition(|byte| matches!(byte, b'+' | b'-')).unwrap_or(0);
-        let number = parsed(&word[..sign]).ok_or(Unreadable)?;
+        let number = parse_number(&word[..sign]).ok_or(Unreadable)?;
         self.odd_number.get_or_insert(self.lines);
         Ok(Some(number))
     }

@@ -5,10 +5,9 @@ use glam::DVec3;
 use super::oracle::corners_of;
 use super::*;
 use crate::error::Error;
-use crate::import::dependencies::Files;
 
 pub(super) fn source(text: impl Into<Vec<u8>>) -> Source {
-    Source { file: "a.obj".into(), bytes: text.into(), files: Files::default(), options: Default::default() }
+    Source::of("a.obj", text)
 }
 
 pub(super) fn load(text: impl Into<Vec<u8>>) -> (Scene, Warnings) {

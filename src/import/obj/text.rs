@@ -1,8 +1,6 @@
-//! OBJ and MTL texts in UTF-8, Latin-1, or UTF-16 with a byte order mark. A large text is read in windows of whole
-//! lines.
+//! OBJ and MTL texts in UTF-8 or Latin-1. A large text is read in windows of whole lines.
 
-use std::borrow::Cow;
-use std::io::{self, Cursor, Read};
+use std::io::Read;
 use std::path::Path;
 
 use super::scanner::{last_line, next_line};
@@ -17,18 +15,6 @@ pub(super) fn decode_name(name: &[u8]) -> String {
         Ok(name) => name.into(),
         Err(_) => name.iter().copied().map(char::from).collect(),
     }
-}
-
-/// A text in UTF-8 or Latin-1, from a text that may also be in UTF-16 with a byte order mark, which is removed.
-pub(super) fn without_mark(text: &[u8]) -> Cow<'_, [u8]> {
-    let unit = match text {
-        [0xFF, 0xFE, ..] => u16::from_le_bytes,
-        [0xFE, 0xFF, ..] => u16::from_be_bytes,
-        _ => return Cow::Borrowed(text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text)),
-    };
-    let units = text[2..].as_chunks().0.iter().map(|bytes| unit(*bytes));
-    let chars = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
-    Cow::Owned(chars.collect::<String>().into_bytes())
 }
 
 /// Reads a text in windows of whole lines.
@@ -47,18 +33,10 @@ impl<'a> Windows<'a> {
     /// The text of `source`, in windows of `size` bytes or more.
     pub(super) fn open(source: &'a Source, size: usize) -> Result<Self> {
         let file = source.file.as_path();
-        let (mut reader, mut length) = source.stream()?;
-        let unread = |e: io::Error| unreadable(file, &e);
+        let (mut reader, length) = source.stream()?;
         let mut rest = Vec::new();
-        reader.by_ref().take(3).read_to_end(&mut rest).map_err(unread)?;
-        if rest.starts_with(b"\xFF\xFE") || rest.starts_with(b"\xFE\xFF") {
-            // Two bytes of UTF-16 are at most three of UTF-8, in a vector that may have doubled.
-            limits::check(limits::product(&[length, 4])).map_err(|excess| excess.at(file, READING))?;
-            reader.read_to_end(&mut rest).map_err(unread)?;
-            let text = without_mark(&rest).into_owned();
-            (length, rest) = (text.len() as u64, Vec::new());
-            reader = Box::new(Cursor::new(text));
-        } else if rest == b"\xEF\xBB\xBF" {
+        reader.by_ref().take(3).read_to_end(&mut rest).map_err(|e| unreadable(file, &e))?;
+        if rest == b"\xEF\xBB\xBF" {
             rest.clear();
         }
         Ok(Windows { file, reader, size, rest, is_done: false, length })

@@ -1,7 +1,6 @@
 //! Tests of `off`.
 
 use super::*;
-use crate::import::dependencies::Files;
 use crate::scene::{Object, Shape};
 
 fn read_text(text: &str) -> Result<(Mesh, Warnings)> {
@@ -10,7 +9,7 @@ fn read_text(text: &str) -> Result<(Mesh, Warnings)> {
 
 fn read_whole(bytes: Vec<u8>) -> Result<(Mesh, Warnings)> {
     let mut warnings = Warnings::default();
-    let source = Source { file: "a.off".into(), bytes, files: Files::default(), options: Default::default() };
+    let source = Source::of("a.off", bytes);
     let mut scene = read(&source, &mut warnings)?;
     let Some(Object { shape: Shape::Mesh(mesh), .. }) = scene.objects.pop() else { panic!("one mesh") };
     Ok((mesh, warnings))

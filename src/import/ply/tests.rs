@@ -1,15 +1,11 @@
 //! PLY files made by hand, whole and damaged.
 
 use super::*;
-use crate::import::dependencies::Files;
 use crate::scene::{Shape, TextureSlot};
 
 fn read_bytes(bytes: Vec<u8>) -> Result<(Mesh, Warnings)> {
     let mut warnings = Warnings::default();
-    let mut scene = read(
-        &Source { file: "a.ply".into(), bytes, files: Files::default(), options: Default::default() },
-        &mut warnings,
-    )?;
+    let mut scene = read(&Source::of("a.ply", bytes), &mut warnings)?;
     let Some(Shape::Mesh(mesh)) = scene.objects.pop().map(|object| object.shape) else { panic!("one mesh") };
     Ok((mesh, warnings))
 }
@@ -303,10 +299,8 @@ fn alpha_throughout_is_none() {
 #[test]
 fn colours_are_not_multiplied() {
     let properties = declared("uchar", &["red", "green", "blue"]);
-    let source =
-        |bytes| Source { file: "a.ply".into(), bytes, files: Files::default(), options: Default::default() };
     let colour = |bytes: Vec<u8>| {
-        let scene = read(&source(bytes), &mut Warnings::default()).expect("a square");
+        let scene = read(&Source::of("a.ply", bytes), &mut Warnings::default()).expect("a square");
         let Material::Phong(material) = &scene.materials[scene.objects[0].material.0 as usize] else {
             panic!("Phong")
         };
@@ -325,12 +319,7 @@ fn textured_scene(bytes: Vec<u8>) -> (Scene, Warnings) {
         let image = image::RgbImage::from_raw(2, 1, pixels.into()).expect("two pixels");
         image.save(folder.path().join(name)).expect("written");
     }
-    let source = Source {
-        file: folder.path().join("a.ply"),
-        bytes,
-        files: Files::default(),
-        options: Default::default(),
-    };
+    let source = Source::of(folder.path().join("a.ply"), bytes);
     let mut warnings = Warnings::default();
     let scene = read(&source, &mut warnings).expect("a square");
     (scene, warnings)

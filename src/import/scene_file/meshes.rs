@@ -1,7 +1,6 @@
 //! Meshes referenced by a scene file. Each file is read once for all its placements.
 
 use std::collections::HashMap;
-use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -39,10 +38,6 @@ impl Meshes {
 impl Builder<'_> {
     pub(super) fn mesh(&mut self, section: &Spanned<MeshSection>, warnings: &mut Warnings) -> Result<()> {
         let (start, s) = (section.span().start, section.get_ref());
-        if s.file == "-" || import::is_scene_file(Path::new(&s.file)) {
-            let what = format!("`{}` is not a mesh", s.file);
-            return Err(self.error(start, what, &format!("name a mesh: {}", import::mesh_endings())));
-        }
         let material = match &s.material {
             Some(name) => Some(self.material_named(start, Some(name))?),
             None => None,
@@ -103,9 +98,19 @@ impl Builder<'_> {
     fn read_mesh(&mut self, start: usize, s: &MeshSection, warnings: &mut Warnings) -> Result<Vec<Object>> {
         let smooths = self.source.options.smooths_meshes && self.scene.picture.look == Some(Look::Studio);
         let (file, path) = (&s.file, self.source.resolve_own(&s.file));
+        let none = || {
+            let hint = format!("name a mesh: {}", import::mesh_endings());
+            self.error(start, format!("`{file}` is not a mesh"), &hint)
+        };
+        if file == "-" {
+            return Err(none());
+        }
         let read = Source::open(&path, &self.source.files, &self.source.options).and_then(|source| {
+            if source.importer.is_scene_file {
+                return Err(none());
+            }
             let mut part = import::read_one(&source, warnings)?;
-            if let Some(crease) = import::options::crease(&source, s.smooth, smooths)? {
+            if let Some(crease) = import::options::crease(&source, s.smooth, smooths) {
                 import::smooth::smooth(&mut part, crease);
             }
             Ok(part)

@@ -1,15 +1,11 @@
 //! Tests of `stl`.
 
 use super::*;
-use crate::import::dependencies::Files;
 use crate::scene::{Phong, Shape};
 
 fn read_bytes(bytes: Vec<u8>) -> Result<(Vec<(String, Mesh)>, Warnings)> {
     let mut warnings = Warnings::default();
-    let scene = read(
-        &Source { file: "a.stl".into(), bytes, files: Files::default(), options: Default::default() },
-        &mut warnings,
-    )?;
+    let scene = read(&Source::of("a.stl", bytes), &mut warnings)?;
     let mesh = |shape: Shape| if let Shape::Mesh(mesh) = shape { mesh } else { panic!("a mesh") };
     Ok((scene.objects.into_iter().map(|object| (object.name, mesh(object.shape))).collect(), warnings))
 }
@@ -187,7 +183,7 @@ fn coloured(header: &[u8], words: [u16; 4]) -> (Mesh, Phong) {
         let end = HEAD + FACET * (facet + 1);
         bytes[end - 2..end].copy_from_slice(&word.to_le_bytes());
     }
-    let source = Source { file: "a.stl".into(), bytes, files: Files::default(), options: Default::default() };
+    let source = Source::of("a.stl", bytes);
     let mut scene = read(&source, &mut Warnings::default()).expect("a whole file");
     let Some(Shape::Mesh(mesh)) = scene.objects.pop().map(|object| object.shape) else { panic!("a mesh") };
     let Some(crate::scene::Material::Phong(material)) = scene.materials.pop() else { panic!("a material") };

@@ -10,6 +10,7 @@ use quick_xml::events::{BytesStart, Event};
 use super::super::Source;
 use super::super::lines::parse_number;
 use super::package::Package;
+use super::slicer::role;
 use crate::error::{Error, Place, Result};
 use crate::limits::{self, Bytes, Counted};
 use crate::scene::Wrap;
@@ -26,7 +27,12 @@ pub(super) struct Model {
     pub metadata: Vec<(String, String)>,
     /// Kinds of content that are not supported.
     pub left_out: BTreeSet<&'static str>,
+    /// Whether triangles have the colours of filaments.
+    pub is_painted: bool,
 }
+
+/// The property group of triangles that are painted with the filament of their index; ids of groups are not 0.
+pub(super) const FILAMENT: u32 = 0;
 
 #[derive(Default)]
 pub(super) struct Definition {
@@ -35,7 +41,7 @@ pub(super) struct Definition {
     pub other_type: Option<&'static str>,
     pub positions: Vec<DVec3>,
     pub triangles: Vec<[u32; 3]>,
-    /// Property group per triangle, and index per corner.
+    /// Property group per triangle, or [`FILAMENT`], and index per corner.
     pub properties: Vec<Option<(u32, [u32; 3])>>,
     /// Parts of an object without triangles.
     pub components: Vec<Reference>,
@@ -47,6 +53,8 @@ pub(super) struct Reference {
     /// Part of the package, if it is another one.
     pub path: Option<String>,
     pub transform: DMat4,
+    /// `false` for build items that slicers do not print.
+    pub is_printable: bool,
 }
 
 pub(super) enum Property {
@@ -74,7 +82,7 @@ pub(super) fn attributes<'a>(e: &'a BytesStart) -> impl Iterator<Item = (Vec<u8>
 }
 
 /// Attributes of one element; numbers are read without allocation.
-struct Attributes<'a>(&'a BytesStart<'a>);
+pub(super) struct Attributes<'a>(pub &'a BytesStart<'a>);
 
 impl<'a> Attributes<'a> {
     fn raw(&self, name: &str) -> Option<std::borrow::Cow<'a, [u8]>> {
@@ -83,7 +91,7 @@ impl<'a> Attributes<'a> {
         all.find(|attribute| attribute.key.local_name().as_ref() == name.as_bytes()).map(|a| a.value)
     }
 
-    fn text(&self, name: &str) -> Option<String> {
+    pub(super) fn text(&self, name: &str) -> Option<String> {
         attributes(self.0).find(|(key, _)| key == name.as_bytes()).map(|(_, value)| value)
     }
 
@@ -91,13 +99,13 @@ impl<'a> Attributes<'a> {
         parse_number(self.raw(name)?.trim_ascii())
     }
 
-    fn index(&self, name: &str) -> Option<u32> {
+    pub(super) fn index(&self, name: &str) -> Option<u32> {
         std::str::from_utf8(self.raw(name)?.trim_ascii()).ok()?.parse().ok()
     }
 }
 
 /// `#RRGGBB` or `#RRGGBBAA`.
-fn colour(text: &str) -> Option<[u8; 4]> {
+pub(super) fn colour(text: &str) -> Option<[u8; 4]> {
     let digits = text.trim().strip_prefix('#')?;
     let number = u32::from_str_radix(digits, 16).ok()?;
     match digits.len() {
@@ -105,6 +113,18 @@ fn colour(text: &str) -> Option<[u8; 4]> {
         8 => Some(number.to_be_bytes()),
         _ => None,
     }
+}
+
+/// The filament of a triangle that is painted as a whole, 0 for none: hexadecimal digits from the last on, of which the low
+/// two bits are the number of its sides that are divided, the others the filament, 3 or more in the next digit
+/// (PrusaSlicer, `TriangleSelector::serialize`).
+fn painted(text: &[u8]) -> Option<u32> {
+    let mut digits = text.iter().rev().map(|&byte| char::from(byte).to_digit(16));
+    let filament = match digits.next()?? {
+        12 => 3 + digits.next()?.filter(|&digit| digit < 15)?,
+        digit => Some(digit >> 2).filter(|_| digit & 3 == 0)?,
+    };
+    digits.next().is_none().then_some(filament)
 }
 
 /// Transform of twelve numbers: four rows of three, applied to row vectors (Core Specification, section 3.3).
@@ -173,11 +193,9 @@ struct Parser<'a> {
 const FIRST_CHECK: u64 = 8 << 20;
 
 impl Model {
-    /// Reads the model in a part of the package.
-    pub(super) fn read(package: &Package, part: &str, source: &Source) -> Result<Self> {
-        let Some((stream, _)) = package.stream(part)? else {
-            return Err(package.broken(part, "is referred to, but not in the file"));
-        };
+    /// Reads the model in a part of the package; `None` if there is no such part.
+    pub(super) fn read(package: &Package, part: &str, source: &Source) -> Result<Option<Self>> {
+        let Some((stream, _)) = package.stream(part)? else { return Ok(None) };
         let model = Model { unit: 1.0, ..Model::default() };
         let mut parser = Parser {
             package,
@@ -219,7 +237,7 @@ impl Model {
         if !is_whole {
             return Err(package.broken(part, "the XML ends within the model"));
         }
-        Ok(parser.model)
+        Ok(Some(parser.model))
     }
 }
 
@@ -272,13 +290,17 @@ impl Parser<'_> {
                     self.model.unit = unit(&name).ok_or_else(unknown)?;
                 }
             }
-            b"metadata" if self.open.is_none() => {
-                self.metadata = attributes.text("name").map(|name| (name, String::new()));
+            b"metadata" => {
+                // Of objects, those of Cura have a role.
+                let is_used = |name: &String| self.open.is_none() || role(name).is_some();
+                self.metadata = attributes.text("name").filter(is_used).map(|name| (name, String::new()));
                 self.keep(size_of::<[String; 2]>())?;
             }
             b"object" => {
                 let id = attributes.index("id").ok_or_else(|| self.fault("an object without an id"))?;
+                let subtype = attributes.text("subtype");
                 let other_type = match attributes.text("type").as_deref() {
+                    _ if subtype.as_deref().and_then(role).is_some() => subtype.as_deref().and_then(role),
                     Some("support") => Some("support"),
                     Some("solidsupport") => Some("solidsupport"),
                     Some("other") => Some("other"),
@@ -335,7 +357,20 @@ impl Parser<'_> {
         let group = attributes.index("pid").or(open.group);
         let corner = |name: &str| attributes.index(name).or(first).unwrap_or(open.index);
         let corners = [corner("p1"), corner("p2"), corner("p3")];
-        open.object.properties.push(group.map(|group| (group, corners)));
+        let mut property = group.map(|group| (group, corners));
+        let mut all = e.attributes();
+        let paint = all.with_checks(false).flatten().find(|attribute| {
+            [&b"paint_color"[..], b"mmu_segmentation"].contains(&attribute.key.local_name().as_ref())
+        });
+        match paint.map(|paint| painted(paint.value.trim_ascii())) {
+            None | Some(Some(0)) => {}
+            Some(Some(filament)) => {
+                self.model.is_painted = true;
+                property = Some((FILAMENT, [filament; 3]));
+            }
+            Some(None) => drop(self.model.left_out.insert("colours painted on parts of triangles")),
+        }
+        open.object.properties.push(property);
         self.triangles += 1;
         self.check_count(Counted::Triangles, self.triangles)?;
         self.keep(size_of::<[u32; 3]>() + size_of::<Option<(u32, [u32; 3])>>())
@@ -353,7 +388,8 @@ impl Parser<'_> {
         };
         let path = attributes.text("path");
         self.keep(size_of::<Reference>() + path.as_ref().map_or(0, String::len))?;
-        Ok(Reference { object, path, transform })
+        let is_printable = attributes.text("printable").as_deref() != Some("0");
+        Ok(Reference { object, path, transform, is_printable })
     }
 
     /// Starts a property group.
@@ -420,7 +456,11 @@ impl Parser<'_> {
 
     fn end(&mut self, name: &[u8]) {
         match name {
-            b"metadata" => self.model.metadata.extend(self.metadata.take()),
+            b"metadata" => match (self.metadata.take(), &mut self.open) {
+                (Some((name, value)), Some(open)) if value == "True" => open.object.other_type = role(&name),
+                (metadata, None) => self.model.metadata.extend(metadata),
+                _ => {}
+            },
             b"basematerials" | b"colorgroup" | b"texture2dgroup" => self.group = None,
             b"object" => {
                 let opened = self.open.take();

@@ -7,10 +7,12 @@ use std::collections::HashMap;
 use std::io::{BufRead, BufReader, Read};
 
 use flate2::bufread::DeflateDecoder;
+use quick_xml::events::{BytesStart, Event};
 use rawzip::{CompressionMethod, ZipArchive, ZipArchiveEntryWayfinder, ZipSliceArchive};
 use unicode_normalization::UnicodeNormalization;
 
-use super::super::Source;
+use super::super::contents::advice_on;
+use super::super::{Source, ending};
 use super::model::attributes;
 use crate::error::{Error, Place, Result};
 use crate::limits;
@@ -25,8 +27,9 @@ pub(super) struct Package<'a> {
     entries: HashMap<String, (ZipArchiveEntryWayfinder, CompressionMethod)>,
 }
 
-/// Lookup key of a part: lower case, in NFC, without a leading slash.
+/// Lookup key of a part: lower case, in NFC, without a leading slash, percent-decoded.
 fn key(part: &str) -> String {
+    let part = percent_encoding::percent_decode_str(part).decode_utf8_lossy();
     part.replace('\\', "/").trim_start_matches('/').nfc().collect::<String>().to_ascii_lowercase()
 }
 
@@ -55,13 +58,20 @@ impl<'a> Package<'a> {
         Error::input(Place::item(&self.source.file, part), what.to_string(), "export or copy the file again")
     }
 
+    /// The size of a part in bytes. Checks the memory limit for a number of times as many.
+    pub(super) fn check(&self, part: &str, times: u64) -> Result<u64> {
+        let size =
+            self.entries.get(&key(part)).map_or(0, |(wayfinder, _)| wayfinder.uncompressed_size_hint());
+        limits::check_claim(limits::product(&[size, times])).map_err(|excess| {
+            excess.at(Place::item(&self.source.file, part), format!("{size} bytes inflated: reading them"))
+        })?;
+        Ok(size)
+    }
+
     /// The stream of a part, and its size; `None` if there is no such part.
     pub(super) fn stream(&self, part: &str) -> Result<Option<(Box<dyn BufRead + '_>, u64)>> {
         let Some(&(wayfinder, method)) = self.entries.get(&key(part)) else { return Ok(None) };
-        let size = wayfinder.uncompressed_size_hint();
-        limits::check_claim(size).map_err(|excess| {
-            excess.at(Place::item(&self.source.file, part), format!("{size} bytes inflated: reading them"))
-        })?;
+        let size = self.check(part, 1)?;
         let entry = self.archive.get_entry(wayfinder).map_err(|e| self.broken(part, e))?;
         let bytes: &[u8] = entry.data();
         let read: Box<dyn Read> = match method {
@@ -86,31 +96,44 @@ impl<'a> Package<'a> {
         Ok(Some(bytes))
     }
 
-    /// Part of the root model: by relationships, else `3D/3dmodel.model`, the usual name.
-    pub(super) fn root(&self) -> Result<String> {
-        const RELATIONSHIPS: &str = "_rels/.rels";
-        let mut target = None;
-        if let Some(bytes) = self.bytes(RELATIONSHIPS)? {
-            let mut reader = quick_xml::Reader::from_reader(bytes.as_slice());
-            let mut buffer = Vec::new();
-            loop {
-                use quick_xml::events::Event;
-                match reader.read_event_into(&mut buffer).map_err(|e| self.broken(RELATIONSHIPS, e))? {
-                    Event::Eof => break,
-                    Event::Start(e) | Event::Empty(e) => {
-                        let of = |wanted: &[u8]| {
-                            let value = attributes(&e).find(|(key, _)| key.eq_ignore_ascii_case(wanted));
-                            value.map(|(_, value)| value)
-                        };
-                        if of(b"type").as_deref() == Some(MODEL) {
-                            target = target.or(of(b"target"));
-                        }
-                    }
-                    _ => {}
+    /// Calls `visit` with the local name and, at its start, the attributes of each element of a part, at its start and its
+    /// end. Without the part, there are none.
+    pub(super) fn for_each_element(
+        &self,
+        part: &str,
+        mut visit: impl FnMut(&[u8], Option<&BytesStart>),
+    ) -> Result<()> {
+        // What is kept of an element is smaller than 16 times its text.
+        self.check(part, 16)?;
+        let Some((stream, _)) = self.stream(part)? else { return Ok(()) };
+        let mut reader = quick_xml::Reader::from_reader(stream);
+        let mut buffer = Vec::new();
+        loop {
+            buffer.clear();
+            match reader.read_event_into(&mut buffer).map_err(|e| self.broken(part, e))? {
+                Event::Eof => return Ok(()),
+                Event::Start(e) => visit(e.local_name().as_ref(), Some(&e)),
+                Event::Empty(e) => {
+                    visit(e.local_name().as_ref(), Some(&e));
+                    visit(e.local_name().as_ref(), None);
                 }
-                buffer.clear();
+                Event::End(e) => visit(e.local_name().as_ref(), None),
+                _ => {}
             }
         }
+    }
+
+    /// Part of the root model: by relationships, else `3D/3dmodel.model`, the usual name.
+    pub(super) fn root(&self) -> Result<String> {
+        let mut target = None;
+        self.for_each_element("_rels/.rels", |_, start| {
+            let of = |wanted: &[u8]| {
+                attributes(start?).find(|(key, _)| key.eq_ignore_ascii_case(wanted)).map(|(_, value)| value)
+            };
+            if target.is_none() && of(b"type").as_deref() == Some(MODEL) {
+                target = of(b"target");
+            }
+        })?;
         let named = target.filter(|part| self.entries.contains_key(&key(part)));
         let usual = || "3D/3dmodel.model".to_owned();
         let part = named.unwrap_or_else(usual);
@@ -118,6 +141,11 @@ impl<'a> Package<'a> {
             return Ok(part);
         }
         let what = "a ZIP archive without a 3D model (`3D/3dmodel.model`)";
-        Err(Error::input(self.source.file.as_path(), what, "export the file again, as 3MF"))
+        let hint = match ending(&self.source.file).as_str() {
+            "3mf" => "export the file again, as 3MF".into(),
+            "" => advice_on("zip"),
+            other => advice_on(other),
+        };
+        Err(Error::input(self.source.file.as_path(), what, hint))
     }
 }

@@ -6,7 +6,6 @@ use glam::{DVec2, DVec3};
 
 use super::*;
 use crate::film::Colour;
-use crate::import::dependencies::Files;
 
 /// A ZIP archive of parts.
 fn archive(parts: &[(&str, &[u8])]) -> Vec<u8> {
@@ -28,7 +27,7 @@ fn archive(parts: &[(&str, &[u8])]) -> Vec<u8> {
 
 fn load(bytes: Vec<u8>) -> Result<(Scene, Warnings)> {
     let mut warnings = Warnings::default();
-    let source = Source { file: "a.3mf".into(), bytes, files: Files::default(), options: Default::default() };
+    let source = Source::of("a.3mf", bytes);
     Ok((read(&source, &mut warnings)?, warnings))
 }
 
@@ -201,8 +200,7 @@ fn lists_are_limited_while_they_are_read() {
     };
     let fault = |resources: &str, build: &str| {
         let bytes = package(&model("", resources, build));
-        let source =
-            Source { file: "a.3mf".into(), bytes, files: Files::default(), options: options.clone() };
+        let source = Source { options: options.clone(), ..Source::of("a.3mf", bytes) };
         read(&source, &mut Warnings::default()).expect_err("too many").to_string()
     };
     let components = "<component objectid=\"1\"/>".repeat(1001);
@@ -241,6 +239,139 @@ fn what_is_no_model_is_named() {
     assert_eq!(warnings.all_left_out(), ["a.3mf: left out object 1 of the type `support`"]);
 }
 
+/// A model of two objects of two triangles, and one of both as components, with files of settings beside it.
+fn sliced(build: &str, files: &[(&str, &str)]) -> (Scene, Warnings) {
+    let components = "<components><component objectid=\"1\"/><component objectid=\"2\"/></components>";
+    let both = [object("id=\"1\"", &mesh("", "")), object("id=\"2\"", &mesh("", ""))].concat();
+    let text = model("", &(both + &object("id=\"3\"", components)), build);
+    let mut parts = vec![("3D/3dmodel.model", text.as_bytes())];
+    parts.extend(files.iter().map(|(name, text)| (*name, text.as_bytes())));
+    load(archive(&parts)).expect("a model")
+}
+
+/// The number of triangles of each object.
+fn counts(scene: &Scene) -> Vec<usize> {
+    scene.objects.iter().map(|object| object.shape.primitive_count()).collect()
+}
+
+/// What slicers do not print as a part of the model is left out, with a note: components by their subtype, triangles of
+/// volumes, with their vertices, objects by a setting, and build items.
+#[test]
+fn parts_that_are_not_printed_are_left_out() {
+    let all = "<item objectid=\"3\"/>";
+    assert_eq!(counts(&sliced(all, &[]).0), [2, 2]);
+    let roles = [
+        ("modifier_part", "ParameterModifier", "modifier"),
+        ("negative_part", "NegativeVolume", "negative volume"),
+        ("support_blocker", "SupportBlocker", "support blocker"),
+        ("support_enforcer", "SupportEnforcer", "support enforcer"),
+    ];
+    for (subtype, volume, role) in roles {
+        let settings = format!(
+            "<config><object id=\"3\"><part id=\"1\" subtype=\"normal_part\"/><part id=\"2\" subtype=\"{subtype}\">\
+             <metadata key=\"name\" value=\"b\"/></part></object></config>"
+        );
+        let (scene, warnings) = sliced(all, &[("Metadata/model_settings.config", &settings)]);
+        assert_eq!(counts(&scene), [2]);
+        assert_eq!(warnings.all_left_out(), [format!("a.3mf: left out object 2, a {role}")]);
+        let metadata = |value: &str| format!("<metadata key=\"volume_type\" value=\"{value}\"/>");
+        let settings = format!(
+            "<config><object id=\"1\"><volume firstid=\"0\" lastid=\"0\">{}</volume>\
+             <volume firstid=\"1\" lastid=\"1\">{}</volume></object></config>",
+            metadata("ModelPart"),
+            metadata(volume)
+        );
+        let (scene, warnings) = sliced(all, &[("Metadata/Slic3r_PE_model.config", &settings)]);
+        assert_eq!(counts(&scene), [1, 2]);
+        assert_eq!(scene.objects[0].shape.mesh().map(|mesh| mesh.positions.len()), Some(3));
+        assert_eq!(warnings.all_left_out(), [format!("a.3mf: left out 1 triangle(s) of object 1, a {role}")]);
+    }
+    // PrusaSlicer before version 2.
+    let settings = "<config><object id=\"1\"><volume firstid=\"1\" lastid=\"1\"><metadata key=\"modifier\" value=\"1\"/>\
+                    </volume></object></config>";
+    assert_eq!(counts(&sliced(all, &[("Metadata/Slic3r_PE_model.config", settings)]).0), [1, 2]);
+    let (scene, warnings) = sliced("<item objectid=\"1\"/><item objectid=\"2\" printable=\"0\"/>", &[]);
+    assert_eq!(counts(&scene), [2]);
+    assert_eq!(warnings.all_left_out(), ["a.3mf: left out object 2, which is not to be printed"]);
+    let cura = "<metadatagroup><metadata name=\"cura:infill_mesh\">True</metadata></metadatagroup>";
+    let resources = object("id=\"1\"", &format!("{cura}{}", mesh("", "")));
+    let (scene, warnings) = load(package(&model("", &resources, ITEM))).expect("no object");
+    assert!(scene.objects.is_empty());
+    assert_eq!(warnings.all_left_out(), ["a.3mf: left out object 1 of the type `modifier`"]);
+}
+
+/// The colour of each triangle's first corner, in display values.
+fn colours_of(scene: &Scene) -> Vec<[f64; 3]> {
+    let meshes = scene.objects.iter().filter_map(|object| object.shape.mesh());
+    let colours = meshes.flat_map(|mesh| {
+        let colours = mesh.colours.as_ref().expect("colours");
+        let corners = colours.triangles.as_ref().expect("colours of corners");
+        corners.iter().map(|corners| colours.values[corners[0] as usize].to_array()).collect::<Vec<_>>()
+    });
+    colours.collect()
+}
+
+/// Parts have the colours of their filaments, or of their object's; painted triangles those of the paint: `8` is filament
+/// 2, `0C` is 3, as 12 means that 3 and the next digit make the number. A triangle that is painted in parts has two
+/// digits more for each part.
+#[test]
+fn filaments_colour_parts_and_painted_triangles() {
+    const RED: [f64; 3] = [1.0, 0.0, 0.0];
+    const GREEN: [f64; 3] = [0.0, 1.0, 0.0];
+    const BLUE: [f64; 3] = [0.0, 0.0, 1.0];
+    let build = "<item objectid=\"3\"/>";
+    let parts = "<config><object id=\"3\"><metadata key=\"extruder\" value=\"2\"/><part id=\"1\"/>\
+                 <part id=\"2\"><metadata key=\"extruder\" value=\"1\"/></part></object></config>";
+    let project = "{\"filament_colour\": [\"#FF0000\", \"#00FF00\", \"#0000FFFF\"], \"other\": {\"a\": [1]}}";
+    let (scene, warnings) = sliced(
+        build,
+        &[("Metadata/model_settings.config", parts), ("Metadata/project_settings.config", project)],
+    );
+    assert_eq!(colours_of(&scene), [GREEN, GREEN, RED, RED]);
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let volumes = "<config><object id=\"1\"><metadata type=\"object\" key=\"extruder\" value=\"3\"/>\
+                   <volume firstid=\"1\" lastid=\"1\"><metadata key=\"extruder\" value=\"2\"/></volume></object></config>";
+    let print =
+        "; comment\n; extruder_colour = \"\";;#0000FF\r\n; filament_colour = #FF0000;#00FF00;#FFFFFF\n";
+    let files = [("Metadata/Slic3r_PE_model.config", volumes), ("Metadata/Slic3r_PE.config", print)];
+    assert_eq!(colours_of(&sliced(build, &files).0), [BLUE, GREEN, RED, RED]);
+    let painted = |first: &str, second: &str, files: &[(&str, &str)]| {
+        let text = model("", &object("id=\"1\"", &mesh(first, second)), ITEM);
+        let mut parts = vec![("3D/3dmodel.model", text.as_bytes())];
+        parts.extend(files.iter().map(|(name, text)| (*name, text.as_bytes())));
+        load(archive(&parts)).expect("a model")
+    };
+    let files = [("Metadata/project_settings.config", project)];
+    let (scene, _) = painted("paint_color=\"8\"", "xmlns:s=\"s\" s:mmu_segmentation=\"0C\"", &files);
+    assert_eq!(colours_of(&scene), [GREEN, BLUE]);
+    let (scene, warnings) = painted("paint_color=\"4481\"", "paint_color=\"0\"", &files);
+    assert_eq!(colours_of(&scene), [RED, RED]);
+    assert_eq!(warnings.messages(), ["a.3mf: left out: colours painted on parts of triangles"]);
+    let (scene, warnings) = painted("paint_color=\"8\"", "", &[]);
+    assert!(scene.objects[0].shape.mesh().is_some_and(|mesh| mesh.colours.is_none()));
+    assert_eq!(warnings.messages(), ["a.3mf: left out: painted colours"]);
+}
+
+/// Names of parts are URIs, in which a space is `%20`. Objects of a part that is missing are left out, with a warning.
+#[test]
+fn parts_are_found_by_their_uris() {
+    let relationships = format!(
+        "<Relationships><Relationship Target=\"/3D/part%20one.model\" Id=\"rel0\" Type=\"{}\"/></Relationships>",
+        "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
+    );
+    let path = |path: &str| format!("<item objectid=\"1\" p:path=\"{path}\"/>");
+    let root = model("", "", &(path("/3D/%C3%A9.model") + &path("/3D/gone.model").repeat(2)));
+    let inner = model("", &object("id=\"1\"", &mesh("", "")), "");
+    let bytes = archive(&[
+        ("_rels/.rels", relationships.as_bytes()),
+        ("3D/part one.model", root.as_bytes()),
+        ("3D/\u{e9}.model", inner.as_bytes()),
+    ]);
+    let (scene, warnings) = load(bytes).expect("an object");
+    assert_eq!(counts(&scene), [2]);
+    assert_eq!(warnings.messages(), ["a.3mf: /3D/gone.model: left out: not in the file"]);
+}
+
 #[test]
 fn faults_name_their_part() {
     let text = |bytes: Vec<u8>| load(bytes).map(drop).expect_err("it is broken").to_string();
@@ -271,7 +402,7 @@ fn faults_name_their_part() {
         ..Default::default()
     };
     let bytes = package(&model("", &resources, "<item objectid=\"39\"/>"));
-    let source = Source { file: "a.3mf".into(), bytes, files: Files::default(), options };
+    let source = Source { options, ..Source::of("a.3mf", bytes) };
     let error = read(&source, &mut warnings).expect_err("too many").to_string();
     assert_eq!(error, "a.3mf: 1001 nodes; the limit is 1000");
 }

@@ -1,0 +1,140 @@
+//! What slicers say of the objects of a 3MF file beside the model: PrusaSlicer and its forks in `Slic3r_PE_model.config` and
+//! `Slic3r_PE.config`, Bambu Studio and OrcaSlicer in `model_settings.config` and `project_settings.config`.
+
+use std::collections::{BTreeMap, HashMap};
+
+use super::model::{Attributes, colour};
+use super::package::Package;
+use crate::error::Result;
+
+/// Parts of objects and colours of filaments, which count from 1; 0 is none.
+#[derive(Default)]
+pub(super) struct Slicer {
+    /// Filament of objects.
+    objects: HashMap<u32, u32>,
+    /// Parts by object, whether they are a component, and the index of that, or of their first triangle.
+    parts: BTreeMap<(u32, bool, u32), Part>,
+    filaments: Vec<Option<[u8; 4]>>,
+}
+
+/// Triangles of an object, or a component.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Part {
+    last: u32,
+    /// What the part is if it is not printed as such.
+    pub role: Option<&'static str>,
+    pub filament: u32,
+}
+
+/// The role of a part by its type or subtype, or of an object by the name of a setting of Cura.
+pub(super) fn role(name: &str) -> Option<&'static str> {
+    match name {
+        "ParameterModifier" | "modifier_part" | "cura:infill_mesh" | "cura:cutting_mesh" => Some("modifier"),
+        "NegativeVolume" | "negative_part" => Some("negative volume"),
+        "SupportBlocker" | "support_blocker" | "cura:anti_overhang_mesh" => Some("support blocker"),
+        "SupportEnforcer" | "support_enforcer" => Some("support enforcer"),
+        "cura:support_mesh" => Some("support"),
+        _ => None,
+    }
+}
+
+/// The most filaments of a list.
+const MOST_FILAMENTS: usize = 1000;
+
+/// The contents of a file of settings.
+fn settings(package: &Package, name: &str) -> Result<Option<Vec<u8>>> {
+    let part = format!("Metadata/{name}.config");
+    // A list of strings takes 16 times its text.
+    package.check(&part, 16)?;
+    package.bytes(&part)
+}
+
+impl Slicer {
+    /// Reads the settings of a package. Colours that cannot be read are not used.
+    pub(super) fn read(package: &Package) -> Result<Self> {
+        let mut slicer = Slicer::default();
+        for name in ["Slic3r_PE_model", "model_settings"] {
+            slicer.read_parts(package, &format!("Metadata/{name}.config"))?;
+        }
+        let lists = match settings(package, "project_settings")? {
+            Some(json) => {
+                #[derive(serde::Deserialize)]
+                struct Project {
+                    filament_colour: Vec<String>,
+                }
+                let project = serde_json::from_slice(&json);
+                vec![project.map_or(Vec::new(), |project: Project| project.filament_colour)]
+            }
+            None => {
+                let text = settings(package, "Slic3r_PE")?.unwrap_or_default();
+                let text = String::from_utf8_lossy(&text);
+                let list = |key: &str| {
+                    let mut pairs =
+                        text.lines().filter_map(|line| line.trim_start_matches([';', ' ']).split_once('='));
+                    let list = pairs.find(|(name, _)| name.trim() == key).map_or("", |(_, list)| list);
+                    list.split(';').take(MOST_FILAMENTS).map(str::to_owned).collect()
+                };
+                ["extruder_colour", "filament_colour"].map(list).into()
+            }
+        };
+        let count = lists.iter().map(Vec::len).max().unwrap_or(0);
+        let parsed = |index: usize| {
+            lists.iter().find_map(|list| colour(list.get(index)?.trim_matches(['"', ' ', '\r'])))
+        };
+        slicer.filaments = (0..count).map(parsed).collect();
+        Ok(slicer)
+    }
+
+    fn read_parts(&mut self, package: &Package, file: &str) -> Result<()> {
+        let (mut object, mut open) = (0, None);
+        package.for_each_element(file, |name, start| {
+            let Some(attributes) = start.map(Attributes) else {
+                if name != b"metadata"
+                    && let Some((key, part)) = open.take_if(|_| [&b"volume"[..], b"part"].contains(&name))
+                {
+                    self.parts.insert(key, part);
+                }
+                return;
+            };
+            let index = |name: &str| attributes.index(name).unwrap_or(0);
+            let value = || attributes.text("value").unwrap_or_default();
+            match name {
+                b"object" => object = index("id"),
+                b"volume" => {
+                    let part = Part { last: index("lastid"), ..Part::default() };
+                    open = Some(((object, false, index("firstid")), part));
+                }
+                b"part" => {
+                    let role = attributes.text("subtype").as_deref().and_then(role);
+                    open = Some(((object, true, index("id")), Part { last: index("id"), role, filament: 0 }));
+                }
+                b"metadata" => match (attributes.text("key").as_deref(), &mut open) {
+                    (Some("extruder"), Some((_, part))) => part.filament = index("value"),
+                    (Some("extruder"), None) => drop(self.objects.insert(object, index("value"))),
+                    (Some("volume_type"), Some((_, part))) => part.role = role(&value()),
+                    (Some("modifier"), Some((_, part))) if value() == "1" => {
+                        part.role = part.role.or(Some("modifier"));
+                    }
+                    _ => {}
+                },
+                _ => {}
+            }
+        })
+    }
+
+    /// The part of an object that has a triangle or is a component.
+    pub(super) fn part(&self, object: u32, is_component: bool, index: u32) -> Part {
+        let before = self.parts.range((object, is_component, 0)..=(object, is_component, index)).next_back();
+        before.filter(|(_, part)| index <= part.last).map_or(Part::default(), |(_, part)| *part)
+    }
+
+    /// The filament of an object.
+    pub(super) fn filament(&self, object: u32) -> u32 {
+        self.objects.get(&object).copied().unwrap_or(0)
+    }
+
+    /// The colour of a filament; that of the first for none.
+    pub(super) fn colour(&self, filament: u32) -> Option<[u8; 4]> {
+        *self.filaments.get(filament.saturating_sub(1) as usize)?
+    }
+}
