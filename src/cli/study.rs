@@ -157,14 +157,15 @@ fn subject(arguments: &Arguments, mut job: ResolvedJob) -> StudySubject {
     StudySubject {
         name: inputs.join(" "),
         command: typed(),
-        render_command: render_command(arguments, job.picture.size()),
+        render_command: render_command(arguments, &job),
         job,
         base,
     }
 }
 
 /// The words of the command line that renders the same inputs with the same options, at the study's size.
-fn render_command(arguments: &Arguments, [width, height]: [u32; 2]) -> Vec<String> {
+fn render_command(arguments: &Arguments, job: &ResolvedJob) -> Vec<String> {
+    let [width, height] = job.picture.size();
     let mut words = vec!["kiln".to_owned(), "render".to_owned()];
     let mut typed = typed_words().into_iter().skip_while(|word| word != "study").skip(1);
     while let Some(word) = typed.next() {
@@ -180,10 +181,11 @@ fn render_command(arguments: &Arguments, [width, height]: [u32; 2]) -> Vec<Strin
         }
     }
     words.extend(arguments.size.is_none().then(|| format!("--size={width}x{height}")));
-    let has_look =
-        arguments.inputs.iter().any(|input| input.extension().is_some_and(|ending| ending == "toml"));
     // The study adds no light but a headlight.
-    words.extend((!has_look && !words.iter().any(|word| word == "--draft")).then(|| "--draft".to_owned()));
+    words.extend(
+        (!job.scene.has_settings && !words.iter().any(|word| word == "--draft"))
+            .then(|| "--draft".to_owned()),
+    );
     words.extend(["-o".to_owned(), "picture.png".to_owned()]);
     words
 }

@@ -77,8 +77,8 @@ const TAGS: &[(&[u8], &str, &str)] = &[
     (b"<collada", "COLLADA", "dae"),
 ];
 
-/// The ending of files whose contents begin with `start` and have `length` bytes, and the name of the format if it is not
-/// read. Texts are in UTF-8 without a byte order mark.
+/// The ending of files whose contents begin with `start` and have `length` bytes, and the name of the format if it is
+/// not read. Texts are in UTF-8 without a byte order mark.
 pub(super) fn kind(start: &[u8], length: u64) -> Option<(&'static str, &'static str)> {
     let begins = |text: &[u8], word: &[u8]| {
         text.get(..word.len()).is_some_and(|beginning| beginning.eq_ignore_ascii_case(word))

@@ -39,8 +39,8 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
-/// A text without a byte order mark, in UTF-8 if it is in UTF-16. Without a mark, UTF-16 is two characters of ASCII whose
-/// other bytes are 0.
+/// A text without a byte order mark, in UTF-8 if it is in UTF-16. Without a mark, UTF-16 begins with two characters of
+/// ASCII.
 pub(crate) fn decode(bytes: &[u8]) -> Cow<'_, [u8]> {
     let is_ascii = |byte: u8| byte.is_ascii_graphic() || byte.is_ascii_whitespace();
     let (unit, text): (fn([u8; 2]) -> u16, _) = match bytes {

@@ -159,9 +159,6 @@ impl Source {
                 .and_then(|opened| start_of(opened).map(|(start, length)| (start, Some(length)))),
         }
         .map_err(failed)?;
-        if bytes.is_empty() {
-            return Err(Error::input(file, "is empty", "export or copy it again"));
-        }
         let length = length.unwrap_or(bytes.len() as u64);
         let start = &bytes[..bytes.len().min(contents::START)];
         // Headers of binary STL may be UTF-16.
@@ -445,12 +442,19 @@ fn read_one(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let (importer, ending) = (source.importer, ending(&source.file));
     let read = (importer.read)(source, warnings);
     source.note_references(warnings);
+    if read.is_err() && source.bytes.is_empty() && !importer.streams {
+        return Err(empty(&source.file));
+    }
     if read.is_ok() && !ending.is_empty() && !importer.endings.contains(&ending.as_str()) {
         let name = importer.name;
         warnings
             .note(format!("{}: read as {name} by its contents, not by its ending", source.file.display()));
     }
     read
+}
+
+fn empty(file: &Path) -> Error {
+    Error::input(file, "is empty", "export or copy it again")
 }
 
 /// An error of an input that is missing, with a hint to one of a similar name.
@@ -477,8 +481,8 @@ pub(crate) fn is_environment_file(file: &Path) -> bool {
 /// Whether a file can be opened, alone or as an environment.
 #[cfg(feature = "viewer")]
 pub(crate) fn is_known(file: &Path) -> bool {
-    let is_readable = |ending: &str| importer_by_ending(ending).is_some();
-    is_readable(&ending(file)) || is_readable(&kind_of_file(file)) || is_environment_file(file)
+    let is_importable = |ending: String| importer_by_ending(&ending).is_some();
+    is_importable(ending(file)) || is_importable(kind_of_file(file)) || is_environment_file(file)
 }
 
 /// The kind of a file by its contents, else its ending.
@@ -513,10 +517,14 @@ fn importer_of(file: &Path, start: &[u8], length: u64) -> Result<&'static Import
     let (ending, name) = contents::kind(start, length).unwrap_or((own.as_str(), ""));
     importer_by_ending(ending).ok_or_else(|| {
         let advice = contents::advice_on(ending);
+        if start.is_empty() {
+            return empty(file);
+        }
         if name.is_empty() {
             let hint = format!("kiln reads {}; {advice}", all_endings());
             return Error::input(file, "not a kind of file that kiln reads", hint);
         }
-        Error::input(file, format!("its content is {name}, not a format that kiln reads"), advice)
+        let expected = importer_by_ending(&own).map_or("a format that kiln reads", |importer| importer.name);
+        Error::input(file, format!("its content is {name}, not {expected}"), advice)
     })
 }

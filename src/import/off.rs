@@ -21,8 +21,8 @@ use crate::film::ColourPipeline;
 use crate::film::colour::srgb_encode;
 use crate::scene::{Attribute, Mesh, Phong, Scene};
 
-/// Whether the first word of a text is that of OFF files, of any dimension, followed by a number, `BINARY` or nothing on
-/// its line. Headers of other files may begin with the word.
+/// Whether the first word of a text is that of OFF files, of any dimension, followed by a number, `BINARY` or nothing
+/// on its line. Headers of other files may begin with the word.
 pub(super) fn is_start(text: &[u8]) -> bool {
     let line = Lines::new(text, 0).next().unwrap_or_default().1.to_ascii_uppercase();
     let Some(at) = line.windows(3).position(|letters| letters == b"OFF") else { return false };

@@ -29,7 +29,7 @@ use crate::scene::{
 };
 use model::{Definition, FILAMENT, Model, Property, Reference};
 use package::Package;
-use slicer::Slicer;
+use slicer::{Piece, Slicer};
 
 /// Maximum nesting depth of components; slicers write one or two levels.
 const MAX_DEPTH: usize = 64;
@@ -38,7 +38,10 @@ const MAX_DEPTH: usize = 64;
 pub(super) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let package = Package::open(source)?;
     let root = package.root()?;
-    let slicer = Slicer::read(&package)?;
+    let slicer = Slicer::read(&package).unwrap_or_else(|e| {
+        warnings.left_out(format!("{e}; settings of slicers are not used"));
+        Slicer::default()
+    });
     let mut reader = Reader {
         source,
         slicer,
@@ -102,6 +105,11 @@ impl Reader<'_> {
         self.warnings.note_left_out(format!("{}: left out {what}", self.source.file.display()));
     }
 
+    /// What slicers say of a component or a triangle of an object. They name objects of the root model.
+    fn piece(&self, part: &str, object: u32, is_component: bool, index: u32) -> Piece {
+        if part == self.root { self.slicer.piece(object, is_component, index) } else { Piece::default() }
+    }
+
     /// Model of a part of the package, cached; `None` with a warning if there is no such part.
     fn model(&mut self, part: &str) -> Result<Option<Arc<Model>>> {
         if let Some(model) = self.models.get(part) {
@@ -137,7 +145,6 @@ impl Reader<'_> {
     ) -> Result<()> {
         let part = reference.path.as_deref().unwrap_or(part);
         let Some(model) = self.model(part)? else { return Ok(()) };
-        let is_root = part == self.root;
         let place = format!("{part}, object {}", reference.object);
         self.references += 1;
         Counted::Nodes.check(self.references, &self.source.options.limits, self.source.file.as_path())?;
@@ -158,16 +165,13 @@ impl Reader<'_> {
             self.note_left_out(&format!("object {} of the type `{kind}`", reference.object));
             return Ok(());
         }
-        if is_root && filament == 0 {
+        if part == self.root && filament == 0 {
             filament = self.slicer.filament(reference.object);
         }
         let placement = outer * reference.transform;
         if object.triangles.is_empty() {
             return object.components.iter().try_for_each(|component| {
-                let piece = match is_root {
-                    true => self.slicer.part(reference.object, true, component.object),
-                    false => slicer::Part::default(),
-                };
+                let piece = self.piece(part, reference.object, true, component.object);
                 if let Some(role) = piece.role {
                     self.note_left_out(&format!("object {}, a {role}", component.object));
                     return Ok(());
@@ -204,10 +208,7 @@ impl Reader<'_> {
         let mut attributes = CornerAttributes::default();
         let mut groups = Vec::with_capacity(triangles.len());
         for (index, property) in properties.iter().enumerate() {
-            let piece = match part == self.root {
-                true => self.slicer.part(id, false, index as u32),
-                false => slicer::Part::default(),
-            };
+            let piece = self.piece(part, id, false, index as u32);
             let own = (FILAMENT, [if piece.filament > 0 { piece.filament } else { filament }; 3]);
             let property = property.as_ref().unwrap_or(&own);
             groups.push((piece.role, self.add_triangle_attributes(model, property, &mut attributes)?));

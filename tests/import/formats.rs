@@ -246,8 +246,8 @@ fn triangles_of_all_formats() -> (Vec<(&'static str, String)>, Vec<(&'static str
     (text, other)
 }
 
-/// Every format is read by its contents under every name, from memory, and as text in UTF-8 and UTF-16, with a byte order
-/// mark and without. A note names an ending of another format.
+/// Every format is read by its contents under every name, from memory, and as text in UTF-8 and UTF-16, with a byte
+/// order mark and without. A note names an ending of another format.
 #[test]
 fn contents_decide_what_a_file_is() {
     let folder = Folder::new();

@@ -105,7 +105,9 @@ impl Builder<'_> {
         if file == "-" {
             return Err(none());
         }
-        let read = Source::open(&path, &self.source.files, &self.source.options).and_then(|source| {
+        let opened = Source::open(&path, &self.source.files, &self.source.options)
+            .map_err(|e| if path.extension().is_some_and(|ending| ending == "toml") { none() } else { e });
+        let read = opened.and_then(|source| {
             if source.importer.is_scene_file {
                 return Err(none());
             }

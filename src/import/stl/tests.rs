@@ -82,7 +82,8 @@ fn faults_have_their_place() {
     assert_eq!(text(head), "a.stl:4: the file ends within a facet");
     assert_eq!(text("solid\nfacets"), "a.stl:2: not a statement of STL files");
     let what = "ends within the header of binary STL; ASCII STL begins with `solid`";
-    assert_eq!(text("sold"), format!("a.stl: byte 4: {what}"));
+    assert_eq!(text("\0sold"), format!("a.stl: byte 5: {what}"));
+    assert_eq!(text("sold"), "a.stl:1: not a statement of STL files");
     // 84 + 4 * 50 = 284.
     let bytes = |bytes: Vec<u8>| read_bytes(bytes).map(|(_, warnings)| warnings);
     let e = bytes(binary(b"", 4)[..133].to_vec()).expect_err("it is cut off");

@@ -115,8 +115,8 @@ pub(super) fn colour(text: &str) -> Option<[u8; 4]> {
     }
 }
 
-/// The filament of a triangle that is painted as a whole, 0 for none: hexadecimal digits from the last on, of which the low
-/// two bits are the number of its sides that are divided, the others the filament, 3 or more in the next digit
+/// The filament of a triangle that is painted as a whole, 0 for none: hexadecimal digits from the last on, of which the
+/// low two bits are the number of its sides that are divided, the others the filament, 3 or more in the next digit
 /// (PrusaSlicer, `TriangleSelector::serialize`).
 fn painted(text: &[u8]) -> Option<u32> {
     let mut digits = text.iter().rev().map(|&byte| char::from(byte).to_digit(16));
@@ -298,14 +298,10 @@ impl Parser<'_> {
             }
             b"object" => {
                 let id = attributes.index("id").ok_or_else(|| self.fault("an object without an id"))?;
-                let subtype = attributes.text("subtype");
-                let other_type = match attributes.text("type").as_deref() {
-                    _ if subtype.as_deref().and_then(role).is_some() => subtype.as_deref().and_then(role),
-                    Some("support") => Some("support"),
-                    Some("solidsupport") => Some("solidsupport"),
-                    Some("other") => Some("other"),
-                    _ => None,
-                };
+                let of = |name: &str| attributes.text(name).unwrap_or_default();
+                let (kind, subtype) = (of("type"), of("subtype"));
+                let mut others = ["support", "solidsupport", "other"].into_iter();
+                let other_type = others.find(|other| *other == kind).or_else(|| role(&subtype));
                 let name = attributes.text("name").filter(|name| !name.is_empty());
                 self.keep(hash_entry::<Definition>() + name.as_ref().map_or(0, String::len))?;
                 let object = Definition { name, other_type, ..Definition::default() };

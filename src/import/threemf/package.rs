@@ -96,13 +96,8 @@ impl<'a> Package<'a> {
         Ok(Some(bytes))
     }
 
-    /// Calls `visit` with the local name and, at its start, the attributes of each element of a part, at its start and its
-    /// end. Without the part, there are none.
-    pub(super) fn for_each_element(
-        &self,
-        part: &str,
-        mut visit: impl FnMut(&[u8], Option<&BytesStart>),
-    ) -> Result<()> {
+    /// Calls `visit` with the start of each element of a part. Without the part, there are none.
+    pub(super) fn for_each_element(&self, part: &str, mut visit: impl FnMut(&BytesStart)) -> Result<()> {
         // What is kept of an element is smaller than 16 times its text.
         self.check(part, 16)?;
         let Some((stream, _)) = self.stream(part)? else { return Ok(()) };
@@ -112,12 +107,7 @@ impl<'a> Package<'a> {
             buffer.clear();
             match reader.read_event_into(&mut buffer).map_err(|e| self.broken(part, e))? {
                 Event::Eof => return Ok(()),
-                Event::Start(e) => visit(e.local_name().as_ref(), Some(&e)),
-                Event::Empty(e) => {
-                    visit(e.local_name().as_ref(), Some(&e));
-                    visit(e.local_name().as_ref(), None);
-                }
-                Event::End(e) => visit(e.local_name().as_ref(), None),
+                Event::Start(e) | Event::Empty(e) => visit(&e),
                 _ => {}
             }
         }
@@ -126,9 +116,9 @@ impl<'a> Package<'a> {
     /// Part of the root model: by relationships, else `3D/3dmodel.model`, the usual name.
     pub(super) fn root(&self) -> Result<String> {
         let mut target = None;
-        self.for_each_element("_rels/.rels", |_, start| {
+        self.for_each_element("_rels/.rels", |e| {
             let of = |wanted: &[u8]| {
-                attributes(start?).find(|(key, _)| key.eq_ignore_ascii_case(wanted)).map(|(_, value)| value)
+                attributes(e).find(|(key, _)| key.eq_ignore_ascii_case(wanted)).map(|(_, value)| value)
             };
             if target.is_none() && of(b"type").as_deref() == Some(MODEL) {
                 target = of(b"target");
@@ -143,8 +133,8 @@ impl<'a> Package<'a> {
         let what = "a ZIP archive without a 3D model (`3D/3dmodel.model`)";
         let hint = match ending(&self.source.file).as_str() {
             "3mf" => "export the file again, as 3MF".into(),
-            "" => advice_on("zip"),
-            other => advice_on(other),
+            "usdz" => advice_on("usdz"),
+            _ => advice_on("zip"),
         };
         Err(Error::input(self.source.file.as_path(), what, hint))
     }

@@ -1,5 +1,5 @@
-//! What slicers say of the objects of a 3MF file beside the model: PrusaSlicer and its forks in `Slic3r_PE_model.config` and
-//! `Slic3r_PE.config`, Bambu Studio and OrcaSlicer in `model_settings.config` and `project_settings.config`.
+//! What slicers say of the objects of a 3MF file beside the model: PrusaSlicer and its forks in `Slic3r_PE_model.config`
+//! and `Slic3r_PE.config`, Bambu Studio and OrcaSlicer in `model_settings.config` and `project_settings.config`.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -13,13 +13,13 @@ pub(super) struct Slicer {
     /// Filament of objects.
     objects: HashMap<u32, u32>,
     /// Parts by object, whether they are a component, and the index of that, or of their first triangle.
-    parts: BTreeMap<(u32, bool, u32), Part>,
+    pieces: BTreeMap<(u32, bool, u32), Piece>,
     filaments: Vec<Option<[u8; 4]>>,
 }
 
 /// Triangles of an object, or a component.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Part {
+pub(super) struct Piece {
     last: u32,
     /// What the part is if it is not printed as such.
     pub role: Option<&'static str>,
@@ -38,8 +38,8 @@ pub(super) fn role(name: &str) -> Option<&'static str> {
     }
 }
 
-/// The most filaments of a list.
-const MOST_FILAMENTS: usize = 1000;
+/// The most filaments that are read, since a mesh is copied for each.
+const MOST_FILAMENTS: usize = 64;
 
 /// The contents of a file of settings.
 fn settings(package: &Package, name: &str) -> Result<Option<Vec<u8>>> {
@@ -53,9 +53,6 @@ impl Slicer {
     /// Reads the settings of a package. Colours that cannot be read are not used.
     pub(super) fn read(package: &Package) -> Result<Self> {
         let mut slicer = Slicer::default();
-        for name in ["Slic3r_PE_model", "model_settings"] {
-            slicer.read_parts(package, &format!("Metadata/{name}.config"))?;
-        }
         let lists = match settings(package, "project_settings")? {
             Some(json) => {
                 #[derive(serde::Deserialize)]
@@ -81,51 +78,51 @@ impl Slicer {
         let parsed = |index: usize| {
             lists.iter().find_map(|list| colour(list.get(index)?.trim_matches(['"', ' ', '\r'])))
         };
-        slicer.filaments = (0..count).map(parsed).collect();
+        slicer.filaments = (0..count.min(MOST_FILAMENTS)).map(parsed).collect();
+        for name in ["Slic3r_PE_model", "model_settings"] {
+            slicer.read_parts(package, &format!("Metadata/{name}.config"))?;
+        }
         Ok(slicer)
     }
 
     fn read_parts(&mut self, package: &Package, file: &str) -> Result<()> {
         let (mut object, mut open) = (0, None);
-        package.for_each_element(file, |name, start| {
-            let Some(attributes) = start.map(Attributes) else {
-                if name != b"metadata"
-                    && let Some((key, part)) = open.take_if(|_| [&b"volume"[..], b"part"].contains(&name))
-                {
-                    self.parts.insert(key, part);
-                }
-                return;
-            };
+        package.for_each_element(file, |e| {
+            let attributes = Attributes(e);
             let index = |name: &str| attributes.index(name).unwrap_or(0);
-            let value = || attributes.text("value").unwrap_or_default();
-            match name {
-                b"object" => object = index("id"),
+            let text = |name: &str| attributes.text(name).unwrap_or_default();
+            match e.local_name().as_ref() {
+                b"object" => (object, open) = (index("id"), None),
                 b"volume" => {
-                    let part = Part { last: index("lastid"), ..Part::default() };
-                    open = Some(((object, false, index("firstid")), part));
+                    let piece = Piece { last: index("lastid"), ..Piece::default() };
+                    self.pieces.insert(*open.insert((object, false, index("firstid"))), piece);
                 }
                 b"part" => {
-                    let role = attributes.text("subtype").as_deref().and_then(role);
-                    open = Some(((object, true, index("id")), Part { last: index("id"), role, filament: 0 }));
+                    let piece = Piece { last: index("id"), role: role(&text("subtype")), filament: 0 };
+                    self.pieces.insert(*open.insert((object, true, index("id"))), piece);
                 }
-                b"metadata" => match (attributes.text("key").as_deref(), &mut open) {
-                    (Some("extruder"), Some((_, part))) => part.filament = index("value"),
-                    (Some("extruder"), None) => drop(self.objects.insert(object, index("value"))),
-                    (Some("volume_type"), Some((_, part))) => part.role = role(&value()),
-                    (Some("modifier"), Some((_, part))) if value() == "1" => {
-                        part.role = part.role.or(Some("modifier"));
+                b"metadata" => {
+                    let filament = index("value");
+                    let filament = if filament as usize > self.filaments.len() { 0 } else { filament };
+                    match (text("key").as_str(), open.and_then(|key| self.pieces.get_mut(&key))) {
+                        ("extruder", Some(piece)) => piece.filament = filament,
+                        ("extruder", None) => drop(self.objects.insert(object, filament)),
+                        ("volume_type", Some(piece)) => piece.role = role(&text("value")),
+                        ("modifier", Some(piece)) if text("value") == "1" => {
+                            piece.role = piece.role.or(Some("modifier"));
+                        }
+                        _ => {}
                     }
-                    _ => {}
-                },
+                }
                 _ => {}
             }
         })
     }
 
     /// The part of an object that has a triangle or is a component.
-    pub(super) fn part(&self, object: u32, is_component: bool, index: u32) -> Part {
-        let before = self.parts.range((object, is_component, 0)..=(object, is_component, index)).next_back();
-        before.filter(|(_, part)| index <= part.last).map_or(Part::default(), |(_, part)| *part)
+    pub(super) fn piece(&self, object: u32, is_component: bool, index: u32) -> Piece {
+        let before = self.pieces.range((object, is_component, 0)..=(object, is_component, index)).next_back();
+        before.filter(|(_, piece)| index <= piece.last).map_or(Piece::default(), |(_, piece)| *piece)
     }
 
     /// The filament of an object.

@@ -293,6 +293,8 @@ fn parts_that_are_not_printed_are_left_out() {
     let (scene, warnings) = sliced("<item objectid=\"1\"/><item objectid=\"2\" printable=\"0\"/>", &[]);
     assert_eq!(counts(&scene), [2]);
     assert_eq!(warnings.all_left_out(), ["a.3mf: left out object 2, which is not to be printed"]);
+    let (scene, warnings) = sliced(all, &[("Metadata/model_settings.config", "<config><object id=\"3\"")]);
+    assert_eq!((counts(&scene), warnings.messages().len()), (vec![2, 2], 1));
     let cura = "<metadatagroup><metadata name=\"cura:infill_mesh\">True</metadata></metadatagroup>";
     let resources = object("id=\"1\"", &format!("{cura}{}", mesh("", "")));
     let (scene, warnings) = load(package(&model("", &resources, ITEM))).expect("no object");
@@ -311,9 +313,8 @@ fn colours_of(scene: &Scene) -> Vec<[f64; 3]> {
     colours.collect()
 }
 
-/// Parts have the colours of their filaments, or of their object's; painted triangles those of the paint: `8` is filament
-/// 2, `0C` is 3, as 12 means that 3 and the next digit make the number. A triangle that is painted in parts has two
-/// digits more for each part.
+/// Parts have the colours of their filaments, or of their object's; painted triangles those of the paint: `8` is
+/// filament 2, `0C` is 3, as 12 means 3 and the next digit. A triangle that is painted in parts has more digits.
 #[test]
 fn filaments_colour_parts_and_painted_triangles() {
     const RED: [f64; 3] = [1.0, 0.0, 0.0];
