@@ -6,11 +6,11 @@
 //! alpha) D(B). Where the straight colour C / alpha is constant, the error of this is at most that of alpha, so alpha
 //! itself is tested as well.
 
-use glam::DVec3;
+use glam::{DVec3, Vec4};
 
 use super::convergence::{
-    Criterion, FirstSamples, Integrand, Neighbourhood, SampleGroups, displayed_error, missed_variance,
-    random_variance, unseen_variance,
+    Criterion, FirstSamples, Integrand, Neighbourhood, RARE_LIGHT_RADIUS, SampleEstimate, SampleGroups,
+    displayed_error, missed_variance, unseen_variance, value_and_variance,
 };
 use super::region::SampledRegion;
 use super::samples::{PixelSampleSequence, TileSamples};
@@ -69,70 +69,68 @@ impl Buffers {
     }
 }
 
-/// The samples of a pixel.
-#[derive(Clone, Copy, Default)]
-struct PixelSamples {
-    groups: SampleGroups,
-    variance: SampleVariance,
-}
-
-/// What the samples of each pixel of the sampled region say of its error.
+/// What the samples of each pixel of the sampled region say.
 #[derive(Default)]
 struct Estimates {
-    pixels: Vec<PixelSamples>,
+    samples: Vec<(SampleGroups, SampleVariance)>,
     first: Vec<FirstSamples>,
     /// For each pixel, what the first samples around it say; unused for those of the apron.
     around: Vec<Neighbourhood>,
+    /// At the end of a round, for each pixel that is sampled.
+    current: Vec<SampleEstimate>,
 }
 
 impl Estimates {
     fn bytes(&self) -> usize {
-        let Estimates { pixels, first, around } = self;
-        vec_bytes(pixels) + vec_bytes(first) + vec_bytes(around)
+        let Estimates { samples, first, around, current } = self;
+        vec_bytes(samples) + vec_bytes(first) + vec_bytes(around) + vec_bytes(current)
     }
 
     fn start(&mut self, pixels: usize) {
-        self.pixels.clear();
-        self.pixels.resize(pixels, PixelSamples::default());
+        self.samples.clear();
+        self.samples.resize(pixels, Default::default());
+        self.current.clear();
+        self.current.resize(pixels, SampleEstimate::default());
     }
 
     fn add(&mut self, pixel: usize, value: [f32; 3], sign: f32) {
-        let PixelSamples { groups, variance } = &mut self.pixels[pixel];
+        let (groups, variance) = &mut self.samples[pixel];
         groups.add(value, sign);
         variance.add(value);
     }
 
     /// Keeps what the first samples say.
-    fn end_first_round(&mut self, region: SampledRegion) {
-        let Estimates { pixels, first, around } = self;
+    fn end_first_round(&mut self, region: SampledRegion, has_rare_light: bool) {
+        let Estimates { samples, first, around, .. } = self;
         first.clear();
-        first.extend(pixels.iter().map(|pixel| FirstSamples::from(&pixel.variance)));
+        first.extend(samples.iter().map(|(_, variance)| FirstSamples::from(variance)));
         around.clear();
         around.resize(first.len(), Neighbourhood::default());
         for pixel in region.tile_pixels().filter(|_| !first.is_empty()) {
-            around[pixel] = first[pixel].neighbourhood(region.neighbourhood(pixel).map(|near| &first[near]));
+            around[pixel] = Neighbourhood::new(region.around(pixel).map(|near| &first[near]));
+        }
+        if !has_rare_light || first.is_empty() {
+            return;
+        }
+        let isolated: Vec<Vec4> = (0..first.len())
+            .map(|pixel| first[pixel].isolated_variance(region.around(pixel).map(|near| &first[near])))
+            .collect();
+        if isolated.iter().all(|&variance| variance == Vec4::ZERO) {
+            return;
+        }
+        for pixel in region.tile_pixels() {
+            let sum = |radius| -> Vec4 { region.neighbourhood(pixel, radius).map(|near| isolated[near]).sum() };
+            // Whether its neighbours are isolated depends on the pixel's own samples.
+            let others = region.neighbourhood(pixel, RARE_LIGHT_RADIUS).count() - region.around(pixel).count();
+            around[pixel].isolated = (sum(RARE_LIGHT_RADIUS) - sum(1)).max(Vec4::ZERO) / others as f32;
         }
     }
 
-    /// The variance of a pixel's value. `unseen` is the light of events that no sample may have shown.
-    fn variance(
-        &self,
-        pixel: usize,
-        integrand: Integrand,
-        (first, unseen): (u32, f64),
-        mean_sign: f64,
-    ) -> DVec3 {
-        let PixelSamples { groups, variance } = &self.pixels[pixel];
-        let (around, taken) = (&self.around[pixel], variance.count());
-        let missed = missed_variance(around.deviation, taken);
-        match integrand {
-            Integrand::Stratified => missed + groups.variance(variance.mean(), mean_sign),
-            Integrand::Random => {
-                let observed = taken.saturating_add(around.others.saturating_mul(first));
-                missed
-                    + random_variance((variance, groups), around.variance, mean_sign)
-                    + unseen_variance(unseen, observed)
-            }
+    /// Evaluates what the samples so far say.
+    fn end_round(&mut self, live: impl Iterator<Item = usize>, mean_sign: f64) {
+        for pixel in live.filter(|_| !self.samples.is_empty()) {
+            let (groups, variance) = &self.samples[pixel];
+            self.current[pixel] = SampleEstimate::new(variance, groups, mean_sign);
         }
     }
 }
@@ -144,6 +142,7 @@ struct TestConvergence {
     colour: Integrand,
     alpha: Integrand,
     over_white: Integrand,
+    has_rare_light: bool,
 }
 
 impl TestConvergence {
@@ -162,6 +161,7 @@ impl TestConvergence {
             colour: integrand(context.spec.is_random),
             alpha: integrand(is_alpha_random),
             over_white: integrand(context.spec.is_random || is_alpha_random),
+            has_rare_light: context.spec.has_rare_light,
         }
     }
 
@@ -206,39 +206,43 @@ impl TestConvergence {
 
     fn end_round(&self, buffers: &mut Buffers, samples: &mut TileSamples, context: &RenderContext) {
         let TestConvergence { sampler, criterion, .. } = self;
-        let taken = samples.round_end();
-        if taken == criterion.min_samples {
-            buffers.colour.end_first_round(samples.region());
-            buffers.alpha.end_first_round(samples.region());
-            buffers.over_white.end_first_round(samples.region());
+        let (taken, first, region) = (samples.round_end(), criterion.min_samples, samples.region());
+        let Buffers { colour, alpha, over_white, has_surface } = buffers;
+        for estimates in [&mut *colour, alpha, over_white] {
+            if taken == first {
+                estimates.end_first_round(region, self.has_rare_light);
+            }
+            estimates.end_round(samples.live(), sampler.filter.mean_sign());
         }
         let (display, pipeline) = (context.display, context.world.pipeline);
         let displayed = |colour: DVec3| display.displayed(pipeline, colour);
         let covered = |alpha: DVec3| alpha.clamp(DVec3::ZERO, DVec3::ONE);
-        let Buffers { colour, alpha, over_white, has_surface } = &*buffers;
-        let first = criterion.min_samples;
-        let is_noisy = |estimates: &Estimates,
-                        integrand,
-                        (pixel, value, unseen): (usize, DVec3, f64),
-                        shown: &dyn Fn(DVec3) -> DVec3| {
-            let variance = estimates.variance(pixel, integrand, (first, unseen), sampler.filter.mean_sign());
+        let is_accurate = |estimates: &Estimates,
+                           integrand,
+                           (pixel, of_unseen): (usize, f64),
+                           shown: &dyn Fn(DVec3) -> DVec3| {
+            let (around, near) = (&estimates.around[pixel], region.tested_by(pixel));
+            let (value, variance) =
+                value_and_variance(near.map(|near| &estimates.current[near]), integrand, around);
+            let of_unseen = if integrand == Integrand::Random { of_unseen } else { 0.0 };
+            let variance = variance + missed_variance(around.deviation, taken) + of_unseen;
             // Without variance, as on a background, the error is 0; this saves the conversion to display values.
-            variance != DVec3::ZERO && {
+            variance == DVec3::ZERO || {
                 let error = DVec3::from(variance.to_array().map(f64::sqrt));
-                displayed_error(value, error, shown) > criterion.max_error
+                displayed_error(value, error, shown) <= criterion.max_error
             }
         };
-        samples.start_round(criterion.next_test(taken, sampler.samples), |pixel, sum, coverage| {
-            let of_surface = f64::from(u8::from(has_surface[pixel]));
-            let (white, value) = (display.white(), sum.value(&sampler.filter));
-            let unseen = of_surface * white;
-            is_noisy(colour, self.colour, (pixel, value, unseen), &displayed)
-                || coverage.is_some_and(|sum| {
-                    let covering = sum.value(&sampler.filter);
-                    let composite = value + white * (DVec3::ONE - covering);
-                    is_noisy(alpha, self.alpha, (pixel, covering, of_surface), &covered)
-                        || is_noisy(over_white, self.over_white, (pixel, composite, unseen), &displayed)
-                })
+        let (colour, alpha, over_white, has_surface) = (&*colour, &*alpha, &*over_white, &*has_surface);
+        samples.start_round(criterion.next_test(taken, sampler.samples), |pixel| {
+            let [near, around] = [region.tested_by(pixel).count(), region.around(pixel).count()].map(|n| n as u32);
+            let observed = near.saturating_mul(taken).saturating_add((around - near).saturating_mul(first));
+            let has_surface = region.around(pixel).any(|near| has_surface[near]);
+            let unseen = |white: f64| if has_surface { unseen_variance(white, observed) } else { 0.0 };
+            let of_unseen = unseen(display.white());
+            is_accurate(colour, self.colour, (pixel, of_unseen), &displayed)
+                && (alpha.first.is_empty()
+                    || is_accurate(alpha, self.alpha, (pixel, unseen(1.0)), &covered)
+                        && is_accurate(over_white, self.over_white, (pixel, of_unseen), &displayed))
         });
     }
 }

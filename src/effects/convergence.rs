@@ -1,5 +1,9 @@
 //! The error estimate of adaptive sampling, and when it is evaluated.
 //!
+//! The error of a pixel's mean is estimated from its neighbours, as if the pixel were like these: from the means of as
+//! many samples of each ([`SampleEstimate`]). Its own samples must not decide how many of them there are
+//! ([`super::samples`]).
+//!
 //! How the variance of a pixel's mean falls with the number n of its samples depends on the integrand ([`Integrand`]):
 //!
 //! - Where a sample is a function of its film position, as with edges and textures, samples are stratified. They are
@@ -11,16 +15,16 @@
 //!   is underestimated by a factor of up to 1.7.
 //! - Where it also depends on random numbers, as with ambient occlusion, soft shadows and paths, nothing but 1/n is
 //!   certain: the variance is that of single samples over n, which bounds it from above, pooled with that of the groups
-//!   over their count ([`random_variance`]).
+//!   over their count.
 //!
-//! What no sample has shown has no variance. Three terms bound it, from the first samples of the pixel and the eight
-//! around it ([`FirstSamples`]): their deviation, for features that may pass through the pixel unseen
-//! ([`missed_variance`]); their variance, to which that of few samples is pooled; and their number, for events that are
-//! too rare to have been seen ([`unseen_variance`]).
+//! What no sample has shown has no variance. Four terms bound it, from first samples ([`FirstSamples`]): their deviation
+//! among the neighbours, for features that may pass through the pixel unseen ([`missed_variance`]); their variance, to
+//! which that of few samples is pooled; their number, for events that are too rare to have been seen
+//! ([`unseen_variance`]); and, where the plan has light that few samples find, the variance of isolated pixels in a wider
+//! neighbourhood ([`FirstSamples::isolated_variance`]).
 //!
-//! First samples are taken for every pixel of the tile and its apron ([`super::region::SampledRegion`]), and nothing
-//! else is read from a neighbour. So the result depends on the pixel's place and the settings, not on which other
-//! pixels are rendered.
+//! First samples are taken for every pixel of the tile and its apron ([`super::region::SampledRegion`]). So the result
+//! depends on the pixel's place and the settings, not on which other pixels are rendered.
 
 use glam::{DVec3, Vec4};
 
@@ -108,12 +112,13 @@ impl SampleGroups {
         self.power += 1;
     }
 
-    /// The variance of the mean of all samples, per channel, where the groups are stratified; infinite for fewer than
-    /// two groups. `mean` is the mean of the samples without their signs, `mean_sign` the expected sign
-    /// ([`crate::film::ReconstructionFilter::mean_sign`]).
-    pub fn variance(&self, mean: DVec3, mean_sign: f64) -> DVec3 {
-        // Independent groups would give the groups' variance over their count; stratified ones give its power 3/2.
-        self.independent_variance(mean, mean_sign) / f64::from(self.full()).sqrt()
+    /// The pixel's value, like [`super::samples::SampleSum::value`].
+    fn value(&self, mean: DVec3, mean_sign: f64) -> DVec3 {
+        if mean_sign == 1.0 || self.taken == 0 {
+            return mean;
+        }
+        let all = self.sums.iter().sum::<Vec4>();
+        mean + (all.truncate().as_dvec3() - mean * f64::from(all.w)) / (f64::from(self.taken) * mean_sign)
     }
 
     /// The number of groups that are full.
@@ -121,7 +126,9 @@ impl SampleGroups {
         self.taken >> self.power
     }
 
-    /// [`SampleGroups::variance`] where nothing but the samples within a group is stratified.
+    /// The variance of the mean of all samples, per channel, where nothing but the samples within a group is stratified;
+    /// infinite for fewer than two groups. `mean` is the mean of the samples without their signs, `mean_sign` the
+    /// expected sign ([`crate::film::ReconstructionFilter::mean_sign`]).
     fn independent_variance(&self, mean: DVec3, mean_sign: f64) -> DVec3 {
         let full = self.full() as usize;
         if full < 2 {
@@ -153,77 +160,149 @@ impl From<&SampleVariance> for FirstSamples {
     }
 }
 
-/// What the first samples of a pixel and those around it say of it.
+/// What the first samples around a pixel say of it.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Neighbourhood {
-    /// The mean square deviation, per channel, of a sample from the pixel's own mean.
+    /// The mean square deviation, per channel, of a sample from the mean of all.
     pub deviation: Vec4,
     /// The mean variance, per channel, of a sample within its pixel.
     pub variance: Vec4,
-    /// The pixels beside this one.
-    pub others: u32,
+    /// The part of the mean variance in a wider neighbourhood that isolated pixels have.
+    pub isolated: Vec4,
+}
+
+impl Neighbourhood {
+    /// What the first samples of the pixels `near` say. Pixels that are not finite are left out.
+    #[inline(always)]
+    pub fn new<'a>(near: impl Iterator<Item = &'a FirstSamples> + Clone) -> Self {
+        let finite = near.filter(|first| first.mean.is_finite() && first.variance.is_finite());
+        let scale = 1.0 / finite.clone().count().max(1) as f32;
+        let mean = finite.clone().map(|first| first.mean).sum::<Vec4>() * scale;
+        let variance = finite.clone().map(|first| first.variance).sum::<Vec4>() * scale;
+        let squares = finite.map(|first| (first.mean - mean) * (first.mean - mean)).sum::<Vec4>();
+        Neighbourhood { deviation: squares * scale + variance, variance, isolated: Vec4::ZERO }
+    }
+}
+
+/// The radius of the square of pixels whose first samples are read for light that few samples find.
+pub const RARE_LIGHT_RADIUS: u32 = 7;
+
+/// The radius of the square of pixels whose first samples the test of a pixel reads.
+pub fn neighbourhood_radius(has_rare_light: bool) -> u32 {
+    // Whether a pixel is isolated depends on those around it.
+    if has_rare_light { RARE_LIGHT_RADIUS + 1 } else { 1 }
 }
 
 impl FirstSamples {
-    /// What the first samples of the pixels `near` say of this pixel. `near` includes it. Pixels that are not finite
-    /// are left out.
-    #[inline(always)]
-    pub fn neighbourhood<'a>(&self, near: impl IntoIterator<Item = &'a FirstSamples>) -> Neighbourhood {
-        let (mut deviation, mut variance, mut count) = (Vec4::ZERO, Vec4::ZERO, 0u32);
-        for other in near {
-            let off = other.mean - self.mean;
-            let square = off * off + other.variance;
-            if square.is_finite() {
-                deviation += square;
-                variance += other.variance;
-                count += 1;
-            }
-        }
-        let scale = 1.0 / count.max(1) as f32;
-        Neighbourhood {
-            deviation: deviation * scale,
-            variance: variance * scale,
-            others: count.saturating_sub(1),
-        }
+    /// The variance of a pixel whose first samples vary more than half of those of all pixels `around` it together; 0 for
+    /// others.
+    ///
+    /// So are events of which the first samples of three by three pixels show few: light through a lens or glass from
+    /// something small and bright. Edges go on in the next pixels.
+    pub fn isolated_variance<'a>(&self, around: impl IntoIterator<Item = &'a FirstSamples>) -> Vec4 {
+        let of_others: f32 = around.into_iter().map(|other| other.variance.element_sum()).sum();
+        let own = self.variance.element_sum();
+        if 2.0 * own > of_others && own.is_finite() { self.variance } else { Vec4::ZERO }
     }
 }
 
-/// The weight of the neighbourhood's variance in [`random_variance`], in samples: that of the eight neighbours, one
+/// The weight of the neighbourhood's variance in [`SampleEstimate::variance_of_mean`], in samples: that of the eight neighbours, one
 /// sample each.
-const PRIOR_SAMPLES: f64 = 8.0;
+const PRIOR_SAMPLES: f32 = 8.0;
 
-/// The weight in [`random_variance`] of samples that are not stratified, in groups: half of all groups.
-const PRIOR_GROUPS: f64 = 4.0;
+/// The weight there of the variance of isolated pixels, in samples. Where events have the probability p and none is
+/// seen, a pixel takes more samples the larger p is, so that n p is 5 to 14 and hardly any ends without one.
+const ISOLATED_SAMPLES: f32 = 64.0;
 
-/// The variance of the mean of a pixel's samples of [`Integrand::Random`], per channel; infinite for one sample.
-/// `around` is the variance of a sample in the neighbourhood, `mean_sign` the expected sign of the filter's weights.
-///
-/// The variance of few samples is often far too low: that of four rays to a light of which a tenth is visible is 0 in
-/// two of three pixels. It is pooled with that around, as the mean of a posterior with a conjugate prior (Gelman and
-/// others, Bayesian Data Analysis, 3rd edition, section 2.6). The larger of the own and the pooled variance counts,
-/// because an underestimate ends the pixel and an overestimate is corrected by further samples.
-///
-/// Stratification shows in the groups: their variance over their count has the mean of the true variance or a larger
-/// one, as the samples of a group are stratified and two groups are no less alike than independent ones. It is that of
-/// eight numbers at most, so it is pooled in turn, with the variance of samples that are not stratified, which bounds
-/// it from above.
-pub fn random_variance(
-    (samples, groups): (&SampleVariance, &SampleGroups),
-    around: Vec4,
-    mean_sign: f64,
-) -> DVec3 {
-    let Some(variance) = samples.unbiased() else { return DVec3::INFINITY };
-    let (count, degrees) = (f64::from(samples.count()), f64::from(samples.count() - 1));
-    let around = around.truncate().as_dvec3();
-    let pooled = (variance * degrees + around * PRIOR_SAMPLES) / (degrees + PRIOR_SAMPLES);
-    let random = variance.max(pooled) / (count * mean_sign * mean_sign);
-    // Groups of one sample show nothing of the kind.
-    if groups.power == 0 {
-        return random;
+/// The weight there of samples that are not stratified, in groups: half of all groups.
+const PRIOR_GROUPS: f32 = 4.0;
+
+/// What the samples of a pixel say of the mean of as many.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct SampleEstimate {
+    /// The value of the pixel.
+    value: Vec4,
+    /// The variance of a sample; infinite for one.
+    variance: Vec4,
+    /// The variance of the mean where nothing but the samples within a group is stratified; infinite for one group.
+    between: Vec4,
+    samples: u32,
+    /// Groups that are full.
+    groups: u32,
+    /// Whether groups have two samples and more.
+    is_grouped: bool,
+}
+
+impl SampleEstimate {
+    /// The estimate from samples in both forms. `mean_sign` is the expected sign of the filter's weights.
+    pub fn new(samples: &SampleVariance, groups: &SampleGroups, mean_sign: f64) -> Self {
+        let mean = samples.mean();
+        let variance = samples.unbiased().unwrap_or(DVec3::INFINITY) / (mean_sign * mean_sign);
+        let [value, variance, between] =
+            [groups.value(mean, mean_sign), variance, groups.independent_variance(mean, mean_sign)]
+                .map(|v| v.as_vec3().extend(0.0));
+        let (groups, is_grouped) = (groups.full(), groups.power > 0);
+        SampleEstimate { value, variance, between, samples: samples.count(), groups, is_grouped }
     }
-    let degrees = f64::from(groups.full() - 1);
-    let between = groups.independent_variance(samples.mean(), mean_sign);
-    (between * degrees + random * PRIOR_GROUPS) / (degrees + PRIOR_GROUPS)
+
+    /// The variance of the mean, per channel; infinite for one sample.
+    #[inline(always)]
+    pub fn variance_of_mean(&self, integrand: Integrand, around: &Neighbourhood) -> Vec4 {
+        match integrand {
+            // Independent groups would give the groups' variance over their count; stratified ones give its power 3/2.
+            Integrand::Stratified => self.between / (self.groups as f32).sqrt(),
+            Integrand::Random => self.random_variance(around),
+        }
+    }
+
+    /// That of [`Integrand::Random`].
+    ///
+    /// The variance of few samples is often far too low: that of four rays to a light of which a tenth is visible is 0 in
+    /// two of three pixels. It is pooled with that around, as the mean of a posterior with a conjugate prior (Gelman and
+    /// others, Bayesian Data Analysis, 3rd edition, section 2.6). The larger of the own and the pooled variance counts,
+    /// because an underestimate ends a pixel and an overestimate is corrected by further samples.
+    ///
+    /// Stratification shows in the groups: their variance over their count has the mean of the true variance or a larger
+    /// one, as the samples of a group are stratified and two groups are no less alike than independent ones. It is that of
+    /// eight numbers at most, so it is pooled in turn, with the variance of samples that are not stratified, which bounds
+    /// it from above.
+    #[inline(always)]
+    fn random_variance(&self, around: &Neighbourhood) -> Vec4 {
+        let (samples, degrees) = (self.samples as f32, self.samples.saturating_sub(1) as f32);
+        let pooled = (self.variance * degrees + around.variance * PRIOR_SAMPLES) / (degrees + PRIOR_SAMPLES);
+        let rare = around.isolated * (ISOLATED_SAMPLES / (degrees + ISOLATED_SAMPLES));
+        let random = (self.variance.max(pooled) + rare) / samples;
+        // Groups of one sample show nothing of the kind.
+        if !self.is_grouped {
+            return random;
+        }
+        let degrees = self.groups.saturating_sub(1) as f32;
+        (self.between * degrees + random * PRIOR_GROUPS) / (degrees + PRIOR_GROUPS)
+    }
+}
+
+/// The value of a pixel and the variance of its mean, per channel, by the estimates of pixels around it: the mean of
+/// their values, and the root of the mean fourth power of their variances, in which the larger ones count for more, as an edge
+/// crosses few of them. Pixels that are not finite are left out; without others the variance is infinite.
+#[inline(always)]
+pub fn value_and_variance<'a>(
+    near: impl Iterator<Item = &'a SampleEstimate>,
+    integrand: Integrand,
+    around: &Neighbourhood,
+) -> (DVec3, DVec3) {
+    let (mut values, mut powers, mut count) = (Vec4::ZERO, Vec4::ZERO, 0u16);
+    for estimate in near {
+        let variance = estimate.variance_of_mean(integrand, around);
+        if variance.is_finite() && estimate.value.is_finite() {
+            let square = variance * variance;
+            (values, powers, count) = (values + estimate.value, powers + square * square, count + 1);
+        }
+    }
+    if count == 0 {
+        return (DVec3::ZERO, DVec3::INFINITY);
+    }
+    let [values, powers] = [values, powers].map(|sum| sum.truncate().as_dvec3() / f64::from(count));
+    (values, DVec3::from(powers.to_array().map(|power| power.sqrt().sqrt())))
 }
 
 /// The variance of a pixel's value from events that none of `observed` samples of the pixel and its neighbours has

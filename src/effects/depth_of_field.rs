@@ -30,7 +30,7 @@ pub const EFFECT: Effect = Effect {
     called_for: |_, plan_settings| {
         plan_settings.lens.clone().ok_or_else(|| "the camera has no aperture".into())
     },
-    specify: |_, spec| spec.is_random = true,
+    specify: |_, spec| (spec.is_random, spec.has_rare_light) = (true, true),
     stages: |context: &EffectContext, hook| match hook {
         Hook::Rays => {
             let Sampling { sampler, seed, .. } = *context.sampling;

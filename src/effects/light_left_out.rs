@@ -9,13 +9,14 @@ use std::fmt;
 use glam::DVec3;
 
 use super::PathSettings;
+use super::samples::{SampleIndex, TileSamples};
 use super::tile::{Tile, vec_bytes};
 use crate::film::colour::luminance;
 
 /// The radiance left out of a sample that lacks some.
 pub(super) struct LeftOutSample {
-    /// Column and row of its pixel in the whole picture.
-    pub(super) pixel: [u32; 2],
+    /// The sample.
+    pub(super) index: SampleIndex,
     /// By the limits on bounces: an estimate, mostly 0.
     pub(super) by_depth: DVec3,
     /// By the clamp.
@@ -59,16 +60,18 @@ impl LeftOut {
             self.pixels.clear();
             self.pixels.resize(window.area(), PixelSums::default());
         }
-        for LeftOutSample { pixel: [x, y], by_depth, by_clamp } in &self.samples {
-            // Pixels around the tile are sampled for the convergence test alone.
-            let (x, y) = (x.wrapping_sub(window.x), y.wrapping_sub(window.y));
-            if x >= window.width || y >= window.height {
+        let pixels = tile.buffers::<TileSamples>();
+        for &LeftOutSample { index, by_depth, by_clamp } in &self.samples {
+            // Some samples serve the convergence test alone, as all of the pixels around the tile do.
+            let (x, y) = (index.x.wrapping_sub(window.x), index.y.wrapping_sub(window.y));
+            let is_own = x < window.width && y < window.height;
+            if !is_own || pixels.is_some_and(|pixels| !pixels.is_counted(index)) {
                 continue;
             }
             let sums = &mut self.pixels[(y * window.width + x) as usize];
-            sums.radiance += *by_depth + *by_clamp;
+            sums.radiance += by_depth + by_clamp;
             for ([sum, squares], radiance) in sums.causes.iter_mut().zip([by_depth, by_clamp]) {
-                let value = luminance(*radiance);
+                let value = luminance(radiance);
                 *sum += value;
                 *squares += value * value;
             }

@@ -320,6 +320,8 @@ pub struct PlanSpec {
     pub adaptive: bool,
     /// Whether the colour of a sample depends on random numbers beside its film position.
     pub is_random: bool,
+    /// Whether light may come to a pixel in few of its samples, through a lens or clear glass.
+    pub has_rare_light: bool,
     /// Which samples of light count in path tracing.
     #[doc(hidden)]
     pub light_technique: LightTechnique,

@@ -76,6 +76,11 @@ pub fn seed_at(seed: u32, seconds: f64) -> u32 {
     pcg3d([seed, bits as u32, (bits >> 32) as u32])[0]
 }
 
+/// The seed of a second sequence of samples, independent of those of `seed`.
+pub fn other_seed(seed: u32) -> u32 {
+    pcg3d([seed, u32::MAX, u32::MAX])[1]
+}
+
 /// Two numbers from 0 to below 1 for a pixel's sample in a dimension other than [`Dimension::PIXEL`]: [`pair`] or
 /// [`independent_pair`].
 pub(crate) fn pair_of(

@@ -287,7 +287,8 @@ impl Recorder {
             .map_or(Vec::new(), |samples| samples.of_pass(&indices).map(|(_, sign, _)| sign).collect());
         self.pass.clear();
         for (i, &SampleIndex { x, y, sample }) in indices.iter().enumerate() {
-            let is_own = [x, y] == self.pixel;
+            let index = SampleIndex { x, y, sample };
+            let is_own = [x, y] == self.pixel && samples.is_none_or(|samples| samples.is_counted(index));
             self.pass.push(is_own.then_some(self.samples.len()));
             if is_own {
                 let centre = [f64::from(x) + 0.5, f64::from(y) + 0.5];

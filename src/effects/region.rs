@@ -1,6 +1,6 @@
 //! The pixels that are sampled together with a tile.
 
-use crate::film::Window;
+use crate::film::{TILE, Window};
 
 /// A tile and its apron: the pixels around it, within the picture, that the convergence test of its own pixels reads. Pixels are
 /// numbered row by row from the top of `whole`.
@@ -37,14 +37,43 @@ impl SampledRegion {
         x.wrapping_sub(tile.x) < tile.width && y.wrapping_sub(tile.y) < tile.height
     }
 
-    /// A pixel and the up to eight around it, row by row from the top.
+    /// The pixels up to `radius` columns and rows from a pixel, with itself, row by row from the top.
     #[inline(always)]
-    pub fn neighbourhood(&self, pixel: usize) -> impl Iterator<Item = usize> + use<> {
+    pub fn neighbourhood(&self, pixel: usize, radius: u32) -> impl Iterator<Item = usize> + Clone + use<> {
         let Window { width, height, .. } = self.whole;
-        let (x, y) = (pixel as u32 % width, pixel as u32 / width);
-        let (left, right) = (x.saturating_sub(1), (x + 2).min(width));
-        let rows = y.saturating_sub(1)..(y + 2).min(height);
-        rows.flat_map(move |row| (row * width + left) as usize..(row * width + right) as usize)
+        let range = |at: u32, length: u32| [at.saturating_sub(radius), (at + radius + 1).min(length)];
+        self.rectangle(range(pixel as u32 % width, width), range(pixel as u32 / width, height))
+    }
+
+    /// The up to eight pixels around a pixel.
+    #[inline(always)]
+    pub fn around(&self, pixel: usize) -> impl Iterator<Item = usize> + Clone + use<> {
+        self.neighbourhood(pixel, 1).filter(move |&near| near != pixel)
+    }
+
+    /// The pixels whose further samples the test of a pixel reads: those of the up to eight around it that are in the
+    /// same block of the picture. A tile of a whole picture is one block, so nothing is sampled beyond its first samples
+    /// for other tiles.
+    #[inline(always)]
+    pub fn tested_by(&self, pixel: usize) -> impl Iterator<Item = usize> + Clone + use<> {
+        let Window { x, y, width, height } = self.whole;
+        let range = |at: u32, start: u32, length: u32| {
+            let in_block = (start + at) % TILE;
+            [at - u32::from(in_block > 0 && at > 0), (at + 1 + u32::from(in_block + 1 < TILE)).min(length)]
+        };
+        let (columns, rows) = (range(pixel as u32 % width, x, width), range(pixel as u32 / width, y, height));
+        self.rectangle(columns, rows).filter(move |&near| near != pixel)
+    }
+
+    /// The pixels of ranges of columns and rows.
+    #[inline(always)]
+    fn rectangle(
+        &self,
+        [left, right]: [u32; 2],
+        [top, bottom]: [u32; 2],
+    ) -> impl Iterator<Item = usize> + Clone + use<> {
+        let width = self.whole.width;
+        (top..bottom).flat_map(move |row| (row * width + left) as usize..(row * width + right) as usize)
     }
 
     /// Lists all pixels along a Morton curve (Morton 1966): consecutive ones are in compact blocks.
@@ -65,7 +94,7 @@ impl SampledRegion {
     }
 
     /// The pixels of the tile, row by row from the top.
-    pub fn tile_pixels(&self) -> impl Iterator<Item = usize> + use<> {
+    pub fn tile_pixels(&self) -> impl Iterator<Item = usize> + Clone + use<> {
         let SampledRegion { whole, tile } = *self;
         (tile.y - whole.y..tile.y - whole.y + tile.height).flat_map(move |row| {
             let start = (row * whole.width + tile.x - whole.x) as usize;

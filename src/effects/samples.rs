@@ -4,11 +4,15 @@
 //! that packets of camera rays are narrow ([`SamplePass`]). A round is the passes between two convergence tests. The
 //! samples of a pixel and their order depend on the pixel alone. Where the test reads neighbours, the pixels around a tile are
 //! sampled with it and discarded ([`SampledRegion`]), so that crops and tilings do not change a pixel.
+//!
+//! The test of a pixel reads the samples of its neighbours and none of its own, so that the mean of its first n samples
+//! is unbiased, n being what the test chooses (Kirk and Arvo, Unbiased Sampling Techniques for Image Synthesis, SIGGRAPH
+//! 1991). While a pixel is tested, its neighbours are sampled as well; samples beyond their own n only serve the test.
 
 use glam::DVec3;
 
 use super::EffectContext;
-use super::convergence::Criterion;
+use super::convergence::{self, Criterion};
 use super::random::{self, Dimension};
 use super::region::SampledRegion;
 use super::sample_pass::SamplePass;
@@ -57,7 +61,10 @@ impl PixelSampleSequence {
             kind: sampling.sampler,
             floor,
             // No pixel is tested where no noise level is given, or before it has all its samples.
-            apron: u32::from(is_adaptive && sampling.noise.is_some() && floor < samples),
+            apron: match is_adaptive && sampling.noise.is_some() && floor < samples {
+                true => convergence::neighbourhood_radius(context.spec.has_rare_light),
+                false => 0,
+            },
             centred: !sampling.is_wanted(),
         }
     }
@@ -142,6 +149,9 @@ pub struct TileSamples {
     coverage: Vec<SampleSum>,
     /// The same of [`Tile::shown`]: colours and coverage; empty without.
     shown: [Vec<SampleSum>; 2],
+    /// For each pixel of the region, the number of its samples that are part of the mean; [`u32::MAX`] while the pixel
+    /// is tested.
+    counts: Vec<u32>,
     /// The pixels that are still sampled, along a Morton curve.
     live: Vec<u16>,
     /// For each pixel of the region, its column and row in the picture.
@@ -172,6 +182,8 @@ impl TileSamples {
             variances.clear();
             variances.resize(pixels, SampleVariance::default());
         }
+        self.counts.clear();
+        self.counts.resize(pixels, u32::MAX);
         region.list_along_curve(&mut self.live);
         let Window { x, y, width, height } = region.whole;
         self.places.clear();
@@ -203,25 +215,30 @@ impl TileSamples {
 
     /// Adds the colours, the coverage and the unlit surfaces of the pass's rays to their pixels.
     pub fn add(&mut self, tile: &Tile) {
-        let TileSamples { pass, sums, coverage: covered, shown: shown_sums, variances, .. } = self;
+        let TileSamples { pass, sums, coverage: covered, shown: shown_sums, counts, variances, .. } = self;
         let (colours, coverage) = (&tile.pixels, tile.coverage.as_deref().unwrap_or_default());
         let shown = tile.shown.as_deref().unwrap_or_default();
+        let counted = |(pixel, index): (&u16, &u32)| {
+            let pixel = usize::from(*pixel);
+            (*index < counts[pixel]).then_some(pixel)
+        };
+        let pixels = || pass.pixels[..pass.len].iter().zip(&*pass.samples).map(counted);
         if let Some(variances) = variances {
-            for (&pixel, &colour) in pass.pixels[..pass.len].iter().zip(colours) {
-                variances[usize::from(pixel)].add(colour);
+            for (pixel, &colour) in pixels().zip(colours) {
+                pixel.into_iter().for_each(|pixel| variances[pixel].add(colour));
             }
         }
-        for ((&pixel, &sign), &colour) in pass.pixels[..pass.len].iter().zip(&*pass.signs).zip(colours) {
-            sums[usize::from(pixel)].add(colour, sign);
+        for ((pixel, &sign), &colour) in pixels().zip(&*pass.signs).zip(colours) {
+            pixel.into_iter().for_each(|pixel| sums[pixel].add(colour, sign));
         }
-        for ((&pixel, &sign), &part) in pass.pixels[..pass.len].iter().zip(&*pass.signs).zip(coverage) {
-            covered[usize::from(pixel)].add([part; 3], sign);
+        for ((pixel, &sign), &part) in pixels().zip(&*pass.signs).zip(coverage) {
+            pixel.into_iter().for_each(|pixel| covered[pixel].add([part; 3], sign));
         }
         let [shown_colours, shown_parts] = shown_sums;
-        for ((&pixel, &sign), &[r, g, b, part]) in pass.pixels[..pass.len].iter().zip(&*pass.signs).zip(shown)
-        {
-            shown_colours[usize::from(pixel)].add([r, g, b], sign);
-            shown_parts[usize::from(pixel)].add([part; 3], sign);
+        for ((pixel, &sign), &[r, g, b, part]) in pixels().zip(&*pass.signs).zip(shown) {
+            let Some(pixel) = pixel else { continue };
+            shown_colours[pixel].add([r, g, b], sign);
+            shown_parts[pixel].add([part; 3], sign);
         }
     }
 
@@ -234,6 +251,18 @@ impl TileSamples {
     pub fn variances(&self) -> impl Iterator<Item = &SampleVariance> {
         let variances = self.variances.iter();
         variances.flat_map(|variances| self.region.tile_pixels().map(|pixel| &variances[pixel]))
+    }
+
+    /// Whether a sample is part of the mean of its pixel, if this is one of the region.
+    pub(super) fn is_counted(&self, SampleIndex { x, y, sample }: SampleIndex) -> bool {
+        let Window { x: left, y: top, width, .. } = self.region.whole;
+        self.counts.get(((y - top) * width + x - left) as usize).is_some_and(|&count| sample < count)
+    }
+
+    /// For each ray of the pass whose sample is part of the mean, its pixel, its sign and its entry of `values`.
+    pub fn counted_of_pass<'a, T>(&'a self, values: &'a [T]) -> impl Iterator<Item = (usize, f64, &'a T)> {
+        let samples = self.of_pass(values).zip(&*self.pass.samples);
+        samples.filter(|((pixel, ..), sample)| **sample < self.counts[*pixel]).map(|(values, _)| values)
     }
 
     /// For each ray of the pass, its pixel, its sign and its entry of `values`.
@@ -258,6 +287,11 @@ impl TileSamples {
         &self.sums
     }
 
+    /// The pixels that are sampled.
+    pub fn live(&self) -> impl Iterator<Item = usize> {
+        self.live.iter().map(|&pixel| usize::from(pixel))
+    }
+
     /// Whether the pass is the first of its tile.
     pub fn is_first_pass(&self) -> bool {
         self.round.0 == 0 && self.cast == self.pass.len
@@ -273,13 +307,19 @@ impl TileSamples {
         self.round.1
     }
 
-    /// Begins another round, up to `end` samples, for those of the tile's own live pixels that `keep` accepts by the
-    /// sum of their samples and that of the coverage of these.
-    pub fn start_round(&mut self, end: u32, keep: impl Fn(usize, &SampleSum, Option<&SampleSum>) -> bool) {
-        let TileSamples { live, sums, coverage, region, .. } = self;
+    /// Begins another round, up to `end` samples, for the tile's own pixels that are not accurate, and for those that
+    /// their test reads ([`SampledRegion::tested_by`]). `is_accurate` tests a pixel.
+    pub fn start_round(&mut self, end: u32, is_accurate: impl Fn(usize) -> bool) {
+        let TileSamples { live, counts, region, round, .. } = self;
+        let is_open = |counts: &[u32], pixel| region.is_own(pixel) && counts[pixel] == u32::MAX;
+        for pixel in live.iter().map(|&pixel| usize::from(pixel)) {
+            if is_open(counts, pixel) && is_accurate(pixel) {
+                counts[pixel] = round.1;
+            }
+        }
         live.retain(|&pixel| {
             let pixel = usize::from(pixel);
-            region.is_own(pixel) && keep(pixel, &sums[pixel], coverage.get(pixel))
+            is_open(counts, pixel) || region.tested_by(pixel).any(|near| is_open(counts, near))
         });
         self.round = (self.round.1, end);
         self.cast = 0;
@@ -323,9 +363,10 @@ impl TileSamples {
 
     /// Bytes of memory.
     pub fn bytes(&self) -> usize {
-        let TileSamples { sums, coverage, shown, live, places, pass, variances, .. } = self;
+        let TileSamples { sums, coverage, shown, counts, live, places, pass, variances, .. } = self;
         size_of::<TileSamples>()
             + vec_bytes(places)
+            + vec_bytes(counts)
             + vec_bytes(sums)
             + vec_bytes(coverage)
             + shown.iter().map(vec_bytes).sum::<usize>()

@@ -79,14 +79,14 @@ impl FeatureSums {
         if plan.takes_samples() {
             tile.with_buffers(|samples: &mut TileSamples, _| {
                 self.sums.resize(samples.sums().len(), [SampleSum::default(); 4]);
-                for (pixel, sign, ray) in samples.of_pass(&rays) {
+                for (pixel, sign, ray) in samples.counted_of_pass(&rays) {
                     let values = ray.map(|(_, values)| values).unwrap_or_default();
                     let pairs = self.sums[pixel].iter_mut().zip(values.as_flattened());
                     pairs.for_each(|(sum, &value)| sum.add(value, sign));
                 }
                 if let Some(objects) = &mut self.objects {
                     objects.resize(samples.sums().len(), Vec::new());
-                    for (pixel, sign, ray) in samples.of_pass(&rays) {
+                    for (pixel, sign, ray) in samples.counted_of_pass(&rays) {
                         ray.iter().for_each(|&(object, _)| count(&mut objects[pixel], object, sign < 0.0));
                     }
                 }

@@ -2,9 +2,10 @@
 
 use std::time::Instant;
 
-use super::split_image::SplitImage;
+use super::split_image::{Halves, SplitImage};
 use super::{ErrorTarget, Metric, SampledImage, StopReason};
 use crate::effects::id;
+use crate::effects::random::other_seed;
 use crate::error::{Error, Result};
 use crate::film::{ColourPipeline, Film};
 use crate::job::RenderJob;
@@ -60,15 +61,20 @@ impl<'a> IncrementalSampler<'a> {
         self.job.window.width as usize
     }
 
-    /// Mean of the samples `from..to`.
-    pub(crate) fn render_samples(&mut self, from: u32, to: u32) -> Result<Vec<[f32; 3]>> {
-        self.job.set_sampling(self.sampling.part(from, to))?;
-        let (film, statistics): (Film, _) = self.job.render(self.control)?;
-        match &mut self.statistics {
-            Some(sum) => sum.add(&statistics),
-            none => *none = Some(statistics),
+    /// Mean of the samples `from..to` of each half.
+    pub(crate) fn render_samples(&mut self, from: u32, to: u32) -> Result<Halves> {
+        let mut halves = Halves::default();
+        let seed = self.sampling.seed;
+        for (half, seed) in halves.iter_mut().zip([seed, other_seed(seed)]) {
+            self.job.set_sampling(Sampling { seed, ..self.sampling.part(from, to) })?;
+            let (film, statistics): (Film, _) = self.job.render(self.control)?;
+            match &mut self.statistics {
+                Some(sum) => sum.add(&statistics),
+                none => *none = Some(statistics),
+            }
+            half.extend(film.rows());
         }
-        Ok(film.rows().collect())
+        Ok(halves)
     }
 
     pub(crate) fn is_finite(&self) -> bool {

@@ -3,18 +3,14 @@
 //!
 //! The reference ("truth") is the antialiased picture: the limit of the same filter, effects, bounces and numerics for
 //! ever more samples. The number of samples is doubled until the target is reached. Each doubling renders the next
-//! range of the sample sequence; the means of both halves are kept, and the error is estimated from their difference
-//! without further rays.
+//! ranges of two sample sequences, and the error is estimated from the difference of their means, without further rays.
 //!
 //! Mean errors are those of the pixels whose centre ray hits an object other than the ground, so that a large
 //! background does not hide a jagged object; of all pixels where there are none, or where an environment is seen.
 //!
-//! Let v(n) be the variance of the mean of n samples, r = v(2n) / v(n), and A and B the means of the halves of 2n
-//! samples. From v(2n) = (v(n) + cov) / 2 and E|A - B|^2 = 2 (v(n) - cov) follows v(2n) = E|A - B|^2 * r / (4 (1 - r)).
-//! Independent samples have r = 1/2; samples stratified over edges have r = 2^(-3/2) (Mitchell, Consequences of
-//! Stratified Sampling in Graphics, SIGGRAPH 1996, section 3). r is measured as the ratio of E|A - B|^2 of successive
-//! doublings, and clamped to these bounds. Other metrics than the mean square are evaluated between the picture and the
-//! picture plus sqrt(r / (4 (1 - r))) (A - B).
+//! The sequences are independent. So the means A and B of the halves are, too, and the variance of the picture (A + B) /
+//! 2 is E|A - B|^2 / 4, however the samples of a half are stratified. Errors of display values are those between the
+//! picture and A or B, which are (A - B) / 2 away.
 
 mod incremental_sampler;
 mod split_image;
@@ -127,7 +123,7 @@ pub fn render(job: &mut RenderJob, target: &ErrorTarget, control: &RenderControl
     let mut sampler = IncrementalSampler::new(job, control)?;
     let metric = target.accuracy.map_or(Metric::Flip, |(metric, _)| metric);
     let is_met = |error: f64| target.accuracy.is_some_and(|(metric, bound)| error * metric.margin() <= bound);
-    let mut image = SplitImage::new(sampler.render_samples(0, 1)?, sampler.render_samples(1, 2)?);
+    let mut image = SplitImage::new(sampler.render_samples(0, 1)?, 1);
     // The last measured error, and the RMS error of the picture that it is of.
     let mut last: Option<[f64; 2]> = None;
     let (error, reason) = loop {
@@ -153,7 +149,7 @@ pub fn render(job: &mut RenderJob, target: &ErrorTarget, control: &RenderControl
         let fit = sampler.samples_in_time(samples, spent, target);
         let is_last = measured.is_some_and(|error| is_met(error * HALF_MORE_FACTOR));
         if !is_last && f64::from(samples) <= fit {
-            image = image.doubled_with(sampler.render_samples(samples, 2 * samples)?);
+            image = image.extended_with(&sampler.render_samples(samples / 2, samples)?, samples / 2);
             continue;
         }
         let error = error();
@@ -161,12 +157,13 @@ pub fn render(job: &mut RenderJob, target: &ErrorTarget, control: &RenderControl
         let fit = sampler.samples_in_time(samples, spent, target);
         let few = samples / 2;
         let reason = if is_last && f64::from(few) <= fit { StopReason::Reached } else { StopReason::Time };
-        let rest = if reason == StopReason::Reached { few } else { fit as u32 };
+        // Of each half.
+        let rest = if reason == StopReason::Reached { few.div_ceil(2) } else { fit as u32 / 2 };
         if rest > 0 {
-            image.extend_with(&sampler.render_samples(samples, samples + rest)?, rest);
+            image = image.extended_with(&sampler.render_samples(samples / 2, samples / 2 + rest)?, rest);
         }
         // Fewer samples reduce the error proportionally less.
-        let gain = (1.0 - HALF_MORE_FACTOR) * f64::from(rest.min(few)) / f64::from(few);
+        let gain = (1.0 - HALF_MORE_FACTOR) * f64::from((2 * rest).min(few)) / f64::from(few);
         break (error * (1.0 - gain), reason);
     };
     sampler.finish(image, (metric, error), reason)

@@ -5,9 +5,6 @@ use super::Metric;
 use super::incremental_sampler::IncrementalSampler;
 use crate::metrics::{displayed, mean_flip, mean_over};
 
-/// Bounds of r, see [`super`].
-const VARIANCE_RATIOS: (f64, f64) = (0.353_553_390_593_273_8, 0.5);
-
 /// Rows of the parts of a picture that are measured, one after the other: FLIP takes 160 bytes a pixel.
 const ROWS: usize = 64;
 
@@ -17,43 +14,32 @@ pub(crate) struct SplitImage {
     pub samples: u32,
     /// Mean of the samples.
     pub pixels: Vec<[f32; 3]>,
-    halves: [Vec<[f32; 3]>; 2],
-    /// Mean square difference of the halves, in film values clamped to 0 to 1.
-    difference: f64,
-    /// RMS error relative to the RMS difference of the halves.
-    error_ratio: f64,
+    halves: Halves,
 }
 
+/// The pixels of both halves.
+pub(crate) type Halves = [Vec<[f32; 3]>; 2];
+
 impl SplitImage {
-    /// A picture of two samples. Their r is that of independent samples.
-    pub(crate) fn new(a: Vec<[f32; 3]>, b: Vec<[f32; 3]>) -> Self {
-        SplitImage::of_halves(1, None, [a, b])
-    }
-
-    /// The picture of twice as many samples; `more` is the mean of the second half.
-    pub(crate) fn doubled_with(self, more: Vec<[f32; 3]>) -> Self {
-        SplitImage::of_halves(self.samples, Some(self.difference), [self.pixels, more])
-    }
-
-    /// `before` is the mean square difference before the last doubling.
-    fn of_halves(samples: u32, before: Option<f64>, halves: [Vec<[f32; 3]>; 2]) -> Self {
+    /// A picture of which each half has `of_half` samples.
+    pub(crate) fn new(halves: Halves, of_half: u32) -> Self {
         let [a, b] = &halves;
-        let clamped = |c: f64| c.clamp(0.0, 1.0);
-        let difference = mean_over(a, b, |a, b| (clamped(a) - clamped(b)).powi(2));
-        let error_ratio = error_ratio(variance_ratio(before, difference));
-        let pixels = weighted_mean(a, samples, b, samples);
-        SplitImage { samples: 2 * samples, pixels, halves, difference, error_ratio }
+        SplitImage { samples: 2 * of_half, pixels: weighted_mean(a, 1, b, 1), halves }
     }
 
-    /// Adds `of_more` samples with the mean `more`.
-    pub(crate) fn extend_with(&mut self, more: &[[f32; 3]], of_more: u32) {
-        self.pixels = weighted_mean(&self.pixels, self.samples, more, of_more);
-        self.samples += of_more;
+    /// The picture with `of_more` samples more in each half.
+    pub(crate) fn extended_with(self, more: &Halves, of_more: u32) -> Self {
+        let of_half = self.samples / 2;
+        let halves = [0, 1].map(|i| weighted_mean(&self.halves[i], of_half, &more[i], of_more));
+        SplitImage::new(halves, of_half + of_more)
     }
 
     /// Estimated RMS error in film values; above 0.
     pub(crate) fn rms_error(&self) -> f64 {
-        (self.error_ratio * self.difference.sqrt()).max(f64::MIN_POSITIVE)
+        let clamped = |c: f64| c.clamp(0.0, 1.0);
+        let [a, b] = &self.halves;
+        let difference = mean_over(a, b, |a, b| (clamped(a) - clamped(b)).powi(2));
+        (0.5 * difference.sqrt()).max(f64::MIN_POSITIVE)
     }
 
     /// Estimated error of display values.
@@ -64,7 +50,7 @@ impl SplitImage {
         type Rows<'a> = &'a [[f32; 3]];
         let of_part = |(shown, (a, b)): (Rows, (Rows, Rows))| {
             let [shown, a, b] = [shown, a, b].map(|pixels| displayed(pixels, sampler.values));
-            let displaced = displaced(&shown, [&a, &b], self.error_ratio);
+            let displaced = displaced(&shown, [&a, &b]);
             match metric {
                 Metric::Flip => mean_flip(&shown, &displaced, width as u32) * shown.len() as f64,
                 Metric::Rmse => mean_over(&shown, &displaced, |a, b| (a - b) * (a - b)) * shown.len() as f64,
@@ -91,23 +77,12 @@ fn weighted_mean(a: &[[f32; 3]], of_a: u32, b: &[[f32; 3]], of_b: u32) -> Vec<[f
     a.iter().zip(b).map(|(a, b)| std::array::from_fn(|c| mean(a[c], b[c]))).collect()
 }
 
-/// RMS error relative to the RMS difference of the halves, by r.
-fn error_ratio(r: f64) -> f64 {
-    (r / (4.0 * (1.0 - r))).sqrt()
-}
-
-/// r, see [`super`]. `before` and `now` are the mean square differences of the halves before and after a doubling.
-fn variance_ratio(before: Option<f64>, now: f64) -> f64 {
-    let measured = before.filter(|&before| before > 0.0).map_or(VARIANCE_RATIOS.1, |before| now / before);
-    measured.clamp(VARIANCE_RATIOS.0, VARIANCE_RATIOS.1)
-}
-
-/// `shown` plus `ratio` times the difference of the halves, clamped to 0 to 1.
-fn displaced(shown: &[[f32; 3]], [a, b]: [&[[f32; 3]]; 2], ratio: f64) -> Vec<[f32; 3]> {
-    let ratio = ratio as f32;
-    let pixel =
-        |i: usize| std::array::from_fn(|c| (shown[i][c] + ratio * (a[i][c] - b[i][c])).clamp(0.0, 1.0));
-    (0..shown.len()).map(pixel).collect()
+/// The display values of the half that is farther from those of the picture, `shown`, by pixels and channels. They are
+/// half of the difference of the halves away, but where display values are clipped: there the brighter half may have
+/// the same as the picture.
+fn displaced(shown: &[[f32; 3]], [a, b]: [&[[f32; 3]]; 2]) -> Vec<[f32; 3]> {
+    let farther = |shown: f32, a: f32, b: f32| if (a - shown).abs() > (b - shown).abs() { a } else { b };
+    (0..shown.len()).map(|i| std::array::from_fn(|c| farther(shown[i][c], a[i][c], b[i][c]))).collect()
 }
 
 #[cfg(test)]
@@ -115,26 +90,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_error_ratio_follows_from_the_variance_ratio() {
-        // Independent halves: the RMS error of their mean is half of their RMS difference.
-        let ratio = |before, now| error_ratio(variance_ratio(before, now));
-        assert_eq!(ratio(None, 1.0), 0.5);
-        assert_eq!(ratio(Some(2.0), 1.0), 0.5);
-        // Ratios outside the bounds are clamped.
-        assert_eq!(ratio(Some(1.0), 1.0), 0.5);
-        // r / (4 (1 - r)) of 2^-1.5 is 0.136729.
-        assert!((ratio(Some(10.0), 1.0).powi(2) - 0.136_729).abs() < 1e-6);
-    }
-
-    #[test]
     fn means_are_weighted_by_sample_count() {
         // (4 * 1 + 2 * 4) / 6 = 2.
         assert_eq!(weighted_mean(&[[1.0; 3]], 4, &[[4.0; 3]], 2), [[2.0; 3]]);
     }
 
+    /// Halves of 0 and 3 have the mean 1.5, of which 1 is displayed: 0 is off by 1, 3 by nothing.
     #[test]
-    fn displaced_values_are_clamped() {
-        let (a, b) = ([[1.0, 0.5, 0.0]], [[0.0, 0.25, 1.0]]);
-        assert_eq!(displaced(&[[0.75; 3]], [&a, &b], 0.5), [[1.0, 0.875, 0.25]]);
+    fn clipped_halves_do_not_hide_errors() {
+        let (a, b) = ([[0.0, 0.25, 1.0]], [[1.0, 0.75, 0.0]]);
+        assert_eq!(displaced(&[[1.0, 0.5, 0.4]], [&a, &b]), [[0.0, 0.75, 1.0]]);
     }
 }

@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod adaptive;
 mod alpha;
 mod ambient_occlusion;
 mod aov;

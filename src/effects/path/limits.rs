@@ -320,8 +320,8 @@ impl Buffers {
             into.samples.extend(samples.filter_map(|(i, sample)| {
                 let (by_depth, by_clamp) = (value(by_depth, i), value(by_clamp, i));
                 let is_whole = by_depth == DVec3::ZERO && by_clamp == DVec3::ZERO;
-                let pixel = [sample.x, sample.y];
-                (!is_whole).then(|| LeftOutSample { pixel, by_depth: by_depth / share, by_clamp })
+                let index = *sample;
+                (!is_whole).then(|| LeftOutSample { index, by_depth: by_depth / share, by_clamp })
             }));
             into.bounces.add(&left_out.bounces);
         });

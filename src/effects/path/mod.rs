@@ -70,8 +70,9 @@ pub(super) const TRANSPORT: TransportEntry = TransportEntry {
     switch: Some(id::PATH),
     effects: &[],
     reason: "paths are traced",
-    specify: |_, spec| {
+    specify: |context: &EffectContext, spec| {
         spec.is_random = true;
+        spec.has_rare_light |= context.world.volumes.is_some();
         spec.secondary =
             Some(SecondaryRays { kind: RAYS, hits: "path hits", effect: id::PATH, are_mirrored: false });
     },
