@@ -77,11 +77,13 @@ fn outputs(command: &Command) -> impl Iterator<Item = &PathBuf> {
     std::iter::once(&command.output).chain(&command.stats)
 }
 
-/// Checks that no picture overwrites a file that any of the inputs refers to, which only reading them tells. An input
-/// that cannot be read may refer to any file, so that with one of those only pictures of kiln are overwritten.
+/// Checks that no picture overwrites a file that any of the inputs refers to. The inputs are read to find these. If one
+/// cannot be read, only pictures made by kiln are overwritten.
 fn check_outputs(commands: &[Command], interrupted: &AtomicBool) -> Result<()> {
-    // Otherwise nothing is overwritten.
-    if !commands.iter().flat_map(outputs).any(|output| output.exists()) {
+    // No output exists, so none is overwritten.
+    if commands.iter().any(|one| one.list_outputs)
+        || !commands.iter().flat_map(outputs).any(|output| output.exists())
+    {
         return Ok(());
     }
     let mut unread = None;

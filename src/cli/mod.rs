@@ -327,8 +327,8 @@ pub fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool> {
     };
     let builder = rayon::ThreadPoolBuilder::new().num_threads(number);
     builder.build().map_err(|_| Error::Failed {
-        what: "the system cannot start as many threads".into(),
-        hint: "give a smaller number as --threads; `ulimit -u` is the limit of this user".into(),
+        what: "the system cannot start that many threads".into(),
+        hint: "give a smaller number as --threads, or raise the limits on memory and threads".into(),
     })
 }
 

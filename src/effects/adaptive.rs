@@ -69,12 +69,12 @@ impl Buffers {
     }
 }
 
-/// What the samples of each pixel of the sampled region say.
+/// Sample statistics of the pixels of the sampled region.
 #[derive(Default)]
 struct Estimates {
     samples: Vec<(SampleGroups, SampleVariance)>,
     first: Vec<FirstSamples>,
-    /// For each pixel, what the first samples around it say; unused for those of the apron.
+    /// For each pixel, statistics of the first samples around it; unused for those of the apron.
     around: Vec<Neighbourhood>,
     /// At the end of a round, for each pixel that is sampled.
     current: Vec<SampleEstimate>,
@@ -99,7 +99,7 @@ impl Estimates {
         variance.add(value);
     }
 
-    /// Keeps what the first samples say.
+    /// Stores the statistics of the first samples.
     fn end_first_round(&mut self, region: SampledRegion, has_rare_light: bool) {
         let Estimates { samples, first, around, .. } = self;
         first.clear();
@@ -121,12 +121,13 @@ impl Estimates {
         for pixel in region.tile_pixels() {
             let sum = |radius| -> Vec4 { region.neighbourhood(pixel, radius).map(|near| isolated[near]).sum() };
             // Whether its neighbours are isolated depends on the pixel's own samples.
-            let others = region.neighbourhood(pixel, RARE_LIGHT_RADIUS).count() - region.around(pixel).count();
-            around[pixel].isolated = (sum(RARE_LIGHT_RADIUS) - sum(1)).max(Vec4::ZERO) / others as f32;
+            let count = |radius| region.neighbourhood(pixel, radius).count();
+            let others = (count(RARE_LIGHT_RADIUS) - count(1)).max(1) as f32;
+            around[pixel].isolated = (sum(RARE_LIGHT_RADIUS) - sum(1)).max(Vec4::ZERO) / others;
         }
     }
 
-    /// Evaluates what the samples so far say.
+    /// Updates the estimates of the pixels that are sampled.
     fn end_round(&mut self, live: impl Iterator<Item = usize>, mean_sign: f64) {
         for pixel in live.filter(|_| !self.samples.is_empty()) {
             let (groups, variance) = &self.samples[pixel];

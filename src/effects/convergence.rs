@@ -17,11 +17,11 @@
 //!   certain: the variance is that of single samples over n, which bounds it from above, pooled with that of the groups
 //!   over their count.
 //!
-//! What no sample has shown has no variance. Four terms bound it, from first samples ([`FirstSamples`]): their deviation
-//! among the neighbours, for features that may pass through the pixel unseen ([`missed_variance`]); their variance, to
-//! which that of few samples is pooled; their number, for events that are too rare to have been seen
-//! ([`unseen_variance`]); and, where the plan has light that few samples find, the variance of isolated pixels in a wider
-//! neighbourhood ([`FirstSamples::isolated_variance`]).
+//! What no sample has shown has no variance. Four terms bound it, from first samples ([`FirstSamples`]): their
+//! deviation among the neighbours, for features that may pass through the pixel unseen ([`missed_variance`]); their
+//! variance, to which that of few samples is pooled; their number, for events that are too rare to have been seen
+//! ([`unseen_variance`]); and, where the plan has light that few samples find, the variance of isolated pixels in a
+//! wider neighbourhood ([`FirstSamples::isolated_variance`]).
 //!
 //! First samples are taken for every pixel of the tile and its apron ([`super::region::SampledRegion`]). So the result
 //! depends on the pixel's place and the settings, not on which other pixels are rendered.
@@ -126,9 +126,9 @@ impl SampleGroups {
         self.taken >> self.power
     }
 
-    /// The variance of the mean of all samples, per channel, where nothing but the samples within a group is stratified;
-    /// infinite for fewer than two groups. `mean` is the mean of the samples without their signs, `mean_sign` the
-    /// expected sign ([`crate::film::ReconstructionFilter::mean_sign`]).
+    /// The variance of the mean of all samples, per channel, where nothing but the samples within a group is
+    /// stratified; infinite for fewer than two groups. `mean` is the mean of the samples without their signs,
+    /// `mean_sign` the expected sign ([`crate::film::ReconstructionFilter::mean_sign`]).
     fn independent_variance(&self, mean: DVec3, mean_sign: f64) -> DVec3 {
         let full = self.full() as usize;
         if full < 2 {
@@ -160,7 +160,7 @@ impl From<&SampleVariance> for FirstSamples {
     }
 }
 
-/// What the first samples around a pixel say of it.
+/// Statistics of the first samples around a pixel.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Neighbourhood {
     /// The mean square deviation, per channel, of a sample from the mean of all.
@@ -172,7 +172,7 @@ pub struct Neighbourhood {
 }
 
 impl Neighbourhood {
-    /// What the first samples of the pixels `near` say. Pixels that are not finite are left out.
+    /// The statistics of the pixels `near`. Pixels that are not finite are left out.
     #[inline(always)]
     pub fn new<'a>(near: impl Iterator<Item = &'a FirstSamples> + Clone) -> Self {
         let finite = near.filter(|first| first.mean.is_finite() && first.variance.is_finite());
@@ -194,11 +194,9 @@ pub fn neighbourhood_radius(has_rare_light: bool) -> u32 {
 }
 
 impl FirstSamples {
-    /// The variance of a pixel whose first samples vary more than half of those of all pixels `around` it together; 0 for
-    /// others.
-    ///
-    /// So are events of which the first samples of three by three pixels show few: light through a lens or glass from
-    /// something small and bright. Edges go on in the next pixels.
+    /// The variance of a pixel whose first samples vary more than half as much as those of all pixels `around` it
+    /// together; 0 for others. Rare events, such as light of a small lamp through a lens, appear in isolated pixels;
+    /// edges also in the pixels beside them.
     pub fn isolated_variance<'a>(&self, around: impl IntoIterator<Item = &'a FirstSamples>) -> Vec4 {
         let of_others: f32 = around.into_iter().map(|other| other.variance.element_sum()).sum();
         let own = self.variance.element_sum();
@@ -206,18 +204,20 @@ impl FirstSamples {
     }
 }
 
-/// The weight of the neighbourhood's variance in [`SampleEstimate::variance_of_mean`], in samples: that of the eight neighbours, one
-/// sample each.
+/// The weight of the neighbourhood's variance in [`SampleEstimate::variance_of_mean`], in samples: that of the eight
+/// neighbours, one sample each.
 const PRIOR_SAMPLES: f32 = 8.0;
 
-/// The weight there of the variance of isolated pixels, in samples. Where events have the probability p and none is
-/// seen, a pixel takes more samples the larger p is, so that n p is 5 to 14 and hardly any ends without one.
+/// The weight in [`SampleEstimate::variance_of_mean`] of the variance of isolated pixels, in samples. Where events have
+/// the probability p and none is seen, a pixel takes more samples the larger p is, so that n p is 5 to 14 and hardly
+/// any ends without one.
 const ISOLATED_SAMPLES: f32 = 64.0;
 
-/// The weight there of samples that are not stratified, in groups: half of all groups.
+/// The weight in [`SampleEstimate::variance_of_mean`] of samples that are not stratified, in groups: half of all
+/// groups.
 const PRIOR_GROUPS: f32 = 4.0;
 
-/// What the samples of a pixel say of the mean of as many.
+/// A pixel's value, and the variance of a mean of as many samples.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SampleEstimate {
     /// The value of the pixel.
@@ -229,8 +229,6 @@ pub struct SampleEstimate {
     samples: u32,
     /// Groups that are full.
     groups: u32,
-    /// Whether groups have two samples and more.
-    is_grouped: bool,
 }
 
 impl SampleEstimate {
@@ -241,8 +239,7 @@ impl SampleEstimate {
         let [value, variance, between] =
             [groups.value(mean, mean_sign), variance, groups.independent_variance(mean, mean_sign)]
                 .map(|v| v.as_vec3().extend(0.0));
-        let (groups, is_grouped) = (groups.full(), groups.power > 0);
-        SampleEstimate { value, variance, between, samples: samples.count(), groups, is_grouped }
+        SampleEstimate { value, variance, between, samples: samples.count(), groups: groups.full() }
     }
 
     /// The variance of the mean, per channel; infinite for one sample.
@@ -255,25 +252,25 @@ impl SampleEstimate {
         }
     }
 
-    /// That of [`Integrand::Random`].
+    /// [`SampleEstimate::variance_of_mean`] for [`Integrand::Random`].
     ///
-    /// The variance of few samples is often far too low: that of four rays to a light of which a tenth is visible is 0 in
-    /// two of three pixels. It is pooled with that around, as the mean of a posterior with a conjugate prior (Gelman and
-    /// others, Bayesian Data Analysis, 3rd edition, section 2.6). The larger of the own and the pooled variance counts,
-    /// because an underestimate ends a pixel and an overestimate is corrected by further samples.
+    /// The variance of few samples is often far too low: that of four rays to a light of which a tenth is visible is 0
+    /// in two of three pixels. It is pooled with that around, as the mean of a posterior with a conjugate prior (Gelman
+    /// and others, Bayesian Data Analysis, 3rd edition, section 2.6). The larger of the own and the pooled variance
+    /// counts, because an underestimate ends a pixel and an overestimate is corrected by further samples.
     ///
-    /// Stratification shows in the groups: their variance over their count has the mean of the true variance or a larger
-    /// one, as the samples of a group are stratified and two groups are no less alike than independent ones. It is that of
-    /// eight numbers at most, so it is pooled in turn, with the variance of samples that are not stratified, which bounds
-    /// it from above.
+    /// Stratification shows in the groups: their variance over their count has the mean of the true variance or a
+    /// larger one, as the samples of a group are stratified and two groups are no less alike than independent ones. It
+    /// is that of eight numbers at most, so it is pooled in turn, with the variance of samples that are not stratified,
+    /// which bounds it from above.
     #[inline(always)]
     fn random_variance(&self, around: &Neighbourhood) -> Vec4 {
         let (samples, degrees) = (self.samples as f32, self.samples.saturating_sub(1) as f32);
         let pooled = (self.variance * degrees + around.variance * PRIOR_SAMPLES) / (degrees + PRIOR_SAMPLES);
         let rare = around.isolated * (ISOLATED_SAMPLES / (degrees + ISOLATED_SAMPLES));
         let random = (self.variance.max(pooled) + rare) / samples;
-        // Groups of one sample show nothing of the kind.
-        if !self.is_grouped {
+        // Groups of one sample are not stratified.
+        if self.groups == self.samples {
             return random;
         }
         let degrees = self.groups.saturating_sub(1) as f32;
@@ -282,18 +279,20 @@ impl SampleEstimate {
 }
 
 /// The value of a pixel and the variance of its mean, per channel, by the estimates of pixels around it: the mean of
-/// their values, and the root of the mean fourth power of their variances, in which the larger ones count for more, as an edge
-/// crosses few of them. Pixels that are not finite are left out; without others the variance is infinite.
+/// their values, and the root of the mean fourth power of their variances, in which the larger ones count for more, as
+/// an edge crosses few of them. Pixels that are not finite are left out; without others the variance is infinite.
 #[inline(always)]
 pub fn value_and_variance<'a>(
     near: impl Iterator<Item = &'a SampleEstimate>,
     integrand: Integrand,
     around: &Neighbourhood,
 ) -> (DVec3, DVec3) {
-    let (mut values, mut powers, mut count) = (Vec4::ZERO, Vec4::ZERO, 0u16);
+    let (mut values, mut powers, mut count) = (Vec4::ZERO, DVec3::ZERO, 0u16);
     for estimate in near {
         let variance = estimate.variance_of_mean(integrand, around);
         if variance.is_finite() && estimate.value.is_finite() {
+            // In f64: fourth powers of dim light underflow in f32.
+            let variance = variance.truncate().as_dvec3();
             let square = variance * variance;
             (values, powers, count) = (values + estimate.value, powers + square * square, count + 1);
         }
@@ -301,12 +300,11 @@ pub fn value_and_variance<'a>(
     if count == 0 {
         return (DVec3::ZERO, DVec3::INFINITY);
     }
-    let [values, powers] = [values, powers].map(|sum| sum.truncate().as_dvec3() / f64::from(count));
+    let (values, powers) = (values.truncate().as_dvec3() / f64::from(count), powers / f64::from(count));
     (values, DVec3::from(powers.to_array().map(|power| power.sqrt().sqrt())))
 }
 
-/// The variance of a pixel's value from events that none of `observed` samples of the pixel and its neighbours has
-/// shown.
+/// The variance of a pixel's value from events that none of `observed` samples of its neighbours has shown.
 ///
 /// The probability of an event that has not happened in n samples is taken to be 1 / (2 (n + 1)), its posterior mean by
 /// Jeffreys' prior, the beta distribution of parameters 1/2 and 1/2 (Gelman and others, Bayesian Data Analysis, 3rd

@@ -286,8 +286,8 @@ impl Recorder {
         let signs: Vec<f64> = samples
             .map_or(Vec::new(), |samples| samples.of_pass(&indices).map(|(_, sign, _)| sign).collect());
         self.pass.clear();
-        for (i, &SampleIndex { x, y, sample }) in indices.iter().enumerate() {
-            let index = SampleIndex { x, y, sample };
+        for (i, &index) in indices.iter().enumerate() {
+            let SampleIndex { x, y, sample } = index;
             let is_own = [x, y] == self.pixel && samples.is_none_or(|samples| samples.is_counted(index));
             self.pass.push(is_own.then_some(self.samples.len()));
             if is_own {

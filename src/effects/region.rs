@@ -52,8 +52,8 @@ impl SampledRegion {
     }
 
     /// The pixels whose further samples the test of a pixel reads: those of the up to eight around it that are in the
-    /// same block of the picture. A tile of a whole picture is one block, so nothing is sampled beyond its first samples
-    /// for other tiles.
+    /// same block of the picture. A tile of a whole picture is one block, so nothing is sampled beyond its first
+    /// samples for other tiles.
     #[inline(always)]
     pub fn tested_by(&self, pixel: usize) -> impl Iterator<Item = usize> + Clone + use<> {
         let Window { x, y, width, height } = self.whole;

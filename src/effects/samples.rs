@@ -6,8 +6,9 @@
 //! sampled with it and discarded ([`SampledRegion`]), so that crops and tilings do not change a pixel.
 //!
 //! The test of a pixel reads the samples of its neighbours and none of its own, so that the mean of its first n samples
-//! is unbiased, n being what the test chooses (Kirk and Arvo, Unbiased Sampling Techniques for Image Synthesis, SIGGRAPH
-//! 1991). While a pixel is tested, its neighbours are sampled as well; samples beyond their own n only serve the test.
+//! is unbiased, n being what the test chooses (Kirk and Arvo, Unbiased Sampling Techniques for Image Synthesis,
+//! SIGGRAPH 1991). While a pixel is tested, its neighbours are sampled as well; samples beyond their own n only serve
+//! the test.
 
 use glam::DVec3;
 

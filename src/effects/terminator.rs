@@ -1,14 +1,15 @@
 //! Shadow terminator: on triangles that approximate a smooth surface, light ends where the smooth surface turns away.
 //!
-//! With interpolated normals, a triangle near the terminator is lit according to its normals, but lies below the horizon of its
-//! own plane or in the shadow of its neighbours. The boundary of the shadow then follows the triangles. Hanika, Hacking the Shadow
-//! Terminator (Ray Tracing Gems II, chapter 4, 2021) starts shadow rays on the smooth surface instead: the point is lifted above
-//! the tangent planes of the three corners, weighted by its barycentrics. On a concave surface the point lies above these
-//! planes and is not moved. It is not moved either where something lies between it and the lifted point, which the shadow ray would
-//! miss.
+//! With interpolated normals, a triangle near the terminator is lit according to its normals, but lies below the
+//! horizon of its own plane or in the shadow of its neighbours. The boundary of the shadow then follows the triangles.
+//! Hanika, Hacking the Shadow Terminator (Ray Tracing Gems II, chapter 4, 2021) starts shadow rays on the smooth
+//! surface instead: the point is lifted above the tangent planes of the three corners, weighted by its barycentrics. On
+//! a concave surface the point lies above these planes and is not moved. It is not moved either where something lies
+//! between it and the lifted point, which the shadow ray would miss.
 //!
-//! Of paths, all rays that leave an opaque surface start there, so that light samples and BSDF samples estimate the same
-//! integral. Surfaces that transmit light keep their points, since the rays on their other side start from the triangle.
+//! Of paths, all rays that leave an opaque surface start there, so that light samples and BSDF samples estimate the
+//! same integral. Surfaces that transmit light keep their points, since the rays on their other side start from the
+//! triangle.
 
 use glam::DVec3;
 

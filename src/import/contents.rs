@@ -1,6 +1,5 @@
-//! What the contents of a file are, for files, standard input, the window and Python: a signature at the start, else
-//! the structure. Where neither tells, the ending of the name does ([`super::importer_of`]). Kinds are named by an
-//! ending, also those that are not read.
+//! Recognises the format of a file by its contents: by a signature at the start, else by the structure, else by the
+//! ending ([`super::importer_of`]). Formats are identified by an ending, also those that are not read.
 
 use super::lines::{Lines, take_word, without_comments};
 use super::{off, ply, stl};
@@ -27,7 +26,7 @@ pub(super) fn advice_on(ending: &str) -> String {
         "hdr" | "exr" => "--environment takes pictures of the surroundings".into(),
         "mtl" => "name the OBJ file that uses these materials".into(),
         "html" => "download the file itself".into(),
-        "txt" => "save it as UTF-8".into(),
+        "utf-32" => "save it as UTF-8".into(),
         "png" | "jpg" | "jpeg" | "tif" | "tiff" | "tga" | "dds" | "webp" | "bmp" => {
             "a picture becomes a texture by a material of a mesh file".into()
         }
@@ -64,8 +63,8 @@ const SIGNATURES: &[(&[u8], &str, &str)] = &[
     (b"\x28\xb5\x2f\xfd", "compressed by zstd", "zst"),
     (b"7z\xbc\xaf", "a 7z archive", "7z"),
     (b"Rar!", "a RAR archive", "rar"),
-    (b"\xff\xfe\0\0", "text in UTF-32", "txt"),
-    (b"\0\0\xfe\xff", "text in UTF-32", "txt"),
+    (b"\xff\xfe\0\0", "text in UTF-32", "utf-32"),
+    (b"\0\0\xfe\xff", "text in UTF-32", "utf-32"),
 ];
 
 /// As [`SIGNATURES`], in any case after white space.
@@ -91,9 +90,9 @@ pub(super) fn kind(start: &[u8], length: u64) -> Option<(&'static str, &'static 
     }
     let has_facet = || text.windows(5).any(|word| word.eq_ignore_ascii_case(b"facet"));
     let ending = match () {
+        () if stl::has_length_of_binary(start, length) => "stl",
         () if ply::is_start(start) => "ply",
         () if off::is_start(text) => "off",
-        () if stl::has_length_of_binary(start, length) => "stl",
         () if text.starts_with(b"{") => "gltf",
         () if begins(text, b"facet normal") || begins(text, b"solid") && has_facet() => "stl",
         () if start.contains(&0) => return None,

@@ -442,7 +442,8 @@ fn read_one(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let (importer, ending) = (source.importer, ending(&source.file));
     let read = (importer.read)(source, warnings);
     source.note_references(warnings);
-    if read.is_err() && source.bytes.is_empty() && !importer.streams {
+    let has_none = read.as_ref().is_ok_and(|scene| scene.objects.is_empty() && !importer.is_scene_file);
+    if (read.is_err() || has_none) && source.bytes.is_empty() && !importer.streams {
         return Err(empty(&source.file));
     }
     if read.is_ok() && !ending.is_empty() && !importer.endings.contains(&ending.as_str()) {
@@ -472,17 +473,21 @@ fn hinted(e: Error, input: &Path) -> Error {
     }
 }
 
+/// The endings of environments.
+#[cfg(feature = "viewer")]
+const ENVIRONMENTS: [&str; 2] = ["hdr", "exr"];
+
 /// Whether a file is an image that lights a scene as its environment.
 #[cfg(feature = "viewer")]
 pub(crate) fn is_environment_file(file: &Path) -> bool {
-    ["hdr", "exr"].contains(&kind_of_file(file).as_str())
+    ENVIRONMENTS.contains(&kind_of_file(file).as_str())
 }
 
 /// Whether a file can be opened, alone or as an environment.
 #[cfg(feature = "viewer")]
 pub(crate) fn is_known(file: &Path) -> bool {
-    let is_importable = |ending: String| importer_by_ending(&ending).is_some();
-    is_importable(ending(file)) || is_importable(kind_of_file(file)) || is_environment_file(file)
+    let is = |kind: &str| importer_by_ending(kind).is_some() || ENVIRONMENTS.contains(&kind);
+    is(&ending(file)) || is(&kind_of_file(file))
 }
 
 /// The kind of a file by its contents, else its ending.

@@ -122,8 +122,8 @@ fn without_comment(name: &str) -> &str {
 /// Factor and offset of texture coordinates, (0, 0) at the lower left corner of the image.
 type Transform = Option<(DVec2, DVec2)>;
 
-/// Adds the materials of all MTL files to the scene. Of equal names, that of the first file counts, as the OBJ text says
-/// of the files of a `mtllib`; in a file, the last.
+/// Adds the materials of all MTL files to the scene. Of equal names, that of the first file counts, as the OBJ text
+/// says of the files of a `mtllib`; in a file, the last.
 fn read_materials(
     source: &Source,
     assembly: &Assembly,

@@ -44,9 +44,9 @@ impl Source {
     /// Resolves a file reference to a path in the folder of this file or below, unless the options allow others.
     ///
     /// Candidates in order: the path as written, following symbolic links; a path that differs only in case or Unicode
-    /// normalization; a file of the same name anywhere below the folder. The latter two are also tried without quotes, without a trailing
-    /// comment and percent-decoded, and a note names the file found. If no file exists, the path as written is
-    /// returned.
+    /// normalization; a file of the same name anywhere below the folder. The latter two are also tried without quotes,
+    /// without a trailing comment and percent-decoded, and a note names the file found. If no file exists, the path as
+    /// written is returned.
     ///
     /// # Errors
     /// A message if the reference leads out of the folder or is ambiguous.
@@ -83,8 +83,8 @@ impl Source {
         Err(format!("`{name}` does not exist; candidates: {}{more}; rename one of them", named.join(", ")))
     }
 
-    /// Path of a reference of a scene file, which may lead anywhere: as written, or a path in its folder or below that differs
-    /// only in case or Unicode normalization, with a note.
+    /// Path of a reference of a scene file, which may lead anywhere: as written, or a path in its folder or below that
+    /// differs only in case or Unicode normalization, with a note.
     pub(super) fn resolve_own(&self, name: &str) -> PathBuf {
         let written = self.beside(name);
         if self.files.has(&written) {
@@ -130,7 +130,8 @@ impl Source {
         self.files.listings.borrow_mut().notes.drain(..).for_each(|note| warnings.note(note));
     }
 
-    /// Files whose relative path equals `path` except for case and Unicode normalization. An exact match is the only result.
+    /// Files whose relative path equals `path` except for case and Unicode normalization. An exact match is the only
+    /// result.
     fn spelled_alike(&self, path: &Path) -> Vec<PathBuf> {
         if leaves_folder(path) {
             return Vec::new();

@@ -38,8 +38,9 @@ fn first_of(names: impl ExactSizeIterator<Item = String>) -> String {
     names.take(NAMED).collect::<Vec<_>>().join(", ") + &more
 }
 
-/// Cells along each axis of the bounds, and how many of them side by side are empty where something lies far from the rest.
+/// Cells along each axis of the bounds.
 const CELLS: u32 = u64::BITS;
+/// Adjacent empty cells from which the objects beyond them are far.
 const EMPTY: u32 = 60;
 
 /// Notes objects, and triangles of an object, that lie so far from the rest that it is small in the picture of a fitted

@@ -8,8 +8,8 @@
 //! Mean errors are those of the pixels whose centre ray hits an object other than the ground, so that a large
 //! background does not hide a jagged object; of all pixels where there are none, or where an environment is seen.
 //!
-//! The sequences are independent. So the means A and B of the halves are, too, and the variance of the picture (A + B) /
-//! 2 is E|A - B|^2 / 4, however the samples of a half are stratified. Errors of display values are those between the
+//! The sequences are independent. So the means A and B of the halves are, too, and the variance of the picture (A + B)
+//! / 2 is E|A - B|^2 / 4, however the samples of a half are stratified. Errors of display values are those between the
 //! picture and A or B, which are (A - B) / 2 away.
 
 mod incremental_sampler;

@@ -340,14 +340,14 @@ impl Scene {
         self.objects.iter().any(|object| self.materials[object.material.0 as usize].emits())
     }
 
-    /// Bounding box of what can be seen: analytic shapes, and triangles with an area, not stray vertices. `None` if nothing
-    /// can.
+    /// Bounding box of what can be seen: analytic shapes, and triangles with an area, not stray vertices. `None` if
+    /// nothing can.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
         bounds(&PointTrees::of(&self.objects), &self.objects)
     }
 
-    /// Calls `each` with the corners of every triangle that can be seen, counterclockwise seen from the front, in the order
-    /// of the scene.
+    /// Calls `each` with the corners of every triangle that can be seen, counterclockwise seen from the front, in the
+    /// order of the scene.
     pub(crate) fn for_each_triangle(&self, mut each: impl FnMut([DVec3; 3])) {
         for object in &self.objects {
             let is_mirrored = object.shape.is_mirrored();

@@ -326,10 +326,10 @@ const SIDES: u32 = 64;
 /// The least distance of a fitted camera from the nearest point, in diagonals of the scene's bounds.
 const CLEARANCE: f64 = 0.1;
 
-/// The extent of a scene, for an exact fit. In camera axes, a point (x, y, z) lies within a pyramid of the given slopes with its apex at
-/// (ex, ey, ez) where `|x - ex| <= slope.x (ez - z)`, and likewise in y. So
-/// `ez >= (max(x + slope.x z) + max(-x + slope.x z)) / (2 slope.x)`, and `ex` is half the difference of the two maxima. A slope of 0
-/// gives the extents for parallel rays. Returns the maxima of `x + slope.x z`, `-x + slope.x z`, the same two in y, and z.
+/// The extent of a scene, for an exact fit. In camera axes, a point (x, y, z) lies within a pyramid of the given slopes
+/// with its apex at (ex, ey, ez) where `|x - ex| <= slope.x (ez - z)`, and likewise in y. So `ez >= (max(x + slope.x z)
+/// + max(-x + slope.x z)) / (2 slope.x)`, and `ex` is half the difference of the two maxima. A slope of 0 gives the
+/// extents for parallel rays. Returns the maxima of `x + slope.x z`, `-x + slope.x z`, the same two in y, and z.
 fn extent(scene: &Scene, middle: DVec3, [u, v, w]: [DVec3; 3], slope: DVec2) -> [f64; 5] {
     let length = DVec2::new(1.0f64.hypot(slope.x), 1.0f64.hypot(slope.y));
     // The function `sign * across + slope * depth`.
@@ -479,11 +479,12 @@ mod tests {
         }
     }
 
-    /// A clip that begins with nothing to see is fitted to what comes.
+    /// A clip that begins with nothing to see is fitted to what comes. Only the side of the automatic view is that of
+    /// the first pose.
     #[test]
     fn poses_that_cannot_be_seen_do_not_count() {
         let [seen, flat] = [DVec3::ONE, DVec3::ZERO].map(|size| block(size, DVec3::splat(5.0)));
-        for (view, projection) in views() {
+        for (view, projection) in views().filter(|(view, _)| *view != StandardView::Auto) {
             let poses = vec![seen.clone(), flat.clone()].into_par_iter();
             let camera = fitted_to_poses(&flat, poses, view, 1.0, projection);
             assert_eq!(camera, fitted_camera(&seen, view, 1.0, projection), "{view:?} {projection:?}");

@@ -317,8 +317,9 @@ fn pixels_of_any_shape_are_refused_before_rendering() {
     }
 }
 
-/// What has no area is not in the picture of an automatic camera, nor in the ground, the turntable and the bounds: faces of
-/// equal or collinear corners, stray vertices, nodes of a scale of 0, at rest and at a time of a clip, and hidden nodes.
+/// What has no area is not in the picture of an automatic camera, nor in the ground, the turntable and the bounds:
+/// faces of equal or collinear corners, stray vertices, nodes of a scale of 0, at rest and at a time of a clip, and
+/// hidden nodes.
 #[test]
 fn what_cannot_be_seen_does_not_count() {
     let obj = block("box", 1, [0.0; 3], 1.0);

@@ -445,7 +445,7 @@ const MISTAKES: &[Mistake] = &[
     ),
     (Input, "a.obj\nglTF\u{2}\0\0\0", "a.obj: not a usable glTF file", "export", 3),
     (Input, "a.stl\nOFF\n3 1 0\n", "a.stl: has no triangles to draw", "kiln info", 3),
-    (Input, "a.glb\nply\nformat ascii 1.0\n", "a.glb:3: the header does not end with", "export", 3),
+    (Input, "a.glb\nply\nformat ascii 1.0\n", "a.glb:2: the header does not end with", "export", 3),
     (Input, "a.stl\n", "a.stl: is empty", "copy it again", 3),
     (Input, "a.glb\n", "a.glb: is empty", "copy it again", 3),
     (Input, "a\n", "a: is empty", "copy it again", 3),

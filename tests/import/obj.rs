@@ -191,7 +191,8 @@ fn obj_with_an_unknown_material_is_grey_and_says_which() {
     assert_eq!(names, ["red", "default"]);
 }
 
-/// "The first file listed is searched first" (appendix B1, `mtllib`), also on several lines; in a file, the last counts.
+/// "The first file listed is searched first" (appendix B1, `mtllib`), also on several lines; in a file, the last
+/// counts.
 #[test]
 fn the_first_library_that_has_a_material_counts() {
     let folder = Folder::new();

@@ -267,8 +267,9 @@ fn files_are_found_by_what_their_names_mean() {
     assert!(said.contains("materials left out") && said.contains("not there.mtl"), "{said}");
 }
 
-/// Names in NFC of files in NFD, as macOS stores them, and the other way round: of an MTL file, images, a buffer, and the
-/// mesh and the environment of a scene file; also in other folders and in another case. A name as written goes first.
+/// Names in NFC of files in NFD, as macOS stores them, and the other way round: of an MTL file, images, a buffer, and
+/// the mesh and the environment of a scene file; also in other folders and in another case. A name as written goes
+/// first.
 #[test]
 fn files_are_found_in_either_normalization() {
     let (composed, decomposed) = ("caf\u{e9}", "cafe\u{301}");

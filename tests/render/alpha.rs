@@ -167,8 +167,8 @@ fn depth_is_that_of_the_first_surface_that_covers_more_than_half() {
 
 /// The filter of textures is that of opacities, too. A leaf over x from -2 to 2 has a hole in its left half; `nearest`
 /// gives it a hard edge at x = 0, which bilinear interpolation smooths from -1 to 1 or, with a cutoff of 1/2 between
-/// 100 and 255, moves to x = -2 + 4 (1/4 + (127.5 - 100) / (255 - 100) / 2) = -0.65. Seen from above before white, and as
-/// the shadow on a floor below it.
+/// 100 and 255, moves to x = -2 + 4 (1/4 + (127.5 - 100) / (255 - 100) / 2) = -0.65. Seen from above before white, and
+/// as the shadow on a floor below it.
 #[test]
 fn nearest_texels_of_opacity_have_hard_edges() {
     let folder = tempfile::tempdir().expect("a folder");
