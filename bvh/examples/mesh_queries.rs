@@ -34,7 +34,7 @@ pub fn describe() -> Result<String, Box<dyn Error>> {
     let ray = open.ray([0.25, 0.75, -3.0], [0.0, 0.0, 1.0])?;
     let hit = open.closest_hit(&ray, traversal).ok_or("the ray hits the bottom")?;
     // The middle sees five of six sides: 5/6, which is 1/3 more than 1/2.
-    let middle = open.generalised_winding_number([0.5; 3], f64::INFINITY, traversal);
+    let middle = open.contains([0.5; 3], traversal);
     let nearest = open.nearest([0.5, 0.5, -0.25], 2, f64::INFINITY, traversal);
 
     let shifted: Vec<DVec3> = cube(DVec3::new(0.5, 0.5, 0.5)).collect();
@@ -43,8 +43,8 @@ pub fn describe() -> Result<String, Box<dyn Error>> {
     Ok(format!(
         "hit at {}; inside: {}, by a margin of {:.3}; the nearest triangles: {} and {} at {}; {} triangles meet",
         hit.t,
-        middle.is_inside(),
-        middle.margin(),
+        middle.is_inside,
+        middle.margin,
         nearest[0].prim.0,
         nearest[1].prim.0,
         nearest[0].distance,

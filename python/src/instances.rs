@@ -26,9 +26,9 @@ use crate::threads::in_threads;
 /// Objects are numbered as they are added; numbers of removed ones are not used again. Hits have their number in
 /// `.object`, their triangle in `.triangle`, and equal those on moved copies of the vertices, to the bit but in tier
 /// "fast". Moving an object, adding and removing one does not build the trees of others anew; `contains` and
-/// `signed_distance` look at all edges again after it. A mirrored object is inverted: rays enter it where they meet its
-/// back, and its winding number is -1 inside. Queries that run, and their results, are of the earlier objects. Nothing
-/// is changed by a call that raises.
+/// `signed_distance` look at all edges again after it. Triangles of a mirrored object are turned over, so that its
+/// outside stays outside. Queries that run, and their results, are of the earlier objects. Nothing is changed by a call
+/// that raises.
 #[pyclass(frozen, extends = Mesh, module = "kiln")]
 pub(crate) struct Instances;
 
@@ -36,10 +36,10 @@ pub(crate) struct Instances;
 fn state_of(py: Python, mut bvh: Bvh, parts: Parts) -> PyResult<State> {
     let (mut objects, mut copies, mut primitives) = (Vec::new(), HashMap::new(), 0);
     for part in &parts {
-        let mut object = ObjectPart { first: primitives as u32, ..ObjectPart::default() };
+        let mut object = ObjectPart { first: primitives as u32, instance: 0 };
         if let Some(placed) = part {
             let copies: &mut u32 = copies.entry(Arc::as_ptr(&placed.mesh)).or_default();
-            (object.instance, object.is_mirrored) = (*copies, placed.is_mirrored());
+            object.instance = *copies;
             *copies += 1;
             primitives += placed.triangle_count();
         }
@@ -73,7 +73,7 @@ fn warn_of_parts(py: Python, before: &Parts, state: &State) -> PyResult<()> {
         if before.get(object).and_then(Option::as_ref).is_some_and(|before| is_same(before, placed)) {
             continue;
         }
-        let triangles = (0..placed.triangle_count() as u32).map(|index| placed.corners_of(index).into());
+        let triangles = || (0..placed.triangle_count() as u32).map(move |i| placed.corners_of(i).into());
         warn_of_rounding(py, numerics, triangles, &format!("object {object}: "))?;
     }
     Ok(())

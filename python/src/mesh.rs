@@ -2,13 +2,15 @@
 
 use std::sync::{Arc, PoisonError, RwLock};
 
-use kiln::bvh::{Bvh, ClosestPoint, NotClosed, Preset, Primitive, RayList, SignedHit, Traversal};
+use kiln::bvh::{
+    Bvh, Closedness, ClosestPoint, InsideRule, NotClosed, Preset, Primitive, RayList, SignedHit, Traversal,
+};
 use kiln::geometry::{PrimId, Side};
 use kiln::glam::DVec3;
 use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::PyDict;
 use rayon::prelude::*;
 
 use crate::arrays::{
@@ -28,8 +30,8 @@ use crate::warn;
 /// vertices: (n, 3) float64, finite in f32. faces: (m, 3) integers below n, counterclockwise seen from the front.
 /// tier: the arithmetic that decides hits: "fast" (f32, rays may miss what they hit), "watertight" (vertices rounded to
 /// f32), "double" (vertices in f64) or "exact" (for the ray with its direction normalised, which rounds). "fast" and
-/// "watertight" warn where rounding moves a vertex by more than the shortest edge of its triangle. preset:
-/// "fast-build", "balanced" or "best-trace".
+/// "watertight" warn where rounding merges vertices or planes, or turns triangles over. preset: "fast-build",
+/// "balanced" or "best-trace".
 ///
 /// Distances are in the units of the vertices; directions need not have length 1. Queries release the GIL and use all
 /// threads (RAYON_NUM_THREADS). Raises ValueError for arguments of another shape or type and for numbers that are not
@@ -116,27 +118,34 @@ impl Mesh {
     }
 
     /// The results of `query` for the points, and the shape of these without the dimension of vectors. Before that,
-    /// warns of a surface that is not closed, where `needs_inside`.
+    /// warns of a surface that is not closed, if `warning` returns text on what that means.
     fn with_points<R: Send>(
         &self,
         points: &Bound<PyAny>,
-        needs_inside: bool,
+        warning: impl FnOnce(Closedness) -> Option<&'static str>,
         query: impl Fn(&Bvh, &[DVec3]) -> Vec<R> + Sync,
     ) -> PyResult<(Vec<R>, Vec<usize>)> {
         let (py, points) = (points.py(), Points::new(points)?);
         let State { bvh, .. } = &*self.now();
-        if needs_inside {
-            let closedness = in_threads(py, || bvh.closedness())?;
-            if !closedness.is_closed() {
-                let what = NotClosed(closedness);
-                warn(
-                    py,
-                    &format!("{what}; contains(points, return_margin=True) says how certain its answers are"),
-                )?;
-            }
+        let closedness = in_threads(py, || bvh.closedness())?;
+        if let Some(text) = warning(closedness).filter(|_| !closedness.is_closed()) {
+            warn(py, &format!("{}; {text}", NotClosed(closedness)))?;
         }
         Ok((points.results(|points| query(bvh, points))?, points.shape))
     }
+}
+
+/// How it is decided what is inside of a surface that is not closed.
+fn inside_rule(closedness: Closedness) -> Option<&'static str> {
+    Some(match closedness.rule() {
+        InsideRule::Vote => {
+            "triangles are wound in opposite directions, so a vote of three rays says what is inside"
+        }
+        _ => {
+            "the generalised winding number says what is inside, contains(points, return_margin=True) how certain \
+             that is"
+        }
+    })
 }
 
 #[pymethods]
@@ -437,24 +446,30 @@ impl Mesh {
         Found::result("Crossings", fields, state, &place, vec![len])
     }
 
-    /// Whether points are inside the surface: (n,) bool, whether the winding number is not 0. Exact for a closed
-    /// surface; warns of another. points: (n, 3) float64.
+    /// Whether points are inside the surface: (n,) bool. Of a closed surface, with consistent winding, those whose winding
+    /// number is not 0, exactly. Warns of another: of an open one those whose generalised winding number is above 1/2 or
+    /// below -1/2; with inconsistent winding, those from which two of three rays cross it an odd number of times.
     ///
-    /// return_margin: for any surface, without a warning. Returns a pair: (n,) bool, whether the generalised winding
-    /// number is above 1/2 or below -1/2, and (n,) float64, how far it is from these beyond its error: 0.5 or more for
-    /// a closed surface, small near holes, and not above 0 where the point is not decided.
+    /// points: (n, 3) float64. return_margin: Containment instead, without a warning, which has a margin of certainty and
+    /// the rule.
     #[pyo3(signature = (points, return_margin = false))]
     fn contains<'py>(&self, points: &Bound<'py, PyAny>, return_margin: bool) -> PyResult<Bound<'py, PyAny>> {
         let py = points.py();
+        let mut rule = InsideRule::Crossings;
+        let warning = |closedness: Closedness| {
+            rule = closedness.rule();
+            inside_rule(closedness).filter(|_| !return_margin)
+        };
+        let (found, shape) = self.with_points(points, warning, Bvh::par_contains)?;
+        let is_inside = vector::<bool>(py, found.iter().map(|of| of.is_inside).collect());
+        let is_inside = in_shape(is_inside, &shape)?;
         if !return_margin {
-            let (inside, shape) = self.with_points(points, true, |bvh, points| bvh.par_contains(points).0)?;
-            return in_shape(vector(py, inside), &shape);
+            return Ok(is_inside);
         }
-        let (numbers, shape) =
-            self.with_points(points, false, |bvh, points| bvh.par_generalised_winding_numbers(points, 1.0))?;
-        let (is_inside, margin) = numbers.iter().map(|number| (number.is_inside(), number.margin())).unzip();
-        let [is_inside, margin] = [vector::<bool>(py, is_inside), vector::<f64>(py, margin)];
-        Ok(PyTuple::new(py, [in_shape(is_inside, &shape)?, in_shape(margin, &shape)?])?.into_any())
+        let margin = vector::<f64>(py, found.iter().map(|of| of.margin).collect());
+        let answer = result(py, "Containment", [is_inside, in_shape(margin, &shape)?])?;
+        answer.setattr("rule", rule.to_string())?;
+        Ok(answer)
     }
 
     /// The solid angle of the surface, seen from points, over 4 pi: WindingNumbers of n rows. 1 well inside of a
@@ -468,8 +483,11 @@ impl Mesh {
         beta: f64,
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = points.py();
-        let (numbers, shape) =
-            self.with_points(points, false, |bvh, points| bvh.par_generalised_winding_numbers(points, beta))?;
+        let (numbers, shape) = self.with_points(
+            points,
+            |_| None,
+            |bvh, points| bvh.par_generalised_winding_numbers(points, beta),
+        )?;
         let [value, error] = [
             numbers.iter().map(|number| number.value).collect(),
             numbers.iter().map(|number| number.error).collect(),
@@ -481,7 +499,8 @@ impl Mesh {
     /// How often the surface winds around points: (n,) int32, 1 inside of a closed mesh and 0 outside. Warns of a
     /// surface that is not closed. points: (n, 3) float64.
     fn winding_number<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        let (numbers, shape) = self.with_points(points, true, Bvh::par_winding_numbers)?;
+        let by_ray = |_| Some("winding numbers are those of one ray; see generalised_winding_number");
+        let (numbers, shape) = self.with_points(points, by_ray, Bvh::par_winding_numbers)?;
         in_shape(vector(points.py(), numbers), &shape)
     }
 
@@ -577,10 +596,10 @@ impl Mesh {
         result(py, "IntersectingTriangles", [object, triangle, other_object, other_triangle])
     }
 
-    /// The distances of points from the surface, negative inside: (n,) float64; nan for a mesh without triangles. Warns
-    /// of a surface that is not closed. points: (n, 3) float64.
+    /// The distances of points from the surface, negative inside as `contains` decides: (n,) float64; nan for a mesh
+    /// without triangles. Warns as `contains`. points: (n, 3) float64.
     fn signed_distance<'py>(&self, points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        let (distances, shape) = self.with_points(points, true, Bvh::par_signed_distances)?;
+        let (distances, shape) = self.with_points(points, inside_rule, Bvh::par_signed_distances)?;
         let distances: Vec<f64> =
             distances.into_iter().map(|distance| distance.unwrap_or(f64::NAN)).collect();
         in_shape(vector(points.py(), distances), &shape)
@@ -590,10 +609,11 @@ impl Mesh {
     fn closedness<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let state = self.now();
         let closedness = in_threads(py, || state.bvh.closedness())?;
-        let counts = [closedness.boundary_edges, closedness.non_manifold_edges, closedness.unbalanced_edges];
+        let Closedness { boundary_edges, non_manifold_edges, unbalanced_edges, inconsistent_edges } =
+            closedness;
+        let counts = [boundary_edges, non_manifold_edges, unbalanced_edges, inconsistent_edges];
         let counts = counts.map(|count| count.into_pyobject(py).map(Bound::into_any));
-        let [boundary, non_manifold, unbalanced] = counts;
-        result(py, "Closedness", [boundary?, non_manifold?, unbalanced?])
+        result(py, "Closedness", counts.into_iter().collect::<Result<Vec<_>, _>>()?)
     }
 }
 

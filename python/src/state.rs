@@ -36,8 +36,6 @@ pub(crate) struct ObjectPart {
     pub first: u32,
     /// Its index among the placements of the same mesh.
     pub instance: u32,
-    /// Whether its triangles are seen clockwise from the front.
-    pub is_mirrored: bool,
 }
 
 /// The tier and the preset with these names.
@@ -54,19 +52,16 @@ pub(crate) fn named(tier: &str, preset: &str) -> PyResult<(Numerics, Preset)> {
 }
 
 /// Warns of primitives whose corners the tier rounds coarsely, with `prefix` before the text.
-pub(crate) fn warn_of_rounding(
+pub(crate) fn warn_of_rounding<I: Iterator<Item = Primitive>>(
     py: Python,
     numerics: Numerics,
-    primitives: impl Iterator<Item = Primitive> + Send,
+    primitives: impl Fn() -> I + Send,
     prefix: &str,
 ) -> PyResult<()> {
     if numerics.precision() == Precision::Double {
         return Ok(());
     }
-    let mut rounding = CoarseRounding::new(numerics);
-    in_threads(py, || {
-        (0..).zip(primitives).for_each(|(id, primitive)| rounding.add(PrimId(id), &primitive));
-    })?;
+    let rounding = in_threads(py, || CoarseRounding::of(numerics, primitives))?;
     if rounding.triangles > 0 { warn(py, &format!("{prefix}{rounding}")) } else { Ok(()) }
 }
 
@@ -92,7 +87,7 @@ impl State {
         let (vertices, primitives) = (vertices.to_vec(), faces.len());
         let bvh =
             in_threads(py, || Bvh::from_mesh_with(&vertices, faces, preset, numerics))?.map_err(invalid)?;
-        warn_of_rounding(py, numerics, corners(faces, &vertices), "")?;
+        warn_of_rounding(py, numerics, || corners(faces, &vertices), "")?;
         Ok(State { bvh, primitives, objects: vec![ObjectPart::default()], scene: None, parts: Vec::new() })
     }
 
@@ -101,7 +96,7 @@ impl State {
         let (mut bvh, numerics, vertices) =
             (self.bvh.clone(), self.bvh.accelerator().numerics(), vertices.to_vec());
         in_threads(py, || bvh.update(corners(faces, &vertices)))?.map_err(invalid)?;
-        warn_of_rounding(py, numerics, corners(faces, &vertices), "")?;
+        warn_of_rounding(py, numerics, || corners(faces, &vertices), "")?;
         let objects = vec![ObjectPart::default()];
         Ok(State { bvh, primitives: self.primitives, objects, scene: None, parts: Vec::new() })
     }
@@ -116,13 +111,11 @@ impl State {
         let part = |(object, instance): (&kiln::scene::Object, u32)| {
             let first = primitives as u32;
             primitives += object.shape.primitive_count();
-            ObjectPart { first, instance, is_mirrored: object.shape.is_mirrored() }
+            ObjectPart { first, instance }
         };
         let objects = scene.objects.iter().zip(scene.placement_indices()).map(part).collect();
-        let of_scene: Vec<Primitive> = scene.primitives().collect();
-        let of_scene = || of_scene.iter().copied();
-        let bvh = in_threads(py, || Bvh::with(of_scene(), preset, numerics))?.map_err(invalid)?;
-        warn_of_rounding(py, numerics, of_scene(), "")?;
+        let bvh = in_threads(py, || scene.bvh_with(preset, numerics))?.map_err(invalid)?;
+        warn_of_rounding(py, numerics, || scene.primitives(), "")?;
         Ok(State { bvh, primitives, objects, scene: Some(scene), parts: Vec::new() })
     }
 
@@ -139,8 +132,7 @@ impl State {
 
     /// The unit normal of the front of a primitive, in a slot, at a point of it; `None` for a triangle without area.
     pub(crate) fn normal(&self, prim: PrimId, slot: SlotId, point: DVec3) -> Option<DVec3> {
-        let normal = self.bvh.geometric_normal_at(slot, point)?;
-        Some(if self.objects[self.locate(prim).0].is_mirrored { -normal } else { normal })
+        self.bvh.geometric_normal_at(prim, slot, point)
     }
 
     /// The shading normal at a point of a primitive, on the side of `normal`.

@@ -313,13 +313,24 @@ impl Scene {
     }
 
     /// An acceleration structure over [`Scene::primitives`] for ray queries, with the scene's tier or the default one.
-    /// For a preset or another tier: `Bvh::with(scene.primitives(), preset, numerics)`. Coordinates are those of the
-    /// scene. Every triangle of a placed mesh is stored, so scenes with many places take more memory than to render.
+    /// Coordinates are those of the scene. Every triangle of a placed mesh is stored, so scenes with many places take
+    /// more memory than to render. Mirrored meshes have their outside as they are seen ([`Bvh::set_clockwise`]).
     ///
     /// # Errors
     /// [`NotFinite::Primitive`] for coordinates and radii that are not finite in f32.
     pub fn bvh(&self) -> Result<Bvh, NotFinite> {
-        Bvh::with(self.primitives(), Preset::default(), self.picture.numerics())
+        self.bvh_with(Preset::default(), self.picture.numerics())
+    }
+
+    /// [`Scene::bvh`] with a preset and a tier.
+    ///
+    /// # Errors
+    /// As [`Scene::bvh`].
+    pub fn bvh_with(&self, preset: Preset, numerics: Numerics) -> Result<Bvh, NotFinite> {
+        let mut bvh = Bvh::with(self.primitives(), preset, numerics)?;
+        let shapes = self.objects.iter().map(|object| &object.shape);
+        bvh.set_clockwise(shapes.map(|shape| (shape.primitive_count(), shape.is_mirrored())));
+        Ok(bvh)
     }
 
     /// The object that a primitive belongs to, as an index into [`Scene::objects`], and the primitive's index in it;
@@ -349,9 +360,9 @@ impl Scene {
     /// Calls `each` with the corners of every triangle that can be seen, counterclockwise seen from the front, in the
     /// order of the scene.
     pub(crate) fn for_each_triangle(&self, mut each: impl FnMut([DVec3; 3])) {
-        for object in &self.objects {
-            let is_mirrored = object.shape.is_mirrored();
-            for primitive in object.shape.primitives().filter(can_be_seen) {
+        for Object { shape, .. } in &self.objects {
+            let is_mirrored = shape.is_mirrored();
+            for primitive in shape.primitives().filter(can_be_seen) {
                 if let Primitive::Triangle(Triangle([a, b, c])) = primitive {
                     each(if is_mirrored { [a, c, b] } else { [a, b, c] });
                 }

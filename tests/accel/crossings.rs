@@ -2,7 +2,7 @@
 
 use crate::common::oracle::moved;
 use crate::common::{Numbers, models};
-use kiln::bvh::{Bvh, Closedness, NotClosed, Preset, Primitive, Traversal};
+use kiln::bvh::{Bvh, Closedness, Containment, InsideRule, NotClosed, Preset, Primitive, Traversal};
 use kiln::geometry::{Disk, Numerics, PrimId, Ray, RayBuffer, Side, Triangle};
 use kiln::glam::DVec3;
 
@@ -37,6 +37,11 @@ fn check(triangles: &[Corners], rays: &[Ray], bits: u32) -> usize {
     count
 }
 
+/// Corner i of a cell has the bits of i as x, y and z.
+fn cell_corner(i: u32) -> DVec3 {
+    DVec3::from([i & 1, i >> 1 & 1, i >> 2].map(f64::from))
+}
+
 /// The surfaces of cells of a grid, some inside out. Cells share vertices, edges and faces, or coincide.
 struct Cells(Vec<(DVec3, i32)>);
 
@@ -50,12 +55,12 @@ impl Cells {
     }
 
     fn triangles(&self) -> Vec<Corners> {
-        // Corner i has the bits of i as x, y and z; faces are counter-clockwise from outside.
+        // Faces are counter-clockwise from outside.
         const FACES: [[u32; 4]; 6] =
             [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
         let of_cell = |(place, sign): &(DVec3, i32)| {
             let (place, sign) = (*place, *sign);
-            let corner = move |i: u32| place + DVec3::from([i & 1, i >> 1 & 1, i >> 2].map(f64::from));
+            let corner = move |i: u32| place + cell_corner(i);
             FACES.into_iter().flat_map(move |face| {
                 let [a, b, c, d] = face.map(corner);
                 [[a, b, c], [a, c, d]].map(|[a, b, c]| if sign > 0 { [a, b, c] } else { [a, c, b] })
@@ -271,7 +276,7 @@ fn disks_are_crossed_once() {
         assert_eq!(passed([0.0, 0.0, -2.0], up, 2.0), [(2.0, leave)]);
         assert_eq!(passed([0.0, 0.0, 2.0], down, 2.0), []);
         // Its rim is the one edge of the surface; with a triangle's there are four.
-        let open = Closedness { boundary_edges: 1, non_manifold_edges: 0, unbalanced_edges: 1 };
+        let open = Closedness { boundary_edges: 1, unbalanced_edges: 1, ..Closedness::default() };
         assert_eq!(bvh.closedness(), open);
         assert!(bvh.contains_if_closed([0.0, 0.0, -1.0], &mut Traversal::default()).is_err());
         let nearest = |p: [f64; 3]| bvh.closest_point(p, &mut Traversal::default()).map(|c| c.point);
@@ -280,18 +285,22 @@ fn disks_are_crossed_once() {
     }
 }
 
-/// A surface that is not closed is answered by one ray, and says so; the strict form is an error.
+/// What is inside of a surface that is not closed is decided by another rule; the strict form is an error.
 #[test]
-fn open_surfaces_are_answered_and_reported() {
+fn the_mesh_chooses_the_rule() {
     let traversal = &mut Traversal::default();
     let cell = Cells(vec![(DVec3::ZERO, 1)]).triangles();
     for numerics in Numerics::ALL {
-        // Without the two triangles of its upper face at z = 1, which the ray meets: it has nothing to leave through.
+        // Without the two triangles of its upper face at z = 1, which the ray of winding numbers meets: it has nothing to
+        // leave through. From the middle, five of six faces are 5/6, which is 1/3 above 1/2.
         let open: Vec<_> = cell[..10].to_vec();
         let mut bvh = built(&open, numerics, Preset::default());
-        let expected = Closedness { boundary_edges: 4, non_manifold_edges: 0, unbalanced_edges: 4 };
-        let containment = bvh.contains([0.5; 3], traversal);
-        assert_eq!((containment.is_inside, containment.closedness), (false, expected));
+        let expected = Closedness { boundary_edges: 4, unbalanced_edges: 4, ..Closedness::default() };
+        assert_eq!((bvh.closedness(), bvh.winding_number([0.5; 3], traversal)), (expected, 0));
+        let Containment { is_inside, margin, rule, .. } = bvh.contains([0.5; 3], traversal);
+        assert!(is_inside && (margin - 1.0 / 3.0).abs() < 1e-9, "{margin}");
+        assert_eq!((rule, expected.rule()), (InsideRule::GeneralisedWindingNumber, rule));
+        assert_eq!(bvh.signed_distance([0.5; 3], traversal), Some(-0.5));
         let error = bvh.contains_if_closed([0.5; 3], traversal);
         assert_eq!(error, Err(NotClosed(expected)));
         assert!(error.expect_err("open").to_string().contains("4 edges have one triangle only, 0 are"));
@@ -303,13 +312,21 @@ fn open_surfaces_are_answered_and_reported() {
         // One triangle turned over: its three edges have both triangles on one side.
         let mut turned = cell.clone();
         turned[3].swap(0, 1);
-        let closedness = built(&turned, numerics, Preset::default()).closedness();
-        let expected = Closedness { boundary_edges: 0, non_manifold_edges: 0, unbalanced_edges: 3 };
-        assert_eq!(closedness, expected);
+        let bvh = built(&turned, numerics, Preset::default());
+        let expected = Closedness { unbalanced_edges: 3, inconsistent_edges: 3, ..Closedness::default() };
+        assert_eq!((bvh.closedness(), expected.rule()), (expected, InsideRule::Vote));
+        // A diagonal wall within a cell; the edges of its border have three triangles each.
+        let wall = [[0, 1, 7], [0, 7, 6]].map(|face| face.map(cell_corner));
+        let open = [&cell[..], &wall].concat();
+        let closedness = built(&open, numerics, Preset::default()).closedness();
+        assert_eq!(
+            (closedness.inconsistent_edges, closedness.rule()),
+            (0, InsideRule::GeneralisedWindingNumber)
+        );
         // Two cells that share an edge are closed, with an edge of four triangles.
         let two = Cells(vec![(DVec3::ZERO, 1), (DVec3::new(1.0, 1.0, 0.0), 1)]).triangles();
         let closedness = built(&two, numerics, Preset::BestTrace).closedness();
-        let expected = Closedness { boundary_edges: 0, non_manifold_edges: 1, unbalanced_edges: 0 };
+        let expected = Closedness { non_manifold_edges: 1, ..Closedness::default() };
         assert!(closedness.is_closed() && closedness == expected);
         // What no bounds hold is outside.
         for x in [f64::NAN, f64::INFINITY, -1e300] {
@@ -409,17 +426,15 @@ fn batches_are_answered_in_their_order() {
             let expected = bvh.all_hits(&ray, traversal).iter().any(|hit| is_odd(hit.prim));
             assert_eq!(bvh.occluded_by(&ray, is_odd, traversal), expected);
         }
-        let (winding_numbers, (inside, closedness)) =
-            (bvh.par_winding_numbers(&points), bvh.par_contains(&points));
+        let (winding_numbers, inside) = (bvh.par_winding_numbers(&points), bvh.par_contains(&points));
         let (closest, distances) = (bvh.par_closest_points(&points), bvh.par_signed_distances(&points));
-        assert_eq!(closedness, bvh.closedness());
         for (index, &point) in points.iter().enumerate() {
             assert_eq!(winding_numbers[index], bvh.winding_number(point, traversal));
-            assert_eq!(inside[index], winding_numbers[index] != 0);
+            assert_eq!(inside[index], bvh.contains(point, traversal));
             assert_eq!(closest[index], bvh.closest_point(point, traversal));
             assert_eq!(distances[index], bvh.signed_distance(point, traversal));
         }
-        assert!(inside.iter().any(|&is_inside| is_inside) && closest[17].is_none());
+        assert!(inside.iter().any(|of| of.is_inside) && closest[17].is_none());
         assert!(bvh.par_closest_points(&[]).is_empty());
     }
 }

@@ -27,6 +27,8 @@ pub struct Bvh {
     /// Whether each primitive has a rounded form ([`Primitive::rounded`]), and so a slot.
     pub(super) has_slot: Vec<bool>,
     pub(super) instances: InstanceTable,
+    /// The ids at which triangles begin or end to be seen clockwise from the front.
+    pub(super) clockwise: Vec<u32>,
     pub(super) closedness: OnceLock<Closedness>,
     pub(super) expansions: OnceLock<Arc<Expansions>>,
 }
@@ -252,6 +254,7 @@ impl Bvh {
             numerics,
             has_slot,
             instances: InstanceTable::default(),
+            clockwise: Vec::new(),
             closedness: OnceLock::new(),
             expansions: OnceLock::new(),
         }
@@ -366,23 +369,24 @@ impl Bvh {
         hits
     }
 
-    /// The geometric normal at a hit of the ray, of length 1: for a triangle `(b - a) x (c - a)` normalised, for a
-    /// sphere outwards. It is not turned towards the ray: the front was hit if its dot product with the ray's direction
-    /// is negative. It is that of the primitive as stored, with corners rounded to the precision of the tier.
+    /// The geometric normal at a hit of the ray, of length 1: for a triangle `(b - a) x (c - a)` normalised, or its
+    /// opposite ([`Bvh::set_clockwise`]), for a sphere outwards. It is not turned towards the ray: the front was hit if
+    /// its dot product with the ray's direction is negative. It is that of the primitive as stored, with corners rounded
+    /// to the precision of the tier.
     ///
     /// `None` for a triangle without area, or too thin for its corners ([`Triangle::unit_normal`]).
     ///
     /// `hit` must come from this structure, after its last [`Bvh::update`]; slots change when it is rebuilt.
     pub fn geometric_normal(&self, ray: &Ray, hit: &Hit) -> Option<DVec3> {
-        self.geometric_normal_at(hit.slot, ray.at(hit.t))
+        self.geometric_normal_at(hit.prim, hit.slot, ray.at(hit.t))
     }
 
-    /// [`Bvh::geometric_normal`] of the primitive in a slot ([`Hit::slot`]), at the point of a hit.
-    pub fn geometric_normal_at(&self, slot: SlotId, point: DVec3) -> Option<DVec3> {
+    /// [`Bvh::geometric_normal`] of a primitive in its slot ([`Hit::slot`]), at the point of a hit.
+    pub fn geometric_normal_at(&self, prim: PrimId, slot: SlotId, point: DVec3) -> Option<DVec3> {
         if let Some(shape) = self.own_shapes().and_then(|shapes| shapes.in_slot(slot)) {
             return shape.normal(point);
         }
-        match self.accelerator.primitive(slot) {
+        match self.oriented(prim, self.accelerator.primitive(slot)) {
             Primitive::Triangle(triangle) => triangle.unit_normal(),
             Primitive::Analytic(shape) => Some(shape.surface(point).1),
         }
@@ -404,7 +408,7 @@ impl Bvh {
 
     /// Replaces the primitives. The tree is refitted if their number and kinds are the same and it stays good enough
     /// ([`is_worth_keeping`]), else rebuilt. On an error nothing changes. Clones share a tree, of which a copy is
-    /// refitted; user geometry ([`Bvh::set_user_geometry`]) stays.
+    /// refitted. User geometry ([`Bvh::set_user_geometry`]) stays, as does [`Bvh::set_clockwise`] but of instances.
     ///
     /// # Errors
     /// [`NotFinite`], as for [`Bvh::new`].
@@ -429,9 +433,42 @@ impl Bvh {
             }
         }
         let mut rebuilt = Bvh::over(&now, self.layout, self.numerics);
+        if self.instances.ids().is_none() {
+            rebuilt.clockwise.clone_from(&self.clockwise);
+        }
         rebuilt.set_user_geometry(self.user_geometries().cloned())?;
         *self = rebuilt;
         Ok(Update::Rebuilt)
+    }
+
+    /// Which triangles are seen clockwise from the front, as those of a mesh under a transform that mirrors it (glTF 2.0,
+    /// section 3.7.4): of consecutive parts of the primitives the number, and whether they are. They are turned over in
+    /// normals, sides of crossings, winding numbers and closedness; barycentrics remain those of the corners as given.
+    /// [`Bvh::from_instances`] does so by itself.
+    pub fn set_clockwise(&mut self, parts: impl IntoIterator<Item = (usize, bool)>) {
+        let mut end = 0u32;
+        let ends = parts.into_iter().map(|(count, is_clockwise)| {
+            let first = end;
+            end = u32::try_from(count).map_or(u32::MAX, |count| first.saturating_add(count));
+            is_clockwise.then_some([first, end])
+        });
+        self.clockwise = ends.flatten().flatten().collect();
+        self.forget_surface();
+    }
+
+    /// A primitive as stored, with the corners of a triangle counterclockwise seen from the front.
+    #[inline]
+    pub(super) fn oriented(&self, prim: PrimId, primitive: Primitive) -> Primitive {
+        let is_clockwise = || self.clockwise.partition_point(|&id| id <= prim.0) % 2 == 1;
+        match primitive {
+            Primitive::Triangle(Triangle([a, b, c])) if is_clockwise() => Primitive::from([a, c, b]),
+            other => other,
+        }
+    }
+
+    /// Calls `visit` with every primitive, [`Bvh::oriented`]; with a split triangle several times.
+    pub(super) fn each_oriented(&self, mut visit: impl FnMut(PrimId, Primitive)) {
+        self.accelerator.each_primitive(&mut |prim, primitive| visit(prim, self.oriented(prim, primitive)));
     }
 
     /// To be called where the surface changes.

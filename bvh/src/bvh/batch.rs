@@ -8,9 +8,9 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::crossings::{each_crossing_of_rays, in_order, winding_ray};
+use super::crossings::{CONTAINS_DIRECTION, VOTING_DIRECTIONS, in_order, winding_ray};
 use super::lists::{ListGroup, Lists};
-use super::{Bvh, Closedness, ClosestPoint, SignedHit, Traversal, WindingNumber};
+use super::{Bvh, ClosestPoint, Containment, InsideRule, SignedHit, Traversal, WindingNumber};
 use crate::geometry::simd::InstructionSet;
 use crate::geometry::{Hit, HitBuffer, PACKET, Ray, RayBuffer, Rays, Side};
 
@@ -212,7 +212,7 @@ impl Bvh {
     /// [`Bvh::crossings`] of every ray.
     pub fn par_crossings(&self, rays: impl RayList) -> Lists<SignedHit> {
         let trace = |rays: Rays, found: &mut Vec<(usize, _)>, traversal: &mut Traversal| {
-            each_crossing_of_rays(self.accelerator(), rays, traversal, |index, crossing, primitive| {
+            self.each_crossing_of_rays(rays, traversal, |index, crossing, primitive| {
                 found.push((index, (crossing, primitive.into())));
             });
         };
@@ -273,6 +273,10 @@ impl Bvh {
 
     /// [`Bvh::winding_number`] of every point.
     pub fn par_winding_numbers(&self, points: &[DVec3]) -> Vec<i32> {
+        self.par_winding_along(CONTAINS_DIRECTION, points)
+    }
+
+    fn par_winding_along(&self, direction: DVec3, points: &[DVec3]) -> Vec<i32> {
         let mut results = vec![0; points.len()];
         let scratch = || (Worker::default(), Vec::new(), Vec::new());
         results.par_chunks_mut(GROUP).zip(points.par_chunks(GROUP)).for_each_init(
@@ -282,7 +286,7 @@ impl Bvh {
                 indices.clear();
                 worker.rays.clear();
                 for index in worker.order.indices() {
-                    if let Some(ray) = winding_ray(points[index]) {
+                    if let Some(ray) = winding_ray(points[index], direction) {
                         indices.push(index);
                         worker.rays.push(&ray);
                     }
@@ -291,7 +295,7 @@ impl Bvh {
                     let found = |index: usize, SignedHit { prim, side, .. }, _| {
                         sides.push((index, prim, if side == Side::Leaving { 1 } else { -1 }));
                     };
-                    each_crossing_of_rays(self.accelerator(), rays, &mut worker.traversal, found);
+                    self.each_crossing_of_rays(rays, &mut worker.traversal, found);
                     // A split triangle is in several slots; a sphere has two sides.
                     sides.sort_unstable();
                     sides.dedup();
@@ -307,10 +311,16 @@ impl Bvh {
         results
     }
 
-    /// [`Bvh::contains`] of every point: whether it is inside, and the closedness of the surface.
-    pub fn par_contains(&self, points: &[DVec3]) -> (Vec<bool>, Closedness) {
-        let is_inside = self.par_winding_numbers(points).into_iter().map(|number| number != 0);
-        (is_inside.collect(), self.closedness())
+    /// [`Bvh::contains`] of every point.
+    pub fn par_contains(&self, points: &[DVec3]) -> Vec<Containment> {
+        let rule = self.closedness().rule();
+        if rule == InsideRule::Vote {
+            let numbers = VOTING_DIRECTIONS.map(|direction| self.par_winding_along(direction, points));
+            let of_point = |index| Containment::by_vote([0, 1, 2].map(|ray: usize| numbers[ray][index]));
+            return (0..points.len()).map(of_point).collect();
+        }
+        let numbers = self.par_generalised_winding_numbers(points, 1.0);
+        numbers.into_iter().map(|number| Containment::of(number, rule)).collect()
     }
 
     /// [`Bvh::generalised_winding_number`] of every point.
@@ -388,10 +398,10 @@ impl Bvh {
     /// [`Bvh::signed_distance`] of every point.
     pub fn par_signed_distances(&self, points: &[DVec3]) -> Vec<Option<f64>> {
         let closest = self.par_closest_points(points);
-        let signed = |(closest, winding_number): (&Option<ClosestPoint>, _)| {
-            closest.map(|closest| if winding_number == 0 { closest.distance } else { -closest.distance })
+        let signed = |(closest, containment): (&Option<ClosestPoint>, Containment)| {
+            closest.map(|closest| containment.signed(closest.distance))
         };
-        closest.iter().zip(self.par_winding_numbers(points)).map(signed).collect()
+        closest.iter().zip(self.par_contains(points)).map(signed).collect()
     }
 }
 

@@ -72,12 +72,12 @@ impl Bvh {
         }
     }
 
-    /// The distance of a point from the surface, negative inside ([`Bvh::contains`]). Without meaning for a surface
-    /// that is not closed. `None` where [`Bvh::closest_point`] is.
+    /// The distance of a point from the surface, negative inside, as [`Bvh::contains`] decides. `None` where
+    /// [`Bvh::closest_point`] is.
     pub fn signed_distance(&self, point: impl Into<DVec3>, traversal: &mut Traversal) -> Option<f64> {
         let point = point.into();
         let ClosestPoint { distance, .. } = self.closest_point(point, traversal)?;
-        Some(if self.winding_number(point, traversal) == 0 { distance } else { -distance })
+        Some(self.contains(point, traversal).signed(distance))
     }
 }
 

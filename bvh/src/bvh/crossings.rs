@@ -5,7 +5,7 @@ use std::mem::take;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Accelerator, Bvh, Primitive, Shapes, Traversal};
+use super::{Bvh, Primitive, Shapes, Traversal, WindingNumber};
 use crate::geometry::{LineTest, Precision, PrimId, Ray, Rays, Side, Stored, Triangle, order_of_crossings};
 
 /// A crossing of a ray and the surface.
@@ -33,9 +33,33 @@ pub struct Closedness {
     pub boundary_edges: usize,
     /// Edges of more than two triangles.
     pub non_manifold_edges: usize,
-    /// Edges that triangles use more often in one direction than in the other: boundary edges, and those between
-    /// triangles with opposite winding.
+    /// Edges that triangles use more often in one direction than in the other: boundary edges, inconsistent ones, and
+    /// those where an open surface ends on another.
     pub unbalanced_edges: usize,
+    /// Edges that triangles use at least twice more often in one direction: between triangles with opposite winding.
+    pub inconsistent_edges: usize,
+}
+
+/// What decides whether a point is inside of a surface ([`Closedness::rule`]).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum InsideRule {
+    /// Whether the winding number of a closed surface with consistent winding is not 0: exact, by crossings of a ray.
+    Crossings,
+    /// Whether the generalised winding number of an open surface exceeds 1/2, or is below -1/2.
+    GeneralisedWindingNumber,
+    /// Whether two of three rays cross a surface with inconsistent winding an odd number of times. Not certain, but right
+    /// for a closed surface that does not intersect itself, whatever the winding.
+    Vote,
+}
+
+impl std::fmt::Display for InsideRule {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            InsideRule::Crossings => "crossings",
+            InsideRule::GeneralisedWindingNumber => "generalised winding number",
+            InsideRule::Vote => "vote",
+        })
+    }
 }
 
 impl Closedness {
@@ -44,16 +68,48 @@ impl Closedness {
     pub fn is_closed(&self) -> bool {
         self.unbalanced_edges == 0
     }
+
+    /// What decides whether a point is inside of this surface.
+    pub fn rule(&self) -> InsideRule {
+        match self {
+            Closedness { unbalanced_edges: 0, .. } => InsideRule::Crossings,
+            Closedness { inconsistent_edges: 0, .. } => InsideRule::GeneralisedWindingNumber,
+            _ => InsideRule::Vote,
+        }
+    }
 }
 
 /// The result of [`Bvh::contains`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Containment {
-    /// Whether the winding number is not 0. It has a meaning only where `closedness` is closed.
+    /// Whether the point is inside, by `rule`.
     pub is_inside: bool,
+    /// How far the winding number is from 1/2 or -1/2, beyond the bound on its error: `is_inside` is certain, for the
+    /// surface as stored, where this is positive. 1/2 or more for a closed surface; small near holes, where what would
+    /// close them decides; 0 for a vote.
+    pub margin: f64,
     /// That of the surface.
-    pub closedness: Closedness,
+    pub rule: InsideRule,
+}
+
+impl Containment {
+    /// That of a surface with consistent winding.
+    pub(super) fn of(number: WindingNumber, rule: InsideRule) -> Self {
+        Containment { is_inside: number.is_inside(), margin: number.margin(), rule }
+    }
+
+    /// That of a surface with inconsistent winding: by the winding numbers of rays in [`VOTING_DIRECTIONS`], which are
+    /// odd where the number of crossings is.
+    pub(super) fn by_vote(numbers: [i32; 3]) -> Self {
+        let odd = numbers.iter().filter(|&number| number % 2 != 0).count();
+        Containment { is_inside: odd > 1, margin: 0.0, rule: InsideRule::Vote }
+    }
+
+    /// A distance from the surface, negative inside.
+    pub(super) fn signed(self, distance: f64) -> f64 {
+        if self.is_inside { -distance } else { distance }
+    }
 }
 
 /// The error of queries that require a closed surface.
@@ -78,6 +134,12 @@ impl std::error::Error for NotClosed {}
 /// fewest boxes; those parallel to it would meet the edges of axis-aligned models, which takes exact arithmetic.
 pub const CONTAINS_DIRECTION: DVec3 = DVec3::new(3.0 / 64.0, 5.0 / 64.0, 1.0);
 
+/// The directions of the rays of [`InsideRule::Vote`].
+pub(super) const VOTING_DIRECTIONS: [DVec3; 3] = {
+    let [x, y, z] = CONTAINS_DIRECTION.to_array();
+    [CONTAINS_DIRECTION, DVec3::new(z, x, y), DVec3::new(y, z, x)]
+};
+
 impl Bvh {
     /// The crossings of the ray between `t_min` and `t_max`, in order of distance: each passage through the surface
     /// once, also through edges and vertices, in the plane of triangles, or from a point of the surface.
@@ -94,7 +156,7 @@ impl Bvh {
     /// more than one crossing, one without area none, a sphere up to two.
     pub fn crossings(&self, ray: &Ray, traversal: &mut Traversal) -> Vec<SignedHit> {
         let mut found = Vec::new();
-        each_crossing(self.accelerator(), ray, traversal, |crossing, primitive| {
+        self.each_crossing(ray, traversal, |crossing, primitive| {
             found.push((0, (crossing, primitive.into())));
         });
         let mut places: Vec<u32> = (0..found.len() as u32).collect();
@@ -113,9 +175,14 @@ impl Bvh {
     /// NaN has winding number 0. For a surface that is not closed: the crossings that leave, less those that enter,
     /// of the ray in [`CONTAINS_DIRECTION`].
     pub fn winding_number(&self, point: impl Into<DVec3>, traversal: &mut Traversal) -> i32 {
-        let Some(ray) = winding_ray(point.into()) else { return 0 };
+        self.winding_along(CONTAINS_DIRECTION, point.into(), traversal)
+    }
+
+    /// [`Bvh::winding_number`] by a ray in another direction.
+    fn winding_along(&self, direction: DVec3, point: DVec3, traversal: &mut Traversal) -> i32 {
+        let Some(ray) = winding_ray(point, direction) else { return 0 };
         let mut sides = take(&mut traversal.sides);
-        each_crossing(self.accelerator(), &ray, traversal, |SignedHit { prim, side, .. }, _| {
+        self.each_crossing(&ray, traversal, |SignedHit { prim, side, .. }, _| {
             sides.push((prim, if side == Side::Leaving { 1 } else { -1 }));
         });
         if sides.len() > 1 {
@@ -128,10 +195,17 @@ impl Bvh {
         winding_number + self.own_shapes().map_or(0, |shapes| shapes.winding_number(&ray, traversal))
     }
 
-    /// Whether a point is inside the surface: whether [`Bvh::winding_number`] is not 0; with the edges that keep the
-    /// surface from being closed. The first call after building takes O(n log n) time to find those.
+    /// Whether a point is inside the surface, by the rule that its edges call for ([`Closedness::rule`]), and how certain
+    /// that is. The first call after building takes as long as [`Bvh::closedness`] and, for an open surface,
+    /// [`Bvh::generalised_winding_number`].
     pub fn contains(&self, point: impl Into<DVec3>, traversal: &mut Traversal) -> Containment {
-        Containment { is_inside: self.winding_number(point, traversal) != 0, closedness: self.closedness() }
+        let (point, rule) = (point.into(), self.closedness().rule());
+        if rule == InsideRule::Vote {
+            return Containment::by_vote(
+                VOTING_DIRECTIONS.map(|direction| self.winding_along(direction, point, traversal)),
+            );
+        }
+        Containment::of(self.generalised_winding_number(point, 1.0, traversal), rule)
     }
 
     /// Whether a point is inside a closed surface.
@@ -147,7 +221,7 @@ impl Bvh {
         if !closedness.is_closed() {
             return Err(NotClosed(closedness));
         }
-        Ok(self.winding_number(point, traversal) != 0)
+        Ok(self.contains(point, traversal).is_inside)
     }
 
     /// The edges of the triangles that keep the surface from being closed. Computed at the first call after building or
@@ -158,19 +232,69 @@ impl Bvh {
         }
         // Not while the cell is locked: a thread that waits for parts of this work may take up other work that asks,
         // too.
-        let mut found = closedness(self.accelerator());
+        let mut found = closedness(self);
         let open = self.own_shapes().map_or(0, Shapes::open);
         found.boundary_edges += open;
         found.unbalanced_edges += open;
         *self.closedness.get_or_init(|| found)
     }
+
+    /// Calls `found` with the crossings of a ray in no order, and their primitives; those of split triangles several
+    /// times.
+    fn each_crossing(
+        &self,
+        ray: &Ray,
+        traversal: &mut Traversal,
+        mut found: impl FnMut(SignedHit, Primitive),
+    ) {
+        let test = LineTest::new(ray);
+        let mut visit = |prim, primitive| self.cross(&test, prim, primitive, &mut found);
+        self.accelerator().each_near_ray(&test, &mut visit, traversal);
+    }
+
+    /// The same for the rays of a packet; `found` also takes the index of the ray.
+    pub(super) fn each_crossing_of_rays(
+        &self,
+        rays: Rays,
+        traversal: &mut Traversal,
+        mut found: impl FnMut(usize, SignedHit, Primitive),
+    ) {
+        let mut visit = |index, test: &LineTest, prim, primitive| {
+            self.cross(test, prim, primitive, |crossing, primitive| found(index, crossing, primitive));
+        };
+        self.accelerator().each_near_rays(rays, &mut visit, traversal);
+    }
+
+    /// Calls `found` with the crossings of a ray and a primitive.
+    #[inline(always)]
+    fn cross(
+        &self,
+        test: &LineTest,
+        prim: PrimId,
+        primitive: Primitive,
+        mut found: impl FnMut(SignedHit, Primitive),
+    ) {
+        let primitive = self.oriented(prim, primitive);
+        match &primitive {
+            Primitive::Triangle(Triangle(corners)) => {
+                if let Some((t, side)) = test.cross_triangle(corners) {
+                    found(SignedHit { t, prim, side }, primitive);
+                }
+            }
+            Primitive::Analytic(shape) => {
+                for (t, side) in test.cross_shape(shape).into_iter().flatten() {
+                    found(SignedHit { t, prim, side }, primitive);
+                }
+            }
+        }
+    }
 }
 
 /// The ray whose crossings give the winding number around a point; `None` for a point outside of all bounds, which are
 /// finite in f32.
-pub(super) fn winding_ray(point: DVec3) -> Option<Ray> {
+pub(super) fn winding_ray(point: DVec3, direction: DVec3) -> Option<Ray> {
     let is_finite = point.as_vec3().is_finite();
-    is_finite.then(|| Precision::Double.ray(point, CONTAINS_DIRECTION, 0.0, f64::INFINITY))
+    is_finite.then(|| Precision::Double.ray(point, direction, 0.0, f64::INFINITY))
 }
 
 /// The crossings of a ray in their order, once each: a split triangle is in several slots. Of those that were found,
@@ -195,55 +319,13 @@ pub(super) fn in_order(
     })
 }
 
-/// Calls `found` with the crossings of a ray in no order, and their primitives; those of split triangles several times.
-fn each_crossing(
-    accelerator: &dyn Accelerator,
-    ray: &Ray,
-    traversal: &mut Traversal,
-    mut found: impl FnMut(SignedHit, Primitive),
-) {
-    let test = LineTest::new(ray);
-    let mut visit = |prim, primitive| cross(&test, prim, primitive, &mut found);
-    accelerator.each_near_ray(&test, &mut visit, traversal);
-}
-
-/// The same for the rays of a packet; `found` also takes the index of the ray.
-pub(super) fn each_crossing_of_rays(
-    accelerator: &dyn Accelerator,
-    rays: Rays,
-    traversal: &mut Traversal,
-    mut found: impl FnMut(usize, SignedHit, Primitive),
-) {
-    let mut visit = |index, test: &LineTest, prim, primitive| {
-        cross(test, prim, primitive, |crossing, primitive| found(index, crossing, primitive));
-    };
-    accelerator.each_near_rays(rays, &mut visit, traversal);
-}
-
-/// Calls `found` with the crossings of a ray and a primitive.
-#[inline(always)]
-fn cross(test: &LineTest, prim: PrimId, primitive: Primitive, mut found: impl FnMut(SignedHit, Primitive)) {
-    match &primitive {
-        Primitive::Triangle(Triangle(corners)) => {
-            if let Some((t, side)) = test.cross_triangle(corners) {
-                found(SignedHit { t, prim, side }, primitive);
-            }
-        }
-        Primitive::Analytic(shape) => {
-            for (t, side) in test.cross_shape(shape).into_iter().flatten() {
-                found(SignedHit { t, prim, side }, primitive);
-            }
-        }
-    }
-}
-
 /// A vertex that is compared by the bits of its coordinates.
 type Vertex = [u64; 3];
 
-fn closedness(accelerator: &dyn Accelerator) -> Closedness {
+fn closedness(bvh: &Bvh) -> Closedness {
     let (mut triangles, mut closedness): (Vec<(PrimId, [Vertex; 3])>, _) =
         (Vec::new(), Closedness::default());
-    accelerator.each_primitive(&mut |prim, primitive| match primitive {
+    bvh.each_oriented(|prim, primitive| match primitive {
         Primitive::Triangle(Triangle(corners)) => {
             // -0 + 0 is 0.
             let [a, b, c] = corners.map(|corner| corner.to_array().map(|x| (x + 0.0).to_bits()));
@@ -270,7 +352,9 @@ fn closedness(accelerator: &dyn Accelerator) -> Closedness {
         let forward = uses.iter().filter(|(_, is_forward)| *is_forward).count();
         closedness.boundary_edges += usize::from(uses.len() == 1);
         closedness.non_manifold_edges += usize::from(uses.len() > 2);
-        closedness.unbalanced_edges += usize::from(2 * forward != uses.len());
+        let excess = uses.len().abs_diff(2 * forward);
+        closedness.unbalanced_edges += usize::from(excess > 0);
+        closedness.inconsistent_edges += usize::from(excess > 1);
     }
     closedness
 }
@@ -278,8 +362,8 @@ fn closedness(accelerator: &dyn Accelerator) -> Closedness {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bvh::Layout;
     use crate::bvh::splitmix64::splitmix64;
-    use crate::bvh::{Layout, Slot, build};
     use crate::geometry::{BATCH, Numerics, PACKET, RayBuffer};
 
     /// Crossings sorted by id; once each.
@@ -291,21 +375,21 @@ mod tests {
         found
     }
 
-    fn crossings(accelerator: &dyn Accelerator, ray: &Ray) -> Found {
+    fn crossings(bvh: &Bvh, ray: &Ray) -> Found {
         let mut found = Vec::new();
-        each_crossing(accelerator, ray, &mut Traversal::default(), |SignedHit { t, prim, side }, _| {
+        bvh.each_crossing(ray, &mut Traversal::default(), |SignedHit { t, prim, side }, _| {
             found.push((prim, t.to_bits(), side));
         });
         sort(found)
     }
 
     /// The crossings of each ray, of all together.
-    fn crossings_of_packets(accelerator: &dyn Accelerator, rays: &RayBuffer) -> Vec<Found> {
+    fn crossings_of_packets(bvh: &Bvh, rays: &RayBuffer) -> Vec<Found> {
         let mut found = vec![Vec::new(); rays.len()];
         let of_packets = found.chunks_mut(PACKET).zip(rays.rays().chunks(PACKET));
         for (found, rays) in of_packets {
             let traversal = &mut Traversal::default();
-            each_crossing_of_rays(accelerator, rays, traversal, |index, SignedHit { t, prim, side }, _| {
+            bvh.each_crossing_of_rays(rays, traversal, |index, SignedHit { t, prim, side }, _| {
                 found[index].push((prim, t.to_bits(), side));
             });
         }
@@ -316,21 +400,22 @@ mod tests {
     fn every_layout_has_the_crossings_of_brute_force() {
         let number = |seed: u64| (splitmix64(seed) >> 44) as f64 / f64::from(1 << 19) - 1.0;
         let vector = |seed: u64| DVec3::from([3 * seed, 3 * seed + 1, 3 * seed + 2].map(number));
-        let slots: Vec<Slot> = (0..400)
-            .map(|id| {
-                let seed = u64::from(id);
+        let primitives: Vec<Primitive> = (0..400)
+            .map(|seed| {
                 let corners = [0, 1, 2].map(|k| vector(8 * seed) + vector(8 * seed + 1 + k) * 0.3);
                 let ball = Primitive::from((corners[0].to_array(), 0.1));
-                let primitive = if id % 7 == 0 { ball } else { Primitive::Triangle(Triangle(corners)) };
-                Slot { primitive, id: PrimId(id) }
+                if seed % 7 == 0 { ball } else { Primitive::from(corners) }
             })
             .collect();
         let mut count = 0;
         for numerics in Numerics::ALL {
-            let exhaustive = build(slots.iter().copied(), Layout::BruteForce, numerics);
-            let trees =
-                Layout::trees().map(|layout| (layout, build(slots.iter().copied(), layout, numerics)));
-            let trees: Vec<_> = trees.collect();
+            let built = |layout| {
+                let mut bvh = Bvh::over(&primitives, layout, numerics);
+                bvh.set_clockwise([(100, false), (50, true), (0, true), (50, true), (200, false)]);
+                bvh
+            };
+            let exhaustive = built(Layout::BruteForce);
+            let trees: Vec<_> = Layout::trees().map(|layout| (layout, built(layout))).collect();
             // Rays with zeros in their direction are not traced as streams.
             let mut packets = [(); 2].map(|()| (RayBuffer::default(), Vec::new()));
             for seed in 10_000..10_300 {
@@ -338,15 +423,15 @@ mod tests {
                 let axis = DVec3::AXES[seed as usize % 3];
                 let direction = if seed % 3 == 0 { axis } else { direction.normalize() };
                 // Half of them through a corner of a triangle.
-                let corner = match slots[seed as usize % 400].primitive.rounded(numerics.precision()) {
+                let corner = match primitives[seed as usize % 400].rounded(numerics.precision()) {
                     Some(Primitive::Triangle(Triangle([a, ..]))) if seed % 2 == 0 => a - direction,
                     _ => origin,
                 };
                 let ray = Precision::Double.ray(corner, direction, 0.0, f64::INFINITY);
-                let expected = crossings(&*exhaustive, &ray);
+                let expected = crossings(&exhaustive, &ray);
                 for (layout, tree) in &trees {
                     let name = numerics.name();
-                    assert_eq!(crossings(&**tree, &ray), expected, "{layout:?}, {name}, {ray:?}");
+                    assert_eq!(crossings(tree, &ray), expected, "{layout:?}, {name}, {ray:?}");
                 }
                 count += expected.len();
                 let (rays, of_rays) = &mut packets[usize::from(seed % 3 == 0)];
@@ -355,7 +440,7 @@ mod tests {
             }
             for (rays, expected) in &packets {
                 for (layout, tree) in &trees {
-                    assert_eq!(crossings_of_packets(&**tree, rays), *expected, "{layout:?}");
+                    assert_eq!(crossings_of_packets(tree, rays), *expected, "{layout:?}");
                 }
             }
         }
@@ -367,7 +452,6 @@ mod tests {
     #[test]
     fn crossings_of_more_rays_than_a_stream_holds() {
         let triangle = Primitive::from([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
-        let slots = [Slot { primitive: triangle, id: PrimId(0) }];
         let rays: RayBuffer = (0..2 * BATCH + 3)
             .map(|i| {
                 // Every other one passes the triangle, at x and y below 1/2.
@@ -381,9 +465,9 @@ mod tests {
             })
             .collect();
         for layout in Layout::trees().chain([Layout::BruteForce]) {
-            let tree = build(slots, layout, Numerics::Watertight);
+            let tree = Bvh::over(&[triangle], layout, Numerics::Watertight);
             let (mut found, traversal) = (Vec::new(), &mut Traversal::default());
-            each_crossing_of_rays(&*tree, rays.rays(), traversal, |index, _, _| found.push(index));
+            tree.each_crossing_of_rays(rays.rays(), traversal, |index, _, _| found.push(index));
             found.sort_unstable();
             found.dedup();
             assert!(found.iter().copied().eq((0..2 * BATCH + 3).step_by(2)), "{layout:?}: {found:?}");

@@ -37,7 +37,7 @@ pub use closest_point::ClosestPoint;
 pub use coarse_rounding::CoarseRounding;
 #[allow(deprecated)]
 pub use crossings::Crossing;
-pub use crossings::{CONTAINS_DIRECTION, Closedness, Containment, NotClosed, SignedHit};
+pub use crossings::{CONTAINS_DIRECTION, Closedness, Containment, InsideRule, NotClosed, SignedHit};
 pub use generalised::WindingNumber;
 pub use instances::{Instance, MeshSpace, can_be_instance};
 pub use lists::Lists;

@@ -29,8 +29,8 @@ impl InstanceTable {
 impl Bvh {
     /// Builds over meshes with placements. Ids count the triangles of one instance after the other;
     /// [`Bvh::instance_of`] returns the instance of an id. Hits have the bits of those on moved copies of the meshes,
-    /// in a list of triangles ([`Bvh::with`]), but in tier `fast`. A mirrored mesh is inverted: its winding number is
-    /// -1 inside.
+    /// in a list of triangles ([`Bvh::with`]), but in tier `fast`. The triangles of a mirrored mesh are turned over
+    /// ([`Bvh::set_clockwise`]): its outside stays outside.
     ///
     /// A mesh that is placed several times is stored once, and has one tree. A placement that is nearly singular, or so
     /// far away that f32 boxes cull nothing, is stored as a copy.
@@ -105,8 +105,9 @@ impl Bvh {
             instances: InstanceTable { firsts, built },
             ..self.clone()
         };
-        // Also clears what is known of the surface.
         replaced.set_user_geometry(self.user_geometries().cloned())?;
+        // Also clears what is known of the surface.
+        replaced.set_clockwise(sides(placed));
         *self = replaced;
         Ok(())
     }
@@ -127,6 +128,11 @@ impl Bvh {
             }
         }
     }
+}
+
+/// For [`Bvh::set_clockwise`].
+fn sides(placed: &[Placed]) -> impl Iterator<Item = (usize, bool)> {
+    placed.iter().map(|placed| (placed.triangle_count(), placed.is_mirrored()))
 }
 
 /// # Errors
@@ -289,7 +295,8 @@ mod tests {
                 }
                 bvh.set_instances(&placed).expect("finite");
                 let fresh = Bvh::from_instances(&placed, Preset::default(), numerics).expect("finite");
-                let copies = Bvh::with(copied(&placed), Preset::default(), numerics).expect("finite");
+                let mut copies = Bvh::with(copied(&placed), Preset::default(), numerics).expect("finite");
+                copies.set_clockwise(sides(&placed));
                 check_equal(&bvh, &fresh, seed, true);
                 check_equal(&bvh, &copies, seed, numerics != Numerics::Fast);
                 counts[usize::from(bvh.accelerator().describe().layout == "instances")] += 1;

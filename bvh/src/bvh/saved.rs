@@ -1,7 +1,7 @@
 //! [`Bvh::save`] and [`Bvh::load`].
 //!
 //! A file is a sequence of words of 64 bits in the byte order of the machine that wrote it: the numbers of [`Header`],
-//! the primitives without a slot, the nodes, the triangle leaves and the analytic shapes, each in as many words as
+//! the primitives without a slot, [`Bvh::clockwise`], the nodes, the triangle leaves and the analytic shapes, each in as many words as
 //! every other of its kind, and a checksum. Each word is mixed into the checksum by an invertible function, so a change
 //! of a single word changes it. A file with the right checksum may still hold anything: [`check`] guarantees that
 //! traversals of the tree read no index out of range, and end.
@@ -25,7 +25,7 @@ use crate::geometry::{
 const MAGIC: u64 = u64::from_be_bytes(*b"kiln-bvh");
 
 /// The second word. It changes with every change of what follows, and of [`Node`] and [`Child`].
-const VERSION: u64 = 1;
+const VERSION: u64 = 2;
 
 /// Words of a node: planes, children, and which are present.
 const NODE: usize = 24 + WIDTH / 2 + 1;
@@ -51,6 +51,7 @@ struct Header {
     /// The number of primitives, and of those without a slot.
     primitives: u64,
     without_slot: u64,
+    clockwise: u64,
     nodes: u64,
     triangles: u64,
     analytic: u64,
@@ -196,6 +197,7 @@ pub(crate) fn save<T: Tier>(wide: &Wide<T>, of: &Bvh, writer: &mut Writer) -> Re
         preset: index_of(Preset::ALL.iter().position(|&preset| Some(preset) == of.layout.preset())),
         primitives: of.has_slot.len() as u64,
         without_slot: without_slot.len() as u64,
+        clockwise: of.clockwise.len() as u64,
         nodes: wide.nodes.len() as u64,
         triangles: wide.triangles.len() as u64,
         analytic: wide.analytic.len() as u64,
@@ -206,6 +208,7 @@ pub(crate) fn save<T: Tier>(wide: &Wide<T>, of: &Bvh, writer: &mut Writer) -> Re
     writer.to.write_all(bytes_of(&[MAGIC, VERSION]))?;
     writer.put(bytes_of(&header))?;
     writer.put(cast_slice(&without_slot))?;
+    of.clockwise.iter().try_for_each(|&id| writer.put(&u64::from(id).to_ne_bytes()))?;
     for Node { planes, children, present } in &wide.nodes {
         writer.put(cast_slice(planes.as_flattened().as_flattened()))?;
         writer.put(bytes_of(Child::bits(children)))?;
@@ -242,6 +245,8 @@ fn load<T: Tier>(header: &Header, mut reader: Reader) -> Result<Bvh> {
         return Err(damaged("a number is too large"));
     }
     let without_slot = reader.items(header.without_slot, 1, |id| Ok(id[0]))?;
+    let id_of = |word: u64| u32::try_from(word).map_err(|_| damaged("an id is too large"));
+    let clockwise = reader.items(header.clockwise, 1, |id| id_of(id[0]))?;
     let nodes = reader.items(header.nodes, NODE, |words| {
         let planes: [[f32; WIDTH]; 6] = read(&words[..24]);
         let children: [u32; WIDTH] = read(&words[24..NODE - 1]);
@@ -263,8 +268,7 @@ fn load<T: Tier>(header: &Header, mut reader: Reader) -> Result<Bvh> {
             2 => Some(AnalyticShape::from(Disk { centre, normal, radius })),
             _ => return Err(damaged("an unknown kind of shape")),
         };
-        let prim = u32::try_from(words[1]).map_err(|_| damaged("an id is too large"))?;
-        Ok((shape, PrimId(prim)))
+        Ok((shape, PrimId(id_of(words[1])?)))
     })?;
     let Reader { from, checksum: Checksum(expected), .. } = reader;
     let mut checksum = [0];
@@ -288,7 +292,8 @@ fn load<T: Tier>(header: &Header, mut reader: Reader) -> Result<Bvh> {
     let accelerator: Arc<dyn Accelerator> = Arc::new(wide);
     let (closedness, expansions) = (OnceLock::new(), OnceLock::new());
     let instances = InstanceTable::default();
-    Ok(Bvh { accelerator, layout, numerics: T::NUMERICS, has_slot, instances, closedness, expansions })
+    let numerics = T::NUMERICS;
+    Ok(Bvh { accelerator, layout, numerics, has_slot, instances, clockwise, closedness, expansions })
 }
 
 /// Checks that every reference of a tree is to something that exists, every node but the first is the child of one node
@@ -395,6 +400,7 @@ mod tests {
             for (numerics, preset) in Numerics::ALL.into_iter().flat_map(|n| Preset::ALL.map(|p| (n, p))) {
                 let primitives = crowd(count);
                 let mut bvh = Bvh::with(primitives.iter().copied(), preset, numerics).expect("finite");
+                bvh.set_clockwise([(count as usize / 2, true)]);
                 let bytes = saved(&bvh);
                 let mut stream = &[&bytes[..], b"behind"].concat()[..];
                 let mut loaded = Bvh::load(&mut stream).expect("the same");
@@ -417,8 +423,9 @@ mod tests {
                         let hits = bvh.closest_hits(rays.rays(), traversal);
                         let all: Vec<_> =
                             rays.rays().iter().map(|ray| bvh.all_hits(&ray, traversal)).collect();
-                        let near: Vec<_> =
-                            (0..50).map(|seed| bvh.nearest(vector(seed), 4, 1.0, traversal)).collect();
+                        let of_point =
+                            |q| (bvh.nearest(q, 4, 1.0, traversal), bvh.winding_number(q, traversal));
+                        let near: Vec<_> = (0..50).map(vector).map(of_point).collect();
                         let description = bvh.accelerator().describe();
                         let tests = traversal.tests;
                         let hits: Vec<_> = hits.iter().collect();
@@ -560,8 +567,8 @@ mod tests {
         // Recorded. If they change, files of this version of the crate are not those of the last one: `VERSION` has to
         // change, too.
         let recorded =
-            [0x9053_bf91_a0cc_3c5a, 0x3287_7819_1e1f_1f21, 0x58e9_0eb5_2b87_3d49, 0x1eae_10e6_385e_af6c];
-        assert_eq!((VERSION, checksums), (1, recorded), "{checksums:#x?}");
+            [0x0807_2cc5_0192_397c, 0x9954_2c08_5692_120b, 0xf34a_6026_8ed4_9a77, 0xee37_a84d_760f_24d5];
+        assert_eq!((VERSION, checksums), (2, recorded), "{checksums:#x?}");
     }
 
     /// The bytes of a file with another checksum, that of its words.

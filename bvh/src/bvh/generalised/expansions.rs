@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::bvh::{Accelerator, Primitive};
+use crate::bvh::{Bvh, Primitive};
 use crate::geometry::{AnalyticShape, Triangle};
 
 /// The bound on the error of a node's expansion within which it is taken.
@@ -204,9 +204,9 @@ impl Node {
 
 impl Expansions {
     /// Those of the primitives of a structure, which depend on nothing else of it.
-    pub(super) fn new(accelerator: &dyn Accelerator) -> Self {
+    pub(super) fn new(bvh: &Bvh) -> Self {
         let mut found = Vec::new();
-        accelerator.each_primitive(&mut |prim, primitive| {
+        bvh.each_oriented(|prim, primitive| {
             let is_flat = matches!(primitive, Primitive::Triangle(triangle) if triangle.is_degenerate());
             if !is_flat {
                 found.push((prim, primitive));

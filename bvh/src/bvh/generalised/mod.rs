@@ -39,7 +39,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::crossings::winding_ray;
+use super::crossings::{CONTAINS_DIRECTION, winding_ray};
 use super::{Bvh, Traversal};
 use crate::geometry::simd::InstructionSet;
 pub(super) use expansions::Expansions;
@@ -48,7 +48,7 @@ pub(super) use expansions::Expansions;
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct WindingNumber {
-    /// 1 well inside, 0 outside, -1 inside of an inverted surface; near a hole anything between.
+    /// 1 well inside, 0 outside, -1 inside of a surface turned inside out; near a hole anything between.
     pub value: f64,
     /// A bound on the error of the value: 0 for a closed surface.
     pub error: f64,
@@ -61,15 +61,13 @@ impl WindingNumber {
         WindingNumber { value: number.into(), error }
     }
 
-    /// Whether the point is taken to be inside: whether the value exceeds 1/2, or is below -1/2.
-    pub fn is_inside(&self) -> bool {
+    /// Whether the value exceeds 1/2, or is below -1/2.
+    pub(super) fn is_inside(&self) -> bool {
         self.value.abs() > 0.5
     }
 
-    /// The distance of the value from 1/2, less the error: the error does not change [`WindingNumber::is_inside`] where
-    /// this is positive. At most 1/2 where a surface is wound around once; small near holes, where what would close
-    /// them decides.
-    pub fn margin(&self) -> f64 {
+    /// The distance of the value from 1/2 or -1/2, less the error.
+    pub(super) fn margin(&self) -> f64 {
         (self.value.abs() - 0.5).abs() - self.error
     }
 }
@@ -112,7 +110,9 @@ impl Bvh {
         point: DVec3,
         traversal: &mut Traversal,
     ) -> WindingNumber {
-        let Some((shapes, ray)) = self.own_shapes().zip(winding_ray(point)) else { return number };
+        let Some((shapes, ray)) = self.own_shapes().zip(winding_ray(point, CONTAINS_DIRECTION)) else {
+            return number;
+        };
         WindingNumber {
             value: number.value + f64::from(shapes.winding_number_of_closed(&ray, traversal)),
             error: if shapes.open() > 0 { f64::INFINITY } else { number.error },
@@ -125,7 +125,7 @@ impl Bvh {
             return known;
         }
         // Not while the cell is locked: see `Bvh::closedness`.
-        let found = Expansions::new(self.accelerator());
+        let found = Expansions::new(self);
         self.expansions.get_or_init(|| Arc::new(found))
     }
 }

@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::WindingNumber;
 use super::expansions::{Expansions, Node, SLACK, U};
 use crate::bvh::Primitive;
-use crate::bvh::crossings::winding_ray;
+use crate::bvh::crossings::{CONTAINS_DIRECTION, winding_ray};
 use crate::geometry::simd::{Doubles, InstructionSet, Simd, Vector, with_simd};
 use crate::geometry::{AnalyticShape, LineTest, Side, Triangle};
 
@@ -222,7 +222,7 @@ impl<D: Doubles> Sums<D> {
         for lane in (0..D::LANES).filter(|lane| lanes >> lane & 1 != 0) {
             if !shape.is_closed() {
                 error[lane] += 0.5;
-            } else if let Some(ray) = winding_ray(point(lane)) {
+            } else if let Some(ray) = winding_ray(point(lane), CONTAINS_DIRECTION) {
                 let sides = LineTest::new(&ray).cross_shape(shape).into_iter().flatten();
                 value[lane] +=
                     sides.map(|(_, side)| if side == Side::Leaving { 1.0 } else { -1.0 }).sum::<f64>();
