@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 if TYPE_CHECKING:
     import numpy as np
@@ -198,6 +198,25 @@ class WindingNumbers(NamedTuple):
     """(n,) bound on the error of the value; 0 for a closed surface."""
 
 
+class _Containment(NamedTuple):
+    inside: NDArray[np.bool_]
+    margin: NDArray[np.float64]
+
+
+@disjoint_base
+class Containment(_Containment):
+    """Whether points are inside of a mesh: a row for each of n points.
+
+    inside: (n,) whether each is. margin: (n,) how far the winding number is from 1/2 or -1/2 beyond the bound on its
+    error, so that the point is decided where this is above 0: at least 0.5 for a closed mesh, small near holes, 0 for a
+    vote.
+    """
+
+    rule: Literal["crossings", "generalised winding number", "vote"]
+    """What decides: crossings of a closed mesh; the generalised winding number of an open one; a vote of rays for
+    triangles that are wound in opposite directions."""
+
+
 class Closedness(NamedTuple):
     """Edges that keep a surface from being closed: it is closed if no edge is unbalanced."""
 
@@ -207,6 +226,8 @@ class Closedness(NamedTuple):
     """Edges of more than two triangles."""
     unbalanced_edges: int
     """Edges that triangles use more often in one direction than in the other."""
+    inconsistent_edges: int
+    """Edges between triangles that are wound in opposite directions."""
 
     @property
     def is_closed(self) -> bool:

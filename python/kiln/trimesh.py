@@ -199,7 +199,9 @@ class RayMeshIntersector:
         return hit
 
     def contains_points(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Whether the mesh contains points: (n,). Warns (KilnWarning) of a mesh that is not closed."""
+        """Whether the mesh contains points, by the rule of Mesh.contains: (n,). Warns (KilnWarning) of a mesh that is
+        not closed. trimesh's own takes an odd number of hits for inside: within a shell in a shell, both turned
+        outwards, it says outside."""
         points = _rows(points, "points")
         # Vertices are finite in f32.
         is_near = (np.abs(points) <= np.finfo(np.float32).max).all(axis=1)

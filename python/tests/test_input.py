@@ -172,8 +172,11 @@ def test_degenerate_meshes(mesh, tier, rays):
     assert (np.diff(every.ray) >= 0).all()
     crossings = mesh.crossings(origins, directions)
     winding = mesh.winding_number(origins)
-    assert (mesh.contains(origins) == (winding != 0)).all()
+    answer = mesh.contains(origins, return_margin=True)
+    assert (mesh.contains(origins) == answer.inside).all()
+    assert (answer.rule == "crossings") == mesh.closedness().is_closed
     if mesh.closedness().is_closed:
+        assert (answer.inside == (winding != 0)).all()
         # Leaving ones less entering ones, of any ray.
         sides = np.where(crossings.entering, -1, 1)
         assert (np.bincount(crossings.ray, sides, len(origins)) == winding).all()

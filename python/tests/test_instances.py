@@ -32,19 +32,22 @@ def placed(matrix, vertices):
 
 
 def copied(parts):
-    """One mesh of moved copies, the object of each triangle and its number there."""
-    vertices, faces, objects, triangles, count = [], [], [], [], 0
+    """One mesh of moved copies, the same with triangles under mirroring matrices turned over, the object of each
+    triangle and its number there."""
+    vertices, faces, turned, objects, triangles, count = [], [], [], [], [], 0
     for number, (matrix, (points, own)) in sorted(parts.items()):
         vertices.append(placed(matrix, points))
         faces.append(own + count)
+        turned.append(faces[-1][:, [0, 2, 1]] if np.linalg.det(matrix[:3, :3]) < 0 else faces[-1])
         objects += [number] * len(own)
         triangles += range(len(own))
         count += len(points)
-    return kiln.Mesh(np.concatenate(vertices), np.concatenate(faces)), np.array(objects), np.array(triangles)
+    meshes = [kiln.Mesh(np.concatenate(vertices), np.concatenate(triangles)) for triangles in (faces, turned)]
+    return *meshes, np.array(objects), np.array(triangles)
 
 
 def check_equal(instances, parts, random):
-    mesh, objects, triangles = copied(parts)
+    mesh, turned, objects, triangles = copied(parts)
     assert len(instances) == len(mesh) and instances.objects.tolist() == sorted(parts)
     origins = random.uniform(-6, 6, (300, 3))
     directions = random.uniform(-3, 3, (300, 3)) - origins
@@ -60,8 +63,11 @@ def check_equal(instances, parts, random):
     np.testing.assert_array_equal(ours.ray, theirs.ray)
     np.testing.assert_array_equal(ours.distance, theirs.distance)
     np.testing.assert_array_equal(ours.object, objects[theirs.triangle])
+    np.testing.assert_array_equal(ours.normal, turned.all(origins, directions).normal)
+    ours, theirs = instances.crossings(origins, directions), turned.crossings(origins, directions)
+    np.testing.assert_array_equal(ours.entering, theirs.entering)
     points = random.uniform(-4, 4, (300, 3))
-    np.testing.assert_array_equal(instances.contains(points), mesh.contains(points))
+    np.testing.assert_array_equal(instances.winding_number(points), turned.winding_number(points))
     ours, theirs = instances.closest_point(points), mesh.closest_point(points)
     np.testing.assert_array_equal(ours.location, theirs.location)
     np.testing.assert_array_equal(ours.object, objects[theirs.triangle])
@@ -103,6 +109,31 @@ def test_changes_equal_copies():
         check_equal(instances, parts, random)
     for number, (matrix, _) in parts.items():
         np.testing.assert_array_equal(instances.transform(number), matrix)
+
+
+def test_mirrored_parts_keep_their_outside():
+    """Unit cubes from -1/4 and to 1/4 in x, the second of them mirrored, overlap in a box around 0."""
+    corners = np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)]) - [0.25, 0.5, 0.5]
+    quads = np.array([[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]])
+    faces = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    matrices = [np.eye(4), np.diag([-1.0, 1, 1, 1])]
+    parts, scene = kiln.Instances(), kiln.Scene()
+    for matrix in matrices:
+        parts.add(corners, faces, matrix)
+    scene.add(corners, faces, transforms=matrices)
+    for mesh in (parts, scene.mesh()):
+        assert mesh.winding_number([[0, 0, 0], [0.5, 0, 0], [-0.5, 0, 0]]).tolist() == [2, 1, 1]
+        answer = mesh.contains([0, 0, 0], return_margin=True)
+        assert answer.inside and answer.margin == 1.5 and mesh.signed_distance([0, 0, 0]) == -0.25
+        # On the mirrored cube alone.
+        ray = [-0.5, 0.1, 5], [0, 0, -1]
+        assert mesh.first(*ray).normal.tolist() == [0, 0, 1] and mesh.crossings(*ray).entering.tolist() == [True, False]
+        assert mesh.count(*ray, cull_back_faces=True) == 1
+    # A half without the face at x = 0, and its mirror image, are closed.
+    whole = kiln.Instances()
+    for matrix in matrices:
+        whole.add(corners + [0.25, 0, 0], faces[2:], matrix)
+    assert whole.closedness().is_closed and whole.contains([[0.9, 0, 0], [-0.9, 0, 0]]).all()
 
 
 def test_hits_name_objects():

@@ -43,7 +43,7 @@ def test_an_updated_mesh_is_a_new_one(tier, preset):
             # Hits of this tier depend on the tree; crossings and points do not.
             own, new = own[10:], new[10:]
         assert_equal(own, new)
-    assert (mesh.closedness(), len(mesh), mesh.tier) == ((0, 0, 0), len(FACES), tier)
+    assert (mesh.closedness(), len(mesh), mesh.tier) == ((0, 0, 0, 0), len(FACES), tier)
     # And back, in other types of arrays.
     mesh.update(VERTICES.tolist())
     if tier != "fast":
