@@ -142,7 +142,10 @@ impl Found {
         let points = self.rows(location, "location")?;
         let points: &[[f64; 3]] = chunks(&points)?;
         self.numbers(location.py(), |index, prim, slot| {
-            self.state.normal(prim, slot, points[index].into()).map(|normal| normal.to_array())
+            self.state
+                .bvh
+                .geometric_normal_at(prim, slot, points[index].into())
+                .map(|normal| normal.to_array())
         })
     }
 
@@ -155,7 +158,8 @@ impl Found {
         let (points, weights) = (self.rows(location, "location")?, self.rows(barycentrics, "barycentrics")?);
         let (points, weights): (&[[f64; 3]], &[[f64; 3]]) = (chunks(&points)?, chunks(&weights)?);
         self.numbers(location.py(), |index, prim, slot| {
-            let normal = self.state.normal(prim, slot, points[index].into()).unwrap_or(DVec3::NAN);
+            let normal =
+                self.state.bvh.geometric_normal_at(prim, slot, points[index].into()).unwrap_or(DVec3::NAN);
             Some(self.state.shading_normal(prim, weights[index], normal).to_array())
         })
     }

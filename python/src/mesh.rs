@@ -446,12 +446,13 @@ impl Mesh {
         Found::result("Crossings", fields, state, &place, vec![len])
     }
 
-    /// Whether points are inside the surface: (n,) bool. Of a closed surface, with consistent winding, those whose winding
-    /// number is not 0, exactly. Warns of another: of an open one those whose generalised winding number is above 1/2 or
-    /// below -1/2; with inconsistent winding, those from which two of three rays cross it an odd number of times.
+    /// Whether points are inside the surface: (n,) bool. Of a closed surface, with consistent winding, those whose
+    /// winding number is not 0, exactly. Warns of another: of an open one those whose generalised winding number is
+    /// above 1/2 or below -1/2; with inconsistent winding, those from which two of three rays cross it an odd number of
+    /// times.
     ///
-    /// points: (n, 3) float64. return_margin: Containment instead, without a warning, which has a margin of certainty and
-    /// the rule.
+    /// points: (n, 3) float64. return_margin: Containment instead, with a margin of certainty and the rule, without a
+    /// warning.
     #[pyo3(signature = (points, return_margin = false))]
     fn contains<'py>(&self, points: &Bound<'py, PyAny>, return_margin: bool) -> PyResult<Bound<'py, PyAny>> {
         let py = points.py();

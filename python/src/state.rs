@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::sync::Arc;
 
 use kiln::bvh::{Bvh, CoarseRounding, Preset, Primitive};
-use kiln::geometry::{Hit, Numerics, Placed, Precision, PrimId, Ray, SlotId};
+use kiln::geometry::{Hit, Numerics, Placed, PrimId, Ray};
 use kiln::glam::{DVec2, DVec3};
 use kiln::scene::Scene;
 use pyo3::exceptions::PyValueError;
@@ -58,10 +58,7 @@ pub(crate) fn warn_of_rounding<I: Iterator<Item = Primitive>>(
     primitives: impl Fn() -> I + Send,
     prefix: &str,
 ) -> PyResult<()> {
-    if numerics.precision() == Precision::Double {
-        return Ok(());
-    }
-    let rounding = in_threads(py, || CoarseRounding::of(numerics, primitives))?;
+    let rounding = py.detach(|| CoarseRounding::of(numerics, primitives));
     if rounding.triangles > 0 { warn(py, &format!("{prefix}{rounding}")) } else { Ok(()) }
 }
 
@@ -84,21 +81,24 @@ impl State {
         (numerics, preset): (Numerics, Preset),
     ) -> PyResult<Self> {
         // A copy, since other threads may change the array during the build.
-        let (vertices, primitives) = (vertices.to_vec(), faces.len());
+        let vertices = vertices.to_vec();
         let bvh =
             in_threads(py, || Bvh::from_mesh_with(&vertices, faces, preset, numerics))?.map_err(invalid)?;
-        warn_of_rounding(py, numerics, || corners(faces, &vertices), "")?;
-        Ok(State { bvh, primitives, objects: vec![ObjectPart::default()], scene: None, parts: Vec::new() })
+        Self::of_object(py, bvh, &vertices, faces)
     }
 
     /// The same triangles of one object with other vertices.
     pub(crate) fn updated(&self, py: Python, vertices: &[[f64; 3]], faces: &[[u32; 3]]) -> PyResult<Self> {
-        let (mut bvh, numerics, vertices) =
-            (self.bvh.clone(), self.bvh.accelerator().numerics(), vertices.to_vec());
+        let (mut bvh, vertices) = (self.bvh.clone(), vertices.to_vec());
         in_threads(py, || bvh.update(corners(faces, &vertices)))?.map_err(invalid)?;
-        warn_of_rounding(py, numerics, || corners(faces, &vertices), "")?;
+        Self::of_object(py, bvh, &vertices, faces)
+    }
+
+    /// The structure of the triangles of one object. Warns of coarse rounding.
+    fn of_object(py: Python, bvh: Bvh, vertices: &[[f64; 3]], faces: &[[u32; 3]]) -> PyResult<Self> {
+        warn_of_rounding(py, bvh.accelerator().numerics(), || corners(faces, vertices), "")?;
         let objects = vec![ObjectPart::default()];
-        Ok(State { bvh, primitives: self.primitives, objects, scene: None, parts: Vec::new() })
+        Ok(State { bvh, primitives: faces.len(), objects, scene: None, parts: Vec::new() })
     }
 
     /// The primitives of a scene.
@@ -130,11 +130,6 @@ impl State {
         (object, prim.0 - self.objects[object].first)
     }
 
-    /// The unit normal of the front of a primitive, in a slot, at a point of it; `None` for a triangle without area.
-    pub(crate) fn normal(&self, prim: PrimId, slot: SlotId, point: DVec3) -> Option<DVec3> {
-        self.bvh.geometric_normal_at(prim, slot, point)
-    }
-
     /// The shading normal at a point of a primitive, on the side of `normal`.
     pub(crate) fn shading_normal(&self, prim: PrimId, barycentrics: [f64; 3], normal: DVec3) -> DVec3 {
         let Some(scene) = &self.scene else { return normal };
@@ -156,7 +151,6 @@ impl State {
     /// Whether a ray hits the back of a primitive.
     pub(crate) fn is_back(&self, ray: &Ray, hit: &Hit) -> bool {
         // A triangle without area has neither side.
-        let normal = self.normal(hit.prim, hit.slot, ray.at(hit.t));
-        normal.is_some_and(|normal| normal.dot(ray.direction()) > 0.0)
+        self.bvh.geometric_normal(ray, hit).is_some_and(|normal| normal.dot(ray.direction()) > 0.0)
     }
 }

@@ -291,8 +291,8 @@ fn the_mesh_chooses_the_rule() {
     let traversal = &mut Traversal::default();
     let cell = Cells(vec![(DVec3::ZERO, 1)]).triangles();
     for numerics in Numerics::ALL {
-        // Without the two triangles of its upper face at z = 1, which the ray of winding numbers meets: it has nothing to
-        // leave through. From the middle, five of six faces are 5/6, which is 1/3 above 1/2.
+        // Without the two triangles of its upper face at z = 1, which the ray of winding numbers meets: it has nothing
+        // to leave through. From the middle, five of six faces are 5/6, which is 1/3 above 1/2.
         let open: Vec<_> = cell[..10].to_vec();
         let mut bvh = built(&open, numerics, Preset::default());
         let expected = Closedness { boundary_edges: 4, unbalanced_edges: 4, ..Closedness::default() };

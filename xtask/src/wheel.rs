@@ -22,10 +22,10 @@ pub struct Options {
 }
 
 /// What the tests need beside the wheel; trimesh's tests need the second list, too.
-const PACKAGES: [&str; 8] =
-    ["maturin>=1.9,<2", "numpy", "pytest", "hypothesis", "trimesh", "rtree", "scipy", "mypy"];
-const PACKAGES_OF_TRIMESH: [&str; 7] =
-    ["embreex==4.4.*", "shapely", "networkx", "manifold3d", "lxml", "jsonschema", "pillow"];
+const PACKAGES: [&str; 9] =
+    ["maturin>=1.9,<2", "numpy", "pytest", "hypothesis", "trimesh", "rtree", "scipy", "shapely", "mypy"];
+const PACKAGES_OF_TRIMESH: [&str; 6] =
+    ["embreex==4.4.*", "networkx", "manifold3d", "lxml", "jsonschema", "pillow"];
 
 /// Runs a command whose output is shown. An exit code other than 0 is an error.
 fn run(command: &mut Command) -> Result<()> {

@@ -371,8 +371,8 @@ impl Bvh {
 
     /// The geometric normal at a hit of the ray, of length 1: for a triangle `(b - a) x (c - a)` normalised, or its
     /// opposite ([`Bvh::set_clockwise`]), for a sphere outwards. It is not turned towards the ray: the front was hit if
-    /// its dot product with the ray's direction is negative. It is that of the primitive as stored, with corners rounded
-    /// to the precision of the tier.
+    /// its dot product with the ray's direction is negative. It is that of the primitive as stored, with corners
+    /// rounded to the precision of the tier.
     ///
     /// `None` for a triangle without area, or too thin for its corners ([`Triangle::unit_normal`]).
     ///
@@ -441,7 +441,7 @@ impl Bvh {
         Ok(Update::Rebuilt)
     }
 
-    /// Which triangles are seen clockwise from the front, as those of a mesh under a transform that mirrors it (glTF 2.0,
+    /// Which triangles are seen clockwise from the front, as those of a mesh under a mirroring transform (glTF 2.0,
     /// section 3.7.4): of consecutive parts of the primitives the number, and whether they are. They are turned over in
     /// normals, sides of crossings, winding numbers and closedness; barycentrics remain those of the corners as given.
     /// [`Bvh::from_instances`] does so by itself.

@@ -8,7 +8,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::crossings::{CONTAINS_DIRECTION, VOTING_DIRECTIONS, in_order, winding_ray};
+use super::crossings::{CONTAINS_DIRECTION, in_order, winding_ray};
 use super::lists::{ListGroup, Lists};
 use super::{Bvh, ClosestPoint, Containment, InsideRule, SignedHit, Traversal, WindingNumber};
 use crate::geometry::simd::InstructionSet;
@@ -273,10 +273,6 @@ impl Bvh {
 
     /// [`Bvh::winding_number`] of every point.
     pub fn par_winding_numbers(&self, points: &[DVec3]) -> Vec<i32> {
-        self.par_winding_along(CONTAINS_DIRECTION, points)
-    }
-
-    fn par_winding_along(&self, direction: DVec3, points: &[DVec3]) -> Vec<i32> {
         let mut results = vec![0; points.len()];
         let scratch = || (Worker::default(), Vec::new(), Vec::new());
         results.par_chunks_mut(GROUP).zip(points.par_chunks(GROUP)).for_each_init(
@@ -286,7 +282,7 @@ impl Bvh {
                 indices.clear();
                 worker.rays.clear();
                 for index in worker.order.indices() {
-                    if let Some(ray) = winding_ray(points[index], direction) {
+                    if let Some(ray) = winding_ray(points[index], CONTAINS_DIRECTION) {
                         indices.push(index);
                         worker.rays.push(&ray);
                     }
@@ -315,9 +311,8 @@ impl Bvh {
     pub fn par_contains(&self, points: &[DVec3]) -> Vec<Containment> {
         let rule = self.closedness().rule();
         if rule == InsideRule::Vote {
-            let numbers = VOTING_DIRECTIONS.map(|direction| self.par_winding_along(direction, points));
-            let of_point = |index| Containment::by_vote([0, 1, 2].map(|ray: usize| numbers[ray][index]));
-            return (0..points.len()).map(of_point).collect();
+            let single = |point, traversal: &mut Traversal| Some(self.contains(point, traversal));
+            return self.of_points(points, single).into_iter().flatten().collect();
         }
         let numbers = self.par_generalised_winding_numbers(points, 1.0);
         numbers.into_iter().map(|number| Containment::of(number, rule)).collect()
@@ -362,15 +357,23 @@ impl Bvh {
         points: &[DVec3],
         max_distance: f64,
     ) -> Vec<Option<ClosestPoint>> {
-        let mut results = vec![None; points.len()];
+        self.of_points(points, |point, traversal| self.closest_point_within(point, max_distance, traversal))
+    }
+
+    /// The results of single queries of points.
+    fn of_points<R: Clone + Default + Send>(
+        &self,
+        points: &[DVec3],
+        query: impl Fn(DVec3, &mut Traversal) -> R + Sync,
+    ) -> Vec<R> {
+        let mut results = vec![R::default(); points.len()];
         let task = points_of_task(points.len());
         results.par_chunks_mut(task).zip(points.par_chunks(task)).for_each_init(
             Worker::default,
             |worker, (results, points)| {
                 worker.order.fill(points.len(), true, |index| [points[index], DVec3::ZERO]);
                 for index in worker.order.indices() {
-                    let traversal = &mut worker.traversal;
-                    results[index] = self.closest_point_within(points[index], max_distance, traversal);
+                    results[index] = query(points[index], &mut worker.traversal);
                 }
             },
         );
@@ -379,12 +382,9 @@ impl Bvh {
 
     /// [`Bvh::nearest`] of every point.
     pub fn par_nearest(&self, points: &[DVec3], count: usize, max_distance: f64) -> Lists<ClosestPoint> {
-        let of_group = |worker: &mut Worker, points: &[DVec3]| {
-            worker.order.fill(points.len(), true, |index| [points[index], DVec3::ZERO]);
-            let mut lists = vec![Vec::new(); points.len()];
-            for index in worker.order.indices() {
-                lists[index] = self.nearest(points[index], count, max_distance, &mut worker.traversal);
-            }
+        let lists =
+            self.of_points(points, |point, traversal| self.nearest(point, count, max_distance, traversal));
+        let of_group = |lists: &[Vec<_>]| {
             let mut end = 0;
             let ends = lists.iter().map(|list| {
                 end += list.len();
@@ -392,7 +392,7 @@ impl Bvh {
             });
             ListGroup { ends: ends.collect(), values: lists.concat() }
         };
-        Lists::of(points.par_chunks(GROUP).map_init(Worker::default, of_group).collect())
+        Lists::of(lists.par_chunks(GROUP).map(of_group).collect())
     }
 
     /// [`Bvh::signed_distance`] of every point.

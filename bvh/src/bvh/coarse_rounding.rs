@@ -115,8 +115,8 @@ mod tests {
             ([square(far), larger(far + 4e-9)], 0),
             ([square(far), square(far + 4e-9)], 0),
         ];
-        // An edge of 1/100 becomes 0, and a height of 1/32. In the third, the cross product of the edges is 0.06 * 1.1 -
-        // 0.065 * 1 > 0 and becomes 0 * 1.125 - 0.125 * 1. The last changes its shape only.
+        // An edge of 1/100 becomes 0, and a height of 1/32. In the third, the cross product of the edges is
+        // 0.06 * 1.1 - 0.065 * 1 > 0 and becomes 0 * 1.125 - 0.125 * 1. The last changes its shape only.
         let alone = [
             ([[far, far, far], [far, far + 0.01, far], [far, far, far + 1.0]], 1),
             ([[far, far, 0.5], [far + 1.0, far, 0.5], [far + 2.0, far + 1.0 / 32.0, 0.5]], 1),

@@ -47,8 +47,8 @@ pub enum InsideRule {
     Crossings,
     /// Whether the generalised winding number of an open surface exceeds 1/2, or is below -1/2.
     GeneralisedWindingNumber,
-    /// Whether two of three rays cross a surface with inconsistent winding an odd number of times. Not certain, but right
-    /// for a closed surface that does not intersect itself, whatever the winding.
+    /// Whether two of three rays cross a surface with inconsistent winding an odd number of times. Not certain, but
+    /// right for a closed surface that does not intersect itself, whatever the winding.
     Vote,
 }
 
@@ -99,13 +99,6 @@ impl Containment {
         Containment { is_inside: number.is_inside(), margin: number.margin(), rule }
     }
 
-    /// That of a surface with inconsistent winding: by the winding numbers of rays in [`VOTING_DIRECTIONS`], which are
-    /// odd where the number of crossings is.
-    pub(super) fn by_vote(numbers: [i32; 3]) -> Self {
-        let odd = numbers.iter().filter(|&number| number % 2 != 0).count();
-        Containment { is_inside: odd > 1, margin: 0.0, rule: InsideRule::Vote }
-    }
-
     /// A distance from the surface, negative inside.
     pub(super) fn signed(self, distance: f64) -> f64 {
         if self.is_inside { -distance } else { distance }
@@ -133,12 +126,6 @@ impl std::error::Error for NotClosed {}
 /// The direction of the rays of [`Bvh::winding_number`] and [`Bvh::contains`]. Rays nearly parallel to an axis meet the
 /// fewest boxes; those parallel to it would meet the edges of axis-aligned models, which takes exact arithmetic.
 pub const CONTAINS_DIRECTION: DVec3 = DVec3::new(3.0 / 64.0, 5.0 / 64.0, 1.0);
-
-/// The directions of the rays of [`InsideRule::Vote`].
-pub(super) const VOTING_DIRECTIONS: [DVec3; 3] = {
-    let [x, y, z] = CONTAINS_DIRECTION.to_array();
-    [CONTAINS_DIRECTION, DVec3::new(z, x, y), DVec3::new(y, z, x)]
-};
 
 impl Bvh {
     /// The crossings of the ray between `t_min` and `t_max`, in order of distance: each passage through the surface
@@ -195,15 +182,21 @@ impl Bvh {
         winding_number + self.own_shapes().map_or(0, |shapes| shapes.winding_number(&ray, traversal))
     }
 
-    /// Whether a point is inside the surface, by the rule that its edges call for ([`Closedness::rule`]), and how certain
-    /// that is. The first call after building takes as long as [`Bvh::closedness`] and, for an open surface,
+    /// Whether a point is inside the surface, by the rule that its edges call for ([`Closedness::rule`]), and the margin
+    /// of certainty. The first call after building takes as long as [`Bvh::closedness`] and, for an open surface,
     /// [`Bvh::generalised_winding_number`].
     pub fn contains(&self, point: impl Into<DVec3>, traversal: &mut Traversal) -> Containment {
         let (point, rule) = (point.into(), self.closedness().rule());
         if rule == InsideRule::Vote {
-            return Containment::by_vote(
-                VOTING_DIRECTIONS.map(|direction| self.winding_along(direction, point, traversal)),
-            );
+            // Winding numbers are odd where the number of crossings is.
+            let [x, y, z] = CONTAINS_DIRECTION.to_array();
+            let directions = [CONTAINS_DIRECTION, DVec3::new(z, x, y), DVec3::new(y, z, x)];
+            let is_odd = |&direction: &DVec3| self.winding_along(direction, point, traversal) % 2 != 0;
+            return Containment {
+                is_inside: directions.into_iter().filter(is_odd).count() > 1,
+                margin: 0.0,
+                rule,
+            };
         }
         Containment::of(self.generalised_winding_number(point, 1.0, traversal), rule)
     }
@@ -232,10 +225,7 @@ impl Bvh {
         }
         // Not while the cell is locked: a thread that waits for parts of this work may take up other work that asks,
         // too.
-        let mut found = closedness(self);
-        let open = self.own_shapes().map_or(0, Shapes::open);
-        found.boundary_edges += open;
-        found.unbalanced_edges += open;
+        let found = closedness(self);
         *self.closedness.get_or_init(|| found)
     }
 
@@ -323,8 +313,8 @@ pub(super) fn in_order(
 type Vertex = [u64; 3];
 
 fn closedness(bvh: &Bvh) -> Closedness {
-    let (mut triangles, mut closedness): (Vec<(PrimId, [Vertex; 3])>, _) =
-        (Vec::new(), Closedness::default());
+    let mut open = bvh.own_shapes().map_or(0, Shapes::open);
+    let mut triangles: Vec<(PrimId, [Vertex; 3])> = Vec::new();
     bvh.each_oriented(|prim, primitive| match primitive {
         Primitive::Triangle(Triangle(corners)) => {
             // -0 + 0 is 0.
@@ -333,11 +323,7 @@ fn closedness(bvh: &Bvh) -> Closedness {
                 triangles.push((prim, [a, b, c]));
             }
         }
-        Primitive::Analytic(shape) if shape.is_closed() => {}
-        Primitive::Analytic(_) => {
-            closedness.boundary_edges += 1;
-            closedness.unbalanced_edges += 1;
-        }
+        Primitive::Analytic(shape) => open += usize::from(!shape.is_closed()),
     });
     triangles.par_sort_unstable_by_key(|(prim, _)| *prim);
     triangles.dedup_by_key(|(prim, _)| *prim);
@@ -348,6 +334,7 @@ fn closedness(bvh: &Bvh) -> Closedness {
         .collect();
     drop(triangles);
     edges.par_sort_unstable();
+    let mut closedness = Closedness { boundary_edges: open, unbalanced_edges: open, ..Closedness::default() };
     for uses in edges.chunk_by(|a, b| a.0 == b.0) {
         let forward = uses.iter().filter(|(_, is_forward)| *is_forward).count();
         closedness.boundary_edges += usize::from(uses.len() == 1);

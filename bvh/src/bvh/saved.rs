@@ -1,10 +1,10 @@
 //! [`Bvh::save`] and [`Bvh::load`].
 //!
 //! A file is a sequence of words of 64 bits in the byte order of the machine that wrote it: the numbers of [`Header`],
-//! the primitives without a slot, [`Bvh::clockwise`], the nodes, the triangle leaves and the analytic shapes, each in as many words as
-//! every other of its kind, and a checksum. Each word is mixed into the checksum by an invertible function, so a change
-//! of a single word changes it. A file with the right checksum may still hold anything: [`check`] guarantees that
-//! traversals of the tree read no index out of range, and end.
+//! the primitives without a slot, [`Bvh::clockwise`], the nodes, the triangle leaves and the analytic shapes, each in
+//! as many words as every other of its kind, and a checksum. Each word is mixed into the checksum by an invertible
+//! function, so a change of a single word changes it. A file with the right checksum may still hold anything: [`check`]
+//! guarantees that traversals of the tree read no index out of range, and end.
 
 use std::io::{Error, ErrorKind, Read, Result, Write};
 use std::sync::{Arc, OnceLock};

@@ -181,8 +181,8 @@ fn lumpy(level: u32) -> Vec<[DVec3; 3]> {
     triangles.iter().map(|corners| corners.map(bump)).collect()
 }
 
-/// Against the sum of solid angles, in parts that are alone, overlap, are in each other and turned inside out, mirrored,
-/// of any size and place; with all triangles, with holes, with triangles that are turned over, and with both. Answers
+/// Against the sum of solid angles, in parts that are alone, overlap, are in each other and turned inside out,
+/// mirrored, of any size and place; with all triangles, with holes, with triangles that are turned over, and with both. Answers
 /// are certain where the margin is above 0, that of closed surfaces everywhere; single queries, batches and signed
 /// distances agree. Turned triangles have no part in an odd number of crossings.
 #[test]
