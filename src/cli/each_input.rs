@@ -132,9 +132,9 @@ pub(super) fn run(commands: &[Command], reporter: &mut Reporter, interrupted: &A
     let start = Instant::now();
     check_outputs(commands, interrupted)?;
     let (mut outcomes, mut worst) = (Vec::new(), 0);
-    for (place, one) in commands.iter().enumerate() {
+    for (index, one) in commands.iter().enumerate() {
         if let Some(input) = one.arguments.inputs.first() {
-            reporter.begin(input, place, commands.len());
+            reporter.begin(input, index, commands.len());
         }
         match render_still(one, reporter, interrupted) {
             Ok(outcome) => outcomes.push(outcome),

@@ -50,7 +50,7 @@ pub(crate) struct Command {
     skip_existing: bool,
     /// Print the names of the output files without rendering
     #[arg(long, help_heading = group::OUTPUT)]
-    list_outputs: bool,
+    pub(super) list_outputs: bool,
     /// AOVs to write to an .exr, separated by commas, such as depth,normal; listed below
     #[arg(long, help_heading = group::OUTPUT, display_order = 2, value_name = "LIST", value_delimiter = ',')]
     aov: Vec<String>,
@@ -327,7 +327,11 @@ pub(super) fn warn_of_result(
     {
         warnings.push(frames::clipped_warning(ev));
     }
-    job::note_of_left_out(&job.plan, statistics).into_iter().for_each(|note| warnings.note(note));
+    let of_noise = job::note_of_noise(&job.plan, statistics);
+    job::note_of_left_out(&job.plan, statistics)
+        .into_iter()
+        .chain(of_noise)
+        .for_each(|note| warnings.note(note));
     warn_of_indices(context.selection, &job.world, warnings);
     output::warn_about_picture(context.inputs, &job.world, statistics, context.is_part, warnings);
     let mut objects = job.world.objects.iter().zip(&statistics.visible_objects);

@@ -14,7 +14,7 @@ use super::convergence::{
 };
 use super::region::SampledRegion;
 use super::samples::{PixelSampleSequence, TileSamples};
-use super::tile::{RenderContext, Tile, vec_bytes};
+use super::tile::{NOISY_LEVELS, RenderContext, Tile, vec_bytes};
 use super::variance::SampleVariance;
 use super::{Effect, EffectContext, Hook, PlanSpec, Stage, id};
 use crate::scene::PixelSampler;
@@ -198,11 +198,27 @@ impl TestConvergence {
                 if samples.is_round_done() {
                     self.end_round(buffers, samples, context);
                     if samples.is_finished() {
+                        tile.noisy_pixels += self.count_noisy(&buffers.colour, samples, context);
                         samples.finish(tile, &self.sampler, context.world.pipeline);
                     }
                 }
             });
         });
+    }
+
+    /// The number of pixels of [`Tile::noisy_pixels`].
+    fn count_noisy(&self, colour: &Estimates, samples: &TileSamples, context: &RenderContext) -> u64 {
+        let displayed = |value: DVec3| context.display.displayed(context.world.pipeline, value);
+        let is_noisy = |&pixel: &usize| {
+            let own = &colour.current[pixel];
+            let (value, variance) = value_and_variance([own].into_iter(), self.colour, &colour.around[pixel]);
+            // Not all of its samples are part of its value.
+            let error = variance * (f64::from(own.count()) / f64::from(samples.sums()[pixel].count));
+            let error = DVec3::from(error.to_array().map(f64::sqrt));
+            displayed_error(value, error, &displayed) > NOISY_LEVELS * self.criterion.max_error
+        };
+        let pixels = samples.region().tile_pixels().filter(|_| self.colour == Integrand::Random);
+        pixels.filter(is_noisy).count() as u64
     }
 
     fn end_round(&self, buffers: &mut Buffers, samples: &mut TileSamples, context: &RenderContext) {
@@ -228,10 +244,16 @@ impl TestConvergence {
             let of_unseen = if integrand == Integrand::Random { of_unseen } else { 0.0 };
             let variance = variance + missed_variance(around.deviation, taken) + of_unseen;
             // Without variance, as on a background, the error is 0; this saves the conversion to display values.
-            variance == DVec3::ZERO || {
-                let error = DVec3::from(variance.to_array().map(f64::sqrt));
-                displayed_error(value, error, shown) <= criterion.max_error
+            if variance == DVec3::ZERO {
+                return true;
             }
+            let error = DVec3::from(variance.to_array().map(f64::sqrt));
+            let shown_error = |value: DVec3| displayed_error(value, error, shown);
+            // The mean of a lamp and of what is beside it is displayed as white, whatever the error.
+            let power = |near: usize| shown_error(estimates.current[near].value()).powi(4);
+            shown_error(value) <= criterion.max_error
+                && region.tested_by(pixel).map(power).sum::<f64>()
+                    <= region.tested_by(pixel).count() as f64 * criterion.max_error.powi(4)
         };
         let (colour, alpha, over_white, has_surface) = (&*colour, &*alpha, &*over_white, &*has_surface);
         samples.start_round(criterion.next_test(taken, sampler.samples), |pixel| {

@@ -242,6 +242,16 @@ impl SampleEstimate {
         SampleEstimate { value, variance, between, samples: samples.count(), groups: groups.full() }
     }
 
+    /// The value of the pixel.
+    pub fn value(&self) -> DVec3 {
+        self.value.truncate().as_dvec3()
+    }
+
+    /// The number of samples.
+    pub fn count(&self) -> u32 {
+        self.samples
+    }
+
     /// The variance of the mean, per channel; infinite for one sample.
     #[inline(always)]
     pub fn variance_of_mean(&self, integrand: Integrand, around: &Neighbourhood) -> Vec4 {

@@ -19,6 +19,9 @@ use crate::shading::{LightSoa, Scratch};
 use crate::world::RAYS_PER_BATCH;
 use crate::world::{Flags, InteractionSoa, Vec3Soa, View, World};
 
+/// The errors of noisy pixels ([`Tile::noisy_pixels`]), in levels.
+pub const NOISY_LEVELS: f64 = 3.0;
+
 /// The read-only input of every stage.
 pub struct RenderContext<'a> {
     /// The prepared scene.
@@ -129,6 +132,9 @@ pub struct Tile {
     pub scattering: Option<Vec<Option<[[f32; 3]; 2]>>>,
     /// Samples of light that were left out because they were not finite numbers.
     pub discarded_samples: u64,
+    /// Pixels that depend on random numbers and whose standard error, by their own samples, is above [`NOISY_LEVELS`]
+    /// times the level of adaptive sampling.
+    pub noisy_pixels: u64,
     /// Records a pixel; `None` while pictures are rendered.
     pub recorder: Option<Box<Recorder>>,
     /// The buffers of effects, one type each.

@@ -85,7 +85,7 @@ impl Source {
 
     /// Path of a reference of a scene file, which may lead anywhere: as written, or a path in its folder or below that
     /// differs only in case or Unicode normalization, with a note.
-    pub(super) fn resolve_own(&self, name: &str) -> PathBuf {
+    pub(super) fn resolve_scene_reference(&self, name: &str) -> PathBuf {
         let written = self.beside(name);
         if self.files.has(&written) {
             return written;

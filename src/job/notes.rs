@@ -2,6 +2,7 @@
 
 use super::{RenderJob, back_faces};
 use crate::effects::light_left_out::Estimate;
+use crate::effects::tile::NOISY_LEVELS;
 use crate::effects::{Plan, named};
 use crate::error::Warnings;
 use crate::render::Statistics;
@@ -82,6 +83,15 @@ pub fn note_of_left_out(plan: &Plan, statistics: &Statistics) -> Option<String> 
     }
     is_noted(by_clamp).then(|| {
         format!("the clamp leaves out {} of the light; a larger --clamp leaves out less", percent(by_clamp))
+    })
+}
+
+/// Note about pixels with far more noise than the threshold.
+pub fn note_of_noise(plan: &Plan, statistics: &Statistics) -> Option<String> {
+    let (count, level) = (statistics.noisy_pixels, plan.sampling.noise?);
+    (count > 0).then(|| {
+        let error = NOISY_LEVELS * level;
+        format!("{count} pixel(s) have a standard error above {error:.3}, 3 times --noise; raise --min-samples or --samples")
     })
 }
 

@@ -14,11 +14,11 @@ const NAMED: usize = 3;
 /// Warns of the objects whose bounds lie wholly beyond one side of the picture, or behind the camera, where others do not.
 pub(super) fn warn(scene: &Scene, view: &View, recentering: Option<&Recentering>, warnings: &mut Warnings) {
     let trees = PointTrees::of(&scene.objects);
-    let seen = scene.objects.iter().filter_map(|object| Some((object, outside_at(object, &trees, view)?)));
-    let seen: Vec<(&Object, Option<DVec3>)> = seen.collect();
-    let outside = seen.iter().filter_map(|&(object, at)| Some((object, at?)));
+    let visible = scene.objects.iter().filter_map(|object| Some((object, outside_at(object, &trees, view)?)));
+    let visible: Vec<(&Object, Option<DVec3>)> = visible.collect();
+    let outside = visible.iter().filter_map(|&(object, at)| Some((object, at?)));
     let outside: Vec<(&Object, DVec3)> = outside.collect();
-    if outside.is_empty() || outside.len() == seen.len() {
+    if outside.is_empty() || outside.len() == visible.len() {
         return;
     }
     let place = |p: DVec3| recentering.map_or(p, |recentering| recentering.point_back(p));
@@ -46,17 +46,27 @@ const EMPTY: u32 = 60;
 /// Notes objects, and triangles of an object, that lie so far from the rest that it is small in the picture of a fitted
 /// camera, such as a marker at the origin beside a building at coordinates of a map.
 pub(super) fn note_distant(scene: &Scene, warnings: &mut Warnings) {
-    let Some((min, max)) = scene.bounds() else { return };
+    let trees = PointTrees::of(&scene.objects);
+    let Some((min, max)) = bounds(&trees, &scene.objects) else { return };
     let size = max - min;
+    // The box of a placed mesh, or those of triangles where they may be far from one another, each with its number of
+    // triangles.
     let boxes = || {
         scene.objects.iter().enumerate().flat_map(|(index, object)| {
-            let seen = object.shape.primitives().filter(can_be_seen);
-            seen.map(move |primitive| (index, primitive.bounds()))
+            let is_small = |(min, max): &(DVec3, DVec3)| {
+                (max - min).cmple(size * f64::from(EMPTY) / f64::from(CELLS)).all()
+            };
+            let one = Some(object).filter(|object| matches!(object.shape, Shape::Placed(_)));
+            let one = one.and_then(|object| bounds(&trees, std::slice::from_ref(object))).filter(is_small);
+            let visible = one.is_none().then(|| object.shape.primitives().filter(can_be_seen));
+            let triangles = visible.into_iter().flatten().map(move |one| (index, 1, one.bounds()));
+            let count = object.shape.primitive_count();
+            triangles.chain(one.map(|(min, max)| (index, count, Bounds::rounded_out(min, max))))
         })
     };
     let cell = |x: f32, k: usize| ((f64::from(x) - min[k]) / size[k] * f64::from(CELLS)).min(63.0) as u32;
     let mut covered = [0, 1, 2].map(|k| if size[k] > 0.0 { 0 } else { u64::MAX });
-    for (_, Bounds { min: low, max: high }) in boxes() {
+    for (.., Bounds { min: low, max: high }) in boxes() {
         for (k, covered) in covered.iter_mut().enumerate() {
             *covered |= u64::MAX << cell(low[k], k) & u64::MAX >> (63 - cell(high[k], k));
         }
@@ -70,9 +80,9 @@ pub(super) fn note_distant(scene: &Scene, warnings: &mut Warnings) {
             continue;
         }
         let mut sides: [(usize, Vec<usize>, Option<Bounds>); 2] = Default::default();
-        for (index, bounds) in boxes() {
+        for (index, triangles, bounds) in boxes() {
             let (count, objects, all) = &mut sides[usize::from(cell(bounds.min[axis], axis) >= below)];
-            *count += 1;
+            *count += triangles;
             *all = Some(all.map_or(bounds, |all| all.union(bounds)));
             if objects.last() != Some(&index) {
                 objects.push(index);

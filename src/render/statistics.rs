@@ -28,6 +28,9 @@ pub struct Statistics {
     pub non_finite: Vec<(u32, u32)>,
     /// The number of samples of light that were left out because they were not finite.
     pub discarded_samples: u64,
+    /// The number of pixels that depend on random numbers and whose standard error, by their own samples, is above three
+    /// times the level of adaptive sampling.
+    pub noisy_pixels: u64,
     /// The light that limits leave out, where it is measured.
     pub left_out: Option<LeftOutLight>,
     /// The exposure in EV that `auto` came to, for pictures of display values.
@@ -76,6 +79,7 @@ impl Statistics {
             visible_objects: Vec::new(),
             non_finite,
             discarded_samples: workers.iter().map(|worker| worker.tile.discarded_samples).sum(),
+            noisy_pixels: workers.iter().map(|worker| worker.tile.noisy_pixels).sum(),
             left_out: LeftOutLight::of_threads(workers.iter().filter_map(|worker| worker.tile.buffers())),
             auto_exposure: None,
         };
@@ -125,6 +129,7 @@ impl Statistics {
         }
         self.tests += other.tests;
         self.discarded_samples += other.discarded_samples;
+        self.noisy_pixels += other.noisy_pixels;
         if let Some(other) = &other.left_out {
             self.left_out.get_or_insert_default().add_samples(other);
         }
@@ -240,6 +245,7 @@ mod tests {
             visible_objects: Vec::new(),
             non_finite: pixels.to_vec(),
             discarded_samples: 0,
+            noisy_pixels: 0,
             left_out: None,
             auto_exposure: None,
         }

@@ -67,7 +67,7 @@ fn threads_that_cannot_be_started_are_an_error() {
         assert_eq!(output.status.code(), Some(1), "{arguments}: {said}");
         let (line, hint) = check_error(&said);
         assert_eq!(line, "the system cannot start that many threads", "{arguments}");
-        assert!(hint.starts_with("give a smaller number as --threads; "), "{hint}");
+        assert!(hint.starts_with("give a smaller number as --threads, or "), "{hint}");
     }
 }
 

@@ -97,7 +97,7 @@ impl Builder<'_> {
     /// and settings of the mesh file are ignored.
     fn read_mesh(&mut self, start: usize, s: &MeshSection, warnings: &mut Warnings) -> Result<Vec<Object>> {
         let smooths = self.source.options.smooths_meshes && self.scene.picture.look == Some(Look::Studio);
-        let (file, path) = (&s.file, self.source.resolve_own(&s.file));
+        let (file, path) = (&s.file, self.source.resolve_scene_reference(&s.file));
         let none = || {
             let hint = format!("name a mesh: {}", import::mesh_endings());
             self.error(start, format!("`{file}` is not a mesh"), &hint)

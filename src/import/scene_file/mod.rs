@@ -226,7 +226,7 @@ impl Builder<'_> {
         let (start, s) = (section.span().start, section.get_ref());
         let source = match (&s.file, s.sky, s.colour) {
             (Some(file), false, None) => {
-                let file = self.source.resolve_own(file);
+                let file = self.source.resolve_scene_reference(file);
                 import::environment::image(&self.source.files, &file, warnings)?
             }
             (None, true, None) => EnvironmentSource::Sky,

@@ -1,4 +1,4 @@
-//! What slicers say of the objects of a 3MF file beside the model: PrusaSlicer and its forks in
+//! Settings of slicers for the objects of a 3MF file, beside the model: PrusaSlicer and its forks in
 //! `Slic3r_PE_model.config` and `Slic3r_PE.config`, Bambu Studio and OrcaSlicer in `model_settings.config` and
 //! `project_settings.config`.
 
