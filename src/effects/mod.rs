@@ -30,8 +30,6 @@ pub(crate) mod unlit;
 pub mod variance;
 pub mod whitted;
 
-#[allow(deprecated)]
-pub use plan::Choices;
 pub use plan::{Decision, Plan, PlanSettings, PlannedStage, check_names, check_scene};
 pub use ray_origins::shadow_ray;
 

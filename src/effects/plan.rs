@@ -53,10 +53,6 @@ pub struct PlanSettings {
     pub path: PathSettings,
 }
 
-/// The former name of [`PlanSettings`].
-#[deprecated(note = "renamed to `PlanSettings`")]
-pub type Choices = PlanSettings;
-
 impl PlanSettings {
     /// Whether options or the scene turn an effect on or off, and the value that they give it.
     pub fn switch(&self, effect: EffectId) -> (Option<bool>, Option<String>) {

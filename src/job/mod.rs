@@ -40,8 +40,6 @@ mod prepared_pictures;
 mod resolved;
 mod settings;
 
-#[allow(deprecated)]
-pub use crate::effects::Choices;
 pub use crate::effects::PlanSettings;
 pub use crate::render::{RenderControl, Statistics};
 pub use crate::shading::ShadingMode;

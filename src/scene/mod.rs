@@ -87,8 +87,6 @@ pub use picture::{
     Background, Bounces, Clamp, FieldOfView, FilterRadius, Headlight, Intensity, Look, Noise,
     PictureSettings, Rotation, Samples, Side, Zoom,
 };
-#[allow(deprecated)]
-pub use sampler::{Filter, Sampler};
 pub use sampler::{Interpolation, Minify, ResolvedTextureFilter, TextureFilter, TextureSampler, Wrap};
 pub use sampling::{MAX_SAMPLES, PixelSampler, Sampling};
 pub use shading_mode::ShadingMode;

@@ -13,10 +13,6 @@ pub struct TextureSampler {
     pub minify: Option<Minify>,
 }
 
-/// The former name of [`TextureSampler`].
-#[deprecated(note = "renamed to `TextureSampler`")]
-pub type Sampler = TextureSampler;
-
 /// Wrap mode of texture coordinates outside 0..1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, serde::Serialize)]
 pub enum Wrap {
@@ -93,10 +89,6 @@ pub struct ResolvedTextureFilter {
     /// Whether mip maps are sampled several times along the longer axis of the pixel footprint.
     pub anisotropic: bool,
 }
-
-/// The former name of [`ResolvedTextureFilter`].
-#[deprecated(note = "renamed to `ResolvedTextureFilter`")]
-pub type Filter = ResolvedTextureFilter;
 
 impl ResolvedTextureFilter {
     /// Whether the lookup depends on the size of the pixel footprint.

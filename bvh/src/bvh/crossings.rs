@@ -20,10 +20,6 @@ pub struct SignedHit {
     pub side: Side,
 }
 
-/// The former name of [`SignedHit`].
-#[deprecated(note = "renamed to `SignedHit`")]
-pub type Crossing = SignedHit;
-
 /// How often the edges of triangles are used. Vertices are those stored, rounded to the tier's precision, and equal if
 /// their coordinates are. Triangles with two equal vertices do not count. An analytic shape that is not closed, such as
 /// a disk, has one boundary edge, its rim.

@@ -35,8 +35,6 @@ pub use api::{Bvh, InvalidMesh, InvalidRays, NotFinite, RayArrays, Update, is_wo
 pub use batch::RayList;
 pub use closest_point::ClosestPoint;
 pub use coarse_rounding::CoarseRounding;
-#[allow(deprecated)]
-pub use crossings::Crossing;
 pub use crossings::{CONTAINS_DIRECTION, Closedness, Containment, InsideRule, NotClosed, SignedHit};
 pub use generalised::WindingNumber;
 pub use instances::{Instance, MeshSpace, can_be_instance};
@@ -113,13 +111,6 @@ pub enum Layout {
 }
 
 impl Layout {
-    /// A binary tree in earlier versions; builds [`Layout::Wide`].
-    #[deprecated(note = "use `Layout::Wide`")]
-    #[allow(non_snake_case)]
-    pub const fn Bvh2(preset: Preset) -> Self {
-        Layout::Wide(preset)
-    }
-
     /// The build preset; `None` for brute force, which has no trees and no instances.
     pub fn preset(self) -> Option<Preset> {
         self.tree().map(|(preset, _)| preset)
