@@ -25,7 +25,6 @@
 mod back_faces;
 pub mod camera;
 mod default_look;
-mod enclosed;
 mod exr_attributes;
 mod lens;
 mod memory;

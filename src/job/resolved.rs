@@ -8,7 +8,7 @@ use super::camera::{self, Viewpoint};
 use super::metadata::{self, Metadata};
 use super::{
     CameraChoice, PlanSettings, PreparedScene, RenderControl, RenderJob, RenderSettings, check_display,
-    check_memory, enclosed, lens, metering, notes, outside,
+    check_memory, lens, metering, notes, outside,
 };
 use crate::bvh::Layout;
 use crate::effects::{PathSettings, check_names, check_scene, id};
@@ -258,6 +258,5 @@ pub(super) fn metered(mut job: RenderJob, meters: bool, warnings: &mut Warnings)
         notes::note_dark_environment(&job, ev, warnings);
     }
     notes::warn_of_job(&job, warnings);
-    enclosed::note(&job, warnings)?;
     Ok(job)
 }

@@ -248,34 +248,6 @@ fn a_note_names_the_back() {
     }
 }
 
-/// A house of one box with ten inside: one of eleven objects is seen. The note's camera sees others. Without the house
-/// there is no note.
-#[test]
-fn a_closed_scene_has_a_camera_inside() {
-    let inside: String = (0..10)
-        .map(|i| {
-            let [x, z] = [i % 5, i / 5].map(|k: usize| k as f64);
-            block(&format!("box{i}"), 9 + 8 * i, [1.5 * (x - 2.0), -3.5, 6.0 * (z - 0.5)], 0.4)
-        })
-        .collect();
-    let house = block("house", 1, [0.0; 3], 4.0);
-    let workshop = Workshop::with("house.obj", house + &inside);
-    let said = workshop.succeed("render house.obj -o a.png --size 32x32");
-    let note = "the scene is closed: 1 of 11 objects are seen from outside; --camera '";
-    let (_, camera) = said.split_once(note).unwrap_or_else(|| panic!("{said}"));
-    let (camera, _) = camera.split_once('\'').expect("its end");
-    let camera = camera.replace(' ', "");
-    workshop.succeed(&format!("render house.obj -o b.exr --aov object --size 32x32 --camera {camera}"));
-    let picture = exr::prelude::read_first_flat_layer_from_file(workshop.path("b.exr")).expect("an OpenEXR");
-    let channels = picture.layer_data.channel_data.list;
-    let objects = channels.iter().find(|channel| channel.name.eq("Object.X")).expect("the AOV");
-    let seen: std::collections::BTreeSet<u32> =
-        objects.sample_data.values_as_f32().filter(|&object| object >= 0.0).map(|o| o as u32).collect();
-    assert!(seen.len() >= 3, "the house and two boxes at least: {seen:?}");
-    let said = workshop.succeed("render house.obj -o a.png --size 32x32 --view front");
-    assert!(!said.contains("is closed"), "{said}");
-}
-
 /// A rectangle in the plane z = 0 is a line from above.
 #[test]
 fn a_view_of_an_edge_is_noted() {
