@@ -29,7 +29,6 @@ class ReadOptions(TypedDict, total=False):
     material: str | int | Sequence[str | int] | None
     hide: str | int | Sequence[str | int] | None
     isolate: str | int | Sequence[str | int] | None
-    edit_light: str | int | Sequence[str | int] | None
     ignore_required_extensions: bool | None
     allow_outside_references: bool | None
 

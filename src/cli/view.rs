@@ -1,7 +1,6 @@
 //! `kiln view`: opens the viewer.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use clap::Args;
 
@@ -126,7 +125,7 @@ fn initial_view(
     let projection = requested.projection;
     let picture = PictureSettings { numerics, colour, ..requested.picture };
     let settings = RenderSettings { picture, ..requested };
-    Ok(Opened { scene, camera_source, projection, size, settings, geometry: Arc::default() })
+    Ok(Opened { scene, camera_source, projection, size, settings })
 }
 
 #[cfg(test)]

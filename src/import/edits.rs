@@ -2,14 +2,10 @@
 
 use std::collections::HashMap;
 
-use glam::DVec3;
-
 use super::scene_file;
 use crate::error::{Error, Result, Warnings, nearest_name};
 use crate::film::Colour;
-use crate::scene::{
-    ImportOptions, Light, LightChange, Material, MaterialChange, MaterialChoice, MaterialId, Object, Scene,
-};
+use crate::scene::{ImportOptions, Material, MaterialChange, MaterialChoice, MaterialId, Object, Scene};
 
 /// A parsed [`MaterialChoice`].
 pub(super) enum MaterialEdit {
@@ -33,55 +29,16 @@ pub(super) fn parse(options: &ImportOptions) -> Result<Vec<MaterialEdit>> {
     options.materials.iter().map(parse).collect()
 }
 
-/// Gives a scene the materials and the visible objects of options, in place of those of its own options.
-///
-/// # Errors
-/// [`Error::Usage`] as if the files were read with these options.
-#[cfg(feature = "viewer")]
-pub(crate) fn edit(scene: &mut Scene, options: &ImportOptions) -> Result<()> {
-    let edits = parse(options)?;
-    scene.show_all();
-    scene.restore_file_values();
-    let ImportOptions { materials, lights, isolate, hide, .. } = options.clone();
-    scene.import_options = ImportOptions { materials, lights, isolate, hide, ..scene.import_options.clone() };
-    apply(scene, edits, &mut Warnings::default())
-}
-
 /// Applies the options of a scene as the files have it.
 ///
 /// # Errors
 /// [`Error::Usage`] for names that neither an object nor a material of one has, and if no object is visible.
 pub(super) fn apply(scene: &mut Scene, edits: Vec<MaterialEdit>, warnings: &mut Warnings) -> Result<()> {
-    let ImportOptions { materials, lights, isolate, hide, .. } = scene.import_options.clone();
-    if !materials.is_empty() || !lights.is_empty() {
-        scene.keep_file_values();
+    let ImportOptions { materials, isolate, hide, .. } = scene.import_options.clone();
+    if !materials.is_empty() {
         replace_materials(scene, &materials, edits, warnings)?;
-        lights.iter().try_for_each(|change| change_lights(&mut scene.lights, change))?;
     }
     scene.set_visible(&isolate, &hide)
-}
-
-/// Changes the lights of a name.
-fn change_lights(lights: &mut [Light], change: &LightChange) -> Result<()> {
-    let LightChange { name, position, intensity } = change;
-    let known: Vec<String> = lights.iter().map(|light| light.name.clone()).collect();
-    if !known.contains(name) {
-        let known: Vec<&str> = known.iter().map(String::as_str).collect();
-        let hint =
-            if known.is_empty() { "the files have no lights".into() } else { nearest_name(name, &known) };
-        return Err(Error::usage(format!("--edit-light: no light is named `{name}`"), hint));
-    }
-    for light in lights.iter_mut().filter(|light| light.name == *name) {
-        light.intensity = intensity.unwrap_or(light.intensity);
-        if let Some(to) = position {
-            let Some(own) = light.kind.position_mut() else {
-                let what = format!("--edit-light: `{name}` is {}, which has no position", light.kind.noun());
-                return Err(Error::usage(what, "change its intensity alone"));
-            };
-            *own = DVec3::from(*to);
-        }
-    }
-    Ok(())
 }
 
 /// Gives objects the materials of the choices; of several for an object, the last, or the changes of all after it.

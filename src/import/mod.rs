@@ -46,13 +46,9 @@ mod up;
 mod uri;
 mod values;
 
-#[cfg(feature = "viewer")]
-pub(crate) use edits::edit;
 pub use environment::environment;
 #[cfg(feature = "cli")]
 pub(crate) use names::FileNames;
-#[cfg(feature = "viewer")]
-pub(crate) use scene_file::inline_change;
 pub use scene_file::{SceneFile, inline_camera};
 
 use std::borrow::Cow;

@@ -89,20 +89,6 @@ impl PreparedScene {
         PreparedScene { world, cameras, recentering, light, moving: None }
     }
 
-    /// The same scene with other materials, which `scene` has; `None` where that has to be prepared anew.
-    #[cfg(feature = "viewer")]
-    pub(crate) fn with_materials(&self, scene: &Scene) -> Option<Self> {
-        let PreparedScene { world, cameras, recentering, light, moving: None } = self else { return None };
-        let world = world.with_materials(scene)?.into();
-        Some(PreparedScene {
-            world,
-            cameras: cameras.clone(),
-            recentering: *recentering,
-            light: *light,
-            moving: None,
-        })
-    }
-
     /// How the scene before anything moves was recentered.
     pub fn recentering(&self) -> Option<Recentering> {
         self.recentering

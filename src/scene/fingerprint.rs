@@ -87,7 +87,6 @@ impl Fingerprint {
             inputs: _,
             files_read: _,
             // What they change is.
-            file_values: _,
             clips: _,
             variants: _,
             metadata: _,

@@ -31,11 +31,6 @@ pub struct ImportOptions {
     /// Leave all objects but those of this name and their parts out of the picture; may be repeated
     #[cfg_attr(feature = "cli", arg(long, help_heading = group::INPUT, value_name = "OBJECT"))]
     pub isolate: Vec<String>,
-    /// Change position or intensity of the files' lights of this name: 'NAME={ position = [0, 3, 0], intensity = 2 }'; may be
-    /// repeated
-    #[cfg_attr(feature = "cli", arg(long = "edit-light", help_heading = group::LIGHT, value_name = "NAME={...}"))]
-    #[cfg_attr(feature = "cli", arg(value_parser = parser::<LightChange>()))]
-    pub lights: Vec<LightChange>,
     /// Read glTF files that require unsupported extensions; what depends on these is missing or wrong
     #[cfg_attr(feature = "cli", arg(long, help_heading = group::INPUT))]
     pub ignore_required_extensions: bool,
@@ -81,64 +76,15 @@ pub struct MaterialChoice {
     pub table: String,
 }
 
-/// Values of lights in place of those of the files.
-#[derive(Debug, Clone, PartialEq)]
-pub struct LightChange {
-    /// Name of the lights.
-    pub name: String,
-    /// The position; not of directional lights.
-    pub position: Option<[f64; 3]>,
-    /// The intensity, 0 or more.
-    pub intensity: Option<f64>,
-}
-
-impl OptionValue for LightChange {
-    fn parse(text: &str) -> Result<Self, String> {
-        /// The keys.
-        #[derive(serde::Deserialize)]
-        #[serde(deny_unknown_fields)]
-        struct Keys {
-            position: Option<[f64; 3]>,
-            intensity: Option<f64>,
-        }
-        let form = "give 'NAME={ position = [0, 3, 0], intensity = 2 }'";
-        let (Some(name), table) = name_and_table(text).ok_or(form)? else { return Err(form.to_owned()) };
-        let keys: Keys = toml::de::ValueDeserializer::parse(table)
-            .and_then(serde::Deserialize::deserialize)
-            .map_err(|e| format!("{}; {form}", e.message()))?;
-        let Keys { position, intensity } = keys;
-        let is_finite = position.is_none_or(|position| position.iter().all(|x| x.is_finite()));
-        if !is_finite || intensity.is_some_and(|intensity| !(0.0..=1e100).contains(&intensity)) {
-            return Err("give finite positions, and intensities from 0 to 1e100".to_owned());
-        }
-        Ok(LightChange { name: name.to_owned(), position, intensity })
-    }
-
-    fn text(&self) -> String {
-        let position = self.position.map(|[x, y, z]| format!("position = [{x:?}, {y:?}, {z:?}]"));
-        let intensity = self.intensity.map(|intensity| format!("intensity = {intensity:?}"));
-        format!(
-            "{}={{ {} }}",
-            self.name,
-            position.into_iter().chain(intensity).collect::<Vec<_>>().join(", ")
-        )
-    }
-}
-
-/// The name and the table of `NAME={ ... }` or `{ ... }`.
-fn name_and_table(text: &str) -> Option<(Option<&str>, &str)> {
-    let text = text.trim();
-    let begins = |&at: &usize| at == 0 || text[..at].trim_end().ends_with('=');
-    let at = text.match_indices('{').map(|(at, _)| at).find(begins)?;
-    let (before, table) = text.split_at(at);
-    Some((before.trim_end().strip_suffix('=').map(str::trim), table))
-}
-
 impl OptionValue for MaterialChoice {
     fn parse(text: &str) -> Result<Self, String> {
-        let Some((name, table)) = name_and_table(text) else {
+        let text = text.trim();
+        let begins = |&at: &usize| at == 0 || text[..at].trim_end().ends_with('=');
+        let Some(at) = text.match_indices('{').map(|(at, _)| at).find(begins) else {
             return Err("give its keys, such as '{ colour = \"#c33\" }', or NAME={ ... }".to_owned());
         };
+        let (before, table) = text.split_at(at);
+        let name = before.trim_end().strip_suffix('=').map(str::trim);
         let (name, changes) = match name.and_then(|name| name.strip_suffix('+')) {
             Some(name) => (Some(name.trim_end()).filter(|name| !name.is_empty()), true),
             None => (name, false),
@@ -217,11 +163,9 @@ impl ImportOptions {
             materials,
             hide,
             isolate,
-            lights,
         } = self;
         let mut entries: Vec<_> = clips.iter().map(|clip| ("clip".to_owned(), Some(clip.text()))).collect();
         entries.extend(materials.iter().map(|choice| ("material".to_owned(), Some(choice.text()))));
-        entries.extend(lights.iter().map(|change| ("edit-light".to_owned(), Some(change.text()))));
         for (option, names) in [("isolate", isolate), ("hide", hide)] {
             entries.extend(names.iter().map(|name| (option.to_owned(), Some(name.clone()))));
         }

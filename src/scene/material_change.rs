@@ -1,10 +1,8 @@
-//! Changes of single values of materials, and the materials and lights of the files that options change.
-
-use std::sync::Arc;
+//! Changes of single values of materials.
 
 use serde::Deserialize;
 
-use super::{ColourValue, Layers, Light, Material, MaterialId, MetallicRoughness, Phong, Scene};
+use super::{ColourValue, Layers, Material, MetallicRoughness, Phong};
 use crate::film::Colour;
 
 /// Values of a material in place of its own; textures stay, and multiply them.
@@ -37,26 +35,6 @@ impl MaterialChange {
             }),
         }
     }
-
-    /// These values, or those of `other` where it has some.
-    pub fn then(self, other: &MaterialChange) -> Self {
-        MaterialChange {
-            colour: other.colour.or(self.colour),
-            metallic: other.metallic.or(self.metallic),
-            roughness: other.roughness.or(self.roughness),
-        }
-    }
-
-    /// The table that is parsed to this change.
-    pub fn text(&self) -> String {
-        let colour = self.colour.map(|ColourValue([r, g, b])| format!("colour = \"#{r:02x}{g:02x}{b:02x}\""));
-        let number = |key: &str, value: Option<f64>| value.map(|value| format!("{key} = {value}"));
-        let numbers = [number("metallic", self.metallic), number("roughness", self.roughness)];
-        format!(
-            "{{ {} }}",
-            colour.into_iter().chain(numbers.into_iter().flatten()).collect::<Vec<_>>().join(", ")
-        )
-    }
 }
 
 impl From<Phong> for MetallicRoughness {
@@ -76,40 +54,6 @@ impl From<Phong> for MetallicRoughness {
             layers: Layers::default(),
             double_sided: m.double_sided,
             textures: m.textures,
-        }
-    }
-}
-
-/// The materials and lights of the files, where options change them.
-#[cfg_attr(not(feature = "viewer"), expect(dead_code, reason = "the window edits materials and lights"))]
-#[derive(Debug, Clone)]
-pub struct FileValues {
-    /// Number of materials of the files, the first of [`Scene::materials`].
-    count: usize,
-    /// The material of each object, of all that are shown.
-    of_objects: Vec<MaterialId>,
-    /// The lights.
-    lights: Vec<Light>,
-}
-
-impl Scene {
-    /// Keeps the materials and lights of a scene that shows all objects, before they change.
-    pub(crate) fn keep_file_values(&mut self) {
-        let of_objects = self.objects.iter().map(|object| object.material).collect();
-        self.file_values = Some(Arc::new(FileValues {
-            count: self.materials.len(),
-            of_objects,
-            lights: self.lights.clone(),
-        }));
-    }
-
-    /// Gives a scene that shows all objects the materials and lights of the files again.
-    #[cfg(feature = "viewer")]
-    pub(crate) fn restore_file_values(&mut self) {
-        if let Some(own) = self.file_values.take() {
-            self.materials.truncate(own.count);
-            self.lights.clone_from(&own.lights);
-            self.objects.iter_mut().zip(&own.of_objects).for_each(|(object, &id)| object.material = id);
         }
     }
 }
@@ -141,6 +85,5 @@ mod tests {
         let metal = MaterialChange { metallic: Some(1.0), ..red };
         let Material::MetallicRoughness(m) = metal.of(Material::Phong(own)) else { panic!("the same model") };
         assert_eq!((m.base_colour, m.metallic, m.roughness), (Colour::from_u8([255, 0, 0]), 1.0, 0.5));
-        assert_eq!(metal.text(), "{ colour = \"#ff0000\", metallic = 1 }");
     }
 }

@@ -74,14 +74,14 @@ pub use fill::{Fill, FillZone};
 pub use fingerprint::Fingerprint;
 pub use ground::Ground;
 pub use hidden::HiddenObject;
-pub use import_options::{Degrees, ImportOptions, LightChange, MaterialChoice, ReadingOptions, Seconds};
+pub use import_options::{Degrees, ImportOptions, MaterialChoice, ReadingOptions, Seconds};
 pub use layers::{Layers, Volume};
 pub use lens::{Focus, Lens};
 pub use light::{Falloff, Light, LightKind, LightSurface};
 pub use material::{
     DecodedImage, Glaze, Material, MetallicRoughness, Opacity, Phong, Refraction, TexelEncoding, Texture,
 };
-pub use material_change::{FileValues, MaterialChange};
+pub use material_change::MaterialChange;
 pub use option::{OptionValue, ValueKind};
 pub use picture::{
     Background, Bounces, Clamp, FieldOfView, FilterRadius, Headlight, Intensity, Look, Noise,
@@ -128,8 +128,6 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Materials, referred to by [`MaterialId`].
     pub materials: Vec<Material>,
-    /// The materials and lights of the files, where options change them.
-    pub file_values: Option<std::sync::Arc<FileValues>>,
     /// Images referenced by textures, by [`ImageId`].
     pub images: Vec<DecodedImage>,
     /// Spheres and meshes.
@@ -251,7 +249,6 @@ impl Scene {
             variants,
             metadata,
             // Of the whole scene.
-            file_values: _,
             import_options: _,
             has_left_out,
             has_settings,

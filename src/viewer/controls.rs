@@ -433,7 +433,6 @@ mod tests {
             projection: None,
             size: [4, 3],
             settings,
-            geometry: Arc::default(),
         })
     }
 

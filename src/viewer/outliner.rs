@@ -1,10 +1,8 @@
-//! The list of the objects: their visibility, the selected one and its material.
+//! The list of the objects: their visibility and the selected one.
 //!
-//! What is chosen here are options of reading files (`--hide`, `--isolate`, `--material`), so copied commands and saved
-//! pictures have it.
+//! What is chosen here are options of reading files (`--hide`, `--isolate`), so copied commands and saved pictures have
+//! it.
 
-mod lights;
-mod material;
 mod outline;
 mod rows;
 
@@ -16,7 +14,7 @@ use egui::{Align, Button, Checkbox, CollapsingHeader, Layout, RichText, ScrollAr
 use super::request::Opened;
 use crate::error::printable;
 use crate::render::grouped;
-use crate::scene::{ImportOptions, Scene};
+use crate::scene::ImportOptions;
 pub(crate) use outline::Outline;
 use rows::{Row, isolated, rows, toggled};
 
@@ -58,22 +56,20 @@ impl Outliner {
         self.selected.as_deref()
     }
 
-    /// Shows the list. Returns the options of a scene with other visible objects or materials, if these were chosen.
-    pub(crate) fn show(&mut self, ui: &mut Ui, opened: &Arc<Opened>) -> Option<ImportOptions> {
+    /// Shows the list. Returns the names that are isolated and hidden, if they change.
+    pub(crate) fn show(&mut self, ui: &mut Ui, opened: &Arc<Opened>) -> Option<[Vec<String>; 2]> {
         if !self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, opened)) {
             (self.rows, self.of) = (rows(&opened.scene), Some(Arc::clone(opened)));
             self.selected.take_if(|name| !self.rows.iter().any(|row| row.name == *name));
         }
         let title = RichText::new("Objects").strong();
         let header = CollapsingHeader::new(title).id_salt("objects").default_open(true);
-        let edited =
-            header.show_unindented(ui, |ui| self.contents(ui, &opened.scene)).body_returned.flatten();
-        edited.or(lights::show(ui, &opened.scene))
+        let options = &opened.scene.import_options;
+        header.show_unindented(ui, |ui| self.contents(ui, options)).body_returned.flatten()
     }
 
-    /// Shows the list and what acts on the selection. Returns the options, if they change.
-    fn contents(&mut self, ui: &mut Ui, scene: &Scene) -> Option<ImportOptions> {
-        let options = &scene.import_options;
+    /// Shows the list and what acts on the selection. Returns the names that are isolated and hidden, if they change.
+    fn contents(&mut self, ui: &mut Ui, options: &ImportOptions) -> Option<[Vec<String>; 2]> {
         let ImportOptions { isolate, hide, .. } = options;
         if self.rows.len() >= MANY || !self.filter.is_empty() {
             let field = TextEdit::singleline(&mut self.filter).hint_text("find objects or materials");
@@ -86,7 +82,6 @@ impl Outliner {
             let label = egui::Label::new(RichText::new(format!("material: {text}")).weak());
             ui.add(label.truncate()).on_hover_text(text);
         }
-        let materials = selected.and_then(|row| material::show(ui, scene, &row.name));
         ui.horizontal(|ui| {
             if let Some(Row { name, .. }) = selected {
                 let isolates = ui.button("Isolate").on_hover_text("hide all other objects (--isolate)");
@@ -101,11 +96,7 @@ impl Outliner {
                 }
             }
         });
-        match (changed, materials) {
-            (Some([isolate, hide]), _) => Some(ImportOptions { isolate, hide, ..options.clone() }),
-            (None, Some(materials)) => Some(ImportOptions { materials, ..options.clone() }),
-            (None, None) => None,
-        }
+        changed
     }
 
     /// Shows the rows that are open or found. Returns the names that are isolated and hidden, if they change.

@@ -23,7 +23,7 @@ pub enum CameraSource {
 }
 
 /// Opened input files.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Opened {
     /// Scene of all files.
     pub scene: Scene,
@@ -35,8 +35,6 @@ pub struct Opened {
     pub size: [u32; 2],
     /// Initial render settings, with numerics and colour pipeline.
     pub settings: RenderSettings,
-    /// The same for scenes that differ in their materials alone, not in objects and lights.
-    pub geometry: Arc<()>,
 }
 
 /// Request for a picture.

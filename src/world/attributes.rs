@@ -9,9 +9,7 @@ use crate::film::{Colour, ColourPipeline};
 use crate::scene::vertex_attributes::{of_triangle, unit, vertex_normal};
 use crate::scene::{Attribute, Mesh, Placed, Shape};
 
-/// The vertex attributes of an object; none for an analytic shape. Triangles are numbered within the object. Clones share
-/// the arrays.
-#[derive(Clone)]
+/// The vertex attributes of an object; none for an analytic shape. Triangles are numbered within the object.
 pub(crate) struct Attributes {
     arrays: Arc<AttributeArrays>,
     /// For an instance of a shared mesh, its placement. Normals and tangents are transformed when they are read.

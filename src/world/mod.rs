@@ -117,13 +117,9 @@ pub struct World {
     /// The number of analytic shapes left out because they are empty in the tier's precision.
     pub too_small: usize,
     primitive_count: usize,
-    /// The number of materials of the scene, the first of them; the others are those of the ground and of lights.
-    #[cfg_attr(not(feature = "viewer"), expect(dead_code, reason = "the window edits materials"))]
-    scene_materials: usize,
 }
 
 /// An object of the world.
-#[derive(Clone)]
 pub struct WorldObject {
     /// Its name.
     pub name: String,
@@ -204,35 +200,6 @@ impl World {
         World { lights, ..self.clone() }
     }
 
-    /// This world with the materials of a scene that differs in materials alone; `None` if more than colours and factors of
-    /// materials depends on them.
-    #[cfg(feature = "viewer")]
-    pub(crate) fn with_materials(&self, scene: &Scene) -> Option<World> {
-        let of_scene =
-            scene.materials.iter().map(|m| m.clone().map_colours(|c| c.to_pipeline(self.pipeline)));
-        let mut materials: Vec<PreparedMaterial> = of_scene.collect();
-        let added = materials.len();
-        materials.extend_from_slice(&self.materials[self.scene_materials..]);
-        let mut objects = self.objects.to_vec();
-        for (i, object) in objects.iter_mut().enumerate() {
-            let before = object.material as usize;
-            object.material = match scene.objects.get(i) {
-                Some(object) => object.material.0,
-                None => (before - self.scene_materials + added) as u32,
-            };
-            let (old, new) = (&self.materials[before], &materials[object.material as usize]);
-            if old.tangent_coordinates() != new.tangent_coordinates()
-                || old.emission() != new.emission()
-                || old.transmits() != new.transmits()
-                || old.textures() != new.textures()
-            {
-                return None;
-            }
-        }
-        let objects = objects.into();
-        Some(World { objects, materials, scene_materials: added, ..self.clone() })
-    }
-
     fn with_images(
         mut scene: Scene,
         look: &DefaultLook,
@@ -247,7 +214,6 @@ impl World {
         let to_pipeline = |material: Material| material.map_colours(|colour| colour.to_pipeline(pipeline));
         let mut materials: Vec<PreparedMaterial> =
             std::mem::take(&mut scene.materials).into_iter().map(to_pipeline).collect();
-        let scene_materials = materials.len();
         let ground = look.ground.map(|_| scene.objects.len() as u32);
         if let Some(ground) = &look.ground {
             materials.push(to_pipeline(ground::material(ground)));
@@ -303,7 +269,6 @@ impl World {
             path_tracing_reason: look.path_tracing_reason.as_deref().map(Into::into),
             too_small,
             primitive_count,
-            scene_materials,
         }
     }
 

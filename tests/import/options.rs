@@ -5,8 +5,8 @@ use crate::common::gltf::png;
 use glam::DVec3;
 use kiln::error::{Error, Result, Warnings};
 use kiln::scene::{
-    Degrees, ImportOptions, LightChange, Material, MaterialChoice, OptionValue, Phong, ReadingOptions, Scene,
-    UpAxis, UpChoice,
+    Degrees, ImportOptions, Material, MaterialChoice, OptionValue, Phong, ReadingOptions, Scene, UpAxis,
+    UpChoice,
 };
 
 /// Two objects of one triangle each, `lid` of the material `cast` and `pot` without one.
@@ -305,49 +305,4 @@ fn tracks_move_the_parts_that_are_left_as_before() {
     assert_eq!(positions(&some), positions(&all));
     // The lid turns about x = 4.5, the centre of both parts, to z = 4.5: alone it would turn about its own centre.
     assert!(positions(&some).iter().any(|p| (p.z - 4.5).abs() < 1e-9 && (p.x - 4.5).abs() < 1e-9));
-}
-
-/// `--edit-light` changes position and intensity of the lights of a name; the rest of them stays.
-#[test]
-fn lights_of_files_change() {
-    let folder = Folder::new();
-    folder.write(
-        "a.toml",
-        "[[light]]\nname = 'lamp'\ntype = 'point'\nposition = [0, 1, 0]\nintensity = 3\ncolour = 'red'\n\
-         [[light]]\nname = 'sun'\ntype = 'directional'\ndirection = [0, -1, 0]\nintensity = 1\n",
-    );
-    let load = |options: &[&str]| {
-        let lights = options.iter().map(|text| LightChange::parse(text).expect("a change")).collect();
-        load(&folder, "a.toml", &ImportOptions { lights, ..ImportOptions::default() })
-    };
-    let (plain, _) = load(&[]).expect("a scene");
-    let (scene, _) =
-        load(&["lamp={ position = [1, 2.5, 3] }", "lamp={ intensity = 4 }", "sun={ intensity = 0 }"])
-            .expect("a scene");
-    assert_eq!(scene.lights[0].kind.position(), Some(DVec3::new(1.0, 2.5, 3.0)));
-    assert_eq!(scene.lights.iter().map(|light| light.intensity).collect::<Vec<_>>(), [4.0, 0.0]);
-    assert_eq!(scene.lights[0].colour, plain.lights[0].colour);
-    for (option, what, hint) in [
-        ("lump={ intensity = 4 }", "--edit-light: no light is named `lump`", "did you mean `lamp`"),
-        (
-            "sun={ position = [0, 0, 0] }",
-            "--edit-light: `sun` is a directional light, which has no position",
-            "intensity alone",
-        ),
-    ] {
-        let e = load(&[option]).expect_err(option);
-        assert_eq!(e.to_string(), what);
-        assert!(matches!(&e, Error::Usage { .. }) && e.hint().contains(hint), "{e:?}");
-    }
-    for text in [
-        "{ intensity = 1 }",
-        "lamp",
-        "lamp={ intensity = -1 }",
-        "lamp={ colour = 1 }",
-        "lamp={ position = [1] }",
-    ] {
-        assert!(LightChange::parse(text).is_err(), "{text}");
-    }
-    let change = LightChange::parse("a=b = { position = [1, 2.5, -3], intensity = 1e30 }").expect("a change");
-    assert_eq!((change.name.as_str(), LightChange::parse(&change.text())), ("a=b", Ok(change.clone())));
 }

@@ -19,7 +19,7 @@ use crate::film::write::{FINGERPRINT, Format, OutputImage};
 use crate::job::RenderJob;
 use crate::metrics::ComparedImage;
 use crate::render::RenderControl;
-use crate::scene::{ClipTime, ImportOptions, Scene};
+use crate::scene::{ClipTime, Scene};
 use crate::viewer::{CameraSource, Opened};
 
 const SIZE: [u32; 2] = [20, 16];
@@ -69,7 +69,7 @@ fn frame_0(arguments: &Arguments) -> Result<Pixels> {
 /// The picture that the window ends with. Its first camera of clips is fitted to all of their poses; here it has that of the
 /// first, as the others.
 fn in_the_window(arguments: &Arguments) -> Result<Pixels> {
-    crate::viewer::final_picture(&[opened(arguments)?], SIZE)
+    crate::viewer::final_picture(&opened(arguments)?, SIZE)
 }
 
 fn opened(arguments: &Arguments) -> Result<Arc<Opened>> {
@@ -270,7 +270,7 @@ fn hidden_objects_are_in_no_picture() {
         let mut opened = open(&plain, &plain.inputs, None, &mut Warnings::default()).0.expect("a scene");
         opened.scene.set_visible(&[], &[name.to_owned()]).expect("a name");
         opened.scene.import_options.hide = vec![name.to_owned()];
-        let hidden_later = crate::viewer::final_picture(&[Arc::new(opened)], SIZE).expect("a picture");
+        let hidden_later = crate::viewer::final_picture(&Arc::new(opened), SIZE).expect("a picture");
         let frame = frame_0(&hiding).expect("a picture");
         if names.len() == 2 {
             let clip = hiding.import.clip();
@@ -281,57 +281,6 @@ fn hidden_objects_are_in_no_picture() {
         let scene = load(&hiding).expect("a scene");
         assert!(pixels_of(&python(scene, options).expect("a picture")) == expected, "{name}");
         assert!(in_the_window(&plain).expect("a picture") != expected, "{name}");
-    }
-}
-
-/// Materials that are edited in the open window give the picture, and the materials, of the command with that option: they
-/// take the place of others in the prepared scene, which is not built again, where nothing else depends on them.
-#[test]
-fn materials_edited_in_the_window_are_those_of_the_command() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let clip_file = folder.path().join("lamp.gltf");
-    std::fs::write(&clip_file, clip(&json!({ "emissiveFactor": [1, 1, 1] }))).expect("a file");
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    for file in [
-        root.join("assets/import/materials.obj"),
-        root.join("assets/import/square.gltf"),
-        root.join("scenes/assignment.toml"),
-        root.join("scenes/effects/path.toml"),
-        clip_file,
-    ] {
-        let place = file.display();
-        let plain = arguments(&file, &[]);
-        let mut scenes = vec![opened(&plain).expect("a scene")];
-        let unchanged = in_the_window(&plain).expect("a picture");
-        for change in ["+={ colour = '#20a0c0' }", "+={ colour = '#20a0c0', metallic = 1, roughness = 0.3 }"]
-        {
-            let options: &NamedOptions = &[("material", Some(change))];
-            let changing = arguments(&file, options);
-            let before = scenes.last().expect("a scene");
-            let mut scene = before.scene.clone();
-            let import = ImportOptions {
-                materials: changing.import.materials.clone(),
-                ..scene.import_options.clone()
-            };
-            crate::import::edit(&mut scene, &import).expect("known names");
-            let loaded = load(&changing).expect("a scene");
-            assert_eq!(format!("{:?}", scene.materials), format!("{:?}", loaded.materials), "{place}");
-            scenes.push(Arc::new(Opened {
-                scene,
-                camera_source: before.camera_source.clone(),
-                projection: before.projection,
-                size: before.size,
-                settings: before.settings.clone(),
-                geometry: Arc::clone(&before.geometry),
-            }));
-            let edited = crate::viewer::final_picture(&scenes, SIZE).expect("a picture");
-            assert!(edited == in_the_window(&changing).expect("a picture"), "{place}, {change}");
-            assert!(edited != unchanged, "{place}, {change}");
-        }
-        let mut scene = scenes[2].scene.clone();
-        let import = ImportOptions { materials: Vec::new(), ..scene.import_options.clone() };
-        crate::import::edit(&mut scene, &import).expect("nothing");
-        assert_eq!(format!("{:?}", scene.materials), format!("{:?}", scenes[0].scene.materials), "{place}");
     }
 }
 
@@ -360,7 +309,7 @@ fn a_later_frame_has_the_exposure_of_the_first() {
         });
         animation.fix_exposure(&RenderControl::default()).expect("an exposure");
         let expected = pixels(&animation.frame(24).expect("a frame")).expect("a picture");
-        let shown = crate::viewer::final_picture_at(&[opened(&arguments).expect("a scene")], SIZE, 24);
+        let shown = crate::viewer::final_picture_at(&opened(&arguments).expect("a scene"), SIZE, 24);
         assert!(shown.expect("a picture") == expected, "{name}");
         assert!(alone.expect("a picture") != expected, "{name}: the frames have one exposure");
     }

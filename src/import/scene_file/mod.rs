@@ -19,8 +19,7 @@ mod toml_error;
 
 pub use camera::inline_camera;
 pub(super) use camera::lens;
-pub(crate) use material::inline_change;
-pub(super) use material::inline_material;
+pub(super) use material::{inline_change, inline_material};
 pub(super) use sections::LensSection;
 pub use sections::SceneFile;
 

@@ -19,7 +19,7 @@ use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::inspect::inspect;
 use crate::viewer::keys::{self, Action, CameraMotion, Focus};
 use crate::viewer::open_dialog::{Answer, OpenDialog};
-use crate::viewer::request::CameraSource;
+use crate::viewer::request::{CameraSource, Opened};
 use crate::viewer::save::{Finished, SaveAnswer, SaveDialog, SavedPicture, Saving};
 use crate::viewer::{message_with_hint, name_of, save};
 use crate::world::StandardView;
@@ -172,6 +172,23 @@ impl App {
             (Action::Rewind, Some(timeline)) => controls.go_to(&timeline, 0),
             _ => {}
         }
+    }
+
+    /// Shows other objects of the opened scene, also when its files are read again. The camera stays, also one that frames
+    /// the scene.
+    pub(super) fn show_objects(&mut self, isolate: Vec<String>, hide: Vec<String>) {
+        let camera = self.displayed_camera();
+        let (Some(opened), Some(controls)) = (&self.opened, &mut self.controls) else { return };
+        let mut changed = Opened::clone(opened);
+        if let Err(e) = changed.scene.set_visible(&isolate, &hide) {
+            return self.show_error(message_with_hint(&e));
+        }
+        let options = &mut changed.scene.import_options;
+        (options.isolate, options.hide) = (isolate, hide);
+        self.import_options = Some(options.clone());
+        controls.keep_camera(camera.as_ref());
+        controls.reopened(&changed);
+        self.opened = Some(Arc::new(changed));
     }
 
     /// Inspects a clicked pixel, and makes its surface point the focus of orbit and lens; a double click moves it to the

@@ -42,7 +42,7 @@ impl App {
         } = self;
         let (Some(controls), Some(opened)) = (controls, opened) else { return };
         let (mut clicked, before) = (None, controls.sides.len());
-        let (mut is_inspecting, mut edited) = (true, None);
+        let (mut is_inspecting, mut visible_objects) = (true, None);
         if visible.panel {
             Panel::right("panel").exact_size(PANEL_WIDTH).show(ui, |ui| {
                 Panel::bottom("buttons").show(ui, |ui| clicked = panel::buttons(ui));
@@ -50,7 +50,7 @@ impl App {
                     is_inspecting = inspector::show(ui, found, names);
                 }
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-                    edited = outliner.show(ui, opened);
+                    visible_objects = outliner.show(ui, opened);
                     let rendered = [canvas.rendered(0), canvas.rendered(1)];
                     let contents = PanelContents { opened, rendered, comparison: *comparison };
                     clicked = clicked.or(panel::show(ui, &contents, controls));
@@ -72,8 +72,8 @@ impl App {
         }
         if let Some(options) = reading {
             self.loader.load(self.inputs.clone(), Some(options));
-        } else if let Some(options) = edited {
-            self.edit(options);
+        } else if let Some([isolate, hide]) = visible_objects {
+            self.show_objects(isolate, hide);
         }
         if compares_anew {
             self.explain_comparison();

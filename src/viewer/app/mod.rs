@@ -1,7 +1,6 @@
 //! The application: its state, and the steps of an interface frame.
 
 mod act;
-mod edit;
 mod empty;
 mod frame;
 mod inspector;

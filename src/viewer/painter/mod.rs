@@ -292,11 +292,10 @@ impl RenderTask<'_> {
     }
 }
 
-/// The picture that the window ends with and saves, of the last of scenes that were opened in turn: 8-bit display values,
-/// row by row from the top.
+/// The picture that the window ends with and saves: 8-bit display values, row by row from the top.
 #[cfg(test)]
 pub(crate) fn final_picture(
-    opened: &[Arc<super::Opened>],
+    opened: &Arc<super::Opened>,
     size: [u32; 2],
 ) -> crate::error::Result<Vec<[u8; 3]>> {
     final_picture_at(opened, size, 0)
@@ -305,15 +304,12 @@ pub(crate) fn final_picture(
 /// As [`final_picture`] for a frame of an animation.
 #[cfg(test)]
 pub(crate) fn final_picture_at(
-    opened: &[Arc<super::Opened>],
+    opened: &Arc<super::Opened>,
     size: [u32; 2],
     frame: i32,
 ) -> crate::error::Result<Vec<[u8; 3]>> {
-    let mut cache = RenderCache::default();
-    let requests = opened.iter().map(|one| request_at(one, size, frame));
-    let prepared = requests.map(|request| Ok((cache.prepare(&request, &request.sides[0])?, request)));
-    let prepared: Vec<_> = prepared.collect::<crate::error::Result<_>>()?;
-    let (prepared, request) = prepared.into_iter().next_back().expect("a scene");
+    let request = request_at(opened, size, frame);
+    let prepared = RenderCache::default().prepare(&request, &request.sides[0])?;
     pass::Side::new(&request, prepared, None, 4).final_picture()
 }
 

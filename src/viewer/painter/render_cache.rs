@@ -140,24 +140,11 @@ pub(crate) struct RenderCache {
 }
 
 impl RenderCache {
-    /// Keeps of other opened files what is the same in these: all but the looks, if the materials alone differ.
+    /// Empties the cache for other opened files.
     fn open(&mut self, opened: &Arc<Opened>) {
-        let before = match &self.opened {
-            Some(before) if Arc::ptr_eq(before, opened) => return,
-            Some(before) if Arc::ptr_eq(&before.geometry, &opened.geometry) => std::mem::take(self),
-            _ => RenderCache::default(),
-        };
-        let scenes = before
-            .scenes
-            .into_iter()
-            .filter_map(|(key, prepared)| Some((key, Arc::new(prepared.with_materials(&opened.scene)?))));
-        *self = RenderCache {
-            opened: Some(Arc::clone(opened)),
-            scenes: scenes.collect(),
-            looks: Vec::new(),
-            at_times: Vec::new(),
-            ..before
-        };
+        if !self.opened.as_ref().is_some_and(|known| Arc::ptr_eq(known, opened)) {
+            *self = RenderCache { opened: Some(Arc::clone(opened)), ..RenderCache::default() };
+        }
     }
 
     /// Whether the trees of all sides of a request are cached.
