@@ -198,8 +198,9 @@ impl TestConvergence {
                 if samples.is_round_done() {
                     self.end_round(buffers, samples, context);
                     if samples.is_finished() {
-                        tile.noisy_pixels += self.count_noisy(&buffers.colour, samples, context);
                         samples.finish(tile, &self.sampler, context.world.pipeline);
+                        let counts = samples.region().tile_pixels().zip(&tile.sample_counts);
+                        tile.noisy_pixels += self.count_noisy(&buffers.colour, counts, context);
                     }
                 }
             });
@@ -207,18 +208,22 @@ impl TestConvergence {
     }
 
     /// The number of pixels of [`Tile::noisy_pixels`].
-    fn count_noisy(&self, colour: &Estimates, samples: &TileSamples, context: &RenderContext) -> u64 {
+    fn count_noisy<'a>(
+        &self,
+        colour: &Estimates,
+        counts: impl Iterator<Item = (usize, &'a u32)>,
+        context: &RenderContext,
+    ) -> u64 {
         let displayed = |value: DVec3| context.display.displayed(context.world.pipeline, value);
-        let is_noisy = |&pixel: &usize| {
+        let is_noisy = |&(pixel, &count): &(usize, &u32)| {
             let own = &colour.current[pixel];
             let (value, variance) = value_and_variance([own].into_iter(), self.colour, &colour.around[pixel]);
             // Not all of its samples are part of its value.
-            let error = variance * (f64::from(own.count()) / f64::from(samples.sums()[pixel].count));
-            let error = DVec3::from(error.to_array().map(f64::sqrt));
-            displayed_error(value, error, &displayed) > NOISY_LEVELS * self.criterion.max_error
+            let variance = variance * (f64::from(own.count()) / f64::from(count));
+            let error = DVec3::from(variance.to_array().map(f64::sqrt));
+            displayed_error(value, error, displayed) > NOISY_LEVELS * self.criterion.max_error
         };
-        let pixels = samples.region().tile_pixels().filter(|_| self.colour == Integrand::Random);
-        pixels.filter(is_noisy).count() as u64
+        counts.filter(|_| self.colour == Integrand::Random).filter(is_noisy).count() as u64
     }
 
     fn end_round(&self, buffers: &mut Buffers, samples: &mut TileSamples, context: &RenderContext) {

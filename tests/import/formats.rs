@@ -205,8 +205,11 @@ fn off_and_3mf_become_meshes() {
     assert_eq!(mesh(&scene, 0).colours.as_ref().expect("colours").values.len(), 1);
 }
 
+/// Pairs of a file's ending and its contents.
+type Files<T> = Vec<(&'static str, T)>;
+
 /// One triangle in each format: text and other contents.
-fn triangles_of_all_formats() -> (Vec<(&'static str, String)>, Vec<(&'static str, Vec<u8>)>) {
+fn triangles_of_all_formats() -> (Files<String>, Files<Vec<u8>>) {
     let obj = format!("# made by hand\no one\n{OBJ_TRIANGLE}f 1 2 3\n");
     let facet =
         "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";

@@ -470,7 +470,7 @@ fn textures_of_tga_bmp_and_gif() {
         match (name, scene) {
             ("frame.gif", scene) => assert!(scene.expect("a scene").images.is_empty()),
             (_, scene) => {
-                assert!(scene.expect_err(name).to_string().contains("65535 x 65535 pixels needs"), "{name}")
+                assert!(scene.expect_err(name).to_string().contains("65535 x 65535 pixels needs"), "{name}");
             }
         }
     }

@@ -7,11 +7,14 @@ use super::pbr;
 use crate::error::Warnings;
 use crate::import::colours::MAX_UNIT;
 
+/// Converts a material; returns whether it was changed.
+type Conversion<'a> = &'a dyn Fn(&mut tobj::Material) -> bool;
+
 /// Converts the materials of a file.
 pub(super) fn convert(materials: &mut [tobj::Material], file: &Path, warnings: &mut Warnings) {
     let components = || materials.iter().filter_map(|m| m.diffuse).flatten();
     let are_bytes = components().all(|c| c.fract() == 0.0) && components().any(|c| c > 1.0);
-    let conventions: [(_, &dyn Fn(&mut tobj::Material) -> bool); 4] = [
+    let conventions: [(_, Conversion); 4] = [
         ("colours above 1 are read on a scale of 0 to 255", &|m| from_bytes(m, are_bytes)),
         ("`Kd 0 0 0` beside map_Kd is read as white, as Maya writes it", &whiten),
         ("`Tf` of `illum 4` without `d` is read as 1 - transparency, as Maya writes it", &invert_filter),
