@@ -102,7 +102,7 @@ const SYNONYMS: &[(&[&str], &str)] = &[
         &["headlight", "lights", "light-intensity", "light-type"],
         "use --light head or --light none; --exposure EV changes the brightness",
     ),
-    (&["edit-light"], "--edit-light ended; edit [[light]] in a scene file"),
+    (&["edit-light"], "it ended; edit [[light]] in a scene file, or change the brightness by --exposure EV"),
     // Look.
     (
         &["bg", "bgcolor", "bg-color", "bg-colour", "background-color", "background-colour", "clear-color"],
