@@ -119,7 +119,8 @@ impl Estimates {
             return;
         }
         for pixel in region.tile_pixels() {
-            let sum = |radius| -> Vec4 { region.neighbourhood(pixel, radius).map(|near| isolated[near]).sum() };
+            let sum =
+                |radius| -> Vec4 { region.neighbourhood(pixel, radius).map(|near| isolated[near]).sum() };
             // Whether its neighbours are isolated depends on the pixel's own samples.
             let count = |radius| region.neighbourhood(pixel, radius).count();
             let others = (count(RARE_LIGHT_RADIUS) - count(1)).max(1) as f32;
@@ -262,7 +263,8 @@ impl TestConvergence {
         };
         let (colour, alpha, over_white, has_surface) = (&*colour, &*alpha, &*over_white, &*has_surface);
         samples.start_round(criterion.next_test(taken, sampler.samples), |pixel| {
-            let [near, around] = [region.tested_by(pixel).count(), region.around(pixel).count()].map(|n| n as u32);
+            let [near, around] =
+                [region.tested_by(pixel).count(), region.around(pixel).count()].map(|n| n as u32);
             let observed = near.saturating_mul(taken).saturating_add((around - near).saturating_mul(first));
             let has_surface = region.around(pixel).any(|near| has_surface[near]);
             let unseen = |white: f64| if has_surface { unseen_variance(white, observed) } else { 0.0 };

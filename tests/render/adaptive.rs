@@ -5,7 +5,9 @@ use crate::common::repository;
 use crate::path::room_file;
 use kiln::error::Warnings;
 use kiln::film::Film;
+use kiln::film::tone::Exposure;
 use kiln::job::{PlanSettings, RenderControl, RenderSettings, prepare};
+use kiln::render::aov::{self, AovSelection};
 use kiln::scene::{PictureSettings, Sampling, Scene};
 
 /// A box with a glass ball and a small bright lamp: a caustic.
@@ -20,11 +22,15 @@ fn caustic() -> Scene {
 
 /// A lamp behind a panel: indirect light alone.
 fn hidden_lamp() -> Scene {
+    hidden_lamp_of(50.0)
+}
+
+fn hidden_lamp_of(emission: f64) -> Scene {
     room(
         "[[triangles]]\nmaterial = 'wall'\nvertices = [[-1.2, 1, -1.5], [1.2, 1, -1.5], [1.2, 1, 1.5], [-1.2, 1, 1.5]]\n\
          indices = [[0, 1, 2], [0, 2, 3]]\n\
          [[sphere]]\nmaterial = 'lamp'\ncentre = [0, 1.5, 0]\nradius = 0.1\n",
-        50.0,
+        emission,
     )
 }
 
@@ -133,8 +139,32 @@ fn adaptive_pictures_are_as_bright_as_uniform_ones() {
     }
 }
 
-/// The same of ten scenes at levels from 0.1 to 0.005: `cargo test --release --test render adaptive:: -- --ignored
-/// --nocapture`. `KILN_CASES=caustic,metal` selects some.
+/// Light that is dimmer by a power of two has the same digits, and is displayed alike under that exposure.
+#[test]
+fn dim_light_under_an_exposure_takes_as_many_samples() {
+    let counts = |stops: i32| {
+        let picture = PictureSettings {
+            exposure: Some(Exposure::Ev(f64::from(stops))),
+            ..PictureSettings::of_size([24, 18])
+        };
+        let scene = hidden_lamp_of(50.0 * 0.5f64.powi(stops));
+        let job = prepare(scene, &picture.into(), &mut Warnings::default()).expect("a job");
+        let sampling = Sampling { noise: Some(0.05), samples: Some(256), ..Sampling::default() };
+        let sampling = Sampling { min_samples: None, ..or(sampling, job.plan_settings.sampling) };
+        let job = job.with_plan_settings(PlanSettings { sampling, ..job.plan_settings.clone() });
+        let job = job.expect("a plan");
+        let film: Film = job.render(&RenderControl::default()).expect("a picture").0;
+        let selection = AovSelection::new(&["samples".to_owned()]).expect("an AOV");
+        let channels = aov::channels(&job.aov_source(Some(&film)), &selection, &RenderControl::default());
+        channels.expect("channels").swap_remove(0).values
+    };
+    let bright = counts(0);
+    assert!(bright.iter().any(|&count| count < 256.0), "{bright:?}");
+    assert_eq!(counts(14), bright);
+}
+
+/// [`adaptive_pictures_are_as_bright_as_uniform_ones`] of ten scenes at levels from 0.1 to 0.005: `cargo test --release
+/// --test render adaptive:: -- --ignored --nocapture`. `KILN_CASES=caustic,metal` selects some.
 #[test]
 #[ignore = "takes half an hour"]
 fn adaptive_pictures_of_ten_scenes_are_as_bright_as_uniform_ones() {

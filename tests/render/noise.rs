@@ -114,6 +114,9 @@ fn small() -> Vec<Case> {
         case("soft light", "scenes/effects/soft-shadows.toml", plain()),
         case("alpha", "scenes/effects/alpha.toml", plain()),
         case("paths", "scenes/effects/path.toml", auto.into()),
+        // A lamp that is displayed as white beside dark walls.
+        case("lamp", "scenes/effects/path.toml", plain()),
+        case("lens", "scenes/effects/depth-of-field.toml", plain()),
     ]
 }
 

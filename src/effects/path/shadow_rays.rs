@@ -189,8 +189,13 @@ impl Buffers {
                     for ((path, ray), occluded) in light_paths.iter_mut().zip(rays).zip(&mut *occluded) {
                         let mut transmittance = 1.0;
                         if *occluded {
-                            transmittance =
-                                transparency::transmittance(world, &ray, &mut tile.traversal, filter, &mut count);
+                            transmittance = transparency::transmittance(
+                                world,
+                                &ray,
+                                &mut tile.traversal,
+                                filter,
+                                &mut count,
+                            );
                             *occluded = transmittance == 0.0;
                         }
                         if !*occluded {
