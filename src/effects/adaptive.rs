@@ -10,7 +10,7 @@ use glam::{DVec3, Vec4};
 
 use super::convergence::{
     Criterion, FirstSamples, Integrand, Neighbourhood, RARE_LIGHT_RADIUS, SampleEstimate, SampleGroups,
-    displayed_error, missed_variance, unseen_variance, value_and_variance,
+    displayed_error, is_displayed_within, missed_variance, unseen_variance, value_and_variance,
 };
 use super::region::SampledRegion;
 use super::samples::{PixelSampleSequence, TileSamples};
@@ -244,22 +244,12 @@ impl TestConvergence {
                            integrand,
                            (pixel, of_unseen): (usize, f64),
                            shown: &dyn Fn(DVec3) -> DVec3| {
-            let (around, near) = (&estimates.around[pixel], region.tested_by(pixel));
-            let (value, variance) =
-                value_and_variance(near.map(|near| &estimates.current[near]), integrand, around);
+            let around = &estimates.around[pixel];
+            let near = || region.tested_by(pixel).map(|near| &estimates.current[near]);
+            let (value, variance) = value_and_variance(near(), integrand, around);
             let of_unseen = if integrand == Integrand::Random { of_unseen } else { 0.0 };
             let variance = variance + missed_variance(around.deviation, taken) + of_unseen;
-            // Without variance, as on a background, the error is 0; this saves the conversion to display values.
-            if variance == DVec3::ZERO {
-                return true;
-            }
-            let error = DVec3::from(variance.to_array().map(f64::sqrt));
-            let shown_error = |value: DVec3| displayed_error(value, error, shown);
-            // The mean of a lamp and of what is beside it is displayed as white, whatever the error.
-            let power = |near: usize| shown_error(estimates.current[near].value()).powi(4);
-            shown_error(value) <= criterion.max_error
-                && region.tested_by(pixel).map(power).sum::<f64>()
-                    <= region.tested_by(pixel).count() as f64 * criterion.max_error.powi(4)
+            is_displayed_within(criterion.max_error, (value, variance), near(), shown)
         };
         let (colour, alpha, over_white, has_surface) = (&*colour, &*alpha, &*over_white, &*has_surface);
         samples.start_round(criterion.next_test(taken, sampler.samples), |pixel| {
@@ -267,7 +257,7 @@ impl TestConvergence {
                 [region.tested_by(pixel).count(), region.around(pixel).count()].map(|n| n as u32);
             let observed = near.saturating_mul(taken).saturating_add((around - near).saturating_mul(first));
             let has_surface = region.around(pixel).any(|near| has_surface[near]);
-            let unseen = |white: f64| if has_surface { unseen_variance(white, observed) } else { 0.0 };
+            let unseen = |white: f64| if has_surface { unseen_variance(white, observed, taken) } else { 0.0 };
             let of_unseen = unseen(display.white());
             is_accurate(colour, self.colour, (pixel, of_unseen), &displayed)
                 && (alpha.first.is_empty()

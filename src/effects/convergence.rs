@@ -242,11 +242,6 @@ impl SampleEstimate {
         SampleEstimate { value, variance, between, samples: samples.count(), groups: groups.full() }
     }
 
-    /// The value of the pixel.
-    pub fn value(&self) -> DVec3 {
-        self.value.truncate().as_dvec3()
-    }
-
     /// The number of samples.
     pub fn count(&self) -> u32 {
         self.samples
@@ -314,17 +309,42 @@ pub fn value_and_variance<'a>(
     (values, DVec3::from(powers.to_array().map(|power| power.sqrt().sqrt())))
 }
 
-/// The variance of a pixel's value from events that none of `observed` samples of its neighbours has shown.
+/// The variance of the mean of `taken` samples of a pixel from events that none of `observed` samples of its neighbours
+/// has shown. Its own may have: they are not looked at.
 ///
-/// The probability of an event that has not happened in n samples is taken to be 1 / (2 (n + 1)), its posterior mean by
-/// Jeffreys' prior, the beta distribution of parameters 1/2 and 1/2 (Gelman and others, Bayesian Data Analysis, 3rd
-/// edition, section 2.8). Such an event may add or remove as much light as is displayed as white, `white`.
-pub fn unseen_variance(white: f64, observed: u32) -> f64 {
-    (white / (2.0 * (f64::from(observed) + 1.0))).powi(2)
+/// The probability p of an event that has not happened in n samples is taken to be 1 / (2 (n + 1)), its posterior mean
+/// by Jeffreys' prior, the beta distribution of parameters 1/2 and 1/2 (Gelman and others, Bayesian Data Analysis, 3rd
+/// edition, section 2.8). Such an event may add or remove as much light as is displayed as white, `white`: p (1 - p) of
+/// its square is the variance of a sample.
+pub fn unseen_variance(white: f64, observed: u32, taken: u32) -> f64 {
+    let probability = 1.0 / (2.0 * (f64::from(observed) + 1.0));
+    white * white * probability * (1.0 - probability) / f64::from(taken)
 }
 
 /// The factor of [`missed_variance`].
 const WEIGHT: f64 = 10.0;
+
+/// Whether the displayed error of a value, and the root of the mean fourth power of the errors at the values of the
+/// pixels `near` it, are at most `max_error`: the mean of a lamp and of what is beside it is displayed as white, whatever
+/// the error.
+pub fn is_displayed_within<'a>(
+    max_error: f64,
+    (value, variance): (DVec3, DVec3),
+    near: impl Iterator<Item = &'a SampleEstimate> + Clone,
+    displayed: impl Fn(DVec3) -> DVec3,
+) -> bool {
+    // Without variance, as on a background, the error is 0; this saves the conversion to display values.
+    if variance == DVec3::ZERO {
+        return true;
+    }
+    let error = DVec3::from(variance.to_array().map(f64::sqrt));
+    let at = |value: DVec3| displayed_error(value, error, &displayed);
+    at(value) <= max_error && {
+        let count = near.clone().count() as f64;
+        near.map(|near| at(near.value.truncate().as_dvec3()).powi(4)).sum::<f64>()
+            <= count * max_error.powi(4)
+    }
+}
 
 /// The variance of a pixel's value, per channel, from features that its `taken` samples missed, where the first samples around it
 /// have the mean square deviation `around`.
