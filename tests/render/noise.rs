@@ -116,7 +116,6 @@ fn small() -> Vec<Case> {
         case("paths", "scenes/effects/path.toml", auto.into()),
         // A lamp that is displayed as white beside dark walls.
         case("lamp", "scenes/effects/path.toml", plain()),
-        case("lens", "scenes/effects/depth-of-field.toml", plain()),
     ]
 }
 
