@@ -19,7 +19,7 @@ use crate::film::TILE;
 use crate::film::check::state_of;
 use crate::film::write::{self, Format, OutputImage, write_picture};
 use crate::job::metadata::fingerprint_of;
-use crate::job::{Metadata, RenderJob, RenderSettings, note_of_left_out};
+use crate::job::{Metadata, RenderJob, RenderSettings, notes_of_result};
 use crate::limits;
 use crate::render::aov::AovSelection;
 use crate::render::{RenderControl, Statistics};
@@ -84,7 +84,8 @@ struct FrameSums {
     first_non_finite: Option<i32>,
     /// An exposure for frames that are clipped.
     exposure: Option<f64>,
-    left_out_note: Option<String>,
+    /// Notes about the first rendered frame.
+    notes: Vec<String>,
 }
 
 /// Checks of the frames for warnings at the end. Exposure and depth are checked in the first rendered frame alone.
@@ -114,7 +115,7 @@ impl FrameChecks {
         }
         if is_first {
             sums.exposure = exposure;
-            sums.left_out_note = note_of_left_out(&job.plan, statistics);
+            sums.notes = notes_of_result(&job.plan, statistics).collect();
         }
         Ok(())
     }
@@ -125,7 +126,7 @@ impl FrameChecks {
         if let Some(ev) = sums.exposure {
             warnings.push(clipped_warning(ev));
         }
-        sums.left_out_note.iter().for_each(|note| warnings.note(note.as_str()));
+        sums.notes.iter().for_each(|note| warnings.note(note.as_str()));
         if let Some(first) = sums.first_non_finite {
             let count = sums.non_finite;
             warnings.push(format!("{count} pixel(s) are not finite numbers, the first in frame {first}"));

@@ -321,9 +321,6 @@ pub fn unseen_variance(white: f64, observed: u32, taken: u32) -> f64 {
     white * white * probability * (1.0 - probability) / f64::from(taken)
 }
 
-/// The factor of [`missed_variance`].
-const WEIGHT: f64 = 10.0;
-
 /// Whether the displayed error of a value, and the root of the mean fourth power of the errors at the values of the
 /// pixels `near` it, are at most `max_error`: the mean of a lamp and of what is beside it is displayed as white, whatever
 /// the error.
@@ -345,6 +342,9 @@ pub fn is_displayed_within<'a>(
             <= count * max_error.powi(4)
     }
 }
+
+/// The factor of [`missed_variance`].
+const WEIGHT: f64 = 10.0;
 
 /// The variance of a pixel's value, per channel, from features that its `taken` samples missed, where the first samples around it
 /// have the mean square deviation `around`.

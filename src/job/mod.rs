@@ -46,9 +46,7 @@ pub use crate::shading::ShadingMode;
 pub(crate) use default_look::default_look;
 pub use memory::check_memory;
 pub use metadata::Metadata;
-pub use notes::{
-    HEADLIGHT, left_out_advice, note_of_left_out, note_of_noise, percent, warn_of_job, warn_of_recentering,
-};
+pub use notes::{HEADLIGHT, left_out_advice, notes_of_result, percent, warn_of_job, warn_of_recentering};
 #[cfg(feature = "viewer")]
 pub(crate) use prepared::scene_at;
 pub use prepared::{PreparedScene, SceneAtTime};

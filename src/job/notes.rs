@@ -69,8 +69,13 @@ pub fn warn_of_recentering(recentering: Option<&Recentering>, warnings: &mut War
 /// [`unnoted_share`] without a noise threshold.
 const UNNOTED_SHARE: f64 = 0.01;
 
+/// Notes about a rendered picture: light that limits leave out, and noise.
+pub fn notes_of_result(plan: &Plan, statistics: &Statistics) -> impl Iterator<Item = String> + use<> {
+    note_of_left_out(plan, statistics).into_iter().chain(note_of_noise(plan, statistics))
+}
+
 /// Note about the light that limits leave out, where that is more than the noise threshold.
-pub fn note_of_left_out(plan: &Plan, statistics: &Statistics) -> Option<String> {
+fn note_of_left_out(plan: &Plan, statistics: &Statistics) -> Option<String> {
     let left_out = statistics.left_out.as_ref()?;
     let is_noted = |share: Estimate| share.mean > unnoted_share(plan) && share.mean > 2.0 * share.error;
     let (by_depth, by_clamp) = (left_out.by_depth(), left_out.by_clamp());
@@ -87,11 +92,14 @@ pub fn note_of_left_out(plan: &Plan, statistics: &Statistics) -> Option<String> 
 }
 
 /// Note about pixels with far more noise than the threshold.
-pub fn note_of_noise(plan: &Plan, statistics: &Statistics) -> Option<String> {
+fn note_of_noise(plan: &Plan, statistics: &Statistics) -> Option<String> {
     let (count, level) = (statistics.noisy_pixels, plan.sampling.noise?);
     (count > 0).then(|| {
         let error = NOISY_LEVELS * level;
-        format!("{count} pixel(s) have a standard error above {error:.3}, 3 times --noise; raise --min-samples or --samples")
+        format!(
+            "{count} pixel(s) have a standard error above {error:.3}, {NOISY_LEVELS} times --noise; \
+             raise --min-samples or --samples"
+        )
     })
 }
 

@@ -7,7 +7,7 @@ use kiln::effects::light_left_out::Estimate;
 use kiln::error::Warnings;
 use kiln::film::colour::luminance;
 use kiln::film::{Film, Window};
-use kiln::job::{RenderControl, RenderJob, RenderSettings, note_of_left_out, prepare};
+use kiln::job::{RenderControl, RenderJob, RenderSettings, notes_of_result, prepare};
 use kiln::render::Statistics;
 use kiln::render::aov::{AovSelection, channels};
 use kiln::scene::{Bounces, Clamp, Noise};
@@ -308,7 +308,7 @@ fn a_note_says_what_is_left_out() {
     let note = |scene: &str, settings: &RenderSettings| {
         let job = job(scene, settings);
         let (_, statistics) = job.render::<[f32; 3]>(&RenderControl::default()).expect("a picture");
-        note_of_left_out(&job.plan, &statistics)
+        notes_of_result(&job.plan, &statistics).next()
     };
     let of_panes = note(&panes(10), &settings(64, 10)).expect("a note");
     assert!(of_panes.starts_with("10 bounces leave out ") && of_panes.contains(" ± "), "{of_panes}");

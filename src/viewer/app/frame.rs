@@ -7,7 +7,7 @@ use egui::{Align, Context, Label, Layout, Panel, RichText, ScrollArea, Ui};
 
 use super::{App, inspector, timeline};
 use crate::effects::RayKind;
-use crate::job::note_of_left_out;
+use crate::job::notes_of_result;
 use crate::viewer::painter::RenderedImage;
 use crate::viewer::panel::{self, PanelContents};
 use crate::viewer::save::Saving;
@@ -191,6 +191,6 @@ fn image_warnings(rendered: &RenderedImage) -> Vec<String> {
     if rendered.is_last && rendered.statistics.rays(RayKind::PRIMARY).hit == 0 {
         image_warnings.push("no object is in the picture; F shows all of the scene".into());
     }
-    image_warnings.extend(note_of_left_out(&rendered.prepared.job.plan, &rendered.statistics));
+    image_warnings.extend(notes_of_result(&rendered.prepared.job.plan, &rendered.statistics));
     image_warnings
 }
