@@ -168,44 +168,55 @@ impl TestConvergence {
     }
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        if !tile.needs_more_samples {
-            return;
-        }
         tile.with_buffers(|buffers: &mut Buffers, tile| {
             tile.with_buffers(|samples: &mut TileSamples, tile| {
-                let Buffers { colour, alpha, over_white, has_surface } = buffers;
-                if samples.is_first_pass() {
-                    let pixels = samples.sums().len();
-                    let with_alpha = if tile.coverage.is_some() { pixels } else { 0 };
-                    colour.start(pixels);
-                    alpha.start(with_alpha);
-                    over_white.start(with_alpha);
-                    has_surface.clear();
-                    has_surface.resize(pixels, false);
+                // Otherwise all pixels have the most samples, and the pass is part of them.
+                if tile.needs_more_samples {
+                    self.add_pass(buffers, samples, tile, context);
                 }
-                for (pixel, sign, &value) in samples.of_pass(&tile.pixels) {
-                    colour.add(pixel, value, sign as f32);
-                }
-                let (coverage, white) =
-                    (tile.coverage.as_deref().unwrap_or_default(), context.display.white());
-                for ((pixel, sign, &value), colour) in samples.of_pass(coverage).zip(&tile.pixels) {
-                    alpha.add(pixel, [value; 3], sign as f32);
-                    let behind = white as f32 * (1.0 - value);
-                    over_white.add(pixel, colour.map(|channel| channel + behind), sign as f32);
-                }
-                for &ray in &tile.camera_hits {
-                    has_surface[samples.pixel_of(ray)] = true;
-                }
-                if samples.is_round_done() {
-                    self.end_round(buffers, samples, context);
-                    if samples.is_finished() {
-                        samples.finish(tile, &self.sampler, context.world.pipeline);
-                        let counts = samples.region().tile_pixels().zip(&tile.sample_counts);
-                        tile.noisy_pixels += self.count_noisy(&buffers.colour, counts, context);
-                    }
+                if !tile.needs_more_samples {
+                    let counts = samples.region().tile_pixels().zip(&tile.sample_counts);
+                    tile.noisy_pixels += self.count_noisy(&buffers.colour, counts, context);
                 }
             });
         });
+    }
+
+    fn add_pass(
+        &self,
+        buffers: &mut Buffers,
+        samples: &mut TileSamples,
+        tile: &mut Tile,
+        context: &RenderContext,
+    ) {
+        let Buffers { colour, alpha, over_white, has_surface } = buffers;
+        if samples.is_first_pass() {
+            let pixels = samples.sums().len();
+            let with_alpha = if tile.coverage.is_some() { pixels } else { 0 };
+            colour.start(pixels);
+            alpha.start(with_alpha);
+            over_white.start(with_alpha);
+            has_surface.clear();
+            has_surface.resize(pixels, false);
+        }
+        for (pixel, sign, &value) in samples.of_pass(&tile.pixels) {
+            colour.add(pixel, value, sign as f32);
+        }
+        let (coverage, white) = (tile.coverage.as_deref().unwrap_or_default(), context.display.white());
+        for ((pixel, sign, &value), colour) in samples.of_pass(coverage).zip(&tile.pixels) {
+            alpha.add(pixel, [value; 3], sign as f32);
+            let behind = white as f32 * (1.0 - value);
+            over_white.add(pixel, colour.map(|channel| channel + behind), sign as f32);
+        }
+        for &ray in &tile.camera_hits {
+            has_surface[samples.pixel_of(ray)] = true;
+        }
+        if samples.is_round_done() {
+            self.end_round(buffers, samples, context);
+            if samples.is_finished() {
+                samples.finish(tile, &self.sampler, context.world.pipeline);
+            }
+        }
     }
 
     /// The number of pixels of [`Tile::noisy_pixels`].
@@ -217,14 +228,18 @@ impl TestConvergence {
     ) -> u64 {
         let displayed = |value: DVec3| context.display.displayed(context.world.pipeline, value);
         let is_noisy = |&(pixel, &count): &(usize, &u32)| {
-            let own = &colour.current[pixel];
-            let (value, variance) = value_and_variance([own].into_iter(), self.colour, &colour.around[pixel]);
-            // Not all of its samples are part of its value.
+            // None where the first samples are all.
+            let (Some(own), Some(around)) = (colour.current.get(pixel), colour.around.get(pixel)) else {
+                return false;
+            };
+            let (value, variance) = value_and_variance([own].into_iter(), self.colour, around);
+            // Samples of its value and of its variance are not the same.
             let variance = variance * (f64::from(own.count()) / f64::from(count));
             let error = DVec3::from(variance.to_array().map(f64::sqrt));
             displayed_error(value, error, displayed) > NOISY_LEVELS * self.criterion.max_error
         };
-        counts.filter(|_| self.colour == Integrand::Random).filter(is_noisy).count() as u64
+        let has_level = self.colour == Integrand::Random && self.criterion.max_error >= 0.0;
+        counts.filter(|_| has_level).filter(is_noisy).count() as u64
     }
 
     fn end_round(&self, buffers: &mut Buffers, samples: &mut TileSamples, context: &RenderContext) {

@@ -163,6 +163,22 @@ fn dim_light_under_an_exposure_takes_as_many_samples() {
     assert_eq!(counts(14), bright);
 }
 
+/// Too few samples leave most pixels with a larger error: 16 have one of 0.04 in the mean, eight levels of 0.005.
+#[test]
+fn noisy_pixels_are_counted() {
+    let count = |level, most| {
+        let job =
+            prepare(effect("path"), &PictureSettings::of_size([24, 18]).into(), &mut Warnings::default())
+                .expect("a job");
+        let sampling = Sampling { noise: Some(level), samples: Some(most), ..Sampling::default() };
+        let sampling = or(sampling, job.plan_settings.sampling);
+        let job = job.with_plan_settings(PlanSettings { sampling, ..job.plan_settings.clone() });
+        job.expect("a plan").render::<[f32; 3]>(&RenderControl::default()).expect("a picture").1.noisy_pixels
+    };
+    assert!(count(0.005, 16) > 24 * 18 / 2, "{}", count(0.005, 16));
+    assert!(count(0.1, 1024) < 24 * 18 / 50, "{}", count(0.1, 1024));
+}
+
 /// [`adaptive_pictures_are_as_bright_as_uniform_ones`] of ten scenes at levels from 0.1 to 0.005: `cargo test --release
 /// --test render adaptive:: -- --ignored --nocapture`. `KILN_CASES=caustic,metal` selects some.
 #[test]
