@@ -115,7 +115,7 @@ impl FrameChecks {
         }
         if is_first {
             sums.exposure = exposure;
-            sums.notes = notes_of_result(&job.plan, statistics).collect();
+            sums.notes = notes_of_result(job, statistics).collect();
         }
         Ok(())
     }

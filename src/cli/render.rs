@@ -327,7 +327,7 @@ pub(super) fn warn_of_result(
     {
         warnings.push(frames::clipped_warning(ev));
     }
-    job::notes_of_result(&job.plan, statistics).for_each(|note| warnings.note(note));
+    job::notes_of_result(job, statistics).for_each(|note| warnings.note(note));
     warn_of_indices(context.selection, &job.world, warnings);
     output::warn_about_picture(context.inputs, &job.world, statistics, context.is_part, warnings);
     let mut objects = job.world.objects.iter().zip(&statistics.visible_objects);

@@ -308,7 +308,7 @@ fn a_note_says_what_is_left_out() {
     let note = |scene: &str, settings: &RenderSettings| {
         let job = job(scene, settings);
         let (_, statistics) = job.render::<[f32; 3]>(&RenderControl::default()).expect("a picture");
-        notes_of_result(&job.plan, &statistics).next()
+        notes_of_result(&job, &statistics).next()
     };
     let of_panes = note(&panes(10), &settings(64, 10)).expect("a note");
     assert!(of_panes.starts_with("10 bounces leave out ") && of_panes.contains(" ± "), "{of_panes}");

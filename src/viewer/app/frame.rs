@@ -191,6 +191,6 @@ fn image_warnings(rendered: &RenderedImage) -> Vec<String> {
     if rendered.is_last && rendered.statistics.rays(RayKind::PRIMARY).hit == 0 {
         image_warnings.push("no object is in the picture; F shows all of the scene".into());
     }
-    image_warnings.extend(notes_of_result(&rendered.prepared.job.plan, &rendered.statistics));
+    image_warnings.extend(notes_of_result(&rendered.prepared.job, &rendered.statistics));
     image_warnings
 }
