@@ -219,6 +219,13 @@ impl Warnings {
         self.note(message);
     }
 
+    /// Adds all warnings and notes of `other`.
+    pub(crate) fn extend(&mut self, other: &Warnings) {
+        other.messages().iter().for_each(|text| self.push(text.as_str()));
+        other.notes().iter().for_each(|text| self.note(text.as_str()));
+        other.left_out.texts.iter().for_each(|text| self.left_out.push(text.clone(), "warnings"));
+    }
+
     /// The warnings and notes so far about content that is not drawn or not used.
     pub fn all_left_out(&self) -> &[String] {
         &self.left_out.texts

@@ -2,12 +2,8 @@
 
 use crate::error::{Error, Result};
 use crate::import;
-use crate::scene::animation::{Motion, Property, Target, Track};
 use crate::scene::{Animation, Camera, Clip, ClipChoice, Projection, Scene};
 use crate::world::{Framing, turntable_camera};
-
-/// The default duration of a turntable in seconds, and its frames per second.
-const TURNTABLE: (f64, f64) = (10.0, 30.0);
 
 /// Makes an animation of a scene without one: plays the chosen clips of its files together, for as long as the longest,
 /// and poses the scene at their beginning. Without clips nothing changes.
@@ -31,7 +27,7 @@ pub fn play_clip(scene: &mut Scene, clip: &ClipChoice) -> Result<()> {
     scene.import_options.clips = choices.to_vec();
     // The camera and the default look are made for this pose, as for a picture at this time.
     import::pose(scene, 0.0)?;
-    let (_, fps) = TURNTABLE;
+    let fps = Animation::FPS;
     // At least one frame.
     let duration = clips.iter().map(|clip| clip.duration).fold(1.0 / fps, f64::max);
     scene.animation = Some(Animation { fps, duration, repeat: true, tracks: Vec::new(), clips });
@@ -54,16 +50,9 @@ pub fn turntable(
         }
         None => turntable_camera(scene, framing, aspect, projection)?,
     };
-    let orbit = |property| Track {
-        target: Target::Camera(camera.name.clone()),
-        motion: Motion::Orbit { property, around, axis: glam::DVec3::Y, turns: 1.0 },
-        place: std::path::Path::new("turntable").into(),
-    };
     // The tracks name the camera, and would move another of the same name, too.
     scene.cameras.retain(|other| other.name != camera.name);
     scene.cameras.push(camera.clone());
-    let (duration, fps) = TURNTABLE;
-    let tracks = vec![orbit(Property::Position), orbit(Property::LookAt)];
-    scene.animation = Some(Animation { fps, duration, repeat: true, tracks, clips: Vec::new() });
+    scene.animation = Some(Animation::orbit(&camera, around));
     Some(camera)
 }

@@ -88,7 +88,8 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
 fn prepare(command: &Command, settings: &RenderSettings) -> Result<RenderJob> {
     let mut reporter = Reporter::silent(Mode::None);
     (reporter.prints_warnings, reporter.prints_notes) = (true, true);
-    let job = reporter.load_and_resolve(&command.arguments, settings)?.build(&mut reporter.warnings)?;
+    let (session, picture) = reporter.load_and_resolve(&command.arguments, settings)?;
+    let job = session.into_job(&picture, false, &RenderControl::default(), &mut reporter.warnings)?;
     reporter.show();
     Ok(job)
 }
@@ -101,8 +102,8 @@ fn exact_job(command: &Command, settings: &RenderSettings) -> Result<Option<Rend
     let mut settings = settings.clone();
     settings.picture.numerics = Some(Numerics::Exact);
     let mut silent = Reporter::silent(Mode::None);
-    let resolved = silent.load_and_resolve(&command.arguments, &settings)?;
-    resolved.build(&mut silent.warnings).map(Some)
+    let (session, picture) = silent.load_and_resolve(&command.arguments, &settings)?;
+    session.into_job(&picture, false, &RenderControl::default(), &mut silent.warnings).map(Some)
 }
 
 fn explain_pixel(command: &Command, pixel: [u32; 2], interrupted: &AtomicBool) -> Result<()> {

@@ -1,8 +1,8 @@
 //! Rendering of animation frames to pictures, with one load of the inputs.
 
 use std::path::Path;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use clap::Args;
 
@@ -12,14 +12,13 @@ use super::output;
 use super::prepare::{Reporter, timed};
 use super::progress::{Mode, Progress};
 use crate::animation::{AnimationJob, FileNames, FrameList, FrameRequest, in_order};
-use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
 use crate::film::TILE;
 use crate::film::check::state_of;
 use crate::film::write::{self, Format, OutputImage, write_picture};
 use crate::job::metadata::fingerprint_of;
-use crate::job::{Metadata, RenderJob, RenderSettings, notes_of_result};
+use crate::job::{Findings, Metadata, RenderJob, RenderSettings};
 use crate::limits;
 use crate::render::aov::AovSelection;
 use crate::render::{RenderControl, Statistics};
@@ -75,25 +74,12 @@ pub(crate) fn render_all<T: Send>(
     in_order(pool, &animation.frames, in_flight, interrupted, &make, take)
 }
 
-/// Data for warnings at the end, over all frames.
+/// What the frames so far warn of.
 #[derive(Default)]
-struct FrameSums {
-    primary_hits: u64,
-    non_finite: usize,
-    /// The first frame with pixels that are not finite.
-    first_non_finite: Option<i32>,
-    /// An exposure for frames that are clipped.
-    exposure: Option<f64>,
-    /// Notes about the first rendered frame.
-    notes: Vec<String>,
-}
+pub(crate) struct FrameFindings(Mutex<Option<Findings>>);
 
-/// Checks of the frames for warnings at the end. Exposure and depth are checked in the first rendered frame alone.
-#[derive(Default)]
-pub(crate) struct FrameChecks(Mutex<FrameSums>);
-
-impl FrameChecks {
-    /// Adds a frame and its statistics.
+impl FrameFindings {
+    /// Adds a frame. Whether it is clipped is found out for the first alone.
     pub(crate) fn add(
         &self,
         frame: i32,
@@ -102,38 +88,23 @@ impl FrameChecks {
         job: &RenderJob,
         control: &RenderControl,
     ) -> Result<()> {
-        let is_first = animation.frames.first() == Some(&frame);
-        let exposure = match is_first && animation.has_physical_lights {
-            true => job.exposure_for_clipped(picture, control)?,
-            false => None,
+        let found = match animation.frames.first() == Some(&frame) {
+            true => Findings::of(job, picture, statistics, control)?,
+            false => Findings::new(job, statistics),
         };
-        let Ok(mut sums) = self.0.lock() else { return Ok(()) };
-        sums.primary_hits += statistics.rays(RayKind::PRIMARY).hit;
-        if !statistics.non_finite.is_empty() {
-            sums.non_finite += statistics.non_finite.len();
-            sums.first_non_finite = Some(sums.first_non_finite.map_or(frame, |first| first.min(frame)));
-        }
-        if is_first {
-            sums.exposure = exposure;
-            sums.notes = notes_of_result(job, statistics).collect();
+        let found = found.of_frame(frame);
+        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        match &mut *all {
+            Some(all) => all.add(found),
+            None => *all = Some(found),
         }
         Ok(())
     }
 
-    /// Warns about non-finite pixels, empty frames, clipping and the depth of paths.
-    pub(crate) fn warn(&self, arguments: &Arguments, warnings: &mut Warnings) {
-        let Ok(sums) = self.0.lock() else { return };
-        if let Some(ev) = sums.exposure {
-            warnings.push(clipped_warning(ev));
-        }
-        sums.notes.iter().for_each(|note| warnings.note(note.as_str()));
-        if let Some(first) = sums.first_non_finite {
-            let count = sums.non_finite;
-            warnings.push(format!("{count} pixel(s) are not finite numbers, the first in frame {first}"));
-        }
-        if sums.primary_hits == 0 && arguments.settings.crop.is_none() {
-            warnings.push("nothing is in any frame: no primary ray hits anything; try `--camera auto`");
-        }
+    /// Warns of what was found.
+    fn warn(&self, warnings: &mut Warnings) {
+        let all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        all.iter().for_each(|findings| findings.warn(warnings));
     }
 }
 
@@ -186,27 +157,26 @@ pub(crate) fn write_frames(
         duration: length.duration.map(Seconds::get),
         list,
         shard: pictures.shard,
+        is_displayed: pictures.format != Format::Exr,
         is_there: &is_there,
     };
-    let mut animation = pool.install(|| reporter.load_animation(arguments, &settings, &request))?;
+    let animation = pool.install(|| reporter.load_animation(arguments, &settings, &request))?;
     reporter.check_outputs(animation.frames.iter().map(|&frame| pictures.names.of(frame)))?;
     let picture = animation.picture.settings.picture;
     output::check_bits_of(picture.bits, pictures.format)?;
     output::warn_of_dither(&arguments.settings.picture, pictures.format, &mut reporter.warnings);
     output::check_alpha(picture.is_transparent(), ".jpg", pictures.format != Format::Jpeg)?;
-    // A metered exposure sets a clamp, too.
-    if pictures.format != Format::Exr || animation.picture.meters {
-        fix_exposure(&mut reporter, &pool, &mut animation, interrupted)?;
-    }
+    let first = first_frame(&mut reporter, &pool, &animation, interrupted)?;
     let skipped = match animation.skipped {
         0 => String::new(),
         n => format!("; {n} existed"),
     };
-    if animation.frames.is_empty() {
+    let Some(first) = first else {
         reporter.progress.finish(&format!("no frame to render{skipped}"));
         return Ok(());
-    }
-    let checks = FrameChecks::default();
+    };
+    let findings = FrameFindings::default();
+    let first_effects_on = first.plan.effects_on().count();
     let needs = |effects_on: usize| {
         let channels = pictures.selection.channel_count(effects_on) as u64;
         let bytes = output::bytes_per_pixel(pictures.format, &pictures.selection, channels, &picture)
@@ -215,23 +185,24 @@ pub(crate) fn write_frames(
     };
     let make = |frame: i32, job: &RenderJob, control: &RenderControl| {
         let effects_on = job.plan.effects_on().count();
-        if effects_on > animation.effects_on {
+        // A light that is dark at first may add to the effects.
+        if effects_on > first_effects_on {
             let (channels, bytes) = needs(effects_on);
             output::check_memory_of(job.window, channels, bytes)?;
         }
         let (picture, statistics) = output::render_image(job, pictures.format, &pictures.selection, control)?;
-        checks.add(frame, (&picture, &statistics), &animation, job, control)?;
+        findings.add(frame, (&picture, &statistics), &animation, job, control)?;
         let file = pictures.names.of(frame);
         write_picture(&picture, &job.metadata, pictures.format, &file)?;
         Message::Frame(frame, &file).print();
         Ok(())
     };
     let mut took = 0.0;
-    let needs = needs(animation.effects_on);
+    let needs = needs(first_effects_on);
     timed(&mut took, || {
         render_all(&animation, &pool, needs, interrupted, &reporter.progress, &make, &mut |_, ()| Ok(()))
     })?;
-    finish(&mut reporter, arguments, &checks, pictures.strict)?;
+    finish(&mut reporter, &findings, pictures.strict)?;
     let ends = [animation.frames.first(), animation.frames.last()].map(|frame| *frame.unwrap_or(&0));
     let [first, last] = ends.map(|frame| pictures.names.of(frame).display().to_string());
     reporter.progress.finish(&format!(
@@ -241,34 +212,22 @@ pub(crate) fn write_frames(
     Ok(())
 }
 
-/// The warning of [`RenderJob::exposure_for_clipped`].
-pub(super) fn clipped_warning(ev: f64) -> String {
-    format!("most of the picture is clipped, because lights are in physical units; try `--exposure {ev}`")
-}
-
-/// Replaces an automatic exposure by that of the animation's first frame, and reports it.
-pub(crate) fn fix_exposure(
+/// The job of the first frame to render, with the exposure of all frames, and warnings about it.
+pub(crate) fn first_frame(
     reporter: &mut Reporter,
     pool: &rayon::ThreadPool,
-    animation: &mut AnimationJob,
+    animation: &AnimationJob,
     interrupted: &AtomicBool,
-) -> Result<()> {
+) -> Result<Option<RenderJob>> {
     let control = RenderControl { cancel: interrupted, ..RenderControl::default() };
-    if let Some(ev) = pool.install(|| animation.fix_exposure(&control))? {
-        reporter.warnings.note(format!("the exposure is {ev} EV, from frame 0"));
-        reporter.show();
-    }
-    Ok(())
+    let first = pool.install(|| animation.first(&control, &mut reporter.warnings))?;
+    reporter.show();
+    Ok(first)
 }
 
 /// Prints the warnings about the frames. With `strict`, warnings are an error.
-pub(crate) fn finish(
-    reporter: &mut Reporter,
-    arguments: &Arguments,
-    checks: &FrameChecks,
-    strict: bool,
-) -> Result<()> {
-    checks.warn(arguments, &mut reporter.warnings);
+pub(crate) fn finish(reporter: &mut Reporter, findings: &FrameFindings, strict: bool) -> Result<()> {
+    findings.warn(&mut reporter.warnings);
     reporter.progress.clear();
     reporter.show();
     reporter.check(strict, "the frames were")

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use crate::animation::FileNames;
-use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
 use crate::farm::{Shard, shard_name, shard_state, write_shard};
 use crate::files::{WholeFile, describe};
@@ -16,7 +15,6 @@ use crate::render::aov::{self, AovSelection};
 use crate::render::{RenderControl, Statistics};
 use crate::sample_count::{self, ErrorTarget, StopReason};
 use crate::scene::{BitDepth, PictureSettings, Samples, shell_quoted};
-use crate::world::World;
 
 /// Destination of the picture.
 pub(crate) enum OutputTarget {
@@ -216,9 +214,7 @@ fn render_film(
     if format != Format::Exr {
         return job.render_image(control);
     }
-    let display = job.display_transform(control)?;
-    let (film, alpha, mut statistics) = job.render_float(is_displayed, control)?;
-    statistics.auto_exposure = job.display().is_auto().then_some(display.ev());
+    let (film, alpha, statistics) = job.render_float(is_displayed, control)?;
     let mut channels = aov::channels(&job.aov_source(Some(&film)), selection, control)?;
     channels.extend(alpha);
     Ok((OutputImage::Float(film, channels, job.exr_attributes(selection)), statistics))
@@ -298,7 +294,7 @@ pub(crate) fn render_to_accuracy(
 ) -> Result<(OutputImage, Statistics)> {
     // No progress: the total number of tiles is unknown, as samples are added in several renders.
     let control = RenderControl { progress: &|_, _| (), ..*control };
-    let mut sampled = sample_count::render(job, target, &control)?;
+    let sampled = sample_count::render(job, target, &control)?;
     match sampled.reason {
         StopReason::Time if target.accuracy.is_some() => warnings.push(sampled.summary(target)),
         StopReason::MaxSamples | StopReason::NotFinite => warnings.push(sampled.summary(target)),
@@ -314,68 +310,11 @@ pub(crate) fn render_to_accuracy(
         }
         _ => {
             let display = job.display_transform(&control)?;
-            sampled.statistics.auto_exposure = job.display().is_auto().then_some(display.ev());
             let film = Film::from_rows(window, &sampled.pixels)?;
             OutputImage::displayed(&film, None, pipeline, display)?
         }
     };
     Ok((picture, sampled.statistics))
-}
-
-/// Warns about non-finite pixels, an empty picture, lights that are fully occluded, and inputs that are not visible.
-pub(crate) fn warn_about_picture(
-    inputs: &[PathBuf],
-    world: &World,
-    statistics: &Statistics,
-    is_part: bool,
-    warnings: &mut Warnings,
-) {
-    let non_finite = &statistics.non_finite;
-    if !non_finite.is_empty() {
-        let places: Vec<String> = non_finite.iter().take(10).map(|(x, y)| format!("({x}, {y})")).collect();
-        let count = non_finite.len();
-        warnings.push(format!("{count} pixel(s) are not finite numbers, the first at {}", places.join(" ")));
-    }
-    if statistics.discarded_samples > 0 {
-        let count = statistics.discarded_samples;
-        warnings.push(format!("{count} sample(s) of light are not finite numbers and were left out"));
-    }
-    let primary = statistics.rays(RayKind::PRIMARY);
-    // A part of a picture may be empty.
-    if is_part {
-        return;
-    }
-    if world.primitive_count() == 0 {
-        warnings.push("nothing is in the picture: the scene has no triangles, spheres or disks");
-        return;
-    }
-    if primary.hit == 0 {
-        warnings.push(format!(
-            "nothing is in the picture: none of {} primary rays hits anything; try `--camera auto`",
-            primary.cast
-        ));
-        return;
-    }
-    let mut shadow = statistics.rays.iter().filter(|(kind, _)| kind.is_shadow);
-    if world.fill.is_none() && shadow.any(|(_, count)| count.cast > 0 && count.hit == count.cast) {
-        warnings.push("no light reaches any visible surface: every shadow ray is blocked");
-    }
-    if inputs.len() > 1 {
-        for (index, file) in inputs.iter().enumerate() {
-            let mut objects = world
-                .objects
-                .iter()
-                .zip(&statistics.visible_objects)
-                .filter(|(o, _)| o.input == index)
-                .peekable();
-            if objects.peek().is_some() && objects.all(|(_, seen)| !seen) {
-                warnings.push(format!(
-                    "{} is nowhere in the picture; place it with [[mesh]] in a scene file, or try `--camera auto`",
-                    file.display()
-                ));
-            }
-        }
-    }
 }
 
 /// Writes the picture to its target.

@@ -10,13 +10,12 @@ use super::arguments::{self, Arguments};
 use super::names::{argument, command, name_of, unknown};
 use super::output::{check_alpha, check_bits_of, check_memory_of, render_image};
 use super::prepare::note_rest_pose;
-use super::render::{PictureContext, warn_of_indices, warn_of_result};
 use super::usage_error;
 use crate::error::{Error, Result, Warnings};
 use crate::files::InputFiles;
 use crate::film::write::{ALPHA, Channel, Format, OutputImage, encode, write_picture};
 use crate::film::{ColourPipeline, DisplayTransform, Window};
-use crate::job::{Metadata, PreparedPictures, RenderJob, RenderSettings, resolve};
+use crate::job::{self, Findings, Metadata, RenderJob, RenderSettings, Session};
 use crate::render::RenderControl;
 use crate::render::aov::{self, AovSelection};
 use crate::scene::{BitDepth, ImportOptions, Scene};
@@ -155,31 +154,30 @@ pub fn render(
 ) -> Result<Picture> {
     let (selection, settings) = options.with_aovs(aovs)?;
     super::pool(options.0.threads)?.install(|| {
-        let source = Source::new(&scene, &settings);
         note_rest_pose(&scene, warnings);
-        let resolved = resolve(scene, &settings, warnings)?;
-        let job = resolved.build(warnings)?;
-        picture_of(job, source, &selection, format, control, warnings)
+        let inputs = files_read(&scene, &settings);
+        let session = Session::still(scene)?;
+        let resolved = session.resolve(&settings, warnings)?;
+        let job = session.into_job(&resolved, true, control, warnings)?;
+        picture_of(job, inputs, &selection, format, control, warnings)
     })
 }
 
-/// A scene prepared for pictures by many cameras, see [`PreparedPictures`].
-pub struct PreparedScene {
-    pictures: PreparedPictures,
-}
+/// A scene prepared for pictures by many cameras, see [`Session`].
+pub struct PreparedScene(Session);
 
 impl PreparedScene {
     /// Prepares a scene.
     ///
     /// # Errors
-    /// As [`PreparedPictures::new`].
+    /// As [`Session::still`].
     pub fn new(scene: Arc<Scene>) -> Result<Self> {
-        Ok(PreparedScene { pictures: PreparedPictures::new(scene)? })
+        Session::still(scene).map(PreparedScene)
     }
 
     /// The scene in its own coordinates.
     pub fn scene(&self) -> &Scene {
-        self.pictures.scene()
+        self.0.scene()
     }
 
     /// The picture of [`render`] with these options.
@@ -196,10 +194,14 @@ impl PreparedScene {
     ) -> Result<Picture> {
         let (selection, settings) = options.with_aovs(aovs)?;
         super::pool(options.0.threads)?.install(|| {
-            let source = Source::new(self.pictures.scene(), &settings);
-            note_rest_pose(self.pictures.scene(), warnings);
-            let job = self.pictures.job(&settings, warnings)?;
-            picture_of(job, source, &selection, format, control, warnings)
+            let PreparedScene(session) = self;
+            note_rest_pose(session.scene(), warnings);
+            let resolved = session.resolve(&settings, warnings)?;
+            let picture = session.first_picture(&resolved)?;
+            let job = session.job(&picture, true, control)?;
+            session.warn(&picture, &job, warnings);
+            let inputs = files_read(session.scene(), &settings);
+            picture_of(job, inputs, &selection, format, control, warnings)
         })
     }
 
@@ -217,9 +219,18 @@ impl PreparedScene {
     ) -> Result<Aovs> {
         let (selection, settings) = options.with_aovs(aovs)?;
         super::pool(options.0.threads)?.install(|| {
-            note_rest_pose(self.pictures.scene(), warnings);
-            let job = self.pictures.aov_job(&settings, &selection, warnings)?;
-            warn_of_indices(&selection, &job.world, warnings);
+            let PreparedScene(session) = self;
+            note_rest_pose(session.scene(), warnings);
+            let resolved = session.resolve_only(&settings, false)?;
+            session.warn_of_resolved(&resolved, &settings, warnings)?;
+            let picture = session.first_picture(&resolved.into())?;
+            let exposed = match selection.depends_on_exposure(&picture.job.plan) {
+                true => Some(session.job(&picture, false, control)?),
+                false => None,
+            };
+            let job = exposed.as_ref().unwrap_or(&picture.job);
+            session.warn(&picture, job, warnings);
+            job::warn_of_indices(job, warnings);
             let count = selection.channel_count(job.plan.effects_on().count()) as u64;
             check_memory_of(job.window, count, 2 * 4 * count + selection.bytes_per_pixel())?;
             let channels = aov::channels(&job.aov_source(None), &selection, control)?;
@@ -242,31 +253,16 @@ impl Aovs {
     }
 }
 
-/// Inputs and files of a picture, for its messages.
-struct Source {
-    inputs: Vec<PathBuf>,
-    files_read: InputFiles,
-    has_physical_lights: bool,
-    /// Whether the picture is a part of another.
-    is_part: bool,
-}
-
-impl Source {
-    fn new(scene: &Scene, settings: &RenderSettings) -> Self {
-        let environment = settings.environment.environment.iter().map(PathBuf::from);
-        Source {
-            inputs: scene.inputs.clone(),
-            files_read: scene.files_read.iter().cloned().chain(environment).collect(),
-            has_physical_lights: scene.has_physical_lights,
-            is_part: settings.crop.is_some(),
-        }
-    }
+/// The files that a picture of a scene is made of.
+fn files_read(scene: &Scene, settings: &RenderSettings) -> InputFiles {
+    let environment = settings.environment.environment.iter().map(PathBuf::from);
+    scene.files_read.iter().cloned().chain(environment).collect()
 }
 
 /// Renders the picture of a job.
 fn picture_of(
-    mut job: RenderJob,
-    source: Source,
+    job: RenderJob,
+    inputs: InputFiles,
     selection: &AovSelection,
     format: Format,
     control: &RenderControl,
@@ -279,15 +275,13 @@ fn picture_of(
     let none = AovSelection::new(&[])?;
     let in_film = if format == Format::Exr { selection } else { &none };
     let (image, statistics) = render_image(&job, format, in_film, control)?;
-    let Source { inputs, files_read, has_physical_lights, is_part } = source;
-    let context = PictureContext { inputs: &inputs, selection, is_part, has_physical_lights };
-    warn_of_result(&mut job, &image, &statistics, &context, control, warnings)?;
+    Findings::of(&job, &image, &statistics, control)?.warn(warnings);
     let (channels, display) = match &image {
         OutputImage::Float(..) => (Vec::new(), job.display_transform(control)?),
         _ => (aov::channels(&job.aov_source(None), selection, control)?, DisplayTransform::default()),
     };
     let pipeline = job.pipeline();
-    Ok(Picture { image, channels, metadata: job.metadata, pipeline, display, inputs: files_read })
+    Ok(Picture { image, channels, metadata: job.metadata, pipeline, display, inputs })
 }
 
 /// Channels by the name of their AOV.

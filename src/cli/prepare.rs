@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use super::WarningPrinter;
@@ -12,7 +13,7 @@ use crate::animation::{AnimationJob, FrameRequest, play_clip};
 use crate::error::{Error, Result, Warnings};
 use crate::files::{check_output, folder_of, target_of, unfinished_in};
 use crate::import;
-use crate::job::{RenderSettings, ResolvedJob, resolve};
+use crate::job::{RenderSettings, ResolvedPicture, Session};
 use crate::scene::Scene;
 
 /// Progress, times and warnings of a command.
@@ -102,11 +103,16 @@ impl Reporter {
         &mut self,
         arguments: &Arguments,
         settings: &RenderSettings,
-    ) -> Result<ResolvedJob> {
+    ) -> Result<(Session, Arc<ResolvedPicture>)> {
         let scene = self.load(arguments)?;
         note_rest_pose(&scene, &mut self.warnings);
         self.phase("preparing");
-        timed(&mut self.seconds.prepare, || resolve(scene, settings, &mut self.warnings))
+        let Reporter { seconds, warnings, .. } = self;
+        timed(&mut seconds.prepare, || {
+            let session = Session::still(scene)?;
+            let picture = session.resolve(settings, warnings)?;
+            Ok((session, picture))
+        })
     }
 
     /// Loads the inputs and prepares the data shared by all frames.

@@ -1,6 +1,7 @@
 //! `kiln render`: renders files to a picture.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
@@ -17,13 +18,11 @@ use crate::animation::{FileNames, FrameList};
 use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
 use crate::files::{is_same_file, write_whole};
-use crate::film::write::{Format, OutputImage};
-use crate::job::{self, RenderJob, metadata};
-use crate::render::aov::{AOVS, AovSelection, EFFECTS, EFFECTS_SUMMARY, LARGEST_EXACT_INDEX};
-use crate::render::{RenderControl, Statistics};
-use crate::scene::is_named;
+use crate::film::write::Format;
+use crate::job::{Findings, metadata};
+use crate::render::RenderControl;
+use crate::render::aov::{AOVS, AovSelection, EFFECTS, EFFECTS_SUMMARY};
 use crate::scene::option::group;
-use crate::world::World;
 
 #[derive(Args, Clone)]
 #[command(after_help = aov_help())]
@@ -208,30 +207,29 @@ fn render_to(
     let mut settings = command.arguments.settings()?;
     settings.shard = command.shard.unwrap_or_default();
     settings.aovs = command.aov.clone();
-    let mut resolved = reporter.load_and_resolve(&command.arguments, &settings)?;
+    let (session, mut resolved) = reporter.load_and_resolve(&command.arguments, &settings)?;
     let file = Some(target.file()).filter(|_| !matches!(target, OutputTarget::StandardOutput));
     reporter.check_outputs(command.stats.iter().map(PathBuf::as_path).chain(file))?;
     if let Some(target) = command.accuracy.target() {
-        metadata::add_to_fingerprint(&mut resolved.picture.metadata, "sampling_target", &target);
+        metadata::add_to_fingerprint(&mut Arc::make_mut(&mut resolved).metadata, "sampling_target", &target);
     }
-    if command.skip_existing
-        && target.existing().is(metadata::fingerprint_of(&resolved.picture.metadata), None)
-    {
+    if command.skip_existing && target.existing().is(metadata::fingerprint_of(&resolved.metadata), None) {
         reporter.show();
         reporter
             .progress
             .finish(&format!("{} exists with the same scene and settings", target.file().display()));
         return Ok(Outcome::Existed);
     }
-    let is_transparent = resolved.picture.settings.picture.is_transparent();
-    output::check_bits_of(resolved.picture.settings.picture.bits, target.format())?;
+    let is_transparent = resolved.settings.picture.is_transparent();
+    output::check_bits_of(resolved.settings.picture.bits, target.format())?;
     output::check_alpha(is_transparent, ".jpg", target.format() != Format::Jpeg)?;
     let has_target = command.accuracy.target().is_some();
     output::check_accuracy_alpha(is_transparent, has_target)?;
     target.check_writable()?;
-    let has_physical_lights = resolved.scene.has_physical_lights;
     reporter.progress.phase("building");
-    let mut job = timed(&mut reporter.seconds.build, || resolved.build(&mut reporter.warnings))?;
+    let Reporter { seconds, warnings, .. } = &mut *reporter;
+    let control = RenderControl { cancel: interrupted, ..RenderControl::default() };
+    let mut job = timed(&mut seconds.build, || session.into_job(&resolved, true, &control, warnings))?;
     output::check_memory(&job, target, selection, has_target)?;
     warn_of_unused(
         &command.arguments.settings,
@@ -259,15 +257,8 @@ fn render_to(
         }
         None => render_target(&job, target, selection, &control),
     })?;
-    let about = PictureContext {
-        inputs: &command.arguments.inputs,
-        selection,
-        is_part: command.arguments.settings.crop.is_some() || job.settings.shard != Shard::ALL,
-        has_physical_lights,
-    };
-    timed(&mut seconds.render, || {
-        warn_of_result(&mut job, &picture, &statistics, &about, &control, warnings)
-    })?;
+    let findings = timed(&mut seconds.render, || Findings::of(&job, &picture, &statistics, &control))?;
+    findings.warn(warnings);
     progress.clear();
     reporter.show();
 
@@ -291,50 +282,4 @@ fn render_to(
         seconds.write
     ));
     Ok(Outcome::Written)
-}
-
-/// What warnings about a picture depend on beside the picture.
-pub(super) struct PictureContext<'a> {
-    pub inputs: &'a [PathBuf],
-    pub selection: &'a AovSelection,
-    /// Whether the picture is a part of another.
-    pub is_part: bool,
-    pub has_physical_lights: bool,
-}
-
-/// Warns of indices that the channels of AOVs cannot hold.
-pub(super) fn warn_of_indices(selection: &AovSelection, world: &World, warnings: &mut Warnings) {
-    if selection.has_primitives() && world.primitive_count() > LARGEST_EXACT_INDEX {
-        warnings.push(format!("--aov primitive: indices above {LARGEST_EXACT_INDEX} are rounded"));
-    }
-}
-
-/// Adds an automatic exposure to the metadata, and warns about what is in the picture.
-pub(super) fn warn_of_result(
-    job: &mut RenderJob,
-    picture: &OutputImage,
-    statistics: &Statistics,
-    context: &PictureContext,
-    control: &RenderControl,
-    warnings: &mut Warnings,
-) -> Result<()> {
-    if let Some(ev) = statistics.auto_exposure {
-        metadata::set_auto_exposure(&mut job.metadata, ev);
-        warnings.note(format!("the exposure is {ev} EV"));
-    }
-    if context.has_physical_lights
-        && let Some(ev) = job.exposure_for_clipped(picture, control)?
-    {
-        warnings.push(frames::clipped_warning(ev));
-    }
-    job::notes_of_result(job, statistics).for_each(|note| warnings.note(note));
-    warn_of_indices(context.selection, &job.world, warnings);
-    output::warn_about_picture(context.inputs, &job.world, statistics, context.is_part, warnings);
-    let mut objects = job.world.objects.iter().zip(&statistics.visible_objects);
-    if let (Some(name), false) = (&job.settings.look_at, context.is_part)
-        && !objects.any(|(object, is_seen)| *is_seen && is_named(&object.name, name))
-    {
-        warnings.push(format!("`{name}` is hidden by other objects; try another --view or --azimuth"));
-    }
-    Ok(())
 }

@@ -12,7 +12,7 @@ use super::{print, typed, typed_words};
 use crate::error::{Error, Result, Warnings, printable};
 use crate::files::{describe, write_whole};
 use crate::import;
-use crate::job::{RenderSettings, ResolvedJob};
+use crate::job::{RenderSettings, ResolvedPicture, Session};
 use crate::render::RenderControl;
 use crate::scene::Look;
 use crate::scene::option::group;
@@ -57,13 +57,13 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     let mut reporter = Reporter::new(command.progress);
     let longest = (!command.full).then_some(LONGEST);
     let settings = RenderSettings { longest_side: longest, mesh_look: Look::Draft, ..arguments.settings()? };
-    let resolved = wide.install(|| reporter.load_and_resolve(arguments, &settings))?;
+    let (session, picture) = wide.install(|| reporter.load_and_resolve(arguments, &settings))?;
     reporter.check_outputs(FILES.map(|name| command.output.join(name)))?;
-    if !resolved.picture.settings.picture.display().is_identity() {
+    if !picture.settings.picture.display().is_identity() {
         reporter.warnings.note("the study compares displayed values without exposure and tone map");
         reporter.show();
     }
-    let subject = subject(arguments, resolved);
+    let subject = subject(arguments, session, ResolvedPicture::clone(&picture));
     let load = || import::load_with(&arguments.inputs, &arguments.import, &mut Warnings::default()).map(drop);
     let is_file = arguments.inputs.iter().all(|input| input != Path::new("-"));
     let load: Option<&(dyn Fn() -> Result<()> + Sync)> = if is_file { Some(&load) } else { None };
@@ -140,9 +140,8 @@ fn options(command: &Command, parameters: Vec<&'static str>) -> Options {
 }
 
 /// What is studied: pictures without exposure and tone map.
-fn subject(arguments: &Arguments, mut job: ResolvedJob) -> StudySubject {
+fn subject(arguments: &Arguments, session: Session, mut picture: ResolvedPicture) -> StudySubject {
     let inputs: Vec<String> = arguments.inputs.iter().map(|input| input.display().to_string()).collect();
-    let picture = &mut job.picture;
     (picture.settings.picture.exposure, picture.settings.picture.tone_map) = (None, None);
     let base = Setting {
         numerics: picture.numerics(),
@@ -157,15 +156,16 @@ fn subject(arguments: &Arguments, mut job: ResolvedJob) -> StudySubject {
     StudySubject {
         name: inputs.join(" "),
         command: typed(),
-        render_command: render_command(arguments, &job),
-        job,
+        render_command: render_command(arguments, &session, &picture),
+        session,
+        picture,
         base,
     }
 }
 
 /// The words of the command line that renders the same inputs with the same options, at the study's size.
-fn render_command(arguments: &Arguments, job: &ResolvedJob) -> Vec<String> {
-    let [width, height] = job.picture.size();
+fn render_command(arguments: &Arguments, session: &Session, picture: &ResolvedPicture) -> Vec<String> {
+    let [width, height] = picture.size();
     let mut words = vec!["kiln".to_owned(), "render".to_owned()];
     let mut typed = typed_words().into_iter().skip_while(|word| word != "study").skip(1);
     while let Some(word) = typed.next() {
@@ -183,7 +183,7 @@ fn render_command(arguments: &Arguments, job: &ResolvedJob) -> Vec<String> {
     words.extend(arguments.size.is_none().then(|| format!("--size={width}x{height}")));
     // The study adds no light but a headlight.
     words.extend(
-        (!job.scene.has_settings && !words.iter().any(|word| word == "--draft"))
+        (!session.scene().has_settings && !words.iter().any(|word| word == "--draft"))
             .then(|| "--draft".to_owned()),
     );
     words.extend(["-o".to_owned(), "picture.png".to_owned()]);

@@ -85,8 +85,8 @@ fn expected(command: &Command, output: &Path) -> Result<(Metadata, Option<FrameL
     let settings = RenderSettings { aovs: command.aov.clone(), ..command.arguments.settings()? };
     let is_series = FileNames::parse(output).is_ok_and(|names| names.is_some());
     if command.frames.is_none() && !is_series {
-        let resolved = reporter.load_and_resolve(&command.arguments, &settings)?;
-        return Ok((resolved.picture.metadata, None));
+        let (_, picture) = reporter.load_and_resolve(&command.arguments, &settings)?;
+        return Ok((picture.metadata.clone(), None));
     }
     // All frames are reported as existing, so that no tree is built.
     let request = FrameRequest {
@@ -94,11 +94,12 @@ fn expected(command: &Command, output: &Path) -> Result<(Metadata, Option<FrameL
         duration: command.length.duration.map(Seconds::get),
         list: command.frames.as_ref(),
         shard: Shard::ALL,
+        is_displayed: true,
         is_there: &|_, _| true,
     };
     let animation = reporter.load_animation(&command.arguments, &settings, &request)?;
     let list = command.frames.clone().unwrap_or_else(|| FrameList::range(0, animation.timeline.last()));
-    Ok((animation.picture.metadata, Some(list)))
+    Ok((animation.picture.metadata.clone(), Some(list)))
 }
 
 /// The expected files with their frames.

@@ -6,12 +6,11 @@ use clap::Args;
 
 use super::arguments::{self, Arguments};
 use crate::animation::play_clip;
-use crate::effects::check_scene;
 use crate::error::{Error, Result, Warnings};
 use crate::files::hint_for_missing;
 use crate::import::{self, FileRead};
-use crate::job::camera::{Viewpoint, nothing_to_look_at};
-use crate::job::{RenderSettings, check_display};
+use crate::job::camera::Viewpoint;
+use crate::job::{RenderSettings, Session};
 use crate::scene::{ImportOptions, PictureSettings, Scene};
 use crate::viewer::{self, CameraSource, Opened, Start};
 
@@ -97,35 +96,29 @@ fn initial_view(
         *picture = PictureSettings { azimuth: None, elevation: None, zoom: None, fov: None, ..*picture };
         arguments.inputs = inputs.to_vec();
     }
-    check_scene(&scene.effects)?;
-    import::check_drawable(&scene)?;
-    // A clip may begin with nothing to see.
-    if scene.bounds().is_none() && !scene.plays_clips() {
-        return Err(nothing_to_look_at(&scene));
-    }
     let requested = arguments.settings()?;
-    requested.looked_at(&scene)?;
-    // Its notes and errors. The painter has a look for the settings of each side.
-    let look = requested.default_look(&scene, warnings)?;
-    let viewpoint = Viewpoint::of(&requested.camera, &scene, None)?;
-    viewpoint.report(&requested, &scene, warnings);
-    let size = viewpoint.size(&requested, &scene);
+    let session = Session::playing(scene)?;
+    let scene = session.scene();
+    // A clip may begin with nothing to see.
+    if scene.bounds().is_some() || !scene.plays_clips() {
+        let resolved = session.resolve_only(&requested, false)?;
+        session.warn_of_resolved(&resolved, &requested, warnings)?;
+    }
+    let viewpoint = Viewpoint::of(&requested.camera, scene)?;
+    let size = viewpoint.size(&requested, scene);
     let camera_source = match viewpoint {
         // While the clips play, all of them stay in the picture.
         Viewpoint::Fitted(view) if scene.plays_clips() => CameraSource::FittedAt(view, None),
         Viewpoint::Fitted(view) => CameraSource::Fitted(view),
-        Viewpoint::Camera(camera) => match scene.cameras.iter().position(|own| *own == *camera) {
-            Some(index) => CameraSource::Scene(index),
-            None => CameraSource::Free(camera.into_owned()),
-        },
+        Viewpoint::OfScene(index) => CameraSource::Scene(index),
+        Viewpoint::Given(camera) => CameraSource::Free(camera),
     };
-    let picture = look.picture;
-    check_display(picture.display(), picture.pipeline())?;
+    let picture = requested.default_look(scene, &mut Warnings::default())?.picture;
     let (numerics, colour) = (Some(picture.numerics()), Some(picture.pipeline()));
     let projection = requested.projection;
     let picture = PictureSettings { numerics, colour, ..requested.picture };
     let settings = RenderSettings { picture, ..requested };
-    Ok(Opened { scene, camera_source, projection, size, settings })
+    Ok(Opened { session: session.into(), camera_source, projection, size, settings })
 }
 
 #[cfg(test)]
@@ -161,8 +154,8 @@ mod tests {
             let (opened, _) = open(&arguments, inputs, chosen.as_ref(), &mut Warnings::default());
             let opened = opened.unwrap_or_else(|e| panic!("{e}"));
             let expected = import::load_and_list(inputs, &turned(up), &mut Warnings::default()).0;
-            assert_eq!(opened.scene.bounds(), expected.unwrap_or_else(|e| panic!("{e}")).bounds());
-            assert_eq!(opened.scene.import_options, turned(up));
+            assert_eq!(opened.scene().bounds(), expected.unwrap_or_else(|e| panic!("{e}")).bounds());
+            assert_eq!(opened.scene().import_options, turned(up));
         }
     }
 }

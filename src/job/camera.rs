@@ -1,49 +1,71 @@
 //! Camera and picture size from settings and scene.
 
-use std::borrow::Cow;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::{CameraChoice, RenderSettings};
 use crate::error::{Error, Result, Warnings, nearest_name};
 use crate::film::Window;
 use crate::scene::support::PointTrees;
 use crate::scene::{Camera, Scene, bounds, default_size};
-use crate::world::{Recentering, StandardView, fitted_camera};
+use crate::world::{Recentering, StandardView};
 
 /// A camera, given or to be fitted.
 // Few values exist at a time.
 #[allow(clippy::large_enum_variant)]
-pub enum Viewpoint<'a> {
-    /// A camera in the current coordinates of the scene.
-    Camera(Cow<'a, Camera>),
+pub enum Viewpoint {
+    /// A camera of the scene, by its index.
+    OfScene(usize),
+    /// A camera in coordinates of the scene.
+    Given(Camera),
     /// A camera to be fitted to the scene, from this side.
     Fitted(StandardView),
 }
 
-impl Viewpoint<'_> {
-    /// The viewpoint for `choice`. `recentering` is the transform that was applied to the scene; it is applied to a
-    /// given camera too.
+/// The camera of a picture, and how it moves.
+#[derive(Clone)]
+// Few values exist at a time.
+#[allow(clippy::large_enum_variant)]
+pub(crate) enum Mount {
+    /// A camera of the scene, by its index. Tracks and clips may move it.
+    OfScene(usize),
+    /// A camera that stays, in coordinates of the scene.
+    Given(Camera),
+    /// A camera that stays, fitted to the recentered scene in its coordinates.
+    Fitted(Camera),
+    /// A scene of a camera alone, whose animation moves it.
+    Orbit(Arc<Scene>),
+}
+
+impl Mount {
+    /// The camera before anything moves, in coordinates of the recentered scene.
+    pub(super) fn at_rest(&self, scene: &Scene, recentering: Option<&Recentering>) -> Camera {
+        let own = match self {
+            Mount::OfScene(index) => return scene.cameras[*index].clone(),
+            Mount::Fitted(camera) => return camera.clone(),
+            Mount::Given(camera) => camera,
+            Mount::Orbit(orbit) => &orbit.cameras[0],
+        };
+        recentering.map_or_else(|| own.clone(), |recentering| recentering.moved(own))
+    }
+}
+
+impl Viewpoint {
+    /// The viewpoint for `choice`.
     ///
     /// # Errors
     /// [`Error::Usage`] if there is no such camera.
-    pub fn of<'a>(
-        choice: &CameraChoice,
-        scene: &'a Scene,
-        recentering: Option<&Recentering>,
-    ) -> Result<Viewpoint<'a>> {
+    pub fn of(choice: &CameraChoice, scene: &Scene) -> Result<Viewpoint> {
+        let cameras = &scene.cameras;
         match choice {
             CameraChoice::Fitted(view) => Ok(Viewpoint::Fitted(*view)),
-            CameraChoice::Given(camera) => {
-                let moved =
-                    recentering.map_or_else(|| camera.clone(), |recentering| recentering.moved(camera));
-                Ok(Viewpoint::Camera(Cow::Owned(moved)))
-            }
+            CameraChoice::Given(camera) => Ok(Viewpoint::Given(camera.clone())),
+            CameraChoice::Index(index) => Ok(Viewpoint::OfScene(*index)),
             CameraChoice::Named(name) => {
-                let by_name = || scene.cameras.iter().find(|camera| camera.name == *name);
-                let by_index = || scene.cameras.get(name.parse::<usize>().ok()?);
-                let own = |camera| Viewpoint::Camera(Cow::Borrowed(camera));
-                by_name().or_else(by_index).map(own).ok_or_else(|| {
-                    let known: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
+                let by_name = || cameras.iter().position(|camera| camera.name == *name);
+                let by_index = || name.parse().ok().filter(|index| *index < cameras.len());
+                by_name().or_else(by_index).map(Viewpoint::OfScene).ok_or_else(|| {
+                    let known: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
                     let hint = match known.as_slice() {
                         _ if name.contains('=') => {
                             "write keys in braces: '{ position = [0, 1, 6], look_at = [0, 1, 0] }'".into()
@@ -55,9 +77,18 @@ impl Viewpoint<'_> {
                 })
             }
             CameraChoice::Default => Ok(match scene.default_camera() {
-                Some(camera) => Viewpoint::Camera(Cow::Borrowed(camera)),
+                Some(_) => Viewpoint::OfScene(0),
                 None => Viewpoint::Fitted(StandardView::Auto),
             }),
+        }
+    }
+
+    /// The camera, unless it is to be fitted.
+    fn camera<'a>(&'a self, scene: &'a Scene) -> Option<&'a Camera> {
+        match self {
+            Viewpoint::OfScene(index) => scene.cameras.get(*index),
+            Viewpoint::Given(camera) => Some(camera),
+            Viewpoint::Fitted(_) => None,
         }
     }
 
@@ -65,13 +96,15 @@ impl Viewpoint<'_> {
     pub fn report(&self, settings: &RenderSettings, scene: &Scene, warnings: &mut Warnings) {
         let mut framing = settings.picture.or(scene.picture).of_automatic_camera();
         framing.extend(settings.look_at.iter().map(|_| "--look-at".to_owned()));
-        match self {
-            Viewpoint::Camera(camera) if !framing.is_empty() => warnings.push(format!(
+        match (self, self.camera(scene)) {
+            (_, Some(camera)) if !framing.is_empty() => warnings.push(format!(
                 "{} changes nothing: the camera is `{}`, not automatic; give --camera auto, or --view",
                 framing.join(", "),
                 camera.name
             )),
-            Viewpoint::Fitted(_) if settings.camera == CameraChoice::Default && !scene.cameras.is_empty() => {
+            (Viewpoint::Fitted(_), _)
+                if settings.camera == CameraChoice::Default && !scene.cameras.is_empty() =>
+            {
                 warnings.note(
                     "several files: the automatic camera shows them all; --camera NAME chooses one of their own",
                 );
@@ -84,7 +117,7 @@ impl Viewpoint<'_> {
         if matches!(self, Viewpoint::Fitted(_)) && settings.look_at.is_none() {
             super::outside::note_distant(scene, warnings);
         }
-        if let Viewpoint::Camera(camera) = self {
+        if let Some(camera) = self.camera(scene) {
             note_other_aspect(camera, settings, self.size(settings, scene), warnings);
         }
         let projection = settings.projection.unwrap_or_default();
@@ -103,7 +136,7 @@ impl Viewpoint<'_> {
 
     /// Size of the picture in pixels.
     pub fn size(&self, settings: &RenderSettings, scene: &Scene) -> [u32; 2] {
-        let camera = if let Viewpoint::Camera(camera) = self { Some(&**camera) } else { None };
+        let camera = self.camera(scene);
         let own = camera.map(|camera| camera.projection).unwrap_or_default();
         let projection = settings.projection.unwrap_or(own);
         let size = || default_size(scene.picture.size(), camera, projection);
@@ -113,28 +146,6 @@ impl Viewpoint<'_> {
                 no_longer_than(longest, size)
             }
             _ => size,
-        }
-    }
-
-    /// Camera for a picture of `size`.
-    ///
-    /// # Errors
-    /// [`Error::Input`] if the scene has no objects to fit a camera to.
-    pub fn camera(self, settings: &RenderSettings, scene: &Scene, size: [u32; 2]) -> Result<Camera> {
-        match self {
-            Viewpoint::Camera(camera) => Ok(camera.into_owned()),
-            Viewpoint::Fitted(view) => {
-                let aspect = f64::from(size[0]) / f64::from(size[1]);
-                let projection = settings.projection.unwrap_or_default();
-                fitted_camera(&*settings.looked_at(scene)?, settings.framing(view, scene), aspect, projection)
-                    .ok_or_else(|| match &settings.look_at {
-                        Some(name) => {
-                            let hint = "its triangles have no area; name another object, or another --time";
-                            Error::usage(format!("--look-at: nothing of `{name}` can be seen"), hint)
-                        }
-                        None => nothing_to_look_at(scene),
-                    })
-            }
         }
     }
 }
@@ -183,7 +194,11 @@ fn note_small_inputs(scene: &Scene, warnings: &mut Warnings) {
 }
 
 /// The error for a scene without objects, to which no camera can be fitted.
-pub fn nothing_to_look_at(scene: &Scene) -> Error {
+pub fn nothing_to_look_at(scene: &Scene, settings: &RenderSettings) -> Error {
+    if let Some(name) = &settings.look_at {
+        let hint = "its triangles have no area; name another object, or another --time";
+        return Error::usage(format!("--look-at: nothing of `{name}` can be seen"), hint);
+    }
     let file = scene.inputs.first().map_or(Path::new("-"), PathBuf::as_path);
     Error::input(file, "there is nothing in it to look at", "`kiln info` says what the file holds")
 }

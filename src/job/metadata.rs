@@ -1,7 +1,7 @@
 //! Metadata of a picture: the settings that made it, and the fingerprint of everything that determines its pixels.
 
 use crate::film::Window;
-use crate::film::write::{CROP, FINGERPRINT};
+use crate::film::write::{CROP, FINGERPRINT, FRAME};
 use crate::scene::animation::Moment;
 use crate::scene::{Camera, DefaultLook, Fingerprint, Light, OptionValue, PictureSettings, Scene};
 use crate::world::Recentering;
@@ -19,6 +19,11 @@ pub fn set_auto_exposure(metadata: &mut Metadata, ev: f64) {
     for (_, value) in metadata.iter_mut().filter(|(key, _)| key == EXPOSURE) {
         *value = format!("auto ({ev})");
     }
+}
+
+/// Adds the number of a frame.
+pub fn set_frame(metadata: &mut Metadata, frame: i32) {
+    metadata.push((FRAME.to_owned(), frame.to_string()));
 }
 
 /// The metadata of a picture of a scene with the light that is added to it, and its look. `recentering` is the

@@ -1,8 +1,8 @@
 //! Preparation of render jobs from a scene and settings, for commands, the window, studies and library users.
 //!
 //! [`prepare`] turns a [`Scene`] and [`RenderSettings`] into a [`RenderJob`], and [`RenderJob::render`] renders it to a
-//! film. `prepare` consists of [`resolve`], which determines the fingerprint, and [`ResolvedJob::build`], which builds
-//! the acceleration structure. Independent of command lines, animations and windows.
+//! film. For several pictures, moments and cameras, and for the fingerprint before anything is built, there is [`Session`].
+//! Independent of command lines, animations and windows.
 //!
 //! ```
 //! use kiln::error::Warnings;
@@ -26,6 +26,7 @@ mod back_faces;
 pub mod camera;
 mod default_look;
 mod exr_attributes;
+mod findings;
 mod lens;
 mod memory;
 pub mod metadata;
@@ -35,25 +36,22 @@ mod outside;
 mod path_calls;
 pub mod pixel;
 mod prepared;
-mod prepared_pictures;
 mod resolved;
+mod session;
 mod settings;
 
 pub use crate::effects::PlanSettings;
 pub use crate::render::{RenderControl, Statistics};
 pub use crate::shading::ShadingMode;
-#[cfg(feature = "viewer")]
-pub(crate) use default_look::default_look;
+pub use findings::{Findings, warn_of_indices};
 pub use memory::check_memory;
 pub use metadata::Metadata;
-pub use notes::{HEADLIGHT, left_out_advice, notes_of_result, percent, warn_of_job, warn_of_recentering};
+pub use notes::{HEADLIGHT, left_out_advice, notes_of_result, percent};
 #[cfg(feature = "viewer")]
 pub(crate) use prepared::scene_at;
 pub use prepared::{PreparedScene, SceneAtTime};
-pub use prepared_pictures::PreparedPictures;
-#[cfg(feature = "viewer")]
-pub(crate) use resolved::resolve_picture;
-pub use resolved::{ResolvedJob, ResolvedPicture, resolve, resolve_for};
+pub use resolved::ResolvedPicture;
+pub use session::{Picture, Session};
 #[cfg(feature = "viewer")]
 pub(crate) use settings::is_fitted;
 pub use settings::{CameraChoice, EnvironmentSettings, RenderSettings, check_display};
@@ -93,6 +91,8 @@ pub struct RenderJob {
     pub metadata: Metadata,
     /// Automatic exposure in EV, once metered.
     pub(crate) auto_exposure: OnceLock<f64>,
+    /// What the picture is made of, for messages.
+    pub(crate) source: Arc<findings::Source>,
 }
 
 impl RenderJob {
@@ -123,6 +123,7 @@ impl RenderJob {
             plan,
             metadata: Metadata::new(),
             auto_exposure: OnceLock::new(),
+            source: Arc::default(),
         })
     }
 
@@ -133,7 +134,7 @@ impl RenderJob {
     pub fn with_plan_settings(&self, plan_settings: PlanSettings) -> Result<Self> {
         let plan_settings = PlanSettings { lens: self.plan_settings.lens.clone(), ..plan_settings };
         let plan = Plan::new(&self.world, &plan_settings)?;
-        let RenderJob { world, recentering, camera, view, window, settings, metadata, .. } = self;
+        let RenderJob { world, recentering, camera, view, window, settings, metadata, source, .. } = self;
         Ok(RenderJob {
             world: Arc::clone(world),
             recentering: *recentering,
@@ -145,6 +146,7 @@ impl RenderJob {
             plan,
             metadata: metadata.clone(),
             auto_exposure: OnceLock::new(),
+            source: Arc::clone(source),
         })
     }
 
@@ -281,10 +283,7 @@ impl RenderJob {
             false => self.display().known(),
         };
         let context = RenderContext { world: &self.world, view: &self.view, display, is_displayed };
-        let (film, mut statistics) =
-            render_displayed(&context, &self.plan, self.window, is_selected, control)?;
-        statistics.auto_exposure = (is_displayed && self.display().is_auto()).then_some(display.ev());
-        Ok((film, statistics))
+        render_displayed(&context, &self.plan, self.window, is_selected, control)
     }
 
     /// Source of the AOVs of the picture.
@@ -311,5 +310,7 @@ impl RenderJob {
 /// [`crate::error::Error::Usage`] for invalid settings, [`crate::error::Error::Input`] for a scene that cannot be
 /// rendered.
 pub fn prepare(scene: Scene, settings: &RenderSettings, warnings: &mut Warnings) -> Result<RenderJob> {
-    resolve(scene, settings, warnings)?.build(warnings)
+    let session = Session::still(scene)?;
+    let resolved = session.resolve(settings, warnings)?;
+    session.into_job(&resolved, false, &RenderControl::default(), warnings)
 }

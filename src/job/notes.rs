@@ -57,7 +57,7 @@ pub(super) fn note_dark_environment(job: &RenderJob, ev: f64, warnings: &mut War
 }
 
 /// Adds a note on the recentering of a scene.
-pub fn warn_of_recentering(recentering: Option<&Recentering>, warnings: &mut Warnings) {
+pub(super) fn warn_of_recentering(recentering: Option<&Recentering>, warnings: &mut Warnings) {
     if let Some(recentering) = recentering {
         warnings.note(match recentering.scale {
             1.0 => "the scene is far from the origin; moved to it for precision",
@@ -152,7 +152,7 @@ fn has_glaze(material: &PreparedMaterial) -> bool {
 
 /// Warns of omitted shapes, of area lights and a clamp without path tracing, and of requested effects that change
 /// nothing.
-pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
+pub(super) fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     let RenderJob { world, plan, plan_settings, .. } = job;
     if world.too_small > 0 {
         warnings.left_out(format!(

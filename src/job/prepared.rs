@@ -7,15 +7,13 @@
 use std::sync::Arc;
 
 use super::{RenderJob, ResolvedPicture};
-use crate::bvh::Layout;
 use crate::effects::random::seed_at;
 use crate::error::Result;
-use crate::film::ColourPipeline;
 use crate::film::tone::Exposure;
 use crate::import;
 use crate::scene::animation::Moment;
-use crate::scene::{AddedLight, Camera, DefaultLook, Numerics, Scene};
-use crate::world::{Recentering, World, recenter};
+use crate::scene::{AddedLight, Camera, Scene};
+use crate::world::{Recentering, World, WorldInputs, recenter};
 
 /// A scene prepared for rendering, with the parts that all times share.
 pub struct PreparedScene {
@@ -35,10 +33,8 @@ pub struct PreparedScene {
 struct MovingScene {
     /// The scene in its own coordinates; without objects where no time needs them.
     scene: Scene,
-    /// Its look.
-    look: DefaultLook,
-    /// The structure to build for each time; `None` where no surface moves.
-    structure: Option<Layout>,
+    /// What the worlds of all times depend on besides; `None` where no surface moves.
+    inputs: Option<WorldInputs>,
 }
 
 /// A prepared scene at a time.
@@ -56,42 +52,17 @@ pub struct SceneAtTime {
 }
 
 impl PreparedScene {
-    /// Prepares a scene in its own coordinates.
+    /// Prepares a scene in its own coordinates, for the moments of its animation if that `plays`.
     ///
     /// # Errors
     /// [`crate::error::Error::Input`] for a track whose target does not exist.
-    pub fn new(
-        mut scene: Scene,
-        look: &DefaultLook,
-        pipeline: ColourPipeline,
-        structure: Layout,
-        numerics: Numerics,
-    ) -> Result<Self> {
-        let moving = MovingScene::of(&mut scene, look, structure)?;
+    pub fn new(mut scene: Scene, inputs: &WorldInputs, plays: bool) -> Result<Self> {
+        let moving = if plays { MovingScene::of(&mut scene, inputs)? } else { None };
         let recentering = recenter(&mut scene);
-        let look = look.recentered(recentering.as_ref());
-        let prepared = PreparedScene::at_rest(scene, &look, recentering, pipeline, structure, numerics);
-        Ok(PreparedScene { moving, ..prepared })
-    }
-
-    /// Prepares a scene without animation that was recentered with its look.
-    pub(crate) fn at_rest(
-        mut scene: Scene,
-        look: &DefaultLook,
-        recentering: Option<Recentering>,
-        pipeline: ColourPipeline,
-        structure: Layout,
-        numerics: Numerics,
-    ) -> Self {
-        let light = look.light.filter(|_| scene.lights.is_empty());
+        let light = inputs.light.filter(|_| scene.lights.is_empty());
         let cameras = std::mem::take(&mut scene.cameras);
-        let world = World::prepare_look(scene, look, pipeline, structure, numerics).into();
-        PreparedScene { world, cameras, recentering, light, moving: None }
-    }
-
-    /// How the scene before anything moves was recentered.
-    pub fn recentering(&self) -> Option<Recentering> {
-        self.recentering
+        let world = World::prepare_with(scene, &inputs.recentered(recentering.as_ref())).into();
+        Ok(PreparedScene { world, cameras, recentering, light, moving })
     }
 
     /// The scene at a moment of its animation.
@@ -101,20 +72,18 @@ impl PreparedScene {
     pub fn at(&self, moment: Moment) -> Result<SceneAtTime> {
         let PreparedScene { world, recentering, light, .. } = self;
         let (light, recentering, seconds) = (*light, *recentering, moment.seconds);
-        let Some(MovingScene { scene, look, structure }) = &self.moving else {
+        let Some(MovingScene { scene, inputs }) = &self.moving else {
             let (world, cameras) = (Arc::clone(world), self.cameras.clone());
             return Ok(SceneAtTime { world, cameras, recentering, light, seconds });
         };
         let mut scene = scene_at(scene, moment)?;
-        let recentering = match structure {
+        let recentering = match inputs {
             Some(_) => recenter(&mut scene),
             None => recentering.inspect(|recentering| recentering.apply(&mut scene)),
         };
         let cameras = std::mem::take(&mut scene.cameras);
-        let world = match structure {
-            Some(structure) => {
-                world.prepare_another(scene, &look.recentered(recentering.as_ref()), *structure)
-            }
+        let world = match inputs {
+            Some(inputs) => world.prepare_another(scene, &inputs.recentered(recentering.as_ref())),
             None => world.under(scene.lights, &scene.objects),
         };
         Ok(SceneAtTime { world: world.into(), cameras, recentering, light, seconds })
@@ -132,7 +101,7 @@ pub(crate) fn scene_at(scene: &Scene, moment: Moment) -> Result<Scene> {
 
 impl MovingScene {
     /// What moves in a scene; `None` without an animation.
-    fn of(scene: &mut Scene, look: &DefaultLook, structure: Layout) -> Result<Option<Self>> {
+    fn of(scene: &mut Scene, inputs: &WorldInputs) -> Result<Option<Self>> {
         let Some(animation) = &scene.animation else { return Ok(None) };
         let (moves, moves_lights) = (animation.moves_surfaces(scene), animation.moves_lights());
         let has_clips = !animation.clips.is_empty();
@@ -145,7 +114,7 @@ impl MovingScene {
         let all = std::mem::take(&mut scene.objects);
         let moving = Scene { objects, hidden, animation: Some(animation), ..scene.clone() };
         scene.objects = all;
-        Ok(Some(MovingScene { scene: moving, look: look.clone(), structure: moves.then_some(structure) }))
+        Ok(Some(MovingScene { scene: moving, inputs: moves.then(|| inputs.clone()) }))
     }
 }
 
@@ -165,13 +134,13 @@ impl SceneAtTime {
     /// As [`RenderJob::new`].
     pub fn job_for(&self, picture: ResolvedPicture) -> Result<RenderJob> {
         let size = picture.size();
-        let ResolvedPicture { camera, window, settings, mut plan_settings, metadata, .. } = picture;
+        let ResolvedPicture { camera, window, settings, mut plan_settings, metadata, source, .. } = picture;
         if settings.picture.same_grain != Some(true) {
             let seed = &mut plan_settings.sampling.seed;
             *seed = seed_at(*seed, self.seconds);
         }
         let job = RenderJob::new(self.world_for(&camera), self.recentering, camera, size, plan_settings)?;
-        let mut job = RenderJob { window, settings, metadata, ..job };
+        let mut job = RenderJob { window, settings, metadata, source, ..job };
         // Before the exposure is metered, there is none.
         if let Some(Exposure::Ev(ev)) = job.settings.picture.exposure {
             job.expose_fill(Some(ev));

@@ -267,6 +267,8 @@ pub enum CameraChoice {
     Fitted(StandardView),
     /// A camera in the scene's coordinates.
     Given(Camera),
+    /// The camera of the scene with this index, counted from 0, whatever its name is.
+    Index(usize),
 }
 
 impl CameraChoice {
@@ -274,7 +276,7 @@ impl CameraChoice {
     /// its place. Given cameras with the name of a standard view, such as those of metadata, frame the scene.
     pub(crate) fn is_of_file(&self, scene: &Scene) -> bool {
         match self {
-            CameraChoice::Named(_) => true,
+            CameraChoice::Named(_) | CameraChoice::Index(_) => true,
             CameraChoice::Fitted(_) => false,
             CameraChoice::Given(camera) if is_fitted(camera, scene) => false,
             CameraChoice::Default | CameraChoice::Given(_) => scene.default_camera().is_some(),

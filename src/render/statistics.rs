@@ -33,8 +33,6 @@ pub struct Statistics {
     pub noisy_pixels: u64,
     /// The light that limits leave out, where it is measured.
     pub left_out: Option<LeftOutLight>,
-    /// The exposure in EV that `auto` came to, for pictures of display values.
-    pub auto_exposure: Option<f64>,
 }
 
 /// The processor time of the stages with one name and effect, summed over threads; wall time where a system does not
@@ -81,7 +79,6 @@ impl Statistics {
             discarded_samples: workers.iter().map(|worker| worker.tile.discarded_samples).sum(),
             noisy_pixels: workers.iter().map(|worker| worker.tile.noisy_pixels).sum(),
             left_out: LeftOutLight::of_threads(workers.iter().filter_map(|worker| worker.tile.buffers())),
-            auto_exposure: None,
         };
         for Tile { rays, traversal, visible_objects, .. } in workers.iter().map(|worker| &worker.tile) {
             for &(kind, count) in rays {
@@ -141,7 +138,6 @@ impl Statistics {
         }
         self.base_bytes = self.base_bytes.max(other.base_bytes);
         self.add_visible(&other.visible_objects);
-        self.auto_exposure = other.auto_exposure.or(self.auto_exposure);
         if !other.non_finite.is_empty() {
             self.non_finite.extend(&other.non_finite);
             sort_pixels(&mut self.non_finite);
@@ -247,7 +243,6 @@ mod tests {
             discarded_samples: 0,
             noisy_pixels: 0,
             left_out: None,
-            auto_exposure: None,
         }
     }
 

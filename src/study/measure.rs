@@ -17,7 +17,7 @@ use crate::bench::errors;
 use crate::effects::RayKind;
 use crate::error::{Error, Result};
 use crate::geometry::Numerics;
-use crate::job::ResolvedJob;
+use crate::job::{ResolvedPicture, Session};
 use crate::render::RenderControl;
 use crate::timing::{Clock, Quartiles};
 
@@ -30,7 +30,9 @@ pub struct StudySubject {
     /// The command line of `kiln render` with the same inputs and options, in words.
     pub render_command: Vec<String>,
     /// The scene, camera, size and settings of the picture.
-    pub job: ResolvedJob,
+    pub session: Session,
+    /// The picture.
+    pub picture: ResolvedPicture,
     /// The base setting.
     pub base: Setting,
 }
@@ -81,8 +83,12 @@ pub fn study(
 ) -> Result<(Study, PageImages)> {
     let (mut candidates, mut left_out, reference, envelope) = pools.wide.install(|| {
         let job = prepare(subject, &subject.base)?;
-        let (candidates, left_out) =
-            sweep((&subject.job.scene, &subject.job.look), &subject.base, &job.plan, options.most_samples);
+        let (candidates, left_out) = sweep(
+            (subject.session.scene(), &subject.picture.look),
+            &subject.base,
+            &job.plan,
+            options.most_samples,
+        );
         let reference = path_sweep::reference(&subject.base, &job.plan);
         let left_out = left_out.into_iter().filter(|(parameter, _)| {
             // Of a picture without paths, the page does not list what paths have, unless it was asked for.
@@ -142,8 +148,8 @@ pub fn study(
     let base_limit = limits.iter().find(|limit| limit.filter == subject.base.sampling.shape_and_radius());
     let study = Study {
         envelope,
-        settings: pairs(&subject.job.picture.metadata),
-        size: [subject.job.picture.window.width, subject.job.picture.window.height],
+        settings: pairs(&subject.picture.metadata),
+        size: [subject.picture.window.width, subject.picture.window.height],
         rounds: options.rounds,
         threads,
         clock: Clock::name(threads).into(),
@@ -179,14 +185,14 @@ pub fn study(
 
 /// Options for a picture of the samples of both halves of the limit.
 fn limit_options(work: &StudyRun, limit: Option<&ConvergedReference>) -> Option<String> {
-    let StudySubject { base, job, .. } = work.subject;
+    let StudySubject { base, picture, .. } = work.subject;
     let mut setting = Setting { numerics: Numerics::Exact, ..work.reference.clone() };
     (setting.sampling.samples, setting.sampling.noise) = (Some(limit?.floor.samples), None);
-    setting.options(base, &job.picture.plan_settings)
+    setting.options(base, &picture.plan_settings)
 }
 
 fn rows(candidates: &[Candidate], settings: &[MeasuredSetting], subject: &StudySubject) -> Vec<SettingRow> {
-    let pixels = subject.job.picture.window.area() as f64;
+    let pixels = subject.picture.window.area() as f64;
     let mut rows = Vec::new();
     for candidate in candidates {
         let Some(measured) = settings.iter().find(|measured| measured.setting == candidate.setting) else {
@@ -200,7 +206,7 @@ fn rows(candidates: &[Candidate], settings: &[MeasuredSetting], subject: &StudyS
         };
         let (setting, statistics) = (&measured.setting, &result.statistics);
         let (shape, radius) = setting.sampling.shape_and_radius();
-        let options = setting.options(&subject.base, &subject.job.picture.plan_settings);
+        let options = setting.options(&subject.base, &subject.picture.plan_settings);
         let primary_rays = statistics.rays(RayKind::PRIMARY).cast;
         rows.push(SettingRow {
             id: rows.len(),

@@ -12,13 +12,13 @@ use super::{geometry, leaks};
 use crate::error::{Error, Result};
 use crate::film::{Film, FilterShape, Pixel, TILE, Window};
 use crate::geometry::Numerics;
-use crate::job::{PreparedScene, RenderJob, ResolvedJob, ResolvedPicture};
+use crate::job::{PreparedScene, RenderJob, ResolvedPicture};
 use crate::metrics::{ComparedImage, Figures};
 use crate::render::{RenderControl, Statistics};
+use crate::scene::Scene;
 use crate::scene::animation::Moment;
-use crate::scene::{DefaultLook, Scene};
 use crate::timing::{Clock, Quartiles};
-use crate::world::View;
+use crate::world::{View, WorldInputs};
 
 /// Maximum number of rays along a side for the comparison of geometry, unless the picture is larger.
 const MAX_RAYS_ACROSS: u32 = 2048;
@@ -45,16 +45,18 @@ pub(crate) struct RenderResult {
 
 /// The job of the subject in a setting.
 pub(crate) fn prepare(subject: &StudySubject, setting: &Setting) -> Result<RenderJob> {
-    job_of(subject, setting, setting.scene(&subject.job.scene))
+    job_of(subject, setting, setting.scene(subject.session.scene()))
 }
 
 /// The job of a scene in a setting.
 fn job_of(subject: &StudySubject, setting: &Setting, scene: Scene) -> Result<RenderJob> {
-    let ResolvedJob { look, recentering, picture, .. } = &subject.job;
-    let look = DefaultLook { ambient: setting.path.ambient.or(look.ambient), ..look.clone() };
     let Setting { pipeline, structure, numerics, .. } = *setting;
+    let picture = &subject.picture;
+    let inputs = picture.world_inputs();
+    let ambient = setting.path.ambient.or(inputs.ambient);
+    let inputs = WorldInputs { ambient, pipeline, structure, numerics, ..inputs };
     let moment = Moment::of_still(&scene);
-    let scene = PreparedScene::at_rest(scene, &look, *recentering, pipeline, structure, numerics);
+    let scene = PreparedScene::new(scene, &inputs, false)?;
     let plan_settings = setting.plan_settings(&picture.plan_settings);
     scene.at(moment)?.job_for(ResolvedPicture { plan_settings, ..picture.clone() })
 }
@@ -107,7 +109,7 @@ impl StudyRun<'_> {
 
     /// Sets the total work of the progress.
     pub(crate) fn set_total_work(&self, settings: &[MeasuredSetting], limits: usize) {
-        let Window { width, height, .. } = self.subject.job.picture.window;
+        let Window { width, height, .. } = self.subject.picture.window;
         let tiles = (width.div_ceil(TILE) * height.div_ceil(TILE)) as usize;
         let once: usize = settings.iter().map(|measured| effort(&measured.setting)).sum();
         let rounds = self.options.rounds as usize;
@@ -121,7 +123,7 @@ impl StudyRun<'_> {
 
     /// Picture size for the comparison of geometry.
     fn size_of_geometry(&self) -> [u32; 2] {
-        let size = self.subject.job.picture.size();
+        let size = self.subject.picture.size();
         let most = MAX_RAYS_ACROSS / size[0].max(size[1]).max(1);
         size.map(|side| side * self.options.rays_across.min(most).max(1))
     }
@@ -134,11 +136,11 @@ impl StudyRun<'_> {
 
     /// Differences in ray hits between each tier and `exact`.
     pub(crate) fn geometry(&self) -> Result<Vec<GeometryErrors>> {
-        let StudySubject { job: ResolvedJob { scene, picture, .. }, base, .. } = self.subject;
+        let StudySubject { session, picture, base, .. } = self.subject;
         let camera = &picture.camera;
         let size = self.size_of_geometry();
         let view = View::new(camera, camera.projection, size)?;
-        let closed = leaks::closed_meshes(scene);
+        let closed = leaks::closed_meshes(session.recentered().0);
         let world = |numerics| prepare(self.subject, &Setting { numerics, ..base.clone() });
         let exact = world(Numerics::Exact)?.world;
         let mut tiers = Vec::new();
@@ -154,7 +156,7 @@ impl StudyRun<'_> {
     /// Renders a setting that shares the prepared scene of `job`.
     fn render_setting<P: Pixel>(&self, job: &RenderJob, setting: &Setting) -> Result<(Film<P>, Statistics)> {
         self.render(
-            &job.with_plan_settings(setting.plan_settings(&self.subject.job.picture.plan_settings))?,
+            &job.with_plan_settings(setting.plan_settings(&self.subject.picture.plan_settings))?,
             setting,
         )
     }
@@ -269,7 +271,7 @@ impl StudyRun<'_> {
             for turn in 0..groups.len() {
                 let group = &groups[(round + turn) % groups.len()];
                 let mut first = settings[group[0]].setting.clone();
-                let scene = first.scene(&self.subject.job.scene);
+                let scene = first.scene(self.subject.session.scene());
                 let clock = Clock::start(threads);
                 let job = job_of(self.subject, &first, scene)?;
                 let build = 1e3 * clock.seconds();
@@ -279,7 +281,7 @@ impl StudyRun<'_> {
                 for turn in 0..group.len() {
                     let measured = &mut settings[group[(round + turn) % group.len()]];
                     let job = job.with_plan_settings(
-                        measured.setting.plan_settings(&self.subject.job.picture.plan_settings),
+                        measured.setting.plan_settings(&self.subject.picture.plan_settings),
                     )?;
                     let clock = Clock::start(threads);
                     self.render::<[u8; 3]>(&job, &measured.setting)?;

@@ -157,7 +157,7 @@ impl Canvas {
     /// The pixel of the picture at a position in the window.
     fn pixel(&self, place: Pos2) -> Option<[u32; 2]> {
         let (rect, whole) = (self.rect?, self.whole()?);
-        let size = self.prepared(0)?.job.view.size();
+        let size = self.prepared(0)?.job().view.size();
         let share = (place - whole.min) / whole.size();
         let inside = (0.0..1.0).contains(&share.x) && (0.0..1.0).contains(&share.y);
         (inside && rect.contains(place))
@@ -166,7 +166,7 @@ impl Canvas {
 
     /// The scene point that a pixel of the picture shows.
     pub(crate) fn surface(&self, [x, y]: [u32; 2]) -> Option<DVec3> {
-        let job = &self.prepared(0)?.job;
+        let job = self.prepared(0)?.job();
         let ray = job.view.ray(x, y, job.world.numerics().ray_precision());
         let hit = job.plan.visible_hit(&job.world, &ray, &mut Traversal::default())?;
         let point = ray.at(hit.t);
@@ -175,7 +175,7 @@ impl Canvas {
 
     /// The scene point in the middle of the picture.
     pub(crate) fn middle(&self) -> Option<DVec3> {
-        self.surface(self.prepared(0)?.job.view.size().map(|side| side / 2))
+        self.surface(self.prepared(0)?.job().view.size().map(|side| side / 2))
     }
 
     fn mouse(&mut self, ui: &Ui, response: &Response, controls: &mut Controls) -> MouseResult {

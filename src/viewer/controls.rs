@@ -76,8 +76,8 @@ impl Controls {
         Controls {
             camera_source: camera_source.clone(),
             projection: *projection,
-            time: Moment::first(&opened.scene),
-            first: Moment::first(&opened.scene),
+            time: Moment::first(opened.scene()),
+            first: Moment::first(opened.scene()),
             playing: None,
             display_mode: DisplayMode::default(),
             sides: vec![settings.clone()],
@@ -87,11 +87,11 @@ impl Controls {
             angle: 40f64.to_radians(),
             switched: None,
             pivot: None,
-            bounds: opened.scene.bounds(),
-            has_targets: opened.scene.has_settings,
-            plays_clips: opened.scene.plays_clips(),
+            bounds: opened.scene().bounds(),
+            has_targets: opened.scene().has_settings,
+            plays_clips: opened.scene().plays_clips(),
             start: (camera_source.clone(), *projection, settings.clone()),
-            start_reading: opened.scene.import_options.reading.clone(),
+            start_reading: opened.scene().import_options.reading.clone(),
         }
     }
 
@@ -100,7 +100,7 @@ impl Controls {
     pub(crate) fn reopened(&mut self, opened: &Opened) {
         let (camera_source, projection, settings) = &self.start;
         let gone =
-            matches!(self.camera_source, CameraSource::Scene(index) if index >= opened.scene.cameras.len());
+            matches!(self.camera_source, CameraSource::Scene(index) if index >= opened.scene().cameras.len());
         if self.camera_source == *camera_source || gone {
             self.camera_source = opened.camera_source.clone();
         }
@@ -113,12 +113,12 @@ impl Controls {
             update_unchanged(&mut side.numerics, settings.numerics, new.numerics);
             update_unchanged(&mut side.colour, settings.colour, new.colour);
         }
-        self.first = Moment::first(&opened.scene);
-        if opened.scene.animation.is_none() {
-            (self.time, self.playing) = (Moment::first(&opened.scene), None);
+        self.first = Moment::first(opened.scene());
+        if opened.scene().animation.is_none() {
+            (self.time, self.playing) = (Moment::first(opened.scene()), None);
         }
-        (self.bounds, self.has_targets) = (opened.scene.bounds(), opened.scene.has_settings);
-        self.plays_clips = opened.scene.plays_clips();
+        (self.bounds, self.has_targets) = (opened.scene().bounds(), opened.scene().has_settings);
+        self.plays_clips = opened.scene().plays_clips();
         self.start = (opened.camera_source.clone(), opened.projection, opened.settings.clone());
     }
 
@@ -422,13 +422,17 @@ pub(crate) fn next<T: PartialEq + Copy>(all: &[T], value: T) -> T {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Scene;
+    use crate::geometry::Sphere;
+    use crate::job::Session;
+    use crate::scene::{Scene, Shape};
 
     fn controls(camera: Camera) -> Controls {
         let camera_source = CameraSource::Free(camera);
         let settings = RenderSettings::default();
+        let ball = Sphere { centre: DVec3::ZERO, radius: 1.0 };
+        let scene = Scene::from_iter([Shape::Analytic(ball.into())]);
         Controls::new(&Opened {
-            scene: Scene::default(),
+            session: Session::playing(scene).expect("a scene").into(),
             camera_source,
             projection: None,
             size: [4, 3],

@@ -29,10 +29,10 @@ pub mod watch;
 
 pub use app::run;
 #[cfg(test)]
-pub(crate) use painter::{final_picture, final_picture_at};
+pub(crate) use painter::final_picture;
 pub use request::{CameraSource, Opened};
 #[cfg(test)]
-pub(crate) use save::save_picture;
+pub(crate) use save::saved_picture;
 
 use std::path::{Path, PathBuf};
 

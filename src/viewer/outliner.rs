@@ -59,12 +59,12 @@ impl Outliner {
     /// Shows the list. Returns the names that are isolated and hidden, if they change.
     pub(crate) fn show(&mut self, ui: &mut Ui, opened: &Arc<Opened>) -> Option<[Vec<String>; 2]> {
         if !self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, opened)) {
-            (self.rows, self.of) = (rows(&opened.scene), Some(Arc::clone(opened)));
+            (self.rows, self.of) = (rows(opened.scene()), Some(Arc::clone(opened)));
             self.selected.take_if(|name| !self.rows.iter().any(|row| row.name == *name));
         }
         let title = RichText::new("Objects").strong();
         let header = CollapsingHeader::new(title).id_salt("objects").default_open(true);
-        let options = &opened.scene.import_options;
+        let options = &opened.scene().import_options;
         header.show_unindented(ui, |ui| self.contents(ui, options)).body_returned.flatten()
     }
 

@@ -44,7 +44,7 @@ pub(crate) struct PanelContents<'a> {
 impl PanelContents<'_> {
     /// Samples per pixel of the left side, at most.
     fn samples_taken(&self) -> u32 {
-        self.rendered[0].map_or(1, |rendered| rendered.prepared.job.plan_settings.sampling.samples_taken())
+        self.rendered[0].map_or(1, |rendered| rendered.prepared.job().plan_settings.sampling.samples_taken())
     }
 
     fn displayed_camera(&self) -> Option<&Camera> {
@@ -58,7 +58,7 @@ pub(crate) fn show(ui: &mut Ui, contents: &PanelContents, controls: &mut Control
     camera(ui, contents, controls);
     reading(ui, contents.opened, controls);
     comparison(ui, contents, controls);
-    let (scene, rendered) = (&contents.opened.scene, contents.rendered[controls.side]);
+    let (scene, rendered) = (contents.opened.scene(), contents.rendered[controls.side]);
     let (start, mut settings) = (controls.start_settings().clone(), controls.settings().clone());
     let shown = Shown::new(&settings, rendered, scene);
     let rows = |ui: &mut Ui, settings: &mut RenderSettings, rows: &[&OptionControl]| {
@@ -121,7 +121,7 @@ pub(crate) fn buttons(ui: &mut Ui) -> Option<Action> {
 }
 
 fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
-    let cameras = &contents.opened.scene.cameras;
+    let cameras = &contents.opened.scene().cameras;
     ui.horizontal(|ui| {
         let name = match &controls.camera_source {
             CameraSource::Scene(index) => {
@@ -255,8 +255,8 @@ fn comparison(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
 
 /// The clips that are played, and options of reading files. A change reads the files again.
 fn reading(ui: &mut Ui, opened: &Opened, controls: &mut Controls) {
-    let Scene { clips, animation, has_settings, variants, objects, .. } = &opened.scene;
-    let own = opened.scene.import_options.clone();
+    let Scene { clips, animation, has_settings, variants, objects, .. } = opened.scene();
+    let own = opened.scene().import_options.clone();
     let (mut reading, mut chosen) = (own.reading.clone(), own.clips.clone());
     let plays_tracks = animation.as_ref().is_some_and(|animation| animation.clips.is_empty());
     let played = own.clip().find(clips);
@@ -331,7 +331,7 @@ fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings)
         }
     });
     let errors = match rendered.is_last {
-        true => of_rendered(&rendered.prepared.job, &rendered.statistics),
+        true => of_rendered(&rendered.prepared.job(), &rendered.statistics),
         false => Vec::new(),
     };
     for error in errors {
@@ -402,7 +402,7 @@ pub(crate) fn progress_text(rendered: &RenderedImage) -> String {
     let time = duration(rendered.time);
     match (rendered.samples, rendered.factor) {
         ((taken, most), 1) if most > 1 => {
-            let samples = match rendered.prepared.job.plan.is_adaptive() {
+            let samples = match rendered.prepared.job().plan.is_adaptive() {
                 true => format!("about {taken} of at most {most} samples a pixel"),
                 false => format!("{taken} of {most} samples"),
             };

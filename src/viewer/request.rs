@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::job::{CameraChoice, RenderSettings, is_fitted};
+use crate::job::{CameraChoice, RenderSettings, Session, is_fitted};
 use crate::scene::animation::Moment;
 use crate::scene::{Camera, INLINE_NAME, PictureSettings, Projection, Scene};
 use crate::world::StandardView;
@@ -23,10 +23,10 @@ pub enum CameraSource {
 }
 
 /// Opened input files.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct Opened {
-    /// Scene of all files.
-    pub scene: Scene,
+    /// Pictures of the scene of all files.
+    pub session: Arc<Session>,
     /// Initial camera.
     pub camera_source: CameraSource,
     /// Projection that overrides the camera's.
@@ -37,8 +37,15 @@ pub struct Opened {
     pub settings: RenderSettings,
 }
 
+impl Opened {
+    /// The scene of all files.
+    pub fn scene(&self) -> &Scene {
+        self.session.scene()
+    }
+}
+
 /// Request for a picture.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub(crate) struct RenderRequest {
     /// Scene and files.
     pub opened: Arc<Opened>,
@@ -61,10 +68,13 @@ pub(crate) struct RenderRequest {
 impl RenderRequest {
     /// The settings of `kiln render` for the picture of a side.
     pub(crate) fn render_settings(&self, side: &RenderSettings) -> RenderSettings {
+        let scene = self.opened.scene();
         let camera = match &self.camera_source {
-            CameraSource::Scene(index) => CameraChoice::Named(index.to_string()),
+            CameraSource::Scene(index) if *index < scene.cameras.len() => CameraChoice::Index(*index),
+            // A camera that a changed file no longer has.
+            CameraSource::Scene(_) => CameraChoice::Default,
             CameraSource::Fitted(view) | CameraSource::FittedAt(view, _) => CameraChoice::Fitted(*view),
-            CameraSource::Free(camera) => CameraChoice::Given(given(camera, &self.opened.scene)),
+            CameraSource::Free(camera) => CameraChoice::Given(given(camera, scene)),
         };
         let picture = PictureSettings::of_size(self.size).or(side.picture).displayable();
         RenderSettings { camera, projection: self.projection, picture, ..side.clone() }

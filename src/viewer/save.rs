@@ -8,16 +8,13 @@ use std::sync::mpsc::Sender;
 use egui::{ColorImage, Context, DragValue, Key, TextEdit, Window};
 
 use super::name_of;
-use super::painter::{Prepared, RenderCache};
 use super::request::RenderRequest;
-use crate::animation::{AnimationJob, FrameList, FrameRequest};
 use crate::error::{Result, Warnings, printable};
 use crate::files::write_whole;
-use crate::film::tone::Exposure;
-use crate::film::write::{FRAME, Format, OutputImage, write_picture};
+use crate::film::write::{Format, OutputImage, write_picture};
 use crate::film::{self, ColourPipeline, DisplayTransform, Film};
-use crate::job::metadata::{replace, set_auto_exposure};
-use crate::job::resolve;
+use crate::job::Metadata;
+use crate::job::metadata::set_frame;
 use crate::render::RenderControl;
 use crate::render::aov::AovSelection;
 
@@ -55,11 +52,10 @@ pub(crate) fn beside(
     });
 }
 
-/// A finished picture: its pixels, how they are displayed, and its metered exposure if that is `auto`.
+/// A finished picture: its pixels, and how they are displayed.
 pub(crate) struct Finished {
     pub film: Arc<Film>,
     pub display: DisplayTransform,
-    pub auto_exposure: Option<f64>,
 }
 
 /// A picture to be saved: a side of a request.
@@ -68,8 +64,6 @@ pub(crate) struct SavedPicture {
     pub side: usize,
     /// Its frame, if the scene has an animation.
     pub frame: Option<i32>,
-    /// What is prepared for the request; `None` in another size than that of the window.
-    pub prepared: Option<Arc<Prepared>>,
     /// The picture, if it is finished on the screen.
     pub finished: Option<Finished>,
     /// The command that renders it.
@@ -77,85 +71,58 @@ pub(crate) struct SavedPicture {
 }
 
 impl SavedPicture {
-    /// Writes the picture of `kiln render`, in the format of the name's ending. What is finished on the screen is not
-    /// rendered again, except for floating point and alpha.
+    /// Writes the picture in the format of the name's ending.
     ///
     /// # Errors
     /// The errors of rendering, and [`crate::error::Error::Output`] if the file cannot be written.
     pub(crate) fn write(&self, file: &Path, control: &RenderControl) -> Result<()> {
-        let SavedPicture { request, side, frame, prepared, finished, command } = self;
-        let RenderRequest { opened, sides, .. } = request;
         let format = Format::from_path(file)?;
-        let prepared = match prepared {
-            Some(prepared) => Arc::clone(prepared),
-            None => RenderCache::default().prepare(request, &sides[*side])?,
-        };
+        let (image, metadata) = self.image(format, control)?;
+        write_picture(&image, &metadata, format, file)
+    }
+
+    /// The picture of `kiln render` with its metadata. What is finished on the screen is not rendered again, except for
+    /// floating point and alpha.
+    ///
+    /// # Errors
+    /// The errors of rendering.
+    pub(crate) fn image(&self, format: Format, control: &RenderControl) -> Result<(OutputImage, Metadata)> {
+        let SavedPicture { request, side, frame, finished, command } = self;
+        let session = &request.opened.session;
+        let settings = request.render_settings(&request.sides[*side]);
+        let resolved = session.resolve(&settings, &mut Warnings::default())?;
+        let picture = session.picture(&resolved, request.time)?;
         // Values of OpenEXR do not depend on an automatic exposure; frames keep their own, as those of the command.
-        let job = match format == Format::Exr && !prepared.meters {
-            true => prepared.job.with_plan_settings(prepared.job.plan_settings.clone())?,
-            false => prepared.exposed(control)?,
-        };
+        let is_displayed = format != Format::Exr || frame.is_none();
+        let mut job = session.job(&picture, is_displayed, control)?;
         let finished = finished.as_ref().filter(|_| format != Format::Exr && !job.is_transparent());
-        let (image, auto_exposure) = match finished {
-            Some(Finished { film, display, auto_exposure }) => {
-                (OutputImage::displayed(film, None, job.pipeline(), *display)?, *auto_exposure)
-            }
+        let image = match finished {
+            Some(Finished { film, display }) => OutputImage::displayed(film, None, job.pipeline(), *display)?,
             None if format == Format::Exr => {
-                // As the command: the display transform decides where adaptive sampling stops.
-                let display = job.display_transform(control)?;
                 let (film, alpha, _) = job.render_float(false, control)?;
                 let attributes = job.exr_attributes(&AovSelection::new(&[])?);
-                let is_stated = job.display().is_auto() && frame.is_none();
-                let auto_exposure = is_stated.then_some(display.ev());
-                (OutputImage::Float(film, alpha.into_iter().collect(), attributes), auto_exposure)
+                OutputImage::Float(film, alpha.into_iter().collect(), attributes)
             }
-            None => {
-                let (image, statistics) = job.render_image(control)?;
-                (image, statistics.auto_exposure)
-            }
+            None => job.render_image(control)?.0,
         };
-        let settings = request.render_settings(&sides[*side]);
-        let (scene, mut ignored) = (opened.scene.clone(), Warnings::default());
-        let mut metadata = match frame {
-            Some(frame) => {
-                let list = FrameList::range(*frame, *frame);
-                // No frame is to be rendered: the metadata alone are needed.
-                let request =
-                    FrameRequest { is_there: &|_, _| true, ..FrameRequest::all(None, None, Some(&list)) };
-                let all = AnimationJob::prepare(scene, &settings, &request, &mut ignored, |_| ())?;
-                let mut metadata = all.picture.metadata;
-                metadata.push((FRAME.to_owned(), frame.to_string()));
-                metadata
-            }
-            None => resolve(scene, &settings, &mut ignored)?.picture.metadata,
-        };
-        if prepared.meters {
-            replace(&mut metadata, &job.settings.picture);
-        }
-        let of_first = match (&prepared.first_frame, job.settings.picture.exposure) {
-            (Some(_), Some(Exposure::Ev(ev))) if !prepared.meters => Some(ev),
-            _ => None,
-        };
-        if let Some(ev) = auto_exposure.or(of_first) {
-            set_auto_exposure(&mut metadata, ev);
-        }
+        let mut metadata = std::mem::take(&mut job.metadata);
+        frame.iter().for_each(|&frame| set_frame(&mut metadata, frame));
         metadata.push(("kiln:command".to_owned(), command.clone()));
-        write_picture(&image, &metadata, format, file)
+        Ok((image, metadata))
     }
 }
 
-/// Saves the first view of opened files, in a size that the window does not have. `frame` is that of an animation.
+/// The first view of opened files as it is saved in a size that the window does not have. `frame` is that of an animation.
 #[cfg(test)]
-pub(crate) fn save_picture(
+pub(crate) fn saved_picture(
     opened: &Arc<super::Opened>,
     size: [u32; 2],
     frame: Option<i32>,
-    file: &Path,
-) -> Result<()> {
+    format: Format,
+) -> Result<(OutputImage, Metadata)> {
     let request = super::painter::request_at(opened, size, frame.unwrap_or(0));
-    let command = String::new();
-    let picture = SavedPicture { request, side: 0, frame, prepared: None, finished: None, command };
-    picture.write(file, &RenderControl::default())
+    let picture = SavedPicture { request, side: 0, frame, finished: None, command: String::new() };
+    picture.image(format, &RenderControl::default())
 }
 
 /// A file that is being written.

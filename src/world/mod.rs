@@ -65,9 +65,12 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use crate::bvh::{self, Accelerator, Instance, Layout, MeshSpace, Slot};
-use crate::film::ColourPipeline;
+use crate::film::{Colour, ColourPipeline};
 use crate::geometry::{Numerics, PrimId};
-use crate::scene::{DefaultLook, Light, LightKind, Material, MaterialId, Mesh, Object, Scene, Shape};
+use crate::scene::{
+    AddedLight, DefaultLook, Environment, Fill, Ground, Light, LightKind, Material, MaterialId, Mesh, Object,
+    Scene, Shape,
+};
 
 /// The intensity of the ambient light where no input sets it.
 pub const DEFAULT_AMBIENT: f64 = 0.25;
@@ -117,6 +120,52 @@ pub struct World {
     /// The number of analytic shapes left out because they are empty in the tier's precision.
     pub too_small: usize,
     primitive_count: usize,
+}
+
+/// What a world depends on besides the objects, materials, images and lights of its scene.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WorldInputs {
+    /// Colour of rays that hit nothing.
+    pub background: Option<Colour>,
+    /// [`DefaultLook::has_backdrop`].
+    pub has_backdrop: bool,
+    /// Light from infinitely far away.
+    pub environment: Option<Environment>,
+    /// The light that is added, and follows the camera.
+    pub light: Option<AddedLight>,
+    /// The ground under the scene.
+    pub ground: Option<Ground>,
+    /// Intensity of the ambient light.
+    pub ambient: Option<f64>,
+    /// Fill light of local shading.
+    pub fill: Option<Fill>,
+    /// [`DefaultLook::path_tracing_reason`].
+    pub path_tracing_reason: Option<String>,
+    /// The colour pipeline.
+    pub pipeline: ColourPipeline,
+    /// The acceleration structure.
+    pub structure: Layout,
+    /// The tier of numerics.
+    pub numerics: Numerics,
+}
+
+impl WorldInputs {
+    /// Those of a look, in whose coordinates they are.
+    pub fn new(look: &DefaultLook, pipeline: ColourPipeline, structure: Layout, numerics: Numerics) -> Self {
+        WorldInputs {
+            background: look.background(),
+            has_backdrop: look.has_backdrop,
+            environment: look.environment.clone(),
+            light: look.light,
+            ground: look.ground,
+            ambient: look.ambient,
+            fill: look.fill.clone(),
+            path_tracing_reason: look.path_tracing_reason.clone(),
+            pipeline,
+            structure,
+            numerics,
+        }
+    }
 }
 
 /// An object of the world.
@@ -169,24 +218,18 @@ impl World {
     /// what the scene says.
     pub fn prepare(scene: Scene, pipeline: ColourPipeline, structure: Layout, numerics: Numerics) -> World {
         let look = DefaultLook::of_files(&scene, scene.picture);
-        World::prepare_look(scene, &look, pipeline, structure, numerics)
+        World::prepare_with(scene, &WorldInputs::new(&look, pipeline, structure, numerics))
     }
 
-    /// [`World::prepare`] for a scene with a look.
-    pub fn prepare_look(
-        scene: Scene,
-        look: &DefaultLook,
-        pipeline: ColourPipeline,
-        structure: Layout,
-        numerics: Numerics,
-    ) -> World {
-        let images = scene.images.iter().map(|image| Image::new(image.clone(), pipeline)).collect();
-        World::with_images(scene, look, images, pipeline, structure, numerics)
+    /// Prepares a scene for rendering, with what is added to it.
+    pub fn prepare_with(scene: Scene, inputs: &WorldInputs) -> World {
+        let images = scene.images.iter().map(|image| Image::new(image.clone(), inputs.pipeline)).collect();
+        World::with_images(scene, inputs, images)
     }
 
-    /// [`World::prepare_look`] for a scene with the same images as this world, which are shared.
-    pub fn prepare_another(&self, scene: Scene, look: &DefaultLook, structure: Layout) -> World {
-        World::with_images(scene, look, self.images.clone(), self.pipeline, structure, self.numerics())
+    /// [`World::prepare_with`] for a scene with the same images as this world, which are shared.
+    pub fn prepare_another(&self, scene: Scene, inputs: &WorldInputs) -> World {
+        World::with_images(scene, inputs, self.images.clone())
     }
 
     /// This world with other lights that are not surfaces. `objects` are those of the scene; without them, only lights
@@ -200,22 +243,31 @@ impl World {
         World { lights, ..self.clone() }
     }
 
-    fn with_images(
-        mut scene: Scene,
-        look: &DefaultLook,
-        images: Arc<[Image]>,
-        pipeline: ColourPipeline,
-        structure: Layout,
-        numerics: Numerics,
-    ) -> World {
-        let background = look.background().unwrap_or(fit::BACKGROUND).to_pipeline(pipeline);
-        let backdrop = look.has_backdrop.then_some(background);
+    fn with_images(mut scene: Scene, inputs: &WorldInputs, images: Arc<[Image]>) -> World {
+        let WorldInputs {
+            background,
+            has_backdrop,
+            environment,
+            // It follows the camera: pictures add it.
+            light: _,
+            ground,
+            ambient,
+            fill,
+            path_tracing_reason,
+            pipeline,
+            structure,
+            numerics,
+        } = inputs;
+        let (pipeline, structure, numerics) = (*pipeline, *structure, *numerics);
+        let background = background.unwrap_or(fit::BACKGROUND).to_pipeline(pipeline);
+        let backdrop = has_backdrop.then_some(background);
         let diagonal = scene.bounds().map_or(0.0, |(min, max)| min.distance(max));
         let to_pipeline = |material: Material| material.map_colours(|colour| colour.to_pipeline(pipeline));
         let mut materials: Vec<PreparedMaterial> =
             std::mem::take(&mut scene.materials).into_iter().map(to_pipeline).collect();
-        let ground = look.ground.map(|_| scene.objects.len() as u32);
-        if let Some(ground) = &look.ground {
+        let catches_shadows = ground.is_some_and(|ground| ground.catches_shadows);
+        let ground_object = ground.map(|_| scene.objects.len() as u32);
+        if let Some(ground) = ground {
             materials.push(to_pipeline(ground::material(ground)));
             scene.objects.push(ground::object(ground, MaterialId((materials.len() - 1) as u32)));
         }
@@ -227,9 +279,8 @@ impl World {
         let instanced: usize = instances.iter().map(|i| i.placed.triangle_count()).sum();
         let accelerator = bvh::build_with_instances(slots, instances, structure, numerics);
         let primitive_count = scene.primitive_count();
-        let environment = look.environment.as_ref();
         let environment =
-            environment.map(|environment| PreparedEnvironment::new(environment, pipeline).into());
+            environment.as_ref().map(|environment| PreparedEnvironment::new(environment, pipeline).into());
         let of_lights = (area_lights.one_sided, std::mem::take(&mut area_lights.rectangles));
         let looks = (&materials[..], &images[..]);
         let emitters = Emitters::new(&scene.objects, &firsts, looks, of_lights, numerics.precision());
@@ -252,8 +303,8 @@ impl World {
             accelerator: accelerator.into(),
             objects,
             materials,
-            ground,
-            catches_shadows: look.ground.is_some_and(|ground| ground.catches_shadows),
+            ground: ground_object,
+            catches_shadows,
             environment,
             emitters: emitters.into(),
             volumes,
@@ -261,12 +312,12 @@ impl World {
             images,
             lights,
             pipeline,
-            ambient: look.ambient.unwrap_or(DEFAULT_AMBIENT),
-            fill: look.fill.as_ref().map(PreparedFill::new),
+            ambient: ambient.unwrap_or(DEFAULT_AMBIENT),
+            fill: fill.as_ref().map(PreparedFill::new),
             diagonal,
             background: if backdrop.is_some() { DVec3::ZERO } else { background },
             backdrop,
-            path_tracing_reason: look.path_tracing_reason.as_deref().map(Into::into),
+            path_tracing_reason: path_tracing_reason.as_deref().map(Into::into),
             too_small,
             primitive_count,
         }

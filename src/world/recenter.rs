@@ -7,6 +7,7 @@
 
 use glam::DVec3;
 
+use super::WorldInputs;
 use crate::scene::support::PointTrees;
 use crate::scene::{Camera, DefaultLook, Ground, Scene, Shape, Step, bounds};
 
@@ -113,16 +114,26 @@ impl Recentering {
     }
 }
 
+impl Ground {
+    /// The ground under the recentered scene.
+    fn recentered(self, &Recentering { middle, scale }: &Recentering) -> Self {
+        Ground { centre: (self.centre - middle) * scale, half_side: self.half_side * scale, ..self }
+    }
+}
+
 impl DefaultLook {
     /// The look of the recentered scene.
     pub(crate) fn recentered(&self, recentering: Option<&Recentering>) -> Self {
-        let moved = |Recentering { middle, scale }: &Recentering, ground: Ground| Ground {
-            centre: (ground.centre - middle) * *scale,
-            half_side: ground.half_side * scale,
-            ..ground
-        };
-        let ground = self.ground.map(|ground| recentering.map_or(ground, |by| moved(by, ground)));
+        let ground = self.ground.map(|ground| recentering.map_or(ground, |by| ground.recentered(by)));
         DefaultLook { ground, ..self.clone() }
+    }
+}
+
+impl WorldInputs {
+    /// Those of the recentered scene.
+    pub(crate) fn recentered(&self, recentering: Option<&Recentering>) -> Self {
+        let ground = self.ground.map(|ground| recentering.map_or(ground, |by| ground.recentered(by)));
+        WorldInputs { ground, ..self.clone() }
     }
 }
 

@@ -15,7 +15,7 @@ use kiln::scene::{
     AddedLight, AnalyticShape, Camera, DefaultLook, Numerics, Placed, Placement, Projection, Scene, Shape,
     Sphere,
 };
-use kiln::world::{StandardView, View, World, headlight, recenter};
+use kiln::world::{StandardView, View, World, WorldInputs, headlight, recenter};
 
 use crate::common::gltf::Model;
 use crate::common::repository;
@@ -120,7 +120,8 @@ fn same_as_from_nothing(scene: &Scene, camera: usize) {
 fn with_look_as_from_nothing(scene: &Scene, look: &DefaultLook, camera: usize) {
     let (pipeline, numerics) = (ColourPipeline::Linear, Numerics::default());
     let look = DefaultLook { light: Some(AddedLight::Headlight), ..look.clone() };
-    let animation = PreparedScene::new(scene.clone(), &look, pipeline, STRUCTURE, numerics).unwrap();
+    let inputs = WorldInputs::new(&look, pipeline, STRUCTURE, numerics);
+    let animation = PreparedScene::new(scene.clone(), &inputs, true).unwrap();
     let mut pictures = Vec::new();
     for time in [0.0, 0.3, 0.75] {
         let frame = animation.at(Moment { part: time, seconds: 0.0 }).unwrap();
@@ -131,7 +132,7 @@ fn with_look_as_from_nothing(scene: &Scene, look: &DefaultLook, camera: usize) {
             alone.lights.extend(headlight(&seen_by));
         }
         assert_eq!(frame.cameras[camera], seen_by);
-        let world = World::prepare_look(alone, &look, pipeline, STRUCTURE, numerics);
+        let world = World::prepare_with(alone, &inputs);
         let ours = picture(&frame.world_for(&seen_by), &seen_by);
         assert!(ours == picture(&world, &seen_by), "at {time}");
         pictures.push(ours.bytes());

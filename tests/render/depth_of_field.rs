@@ -5,7 +5,7 @@ use glam::DVec2;
 use kiln::effects::id;
 use kiln::error::Warnings;
 use kiln::film::{Film, FilterShape, Window};
-use kiln::job::{RenderControl, RenderJob, RenderSettings, prepare, resolve};
+use kiln::job::{RenderControl, RenderJob, RenderSettings, prepare};
 use kiln::scene::{PictureSettings, Projection, Samples, Transport};
 
 const SIZE: [u32; 2] = [64, 64];
@@ -203,7 +203,7 @@ fn it_can_be_asked_for() {
         );
         assert_eq!(one.expect("a job").plan_settings.sampling.samples, Some(1));
         let flat = RenderSettings { projection: Some(Projection::Orthographic), ..settings };
-        let error = resolve(parse(ball), &flat, &mut Warnings::default()).err().expect("no lens");
+        let error = prepare(parse(ball), &flat, &mut Warnings::default()).err().expect("no lens");
         assert!(error.to_string().contains("only perspective cameras have a lens"), "{error}");
     }
 }

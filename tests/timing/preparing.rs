@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use glam::{DMat4, DQuat, DVec3};
 use kiln::error::Warnings;
-use kiln::job::{RenderSettings, resolve};
+use kiln::job::{RenderSettings, Session};
 use kiln::scene::{Mesh, Placed, Placement, Scene, Shape};
 
 use crate::common::Numbers;
@@ -45,7 +45,9 @@ fn instances_are_prepared_in_good_time() {
         let mut best = Duration::MAX;
         for _ in 0..3 {
             let (scene, start) = (scene.clone(), Instant::now());
-            resolve(scene, &RenderSettings::default(), &mut Warnings::default()).expect("it can be rendered");
+            let session = Session::still(scene).expect("a scene");
+            let resolved = session.resolve(&RenderSettings::default(), &mut Warnings::default());
+            resolved.expect("it can be rendered");
             best = best.min(start.elapsed());
             if best < LIMIT {
                 break;

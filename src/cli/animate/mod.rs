@@ -12,7 +12,7 @@ use crate::animation::{
     FileNames, FrameData, FrameList, FrameRequest, Quality, VideoFormat, VideoSpec, VideoWriter,
 };
 use crate::cli::arguments::{self, Arguments};
-use crate::cli::frames::{self, FrameChecks, FrameSeries, LengthArguments};
+use crate::cli::frames::{self, FrameFindings, FrameSeries, LengthArguments};
 use crate::cli::output::{PNG_BITS, bytes_per_pixel, check_alpha, check_bits, check_folder, check_skipping};
 use crate::cli::prepare::{Reporter, timed};
 use crate::cli::progress::Mode;
@@ -181,7 +181,7 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
     }
     let request = FrameRequest::all(fps, duration.map(Seconds::get), command.frames.as_ref());
     let settings = command.arguments.settings()?;
-    let mut animation = pool.install(|| reporter.load_animation(&command.arguments, &settings, &request))?;
+    let animation = pool.install(|| reporter.load_animation(&command.arguments, &settings, &request))?;
     reporter.check_outputs((!is_stream).then_some(&command.output))?;
     let picture = &animation.picture.settings.picture;
     let is_png = format == VideoFormat::Apng;
@@ -189,15 +189,15 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
     let (film, bits) = if is_png { ("an animated .png", &PNG_BITS[..]) } else { ("a film", &PNG_BITS[..1]) };
     check_bits(picture.bits, film, bits)?;
     let form = PngForm::new(picture.is_transparent(), picture.display().rounding, picture.pipeline());
-    frames::fix_exposure(&mut reporter, &pool, &mut animation, interrupted)?;
+    frames::first_frame(&mut reporter, &pool, &animation, interrupted)?;
     let window = animation.picture.window;
     let size = [window.width, window.height];
     let spec = VideoSpec { size, fps: animation.timeline.fps(), frames: animation.frames.len(), form };
     let mut recorder = recorder(command, format, spec, is_stream)?;
-    let checks = FrameChecks::default();
+    let findings = FrameFindings::default();
     let make = |frame: i32, job: &RenderJob, control: &RenderControl| {
         let (picture, statistics) = job.render_image(control)?;
-        checks.add(frame, (&picture, &statistics), &animation, job, control)?;
+        findings.add(frame, (&picture, &statistics), &animation, job, control)?;
         format.convert(&picture)
     };
     let mut take = |_, frame: FrameData| recorder.add(frame);
@@ -209,7 +209,7 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
         frames::render_all(&animation, &pool, needs, interrupted, &reporter.progress, &make, &mut take)
     })?;
     recorder.finish()?;
-    frames::finish(&mut reporter, &command.arguments, &checks, command.strict)?;
+    frames::finish(&mut reporter, &findings, command.strict)?;
     reporter.progress.finish(&summary(command, spec, took));
     Ok(())
 }

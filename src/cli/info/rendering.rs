@@ -11,7 +11,7 @@ use crate::bvh::Description;
 use crate::effects::Decision;
 use crate::error::{Error, Result, Warnings};
 use crate::import::sharing::shared;
-use crate::job::{self, RenderSettings};
+use crate::job::{RenderControl, RenderSettings, Session};
 use crate::limits::{self, Bytes};
 use crate::scene::{Attribute, Look, Mesh, Scene, Shape, shell_quoted};
 
@@ -172,15 +172,16 @@ fn build(scene: Scene, after_loading: &Memory, warnings: &mut Warnings) -> Resul
     limits::reset_peak_memory();
     let before = limits::resident_memory();
     let settings = RenderSettings { mesh_look: Look::Studio, ..RenderSettings::default() };
-    let mut resolved = job::resolve(scene, &settings, warnings)?;
+    let session = Session::still(scene)?;
+    let mut picture = session.resolve(&settings, warnings)?;
     // Nothing is rendered.
-    resolved.picture.meters = false;
-    let camera = resolved.recentering.map_or_else(
-        || resolved.picture.camera.to_inline(),
-        |recentering| recentering.moved_back(&resolved.picture.camera).to_inline(),
+    Arc::make_mut(&mut picture).meters = false;
+    let camera = picture.recentering.map_or_else(
+        || picture.camera.to_inline(),
+        |recentering| recentering.moved_back(&picture.camera).to_inline(),
     );
     let start = Instant::now();
-    let job = resolved.build(warnings)?;
+    let job = session.into_job(&picture, false, &RenderControl::default(), warnings)?;
     let seconds = start.elapsed().as_secs_f64();
     // A render does not have what the analysis of the scene has left in the allocator.
     let growth = limits::peak_memory().zip(before).map(|(peak, before)| peak.saturating_sub(before));

@@ -1,4 +1,4 @@
-//! The command, frames, the window and Python have the same picture of a scene at time 0.
+//! The command, frames, the window and Python have the same pictures of a scene, and say the same about them.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -8,17 +8,17 @@ use clap::Parser;
 use serde_json::json;
 
 use super::arguments::Arguments;
-use super::picture::{Options, Picture, PreparedScene, Value, render};
+use super::output::render_image;
+use super::picture::{Options, PreparedScene, Value, render};
 use super::prepare::Reporter;
 use super::progress::Mode;
 use super::view::open;
-use crate::animation::FrameRequest;
-use crate::error::{Result, Warnings};
-use crate::film::check::state_of;
-use crate::film::write::{FINGERPRINT, Format, OutputImage};
-use crate::job::RenderJob;
-use crate::metrics::ComparedImage;
+use crate::animation::{FrameList, FrameRequest};
+use crate::error::{Error, Result, Warnings};
+use crate::film::write::{FINGERPRINT, FRAME, Format, OutputImage, encode};
+use crate::job::{Findings, Metadata, RenderJob, RenderSettings, Session};
 use crate::render::RenderControl;
+use crate::render::aov::AovSelection;
 use crate::scene::{ClipTime, Scene};
 use crate::viewer::{CameraSource, Opened};
 
@@ -44,44 +44,101 @@ fn arguments(file: &Path, options: &NamedOptions) -> Arguments {
     Line::parse_from(words.into_iter().chain(options)).arguments
 }
 
-type Pixels = Vec<[u8; 3]>;
+/// A picture as a file, without the metadata that the window and frames add; its fingerprint, warnings and notes.
+#[derive(PartialEq)]
+struct Made {
+    file: Vec<u8>,
+    metadata: Metadata,
+    warnings: Warnings,
+}
 
-fn pixels(job: &RenderJob) -> Result<Pixels> {
-    Ok(job.render::<[u8; 3]>(&RenderControl::default())?.0.rows().collect())
+impl Made {
+    fn new(image: &OutputImage, metadata: &Metadata, format: Format, warnings: Warnings) -> Result<Self> {
+        let mut metadata = metadata.clone();
+        metadata.retain(|(key, _)| *key != FRAME && key != "kiln:command");
+        let mut file = Vec::new();
+        encode(image, &Vec::new(), format, &mut file).map_err(|e| Error::output(Path::new("-"), e))?;
+        Ok(Made { file, metadata, warnings })
+    }
+
+    /// Checks that both are the same, but for the fingerprint of pictures of a scene that moves and of one that is posed.
+    fn assert_same(&self, other: &Made, with_fingerprint: bool, place: &str) {
+        let metadata = |made: &Made| {
+            let mut metadata = made.metadata.clone();
+            metadata.retain(|(key, _)| with_fingerprint || key != FINGERPRINT);
+            metadata.sort();
+            metadata
+        };
+        let texts = |made: &Made| {
+            let mut texts = [made.warnings.messages(), made.warnings.notes()].concat();
+            texts.sort();
+            texts
+        };
+        assert!(self.file == other.file, "{place}: another picture");
+        assert_eq!(metadata(self), metadata(other), "{place}");
+        assert_eq!(texts(self), texts(other), "{place}");
+    }
+}
+
+/// The picture of a job as the command writes it, after `warnings`.
+fn made(job: &RenderJob, format: Format, warnings: &mut Warnings) -> Result<Made> {
+    let (control, selection) = (RenderControl::default(), AovSelection::new(&job.settings.aovs)?);
+    let (image, statistics) = render_image(job, format, &selection, &control)?;
+    Findings::of(job, &image, &statistics, &control)?.warn(warnings);
+    Made::new(&image, &job.metadata, format, std::mem::take(warnings))
 }
 
 /// The picture of `kiln render`, at time 0 of clips.
-fn still(arguments: &Arguments) -> Result<Pixels> {
+fn still(arguments: &Arguments, format: Format, aovs: &[String]) -> Result<Made> {
     let mut reporter = Reporter::silent(Mode::None);
-    let resolved = reporter.load_and_resolve(arguments, &arguments.settings()?)?;
-    pixels(&resolved.build(&mut reporter.warnings)?)
+    let settings = RenderSettings { aovs: aovs.to_vec(), ..arguments.settings()? };
+    let (session, resolved) = reporter.load_and_resolve(arguments, &settings)?;
+    let control = RenderControl::default();
+    made(
+        &session.into_job(&resolved, true, &control, &mut reporter.warnings)?,
+        format,
+        &mut reporter.warnings,
+    )
 }
 
-/// Frame 0 of `kiln animate`.
-fn frame_0(arguments: &Arguments) -> Result<Pixels> {
-    let mut reporter = Reporter::silent(Mode::None);
-    let request = FrameRequest::all(None, None, None);
-    let mut animation = reporter.load_animation(arguments, &arguments.settings()?, &request)?;
-    animation.fix_exposure(&RenderControl::default())?;
-    pixels(&animation.frame(0)?)
+/// Frames of `kiln animate`, each with the warnings of all that is before it.
+fn frames(arguments: &Arguments, list: &[i32], format: Format) -> Result<Vec<Made>> {
+    let control = RenderControl::default();
+    let made_one = |&frame: &i32| {
+        let mut reporter = Reporter::silent(Mode::None);
+        let one = FrameList::range(frame, frame);
+        let is_displayed = format != Format::Exr;
+        let request = FrameRequest { is_displayed, ..FrameRequest::all(None, None, Some(&one)) };
+        let animation = reporter.load_animation(arguments, &arguments.settings()?, &request)?;
+        animation.first(&control, &mut reporter.warnings)?;
+        made(&animation.frame(frame)?, format, &mut reporter.warnings)
+    };
+    list.iter().map(made_one).collect()
 }
 
-/// The picture that the window ends with. Its first camera of clips is fitted to all of their poses; here it has that of the
-/// first, as the others.
-fn in_the_window(arguments: &Arguments) -> Result<Pixels> {
-    crate::viewer::final_picture(&opened(arguments)?, SIZE)
+/// The picture that the window shows, or saves in other formats. Its first camera of clips is fitted to all of their poses; here it
+/// has that of the first, as the others.
+fn in_the_window(arguments: &Arguments, frame: Option<i32>, format: Format) -> Result<Made> {
+    let mut warnings = Warnings::default();
+    let opened = opened(arguments, &mut warnings)?;
+    if format == Format::Png && !opened.settings.picture.or(opened.scene().picture).is_transparent() {
+        let (image, metadata) = crate::viewer::final_picture(&opened, SIZE, frame, &mut warnings)?;
+        return Made::new(&image, &metadata, format, warnings);
+    }
+    let (image, metadata) = crate::viewer::saved_picture(&opened, SIZE, frame, format)?;
+    Made::new(&image, &metadata, format, warnings)
 }
 
-fn opened(arguments: &Arguments) -> Result<Arc<Opened>> {
-    let mut opened = open(arguments, &arguments.inputs, None, &mut Warnings::default()).0?;
+fn opened(arguments: &Arguments, warnings: &mut Warnings) -> Result<Arc<Opened>> {
+    let mut opened = open(arguments, &arguments.inputs, None, warnings).0?;
     if let CameraSource::FittedAt(view, None) = opened.camera_source {
         opened.camera_source = CameraSource::Fitted(view);
     }
     Ok(Arc::new(opened))
 }
 
-fn load(arguments: &Arguments) -> Result<Scene> {
-    crate::import::load_with(&arguments.inputs, &arguments.reading(), &mut Warnings::default())
+fn load(arguments: &Arguments, warnings: &mut Warnings) -> Result<Scene> {
+    crate::import::load_with(&arguments.inputs, &arguments.reading(), warnings)
 }
 
 /// The options of Python's functions.
@@ -94,21 +151,24 @@ fn in_python(options: &NamedOptions) -> Result<Options> {
     Options::parse(&options)
 }
 
-fn pixels_of(picture: &Picture) -> Pixels {
-    let OutputImage::Rgb8(film, _) = picture.image() else { panic!("a picture without alpha") };
-    film.rows().collect()
+/// The picture of Python's `kiln.render` of the files.
+fn python(arguments: &Arguments, options: &NamedOptions, format: Format, aovs: &[String]) -> Result<Made> {
+    let (mut warnings, control) = (Warnings::default(), RenderControl::default());
+    let scene = load(arguments, &mut warnings)?;
+    let picture = render(scene, &in_python(options)?, format, aovs, &control, &mut warnings)?;
+    Made::new(picture.image(), picture.metadata(), format, warnings)
 }
 
-/// The picture of Python's `kiln.render` of a scene.
-fn python(scene: Scene, options: &NamedOptions) -> Result<Picture> {
-    let control = RenderControl::default();
-    render(scene, &in_python(options)?, Format::Png, &[], &control, &mut Warnings::default())
-}
-
-/// The picture of Python's `kiln.Prepared`.
-fn prepared(scene: &PreparedScene, options: &NamedOptions) -> Result<Picture> {
-    let control = RenderControl::default();
-    scene.render(&in_python(options)?, Format::Png, &[], &control, &mut Warnings::default())
+/// The picture of Python's `kiln.Prepared`, after the warnings of its files.
+fn prepared(
+    (scene, of_files): (&PreparedScene, &Warnings),
+    options: &NamedOptions,
+    format: Format,
+    aovs: &[String],
+) -> Result<Made> {
+    let (mut warnings, control) = (of_files.clone(), RenderControl::default());
+    let picture = scene.render(&in_python(options)?, format, aovs, &control, &mut warnings)?;
+    Made::new(picture.image(), picture.metadata(), format, warnings)
 }
 
 /// glTF of a square above a floor, of a material, which a clip moves. At rest it is elsewhere.
@@ -182,8 +242,74 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// With the same files and options, all have the same picture at time 0, byte for byte: the same look, camera, exposure,
-/// clamp and sampling.
+/// Frames that are compared: the first, and two later ones.
+const FRAMES: [i32; 3] = [0, 8, 24];
+
+/// Checks that all ways to a picture of a file have the same: files, metadata with the fingerprint, warnings and notes.
+/// `of_file` is a scene that was prepared for other options before, so that what is stale is found. Returns whether there is a
+/// picture, and whether there are frames.
+fn assert_same_pictures(
+    arguments: &Arguments,
+    options: &NamedOptions,
+    (format, aovs): (Format, &[String]),
+    of_file: &mut Option<(PreparedScene, Warnings)>,
+) -> [bool; 2] {
+    let place = format!("{:?}, {options:?}, {format:?}", arguments.inputs);
+    let mut posed = arguments.clone();
+    let scene = load(arguments, &mut Warnings::default());
+    let has_clips = scene.as_ref().is_ok_and(|scene| !scene.clips.is_empty());
+    let moves = has_clips || scene.as_ref().is_ok_and(|scene| scene.animation.is_some());
+    if has_clips {
+        let clip = posed.import.clip();
+        posed.import = posed.import.posed(ClipTime { clip, time: 0.0 });
+    }
+    // An option that does not suit the scene is an error in all of them.
+    let expected = match still(&posed, format, aovs) {
+        Ok(expected) => expected,
+        Err(error) => {
+            let same = |other: Result<Made>, way| {
+                let other = other.err().unwrap_or_else(|| panic!("{place}: {way} has a picture"));
+                assert_eq!(other.to_string(), error.to_string(), "{place}: {way}");
+            };
+            same(in_the_window(arguments, None, format), "window");
+            same(python(&posed, options, format, aovs), "Python");
+            if let Some((scene, warnings)) = of_file {
+                same(prepared((scene, warnings), options, format, aovs), "prepared");
+            }
+            assert!(frames(arguments, &[0], format).is_err(), "{place}: frame 0");
+            return [false; 2];
+        }
+    };
+    let found = |made: Result<Made>, way: &str| made.unwrap_or_else(|e| panic!("{place}: {way}: {e}"));
+    found(python(&posed, options, format, aovs), "Python").assert_same(&expected, true, &place);
+    let of_file = of_file.get_or_insert_with(|| {
+        let mut warnings = Warnings::default();
+        let scene = load(&posed, &mut warnings).and_then(|scene| PreparedScene::new(scene.into()));
+        (scene.unwrap_or_else(|e| panic!("{place}: {e}")), warnings)
+    });
+    found(prepared((&of_file.0, &of_file.1), options, format, aovs), "prepared")
+        .assert_same(&expected, true, &place);
+    // The window has no AOVs of a file.
+    let is_shown = aovs.is_empty();
+    if !moves {
+        if is_shown {
+            found(in_the_window(arguments, None, format), "window").assert_same(&expected, true, &place);
+        }
+        return [true, false];
+    }
+    let all = frames(arguments, &FRAMES, format).unwrap_or_else(|e| panic!("{place}: frames: {e}"));
+    if aovs.is_empty() && format != Format::Exr {
+        assert!(all[0].file == expected.file, "{place}: frame 0");
+    }
+    for (made, &frame) in all.iter().zip(&FRAMES).filter(|_| is_shown) {
+        let place = format!("{place}: frame {frame}");
+        found(in_the_window(arguments, Some(frame), format), "window").assert_same(made, true, &place);
+    }
+    [true; 2]
+}
+
+/// With the same files and options, the command, frames, the window and Python have the same picture at three moments, byte for
+/// byte: the same look, camera, exposure, clamp and sampling, and say the same about it.
 #[test]
 fn all_ways_to_a_picture_have_the_same() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -196,58 +322,70 @@ fn all_ways_to_a_picture_have_the_same() {
         &[("elevation", Some("-30"))],
         &[("without", Some("path"))],
         &[("background", Some("#c04030")), ("azimuth", Some("20"))],
-        &[("background", Some("#3040c0"))],
+        &[("background", Some("#3040c0")), ("dither", None), ("seed", Some("3"))],
     ];
-    let (mut compared, mut frames) = (0, 0);
+    let (mut compared, mut with_frames) = (0, 0);
     for file in files(folder.path()) {
-        // One prepared scene for all options, so that stale caches are found.
         let mut of_file = None;
         for options in variants {
             let arguments = arguments(&file, options);
-            let has_clips = file.starts_with(folder.path());
-            let mut at_0 = arguments.clone();
-            if has_clips {
-                let clip = at_0.import.clip();
-                at_0.import = at_0.import.posed(ClipTime { clip, time: 0.0 });
-            }
-            let place = format!("{}, {options:?}", file.display());
-            // An option that does not suit the scene is an error in all of them.
-            let Ok(expected) = still(&at_0) else {
-                assert!(in_the_window(&arguments).is_err(), "{place}: window");
-                assert!(frame_0(&arguments).is_err(), "{place}: frame 0");
-                assert!(load(&at_0).and_then(|scene| python(scene, options)).is_err(), "{place}: Python");
-                if let Some(scene) = &of_file {
-                    assert!(prepared(scene, options).is_err(), "{place}: prepared");
-                }
-                continue;
-            };
-            compared += 1;
-            assert!(
-                in_the_window(&arguments).unwrap_or_else(|e| panic!("{place}: {e}")) == expected,
-                "{place}: window"
-            );
-            let scene = load(&at_0).unwrap_or_else(|e| panic!("{place}: {e}"));
-            // Without a camera and something that moves, frames are those of a turntable.
-            if scene.default_camera().is_some() || has_clips {
-                frames += 1;
-                assert!(
-                    frame_0(&arguments).unwrap_or_else(|e| panic!("{place}: {e}")) == expected,
-                    "{place}: frame 0"
-                );
-            }
-            let of_file = of_file.get_or_insert_with(|| {
-                PreparedScene::new(scene.clone().into()).unwrap_or_else(|e| panic!("{place}: {e}"))
-            });
-            let picture = python(scene, options).unwrap_or_else(|e| panic!("{place}: {e}"));
-            assert!(pixels_of(&picture) == expected, "{place}: Python");
-            // Options also say how files are read, which is done once here.
-            let again = prepared(of_file, options).unwrap_or_else(|e| panic!("{place}: {e}"));
-            let picture = python(of_file.scene().clone(), options).unwrap_or_else(|e| panic!("{place}: {e}"));
-            assert!(pixels_of(&picture) == pixels_of(&again), "{place}: prepared");
-            assert_eq!(picture.metadata(), again.metadata(), "{place}: prepared");
+            let [is_there, has_frames] =
+                assert_same_pictures(&arguments, options, (Format::Png, &[]), &mut of_file);
+            compared += usize::from(is_there);
+            with_frames += usize::from(has_frames);
         }
     }
-    assert!(compared > 200 && frames > 150, "{compared}, {frames}");
+    assert!(compared > 200 && with_frames > 30, "{compared}, {with_frames}");
+}
+
+/// The same of 16 bits, and of OpenEXR with AOVs and with alpha.
+#[test]
+fn all_formats_are_the_same_in_all_ways() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let all = files(folder.path());
+    let chosen = ["animation.toml", "l.obj", "lit.gltf", "glass.gltf", "path.toml"];
+    let chosen = all.iter().filter(|file| chosen.iter().any(|name| file.ends_with(name)));
+    let aovs = ["depth", "normal", "albedo", "samples"].map(str::to_owned);
+    let noise = [("noise", Some("0.02")), ("samples", Some("16"))];
+    for file in chosen {
+        let mut of_file = None;
+        let auto = [&noise[..], &[("exposure", Some("auto"))]].concat();
+        let deep = [&noise[..], &[("bits", Some("16"))]].concat();
+        let transparent = [("background", Some("transparent"))];
+        for (options, format, aovs) in [
+            (&deep[..], Format::Png, &[][..]),
+            (&auto, Format::Exr, &aovs),
+            (&auto, Format::Exr, &[]),
+            (&transparent, Format::Exr, &[]),
+            (&transparent, Format::Png, &[]),
+        ] {
+            assert_same_pictures(&arguments(file, options), options, (format, aovs), &mut of_file);
+        }
+    }
+}
+
+/// Cameras whose names are the indices of others: the window's camera is that of its index.
+#[test]
+fn cameras_are_those_of_their_index() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("names.toml");
+    let camera = |name: &str, x: f64| {
+        format!("[[camera]]\nname = '{name}'\nposition = [{x}, 1, 5]\nlook_at = [0, 0, 0]\n")
+    };
+    let ball = "[[sphere]]\ncentre = [0.3, 0, 0]\nradius = 1\n";
+    std::fs::write(&file, camera("1", 2.0) + &camera("0", -2.0) + ball).expect("a file");
+    for (index, name) in [(0, "1"), (1, "0")] {
+        let options: &NamedOptions = &[("camera", Some(name))];
+        let expected = still(&arguments(&file, options), Format::Png, &[]).expect("a picture");
+        let plain = arguments(&file, &[]);
+        let mut warnings = Warnings::default();
+        let mut opened = open(&plain, &plain.inputs, None, &mut warnings).0.expect("a scene");
+        opened.camera_source = CameraSource::Scene(index);
+        let shown = crate::viewer::final_picture(&Arc::new(opened), SIZE, None, &mut warnings);
+        let (image, metadata) = shown.expect("a picture");
+        let made = Made::new(&image, &metadata, Format::Png, warnings).expect("a file");
+        made.assert_same(&expected, true, name);
+    }
 }
 
 /// Objects hidden by options are hidden in all of them, also those of clips and tracks, and in the window where they are
@@ -260,31 +398,30 @@ fn hidden_objects_are_in_no_picture() {
     let tracks_file = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/animation.toml");
     for (file, name) in [(clip_file, None), (tracks_file, Some("left sphere"))] {
         let plain = arguments(&file, &[]);
-        let names: Vec<String> =
-            load(&plain).expect("a scene").objects.into_iter().map(|object| object.name).collect();
+        let scene = load(&plain, &mut Warnings::default()).expect("a scene");
         // The square that the clip moves.
-        let name: &'static str = name.unwrap_or_else(|| names[1].clone().leak());
+        let name: &'static str = name.unwrap_or_else(|| scene.objects[1].name.clone().leak());
         let options: &NamedOptions = &[("hide", Some(name))];
-        let mut hiding = arguments(&file, options);
-        let in_window = in_the_window(&hiding).expect("a picture");
-        let mut opened = open(&plain, &plain.inputs, None, &mut Warnings::default()).0.expect("a scene");
-        opened.scene.set_visible(&[], &[name.to_owned()]).expect("a name");
-        opened.scene.import_options.hide = vec![name.to_owned()];
-        let hidden_later = crate::viewer::final_picture(&Arc::new(opened), SIZE).expect("a picture");
-        let frame = frame_0(&hiding).expect("a picture");
-        if names.len() == 2 {
-            let clip = hiding.import.clip();
-            hiding.import = hiding.import.posed(ClipTime { clip, time: 0.0 });
-        }
-        let expected = still(&hiding).expect("a picture");
-        assert!(in_window == expected && hidden_later == expected && frame == expected, "{name}");
-        let scene = load(&hiding).expect("a scene");
-        assert!(pixels_of(&python(scene, options).expect("a picture")) == expected, "{name}");
-        assert!(in_the_window(&plain).expect("a picture") != expected, "{name}");
+        let hiding = arguments(&file, options);
+        assert_same_pictures(&hiding, options, (Format::Png, &[]), &mut None);
+        let expected = frames(&hiding, &[0], Format::Png).expect("a picture").swap_remove(0);
+        let opened = opened(&plain, &mut Warnings::default()).expect("a scene");
+        let mut scene = opened.scene().clone();
+        scene.set_visible(&[], &[name.to_owned()]).expect("a name");
+        scene.import_options.hide = vec![name.to_owned()];
+        let session = Session::playing(scene).expect("a scene").into();
+        let later = Arc::new(Opened { session, ..Opened::clone(&opened) });
+        let mut warnings = Warnings::default();
+        let later = crate::viewer::final_picture(&later, SIZE, Some(0), &mut warnings);
+        let (image, metadata) = later.expect("a picture");
+        let later = Made::new(&image, &metadata, Format::Png, warnings).expect("a file");
+        assert!(later.file == expected.file && later.metadata == expected.metadata, "{name}");
+        let shown = in_the_window(&plain, Some(0), Format::Png).expect("a picture");
+        assert!(shown.file != expected.file, "{name}");
     }
 }
 
-/// A later frame has the automatic exposure of the first, in the window as in frames, though it is another one alone.
+/// A later frame has the automatic exposure of the first, though it is another one alone.
 #[test]
 fn a_later_frame_has_the_exposure_of_the_first() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -296,84 +433,33 @@ fn a_later_frame_has_the_exposure_of_the_first() {
     ] {
         let file = folder.path().join(name);
         std::fs::write(&file, text).expect("a file");
-        let arguments = arguments(&file, options);
-        let mut reporter = Reporter::silent(Mode::None);
-        let (settings, request) =
-            (arguments.settings().expect("settings"), FrameRequest::all(None, None, None));
-        let mut animation = reporter.load_animation(&arguments, &settings, &request).expect("frames");
-        let alone = animation.frame(24).and_then(|mut job| {
-            if animation.picture.meters {
-                job.meter(&RenderControl::default())?;
-            }
-            pixels(&job)
-        });
-        animation.fix_exposure(&RenderControl::default()).expect("an exposure");
-        let expected = pixels(&animation.frame(24).expect("a frame")).expect("a picture");
-        let shown = crate::viewer::final_picture_at(&opened(&arguments).expect("a scene"), SIZE, 24);
-        assert!(shown.expect("a picture") == expected, "{name}");
-        assert!(alone.expect("a picture") != expected, "{name}: the frames have one exposure");
+        let mut arguments = arguments(&file, options);
+        let shared = frames(&arguments, &[24], Format::Png).expect("a frame").swap_remove(0);
+        let time = 24.0 / 30.0;
+        let clip = arguments.import.clip();
+        arguments.import = arguments.import.posed(ClipTime { clip, time });
+        let alone = still(&arguments, Format::Png, &[]).expect("a picture");
+        assert!(alone.file != shared.file, "{name}: the frames have one exposure");
     }
 }
 
-/// The window saves what the command writes: alpha in floating point, the fingerprint and the number of a frame, and
-/// OpenEXR with the samples of its own automatic exposure, which decides where adaptive sampling stops.
-#[test]
-fn the_window_saves_the_file_of_the_command() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let clip_file = folder.path().join("clip.gltf");
-    std::fs::write(&clip_file, clip(&json!({}))).expect("a file");
-    let mesh = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/import/l.obj");
-    let (saved, control) = (folder.path().join("saved.exr"), RenderControl::default());
-    let transparent: &NamedOptions = &[("background", Some("transparent"))];
-    let auto: &NamedOptions = &[("exposure", Some("auto")), ("noise", Some("0.02")), ("samples", Some("64"))];
-    for (file, frame, options) in
-        [(mesh, None, transparent), (clip_file.clone(), Some(0), transparent), (clip_file, Some(24), auto)]
-    {
-        let arguments = arguments(&file, options);
-        let opened = opened(&arguments).expect("a scene");
-        crate::viewer::save_picture(&opened, SIZE, frame, &saved).expect("a file");
-        let mut reporter = Reporter::silent(Mode::None);
-        let settings = arguments.settings().expect("settings");
-        let job = match frame {
-            None => {
-                let resolved = reporter.load_and_resolve(&arguments, &settings).expect("a scene");
-                resolved.build(&mut reporter.warnings).expect("a job")
-            }
-            Some(frame) => {
-                let request = FrameRequest::all(None, None, None);
-                let animation = reporter.load_animation(&arguments, &settings, &request).expect("frames");
-                animation.frame(frame).expect("a frame")
-            }
-        };
-        let (film, alpha, _) = job.render_float(false, &control).expect("a picture");
-        let read = ComparedImage::open(&saved).expect("a picture");
-        assert!(read.pixels.iter().eq(&film.rows().collect::<Vec<_>>()), "{file:?}");
-        assert_eq!(read.alpha.map(|alpha| alpha.values), alpha.map(|alpha| alpha.values), "{file:?}");
-        let fingerprint = job.metadata.iter().find(|(key, _)| key == FINGERPRINT).expect("a fingerprint");
-        assert!(state_of(&saved, Format::Exr).is(&fingerprint.1, frame), "{file:?}");
-    }
-}
-
-/// The window ends with the picture of the command, byte for byte, for real files: a room from inside and a box of paths,
-/// whose exposure and clamp are metered, textures, and an animation at rest.
+/// The same for real files: a room from inside and a box of paths, whose exposure and clamp are metered, textures, and an
+/// animation.
 #[test]
 #[ignore = "needs KILN_MODELS"]
-fn with_models_the_window_shows_the_picture_of_the_command() {
+fn with_models_all_ways_to_a_picture_have_the_same() {
     let models = PathBuf::from(std::env::var_os("KILN_MODELS").expect("KILN_MODELS names a folder"));
     let inside = "{ position = [0, 1.5, 0], look_at = [1, 1.2, 0.3], vertical_fov = 60 }";
-    let cases: [(&str, &NamedOptions); 6] = [
+    let cases: [(&str, &NamedOptions); 7] = [
         ("kitchen.obj", &[("camera", Some(inside))]),
         ("kitchen.obj", &[("camera", Some(inside)), ("transport", Some("path"))]),
         ("CornellBox.glb", &[]),
         ("CornellBox.glb", &[("exposure", Some("auto"))]),
         ("Duck.glb", &[("samples", Some("6"))]),
         ("spot.obj", &[("environment", Some("sky"))]),
+        ("Fox.glb", &[]),
     ];
     for (file, options) in cases {
-        let arguments = arguments(&models.join(file), options);
-        let place = format!("{file}, {options:?}");
-        let [expected, shown] = [still(&arguments), in_the_window(&arguments)]
-            .map(|picture| picture.unwrap_or_else(|e| panic!("{place}: {e}")));
-        assert!(shown == expected, "{place}");
+        assert_same_pictures(&arguments(&models.join(file), options), options, (Format::Png, &[]), &mut None);
     }
 }

@@ -13,8 +13,9 @@ use target::Names;
 pub use target::{Property, Target};
 pub use timeline::{Moment, Timeline};
 
-use super::Clip;
-use super::Scene;
+use glam::DVec3;
+
+use super::{Camera, Clip, Scene};
 use crate::error::{Error, Place, Result};
 
 /// Animation of a scene.
@@ -44,6 +45,27 @@ pub struct Track {
 }
 
 impl Animation {
+    /// The default frames per second.
+    pub const FPS: f64 = 30.0;
+
+    /// The duration of a turntable in seconds.
+    const TURN: f64 = 10.0;
+
+    /// The animation of a turntable.
+    pub fn turntable(tracks: Vec<Track>) -> Self {
+        Animation { fps: Self::FPS, duration: Self::TURN, repeat: true, tracks, clips: Vec::new() }
+    }
+
+    /// A camera orbits once around a point, about the vertical axis.
+    pub fn orbit(camera: &Camera, around: DVec3) -> Self {
+        let orbit = |property| Track {
+            target: Target::Camera(camera.name.clone()),
+            motion: Motion::Orbit { property, around, axis: DVec3::Y, turns: 1.0 },
+            place: std::path::Path::new("turntable").into(),
+        };
+        Animation::turntable(vec![orbit(Property::Position), orbit(Property::LookAt)])
+    }
+
     /// Whether any surface of the scene changes: an object, or a light with an area. Cameras and other lights may move
     /// without this.
     pub fn moves_surfaces(&self, scene: &Scene) -> bool {

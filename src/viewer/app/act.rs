@@ -10,6 +10,7 @@ use super::{App, timeline};
 use crate::effects::id;
 use crate::error::Result;
 use crate::import;
+use crate::job::Session;
 use crate::render::RenderControl;
 use crate::scene::Camera;
 use crate::viewer::canvas::MouseResult;
@@ -148,12 +149,13 @@ impl App {
             (Action::Reset, _) => controls.reset_camera(),
             (Action::Fit, _) => controls.fit_standard_view(StandardView::Auto),
             (Action::Standard(view), _) => controls.fit_standard_view(view),
-            (Action::NextCamera, _) => controls.next_camera(opened.scene.cameras.len()),
+            (Action::NextCamera, _) => controls.next_camera(opened.scene().cameras.len()),
             (Action::NextShown, _) => controls.display_mode = next(&DisplayMode::ALL, controls.display_mode),
             (Action::Compare, _) => {
                 let prepared = self.canvas.prepared(0);
-                controls
-                    .switch_comparison(prepared.map_or(1, |p| p.job.plan_settings.sampling.samples_taken()));
+                controls.switch_comparison(
+                    prepared.map_or(1, |p| p.job().plan_settings.sampling.samples_taken()),
+                );
             }
             (Action::NextTier, _) => controls.next_tier(),
             (Action::NextShading, _) => controls.next_shading(),
@@ -179,13 +181,16 @@ impl App {
     pub(super) fn show_objects(&mut self, isolate: Vec<String>, hide: Vec<String>) {
         let camera = self.displayed_camera();
         let (Some(opened), Some(controls)) = (&self.opened, &mut self.controls) else { return };
-        let mut changed = Opened::clone(opened);
-        if let Err(e) = changed.scene.set_visible(&isolate, &hide) {
-            return self.show_error(message_with_hint(&e));
-        }
-        let options = &mut changed.scene.import_options;
-        (options.isolate, options.hide) = (isolate, hide);
-        self.import_options = Some(options.clone());
+        let mut scene = opened.scene().clone();
+        let shown = scene.set_visible(&isolate, &hide);
+        (scene.import_options.isolate, scene.import_options.hide) = (isolate, hide);
+        let options = scene.import_options.clone();
+        let session = match shown.and_then(|()| Session::playing(scene)) {
+            Ok(session) => session.into(),
+            Err(e) => return self.show_error(message_with_hint(&e)),
+        };
+        self.import_options = Some(options);
+        let changed = Opened { session, ..Opened::clone(opened) };
         controls.keep_camera(camera.as_ref());
         controls.reopened(&changed);
         self.opened = Some(Arc::new(changed));
@@ -199,8 +204,8 @@ impl App {
         let rendered = self.canvas.rendered(mouse.side);
         let shown = rendered.map(|rendered| rendered.display).unwrap_or_default();
         let metered = rendered.and_then(|rendered| rendered.metered.clone());
-        let job = metered.as_deref().unwrap_or(&prepared.job);
-        let bounds = opened.scene.bounds();
+        let job = metered.as_deref().unwrap_or(&prepared.job());
+        let bounds = opened.scene().bounds();
         let bounds = match (bounds, &job.recentering) {
             (Some((min, max)), Some(recentering)) => Some((
                 (min - recentering.middle) * recentering.scale,
@@ -249,12 +254,12 @@ impl App {
         };
         let command = command_line(&RenderCommand {
             inputs: &self.inputs,
-            scene: &opened.scene,
+            scene: opened.scene(),
             viewpoint,
-            projection: prepared.job.camera.projection,
+            projection: prepared.job().camera.projection,
             size,
             settings,
-            import_options: &opened.scene.import_options,
+            import_options: &opened.scene().import_options,
             output,
         });
         let frame = timeline(opened).map(|timeline| controls.frame(&timeline));
@@ -267,7 +272,7 @@ impl App {
     fn copied_command(&self) -> Option<String> {
         let controls = self.controls.as_ref()?;
         let ending = if controls.display_mode.aov().is_some() { "exr" } else { "png" };
-        let size = self.canvas.prepared(controls.side)?.job.view.size();
+        let size = self.canvas.prepared(controls.side)?.job().view.size();
         self.command(&self.output(ending), size)
     }
 
@@ -282,8 +287,8 @@ impl App {
         let Some(controls) = &self.controls else { return };
         let has_size = controls.display_mode == DisplayMode::Picture;
         let Some(prepared) = self.canvas.prepared(controls.side) else { return };
-        let size = prepared.job.view.size();
-        let has_alpha = has_size && prepared.job.is_transparent();
+        let size = prepared.job().view.size();
+        let has_alpha = has_size && prepared.job().is_transparent();
         self.save_dialog = match self.save_dialog {
             Some(_) => None,
             None => Some(SaveDialog::new(&self.output("png"), size, self.side_name(), [has_size, has_alpha])),
@@ -310,21 +315,20 @@ impl App {
         let mut request = controls.request(opened, size);
         // The displayed picture is that of the newest request, once it is finished.
         let is_newest = self.requested.as_ref().is_some_and(|(last, number)| {
-            *number == rendered.request && *last == request && rendered.prepared.job.view.size() == size
+            *number == rendered.request && *last == request && rendered.prepared.job().view.size() == size
         });
-        let finished = rendered.film.as_ref().filter(|_| is_newest).map(|film| Finished {
-            film: Arc::clone(film),
-            display: rendered.display,
-            auto_exposure: rendered.statistics.auto_exposure,
-        });
-        let prepared = is_newest.then(|| Arc::clone(&rendered.prepared));
+        let finished = rendered
+            .film
+            .as_ref()
+            .filter(|_| is_newest)
+            .map(|film| Finished { film: Arc::clone(film), display: rendered.display });
         let image = Arc::clone(&rendered.image);
         // As the command: only the window fits a camera to a moment.
         if let CameraSource::FittedAt(..) = request.camera_source {
             request.camera_source = CameraSource::Free(rendered.prepared.camera.clone());
         }
         let frame = timeline(opened).map(|timeline| controls.frame(&timeline));
-        let picture = SavedPicture { request, frame, side, prepared, finished, command };
+        let picture = SavedPicture { request, frame, side, finished, command };
         let percent = Arc::new(AtomicUsize::new(0));
         self.saving.push(Saving { file: file.clone(), percent: Arc::clone(&percent) });
         let (threads, sender, context) = (Arc::clone(&self.threads), self.saved.0.clone(), context.clone());

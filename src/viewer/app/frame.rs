@@ -6,8 +6,7 @@ use std::time::Duration;
 use egui::{Align, Context, Label, Layout, Panel, RichText, ScrollArea, Ui};
 
 use super::{App, inspector, timeline};
-use crate::effects::RayKind;
-use crate::job::notes_of_result;
+use crate::error::Warnings;
 use crate::viewer::painter::RenderedImage;
 use crate::viewer::panel::{self, PanelContents};
 use crate::viewer::save::Saving;
@@ -24,7 +23,7 @@ impl App {
     pub(super) fn play(&mut self, context: &Context) {
         let (Some(controls), Some(opened)) = (&mut self.controls, &self.opened) else { return };
         let (Some(_), Some(timeline), Some(animation)) =
-            (controls.playing, timeline(opened), &opened.scene.animation)
+            (controls.playing, timeline(opened), &opened.scene().animation)
         else {
             return;
         };
@@ -65,7 +64,7 @@ impl App {
         }
         let compares_anew = controls.sides.len() != before;
         let reading = controls.reading.take();
-        if let (Some(timeline), Some(animation)) = (timeline(opened), &opened.scene.animation) {
+        if let (Some(timeline), Some(animation)) = (timeline(opened), &opened.scene().animation) {
             Panel::bottom("timeline").show(ui, |ui| {
                 bar::show(ui, &timeline, animation.duration, controls);
             });
@@ -165,7 +164,7 @@ impl App {
     fn side_names(&self) -> [String; 2] {
         let Some(controls) = &self.controls else { return Default::default() };
         let [a, b] = [0, 1].map(|side| {
-            let sampling = self.canvas.prepared(side).map(|prepared| prepared.job.plan_settings.sampling);
+            let sampling = self.canvas.prepared(side).map(|prepared| prepared.job().plan_settings.sampling);
             let settings = controls.sides.get(side);
             settings.map(|s| panel::setting_names(s, &sampling.unwrap_or_default())).unwrap_or_default()
         });
@@ -182,15 +181,7 @@ impl App {
 
 /// Warnings about a rendered image.
 fn image_warnings(rendered: &RenderedImage) -> Vec<String> {
-    let mut image_warnings = Vec::new();
-    let non_finite = &rendered.statistics.non_finite;
-    if let Some((x, y)) = non_finite.first() {
-        let count = non_finite.len();
-        image_warnings.push(format!("{count} pixel(s) are not finite numbers, the first at ({x}, {y})"));
-    }
-    if rendered.is_last && rendered.statistics.rays(RayKind::PRIMARY).hit == 0 {
-        image_warnings.push("no object is in the picture; F shows all of the scene".into());
-    }
-    image_warnings.extend(notes_of_result(&rendered.prepared.job, &rendered.statistics));
-    image_warnings
+    let mut warnings = Warnings::default();
+    rendered.warn_of_image(&mut warnings);
+    warnings.messages().iter().chain(warnings.notes()).cloned().collect()
 }

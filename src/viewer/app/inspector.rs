@@ -102,17 +102,17 @@ pub(crate) fn draw(
     of: &Prepared,
     inspection: &Inspection,
 ) {
-    let size = prepared.job.view.size();
+    let size = prepared.job().view.size();
     let place = |p: DVec2| -> Pos2 {
         let share = vec2((p.x / f64::from(size[0])) as f32, (p.y / f64::from(size[1])) as f32);
         rect.min + share * rect.size()
     };
     // At another time or in another tier the recentering may differ.
-    if prepared.job.recentering != of.job.recentering {
+    if prepared.job().recentering != of.job().recentering {
         return;
     }
     for ray in &inspection.rays {
-        let Some([from, to]) = prepared.job.view.project_segment(ray.from, ray.to) else { continue };
+        let Some([from, to]) = prepared.job().view.project_segment(ray.from, ray.to) else { continue };
         let ends = [place(from), place(to)];
         painter.line_segment(ends, Stroke::new(3.0, Color32::from_black_alpha(140)));
         painter.line_segment(ends, Stroke::new(1.5, colour(ray)));

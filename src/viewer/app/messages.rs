@@ -9,7 +9,6 @@ use egui::{Context, ViewportCommand};
 use super::App;
 use crate::error::{Error, Warnings, printable};
 use crate::import::{FileNames, FileRead};
-use crate::job::warn_of_job;
 use crate::viewer::controls::Controls;
 use crate::viewer::loader::Loaded;
 use crate::viewer::overlay::Notice;
@@ -139,7 +138,7 @@ impl App {
         }
         // Notes of other settings are not those of this picture. Another camera keeps them until it has its own.
         let has_same_settings = |(known, _): &mut (Arc<Prepared>, _)| {
-            let (known, job) = (&known.job, &rendered.prepared.job);
+            let (known, job) = (&known.job(), &rendered.prepared.job());
             Arc::ptr_eq(&known.world, &job.world) && known.plan_settings == job.plan_settings
         };
         if rendered.side == 0 {
@@ -148,7 +147,7 @@ impl App {
         let is_known = |(known, _): &(Arc<_>, _)| Arc::ptr_eq(known, &rendered.prepared);
         if rendered.side == 0 && rendered.factor == 1 && !self.of_picture.as_ref().is_some_and(is_known) {
             let mut warnings = Warnings::default();
-            warn_of_job(&rendered.prepared.job, &mut warnings);
+            rendered.warn_of_picture(&mut warnings);
             let texts = warnings.messages().iter().chain(warnings.notes()).cloned().collect();
             self.of_picture = Some((Arc::clone(&rendered.prepared), texts));
         }

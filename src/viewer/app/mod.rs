@@ -280,7 +280,7 @@ fn within_screen(context: &Context, wanted: [u32; 2], size: [u32; 2]) -> [u32; 2
 
 /// The frames of the scene's animation; `None` without one.
 fn timeline(opened: &Opened) -> Option<Timeline> {
-    let animation = opened.scene.animation.as_ref()?;
+    let animation = opened.scene().animation.as_ref()?;
     Timeline::new(animation.fps, animation.duration, animation.repeat).ok()
 }
 

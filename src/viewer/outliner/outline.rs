@@ -49,12 +49,12 @@ impl Outline {
         }
         let Some((_, objects)) = &self.objects else { return true };
         if self.drawn.as_ref().is_none_or(|(name, ..)| name != selected) {
-            let world = &prepared.job.world;
+            let world = &prepared.job().world;
             let is_selected: Vec<bool> = objects
                 .iter()
                 .map(|&id| id >= 0.0 && is_named(&world.objects[id as usize].name, selected))
                 .collect();
-            let image = border(&is_selected, prepared.job.view.size().map(|side| side as usize));
+            let image = border(&is_selected, prepared.job().view.size().map(|side| side as usize));
             let texture = painter.ctx().load_texture("outline", image, TextureOptions::NEAREST);
             self.drawn = Some((selected.to_owned(), texture, is_selected.contains(&true)));
         }
@@ -94,7 +94,7 @@ impl Outline {
 
 /// The objects that the pixels of a picture show.
 fn objects(prepared: &Prepared) -> Result<Objects> {
-    let mut job = prepared.job.with_size(prepared.job.view.size())?;
+    let mut job = prepared.job().with_size(prepared.job().view.size())?;
     job.set_sampling(Sampling::default())?;
     let selection = AovSelection::new(&["object".to_owned()])?;
     let channels = aov::channels(&job.aov_source(None), &selection, &RenderControl::default())?;

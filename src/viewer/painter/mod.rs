@@ -20,11 +20,17 @@ use egui::ColorImage;
 use super::false_colour::{DisplayMode, Legend};
 use super::refine::first_factor;
 use super::request::RenderRequest;
-use crate::error::Error;
+use crate::error::{Error, Warnings};
 use crate::film::{DisplayTransform, Film};
-use crate::job::RenderJob;
+use crate::job::{Findings, RenderJob};
 use crate::render::Statistics;
 use crate::scene::Numerics;
+#[cfg(test)]
+use crate::{
+    error::Result,
+    film::write::{Format, OutputImage},
+    job::{Metadata, RenderControl},
+};
 use pass::PipelineImage;
 
 /// Duration after which the first pass of an outdated request is cancelled.
@@ -76,6 +82,21 @@ pub(crate) struct RenderedImage {
     pub prepared: Arc<Prepared>,
     /// Its job with the metered exposure and clamp, if they are metered and this image shows them.
     pub metered: Option<Arc<RenderJob>>,
+}
+
+impl RenderedImage {
+    /// Adds the warnings and notes about the picture before it is rendered.
+    pub(crate) fn warn_of_picture(&self, warnings: &mut Warnings) {
+        let Prepared { session, picture, .. } = &*self.prepared;
+        session.warn(picture, self.metered.as_deref().unwrap_or(&picture.job), warnings);
+    }
+
+    /// Adds the warnings and notes about the finished image.
+    pub(crate) fn warn_of_image(&self, warnings: &mut Warnings) {
+        if self.is_last {
+            Findings::new(self.prepared.job(), &self.statistics).warn(warnings);
+        }
+    }
 }
 
 /// Handle of the painter thread.
@@ -292,25 +313,23 @@ impl RenderTask<'_> {
     }
 }
 
-/// The picture that the window ends with and saves: 8-bit display values, row by row from the top.
+/// The picture that the window ends with and saves, at a frame of an animation, with the messages that it shows.
 #[cfg(test)]
 pub(crate) fn final_picture(
     opened: &Arc<super::Opened>,
     size: [u32; 2],
-) -> crate::error::Result<Vec<[u8; 3]>> {
-    final_picture_at(opened, size, 0)
-}
-
-/// As [`final_picture`] for a frame of an animation.
-#[cfg(test)]
-pub(crate) fn final_picture_at(
-    opened: &Arc<super::Opened>,
-    size: [u32; 2],
-    frame: i32,
-) -> crate::error::Result<Vec<[u8; 3]>> {
-    let request = request_at(opened, size, frame);
+    frame: Option<i32>,
+    warnings: &mut Warnings,
+) -> Result<(OutputImage, Metadata)> {
+    let request = request_at(opened, size, frame.unwrap_or(0));
     let prepared = RenderCache::default().prepare(&request, &request.sides[0])?;
-    pass::Side::new(&request, prepared, None, 4).final_picture()
+    let shown = pass::Side::new(&request, prepared, None, 4).final_image()?;
+    shown.warn_of_picture(warnings);
+    shown.warn_of_image(warnings);
+    let film = shown.film.expect("a finished picture");
+    let finished = Some(super::save::Finished { film, display: shown.display });
+    let picture = super::save::SavedPicture { request, side: 0, frame, finished, command: String::new() };
+    picture.image(Format::Png, &RenderControl::default())
 }
 
 /// The first request of opened files, at a frame of their animation if they have one.
@@ -318,7 +337,7 @@ pub(crate) fn final_picture_at(
 pub(crate) fn request_at(opened: &Arc<super::Opened>, size: [u32; 2], frame: i32) -> RenderRequest {
     use crate::scene::animation::Timeline;
     let mut request = super::controls::Controls::new(opened).request(opened, size);
-    if let (1.., Some(animation)) = (frame, &opened.scene.animation) {
+    if let (1.., Some(animation)) = (frame, &opened.scene().animation) {
         let timeline = Timeline::new(animation.fps, animation.duration, animation.repeat);
         request.time = timeline.expect("frames").moment(frame);
     }

@@ -91,8 +91,8 @@ impl<'a> Side<'a> {
         let start = Instant::now();
         let control = RenderControl { cancel, progress: &|_, _| (), time_stages: false };
         let is_last = index + 1 == self.passes.len();
-        let pipeline = self.prepared.job.pipeline();
-        let whole = self.prepared.job.plan_settings.sampling;
+        let pipeline = self.prepared.job().pipeline();
+        let whole = self.prepared.job().plan_settings.sampling;
         let Sampling { seed, sampler, noise, min_samples, .. } = whole;
         let most = if self.request.display_mode == DisplayMode::Picture { self.prepared.samples } else { 1 };
         let (factor, sampling) = match pass {
@@ -163,12 +163,12 @@ impl<'a> Side<'a> {
 
     /// The job of the picture, with its exposure once that is metered.
     fn job(&self) -> &RenderJob {
-        self.metered.as_deref().unwrap_or(&self.prepared.job)
+        self.metered.as_deref().unwrap_or(&self.prepared.job())
     }
 
     /// Whether the exposure of the final image is metered. False colours do not depend on it.
     fn meters(&self) -> bool {
-        self.prepared.is_metered() && self.request.display_mode == DisplayMode::Picture
+        self.prepared.picture.is_metered() && self.request.display_mode == DisplayMode::Picture
     }
 
     /// The display transform of the final image. The exposure is metered at the first call.
@@ -192,7 +192,7 @@ impl<'a> Side<'a> {
         }
         let job = self.job().with_size(size)?;
         let subject = job.subject_colours(pixels.iter().copied(), control)?;
-        let ev = match self.prepared.meters {
+        let ev = match self.prepared.picture.resolved.meters {
             true => self.job().exposure_of(&subject),
             false => auto_exposure(subject.into_iter()),
         };
@@ -208,7 +208,7 @@ impl<'a> Side<'a> {
     fn false_colours(&self, film: &Film, size: [u32; 2], control: &RenderControl) -> Result<FalseColours> {
         let mut job = self.job().with_size(size)?;
         if let Some(exact) = &self.exact {
-            let (exact, _) = self.render((&exact.job, false), size, Sampling::default(), control)?;
+            let (exact, _) = self.render((exact.job(), false), size, Sampling::default(), control)?;
             let [picture, exact] =
                 [film, &exact].map(|film| metrics::ComparedImage::of_film(film, job.pipeline()));
             return error_against_exact(&picture, &exact);
@@ -241,9 +241,9 @@ impl<'a> Side<'a> {
         }
     }
 
-    /// All passes, and the picture of the job that they show, in 8-bit display values. Their last image is that picture.
+    /// The image of the last pass. It is the picture of the job.
     #[cfg(test)]
-    pub(crate) fn final_picture(mut self) -> Result<Vec<[u8; 3]>> {
+    pub(crate) fn final_image(mut self) -> Result<RenderedImage> {
         let control = RenderControl::default();
         let mut index = 0;
         let (mut shown, mut cast) = (None, 0);
@@ -258,9 +258,9 @@ impl<'a> Side<'a> {
         assert_eq!(Some(shown.display), self.picture.as_ref().map(|picture| picture.display));
         let bytes = shown.image.pixels.iter().map(|colour| [colour.r(), colour.g(), colour.b()]);
         let other = picture.iter().zip(bytes).find(|(a, b)| *a != b);
-        let file = &self.request.opened.scene.inputs;
+        let file = &self.request.opened.scene().inputs;
         assert_eq!(other, None, "the last pass shows the picture: {file:?}, {:?}", self.passes);
-        Ok(picture)
+        Ok(shown)
     }
 }
 

@@ -111,7 +111,7 @@ impl<'a> Shown<'a> {
     pub(super) fn new(settings: &RenderSettings, rendered: Option<&'a RenderedImage>, scene: &Scene) -> Self {
         let mut own = rendered.map(|rendered| rendered.prepared.shown_settings()).unwrap_or_default();
         if let Some(rendered) = rendered {
-            let job = &rendered.prepared.job;
+            let job = &rendered.prepared.job();
             own.transport = own.transport.or(Some(job.plan.transport));
             own.samples = Some(Samples::clamped(job.plan_settings.sampling.samples_taken()));
         }
@@ -185,7 +185,7 @@ fn without_lens(shown: &Shown) -> Option<String> {
 }
 
 fn double_sided(shown: &Shown) -> Option<String> {
-    let world = shown.rendered.map(|rendered| &rendered.prepared.job.world);
+    let world = shown.rendered.map(|rendered| &rendered.prepared.job().world);
     let is_used = world.is_none_or(|world| world.has_single_sided());
     unless(is_used, "No material is single-sided.")
 }
