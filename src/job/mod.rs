@@ -52,8 +52,6 @@ pub(crate) use prepared::scene_at;
 pub use prepared::{PreparedScene, SceneAtTime};
 pub use resolved::ResolvedPicture;
 pub use session::{Picture, Session};
-#[cfg(feature = "viewer")]
-pub(crate) use settings::is_fitted;
 pub use settings::{CameraChoice, EnvironmentSettings, RenderSettings, check_display};
 
 use std::sync::{Arc, OnceLock};

@@ -273,21 +273,15 @@ pub enum CameraChoice {
 
 impl CameraChoice {
     /// Whether the camera was made for the files, rather than to frame the scene: one of theirs, or one that is given in
-    /// its place. Given cameras with the name of a standard view, such as those of metadata, frame the scene.
+    /// its place.
     pub(crate) fn is_of_file(&self, scene: &Scene) -> bool {
         match self {
             CameraChoice::Named(_) | CameraChoice::Index(_) => true,
             CameraChoice::Fitted(_) => false,
-            CameraChoice::Given(camera) if is_fitted(camera, scene) => false,
+            CameraChoice::Given(camera) if camera.fitted => false,
             CameraChoice::Default | CameraChoice::Given(_) => scene.default_camera().is_some(),
         }
     }
-}
-
-/// Whether a camera has the name of a standard view, as fitted ones have, and no camera of the scene has it.
-pub(crate) fn is_fitted(camera: &Camera, scene: &Scene) -> bool {
-    let is_own = || scene.cameras.iter().any(|own| own.name == camera.name);
-    StandardView::ALL.iter().any(|view| view.name() == camera.name) && !is_own()
 }
 
 /// Checks exposure, tone map and dithering against the pipeline.

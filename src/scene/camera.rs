@@ -96,6 +96,9 @@ pub struct Camera {
     /// Where the viewing rectangle and the pixels differ from those of a symmetric camera with square pixels.
     #[serde(default, skip_serializing_if = "Sensor::is_default")]
     pub sensor: Sensor,
+    /// Whether it was fitted to frame the scene, rather than placed by a file or a user.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub fitted: bool,
 }
 
 /// How the viewing rectangle of a camera lies, and its pixels.
@@ -162,6 +165,7 @@ impl Camera {
             viewpoint_distance: distance,
             lens: None,
             sensor: Sensor::default(),
+            fitted: false,
         }
     }
 }

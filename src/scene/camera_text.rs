@@ -48,6 +48,9 @@ impl Camera {
                 entries.push(("viewpoint_distance", number(self.viewpoint_distance)));
             }
         }
+        if self.fitted {
+            entries.push(("fitted", "true".into()));
+        }
         let Sensor { shift, oblong_pixels } = self.sensor;
         if shift != DVec2::ZERO {
             entries.push(("lens_shift", list(&shift.to_array())));

@@ -129,6 +129,7 @@ fn camera_option(command: &RenderCommand, option: &mut impl FnMut(&str, &str)) -
                     viewpoint_distance,
                     lens,
                     sensor,
+                    fitted: _,
                 } = camera;
                 (position, target, up) == (&known.position, &known.target, &known.up)
                     && (view_height, view_width, viewpoint_distance)
@@ -142,7 +143,7 @@ fn camera_option(command: &RenderCommand, option: &mut impl FnMut(&str, &str)) -
                     known.projection
                 }
                 _ => {
-                    let own = Camera { projection: command.projection, ..given(camera, command.scene) };
+                    let own = Camera { projection: command.projection, ..given(camera) };
                     option("--camera", &own.to_inline());
                     command.projection
                 }

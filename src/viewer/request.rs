@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::job::{CameraChoice, RenderSettings, Session, is_fitted};
+use crate::job::{CameraChoice, RenderSettings, Session};
 use crate::scene::animation::Moment;
 use crate::scene::{Camera, INLINE_NAME, PictureSettings, Projection, Scene};
 use crate::world::StandardView;
@@ -74,7 +74,7 @@ impl RenderRequest {
             // A camera that a changed file no longer has.
             CameraSource::Scene(_) => CameraChoice::Default,
             CameraSource::Fitted(view) | CameraSource::FittedAt(view, _) => CameraChoice::Fitted(*view),
-            CameraSource::Free(camera) => CameraChoice::Given(given(camera, scene)),
+            CameraSource::Free(camera) => CameraChoice::Given(given(camera)),
         };
         let picture = PictureSettings::of_size(self.size).or(side.picture).displayable();
         RenderSettings { camera, projection: self.projection, picture, ..side.clone() }
@@ -82,9 +82,9 @@ impl RenderRequest {
 }
 
 /// A camera moved by the user, as `kiln render` takes it: with a name only if it was fitted.
-pub(super) fn given(camera: &Camera, scene: &Scene) -> Camera {
+pub(super) fn given(camera: &Camera) -> Camera {
     let mut camera = camera.clone();
-    if !is_fitted(&camera, scene) {
+    if !camera.fitted {
         camera.name = INLINE_NAME.to_owned();
     }
     camera

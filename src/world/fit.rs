@@ -244,7 +244,7 @@ pub fn fitted_to_poses(
     let from = |position: DVec3, target: DVec3| {
         let up = if w.y.abs() < STEEP { DVec3::Y } else { v };
         let camera = Camera::from_field_of_view(view.name().into(), position, target, up, fov);
-        (target != position && position.is_finite()).then_some(Camera { projection, ..camera })
+        (target != position && position.is_finite()).then_some(Camera { projection, fitted: true, ..camera })
     };
     if is_panoramic {
         return from(middle, middle - w * (max - min).length());

@@ -454,6 +454,7 @@ mod tests {
             viewpoint_distance: 10.0,
             lens: None,
             sensor: Sensor::default(),
+            fitted: false,
         }
     }
 

@@ -70,6 +70,7 @@ pub fn camera(position: DVec3, target: DVec3, projection: Projection, side: f64,
         viewpoint_distance: distance,
         lens: None,
         sensor: Sensor::default(),
+        fitted: false,
     }
 }
 

@@ -89,6 +89,7 @@ pub fn seen(scene: Scene, min: [f64; 2], max: [f64; 2], size: [u32; 2]) -> Vec<[
         viewpoint_distance: 100.0,
         lens: None,
         sensor: Sensor::default(),
+        fitted: false,
     };
     let pipeline = ColourPipeline::Display;
     let world = World::prepare(scene, pipeline, Layout::default(), Numerics::default());

@@ -61,6 +61,7 @@ fn camera(half: f64, projection: Projection) -> Camera {
         viewpoint_distance: 1.0,
         lens: None,
         sensor: Sensor::default(),
+        fitted: false,
     }
 }
 

@@ -36,6 +36,7 @@ fn scene(colour: [u8; 3], opacity: Option<f64>) -> Scene {
         viewpoint_distance: 5.0,
         lens: None,
         sensor: Sensor::default(),
+        fitted: false,
     };
     let object = Object { name: "a".into(), input: 0, material: MaterialId(0), shape: Shape::Mesh(mesh) };
     Scene { cameras: vec![camera], materials: vec![material], objects: vec![object], ..Scene::default() }

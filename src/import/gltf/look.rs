@@ -206,6 +206,7 @@ impl Loader<'_> {
             viewpoint_distance: 1.0,
             lens: None,
             sensor: Sensor::default(),
+            fitted: false,
         };
         let extras = &self.root["cameras"][camera.index()]["extras"];
         if extras.is_object() {

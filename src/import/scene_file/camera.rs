@@ -48,6 +48,7 @@ pub(crate) fn camera(
                 viewpoint_distance: 1.0,
                 lens: None,
                 sensor,
+                fitted: false,
             }
         }
         (Some((width, height)), Some(distance), None) if intrinsics.is_none() => {
@@ -67,6 +68,7 @@ pub(crate) fn camera(
                 viewpoint_distance: distance,
                 lens: None,
                 sensor,
+                fitted: false,
             }
         }
         (None, None, fov) if is_one_at_most && intrinsics.is_none() => {
@@ -90,7 +92,7 @@ pub(crate) fn camera(
         }
     };
     let lens = lens(&s.lens(), &camera)?;
-    Ok(Camera { lens, ..camera })
+    Ok(Camera { lens, fitted: s.fitted, ..camera })
 }
 
 /// Position, target and up vector.
@@ -317,10 +319,10 @@ mod tests {
         let shift = prop_oneof![Just([0.0; 2]), [number(), number()]];
         let sensor = (shift, any::<bool>())
             .prop_map(|(shift, oblong_pixels)| Sensor { shift: DVec2::from(shift) + 0.0, oblong_pixels });
-        let optics = (rectangle, any_lens(), sensor);
+        let optics = (rectangle, any_lens(), sensor, any::<bool>());
         (name, point(), point(), up, any::<bool>(), optics).prop_filter_map(
             "looks somewhere",
-            |(name, position, target, up, parallel, (rectangle, lens, sensor))| {
+            |(name, position, target, up, parallel, (rectangle, lens, sensor, fitted))| {
                 let (view_height, view_width, viewpoint_distance) = rectangle;
                 let projection = if parallel { Projection::Orthographic } else { Projection::Perspective };
                 let camera = Camera {
@@ -334,6 +336,7 @@ mod tests {
                     viewpoint_distance,
                     lens: lens.map(|lens| Lens { radius: if parallel { 0.0 } else { lens.radius }, ..lens }),
                     sensor,
+                    fitted,
                 };
                 (position != target).then_some(camera)
             },

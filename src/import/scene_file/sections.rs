@@ -130,6 +130,9 @@ pub struct CameraSection {
     pub blades: Option<u32>,
     /// Rotation of the corners in degrees, counterclockwise; at 0, one is to the right.
     pub blade_rotation: Option<f64>,
+    /// Whether the camera was fitted to frame the scene, as in metadata of pictures by automatic cameras.
+    #[serde(default)]
+    pub fitted: bool,
 }
 
 /// An intrinsic matrix.

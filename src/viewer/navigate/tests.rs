@@ -29,6 +29,7 @@ fn cameras() -> impl Strategy<Value = Camera> {
                 viewpoint_distance: distance * scale,
                 lens: None,
                 sensor: crate::scene::Sensor::default(),
+                fitted: false,
             })
         },
     )
