@@ -61,13 +61,25 @@ pub(super) fn open(
 ) -> (Result<Opened>, Vec<FileRead>) {
     // Like camera options, these do not apply to files that were dropped onto the window, but for the first.
     let is_own = arguments.inputs.is_empty() || arguments.inputs == inputs;
-    let options = match chosen {
+    let mut options = match chosen {
         Some(options) => options.clone(),
         None if is_own => arguments.reading(),
         None => ImportOptions { smooths_meshes: true, ..ImportOptions::default() },
     };
+    // What is hidden in the window may be gone from files that have changed.
+    let mut shown = [Vec::new(), Vec::new()];
+    if chosen.is_some() {
+        shown = [&mut options.isolate, &mut options.hide].map(std::mem::take);
+    }
     let (scene, files) = import::load_and_list(inputs, &options, warnings);
     let scene = scene.and_then(|mut scene| {
+        if chosen.is_some() {
+            let is_there = |name: &String| scene.objects.iter().any(|object| object.is_named(name));
+            shown.iter_mut().for_each(|names| names.retain(is_there));
+            if scene.set_visible(&shown[0], &shown[1]).is_ok() {
+                [scene.import_options.isolate, scene.import_options.hide] = shown;
+            }
+        }
         // The bar plays a clip, unless a moment of it is asked for.
         let is_still = scene.import_options.reading.time.is_some();
         if !is_still && inputs.iter().all(|input| input != Path::new("-")) {
@@ -157,5 +169,9 @@ mod tests {
             assert_eq!(opened.scene().bounds(), expected.unwrap_or_else(|e| panic!("{e}")).bounds());
             assert_eq!(opened.scene().import_options, turned(up));
         }
+        // A name that the file no longer has is shown no more, and hides nothing.
+        let hidden = ImportOptions { hide: vec!["gone".into()], ..turned(None) };
+        let (opened, _) = open(&arguments, &own, Some(&hidden), &mut Warnings::default());
+        assert_eq!(opened.unwrap_or_else(|e| panic!("{e}")).scene().import_options, turned(None));
     }
 }
