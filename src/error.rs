@@ -265,6 +265,17 @@ pub fn is_contained() -> bool {
     CONTAINED.get()
 }
 
+/// Options, effects and AOVs that ended, without hyphens in front, and what serves instead.
+pub(crate) const ENDED: &[(&str, &str)] = &[
+    ("edit-light", "it ended; edit [[light]] in a scene file, or change the brightness by --exposure EV"),
+    ("left-out", "it ended; `kiln explain --measure` measures the light that limits leave out"),
+];
+
+/// What serves instead of an option, an effect or an AOV that ended; `None` for all other names.
+pub fn ended(name: &str) -> Option<&'static str> {
+    ENDED.iter().find(|(ended, _)| *ended == name).map(|(_, hint)| *hint)
+}
+
 /// "did you mean `x`?" if a known name is similar to `typed`, else the list of all known names.
 pub fn nearest_name(typed: &str, known: &[&str]) -> String {
     // Comparing takes time in proportion to the product of the lengths.

@@ -5,13 +5,14 @@ use std::time::Instant;
 
 use glam::DVec3;
 
+use super::light_left_out::{self, LightLeftOut, Share};
 use crate::effects::convergence::displayed_error;
 use crate::error::Result;
 use crate::film::write::Channel;
 use crate::film::{ColourPipeline, Film};
-use crate::job::{RenderJob, left_out_advice, percent};
+use crate::job::RenderJob;
+use crate::render::RenderControl;
 use crate::render::aov::{self, AovSelection};
-use crate::render::{RenderControl, Statistics};
 use crate::scene::{BitDepth, Numerics};
 
 /// The error of a picture by one cause.
@@ -44,53 +45,39 @@ pub fn measure(
     control: &RenderControl,
 ) -> Result<Vec<PictureError>> {
     let started = Instant::now();
-    let (film, statistics) = job.render::<[f32; 3]>(control)?;
+    let (film, _) = job.render::<[f32; 3]>(control)?;
     let seconds = started.elapsed().as_secs_f64();
     let mut errors = vec![noise(job, &film, control)?];
-    errors.extend(light_left_out(job, &statistics));
+    errors.extend(light_left_out(job, control)?);
     errors.extend(exact.map(|exact| tier(job, exact, seconds, control)).transpose()?);
     errors.extend(quantisation(job));
     Ok(errors)
 }
 
-/// The errors that are known of a picture once it is rendered: light left out, and quantisation.
-pub fn of_rendered(job: &RenderJob, statistics: &Statistics) -> Vec<PictureError> {
-    let mut errors = light_left_out(job, statistics);
-    errors.extend(quantisation(job));
-    errors
-}
-
 /// The light that limits leave out.
-fn light_left_out(job: &RenderJob, statistics: &Statistics) -> Vec<PictureError> {
-    let mut errors = Vec::new();
-    if let Some(left_out) = &statistics.left_out {
-        let limits = job.plan.bounce_limits();
-        let (option, time) = left_out_advice(&job.plan, statistics);
-        let causes = [
-            ("bounces", left_out.by_depth(), option, time),
-            ("clamp", left_out.by_clamp(), "larger --clamp".into(), None),
-        ];
-        let has_clamp = job.plan_settings.clamp.is_some();
-        for (cause, share, option, time) in
-            causes.into_iter().filter(|(cause, ..)| *cause != "clamp" || has_clamp)
-        {
-            let by = if cause == "bounces" { format!(", beyond {limits}") } else { String::new() };
-            errors.push(PictureError {
-                cause: cause.into(),
-                error: Some(share.mean),
-                standard_error: Some(share.error),
-                unit: "share of the light".into(),
-                text: format!("{} of the light left out{by}", percent(share)),
-                option,
-                time,
-            });
-        }
+fn light_left_out(job: &RenderJob, control: &RenderControl) -> Result<Vec<PictureError>> {
+    let Some(LightLeftOut { by_depth, by_clamp }) = light_left_out::measure(job, control)? else {
+        return Ok(Vec::new());
+    };
+    let limits = job.plan.bounce_limits();
+    let row = |cause: &str, share: Share, beyond: String, option: String| PictureError {
+        cause: cause.into(),
+        error: Some(share.mean),
+        standard_error: Some(share.error),
+        unit: "share of the light".into(),
+        text: format!("{share} of the light left out{beyond}"),
+        option,
+        time: None,
+    };
+    let mut errors = vec![row("bounces", by_depth, format!(", beyond {limits}"), limits.doubled())];
+    if job.plan_settings.clamp.is_some() {
+        errors.push(row("clamp", by_clamp, String::new(), "larger --clamp".into()));
     }
-    errors
+    Ok(errors)
 }
 
 /// The rounding of display values to 8 bits; `None` where values have more.
-fn quantisation(job: &RenderJob) -> Option<PictureError> {
+pub fn quantisation(job: &RenderJob) -> Option<PictureError> {
     let picture = &job.settings.picture;
     if picture.bits.is_some_and(|bits| bits != BitDepth::Eight) {
         return None;

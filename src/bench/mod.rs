@@ -7,6 +7,7 @@
 //! - [`contains`]: number of points that a closed mesh wrongly contains or not.
 //! - [`effects`]: cost of each effect of a picture.
 //! - [`leaks`]: number of rays that leak through a closed mesh.
+//! - [`light_left_out`]: the light that limits on paths leave out of a picture.
 //! - [`price`]: what accuracy costs, in kiln's tiers and in other libraries.
 //! - [`speed`]: ray throughput and number of wrong hits.
 
@@ -25,6 +26,7 @@ pub(crate) mod html;
 mod icosphere;
 mod kiln;
 pub mod leaks;
+pub mod light_left_out;
 mod numbers;
 mod obvhs;
 #[cfg(feature = "peers")]

@@ -33,7 +33,8 @@ pub(crate) struct Command {
     /// Print JSON
     #[arg(long, help_heading = group::OUTPUT)]
     json: bool,
-    /// Measure the cost of each effect by rendering with and without it, on one thread unless --threads is given
+    /// Measure the cost of each effect by rendering with and without it, on one thread unless --threads is given, and the
+    /// errors of the picture by their causes
     #[arg(long, help_heading = group::MEASUREMENT)]
     measure: bool,
     /// Number of measured rounds

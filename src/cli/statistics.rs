@@ -82,10 +82,7 @@ pub(crate) fn to_json(
         "non_finite_pixels": statistics.non_finite.len(),
         "discarded_samples": statistics.discarded_samples,
         "noisy_pixels": statistics.noisy_pixels,
-        "left_out": statistics.left_out.as_ref().map(|left_out| json!({
-            "by_depth": left_out.by_depth(),
-            "by_clamp": left_out.by_clamp(),
-        })),
+        "paths": { "traced": statistics.paths.traced, "cut": statistics.paths.cut },
         "peak_memory_bytes": limits::peak_memory(),
         "warnings": warnings.messages(),
         "notes": warnings.notes(),

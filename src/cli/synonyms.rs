@@ -1,6 +1,7 @@
 //! Names under which other programs have an option, and what to use here: hints about unknown options.
 
 use crate::effects::{EFFECTS, EffectId, id};
+use crate::error::ended;
 
 /// Keys of a camera on the command line.
 macro_rules! camera {
@@ -102,7 +103,6 @@ const SYNONYMS: &[(&[&str], &str)] = &[
         &["headlight", "lights", "light-intensity", "light-type"],
         "use --light head or --light none; --exposure EV changes the brightness",
     ),
-    (&["edit-light"], "it ended; edit [[light]] in a scene file, or change the brightness by --exposure EV"),
     // Look.
     (
         &["bg", "bgcolor", "bg-color", "bg-colour", "background-color", "background-colour", "clear-color"],
@@ -214,7 +214,8 @@ pub(super) fn hint(typed: &str) -> Option<String> {
     if let Some(effect) = effect.or_else(synonym) {
         return Some(format!("use --with {effect} or --without {effect}"));
     }
-    SYNONYMS.iter().find(|(names, _)| names.contains(&name.as_str())).map(|(_, hint)| (*hint).to_owned())
+    let synonym = SYNONYMS.iter().find(|(names, _)| names.contains(&name.as_str()));
+    ended(&name).or(synonym.map(|(_, hint)| *hint)).map(str::to_owned)
 }
 
 #[cfg(test)]
@@ -224,7 +225,7 @@ mod tests {
     use super::super::names::error_by_name;
     use super::super::tests::{commands, options};
     use super::*;
-    use crate::error::Error;
+    use crate::error::{ENDED, Error};
     use crate::render::aov::AOVS;
 
     #[test]
@@ -234,14 +235,16 @@ mod tests {
         let mut seen = BTreeSet::new();
         let of_effects =
             EFFECT_SYNONYMS.iter().map(|(names, effect)| (*names, hint(effect.name()).expect("an effect")));
-        let all = SYNONYMS.iter().map(|(names, hint)| (*names, (*hint).to_owned())).chain(of_effects);
+        let ended = ENDED.iter().map(|(name, hint)| (std::slice::from_ref(name), (*hint).to_owned()));
+        let all = SYNONYMS.iter().map(|(names, hint)| (*names, (*hint).to_owned()));
+        let all = all.chain(of_effects).chain(ended);
         for (names, hint) in all {
             for name in names {
                 assert!(!EFFECTS.iter().any(|effect| effect.name() == *name), "--{name} is an effect");
                 assert!(!known.contains(*name), "--{name} is an option");
                 assert!(seen.insert(*name), "--{name} has two hints");
             }
-            let mut words = hint.split([' ', '=', ',', ';', ':']).peekable();
+            let mut words = hint.split([' ', '=', ',', ';', ':', '`']).peekable();
             let mut count = 0;
             while let Some(word) = words.next() {
                 let Some(option) = word.strip_prefix("--") else { continue };

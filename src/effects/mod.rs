@@ -11,9 +11,9 @@
 //! A picture has one transport, which computes the light that surfaces send towards the camera. Each has one folder and
 //! one line in `registry!`, which makes [`TRANSPORTS`]: [`whitted`] with the effects that only it has, and [`path`].
 
+pub mod bounce_limits;
 mod closest_hits;
 pub mod convergence;
-pub mod light_left_out;
 mod plan;
 mod primary_rays;
 pub mod random;
@@ -40,6 +40,7 @@ use serde::Serialize;
 use crate::scene::{Sampling, TextureFilter, Transport, ValueKind};
 use crate::shading::ShadingMode;
 use crate::world::World;
+use bounce_limits::BounceLimits;
 use tile::{RenderContext, Tile};
 use transparency::{ContinuedRays, Transparency};
 
@@ -99,7 +100,6 @@ registry! {
         "antialiasing" => antialiasing ANTIALIASING,
         "depth-of-field" => depth_of_field DEPTH_OF_FIELD,
         "adaptive" => adaptive ADAPTIVE,
-        "left-out" => left_out LEFT_OUT,
     }
 }
 
@@ -194,8 +194,6 @@ pub struct Effect {
     pub decides_samples: bool,
     /// Whether `kiln study` varies it by switching it on and off. It varies the others by their values or by the sampling.
     pub is_study_switch: bool,
-    /// Whether it measures alone, and the picture is the same without it.
-    pub is_measurement: bool,
     /// The kinds of rays that it casts.
     pub rays: &'static [RayKind],
     /// The value it takes, if any.
@@ -221,7 +219,6 @@ impl Effect {
         is_shading: false,
         decides_samples: false,
         is_study_switch: false,
-        is_measurement: false,
         rays: &[],
         value: None,
         called_for: |_, _| Err("nothing calls for it".into()),
@@ -325,8 +322,8 @@ pub struct PlanSpec {
     pub light_technique: LightTechnique,
     /// How paths are estimated.
     pub path: PathSettings,
-    /// Whether the light that limits leave out is measured.
-    pub measures_left_out: bool,
+    /// The limits on the bounces of paths.
+    pub bounce_limits: BounceLimits,
 }
 
 /// How paths are estimated. Roulette and light samples change noise and time, not the expected picture; they are for the library

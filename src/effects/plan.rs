@@ -2,17 +2,17 @@
 
 use std::ops::Range;
 
-use super::light_left_out::BounceLimits;
+use super::bounce_limits::BounceLimits;
 use super::samples::TileSamples;
 use super::tile::{RenderContext, Tile};
 use super::transparency::{Transparency, closest_visible};
 use super::variance::PixelStatistics;
 use super::{
     EFFECTS, Effect, EffectContext, EffectId, EffectValue, Hook, LightTechnique, PathSettings, PlanSpec,
-    RayClass, RayKind, Stage, TRANSPORTS, TransportEntry, closest_hits, id, primary_rays, ray_origins, unlit,
+    RayClass, RayKind, Stage, TRANSPORTS, TransportEntry, closest_hits, primary_rays, ray_origins, unlit,
 };
 use crate::bvh::Traversal;
-use crate::error::{Error, Result, nearest_name};
+use crate::error::{Error, Result, ended, nearest_name};
 use crate::film::Window;
 use crate::geometry::{Hit, HitBuffer, Ray, Rays};
 use crate::scene::EffectsSection;
@@ -257,9 +257,7 @@ impl Plan {
 
     /// The limits on the bounces of paths.
     pub fn bounce_limits(&self) -> BounceLimits {
-        let path = self.decisions.iter().find(|decision| decision.effect == id::PATH);
-        let depth = path.and_then(|decision| decision.value.as_ref()?.parse().ok());
-        BounceLimits::new(depth, self.spec.path.depth_specular)
+        self.spec.bounce_limits
     }
 
     /// Whether an effect makes the camera rays, instead of one through each pixel's centre.
@@ -407,10 +405,11 @@ fn name_and_value(typed: &str) -> (&str, Option<&str>) {
     typed.split_once('=').map_or((typed, None), |(name, value)| (name, Some(value)))
 }
 
-/// The effect of this name; `Err` with a hint at the nearest name.
+/// The effect of this name; `Err` with a hint at the nearest name, or at what serves instead.
 fn find(name: &str) -> std::result::Result<&'static Effect, String> {
     let known: Vec<&str> = EFFECTS.iter().map(Effect::name).collect();
-    EFFECTS.iter().find(|effect| effect.name() == name).ok_or_else(|| nearest_name(name, &known))
+    let hint = || ended(name).map_or_else(|| nearest_name(name, &known), str::to_owned);
+    EFFECTS.iter().find(|effect| effect.name() == name).ok_or_else(hint)
 }
 
 /// Checks the value of an effect; `Err` says what is wrong and what to do.

@@ -37,11 +37,6 @@ impl Dimension {
         Dimension(u32::MAX - bounces)
     }
 
-    /// Whether a path continues beyond a limit.
-    pub fn left_out(bounces: u32) -> Self {
-        Dimension((1 << 31) + bounces)
-    }
-
     /// The direction in which a path continues.
     pub fn direction(bounces: u32) -> Self {
         Dimension(1 + 4 * bounces)
@@ -239,8 +234,7 @@ mod tests {
     fn every_use_has_its_own_dimension() {
         let of_vertex = |bounces| {
             let lights = (0..PathSettings::MAX_LIGHT_SAMPLES).flat_map(move |i| Dimension::light(bounces, i));
-            let own =
-                [Dimension::opacity, Dimension::direction, Dimension::lobe_and_roulette, Dimension::left_out];
+            let own = [Dimension::opacity, Dimension::direction, Dimension::lobe_and_roulette];
             own.map(|of| of(bounces)).into_iter().chain(lights)
         };
         let path: Vec<Dimension> =

@@ -5,6 +5,7 @@
 //! what it fills. Buffers of a single effect are defined in its own file and exist only where it runs ([`Tile::with_buffers`]).
 
 use std::any::Any;
+use std::ops::AddAssign;
 
 use glam::DVec3;
 
@@ -132,6 +133,8 @@ pub struct Tile {
     pub scattering: Option<Vec<Option<[[f32; 3]; 2]>>>,
     /// Samples of light that were left out because they were not finite numbers.
     pub discarded_samples: u64,
+    /// Paths traced and cut.
+    pub paths: PathCount,
     /// Pixels that depend on random numbers and whose standard error, by their own samples, is above [`NOISY_LEVELS`]
     /// times the level of adaptive sampling.
     pub noisy_pixels: u64,
@@ -139,6 +142,22 @@ pub struct Tile {
     pub recorder: Option<Box<Recorder>>,
     /// The buffers of effects, one type each.
     effect_buffers: Vec<Box<dyn Any + Send>>,
+}
+
+/// The count of paths: one for each sample, or for each layer of transparent surfaces where a pixel has one sample.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct PathCount {
+    /// Paths that were traced.
+    pub traced: u64,
+    /// Those that a limit on bounces ended at a surface that may scatter, with a throughput above 0.
+    pub cut: u64,
+}
+
+impl AddAssign for PathCount {
+    fn add_assign(&mut self, other: Self) {
+        self.traced += other.traced;
+        self.cut += other.cut;
+    }
 }
 
 /// The count of rays of one kind.

@@ -46,7 +46,7 @@ pub use crate::shading::ShadingMode;
 pub use findings::{Findings, warn_of_indices};
 pub use memory::check_memory;
 pub use metadata::Metadata;
-pub use notes::{HEADLIGHT, left_out_advice, notes_of_result, percent};
+pub use notes::{HEADLIGHT, notes_of_result};
 #[cfg(feature = "viewer")]
 pub(crate) use prepared::scene_at;
 pub use prepared::{PreparedScene, SceneAtTime};

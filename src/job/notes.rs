@@ -1,8 +1,7 @@
 //! Warnings and notes about a picture, before and after it is rendered.
 
 use super::{RenderJob, back_faces};
-use crate::effects::light_left_out::Estimate;
-use crate::effects::tile::NOISY_LEVELS;
+use crate::effects::tile::{NOISY_LEVELS, PathCount};
 use crate::effects::{Plan, named};
 use crate::error::Warnings;
 use crate::render::Statistics;
@@ -66,28 +65,26 @@ pub(super) fn warn_of_recentering(recentering: Option<&Recentering>, warnings: &
     }
 }
 
-/// [`unnoted_share`] without a noise threshold.
-const UNNOTED_SHARE: f64 = 0.01;
-
-/// Notes about a rendered picture: light that limits leave out, and noise.
+/// Notes about a rendered picture: paths that limits cut, and noise.
 pub fn notes_of_result(job: &RenderJob, statistics: &Statistics) -> impl Iterator<Item = String> + use<> {
-    note_of_left_out(&job.plan, statistics).into_iter().chain(note_of_noise(job, statistics))
+    note_of_cut_paths(&job.plan, statistics).into_iter().chain(note_of_noise(job, statistics))
 }
 
-/// Note about the light that limits leave out, where that is more than the noise threshold.
-fn note_of_left_out(plan: &Plan, statistics: &Statistics) -> Option<String> {
-    let left_out = statistics.left_out.as_ref()?;
-    let is_noted = |share: Estimate| share.mean > unnoted_share(plan) && share.mean > 2.0 * share.error;
-    let (by_depth, by_clamp) = (left_out.by_depth(), left_out.by_clamp());
-    if is_noted(by_depth) {
-        let (advice, time) = left_out_advice(plan, statistics);
-        let time = time.map(|time| format!(", {time:.1} times the time")).unwrap_or_default();
-        let limits = plan.bounce_limits();
-        let leave = if limits.depth == 1 && limits.specular.is_none() { "leaves" } else { "leave" };
-        return Some(format!("{limits} {leave} out {} of the light; {advice}{time}", percent(by_depth)));
-    }
-    is_noted(by_clamp).then(|| {
-        format!("the clamp leaves out {} of the light; a larger --clamp leaves out less", percent(by_clamp))
+/// The share of cut paths from which a note says so.
+const NOTED_CUT_SHARE: f64 = 0.05;
+
+/// Note about paths that a limit on bounces cut while they could still carry light.
+fn note_of_cut_paths(plan: &Plan, statistics: &Statistics) -> Option<String> {
+    let PathCount { traced, cut } = statistics.paths;
+    let (share, limits) = (cut as f64 / traced as f64, plan.bounce_limits());
+    (share > NOTED_CUT_SHARE).then(|| {
+        let cut = if limits.depth == 1 && limits.specular.is_none() { "cuts" } else { "cut" };
+        format!(
+            "{limits} {cut} {:.0} % of the paths, which may carry more light; try {}; \
+             `kiln explain --measure` measures the light left out",
+            100.0 * share,
+            limits.doubled()
+        )
     })
 }
 
@@ -106,32 +103,6 @@ fn note_of_noise(job: &RenderJob, statistics: &Statistics) -> Option<String> {
             100.0 * count / pixels
         )
     })
-}
-
-/// The share of the light that limits may leave out without a note.
-fn unnoted_share(plan: &Plan) -> f64 {
-    plan.sampling.noise.unwrap_or(UNNOTED_SHARE)
-}
-
-/// The options that leave out a quarter of [`unnoted_share`] or less, what they leave out, and the time over that of the
-/// picture; where no such limit is known, a try.
-pub fn left_out_advice(plan: &Plan, statistics: &Statistics) -> (String, Option<f64>) {
-    let limits = plan.bounce_limits();
-    let Some(left_out) = &statistics.left_out else { return (String::new(), None) };
-    match limits.deeper(left_out, unnoted_share(plan) / 4.0, statistics.closest_hit_rays()) {
-        Some((options, share, time)) => (format!("{options} leaves {}", percent_of(share)), Some(time)),
-        None => (format!("try {}", limits.options(2 * limits.depth.max(4), 4)), None),
-    }
-}
-
-/// A share with its standard error, in percent.
-pub fn percent(share: Estimate) -> String {
-    let digits = usize::from(share.error < 0.005) + usize::from(share.error < 0.0005);
-    format!("{:.digits$} ± {:.digits$} %", 100.0 * share.mean, 100.0 * share.error)
-}
-
-fn percent_of(share: f64) -> String {
-    if share < 0.0005 { "less than 0.1 %".into() } else { format!("{:.1} %", 100.0 * share) }
 }
 
 /// Whether a material has layers that local shading leaves out.

@@ -13,11 +13,10 @@ use rayon::prelude::*;
 use super::cryptomatte::{self, Matte};
 use super::features::{FeatureSums, Features, filter_of, first_surfaces, plan_without_light};
 use super::{RenderControl, render_displayed};
-use crate::effects::light_left_out::LeftOut;
+use crate::effects::Plan;
 use crate::effects::tile::{RenderContext, Tile};
 use crate::effects::variance::PixelStatistics;
-use crate::effects::{self, Plan};
-use crate::error::{Error, Result, nearest_name};
+use crate::error::{Error, Result, ended, nearest_name};
 use crate::farm::Shard;
 use crate::film::write::{Channel, DEPTH};
 use crate::film::{DisplayTransform, Film, ReconstructionFilter, Window};
@@ -35,8 +34,6 @@ struct AovTile<'a> {
     samples: Vec<PixelStatistics>,
     /// The albedo and normal of each pixel; empty if nothing reads them.
     features: Vec<Features>,
-    /// The light left out of each pixel; empty if nothing reads it.
-    left_out: Vec<[f32; 3]>,
     /// The ids of each [`Matte`].
     ids: &'a [Vec<u32>; 2],
     /// The number of boxes that each ray was tested against; empty if nothing reads them.
@@ -186,13 +183,6 @@ pub const AOVS: &[Aov] = &[
         write: |tile, out| write(out, &tile.samples, |samples| samples.variance),
     },
     Aov {
-        name: "left-out",
-        summary: "radiance that limits of bounces and the clamp leave out of a path-traced pixel, estimated; else 0",
-        channels: &["LeftOut.R", "LeftOut.G", "LeftOut.B"],
-        has_integers: false,
-        write: |tile, out| write(out, &tile.left_out, |&radiance| radiance),
-    },
-    Aov {
         name: "node-tests",
         summary: "number of boxes of the acceleration structure tested by the camera ray",
         channels: &["NodeTests.X"],
@@ -277,7 +267,8 @@ impl AovSelection {
     pub fn new(names: &[String]) -> Result<Self> {
         let known: Vec<&str> = AOVS.iter().map(|aov| aov.name).chain([EFFECTS, "all"]).collect();
         if let Some(name) = names.iter().find(|name| !known.contains(&name.as_str())) {
-            return Err(Error::usage(format!("there is no AOV `{name}`"), nearest_name(name, &known)));
+            let hint = ended(name).map_or_else(|| nearest_name(name, &known), str::to_owned);
+            return Err(Error::usage(format!("there is no AOV `{name}`"), hint));
         }
         let is_selected = |name: &str| names.iter().any(|n| n == name || n == "all");
         Ok(AovSelection {
@@ -301,7 +292,7 @@ impl AovSelection {
     /// Whether values depend on the exposure, and the clamp that may come with it: those of light, and those of samples
     /// of which adaptive sampling takes as many as that needs.
     pub(crate) fn depends_on_exposure(&self, plan: &Plan) -> bool {
-        let is_of_light = self.effects || has(&self.aovs, &["samples", "variance", "left-out"]);
+        let is_of_light = self.effects || has(&self.aovs, &["samples", "variance"]);
         is_of_light || plan.is_adaptive() && has(&self.aovs, &FILTERED)
     }
 
@@ -439,7 +430,7 @@ impl AovPlans<'_> {
         let world = source.world;
         let context =
             RenderContext { world, view: source.view, display: source.display, is_displayed: false };
-        let reads_samples = has(aovs, &["samples", "variance", "left-out"]);
+        let reads_samples = has(aovs, &["samples", "variance"]);
         let (mut samples, mut features) = (Vec::new(), Vec::new());
         if has(aovs, &FILTERED) {
             let plan = self.of_features.unwrap_or(source.plan);
@@ -454,10 +445,6 @@ impl AovPlans<'_> {
         if reads_samples && !is_sampled {
             samples = source.plan.sample_statistics(tile, &context, window, |_| (), |_, ()| {});
         }
-        let left_out = match tile.buffers::<LeftOut>().filter(|_| reads_samples) {
-            Some(left_out) => left_out.of_pixels().collect(),
-            None => vec![[0.0; 3]; window.area()],
-        };
         tile.start(window);
         source.plan.centre_rays(tile, &context);
         let Tile { generations, traversal, .. } = tile;
@@ -477,7 +464,7 @@ impl AovPlans<'_> {
         hits.clear();
         hits.extend(found.iter().map(|hit| hit.filter(is_of_scene)));
         let ids = &self.ids;
-        let tile = AovTile { source, rays, hits, samples, features, left_out, ids, node_tests };
+        let tile = AovTile { source, rays, hits, samples, features, ids, node_tests };
         values.resize_with(aovs.iter().map(|aov| aov.channels.len()).sum(), Vec::new);
         let mut rest = &mut values[..];
         for aov in aovs {
@@ -492,8 +479,7 @@ impl AovPlans<'_> {
 fn effect_channels(source: &AovSource, control: &RenderControl) -> Result<Vec<Channel>> {
     let &AovSource { world, view, plan, window, shard, film, display, .. } = source;
     let context = RenderContext { world, view, display, is_displayed: false };
-    let adds = |i: &usize| plan.decisions[*i].on && !effects::EFFECTS[*i].is_measurement;
-    let on: Vec<usize> = (0..plan.decisions.len()).filter(adds).collect();
+    let on: Vec<usize> = (0..plan.decisions.len()).filter(|&i| plan.decisions[i].on).collect();
     let mut before: Option<Vec<[f32; 3]>> = None;
     let mut channels = Vec::new();
     for count in 0..=on.len() {

@@ -18,9 +18,9 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
+use crate::effects::Plan;
 use crate::effects::record::Recorder;
 use crate::effects::tile::{RenderContext, Tile};
-use crate::effects::{EFFECTS, Plan};
 use crate::error::{Error, Result};
 use crate::film::{self, ColourPipeline, DisplayTransform, Film, FilmTile, Pixel, Window};
 use crate::timing::ThreadClock;
@@ -109,8 +109,6 @@ pub fn record_pixel<P: Pixel>(
     [x, y]: [u32; 2],
     traced: Range<u32>,
 ) -> (P, Recorder) {
-    // Measurements do not change the pixel, and their rays are not its own.
-    let plan = &plan.keeping(context.world, |effect| !EFFECTS[effect].is_measurement);
     let mut worker = Worker::new(plan, context, P::HAS_ALPHA || context.world.backdrop.is_some());
     worker.tile.recorder = Some(Box::new(Recorder::new([x, y], traced)));
     let mut pixel = P::zeroed();

@@ -4,8 +4,7 @@ use std::time::Duration;
 
 use super::Worker;
 use crate::bvh::Tests;
-use crate::effects::light_left_out::LeftOutLight;
-use crate::effects::tile::{RayCount, Tile};
+use crate::effects::tile::{PathCount, RayCount, Tile};
 use crate::effects::{EFFECTS, EffectId, Plan, RayKind, id};
 
 /// The statistics of a render.
@@ -31,8 +30,8 @@ pub struct Statistics {
     /// The number of pixels that depend on random numbers and whose standard error, by their own samples, is above three
     /// times the level of adaptive sampling.
     pub noisy_pixels: u64,
-    /// The light that limits leave out, where it is measured.
-    pub left_out: Option<LeftOutLight>,
+    /// Paths traced, and those that a limit on bounces cut; 0 without path tracing.
+    pub paths: PathCount,
 }
 
 /// The processor time of the stages with one name and effect, summed over threads; wall time where a system does not
@@ -78,14 +77,16 @@ impl Statistics {
             non_finite,
             discarded_samples: workers.iter().map(|worker| worker.tile.discarded_samples).sum(),
             noisy_pixels: workers.iter().map(|worker| worker.tile.noisy_pixels).sum(),
-            left_out: LeftOutLight::of_threads(workers.iter().filter_map(|worker| worker.tile.buffers())),
+            paths: PathCount::default(),
         };
-        for Tile { rays, traversal, visible_objects, .. } in workers.iter().map(|worker| &worker.tile) {
+        for Tile { rays, paths, traversal, visible_objects, .. } in workers.iter().map(|worker| &worker.tile)
+        {
             for &(kind, count) in rays {
                 let Some((_, sum)) = sum.rays.iter_mut().find(|(known, _)| *known == kind) else { continue };
                 sum.cast += count.cast;
                 sum.hit += count.hit;
             }
+            sum.paths += *paths;
             sum.tests += traversal.tests;
             sum.add_visible(visible_objects);
         }
@@ -127,9 +128,7 @@ impl Statistics {
         self.tests += other.tests;
         self.discarded_samples += other.discarded_samples;
         self.noisy_pixels += other.noisy_pixels;
-        if let Some(other) = &other.left_out {
-            self.left_out.get_or_insert_default().add_samples(other);
-        }
+        self.paths += other.paths;
         for (own, other) in self.effect_costs.iter_mut().zip(&other.effect_costs) {
             own.stages = own.stages.max(other.stages);
             own.rays += other.rays;
@@ -147,11 +146,6 @@ impl Statistics {
     /// An upper bound of the bytes that the tile of a thread holds.
     pub fn bytes(&self) -> usize {
         self.base_bytes + self.effect_costs.iter().map(|cost| cost.bytes).sum::<usize>()
-    }
-
-    /// The number of rays that found closest hits.
-    pub fn closest_hit_rays(&self) -> u64 {
-        self.rays.iter().filter(|(kind, _)| !kind.is_shadow).map(|(_, count)| count.cast).sum()
     }
 
     /// The count of rays of a kind.
@@ -242,7 +236,7 @@ mod tests {
             non_finite: pixels.to_vec(),
             discarded_samples: 0,
             noisy_pixels: 0,
-            left_out: None,
+            paths: PathCount::default(),
         }
     }
 

@@ -14,7 +14,7 @@ use super::keys::Action;
 use super::painter::{Comparison, RenderedImage};
 use super::request::{CameraSource, Opened};
 use super::{elided, name_of, navigate};
-use crate::bench::errors::of_rendered;
+use crate::bench::errors::quantisation;
 use crate::effects::{Decision, EFFECTS, RayKind};
 use crate::error::printable;
 use crate::job::RenderSettings;
@@ -330,13 +330,9 @@ fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings)
             ui.end_row();
         }
     });
-    let errors = match rendered.is_last {
-        true => of_rendered(&rendered.prepared.job(), &rendered.statistics),
-        false => Vec::new(),
-    };
-    for error in errors {
+    if let Some(error) = quantisation(&rendered.prepared.job()).filter(|_| rendered.is_last) {
         let option = format!(
-            "{}: {}\n`kiln explain --measure` also measures noise and tier",
+            "{}: {}\n`kiln explain --measure` also measures noise, light left out and tier",
             error.cause, error.option
         );
         ui.label(RichText::new(error.text).weak()).on_hover_text(option);

@@ -152,8 +152,6 @@ const NOT_EFFECTS: &[(&str, &str)] = &[
     // A property of a Phong material.
     ("viewer/inspect.rs", "glaze"),
     ("import/scene_file/metallic_roughness.rs", "glaze"),
-    // The AOV.
-    ("render/aov.rs", "left-out"),
     // The images of a file.
     ("cli/statistics.rs", "textures"),
     ("cli/info/contents.rs", "textures"),

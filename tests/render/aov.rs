@@ -84,8 +84,6 @@ fn values_are_those_of_the_rays() {
         assert_eq!(at("Samples.X"), 1.0);
         // The variance of one sample is not defined; it is stored as infinite.
         assert_eq!(three("Variance", rgb), [f32::INFINITY; 3]);
-        // Local shading has no paths that limits end.
-        assert_eq!(three("LeftOut", rgb), [0.0; 3]);
         assert!(at("NodeTests.X") >= 1.0);
         let Some(hit) = hit else {
             background += 1;

@@ -165,7 +165,7 @@ fn half_floats_are_for_colours() {
         header(&file).channels.list.iter().map(|c| (c.name.to_string(), c.sample_type)).collect();
     for (name, values) in &whole {
         let layer = name.split('.').next().unwrap_or_default();
-        let is_colour = ["R", "G", "B", "A", "Albedo", "DenoisingAlbedo", "Base", "LeftOut"].contains(&layer);
+        let is_colour = ["R", "G", "B", "A", "Albedo", "DenoisingAlbedo", "Base"].contains(&layer);
         let is_colour = is_colour || layer.starts_with("Effect");
         assert_eq!(types[name], if is_colour { SampleType::F16 } else { SampleType::F32 }, "{name}");
         let expected = |value: f32| if is_colour { f16::from_f32(value).to_f32() } else { value };

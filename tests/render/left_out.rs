@@ -1,16 +1,15 @@
-//! The light that limits leave out, against closed forms and against pictures without limits. Pictures have the same
-//! bits with and without the measurement.
+//! The light that limits leave out, against closed forms and against pictures without limits; the paths that limits
+//! cut.
 
 use crate::common::picture::{changed, parse};
 use crate::path::settings;
-use kiln::effects::light_left_out::Estimate;
+use kiln::bench::light_left_out::{LightLeftOut, Share, measure, without_limits};
+use kiln::effects::tile::PathCount;
 use kiln::error::Warnings;
+use kiln::film::Film;
 use kiln::film::colour::luminance;
-use kiln::film::{Film, Window};
 use kiln::job::{RenderControl, RenderJob, RenderSettings, notes_of_result, prepare};
-use kiln::render::Statistics;
-use kiln::render::aov::{AovSelection, channels};
-use kiln::scene::{Bounces, Clamp, Noise};
+use kiln::scene::{Bounces, Clamp};
 
 const SEEDS: u32 = 20;
 
@@ -18,12 +17,12 @@ fn job(scene: &str, settings: &RenderSettings) -> RenderJob {
     prepare(parse(scene), settings, &mut Warnings::default()).expect("a job")
 }
 
-fn render(scene: &str, settings: &RenderSettings) -> (Film, Statistics) {
-    job(scene, settings).render(&RenderControl::default()).expect("a picture")
+fn render(job: &RenderJob) -> Film {
+    job.render(&RenderControl::default()).expect("a picture").0
 }
 
-fn by_depth(statistics: &Statistics) -> Estimate {
-    statistics.left_out.as_ref().expect("it is measured").by_depth()
+fn left_out(job: &RenderJob) -> LightLeftOut {
+    measure(job, &RenderControl::default()).expect("pictures").expect("a picture of paths")
 }
 
 fn seeded(settings: &RenderSettings, seed: u32) -> RenderSettings {
@@ -41,8 +40,8 @@ fn specular(samples: u32, limit: u32) -> RenderSettings {
 /// themselves are right: the sum of the squared deviations over them is chi-squared with 20 degrees of freedom, which
 /// is below 5.9 and above 45.3 with a probability of 1e-3 each.
 fn check(name: &str, scene: &str, settings: &RenderSettings, expected: f64) {
-    let of = |seed| by_depth(&render(scene, &seeded(settings, seed)).1);
-    let estimates: Vec<Estimate> = (0..SEEDS).map(of).collect();
+    let of = |seed| left_out(&job(scene, &seeded(settings, seed))).by_depth;
+    let estimates: Vec<Share> = (0..SEEDS).map(of).collect();
     let mean = estimates.iter().map(|e| e.mean).sum::<f64>() / f64::from(SEEDS);
     let error = estimates.iter().map(|e| e.error * e.error).sum::<f64>().sqrt() / f64::from(SEEDS);
     let squares: f64 = estimates.iter().map(|e| ((e.mean - expected) / e.error).powi(2)).sum();
@@ -152,17 +151,6 @@ fn panes_leave_out_what_the_bounces_do_not_reach() {
     check("10 panes, 12 specular bounces", &panes(10), &specular(64, 12), expected);
 }
 
-/// Where all rays of a batch are perfectly transmitted and no other bounce is allowed, every ray continues, and a share
-/// of them is traced once more beside them: panes have no lobe that is left out.
-#[test]
-fn rays_that_all_continue_leave_room_for_those_that_are_repeated() {
-    let settings = changed(settings(64, 0), |p| p.depth_specular = Some(Bounces::clamped(64)));
-    let (film, statistics) = render(&panes(10), &settings);
-    assert_eq!(by_depth(&statistics).mean, 0.0);
-    let (mean, error) = crate::path::mean(&film);
-    assert!((mean - 0.96 / 1.36).abs() < 4.0 * error && error < 0.01, "{mean} +- {error}");
-}
-
 /// The mean luminance of a picture.
 fn light(film: &Film) -> f64 {
     let pixels: Vec<[f32; 3]> = film.rows().collect();
@@ -199,8 +187,9 @@ fn picture_and_light_left_out_are_the_picture_of_all_bounces() {
     let scene = mixed_room();
     let values = |settings: &RenderSettings, seeds: std::ops::Range<u32>| -> [Vec<f64>; 2] {
         let all = |seed| {
-            let (film, statistics) = render(&scene, &seeded(settings, seed));
-            [light(&film), light(&film) / (1.0 - by_depth(&statistics).mean)]
+            let job = job(&scene, &seeded(settings, seed));
+            let light = light(&render(&job));
+            [light, light / (1.0 - left_out(&job).by_depth.mean)]
         };
         let found: Vec<[f64; 2]> = seeds.map(all).collect();
         [0, 1].map(|k| found.iter().map(|values| values[k]).collect())
@@ -229,97 +218,83 @@ fn picture_and_light_left_out_are_the_picture_of_all_bounces() {
     }
 }
 
-/// What the clamp takes away is exactly what a picture without it has more, sample by sample.
+/// The clamp takes what a picture without it has more, relative to the picture without any limits.
 #[test]
 fn clamped_light_is_that_of_the_picture_without_a_clamp() {
-    let all = |clamp: Option<f64>| {
-        let settings = changed(settings(16, 5), |picture| picture.clamp = clamp.map(Clamp::clamped));
-        let (film, statistics) = render(&mixed_room(), &settings);
-        let left_out = statistics.left_out.expect("it is measured");
-        let [depth, clamp] = [left_out.by_depth().mean, left_out.by_clamp().mean];
-        (light(&film) / (1.0 - depth - clamp), clamp)
+    let of = |clamp: Option<f64>| {
+        let settings = changed(settings(64, 5), |picture| picture.clamp = clamp.map(Clamp::clamped));
+        job(&mixed_room(), &settings)
     };
-    let ((without, none), (with, clamped)) = (all(None), all(Some(0.05)));
-    assert!(none == 0.0 && clamped > 0.05, "{none} {clamped}");
-    // Pictures are rounded to f32.
-    assert!((with / without - 1.0).abs() < 1e-6, "{with} {without}");
+    let (clamped, without) = (of(Some(0.05)), of(None));
+    assert_eq!(left_out(&without).by_clamp, Share { mean: 0.0, error: 0.0 });
+    let all = light(&render(&without_limits(&without).expect("a job")));
+    let expected = (light(&render(&without)) - light(&render(&clamped))) / all;
+    let Share { mean, error } = left_out(&clamped).by_clamp;
+    println!("{mean} +- {error}, expected {expected}");
+    assert!(
+        error < 0.05 * expected && (mean - expected).abs() < 4.0 * error,
+        "{mean} +- {error}, {expected}"
+    );
 }
 
-/// Pictures have the same bits with and without the measurement, whatever they are sampled by; the measurement has
-/// the same for any crop; without it there is none.
+/// A path is the same with and without limits up to the vertex where one ends it: beyond it, only light is added. So no
+/// pixel is darker without limits, up to the rounding of sums, and those of which no path was cut are equal.
 #[test]
-fn pictures_are_the_same_without_the_measurement() {
-    let plain = settings(4, 2);
-    let adaptive = changed(settings(32, 2), |picture| picture.noise = Some(Noise::clamped(0.05)));
-    let clamped = changed(settings(4, 3), |picture| picture.clamp = Some(Clamp::clamped(0.3)));
-    for settings in [plain, adaptive, clamped, specular(4, 1), specular(4, 64)] {
-        let (film, statistics) = render(&mixed_room(), &settings);
-        let (again, same) = render(&mixed_room(), &settings);
-        let mut off = settings.clone();
-        off.without.push("left-out".into());
-        let (other, none) = render(&mixed_room(), &off);
-        assert!(film == other && film == again);
-        assert_eq!(statistics.left_out, same.left_out);
-        assert!(none.left_out.is_none());
-    }
-}
-
-/// The AOV is 0 where nothing is left out; its mean is the light left out of the picture.
-#[test]
-fn the_aov_has_the_light_left_out_of_each_pixel() {
-    let aov = |settings: &RenderSettings, window: Option<Window>| {
-        let mut job = job(&mixed_room(), settings);
-        if let Some(window) = window {
-            job.window = window;
+fn paths_are_the_same_up_to_the_limit() {
+    for settings in [settings(2, 0), settings(2, 2), settings(2, 8), specular(2, 0), specular(2, 2)] {
+        let job = job(&mixed_room(), &settings);
+        let (limited, all) = (render(&job), render(&without_limits(&job).expect("a job")));
+        let pixels = limited.rows().zip(all.rows()).map(|(a, b): ([f32; 3], [f32; 3])| (a, b));
+        let (mut equal, mut brighter) = (0, 0);
+        for (limited, all) in pixels {
+            for (limited, all) in limited.into_iter().zip(all) {
+                assert!(all >= limited * (1.0 - 1e-6), "{limited} {all}, {:?}", job.plan.bounce_limits());
+            }
+            equal += usize::from(limited == all);
+            brighter += usize::from(limited != all);
         }
-        let (film, statistics) = job.render::<[f32; 3]>(&RenderControl::default()).expect("a picture");
-        let selection = AovSelection::new(&["left-out".into()]).expect("an AOV");
-        let found = channels(&job.aov_source(Some(&film)), &selection, &RenderControl::default());
-        let rgb = found.expect("channels").into_iter().map(|channel| channel.values).collect::<Vec<_>>();
-        (light(&film), by_depth(&statistics), rgb)
-    };
-    let (picture, share, rgb) = aov(&settings(64, 2), None);
-    let mean = |k: usize| rgb[k].iter().map(|&v| f64::from(v)).sum::<f64>() / rgb[k].len() as f64;
-    let left_out = luminance(glam::DVec3::new(mean(0), mean(1), mean(2)));
-    let expected = picture * share.mean / (1.0 - share.mean);
-    assert!(left_out > 0.0 && (left_out / expected - 1.0).abs() < 1e-5, "{left_out} {expected}");
-    let crop = Window { x: 7, y: 5, width: 20, height: 30 };
-    let (_, _, part) = aov(&settings(64, 2), Some(crop));
-    for (i, value) in part[0].iter().enumerate() {
-        let (x, y) = (7 + i % 20, 5 + i / 20);
-        assert_eq!(value, &rgb[0][y * crate::path::SIZE as usize + x], "({x}, {y})");
+        assert!(equal > 0 && brighter > 0, "{equal} {brighter}, {:?}", job.plan.bounce_limits());
     }
-    let (_, _, whitted) = {
-        let local = changed(settings(1, 2), |picture| picture.transport = None);
-        let mut local = local;
-        local.with.clear();
-        let job = job(&mixed_room(), &local);
-        let selection = AovSelection::new(&["left-out".into()]).expect("an AOV");
-        let found = channels(&job.aov_source(None), &selection, &RenderControl::default()).expect("channels");
-        (0, 0, found)
-    };
-    assert!(whitted.iter().all(|channel| channel.values.iter().all(|&value| value == 0.0)));
 }
 
-/// Panes, a corridor and a bottle at limits that cut them have a note with a share, its error and options that help;
-/// not the furnace at a limit that suffices.
+/// Of the panes the first sends 0.04 of the paths back to the camera; all others are at a pane after one and after two
+/// bounces, before roulette starts. Behind one pane is the wall, which scatters nothing.
 #[test]
-fn a_note_says_what_is_left_out() {
+fn cut_paths_are_counted() {
+    let count = |panes_: u32, settings: &RenderSettings| {
+        let (_, statistics) =
+            job(&panes(panes_), settings).render::<[f32; 3]>(&RenderControl::default()).expect("a picture");
+        let PathCount { traced, cut } = statistics.paths;
+        assert_eq!(traced, 64 * u64::from(crate::path::SIZE).pow(2));
+        cut as f64 / traced as f64
+    };
+    assert_eq!((count(10, &settings(64, 0)), count(1, &settings(64, 1))), (1.0, 0.0));
+    for settings in [settings(64, 1), settings(64, 2), specular(64, 1), specular(64, 2)] {
+        // Ten times the standard error of independent paths.
+        let share = count(10, &settings);
+        assert!((share - 0.96).abs() < 0.005, "{share}");
+    }
+}
+
+/// Panes, a corridor and a bottle at limits that cut them have a note with the share of cut paths and options that
+/// help; not the furnace at a limit that suffices.
+#[test]
+fn a_note_says_that_paths_are_cut() {
     let note = |scene: &str, settings: &RenderSettings| {
         let job = job(scene, settings);
         let (_, statistics) = job.render::<[f32; 3]>(&RenderControl::default()).expect("a picture");
         notes_of_result(&job, &statistics).next()
     };
-    let of_panes = note(&panes(10), &settings(64, 10)).expect("a note");
-    assert!(of_panes.starts_with("10 bounces leave out ") && of_panes.contains(" ± "), "{of_panes}");
-    assert!(of_panes.contains("; --depth ") && of_panes.contains(" times the time"), "{of_panes}");
+    let of_panes = note(&panes(10), &settings(64, 2)).expect("a note");
+    assert!(of_panes.starts_with("2 bounces cut 96 % of the paths"), "{of_panes}");
+    assert!(of_panes.contains("--depth 4;") && of_panes.contains("`kiln explain --measure`"), "{of_panes}");
     assert_eq!(note(ROOM, &settings(16, 12)), None);
     let corridor = note(&corridor(), &settings(64, 2)).expect("a note");
-    assert!(corridor.starts_with("2 bounces leave out "), "{corridor}");
+    assert!(corridor.starts_with("2 bounces cut 100 %"), "{corridor}");
     let bottle = note(BOTTLE, &settings(64, 1)).expect("a note");
-    assert!(bottle.starts_with("1 bounce leaves out "), "{bottle}");
+    assert!(bottle.starts_with("1 bounce cuts "), "{bottle}");
     assert_eq!(note(BOTTLE, &specular(64, 64)), None);
     let limited = note(&panes(10), &specular(64, 8)).expect("a note");
-    assert!(limited.contains("8 bounces and 8 specular ones leave out"), "{limited}");
-    assert!(limited.contains("--depth-specular"), "{limited}");
+    assert!(limited.contains("8 bounces and 8 specular ones cut "), "{limited}");
+    assert!(limited.contains("--depth 16 --depth-specular 16"), "{limited}");
 }

@@ -224,6 +224,14 @@ pub(super) fn can_be_delta(material: &PreparedMaterial) -> bool {
     }
 }
 
+/// Whether surfaces of a material may scatter light.
+pub(super) fn can_scatter(material: &PreparedMaterial) -> bool {
+    match material {
+        Material::Phong(m) => m.refraction.is_some() || m.specular > 0.0 || m.diffuse * m.colour != DVec3::ZERO,
+        Material::MetallicRoughness(m) => !m.unlit,
+    }
+}
+
 /// Sets the BSDF of a vertex, for its view. Returns whether the surface scatters light.
 fn set(bsdf: &mut Bsdf, world: &World, surfaces: &InteractionSoa, vertices: &Vertices, i: usize) -> bool {
     if !vertices.is_visible(i) {

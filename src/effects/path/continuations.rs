@@ -133,12 +133,12 @@ impl Buffers {
         next.sources.extend(continuing.iter().map(|i| i as u32));
         next.camera_rays.extend(continuing.iter().map(|i| generation.camera_rays[ray_of(i)]));
         self.next.extend(continuing.iter().map(|i| {
-            let Path { bounces: before, counted, scattering, .. } = self.paths[ray_of(i)];
+            let Path { bounces: before, counted, .. } = self.paths[ray_of(i)];
             let is_delta = pdf[i].is_infinite();
             let bounces = if before == 0 && is_delta { 0 } else { (before + 1).min(2) };
             let counted = counted.saturating_add(u16::from(stage.limits.counts(is_delta)));
             let (throughput, from) = (throughput.get(i), vertices.position(i));
-            Path { throughput, pdf: pdf[i], from, counted, bounces, scattering: scattering.next() }
+            Path { throughput, pdf: pdf[i], from, counted, bounces }
         }));
         if world.volumes.is_some() {
             let media = |i: usize| vertices.media_towards(i, surfaces, direction.get(i));

@@ -3,7 +3,6 @@
 use glam::DVec3;
 
 use super::lights::Lights;
-use super::limits::Scattering;
 use super::{Buffers, Path, Scatter};
 use crate::effects::tile::{RayGeneration, RenderContext};
 use crate::scene::TextureSlot;
@@ -51,38 +50,20 @@ impl Buffers {
         for k in 0..self.missed.len() {
             let (ray, place) = (self.missed.get(k), self.places.get(k).copied().unwrap_or_default());
             let path = &self.paths[ray];
-            if path.scattering.is_repeated() {
-                continue;
-            }
             let direction = generation.rays.get(ray).direction();
             let radiance = found_at_infinity(context.world, lights, direction, (path.pdf, place), depth);
-            let (path, radiance) = (*path, path.throughput * radiance);
-            self.add_radiance(generation.camera_rays[ray], &path, radiance, stage);
+            let (radiance, bounces) = (path.throughput * radiance, path.bounces);
+            self.add_radiance(generation.camera_rays[ray], radiance, stage, bounces);
         }
     }
 
-    /// Adds radiance that a path of a camera ray finds, or counts it if it is not finite.
+    /// Adds radiance to a camera ray, or counts it if it is not finite.
     #[inline]
-    pub(super) fn add_radiance(&mut self, camera_ray: u32, path: &Path, radiance: DVec3, stage: &Scatter) {
-        if path.scattering != Scattering::OfPicture {
-            self.add_left_out(camera_ray, path, radiance, stage);
-        } else if radiance.is_finite() {
-            let clamped = stage.clamped(radiance, path.bounces);
-            self.radiance[camera_ray as usize] += clamped;
-            if stage.measures_clamp() {
-                self.radiance[camera_ray as usize + 2 * self.samples.len()] += radiance - clamped;
-            }
+    pub(super) fn add_radiance(&mut self, camera_ray: u32, radiance: DVec3, stage: &Scatter, bounces: u8) {
+        if radiance.is_finite() {
+            self.radiance[camera_ray as usize] += stage.clamped(radiance, bounces);
         } else {
             self.discarded += 1;
-        }
-    }
-
-    /// Adds radiance that a path beyond the limits finds, if it is finite.
-    #[cold]
-    fn add_left_out(&mut self, camera_ray: u32, path: &Path, radiance: DVec3, stage: &Scatter) {
-        if radiance.is_finite() {
-            self.radiance[camera_ray as usize + self.samples.len()] += radiance;
-            self.left_out.add_light(path.scattering.needed(path.counted), radiance, stage);
         }
     }
 
@@ -103,15 +84,11 @@ impl Buffers {
             for i in range.clone() {
                 let ray = surfaces.ray_of()[i] as usize;
                 let path = &self.paths[ray];
-                if path.scattering.is_repeated() {
-                    continue;
-                }
                 let Some((emission, weight)) = emitted((world, lights), material, surfaces, i, path) else {
                     continue;
                 };
                 let radiance = self.vertices.throughput.get(i) * emission * weight;
-                let path = *path;
-                self.add_radiance(generation.camera_rays[ray], &path, radiance, stage);
+                self.add_radiance(generation.camera_rays[ray], radiance, stage, path.bounces);
             }
         }
     }

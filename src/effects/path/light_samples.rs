@@ -303,7 +303,7 @@ mod tests {
     use super::*;
     use crate::bvh::{Layout, Traversal};
     use crate::effects::LightTechnique;
-    use crate::effects::light_left_out::BounceLimits;
+    use crate::effects::bounce_limits::BounceLimits;
     use crate::effects::path::numbers::Sequence;
     use crate::effects::path::{Path, Scatter};
     use crate::effects::samples::SampleIndex;
@@ -382,8 +382,6 @@ mod tests {
             let surfaces = surfaces(&world);
             let stage = Scatter {
                 limits: BounceLimits::new(Some(3), None),
-                measures_left_out: false,
-                samples: 1,
                 seed: 1,
                 continued: None,
                 sampler: PixelSampler::Sobol,

@@ -9,9 +9,8 @@
 //!    dielectric ([`opaque_bsdfs`]), of [`smooth_glass`], and all others;
 //! 4. light samples are listed as shadow rays with what they add ([`shadow_rays`]), by the weights of multiple importance
 //!    sampling ([`weights`]), and traced together;
-//! 5. Russian roulette ends paths; the others are the next generation, without gaps ([`continuations`]).
-//!
-//! Where a limit on bounces ends paths, some of them continue to estimate the light that it leaves out ([`limits`]).
+//! 5. limits on bounces ([`limits`]) and Russian roulette end paths; the others are the next generation, without gaps
+//!    ([`continuations`]).
 //!
 //! All but the choice of lights, the BSDFs of the last class, and media are loops without branches over structures of
 //! arrays, which the compiler vectorises. Random numbers depend on pixel, sample, generation and seed.
@@ -39,12 +38,11 @@ use bsdf::Bsdfs;
 use continuations::Continuations;
 use light_samples::{LightSamples, TriangleSamples};
 use lights::Lights;
-use limits::{LeftOutPaths, Scattering};
 use media::MediumStackId;
 use numbers::{GenerationNumbers, Sequence};
 use vertices::{IndexList, Vertices};
 
-use super::light_left_out::BounceLimits;
+use super::bounce_limits::BounceLimits;
 use super::record::Recorder;
 use super::samples::{SampleIndex, list_samples};
 use super::shadow_catcher::catch_shadows;
@@ -72,6 +70,8 @@ pub(super) const TRANSPORT: TransportEntry = TransportEntry {
     reason: "paths are traced",
     specify: |context: &EffectContext, spec| {
         spec.is_random = true;
+        let depth = context.value.as_ref().and_then(|value| value.parse().ok());
+        spec.bounce_limits = BounceLimits::new(depth, spec.path.depth_specular);
         spec.has_rare_light |= context.world.volumes.is_some();
         spec.secondary =
             Some(SecondaryRays { kind: RAYS, hits: "path hits", effect: id::PATH, are_mirrored: false });
@@ -81,16 +81,13 @@ pub(super) const TRANSPORT: TransportEntry = TransportEntry {
             let scatter = Scatter::new(context);
             vec![Stage::with_buffers("path", move |buffers: &mut Buffers, tile, context| {
                 if tile.depth == 0 {
-                    buffers.start(tile, context, &scatter);
+                    buffers.start(tile, context.world);
                 }
                 buffers.scatter(tile, context, &scatter);
                 buffers.trace_shadow_rays(tile, context.world, &scatter);
             })]
         }
-        Hook::Film => {
-            let measures_left_out = context.spec.measures_left_out;
-            vec![Stage::new("film", move |tile, context| write_radiance(tile, context, measures_left_out))]
-        }
+        Hook::Film => vec![Stage::new("film", write_radiance)],
         _ => Vec::new(),
     },
 };
@@ -158,37 +155,25 @@ struct Path {
     counted: u16,
     /// The number of scattering events, not counting leading perfectly specular ones; 2 for more.
     bounces: u8,
-    /// What it does at the next vertex.
-    scattering: Scattering,
 }
 
 impl Path {
     /// The path of a camera ray.
-    const OF_CAMERA: Path = Path {
-        throughput: DVec3::ONE,
-        from: DVec3::ZERO,
-        pdf: f64::INFINITY,
-        counted: 0,
-        bounces: 0,
-        scattering: Scattering::OfPicture,
-    };
+    const OF_CAMERA: Path =
+        Path { throughput: DVec3::ONE, from: DVec3::ZERO, pdf: f64::INFINITY, counted: 0, bounces: 0 };
 }
 
 /// A shadow ray's path and the radiance that it adds if unoccluded.
 #[derive(Debug, Clone, Copy)]
 struct LightPath {
-    /// The entry of [`Buffers::radiance`].
-    target: u32,
-    /// [`Scattering::needed`].
-    needed: u16,
+    camera_ray: u32,
     radiance: DVec3,
 }
 
 /// The buffers of the effect.
 #[derive(Default)]
 struct Buffers {
-    /// For each camera ray, the radiance of its path so far; then, once paths continue beyond a limit, what these find;
-    /// then, where what a clamp takes away is measured, that.
+    /// For each camera ray, the radiance of its path so far.
     radiance: Vec<DVec3>,
     /// For each camera ray, its pixel and sample.
     samples: Vec<SampleIndex>,
@@ -215,15 +200,16 @@ struct Buffers {
     light_samples: Vec<Box<LightSamples>>,
     triangle_samples: Box<TriangleSamples>,
     continuations: Box<Continuations>,
-    left_out: LeftOutPaths,
     /// Samples of light in the current generation that were not finite.
     discarded: u64,
+    /// Paths that a limit on bounces cut in the current generation.
+    cut: u64,
 }
 
 impl Buffers {
     fn bytes(&self) -> usize {
         let Buffers { radiance, samples, paths, next, media, next_media, .. } = self;
-        let Buffers { occluded, places, cells, vertices, bsdfs, light_samples, left_out, .. } = self;
+        let Buffers { occluded, places, cells, vertices, bsdfs, light_samples, .. } = self;
         size_of::<Buffers>()
             + vec_bytes(radiance)
             + vec_bytes(samples)
@@ -242,23 +228,19 @@ impl Buffers {
             + light_samples.iter().map(|samples| samples.bytes()).sum::<usize>()
             + size_of::<TriangleSamples>()
             + size_of::<Continuations>()
-            + left_out.bytes()
     }
 
     /// Begins the paths of the camera rays.
-    fn start(&mut self, tile: &mut Tile, context: &RenderContext, stage: &Scatter) {
-        let world = context.world;
+    fn start(&mut self, tile: &mut Tile, world: &World) {
         let generation = tile.generation();
         let count = generation.rays.len();
         generation.camera_rays.clear();
         generation.camera_rays.extend(0..count as u32);
         self.radiance.clear();
-        let sections = if stage.measures_clamp() { 3 } else { 1 };
-        self.radiance.resize(count * sections, DVec3::ZERO);
+        self.radiance.resize(count, DVec3::ZERO);
         self.paths.clear();
         self.paths.resize(count, Path::OF_CAMERA);
-        let [width, height] = context.view.size().map(f64::from);
-        self.left_out.start(limits::share(width * height * f64::from(stage.samples)));
+        tile.paths.traced += count as u64;
         self.samples.clear();
         list_samples(tile, &mut self.samples);
         self.media.clear();
@@ -271,10 +253,6 @@ impl Buffers {
 /// Adds radiance at the surfaces of a generation and fills the next one with the continuing rays.
 struct Scatter {
     limits: BounceLimits,
-    /// Whether the light that limits leave out is measured.
-    measures_left_out: bool,
-    /// The most samples of a pixel.
-    samples: u32,
     /// The seed of the random numbers.
     seed: u32,
     /// The kind that shadow rays behind surfaces are counted as; `None` where all surfaces are opaque.
@@ -291,14 +269,11 @@ struct Scatter {
 
 impl Scatter {
     fn new(context: &EffectContext) -> Self {
-        let depth = context.value.as_ref().and_then(|value| value.parse().ok());
         let Sampling { seed, sampler, .. } = *context.sampling;
         let settings = context.spec.path;
         let light_samples = settings.light_samples.clamp(1, PathSettings::MAX_LIGHT_SAMPLES);
         Scatter {
-            limits: BounceLimits::new(depth, settings.depth_specular),
-            measures_left_out: context.spec.measures_left_out,
-            samples: context.sampling.max_samples(),
+            limits: context.spec.bounce_limits,
             seed,
             sampler,
             technique: context.spec.light_technique,
@@ -307,12 +282,6 @@ impl Scatter {
             continued: context.spec.continued.map(|kinds| kinds.shadow_rays),
             clamp: context.clamp.unwrap_or(f64::INFINITY),
         }
-    }
-
-    /// Whether the light that the clamp takes away is measured.
-    #[inline]
-    fn measures_clamp(&self) -> bool {
-        self.measures_left_out && self.clamp < f64::INFINITY
     }
 }
 
@@ -328,19 +297,17 @@ impl Buffers {
         }
         let (generation, next) = tile.this_and_next();
         self.clear_next(next);
-        self.discarded = 0;
+        (self.discarded, self.cut) = (0, 0);
         let lights = Lights::new(world, stage);
         self.add_missed(generation, context, &lights, stage, depth);
         let surfaces = &*generation.surfaces;
         self.vertices.begin(world, surfaces, &self.paths, &self.media);
         self.add_emitted(generation, world, &lights, stage);
-        let is_limited = stage.limits.may_end(depth);
-        if is_limited {
-            self.find_scattering(generation, world, stage, depth);
-        }
         // The last vertices of paths only emit; denoising AOVs need to know whether they scatter.
-        let is_last = is_limited && !self.left_out.any_scatters;
-        if !is_last {
+        let is_last = self.are_last((world, stage), surfaces, depth);
+        if is_last {
+            self.count_cut(world, surfaces);
+        } else {
             let camera_rays = surfaces.ray_of().iter().map(|&ray| generation.camera_rays[ray as usize]);
             let sequence = Sequence { seed: stage.seed, sampler: stage.sampler, depth };
             self.numbers.fill(camera_rays.map(|ray| self.samples[ray as usize]), sequence);
@@ -359,10 +326,11 @@ impl Buffers {
         if let Some(found) = &mut scattering {
             self.note_scattering(world, generation, found);
         }
-        if is_limited && !is_last {
-            self.drop_ended();
-        }
+        let is_limited = depth >= stage.limits.first();
         if !is_last {
+            if is_limited {
+                self.drop_ended(stage, surfaces, depth);
+            }
             self.list_shadow_rays((world, stage), generation);
         }
         if let Some(recorder) = &mut recorder {
@@ -375,13 +343,11 @@ impl Buffers {
                 self.record_continuations(recorder, has_roulette, depth);
             }
         }
-        if is_limited && stage.measures_left_out {
-            self.list_repeated(stage, (generation, next), depth);
-        }
         std::mem::swap(&mut self.paths, &mut self.next);
         std::mem::swap(&mut self.media, &mut self.next_media);
         (tile.scattering, tile.recorder) = (scattering, recorder);
         tile.discarded_samples += self.discarded;
+        tile.paths.cut += self.cut;
     }
 
     /// Takes the light samples of all vertices.
@@ -428,16 +394,13 @@ impl Buffers {
     }
 }
 
-/// Writes the radiance of the paths to the pixels, and hands over what is left out of it.
-fn write_radiance(tile: &mut Tile, context: &RenderContext, measures_left_out: bool) {
+/// Writes the radiance of the paths to the pixels.
+fn write_radiance(tile: &mut Tile, context: &RenderContext) {
     let pipeline = context.world.pipeline;
     tile.with_buffers(|buffers: &mut Buffers, tile| {
         tile.pixels.clear();
         let pixel = |&radiance: &DVec3| pipeline.clamp(radiance).as_vec3().to_array();
-        tile.pixels.extend(buffers.radiance[..buffers.samples.len()].iter().map(pixel));
-        if measures_left_out {
-            buffers.hand_over_left_out(tile);
-        }
+        tile.pixels.extend(buffers.radiance.iter().map(pixel));
     });
     expose_unlit(tile, context);
     catch_shadows(tile, context.world, true);

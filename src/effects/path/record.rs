@@ -40,8 +40,7 @@ impl Buffers {
             let throughput = path.throughput;
             record.vertex = Some(PathVertex { throughput, emission, lights: Vec::new(), continuation: None });
         }
-        let is_limited = stage.limits.may_end(depth);
-        let is_last = is_limited && !self.left_out.any_scatters;
+        let is_last = self.are_last((world, stage), surfaces, depth);
         for (i, record) in recorder.of_surfaces(depth as usize) {
             let path = &self.paths[surfaces.ray_of()[i] as usize];
             let material = &world.materials[surfaces.materials()[i] as usize];
@@ -50,7 +49,7 @@ impl Buffers {
             let emission = found.map(|found| emission(throughput, found, path.bounces));
             let samples = &self.continuations;
             let pdf = samples.pdf[i];
-            let is_ended = is_last || is_limited && pdf == 0.0 && self.left_out.ends(i);
+            let is_ended = is_last || pdf == 0.0 && !stage.allows(path, depth, false);
             let continuation = (!is_ended).then(|| {
                 let sample = (pdf != 0.0).then(|| {
                     let direction = self.vertices.to_world(i, samples.local.get(i));

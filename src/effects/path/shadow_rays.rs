@@ -3,11 +3,10 @@
 use glam::DVec3;
 
 use super::light_samples::LightSamples;
-use super::limits::Scattering;
 use super::record::record_light_samples;
 use super::vertices::Vertices;
 use super::weights::light_weight;
-use super::{Buffers, LIGHT_RAYS, LightPath, Path, Scatter};
+use super::{Buffers, LIGHT_RAYS, LightPath, Scatter};
 use crate::effects::tile::{RayGeneration, Tile};
 use crate::effects::{LightTechnique, shadow_ray, transparency};
 use crate::geometry::{Numerics, Precision, Ray};
@@ -122,7 +121,6 @@ impl Buffers {
     ) {
         let Buffers { vertices, light_samples, .. } = self;
         let surfaces = &*generation.surfaces;
-        let camera_rays = self.samples.len() as u32;
         // Each sample is limited to its share of the clamp.
         let count = f64::from(stage.settings.light_samples);
         for samples in light_samples {
@@ -148,39 +146,27 @@ impl Buffers {
                     let media = vertices.media_towards(i, surfaces, direction.get(i));
                     radiance *= vertices.media.transmittance(world, media, end, t_max);
                 }
-                let Path { counted, bounces, scattering, .. } = self.paths[ray];
-                let is_of_picture = scattering == Scattering::OfPicture;
                 if stage.clamp < f64::INFINITY {
-                    let whole = radiance;
-                    if is_of_picture {
-                        radiance = stage.clamped(radiance * count, bounces + 1) / count;
-                    }
-                    if stage.measures_clamp() {
-                        self.left_out.clamped_off.push(whole - radiance);
-                    }
+                    radiance = stage.clamped(radiance * count, self.paths[ray].bounces + 1) / count;
                 }
-                let camera_ray = generation.camera_rays[ray];
-                let target = camera_ray + if is_of_picture { 0 } else { camera_rays };
-                LightPath { target, needed: scattering.needed(counted.saturating_add(1)), radiance }
+                LightPath { camera_ray: generation.camera_rays[ray], radiance }
             }));
         }
     }
 
     /// Traces the shadow rays of a generation and adds the radiance of those that are not occluded.
     pub(super) fn trace_shadow_rays(&mut self, tile: &mut Tile, world: &World, stage: &Scatter) {
-        let Buffers { light_samples, occluded, radiance, samples, left_out, .. } = self;
-        let mut listed = 0;
-        for samples_of_lights in &mut *light_samples {
-            let LightSamples { lit, shadow_rays, light_paths, .. } = &mut **samples_of_lights;
+        let Buffers { light_samples, occluded, radiance, .. } = self;
+        for samples in light_samples {
+            let LightSamples { lit, shadow_rays, light_paths, .. } = &mut **samples;
             occluded.clear();
             world.accelerator.are_occluded(shadow_rays.rays(), occluded, &mut tile.traversal);
-            left_out.transmittances.clear();
             match stage.continued {
                 None => {
                     for (path, &occluded) in light_paths.iter().zip(&*occluded) {
                         // Without a branch, which would be mispredicted.
                         let gained = if occluded { DVec3::ZERO } else { path.radiance };
-                        radiance[path.target as usize] += gained;
+                        radiance[path.camera_ray as usize] += gained;
                     }
                 }
                 Some(kind) => {
@@ -200,18 +186,13 @@ impl Buffers {
                         }
                         if !*occluded {
                             path.radiance *= transmittance;
-                            radiance[path.target as usize] += path.radiance;
+                            radiance[path.camera_ray as usize] += path.radiance;
                         }
-                        left_out.transmittances.push(transmittance);
                     }
                     if count > 0 {
                         tile.count(kind, count, 0);
                     }
                 }
-            }
-            if left_out.has_unlimited || !left_out.clamped_off.is_empty() {
-                left_out.add_light_samples((light_paths, listed), occluded, samples.len(), radiance, stage);
-                listed += light_paths.len();
             }
             if let Some(recorder) = &mut tile.recorder {
                 let tests = (&*lit, shadow_rays.rays(), &**occluded);
@@ -219,6 +200,5 @@ impl Buffers {
             }
             tile.count(LIGHT_RAYS, occluded.len(), occluded.iter().filter(|&&occluded| occluded).count());
         }
-        left_out.clamped_off.clear();
     }
 }
