@@ -59,7 +59,7 @@ impl ClosestHits {
             }
         }
         let (cast, hit) = (generation.rays.len(), generation.surfaces.len());
-        tile.record(|recorder, tile| recorder.add_generation(self.kind, tile));
+        tile.record(|recorder, tile| recorder.add_generation(self.kind, tile, world));
         // A further layer has the rays of the first.
         if is_first {
             tile.count(self.kind, cast, hit);

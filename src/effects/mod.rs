@@ -19,6 +19,7 @@ mod primary_rays;
 pub mod random;
 mod ray_origins;
 pub mod record;
+pub mod recorder;
 pub mod region;
 mod sample_pass;
 pub mod samples;

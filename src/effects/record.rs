@@ -1,124 +1,168 @@
-//! A record of one pixel: its rays and what stages computed at them, in the numbers that stages computed with.
+//! What is recorded of a pixel's samples: their rays, and what stages computed at them, in the numbers that stages
+//! computed with. Plain data, which [`crate::job::pixel`] prints as text and as JSON.
 //!
-//! Stages call [`Tile::record`] once a tile, after they have filled their buffers; without a [`Recorder`] in the tile
-//! that is one test of a pointer. No stage computes anything else because of it: recorded pictures have the same bits.
+//! [`super::recorder`] fills it. Positions and lengths are in world coordinates until [`SampleRecord::move_back`].
 
-use std::ops::Range;
-
-use glam::DVec3;
-use serde::Serialize;
+use glam::{DVec2, DVec3};
+use serde::{Serialize, Serializer};
 
 use super::RayKind;
-use super::samples::{SampleIndex, TileSamples, list_samples};
-use super::tile::Tile;
-use super::transparency::layer_weight;
-use crate::geometry::{Ray, Rays};
+use crate::bvh::{Primitive, Traversal};
+use crate::error::printable;
+use crate::film::rounding::quantise;
+use crate::geometry::Ray;
 use crate::shading::SurfaceTerms;
-use crate::world::SurfaceInteraction;
-
-/// Records the samples of a pixel.
-#[derive(Debug, Default)]
-pub struct Recorder {
-    /// Column and row of the pixel.
-    pixel: [u32; 2],
-    /// The samples, by index, whose rays are recorded.
-    traced: Range<u32>,
-    /// All samples of the pixel, in the order in which they are summed; where camera rays see layers of transparent
-    /// surfaces, one entry a layer, the nearest first.
-    pub samples: Vec<SampleRecord>,
-    /// The rays, each after the one that it continues.
-    pub rays: Vec<RayRecord>,
-    /// The filtered colour, before unlit surfaces and a backdrop are composited with it.
-    pub filtered: [f32; 3],
-    /// For each camera ray of the pass, its index in `samples`.
-    pass: Vec<Option<usize>>,
-    /// By depth: for each ray and for each surface of the generation, the index in `rays`.
-    of_ray: Vec<Vec<Option<usize>>>,
-    of_surface: Vec<Vec<Option<usize>>>,
-}
+use crate::world::{Recentering, SurfaceInteraction, World};
 
 /// A sample of the pixel, or a layer of it.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub struct SampleRecord {
     /// The index of the sample.
     pub index: u32,
     /// The film position in pixels, right of and below the picture's top left corner.
     pub film_position: [f64; 2],
-    /// The sign of its filter weight.
-    pub sign: f64,
-    /// Of a layer: the transmittance of the layers before it, and its opacity.
-    pub layer: Option<[f64; 2]>,
+    /// Its weight, 1 or -1: samples are distributed as the reconstruction filter.
+    pub weight: f64,
+    /// Of a layer of transparent surfaces, which are summed.
+    pub layer: Option<LayerRecord>,
     /// The colour that enters the sum.
     pub colour: [f32; 3],
     /// The part that surfaces cover, in pictures with an alpha channel.
     pub coverage: Option<f32>,
-    /// [`Tile::shown`].
+    /// Displayed colour times coverage, and coverage, of an unlit surface.
     pub unlit: Option<[f32; 4]>,
-    /// The index of its camera ray in [`Recorder::rays`]; `None` if that is not recorded.
-    pub ray: Option<usize>,
+    /// Its rays, one of each generation from the camera ray on; empty if they are not recorded.
+    pub rays: Vec<RayRecord>,
+    /// The index of its camera ray in the tile.
+    #[serde(skip)]
+    pub(super) camera_ray: usize,
+}
+
+/// A layer of transparent surfaces.
+#[derive(Debug, Clone, Serialize)]
+pub struct LayerRecord {
+    /// The transmittance of the layers before it.
+    pub transmittance: f64,
+    /// Its opacity. Its colour is multiplied by both.
+    pub opacity: f64,
 }
 
 /// A ray that was traced to its closest hit.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 pub struct RayRecord {
-    /// Its kind.
+    /// The kind.
     pub kind: RayKind,
-    /// Its generation.
+    /// The number of bounces between camera and ray.
     pub depth: usize,
-    /// The index of the ray whose surface it leaves.
+    /// The index in the sample's rays of the one whose surface it leaves.
     pub parent: Option<usize>,
-    /// The ray.
-    pub ray: Ray,
+    /// The origin.
+    pub origin: DVec3,
+    /// The unit direction.
+    pub direction: DVec3,
     /// The surface that it hits.
-    pub surface: Option<SurfaceInteraction>,
-    /// The occlusion tests from that surface.
-    pub tests: Vec<OcclusionTest>,
-    /// Local shading of the surface.
+    pub hit: Option<HitRecord>,
+    /// The occlusion tests from there, but for those of light samples.
+    pub shadow_rays: Vec<ShadowRayRecord>,
+    /// Local shading there.
     pub local: Option<LocalRecord>,
     /// What a path does there, or finds infinitely far away.
-    pub vertex: Option<PathVertex>,
+    pub path: Option<PathRecord>,
+    /// Its index in its generation: among the surfaces if it hits one, otherwise among the rays.
+    #[serde(skip)]
+    pub(super) index: usize,
+}
+
+/// A surface at a hit.
+#[derive(Debug, Clone, Serialize)]
+pub struct HitRecord {
+    /// The distance from the ray's origin.
+    pub t: f64,
+    /// The object's name.
+    pub object: String,
+    /// `triangle`, or the name of an analytic shape.
+    pub shape: &'static str,
+    /// The primitive's number in the scene.
+    pub primitive: u32,
+    /// The primitive's number in its object.
+    pub primitive_of_object: u32,
+    /// The material's name.
+    pub material: String,
+    /// The index of the material.
+    #[serde(skip)]
+    pub material_index: u32,
+    /// The position.
+    pub position: DVec3,
+    /// The unit geometric normal, on the side of the ray's origin.
+    pub geometric_normal: DVec3,
+    /// The unit shading normal: interpolated vertex normals and normal maps applied.
+    pub shading_normal: DVec3,
+    /// The barycentrics u, v and w, on a triangle.
+    pub barycentrics: Option<[f64; 3]>,
+    /// Texture coordinates.
+    pub uv: Option<DVec2>,
 }
 
 /// An occlusion test.
-#[derive(Debug, Clone, Copy)]
-pub struct OcclusionTest {
-    /// Its kind.
+#[derive(Debug, Clone, Serialize)]
+pub struct ShadowRayRecord {
+    /// The kind.
     pub kind: RayKind,
-    /// The index of the light that it leads to, in local shading.
-    pub light: Option<usize>,
-    /// The ray.
-    pub ray: Ray,
+    /// The light, in local shading.
+    pub light: Option<String>,
+    /// The origin.
+    pub origin: DVec3,
+    /// The unit direction.
+    pub direction: DVec3,
+    /// The length; `null` in JSON if it is infinite.
+    pub length: f64,
     /// Whether it is occluded.
     pub is_occluded: bool,
+    /// The nearest object in its way, if it is occluded.
+    pub occluder: Option<Occluder>,
+}
+
+/// An object in the way of a shadow ray.
+#[derive(Debug, Clone, Serialize)]
+pub struct Occluder {
+    /// Its name.
+    pub object: String,
+    /// Its distance from the ray's origin.
+    pub t: f64,
 }
 
 /// Local shading of a surface. Colours are in the numbers of the pipeline.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 pub struct LocalRecord {
-    /// The lights at the surface.
-    pub lights: Vec<LightAtSurface>,
+    /// The lights.
+    pub lights: Vec<LightRecord>,
     /// The terms.
+    #[serde(flatten)]
     pub terms: SurfaceTerms,
-    /// The colour before reflections are blended with it.
+    /// The colour, clamped to the range of the pipeline, before glaze.
     pub colour: DVec3,
-    /// The reflection that is blended with it.
-    pub blend: Option<Blend>,
+    /// Glaze: the reflection and the blended colour.
+    pub glaze: Option<GlazeRecord>,
+    /// The steps in 8-bit values, in the pipeline `u8`.
+    pub steps_8_bit: Option<Steps8Bit>,
 }
 
 /// A light at a surface, in local shading.
-#[derive(Debug, Clone, Copy)]
-pub struct LightAtSurface {
+#[derive(Debug, Clone, Serialize)]
+pub struct LightRecord {
+    /// Its name.
+    pub light: String,
     /// The cosine between shading normal and light.
     pub cosine: f64,
     /// The incident radiance, times the transmittance of transparent surfaces in the way.
     pub radiance: DVec3,
-    /// Whether the light is above the horizon, not occluded, and returned by the material.
+    /// Whether it reaches the surface: not below the horizon, not occluded, and returned by the material.
     pub reaches: bool,
 }
 
 /// A blended reflection.
-#[derive(Debug, Clone, Copy, Serialize)]
-pub struct Blend {
+#[derive(Debug, Clone, Serialize)]
+pub struct GlazeRecord {
     /// The colour that the mirrored ray found.
     pub mirrored: DVec3,
     /// The weight of the surface's own colour, and of that.
@@ -127,22 +171,37 @@ pub struct Blend {
     pub colour: DVec3,
 }
 
-/// A vertex of a path, or what a ray that missed found.
-#[derive(Debug, Clone)]
-pub struct PathVertex {
+/// The values of local shading in the pipeline `u8`, each rounded to 8 bits.
+#[derive(Debug, Clone, Serialize)]
+pub struct Steps8Bit {
+    /// The base colour.
+    pub own: [u8; 3],
+    /// `mix_light` of the base colour and the sum of the terms.
+    pub colour: [u8; 3],
+    /// The colour that the mirrored ray found.
+    pub mirrored: Option<[u8; 3]>,
+    /// `weighted_combine` of both.
+    pub glazed: Option<[u8; 3]>,
+}
+
+/// A vertex of a path, or what a ray found infinitely far away.
+#[derive(Debug, Clone, Serialize)]
+pub struct PathRecord {
     /// The throughput, with the transmittance of the medium up to the surface.
     pub throughput: DVec3,
-    /// What the path adds for what the surface emits, or for what is infinitely far away.
-    pub emission: Option<Emission>,
-    /// The light samples.
-    pub lights: Vec<LightSampleRecord>,
-    /// The sampled direction; `None` at the last vertex that the depth allows.
-    pub continuation: Option<ContinuationRecord>,
+    /// What the surface emits, or what is infinitely far away.
+    pub emission: Option<EmissionRecord>,
+    /// The light samples that could add something.
+    pub light_samples: Vec<LightSampleRecord>,
+    /// The direction sampled by the BSDF; `None` at the last vertex that the depth allows.
+    pub bsdf_sample: Option<ContinuationRecord>,
+    /// Why the path ends; `None` if it continues.
+    pub end: Option<&'static str>,
 }
 
 /// Radiance that a path found.
-#[derive(Debug, Clone, Copy, Serialize)]
-pub struct Emission {
+#[derive(Debug, Clone, Serialize)]
+pub struct EmissionRecord {
     /// The emitted radiance. That from infinitely far away is the sum over environment and lights, each times its
     /// weight.
     pub radiance: DVec3,
@@ -152,23 +211,13 @@ pub struct Emission {
     pub adds: DVec3,
 }
 
-/// Where a light sample lies.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum LightSource {
-    /// On the light of this index.
-    Light(usize),
-    /// On an emissive surface.
-    Emitters,
-    /// In the environment.
-    Environment,
-}
-
-/// A light sample with a shadow ray.
-#[derive(Debug, Clone, Copy, Serialize)]
+/// A light sample with its shadow ray.
+#[derive(Debug, Clone, Serialize)]
 pub struct LightSampleRecord {
-    /// Where it lies.
-    #[serde(skip)]
-    pub source: LightSource,
+    /// Its index among the light samples of the vertex.
+    pub index: u32,
+    /// The light by name, `environment`, or `emissive surfaces`.
+    pub light: String,
     /// The direction towards it.
     pub direction: DVec3,
     /// The incident radiance.
@@ -184,24 +233,26 @@ pub struct LightSampleRecord {
     /// What it adds if it is visible: throughput, BSDF, radiance and weight over the density, times the transmittance
     /// of the medium, limited by the clamp.
     pub if_visible: DVec3,
-    /// What it adds.
+    /// The shadow ray.
+    pub shadow_ray: ShadowRayRecord,
+    /// What it adds: 0 if it is occluded, otherwise `if_visible` times the transmittance of transparent surfaces.
     pub adds: DVec3,
 }
 
 /// The direction that a path's vertex samples by its BSDF.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Serialize)]
 pub struct ContinuationRecord {
     /// The sampled direction; `None` if the BSDF gives none.
-    pub sample: Option<SampledDirection>,
+    pub sample: Option<DirectionRecord>,
     /// Russian roulette; `None` where it is not played.
-    pub roulette: Option<Roulette>,
+    pub roulette: Option<RouletteRecord>,
     /// The throughput of the continued path; `None` if it ends.
     pub throughput: Option<DVec3>,
 }
 
 /// A direction sampled by a BSDF.
-#[derive(Debug, Clone, Copy, Serialize)]
-pub struct SampledDirection {
+#[derive(Debug, Clone, Serialize)]
+pub struct DirectionRecord {
     /// The unit direction.
     pub direction: DVec3,
     /// The value of the BSDF times the cosine, over the density.
@@ -211,142 +262,103 @@ pub struct SampledDirection {
 }
 
 /// Russian roulette.
-#[derive(Debug, Clone, Copy, Serialize)]
-pub struct Roulette {
+#[derive(Debug, Clone, Serialize)]
+pub struct RouletteRecord {
     /// The probability with which the path continues.
     pub probability: f64,
     /// The random number, which has to be less.
     pub number: f64,
 }
 
-impl Recorder {
-    /// A recorder of the pixel, with the rays of the samples whose index is in `traced`.
-    pub fn new(pixel: [u32; 2], traced: Range<u32>) -> Self {
-        Recorder { pixel, traced, ..Recorder::default() }
+impl Serialize for RayKind {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name)
     }
+}
 
-    /// The records of a generation's rays.
-    pub(super) fn of_rays(&mut self, depth: usize) -> impl Iterator<Item = (usize, &mut RayRecord)> {
-        records(&self.of_ray, &mut self.rays, depth)
-    }
-
-    /// The index of each recorded surface of a generation with its record.
-    pub(super) fn of_surfaces(&mut self, depth: usize) -> impl Iterator<Item = (usize, &mut RayRecord)> {
-        records(&self.of_surface, &mut self.rays, depth)
-    }
-
-    /// Records the rays of the current generation with their surfaces.
-    pub(super) fn add_generation(&mut self, kind: RayKind, tile: &Tile) {
-        let (depth, generation) = (tile.depth, &tile.generations[tile.current]);
-        if depth == 0 {
-            self.start_pass(tile);
-        }
-        self.of_ray.truncate(depth);
-        self.of_surface.truncate(depth);
-        let mut of_ray = vec![None; generation.rays.len()];
-        for (index, id) in of_ray.iter_mut().enumerate() {
-            let sample = if depth == 0 { self.pass[index] } else { None };
-            let parent = (depth > 0)
-                .then(|| self.of_surface[depth - 1].get(generation.sources[index] as usize).copied());
-            let parent = parent.flatten().flatten();
-            let is_traced = sample.is_some_and(|sample| self.traced.contains(&self.samples[sample].index));
-            if !is_traced && parent.is_none() {
-                continue;
+impl SampleRecord {
+    /// Converts positions and lengths to scene coordinates.
+    pub fn move_back(&mut self, recentering: &Recentering) {
+        let point_back = |point: &mut DVec3| *point = recentering.point_back(*point);
+        for ray in &mut self.rays {
+            point_back(&mut ray.origin);
+            if let Some(hit) = &mut ray.hit {
+                point_back(&mut hit.position);
+                hit.t /= recentering.scale;
             }
-            *id = Some(self.rays.len());
-            if let Some(sample) = sample {
-                self.samples[sample].ray = *id;
-            }
-            self.rays.push(RayRecord {
-                kind,
-                depth,
-                parent,
-                ray: generation.rays.get(index),
-                surface: None,
-                tests: Vec::new(),
-                local: None,
-                vertex: None,
-            });
-        }
-        let surfaces = &generation.surfaces;
-        let of_surface = surfaces.ray_of().iter().enumerate().map(|(i, &ray)| {
-            let id = of_ray[ray as usize]?;
-            self.rays[id].surface = Some(surfaces.get(i));
-            Some(id)
-        });
-        self.of_surface.push(of_surface.collect());
-        self.of_ray.push(of_ray);
-    }
-
-    /// Lists the samples of the pixel in a pass.
-    fn start_pass(&mut self, tile: &Tile) {
-        let mut indices = Vec::new();
-        list_samples(tile, &mut indices);
-        let samples = tile.buffers::<TileSamples>();
-        let signs: Vec<f64> = samples
-            .map_or(Vec::new(), |samples| samples.of_pass(&indices).map(|(_, sign, _)| sign).collect());
-        self.pass.clear();
-        for (i, &index) in indices.iter().enumerate() {
-            let SampleIndex { x, y, sample } = index;
-            let is_own = [x, y] == self.pixel && samples.is_none_or(|samples| samples.is_counted(index));
-            self.pass.push(is_own.then_some(self.samples.len()));
-            if is_own {
-                let centre = [f64::from(x) + 0.5, f64::from(y) + 0.5];
-                let film_position = samples.map_or(centre, |samples| {
-                    let (x, y) = samples.film_positions();
-                    [x[i], y[i]]
-                });
-                let (sign, layer) = (signs.get(i).copied().unwrap_or(1.0), layer_weight(tile, i));
-                let record =
-                    SampleRecord { index: sample, film_position, sign, layer, ..SampleRecord::default() };
-                self.samples.push(record);
-            }
-        }
-    }
-
-    /// Records the colours of the pass's samples.
-    pub(super) fn add_colours(&mut self, tile: &Tile) {
-        for (ray, sample) in self.pass.iter().enumerate() {
-            let Some(sample) = sample.map(|sample| &mut self.samples[sample]) else { continue };
-            sample.colour = tile.pixels[ray];
-            sample.coverage = tile.coverage.as_ref().map(|coverage| coverage[ray]);
-            sample.unlit = tile.shown.as_ref().map(|shown| shown[ray]).filter(|shown| shown[3] > 0.0);
-        }
-    }
-
-    /// Records the filtered colour of the pixel.
-    pub(crate) fn add_filtered(&mut self, tile: &Tile) {
-        self.filtered = tile.pixels.first().copied().unwrap_or_default();
-    }
-
-    /// Records occlusion tests, each from a surface of a generation.
-    pub(super) fn add_tests(
-        &mut self,
-        (kind, light): (RayKind, Option<usize>),
-        depth: usize,
-        surfaces: impl Iterator<Item = usize>,
-        rays: Rays,
-        occluded: &[bool],
-    ) {
-        for ((surface, ray), &is_occluded) in surfaces.zip(rays.iter()).zip(occluded) {
-            if let Some(id) = self.of_surface[depth][surface] {
-                self.rays[id].tests.push(OcclusionTest { kind, light, ray, is_occluded });
+            let light_samples = ray.path.iter_mut().flat_map(|path| &mut path.light_samples);
+            let of_samples = light_samples.map(|sample| &mut sample.shadow_ray);
+            for shadow_ray in ray.shadow_rays.iter_mut().chain(of_samples) {
+                point_back(&mut shadow_ray.origin);
+                shadow_ray.length /= recentering.scale;
+                shadow_ray.occluder.iter_mut().for_each(|occluder| occluder.t /= recentering.scale);
             }
         }
     }
 }
 
-/// The records of a generation, with the indices of their rays or surfaces.
-fn records<'a>(
-    ids: &'a [Vec<Option<usize>>],
-    records: &'a mut [RayRecord],
-    depth: usize,
-) -> impl Iterator<Item = (usize, &'a mut RayRecord)> {
-    let mut by_id: Vec<Option<usize>> = vec![None; records.len()];
-    for (index, id) in ids.get(depth).into_iter().flatten().enumerate() {
-        if let Some(id) = id {
-            by_id[*id] = Some(index);
+impl RayRecord {
+    /// The occlusion tests from its surface, those of light samples last.
+    pub fn occlusion_tests(&self) -> impl Iterator<Item = &ShadowRayRecord> {
+        let light_samples = self.path.iter().flat_map(|path| &path.light_samples);
+        self.shadow_rays.iter().chain(light_samples.map(|sample| &sample.shadow_ray))
+    }
+}
+
+impl HitRecord {
+    /// The record of a surface that `ray` hits.
+    pub(super) fn new(world: &World, ray: &Ray, surface: &SurfaceInteraction) -> Self {
+        let &SurfaceInteraction { hit, object: index, material, geometric_normal, shading_normal, .. } =
+            surface;
+        let (object, [v, w]) = (&world.objects[index as usize], hit.barycentrics);
+        let (shape, barycentrics) = match world.accelerator.primitive(hit.slot) {
+            Primitive::Analytic(shape) => (shape.name(), None),
+            Primitive::Triangle(_) => ("triangle", Some([1.0 - v - w, v, w])),
+        };
+        HitRecord {
+            t: hit.t,
+            object: printable(&object.name).into_owned(),
+            shape,
+            primitive: hit.prim.0,
+            primitive_of_object: hit.prim.0 - object.first.0,
+            material: printable(world.materials[material as usize].name()).into_owned(),
+            material_index: material,
+            position: surface.point.position,
+            geometric_normal,
+            shading_normal,
+            barycentrics,
+            uv: world.texture_point((index, &hit, geometric_normal), ray, None, 0).map(|point| point.uv),
         }
     }
-    by_id.into_iter().zip(records).filter_map(|(index, record)| Some((index?, record)))
+}
+
+impl LocalRecord {
+    /// Sets the steps in 8-bit values.
+    pub fn round(&mut self) {
+        let bytes = |colour: DVec3| colour.to_array().map(quantise::<u8>);
+        let glaze = self.glaze.as_ref();
+        self.steps_8_bit = Some(Steps8Bit {
+            own: bytes(self.terms.own),
+            colour: bytes(self.colour),
+            mirrored: glaze.map(|glaze| bytes(glaze.mirrored)),
+            glazed: glaze.map(|glaze| bytes(glaze.colour)),
+        });
+    }
+}
+
+impl ShadowRayRecord {
+    /// The record of `ray`, not occluded.
+    pub(super) fn new(kind: RayKind, light: Option<String>, ray: &Ray) -> Self {
+        let (origin, direction, length) = (ray.origin(), ray.direction(), ray.t_max());
+        ShadowRayRecord { kind, light, origin, direction, length, is_occluded: false, occluder: None }
+    }
+
+    /// Records that `ray` is occluded, and finds by what, which the test itself does not.
+    pub(super) fn set_occluded(&mut self, world: &World, ray: &Ray) {
+        self.is_occluded = true;
+        self.occluder = world.accelerator.closest_hit(ray, &mut Traversal::default()).map(|hit| {
+            let object = &world.objects[world.object_of(hit.prim) as usize];
+            Occluder { object: printable(&object.name).into_owned(), t: hit.t }
+        });
+    }
 }

@@ -10,7 +10,7 @@ use std::ops::AddAssign;
 use glam::DVec3;
 
 use super::RayKind;
-use super::record::Recorder;
+use super::recorder::Recorder;
 use super::unlit::has_unlit;
 use crate::bvh::Traversal;
 use crate::film::{DisplayTransform, Window};

@@ -19,7 +19,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::effects::Plan;
-use crate::effects::record::Recorder;
+use crate::effects::recorder::Recorder;
 use crate::effects::tile::{RenderContext, Tile};
 use crate::error::{Error, Result};
 use crate::film::{self, ColourPipeline, DisplayTransform, Film, FilmTile, Pixel, Window};

@@ -15,6 +15,7 @@ pub(crate) use opacity::{VISIBLE_FROM, opacity};
 pub use phong::Scratch;
 
 use glam::DVec3;
+use serde::{Serialize, Serializer};
 
 use crate::scene::{Material, TextureSlot};
 use crate::world::{InteractionSoa, PreparedMaterial, SurfaceInteraction, Vec3Soa, World};
@@ -76,9 +77,10 @@ pub fn shade_all(
 }
 
 /// The terms of a surface's colour in local shading.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 pub struct SurfaceTerms {
-    /// The reflection model.
+    /// The reflection model: `phong` (base colour times the sum of the terms), `metallic-roughness` (sum of the terms),
+    /// `flat` or `unlit`.
     pub model: &'static str,
     /// The base colour.
     pub own: DVec3,
@@ -89,16 +91,36 @@ pub struct SurfaceTerms {
 }
 
 /// A term of local shading: of emission (`L_e`), ambient light (`L_a`), diffuse (`L_d`) or specular reflection (`L_s`).
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize)]
 pub struct Term {
     /// Its name.
     pub name: &'static str,
+    /// The name of its light.
+    pub light: Option<String>,
     /// The index of its light.
-    pub light: Option<usize>,
+    pub light_index: Option<usize>,
     /// Names and values of its factors, without the radiance of the light.
+    #[serde(serialize_with = "as_map")]
     pub factors: Vec<(&'static str, f64)>,
     /// Its value.
     pub value: DVec3,
+}
+
+impl Term {
+    fn new(
+        world: &World,
+        name: &'static str,
+        light_index: Option<usize>,
+        factors: &[(&'static str, f64)],
+        value: DVec3,
+    ) -> Self {
+        let light = light_index.map(|index| world.light_name(index));
+        Term { name, light, light_index, factors: factors.to_vec(), value }
+    }
+}
+
+fn as_map<S: Serializer>(pairs: &[(&'static str, f64)], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(pairs.iter().copied())
 }
 
 /// The terms of surface `i` under lights that were sampled there, by the code of [`shade_all`].
@@ -124,7 +146,7 @@ pub fn terms_of(
             let note = |name, light: Option<usize>, value: DVec3| {
                 let light = light.map(|index| indices[index]);
                 if light.is_some() || value != DVec3::ZERO {
-                    terms.terms.push(Term { name, light, factors: Vec::new(), value });
+                    terms.terms.push(Term::new(world, name, light, &[], value));
                 }
             };
             metallic_roughness::shade(world, material, mode, &surface, texel, &samples, note);

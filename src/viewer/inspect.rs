@@ -4,10 +4,11 @@ use glam::DVec3;
 
 use crate::bvh::{Tests, Traversal};
 use crate::effects::RayKind;
+use crate::effects::record::HitRecord;
 use crate::error::{Result, printable};
 use crate::film::DisplayTransform;
 use crate::job::RenderJob;
-use crate::job::pixel::{HitReport, PixelReport, TracedRay};
+use crate::job::pixel::PixelReport;
 use crate::scene::{Glaze, Material};
 use crate::world::{PreparedMaterial, World};
 
@@ -26,7 +27,7 @@ pub struct Inspection {
 
 impl Inspection {
     /// The surface that the first sample's camera ray hits.
-    pub fn surface(&self) -> Option<&HitReport> {
+    pub fn surface(&self) -> Option<&HitRecord> {
         self.report.samples.first()?.rays.first()?.hit.as_ref()
     }
 }
@@ -56,13 +57,26 @@ pub fn inspect(
     pixel: [u32; 2],
 ) -> Result<Inspection> {
     let first = job.plan.sampling.first_sample();
-    let report = job.pixel_report(pixel, first, displays, false)?;
-    let mut traversal = Traversal::default();
-    if let Some(TracedRay { origin, direction, .. }) = report.traced.first() {
-        let ray = job.world.numerics().ray_precision().ray(*origin, *direction, 0.0, f64::INFINITY);
-        job.world.accelerator.closest_hit(&ray, &mut traversal);
+    let mut report = job.pixel_report(pixel, first, displays, false)?;
+    let (mut traversal, mut rays) = (Traversal::default(), Vec::new());
+    for ray in report.samples.first().into_iter().flat_map(|sample| &sample.rays) {
+        let segment = |kind, origin: DVec3, direction: DVec3, length: f64, hit| {
+            let length = if length.is_finite() { length } else { way_out(origin, bounds) };
+            RaySegment { kind, from: origin, to: origin + direction * length, hit }
+        };
+        if ray.depth == 0 {
+            let precision = job.world.numerics().ray_precision();
+            let ray = precision.ray(ray.origin, ray.direction, 0.0, f64::INFINITY);
+            job.world.accelerator.closest_hit(&ray, &mut traversal);
+        }
+        let t = ray.hit.as_ref().map_or(f64::INFINITY, |hit| hit.t);
+        rays.push(segment(ray.kind, ray.origin, ray.direction, t, ray.hit.is_some()));
+        rays.extend(ray.occlusion_tests().map(|test| {
+            let t = test.occluder.as_ref().map_or(test.length, |occluder| occluder.t);
+            segment(test.kind, test.origin, test.direction, t, test.is_occluded)
+        }));
     }
-    let rays = report.traced.iter().map(|ray| ray_segment(ray, bounds)).collect();
+    job.move_back(&mut report);
     let mut inspection = Inspection { report, rays, material_values: Vec::new(), tests: traversal.tests };
     let material = inspection.surface().map(|hit| &job.world.materials[hit.material_index as usize]);
     inspection.material_values =
@@ -114,12 +128,6 @@ fn material_values(world: &World, material: &PreparedMaterial) -> Vec<(&'static 
         Some((slot.entry().name, format!("picture {} ({size})", printable(&image.name))))
     }));
     values
-}
-
-fn ray_segment(ray: &TracedRay, bounds: Option<(DVec3, DVec3)>) -> RaySegment {
-    let &TracedRay { kind, origin, direction, length, is_hit } = ray;
-    let length = if length.is_finite() { length } else { way_out(origin, bounds) };
-    RaySegment { kind, from: origin, to: origin + direction * length, hit: is_hit }
 }
 
 /// A distance at which a ray from `origin` in any direction is outside the bounding sphere, by at least a quarter of

@@ -65,6 +65,7 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use crate::bvh::{self, Accelerator, Instance, Layout, MeshSpace, Slot};
+use crate::error::printable;
 use crate::film::{Colour, ColourPipeline};
 use crate::geometry::{Numerics, PrimId};
 use crate::scene::{
@@ -219,6 +220,11 @@ impl World {
     pub fn prepare(scene: Scene, pipeline: ColourPipeline, structure: Layout, numerics: Numerics) -> World {
         let look = DefaultLook::of_files(&scene, scene.picture);
         World::prepare_with(scene, &WorldInputs::new(&look, pipeline, structure, numerics))
+    }
+
+    /// The name of a light, for text.
+    pub fn light_name(&self, index: usize) -> String {
+        printable(&self.lights[index].name).into_owned()
     }
 
     /// Prepares a scene for rendering, with what is added to it.

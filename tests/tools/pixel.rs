@@ -467,7 +467,7 @@ fn light_samples_behind_transparent_surfaces_add_what_passes() {
             assert_eq!(radiance, vector(&sample["colour"]), "{pixel:?}: sample {}", sample["index"]);
         }
         let rays = report.samples.iter().flat_map(|sample| &sample.rays).filter_map(|ray| ray.path.as_ref());
-        let lights = rays.flat_map(|path| &path.light_samples).map(|light| &light.sample);
+        let lights = rays.flat_map(|path| &path.light_samples);
         attenuated += lights.filter(|l| l.adds != DVec3::ZERO && l.adds != l.if_visible).count();
     }
     assert!(attenuated > 10, "{attenuated} light samples behind transparent surfaces");

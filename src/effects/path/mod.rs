@@ -43,7 +43,7 @@ use numbers::{GenerationNumbers, Sequence};
 use vertices::{IndexList, Vertices};
 
 use super::bounce_limits::BounceLimits;
-use super::record::Recorder;
+use super::recorder::Recorder;
 use super::samples::{SampleIndex, list_samples};
 use super::shadow_catcher::catch_shadows;
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};

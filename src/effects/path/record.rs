@@ -2,17 +2,18 @@
 
 use super::continuations::survival;
 use super::emission::{emitted, found_at_infinity};
+use super::light_samples::LightSamples;
 use super::lights::Lights;
 use super::numbers::Sequence;
-use super::vertices::IndexList;
 use super::weights::light_weight;
-use super::{Buffers, LIGHT_RAYS, LightPath, Scatter};
+use super::{Buffers, LIGHT_RAYS, Scatter};
 use crate::effects::record::{
-    ContinuationRecord, Emission, LightSampleRecord, LightSource, PathVertex, Recorder, Roulette,
-    SampledDirection,
+    ContinuationRecord, DirectionRecord, EmissionRecord, LightSampleRecord, PathRecord, RouletteRecord,
+    ShadowRayRecord,
 };
+use crate::effects::recorder::Recorder;
 use crate::effects::tile::{RayGeneration, RenderContext};
-use crate::geometry::Rays;
+use crate::world::World;
 use glam::DVec3;
 
 impl Buffers {
@@ -27,54 +28,68 @@ impl Buffers {
         depth: u32,
     ) {
         let (world, surfaces) = (context.world, &*generation.surfaces);
-        let emission = |throughput: DVec3, (radiance, weight): (DVec3, f64), bounces: u8| {
-            let product = throughput * radiance * weight;
-            let adds = if product.is_finite() { stage.clamped(product, bounces) } else { DVec3::ZERO };
-            Emission { radiance, weight, adds }
-        };
-        for (ray, record) in recorder.of_rays(depth as usize).filter(|(_, record)| record.surface.is_none()) {
-            let (path, direction) = (&self.paths[ray], generation.rays.get(ray).direction());
-            let place = world.environment_position(direction);
-            let found = found_at_infinity(world, lights, direction, (path.pdf, place), depth);
-            let emission = Some(emission(path.throughput, (found, 1.0), path.bounces));
-            let throughput = path.throughput;
-            record.vertex = Some(PathVertex { throughput, emission, lights: Vec::new(), continuation: None });
-        }
         let is_last = self.are_last((world, stage), surfaces, depth);
-        for (i, record) in recorder.of_surfaces(depth as usize) {
-            let path = &self.paths[surfaces.ray_of()[i] as usize];
-            let material = &world.materials[surfaces.materials()[i] as usize];
-            let throughput = self.vertices.throughput.get(i);
-            let found = emitted((world, lights), material, surfaces, i, path);
-            let emission = found.map(|found| emission(throughput, found, path.bounces));
-            let samples = &self.continuations;
-            let pdf = samples.pdf[i];
-            let is_ended = is_last || pdf == 0.0 && !stage.allows(path, depth, false);
-            let continuation = (!is_ended).then(|| {
-                let sample = (pdf != 0.0).then(|| {
-                    let direction = self.vertices.to_world(i, samples.local.get(i));
-                    SampledDirection { direction, weight: samples.weight.get(i), pdf }
-                });
+        for record in recorder.rays(depth as usize) {
+            let (i, is_hit, samples) = (record.index, record.hit.is_some(), &self.continuations);
+            let path = &self.paths[if is_hit { surfaces.ray_of()[i] as usize } else { i }];
+            let (throughput, found) = if is_hit {
+                let material = &world.materials[surfaces.materials()[i] as usize];
+                let found = emitted((world, lights), material, surfaces, i, path);
+                (self.vertices.throughput.get(i), found)
+            } else {
+                let direction = generation.rays.get(i).direction();
+                let position = world.environment_position(direction);
+                let found = found_at_infinity(world, lights, direction, (path.pdf, position), depth);
+                (path.throughput, Some((found, 1.0)))
+            };
+            let emission = found.map(|(radiance, weight)| {
+                let product = throughput * radiance * weight;
+                let adds =
+                    if product.is_finite() { stage.clamped(product, path.bounces) } else { DVec3::ZERO };
+                EmissionRecord { radiance, weight, adds }
+            });
+            let is_ended = is_last || is_hit && samples.pdf[i] == 0.0 && !stage.allows(path, depth, false);
+            let bsdf_sample = (is_hit && !is_ended).then(|| {
+                let (weight, pdf) = (samples.weight.get(i), samples.pdf[i]);
+                let direction = self.vertices.to_world(i, samples.local.get(i));
+                let sample = (pdf != 0.0).then_some(DirectionRecord { direction, weight, pdf });
                 ContinuationRecord { sample, roulette: None, throughput: None }
             });
-            record.vertex = Some(PathVertex { throughput, emission, lights: Vec::new(), continuation });
+            let end = match is_hit {
+                false => Some("nothing is hit"),
+                true => is_ended.then_some("the limit of bounces"),
+            };
+            record.path =
+                Some(PathRecord { throughput, emission, light_samples: Vec::new(), bsdf_sample, end });
         }
+        if !is_last {
+            self.record_light_samples(recorder, (world, lights, stage), depth);
+        }
+    }
+
+    /// Records light samples whose shadow rays are listed.
+    fn record_light_samples(
+        &mut self,
+        recorder: &mut Recorder,
+        (world, lights, stage): (&World, &Lights, &Scatter),
+        depth: u32,
+    ) {
         let Buffers { light_samples, numbers, .. } = self;
-        let light_samples = light_samples.iter().filter(|_| !is_last);
         for (index, samples) in (0..).zip(light_samples) {
             numbers.fill_light(Sequence { seed: stage.seed, sampler: stage.sampler, depth }, index);
-            for (i, record) in recorder.of_surfaces(depth as usize) {
-                let place = samples.lit.iter().position(|lit| lit == i);
-                let (Some(vertex), Some(place)) = (&mut record.vertex, place) else { continue };
+            for (i, record) in recorder.surfaces(depth as usize) {
+                let position = samples.lit.iter().position(|lit| lit == i);
+                let (Some(path), Some(k)) = (&mut record.path, position) else { continue };
                 let (pdf, bsdf_pdf) = (samples.pdf[i], samples.bsdf_pdf[i]);
                 let choice = numbers.light_and_point(i)[0];
-                vertex.lights.push(LightSampleRecord {
-                    source: if lights.is_environment(choice) {
-                        LightSource::Environment
+                path.light_samples.push(LightSampleRecord {
+                    index,
+                    light: if lights.is_environment(choice) {
+                        "environment".into()
                     } else if lights.is_emitter(choice) {
-                        LightSource::Emitters
+                        "emissive surfaces".into()
                     } else {
-                        LightSource::Light(lights.index(choice[0]))
+                        world.light_name(lights.index(choice[0]))
                     },
                     direction: samples.direction.get(i),
                     radiance: samples.radiance.get(i),
@@ -82,7 +97,8 @@ impl Buffers {
                     bsdf: samples.value.get(i),
                     bsdf_pdf,
                     weight: light_weight(stage.technique, pdf, bsdf_pdf),
-                    if_visible: samples.light_paths[place].radiance,
+                    if_visible: samples.light_paths[k].radiance,
+                    shadow_ray: ShadowRayRecord::new(LIGHT_RAYS, None, &samples.shadow_rays.get(k)),
                     adds: DVec3::ZERO,
                 });
             }
@@ -93,37 +109,47 @@ impl Buffers {
     #[cold]
     pub(super) fn record_continuations(&self, recorder: &mut Recorder, has_roulette: bool, depth: u32) {
         let Buffers { continuations, numbers, next, .. } = self;
-        for (i, record) in recorder.of_surfaces(depth as usize) {
-            let Some(vertex) = &mut record.vertex else { continue };
-            let Some(continuation) = &mut vertex.continuation else { continue };
-            let place = continuations.continuing.iter().position(|continuing| continuing == i);
-            continuation.throughput = place.map(|place| next[place].throughput);
-            if let (true, Some(sample)) = (has_roulette, continuation.sample) {
+        for (i, record) in recorder.surfaces(depth as usize) {
+            let Some(path) = &mut record.path else { continue };
+            let Some(bsdf_sample) = &mut path.bsdf_sample else { continue };
+            let position = continuations.continuing.iter().position(|continuing| continuing == i);
+            bsdf_sample.throughput = position.map(|k| next[k].throughput);
+            if let (true, Some(sample)) = (has_roulette, &bsdf_sample.sample) {
                 let [_, number] = numbers.lobe_and_roulette(i);
-                let probability = survival(vertex.throughput * sample.weight);
-                continuation.roulette = Some(Roulette { probability, number });
+                let probability = survival(path.throughput * sample.weight);
+                bsdf_sample.roulette = Some(RouletteRecord { probability, number });
             }
+            path.end = match &*bsdf_sample {
+                ContinuationRecord { throughput: Some(_), .. } => None,
+                ContinuationRecord { sample: None, .. } => Some("the surface scatters nothing"),
+                ContinuationRecord { roulette: Some(RouletteRecord { probability, number }), .. }
+                    if number >= probability =>
+                {
+                    Some("Russian roulette")
+                }
+                _ => Some("the sampled direction is on the wrong side, or carries nothing"),
+            };
         }
     }
 }
 
-/// Records the shadow rays of a light sample of each vertex, and what they add.
+/// Records which of the light samples of this index are occluded, and what the others add.
 #[cold]
-pub(super) fn record_light_samples(
+pub(super) fn record_visibility(
     recorder: &mut Recorder,
-    depth: usize,
-    (lit, rays, occluded): (&IndexList, Rays, &[bool]),
-    light_paths: &[LightPath],
+    (world, depth): (&World, usize),
+    (index, samples): (u32, &LightSamples),
+    occluded: &[bool],
 ) {
-    recorder.add_tests((LIGHT_RAYS, None), depth, lit.iter(), rays, occluded);
-    for (i, record) in recorder.of_surfaces(depth) {
-        let (Some(vertex), Some(place)) = (&mut record.vertex, lit.iter().position(|lit| lit == i)) else {
-            continue;
-        };
-        // The test that was added is that of the sample with the same place.
-        let count = record.tests.iter().filter(|test| test.kind == LIGHT_RAYS).count();
-        if let Some(sample) = vertex.lights.get_mut(count.wrapping_sub(1)).filter(|_| !occluded[place]) {
-            sample.adds = light_paths[place].radiance;
+    for (i, record) in recorder.surfaces(depth) {
+        let recorded = record.path.iter_mut().flat_map(|path| &mut path.light_samples);
+        for sample in recorded.filter(|sample| sample.index == index) {
+            let Some(k) = samples.lit.iter().position(|lit| lit == i) else { continue };
+            if occluded[k] {
+                sample.shadow_ray.set_occluded(world, &samples.shadow_rays.get(k));
+            } else {
+                sample.adds = samples.light_paths[k].radiance;
+            }
         }
     }
 }

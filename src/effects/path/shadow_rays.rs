@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::light_samples::LightSamples;
-use super::record::record_light_samples;
+use super::record::record_visibility;
 use super::vertices::Vertices;
 use super::weights::light_weight;
 use super::{Buffers, LIGHT_RAYS, LightPath, Scatter};
@@ -157,8 +157,8 @@ impl Buffers {
     /// Traces the shadow rays of a generation and adds the radiance of those that are not occluded.
     pub(super) fn trace_shadow_rays(&mut self, tile: &mut Tile, world: &World, stage: &Scatter) {
         let Buffers { light_samples, occluded, radiance, .. } = self;
-        for samples in light_samples {
-            let LightSamples { lit, shadow_rays, light_paths, .. } = &mut **samples;
+        for (index, samples) in (0..).zip(&mut *light_samples) {
+            let LightSamples { shadow_rays, light_paths, .. } = &mut **samples;
             occluded.clear();
             world.accelerator.are_occluded(shadow_rays.rays(), occluded, &mut tile.traversal);
             match stage.continued {
@@ -195,8 +195,7 @@ impl Buffers {
                 }
             }
             if let Some(recorder) = &mut tile.recorder {
-                let tests = (&*lit, shadow_rays.rays(), &**occluded);
-                record_light_samples(recorder, tile.depth, tests, light_paths);
+                record_visibility(recorder, (world, tile.depth), (index, samples), occluded);
             }
             tile.count(LIGHT_RAYS, occluded.len(), occluded.iter().filter(|&&occluded| occluded).count());
         }

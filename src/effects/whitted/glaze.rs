@@ -19,7 +19,8 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use crate::effects::record::{Blend, Recorder};
+use crate::effects::record::GlazeRecord;
+use crate::effects::recorder::Recorder;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use crate::effects::{
     Effect, EffectContext, EffectValue, Hook, RayClass, RayKind, SecondaryRays, Stage, id, named,
@@ -282,14 +283,14 @@ fn record(recorder: &mut Recorder, tile: &Tile, world: &World) {
     });
     let found: Vec<(usize, DVec3)> =
         hits.chain(misses).map(|(ray, colour)| (next.sources[ray] as usize, colour)).collect();
-    for (i, record) in recorder.of_surfaces(tile.depth) {
+    for (i, record) in recorder.surfaces(tile.depth) {
         let material = &world.materials[generation.surfaces.materials()[i] as usize];
         let mirrored = found.iter().find(|(surface, _)| *surface == i);
         if let (Some(local), Some((_, mirrored)), Some(glaze)) =
             (&mut record.local, mirrored, material.glaze())
         {
             let weights = [glaze.own_weight, glaze.weight];
-            local.blend = Some(Blend { mirrored: *mirrored, weights, colour: colours.get(i) });
+            local.glaze = Some(GlazeRecord { mirrored: *mirrored, weights, colour: colours.get(i) });
         }
     }
 }

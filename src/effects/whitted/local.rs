@@ -1,8 +1,9 @@
 //! The stages of local shading: light samples, and the colours they give.
 
-use crate::effects::record::{LightAtSurface, LocalRecord, Recorder};
+use crate::effects::record::{LightRecord, LocalRecord};
+use crate::effects::recorder::Recorder;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile};
-use crate::shading::{LightSample, LightSoa, ShadingMode, shade_all, takes_light, terms_of};
+use crate::shading::{LightSample, ShadingMode, shade_all, takes_light, terms_of};
 use crate::world::World;
 
 /// Samples every light at the surfaces of a generation. Lights below the horizon, and those that the material does not return,
@@ -36,16 +37,17 @@ fn record(recorder: &mut Recorder, tile: &Tile, world: &World, mode: ShadingMode
     let RayGeneration { surfaces, colours: Some(colours), .. } = &tile.generations[tile.current] else {
         return;
     };
-    for (i, record) in recorder.of_surfaces(tile.depth) {
-        let at_surface = |light: &LightSoa| {
+    for (i, record) in recorder.surfaces(tile.depth) {
+        let lights = tile.lights.iter().enumerate().map(|(index, light)| {
             let LightSample { cosine, radiance, .. } = light.get(i);
-            LightAtSurface { cosine, radiance, reaches: light.reaches[i] }
-        };
+            LightRecord { light: world.light_name(index), cosine, radiance, reaches: light.reaches[i] }
+        });
         record.local = Some(LocalRecord {
-            lights: tile.lights.iter().map(|light| at_surface(light)).collect(),
+            lights: lights.collect(),
             terms: terms_of(world, mode, surfaces, &tile.lights, i),
             colour: colours.get(i),
-            blend: None,
+            glaze: None,
+            steps_8_bit: None,
         });
     }
 }

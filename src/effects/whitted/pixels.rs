@@ -1,6 +1,6 @@
 //! The stage that writes the colours of surfaces to pixels.
 
-use crate::effects::record::Recorder;
+use crate::effects::recorder::Recorder;
 use crate::effects::shadow_catcher::catch_shadows;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile};
 use crate::effects::unlit::expose_unlit;

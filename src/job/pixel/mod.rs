@@ -1,37 +1,102 @@
 //! One pixel of a picture in words and numbers: its rays, the terms at each surface, and the way to its 8-bit values.
 //!
-//! [`RenderJob::explain_pixel`] renders the pixel as the picture does, with a [`Recorder`]. Lengths and positions of
-//! the report are in scene coordinates, before recentering; colours are in the numbers of the pipeline.
+//! [`RenderJob::explain_pixel`] renders the pixel as the picture does, with a recorder; the report has what it records
+//! ([`crate::effects::record`]). Lengths and positions are in scene coordinates, before recentering; colours are in the
+//! numbers of the pipeline.
 
-mod report;
 mod text;
 
-pub use report::{
-    ColourReport, FilterReport, HitReport, LayerReport, LightReport, LightSampleReport, LocalReport,
-    NoiseReport, Occluder, PathReport, PixelReport, RayReport, SampleReport, ShadowRayReport, Steps8Bit,
-    TermReport, TracedRay,
-};
+use std::collections::BTreeSet;
 
 use glam::DVec3;
+use serde::Serialize;
 
 use super::{RenderControl, RenderJob};
-use crate::bvh::{Primitive, Traversal};
 use crate::effects::id;
-use crate::effects::record::{
-    ContinuationRecord, LightSource, LocalRecord, OcclusionTest, PathVertex, RayRecord, Recorder, Roulette,
-    SampleRecord,
-};
+use crate::effects::record::SampleRecord;
 use crate::effects::tile::RenderContext;
-use crate::error::{Error, Result, printable};
-use crate::film::rounding::{Rounding, quantise};
+use crate::error::{Error, Result};
+use crate::film::rounding::Rounding;
 use crate::film::tone::ToneMap;
 use crate::film::write::OutputImage;
 use crate::film::{ColourPipeline, DisplayTransform, Film, ReconstructionFilter, Window};
 use crate::render::record_pixel;
-use crate::world::SurfaceInteraction;
 
 /// The most samples whose rays a report lists.
 pub const MAX_LISTED_SAMPLES: u32 = 64;
+
+/// A pixel of a picture.
+#[derive(Debug, Clone, Serialize)]
+pub struct PixelReport {
+    /// Column and row, from the top left corner of the whole picture.
+    pub pixel: [u32; 2],
+    /// Width and height of the whole picture.
+    pub size: [u32; 2],
+    /// The 8-bit values of the pixel.
+    pub displayed: [u8; 3],
+    /// The 8-bit alpha, of pictures with a transparent background.
+    pub alpha: Option<u8>,
+    /// How the samples become these.
+    pub colour: ColourReport,
+    /// The transport.
+    pub transport: &'static str,
+    /// The number of samples.
+    pub samples_taken: usize,
+    /// The reconstruction filter; `None` for the one sample at the pixel's centre.
+    pub filter: Option<FilterReport>,
+    /// Mean and standard error of the samples' colours, without their signs; `None` for a single sample.
+    pub noise: Option<NoiseReport>,
+    /// The first samples, or those from the chosen one on, with their rays. Of a pixel that shows layers of transparent
+    /// surfaces, one entry a layer.
+    pub samples: Vec<SampleRecord>,
+    /// The number of samples that are not listed.
+    pub samples_left_out: usize,
+    /// What the report does not list.
+    pub not_listed: Vec<&'static str>,
+}
+
+/// The steps from the samples of a pixel to its 8-bit values.
+#[derive(Debug, Clone, Serialize)]
+pub struct ColourReport {
+    /// The colour pipeline.
+    pub pipeline: &'static str,
+    /// The filtered sum of the samples.
+    pub filtered: [f32; 3],
+    /// The same with unlit surfaces and backdrop: the value of the film. `None` where the film holds displayed colours,
+    /// which exposure and tone map leave as they are.
+    pub film: Option<[f32; 3]>,
+    /// Exposure in EV.
+    pub exposure: f64,
+    /// The film value times 2^EV.
+    pub exposed: Option<DVec3>,
+    /// The tone map.
+    pub tone_map: &'static str,
+    /// Displayed linear light; in the pipelines of display values the film value.
+    pub tone_mapped: DVec3,
+    /// Display values from 0 to 1, before they are rounded to 8 bits.
+    pub encoded: DVec3,
+}
+
+/// A reconstruction filter. The pixel is the mean of the samples; for a filter with negative lobes the mean m of the
+/// colours c plus the mean of weight (c - m), divided by the mean sign.
+#[derive(Debug, Clone, Serialize)]
+pub struct FilterReport {
+    /// Its shape.
+    pub shape: &'static str,
+    /// Its radius in pixels.
+    pub radius: f64,
+    /// The expected weight of a sample, which has the weight 1 or -1.
+    pub mean_sign: f64,
+}
+
+/// What all samples of a pixel say of its noise.
+#[derive(Debug, Clone, Serialize)]
+pub struct NoiseReport {
+    /// The mean of the colours.
+    pub mean: DVec3,
+    /// Their standard deviation over the square root of their number.
+    pub standard_error: DVec3,
+}
 
 impl RenderJob {
     /// Explains a pixel of the picture as `kiln render` writes it to a PNG file. The rays of up to
@@ -49,16 +114,18 @@ impl RenderJob {
             return Err(Error::usage(what, "count columns from the left and rows from the top, from 0"));
         }
         let display = self.display_transform(control)?;
-        let report = self.pixel_report(pixel, first, [display; 2], true)?;
+        let mut report = self.pixel_report(pixel, first, [display; 2], true)?;
         if report.samples.is_empty() {
             let what = format!("--sample {first}: the pixel has {} sample(s)", report.samples_taken);
             return Err(Error::usage(what, "count samples from 0"));
         }
+        self.move_back(&mut report);
         Ok(report)
     }
 
-    /// [`RenderJob::explain_pixel`] without checks. `displays` are the display transforms that are known before the
-    /// picture is, and that of the displayed picture; `is_displayed` is [`RenderContext::is_displayed`].
+    /// [`RenderJob::explain_pixel`] without checks and in world coordinates. `displays` are the display transforms that
+    /// are known before the picture is, and that of the displayed picture; `is_displayed` is
+    /// [`RenderContext::is_displayed`].
     pub(crate) fn pixel_report(
         &self,
         pixel: [u32; 2],
@@ -76,47 +143,48 @@ impl RenderJob {
             let (film, recorder) = record_pixel::<[f32; 3]>(&context, &self.plan, pixel, traced);
             (film, None, recorder)
         };
-        let (mut straight, mut displayed) = (film, [0; 3]);
-        let mut alpha_8_bit = None;
         let window = Window { x: pixel[0], y: pixel[1], width: 1, height: 1 };
         let one = Film::from_rows(window, &[film])?;
         let of_8_bits = shown.rounded(Rounding { is_16_bit: false, ..shown.rounding() });
-        match OutputImage::displayed(
-            &one,
-            alpha.as_ref().map(std::slice::from_ref),
-            world.pipeline,
-            of_8_bits,
-        )? {
-            OutputImage::Rgba8(film, alphas, _) => {
-                (displayed, alpha_8_bit) = (film.pixel(0, 0), Some(alphas[0]));
-            }
-            OutputImage::Rgb8(film, _) => displayed = film.pixel(0, 0),
-            _ => {}
+        let alphas = alpha.as_ref().map(std::slice::from_ref);
+        let (displayed, alpha_8_bit) = match OutputImage::displayed(&one, alphas, world.pipeline, of_8_bits)?
+        {
+            OutputImage::Rgba8(film, alphas, _) => (film.pixel(0, 0), Some(alphas[0])),
+            OutputImage::Rgb8(film, _) => (film.pixel(0, 0), None),
+            _ => ([0; 3], None),
+        };
+        let straight = match alpha {
+            Some(alpha) if alpha > 0.0 && !DisplayTransform::is_kept(film) => film.map(|c| c / alpha),
+            _ => film,
+        };
+        let mut samples = recorder.samples;
+        let (samples_taken, noise) = (count(&samples), noise(&samples));
+        samples.retain(|sample| !sample.rays.is_empty());
+        if world.pipeline == ColourPipeline::U8 {
+            let rays = samples.iter_mut().flat_map(|sample| &mut sample.rays);
+            rays.filter_map(|ray| ray.local.as_mut()).for_each(|local| local.round());
         }
-        if let Some(alpha) = alpha.filter(|&alpha| alpha > 0.0 && !DisplayTransform::is_kept(straight)) {
-            straight = straight.map(|channel| channel / alpha);
-        }
-        let samples = Reporter { job: self, recorder: &recorder }.samples();
-        let taken =
-            recorder.samples.iter().filter(|sample| sample.layer.is_none_or(|[before, _]| before == 1.0));
-        let samples_taken = taken.count();
-        let listed =
-            samples.iter().map(|sample| sample.index).collect::<std::collections::BTreeSet<_>>().len();
         Ok(PixelReport {
             pixel,
             size: view.size(),
             displayed,
             alpha: alpha_8_bit,
-            colour: colour_report(&recorder, straight, shown, world.pipeline),
+            colour: ColourReport::new(recorder.filtered, straight, shown, world.pipeline),
             transport: self.plan.transport.name(),
             samples_taken,
             filter: self.plan.takes_samples().then(|| self.filter_report()),
-            noise: noise(&recorder),
-            samples_left_out: samples_taken.saturating_sub(listed),
+            noise,
+            samples_left_out: samples_taken - count(&samples),
             samples,
             not_listed: self.not_listed(),
-            traced: self.traced_rays(&recorder, first),
         })
+    }
+
+    /// Converts positions and lengths of a report to scene coordinates.
+    pub(crate) fn move_back(&self, report: &mut PixelReport) {
+        if let Some(recentering) = &self.recentering {
+            report.samples.iter_mut().for_each(|sample| sample.move_back(recentering));
+        }
     }
 
     fn filter_report(&self) -> FilterReport {
@@ -126,92 +194,51 @@ impl RenderJob {
     }
 
     /// What a report does not list.
-    fn not_listed(&self) -> Vec<String> {
-        let mut list = Vec::new();
+    fn not_listed(&self) -> Vec<&'static str> {
         let has = |effect| self.plan.effects_on().any(|on| on == effect);
-        if has(id::AMBIENT_OCCLUSION) {
-            list.push("rays of ambient occlusion: their result is the factor `unoccluded` of L_a".to_owned());
-        }
-        if has(id::ALPHA) {
-            list.push(
-                "surfaces that a ray passes by their opacity: t is the distance to the one that it hits"
-                    .to_owned(),
-            );
-        }
-        if self.world.shadow_catcher().is_some() {
-            list.push(
-                "the shadow catcher: the ground's light becomes the sample's coverage, and its colour 0"
-                    .to_owned(),
-            );
-        }
-        list
-    }
-
-    /// The rays of the sample `index`, or of its first layer.
-    fn traced_rays(&self, recorder: &Recorder, index: u32) -> Vec<TracedRay> {
-        let root = recorder.samples.iter().find(|sample| sample.index == index).and_then(|sample| sample.ray);
-        let roots = roots(&recorder.rays);
-        let own = recorder.rays.iter().zip(&roots).filter(|(_, of)| Some(**of) == root).map(|(ray, _)| ray);
-        let mut traversal = Traversal::default();
-        own.flat_map(|record| {
-            let hit = record.surface.map(|surface| surface.hit.t);
-            let (origin, direction) = (record.ray.origin(), record.ray.direction());
-            let length = hit.unwrap_or(f64::INFINITY);
-            let is_hit = hit.is_some();
-            let ray = TracedRay { kind: record.kind, origin, direction, length, is_hit };
-            let tests = record.tests.iter().map(|test| {
-                let occluder = self.occluder(test, &mut traversal);
-                let (kind, is_hit) = (test.kind, test.is_occluded);
-                let (origin, direction) = (test.ray.origin(), test.ray.direction());
-                let length = occluder.map_or(test.ray.t_max(), |(_, t)| t);
-                TracedRay { kind, origin, direction, length, is_hit }
-            });
-            std::iter::once(ray).chain(tests.collect::<Vec<_>>())
-        })
-        .collect()
-    }
-
-    /// The object nearest to the origin of an occlusion test that is occluded, and its distance. The test itself does
-    /// not find it.
-    fn occluder(&self, test: &OcclusionTest, traversal: &mut Traversal) -> Option<(u32, f64)> {
-        let hit = self.world.accelerator.closest_hit(&test.ray, traversal).filter(|_| test.is_occluded)?;
-        Some((self.world.object_of(hit.prim), hit.t))
+        let parts = [
+            (
+                has(id::AMBIENT_OCCLUSION),
+                "rays of ambient occlusion: their result is the factor `unoccluded` of L_a",
+            ),
+            (
+                has(id::ALPHA),
+                "surfaces that a ray passes by their opacity: t is the distance to the one that it hits",
+            ),
+            (
+                self.world.shadow_catcher().is_some(),
+                "the shadow catcher: the ground's light becomes the sample's coverage, and its colour 0",
+            ),
+        ];
+        parts.into_iter().filter_map(|(is_on, what)| is_on.then_some(what)).collect()
     }
 }
 
-/// For each ray, the index of the camera ray that it comes from.
-fn roots(rays: &[RayRecord]) -> Vec<usize> {
-    let mut roots: Vec<usize> = Vec::with_capacity(rays.len());
-    for (index, ray) in rays.iter().enumerate() {
-        roots.push(ray.parent.map_or(index, |parent| roots[parent]));
+impl ColourReport {
+    fn new(filtered: [f32; 3], film: [f32; 3], display: DisplayTransform, pipeline: ColourPipeline) -> Self {
+        let colour = DVec3::from(film.map(f64::from));
+        let is_light = !DisplayTransform::is_kept(film);
+        let exposed = DisplayTransform::new(display.ev(), ToneMap::None).apply(colour);
+        ColourReport {
+            pipeline: pipeline.name(),
+            filtered,
+            film: is_light.then_some(film),
+            exposure: display.ev(),
+            exposed: is_light.then_some(exposed),
+            tone_map: display.tone_map().name(),
+            tone_mapped: display.apply(colour),
+            encoded: display.displayed(pipeline, colour),
+        }
     }
-    roots
 }
 
-fn colour_report(
-    recorder: &Recorder,
-    film: [f32; 3],
-    display: DisplayTransform,
-    pipeline: ColourPipeline,
-) -> ColourReport {
-    let colour = DVec3::from(film.map(f64::from));
-    let is_light = !DisplayTransform::is_kept(film);
-    let exposed = DisplayTransform::new(display.ev(), ToneMap::None).apply(colour);
-    ColourReport {
-        pipeline: pipeline.name(),
-        filtered: recorder.filtered,
-        film: is_light.then_some(film),
-        exposure: display.ev(),
-        exposed: is_light.then_some(exposed),
-        tone_map: display.tone_map().name(),
-        tone_mapped: display.apply(colour),
-        encoded: display.displayed(pipeline, colour),
-    }
+/// The number of samples, layers of one sample counted once.
+fn count(samples: &[SampleRecord]) -> usize {
+    samples.iter().map(|sample| sample.index).collect::<BTreeSet<_>>().len()
 }
 
 /// Mean and standard error of the samples of a pixel.
-fn noise(recorder: &Recorder) -> Option<NoiseReport> {
-    let samples = &recorder.samples;
+fn noise(samples: &[SampleRecord]) -> Option<NoiseReport> {
     if samples.len() < 2 || samples.iter().any(|sample| sample.layer.is_some()) {
         return None;
     }
@@ -221,167 +248,4 @@ fn noise(recorder: &Recorder) -> Option<NoiseReport> {
     let variance = colours().map(|colour| (colour - mean) * (colour - mean)).sum::<DVec3>() / (count - 1.0);
     let standard_error = DVec3::from((variance / count).to_array().map(f64::sqrt));
     Some(NoiseReport { mean, standard_error })
-}
-
-/// Makes the reports of samples.
-struct Reporter<'a> {
-    job: &'a RenderJob,
-    recorder: &'a Recorder,
-}
-
-impl Reporter<'_> {
-    fn samples(&self) -> Vec<SampleReport> {
-        let Recorder { samples, rays, .. } = self.recorder;
-        let roots = roots(rays);
-        let mut traversal = Traversal::default();
-        let listed = samples.iter().filter_map(|sample| Some((sample, sample.ray?)));
-        listed
-            .map(|(sample, root)| {
-                let own: Vec<usize> = (0..rays.len()).filter(|&ray| roots[ray] == root).collect();
-                let rays = own.iter().map(|&ray| self.ray(&rays[ray], &own, &mut traversal)).collect();
-                let &SampleRecord { index, film_position, sign, layer, colour, coverage, unlit, .. } = sample;
-                let layer = layer.map(|[transmittance, opacity]| LayerReport { transmittance, opacity });
-                SampleReport { index, film_position, weight: sign, layer, colour, coverage, unlit, rays }
-            })
-            .collect()
-    }
-
-    /// A length in scene coordinates.
-    fn length(&self, length: f64) -> f64 {
-        length / self.job.recentering.map_or(1.0, |recentering| recentering.scale)
-    }
-
-    /// A point in scene coordinates.
-    fn point(&self, point: DVec3) -> DVec3 {
-        self.job.recentering.map_or(point, |recentering| recentering.point_back(point))
-    }
-
-    fn object(&self, index: u32) -> String {
-        printable(&self.job.world.objects[index as usize].name).into_owned()
-    }
-
-    fn light(&self, index: usize) -> String {
-        self.job.world.lights.get(index).map_or_else(String::new, |light| printable(&light.name).into_owned())
-    }
-
-    /// The report of a ray; `own` are the rays of its sample.
-    fn ray(&self, record: &RayRecord, own: &[usize], traversal: &mut Traversal) -> RayReport {
-        let shadow_ray = |test: &OcclusionTest| ShadowRayReport {
-            kind: test.kind.name,
-            light: test.light.map(|light| self.light(light)),
-            origin: self.point(test.ray.origin()),
-            direction: test.ray.direction(),
-            length: self.length(test.ray.t_max()),
-            is_occluded: test.is_occluded,
-            occluder: self
-                .job
-                .occluder(test, traversal)
-                .map(|(object, t)| Occluder { object: self.object(object), t: self.length(t) }),
-        };
-        RayReport {
-            kind: record.kind.name,
-            depth: record.depth,
-            parent: record.parent.and_then(|parent| own.iter().position(|&ray| ray == parent)),
-            origin: self.point(record.ray.origin()),
-            direction: record.ray.direction(),
-            shadow_rays: record.tests.iter().map(shadow_ray).collect(),
-            hit: record.surface.as_ref().map(|surface| self.hit(surface, record)),
-            local: record.local.as_ref().map(|local| self.local(local)),
-            path: record.vertex.as_ref().map(|vertex| self.path(vertex, record.surface.is_some())),
-        }
-    }
-
-    fn hit(&self, surface: &SurfaceInteraction, record: &RayRecord) -> HitReport {
-        let (world, hit) = (&self.job.world, &surface.hit);
-        let [v, w] = hit.barycentrics;
-        let (shape, barycentrics) = match world.accelerator.primitive(hit.slot) {
-            Primitive::Analytic(shape) => (shape.name(), None),
-            Primitive::Triangle(_) => ("triangle", Some([1.0 - v - w, v, w])),
-        };
-        let at = (surface.object, hit, surface.geometric_normal);
-        HitReport {
-            t: self.length(hit.t),
-            object: self.object(surface.object),
-            shape,
-            primitive: hit.prim.0,
-            primitive_of_object: hit.prim.0 - world.objects[surface.object as usize].first.0,
-            material: printable(world.materials[surface.material as usize].name()).into_owned(),
-            material_index: surface.material,
-            position: self.point(surface.point.position),
-            geometric_normal: surface.geometric_normal,
-            shading_normal: surface.shading_normal,
-            barycentrics,
-            uv: world.texture_point(at, &record.ray, None, 0).map(|point| point.uv),
-        }
-    }
-
-    fn local(&self, local: &LocalRecord) -> LocalReport {
-        let LocalRecord { lights, terms, colour, blend } = local;
-        let bytes = |colour: DVec3| colour.to_array().map(quantise::<u8>);
-        let is_u8 = self.job.pipeline() == ColourPipeline::U8;
-        LocalReport {
-            model: terms.model,
-            own: terms.own,
-            lights: (0..)
-                .zip(lights)
-                .map(|(index, light)| LightReport {
-                    light: self.light(index),
-                    cosine: light.cosine,
-                    radiance: light.radiance,
-                    reaches: light.reaches,
-                })
-                .collect(),
-            terms: terms
-                .terms
-                .iter()
-                .map(|term| TermReport {
-                    name: term.name,
-                    light: term.light.map(|light| self.light(light)),
-                    light_index: term.light,
-                    factors: term.factors.clone(),
-                    value: term.value,
-                })
-                .collect(),
-            light: terms.light,
-            colour: *colour,
-            glaze: *blend,
-            steps_8_bit: is_u8.then(|| Steps8Bit {
-                own: bytes(terms.own),
-                colour: bytes(*colour),
-                mirrored: blend.map(|blend| bytes(blend.mirrored)),
-                glazed: blend.map(|blend| bytes(blend.colour)),
-            }),
-        }
-    }
-
-    fn path(&self, vertex: &PathVertex, is_surface: bool) -> PathReport {
-        let PathVertex { throughput, emission, lights, continuation } = vertex;
-        let light_samples = lights.iter().map(|sample| LightSampleReport {
-            light: match sample.source {
-                LightSource::Light(index) => self.light(index),
-                LightSource::Emitters => "emissive surfaces".into(),
-                LightSource::Environment => "environment".into(),
-            },
-            sample: *sample,
-        });
-        let end = match continuation {
-            _ if !is_surface => Some("nothing is hit"),
-            None => Some("the limit of bounces"),
-            Some(ContinuationRecord { throughput: Some(_), .. }) => None,
-            Some(ContinuationRecord { sample: None, .. }) => Some("the surface scatters nothing"),
-            Some(ContinuationRecord { roulette: Some(Roulette { probability, number }), .. })
-                if number >= probability =>
-            {
-                Some("Russian roulette")
-            }
-            Some(_) => Some("the sampled direction is on the wrong side, or carries nothing"),
-        };
-        PathReport {
-            throughput: *throughput,
-            emission: *emission,
-            light_samples: light_samples.collect(),
-            bsdf_sample: *continuation,
-            end,
-        }
-    }
 }

@@ -1,12 +1,11 @@
 //! The report of a pixel as lines of text.
 
-use std::fmt::Write;
+use std::fmt::{Display, Write};
 
 use glam::DVec3;
 
-use super::{
-    ColourReport, HitReport, LocalReport, PathReport, PixelReport, RayReport, SampleReport, ShadowRayReport,
-};
+use super::{ColourReport, PixelReport};
+use crate::effects::record::{HitRecord, LocalRecord, PathRecord, RayRecord, SampleRecord, ShadowRayRecord};
 use crate::film::ColourPipeline;
 use crate::film::rounding::quantise;
 
@@ -19,15 +18,14 @@ impl PixelReport {
     pub fn text(&self, name: &dyn Fn(&str) -> String) -> String {
         let mut text = Text { lines: String::new(), pipeline: self.colour.pipeline, name };
         let ([x, y], [width, height], [r, g, b]) = (self.pixel, self.size, self.displayed);
-        text.line(0, &format!("pixel {x},{y} of {width} x {height}, from the top left: {r} {g} {b}"));
-        for (index, sample) in
-            self.samples.iter().take_while(|s| s.index == self.samples[0].index).enumerate()
-        {
-            text.sample(self, index, sample);
+        text.line(format_args!("pixel {x},{y} of {width} x {height}, from the top left: {r} {g} {b}"));
+        let first = self.samples.iter().take_while(|sample| sample.index == self.samples[0].index);
+        for (index, sample) in first.enumerate() {
+            text.sample(self.samples_taken, index, sample);
         }
         text.colour(self);
         for what in &self.not_listed {
-            text.line(0, &format!("not listed: {what}"));
+            text.line(format_args!("not listed: {what}"));
         }
         text.lines
     }
@@ -71,19 +69,16 @@ fn wide(v: [f32; 3]) -> DVec3 {
 }
 
 impl Text<'_> {
-    fn line(&mut self, indent: usize, line: &str) {
-        let _ = writeln!(self.lines, "{:indent$}{line}", "");
+    fn line(&mut self, line: impl Display) {
+        let _ = writeln!(self.lines, "{line}");
     }
 
-    fn row(&mut self, label: &str, value: &str) {
-        self.line(2, &format!("{label:<LABEL$}  {value}"));
+    fn row(&mut self, label: impl Display, value: impl Display) {
+        self.line(format_args!("  {:<LABEL$}  {value}", label.to_string()));
     }
 
     /// A colour: of 255 in the pipelines of display values.
     fn in_pipeline(&self, colour: DVec3) -> String {
-        if self.pipeline == ColourPipeline::Linear.name() {
-            return vector(colour);
-        }
         if self.pipeline == ColourPipeline::U8.name() {
             return colour.to_array().map(|c| quantise::<u8>(c).to_string()).join("  ");
         }
@@ -98,27 +93,27 @@ impl Text<'_> {
         (colour * 255.0).to_array().map(|c| format!("{c:.3}")).join("  ")
     }
 
-    fn sample(&mut self, report: &PixelReport, index: usize, sample: &SampleReport) {
-        if report.samples_taken > 1 {
+    fn sample(&mut self, taken: usize, index: usize, sample: &SampleRecord) {
+        if taken > 1 {
             let [x, y] = sample.film_position;
-            let of = report.samples_taken;
-            self.line(0, &format!("\nsample {} of {of}, at {x:.3},{y:.3}", sample.index));
+            self.line(format_args!("\nsample {} of {taken}, at {x:.3},{y:.3}", sample.index));
         }
         if let Some(layer) = sample.layer.as_ref().filter(|layer| layer.transmittance * layer.opacity < 1.0) {
-            self.line(0, &format!("\nlayer {index} of transparent surfaces"));
-            self.row("transmittance", &format!("{} of the layers before it", digits(layer.transmittance)));
-            self.row("opacity", &digits(layer.opacity));
+            self.line(format_args!("\nlayer {index} of transparent surfaces"));
+            let transmittance = digits(layer.transmittance);
+            self.row("transmittance", format_args!("{transmittance} of the layers before it"));
+            self.row("opacity", digits(layer.opacity));
         }
         for ray in &sample.rays {
             self.ray(ray);
         }
     }
 
-    fn ray(&mut self, ray: &RayReport) {
+    fn ray(&mut self, ray: &RayRecord) {
         let of = if ray.depth == 0 { String::new() } else { format!(", bounce {}", ray.depth) };
-        self.line(0, &format!("\n{} ray{of}", ray.kind));
-        self.row("origin", &vector(ray.origin));
-        self.row("direction", &vector(ray.direction));
+        self.line(format_args!("\n{} ray{of}", ray.kind.name));
+        self.row("origin", vector(ray.origin));
+        self.row("direction", vector(ray.direction));
         match &ray.hit {
             Some(hit) => self.hit(hit),
             None => self.row("hits", "nothing"),
@@ -131,119 +126,105 @@ impl Text<'_> {
         }
     }
 
-    fn hit(&mut self, hit: &HitReport) {
-        let HitReport { shape, primitive, primitive_of_object, .. } = hit;
-        self.row("hits", &(self.name)(&hit.object));
-        self.row(shape, &format!("{primitive} ({primitive_of_object} of the object)"));
-        self.row("distance t", &digits(hit.t));
-        self.row("position", &vector(hit.position));
+    fn hit(&mut self, hit: &HitRecord) {
+        let HitRecord { shape, primitive, primitive_of_object, .. } = hit;
+        self.row("hits", (self.name)(&hit.object));
+        self.row(shape, format_args!("{primitive} ({primitive_of_object} of the object)"));
+        self.row("distance t", digits(hit.t));
+        self.row("position", vector(hit.position));
         if hit.shading_normal == hit.geometric_normal {
-            self.row("normal N", &vector(hit.geometric_normal));
+            self.row("normal N", vector(hit.geometric_normal));
         } else {
-            self.row("geometric normal", &vector(hit.geometric_normal));
-            self.row("shading normal N", &vector(hit.shading_normal));
+            self.row("geometric normal", vector(hit.geometric_normal));
+            self.row("shading normal N", vector(hit.shading_normal));
         }
         if let Some(weights) = hit.barycentrics {
-            self.row("barycentrics", &vector(weights));
+            self.row("barycentrics", vector(weights));
         }
         if let Some(uv) = hit.uv {
-            self.row("texture", &uv.to_array().map(digits).join("  "));
+            self.row("texture", uv.to_array().map(digits).join("  "));
         }
-        self.row("material", &(self.name)(&hit.material));
+        self.row("material", (self.name)(&hit.material));
     }
 
-    fn shadow_ray(&mut self, label: &str, ray: &ShadowRayReport) {
-        let (to, length) = (ray.light.as_deref().map(self.name), digits(ray.length));
-        let to = to.map_or(String::new(), |light| format!("to {light}: "));
+    fn shadow_ray(&mut self, label: impl Display, ray: &ShadowRayRecord) {
+        let to = ray.light.as_ref().map_or(String::new(), |light| format!("to {}: ", (self.name)(light)));
         let result = match &ray.occluder {
             Some(occluder) => {
                 format!("occluded by {} at t {}", (self.name)(&occluder.object), digits(occluder.t))
             }
             None if ray.is_occluded => "occluded".into(),
-            None if ray.length.is_finite() => format!("unoccluded over {length}"),
+            None if ray.length.is_finite() => format!("unoccluded over {}", digits(ray.length)),
             None => "unoccluded".into(),
         };
-        self.row(label, &format!("{to}{result}"));
+        self.row(label, to + &result);
     }
 
-    fn local(&mut self, local: &LocalReport, shadow_rays: &[ShadowRayReport]) {
-        let is_phong = local.light.is_some();
+    fn local(&mut self, local: &LocalRecord, shadow_rays: &[ShadowRayRecord]) {
+        let is_phong = local.terms.light.is_some();
         if is_phong {
             let of = if self.pipeline == ColourPipeline::Linear.name() { "" } else { "  of 255" };
-            let colour = self.in_pipeline(local.own);
-            self.row("colour C", &format!("{colour}{of}"));
+            self.row("colour C", self.in_pipeline(local.terms.own) + of);
         }
         for ray in shadow_rays {
-            self.shadow_ray(&format!("{} ray", ray.kind), ray);
+            self.shadow_ray(format_args!("{} ray", ray.kind.name), ray);
         }
         for light in local.lights.iter().filter(|light| !light.reaches && light.cosine <= 0.0) {
-            let name = (self.name)(&light.light);
-            self.row("light", &format!("{name} is below the horizon: N.L {}", digits(light.cosine)));
+            let (name, cosine) = ((self.name)(&light.light), digits(light.cosine));
+            self.row("light", format_args!("{name} is below the horizon: N.L {cosine}"));
         }
         let mut last = None;
-        for term in &local.terms {
+        for term in &local.terms.terms {
             let at = term.light_index.filter(|index| last != Some(*index)).map(|index| &local.lights[index]);
             if let Some(at) = at {
-                let name = (self.name)(&at.light);
-                let (radiance, cosine) = (light(at.radiance), digits(at.cosine));
-                self.row("light", &format!("{name}: I {radiance}, N.L {cosine}"));
+                let (name, radiance, cosine) =
+                    ((self.name)(&at.light), light(at.radiance), digits(at.cosine));
+                self.row("light", format_args!("{name}: I {radiance}, N.L {cosine}"));
             }
             last = term.light_index;
-            let factors: Vec<String> =
-                term.factors.iter().map(|(name, value)| format!("{name} {}", digits(*value))).collect();
-            let row = format!("{:<12}  {}", light(term.value), factors.join(", "));
+            let factors = term.factors.iter().map(|(name, value)| format!("{name} {}", digits(*value)));
+            let row = format!("{:<12}  {}", light(term.value), factors.collect::<Vec<_>>().join(", "));
             self.row(term.name, row.trim_end());
         }
-        if let Some(sum) = local.light {
-            self.row("L", &format!("{:<12}  sum of the terms", light(sum)));
+        if let Some(sum) = local.terms.light {
+            self.row("L", format_args!("{:<12}  sum of the terms", light(sum)));
         }
-        let colour = self.in_pipeline(local.colour);
-        match is_phong {
-            true => self.row("C_P = C L", &colour),
-            false => self.row("colour", &colour),
-        }
+        self.row(if is_phong { "C_P = C L" } else { "colour" }, self.in_pipeline(local.colour));
         if let Some(glaze) = &local.glaze {
             let [own, weight] = glaze.weights;
             let (mirrored, colour) = (self.in_pipeline(glaze.mirrored), self.in_pipeline(glaze.colour));
-            self.row("C_I", &format!("{mirrored}  the mirrored colour: the ray below"));
-            self.row("glazed C_P", &format!("{colour}  {own} C_P + {weight} C_I"));
+            self.row("C_I", mirrored + "  the mirrored colour: the ray below");
+            self.row("glazed C_P", format_args!("{colour}  {own} C_P + {weight} C_I"));
         }
     }
 
-    fn path(&mut self, path: &PathReport, shadow_rays: &[ShadowRayReport]) {
-        self.row("throughput", &light(path.throughput));
+    fn path(&mut self, path: &PathRecord, shadow_rays: &[ShadowRayRecord]) {
+        self.row("throughput", light(path.throughput));
         if let Some(emission) = &path.emission {
-            self.row(
-                "finds L_e",
-                &format!("{}, MIS weight {}", light(emission.radiance), digits(emission.weight)),
-            );
-            self.row("  adds", &light(emission.adds));
+            let (radiance, weight) = (light(emission.radiance), digits(emission.weight));
+            self.row("finds L_e", format_args!("{radiance}, MIS weight {weight}"));
+            self.row("  adds", light(emission.adds));
         }
-        // Those of light samples are last.
-        let others = shadow_rays.len().saturating_sub(path.light_samples.len());
-        let (others, tests) = shadow_rays.split_at(others);
-        others.iter().for_each(|ray| self.shadow_ray(&format!("{} ray", ray.kind), ray));
-        for (sample, ray) in path.light_samples.iter().zip(tests) {
-            let found = &sample.sample;
-            self.row("light sample", &(self.name)(&sample.light));
-            self.row("  L", &format!("{}, density {}", light(found.radiance), pdf(found.pdf)));
-            self.row("  BSDF x cos", &format!("{}, density {}", light(found.bsdf), pdf(found.bsdf_pdf)));
-            self.row("  MIS weight", &digits(found.weight));
-            self.shadow_ray("  shadow ray", ray);
-            self.row("  adds", &light(found.adds));
+        for ray in shadow_rays {
+            self.shadow_ray(format_args!("{} ray", ray.kind.name), ray);
         }
-        if let Some(bsdf) = &path.bsdf_sample {
-            if let Some(sample) = &bsdf.sample {
-                let weight = light(sample.weight);
-                self.row(
-                    "BSDF sample",
-                    &format!("density {}, BSDF x cos / density {weight}", pdf(sample.pdf)),
-                );
-            }
-            if let Some(roulette) = &bsdf.roulette {
-                let (number, probability) = (digits(roulette.number), digits(roulette.probability));
-                self.row("roulette", &format!("number {number}, goes on below {probability}"));
-            }
+        for sample in &path.light_samples {
+            let (bsdf, bsdf_pdf) = (light(sample.bsdf), pdf(sample.bsdf_pdf));
+            self.row("light sample", (self.name)(&sample.light));
+            self.row("  L", format_args!("{}, density {}", light(sample.radiance), pdf(sample.pdf)));
+            self.row("  BSDF x cos", format_args!("{bsdf}, density {bsdf_pdf}"));
+            self.row("  MIS weight", digits(sample.weight));
+            self.shadow_ray("  shadow ray", &sample.shadow_ray);
+            self.row("  adds", light(sample.adds));
+        }
+        let bsdf = path.bsdf_sample.as_ref();
+        if let Some(sample) = bsdf.and_then(|bsdf| bsdf.sample.as_ref()) {
+            let (pdf, weight) = (pdf(sample.pdf), light(sample.weight));
+            self.row("BSDF sample", format_args!("density {pdf}, BSDF x cos / density {weight}"));
+        }
+        if let Some(roulette) = bsdf.and_then(|bsdf| bsdf.roulette.as_ref()) {
+            let (number, probability) = (digits(roulette.number), digits(roulette.probability));
+            self.row("roulette", format_args!("number {number}, goes on below {probability}"));
         }
         if let Some(end) = path.end {
             self.row("path ends", end);
@@ -253,42 +234,38 @@ impl Text<'_> {
     fn colour(&mut self, report: &PixelReport) {
         let ColourReport { filtered, film, exposure, exposed, tone_map, tone_mapped, encoded, .. } =
             &report.colour;
-        self.line(0, &format!("\npixel, colour pipeline {}", self.pipeline));
+        let (pipeline, taken, is_mean) = (self.pipeline, report.samples_taken, report.samples_taken > 1);
+        self.line(format_args!("\npixel, colour pipeline {pipeline}"));
         if let Some(filter) = &report.filter {
-            let (taken, shape, radius) = (report.samples_taken, filter.shape, digits(filter.radius));
-            self.row("samples", &format!("{taken}, filter {shape} of radius {radius}"));
+            let (shape, radius) = (filter.shape, digits(filter.radius));
+            self.row("samples", format_args!("{taken}, filter {shape} of radius {radius}"));
         }
-        if let Some(sample) = report.samples.first().filter(|_| report.samples_taken > 1) {
-            let colour = self.in_pipeline(wide(sample.colour));
-            self.row(&format!("sample {}", sample.index), &format!("{colour}, weight {}", sample.weight));
+        if let Some(sample) = report.samples.first().filter(|_| is_mean) {
+            let (colour, weight) = (self.in_pipeline(wide(sample.colour)), sample.weight);
+            self.row(format_args!("sample {}", sample.index), format_args!("{colour}, weight {weight}"));
         }
-        let colour = self.in_pipeline(wide(*filtered));
-        self.row(if report.samples_taken > 1 { "filtered mean" } else { "colour" }, &colour);
+        self.row(if is_mean { "filtered mean" } else { "colour" }, self.in_pipeline(wide(*filtered)));
         if let Some(noise) = &report.noise {
-            let error = self.of_255(noise.standard_error);
-            self.row("standard error", &error);
+            self.row("standard error", self.of_255(noise.standard_error));
         }
         match film {
-            Some(film) if film != filtered => {
-                let colour = self.in_pipeline(wide(*film));
-                self.row("composited", &colour);
-            }
-            Some(_) => {}
+            Some(film) if film == filtered => {}
+            Some(film) => self.row("composited", self.in_pipeline(wide(*film))),
             None => self.row("composited", "displayed colours, past exposure and tone map"),
         }
         if let (true, Some(exposed)) = (*exposure != 0.0, exposed) {
-            self.row("exposed", &format!("{}, by {} EV", vector(*exposed), digits(*exposure)));
+            self.row("exposed", format_args!("{}, by {} EV", vector(*exposed), digits(*exposure)));
         }
         if *tone_map != "none" {
-            self.row("tone mapped", &format!("{}, by {tone_map}", vector(*tone_mapped)));
+            self.row("tone mapped", format_args!("{}, by {tone_map}", vector(*tone_mapped)));
         }
         if self.pipeline == ColourPipeline::Linear.name() {
-            self.row("encoded", &format!("{}, by the sRGB curve", vector(*encoded)));
+            self.row("encoded", vector(*encoded) + ", by the sRGB curve");
         }
         let [r, g, b] = report.displayed;
-        self.row("displayed", &format!("{r}  {g}  {b}"));
+        self.row("displayed", format_args!("{r}  {g}  {b}"));
         if let Some(alpha) = report.alpha {
-            self.row("alpha", &alpha.to_string());
+            self.row("alpha", alpha);
         }
     }
 }
