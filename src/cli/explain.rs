@@ -20,8 +20,9 @@ use crate::job::{RenderControl, RenderJob, RenderSettings};
 use crate::scene::option::group;
 use crate::scene::{MAX_SAMPLES, Numerics};
 
-/// Version of the JSON schema; increased when a field changes its meaning or is removed.
+/// Versions of the JSON schemas, of effects and of a pixel; increased when a field changes its meaning or is removed.
 const SCHEMA: u32 = 1;
+const PIXEL_SCHEMA: u32 = 2;
 
 /// Characters of a name in the text of a pixel.
 const NAME_LENGTH: usize = 24;
@@ -116,7 +117,7 @@ fn explain_pixel(command: &Command, pixel: [u32; 2], interrupted: &AtomicBool) -
             return Ok(report.text(&shortened));
         }
         let mut fields = json!({
-            "schema": SCHEMA,
+            "schema": PIXEL_SCHEMA,
             "kiln": env!("CARGO_PKG_VERSION"),
             "settings": settings_of(&job),
         });

@@ -214,8 +214,6 @@ pub struct EmissionRecord {
 /// A light sample with its shadow ray.
 #[derive(Debug, Clone, Serialize)]
 pub struct LightSampleRecord {
-    /// Its index among the light samples of the vertex.
-    pub index: u32,
     /// The light by name, `environment`, or `emissive surfaces`.
     pub light: String,
     /// The direction towards it.
@@ -233,10 +231,10 @@ pub struct LightSampleRecord {
     /// What it adds if it is visible: throughput, BSDF, radiance and weight over the density, times the transmittance
     /// of the medium, limited by the clamp.
     pub if_visible: DVec3,
-    /// The shadow ray.
-    pub shadow_ray: ShadowRayRecord,
     /// What it adds: 0 if it is occluded, otherwise `if_visible` times the transmittance of transparent surfaces.
     pub adds: DVec3,
+    /// The shadow ray.
+    pub shadow_ray: ShadowRayRecord,
 }
 
 /// The direction that a path's vertex samples by its BSDF.
@@ -347,18 +345,25 @@ impl LocalRecord {
 }
 
 impl ShadowRayRecord {
-    /// The record of `ray`, not occluded.
-    pub(super) fn new(kind: RayKind, light: Option<String>, ray: &Ray) -> Self {
-        let (origin, direction, length) = (ray.origin(), ray.direction(), ray.t_max());
-        ShadowRayRecord { kind, light, origin, direction, length, is_occluded: false, occluder: None }
-    }
-
-    /// Records that `ray` is occluded, and finds by what, which the test itself does not.
-    pub(super) fn set_occluded(&mut self, world: &World, ray: &Ray) {
-        self.is_occluded = true;
-        self.occluder = world.accelerator.closest_hit(ray, &mut Traversal::default()).map(|hit| {
-            let object = &world.objects[world.object_of(hit.prim) as usize];
-            Occluder { object: printable(&object.name).into_owned(), t: hit.t }
-        });
+    /// The record of an occlusion test, with the occluder, which the test itself does not find.
+    pub(super) fn new(
+        world: &World,
+        (kind, light): (RayKind, Option<usize>),
+        ray: &Ray,
+        is_occluded: bool,
+    ) -> Self {
+        let hit = is_occluded.then(|| world.accelerator.closest_hit(ray, &mut Traversal::default()));
+        ShadowRayRecord {
+            kind,
+            light: light.map(|light| world.light_name(light)),
+            origin: ray.origin(),
+            direction: ray.direction(),
+            length: ray.t_max(),
+            is_occluded,
+            occluder: hit.flatten().map(|hit| Occluder {
+                object: printable(&world.objects[world.object_of(hit.prim) as usize].name).into_owned(),
+                t: hit.t,
+            }),
+        }
     }
 }

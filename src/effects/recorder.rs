@@ -84,8 +84,9 @@ impl Recorder {
         let mut indices = Vec::new();
         list_samples(tile, &mut indices);
         let samples = tile.buffers::<TileSamples>();
-        let weights: Vec<f64> = samples
-            .map_or(Vec::new(), |samples| samples.of_pass(&indices).map(|(_, sign, _)| sign).collect());
+        let positions = samples.map(|samples| samples.film_positions());
+        let signs: Option<Vec<f64>> =
+            samples.map(|samples| samples.of_pass(&indices).map(|(_, sign, _)| sign).collect());
         for (i, &index) in indices.iter().enumerate() {
             let SampleIndex { x, y, sample } = index;
             if [x, y] == self.pixel && samples.is_none_or(|samples| samples.is_counted(index)) {
@@ -93,9 +94,8 @@ impl Recorder {
                 let layer = layer_weight(tile, i);
                 self.samples.push(SampleRecord {
                     index: sample,
-                    film_position: samples
-                        .map_or(centre, |samples| <[_; 2]>::from(samples.film_positions()).map(|at| at[i])),
-                    weight: weights.get(i).copied().unwrap_or(1.0),
+                    film_position: positions.map_or(centre, |(x, y)| [x[i], y[i]]),
+                    weight: signs.as_ref().map_or(1.0, |signs| signs[i]),
                     layer: layer.map(|[transmittance, opacity]| LayerRecord { transmittance, opacity }),
                     camera_ray: i,
                     ..SampleRecord::default()
@@ -119,23 +119,19 @@ impl Recorder {
         self.filtered = tile.pixels.first().copied().unwrap_or_default();
     }
 
-    /// Records occlusion tests, each from one of `surfaces` of a generation; `light` is that of local shading.
+    /// Records occlusion tests, each from one of `surfaces` of a generation. `kind` has the index of the light, too, in
+    /// local shading.
     pub(super) fn add_tests(
         &mut self,
-        (kind, light): (RayKind, Option<usize>),
+        kind: (RayKind, Option<usize>),
         (world, depth): (&World, usize),
-        surfaces: impl Iterator<Item = u32> + Clone,
+        surfaces: &[u32],
         rays: Rays,
         occluded: &[bool],
     ) {
         for (surface, record) in self.surfaces(depth) {
-            let Some(k) = surfaces.clone().position(|tested| tested as usize == surface) else { continue };
-            let ray = rays.get(k);
-            let mut test = ShadowRayRecord::new(kind, light.map(|light| world.light_name(light)), &ray);
-            if occluded[k] {
-                test.set_occluded(world, &ray);
-            }
-            record.shadow_rays.push(test);
+            let Some(k) = surfaces.iter().position(|&tested| tested as usize == surface) else { continue };
+            record.shadow_rays.push(ShadowRayRecord::new(world, kind, &rays.get(k), occluded[k]));
         }
     }
 }

@@ -95,8 +95,8 @@ impl Buffers {
         occluded.clear();
         world.accelerator.are_occluded(rays.rays(), occluded, traversal);
         if let Some(recorder) = recorder {
-            let surfaces = lifted.iter().map(|&(surface, _)| surface);
-            recorder.add_tests((RAYS, None), (world, *depth), surfaces, rays.rays(), occluded);
+            let surfaces: Vec<u32> = lifted.iter().map(|&(surface, _)| surface).collect();
+            recorder.add_tests((RAYS, None), (world, *depth), &surfaces, rays.rays(), occluded);
         }
         let points = points.get_or_insert_default();
         points.position.clone_from(&surfaces.position);

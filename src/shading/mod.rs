@@ -107,15 +107,10 @@ pub struct Term {
 }
 
 impl Term {
-    fn new(
-        world: &World,
-        name: &'static str,
-        light_index: Option<usize>,
-        factors: &[(&'static str, f64)],
-        value: DVec3,
-    ) -> Self {
+    /// A term without factors.
+    fn new(world: &World, name: &'static str, light_index: Option<usize>, value: DVec3) -> Self {
         let light = light_index.map(|index| world.light_name(index));
-        Term { name, light, light_index, factors: factors.to_vec(), value }
+        Term { name, light, light_index, factors: Vec::new(), value }
     }
 }
 
@@ -146,7 +141,7 @@ pub fn terms_of(
             let note = |name, light: Option<usize>, value: DVec3| {
                 let light = light.map(|index| indices[index]);
                 if light.is_some() || value != DVec3::ZERO {
-                    terms.terms.push(Term::new(world, name, light, &[], value));
+                    terms.terms.push(Term::new(world, name, light, value));
                 }
             };
             metallic_roughness::shade(world, material, mode, &surface, texel, &samples, note);

@@ -92,20 +92,21 @@ pub(crate) fn terms(
     let intensity = world.ambient_at(surfaces.shading_normal.get(i));
     let mut factors = vec![("k_a", ambient), ("I_a", intensity)];
     factors.extend(surfaces.ambient.get(i).map(|&part| ("unoccluded", part)));
-    let mut terms = vec![Term::new(world, "L_a", None, &factors, sum(ambient, 0.0, 0.0, &[]).0)];
+    let mut terms = vec![Term { factors, ..Term::new(world, "L_a", None, sum(ambient, 0.0, 0.0, &[]).0) }];
     for (index, light) in lights.iter().enumerate().filter(|(_, light)| light.reaches[i]) {
         let (sample, light) = (light.get(i), std::slice::from_ref(light));
-        let factors = [("k_d", diffuse), ("N.L", sample.cosine)];
-        terms.push(Term::new(world, "L_d", Some(index), &factors, sum(0.0, diffuse, 0.0, light).0));
+        let factors = vec![("k_d", diffuse), ("N.L", sample.cosine)];
+        let value = sum(0.0, diffuse, 0.0, light).0;
+        terms.push(Term { factors, ..Term::new(world, "L_d", Some(index), value) });
         if has_highlight(material, mode) {
             let (value, power) = sum(0.0, 0.0, specular, light);
             let cosine = highlight_cosine(&sample, surfaces.shading_normal.get(i), surfaces.view.get(i));
-            let factors = [("k_s", specular), ("R.V", cosine), ("n", shininess), ("(R.V)^n", power)];
-            terms.push(Term::new(world, "L_s", Some(index), &factors, value));
+            let factors = vec![("k_s", specular), ("R.V", cosine), ("n", shininess), ("(R.V)^n", power)];
+            terms.push(Term { factors, ..Term::new(world, "L_s", Some(index), value) });
         }
     }
     if emission != DVec3::ZERO {
-        terms.push(Term::new(world, "L_e", None, &[], emission));
+        terms.push(Term::new(world, "L_e", None, emission));
     }
     SurfaceTerms { model: "phong", own: own_colour(material, surfaces, i), light: Some(light), terms }
 }

@@ -376,6 +376,10 @@ fn check_factors(sample: &Value, clamps: bool) {
             // Lights without size have no density, and no transmittance is in the way here.
             let expected = light["pdf"].as_f64().map_or(product, |pdf| product / pdf);
             close(vector(&light["if_visible"]), expected, "light sample");
+            // Nothing before the lights transmits a part.
+            let is_occluded = light["shadow_ray"]["is_occluded"].as_bool().expect("whether it is occluded");
+            let adds = if is_occluded { DVec3::ZERO } else { vector(&light["if_visible"]) };
+            assert_eq!(vector(&light["adds"]), adds);
         }
         let bsdf = &path["bsdf_sample"];
         if let (Some(_), false) = (bsdf["throughput"].as_array(), bsdf["sample"].is_null()) {
@@ -508,7 +512,7 @@ fn long_lists_of_samples_are_cut_off() {
         let found = json(&format!("{scene} {option}"), [8, 8]);
         let samples = found["samples"].as_array().expect("samples");
         assert_eq!((samples.len(), samples[0]["index"].as_u64()), (listed, Some(first)));
-        assert_eq!(found["samples_taken"], 100);
+        assert_eq!((&found["samples_taken"], &found["schema"]), (&100.into(), &2.into()));
         assert_eq!(found["samples_left_out"], 100 - listed);
     }
     let text = output(&format!("explain {scene} --pixel 8,8 --sample 90"));

@@ -333,15 +333,14 @@ impl Buffers {
             }
             self.list_shadow_rays((world, stage), generation);
         }
-        if let Some(recorder) = &mut recorder {
-            self.record_vertices(recorder, (context, &lights, stage), generation, depth);
-        }
+        let pdfs = recorder.as_ref().map(|_| self.continuations.pdf.to_vec());
+        let has_roulette = is_limited || depth >= stage.settings.roulette_from;
         if !is_last {
-            let has_roulette = is_limited || depth >= stage.settings.roulette_from;
             self.list_continuations((world, stage), (generation, next), has_roulette);
-            if let Some(recorder) = &mut recorder {
-                self.record_continuations(recorder, has_roulette, depth);
-            }
+        }
+        if let (Some(recorder), Some(pdfs)) = (&mut recorder, pdfs) {
+            let stage = (context, &lights, stage);
+            self.record_vertices(recorder, stage, generation, (&pdfs, has_roulette), depth);
         }
         std::mem::swap(&mut self.paths, &mut self.next);
         std::mem::swap(&mut self.media, &mut self.next_media);

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::light_samples::LightSamples;
-use super::record::record_visibility;
+use super::record::record_light_samples;
 use super::vertices::Vertices;
 use super::weights::light_weight;
 use super::{Buffers, LIGHT_RAYS, LightPath, Scatter};
@@ -156,9 +156,10 @@ impl Buffers {
 
     /// Traces the shadow rays of a generation and adds the radiance of those that are not occluded.
     pub(super) fn trace_shadow_rays(&mut self, tile: &mut Tile, world: &World, stage: &Scatter) {
-        let Buffers { light_samples, occluded, radiance, .. } = self;
+        let Buffers { light_samples, numbers, occluded, radiance, .. } = self;
         for (index, samples) in (0..).zip(&mut *light_samples) {
             let LightSamples { shadow_rays, light_paths, .. } = &mut **samples;
+            let recorded = tile.recorder.as_ref().map(|_| light_paths.clone());
             occluded.clear();
             world.accelerator.are_occluded(shadow_rays.rays(), occluded, &mut tile.traversal);
             match stage.continued {
@@ -194,8 +195,10 @@ impl Buffers {
                     }
                 }
             }
-            if let Some(recorder) = &mut tile.recorder {
-                record_visibility(recorder, (world, tile.depth), (index, samples), occluded);
+            if let (Some(recorder), Some(light_paths)) = (&mut tile.recorder, recorded) {
+                let depth = tile.depth as u32;
+                let taken = (index, &**samples, &mut **numbers);
+                record_light_samples(recorder, (world, stage, depth), taken, &light_paths, occluded);
             }
             tile.count(LIGHT_RAYS, occluded.len(), occluded.iter().filter(|&&occluded| occluded).count());
         }

@@ -275,23 +275,16 @@ fn combine(tile: &mut Tile, context: &RenderContext) {
 fn record(recorder: &mut Recorder, tile: &Tile, world: &World) {
     let [generation, next] = [0, 1].map(|more| &tile.generations[tile.current + more]);
     let (Some(colours), Some(next_colours)) = (&generation.colours, &next.colours) else { return };
-    let hits = next.surfaces.ray_of().iter().enumerate().map(|(i, &ray)| (ray as usize, next_colours.get(i)));
-    let environment = world.environment.as_ref();
-    let misses = environment.into_iter().flat_map(|environment| {
-        let rays = next.hits.iter().enumerate().filter(|(_, hit)| hit.is_none());
-        rays.map(|(ray, _)| (ray, environment.eval(next.rays.get(ray).direction())))
-    });
-    let found: Vec<(usize, DVec3)> =
-        hits.chain(misses).map(|(ray, colour)| (next.sources[ray] as usize, colour)).collect();
     for (i, record) in recorder.surfaces(tile.depth) {
-        let material = &world.materials[generation.surfaces.materials()[i] as usize];
-        let mirrored = found.iter().find(|(surface, _)| *surface == i);
-        if let (Some(local), Some((_, mirrored)), Some(glaze)) =
-            (&mut record.local, mirrored, material.glaze())
-        {
-            let weights = [glaze.own_weight, glaze.weight];
-            local.glaze = Some(GlazeRecord { mirrored: *mirrored, weights, colour: colours.get(i) });
-        }
+        let glaze = world.materials[generation.surfaces.materials()[i] as usize].glaze();
+        let ray = next.sources.iter().position(|&source| source as usize == i);
+        let (Some(local), Some(glaze), Some(ray)) = (&mut record.local, glaze, ray) else { continue };
+        let mirrored = match next.surfaces.ray_of().iter().position(|&of| of as usize == ray) {
+            Some(surface) => Some(next_colours.get(surface)),
+            None => world.environment.as_ref().map(|light| light.eval(next.rays.get(ray).direction())),
+        };
+        let weights = [glaze.own_weight, glaze.weight];
+        local.glaze = mirrored.map(|mirrored| GlazeRecord { mirrored, weights, colour: colours.get(i) });
     }
 }
 

@@ -121,8 +121,8 @@ fn test_occlusion(
             }
         }
         if let Some(recorder) = recorder {
-            let (world, surfaces) = (context.world, tested.iter().copied());
-            recorder.add_tests((RAYS, Some(index)), (world, *depth), surfaces, rays.rays(), occluded);
+            let (kind, at) = ((RAYS, Some(index)), (context.world, *depth));
+            recorder.add_tests(kind, at, tested, rays.rays(), occluded);
         }
         cast += occluded.len();
         let blocked_here = occluded.iter().filter(|&&blocked| blocked).count();

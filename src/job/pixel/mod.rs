@@ -15,6 +15,7 @@ use super::{RenderControl, RenderJob};
 use crate::effects::id;
 use crate::effects::record::SampleRecord;
 use crate::effects::tile::RenderContext;
+use crate::effects::variance::SampleVariance;
 use crate::error::{Error, Result};
 use crate::film::rounding::Rounding;
 use crate::film::tone::ToneMap;
@@ -196,21 +197,16 @@ impl RenderJob {
     /// What a report does not list.
     fn not_listed(&self) -> Vec<&'static str> {
         let has = |effect| self.plan.effects_on().any(|on| on == effect);
+        let occlusion = "rays of ambient occlusion: their result is the factor `unoccluded` of L_a";
+        let alpha = "surfaces that a ray passes by their opacity: t is the distance to the one that it hits";
+        let catcher =
+            "the shadow catcher: the ground's light becomes the sample's coverage, and its colour 0";
         let parts = [
-            (
-                has(id::AMBIENT_OCCLUSION),
-                "rays of ambient occlusion: their result is the factor `unoccluded` of L_a",
-            ),
-            (
-                has(id::ALPHA),
-                "surfaces that a ray passes by their opacity: t is the distance to the one that it hits",
-            ),
-            (
-                self.world.shadow_catcher().is_some(),
-                "the shadow catcher: the ground's light becomes the sample's coverage, and its colour 0",
-            ),
+            has(id::AMBIENT_OCCLUSION).then_some(occlusion),
+            has(id::ALPHA).then_some(alpha),
+            self.world.shadow_catcher().map(|_| catcher),
         ];
-        parts.into_iter().filter_map(|(is_on, what)| is_on.then_some(what)).collect()
+        parts.into_iter().flatten().collect()
     }
 }
 
@@ -239,13 +235,9 @@ fn count(samples: &[SampleRecord]) -> usize {
 
 /// Mean and standard error of the samples of a pixel.
 fn noise(samples: &[SampleRecord]) -> Option<NoiseReport> {
-    if samples.len() < 2 || samples.iter().any(|sample| sample.layer.is_some()) {
-        return None;
-    }
-    let colours = || samples.iter().map(|sample| DVec3::from(sample.colour.map(f64::from)));
-    let count = samples.len() as f64;
-    let mean = colours().sum::<DVec3>() / count;
-    let variance = colours().map(|colour| (colour - mean) * (colour - mean)).sum::<DVec3>() / (count - 1.0);
-    let standard_error = DVec3::from((variance / count).to_array().map(f64::sqrt));
-    Some(NoiseReport { mean, standard_error })
+    let mut colours = SampleVariance::default();
+    samples.iter().for_each(|sample| colours.add(sample.colour));
+    let variance = colours.unbiased().filter(|_| samples.iter().all(|sample| sample.layer.is_none()))?;
+    let standard_error = (variance / f64::from(colours.count())).map(f64::sqrt);
+    Some(NoiseReport { mean: colours.mean(), standard_error })
 }

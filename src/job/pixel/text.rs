@@ -77,6 +77,10 @@ impl Text<'_> {
         self.line(format_args!("  {:<LABEL$}  {value}", label.to_string()));
     }
 
+    fn optional_row(&mut self, label: &str, value: Option<impl Display>) {
+        value.into_iter().for_each(|value| self.row(label, value));
+    }
+
     /// A colour: of 255 in the pipelines of display values.
     fn in_pipeline(&self, colour: DVec3) -> String {
         if self.pipeline == ColourPipeline::U8.name() {
@@ -138,12 +142,8 @@ impl Text<'_> {
             self.row("geometric normal", vector(hit.geometric_normal));
             self.row("shading normal N", vector(hit.shading_normal));
         }
-        if let Some(weights) = hit.barycentrics {
-            self.row("barycentrics", vector(weights));
-        }
-        if let Some(uv) = hit.uv {
-            self.row("texture", uv.to_array().map(digits).join("  "));
-        }
+        self.optional_row("barycentrics", hit.barycentrics.map(vector));
+        self.optional_row("texture", hit.uv.map(|uv| uv.to_array().map(digits).join("  ")));
         self.row("material", (self.name)(&hit.material));
     }
 
@@ -186,9 +186,8 @@ impl Text<'_> {
             let row = format!("{:<12}  {}", light(term.value), factors.collect::<Vec<_>>().join(", "));
             self.row(term.name, row.trim_end());
         }
-        if let Some(sum) = local.terms.light {
-            self.row("L", format_args!("{:<12}  sum of the terms", light(sum)));
-        }
+        let sum = local.terms.light.map(|sum| format!("{:<12}  sum of the terms", light(sum)));
+        self.optional_row("L", sum);
         self.row(if is_phong { "C_P = C L" } else { "colour" }, self.in_pipeline(local.colour));
         if let Some(glaze) = &local.glaze {
             let [own, weight] = glaze.weights;
@@ -226,9 +225,7 @@ impl Text<'_> {
             let (number, probability) = (digits(roulette.number), digits(roulette.probability));
             self.row("roulette", format_args!("number {number}, goes on below {probability}"));
         }
-        if let Some(end) = path.end {
-            self.row("path ends", end);
-        }
+        self.optional_row("path ends", path.end);
     }
 
     fn colour(&mut self, report: &PixelReport) {
@@ -245,17 +242,16 @@ impl Text<'_> {
             self.row(format_args!("sample {}", sample.index), format_args!("{colour}, weight {weight}"));
         }
         self.row(if is_mean { "filtered mean" } else { "colour" }, self.in_pipeline(wide(*filtered)));
-        if let Some(noise) = &report.noise {
-            self.row("standard error", self.of_255(noise.standard_error));
-        }
+        let error = report.noise.as_ref().map(|noise| self.of_255(noise.standard_error));
+        self.optional_row("standard error", error);
         match film {
             Some(film) if film == filtered => {}
             Some(film) => self.row("composited", self.in_pipeline(wide(*film))),
             None => self.row("composited", "displayed colours, past exposure and tone map"),
         }
-        if let (true, Some(exposed)) = (*exposure != 0.0, exposed) {
-            self.row("exposed", format_args!("{}, by {} EV", vector(*exposed), digits(*exposure)));
-        }
+        let exposed = exposed.filter(|_| *exposure != 0.0);
+        let exposed = exposed.map(|exposed| format!("{}, by {} EV", vector(exposed), digits(*exposure)));
+        self.optional_row("exposed", exposed);
         if *tone_map != "none" {
             self.row("tone mapped", format_args!("{}, by {tone_map}", vector(*tone_mapped)));
         }
@@ -264,8 +260,6 @@ impl Text<'_> {
         }
         let [r, g, b] = report.displayed;
         self.row("displayed", format_args!("{r}  {g}  {b}"));
-        if let Some(alpha) = report.alpha {
-            self.row("alpha", alpha);
-        }
+        self.optional_row("alpha", report.alpha);
     }
 }
