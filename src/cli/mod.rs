@@ -250,43 +250,41 @@ fn report_usage_error(e: &clap::Error) -> u8 {
 /// What is wrong with the arguments, and a hint.
 fn usage_error(e: &clap::Error) -> (String, String) {
     use clap::error::{ContextKind, ContextValue, ErrorKind};
+    let texts = |kind| match e.get(kind) {
+        Some(ContextValue::String(text)) => std::slice::from_ref(text),
+        Some(ContextValue::Strings(texts)) => texts,
+        _ => &[],
+    };
     let text = e.render().to_string();
-    let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
-    let mut first = lines.next().unwrap_or("wrong usage").trim_start_matches("error: ").to_owned();
-    let typed_command = match (e.kind(), e.get(ContextKind::InvalidSubcommand)) {
-        (ErrorKind::InvalidSubcommand, Some(ContextValue::String(typed))) => Some(typed),
+    let mut what = text.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned();
+    let invalid = texts(ContextKind::InvalidArg);
+    let listed = match (e.kind(), e.get(ContextKind::PriorArg)) {
+        (ErrorKind::MissingRequiredArgument, _) => invalid,
+        (ErrorKind::ArgumentConflict, Some(ContextValue::Strings(others))) => others,
+        _ => &[],
+    };
+    if !listed.is_empty() {
+        what = format!("{what} {}", listed.join(", "));
+    }
+    let suggested =
+        [ContextKind::SuggestedArg, ContextKind::SuggestedValue, ContextKind::SuggestedSubcommand];
+    let (similar, valid) = (suggested.map(texts).concat(), texts(ContextKind::ValidValue));
+    let hint = match (e.kind(), invalid) {
+        (ErrorKind::UnknownArgument, [typed]) => synonyms::hint(typed),
+        // In the order of their definition.
+        (ErrorKind::MissingRequiredArgument, [.., last]) if last.split(' ').next() == Some("--output") => {
+            Some("name the file to write, such as -o picture.png".to_owned())
+        }
         _ => None,
     };
-    let mut hint = match typed_command {
-        Some(file) if file.contains('.') => "name the command first: kiln render INPUT -o picture.png",
-        _ => "`kiln help` lists the commands, `kiln help COMMAND` its options",
-    }
-    .to_owned();
-    for line in lines {
-        // An unknown option is not meant as a file name, as clap's tip suggests.
-        if let Some(tip) = line.strip_prefix("tip: ").filter(|tip| !tip.starts_with("to pass ")) {
-            hint = tip.to_owned();
-            break;
-        }
-        if first.ends_with(':') {
-            first = format!("{first} {line}");
-        } else if line.starts_with("[possible values") {
-            hint = line.trim_matches(['[', ']']).to_owned();
-        }
-    }
-    if let (ErrorKind::UnknownArgument, Some(ContextValue::String(typed))) =
-        (e.kind(), e.get(ContextKind::InvalidArg))
-    {
-        hint = synonyms::hint(typed).unwrap_or(hint);
-    }
-    // The missing arguments in the order of their definition, as displayed.
-    if let (ErrorKind::MissingRequiredArgument, Some(ContextValue::Strings(missing))) =
-        (e.kind(), e.get(ContextKind::InvalidArg))
-        && missing.last().is_some_and(|last| last.split(' ').next() == Some("--output"))
-    {
-        hint = "name the file to write, such as -o picture.png".to_owned();
-    }
-    (first, hint)
+    let is_file = texts(ContextKind::InvalidSubcommand).iter().any(|typed| typed.contains('.'));
+    let hint = hint.unwrap_or_else(|| match (&similar[..], valid) {
+        ([], []) if is_file => "name the command first: kiln render INPUT -o picture.png".to_owned(),
+        ([], []) => "`kiln help` lists the commands, `kiln help COMMAND` its options".to_owned(),
+        ([], valid) => format!("possible values: {}", valid.join(", ")),
+        (similar, _) => format!("did you mean '{}'?", similar.join("' or '")),
+    });
+    (what, hint)
 }
 
 /// Indented JSON of a result.
