@@ -140,7 +140,7 @@ class Picture:
     def _repr_png_(self) -> bytes: ...
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]: ...
 
-_NamedOptions: TypeAlias = list[tuple[str, bool | str | list[str] | None]]
+_NamedOptions: TypeAlias = list[tuple[str, bool | list[str] | None]]
 
 @final
 class Options:

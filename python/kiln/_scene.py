@@ -42,21 +42,21 @@ def _text(value, name: str) -> str:
     raise TypeError(f"{name}: expected text or numbers, not {type(value).__name__}")
 
 
-def _options(options: Mapping[str, Any]) -> list[tuple[str, bool | str | list[str] | None]]:
-    """Options as their names and the text of their values."""
+def _options(options: Mapping[str, Any]) -> list[tuple[str, bool | list[str] | None]]:
+    """Options as their names and the texts of their values."""
 
-    def text(name, value):
+    def texts(name, value):
         if value is None:
             return None
         if _is_bool(value):
             return bool(value)
         if isinstance(value, Mapping):
-            return _toml.value(value, name)
+            return [_toml.value(value, name)]
         if isinstance(value, (list, tuple)) or getattr(value, "ndim", 0) > 0:
             return [_text(part, name) for part in value]
-        return _text(value, name)
+        return [_text(value, name)]
 
-    return [(_toml.unicode(name, "options"), text(name, value)) for name, value in options.items()]
+    return [(_toml.unicode(name, "options"), texts(name, value)) for name, value in options.items()]
 
 
 def _dtype(given: Any) -> str:

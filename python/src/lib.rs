@@ -140,7 +140,7 @@ fn _kiln(module: &Bound<PyModule>) -> PyResult<()> {
     module.add_class::<scene::Scene>()?;
     module.add_class::<picture::Picture>()?;
     module.add_class::<picture::Aovs>()?;
-    module.add_class::<picture::PictureOptions>()?;
+    module.add_class::<picture::Options>()?;
     module.add_class::<picture::Prepared>()?;
     module.add_function(wrap_pyfunction!(picture::render, module)?)?;
     module.add_function(wrap_pyfunction!(camera::camera_rays, module)?)?;

@@ -4,12 +4,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use kiln::cli::picture::{self, Options, by_name};
+use kiln::cli::picture::{self, by_name};
 use kiln::error::{Result, Warnings};
 use kiln::film::Window;
 use kiln::film::write::{Channel, Format, OutputImage};
-use kiln::job::RenderControl;
+use kiln::job::{PictureOptions, RenderControl};
 use kiln::render::aov;
+use kiln::scene::ImportOptions;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -84,8 +85,8 @@ fn rendered<T: Send + 'static>(
 }
 
 /// An error if options say otherwise how the files of a scene are read.
-fn check_import(scene: &kiln::scene::Scene, options: &Options) -> PyResult<()> {
-    if options.has_import() && scene.import_options != options.import() {
+fn check_import(scene: &kiln::scene::Scene, options: &PictureOptions) -> PyResult<()> {
+    if options.import != ImportOptions::default() && scene.import_options != options.reading() {
         let what = "options of how files are read are for Scene(), which has read them";
         return Err(PyValueError::new_err(what));
     }
@@ -93,20 +94,19 @@ fn check_import(scene: &kiln::scene::Scene, options: &Options) -> PyResult<()> {
 }
 
 /// Options of pictures.
-#[pyclass(frozen, module = "kiln._kiln", name = "Options")]
-pub(crate) struct PictureOptions(Arc<Options>);
+#[pyclass(frozen, module = "kiln._kiln")]
+pub(crate) struct Options(Arc<PictureOptions>);
 
 #[pymethods]
-impl PictureOptions {
+impl Options {
     #[new]
     fn new(options: NamedOptions) -> PyResult<Self> {
-        Ok(PictureOptions(Arc::new(parse_options(options)?)))
+        Ok(Options(Arc::new(parse_options(options)?)))
     }
 
     /// The options with this camera.
-    fn with_camera(&self, camera: &str) -> PyResult<Self> {
-        let options = self.0.with_camera(camera).map_err(|e| raised(&e))?;
-        Ok(PictureOptions(Arc::new(options)))
+    fn with_camera(&self, camera: String) -> Self {
+        Options(Arc::new(PictureOptions { camera: Some(camera), ..PictureOptions::clone(&self.0) }))
     }
 }
 
@@ -139,7 +139,7 @@ pub(crate) struct Prepared {
 #[pymethods]
 impl Prepared {
     #[new]
-    fn new(py: Python, scene: &Bound<Scene>, options: &Bound<PictureOptions>) -> PyResult<Self> {
+    fn new(py: Python, scene: &Bound<Scene>, options: &Bound<Options>) -> PyResult<Self> {
         let scene = scene.get().now();
         check_import(&scene, &options.get().0)?;
         let scene = py.detach(|| picture::PreparedScene::new(scene)).map_err(|e| raised(&e))?;
@@ -150,7 +150,7 @@ impl Prepared {
     fn render(
         &self,
         py: Python,
-        options: &Bound<PictureOptions>,
+        options: &Bound<Options>,
         dtype: &str,
         aovs: Vec<String>,
         progress: Option<&Bound<PyAny>>,
@@ -165,7 +165,7 @@ impl Prepared {
     }
 
     /// Computes the AOVs of a picture alone.
-    fn aovs(&self, py: Python, options: &Bound<PictureOptions>, aovs: Vec<String>) -> PyResult<Aovs> {
+    fn aovs(&self, py: Python, options: &Bound<Options>, aovs: Vec<String>) -> PyResult<Aovs> {
         let (options, scene) = (Arc::clone(&options.get().0), Arc::clone(&self.scene));
         check_import(scene.scene(), &options)?;
         let (computed, notes) =

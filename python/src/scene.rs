@@ -3,12 +3,15 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use kiln::cli::picture::{Options, Value};
+use kiln::cli::picture;
 use kiln::error::{Error, Result, Warnings};
 use kiln::film::{Colour, ColourPipeline};
 use kiln::glam::{DVec2, DVec3};
 use kiln::import;
-use kiln::scene::{Attribute, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Shape};
+use kiln::job::PictureOptions;
+use kiln::scene::{
+    Attribute, GivenValue, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Shape,
+};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
@@ -21,22 +24,19 @@ use crate::{interruptible, raised, warn_all};
 #[derive(FromPyObject)]
 pub(crate) enum OptionValue {
     Switch(bool),
-    Text(String),
-    List(Vec<String>),
+    Texts(Vec<String>),
 }
 
 /// Options by name; `None` for those left at their default.
 pub(crate) type NamedOptions = Vec<(String, Option<OptionValue>)>;
 
-pub(crate) fn parse_options(options: NamedOptions) -> PyResult<Options> {
+pub(crate) fn parse_options(options: NamedOptions) -> PyResult<PictureOptions> {
     let value = |value| match value {
-        None => Value::Default,
-        Some(OptionValue::Switch(is_on)) => Value::Switch(is_on),
-        Some(OptionValue::Text(text)) => Value::Text(text),
-        Some(OptionValue::List(parts)) => Value::List(parts),
+        OptionValue::Switch(is_on) => GivenValue::Switch(is_on),
+        OptionValue::Texts(texts) => GivenValue::Texts(texts),
     };
-    let options: Vec<_> = options.into_iter().map(|(name, given)| (name, value(given))).collect();
-    Options::parse(&options).map_err(|e| raised(&e))
+    let options = options.into_iter().map(|(name, given)| (name, given.map(value))).collect();
+    picture::parse_options(options).map_err(|e| raised(&e))
 }
 
 /// A scene, shared with the pictures that are being rendered of it, for any number of threads.
@@ -52,10 +52,10 @@ fn read(
     py: Python,
     options: NamedOptions,
     with_picture: bool,
-    work: impl FnOnce(&Options, &mut Warnings) -> Result<kiln::scene::Scene> + Send + 'static,
+    work: impl FnOnce(&PictureOptions, &mut Warnings) -> Result<kiln::scene::Scene> + Send + 'static,
 ) -> PyResult<Scene> {
     let options = parse_options(options)?;
-    if !with_picture && options.has_picture().map_err(|e| raised(&e))? {
+    if !with_picture && options.has_picture() {
         let what = "options of the picture are for render(), those of a scene say how files are read";
         return Err(PyValueError::new_err(what));
     }
@@ -85,7 +85,7 @@ impl Scene {
     #[staticmethod]
     fn load(py: Python, files: Vec<PathBuf>, options: NamedOptions, with_picture: bool) -> PyResult<Self> {
         read(py, options, with_picture, move |options, warnings| {
-            import::load_with(&files, &options.import(), warnings)
+            import::load_with(&files, &options.reading(), warnings)
         })
     }
 
@@ -93,7 +93,7 @@ impl Scene {
     #[staticmethod]
     fn parse(py: Python, contents: Vec<u8>, options: NamedOptions, with_picture: bool) -> PyResult<Self> {
         read(py, options, with_picture, move |options, warnings| {
-            import::load_bytes(contents, &options.import(), warnings)
+            import::load_bytes(contents, &options.reading(), warnings)
         })
     }
 

@@ -107,7 +107,7 @@ def test_mistakes():
         prepared.render_many([None], size=(8, 8), aovs=["depht"])
     with pytest.raises(ValueError, match="no camera `nowhere`"):
         prepared.render("nowhere")
-    with pytest.raises(ValueError, match="both a camera and the option view; give one of the two"):
+    with pytest.raises(ValueError, match="both camera and view; give one of the two"):
         kiln.Prepared(scene(), view="iso").render("front")
     with pytest.raises(TypeError, match="camera: expected text or numbers, not bool"):
         prepared.render_many([True], size=(8, 8))

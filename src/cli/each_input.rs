@@ -88,7 +88,7 @@ fn check_outputs(commands: &[Command], interrupted: &AtomicBool) -> Result<()> {
     }
     let mut unread = None;
     for one in commands {
-        let read = import::list_files(&one.arguments.inputs, &one.arguments.reading());
+        let read = import::list_files(&one.arguments.inputs, &one.arguments.options.reading());
         unread = unread.or(read.err().map(|e| one.of_input(&e)));
         if interrupted.load(Ordering::Relaxed) {
             return Err(Error::Interrupted);

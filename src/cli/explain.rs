@@ -64,9 +64,9 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     if let Some(pixel) = command.pixel {
         return explain_pixel(command, pixel, interrupted);
     }
-    let threads = command.arguments.threads.or(command.measure.then_some(1));
+    let threads = command.arguments.options.thread_count().or(command.measure.then_some(1));
     let (job, measured) = super::pool(threads)?.install(|| {
-        let settings = command.arguments.settings()?;
+        let settings = command.arguments.options.settings()?;
         let job = prepare(command, &settings)?;
         let rounds = command.rounds.into();
         let measured = command.measure.then(|| -> Result<(Costs, Vec<PictureError>)> {
@@ -109,8 +109,8 @@ fn exact_job(command: &Command, settings: &RenderSettings) -> Result<Option<Rend
 }
 
 fn explain_pixel(command: &Command, pixel: [u32; 2], interrupted: &AtomicBool) -> Result<()> {
-    let text = super::pool(command.arguments.threads)?.install(|| {
-        let job = prepare(command, &command.arguments.settings()?)?;
+    let text = super::pool(command.arguments.options.thread_count())?.install(|| {
+        let job = prepare(command, &command.arguments.options.settings()?)?;
         let control = RenderControl { cancel: interrupted, ..RenderControl::default() };
         let report = job.explain_pixel(pixel, command.sample, &control)?;
         if !command.json {

@@ -18,7 +18,7 @@ use crate::film::TILE;
 use crate::film::check::state_of;
 use crate::film::write::{self, Format, OutputImage, write_picture};
 use crate::job::metadata::fingerprint_of;
-use crate::job::{Findings, Metadata, RenderJob, RenderSettings};
+use crate::job::{Findings, Metadata, PictureUse, RenderJob, RenderSettings, warn_of_unused};
 use crate::limits;
 use crate::render::aov::AovSelection;
 use crate::render::{RenderControl, Statistics};
@@ -145,13 +145,13 @@ pub(crate) fn write_frames(
     pictures: &FrameSeries,
     interrupted: &AtomicBool,
 ) -> Result<()> {
-    let pool = super::pool(arguments.threads)?;
+    let pool = super::pool(arguments.options.thread_count())?;
     let mut reporter = Reporter::new(pictures.progress);
     let is_there = |frame: i32, metadata: &Metadata| {
         let found = || state_of(&pictures.names.of(frame), pictures.format);
         pictures.skip_existing && found().is(fingerprint_of(metadata), Some(frame))
     };
-    let settings = RenderSettings { aovs: pictures.aovs.clone(), ..arguments.settings()? };
+    let settings = RenderSettings { aovs: pictures.aovs.clone(), ..arguments.options.settings()? };
     let request = FrameRequest {
         fps: length.fps,
         duration: length.duration.map(Seconds::get),
@@ -164,7 +164,8 @@ pub(crate) fn write_frames(
     reporter.check_outputs(animation.frames.iter().map(|&frame| pictures.names.of(frame)))?;
     let picture = animation.picture.settings.picture;
     output::check_bits_of(picture.bits, pictures.format)?;
-    output::warn_of_dither(&arguments.settings.picture, pictures.format, &mut reporter.warnings);
+    let used = PictureUse { is_rounded: pictures.format != Format::Exr, ..PictureUse::default() };
+    warn_of_unused(&arguments.options, &animation.picture.plan_settings, used, &mut reporter.warnings);
     output::check_alpha(picture.is_transparent(), ".jpg", pictures.format != Format::Jpeg)?;
     let first = first_frame(&mut reporter, &pool, &animation, interrupted)?;
     let skipped = match animation.skipped {

@@ -116,13 +116,13 @@ impl Command {
     /// The import options, if the command reads input files.
     fn import(&mut self) -> Option<&mut ImportOptions> {
         Some(match self {
-            Command::Render(command) => &mut command.arguments.import,
-            Command::Animate(command) => &mut command.arguments.import,
+            Command::Render(command) => &mut command.arguments.options.import,
+            Command::Animate(command) => &mut command.arguments.options.import,
             #[cfg(feature = "viewer")]
-            Command::View(command) => &mut command.arguments.import,
-            Command::Verify(command) => &mut command.arguments.import,
-            Command::Explain(command) => &mut command.arguments.import,
-            Command::Study(command) => &mut command.arguments.import,
+            Command::View(command) => &mut command.arguments.options.import,
+            Command::Verify(command) => &mut command.arguments.options.import,
+            Command::Explain(command) => &mut command.arguments.options.import,
+            Command::Study(command) => &mut command.arguments.options.import,
             Command::Info(arguments) => &mut arguments.import,
             Command::Bench(arguments) => arguments.import(),
             _ => return None,
@@ -135,14 +135,9 @@ static TYPED: OnceLock<Vec<OsString>> = OnceLock::new();
 
 /// The typed command, quoted for a shell.
 fn typed() -> String {
-    typed_words().join(" ")
-}
-
-/// The words of the command line, quoted for a shell.
-fn typed_words() -> Vec<String> {
     let words = TYPED.get().into_iter().flatten();
     let rest = words.map(|argument| shell_quoted(&argument.to_string_lossy()));
-    std::iter::once("kiln".to_owned()).chain(rest).collect()
+    std::iter::once("kiln".to_owned()).chain(rest).collect::<Vec<_>>().join(" ")
 }
 
 /// Runs the command of this process and returns its exit code.

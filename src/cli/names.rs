@@ -1,107 +1,53 @@
-//! Options by name, for programs: the names, and the messages of the command with these names.
+//! Names of options in Python, and messages of the library with these names.
 
-use clap::Args;
-
-use super::arguments::Arguments;
 use super::synonyms;
-use crate::effects::EFFECTS;
-use crate::error::{Error, nearest_name};
+use crate::error::{Error, Result, nearest_name};
+use crate::job::PictureOptions;
 
 /// Option of the command that is no option here: AOVs of pictures in memory are arrays of their own.
 const AOV: &str = "aov";
 
-/// The options, without inputs.
-pub(super) fn command() -> clap::Command {
-    let command = clap::Command::new("kiln").disable_help_flag(true);
-    Arguments::augment_args(command).mut_arg("inputs", |inputs| inputs.required(false))
-}
-
-/// The option whose name on the command line fits.
-pub(super) fn argument(command: &clap::Command, fits: impl Fn(&str) -> bool) -> Option<&clap::Arg> {
-    command.get_arguments().find(|argument| argument.get_long().is_some_and(&fits))
-}
-
 /// The name of an option here.
-pub(super) fn name_of(long: &str) -> String {
-    match long {
+fn name_of(option: &str) -> String {
+    match option {
         // A keyword of Python.
         "with" => "with_".to_owned(),
         AOV => "aovs".to_owned(),
-        _ => long.replace('-', "_"),
+        _ => option.replace('-', "_"),
     }
 }
 
-/// The error of a name that no option has.
-pub(super) fn unknown(command: &clap::Command, name: &str) -> Error {
-    let hint = synonyms::hint(name).map(|hint| hint_by_name(&hint)).filter(|hint| !hint.is_empty());
-    let longs = command.get_arguments().filter_map(clap::Arg::get_long).chain([AOV]);
-    let names: Vec<String> = longs.map(name_of).collect();
-    let nearest = || nearest_name(name, &names.iter().map(String::as_str).collect::<Vec<_>>());
-    Error::usage(format!("unknown option `{name}`"), hint.unwrap_or_else(nearest))
+/// The option with a name.
+///
+/// # Errors
+/// [`Error::Usage`] if no option has it.
+pub(super) fn option_named(name: &str) -> Result<String> {
+    let options = PictureOptions::names();
+    options.iter().find(|option| name_of(option) == name).cloned().ok_or_else(|| {
+        let hint = synonyms::hint(name).map(|hint| hint_by_name(&hint)).filter(|hint| !hint.is_empty());
+        let names: Vec<String> = options.iter().map(String::as_str).chain([AOV]).map(name_of).collect();
+        let nearest = || nearest_name(name, &names.iter().map(String::as_str).collect::<Vec<_>>());
+        Error::usage(format!("unknown option `{name}`"), hint.unwrap_or_else(nearest))
+    })
 }
 
-/// A message of the command with options by name: `--tone-map agx` becomes `tone_map="agx"`. Options that are not known
-/// here stay as they are.
+/// A message of the library with options by name: `--tone-map` becomes `tone_map`. Options that are not known here stay
+/// as they are.
 pub fn by_name(message: &str) -> String {
-    // Making the options takes longer than a small picture.
-    if !message.contains("--") {
-        return message.to_owned();
-    }
-    let command = command();
-    let mut said = String::new();
-    let mut rest = message;
-    while let Some(start) = rest.find("--") {
-        let (before, option) = rest.split_at(start);
-        let long =
-            option[2..].split(|c: char| !c.is_ascii_lowercase() && c != '-').next().unwrap_or_default();
-        rest = &option[2 + long.len()..];
-        said.push_str(before);
-        let known = argument(&command, |known| known == long);
+    let options = PictureOptions::names();
+    let mut parts = message.split("--");
+    let mut named = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let end = part.find(|c: char| !c.is_ascii_lowercase() && c != '-').unwrap_or(part.len());
+        let (option, rest) = part.split_at(end);
         // Names of files may contain `--`, too.
-        let is_option = said.is_empty() || said.ends_with([' ', '`', '\'', '(']);
-        if !is_option || known.is_none() && long != AOV {
-            said.push_str(&option[..2 + long.len()]);
-            continue;
-        }
-        said.push_str(&name_of(long));
-        // The form of the value, as in `--samples <N>`.
-        if let Some((form, after)) = rest.split_once('>')
-            && [" <", " [<", "[=<"].iter().any(|start| form.starts_with(start))
-        {
-            rest = after.trim_start_matches(']');
-        } else if let Some((value, after)) = known.and_then(|argument| value_of(argument, rest)) {
-            said.push_str(&format!("={value}"));
-            rest = after;
+        let is_option = named.is_empty() || named.ends_with([' ', '`', '\'', '(']);
+        match is_option && (option == AOV || options.iter().any(|name| name == option)) {
+            true => named += &(name_of(option) + rest),
+            false => named += &format!("--{part}"),
         }
     }
-    said + rest
-}
-
-/// The value at the start of `text`, which follows an option in a message, as Python writes it, and the text after it.
-fn value_of<'a>(argument: &clap::Arg, text: &'a str) -> Option<(String, &'a str)> {
-    if !argument.get_action().takes_values() {
-        // In quotes it is the name.
-        return (!text.starts_with('\'')).then(|| ("True".to_owned(), text));
-    }
-    let value = text.strip_prefix([' ', '='])?;
-    if let Some((quoted, after)) = value.strip_prefix('\'').and_then(|quoted| quoted.split_once('\'')) {
-        return Some((format!("'{quoted}'"), after));
-    }
-    let value = value.split_whitespace().next()?.trim_end_matches([',', ';', ':', '.', ')', '`', '\'']);
-    // Other words go on with the sentence.
-    let is_known = |word: &str| {
-        ["auto", "none", "transparent"].contains(&word)
-            || EFFECTS.iter().any(|effect| effect.name() == word)
-            || argument.get_possible_values().iter().any(|possible| possible.get_name() == word)
-    };
-    let is_literal = value.starts_with(|c: char| c.is_uppercase() || c.is_numeric() || "+-.#".contains(c));
-    if !(text.starts_with('=') || is_literal || is_known(value)) {
-        return None;
-    }
-    // Numbers, and words such as DEG that stand for a value.
-    let is_bare = value.parse::<f64>().is_ok() || value.starts_with(char::is_uppercase);
-    let written = if is_bare { value.to_owned() } else { format!("\"{value}\"") };
-    Some((written, &text[1 + value.len()..]))
+    named
 }
 
 /// A hint [`by_name`], up to the part that is for the command and its shell.
@@ -127,7 +73,7 @@ pub fn error_by_name(error: &Error) -> String {
 
 #[cfg(test)]
 mod tests {
-    use clap::ArgAction;
+    use clap::{ArgAction, Args};
 
     use super::*;
     use crate::scene::ImportOptions;
@@ -184,8 +130,9 @@ if TYPE_CHECKING:
     /// Type checkers refuse options that the command does not have.
     #[test]
     fn options_of_python_are_those_of_the_command() {
-        let (command, import) = (command(), ImportOptions::augment_args(clap::Command::new("import")));
-        let is_import = |long: &str| argument(&import, |own| own == long).is_some();
+        let command = PictureOptions::augment_args(clap::Command::new("kiln"));
+        assert!(command.get_arguments().filter_map(clap::Arg::get_long).eq(PictureOptions::names()));
+        let is_import = |long: &str| ImportOptions::kind(long).is_some();
         // Functions have parameters for some.
         let of_pictures = |long: &str| !is_import(long) && !["camera", "size", "samples"].contains(&long);
         type Class<'a> = (&'a str, &'a str, &'a str, &'a dyn Fn(&str) -> bool);
@@ -222,24 +169,22 @@ if TYPE_CHECKING:
     #[test]
     fn messages_name_options_as_parse_does() {
         for (message, said) in [
-            ("noise; try --samples 64", "noise; try samples=64"),
-            ("`--camera auto` sees everything", "`camera=\"auto\"` sees everything"),
+            ("noise; try --samples 64", "noise; try samples 64"),
+            ("`--camera auto` sees everything", "`camera auto` sees everything"),
             ("leave --camera out, or use --view", "leave camera out, or use view"),
             (
                 "give --colour linear, or --exposure 0 --tone-map none",
-                "give colour=\"linear\", or exposure=0 tone_map=\"none\"",
+                "give colour linear, or exposure 0 tone_map none",
             ),
-            ("only --transport path draws", "only transport=\"path\" draws"),
-            ("--draft uses a headlight", "draft=True uses a headlight"),
-            ("--with shadows; --with turns it on", "with_=\"shadows\"; with_ turns it on"),
-            ("for '--size <WxH>': give it", "for 'size': give it"),
-            ("use --smooth, or --smooth DEG", "use smooth, or smooth=DEG"),
-            (": --camera '{ fov = 40 }', or", ": camera='{ fov = 40 }', or"),
-            ("add `--time SECONDS`", "add `time=SECONDS`"),
+            ("only --transport path draws", "only transport path draws"),
+            ("--draft uses a headlight", "draft uses a headlight"),
+            ("--with shadows; --with turns it on", "with_ shadows; with_ turns it on"),
+            ("use --smooth, or --smooth DEG", "use smooth, or smooth DEG"),
+            (": --camera '{ fov = 40 }', or", ": camera '{ fov = 40 }', or"),
+            ("add `--time SECONDS`", "add `time SECONDS`"),
             ("--aov primitive writes", "aovs primitive writes"),
             ("--camera {...} is not valid", "camera {...} is not valid"),
             ("leave --ground (`ground` of [image]) out", "leave ground (`ground` of [image]) out"),
-            ("cannot be used with '--draft'", "cannot be used with 'draft'"),
             ("a--samples.obj, --frames 1-3, é--", "a--samples.obj, --frames 1-3, é--"),
         ] {
             assert_eq!(by_name(message), said);
@@ -254,7 +199,7 @@ if TYPE_CHECKING:
                 "give a smaller --size, or raise the limit of the shell: ulimit -v unlimited",
                 "give a smaller size",
             ),
-            ("--view iso; `kiln view` finds a camera", "view=\"iso\""),
+            ("--view iso; `kiln view` finds a camera", "view iso"),
             ("`kiln help` lists the commands, `kiln help COMMAND` its options", ""),
         ] {
             assert_eq!(hint_by_name(hint), said);

@@ -240,13 +240,6 @@ pub(crate) fn check_bits_of(bits: Option<BitDepth>, format: Format) -> Result<()
     }
 }
 
-/// Warns of dithering of a file that has floating-point values.
-pub(crate) fn warn_of_dither(typed: &PictureSettings, format: Format, warnings: &mut Warnings) {
-    if format == Format::Exr && typed.dither == Some(true) {
-        warnings.push("--dither changes nothing: the values of an .exr are not rounded to integers");
-    }
-}
-
 /// The bits per channel of PNG, animated or not.
 pub(crate) const PNG_BITS: [BitDepth; 2] = [BitDepth::Eight, BitDepth::Sixteen];
 

@@ -4,127 +4,48 @@ use std::borrow::Borrow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use clap::{ArgAction, FromArgMatches};
-
-use super::arguments::{self, Arguments};
-use super::names::{argument, command, name_of, unknown};
+use super::names::option_named;
 use super::output::{check_alpha, check_bits_of, check_memory_of, render_image};
 use super::prepare::note_rest_pose;
-use super::usage_error;
 use crate::error::{Error, Result, Warnings};
 use crate::files::InputFiles;
 use crate::film::write::{ALPHA, Channel, Format, OutputImage, encode, write_picture};
 use crate::film::{ColourPipeline, DisplayTransform, Window};
-use crate::job::{self, Findings, Metadata, RenderJob, RenderSettings, Session};
+use crate::job::{
+    self, Findings, Metadata, PictureOptions, PictureUse, RenderJob, RenderSettings, Session, warn_of_unused,
+};
 use crate::render::RenderControl;
 use crate::render::aov::{self, AovSelection};
-use crate::scene::{BitDepth, ImportOptions, Scene};
+use crate::scene::animation::Moment;
+use crate::scene::{BitDepth, GivenValue, Scene};
 
 pub use super::names::{by_name, error_by_name};
 
-/// The value of an option.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Value {
-    /// As if the option were not given.
-    Default,
-    /// On or off.
-    Switch(bool),
-    /// As typed.
-    Text(String),
-    /// The parts of a value, or the values of an option that may be repeated.
-    List(Vec<String>),
-}
-
-/// Options of `kiln render` that concern the inputs and the picture.
-pub struct Options(Arguments);
-
-impl Options {
-    /// Parses options by name: `tone_map` is `--tone-map`, and `with_` is `--with`.
-    ///
-    /// # Errors
-    /// [`Error::Usage`], as for the command. [`error_by_name`] names options as they are here.
-    pub fn parse(options: &[(String, Value)]) -> Result<Self> {
-        let command = command();
-        let mut words = vec!["kiln".to_owned()];
-        for (name, value) in options {
-            let argument =
-                argument(&command, |long| name_of(long) == *name).ok_or_else(|| unknown(&command, name))?;
-            let (long, action) = (argument.get_long().unwrap_or_default(), argument.get_action());
-            let is_switch = !action.takes_values();
-            let may_lack_value = argument.get_num_args().is_some_and(|count| count.min_values() == 0);
-            match value {
-                Value::Default => {}
-                Value::Switch(true) if is_switch || may_lack_value => words.push(format!("--{long}")),
-                Value::Switch(false) if is_switch => {}
-                Value::Switch(false) if may_be_false(argument) => words.push(format!("--{long}=false")),
-                Value::Switch(is_on) => {
-                    let given = if *is_on { "True" } else { "False" };
-                    return Err(Error::usage(format!("`{name}` takes a value, not {given}"), ""));
-                }
-                _ if is_switch => {
-                    return Err(Error::usage(format!("`{name}` is on or off"), "give True or False"));
-                }
-                Value::Text(text) if argument.get_value_delimiter().is_some() => {
-                    words.extend(text.split(',').map(|part| format!("--{long}={}", part.trim())));
-                }
-                Value::Text(text) => words.push(format!("--{long}={text}")),
-                Value::List(parts) if matches!(action, ArgAction::Append) => {
-                    words.extend(parts.iter().map(|part| format!("--{long}={part}")));
-                }
-                Value::List(parts) => words.push(format!("--{long}={}", parts.join(","))),
+/// Options from names and values: `tone_map` is `--tone-map`, and `with_` is `--with`. `None` is as if an option were not
+/// given.
+///
+/// # Errors
+/// [`Error::Usage`]. [`error_by_name`] names options as they are here.
+pub fn parse_options(given: Vec<(String, Option<GivenValue>)>) -> Result<PictureOptions> {
+    let mut options = PictureOptions::default();
+    for (name, value) in given {
+        let option = option_named(&name)?;
+        let wrong = |why| match &value {
+            Some(GivenValue::Texts(texts)) => {
+                format!("invalid value '{}' for '{name}': {why}", texts.join(","))
             }
-        }
-        let parsed = command.try_get_matches_from(words);
-        let parsed = parsed.and_then(|matches| Arguments::from_arg_matches(&matches));
-        let arguments = parsed.map_err(|e| {
-            let (what, hint) = usage_error(&e);
-            Error::usage(what, hint)
-        })?;
-        arguments::check(&arguments)?;
-        Ok(Options(arguments))
+            _ => format!("`{name}` {why}"),
+        };
+        options.set(&option, value.clone()).map_err(|why| Error::usage(wrong(why), ""))?;
     }
-
-    /// Options of the inputs.
-    pub fn import(&self) -> ImportOptions {
-        self.0.reading()
-    }
-
-    /// Whether there are options of the inputs.
-    pub fn has_import(&self) -> bool {
-        self.0.import != ImportOptions::default()
-    }
-
-    /// These options with this camera.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] if they have a view.
-    pub fn with_camera(&self, camera: &str) -> Result<Self> {
-        if self.0.view.is_some() {
-            return Err(Error::usage("both a camera and the option --view", "give one of the two"));
-        }
-        let mut arguments = self.0.clone();
-        arguments.camera = Some(camera.to_owned());
-        Ok(Options(arguments))
-    }
-
-    /// The AOVs of these names, and the settings of a picture with them.
-    fn with_aovs(&self, aovs: &[String]) -> Result<(AovSelection, RenderSettings)> {
-        let settings = RenderSettings { aovs: aovs.to_vec(), ..self.0.settings()? };
-        Ok((AovSelection::new(aovs)?, settings))
-    }
-
-    /// Whether there are options of the picture.
-    ///
-    /// # Errors
-    /// As those of [`Options::parse`].
-    pub fn has_picture(&self) -> Result<bool> {
-        Ok(self.0.threads.is_some() || self.0.settings()? != Options::parse(&[])?.0.settings()?)
-    }
+    options.settings()?;
+    Ok(options)
 }
 
-/// Whether `false` is a value of an option.
-fn may_be_false(argument: &clap::Arg) -> bool {
-    argument.get_possible_values().iter().any(|value| value.get_name() == "false")
+/// The AOVs of these names, and the settings of a picture with them.
+fn with_aovs(options: &PictureOptions, aovs: &[String]) -> Result<(AovSelection, RenderSettings)> {
+    let settings = RenderSettings { aovs: aovs.to_vec(), ..options.settings()? };
+    Ok((AovSelection::new(aovs)?, settings))
 }
 
 /// A rendered picture.
@@ -146,18 +67,19 @@ pub struct Picture {
 /// As those of the command.
 pub fn render(
     scene: Scene,
-    options: &Options,
+    options: &PictureOptions,
     format: Format,
     aovs: &[String],
     control: &RenderControl,
     warnings: &mut Warnings,
 ) -> Result<Picture> {
-    let (selection, settings) = options.with_aovs(aovs)?;
-    super::pool(options.0.threads)?.install(|| {
+    let (selection, settings) = with_aovs(options, aovs)?;
+    super::pool(options.thread_count())?.install(|| {
         note_rest_pose(&scene, warnings);
-        let inputs = files_read(&scene, &settings);
+        let (inputs, used) = (files_read(&scene, options), use_of(&scene));
         let session = Session::still(scene)?;
         let resolved = session.resolve(&settings, warnings)?;
+        warn_of_unused(options, &resolved.plan_settings, used, warnings);
         let job = session.into_job(&resolved, true, control, warnings)?;
         picture_of(job, inputs, &selection, format, control, warnings)
     })
@@ -186,22 +108,22 @@ impl PreparedScene {
     /// As [`render`].
     pub fn render(
         &self,
-        options: &Options,
+        options: &PictureOptions,
         format: Format,
         aovs: &[String],
         control: &RenderControl,
         warnings: &mut Warnings,
     ) -> Result<Picture> {
-        let (selection, settings) = options.with_aovs(aovs)?;
-        super::pool(options.0.threads)?.install(|| {
+        let (selection, settings) = with_aovs(options, aovs)?;
+        super::pool(options.thread_count())?.install(|| {
             let PreparedScene(session) = self;
             note_rest_pose(session.scene(), warnings);
             let resolved = session.resolve(&settings, warnings)?;
+            warn_of_unused(options, &resolved.plan_settings, use_of(session.scene()), warnings);
             let picture = session.first_picture(&resolved)?;
             let job = session.job(&picture, true, control)?;
             session.warn(&picture, &job, warnings);
-            let inputs = files_read(session.scene(), &settings);
-            picture_of(job, inputs, &selection, format, control, warnings)
+            picture_of(job, files_read(session.scene(), options), &selection, format, control, warnings)
         })
     }
 
@@ -212,17 +134,19 @@ impl PreparedScene {
     /// As [`render`].
     pub fn aovs(
         &self,
-        options: &Options,
+        options: &PictureOptions,
         aovs: &[String],
         control: &RenderControl,
         warnings: &mut Warnings,
     ) -> Result<Aovs> {
-        let (selection, settings) = options.with_aovs(aovs)?;
-        super::pool(options.0.threads)?.install(|| {
+        let (selection, settings) = with_aovs(options, aovs)?;
+        super::pool(options.thread_count())?.install(|| {
             let PreparedScene(session) = self;
             note_rest_pose(session.scene(), warnings);
             let resolved = session.resolve_only(&settings, false)?;
             session.warn_of_resolved(&resolved, &settings, warnings)?;
+            let used = PictureUse { is_rounded: false, ..use_of(session.scene()) };
+            warn_of_unused(options, &resolved.plan_settings, used, warnings);
             let picture = session.first_picture(&resolved.into())?;
             let exposed = match selection.depends_on_exposure(&picture.job.plan) {
                 true => Some(session.job(&picture, false, control)?),
@@ -254,9 +178,14 @@ impl Aovs {
 }
 
 /// The files that a picture of a scene is made of.
-fn files_read(scene: &Scene, settings: &RenderSettings) -> InputFiles {
-    let environment = settings.environment.environment.iter().map(PathBuf::from);
+fn files_read(scene: &Scene, options: &PictureOptions) -> InputFiles {
+    let environment = options.environment.environment.iter().map(PathBuf::from);
     scene.files_read.iter().cloned().chain(environment).collect()
+}
+
+/// What pictures of a scene are used for: those of floating-point values are rounded when they are saved as .png or .jpg.
+fn use_of(scene: &Scene) -> PictureUse {
+    PictureUse { time: Some(Moment::of_still(scene).seconds), is_rounded: true, ..PictureUse::default() }
 }
 
 /// Renders the picture of a job.
@@ -375,41 +304,43 @@ impl Picture {
 mod tests {
     use super::*;
 
-    fn parse(options: &[(&str, Value)]) -> Result<Options> {
-        let named: Vec<_> = options.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
-        Options::parse(&named)
+    fn parse(options: &[(&str, GivenValue)]) -> Result<PictureOptions> {
+        let named = |(name, value): &(&str, GivenValue)| ((*name).to_owned(), Some(value.clone()));
+        parse_options(options.iter().map(named).collect())
     }
 
     #[test]
     fn options_are_those_of_the_command() {
-        let text = |text: &str| Value::Text(text.into());
-        let list = |parts: &[&str]| Value::List(parts.iter().map(|&part| part.into()).collect());
+        let text = |text: &str| GivenValue::from(text);
+        let list = |parts: &[&str]| GivenValue::Texts(parts.iter().map(|&part| part.into()).collect());
         let options = parse(&[
             ("size", list(&["64", "48"])),
             ("tone_map", text("agx")),
             ("with_", list(&["shadows", "glaze=2"])),
             ("without", text("normal-maps, textures")),
             ("crop", list(&["1", "2", "3", "4"])),
-            ("draft", Value::Switch(false)),
-            ("ground", Value::Switch(false)),
+            ("draft", GivenValue::Switch(false)),
+            ("ground", GivenValue::Switch(false)),
             ("exposure", text("-1.5")),
             ("hide", text("lid, left")),
             ("material", text("pot={ colour = '#f00', metallic = 1 }")),
         ])
         .expect("valid options");
-        let settings = options.0.settings().expect("valid settings");
+        let settings = options.settings().expect("valid settings");
         assert_eq!(settings.picture.size(), Some([64, 48]));
         assert_eq!(settings.with, ["shadows", "glaze=2"]);
         assert_eq!(settings.without, ["normal-maps", "textures"]);
         assert_eq!(settings.crop.map(|crop| [crop.x, crop.y, crop.width, crop.height]), Some([1, 2, 3, 4]));
         assert_eq!((settings.picture.look, settings.picture.ground), (None, Some(false)));
-        assert_eq!(options.has_picture(), Ok(true));
+        assert!(options.has_picture());
         // Names of objects and tables of materials have commas.
-        let import = options.import();
+        let import = options.reading();
         assert_eq!((import.hide, import.materials.len()), (vec!["lid, left".to_owned()], 1));
-        assert!(!parse(&[("draft", Value::Switch(false))]).expect("valid options").has_import());
-        let up = parse(&[("up", text("z"))]).expect("valid options");
-        assert!(up.has_import() && up.has_picture() == Ok(false));
+        let off = parse(&[("draft", GivenValue::Switch(false))]).expect("valid options");
+        assert_eq!(off, PictureOptions::default());
+        let up = parse(&[("up", text("Z")), ("smooth", GivenValue::Switch(true))]).expect("valid options");
+        assert!(up.import.up.is_some() && !up.has_picture());
+        assert_eq!(up.text("smooth").as_deref(), Some("30"));
     }
 
     #[test]
@@ -422,14 +353,18 @@ mod tests {
     #[test]
     fn mistakes_get_the_message_of_the_command() {
         let mistake =
-            |name: &str, value: Value| error_by_name(&parse(&[(name, value)]).err().expect("a mistake"));
+            |name: &str, value: GivenValue| error_by_name(&parse(&[(name, value)]).expect_err("a mistake"));
         let unknown = "unknown option `sampels`; did you mean `samples`?";
-        assert_eq!(mistake("sampels", Value::Text("4".into())), unknown);
-        assert_eq!(mistake("sampels", Value::Default), unknown);
+        assert_eq!(mistake("sampels", GivenValue::from("4")), unknown);
+        let unset = parse_options(vec![("sampels".to_owned(), None)]).map_err(|e| error_by_name(&e));
+        assert_eq!(unset, Err(unknown.to_owned()));
         assert_eq!(
-            mistake("samples", Value::Text("0".into())),
+            mistake("samples", GivenValue::from("0")),
             "invalid value '0' for 'samples': give a number of samples from 1 to 65536"
         );
+        let given = |name: &str, text: &str| mistake(name, GivenValue::from(text));
+        assert_eq!(given("tone_map", "agks"), "invalid value 'agks' for 'tone_map': did you mean `agx`?");
+        assert_eq!(given("draft", "yes"), "invalid value 'yes' for 'draft': give true or false");
         for (name, is_on, said) in [
             ("fov", true, "True"),
             ("with_", true, "True"),
@@ -437,14 +372,58 @@ mod tests {
             ("smooth", false, "False"),
         ] {
             // The option after it is not its value.
-            let given = [(name, Value::Switch(is_on)), ("size", Value::Text("8x8".into()))];
-            let mistake = error_by_name(&parse(&given).err().expect("a mistake"));
+            let given = [(name, GivenValue::Switch(is_on)), ("size", GivenValue::from("8x8"))];
+            let mistake = error_by_name(&parse(&given).expect_err("a mistake"));
             assert_eq!(mistake, format!("`{name}` takes a value, not {said}"));
         }
-        for name in ["help", "version", "output", "inputs", "samples__", "samples_", "with__", "", "_"] {
+        for name in [
+            "help",
+            "width",
+            "look",
+            "tone-map",
+            "output",
+            "inputs",
+            "limit",
+            "samples__",
+            "samples_",
+            "with__",
+            "",
+            "_",
+        ] {
             assert!(
-                mistake(name, Value::Switch(true)).starts_with(&format!("unknown option `{name}`; ")),
+                mistake(name, GivenValue::Switch(true)).starts_with(&format!("unknown option `{name}`; ")),
                 "{name}"
+            );
+        }
+    }
+
+    #[test]
+    fn options_that_change_nothing_have_the_warnings_of_the_command() {
+        let scene = crate::import::load_bytes(
+            b"[[sphere]]\ncentre = [0, 0, 0]\nradius = 1".to_vec(),
+            &Default::default(),
+            &mut Warnings::default(),
+        );
+        let scene = Arc::new(scene.expect("a scene"));
+        let text = GivenValue::from;
+        let options = parse(&[
+            ("size", text("8x8")),
+            ("min_samples", text("8")),
+            ("same_grain", GivenValue::Switch(true)),
+        ]);
+        let options = options.expect("valid options");
+        let control = RenderControl::default();
+        let (mut single, mut prepared) = (Warnings::default(), Warnings::default());
+        render(Scene::clone(&scene), &options, Format::Png, &[], &control, &mut single).expect("a picture");
+        let scene = PreparedScene::new(scene).expect("a scene");
+        scene.render(&options, Format::Png, &[], &control, &mut prepared).expect("a picture");
+        for warnings in [single, prepared] {
+            assert_eq!(
+                warnings.messages(),
+                [
+                    "--min-samples changes nothing without --noise",
+                    "--same-grain changes nothing in a picture at time 0"
+                ]
             );
         }
     }

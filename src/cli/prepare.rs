@@ -95,7 +95,9 @@ impl Reporter {
     fn load(&mut self, arguments: &Arguments) -> Result<Scene> {
         self.phase("loading");
         let Reporter { seconds, warnings, .. } = self;
-        timed(&mut seconds.load, || import::load_with(&arguments.inputs, &arguments.reading(), warnings))
+        timed(&mut seconds.load, || {
+            import::load_with(&arguments.inputs, &arguments.options.reading(), warnings)
+        })
     }
 
     /// Loads the inputs and resolves the render settings.
@@ -123,8 +125,8 @@ impl Reporter {
         request: &FrameRequest,
     ) -> Result<AnimationJob> {
         let mut scene = self.load(arguments)?;
-        if arguments.import.reading.time.is_none() {
-            play_clip(&mut scene, &arguments.import.clip())?;
+        if arguments.options.import.time.is_none() {
+            play_clip(&mut scene, &arguments.options.import.clip())?;
         }
         self.phase("preparing");
         let mut warnings = std::mem::take(&mut self.warnings);

@@ -12,16 +12,17 @@ use super::frames::{self, FrameSeries, LengthArguments, file_names};
 use super::output::{self, OutputTarget, check_folder, render_target, render_to_accuracy};
 use super::prepare::{Reporter, timed};
 use super::progress::Mode;
-use super::sampling::{AccuracyArguments, warn_of_unused};
+use super::sampling::AccuracyArguments;
 use super::statistics;
 use crate::animation::{FileNames, FrameList};
 use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
 use crate::files::{is_same_file, write_whole};
 use crate::film::write::Format;
-use crate::job::{Findings, metadata};
+use crate::job::{Findings, PictureUse, metadata, warn_of_unused};
 use crate::render::RenderControl;
 use crate::render::aov::{AOVS, AovSelection, EFFECTS, EFFECTS_SUMMARY};
+use crate::scene::animation::Moment;
 use crate::scene::option::group;
 
 #[derive(Args, Clone)]
@@ -86,7 +87,7 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<u8> {
     check_still(&command.length)?;
     let mut reporter = Reporter::new(command.progress);
     note_plain_name(&command.output, each.is_empty(), &mut reporter.warnings);
-    let pool = super::pool(command.arguments.threads)?;
+    let pool = super::pool(command.arguments.options.thread_count())?;
     pool.install(|| match each.as_slice() {
         [] => render_still(command, &mut reporter, interrupted).map(|_| 0),
         [one] => render_still(one, &mut reporter, interrupted).map(|_| 0),
@@ -204,7 +205,7 @@ fn render_to(
     reporter: &mut Reporter,
     interrupted: &AtomicBool,
 ) -> Result<Outcome> {
-    let mut settings = command.arguments.settings()?;
+    let mut settings = command.arguments.options.settings()?;
     settings.shard = command.shard.unwrap_or_default();
     settings.aovs = command.aov.clone();
     let (session, mut resolved) = reporter.load_and_resolve(&command.arguments, &settings)?;
@@ -226,24 +227,14 @@ fn render_to(
     let has_target = command.accuracy.target().is_some();
     output::check_accuracy_alpha(is_transparent, has_target)?;
     target.check_writable()?;
+    let time = Some(Moment::of_still(session.scene()).seconds);
     reporter.progress.phase("building");
     let Reporter { seconds, warnings, .. } = &mut *reporter;
     let control = RenderControl { cancel: interrupted, ..RenderControl::default() };
     let mut job = timed(&mut seconds.build, || session.into_job(&resolved, true, &control, warnings))?;
     output::check_memory(&job, target, selection, has_target)?;
-    warn_of_unused(
-        &command.arguments.settings,
-        &job.plan_settings.sampling,
-        has_target,
-        &mut reporter.warnings,
-    );
-    let typed = &command.arguments.settings.picture;
-    output::warn_of_dither(typed, target.format(), &mut reporter.warnings);
-    if typed.same_grain == Some(true)
-        && command.arguments.import.reading.time.is_none_or(|time| time.get() == 0.0)
-    {
-        reporter.warnings.push("--same-grain changes nothing in a picture at time 0");
-    }
+    let used = PictureUse { time, is_rounded: target.format() != Format::Exr, chooses_samples: has_target };
+    warn_of_unused(&command.arguments.options, &job.plan_settings, used, &mut reporter.warnings);
     reporter.phase("rendering");
     let Reporter { progress, seconds, warnings, .. } = &mut *reporter;
     let control = RenderControl {

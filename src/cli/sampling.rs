@@ -2,12 +2,8 @@
 
 use clap::Args;
 
-use crate::effects::{EffectId, id};
-use crate::error::Warnings;
-use crate::job::RenderSettings;
 use crate::sample_count::{ErrorTarget, Metric};
 use crate::scene::option::group;
-use crate::scene::{PictureSettings, Sampling};
 
 /// Options of `kiln render` with which the number of samples is chosen automatically.
 #[derive(Args, Clone)]
@@ -44,44 +40,5 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(seconds) if seconds > 0.0 && seconds.is_finite() => Ok(seconds),
         _ => Err("give a number of seconds above 0".into()),
-    }
-}
-
-/// Warns about typed options that do not affect a picture with the settings `sampling`. With `has_target`, the number of
-/// samples is chosen automatically, so `--seed` has an effect.
-pub(crate) fn warn_of_unused(
-    typed: &RenderSettings,
-    sampling: &Sampling,
-    has_target: bool,
-    warnings: &mut Warnings,
-) {
-    let PictureSettings { samples, filter, filter_radius, noise, min_samples, seed, sampler, .. } =
-        typed.picture;
-    let is_without = |effect: EffectId| typed.without.iter().any(|name| *name == effect.name());
-    if is_without(id::ANTIALIASING) {
-        let samples = samples.filter(|samples| samples.get() > 1);
-        let unused = PictureSettings {
-            samples,
-            filter,
-            filter_radius,
-            noise,
-            min_samples,
-            seed,
-            sampler,
-            ..PictureSettings::default()
-        };
-        for (option, _) in unused.entries() {
-            warnings.push(format!("--{option} changes nothing without the effect `antialiasing`"));
-        }
-        return;
-    }
-    if noise.is_some() && is_without(id::ADAPTIVE) {
-        warnings.push("--noise changes nothing without the effect `adaptive`");
-    }
-    if min_samples.is_some() && sampling.noise.is_none() {
-        warnings.push("--min-samples changes nothing without --noise");
-    }
-    if seed.is_some() && !sampling.is_wanted() && !has_target {
-        warnings.push("--seed changes nothing: one sample per pixel, at its centre; --samples takes more");
     }
 }

@@ -8,14 +8,14 @@ use clap::Args;
 use super::arguments::{self, Arguments};
 use super::prepare::Reporter;
 use super::progress::Mode;
-use super::{print, typed, typed_words};
+use super::{print, typed};
 use crate::error::{Error, Result, Warnings, printable};
 use crate::files::{describe, write_whole};
 use crate::import;
-use crate::job::{RenderSettings, ResolvedPicture, Session};
+use crate::job::{PictureOptions, RenderSettings, ResolvedPicture, Session};
 use crate::render::RenderControl;
-use crate::scene::Look;
 use crate::scene::option::group;
+use crate::scene::{Look, Side, shell_quoted};
 use crate::study::{
     Options, PathVariation, Pools, Setting, Study, StudySubject, error_against_time, facts, headline, page,
     study, to_csv,
@@ -53,10 +53,12 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     let parameters = parameters(&command.parameter)?;
     let _folder = Folder::new(&command.output)?;
     let arguments = &command.arguments;
-    let (timed, wide) = (super::pool(Some(arguments.threads.unwrap_or(1)))?, super::pool(arguments.threads)?);
+    let threads = arguments.options.thread_count();
+    let (timed, wide) = (super::pool(threads.or(Some(1)))?, super::pool(threads)?);
     let mut reporter = Reporter::new(command.progress);
     let longest = (!command.full).then_some(LONGEST);
-    let settings = RenderSettings { longest_side: longest, mesh_look: Look::Draft, ..arguments.settings()? };
+    let settings =
+        RenderSettings { longest_side: longest, mesh_look: Look::Draft, ..arguments.options.settings()? };
     let (session, picture) = wide.install(|| reporter.load_and_resolve(arguments, &settings))?;
     reporter.check_outputs(FILES.map(|name| command.output.join(name)))?;
     if !picture.settings.picture.display().is_identity() {
@@ -64,7 +66,9 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         reporter.show();
     }
     let subject = subject(arguments, session, ResolvedPicture::clone(&picture));
-    let load = || import::load_with(&arguments.inputs, &arguments.import, &mut Warnings::default()).map(drop);
+    let load = || {
+        import::load_with(&arguments.inputs, &arguments.options.import, &mut Warnings::default()).map(drop)
+    };
     let is_file = arguments.inputs.iter().all(|input| input != Path::new("-"));
     let load: Option<&(dyn Fn() -> Result<()> + Sync)> = if is_file { Some(&load) } else { None };
 
@@ -163,31 +167,18 @@ fn subject(arguments: &Arguments, session: Session, mut picture: ResolvedPicture
     }
 }
 
-/// The words of the command line that renders the same inputs with the same options, at the study's size.
+/// The words of the command line that renders the same inputs with the same options, at the study's size. The study adds
+/// no light but a headlight.
 fn render_command(arguments: &Arguments, session: &Session, picture: &ResolvedPicture) -> Vec<String> {
-    let [width, height] = picture.size();
-    let mut words = vec!["kiln".to_owned(), "render".to_owned()];
-    let mut typed = typed_words().into_iter().skip_while(|word| word != "study").skip(1);
-    while let Some(word) = typed.next() {
-        match word.split_once('=').map_or(word.as_str(), |(name, _)| name) {
-            "--full" => {}
-            "-o" | "--output" | "--rounds" | "--parameter" | "--progress" => {
-                if !word.contains('=') {
-                    typed.next();
-                }
-            }
-            name if name.starts_with("-o") && !name.starts_with("--") => {}
-            _ => words.push(word),
-        }
-    }
-    words.extend(arguments.size.is_none().then(|| format!("--size={width}x{height}")));
-    // The study adds no light but a headlight.
-    words.extend(
-        (!session.scene().has_settings && !words.iter().any(|word| word == "--draft"))
-            .then(|| "--draft".to_owned()),
-    );
-    words.extend(["-o".to_owned(), "picture.png".to_owned()]);
-    words
+    let options = PictureOptions {
+        size: arguments.options.size.or(Some(picture.size().map(Side::clamped))),
+        draft: arguments.options.draft || !session.scene().has_settings,
+        ..arguments.options.clone()
+    };
+    let inputs = arguments.inputs.iter().map(|input| input.display().to_string());
+    let words = ["kiln", "render"].map(str::to_owned).into_iter().chain(inputs).chain(options.words());
+    let words = words.chain(["-o", "picture.png"].map(str::to_owned));
+    words.map(|word| shell_quoted(&word)).collect()
 }
 
 /// The result, the advice and the notes of a study as text.

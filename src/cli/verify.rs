@@ -74,7 +74,8 @@ pub(crate) fn run(command: &Command) -> Result<u8> {
     arguments::check(&command.arguments)?;
     AovSelection::new(&command.aov)?;
     let format = Format::from_path(output)?;
-    let (metadata, list) = super::pool(command.arguments.threads)?.install(|| expected(command, output))?;
+    let (metadata, list) =
+        super::pool(command.arguments.options.thread_count())?.install(|| expected(command, output))?;
     let files = files(output, list.as_ref())?;
     report(command, &files, &check(&files, format, Some(&metadata)))
 }
@@ -82,7 +83,7 @@ pub(crate) fn run(command: &Command) -> Result<u8> {
 /// The expected metadata and frames.
 fn expected(command: &Command, output: &Path) -> Result<(Metadata, Option<FrameList>)> {
     let mut reporter = Reporter::silent(Mode::None);
-    let settings = RenderSettings { aovs: command.aov.clone(), ..command.arguments.settings()? };
+    let settings = RenderSettings { aovs: command.aov.clone(), ..command.arguments.options.settings()? };
     let is_series = FileNames::parse(output).is_ok_and(|names| names.is_some());
     if command.frames.is_none() && !is_series {
         let (_, picture) = reporter.load_and_resolve(&command.arguments, &settings)?;

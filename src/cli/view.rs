@@ -10,8 +10,9 @@ use crate::error::{Error, Result, Warnings};
 use crate::files::hint_for_missing;
 use crate::import::{self, FileRead};
 use crate::job::camera::Viewpoint;
-use crate::job::{RenderSettings, Session};
-use crate::scene::{ImportOptions, PictureSettings, Scene};
+use crate::job::{PictureOptions, PictureUse, RenderSettings, Session, warn_of_unused};
+use crate::scene::animation::Moment;
+use crate::scene::{ImportOptions, PictureSettings, Scene, Side};
 use crate::viewer::{self, CameraSource, Opened, Start};
 
 #[derive(Args)]
@@ -29,7 +30,7 @@ pub(crate) fn run(command: &Command) -> Result<()> {
     let arguments = &command.arguments;
     arguments::check(arguments)?;
     viewer::display::check()?;
-    if arguments.settings.crop.is_some() {
+    if arguments.options.crop.is_some() {
         return Err(Error::usage("the viewer shows the whole picture, without --crop", "leave it out"));
     }
     if arguments.inputs.iter().any(|input| input == Path::new("-")) {
@@ -41,12 +42,12 @@ pub(crate) fn run(command: &Command) -> Result<()> {
     if let Some(missing) = arguments.inputs.iter().find(|input| !input.exists()) {
         return Err(Error::input(missing.as_path(), "no such file", hint_for_missing(missing)));
     }
-    let threads = super::pool(arguments.threads)?;
+    let threads = super::pool(arguments.options.thread_count())?;
     let own = arguments.clone();
     viewer::run(Start {
         inputs: arguments.inputs.clone(),
         open: Box::new(move |inputs, options, warnings| open(&own, inputs, options, warnings)),
-        size: arguments.size,
+        size: arguments.options.size.map(|size| size.map(Side::get)),
         threads,
     })
 }
@@ -63,7 +64,7 @@ pub(super) fn open(
     let is_own = arguments.inputs.is_empty() || arguments.inputs == inputs;
     let mut options = match chosen {
         Some(options) => options.clone(),
-        None if is_own => arguments.reading(),
+        None if is_own => arguments.options.reading(),
         None => ImportOptions { smooths_meshes: true, ..ImportOptions::default() },
     };
     // What is hidden in the window may be gone from files that have changed.
@@ -81,7 +82,7 @@ pub(super) fn open(
             }
         }
         // The bar plays a clip, unless a moment of it is asked for.
-        let is_still = scene.import_options.reading.time.is_some();
+        let is_still = scene.import_options.time.is_some();
         if !is_still && inputs.iter().all(|input| input != Path::new("-")) {
             let clip = scene.import_options.clip();
             // Scenes with tracks play no clips.
@@ -103,18 +104,21 @@ fn initial_view(
     let mut arguments = arguments.clone();
     if !arguments.inputs.is_empty() && arguments.inputs != inputs {
         // Camera options do not apply to files that were dropped onto the window.
-        (arguments.camera, arguments.view, arguments.settings.look_at) = (None, None, None);
-        let picture = &mut arguments.settings.picture;
+        let PictureOptions { camera, view, look_at, picture, .. } = &mut arguments.options;
+        (*camera, *view, *look_at) = (None, None, None);
         *picture = PictureSettings { azimuth: None, elevation: None, zoom: None, fov: None, ..*picture };
         arguments.inputs = inputs.to_vec();
     }
-    let requested = arguments.settings()?;
+    let requested = arguments.options.settings()?;
     let session = Session::playing(scene)?;
     let scene = session.scene();
     // A clip may begin with nothing to see.
     if scene.bounds().is_some() || !scene.plays_clips() {
         let resolved = session.resolve_only(&requested, false)?;
         session.warn_of_resolved(&resolved, &requested, warnings)?;
+        let time = scene.animation.is_none().then(|| Moment::of_still(scene).seconds);
+        let used = PictureUse { time, is_rounded: true, ..PictureUse::default() };
+        warn_of_unused(&arguments.options, &resolved.plan_settings, used, warnings);
     }
     let viewpoint = Viewpoint::of(&requested.camera, scene)?;
     let size = viewpoint.size(&requested, scene);
@@ -138,7 +142,7 @@ mod tests {
     use clap::Parser;
 
     use super::*;
-    use crate::scene::{ReadingOptions, UpAxis, UpChoice};
+    use crate::scene::{UpAxis, UpChoice};
 
     #[derive(Parser)]
     struct Line {
@@ -153,11 +157,7 @@ mod tests {
             .map(|file| vec![Path::new(env!("CARGO_MANIFEST_DIR")).join(file)]);
         let mut arguments = Line::parse_from(["kiln", "--up", "z", "a.obj"]).arguments;
         arguments.inputs = own.clone();
-        let turned = |up| ImportOptions {
-            reading: ReadingOptions { up, ..ReadingOptions::default() },
-            smooths_meshes: true,
-            ..ImportOptions::default()
-        };
+        let turned = |up| ImportOptions { up, smooths_meshes: true, ..ImportOptions::default() };
         for (inputs, chosen, up) in [
             (&own, None, Some(UpChoice::Axis(UpAxis::Z))),
             (&own, Some(turned(Some(UpChoice::Axis(UpAxis::X)))), Some(UpChoice::Axis(UpAxis::X))),

@@ -351,7 +351,7 @@ fn load_by(
         drop(source);
         // The meshes of a scene file are turned one by one.
         if !one.has_settings {
-            let (chosen, turns) = (options.reading.up.and_then(UpChoice::axis), options.reading.up.is_some());
+            let (chosen, turns) = (options.up.and_then(UpChoice::axis), options.up.is_some());
             let is_alone = inputs.len() == 1;
             let up =
                 chosen.unwrap_or_else(|| options::up_axis(&one, file, format, turns, is_alone, warnings));

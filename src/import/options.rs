@@ -51,7 +51,7 @@ pub(super) fn up_axis(
 /// [`ImportOptions::CREASE`] if files are smoothed that are not flat by their format.
 pub(super) fn crease(source: &Source, own: Option<Degrees>, smooths: bool) -> Option<f64> {
     let by_default = smooths && !source.importer.is_flat;
-    let chosen = source.options.reading.smooth.or(own).map(Degrees::get);
+    let chosen = source.options.smooth.or(own).map(Degrees::get);
     let crease = chosen.or(by_default.then_some(ImportOptions::CREASE));
     crease.filter(|&degrees| degrees > 0.0).map(f64::to_radians)
 }
@@ -75,7 +75,7 @@ pub(super) fn check_names(scene: &Scene, options: &ImportOptions) -> Result<()> 
             }
         });
     }
-    match &options.reading.variant {
+    match &options.variant {
         Some(_) if scene.variants.is_empty() => {
             Err(Error::usage("no input has variants of its materials", "leave out --variant"))
         }
@@ -96,7 +96,7 @@ fn has_tracks_alone(scene: &Scene, options: &ImportOptions) -> bool {
 /// # Errors
 /// [`Error::Usage`] for a time that is not in its animation.
 pub(super) fn pose_tracks(scene: &mut Scene, options: &ImportOptions) -> Result<()> {
-    let (Some(time), Some(animation)) = (options.reading.time, &scene.animation) else { return Ok(()) };
+    let (Some(time), Some(animation)) = (options.time, &scene.animation) else { return Ok(()) };
     if !has_tracks_alone(scene, options) {
         return Ok(());
     }

@@ -57,10 +57,11 @@ pub fn metadata(
         ("kiln:camera".into(), camera_text),
         ("kiln:projection".into(), camera.projection.name().into()),
     ];
-    // Frames have times of their own; limits and the flags of references do not change a picture.
+    // Frames have times of their own; what files may refer to and require does not change a picture.
+    let others = ["clip", "time", "ignore-required-extensions", "allow-outside-references"];
     let of_import = scene.import_options.entries().into_iter();
-    let of_import = of_import.filter(|(name, _)| !["clip", "time", "limit"].contains(&name.as_str()));
-    metadata.extend(of_import.filter_map(|(name, text)| Some((format!("kiln:{name}"), text?))));
+    let of_import = of_import.filter(|(name, _)| !others.contains(&name.as_str()));
+    metadata.extend(of_import.map(|(name, text)| (format!("kiln:{name}"), text)));
     metadata.extend(entries(&look.picture));
     let Window { x, y, width, height } = window;
     if look.picture.size() != Some([width, height]) {

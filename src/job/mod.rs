@@ -32,6 +32,7 @@ mod memory;
 pub mod metadata;
 mod metering;
 mod notes;
+mod options;
 mod outside;
 mod path_calls;
 pub mod pixel;
@@ -39,6 +40,7 @@ mod prepared;
 mod resolved;
 mod session;
 mod settings;
+mod unused;
 
 pub use crate::effects::PlanSettings;
 pub use crate::render::{RenderControl, Statistics};
@@ -47,12 +49,14 @@ pub use findings::{Findings, warn_of_indices};
 pub use memory::check_memory;
 pub use metadata::Metadata;
 pub use notes::{HEADLIGHT, notes_of_result};
+pub use options::{PictureOptions, Threads};
 #[cfg(feature = "viewer")]
 pub(crate) use prepared::scene_at;
 pub use prepared::{PreparedScene, SceneAtTime};
 pub use resolved::ResolvedPicture;
 pub use session::{Picture, Session};
 pub use settings::{CameraChoice, EnvironmentSettings, RenderSettings, check_display};
+pub use unused::{PictureUse, warn_of_unused};
 
 use std::sync::{Arc, OnceLock};
 

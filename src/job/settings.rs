@@ -5,8 +5,6 @@ use std::borrow::Cow;
 use serde::{Deserialize, Serialize};
 
 use crate::bvh::Preset;
-#[cfg(feature = "cli")]
-use crate::effects::EFFECTS;
 use crate::effects::{EffectId, id};
 use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
@@ -22,72 +20,37 @@ use crate::world::{Framing, StandardView};
 
 /// Render settings. A field that is `None` or empty is taken from the scene, then from defaults.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(clap::Args))]
 #[serde(default, deny_unknown_fields)]
 pub struct RenderSettings {
     /// Choice of the camera.
-    #[cfg_attr(feature = "cli", arg(skip))]
     pub camera: CameraChoice,
-    /// Object that an automatic camera frames, by name [default: all objects]
-    #[cfg_attr(feature = "cli", arg(long, help_heading = group::CAMERA, display_order = 2, value_name = "OBJECT"))]
+    /// Object that an automatic camera frames, by name; all if `None`.
     pub look_at: Option<String>,
-    /// Projection [default: the camera's]
-    #[cfg_attr(feature = "cli", arg(long, help_heading = group::CAMERA, value_parser = parser::<Projection>()))]
+    /// Projection; that of the camera if `None`.
     pub projection: Option<Projection>,
     /// Maximum side length in pixels if neither size nor `crop` is given.
-    #[cfg_attr(feature = "cli", arg(skip))]
     pub longest_side: Option<u32>,
-    /// Render only this rectangle of the picture: left, top, width and height in pixels
-    #[cfg_attr(feature = "cli", arg(long, help_heading = group::OUTPUT, allow_hyphen_values = true, value_name = "X,Y,W,H"))]
-    #[cfg_attr(feature = "cli", arg(value_parser = parser::<Window>()))]
+    /// Rectangle of the picture that is rendered.
     pub crop: Option<Window>,
     /// Shard of the tiles that is rendered.
-    #[cfg_attr(feature = "cli", arg(skip))]
     pub shard: Shard,
     /// Light from infinitely far away, instead of the scene's.
-    #[cfg_attr(feature = "cli", command(flatten))]
     pub environment: EnvironmentSettings,
     /// Effects to turn on, as `NAME` or `NAME=VALUE`.
-    #[cfg_attr(feature = "cli", arg(long, help_heading = group::LOOK, display_order = 910, value_name = "EFFECT", value_delimiter = ','))]
-    #[cfg_attr(feature = "cli", arg(help = with_help()))]
     pub with: Vec<String>,
     /// Effects to turn off, by name.
-    #[cfg_attr(feature = "cli", arg(long, help_heading = group::LOOK, display_order = 911, value_name = "EFFECT", value_delimiter = ','))]
-    #[cfg_attr(
-        feature = "cli",
-        arg(help = "Turn an effect off, by its name as for --with; may be repeated")
-    )]
     pub without: Vec<String>,
     /// Value of `--depth`, which is also in `with`; messages name that option.
-    #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(skip)]
-    pub depth: Option<u16>,
+    pub depth: Option<u32>,
     /// Names of AOVs, as for `kiln render --aov`. They are part of the fingerprint.
-    #[cfg_attr(feature = "cli", arg(skip))]
     pub aovs: Vec<String>,
     /// Look of scenes without a scene file where [`PictureSettings::look`] chooses none.
-    #[cfg_attr(feature = "cli", arg(skip))]
     pub mesh_look: Look,
     /// Options of the picture, which scene files have, too.
-    #[cfg_attr(feature = "cli", command(flatten))]
     pub picture: PictureSettings,
-    /// Build preset of the acceleration structure: build time against render time, for the same picture
-    #[cfg_attr(feature = "cli", arg(long = "bvh", help_heading = group::LIMITS, display_order = 1, value_name = "PRESET", default_value = Preset::default().name()))]
-    #[cfg_attr(feature = "cli", arg(value_parser = parser::<Preset>()))]
+    /// Build preset of the acceleration structure.
     pub preset: Preset,
-}
-
-/// The help of `--with`: the names of all effects.
-#[cfg(feature = "cli")]
-fn with_help() -> String {
-    let effects = EFFECTS.iter().map(|effect| match &effect.value {
-        Some(value) => format!("{}[={}]", effect.id, value.placeholder),
-        None => effect.id.to_string(),
-    });
-    format!(
-        "Turn an effect on (described by `kiln explain`); may be repeated: {}",
-        effects.collect::<Vec<_>>().join(", ")
-    )
 }
 
 impl From<PictureSettings> for RenderSettings {
@@ -209,17 +172,17 @@ options! {
     pub struct EnvironmentSettings {
         /// Environment light and background: an equirectangular .hdr or .exr image, `sky`, or a colour. Turns path tracing on
         /// [default: the scene's]
-        [long, help_heading = group::LIGHT, value_name = "FILE|sky|COLOUR", value_parser = parser::<String>()] environment: String,
+        [long, help_heading = group::LIGHT, value_name = "FILE|sky|COLOUR", value_parser = parser::<String>()] environment: Option<String>,
         /// Rotation of the environment about +y in degrees, counterclockwise seen from above
         [long, help_heading = group::LIGHT, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()]
-        environment_rotation: Rotation,
+        environment_rotation: Option<Rotation>,
         /// Factor of the radiance of the environment [default: the scene's, or 1]
         [long, help_heading = group::LIGHT, value_name = "FACTOR", value_parser = parser::<Intensity>()]
-        environment_intensity: Intensity,
+        environment_intensity: Option<Intensity>,
         /// Light the scene by the environment, but show the background colour behind it [default: false]
         [long, help_heading = group::LIGHT, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
          value_name = "true|false", value_parser = parser::<bool>()]
-        hide_environment: bool,
+        hide_environment: Option<bool>,
     }
 }
 

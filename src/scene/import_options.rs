@@ -6,61 +6,44 @@ use super::option::{group, parser};
 use super::{ClipChoice, ClipTime, UpChoice};
 use crate::limits::Limits;
 
-/// Choices that importers take.
-#[derive(Debug, Clone, Default, PartialEq)]
-#[cfg_attr(feature = "cli", derive(clap::Args))]
-pub struct ImportOptions {
-    /// Options with a value.
-    #[cfg_attr(feature = "cli", command(flatten))]
-    pub reading: ReadingOptions,
-    /// Animation clip of a glTF file, by name or index from 0, or `all`; several play together, of those that animate
-    /// the same property the last [default: the first]
-    #[cfg_attr(feature = "cli", arg(long = "clip", help_heading = group::INPUT, value_name = "NAME|INDEX|all"))]
-    #[cfg_attr(feature = "cli", arg(value_parser = parser::<ClipChoice>()))]
-    pub clips: Vec<ClipChoice>,
-    /// Material for all objects, with the keys of `[material]` in scene files: '{ colour = "#c33", metallic = 1, roughness = 0.2 }';
-    /// NAME={...}: for the objects of this name or whose material has it; NAME+={...}: change colour, metallic or roughness of
-    /// their own material, whose textures stay; may be repeated, the last counts
-    #[cfg_attr(feature = "cli", arg(long = "material", help_heading = group::LOOK, value_name = "{...}|NAME={...}|NAME+={...}"))]
-    #[cfg_attr(feature = "cli", arg(value_parser = parser::<MaterialChoice>()))]
-    pub materials: Vec<MaterialChoice>,
-    /// Leave objects of this name and their parts (OBJECT/...) out of the picture; may be repeated. The camera that frames the
-    /// scene frames the others
-    #[cfg_attr(feature = "cli", arg(long, help_heading = group::INPUT, value_name = "OBJECT"))]
-    pub hide: Vec<String>,
-    /// Leave all objects but those of this name and their parts out of the picture; may be repeated
-    #[cfg_attr(feature = "cli", arg(long, help_heading = group::INPUT, value_name = "OBJECT"))]
-    pub isolate: Vec<String>,
-    /// Read glTF files that require unsupported extensions; what depends on these is missing or wrong
-    #[cfg_attr(feature = "cli", arg(long, help_heading = group::INPUT))]
-    pub ignore_required_extensions: bool,
-    /// Follow references of mesh files outside their folder, such as a texture ../wood.png; only for trusted files
-    #[cfg_attr(feature = "cli", arg(long, help_heading = group::INPUT))]
-    pub allow_outside_references: bool,
-    /// Whether meshes without normals get smooth ones at an angle of [`ImportOptions::CREASE`] if `smooth` is not given, as in the
-    /// default look; not those of glTF, which are flat by its specification.
-    #[cfg_attr(feature = "cli", arg(skip))]
-    pub smooths_meshes: bool,
-    /// The most that the files may hold: `--limit`, an option of all commands.
-    #[cfg_attr(feature = "cli", arg(skip))]
-    pub limits: Limits,
-}
-
 options! {
-    /// Choices that importers take, by value.
+    /// Choices that importers take.
     #[derive(Debug, Clone, Default, PartialEq)]
-    pub struct ReadingOptions {
+    pub struct ImportOptions {
         /// Time in seconds at which glTF animations are evaluated [default: the rest pose]
-        [long, help_heading = group::INPUT, allow_hyphen_values = true, value_name = "SECONDS", value_parser = parser::<Seconds>()] time: Seconds,
+        [long, help_heading = group::INPUT, allow_hyphen_values = true, value_name = "SECONDS", value_parser = parser::<Seconds>()] time: Option<Seconds>,
         /// Material variant of glTF files (KHR_materials_variants), by name [default: the file's materials]
-        [long, help_heading = group::INPUT, value_name = "NAME", value_parser = parser::<String>()] variant: String,
+        [long, help_heading = group::INPUT, value_name = "NAME", value_parser = parser::<String>()] variant: Option<String>,
         /// Up axis of mesh files; `auto`: y in glTF, z in 3MF; of other formats, z for a file that seems to stand upright in it, else y
         /// [default: y]
-        [long, help_heading = group::INPUT, display_order = 0, allow_hyphen_values = true, value_name = "AXIS", ignore_case = true, value_parser = parser::<UpChoice>()] up: UpChoice,
+        [long, help_heading = group::INPUT, display_order = 0, allow_hyphen_values = true, value_name = "AXIS", ignore_case = true, value_parser = parser::<UpChoice>()] up: Option<UpChoice>,
         /// Smooth normals for mesh files without normals, up to this crease angle in degrees, 0 to 180; 0 is flat shading [default
         /// without a number: 30] [default: 30, but glTF files are flat]
         [long, help_heading = group::INPUT, display_order = 1, value_name = "DEG", num_args = 0..=1, default_missing_value = "30", value_parser = parser::<Degrees>()]
-        smooth: Degrees,
+        smooth: Option<Degrees>,
+        /// Animation clip of a glTF file, by name or index from 0, or `all`; several play together, of those that animate
+        /// the same property the last [default: the first]
+        [long = "clip", help_heading = group::INPUT, value_name = "NAME|INDEX|all", value_parser = parser::<ClipChoice>()]
+        clips as clip: Vec<ClipChoice>,
+        /// Material for all objects, with the keys of `[material]` in scene files: '{ colour = "#c33", metallic = 1, roughness = 0.2 }';
+        /// NAME={...}: for the objects of this name or whose material has it; NAME+={...}: change colour, metallic or roughness of
+        /// their own material, whose textures stay; may be repeated, the last counts
+        [long = "material", help_heading = group::LOOK, value_name = "{...}|NAME={...}|NAME+={...}", value_parser = parser::<MaterialChoice>()]
+        materials as material: Vec<MaterialChoice>,
+        /// Leave objects of this name and their parts (OBJECT/...) out of the picture; may be repeated. The camera that frames the
+        /// scene frames the others
+        [long, help_heading = group::INPUT, value_name = "OBJECT"] hide: Vec<String>,
+        /// Leave all objects but those of this name and their parts out of the picture; may be repeated
+        [long, help_heading = group::INPUT, value_name = "OBJECT"] isolate: Vec<String>,
+        /// Read glTF files that require unsupported extensions; what depends on these is missing or wrong
+        [long, help_heading = group::INPUT] ignore_required_extensions: bool,
+        /// Follow references of mesh files outside their folder, such as a texture ../wood.png; only for trusted files
+        [long, help_heading = group::INPUT] allow_outside_references: bool,
+        /// Whether meshes without normals get smooth ones at an angle of [`ImportOptions::CREASE`] if `smooth` is not given, as in the
+        /// default look; not those of glTF, which are flat by its specification.
+        [skip] smooths_meshes: bool,
+        /// The most that the files may hold: `--limit`, an option of all commands.
+        [skip] limits: Limits,
     }
 }
 
@@ -108,7 +91,7 @@ ranged! {
     /// A time in seconds.
     Seconds(f64, "f64") in f64::MIN..=f64::MAX, "give seconds, such as 1.5", unit "s";
     /// An angle between triangles in degrees.
-    Degrees(f64, "f64") in 0.0..=180.0, "give degrees from 0 to 180";
+    Degrees(f64, "f64") in 0.0..=180.0, "give degrees from 0 to 180", bare ImportOptions::CREASE;
 }
 
 impl OptionValue for ClipChoice {
@@ -135,13 +118,13 @@ impl ImportOptions {
     /// Options that pose the scene.
     pub fn posed(mut self, ClipTime { clip, time }: ClipTime) -> Self {
         self.clips = clip.choices().to_vec();
-        self.reading.time = Some(Seconds::clamped(time));
+        self.time = Some(Seconds::clamped(time));
         self
     }
 
     /// The moment of a clip at which the scene is posed; at rest if `None`.
     pub fn pose(&self) -> Option<ClipTime> {
-        let time = self.reading.time.map(Seconds::get);
+        let time = self.time.map(Seconds::get);
         (time.is_some() || !self.clips.is_empty())
             .then(|| ClipTime { clip: self.clip(), time: time.unwrap_or(0.0) })
     }
@@ -149,38 +132,5 @@ impl ImportOptions {
     /// The chosen clips, the first by default.
     pub fn clip(&self) -> ClipChoice {
         ClipChoice::together(self.clips.clone()).unwrap_or_default()
-    }
-
-    /// Name and value of each option that is set, as on the command line. Flags have no value.
-    pub fn entries(&self) -> Vec<(String, Option<String>)> {
-        let ImportOptions {
-            reading,
-            ignore_required_extensions,
-            allow_outside_references,
-            limits,
-            smooths_meshes: _,
-            clips,
-            materials,
-            hide,
-            isolate,
-        } = self;
-        let mut entries: Vec<_> = clips.iter().map(|clip| ("clip".to_owned(), Some(clip.text()))).collect();
-        entries.extend(materials.iter().map(|choice| ("material".to_owned(), Some(choice.text()))));
-        for (option, names) in [("isolate", isolate), ("hide", hide)] {
-            entries.extend(names.iter().map(|name| (option.to_owned(), Some(name.clone()))));
-        }
-        entries.extend(reading.entries().into_iter().map(|(name, value)| (name, Some(value))));
-        entries.extend(
-            limits
-                .changed()
-                .map(|(kind, most)| ("limit".to_owned(), Some(format!("{}={most}", kind.name())))),
-        );
-        let flags = [
-            ("ignore-required-extensions", ignore_required_extensions),
-            ("allow-outside-references", allow_outside_references),
-        ];
-        entries
-            .extend(flags.into_iter().filter(|(_, is_on)| **is_on).map(|(name, _)| (name.to_owned(), None)));
-        entries
     }
 }

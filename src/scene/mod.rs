@@ -74,7 +74,7 @@ pub use fill::{Fill, FillZone};
 pub use fingerprint::Fingerprint;
 pub use ground::Ground;
 pub use hidden::HiddenObject;
-pub use import_options::{Degrees, ImportOptions, MaterialChoice, ReadingOptions, Seconds};
+pub use import_options::{Degrees, ImportOptions, MaterialChoice, Seconds};
 pub use layers::{Layers, Volume};
 pub use lens::{Focus, Lens};
 pub use light::{Falloff, Light, LightKind, LightSurface};
@@ -82,7 +82,7 @@ pub use material::{
     DecodedImage, Glaze, Material, MetallicRoughness, Opacity, Phong, Refraction, TexelEncoding, Texture,
 };
 pub use material_change::MaterialChange;
-pub use option::{OptionValue, ValueKind};
+pub use option::{GivenValue, OptionValue, ValueKind};
 pub use picture::{
     Background, Bounces, Clamp, FieldOfView, FilterRadius, Headlight, Intensity, Look, Noise,
     PictureSettings, Rotation, Samples, Side, Zoom,

@@ -22,103 +22,103 @@ options! {
     #[serde(deny_unknown_fields)]
     pub struct PictureSettings {
         /// Width in pixels.
-        [skip] width: Side,
+        [skip = None] width: Option<Side>,
         /// Height in pixels.
-        [skip] height: Side,
+        [skip = None] height: Option<Side>,
         /// Look: `studio` adds antialiasing, light, tone map, ground and background, each where the scene has none and
         /// no option chooses it; `draft` uses a headlight where there is no light [default: studio for meshes, draft
         /// for scene files]
-        [skip] look: Look,
+        [skip = None] look: Option<Look>,
         /// Orbit of the automatic camera around the vertical axis, in degrees to the right of --view [default: 0]
-        [long, help_heading = group::CAMERA, display_order = 2, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()] azimuth: Rotation,
+        [long, help_heading = group::CAMERA, display_order = 2, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()] azimuth: Option<Rotation>,
         /// Orbit of the automatic camera upwards from --view, in degrees, at most to straight above or below [default:
         /// 0]
-        [long, help_heading = group::CAMERA, display_order = 3, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()] elevation: Rotation,
+        [long, help_heading = group::CAMERA, display_order = 3, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()] elevation: Option<Rotation>,
         /// Magnification of the automatic camera's picture about its centre, 0.001 to 1000; 1 frames the scene
         /// [default: 1]
-        [long, help_heading = group::CAMERA, display_order = 4, allow_hyphen_values = true, value_name = "FACTOR", value_parser = parser::<Zoom>()] zoom: Zoom,
+        [long, help_heading = group::CAMERA, display_order = 4, allow_hyphen_values = true, value_name = "FACTOR", value_parser = parser::<Zoom>()] zoom: Option<Zoom>,
         /// Vertical field of view of the automatic camera in degrees, 0.1 to 170 [default: 30 for meshes, 40 with
         /// --draft and for scene files]
-        [long, help_heading = group::CAMERA, display_order = 5, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<FieldOfView>()] fov: FieldOfView,
+        [long, help_heading = group::CAMERA, display_order = 5, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<FieldOfView>()] fov: Option<FieldOfView>,
         /// Arithmetic of the intersection tests: `fast` (f32; rays may leak through edges), `watertight` (corners in
         /// f32, tests in f64; no ray leaks out of closed meshes), `double` (f64) or `exact` (as double, decided without
         /// rounding)
         /// [default: watertight]
         [long, help_heading = group::QUALITY, display_order = 900, hide_possible_values = true, value_name = "TIER",
-         value_parser = parser::<Numerics>()] numerics: Numerics,
+         value_parser = parser::<Numerics>()] numerics: Option<Numerics>,
         /// Shading: `phong` is the full model, `flat` the surface colour alone, `ambient` and `diffuse` that term
         /// alone; all but `phong` without effects [default: phong]
-        [long, help_heading = group::LOOK, hide_possible_values = true, value_name = "MODE", value_parser = parser::<ShadingMode>()] shading: ShadingMode,
+        [long, help_heading = group::LOOK, hide_possible_values = true, value_name = "MODE", value_parser = parser::<ShadingMode>()] shading: Option<ShadingMode>,
         /// Light transport: `whitted` (local shading, shadow rays, mirror reflections) or `path` (path tracing:
         /// indirect light, soft shadows) [default: path in scenes with an environment or area lights, and for meshes
         /// with transmissive or emissive materials, else whitted]
-        [long, help_heading = group::QUALITY, display_order = 3, hide_possible_values = true, value_parser = parser::<Transport>()] transport: Transport,
+        [long, help_heading = group::QUALITY, display_order = 3, hide_possible_values = true, value_parser = parser::<Transport>()] transport: Option<Transport>,
         /// Clamp of indirect light: maximum radiance that a path adds at each bounce, above 0; 1 is white. Reduces
         /// fireflies and darkens indirect light [default: none; display white where materials of meshes call for path
         /// tracing]
-        [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "RADIANCE", value_parser = parser::<Clamp>()] clamp: Clamp,
+        [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "RADIANCE", value_parser = parser::<Clamp>()] clamp: Option<Clamp>,
         /// Maximum perfectly specular bounces of a path (smooth mirrors and clear glass), 0 to 1000, which then do not
         /// count towards --depth [default: 64; with --depth alone, that limits all]
-        [long, help_heading = group::QUALITY, display_order = 5, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Bounces>()] depth_specular: Bounces,
+        [long, help_heading = group::QUALITY, display_order = 5, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Bounces>()] depth_specular: Option<Bounces>,
         /// Samples per pixel, 1 to 65536; with a noise threshold, the maximum [default: for meshes 16,
         /// with path tracing 64; for scene files 1 at the pixel's centre, 16 with a filter, 256 with a noise threshold]
-        [long, help_heading = group::QUALITY, display_order = 0, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] samples: Samples,
+        [long, help_heading = group::QUALITY, display_order = 0, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] samples: Option<Samples>,
         /// Pixel reconstruction filter [default: gaussian]
-        [long, help_heading = group::QUALITY, value_name = "FILTER", value_parser = parser::<FilterShape>()] filter: FilterShape,
+        [long, help_heading = group::QUALITY, value_name = "FILTER", value_parser = parser::<FilterShape>()] filter: Option<FilterShape>,
         /// Filter radius in pixels [default: box 0.5, tent 1, gaussian 1.5, mitchell 2]
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "PIXELS", value_parser = parser::<FilterRadius>()]
-        filter_radius: FilterRadius,
+        filter_radius: Option<FilterRadius>,
         /// Noise threshold of adaptive sampling: sample each pixel until the standard error of its displayed value (1
         /// is white) is below this [default: for meshes without sampling options 0.025, 0.055 where transmissive or
         /// emissive materials call for path tracing, else none]
-        [long, help_heading = group::QUALITY, display_order = 1, allow_hyphen_values = true, value_name = "LEVEL", value_parser = parser::<Noise>()] noise: Noise,
+        [long, help_heading = group::QUALITY, display_order = 1, allow_hyphen_values = true, value_name = "LEVEL", value_parser = parser::<Noise>()] noise: Option<Noise>,
         /// Minimum samples per pixel of adaptive sampling [default: 4]
-        [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] min_samples: Samples,
+        [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] min_samples: Option<Samples>,
         /// Same random numbers at all times, so that the grain of frames is a fixed pattern, instead of others in each frame
         /// [default: false]
         [long, help_heading = group::QUALITY, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
          value_name = "true|false", value_parser = parser::<bool>()]
-        same_grain: bool,
+        same_grain: Option<bool>,
         /// Seed of the random numbers [default: 0]
-        [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "N", value_parser = parser::<u32>()] seed: u32,
+        [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "N", value_parser = parser::<u32>()] seed: Option<u32>,
         /// Sampler: `sobol` (Owen-scrambled Sobol sequence) or `independent` (converges more slowly; for `kiln compare
         /// --t-test`) [default: sobol]
-        [long, help_heading = group::QUALITY, hide_possible_values = true, value_name = "SAMPLER", value_parser = parser::<PixelSampler>()] sampler: PixelSampler,
+        [long, help_heading = group::QUALITY, hide_possible_values = true, value_name = "SAMPLER", value_parser = parser::<PixelSampler>()] sampler: Option<PixelSampler>,
         /// Colour arithmetic: `linear` (linear light), `display` (sRGB-encoded values) or `u8` (sRGB-encoded values,
         /// rounded to 8 bits after each step) [default: linear]
-        [long, alias = "color", help_heading = group::LOOK, hide_possible_values = true, value_name = "PIPELINE", value_parser = parser::<ColourPipeline>()] colour: ColourPipeline,
+        [long, alias = "color", help_heading = group::LOOK, hide_possible_values = true, value_name = "PIPELINE", value_parser = parser::<ColourPipeline>()] colour: Option<ColourPipeline>,
         /// Exposure in stops (EV), -64 to 64, or `auto`, computed from the picture. For 8-bit pictures, films and the
         /// window, with linear colour arithmetic [default: automatic for meshes with emissive materials or glTF lights,
         /// or with the camera inside the scene, else 0]
-        [long, help_heading = group::LOOK, display_order = 3, allow_hyphen_values = true, value_name = "EV|auto", value_parser = parser::<Exposure>()] exposure: Exposure,
+        [long, help_heading = group::LOOK, display_order = 3, allow_hyphen_values = true, value_name = "EV|auto", value_parser = parser::<Exposure>()] exposure: Option<Exposure>,
         /// Tone map of 8-bit pictures, films and the window, with linear colour arithmetic [default: pbr-neutral for
         /// meshes, else none]
-        [long, help_heading = group::LOOK, display_order = 4, value_name = "CURVE", value_parser = parser::<ToneMap>()] tone_map: ToneMap,
+        [long, help_heading = group::LOOK, display_order = 4, value_name = "CURVE", value_parser = parser::<ToneMap>()] tone_map: Option<ToneMap>,
         /// Bits per channel of the file: 8 or 16 for .png, 16 (half floats) or 32 for .exr [default: 8 for .png, 32 for .exr]
-        [long, help_heading = group::OUTPUT, display_order = 1, hide_possible_values = true, value_name = "BITS", value_parser = parser::<BitDepth>()] bits: BitDepth,
+        [long, help_heading = group::OUTPUT, display_order = 1, hide_possible_values = true, value_name = "BITS", value_parser = parser::<BitDepth>()] bits: Option<BitDepth>,
         /// Dither where display values are rounded to integers, so that dark gradients show no bands; black and white stay as
         /// they are [default: false]
         [long, help_heading = group::OUTPUT, display_order = 1, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
          value_name = "true|false", value_parser = parser::<bool>()]
-        dither: bool,
+        dither: Option<bool>,
         /// Light of scenes without lights: a headlight at the camera (in scene files true) or none (false) [default:
         /// studio light for meshes, a headlight with --draft and for scene files]
         #[serde(rename = "headlight")]
-        [long, help_heading = group::LIGHT, value_parser = parser::<Headlight>()] light: Headlight,
+        [long, help_heading = group::LIGHT, value_parser = parser::<Headlight>()] light: Option<Headlight>,
         /// Grey ground plane under the objects, ignored by automatic cameras [default: true for meshes without lights
         /// and cameras seen from above, else false]
         [long, help_heading = group::LOOK, display_order = 1, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
          value_name = "true|false", value_parser = parser::<bool>()]
-        ground: bool,
+        ground: Option<bool>,
         /// Hide back faces of glTF materials with `doubleSided: false` from camera rays; shadows and indirect light are
         /// those of the whole surface [default: false]
         [long, help_heading = group::LOOK, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
          value_name = "true|false", value_parser = parser::<bool>()]
-        cull: bool,
+        cull: Option<bool>,
         /// Background colour (#rrggbb or a CSS name such as white), or `transparent` for an alpha channel in .png and
         /// .exr
         /// [default: light grey for meshes, dark grey for meshes with lights or cameras, black for scene files]
-        [long, help_heading = group::LOOK, display_order = 0, value_name = "COLOUR|transparent", value_parser = parser::<Background>()] background: Background,
+        [long, help_heading = group::LOOK, display_order = 0, value_name = "COLOUR|transparent", value_parser = parser::<Background>()] background: Option<Background>,
     }
 }
 

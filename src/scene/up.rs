@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::option::OptionValue;
 use super::{Scene, Shape, Step};
+use crate::error::nearest_name;
 
 /// The axis that points up in a file. In a scene it is +y.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -70,7 +71,7 @@ impl OptionValue for UpChoice {
 
     fn parse(text: &str) -> Result<Self, String> {
         let found = UpChoice::all().find(|choice| choice.name().eq_ignore_ascii_case(text));
-        found.ok_or_else(|| format!("give one of {}", Self::names().join(", ")))
+        found.ok_or_else(|| nearest_name(text, &Self::names()))
     }
 
     fn text(&self) -> String {

@@ -6,9 +6,9 @@
 use std::path::{Path, PathBuf};
 
 use super::request::{CameraSource, given};
-use crate::job::RenderSettings;
+use crate::job::{PictureOptions, RenderSettings};
 use crate::scene::{
-    Camera, ImportOptions, Look, PictureSettings, Projection, Scene, default_size, shell_quoted,
+    Camera, ImportOptions, Look, PictureSettings, Projection, Scene, Side, default_size, shell_quoted,
 };
 use crate::world::StandardView;
 
@@ -58,61 +58,48 @@ pub fn command_line(command: &RenderCommand) -> String {
 
 /// The arguments of the command including `kiln`, unquoted.
 pub fn arguments(command: &RenderCommand) -> Vec<String> {
-    let mut words = vec!["kiln".to_owned(), "render".to_owned()];
-    words.extend(command.inputs.iter().map(|input| as_operand(&input.to_string_lossy())));
-    words.extend(["-o".to_owned(), as_operand(&command.output.to_string_lossy())]);
-    let mut option = |name: &str, value: &str| {
-        // A separate value that begins with a hyphen would be parsed as an option; switches take none.
-        if value.starts_with('-') || ["true", "false"].contains(&value) {
-            words.push(format!("{name}={value}"));
-        } else {
-            words.extend([name.to_owned(), value.to_owned()]);
-        }
-    };
     let (scene, settings) = (command.scene, command.settings);
-    let projection = camera_option(command, &mut option);
-    if command.projection != projection {
-        option("--projection", command.projection.name());
-    }
-    if command.size != command.default_size() {
-        option("--size", &format!("{}x{}", command.size[0], command.size[1]));
-    }
-    settings.with.iter().for_each(|effect| option("--with", effect));
-    settings.without.iter().for_each(|effect| option("--without", effect));
     let colour = settings.picture.colour.or(scene.picture.colour);
     let own =
         PictureSettings { width: None, height: None, look: None, colour, ..settings.picture }.displayable();
     let defaults = scene.picture.or(PictureSettings::defaults()).entries();
-    let changed = own.entries().into_iter().filter(|entry| !defaults.contains(entry));
-    for (name, value) in changed.chain(settings.environment.entries()) {
-        option(&format!("--{name}"), &value);
+    let mut picture = PictureSettings::default();
+    for (name, text) in own.entries().into_iter().filter(|entry| !defaults.contains(entry)) {
+        // It is the text of a value.
+        let _ = picture.set(&name, Some(&*text));
     }
-    let import = command.import_options.entries();
-    for (name, value) in import.iter().filter_map(|(name, value)| Some((name, value.as_ref()?))) {
-        option(&format!("--{name}"), value);
-    }
-    words.extend(import.iter().filter(|(_, value)| value.is_none()).map(|(name, _)| format!("--{name}")));
     let default = if scene.has_settings { Look::Draft } else { Look::Studio };
     let is_draft = settings.picture.look.unwrap_or(settings.mesh_look) == Look::Draft;
-    if is_draft && scene.picture.look.unwrap_or(default) == Look::Studio {
-        words.push("--draft".to_owned());
-    }
+    let mut options = PictureOptions {
+        size: (command.size != command.default_size()).then(|| command.size.map(Side::clamped)),
+        import: command.import_options.clone(),
+        environment: settings.environment.clone(),
+        with: settings.with.clone(),
+        without: settings.without.clone(),
+        picture,
+        draft: is_draft && scene.picture.look.unwrap_or(default) == Look::Studio,
+        ..PictureOptions::default()
+    };
+    let projection = choose_camera(command, &mut options);
+    options.projection = (command.projection != projection).then_some(command.projection);
+    let mut words = vec!["kiln".to_owned(), "render".to_owned()];
+    words.extend(command.inputs.iter().map(|input| as_operand(&input.to_string_lossy())));
+    words.extend(["-o".to_owned(), as_operand(&command.output.to_string_lossy())]);
+    words.extend(options.words());
     words
 }
 
-/// Adds the camera option, and returns the projection that the command has without `--projection`.
-fn camera_option(command: &RenderCommand, option: &mut impl FnMut(&str, &str)) -> Projection {
+/// Sets the options of the camera, and returns the projection that the command has without `--projection`.
+fn choose_camera(command: &RenderCommand, options: &mut PictureOptions) -> Projection {
     let cameras = &command.scene.cameras;
     match (command.viewpoint, command.camera()) {
         (CameraSource::Fitted(view) | CameraSource::FittedAt(view, _), _) => {
             match view {
                 StandardView::Auto if command.scene.default_camera().is_none() => {}
-                StandardView::Auto => option("--camera", "auto"),
-                view => option("--view", view.name()),
+                StandardView::Auto => options.camera = Some(view.name().to_owned()),
+                view => options.view = Some(*view),
             }
-            if let Some(object) = &command.settings.look_at {
-                option("--look-at", object);
-            }
+            options.look_at.clone_from(&command.settings.look_at);
             Projection::default()
         }
         (_, None) => Projection::default(),
@@ -139,12 +126,12 @@ fn camera_option(command: &RenderCommand, option: &mut impl FnMut(&str, &str)) -
             match cameras.iter().find(same) {
                 Some(known) if command.scene.default_camera() == Some(known) => known.projection,
                 Some(known) if is_found_by_name(cameras, known) => {
-                    option("--camera", &known.name);
+                    options.camera = Some(known.name.clone());
                     known.projection
                 }
                 _ => {
                     let own = Camera { projection: command.projection, ..given(camera) };
-                    option("--camera", &own.to_inline());
+                    options.camera = Some(own.to_inline());
                     command.projection
                 }
             }

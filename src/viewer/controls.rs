@@ -12,9 +12,7 @@ use super::navigate;
 use super::request::{CameraSource, Opened, RenderRequest};
 use crate::job::RenderSettings;
 use crate::scene::animation::{Moment, Timeline};
-use crate::scene::{
-    Camera, Focus, ImportOptions, Lens, Numerics, Projection, ReadingOptions, Samples, ShadingMode,
-};
+use crate::scene::{Camera, Focus, ImportOptions, Lens, Numerics, Projection, Samples, ShadingMode};
 use crate::world::StandardView;
 
 /// Flight speed, in distances to the target per second.
@@ -66,7 +64,7 @@ pub(crate) struct Controls {
     /// Initial camera, projection and settings of the opened files.
     start: (CameraSource, Option<Projection>, RenderSettings),
     /// Options with which the files were read first.
-    start_reading: ReadingOptions,
+    start_reading: ImportOptions,
 }
 
 impl Controls {
@@ -91,7 +89,7 @@ impl Controls {
             has_targets: opened.scene().has_settings,
             plays_clips: opened.scene().plays_clips(),
             start: (camera_source.clone(), *projection, settings.clone()),
-            start_reading: opened.scene().import_options.reading.clone(),
+            start_reading: opened.scene().import_options.clone(),
         }
     }
 
@@ -128,7 +126,7 @@ impl Controls {
     }
 
     /// The options with which the files were read first.
-    pub(crate) fn start_reading(&self) -> &ReadingOptions {
+    pub(crate) fn start_reading(&self) -> &ImportOptions {
         &self.start_reading
     }
 

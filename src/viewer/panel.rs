@@ -20,7 +20,7 @@ use crate::error::printable;
 use crate::job::RenderSettings;
 use crate::render::grouped;
 use crate::scene::{
-    Background, Camera, ClipChoice, ImportOptions, OptionValue, Projection, Samples, Sampling, Scene, Shape,
+    Background, Camera, ClipChoice, OptionValue, Projection, Samples, Sampling, Scene, Shape,
 };
 use crate::timing::HAS_THREAD_TIME;
 use crate::world::StandardView;
@@ -256,8 +256,8 @@ fn comparison(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
 /// The clips that are played, and options of reading files. A change reads the files again.
 fn reading(ui: &mut Ui, opened: &Opened, controls: &mut Controls) {
     let Scene { clips, animation, has_settings, variants, objects, .. } = opened.scene();
-    let own = opened.scene().import_options.clone();
-    let (mut reading, mut chosen) = (own.reading.clone(), own.clips.clone());
+    let own = &opened.scene().import_options;
+    let mut reading = own.clone();
     let plays_tracks = animation.as_ref().is_some_and(|animation| animation.clips.is_empty());
     let played = own.clip().find(clips);
     if !played.is_empty() && !plays_tracks {
@@ -267,14 +267,14 @@ fn reading(ui: &mut Ui, opened: &Opened, controls: &mut Controls) {
         let list = list.show_ui(ui, |ui| {
             let are_all = clips.len() > 1 && played.len() == clips.len();
             if clips.len() > 1 && ui.selectable_label(are_all, ClipChoice::ALL).clicked() {
-                (chosen, reading.time) = (vec![ClipChoice::Named(ClipChoice::ALL.to_owned())], None);
+                (reading.clips, reading.time) = (vec![ClipChoice::Named(ClipChoice::ALL.to_owned())], None);
                 controls.restart();
             }
             for clip in clips {
                 let is_played = !are_all && played.iter().any(|played| std::ptr::eq(*played, clip));
                 let entry = ui.selectable_label(is_played, printable(&clip.name));
                 if entry.on_hover_text(format!("{:.2} s", clip.duration)).clicked() {
-                    (chosen, reading.time) = (vec![ClipChoice::Index(clip.index)], None);
+                    (reading.clips, reading.time) = (vec![ClipChoice::Index(clip.index)], None);
                     controls.restart();
                 }
             }
@@ -295,8 +295,8 @@ fn reading(ui: &mut Ui, opened: &Opened, controls: &mut Controls) {
     if !variants.is_empty() {
         VARIANT.show_reading(ui, variants, &start, &mut reading, None);
     }
-    if reading != own.reading || chosen != own.clips {
-        controls.reading = Some(ImportOptions { reading, clips: chosen, ..own });
+    if reading != *own {
+        controls.reading = Some(reading);
     }
 }
 

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::view::basis;
 use crate::film::Colour;
+use crate::scene::option::named_values;
 use crate::scene::support::{AffineFunction, PointTrees, maxima};
 use crate::scene::{
     Camera, FieldOfView, Light, LightKind, Mesh, PictureSettings, Placed, Projection, Rotation, Scene, Shape,
@@ -49,6 +50,9 @@ names!(StandardView {
     Auto = "auto", Front = "front", Back = "back", Left = "left", Right = "right", Top = "top",
     Bottom = "bottom", Iso = "iso",
 });
+
+// `auto` is a camera, not a view.
+named_values!(StandardView: StandardView::ALL.into_iter().skip(1));
 
 impl StandardView {
     /// The unit vector from the scene towards the camera.

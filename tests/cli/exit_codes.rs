@@ -21,7 +21,11 @@ fn wrong_usage_is_2() {
         ("render scene.toml -o a.png --threads 0", "invalid value '0'", ""),
         ("render scene.toml -o a.png --view side", "invalid value 'side'", "possible values"),
         ("render scene.toml -o a.png --shading fong", "invalid value 'fong'", "phong"),
-        ("render scene.toml -o a.png --view iso --camera front", "cannot be used with", ""),
+        (
+            "render scene.toml -o a.png --view iso --camera front",
+            "both --camera and --view",
+            "one of the two",
+        ),
         ("render scene.toml -o a.png --filter mitchel", "invalid value 'mitchel'", "'mitchell'"),
         ("render scene.toml -o a.png --filter-radius 99", "give a radius in pixels from 0.01 to 32", ""),
         ("render scene.toml -o a.png --samples 0", "give a number of samples from 1 to 65536", ""),

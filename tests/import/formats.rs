@@ -8,7 +8,7 @@ use crate::common::repository;
 use crate::helpers::*;
 use glam::DVec3;
 use kiln::error::{Error, Warnings};
-use kiln::scene::{Degrees, ImportOptions, ReadingOptions, Scene};
+use kiln::scene::{Degrees, ImportOptions, Scene};
 
 /// By default the look smooths meshes of formats that say nothing of normals that are missing; in glTF they are flat.
 #[test]
@@ -17,8 +17,8 @@ fn meshes_without_normals_are_smooth_by_default() {
     let obj = folder.write("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     let glb = folder.write("a.glb", Model::triangle().binary());
     let has_normals = |file: &Path, smooths_meshes, degrees: Option<f64>| {
-        let reading = ReadingOptions { smooth: degrees.map(Degrees::clamped), ..ReadingOptions::default() };
-        let options = ImportOptions { reading, smooths_meshes, ..ImportOptions::default() };
+        let smooth = degrees.map(Degrees::clamped);
+        let options = ImportOptions { smooth, smooths_meshes, ..ImportOptions::default() };
         let scene =
             kiln::import::load_with(&[file.to_owned()], &options, &mut Warnings::default()).expect("a scene");
         scene.objects[0].shape.mesh().expect("a mesh").normals.is_some()

@@ -125,8 +125,7 @@ fn variants_choose_materials() {
     primitive["material"] = json!(0);
     primitive["extensions"] = json!({ "KHR_materials_variants": { "mappings": mappings } });
     let drawn = |variant: Option<&str>| {
-        let mut options = ImportOptions::default();
-        options.reading.variant = variant.map(str::to_owned);
+        let options = ImportOptions { variant: variant.map(str::to_owned), ..ImportOptions::default() };
         let (scene, warnings) = load(&model, &options)?;
         assert_eq!((warnings.len(), scene.variants.as_slice()), (0, &["summer".into(), "winter".into()][..]));
         Ok(scene.materials[scene.objects[0].material.0 as usize].name().to_owned())

@@ -5,8 +5,7 @@ use crate::common::gltf::png;
 use glam::DVec3;
 use kiln::error::{Error, Result, Warnings};
 use kiln::scene::{
-    Degrees, ImportOptions, Material, MaterialChoice, OptionValue, Phong, ReadingOptions, Scene, UpAxis,
-    UpChoice,
+    Degrees, ImportOptions, Material, MaterialChoice, OptionValue, Phong, Scene, UpAxis, UpChoice,
 };
 
 /// Two objects of one triangle each, `lid` of the material `cast` and `pot` without one.
@@ -139,8 +138,8 @@ fn meshes_of_scene_files_are_smooth_as_their_keys_and_options_say() {
     folder.write("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     let has_normals = |look: &str, keys: &str, smooths_meshes: bool, option: Option<f64>| {
         folder.write("a.toml", format!("{look}\n[[mesh]]\nfile = 'a.obj'\n{keys}\n"));
-        let reading = ReadingOptions { smooth: option.map(Degrees::clamped), ..ReadingOptions::default() };
-        let options = ImportOptions { reading, smooths_meshes, ..ImportOptions::default() };
+        let smooth = option.map(Degrees::clamped);
+        let options = ImportOptions { smooth, smooths_meshes, ..ImportOptions::default() };
         let (scene, _) = load(&folder, "a.toml", &options).expect("a scene");
         scene.objects[0].shape.mesh().expect("a mesh").normals.is_some()
     };
@@ -183,9 +182,8 @@ fn meshes_of_scene_files_are_turned_by_the_option() {
         ("up = 'z'", Some(UpChoice::Axis(UpAxis::Y)), DVec3::Z),
     ] {
         folder.write("a.toml", format!("[[mesh]]\nfile = 'a.obj'\n{key}\n"));
-        let reading = ReadingOptions { up: option, ..ReadingOptions::default() };
-        let (scene, _) =
-            load(&folder, "a.toml", &ImportOptions { reading, ..Default::default() }).expect("a scene");
+        let options = ImportOptions { up: option, ..ImportOptions::default() };
+        let (scene, _) = load(&folder, "a.toml", &options).expect("a scene");
         assert_eq!(scene.objects[0].shape.mesh().expect("a mesh").positions[2], third, "{key} {option:?}");
     }
 }
@@ -222,8 +220,7 @@ fn meshes_that_stand_upright_are_turned() {
     folder.write("z.obj", pyramid(2));
     let size = |files: &[&str], up: Option<&str>| {
         let up = up.map(|text| UpChoice::parse(text).expect("a choice"));
-        let reading = ReadingOptions { up, ..ReadingOptions::default() };
-        let options = ImportOptions { reading, ..ImportOptions::default() };
+        let options = ImportOptions { up, ..ImportOptions::default() };
         let files: Vec<_> = files.iter().map(|file| folder.0.path().join(file)).collect();
         let mut warnings = Warnings::default();
         let mut scene = kiln::import::load_with(&files, &options, &mut warnings).expect("a scene");

@@ -513,8 +513,7 @@ fn variants_of_meshes_of_scene_files_can_be_chosen() {
     model.primitive()["extensions"] = mappings;
     folder.write("a.gltf", model.text());
     let file = folder.write("a.toml", "[[mesh]]\nfile = 'a.gltf'\n");
-    let mut options = kiln::scene::ImportOptions::default();
-    options.reading.variant = Some("red".into());
+    let options = kiln::scene::ImportOptions { variant: Some("red".into()), ..Default::default() };
     let scene = kiln::import::load_with(&[file], &options, &mut Warnings::default()).expect("a scene");
     assert_eq!(scene.materials[scene.objects[0].material.0 as usize].name(), "painted");
 }

@@ -218,8 +218,19 @@ fn options_that_change_nothing_are_said_to() {
         ("--samples 4 --without antialiasing", "--samples changes nothing"),
         ("--noise 0.1 --without adaptive", "--noise changes nothing"),
     ] {
-        let (_, said) = shop.code(&format!("render scene.toml -o a.png {options}"), 0);
-        assert!(said.contains(&format!("kiln: warning: {idle}")), "{options}: {said}");
+        for command in [
+            "render scene.toml -o a.png",
+            "render scene.toml --frames 0-1 -o f_#.png",
+            "animate scene.toml --frames 0-1 -o f_#.jpg",
+            "animate scene.toml --frames 0-1 -o a.y4m",
+        ] {
+            let (_, said) = shop.code(&format!("{command} --size 8x8 {options}"), 0);
+            assert!(said.contains(&format!("kiln: warning: {idle}")), "{command} {options}: {said}");
+        }
+    }
+    for output in ["-o a.exr", "--frames 0-1 -o f_#.exr"] {
+        let (_, said) = shop.code(&format!("render scene.toml --size 8x8 {output} --dither"), 0);
+        assert!(said.contains("kiln: warning: --dither changes nothing"), "{output}: {said}");
     }
     for options in ["--seed 3 --samples 2", "--seed 3 --accuracy FLIP=0.2", "--noise 0.1 --min-samples 8"] {
         let (_, said) = shop.code(&format!("render scene.toml -o a.png {options}"), 0);

@@ -6,7 +6,7 @@ use super::super::Mesh;
 use super::ViewSetup;
 use crate::error::{Error, Result};
 use crate::scene::option::named_values;
-use crate::scene::{self, Camera, LightKind, MaterialId, Object, OptionValue, Projection, Scene, Shape};
+use crate::scene::{self, Camera, LightKind, MaterialId, Object, Projection, Scene, Shape};
 use crate::world::{StandardView, View, fitted_camera};
 
 /// Camera position.

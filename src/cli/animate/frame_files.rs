@@ -10,6 +10,7 @@ use crate::files::{folder_of, read_file, unreadable};
 use crate::film::rounding::Rounding;
 use crate::film::write::{Format, OutputImage, PngForm};
 use crate::film::{ColourPipeline, Film, Window, read};
+use crate::job::PictureOptions;
 
 /// Frames per second of films of pictures, which do not state theirs.
 const FPS: f64 = 30.0;
@@ -80,7 +81,7 @@ pub(super) fn film(
     is_stream: bool,
     interrupted: &AtomicBool,
 ) -> Result<()> {
-    let pool = crate::cli::pool(command.arguments.threads)?;
+    let pool = crate::cli::pool(command.arguments.options.thread_count())?;
     let mut reporter = Reporter::new(command.progress);
     warn_of_settings(command, &mut reporter);
     reporter.phase("reading");
@@ -116,27 +117,11 @@ pub(super) fn film(
     Ok(())
 }
 
-/// Warns of options of rendering.
+/// Warns of options of rendering. The number of threads is used here, too.
 fn warn_of_settings(command: &Command, reporter: &mut Reporter) {
-    let settings = &command.arguments.settings;
-    let entries = settings.picture.entries().into_iter().chain(settings.environment.entries());
-    let import = command.arguments.import.entries().into_iter().map(|(name, _)| name);
-    let mut given: Vec<String> = entries.map(|(name, _)| name).chain(import).collect();
-    let others = [
-        ("size", command.arguments.size.is_some()),
-        ("crop", settings.crop.is_some()),
-        ("camera", command.arguments.camera.is_some()),
-        ("view", command.arguments.view.is_some()),
-        ("look-at", settings.look_at.is_some()),
-        ("projection", settings.projection.is_some()),
-        ("draft", command.arguments.draft),
-        ("depth", command.arguments.depth.is_some()),
-        ("with", !settings.with.is_empty()),
-        ("without", !settings.without.is_empty()),
-        ("duration", command.length.duration.is_some()),
-    ];
-    given.extend(others.iter().filter(|(_, is_given)| *is_given).map(|(name, _)| (*name).to_owned()));
-    for name in given {
+    let options = PictureOptions { threads: None, ..command.arguments.options.clone() };
+    let duration = command.length.duration.map(|_| "duration".to_owned());
+    for name in options.entries().into_iter().map(|(name, _)| name).chain(duration) {
         reporter.warnings.push(format!("--{name} changes nothing: the frames are pictures that exist"));
     }
 }

@@ -19,7 +19,7 @@ use crate::cli::progress::Mode;
 use crate::error::{Error, Result};
 use crate::farm::Shard;
 use crate::film::write::{Format, PngForm};
-use crate::job::RenderJob;
+use crate::job::{PictureUse, RenderJob, warn_of_unused};
 use crate::render::RenderControl;
 use crate::render::aov::AovSelection;
 use crate::scene::Seconds;
@@ -171,7 +171,7 @@ fn check_whole(command: &Command) -> Result<()> {
 }
 
 fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &AtomicBool) -> Result<()> {
-    let pool = super::pool(command.arguments.threads)?;
+    let pool = super::pool(command.arguments.options.thread_count())?;
     let mut reporter = Reporter::new(command.progress);
     let LengthArguments { fps, duration } = command.length;
     if let Some([frame]) = command.frames.as_ref().map(FrameList::frames) {
@@ -180,7 +180,7 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
             .note(format!("--frames {frame} is one frame; --frames 0-{frame} are those up to it"));
     }
     let request = FrameRequest::all(fps, duration.map(Seconds::get), command.frames.as_ref());
-    let settings = command.arguments.settings()?;
+    let settings = command.arguments.options.settings()?;
     let animation = pool.install(|| reporter.load_animation(&command.arguments, &settings, &request))?;
     reporter.check_outputs((!is_stream).then_some(&command.output))?;
     let picture = &animation.picture.settings.picture;
@@ -188,6 +188,9 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
     check_alpha(picture.is_transparent(), "a film", is_png)?;
     let (film, bits) = if is_png { ("an animated .png", &PNG_BITS[..]) } else { ("a film", &PNG_BITS[..1]) };
     check_bits(picture.bits, film, bits)?;
+    let used = PictureUse { is_rounded: true, ..PictureUse::default() };
+    let options = &command.arguments.options;
+    warn_of_unused(options, &animation.picture.plan_settings, used, &mut reporter.warnings);
     let form = PngForm::new(picture.is_transparent(), picture.display().rounding, picture.pipeline());
     frames::first_frame(&mut reporter, &pool, &animation, interrupted)?;
     let window = animation.picture.window;

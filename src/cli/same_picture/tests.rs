@@ -9,17 +9,17 @@ use serde_json::json;
 
 use super::arguments::Arguments;
 use super::output::render_image;
-use super::picture::{Options, PreparedScene, Value, render};
+use super::picture::{PreparedScene, parse_options, render};
 use super::prepare::Reporter;
 use super::progress::Mode;
 use super::view::open;
 use crate::animation::{FrameList, FrameRequest};
 use crate::error::{Error, Result, Warnings};
 use crate::film::write::{FRAME, Format, OutputImage, encode};
-use crate::job::{Findings, Metadata, RenderJob, RenderSettings, Session};
+use crate::job::{Findings, Metadata, PictureOptions, PictureUse, RenderJob, RenderSettings, Session, warn_of_unused};
 use crate::render::RenderControl;
 use crate::render::aov::AovSelection;
-use crate::scene::{ClipTime, Scene};
+use crate::scene::{ClipTime, GivenValue, Scene};
 use crate::viewer::{CameraSource, Opened};
 
 const SIZE: [u32; 2] = [20, 16];
@@ -94,14 +94,12 @@ fn made(job: &RenderJob, format: Format, warnings: &mut Warnings) -> Result<Made
 /// The picture of `kiln render`, at time 0 of clips.
 fn still(arguments: &Arguments, format: Format, aovs: &[String]) -> Result<Made> {
     let mut reporter = Reporter::silent(Mode::None);
-    let settings = RenderSettings { aovs: aovs.to_vec(), ..arguments.settings()? };
+    let settings = RenderSettings { aovs: aovs.to_vec(), ..arguments.options.settings()? };
     let (session, resolved) = reporter.load_and_resolve(arguments, &settings)?;
-    let control = RenderControl::default();
-    made(
-        &session.into_job(&resolved, true, &control, &mut reporter.warnings)?,
-        format,
-        &mut reporter.warnings,
-    )
+    let (control, warnings) = (RenderControl::default(), &mut reporter.warnings);
+    let used = PictureUse { time: Some(0.0), is_rounded: true, ..PictureUse::default() };
+    warn_of_unused(&arguments.options, &resolved.plan_settings, used, warnings);
+    made(&session.into_job(&resolved, true, &control, warnings)?, format, warnings)
 }
 
 /// Frames of `kiln animate`, each with the warnings of all that is before it.
@@ -112,7 +110,9 @@ fn frames(arguments: &Arguments, list: &[i32], format: Format) -> Result<Vec<Mad
         let one = FrameList::range(frame, frame);
         let is_displayed = format != Format::Exr;
         let request = FrameRequest { is_displayed, ..FrameRequest::all(None, None, Some(&one)) };
-        let animation = reporter.load_animation(arguments, &arguments.settings()?, &request)?;
+        let animation = reporter.load_animation(arguments, &arguments.options.settings()?, &request)?;
+        let used = PictureUse { is_rounded: true, ..PictureUse::default() };
+        warn_of_unused(&arguments.options, &animation.picture.plan_settings, used, &mut reporter.warnings);
         animation.first(&control, &mut reporter.warnings)?;
         made(&animation.frame(frame)?, format, &mut reporter.warnings)
     };
@@ -141,17 +141,15 @@ fn opened(arguments: &Arguments, warnings: &mut Warnings) -> Result<Arc<Opened>>
 }
 
 fn load(arguments: &Arguments, warnings: &mut Warnings) -> Result<Scene> {
-    crate::import::load_with(&arguments.inputs, &arguments.reading(), warnings)
+    crate::import::load_with(&arguments.inputs, &arguments.options.reading(), warnings)
 }
 
 /// The options of Python's functions.
-fn in_python(options: &NamedOptions) -> Result<Options> {
-    let size = SIZE.map(|side| side.to_string());
-    let value =
-        |value: Option<&str>| value.map_or(Value::Switch(true), |value| Value::Text(value.to_owned()));
-    let options = options.iter().map(|(name, given)| (name.replace('-', "_"), value(*given)));
-    let options: Vec<_> = options.chain([("size".to_owned(), Value::List(size.into()))]).collect();
-    Options::parse(&options)
+fn in_python(options: &NamedOptions) -> Result<PictureOptions> {
+    let size = GivenValue::Texts(SIZE.map(|side| side.to_string()).into());
+    let value = |value: Option<&str>| value.map_or(GivenValue::Switch(true), GivenValue::from);
+    let options = options.iter().map(|(name, given)| (name.replace('-', "_"), Some(value(*given))));
+    parse_options(options.chain([("size".to_owned(), Some(size))]).collect())
 }
 
 /// The picture of Python's `kiln.render` of a scene, after the warnings of its files.
@@ -267,8 +265,8 @@ fn assert_same_pictures(
     let has_clips = scene.as_ref().is_ok_and(|scene| !scene.clips.is_empty());
     let moves = has_clips || scene.as_ref().is_ok_and(|scene| scene.animation.is_some());
     if has_clips {
-        let clip = posed.import.clip();
-        posed.import = posed.import.posed(ClipTime { clip, time: 0.0 });
+        let clip = posed.options.import.clip();
+        posed.options.import = posed.options.import.posed(ClipTime { clip, time: 0.0 });
     }
     // An option that does not suit the scene is an error in all of them.
     let expected = match still(&posed, format, aovs) {
@@ -449,8 +447,8 @@ fn a_later_frame_has_the_exposure_of_the_first() {
         let mut arguments = arguments(&file, options);
         let shared = frames(&arguments, &[24], Format::Png).expect("a frame").swap_remove(0);
         let time = 24.0 / 30.0;
-        let clip = arguments.import.clip();
-        arguments.import = arguments.import.posed(ClipTime { clip, time });
+        let clip = arguments.options.import.clip();
+        arguments.options.import = arguments.options.import.posed(ClipTime { clip, time });
         let alone = still(&arguments, Format::Png, &[]).expect("a picture");
         assert!(alone.file != shared.file, "{name}: the frames have one exposure");
     }

@@ -45,8 +45,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let (file, options) = (&source.file, &source.options);
     let Json { mut root, blob, pointers } = parse(&source.bytes, file, warnings)?;
     let variants = variants::names(&root);
-    let variant =
-        options.reading.variant.as_ref().and_then(|asked| variants.iter().position(|name| name == asked));
+    let variant = options.variant.as_ref().and_then(|asked| variants.iter().position(|name| name == asked));
     if let Some(variant) = variant {
         variants::choose(&mut root, variant);
     }

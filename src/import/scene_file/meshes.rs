@@ -59,7 +59,7 @@ impl Builder<'_> {
         // The last placement takes ownership of the objects; the others clone them, without copying shared meshes.
         let first = self.scene.objects.len();
         let mut objects = Some(objects);
-        let up = self.source.options.reading.up.and_then(UpChoice::axis).or(s.up);
+        let up = self.source.options.up.and_then(UpChoice::axis).or(s.up);
         let y_from_file = up.unwrap_or_default().world_from_file();
         for (index, world_from_mesh) in placements.iter().enumerate() {
             let own = if index + 1 == placements.len() {

@@ -17,7 +17,7 @@ pub struct Moment {
 impl Moment {
     /// The moment of a picture of a scene in which nothing moves: that of the pose of its clips.
     pub fn of_still(scene: &Scene) -> Self {
-        Moment { part: 0.0, seconds: scene.import_options.reading.time.map_or(0.0, Seconds::get) }
+        Moment { part: 0.0, seconds: scene.import_options.time.map_or(0.0, Seconds::get) }
     }
 
     /// The moment at which the window opens a scene.

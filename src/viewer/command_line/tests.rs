@@ -98,15 +98,17 @@ fn a_moved_camera_is_in_braces_with_its_projection() {
 #[test]
 fn everything_else_is_said_where_it_differs() {
     let (mut scene, inputs) = (scene(), [PathBuf::from("a.toml")]);
-    let read = |line: &str| Line::parse_from(std::iter::once("kiln").chain(line.split(' ')));
-    let of_scene = read("--noise 0.01 --colour display --numerics exact --samples 4").settings.picture;
+    let read = |line: &str| Line::parse_from(std::iter::once("kiln").chain(line.split(' '))).options;
+    let of_scene = read("--noise 0.01 --colour display --numerics exact --samples 4").picture;
     scene.picture = of_scene.or(scene.picture);
-    let options = "--with glaze=every-bounce --without shadows --without textures --numerics watertight \
+    let options = "--time=-0.5 --variant red --up=-z --smooth 0.5 --clip Walk --hide pot/lid --isolate pot --isolate=-x \
+         --ignore-required-extensions --allow-outside-references --environment garden.hdr --environment-rotation=-90 \
+         --hide-environment --with glaze=every-bounce --without shadows --without textures --numerics watertight \
          --shading ambient --transport path --clamp 2.5 --filter tent --filter-radius 1.1 --noise 0.001 --min-samples 8 \
-         --seed 4294967295 --sampler independent --colour linear --exposure=-1.5 --tone-map agx --light none --ground=true --cull=true \
-         --background #ff8000 --environment garden.hdr --environment-rotation=-90 --hide-environment=true --clip Walk \
-         --isolate pot --isolate=-x --hide pot/lid --time=-0.5 --variant red --up=-z --smooth 0.5 --ignore-required-extensions --allow-outside-references";
-    let Line { mut settings, import } = read(options);
+         --seed 4294967295 --sampler independent --colour linear --exposure=-1.5 --tone-map agx --light none --ground --cull \
+         --background #ff8000";
+    let read = read(options);
+    let (mut settings, import) = (read.settings().expect("settings"), read.import);
     let plain = plain(&scene, &inputs, &CameraSource::Scene(0));
     let command = RenderCommand { settings: &settings, import_options: &import, ..plain };
     assert_eq!(arguments(&command)[5..].join(" "), format!("{options} --draft"));
@@ -121,9 +123,7 @@ fn everything_else_is_said_where_it_differs() {
 #[derive(clap::Parser)]
 struct Line {
     #[command(flatten)]
-    settings: RenderSettings,
-    #[command(flatten)]
-    import: ImportOptions,
+    options: PictureOptions,
 }
 
 proptest! {

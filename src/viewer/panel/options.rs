@@ -8,10 +8,9 @@ use egui::{ComboBox, DragValue, Response, Ui, vec2};
 
 use crate::effects::{EFFECTS, Effect, EffectId, id};
 use crate::film::ColourPipeline;
-use crate::job::{EnvironmentSettings, RenderSettings};
+use crate::job::{EnvironmentSettings, PictureOptions, RenderSettings};
 use crate::scene::{
-    ImportOptions, Intensity, PictureSettings, ReadingOptions, Rotation, Samples, Scene, ShadingMode,
-    ValueKind,
+    ImportOptions, Intensity, PictureSettings, Rotation, Samples, Scene, ShadingMode, ValueKind,
 };
 use crate::viewer::elided;
 use crate::viewer::painter::RenderedImage;
@@ -253,10 +252,7 @@ fn set(name: &str, text: Option<&str>, settings: &mut RenderSettings, shown: &Pi
 /// What the values of an option are.
 fn kind(name: &str) -> ValueKind {
     let of_effect = || Some((effect_named(name)?.value.as_ref()?.kind)());
-    let own = of_effect().or_else(|| PictureSettings::kind(name));
-    own.or_else(|| EnvironmentSettings::kind(name))
-        .or_else(|| ReadingOptions::kind(name))
-        .unwrap_or(ValueKind::Text)
+    of_effect().or_else(|| PictureOptions::kind(name)).unwrap_or(ValueKind::Text)
 }
 
 impl OptionControl {
@@ -288,8 +284,8 @@ impl OptionControl {
         &self,
         ui: &mut Ui,
         names: &[String],
-        start: &ReadingOptions,
-        reading: &mut ReadingOptions,
+        start: &ImportOptions,
+        reading: &mut ImportOptions,
         idle: Option<&str>,
     ) {
         let (now, first) = (reading.text(self.name), start.text(self.name));
@@ -409,7 +405,7 @@ fn value_label<'a>(name: &str, value: &'a str) -> &'a str {
 /// The help of an option of `kiln render`.
 fn help(name: &str) -> &'static str {
     static HELP: LazyLock<Vec<(String, String)>> = LazyLock::new(|| {
-        let command = ImportOptions::augment_args(RenderSettings::augment_args(Command::new("kiln")));
+        let command = PictureOptions::augment_args(Command::new("kiln"));
         let help = |arg: &clap::Arg| Some((arg.get_long()?.to_owned(), arg.get_help()?.to_string()));
         command.get_arguments().filter_map(help).collect()
     });
@@ -441,9 +437,9 @@ mod tests {
                 ValueKind::Number { .. } => "0.25".to_owned(),
                 ValueKind::Text => continue,
             };
-            let mut reading = ReadingOptions::default();
-            if ReadingOptions::kind(control.name).is_some() {
-                assert_eq!(reading.set(control.name, Some(&text)), Ok(()));
+            let mut reading = ImportOptions::default();
+            if ImportOptions::kind(control.name).is_some() {
+                assert_eq!(reading.set(control.name, Some(&*text)), Ok(()));
                 assert_eq!(reading.text(control.name).as_deref(), Some(&*text), "{}", control.name);
                 continue;
             }
