@@ -70,7 +70,8 @@ pub fn notes_of_result(job: &RenderJob, statistics: &Statistics) -> impl Iterato
     note_of_cut_paths(&job.plan, statistics).into_iter().chain(note_of_noise(job, statistics))
 }
 
-/// The share of cut paths from which a note says so.
+/// The share of cut paths from which a note says so. Paths that survive Russian roulette have a throughput near 1, so the
+/// light left out is about this share times the radiance that cut paths would find, mostly below that of the picture.
 const NOTED_CUT_SHARE: f64 = 0.05;
 
 /// Note about paths that a limit on bounces cut while they could still carry light.
