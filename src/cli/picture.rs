@@ -363,7 +363,7 @@ mod tests {
             "invalid value '0' for 'samples': give a number of samples from 1 to 65536"
         );
         let given = |name: &str, text: &str| mistake(name, GivenValue::from(text));
-        assert_eq!(given("tone_map", "agks"), "invalid value 'agks' for 'tone_map': did you mean `agx`?");
+        assert_eq!(given("tone_map", "agxx"), "invalid value 'agxx' for 'tone_map': did you mean `agx`?");
         assert_eq!(given("draft", "yes"), "invalid value 'yes' for 'draft': give true or false");
         for (name, is_on, said) in [
             ("fov", true, "True"),

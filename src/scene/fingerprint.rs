@@ -117,7 +117,8 @@ impl Fingerprint {
         }
         let mut shared = Vec::new();
         // Tracks turn the parts of a mesh about the centre of the whole.
-        let hidden: Vec<_> = hidden.iter().filter(|_| animation.is_some()).collect();
+        let has_tracks = animation.as_ref().is_some_and(|animation| !animation.tracks.is_empty());
+        let hidden: Vec<_> = hidden.iter().filter(|_| has_tracks).collect();
         if !hidden.is_empty() {
             self.value("hidden", &hidden.iter().map(|hidden| hidden.index).collect::<Vec<_>>());
         }

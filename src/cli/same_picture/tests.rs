@@ -16,7 +16,9 @@ use super::view::open;
 use crate::animation::{FrameList, FrameRequest};
 use crate::error::{Error, Result, Warnings};
 use crate::film::write::{FRAME, Format, OutputImage, encode};
-use crate::job::{Findings, Metadata, PictureOptions, PictureUse, RenderJob, RenderSettings, Session, warn_of_unused};
+use crate::job::{
+    Findings, Metadata, PictureOptions, PictureUse, RenderJob, RenderSettings, Session, warn_of_unused,
+};
 use crate::render::RenderControl;
 use crate::render::aov::AovSelection;
 use crate::scene::{ClipTime, GivenValue, Scene};

@@ -108,7 +108,8 @@ fn everything_else_is_said_where_it_differs() {
          --seed 4294967295 --sampler independent --colour linear --exposure=-1.5 --tone-map agx --light none --ground --cull \
          --background #ff8000";
     let read = read(options);
-    let (mut settings, import) = (read.settings().expect("settings"), read.import);
+    let settings = read.settings().expect("settings");
+    let (mut settings, import) = (RenderSettings { mesh_look: Look::Draft, ..settings }, read.import);
     let plain = plain(&scene, &inputs, &CameraSource::Scene(0));
     let command = RenderCommand { settings: &settings, import_options: &import, ..plain };
     assert_eq!(arguments(&command)[5..].join(" "), format!("{options} --draft"));
