@@ -259,6 +259,7 @@ fn usage_error(e: &clap::Error) -> (String, String) {
         _ => &[],
     };
     if !listed.is_empty() {
+        let listed: Vec<&str> = listed.iter().map(|one| one.trim_end_matches('.')).collect();
         what = format!("{what} {}", listed.join(", "));
     }
     let suggested =

@@ -796,7 +796,7 @@ fn clips_of_several_files_are_those_of_each() {
 
 /// One bounce ends paths at the back of a glass tetrahedron: pictures and frames say so.
 #[test]
-fn frames_say_what_limits_leave_out() {
+fn frames_say_what_limits_cut() {
     let shop = Workshop::with("a.mtl", "newmtl glass\nKd 1 1 1\nNi 1.5\nillum 7\n");
     let corners = "v 0 0 0\nv 4 0 0\nv 0 3 0\nv 0 0 2\n";
     shop.write("a.obj", format!("mtllib a.mtl\n{corners}usemtl glass\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"));
@@ -807,7 +807,7 @@ fn frames_say_what_limits_leave_out() {
         "animate --frames 0-1 -o a.gif",
     ] {
         let said = shop.succeed(&format!("{command} a.obj --size 24x20 --samples 4 --depth 1"));
-        assert!(said.contains("1 bounce leaves out "), "{command}: {said}");
+        assert!(said.contains("1 bounce cuts "), "{command}: {said}");
     }
 }
 

@@ -40,7 +40,8 @@ fn an_automatic_camera_can_be_given_again() {
     workshop.succeed("render a.obj -o a.png --size 16x16");
     let table = metadata(&workshop, "a.png")("kiln:camera").expect("a camera");
     assert!(
-        table.starts_with("{ name = \"auto\", position = [") && table.ends_with("vertical_fov = 30 }"),
+        table.starts_with("{ name = \"auto\", position = [")
+            && table.ends_with("vertical_fov = 30, fitted = true }"),
         "{table}"
     );
     let info = workshop.run("info a.obj --json");

@@ -20,17 +20,17 @@ use egui::ColorImage;
 use super::false_colour::{DisplayMode, Legend};
 use super::refine::first_factor;
 use super::request::RenderRequest;
+#[cfg(test)]
+use crate::error::Result;
 use crate::error::{Error, Warnings};
+#[cfg(test)]
+use crate::film::write::{Format, OutputImage};
 use crate::film::{DisplayTransform, Film};
 use crate::job::{Findings, RenderJob};
+#[cfg(test)]
+use crate::job::{Metadata, RenderControl};
 use crate::render::Statistics;
 use crate::scene::Numerics;
-#[cfg(test)]
-use crate::{
-    error::Result,
-    film::write::{Format, OutputImage},
-    job::{Metadata, RenderControl},
-};
 use pass::PipelineImage;
 
 /// Duration after which the first pass of an outdated request is cancelled.
