@@ -227,7 +227,9 @@ pub(super) fn can_be_delta(material: &PreparedMaterial) -> bool {
 /// Whether surfaces of a material may scatter light.
 pub(super) fn can_scatter(material: &PreparedMaterial) -> bool {
     match material {
-        Material::Phong(m) => m.refraction.is_some() || m.specular > 0.0 || m.diffuse * m.colour != DVec3::ZERO,
+        Material::Phong(m) => {
+            m.refraction.is_some() || m.specular > 0.0 || m.diffuse * m.colour != DVec3::ZERO
+        }
         Material::MetallicRoughness(m) => !m.unlit,
     }
 }

@@ -33,9 +33,8 @@ impl Buffers {
         !surfaces.by_material().iter().any(|(material, range)| {
             let has_delta = can_be_delta(&world.materials[*material as usize]);
             range.clone().any(|i| {
-                let allows = |is_delta| {
-                    stage.allows(&self.paths[surfaces.ray_of()[i] as usize], generation, is_delta)
-                };
+                let allows =
+                    |is_delta| stage.allows(&self.paths[surfaces.ray_of()[i] as usize], generation, is_delta);
                 let is_delta = || has_delta || self.vertices.crossing(i).is_hidden;
                 allows(false) || allows(true) && is_delta()
             })
