@@ -399,7 +399,7 @@ impl Session {
     pub fn job(&self, picture: &Picture, is_displayed: bool, control: &RenderControl) -> Result<RenderJob> {
         let Picture { job, resolved, is_later, .. } = picture;
         let plan_settings = job.plan_settings.clone();
-        if !resolved.meters && !(is_displayed && job.display().is_auto()) {
+        if !(resolved.meters || is_displayed && job.display().is_auto()) {
             return job.with_plan_settings(plan_settings);
         }
         let Exposed { ev, picture, clamp } = match resolved.exposure.get() {

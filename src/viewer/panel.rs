@@ -330,7 +330,7 @@ fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings)
             ui.end_row();
         }
     });
-    if let Some(error) = quantisation(&rendered.prepared.job()).filter(|_| rendered.is_last) {
+    if let Some(error) = quantisation(rendered.prepared.job()).filter(|_| rendered.is_last) {
         let option = format!(
             "{}: {}\n`kiln explain --measure` also measures noise, light left out and tier",
             error.cause, error.option

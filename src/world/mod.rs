@@ -160,7 +160,7 @@ impl WorldInputs {
             light: look.light,
             ground: look.ground,
             ambient: look.ambient,
-            fill: look.fill.clone(),
+            fill: look.fill,
             path_tracing_reason: look.path_tracing_reason.clone(),
             pipeline,
             structure,

@@ -204,7 +204,7 @@ impl App {
         let rendered = self.canvas.rendered(mouse.side);
         let shown = rendered.map(|rendered| rendered.display).unwrap_or_default();
         let metered = rendered.and_then(|rendered| rendered.metered.clone());
-        let job = metered.as_deref().unwrap_or(&prepared.job());
+        let job = metered.as_deref().unwrap_or(prepared.job());
         let bounds = opened.scene().bounds();
         let bounds = match (bounds, &job.recentering) {
             (Some((min, max)), Some(recentering)) => Some((

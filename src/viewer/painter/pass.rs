@@ -163,7 +163,7 @@ impl<'a> Side<'a> {
 
     /// The job of the picture, with its exposure once that is metered.
     fn job(&self) -> &RenderJob {
-        self.metered.as_deref().unwrap_or(&self.prepared.job())
+        self.metered.as_deref().unwrap_or(self.prepared.job())
     }
 
     /// Whether the exposure of the final image is metered. False colours do not depend on it.
