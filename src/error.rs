@@ -220,7 +220,7 @@ impl Warnings {
     }
 
     /// Adds all warnings and notes of `other`.
-    pub(crate) fn extend(&mut self, other: &Warnings) {
+    pub fn extend(&mut self, other: &Warnings) {
         other.messages().iter().for_each(|text| self.push(text.as_str()));
         other.notes().iter().for_each(|text| self.note(text.as_str()));
         other.left_out.texts.iter().for_each(|text| self.left_out.push(text.clone(), "warnings"));

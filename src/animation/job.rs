@@ -97,7 +97,7 @@ impl AnimationJob {
         let frames: Vec<i32> = to_do.copied().collect();
         if !frames.is_empty() {
             building(warnings);
-            session.spend(&picture)?;
+            session.consume(&picture)?;
         }
         let skipped = mine.len() - frames.len();
         Ok(AnimationJob { session, timeline, frames, skipped, picture, is_displayed: request.is_displayed })

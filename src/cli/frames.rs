@@ -88,7 +88,7 @@ impl FrameFindings {
         job: &RenderJob,
         control: &RenderControl,
     ) -> Result<()> {
-        let found = match animation.frames.first() == Some(&frame) {
+        let found = match animation.frames.iter().min() == Some(&frame) {
             true => Findings::of(job, picture, statistics, control)?,
             false => Findings::new(job, statistics),
         };

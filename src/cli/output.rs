@@ -295,6 +295,9 @@ pub(crate) fn render_to_accuracy(
     }
     let samples = Some(Samples::clamped(job.plan_settings.sampling.max_samples()));
     metadata::replace(&mut job.metadata, &PictureSettings { samples, ..job.settings.picture });
+    if let Some(&ev) = job.auto_exposure.get() {
+        metadata::set_auto_exposure(&mut job.metadata, ev);
+    }
     let (window, pipeline) = (job.window, job.pipeline());
     let picture = match format {
         Format::Exr => {

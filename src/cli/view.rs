@@ -113,13 +113,16 @@ fn initial_view(
     let session = Session::playing(scene)?;
     let scene = session.scene();
     // A clip may begin with nothing to see.
-    if scene.bounds().is_some() || !scene.plays_clips() {
+    let picture = if scene.bounds().is_some() || !scene.plays_clips() {
         let resolved = session.resolve_only(&requested, false)?;
         session.warn_of_resolved(&resolved, &requested, warnings)?;
         let time = scene.animation.is_none().then(|| Moment::of_still(scene).seconds);
         let used = PictureUse { time, is_rounded: true, ..PictureUse::default() };
         warn_of_unused(&arguments.options, &resolved.plan_settings, used, warnings);
-    }
+        resolved.settings.picture
+    } else {
+        requested.default_look(scene, &mut Warnings::default())?.picture
+    };
     let viewpoint = Viewpoint::of(&requested.camera, scene)?;
     let size = viewpoint.size(&requested, scene);
     let camera_source = match viewpoint {
@@ -129,7 +132,6 @@ fn initial_view(
         Viewpoint::OfScene(index) => CameraSource::Scene(index),
         Viewpoint::Given(camera) => CameraSource::Free(camera),
     };
-    let picture = requested.default_look(scene, &mut Warnings::default())?.picture;
     let (numerics, colour) = (Some(picture.numerics()), Some(picture.pipeline()));
     let projection = requested.projection;
     let picture = PictureSettings { numerics, colour, ..requested.picture };

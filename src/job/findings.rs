@@ -17,6 +17,8 @@ use crate::scene::is_named;
 pub(crate) struct Source {
     pub(crate) inputs: Vec<PathBuf>,
     pub(crate) has_physical_lights: bool,
+    /// The object that the camera was fitted to.
+    pub(crate) look_at: Option<String>,
 }
 
 /// Places of pixels in a warning.
@@ -27,8 +29,8 @@ pub struct Findings {
     /// The number of the picture, and of pictures.
     frame: Option<i32>,
     is_series: bool,
-    /// Non-finite pixels, and where the first are.
-    non_finite: (usize, String),
+    /// The number of non-finite pixels, where the first are, and in which frame.
+    non_finite: (usize, String, Option<i32>),
     discarded_samples: u64,
     /// Camera rays, and how many of them hit something.
     rays: [u64; 2],
@@ -44,7 +46,7 @@ pub struct Findings {
     source: Arc<Source>,
 }
 
-/// What is to be seen in a picture.
+/// What a picture should show and does not.
 #[derive(PartialEq)]
 enum Unseen {
     /// An input, by its index.
@@ -69,7 +71,7 @@ impl Findings {
         let inputs = 0..if source.inputs.len() > 1 { source.inputs.len() } else { 0 };
         let inputs = inputs
             .filter(|&input| has_input(input) && !is_seen(&|index| world.objects[index].input == input));
-        let object = settings
+        let object = source
             .look_at
             .iter()
             .filter(|name| !is_seen(&|index| is_named(&world.objects[index].name, name)));
@@ -79,7 +81,7 @@ impl Findings {
         Findings {
             frame: None,
             is_series: false,
-            non_finite: (non_finite.len(), format!("at {}", places.join(" "))),
+            non_finite: (non_finite.len(), format!("at {}", places.join(" ")), None),
             discarded_samples: *discarded_samples,
             rays: [primary.cast, primary.hit],
             is_part: settings.crop.is_some() || settings.shard != Shard::ALL,
@@ -112,24 +114,22 @@ impl Findings {
 
     /// The same, of a frame of an animation.
     pub fn of_frame(self, frame: i32) -> Self {
-        let (count, _) = self.non_finite;
-        let non_finite = (count, format!("in frame {frame}"));
+        let non_finite = (self.non_finite.0, format!("in frame {frame}"), Some(frame));
         Findings { frame: Some(frame), is_series: true, non_finite, ..self }
     }
 
     /// Adds those of another frame. What is in some frames is not missed in others; exposure and notes are those of the first.
     pub fn add(&mut self, other: Findings) {
-        let (count, cast, hit) = (other.non_finite.0, other.rays[0], other.rays[1]);
+        let (own, count, [cast, hit]) = (self.non_finite.0, other.non_finite.0, other.rays);
+        if own == 0 || count > 0 && other.non_finite.2 < self.non_finite.2 {
+            self.non_finite = other.non_finite;
+        }
+        self.non_finite.0 = own + count;
         if other.frame < self.frame {
             (self.frame, self.exposure) = (other.frame, other.exposure);
             self.of_first = other.of_first;
-            if count > 0 {
-                self.non_finite.1 = other.non_finite.1;
-            }
-        } else if self.non_finite.0 == 0 {
-            self.non_finite.1 = other.non_finite.1;
         }
-        self.non_finite.0 += count;
+        self.has_objects |= other.has_objects;
         self.discarded_samples += other.discarded_samples;
         self.rays = [self.rays[0] + cast, self.rays[1] + hit];
         self.is_dark &= other.is_dark;
@@ -144,7 +144,7 @@ impl Findings {
             ));
         }
         warnings.extend(&self.of_first);
-        if let (count @ 1.., places) = &self.non_finite {
+        if let (count @ 1.., places, _) = &self.non_finite {
             warnings.push(format!("{count} pixel(s) are not finite numbers, the first {places}"));
         }
         if let count @ 1.. = self.discarded_samples {

@@ -79,9 +79,8 @@ fn note_of_cut_paths(plan: &Plan, statistics: &Statistics) -> Option<String> {
     let PathCount { traced, cut } = statistics.paths;
     let (share, limits) = (cut as f64 / traced as f64, plan.bounce_limits());
     (share > NOTED_CUT_SHARE).then(|| {
-        let cut = if limits.depth == 1 && limits.specular.is_none() { "cuts" } else { "cut" };
         format!(
-            "{limits} {cut} {:.0} % of the paths, which may carry more light; try {}; \
+            "the limit of {limits} cuts {:.0} % of the paths, which may carry more light; try {}; \
              `kiln explain --measure` measures the light left out",
             100.0 * share,
             limits.doubled()

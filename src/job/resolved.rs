@@ -89,10 +89,7 @@ pub(super) fn resolve_picture(
         look: DefaultLook::default(),
         recentering: None,
         exposure: Arc::default(),
-        source: Arc::new(Source {
-            inputs: scene.inputs.clone(),
-            has_physical_lights: scene.has_physical_lights,
-        }),
+        source: Arc::default(),
     })
 }
 

@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::camera::{Mount, Viewpoint, nothing_to_look_at};
 use super::default_look::default_look;
+use super::findings::Source;
 use super::metadata::{self, Metadata};
 use super::resolved::resolve_picture;
 use super::{
@@ -37,7 +38,7 @@ pub struct Session {
     /// Whether the animation of the scene plays.
     plays: bool,
     /// Whether the scene was moved into the one world that is left.
-    is_spent: bool,
+    is_consumed: bool,
     /// The moment of pictures in which nothing moves.
     still: Moment,
     /// The recentered scene, if it is recentered.
@@ -49,7 +50,8 @@ pub struct Session {
     looks: Cache<RenderSettings, (DefaultLook, Warnings)>,
     /// Cameras in coordinates of the recentered scene.
     fitted: Cache<Fit, Camera>,
-    exposures: Cache<RenderSettings, Arc<OnceLock<Exposed>>>,
+    /// Exposures by all settings, and whether the camera orbits: these decide the picture of the first moment.
+    exposures: Cache<(RenderSettings, bool), Arc<OnceLock<Exposed>>>,
     worlds: Cache<WorldInputs, Arc<PreparedScene>>,
     moments: Cache<(WorldInputs, Moment), Weak<SceneAtTime>>,
 }
@@ -75,7 +77,7 @@ impl<K: PartialEq + Clone, V: Clone> Cache<K, V> {
         entries.last().map(|(_, value)| value.clone())
     }
 
-    /// Adds a value, without the one that was not asked for the longest if the cache is full.
+    /// Adds a value, without the least recently used one if the cache is full.
     fn insert(&self, key: K, value: V) {
         let mut entries = self.lock();
         entries.retain(|(known, _)| *known != key);
@@ -84,8 +86,8 @@ impl<K: PartialEq + Clone, V: Clone> Cache<K, V> {
         entries.push((key, value));
     }
 
-    /// The value of a key. It is made while the cache is not locked: a thread that waits for parts of this work may take up
-    /// another picture.
+    /// The value of a key. It is made while the cache is not locked, as a thread of rayon that waits for parts of it may take
+    /// up work of another picture. So two threads may make the same value at once.
     fn get_or_insert(&self, key: &K, make: impl FnOnce() -> Result<V>) -> Result<V> {
         if let Some(known) = self.get(key) {
             return Ok(known);
@@ -184,7 +186,7 @@ impl Session {
             still: Moment::of_still(&scene),
             scene,
             plays,
-            is_spent: false,
+            is_consumed: false,
             recentered: OnceLock::new(),
             bounds: OnceLock::new(),
             environments: Cache::default(),
@@ -246,11 +248,11 @@ impl Session {
         let viewpoint = Viewpoint::of(&settings.camera, &self.scene)?;
         let size = viewpoint.size(settings, &self.scene);
         let mount = match orbits {
-            true => self.orbit(viewpoint, settings, size)?,
-            false => match viewpoint {
-                Viewpoint::OfScene(index) => Mount::OfScene(index),
-                Viewpoint::Given(camera) => Mount::Given(camera),
-                Viewpoint::Fitted(view) => Mount::Fitted(self.fit(view, settings, size)?),
+            true => self.orbit(&viewpoint, settings, size)?,
+            false => match &viewpoint {
+                Viewpoint::OfScene(index) => Mount::OfScene(*index),
+                Viewpoint::Given(camera) => Mount::Given(camera.clone()),
+                Viewpoint::Fitted(view) => Mount::Fitted(self.fit(*view, settings, size)?),
             },
         };
         let (scene, recentering) = self.recentered();
@@ -261,7 +263,14 @@ impl Session {
         let ground = own_look.ground.filter(|_| look.ground.is_some());
         resolved.look = DefaultLook { ground, picture: look.picture, ..own_look };
         (resolved.mount, resolved.recentering) = (mount, recentering.copied());
-        resolved.exposure = self.exposures.get_or_insert(&resolved.settings, || Ok(Arc::default()))?;
+        let key = (resolved.settings.clone(), orbits);
+        resolved.exposure = self.exposures.get_or_insert(&key, || Ok(Arc::default()))?;
+        let is_fitted = matches!(viewpoint, Viewpoint::Fitted(_));
+        resolved.source = Arc::new(Source {
+            inputs: self.scene.inputs.clone(),
+            has_physical_lights: self.scene.has_physical_lights,
+            look_at: settings.look_at.clone().filter(|_| is_fitted),
+        });
         Ok(resolved)
     }
 
@@ -380,10 +389,10 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::picture`].
-    pub fn spend(&mut self, resolved: &ResolvedPicture) -> Result<()> {
+    pub fn consume(&mut self, resolved: &ResolvedPicture) -> Result<()> {
         let inputs = resolved.world_inputs();
         check_memory(&self.scene, &resolved.plan_settings, inputs.numerics)?;
-        (self.is_spent, self.recentered) = (true, OnceLock::new());
+        (self.is_consumed, self.recentered) = (true, OnceLock::new());
         let scene = Arc::unwrap_or_clone(std::mem::take(&mut self.scene));
         let prepared = PreparedScene::new(scene, &inputs, self.plays)?;
         self.worlds.insert(inputs, prepared.into());
@@ -414,9 +423,10 @@ impl Session {
         let mut job = job.with_plan_settings(PlanSettings { clamp: *clamp, ..plan_settings })?;
         job.settings.picture = *picture;
         job.expose_fill(Some(*ev));
-        match resolved.meters {
-            true => metadata::replace(&mut job.metadata, picture),
-            false => metadata::set_auto_exposure(&mut job.metadata, *ev),
+        if resolved.meters {
+            metadata::replace(&mut job.metadata, picture);
+        } else {
+            metadata::set_auto_exposure(&mut job.metadata, *job.auto_exposure.get_or_init(|| *ev));
         }
         Ok(job)
     }
@@ -432,7 +442,7 @@ impl Session {
         control: &RenderControl,
         warnings: &mut Warnings,
     ) -> Result<RenderJob> {
-        self.spend(resolved)?;
+        self.consume(resolved)?;
         let picture = self.first_picture(resolved)?;
         let job = self.job(&picture, is_displayed, control)?;
         self.warn(&picture, &job, warnings);
@@ -505,14 +515,14 @@ impl Session {
     }
 
     /// A camera that orbits once.
-    fn orbit(&self, viewpoint: Viewpoint, settings: &RenderSettings, size: [u32; 2]) -> Result<Mount> {
+    fn orbit(&self, viewpoint: &Viewpoint, settings: &RenderSettings, size: [u32; 2]) -> Result<Mount> {
         let scene = &self.scene;
         let (camera, around) = match viewpoint {
-            Viewpoint::OfScene(index) => (scene.cameras[index].clone(), scene.cameras[index].target),
+            Viewpoint::OfScene(index) => (scene.cameras[*index].clone(), scene.cameras[*index].target),
             Viewpoint::Given(camera) => (camera.clone(), camera.target),
             Viewpoint::Fitted(view) => {
                 let (framing, projection) =
-                    (settings.framing(view, scene), settings.projection.unwrap_or_default());
+                    (settings.framing(*view, scene), settings.projection.unwrap_or_default());
                 turntable_camera(&*settings.looked_at(scene)?, framing, aspect(size), projection)
                     .ok_or_else(|| nothing_to_look_at(scene, settings))?
             }
@@ -524,9 +534,12 @@ impl Session {
     /// The scene prepared for a picture.
     fn prepared(&self, resolved: &ResolvedPicture, inputs: &WorldInputs) -> Result<Arc<PreparedScene>> {
         self.worlds.get_or_insert(inputs, || {
-            if self.is_spent {
+            if self.is_consumed {
                 let hint = "make another session of the scene".to_owned();
-                return Err(Error::Failed { what: "the scene is spent on another world".into(), hint });
+                return Err(Error::Failed {
+                    what: "the session has no scene for another world".into(),
+                    hint,
+                });
             }
             let check = || check_memory(&self.scene, &resolved.plan_settings, inputs.numerics);
             if check().is_err() {

@@ -22,7 +22,7 @@ impl Limits {
     pub const DEFAULT: Limits = Limits([u32::MAX as u64, 1 << 32, 1 << 24]);
 
     /// Those that differ from the default.
-    pub(crate) fn changed(self) -> impl Iterator<Item = (Counted, u64)> {
+    pub fn changed(self) -> impl Iterator<Item = (Counted, u64)> {
         let of = move |counted: Counted| (counted, self.0[counted as usize]);
         Counted::ALL.into_iter().map(of).filter(|&(k, most)| most != Limits::DEFAULT.0[k as usize])
     }

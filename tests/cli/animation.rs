@@ -807,7 +807,7 @@ fn frames_say_what_limits_cut() {
         "animate --frames 0-1 -o a.gif",
     ] {
         let said = shop.succeed(&format!("{command} a.obj --size 24x20 --samples 4 --depth 1"));
-        assert!(said.contains("1 bounce cuts "), "{command}: {said}");
+        assert!(said.contains("limit of 1 bounce cuts "), "{command}: {said}");
     }
 }
 

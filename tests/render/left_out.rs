@@ -286,15 +286,15 @@ fn a_note_says_that_paths_are_cut() {
         notes_of_result(&job, &statistics).next()
     };
     let of_panes = note(&panes(10), &settings(64, 2)).expect("a note");
-    assert!(of_panes.starts_with("2 bounces cut 96 % of the paths"), "{of_panes}");
+    assert!(of_panes.starts_with("the limit of 2 bounces cuts 96 % of the paths"), "{of_panes}");
     assert!(of_panes.contains("--depth 4;") && of_panes.contains("`kiln explain --measure`"), "{of_panes}");
     assert_eq!(note(ROOM, &settings(16, 12)), None);
     let corridor = note(&corridor(), &settings(64, 2)).expect("a note");
-    assert!(corridor.starts_with("2 bounces cut 100 %"), "{corridor}");
+    assert!(corridor.starts_with("the limit of 2 bounces cuts 100 %"), "{corridor}");
     let bottle = note(BOTTLE, &settings(64, 1)).expect("a note");
-    assert!(bottle.starts_with("1 bounce cuts "), "{bottle}");
+    assert!(bottle.starts_with("the limit of 1 bounce cuts "), "{bottle}");
     assert_eq!(note(BOTTLE, &specular(64, 64)), None);
     let limited = note(&panes(10), &specular(64, 8)).expect("a note");
-    assert!(limited.contains("8 bounces and 8 specular ones cut "), "{limited}");
+    assert!(limited.contains("8 bounces and 8 specular ones cuts "), "{limited}");
     assert!(limited.contains("--depth 16 --depth-specular 16"), "{limited}");
 }
