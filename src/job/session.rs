@@ -144,7 +144,8 @@ impl Picture {
         self.resolved.meters || self.job.display().is_auto()
     }
 
-    /// Whether [`Session::job`] renders nothing, since the exposure is known.
+    /// Whether an exposure is metered already.
+    #[cfg(feature = "viewer")]
     pub(crate) fn is_exposed(&self) -> bool {
         self.resolved.exposure.get().is_some()
     }

@@ -291,7 +291,7 @@ impl AovSelection {
 
     /// Whether values depend on the exposure, and the clamp that may come with it: those of light, and those of samples
     /// of which adaptive sampling takes as many as that needs.
-    pub(crate) fn depends_on_exposure(&self, plan: &Plan) -> bool {
+    pub fn depends_on_exposure(&self, plan: &Plan) -> bool {
         let is_of_light = self.effects || has(&self.aovs, &["samples", "variance"]);
         is_of_light || plan.is_adaptive() && has(&self.aovs, &FILTERED)
     }
