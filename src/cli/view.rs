@@ -171,7 +171,7 @@ mod tests {
             assert_eq!(opened.scene().bounds(), expected.unwrap_or_else(|e| panic!("{e}")).bounds());
             assert_eq!(opened.scene().import_options, turned(up));
         }
-        // A name that the file no longer has is shown no more, and hides nothing.
+        // Names that the file no longer has are dropped.
         let hidden = ImportOptions { hide: vec!["gone".into()], ..turned(None) };
         let (opened, _) = open(&arguments, &own, Some(&hidden), &mut Warnings::default());
         assert_eq!(opened.unwrap_or_else(|e| panic!("{e}")).scene().import_options, turned(None));

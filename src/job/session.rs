@@ -347,7 +347,7 @@ impl Session {
         self.worlds.get(&resolved.world_inputs()).is_some()
     }
 
-    /// Builds what a picture needs at a moment, or takes what is kept of it.
+    /// The picture at a moment. Its world is built, unless it is kept.
     ///
     /// # Errors
     /// [`Error::Memory`] if there is not enough memory, [`Error::Input`] where a track takes a property out of its range, and

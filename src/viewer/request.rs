@@ -71,7 +71,7 @@ impl RenderRequest {
         let scene = self.opened.scene();
         let camera = match &self.camera_source {
             CameraSource::Scene(index) if *index < scene.cameras.len() => CameraChoice::Index(*index),
-            // A camera that a changed file no longer has.
+            // The files changed, and have fewer cameras.
             CameraSource::Scene(_) => CameraChoice::Default,
             CameraSource::Fitted(view) | CameraSource::FittedAt(view, _) => CameraChoice::Fitted(*view),
             CameraSource::Free(camera) => CameraChoice::Given(given(camera)),
