@@ -233,7 +233,7 @@ fn render_to(
     let control = RenderControl { cancel: interrupted, ..RenderControl::default() };
     let mut job = timed(&mut seconds.build, || session.into_job(&resolved, true, &control, warnings))?;
     output::check_memory(&job, target, selection, has_target)?;
-    let used = PictureUse { time, is_rounded: target.format() != Format::Exr, chooses_samples: has_target };
+    let used = PictureUse { time, is_rounded: target.format() != Format::Exr };
     warn_of_unused(&command.arguments.options, &job.plan_settings, used, &mut reporter.warnings);
     reporter.phase("rendering");
     let Reporter { progress, seconds, warnings, .. } = &mut *reporter;

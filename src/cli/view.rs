@@ -121,7 +121,7 @@ fn initial_view(
         warn_of_unused(&arguments.options, &resolved.plan_settings, used, warnings);
         resolved.settings.picture
     } else {
-        requested.default_look(scene, &mut Warnings::default())?.picture
+        session.look(&requested)?.0.picture
     };
     let viewpoint = Viewpoint::of(&requested.camera, scene)?;
     let size = viewpoint.size(&requested, scene);

@@ -255,29 +255,31 @@ impl TestConvergence {
         let (display, pipeline) = (context.display, context.world.pipeline);
         let displayed = |colour: DVec3| display.displayed(pipeline, colour);
         let covered = |alpha: DVec3| alpha.clamp(DVec3::ZERO, DVec3::ONE);
+        let has_surface = &*has_surface;
         let is_accurate = |estimates: &Estimates,
                            integrand,
-                           (pixel, of_unseen): (usize, f64),
+                           (pixel, white, observed): (usize, f64, u32),
                            shown: &dyn Fn(DVec3) -> DVec3| {
             let around = &estimates.around[pixel];
             let near = || region.tested_by(pixel).map(|near| &estimates.current[near]);
             let (value, variance) = value_and_variance(near(), integrand, around);
-            let of_unseen = if integrand == Integrand::Random { of_unseen } else { 0.0 };
-            let variance = variance + missed_variance(around.deviation, taken) + of_unseen;
+            let mut variance = variance + missed_variance(around.deviation, taken);
+            let has_surface = || region.around(pixel).any(|near| has_surface[near]);
+            if integrand == Integrand::Random && has_surface() {
+                variance += unseen_variance(value, white, observed, taken);
+            }
             is_displayed_within(criterion.max_error, (value, variance), near(), shown)
         };
-        let (colour, alpha, over_white, has_surface) = (&*colour, &*alpha, &*over_white, &*has_surface);
+        let (colour, alpha, over_white) = (&*colour, &*alpha, &*over_white);
         samples.start_round(criterion.next_test(taken, sampler.samples), |pixel| {
             let [near, around] =
                 [region.tested_by(pixel).count(), region.around(pixel).count()].map(|n| n as u32);
             let observed = near.saturating_mul(taken).saturating_add((around - near).saturating_mul(first));
-            let has_surface = region.around(pixel).any(|near| has_surface[near]);
-            let unseen = |white: f64| if has_surface { unseen_variance(white, observed, taken) } else { 0.0 };
-            let of_unseen = unseen(display.white());
-            is_accurate(colour, self.colour, (pixel, of_unseen), &displayed)
+            let white = display.white();
+            is_accurate(colour, self.colour, (pixel, white, observed), &displayed)
                 && (alpha.first.is_empty()
-                    || is_accurate(alpha, self.alpha, (pixel, unseen(1.0)), &covered)
-                        && is_accurate(over_white, self.over_white, (pixel, of_unseen), &displayed))
+                    || is_accurate(alpha, self.alpha, (pixel, 1.0, observed), &covered)
+                        && is_accurate(over_white, self.over_white, (pixel, white, observed), &displayed))
         });
     }
 }

@@ -314,11 +314,13 @@ pub fn value_and_variance<'a>(
 ///
 /// The probability p of an event that has not happened in n samples is taken to be 1 / (2 (n + 1)), its posterior mean
 /// by Jeffreys' prior, the beta distribution of parameters 1/2 and 1/2 (Gelman and others, Bayesian Data Analysis, 3rd
-/// edition, section 2.8). Such an event may add or remove as much light as is displayed as white, `white`: p (1 - p) of
-/// its square is the variance of a sample.
-pub fn unseen_variance(white: f64, observed: u32, taken: u32) -> f64 {
+/// edition, section 2.8). Such an event may take away the light of the pixel, `value`, or add as much as is missing to
+/// what is displayed as white, `white`: p (1 - p) of the larger square is the variance of a sample.
+pub fn unseen_variance(value: DVec3, white: f64, observed: u32, taken: u32) -> DVec3 {
+    let light = value.clamp(DVec3::ZERO, DVec3::splat(white));
+    let change = light.max(white - light);
     let probability = 1.0 / (2.0 * (f64::from(observed) + 1.0));
-    white * white * probability * (1.0 - probability) / f64::from(taken)
+    change * change * (probability * (1.0 - probability) / f64::from(taken))
 }
 
 /// Whether the displayed error of a value, and the root of the mean fourth power of the errors at the values of the

@@ -382,7 +382,6 @@ fn environment_of(fill: Fill) -> Environment {
 mod tests {
     use super::super::CameraChoice;
     use super::*;
-    use crate::error::Warnings;
     use crate::geometry::Sphere;
     use crate::job::EnvironmentSettings;
     use crate::scene::{Camera, ColourValue, Intensity, Light, MaterialId, Object, Shape};
@@ -400,7 +399,7 @@ mod tests {
 
     fn look_of(scene: &Scene, settings: &RenderSettings) -> DefaultLook {
         let settings = RenderSettings { mesh_look: Look::Studio, ..settings.clone() };
-        settings.default_look(scene, &mut Warnings::default()).expect("a look")
+        crate::job::Session::still(scene.clone()).and_then(|session| session.look(&settings)).expect("a look").0
     }
 
     /// Whether a look has fill and key light, a ground, a background, and antialiasing.

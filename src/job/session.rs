@@ -479,7 +479,10 @@ impl Session {
     }
 
     /// The look for these settings, in coordinates of the scene, with its warnings and notes.
-    fn look(&self, settings: &RenderSettings) -> Result<(DefaultLook, Warnings)> {
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for invalid settings, [`Error::Input`] for an environment that cannot be read.
+    pub fn look(&self, settings: &RenderSettings) -> Result<(DefaultLook, Warnings)> {
         let key = settings.of_look(&self.scene);
         let (mut look, warnings) = self.looks.get_or_insert(&key, || {
             let environment = self.environments.get_or_insert(&key.environment, || {

@@ -14,7 +14,7 @@ use crate::scene::option::options;
 #[cfg(feature = "cli")]
 use crate::scene::option::{group, parser};
 use crate::scene::{
-    Camera, DefaultLook, Environment, Intensity, Look, Object, PictureSettings, Projection, Rotation, Scene,
+    Camera, Environment, Intensity, Look, Object, PictureSettings, Projection, Rotation, Scene,
 };
 use crate::world::{Framing, StandardView};
 
@@ -149,19 +149,6 @@ impl RenderSettings {
         })?;
         let objects: Vec<Object> = named.into_iter().map(|index| scene.objects[index].clone()).collect();
         Ok(Cow::Owned(Scene { objects, ..Scene::default() }))
-    }
-
-    /// The look of a scene in its own coordinates, before anything moves, with these settings: what its files say,
-    /// completed by the default look.
-    ///
-    /// # Errors
-    /// Those of [`EnvironmentSettings::of`], and [`Error::Input`] for a ground under a scene without objects.
-    pub fn default_look(&self, scene: &Scene, warnings: &mut Warnings) -> Result<DefaultLook> {
-        super::notes::warn_of_dark_lights(scene, warnings);
-        let environment = self.environment.of(scene, warnings)?;
-        let look = super::default_look::default_look(scene, self, environment)?;
-        look.notes.iter().for_each(|note| warnings.note(note.as_str()));
-        Ok(look)
     }
 }
 

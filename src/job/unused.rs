@@ -14,8 +14,6 @@ pub struct PictureUse {
     pub time: Option<f64>,
     /// Whether its values are rounded to integers.
     pub is_rounded: bool,
-    /// Whether the number of samples is chosen by their error or time.
-    pub chooses_samples: bool,
 }
 
 /// Warns of options that were given and change nothing in a picture with these settings, whatever the scene contains.
@@ -31,11 +29,6 @@ pub fn warn_of_unused(
         (SAMPLING, is_without(id::ANTIALIASING), " without the effect `antialiasing`"),
         (&["noise"], is_without(id::ADAPTIVE), " without the effect `adaptive`"),
         (&["min-samples"], sampling.noise.is_none(), " without --noise"),
-        (
-            &["seed"],
-            !sampling.is_wanted() && !picture.chooses_samples,
-            ": one sample per pixel, at its centre; --samples takes more",
-        ),
         (&["same-grain"], picture.time == Some(0.0), " in a picture at time 0"),
         (&["dither"], !picture.is_rounded, ": the values are not rounded to integers"),
     ];

@@ -238,10 +238,10 @@ impl OptionValue for Exposure {
 const OF_AUTOMATIC_CAMERA: [&str; 4] = ["azimuth", "elevation", "zoom", "fov"];
 
 impl PictureSettings {
-    /// Names of the options that are set and change automatic cameras alone.
+    /// The options that are set and change automatic cameras alone.
     pub fn of_automatic_camera(&self) -> Vec<String> {
-        let entries = self.entries().into_iter().map(|(name, _)| name);
-        entries.filter(|name| OF_AUTOMATIC_CAMERA.contains(&name.as_str())).collect()
+        let names = self.entries().into_iter().map(|(name, _)| name);
+        names.filter(|name| OF_AUTOMATIC_CAMERA.contains(&&**name)).map(|name| format!("--{name}")).collect()
     }
 
     /// Settings of a width and a height in pixels, each limited to the range of [`Side`].

@@ -208,7 +208,7 @@ fn frames_have_the_ground_of_the_scene_at_rest() {
         let scene = load(&file);
         let picture = kiln::scene::PictureSettings { ground: Some(true), ..Default::default() };
         let settings = RenderSettings::from(picture);
-        let look = settings.default_look(&scene, &mut Warnings::default()).unwrap();
+        let look = kiln::job::Session::still(scene.clone()).unwrap().look(&settings).unwrap().0;
         let ground = look.ground.expect("a ground");
         // The bounding box of the sphere has the radius 2 sqrt 3.
         assert!((ground.half_side - 40.0 * 3f64.sqrt()).abs() < 1e-9);

@@ -393,7 +393,7 @@ fn pixels_of_random_light_end_when_they_are_accurate() {
                 let (value, variance) = value_and_variance(others.iter(), SampleIntegrand::Random, &around);
                 let variance = variance
                     + missed_variance(around.deviation, count)
-                    + unseen_variance(1.0, 8 * count, count);
+                    + unseen_variance(value, 1.0, 8 * count, count);
                 if is_displayed_within(level, (value, variance), others.iter(), shown) || count == most {
                     break;
                 }
