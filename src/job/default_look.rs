@@ -47,13 +47,15 @@ const GROUND_ALBEDO: f64 = 0.86;
 /// is displayed as x^2 / 0.16, the others by as much less as it.
 const DARK_BACKGROUND: DVec3 = DVec3::new(0.048_072, 0.049_622, 0.053_014);
 
-/// Standard error of displayed values at which pixels are sampled no further; the most samples, and those of paths.
-const NOISE: f64 = 0.025;
-const SAMPLES: u32 = 16;
-pub(super) const PATH_SAMPLES: u32 = 64;
+/// Standard error of displayed values at which pixels are sampled no further, and the most samples.
+const NOISE: f64 = 0.04;
+const SAMPLES: u32 = 24;
 
-/// Noise threshold where materials turn path tracing on. Indirect light is then clamped to white.
+/// Those of paths. Where materials turn path tracing on, indirect light is clamped to white, and the noise threshold is
+/// higher.
+const PATH_NOISE: f64 = 0.025;
 const CALLED_NOISE: f64 = 0.055;
+pub(super) const PATH_SAMPLES: u32 = 64;
 
 /// Rows of the fill light as an image for path tracing.
 const ROWS: u32 = 512;
@@ -182,7 +184,7 @@ fn is_lit_by_files(scene: &Scene, look: &DefaultLook) -> bool {
 fn sampling(picture: PictureSettings, context: &LookContext) -> PictureSettings {
     let (noise, most) = match (context.traces_paths, context.has_path_tracing_reason) {
         (true, true) => (CALLED_NOISE, PATH_SAMPLES),
-        (true, false) => (NOISE, PATH_SAMPLES),
+        (true, false) => (PATH_NOISE, PATH_SAMPLES),
         (false, _) => (NOISE, SAMPLES),
     };
     picture.or_look(PictureSettings {
@@ -399,7 +401,10 @@ mod tests {
 
     fn look_of(scene: &Scene, settings: &RenderSettings) -> DefaultLook {
         let settings = RenderSettings { mesh_look: Look::Studio, ..settings.clone() };
-        crate::job::Session::still(scene.clone()).and_then(|session| session.look(&settings)).expect("a look").0
+        crate::job::Session::still(scene.clone())
+            .and_then(|session| session.look(&settings))
+            .expect("a look")
+            .0
     }
 
     /// Whether a look has fill and key light, a ground, a background, and antialiasing.

@@ -69,8 +69,8 @@ options! {
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "PIXELS", value_parser = parser::<FilterRadius>()]
         filter_radius: Option<FilterRadius>,
         /// Noise threshold of adaptive sampling: sample each pixel until the standard error of its displayed value (1
-        /// is white) is below this [default: for meshes without sampling options 0.025, 0.055 where transmissive or
-        /// emissive materials call for path tracing, else none]
+        /// is white) is below this [default: for meshes without sampling options 0.04, for paths 0.025, 0.055 where
+        /// transmissive or emissive materials call for them, else none]
         [long, help_heading = group::QUALITY, display_order = 1, allow_hyphen_values = true, value_name = "LEVEL", value_parser = parser::<Noise>()] noise: Option<Noise>,
         /// Minimum samples per pixel of adaptive sampling [default: 4]
         [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] min_samples: Option<Samples>,
