@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::options::Table;
 use crate::error::{Error, Result};
 use crate::import::all_endings;
 use crate::job::PictureOptions;
@@ -20,7 +21,7 @@ pub(crate) struct Arguments {
     #[arg(required = true, value_name = "INPUT", help = inputs_help("Input files, combined into one scene"))]
     pub inputs: Vec<PathBuf>,
     #[command(flatten)]
-    pub options: PictureOptions,
+    pub options: Table<PictureOptions>,
 }
 
 /// Checks options and inputs before any file is read.

@@ -12,6 +12,7 @@ use super::output;
 use super::prepare::{Reporter, timed};
 use super::progress::{Mode, Progress};
 use crate::animation::{AnimationJob, FileNames, FrameList, FrameRequest, in_order};
+use crate::cli::options::parser;
 use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
 use crate::film::TILE;
@@ -23,7 +24,7 @@ use crate::limits;
 use crate::render::aov::AovSelection;
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Seconds;
-use crate::scene::option::{group, parser};
+use crate::scene::option::group;
 
 /// A number above 0.
 fn above_zero(text: &str) -> std::result::Result<f64, String> {

@@ -19,6 +19,7 @@ mod merge;
 mod message;
 mod names;
 mod numbers;
+mod options;
 mod output;
 pub mod picture;
 mod prepare;

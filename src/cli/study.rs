@@ -173,7 +173,7 @@ fn render_command(arguments: &Arguments, session: &Session, picture: &ResolvedPi
     let options = PictureOptions {
         size: arguments.options.size.or(Some(picture.size().map(Side::clamped))),
         draft: arguments.options.draft || !session.scene().has_settings,
-        ..arguments.options.clone()
+        ..arguments.options.0.clone()
     };
     let inputs = arguments.inputs.iter().map(|input| input.display().to_string());
     let words = ["kiln", "render"].map(str::to_owned).into_iter().chain(inputs).chain(options.words());

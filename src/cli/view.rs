@@ -104,7 +104,7 @@ fn initial_view(
     let mut arguments = arguments.clone();
     if !arguments.inputs.is_empty() && arguments.inputs != inputs {
         // Camera options do not apply to files that were dropped onto the window.
-        let PictureOptions { camera, view, look_at, picture, .. } = &mut arguments.options;
+        let PictureOptions { camera, view, look_at, picture, .. } = &mut *arguments.options;
         (*camera, *view, *look_at) = (None, None, None);
         *picture = PictureSettings { azimuth: None, elevation: None, zoom: None, fov: None, ..*picture };
         arguments.inputs = inputs.to_vec();

@@ -2,15 +2,13 @@
 
 use super::{CameraChoice, EnvironmentSettings, RenderSettings};
 use crate::bvh::Preset;
-#[cfg(feature = "cli")]
 use crate::effects::EFFECTS;
 use crate::effects::{check_names, id};
 use crate::error::{Error, Result};
 use crate::film::Window;
 use crate::import::inline_camera;
 use crate::scene::OptionValue;
-#[cfg(feature = "cli")]
-use crate::scene::option::{group, parser};
+use crate::scene::option::group;
 use crate::scene::option::{options, ranged};
 use crate::scene::{Bounces, Counted, ImportOptions, Look, PictureSettings, Projection, Side};
 use crate::world::StandardView;
@@ -21,40 +19,36 @@ options! {
     pub struct PictureOptions {
         /// Camera of the scene by name or index from 0, `auto` for one that frames the scene, or the keys of a camera in scene
         /// files: '{ position = [0, 1, 6], look_at = [0, 1, 0], vertical_fov = 40 }' [default: the scene's first, else auto]
-        [long, help_heading = group::CAMERA, display_order = 1, value_name = "NAME|INDEX|auto|{...}"] camera: Option<String>,
+        [of(group::CAMERA).order(1).value_name("NAME|INDEX|auto|{...}")] camera: Option<String>,
         /// Standard view that frames the scene [default without a camera: from 35° to the right of the front and 20° above]
-        [long, help_heading = group::CAMERA, display_order = 0, value_parser = parser::<StandardView>()] view: Option<StandardView>,
+        [of(group::CAMERA).order(0)] view: Option<StandardView>,
         /// Picture width and height in pixels [default: the scene's, else 1024x1024]
-        [long, help_heading = group::OUTPUT, display_order = 1, allow_hyphen_values = true, value_name = "WxH", value_parser = parser::<[Side; 2]>()]
-        size: Option<[Side; 2]>,
+        [of(group::OUTPUT).order(1).hyphens().value_name("WxH")] size: Option<[Side; 2]>,
         /// How the inputs are read.
         [flatten] import: ImportOptions,
         /// Object that an automatic camera frames, by name [default: all objects]
-        [long, help_heading = group::CAMERA, display_order = 2, value_name = "OBJECT"] look_at: Option<String>,
+        [of(group::CAMERA).order(2).value_name("OBJECT")] look_at: Option<String>,
         /// Projection [default: the camera's]
-        [long, help_heading = group::CAMERA, value_parser = parser::<Projection>()] projection: Option<Projection>,
+        [of(group::CAMERA)] projection: Option<Projection>,
         /// Render only this rectangle of the picture: left, top, width and height in pixels
-        [long, help_heading = group::OUTPUT, allow_hyphen_values = true, value_name = "X,Y,W,H", value_parser = parser::<Window>()]
-        crop: Option<Window>,
+        [of(group::OUTPUT).hyphens().value_name("X,Y,W,H")] crop: Option<Window>,
         /// Light from infinitely far away.
         [flatten] environment: EnvironmentSettings,
         /// Effects to turn on, as `NAME` or `NAME=VALUE`.
-        [long, help_heading = group::LOOK, display_order = 910, value_name = "EFFECT", help = with_help()] with: Vec<String>,
+        [of(group::LOOK).order(910).value_name("EFFECT").help(with_help())] with: Vec<String>,
         /// Turn an effect off, by its name as for --with; may be repeated
-        [long, help_heading = group::LOOK, display_order = 911, value_name = "EFFECT"] without: Vec<String>,
+        [of(group::LOOK).order(911).value_name("EFFECT")] without: Vec<String>,
         /// Options that scene files have, too.
         [flatten] picture: PictureSettings,
         /// Build preset of the acceleration structure: build time against render time, for the same picture [default:
         /// balanced]
-        [long, help_heading = group::LIMITS, display_order = 1, value_name = "PRESET", value_parser = parser::<Preset>()] bvh: Option<Preset>,
+        [of(group::LIMITS).order(1).value_name("PRESET")] bvh: Option<Preset>,
         /// Maximum bounces of a path, 0 to 1000; 0 is emission only, 1 adds direct light [default: 8]
-        [long, help_heading = group::QUALITY, display_order = 4, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Bounces>()]
-        depth: Option<Bounces>,
+        [of(group::QUALITY).order(4).hyphens().value_name("N")] depth: Option<Bounces>,
         /// Fast preview of meshes: one sample per pixel, a headlight and a dark background instead of the default look
-        [long, help_heading = group::LOOK, display_order = 2] draft: bool,
+        [of(group::LOOK).order(2)] draft: bool,
         /// Number of threads [default: all that this process may use, or SLURM_CPUS_PER_TASK if less]
-        [long, help_heading = group::LIMITS, display_order = 0, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Threads>()]
-        threads: Option<Threads>,
+        [of(group::LIMITS).order(0).hyphens().value_name("N")] threads: Option<Threads>,
     }
 }
 
@@ -64,7 +58,6 @@ ranged! {
 }
 
 /// The help of `--with`: the names of all effects.
-#[cfg(feature = "cli")]
 fn with_help() -> String {
     let effects = EFFECTS.iter().map(|effect| match &effect.value {
         Some(value) => format!("{}[={}]", effect.id, value.placeholder),

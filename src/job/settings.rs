@@ -10,9 +10,8 @@ use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
 use crate::film::{ColourPipeline, DisplaySettings, Window};
 use crate::import;
+use crate::scene::option::group;
 use crate::scene::option::options;
-#[cfg(feature = "cli")]
-use crate::scene::option::{group, parser};
 use crate::scene::{
     Camera, Environment, Intensity, Look, Object, PictureSettings, Projection, Rotation, Scene,
 };
@@ -159,17 +158,13 @@ options! {
     pub struct EnvironmentSettings {
         /// Environment light and background: an equirectangular .hdr or .exr image, `sky`, or a colour. Turns path tracing on
         /// [default: the scene's]
-        [long, help_heading = group::LIGHT, value_name = "FILE|sky|COLOUR", value_parser = parser::<String>()] environment: Option<String>,
+        [of(group::LIGHT).value_name("FILE|sky|COLOUR")] environment: Option<String>,
         /// Rotation of the environment about +y in degrees, counterclockwise seen from above
-        [long, help_heading = group::LIGHT, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()]
-        environment_rotation: Option<Rotation>,
+        [of(group::LIGHT).hyphens().value_name("DEG")] environment_rotation: Option<Rotation>,
         /// Factor of the radiance of the environment [default: the scene's, or 1]
-        [long, help_heading = group::LIGHT, value_name = "FACTOR", value_parser = parser::<Intensity>()]
-        environment_intensity: Option<Intensity>,
+        [of(group::LIGHT).value_name("FACTOR")] environment_intensity: Option<Intensity>,
         /// Light the scene by the environment, but show the background colour behind it [default: false]
-        [long, help_heading = group::LIGHT, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
-         value_name = "true|false", value_parser = parser::<bool>()]
-        hide_environment: Option<bool>,
+        [of(group::LIGHT)] hide_environment: Option<bool>,
     }
 }
 

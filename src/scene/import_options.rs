@@ -1,8 +1,7 @@
 //! What is asked of the files of a scene when they are read.
 
+use super::option::group;
 use super::option::{OptionValue, options, ranged};
-#[cfg(feature = "cli")]
-use super::option::{group, parser};
 use super::{ClipChoice, ClipTime, UpChoice};
 use crate::limits::Limits;
 
@@ -11,34 +10,31 @@ options! {
     #[derive(Debug, Clone, Default, PartialEq)]
     pub struct ImportOptions {
         /// Time in seconds at which glTF animations are evaluated [default: the rest pose]
-        [long, help_heading = group::INPUT, allow_hyphen_values = true, value_name = "SECONDS", value_parser = parser::<Seconds>()] time: Option<Seconds>,
+        [of(group::INPUT).hyphens().value_name("SECONDS")] time: Option<Seconds>,
         /// Material variant of glTF files (KHR_materials_variants), by name [default: the file's materials]
-        [long, help_heading = group::INPUT, value_name = "NAME", value_parser = parser::<String>()] variant: Option<String>,
+        [of(group::INPUT).value_name("NAME")] variant: Option<String>,
         /// Up axis of mesh files; `auto`: y in glTF, z in 3MF; of other formats, z for a file that seems to stand upright in it, else y
         /// [default: y]
-        [long, help_heading = group::INPUT, display_order = 0, allow_hyphen_values = true, value_name = "AXIS", ignore_case = true, value_parser = parser::<UpChoice>()] up: Option<UpChoice>,
+        [of(group::INPUT).order(0).hyphens().value_name("AXIS").ignores_case()] up: Option<UpChoice>,
         /// Smooth normals for mesh files without normals, up to this crease angle in degrees, 0 to 180; 0 is flat shading [default
         /// without a number: 30] [default: 30, but glTF files are flat]
-        [long, help_heading = group::INPUT, display_order = 1, value_name = "DEG", num_args = 0..=1, default_missing_value = "30", value_parser = parser::<Degrees>()]
-        smooth: Option<Degrees>,
+        [of(group::INPUT).order(1).value_name("DEG").bare("30")] smooth: Option<Degrees>,
         /// Animation clip of a glTF file, by name or index from 0, or `all`; several play together, of those that animate
         /// the same property the last [default: the first]
-        [long = "clip", help_heading = group::INPUT, value_name = "NAME|INDEX|all", value_parser = parser::<ClipChoice>()]
-        clips as clip: Vec<ClipChoice>,
+        [of(group::INPUT).value_name("NAME|INDEX|all")] clips as clip: Vec<ClipChoice>,
         /// Material for all objects, with the keys of `[material]` in scene files: '{ colour = "#c33", metallic = 1, roughness = 0.2 }';
         /// NAME={...}: for the objects of this name or whose material has it; NAME+={...}: change colour, metallic or roughness of
         /// their own material, whose textures stay; may be repeated, the last counts
-        [long = "material", help_heading = group::LOOK, value_name = "{...}|NAME={...}|NAME+={...}", value_parser = parser::<MaterialChoice>()]
-        materials as material: Vec<MaterialChoice>,
+        [of(group::LOOK).value_name("{...}|NAME={...}|NAME+={...}")] materials as material: Vec<MaterialChoice>,
         /// Leave objects of this name and their parts (OBJECT/...) out of the picture; may be repeated. The camera that frames the
         /// scene frames the others
-        [long, help_heading = group::INPUT, value_name = "OBJECT"] hide: Vec<String>,
+        [of(group::INPUT).value_name("OBJECT")] hide: Vec<String>,
         /// Leave all objects but those of this name and their parts out of the picture; may be repeated
-        [long, help_heading = group::INPUT, value_name = "OBJECT"] isolate: Vec<String>,
+        [of(group::INPUT).value_name("OBJECT")] isolate: Vec<String>,
         /// Read glTF files that require unsupported extensions; what depends on these is missing or wrong
-        [long, help_heading = group::INPUT] ignore_required_extensions: bool,
+        [of(group::INPUT)] ignore_required_extensions: bool,
         /// Follow references of mesh files outside their folder, such as a texture ../wood.png; only for trusted files
-        [long, help_heading = group::INPUT] allow_outside_references: bool,
+        [of(group::INPUT)] allow_outside_references: bool,
         /// Whether meshes without normals get smooth ones at an angle of [`ImportOptions::CREASE`] if `smooth` is not given, as in the
         /// default look; not those of glTF, which are flat by its specification.
         [skip] smooths_meshes: bool,

@@ -82,7 +82,7 @@ pub use material::{
     DecodedImage, Glaze, Material, MetallicRoughness, Opacity, Phong, Refraction, TexelEncoding, Texture,
 };
 pub use material_change::MaterialChange;
-pub use option::{GivenValue, OptionValue, ValueKind};
+pub use option::{GivenValue, OptionSpec, OptionValue, Options, ValueCount, ValueKind, group};
 pub use picture::{
     Background, Bounces, Clamp, FieldOfView, FilterRadius, Headlight, Intensity, Look, Noise,
     PictureSettings, Rotation, Samples, Side, Zoom,

@@ -99,6 +99,26 @@ pub(crate) trait OptionField {
     fn set(&mut self, value: Option<&GivenValue>) -> Result<(), String>;
 }
 
+/// The type of an [`OptionField`].
+pub(crate) trait OptionType: OptionField + Default {
+    /// How often it may be given.
+    const COUNT: ValueCount;
+
+    /// Checks a value as typed.
+    ///
+    /// # Errors
+    /// A message that states the valid values.
+    fn check(text: &str) -> Result<(), String>;
+}
+
+impl<T: OptionValue> OptionType for Option<T> {
+    const COUNT: ValueCount = ValueCount::One;
+
+    fn check(text: &str) -> Result<(), String> {
+        T::parse(text).map(drop)
+    }
+}
+
 impl<T: OptionValue> OptionField for Option<T> {
     fn kind(&self) -> ValueKind {
         T::kind()
@@ -115,6 +135,14 @@ impl<T: OptionValue> OptionField for Option<T> {
     fn set(&mut self, value: Option<&GivenValue>) -> Result<(), String> {
         *self = value.map(GivenValue::parse).transpose()?;
         Ok(())
+    }
+}
+
+impl<T: OptionValue> OptionType for Vec<T> {
+    const COUNT: ValueCount = ValueCount::Many;
+
+    fn check(text: &str) -> Result<(), String> {
+        T::parse(text).map(drop)
     }
 }
 
@@ -135,6 +163,14 @@ impl<T: OptionValue> OptionField for Vec<T> {
             value => value.map(GivenValue::parse).transpose()?.into_iter().collect(),
         };
         Ok(())
+    }
+}
+
+impl OptionType for bool {
+    const COUNT: ValueCount = ValueCount::Switch;
+
+    fn check(text: &str) -> Result<(), String> {
+        <bool as OptionValue>::parse(text).map(drop)
     }
 }
 
@@ -288,28 +324,131 @@ named_values!(
 );
 
 /// Headings under which the help lists options.
-#[cfg(feature = "cli")]
-pub(crate) mod group {
-    pub(crate) const OUTPUT: &str = "Output";
-    pub(crate) const CAMERA: &str = "Camera";
-    pub(crate) const LIGHT: &str = "Light";
-    pub(crate) const LOOK: &str = "Look";
-    pub(crate) const QUALITY: &str = "Quality";
-    pub(crate) const ANIMATION: &str = "Animation";
-    pub(crate) const INPUT: &str = "Input";
-    pub(crate) const MEASUREMENT: &str = "Measurement";
-    pub(crate) const LIMITS: &str = "Speed and limits";
+pub mod group {
+    #![allow(missing_docs)]
+    pub const OUTPUT: &str = "Output";
+    pub const CAMERA: &str = "Camera";
+    pub const LIGHT: &str = "Light";
+    pub const LOOK: &str = "Look";
+    pub const QUALITY: &str = "Quality";
+    pub const ANIMATION: &str = "Animation";
+    pub const INPUT: &str = "Input";
+    pub const MEASUREMENT: &str = "Measurement";
+    pub const LIMITS: &str = "Speed and limits";
 }
 
-/// A parser for the command line.
-#[cfg(feature = "cli")]
-pub(crate) fn parser<T: OptionValue>() -> clap::builder::ValueParser {
-    use clap::builder::{PossibleValuesParser, TypedValueParser, ValueParser};
-    let names = T::names();
-    if names.is_empty() {
-        return ValueParser::new(T::parse);
+/// What a command line and its help show of an option.
+#[derive(Debug, Clone)]
+pub struct OptionSpec {
+    /// The name on the command line.
+    pub name: String,
+    /// What it does.
+    pub help: String,
+    /// Heading in the help.
+    pub group: &'static str,
+    /// Place under the heading; `None` for that in the table.
+    pub order: Option<usize>,
+    /// What stands for the value in the help.
+    pub value_name: String,
+    /// What the values are.
+    pub kind: ValueKind,
+    /// How often it may be given.
+    pub count: ValueCount,
+    /// Whether values may begin with a hyphen.
+    pub takes_hyphens: bool,
+    /// Whether the help leaves out the list of values.
+    pub hides_values: bool,
+    /// Whether case does not matter in values.
+    pub ignores_case: bool,
+    /// Another name.
+    pub alias: Option<&'static str>,
+    /// The value if it is given without one.
+    pub bare: Option<&'static str>,
+    /// Checks a value as typed: a message that states the valid values.
+    pub check: fn(&str) -> Result<(), String>,
+}
+
+/// How often an option may be given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ValueCount {
+    /// Once, without a value.
+    Switch,
+    /// Once.
+    One,
+    /// Several times.
+    Many,
+}
+
+impl OptionSpec {
+    /// The option of a field, with the lines of its documentation.
+    pub(crate) fn new<T: OptionType>(field: &str, documentation: &[&str]) -> Self {
+        let lines: Vec<&str> = documentation.iter().map(|line| line.trim()).collect();
+        let kind = T::default().kind();
+        let is_on_or_off = T::COUNT == ValueCount::One && kind == <bool as OptionValue>::kind();
+        OptionSpec {
+            name: field.replace('_', "-"),
+            help: lines.join(" ").trim_end_matches('.').to_owned(),
+            group: "",
+            order: None,
+            value_name: if is_on_or_off { "true|false".into() } else { field.to_uppercase() },
+            kind,
+            count: T::COUNT,
+            takes_hyphens: false,
+            hides_values: is_on_or_off,
+            ignores_case: false,
+            alias: None,
+            bare: is_on_or_off.then_some("true"),
+            check: T::check,
+        }
     }
-    ValueParser::new(PossibleValuesParser::new(names).try_map(|name| T::parse(&name)))
+
+    pub(crate) fn of(self, group: &'static str) -> Self {
+        OptionSpec { group, ..self }
+    }
+
+    pub(crate) fn order(self, order: usize) -> Self {
+        OptionSpec { order: Some(order), ..self }
+    }
+
+    pub(crate) fn value_name(self, name: &str) -> Self {
+        OptionSpec { value_name: name.to_owned(), ..self }
+    }
+
+    pub(crate) fn help(self, help: String) -> Self {
+        OptionSpec { help, ..self }
+    }
+
+    pub(crate) fn hyphens(self) -> Self {
+        OptionSpec { takes_hyphens: true, ..self }
+    }
+
+    pub(crate) fn hides_values(self) -> Self {
+        OptionSpec { hides_values: true, ..self }
+    }
+
+    pub(crate) fn ignores_case(self) -> Self {
+        OptionSpec { ignores_case: true, ..self }
+    }
+
+    pub(crate) fn alias(self, alias: &'static str) -> Self {
+        OptionSpec { alias: Some(alias), ..self }
+    }
+
+    pub(crate) fn bare(self, value: &'static str) -> Self {
+        OptionSpec { bare: Some(value), ..self }
+    }
+}
+
+/// A table of options that a command line takes.
+pub trait Options: Default + Clone + Send + Sync + 'static {
+    /// The options that are set by name.
+    fn specs() -> Vec<OptionSpec>;
+
+    /// Sets an option by its name; `None` unsets it. Other names do nothing.
+    ///
+    /// # Errors
+    /// A message that states the valid values.
+    fn set_by_name(&mut self, name: &str, value: Option<GivenValue>) -> Result<(), String>;
 }
 
 /// Declares types of numbers in a range, with the message for others. The type of the number is given twice, the second
@@ -373,21 +512,37 @@ macro_rules! ranged {
 }
 pub(crate) use ranged;
 
-/// Declares a table of options: a struct with documentation, clap attributes in brackets (with a [`group`]), name of the
-/// option where it is not that of the field, and type of each. `[flatten]` is another table, `[skip]` no option, and
+/// Declares a table of options: a struct with documentation, methods of [`OptionSpec`] in brackets (with a [`group`]), name
+/// of the option where it is not that of the field, and type of each. `[flatten]` is another table, `[skip]` no option, and
 /// `[skip = VALUE]` a part of another option, which is not set by its name. Documentation serves as rustdoc, description
 /// of the schema and help text.
 macro_rules! options {
     ($(#[$of_struct:meta])* pub struct $name:ident {
-        $($(#[$attribute:meta])* [$($arg:tt)*] $field:ident $(as $option:ident)?: $type:ty,)*
+        $($(#[$($attribute:tt)*])* [$($arg:tt)*] $field:ident $(as $option:ident)?: $type:ty,)*
     }) => {
         $(#[$of_struct])*
-        #[cfg_attr(feature = "cli", derive(clap::Args))]
         pub struct $name { $(
-            $(#[$attribute])*
-            #[cfg_attr(feature = "cli", clap($($arg)*))]
+            $(#[$($attribute)*])*
             pub $field: $type,
         )* }
+
+        impl $crate::scene::option::Options for $name {
+            fn specs() -> Vec<$crate::scene::option::OptionSpec> {
+                let mut specs = Vec::new();
+                $($crate::scene::option::row!(
+                    specs [$($arg)*] specs, $type, [$([$($attribute)*])*], $($option)? $field
+                );)*
+                specs
+            }
+
+            fn set_by_name(
+                &mut self,
+                name: &str,
+                value: Option<$crate::scene::GivenValue>,
+            ) -> std::result::Result<(), String> {
+                self.set(name, value)
+            }
+        }
 
         impl $crate::scene::option::OptionTable for $name {
             fn rows(&mut self, _: &str) -> Vec<$crate::scene::option::OptionRow<'_>> {
@@ -456,6 +611,20 @@ pub(crate) use options;
 
 /// What [`options`] generates for a row.
 macro_rules! row {
+    (specs [flatten] $specs:ident, $type:ty, [$($doc:tt)*], $name:ident) => {
+        $specs.extend(<$type as $crate::scene::option::Options>::specs())
+    };
+    (specs [skip $($value:tt)*] $specs:ident, $type:ty, [$($doc:tt)*], $name:ident) => {};
+    (specs [$($arg:tt)*] $specs:ident, $type:ty, [$($doc:tt)*], $name:ident $($own:ident)?) => {{
+        let mut lines: Vec<&str> = Vec::new();
+        $($crate::scene::option::row!(doc lines $doc);)*
+        let spec = $crate::scene::option::OptionSpec::new::<$type>(stringify!($name), &lines);
+        $specs.push(spec.$($arg)*)
+    }};
+    (doc $lines:ident [doc = $line:expr]) => {
+        $lines.push($line)
+    };
+    (doc $lines:ident [$($other:tt)*]) => {};
     (rows [skip] $rows:ident, $field:expr, $name:ident) => {};
     (rows [skip = $value:expr] $rows:ident, $field:expr, $name:ident) => {
         let rows = $crate::scene::option::OptionTable::rows(&mut $field, stringify!($name)).into_iter();

@@ -6,9 +6,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::colour_value::ColourValue;
+use super::option::group;
 use super::option::{OptionValue, named_values, options, ranged};
-#[cfg(feature = "cli")]
-use super::option::{group, parser};
 use super::sampling::Sampling;
 use super::{BitDepth, MAX_SAMPLES, Numerics, PixelSampler, ShadingMode, Transport};
 use crate::film::filter::RADII;
@@ -30,95 +29,85 @@ options! {
         /// for scene files]
         [skip = None] look: Option<Look>,
         /// Orbit of the automatic camera around the vertical axis, in degrees to the right of --view [default: 0]
-        [long, help_heading = group::CAMERA, display_order = 2, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()] azimuth: Option<Rotation>,
+        [of(group::CAMERA).order(2).hyphens().value_name("DEG")] azimuth: Option<Rotation>,
         /// Orbit of the automatic camera upwards from --view, in degrees, at most to straight above or below [default:
         /// 0]
-        [long, help_heading = group::CAMERA, display_order = 3, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<Rotation>()] elevation: Option<Rotation>,
+        [of(group::CAMERA).order(3).hyphens().value_name("DEG")] elevation: Option<Rotation>,
         /// Magnification of the automatic camera's picture about its centre, 0.001 to 1000; 1 frames the scene
         /// [default: 1]
-        [long, help_heading = group::CAMERA, display_order = 4, allow_hyphen_values = true, value_name = "FACTOR", value_parser = parser::<Zoom>()] zoom: Option<Zoom>,
+        [of(group::CAMERA).order(4).hyphens().value_name("FACTOR")] zoom: Option<Zoom>,
         /// Vertical field of view of the automatic camera in degrees, 0.1 to 170 [default: 30 for meshes, 40 with
         /// --draft and for scene files]
-        [long, help_heading = group::CAMERA, display_order = 5, allow_hyphen_values = true, value_name = "DEG", value_parser = parser::<FieldOfView>()] fov: Option<FieldOfView>,
+        [of(group::CAMERA).order(5).hyphens().value_name("DEG")] fov: Option<FieldOfView>,
         /// Arithmetic of the intersection tests: `fast` (f32; rays may leak through edges), `watertight` (corners in
         /// f32, tests in f64; no ray leaks out of closed meshes), `double` (f64) or `exact` (as double, decided without
         /// rounding)
         /// [default: watertight]
-        [long, help_heading = group::QUALITY, display_order = 900, hide_possible_values = true, value_name = "TIER",
-         value_parser = parser::<Numerics>()] numerics: Option<Numerics>,
+        [of(group::QUALITY).order(900).hides_values().value_name("TIER")] numerics: Option<Numerics>,
         /// Shading: `phong` is the full model, `flat` the surface colour alone, `ambient` and `diffuse` that term
         /// alone; all but `phong` without effects [default: phong]
-        [long, help_heading = group::LOOK, hide_possible_values = true, value_name = "MODE", value_parser = parser::<ShadingMode>()] shading: Option<ShadingMode>,
+        [of(group::LOOK).hides_values().value_name("MODE")] shading: Option<ShadingMode>,
         /// Light transport: `whitted` (local shading, shadow rays, mirror reflections) or `path` (path tracing:
         /// indirect light, soft shadows) [default: path in scenes with an environment or area lights, and for meshes
         /// with transmissive or emissive materials, else whitted]
-        [long, help_heading = group::QUALITY, display_order = 3, hide_possible_values = true, value_parser = parser::<Transport>()] transport: Option<Transport>,
+        [of(group::QUALITY).order(3).hides_values()] transport: Option<Transport>,
         /// Clamp of indirect light: maximum radiance that a path adds at each bounce, above 0; 1 is white. Reduces
         /// fireflies and darkens indirect light [default: none; display white where materials of meshes call for path
         /// tracing]
-        [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "RADIANCE", value_parser = parser::<Clamp>()] clamp: Option<Clamp>,
+        [of(group::QUALITY).hyphens().value_name("RADIANCE")] clamp: Option<Clamp>,
         /// Maximum perfectly specular bounces of a path (smooth mirrors and clear glass), 0 to 1000, which then do not
         /// count towards --depth [default: 64; with --depth alone, that limits all]
-        [long, help_heading = group::QUALITY, display_order = 5, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Bounces>()] depth_specular: Option<Bounces>,
-        /// Samples per pixel, 1 to 65536; with a noise threshold, the maximum [default: for meshes 16,
+        [of(group::QUALITY).order(5).hyphens().value_name("N")] depth_specular: Option<Bounces>,
+        /// Samples per pixel, 1 to 65536; with a noise threshold, the maximum [default: for meshes 24,
         /// with path tracing 64; for scene files 1 at the pixel's centre, 16 with a filter, 256 with a noise threshold]
-        [long, help_heading = group::QUALITY, display_order = 0, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] samples: Option<Samples>,
+        [of(group::QUALITY).order(0).hyphens().value_name("N")] samples: Option<Samples>,
         /// Pixel reconstruction filter [default: gaussian]
-        [long, help_heading = group::QUALITY, value_name = "FILTER", value_parser = parser::<FilterShape>()] filter: Option<FilterShape>,
+        [of(group::QUALITY).value_name("FILTER")] filter: Option<FilterShape>,
         /// Filter radius in pixels [default: box 0.5, tent 1, gaussian 1.5, mitchell 2]
-        [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "PIXELS", value_parser = parser::<FilterRadius>()]
-        filter_radius: Option<FilterRadius>,
+        [of(group::QUALITY).hyphens().value_name("PIXELS")] filter_radius: Option<FilterRadius>,
         /// Noise threshold of adaptive sampling: sample each pixel until the standard error of its displayed value (1
         /// is white) is below this [default: for meshes without sampling options 0.04, for paths 0.025, 0.055 where
         /// transmissive or emissive materials call for them, else none]
-        [long, help_heading = group::QUALITY, display_order = 1, allow_hyphen_values = true, value_name = "LEVEL", value_parser = parser::<Noise>()] noise: Option<Noise>,
+        [of(group::QUALITY).order(1).hyphens().value_name("LEVEL")] noise: Option<Noise>,
         /// Minimum samples per pixel of adaptive sampling [default: 4]
-        [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "N", value_parser = parser::<Samples>()] min_samples: Option<Samples>,
+        [of(group::QUALITY).hyphens().value_name("N")] min_samples: Option<Samples>,
         /// Same random numbers at all times, so that the grain of frames is a fixed pattern, instead of others in each frame
         /// [default: false]
-        [long, help_heading = group::QUALITY, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
-         value_name = "true|false", value_parser = parser::<bool>()]
-        same_grain: Option<bool>,
+        [of(group::QUALITY)] same_grain: Option<bool>,
         /// Seed of the random numbers [default: 0]
-        [long, help_heading = group::QUALITY, allow_hyphen_values = true, value_name = "N", value_parser = parser::<u32>()] seed: Option<u32>,
+        [of(group::QUALITY).hyphens().value_name("N")] seed: Option<u32>,
         /// Sampler: `sobol` (Owen-scrambled Sobol sequence) or `independent` (converges more slowly; for `kiln compare
         /// --t-test`) [default: sobol]
-        [long, help_heading = group::QUALITY, hide_possible_values = true, value_name = "SAMPLER", value_parser = parser::<PixelSampler>()] sampler: Option<PixelSampler>,
+        [of(group::QUALITY).hides_values().value_name("SAMPLER")] sampler: Option<PixelSampler>,
         /// Colour arithmetic: `linear` (linear light), `display` (sRGB-encoded values) or `u8` (sRGB-encoded values,
         /// rounded to 8 bits after each step) [default: linear]
-        [long, alias = "color", help_heading = group::LOOK, hide_possible_values = true, value_name = "PIPELINE", value_parser = parser::<ColourPipeline>()] colour: Option<ColourPipeline>,
+        [alias("color").of(group::LOOK).hides_values().value_name("PIPELINE")] colour: Option<ColourPipeline>,
         /// Exposure in stops (EV), -64 to 64, or `auto`, computed from the picture. For 8-bit pictures, films and the
         /// window, with linear colour arithmetic [default: automatic for meshes with emissive materials or glTF lights,
         /// or with the camera inside the scene, else 0]
-        [long, help_heading = group::LOOK, display_order = 3, allow_hyphen_values = true, value_name = "EV|auto", value_parser = parser::<Exposure>()] exposure: Option<Exposure>,
+        [of(group::LOOK).order(3).hyphens().value_name("EV|auto")] exposure: Option<Exposure>,
         /// Tone map of 8-bit pictures, films and the window, with linear colour arithmetic [default: pbr-neutral for
         /// meshes, else none]
-        [long, help_heading = group::LOOK, display_order = 4, value_name = "CURVE", value_parser = parser::<ToneMap>()] tone_map: Option<ToneMap>,
+        [of(group::LOOK).order(4).value_name("CURVE")] tone_map: Option<ToneMap>,
         /// Bits per channel of the file: 8 or 16 for .png, 16 (half floats) or 32 for .exr [default: 8 for .png, 32 for .exr]
-        [long, help_heading = group::OUTPUT, display_order = 1, hide_possible_values = true, value_name = "BITS", value_parser = parser::<BitDepth>()] bits: Option<BitDepth>,
+        [of(group::OUTPUT).order(1).hides_values().value_name("BITS")] bits: Option<BitDepth>,
         /// Dither where display values are rounded to integers, so that dark gradients show no bands; black and white stay as
         /// they are [default: false]
-        [long, help_heading = group::OUTPUT, display_order = 1, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
-         value_name = "true|false", value_parser = parser::<bool>()]
-        dither: Option<bool>,
+        [of(group::OUTPUT).order(1)] dither: Option<bool>,
         /// Light of scenes without lights: a headlight at the camera (in scene files true) or none (false) [default:
         /// studio light for meshes, a headlight with --draft and for scene files]
         #[serde(rename = "headlight")]
-        [long, help_heading = group::LIGHT, value_parser = parser::<Headlight>()] light: Option<Headlight>,
+        [of(group::LIGHT)] light: Option<Headlight>,
         /// Grey ground plane under the objects, ignored by automatic cameras [default: true for meshes without lights
         /// and cameras seen from above, else false]
-        [long, help_heading = group::LOOK, display_order = 1, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
-         value_name = "true|false", value_parser = parser::<bool>()]
-        ground: Option<bool>,
+        [of(group::LOOK).order(1)] ground: Option<bool>,
         /// Hide back faces of glTF materials with `doubleSided: false` from camera rays; shadows and indirect light are
         /// those of the whole surface [default: false]
-        [long, help_heading = group::LOOK, num_args = 0..=1, require_equals = true, default_missing_value = "true", hide_possible_values = true,
-         value_name = "true|false", value_parser = parser::<bool>()]
-        cull: Option<bool>,
+        [of(group::LOOK)] cull: Option<bool>,
         /// Background colour (#rrggbb or a CSS name such as white), or `transparent` for an alpha channel in .png and
         /// .exr
         /// [default: light grey for meshes, dark grey for meshes with lights or cameras, black for scene files]
-        [long, help_heading = group::LOOK, display_order = 0, value_name = "COLOUR|transparent", value_parser = parser::<Background>()] background: Option<Background>,
+        [of(group::LOOK).order(0).value_name("COLOUR|transparent")] background: Option<Background>,
     }
 }
 
@@ -464,7 +453,6 @@ mod tests {
                     key,
                     if name == "light" { "headlight".to_owned() } else { name.replace('-', "_") }
                 );
-                #[cfg(feature = "cli")]
                 assert_eq!(typed(&name, &text), one, "--{name}={text}");
                 assert_eq!(of(one) == of(PictureSettings::default()), text == "head", "{key} = {value}");
                 // The first takes precedence, and changes nothing else.
@@ -485,20 +473,15 @@ mod tests {
     }
 
     /// The settings of an option of the command line. Width and height are set by `--size`, the look by `--draft`.
-    #[cfg(feature = "cli")]
     fn typed(name: &str, text: &str) -> PictureSettings {
-        #[derive(clap::Parser)]
-        struct Line {
-            #[command(flatten)]
-            picture: PictureSettings,
-        }
         match name {
             "width" => PictureSettings { width: Side::parse(text).ok(), ..PictureSettings::default() },
             "height" => PictureSettings { height: Side::parse(text).ok(), ..PictureSettings::default() },
             "look" => PictureSettings { look: Look::parse(text).ok(), ..PictureSettings::default() },
             _ => {
-                let line = <Line as clap::Parser>::try_parse_from(["kiln", &format!("--{name}={text}")]);
-                line.unwrap_or_else(|e| panic!("{e}")).picture
+                let mut settings = PictureSettings::default();
+                settings.set(name, Some(text)).unwrap_or_else(|e| panic!("{e}"));
+                settings
             }
         }
     }

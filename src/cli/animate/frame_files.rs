@@ -119,7 +119,7 @@ pub(super) fn film(
 
 /// Warns of options of rendering. The number of threads is used here, too.
 fn warn_of_settings(command: &Command, reporter: &mut Reporter) {
-    let options = PictureOptions { threads: None, ..command.arguments.options.clone() };
+    let options = PictureOptions { threads: None, ..command.arguments.options.0.clone() };
     let duration = command.length.duration.map(|_| "duration".to_owned());
     for name in options.entries().into_iter().map(|(name, _)| name).chain(duration) {
         reporter.warnings.push(format!("--{name} changes nothing: the frames are pictures that exist"));

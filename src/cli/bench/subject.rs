@@ -9,9 +9,10 @@ use super::super::arguments::inputs_help;
 use crate::bench::Mesh;
 use crate::bench::generate::Family;
 use crate::bench::speed::{ViewSetup, Viewpoint, scene, triangles, view_setup};
+use crate::cli::options::{Table, parser};
 use crate::error::{Error, Result, Warnings, nearest_name};
 use crate::import;
-use crate::scene::option::{group, parser};
+use crate::scene::option::group;
 use crate::scene::{ImportOptions, Scene};
 use crate::world::recenter;
 
@@ -31,7 +32,7 @@ pub(crate) struct Subject {
           value_parser = crate::cli::numbers::whole(100..=20_000_000u32))]
     triangles: u32,
     #[command(flatten)]
-    pub import: ImportOptions,
+    pub import: Table<ImportOptions>,
 }
 
 impl Subject {

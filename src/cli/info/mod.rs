@@ -15,6 +15,7 @@ use serde_json::{Value, json};
 
 use super::arguments::inputs_help;
 use super::{json_text, print};
+use crate::cli::options::Table;
 use crate::effects::check_scene;
 use crate::error::{Error, Result, Warnings, printable};
 use crate::import::{self, FileNames};
@@ -33,7 +34,7 @@ pub(crate) struct Arguments {
     #[arg(long, help_heading = group::OUTPUT)]
     json: bool,
     #[command(flatten)]
-    pub import: ImportOptions,
+    pub import: Table<ImportOptions>,
     /// Build the acceleration structure of large scenes too, to measure its time and memory instead of estimating them
     #[arg(long, help_heading = group::MEASUREMENT)]
     build: bool,

@@ -3,14 +3,14 @@
 
 use std::sync::LazyLock;
 
-use clap::{Args, Command};
 use egui::{ComboBox, DragValue, Response, Ui, vec2};
 
 use crate::effects::{EFFECTS, Effect, EffectId, id};
 use crate::film::ColourPipeline;
 use crate::job::{EnvironmentSettings, PictureOptions, RenderSettings};
 use crate::scene::{
-    ImportOptions, Intensity, PictureSettings, Rotation, Samples, Scene, ShadingMode, ValueKind,
+    ImportOptions, Intensity, OptionSpec, Options, PictureSettings, Rotation, Samples, Scene, ShadingMode,
+    ValueKind,
 };
 use crate::viewer::elided;
 use crate::viewer::painter::RenderedImage;
@@ -404,12 +404,8 @@ fn value_label<'a>(name: &str, value: &'a str) -> &'a str {
 
 /// The help of an option of `kiln render`.
 fn help(name: &str) -> &'static str {
-    static HELP: LazyLock<Vec<(String, String)>> = LazyLock::new(|| {
-        let command = PictureOptions::augment_args(Command::new("kiln"));
-        let help = |arg: &clap::Arg| Some((arg.get_long()?.to_owned(), arg.get_help()?.to_string()));
-        command.get_arguments().filter_map(help).collect()
-    });
-    HELP.iter().find(|(option, _)| option == name).map_or("", |(_, help)| help)
+    static SPECS: LazyLock<Vec<OptionSpec>> = LazyLock::new(PictureOptions::specs);
+    SPECS.iter().find(|option| option.name == name).map_or("", |option| &option.help)
 }
 
 #[cfg(test)]
