@@ -9,15 +9,15 @@
 
 use std::path::PathBuf;
 
-use kiln::bench::generate::Family;
-use kiln::bench::speed::{
-    Kind, RaySets, Settings, SpeedRow, Viewpoint, engines, measure, scene, triangles, view_setup,
-};
-use kiln::bench::{Built, Engine, Facts, Label, Mesh, RayQueue, singly};
 use kiln::error::{Result, Warnings};
 use kiln::geometry::Ray;
 use kiln::glam::Vec3;
 use kiln::job::RenderControl;
+use kiln_lab::bench::generate::Family;
+use kiln_lab::bench::speed::{
+    Kind, RaySets, Settings, SpeedRow, Viewpoint, engines, measure, scene, triangles, view_setup,
+};
+use kiln_lab::bench::{Built, Engine, Facts, Label, Mesh, RayQueue, singly};
 
 fn main() -> Result<()> {
     let mesh = match std::env::args_os().nth(1) {

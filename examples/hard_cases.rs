@@ -1,4 +1,4 @@
-//! Scores the engines of `kiln bench`, and any that implements [`kiln::bench::Built`], on the hard cases of
+//! Scores the engines of `kiln bench`, and any that implements [`kiln_lab::bench::Built`], on the hard cases of
 //! `benches/hard-cases`.
 //!
 //! ```sh
@@ -9,13 +9,13 @@ use std::error::Error;
 use std::fs::read_to_string;
 use std::path::Path;
 
-use kiln::bench::speed::{Kind, engines};
-use kiln::bench::{Engine, Mesh};
 use kiln::geometry::{Precision, Ray};
 use kiln::glam::{DVec3, Vec3};
+use kiln_lab::bench::speed::{Kind, engines};
+use kiln_lab::bench::{Engine, Mesh};
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let cases = read_cases(&Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/hard-cases"))?;
+    let cases = read_cases(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../benches/hard-cases"))?;
     println!("{:<52} {:<12} {:>6} {:>6} {:>7} {:>5}", "engine", "case", "rays", "missed", "phantom", "wrong");
     for engine in engines(1).0 {
         let label = &engine.label;

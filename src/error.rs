@@ -266,7 +266,7 @@ pub fn is_contained() -> bool {
 }
 
 /// Options, effects and AOVs that ended, without hyphens in front, and what serves instead.
-pub(crate) const ENDED: &[(&str, &str)] = &[
+pub const ENDED: &[(&str, &str)] = &[
     ("edit-light", "it ended; edit [[light]] in a scene file, or change the brightness by --exposure EV"),
     ("left-out", "it ended; `kiln explain --measure` measures the light that limits leave out"),
 ];

@@ -82,7 +82,7 @@
 pub use kiln_bvh::{bvh, geometry, glam};
 
 /// Lists the values of an enumeration as `ALL`, and their names for users.
-#[cfg(feature = "import")]
+#[macro_export]
 macro_rules! names {
     ($type:ty { $($value:ident = $name:literal),* $(,)? }) => {
         impl $type {
@@ -100,61 +100,33 @@ macro_rules! names {
 }
 
 // The interface of the library.
-#[cfg(feature = "bench")]
-pub mod bench;
-#[cfg(feature = "import")]
 pub mod error;
-#[cfg(feature = "import")]
 pub mod farm;
-#[cfg(feature = "import")]
 pub mod film;
-#[cfg(feature = "import")]
 pub mod import;
-#[cfg(feature = "render")]
 pub mod job;
-#[cfg(feature = "import")]
 pub mod scene;
 
 // Modules that the interface is made of, visible to the tests; they change without notice.
-#[cfg(feature = "render")]
 #[doc(hidden)]
 pub mod animation;
-#[cfg(feature = "cli")]
-#[doc(hidden)]
-pub mod cli;
-#[cfg(feature = "render")]
 #[doc(hidden)]
 pub mod effects;
-#[cfg(feature = "import")]
 #[doc(hidden)]
 pub mod files;
-#[cfg(feature = "import")]
 #[doc(hidden)]
 pub mod limits;
-#[cfg(feature = "render")]
 #[doc(hidden)]
 pub mod metrics;
-#[cfg(feature = "render")]
 #[doc(hidden)]
 pub mod render;
-#[cfg(feature = "render")]
 #[doc(hidden)]
 pub mod sample_count;
-#[cfg(feature = "render")]
 #[doc(hidden)]
 pub mod shading;
-#[cfg(feature = "render")]
 #[doc(hidden)]
 pub mod simd;
-#[cfg(feature = "study")]
-#[doc(hidden)]
-pub mod study;
-#[cfg(feature = "import")]
 #[doc(hidden)]
 pub mod timing;
-#[cfg(feature = "viewer")]
-#[doc(hidden)]
-pub mod viewer;
-#[cfg(feature = "render")]
 #[doc(hidden)]
 pub mod world;

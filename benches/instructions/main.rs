@@ -8,11 +8,11 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
-use kiln::bench::Numbers;
 use kiln::bvh::{self, Accelerator, Layout, Primitive, Slot, Traversal};
 use kiln::film::TILE;
 use kiln::geometry::spawn::SurfacePoint;
 use kiln::geometry::{Hit, HitBuffer, Numerics, Precision, PrimId, Ray, RayBuffer, Triangle};
+use kiln_lab::bench::Numbers;
 
 /// Width and height in pixels of the picture whose rays are traced.
 const SIDE: u32 = 256;

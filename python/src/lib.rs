@@ -18,8 +18,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
-use kiln::cli::picture::{by_name, error_by_name};
 use kiln::error::{Error, Warnings, printable};
+use kiln_cli::picture::{by_name, error_by_name};
 use pyo3::exceptions::{
     PyKeyboardInterrupt, PyMemoryError, PyOSError, PyRuntimeError, PyUserWarning, PyValueError,
 };
@@ -119,7 +119,7 @@ fn interruptible<T: Send + 'static>(
 /// once per process.
 #[pyfunction]
 fn run_command(py: Python, words: Vec<OsString>) -> u8 {
-    py.detach(|| kiln::cli::run(words))
+    py.detach(|| kiln_cli::run(words))
 }
 
 /// The native part of `kiln`.

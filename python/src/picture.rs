@@ -4,13 +4,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use kiln::cli::picture::{self, by_name};
 use kiln::error::{Result, Warnings};
 use kiln::film::Window;
 use kiln::film::write::{Channel, Format, OutputImage};
 use kiln::job::{PictureOptions, RenderControl};
 use kiln::render::aov;
 use kiln::scene::ImportOptions;
+use kiln_cli::picture::{self, by_name};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};

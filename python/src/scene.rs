@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use kiln::cli::picture;
 use kiln::error::{Error, Result, Warnings};
 use kiln::film::{Colour, ColourPipeline};
 use kiln::glam::{DVec2, DVec3};
@@ -12,6 +11,7 @@ use kiln::job::PictureOptions;
 use kiln::scene::{
     Attribute, GivenValue, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Shape,
 };
+use kiln_cli::picture;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyString;

@@ -22,7 +22,7 @@ pub(crate) fn pool(_py: Python) -> PyResult<&'static ThreadPool> {
     match *pool {
         Some((owner, pool)) if owner == process => Ok(pool),
         _ => {
-            let new = kiln::cli::pool(None).map_err(|e| crate::raised(&e))?;
+            let new = kiln_cli::pool(None).map_err(|e| crate::raised(&e))?;
             // Leaked: dropping a pool would wait for threads, which a forked process does not have.
             let new: &'static ThreadPool = Box::leak(Box::new(new));
             *pool = Some((process, new));

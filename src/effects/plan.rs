@@ -266,7 +266,7 @@ impl Plan {
     }
 
     /// Closest hit of a camera ray on a surface that AOVs show: not culled, and with an opacity of at least 1/2.
-    pub(crate) fn visible_hit(&self, world: &World, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
+    pub fn visible_hit(&self, world: &World, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
         match self.spec.continued.is_some() || self.culls {
             true => closest_visible(world, ray, traversal, (self.culls, self.spec.texture_use.filter)),
             false => world.accelerator.closest_hit(ray, traversal),

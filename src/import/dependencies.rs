@@ -88,7 +88,6 @@ impl Files {
     }
 
     /// Files without the contents of images.
-    #[cfg(feature = "cli")]
     pub(super) fn without_images() -> Self {
         Files { skips_images: true, ..Files::default() }
     }

@@ -25,7 +25,6 @@ mod images;
 #[cfg(feature = "codecs")]
 mod ktx2;
 mod lines;
-#[cfg(feature = "cli")]
 mod names;
 mod obj;
 mod off;
@@ -36,7 +35,7 @@ mod polygon;
 mod references;
 mod sanitise;
 mod scene_file;
-pub(crate) mod sharing;
+pub mod sharing;
 mod smooth;
 mod stl;
 mod tangents;
@@ -47,8 +46,7 @@ mod uri;
 mod values;
 
 pub use environment::environment;
-#[cfg(feature = "cli")]
-pub(crate) use names::FileNames;
+pub use names::FileNames;
 pub use scene_file::{SceneFile, inline_camera};
 
 use std::borrow::Cow;
@@ -329,8 +327,7 @@ pub fn load_and_list(
 ///
 /// # Errors
 /// As those of [`load_with`].
-#[cfg(feature = "cli")]
-pub(crate) fn list_files(inputs: &[PathBuf], options: &ImportOptions) -> Result<()> {
+pub fn list_files(inputs: &[PathBuf], options: &ImportOptions) -> Result<()> {
     load_by(inputs, &Files::without_images(), options, &mut Warnings::default()).map(drop)
 }
 
@@ -470,24 +467,20 @@ fn hinted(e: Error, input: &Path) -> Error {
 }
 
 /// The endings of environments.
-#[cfg(feature = "viewer")]
 const ENVIRONMENTS: [&str; 2] = ["hdr", "exr"];
 
 /// Whether a file is an image that lights a scene as its environment.
-#[cfg(feature = "viewer")]
-pub(crate) fn is_environment_file(file: &Path) -> bool {
+pub fn is_environment_file(file: &Path) -> bool {
     ENVIRONMENTS.contains(&kind_of_file(file).as_str())
 }
 
 /// Whether a file can be opened, alone or as an environment.
-#[cfg(feature = "viewer")]
-pub(crate) fn is_known(file: &Path) -> bool {
+pub fn is_known(file: &Path) -> bool {
     let is = |kind: &str| importer_by_ending(kind).is_some() || ENVIRONMENTS.contains(&kind);
     is(&ending(file)) || is(&kind_of_file(file))
 }
 
 /// The kind of a file by its contents, else its ending.
-#[cfg(feature = "viewer")]
 fn kind_of_file(file: &Path) -> String {
     let opened = crate::files::RegularFile::open_any(file).and_then(start_of);
     let kind = opened.ok().and_then(|(start, length)| contents::kind(&decode(&start), length));

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 /// The folders of the inputs, and their names.
 #[derive(Default)]
-pub(crate) struct FileNames {
+pub struct FileNames {
     /// With the separator at the end, longest first.
     folders: Vec<String>,
     inputs: String,
@@ -12,7 +12,7 @@ pub(crate) struct FileNames {
 
 impl FileNames {
     /// Of the files that were given.
-    pub(crate) fn of(inputs: &[PathBuf]) -> Self {
+    pub fn of(inputs: &[PathBuf]) -> Self {
         let prefix = |file: &PathBuf| {
             let (file, name) = (file.to_str()?, file.file_name()?.to_str()?);
             file.strip_suffix(name).filter(|folder| !folder.is_empty()).map(str::to_owned)
@@ -28,12 +28,12 @@ impl FileNames {
     }
 
     /// The names of the inputs.
-    pub(crate) fn inputs(&self) -> &str {
+    pub fn inputs(&self) -> &str {
         &self.inputs
     }
 
     /// A text that may begin with the path of a file in the folder of an input, without that folder.
-    pub(crate) fn shorten(&self, text: &str) -> String {
+    pub fn shorten(&self, text: &str) -> String {
         let inside = self.folders.iter().find_map(|folder| text.strip_prefix(folder.as_str()));
         inside.unwrap_or(text).to_owned()
     }

@@ -12,7 +12,7 @@ use crate::scene::{Mesh, Object, Scene, Shape};
 const MIN_SAVED_TRIANGLES: usize = 1 << 18;
 
 /// Groups the placed objects by shared mesh: index of the first object to indices of all.
-pub(crate) fn shared(objects: &[Object]) -> BTreeMap<usize, Vec<usize>> {
+pub fn shared(objects: &[Object]) -> BTreeMap<usize, Vec<usize>> {
     let mut first_of = std::collections::HashMap::new();
     let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (index, object) in objects.iter().enumerate() {

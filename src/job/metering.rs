@@ -66,8 +66,8 @@ impl RenderJob {
         let mut small = self.with_size(size.map(|side| ((f64::from(side) * scale).round() as u32).max(1)))?;
         small.settings.picture.exposure = None;
         // Pictures with a backdrop have the range of a display.
-        if small.world.backdrop.is_some() {
-            small.world = Arc::new(small.world.without_backdrop());
+        if let Some(world) = small.world.without_backdrop() {
+            small.world = Arc::new(world);
         }
         // Without light from beside the objects, which a wider filter would mix in.
         let filter = samples.is_some().then_some(FilterShape::Box);
@@ -87,7 +87,7 @@ impl RenderJob {
 
     /// Colours of [`RenderJob::subject`] without unlit objects, whose colours do not depend on the exposure. `colours`
     /// are those of the picture, row by row from the top.
-    pub(crate) fn subject_colours(
+    pub fn subject_colours(
         &self,
         colours: impl Iterator<Item = [f32; 3]>,
         control: &RenderControl,
@@ -117,7 +117,7 @@ impl RenderJob {
     }
 
     /// The exposure in EV for colours of the subject.
-    pub(crate) fn exposure_of(&self, subject: &[[f32; 3]]) -> f64 {
+    pub fn exposure_of(&self, subject: &[[f32; 3]]) -> f64 {
         let tone_map = self.settings.picture.tone_map.unwrap_or_default();
         match &self.world.environment {
             Some(environment) if environment.is_sky => white_mean_exposure(subject, tone_map),

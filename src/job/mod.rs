@@ -50,8 +50,7 @@ pub use memory::check_memory;
 pub use metadata::Metadata;
 pub use notes::{HEADLIGHT, notes_of_result};
 pub use options::{PictureOptions, Threads};
-#[cfg(feature = "viewer")]
-pub(crate) use prepared::scene_at;
+pub use prepared::scene_at;
 pub use prepared::{PreparedScene, SceneAtTime};
 pub use resolved::ResolvedPicture;
 pub use session::{Picture, Session};
@@ -68,7 +67,7 @@ use crate::film::write::{ALPHA, Channel, OutputImage};
 use crate::film::{ColourPipeline, DisplaySettings, Film, Pixel, Window};
 use crate::render::aov::AovSource;
 use crate::render::render_displayed;
-use crate::scene::{Camera, Sampling, Scene};
+use crate::scene::{BitDepth, Camera, Sampling, Scene};
 use crate::world::{Recentering, View, World};
 
 /// A picture that is ready to be rendered.
@@ -175,7 +174,7 @@ impl RenderJob {
     }
 
     /// Adapts fill light that depends on the exposure ([`crate::scene::Fill::is_exposed`]).
-    pub(crate) fn expose_fill(&mut self, ev: Option<f64>) {
+    pub fn expose_fill(&mut self, ev: Option<f64>) {
         if let Some(world) = self.world.with_exposed_fill(ev) {
             self.world = Arc::new(world);
         }
@@ -253,13 +252,39 @@ impl RenderJob {
         Ok((OutputImage::Rgb8(film, pipeline), statistics))
     }
 
+    /// The automatic exposure in EV, if it has been metered.
+    pub fn metered_exposure(&self) -> Option<f64> {
+        self.auto_exposure.get().copied()
+    }
+
+    /// Takes over the automatic exposure that another job of the picture has metered.
+    pub fn expose_as(&self, other: &RenderJob) {
+        if let Some(ev) = other.metered_exposure() {
+            self.auto_exposure.get_or_init(|| ev);
+        }
+    }
+
+    /// The error by rounding display values to 8 bits, in steps, what that is, and the option that avoids it; `None` where
+    /// values have more bits.
+    pub fn rounding_error(&self) -> Option<(Option<f64>, &'static str, &'static str)> {
+        let picture = &self.settings.picture;
+        if picture.bits.is_some_and(|bits| bits != BitDepth::Eight) {
+            return None;
+        }
+        // Noise of a triangular distribution two levels wide has a variance of 1/6, rounding after it one of 1/12.
+        Some(match (self.pipeline(), picture.dither) {
+            (ColourPipeline::U8, _) => (None, "rounded after each step: no bound", "--colour display"),
+            (_, Some(true)) => (Some(1.5), "dithered: up to 1.5 of 255, RMS 0.5", "--bits 16, .exr"),
+            _ => (Some(0.5), "up to 0.5 of 255, RMS 0.29", "--bits 16, .exr"),
+        })
+    }
+
     /// Renders the picture in `f32`, with a channel of alpha if it is transparent; to be developed by
     /// [`RenderJob::display`] if `is_displayed`.
     ///
     /// # Errors
     /// As [`RenderJob::render`].
-    #[cfg_attr(not(feature = "cli"), expect(dead_code, reason = "the command and the window write it"))]
-    pub(crate) fn render_float(
+    pub fn render_float(
         &self,
         is_displayed: bool,
         control: &RenderControl,

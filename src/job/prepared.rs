@@ -91,7 +91,7 @@ impl PreparedScene {
 }
 
 /// A scene in its own coordinates at a moment of its animation: its tracks, or the clips that it plays.
-pub(crate) fn scene_at(scene: &Scene, moment: Moment) -> Result<Scene> {
+pub fn scene_at(scene: &Scene, moment: Moment) -> Result<Scene> {
     let mut scene = scene.at(moment.part)?;
     if scene.plays_clips() {
         import::pose(&mut scene, moment.seconds)?;

@@ -145,8 +145,7 @@ impl Picture {
     }
 
     /// Whether an exposure is metered already.
-    #[cfg(feature = "viewer")]
-    pub(crate) fn is_exposed(&self) -> bool {
+    pub fn is_exposed(&self) -> bool {
         self.resolved.exposure.get().is_some()
     }
 
@@ -243,7 +242,7 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::resolve`].
-    pub(crate) fn resolve_only(&self, settings: &RenderSettings, orbits: bool) -> Result<ResolvedPicture> {
+    pub fn resolve_only(&self, settings: &RenderSettings, orbits: bool) -> Result<ResolvedPicture> {
         check_names(&settings.with, &settings.without)?;
         let (own_look, _) = self.look(settings)?;
         let viewpoint = Viewpoint::of(&settings.camera, &self.scene)?;
@@ -279,7 +278,7 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::resolve`].
-    pub(crate) fn warn_of_resolved(
+    pub fn warn_of_resolved(
         &self,
         resolved: &ResolvedPicture,
         settings: &RenderSettings,
@@ -342,8 +341,7 @@ impl Session {
     }
 
     /// Whether the acceleration structure of a picture is built, but for moments at which surfaces move.
-    #[cfg(feature = "viewer")]
-    pub(crate) fn has_world(&self, resolved: &ResolvedPicture) -> bool {
+    pub fn has_world(&self, resolved: &ResolvedPicture) -> bool {
         self.worlds.get(&resolved.world_inputs()).is_some()
     }
 
@@ -464,7 +462,7 @@ impl Session {
     }
 
     /// The scene in the coordinates of its world, and how it was recentered.
-    pub(crate) fn recentered(&self) -> (&Scene, Option<&Recentering>) {
+    pub fn recentered(&self) -> (&Scene, Option<&Recentering>) {
         let recentered = self.recentered.get_or_init(|| {
             Recentering::of(&self.scene).map(|recentering| {
                 let mut moved = Scene::clone(&self.scene);

@@ -93,13 +93,13 @@ impl RenderSettings {
     }
 
     /// The look of a scene.
-    pub(crate) fn look(&self, scene: &Scene) -> Look {
+    pub fn look(&self, scene: &Scene) -> Look {
         let default = if scene.has_settings { Look::Draft } else { self.mesh_look };
         self.picture.or(scene.picture).look.unwrap_or(default)
     }
 
     /// How a fitted camera looks at a scene from a side, by these settings and those of the scene.
-    pub(crate) fn framing(&self, view: StandardView, scene: &Scene) -> Framing {
+    pub fn framing(&self, view: StandardView, scene: &Scene) -> Framing {
         let mut framing = Framing::from(view);
         if self.look(scene) == Look::Studio {
             framing.field_of_view = super::default_look::FIELD_OF_VIEW;

@@ -43,7 +43,7 @@ pub(crate) mod lens;
 mod light;
 mod material;
 mod material_change;
-pub(crate) mod option;
+pub mod option;
 mod picture;
 mod sampler;
 mod sampling;
@@ -180,7 +180,7 @@ impl Object {
 }
 
 /// [`Object::is_named`] for the name of an object.
-pub(crate) fn is_named(object: &str, name: &str) -> bool {
+pub fn is_named(object: &str, name: &str) -> bool {
     object.strip_prefix(name).is_some_and(|part| part.is_empty() || part.starts_with('/'))
 }
 

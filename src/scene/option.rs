@@ -290,6 +290,7 @@ impl OptionValue for crate::film::Window {
 }
 
 /// Implements [`OptionValue`] for enumerations by `name`; the values are those of a list, `ALL` by default.
+#[macro_export]
 macro_rules! named_values {
     ($($type:ty),* $(,)?) => { $($crate::scene::option::named_values!($type: <$type>::ALL);)* };
     ($type:ty: $values:expr) => {
@@ -309,7 +310,7 @@ macro_rules! named_values {
         }
     };
 }
-pub(crate) use named_values;
+pub use named_values;
 
 named_values!(
     crate::bvh::Preset,

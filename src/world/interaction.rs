@@ -209,7 +209,7 @@ impl World {
     }
 
     /// Whether any object has a single-sided material.
-    pub(crate) fn has_single_sided(&self) -> bool {
+    pub fn has_single_sided(&self) -> bool {
         self.materials_in_use().any(PreparedMaterial::is_single_sided)
     }
 

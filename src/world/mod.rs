@@ -91,7 +91,7 @@ pub struct World {
     /// The images of the textures.
     pub images: Arc<[Image]>,
     /// The index of the object that is the ground put under the scene.
-    pub(crate) ground: Option<u32>,
+    pub ground: Option<u32>,
     /// Whether the ground shows its shadows alone before a backdrop.
     catches_shadows: bool,
     /// The lights with radiance above 0 that are not surfaces.
@@ -345,9 +345,9 @@ impl World {
         self.ambient + self.fill.as_ref().map_or(0.0, |fill| fill.diffuse(normal.y))
     }
 
-    /// The world with a black background instead of its backdrop.
-    pub(crate) fn without_backdrop(&self) -> World {
-        World { backdrop: None, ..self.clone() }
+    /// The world with a black background instead of its backdrop, if it has one.
+    pub fn without_backdrop(&self) -> Option<World> {
+        self.backdrop.is_some().then(|| World { backdrop: None, ..self.clone() })
     }
 
     /// The world whose fill light is that of an exposure in EV ([`Fill::is_exposed`]); `None` where it is already.

@@ -9,7 +9,7 @@ use kiln::glam::DVec3;
 
 use crate::common::Numbers;
 
-#[path = "../../bvh/examples/torus/shape.rs"]
+#[path = "../../crates/bvh/examples/torus/shape.rs"]
 mod shape;
 
 use shape::Torus;

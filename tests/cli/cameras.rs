@@ -155,7 +155,7 @@ fn a_camera_in_braces_is_the_scenes_own() {
 #[test]
 fn what_is_seen_is_rendered_by_its_line() {
     use kiln::effects::PlanSettings;
-    use kiln::viewer::{CameraSource, command_line, navigate};
+    use kiln_viewer::{CameraSource, command_line, navigate};
     let workshop = Workshop::with("scene.toml", SCENE);
     let mut scene = crate::common::picture::load(&workshop.path("scene.toml"));
     let loaded = scene.clone();

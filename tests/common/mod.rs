@@ -43,7 +43,9 @@ pub fn models() -> PathBuf {
 
 /// A file of the repository.
 pub fn repository(file: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join(file)
+    let of_package = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let root = of_package.ancestors().find(|folder| folder.join("Cargo.lock").exists());
+    root.expect("the root of the workspace").join(file)
 }
 
 /// A deterministic sequence of numbers (PCG-XSH-RR 32, O'Neill 2014), so that tests are the same everywhere.

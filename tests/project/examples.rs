@@ -10,7 +10,7 @@ mod compare_bvh;
 #[path = "../../examples/hard_cases.rs"]
 mod hard_cases;
 #[allow(dead_code)]
-#[path = "../../bvh/examples/mesh_queries.rs"]
+#[path = "../../crates/bvh/examples/mesh_queries.rs"]
 mod mesh_queries;
 #[allow(dead_code)]
 #[path = "../../examples/query_rays.rs"]
@@ -19,13 +19,13 @@ mod query_rays;
 #[path = "../../examples/render_file.rs"]
 mod render_file;
 #[allow(dead_code)]
-#[path = "../../bvh/examples/torus/main.rs"]
+#[path = "../../crates/bvh/examples/torus/main.rs"]
 mod torus;
 
 use std::path::Path;
 
-use kiln::bench::generate::Family;
 use kiln::job::RenderSettings;
+use kiln_lab::bench::generate::Family;
 
 use crate::common::repository;
 
@@ -152,7 +152,7 @@ fn hard_cases_are_answered_by_every_tier_but_that_of_f32() {
     let cases = hard_cases::read_cases(&repository("benches/hard-cases")).expect("the cases");
     assert_eq!(cases.len(), 11);
     let mut lost_in_f32 = 0;
-    for engine in kiln::bench::speed::engines(1).0 {
+    for engine in kiln_lab::bench::speed::engines(1).0 {
         for case in &cases {
             let wrong = hard_cases::score(&engine, case).expect("a structure");
             let tier = (engine.label.engine == "kiln").then_some(engine.label.tier).flatten();

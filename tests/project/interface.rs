@@ -241,7 +241,7 @@ fn interface(sources: &[String]) -> BTreeSet<String> {
 #[test]
 fn the_interface_of_the_ray_queries_is_the_accepted_one() {
     let mut all = Vec::new();
-    sources(&repository("bvh/src"), &mut all);
+    sources(&repository("crates/bvh/src"), &mut all);
     let now: String = interface(&all).into_iter().flat_map(|line| [line, "\n".into()]).collect();
     let accepted = std::fs::read_to_string(repository(LIST)).unwrap_or_default();
     if now == accepted {

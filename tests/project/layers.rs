@@ -1,4 +1,4 @@
-//! Layers: a module of `src` and `bvh/src` uses modules below it only.
+//! Layers: a module of `src` and `crates/bvh/src` uses modules below it only.
 
 use std::path::Path;
 
@@ -33,7 +33,7 @@ const MODULES: &[&str] = &[
 ];
 
 /// The folders with the sources of both packages.
-const SOURCES: [&str; 2] = ["bvh/src", "src"];
+const SOURCES: [&str; 2] = ["crates/bvh/src", "src"];
 
 fn module_of(file: &Path) -> String {
     let inside = SOURCES.iter().find_map(|source| file.strip_prefix(common::repository(source)).ok());

@@ -3,13 +3,13 @@
 
 use crate::common::picture::{changed, parse};
 use crate::path::settings;
-use kiln::bench::light_left_out::{LightLeftOut, Share, measure, without_limits};
 use kiln::effects::tile::PathCount;
 use kiln::error::Warnings;
 use kiln::film::Film;
 use kiln::film::colour::luminance;
 use kiln::job::{RenderControl, RenderJob, RenderSettings, notes_of_result, prepare};
 use kiln::scene::{Bounces, Clamp};
+use kiln_lab::bench::light_left_out::{LightLeftOut, Share, measure, without_limits};
 
 const SEEDS: u32 = 20;
 

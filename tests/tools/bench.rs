@@ -3,12 +3,12 @@
 use std::process::{Command, Output};
 use std::sync::atomic::AtomicBool;
 
-use kiln::bench::generate::Family;
-use kiln::bench::speed::{
+use kiln::render::RenderControl;
+use kiln_lab::bench::generate::Family;
+use kiln_lab::bench::speed::{
     Kind, NAMES, RaySets, Settings, SpeedRow, Viewpoint, engines, measure, scene, view_setup,
 };
-use kiln::bench::{Engine, Mesh};
-use kiln::render::RenderControl;
+use kiln_lab::bench::{Engine, Mesh};
 use serde_json::Value;
 
 fn measured(engines: &[Engine], mesh: &Mesh, threads: usize) -> Vec<SpeedRow> {

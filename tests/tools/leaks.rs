@@ -3,9 +3,9 @@
 use std::process::{Command, Output};
 use std::sync::atomic::AtomicBool;
 
-use kiln::bench::PLACEMENTS;
-use kiln::bench::leaks::{LeakRow, NAMES, engines, measure};
 use kiln::render::RenderControl;
+use kiln_lab::bench::PLACEMENTS;
+use kiln_lab::bench::leaks::{LeakRow, NAMES, engines, measure};
 use serde_json::Value;
 
 const RAYS: u64 = 5_000;

@@ -5,7 +5,7 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use crate::common::repository;
-use kiln::study::{ReferenceKind, SettingRow, Study, TechniqueTest, to_csv};
+use kiln_lab::study::{ReferenceKind, SettingRow, Study, TechniqueTest, to_csv};
 
 /// A study of the assignment scene, small and quick, in a folder that goes when the tests end.
 fn made(inputs: &[&str], more: &[&str]) -> (tempfile::TempDir, Output) {

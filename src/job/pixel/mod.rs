@@ -127,7 +127,7 @@ impl RenderJob {
     /// [`RenderJob::explain_pixel`] without checks and in world coordinates. `displays` are the display transforms that
     /// are known before the picture is, and that of the displayed picture; `is_displayed` is
     /// [`RenderContext::is_displayed`].
-    pub(crate) fn pixel_report(
+    pub fn pixel_report(
         &self,
         pixel: [u32; 2],
         first: u32,
@@ -182,7 +182,7 @@ impl RenderJob {
     }
 
     /// Converts positions and lengths of a report to scene coordinates.
-    pub(crate) fn move_back(&self, report: &mut PixelReport) {
+    pub fn move_back(&self, report: &mut PixelReport) {
         if let Some(recentering) = &self.recentering {
             report.samples.iter_mut().for_each(|sample| sample.move_back(recentering));
         }

@@ -49,7 +49,7 @@ impl Estimate {
     }
 
     /// The channels of a picture, without checks of settings and values. An error names a missing channel.
-    pub(crate) fn unchecked(channels: &ExrChannels) -> std::result::Result<Self, String> {
+    pub fn unchecked(channels: &ExrChannels) -> std::result::Result<Self, String> {
         let channel = |name: &str| match channels.channel(name) {
             Some(values) => Ok(values.to_vec()),
             None => Err(format!("without the channel `{name}`, which a t-test needs")),

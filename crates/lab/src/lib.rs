@@ -1,0 +1,5 @@
+//! What kiln measures of itself and of other libraries: speed, leaks and errors ([`bench`]), and what accuracy costs in
+//! time ([`study`]).
+
+pub mod bench;
+pub mod study;

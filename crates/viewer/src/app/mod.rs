@@ -1,0 +1,310 @@
+//! The application: its state, and the steps of an interface frame.
+
+mod act;
+mod empty;
+mod frame;
+mod inspector;
+mod messages;
+
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use egui::{CentralPanel, Context, Frame, Ui, ViewportCommand, vec2};
+
+use super::canvas::Canvas;
+use super::controls::Controls;
+use super::inspect::Inspection;
+use super::keys::HeldKeys;
+use super::loader::Loader;
+use super::open_dialog::OpenDialog;
+use super::outliner::{Outline, Outliner};
+use super::overlay::{self, Notice};
+use super::painter::{Comparison, Message, Painter, Prepared};
+use super::pixels::Histogram;
+use super::request::{Opened, RenderRequest};
+use super::save::{SaveDialog, Saving};
+use super::watch::Watcher;
+use super::{Start, display, name_of, theme};
+use frame::PANEL_WIDTH;
+use kiln::error::{Error, Result};
+use kiln::import::FileNames;
+use kiln::scene::ImportOptions;
+use kiln::scene::animation::Timeline;
+
+/// Height of the status bar in points, for the initial window size.
+const FOOTER_HEIGHT: f32 = 30.0;
+
+/// Part of the screen that the window may take, on each axis; the rest is for its frame and for bars of the desktop.
+const SCREEN_SHARE: f32 = 0.92;
+
+/// Maximum number of frames in which the window is resized to its initial size.
+const MAX_FIT_ATTEMPTS: u32 = 6;
+
+/// Maximum time for which a frame waits for the first image of a request that it posted. Drawing the window takes about
+/// as long in software OpenGL; both together stay within a frame at 30 Hz.
+const FIRST_IMAGE_WAIT: Duration = Duration::from_millis(12);
+
+/// Opens the window, and returns when it is closed.
+///
+/// # Errors
+/// [`kiln::error::Error::Failed`] without a display or OpenGL.
+pub fn run(start: Start) -> Result<()> {
+    let title = start.inputs.first().map(|input| format!("{} - ", name_of(input))).unwrap_or_default();
+    let mut viewport = egui::ViewportBuilder::default()
+        .with_title(format!("{title}kiln"))
+        .with_app_id("kiln")
+        .with_drag_and_drop(true);
+    if let Some([width, height]) = start.size {
+        viewport = viewport.with_inner_size([width as f32 + PANEL_WIDTH, height as f32 + FOOTER_HEIGHT]);
+    }
+    let options = eframe::NativeOptions {
+        viewport,
+        dithering: false,
+        persist_window: start.size.is_none(),
+        ..eframe::NativeOptions::default()
+    };
+    let report = Report::default();
+    let own = Arc::clone(&report);
+    let app: eframe::AppCreator = Box::new(move |creation| Ok(Box::new(App::new(creation, start, own))));
+    eframe::run_native("kiln", options, app).map_err(|e| display::explain(&e))?;
+    let error = report.lock().map(|mut report| report.take()).unwrap_or_default();
+    error.map_or(Ok(()), Err)
+}
+
+/// Visible parts of the window besides the picture. Stored between runs.
+#[derive(Debug, Clone, Copy, serde::Serialize, serde::Deserialize)]
+struct VisibleParts {
+    panel: bool,
+    keys: bool,
+}
+
+struct App {
+    threads: Arc<rayon::ThreadPool>,
+    painter: Painter,
+    loader: Loader,
+    /// Watches the input files for changes.
+    watcher: Option<Watcher>,
+    /// Set by the watcher when a file has changed.
+    changed: Arc<AtomicBool>,
+    /// Results of saving threads.
+    saved: (Sender<Saved>, Receiver<Saved>),
+    /// Files that are being written.
+    saving: Vec<Saving>,
+    /// Whether the window closes once they are written.
+    closes_when_saved: bool,
+    /// The dialog for a picture's name, if shown.
+    save_dialog: Option<SaveDialog>,
+    inputs: Vec<PathBuf>,
+    /// Options of reading the inputs that were chosen in the window.
+    import_options: Option<ImportOptions>,
+    /// The environment of files that are being opened.
+    opened_environment: Option<PathBuf>,
+    /// Shortens paths in texts.
+    names: FileNames,
+    /// The list of files to open, if shown.
+    open_dialog: Option<OpenDialog>,
+    opened: Option<Arc<Opened>>,
+    controls: Option<Controls>,
+    canvas: Canvas,
+    /// Movement keys that are held down.
+    held: HeldKeys,
+    /// The newest request and its number.
+    requested: Option<(RenderRequest, u64)>,
+    /// Number of the failed request that the notice reports.
+    failed_request: Option<u64>,
+    comparison: Option<Comparison>,
+    /// Inspected pixel, and the prepared render that it belongs to.
+    inspection: Option<(Arc<Prepared>, Inspection)>,
+    /// The list of the objects, and the outline of the selected one.
+    outliner: Outliner,
+    outline: Outline,
+    histogram: Histogram,
+    notice: Option<Notice>,
+    /// Warnings and notes of the input files.
+    warnings: Vec<String>,
+    /// Those of the last picture of full size, with what it was rendered from.
+    of_picture: Option<(Arc<Prepared>, Vec<String>)>,
+    /// Since when the acceleration structure is being built.
+    building: Option<Instant>,
+    visible: VisibleParts,
+    /// Initial picture size that the window is still resized to.
+    first_size: FirstSize,
+    /// Number of resize attempts.
+    fit_attempts: u32,
+    report: Report,
+}
+
+/// A saved file, or the error.
+type Saved = (PathBuf, Result<()>);
+
+/// Initial size of the picture.
+enum FirstSize {
+    /// Given by the user.
+    Given([u32; 2]),
+    /// Specified by the scene.
+    Scene,
+    /// Determined by the window's stored or current size.
+    Window,
+}
+
+/// The error that closed the window, for the command line.
+type Report = Arc<Mutex<Option<Error>>>;
+
+impl App {
+    fn new(creation: &eframe::CreationContext, start: Start, report: Report) -> Self {
+        let threads = Arc::new(start.threads);
+        let wake = |context: &Context| {
+            let context = context.clone();
+            move || context.request_repaint()
+        };
+        theme::set(&creation.egui_ctx);
+        let painter = Painter::new(Arc::clone(&threads), wake(&creation.egui_ctx));
+        let mut loader = Loader::new(start.open, Arc::clone(&threads), wake(&creation.egui_ctx));
+        if !start.inputs.is_empty() {
+            loader.load(start.inputs.clone(), None);
+        }
+        let remembered: Option<VisibleParts> =
+            creation.storage.and_then(|storage| eframe::get_value(storage, eframe::APP_KEY));
+        let first_size = match (start.size, remembered.is_some()) {
+            (Some(size), _) => FirstSize::Given(size),
+            (None, false) => FirstSize::Scene,
+            (None, true) => FirstSize::Window,
+        };
+        App {
+            threads,
+            painter,
+            loader,
+            watcher: None,
+            changed: Arc::default(),
+            saved: channel(),
+            saving: Vec::new(),
+            closes_when_saved: false,
+            save_dialog: None,
+            names: FileNames::of(&start.inputs),
+            open_dialog: None,
+            inputs: start.inputs,
+            import_options: None,
+            opened_environment: None,
+            opened: None,
+            controls: None,
+            canvas: Canvas::default(),
+            held: HeldKeys::default(),
+            requested: None,
+            failed_request: None,
+            comparison: None,
+            inspection: None,
+            outliner: Outliner::default(),
+            outline: Outline::default(),
+            histogram: Histogram::default(),
+            notice: None,
+            warnings: Vec::new(),
+            of_picture: None,
+            building: None,
+            visible: remembered.unwrap_or(VisibleParts { panel: true, keys: false }),
+            first_size,
+            fit_attempts: 0,
+            report,
+        }
+    }
+
+    /// Resizes the window so that the picture has its initial size. This takes several frames, because panels change
+    /// their size, and may fail, because the display limits window sizes. Returns whether another resize was requested.
+    fn fit_window(&mut self, context: &Context, size: [u32; 2]) -> bool {
+        let wanted = match (&self.first_size, &self.opened) {
+            (FirstSize::Given(size), _) => *size,
+            (FirstSize::Scene, Some(opened)) => within_screen(context, opened.size, size),
+            _ => return false,
+        };
+        self.fit_attempts += 1;
+        if wanted == size || self.fit_attempts > MAX_FIT_ATTEMPTS {
+            self.first_size = FirstSize::Window;
+            return false;
+        }
+        let scale = context.pixels_per_point();
+        let more = |axis: usize| (wanted[axis] as f32 - size[axis] as f32) / scale;
+        let window = context.viewport_rect().size() + vec2(more(0), more(1));
+        context.send_viewport_cmd(ViewportCommand::InnerSize(window));
+        context.request_repaint();
+        true
+    }
+
+    /// Posts a render request if the controls have changed.
+    fn request(&mut self, context: &Context, size: [u32; 2]) {
+        let (Some(controls), Some(opened)) = (&self.controls, &self.opened) else { return };
+        let request = controls.request(opened, size);
+        if self.requested.as_ref().is_some_and(|(last, _)| *last == request) {
+            return;
+        }
+        let number = self.painter.request(request.clone());
+        if request.sides.len() < 2 {
+            self.canvas.clear_side(1);
+        }
+        self.comparison = None;
+        self.requested = Some((request, number));
+        self.wait_for_first_image(context, number);
+    }
+
+    /// Waits at most [`FIRST_IMAGE_WAIT`] for the first image of a request, so that the current frame shows it: texture
+    /// contents are read at the end of a frame.
+    fn wait_for_first_image(&mut self, context: &Context, number: u64) {
+        let until = Instant::now() + FIRST_IMAGE_WAIT;
+        while let Some(message) = self.painter.wait(until) {
+            let is_it = match &message {
+                Message::Image(rendered) => rendered.request == number,
+                Message::Building | Message::Failed(..) => true,
+                Message::Compared(..) => false,
+            };
+            self.handle_message(context, message);
+            if is_it {
+                return;
+            }
+        }
+    }
+}
+
+/// The size of a picture that fits the screen with the other parts of the window, of the same aspect ratio. `size` is that
+/// of the picture in the window now.
+fn within_screen(context: &Context, wanted: [u32; 2], size: [u32; 2]) -> [u32; 2] {
+    let Some(screen) = context.input(|input| input.viewport().monitor_size) else { return wanted };
+    let (scale, window) = (context.pixels_per_point(), context.viewport_rect().size());
+    let room = |axis: usize, screen: f32, window: f32| {
+        let others = window * scale - size[axis] as f32;
+        (screen * scale * SCREEN_SHARE - others).max(1.0) / wanted[axis] as f32
+    };
+    let factor = room(0, screen.x, window.x).min(room(1, screen.y, window.y)).min(1.0);
+    wanted.map(|side| ((side as f32 * factor) as u32).max(1))
+}
+
+/// The frames of the scene's animation; `None` without one.
+fn timeline(opened: &Opened) -> Option<Timeline> {
+    let animation = opened.scene().animation.as_ref()?;
+    Timeline::new(animation.fps, animation.duration, animation.repeat).ok()
+}
+
+impl eframe::App for App {
+    fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
+        let context = ui.ctx().clone();
+        self.handle_messages(&context);
+        self.keys(&context);
+        let dropped = context.input(|input| input.raw.dropped_files.clone());
+        if !dropped.is_empty() {
+            self.open_files(dropped.into_iter().map(|file| file.path().to_owned()).collect());
+        }
+        self.play(&context);
+        self.panels(ui);
+        CentralPanel::default().frame(Frame::NONE).show(ui, |ui| self.picture(ui));
+        self.choose_file(&context);
+        self.choose_name(&context);
+        self.keep_open(&context);
+        let mut open = self.visible.keys;
+        overlay::keys(&context, &mut open);
+        self.visible.keys = open;
+    }
+
+    fn save(&mut self, storage: &mut dyn eframe::Storage) {
+        eframe::set_value(storage, eframe::APP_KEY, &self.visible);
+    }
+}

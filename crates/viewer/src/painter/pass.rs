@@ -1,0 +1,313 @@
+//! Progressive rendering of one side of a request.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+use egui::{Color32, ColorImage};
+use rayon::prelude::*;
+
+use super::RenderedImage;
+use super::render_cache::Prepared;
+use crate::false_colour::{DisplayMode, FalseColours, error_against_exact, false_colours};
+use crate::refine::{Pass, passes};
+use crate::request::RenderRequest;
+use kiln::effects::RayKind;
+use kiln::error::Result;
+use kiln::film::tone::{Exposure, auto_exposure};
+use kiln::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, Pixel, Window};
+use kiln::job::RenderJob;
+use kiln::metrics;
+use kiln::render::{RenderControl, Statistics};
+use kiln::scene::Sampling;
+
+/// A coarse pass takes one of so many samples of a pixel: of rays that samples share, such as those of ambient occlusion, it
+/// casts so many times less than a picture of one sample.
+const COARSE_TOTAL: u32 = 4;
+
+/// An image in the values of its colour pipeline, row by row from the top.
+pub(crate) struct PipelineImage {
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// Pixels.
+    pub pixels: Vec<[f32; 3]>,
+    /// Colour pipeline of the pixels.
+    pub pipeline: ColourPipeline,
+    /// Display transform of the image.
+    pub display: DisplayTransform,
+}
+
+/// One side of a request, with its progress.
+pub(crate) struct Side<'a> {
+    request: &'a RenderRequest,
+    prepared: Arc<Prepared>,
+    /// The same scene in the tier `exact`, for [`DisplayMode::ErrorAgainstExact`].
+    exact: Option<Arc<Prepared>>,
+    passes: Vec<Pass>,
+    picture: Option<PipelineImage>,
+    /// The job with the metered exposure, once a pass of full size needs it.
+    metered: Option<Arc<RenderJob>>,
+    /// What the passes have taken so far.
+    spent: Option<(Duration, Statistics)>,
+}
+
+impl<'a> Side<'a> {
+    /// Plans the passes, the first of them with pixels of `factor` by `factor`.
+    pub(crate) fn new(
+        request: &'a RenderRequest,
+        prepared: Arc<Prepared>,
+        exact: Option<Arc<Prepared>>,
+        factor: u32,
+    ) -> Self {
+        // AOVs are computed at pixel centres.
+        let is_picture = request.display_mode == DisplayMode::Picture;
+        let passes = passes(factor, if is_picture { prepared.samples } else { 1 });
+        let metered = prepared.known_exposed().filter(|_| is_picture).map(Arc::new);
+        Side { request, prepared, exact, passes, picture: None, metered, spent: None }
+    }
+
+    /// Number of passes.
+    pub(crate) fn passes(&self) -> usize {
+        self.passes.len()
+    }
+
+    /// The last image of full size.
+    pub(crate) fn into_picture(self) -> Option<PipelineImage> {
+        self.picture
+    }
+
+    /// Renders a pass of the request of that number, as its side `side`; `None` if the index is out of range. Returns
+    /// also the render time in seconds per pixel, if each had one sample.
+    ///
+    /// # Errors
+    /// [`kiln::error::Error::Interrupted`] when cancelled, and the errors of rendering.
+    pub(crate) fn pass(
+        &mut self,
+        index: usize,
+        cancel: &AtomicBool,
+        (request, side): (u64, usize),
+    ) -> Result<Option<(RenderedImage, Option<f64>)>> {
+        let Some(&pass) = self.passes.get(index) else { return Ok(None) };
+        let start = Instant::now();
+        let control = RenderControl { cancel, progress: &|_, _| (), time_stages: false };
+        let is_last = index + 1 == self.passes.len();
+        let pipeline = self.prepared.job().pipeline();
+        let whole = self.prepared.job().plan_settings.sampling;
+        let Sampling { seed, sampler, noise, min_samples, .. } = whole;
+        let most = if self.request.display_mode == DisplayMode::Picture { self.prepared.samples } else { 1 };
+        let (factor, sampling) = match pass {
+            Pass::Coarse(factor) => {
+                (factor, Sampling { seed, sampler, total: Some(COARSE_TOTAL), ..Sampling::default() })
+            }
+            Pass::Samples(count) if count < most => {
+                (1, Sampling { first: None, noise, min_samples, ..whole.part(0, count) })
+            }
+            Pass::Samples(_) => (1, whole),
+        };
+        // Metering would delay the first image after a change, if that is coarse.
+        let display = match pass {
+            Pass::Coarse(_) if !is_last => None,
+            _ => Some(self.final_display(&control)?),
+        };
+        let metered = start.elapsed();
+        let size = self.request.size.map(|side| side.div_ceil(factor));
+        let (film, statistics) = self.render((self.job(), display.is_some()), size, sampling, &control)?;
+        let film = Arc::new(film);
+        let pixels = rows(&film);
+        let display = match display {
+            Some(display) => display,
+            None => self.display_of(&pixels, size, &control)?,
+        };
+        let (image, legend) = match self.request.display_mode {
+            DisplayMode::Picture => (image(&pixels, size, pipeline, display), None),
+            _ => {
+                let FalseColours { pixels, legend } = self.false_colours(&film, size, &control)?;
+                (ColorImage::from_rgb(size.map(|side| side as usize), pixels.as_flattened()), Some(legend))
+            }
+        };
+        let time = start.elapsed();
+        let is_once = matches!(pass, Pass::Coarse(_)) || most == 1;
+        let seconds_per_pixel = is_once.then(|| (time - metered).as_secs_f64() / (pixels.len() as f64));
+        let (time, spent) = match self.spent.take() {
+            Some((before, mut spent)) => {
+                spent.add(&statistics);
+                (before + time, spent)
+            }
+            None => (time, statistics.clone()),
+        };
+        self.spent = Some((time, spent.clone()));
+        if let Pass::Samples(_) = pass {
+            self.picture = Some(PipelineImage { size, pixels, pipeline, display });
+        }
+        let cast = statistics.rays(RayKind::PRIMARY).cast as f64;
+        let taken = (cast / f64::from(size[0]) / f64::from(size[1])).round() as u32;
+        let is_finished = is_last && self.request.display_mode == DisplayMode::Picture;
+        let rendered = RenderedImage {
+            request,
+            side,
+            image: Arc::new(image),
+            display,
+            factor,
+            samples: (taken.clamp(1, most), most),
+            is_last,
+            film: is_finished.then_some(film),
+            time,
+            statistics,
+            spent,
+            legend,
+            prepared: Arc::clone(&self.prepared),
+            metered: self.metered.clone(),
+        };
+        Ok(Some((rendered, seconds_per_pixel)))
+    }
+
+    /// The job of the picture, with its exposure once that is metered.
+    fn job(&self) -> &RenderJob {
+        self.metered.as_deref().unwrap_or(self.prepared.job())
+    }
+
+    /// Whether the exposure of the final image is metered. False colours do not depend on it.
+    fn meters(&self) -> bool {
+        self.prepared.picture.is_metered() && self.request.display_mode == DisplayMode::Picture
+    }
+
+    /// The display transform of the final image. The exposure is metered at the first call.
+    fn final_display(&mut self, control: &RenderControl) -> Result<DisplayTransform> {
+        if self.meters() && self.metered.is_none() {
+            self.metered = Some(Arc::new(self.prepared.exposed(control)?));
+        }
+        self.job().display_transform(control)
+    }
+
+    /// The display transform for pixels of a coarse pass: its exposure is that of these pixels.
+    fn display_of(
+        &self,
+        pixels: &[[f32; 3]],
+        size: [u32; 2],
+        control: &RenderControl,
+    ) -> Result<DisplayTransform> {
+        let display = self.job().display();
+        if self.is_exposed() {
+            return Ok(display.known());
+        }
+        let job = self.job().with_size(size)?;
+        let subject = job.subject_colours(pixels.iter().copied(), control)?;
+        let ev = match self.prepared.picture.resolved.meters {
+            true => self.job().exposure_of(&subject),
+            false => auto_exposure(subject.into_iter()),
+        };
+        Ok(DisplaySettings { exposure: Some(Exposure::Auto), ..display }.transform(ev))
+    }
+
+    /// Whether the exposure is known before the picture is rendered.
+    fn is_exposed(&self) -> bool {
+        !self.job().display().is_auto() && self.meters() == self.metered.is_some()
+    }
+
+    /// False colours of the requested display mode.
+    fn false_colours(&self, film: &Film, size: [u32; 2], control: &RenderControl) -> Result<FalseColours> {
+        let mut job = self.job().with_size(size)?;
+        if let Some(exact) = &self.exact {
+            let (exact, _) = self.render((exact.job(), false), size, Sampling::default(), control)?;
+            let [picture, exact] =
+                [film, &exact].map(|film| metrics::ComparedImage::of_film(film, job.pipeline()));
+            return error_against_exact(&picture, &exact);
+        }
+        job.set_sampling(Sampling::default())?;
+        false_colours(self.request.display_mode, &job.aov_source(None), control)
+    }
+
+    /// Renders a job in a size, to be developed by its display transform if that is known.
+    fn render(
+        &self,
+        (job, is_developed): (&RenderJob, bool),
+        size: [u32; 2],
+        sampling: Sampling,
+        control: &RenderControl,
+    ) -> Result<(Film, Statistics)> {
+        let control = RenderControl { time_stages: true, ..*control };
+        let mut sized = job.with_size(size)?;
+        if sampling != sized.plan_settings.sampling {
+            sized.set_sampling(sampling)?;
+        }
+        sized.expose_as(job);
+        match self.request.display_mode {
+            DisplayMode::Picture if is_developed || self.is_exposed() => {
+                sized.render_to_develop(|_, _| true, &control)
+            }
+            _ => sized.render_selected(|_, _| true, &control),
+        }
+    }
+
+    /// The image of the last pass. It is the picture of the job.
+    pub(crate) fn final_image(mut self) -> Result<RenderedImage> {
+        let control = RenderControl::default();
+        let mut index = 0;
+        let (mut shown, mut cast) = (None, 0);
+        while let Some((rendered, _)) = self.pass(index, control.cancel, (0, 0))? {
+            cast += rendered.statistics.rays(RayKind::PRIMARY).cast;
+            assert_eq!(rendered.spent.rays(RayKind::PRIMARY).cast, cast, "in all passes so far");
+            (shown, index) = (Some(rendered), index + 1);
+        }
+        let (film, _) = self.job().render::<[u8; 3]>(&control)?;
+        let picture: Vec<[u8; 3]> = film.rows().collect();
+        let shown = shown.expect("a pass");
+        assert_eq!(Some(shown.display), self.picture.as_ref().map(|picture| picture.display));
+        let bytes = shown.image.pixels.iter().map(|colour| [colour.r(), colour.g(), colour.b()]);
+        let other = picture.iter().zip(bytes).find(|(a, b)| *a != b);
+        let file = &self.request.opened.scene().inputs;
+        assert_eq!(other, None, "the last pass shows the picture: {file:?}, {:?}", self.passes);
+        Ok(shown)
+    }
+}
+
+/// The pixels of a film, row by row from the top.
+fn rows(film: &Film) -> Vec<[f32; 3]> {
+    let window = film.window();
+    let mut pixels = vec![[0.0; 3]; window.area()];
+    pixels.par_chunks_mut(window.width as usize).zip(0..window.height).for_each(|(row, y)| {
+        let mut rest = row;
+        for part in film.row(y) {
+            let (own, after) = rest.split_at_mut(part.len());
+            own.copy_from_slice(part);
+            rest = after;
+        }
+    });
+    pixels
+}
+
+/// The image as a display shows it.
+fn image(
+    pixels: &[[f32; 3]],
+    size: [u32; 2],
+    pipeline: ColourPipeline,
+    display: DisplayTransform,
+) -> ColorImage {
+    let width = size[0] as usize;
+    let mut colours = vec![Color32::BLACK; pixels.len()];
+    let rows = colours.par_chunks_mut(width).zip(pixels.par_chunks(width)).zip(0..size[1]);
+    rows.for_each(|((colours, row), y)| {
+        let mut bytes = vec![[0u8; 3]; row.len()];
+        let window = Window { x: 0, y, width: size[0], height: 1 };
+        Pixel::develop(row, window, pipeline, display, &mut bytes);
+        colours.iter_mut().zip(bytes).for_each(|(colour, [r, g, b])| *colour = Color32::from_rgb(r, g, b));
+    });
+    ColorImage::new(size.map(|side| side as usize), colours)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use kiln::film::tone::ToneMap;
+
+    #[test]
+    fn an_image_shows_what_a_png_holds() {
+        let pixels = [[0.1, 0.5, 4.0], [0.0, 1.0, 0.2]];
+        for display in [DisplayTransform::default(), DisplayTransform::new(1.5, ToneMap::PbrNeutral)] {
+            let image = image(&pixels, [2, 1], ColourPipeline::Linear, display);
+            for (shown, pixel) in image.pixels.iter().zip(pixels) {
+                assert_eq!([shown.r(), shown.g(), shown.b()], display.encode(ColourPipeline::Linear, pixel));
+            }
+        }
+    }
+}
