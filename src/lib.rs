@@ -99,34 +99,26 @@ macro_rules! names {
     };
 }
 
-// The interface of the library.
+pub mod animation;
+pub mod effects;
 pub mod error;
 pub mod farm;
 pub mod film;
 pub mod import;
 pub mod job;
+pub mod limits;
+pub mod metrics;
+pub mod render;
+pub mod sample_count;
 pub mod scene;
+pub mod world;
 
-// Modules that the interface is made of, visible to the tests; they change without notice.
-#[doc(hidden)]
-pub mod animation;
-#[doc(hidden)]
-pub mod effects;
+// What these are made of, visible to the command and the tests; it changes without notice.
 #[doc(hidden)]
 pub mod files;
-#[doc(hidden)]
-pub mod limits;
-#[doc(hidden)]
-pub mod metrics;
-#[doc(hidden)]
-pub mod render;
-#[doc(hidden)]
-pub mod sample_count;
 #[doc(hidden)]
 pub mod shading;
 #[doc(hidden)]
 pub mod simd;
 #[doc(hidden)]
 pub mod timing;
-#[doc(hidden)]
-pub mod world;

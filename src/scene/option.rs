@@ -381,9 +381,10 @@ pub enum ValueCount {
 }
 
 impl OptionSpec {
-    /// The option of a field, with the lines of its documentation.
+    /// The option of a field, with the lines of its documentation, of which empty ones do not count.
     pub(crate) fn new<T: OptionType>(field: &str, documentation: &[&str]) -> Self {
-        let lines: Vec<&str> = documentation.iter().map(|line| line.trim()).collect();
+        let lines: Vec<&str> =
+            documentation.iter().map(|line| line.trim()).filter(|line| !line.is_empty()).collect();
         let kind = T::default().kind();
         let is_on_or_off = T::COUNT == ValueCount::One && kind == <bool as OptionValue>::kind();
         OptionSpec {
@@ -529,11 +530,9 @@ macro_rules! options {
 
         impl $crate::scene::option::Options for $name {
             fn specs() -> Vec<$crate::scene::option::OptionSpec> {
-                let mut specs = Vec::new();
-                $($crate::scene::option::row!(
-                    specs [$($arg)*] specs, $type, [$([$($attribute)*])*], $($option)? $field
-                );)*
-                specs
+                [$($crate::scene::option::row!(
+                    specs [$($arg)*] $type, [$([$($attribute)*])*], $($option)? $field
+                )),*].concat()
             }
 
             fn set_by_name(
@@ -612,20 +611,23 @@ pub(crate) use options;
 
 /// What [`options`] generates for a row.
 macro_rules! row {
-    (specs [flatten] $specs:ident, $type:ty, [$($doc:tt)*], $name:ident) => {
-        $specs.extend(<$type as $crate::scene::option::Options>::specs())
+    (specs [flatten] $type:ty, [$($doc:tt)*], $name:ident) => {
+        <$type as $crate::scene::option::Options>::specs()
     };
-    (specs [skip $($value:tt)*] $specs:ident, $type:ty, [$($doc:tt)*], $name:ident) => {};
-    (specs [$($arg:tt)*] $specs:ident, $type:ty, [$($doc:tt)*], $name:ident $($own:ident)?) => {{
-        let mut lines: Vec<&str> = Vec::new();
-        $($crate::scene::option::row!(doc lines $doc);)*
+    (specs [skip $($value:tt)*] $type:ty, [$($doc:tt)*], $name:ident) => {
+        Vec::new()
+    };
+    (specs [$($arg:tt)*] $type:ty, [$($doc:tt)*], $name:ident $($own:ident)?) => {{
+        let lines = [$($crate::scene::option::row!(doc $doc)),*];
         let spec = $crate::scene::option::OptionSpec::new::<$type>(stringify!($name), &lines);
-        $specs.push(spec.$($arg)*)
+        vec![spec.$($arg)*]
     }};
-    (doc $lines:ident [doc = $line:expr]) => {
-        $lines.push($line)
+    (doc [doc = $line:expr]) => {
+        $line
     };
-    (doc $lines:ident [$($other:tt)*]) => {};
+    (doc [$($other:tt)*]) => {
+        ""
+    };
     (rows [skip] $rows:ident, $field:expr, $name:ident) => {};
     (rows [skip = $value:expr] $rows:ident, $field:expr, $name:ident) => {
         let rows = $crate::scene::option::OptionTable::rows(&mut $field, stringify!($name)).into_iter();

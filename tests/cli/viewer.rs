@@ -71,7 +71,7 @@ fn ray_queries_need_few_crates() {
 #[test]
 fn without_a_display_that_is_said() {
     let view = |display: Option<&str>| {
-        let mut kiln = assert_cmd::Command::cargo_bin("kiln").expect("the command is built with the tests");
+        let mut kiln = assert_cmd::Command::new(assert_cmd::cargo::cargo_bin!("kiln"));
         for name in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"] {
             kiln.env_remove(name);
         }
@@ -95,7 +95,7 @@ fn without_a_display_that_is_said() {
 #[cfg(not(feature = "viewer"))]
 #[test]
 fn without_a_window_that_is_said() {
-    let mut kiln = assert_cmd::Command::cargo_bin("kiln").expect("the command is built with the tests");
+    let mut kiln = assert_cmd::Command::new(assert_cmd::cargo::cargo_bin!("kiln"));
     let done = kiln
         .args(["view", "scenes/assignment.toml", "--size", "640x480", "--help"])
         .assert()

@@ -331,8 +331,7 @@ fn with_models_ten_thousand_bunnies_take_little_more_than_one() {
         );
         let scene = folder.write("bunnies.toml", text);
         let statistics = scene.with_extension("json");
-        assert_cmd::Command::cargo_bin("kiln")
-            .expect("the command is built with the tests")
+        assert_cmd::Command::new(assert_cmd::cargo::cargo_bin!("kiln"))
             .arg("render")
             .arg(&scene)
             .args(["--size", "160x120", "--progress", "none", "--stats"])

@@ -74,7 +74,7 @@ fn shell_lines(text: &str) -> Vec<String> {
 }
 
 fn kiln() -> Command {
-    Command::cargo_bin("kiln").expect("the command is built with the tests")
+    Command::new(assert_cmd::cargo::cargo_bin!("kiln"))
 }
 
 // Fences.

@@ -18,7 +18,7 @@ use kiln::shading::base_colour;
 const SIZE: [u32; 2] = [48, 36];
 
 pub(crate) fn kiln(arguments: &[&str]) -> Command {
-    let mut command = Command::cargo_bin("kiln").expect("the command is built with the tests");
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("kiln"));
     command
         .current_dir(repository("."))
         .args(["render", "--progress", "none", "--size", "48x36"])

@@ -40,7 +40,7 @@ impl Pictures {
 
     /// The message and the exit code of a command with files of the folder.
     fn said(&self, command: &str, files: &[&str]) -> (String, Option<i32>) {
-        let mut kiln = assert_cmd::Command::cargo_bin("kiln").expect("the command is built with the tests");
+        let mut kiln = assert_cmd::Command::new(assert_cmd::cargo::cargo_bin!("kiln"));
         let output = kiln.arg(command).args(files).current_dir(self.0.path()).output().expect("it runs");
         (String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned(), output.status.code())
     }

@@ -39,8 +39,7 @@ fn golden(name: &str) -> PathBuf {
 }
 
 fn render(name: &str, options: &str, to: &std::path::Path) {
-    Command::cargo_bin("kiln")
-        .expect("the command is built with the tests")
+    Command::new(assert_cmd::cargo::cargo_bin!("kiln"))
         .current_dir(repository("."))
         .args(["render", "scenes/assignment.toml", "--size", SIZE, "--progress", "none", "-o"])
         .arg(to)

@@ -6,8 +6,7 @@ use kiln::effects::EFFECTS;
 use serde_json::Value;
 
 fn explain(arguments: &str) -> String {
-    let run = Command::cargo_bin("kiln")
-        .expect("the command is built with the tests")
+    let run = Command::new(assert_cmd::cargo::cargo_bin!("kiln"))
         .current_dir(repository("."))
         .arg("explain")
         .args(arguments.split_whitespace())

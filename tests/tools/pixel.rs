@@ -12,7 +12,7 @@ use serde_json::Value;
 
 /// Runs the command in the repository, with words separated by white space.
 fn kiln(arguments: &str) -> assert_cmd::assert::Assert {
-    let mut command = Command::cargo_bin("kiln").expect("the command is built with the tests");
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("kiln"));
     command.current_dir(repository(".")).args(arguments.split_whitespace()).assert()
 }
 
