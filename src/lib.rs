@@ -109,7 +109,6 @@ pub mod job;
 pub mod limits;
 pub mod metrics;
 pub mod render;
-pub mod sample_count;
 pub mod scene;
 pub mod world;
 
@@ -118,7 +117,3 @@ pub mod world;
 pub mod files;
 #[doc(hidden)]
 pub mod shading;
-#[doc(hidden)]
-pub mod simd;
-#[doc(hidden)]
-pub mod timing;

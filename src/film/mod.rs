@@ -24,6 +24,8 @@ mod pages;
 mod radiance;
 pub mod read;
 pub mod rounding;
+#[doc(hidden)]
+pub mod simd;
 pub mod tone;
 pub mod write;
 

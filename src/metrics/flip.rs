@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 
 use crate::film::colour::srgb_decode;
-use crate::simd::simd;
+use crate::film::simd::simd;
 
 /// Pixels per degree of the field of view, for a display 0.7 m and 3840 pixels wide at a distance of 0.7 m:
 /// `distance * pixels / width * pi / 180` (section 5.1).

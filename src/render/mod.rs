@@ -7,9 +7,12 @@ pub mod aov;
 mod cryptomatte;
 mod features;
 mod statistics;
+mod thread_clock;
 
 use statistics::StageCost;
 pub use statistics::{EffectCost, StageTime, Statistics, grouped};
+pub use thread_clock::HAS_THREAD_TIME;
+use thread_clock::ThreadClock;
 
 use std::ops::Range;
 use std::sync::Mutex;
@@ -23,7 +26,6 @@ use crate::effects::recorder::Recorder;
 use crate::effects::tile::{RenderContext, Tile};
 use crate::error::{Error, Result};
 use crate::film::{self, ColourPipeline, DisplayTransform, Film, FilmTile, Pixel, Window};
-use crate::timing::ThreadClock;
 use crate::world::{View, World, simd};
 
 /// Cancellation and progress of a render.

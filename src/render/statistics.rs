@@ -35,7 +35,7 @@ pub struct Statistics {
 }
 
 /// The processor time of the stages with one name and effect, summed over threads; wall time where a system does not
-/// measure it ([`crate::timing::HAS_THREAD_TIME`]).
+/// measure it ([`super::HAS_THREAD_TIME`]).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StageTime {
     /// The name of the stage.

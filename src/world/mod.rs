@@ -37,8 +37,8 @@ pub use differential::{Differential, TexturePoint};
 use environment::PreparedEnvironment;
 pub(crate) use environment::{UNIFORM_DENSITY, uniform_direction};
 
-pub(crate) use crate::simd::simd;
-pub use crate::simd::simd_dispatch;
+pub(crate) use crate::film::simd::simd;
+pub use crate::film::simd::simd_dispatch;
 pub(crate) use area_lights::{AreaLights, has_radiance};
 pub(crate) use directional::LightDisc;
 pub(crate) use emitters::{EmitterSample, Emitters, sampled_emission};
@@ -343,6 +343,11 @@ impl World {
     #[inline]
     pub(crate) fn ambient_at(&self, normal: DVec3) -> f64 {
         self.ambient + self.fill.as_ref().map_or(0.0, |fill| fill.diffuse(normal.y))
+    }
+
+    /// Whether camera rays that hit nothing see the environment.
+    pub fn shows_environment(&self) -> bool {
+        self.environment.as_ref().is_some_and(|environment| !environment.is_hidden)
     }
 
     /// The world with a black background instead of its backdrop, if it has one.

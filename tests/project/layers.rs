@@ -11,8 +11,6 @@ const MODULES: &[&str] = &[
     "bvh",
     "error",
     "limits",
-    "timing",
-    "simd",
     "files",
     "film",
     "farm",
@@ -24,7 +22,6 @@ const MODULES: &[&str] = &[
     "effects",
     "render",
     "job",
-    "sample_count",
     "animation",
 ];
 

@@ -28,6 +28,7 @@ mod render;
 #[cfg(all(test, feature = "viewer"))]
 #[path = "same_picture/tests.rs"]
 mod same_picture;
+mod sample_count;
 mod sampling;
 mod schema;
 mod statistics;

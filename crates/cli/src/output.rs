@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::sample_count::{self, ErrorTarget, StopReason};
 use kiln::animation::FileNames;
 use kiln::error::{Error, Result, Warnings};
 use kiln::farm::{Shard, shard_name, shard_state, write_shard};
@@ -13,7 +14,6 @@ use kiln::job::{RenderJob, metadata};
 use kiln::limits;
 use kiln::render::aov::{self, AovSelection};
 use kiln::render::{RenderControl, Statistics};
-use kiln::sample_count::{self, ErrorTarget, StopReason};
 use kiln::scene::{BitDepth, PictureSettings, Samples, shell_quoted};
 
 /// Destination of the picture.

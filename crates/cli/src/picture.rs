@@ -185,7 +185,7 @@ fn files_read(scene: &Scene, options: &PictureOptions) -> InputFiles {
 
 /// What pictures of a scene are used for: those of floating-point values are rounded when they are saved as .png or .jpg.
 fn use_of(scene: &Scene) -> PictureUse {
-    PictureUse { time: Some(Moment::of_still(scene).seconds), is_rounded: true, ..PictureUse::default() }
+    PictureUse { time: Some(Moment::of_still(scene).seconds), is_rounded: true }
 }
 
 /// Renders the picture of a job.

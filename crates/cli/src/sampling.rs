@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use kiln::sample_count::{ErrorTarget, Metric};
+use crate::sample_count::{ErrorTarget, Metric};
 use kiln::scene::option::group;
 
 /// Options of `kiln render` with which the number of samples is chosen automatically.

@@ -117,7 +117,7 @@ fn initial_view(
         let resolved = session.resolve_only(&requested, false)?;
         session.warn_of_resolved(&resolved, &requested, warnings)?;
         let time = scene.animation.is_none().then(|| Moment::of_still(scene).seconds);
-        let used = PictureUse { time, is_rounded: true, ..PictureUse::default() };
+        let used = PictureUse { time, is_rounded: true };
         warn_of_unused(&arguments.options, &resolved.plan_settings, used, warnings);
         resolved.settings.picture
     } else {

@@ -17,9 +17,9 @@ use super::{elided, name_of, navigate};
 use kiln::effects::{Decision, EFFECTS, RayKind};
 use kiln::error::printable;
 use kiln::job::RenderSettings;
+use kiln::render::HAS_THREAD_TIME;
 use kiln::render::grouped;
 use kiln::scene::{Background, Camera, ClipChoice, OptionValue, Projection, Samples, Sampling, Scene, Shape};
-use kiln::timing::HAS_THREAD_TIME;
 use kiln::world::StandardView;
 use light::LightChoice;
 use options::{

@@ -18,9 +18,9 @@ use super::typed;
 use kiln::error::Result;
 use kiln::render::RenderControl;
 use kiln::scene::ImportOptions;
-use kiln::timing::Quartiles;
 use kiln_lab::bench::ResultFile;
 use kiln_lab::bench::three_digits;
+use kiln_lab::timing::Quartiles;
 
 #[derive(Args)]
 #[command(args_conflicts_with_subcommands = true)]

@@ -15,9 +15,9 @@ use kiln::files::{check_writable, write_whole};
 use kiln::job::RenderSettings;
 use kiln::scene::option::group;
 use kiln::scene::{PictureSettings, Transport};
-use kiln::timing::Quartiles;
 use kiln_lab::bench::price::{self, PicturePrice, PriceRow, TRANSPORTS, price};
 use kiln_lab::bench::speed::{Kind, RaySets};
+use kiln_lab::timing::Quartiles;
 
 #[derive(Args)]
 pub(crate) struct Arguments {

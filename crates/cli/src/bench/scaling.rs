@@ -12,8 +12,8 @@ use super::{grouped, table, three_digits, with_progress};
 use kiln::error::Result;
 use kiln::files::{check_writable, write_whole};
 use kiln::scene::option::group;
-use kiln::timing::Clock;
 use kiln_lab::bench::speed::{self, Kind, ScalingStep, Settings, scaling, sizes};
+use kiln_lab::timing::Clock;
 
 #[derive(Args)]
 #[command(next_help_heading = group::MEASUREMENT)]

@@ -99,7 +99,7 @@ fn still(arguments: &Arguments, format: Format, aovs: &[String]) -> Result<Made>
     let settings = RenderSettings { aovs: aovs.to_vec(), ..arguments.options.settings()? };
     let (session, resolved) = reporter.load_and_resolve(arguments, &settings)?;
     let (control, warnings) = (RenderControl::default(), &mut reporter.warnings);
-    let used = PictureUse { time: Some(0.0), is_rounded: true, ..PictureUse::default() };
+    let used = PictureUse { time: Some(0.0), is_rounded: true };
     warn_of_unused(&arguments.options, &resolved.plan_settings, used, warnings);
     made(&session.into_job(&resolved, true, &control, warnings)?, format, warnings)
 }

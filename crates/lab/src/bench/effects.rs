@@ -7,12 +7,12 @@
 
 use std::sync::atomic::AtomicBool;
 
+use crate::timing::{Clock, Quartiles};
 use kiln::effects::{EffectId, Plan};
 use kiln::error::Result;
 use kiln::film::Film;
 use kiln::job::RenderJob;
 use kiln::render::{RenderControl, Statistics, render};
-use kiln::timing::{Clock, Quartiles};
 
 /// Cost of a picture.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]

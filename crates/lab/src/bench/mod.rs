@@ -40,10 +40,10 @@ mod tetrahedron;
 #[allow(unsafe_code)]
 mod tinybvh;
 
+pub use crate::timing::Quartiles;
 pub use engine::{Built, Engine, Facts, Label, RayQueue, singly};
 pub use envelope::ResultFile;
 pub use icosphere::{Icosphere, Mesh, PLACEMENTS, Placement};
-pub use kiln::timing::Quartiles;
 pub use numbers::Numbers;
 pub use plot::three_digits;
 pub use rays::{LeakRayKind, ray};

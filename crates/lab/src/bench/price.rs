@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use super::plot::{Mark, Scatter};
 use super::speed::{Kind, RaySets, ReferenceHits, Settings, SpeedRow, measure};
 use super::{Engine, Icosphere, LEVEL, Label, LeakRayKind, Mesh, Numbers, PLACEMENTS, leaks, own, ray};
+use crate::timing::{Clock, Quartiles};
 use kiln::bvh::{Layout, Preset};
 use kiln::error::{Error, Result, Warnings};
 use kiln::film::Film;
@@ -18,7 +19,6 @@ use kiln::geometry::{Numerics, Precision, Ray};
 use kiln::job::{RenderJob, RenderSettings, prepare};
 use kiln::render::RenderControl;
 use kiln::scene::{Look, Scene, Transport};
-use kiln::timing::{Clock, Quartiles};
 
 /// Cost and errors of a library in one mode: a tier of kiln, Embree with or without its robust mode, a layout of others.
 #[derive(Debug, Clone, PartialEq)]

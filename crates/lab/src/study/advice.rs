@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::data::{SettingRow, Significance, Study};
 use super::pareto::{TimedError, front};
 use super::path_sweep;
-use kiln::timing::Quartiles;
+use crate::timing::Quartiles;
 
 /// The fastest setting below an error bound.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -5,9 +5,9 @@ use serde::{Deserialize, Serialize};
 use super::advice::{Advice, ParameterStep};
 use crate::bench::ResultFile;
 use crate::bench::errors::PictureError;
+use crate::timing::Quartiles;
 use kiln::metrics::Figures;
 use kiln::metrics::t_test::TTest;
-use kiln::timing::Quartiles;
 
 /// Version of the JSON schema, incremented when a field is removed or changes its meaning.
 pub(crate) const SCHEMA: u32 = 1;

@@ -14,12 +14,12 @@ use super::work::{MeasuredSetting, StudyRun, distinct, filters, prepare};
 use super::{advice, ambient, path_sweep, steps, techniques};
 use crate::bench::ResultFile;
 use crate::bench::errors;
+use crate::timing::{Clock, Quartiles};
 use kiln::effects::RayKind;
 use kiln::error::{Error, Result};
 use kiln::geometry::Numerics;
 use kiln::job::{ResolvedPicture, Session};
 use kiln::render::RenderControl;
-use kiln::timing::{Clock, Quartiles};
 
 /// Input of a study.
 pub struct StudySubject {

@@ -1,6 +1,6 @@
 //! Pareto front of time and error, with ties.
 
-use kiln::timing::Quartiles;
+use crate::timing::Quartiles;
 
 /// A setting's time and error.
 #[derive(Debug, Clone, Copy)]

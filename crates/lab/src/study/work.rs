@@ -9,6 +9,7 @@ use super::pictures::{Comparison, SettingImages, png};
 use super::reference::{ConvergedReference, halves};
 use super::setting::Setting;
 use super::{geometry, leaks};
+use crate::timing::{Clock, Quartiles};
 use kiln::error::{Error, Result};
 use kiln::film::{Film, FilterShape, Pixel, TILE, Window};
 use kiln::geometry::Numerics;
@@ -17,7 +18,6 @@ use kiln::metrics::{ComparedImage, Figures};
 use kiln::render::{RenderControl, Statistics};
 use kiln::scene::Scene;
 use kiln::scene::animation::Moment;
-use kiln::timing::{Clock, Quartiles};
 use kiln::world::{View, WorldInputs};
 
 /// Maximum number of rays along a side for the comparison of geometry, unless the picture is larger.

@@ -3,9 +3,9 @@
 use serde_json::{Map, Value, json};
 
 use super::Report;
-use kiln::timing::Clock;
 use kiln_lab::bench::Unavailable;
 use kiln_lab::bench::speed::{Kind, SpeedRow};
+use kiln_lab::timing::Clock;
 
 /// One row per engine, and one with a reason per unavailable library.
 pub(crate) fn rows(report: &Report) -> Value {

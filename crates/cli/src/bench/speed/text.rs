@@ -5,8 +5,8 @@ use std::fmt::Write;
 use super::super::{grouped, quartiles, table, three_digits};
 use super::Report;
 use kiln::error::printable;
-use kiln::timing::{Clock, Quartiles};
 use kiln_lab::bench::speed::{Kind, SpeedRow, best};
+use kiln_lab::timing::{Clock, Quartiles};
 
 /// Tables of throughput, of build and memory, and of the fastest engines.
 pub(crate) fn tables(report: &Report) -> String {

@@ -6,12 +6,12 @@ use rayon::prelude::*;
 
 use super::super::{Built, Engine, Facts, Label, Mesh, RayQueue, own};
 use super::{Kind, RaySets, ReferenceHits, rays};
+use crate::timing::{Clock, Quartiles};
 use kiln::bvh::{Layout, Preset, Tests};
 use kiln::error::{Error, Result};
 use kiln::geometry::{Numerics, Ray};
 use kiln::limits;
 use kiln::render::RenderControl;
-use kiln::timing::{Clock, Quartiles};
 
 /// Rays per parallel task, a multiple of the batch size.
 const PORTION: usize = 64 * rays::BATCH;

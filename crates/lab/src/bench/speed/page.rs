@@ -5,7 +5,7 @@ use super::super::envelope::processor;
 use super::super::html::{self, STYLE, escaped, filled};
 use super::super::plot::{Bar, bars, three_digits};
 use super::{Kind, NAMES, SpeedRow};
-use kiln::timing::{Clock, Quartiles};
+use crate::timing::{Clock, Quartiles};
 
 /// The HTML page of the results for `subject` from `runs` rounds.
 pub fn page(rows: &[SpeedRow], absent: &[Unavailable], subject: &str, runs: u32) -> String {

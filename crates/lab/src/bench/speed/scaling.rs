@@ -6,10 +6,10 @@ use super::super::Engine;
 use super::super::generate::Family;
 use super::super::plot::{Line, Panel, panels};
 use super::{Kind, RaySets, Settings, SpeedRow, Viewpoint, measure, scene, view_setup};
+use crate::timing::Quartiles;
 use kiln::error::{Error, Result};
 use kiln::limits;
 use kiln::render::RenderControl;
-use kiln::timing::Quartiles;
 
 /// Results for a mesh of a kind and size.
 #[derive(Debug, Clone)]

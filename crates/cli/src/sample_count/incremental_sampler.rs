@@ -4,21 +4,20 @@ use std::time::Instant;
 
 use super::split_image::{Halves, SplitImage};
 use super::{ErrorTarget, Metric, SampledImage, StopReason};
-use crate::effects::id;
-use crate::effects::random::other_seed;
-use crate::error::{Error, Result};
-use crate::film::{ColourPipeline, Film};
-use crate::job::RenderJob;
-use crate::metrics::Values;
-use crate::render::{RenderControl, Statistics};
-use crate::scene::Sampling;
+use kiln::effects::id;
+use kiln::effects::random::other_seed;
+use kiln::error::{Error, Result};
+use kiln::film::{ColourPipeline, Film};
+use kiln::job::RenderJob;
+use kiln::metrics::Values;
+use kiln::render::{RenderControl, Statistics};
+use kiln::scene::Sampling;
 
 /// The number of pixels whose centre ray hits an object other than the ground; of all pixels where there are none, or
 /// where the background is an environment.
 fn subject_pixels(job: &RenderJob, control: &RenderControl) -> Result<usize> {
-    let world = &job.world;
     let all = job.window.area();
-    if world.environment.as_ref().is_some_and(|environment| !environment.is_hidden) {
+    if job.world.shows_environment() {
         return Ok(all);
     }
     Ok(job.subject(control)?.into_iter().filter(|is_shown| *is_shown).count())

@@ -3,7 +3,7 @@
 /// [`simd_dispatch`] of an expression.
 macro_rules! simd {
     ($work:expr) => {
-        $crate::simd::simd_dispatch(
+        $crate::film::simd::simd_dispatch(
             #[inline(always)]
             || $work,
         )

@@ -3,7 +3,7 @@
 
 use super::Metric;
 use super::incremental_sampler::IncrementalSampler;
-use crate::metrics::{displayed, mean_flip, mean_over};
+use kiln::metrics::{displayed, mean_flip, mean_over};
 
 /// Rows of the parts of a picture that are measured, one after the other: FLIP takes 160 bytes a pixel.
 const ROWS: usize = 64;

@@ -15,10 +15,10 @@
 mod incremental_sampler;
 mod split_image;
 
-use crate::error::Result;
-use crate::job::RenderJob;
-use crate::render::{RenderControl, Statistics};
 use incremental_sampler::IncrementalSampler;
+use kiln::error::Result;
+use kiln::job::RenderJob;
+use kiln::render::{RenderControl, Statistics};
 use split_image::SplitImage;
 
 /// Maximum number of samples per pixel.
@@ -49,7 +49,7 @@ pub enum Metric {
     Max,
 }
 
-names!(Metric { Flip = "FLIP", Rmse = "RMSE", Max = "MAX" });
+kiln::names!(Metric { Flip = "FLIP", Rmse = "RMSE", Max = "MAX" });
 
 impl Metric {
     fn margin(self) -> f64 {
@@ -118,7 +118,7 @@ pub const BYTES_PER_PIXEL: u64 = 108;
 /// Renders to a target on the current rayon pool. Sets the job's sampling to that of the returned picture.
 ///
 /// # Errors
-/// Those of [`RenderJob::render`]; [`crate::error::Error::Usage`] if antialiasing is off.
+/// Those of [`RenderJob::render`]; [`kiln::error::Error::Usage`] if antialiasing is off.
 pub fn render(job: &mut RenderJob, target: &ErrorTarget, control: &RenderControl) -> Result<SampledImage> {
     let mut sampler = IncrementalSampler::new(job, control)?;
     let metric = target.accuracy.map_or(Metric::Flip, |(metric, _)| metric);

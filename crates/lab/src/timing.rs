@@ -1,6 +1,6 @@
 //! Timing: clocks of processor time, and quartiles of repeated measurements.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
@@ -43,40 +43,6 @@ fn processor_time() -> Option<f64> {
     Some(time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9)
 }
 
-/// Whether [`ThreadClock`] measures processor time. The times of threads of Windows advance in steps of 1/64 s, more than
-/// a stage of a tile takes.
-pub const HAS_THREAD_TIME: bool = cfg!(unix);
-
-/// Processor time of the calling thread, from any start; wall time without [`HAS_THREAD_TIME`].
-#[cfg(unix)]
-fn thread_time() -> Duration {
-    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
-    // Only negative times fail.
-    Duration::try_from(time).unwrap_or_default()
-}
-
-#[cfg(not(unix))]
-fn thread_time() -> Duration {
-    static START: std::sync::LazyLock<Instant> = std::sync::LazyLock::new(Instant::now);
-    START.elapsed()
-}
-
-/// A clock of the processor time of a thread; of wall time without [`HAS_THREAD_TIME`].
-pub struct ThreadClock(Duration);
-
-impl ThreadClock {
-    /// Starts a clock of the calling thread.
-    pub fn start() -> Self {
-        ThreadClock(thread_time())
-    }
-
-    /// Time since the start or the last call, on the same thread.
-    pub fn lap(&mut self) -> Duration {
-        let now = thread_time();
-        now.saturating_sub(std::mem::replace(&mut self.0, now))
-    }
-}
-
 #[cfg(not(unix))]
 fn processor_time() -> Option<f64> {
     None
@@ -117,27 +83,10 @@ impl Quartiles {
 mod tests {
     use super::*;
 
-    /// A thread that sleeps takes no processor time; one that waits in a loop takes what has passed, but for other
-    /// programs.
-    #[test]
-    #[cfg(unix)]
-    fn a_sleeping_thread_has_no_processor_time() {
-        let mut clock = ThreadClock::start();
-        std::thread::sleep(Duration::from_millis(50));
-        let start = Instant::now();
-        assert!(clock.lap() < Duration::from_millis(25));
-        let mut worked = Duration::ZERO;
-        while worked < Duration::from_millis(20) && start.elapsed() < Duration::from_secs(20) {
-            worked += clock.lap();
-        }
-        // The clocks may run at rates that differ a little.
-        assert!(worked >= Duration::from_millis(20) && 2 * start.elapsed() >= worked, "{worked:?}");
-    }
-
     #[test]
     fn several_threads_have_wall_time() {
         let several = Clock::start(2);
-        std::thread::sleep(Duration::from_millis(50));
+        std::thread::sleep(std::time::Duration::from_millis(50));
         assert!(several.seconds() >= 0.05);
         assert_eq!(Clock::name(2), "wall");
         assert_eq!(Clock::name(1), if cfg!(unix) { "processor" } else { "wall" });
