@@ -49,7 +49,7 @@ fn an_automatic_camera_can_be_given_again() {
     assert_eq!(report["render"]["camera"], table.as_str());
     // The options change nothing of another camera.
     let said = workshop.succeed("render a.obj eye.gltf -o a.png --size 16x16 --azimuth 30");
-    assert!(said.contains("warning: azimuth changes nothing: the camera is `"), "{said}");
+    assert!(said.contains("warning: --azimuth changes nothing: the camera is `"), "{said}");
 }
 
 /// A camera whose name `--camera` reads as something else is recorded whole, so that it can be given again.

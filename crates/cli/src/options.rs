@@ -46,11 +46,10 @@ impl<T: Options> FromArgMatches for Table<T> {
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), Error> {
         for spec in T::specs() {
+            let id = &id_of(&spec.name);
             let value = match spec.count {
-                ValueCount::Switch => matches.get_flag(&spec.name).then_some(GivenValue::Switch(true)),
-                _ => matches
-                    .get_many::<String>(&spec.name)
-                    .map(|texts| GivenValue::Texts(texts.cloned().collect())),
+                ValueCount::Switch => matches.get_flag(id).then_some(GivenValue::Switch(true)),
+                _ => matches.get_many::<String>(id).map(|texts| GivenValue::Texts(texts.cloned().collect())),
             };
             if value.is_some() {
                 self.0
@@ -71,10 +70,15 @@ pub(crate) fn parser<T: OptionValue>() -> ValueParser {
     ValueParser::new(PossibleValuesParser::new(names).try_map(|name| T::parse(&name)))
 }
 
+/// The identifier of an argument, as derives of clap give it.
+fn id_of(name: &str) -> String {
+    name.replace('-', "_")
+}
+
 /// The argument of an option.
 fn argument(spec: OptionSpec) -> Arg {
     let OptionSpec { name, help, group, order, check, .. } = spec;
-    let argument = Arg::new(name.clone()).long(name).help(help).help_heading(group);
+    let argument = Arg::new(id_of(&name)).long(name).help(help).help_heading(group);
     let argument = argument.display_order(order).alias(spec.alias);
     let action = match spec.count {
         ValueCount::Switch => return argument.action(ArgAction::SetTrue),

@@ -1,4 +1,4 @@
-//! What kiln measures of itself and of other libraries: speed, leaks and errors ([`bench`]), and what accuracy costs in
+//! What kiln measures of itself and of other libraries: speed, leaks and errors ([`mod@bench`]), and what accuracy costs in
 //! time ([`study`]).
 
 pub mod bench;

@@ -15,7 +15,7 @@ pub(crate) const SCHEMA: u32 = 1;
 /// Results of a study.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Study {
-    /// Schema ([`SCHEMA`]), version, scene, command line and machine.
+    /// Schema, version, scene, command line and machine.
     #[serde(flatten)]
     pub envelope: ResultFile,
     /// Metadata of the pictures, as names and values.
