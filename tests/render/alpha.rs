@@ -232,7 +232,7 @@ fn an_opacity_of_one_costs_nothing() {
 /// `exact` differ by rounding alone.
 #[test]
 fn paths_pass_the_same_surfaces_in_double_and_exact() {
-    let scene = || crate::common::picture::load(std::path::Path::new("scenes/effects/alpha.toml"));
+    let scene = || crate::common::picture::load(&crate::common::repository("scenes/effects/alpha.toml"));
     let film = |numerics| {
         let settings = changed(settings(6, Transport::Path), |picture| {
             let own = PictureSettings { numerics: Some(numerics), ..PictureSettings::of_size([160, 120]) };
