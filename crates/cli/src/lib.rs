@@ -321,11 +321,25 @@ pub fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool> {
         }
         (None, None) => 0,
     };
-    let builder = rayon::ThreadPoolBuilder::new().num_threads(number);
-    builder.build().map_err(|_| Error::Failed {
+    let builder = rayon::ThreadPoolBuilder::new().num_threads(number).stack_size(STACK as usize);
+    let pool = has_room_for_stacks(number as u64).then(|| builder.build().ok()).flatten();
+    pool.ok_or_else(|| Error::Failed {
         what: "the system cannot start that many threads".into(),
         hint: "give a smaller number as --threads, or raise the limits on memory and threads".into(),
     })
+}
+
+/// Bytes of a thread's stack: the default of the standard library.
+const STACK: u64 = 2 << 20;
+
+/// Whether the stacks of so many threads take at most half of the address space, where that is limited. A thread that
+/// starts while nothing is left ends the process.
+fn has_room_for_stacks(threads: u64) -> bool {
+    #[cfg(unix)]
+    let most = rustix::process::getrlimit(rustix::process::Resource::As).current;
+    #[cfg(not(unix))]
+    let most: Option<u64> = None;
+    most.is_none_or(|most| threads * STACK <= most / 2)
 }
 
 #[cfg(test)]
