@@ -10,8 +10,7 @@ use crate::error::{Error, Result, Warnings};
 use crate::farm::Shard;
 use crate::film::{ColourPipeline, DisplaySettings, Window};
 use crate::import;
-use crate::scene::option::group;
-use crate::scene::option::options;
+use crate::scene::option::{group, options};
 use crate::scene::{
     Camera, Environment, Intensity, Look, Object, PictureSettings, Projection, Rotation, Scene,
 };

@@ -38,7 +38,7 @@ const SWEEP: [&str; 18] = [
 ];
 /// Noise levels. Adaptive sampling reaches a target in another way, often in less time.
 const NOISE: [&str; 5] = ["0.04", "0.02", "0.01", "0.004", "0.002"];
-/// Scenes and targets. They are a test set: `src/sample_count` was not tuned on them and must not be.
+/// Scenes and targets. They are a test set: `crates/cli/src/sample_count` was not tuned on them and must not be.
 const CASES: [(&str, &str); 22] = [
     ("scenes/hard/close-sheets.toml", "FLIP=0.008"),
     ("scenes/hard/coarse-sphere.toml", "RMSE=0.004"),
