@@ -48,12 +48,11 @@ const GROUND_ALBEDO: f64 = 0.86;
 const DARK_BACKGROUND: DVec3 = DVec3::new(0.048_072, 0.049_622, 0.053_014);
 
 /// Standard error of displayed values at which pixels are sampled no further, and the most samples.
-const NOISE: f64 = 0.04;
-const SAMPLES: u32 = 24;
+const NOISE: f64 = 0.025;
+const SAMPLES: u32 = 16;
 
 /// Those of paths. Where materials turn path tracing on, indirect light is clamped to white, and the noise threshold is
 /// higher.
-const PATH_NOISE: f64 = 0.025;
 const CALLED_NOISE: f64 = 0.055;
 pub(super) const PATH_SAMPLES: u32 = 64;
 
@@ -184,7 +183,7 @@ fn is_lit_by_files(scene: &Scene, look: &DefaultLook) -> bool {
 fn sampling(picture: PictureSettings, context: &LookContext) -> PictureSettings {
     let (noise, most) = match (context.traces_paths, context.has_path_tracing_reason) {
         (true, true) => (CALLED_NOISE, PATH_SAMPLES),
-        (true, false) => (PATH_NOISE, PATH_SAMPLES),
+        (true, false) => (NOISE, PATH_SAMPLES),
         (false, _) => (NOISE, SAMPLES),
     };
     picture.or_look(PictureSettings {

@@ -58,7 +58,7 @@ options! {
         /// Maximum perfectly specular bounces of a path (smooth mirrors and clear glass), 0 to 1000, which then do not
         /// count towards --depth [default: 64; with --depth alone, that limits all]
         [of(group::QUALITY).order(5).hyphens().value_name("N")] depth_specular: Option<Bounces>,
-        /// Samples per pixel, 1 to 65536; with a noise threshold, the maximum [default: for meshes 24,
+        /// Samples per pixel, 1 to 65536; with a noise threshold, the maximum [default: for meshes 16,
         /// with path tracing 64; for scene files 1 at the pixel's centre, 16 with a filter, 256 with a noise threshold]
         [of(group::QUALITY).order(0).hyphens().value_name("N")] samples: Option<Samples>,
         /// Pixel reconstruction filter [default: gaussian]
@@ -66,8 +66,8 @@ options! {
         /// Filter radius in pixels [default: box 0.5, tent 1, gaussian 1.5, mitchell 2]
         [of(group::QUALITY).hyphens().value_name("PIXELS")] filter_radius: Option<FilterRadius>,
         /// Noise threshold of adaptive sampling: sample each pixel until the standard error of its displayed value (1
-        /// is white) is below this [default: for meshes without sampling options 0.04, for paths 0.025, 0.055 where
-        /// transmissive or emissive materials call for them, else none]
+        /// is white) is below this [default: for meshes without sampling options 0.025, 0.055 where transmissive or
+        /// emissive materials call for path tracing, else none]
         [of(group::QUALITY).order(1).hyphens().value_name("LEVEL")] noise: Option<Noise>,
         /// Minimum samples per pixel of adaptive sampling [default: 4]
         [of(group::QUALITY).hyphens().value_name("N")] min_samples: Option<Samples>,

@@ -262,7 +262,7 @@ fn a_texel_an_option_or_a_vertex_makes_another_picture_and_where_files_lie_does_
         workshop.ends(0, &format!("{verify} {same}"));
     }
     for (other, why) in [
-        ("--samples 2", "; samples: 24, not 2"),
+        ("--samples 2", "; samples: 16, not 2"),
         ("--without shadows", "different: without: the default, not shadows\n"),
         ("--view top", "different: camera: { name = \"auto\""),
         ("--crop 0,0,9,9", "different: crop: the default, not 0,0,9,9\n"),

@@ -84,7 +84,7 @@ controls! {
     CLAMP = "clamp", "clamp", ("none", 10.0), without_paths, "Lower it against single bright dots.";
     SAMPLES = "samples", "samples per pixel", ("1", 1.0), never, "Rays through each pixel. More give smoother edges and less \
         noise, and take longer.";
-    NOISE = "noise", "noise threshold", ("none", 0.04), never, "Samples each pixel until its noise is below this: lower is \
+    NOISE = "noise", "noise threshold", ("none", 0.025), never, "Samples each pixel until its noise is below this: lower is \
         cleaner and takes longer. `samples per pixel` is then the maximum.";
     MIN_SAMPLES = "min-samples", "minimum samples", ("4", 4.0), not_adaptive, "Raise it if small details are missed.";
     FILTER = "filter", "filter", ("gaussian", 0.0), one_sample, "How samples become pixels. `mitchell` is sharper, `gaussian` \
