@@ -2,9 +2,9 @@
 
 use std::collections::HashMap;
 
-use super::scene_file;
 use crate::error::{Error, Result, Warnings, nearest_name};
 use crate::film::Colour;
+use crate::import::formats::scene_file;
 use crate::scene::{ImportOptions, Material, MaterialChange, MaterialChoice, MaterialId, Object, Scene};
 
 /// A parsed [`MaterialChoice`].

@@ -13,48 +13,30 @@
 //! # Ok::<(), kiln::error::Error>(())
 //! ```
 
-mod colours;
-mod contents;
-mod dependencies;
 mod edits;
-mod environment;
+mod files;
+mod formats;
+mod meshes;
+mod text;
 
-mod gltf;
-mod heights;
 mod images;
-#[cfg(feature = "codecs")]
-mod ktx2;
-mod lines;
-mod names;
-mod obj;
-mod off;
 mod options;
-mod parts;
-mod ply;
-mod polygon;
-mod references;
-mod sanitise;
-mod scene_file;
-pub mod sharing;
-mod smooth;
-mod stl;
-mod tangents;
-mod threemf;
-mod untextured;
-mod up;
-mod uri;
-mod values;
 
-pub use environment::environment;
-pub use names::FileNames;
-pub use scene_file::{SceneFile, inline_camera};
+pub use files::names::FileNames;
+pub use formats::scene_file::{SceneFile, inline_camera};
+pub use images::environment::environment;
+
+use files::contents;
+use formats::{gltf, obj, off, ply, scene_file, stl, threemf};
+pub use meshes::sharing;
+use meshes::{sanitise, smooth};
 
 use std::borrow::Cow;
 use std::collections::HashMap;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-pub use dependencies::{FileRead, Stamp};
+pub use files::dependencies::{FileRead, Stamp};
 
 use crate::error::{Error, Result, Warnings};
 use crate::files::hint_for_missing;
@@ -64,9 +46,9 @@ use crate::limits::{self, Counted};
 use crate::scene::{
     ImportOptions, Material, MaterialId, Mesh, Object, Opacity, Phong, Scene, Shape, UpAxis, UpChoice,
 };
-use dependencies::Files;
+use files::dependencies::Files;
 use glam::DVec3;
-use lines::decode;
+use text::lines::decode;
 
 /// A supported file format.
 pub struct Importer {

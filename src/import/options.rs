@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use super::Source;
-use super::up::{self, Guess};
 use crate::error::{Error, Result, Warnings};
+use crate::import::meshes::up::{self, Guess};
 use crate::scene::{ClipChoice, Degrees, ImportOptions, Scene, UpAxis};
 
 /// The up axis of a mesh file: with `--up auto` (`turns`) that of the format's specification; in a format without one, z if

@@ -22,40 +22,32 @@
 //! # Ok::<(), kiln::error::Error>(())
 //! ```
 
-mod back_faces;
 pub mod camera;
-mod default_look;
-mod exr_attributes;
-mod findings;
-mod lens;
-mod memory;
+mod look;
+mod messages;
 pub mod metadata;
-mod metering;
-mod notes;
-mod options;
-mod outside;
-mod path_calls;
 pub mod pixel;
-mod prepared;
-mod resolved;
 mod session;
 mod settings;
-mod unused;
 
 pub use crate::effects::PlanSettings;
 pub use crate::render::{RenderControl, Statistics};
 pub use crate::shading::ShadingMode;
-pub use findings::{Findings, warn_of_indices};
-pub use memory::check_memory;
+pub use messages::findings::{Findings, warn_of_indices};
+pub use messages::notes::{HEADLIGHT, notes_of_result};
+pub use messages::unused::{PictureUse, warn_of_unused};
 pub use metadata::Metadata;
-pub use notes::{HEADLIGHT, notes_of_result};
-pub use options::{PictureOptions, Threads};
-pub use prepared::scene_at;
-pub use prepared::{PreparedScene, SceneAtTime};
-pub use resolved::ResolvedPicture;
+pub use session::memory::check_memory;
+pub use session::prepared::scene_at;
+pub use session::prepared::{PreparedScene, SceneAtTime};
+pub use session::resolved::ResolvedPicture;
 pub use session::{Picture, Session};
+pub use settings::options::{PictureOptions, Threads};
 pub use settings::{CameraChoice, EnvironmentSettings, RenderSettings, check_display};
-pub use unused::{PictureUse, warn_of_unused};
+
+use camera::lens;
+use messages::findings;
+use session::memory;
 
 use std::sync::{Arc, OnceLock};
 
@@ -69,6 +61,16 @@ use crate::render::aov::AovSource;
 use crate::render::render_displayed;
 use crate::scene::{BitDepth, Camera, Sampling, Scene};
 use crate::world::{Recentering, View, World};
+
+/// The error by rounding display values to 8 bits.
+pub struct RoundingError {
+    /// The largest, in steps of 255; `None` without a bound.
+    pub largest: Option<f64>,
+    /// What it is.
+    pub text: &'static str,
+    /// The options that avoid it.
+    pub option: &'static str,
+}
 
 /// A picture that is ready to be rendered.
 pub struct RenderJob {
@@ -264,19 +266,19 @@ impl RenderJob {
         }
     }
 
-    /// The error by rounding display values to 8 bits, in steps, what that is, and the option that avoids it; `None` where
-    /// values have more bits.
-    pub fn rounding_error(&self) -> Option<(Option<f64>, &'static str, &'static str)> {
+    /// The error by rounding display values to 8 bits; `None` where values have more bits.
+    pub fn rounding_error(&self) -> Option<RoundingError> {
         let picture = &self.settings.picture;
         if picture.bits.is_some_and(|bits| bits != BitDepth::Eight) {
             return None;
         }
         // Noise of a triangular distribution two levels wide has a variance of 1/6, rounding after it one of 1/12.
-        Some(match (self.pipeline(), picture.dither) {
+        let (largest, text, option) = match (self.pipeline(), picture.dither) {
             (ColourPipeline::U8, _) => (None, "rounded after each step: no bound", "--colour display"),
             (_, Some(true)) => (Some(1.5), "dithered: up to 1.5 of 255, RMS 0.5", "--bits 16, .exr"),
             _ => (Some(0.5), "up to 0.5 of 255, RMS 0.29", "--bits 16, .exr"),
-        })
+        };
+        Some(RoundingError { largest, text, option })
     }
 
     /// Renders the picture in `f32`, with a channel of alpha if it is transparent; to be developed by

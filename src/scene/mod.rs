@@ -24,37 +24,17 @@
 //! ```
 
 pub mod animation;
-mod bit_depth;
-mod camera;
-mod camera_text;
-mod clip;
-mod colour_value;
+pub(crate) mod camera;
 mod default_look;
-mod effects;
-mod environment;
+pub mod mesh;
 
-mod fill;
 mod fingerprint;
 mod ground;
 mod hidden;
-mod import_options;
-mod layers;
-pub(crate) mod lens;
 mod light;
 mod material;
-mod material_change;
 pub mod option;
-mod picture;
-mod sampler;
-mod sampling;
-mod shading_mode;
-pub mod support;
-mod texels;
-mod texture_slot;
-pub mod topology;
-mod transport;
 mod up;
-pub(crate) mod vertex_attributes;
 
 pub use crate::geometry::{
     AnalyticShape, Attribute, Disk, Mesh, Numerics, Placed, Placement, Sphere, Step, is_mirror,
@@ -62,45 +42,48 @@ pub use crate::geometry::{
 };
 pub use crate::limits::{Counted, Limits};
 pub use animation::Animation;
-pub use bit_depth::BitDepth;
+pub use animation::clip::{Clip, ClipChoice, ClipTime};
+pub use camera::lens::{Focus, Lens};
+pub use camera::text::{INLINE_NAME, shell_quoted};
 pub use camera::{Camera, Intrinsics, Projection, Sensor, default_size};
-pub use camera_text::{INLINE_NAME, shell_quoted};
-pub use clip::{Clip, ClipChoice, ClipTime};
-pub use colour_value::ColourValue;
 pub use default_look::{AddedLight, DefaultLook};
-pub use effects::{EffectValue, EffectsSection};
-pub use environment::{Environment, EnvironmentImage, EnvironmentSource};
-pub use fill::{Fill, FillZone};
 pub use fingerprint::Fingerprint;
 pub use ground::Ground;
 pub use hidden::HiddenObject;
-pub use import_options::{Degrees, ImportOptions, MaterialChoice, Seconds};
-pub use layers::{Layers, Volume};
-pub use lens::{Focus, Lens};
+pub use light::environment::{Environment, EnvironmentImage, EnvironmentSource};
+pub use light::fill::{Fill, FillZone};
 pub use light::{Falloff, Light, LightKind, LightSurface};
+pub use material::change::MaterialChange;
+pub use material::layers::{Layers, Volume};
+pub use material::sampler::{
+    Interpolation, Minify, ResolvedTextureFilter, TextureFilter, TextureSampler, Wrap,
+};
+pub use material::texels::TexelValues;
+pub use material::texture_slot::{SlotEntry, TEXTURE_SLOTS, TextureSlot, Textures};
 pub use material::{
     DecodedImage, Glaze, Material, MetallicRoughness, Opacity, Phong, Refraction, TexelEncoding, Texture,
 };
-pub use material_change::MaterialChange;
-pub use option::{GivenValue, OptionSpec, OptionValue, Options, ValueCount, ValueKind, group};
-pub use picture::{
+pub use option::bit_depth::BitDepth;
+pub use option::colour_value::ColourValue;
+pub use option::effects::{EffectValue, EffectsSection};
+pub use option::import_options::{Degrees, ImportOptions, MaterialChoice, Seconds};
+pub use option::picture::{
     Background, Bounces, Clamp, FieldOfView, FilterRadius, Headlight, Intensity, Look, Noise,
     PictureSettings, Rotation, Samples, Side, Zoom,
 };
-pub use sampler::{Interpolation, Minify, ResolvedTextureFilter, TextureFilter, TextureSampler, Wrap};
-pub use sampling::{MAX_SAMPLES, PixelSampler, Sampling};
-pub use shading_mode::ShadingMode;
-pub use texels::TexelValues;
-pub use texture_slot::{SlotEntry, TEXTURE_SLOTS, TextureSlot, Textures};
-pub use transport::{Transport, TransportReason};
+pub use option::sampling::{MAX_SAMPLES, PixelSampler, Sampling};
+pub use option::shading_mode::ShadingMode;
+pub use option::transport::{Transport, TransportReason};
+pub use option::{GivenValue, OptionSpec, OptionValue, Options, ValueCount, ValueKind, group};
 pub use up::{UpAxis, UpChoice};
 
-use support::{AffineFunction, PointTrees, can_be_seen};
+use mesh::support::{AffineFunction, PointTrees, can_be_seen};
 
 use crate::bvh::{Bvh, NotFinite, Preset, Primitive};
 use crate::film::Colour;
 use crate::geometry::{PrimId, Triangle};
 use glam::DVec3;
+use mesh::support;
 
 /// Index of a material in [`Scene::materials`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize)]

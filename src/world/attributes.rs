@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3, DVec4, Vec2, Vec3, Vec4};
 
 use crate::film::{Colour, ColourPipeline};
-use crate::scene::vertex_attributes::{of_triangle, unit, vertex_normal};
+use crate::scene::mesh::vertex_attributes::{of_triangle, unit, vertex_normal};
 use crate::scene::{Attribute, Mesh, Placed, Shape};
 
 /// The vertex attributes of an object; none for an analytic shape. Triangles are numbered within the object.

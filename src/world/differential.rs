@@ -7,7 +7,7 @@ use super::World;
 use super::interaction::SurfaceInteraction;
 use crate::bvh::Primitive;
 use crate::geometry::{Hit, PrimId, Ray};
-use crate::scene::vertex_attributes::blend;
+use crate::scene::mesh::vertex_attributes::blend;
 
 /// A ray differential: the change of a ray from one pixel to the next, to the right and down.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

@@ -8,8 +8,8 @@ use rayon::prelude::*;
 
 use super::view::basis;
 use crate::film::Colour;
+use crate::scene::mesh::support::{AffineFunction, PointTrees, maxima};
 use crate::scene::option::named_values;
-use crate::scene::support::{AffineFunction, PointTrees, maxima};
 use crate::scene::{
     Camera, FieldOfView, Light, LightKind, Mesh, PictureSettings, Placed, Projection, Rotation, Scene, Shape,
     Zoom,

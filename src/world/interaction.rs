@@ -11,7 +11,7 @@ use crate::film::ColourPipeline;
 use crate::geometry::spawn::{ORIGIN_OFFSET, SurfacePoint, point_at};
 use crate::geometry::{AnalyticShape, Hit, Numerics, PrimId, Ray, sin_cos_of_turns};
 use crate::scene::TextureSlot;
-use crate::scene::vertex_attributes::{blend, smooth_normal};
+use crate::scene::mesh::vertex_attributes::{blend, smooth_normal};
 
 /// A surface interaction: a point of a surface, seen along a ray.
 #[derive(Debug, Clone, Copy)]

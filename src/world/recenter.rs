@@ -8,7 +8,7 @@
 use glam::DVec3;
 
 use super::WorldInputs;
-use crate::scene::support::PointTrees;
+use crate::scene::mesh::support::PointTrees;
 use crate::scene::{Camera, DefaultLook, Ground, Scene, Shape, Step, bounds};
 
 /// The largest distance from the origin, in sizes of the scene, at which 20 of 24 bits are left for its shape.

@@ -13,8 +13,8 @@ use glam::DVec3;
 use super::PreparedMaterial;
 use crate::bvh::Primitive;
 use crate::geometry::spawn::EDGE_DISTANCE;
-use crate::scene::support::PointTrees;
-use crate::scene::topology::Topology;
+use crate::scene::mesh::support::PointTrees;
+use crate::scene::mesh::topology::Topology;
 use crate::scene::{Material, Mesh, Object, Phong, Shape, bounds};
 
 /// The volumes of a world.

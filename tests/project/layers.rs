@@ -144,24 +144,24 @@ fn uses_are_found() {
 const NOT_EFFECTS: &[(&str, &str)] = &[
     // A property of a Phong material.
     ("viewer/inspect.rs", "glaze"),
-    ("import/scene_file/metallic_roughness.rs", "glaze"),
+    ("import/formats/scene_file/metallic_roughness.rs", "glaze"),
     // The images of a file.
     ("cli/statistics.rs", "textures"),
     ("cli/info/contents.rs", "textures"),
     ("cli/info/materials.rs", "textures"),
     ("cli/info/rendering.rs", "textures"),
-    ("import/gltf/document.rs", "textures"),
+    ("import/formats/gltf/document.rs", "textures"),
     // The name of an image.
-    ("import/gltf/look.rs", "alpha"),
+    ("import/formats/gltf/look.rs", "alpha"),
     // The channel of an image.
     ("cli/compare.rs", "alpha"),
     ("job/pixel/text.rs", "alpha"),
     // A property of vertices and faces.
-    ("import/ply.rs", "alpha"),
+    ("import/formats/ply.rs", "alpha"),
     // An attribute of items and components.
-    ("import/threemf/model.rs", "path"),
+    ("import/formats/threemf/model.rs", "path"),
     // A transport.
-    ("scene/transport.rs", "path"),
+    ("scene/option/transport.rs", "path"),
     // A kind of ray of the benchmark.
     ("bench/speed/rays.rs", "shadow"),
 ];

@@ -185,7 +185,7 @@ pub fn run(words: Vec<OsString>) -> u8 {
             #[cfg(not(feature = "viewer"))]
             Command::View { .. } => Err(Error::usage(
                 "this build has no viewer",
-                "install it with `cargo install --path . --features full`, or use `kiln render`",
+                "install it with `cargo install --path crates/cli --features full`, or use `kiln render`",
             )),
             Command::Merge(arguments) => merge::run(&arguments),
             Command::Verify(arguments) => return verify::run(&arguments),

@@ -16,7 +16,7 @@ use super::request::{CameraSource, Opened};
 use super::{elided, name_of, navigate};
 use kiln::effects::{Decision, EFFECTS, RayKind};
 use kiln::error::printable;
-use kiln::job::RenderSettings;
+use kiln::job::{RenderSettings, RoundingError};
 use kiln::render::HAS_THREAD_TIME;
 use kiln::render::grouped;
 use kiln::scene::{Background, Camera, ClipChoice, OptionValue, Projection, Samples, Sampling, Scene, Shape};
@@ -327,7 +327,9 @@ fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings)
             ui.end_row();
         }
     });
-    if let Some((_, text, option)) = rendered.prepared.job().rounding_error().filter(|_| rendered.is_last) {
+    if let Some(RoundingError { text, option, .. }) =
+        rendered.prepared.job().rounding_error().filter(|_| rendered.is_last)
+    {
         let option = format!(
             "8 bits: {option}\n`kiln explain --measure` also measures noise, light left out and tier"
         );

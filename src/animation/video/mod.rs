@@ -76,7 +76,7 @@ impl VideoFormat {
         if matches!(self, VideoFormat::Mp4(_)) && cfg!(not(feature = "video")) {
             return Err(Error::usage(
                 "this kiln was built without .mp4",
-                "`cargo install --path . --features full` has it; .gif, .apng and frame_####.png work without",
+                "`cargo install --path crates/cli --features full` has it; .gif, .apng and frame_####.png work without",
             ));
         }
         #[cfg(feature = "video")]

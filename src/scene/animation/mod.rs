@@ -2,6 +2,8 @@
 //!
 //! A track is a closed-form function of time. Frames do not accumulate error and can be evaluated in any order.
 
+pub(crate) mod clip;
+
 mod easing;
 mod motion;
 mod target;

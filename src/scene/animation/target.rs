@@ -6,7 +6,7 @@ use glam::{DMat4, DQuat, DVec3, EulerRot};
 
 use super::Track;
 use crate::error::{Error, Result, nearest_name};
-use crate::scene::support::PointTrees;
+use crate::scene::mesh::support::PointTrees;
 use crate::scene::{AnalyticShape, Camera, Focus, Lens, Light, Object, Scene, Shape, bounds};
 
 /// Target of a track, by name.

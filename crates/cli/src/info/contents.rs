@@ -10,7 +10,7 @@ use kiln::bvh::Primitive;
 use kiln::error::Result;
 use kiln::geometry::Triangle;
 use kiln::import::sharing::shared;
-use kiln::scene::topology::Topology;
+use kiln::scene::mesh::topology::Topology;
 use kiln::scene::{AnalyticShape, Camera, Focus, Object, Projection, Scene, Shape};
 
 pub(super) fn to_json(inputs: &[PathBuf], scene: &Scene, topology: &Result<Topology>) -> Value {

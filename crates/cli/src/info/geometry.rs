@@ -6,7 +6,7 @@ use super::Lines;
 use super::contents::{point, short};
 use kiln::error::Result;
 use kiln::scene::Scene;
-use kiln::scene::topology::{Location, Topology};
+use kiln::scene::mesh::topology::{Location, Topology};
 
 pub(super) fn to_json(scene: &Scene, topology: &Result<Topology>) -> Value {
     let Ok(topology) = topology else { return Value::Null };

@@ -20,8 +20,8 @@ use kiln::effects::check_scene;
 use kiln::error::{Error, Result, Warnings, printable};
 use kiln::import::{self, FileNames};
 use kiln::limits;
+use kiln::scene::mesh::topology::Topology;
 use kiln::scene::option::group;
-use kiln::scene::topology::Topology;
 use kiln::scene::{ImportOptions, Scene};
 use rendering::{Memory, Rendering};
 

@@ -2,7 +2,7 @@
 
 use super::Lines;
 use kiln::error::Result;
-use kiln::scene::topology::Topology;
+use kiln::scene::mesh::topology::Topology;
 use kiln::scene::{Object, Scene, Shape};
 
 /// Objects that the text lists.

@@ -10,7 +10,7 @@ use kiln::effects::convergence::displayed_error;
 use kiln::error::Result;
 use kiln::film::Film;
 use kiln::film::write::Channel;
-use kiln::job::RenderJob;
+use kiln::job::{RenderJob, RoundingError};
 use kiln::render::RenderControl;
 use kiln::render::aov::{self, AovSelection};
 use kiln::scene::Numerics;
@@ -78,10 +78,10 @@ fn light_left_out(job: &RenderJob, control: &RenderControl) -> Result<Vec<Pictur
 
 /// The rounding of display values to 8 bits; `None` where values have more.
 fn quantisation(job: &RenderJob) -> Option<PictureError> {
-    let (error, text, option) = job.rounding_error()?;
+    let RoundingError { largest, text, option } = job.rounding_error()?;
     Some(PictureError {
         cause: "8 bits".into(),
-        error,
+        error: largest,
         standard_error: None,
         unit: "8-bit steps".into(),
         text: text.into(),

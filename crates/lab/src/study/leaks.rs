@@ -12,7 +12,7 @@ use kiln::bvh::{self, Accelerator, Layout, Primitive, Slot, Traversal};
 use kiln::error::Result;
 use kiln::geometry::{Numerics, PrimId, Ray, Triangle};
 use kiln::render::RenderControl;
-use kiln::scene::topology::Topology;
+use kiln::scene::mesh::topology::Topology;
 use kiln::scene::{Scene, Shape};
 
 /// Number of interior points per mesh.
