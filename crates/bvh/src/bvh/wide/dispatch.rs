@@ -15,7 +15,7 @@ use super::single;
 use super::stream::{self, AllHits, ClosestHits, Occlusion, RayMask};
 use super::{all_pairs, near_box, near_ray};
 use crate::bvh::{Accelerator, Bvh, Description, Nearby, Next, Primitive, Quality, Traversal, saved};
-use crate::geometry::simd::{InstructionSet, Portable, with_simd};
+use crate::geometry::simd::{InstructionSet, Portable};
 use crate::geometry::{BATCH, Hit, HitBuffer, LineTest, Numerics, PACKET, PrimId, Ray, Rays, SlotId, Tier};
 
 /// Fewer rays are not traced as a packet.
@@ -70,27 +70,39 @@ impl Waiting {
     }
 }
 
-/// Whether portable code has streams.
-#[cfg(not(target_arch = "x86_64"))]
-const PORTABLE_STREAMS: bool = false;
+/// Whether an instruction set traces several rays at once. On x86-64, portable code does not: it serves processors without
+/// AVX2 (before 2013) alone, and its packets took a third of the machine code.
+const fn has_batches(instructions: InstructionSet) -> bool {
+    cfg!(any(test, not(target_arch = "x86_64"))) || !matches!(instructions, InstructionSet::Portable)
+}
+
+/// Evaluates an expression with `$simd` as the token of an instruction set for which [`has_batches`] holds, else another.
+macro_rules! as_batch {
+    ($set:expr, $simd:ident => $value:expr, else $other:expr) => {
+        match $set {
+            #[cfg(target_arch = "x86_64")]
+            InstructionSet::Avx512($simd) => $value,
+            #[cfg(target_arch = "x86_64")]
+            InstructionSet::Avx2($simd) => $value,
+            #[cfg(any(test, not(target_arch = "x86_64")))]
+            InstructionSet::Portable => {
+                let $simd = Portable;
+                $value
+            }
+            #[cfg(not(any(test, not(target_arch = "x86_64"))))]
+            InstructionSet::Portable => $other,
+        }
+    };
+}
 
 /// Evaluates an expression that traces at most [`BATCH`] rays as a stream, with `$simd` as the token of the tree's
 /// instruction set. Its value is the mask of the rays that are left: all if the instruction set or the tree do not
 /// allow streams.
 macro_rules! as_stream {
     ($wide:expr, $rays:expr, $simd:ident => $value:expr) => {
-        match $wide.instructions {
-            #[cfg(target_arch = "x86_64")]
-            InstructionSet::Avx512($simd) if stream::applies($wide) => $value,
-            #[cfg(target_arch = "x86_64")]
-            InstructionSet::Avx2($simd) if stream::applies($wide) => $value,
-            // Compiled where no other arm is, for the checks of the compiler.
-            #[cfg(not(target_arch = "x86_64"))]
-            InstructionSet::Portable if PORTABLE_STREAMS && stream::applies($wide) => {
-                let $simd = Portable;
-                $value
-            }
-            _ => RayMask::first($rays.len()),
+        match $wide.has_streams() && stream::applies($wide) {
+            true => as_batch!($wide.instructions, $simd => $value, else RayMask::first($rays.len())),
+            false => RayMask::first($rays.len()),
         }
     };
 }
@@ -130,15 +142,23 @@ impl<T: Tier> Wide<T> {
             let Traversal { children, tests, packet, .. } = traversal;
             if rays.len() >= MIN_PACKET
                 && backoff.tries(|| {
-                    with_simd!(self.instructions, simd => packet::trace(
-                        simd, self, [rays, following], &mut results, packet.of(), children, tests
-                    ))
+                    as_batch!(
+                        self.instructions,
+                        simd => packet::trace(
+                            simd, self, [rays, following], &mut results, packet.of(), children, tests
+                        ),
+                        else Outcome::Unsuitable
+                    )
                 })
             {
                 continue;
             }
-            if all_pairs::applies(self) {
-                with_simd!(self.instructions, simd => all_pairs::trace(simd, self, rays, &mut results, traversal));
+            if has_batches(self.instructions) && all_pairs::applies(self) {
+                as_batch!(
+                    self.instructions,
+                    simd => all_pairs::trace(simd, self, rays, &mut results, traversal),
+                    else ()
+                );
                 continue;
             }
             let end = start + rays.len();
