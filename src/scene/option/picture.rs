@@ -44,8 +44,8 @@ options! {
         /// rounding)
         /// [default: watertight]
         [of(group::QUALITY).order(900).hides_values().value_name("TIER")] numerics: Option<Numerics>,
-        /// Shading: `phong` is the full model, `flat` the surface colour alone, `ambient` and `diffuse` that term
-        /// alone; all but `phong` without effects [default: phong]
+        /// Shading: `phong` is the full model, `flat` the surface colour alone, `ambient` that term alone,
+        /// `diffuse` ambient and diffuse light; all but `phong` without effects [default: phong]
         [of(group::LOOK).hides_values().value_name("MODE")] shading: Option<ShadingMode>,
         /// Light transport: `whitted` (local shading, shadow rays, mirror reflections) or `path` (path tracing:
         /// indirect light, soft shadows) [default: path in scenes with an environment or area lights, and for meshes
