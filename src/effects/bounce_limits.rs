@@ -39,11 +39,16 @@ impl BounceLimits {
         !is_delta || self.specular.is_none()
     }
 
-    /// The options that set twice these limits.
-    pub fn doubled(&self) -> String {
+    /// Twice these limits.
+    pub fn doubled(&self) -> Self {
         let twice = |limit: u32| (2 * limit.max(1)).min(PathSettings::MAX_DEPTH);
-        let specular = self.specular.map(|limit| format!(" --depth-specular {}", twice(limit)));
-        format!("--depth {}{}", twice(self.depth), specular.unwrap_or_default())
+        BounceLimits { depth: twice(self.depth), specular: self.specular.map(twice) }
+    }
+
+    /// The options that set these limits.
+    pub fn options(&self) -> String {
+        let specular = self.specular.map(|limit| format!(" --depth-specular {limit}"));
+        format!("--depth {}{}", self.depth, specular.unwrap_or_default())
     }
 }
 

@@ -14,6 +14,7 @@ use super::progress::Mode;
 use super::{json_text, print};
 use kiln::effects::{Decision, EFFECTS};
 use kiln::error::Result;
+use kiln::film::ColourPipeline;
 use kiln::job::{RenderControl, RenderJob, RenderSettings};
 use kiln::scene::option::group;
 use kiln::scene::{MAX_SAMPLES, Numerics};
@@ -21,7 +22,7 @@ use kiln_lab::bench::effects::{Cost, Costs, Part, measure};
 use kiln_lab::bench::errors::{self, PictureError};
 
 /// Versions of the JSON schemas, of effects and of a pixel; increased when a field changes its meaning or is removed.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 const PIXEL_SCHEMA: u32 = 2;
 
 /// Characters of a name in the text of a pixel.
@@ -72,8 +73,8 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         let measured = command.measure.then(|| -> Result<(Costs, Vec<PictureError>)> {
             let costs = measure(&job, rounds, interrupted)?;
             let control = RenderControl { cancel: interrupted, ..RenderControl::default() };
-            let exact = exact_job(command, &settings)?;
-            Ok((costs, errors::measure(&job, exact.as_ref(), &control)?))
+            let other = |numerics, pipeline| other_job(command, &settings, numerics, pipeline);
+            Ok((costs, errors::measure(&job, &other, &control)?))
         });
         measured.transpose().map(|measured| (job, measured))
     })?;
@@ -96,13 +97,19 @@ fn prepare(command: &Command, settings: &RenderSettings) -> Result<RenderJob> {
     Ok(job)
 }
 
-/// The same picture in the tier `exact`; `None` for standard input, which is read once.
-fn exact_job(command: &Command, settings: &RenderSettings) -> Result<Option<RenderJob>> {
+/// The same picture in another tier or colour pipeline; `None` for standard input, which is read once.
+fn other_job(
+    command: &Command,
+    settings: &RenderSettings,
+    numerics: Option<Numerics>,
+    pipeline: Option<ColourPipeline>,
+) -> Result<Option<RenderJob>> {
     if command.arguments.inputs.iter().any(|input| input == Path::new("-")) {
         return Ok(None);
     }
     let mut settings = settings.clone();
-    settings.picture.numerics = Some(Numerics::Exact);
+    settings.picture.numerics = numerics.or(settings.picture.numerics);
+    settings.picture.colour = pipeline.or(settings.picture.colour);
     let mut silent = Reporter::silent(Mode::None);
     let (session, picture) = silent.load_and_resolve(&command.arguments, &settings)?;
     session.into_job(&picture, false, &RenderControl::default(), &mut silent.warnings).map(Some)
@@ -228,13 +235,16 @@ fn to_text(decisions: &[Decision], costs: Option<&Costs>, errors: Option<&[Pictu
 
 /// The table of errors.
 pub(crate) fn errors_to_text(errors: &[PictureError]) -> String {
-    let titles = ["error", "how large", "less by", "time"].map(str::to_owned).to_vec();
+    let titles = ["error", "now", "type", "then", "time", ""].map(str::to_owned).to_vec();
     let line = |error: &PictureError| {
-        let time = error.time.map(|time| format!("x {time:.1}")).unwrap_or_default();
-        vec![error.cause.clone(), error.text.clone(), error.option.clone(), time]
+        let time = error.time.map(|time| format!("x {}", errors::ratio(&time))).unwrap_or_default();
+        let PictureError { cause, now, options, then, note, .. } = error;
+        vec![cause.clone(), now.text(), options.clone(), then.text(), time, note.clone()]
     };
     let lines: Vec<Vec<String>> = std::iter::once(titles).chain(errors.iter().map(line)).collect();
     aligned(&lines, |_| true)
+        + "\nnow, then: pixels off by more than one step of 255 in a channel (largest difference in steps), as displayed,\n\
+           before rounding; time: with the options, relative to the picture\n"
 }
 
 fn numbers(cost: &Cost, costs: &Costs, alone: Option<f64>) -> Vec<String> {

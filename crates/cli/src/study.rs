@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 
 use super::arguments::{self, Arguments};
+use super::explain::errors_to_text;
 use super::prepare::Reporter;
 use super::progress::Mode;
 use super::{print, typed};
@@ -26,6 +27,10 @@ const FILES: [&str; 4] = ["index.html", "study.csv", "study.json", "study.svg"];
 
 /// Default length of the picture's longer side in pixels.
 const LONGEST: u32 = 256;
+const QUICK_LONGEST: u32 = 192;
+
+/// Parameters that a quick study varies.
+const QUICK_PARAMETERS: [&str; 4] = ["numerics", "samples", "texture filter", "path bounces"];
 
 #[derive(Args)]
 pub(crate) struct Command {
@@ -34,12 +39,15 @@ pub(crate) struct Command {
     output: PathBuf,
     #[command(flatten)]
     pub arguments: Arguments,
-    /// Number of timed rounds after a warm-up round [default: 7, with --full 15]
+    /// Number of timed rounds after a warm-up round [default: 7, with --full 15, with --quick 3]
     #[arg(long, help_heading = group::MEASUREMENT, allow_hyphen_values = true, value_name = "N", value_parser = crate::numbers::whole(1..=1000u16))]
     rounds: Option<u16>,
     /// Full picture size and many more samples, instead of a small picture in about a minute
     #[arg(long, help_heading = group::MEASUREMENT)]
     full: bool,
+    /// Fewer settings, samples and rounds, in a quarter of the time
+    #[arg(long, help_heading = group::MEASUREMENT, conflicts_with = "full")]
+    quick: bool,
     /// Vary only this parameter, such as numerics or samples; may be repeated
     #[arg(long, help_heading = group::MEASUREMENT, value_name = "NAME")]
     parameter: Vec<String>,
@@ -56,7 +64,7 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     let threads = arguments.options.thread_count();
     let (timed, wide) = (super::pool(threads.or(Some(1)))?, super::pool(threads)?);
     let mut reporter = Reporter::new(command.progress);
-    let longest = (!command.full).then_some(LONGEST);
+    let longest = (!command.full).then_some(if command.quick { QUICK_LONGEST } else { LONGEST });
     let settings =
         RenderSettings { longest_side: longest, mesh_look: Look::Draft, ..arguments.options.settings()? };
     let (session, picture) = wide.install(|| reporter.load_and_resolve(arguments, &settings))?;
@@ -138,14 +146,23 @@ fn parameters(typed: &[String]) -> Result<Vec<&'static str>> {
 
 fn options(command: &Command, parameters: Vec<&'static str>) -> Options {
     let (rounds, most_samples, reference_samples, rays_across, leak_rays) =
-        if command.full { (15, 128, 4096, 2, 4_000_000) } else { (7, 32, 512, 4, 400_000) };
+        match (command.full, command.quick) {
+            (true, _) => (15, 128, 4096, 2, 4_000_000),
+            (_, true) => (3, 16, 128, 2, 100_000),
+            _ => (7, 32, 512, 4, 400_000),
+        };
     let rounds = command.rounds.map_or(rounds, u32::from);
-    Options { rounds, most_samples, reference_samples, rays_across, leak_rays, parameters }
+    // With named parameters, nothing else is measured.
+    let errors = parameters.is_empty();
+    let parameters = if errors && command.quick { QUICK_PARAMETERS.to_vec() } else { parameters };
+    Options { rounds, most_samples, reference_samples, rays_across, leak_rays, errors, parameters }
 }
 
 /// What is studied: pictures without exposure and tone map.
 fn subject(arguments: &Arguments, session: Session, mut picture: ResolvedPicture) -> StudySubject {
-    let inputs: Vec<String> = arguments.inputs.iter().map(|input| input.display().to_string()).collect();
+    let name =
+        |input: &PathBuf| input.file_name().map_or("-".into(), |name| name.to_string_lossy().into_owned());
+    let inputs: Vec<String> = arguments.inputs.iter().map(name).collect();
     (picture.settings.picture.exposure, picture.settings.picture.tone_map) = (None, None);
     let base = Setting {
         numerics: picture.numerics(),
@@ -181,15 +198,15 @@ fn render_command(arguments: &Arguments, session: &Session, picture: &ResolvedPi
     words.map(|word| shell_quoted(&word)).collect()
 }
 
-/// The result, the advice and the notes of a study as text.
+/// The result, the table of errors, the advice and the notes of a study as text.
 fn text(study: &Study) -> String {
     let advice = study.advice.iter().map(|advice| advice.text.clone());
     let left_out = study.left_out.iter().map(|[parameter, why]| format!("left out: {parameter}: {why}"));
-    let first = std::iter::once(headline(study));
-    first
-        .chain(advice)
-        .chain(facts(study))
-        .chain(left_out)
-        .map(|line| printable(&line).into_owned() + "\n")
-        .collect()
+    let lines = advice.chain(facts(study)).chain(left_out);
+    let lines: String = lines.map(|line| printable(&line).into_owned() + "\n").collect();
+    let errors = match &study.errors[..] {
+        [] => String::new(),
+        errors => format!("\n{}\n", errors_to_text(errors)),
+    };
+    format!("{}\n{errors}{lines}", printable(&headline(study)))
 }

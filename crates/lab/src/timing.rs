@@ -73,6 +73,15 @@ impl Quartiles {
         Quartiles { lower: value, median: value, upper: value }
     }
 
+    /// The ratio of two measurements: of the medians, from the least to the largest of the quartiles.
+    pub fn over(&self, other: &Self) -> Self {
+        Quartiles {
+            lower: self.lower / other.upper,
+            median: self.median / other.median,
+            upper: self.upper / other.lower,
+        }
+    }
+
     /// Whether the quartile ranges are disjoint.
     pub fn is_apart_from(&self, other: &Self) -> bool {
         self.lower > other.upper || other.lower > self.upper

@@ -84,7 +84,7 @@ fn note_of_cut_paths(plan: &Plan, statistics: &Statistics) -> Option<String> {
             "the limit of {limits} cuts {:.0} % of the paths, which may carry more light; try {}; \
              `kiln explain --measure` measures the light left out",
             100.0 * share,
-            limits.doubled()
+            limits.doubled().options()
         )
     })
 }

@@ -1,165 +1,321 @@
-//! The errors of a picture by their causes, each with the option that reduces it and what that costs: noise, light left
-//! out, the tier of numerics, and quantisation to 8 bits.
-
-use std::time::Instant;
+//! The price of accuracy: the errors of a picture by their causes, each with the option that reduces it, what is left
+//! then, and the time that this takes.
+//!
+//! An error is the difference of the displayed values of two renders, one of which has less of the cause or none of it:
+//! of samples, a picture of many; of limits on bounces and of the clamp, one without, by the same samples; of the tier,
+//! `exact` by the same samples; of texture filters, one that averages texels by samples alone.
 
 use glam::DVec3;
 
-use super::light_left_out::{self, LightLeftOut, Share};
-use kiln::effects::convergence::displayed_error;
+use super::light_left_out::{self, LightLeftOut, Share, without_limits};
+use crate::timing::{Clock, Quartiles};
+use kiln::effects::random::other_seed;
+use kiln::effects::{PlanSettings, id};
 use kiln::error::Result;
-use kiln::film::Film;
-use kiln::film::write::Channel;
+use kiln::film::ColourPipeline;
 use kiln::job::{RenderJob, RoundingError};
 use kiln::render::RenderControl;
-use kiln::render::aov::{self, AovSelection};
-use kiln::scene::Numerics;
+use kiln::scene::{MAX_SAMPLES, Numerics, Sampling, TextureFilter};
 
-/// The error of a picture by one cause.
+/// Times are medians of this many pairs of renders.
+const ROUNDS: usize = 3;
+
+/// The fewest samples of the picture that errors of sampling are measured against, and how many times those of the
+/// picture with more samples.
+const MIN_REFERENCE: u32 = 256;
+const REFERENCE_TIMES: u32 = 4;
+
+/// The most samples of pictures that are compared by the same samples, of which one has limits on bounces.
+const MAX_PAIRED: u32 = 32;
+
+/// The error of a picture by one cause, and its price.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct PictureError {
     /// The cause.
     pub cause: String,
-    /// The error in `unit`; `None` where it is not known.
-    pub error: Option<f64>,
-    /// The standard error of `error`, where that is an estimate.
-    pub standard_error: Option<f64>,
-    /// What `error` is: `displayed` (the standard error of display values, 1 is white; the root mean square of the
-    /// pixels), `share of the light`, or `8-bit steps` (the largest difference of display values).
-    pub unit: String,
-    /// The error in words.
-    pub text: String,
-    /// The option that reduces it.
-    pub option: String,
-    /// The time of the picture with that option over its time; `None` where that is not known.
-    pub time: Option<f64>,
+    /// The error.
+    pub now: ErrorInSteps,
+    /// The options of `kiln render` that reduce it; empty if none do.
+    pub options: String,
+    /// The error with these options.
+    pub then: ErrorInSteps,
+    /// Time with these options over the time of the picture; `None` where it was not measured.
+    pub time: Option<Quartiles>,
+    /// What else is known of the cause; may be empty.
+    pub note: String,
 }
 
-/// Measures the errors of a picture. `exact` is the same picture in the tier `exact`; `None` leaves the tier out.
+/// An error of displayed values, before they are rounded to 8 bits.
+#[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct ErrorInSteps {
+    /// The share of the pixels that are off by more than one step of 255 in a channel, 0 to 1.
+    pub beyond_step: f64,
+    /// The largest difference of a channel, in steps of 255.
+    pub largest: f64,
+}
+
+impl ErrorInSteps {
+    fn between(picture: &[DVec3], reference: &[DVec3]) -> Self {
+        let steps = |(a, b): (&DVec3, &DVec3)| 255.0 * (*a - *b).abs().max_element();
+        let differences = || picture.iter().zip(reference).map(steps);
+        // Values in whole steps differ by whole steps, but for rounding.
+        let beyond = differences().filter(|&steps| steps > 1.0 + 1e-6).count();
+        ErrorInSteps {
+            beyond_step: beyond as f64 / picture.len().max(1) as f64,
+            largest: differences().fold(0.0, f64::max),
+        }
+    }
+
+    /// The share of the pixels as text: `6.7 %`.
+    pub fn share(&self) -> String {
+        match 100.0 * self.beyond_step {
+            0.0 => "0 %".to_owned(),
+            percent if percent < 0.01 => "< 0.01 %".to_owned(),
+            percent => format!("{} %", significant(percent, 2)),
+        }
+    }
+
+    /// As text: `6.7 % (84)`.
+    pub fn text(&self) -> String {
+        let largest = if self.largest == 0.0 { "0".to_owned() } else { significant(self.largest, 2) };
+        format!("{} ({largest})", self.share())
+    }
+}
+
+/// A positive number rounded to a number of significant digits, without an exponent.
+fn significant(x: f64, digits: i32) -> String {
+    let decimals = (digits - 1 - x.log10().floor() as i32).max(0) as usize;
+    format!("{x:.decimals$}")
+}
+
+/// A ratio of times with as many digits as its quartiles allow, at most three.
+pub fn ratio(time: &Quartiles) -> String {
+    let spread = (time.upper - time.lower).max(time.median * 1e-3) / 2.0;
+    let digits = 1 + (time.median / spread).log10().floor() as i32;
+    significant(time.median, digits.clamp(1, 3))
+}
+
+/// The other renders of a picture that need another scene: in the tier `exact`, and without rounding in each step.
+pub type Others<'a> = &'a dyn Fn(Option<Numerics>, Option<ColourPipeline>) -> Result<Option<RenderJob>>;
+
+/// Measures the errors of a picture. `others` prepares it in another tier or colour pipeline; where it has none, these
+/// causes are left out.
 ///
 /// # Errors
 /// As [`RenderJob::render`].
-pub fn measure(
-    job: &RenderJob,
-    exact: Option<&RenderJob>,
-    control: &RenderControl,
-) -> Result<Vec<PictureError>> {
-    let started = Instant::now();
-    let (film, _) = job.render::<[f32; 3]>(control)?;
-    let seconds = started.elapsed().as_secs_f64();
-    let mut errors = vec![noise(job, &film, control)?];
-    errors.extend(light_left_out(job, control)?);
-    errors.extend(exact.map(|exact| tier(job, exact, seconds, control)).transpose()?);
-    errors.extend(quantisation(job));
+pub fn measure(job: &RenderJob, others: Others, control: &RenderControl) -> Result<Vec<PictureError>> {
+    let own = displayed(job, control)?;
+    let mut errors = sampling(job, &own, control)?;
+    errors.extend(bounces(job, &own, control)?);
+    if job.world.numerics() != Numerics::Exact {
+        let exact = others(Some(Numerics::Exact), None)?;
+        errors.extend(
+            exact
+                .map(|exact| of_same_samples("tier", "--numerics exact", [job, &exact], &own, control))
+                .transpose()?,
+        );
+    }
+    errors.extend(rounding(job, others, &own, control)?);
     Ok(errors)
 }
 
-/// The light that limits leave out.
-fn light_left_out(job: &RenderJob, control: &RenderControl) -> Result<Vec<PictureError>> {
+/// Displayed values of a picture.
+fn displayed(job: &RenderJob, control: &RenderControl) -> Result<Vec<DVec3>> {
+    let (film, _) = job.render::<[f32; 3]>(control)?;
+    let display = job.display_transform(control)?;
+    let value = |pixel: [f32; 3]| display.displayed(job.pipeline(), DVec3::from(pixel.map(f64::from)));
+    Ok(film.rows().map(value).collect())
+}
+
+/// The time of the second picture over that of the first.
+fn time_of([from, to]: [&RenderJob; 2], control: &RenderControl) -> Result<Option<Quartiles>> {
+    let threads = rayon::current_num_threads();
+    let seconds = |job: &RenderJob| -> Result<f64> {
+        let clock = Clock::start(threads);
+        job.render::<[u8; 3]>(control)?;
+        Ok(clock.seconds())
+    };
+    let ratios = (0..ROUNDS).map(|_| {
+        let first = seconds(from)?;
+        Ok(seconds(to)? / first)
+    });
+    Ok(Quartiles::of(&ratios.collect::<Result<Vec<f64>>>()?))
+}
+
+/// The error that another picture by the same samples does not have.
+fn of_same_samples(
+    cause: &str,
+    options: &str,
+    [job, other]: [&RenderJob; 2],
+    own: &[DVec3],
+    control: &RenderControl,
+) -> Result<PictureError> {
+    Ok(PictureError {
+        cause: cause.into(),
+        now: ErrorInSteps::between(own, &displayed(other, control)?),
+        options: options.into(),
+        then: ErrorInSteps::default(),
+        time: time_of([job, other], control)?,
+        note: String::new(),
+    })
+}
+
+/// The picture with other samples.
+fn sampled(job: &RenderJob, sampling: Sampling) -> Result<RenderJob> {
+    job.with_plan_settings(PlanSettings { sampling, ..job.plan_settings.clone() })
+}
+
+/// Too few samples, and filters of textures.
+fn sampling(job: &RenderJob, own: &[DVec3], control: &RenderControl) -> Result<Vec<PictureError>> {
+    let sampling = job.plan_settings.sampling;
+    if !job.plan.takes_samples() && sampling.is_wanted() {
+        return Ok(Vec::new());
+    }
+    let count = if sampling.is_wanted() { sampling.max_samples() } else { 4 };
+    let more = count.saturating_mul(4).min(MAX_SAMPLES);
+    let (noise, options) = match sampling.noise {
+        Some(noise) => (Some(noise / 2.0), format!("--noise {} --samples {more}", noise / 2.0)),
+        None => (None, format!("--samples {more}")),
+    };
+    let then = sampled(job, Sampling { samples: Some(more), noise, ..sampling })?;
+    let many = more.saturating_mul(REFERENCE_TIMES).clamp(MIN_REFERENCE, MAX_SAMPLES);
+    let many = Sampling { samples: Some(many), noise: None, seed: other_seed(sampling.seed), ..sampling };
+    let reference_job = sampled(job, many)?;
+    let reference = displayed(&reference_job, control)?;
+    let name = if sampling.is_wanted() { "noise" } else { "one sample a pixel" };
+    let mut errors = vec![PictureError {
+        cause: name.into(),
+        now: ErrorInSteps::between(own, &reference),
+        options,
+        then: ErrorInSteps::between(&displayed(&then, control)?, &reference),
+        time: time_of([job, &then], control)?,
+        note: String::new(),
+    }];
+    if job.plan.decisions.iter().any(|decision| decision.on && decision.effect == id::TEXTURES) {
+        let bilinear = |job: &RenderJob| {
+            let mut settings = job.plan_settings.clone();
+            settings.with.push(id::TEXTURES.with_value(TextureFilter::Bilinear.name()));
+            job.with_plan_settings(settings)
+        };
+        let unfiltered = bilinear(&reference_job)?;
+        errors.push(PictureError {
+            cause: "texture filter".into(),
+            now: ErrorInSteps::between(&reference, &displayed(&unfiltered, control)?),
+            options: format!("--with {}", id::TEXTURES.with_value(TextureFilter::Bilinear.name())),
+            then: ErrorInSteps::default(),
+            time: time_of([job, &bilinear(job)?], control)?,
+            note: "averages texels by samples: more noise".into(),
+        });
+    }
+    Ok(errors)
+}
+
+/// Light that limits cut off: bounces of paths and of glaze, and the clamp.
+fn bounces(job: &RenderJob, own: &[DVec3], control: &RenderControl) -> Result<Vec<PictureError>> {
+    let with = |value: String| {
+        let mut settings = job.plan_settings.clone();
+        settings.with.push(value);
+        settings
+    };
+    if job.plan.decisions.iter().any(|decision| decision.on && decision.effect == id::GLAZE) {
+        let option = id::GLAZE.with_value("every-bounce");
+        let all = job.with_plan_settings(with(option.clone()))?;
+        let options = format!("--with {option}");
+        return Ok(vec![of_same_samples("bounces of glaze", &options, [job, &all], own, control)?]);
+    }
     let Some(LightLeftOut { by_depth, by_clamp }) = light_left_out::measure(job, control)? else {
         return Ok(Vec::new());
     };
-    let limits = job.plan.bounce_limits();
-    let row = |cause: &str, share: Share, beyond: String, option: String| PictureError {
-        cause: cause.into(),
-        error: Some(share.mean),
-        standard_error: Some(share.error),
-        unit: "share of the light".into(),
-        text: format!("{share} of the light left out{beyond}"),
-        option,
-        time: None,
-    };
-    let mut errors = vec![row("bounces", by_depth, format!(", beyond {limits}"), limits.doubled())];
+    let sampling = job.plan_settings.sampling;
+    let paired = sampling.part(0, sampling.samples_taken().min(MAX_PAIRED));
+    let picture = sampled(job, paired)?;
+    let unclamped =
+        picture.with_plan_settings(PlanSettings { clamp: None, ..picture.plan_settings.clone() })?;
+    let limits = job.plan.bounce_limits().doubled();
+    let mut doubled =
+        PlanSettings { sampling: paired, clamp: None, ..with(id::PATH.with_value(limits.depth)) };
+    doubled.path.depth_specular = limits.specular;
+    let doubled = job.with_plan_settings(doubled)?;
+    let all = displayed(&without_limits(&picture)?, control)?;
+    let note = |share: Share| format!("{share} of the light");
+    let within = displayed(&unclamped, control)?;
+    let mut errors = vec![PictureError {
+        cause: format!("{} of paths", job.plan.bounce_limits()),
+        now: ErrorInSteps::between(&within, &all),
+        options: limits.options(),
+        then: ErrorInSteps::between(&displayed(&doubled, control)?, &all),
+        time: time_of([&unclamped, &doubled], control)?,
+        note: note(by_depth),
+    }];
     if job.plan_settings.clamp.is_some() {
-        errors.push(row("clamp", by_clamp, String::new(), "larger --clamp".into()));
+        errors.push(PictureError {
+            cause: "clamp".into(),
+            now: ErrorInSteps::between(&displayed(&picture, control)?, &within),
+            options: "--clamp with a larger value".into(),
+            then: ErrorInSteps::default(),
+            time: time_of([&picture, &unclamped], control)?,
+            note: note(by_clamp),
+        });
     }
     Ok(errors)
 }
 
 /// The rounding of display values to 8 bits; `None` where values have more.
-fn quantisation(job: &RenderJob) -> Option<PictureError> {
-    let RoundingError { largest, text, option } = job.rounding_error()?;
-    Some(PictureError {
+fn rounding(
+    job: &RenderJob,
+    others: Others,
+    own: &[DVec3],
+    control: &RenderControl,
+) -> Result<Option<PictureError>> {
+    let Some(RoundingError { largest, text, option }) = job.rounding_error() else { return Ok(None) };
+    let Some(largest) = largest else {
+        let unrounded = others(None, Some(ColourPipeline::Display))?;
+        let error =
+            |other: &RenderJob| of_same_samples("8 bits in each step", option, [job, other], own, control);
+        return unrounded.as_ref().map(error).transpose();
+    };
+    // Rounding after noise of a triangular distribution two steps wide: the density of the error is the quadratic
+    // B-spline, of which 1/24 lies beyond one step in each channel.
+    let is_dithered = job.settings.picture.dither == Some(true);
+    let beyond_step = if is_dithered { 1.0 - (23.0_f64 / 24.0).powi(3) } else { 0.0 };
+    Ok(Some(PictureError {
         cause: "8 bits".into(),
-        error: largest,
-        standard_error: None,
-        unit: "8-bit steps".into(),
-        text: text.into(),
-        option: option.into(),
-        time: Some(1.0),
-    })
+        now: ErrorInSteps { beyond_step, largest },
+        options: "--bits 16".into(),
+        // 65,535 steps instead of 255.
+        then: ErrorInSteps { beyond_step: 0.0, largest: largest / 257.0 },
+        time: Some(Quartiles::exact(1.0)),
+        note: if is_dithered { text.into() } else { String::new() },
+    }))
 }
 
-/// The noise: the root mean square, over pixels, of the standard error of the displayed value.
-fn noise(job: &RenderJob, film: &Film, control: &RenderControl) -> Result<PictureError> {
-    let samples = job.plan_settings.sampling.max_samples();
-    let unknown = |text: &str, option: &str| PictureError {
-        cause: "noise".into(),
-        error: None,
-        standard_error: None,
-        unit: "displayed".into(),
-        text: text.into(),
-        option: option.into(),
-        time: None,
-    };
-    if samples < 2 || !job.plan.takes_samples() {
-        return Ok(unknown("not known from one sample a pixel", "--samples 16"));
-    }
-    let selection = AovSelection::new(&["samples".into(), "variance".into()])?;
-    let channels = aov::channels(&job.aov_source(Some(film)), &selection, control)?;
-    let display = job.display_transform(control)?;
-    let value = |channel: &Channel, pixel: usize| f64::from(channel.values[pixel]);
-    let [counts, red, green, blue] = &channels[..] else { return Ok(unknown("not known", "--samples")) };
-    let (mut squares, mut count) = (0.0, 0.0);
-    for (pixel, colour) in film.rows().enumerate() {
-        let variance = DVec3::from([red, green, blue].map(|channel| value(channel, pixel)));
-        let error = DVec3::from((variance / value(counts, pixel)).to_array().map(f64::sqrt));
-        let displayed = |colour| display.displayed(job.pipeline(), colour);
-        let error = displayed_error(DVec3::from(colour.map(f64::from)), error, displayed);
-        squares += error * error;
-        count += 1.0;
-    }
-    let error = f64::sqrt(squares / count);
-    let (option, time) = match job.plan_settings.sampling.noise {
-        // A quarter of the variance takes four times the samples.
-        Some(noise) => (format!("--noise {:.2e} halves it", noise / 2.0), None),
-        None => (format!("--samples {} halves it", samples.saturating_mul(4)), Some(4.0)),
-    };
-    Ok(PictureError {
-        cause: "noise".into(),
-        error: Some(error),
-        standard_error: None,
-        unit: "displayed".into(),
-        text: format!("{error:.4} of white, standard error, RMS of the pixels"),
-        option,
-        time,
-    })
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// The largest difference of display values to the tier `exact`.
-fn tier(job: &RenderJob, exact: &RenderJob, seconds: f64, control: &RenderControl) -> Result<PictureError> {
-    let own = job.world.numerics();
-    let started = Instant::now();
-    let (of_exact, _) = exact.render::<[u8; 3]>(control)?;
-    let time = started.elapsed().as_secs_f64() / seconds;
-    let (film, _) = job.render::<[u8; 3]>(control)?;
-    let pixels = film.rows().zip(of_exact.rows());
-    let differences: Vec<u8> = pixels
-        .map(|(a, b): ([u8; 3], [u8; 3])| (0..3).map(|c| a[c].abs_diff(b[c])).max().unwrap_or(0))
-        .collect();
-    let largest = differences.iter().copied().max().unwrap_or(0);
-    let different = differences.iter().filter(|&&difference| difference > 0).count();
-    let share = 100.0 * different as f64 / differences.len().max(1) as f64;
-    Ok(PictureError {
-        cause: "tier".into(),
-        error: Some(largest.into()),
-        standard_error: None,
-        unit: "8-bit steps".into(),
-        text: format!(
-            "`{}` differs from `exact` in {share:.3} % of the pixels, by up to {largest} of 255",
-            own.name()
-        ),
-        option: if own == Numerics::Exact { String::new() } else { "--numerics exact".into() },
-        time: Some(time),
-    })
+    #[test]
+    fn errors_are_in_steps_of_255() {
+        let reference = [DVec3::ZERO, DVec3::splat(0.5), DVec3::ONE, DVec3::ONE];
+        let picture = [
+            DVec3::new(0.0, 2.0 / 255.0, 0.0),
+            DVec3::splat(0.5),
+            DVec3::splat(254.0 / 255.0),
+            DVec3::new(1.0, 1.0, 1.0 - 40.0 / 255.0),
+        ];
+        let error = ErrorInSteps::between(&picture, &reference);
+        // Two and forty steps are beyond one, a whole step is not.
+        assert_eq!(error.beyond_step, 0.5);
+        assert!((error.largest - 40.0).abs() < 1e-9);
+        assert_eq!(error.text(), "50 % (40)");
+        assert_eq!(ErrorInSteps::default().text(), "0 % (0)");
+    }
+
+    #[test]
+    fn ratios_have_the_digits_of_their_spread() {
+        let ratio = |lower, median, upper| ratio(&Quartiles { lower, median, upper });
+        assert_eq!(ratio(2.1, 2.56, 3.1), "3");
+        assert_eq!(ratio(2.5, 2.56, 2.6), "2.6");
+        assert_eq!(ratio(13.9, 14.2, 14.6), "14");
+        assert_eq!(ratio(1.0, 1.0, 1.0), "1.00");
+    }
 }

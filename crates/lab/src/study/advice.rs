@@ -6,6 +6,7 @@ use super::data::{SettingRow, Significance, Study};
 use super::pareto::{TimedError, front};
 use super::path_sweep;
 use crate::timing::Quartiles;
+use kiln::geometry::Numerics;
 
 /// The fastest setting below an error bound.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -27,8 +28,8 @@ pub struct ParameterStep {
     pub from: usize,
     /// Index of the second row.
     pub to: usize,
-    /// Ratio of the second median time to the first.
-    pub time_ratio: f64,
+    /// Ratio of the second median time to the first, with the spread of both.
+    pub time_ratio: Quartiles,
     /// Whether the quartile ranges of the times are disjoint.
     pub time_is_significant: bool,
     /// Error of the first row: RMS, or relMSE if `is_relative`.
@@ -76,8 +77,7 @@ pub fn advice(rows: &[SettingRow]) -> Vec<Advice> {
     let best = rows.iter().map(|row| error(row)).fold(f64::INFINITY, f64::min);
     let mut advice = Vec::new();
     for below in round_errors(best, worst) {
-        let good = rows.iter().copied().filter(|row| error(row) < below);
-        let row = good.min_by(|a, b| a.trace_ms.median.total_cmp(&b.trace_ms.median));
+        let row = fastest(&rows, |row| error(row) < below);
         let text = match row {
             Some(row) => format!(
                 "fastest setting with an error (RMSE, 1 is white) below {below}: {}: {} ms, error {:.1e}{}{}{}",
@@ -103,6 +103,19 @@ pub fn advice(rows: &[SettingRow]) -> Vec<Advice> {
         advice.push(Advice { below, row: row.map(|row| row.id), text });
     }
     advice
+}
+
+/// The fastest of the rows that are good enough. Of those that are as fast, one that changes the least: no tier without
+/// guarantees, and not two parameters together.
+pub(crate) fn fastest<'a>(
+    rows: &[&'a SettingRow],
+    is_good: impl Fn(&SettingRow) -> bool,
+) -> Option<&'a SettingRow> {
+    let good = || rows.iter().copied().filter(|row| is_good(row));
+    let least = good().min_by(|a, b| a.trace_ms.median.total_cmp(&b.trace_ms.median))?;
+    let change = |row: &SettingRow| (row.numerics == Numerics::Fast.name(), row.parameter == "together");
+    let tied = good().filter(|row| !row.trace_ms.is_apart_from(&least.trace_ms));
+    tied.min_by(|a, b| change(a).cmp(&change(b)).then(a.trace_ms.median.total_cmp(&b.trace_ms.median)))
 }
 
 /// Names of rows with other pictures below the bound whose times do not differ significantly from that of `row`.
@@ -158,7 +171,7 @@ pub fn steps(rows: &[SettingRow]) -> Vec<ParameterStep> {
                 parameter: from.parameter.clone(),
                 from: from.id,
                 to: to.id,
-                time_ratio: to.trace_ms.median / from.trace_ms.median,
+                time_ratio: to.trace_ms.over(&from.trace_ms),
                 time_is_significant: to.trace_ms.is_apart_from(&from.trace_ms),
                 error_before: error(from),
                 error_after: error(to),

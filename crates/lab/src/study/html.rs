@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::advice::{best, brief, comparable};
 use super::data::{GeometryErrors, ReferenceKind, SettingRow, Significance, Study, TechniqueTest};
-use crate::bench::errors::PictureError;
+use crate::bench::errors::{PictureError, ratio};
 use crate::bench::html::{Cell, escaped, table};
 use kiln::effects::EFFECTS;
 use kiln::metrics::Figures;
@@ -24,15 +24,25 @@ pub(crate) fn errors(errors: &[PictureError]) -> String {
         return String::new();
     }
     let row = |error: &PictureError| {
-        let time = error.time.map_or(NONE.into(), |time| format!("× {time:.1}"));
-        let code = |text: &str| with_code(&escaped(text));
-        let cells = [escaped(&error.cause), code(&error.text), escaped(&error.option), time];
+        let code = |text: &str| {
+            if text.is_empty() { NONE.into() } else { format!("<code>{}</code>", escaped(text)) }
+        };
+        let time = error.time.map_or(NONE.into(), |time| format!("× {}", ratio(&time)));
+        let cells = [
+            escaped(&error.cause),
+            error.now.text(),
+            code(&error.options),
+            error.then.text(),
+            time,
+            escaped(&error.note),
+        ];
         (String::new(), cells.map(|cell| ("", cell)).to_vec())
     };
-    "<h3>Errors of the picture</h3>\n<p class=\"note\">By cause, each with the option that reduces it and the time that it takes, relative to the \
-     picture. <code>kiln explain --measure</code> prints the same table. Blur by filters of pixels and textures has no bound and is not in it.</p>\n"
+    "<h2>What each error costs</h2>\n<p class=\"note\">Errors: the pixels that are off by more than one step of 255 in a channel, and in \
+     brackets the largest difference in steps, of displayed values before rounding. Time: with the option, relative to the \
+     picture. <code>kiln explain --measure</code> prints the same table.</p>\n"
         .to_owned()
-        + &table("<error|<how large|<less by|time", errors.iter().map(row))
+        + &table("<cause|error|<type|error then|time|<", errors.iter().map(row))
 }
 
 /// Table of differences in ray hits between the tiers and `exact`.
@@ -132,7 +142,7 @@ pub(crate) fn steps(study: &Study) -> String {
     let rows = study.steps.iter().filter_map(|step| {
         let (from, to) = (study.rows.get(step.from)?, study.rows.get(step.to)?);
         let time =
-            if step.time_is_significant { format!("× {:.2}", step.time_ratio) } else { "equal".into() };
+            if step.time_is_significant { format!("× {}", ratio(&step.time_ratio)) } else { "equal".into() };
         let error = |error: Option<f64>| match error {
             None => NONE.to_owned(),
             Some(0.0) => "0".into(),
@@ -181,7 +191,7 @@ pub(crate) fn against(reference: ReferenceKind) -> &'static str {
 /// Table of all settings.
 pub(crate) fn settings(study: &Study) -> String {
     let titles = "<setting|build ms|picture ms|samples a pixel|<against|RMSE|max|PSNR dB|relMSE|FLIP|\
-        pixels that differ|RMSE to limit";
+        beyond a step|RMSE to limit";
     let alternatives = comparable(&study.rows);
     let best = best(&alternatives, study);
     let is_in = |rows: &[&SettingRow], id: usize| rows.iter().any(|row| row.id == id);
@@ -227,11 +237,11 @@ fn error_cells(row: &SettingRow) -> Vec<Cell> {
         }
         None => all(" colspan=\"6\"", NONE),
         Some(errors) if errors.are_none() => all(" colspan=\"6\" class=\"same\"", "same picture: error 0"),
-        Some(&Figures { max, rmse, rel_mse, psnr, flip, differing, .. }) => {
+        Some(&Figures { max, rmse, rel_mse, psnr, flip, beyond_step, .. }) => {
             let psnr = psnr.map_or(NONE.into(), |psnr| format!("{psnr:.1}"));
-            let differing = format!("{:.3} %", 100.0 * differing);
+            let beyond_step = format!("{:.2} %", 100.0 * beyond_step);
             let [rmse, max, rel_mse, flip] = [rmse, max, rel_mse, flip].map(scientific);
-            [rmse, max, psnr, rel_mse, flip, differing].map(|cell| ("", cell)).into()
+            [rmse, max, psnr, rel_mse, flip, beyond_step].map(|cell| ("", cell)).into()
         }
     }
 }

@@ -19,6 +19,7 @@
     const { file, x, y } = canvas.dataset;
     crop(data.files[file], [Number(x), Number(y)], 64, canvas);
   });
+  document.querySelectorAll("img[data-file]").forEach((image) => { image.src = data.files[image.dataset.file]; });
 
   const choice = $("choice");
   if (!choice) return;

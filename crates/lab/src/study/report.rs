@@ -10,10 +10,13 @@ use super::html::{against, errors, geometry, scientific, settings, steps, techni
 use super::pictures::PageImages;
 use super::plot::{error_against_time, error_against_twin, error_of_paths};
 use super::selection::{Selection, select};
+use crate::bench::errors::{ErrorInSteps, ratio};
 use crate::bench::html::{STYLE, escaped, filled};
 
 /// The page with the names of its parts in double braces.
 const PAGE: &str = include_str!("page.html");
+/// The side of the crops in pixels, as in the script.
+const CROP: u32 = 64;
 const SCRIPT: &str = include_str!("page.js");
 
 /// The HTML page.
@@ -70,7 +73,7 @@ fn selection(study: &Study, pictures: &PageImages) -> String {
     let Some(((Selection { quick, recommended, is_below_a_step }, limit), [x, y])) = shown else {
         return String::new();
     };
-    let mut html = "<div class=\"three\">\n".to_owned();
+    let mut html = whole(study.size, [x, y], limit) + "<div class=\"three\">\n";
     let mut figure = |title: &str,
                       name: &str,
                       image: Option<usize>,
@@ -118,51 +121,52 @@ fn selection(study: &Study, pictures: &PageImages) -> String {
     )
 }
 
-/// The result in one sentence: what antialiasing and exact arithmetic cost and change; of a study of another parameter,
-/// what its last setting costs.
-pub fn headline(study: &Study) -> String {
-    let of = |parameter: &str| study.rows.iter().filter(|row| row.parameter == parameter).collect::<Vec<_>>();
-    let tier = |numerics: &str| of("numerics").into_iter().find(|row| row.setting == numerics);
-    let recommended = select(study).map(|selection| &study.rows[selection.recommended]);
-    let samples = of("samples").first().copied().zip(recommended);
-    let base = study.rows.iter().find(|row| row.base);
-    let tiers = base.and_then(|base| tier(&base.numerics)).zip(tier("exact"));
-    let samples = samples.filter(|(one, more)| more.samples_per_pixel > one.samples_per_pixel);
-    let tiers = tiers.filter(|(from, to)| from.id != to.id);
-    let samples = samples.map(|(one, more)| format!("Antialiasing by {}", cost_of(one, more)));
-    let mut sentences: Vec<String> = cost_of_tiers(&of("numerics")).into_iter().chain(samples).collect();
-    sentences.extend(tiers.map(|(base, exact)| cost_of(base, exact)));
-    if let (true, Some(first)) = (sentences.is_empty(), study.rows.iter().find(|row| !row.base)) {
-        sentences.extend(of(&first.parameter).last().map(|last| cost_of(first, last)));
-    }
-    if sentences.is_empty() { "Nothing was varied.".into() } else { format!("{}.", sentences.join("; ")) }
+/// The whole picture, with the square that the crops show.
+fn whole(size: [u32; 2], place: [u32; 2], image: usize) -> String {
+    let percent = |pixels: u32, of: u32| 100.0 * f64::from(pixels) / f64::from(of);
+    let side = |axis: usize| CROP.min(size[axis]);
+    let from = |axis: usize| place[axis].saturating_sub(CROP / 2).min(size[axis] - side(axis));
+    let [left, top] = [0, 1].map(|axis| percent(from(axis), size[axis]));
+    let [width, height] = [0, 1].map(|axis| percent(side(axis), size[axis]));
+    format!(
+        "<figure class=\"whole\"><div><img data-file=\"{image}\" alt=\"the picture\"><span style=\"left:{left:.2}%;top:{top:.2}%;\
+         width:{width:.2}%;height:{height:.2}%\"></span></div><figcaption>The converged picture. The square is enlarged below: there the \
+         quick picture differs most.</figcaption></figure>\n"
+    )
 }
 
-/// What each tier costs on this scene, relative to `watertight`, and those that cost more than the next one.
-fn cost_of_tiers(rows: &[&SettingRow]) -> Option<String> {
-    let one = rows.iter().find(|row| row.setting == "watertight")?.trace_ms.median;
-    (rows.len() > 1 && one > 0.0).then_some(())?;
-    let times = rows
-        .iter()
-        .map(|row| format!("{:.2} (`{}`)", row.trace_ms.median / one, row.setting))
-        .collect::<Vec<_>>();
-    let unexpected = |pair: &[&SettingRow]| pair[0].trace_ms.lower > pair[1].trace_ms.upper;
-    let unexpected: Vec<String> = rows
-        .windows(2)
-        .filter(|pair| unexpected(pair))
-        .map(|pair| format!("`{}` is slower than `{}`", pair[0].setting, pair[1].setting))
-        .collect();
-    let note = match unexpected.is_empty() {
-        true => String::new(),
-        false => format!(": {}, which their arithmetic does not explain", unexpected.join(", ")),
-    };
-    Some(format!("On this scene a picture takes {} times as long as in `watertight`{note}", times.join(", ")))
+/// The result in one sentence: the largest error, and what less of it costs; of a study of one parameter, what its last
+/// setting costs.
+pub fn headline(study: &Study) -> String {
+    let largest = study.errors.iter().max_by(|a, b| a.now.beyond_step.total_cmp(&b.now.beyond_step));
+    match largest {
+        Some(error) if error.now.beyond_step > 0.0 => {
+            let percent = |error: ErrorInSteps| error.share();
+            let time =
+                error.time.map_or(String::new(), |time| format!(" in {} times the time", ratio(&time)));
+            format!(
+                "{} of the pixels are off by more than one step of 255 ({}); `{}` leaves {}{time}.",
+                percent(error.now),
+                error.cause,
+                error.options,
+                percent(error.then)
+            )
+        }
+        Some(_) => "No cause moves a pixel by more than one step of 255.".into(),
+        None => match study.rows.iter().find(|row| !row.base) {
+            Some(first) => {
+                let last = study.rows.iter().rfind(|row| row.parameter == first.parameter);
+                format!("{}.", cost_of(first, last.unwrap_or(first)))
+            }
+            None => "Nothing was varied.".into(),
+        },
+    }
 }
 
 /// What a setting costs and changes compared to another.
 fn cost_of(from: &SettingRow, to: &SettingRow) -> String {
     let brief = |ratio: f64| format!("{ratio:.0$}", usize::from(ratio < 10.0));
-    let ratio = brief(to.trace_ms.median / from.trace_ms.median);
+    let ratio = ratio(&to.trace_ms.over(&from.trace_ms));
     let change = match (from.errors(), to.errors()) {
         _ if from.fingerprint == to.fingerprint => "changes no pixel".to_owned(),
         (Some(before), Some(after)) if to.reference == ReferenceKind::Limit && after.rmse > 0.0 => {
@@ -209,12 +213,27 @@ pub fn facts(study: &Study) -> Vec<String> {
         let wrong = geometry.false_hits + geometry.false_misses + geometry.wrong_primitives;
         let rate = |rate: f64| if rate < 1000.0 { scientific(rate) } else { format!("{rate:.0}") };
         let leaks = geometry.leaks_per_million.map_or(String::new(), |leaks| {
-            format!("; {} of those aimed at edges from inside closed meshes leak", rate(leaks))
+            format!(
+                "; of a million others, from inside its closed meshes towards edges, {} leak",
+                rate(leaks)
+            )
         });
         lines.push(format!(
             "`{}`: of a million rays, {} differ from `exact` in the primitive that they hit{leaks}.",
             geometry.numerics,
             rate(geometry.per_million(wrong))
+        ));
+    }
+    let samples: Vec<&SettingRow> = study.rows.iter().filter(|row| row.parameter == "samples").collect();
+    let error = |row: &SettingRow| row.limit.map_or(0.0, |limit| limit.rmse);
+    if let [one, two, ..] = samples[..]
+        && one.samples_per_pixel == 1.0
+        && error(two) > error(one)
+    {
+        lines.push(format!(
+            "{} are farther from the limit than {}: several samples are weighted by the pixel filter, whose neighbours share \
+             few of them; one lies at the pixel's centre.",
+            two.setting, one.setting
         ));
     }
     lines.extend(study.technique_tests.iter().map(|test| {
