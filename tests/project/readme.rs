@@ -13,6 +13,12 @@ const LONGEST_LINE: usize = 120;
 /// Longest README, in lines.
 const LONGEST_README: usize = 150;
 
+/// Most words of the pages for users: README.md and `docs` without [`NOT_FOR_USERS`].
+const MOST_WORDS: usize = 22_000;
+
+/// The pages for those who change kiln.
+const NOT_FOR_USERS: [&str; 3] = ["docs/decisions.md", "docs/internals.md", "docs/tests.md"];
+
 /// A page by its path in the repository.
 struct Page {
     path: String,
@@ -326,6 +332,33 @@ fn every_page_is_in_the_index() {
     }
 }
 
+/// The rows of the table of a page that begins with `head`, without times, which differ from run to run.
+fn errors_in(page: &str, head: &str) -> Vec<Vec<String>> {
+    let text = read_page(page).text;
+    let rows = text.lines().skip_while(|line| !line.starts_with(head)).skip(2);
+    let cells = |row: &str| row.split('|').skip(1).take(4).map(|cell| cell.trim().replace('`', "")).collect();
+    rows.take_while(|line| line.starts_with('|')).map(cells).collect()
+}
+
+/// The errors of the assignment on both pages are those that kiln measures.
+#[test]
+fn the_price_of_accuracy_is_measured() {
+    let head = "| assignment | error |";
+    let shown = errors_in("README.md", head);
+    assert_eq!(shown, errors_in("docs/accuracy.md", head));
+    let command = "explain scenes/assignment.toml --size 256x256 --measure --rounds 1";
+    let output = kiln().current_dir(repository(".")).args(command.split(' ')).output().expect("kiln runs");
+    let printed = String::from_utf8_lossy(&output.stdout).into_owned();
+    let rows = printed.lines().skip_while(|line| !line.starts_with("error  ")).skip(1);
+    let cells = |row: &str| {
+        let cells = row.split("  ").map(str::trim).filter(|cell| !cell.is_empty());
+        cells.take(4).map(str::to_owned).collect::<Vec<_>>()
+    };
+    let measured: Vec<Vec<String>> = rows.take_while(|line| !line.is_empty()).map(cells).collect();
+    assert!(measured.len() >= 4, "{printed}");
+    assert_eq!(shown, measured);
+}
+
 // Links and paths.
 
 /// The anchor that a heading gets, by GitHub and by mdBook.
@@ -478,6 +511,14 @@ fn paths_exist() {
 }
 
 // Form.
+
+#[test]
+fn the_pages_for_users_are_short() {
+    let for_users = doc_names().into_iter().map(|name| format!("docs/{name}")).chain(["README.md".into()]);
+    let for_users = for_users.filter(|path| !NOT_FOR_USERS.contains(&path.as_str()));
+    let words: usize = for_users.map(|path| read_page(&path).text.split_whitespace().count()).sum();
+    assert!(words <= MOST_WORDS, "{words} words");
+}
 
 #[test]
 fn the_readme_and_lines_are_short() {

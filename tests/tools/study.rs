@@ -131,7 +131,16 @@ fn errors_are_those_of_explain() {
     let study = read(tiny().0.path());
     let output = Command::new(assert_cmd::cargo::cargo_bin!("kiln"))
         .current_dir(repository("."))
-        .args(["explain", "scenes/assignment.toml", "--size", "48x48", "--measure", "--rounds", "1", "--json"])
+        .args([
+            "explain",
+            "scenes/assignment.toml",
+            "--size",
+            "48x48",
+            "--measure",
+            "--rounds",
+            "1",
+            "--json",
+        ])
         .output()
         .expect("kiln runs");
     let explained: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");

@@ -3,11 +3,10 @@
 mod accuracy;
 mod effects;
 mod licences;
-mod path_study;
+mod make_accuracy;
 mod run;
 mod sampling;
 mod studies;
-mod study;
 mod wheel;
 
 use std::path::PathBuf;
@@ -33,8 +32,7 @@ enum Task {
     CheckAccuracy(accuracy::Options),
     CompareSampling(sampling::Options),
     CompareTwoStudies(studies::Options),
-    MakePathStudy(path_study::Options),
-    MakeStudy(study::Options),
+    MakeAccuracy(make_accuracy::Options),
     MakeEffects(effects::Options),
     ThirdPartyLicences(licences::Options),
     Wheel(wheel::Options),
@@ -48,8 +46,7 @@ fn task(arguments: &Arguments) -> run::Result<bool> {
         Task::CheckAccuracy(options) => accuracy::run(&kiln()?, options).map(|()| true),
         Task::CompareSampling(options) => sampling::run(&kiln()?, options).map(|()| true),
         Task::CompareTwoStudies(options) => studies::run(&kiln()?, options),
-        Task::MakePathStudy(options) => path_study::run(&kiln()?, options).map(|()| true),
-        Task::MakeStudy(options) => study::run(&kiln()?, options).map(|()| true),
+        Task::MakeAccuracy(options) => make_accuracy::run(&kiln()?, options).map(|()| true),
         Task::MakeEffects(_) => effects::run(&kiln()?).map(|()| true),
         Task::ThirdPartyLicences(options) => licences::run(options).map(|()| true),
         Task::Wheel(options) => wheel::run_all(options).map(|()| true),
