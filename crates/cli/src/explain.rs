@@ -30,8 +30,6 @@ const NAME_LENGTH: usize = 24;
 
 #[derive(Args)]
 pub(crate) struct Command {
-    #[command(flatten)]
-    pub arguments: Arguments,
     /// Print JSON
     #[arg(long, help_heading = group::OUTPUT)]
     json: bool,
@@ -51,6 +49,8 @@ pub(crate) struct Command {
     #[arg(long, help_heading = group::MEASUREMENT, value_name = "N", default_value = "0", allow_hyphen_values = true, requires = "pixel",
         value_parser = crate::numbers::whole(0..=MAX_SAMPLES - 1))]
     sample: u32,
+    #[command(flatten)]
+    pub arguments: Arguments,
 }
 
 fn parse_pixel(text: &str) -> std::result::Result<[u32; 2], String> {

@@ -45,7 +45,7 @@ use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::sync::atomic::Ordering;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use message::{Message, WarningPrinter};
 
@@ -132,6 +132,36 @@ impl Command {
     }
 }
 
+/// The options of pictures that `-h` lists, beside those of measurement; `--help` lists all.
+const SHORT_HELP: [&str; 15] = [
+    "output",
+    "size",
+    "view",
+    "camera",
+    "samples",
+    "noise",
+    "transport",
+    "numerics",
+    "light",
+    "environment",
+    "exposure",
+    "frames",
+    "time",
+    "threads",
+    "help",
+];
+
+/// The command with a short `-h` where it takes the options of pictures.
+fn with_short_help(command: clap::Command) -> clap::Command {
+    let is_long = command.get_arguments().any(|argument| argument.get_id() == "camera");
+    let command = command.mut_args(|argument| {
+        let own = argument.is_positional() || argument.get_help_heading() == Some(group::MEASUREMENT);
+        let is_short = own || argument.get_long().is_some_and(|name| SHORT_HELP.contains(&name));
+        argument.hide_short_help(is_long && !is_short)
+    });
+    command.mut_subcommands(with_short_help)
+}
+
 /// The words of the command line after the command's name.
 static TYPED: OnceLock<Vec<OsString>> = OnceLock::new();
 
@@ -151,7 +181,9 @@ pub fn main() -> ExitCode {
 pub fn run(words: Vec<OsString>) -> u8 {
     let words = TYPED.get_or_init(|| words);
     message::set_syntax(words.iter().cloned());
-    let arguments = match Arguments::try_parse_from([OsString::from("kiln")].iter().chain(words)) {
+    let words = [OsString::from("kiln")].into_iter().chain(words.iter().cloned());
+    let parsed = with_short_help(Arguments::command()).try_get_matches_from(words);
+    let arguments = match parsed.and_then(|matches| Arguments::from_arg_matches(&matches)) {
         Ok(arguments) => arguments,
         Err(e) => return report_usage_error(&e),
     };

@@ -26,7 +26,7 @@ use kiln::scene::animation::Moment;
 use kiln::scene::option::group;
 
 #[derive(Args, Clone)]
-#[command(after_help = aov_help())]
+#[command(after_long_help = aov_help())]
 pub(crate) struct Command {
     /// Picture to write: .png, .jpg or .exr; `-` for PNG on standard output. {name} in it makes a picture of each INPUT,
     /// with its name, as a folder does: out/ is out/{name}.png. With --frames a pattern such as frame_####.png

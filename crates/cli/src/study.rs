@@ -37,8 +37,6 @@ pub(crate) struct Command {
     /// Folder for index.html, study.csv, study.json and study.svg, created if it does not exist
     #[arg(short, long, help_heading = group::OUTPUT, display_order = 0, value_name = "DIR")]
     output: PathBuf,
-    #[command(flatten)]
-    pub arguments: Arguments,
     /// Number of timed rounds after a warm-up round [default: 7, with --full 15, with --quick 3]
     #[arg(long, help_heading = group::MEASUREMENT, allow_hyphen_values = true, value_name = "N", value_parser = crate::numbers::whole(1..=1000u16))]
     rounds: Option<u16>,
@@ -54,6 +52,8 @@ pub(crate) struct Command {
     /// Progress on standard error
     #[arg(long, help_heading = group::OUTPUT, value_enum, default_value = "auto")]
     progress: Mode,
+    #[command(flatten)]
+    pub arguments: Arguments,
 }
 
 pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
