@@ -331,6 +331,58 @@ fn ends_on_both_sides_of_a_triangle() {
     }
 }
 
+/// Rays in packets are answered as one by one: all of them but those that are not numbers.
+fn assert_as_single_rays(slots: &[Slot], rays: &[Ray], numerics: Numerics, what: &str) {
+    let mut traversal = Traversal::default();
+    for structure in [Layout::default(), Layout::Avx2(Default::default())] {
+        let tree = build(slots.iter().copied(), structure, numerics);
+        let (mut hits, mut occluded) = (HitBuffer::default(), Vec::new());
+        tree.closest_hits(RayBuffer::from(rays).rays(), &mut hits, &mut traversal);
+        tree.are_occluded(RayBuffer::from(rays).rays(), &mut occluded, &mut traversal);
+        for (index, ray) in rays.iter().enumerate().filter(|(_, ray)| !ray.origin().is_nan()) {
+            let expected = tree.closest_hit(ray, &mut traversal);
+            let what = format!("{what}, ray {index}, {structure:?}, {}", numerics.name());
+            assert_eq!(bits(&hits.get(index)), bits(&expected), "{what}");
+            assert_eq!(occluded[index], expected.is_some(), "{what}");
+        }
+    }
+}
+
+/// Depths beyond the range of f32: a slope of 0 times an infinite depth would leave out a box that is hit.
+#[test]
+fn depths_that_overflow() {
+    let corners = [(-1e38, -1e38), (1e38, -1e38), (0.0, 1e38)].map(|(x, y)| DVec3::new(x, y, 3e38));
+    let slots = [Slot { primitive: Primitive::Triangle(Triangle(corners)), id: PrimId(0) }];
+    for numerics in Numerics::STRICT {
+        let origin = DVec3::new(0.0, 0.0, -2e38);
+        let towards = |i: usize| DVec3::new(1e36 * (i % 8) as f64 - 4e36, 1e36 * (i / 8) as f64 - 4e36, 3e38);
+        let ray = |i| {
+            let direction = ((towards(i) - origin) / 1e38).normalize();
+            numerics.ray_precision().ray(origin, direction, 0.0, f64::INFINITY)
+        };
+        let rays: Vec<Ray> = (0..64).map(ray).collect();
+        let tree = build(slots.iter().copied(), Layout::default(), numerics);
+        assert!(rays.iter().all(|ray| tree.closest_hit(ray, &mut Traversal::default()).is_some()));
+        assert_as_single_rays(&slots, &rays, numerics, "overflow");
+    }
+}
+
+/// A ray that is not a number changes no other ray of its packet, wherever it is among them.
+#[test]
+fn a_ray_that_is_not_a_number() {
+    let slots = slots(1.0, DVec3::ZERO);
+    for numerics in Numerics::STRICT {
+        let precision = numerics.ray_precision();
+        let mut tiles = tiles(&slots, 1.0, DVec3::ZERO, precision);
+        tiles.extend(parallel_tiles(&slots, 1.0, precision));
+        for (index, rays) in tiles.iter_mut().enumerate() {
+            let place = (37 * index) % rays.len();
+            rays[place] = Ray::unchecked(DVec3::NAN, rays[place].direction(), 0.0, f64::INFINITY);
+            assert_as_single_rays(&slots, rays, numerics, &format!("tile {index}"));
+        }
+    }
+}
+
 /// Packets of one call, most of which diverge over 32,768 triangles and are abandoned or left out, some of which do not,
 /// the last of which is not full.
 #[test]

@@ -133,7 +133,7 @@ impl Command {
 }
 
 /// The options of pictures that `-h` lists, beside those of measurement; `--help` lists all.
-const SHORT_HELP: [&str; 15] = [
+const SHORT_HELP: [&str; 13] = [
     "output",
     "size",
     "view",
@@ -142,18 +142,18 @@ const SHORT_HELP: [&str; 15] = [
     "noise",
     "transport",
     "numerics",
-    "light",
     "environment",
     "exposure",
     "frames",
-    "time",
     "threads",
     "help",
 ];
 
 /// The command with a short `-h` where it takes the options of pictures.
 fn with_short_help(command: clap::Command) -> clap::Command {
-    let is_long = command.get_arguments().any(|argument| argument.get_id() == "camera");
+    // The limits of all commands are arguments of the first.
+    let is_long =
+        command.get_arguments().any(|argument| ["camera", "limit"].contains(&argument.get_id().as_str()));
     let command = command.mut_args(|argument| {
         let own = argument.is_positional() || argument.get_help_heading() == Some(group::MEASUREMENT);
         let is_short = own || argument.get_long().is_some_and(|name| SHORT_HELP.contains(&name));
@@ -405,6 +405,18 @@ mod tests {
             let mut names: Vec<_> = command.get_groups().map(clap::ArgGroup::get_id).collect();
             names.sort();
             assert!(names.is_sorted_by(|a, b| a < b), "{}: {names:?}", command.get_name());
+        }
+    }
+
+    #[test]
+    fn the_short_help_is_short() {
+        let mut command = with_short_help(Arguments::command()).term_width(100);
+        command.build();
+        for name in ["render", "explain", "study"] {
+            let command = command.find_subcommand_mut(name).expect("a command");
+            let [short, long] = [command.render_help(), command.render_long_help()];
+            let [short, long] = [short, long].map(|help| help.to_string().lines().count());
+            assert!(short <= 66 && long > 150, "{name}: {short} lines of {long}");
         }
     }
 

@@ -111,6 +111,8 @@ pub(crate) trait Corner:
     fn gather<D: Doubles>(lane: impl Fn(usize) -> Self::Scalar) -> D;
     /// Coordinates of two leaves, converted to f32.
     fn pair<S: Simd>(low: &[Self::Scalar; LANES4], high: &[Self::Scalar; LANES4]) -> S::F8;
+    /// Coordinates of two leaves, where [`Simd::D`] has eight lanes.
+    fn eight<S: Simd>(low: &[Self::Scalar; LANES4], high: &[Self::Scalar; LANES4]) -> S::D;
     /// The nearest corner of this precision.
     fn from_dvec3(point: DVec3) -> Self;
     /// The corner in f64, exactly.
@@ -141,6 +143,11 @@ impl Corner for Vec3 {
     #[inline(always)]
     fn pair<S: Simd>(low: &[f32; LANES4], high: &[f32; LANES4]) -> S::F8 {
         S::pair(low, high)
+    }
+
+    #[inline(always)]
+    fn eight<S: Simd>(low: &[f32; LANES4], high: &[f32; LANES4]) -> S::D {
+        S::eight(low, high)
     }
 
     fn from_dvec3(point: DVec3) -> Self {
@@ -184,6 +191,14 @@ impl Corner for DVec3 {
         S::pair(&low.map(|x| x as f32), &high.map(|x| x as f32))
     }
 
+    #[inline(always)]
+    fn eight<S: Simd>(low: &[f64; LANES4], high: &[f64; LANES4]) -> S::D {
+        S::D::from_f64(
+            #[inline(always)]
+            |lane| if lane < LANES4 { low[lane] } else { high[lane - LANES4] },
+        )
+    }
+
     fn from_dvec3(point: DVec3) -> Self {
         point.map(|c| Precision::Double.round(c))
     }
@@ -219,6 +234,11 @@ pub(crate) trait PreparedRay: Copy {
     fn shorten(&mut self, _t: f64) {}
     /// See [`Tier::may_hit4`].
     fn may_hit4<C: Corner, S: Simd>(&self, four: &Triangle4<C>) -> u32;
+    /// The same for two rays with a leaf each, four bits for each ray.
+    #[inline(always)]
+    fn may_hit_two<C: Corner, S: Simd>([a, b]: [&Self; 2], [p, q]: [&Triangle4<C>; 2]) -> u32 {
+        a.may_hit4::<C, S>(p) | b.may_hit4::<C, S>(q) << LANES4
+    }
     /// See [`Tier::hit_triangle4`].
     fn hit_triangle4<C: Corner, S: Simd, const EARLY: bool>(&self, four: &Triangle4<C>) -> HitN<S::D4>;
 }

@@ -31,6 +31,23 @@ impl PreparedRay for WoopTest {
         may_hit::<S::D4>(&self.relative_corners4(four), &self.shears(), S::D4::splat(self.sign))
     }
 
+    #[inline(always)]
+    fn may_hit_two<C: Corner, S: Simd>([a, b]: [&Self; 2], [p, q]: [&Triangle4<C>; 2]) -> u32 {
+        let (axes_of_a, axes_of_b) = (a.major.axes(), b.major.axes());
+        let both = |x: f64, y: f64| S::halves(x, y);
+        let (x, y) = (a.origin, b.origin);
+        let origin: [S::D; 3] = [both(x.x, y.x), both(x.y, y.y), both(x.z, y.z)];
+        let mut moved = [origin; 3];
+        for ((of_a, of_b), moved) in p.corners.iter().zip(&q.corners).zip(&mut moved) {
+            for place in 0..3 {
+                let corners = C::eight::<S>(&of_a[axes_of_a[place]], &of_b[axes_of_b[place]]);
+                moved[place] = corners - origin[place];
+            }
+        }
+        let shear = [both(a.shear[0], b.shear[0]), both(a.shear[1], b.shear[1])];
+        may_hit::<S::D>(&moved, &shear, both(a.sign, b.sign))
+    }
+
     /// With the bits of [`WoopTest::hit`]. `EARLY`: see [`hit_lanes`].
     #[inline(always)]
     fn hit_triangle4<C: Corner, S: Simd, const EARLY: bool>(&self, four: &Triangle4<C>) -> HitN<S::D4> {

@@ -137,15 +137,17 @@ impl<T: Tier> Wide<T> {
     fn trace(&self, all: Rays, mut results: Results, traversal: &mut Traversal) {
         let first = results.len();
         let (mut backoff, mut waiting) = (Backoff::default(), Waiting::default());
+        let (mut occluder, fits) = (None, packet::fits(self));
         for [rays, following] in packets(all) {
             let start = results.len() - first;
             let Traversal { children, tests, packet, .. } = traversal;
-            if rays.len() >= MIN_PACKET
+            if fits
+                && rays.len() >= MIN_PACKET
                 && backoff.tries(|| {
                     as_batch!(
                         self.instructions,
                         simd => packet::trace(
-                            simd, self, [rays, following], &mut results, packet.of(), children, tests
+                            simd, self, [rays, following], (&mut results, &mut occluder), packet.of(), children, tests
                         ),
                         else Outcome::Unsuitable
                     )
@@ -154,6 +156,7 @@ impl<T: Tier> Wide<T> {
                 continue;
             }
             if has_batches(self.instructions) && all_pairs::applies(self) {
+                results.resize(first + start);
                 as_batch!(
                     self.instructions,
                     simd => all_pairs::trace(simd, self, rays, &mut results, traversal),
@@ -194,7 +197,9 @@ impl<T: Tier> Wide<T> {
         for (place, ray) in left.iter().map(|index| (first + index, rays.get(index))) {
             match results {
                 Results::Closest(hits) => hits.set(place, self.closest_hit(&ray, traversal).as_ref()),
-                Results::Occluded(occluded) => occluded[place] = self.is_occluded(&ray, traversal),
+                Results::Occluded(occluded) => {
+                    occluded[place] = occluded[place] || self.is_occluded(&ray, traversal);
+                }
             }
         }
     }

@@ -280,6 +280,24 @@ pub(crate) trait Simd: Copy + Send + Sync + 'static {
     fn prefetch<A, B>(a: &[A], b: &[B], of_b: bool, index: usize);
     /// From two arrays.
     fn pair(low: &[f32; 4], high: &[f32; 4]) -> Self::F8;
+    /// From two arrays, as f64.
+    #[inline(always)]
+    fn eight(low: &[f32; 4], high: &[f32; 4]) -> Self::D {
+        let [low, high] = [low, high].map(|four| Self::D4::load_f32(four).array());
+        Self::D::from_f64(
+            #[inline(always)]
+            |lane| if lane < 4 { low[lane] } else { high[lane % 4] },
+        )
+    }
+    /// One number in the lower, one in the upper half of the lanes.
+    #[inline(always)]
+    fn halves(low: f64, high: f64) -> Self::D {
+        let half = Self::D::LANES / 2;
+        Self::D::from_f64(
+            #[inline(always)]
+            |lane| if lane < half { low } else { high },
+        )
+    }
     /// From one of two arrays.
     fn planes(pair: &[[f32; 8]; 2], side: Side) -> Self::F8;
     /// The number of lanes with `enter <= leave`, which are written to the front of `to`, sorted by descending

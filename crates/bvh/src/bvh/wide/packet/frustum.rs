@@ -13,6 +13,7 @@
 //! Hits of a primitive lie within its bounds (see [`Tier`](crate::geometry::Tier)), so the boxes of a tree are
 //! conservative for rays, and for frusta around rays.
 
+use super::MAX_COORDINATE;
 use super::rays::{Common, PacketRays};
 use crate::bvh::wide::layout::{Node, WIDTH};
 use crate::bvh::wide::single::box_ray::LENGTHS;
@@ -83,8 +84,10 @@ impl Frustum {
         let axes = [(depth + 1) % 3, (depth + 2) % 3, depth];
         let mut intervals = [[0.0; 2]; 2];
         for (interval, [least, most]) in intervals.iter_mut().zip(packet.project(rays, axes, to_end)) {
-            let (a, b) = (f64::from(least.reduce_min()), f64::from(most.reduce_max()));
-            *interval = [round_down(a - a.abs() * SLACK), round_up(b + b.abs() * SLACK)];
+            *interval = widened(least.reduce_min(), most.reduce_max());
+        }
+        if !fits(apex) {
+            return None;
         }
         let around = |x: f64| apex_bounds(x, spread);
         let frustum = Frustum {
@@ -116,7 +119,7 @@ impl Frustum {
         let depth = (0..3).fold(0, |best, axis| if length[axis] > length[best] { axis } else { best });
         let axes = [(depth + 1) % 3, (depth + 2) % 3, depth];
         let flipped = direction[depth] < 0.0;
-        if !LENGTHS.contains(&length[depth]) || !are_parallel::<S::D>(rays) {
+        if !LENGTHS.contains(&length[depth]) || !fits(apex.to_array()) || !are_parallel::<S::D>(rays) {
             return None;
         }
         let shear = [0, 1].map(|k| direction[axes[k]] / length[depth]);
@@ -185,12 +188,25 @@ impl Frustum {
     }
 }
 
+/// An interval of slopes, moved outwards.
+#[inline(always)]
+pub(crate) fn widened(least: f32, most: f32) -> [f32; 2] {
+    let (a, b) = (f64::from(least), f64::from(most));
+    [round_down(a - a.abs() * SLACK), round_up(b + b.abs() * SLACK)]
+}
+
 /// Bounds of a coordinate of the apex, moved by 2^-23 of itself for hits outside the bounds of their triangles
 /// ([`Bounds::of_triangles`](crate::geometry::Bounds::of_triangles)).
 #[inline(always)]
 fn apex_bounds(x: f64, spread: f64) -> [f32; 2] {
     let by = spread + x.abs() * f64::from(f32::EPSILON);
     [round_down(x - by), round_up(x + by)]
+}
+
+/// Whether depths from the apex are finite: an infinite one times a slope of 0 is NaN, and culls a box.
+#[inline(always)]
+fn fits(apex: [f64; 3]) -> bool {
+    apex.iter().all(|x| x.abs() <= f64::from(MAX_COORDINATE))
 }
 
 /// Whether all rays have the same direction.

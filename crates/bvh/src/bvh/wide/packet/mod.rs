@@ -35,7 +35,7 @@ use super::layout::{Child, Wide};
 use super::results::Results;
 use crate::bvh::Tests;
 use crate::geometry::lanes::MAX_FLOATS;
-use crate::geometry::simd::{Simd, Vector};
+use crate::geometry::simd::{Floats, Simd, Vector};
 use crate::geometry::woop_n::PreparedRayN;
 use crate::geometry::{PACKET, PER_LINE, Rays, Tier, round_up};
 use frustum::Frustum;
@@ -43,7 +43,22 @@ use hits::BestHits;
 use projected_triangles::BlockBounds;
 use rays::{BLOCKS, OfBlock, PacketRays};
 
-/// What became of the rays of a packet. If they are not traced, nothing is appended, and they must be traced otherwise.
+/// The largest coordinate of boxes and apexes: their differences, and sums of two of these, are finite in f32.
+const MAX_COORDINATE: f32 = f32::MAX / 4.0;
+
+/// Whether the boxes of the tree are small enough for frusta.
+#[inline(always)]
+pub(crate) fn fits<T: Tier>(wide: &Wide<T>) -> bool {
+    // Those of empty places are infinite.
+    let fits = |x: &f32| x.abs() <= MAX_COORDINATE || x.is_infinite();
+    wide.nodes.first().is_none_or(|root| root.planes.as_flattened().as_flattened().iter().all(fits))
+}
+
+/// The one or two leaves of triangles that a packet tests first, because they occluded many rays of the one before.
+pub(crate) type Occluder = Option<(u32, Option<u32>)>;
+
+/// What became of the rays of a packet. If they are not traced, they must be traced otherwise, and nothing is appended;
+/// but for any hit, an abandoned packet appends the hits that it found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Outcome {
     Traced,
@@ -65,7 +80,7 @@ pub(crate) fn trace<T: Tier, S: Simd>(
     simd: S,
     wide: &Wide<T>,
     [rays, following]: [Rays; 2],
-    results: &mut Results,
+    (results, occluder): (&mut Results, &mut Occluder),
     scratch: &mut Scratch<S>,
     stack: &mut Vec<(Child, f32)>,
     tests: &mut Tests,
@@ -84,6 +99,7 @@ pub(crate) fn trace<T: Tier, S: Simd>(
                     tests,
                     #[inline(always)]
                     |index| hits.prefetch(first + index),
+                    occluder,
                 );
                 Outcome::traced_if(is_traversed && packet.resolve_all(wide, hits))
             },
@@ -94,10 +110,8 @@ pub(crate) fn trace<T: Tier, S: Simd>(
                 let Some(mut packet) = Packet::<T, S, true>::new(rays, following, scratch) else {
                     return Outcome::Unsuitable;
                 };
-                let is_traversed = packet.traverse(wide, stack, tests, |_| {});
-                if is_traversed {
-                    packet.append_occluded(occluded);
-                }
+                let is_traversed = packet.traverse(wide, stack, tests, |_| {}, occluder);
+                packet.append_occluded(occluded);
                 Outcome::traced_if(is_traversed)
             },
         ),
@@ -164,6 +178,8 @@ struct Packet<'a, T: Tier, S: Simd, const ANY: bool> {
     is_prepared: u64,
     /// Whether the tier missed a triangle that f32 certainly hit: the packet is abandoned.
     is_inconsistent: bool,
+    /// The number of rays that are still traced.
+    remaining: usize,
     tier: PhantomData<T>,
 }
 
@@ -202,6 +218,7 @@ impl<'a, T: Tier, S: Simd, const ANY: bool> Packet<'a, T, S, ANY> {
             scratch,
             is_prepared: 0,
             is_inconsistent: false,
+            remaining: rays.len(),
             tier: PhantomData,
         };
         packet.update_depths(u32::MAX >> (BLOCKS - blocks));
@@ -227,13 +244,45 @@ impl<'a, T: Tier, S: Simd, const ANY: bool> Packet<'a, T, S, ANY> {
         while changed != 0 {
             let block = changed.trailing_zeros() as usize % BLOCKS;
             changed &= changed - 1;
-            self.scratch.depths[block] = S::F::load(self.scratch.best.far[block]).reduce_max();
+            // NaN, of rays with NaN, is left out: it would leave out the block.
+            let far = S::F::load(self.scratch.best.far[block]).max(S::F::splat(f32::NEG_INFINITY));
+            self.scratch.depths[block] = far.reduce_max();
         }
         let mut deepest = S::F::splat(f32::NEG_INFINITY);
         for first in (0..PACKET / S::F::LANES).step_by(S::F::LANES) {
             deepest = S::F::load_slice(&self.scratch.depths[first..]).max(deepest);
         }
         self.frustum.max_depth = deepest.reduce_max();
+    }
+
+    /// Bounds blocks and the frustum by the rays that are still traced. Blocks without any keep their bounds: their
+    /// depths leave them out. The frustum of parallel rays stays.
+    #[inline(always)]
+    fn tighten(&mut self) {
+        if self.frustum.shear.is_some() {
+            return;
+        }
+        let [infinity, nothing] = [S::F::splat(f32::INFINITY), S::F::splat(f32::NEG_INFINITY)];
+        for k in 0..2 {
+            let (mut low, mut high) = (infinity, nothing);
+            let [least, most] = &mut self.scratch.block_bounds[k];
+            for block in 0..self.scratch.rays.blocks % (BLOCKS + 1) {
+                let active = self.scratch.active[block];
+                if active == 0 {
+                    continue;
+                }
+                let slopes = S::F::load(self.scratch.rays.projected[k][block]);
+                // NaN is left out.
+                let a = S::F::select(active, slopes, infinity).min(infinity);
+                let b = S::F::select(active, slopes, nothing).max(nothing);
+                (least[block], most[block]) = (a.reduce_min(), b.reduce_max());
+                (low, high) = (a.min(low), b.max(high));
+            }
+            let (low, high) = (low.reduce_min(), high.reduce_max());
+            if low <= high {
+                self.frustum.intervals[k] = frustum::widened(low, high);
+            }
+        }
     }
 
     /// A group of rays, as many as [`Simd::D`] has lanes, prepared for the tier's triangle test.
@@ -250,6 +299,7 @@ impl<'a, T: Tier, S: Simd, const ANY: bool> Packet<'a, T, S, ANY> {
     /// Ends the traversal of some rays of a block.
     #[inline(always)]
     fn retire(&mut self, block: usize, rays: u32) {
+        self.remaining -= (self.scratch.active[block] & rays).count_ones() as usize;
         self.scratch.active[block] &= !rays;
         self.scratch.best.retire(block, rays);
     }

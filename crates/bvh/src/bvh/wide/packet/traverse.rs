@@ -1,12 +1,12 @@
 //! The traversal of the tree by a packet: nodes are tested against the frustum, leaves against blocks of rays.
 
-use super::Packet;
 use super::edge_functions::EdgeFunctions;
 use super::frustum::Frustum;
 use super::projected_sphere::ProjectedSphere;
 use super::projected_triangles::{Arithmetic, InF32, InF64, ProjectedTriangles};
 use super::rays::BLOCKS;
 use super::resolve::hit_in_slot;
+use super::{Occluder, Packet};
 use crate::bvh::Tests;
 use crate::bvh::wide::layout::{Child, Content, Node, TriangleLeaf, WIDTH, Wide};
 use crate::bvh::wide::single::leaf::{hit_analytic, hit_analytic_n};
@@ -17,6 +17,12 @@ use crate::geometry::{Corner, PrimId, SlotId, Tier, Triangle4};
 /// The work per ray above which a packet is abandoned: 1 for each triangle leaf visited, 2 for each of its triangles
 /// that overlaps a block of rays. For closest hits and for any hit. Measurements: docs/decisions.md.
 const MAX_WORK_PER_RAY: [usize; 2] = [8, 4];
+
+/// The frustum is tightened when at most this share of the rays is left that it was last made for.
+const TIGHTENED: [usize; 2] = [3, 4];
+
+/// Leaves that occlude more than this share of a packet's rays are tested first by the next packet.
+const MANY: [usize; 2] = [1, 4];
 
 /// Leaves queued before the first of them is tested, so that its prefetch completes. Measurements: docs/decisions.md.
 const MAX_QUEUED: usize = 3;
@@ -153,10 +159,22 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
         stack: &mut Vec<(Child, f32)>,
         tests: &mut Tests,
         prefetch: impl Fn(usize),
+        occluder: &mut Occluder,
     ) -> bool {
         stack.clear();
         let Some(mut node) = wide.nodes.first() else { return true };
         let (mut queue, mut work) = (LeafQueue::default(), 0);
+        // Rays when the frustum was made, and the most that leaves retired.
+        let (mut framed, mut most) = (self.rays.len(), self.rays.len() * MANY[0] / MANY[1]);
+        let tested = if ANY { occluder.take() } else { None };
+        if let Some((first, second)) = tested {
+            work += self.visit_leaves(wide, first, second, tests);
+            self.retired(framed, (first, second), &mut framed, &mut most, occluder);
+            if self.remaining == 0 {
+                return true;
+            }
+        }
+        let tested = tested.map(|(first, second)| [first, second.unwrap_or(first)]);
         loop {
             tests.nodes += 1;
             let (mask, at) = self.frustum.enter::<S>(node);
@@ -174,7 +192,9 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
                     }
                     Some((Content::Triangles(leaves), at)) => {
                         for leaf in leaves {
-                            queue.add(leaf, at);
+                            if !(ANY && tested.is_some_and(|tested| tested.contains(&leaf))) {
+                                queue.add(leaf, at);
+                            }
                         }
                         MAX_QUEUED
                     }
@@ -194,16 +214,50 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
                     }
                     let are_two = (S::D::LANES > LANES4 || T::IS_FAST) && queue.len() > 0;
                     let second = if are_two { Some(queue.remove().0) } else { None };
-                    work += if T::IS_FAST {
-                        self.visit_triangles::<InF32>(wide, first, second, tests)
-                    } else {
-                        self.visit_triangles::<InF64>(wide, first, second, tests)
-                    };
+                    let before = self.remaining;
+                    work += self.visit_leaves(wide, first, second, tests);
+                    if ANY && self.remaining != before {
+                        self.retired(before, (first, second), &mut framed, &mut most, occluder);
+                        if self.remaining == 0 {
+                            return true;
+                        }
+                    }
                 }
                 if work > MAX_WORK_PER_RAY[usize::from(ANY)] * self.rays.len() {
                     return false;
                 }
             }
+        }
+    }
+
+    /// After leaves retired rays, of which there were `before`: tightens the frustum if many are gone since it was made
+    /// for `framed` rays, and notes the leaves if they are the ones that retired the most.
+    #[inline(always)]
+    fn retired(
+        &mut self,
+        before: usize,
+        leaves: (u32, Option<u32>),
+        framed: &mut usize,
+        most: &mut usize,
+        occluder: &mut Occluder,
+    ) {
+        let count = before - self.remaining;
+        if count > *most {
+            (*most, *occluder) = (count, Some(leaves));
+        }
+        if self.remaining != 0 && self.remaining * TIGHTENED[1] <= *framed * TIGHTENED[0] {
+            *framed = self.remaining;
+            self.tighten();
+        }
+    }
+
+    /// [`Packet::visit_triangles`] in the arithmetic of the tier.
+    #[inline(always)]
+    fn visit_leaves(&mut self, wide: &Wide<T>, first: u32, second: Option<u32>, tests: &mut Tests) -> usize {
+        if T::IS_FAST {
+            self.visit_triangles::<InF32>(wide, first, second, tests)
+        } else {
+            self.visit_triangles::<InF64>(wide, first, second, tests)
         }
     }
 

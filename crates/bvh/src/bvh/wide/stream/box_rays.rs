@@ -26,13 +26,13 @@ impl RayMask {
         self
     }
 
-    /// The indices of the others of the first rays, ascending, and their number.
+    /// The indices of the others of the first rays, but for those that are `known`, ascending, and their number.
     #[inline(always)]
-    pub(crate) fn others(&self, count: usize) -> ([u16; BATCH], usize) {
+    pub(crate) fn others(&self, count: usize, known: impl Fn(usize) -> bool) -> ([u16; BATCH], usize) {
         let (mut others, mut len) = ([0; BATCH], 0);
         for ray in 0..count.min(BATCH) {
             others[len % BATCH] = ray as u16;
-            len += usize::from(self.0[ray / 64] >> (ray % 64) & 1 == 0);
+            len += usize::from((self.0[ray / 64] >> (ray % 64) & 1 == 0) & !known(ray));
         }
         (others, len)
     }
@@ -171,7 +171,7 @@ mod tests {
             let unsupported = BoxRays::unsupported::<<Portable as Simd>::D4>(rays.rays());
             let expected: Vec<usize> = (0..len).filter(|&i| !is_plain(i)).collect();
             assert_eq!(unsupported.iter().collect::<Vec<_>>(), expected);
-            let (others, count) = unsupported.others(len);
+            let (others, count) = unsupported.others(len, |_| false);
             let plain = (0..len).filter(|&i| is_plain(i));
             assert!(others[..count].iter().map(|&ray| usize::from(ray)).eq(plain));
             assert_eq!(RayMask::first(len).iter().collect::<Vec<_>>(), (0..len).collect::<Vec<_>>());

@@ -6,13 +6,26 @@ use super::state::InFlight;
 use crate::bvh::Next;
 use crate::bvh::wide::layout::{Child, TriangleLeaf, Wide};
 use crate::bvh::wide::single::leaf::{hits_on_shapes, hits_on_triangles};
-use crate::geometry::simd::Simd;
-use crate::geometry::{Rays, Tier};
+use crate::geometry::lanes::{LANES4, MASK4};
+use crate::geometry::simd::{Simd, Vector};
+use crate::geometry::{PreparedRay, Rays, Tier};
 
 /// Visits of leaves.
 pub(super) trait Leaves<T: Tier, S: Simd> {
     /// Whether a leaf of triangles must be visited: `false` only if the ray has certainly no hit there.
     fn may_hit(&self, ray: usize, leaf: &TriangleLeaf<T::Corner>) -> bool;
+
+    /// The same for two rays with a leaf each.
+    #[inline(always)]
+    fn may_hit_two(&self, [a, b]: [usize; 2], [p, q]: [&TriangleLeaf<T::Corner>; 2]) -> [bool; 2] {
+        [self.may_hit(a, p), self.may_hit(b, q)]
+    }
+
+    /// Whether a ray need not be traced.
+    #[inline(always)]
+    fn is_known(&self, _ray: usize) -> bool {
+        false
+    }
 
     /// Visits a leaf of triangles.
     fn visit_triangles(&mut self, at: InFlight, leaf: Child) -> After;
@@ -37,6 +50,21 @@ impl<T: Tier, S: Simd, Q: Query<T, S>> Leaves<T, S> for TriangleTests<'_, T, Q> 
     #[inline(always)]
     fn may_hit(&self, ray: usize, leaf: &TriangleLeaf<T::Corner>) -> bool {
         T::may_hit4::<S>(&self.prepared[ray], &leaf.corners) != 0
+    }
+
+    #[inline(always)]
+    fn may_hit_two(&self, [a, b]: [usize; 2], [p, q]: [&TriangleLeaf<T::Corner>; 2]) -> [bool; 2] {
+        if T::HAS_RAY_N && S::D::LANES == 2 * LANES4 {
+            let (rays, fours) = ([&self.prepared[a], &self.prepared[b]], [&p.corners, &q.corners]);
+            let bits = T::Prepared::may_hit_two::<_, S>(rays, fours);
+            return [bits & MASK4 != 0, bits >> LANES4 != 0];
+        }
+        [self.may_hit(a, p), self.may_hit(b, q)]
+    }
+
+    #[inline(always)]
+    fn is_known(&self, ray: usize) -> bool {
+        self.query.is_known(ray)
     }
 
     #[inline(always)]

@@ -85,7 +85,11 @@ fn traverse<T: Tier, S: Simd>(
     let mut prepared = BoxRays::default();
     let mut boxes = [BoxRay::default(); STREAM_WIDTH];
     let unsupported = BoxRays::unsupported::<S::D4>(rays);
-    let (order, len) = unsupported.others(rays.len());
+    let (order, len) = unsupported.others(
+        rays.len(),
+        #[inline(always)]
+        |ray| leaves.is_known(ray),
+    );
     let mut waiting = order[..len].iter().map(|&ray| usize::from(ray));
     let mut queues = Queues::EMPTY;
     let mut in_flight = [StreamRay::default(); STREAM_WIDTH];
@@ -117,10 +121,20 @@ fn traverse<T: Tier, S: Simd>(
         let (ready, len) = queues.take(Child::KIND_TRIANGLES);
         tests.primitives += len as u64;
         let (mut candidates, mut count) = ([0; STREAM_WIDTH], 0);
-        for &place in &ready[..len] {
+        let leaf = |child: Child| &wide.triangles[child.index()];
+        let (pairs, rest) = ready[..len].as_chunks();
+        for places in pairs {
+            let [a, b] = places.map(|place| in_flight[usize::from(place) % STREAM_WIDTH]);
+            let may_hit = leaves.may_hit_two([a.ray, b.ray], [leaf(a.child), leaf(b.child)]);
+            for (place, may_hit) in places.iter().zip(may_hit) {
+                candidates[count % STREAM_WIDTH] = *place;
+                count += usize::from(may_hit);
+            }
+        }
+        for &place in rest {
             let StreamRay { ray, child, .. } = in_flight[usize::from(place) % STREAM_WIDTH];
             candidates[count % STREAM_WIDTH] = place;
-            count += usize::from(leaves.may_hit(ray, &wide.triangles[child.index()]));
+            count += usize::from(leaves.may_hit(ray, leaf(child)));
         }
         for &place in &candidates[..count] {
             let place = usize::from(place) % STREAM_WIDTH;

@@ -30,6 +30,12 @@ pub(crate) trait Query<T: Tier, S: Simd> {
         After::EVERYTHING
     }
 
+    /// Whether a ray need not be traced.
+    #[inline(always)]
+    fn is_known(&self, _ray: usize) -> bool {
+        false
+    }
+
     /// The ray has no further leaves.
     #[inline(always)]
     fn finish(&mut self, _at: InFlight) {}
@@ -175,6 +181,12 @@ impl<T: Tier, S: Simd> Query<T, S> for Occlusion<'_> {
     #[inline(always)]
     fn next(&self, at: InFlight) -> After {
         After { is_done: self.0[at.ray], ..After::EVERYTHING }
+    }
+
+    /// An abandoned packet found a hit.
+    #[inline(always)]
+    fn is_known(&self, ray: usize) -> bool {
+        self.0[ray]
     }
 }
 

@@ -245,6 +245,16 @@ impl Simd for Avx512 {
     }
 
     #[inline(always)]
+    fn eight(low: &[f32; 4], high: &[f32; 4]) -> D8 {
+        D8::of_floats(Avx2::pair(low, high))
+    }
+
+    #[inline(always)]
+    fn halves(low: f64, high: f64) -> D8 {
+        D8::of_halves(low, high)
+    }
+
+    #[inline(always)]
     fn planes(pair: &[[f32; 8]; 2], side: Side) -> F8 {
         Avx2::planes(pair, side)
     }

@@ -275,3 +275,19 @@ impl Doubles for D8 {
         }
     }
 }
+
+impl D8 {
+    /// From f32.
+    #[inline(always)]
+    pub(super) fn of_floats(x: F8) -> Self {
+        // SAFETY: see above.
+        D8(unsafe { _mm512_cvtps_pd(x.0) })
+    }
+
+    /// One number in the lower, one in the upper half of the lanes.
+    #[inline(always)]
+    pub(super) fn of_halves(low: f64, high: f64) -> Self {
+        // SAFETY: see above.
+        D8(unsafe { _mm512_mask_broadcastsd_pd(_mm512_set1_pd(low), 0xf0, _mm_set_sd(high)) })
+    }
+}
