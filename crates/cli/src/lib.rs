@@ -133,7 +133,7 @@ impl Command {
 }
 
 /// The options of pictures that `-h` lists, beside those of measurement; `--help` lists all.
-const SHORT_HELP: [&str; 13] = [
+const SHORT_HELP: [&str; 12] = [
     "output",
     "size",
     "view",
@@ -144,7 +144,6 @@ const SHORT_HELP: [&str; 13] = [
     "numerics",
     "environment",
     "exposure",
-    "frames",
     "threads",
     "help",
 ];
@@ -416,7 +415,7 @@ mod tests {
             let command = command.find_subcommand_mut(name).expect("a command");
             let [short, long] = [command.render_help(), command.render_long_help()];
             let [short, long] = [short, long].map(|help| help.to_string().lines().count());
-            assert!(short <= 66 && long > 150, "{name}: {short} lines of {long}");
+            assert!(short <= 60 && long > 150, "{name}: {short} lines of {long}");
         }
     }
 
