@@ -164,7 +164,12 @@ impl Bvh {
     /// Those of `from`; [`ErrorKind::UnexpectedEof`] for a file that ends too early, [`ErrorKind::InvalidData`] for one
     /// that is something else, of another version or byte order, or damaged: a checksum covers every bit.
     pub fn load(mut from: impl Read) -> Result<Self> {
-        let mut reader = Reader { from: &mut from, block: Vec::new(), checksum: Checksum::NEW };
+        Self::load_from(&mut from)
+    }
+
+    /// Compiled once, not in each crate that loads a tree.
+    fn load_from(from: &mut dyn Read) -> Result<Self> {
+        let mut reader = Reader { from, block: Vec::new(), checksum: Checksum::NEW };
         let mut start = [0u64; 2];
         reader.from.read_exact(bytemuck::cast_slice_mut(&mut start))?;
         let invalid = |what: &str| Err(Error::new(ErrorKind::InvalidData, what));
