@@ -16,7 +16,7 @@ pub struct Options {
     rounds: String,
 }
 
-/// Size of the pictures of the tables, which is that of `kiln study`.
+/// Size of the pictures of the tables.
 const SIZE: &str = "256x256";
 
 /// The head of a table and the pages that have it.
@@ -27,7 +27,7 @@ const PAGES: [&str; 2] = ["README.md", "docs/accuracy.md"];
 fn table(kiln: &Kiln, name: &str, scene: &str) -> Result<String> {
     let arguments = ["explain", scene, "--size", SIZE, "--measure", "--rounds", "1"];
     let printed = String::from_utf8(output(&mut kiln.command(&arguments))?.stdout)?;
-    let mut lines = printed.lines().skip_while(|line| !line.starts_with("error  "));
+    let mut lines = printed.lines().skip_while(|line| !line.starts_with("cause  "));
     lines.next().ok_or("kiln explain printed no table of errors")?;
     let mut table = format!("| {name} | {HEAD}\n| --- | --- | --- | --- | --- |\n");
     for line in lines.take_while(|line| !line.is_empty()) {
@@ -43,14 +43,16 @@ fn table(kiln: &Kiln, name: &str, scene: &str) -> Result<String> {
 /// Replaces a table in the pages that have one with its first line.
 fn into_pages(table: &str) -> Result<()> {
     let head = table.lines().next().unwrap_or_default();
+    let mut is_found = false;
     for file in PAGES {
         let page = std::fs::read_to_string(file)?;
         let Some(start) = page.find(head) else { continue };
         let old = page[start..].split_inclusive('\n').take_while(|line| line.starts_with('|'));
         let end = start + old.map(str::len).sum::<usize>();
         std::fs::write(file, format!("{}{table}{}", &page[..start], &page[end..]))?;
+        is_found = true;
     }
-    Ok(())
+    if is_found { Ok(()) } else { Err(format!("no page has the line {head}").into()) }
 }
 
 /// Makes the tables, the pictures and the plot.

@@ -34,7 +34,7 @@ pub(crate) struct Command {
     #[arg(long, help_heading = group::OUTPUT)]
     json: bool,
     /// Measure the cost of each effect by rendering with and without it, on one thread unless --threads is given, and the
-    /// errors of the picture by their causes
+    /// errors of the picture by their causes, of at most 256 pixels unless --size is given
     #[arg(long, help_heading = group::MEASUREMENT)]
     measure: bool,
     /// Number of measured rounds
@@ -73,8 +73,7 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         let measured = command.measure.then(|| -> Result<(Costs, Vec<PictureError>)> {
             let costs = measure(&job, rounds, interrupted)?;
             let control = RenderControl { cancel: interrupted, ..RenderControl::default() };
-            let other = |numerics, pipeline| other_job(command, &settings, numerics, pipeline);
-            Ok((costs, errors::measure(&job, &other, &control)?))
+            Ok((costs, picture_errors(&command.arguments, &control)?))
         });
         measured.transpose().map(|measured| (job, measured))
     })?;
@@ -97,22 +96,24 @@ fn prepare(command: &Command, settings: &RenderSettings) -> Result<RenderJob> {
     Ok(job)
 }
 
-/// The same picture in another tier or colour pipeline; `None` for standard input, which is read once.
-fn other_job(
-    command: &Command,
-    settings: &RenderSettings,
-    numerics: Option<Numerics>,
-    pipeline: Option<ColourPipeline>,
-) -> Result<Option<RenderJob>> {
-    if command.arguments.inputs.iter().any(|input| input == Path::new("-")) {
-        return Ok(None);
+/// The longer side of the picture whose errors are measured, in pixels, unless its size is given.
+pub(crate) const LONGEST: u32 = 256;
+
+/// The errors of a picture by their causes. None of standard input, which is read once.
+pub(crate) fn picture_errors(arguments: &Arguments, control: &RenderControl) -> Result<Vec<PictureError>> {
+    if arguments.inputs.iter().any(|input| input == Path::new("-")) {
+        return Ok(Vec::new());
     }
-    let mut settings = settings.clone();
-    settings.picture.numerics = numerics.or(settings.picture.numerics);
-    settings.picture.colour = pipeline.or(settings.picture.colour);
-    let mut silent = Reporter::silent(Mode::None);
-    let (session, picture) = silent.load_and_resolve(&command.arguments, &settings)?;
-    session.into_job(&picture, false, &RenderControl::default(), &mut silent.warnings).map(Some)
+    let job = |numerics: Option<Numerics>, pipeline: Option<ColourPipeline>| {
+        let own = arguments.options.settings()?;
+        let mut settings = RenderSettings { longest_side: Some(LONGEST), ..own };
+        settings.picture.numerics = numerics.or(settings.picture.numerics);
+        settings.picture.colour = pipeline.or(settings.picture.colour);
+        let mut silent = Reporter::silent(Mode::None);
+        let (session, picture) = silent.load_and_resolve(arguments, &settings)?;
+        session.into_job(&picture, false, &RenderControl::default(), &mut silent.warnings)
+    };
+    errors::measure(&job(None, None)?, &job, control)
 }
 
 fn explain_pixel(command: &Command, pixel: [u32; 2], interrupted: &AtomicBool) -> Result<()> {
@@ -223,7 +224,7 @@ fn to_text(decisions: &[Decision], costs: Option<&Costs>, errors: Option<&[Pictu
             costs.whole.ms.upper
         );
     }
-    if let Some(errors) = errors {
+    if let Some(errors) = errors.filter(|errors| !errors.is_empty()) {
         text.push('\n');
         text.push_str(&errors_to_text(errors));
     }
@@ -235,15 +236,15 @@ fn to_text(decisions: &[Decision], costs: Option<&Costs>, errors: Option<&[Pictu
 
 /// The table of errors.
 pub(crate) fn errors_to_text(errors: &[PictureError]) -> String {
-    let titles = ["error", "now", "type", "then", "time", ""].map(str::to_owned).to_vec();
+    let titles = ["cause", "error", "type", "error then", "time", ""].map(str::to_owned).to_vec();
     let line = |error: &PictureError| {
-        let time = error.time.map(|time| format!("x {}", errors::ratio(&time))).unwrap_or_default();
+        let time = format!("x {}", errors::ratio(&error.time));
         let PictureError { cause, now, options, then, note, .. } = error;
         vec![cause.clone(), now.text(), options.clone(), then.text(), time, note.clone()]
     };
     let lines: Vec<Vec<String>> = std::iter::once(titles).chain(errors.iter().map(line)).collect();
     aligned(&lines, |_| true)
-        + "\nnow, then: pixels off by more than one step of 255 in a channel (largest difference in steps), as displayed,\n\
+        + "\nerrors: pixels off by more than one step of 255 in a channel (largest difference in steps), as displayed,\n\
            before rounding; time: with the options, relative to the picture\n"
 }
 

@@ -150,7 +150,7 @@ const SHORT_HELP: [&str; 12] = [
 
 /// The command with a short `-h` where it takes the options of pictures.
 fn with_short_help(command: clap::Command) -> clap::Command {
-    // The limits of all commands are arguments of the first.
+    // `--limit` and `--memory-limit` belong to the root command.
     let is_long =
         command.get_arguments().any(|argument| ["camera", "limit"].contains(&argument.get_id().as_str()));
     let command = command.mut_args(|argument| {

@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 
 use super::arguments::{self, Arguments};
-use super::explain::errors_to_text;
+use super::explain::{LONGEST, errors_to_text, picture_errors};
 use super::prepare::Reporter;
 use super::progress::Mode;
 use super::{print, typed};
@@ -25,8 +25,7 @@ use kiln_lab::study::{
 /// The files of a study: its page, table, data and plot.
 const FILES: [&str; 4] = ["index.html", "study.csv", "study.json", "study.svg"];
 
-/// Default length of the picture's longer side in pixels.
-const LONGEST: u32 = 256;
+/// The longer side of the pictures of a quick study, in pixels.
 const QUICK_LONGEST: u32 = 192;
 
 /// Parameters that a quick study varies.
@@ -88,7 +87,13 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         time_stages: false,
     };
     let pools = Pools { timed: &timed, wide: &wide };
-    let (study, pictures) = study(&subject, &options(command, parameters), load, &pools, &control)?;
+    let (mut study, pictures) = study(&subject, &options(command, parameters), load, &pools, &control)?;
+
+    // A study of named parameters is about these alone.
+    if command.parameter.is_empty() {
+        let control = RenderControl { cancel: interrupted, ..RenderControl::default() };
+        study.errors = timed.install(|| picture_errors(arguments, &control))?;
+    }
 
     let write = |name: &str, text: &str| {
         write_whole(&command.output.join(name), |out| out.write_all(text.as_bytes()))
@@ -152,10 +157,9 @@ fn options(command: &Command, parameters: Vec<&'static str>) -> Options {
             _ => (7, 32, 512, 4, 400_000),
         };
     let rounds = command.rounds.map_or(rounds, u32::from);
-    // With named parameters, nothing else is measured.
-    let errors = parameters.is_empty();
-    let parameters = if errors && command.quick { QUICK_PARAMETERS.to_vec() } else { parameters };
-    Options { rounds, most_samples, reference_samples, rays_across, leak_rays, errors, parameters }
+    let are_chosen = command.quick && parameters.is_empty();
+    let parameters = if are_chosen { QUICK_PARAMETERS.to_vec() } else { parameters };
+    Options { rounds, most_samples, reference_samples, rays_across, leak_rays, parameters }
 }
 
 /// What is studied: pictures without exposure and tone map.

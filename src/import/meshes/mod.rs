@@ -1,4 +1,4 @@
-//! What is done to meshes once they are read.
+//! Processing of meshes after reading.
 
 pub(crate) mod colours;
 pub(crate) mod parts;

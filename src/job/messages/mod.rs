@@ -1,4 +1,4 @@
-//! What is said about a picture: findings, notes, options without effect.
+//! Warnings and notes about a picture.
 
 pub(crate) mod back_faces;
 pub(crate) mod findings;

@@ -27,6 +27,13 @@ impl<const D: usize, const C: usize> Table<D, C> {
         Table { nodes, values }
     }
 
+    /// A table of stored values, in the order of [`Table::new`]: eight bytes each, the least significant first.
+    pub(crate) fn from_bytes(nodes: [usize; D], bytes: &[u8]) -> Self {
+        let (numbers, _) = bytes.as_chunks::<8>();
+        let (values, _) = numbers.as_chunks::<C>();
+        Self::from_values(nodes, values.iter().map(|node| node.map(f64::from_le_bytes)).collect())
+    }
+
     /// The values of all nodes.
     pub(crate) fn values(&self) -> &[[f64; C]] {
         &self.values
@@ -73,6 +80,28 @@ pub(crate) fn lattice(numbers: [usize; 2]) -> impl Iterator<Item = [f64; 2]> {
 /// jumps.
 pub(crate) fn tent(x: f64) -> f64 {
     1.0 - (2.0 * x - 1.0).abs()
+}
+
+/// Checks that the table in a file beside this one has the values of a function, up to rounding. With the environment
+/// variable KILN_WRITE_TABLES, it writes that file.
+#[cfg(test)]
+pub(crate) fn check_stored<const D: usize, const C: usize>(
+    file: &str,
+    stored: &[u8],
+    nodes: [usize; D],
+    function: impl FnMut([f64; D]) -> [f64; C],
+) {
+    let made = Table::new(nodes, function);
+    if std::env::var_os("KILN_WRITE_TABLES").is_some() {
+        let bytes: Vec<u8> = made.values().as_flattened().iter().flat_map(|x| x.to_le_bytes()).collect();
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("src/shading/bsdf");
+        std::fs::write(folder.join(file), bytes).expect("the table is written");
+        return;
+    }
+    let stored = Table::<D, C>::from_bytes(nodes, stored);
+    for (stored, made) in stored.values().as_flattened().iter().zip(made.values().as_flattened()) {
+        assert!((stored - made).abs() <= 1e-12, "{file}: {stored} instead of {made}");
+    }
 }
 
 #[cfg(test)]

@@ -20,10 +20,16 @@ use kiln::scene::{MAX_SAMPLES, Numerics, Sampling, TextureFilter};
 /// Times are medians of this many pairs of renders.
 const ROUNDS: usize = 3;
 
-/// The fewest samples of the picture that errors of sampling are measured against, and how many times those of the
-/// picture with more samples.
-const MIN_REFERENCE: u32 = 256;
+/// Samples of the picture that errors of sampling are measured against: this many times those of the picture with more
+/// samples, within [`REFERENCE`].
 const REFERENCE_TIMES: u32 = 4;
+const REFERENCE: [u32; 2] = [256, 512];
+
+/// How many times the samples are in the picture with more: half the noise.
+const MORE: u32 = 4;
+
+/// A clamp that changes nothing in pictures of displayable light.
+const NO_CLAMP: f64 = 1e6;
 
 /// The most samples of pictures that are compared by the same samples, of which one has limits on bounces.
 const MAX_PAIRED: u32 = 32;
@@ -35,14 +41,21 @@ pub struct PictureError {
     pub cause: String,
     /// The error.
     pub now: ErrorInSteps,
-    /// The options of `kiln render` that reduce it; empty if none do.
+    /// The options of `kiln render` that reduce it.
     pub options: String,
     /// The error with these options.
     pub then: ErrorInSteps,
-    /// Time with these options over the time of the picture; `None` where it was not measured.
-    pub time: Option<Quartiles>,
+    /// Time with these options over the time of the picture.
+    pub time: Quartiles,
     /// What else is known of the cause; may be empty.
     pub note: String,
+}
+
+impl PictureError {
+    /// Whether the cause changes the picture at all.
+    fn is_any(&self) -> bool {
+        self.now != self.then
+    }
 }
 
 /// An error of displayed values, before they are rounded to 8 bits.
@@ -70,7 +83,6 @@ impl ErrorInSteps {
     pub fn share(&self) -> String {
         match 100.0 * self.beyond_step {
             0.0 => "0 %".to_owned(),
-            percent if percent < 0.01 => "< 0.01 %".to_owned(),
             percent => format!("{} %", significant(percent, 2)),
         }
     }
@@ -84,6 +96,9 @@ impl ErrorInSteps {
 
 /// A positive number rounded to a number of significant digits, without an exponent.
 fn significant(x: f64, digits: i32) -> String {
+    if x < 0.01 {
+        return "< 0.01".into();
+    }
     let decimals = (digits - 1 - x.log10().floor() as i32).max(0) as usize;
     format!("{x:.decimals$}")
 }
@@ -95,25 +110,20 @@ pub fn ratio(time: &Quartiles) -> String {
     significant(time.median, digits.clamp(1, 3))
 }
 
-/// The other renders of a picture that need another scene: in the tier `exact`, and without rounding in each step.
-pub type Others<'a> = &'a dyn Fn(Option<Numerics>, Option<ColourPipeline>) -> Result<Option<RenderJob>>;
+/// Prepares the same picture in another tier, or in another colour pipeline.
+pub type OtherJobs<'a> = &'a dyn Fn(Option<Numerics>, Option<ColourPipeline>) -> Result<RenderJob>;
 
-/// Measures the errors of a picture. `others` prepares it in another tier or colour pipeline; where it has none, these
-/// causes are left out.
+/// Measures the errors of a picture. `others` prepares it in another tier or colour pipeline.
 ///
 /// # Errors
 /// As [`RenderJob::render`].
-pub fn measure(job: &RenderJob, others: Others, control: &RenderControl) -> Result<Vec<PictureError>> {
+pub fn measure(job: &RenderJob, others: OtherJobs, control: &RenderControl) -> Result<Vec<PictureError>> {
     let own = displayed(job, control)?;
     let mut errors = sampling(job, &own, control)?;
     errors.extend(bounces(job, &own, control)?);
     if job.world.numerics() != Numerics::Exact {
         let exact = others(Some(Numerics::Exact), None)?;
-        errors.extend(
-            exact
-                .map(|exact| of_same_samples("tier", "--numerics exact", [job, &exact], &own, control))
-                .transpose()?,
-        );
+        errors.push(of_same_samples("tier", "--numerics exact", [job, &exact], &own, control)?);
     }
     errors.extend(rounding(job, others, &own, control)?);
     Ok(errors)
@@ -128,7 +138,7 @@ fn displayed(job: &RenderJob, control: &RenderControl) -> Result<Vec<DVec3>> {
 }
 
 /// The time of the second picture over that of the first.
-fn time_of([from, to]: [&RenderJob; 2], control: &RenderControl) -> Result<Option<Quartiles>> {
+fn time_of([from, to]: [&RenderJob; 2], control: &RenderControl) -> Result<Quartiles> {
     let threads = rayon::current_num_threads();
     let seconds = |job: &RenderJob| -> Result<f64> {
         let clock = Clock::start(threads);
@@ -139,7 +149,8 @@ fn time_of([from, to]: [&RenderJob; 2], control: &RenderControl) -> Result<Optio
         let first = seconds(from)?;
         Ok(seconds(to)? / first)
     });
-    Ok(Quartiles::of(&ratios.collect::<Result<Vec<f64>>>()?))
+    let ratios = ratios.collect::<Result<Vec<f64>>>()?;
+    Ok(Quartiles::of(&ratios).unwrap_or(Quartiles::exact(1.0)))
 }
 
 /// The error that another picture by the same samples does not have.
@@ -172,13 +183,13 @@ fn sampling(job: &RenderJob, own: &[DVec3], control: &RenderControl) -> Result<V
         return Ok(Vec::new());
     }
     let count = if sampling.is_wanted() { sampling.max_samples() } else { 4 };
-    let more = count.saturating_mul(4).min(MAX_SAMPLES);
+    let more = count.saturating_mul(MORE).min(MAX_SAMPLES);
     let (noise, options) = match sampling.noise {
         Some(noise) => (Some(noise / 2.0), format!("--noise {} --samples {more}", noise / 2.0)),
         None => (None, format!("--samples {more}")),
     };
     let then = sampled(job, Sampling { samples: Some(more), noise, ..sampling })?;
-    let many = more.saturating_mul(REFERENCE_TIMES).clamp(MIN_REFERENCE, MAX_SAMPLES);
+    let many = more.saturating_mul(REFERENCE_TIMES).clamp(REFERENCE[0], REFERENCE[1].max(more));
     let many = Sampling { samples: Some(many), noise: None, seed: other_seed(sampling.seed), ..sampling };
     let reference_job = sampled(job, many)?;
     let reference = displayed(&reference_job, control)?;
@@ -198,14 +209,15 @@ fn sampling(job: &RenderJob, own: &[DVec3], control: &RenderControl) -> Result<V
             job.with_plan_settings(settings)
         };
         let unfiltered = bilinear(&reference_job)?;
-        errors.push(PictureError {
+        let error = PictureError {
             cause: "texture filter".into(),
             now: ErrorInSteps::between(&reference, &displayed(&unfiltered, control)?),
             options: format!("--with {}", id::TEXTURES.with_value(TextureFilter::Bilinear.name())),
             then: ErrorInSteps::default(),
             time: time_of([job, &bilinear(job)?], control)?,
             note: "averages texels by samples: more noise".into(),
-        });
+        };
+        errors.extend(Some(error).filter(PictureError::is_any));
     }
     Ok(errors)
 }
@@ -221,7 +233,8 @@ fn bounces(job: &RenderJob, own: &[DVec3], control: &RenderControl) -> Result<Ve
         let option = id::GLAZE.with_value("every-bounce");
         let all = job.with_plan_settings(with(option.clone()))?;
         let options = format!("--with {option}");
-        return Ok(vec![of_same_samples("bounces of glaze", &options, [job, &all], own, control)?]);
+        let error = of_same_samples("bounces of glaze", &options, [job, &all], own, control)?;
+        return Ok(Some(error).filter(PictureError::is_any).into_iter().collect());
     }
     let Some(LightLeftOut { by_depth, by_clamp }) = light_left_out::measure(job, control)? else {
         return Ok(Vec::new());
@@ -251,40 +264,46 @@ fn bounces(job: &RenderJob, own: &[DVec3], control: &RenderControl) -> Result<Ve
         errors.push(PictureError {
             cause: "clamp".into(),
             now: ErrorInSteps::between(&displayed(&picture, control)?, &within),
-            options: "--clamp with a larger value".into(),
+            options: format!("--clamp {NO_CLAMP:e}"),
             then: ErrorInSteps::default(),
             time: time_of([&picture, &unclamped], control)?,
             note: note(by_clamp),
         });
     }
+    errors.retain(PictureError::is_any);
     Ok(errors)
 }
 
 /// The rounding of display values to 8 bits; `None` where values have more.
 fn rounding(
     job: &RenderJob,
-    others: Others,
+    others: OtherJobs,
     own: &[DVec3],
     control: &RenderControl,
 ) -> Result<Option<PictureError>> {
     let Some(RoundingError { largest, text, option }) = job.rounding_error() else { return Ok(None) };
     let Some(largest) = largest else {
         let unrounded = others(None, Some(ColourPipeline::Display))?;
-        let error =
-            |other: &RenderJob| of_same_samples("8 bits in each step", option, [job, other], own, control);
-        return unrounded.as_ref().map(error).transpose();
+        let error = of_same_samples("8 bits", option, [job, &unrounded], own, control)?;
+        return Ok(Some(PictureError { note: text.into(), ..error }));
     };
     // Rounding after noise of a triangular distribution two steps wide: the density of the error is the quadratic
-    // B-spline, of which 1/24 lies beyond one step in each channel.
+    // B-spline, of which 1/24 lies beyond one step. Black and white are not dithered.
     let is_dithered = job.settings.picture.dither == Some(true);
-    let beyond_step = if is_dithered { 1.0 - (23.0_f64 / 24.0).powi(3) } else { 0.0 };
+    let stays =
+        |value: f64| if (0.5 / 255.0..1.0 - 0.5 / 255.0).contains(&value) { 23.0 / 24.0 } else { 1.0 };
+    let beyond = |pixel: &DVec3| 1.0 - pixel.to_array().map(stays).iter().product::<f64>();
+    let beyond_step = match is_dithered {
+        true => own.iter().map(beyond).sum::<f64>() / own.len().max(1) as f64,
+        false => 0.0,
+    };
     Ok(Some(PictureError {
         cause: "8 bits".into(),
         now: ErrorInSteps { beyond_step, largest },
         options: "--bits 16".into(),
         // 65,535 steps instead of 255.
         then: ErrorInSteps { beyond_step: 0.0, largest: largest / 257.0 },
-        time: Some(Quartiles::exact(1.0)),
+        time: Quartiles::exact(1.0),
         note: if is_dithered { text.into() } else { String::new() },
     }))
 }

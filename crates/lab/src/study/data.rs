@@ -34,7 +34,7 @@ pub struct Study {
     pub floors: Vec<NoiseFloor>,
     /// Differences in ray hits between each tier and `exact`.
     pub geometry: Vec<GeometryErrors>,
-    /// Errors of the base's picture by their causes.
+    /// Errors of the picture by their causes, which the command measures as `kiln explain` does; may be empty.
     #[serde(default)]
     pub errors: Vec<PictureError>,
     /// Render time of the limit of the base's filter in ms; `None` if there is no limit.

@@ -24,10 +24,8 @@ pub(crate) fn errors(errors: &[PictureError]) -> String {
         return String::new();
     }
     let row = |error: &PictureError| {
-        let code = |text: &str| {
-            if text.is_empty() { NONE.into() } else { format!("<code>{}</code>", escaped(text)) }
-        };
-        let time = error.time.map_or(NONE.into(), |time| format!("× {}", ratio(&time)));
+        let code = |text: &str| format!("<code>{}</code>", escaped(text));
+        let time = format!("× {}", ratio(&error.time));
         let cells = [
             escaped(&error.cause),
             error.now.text(),

@@ -13,11 +13,9 @@ use super::sweep::{Candidate, sweep};
 use super::work::{MeasuredSetting, StudyRun, distinct, filters, prepare};
 use super::{advice, ambient, path_sweep, steps, techniques};
 use crate::bench::ResultFile;
-use crate::bench::errors::{self, PictureError};
 use crate::timing::{Clock, Quartiles};
 use kiln::effects::RayKind;
 use kiln::error::{Error, Result};
-use kiln::film::ColourPipeline;
 use kiln::geometry::Numerics;
 use kiln::job::{ResolvedPicture, Session};
 use kiln::render::RenderControl;
@@ -51,8 +49,6 @@ pub struct Options {
     pub rays_across: u32,
     /// Rays per tier for the search of leaks.
     pub leak_rays: u64,
-    /// Whether the errors of the picture are measured by their causes.
-    pub errors: bool,
     /// Parameters to vary, from [`super::parameters`]; all if empty.
     pub parameters: Vec<&'static str>,
 }
@@ -71,18 +67,6 @@ pub struct Pools<'a> {
     pub timed: &'a ThreadPool,
     /// For everything else.
     pub wide: &'a ThreadPool,
-}
-
-/// The errors of the base's picture by their causes.
-fn picture_errors(subject: &StudySubject, control: &RenderControl) -> Result<Vec<PictureError>> {
-    let silent = RenderControl { progress: &|_, _| (), ..*control };
-    let other = |numerics: Option<Numerics>, pipeline: Option<ColourPipeline>| {
-        let base = subject.base.clone();
-        let numerics = numerics.unwrap_or(base.numerics);
-        let pipeline = pipeline.unwrap_or(base.pipeline);
-        prepare(subject, &Setting { numerics, pipeline, ..base }).map(Some)
-    };
-    errors::measure(&prepare(subject, &subject.base)?, &other, &silent)
 }
 
 /// Runs a study. `load` reads the inputs again for timing.
@@ -139,10 +123,6 @@ pub fn study(
     let work = StudyRun { subject, options, reference, timed_threads: threads, control, progress };
     work.set_total_work(&settings, filters.len());
 
-    let errors = match options.errors {
-        true => pools.timed.install(|| picture_errors(subject, control))?,
-        false => Vec::new(),
-    };
     let (limits, limit_ms, twins, geometry) = pools.wide.install(|| {
         let geometry = work.geometry()?;
         let (limits, limit_ms) = work.limits(&filters)?;
@@ -171,7 +151,7 @@ pub fn study(
         load_ms,
         floors: limits.iter().map(|limit| limit.floor.clone()).collect(),
         geometry,
-        errors,
+        errors: Vec::new(),
         left_out: left_out.into_iter().map(|(parameter, why)| [parameter.to_owned(), why]).collect(),
         advice: advice(&rows),
         steps: steps(&rows),

@@ -10,7 +10,7 @@ use super::html::{against, errors, geometry, scientific, settings, steps, techni
 use super::pictures::PageImages;
 use super::plot::{error_against_time, error_against_twin, error_of_paths};
 use super::selection::{Selection, select};
-use crate::bench::errors::{ErrorInSteps, ratio};
+use crate::bench::errors::ratio;
 use crate::bench::html::{STYLE, escaped, filled};
 
 /// The page with the names of its parts in double braces.
@@ -141,15 +141,13 @@ pub fn headline(study: &Study) -> String {
     let largest = study.errors.iter().max_by(|a, b| a.now.beyond_step.total_cmp(&b.now.beyond_step));
     match largest {
         Some(error) if error.now.beyond_step > 0.0 => {
-            let percent = |error: ErrorInSteps| error.share();
-            let time =
-                error.time.map_or(String::new(), |time| format!(" in {} times the time", ratio(&time)));
             format!(
-                "{} of the pixels are off by more than one step of 255 ({}); `{}` leaves {}{time}.",
-                percent(error.now),
+                "{} of the pixels are off by more than one step of 255 ({}); `{}` leaves {} in {} times the time.",
+                error.now.share(),
                 error.cause,
                 error.options,
-                percent(error.then)
+                error.then.share(),
+                ratio(&error.time)
             )
         }
         Some(_) => "No cause moves a pixel by more than one step of 255.".into(),
@@ -172,7 +170,9 @@ fn cost_of(from: &SettingRow, to: &SettingRow) -> String {
         (Some(before), Some(after)) if to.reference == ReferenceKind::Limit && after.rmse > 0.0 => {
             format!("divides the error (RMSE) by {}", brief(before.rmse / after.rmse))
         }
-        (Some(before), _) => format!("changes {:.2} % of the pixels", 100.0 * before.differing),
+        (Some(before), _) => {
+            format!("changes {:.2} % of the pixels by more than one step of 255", 100.0 * before.beyond_step)
+        }
         _ => "changes the picture".to_owned(),
     };
     let is_same = from.parameter == to.parameter;
@@ -214,7 +214,7 @@ pub fn facts(study: &Study) -> Vec<String> {
         let rate = |rate: f64| if rate < 1000.0 { scientific(rate) } else { format!("{rate:.0}") };
         let leaks = geometry.leaks_per_million.map_or(String::new(), |leaks| {
             format!(
-                "; of a million others, from inside its closed meshes towards edges, {} leak",
+                "; of a million rays from inside the scene's closed meshes towards edges, {} leak",
                 rate(leaks)
             )
         });

@@ -70,13 +70,14 @@ impl Waiting {
     }
 }
 
-/// Whether an instruction set traces several rays at once. On x86-64, portable code does not: it serves processors without
-/// AVX2 (before 2013) alone, and its packets took a third of the machine code.
+/// Whether an instruction set traces several rays at once. On x86-64, portable code does so in unit tests alone: it serves
+/// processors without AVX2 (before 2013), and took half of the time to compile (docs/decisions.md).
 const fn has_batches(instructions: InstructionSet) -> bool {
     cfg!(any(test, not(target_arch = "x86_64"))) || !matches!(instructions, InstructionSet::Portable)
 }
 
-/// Evaluates an expression with `$simd` as the token of an instruction set for which [`has_batches`] holds, else another.
+/// Evaluates `$value` with `$simd` as the token of an instruction set that traces several rays at once ([`has_batches`]),
+/// and `$other` for one that does not.
 macro_rules! as_batch {
     ($set:expr, $simd:ident => $value:expr, else $other:expr) => {
         match $set {
@@ -137,11 +138,11 @@ impl<T: Tier> Wide<T> {
     fn trace(&self, all: Rays, mut results: Results, traversal: &mut Traversal) {
         let first = results.len();
         let (mut backoff, mut waiting) = (Backoff::default(), Waiting::default());
-        let (mut occluder, fits) = (None, packet::fits(self));
+        let (mut occluder, is_in_range) = (None, packet::is_tree_in_range(self));
         for [rays, following] in packets(all) {
             let start = results.len() - first;
             let Traversal { children, tests, packet, .. } = traversal;
-            if fits
+            if is_in_range
                 && rays.len() >= MIN_PACKET
                 && backoff.tries(|| {
                     as_batch!(

@@ -86,7 +86,7 @@ impl Frustum {
         for (interval, [least, most]) in intervals.iter_mut().zip(packet.project(rays, axes, to_end)) {
             *interval = widened(least.reduce_min(), most.reduce_max());
         }
-        if !fits(apex) {
+        if !is_apex_in_range(apex) {
             return None;
         }
         let around = |x: f64| apex_bounds(x, spread);
@@ -119,7 +119,10 @@ impl Frustum {
         let depth = (0..3).fold(0, |best, axis| if length[axis] > length[best] { axis } else { best });
         let axes = [(depth + 1) % 3, (depth + 2) % 3, depth];
         let flipped = direction[depth] < 0.0;
-        if !LENGTHS.contains(&length[depth]) || !fits(apex.to_array()) || !are_parallel::<S::D>(rays) {
+        if !LENGTHS.contains(&length[depth])
+            || !is_apex_in_range(apex.to_array())
+            || !are_parallel::<S::D>(rays)
+        {
             return None;
         }
         let shear = [0, 1].map(|k| direction[axes[k]] / length[depth]);
@@ -205,7 +208,7 @@ fn apex_bounds(x: f64, spread: f64) -> [f32; 2] {
 
 /// Whether depths from the apex are finite: an infinite one times a slope of 0 is NaN, and culls a box.
 #[inline(always)]
-fn fits(apex: [f64; 3]) -> bool {
+fn is_apex_in_range(apex: [f64; 3]) -> bool {
     apex.iter().all(|x| x.abs() <= f64::from(MAX_COORDINATE))
 }
 

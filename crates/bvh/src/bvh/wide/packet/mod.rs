@@ -48,7 +48,7 @@ const MAX_COORDINATE: f32 = f32::MAX / 4.0;
 
 /// Whether the boxes of the tree are small enough for frusta.
 #[inline(always)]
-pub(crate) fn fits<T: Tier>(wide: &Wide<T>) -> bool {
+pub(crate) fn is_tree_in_range<T: Tier>(wide: &Wide<T>) -> bool {
     // Those of empty places are infinite.
     let fits = |x: &f32| x.abs() <= MAX_COORDINATE || x.is_infinite();
     wide.nodes.first().is_none_or(|root| root.planes.as_flattened().as_flattened().iter().all(fits))
@@ -57,8 +57,8 @@ pub(crate) fn fits<T: Tier>(wide: &Wide<T>) -> bool {
 /// The one or two leaves of triangles that a packet tests first, because they occluded many rays of the one before.
 pub(crate) type Occluder = Option<(u32, Option<u32>)>;
 
-/// What became of the rays of a packet. If they are not traced, they must be traced otherwise, and nothing is appended;
-/// but for any hit, an abandoned packet appends the hits that it found.
+/// What became of the rays of a packet. Those that are not traced must be traced otherwise: nothing is appended for them,
+/// but by an abandoned packet for any hit, which appends one flag a ray, `true` for those that are occluded already.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Outcome {
     Traced,
@@ -255,8 +255,8 @@ impl<'a, T: Tier, S: Simd, const ANY: bool> Packet<'a, T, S, ANY> {
         self.frustum.max_depth = deepest.reduce_max();
     }
 
-    /// Bounds blocks and the frustum by the rays that are still traced. Blocks without any keep their bounds: their
-    /// depths leave them out. The frustum of parallel rays stays.
+    /// Bounds blocks and the frustum by the rays that are still traced; from then on both hold for active rays alone.
+    /// Blocks without any keep their bounds: their depths leave them out. The frustum of parallel rays stays.
     #[inline(always)]
     fn tighten(&mut self) {
         if self.frustum.shear.is_some() {

@@ -18,11 +18,12 @@ use crate::geometry::{Corner, PrimId, SlotId, Tier, Triangle4};
 /// that overlaps a block of rays. For closest hits and for any hit. Measurements: docs/decisions.md.
 const MAX_WORK_PER_RAY: [usize; 2] = [8, 4];
 
-/// The frustum is tightened when at most this share of the rays is left that it was last made for.
+/// The frustum is tightened when at most this share of the rays is left that it was last made for. Measurements:
+/// docs/decisions.md.
 const TIGHTENED: [usize; 2] = [3, 4];
 
 /// Leaves that occlude more than this share of a packet's rays are tested first by the next packet.
-const MANY: [usize; 2] = [1, 4];
+const OCCLUDER_SHARE: [usize; 2] = [1, 4];
 
 /// Leaves queued before the first of them is tested, so that its prefetch completes. Measurements: docs/decisions.md.
 const MAX_QUEUED: usize = 3;
@@ -165,11 +166,12 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
         let Some(mut node) = wide.nodes.first() else { return true };
         let (mut queue, mut work) = (LeafQueue::default(), 0);
         // Rays when the frustum was made, and the most that leaves retired.
-        let (mut framed, mut most) = (self.rays.len(), self.rays.len() * MANY[0] / MANY[1]);
+        let (mut rays_in_frustum, mut most) =
+            (self.rays.len(), self.rays.len() * OCCLUDER_SHARE[0] / OCCLUDER_SHARE[1]);
         let tested = if ANY { occluder.take() } else { None };
         if let Some((first, second)) = tested {
             work += self.visit_leaves(wide, first, second, tests);
-            self.retired(framed, (first, second), &mut framed, &mut most, occluder);
+            self.retired(rays_in_frustum, (first, second), &mut rays_in_frustum, &mut most, occluder);
             if self.remaining == 0 {
                 return true;
             }
@@ -217,7 +219,7 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
                     let before = self.remaining;
                     work += self.visit_leaves(wide, first, second, tests);
                     if ANY && self.remaining != before {
-                        self.retired(before, (first, second), &mut framed, &mut most, occluder);
+                        self.retired(before, (first, second), &mut rays_in_frustum, &mut most, occluder);
                         if self.remaining == 0 {
                             return true;
                         }
@@ -231,13 +233,13 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
     }
 
     /// After leaves retired rays, of which there were `before`: tightens the frustum if many are gone since it was made
-    /// for `framed` rays, and notes the leaves if they are the ones that retired the most.
+    /// for `rays_in_frustum` rays, and notes the leaves if they are the ones that retired the most.
     #[inline(always)]
     fn retired(
         &mut self,
         before: usize,
         leaves: (u32, Option<u32>),
-        framed: &mut usize,
+        rays_in_frustum: &mut usize,
         most: &mut usize,
         occluder: &mut Occluder,
     ) {
@@ -245,8 +247,8 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
         if count > *most {
             (*most, *occluder) = (count, Some(leaves));
         }
-        if self.remaining != 0 && self.remaining * TIGHTENED[1] <= *framed * TIGHTENED[0] {
-            *framed = self.remaining;
+        if self.remaining != 0 && self.remaining * TIGHTENED[1] <= *rays_in_frustum * TIGHTENED[0] {
+            *rays_in_frustum = self.remaining;
             self.tighten();
         }
     }

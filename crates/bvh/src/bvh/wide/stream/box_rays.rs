@@ -26,7 +26,7 @@ impl RayMask {
         self
     }
 
-    /// The indices of the others of the first rays, but for those that are `known`, ascending, and their number.
+    /// The ascending indices, below `count`, of rays that are neither in the mask nor `known`, and their number.
     #[inline(always)]
     pub(crate) fn others(&self, count: usize, known: impl Fn(usize) -> bool) -> ([u16; BATCH], usize) {
         let (mut others, mut len) = ([0; BATCH], 0);
