@@ -133,7 +133,7 @@ impl Command {
 }
 
 /// The options of pictures that `-h` lists, beside those of measurement; `--help` lists all.
-const SHORT_HELP: [&str; 12] = [
+const SHORT_HELP: [&str; 11] = [
     "output",
     "size",
     "view",
@@ -143,7 +143,6 @@ const SHORT_HELP: [&str; 12] = [
     "transport",
     "numerics",
     "environment",
-    "exposure",
     "threads",
     "help",
 ];

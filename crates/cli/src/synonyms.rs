@@ -150,7 +150,7 @@ const SYNONYMS: &[(&[&str], &str)] = &[
         &["epsilon", "bias", "shadow-bias", "ray-epsilon"],
         "there is no epsilon: ray origin offsets follow from error bounds; --numerics chooses the arithmetic",
     ),
-    (&["preview", "fast", "quick", "low-quality"], "use --draft, or a smaller --size"),
+    (&["preview", "fast", "low-quality"], "use --draft, or a smaller --size"),
     (&["random-seed"], "use --seed N"),
     // Animation.
     (&["frame-rate", "framerate"], "use --fps N"),
