@@ -38,7 +38,7 @@ fn every_effect_is_there_with_its_reason() {
 #[test]
 fn json_has_the_documented_fields() {
     let report = json("scenes/effects/glaze.toml --camera auto");
-    assert_eq!(report["schema"], 1);
+    assert_eq!(report["schema"], 2);
     let camera = report["settings"]["kiln:camera"].as_str().unwrap_or_default();
     assert!(report["measured"].is_null() && camera.starts_with("{ name = \"auto\", position"), "{report:#}");
     let effects = report["effects"].as_array().expect("a list");

@@ -269,30 +269,22 @@ fn advice_is_printed_and_is_that_of_the_front() {
     }
 }
 
-/// The first sentence, on the page and printed, has the figures of the rows that it names.
+/// The first sentence, on the page and printed, is on the largest of the errors.
 #[test]
 fn the_report_begins_with_its_result() {
     let (folder, output) = tiny();
     let study = read(folder.path());
     let printed = String::from_utf8_lossy(&output.stdout);
     let sentence = printed.lines().next().expect("a line");
-    let row = |name: &str| study.rows.iter().find(|row| row.name() == name).expect("a row");
-    let (base, exact) = (row("numerics: watertight"), row("numerics: exact"));
-    let ratio = exact.trace_ms.median / base.trace_ms.median;
-    let ratio = if ratio < 10.0 { format!("{ratio:.1}") } else { format!("{ratio:.0}") };
-    let change = match base.twin.expect("finite") {
-        _ if base.fingerprint == exact.fingerprint => "changes no pixel.".to_owned(),
-        twin => format!("changes {:.2} % of the pixels.", 100.0 * twin.differing),
-    };
-    assert!(sentence.starts_with("On this scene a picture takes "), "{sentence}");
-    let of_exact = format!("{:.2} (`exact`)", exact.trace_ms.median / base.trace_ms.median);
-    assert!(sentence.contains(&of_exact) && sentence.contains("; Antialiasing by `"), "{sentence}");
-    assert!(
-        sentence.ends_with(&format!("; `exact` costs {ratio} times `watertight` and {change}")),
-        "{sentence}"
-    );
+    let largest = study.errors.iter().map(|error| error.now.beyond_step).fold(0.0, f64::max);
+    let error = study.errors.iter().find(|error| error.now.beyond_step == largest).expect("an error");
+    let percent = |share: f64| format!("{:.1$} %", 100.0 * share, usize::from(100.0 * share < 10.0));
+    let begins = format!("{} of the pixels are off by more than one step of 255 ", percent(largest));
+    assert!(sentence.starts_with(&begins), "{sentence}");
+    let leaves = format!("`{}` leaves {} in ", error.options, percent(error.then.beyond_step));
+    assert!(sentence.contains(&leaves) && sentence.ends_with(" times the time."), "{sentence}");
     let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
-    assert!(page.contains("</h1>\n<p><b>On this scene a picture takes "));
+    assert!(page.contains(&format!("</h1>\n<p><b>{begins}")));
     // Acceleration structures change no picture, so that none is a next step.
     assert!(study.steps.iter().all(|step| step.parameter != "bvh"));
 }
@@ -303,7 +295,7 @@ fn the_page_begins_with_three_pictures_and_their_commands() {
     let (folder, _) = tiny();
     let study = read(folder.path());
     let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
-    let begin = page.split("<h2>").next().expect("text");
+    let begin = page.split("<h2>Error against time").next().expect("text");
     assert_eq!(begin.matches("<canvas data-file=").count(), 3);
     assert!(["Quick", "Recommended", "Limit"].iter().all(|title| begin.contains(&format!("<b>{title}</b>"))));
     // The limit: two halves of 512 samples each.

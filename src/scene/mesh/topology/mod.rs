@@ -5,7 +5,7 @@
 //! close T-junctions.
 //!
 //! ```
-//! use kiln::scene::topology::Topology;
+//! use kiln::scene::mesh::topology::Topology;
 //!
 //! // A square of two triangles: five edges, of which four have one triangle only and surround it.
 //! let square = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]].map(Into::into);
