@@ -284,11 +284,12 @@ fn differences<'a>(a: &'a [[f32; 3]], b: &'a [[f32; 3]]) -> impl Iterator<Item =
     a.iter().zip(b).map(move |(a, b)| a.iter().zip(b).map(difference).fold(0.0, f64::max))
 }
 
-/// The share of pixels with a channel whose display values differ by more than one of 255 steps, and the rounding of both
-/// to f32.
+/// Display values further apart than this differ by more than one of 255 steps and the rounding of both to f32.
+pub const BEYOND_STEP: f64 = 1.0 / 255.0 + f32::EPSILON as f64;
+
+/// The share of pixels with a channel whose display values differ by more than [`BEYOND_STEP`].
 fn share_beyond_step(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
-    differences(a, b).filter(|difference| *difference > 1.0 / 255.0 + f64::from(f32::EPSILON)).count() as f64
-        / a.len() as f64
+    differences(a, b).filter(|difference| *difference > BEYOND_STEP).count() as f64 / a.len() as f64
 }
 
 /// Mean of `f` over all channels of two images of the same size.

@@ -14,6 +14,7 @@ use kiln::effects::{PlanSettings, id};
 use kiln::error::Result;
 use kiln::film::ColourPipeline;
 use kiln::job::{RenderJob, RoundingError};
+use kiln::metrics::BEYOND_STEP;
 use kiln::render::RenderControl;
 use kiln::scene::{MAX_SAMPLES, Numerics, Sampling, TextureFilter};
 
@@ -69,13 +70,12 @@ pub struct ErrorInSteps {
 
 impl ErrorInSteps {
     fn between(picture: &[DVec3], reference: &[DVec3]) -> Self {
-        let steps = |(a, b): (&DVec3, &DVec3)| 255.0 * (*a - *b).abs().max_element();
-        let differences = || picture.iter().zip(reference).map(steps);
-        // Values in whole steps differ by whole steps, but for rounding.
-        let beyond = differences().filter(|&steps| steps > 1.0 + 1e-6).count();
+        let difference = |(a, b): (&DVec3, &DVec3)| (*a - *b).abs().max_element();
+        let differences = || picture.iter().zip(reference).map(difference);
+        let beyond = differences().filter(|&difference| difference > BEYOND_STEP).count();
         ErrorInSteps {
             beyond_step: beyond as f64 / picture.len().max(1) as f64,
-            largest: differences().fold(0.0, f64::max),
+            largest: 255.0 * differences().fold(0.0, f64::max),
         }
     }
 

@@ -22,7 +22,8 @@ const MAX_WORK_PER_RAY: [usize; 2] = [8, 4];
 /// docs/decisions.md.
 const TIGHTENED: [usize; 2] = [3, 4];
 
-/// Leaves that occlude more than this share of a packet's rays are tested first by the next packet.
+/// Leaves that occlude more than this share of a packet's rays are tested first by the next packet. Measurements:
+/// docs/decisions.md.
 const OCCLUDER_SHARE: [usize; 2] = [1, 4];
 
 /// Leaves queued before the first of them is tested, so that its prefetch completes. Measurements: docs/decisions.md.
