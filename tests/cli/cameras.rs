@@ -1,7 +1,5 @@
 //! Cameras of options, of scene files, and those that are found for a mesh.
 
-use std::path::Path;
-
 use serde_json::json;
 
 use crate::common::gltf::Model;
@@ -173,7 +171,7 @@ fn what_is_seen_is_rendered_by_its_line() {
         size: [48, 32],
         settings: &settings,
         import_options: &kiln::scene::ImportOptions::default(),
-        output: Path::new("seen.png"),
+        output: "seen.png".as_ref(),
     };
     let words = command_line::arguments(&command);
     let output = workshop.command("").args(&words[1..]).output().expect("the command starts");

@@ -222,6 +222,7 @@ fn options_that_change_nothing_are_said_to() {
             "render scene.toml --frames 0-1 -o f_#.png",
             "animate scene.toml --frames 0-1 -o f_#.jpg",
             "animate scene.toml --frames 0-1 -o a.y4m",
+            "explain scene.toml",
         ] {
             let (_, said) = shop.code(&format!("{command} --size 8x8 {options}"), 0);
             assert!(said.contains(&format!("kiln: warning: {idle}")), "{command} {options}: {said}");

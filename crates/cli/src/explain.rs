@@ -90,7 +90,7 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
 fn prepare(command: &Command, settings: &RenderSettings) -> Result<RenderJob> {
     let mut reporter = Reporter::silent(Mode::None);
     (reporter.prints_warnings, reporter.prints_notes) = (true, true);
-    let (session, picture) = reporter.load_and_resolve(&command.arguments, settings)?;
+    let (session, picture) = reporter.load_and_resolve(&command.arguments, settings, true)?;
     let job = session.into_job(&picture, false, &RenderControl::default(), &mut reporter.warnings)?;
     reporter.show();
     Ok(job)
@@ -110,7 +110,7 @@ pub(crate) fn picture_errors(arguments: &Arguments, control: &RenderControl) -> 
         settings.picture.numerics = numerics.or(settings.picture.numerics);
         settings.picture.colour = pipeline.or(settings.picture.colour);
         let mut silent = Reporter::silent(Mode::None);
-        let (session, picture) = silent.load_and_resolve(arguments, &settings)?;
+        let (session, picture) = silent.load_and_resolve(arguments, &settings, true)?;
         session.into_job(&picture, false, &RenderControl::default(), &mut silent.warnings)
     };
     errors::measure(&job(None, None)?, &job, control)

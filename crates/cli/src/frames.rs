@@ -19,7 +19,7 @@ use kiln::film::TILE;
 use kiln::film::check::state_of;
 use kiln::film::write::{self, Format, OutputImage, write_picture};
 use kiln::job::metadata::fingerprint_of;
-use kiln::job::{Findings, Metadata, PictureUse, RenderJob, RenderSettings, warn_of_unused};
+use kiln::job::{Findings, Metadata, RenderJob, RenderSettings};
 use kiln::limits;
 use kiln::render::aov::AovSelection;
 use kiln::render::{RenderControl, Statistics};
@@ -165,8 +165,6 @@ pub(crate) fn write_frames(
     reporter.check_outputs(animation.frames.iter().map(|&frame| pictures.names.of(frame)))?;
     let picture = animation.picture.settings.picture;
     output::check_bits_of(picture.bits, pictures.format)?;
-    let used = PictureUse { is_rounded: pictures.format != Format::Exr, ..PictureUse::default() };
-    warn_of_unused(&arguments.options, &animation.picture.plan_settings, used, &mut reporter.warnings);
     output::check_alpha(picture.is_transparent(), ".jpg", pictures.format != Format::Jpeg)?;
     let first = first_frame(&mut reporter, &pool, &animation, interrupted)?;
     let skipped = match animation.skipped {

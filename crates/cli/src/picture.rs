@@ -120,9 +120,7 @@ impl PreparedScene {
             note_rest_pose(session.scene(), warnings);
             let resolved = session.resolve(&settings, warnings)?;
             warn_of_unused(options, &resolved.plan_settings, use_of(session.scene()), warnings);
-            let picture = session.first_picture(&resolved)?;
-            let job = session.job(&picture, true, control)?;
-            session.warn(&picture, &job, warnings);
+            let job = session.first_job(&resolved, true, control, warnings)?;
             picture_of(job, files_read(session.scene(), options), &selection, format, control, warnings)
         })
     }

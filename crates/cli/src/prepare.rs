@@ -13,8 +13,9 @@ use kiln::animation::{AnimationJob, FrameRequest, play_clip};
 use kiln::error::{Error, Result, Warnings};
 use kiln::files::{check_output, folder_of, target_of, unfinished_in};
 use kiln::import;
-use kiln::job::{RenderSettings, ResolvedPicture, Session};
+use kiln::job::{PictureUse, RenderSettings, ResolvedPicture, Session, warn_of_unused};
 use kiln::scene::Scene;
+use kiln::scene::animation::Moment;
 
 /// Progress, times and warnings of a command.
 pub(crate) struct Reporter {
@@ -100,11 +101,13 @@ impl Reporter {
         })
     }
 
-    /// Loads the inputs and resolves the render settings.
+    /// Loads the inputs and resolves the render settings. `is_rounded` says whether the values of the picture are rounded to
+    /// integers.
     pub(crate) fn load_and_resolve(
         &mut self,
         arguments: &Arguments,
         settings: &RenderSettings,
+        is_rounded: bool,
     ) -> Result<(Session, Arc<ResolvedPicture>)> {
         let scene = self.load(arguments)?;
         note_rest_pose(&scene, &mut self.warnings);
@@ -113,6 +116,8 @@ impl Reporter {
         timed(&mut seconds.prepare, || {
             let session = Session::still(scene)?;
             let picture = session.resolve(settings, warnings)?;
+            let used = PictureUse { time: Some(Moment::of_still(session.scene()).seconds), is_rounded };
+            warn_of_unused(&arguments.options, &picture.plan_settings, used, warnings);
             Ok((session, picture))
         })
     }
@@ -135,8 +140,11 @@ impl Reporter {
             self.phase("building");
         });
         self.warnings = warnings;
+        let animation = animation?;
+        let used = PictureUse { time: None, is_rounded: request.is_displayed };
+        warn_of_unused(&arguments.options, &animation.picture.plan_settings, used, &mut self.warnings);
         self.phase("rendering");
-        animation
+        Ok(animation)
     }
 
     /// With `strict`, warnings are an error. `written` says what was written all the same.

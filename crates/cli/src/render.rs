@@ -19,10 +19,9 @@ use kiln::error::{Error, Result, Warnings};
 use kiln::farm::Shard;
 use kiln::files::{is_same_file, write_whole};
 use kiln::film::write::Format;
-use kiln::job::{Findings, PictureUse, metadata, warn_of_unused};
+use kiln::job::{Findings, metadata};
 use kiln::render::RenderControl;
 use kiln::render::aov::{AOVS, AovSelection, EFFECTS, EFFECTS_SUMMARY};
-use kiln::scene::animation::Moment;
 use kiln::scene::option::group;
 
 #[derive(Args, Clone)]
@@ -208,7 +207,8 @@ fn render_to(
     let mut settings = command.arguments.options.settings()?;
     settings.shard = command.shard.unwrap_or_default();
     settings.aovs = command.aov.clone();
-    let (session, mut resolved) = reporter.load_and_resolve(&command.arguments, &settings)?;
+    let is_rounded = target.format() != Format::Exr;
+    let (mut session, mut resolved) = reporter.load_and_resolve(&command.arguments, &settings, is_rounded)?;
     let file = Some(target.file()).filter(|_| !matches!(target, OutputTarget::StandardOutput));
     reporter.check_outputs(command.stats.iter().map(PathBuf::as_path).chain(file))?;
     if let Some(target) = command.accuracy.target() {
@@ -227,15 +227,15 @@ fn render_to(
     let has_target = command.accuracy.target().is_some();
     output::check_accuracy_alpha(is_transparent, has_target)?;
     target.check_writable()?;
-    let time = Some(Moment::of_still(session.scene()).seconds);
     reporter.progress.phase("building");
-    let Reporter { seconds, warnings, .. } = &mut *reporter;
+    let Reporter { progress, seconds, warnings, .. } = &mut *reporter;
     let control = RenderControl { cancel: interrupted, ..RenderControl::default() };
-    let mut job = timed(&mut seconds.build, || session.into_job(&resolved, true, &control, warnings))?;
+    timed(&mut seconds.build, || session.consume(&resolved))?;
+    progress.phase("rendering");
+    let job = || session.first_job(&resolved, true, &control, warnings);
+    let mut job = timed(&mut seconds.render, job)?;
     output::check_memory(&job, target, selection, has_target)?;
-    let used = PictureUse { time, is_rounded: target.format() != Format::Exr };
-    warn_of_unused(&command.arguments.options, &job.plan_settings, used, &mut reporter.warnings);
-    reporter.phase("rendering");
+    reporter.show();
     let Reporter { progress, seconds, warnings, .. } = &mut *reporter;
     let control = RenderControl {
         cancel: interrupted,

@@ -66,7 +66,7 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     let longest = (!command.full).then_some(if command.quick { QUICK_LONGEST } else { LONGEST });
     let settings =
         RenderSettings { longest_side: longest, mesh_look: Look::Draft, ..arguments.options.settings()? };
-    let (session, picture) = wide.install(|| reporter.load_and_resolve(arguments, &settings))?;
+    let (session, picture) = wide.install(|| reporter.load_and_resolve(arguments, &settings, true))?;
     reporter.check_outputs(FILES.map(|name| command.output.join(name)))?;
     if !picture.settings.picture.display().is_identity() {
         reporter.warnings.note("the study compares displayed values without exposure and tone map");

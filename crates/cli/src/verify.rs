@@ -86,7 +86,7 @@ fn expected(command: &Command, output: &Path) -> Result<(Metadata, Option<FrameL
     let settings = RenderSettings { aovs: command.aov.clone(), ..command.arguments.options.settings()? };
     let is_series = FileNames::parse(output).is_ok_and(|names| names.is_some());
     if command.frames.is_none() && !is_series {
-        let (_, picture) = reporter.load_and_resolve(&command.arguments, &settings)?;
+        let (_, picture) = reporter.load_and_resolve(&command.arguments, &settings, true)?;
         return Ok((picture.metadata.clone(), None));
     }
     // All frames are reported as existing, so that no tree is built.

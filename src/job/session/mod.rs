@@ -435,7 +435,7 @@ impl Session {
         Ok(job)
     }
 
-    /// The job of a picture at the first moment, with its warnings. Nothing else is kept of the scene.
+    /// As [`Session::first_job`]. Nothing else is kept of the scene.
     ///
     /// # Errors
     /// As [`Session::picture`] and [`Session::job`].
@@ -447,6 +447,20 @@ impl Session {
         warnings: &mut Warnings,
     ) -> Result<RenderJob> {
         self.consume(resolved)?;
+        self.first_job(resolved, is_displayed, control, warnings)
+    }
+
+    /// The job of a picture at the first moment, with its warnings.
+    ///
+    /// # Errors
+    /// As [`Session::picture`] and [`Session::job`].
+    pub fn first_job(
+        &self,
+        resolved: &Arc<ResolvedPicture>,
+        is_displayed: bool,
+        control: &RenderControl,
+        warnings: &mut Warnings,
+    ) -> Result<RenderJob> {
         let picture = self.first_picture(resolved)?;
         let job = self.job(&picture, is_displayed, control)?;
         self.warn(&picture, &job, warnings);

@@ -19,7 +19,7 @@ use kiln::animation::{
 use kiln::error::{Error, Result};
 use kiln::farm::Shard;
 use kiln::film::write::{Format, PngForm};
-use kiln::job::{PictureUse, RenderJob, warn_of_unused};
+use kiln::job::RenderJob;
 use kiln::render::RenderControl;
 use kiln::render::aov::AovSelection;
 use kiln::scene::Seconds;
@@ -188,9 +188,6 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
     check_alpha(picture.is_transparent(), "a film", is_png)?;
     let (film, bits) = if is_png { ("an animated .png", &PNG_BITS[..]) } else { ("a film", &PNG_BITS[..1]) };
     check_bits(picture.bits, film, bits)?;
-    let used = PictureUse { is_rounded: true, ..PictureUse::default() };
-    let options = &command.arguments.options;
-    warn_of_unused(options, &animation.picture.plan_settings, used, &mut reporter.warnings);
     let form = PngForm::new(picture.is_transparent(), picture.display().rounding, picture.pipeline());
     frames::first_frame(&mut reporter, &pool, &animation, interrupted)?;
     let window = animation.picture.window;

@@ -16,9 +16,7 @@ use super::view::open;
 use kiln::animation::{FrameList, FrameRequest};
 use kiln::error::{Error, Result, Warnings};
 use kiln::film::write::{FRAME, Format, OutputImage, encode};
-use kiln::job::{
-    Findings, Metadata, PictureOptions, PictureUse, RenderJob, RenderSettings, Session, warn_of_unused,
-};
+use kiln::job::{Findings, Metadata, PictureOptions, RenderJob, RenderSettings, Session};
 use kiln::render::RenderControl;
 use kiln::render::aov::AovSelection;
 use kiln::scene::{ClipTime, GivenValue, Scene};
@@ -97,10 +95,8 @@ fn made(job: &RenderJob, format: Format, warnings: &mut Warnings) -> Result<Made
 fn still(arguments: &Arguments, format: Format, aovs: &[String]) -> Result<Made> {
     let mut reporter = Reporter::silent(Mode::None);
     let settings = RenderSettings { aovs: aovs.to_vec(), ..arguments.options.settings()? };
-    let (session, resolved) = reporter.load_and_resolve(arguments, &settings)?;
+    let (session, resolved) = reporter.load_and_resolve(arguments, &settings, true)?;
     let (control, warnings) = (RenderControl::default(), &mut reporter.warnings);
-    let used = PictureUse { time: Some(0.0), is_rounded: true };
-    warn_of_unused(&arguments.options, &resolved.plan_settings, used, warnings);
     made(&session.into_job(&resolved, true, &control, warnings)?, format, warnings)
 }
 
@@ -113,8 +109,6 @@ fn frames(arguments: &Arguments, list: &[i32], format: Format) -> Result<Vec<Mad
         let is_displayed = format != Format::Exr;
         let request = FrameRequest { is_displayed, ..FrameRequest::all(None, None, Some(&one)) };
         let animation = reporter.load_animation(arguments, &arguments.options.settings()?, &request)?;
-        let used = PictureUse { is_rounded: true, ..PictureUse::default() };
-        warn_of_unused(&arguments.options, &animation.picture.plan_settings, used, &mut reporter.warnings);
         animation.first(&control, &mut reporter.warnings)?;
         made(&animation.frame(frame)?, format, &mut reporter.warnings)
     };
