@@ -1,4 +1,4 @@
-//! The emissive surfaces of a world as lights: chosen by power, sampled by area (triangles), by solid angle
+//! The emissive surfaces of a world as lights: chosen by power, or by a tree where many objects emit; sampled by area (triangles), by solid angle
 //! (rectangles) or as analytic shapes do it. The power of a textured triangle is that of the mean of its texture. What
 //! a texture emits is looked up by the caller.
 
@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::emission_texture::MeanEmission;
 use super::guide::{find, guide};
+use super::light_tree::{LightTree, LocalLight, MANY};
 use super::rectangle::Rectangle;
 use super::sampled_triangle::{SampledTriangle, TriangleSample, TwoTriangles};
 use super::{Image, PreparedMaterial, SurfaceInteraction};
@@ -22,6 +23,8 @@ pub(crate) struct Emitters {
     cumulative: Vec<f64>,
     /// The guide of these.
     guide: Vec<u32>,
+    /// The tree that chooses among emitters of many objects.
+    tree: Option<LightTree>,
     /// For each object with an emission texture, the luminances of the mean radiance of its triangles.
     textured: Vec<Option<Box<[f32]>>>,
     /// The rectangle lights, whose triangles are the last primitives, two each.
@@ -42,6 +45,7 @@ struct Emitter {
     radiance: DVec3,
     /// The luminance of its mean radiance: power by area.
     luminance: f64,
+    area: f64,
 }
 
 enum EmitterShape {
@@ -112,6 +116,7 @@ impl Emitters {
             emitters: Vec::new(),
             cumulative: Vec::new(),
             guide: Vec::new(),
+            tree: None,
             textured: Vec::new(),
             rectangles,
             first_rectangle,
@@ -132,7 +137,7 @@ impl Emitters {
                     Primitive::Analytic(shape) => EmitterShape::Analytic(shape),
                 };
                 let (object, radiance) = (index as u32, emission);
-                list.add(Emitter { shape, id, object, material, radiance, luminance }, area);
+                list.add(Emitter { shape, id, object, material, radiance, luminance, area });
             };
             match &object.shape {
                 Shape::Analytic(shape) => add(0, Primitive::Analytic(*shape)),
@@ -161,11 +166,15 @@ impl Emitters {
                 let (shape, id) = (EmitterShape::Rectangle(index, halves), firsts[count + index]);
                 let (object, luminance) = ((count + index) as u32, luminance(emission));
                 let area = list.rectangles[index].area();
-                list.add(Emitter { shape, id, object, material, radiance: emission, luminance }, area);
+                list.add(Emitter { shape, id, object, material, radiance: emission, luminance, area });
             }
         }
         let parts = list.cumulative.len().next_power_of_two();
         list.guide = guide(&list.cumulative, parts).map(|entry| entry as u32).collect();
+        if list.emitters.chunk_by(|a, b| a.object == b.object).count() >= MANY {
+            let local: Vec<LocalLight> = list.emitters.iter().map(|emitter| list.local(emitter)).collect();
+            list.tree = Some(LightTree::new(&local));
+        }
         list
     }
 
@@ -177,8 +186,21 @@ impl Emitters {
         }
     }
 
-    fn add(&mut self, emitter: Emitter, area: f64) {
-        let power = emitter.luminance * area;
+    /// An emitter as the tree sees it. A convex shape shows a quarter of its area on average (Cauchy), a flat one half.
+    fn local(&self, emitter: &Emitter) -> LocalLight {
+        let (bounds, shown) = match &emitter.shape {
+            EmitterShape::Triangle(triangle) => (bounds_of(&triangle.triangle.0), 0.5),
+            EmitterShape::Rectangle(index, _) => (bounds_of(&self.rectangles[*index].corners()), 0.5),
+            EmitterShape::Analytic(shape) => {
+                let (centre, radius) = shape.bounding_sphere();
+                ([centre - radius, centre + radius], 0.25)
+            }
+        };
+        LocalLight { bounds, constant: 0.0, falling: shown * emitter.luminance * emitter.area }
+    }
+
+    fn add(&mut self, emitter: Emitter) {
+        let power = emitter.luminance * emitter.area;
         if power > 0.0 {
             self.cumulative.push(self.total() + power);
             self.emitters.push(emitter);
@@ -201,13 +223,23 @@ impl Emitters {
         self.emitters.is_empty()
     }
 
+    /// Whether there are two emitters at most.
+    pub(crate) fn are_two(&self) -> bool {
+        self.emitters.len() <= 2
+    }
+
     fn total(&self) -> f64 {
         self.cumulative.last().copied().unwrap_or(0.0)
     }
 
-    /// An emitter chosen by power, and the density of that choice over its area.
+    /// An emitter chosen from a point, and the density of that choice over its area.
     #[inline]
-    fn choose(&self, choice: f64) -> (&Emitter, f64) {
+    fn choose(&self, from: DVec3, choice: f64) -> (&Emitter, f64) {
+        if let Some(tree) = &self.tree {
+            let (index, probability) = tree.sample(from, choice);
+            let emitter = &self.emitters[index];
+            return (emitter, probability / emitter.area);
+        }
         let (index, _) = find(&self.guide, &self.cumulative, choice);
         let emitter = &self.emitters[index];
         // The choice's area * luminance / total, over the area.
@@ -216,11 +248,16 @@ impl Emitters {
 
     /// The sample of [`Emitters::sample`] and its radiance, if it is of a triangle in a world without emission textures.
     #[inline]
-    pub(crate) fn sample_triangle(&self, choice: f64, numbers: [f64; 2]) -> Option<(TriangleSample, DVec3)> {
+    pub(crate) fn sample_triangle(
+        &self,
+        from: DVec3,
+        choice: f64,
+        numbers: [f64; 2],
+    ) -> Option<(TriangleSample, DVec3)> {
         if !self.textured.is_empty() {
             return None;
         }
-        let (emitter, density) = self.choose(choice);
+        let (emitter, density) = self.choose(from, choice);
         let EmitterShape::Triangle(triangle) = &emitter.shape else { return None };
         let (sample, _) = triangle.sample(density, numbers)?;
         Some((sample, emitter.radiance))
@@ -250,7 +287,7 @@ impl Emitters {
     /// Samples a point of an emitter that is visible from `from` if nothing stands between; `None` where the sampled
     /// point cannot light it. `choice` and `numbers` are uniform in [0, 1).
     pub(crate) fn sample(&self, from: DVec3, choice: f64, numbers: [f64; 2]) -> Option<EmitterSample> {
-        let (emitter, density) = self.choose(choice);
+        let (emitter, density) = self.choose(from, choice);
         let &Emitter { ref shape, id, object, material, radiance, .. } = emitter;
         let (direction, point, normal, barycentrics, pdf) = match shape {
             EmitterShape::Rectangle(index, halves) => {
@@ -300,7 +337,18 @@ impl Emitters {
         if luminance == 0.0 {
             return 0.0;
         }
-        let density = luminance / self.total();
+        let density = match &self.tree {
+            Some(tree) => {
+                // The triangles of a rectangle are one emitter.
+                let prim = surface.hit.prim.0;
+                let id = prim - (prim.saturating_sub(self.first_rectangle.0) & 1);
+                let Ok(index) = self.emitters.binary_search_by_key(&id, |emitter| emitter.id.0) else {
+                    return 0.0;
+                };
+                tree.probability(index, from) / self.emitters[index].area
+            }
+            None => luminance / self.total(),
+        };
         let (position, normal) = (surface.point.position, surface.geometric_normal);
         if let Some(rectangle) = self.rectangle_of(surface.hit.prim) {
             return density * rectangle.area() * rectangle.pdf(from, position);
@@ -313,6 +361,11 @@ impl Emitters {
             Some(shape) => density * shape.area() / shape.sampled_solid_angle(from, position),
         }
     }
+}
+
+fn bounds_of(points: &[DVec3]) -> [DVec3; 2] {
+    let (first, rest) = (points[0], &points[1..]);
+    [rest.iter().fold(first, |low, &p| low.min(p)), rest.iter().fold(first, |high, &p| high.max(p))]
 }
 
 /// The area of a primitive.

@@ -21,6 +21,7 @@ mod image;
 mod interaction;
 mod interactions;
 mod lens;
+mod light_tree;
 mod mip_map;
 mod recenter;
 mod rectangle;
@@ -50,6 +51,7 @@ pub use image::Image;
 pub use interaction::SurfaceInteraction;
 pub use interactions::InteractionSoa;
 pub use lens::ThinLens;
+pub(crate) use light_tree::LightGroups;
 pub use mip_map::{MipLevel, MipMap};
 pub use recenter::{Recentering, recenter};
 pub(crate) use sampled_triangle::{TriangleSample, TwoTriangles};
@@ -96,6 +98,8 @@ pub struct World {
     catches_shadows: bool,
     /// The lights with radiance above 0 that are not surfaces.
     pub lights: Vec<WorldLight>,
+    /// How paths choose among these.
+    pub(crate) light_groups: Arc<LightGroups>,
     /// The colour pipeline.
     pub pipeline: ColourPipeline,
     /// The intensity of the ambient light.
@@ -246,7 +250,7 @@ impl World {
             [] => touched::copy(&mut lights, &self.lights),
             _ => touched::find(&mut lights, objects, self.numerics()),
         }
-        World { lights, ..self.clone() }
+        World { light_groups: LightGroups::new(&lights).into(), lights, ..self.clone() }
     }
 
     fn with_images(mut scene: Scene, inputs: &WorldInputs, images: Arc<[Image]>) -> World {
@@ -316,6 +320,7 @@ impl World {
             volumes,
             area_lights: area_lights.into(),
             images,
+            light_groups: LightGroups::new(&lights).into(),
             lights,
             pipeline,
             ambient: ambient.unwrap_or(DEFAULT_AMBIENT),

@@ -89,12 +89,12 @@ fn effect(name: &str) -> Scene {
 }
 
 /// Mean and standard error of the mean radiance of pictures, one of each seed.
-struct Mean {
-    value: f64,
-    error: f64,
+pub struct Mean {
+    pub value: f64,
+    pub error: f64,
 }
 
-fn mean_of(scene: &Scene, size: [u32; 2], sampling: Sampling, seeds: std::ops::Range<u32>) -> Mean {
+pub fn mean_of(scene: &Scene, size: [u32; 2], sampling: Sampling, seeds: std::ops::Range<u32>) -> Mean {
     let settings = RenderSettings::from(PictureSettings::of_size(size));
     let job = prepare(scene.clone(), &settings, &mut Warnings::default()).expect("a job");
     let count = f64::from(seeds.end - seeds.start);

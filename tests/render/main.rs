@@ -18,6 +18,7 @@ mod layers;
 mod left_out;
 mod lights;
 mod look;
+mod many_lights;
 mod noise;
 mod normal_maps;
 mod panorama;

@@ -185,10 +185,11 @@ impl LightSamples {
             if !vertices.is_visible(i) || is_of_two || lights.is_environment(choice) {
                 continue;
             }
-            if let Some((sample, radiance)) = lights.sample_triangle(choice, point) {
+            let from = vertices.position(i);
+            if let Some((sample, radiance)) = lights.sample_triangle(from, choice, point) {
                 triangles.set(i, &sample, radiance);
                 triangles.is_set.set(i, true);
-            } else if let Some(sample) = lights.sample(vertices.position(i), choice, point) {
+            } else if let Some(sample) = lights.sample(from, choice, point) {
                 self.set(i, &sample);
             }
         }
@@ -232,8 +233,9 @@ impl LightSamples {
     ) {
         for i in chosen {
             let [choice, point] = numbers.light_and_point(i);
-            if let Some((sample, _)) = lights.sample_triangle(choice, point) {
-                let (_, normal, _) = sample.seen_from(vertices.position(i));
+            let from = vertices.position(i);
+            if let Some((sample, _)) = lights.sample_triangle(from, choice, point) {
+                let (_, normal, _) = sample.seen_from(from);
                 self.end.set(i, sample.point.origin_towards(normal, numerics::<FAST>()));
             }
         }

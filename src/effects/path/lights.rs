@@ -1,5 +1,5 @@
-//! The lights of a world as one distribution for next event estimation: the punctual and directional lights, the
-//! emissive surfaces and the environment, chosen with equal probability.
+//! The lights of a world as one distribution for next event estimation: each punctual and directional light, or the punctual
+//! ones together where there are many, the emissive surfaces and the environment, chosen with equal probability.
 
 use std::f64::consts::PI;
 
@@ -12,7 +12,7 @@ use crate::scene::{TexelEncoding, TextureSlot};
 use crate::shading::LightSample;
 use crate::shading::texture::look_up;
 use crate::world::{
-    EmitterSample, Emitters, EnvironmentCell, SurfaceInteraction, TexturePoint, TriangleSample, TwoTriangles,
+    EmitterSample, Emitters, EnvironmentCell, LightGroups, SurfaceInteraction, TexturePoint, TriangleSample, TwoTriangles,
     World, sampled_emission,
 };
 
@@ -22,8 +22,10 @@ pub(super) struct Lights<'a> {
     emitters: &'a Emitters,
     /// How the textures of emissive surfaces are looked up.
     texture_use: TextureUse,
-    /// Punctual and directional lights, then the emitters if there are any, then the environment if there is one.
+    /// Single lights, then the many if there are, then the emitters if there are any, then the environment if there is one.
     count: usize,
+    /// The number of the first two kinds.
+    before_emitters: usize,
     /// The expected number of samples of each light at a surface is 1 over this.
     per_sample: f64,
     technique: LightTechnique,
@@ -58,10 +60,12 @@ impl<'a> Lights<'a> {
     pub(super) fn new(world: &'a World, stage: &Scatter) -> Self {
         let &Scatter { technique, texture_use, settings, .. } = stage;
         let emitters = &*world.emitters;
+        let LightGroups { singles, many } = &*world.light_groups;
+        let before_emitters = singles.len() + usize::from(many.is_some());
         let count =
-            world.lights.len() + usize::from(!emitters.is_empty()) + usize::from(world.environment.is_some());
+            before_emitters + usize::from(!emitters.is_empty()) + usize::from(world.environment.is_some());
         let per_sample = count as f64 / f64::from(settings.light_samples);
-        Lights { world, emitters, texture_use, count, per_sample, technique }
+        Lights { world, emitters, texture_use, count, before_emitters, per_sample, technique }
     }
 
     /// The expected number of samples of each light at a surface.
@@ -69,16 +73,32 @@ impl<'a> Lights<'a> {
         1.0 / self.per_sample
     }
 
-    /// The index of a chosen light, from 0: the punctual and directional lights, the emitters, the environment.
+    /// The index of a chosen group, and a number in [0, 1) for the choice within it. The second number of a choice has 24
+    /// bits; what the choice of the group leaves of the first follows them.
     #[inline(always)]
-    pub(super) fn index(&self, choice: f64) -> usize {
-        ((choice * self.count as f64) as usize).min(self.count - 1)
+    fn group(&self, [first, second]: [f64; 2]) -> (usize, f64) {
+        let at = first * self.count as f64;
+        let index = (at as usize).min(self.count - 1);
+        (index, second + (at - index as f64).clamp(0.0, 1.0 - f64::EPSILON) / f64::from(1 << 24))
+    }
+
+    /// The light that is not a surface which a choice takes from a point, and its probability within the choices of its
+    /// group; `None` for the emitters and the environment.
+    pub(super) fn light(&self, from: DVec3, choice: [f64; 2]) -> Option<(usize, f64)> {
+        let LightGroups { singles, many } = &*self.world.light_groups;
+        let (index, number) = self.group(choice);
+        if let Some(&light) = singles.get(index) {
+            return Some((light as usize, 1.0));
+        }
+        let (lights, tree) = many.as_ref().filter(|_| index == singles.len())?;
+        let (light, probability) = tree.sample(from, number);
+        Some((lights[light] as usize, probability))
     }
 
     /// Whether a choice is one of the emitters. Without branches, for loops over vertices.
     #[inline(always)]
     pub(super) fn is_emitter(&self, choice: [f64; 2]) -> bool {
-        let (at, first) = (choice[0] * self.count as f64, self.world.lights.len() as f64);
+        let (at, first) = (choice[0] * self.count as f64, self.before_emitters as f64);
         let is_last = self.world.environment.is_none();
         !self.emitters.is_empty() & (first <= at) & (is_last | (at < first + 1.0))
     }
@@ -109,10 +129,17 @@ impl<'a> Lights<'a> {
     #[inline]
     pub(super) fn sample_triangle(
         &self,
+        from: DVec3,
         choice: [f64; 2],
         numbers: [f64; 2],
     ) -> Option<(TriangleSample, DVec3)> {
-        if self.is_emitter(choice) { self.emitters.sample_triangle(choice[1], numbers) } else { None }
+        let is_emitter = self.is_emitter(choice);
+        if is_emitter { self.emitters.sample_triangle(from, self.place(choice), numbers) } else { None }
+    }
+
+    /// The number that chooses among the emitters. Two are chosen in loops, by 24 bits.
+    fn place(&self, choice: [f64; 2]) -> f64 {
+        if self.emitters.are_two() { choice[1] } else { self.group(choice).1 }
     }
 
     /// Calls `found` with the index of a pair of numbers and the light sample of the environment, where that has a density.
@@ -137,8 +164,8 @@ impl<'a> Lights<'a> {
             return None;
         }
         let expected = self.expected();
-        let index = self.index(choice[0]);
-        if let Some(light) = self.world.lights.get(index) {
+        if let Some((index, probability)) = self.light(from, choice) {
+            let light = &self.world.lights[index];
             if let Some(disc) = &light.disc {
                 let direction = disc.sample(numbers);
                 let pdf = disc.density() * expected;
@@ -146,13 +173,13 @@ impl<'a> Lights<'a> {
             }
             let sample = LightSample::towards(light, from)?;
             // An intensity of 1 gives a facing diffuse surface the radiance of its base colour, pi times that of the BSDF.
-            let radiance = PI * sample.radiance / expected;
+            let radiance = PI * sample.radiance / (expected * probability);
             let LightSample { direction, distance, .. } = sample;
             let (pdf, end) = (f64::INFINITY, DVec3::splat(light.tested_share(from)));
             return Some(LightConnection { direction, radiance, pdf, distance, end });
         }
-        if index == self.world.lights.len() && !self.emitters.is_empty() {
-            let sample = self.emitters.sample(from, choice[1], numbers)?;
+        if self.is_emitter(choice) {
+            let sample = self.emitters.sample(from, self.place(choice), numbers)?;
             return Some(LightConnection {
                 direction: sample.direction,
                 radiance: sample.radiance * self.emission_texel(&sample),

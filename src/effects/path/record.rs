@@ -97,16 +97,14 @@ pub(super) fn record_light_samples(
     numbers.fill_light(Sequence { seed: stage.seed, sampler: stage.sampler, depth }, index);
     for (i, record) in recorder.surfaces(depth as usize) {
         let position = samples.lit.iter().position(|lit| lit == i);
-        let (Some(path), Some(k)) = (&mut record.path, position) else { continue };
+        let (Some(path), Some(hit), Some(k)) = (&mut record.path, &record.hit, position) else { continue };
         let (pdf, bsdf_pdf, choice) = (samples.pdf[i], samples.bsdf_pdf[i], numbers.light_and_point(i)[0]);
         let (ray, is_occluded) = (samples.shadow_rays.get(k), occluded[k]);
         path.light_samples.push(LightSampleRecord {
-            light: if lights.is_environment(choice) {
-                "environment".into()
-            } else if lights.is_emitter(choice) {
-                "emissive surfaces".into()
-            } else {
-                world.light_name(lights.index(choice[0]))
+            light: match lights.light(hit.position, choice) {
+                Some((light, _)) => world.light_name(light),
+                None if lights.is_emitter(choice) => "emissive surfaces".into(),
+                None => "environment".into(),
             },
             direction: samples.direction.get(i),
             radiance: samples.radiance.get(i),
