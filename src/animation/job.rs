@@ -25,14 +25,33 @@ pub struct FrameRequest<'a> {
     pub shard: Shard,
     /// Whether the frames have display values, which depend on an automatic exposure.
     pub is_displayed: bool,
+    /// What a film has where neither its scene nor an option says it.
+    pub film: Option<FilmDefaults>,
     /// Whether a frame with this metadata exists already and is skipped.
     pub is_there: &'a (dyn Fn(i32, &Metadata) -> bool + Sync),
+}
+
+/// Size and timing of a film where neither its scene nor an option says them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FilmDefaults {
+    /// The longer side of its pictures in pixels.
+    pub longest_side: u32,
+    /// Frames per second, and seconds, of a turntable.
+    pub turntable: [f64; 2],
 }
 
 impl<'a> FrameRequest<'a> {
     /// All frames of a list, in display values.
     pub fn all(fps: Option<f64>, duration: Option<f64>, list: Option<&'a FrameList>) -> Self {
-        FrameRequest { fps, duration, list, shard: Shard::ALL, is_displayed: true, is_there: &|_, _| false }
+        FrameRequest {
+            fps,
+            duration,
+            list,
+            shard: Shard::ALL,
+            is_displayed: true,
+            film: None,
+            is_there: &|_, _| false,
+        }
     }
 }
 
@@ -65,6 +84,12 @@ impl AnimationJob {
     ) -> Result<Self> {
         let is_turntable = scene.animation.is_none();
         let mut turn = Animation::turntable(Vec::new());
+        if let Some(FilmDefaults { turntable, .. }) = request.film {
+            [turn.fps, turn.duration] = turntable;
+        }
+        let longest = request.film.filter(|_| scene.picture.size().is_none()).map(|film| film.longest_side);
+        let settings =
+            &RenderSettings { longest_side: settings.longest_side.or(longest), ..settings.clone() };
         let animation = scene.animation.as_mut().unwrap_or(&mut turn);
         animation.fps = request.fps.unwrap_or(animation.fps);
         animation.duration = request.duration.unwrap_or(animation.duration);

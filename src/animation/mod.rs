@@ -10,7 +10,7 @@ mod order;
 pub mod video;
 
 pub use frames::{FileNames, FrameList};
-pub use job::{AnimationJob, FrameRequest};
+pub use job::{AnimationJob, FilmDefaults, FrameRequest};
 pub use moving::{play_clip, turntable};
 pub use order::in_order;
 pub use video::{FrameData, Quality, VideoFormat, VideoSpec, VideoWriter};

@@ -70,7 +70,8 @@ impl OptionValue for UpChoice {
     }
 
     fn parse(text: &str) -> Result<Self, String> {
-        let found = UpChoice::all().find(|choice| choice.name().eq_ignore_ascii_case(text));
+        let name = text.strip_prefix('+').unwrap_or(text);
+        let found = UpChoice::all().find(|choice| choice.name().eq_ignore_ascii_case(name));
         found.ok_or_else(|| nearest_name(text, &Self::names()))
     }
 
@@ -135,6 +136,14 @@ impl Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_may_have_a_sign_and_capitals() {
+        for (text, up) in [("+Z", UpAxis::Z), ("z", UpAxis::Z), ("-Y", UpAxis::MinusY)] {
+            assert_eq!(UpChoice::parse(text), Ok(UpChoice::Axis(up)), "{text}");
+        }
+        assert!(UpChoice::parse("++z").is_err());
+    }
 
     #[test]
     fn the_axis_becomes_y_without_mirroring() {

@@ -846,3 +846,23 @@ fn a_time_is_a_moment_of_the_tracks_of_a_scene() {
         "{said}"
     );
 }
+
+/// Films of what has no size are small, also at another aspect; those of scene files with a size have that.
+#[test]
+fn films_have_sizes_and_times_of_their_own() {
+    let workshop = Workshop::with("ball.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let sized = "[image]\nwidth = 20\nheight = 10\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\n";
+    workshop.write("sized.toml", sized);
+    for (command, wanted) in [
+        ("ball.obj -o a.gif", "(512 x 512, 2 frames, 0.13 s at 15 frames per second)"),
+        ("ball.obj -o a.png", "(512 x 512, 2 frames, 0.13 s at 15 frames per second)"),
+        ("ball.obj -o a.y4m", "(512 x 512, 2 frames, 0.07 s at 30 frames per second)"),
+        ("ball.obj -o a.gif --size 64 --fps 10", "(64 x 64, 2 frames, 0.20 s at 10 frames per second)"),
+        ("sized.toml -o a.gif", "(20 x 10, 2 frames, 0.13 s at 15 frames per second)"),
+    ] {
+        let (_, said) = workshop.code(&format!("animate {command} --frames 0-1 --draft"), 0);
+        assert!(said.contains(wanted), "{command}: {said}");
+    }
+    let (_, said) = workshop.code("animate ball.obj -o a.gif --frames 75 --size 8", 2);
+    assert!(said.contains("frame 75 is not in the animation: its frames are 0 to 74"), "{said}");
+}

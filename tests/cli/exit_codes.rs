@@ -15,7 +15,7 @@ fn wrong_usage_is_2() {
         ("render", "required arguments", ""),
         ("render scene.toml", "required arguments were not provided: --output <OUT>", ""),
         ("render scene.toml -o a.png --siz 3x3", "unexpected argument '--siz'", "--size"),
-        ("render scene.toml -o a.png --size 3", "give it as WIDTHxHEIGHT, such as 640x480", ""),
+        ("render scene.toml -o a.png --size three", "give it as WIDTHxHEIGHT, such as 640x480", ""),
         ("render scene.toml -o a.png --size 0x5", "give a number of pixels from 1 to 65535", ""),
         ("render scene.toml -o a.png --crop 1,2,3", "give it as X,Y,WIDTH,HEIGHT", ""),
         ("render scene.toml -o a.png --threads 0", "invalid value '0'", ""),

@@ -326,7 +326,7 @@ const MISTAKES: &[Mistake] = &[
         "--with depth-of-field",
         2,
     ),
-    (Command, "render scene.toml -o a.png --size 640", "give it as WIDTHxHEIGHT, such as 640x480", "", 2),
+    (Command, "render scene.toml -o a.png --size big", "give it as WIDTHxHEIGHT, such as 640x480", "", 2),
     (
         Command,
         "render scene.toml -o a.png --camera frnt",

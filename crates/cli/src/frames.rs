@@ -35,10 +35,10 @@ fn above_zero(text: &str) -> std::result::Result<f64, String> {
 /// Frame rate and duration that override the scene's.
 #[derive(Args, Clone)]
 pub(crate) struct LengthArguments {
-    /// Frames per second [default: the scene's, or 30]
+    /// Frames per second [default: the scene's, or 30; 15 of a turntable as .gif or .png film]
     #[arg(long, help_heading = group::ANIMATION, allow_hyphen_values = true, value_name = "N", value_parser = above_zero)]
     pub fps: Option<f64>,
-    /// Duration in seconds [default: the scene's, or 10]
+    /// Duration in seconds [default: the scene's, or 10; 5 of a turntable as .gif or .png film]
     #[arg(long, help_heading = group::ANIMATION, allow_hyphen_values = true, value_name = "S", value_parser = parser::<Seconds>())]
     pub duration: Option<Seconds>,
 }
@@ -159,6 +159,7 @@ pub(crate) fn write_frames(
         list,
         shard: pictures.shard,
         is_displayed: pictures.format != Format::Exr,
+        film: None,
         is_there: &is_there,
     };
     let animation = pool.install(|| reporter.load_animation(arguments, &settings, &request))?;

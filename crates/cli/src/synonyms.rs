@@ -55,7 +55,14 @@ const SYNONYMS: &[(&[&str], &str)] = &[
     (&["focal-length", "lens"], camera!("give a camera with focal_length instead of vertical_fov")),
     (&["orbit", "yaw", "rotate", "camera-azimuth-angle"], "turn the automatic camera by --azimuth DEG"),
     (&["pitch", "camera-elevation-angle"], "raise the automatic camera by --elevation DEG"),
-    (&["dolly", "camera-zoom-factor"], "use --zoom FACTOR"),
+    (
+        &["dolly", "camera-zoom-factor", "margin", "padding", "border-size"],
+        "use --zoom FACTOR: below 1 it leaves more space around the scene",
+    ),
+    (
+        &["frame-all", "fit", "zoom-extents", "reset-camera"],
+        "--camera auto frames all objects, --look-at OBJECT one of them",
+    ),
     (
         &[
             "camera-direction",
@@ -100,7 +107,7 @@ const SYNONYMS: &[(&[&str], &str)] = &[
     ),
     (&["hdri-rotation", "env-rotation", "environment-angle"], "use --environment-rotation DEG"),
     (
-        &["headlight", "lights", "light-intensity", "light-type"],
+        &["headlight", "lights", "light-intensity", "light-type", "key-light", "fill-light", "studio"],
         "use --light head or --light none; --exposure EV changes the brightness",
     ),
     // Look.
@@ -108,7 +115,10 @@ const SYNONYMS: &[(&[&str], &str)] = &[
         &["bg", "bgcolor", "bg-color", "bg-colour", "background-color", "background-colour", "clear-color"],
         "use --background with #rrggbb, a CSS name or `transparent`",
     ),
-    (&["transparent", "film-transparent", "no-background"], "use --background transparent"),
+    (
+        &["transparent", "film-transparent", "no-background", "transparent-background", "alpha"],
+        "use --background transparent",
+    ),
     (
         &["floor", "grid", "plane", "ground-plane", "shadow-catcher"],
         "use --ground for a ground under the objects",
@@ -143,7 +153,16 @@ const SYNONYMS: &[(&[&str], &str)] = &[
         "use --depth N for path tracing; mirror reflections have their limit in --with",
     ),
     (
-        &["integrator", "renderer", "path-tracing", "pathtracing", "raytracing", "gi", "global-illumination"],
+        &[
+            "integrator",
+            "renderer",
+            "engine",
+            "path-tracing",
+            "pathtracing",
+            "raytracing",
+            "gi",
+            "global-illumination",
+        ],
         "use --transport whitted or --transport path",
     ),
     (
@@ -187,6 +206,7 @@ const SYNONYMS: &[(&[&str], &str)] = &[
         "a scene file places meshes: [[mesh]] with scale, rotate and translate; --view frames any size",
     ),
     (&["smoothing", "smooth-normals", "shade-smooth", "autosmooth"], "use --smooth, or --smooth DEG"),
+    (&["watch", "reload", "auto-reload"], "`kiln view` shows files again as they change"),
     // Speed.
     (
         &["nthreads", "num-threads", "thread-count", "jobs", "cores", "cpus", "work-threads"],

@@ -96,6 +96,7 @@ fn expected(command: &Command, output: &Path) -> Result<(Metadata, Option<FrameL
         list: command.frames.as_ref(),
         shard: Shard::ALL,
         is_displayed: true,
+        film: None,
         is_there: &|_, _| true,
     };
     let animation = reporter.load_animation(&command.arguments, &settings, &request)?;

@@ -22,7 +22,7 @@ options! {
         [of(group::CAMERA).order(1).value_name("NAME|INDEX|auto|{...}")] camera: Option<String>,
         /// Standard view that frames the scene [default without a camera: from 35° to the right of the front and 20° above]
         [of(group::CAMERA).order(0)] view: Option<StandardView>,
-        /// Picture width and height in pixels [default: the scene's, else 1024x1024]
+        /// Picture width and height in pixels, or the side of a square [default: the scene's, else 1024x1024]
         [of(group::OUTPUT).order(1).hyphens().value_name("WxH")] size: Option<[Side; 2]>,
         /// How the inputs are read.
         [flatten] import: ImportOptions,

@@ -51,7 +51,7 @@ impl Animation {
     pub const FPS: f64 = 30.0;
 
     /// The duration of a turntable in seconds.
-    const TURN: f64 = 10.0;
+    pub const TURN: f64 = 10.0;
 
     /// The animation of a turntable.
     pub fn turntable(tracks: Vec<Track>) -> Self {

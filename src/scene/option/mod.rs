@@ -276,9 +276,14 @@ impl OptionValue for String {
 /// Width and height.
 impl OptionValue for [Side; 2] {
     fn parse(text: &str) -> Result<Self, String> {
-        let (width, height) =
-            text.split_once(['x', 'X', ',']).ok_or("give it as WIDTHxHEIGHT, such as 640x480")?;
-        Ok([Side::parse(width)?, Side::parse(height)?])
+        match text.split_once(['x', 'X', ',']) {
+            Some((width, height)) => Ok([Side::parse(width)?, Side::parse(height)?]),
+            // A square.
+            None if text.trim().starts_with(|c: char| c.is_ascii_digit()) => {
+                Side::parse(text).map(|side| [side; 2])
+            }
+            None => Err("give it as WIDTHxHEIGHT, such as 640x480".into()),
+        }
     }
 
     fn text(&self) -> String {

@@ -14,7 +14,7 @@ use crate::output::{PNG_BITS, bytes_per_pixel, check_alpha, check_bits, check_fo
 use crate::prepare::{Reporter, timed};
 use crate::progress::Mode;
 use kiln::animation::{
-    FileNames, FrameData, FrameList, FrameRequest, Quality, VideoFormat, VideoSpec, VideoWriter,
+    FileNames, FilmDefaults, FrameData, FrameList, FrameRequest, Quality, VideoFormat, VideoSpec, VideoWriter,
 };
 use kiln::error::{Error, Result};
 use kiln::farm::Shard;
@@ -23,6 +23,7 @@ use kiln::job::RenderJob;
 use kiln::render::RenderControl;
 use kiln::render::aov::AovSelection;
 use kiln::scene::Seconds;
+use kiln::scene::animation::Animation;
 use kiln::scene::option::group;
 
 #[derive(Args)]
@@ -170,6 +171,9 @@ fn check_whole(command: &Command) -> Result<()> {
     Err(Error::usage(format!("{option} is for numbered frames, not for a film"), hint))
 }
 
+/// The longer side of the pictures of films that have no size, in pixels.
+const LONGEST_SIDE: u32 = 512;
+
 fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &AtomicBool) -> Result<()> {
     let pool = super::pool(command.arguments.options.thread_count())?;
     let mut reporter = Reporter::new(command.progress);
@@ -179,7 +183,12 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
             .warnings
             .note(format!("--frames {frame} is one frame; --frames 0-{frame} are those up to it"));
     }
-    let request = FrameRequest::all(fps, duration.map(Seconds::get), command.frames.as_ref());
+    // Files of these formats are large, and browsers play few of their frames a second.
+    let is_animated_picture = matches!(format, VideoFormat::Gif | VideoFormat::Apng);
+    let turntable = if is_animated_picture { [15.0, 5.0] } else { [Animation::FPS, Animation::TURN] };
+    let film = Some(FilmDefaults { longest_side: LONGEST_SIDE, turntable });
+    let all = FrameRequest::all(fps, duration.map(Seconds::get), command.frames.as_ref());
+    let request = FrameRequest { film, ..all };
     let settings = command.arguments.options.settings()?;
     let animation = pool.install(|| reporter.load_animation(&command.arguments, &settings, &request))?;
     reporter.check_outputs((!is_stream).then_some(&command.output))?;
