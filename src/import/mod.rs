@@ -102,6 +102,27 @@ pub fn mesh_endings() -> String {
     list(IMPORTERS.iter().filter(|importer| !importer.is_scene_file), " or ")
 }
 
+/// The files of a folder with the ending of a supported format, in the order of their names.
+///
+/// # Errors
+/// [`Error::Input`] for a folder that cannot be read, or without such a file.
+pub fn files_in(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = std::fs::read_dir(folder).and_then(|entries| {
+        entries.map(|entry| entry.map(|entry| entry.path())).collect::<io::Result<Vec<PathBuf>>>()
+    });
+    let mut files = entries.map_err(|e| unreadable(folder, &e))?;
+    files.retain(|file| importer_by_ending(&ending(file)).is_some() && file.is_file());
+    files.sort();
+    match files.is_empty() {
+        true => Err(Error::input(
+            folder,
+            "has no file of a format that is read",
+            format!("these are {}", all_endings()),
+        )),
+        false => Ok(files),
+    }
+}
+
 /// The extensions of importers, joined by commas, and the last one by `last`.
 fn list<'a>(importers: impl Iterator<Item = &'a Importer>, last: &str) -> String {
     let endings: Vec<String> = importers.flat_map(|i| i.endings).map(|ending| format!(".{ending}")).collect();

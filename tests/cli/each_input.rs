@@ -51,6 +51,19 @@ fn pictures_are_those_of_single_commands() {
         assert_eq!(workshop.bytes("out/a.png"), workshop.bytes("out/p-a.png"));
         std::fs::remove_file(workshop.path("out/a.png")).expect("a picture");
     }
+    // A folder as input is all files in it that are read; one that is missing as output is made.
+    std::fs::create_dir(workshop.path("in")).expect("a folder");
+    for (name, bytes) in [("b.toml", SCENE), ("a.OBJ", TRIANGLE), ("notes.txt", "no mesh")] {
+        workshop.write(&format!("in/{name}"), bytes);
+    }
+    let (_, listed, _) = said(&workshop, &["render", "in", "-o", "new/deep/", "--list-outputs"]);
+    assert_eq!((listed.as_str(), workshop.path("new").exists()), ("new/deep/a.png\nnew/deep/b.png\n", false));
+    workshop.succeed("render in -o new/deep/ --size 8");
+    let made = |name: &str| workshop.path(&format!("new/deep/{name}")).exists();
+    assert!(made("a.png") && made("b.png") && !made("notes.png"));
+    std::fs::create_dir(workshop.path("none")).expect("a folder");
+    let (_, said_of_none) = workshop.code("render none -o out/", 3);
+    assert!(said_of_none.contains("none: has no file of a format that is read"), "{said_of_none}");
     let listed = said(&workshop, &["render", "a.toml", "c d.obj", "-o", "out/{name}.exr", "--list-outputs"]);
     assert_eq!(listed, (0, "out/a.exr\nout/c d.exr\n".into(), String::new()));
 }

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
+use std::fs::create_dir_all;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -20,7 +21,8 @@ use kiln::import;
 /// The place of an input's name, without its ending, in the name of an output.
 const NAME: &str = "{name}";
 
-/// A command for each input, where the name of the output has a place for that of the input; otherwise none.
+/// A command for each input, and each file in those that are folders, where the name of the output has a place for that of the
+/// input; otherwise none. An output that ends as a folder is made.
 ///
 /// # Errors
 /// [`Error::Usage`] for inputs without a name, and for two of one name; [`Error::Output`] for a folder that does not exist.
@@ -31,10 +33,16 @@ pub(super) fn commands(command: &Command) -> Result<Vec<Command>> {
     if !has_name(&pattern) {
         return Ok(Vec::new());
     }
-    if !pattern.parent().is_some_and(has_name) {
+    if !ends_as_folder && !pattern.parent().is_some_and(has_name) {
         check_folder(&pattern)?;
     }
-    let inputs = &command.arguments.inputs;
+    let mut inputs = Vec::new();
+    for input in &command.arguments.inputs {
+        match input.is_dir() {
+            true => inputs.extend(import::files_in(input)?),
+            false => inputs.push(input.clone()),
+        }
+    }
     if let Some(file) = command.stats.as_ref().filter(|file| inputs.len() > 1 && !has_name(file)) {
         let what = format!("{}: one file for the statistics of several pictures", file.display());
         return Err(Error::usage(what, "give its name a place for theirs, such as {name}.json"));
@@ -68,6 +76,9 @@ pub(super) fn commands(command: &Command) -> Result<Vec<Command>> {
                 return Err(Error::usage(what, "render one of them by a command of its own"));
             }
         }
+    }
+    if ends_as_folder && !command.list_outputs {
+        create_dir_all(&command.output).map_err(|e| Error::output(&command.output, e))?;
     }
     Ok(commands)
 }
