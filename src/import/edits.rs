@@ -94,3 +94,30 @@ fn replace_materials(
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::OptionValue;
+    use crate::scene::option::import_options::NAMED_MATERIALS;
+
+    #[test]
+    fn materials_have_words() {
+        for (word, table) in NAMED_MATERIALS {
+            let choice =
+                MaterialChoice::parse(&format!("the lid = {}", word.to_uppercase())).expect("a word");
+            assert_eq!(
+                (choice.name.as_deref(), choice.changes, &*choice.table),
+                (Some("the lid"), false, *table)
+            );
+            assert_eq!(MaterialChoice::parse(word).map(|choice| choice.text()), Ok((*table).to_owned()));
+            let options = ImportOptions { materials: vec![choice], ..ImportOptions::default() };
+            let edits = parse(&options).unwrap_or_else(|e| panic!("{word}: {e}"));
+            let [MaterialEdit::Replace(material)] = &edits[..] else { panic!("{word}") };
+            assert!(matches!(**material, Material::MetallicRoughness(_)), "{word}");
+        }
+        for text in ["golden", "lid=", "lid+=gold", ""] {
+            assert!(MaterialChoice::parse(text).is_err(), "{text}");
+        }
+    }
+}

@@ -22,10 +22,8 @@ options! {
         /// Animation clip of a glTF file, by name or index from 0, or `all`; several play together, of those that animate
         /// the same property the last [default: the first]
         [of(group::INPUT).value_name("NAME|INDEX|all")] clips as clip: Vec<ClipChoice>,
-        /// Material for all objects, with the keys of `[material]` in scene files: '{ colour = "#c33", metallic = 1, roughness = 0.2 }';
-        /// NAME={...}: for the objects of this name or whose material has it; NAME+={...}: change colour, metallic or roughness of
-        /// their own material, whose textures stay; may be repeated, the last counts
-        [of(group::LOOK).value_name("{...}|NAME={...}|NAME+={...}")] materials as material: Vec<MaterialChoice>,
+        /// Material for all objects, with the keys of `[material]` in scene files.
+        [of(group::LOOK).value_name("WORD|{...}|NAME={...}|NAME+={...}").help(material_help())] materials as material: Vec<MaterialChoice>,
         /// Leave objects of this name and their parts (OBJECT/...) out of the picture; may be repeated. The camera that frames the
         /// scene frames the others
         [of(group::INPUT).value_name("OBJECT")] hide: Vec<String>,
@@ -41,6 +39,39 @@ options! {
         /// The most that the files may hold: `--limit`, an option of all commands.
         [skip] limits: Limits,
     }
+}
+
+/// Materials by a word, each with its keys. Colours of metals are those of <https://physicallybased.info>, encoded as sRGB.
+pub(crate) const NAMED_MATERIALS: &[(&str, &str)] = &[
+    ("aluminium", "{ colour = \"#f5f5f6\", metallic = 1, roughness = 0.3 }"),
+    ("brass", "{ colour = \"#f4e4ae\", metallic = 1, roughness = 0.2 }"),
+    ("chrome", "{ colour = \"#c4c5c5\", metallic = 1, roughness = 0.05 }"),
+    ("copper", "{ colour = \"#fad1c2\", metallic = 1, roughness = 0.2 }"),
+    ("gold", "{ colour = \"#ffe397\", metallic = 1, roughness = 0.2 }"),
+    ("iron", "{ colour = \"#c1bdba\", metallic = 1, roughness = 0.4 }"),
+    ("silver", "{ colour = \"#fcfbf5\", metallic = 1, roughness = 0.15 }"),
+    ("clay", "{ colour = \"#b98b6e\", metallic = 0, roughness = 0.9 }"),
+    (
+        "glass",
+        "{ colour = \"#ffffff\", roughness = 0, layers = { transmission = 1, ior = 1.5, volume = true } }",
+    ),
+    ("plastic", "{ colour = \"#d8d8d4\", metallic = 0, roughness = 0.3 }"),
+    (
+        "porcelain",
+        "{ colour = \"#f2f0ea\", roughness = 0.6, layers = { clearcoat = 1, clearcoat_roughness = 0.05 } }",
+    ),
+    ("rubber", "{ colour = \"#2a2a2a\", metallic = 0, roughness = 0.8 }"),
+];
+
+/// The help of `--material`.
+fn material_help() -> String {
+    let words: Vec<&str> = NAMED_MATERIALS.iter().map(|(word, _)| *word).collect();
+    format!(
+        "Material for all objects: {}, or the keys of `[material]` in scene files: '{{ colour = \"#c33\", metallic = 1, \
+         roughness = 0.2 }}'; NAME=...: for the objects of this name or whose material has it; NAME+={{...}}: change colour, \
+         metallic or roughness of their own material, whose textures stay; may be repeated, the last counts",
+        words.join(", ")
+    )
 }
 
 /// A material in place of those of the files.
@@ -60,7 +91,16 @@ impl OptionValue for MaterialChoice {
         let text = text.trim();
         let begins = |&at: &usize| at == 0 || text[..at].trim_end().ends_with('=');
         let Some(at) = text.match_indices('{').map(|(at, _)| at).find(begins) else {
-            return Err("give its keys, such as '{ colour = \"#c33\" }', or NAME={ ... }".to_owned());
+            let (name, word) = text.rsplit_once('=').map_or((None, text), |(name, word)| (Some(name), word));
+            let word = word.trim().to_ascii_lowercase();
+            let named = NAMED_MATERIALS.iter().find(|(name, _)| *name == word);
+            let (Some((_, table)), false) = (named, name.is_some_and(|name| name.ends_with('+'))) else {
+                return Err("give its keys, such as '{ colour = \"#c33\" }', or NAME={ ... }, or a word: \
+                            `kiln render --help` lists them"
+                    .to_owned());
+            };
+            let name = name.map(|name| name.trim().to_owned());
+            return Ok(MaterialChoice { name, changes: false, table: (*table).to_owned() });
         };
         let (before, table) = text.split_at(at);
         let name = before.trim_end().strip_suffix('=').map(str::trim);
