@@ -455,7 +455,7 @@ fn an_animated_png_holds_the_frames() {
         let alpha = if colour == png::ColorType::Rgba { " --background transparent" } else { "" };
         // The floor of the scene fills the picture; the turntable of a triangle does not.
         let input = if alpha.is_empty() { "scene.toml" } else { "a.obj --draft" };
-        let options = format!("{input} --size 24x24 --frames 0-6:3 {options}{bits}{alpha}");
+        let options = format!("{input} --size 24x24 --frames 0-6:3 --duration 10 {options}{bits}{alpha}");
         shop.succeed(&format!("render {options} -o f_#.png"));
         shop.succeed(&format!("animate {options} -o film.png"));
         let (found_colour, found_depth, frames) = frames_of(&shop, "film.png");

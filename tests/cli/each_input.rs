@@ -161,12 +161,6 @@ fn names_are_checked_before_rendering() {
             "",
         ),
         (
-            "a.toml -o out/",
-            4,
-            "out/{name}.png: cannot be written: its folder does not exist; make it with mkdir -p out",
-            "",
-        ),
-        (
             "a.toml - -o {name}.png",
             2,
             "-: no name for {name} of --output",

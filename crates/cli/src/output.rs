@@ -25,7 +25,7 @@ pub(crate) enum OutputTarget {
 }
 
 impl OutputTarget {
-    /// Checks the name and the existence of its folder, before any work is done.
+    /// Checks the name, before any work is done.
     pub(crate) fn new(output: &Path) -> Result<Self> {
         if output == Path::new("-") {
             return Ok(OutputTarget::StandardOutput);
@@ -37,7 +37,6 @@ impl OutputTarget {
             let hint = "give a plain file name, or --frames for an animation";
             return Err(Error::usage(what, hint));
         }
-        check_folder(output)?;
         Ok(OutputTarget::File(output.to_owned(), format))
     }
 

@@ -130,6 +130,7 @@ pub(super) fn render_still(
     if command.list_outputs {
         return super::print(&format!("{}\n", target.file().display())).map(|()| Outcome::Listed);
     }
+    check_folder(&command.output)?;
     let selection = AovSelection::new(&command.aov)?;
     check_aov_format(command, target.format())?;
     if let Some(file) = &command.stats {
