@@ -391,3 +391,34 @@ fn objects_far_from_the_rest_are_named() {
     workshop.write("corridor.obj", wall(1, 0.0) + "o other\n" + &wall(5, 9.0));
     assert_eq!(noted("corridor.obj"), None);
 }
+
+/// A square of 60 by 60 below two balls, whose bounds have a diagonal of sqrt(5^2 + 2^2 + 2^2) = 5.7: 84.9 / 5.7 = 14.8.
+#[test]
+fn objects_beside_which_all_others_are_small_are_named() {
+    let ball = |x: f64| format!("[[sphere]]\nname = 'ball {x}'\ncentre = [{x}, 1, 0]\nradius = 1\n");
+    let floor = |side: f64| {
+        format!(
+            "[[triangles]]\nname = 'floor'\nvertices = [[0, 0, 0], [{side}, 0, 0], [{side}, 0, {side}], [0, 0, {side}]]\n\
+             indices = [[0, 1, 2], [0, 2, 3]]\n"
+        )
+    };
+    let balls = ball(0.0) + &ball(3.0);
+    let workshop = Workshop::with("large.toml", balls.clone() + &floor(60.0));
+    workshop.write("small.toml", balls.clone() + &floor(6.0));
+    workshop.write("balls.toml", balls);
+    let warned = |line: &str| {
+        let said = workshop.succeed(&format!("render {line} -o a.png --size 16x16"));
+        said.lines().find(|line| line.contains("are small in the picture")).map(str::to_owned)
+    };
+    let warning = warned("large.toml --view front").expect("a warning");
+    assert!(warning.contains("`floor` is 15 times as large as all other objects together"), "{warning}");
+    assert!(warning.ends_with("--look-at 'ball 0' frames one of them"), "{warning}");
+    for line in [
+        "small.toml --view front",
+        "balls.toml --view top",
+        "large.toml --look-at floor",
+        "large.toml --camera {position=[0,9,9],look_at=[0,0,0]}",
+    ] {
+        assert_eq!(warned(line), None, "{line}");
+    }
+}

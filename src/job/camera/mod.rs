@@ -8,6 +8,7 @@ use std::sync::Arc;
 use super::{CameraChoice, RenderSettings};
 use crate::error::{Error, Result, Warnings, nearest_name};
 use crate::film::Window;
+use crate::job::messages::outside;
 use crate::scene::mesh::support::PointTrees;
 use crate::scene::{Camera, Scene, bounds, default_size};
 use crate::world::{Recentering, StandardView};
@@ -117,7 +118,10 @@ impl Viewpoint {
             note_small_inputs(scene, warnings);
         }
         if matches!(self, Viewpoint::Fitted(_)) && settings.look_at.is_none() {
-            crate::job::messages::outside::note_distant(scene, warnings);
+            outside::note_distant(scene, warnings);
+            if scene.has_settings {
+                outside::warn_of_large(scene, warnings);
+            }
         }
         if let Some(camera) = self.camera(scene) {
             note_other_aspect(camera, settings, self.size(settings, scene), warnings);

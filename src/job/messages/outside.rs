@@ -110,6 +110,31 @@ pub(crate) fn note_distant(scene: &Scene, warnings: &mut Warnings) {
     }
 }
 
+/// How many times the size of all others an object has from which they are small in a picture of all.
+const MUCH_LARGER: f64 = 10.0;
+
+/// Warns of an object so large that all others are small in the picture of a camera that is fitted to a scene file, such as a
+/// plane below them.
+pub(crate) fn warn_of_large(scene: &Scene, warnings: &mut Warnings) {
+    let trees = PointTrees::of(&scene.objects);
+    let mut sized: Vec<(&str, (DVec3, DVec3))> = Vec::new();
+    for object in &scene.objects {
+        sized.extend(bounds(&trees, std::slice::from_ref(object)).map(|of| (object.name.as_str(), of)));
+    }
+    let size = |(min, max): (DVec3, DVec3)| min.distance(max);
+    sized.sort_by(|a, b| size(b.1).total_cmp(&size(a.1)));
+    let [(large, whole), (name, first), ref rest @ ..] = sized[..] else { return };
+    let all = rest.iter().fold(first, |(min, max), (_, other)| (min.min(other.0), max.max(other.1)));
+    let times = size(whole) / size(all);
+    if times >= MUCH_LARGER {
+        warnings.push(format!(
+            "`{large}` is {times:.0} times as large as all other objects together, which are small in the picture; \
+             --look-at {} frames one of them",
+            shell_quoted(name)
+        ));
+    }
+}
+
 /// The middle of an object's bounds, if they are outside the picture; `None` for an object that cannot be seen.
 fn outside_at(object: &Object, trees: &PointTrees, view: &View) -> Option<Option<DVec3>> {
     let [width, height] = view.size().map(f64::from);
