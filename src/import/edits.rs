@@ -5,12 +5,14 @@ use std::collections::HashMap;
 use crate::error::{Error, Result, Warnings, nearest_name};
 use crate::film::Colour;
 use crate::import::formats::scene_file;
-use crate::scene::{ImportOptions, Material, MaterialChange, MaterialChoice, MaterialId, Object, Scene};
+use crate::scene::{
+    ImportOptions, Material, MaterialChange, MaterialChoice, MaterialId, Object, Scene, TextureSlot,
+};
 
 /// A parsed [`MaterialChoice`].
 pub(super) enum MaterialEdit {
-    /// A material in place of the files'.
-    Replace(Box<Material>),
+    /// A material in place of the files', and whether it has a colour of its own. If not, it takes theirs, with its texture.
+    Replace(Box<Material>, bool),
     /// Values in place of the files'.
     Change(MaterialChange),
 }
@@ -23,7 +25,10 @@ pub(super) fn parse(options: &ImportOptions) -> Result<Vec<MaterialEdit>> {
     let parse = |MaterialChoice { changes, table, .. }: &MaterialChoice| {
         Ok(match changes {
             true => MaterialEdit::Change(scene_file::inline_change(table)?),
-            false => MaterialEdit::Replace(scene_file::inline_material(table)?.into()),
+            false => {
+                let (material, has_colour) = scene_file::inline_material(table)?;
+                MaterialEdit::Replace(material.into(), has_colour)
+            }
         })
     };
     options.materials.iter().map(parse).collect()
@@ -62,7 +67,7 @@ fn replace_materials(
             return Err(Error::usage(format!("--material: no object or material is named `{name}`"), hint));
         }
         match edit {
-            MaterialEdit::Replace(material) => {
+            MaterialEdit::Replace(material, true) => {
                 // [1, 0, 1] of 255.
                 if matches!(material.colour(), Colour::Display(c) if c.max_element() == 1.0 / 255.0) {
                     warnings.note(
@@ -73,16 +78,12 @@ fn replace_materials(
                 replaced.push(id);
                 meant.iter().for_each(|&i| scene.objects[i].material = id);
             }
+            MaterialEdit::Replace(material, false) => {
+                let made = change_each(scene, meant, |before| with_colour_of((*material).clone(), before));
+                replaced.extend(made);
+            }
             MaterialEdit::Change(change) => {
-                // Objects that share a material still do.
-                let mut changed = HashMap::<u32, MaterialId>::new();
-                for i in meant {
-                    let MaterialId(before) = scene.objects[i].material;
-                    let id = *changed.entry(before).or_insert_with(|| {
-                        scene.add_material(change.of(scene.materials[before as usize].clone()))
-                    });
-                    scene.objects[i].material = id;
-                }
+                change_each(scene, meant, |before| change.of(before.clone()));
             }
         }
     }
@@ -95,11 +96,40 @@ fn replace_materials(
     Ok(())
 }
 
+/// Gives objects materials made from their own; those that share one still do. Returns the new ones.
+fn change_each(
+    scene: &mut Scene,
+    objects: Vec<usize>,
+    change: impl Fn(&Material) -> Material,
+) -> Vec<MaterialId> {
+    let mut changed = HashMap::<u32, MaterialId>::new();
+    for i in objects {
+        let MaterialId(before) = scene.objects[i].material;
+        let id = *changed
+            .entry(before)
+            .or_insert_with(|| scene.add_material(change(&scene.materials[before as usize])));
+        scene.objects[i].material = id;
+    }
+    changed.into_values().collect()
+}
+
+/// A material with the colour of another, and the texture of that.
+fn with_colour_of(mut material: Material, other: &Material) -> Material {
+    match &mut material {
+        Material::Phong(phong) => phong.colour = *other.colour(),
+        Material::MetallicRoughness(layered) => layered.base_colour = *other.colour(),
+    }
+    material.textures_mut()[TextureSlot::BaseColour] = other.textures()[TextureSlot::BaseColour];
+    material
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::OptionValue;
+    use crate::geometry::Sphere;
     use crate::scene::option::import_options::NAMED_MATERIALS;
+    use crate::scene::{OptionValue, Phong, Shape};
+    use glam::DVec3;
 
     #[test]
     fn materials_have_words() {
@@ -113,8 +143,26 @@ mod tests {
             assert_eq!(MaterialChoice::parse(word).map(|choice| choice.text()), Ok((*table).to_owned()));
             let options = ImportOptions { materials: vec![choice], ..ImportOptions::default() };
             let edits = parse(&options).unwrap_or_else(|e| panic!("{word}: {e}"));
-            let [MaterialEdit::Replace(material)] = &edits[..] else { panic!("{word}") };
+            let [MaterialEdit::Replace(material, true)] = &edits[..] else { panic!("{word}") };
             assert!(matches!(**material, Material::MetallicRoughness(_)), "{word}");
+        }
+        // Without a colour, that of the files stays.
+        for (table, colour) in [("{ metallic = 1 }", 0.25), ("{ colour = '#ffffff', metallic = 1 }", 1.0)] {
+            let own = Phong { colour: Colour::Linear(DVec3::splat(0.25)), ..Phong::default() };
+            let mut scene = Scene::default();
+            let material = scene.add_material(Material::Phong(own));
+            let shape = Shape::Analytic(Sphere { centre: DVec3::ZERO, radius: 1.0 }.into());
+            scene.objects.push(Object { name: "ball".into(), input: 0, material, shape });
+            let materials = vec![MaterialChoice::parse(table).expect("keys")];
+            scene.import_options = ImportOptions { materials, ..ImportOptions::default() };
+            let edits = parse(&scene.import_options).expect("edits");
+            apply(&mut scene, edits, &mut Warnings::default()).expect("a scene");
+            let Material::MetallicRoughness(made) = &scene.materials[scene.objects[0].material.0 as usize]
+            else {
+                panic!("{table}")
+            };
+            let found = made.base_colour.to_pipeline(crate::film::ColourPipeline::Linear);
+            assert!((found.x - colour).abs() < 1e-12 && made.metallic == 1.0, "{table}: {found}");
         }
         for text in ["golden", "lid=", "lid+=gold", ""] {
             assert!(MaterialChoice::parse(text).is_err(), "{text}");

@@ -56,7 +56,7 @@ fn materials_of_options_take_the_place_of_those_of_files() {
         assert!(matches!(&e, Error::Usage { .. }) && e.hint().contains("did you mean `lid`"), "{e:?}");
         for (table, what) in [
             ("{ colour = '#f00', metalic = 1 }", "unknown key `metalic`"),
-            ("{ metallic = 1 }", "missing key `colour`"),
+            ("{}", "missing key `colour`"),
             ("{ colour = '#f00', metallic = 2 }", "`metallic` is 2"),
             ("{ colour = '#f00', shininess = nan }", "`shininess` is NaN"),
         ] {

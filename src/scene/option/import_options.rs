@@ -68,7 +68,7 @@ fn material_help() -> String {
     let words: Vec<&str> = NAMED_MATERIALS.iter().map(|(word, _)| *word).collect();
     format!(
         "Material for all objects: {}, or the keys of `[material]` in scene files: '{{ colour = \"#c33\", metallic = 1, \
-         roughness = 0.2 }}'; NAME=...: for the objects of this name or whose material has it; NAME+={{...}}: change colour, \
+         roughness = 0.2 }}'; without a colour, theirs stays; NAME=...: for the objects of this name or whose material has it; NAME+={{...}}: change colour, \
          metallic or roughness of their own material, whose textures stay; may be repeated, the last counts",
         words.join(", ")
     )

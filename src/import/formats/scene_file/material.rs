@@ -13,13 +13,17 @@ use crate::scene::{Glaze, INLINE_NAME, Material, MaterialChange, Opacity, Phong}
 /// thread; with a weight below 0.991 paths end earlier (`effects::whitted::glaze`).
 const MAX_BOUNCES: u32 = 4096;
 
-/// Parses a material with the keys of `[material]`: `{ colour = "#c33", metallic = 1 }`.
+/// Parses a material with the keys of `[material]`, `{ colour = "#c33", metallic = 1 }`, and whether it has a colour; without,
+/// it is white.
 ///
 /// # Errors
 /// [`Error::Usage`] if it is invalid.
-pub(crate) fn inline_material(text: &str) -> Result<Material> {
-    parse_inline(text)
-        .and_then(|section| material(INLINE_NAME, &section))
+pub(crate) fn inline_material(text: &str) -> Result<(Material, bool)> {
+    let has_colour =
+        parse_inline::<toml::Table>(text).map_or(true, |keys| keys.is_empty() || keys.contains_key("colour"));
+    let whole = if has_colour { text.to_owned() } else { text.replacen('{', "{ colour = '#ffffff', ", 1) };
+    parse_inline(&whole)
+        .and_then(|section| Ok((material(INLINE_NAME, &section)?, has_colour)))
         .map_err(|fault| Error::usage(format!("--material {{...}} is not valid: {}", fault.what), fault.hint))
 }
 
