@@ -4,7 +4,7 @@ use super::ComparedImage;
 
 /// Decimal logarithms of the first and the last error of a logarithmic error map: below the resolution of f32 at 1, and
 /// black against white.
-pub const DECADES: [f64; 2] = [-8.0, 0.0];
+const DECADES: [f64; 2] = [-8.0, 0.0];
 
 /// Ten equidistant colours of matplotlib's "magma" (van der Walt and Smith 2015), the usual colour map of FLIP.
 const MAGMA: [[u8; 3]; 10] = [

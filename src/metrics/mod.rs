@@ -10,7 +10,7 @@ mod heat;
 pub mod t_test;
 
 pub use compared_image::{Alpha, ComparedImage, Values, displayed};
-pub use heat::{DECADES, error_map, heat_map};
+pub use heat::{error_map, heat_map};
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

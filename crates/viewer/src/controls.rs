@@ -12,7 +12,7 @@ use super::navigate;
 use super::request::{CameraSource, Opened, RenderRequest};
 use kiln::job::RenderSettings;
 use kiln::scene::animation::{Moment, Timeline};
-use kiln::scene::{Camera, Focus, ImportOptions, Lens, Numerics, Projection, Samples, ShadingMode};
+use kiln::scene::{Camera, Focus, ImportOptions, Lens, Projection, Samples};
 use kiln::world::StandardView;
 
 /// Flight speed, in distances to the target per second.
@@ -96,7 +96,7 @@ impl Controls {
     /// Updates the state after the files were reloaded: values that the user has not changed take the files' new
     /// values.
     pub(crate) fn reopened(&mut self, opened: &Opened) {
-        let (camera_source, projection, settings) = &self.start;
+        let (camera_source, projection, _) = &self.start;
         let gone =
             matches!(self.camera_source, CameraSource::Scene(index) if index >= opened.scene().cameras.len());
         if self.camera_source == *camera_source || gone {
@@ -106,10 +106,9 @@ impl Controls {
             self.projection = opened.projection;
         }
         for side in &mut self.sides {
-            let (side, settings, new) = (&mut side.picture, &settings.picture, &opened.settings.picture);
             // The others are those of the command line, which stays.
-            update_unchanged(&mut side.numerics, settings.numerics, new.numerics);
-            update_unchanged(&mut side.colour, settings.colour, new.colour);
+            let new = &opened.settings.picture;
+            (side.picture.numerics, side.picture.colour) = (new.numerics, new.colour);
         }
         self.first = Moment::first(opened.scene());
         if opened.scene().animation.is_none() {
@@ -326,16 +325,10 @@ impl Controls {
         }
     }
 
-    /// Selects the next shading mode.
-    pub(crate) fn next_shading(&mut self) {
-        let shading = &mut self.settings().picture.shading;
-        *shading = Some(next(&ShadingMode::ALL, shading.unwrap_or_default()));
-    }
-
-    /// Selects the next numerics tier.
-    pub(crate) fn next_tier(&mut self) {
-        let numerics = &mut self.settings().picture.numerics;
-        *numerics = Some(next(&Numerics::ALL, numerics.unwrap_or_default()));
+    /// Selects the next display mode, after the last the first.
+    pub(crate) fn next_display_mode(&mut self) {
+        let after = DisplayMode::ALL.iter().skip_while(|mode| **mode != self.display_mode).nth(1);
+        self.display_mode = after.copied().unwrap_or_default();
     }
 
     /// Starts or ends a comparison. The second side has antialiasing, or none if the first has; `samples` is the number of
@@ -402,19 +395,6 @@ impl Controls {
 
 fn frame_of(timeline: &Timeline, moment: Moment) -> f64 {
     moment.part / timeline.time(1)
-}
-
-/// Replaces a value that equals the old default by the new default.
-fn update_unchanged<T: PartialEq + Copy>(value: &mut T, old: T, new: T) {
-    if *value == old {
-        *value = new;
-    }
-}
-
-/// The element after `value`, cyclically.
-pub(crate) fn next<T: PartialEq + Copy>(all: &[T], value: T) -> T {
-    let at = all.iter().position(|other| *other == value).map_or(0, |at| at + 1);
-    all[at % all.len()]
 }
 
 #[cfg(test)]

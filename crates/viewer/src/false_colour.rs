@@ -1,11 +1,8 @@
-//! False colours with legends, for AOVs and errors.
-//!
-//! Values are the AOVs of [`kiln::render::aov`] at pixel centres, and the error map of [`kiln::metrics`]. This
-//! module only maps them to colours.
+//! False colours of AOVs ([`kiln::render::aov`]), with legends.
 
 use kiln::error::{Error, Result, printable};
 use kiln::film::write::Channel;
-use kiln::metrics::{ComparedImage, DECADES, error_map, heat_map};
+use kiln::metrics::heat_map;
 use kiln::render::RenderControl;
 use kiln::render::aov::{self, AovSelection, AovSource};
 use kiln::world::World;
@@ -18,32 +15,26 @@ pub enum DisplayMode {
     Picture,
     /// Shading normals.
     Normals,
-    /// Geometric normals.
-    GeometricNormals,
     /// Depth: the distance from the camera along its line of sight.
     Depth,
+    /// Surface colours without lighting.
+    Albedo,
     /// Object numbers.
     Objects,
     /// Material numbers.
     Materials,
-    /// Primitive numbers.
-    Primitives,
-    /// Number of box tests per camera ray.
-    NodeTests,
-    /// Error of the picture against the tier `exact`.
-    ErrorAgainstExact,
+    /// Number of camera rays of each pixel.
+    Rays,
 }
 
 kiln::names!(DisplayMode {
     Picture = "picture",
     Normals = "normals",
-    GeometricNormals = "geometric normals",
     Depth = "depth",
+    Albedo = "albedo",
     Objects = "objects",
     Materials = "materials",
-    Primitives = "primitives",
-    NodeTests = "node tests",
-    ErrorAgainstExact = "error against exact",
+    Rays = "rays a pixel",
 });
 
 impl DisplayMode {
@@ -54,29 +45,24 @@ impl DisplayMode {
             DisplayMode::Normals => {
                 "directions that surfaces are shaded with; shows seams and inverted normals"
             }
-            DisplayMode::GeometricNormals => "directions that the triangles face; shows how fine a mesh is",
             DisplayMode::Depth => "distance from the camera along its line of sight, near light and far dark",
+            DisplayMode::Albedo => "surface colours without light; shows textures as they are",
             DisplayMode::Objects => "a colour for each object; shows what the file calls them",
             DisplayMode::Materials => "a colour for each material; shows which objects share one",
-            DisplayMode::Primitives => "a colour for each triangle or analytic shape; shows the mesh",
-            DisplayMode::NodeTests => "boxes that the camera ray is tested against; shows what takes long",
-            DisplayMode::ErrorAgainstExact => {
-                "difference from exact arithmetic; shows where rounding changes the picture"
-            }
+            DisplayMode::Rays => "samples of each pixel; shows where a noise threshold takes long",
         }
     }
 
-    /// The displayed AOV; `None` for modes that display rendered pictures.
+    /// The displayed AOV; `None` for the picture.
     pub fn aov(self) -> Option<&'static str> {
         match self {
-            DisplayMode::Picture | DisplayMode::ErrorAgainstExact => None,
+            DisplayMode::Picture => None,
             DisplayMode::Normals => Some("normal"),
-            DisplayMode::GeometricNormals => Some("geometric-normal"),
             DisplayMode::Depth => Some("depth"),
+            DisplayMode::Albedo => Some("albedo"),
             DisplayMode::Objects => Some("object"),
             DisplayMode::Materials => Some("material"),
-            DisplayMode::Primitives => Some("primitive"),
-            DisplayMode::NodeTests => Some("node-tests"),
+            DisplayMode::Rays => Some("samples"),
         }
     }
 }
@@ -130,8 +116,8 @@ pub fn false_colours(mode: DisplayMode, source: &AovSource, control: &RenderCont
         return Err(Error::usage(what, ""));
     };
     let mut aovs = vec![aov.to_owned()];
-    if mode == DisplayMode::Depth {
-        // Which pixels are the ground.
+    if let DisplayMode::Depth | DisplayMode::Albedo = mode {
+        // Which pixels are the ground or the background.
         aovs.extend(DisplayMode::Objects.aov().map(str::to_owned));
     }
     let channels = aov::channels(source, &AovSelection::new(&aovs)?, control)?;
@@ -142,8 +128,15 @@ pub fn false_colours(mode: DisplayMode, source: &AovSource, control: &RenderCont
 pub fn of_channels(mode: DisplayMode, world: &World, channels: &[Channel]) -> FalseColours {
     let first: &[f32] = channels.first().map_or(&[], |channel| &channel.values);
     match (mode, channels) {
-        (DisplayMode::Normals | DisplayMode::GeometricNormals, [x, y, z]) => {
-            normals(mode, &x.values, &y.values, &z.values)
+        (DisplayMode::Normals, [x, y, z]) => normals(&x.values, &y.values, &z.values),
+        (DisplayMode::Albedo, [r, g, b, objects]) => {
+            let channels = [&r.values, &g.values, &b.values];
+            let colour = |i: usize| world.pipeline.encode(channels.map(|channel| channel[i]));
+            let colour = |i: usize| if objects.values[i] < 0.0 { NOTHING } else { colour(i) };
+            let swatches = vec![(NOTHING, "background".into())];
+            let text = "surface colours without light".into();
+            let legend = Legend { text, bar: Vec::new(), ends: None, swatches };
+            FalseColours { pixels: (0..first.len()).map(colour).collect(), legend }
         }
         (DisplayMode::Depth, [_, objects, ..]) => {
             let ground = world.ground.map(|ground| ground as f32);
@@ -157,35 +150,11 @@ pub fn of_channels(mode: DisplayMode, world: &World, channels: &[Channel]) -> Fa
         (DisplayMode::Materials, _) => ids("each material has a colour", first, |id| {
             world.materials.get(id).map(|material| printable(material.name()).into_owned())
         }),
-        (DisplayMode::Primitives, _) => ids("each triangle and analytic shape has a colour", first, |_| None),
-        _ => counts("boxes that the camera ray is tested against", first),
+        _ => counts("camera rays of each pixel: the samples that it took", first),
     }
 }
 
-/// Error map of a picture against the exact one.
-///
-/// # Errors
-/// [`Error::Usage`] if the sizes differ.
-pub fn error_against_exact(picture: &ComparedImage, exact: &ComparedImage) -> Result<FalseColours> {
-    if (picture.width, picture.height) != (exact.width, exact.height) {
-        return Err(Error::usage("the pictures have different sizes", "compare pictures of one size"));
-    }
-    let text = "largest difference of a channel as displayed, on a logarithmic scale";
-    let differences = picture.displayed().into_iter().flatten().zip(exact.displayed().into_iter().flatten());
-    let maximum = differences.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-    let legend = Legend {
-        text: match maximum {
-            0.0 => format!("{text}; there is none"),
-            maximum => format!("{text}; the maximum is {}", short(maximum)),
-        },
-        bar: heat_bar(),
-        ends: Some([format!("1e{} or less", DECADES[0]), "1, white for black".into()]),
-        swatches: Vec::new(),
-    };
-    Ok(FalseColours { pixels: error_map(picture, exact), legend })
-}
-
-fn normals(mode: DisplayMode, x: &[f32], y: &[f32], z: &[f32]) -> FalseColours {
+fn normals(x: &[f32], y: &[f32], z: &[f32]) -> FalseColours {
     let colour = |n: [f32; 3]| {
         if n == [0.0; 3] { NOTHING } else { n.map(|c| ((c / 2.0 + 0.5) * 255.0).round() as u8) }
     };
@@ -200,10 +169,7 @@ fn normals(mode: DisplayMode, x: &[f32], y: &[f32], z: &[f32]) -> FalseColours {
         axis("-z", [0.0, 0.0, -1.0]),
         (NOTHING, "background".into()),
     ];
-    let text = match mode {
-        DisplayMode::Normals => "normals for shading, on the camera's side: n / 2 + 1/2",
-        _ => "normals of the triangles and shapes, on the camera's side: n / 2 + 1/2",
-    };
+    let text = "normals for shading, on the camera's side: n / 2 + 1/2";
     FalseColours { pixels, legend: Legend { text: text.into(), bar: Vec::new(), ends: None, swatches } }
 }
 
@@ -249,9 +215,10 @@ fn depths(depths: &[f32], is_ground: impl Fn(usize) -> bool) -> FalseColours {
 fn counts(text: &str, counts: &[f32]) -> FalseColours {
     let largest = counts.iter().copied().fold(0.0, f32::max);
     let shares: Vec<f32> = counts.iter().map(|count| count / largest.max(1.0)).collect();
+    let bar: Vec<f32> = (0..BAR).map(|i| i as f32 / (BAR - 1) as f32).collect();
     let legend = Legend {
         text: text.into(),
-        bar: heat_bar(),
+        bar: heat_map(&bar),
         ends: Some(["0".into(), short(largest.max(1.0))]),
         swatches: Vec::new(),
     };
@@ -295,11 +262,6 @@ pub fn colour_of(id: u32) -> [u8; 3] {
         -0.004_196_086_3 * l - 0.703_418_614_7 * m + 1.707_614_701_0 * s,
     ];
     linear.map(|c| kiln::film::rounding::quantise(kiln::film::colour::srgb_encode(c)))
-}
-
-fn heat_bar() -> Vec<[u8; 3]> {
-    let shares: Vec<f32> = (0..BAR).map(|i| i as f32 / (BAR - 1) as f32).collect();
-    heat_map(&shares)
 }
 
 /// The number with four significant digits.

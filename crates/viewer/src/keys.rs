@@ -22,12 +22,6 @@ pub(crate) enum Action {
     Magnify,
     /// Starts or ends a comparison.
     Compare,
-    /// Selects the next numerics tier.
-    NextTier,
-    /// Selects the next shading mode.
-    NextShading,
-    /// Toggles an effect, by its index in the panel.
-    Effect(usize),
     /// Starts or pauses the animation.
     Play,
     /// Moves by a number of frames.
@@ -99,17 +93,8 @@ const BINDINGS: &[Binding] = &[
     plain(Key::V, Action::NextShown),
     plain(Key::Z, Action::Magnify),
     plain(Key::X, Action::Compare),
-    plain(Key::N, Action::NextTier),
-    plain(Key::M, Action::NextShading),
     plain(Key::F1, Action::Help),
-    plain(Key::F2, Action::Effect(0)),
-    plain(Key::F3, Action::Effect(1)),
-    plain(Key::F4, Action::Effect(2)),
     plain(Key::F5, Action::Reload),
-    plain(Key::F6, Action::Effect(3)),
-    plain(Key::F7, Action::Effect(4)),
-    plain(Key::F8, Action::Effect(5)),
-    plain(Key::F9, Action::Effect(6)),
     plain(Key::F11, Action::FullScreen),
     plain(Key::Space, Action::Play),
     plain(Key::Comma, Action::Step(-1)),
@@ -140,9 +125,6 @@ pub(crate) const LIST: &[(&str, &str)] = &[
     ("V", "next false colours"),
     ("Z", "magnify the pixels under the mouse; then wheel and drag change what is seen; Z or Esc ends"),
     ("X", "beside a second setting; drag the line"),
-    ("M", "next shading mode"),
-    ("N", "next tier of numerics"),
-    ("F2 to F4, F6 to F9", "effects on and off, in the panel's order"),
     ("Space", "play or pause the animation"),
     (", and .", "one frame back or forth; Backspace for the first"),
     ("Ctrl + O", "open a file: type a part of its name, then Enter"),

@@ -14,8 +14,8 @@ use std::f64::consts::FRAC_PI_2;
 
 use glam::{DVec2, DVec3};
 
-use kiln::scene::{Camera, MaterialId, Mesh, Object, Projection, Scene, Shape};
-use kiln::world::{StandardView, View, basis, fitted_camera};
+use kiln::scene::{Camera, Projection};
+use kiln::world::{View, basis};
 
 /// Minimum angle between camera and pole in radians: a hundredth of a pixel, and large enough that the direction of up
 /// keeps eleven of sixteen digits.
@@ -210,7 +210,7 @@ pub fn set_field_of_view(camera: &mut Camera, angle: f64) {
 }
 
 /// Sets the vertical field of view in radians, and moves the eye so that the target keeps its size ("dolly zoom").
-pub fn set_lens(camera: &mut Camera, angle: f64) {
+fn set_lens(camera: &mut Camera, angle: f64) {
     let Some(height) = height_at_one(angle) else { return };
     change(camera, |camera, pose| {
         bring_rectangle_to_target(camera, pose);
@@ -234,66 +234,6 @@ pub fn switch_projection(camera: &mut Camera, projection: Projection, angle: f64
     if projection == Projection::Perspective && *camera != before {
         set_lens(camera, angle);
     }
-}
-
-/// Fits a box into the picture, without rotation or change of the field of view, with a margin of a twentieth of the
-/// picture on the tightest sides. `aspect` is the picture's width divided by its height.
-pub fn frame(camera: &mut Camera, (min, max): (DVec3, DVec3), aspect: f64) {
-    const FREE: f64 = 0.9;
-    change(camera, |camera, pose| {
-        bring_rectangle_to_target(camera, pose);
-        let usable_height = height_at_target(camera, pose, aspect) * FREE;
-        let middle = min / 2.0 + max / 2.0;
-        // For each corner: horizontal and vertical distance from the centre, and how much nearer it is.
-        let corners = (0..8).map(|i| {
-            let pick = |axis: usize| if i >> axis & 1 == 1 { max[axis] } else { min[axis] };
-            let p = DVec3::new(pick(0), pick(1), pick(2)) - middle;
-            (DVec2::new(p.dot(pose.u), p.dot(pose.v)).abs() / DVec2::new(aspect, 1.0), p.dot(pose.w))
-        });
-        let needed = |(across, nearer): (DVec2, f64)| match camera.projection.is_central() {
-            // A corner is visible if `across <= slope (distance - nearer)`.
-            true => nearer + across.max_element() / (usable_height / 2.0 / pose.distance),
-            false => across.max_element() * 2.0 / usable_height,
-        };
-        let needed = corners.map(needed).fold(0.0, f64::max);
-        if !(needed > 0.0 && needed.is_finite()) {
-            return;
-        }
-        let distance = match camera.projection.is_central() {
-            true => {
-                scale_lens(camera, needed / pose.distance);
-                needed
-            }
-            false => {
-                scale_rectangle(camera, needed);
-                // In front of the whole box: points behind the camera are not visible in orthographic projection
-                // either.
-                let distance = pose.distance.max((max - min).length());
-                camera.viewpoint_distance = distance;
-                distance
-            }
-        };
-        camera.target = middle;
-        camera.position = middle + distance * pose.w;
-    });
-}
-
-/// A standard view fitted to a box, as [`fitted_camera`] fits it to a scene. `None` if the box has no extent.
-pub fn standard(
-    (min, max): (DVec3, DVec3),
-    view: StandardView,
-    aspect: f64,
-    projection: Projection,
-) -> Option<Camera> {
-    let corner = |i: usize| {
-        let pick = |axis: usize| if i >> axis & 1 == 1 { max[axis] } else { min[axis] };
-        DVec3::new(pick(0), pick(1), pick(2))
-    };
-    let positions = (0..8).map(corner).collect();
-    let shape =
-        Shape::Mesh(Mesh { positions, triangles: vec![[0, 1, 2], [3, 4, 5], [6, 7, 0]], ..Mesh::default() });
-    let object = Object { name: String::new(), input: 0, material: MaterialId(0), shape };
-    fitted_camera(&Scene { objects: vec![object], ..Scene::default() }, view, aspect, projection)
 }
 
 /// Applies a change, unless the resulting camera is invalid in either projection.

@@ -23,9 +23,8 @@ use kiln::scene::{Background, Camera, ClipChoice, OptionValue, Projection, Sampl
 use kiln::world::StandardView;
 use light::LightChoice;
 use options::{
-    APERTURE, BOUNCES, CLAMP, CLIP, COLOUR, CULL, FILTER, FILTER_RADIUS, GLAZE, GROUND, LIST_LENGTH,
-    MIN_SAMPLES, NOISE, NUMERICS, OptionControl, SAMPLES, SHADING, SMOOTH, SPECULAR_BOUNCES, Shown, TONE_MAP,
-    TRANSPORT, UP, VARIANT, WIDTH,
+    APERTURE, BOUNCES, CLIP, CULL, FILTER, GROUND, LIST_LENGTH, NOISE, OptionControl, SAMPLES, SHADING,
+    SMOOTH, Shown, TONE_MAP, TRANSPORT, UP, VARIANT, WIDTH,
 };
 
 /// Data that the panel displays.
@@ -65,14 +64,12 @@ pub(crate) fn show(ui: &mut Ui, contents: &PanelContents, controls: &mut Control
     section(ui, "Look", |ui| {
         look::background(ui, scene, &mut settings.picture);
         look::draft(ui, scene, &mut settings);
-        rows(ui, &mut settings, &[GROUND, CULL, SHADING, COLOUR, TONE_MAP]);
+        rows(ui, &mut settings, &[GROUND, CULL, SHADING, TONE_MAP]);
         look::exposure(ui, &shown, &mut settings.picture);
         rows(ui, &mut settings, &[APERTURE]);
     });
     section(ui, "Quality", |ui| {
-        let sampling = [SAMPLES, NOISE, MIN_SAMPLES, FILTER, FILTER_RADIUS];
-        rows(ui, &mut settings, &sampling);
-        rows(ui, &mut settings, &[TRANSPORT, BOUNCES, SPECULAR_BOUNCES, CLAMP, GLAZE, NUMERICS]);
+        rows(ui, &mut settings, &[SAMPLES, NOISE, FILTER, TRANSPORT, BOUNCES]);
     });
     *controls.settings() = settings;
     section(ui, "Effects", |ui| {
@@ -158,10 +155,9 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
     });
     let Some(seen) = contents.displayed_camera() else { return };
     ui.horizontal(|ui| {
-        for projection in Projection::ALL {
+        for projection in [Projection::Perspective, Projection::Orthographic] {
             let button = ui.selectable_label(seen.projection == projection, projection.name());
-            let key = if projection.is_switched() { " (Enter)" } else { "" };
-            let meaning = format!("{}{key}", projection.meaning());
+            let meaning = format!("{} (Enter)", projection.meaning());
             if button.on_hover_text(meaning).clicked() {
                 controls.project(projection, Some(seen));
             }

@@ -57,11 +57,6 @@ impl Projection {
         }
     }
 
-    /// Whether the window's key for the projection chooses between it and others.
-    pub fn is_switched(self) -> bool {
-        !self.shows_all_directions()
-    }
-
     /// Description for users.
     pub fn meaning(self) -> &'static str {
         match self {

@@ -9,7 +9,6 @@ use egui::{Context, Theme, ViewportCommand};
 use super::{App, timeline};
 use crate::canvas::MouseResult;
 use crate::command_line::{RenderCommand, command_line};
-use crate::controls::next;
 use crate::false_colour::DisplayMode;
 use crate::inspect::inspect;
 use crate::keys::{self, Action, CameraMotion, Focus};
@@ -150,21 +149,12 @@ impl App {
             (Action::Fit, _) => controls.fit_standard_view(StandardView::Auto),
             (Action::Standard(view), _) => controls.fit_standard_view(view),
             (Action::NextCamera, _) => controls.next_camera(opened.scene().cameras.len()),
-            (Action::NextShown, _) => controls.display_mode = next(&DisplayMode::ALL, controls.display_mode),
+            (Action::NextShown, _) => controls.next_display_mode(),
             (Action::Compare, _) => {
                 let prepared = self.canvas.prepared(0);
                 controls.switch_comparison(
                     prepared.map_or(1, |p| p.job().plan_settings.sampling.samples_taken()),
                 );
-            }
-            (Action::NextTier, _) => controls.next_tier(),
-            (Action::NextShading, _) => controls.next_shading(),
-            (Action::Effect(index), _) => {
-                let decision = self.canvas.prepared(controls.side).and_then(|p| p.decisions.get(index));
-                if let Some((decision, true)) = decision {
-                    let (effect, on) = (decision.effect, decision.on);
-                    controls.settings().switch(effect, !on);
-                }
             }
             (Action::Play, Some(_)) => controls.play(),
             (Action::Step(by), Some(timeline)) => {

@@ -8,7 +8,6 @@ use kiln::effects::{Plan, PlanSettings};
 use kiln::error::Warnings;
 use kiln::farm::Shard;
 use kiln::film::Window;
-use kiln::metrics::Values;
 use kiln::scene::Numerics;
 use kiln::world::View;
 
@@ -41,7 +40,6 @@ fn the_plane_is_green_from_above_and_the_sky_is_nothing() {
     // The bottom row sees the plane, whose normal is (0, 1, 0); the top row sees above its horizon.
     assert_eq!(normals.pixels[31 * 32], [128, 255, 128]);
     assert_eq!(normals.pixels[0], NOTHING);
-    assert_eq!(false_colours_of_scene(DisplayMode::GeometricNormals, 32).pixels[31 * 32], [128, 255, 128]);
 }
 
 #[test]
@@ -90,17 +88,16 @@ fn objects_are_named_and_have_their_colours() {
             .iter()
             .any(|(_, name)| name == "patriarch")
     );
-    assert_eq!(false_colours_of_scene(DisplayMode::Primitives, 64).legend.swatches.len(), 1);
 }
 
 #[test]
-fn node_tests_end_at_their_largest_number() {
-    let counts = super::counts("boxes", &[0.0, 8.0, 16.0]);
+fn counts_end_at_their_largest_number() {
+    let counts = super::counts("rays", &[0.0, 8.0, 16.0]);
     assert_eq!(counts.pixels, heat_map(&[0.0, 0.5, 1.0]));
     assert_eq!(counts.legend.ends, Some(["0".into(), "16".into()]));
-    assert!(
-        false_colours_of_scene(DisplayMode::NodeTests, 16).pixels.iter().any(|p| *p == heat_map(&[1.0])[0])
-    );
+    // Without antialiasing each pixel has one.
+    let rays = false_colours_of_scene(DisplayMode::Rays, 4);
+    assert_eq!((rays.pixels, rays.legend.ends), (vec![heat_map(&[1.0])[0]; 16], Some(["0".into(), "1".into()])));
 }
 
 #[test]
@@ -123,23 +120,6 @@ fn numbers_have_colours_far_apart() {
             }
         }
     }
-}
-
-#[test]
-fn errors_are_on_the_scale_of_the_study() {
-    let even = |value: f32, width: u32| ComparedImage {
-        width,
-        height: 1,
-        values: Values::Display,
-        pixels: vec![[value; 3]; width as usize],
-        alpha: None,
-    };
-    // 1e-4 is half-way from 1e-8 to 1.
-    let map = error_against_exact(&even(1e-4, 2), &even(0.0, 2)).unwrap();
-    assert_eq!(map.pixels, [heat_map(&[0.5])[0]; 2]);
-    assert!(map.legend.text.ends_with("; the maximum is 1.000e-4"), "{}", map.legend.text);
-    assert!(error_against_exact(&even(0.5, 2), &even(0.5, 2)).unwrap().legend.text.contains("there is none"));
-    assert!(error_against_exact(&even(0.5, 2), &even(0.5, 3)).is_err());
 }
 
 #[test]

@@ -3,6 +3,9 @@
 use proptest::prelude::*;
 
 use super::*;
+use kiln::geometry::Sphere;
+use kiln::scene::{Scene, Shape};
+use kiln::world::{StandardView, fitted_camera};
 
 /// Picture height in pixels.
 const PIXELS: u32 = 1000;
@@ -261,31 +264,6 @@ proptest! {
     }
 
     #[test]
-    fn a_framed_box_is_in_the_picture(
-        camera in cameras(), a in [-3.0f64..3.0, -3.0..3.0, -3.0..3.0], b in [-3.0f64..3.0, -3.0..3.0, -3.0..3.0],
-        aspect in 0.3f64..3.0,
-    ) {
-        let aspect = (aspect * f64::from(PIXELS)).round() / f64::from(PIXELS);
-        let (a, b) = (DVec3::from(a), DVec3::from(b));
-        let (min, max) = (a.min(b), a.max(b));
-        let mut framed = camera.clone();
-        frame(&mut framed, (min, max), aspect);
-        let [_, _, w] = axes(&framed);
-        prop_assert!((w - axes(&camera)[2]).length() < 1e-9);
-        prop_assert!(framed.projection == Projection::Orthographic || (field_of_view(&framed) - field_of_view(&camera)).abs() < 1e-9);
-        let corners = (0..8).map(|i| {
-            let pick = |axis: usize| if i >> axis & 1 == 1 { max[axis] } else { min[axis] };
-            DVec3::new(pick(0), pick(1), pick(2))
-        });
-        let mut farthest = 0f64;
-        for corner in corners {
-            prop_assert!(view(&framed, aspect).project(corner).1, "before the camera");
-            farthest = farthest.max((projected(&framed, aspect, corner) / DVec2::new(aspect, 1.0)).abs().max_element());
-        }
-        prop_assert!((farthest - 0.45).abs() < 1e-6, "{farthest}");
-    }
-
-    #[test]
     fn looking_around_stays_and_flying_goes(camera in cameras(), by in angles(), way in angles()) {
         let mut level = camera.clone();
         look_around(&mut level, DVec2::ZERO);
@@ -348,10 +326,11 @@ fn zooming_in_ends_before_the_digits_do() {
 
 #[test]
 fn a_fitted_camera_turns_about_the_scenes_vertical() {
-    let bounds = (DVec3::new(-1.0, -2.0, -3.0), DVec3::new(1.0, 2.0, 3.0));
+    let ball = Sphere { centre: DVec3::ZERO, radius: 2.0 };
+    let scene = Scene::from_iter([Shape::Analytic(ball.into())]);
     for view in StandardView::ALL {
         for projection in [Projection::Perspective, Projection::Orthographic] {
-            let mut camera = standard(bounds, view, 1.0, projection).unwrap();
+            let mut camera = fitted_camera(&scene, view, 1.0, projection).unwrap();
             let before = axes(&camera);
             // By zero angles: the picture stays the same, except for the clamping at the poles, a hundredth of a pixel.
             orbit_target(&mut camera, DVec2::ZERO);
@@ -361,15 +340,6 @@ fn a_fitted_camera_turns_about_the_scenes_vertical() {
             }
         }
     }
-}
-
-/// A box is fitted like a scene of its corners: front view with a margin of 5 %.
-#[test]
-fn a_box_is_in_the_picture() {
-    let bounds = (DVec3::new(-1.0, -2.0, -3.0), DVec3::new(1.0, 2.0, 3.0));
-    let camera = standard(bounds, StandardView::Front, 1.0, Projection::Orthographic).unwrap();
-    assert!((projected(&camera, 1.0, bounds.1).y - 0.45).abs() < 1e-9);
-    assert!(standard((DVec3::ONE, DVec3::ONE), StandardView::Front, 1.0, Projection::Perspective).is_none());
 }
 
 #[test]

@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 use egui::ColorImage;
 
-use super::false_colour::{DisplayMode, Legend};
+use super::false_colour::Legend;
 use super::refine::first_factor;
 use super::request::RenderRequest;
 use kiln::error::{Error, Result, Warnings};
@@ -25,7 +25,6 @@ use kiln::film::write::{Format, OutputImage};
 use kiln::film::{DisplayTransform, Film};
 use kiln::job::{Findings, Metadata, RenderControl, RenderJob};
 use kiln::render::Statistics;
-use kiln::scene::Numerics;
 use pass::PipelineImage;
 
 /// Duration after which the first pass of an outdated request is cancelled.
@@ -265,13 +264,7 @@ impl RenderTask<'_> {
             if self.is_outdated() {
                 return Err(Error::Interrupted);
             }
-            let mut exact = settings.clone();
-            exact.picture.numerics = Some(Numerics::Exact);
-            let exact = match request.display_mode {
-                DisplayMode::ErrorAgainstExact => Some(cache.prepare(request, &exact)?),
-                _ => None,
-            };
-            sides.push(pass::Side::new(request, cache.prepare(request, settings)?, exact, factor));
+            sides.push(pass::Side::new(request, cache.prepare(request, settings)?, factor));
         }
         let passes = sides.iter().map(pass::Side::passes).max().unwrap_or(0);
         for index in 0..passes {
@@ -320,7 +313,7 @@ pub fn final_picture(
 ) -> Result<(OutputImage, Metadata)> {
     let request = request_at(opened, size, frame.unwrap_or(0));
     let prepared = RenderCache::default().prepare(&request, &request.sides[0])?;
-    let shown = pass::Side::new(&request, prepared, None, 4).final_image()?;
+    let shown = pass::Side::new(&request, prepared, 4).final_image()?;
     shown.warn_of_picture(warnings);
     shown.warn_of_image(warnings);
     let film = shown.film.expect("a finished picture");

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::RenderedImage;
 use super::render_cache::Prepared;
-use crate::false_colour::{DisplayMode, FalseColours, error_against_exact, false_colours};
+use crate::false_colour::{DisplayMode, FalseColours, false_colours};
 use crate::refine::{Pass, passes};
 use crate::request::RenderRequest;
 use kiln::effects::RayKind;
@@ -17,7 +17,6 @@ use kiln::error::Result;
 use kiln::film::tone::{Exposure, auto_exposure};
 use kiln::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, Pixel, Window};
 use kiln::job::RenderJob;
-use kiln::metrics;
 use kiln::render::{RenderControl, Statistics};
 use kiln::scene::Sampling;
 
@@ -41,8 +40,6 @@ pub(crate) struct PipelineImage {
 pub(crate) struct Side<'a> {
     request: &'a RenderRequest,
     prepared: Arc<Prepared>,
-    /// The same scene in the tier `exact`, for [`DisplayMode::ErrorAgainstExact`].
-    exact: Option<Arc<Prepared>>,
     passes: Vec<Pass>,
     picture: Option<PipelineImage>,
     /// The job with the metered exposure, once a pass of full size needs it.
@@ -53,17 +50,12 @@ pub(crate) struct Side<'a> {
 
 impl<'a> Side<'a> {
     /// Plans the passes, the first of them with pixels of `factor` by `factor`.
-    pub(crate) fn new(
-        request: &'a RenderRequest,
-        prepared: Arc<Prepared>,
-        exact: Option<Arc<Prepared>>,
-        factor: u32,
-    ) -> Self {
+    pub(crate) fn new(request: &'a RenderRequest, prepared: Arc<Prepared>, factor: u32) -> Self {
         // AOVs are computed at pixel centres.
         let is_picture = request.display_mode == DisplayMode::Picture;
         let passes = passes(factor, if is_picture { prepared.samples } else { 1 });
         let metered = prepared.known_exposed().filter(|_| is_picture).map(Arc::new);
-        Side { request, prepared, exact, passes, picture: None, metered, spent: None }
+        Side { request, prepared, passes, picture: None, metered, spent: None }
     }
 
     /// Number of passes.
@@ -121,7 +113,7 @@ impl<'a> Side<'a> {
         let (image, legend) = match self.request.display_mode {
             DisplayMode::Picture => (image(&pixels, size, pipeline, display), None),
             _ => {
-                let FalseColours { pixels, legend } = self.false_colours(&film, size, &control)?;
+                let FalseColours { pixels, legend } = self.false_colours(size, &control)?;
                 (ColorImage::from_rgb(size.map(|side| side as usize), pixels.as_flattened()), Some(legend))
             }
         };
@@ -205,15 +197,12 @@ impl<'a> Side<'a> {
     }
 
     /// False colours of the requested display mode.
-    fn false_colours(&self, film: &Film, size: [u32; 2], control: &RenderControl) -> Result<FalseColours> {
+    fn false_colours(&self, size: [u32; 2], control: &RenderControl) -> Result<FalseColours> {
         let mut job = self.job().with_size(size)?;
-        if let Some(exact) = &self.exact {
-            let (exact, _) = self.render((exact.job(), false), size, Sampling::default(), control)?;
-            let [picture, exact] =
-                [film, &exact].map(|film| metrics::ComparedImage::of_film(film, job.pipeline()));
-            return error_against_exact(&picture, &exact);
+        // Samples are those of the picture; other AOVs are computed at pixel centres.
+        if self.request.display_mode != DisplayMode::Rays {
+            job.set_sampling(Sampling::default())?;
         }
-        job.set_sampling(Sampling::default())?;
         false_colours(self.request.display_mode, &job.aov_source(None), control)
     }
 

@@ -68,8 +68,6 @@ controls! {
         walls seen from outside, outlines.";
     SHADING = "shading", "shading", ("phong", 0.0), never, "The full model is the picture. Choose another to see what a \
         colour is made of.";
-    COLOUR = "colour", "colour arithmetic", ("linear", 0.0), never, "How colours are added up. Keep `linear` for natural \
-        light; the others give the pictures of programs that add up the values of image files.";
     TONE_MAP = "tone-map", "tone map", ("none", 0.0), not_linear, "Compresses bright light to what a screen can show. Choose \
         one if bright places turn white.";
     EXPOSURE = "exposure", "EV", ("0", 0.0), not_linear, "Brightness: each EV doubles the light. Raise it for a dark \
@@ -77,21 +75,12 @@ controls! {
     TRANSPORT = "transport", "light transport", ("whitted", 0.0), not_shaded, "Choose `path` for indirect light, soft \
         shadows and glass, `whitted` for speed.";
     BOUNCES = id::PATH.name(), "bounces", ("8", 8.0), without_paths, "Raise it if interiors or glass look too dark.";
-    GLAZE = id::GLAZE.name(), "mirror bounces", ("materials'", 1.0), without_glaze, "Mirror images within mirror images. More take \
-        longer.";
-    SPECULAR_BOUNCES = "depth-specular", "specular bounces", ("64", 64.0), without_paths, "Raise it if glass behind glass \
-        turns black.";
-    CLAMP = "clamp", "clamp", ("none", 10.0), without_paths, "Lower it against single bright dots.";
     SAMPLES = "samples", "samples per pixel", ("1", 1.0), never, "Rays through each pixel. More give smoother edges and less \
         noise, and take longer.";
     NOISE = "noise", "noise threshold", ("none", 0.025), never, "Samples each pixel until its noise is below this: lower is \
         cleaner and takes longer. `samples per pixel` is then the maximum.";
-    MIN_SAMPLES = "min-samples", "minimum samples", ("4", 4.0), not_adaptive, "Raise it if small details are missed.";
     FILTER = "filter", "filter", ("gaussian", 0.0), one_sample, "How samples become pixels. `mitchell` is sharper, `gaussian` \
         softer, `box` a plain mean.";
-    FILTER_RADIUS = "filter-radius", "filter radius", ("filter's", 1.5), one_sample, "Smaller is sharper, larger smoother.";
-    NUMERICS = "numerics", "numerics", ("watertight", 0.0), never, "How rays are tested against triangles. Choose `exact` to \
-        find out whether a dot or a gap is an error of rounding, and `fast` to see what speed costs.";
 }
 
 /// What the picture of a side has, with the settings that are chosen in the panel.
@@ -171,10 +160,6 @@ fn without_occlusion(shown: &Shown) -> Option<String> {
     shown.off(id::AMBIENT_OCCLUSION)
 }
 
-fn without_glaze(shown: &Shown) -> Option<String> {
-    shown.off(id::GLAZE)
-}
-
 fn without_lens(shown: &Shown) -> Option<String> {
     let camera = shown.rendered.map(|rendered| &rendered.prepared.camera);
     unless(
@@ -191,16 +176,12 @@ fn double_sided(shown: &Shown) -> Option<String> {
 
 fn not_linear(shown: &Shown) -> Option<String> {
     let is_linear = shown.picture.pipeline() == ColourPipeline::Linear;
-    unless(is_linear, "Exposure and tone map need the colour arithmetic `linear`.")
+    unless(is_linear, "Exposure and tone map need `--colour linear`.")
 }
 
 fn not_shaded(shown: &Shown) -> Option<String> {
     let uses_lights = shown.picture.shading() == ShadingMode::Full;
     unless(uses_lights, "Only the full shading has light transport.")
-}
-
-fn not_adaptive(shown: &Shown) -> Option<String> {
-    unless(shown.picture.noise.is_some(), "Only a noise threshold has a minimum.")
 }
 
 fn one_sample(shown: &Shown) -> Option<String> {
@@ -236,7 +217,6 @@ fn set(name: &str, text: Option<&str>, settings: &mut RenderSettings, shown: &Pi
     match name {
         // The effect says it, too.
         "transport" => settings.leave(id::PATH),
-        "filter" => picture.filter_radius = None,
         // A minimum above the maximum is an error.
         "samples" => {
             let most = picture.samples;
