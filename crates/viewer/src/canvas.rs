@@ -1,9 +1,9 @@
-//! The picture in the window: the last rendered images, and mouse input.
+//! The picture in the window: the last rendered image, and mouse input.
 
 use std::sync::Arc;
 
 use egui::{
-    Color32, CursorIcon, PointerButton, Pos2, Rect, Response, Sense, TextureHandle, TextureOptions, Ui, pos2,
+    Color32, PointerButton, Pos2, Rect, Response, Sense, TextureHandle, TextureOptions, Ui, pos2,
     vec2,
 };
 use glam::{DVec2, DVec3};
@@ -20,26 +20,16 @@ const TURN: f64 = std::f64::consts::PI;
 /// Wheel movement in points for a zoom by a factor of e.
 const WHEEL: f64 = 400.0;
 
-/// Distance in points within which the mouse grabs the line between two sides.
-const GRAB_DISTANCE: f32 = 6.0;
-
-/// Last image of a side, with its texture.
-struct SideTexture {
-    texture: TextureHandle,
-    rendered: Box<RenderedImage>,
-}
-
 /// The picture's area in the window.
 #[derive(Default)]
 pub(crate) struct Canvas {
-    sides: [Option<SideTexture>; 2],
+    /// The last image, with its texture.
+    shown: Option<(TextureHandle, Box<RenderedImage>)>,
     /// Rectangle in points.
     rect: Option<Rect>,
-    /// Whether the line between the sides is being dragged.
-    drags_line: bool,
     magnifier: Magnifier,
-    /// The side and the pixel under the mouse.
-    hovered: Option<(usize, [u32; 2])>,
+    /// The pixel under the mouse.
+    hovered: Option<[u32; 2]>,
 }
 
 /// Clicks of a frame.
@@ -49,8 +39,6 @@ pub(crate) struct MouseResult {
     pub clicked: Option<[u32; 2]>,
     /// Pixel that was double-clicked.
     pub focused: Option<[u32; 2]>,
-    /// Side under the mouse.
-    pub side: usize,
 }
 
 impl Canvas {
@@ -58,32 +46,23 @@ impl Canvas {
     pub(crate) fn take(&mut self, context: &egui::Context, rendered: Box<RenderedImage>) {
         let options = if rendered.factor == 1 { TextureOptions::NEAREST } else { TextureOptions::LINEAR };
         let image = Arc::clone(&rendered.image);
-        let side = &mut self.sides[rendered.side];
-        match side {
-            Some(side_texture) => {
-                side_texture.texture.set(image, options);
-                side_texture.rendered = rendered;
+        match &mut self.shown {
+            Some((texture, shown)) => {
+                texture.set(image, options);
+                *shown = rendered;
             }
-            None => {
-                let texture = context.load_texture("picture", image, options);
-                *side = Some(SideTexture { texture, rendered });
-            }
+            shown => *shown = Some((context.load_texture("picture", image, options), rendered)),
         }
     }
 
-    /// The last image of a side.
-    pub(crate) fn rendered(&self, side: usize) -> Option<&RenderedImage> {
-        self.sides[side].as_ref().map(|side_texture| &*side_texture.rendered)
+    /// The last image.
+    pub(crate) fn rendered(&self) -> Option<&RenderedImage> {
+        self.shown.as_ref().map(|(_, rendered)| &**rendered)
     }
 
-    /// The prepared scene of the last image of a side.
-    pub(crate) fn prepared(&self, side: usize) -> Option<&Arc<Prepared>> {
-        self.rendered(side).map(|rendered| &rendered.prepared)
-    }
-
-    /// Removes the image of a side.
-    pub(crate) fn clear_side(&mut self, side: usize) {
-        self.sides[side] = None;
+    /// The prepared scene of the last image.
+    pub(crate) fn prepared(&self) -> Option<&Arc<Prepared>> {
+        self.rendered().map(|rendered| &rendered.prepared)
     }
 
     /// The picture's rectangle in points.
@@ -109,18 +88,12 @@ impl Canvas {
         std::mem::take(&mut self.magnifier).is_on()
     }
 
-    /// The side and the pixel under the mouse.
-    pub(crate) fn hovered(&self) -> Option<(usize, [u32; 2])> {
+    /// The pixel under the mouse.
+    pub(crate) fn hovered(&self) -> Option<[u32; 2]> {
         self.hovered
     }
 
-    /// The side at a position in the window.
-    fn side_at(&self, place: Pos2, controls: &Controls) -> usize {
-        let line = self.rect.map_or(0.0, |rect| rect.left() + controls.split * rect.width());
-        usize::from(controls.sides.len() > 1 && place.x >= line)
-    }
-
-    /// Shows the images in the available area, and moves the camera with the mouse. Returns the size of the
+    /// Shows the image in the available area, and moves the camera with the mouse. Returns the size of the
     /// picture for that room in pixels of the screen, and what else was done.
     pub(crate) fn show(&mut self, ui: &mut Ui, controls: &mut Controls) -> ([u32; 2], MouseResult) {
         let scale = ui.ctx().pixels_per_point();
@@ -133,31 +106,17 @@ impl Canvas {
         self.rect = Some(rect);
         let response = ui.interact(rect, ui.scope_id().with("canvas"), Sense::click_and_drag());
         let done = self.mouse(ui, &response, controls);
-        self.paint(ui, rect, controls);
+        if let Some((texture, _)) = &self.shown {
+            let all = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+            ui.painter_at(rect).image(texture.id(), self.magnifier.whole(rect), all, Color32::WHITE);
+        }
         ([size.x as u32, size.y as u32], done)
-    }
-
-    fn paint(&self, ui: &Ui, rect: Rect, controls: &Controls) {
-        let painter = ui.painter_at(rect);
-        let line = rect.left() + controls.split * rect.width();
-        let (all, whole) = (Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), self.magnifier.whole(rect));
-        if let Some(side_texture) = &self.sides[0] {
-            painter.image(side_texture.texture.id(), whole, all, Color32::WHITE);
-        }
-        if controls.sides.len() > 1 {
-            if let Some(side_texture) = &self.sides[1] {
-                let right = Rect::from_min_max(pos2(line, rect.top()), rect.max);
-                painter.with_clip_rect(right).image(side_texture.texture.id(), whole, all, Color32::WHITE);
-            }
-            painter.vline(line, rect.y_range(), (3.0, Color32::from_black_alpha(160)));
-            painter.vline(line, rect.y_range(), (1.0, Color32::WHITE));
-        }
     }
 
     /// The pixel of the picture at a position in the window.
     fn pixel(&self, place: Pos2) -> Option<[u32; 2]> {
         let (rect, whole) = (self.rect?, self.whole()?);
-        let size = self.prepared(0)?.job().view.size();
+        let size = self.prepared()?.job().view.size();
         let share = (place - whole.min) / whole.size();
         let inside = (0.0..1.0).contains(&share.x) && (0.0..1.0).contains(&share.y);
         (inside && rect.contains(place))
@@ -166,7 +125,7 @@ impl Canvas {
 
     /// The scene point that a pixel of the picture shows.
     pub(crate) fn surface(&self, [x, y]: [u32; 2]) -> Option<DVec3> {
-        let job = self.prepared(0)?.job();
+        let job = self.prepared()?.job();
         let ray = job.view.ray(x, y, job.world.numerics().ray_precision());
         let hit = job.plan.visible_hit(&job.world, &ray, &mut Traversal::default())?;
         let point = ray.at(hit.t);
@@ -175,31 +134,17 @@ impl Canvas {
 
     /// The scene point in the middle of the picture.
     pub(crate) fn middle(&self) -> Option<DVec3> {
-        self.surface(self.prepared(0)?.job().view.size().map(|side| side / 2))
+        self.surface(self.prepared()?.job().view.size().map(|side| side / 2))
     }
 
     fn mouse(&mut self, ui: &Ui, response: &Response, controls: &mut Controls) -> MouseResult {
         let Some(rect) = self.rect else { return MouseResult::default() };
-        let camera_shown = self.prepared(0).map(|prepared| prepared.camera.clone());
+        let camera_shown = self.prepared().map(|prepared| prepared.camera.clone());
         let camera_shown = camera_shown.as_ref();
-        let line = rect.left() + controls.split * rect.width();
-        let near = |place: Pos2| controls.sides.len() > 1 && (place.x - line).abs() <= GRAB_DISTANCE;
-        let hovers_line = response.hover_pos().is_some_and(near);
-        if response.drag_started() {
-            let origin = ui.input(|input| input.pointer.press_origin());
-            self.drags_line = origin.is_some_and(near);
-        }
-        if hovers_line || (self.drags_line && response.dragged()) {
-            ui.ctx().set_cursor_icon(CursorIcon::ResizeHorizontal);
-        }
         let delta = response.drag_delta();
         let by = DVec2::new(f64::from(delta.x), f64::from(delta.y)) / f64::from(rect.height());
         let modifiers = ui.input(|input| input.modifiers);
-        if response.dragged() && self.drags_line {
-            if let Some(place) = response.interact_pointer_pos() {
-                controls.split = ((place.x - rect.left()) / rect.width()).clamp(0.0, 1.0);
-            }
-        } else if response.dragged() && self.magnifier.is_on() {
+        if response.dragged() && self.magnifier.is_on() {
             self.magnifier.pan(delta, rect);
         } else if response.dragged() && by != DVec2::ZERO {
             let up = DVec2::new(by.x, -by.y);
@@ -228,14 +173,11 @@ impl Canvas {
                 controls.zoom(camera_shown, factor, surface, (at, aspect));
             }
         }
-        let hovered =
-            response.hover_pos().and_then(|place| Some((self.side_at(place, controls), self.pixel(place)?)));
-        self.hovered = hovered;
+        self.hovered = response.hover_pos().and_then(|place| self.pixel(place));
         let pixel = response.interact_pointer_pos().and_then(|place| self.pixel(place));
         MouseResult {
             clicked: pixel.filter(|_| response.clicked()),
             focused: pixel.filter(|_| response.double_clicked()),
-            side: response.interact_pointer_pos().map_or(0, |place| self.side_at(place, controls)),
         }
     }
 }

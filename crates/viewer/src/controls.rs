@@ -12,7 +12,7 @@ use super::navigate;
 use super::request::{CameraSource, Opened, RenderRequest};
 use kiln::job::RenderSettings;
 use kiln::scene::animation::{Moment, Timeline};
-use kiln::scene::{Camera, Focus, ImportOptions, Lens, Projection, Samples};
+use kiln::scene::{Camera, Focus, ImportOptions, Lens, Projection};
 use kiln::world::StandardView;
 
 /// Flight speed, in distances to the target per second.
@@ -23,9 +23,6 @@ const TURN: f64 = 1.2;
 
 /// Binary logarithm of the zoom factor of a key press.
 const ZOOM: f64 = 0.125;
-
-/// Samples of the second side of a comparison, if the first has one.
-const COMPARED_SAMPLES: u32 = 16;
 
 /// State of the controls.
 pub(crate) struct Controls {
@@ -41,14 +38,10 @@ pub(crate) struct Controls {
     pub playing: Option<(Instant, Moment)>,
     /// Displayed quantity.
     pub display_mode: DisplayMode,
-    /// Render settings: one entry, or two for a comparison.
-    pub sides: Vec<RenderSettings>,
-    /// Index of the side that the panel edits.
-    pub side: usize,
+    /// Render settings.
+    pub settings: RenderSettings,
     /// Options with which the files are to be read again.
     pub reading: Option<ImportOptions>,
-    /// Position of the line between two sides, as a fraction of the width.
-    pub split: f32,
     /// Vertical field of view of the last perspective camera, in radians.
     angle: f64,
     /// The camera after and before the last change of the projection.
@@ -78,10 +71,8 @@ impl Controls {
             first: Moment::first(opened.scene()),
             playing: None,
             display_mode: DisplayMode::default(),
-            sides: vec![settings.clone()],
-            side: 0,
+            settings: settings.clone(),
             reading: None,
-            split: 0.5,
             angle: 40f64.to_radians(),
             switched: None,
             pivot: None,
@@ -105,11 +96,9 @@ impl Controls {
         if self.projection == *projection {
             self.projection = opened.projection;
         }
-        for side in &mut self.sides {
-            // The others are those of the command line, which stays.
-            let new = &opened.settings.picture;
-            (side.picture.numerics, side.picture.colour) = (new.numerics, new.colour);
-        }
+        // The others are those of the command line, which stays.
+        let (picture, new) = (&mut self.settings.picture, &opened.settings.picture);
+        (picture.numerics, picture.colour) = (new.numerics, new.colour);
         self.first = Moment::first(opened.scene());
         if opened.scene().animation.is_none() {
             (self.time, self.playing) = (Moment::first(opened.scene()), None);
@@ -129,11 +118,6 @@ impl Controls {
         &self.start_reading
     }
 
-    /// The settings of the side that the panel edits.
-    pub(crate) fn settings(&mut self) -> &mut RenderSettings {
-        &mut self.sides[self.side]
-    }
-
     /// The render request for this state.
     pub(crate) fn request(&self, opened: &Arc<Opened>, size: [u32; 2]) -> RenderRequest {
         RenderRequest {
@@ -144,7 +128,7 @@ impl Controls {
             time: self.time,
             display_mode: self.display_mode,
             is_playing: self.playing.is_some(),
-            sides: self.sides.clone(),
+            settings: self.settings.clone(),
         }
     }
 
@@ -331,29 +315,10 @@ impl Controls {
         self.display_mode = after.copied().unwrap_or_default();
     }
 
-    /// Starts or ends a comparison. The second side has antialiasing, or none if the first has; `samples` is the number of
-    /// samples of the first.
-    pub(crate) fn switch_comparison(&mut self, samples: u32) {
-        match self.sides.len() {
-            1 => {
-                let mut second = self.sides[0].clone();
-                let compared = if samples > 1 { 1 } else { COMPARED_SAMPLES };
-                (second.picture.samples, second.picture.noise) = (Some(Samples::clamped(compared)), None);
-                self.sides.push(second);
-                self.side = 1;
-            }
-            _ => {
-                self.sides.truncate(1);
-                self.side = 0;
-            }
-        }
-    }
-
-    /// Lights the side that the panel edits by an image of the surroundings.
+    /// Lights the scene by an image of the surroundings.
     pub(crate) fn light_by(&mut self, file: &Path) {
-        let settings = self.settings();
-        settings.picture.light = None;
-        settings.environment.environment = Some(file.to_string_lossy().into_owned());
+        self.settings.picture.light = None;
+        self.settings.environment.environment = Some(file.to_string_lossy().into_owned());
     }
 
     /// Starts or pauses playback.

@@ -20,8 +20,6 @@ pub(crate) enum Action {
     NextShown,
     /// Magnifies the displayed pixels, or shows all again.
     Magnify,
-    /// Starts or ends a comparison.
-    Compare,
     /// Starts or pauses the animation.
     Play,
     /// Moves by a number of frames.
@@ -92,7 +90,6 @@ const BINDINGS: &[Binding] = &[
     plain(Key::C, Action::NextCamera),
     plain(Key::V, Action::NextShown),
     plain(Key::Z, Action::Magnify),
-    plain(Key::X, Action::Compare),
     plain(Key::F1, Action::Help),
     plain(Key::F5, Action::Reload),
     plain(Key::F11, Action::FullScreen),
@@ -124,7 +121,6 @@ pub(crate) const LIST: &[(&str, &str)] = &[
     ("C", "next camera of the scene"),
     ("V", "next false colours"),
     ("Z", "magnify the pixels under the mouse; then wheel and drag change what is seen; Z or Esc ends"),
-    ("X", "beside a second setting; drag the line"),
     ("Space", "play or pause the animation"),
     (", and .", "one frame back or forth; Backspace for the first"),
     ("Ctrl + O", "open a file: type a part of its name, then Enter"),

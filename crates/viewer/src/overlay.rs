@@ -1,10 +1,10 @@
-//! Overlays of the picture: notices, the list of keys, legends and side labels.
+//! Overlays of the picture: notices, the list of keys and legends.
 
 use std::time::{Duration, Instant};
 
 use egui::{
-    Align2, Area, Color32, Context, Frame, Grid, Id, Label, Pos2, Rect, RichText, Sense, Stroke, TextStyle,
-    Ui, Window, pos2, vec2,
+    Align2, Area, Color32, Context, Frame, Grid, Id, Rect, RichText, Sense, Stroke, TextStyle, Ui, Window, pos2,
+    vec2,
 };
 
 use super::elided;
@@ -22,9 +22,6 @@ const LOW: f32 = 600.0;
 
 /// Width of most characters, in points.
 const CHARACTER_WIDTH: f32 = 7.0;
-
-/// Height of a line of the side labels with its distances, in points.
-const SIDES_HEIGHT: f32 = 36.0;
 
 /// A message over the picture.
 pub(crate) struct Notice {
@@ -53,12 +50,10 @@ impl Notice {
     }
 }
 
-/// Shows a notice at the top of the picture, below the labels of a comparison. Returns whether it was dismissed.
-pub(crate) fn notice(context: &Context, rect: Rect, compares: bool, notice: &Notice) -> bool {
+/// Shows a notice at the top of the picture. Returns whether it was dismissed.
+pub(crate) fn notice(context: &Context, rect: Rect, notice: &Notice) -> bool {
     let mut dismissed = false;
-    let top = if compares { SIDES_HEIGHT } else { 0.0 };
-    let area =
-        Area::new(Id::unique("notice")).fixed_pos(rect.min + vec2(12.0, 12.0 + top)).constrain_to(rect);
+    let area = Area::new(Id::unique("notice")).fixed_pos(rect.min + vec2(12.0, 12.0)).constrain_to(rect);
     area.show(context, |ui| {
         let stroke = if notice.is_error { ui.visuals().error_fg_color } else { ui.visuals().hyperlink_color };
         Frame::popup(ui.style()).stroke(Stroke::new(1.5, stroke)).show(ui, |ui| {
@@ -162,29 +157,4 @@ fn swatch(ui: &mut Ui, [r, g, b]: [u8; 3], name: &str) {
     let square = Rect::from_center_size(rect.left_center() + vec2(6.0, 0.0), vec2(12.0, 12.0));
     ui.painter().rect_filled(square, 2.0, Color32::from_rgb(r, g, b));
     ui.painter().galley(rect.left_top() + vec2(18.0, 0.0), text, colour);
-}
-
-/// Shows the labels of the two sides of a comparison at the top of the picture.
-pub(crate) fn sides(context: &Context, rect: Rect, split: f32, names: &[String; 2]) {
-    let line = rect.left() + split * rect.width();
-    // Anchor, position and width of each.
-    let places: [(Align2, Pos2, f32); 2] = [
-        (Align2::RIGHT_TOP, pos2(line - 10.0, rect.top() + 8.0), line - rect.left()),
-        (Align2::LEFT_TOP, pos2(line + 10.0, rect.top() + 8.0), rect.right() - line),
-    ];
-    for ((anchor, place, width), name) in places.into_iter().zip(names) {
-        let id = Id::unique(("side", name, anchor.x() as u8 as usize));
-        let length = ((width - 50.0) / CHARACTER_WIDTH).max(0.0) as usize;
-        if length < 3 {
-            continue;
-        }
-        Area::new(id).pivot(anchor).fixed_pos(place).constrain_to(rect).interactable(false).show(
-            context,
-            |ui| {
-                Frame::popup(ui.style()).show(ui, |ui| {
-                    ui.add(Label::new(elided(name, length)).extend());
-                });
-            },
-        );
-    }
 }

@@ -4,58 +4,38 @@ mod light;
 mod look;
 mod options;
 
-use std::path::Path;
-
 use egui::{Align, CollapsingHeader, ComboBox, DragValue, Grid, Layout, RichText, Slider, Ui};
 
 use super::controls::Controls;
 use super::false_colour::DisplayMode;
 use super::keys::Action;
-use super::painter::{Comparison, RenderedImage};
+use super::painter::RenderedImage;
 use super::request::{CameraSource, Opened};
-use super::{elided, name_of, navigate};
+use super::{elided, navigate};
 use kiln::effects::{Decision, EFFECTS, RayKind};
 use kiln::error::printable;
 use kiln::job::{RenderSettings, RoundingError};
 use kiln::render::HAS_THREAD_TIME;
 use kiln::render::grouped;
-use kiln::scene::{Background, Camera, ClipChoice, OptionValue, Projection, Samples, Sampling, Scene, Shape};
+use kiln::scene::{Camera, ClipChoice, Projection, Scene, Shape};
 use kiln::world::StandardView;
-use light::LightChoice;
 use options::{
     APERTURE, BOUNCES, CLIP, CULL, FILTER, GROUND, LIST_LENGTH, NOISE, OptionControl, SAMPLES, SHADING,
     SMOOTH, Shown, TONE_MAP, TRANSPORT, UP, VARIANT, WIDTH,
 };
 
-/// Data that the panel displays.
-pub(crate) struct PanelContents<'a> {
-    /// Opened files.
-    pub opened: &'a Opened,
-    /// Last image of each side.
-    pub rendered: [Option<&'a RenderedImage>; 2],
-    /// Errors between the two sides.
-    pub comparison: Option<Comparison>,
-}
-
-impl PanelContents<'_> {
-    /// Samples per pixel of the left side, at most.
-    fn samples_taken(&self) -> u32 {
-        self.rendered[0].map_or(1, |rendered| rendered.prepared.job().plan_settings.sampling.samples_taken())
-    }
-
-    fn displayed_camera(&self) -> Option<&Camera> {
-        self.rendered[0].map(|rendered| &rendered.prepared.camera)
-    }
-}
-
-/// Shows the panel. Returns the action that was chosen.
-pub(crate) fn show(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) -> Option<Action> {
+/// Shows the panel of the opened files and the last image. Returns the action that was chosen.
+pub(crate) fn show(
+    ui: &mut Ui,
+    opened: &Opened,
+    rendered: Option<&RenderedImage>,
+    controls: &mut Controls,
+) -> Option<Action> {
     ui.add_space(8.0);
-    camera(ui, contents, controls);
-    reading(ui, contents.opened, controls);
-    comparison(ui, contents, controls);
-    let (scene, rendered) = (contents.opened.scene(), contents.rendered[controls.side]);
-    let (start, mut settings) = (controls.start_settings().clone(), controls.settings().clone());
+    camera(ui, opened, rendered, controls);
+    reading(ui, opened, controls);
+    let scene = opened.scene();
+    let (start, mut settings) = (controls.start_settings().clone(), controls.settings.clone());
     let shown = Shown::new(&settings, rendered, scene);
     let rows = |ui: &mut Ui, settings: &mut RenderSettings, rows: &[&OptionControl]| {
         rows.iter().for_each(|row| row.show(ui, &shown, &start, settings));
@@ -71,12 +51,12 @@ pub(crate) fn show(ui: &mut Ui, contents: &PanelContents, controls: &mut Control
     section(ui, "Quality", |ui| {
         rows(ui, &mut settings, &[SAMPLES, NOISE, FILTER, TRANSPORT, BOUNCES]);
     });
-    *controls.settings() = settings;
     section(ui, "Effects", |ui| {
         if let Some(rendered) = rendered {
-            effects(ui, rendered, controls.settings());
+            effects(ui, rendered, &mut settings);
         }
     });
+    controls.settings = settings;
     light.flatten()
 }
 
@@ -114,8 +94,8 @@ pub(crate) fn buttons(ui: &mut Ui) -> Option<Action> {
     clicked
 }
 
-fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
-    let cameras = &contents.opened.scene().cameras;
+fn camera(ui: &mut Ui, opened: &Opened, rendered: Option<&RenderedImage>, controls: &mut Controls) {
+    let cameras = &opened.scene().cameras;
     ui.horizontal(|ui| {
         let name = match &controls.camera_source {
             CameraSource::Scene(index) => {
@@ -153,7 +133,7 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
             controls.reset_camera();
         }
     });
-    let Some(seen) = contents.displayed_camera() else { return };
+    let Some(seen) = rendered.map(|rendered| &rendered.prepared.camera) else { return };
     ui.horizontal(|ui| {
         for projection in [Projection::Perspective, Projection::Orthographic] {
             let button = ui.selectable_label(seen.projection == projection, projection.name());
@@ -204,45 +184,6 @@ fn extent(ui: &mut Ui, controls: &mut Controls, seen: &Camera) {
             true => navigate::set_field_of_view(camera, value.to_radians()),
             false => navigate::zoom(camera, before / value),
         });
-    }
-}
-
-fn comparison(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls) {
-    ui.horizontal(|ui| {
-        let mut compares = controls.sides.len() > 1;
-        let check =
-            ui.checkbox(&mut compares, "Compare").on_hover_text("beside a second setting (X); drag the line");
-        if check.changed() {
-            controls.switch_comparison(contents.samples_taken());
-        }
-        if controls.sides.len() > 1 {
-            for (side, name) in ["left", "right"].into_iter().enumerate() {
-                let button = ui.selectable_label(controls.side == side, name);
-                if button.clicked() {
-                    controls.side = side;
-                }
-            }
-        }
-    });
-    if controls.sides.len() < 2 {
-        return;
-    }
-    for (rendered, name) in contents.rendered.iter().zip(["left", "right"]) {
-        if let Some(rendered) = rendered {
-            ui.label(format!("{name}: {}", progress_text(rendered)));
-        }
-    }
-    match contents.comparison {
-        Some(Comparison { max, rmse, flip }) => {
-            let label = ui.label(format!("difference: FLIP {flip:.4}, RMSE {rmse:.2e}, max {max:.2e}"));
-            label.on_hover_text(
-                "FLIP: how different the pictures look, from 0, the same, to 1\nRMSE: root of the mean squared \
-                 difference of the values; white is 1\nmax: the largest difference of a value",
-            );
-        }
-        None => {
-            ui.label(RichText::new("difference: …").weak());
-        }
     }
 }
 
@@ -352,38 +293,6 @@ fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut RenderSett
     if check.changed() {
         settings.switch(decision.effect, on);
     }
-}
-
-/// Names of the settings of a side, one entry each. `sampling` is that of its picture.
-pub(crate) fn setting_names(settings: &RenderSettings, sampling: &Sampling) -> Vec<String> {
-    let RenderSettings { picture, with, without, .. } = settings;
-    let samples = picture.samples.map_or_else(|| sampling.samples_taken(), Samples::get);
-    let mut words = vec![
-        picture.shading().name().to_owned(),
-        picture.numerics().name().into(),
-        picture.pipeline().name().into(),
-        if samples == 1 { "1 sample".into() } else { format!("{samples} samples") },
-    ];
-    if samples > 1 {
-        words.push(picture.filter.or(sampling.filter).unwrap_or_default().name().into());
-    }
-    let display = picture.display().in_pipeline(picture.pipeline());
-    words.extend(display.exposure().map(|exposure| format!("exposure {exposure}")));
-    words.extend(display.tone_map().map(|map| map.name().to_owned()));
-    match (LightChoice::of(settings), &settings.environment.environment) {
-        (LightChoice::Own, _) => {}
-        (LightChoice::Environment, Some(file)) => words.push(format!("light: {}", name_of(Path::new(file)))),
-        (light, _) => words.push(format!("light: {}", light.name(""))),
-    }
-    if let Some(background @ Background::Colour(_)) = picture.background {
-        words.push(format!("background {}", background.text()));
-    }
-    if picture.ground == Some(true) {
-        words.push("ground".to_owned());
-    }
-    words.extend(with.iter().map(|effect| format!("with {effect}")));
-    words.extend(without.iter().map(|effect| format!("without {effect}")));
-    words
 }
 
 /// Size, samples and time of an image, in one line.

@@ -61,13 +61,13 @@ pub(crate) struct RenderRequest {
     pub display_mode: super::false_colour::DisplayMode,
     /// Whether the animation plays, so that this picture has the time of one frame.
     pub is_playing: bool,
-    /// Render settings but for camera, projection and size: one entry, or two for a comparison.
-    pub sides: Vec<RenderSettings>,
+    /// Render settings but for camera, projection and size.
+    pub settings: RenderSettings,
 }
 
 impl RenderRequest {
-    /// The settings of `kiln render` for the picture of a side.
-    pub(crate) fn render_settings(&self, side: &RenderSettings) -> RenderSettings {
+    /// The settings of `kiln render` for the picture.
+    pub(crate) fn render_settings(&self) -> RenderSettings {
         let scene = self.opened.scene();
         let camera = match &self.camera_source {
             CameraSource::Scene(index) if *index < scene.cameras.len() => CameraChoice::Index(*index),
@@ -76,8 +76,8 @@ impl RenderRequest {
             CameraSource::Fitted(view) | CameraSource::FittedAt(view, _) => CameraChoice::Fitted(*view),
             CameraSource::Free(camera) => CameraChoice::Given(given(camera)),
         };
-        let picture = PictureSettings::of_size(self.size).or(side.picture).displayable();
-        RenderSettings { camera, projection: self.projection, picture, ..side.clone() }
+        let picture = PictureSettings::of_size(self.size).or(self.settings.picture).displayable();
+        RenderSettings { camera, projection: self.projection, picture, ..self.settings.clone() }
     }
 }
 
@@ -99,6 +99,6 @@ impl PartialEq for RenderRequest {
             && self.time == other.time
             && self.display_mode == other.display_mode
             && self.is_playing == other.is_playing
-            && self.sides == other.sides
+            && self.settings == other.settings
     }
 }

@@ -58,10 +58,9 @@ pub(crate) struct Finished {
     pub display: DisplayTransform,
 }
 
-/// A picture to be saved: a side of a request.
+/// A picture to be saved.
 pub(crate) struct SavedPicture {
     pub request: RenderRequest,
-    pub side: usize,
     /// Its frame, if the scene has an animation.
     pub frame: Option<i32>,
     /// The picture, if it is finished on the screen.
@@ -87,9 +86,9 @@ impl SavedPicture {
     /// # Errors
     /// The errors of rendering.
     pub(crate) fn image(&self, format: Format, control: &RenderControl) -> Result<(OutputImage, Metadata)> {
-        let SavedPicture { request, side, frame, finished, command } = self;
+        let SavedPicture { request, frame, finished, command } = self;
         let session = &request.opened.session;
-        let settings = request.render_settings(&request.sides[*side]);
+        let settings = request.render_settings();
         let resolved = session.resolve(&settings, &mut Warnings::default())?;
         let picture = session.picture(&resolved, request.time)?;
         // Values of OpenEXR do not depend on an automatic exposure; frames keep their own, as those of the command.
@@ -123,7 +122,7 @@ pub fn saved_picture(
     format: Format,
 ) -> Result<(OutputImage, Metadata)> {
     let request = super::painter::request_at(opened, size, frame.unwrap_or(0));
-    let picture = SavedPicture { request, side: 0, frame, finished: None, command: String::new() };
+    let picture = SavedPicture { request, frame, finished: None, command: String::new() };
     picture.image(format, &RenderControl::default())
 }
 
@@ -139,8 +138,6 @@ pub(crate) struct SaveDialog {
     /// Absolute path as typed.
     file: String,
     size: [u32; 2],
-    /// Which side of a comparison is saved.
-    side_name: Option<&'static str>,
     /// Whether another size can be chosen: false colours are saved as displayed.
     has_size: bool,
     /// Whether the picture has an alpha channel.
@@ -157,15 +154,10 @@ pub(crate) enum SaveAnswer {
 
 impl SaveDialog {
     /// Proposes a file name and the size of the window's picture.
-    pub(crate) fn new(
-        file: &Path,
-        size: [u32; 2],
-        side_name: Option<&'static str>,
-        [has_size, has_alpha]: [bool; 2],
-    ) -> Self {
+    pub(crate) fn new(file: &Path, size: [u32; 2], [has_size, has_alpha]: [bool; 2]) -> Self {
         let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
         let file = file.to_string_lossy().into_owned();
-        SaveDialog { file, size, side_name, has_size, has_alpha, is_new: true }
+        SaveDialog { file, size, has_size, has_alpha, is_new: true }
     }
 
     /// What prevents that the file is written.
@@ -189,12 +181,8 @@ impl SaveDialog {
     /// Shows the dialog.
     pub(crate) fn show(&mut self, context: &Context) -> SaveAnswer {
         let (mut is_open, mut saves, mut cancels) = (true, false, false);
-        let title = match self.side_name {
-            Some(side) => format!("Save the picture of the {side} side"),
-            None => "Save the picture".to_owned(),
-        };
         let width = (context.viewport_rect().width() - 60.0).min(420.0);
-        let window = Window::new(title).id(egui::Id::unique("save")).open(&mut is_open).collapsible(false);
+        let window = Window::new("Save the picture").open(&mut is_open).collapsible(false);
         window.default_width(width).default_pos([20.0, 40.0]).show(context, |ui| {
             ui.set_max_width(width);
             let edit = TextEdit::singleline(&mut self.file).hint_text("a path").desired_width(f32::INFINITY);
@@ -263,7 +251,7 @@ mod tests {
     fn a_file_that_cannot_be_written_is_named_before_it_is_rendered() {
         let folder = tempfile::tempdir().expect("a folder");
         let problem = |name: &str, kind| {
-            SaveDialog::new(&folder.path().join(name), [4, 4], None, kind).problem().unwrap_or_default()
+            SaveDialog::new(&folder.path().join(name), [4, 4], kind).problem().unwrap_or_default()
         };
         let (opaque, transparent, false_colours) = ([true, false], [true, true], [false, false]);
         for name in ["a.png", "a.JPG", "a.exr"] {

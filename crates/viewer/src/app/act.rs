@@ -49,7 +49,7 @@ impl App {
 
     /// The camera of the displayed picture, in scene coordinates.
     pub(super) fn displayed_camera(&self) -> Option<Camera> {
-        self.canvas.prepared(0).map(|prepared| prepared.camera.clone())
+        self.canvas.prepared().map(|prepared| prepared.camera.clone())
     }
 
     /// Performs an action.
@@ -85,28 +85,10 @@ impl App {
             Action::CopyCommand => {
                 if let Some(command) = self.copied_command() {
                     context.copy_text(command);
-                    let side = self.side_name().map_or(String::new(), |side| format!(": the {side} side"));
-                    self.show_notice(format!("copied the command line that renders this{side}"));
+                    self.show_notice("copied the command line that renders this".to_owned());
                 }
             }
-            Action::Compare => {
-                self.control(action);
-                self.explain_comparison();
-            }
             _ => self.control(action),
-        }
-    }
-
-    /// Says how to change a comparison that was just started, until it ends.
-    pub(super) fn explain_comparison(&mut self) {
-        if self.controls.as_ref().is_some_and(|controls| controls.sides.len() > 1) {
-            let how = "Choose left or right in the panel, and change the settings of that side.\n\
-                       Drag the line between them. X ends the comparison.";
-            self.show_notice(format!(
-                "Two settings side by side: at first they differ in their samples.\n{how}"
-            ));
-        } else {
-            self.notice.take_if(|notice| !notice.is_error);
         }
     }
 
@@ -150,12 +132,6 @@ impl App {
             (Action::Standard(view), _) => controls.fit_standard_view(view),
             (Action::NextCamera, _) => controls.next_camera(opened.scene().cameras.len()),
             (Action::NextShown, _) => controls.next_display_mode(),
-            (Action::Compare, _) => {
-                let prepared = self.canvas.prepared(0);
-                controls.switch_comparison(
-                    prepared.map_or(1, |p| p.job().plan_settings.sampling.samples_taken()),
-                );
-            }
             (Action::Play, Some(_)) => controls.play(),
             (Action::Step(by), Some(timeline)) => {
                 controls.playing = None;
@@ -190,8 +166,8 @@ impl App {
     /// middle of the picture.
     pub(super) fn click(&mut self, mouse: &MouseResult) {
         let (Some(pixel), Some(opened)) = (mouse.clicked.or(mouse.focused), &self.opened) else { return };
-        let Some(prepared) = self.canvas.prepared(mouse.side).cloned() else { return };
-        let rendered = self.canvas.rendered(mouse.side);
+        let Some(prepared) = self.canvas.prepared().cloned() else { return };
+        let rendered = self.canvas.rendered();
         let shown = rendered.map(|rendered| rendered.display).unwrap_or_default();
         let metered = rendered.and_then(|rendered| rendered.metered.clone());
         let job = metered.as_deref().unwrap_or(prepared.job());
@@ -234,8 +210,7 @@ impl App {
     /// The command line that renders the displayed picture in a size, with the AOV of a false-colour view.
     fn command(&self, output: &std::path::Path, size: [u32; 2]) -> Option<String> {
         let (controls, opened) = (self.controls.as_ref()?, self.opened.as_ref()?);
-        let prepared = self.canvas.prepared(controls.side)?;
-        let settings = &controls.sides[controls.side];
+        let prepared = self.canvas.prepared()?;
         // Only the window fits a camera to a moment.
         let fitted = CameraSource::Free(prepared.camera.clone());
         let viewpoint = match &controls.camera_source {
@@ -248,7 +223,7 @@ impl App {
             viewpoint,
             projection: prepared.job().camera.projection,
             size,
-            settings,
+            settings: &controls.settings,
             import_options: &opened.scene().import_options,
             output,
         });
@@ -262,26 +237,20 @@ impl App {
     fn copied_command(&self) -> Option<String> {
         let controls = self.controls.as_ref()?;
         let ending = if controls.display_mode.aov().is_some() { "exr" } else { "png" };
-        let size = self.canvas.prepared(controls.side)?.job().view.size();
+        let size = self.canvas.prepared()?.job().view.size();
         self.command(&self.output(ending), size)
-    }
-
-    /// The side of a comparison that is edited, saved and copied.
-    fn side_name(&self) -> Option<&'static str> {
-        let controls = self.controls.as_ref().filter(|controls| controls.sides.len() > 1)?;
-        Some(["left", "right"][controls.side])
     }
 
     /// Opens the dialog for the name of the picture; closes it if it is open.
     fn ask_for_name(&mut self) {
         let Some(controls) = &self.controls else { return };
         let has_size = controls.display_mode == DisplayMode::Picture;
-        let Some(prepared) = self.canvas.prepared(controls.side) else { return };
+        let Some(prepared) = self.canvas.prepared() else { return };
         let size = prepared.job().view.size();
         let has_alpha = has_size && prepared.job().is_transparent();
         self.save_dialog = match self.save_dialog {
             Some(_) => None,
-            None => Some(SaveDialog::new(&self.output("png"), size, self.side_name(), [has_size, has_alpha])),
+            None => Some(SaveDialog::new(&self.output("png"), size, [has_size, has_alpha])),
         };
     }
 
@@ -299,8 +268,8 @@ impl App {
     /// Saves the picture in a size, the same as that of `kiln render`; for other display modes, the displayed image.
     fn save_picture(&mut self, context: &Context, file: PathBuf, size: [u32; 2]) {
         let (Some(controls), Some(opened)) = (&self.controls, &self.opened) else { return };
-        let (side, mode) = (controls.side, controls.display_mode);
-        let Some(rendered) = self.canvas.rendered(side) else { return };
+        let mode = controls.display_mode;
+        let Some(rendered) = self.canvas.rendered() else { return };
         let command = self.command(&file, size).unwrap_or_default();
         let mut request = controls.request(opened, size);
         // The displayed picture is that of the newest request, once it is finished.
@@ -318,7 +287,7 @@ impl App {
             request.camera_source = CameraSource::Free(rendered.prepared.camera.clone());
         }
         let frame = timeline(opened).map(|timeline| controls.frame(&timeline));
-        let picture = SavedPicture { request, frame, side, finished, command };
+        let picture = SavedPicture { request, frame, finished, command };
         let percent = Arc::new(AtomicUsize::new(0));
         self.saving.push(Saving { file: file.clone(), percent: Arc::clone(&percent) });
         let (threads, sender, context) = (Arc::clone(&self.threads), self.saved.0.clone(), context.clone());

@@ -7,7 +7,7 @@ use egui::{Align, Context, Label, Layout, Panel, RichText, ScrollArea, Ui};
 
 use super::{App, inspector, timeline};
 use crate::painter::RenderedImage;
-use crate::panel::{self, PanelContents};
+use crate::panel;
 use crate::save::Saving;
 use crate::{elided, name_of, overlay, pixels, timeline as bar};
 use kiln::error::Warnings;
@@ -28,7 +28,7 @@ impl App {
             return;
         };
         let newest = self.requested.as_ref().map_or(0, |(_, number)| *number);
-        if self.canvas.rendered(0).is_some_and(|rendered| rendered.request == newest) {
+        if self.canvas.rendered().is_some_and(|rendered| rendered.request == newest) {
             controls.advance(&timeline, animation.duration);
         }
         context.request_repaint_after(Duration::from_millis(5));
@@ -37,11 +37,10 @@ impl App {
     pub(super) fn panels(&mut self, ui: &mut Ui) {
         Panel::bottom("status").show(ui, |ui| self.status(ui));
         let App {
-            controls, opened, canvas, comparison, visible, inspection, names, outliner, histogram, ..
+            controls, opened, canvas, visible, inspection, names, outliner, histogram, ..
         } = self;
         let (Some(controls), Some(opened)) = (controls, opened) else { return };
-        let (mut clicked, before) = (None, controls.sides.len());
-        let (mut is_inspecting, mut visible_objects) = (true, None);
+        let (mut clicked, mut is_inspecting, mut visible_objects) = (None, true, None);
         if visible.panel {
             Panel::right("panel").exact_size(PANEL_WIDTH).show(ui, |ui| {
                 Panel::bottom("buttons").show(ui, |ui| clicked = panel::buttons(ui));
@@ -50,10 +49,8 @@ impl App {
                 }
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                     visible_objects = outliner.show(ui, opened);
-                    let rendered = [canvas.rendered(0), canvas.rendered(1)];
-                    let contents = PanelContents { opened, rendered, comparison: *comparison };
-                    clicked = clicked.or(panel::show(ui, &contents, controls));
-                    if let Some(rendered) = canvas.rendered(controls.side) {
+                    clicked = clicked.or(panel::show(ui, opened, canvas.rendered(), controls));
+                    if let Some(rendered) = canvas.rendered() {
                         histogram.show(ui, &rendered.image);
                     }
                 });
@@ -62,7 +59,6 @@ impl App {
         if !is_inspecting {
             *inspection = None;
         }
-        let compares_anew = controls.sides.len() != before;
         let reading = controls.reading.take();
         if let (Some(timeline), Some(animation)) = (timeline(opened), &opened.scene().animation) {
             Panel::bottom("timeline").show(ui, |ui| {
@@ -74,9 +70,6 @@ impl App {
         } else if let Some([isolate, hide]) = visible_objects {
             self.show_objects(isolate, hide);
         }
-        if compares_anew {
-            self.explain_comparison();
-        }
         if let Some(action) = clicked {
             self.act(&ui.ctx().clone(), action);
         }
@@ -86,32 +79,26 @@ impl App {
     pub(super) fn picture(&mut self, ui: &mut Ui) {
         let context = ui.ctx().clone();
         let rect = ui.available_rect_before_wrap();
-        let compares = self.controls.as_ref().is_some_and(|controls| controls.sides.len() > 1);
-        self.notice
-            .take_if(|notice| notice.is_over(&context) || overlay::notice(&context, rect, compares, notice));
+        self.notice.take_if(|notice| notice.is_over(&context) || overlay::notice(&context, rect, notice));
         if let Some((what, since)) = self.progress() {
             overlay::progress(&context, rect, &what, since);
         }
         let Some(controls) = &mut self.controls else { return self.empty(ui) };
         let (size, mouse) = self.canvas.show(ui, controls);
-        let split = controls.split;
         let rect = self.canvas.rect().unwrap_or(rect);
         self.click(&mouse);
-        if compares {
-            overlay::sides(&context, rect, split, &self.side_names());
-        }
-        if let Some(legend) = self.canvas.rendered(0).and_then(|rendered| rendered.legend.as_ref()) {
+        if let Some(legend) = self.canvas.rendered().and_then(|rendered| rendered.legend.as_ref()) {
             overlay::legend(&context, rect, legend);
         }
         let whole = self.canvas.whole().unwrap_or(rect);
         // Coarse images are those of a camera that moves.
-        if let (Some(selected), Some(rendered)) = (self.outliner.selected(), self.canvas.rendered(0))
+        if let (Some(selected), Some(rendered)) = (self.outliner.selected(), self.canvas.rendered())
             && rendered.factor == 1
         {
             let (prepared, painter) = (&rendered.prepared, ui.painter_at(rect));
             self.outline.draw(&painter, whole, prepared, selected, &self.threads);
         }
-        if let (Some((of, found)), Some(prepared)) = (&self.inspection, self.canvas.prepared(0)) {
+        if let (Some((of, found)), Some(prepared)) = (&self.inspection, self.canvas.prepared()) {
             inspector::draw(&ui.painter_at(rect), whole, prepared, of, found);
         }
         if !self.fit_window(&context, size) {
@@ -121,9 +108,8 @@ impl App {
 
     /// The status bar: render progress, the pixel under the mouse, and warnings about the image and the files.
     fn status(&self, ui: &mut Ui) {
-        let hovered = self.canvas.hovered();
-        let pixel =
-            hovered.and_then(|(side, pixel)| Some(pixels::values(self.canvas.rendered(side)?, pixel)));
+        let pixel = self.canvas.hovered().zip(self.canvas.rendered());
+        let pixel = pixel.map(|(pixel, rendered)| pixels::values(rendered, pixel));
         ui.horizontal(|ui| {
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                 pixel.into_iter().for_each(|text| {
@@ -136,7 +122,7 @@ impl App {
 
     /// The left part of the status bar.
     fn progress_and_warnings(&self, ui: &mut Ui) {
-        let rendered = self.canvas.rendered(0);
+        let rendered = self.canvas.rendered();
         let progress = match (rendered, self.progress()) {
             (Some(rendered), None) => panel::progress_text(rendered),
             (_, Some((what, _))) => what,
@@ -158,24 +144,6 @@ impl App {
             let line = Label::new(line).truncate().show_tooltip_when_elided(false);
             ui.add(line).on_hover_text(warnings.join("\n"));
         }
-    }
-
-    /// Labels of the two sides of a comparison: the settings in which they differ.
-    fn side_names(&self) -> [String; 2] {
-        let Some(controls) = &self.controls else { return Default::default() };
-        let [a, b] = [0, 1].map(|side| {
-            let sampling = self.canvas.prepared(side).map(|prepared| prepared.job().plan_settings.sampling);
-            let settings = controls.sides.get(side);
-            settings.map(|s| panel::setting_names(s, &sampling.unwrap_or_default())).unwrap_or_default()
-        });
-        let only = |own: &[String], other: &[String]| {
-            let mut own: Vec<String> = own.iter().filter(|word| !other.contains(word)).cloned().collect();
-            let lacks = other.iter().filter_map(|word| word.strip_prefix("without "));
-            own.extend(lacks.map(|effect| format!("with {effect}")));
-            own.dedup();
-            if own.is_empty() { "the same".to_owned() } else { own.join(", ") }
-        };
-        [only(&a, &b), only(&b, &a)]
     }
 }
 

@@ -116,10 +116,6 @@ impl App {
         match message {
             Message::Building => self.building = Some(Instant::now()),
             Message::Image(rendered) => self.handle_image(context, rendered, newest),
-            Message::Compared(request, comparison) if request == newest => {
-                self.comparison = Some(comparison);
-            }
-            Message::Compared(..) => {}
             Message::Failed(request, text) => {
                 self.building = None;
                 if request == newest {
@@ -141,11 +137,9 @@ impl App {
             let (known, job) = (&known.job(), &rendered.prepared.job());
             Arc::ptr_eq(&known.world, &job.world) && known.plan_settings == job.plan_settings
         };
-        if rendered.side == 0 {
-            self.of_picture.take_if(|known| !has_same_settings(known));
-        }
+        self.of_picture.take_if(|known| !has_same_settings(known));
         let is_known = |(known, _): &(Arc<_>, _)| Arc::ptr_eq(known, &rendered.prepared);
-        if rendered.side == 0 && rendered.factor == 1 && !self.of_picture.as_ref().is_some_and(is_known) {
+        if rendered.factor == 1 && !self.of_picture.as_ref().is_some_and(is_known) {
             let mut warnings = Warnings::default();
             rendered.warn_of_picture(&mut warnings);
             let texts = warnings.messages().iter().chain(warnings.notes()).cloned().collect();

@@ -22,7 +22,7 @@ use super::loader::Loader;
 use super::open_dialog::OpenDialog;
 use super::outliner::{Outline, Outliner};
 use super::overlay::{self, Notice};
-use super::painter::{Comparison, Message, Painter, Prepared};
+use super::painter::{Message, Painter, Prepared};
 use super::pixels::Histogram;
 use super::request::{Opened, RenderRequest};
 use super::save::{SaveDialog, Saving};
@@ -115,7 +115,6 @@ struct App {
     requested: Option<(RenderRequest, u64)>,
     /// Number of the failed request that the notice reports.
     failed_request: Option<u64>,
-    comparison: Option<Comparison>,
     /// Inspected pixel, and the prepared render that it belongs to.
     inspection: Option<(Arc<Prepared>, Inspection)>,
     /// The list of the objects, and the outline of the selected one.
@@ -194,7 +193,6 @@ impl App {
             held: HeldKeys::default(),
             requested: None,
             failed_request: None,
-            comparison: None,
             inspection: None,
             outliner: Outliner::default(),
             outline: Outline::default(),
@@ -239,10 +237,6 @@ impl App {
             return;
         }
         let number = self.painter.request(request.clone());
-        if request.sides.len() < 2 {
-            self.canvas.clear_side(1);
-        }
-        self.comparison = None;
         self.requested = Some((request, number));
         self.wait_for_first_image(context, number);
     }
@@ -255,7 +249,6 @@ impl App {
             let is_it = match &message {
                 Message::Image(rendered) => rendered.request == number,
                 Message::Building | Message::Failed(..) => true,
-                Message::Compared(..) => false,
             };
             self.handle_message(context, message);
             if is_it {

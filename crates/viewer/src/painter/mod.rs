@@ -3,11 +3,9 @@
 //! A new request cancels the current pass within a tile. The first, coarse pass is completed if it is fast: otherwise a
 //! continuous mouse drag would cancel every pass, and no image would be shown.
 
-mod compare;
 mod pass;
 mod render_cache;
 
-pub(crate) use compare::Comparison;
 pub(crate) use render_cache::{Prepared, RenderCache};
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -25,7 +23,6 @@ use kiln::film::write::{Format, OutputImage};
 use kiln::film::{DisplayTransform, Film};
 use kiln::job::{Findings, Metadata, RenderControl, RenderJob};
 use kiln::render::Statistics;
-use pass::PipelineImage;
 
 /// Duration after which the first pass of an outdated request is cancelled.
 const FIRST_PASS_LIMIT: Duration = Duration::from_millis(100);
@@ -40,8 +37,6 @@ pub(crate) enum Message {
     Building,
     /// The image of a pass.
     Image(Box<RenderedImage>),
-    /// Request number, and the errors between the two sides of a comparison.
-    Compared(u64, Comparison),
     /// Number of a request that failed, and the message with its hint.
     Failed(u64, String),
 }
@@ -50,8 +45,6 @@ pub(crate) enum Message {
 pub(crate) struct RenderedImage {
     /// Request number.
     pub request: u64,
-    /// Side of the comparison.
-    pub side: usize,
     /// Pixels as displayed.
     pub image: Arc<ColorImage>,
     /// Display transform of the picture.
@@ -232,8 +225,7 @@ fn work(shared: &Shared, threads: &Arc<rayon::ThreadPool>, sender: &MessageSende
         let task = RenderTask { shared, sender, number };
         let done = threads.install(|| task.paint(&request, &mut cache));
         match done {
-            Ok(Some([a, b])) => compare::compare_sides(number, [a, b], threads, sender),
-            Ok(None) | Err(Error::Interrupted) => {}
+            Ok(()) | Err(Error::Interrupted) => {}
             Err(e) => sender.send(Message::Failed(number, super::message_with_hint(&e))),
         }
     }
@@ -247,50 +239,28 @@ struct RenderTask<'a> {
 }
 
 impl RenderTask<'_> {
-    /// Renders all passes, alternating between the sides. Returns both images of a comparison.
-    fn paint(
-        &self,
-        request: &RenderRequest,
-        cache: &mut RenderCache,
-    ) -> kiln::error::Result<Option<[PipelineImage; 2]>> {
-        if !cache.has_worlds(request) {
+    /// Renders all passes.
+    fn paint(&self, request: &RenderRequest, cache: &mut RenderCache) -> Result<()> {
+        if !cache.has_world(request) {
             self.sender.send(Message::Building);
         }
         let pixels = request.size[0] as usize * request.size[1] as usize;
-        let factor =
-            first_factor(pixels * request.sides.len(), cache.seconds_per_pixel(request), request.is_playing);
-        let mut sides = Vec::new();
-        for settings in &request.sides {
-            if self.is_outdated() {
-                return Err(Error::Interrupted);
+        let factor = first_factor(pixels, cache.seconds_per_pixel(request), request.is_playing);
+        let mut progress = pass::Progress::new(request, cache.prepare(request)?, factor);
+        for index in 0..progress.passes() {
+            let cancel = self.begin(index == 0)?;
+            let (rendered, seconds) = progress.pass(index, &cancel, self.number)?;
+            if let Some(seconds) = seconds {
+                cache.record_seconds(request, seconds);
             }
-            sides.push(pass::Side::new(request, cache.prepare(request, settings)?, factor));
+            rendered.metered.iter().for_each(|job| cache.record_exposure(job));
+            self.sender.send(Message::Image(Box::new(rendered)));
         }
-        let passes = sides.iter().map(pass::Side::passes).max().unwrap_or(0);
-        for index in 0..passes {
-            for (number, side) in sides.iter_mut().enumerate() {
-                let cancel = self.begin(index == 0)?;
-                let Some((rendered, seconds)) = side.pass(index, &cancel, (self.number, number))? else {
-                    continue;
-                };
-                if let Some(seconds) = seconds {
-                    cache.record_seconds(request, seconds);
-                }
-                rendered.metered.iter().for_each(|job| cache.record_exposure(job));
-                self.sender.send(Message::Image(Box::new(rendered)));
-            }
-        }
-        let pictures: Vec<PipelineImage> = sides.into_iter().filter_map(pass::Side::into_picture).collect();
-        Ok(pictures.try_into().ok())
-    }
-
-    fn is_outdated(&self) -> bool {
-        let state = self.shared.lock();
-        state.wanted.is_some() || state.quits
+        Ok(())
     }
 
     /// Registers a pass and returns its cancel flag. [`Error::Interrupted`] if there is a newer request.
-    fn begin(&self, is_first: bool) -> kiln::error::Result<Arc<AtomicBool>> {
+    fn begin(&self, is_first: bool) -> Result<Arc<AtomicBool>> {
         let mut state = self.shared.lock();
         if state.quits || state.wanted.is_some() {
             return Err(Error::Interrupted);
@@ -312,13 +282,13 @@ pub fn final_picture(
     warnings: &mut Warnings,
 ) -> Result<(OutputImage, Metadata)> {
     let request = request_at(opened, size, frame.unwrap_or(0));
-    let prepared = RenderCache::default().prepare(&request, &request.sides[0])?;
-    let shown = pass::Side::new(&request, prepared, 4).final_image()?;
+    let prepared = RenderCache::default().prepare(&request)?;
+    let shown = pass::Progress::new(&request, prepared, 4).final_image()?;
     shown.warn_of_picture(warnings);
     shown.warn_of_image(warnings);
     let film = shown.film.expect("a finished picture");
     let finished = Some(super::save::Finished { film, display: shown.display });
-    let picture = super::save::SavedPicture { request, side: 0, frame, finished, command: String::new() };
+    let picture = super::save::SavedPicture { request, frame, finished, command: String::new() };
     picture.image(Format::Png, &RenderControl::default())
 }
 

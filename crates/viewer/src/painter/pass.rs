@@ -1,4 +1,4 @@
-//! Progressive rendering of one side of a request.
+//! Progressive rendering of a request.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -24,38 +24,25 @@ use kiln::scene::Sampling;
 /// casts so many times less than a picture of one sample.
 const COARSE_TOTAL: u32 = 4;
 
-/// An image in the values of its colour pipeline, row by row from the top.
-pub(crate) struct PipelineImage {
-    /// Width and height in pixels.
-    pub size: [u32; 2],
-    /// Pixels.
-    pub pixels: Vec<[f32; 3]>,
-    /// Colour pipeline of the pixels.
-    pub pipeline: ColourPipeline,
-    /// Display transform of the image.
-    pub display: DisplayTransform,
-}
-
-/// One side of a request, with its progress.
-pub(crate) struct Side<'a> {
+/// A request with its progress.
+pub(crate) struct Progress<'a> {
     request: &'a RenderRequest,
     prepared: Arc<Prepared>,
     passes: Vec<Pass>,
-    picture: Option<PipelineImage>,
     /// The job with the metered exposure, once a pass of full size needs it.
     metered: Option<Arc<RenderJob>>,
     /// What the passes have taken so far.
     spent: Option<(Duration, Statistics)>,
 }
 
-impl<'a> Side<'a> {
+impl<'a> Progress<'a> {
     /// Plans the passes, the first of them with pixels of `factor` by `factor`.
     pub(crate) fn new(request: &'a RenderRequest, prepared: Arc<Prepared>, factor: u32) -> Self {
         // AOVs are computed at pixel centres.
         let is_picture = request.display_mode == DisplayMode::Picture;
         let passes = passes(factor, if is_picture { prepared.samples } else { 1 });
         let metered = prepared.known_exposed().filter(|_| is_picture).map(Arc::new);
-        Side { request, prepared, passes, picture: None, metered, spent: None }
+        Progress { request, prepared, passes, metered, spent: None }
     }
 
     /// Number of passes.
@@ -63,13 +50,8 @@ impl<'a> Side<'a> {
         self.passes.len()
     }
 
-    /// The last image of full size.
-    pub(crate) fn into_picture(self) -> Option<PipelineImage> {
-        self.picture
-    }
-
-    /// Renders a pass of the request of that number, as its side `side`; `None` if the index is out of range. Returns
-    /// also the render time in seconds per pixel, if each had one sample.
+    /// Renders a pass of the request of that number. Returns also the render time in seconds per pixel, if each had one
+    /// sample.
     ///
     /// # Errors
     /// [`kiln::error::Error::Interrupted`] when cancelled, and the errors of rendering.
@@ -77,9 +59,9 @@ impl<'a> Side<'a> {
         &mut self,
         index: usize,
         cancel: &AtomicBool,
-        (request, side): (u64, usize),
-    ) -> Result<Option<(RenderedImage, Option<f64>)>> {
-        let Some(&pass) = self.passes.get(index) else { return Ok(None) };
+        request: u64,
+    ) -> Result<(RenderedImage, Option<f64>)> {
+        let pass = self.passes[index];
         let start = Instant::now();
         let control = RenderControl { cancel, progress: &|_, _| (), time_stages: false };
         let is_last = index + 1 == self.passes.len();
@@ -128,15 +110,11 @@ impl<'a> Side<'a> {
             None => (time, statistics.clone()),
         };
         self.spent = Some((time, spent.clone()));
-        if let Pass::Samples(_) = pass {
-            self.picture = Some(PipelineImage { size, pixels, pipeline, display });
-        }
         let cast = statistics.rays(RayKind::PRIMARY).cast as f64;
         let taken = (cast / f64::from(size[0]) / f64::from(size[1])).round() as u32;
         let is_finished = is_last && self.request.display_mode == DisplayMode::Picture;
         let rendered = RenderedImage {
             request,
-            side,
             image: Arc::new(image),
             display,
             factor,
@@ -150,7 +128,7 @@ impl<'a> Side<'a> {
             prepared: Arc::clone(&self.prepared),
             metered: self.metered.clone(),
         };
-        Ok(Some((rendered, seconds_per_pixel)))
+        Ok((rendered, seconds_per_pixel))
     }
 
     /// The job of the picture, with its exposure once that is metered.
@@ -231,17 +209,17 @@ impl<'a> Side<'a> {
     /// The image of the last pass. It is the picture of the job.
     pub(crate) fn final_image(mut self) -> Result<RenderedImage> {
         let control = RenderControl::default();
-        let mut index = 0;
         let (mut shown, mut cast) = (None, 0);
-        while let Some((rendered, _)) = self.pass(index, control.cancel, (0, 0))? {
+        for index in 0..self.passes() {
+            let (rendered, _) = self.pass(index, control.cancel, 0)?;
             cast += rendered.statistics.rays(RayKind::PRIMARY).cast;
             assert_eq!(rendered.spent.rays(RayKind::PRIMARY).cast, cast, "in all passes so far");
-            (shown, index) = (Some(rendered), index + 1);
+            shown = Some(rendered);
         }
         let (film, _) = self.job().render::<[u8; 3]>(&control)?;
         let picture: Vec<[u8; 3]> = film.rows().collect();
         let shown = shown.expect("a pass");
-        assert_eq!(Some(shown.display), self.picture.as_ref().map(|picture| picture.display));
+        assert_eq!(shown.display, self.job().display_transform(&control)?);
         let bytes = shown.image.pixels.iter().map(|colour| [colour.r(), colour.g(), colour.b()]);
         let other = picture.iter().zip(bytes).find(|(a, b)| *a != b);
         let file = &self.request.opened.scene().inputs;

@@ -16,7 +16,7 @@ use kiln::scene::animation::Moment;
 use kiln::scene::{Camera, PictureSettings, Projection, Scene};
 use kiln::world::{Framing, StandardView, fitted_to_poses};
 
-/// What is prepared for a side of a request.
+/// What is prepared for a request.
 pub(crate) struct Prepared {
     /// The session that it is a picture of.
     pub session: Arc<Session>,
@@ -81,14 +81,12 @@ impl RenderCache {
         }
     }
 
-    /// Whether the worlds of all sides of a request are built.
-    pub(crate) fn has_worlds(&mut self, request: &RenderRequest) -> bool {
+    /// Whether the world of a request is built.
+    pub(crate) fn has_world(&mut self, request: &RenderRequest) -> bool {
         self.open(&request.opened);
         let session = &request.opened.session;
-        let mut sides = request.sides.iter().map(|side| self.render_settings(request, side));
-        sides.all(|side| {
-            side.and_then(|side| session.resolve_only(&side, false)).is_ok_and(|it| session.has_world(&it))
-        })
+        let resolved = self.render_settings(request).and_then(|side| session.resolve_only(&side, false));
+        resolved.is_ok_and(|resolved| session.has_world(&resolved))
     }
 
     /// Render time in seconds per pixel at one sample; `None` before the first measurement.
@@ -111,23 +109,19 @@ impl RenderCache {
         }
     }
 
-    /// The settings of a side, with the camera that the command is given where it is fitted to a moment.
-    fn render_settings(&mut self, request: &RenderRequest, side: &RenderSettings) -> Result<RenderSettings> {
+    /// The settings of a request, with the camera that the command is given where it is fitted to a moment.
+    fn render_settings(&mut self, request: &RenderRequest) -> Result<RenderSettings> {
         let CameraSource::FittedAt(view, moment) = request.camera_source else {
-            return Ok(request.render_settings(side));
+            return Ok(request.render_settings());
         };
-        let camera_source = CameraSource::Free(self.fit_at(request, side, view, moment)?);
-        Ok(RenderRequest { camera_source, ..request.clone() }.render_settings(side))
+        let camera_source = CameraSource::Free(self.fit_at(request, view, moment)?);
+        Ok(RenderRequest { camera_source, ..request.clone() }.render_settings())
     }
 
-    /// Prepares the scene for a request with the settings of one side.
-    pub(crate) fn prepare(
-        &mut self,
-        request: &RenderRequest,
-        side: &RenderSettings,
-    ) -> Result<Arc<Prepared>> {
+    /// Prepares the scene for a request.
+    pub(crate) fn prepare(&mut self, request: &RenderRequest) -> Result<Arc<Prepared>> {
         self.open(&request.opened);
-        let settings = self.render_settings(request, side)?;
+        let settings = self.render_settings(request)?;
         let session = Arc::clone(&request.opened.session);
         let resolved = session.resolve_only(&settings, false)?.into();
         let mut picture = session.picture(&resolved, request.time)?;
@@ -156,12 +150,11 @@ impl RenderCache {
     fn fit_at(
         &mut self,
         request: &RenderRequest,
-        side: &RenderSettings,
         view: StandardView,
         moment: Option<Moment>,
     ) -> Result<Camera> {
         let scene = request.opened.scene();
-        let settings = request.render_settings(side);
+        let settings = request.render_settings();
         let framing = settings.framing(view, scene);
         let aspect = f64::from(request.size[0]) / f64::from(request.size[1]);
         let projection = request.projection.unwrap_or_default();

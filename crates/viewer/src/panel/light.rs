@@ -57,7 +57,7 @@ pub(super) fn show(
 
 /// What lights a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum LightChoice {
+enum LightChoice {
     /// The lights of the file, or those of the default look.
     Own,
     Headlight,
@@ -76,7 +76,7 @@ impl LightChoice {
         LightChoice::None,
     ];
 
-    pub(super) fn of(settings: &RenderSettings) -> Self {
+    fn of(settings: &RenderSettings) -> Self {
         match (settings.environment.environment.as_deref(), settings.picture.light) {
             (Some("sky"), _) => LightChoice::Sky,
             (Some(_), _) => LightChoice::Environment,
@@ -86,7 +86,7 @@ impl LightChoice {
         }
     }
 
-    pub(super) fn name(self, own: &'static str) -> &'static str {
+    fn name(self, own: &'static str) -> &'static str {
         match self {
             LightChoice::Own => own,
             LightChoice::Headlight => "headlight",
