@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use egui::{
-    Color32, PointerButton, Pos2, Rect, Response, Sense, TextureHandle, TextureOptions, Ui, pos2,
-    vec2,
+    Color32, PointerButton, Pos2, Rect, Response, Sense, TextureHandle, TextureOptions, Ui, pos2, vec2,
 };
 use glam::{DVec2, DVec3};
 

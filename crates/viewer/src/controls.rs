@@ -24,6 +24,14 @@ const TURN: f64 = 1.2;
 /// Binary logarithm of the zoom factor of a key press.
 const ZOOM: f64 = 0.125;
 
+/// What can be undone: camera, projection, centre of the orbit and settings, and the objects that are isolated and hidden.
+#[derive(Clone, PartialEq)]
+pub(crate) struct UndoState {
+    camera: (CameraSource, Option<Projection>, Option<DVec3>),
+    settings: RenderSettings,
+    pub visible: [Vec<String>; 2],
+}
+
 /// State of the controls.
 pub(crate) struct Controls {
     /// Camera.
@@ -116,6 +124,21 @@ impl Controls {
     /// The options with which the files were read first.
     pub(crate) fn start_reading(&self) -> &ImportOptions {
         &self.start_reading
+    }
+
+    /// What can be undone of this state.
+    pub(crate) fn undo_state(&self, options: &ImportOptions) -> UndoState {
+        UndoState {
+            camera: (self.camera_source.clone(), self.projection, self.pivot),
+            settings: self.settings.clone(),
+            visible: [options.isolate.clone(), options.hide.clone()],
+        }
+    }
+
+    /// Restores camera and settings.
+    pub(crate) fn restore(&mut self, state: UndoState) {
+        (self.camera_source, self.projection, self.pivot) = state.camera;
+        self.settings = state.settings;
     }
 
     /// The render request for this state.

@@ -30,10 +30,13 @@ pub(crate) enum Action {
     Open,
     /// Saves the picture.
     SavePicture,
-    /// Saves the camera.
-    SaveCamera,
+    /// Copies the camera.
+    CopyCamera,
     /// Copies the command line.
     CopyCommand,
+    /// Undoes or redoes a change of camera, look or visible objects.
+    Undo,
+    Redo,
     /// Reads the files again.
     Reload,
     /// Shows or hides the panel.
@@ -73,8 +76,11 @@ const fn control(key: Key, action: Action) -> Binding {
 const BINDINGS: &[Binding] = &[
     control(Key::O, Action::Open),
     control(Key::S, Action::SavePicture),
-    control(Key::K, Action::SaveCamera),
+    control(Key::K, Action::CopyCamera),
     control(Key::L, Action::CopyCommand),
+    Binding { modifiers: Modifiers::COMMAND.plus(Modifiers::SHIFT), key: Key::Z, action: Action::Redo },
+    control(Key::Y, Action::Redo),
+    control(Key::Z, Action::Undo),
     control(Key::Num1, Action::Standard(Back)),
     control(Key::Num3, Action::Standard(Left)),
     control(Key::Num7, Action::Standard(Bottom)),
@@ -126,8 +132,9 @@ pub(crate) const LIST: &[(&str, &str)] = &[
     ("Ctrl + O", "open a file: type a part of its name, then Enter"),
     ("Drop files", "open them together; .hdr and .exr light the scene"),
     ("Ctrl + S", "save the picture"),
-    ("Ctrl + K", "save the camera, for a scene file"),
+    ("Ctrl + K", "copy the camera, for a scene file"),
     ("Ctrl + L", "copy the command line that renders the picture"),
+    ("Ctrl + Z", "undo a change of camera, look or visible objects; with Shift redo"),
     ("F5", "read the files again (they are watched, too)"),
     ("H", "hide or show the panel"),
     ("Tab", "from one control to the next; Space or arrows change it"),
@@ -161,7 +168,8 @@ impl Focus {
     /// Whether the focused control handles a key.
     fn takes(self, modifiers: Modifiers, key: Key) -> bool {
         let is_of_controls = matches!(key, Key::Enter | Key::Space | Key::Escape);
-        let is_typed = !modifiers.command && !(Key::F1..=Key::F12).contains(&key);
+        let is_edited = [Key::Z, Key::Y].contains(&key);
+        let is_typed = (!modifiers.command || is_edited) && !(Key::F1..=Key::F12).contains(&key);
         match self {
             Focus::Picture => false,
             Focus::Control => is_of_controls,
@@ -259,6 +267,13 @@ mod tests {
         }
         for (key, modifiers) in [(Key::F5, plain), (Key::S, Modifiers::COMMAND)] {
             assert_eq!(actions(&mut pressed(key, modifiers), Focus::Text).len(), 1, "{key:?}");
+        }
+        let control_shift = Modifiers::COMMAND.plus(Modifiers::SHIFT);
+        for (modifiers, action) in
+            [(plain, Action::Magnify), (Modifiers::COMMAND, Action::Undo), (control_shift, Action::Redo)]
+        {
+            assert_eq!(actions(&mut pressed(Key::Z, modifiers), Focus::Picture), [action]);
+            assert_eq!(actions(&mut pressed(Key::Z, modifiers), Focus::Text), []);
         }
         // A focused control handles its own keys only.
         for (key, count) in [(Key::Space, 0), (Key::Enter, 0), (Key::C, 1)] {

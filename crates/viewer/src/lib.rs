@@ -10,6 +10,7 @@ pub mod command_line;
 mod controls;
 pub mod display;
 pub mod false_colour;
+mod history;
 pub mod inspect;
 mod keys;
 mod loader;

@@ -9,8 +9,9 @@ mod rows;
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use egui::{Align, Button, Checkbox, CollapsingHeader, Layout, RichText, ScrollArea, TextEdit, Ui};
+use egui::{Align, Button, Checkbox, Color32, Layout, RichText, ScrollArea, TextEdit, TextStyle, Ui};
 
+use super::elided;
 use super::request::Opened;
 use kiln::error::printable;
 use kiln::render::grouped;
@@ -18,9 +19,8 @@ use kiln::scene::ImportOptions;
 pub(crate) use outline::Outline;
 use rows::{Row, isolated, rows, toggled};
 
-/// Height of the list in rows, and the part of the window's height that it takes at most.
+/// Least height of the list in rows; it takes the rest of the panel.
 const HEIGHT: usize = 8;
-const HEIGHT_SHARE: f32 = 0.3;
 
 /// Number of rows from which groups are closed at first, and a field searches the list.
 const MANY: usize = 16;
@@ -62,41 +62,31 @@ impl Outliner {
             (self.rows, self.of) = (rows(opened.scene()), Some(Arc::clone(opened)));
             self.selected.take_if(|name| !self.rows.iter().any(|row| row.name == *name));
         }
-        let title = RichText::new("Objects").strong();
-        let header = CollapsingHeader::new(title).id_salt("objects").default_open(true);
+        ui.separator();
         let options = &opened.scene().import_options;
-        header.show_unindented(ui, |ui| self.contents(ui, options)).body_returned.flatten()
-    }
-
-    /// Shows the list and what acts on the selection. Returns the names that are isolated and hidden, if they change.
-    fn contents(&mut self, ui: &mut Ui, options: &ImportOptions) -> Option<[Vec<String>; 2]> {
         let ImportOptions { isolate, hide, .. } = options;
-        if self.rows.len() >= MANY || !self.filter.is_empty() {
-            let field = TextEdit::singleline(&mut self.filter).hint_text("find objects or materials");
-            ui.add(field.desired_width(f32::INFINITY));
-        }
-        let mut changed = self.list(ui, options);
+        let mut changed = None;
         let selected = self.rows.iter().find(|row| Some(&row.name) == self.selected.as_ref());
-        if let Some(Row { materials, .. }) = selected {
-            let text = printable(&materials.join(", ")).into_owned();
-            let label = egui::Label::new(RichText::new(format!("material: {text}")).weak());
-            ui.add(label.truncate()).on_hover_text(text);
-        }
         ui.horizontal(|ui| {
+            ui.label(RichText::new("Objects").strong());
             if let Some(Row { name, .. }) = selected {
-                let isolates = ui.button("Isolate").on_hover_text("hide all other objects (--isolate)");
+                let isolates = ui.small_button("Isolate").on_hover_text("hide all other objects (--isolate)");
                 if isolates.clicked() {
                     changed = Some(isolated(hide, name));
                 }
             }
             if !isolate.is_empty() || !hide.is_empty() {
-                let shows = ui.button("Show all").on_hover_text("as the files say");
+                let shows = ui.small_button("Show all").on_hover_text("as the files say");
                 if shows.clicked() {
                     changed = Some(Default::default());
                 }
             }
         });
-        changed
+        if self.rows.len() >= MANY || !self.filter.is_empty() {
+            let field = TextEdit::singleline(&mut self.filter).hint_text("find objects or materials");
+            ui.add(field.desired_width(f32::INFINITY));
+        }
+        self.list(ui, options).or(changed)
     }
 
     /// Shows the rows that are open or found. Returns the names that are isolated and hidden, if they change.
@@ -104,14 +94,14 @@ impl Outliner {
         let listed = self.listed();
         let spacing = ui.spacing().item_spacing.y;
         let height = ui.spacing().interact_size.y;
-        let most = (HEIGHT as f32 * (height + spacing)).min(ui.ctx().viewport_rect().height() * HEIGHT_SHARE);
+        let most = ui.available_height().max(HEIGHT as f32 * (height + spacing));
         let mut area = ScrollArea::vertical().id_salt("objects").max_height(most);
         if std::mem::take(&mut self.scrolls)
             && let Some(place) =
                 listed.iter().position(|&i| Some(&self.rows[i].name) == self.selected.as_ref())
         {
-            let rows_before = place.saturating_sub(HEIGHT / 2) as f32;
-            area = area.vertical_scroll_offset(rows_before * (height + spacing));
+            let before = place as f32 * (height + spacing) - most / 2.0;
+            area = area.vertical_scroll_offset(before.max(0.0));
         }
         let all: usize = self.rows.iter().filter(|row| row.parent.is_none()).map(|row| row.shown).sum();
         let mut changed = None;
@@ -182,10 +172,11 @@ impl Outliner {
             printable(&materials.join(", "))
         );
         let text = printable(if is_searched { name } else { &name[*label..] }).into_owned();
-        let text = if is_visible { RichText::new(text) } else { RichText::new(text).weak() };
         let clicked = ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             ui.label(RichText::new(grouped(*triangles as u64, ' ')).weak());
             ui.with_layout(Layout::top_down_justified(Align::LEFT), |ui| {
+                let text = RichText::new(fitted(ui, text));
+                let text = if is_visible { text } else { text.weak() };
                 ui.add(Button::selectable(is_selected, text).truncate()).on_hover_text(details).clicked()
             })
             .inner
@@ -196,4 +187,14 @@ impl Outliner {
         }
         changed
     }
+}
+
+/// The name, without its middle if a button of the available width has no room for it.
+fn fitted(ui: &Ui, name: String) -> String {
+    let font = TextStyle::Button.resolve(ui.style());
+    let width = ui.painter().layout_no_wrap(name.clone(), font, Color32::WHITE).size().x;
+    let part = (ui.available_width() - 2.0 * ui.spacing().button_padding.x) / width;
+    // Characters differ in width.
+    let length = (name.chars().count() as f32 * part * 0.92) as usize;
+    if part < 1.0 { elided(&name, length.max(3)) } else { name }
 }

@@ -3,8 +3,8 @@
 use std::time::{Duration, Instant};
 
 use egui::{
-    Align2, Area, Color32, Context, Frame, Grid, Id, Rect, RichText, Sense, Stroke, TextStyle, Ui, Window, pos2,
-    vec2,
+    Align2, Area, Color32, Context, Frame, Grid, Id, Rect, RichText, Sense, Stroke, TextStyle, Ui, Window,
+    pos2, vec2,
 };
 
 use super::elided;

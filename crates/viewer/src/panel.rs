@@ -1,4 +1,4 @@
-//! The side panel: camera, options of the picture, and the cost of each effect.
+//! The side panel: camera and look, further options of the picture, and the cost of each effect.
 
 mod light;
 mod look;
@@ -12,16 +12,15 @@ use super::keys::Action;
 use super::painter::RenderedImage;
 use super::request::{CameraSource, Opened};
 use super::{elided, navigate};
-use kiln::effects::{Decision, EFFECTS, RayKind};
+use kiln::effects::{Decision, EFFECTS, RayKind, id};
 use kiln::error::printable;
-use kiln::job::{RenderSettings, RoundingError};
-use kiln::render::HAS_THREAD_TIME;
-use kiln::render::grouped;
-use kiln::scene::{Camera, ClipChoice, Projection, Scene, Shape};
+use kiln::job::RenderSettings;
+use kiln::render::{HAS_THREAD_TIME, grouped};
+use kiln::scene::{Camera, ClipChoice, ImportOptions, Projection, Scene, Shape};
 use kiln::world::StandardView;
 use options::{
-    APERTURE, BOUNCES, CLIP, CULL, FILTER, GROUND, LIST_LENGTH, NOISE, OptionControl, SAMPLES, SHADING,
-    SMOOTH, Shown, TONE_MAP, TRANSPORT, UP, VARIANT, WIDTH,
+    APERTURE, BOUNCES, CLIP, CULL, FILTER, GROUND, LIST_LENGTH, NOISE, OCCLUSION, OptionControl, SAMPLES,
+    SHADING, SMOOTH, Shown, TONE_MAP, TRANSPORT, UP, VARIANT, WIDTH,
 };
 
 /// Shows the panel of the opened files and the last image. Returns the action that was chosen.
@@ -32,41 +31,39 @@ pub(crate) fn show(
     controls: &mut Controls,
 ) -> Option<Action> {
     ui.add_space(8.0);
-    camera(ui, opened, rendered, controls);
-    reading(ui, opened, controls);
-    let scene = opened.scene();
+    let (scene, own) = (opened.scene(), &opened.scene().import_options);
     let (start, mut settings) = (controls.start_settings().clone(), controls.settings.clone());
-    let shown = Shown::new(&settings, rendered, scene);
-    let rows = |ui: &mut Ui, settings: &mut RenderSettings, rows: &[&OptionControl]| {
-        rows.iter().for_each(|row| row.show(ui, &shown, &start, settings));
-    };
-    let light = section(ui, "Light", |ui| light::show(ui, scene, &shown, &start, &mut settings));
-    section(ui, "Look", |ui| {
-        look::background(ui, scene, &mut settings.picture);
-        look::draft(ui, scene, &mut settings);
-        rows(ui, &mut settings, &[GROUND, CULL, SHADING, TONE_MAP]);
-        look::exposure(ui, &shown, &mut settings.picture);
-        rows(ui, &mut settings, &[APERTURE]);
-    });
-    section(ui, "Quality", |ui| {
-        rows(ui, &mut settings, &[SAMPLES, NOISE, FILTER, TRANSPORT, BOUNCES]);
-    });
-    section(ui, "Effects", |ui| {
+    let (shown, mut reading) = (Shown::new(&settings, rendered, scene), own.clone());
+    camera(ui, scene, rendered, controls);
+    clips(ui, scene, &mut reading, controls);
+    ui.separator();
+    let action = light::show(ui, scene, &shown, &start, &mut settings);
+    look::exposure(ui, &shown, &mut settings.picture);
+    look::background(ui, scene, &mut settings.picture);
+    GROUND.show(ui, &shown, &start, &mut settings);
+    section(ui, "More", |ui| {
         if let Some(rendered) = rendered {
-            effects(ui, rendered, &mut settings);
+            extent(ui, controls, &rendered.prepared.camera);
+        }
+        files(ui, scene, &mut reading, controls);
+        look::draft(ui, scene, &mut settings);
+        for row in [CULL, OCCLUSION, TONE_MAP, APERTURE, SAMPLES, NOISE, FILTER, SHADING, TRANSPORT, BOUNCES]
+        {
+            row.show(ui, &shown, &start, &mut settings);
         }
     });
+    section(ui, "Cost", |ui| rendered.into_iter().for_each(|rendered| cost(ui, rendered, &mut settings)));
     controls.settings = settings;
-    light.flatten()
+    if reading != *own {
+        controls.reading = Some(reading);
+    }
+    action
 }
 
-/// A part of the panel that can be closed. Returns what `contents` returns while it is open.
-fn section<T>(ui: &mut Ui, title: &str, contents: impl FnOnce(&mut Ui) -> T) -> Option<T> {
+/// A part of the panel that is closed at first.
+fn section(ui: &mut Ui, title: &str, contents: impl FnOnce(&mut Ui)) {
     ui.separator();
-    CollapsingHeader::new(RichText::new(title).strong())
-        .default_open(true)
-        .show_unindented(ui, contents)
-        .body_returned
+    CollapsingHeader::new(RichText::new(title).strong()).show_unindented(ui, contents);
 }
 
 /// Shows the buttons. Returns the action of a clicked button.
@@ -77,16 +74,14 @@ pub(crate) fn buttons(ui: &mut Ui) -> Option<Action> {
             "a scene, a mesh, a glTF file, or an .hdr or .exr environment (Ctrl + O); files can be dropped, too",
             Action::Open,
         ),
-        ("Save picture", "as a PNG in this folder (Ctrl + S)", Action::SavePicture),
-        ("Save camera", "as TOML, for a scene file (Ctrl + K)", Action::SaveCamera),
+        ("Save picture", "under a name of your choice (Ctrl + S)", Action::SavePicture),
         ("Copy command", "the command line that renders this (Ctrl + L)", Action::CopyCommand),
         ("Keys", "what keys and mouse do (?)", Action::Help),
     ];
     let mut clicked = None;
     ui.horizontal_wrapped(|ui| {
         for (name, meaning, action) in all {
-            let button = ui.button(name).on_hover_text(meaning);
-            if button.clicked() {
+            if ui.button(name).on_hover_text(meaning).clicked() {
                 clicked = Some(action);
             }
         }
@@ -94,8 +89,8 @@ pub(crate) fn buttons(ui: &mut Ui) -> Option<Action> {
     clicked
 }
 
-fn camera(ui: &mut Ui, opened: &Opened, rendered: Option<&RenderedImage>, controls: &mut Controls) {
-    let cameras = &opened.scene().cameras;
+fn camera(ui: &mut Ui, scene: &Scene, rendered: Option<&RenderedImage>, controls: &mut Controls) {
+    let cameras = &scene.cameras;
     ui.horizontal(|ui| {
         let name = match &controls.camera_source {
             CameraSource::Scene(index) => {
@@ -107,14 +102,10 @@ fn camera(ui: &mut Ui, opened: &Opened, rendered: Option<&RenderedImage>, contro
         let list = ComboBox::from_id_salt("camera").width(WIDTH).selected_text(elided(&name, LIST_LENGTH));
         let list = list.show_ui(ui, |ui| {
             for (index, camera) in cameras.iter().enumerate() {
-                if ui
-                    .selectable_label(
-                        controls.camera_source == CameraSource::Scene(index),
-                        printable(&camera.name),
-                    )
-                    .clicked()
-                {
-                    controls.set_camera(CameraSource::Scene(index));
+                let source = CameraSource::Scene(index);
+                let entry = ui.selectable_label(controls.camera_source == source, printable(&camera.name));
+                if entry.clicked() {
+                    controls.set_camera(source);
                     controls.projection = None;
                 }
             }
@@ -128,30 +119,28 @@ fn camera(ui: &mut Ui, opened: &Opened, rendered: Option<&RenderedImage>, contro
             }
         });
         list.response.on_hover_text(format!("the camera: {name}"));
-        let reset = ui.button("Reset").on_hover_text("back to where it was first seen from (R)");
-        if reset.clicked() {
+        if ui.button("Fit").on_hover_text("all of the scene in the picture (F)").clicked() {
+            controls.fit_standard_view(StandardView::Auto);
+        }
+        if ui.button("Reset").on_hover_text("back to where it was first seen from (R)").clicked() {
             controls.reset_camera();
         }
     });
-    let Some(seen) = rendered.map(|rendered| &rendered.prepared.camera) else { return };
     ui.horizontal(|ui| {
+        let seen = rendered.map(|rendered| &rendered.prepared.camera);
         for projection in [Projection::Perspective, Projection::Orthographic] {
-            let button = ui.selectable_label(seen.projection == projection, projection.name());
-            let meaning = format!("{} (Enter)", projection.meaning());
-            if button.on_hover_text(meaning).clicked() {
-                controls.project(projection, Some(seen));
+            let is_seen = seen.is_some_and(|camera| camera.projection == projection);
+            let button = ui.selectable_label(is_seen, projection.name());
+            if button.on_hover_text(format!("{} (Enter)", projection.meaning())).clicked() {
+                controls.project(projection, seen);
             }
         }
     });
-    // A panorama shows all directions.
-    if seen.projection.aspect().is_none() {
-        extent(ui, controls, seen);
-    }
     let list = ComboBox::from_label("display").width(WIDTH).selected_text(controls.display_mode.name());
     let list = list.show_ui(ui, |ui| {
-        for shown in DisplayMode::ALL {
-            let entry = ui.selectable_value(&mut controls.display_mode, shown, shown.name());
-            entry.on_hover_text(shown.meaning());
+        for mode in DisplayMode::ALL {
+            let entry = ui.selectable_value(&mut controls.display_mode, mode, mode.name());
+            entry.on_hover_text(mode.meaning());
         }
     });
     list.response.on_hover_text("the picture, or what is known of each pixel as colours with a legend (V)");
@@ -187,54 +176,56 @@ fn extent(ui: &mut Ui, controls: &mut Controls, seen: &Camera) {
     }
 }
 
-/// The clips that are played, and options of reading files. A change reads the files again.
-fn reading(ui: &mut Ui, opened: &Opened, controls: &mut Controls) {
-    let Scene { clips, animation, has_settings, variants, objects, .. } = opened.scene();
-    let own = &opened.scene().import_options;
-    let mut reading = own.clone();
-    let plays_tracks = animation.as_ref().is_some_and(|animation| animation.clips.is_empty());
-    let played = own.clip().find(clips);
-    if !played.is_empty() && !plays_tracks {
-        let names: Vec<&str> = played.iter().map(|clip| clip.name.as_str()).collect();
-        let text = elided(&printable(&names.join(", ")), LIST_LENGTH);
-        let list = ComboBox::from_label("clip").width(WIDTH).selected_text(text);
-        let list = list.show_ui(ui, |ui| {
-            let are_all = clips.len() > 1 && played.len() == clips.len();
-            if clips.len() > 1 && ui.selectable_label(are_all, ClipChoice::ALL).clicked() {
-                (reading.clips, reading.time) = (vec![ClipChoice::Named(ClipChoice::ALL.to_owned())], None);
-                controls.restart();
+/// The clips that are played, if the files have any. A change reads the files again.
+fn clips(ui: &mut Ui, scene: &Scene, reading: &mut ImportOptions, controls: &mut Controls) {
+    let clips = &scene.clips;
+    let plays_tracks = scene.animation.as_ref().is_some_and(|animation| animation.clips.is_empty());
+    let played = scene.import_options.clip().find(clips);
+    if played.is_empty() || plays_tracks {
+        return;
+    }
+    let names: Vec<&str> = played.iter().map(|clip| clip.name.as_str()).collect();
+    let text = elided(&printable(&names.join(", ")), LIST_LENGTH);
+    let mut chosen = None;
+    let list = ComboBox::from_label("clip").width(WIDTH).selected_text(text).show_ui(ui, |ui| {
+        let are_all = clips.len() > 1 && played.len() == clips.len();
+        if clips.len() > 1 && ui.selectable_label(are_all, ClipChoice::ALL).clicked() {
+            chosen = Some(ClipChoice::Named(ClipChoice::ALL.to_owned()));
+        }
+        for clip in clips {
+            let is_played = !are_all && played.iter().any(|played| std::ptr::eq(*played, clip));
+            let entry = ui.selectable_label(is_played, printable(&clip.name));
+            if entry.on_hover_text(format!("{:.2} s", clip.duration)).clicked() {
+                chosen = Some(ClipChoice::Index(clip.index));
             }
-            for clip in clips {
-                let is_played = !are_all && played.iter().any(|played| std::ptr::eq(*played, clip));
-                let entry = ui.selectable_label(is_played, printable(&clip.name));
-                if entry.on_hover_text(format!("{:.2} s", clip.duration)).clicked() {
-                    (reading.clips, reading.time) = (vec![ClipChoice::Index(clip.index)], None);
-                    controls.restart();
-                }
-            }
-        });
-        CLIP.explain(list.response, None);
-    }
-    let start = controls.start_reading().clone();
-    let up = reading.up;
-    // A scene file has values for each mesh.
-    let of_files = |control: &OptionControl| if *has_settings { control.of_files() } else { *control };
-    let has_meshes = objects.iter().any(|object| !matches!(object.shape, Shape::Analytic(_)));
-    let idle = (!has_meshes).then_some("Only meshes are turned and smoothed.");
-    of_files(UP).show_reading(ui, &[], &start, &mut reading, idle);
-    if reading.up != up {
-        controls.reset_camera();
-    }
-    of_files(SMOOTH).show_reading(ui, &[], &start, &mut reading, idle);
-    if !variants.is_empty() {
-        VARIANT.show_reading(ui, variants, &start, &mut reading, None);
-    }
-    if reading != *own {
-        controls.reading = Some(reading);
+        }
+    });
+    CLIP.explain(list.response);
+    if let Some(clip) = chosen {
+        (reading.clips, reading.time) = (vec![clip], None);
+        controls.restart();
     }
 }
 
-fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings) {
+/// Options of reading files.
+fn files(ui: &mut Ui, scene: &Scene, reading: &mut ImportOptions, controls: &mut Controls) {
+    let (start, up) = (controls.start_reading().clone(), reading.up);
+    // A scene file has values for each mesh.
+    let of_files = |control: &OptionControl| if scene.has_settings { control.of_files() } else { *control };
+    if scene.objects.iter().any(|object| !matches!(object.shape, Shape::Analytic(_))) {
+        of_files(UP).show_reading(ui, &[], &start, reading);
+        of_files(SMOOTH).show_reading(ui, &[], &start, reading);
+    }
+    if reading.up != up {
+        controls.reset_camera();
+    }
+    if !scene.variants.is_empty() {
+        VARIANT.show_reading(ui, &scene.variants, &start, reading);
+    }
+}
+
+/// Rays and time of the effects that the scene uses, each with its switch unless another control has it.
+fn cost(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings) {
     let (spent, decisions) = (&rendered.spent, &rendered.prepared.decisions);
     Grid::new("effects").num_columns(3).spacing([14.0, 4.0]).striped(true).show(ui, |ui| {
         ui.label(RichText::new("effect").weak());
@@ -252,45 +243,36 @@ fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings)
         ui.end_row();
         ui.label("base")
             .on_hover_text("camera rays, their closest hits and shading, which every picture has");
-        right(ui, count(spent.rays(RayKind::PRIMARY).cast));
+        right(ui, grouped(spent.rays(RayKind::PRIMARY).cast, ' '));
         let base = spent.stages.iter().filter(|stage| stage.effect.is_none()).map(|stage| stage.time);
         right(ui, duration(base.sum()));
         ui.end_row();
-        for (decision, _) in decisions.iter().filter(|(_, can)| *can) {
-            effect(ui, decision, true, settings);
+        for decision in decisions {
+            effect(ui, decision, settings);
             let cost = spent.effect_costs.iter().find(|cost| cost.effect == decision.effect && decision.on);
-            right(ui, cost.filter(|cost| cost.rays > 0).map_or(String::new(), |cost| count(cost.rays)));
+            let rays = cost.filter(|cost| cost.rays > 0);
+            right(ui, rays.map_or(String::new(), |cost| grouped(cost.rays, ' ')));
             right(ui, cost.and_then(|cost| cost.time).map_or(String::new(), duration));
             ui.end_row();
         }
     });
-    if let Some(RoundingError { text, option, .. }) =
-        rendered.prepared.job().rounding_error().filter(|_| rendered.is_last)
-    {
-        let option = format!(
-            "8 bits: {option}\n`kiln explain --measure` also measures noise, light left out and tier"
-        );
-        ui.label(RichText::new(text).weak()).on_hover_text(option);
-    }
-    CollapsingHeader::new("effects without use in this scene").show(ui, |ui| {
-        for (decision, _) in decisions.iter().filter(|(_, can)| !can) {
-            effect(ui, decision, false, settings);
-        }
-    });
 }
 
-/// Shows an effect's checkbox. `can` is whether the scene uses the effect; otherwise the checkbox is disabled.
-fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut RenderSettings) {
-    // A change that is not rendered yet is already displayed.
-    let is_without = settings.without.iter().any(|name| *name == decision.effect.name());
-    let has = settings.with.iter().any(|typed| typed.split('=').next() == Some(decision.effect.name()));
-    let mut on = can && (has || decision.on && !is_without);
-    let check = ui.add_enabled(can, egui::Checkbox::new(&mut on, decision.effect.name()));
+/// Shows an effect, with a check box unless controls of samples, light transport or lens switch it.
+fn effect(ui: &mut Ui, decision: &Decision, settings: &mut RenderSettings) {
     let meaning =
         EFFECTS.iter().find(|effect| effect.id == decision.effect).map_or("", |effect| effect.summary);
     let text = format!("{meaning}\n{}", decision.why);
-    let check = check.on_hover_text(&text).on_disabled_hover_text(&text);
-    if check.changed() {
+    let name = decision.effect.name();
+    if [id::ANTIALIASING, id::ADAPTIVE, id::PATH, id::DEPTH_OF_FIELD].contains(&decision.effect) {
+        ui.label(name).on_hover_text(text);
+        return;
+    }
+    // A change that is not rendered yet is already displayed.
+    let is_without = settings.without.iter().any(|typed| *typed == name);
+    let has = settings.with.iter().any(|typed| typed.split('=').next() == Some(name));
+    let mut on = has || decision.on && !is_without;
+    if ui.checkbox(&mut on, name).on_hover_text(text).changed() {
         settings.switch(decision.effect, on);
     }
 }
@@ -320,11 +302,6 @@ fn duration(time: std::time::Duration) -> String {
 /// A label at the right of a grid's column.
 fn right(ui: &mut Ui, text: impl Into<egui::WidgetText>) -> egui::Response {
     ui.with_layout(Layout::right_to_left(Align::Center), |ui| ui.label(text)).inner
-}
-
-/// The number with groups of thousands separated by spaces.
-fn count(number: u64) -> String {
-    grouped(number, ' ')
 }
 
 #[cfg(test)]

@@ -1,8 +1,6 @@
-//! Single pixels of the displayed picture: the magnifier, values under the mouse, and the histogram.
+//! Single pixels of the displayed picture: the magnifier, and values under the mouse.
 
-use std::sync::Arc;
-
-use egui::{CollapsingHeader, Color32, ColorImage, Pos2, Rect, RichText, Sense, Ui, Vec2, pos2, vec2};
+use egui::{Pos2, Rect, Vec2};
 use glam::DVec3;
 
 use super::painter::RenderedImage;
@@ -11,9 +9,6 @@ use kiln::film::DisplayTransform;
 /// Magnification that the key switches on, and the largest.
 const FIRST: f32 = 8.0;
 const MOST: f32 = 64.0;
-
-/// Height of the histogram in points.
-const HEIGHT: f32 = 80.0;
 
 /// Magnification of the displayed picture, whose pixels become squares. The camera stays.
 #[derive(Debug, Clone, Copy)]
@@ -87,64 +82,10 @@ fn linear(pixel: [f32; 3], display: DisplayTransform) -> [f32; 3] {
     }
 }
 
-/// Numbers of pixels by their displayed red, green and blue.
-#[derive(Default)]
-pub(crate) struct Histogram {
-    of: Option<Arc<ColorImage>>,
-    counts: Vec<[u32; 3]>,
-}
-
-impl Histogram {
-    /// Shows the histogram of an image.
-    pub(crate) fn show(&mut self, ui: &mut Ui, image: &Arc<ColorImage>) {
-        ui.separator();
-        let title = RichText::new("Histogram").strong();
-        CollapsingHeader::new(title).id_salt("histogram").show_unindented(ui, |ui| {
-            if !self.of.as_ref().is_some_and(|of| Arc::ptr_eq(of, image)) {
-                (self.counts, self.of) = (counts(&image.pixels), Some(Arc::clone(image)));
-            }
-            let (rect, response) =
-                ui.allocate_exact_size(vec2(ui.available_width(), HEIGHT), Sense::hover());
-            let painter = ui.painter_at(rect);
-            painter.rect_filled(rect, 2.0, Color32::BLACK);
-            // The ends, where pixels are clipped, do not make the others invisible.
-            let most = self.counts[1..255].as_flattened().iter().copied().max().unwrap_or(0).max(1);
-            let height = |count: u32| rect.height() * (count.min(most) as f32 / most as f32).sqrt();
-            for (channel, colour) in [[220, 60, 60], [60, 190, 60], [90, 110, 255]].into_iter().enumerate() {
-                let [r, g, b] = colour;
-                let place = |(value, counts): (usize, &[u32; 3])| {
-                    pos2(rect.left() + value as f32 / 255.0 * rect.width(), rect.bottom() - height(counts[channel]))
-                };
-                let line: Vec<Pos2> = self.counts.iter().enumerate().map(place).collect();
-                painter.line(line, (1.2, Color32::from_rgb_additive(r, g, b)));
-            }
-            let share = |value: usize| {
-                let all = image.pixels.len().max(1) as f64;
-                self.counts[value].map(|count| f64::from(count) / all * 100.0)
-            };
-            let [black, white] = [share(0), share(255)]
-                .map(|parts| parts.map(|part| format!("{part:.1}")).join(" "));
-            ui.label(RichText::new(format!("at 0: {black} %, at 255: {white} %")).weak());
-            response.on_hover_text(
-                "number of pixels by their value from 0 to 255, as displayed; the height is its square root. Below: part of \
-                 the pixels at both ends, of red, green and blue",
-            );
-        });
-    }
-}
-
-fn counts(pixels: &[Color32]) -> Vec<[u32; 3]> {
-    let mut counts = vec![[0; 3]; 256];
-    for pixel in pixels {
-        let [values @ .., _] = pixel.to_array();
-        (0..3).for_each(|c| counts[usize::from(values[c])][c] += 1);
-    }
-    counts
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use egui::{pos2, vec2};
 
     /// Magnified 8 times about a place, the place stays, and the picture covers its area.
     #[test]
@@ -160,13 +101,6 @@ mod tests {
         assert_eq!(magnifier.whole(area).min, pos2(10.0, 120.0 - 800.0));
         magnifier.zoom(1e-3, place, area);
         assert!(!magnifier.is_on() && magnifier.whole(area) == area);
-    }
-
-    #[test]
-    fn a_histogram_counts_each_channel() {
-        let counts = counts(&[Color32::from_rgb(0, 255, 7), Color32::from_rgb(0, 7, 7)]);
-        assert_eq!((counts[0], counts[7], counts[255]), ([2, 0, 0], [0, 1, 2], [0, 1, 0]));
-        assert_eq!(counts.as_flattened().iter().sum::<u32>(), 6);
     }
 
     /// Colours that bypass the exposure have the values that are displayed.

@@ -1,4 +1,4 @@
-//! Saving of pictures and cameras.
+//! Saving of pictures.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -10,7 +10,6 @@ use egui::{ColorImage, Context, DragValue, Key, TextEdit, Window};
 use super::name_of;
 use super::request::RenderRequest;
 use kiln::error::{Result, Warnings, printable};
-use kiln::files::write_whole;
 use kiln::film::write::{Format, OutputImage, write_picture};
 use kiln::film::{self, ColourPipeline, DisplayTransform, Film};
 use kiln::job::Metadata;
@@ -219,14 +218,6 @@ impl SaveDialog {
             (false, false) => SaveAnswer::Closed,
         }
     }
-}
-
-/// Writes a text file, such as a camera for a scene file.
-///
-/// # Errors
-/// [`kiln::error::Error::Output`] if the file cannot be written.
-pub(crate) fn text(file: &Path, text: &str) -> Result<()> {
-    write_whole(file, |out| out.write_all(text.as_bytes()))
 }
 
 /// Writes displayed colours as a PNG.

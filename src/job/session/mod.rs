@@ -290,6 +290,19 @@ impl Session {
         warnings: &mut Warnings,
     ) -> Result<()> {
         warnings.extend(&self.look(settings)?.1);
+        self.warn_of_camera(resolved, settings, warnings)
+    }
+
+    /// [`Session::warn_of_resolved`] without what is about the look ([`Session::look`]).
+    ///
+    /// # Errors
+    /// As [`Session::resolve`].
+    pub fn warn_of_camera(
+        &self,
+        resolved: &ResolvedPicture,
+        settings: &RenderSettings,
+        warnings: &mut Warnings,
+    ) -> Result<()> {
         let (scene, recentering) = self.recentered();
         notes::warn_of_recentering(recentering, warnings);
         let viewpoint = Viewpoint::of(&settings.camera, &self.scene)?;

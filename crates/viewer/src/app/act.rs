@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
 
 use egui::{Context, Theme, ViewportCommand};
 
@@ -10,6 +11,7 @@ use super::{App, timeline};
 use crate::canvas::MouseResult;
 use crate::command_line::{RenderCommand, command_line};
 use crate::false_colour::DisplayMode;
+use crate::history::SETTLE_TIME;
 use crate::inspect::inspect;
 use crate::keys::{self, Action, CameraMotion, Focus};
 use crate::open_dialog::{Answer, OpenDialog};
@@ -21,7 +23,7 @@ use kiln::error::Result;
 use kiln::import;
 use kiln::job::Session;
 use kiln::render::RenderControl;
-use kiln::scene::Camera;
+use kiln::scene::{Camera, ImportOptions};
 use kiln::world::StandardView;
 
 impl App {
@@ -81,7 +83,14 @@ impl App {
                 self.save_dialog = None;
             }
             Action::SavePicture => self.ask_for_name(),
-            Action::SaveCamera => self.save_camera(),
+            Action::CopyCamera => {
+                if let Some(camera) = self.displayed_camera() {
+                    context.copy_text(camera.to_section());
+                    self.show_notice("copied the camera, as a section of a scene file".to_owned());
+                }
+            }
+            Action::Undo => self.undo(true),
+            Action::Redo => self.undo(false),
             Action::CopyCommand => {
                 if let Some(command) = self.copied_command() {
                     context.copy_text(command);
@@ -160,6 +169,28 @@ impl App {
         controls.keep_camera(camera.as_ref());
         controls.reopened(&changed);
         self.opened = Some(Arc::new(changed));
+    }
+
+    /// Restores the state before the last change, or after the last that was undone.
+    fn undo(&mut self, is_undo: bool) {
+        let (Some(state), Some(opened)) = (self.history.go(is_undo), &self.opened) else { return };
+        let ImportOptions { isolate, hide, .. } = &opened.scene().import_options;
+        if state.visible.each_ref() != [isolate, hide] {
+            let [isolate, hide] = state.visible.clone();
+            self.show_objects(isolate, hide);
+        }
+        if let Some(controls) = &mut self.controls {
+            controls.restore(state);
+        }
+    }
+
+    /// Records the state of a frame, which can be undone.
+    pub(super) fn record(&mut self, context: &Context) {
+        let (Some(controls), Some(opened)) = (&self.controls, &self.opened) else { return };
+        let state = controls.undo_state(&opened.scene().import_options);
+        if self.history.record(state, Instant::now()) {
+            context.request_repaint_after(SETTLE_TIME);
+        }
     }
 
     /// Inspects a clicked pixel, and makes its surface point the focus of orbit and lens; a double click moves it to the
@@ -320,14 +351,6 @@ impl App {
                 context.send_viewport_cmd(ViewportCommand::Close);
             }
         }
-    }
-
-    /// Saves the camera as a section of a scene file.
-    fn save_camera(&mut self) {
-        let Some(camera) = self.displayed_camera() else { return };
-        let file = save::free_name(&format!("{}-camera", save::stem(&self.inputs)), "toml", &[]);
-        let saved = save::text(&file, &camera.to_section());
-        self.show_save_result(saved, &file);
     }
 
     /// Shows whether a file was saved.

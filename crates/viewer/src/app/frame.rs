@@ -36,9 +36,7 @@ impl App {
 
     pub(super) fn panels(&mut self, ui: &mut Ui) {
         Panel::bottom("status").show(ui, |ui| self.status(ui));
-        let App {
-            controls, opened, canvas, visible, inspection, names, outliner, histogram, ..
-        } = self;
+        let App { controls, opened, canvas, visible, inspection, names, outliner, .. } = self;
         let (Some(controls), Some(opened)) = (controls, opened) else { return };
         let (mut clicked, mut is_inspecting, mut visible_objects) = (None, true, None);
         if visible.panel {
@@ -48,11 +46,8 @@ impl App {
                     is_inspecting = inspector::show(ui, found, names);
                 }
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-                    visible_objects = outliner.show(ui, opened);
                     clicked = clicked.or(panel::show(ui, opened, canvas.rendered(), controls));
-                    if let Some(rendered) = canvas.rendered() {
-                        histogram.show(ui, &rendered.image);
-                    }
+                    visible_objects = outliner.show(ui, opened);
                 });
             });
         }

@@ -8,6 +8,7 @@ use egui::{Context, ViewportCommand};
 
 use super::App;
 use crate::controls::Controls;
+use crate::history::History;
 use crate::loader::Loaded;
 use crate::overlay::Notice;
 use crate::painter::{Message, Prepared, RenderedImage};
@@ -68,7 +69,7 @@ impl App {
         if let (Some(file), Some(controls)) = (environment, &mut self.controls) {
             controls.light_by(&file);
         }
-        self.import_options = options;
+        (self.import_options, self.history) = (options, History::default());
         if !is_same {
             let title = inputs.first().map_or("kiln".into(), |input| name_of(input));
             context.send_viewport_cmd(ViewportCommand::Title(format!("{title} - kiln")));

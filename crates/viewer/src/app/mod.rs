@@ -15,7 +15,8 @@ use std::time::{Duration, Instant};
 use egui::{CentralPanel, Context, Frame, Ui, ViewportCommand, vec2};
 
 use super::canvas::Canvas;
-use super::controls::Controls;
+use super::controls::{Controls, UndoState};
+use super::history::History;
 use super::inspect::Inspection;
 use super::keys::HeldKeys;
 use super::loader::Loader;
@@ -23,7 +24,6 @@ use super::open_dialog::OpenDialog;
 use super::outliner::{Outline, Outliner};
 use super::overlay::{self, Notice};
 use super::painter::{Message, Painter, Prepared};
-use super::pixels::Histogram;
 use super::request::{Opened, RenderRequest};
 use super::save::{SaveDialog, Saving};
 use super::watch::Watcher;
@@ -108,6 +108,7 @@ struct App {
     open_dialog: Option<OpenDialog>,
     opened: Option<Arc<Opened>>,
     controls: Option<Controls>,
+    history: History<UndoState>,
     canvas: Canvas,
     /// Movement keys that are held down.
     held: HeldKeys,
@@ -120,7 +121,6 @@ struct App {
     /// The list of the objects, and the outline of the selected one.
     outliner: Outliner,
     outline: Outline,
-    histogram: Histogram,
     notice: Option<Notice>,
     /// Warnings and notes of the input files.
     warnings: Vec<String>,
@@ -189,6 +189,7 @@ impl App {
             opened_environment: None,
             opened: None,
             controls: None,
+            history: History::default(),
             canvas: Canvas::default(),
             held: HeldKeys::default(),
             requested: None,
@@ -196,7 +197,6 @@ impl App {
             inspection: None,
             outliner: Outliner::default(),
             outline: Outline::default(),
-            histogram: Histogram::default(),
             notice: None,
             warnings: Vec::new(),
             of_picture: None,
@@ -289,6 +289,7 @@ impl eframe::App for App {
         self.play(&context);
         self.panels(ui);
         CentralPanel::default().frame(Frame::NONE).show(ui, |ui| self.picture(ui));
+        self.record(&context);
         self.choose_file(&context);
         self.choose_name(&context);
         self.keep_open(&context);

@@ -97,7 +97,10 @@ fn counts_end_at_their_largest_number() {
     assert_eq!(counts.legend.ends, Some(["0".into(), "16".into()]));
     // Without antialiasing each pixel has one.
     let rays = false_colours_of_scene(DisplayMode::Rays, 4);
-    assert_eq!((rays.pixels, rays.legend.ends), (vec![heat_map(&[1.0])[0]; 16], Some(["0".into(), "1".into()])));
+    assert_eq!(
+        (rays.pixels, rays.legend.ends),
+        (vec![heat_map(&[1.0])[0]; 16], Some(["0".into(), "1".into()]))
+    );
 }
 
 #[test]

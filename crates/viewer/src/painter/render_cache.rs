@@ -24,9 +24,8 @@ pub(crate) struct Prepared {
     pub picture: Picture,
     /// The camera, in scene coordinates.
     pub camera: Camera,
-    /// Decision about each effect with the request's sampling, and whether the scene or the sampling uses the effect;
-    /// those that are used come first.
-    pub decisions: Vec<(Decision, bool)>,
+    /// Decision about each effect that the scene or the sampling uses.
+    pub decisions: Vec<Decision>,
     /// Samples per pixel of the final image, at most: 1 for one at the pixel's centre.
     pub samples: u32,
 }
@@ -136,12 +135,10 @@ impl RenderCache {
             (picture.job.plan_settings.sampling, &picture.job.plan_settings, &picture.job.plan);
         let samples = if whole.takes_samples() { sampling.max_samples() } else { 1 };
         let decisions = EFFECTS.iter().zip(&whole.decisions);
-        let mut decisions: Vec<(Decision, bool)> = decisions
-            .map(|(effect, decision)| {
-                (decision.clone(), (effect.called_for)(&picture.job.world, plan_settings).is_ok())
-            })
+        let decisions = decisions
+            .filter(|(effect, _)| (effect.called_for)(&picture.job.world, plan_settings).is_ok())
+            .map(|(_, decision)| decision.clone())
             .collect();
-        decisions.sort_by_key(|(_, can)| !can);
         Ok(Arc::new(Prepared { session, picture, camera, decisions, samples }))
     }
 

@@ -1,10 +1,10 @@
-//! The controls of the light: what lights the scene, its environment, and the shadows of nearby surfaces.
+//! The controls of the light: what lights the scene, and its environment.
 
 use std::path::Path;
 
 use egui::{ComboBox, Ui};
 
-use super::options::{HIDE_ENVIRONMENT, LIST_LENGTH, OCCLUSION, ROTATION, Shown, WIDTH};
+use super::options::{HIDE_ENVIRONMENT, LIST_LENGTH, ROTATION, Shown, WIDTH};
 use crate::keys::Action;
 use crate::{elided, name_of};
 use kiln::job::{EnvironmentSettings, RenderSettings};
@@ -49,7 +49,7 @@ pub(super) fn show(
             settings.environment = EnvironmentSettings::default();
         }
     }
-    for control in [ROTATION, HIDE_ENVIRONMENT, OCCLUSION] {
+    for control in [ROTATION, HIDE_ENVIRONMENT] {
         control.show(ui, shown, start, settings);
     }
     None

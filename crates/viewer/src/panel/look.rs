@@ -36,7 +36,7 @@ pub(super) fn background(ui: &mut Ui, scene: &Scene, picture: &mut PictureSettin
         if matches!(before, Some(Background::Colour(_))) && ui.color_edit_button_srgb(&mut colour).changed() {
             picture.background = Some(Background::Colour(ColourValue(colour)));
         }
-        BACKGROUND.explain(list.response | ui.label("background"), None);
+        BACKGROUND.explain(list.response | ui.label("background"));
     });
 }
 
@@ -52,28 +52,29 @@ pub(super) fn draft(ui: &mut Ui, scene: &Scene, settings: &mut RenderSettings) {
     }
 }
 
-/// A number for a fixed exposure, and a check box for the automatic one.
+/// A number for a fixed exposure, and a check box for the automatic one, whose value the number shows.
 pub(super) fn exposure(ui: &mut Ui, shown: &Shown, picture: &mut PictureSettings) {
-    let idle = EXPOSURE.idle(shown);
-    ui.add_enabled_ui(idle.is_none(), |ui| {
-        ui.horizontal(|ui| {
-            let mut is_auto = shown.picture.exposure == Some(Exposure::Auto);
-            let mut ev = if let Some(Exposure::Ev(ev)) = shown.picture.exposure { ev } else { 0.0 };
-            let range = -MAX_EXPOSURE..=MAX_EXPOSURE;
-            let drag = DragValue::new(&mut ev).range(range).speed(0.02).max_decimals(2).suffix(" EV");
-            let size = vec2(WIDTH, ui.spacing().interact_size.y);
-            let drag = ui.add_enabled_ui(!is_auto, |ui| ui.add_sized(size, drag)).inner;
-            if drag.changed() {
-                picture.exposure = Some(Exposure::Ev(ev));
-            }
-            let is_metered = "The exposure is automatic: switch that off to set it.";
-            let why = idle.as_deref().or(is_auto.then_some(is_metered));
-            let label = ui.add_enabled_ui(!is_auto, |ui| ui.label("exposure")).inner;
-            EXPOSURE.explain(drag | label, why);
-            let check = EXPOSURE.explain(ui.checkbox(&mut is_auto, "auto"), idle.as_deref());
-            if check.changed() {
-                picture.exposure = Some(if is_auto { Exposure::Auto } else { Exposure::Ev(0.0) });
-            }
-        });
+    if !EXPOSURE.is_used(shown) {
+        return;
+    }
+    ui.horizontal(|ui| {
+        let mut is_auto = shown.picture.exposure == Some(Exposure::Auto);
+        let metered = shown.rendered.map_or(0.0, |rendered| rendered.display.ev());
+        let mut ev = match shown.picture.exposure {
+            Some(Exposure::Ev(ev)) => ev,
+            Some(Exposure::Auto) => metered,
+            None => 0.0,
+        };
+        let range = -MAX_EXPOSURE..=MAX_EXPOSURE;
+        let drag = DragValue::new(&mut ev).range(range).speed(0.02).max_decimals(2).suffix(" EV");
+        let size = vec2(WIDTH, ui.spacing().interact_size.y);
+        let drag = ui.add_enabled_ui(!is_auto, |ui| ui.add_sized(size, drag)).inner;
+        if drag.changed() {
+            picture.exposure = Some(Exposure::Ev(ev));
+        }
+        EXPOSURE.explain(drag | ui.label("exposure"));
+        if EXPOSURE.explain(ui.checkbox(&mut is_auto, "auto")).changed() {
+            picture.exposure = Some(if is_auto { Exposure::Auto } else { Exposure::Ev(metered) });
+        }
     });
 }

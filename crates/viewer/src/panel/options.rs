@@ -31,16 +31,16 @@ pub(crate) struct OptionControl {
     when: &'static str,
     /// What is shown where the option is not set, and the number that a change of it begins with.
     unset: (&'static str, f64),
-    /// Why it changes nothing in the picture.
-    idle: fn(&Shown) -> Option<String>,
+    /// Whether it changes the picture. Otherwise there is no control.
+    is_used: fn(&Shown) -> bool,
 }
 
-/// A table of controls: constant, option, label, text and number without a value, when it changes nothing, when one wants
-/// it.
+/// A table of controls: constant, option, label, text and number without a value, whether it changes the picture, when
+/// one wants it.
 macro_rules! controls {
-    ($($constant:ident = $name:expr, $label:literal, $unset:expr, $idle:expr, $when:literal;)*) => {
+    ($($constant:ident = $name:expr, $label:literal, $unset:expr, $is_used:expr, $when:literal;)*) => {
         $(pub(super) const $constant: &OptionControl =
-            &OptionControl { name: $name, label: $label, when: $when, unset: $unset, idle: $idle };)*
+            &OptionControl { name: $name, label: $label, when: $when, unset: $unset, is_used: $is_used };)*
 
         #[cfg(test)]
         const ALL: &[&OptionControl] = &[$($constant),*];
@@ -48,42 +48,42 @@ macro_rules! controls {
 }
 
 controls! {
-    UP = "up", "up axis", ("y", 0.0), never, "Choose another if the object lies on its side or stands on its head.";
-    SMOOTH = "smooth", "crease angle", ("default", 30.0), never, "Smooths meshes without normals. Lower it if edges look \
+    UP = "up", "up axis", ("y", 0.0), always, "Choose another if the object lies on its side or stands on its head.";
+    SMOOTH = "smooth", "crease angle", ("default", 30.0), always, "Smooths meshes without normals. Lower it if edges look \
         rounded, raise it if a curved surface shows its triangles.";
-    VARIANT = "variant", "variant", ("file's materials", 0.0), never, "The materials to show, if the file has several sets.";
-    CLIP = "clip", "clip", ("", 0.0), never, "The animation to play, if the file has several.";
-    APERTURE = id::DEPTH_OF_FIELD.name(), "aperture blur", ("camera's", 0.02), without_lens, "Blurs what is out of focus. A click in \
+    VARIANT = "variant", "variant", ("file's materials", 0.0), always, "The materials to show, if the file has several sets.";
+    CLIP = "clip", "clip", ("", 0.0), always, "The animation to play, if the file has several.";
+    APERTURE = id::DEPTH_OF_FIELD.name(), "aperture blur", ("camera's", 0.02), with_lens, "Blurs what is out of focus. A click in \
         the picture sets the focus.";
-    ROTATION = "environment-rotation", "rotation", ("0", 0.0), without_environment, "Turns the environment, to let its light \
+    ROTATION = "environment-rotation", "rotation", ("0", 0.0), with_environment, "Turns the environment, to let its light \
         come from another side.";
-    HIDE_ENVIRONMENT = "hide-environment", "hide environment", ("", 0.0), without_environment, "Lights the scene by the \
+    HIDE_ENVIRONMENT = "hide-environment", "hide environment", ("", 0.0), with_environment, "Lights the scene by the \
         environment in front of a plain background.";
-    OCCLUSION = id::AMBIENT_OCCLUSION.name(), "occlusion radius", ("0.1", 0.1), without_occlusion, "The distance within which \
+    OCCLUSION = id::AMBIENT_OCCLUSION.name(), "occlusion radius", ("0.1", 0.1), with_occlusion, "The distance within which \
         surfaces darken each other, in diagonals of the scene. Lower it for dark lines in corners alone.";
-    BACKGROUND = "background", "background", ("", 0.0), never, "A colour of your own behind the scene, such as that of a page \
+    BACKGROUND = "background", "background", ("", 0.0), always, "A colour of your own behind the scene, such as that of a page \
         or a slide, or an alpha channel in .png and .exr.";
-    GROUND = "ground", "ground", ("", 0.0), never, "Something for objects to stand on and to cast their shadows on.";
-    CULL = "cull", "cull back faces", ("", 0.0), double_sided, "Hides the backs of surfaces that the file makes for one side alone: \
+    GROUND = "ground", "ground", ("", 0.0), always, "Something for objects to stand on and to cast their shadows on.";
+    CULL = "cull", "cull back faces", ("", 0.0), single_sided, "Hides the backs of surfaces that the file makes for one side alone: \
         walls seen from outside, outlines.";
-    SHADING = "shading", "shading", ("phong", 0.0), never, "The full model is the picture. Choose another to see what a \
+    SHADING = "shading", "shading", ("phong", 0.0), always, "The full model is the picture. Choose another to see what a \
         colour is made of.";
-    TONE_MAP = "tone-map", "tone map", ("none", 0.0), not_linear, "Compresses bright light to what a screen can show. Choose \
+    TONE_MAP = "tone-map", "tone map", ("none", 0.0), linear, "Compresses bright light to what a screen can show. Choose \
         one if bright places turn white.";
-    EXPOSURE = "exposure", "EV", ("0", 0.0), not_linear, "Brightness: each EV doubles the light. Raise it for a dark \
+    EXPOSURE = "exposure", "EV", ("0", 0.0), linear, "Brightness: each EV doubles the light. Raise it for a dark \
         interior.";
-    TRANSPORT = "transport", "light transport", ("whitted", 0.0), not_shaded, "Choose `path` for indirect light, soft \
+    TRANSPORT = "transport", "light transport", ("whitted", 0.0), shaded, "Choose `path` for indirect light, soft \
         shadows and glass, `whitted` for speed.";
-    BOUNCES = id::PATH.name(), "bounces", ("8", 8.0), without_paths, "Raise it if interiors or glass look too dark.";
-    SAMPLES = "samples", "samples per pixel", ("1", 1.0), never, "Rays through each pixel. More give smoother edges and less \
+    BOUNCES = id::PATH.name(), "bounces", ("8", 8.0), with_paths, "Raise it if interiors or glass look too dark.";
+    SAMPLES = "samples", "samples per pixel", ("1", 1.0), always, "Rays through each pixel. More give smoother edges and less \
         noise, and take longer.";
-    NOISE = "noise", "noise threshold", ("none", 0.025), never, "Samples each pixel until its noise is below this: lower is \
+    NOISE = "noise", "noise threshold", ("none", 0.025), always, "Samples each pixel until its noise is below this: lower is \
         cleaner and takes longer. `samples per pixel` is then the maximum.";
-    FILTER = "filter", "filter", ("gaussian", 0.0), one_sample, "How samples become pixels. `mitchell` is sharper, `gaussian` \
+    FILTER = "filter", "filter", ("gaussian", 0.0), filtered, "How samples become pixels. `mitchell` is sharper, `gaussian` \
         softer, `box` a plain mean.";
 }
 
-/// What the picture of a side has, with the settings that are chosen in the panel.
+/// What the picture has, with the settings that are chosen in the panel.
 pub(super) struct Shown<'a> {
     /// The settings: those chosen, then those of the last picture.
     pub picture: PictureSettings,
@@ -92,7 +92,7 @@ pub(super) struct Shown<'a> {
     /// Whether there is an environment.
     has_environment: bool,
     /// The last picture.
-    rendered: Option<&'a RenderedImage>,
+    pub rendered: Option<&'a RenderedImage>,
 }
 
 impl<'a> Shown<'a> {
@@ -124,69 +124,44 @@ impl<'a> Shown<'a> {
     }
 
     fn decision(&self, effect: EffectId) -> Option<&kiln::effects::Decision> {
-        let decisions = self.rendered?.prepared.decisions.iter();
-        decisions.map(|(decision, _)| decision).find(|decision| decision.effect == effect)
-    }
-
-    /// Why an effect is off.
-    fn off(&self, effect: EffectId) -> Option<String> {
-        let decision = self.decision(effect).filter(|decision| !decision.on)?;
-        Some(format!("The effect {effect} is off: {}.", decision.why))
-    }
-
-    fn samples(&self) -> u32 {
-        self.picture.samples.map_or(1, Samples::get)
+        self.rendered?.prepared.job().plan.decisions.iter().find(|decision| decision.effect == effect)
     }
 }
 
-fn never(_: &Shown) -> Option<String> {
-    None
+fn always(_: &Shown) -> bool {
+    true
 }
 
-fn unless(is_used: bool, reason: &str) -> Option<String> {
-    (!is_used).then(|| reason.to_owned())
+fn with_paths(shown: &Shown) -> bool {
+    shown.picture.transport.is_some_and(|transport| transport.traces_paths())
 }
 
-fn without_paths(shown: &Shown) -> Option<String> {
-    let traces_paths = shown.picture.transport.is_some_and(|transport| transport.traces_paths());
-    unless(traces_paths, "Only the light transport `path` has bounces.")
+fn with_environment(shown: &Shown) -> bool {
+    shown.has_environment
 }
 
-fn without_environment(shown: &Shown) -> Option<String> {
-    unless(shown.has_environment, "There is no environment: choose one as the light.")
+fn with_occlusion(shown: &Shown) -> bool {
+    shown.decision(id::AMBIENT_OCCLUSION).is_some_and(|decision| decision.on)
 }
 
-fn without_occlusion(shown: &Shown) -> Option<String> {
-    shown.off(id::AMBIENT_OCCLUSION)
+fn with_lens(shown: &Shown) -> bool {
+    shown.rendered.is_none_or(|rendered| rendered.prepared.camera.projection.has_lens())
 }
 
-fn without_lens(shown: &Shown) -> Option<String> {
-    let camera = shown.rendered.map(|rendered| &rendered.prepared.camera);
-    unless(
-        camera.is_none_or(|camera| camera.projection.has_lens()),
-        "Only perspective cameras have an aperture.",
-    )
+fn single_sided(shown: &Shown) -> bool {
+    shown.rendered.is_none_or(|rendered| rendered.prepared.job().world.has_single_sided())
 }
 
-fn double_sided(shown: &Shown) -> Option<String> {
-    let world = shown.rendered.map(|rendered| &rendered.prepared.job().world);
-    let is_used = world.is_none_or(|world| world.has_single_sided());
-    unless(is_used, "No material is single-sided.")
+fn linear(shown: &Shown) -> bool {
+    shown.picture.pipeline() == ColourPipeline::Linear
 }
 
-fn not_linear(shown: &Shown) -> Option<String> {
-    let is_linear = shown.picture.pipeline() == ColourPipeline::Linear;
-    unless(is_linear, "Exposure and tone map need `--colour linear`.")
+fn shaded(shown: &Shown) -> bool {
+    shown.picture.shading() == ShadingMode::Full
 }
 
-fn not_shaded(shown: &Shown) -> Option<String> {
-    let uses_lights = shown.picture.shading() == ShadingMode::Full;
-    unless(uses_lights, "Only the full shading has light transport.")
-}
-
-fn one_sample(shown: &Shown) -> Option<String> {
-    let has_filter = shown.samples() > 1 || shown.picture.noise.is_some();
-    unless(has_filter, "A pixel is one sample: there is nothing to filter.")
+fn filtered(shown: &Shown) -> bool {
+    shown.picture.samples.is_some_and(|samples| samples.get() > 1) || shown.picture.noise.is_some()
 }
 
 fn effect_named(name: &str) -> Option<&'static Effect> {
@@ -244,10 +219,12 @@ impl OptionControl {
         start: &RenderSettings,
         settings: &mut RenderSettings,
     ) {
+        if !self.is_used(shown) {
+            return;
+        }
         let (now, first) = (chosen(self.name, settings), chosen(self.name, start));
         let text = shown.text(self.name, settings);
-        let changed =
-            self.widget(ui, &kind(self.name), text.as_deref(), now != first, (self.idle)(shown).as_deref());
+        let changed = self.widget(ui, &kind(self.name), text.as_deref(), now != first);
         if let Some(text) = changed {
             set(self.name, text.or(first).as_deref(), settings, &shown.picture);
         }
@@ -258,15 +235,13 @@ impl OptionControl {
         OptionControl { unset: ("from file", self.unset.1), ..*self }
     }
 
-    /// Shows the control for an option of reading files; `names` are the values of one that is a text, `idle` is why it
-    /// changes nothing.
+    /// Shows the control for an option of reading files; `names` are the values of one that is a text.
     pub(super) fn show_reading(
         &self,
         ui: &mut Ui,
         names: &[String],
         start: &ImportOptions,
         reading: &mut ImportOptions,
-        idle: Option<&str>,
     ) {
         let (now, first) = (reading.text(self.name), start.text(self.name));
         let kind = match kind(self.name) {
@@ -274,7 +249,7 @@ impl OptionControl {
             kind => kind,
         };
         let is_changed = now != first;
-        if let Some(text) = self.widget(ui, &kind, now.as_deref(), is_changed, idle) {
+        if let Some(text) = self.widget(ui, &kind, now.as_deref(), is_changed) {
             // Invalid values leave what was there.
             let _ = reading.set(self.name, text.or(first).as_deref());
         }
@@ -288,12 +263,10 @@ impl OptionControl {
         kind: &ValueKind,
         text: Option<&str>,
         is_changed: bool,
-        idle: Option<&str>,
     ) -> Option<Option<String>> {
         let mut changed = None;
         ui.horizontal(|ui| {
-            let is_used = idle.is_none();
-            let control = ui.add_enabled_ui(is_used, |ui| match kind {
+            let control = match kind {
                 ValueKind::Names(names) if names == &["true", "false"] => {
                     let mut is_on = text == Some("true");
                     let check = ui.checkbox(&mut is_on, self.label);
@@ -323,10 +296,10 @@ impl OptionControl {
                     drag | ui.label(self.label)
                 }
                 ValueKind::Text => ui.label(self.label),
-            });
-            self.explain(control.inner, idle);
-            let back = "back to the setting with which the file was opened";
-            if is_changed && ui.small_button("\u{21ba}").on_hover_text(back).clicked() {
+            };
+            self.explain(control);
+            let back = "the setting with which the file was opened";
+            if is_changed && ui.small_button("reset").on_hover_text(back).clicked() {
                 changed = Some(None);
             }
         });
@@ -356,13 +329,13 @@ impl OptionControl {
         (drag, is_changed.then(|| number.to_string()))
     }
 
-    /// Why the option changes nothing in the picture.
-    pub(super) fn idle(&self, shown: &Shown) -> Option<String> {
-        (self.idle)(shown)
+    /// Whether the option changes the picture.
+    pub(super) fn is_used(&self, shown: &Shown) -> bool {
+        (self.is_used)(shown)
     }
 
-    /// Shows on hover when one wants the option, and what it does, or why it changes nothing.
-    pub(super) fn explain(&self, control: Response, idle: Option<&str>) -> Response {
+    /// Shows on hover when one wants the option, and what it does.
+    pub(super) fn explain(&self, control: Response) -> Response {
         let (option, help) =
             match effect_named(self.name).and_then(|effect| Some((effect, effect.value.as_ref()?))) {
                 Some((effect, value)) => {
@@ -371,9 +344,7 @@ impl OptionControl {
                 }
                 None => (self.name.to_owned(), help(self.name).to_owned()),
             };
-        let text = format!("{}\n\n--{option}: {help}", self.when);
-        let why = idle.map_or(String::new(), |why| format!("{why}\n\n{text}"));
-        control.on_hover_text(text).on_disabled_hover_text(why)
+        control.on_hover_text(format!("{}\n\n--{option}: {help}", self.when))
     }
 }
 
