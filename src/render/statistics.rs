@@ -8,7 +8,7 @@ use crate::effects::tile::{PathCount, RayCount, Tile};
 use crate::effects::{EFFECTS, EffectId, Plan, RayKind, id};
 
 /// The statistics of a render.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Statistics {
     /// The processor time of each stage summed over threads, in the plan's order. Stages with the same name and effect
     /// are merged. Empty unless [`RenderControl::time_stages`](super::RenderControl::time_stages) is set.

@@ -115,7 +115,8 @@ fn initial_view(
     // A clip may begin with nothing to see.
     let picture = if scene.bounds().is_some() || !scene.plays_clips() {
         let resolved = session.resolve_only(&requested, false)?;
-        session.warn_of_resolved(&resolved, &requested, warnings)?;
+        // What is about the look are notes of the picture, which may get another.
+        session.warn_of_camera(&resolved, &requested, warnings)?;
         let time = scene.animation.is_none().then(|| Moment::of_still(scene).seconds);
         let used = PictureUse { time, is_rounded: true };
         warn_of_unused(&arguments.options, &resolved.plan_settings, used, warnings);

@@ -1,6 +1,6 @@
 //! Key bindings and the text of the key list.
 
-use egui::{Context, Event, InputState, Key, Modifiers};
+use egui::{Context, Event, InputState, Key, Modifiers, Popup};
 use glam::{DVec2, DVec3};
 
 /// Action of a key or button.
@@ -158,7 +158,9 @@ pub(crate) enum Focus {
 impl Focus {
     /// The focus of this frame.
     pub(crate) fn of(context: &Context) -> Focus {
-        match (context.text_edit_focused(), context.egui_wants_keyboard_input()) {
+        // An open list of values, too.
+        let is_control = context.egui_wants_keyboard_input() || Popup::is_any_open(context);
+        match (context.text_edit_focused(), is_control) {
             (true, _) => Focus::Text,
             (false, true) => Focus::Control,
             (false, false) => Focus::Picture,

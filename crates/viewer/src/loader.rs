@@ -1,4 +1,4 @@
-//! Loading of files on background threads.
+//! Loading of files on a background thread.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -27,46 +27,51 @@ pub(crate) struct Loaded {
     pub warnings: Warnings,
 }
 
-/// Loads files on background threads.
+/// A request to load files.
+struct LoadRequest {
+    number: u64,
+    inputs: Vec<PathBuf>,
+    options: Option<ImportOptions>,
+}
+
+/// Loads files on a background thread.
 pub(crate) struct Loader {
-    open: Arc<Open>,
-    threads: Arc<rayon::ThreadPool>,
-    wake: Arc<dyn Fn() + Send + Sync>,
     number: u64,
     /// Number of the last completed request.
     answered: u64,
     /// Files of the newest request, and when it was made.
     newest: (Vec<PathBuf>, Instant),
-    sender: Sender<Loaded>,
+    requests: Sender<LoadRequest>,
     loaded: Receiver<Loaded>,
 }
 
 impl Loader {
-    /// Creates a loader that calls `open` on `threads`, and `wake` after each result.
+    /// Starts the thread, which calls `open` on `threads`, and `wake` after each result, until the loader is dropped.
     pub(crate) fn new(
         open: Open,
         threads: Arc<rayon::ThreadPool>,
         wake: impl Fn() + Send + Sync + 'static,
     ) -> Self {
-        let (sender, loaded) = channel();
-        let (open, wake, newest) = (Arc::new(open), Arc::new(wake), (Vec::new(), Instant::now()));
-        Loader { open, threads, wake, number: 0, answered: 0, newest, sender, loaded }
+        let ((requests, receiver), (sender, loaded)) = (channel::<LoadRequest>(), channel());
+        std::thread::spawn(move || {
+            while let Ok(request) = receiver.recv() {
+                // Of requests that have arrived in the meantime, the last replaces the others.
+                let LoadRequest { number, inputs, options } = receiver.try_iter().last().unwrap_or(request);
+                let mut warnings = Warnings::default();
+                let (result, files) = threads.install(|| open(&inputs, options.as_ref(), &mut warnings));
+                // The receiver is dropped when the window closes.
+                let _ = sender.send(Loaded { number, inputs, options, result, files, warnings });
+                wake();
+            }
+        });
+        Loader { number: 0, answered: 0, newest: (Vec::new(), Instant::now()), requests, loaded }
     }
 
-    /// Starts loading files. Results of earlier requests are discarded.
-    pub(crate) fn load(&mut self, inputs: Vec<PathBuf>, options: Option<ImportOptions>) {
+    /// Loads files. Results of earlier requests are discarded. Returns whether the thread lives: a panic ends it.
+    pub(crate) fn load(&mut self, inputs: Vec<PathBuf>, options: Option<ImportOptions>) -> bool {
         self.number += 1;
         self.newest = (inputs.clone(), Instant::now());
-        let number = self.number;
-        let (open, threads) = (Arc::clone(&self.open), Arc::clone(&self.threads));
-        let (sender, wake) = (self.sender.clone(), Arc::clone(&self.wake));
-        std::thread::spawn(move || {
-            let mut warnings = Warnings::default();
-            let (result, files) = threads.install(|| open(&inputs, options.as_ref(), &mut warnings));
-            // The receiver is dropped when the window closes.
-            let _ = sender.send(Loaded { number, inputs, options, result, files, warnings });
-            wake();
-        });
+        self.requests.send(LoadRequest { number: self.number, inputs, options }).is_ok()
     }
 
     /// The result of the newest request, once, when it is available.
@@ -80,5 +85,42 @@ impl Loader {
     pub(crate) fn reading(&self) -> Option<(&[PathBuf], Instant)> {
         let (files, since) = &self.newest;
         (self.answered < self.number).then_some((files, *since))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+    use std::time::Duration;
+
+    use super::*;
+    use kiln::error::Error;
+
+    /// While a file is read, further requests wait, and the last of them alone is read: on one thread.
+    #[test]
+    fn requests_in_the_meantime_are_one() {
+        let (started, starts) = channel();
+        let (go, gate) = channel::<()>();
+        let gate = Mutex::new(gate);
+        let open: Open = Box::new(move |inputs, _, _| {
+            started.send((inputs[0].clone(), std::thread::current().id())).expect("the test listens");
+            gate.lock().expect("one reader").recv().expect("the test goes on");
+            (Err(Error::usage("not read", "")), Vec::new())
+        });
+        // The pool's only thread is the one that reads.
+        let threads = Arc::new(rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool"));
+        let mut loader = Loader::new(open, threads, || {});
+        let minute = Duration::from_secs(60);
+        assert!(loader.load(vec!["0".into()], None));
+        let (first, thread) = starts.recv_timeout(minute).expect("a file is read");
+        assert_eq!(first, PathBuf::from("0"));
+        (1..=300).for_each(|number| assert!(loader.load(vec![number.to_string().into()], None)));
+        go.send(()).expect("the loader waits");
+        assert_eq!(starts.recv_timeout(minute), Ok(("300".into(), thread)));
+        go.send(()).expect("the loader waits");
+        while loader.loaded().is_none() {
+            std::thread::yield_now();
+        }
+        assert!(loader.reading().is_none() && starts.try_recv().is_err());
     }
 }

@@ -189,7 +189,9 @@ impl SaveDialog {
             if std::mem::take(&mut self.is_new) {
                 field.request_focus();
             }
-            saves = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+            let [is_entered, is_closed] =
+                [Key::Enter, Key::Escape].map(|key| ui.input(|input| input.key_pressed(key)));
+            (saves, cancels) = (field.lost_focus() && is_entered, is_closed);
             if self.has_size {
                 ui.horizontal(|ui| {
                     let [x, y] = &mut self.size;
@@ -209,7 +211,7 @@ impl SaveDialog {
                 let name = if exists { "Replace the file" } else { "Save" };
                 saves |= ui.add_enabled(problem.is_none(), egui::Button::new(name)).clicked();
                 saves &= problem.is_none();
-                cancels = ui.button("Cancel").clicked();
+                cancels |= ui.button("Cancel").clicked();
             });
         });
         match (saves, is_open && !cancels) {

@@ -395,6 +395,20 @@ fn cameras_are_those_of_their_index() {
     }
 }
 
+/// Notes on added light, ground and background are those of the light that is chosen in the window.
+#[test]
+fn notes_are_those_of_the_picture() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/import/l.obj");
+    let lit = arguments(&file, &[("environment", Some("sky"))]);
+    let expected = still(&lit, Format::Png, &[]).expect("a picture");
+    let (plain, mut warnings) = (arguments(&file, &[]), Warnings::default());
+    let mut opened = open(&plain, &plain.inputs, None, &mut warnings).0.expect("a scene");
+    opened.settings.environment.environment = Some("sky".to_owned());
+    let shown = kiln_viewer::final_picture(&Arc::new(opened), SIZE, None, &mut warnings);
+    let (image, metadata) = shown.expect("a picture");
+    Made::new(&image, &metadata, Format::Png, warnings).expect("a file").assert_same(&expected, "sky");
+}
+
 /// Objects hidden by options are hidden in all of them, also those of clips and tracks, and in the window where they are
 /// hidden once the file is open.
 #[test]

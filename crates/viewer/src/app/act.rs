@@ -15,6 +15,7 @@ use crate::history::SETTLE_TIME;
 use crate::inspect::inspect;
 use crate::keys::{self, Action, CameraMotion, Focus};
 use crate::open_dialog::{Answer, OpenDialog};
+use crate::painter::Prepared;
 use crate::request::{CameraSource, Opened};
 use crate::save::{Finished, SaveAnswer, SaveDialog, SavedPicture, Saving};
 use crate::{message_with_hint, name_of, save};
@@ -119,7 +120,7 @@ impl App {
         let environment = environments.pop();
         if !inputs.is_empty() {
             self.opened_environment = environment.or(self.opened_environment.take());
-            self.loader.load(inputs, None);
+            self.load(inputs, None);
         } else if let (Some(file), Some(controls)) = (&environment, &mut self.controls) {
             controls.light_by(file);
         } else if let Some(file) = environment {
@@ -193,27 +194,49 @@ impl App {
         }
     }
 
-    /// Inspects a clicked pixel, and makes its surface point the focus of orbit and lens; a double click moves it to the
-    /// middle of the picture.
-    pub(super) fn click(&mut self, mouse: &MouseResult) {
-        let (Some(pixel), Some(opened)) = (mouse.clicked.or(mouse.focused), &self.opened) else { return };
-        let Some(prepared) = self.canvas.prepared().cloned() else { return };
-        let rendered = self.canvas.rendered();
-        let shown = rendered.map(|rendered| rendered.display).unwrap_or_default();
-        let metered = rendered.and_then(|rendered| rendered.metered.clone());
+    /// Inspects a pixel of the displayed picture. Returns what it was rendered from.
+    fn inspect(&mut self, pixel: [u32; 2]) -> Option<Arc<Prepared>> {
+        let (rendered, opened) = (self.canvas.rendered()?, self.opened.as_ref()?);
+        let (prepared, shown) = (Arc::clone(&rendered.prepared), rendered.display);
+        let metered = rendered.metered.clone();
         let job = metered.as_deref().unwrap_or(prepared.job());
-        let bounds = opened.scene().bounds();
-        let bounds = match (bounds, &job.recentering) {
+        let bounds = match (opened.scene().bounds(), &job.recentering) {
             (Some((min, max)), Some(recentering)) => Some((
                 (min - recentering.middle) * recentering.scale,
                 (max - recentering.middle) * recentering.scale,
             )),
             (bounds, _) => bounds,
         };
-        let found = match inspect(job, bounds, [job.display().known(), shown], pixel) {
-            Ok(found) => found,
-            Err(e) => return self.show_error(message_with_hint(&e)),
-        };
+        match inspect(job, bounds, [job.display().known(), shown], pixel) {
+            Ok(found) => self.inspection = Some((Arc::clone(&prepared), found)),
+            Err(e) => {
+                self.inspection = None;
+                self.show_error(message_with_hint(&e));
+            }
+        }
+        Some(prepared)
+    }
+
+    /// Inspects the pixel of a finished picture that was inspected in the last one. From another camera the rays of the last
+    /// one stay, unless something else has changed, too.
+    pub(super) fn inspect_again(&mut self) {
+        let (Some((of, found)), Some(prepared)) = (&self.inspection, self.canvas.prepared()) else { return };
+        let (before, now, pixel) = (of.job(), prepared.job(), found.report.pixel);
+        if of.camera == prepared.camera && before.view.size() == now.view.size() {
+            if !Arc::ptr_eq(of, prepared) {
+                self.inspect(pixel);
+            }
+        } else if !Arc::ptr_eq(&before.world, &now.world) || before.plan_settings != now.plan_settings {
+            self.inspection = None;
+        }
+    }
+
+    /// Inspects a clicked pixel, and makes its surface point the focus of orbit and lens; a double click moves it to the
+    /// middle of the picture.
+    pub(super) fn click(&mut self, mouse: &MouseResult) {
+        let Some(pixel) = mouse.clicked.or(mouse.focused) else { return };
+        let (Some(prepared), Some((_, found))) = (self.inspect(pixel), &self.inspection) else { return };
+        let job = prepared.job();
         if let Some(controls) = &mut self.controls {
             let point = found.surface().map(|surface| surface.position);
             let has_lens = job.plan.decisions.iter().any(|d| d.on && d.effect == id::DEPTH_OF_FIELD);
@@ -223,7 +246,6 @@ impl App {
             }
         }
         self.outliner.select(found.surface().map(|surface| surface.object.as_str()));
-        self.inspection = Some((prepared, found));
         self.visible.panel = true;
     }
 

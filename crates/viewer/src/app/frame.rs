@@ -1,16 +1,15 @@
 //! Layout of an interface frame.
 
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use egui::{Align, Context, Label, Layout, Panel, RichText, ScrollArea, Ui};
 
 use super::{App, inspector, timeline};
-use crate::painter::RenderedImage;
 use crate::panel;
 use crate::save::Saving;
 use crate::{elided, name_of, overlay, pixels, timeline as bar};
-use kiln::error::Warnings;
 
 /// Width of the panel, in points.
 pub(super) const PANEL_WIDTH: f32 = 300.0;
@@ -42,8 +41,9 @@ impl App {
         if visible.panel {
             Panel::right("panel").exact_size(PANEL_WIDTH).show(ui, |ui| {
                 Panel::bottom("buttons").show(ui, |ui| clicked = panel::buttons(ui));
-                if let Some((_, found)) = inspection {
-                    is_inspecting = inspector::show(ui, found, names);
+                if let Some((of, found)) = inspection {
+                    let is_of_before = !canvas.prepared().is_some_and(|now| Arc::ptr_eq(now, of));
+                    is_inspecting = inspector::show(ui, found, names, is_of_before);
                 }
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                     clicked = clicked.or(panel::show(ui, opened, canvas.rendered(), controls));
@@ -61,7 +61,7 @@ impl App {
             });
         }
         if let Some(options) = reading {
-            self.loader.load(self.inputs.clone(), Some(options));
+            self.load(self.inputs.clone(), Some(options));
         } else if let Some([isolate, hide]) = visible_objects {
             self.show_objects(isolate, hide);
         }
@@ -130,8 +130,9 @@ impl App {
             ui.label(format!("saving {}, {percent} %", elided(&name_of(file), 24)));
         }
         let of_picture = self.of_picture.iter().flat_map(|(_, texts)| texts).chain(&self.warnings);
-        let warnings = rendered.map(image_warnings).into_iter().flatten().chain(of_picture.cloned());
-        let warnings: Vec<String> = warnings.collect();
+        let of_image =
+            rendered.iter().flat_map(|image| image.of_image.messages().iter().chain(image.of_image.notes()));
+        let warnings: Vec<String> = of_image.chain(of_picture).cloned().collect();
         if !warnings.is_empty() && ui.available_width() > LEAST_WIDTH {
             ui.separator();
             let line = RichText::new(warnings.join("; ")).weak();
@@ -140,11 +141,4 @@ impl App {
             ui.add(line).on_hover_text(warnings.join("\n"));
         }
     }
-}
-
-/// Warnings about a rendered image.
-fn image_warnings(rendered: &RenderedImage) -> Vec<String> {
-    let mut warnings = Warnings::default();
-    rendered.warn_of_image(&mut warnings);
-    warnings.messages().iter().chain(warnings.notes()).cloned().collect()
 }

@@ -23,8 +23,8 @@ const TEXT_SIZE: f32 = 10.0;
 /// Part of the panel's height that the inspection may take; it scrolls within.
 const HEIGHT_SHARE: f32 = 0.5;
 
-/// Shows the inspection at the top of the panel. Returns `false` when the user closed it.
-pub(crate) fn show(ui: &mut Ui, inspection: &Inspection, names: &FileNames) -> bool {
+/// Shows the inspection at the top of the panel, which `is_of_before` the last change. Returns `false` when the user closed it.
+pub(crate) fn show(ui: &mut Ui, inspection: &Inspection, names: &FileNames, is_of_before: bool) -> bool {
     let report = &inspection.report;
     let (mut is_open, [x, y], [r, g, b]) = (true, report.pixel, report.displayed);
     ui.add_space(8.0);
@@ -32,6 +32,9 @@ pub(crate) fn show(ui: &mut Ui, inspection: &Inspection, names: &FileNames) -> b
         let (swatch, _) = ui.allocate_exact_size(vec2(28.0, 14.0), egui::Sense::hover());
         ui.painter().rect_filled(swatch, 2.0, Color32::from_rgb(r, g, b));
         ui.label(RichText::new(format!("Pixel {x}, {y}")).strong());
+        if is_of_before {
+            ui.label("before the change");
+        }
         ui.label(format!("#{r:02x}{g:02x}{b:02x}")).on_hover_text(format!("{r} {g} {b}"));
         is_open = !ui.small_button("x").on_hover_text("Esc").clicked();
     });

@@ -1,5 +1,6 @@
 //! Messages from the loader, painter, watcher and saving threads.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -16,6 +17,10 @@ use crate::watch::Watcher;
 use crate::{message_with_hint, name_of};
 use kiln::error::{Error, Warnings, printable};
 use kiln::import::{FileNames, FileRead};
+use kiln::scene::ImportOptions;
+
+/// Hint of errors that are faults of kiln.
+const REPORT: &str = "please report it with the input; what you see stays as it is";
 
 impl App {
     /// Handles all pending messages.
@@ -31,8 +36,7 @@ impl App {
             self.show_save_result(done, &file);
         }
         if self.painter.has_ended() && self.notice.is_none() {
-            let hint = "please report it with the input; what you see stays as it is";
-            self.show_error(format!("a fault in kiln itself: nothing is rendered any more\n{hint}"));
+            self.show_error(format!("a fault in kiln itself: nothing is rendered any more\n{REPORT}"));
         }
         let all: Vec<Message> = self.painter.messages().collect();
         all.into_iter().for_each(|message| self.handle_message(context, message));
@@ -87,7 +91,14 @@ impl App {
         if self.inputs.is_empty() {
             return;
         }
-        self.loader.load(self.inputs.clone(), self.import_options.clone());
+        self.load(self.inputs.clone(), self.import_options.clone());
+    }
+
+    /// Reads files, with options that were chosen in the window if there are any.
+    pub(super) fn load(&mut self, inputs: Vec<PathBuf>, options: Option<ImportOptions>) {
+        if !self.loader.load(inputs, options) {
+            self.show_error(format!("a fault in kiln itself: no file is read any more\n{REPORT}"));
+        }
     }
 
     /// Closes the window because of an error.
@@ -146,6 +157,10 @@ impl App {
             let texts = warnings.messages().iter().chain(warnings.notes()).cloned().collect();
             self.of_picture = Some((Arc::clone(&rendered.prepared), texts));
         }
+        let is_last = rendered.is_last;
         self.canvas.take(context, rendered);
+        if is_last {
+            self.inspect_again();
+        }
     }
 }

@@ -21,7 +21,7 @@ use super::request::RenderRequest;
 use kiln::error::{Error, Result, Warnings};
 use kiln::film::write::{Format, OutputImage};
 use kiln::film::{DisplayTransform, Film};
-use kiln::job::{Findings, Metadata, RenderControl, RenderJob};
+use kiln::job::{Metadata, RenderControl, RenderJob};
 use kiln::render::Statistics;
 
 /// Duration after which the first pass of an outdated request is cancelled.
@@ -61,7 +61,9 @@ pub(crate) struct RenderedImage {
     pub time: Duration,
     /// Statistics of the pass.
     pub statistics: Statistics,
-    /// Those of this pass and the passes before it, for what the picture has taken.
+    /// Warnings and notes about the finished picture.
+    pub of_image: Warnings,
+    /// Statistics of this pass and the passes before it, for what the picture has taken.
     pub spent: Statistics,
     /// Legend of false colours.
     pub legend: Option<Legend>,
@@ -74,15 +76,9 @@ pub(crate) struct RenderedImage {
 impl RenderedImage {
     /// Adds the warnings and notes about the picture before it is rendered.
     pub(crate) fn warn_of_picture(&self, warnings: &mut Warnings) {
-        let Prepared { session, picture, .. } = &*self.prepared;
+        let Prepared { session, picture, of_look, .. } = &*self.prepared;
+        warnings.extend(of_look);
         session.warn(picture, self.metered.as_deref().unwrap_or(&picture.job), warnings);
-    }
-
-    /// Adds the warnings and notes about the finished image.
-    pub(crate) fn warn_of_image(&self, warnings: &mut Warnings) {
-        if self.is_last {
-            Findings::new(self.prepared.job(), &self.statistics).warn(warnings);
-        }
     }
 }
 
@@ -285,7 +281,7 @@ pub fn final_picture(
     let prepared = RenderCache::default().prepare(&request)?;
     let shown = pass::Progress::new(&request, prepared, 4).final_image()?;
     shown.warn_of_picture(warnings);
-    shown.warn_of_image(warnings);
+    warnings.extend(&shown.of_image);
     let film = shown.film.expect("a finished picture");
     let finished = Some(super::save::Finished { film, display: shown.display });
     let picture = super::save::SavedPicture { request, frame, finished, command: String::new() };

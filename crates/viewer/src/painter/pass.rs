@@ -9,20 +9,35 @@ use rayon::prelude::*;
 
 use super::RenderedImage;
 use super::render_cache::Prepared;
-use crate::false_colour::{DisplayMode, FalseColours, false_colours};
+use crate::false_colour::{DisplayMode, FalseColours, Legend, false_colours};
 use crate::refine::{Pass, passes};
 use crate::request::RenderRequest;
 use kiln::effects::RayKind;
-use kiln::error::Result;
+use kiln::error::{Result, Warnings};
 use kiln::film::tone::{Exposure, auto_exposure};
+use kiln::film::write::OutputImage;
 use kiln::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, Pixel, Window};
-use kiln::job::RenderJob;
+use kiln::job::{Findings, RenderJob};
 use kiln::render::{RenderControl, Statistics};
 use kiln::scene::Sampling;
 
 /// A coarse pass takes one of so many samples of a pixel: of rays that samples share, such as those of ambient occlusion, it
 /// casts so many times less than a picture of one sample.
 const COARSE_TOTAL: u32 = 4;
+
+/// What a pass has drawn.
+struct Drawn {
+    image: ColorImage,
+    legend: Option<Legend>,
+    /// The pixels of a picture.
+    film: Option<Arc<Film>>,
+    display: DisplayTransform,
+    statistics: Statistics,
+    /// Warnings and notes about a finished picture.
+    of_image: Warnings,
+    /// Time of metering the exposure.
+    metering: Duration,
+}
 
 /// A request with its progress.
 pub(crate) struct Progress<'a> {
@@ -38,7 +53,6 @@ pub(crate) struct Progress<'a> {
 impl<'a> Progress<'a> {
     /// Plans the passes, the first of them with pixels of `factor` by `factor`.
     pub(crate) fn new(request: &'a RenderRequest, prepared: Arc<Prepared>, factor: u32) -> Self {
-        // AOVs are computed at pixel centres.
         let is_picture = request.display_mode == DisplayMode::Picture;
         let passes = passes(factor, if is_picture { prepared.samples } else { 1 });
         let metered = prepared.known_exposed().filter(|_| is_picture).map(Arc::new);
@@ -48,6 +62,10 @@ impl<'a> Progress<'a> {
     /// Number of passes.
     pub(crate) fn passes(&self) -> usize {
         self.passes.len()
+    }
+
+    fn is_picture(&self) -> bool {
+        self.request.display_mode == DisplayMode::Picture
     }
 
     /// Renders a pass of the request of that number. Returns also the render time in seconds per pixel, if each had one
@@ -62,46 +80,20 @@ impl<'a> Progress<'a> {
         request: u64,
     ) -> Result<(RenderedImage, Option<f64>)> {
         let pass = self.passes[index];
-        let start = Instant::now();
-        let control = RenderControl { cancel, progress: &|_, _| (), time_stages: false };
+        let control = RenderControl { cancel, progress: &|_, _| (), time_stages: true };
         let is_last = index + 1 == self.passes.len();
-        let pipeline = self.prepared.job().pipeline();
-        let whole = self.prepared.job().plan_settings.sampling;
-        let Sampling { seed, sampler, noise, min_samples, .. } = whole;
-        let most = if self.request.display_mode == DisplayMode::Picture { self.prepared.samples } else { 1 };
-        let (factor, sampling) = match pass {
-            Pass::Coarse(factor) => {
-                (factor, Sampling { seed, sampler, total: Some(COARSE_TOTAL), ..Sampling::default() })
-            }
-            Pass::Samples(count) if count < most => {
-                (1, Sampling { first: None, noise, min_samples, ..whole.part(0, count) })
-            }
-            Pass::Samples(_) => (1, whole),
-        };
-        // Metering would delay the first image after a change, if that is coarse.
-        let display = match pass {
-            Pass::Coarse(_) if !is_last => None,
-            _ => Some(self.final_display(&control)?),
-        };
-        let metered = start.elapsed();
+        let (start, factor) = (Instant::now(), if let Pass::Coarse(factor) = pass { factor } else { 1 });
         let size = self.request.size.map(|side| side.div_ceil(factor));
-        let (film, statistics) = self.render((self.job(), display.is_some()), size, sampling, &control)?;
-        let film = Arc::new(film);
-        let pixels = rows(&film);
-        let display = match display {
-            Some(display) => display,
-            None => self.display_of(&pixels, size, &control)?,
+        let drawn = match self.request.display_mode {
+            DisplayMode::Picture => self.picture(pass, is_last, size, &control)?,
+            _ => self.false_colours(size, &control)?,
         };
-        let (image, legend) = match self.request.display_mode {
-            DisplayMode::Picture => (image(&pixels, size, pipeline, display), None),
-            _ => {
-                let FalseColours { pixels, legend } = self.false_colours(size, &control)?;
-                (ColorImage::from_rgb(size.map(|side| side as usize), pixels.as_flattened()), Some(legend))
-            }
-        };
+        let Drawn { image, legend, film, display, statistics, of_image, metering } = drawn;
         let time = start.elapsed();
+        let pixels = size[0] as usize * size[1] as usize;
+        let most = if self.is_picture() { self.prepared.samples } else { 1 };
         let is_once = matches!(pass, Pass::Coarse(_)) || most == 1;
-        let seconds_per_pixel = is_once.then(|| (time - metered).as_secs_f64() / (pixels.len() as f64));
+        let seconds_per_pixel = is_once.then(|| (time - metering).as_secs_f64() / pixels as f64);
         let (time, spent) = match self.spent.take() {
             Some((before, mut spent)) => {
                 spent.add(&statistics);
@@ -110,9 +102,7 @@ impl<'a> Progress<'a> {
             None => (time, statistics.clone()),
         };
         self.spent = Some((time, spent.clone()));
-        let cast = statistics.rays(RayKind::PRIMARY).cast as f64;
-        let taken = (cast / f64::from(size[0]) / f64::from(size[1])).round() as u32;
-        let is_finished = is_last && self.request.display_mode == DisplayMode::Picture;
+        let taken = (statistics.rays(RayKind::PRIMARY).cast as f64 / pixels as f64).round() as u32;
         let rendered = RenderedImage {
             request,
             image: Arc::new(image),
@@ -120,9 +110,10 @@ impl<'a> Progress<'a> {
             factor,
             samples: (taken.clamp(1, most), most),
             is_last,
-            film: is_finished.then_some(film),
+            film: film.filter(|_| is_last),
             time,
             statistics,
+            of_image,
             spent,
             legend,
             prepared: Arc::clone(&self.prepared),
@@ -131,19 +122,54 @@ impl<'a> Progress<'a> {
         Ok((rendered, seconds_per_pixel))
     }
 
+    /// Renders a pass of the picture.
+    fn picture(
+        &mut self,
+        pass: Pass,
+        is_last: bool,
+        size: [u32; 2],
+        control: &RenderControl,
+    ) -> Result<Drawn> {
+        let start = Instant::now();
+        let pipeline = self.prepared.job().pipeline();
+        let whole = self.prepared.job().plan_settings.sampling;
+        let Sampling { seed, sampler, noise, min_samples, .. } = whole;
+        let sampling = match pass {
+            Pass::Coarse(_) => Sampling { seed, sampler, total: Some(COARSE_TOTAL), ..Sampling::default() },
+            Pass::Samples(count) if count < self.prepared.samples => {
+                Sampling { first: None, noise, min_samples, ..whole.part(0, count) }
+            }
+            Pass::Samples(_) => whole,
+        };
+        // Metering would delay the first image after a change, if that is coarse.
+        let display = match pass {
+            Pass::Coarse(_) if !is_last => None,
+            _ => Some(self.final_display(control)?),
+        };
+        let metering = start.elapsed();
+        let (film, statistics) = self.render(display.is_some(), size, sampling, control)?;
+        let pixels = rows(&film);
+        let display = match display {
+            Some(display) => display,
+            None => self.display_of(&pixels, size, control)?,
+        };
+        let mut of_image = Warnings::default();
+        if is_last {
+            let developed = OutputImage::displayed(&film, None, pipeline, display)?;
+            Findings::of(self.job(), &developed, &statistics, control)?.warn(&mut of_image);
+        }
+        let image = image(&pixels, size, pipeline, display);
+        Ok(Drawn { image, legend: None, film: Some(film.into()), display, statistics, of_image, metering })
+    }
+
     /// The job of the picture, with its exposure once that is metered.
     fn job(&self) -> &RenderJob {
         self.metered.as_deref().unwrap_or(self.prepared.job())
     }
 
-    /// Whether the exposure of the final image is metered. False colours do not depend on it.
-    fn meters(&self) -> bool {
-        self.prepared.picture.is_metered() && self.request.display_mode == DisplayMode::Picture
-    }
-
     /// The display transform of the final image. The exposure is metered at the first call.
     fn final_display(&mut self, control: &RenderControl) -> Result<DisplayTransform> {
-        if self.meters() && self.metered.is_none() {
+        if self.prepared.picture.is_metered() && self.metered.is_none() {
             self.metered = Some(Arc::new(self.prepared.exposed(control)?));
         }
         self.job().display_transform(control)
@@ -171,38 +197,43 @@ impl<'a> Progress<'a> {
 
     /// Whether the exposure is known before the picture is rendered.
     fn is_exposed(&self) -> bool {
-        !self.job().display().is_auto() && self.meters() == self.metered.is_some()
+        !self.job().display().is_auto() && self.prepared.picture.is_metered() == self.metered.is_some()
     }
 
     /// False colours of the requested display mode.
-    fn false_colours(&self, size: [u32; 2], control: &RenderControl) -> Result<FalseColours> {
+    fn false_colours(&mut self, size: [u32; 2], control: &RenderControl) -> Result<Drawn> {
+        let mode = self.request.display_mode;
+        // Samples are those of the picture, with its exposure; other AOVs are computed at pixel centres.
+        let has_samples = mode == DisplayMode::Rays;
+        let display = if has_samples { self.final_display(control)? } else { self.job().display().known() };
         let mut job = self.job().with_size(size)?;
-        // Samples are those of the picture; other AOVs are computed at pixel centres.
-        if self.request.display_mode != DisplayMode::Rays {
+        job.expose_as(self.job());
+        if !has_samples {
             job.set_sampling(Sampling::default())?;
         }
-        false_colours(self.request.display_mode, &job.aov_source(None), control)
+        let FalseColours { pixels, legend } = false_colours(mode, &job.aov_source(None), control)?;
+        let image = ColorImage::from_rgb(size.map(|side| side as usize), pixels.as_flattened());
+        let (statistics, of_image) = (Statistics::default(), Warnings::default());
+        let (legend, metering) = (Some(legend), Duration::ZERO);
+        Ok(Drawn { image, legend, film: None, display, statistics, of_image, metering })
     }
 
-    /// Renders a job in a size, to be developed by its display transform if that is known.
+    /// Renders the job in a size, to be developed by its display transform if that is known.
     fn render(
         &self,
-        (job, is_developed): (&RenderJob, bool),
+        is_developed: bool,
         size: [u32; 2],
         sampling: Sampling,
         control: &RenderControl,
     ) -> Result<(Film, Statistics)> {
-        let control = RenderControl { time_stages: true, ..*control };
-        let mut sized = job.with_size(size)?;
+        let mut sized = self.job().with_size(size)?;
         if sampling != sized.plan_settings.sampling {
             sized.set_sampling(sampling)?;
         }
-        sized.expose_as(job);
-        match self.request.display_mode {
-            DisplayMode::Picture if is_developed || self.is_exposed() => {
-                sized.render_to_develop(|_, _| true, &control)
-            }
-            _ => sized.render_selected(|_, _| true, &control),
+        sized.expose_as(self.job());
+        match is_developed || self.is_exposed() {
+            true => sized.render_to_develop(|_, _| true, control),
+            false => sized.render_selected(|_, _| true, control),
         }
     }
 
@@ -265,7 +296,41 @@ fn image(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::controls::Controls;
+    use crate::painter::RenderCache;
+    use crate::request::{CameraSource, Opened};
     use kiln::film::tone::ToneMap;
+    use kiln::geometry::Sphere;
+    use kiln::glam::DVec3;
+    use kiln::job::{RenderSettings, Session};
+    use kiln::scene::{Scene, Shape};
+    use kiln::world::StandardView;
+
+    /// No picture is rendered for what is known of its pixels.
+    #[test]
+    fn false_colours_cast_no_rays_of_a_picture() {
+        let ball = Sphere { centre: DVec3::ZERO, radius: 1.0 };
+        let scene = Scene::from_iter([Shape::Analytic(ball.into())]);
+        let opened = Arc::new(Opened {
+            session: Session::playing(scene).expect("a scene").into(),
+            camera_source: CameraSource::Fitted(StandardView::Front),
+            projection: None,
+            size: [16, 16],
+            settings: RenderSettings::default(),
+        });
+        let mut controls = Controls::new(&opened);
+        for mode in DisplayMode::ALL {
+            controls.display_mode = mode;
+            let request = controls.request(&opened, [16, 16]);
+            let prepared = RenderCache::default().prepare(&request).expect("a picture");
+            let mut progress = Progress::new(&request, prepared, 1);
+            let cancel = AtomicBool::new(false);
+            let (rendered, _) = progress.pass(progress.passes() - 1, &cancel, 0).expect("an image");
+            let is_picture = mode == DisplayMode::Picture;
+            assert_eq!(rendered.statistics.rays(RayKind::PRIMARY).cast > 0, is_picture, "{mode:?}");
+            assert_eq!((rendered.film.is_some(), rendered.legend.is_none()), (is_picture, is_picture));
+        }
+    }
 
     #[test]
     fn an_image_shows_what_a_png_holds() {

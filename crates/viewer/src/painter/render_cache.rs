@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::false_colour::DisplayMode;
 use crate::request::{CameraSource, Opened, RenderRequest};
 use kiln::effects::{Decision, EFFECTS};
-use kiln::error::Result;
+use kiln::error::{Result, Warnings};
 use kiln::film::tone::Exposure;
 use kiln::job::camera::nothing_to_look_at;
 use kiln::job::{self, Picture, RenderJob, RenderSettings, Session};
@@ -26,6 +26,8 @@ pub(crate) struct Prepared {
     pub camera: Camera,
     /// Decision about each effect that the scene or the sampling uses.
     pub decisions: Vec<Decision>,
+    /// Warnings and notes of its look.
+    pub of_look: Warnings,
     /// Samples per pixel of the final image, at most: 1 for one at the pixel's centre.
     pub samples: u32,
 }
@@ -139,7 +141,8 @@ impl RenderCache {
             .filter(|(effect, _)| (effect.called_for)(&picture.job.world, plan_settings).is_ok())
             .map(|(_, decision)| decision.clone())
             .collect();
-        Ok(Arc::new(Prepared { session, picture, camera, decisions, samples }))
+        let of_look = session.look(&settings)?.1;
+        Ok(Arc::new(Prepared { session, picture, camera, decisions, of_look, samples }))
     }
 
     /// A camera fitted to the scene at a moment of its animation, in scene coordinates; to poses of all of its clips without
