@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use egui::ColorImage;
 
 use super::false_colour::Legend;
-use super::refine::first_factor;
+use super::refine::PassTime;
 use super::request::RenderRequest;
 use kiln::error::{Error, Result, Warnings};
 use kiln::film::write::{Format, OutputImage};
@@ -240,14 +240,13 @@ impl RenderTask<'_> {
         if !cache.has_world(request) {
             self.sender.send(Message::Building);
         }
-        let pixels = request.size[0] as usize * request.size[1] as usize;
-        let factor = first_factor(pixels, cache.seconds_per_pixel(request), request.is_playing);
+        let factor = PassTime::first_factor(cache.pass_time(request), request.size, request.is_playing);
         let mut progress = pass::Progress::new(request, cache.prepare(request)?, factor);
         for index in 0..progress.passes() {
             let cancel = self.begin(index == 0)?;
-            let (rendered, seconds) = progress.pass(index, &cancel, self.number)?;
-            if let Some(seconds) = seconds {
-                cache.record_seconds(request, seconds);
+            let (rendered, time) = progress.pass(index, &cancel, self.number)?;
+            if let Some(time) = time {
+                cache.record_time(request, time);
             }
             rendered.metered.iter().for_each(|job| cache.record_exposure(job));
             self.sender.send(Message::Image(Box::new(rendered)));

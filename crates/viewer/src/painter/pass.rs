@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::RenderedImage;
 use super::render_cache::Prepared;
 use crate::false_colour::{DisplayMode, FalseColours, Legend, false_colours};
-use crate::refine::{Pass, passes};
+use crate::refine::{Pass, PassTime, passes};
 use crate::request::RenderRequest;
 use kiln::effects::RayKind;
 use kiln::error::{Result, Warnings};
@@ -68,8 +68,7 @@ impl<'a> Progress<'a> {
         self.request.display_mode == DisplayMode::Picture
     }
 
-    /// Renders a pass of the request of that number. Returns also the render time in seconds per pixel, if each had one
-    /// sample.
+    /// Renders a pass of the request of that number. Returns also its time, if each pixel had one sample.
     ///
     /// # Errors
     /// [`kiln::error::Error::Interrupted`] when cancelled, and the errors of rendering.
@@ -78,7 +77,7 @@ impl<'a> Progress<'a> {
         index: usize,
         cancel: &AtomicBool,
         request: u64,
-    ) -> Result<(RenderedImage, Option<f64>)> {
+    ) -> Result<(RenderedImage, Option<PassTime>)> {
         let pass = self.passes[index];
         let control = RenderControl { cancel, progress: &|_, _| (), time_stages: true };
         let is_last = index + 1 == self.passes.len();
@@ -93,7 +92,11 @@ impl<'a> Progress<'a> {
         let pixels = size[0] as usize * size[1] as usize;
         let most = if self.is_picture() { self.prepared.samples } else { 1 };
         let is_once = matches!(pass, Pass::Coarse(_)) || most == 1;
-        let seconds_per_pixel = is_once.then(|| (time - metering).as_secs_f64() / pixels as f64);
+        let pass_time = is_once.then(|| {
+            let of_threads: Duration = statistics.stages.iter().map(|stage| stage.time).sum();
+            let threads = rayon::current_num_threads() as u32;
+            PassTime::new(pixels, time - metering, self.is_picture().then(|| of_threads / threads))
+        });
         let (time, spent) = match self.spent.take() {
             Some((before, mut spent)) => {
                 spent.add(&statistics);
@@ -119,7 +122,7 @@ impl<'a> Progress<'a> {
             prepared: Arc::clone(&self.prepared),
             metered: self.metered.clone(),
         };
-        Ok((rendered, seconds_per_pixel))
+        Ok((rendered, pass_time))
     }
 
     /// Renders a pass of the picture.

@@ -1,10 +1,12 @@
-//! Cache of the painter between requests: fitted cameras, the last exposure, and render times per pixel.
+//! Cache of the painter between requests: fitted cameras, the last exposure, and render times.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use crate::false_colour::DisplayMode;
+use crate::refine::PassTime;
 use crate::request::{CameraSource, Opened, RenderRequest};
 use kiln::effects::{Decision, EFFECTS};
 use kiln::error::{Result, Warnings};
@@ -70,8 +72,8 @@ pub(crate) struct RenderCache {
     fitted_at: Option<(FitKey, Camera)>,
     /// The last exposure that was metered, for fill light until the next is.
     metered: Option<f64>,
-    /// Render time in seconds per pixel at one sample, by display mode.
-    seconds: Vec<(DisplayMode, f64)>,
+    /// Render time at one sample, by display mode.
+    times: HashMap<DisplayMode, PassTime>,
 }
 
 impl RenderCache {
@@ -90,17 +92,15 @@ impl RenderCache {
         resolved.is_ok_and(|resolved| session.has_world(&resolved))
     }
 
-    /// Render time in seconds per pixel at one sample; `None` before the first measurement.
-    pub(crate) fn seconds_per_pixel(&self, request: &RenderRequest) -> Option<f64> {
-        self.seconds.iter().find(|(mode, _)| *mode == request.display_mode).map(|(_, seconds)| *seconds)
+    /// Render time at one sample; `None` before the first measurement.
+    pub(crate) fn pass_time(&self, request: &RenderRequest) -> Option<PassTime> {
+        self.times.get(&request.display_mode).copied()
     }
 
-    /// Records a render time per pixel: the geometric mean with the previous value, which damps outliers caused by
-    /// other processes.
-    pub(crate) fn record_seconds(&mut self, request: &RenderRequest, seconds: f64) {
-        let seconds = self.seconds_per_pixel(request).map_or(seconds, |before| (before * seconds).sqrt());
-        self.seconds.retain(|(mode, _)| *mode != request.display_mode);
-        self.seconds.push((request.display_mode, seconds));
+    /// Records a render time.
+    pub(crate) fn record_time(&mut self, request: &RenderRequest, time: PassTime) {
+        let time = time.damped(self.pass_time(request));
+        self.times.insert(request.display_mode, time);
     }
 
     /// Records a metered exposure.
