@@ -143,7 +143,6 @@ fn uses_are_found() {
 /// Strings that equal an effect's name outside its own file: file, string. They name something else.
 const NOT_EFFECTS: &[(&str, &str)] = &[
     // A property of a Phong material.
-    ("viewer/inspect.rs", "glaze"),
     ("import/formats/scene_file/metallic_roughness.rs", "glaze"),
     // The images of a file.
     ("cli/statistics.rs", "textures"),

@@ -125,7 +125,6 @@ fn initial_view(
         session.look(&requested)?.0.picture
     };
     let viewpoint = Viewpoint::of(&requested.camera, scene)?;
-    let size = viewpoint.size(&requested, scene);
     let camera_source = match viewpoint {
         // While the clips play, all of them stay in the picture.
         Viewpoint::Fitted(view) if scene.plays_clips() => CameraSource::FittedAt(view, None),
@@ -137,7 +136,7 @@ fn initial_view(
     let projection = requested.projection;
     let picture = PictureSettings { numerics, colour, ..requested.picture };
     let settings = RenderSettings { picture, ..requested };
-    Ok(Opened { session: session.into(), camera_source, projection, size, settings })
+    Ok(Opened { session: session.into(), camera_source, projection, settings })
 }
 
 #[cfg(test)]

@@ -105,23 +105,9 @@ fn choose_camera(command: &RenderCommand, options: &mut PictureOptions) -> Proje
         (_, None) => Projection::default(),
         (_, Some(camera)) => {
             let same = |known: &&Camera| {
-                let Camera {
-                    name: _,
-                    projection: _,
-                    position,
-                    target,
-                    up,
-                    view_height,
-                    view_width,
-                    viewpoint_distance,
-                    lens,
-                    sensor,
-                    fitted: _,
-                } = camera;
-                (position, target, up) == (&known.position, &known.target, &known.up)
-                    && (view_height, view_width, viewpoint_distance)
-                        == (&known.view_height, &known.view_width, &known.viewpoint_distance)
-                    && (lens, sensor) == (&known.lens, &known.sensor)
+                let Camera { name, projection, fitted, .. } = known;
+                Camera { name: name.clone(), projection: *projection, fitted: *fitted, ..camera.clone() }
+                    == **known
             };
             match cameras.iter().find(same) {
                 Some(known) if command.scene.default_camera() == Some(known) => known.projection,

@@ -401,7 +401,6 @@ mod tests {
             session: Session::playing(scene).expect("a scene").into(),
             camera_source,
             projection: None,
-            size: [4, 3],
             settings,
         })
     }

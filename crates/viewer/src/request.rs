@@ -31,8 +31,6 @@ pub struct Opened {
     pub camera_source: CameraSource,
     /// Projection that overrides the camera's.
     pub projection: Option<Projection>,
-    /// Width and height in pixels that the scene specifies.
-    pub size: [u32; 2],
     /// Initial render settings, with numerics and colour pipeline.
     pub settings: RenderSettings,
 }

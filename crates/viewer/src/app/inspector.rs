@@ -1,6 +1,6 @@
 //! Pixel inspector: its part of the panel, and the pixel's rays drawn over the picture.
 
-use egui::{Color32, Grid, Label, Painter, Pos2, Rect, RichText, ScrollArea, Stroke, TextWrapMode, Ui, vec2};
+use egui::{Color32, Label, Painter, Pos2, Rect, RichText, ScrollArea, Stroke, TextWrapMode, Ui, vec2};
 use glam::DVec2;
 
 use crate::elided;
@@ -8,14 +8,8 @@ use crate::inspect::{Inspection, RaySegment};
 use crate::painter::Prepared;
 use kiln::import::FileNames;
 
-/// Width of the values in points, so that they fit the panel.
-const VALUE_WIDTH: f32 = 172.0;
-
 /// Characters of a name in a line of the panel.
 const NAME_LENGTH: usize = 28;
-
-/// Characters of the label of a value.
-const LABEL_LENGTH: usize = 16;
 
 /// Height in points of the report's characters: its usual lines fit the panel.
 const TEXT_SIZE: f32 = 10.0;
@@ -44,7 +38,6 @@ pub(crate) fn show(ui: &mut Ui, inspection: &Inspection, names: &FileNames, is_o
         let text = report.text(&|name| elided(&names.shorten(name), NAME_LENGTH));
         let text = RichText::new(text.trim_end()).monospace().size(TEXT_SIZE);
         ui.add(Label::new(text).wrap_mode(TextWrapMode::Extend));
-        values(ui, inspection);
     });
     ui.separator();
     is_open
@@ -59,34 +52,6 @@ fn kinds(ui: &mut Ui, rays: &[RaySegment]) {
             ui.painter().rect_filled(swatch, 2.0, Color32::from_rgb(r, g, b));
             ui.label(RichText::new(ray.kind.name).small());
         }
-    }
-}
-
-/// The parameters of the material that is hit first, and what the camera ray was tested against.
-fn values(ui: &mut Ui, inspection: &Inspection) {
-    let Inspection { tests, material_values, .. } = inspection;
-    let tests = ("tests", format!("{} boxes, {} primitives", tests.nodes, tests.primitives));
-    Grid::new("material").num_columns(2).max_col_width(VALUE_WIDTH).spacing([8.0, 4.0]).striped(true).show(
-        ui,
-        |ui| {
-            for (name, value) in material_values.iter().chain([&tests]) {
-                ui.label(RichText::new(elided(name, LABEL_LENGTH)).weak()).on_hover_text(*name);
-                value_label(ui, value);
-                ui.end_row();
-            }
-        },
-    );
-}
-
-/// A value with files by their names, long words without their middle; the whole value on hover.
-fn value_label(ui: &mut Ui, value: &str) {
-    let name = |word: &str| elided(word.rsplit(['/', '\\']).next().unwrap_or(word), NAME_LENGTH);
-    let words: Vec<String> = value.split(' ').map(name).collect();
-    let shown = words.join(" ");
-    let is_whole = shown == value;
-    let label = ui.label(shown);
-    if !is_whole {
-        label.on_hover_text(value);
     }
 }
 

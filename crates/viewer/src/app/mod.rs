@@ -34,11 +34,11 @@ use kiln::import::FileNames;
 use kiln::scene::ImportOptions;
 use kiln::scene::animation::Timeline;
 
+/// Width and height of the first window in points, without a size of the picture.
+const DEFAULT_SIZE: [f32; 2] = [1280.0, 800.0];
+
 /// Height of the status bar in points, for the initial window size.
 const FOOTER_HEIGHT: f32 = 30.0;
-
-/// Part of the screen that the window may take, on each axis; the rest is for its frame and for bars of the desktop.
-const SCREEN_SHARE: f32 = 0.92;
 
 /// Maximum number of frames in which the window is resized to its initial size.
 const MAX_FIT_ATTEMPTS: u32 = 6;
@@ -53,13 +53,14 @@ const FIRST_IMAGE_WAIT: Duration = Duration::from_millis(12);
 /// [`kiln::error::Error::Failed`] without a display or OpenGL.
 pub fn run(start: Start) -> Result<()> {
     let title = start.inputs.first().map(|input| format!("{} - ", name_of(input))).unwrap_or_default();
-    let mut viewport = egui::ViewportBuilder::default()
+    let size = start
+        .size
+        .map_or(DEFAULT_SIZE, |[width, height]| [width as f32 + PANEL_WIDTH, height as f32 + FOOTER_HEIGHT]);
+    let viewport = egui::ViewportBuilder::default()
         .with_title(format!("{title}kiln"))
         .with_app_id("kiln")
-        .with_drag_and_drop(true);
-    if let Some([width, height]) = start.size {
-        viewport = viewport.with_inner_size([width as f32 + PANEL_WIDTH, height as f32 + FOOTER_HEIGHT]);
-    }
+        .with_drag_and_drop(true)
+        .with_inner_size(size);
     let options = eframe::NativeOptions {
         viewport,
         dithering: false,
@@ -129,8 +130,8 @@ struct App {
     /// Since when the acceleration structure is being built.
     building: Option<Instant>,
     visible: VisibleParts,
-    /// Initial picture size that the window is still resized to.
-    first_size: FirstSize,
+    /// Size of the picture by the user, that the window is still resized to.
+    first_size: Option<[u32; 2]>,
     /// Number of resize attempts.
     fit_attempts: u32,
     report: Report,
@@ -138,16 +139,6 @@ struct App {
 
 /// A saved file, or the error.
 type Saved = (PathBuf, Result<()>);
-
-/// Initial size of the picture.
-enum FirstSize {
-    /// Given by the user.
-    Given([u32; 2]),
-    /// Specified by the scene.
-    Scene,
-    /// Determined by the window's stored or current size.
-    Window,
-}
 
 /// The error that closed the window, for the command line.
 type Report = Arc<Mutex<Option<Error>>>;
@@ -167,11 +158,6 @@ impl App {
         }
         let remembered: Option<VisibleParts> =
             creation.storage.and_then(|storage| eframe::get_value(storage, eframe::APP_KEY));
-        let first_size = match (start.size, remembered.is_some()) {
-            (Some(size), _) => FirstSize::Given(size),
-            (None, false) => FirstSize::Scene,
-            (None, true) => FirstSize::Window,
-        };
         App {
             threads,
             painter,
@@ -202,7 +188,7 @@ impl App {
             of_picture: None,
             building: None,
             visible: remembered.unwrap_or(VisibleParts { panel: true, keys: false }),
-            first_size,
+            first_size: start.size,
             fit_attempts: 0,
             report,
         }
@@ -211,14 +197,10 @@ impl App {
     /// Resizes the window so that the picture has its initial size. This takes several frames, because panels change
     /// their size, and may fail, because the display limits window sizes. Returns whether another resize was requested.
     fn fit_window(&mut self, context: &Context, size: [u32; 2]) -> bool {
-        let wanted = match (&self.first_size, &self.opened) {
-            (FirstSize::Given(size), _) => *size,
-            (FirstSize::Scene, Some(opened)) => within_screen(context, opened.size, size),
-            _ => return false,
-        };
+        let Some(wanted) = self.first_size else { return false };
         self.fit_attempts += 1;
         if wanted == size || self.fit_attempts > MAX_FIT_ATTEMPTS {
-            self.first_size = FirstSize::Window;
+            self.first_size = None;
             return false;
         }
         let scale = context.pixels_per_point();
@@ -256,19 +238,6 @@ impl App {
             }
         }
     }
-}
-
-/// The size of a picture that fits the screen with the other parts of the window, of the same aspect ratio. `size` is that
-/// of the picture in the window now.
-fn within_screen(context: &Context, wanted: [u32; 2], size: [u32; 2]) -> [u32; 2] {
-    let Some(screen) = context.input(|input| input.viewport().monitor_size) else { return wanted };
-    let (scale, window) = (context.pixels_per_point(), context.viewport_rect().size());
-    let room = |axis: usize, screen: f32, window: f32| {
-        let others = window * scale - size[axis] as f32;
-        (screen * scale * SCREEN_SHARE - others).max(1.0) / wanted[axis] as f32
-    };
-    let factor = room(0, screen.x, window.x).min(room(1, screen.y, window.y)).min(1.0);
-    wanted.map(|side| ((side as f32 * factor) as u32).max(1))
 }
 
 /// The frames of the scene's animation; `None` without one.

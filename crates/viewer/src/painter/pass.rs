@@ -318,7 +318,6 @@ mod tests {
             session: Session::playing(scene).expect("a scene").into(),
             camera_source: CameraSource::Fitted(StandardView::Front),
             projection: None,
-            size: [16, 16],
             settings: RenderSettings::default(),
         });
         let mut controls = Controls::new(&opened);

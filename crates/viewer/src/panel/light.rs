@@ -21,18 +21,19 @@ pub(super) fn show(
     let own = match settings.look(scene) {
         _ if scene.has_settings || !scene.lights.is_empty() => "from file",
         Look::Draft => "added headlight",
-        Look::Studio => "default",
+        Look::Studio => LightChoice::Own.name(),
     };
     let (before, typed) = (LightChoice::of(settings), settings.environment.environment.clone());
     let mut light = before;
     let file = typed.as_deref().filter(|_| before == LightChoice::Environment).map(Path::new);
-    let text = file.map_or(before.name(own).to_owned(), name_of);
+    let name = |light: LightChoice| if light == LightChoice::Own { own } else { light.name() };
+    let text = file.map_or(name(before).to_owned(), name_of);
     let mut asks_for_file = false;
     ui.horizontal(|ui| {
         let list = ComboBox::from_id_salt("light").width(WIDTH).selected_text(elided(&text, LIST_LENGTH));
         let list = list.show_ui(ui, |ui| {
             for choice in LightChoice::ALL {
-                let entry = ui.selectable_value(&mut light, choice, choice.name(own));
+                let entry = ui.selectable_value(&mut light, choice, name(choice));
                 let entry = entry.on_hover_text(choice.meaning());
                 asks_for_file |= entry.clicked() && choice == LightChoice::Environment;
             }
@@ -67,15 +68,16 @@ enum LightChoice {
     None,
 }
 
-impl LightChoice {
-    const ALL: [LightChoice; 5] = [
-        LightChoice::Own,
-        LightChoice::Headlight,
-        LightChoice::Sky,
-        LightChoice::Environment,
-        LightChoice::None,
-    ];
+// `Own` is named by what the light is then.
+kiln::names!(LightChoice {
+    Own = "default",
+    Headlight = "headlight",
+    Sky = "sky",
+    Environment = "environment",
+    None = "none",
+});
 
+impl LightChoice {
     fn of(settings: &RenderSettings) -> Self {
         match (settings.environment.environment.as_deref(), settings.picture.light) {
             (Some("sky"), _) => LightChoice::Sky,
@@ -83,16 +85,6 @@ impl LightChoice {
             (None, Some(Headlight::Head)) => LightChoice::Headlight,
             (None, Some(Headlight::None)) => LightChoice::None,
             (None, None) => LightChoice::Own,
-        }
-    }
-
-    fn name(self, own: &'static str) -> &'static str {
-        match self {
-            LightChoice::Own => own,
-            LightChoice::Headlight => "headlight",
-            LightChoice::Sky => "sky",
-            LightChoice::Environment => "environment",
-            LightChoice::None => "none",
         }
     }
 
