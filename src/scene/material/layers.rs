@@ -73,6 +73,18 @@ impl Layers<glam::DVec3> {
 }
 
 impl<C> Layers<C> {
+    /// The names and values of numbers that are described by themselves, and the values that stand for none.
+    pub fn numbers(&self) -> [(&'static str, f64, f64); 6] {
+        [
+            ("transmission", self.transmission, 0.0),
+            ("ior", self.ior, 1.5),
+            ("clearcoat", self.clearcoat, 0.0),
+            ("clearcoat_roughness", self.clearcoat_roughness, 0.0),
+            ("anisotropy", self.anisotropy, 0.0),
+            ("anisotropy_rotation", self.anisotropy_rotation, 0.0),
+        ]
+    }
+
     /// The layers with every colour converted by `convert`.
     pub fn map_colours<D>(self, convert: impl Fn(C) -> D) -> Layers<D> {
         Layers {
